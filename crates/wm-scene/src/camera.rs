@@ -1,0 +1,276 @@
+//! A pinhole camera: intrinsics, pose and near plane.
+
+use glam::{DMat3, DMat4, DVec3};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Largest picture side, px: keeps every tile count and pixel index inside 32 bits.
+pub const MAX_SIDE: u32 = 32_768;
+
+/// A pinhole camera with OpenCV axes: x right, y down, z forward.
+///
+/// A world point `p` is seen at `viewmat * p = (x, y, z)` and projected to
+/// `(fx x / z + cx, fy y / z + cy)` pixels; the centre of the top left pixel is `(0.5, 0.5)`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Camera {
+    /// Picture width, px.
+    pub width: u32,
+    /// Picture height, px.
+    pub height: u32,
+    /// Focal length along x, px.
+    pub fx: f64,
+    /// Focal length along y, px.
+    pub fy: f64,
+    /// Principal point, px from the left edge.
+    pub cx: f64,
+    /// Principal point, px from the top edge.
+    pub cy: f64,
+    /// `camera_from_world`, rigid.
+    pub viewmat: DMat4,
+    /// Splats whose centre is nearer than this (view z, scene units) are not drawn.
+    pub near: f64,
+}
+
+/// Why numbers do not make a camera.
+#[derive(Debug, Error, PartialEq)]
+pub enum CameraError {
+    /// A side is 0 or too long.
+    #[error("picture size {width}x{height}: each side must be 1 to {MAX_SIDE} px")]
+    Size {
+        /// Asked width, px.
+        width: u32,
+        /// Asked height, px.
+        height: u32,
+    },
+    /// A focal length is not positive, or a number is not finite.
+    #[error("camera {field} is {value}: {expected}")]
+    Value {
+        /// Which number.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it must be.
+        expected: &'static str,
+    },
+    /// The eye is at the target, or up is along the view.
+    #[error("camera from ({eye}) to ({target}) with up ({up}) has no direction or no up")]
+    Degenerate {
+        /// Camera centre.
+        eye: DVec3,
+        /// Point looked at.
+        target: DVec3,
+        /// Up vector.
+        up: DVec3,
+    },
+}
+
+impl Camera {
+    /// Default near plane, scene units: that of the reference 3DGS viewers.
+    pub const DEFAULT_NEAR: f64 = 0.2;
+
+    /// A camera at `eye` that looks at `target`, the principal point in the middle.
+    ///
+    /// `fov_y` is the vertical field of view in degrees.
+    ///
+    /// # Errors
+    /// [`CameraError`] if the size, the field of view or the directions make no camera.
+    pub fn look_at(
+        size: (u32, u32),
+        fov_y: f64,
+        eye: DVec3,
+        target: DVec3,
+        up: DVec3,
+    ) -> Result<Self, CameraError> {
+        if !(fov_y > 0.0 && fov_y < 180.0) {
+            let expected = "the vertical field of view must be above 0 and below 180 degrees";
+            return Err(CameraError::Value { field: "fov", value: fov_y, expected });
+        }
+        let degenerate = CameraError::Degenerate { eye, target, up };
+        let forward = (target - eye).try_normalize().ok_or(degenerate)?;
+        let degenerate = CameraError::Degenerate { eye, target, up };
+        let right = forward.cross(up.normalize_or_zero());
+        if right.length() < 1e-6 {
+            return Err(degenerate);
+        }
+        let right = right.normalize();
+        let down = forward.cross(right);
+        let rotation = DMat3::from_cols(right, down, forward).transpose();
+        let focal = 0.5 * f64::from(size.1) / (0.5 * fov_y.to_radians()).tan();
+        let camera = Self {
+            width: size.0,
+            height: size.1,
+            fx: focal,
+            fy: focal,
+            cx: 0.5 * f64::from(size.0),
+            cy: 0.5 * f64::from(size.1),
+            viewmat: viewmat_of(rotation, -(rotation * eye)),
+            near: Self::DEFAULT_NEAR,
+        };
+        camera.check()?;
+        Ok(camera)
+    }
+
+    /// Checks that every number can be rendered with.
+    ///
+    /// # Errors
+    /// [`CameraError`] names the first that cannot.
+    pub fn check(&self) -> Result<(), CameraError> {
+        let (width, height) = (self.width, self.height);
+        if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
+            return Err(CameraError::Size { width, height });
+        }
+        for (field, value) in [("fx", self.fx), ("fy", self.fy), ("near plane", self.near)] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(CameraError::Value { field, value, expected: "must be finite and above 0" });
+            }
+        }
+        for (field, value) in [("cx", self.cx), ("cy", self.cy)] {
+            if !value.is_finite() {
+                return Err(CameraError::Value { field, value, expected: "must be finite" });
+            }
+        }
+        for value in self.viewmat.to_cols_array() {
+            if !value.is_finite() {
+                return Err(CameraError::Value { field: "viewmat", value, expected: "must be finite" });
+            }
+        }
+        Ok(())
+    }
+
+    /// The rotation of `viewmat`.
+    #[must_use]
+    pub fn rotation(&self) -> DMat3 {
+        DMat3::from_mat4(self.viewmat)
+    }
+
+    /// The camera centre in world axes, scene units.
+    #[must_use]
+    pub fn center(&self) -> DVec3 {
+        -(self.rotation().transpose() * self.viewmat.w_axis.truncate())
+    }
+
+    /// The viewing direction in world axes, length 1.
+    #[must_use]
+    pub fn forward(&self) -> DVec3 {
+        self.rotation().row(2)
+    }
+
+    /// The direction that is up in the picture, in world axes, length 1.
+    #[must_use]
+    pub fn up(&self) -> DVec3 {
+        -self.rotation().row(1)
+    }
+
+    /// The unit direction in world axes through the picture point `(x, y)`, px.
+    #[must_use]
+    pub fn ray(&self, x: f64, y: f64) -> DVec3 {
+        let local = DVec3::new((x - self.cx) / self.fx, (y - self.cy) / self.fy, 1.0);
+        (self.rotation().transpose() * local).normalize()
+    }
+
+    /// Picture point (px) and view z of a world point; `None` behind the near plane.
+    #[must_use]
+    pub fn project(&self, point: DVec3) -> Option<(f64, f64, f64)> {
+        let p = self.viewmat.transform_point3(point);
+        (p.z > self.near).then(|| (self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy, p.z))
+    }
+
+    /// The same view at another picture size: x and y are scaled apart, so nothing is cut off.
+    #[must_use]
+    pub fn resized(&self, width: u32, height: u32) -> Self {
+        let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
+        Self {
+            width,
+            height,
+            fx: self.fx * sx,
+            fy: self.fy * sy,
+            cx: self.cx * sx,
+            cy: self.cy * sy,
+            ..*self
+        }
+    }
+
+    /// The same view at another picture size with square pixels kept: the vertical field of view
+    /// stays, more or less is seen at the sides.
+    #[must_use]
+    pub fn refitted(&self, width: u32, height: u32) -> Self {
+        let scale = f64::from(height) / f64::from(self.height);
+        Self {
+            width,
+            height,
+            fx: self.fx * scale,
+            fy: self.fy * scale,
+            cx: (self.cx - 0.5 * f64::from(self.width)) * scale + 0.5 * f64::from(width),
+            cy: self.cy * scale,
+            ..*self
+        }
+    }
+
+    /// Vertical field of view, degrees.
+    #[must_use]
+    pub fn fov_y(&self) -> f64 {
+        let (up, down) = (self.cy / self.fy, (f64::from(self.height) - self.cy) / self.fy);
+        (up.atan() + down.atan()).to_degrees()
+    }
+}
+
+/// The 4x4 matrix of a rotation and a translation.
+#[must_use]
+pub fn viewmat_of(rotation: DMat3, translation: DVec3) -> DMat4 {
+    let mut viewmat = DMat4::from_mat3(rotation);
+    viewmat.w_axis = translation.extend(1.0);
+    viewmat
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera() -> Camera {
+        let (eye, target) = (DVec3::new(4.0, -60.0, 3.0), DVec3::new(4.0, -31.0, 2.5));
+        Camera::look_at((1200, 800), 50.0, eye, target, DVec3::Z).unwrap()
+    }
+
+    #[test]
+    fn look_at_sees_its_target_in_the_middle() {
+        let camera = camera();
+        let (x, y, z) = camera.project(DVec3::new(4.0, -31.0, 2.5)).unwrap();
+        assert!((x - 600.0).abs() < 1e-9 && (y - 400.0).abs() < 1e-9);
+        assert!((z - (29.0f64.powi(2) + 0.25).sqrt()).abs() < 1e-9);
+        assert!((camera.center() - DVec3::new(4.0, -60.0, 3.0)).length() < 1e-9);
+        assert!(camera.up().z > 0.99);
+        assert!((camera.fov_y() - 50.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_is_higher_is_higher_in_the_picture() {
+        let camera = camera();
+        let low = camera.project(DVec3::new(4.0, -31.0, 0.0)).unwrap();
+        let high = camera.project(DVec3::new(4.0, -31.0, 9.0)).unwrap();
+        let right = camera.project(DVec3::new(9.0, -31.0, 2.5)).unwrap();
+        assert!(high.1 < low.1 && right.0 > 600.0);
+    }
+
+    #[test]
+    fn rays_and_projection_agree() {
+        let camera = Camera { cx: 500.0, cy: 430.0, ..camera() };
+        let ray = camera.ray(123.0, 456.0);
+        let (x, y, _) = camera.project(camera.center() + ray * 7.0).unwrap();
+        assert!((x - 123.0).abs() < 1e-9 && (y - 456.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn cameras_that_cannot_be_are_refused() {
+        let (eye, up) = (DVec3::ZERO, DVec3::Z);
+        for (size, fov, target) in [
+            ((0, 800), 50.0, DVec3::X),
+            ((100_000, 800), 50.0, DVec3::X),
+            ((1200, 800), 180.0, DVec3::X),
+            ((1200, 800), f64::NAN, DVec3::X),
+            ((1200, 800), 50.0, eye),
+            ((1200, 800), 50.0, DVec3::Z),
+        ] {
+            assert!(Camera::look_at(size, fov, eye, target, up).is_err());
+        }
+    }
+}

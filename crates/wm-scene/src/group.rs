@@ -1,0 +1,41 @@
+//! The small per-splat label that says what a splat is part of.
+
+use serde::{Deserialize, Serialize};
+
+/// What a splat is part of. Kept through files, re-ordering and edits, one byte a splat.
+///
+/// Weather reads it: sky splats stand behind everything, collect no snow and take no part in the
+/// estimation of up and ground.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[repr(u8)]
+pub enum Group {
+    /// Reconstructed surfaces.
+    #[default]
+    Scene = 0,
+    /// The sky shell: as far away as anything can be.
+    Sky = 1,
+    /// Lying snow that was added to the scene.
+    Snow = 2,
+}
+
+impl Group {
+    /// Every group, in the order of their numbers.
+    pub const ALL: [Self; 3] = [Self::Scene, Self::Sky, Self::Snow];
+
+    /// The name in files and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Scene => "scene",
+            Self::Sky => "sky",
+            Self::Snow => "snow",
+        }
+    }
+
+    /// The group of a number in a file; `None` for a number that no group has.
+    #[must_use]
+    pub fn from_number(number: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|group| *group as u8 == number)
+    }
+}

@@ -1,0 +1,23 @@
+//! Scenes on disk and in memory: splats, cameras, metadata, file formats and captures.
+//!
+//! The plain types of the corridor start here. Nothing in this crate knows a GPU, a thread pool or
+//! the weather; every other crate stands on it.
+//!
+//! - [`Splats`]: the Gaussians, structure of arrays, in their stored (trained) form.
+//! - [`Camera`]: pinhole intrinsics and pose, OpenCV axes.
+//! - [`Metadata`]: what weather must know of a scene: metres per unit, up, ground, sky.
+//! - [`Scene`]: the three together, read and written by [`formats`].
+
+pub mod camera;
+pub mod group;
+pub mod metadata;
+pub mod quat;
+pub mod scene;
+pub mod sh;
+pub mod splats;
+
+pub use camera::{Camera, CameraError};
+pub use group::Group;
+pub use metadata::{Metadata, Rasterization};
+pub use scene::{Scene, View};
+pub use splats::{Splats, SplatsError};

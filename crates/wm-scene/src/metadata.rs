@@ -1,0 +1,122 @@
+//! What weather must know of a scene and a splat file has no field for.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// Facts about a scene that are written with it. Each may be missing: then it is estimated from the
+/// splats, given by hand, or assumed, by whoever needs it.
+///
+/// In a PLY it is kept in comment lines `comment wm.<key> <value>`; for formats that have no room in
+/// a TOML file beside the scene, `<scene file>.wm.toml`, whose keys are the fields below. Where both
+/// are there, the TOML file wins key by key.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Metadata {
+    /// Metres per scene unit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub metres_per_unit: Option<f64>,
+    /// The direction against gravity, world axes, length 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up: Option<DVec3>,
+    /// Height of the ground along `up`, scene units: a point `p` is on it where `up . p` is this.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ground: Option<f64>,
+    /// Mean radiance of the sky near the horizon, linear RGB, 1 = display white: the airlight of
+    /// weather that is given no colour of its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub airlight: Option<[f64; 3]>,
+    /// How the scene was rasterised when it was trained.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rasterization: Option<Rasterization>,
+    /// Where the scene came from: file, program, capture; free text, one line.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<String>,
+}
+
+/// How splats smaller than a pixel are drawn. It belongs to the scene: mixing modes changes the
+/// opacity of thin splats visibly.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Rasterization {
+    /// 0.3 px^2 is added to the variance of the 2D Gaussian and its opacity is kept, as in the
+    /// reference 3DGS.
+    #[default]
+    Classic,
+    /// 0.3 px^2 is added and the opacity is lowered by the growth in area (Mip-Splatting's 2D
+    /// filter as gsplat has it), so that detail finer than a pixel does not swell.
+    Antialiased,
+}
+
+impl Metadata {
+    /// `self` where it says something, `other` elsewhere.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            metres_per_unit: self.metres_per_unit.or(other.metres_per_unit),
+            up: self.up.or(other.up),
+            ground: self.ground.or(other.ground),
+            airlight: self.airlight.or(other.airlight),
+            rasterization: self.rasterization.or(other.rasterization),
+            provenance: self.provenance.or(other.provenance),
+        }
+    }
+
+    /// What is wrong with a value, in one line; `None` if all can be used.
+    #[must_use]
+    pub fn fault(&self) -> Option<String> {
+        if let Some(value) = self.metres_per_unit
+            && !(value.is_finite() && value > 0.0)
+        {
+            return Some(format!("metres_per_unit is {value}: it must be finite and above 0"));
+        }
+        if let Some(up) = self.up
+            && !(up.is_finite() && (up.length() - 1.0).abs() < 1e-3)
+        {
+            return Some(format!("up is {up}: it must have length 1"));
+        }
+        if let Some(ground) = self.ground
+            && !ground.is_finite()
+        {
+            return Some(format!("ground is {ground}: it must be finite"));
+        }
+        if let Some(airlight) = self.airlight
+            && airlight.iter().any(|v| !(v.is_finite() && *v >= 0.0))
+        {
+            return Some(format!("airlight is {airlight:?}: each value must be finite and not below 0"));
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn toml_round_trip_and_unknown_keys() {
+        let metadata = Metadata {
+            metres_per_unit: Some(16.4),
+            up: Some(DVec3::NEG_Y),
+            ground: Some(-1.5),
+            airlight: Some([0.7, 0.75, 0.8]),
+            rasterization: Some(Rasterization::Antialiased),
+            provenance: Some("a test".into()),
+        };
+        let text = toml::to_string(&metadata).unwrap();
+        assert_eq!(toml::from_str::<Metadata>(&text).unwrap(), metadata);
+        assert!(toml::from_str::<Metadata>("meters_per_unit = 1.0").is_err());
+    }
+
+    #[test]
+    fn faults_are_found() {
+        assert_eq!(Metadata::default().fault(), None);
+        for bad in [
+            Metadata { metres_per_unit: Some(0.0), ..Metadata::default() },
+            Metadata { up: Some(DVec3::ZERO), ..Metadata::default() },
+            Metadata { ground: Some(f64::NAN), ..Metadata::default() },
+            Metadata { airlight: Some([0.5, -1.0, 0.5]), ..Metadata::default() },
+        ] {
+            assert!(bad.fault().is_some());
+        }
+    }
+}

@@ -1,0 +1,309 @@
+//! The Gaussians of a scene, structure of arrays, in their stored form.
+
+use crate::{Group, sh};
+use thiserror::Error;
+
+/// A set of Gaussians in stored form: what training learns and files keep.
+///
+/// Stored and activated forms have different names: `log_scales` -> `scales` by `exp`,
+/// `logit_opacities` -> `opacities` by the logistic function, `quats` are used at length 1,
+/// `sh` -> colour by [`sh::color`]. N splats, K = `(sh_degree + 1)^2`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Splats {
+    /// Centres, world axes, scene units, `[N, 3]`.
+    pub means: Vec<[f32; 3]>,
+    /// Orientations, wxyz, of any length but 0, `[N, 4]`.
+    pub quats: Vec<[f32; 4]>,
+    /// Natural logarithm of the standard deviations along the splat's own axes, `[N, 3]`.
+    pub log_scales: Vec<[f32; 3]>,
+    /// Logit of the opacity, `[N]`.
+    pub logit_opacities: Vec<f32>,
+    /// Spherical harmonics, `[N, K, 3]` flat: coefficient by coefficient, channels innermost.
+    pub sh: Vec<f32>,
+    /// Degree of `sh`, 0 to 3.
+    pub sh_degree: u8,
+    /// What each splat is part of, `[N]`.
+    pub groups: Vec<Group>,
+}
+
+/// Why arrays do not make a set of splats.
+#[derive(Debug, Error, PartialEq, Eq)]
+pub enum SplatsError {
+    /// An array has another length than `means`.
+    #[error("`{array}` has {found} values, {expected} expected for {splats} splats")]
+    Length {
+        /// Name of the array.
+        array: &'static str,
+        /// Its length.
+        found: usize,
+        /// The length that fits `means`.
+        expected: usize,
+        /// Length of `means`.
+        splats: usize,
+    },
+    /// `sh_degree` is above 3.
+    #[error("SH degree {0} is not supported, the highest is 3")]
+    Degree(u8),
+}
+
+/// One splat in stored form, for code that makes scenes splat by splat.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Splat {
+    /// Centre, scene units.
+    pub mean: [f32; 3],
+    /// Orientation, wxyz.
+    pub quat: [f32; 4],
+    /// Logarithm of the standard deviations.
+    pub log_scale: [f32; 3],
+    /// Logit of the opacity.
+    pub logit_opacity: f32,
+    /// Display-referred colour, 0-1, the same from everywhere.
+    pub rgb: [f32; 3],
+    /// What it is part of.
+    pub group: Group,
+}
+
+impl Splats {
+    /// An empty set of the given SH degree.
+    ///
+    /// # Panics
+    /// If `sh_degree` is above 3.
+    #[must_use]
+    pub fn with_capacity(capacity: usize, sh_degree: u8) -> Self {
+        assert!(sh_degree <= sh::MAX_DEGREE, "SH degree {sh_degree}");
+        Self {
+            means: Vec::with_capacity(capacity),
+            quats: Vec::with_capacity(capacity),
+            log_scales: Vec::with_capacity(capacity),
+            logit_opacities: Vec::with_capacity(capacity),
+            sh: Vec::with_capacity(capacity * sh::coefficients(sh_degree) * 3),
+            sh_degree,
+            groups: Vec::with_capacity(capacity),
+        }
+    }
+
+    /// Number of splats, N.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.means.len()
+    }
+
+    /// Whether there is no splat.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.means.is_empty()
+    }
+
+    /// Values of `sh` a splat: 3 K.
+    #[must_use]
+    pub fn sh_stride(&self) -> usize {
+        sh::coefficients(self.sh_degree) * 3
+    }
+
+    /// The SH coefficients of splat `index`, `[K, 3]` flat.
+    #[must_use]
+    pub fn sh_of(&self, index: usize) -> &[f32] {
+        let stride = self.sh_stride();
+        &self.sh[index * stride..(index + 1) * stride]
+    }
+
+    /// Standard deviations of splat `index` along its own axes, scene units.
+    #[must_use]
+    pub fn scales(&self, index: usize) -> [f64; 3] {
+        self.log_scales[index].map(|v| f64::from(v).exp())
+    }
+
+    /// Opacity of splat `index`, 0-1.
+    #[must_use]
+    pub fn opacity(&self, index: usize) -> f64 {
+        sigmoid(f64::from(self.logit_opacities[index]))
+    }
+
+    /// The shortest axis of splat `index` in world axes, length 1, its sign free.
+    #[must_use]
+    pub fn normal(&self, index: usize) -> [f64; 3] {
+        let matrix = crate::quat::to_matrix(self.quats[index].map(f64::from));
+        let axis = shortest_axis(self.log_scales[index]);
+        [matrix[0][axis], matrix[1][axis], matrix[2][axis]]
+    }
+
+    /// Adds one splat; its higher SH coefficients are 0.
+    pub fn push(&mut self, splat: &Splat) {
+        self.means.push(splat.mean);
+        self.quats.push(splat.quat);
+        self.log_scales.push(splat.log_scale);
+        self.logit_opacities.push(splat.logit_opacity);
+        self.sh.extend(splat.rgb.map(|c| sh::dc_of(f64::from(c)) as f32));
+        self.sh.extend(std::iter::repeat_n(0.0, self.sh_stride() - 3));
+        self.groups.push(splat.group);
+    }
+
+    /// Checks that all arrays fit each other.
+    ///
+    /// # Errors
+    /// [`SplatsError`] names the array that does not.
+    pub fn check(&self) -> Result<(), SplatsError> {
+        if self.sh_degree > sh::MAX_DEGREE {
+            return Err(SplatsError::Degree(self.sh_degree));
+        }
+        let splats = self.len();
+        for (array, found, expected) in [
+            ("quats", self.quats.len(), splats),
+            ("log_scales", self.log_scales.len(), splats),
+            ("logit_opacities", self.logit_opacities.len(), splats),
+            ("groups", self.groups.len(), splats),
+            ("sh", self.sh.len(), splats * self.sh_stride()),
+        ] {
+            if found != expected {
+                return Err(SplatsError::Length { array, found, expected, splats });
+            }
+        }
+        Ok(())
+    }
+
+    /// The splats at `indices`, in that order; an index may repeat.
+    ///
+    /// # Panics
+    /// If an index is not below [`Self::len`].
+    #[must_use]
+    pub fn select(&self, indices: &[usize]) -> Self {
+        let mut out = Self::with_capacity(indices.len(), self.sh_degree);
+        for &index in indices {
+            out.means.push(self.means[index]);
+            out.quats.push(self.quats[index]);
+            out.log_scales.push(self.log_scales[index]);
+            out.logit_opacities.push(self.logit_opacities[index]);
+            out.sh.extend_from_slice(self.sh_of(index));
+            out.groups.push(self.groups[index]);
+        }
+        out
+    }
+
+    /// Whether every number of splat `index` is finite and its quaternion is not zero.
+    ///
+    /// An opacity logit of plus or minus infinity is fine: it means 1 or 0.
+    #[must_use]
+    pub fn is_sound(&self, index: usize) -> bool {
+        self.faults(index) == Faults::default()
+    }
+
+    /// What is wrong with splat `index`.
+    #[must_use]
+    pub fn faults(&self, index: usize) -> Faults {
+        let mut faults = Faults {
+            mean: self.means[index].iter().any(|v| !v.is_finite()),
+            scale: self.log_scales[index].iter().any(|v| v.is_nan() || *v > MAX_LOG_SCALE),
+            opacity: self.logit_opacities[index].is_nan(),
+            quat: self.quats[index].iter().any(|v| !v.is_finite()),
+            zero_quat: false,
+            sh: self.sh_of(index).iter().any(|v| !v.is_finite()),
+        };
+        let squared: f64 = self.quats[index].iter().map(|v| f64::from(*v).powi(2)).sum();
+        faults.zero_quat = !faults.quat && squared < 1e-30;
+        faults
+    }
+}
+
+/// Largest stored scale that is taken for a number: its square still fits f32 with room for a camera.
+pub const MAX_LOG_SCALE: f32 = 30.0;
+
+/// What is wrong with one splat, field by field.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Faults {
+    /// The mean is NaN or infinite.
+    pub mean: bool,
+    /// A scale is NaN or infinite (after `exp`).
+    pub scale: bool,
+    /// The opacity is NaN.
+    pub opacity: bool,
+    /// The quaternion is NaN or infinite.
+    pub quat: bool,
+    /// The quaternion is zero.
+    pub zero_quat: bool,
+    /// A colour coefficient is NaN or infinite.
+    pub sh: bool,
+}
+
+/// The logistic function: logit to opacity.
+#[must_use]
+pub fn sigmoid(logit: f64) -> f64 {
+    1.0 / (1.0 + (-logit).exp())
+}
+
+/// The inverse of [`sigmoid`]; `opacity` is kept inside `[1e-7, 1 - 1e-7]` so that it stays finite.
+#[must_use]
+pub fn logit(opacity: f64) -> f64 {
+    let opacity = opacity.clamp(1e-7, 1.0 - 1e-7);
+    (opacity / (1.0 - opacity)).ln()
+}
+
+/// Index of the smallest of three scales; the first of equal ones.
+#[must_use]
+pub fn shortest_axis(scales: [f32; 3]) -> usize {
+    let mut axis = 0;
+    for candidate in 1..3 {
+        if scales[candidate] < scales[axis] {
+            axis = candidate;
+        }
+    }
+    axis
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn one() -> Splat {
+        Splat {
+            mean: [1.0, 2.0, 3.0],
+            quat: [1.0, 0.0, 0.0, 0.0],
+            log_scale: [-1.0, -3.0, -2.0],
+            logit_opacity: 0.0,
+            rgb: [0.25, 0.5, 0.75],
+            group: Group::Sky,
+        }
+    }
+
+    #[test]
+    fn pushed_splats_come_back() {
+        let mut splats = Splats::with_capacity(2, 2);
+        splats.push(&one());
+        splats.push(&Splat { mean: [0.0; 3], group: Group::Scene, ..one() });
+        assert_eq!(splats.check(), Ok(()));
+        assert_eq!(splats.sh_of(1).len(), 27);
+        let swapped = splats.select(&[1, 0]);
+        assert_eq!(swapped.groups, [Group::Scene, Group::Sky]);
+        assert_eq!(swapped.means[1], [1.0, 2.0, 3.0]);
+        assert_eq!(swapped.normal(0), [0.0, 1.0, 0.0]);
+        assert!((swapped.opacity(0) - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_short_array_is_named() {
+        let mut splats = Splats::with_capacity(1, 0);
+        splats.push(&one());
+        splats.quats.clear();
+        let error = splats.check().unwrap_err();
+        assert_eq!(error, SplatsError::Length { array: "quats", found: 0, expected: 1, splats: 1 });
+    }
+
+    #[test]
+    fn faults_are_told_apart() {
+        let mut splats = Splats::with_capacity(1, 0);
+        splats.push(&one());
+        assert!(splats.is_sound(0));
+        splats.quats[0] = [0.0; 4];
+        assert!(splats.faults(0).zero_quat && !splats.faults(0).quat);
+        splats.log_scales[0][1] = f32::INFINITY;
+        assert!(splats.faults(0).scale);
+        splats.logit_opacities[0] = f32::INFINITY;
+        assert!(!splats.faults(0).opacity);
+    }
+
+    #[test]
+    fn logit_undoes_sigmoid() {
+        for opacity in [0.001, 0.1, 0.5, 0.99] {
+            assert!((sigmoid(logit(opacity)) - opacity).abs() < 1e-12);
+        }
+    }
+}

@@ -1,0 +1,2 @@
+//! Weather on real places.
+fn main() {}
