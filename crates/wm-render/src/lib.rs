@@ -1,1 +1,20 @@
+//! Renders splats: stages with one contract each, a CPU back end, an f64 reference, and the slots in
+//! which weather acts.
 
+#![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
+
+pub mod cpu;
+pub mod frame;
+pub mod hooks;
+pub mod reference;
+pub mod renderer;
+pub mod simd;
+pub mod stages;
+pub mod testing;
+
+pub use cpu::CpuRenderer;
+pub use frame::{Encoding, Frame};
+pub use renderer::{
+    Background, CpuConfig, Geometry, Job, MedianDepth, Outputs, RenderConfig, RenderError, Renderer, SetId,
+    SetView, SkyGradient, Stats,
+};

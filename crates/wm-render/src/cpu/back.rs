@@ -1,0 +1,214 @@
+//! The second sweep: tiles to pixels.
+
+use crate::dispatch;
+use crate::frame::{Encoding, Frame};
+use crate::hooks::PATCH;
+use crate::renderer::{Geometry, Job, MedianDepth, RenderError, Stats};
+use crate::simd::{Lanes, SimdPath};
+use crate::stages::composite::cpu::{Composite, OutputRows, PatchPixels, finish_patch};
+use crate::stages::intersect::{PATCHES, TILE, TileGrid};
+use crate::stages::project::Record;
+use crate::stages::rasterize::cpu::{Scratch, blend_tile};
+use crate::stages::sort::cpu::sort;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+/// Tiles of one task: small enough to share out, large enough to write whole lines.
+const RUN: usize = 4;
+
+/// What is blended beside the colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Features {
+    geometry: Geometry,
+    median: MedianDepth,
+}
+
+impl Features {
+    /// What a job needs: what it asks for, and depth where a pixel effect reads it.
+    pub fn of(job: &Job<'_>) -> Self {
+        let asked = job.config.outputs;
+        let effects = !job.hooks.pixels.is_empty();
+        let geometry =
+            if effects && asked.geometry == Geometry::None { Geometry::Depth } else { asked.geometry };
+        Self { geometry, median: asked.median_depth }
+    }
+
+    /// Number of sums: colour, and what is asked for.
+    pub fn count(self) -> usize {
+        match self.geometry {
+            Geometry::None => 3,
+            Geometry::Depth => 4,
+            Geometry::DepthNormal => 7,
+        }
+    }
+}
+
+/// Sizes the arrays of `frame` for `job`.
+pub fn prepare(frame: &mut Frame, job: &Job<'_>) -> Result<(), RenderError> {
+    let (width, height) = (job.camera.width, job.camera.height);
+    let pixels = width as usize * height as usize;
+    let outputs = job.config.outputs;
+    let has = |wanted: bool, channels: usize| if wanted { pixels * channels } else { 0 };
+    let lengths = [
+        (&mut frame.rgb, pixels * 3),
+        (&mut frame.alpha, pixels),
+        (&mut frame.depth, has(outputs.geometry != Geometry::None, 1)),
+        (&mut frame.median_depth, has(outputs.median_depth == MedianDepth::On, 1)),
+        (&mut frame.normal, has(outputs.geometry == Geometry::DepthNormal, 3)),
+    ];
+    for (array, length) in lengths {
+        if array.len() != length {
+            array.clear();
+            array.try_reserve_exact(length).map_err(|_| RenderError::Memory { width, height })?;
+            array.resize(length, 0.0);
+        }
+    }
+    (frame.width, frame.height, frame.encoding) = (width, height, Encoding::Srgb);
+    Ok(())
+}
+
+/// What all tiles of one frame share.
+pub struct Back<'a> {
+    pub path: SimdPath,
+    pub records: &'a [Record],
+    pub keys: &'a [AtomicU64],
+    pub bounds: &'a [u32],
+    pub grid: TileGrid,
+    /// Columns and rows of patches that hold pixels of the picture.
+    pub patches: (usize, usize),
+    pub features: Features,
+    pub composite: Composite<'a>,
+    pub workers: &'a [Mutex<Worker>],
+}
+
+/// Working memory of one thread, kept from frame to frame.
+#[derive(Default)]
+pub struct Worker {
+    scratch: Scratch,
+    pixels: PatchPixels,
+    keys: Vec<u64>,
+    sort_scratch: Vec<u64>,
+}
+
+impl Back<'_> {
+    /// Renders all tiles into `frame` and adds what it took to `stats`.
+    pub fn run(&self, frame: &mut Frame, stats: &mut Stats) {
+        let width = frame.width as usize;
+        let bands = bands(frame, width);
+        let done = bands
+            .into_par_iter()
+            .enumerate()
+            .flat_map_iter(|(band, rows)| runs(rows).into_iter().enumerate().map(move |run| (band, run)))
+            .map(|(band, (run, mut rows))| {
+                let mut stats = Stats::default();
+                let thread = rayon::current_thread_index().unwrap_or(0) % self.workers.len();
+                let mut worker = self.workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
+                let first = run * RUN;
+                let last = (first + RUN).min(self.grid.columns as usize);
+                for column in first..last {
+                    dispatch!(self.path, s => self.tile(s, &mut worker, (column, band), (column - first) * TILE, &mut rows, &mut stats));
+                }
+                stats
+            })
+            .reduce(Stats::default, |a, b| Stats {
+                evaluated_pairs: a.evaluated_pairs + b.evaluated_pairs,
+                sort: a.sort + b.sort,
+                rasterize: a.rasterize + b.rasterize,
+                composite: a.composite + b.composite,
+                ..a
+            });
+        stats.evaluated_pairs += done.evaluated_pairs;
+        stats.sort += done.sort;
+        stats.rasterize += done.rasterize;
+        stats.composite += done.composite;
+    }
+
+    #[inline(always)]
+    fn tile<S: Lanes>(
+        &self,
+        simd: S,
+        worker: &mut Worker,
+        tile: (usize, usize),
+        offset: usize,
+        rows: &mut OutputRows<'_>,
+        stats: &mut Stats,
+    ) {
+        let begun = Instant::now();
+        let index = tile.1 * self.grid.columns as usize + tile.0;
+        let list = &self.keys[self.bounds[index] as usize..self.bounds[index + 1] as usize];
+        worker.keys.clear();
+        worker.keys.extend(list.iter().map(|key| key.load(Ordering::Relaxed)));
+        sort(&mut worker.keys, &mut worker.sort_scratch);
+        let sorted = Instant::now();
+        let corner = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
+        let patch_of = |patch: usize| (2 * tile.0 + patch % 2, 2 * tile.1 + patch / 2);
+        let mut inside = 0;
+        for patch in 0..PATCHES {
+            let (x, y) = patch_of(patch);
+            inside |= u32::from(x < self.patches.0 && y < self.patches.1) << patch;
+        }
+        let (records, keys, scratch) = (self.records, &worker.keys[..], &mut worker.scratch);
+        macro_rules! blend {
+            ($features:literal, $median:literal) => {
+                blend_tile::<S, $features, $median>(simd, records, keys, corner, inside, scratch)
+            };
+        }
+        let pairs = match (self.features.geometry, self.features.median) {
+            (Geometry::None, MedianDepth::Off) => blend!(3, false),
+            (Geometry::None, MedianDepth::On) => blend!(3, true),
+            (Geometry::Depth, MedianDepth::Off) => blend!(4, false),
+            (Geometry::Depth, MedianDepth::On) => blend!(4, true),
+            (Geometry::DepthNormal, MedianDepth::Off) => blend!(7, false),
+            (Geometry::DepthNormal, MedianDepth::On) => blend!(7, true),
+        };
+        let blended = Instant::now();
+        for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
+            finish_patch(
+                &self.composite,
+                S::N,
+                &worker.scratch.patches[patch],
+                patch_of(patch),
+                &mut worker.pixels,
+                (offset + patch % 2 * PATCH, patch / 2 * PATCH),
+                rows,
+            );
+        }
+        stats.evaluated_pairs += pairs;
+        stats.sort += (sorted - begun).as_secs_f64();
+        stats.rasterize += (blended - sorted).as_secs_f64();
+        stats.composite += blended.elapsed().as_secs_f64();
+    }
+}
+
+/// The frame's rows, a row of tiles to a band.
+fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
+    let count = (frame.height as usize).div_ceil(TILE);
+    let mut bands: Vec<OutputRows<'_>> = (0..count).map(|_| OutputRows::default()).collect();
+    let arrays =
+        [&mut frame.rgb, &mut frame.alpha, &mut frame.depth, &mut frame.median_depth, &mut frame.normal];
+    for (k, array) in arrays.into_iter().enumerate() {
+        for (y, row) in array.chunks_mut(width * OutputRows::CHANNELS[k]).enumerate() {
+            bands[y / TILE].array(k).push(row);
+        }
+    }
+    bands
+}
+
+/// Cuts the rows of a band in runs of tiles.
+fn runs(band: OutputRows<'_>) -> Vec<OutputRows<'_>> {
+    let mut runs: Vec<OutputRows<'_>> = Vec::new();
+    let mut band = band;
+    for (k, channels) in OutputRows::CHANNELS.into_iter().enumerate() {
+        for row in std::mem::take(band.array(k)) {
+            for (run, part) in row.chunks_mut(RUN * TILE * channels).enumerate() {
+                if runs.len() <= run {
+                    runs.push(OutputRows::default());
+                }
+                runs[run].array(k).push(part);
+            }
+        }
+    }
+    runs
+}

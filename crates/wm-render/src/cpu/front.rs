@@ -1,0 +1,260 @@
+//! The first sweep: clusters of splats to records and windows of tiles.
+
+use super::model::{CLUSTER, CpuModel, GROUP, GROUPS};
+use crate::dispatch;
+use crate::hooks::{Medium, ShadeBatch, Visibility};
+use crate::renderer::{Job, Stats};
+use crate::simd::{Lanes, SimdPath};
+use crate::stages::intersect::TileGrid;
+use crate::stages::intersect::cpu::{Pairs, cell_lanes};
+use crate::stages::project::cpu::{ClusterCull, Projected, project_group};
+use crate::stages::project::{ProjectCamera, Record};
+use crate::stages::shade::cpu::shade_group;
+use std::ops::Range;
+use std::sync::atomic::AtomicU64;
+use std::time::Instant;
+use wm_scene::Rasterization;
+
+/// A run of clusters of one set, with the records that it may fill.
+pub struct Unit<'a> {
+    model: &'a CpuModel,
+    visibility: Option<&'a dyn Visibility>,
+    clusters: Range<usize>,
+    first_record: u32,
+    records: &'a mut [Record],
+}
+
+impl<'a> Unit<'a> {
+    /// Cuts the sets in about `wanted` runs of equal size, none across sets.
+    pub fn split(
+        sets: &[(&'a CpuModel, Option<&'a dyn Visibility>)],
+        wanted: usize,
+        mut records: &'a mut [Record],
+    ) -> Vec<Self> {
+        let clusters: usize = sets.iter().map(|(model, _)| model.clusters.len()).sum();
+        let size = clusters.div_ceil(wanted).max(1);
+        let mut units = Vec::new();
+        let mut first_record = 0;
+        for (model, visibility) in sets {
+            for first in (0..model.clusters.len()).step_by(size) {
+                let clusters = first..(first + size).min(model.clusters.len());
+                let (own, rest) = records.split_at_mut(clusters.len() * CLUSTER);
+                records = rest;
+                let count = own.len() as u32;
+                units.push(Self { model, visibility: *visibility, clusters, first_record, records: own });
+                first_record += count;
+            }
+        }
+        units
+    }
+}
+
+/// What the first sweep gives for one unit; kept from frame to frame for its memory.
+#[derive(Debug, Default)]
+pub struct Part {
+    pairs: Pairs,
+    visible: u64,
+    project: f64,
+    medium: f64,
+    intersect: f64,
+}
+
+impl Part {
+    /// The pairs of tiles and splats.
+    pub fn pairs(&mut self) -> &mut Pairs {
+        &mut self.pairs
+    }
+
+    /// Adds counts and times to the frame's.
+    pub fn add_to(&self, stats: &mut Stats) {
+        stats.visible += self.visible;
+        stats.project += self.project;
+        stats.medium += self.medium;
+        stats.intersect += self.intersect;
+    }
+
+    /// Fills the tile lists with this unit's splats; returns the seconds it took.
+    pub fn scatter(&mut self, lists: &[AtomicU64]) -> f64 {
+        let begun = Instant::now();
+        self.pairs.scatter(lists);
+        begun.elapsed().as_secs_f64()
+    }
+}
+
+/// What all units of one frame share.
+pub struct Front<'a> {
+    path: SimdPath,
+    camera: &'a ProjectCamera,
+    cull: ClusterCull,
+    rasterization: Rasterization,
+    medium: Option<&'a dyn Medium>,
+    grid: TileGrid,
+}
+
+impl<'a> Front<'a> {
+    /// The sweep of one frame.
+    pub fn new(path: SimdPath, camera: &'a ProjectCamera, job: &Job<'a>, grid: TileGrid) -> Self {
+        Self {
+            path,
+            camera,
+            cull: ClusterCull::new(camera),
+            rasterization: job.config.rasterization,
+            medium: job.hooks.medium,
+            grid,
+        }
+    }
+
+    /// Runs one unit.
+    pub fn run(&self, unit: Unit<'_>, part: &mut Part) {
+        let Unit { model, visibility, clusters, first_record, records } = unit;
+        part.pairs.clear(self.grid);
+        (part.visible, part.project, part.medium, part.intersect) = (0, 0.0, 0.0, 0.0);
+        let mut scratch = Box::<ClusterScratch>::default();
+        let mut used = 0;
+        for cluster in clusters {
+            if self.cull.culls(&model.clusters[cluster]) {
+                continue;
+            }
+            let begun = Instant::now();
+            if let Some(visibility) = visibility {
+                let source = &model.source[cluster * CLUSTER..(cluster + 1) * CLUSTER];
+                visibility.factors(source, scratch.factors.as_flattened_mut());
+            }
+            let own = &mut records[used..];
+            let visible = dispatch!(self.path, s => self.project_cluster(s, model, visibility.is_some(), cluster, &mut scratch, own));
+            let projected = Instant::now();
+            let own = &mut records[used..used + visible];
+            if let Some(medium) = self.medium
+                && visible > 0
+            {
+                apply_medium(medium, self.path, self.camera.center, own, &mut scratch.batch);
+            }
+            let seen = Instant::now();
+            let first = first_record + used as u32;
+            dispatch!(self.path, s => self.intersect_cluster(s, own, &scratch.extents, first, part));
+            used += visible;
+            part.project += (projected - begun).as_secs_f64();
+            part.medium += (seen - projected).as_secs_f64();
+            part.intersect += seen.elapsed().as_secs_f64();
+        }
+        part.visible = used as u64;
+    }
+
+    #[inline(always)]
+    fn project_cluster<S: Lanes>(
+        &self,
+        simd: S,
+        model: &CpuModel,
+        faded: bool,
+        cluster: usize,
+        scratch: &mut ClusterScratch,
+        records: &mut [Record],
+    ) -> usize {
+        let rows = model.sh_rows();
+        let mut used = 0;
+        for i in 0..GROUPS {
+            let index = cluster * GROUPS + i;
+            let group = &model.groups[index];
+            let factors = faded.then_some(&scratch.factors[i]);
+            let out = &mut scratch.projected;
+            project_group(simd, group, self.camera, self.rasterization, factors, out);
+            if out.mask == 0 {
+                continue;
+            }
+            shade_group(simd, group, &model.sh_rest[index * rows..(index + 1) * rows], out);
+            let sky = model.sky[index];
+            let mut mask = out.mask;
+            while mask != 0 {
+                let lane = (mask.trailing_zeros() & 15) as usize;
+                mask &= mask - 1;
+                records[used] = record_of(out, lane, (index * GROUP + lane) as u32);
+                scratch.extents[used & (CLUSTER - 1)] = (out.extent_x[lane], out.extent_y[lane]);
+                if self.medium.is_some() {
+                    let far = sky >> lane & 1 == 1;
+                    scratch.batch.distance[used & (CLUSTER - 1)] =
+                        if far { f32::INFINITY } else { out.distance[lane] };
+                    for k in 0..3 {
+                        scratch.batch.direction[k][used & (CLUSTER - 1)] = out.direction[k][lane];
+                    }
+                }
+                used += 1;
+            }
+        }
+        used
+    }
+
+    #[inline(always)]
+    fn intersect_cluster<S: Lanes>(
+        &self,
+        simd: S,
+        records: &[Record],
+        extents: &[(f32, f32); CLUSTER],
+        first: u32,
+        part: &mut Part,
+    ) {
+        let lanes = cell_lanes(simd);
+        for (i, (record, extent)) in records.iter().zip(extents).enumerate() {
+            let index = first + i as u32;
+            part.pairs.add(simd, record, *extent, index, self.grid, lanes);
+        }
+    }
+}
+
+#[inline(always)]
+fn record_of(from: &Projected, lane: usize, index: u32) -> Record {
+    Record {
+        x: from.x[lane],
+        y: from.y[lane],
+        ux: from.ux[lane],
+        vx: from.vx[lane],
+        vy: from.vy[lane],
+        log2_opacity: from.log2_opacity[lane],
+        rgb: [from.rgb[0][lane], from.rgb[1][lane], from.rgb[2][lane]],
+        depth: from.depth[lane],
+        normal: [from.normal[0][lane], from.normal[1][lane], from.normal[2][lane]],
+        slope_y: from.slope_y[lane],
+        slope_x: from.slope_x[lane],
+        index,
+    }
+}
+
+/// Shows the records of one cluster through the air.
+fn apply_medium(
+    medium: &dyn Medium,
+    path: SimdPath,
+    origin: [f32; 3],
+    records: &mut [Record],
+    batch: &mut ShadeBatch,
+) {
+    batch.len = records.len();
+    for (i, record) in records.iter().enumerate() {
+        for k in 0..3 {
+            batch.rgb[k][i] = record.rgb[k];
+        }
+    }
+    medium.shade(path, origin, batch);
+    for (i, record) in records.iter_mut().enumerate() {
+        for k in 0..3 {
+            record.rgb[k] = batch.rgb[k][i];
+        }
+    }
+}
+
+/// Working memory of one unit.
+struct ClusterScratch {
+    projected: Projected,
+    factors: [[f32; GROUP]; GROUPS],
+    extents: [(f32, f32); CLUSTER],
+    batch: ShadeBatch,
+}
+
+impl Default for ClusterScratch {
+    fn default() -> Self {
+        Self {
+            projected: Projected::default(),
+            factors: [[1.0; GROUP]; GROUPS],
+            extents: [(0.0, 0.0); CLUSTER],
+            batch: ShadeBatch::default(),
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! The CPU back end: the stages in order over threads.
+//!
+//! Two parallel sweeps a frame. [`front`] runs over clusters of splats in model order: cull, project,
+//! shade, intersect, all while 256 splats are in the first cache. Then the lists of the tiles are laid
+//! out and filled. [`back`] runs over tiles: sort, blend, finish, each tile in the first cache. No
+//! value depends on which thread did what, so the bytes are the same for any number of threads.
+
+mod back;
+mod front;
+pub mod model;
+
+use crate::frame::Frame;
+use crate::hooks::PATCH;
+use crate::renderer::{CpuConfig, Job, MAX_SPLATS, RenderError, Renderer, SetId, Stats};
+use crate::simd::SimdPath;
+use crate::stages::composite::{background::BackgroundGrid, cpu::Composite};
+use crate::stages::intersect::{TileGrid, cpu as intersect};
+use crate::stages::project::{ProjectCamera, Record};
+use back::{Back, Features, Worker};
+use front::{Front, Part, Unit};
+use model::CpuModel;
+use rayon::prelude::*;
+use std::sync::atomic::AtomicU64;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+use wm_scene::Splats;
+
+/// The CPU back end. It keeps its working memory from frame to frame.
+pub struct CpuRenderer {
+    path: SimdPath,
+    pool: Arc<rayon::ThreadPool>,
+    models: Vec<Option<CpuModel>>,
+    records: Vec<Record>,
+    parts: Vec<Part>,
+    bounds: Vec<u32>,
+    keys: Vec<AtomicU64>,
+    workers: Vec<Mutex<Worker>>,
+}
+
+impl CpuRenderer {
+    /// Starts the threads.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the processor lacks the SIMD path or threads cannot be started.
+    pub fn new(config: CpuConfig) -> Result<Self, RenderError> {
+        let path = SimdPath::select(config.simd).ok_or(RenderError::NoSimd(config.simd.name()))?;
+        let threads = config.threads.unwrap_or(0);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|error| RenderError::Threads { threads, reason: error.to_string() })?;
+        let workers = (0..pool.current_num_threads()).map(|_| Mutex::default()).collect();
+        Ok(Self {
+            path,
+            pool: Arc::new(pool),
+            models: Vec::new(),
+            records: Vec::new(),
+            parts: Vec::new(),
+            bounds: Vec::new(),
+            keys: Vec::new(),
+            workers,
+        })
+    }
+
+    /// The SIMD path in use.
+    #[must_use]
+    pub fn path(&self) -> SimdPath {
+        self.path
+    }
+
+    /// Number of threads in use.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.pool.current_num_threads()
+    }
+
+    /// The threads, for work of the same caller between frames.
+    #[must_use]
+    pub fn pool(&self) -> &rayon::ThreadPool {
+        &self.pool
+    }
+
+    fn render_on_pool(&mut self, job: &Job<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
+        let started = Instant::now();
+        job.camera.check()?;
+        let features = Features::of(job);
+        back::prepare(frame, job)?;
+
+        let mut sets = Vec::with_capacity(job.sets.len());
+        for view in job.sets {
+            let model = self.models.get(view.set.0).and_then(Option::as_ref);
+            sets.push((model.ok_or(RenderError::UnknownSet(view.set.0))?, view.visibility));
+        }
+        let total: usize = sets.iter().map(|(model, _)| model.source.len()).sum();
+        if total > MAX_SPLATS {
+            return Err(RenderError::TooMany(total));
+        }
+        if self.records.len() < total {
+            self.records.resize(total, Record::default());
+        }
+        let grid = TileGrid::new(job.camera.width, job.camera.height);
+        let camera = ProjectCamera::new(job.camera);
+        let units = Unit::split(&sets, (8 * self.threads()).max(32), &mut self.records);
+        self.parts.resize_with(units.len(), Part::default);
+        let front = Front::new(self.path, &camera, job, grid);
+        units.into_par_iter().zip(&mut self.parts).for_each(|(unit, part)| front.run(unit, part));
+
+        let mut stats = Stats::default();
+        for part in &self.parts {
+            part.add_to(&mut stats);
+        }
+        let laying = Instant::now();
+        intersect::offsets(grid.tiles(), self.parts.iter_mut().map(Part::pairs), &mut self.bounds);
+        let pairs = self.bounds[grid.tiles()] as usize;
+        if self.keys.len() < pairs {
+            self.keys.resize_with(pairs + pairs / 4, AtomicU64::default);
+        }
+        stats.intersections = pairs as u64;
+        stats.intersect += laying.elapsed().as_secs_f64();
+        let keys = &self.keys[..];
+        stats.intersect += self.parts.par_iter_mut().map(|part| part.scatter(keys)).sum::<f64>();
+
+        let gridding = Instant::now();
+        let background = BackgroundGrid::new(&job.config.background, job.hooks.medium, job.camera, self.path);
+        stats.composite += gridding.elapsed().as_secs_f64();
+        let back = Back {
+            path: self.path,
+            records: &self.records,
+            keys,
+            bounds: &self.bounds,
+            grid,
+            patches: [job.camera.width, job.camera.height].map(|side| (side as usize).div_ceil(PATCH)).into(),
+            features,
+            composite: Composite {
+                path: self.path,
+                features: features.count(),
+                background: &background,
+                effects: job.hooks.pixels,
+            },
+            workers: &self.workers,
+        };
+        back.run(frame, &mut stats);
+        stats.wall = started.elapsed().as_secs_f64();
+        Ok(stats)
+    }
+}
+
+impl Renderer for CpuRenderer {
+    fn describe(&self) -> String {
+        format!("cpu, {}, {} threads", self.path, self.threads())
+    }
+
+    fn load(&mut self, splats: &Splats) -> Result<SetId, RenderError> {
+        let model = self.pool.install(|| CpuModel::new(splats))?;
+        self.models.push(Some(model));
+        Ok(SetId(self.models.len() - 1))
+    }
+
+    fn unload(&mut self, set: SetId) {
+        if let Some(model) = self.models.get_mut(set.0) {
+            *model = None;
+        }
+    }
+
+    fn render(&mut self, job: &Job<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
+        let pool = Arc::clone(&self.pool);
+        pool.install(|| self.render_on_pool(job, frame))
+    }
+}

@@ -1,0 +1,101 @@
+//! What a render gives: pictures of one view, each in its own array.
+
+/// How the numbers of `Frame::rgb` stand for light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Encoding {
+    /// sRGB-encoded, display-referred: what scenes are trained on and screens show.
+    #[default]
+    Srgb,
+    /// Proportional to light, 1 = display white.
+    Linear,
+}
+
+/// Pictures of one view. H rows of W pixels, the top row first. Arrays that were not asked for are
+/// empty.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Frame {
+    /// Width, px.
+    pub width: u32,
+    /// Height, px.
+    pub height: u32,
+    /// How `rgb` is encoded.
+    pub encoding: Encoding,
+    /// Colour with the background behind it, `[H, W, 3]`, nominally 0-1, not clamped.
+    pub rgb: Vec<f32>,
+    /// Coverage by splats, 1 - transmittance, 0-1, `[H, W]`.
+    pub alpha: Vec<f32>,
+    /// Expected depth: mean view z of the splats, weighted, scene units, `[H, W]`; 0 where `alpha`
+    /// is below [`MIN_ALPHA`].
+    pub depth: Vec<f32>,
+    /// Median depth: view z of the splat at which the transmittance falls to one half, scene units,
+    /// `[H, W]`; 0 where it never does.
+    pub median_depth: Vec<f32>,
+    /// Mean normal (shortest axis, towards the camera) in world axes, weighted, at length 1,
+    /// `[H, W, 3]`; 0 where `alpha` is below [`MIN_ALPHA`].
+    pub normal: Vec<f32>,
+}
+
+/// Coverage below which depth and normal are noise and given as 0: one step of 8 bits.
+pub const MIN_ALPHA: f32 = 1.0 / 255.0;
+
+impl Frame {
+    /// Number of pixels.
+    #[must_use]
+    pub fn pixels(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
+    /// Index of pixel `(x, y)` in a one-channel array.
+    #[must_use]
+    pub fn index(&self, x: u32, y: u32) -> usize {
+        y as usize * self.width as usize + x as usize
+    }
+
+    /// The colour of pixel `(x, y)`.
+    #[must_use]
+    pub fn rgb_at(&self, x: u32, y: u32) -> [f32; 3] {
+        let i = 3 * self.index(x, y);
+        [self.rgb[i], self.rgb[i + 1], self.rgb[i + 2]]
+    }
+
+    /// The colour in linear light, `[H, W, 3]`.
+    #[must_use]
+    pub fn rgb_linear(&self) -> Vec<f32> {
+        match self.encoding {
+            Encoding::Linear => self.rgb.clone(),
+            Encoding::Srgb => self.rgb.iter().map(|v| srgb_decode(f64::from(*v)) as f32).collect(),
+        }
+    }
+}
+
+/// sRGB to linear light, IEC 61966-2-1; extended above 1, 0 below 0.
+#[must_use]
+pub fn srgb_decode(value: f64) -> f64 {
+    if value <= 0.040_45 { value.max(0.0) / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Linear light to sRGB, IEC 61966-2-1; extended above 1, 0 below 0.
+#[must_use]
+pub fn srgb_encode(value: f64) -> f64 {
+    if value <= 0.003_130_8 { value.max(0.0) * 12.92 } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn decode_undoes_encode(v in 0.0..4.0f64) {
+            prop_assert!((srgb_decode(srgb_encode(v)) - v).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn white_and_black_stay() {
+        assert_eq!(srgb_encode(0.0), 0.0);
+        assert!((srgb_encode(1.0) - 1.0).abs() < 1e-12);
+        assert_eq!(srgb_decode(-0.5), 0.0);
+    }
+}

@@ -1,0 +1,117 @@
+//! Where weather touches a render: the slots, in the physical order in which they act.
+//!
+//! | slot | acts on | when | hook |
+//! |---|---|---|---|
+//! | Surface | splats: wet, snow cover | before projection | [`Visibility`] of a splat set |
+//! | Light | splats: relight | when shaded | (none yet) |
+//! | Medium | splats and background: extinction, airlight | when shaded | [`Medium`] |
+//! | Particles | pixels: drops, flakes, against depth | after blending | (none yet) |
+//! | Lens | pixels | last | [`PixelEffect`] |
+//!
+//! A hook is a pure function of its own parameters: it has the weather of one instant in it, and is
+//! called from many threads in any order.
+
+use crate::simd::SimdPath;
+
+/// The slots, in the order in which their effects act.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Slot {
+    /// Edits splats before projection.
+    Surface,
+    /// Changes the light on them.
+    Light,
+    /// What the air does between them and the camera.
+    Medium,
+    /// Falling particles.
+    Particles,
+    /// What happens at and behind the lens.
+    Lens,
+}
+
+impl Slot {
+    /// The name in documentation.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Surface => "surface",
+            Self::Light => "light",
+            Self::Medium => "medium",
+            Self::Particles => "particles",
+            Self::Lens => "lens",
+        }
+    }
+}
+
+/// What weather does to one render.
+#[derive(Clone, Copy, Default)]
+pub struct Hooks<'a> {
+    /// The air: applied to each splat when it is shaded, and to the background.
+    pub medium: Option<&'a dyn Medium>,
+    /// Applied to finished pixels, in order.
+    pub pixels: &'a [&'a dyn PixelEffect],
+}
+
+/// Number of splats that a [`Medium`] is given at a time; a multiple of every vector width.
+pub const BATCH: usize = 256;
+
+/// Splats (or points of the background) to be seen through the air. Structure of arrays, so that a
+/// hook can use whole vectors; entries from `len` on are harmless copies.
+#[derive(Clone, Debug)]
+pub struct ShadeBatch {
+    /// Number of entries in use, 1 to [`BATCH`].
+    pub len: usize,
+    /// Length of the ray from the camera, scene units; infinite for the sky.
+    pub distance: [f32; BATCH],
+    /// Unit direction of the ray, world axes, one array an axis.
+    pub direction: [[f32; BATCH]; 3],
+    /// Display-referred colour (sRGB-encoded), not below 0, changed in place.
+    pub rgb: [[f32; BATCH]; 3],
+}
+
+impl Default for ShadeBatch {
+    fn default() -> Self {
+        Self { len: 0, distance: [1.0; BATCH], direction: [[0.0; BATCH]; 3], rgb: [[0.0; BATCH]; 3] }
+    }
+}
+
+/// The air between the camera and what it sees.
+pub trait Medium: Sync {
+    /// Changes the colours of a batch to what is seen through the air.
+    ///
+    /// `origin` is the camera centre in world axes, scene units.
+    fn shade(&self, path: SimdPath, origin: [f32; 3], batch: &mut ShadeBatch);
+
+    /// The same for one ray in f64: the referee.
+    fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3];
+}
+
+/// How much of a splat is there, 0-1, as a factor on its opacity: growing snow costs no rebuild.
+pub trait Visibility: Sync {
+    /// Writes the factor of each splat `indices[i]` (index in the loaded set) to `out[i]`.
+    fn factors(&self, indices: &[u32], out: &mut [f32]);
+}
+
+/// Side of a patch of pixels, the unit of pixel effects.
+pub const PATCH: usize = 16;
+/// Pixels of a patch.
+pub const PATCH_PIXELS: usize = PATCH * PATCH;
+
+/// The pixels of one patch, row by row, after blending and background.
+pub struct PixelBatch<'a> {
+    /// Picture column of the first pixel.
+    pub x: u32,
+    /// Picture row of the first pixel.
+    pub y: u32,
+    /// Display-referred colour, one array a channel, changed in place.
+    pub rgb: &'a mut [[f32; PATCH_PIXELS]; 3],
+    /// Coverage, 0-1.
+    pub alpha: &'a [f32; PATCH_PIXELS],
+    /// Sum of weight times view z over the splats, scene units, not divided by the coverage.
+    pub depth_sum: &'a [f32; PATCH_PIXELS],
+}
+
+/// A change of finished pixels.
+pub trait PixelEffect: Sync {
+    /// Changes the pixels of one patch.
+    fn apply(&self, path: SimdPath, pixels: &mut PixelBatch<'_>);
+}

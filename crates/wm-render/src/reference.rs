@@ -1,0 +1,232 @@
+//! The referee: the whole render in f64, by brute force, no tiles, no vectors.
+//!
+//! It follows the contracts of the stages and nothing else, and says for each pixel how far a correct
+//! f32 back end may be away: see [`ReferenceFrame::slack`].
+
+use crate::hooks::Hooks;
+use crate::hooks::Visibility;
+use crate::renderer::RenderConfig;
+use crate::stages::project::{DILATION, MAX_DET, MIN_COMPENSATION};
+use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
+use glam::{DMat3, DVec3};
+use wm_scene::{Camera, Group, Rasterization, Splats, quat, sh, splats::shortest_axis};
+
+/// One splat in the picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Projected {
+    /// Centre, px.
+    pub mean2d: [f64; 2],
+    /// xx, xy, yy, px^2, dilated.
+    pub cov2d: [f64; 3],
+    /// Opacity at the centre.
+    pub opacity: f64,
+    /// View z, scene units.
+    pub depth: f64,
+    /// World axes, towards the camera, length 1.
+    pub normal: [f64; 3],
+    /// Unit direction from the camera centre.
+    pub direction: [f64; 3],
+    /// Distance from the camera centre.
+    pub distance: f64,
+}
+
+impl Projected {
+    /// log2 of alpha at the picture point `(x, y)`.
+    #[must_use]
+    pub fn log2_alpha(&self, x: f64, y: f64) -> f64 {
+        let (dx, dy) = (x - self.mean2d[0], y - self.mean2d[1]);
+        let [xx, xy, _] = self.cov2d;
+        // By the Cholesky factor: the conic's form cancels for needles even in f64.
+        let u = dx / xx.sqrt();
+        let v = (dy - xy / xx * dx) / self.spread_given_x().sqrt();
+        self.opacity.log2() - 0.5 * std::f64::consts::LOG2_E * (u * u + v * v)
+    }
+
+    /// Variance of y for given x, px^2.
+    fn spread_given_x(&self) -> f64 {
+        self.cov2d[2] - self.cov2d[1] * self.cov2d[1] / self.cov2d[0]
+    }
+}
+
+/// Projects splat `index`, or says that it is not drawn.
+#[must_use]
+pub fn project(
+    splats: &Splats,
+    index: usize,
+    camera: &Camera,
+    mode: Rasterization,
+    visibility: f64,
+) -> Option<Projected> {
+    let mean = DVec3::from_array(splats.means[index].map(f64::from));
+    let rotation = camera.rotation();
+    let offset = mean - camera.center();
+    let view = rotation * offset;
+    if view.z <= camera.near {
+        return None;
+    }
+    let clamp = |tangent: f64, principal: f64, size: f64, focal: f64| {
+        let margin = 0.3 * 0.5 * size / focal;
+        tangent.clamp(-principal / focal - margin, (size - principal) / focal + margin)
+    };
+    let tan_x = clamp(view.x / view.z, camera.cx, f64::from(camera.width), camera.fx);
+    let tan_y = clamp(view.y / view.z, camera.cy, f64::from(camera.height), camera.fy);
+    let row_x = camera.fx / view.z * (rotation.row(0) - tan_x * rotation.row(2));
+    let row_y = camera.fy / view.z * (rotation.row(1) - tan_y * rotation.row(2));
+    let axes = quat::to_matrix(splats.quats[index].map(f64::from));
+    let axes = DMat3::from_cols_array_2d(&axes).transpose();
+    let scales = splats.scales(index);
+    let m_x: Vec<f64> = (0..3).map(|k| axes.col(k).dot(row_x) * scales[k]).collect();
+    let m_y: Vec<f64> = (0..3).map(|k| axes.col(k).dot(row_y) * scales[k]).collect();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let (xx, xy, yy) = (dot(&m_x, &m_x), dot(&m_x, &m_y), dot(&m_y, &m_y));
+    let sharp: f64 =
+        [(0, 1), (0, 2), (1, 2)].iter().map(|(i, j)| (m_x[*i] * m_y[*j] - m_x[*j] * m_y[*i]).powi(2)).sum();
+    let dilation = f64::from(DILATION);
+    let det = sharp + dilation * (xx + yy) + dilation * dilation;
+    if det >= f64::from(MAX_DET) {
+        return None;
+    }
+    let mut opacity = splats.opacity(index) * visibility;
+    if mode == Rasterization::Antialiased {
+        opacity *= (sharp / det).max(f64::from(MIN_COMPENSATION).powi(2)).sqrt();
+    }
+    if opacity < 1.0 / 255.0 {
+        return None;
+    }
+    let axis = shortest_axis(scales.map(|s| s as f32));
+    let normal = axes.col(axis) * if axes.col(axis).dot(offset) > 0.0 { -1.0 } else { 1.0 };
+    Some(Projected {
+        mean2d: [camera.fx * view.x / view.z + camera.cx, camera.fy * view.y / view.z + camera.cy],
+        cov2d: [xx + dilation, xy, yy + dilation],
+        opacity,
+        depth: view.z,
+        normal: normal.to_array(),
+        direction: offset.normalize().to_array(),
+        distance: offset.length(),
+    })
+}
+
+/// The referee's picture.
+#[derive(Clone, Debug, Default)]
+pub struct ReferenceFrame {
+    /// With background, before pixel effects, `[H, W]`.
+    pub rgb: Vec<[f64; 3]>,
+    /// `[H, W]`.
+    pub alpha: Vec<f64>,
+    /// Sum of weight times view z, `[H, W]`.
+    pub depth_sum: Vec<f64>,
+    /// Sum of weight times normal, `[H, W]`.
+    pub normal_sum: Vec<[f64; 3]>,
+    /// View z where the transmittance passes 0.5; 0 where it does not, `[H, W]`.
+    pub median_depth: Vec<f64>,
+    /// Distance from one half of the transmittances before and after the median splat, the lesser.
+    pub median_margin: Vec<f64>,
+    /// Weight that may be placed otherwise because a decision is too close for f32: a splat at the
+    /// alpha cut, the stop, or two splats whose view z differ by less than f32 holds. `[H, W]`
+    pub slack: Vec<f64>,
+}
+
+/// log2 alpha closer to the cut than this may fall on either side.
+pub const CUT_BAND: f64 = 2e-3;
+/// Relative distance of the transmittance from the stop within which either side is right.
+pub const STOP_BAND: f64 = 0.02;
+/// Relative difference in view z within which either order is right: a few ulp of f32 sums.
+pub const ORDER_BAND: f64 = 2e-6;
+
+/// Renders `sets` (splats and visibility) in f64.
+#[must_use]
+pub fn render(
+    sets: &[(&Splats, Option<&dyn Visibility>)],
+    camera: &Camera,
+    config: &RenderConfig,
+    hooks: Hooks<'_>,
+) -> ReferenceFrame {
+    let origin = camera.center().to_array();
+    let mut drawn = Vec::new();
+    for (splats, visibility) in sets {
+        for index in 0..splats.len() {
+            let mut factor = [1.0];
+            if let Some(visibility) = visibility {
+                visibility.factors(&[index as u32], &mut factor);
+            }
+            let Some(p) = project(splats, index, camera, config.rasterization, f64::from(factor[0])) else {
+                continue;
+            };
+            let mut rgb = sh::color(splats.sh_of(index), p.direction).map(|v| v.max(0.0));
+            if let Some(medium) = hooks.medium {
+                let distance = if splats.groups[index] == Group::Sky { f64::INFINITY } else { p.distance };
+                rgb = medium.reference(origin, p.direction, distance, rgb);
+            }
+            drawn.push((p, rgb));
+        }
+    }
+    drawn.sort_by(|a, b| a.0.depth.total_cmp(&b.0.depth));
+
+    let mut frame = ReferenceFrame::default();
+    for y in 0..camera.height {
+        for x in 0..camera.width {
+            pixel(&drawn, (f64::from(x) + 0.5, f64::from(y) + 0.5), &mut frame);
+            let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5).to_array();
+            let mut behind = config.background.color(ray);
+            if let Some(medium) = hooks.medium {
+                behind = medium.reference(origin, ray, f64::INFINITY, behind);
+            }
+            let (Some(rgb), Some(alpha)) = (frame.rgb.last_mut(), frame.alpha.last()) else { continue };
+            for k in 0..3 {
+                rgb[k] += (1.0 - alpha) * behind[k];
+            }
+        }
+    }
+    frame
+}
+
+fn pixel(drawn: &[(Projected, [f64; 3])], (x, y): (f64, f64), frame: &mut ReferenceFrame) {
+    let cut = -(255f64.log2());
+    let stop = f64::from(MIN_TRANSMITTANCE);
+    let (mut rgb, mut normal) = ([0.0; 3], [0.0; 3]);
+    let mut margin: f64 = 1.0;
+    let (mut alpha_sum, mut depth, mut median, mut slack, mut transmittance) = (0.0, 0.0, 0.0, 0.0, 1.0);
+    let mut last: Option<(f64, f64)> = None;
+    for (p, color) in drawn {
+        let q = p.log2_alpha(x, y);
+        if (q - cut).abs() < CUT_BAND {
+            slack += transmittance / 255.0;
+        }
+        if q < cut {
+            continue;
+        }
+        let alpha = q.exp2().min(f64::from(MAX_ALPHA));
+        let next = transmittance * (1.0 - alpha);
+        if (next / stop - 1.0).abs() < STOP_BAND {
+            slack += transmittance;
+        }
+        if next <= stop {
+            break;
+        }
+        if let Some((z, other)) = last
+            && p.depth - z < ORDER_BAND * z
+        {
+            slack += transmittance / (1.0 - other) * alpha * other;
+        }
+        last = Some((p.depth, alpha));
+        let weight = alpha * transmittance;
+        margin = margin.min((transmittance - 0.5).abs());
+        if transmittance > 0.5 {
+            median = p.depth;
+        }
+        for k in 0..3 {
+            rgb[k] += weight * color[k];
+            normal[k] += weight * p.normal[k];
+        }
+        alpha_sum += weight;
+        depth += weight * p.depth;
+        transmittance = next;
+    }
+    frame.rgb.push(rgb);
+    frame.alpha.push(alpha_sum);
+    frame.depth_sum.push(depth);
+    frame.normal_sum.push(normal);
+    frame.median_depth.push(if transmittance <= 0.5 { median } else { 0.0 });
+    frame.median_margin.push(margin.min((transmittance - 0.5).abs()));
+    frame.slack.push(slack);
+}

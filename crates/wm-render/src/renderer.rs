@@ -1,0 +1,267 @@
+//! What to render and how to run it: the coarse interface that every back end offers.
+
+use crate::frame::Frame;
+use crate::hooks::{Hooks, Visibility};
+use crate::simd::SimdChoice;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+use wm_scene::{Camera, CameraError, Rasterization, Splats, SplatsError};
+
+/// A back end. Splat sets are loaded once and drawn many times.
+pub trait Renderer {
+    /// What runs, for reports: back end, SIMD path, threads.
+    fn describe(&self) -> String;
+
+    /// Prepares splats for drawing and keeps them.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the arrays do not fit each other or memory is short.
+    fn load(&mut self, splats: &Splats) -> Result<SetId, RenderError>;
+
+    /// Forgets a set. Its id is not used again.
+    fn unload(&mut self, set: SetId);
+
+    /// Renders one view into `frame`, whose arrays are re-used where they fit.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the camera cannot be rendered with, a set is not loaded or memory is short.
+    fn render(&mut self, job: &Job<'_>, frame: &mut Frame) -> Result<Stats, RenderError>;
+}
+
+/// Names a loaded set of splats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SetId(pub(crate) usize);
+
+/// One view to render.
+#[derive(Clone, Copy)]
+pub struct Job<'a> {
+    /// The sets to draw together.
+    pub sets: &'a [SetView<'a>],
+    /// From where.
+    pub camera: &'a Camera,
+    /// What to draw.
+    pub config: &'a RenderConfig,
+    /// The weather of this instant.
+    pub hooks: Hooks<'a>,
+}
+
+/// A loaded set and what changes of it from frame to frame.
+#[derive(Clone, Copy)]
+pub struct SetView<'a> {
+    /// The set.
+    pub set: SetId,
+    /// How much of each splat is there; `None` for all of it.
+    pub visibility: Option<&'a dyn Visibility>,
+}
+
+impl SetView<'_> {
+    /// A set as it was loaded.
+    #[must_use]
+    pub fn plain(set: SetId) -> Self {
+        Self { set, visibility: None }
+    }
+}
+
+/// What to render.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RenderConfig {
+    /// Which arrays of the frame to fill beside the colour.
+    pub outputs: Outputs,
+    /// What stands behind all splats.
+    pub background: Background,
+    /// How splats smaller than a pixel are drawn.
+    pub rasterization: Rasterization,
+}
+
+/// Which geometry to render beside the colour. Alpha is always there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Outputs {
+    /// Expected depth and normals.
+    pub geometry: Geometry,
+    /// Median depth.
+    pub median_depth: MedianDepth,
+}
+
+/// Geometry that is blended like the colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Geometry {
+    /// Colour and alpha alone.
+    #[default]
+    None,
+    /// Expected depth.
+    Depth,
+    /// Expected depth and normals.
+    DepthNormal,
+}
+
+/// Whether the median depth is rendered; it costs two more operations a pixel and splat.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum MedianDepth {
+    /// Not rendered.
+    #[default]
+    Off,
+    /// Rendered.
+    On,
+}
+
+/// What stands behind all splats, at infinity. Weather acts on it as on everything else.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Background {
+    /// One colour, display-referred, 0-1.
+    Color([f32; 3]),
+    /// A sky.
+    Sky(SkyGradient),
+}
+
+impl Default for Background {
+    fn default() -> Self {
+        Self::Color([0.0; 3])
+    }
+}
+
+/// A clear sky over a plain: three display-referred colours, 0-1, by elevation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SkyGradient {
+    /// Straight up.
+    pub zenith: [f32; 3],
+    /// At the horizon.
+    pub horizon: [f32; 3],
+    /// Well below the horizon.
+    pub ground: [f32; 3],
+    /// Up in world axes, length 1.
+    pub up: [f32; 3],
+}
+
+impl SkyGradient {
+    /// A neutral daylight sky for scenes that have none.
+    #[must_use]
+    pub fn daylight(up: [f32; 3]) -> Self {
+        Self { zenith: [0.36, 0.54, 0.80], horizon: [0.80, 0.86, 0.91], ground: [0.52, 0.51, 0.48], up }
+    }
+}
+
+impl Background {
+    /// The display-referred colour in the unit direction `direction` (world axes).
+    #[must_use]
+    pub fn color(&self, direction: [f64; 3]) -> [f64; 3] {
+        match self {
+            Self::Color(color) => color.map(f64::from),
+            Self::Sky(sky) => {
+                let elevation: f64 = (0..3).map(|k| direction[k] * f64::from(sky.up[k])).sum();
+                // Most of the change is near the horizon, as in a clear sky; the step to the ground is
+                // spread over a few degrees so that it never aliases.
+                let height = 1.0 - (1.0 - elevation.clamp(0.0, 1.0)).powi(3);
+                let below = (-elevation / 0.08).clamp(0.0, 1.0);
+                let below = below * below * (3.0 - 2.0 * below);
+                std::array::from_fn(|k| {
+                    let above =
+                        f64::from(sky.horizon[k]) * (1.0 - height) + f64::from(sky.zenith[k]) * height;
+                    above * (1.0 - below) + f64::from(sky.ground[k]) * below
+                })
+            }
+        }
+    }
+}
+
+/// How to run the CPU back end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CpuConfig {
+    /// Number of threads; `None` for one a core.
+    pub threads: Option<usize>,
+    /// SIMD path.
+    pub simd: SimdChoice,
+}
+
+/// What one render did. Times are summed over threads, in seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Stats {
+    /// Splats that passed culling.
+    pub visible: u64,
+    /// Pairs of a splat and a tile that it touches.
+    pub intersections: u64,
+    /// Pairs of a splat and a pixel that were evaluated.
+    pub evaluated_pairs: u64,
+    /// Time in projection (culling, 2D Gaussians) and shading (colour, normals).
+    pub project: f64,
+    /// Time in the air's effect on the splats.
+    pub medium: f64,
+    /// Time in finding tiles and in scattering the pairs to them.
+    pub intersect: f64,
+    /// Time in depth sorting.
+    pub sort: f64,
+    /// Time in blending.
+    pub rasterize: f64,
+    /// Time in background, pixel effects and output.
+    pub composite: f64,
+    /// Wall time of the whole frame.
+    pub wall: f64,
+}
+
+/// Why a render failed.
+#[derive(Debug, Error)]
+pub enum RenderError {
+    /// The camera cannot be rendered with.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// The splats do not fit each other.
+    #[error(transparent)]
+    Splats(#[from] SplatsError),
+    /// A splat holds a number that cannot be rendered.
+    #[error("splat {index} holds {value}, which is no finite number: repair the scene first")]
+    NotFinite {
+        /// Which splat.
+        index: usize,
+        /// Which field.
+        value: &'static str,
+    },
+    /// More splats than indices.
+    #[error("{0} splats are too many for one set: the most is {max}", max = MAX_SPLATS)]
+    TooMany(usize),
+    /// The set was never loaded or is unloaded.
+    #[error("splat set {0} is not loaded")]
+    UnknownSet(usize),
+    /// The processor lacks the SIMD path.
+    #[error("this processor has no {0}: use --simd auto")]
+    NoSimd(&'static str),
+    /// Memory for the picture could not be had.
+    #[error("no memory for a picture of {width}x{height} px")]
+    Memory {
+        /// Picture width, px.
+        width: u32,
+        /// Picture height, px.
+        height: u32,
+    },
+    /// The thread pool could not be started.
+    #[error("cannot start {threads} threads: {reason}")]
+    Threads {
+        /// How many.
+        threads: usize,
+        /// The system's words.
+        reason: String,
+    },
+}
+
+/// Most splats in one frame: what a key of the tile lists can name.
+pub const MAX_SPLATS: usize = 1 << crate::stages::intersect::RECORD_BITS;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sky_is_continuous_and_has_its_colors() {
+        let sky = SkyGradient::daylight([0.0, 0.0, 1.0]);
+        let background = Background::Sky(sky);
+        for k in 0..3 {
+            assert!((background.color([0.0, 0.0, 1.0])[k] - f64::from(sky.zenith[k])).abs() < 1e-6);
+            assert!((background.color([1.0, 0.0, 0.0])[k] - f64::from(sky.horizon[k])).abs() < 1e-6);
+            assert!((background.color([0.0, 0.0, -1.0])[k] - f64::from(sky.ground[k])).abs() < 1e-6);
+        }
+        let mut last = background.color([-1.0, 0.0, -0.1]);
+        for i in 1..=2000 {
+            let color = background.color([-1.0, 0.0, -0.1 + 0.0001 * f64::from(i)]);
+            assert!((0..3).all(|k| (color[k] - last[k]).abs() < 1e-3));
+            last = color;
+        }
+    }
+}

@@ -1,0 +1,360 @@
+//! The SIMD paths of the CPU back end: one kernel source, compiled once a path, chosen at run time.
+//!
+//! Kernels are generic over [`Lanes`] and entered through [`dispatch!`](crate::dispatch). The wide
+//! vector of a path is `S::F`: 16 lanes with AVX-512 (one 4x4 px block), 8 lanes elsewhere (4x2 px).
+//! The portable path is the scalar twin that every other path is tested against.
+
+use fearless_simd::{
+    Fallback, Level, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, f32x8, f32x16, mask32x8,
+    mask32x16, u32x8, u32x16,
+};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+
+#[cfg(target_arch = "aarch64")]
+use fearless_simd::Neon;
+#[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+use fearless_simd::{Avx2, Avx512};
+
+/// Which SIMD path to take.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SimdChoice {
+    /// The widest that this processor has.
+    #[default]
+    Auto,
+    /// AVX-512 as of Ice Lake.
+    Avx512,
+    /// AVX2 with FMA.
+    Avx2,
+    /// NEON of 64-bit Arm.
+    Neon,
+    /// No SIMD instruction asked for: plain Rust, on any processor.
+    Portable,
+}
+
+impl SimdChoice {
+    /// Every choice, widest first after `Auto`.
+    pub const ALL: [Self; 5] = [Self::Auto, Self::Avx512, Self::Avx2, Self::Neon, Self::Portable];
+
+    /// The name on the command line and in reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Avx512 => "avx512",
+            Self::Avx2 => "avx2",
+            Self::Neon => "neon",
+            Self::Portable => "portable",
+        }
+    }
+}
+
+impl FromStr for SimdChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::ALL.into_iter().find(|choice| choice.name() == text).ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            format!("`{text}` is no SIMD path: use one of {names}")
+        })
+    }
+}
+
+/// A SIMD path that this processor has: holding one is the proof.
+#[derive(Clone, Copy, Debug)]
+pub enum SimdPath {
+    /// 16 lanes.
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    Avx512(Avx512),
+    /// 8 lanes.
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    Avx2(Avx2),
+    /// 8 lanes in two registers.
+    #[cfg(target_arch = "aarch64")]
+    Neon(Neon),
+    /// 8 lanes in plain arrays.
+    Portable(Fallback),
+}
+
+impl SimdPath {
+    /// The path of `choice`; `None` where this processor does not have it.
+    #[must_use]
+    pub fn select(choice: SimdChoice) -> Option<Self> {
+        match choice {
+            SimdChoice::Auto => {
+                [SimdChoice::Avx512, SimdChoice::Avx2, SimdChoice::Neon, SimdChoice::Portable]
+                    .into_iter()
+                    .find_map(Self::select)
+            }
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            SimdChoice::Avx512 => Level::new().as_avx512().map(Self::Avx512),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            SimdChoice::Avx2 => Level::new().as_avx2().map(Self::Avx2),
+            #[cfg(target_arch = "aarch64")]
+            SimdChoice::Neon => Level::new().as_neon().map(Self::Neon),
+            SimdChoice::Portable => Some(Self::Portable(Fallback::new())),
+            _ => None,
+        }
+    }
+
+    /// The choice that gives this path.
+    #[must_use]
+    pub fn choice(self) -> SimdChoice {
+        match self {
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Self::Avx512(_) => SimdChoice::Avx512,
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Self::Avx2(_) => SimdChoice::Avx2,
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon(_) => SimdChoice::Neon,
+            Self::Portable(_) => SimdChoice::Portable,
+        }
+    }
+
+    /// The paths that this processor has, widest first.
+    #[must_use]
+    pub fn available() -> Vec<Self> {
+        SimdChoice::ALL.into_iter().skip(1).filter_map(Self::select).collect()
+    }
+}
+
+impl fmt::Display for SimdPath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.choice().name())
+    }
+}
+
+/// A SIMD token with the vector that the kernels are written in.
+pub trait Lanes: Simd {
+    /// The vector of f32.
+    type F: SimdFloat<Self, Element = f32, Bits = Self::U, Mask = Self::M>;
+    /// The vector of u32 of the same width.
+    type U: SimdInt<Self, Element = u32, Mask = Self::M>;
+    /// The mask of both.
+    type M: SimdMask<Self, Element = i32> + Select<Self::F> + Select<Self::U>;
+    /// Number of lanes: 8 or 16.
+    const N: usize;
+
+    /// `value` in every lane.
+    #[inline(always)]
+    fn set(self, value: f32) -> Self::F {
+        Self::F::splat(self, value)
+    }
+
+    /// The first N of `values`.
+    #[inline(always)]
+    fn load(self, values: &[f32]) -> Self::F {
+        Self::F::from_slice(self, &values[..Self::N])
+    }
+}
+
+macro_rules! lanes {
+    ($token:ty, $f:ident, $u:ident, $m:ident, $n:literal) => {
+        impl Lanes for $token {
+            type F = $f<Self>;
+            type U = $u<Self>;
+            type M = $m<Self>;
+            const N: usize = $n;
+        }
+    };
+}
+#[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+lanes!(Avx512, f32x16, u32x16, mask32x16, 16);
+#[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+lanes!(Avx2, f32x8, u32x8, mask32x8, 8);
+#[cfg(target_arch = "aarch64")]
+lanes!(Neon, f32x8, u32x8, mask32x8, 8);
+lanes!(Fallback, f32x8, u32x8, mask32x8, 8);
+
+/// Runs `$call` compiled for the path `$path`, with its token bound to `$simd`.
+///
+/// `$call` must be one call of an `#[inline(always)]` function generic over [`Lanes`]: what is not
+/// inlined into the call is compiled without the path's instructions.
+#[macro_export]
+macro_rules! dispatch {
+    ($path:expr, $simd:ident => $call:expr) => {
+        match $path {
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            $crate::simd::SimdPath::Avx512($simd) => ::fearless_simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $call,
+            ),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            $crate::simd::SimdPath::Avx2($simd) => ::fearless_simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $call,
+            ),
+            #[cfg(target_arch = "aarch64")]
+            $crate::simd::SimdPath::Neon($simd) => ::fearless_simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $call,
+            ),
+            $crate::simd::SimdPath::Portable($simd) => ::fearless_simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $call,
+            ),
+        }
+    };
+}
+
+/// 1.5 * 2^23: adding it to a small float leaves the rounded integer in the low mantissa bits.
+const ROUND: f32 = 12_582_912.0;
+
+/// `(2^x - 1) / x` on [-0.5, 0.5], highest power first; minimax, relative error of 2^x 2.0e-7.
+const EXP2: [f32; 5] = [1.338_130_3e-3, 9.666_369e-3, 5.550_381e-2, 2.402_235e-1, 6.931_472e-1];
+
+/// `log2(1 + t) / t` on [sqrt(1/2) - 1, sqrt(2) - 1], highest power first; minimax, error 5e-8.
+const LOG2: [f32; 9] = [
+    0.123_109_68,
+    -0.205_861_88,
+    0.216_078_23,
+    -0.239_169_88,
+    0.287_903_26,
+    -0.360_693_28,
+    0.480_910_75,
+    -0.721_347_5,
+    std::f32::consts::LOG2_E,
+];
+
+/// `2^x` for x in [-126, 127]; relative error below 3e-7. Values outside give nonsense: clamp before.
+#[inline(always)]
+pub fn exp2<S: Lanes>(simd: S, x: S::F) -> S::F {
+    let shifted = x + ROUND;
+    let fraction = x - (shifted - ROUND);
+    let mut poly = simd.set(EXP2[0]);
+    for coefficient in &EXP2[1..] {
+        poly = poly.mul_add(fraction, simd.set(*coefficient));
+    }
+    poly = poly.mul_add(fraction, simd.set(1.0));
+    S::F::from_bits(poly.to_bits() + (shifted.to_bits() << 23))
+}
+
+/// `log2(x)` for normal positive x; absolute error below 2e-7 near 1, relative 1e-7 elsewhere.
+#[inline(always)]
+pub fn log2<S: Lanes>(simd: S, x: S::F) -> S::F {
+    // Split so that the mantissa lies in [sqrt(1/2), sqrt(2)): no cancellation around x = 1.
+    const SQRT_HALF: u32 = 0x3f35_04f3;
+    let bits = x.to_bits();
+    let biased = bits - S::U::splat(simd, SQRT_HALF);
+    // Exponent as a float through the same rounding trick, kept in unsigned lanes.
+    let exponent_bits = (biased >> 23) + S::U::splat(simd, ROUND.to_bits());
+    let wrapped = (biased >> 31).simd_gt(S::U::splat(simd, 0));
+    let raw = S::F::from_bits(exponent_bits) - ROUND;
+    let exponent = wrapped.select(raw - 512.0, raw);
+    let mantissa = S::F::from_bits((biased & S::U::splat(simd, 0x007f_ffff)) + S::U::splat(simd, SQRT_HALF));
+    let t = mantissa - 1.0;
+    let mut poly = simd.set(LOG2[0]);
+    for coefficient in &LOG2[1..] {
+        poly = poly.mul_add(t, simd.set(*coefficient));
+    }
+    poly.mul_add(t, exponent)
+}
+
+/// `x^power` for x at or above 0 (0 where x is below 1e-30); relative error below 1e-6 for powers near 2.
+#[inline(always)]
+pub fn powf<S: Lanes>(simd: S, x: S::F, power: f32) -> S::F {
+    let tiny = simd.set(1e-30);
+    let result = exp2(simd, (log2(simd, x.max(tiny)) * power).max(simd.set(-126.0)));
+    x.simd_gt(tiny).select(result, simd.set(0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[inline(always)]
+    fn map<S: Lanes>(simd: S, values: &mut [f32], f: impl Fn(S, S::F) -> S::F) {
+        for chunk in values.chunks_exact_mut(S::N) {
+            f(simd, S::F::from_slice(simd, chunk)).store_slice(chunk);
+        }
+    }
+
+    #[inline(always)]
+    fn map_exp2<S: Lanes>(simd: S, values: &mut [f32]) {
+        map(
+            simd,
+            values,
+            #[inline(always)]
+            |s, x| exp2(s, x),
+        );
+    }
+
+    #[inline(always)]
+    fn map_log2<S: Lanes>(simd: S, values: &mut [f32]) {
+        map(
+            simd,
+            values,
+            #[inline(always)]
+            |s, x| log2(s, x),
+        );
+    }
+
+    #[inline(always)]
+    fn map_powf<S: Lanes>(simd: S, values: &mut [f32]) {
+        map(
+            simd,
+            values,
+            #[inline(always)]
+            |s, x| powf(s, x, 2.4),
+        );
+    }
+
+    fn grid(from: f32, to: f32) -> Vec<f32> {
+        (0..4096).map(|i| from + (to - from) * i as f32 / 4095.0).collect()
+    }
+
+    #[test]
+    fn exp2_is_exact_to_three_ulp() {
+        for path in SimdPath::available() {
+            let x = grid(-30.0, 4.0);
+            let mut y = x.clone();
+            dispatch!(path, s => map_exp2(s, &mut y));
+            for (x, y) in x.iter().zip(&y) {
+                let want = f64::from(*x).exp2();
+                assert!((f64::from(*y) / want - 1.0).abs() < 3e-7, "{path}: 2^{x} = {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn log2_is_exact_over_many_magnitudes() {
+        for path in SimdPath::available() {
+            let x: Vec<f32> = grid(-90.0, 90.0).iter().map(|e| e.exp2()).chain(grid(0.5, 2.0)).collect();
+            let mut y = x.clone();
+            dispatch!(path, s => map_log2(s, &mut y));
+            for (x, y) in x.iter().zip(&y) {
+                let want = f64::from(*x).log2();
+                assert!((f64::from(*y) - want).abs() < 2e-7 * want.abs().max(1.0), "{path}: log2 {x} = {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn powf_keeps_zero_and_is_exact_enough() {
+        for path in SimdPath::available() {
+            let x = grid(0.0, 3.0);
+            let mut y = x.clone();
+            dispatch!(path, s => map_powf(s, &mut y));
+            assert_eq!(y[0], 0.0);
+            for (x, y) in x.iter().zip(&y).skip(1) {
+                let want = f64::from(*x).powf(2.4);
+                assert!((f64::from(*y) - want).abs() < 2e-6 * want + 1e-12, "{path}: {x}^2.4 = {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn names_round_trip() {
+        for choice in SimdChoice::ALL {
+            assert_eq!(choice.name().parse::<SimdChoice>(), Ok(choice));
+        }
+        assert!("avx3".parse::<SimdChoice>().is_err());
+        assert!(SimdPath::select(SimdChoice::Portable).is_some());
+    }
+}

@@ -1,0 +1,184 @@
+//! The last steps of one patch, in the first cache.
+
+use super::background::BackgroundGrid;
+use crate::frame::MIN_ALPHA;
+use crate::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
+use crate::simd::SimdPath;
+use crate::stages::rasterize::cpu::PatchSums;
+
+/// One patch's pixels, row by row.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub struct PatchPixels {
+    rgb: [[f32; PATCH_PIXELS]; 3],
+    alpha: [f32; PATCH_PIXELS],
+    depth: [f32; PATCH_PIXELS],
+    normal: [[f32; PATCH_PIXELS]; 3],
+    median: [f32; PATCH_PIXELS],
+    behind: [[f32; PATCH_PIXELS]; 3],
+}
+
+impl Default for PatchPixels {
+    fn default() -> Self {
+        let zero = [0.0; PATCH_PIXELS];
+        Self { rgb: [zero; 3], alpha: zero, depth: zero, normal: [zero; 3], median: zero, behind: [zero; 3] }
+    }
+}
+
+/// The rows of the frame that lie in one run of tiles; arrays that are not asked for have no rows.
+#[derive(Debug, Default)]
+pub struct OutputRows<'a> {
+    /// `[rows][run width * 3]`.
+    pub rgb: Vec<&'a mut [f32]>,
+    /// `[rows][run width]`.
+    pub alpha: Vec<&'a mut [f32]>,
+    /// `[rows][run width]`.
+    pub depth: Vec<&'a mut [f32]>,
+    /// `[rows][run width]`.
+    pub median_depth: Vec<&'a mut [f32]>,
+    /// `[rows][run width * 3]`.
+    pub normal: Vec<&'a mut [f32]>,
+}
+
+impl<'a> OutputRows<'a> {
+    /// Channels of each array, in the order of [`Self::array`].
+    pub const CHANNELS: [usize; 5] = [3, 1, 1, 1, 3];
+
+    /// Array number `index`: colour, alpha, depth, median depth, normal.
+    pub fn array(&mut self, index: usize) -> &mut Vec<&'a mut [f32]> {
+        match index {
+            0 => &mut self.rgb,
+            1 => &mut self.alpha,
+            2 => &mut self.depth,
+            3 => &mut self.median_depth,
+            _ => &mut self.normal,
+        }
+    }
+}
+
+/// Brings block order into rows.
+#[inline(always)]
+fn to_rows(lanes: usize, from: &[f32; PATCH_PIXELS], to: &mut [f32; PATCH_PIXELS]) {
+    let block_height = lanes / 4;
+    for (run, pixels) in from.chunks_exact(4).enumerate() {
+        let (block, row) = (run / block_height, run % block_height);
+        let first = (block / 4 * block_height + row) * PATCH + block % 4 * 4;
+        to[first..first + 4].copy_from_slice(pixels);
+    }
+}
+
+/// What all patches of one frame share.
+#[derive(Clone, Copy)]
+pub struct Composite<'a> {
+    /// The path that blended.
+    pub path: SimdPath,
+    /// How many sums it filled.
+    pub features: usize,
+    /// What stands behind.
+    pub background: &'a BackgroundGrid,
+    /// In order.
+    pub effects: &'a [&'a dyn PixelEffect],
+}
+
+/// Finishes patch `(patch_x, patch_y)`: background, effects, division, output. `lanes` is the width
+/// of the path that blended, `offset` the patch's first column and row in the output rows.
+#[inline(always)]
+pub fn finish_patch(
+    frame: &Composite<'_>,
+    lanes: usize,
+    sums: &PatchSums,
+    (patch_x, patch_y): (usize, usize),
+    pixels: &mut PatchPixels,
+    offset: (usize, usize),
+    out: &mut OutputRows<'_>,
+) {
+    let Composite { path, features, background, effects } = *frame;
+    to_rows(lanes, &sums.alpha, &mut pixels.alpha);
+    background.fill(patch_x, patch_y, &mut pixels.behind);
+    for k in 0..3 {
+        to_rows(lanes, &sums.features[k], &mut pixels.rgb[k]);
+        for i in 0..PATCH_PIXELS {
+            pixels.rgb[k][i] += (1.0 - pixels.alpha[i]) * pixels.behind[k][i];
+        }
+    }
+    if features > 3 {
+        to_rows(lanes, &sums.features[3], &mut pixels.depth);
+    }
+    for effect in effects {
+        effect.apply(
+            path,
+            &mut PixelBatch {
+                x: (patch_x * PATCH) as u32,
+                y: (patch_y * PATCH) as u32,
+                rgb: &mut pixels.rgb,
+                alpha: &pixels.alpha,
+                depth_sum: &pixels.depth,
+            },
+        );
+    }
+    interleave(&pixels.rgb, offset, &mut out.rgb);
+    copy(&pixels.alpha, offset, &mut out.alpha);
+    if !out.depth.is_empty() {
+        for i in 0..PATCH_PIXELS {
+            let covered = pixels.alpha[i] >= MIN_ALPHA;
+            pixels.depth[i] = if covered { pixels.depth[i] / pixels.alpha[i] } else { 0.0 };
+        }
+        copy(&pixels.depth, offset, &mut out.depth);
+    }
+    if !out.normal.is_empty() {
+        for k in 0..3 {
+            to_rows(lanes, &sums.features[4 + k], &mut pixels.normal[k]);
+        }
+        for i in 0..PATCH_PIXELS {
+            let [x, y, z] = [pixels.normal[0][i], pixels.normal[1][i], pixels.normal[2][i]];
+            let squared = x * x + y * y + z * z;
+            let covered = pixels.alpha[i] >= MIN_ALPHA && squared > 1e-20;
+            let scale = if covered { 1.0 / squared.sqrt() } else { 0.0 };
+            for k in 0..3 {
+                pixels.normal[k][i] *= scale;
+            }
+        }
+        interleave(&pixels.normal, offset, &mut out.normal);
+    }
+    if !out.median_depth.is_empty() {
+        to_rows(lanes, &sums.median, &mut pixels.median);
+        for i in 0..PATCH_PIXELS {
+            pixels.median[i] = if pixels.alpha[i] >= 0.5 { pixels.median[i] } else { 0.0 };
+        }
+        copy(&pixels.median, offset, &mut out.median_depth);
+    }
+}
+
+#[inline(always)]
+fn copy(from: &[f32; PATCH_PIXELS], (left, top): (usize, usize), rows: &mut [&mut [f32]]) {
+    for (row, pixels) in rows.iter_mut().skip(top).zip(from.chunks_exact(PATCH)) {
+        let row = &mut row[left..];
+        if let Some(whole) = row.first_chunk_mut::<PATCH>() {
+            whole.copy_from_slice(pixels);
+        } else {
+            let width = row.len();
+            row.copy_from_slice(&pixels[..width]);
+        }
+    }
+}
+
+#[inline(always)]
+fn interleave(from: &[[f32; PATCH_PIXELS]; 3], (left, top): (usize, usize), rows: &mut [&mut [f32]]) {
+    for (y, row) in rows.iter_mut().skip(top).take(PATCH).enumerate() {
+        let first = y * PATCH;
+        let mut line = [0.0; 3 * PATCH];
+        // Four pixels at a time, written out, so that the compiler shuffles and does not scatter.
+        for (x, out) in line.as_chunks_mut::<12>().0.iter_mut().enumerate() {
+            let at = first + 4 * x;
+            let [r, g, b] = [&from[0][at..at + 4], &from[1][at..at + 4], &from[2][at..at + 4]];
+            *out = [r[0], g[0], b[0], r[1], g[1], b[1], r[2], g[2], b[2], r[3], g[3], b[3]];
+        }
+        let row = &mut row[3 * left..];
+        if let Some(whole) = row.first_chunk_mut::<{ 3 * PATCH }>() {
+            *whole = line;
+        } else {
+            let width = row.len();
+            row.copy_from_slice(&line[..width]);
+        }
+    }
+}

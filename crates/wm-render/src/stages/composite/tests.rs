@@ -1,0 +1,96 @@
+use super::background::BackgroundGrid;
+use crate::hooks::{Hooks, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
+use crate::renderer::{Background, Job, RenderConfig, SetView, SkyGradient};
+use crate::simd::SimdPath;
+use crate::testing::{Backend, camera, random_splats};
+use crate::{Frame, Geometry, Outputs};
+use wm_scene::Camera;
+
+crate::parity! {
+    effects_see_every_pixel_once => effects;
+    what_is_empty_is_zero => empty;
+}
+
+/// The grid is within a tenth of an 8-bit step of the sky itself, but for the rows next to the horizon,
+/// whose kink it rounds off by the slope's change over one pixel.
+#[test]
+fn the_background_grid_follows_the_sky() {
+    let path = SimdPath::select(crate::simd::SimdChoice::Auto).unwrap();
+    let background = Background::Sky(SkyGradient::daylight([0.0, -1.0, 0.0]));
+    for (width, height) in [(320, 200), (900, 600)] {
+        let camera = camera(width, height);
+        let grid = BackgroundGrid::new(&background, None, &camera, path);
+        for (patch_x, patch_y) in [(0, 0), (2, 1), (3, 2)] {
+            let mut out = [[0.0; PATCH_PIXELS]; 3];
+            grid.fill(patch_x, patch_y, &mut out);
+            for i in 0..PATCH_PIXELS {
+                let (x, y) = (patch_x * PATCH + i % PATCH, patch_y * PATCH + i / PATCH);
+                let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);
+                let want = background.color(ray.to_array());
+                let tolerance = if ray.y.abs() < 0.03 { 2.0 } else { 0.1 } / 255.0;
+                for k in 0..3 {
+                    assert!((f64::from(out[k][i]) - want[k]).abs() < tolerance, "{x} {y} {}", ray.y);
+                }
+            }
+        }
+    }
+}
+
+/// Writes the coordinates of each pixel, and what it reads.
+struct Coordinates;
+
+impl PixelEffect for Coordinates {
+    fn apply(&self, _: SimdPath, pixels: &mut PixelBatch<'_>) {
+        for i in 0..PATCH_PIXELS {
+            pixels.rgb[0][i] += pixels.x as f32 + (i % PATCH) as f32;
+            pixels.rgb[1][i] += pixels.y as f32 + (i / PATCH) as f32;
+            pixels.rgb[2][i] = pixels.depth_sum[i] / pixels.alpha[i].max(1e-9);
+        }
+    }
+}
+
+fn frame(backend: Backend, camera: &Camera, effects: &[&dyn PixelEffect]) -> Frame {
+    let mut renderer = backend.renderer();
+    let set = renderer.load(&random_splats(400, 0, 3)).unwrap();
+    let outputs = Outputs { geometry: Geometry::DepthNormal, ..Outputs::default() };
+    let config = RenderConfig { outputs, ..RenderConfig::default() };
+    let hooks = Hooks { medium: None, pixels: effects };
+    let mut frame = Frame::default();
+    renderer
+        .render(&Job { sets: &[SetView::plain(set)], camera, config: &config, hooks }, &mut frame)
+        .unwrap();
+    frame
+}
+
+fn effects(backend: Backend) {
+    let camera = camera(77, 41);
+    let plain = frame(backend, &camera, &[]);
+    let changed = frame(backend, &camera, &[&Coordinates]);
+    for y in 0..41 {
+        for x in 0..77 {
+            let i = plain.index(x, y);
+            let (before, after) = (plain.rgb_at(x, y), changed.rgb_at(x, y));
+            assert!((after[0] - before[0] - x as f32).abs() < 1e-4);
+            assert!((after[1] - before[1] - y as f32).abs() < 1e-4);
+            if plain.alpha[i] > 0.01 {
+                assert!((after[2] / plain.depth[i] - 1.0).abs() < 1e-5);
+            }
+        }
+    }
+}
+
+fn empty(backend: Backend) {
+    let frame = frame(backend, &camera(200, 150), &[]);
+    let mut empty = 0;
+    for i in 0..frame.pixels() {
+        let normal = &frame.normal[3 * i..3 * i + 3];
+        let length: f32 = normal.iter().map(|v| v * v).sum();
+        if frame.alpha[i] < crate::frame::MIN_ALPHA {
+            assert_eq!((frame.depth[i], length), (0.0, 0.0));
+            empty += 1;
+        } else {
+            assert!(frame.depth[i] > 0.0 && (length - 1.0).abs() < 1e-5);
+        }
+    }
+    assert!(empty > 100);
+}

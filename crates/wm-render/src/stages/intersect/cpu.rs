@@ -1,0 +1,175 @@
+//! Exact ellipse tests of 8 or 16 rectangles at a time, and the scatter into tile lists.
+
+use super::{PATCHES, TILE, TileGrid, key};
+use crate::hooks::PATCH;
+use crate::simd::Lanes;
+use crate::stages::project::{LOG2_MIN_ALPHA, Record, TEST_SLACK};
+use fearless_simd::{SimdBase, SimdFloat, SimdMask};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Lane coordinates of a field of cells: 4 columns, `N / 4` rows.
+#[inline(always)]
+pub fn cell_lanes<S: Lanes>(simd: S) -> (S::F, S::F) {
+    const COLUMN: [f32; 16] = [0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3.];
+    const ROW: [f32; 16] = [0., 0., 0., 0., 1., 1., 1., 1., 2., 2., 2., 2., 3., 3., 3., 3.];
+    (simd.load(&COLUMN), simd.load(&ROW))
+}
+
+/// Bits of the cells that a splat touches, in a field of 4 columns and `N / 4` rows of cells of
+/// `width` x `height` px, the first at pixel `(left, top)`.
+#[inline(always)]
+pub fn cell_mask<S: Lanes>(
+    simd: S,
+    splat: &Record,
+    (left, top): (f32, f32),
+    (width, height): (f32, f32),
+    (column, row): (S::F, S::F),
+) -> u32 {
+    // Pixel centres of each cell, relative to the splat's centre.
+    let low_x = column.mul_add(simd.set(width), simd.set(left + 0.5 - splat.x));
+    let low_y = row.mul_add(simd.set(height), simd.set(top + 0.5 - splat.y));
+    let (high_x, high_y) = (low_x + (width - 1.0), low_y + (height - 1.0));
+    let zero = simd.set(0.0);
+    let near_x = zero.max(low_x).min(high_x);
+    let near_y = zero.max(low_y).min(high_y);
+    let best_y = (near_x * splat.slope_y).max(low_y).min(high_y);
+    let best_x = (near_y * splat.slope_x).max(low_x).min(high_x);
+    let u1 = near_x * splat.ux;
+    let v1 = near_x.mul_add(simd.set(splat.vx), best_y * splat.vy);
+    let u2 = best_x * splat.ux;
+    let v2 = best_x.mul_add(simd.set(splat.vx), near_y * splat.vy);
+    let q1 = u1.mul_add(u1, v1 * v1);
+    let q2 = u2.mul_add(u2, v2 * v2);
+    let reach = simd.set(splat.log2_opacity - (LOG2_MIN_ALPHA - TEST_SLACK));
+    q1.min(q2).simd_le(reach).to_bitmask() as u32
+}
+
+/// Pairs of a tile and a key, in the order of the splats, and how many there are of each tile.
+#[derive(Debug, Default)]
+pub struct Pairs {
+    len: usize,
+    tiles: Vec<u32>,
+    keys: Vec<u64>,
+    /// After [`offsets`]: the next free position in each tile's list.
+    counts: Vec<u32>,
+}
+
+impl Pairs {
+    /// Forgets all pairs.
+    pub fn clear(&mut self, grid: TileGrid) {
+        self.len = 0;
+        self.counts.clear();
+        // One row and column more than there are tiles: pairs are written four at a time and only
+        // those that are there are kept.
+        self.counts.resize(grid.tiles() + grid.columns as usize + 2, 0);
+    }
+
+    /// Adds the tiles of one splat; `extent_x`, `extent_y` are its half extents, px.
+    #[inline(always)]
+    pub fn add<S: Lanes>(
+        &mut self,
+        simd: S,
+        splat: &Record,
+        (extent_x, extent_y): (f32, f32),
+        record: u32,
+        grid: TileGrid,
+        lanes: (S::F, S::F),
+    ) {
+        const SIDE: f32 = PATCH as f32;
+        let to_patch = |v: f32| (v * (1.0 / SIDE)).floor() as i32;
+        let first_x = to_patch(splat.x - extent_x).max(0);
+        let last_x = to_patch(splat.x + extent_x).min(2 * grid.columns as i32 - 1);
+        let first_y = to_patch(splat.y - extent_y).max(0);
+        let last_y = to_patch(splat.y + extent_y).min(2 * grid.rows as i32 - 1);
+        let depth_bits = splat.depth.to_bits();
+        let columns = grid.columns as usize;
+        if first_x == last_x && first_y == last_y {
+            let tile = (first_y as usize >> 1) * columns + (first_x as usize >> 1);
+            let patch = (first_y & 1) << 1 | (first_x & 1);
+            self.reserve();
+            self.push(tile, key(depth_bits, record, 1 << patch), 1);
+            return;
+        }
+        // Fields of 4x4 patches, two tiles each way, the first on an even patch.
+        let mut y = first_y & !1;
+        while y <= last_y {
+            let rows = bits_between(first_y - y, last_y - y);
+            let rows: u32 = (0..4).map(|row| (rows >> row & 1) * (0xf << (4 * row))).sum();
+            let mut x = first_x & !1;
+            while x <= last_x {
+                let mut mask = 0;
+                for part in 0..16 / S::N {
+                    let top = (y as f32 + (part * S::N / 4) as f32) * SIDE;
+                    let bits = cell_mask(simd, splat, (x as f32 * SIDE, top), (SIDE, SIDE), lanes);
+                    mask |= bits << (part * S::N);
+                }
+                mask &= rows & (bits_between(first_x - x, last_x - x) * 0x1111);
+                let tile = (y as usize >> 1) * columns + (x as usize >> 1);
+                self.reserve();
+                for (tile, shift) in [(tile, 0), (tile + 1, 2), (tile + columns, 8), (tile + columns + 1, 10)]
+                {
+                    let patches = (mask >> shift & 3) | (mask >> (shift + 4) & 3) << 2;
+                    self.push(tile, key(depth_bits, record, patches), u32::from(patches != 0));
+                }
+                x += 4;
+            }
+            y += 4;
+        }
+    }
+
+    #[inline(always)]
+    fn reserve(&mut self) {
+        if self.tiles.len() < self.len + 4 {
+            let room = (2 * self.len).max(1024);
+            self.tiles.resize(room, 0);
+            self.keys.resize(room, 0);
+        }
+    }
+
+    /// Writes a pair and keeps it if `present` is 1: no branch, since none could be predicted.
+    #[inline(always)]
+    fn push(&mut self, tile: usize, key: u64, present: u32) {
+        self.tiles[self.len] = tile as u32;
+        self.keys[self.len] = key;
+        self.counts[tile] += present;
+        self.len += present as usize;
+    }
+
+    /// Writes the keys to the tile lists.
+    ///
+    /// The lists are atomics so that parts may write at once without unsafe code: each position has
+    /// one writer, and a relaxed store is a plain one.
+    pub fn scatter(&mut self, lists: &[AtomicU64]) {
+        for (tile, key) in self.tiles[..self.len].iter().zip(&self.keys) {
+            let slot = &mut self.counts[*tile as usize];
+            lists[*slot as usize].store(*key, Ordering::Relaxed);
+            *slot += 1;
+        }
+    }
+}
+
+/// Bits `first` to `last` of four, bounds clamped.
+#[inline(always)]
+fn bits_between(first: i32, last: i32) -> u32 {
+    (0xf << first.max(0)) & (0xf >> (3 - last.min(3))) & 0xf
+}
+
+/// Lays out the tile lists: turns the counts of each part into its first position in each list, and
+/// gives the lists' bounds, `[tiles + 1]`.
+pub fn offsets<'a>(tiles: usize, parts: impl Iterator<Item = &'a mut Pairs>, bounds: &mut Vec<u32>) {
+    bounds.clear();
+    bounds.resize(tiles + 1, 0);
+    let mut parts: Vec<&mut [u32]> = parts.map(|pairs| &mut pairs.counts[..tiles]).collect();
+    let mut sum = 0;
+    for tile in 0..tiles {
+        bounds[tile] = sum;
+        for counts in &mut parts {
+            let count = counts[tile];
+            counts[tile] = sum;
+            sum += count;
+        }
+    }
+    bounds[tiles] = sum;
+}
+
+const _: () = assert!(TILE == 2 * PATCH && PATCHES == 4, "the fields of `Pairs::add` are two tiles wide");

@@ -1,0 +1,145 @@
+use super::cpu::{Pairs, cell_lanes, offsets};
+use super::{PATCHES, TILE, TileGrid, record_of};
+use crate::cpu::model::{CpuModel, GROUP};
+use crate::dispatch;
+use crate::hooks::PATCH;
+use crate::simd::Lanes;
+use crate::stages::project::cpu::{Projected, project_group};
+use crate::stages::project::{LOG2_MIN_ALPHA, ProjectCamera, Record};
+use crate::testing::{Backend, Hard, camera, random_splats};
+use std::sync::atomic::{AtomicU64, Ordering};
+use wm_scene::{Rasterization, Splats};
+
+const SIZE: (u32, u32) = (150, 90);
+
+crate::parity! {
+    no_pixel_is_lost_and_no_patch_is_kept_in_vain => |backend| {
+        check(backend, &random_splats(700, 0, 1));
+        for hard in Hard::ALL {
+            check(backend, &hard.splats(300, 2));
+        }
+    };
+}
+
+/// Records in view with their half extents.
+fn project(backend: Backend, splats: &Splats) -> Vec<(Record, (f32, f32))> {
+    let Backend::Cpu(path) = backend;
+    let camera = ProjectCamera::new(&camera(SIZE.0, SIZE.1));
+    let model = CpuModel::new(splats).unwrap();
+    let mut records = Vec::new();
+    for group in &model.groups {
+        let mut p = Projected::default();
+        dispatch!(path, s => project_group(s, group, &camera, Rasterization::Classic, None, &mut p));
+        for lane in (0..GROUP).filter(|lane| p.mask >> lane & 1 == 1) {
+            let record = Record {
+                x: p.x[lane],
+                y: p.y[lane],
+                ux: p.ux[lane],
+                vx: p.vx[lane],
+                vy: p.vy[lane],
+                log2_opacity: p.log2_opacity[lane],
+                depth: p.depth[lane],
+                slope_y: p.slope_y[lane],
+                slope_x: p.slope_x[lane],
+                ..Record::default()
+            };
+            records.push((record, (p.extent_x[lane], p.extent_y[lane])));
+        }
+    }
+    records
+}
+
+#[inline(always)]
+fn add_all<S: Lanes>(
+    simd: S,
+    records: &[(Record, (f32, f32))],
+    first: usize,
+    grid: TileGrid,
+    pairs: &mut Pairs,
+) {
+    let lanes = cell_lanes(simd);
+    for (i, (record, extents)) in records.iter().enumerate() {
+        pairs.add(simd, record, *extents, (first + i) as u32, grid, lanes);
+    }
+}
+
+/// log2 alpha of a record at a picture point.
+fn log2_alpha(r: &Record, x: f64, y: f64) -> f64 {
+    let (dx, dy) = (x - f64::from(r.x), y - f64::from(r.y));
+    let (u, v) = (f64::from(r.ux) * dx, f64::from(r.vx) * dx + f64::from(r.vy) * dy);
+    f64::from(r.log2_opacity) - u * u - v * v
+}
+
+fn check(backend: Backend, splats: &Splats) {
+    let Backend::Cpu(path) = backend;
+    let records = project(backend, splats);
+    let grid = TileGrid::new(SIZE.0, SIZE.1);
+    // In two parts, as threads do it.
+    let mut parts = [Pairs::default(), Pairs::default()];
+    let half = records.len() / 2;
+    for (part, (range, first)) in parts.iter_mut().zip([(&records[..half], 0), (&records[half..], half)]) {
+        part.clear(grid);
+        dispatch!(path, s => add_all(s, range, first, grid, part));
+    }
+    let mut bounds = Vec::new();
+    offsets(grid.tiles(), parts.iter_mut(), &mut bounds);
+    let total = bounds[grid.tiles()] as usize;
+    let lists: Vec<AtomicU64> = (0..total).map(|_| AtomicU64::new(u64::MAX)).collect();
+    for part in &mut parts {
+        part.scatter(&lists);
+    }
+
+    let mut listed = vec![0u32; records.len() * grid.tiles()];
+    for tile in 0..grid.tiles() {
+        for key in &lists[bounds[tile] as usize..bounds[tile + 1] as usize] {
+            let key = key.load(Ordering::Relaxed);
+            let record = record_of(key);
+            assert_eq!((key >> 32) as u32, records[record].0.depth.to_bits());
+            let slot = &mut listed[record * grid.tiles() + tile];
+            assert_eq!(*slot, 0, "record {record} is twice in tile {tile}");
+            *slot = (key & 15) as u32;
+            assert_ne!(*slot, 0);
+        }
+    }
+    let cut = f64::from(LOG2_MIN_ALPHA);
+    for (i, (record, extents)) in records.iter().enumerate() {
+        for tile in 0..grid.tiles() {
+            for patch in 0..PATCHES {
+                let left = tile % grid.columns as usize * TILE + patch % 2 * PATCH;
+                let top = tile / grid.columns as usize * TILE + patch / 2 * PATCH;
+                let inside = |x: usize, y: usize| x < SIZE.0 as usize && y < SIZE.1 as usize;
+                let best = (0..PATCH * PATCH)
+                    .map(|p| (left + p % PATCH, top + p / PATCH))
+                    .filter(|(x, y)| inside(*x, *y))
+                    .map(|(x, y)| log2_alpha(record, x as f64 + 0.5, y as f64 + 0.5))
+                    .fold(f64::NEG_INFINITY, f64::max);
+                let kept = listed[i * grid.tiles() + tile] >> patch & 1 == 1;
+                assert!(
+                    kept || best < cut,
+                    "record {i} {extents:?} lost in tile {tile} patch {patch}: {best}"
+                );
+                let patches =
+                    |v: f32, extent: f32| ((v - extent) / 16.0).floor() != ((v + extent) / 16.0).floor();
+                let spread = patches(record.x, extents.0) || patches(record.y, extents.1);
+                if kept && best < cut && spread && inside(left + PATCH - 1, top + PATCH - 1) {
+                    // Between the centres the rectangle may be touched, if by less than the slack.
+                    let fine = (0..=120 * 120)
+                        .map(|p| {
+                            (
+                                left as f64 + 0.5 + f64::from(p % 121) / 8.0,
+                                top as f64 + 0.5 + f64::from(p / 121) / 8.0,
+                            )
+                        })
+                        .map(|(x, y)| log2_alpha(record, x, y))
+                        .fold(f64::NEG_INFINITY, f64::max);
+                    let step = 0.125 * f64::from(record.ux.abs() + record.vx.abs() + record.vy.abs());
+                    let reach = (f64::from(record.log2_opacity) - cut).max(0.0).sqrt();
+                    assert!(
+                        fine > cut - 0.01 - 2.0 * step * (step + reach),
+                        "record {i} in vain in patch {patch}"
+                    );
+                }
+            }
+        }
+    }
+}

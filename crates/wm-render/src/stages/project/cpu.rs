@@ -1,0 +1,279 @@
+//! Projection of sixteen splats at a time, and culling of 256.
+
+use super::{
+    DILATION, LOG2_MIN_ALPHA, MAX_DET, MIN_COMPENSATION, ProjectCamera, SQRT_HALF_LOG2E, TEST_SLACK,
+};
+use crate::cpu::model::{Cluster, GROUP, SplatGroup};
+use crate::simd::{Lanes, log2};
+use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
+use std::f32::consts::LN_2;
+use wm_scene::Rasterization;
+
+/// What projection says of sixteen splats, one array a number; see [`super::Record`].
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub struct Projected {
+    /// Centre, px.
+    pub x: [f32; GROUP],
+    /// Centre, px.
+    pub y: [f32; GROUP],
+    /// `u = ux dx`.
+    pub ux: [f32; GROUP],
+    /// `v = vx dx + vy dy`.
+    pub vx: [f32; GROUP],
+    /// See `vx`.
+    pub vy: [f32; GROUP],
+    /// log2 of the opacity at the centre.
+    pub log2_opacity: [f32; GROUP],
+    /// View z, scene units.
+    pub depth: [f32; GROUP],
+    /// The dy at which alpha is largest for dx = 1.
+    pub slope_y: [f32; GROUP],
+    /// The dx at which alpha is largest for dy = 1.
+    pub slope_x: [f32; GROUP],
+    /// Half extent of alpha >= 1/255, px.
+    pub extent_x: [f32; GROUP],
+    /// Half extent of alpha >= 1/255, px.
+    pub extent_y: [f32; GROUP],
+    /// World axes, towards the camera.
+    pub normal: [[f32; GROUP]; 3],
+    /// Unit direction from the camera centre, world axes.
+    pub direction: [[f32; GROUP]; 3],
+    /// Distance from the camera centre, scene units.
+    pub distance: [f32; GROUP],
+    /// Display-referred colour; filled by the shade stage.
+    pub rgb: [[f32; GROUP]; 3],
+    /// A bit for each splat that is in view.
+    pub mask: u32,
+}
+
+impl Default for Projected {
+    fn default() -> Self {
+        let zero = [0.0; GROUP];
+        Self {
+            x: zero,
+            y: zero,
+            ux: zero,
+            vx: zero,
+            vy: zero,
+            log2_opacity: zero,
+            depth: zero,
+            slope_y: zero,
+            slope_x: zero,
+            extent_x: zero,
+            extent_y: zero,
+            normal: [zero; 3],
+            direction: [zero; 3],
+            distance: zero,
+            rgb: [zero; 3],
+            mask: 0,
+        }
+    }
+}
+
+/// Projects one group and returns the bits of the splats in view.
+///
+/// `visibility` is a factor on the opacity of each splat.
+#[inline(always)]
+pub fn project_group<S: Lanes>(
+    simd: S,
+    group: &SplatGroup,
+    camera: &ProjectCamera,
+    rasterization: Rasterization,
+    visibility: Option<&[f32; GROUP]>,
+    out: &mut Projected,
+) {
+    out.mask = 0;
+    for first in (0..GROUP).step_by(S::N) {
+        let [c0, c1, c2] = camera.center;
+        let (dx, dy, dz) = (
+            simd.load(&group.mean[0][first..]) - c0,
+            simd.load(&group.mean[1][first..]) - c1,
+            simd.load(&group.mean[2][first..]) - c2,
+        );
+        let w = &camera.rotation;
+        let view_x = dx.mul_add(simd.set(w[0][0]), dy.mul_add(simd.set(w[0][1]), dz * w[0][2]));
+        let view_y = dx.mul_add(simd.set(w[1][0]), dy.mul_add(simd.set(w[1][1]), dz * w[1][2]));
+        let z = dx.mul_add(simd.set(w[2][0]), dy.mul_add(simd.set(w[2][1]), dz * w[2][2]));
+        let inverse_z = simd.set(1.0) / z;
+        let (tan_x, tan_y) = (view_x * inverse_z, view_y * inverse_z);
+        let x = tan_x.mul_add(simd.set(camera.focal[0]), simd.set(camera.principal[0]));
+        let y = tan_y.mul_add(simd.set(camera.focal[1]), simd.set(camera.principal[1]));
+        let tan_x = tan_x.max(simd.set(camera.low[0])).min(simd.set(camera.high[0]));
+        let tan_y = tan_y.max(simd.set(camera.low[1])).min(simd.set(camera.high[1]));
+
+        // Rows of J W, times z.
+        let (scale_x, scale_y) = (inverse_z * camera.focal[0], inverse_z * camera.focal[1]);
+        let mut row_x = [simd.set(0.0); 3];
+        let mut row_y = [simd.set(0.0); 3];
+        for k in 0..3 {
+            row_x[k] = scale_x * (simd.set(w[0][k]) - tan_x * w[2][k]);
+            row_y[k] = scale_y * (simd.set(w[1][k]) - tan_y * w[2][k]);
+        }
+
+        // Columns of R, and M = J W R diag(s) column by column.
+        let (qw, qx) = (simd.load(&group.quat[0][first..]), simd.load(&group.quat[1][first..]));
+        let (qy, qz) = (simd.load(&group.quat[2][first..]), simd.load(&group.quat[3][first..]));
+        let (x2, y2, z2) = (qx + qx, qy + qy, qz + qz);
+        let (xx, yy, zz) = (qx * x2, qy * y2, qz * z2);
+        let (xy, xz, yz) = (qx * y2, qx * z2, qy * z2);
+        let (wx, wy, wz) = (qw * x2, qw * y2, qw * z2);
+        let one = simd.set(1.0);
+        let columns = [
+            [one - (yy + zz), xy + wz, xz - wy],
+            [xy - wz, one - (xx + zz), yz + wx],
+            [xz + wy, yz - wx, one - (xx + yy)],
+        ];
+        let scales = [
+            simd.load(&group.scale[0][first..]),
+            simd.load(&group.scale[1][first..]),
+            simd.load(&group.scale[2][first..]),
+        ];
+        let mut m_x = [simd.set(0.0); 3];
+        let mut m_y = [simd.set(0.0); 3];
+        for k in 0..3 {
+            let c = &columns[k];
+            m_x[k] = scales[k] * c[0].mul_add(row_x[0], c[1].mul_add(row_x[1], c[2] * row_x[2]));
+            m_y[k] = scales[k] * c[0].mul_add(row_y[0], c[1].mul_add(row_y[1], c[2] * row_y[2]));
+        }
+        let cov_xx = m_x[0].mul_add(m_x[0], m_x[1].mul_add(m_x[1], m_x[2] * m_x[2]));
+        let cov_xy = m_x[0].mul_add(m_y[0], m_x[1].mul_add(m_y[1], m_x[2] * m_y[2]));
+        let cov_yy = m_y[0].mul_add(m_y[0], m_y[1].mul_add(m_y[1], m_y[2] * m_y[2]));
+        let d01 = m_x[0].mul_sub(m_y[1], m_x[1] * m_y[0]);
+        let d02 = m_x[0].mul_sub(m_y[2], m_x[2] * m_y[0]);
+        let d12 = m_x[1].mul_sub(m_y[2], m_x[2] * m_y[1]);
+        let det_sharp = d01.mul_add(d01, d02.mul_add(d02, d12 * d12));
+        let trace = cov_xx + cov_yy;
+        let det = trace.mul_add(simd.set(DILATION), det_sharp + DILATION * DILATION);
+        let (cov_xx, cov_yy) = (cov_xx + DILATION, cov_yy + DILATION);
+
+        let mut log2_opacity = simd.load(&group.log2_opacity[first..]);
+        if let Some(factors) = visibility {
+            log2_opacity += log2(simd, simd.load(&factors[first..]).max(simd.set(1e-30)));
+        }
+        if rasterization == Rasterization::Antialiased {
+            let kept = (det_sharp / det).max(simd.set(MIN_COMPENSATION * MIN_COMPENSATION));
+            log2_opacity = log2(simd, kept).mul_add(simd.set(0.5), log2_opacity);
+        }
+
+        let vy = (cov_xx / det).sqrt() * SQRT_HALF_LOG2E;
+        let ux = simd.set(SQRT_HALF_LOG2E) / cov_xx.sqrt();
+        let (slope_y, slope_x) = (cov_xy / cov_xx, cov_xy / cov_yy);
+        let vx = -(vy * slope_y);
+        let reach = (log2_opacity - (LOG2_MIN_ALPHA - TEST_SLACK)) * (2.0 * LN_2);
+        let positive = reach.max(simd.set(0.0));
+        let (extent_x, extent_y) = ((positive * cov_xx).sqrt(), (positive * cov_yy).sqrt());
+
+        // Positively phrased, so that a NaN anywhere drops the splat.
+        let mut seen = z.simd_gt(simd.set(camera.near)) & det.simd_lt(simd.set(MAX_DET));
+        seen &= log2_opacity.simd_ge(simd.set(LOG2_MIN_ALPHA));
+        seen &= (x + extent_x).simd_ge(simd.set(0.5)) & (y + extent_y).simd_ge(simd.set(0.5));
+        seen &= (x - extent_x).simd_le(simd.set(camera.size[0] - 0.5));
+        seen &= (y - extent_y).simd_le(simd.set(camera.size[1] - 0.5));
+        let bits = seen.to_bitmask() as u32;
+        out.mask |= bits << first;
+        if bits == 0 {
+            continue;
+        }
+
+        let squared = dx.mul_add(dx, dy.mul_add(dy, dz * dz));
+        let distance = squared.sqrt();
+        let inverse = one / distance;
+        let direction = [dx * inverse, dy * inverse, dz * inverse];
+        // The shortest axis: the first of equal ones.
+        let second = scales[1].simd_lt(scales[0]);
+        let third = scales[2].simd_lt(scales[0].min(scales[1]));
+        let mut normal = columns[0];
+        for k in 0..3 {
+            normal[k] = third.select(columns[2][k], second.select(columns[1][k], normal[k]));
+        }
+        let facing = normal[0].mul_add(dx, normal[1].mul_add(dy, normal[2] * dz));
+        let sign = facing.simd_gt(simd.set(0.0)).select(simd.set(-1.0), one);
+
+        let lanes = first..first + S::N;
+        x.store_slice(&mut out.x[lanes.clone()]);
+        y.store_slice(&mut out.y[lanes.clone()]);
+        ux.store_slice(&mut out.ux[lanes.clone()]);
+        vx.store_slice(&mut out.vx[lanes.clone()]);
+        vy.store_slice(&mut out.vy[lanes.clone()]);
+        log2_opacity.store_slice(&mut out.log2_opacity[lanes.clone()]);
+        z.store_slice(&mut out.depth[lanes.clone()]);
+        slope_y.store_slice(&mut out.slope_y[lanes.clone()]);
+        slope_x.store_slice(&mut out.slope_x[lanes.clone()]);
+        extent_x.store_slice(&mut out.extent_x[lanes.clone()]);
+        extent_y.store_slice(&mut out.extent_y[lanes.clone()]);
+        distance.store_slice(&mut out.distance[lanes.clone()]);
+        for k in 0..3 {
+            (normal[k] * sign).store_slice(&mut out.normal[k][lanes.clone()]);
+            direction[k].store_slice(&mut out.direction[k][lanes.clone()]);
+        }
+    }
+}
+
+/// Frustum test of clusters.
+///
+/// A splat with mean at lateral offset `X` is drawn only if `X / z` is inside the picture's tangent
+/// `tan` by its extent: `X - z tan <= 3.33 s sqrt(1 + tc^2) + z e / f`, with `s` its largest standard
+/// deviation, 3.33 = sqrt(2 ln 255), `tc` the clamp of the Jacobian and `e = sqrt(2 ln 255 0.3)` px
+/// from the dilation. The left side less `z e / f` is linear in the mean, so its least value over the
+/// cluster's box is exact.
+#[derive(Clone, Copy, Debug)]
+pub struct ClusterCull {
+    /// Outward normals: a point `d` from the camera centre is outside if `n . d` exceeds the slack.
+    planes: [[f32; 3]; 4],
+    /// Slack a unit of standard deviation, one a plane.
+    reach: [f32; 4],
+    forward: [f32; 3],
+    center: [f32; 3],
+    near: f32,
+}
+
+impl ClusterCull {
+    /// The test for one camera.
+    #[must_use]
+    pub fn new(camera: &ProjectCamera) -> Self {
+        // sqrt(2 ln(255)), and with the dilation; a little more against rounding.
+        let sigmas = (2.0 * (255.0f32).ln() + 0.01).sqrt();
+        let dilated = sigmas * DILATION.sqrt() + 0.5;
+        let mut planes = [[0.0; 3]; 4];
+        let mut reach = [0.0; 4];
+        for axis in 0..2 {
+            let (focal, principal) = (camera.focal[axis], camera.principal[axis]);
+            let tangents = [(camera.size[axis] - principal + dilated) / focal, (principal + dilated) / focal];
+            let clamps = [camera.high[axis], -camera.low[axis]];
+            for side in 0..2 {
+                let sign = [1.0, -1.0][side];
+                let plane = 2 * axis + side;
+                for k in 0..3 {
+                    planes[plane][k] =
+                        sign * camera.rotation[axis][k] - tangents[side] * camera.rotation[2][k];
+                }
+                reach[plane] = sigmas * (1.0 + clamps[side] * clamps[side]).sqrt();
+            }
+        }
+        Self { planes, reach, forward: camera.rotation[2], center: camera.center, near: camera.near }
+    }
+
+    /// Whether no splat of the cluster can be in view.
+    #[inline]
+    #[must_use]
+    pub fn culls(&self, cluster: &Cluster) -> bool {
+        let d: [f32; 3] = std::array::from_fn(|k| cluster.center[k] - self.center[k]);
+        let support = |n: &[f32; 3]| -> (f32, f32) {
+            let middle = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
+            let half =
+                n[0].abs() * cluster.half[0] + n[1].abs() * cluster.half[1] + n[2].abs() * cluster.half[2];
+            (middle, half)
+        };
+        let (z, z_half) = support(&self.forward);
+        // Rounding of sums of world coordinates, a few ulp of the largest.
+        let rounding = 4e-6 * (d[0].abs() + d[1].abs() + d[2].abs());
+        if z + z_half + rounding <= self.near {
+            return true;
+        }
+        (0..4).any(|plane| {
+            let (middle, half) = support(&self.planes[plane]);
+            middle - half - rounding * 4.0 > self.reach[plane] * cluster.max_scale
+        })
+    }
+}

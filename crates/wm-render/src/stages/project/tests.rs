@@ -1,0 +1,136 @@
+use super::cpu::{ClusterCull, Projected, project_group};
+use super::{ProjectCamera, SQRT_HALF_LOG2E, TEST_SLACK};
+use crate::cpu::model::{CLUSTER, CpuModel, GROUP};
+use crate::dispatch;
+use crate::reference;
+use crate::testing::{Backend, Hard, camera, random_splats, uniform};
+use glam::DVec3;
+use wm_scene::{Camera, Rasterization, Splats};
+
+crate::parity! {
+    random_splats_project_alike => |backend| check(backend, &random_splats(2000, 0, 1), Rasterization::Classic);
+    hard_splats_project_alike => |backend| {
+        for hard in Hard::ALL {
+            check(backend, &hard.splats(600, 2), Rasterization::Classic);
+            check(backend, &hard.splats(600, 3), Rasterization::Antialiased);
+        }
+    };
+}
+
+fn run(backend: Backend, model: &CpuModel, camera: &Camera, mode: Rasterization) -> Vec<Projected> {
+    let Backend::Cpu(path) = backend;
+    let project_camera = ProjectCamera::new(camera);
+    let group_of = |group| {
+        let mut out = Projected::default();
+        dispatch!(path, s => project_group(s, group, &project_camera, mode, None, &mut out));
+        out
+    };
+    model.groups.iter().map(group_of).collect()
+}
+
+fn check(backend: Backend, splats: &Splats, mode: Rasterization) {
+    let camera = camera(640, 400);
+    let model = CpuModel::new(splats).unwrap();
+    let groups = run(backend, &model, &camera, mode);
+    let mut compared = 0;
+    for i in 0..model.len {
+        let (out, lane) = (&groups[i / GROUP], i % GROUP);
+        let want = reference::project(splats, model.source[i] as usize, &camera, mode, 1.0);
+        let seen = out.mask >> lane & 1 == 1;
+        let Some(want) = want else {
+            // Near plane and opacity cut: either is right within rounding.
+            let opacity = f64::from(out.log2_opacity[lane]).exp2() * 255.0;
+            let edge =
+                (opacity - 1.0).abs() < 1e-4 || (f64::from(out.depth[lane]) / camera.near - 1.0).abs() < 1e-4;
+            assert!(!seen || edge, "splat {i} is drawn and should not be");
+            continue;
+        };
+        let [xx, xy, yy] = want.cov2d;
+        let slack = f64::from(TEST_SLACK) * std::f64::consts::LN_2;
+        let reach = 2.0 * ((255.0 * want.opacity).ln() + slack).max(0.0);
+        let (extent_x, extent_y) = ((reach * xx).sqrt(), (reach * yy).sqrt());
+        // Distance by which the box misses the nearest pixel centre.
+        let outside = (want.mean2d[0] - extent_x - 639.5)
+            .max(0.5 - want.mean2d[0] - extent_x)
+            .max(want.mean2d[1] - extent_y - 399.5)
+            .max(0.5 - want.mean2d[1] - extent_y);
+        let scale = 1e-5 * (1.0 + extent_x + extent_y + want.mean2d[0].abs() + want.mean2d[1].abs());
+        if outside > 0.01 + 10.0 * scale {
+            assert!(!seen, "splat {i} misses the picture by {outside} px");
+        }
+        if outside < -(0.01 + 10.0 * scale) && want.opacity > 1.0001 / 255.0 {
+            assert!(seen, "splat {i} is lost");
+        }
+        if !seen {
+            continue;
+        }
+        compared += 1;
+        let near = |name: &str, got: f32, want: f64, tolerance: f64| {
+            let got = f64::from(got);
+            assert!((got - want).abs() <= tolerance, "splat {i} {name}: {got}, want {want}");
+        };
+        near("x", out.x[lane], want.mean2d[0], scale);
+        near("y", out.y[lane], want.mean2d[1], scale);
+        near("depth", out.depth[lane], want.depth, 1e-6 * (6.0 + want.depth));
+        let k = f64::from(SQRT_HALF_LOG2E);
+        let given_x = yy - xy * xy / xx;
+        // Seen along its long axis, a needle's extent in the picture is a difference of large terms.
+        let longest = splats.scales(model.source[i] as usize).into_iter().fold(0.0, f64::max);
+        let noise = 1e-6 * camera.fx / want.depth * longest * want.distance / want.depth;
+        let relative = 1e-5 + noise / xx.min(given_x).sqrt();
+        near("ux", out.ux[lane], k / xx.sqrt(), relative * k / xx.sqrt());
+        near("vy", out.vy[lane], k / given_x.sqrt(), relative * k / given_x.sqrt());
+        let lean = k / given_x.sqrt() * (yy / xx).sqrt();
+        near("vx", out.vx[lane], -xy / xx * k / given_x.sqrt(), relative * lean);
+        near("slope_y", out.slope_y[lane], xy / xx, relative * (yy / xx).sqrt());
+        near("slope_x", out.slope_x[lane], xy / yy, relative * (xx / yy).sqrt());
+        near("opacity", out.log2_opacity[lane], want.opacity.log2(), relative * (2.0 - want.opacity.log2()));
+        near("extent", out.extent_x[lane], extent_x, relative * extent_x + 1e-3 + scale);
+        for axis in 0..3 {
+            near("direction", out.direction[axis][lane], want.direction[axis], 2e-6);
+        }
+        near("distance", out.distance[lane], want.distance, 1e-6 * (6.0 + want.distance));
+        // The normal's sign is free where the splat is seen edge on.
+        let facing: f64 = (0..3).map(|a| want.normal[a] * want.direction[a]).sum();
+        if facing.abs() > 1e-5 {
+            for axis in 0..3 {
+                near("normal", out.normal[axis][lane], want.normal[axis], 3e-6);
+            }
+        }
+    }
+    assert!(compared > 0 || model.len == 0, "nothing was in view");
+}
+
+/// No cluster that holds a splat in view is culled, for cameras all about and inside the scene.
+#[test]
+fn culling_loses_no_splat() {
+    for (kind, splats) in [random_splats(3000, 0, 7), Hard::Needle.splats(1500, 8), Hard::Huge.splats(600, 9)]
+        .into_iter()
+        .enumerate()
+    {
+        let model = CpuModel::new(&splats).unwrap();
+        let (mut culled, mut kept) = (0, 0);
+        for view in 0..60 {
+            let u = |k: u64| uniform(70 + kind as u64, view * 8 + k) * 2.0 - 1.0;
+            let eye = DVec3::new(u(0), u(1), u(2)) * 6.0;
+            let fov = 20.0 + 40.0 * (u(6) + 1.0);
+            let Ok(camera) = Camera::look_at((300, 200), fov, eye, DVec3::new(u(3), u(4), u(5)), DVec3::Y)
+            else {
+                continue;
+            };
+            let camera = Camera { cx: 150.0 + 200.0 * u(7), ..camera };
+            let project_camera = ProjectCamera::new(&camera);
+            let cull = ClusterCull::new(&project_camera);
+            let backend = Backend::of(crate::simd::SimdChoice::Auto).unwrap();
+            let groups = run(backend, &model, &camera, Rasterization::Classic);
+            for (i, cluster) in model.clusters.iter().enumerate() {
+                let groups = &groups[i * CLUSTER / GROUP..(i + 1) * CLUSTER / GROUP];
+                let visible = groups.iter().any(|g| g.mask != 0);
+                assert!(!(visible && cull.culls(cluster)), "cluster {i} of view {view}");
+                culled += usize::from(cull.culls(cluster));
+                kept += usize::from(visible);
+            }
+        }
+        assert!(kept > 0 && (culled > 0 || kind != 0), "{kind}: culled {culled}, visible {kept}");
+    }
+}

@@ -1,0 +1,27 @@
+//! Front-to-back blending of one tile.
+//!
+//! Contract, for each pixel with centre `p` and the tile's splats in order `i`:
+//!
+//! - `q_i = log2_opacity_i - u^2 - v^2` at `p` (see [`super::project`]); splats with
+//!   `q_i < log2(1/255)` are skipped; `alpha_i = min(0.99, 2^q_i)`.
+//! - `T_1 = 1`, `T_{i+1} = T_i (1 - alpha_i)`; blending stops before the splat that would bring `T` to
+//!   1e-4 or below. `w_i = alpha_i T_i`.
+//! - `alpha = sum w_i`; colour, view z and normal are `sum w_i f_i`, not divided by alpha.
+//! - Median depth: the view z of the last splat that starts with `T_i > 0.5`, if `T` ends at 0.5 or
+//!   below.
+//!
+//! Tolerance against f64: `q` errs by about 1e-6 |q| and by the error of `u`, `v` (see project), 2^q
+//! by 3e-7 relative, a sum over n splats by n / 2 ulp. So colours agree to 1e-5 in the mean. The cuts
+//! are steps: a pixel where some `q_i` is within 2e-3 of the cut, or some `T_{i+1}` within 2 % of
+//! 1e-4, may differ by that splat's whole weight (`T_i / 255`, or `T_i <= 1e-2`) and no more.
+
+pub mod cpu;
+#[cfg(test)]
+mod tests;
+
+/// Largest alpha of one splat.
+pub const MAX_ALPHA: f32 = 0.99;
+/// log2 of [`MAX_ALPHA`].
+pub const LOG2_MAX_ALPHA: f32 = -0.014_499_57;
+/// Transmittance that blending never reaches.
+pub const MIN_TRANSMITTANCE: f32 = 1e-4;

@@ -1,0 +1,126 @@
+use crate::hooks::{Hooks, Visibility};
+use crate::reference;
+use crate::renderer::{Background, Job, RenderConfig, SetView};
+use crate::testing::{ALL_OUTPUTS, Backend, Hard, camera, compare, random_splats};
+use crate::{CpuConfig, CpuRenderer, Frame, Geometry, Outputs, Renderer};
+use wm_scene::{Camera, Rasterization, Splats};
+
+crate::parity! {
+    random_scenes => |backend| {
+        for degree in 0..=3 {
+            check(backend, &[random_splats(900, degree, 10 + u64::from(degree))], Rasterization::Classic);
+        }
+    };
+    hard_scenes => |backend| {
+        for (i, hard) in Hard::ALL.into_iter().enumerate() {
+            eprintln!("{hard:?}");
+            check(backend, &[hard.splats(250, 20 + i as u64)], Rasterization::Classic);
+        }
+    };
+    antialiased_scenes => |backend| {
+        for hard in [Hard::Tiny, Hard::Needle, Hard::Opaque] {
+            check(backend, &[random_splats(300, 0, 40), hard.splats(250, 41)], Rasterization::Antialiased);
+        }
+    };
+    several_sets => |backend| {
+        let sets = [random_splats(300, 2, 50), Splats::default(), random_splats(400, 0, 51)];
+        check(backend, &sets, Rasterization::Classic);
+    };
+    no_splats => |backend| check(backend, &[Splats::default()], Rasterization::Classic);
+}
+
+/// Splats fade by their index, so that a wrong index shows.
+struct Fade;
+
+impl Visibility for Fade {
+    fn factors(&self, indices: &[u32], out: &mut [f32]) {
+        for (index, factor) in indices.iter().zip(out) {
+            *factor = (index % 7) as f32 / 6.0;
+        }
+    }
+}
+
+fn check(backend: Backend, sets: &[Splats], rasterization: Rasterization) {
+    // Sides that no tile, patch or block divides, and one narrower than a block.
+    for (width, height, faded) in [(75, 53, false), (34, 18, true), (3, 1, false)] {
+        let visibility: Option<&dyn Visibility> = faded.then_some(&Fade);
+        let camera = camera(width, height);
+        let background = Background::Color([0.2, 0.4, 0.6]);
+        let config = RenderConfig { outputs: ALL_OUTPUTS, background, rasterization };
+        let mut renderer = backend.renderer();
+        let views: Vec<SetView<'_>> =
+            sets.iter().map(|set| SetView { set: renderer.load(set).unwrap(), visibility }).collect();
+        let job = Job { sets: &views, camera: &camera, config: &config, hooks: Hooks::default() };
+        let mut frame = Frame::default();
+        renderer.render(&job, &mut frame).unwrap();
+        let referee: Vec<(&Splats, Option<&dyn Visibility>)> =
+            sets.iter().map(|set| (set, visibility)).collect();
+        let want = reference::render(&referee, &camera, &config, Hooks::default());
+        compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{backend:?}, {width}x{height}: {error}"));
+    }
+}
+
+fn render(splats: &Splats, camera: &Camera, threads: usize, outputs: Outputs) -> Frame {
+    let mut renderer =
+        CpuRenderer::new(CpuConfig { threads: Some(threads), ..CpuConfig::default() }).unwrap();
+    let set = renderer.load(splats).unwrap();
+    let config = RenderConfig { outputs, ..RenderConfig::default() };
+    let mut frame = Frame::default();
+    let job = Job { sets: &[SetView::plain(set)], camera, config: &config, hooks: Hooks::default() };
+    renderer.render(&job, &mut frame).unwrap();
+    frame
+}
+
+#[test]
+fn bytes_are_the_same_for_any_number_of_threads() {
+    let splats = random_splats(20_000, 1, 60);
+    let camera = camera(333, 217);
+    let one = render(&splats, &camera, 1, ALL_OUTPUTS);
+    for threads in [2, 7] {
+        assert_eq!(render(&splats, &camera, threads, ALL_OUTPUTS), one);
+    }
+}
+
+#[test]
+fn geometry_changes_no_color() {
+    let splats = random_splats(3000, 0, 61);
+    let camera = camera(100, 80);
+    let all = render(&splats, &camera, 2, ALL_OUTPUTS);
+    for geometry in [Geometry::None, Geometry::Depth, Geometry::DepthNormal] {
+        let frame = render(&splats, &camera, 2, Outputs { geometry, ..Outputs::default() });
+        assert_eq!(frame.rgb, all.rgb);
+        assert_eq!(frame.alpha, all.alpha);
+        assert!(frame.median_depth.is_empty());
+        assert_eq!(frame.depth.is_empty(), geometry == Geometry::None);
+        assert_eq!(frame.normal.is_empty(), geometry != Geometry::DepthNormal);
+    }
+}
+
+#[test]
+fn a_frame_is_reused_for_other_sizes_and_outputs() {
+    let splats = random_splats(500, 0, 62);
+    let mut renderer = CpuRenderer::new(CpuConfig::default()).unwrap();
+    let set = renderer.load(&splats).unwrap();
+    let mut frame = Frame::default();
+    for (width, height, outputs) in
+        [(64, 48, ALL_OUTPUTS), (20, 90, Outputs::default()), (64, 48, ALL_OUTPUTS)]
+    {
+        let camera = camera(width, height);
+        let config = RenderConfig { outputs, ..RenderConfig::default() };
+        let job =
+            Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks: Hooks::default() };
+        renderer.render(&job, &mut frame).unwrap();
+        assert_eq!(frame, render(&splats, &camera, 2, outputs));
+    }
+}
+
+#[test]
+fn an_unloaded_set_is_named() {
+    let mut renderer = CpuRenderer::new(CpuConfig::default()).unwrap();
+    let set = renderer.load(&random_splats(5, 0, 63)).unwrap();
+    renderer.unload(set);
+    let (camera, config) = (camera(8, 8), RenderConfig::default());
+    let job = Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks: Hooks::default() };
+    let error = renderer.render(&job, &mut Frame::default()).unwrap_err();
+    assert_eq!(error.to_string(), "splat set 0 is not loaded");
+}

@@ -1,0 +1,62 @@
+//! Spherical harmonics of sixteen splats at a time.
+
+use crate::cpu::model::{GROUP, SplatGroup};
+use crate::simd::Lanes;
+use crate::stages::project::cpu::Projected;
+use fearless_simd::{SimdBase, SimdFloat};
+use wm_scene::sh::{C0, C1, C2, C3};
+
+/// Fills `projected.rgb` for one group; `rest` holds its coefficients above 0, `[K - 1, 3]` rows.
+#[inline(always)]
+pub fn shade_group<S: Lanes>(simd: S, group: &SplatGroup, rest: &[[f32; GROUP]], projected: &mut Projected) {
+    for first in (0..GROUP).step_by(S::N) {
+        let mut rgb = [simd.set(0.5); 3];
+        for channel in 0..3 {
+            rgb[channel] = simd.load(&group.dc[channel][first..]).mul_add(simd.set(C0 as f32), rgb[channel]);
+        }
+        if !rest.is_empty() {
+            let x = simd.load(&projected.direction[0][first..]);
+            let y = simd.load(&projected.direction[1][first..]);
+            let z = simd.load(&projected.direction[2][first..]);
+            let degree1 = [y * (-C1 as f32), z * (C1 as f32), x * (-C1 as f32)];
+            add(simd, &degree1, &rest[..9], first, &mut rgb);
+            if rest.len() > 9 {
+                let (xx, yy, zz) = (x * x, y * y, z * z);
+                let degree2 = [
+                    x * y * (C2[0] as f32),
+                    y * z * (C2[1] as f32),
+                    (zz + zz - xx - yy) * (C2[2] as f32),
+                    x * z * (C2[3] as f32),
+                    (xx - yy) * (C2[4] as f32),
+                ];
+                add(simd, &degree2, &rest[9..24], first, &mut rgb);
+                if rest.len() > 24 {
+                    let degree3 = [
+                        y * (xx * 3.0 - yy) * (C3[0] as f32),
+                        x * y * z * (C3[1] as f32),
+                        y * (zz * 4.0 - xx - yy) * (C3[2] as f32),
+                        z * (zz * 2.0 - (xx + yy) * 3.0) * (C3[3] as f32),
+                        x * (zz * 4.0 - xx - yy) * (C3[4] as f32),
+                        z * (xx - yy) * (C3[5] as f32),
+                        x * (xx - yy * 3.0) * (C3[6] as f32),
+                    ];
+                    add(simd, &degree3, &rest[24..45], first, &mut rgb);
+                }
+            }
+        }
+        for channel in 0..3 {
+            let value = rgb[channel].max(simd.set(0.0));
+            value.store_slice(&mut projected.rgb[channel][first..first + S::N]);
+        }
+    }
+}
+
+#[inline(always)]
+fn add<S: Lanes>(simd: S, basis: &[S::F], rows: &[[f32; GROUP]], first: usize, rgb: &mut [S::F; 3]) {
+    for (k, weight) in basis.iter().enumerate() {
+        for channel in 0..3 {
+            let row = simd.load(&rows[3 * k + channel][first..]);
+            rgb[channel] = row.mul_add(*weight, rgb[channel]);
+        }
+    }
+}

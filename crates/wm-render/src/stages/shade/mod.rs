@@ -1,0 +1,15 @@
+//! Colours of the splats in view: spherical harmonics, then the air.
+//!
+//! Contract: `rgb = max(0, 0.5 + sum_k basis_k(d) sh_k)` with `d` the unit direction from the camera
+//! centre to the mean in world axes (see [`wm_scene::sh`]), display-referred. Then the weather's
+//! [`Medium`](crate::hooks::Medium) changes it, at the splat's own ray length; splats of the sky are
+//! infinitely far for it.
+//!
+//! The air acts here and not on pixels because a pixel at a silhouette holds two distances: its mean
+//! depth is neither, and fog from it draws a bright rim.
+//!
+//! Tolerance: up to 16 products of like magnitude, relative 2e-6 of the largest.
+
+pub mod cpu;
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,88 @@
+use super::cpu::shade_group;
+use crate::Frame;
+use crate::cpu::model::{CpuModel, GROUP};
+use crate::dispatch;
+use crate::hooks::{Hooks, Medium, ShadeBatch};
+use crate::reference;
+use crate::renderer::{Background, Job, RenderConfig, SetView, SkyGradient};
+use crate::simd::SimdPath;
+use crate::stages::project::cpu::Projected;
+use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats, uniform};
+use wm_scene::{Group, sh};
+
+crate::parity! {
+    colors_agree_in_every_degree => colors;
+    the_air_acts_on_splats_and_background => air;
+}
+
+fn colors(backend: Backend) {
+    let Backend::Cpu(path) = backend;
+    for degree in 0..=3 {
+        let splats = random_splats(320, degree, 5);
+        let model = CpuModel::new(&splats).unwrap();
+        let rows = model.sh_rows();
+        for (g, group) in model.groups.iter().enumerate() {
+            let mut projected = Projected::default();
+            for lane in 0..GROUP {
+                let u = |k| uniform(6, ((g * GROUP + lane) * 4) as u64 + k) * 2.0 - 1.0;
+                let d = glam::DVec3::new(u(0), u(1), u(2)).normalize();
+                for k in 0..3 {
+                    projected.direction[k][lane] = d[k] as f32;
+                }
+            }
+            dispatch!(path, s => shade_group(s, group, &model.sh_rest[g * rows..(g + 1) * rows], &mut projected));
+            for lane in 0..GROUP {
+                let d = [0, 1, 2].map(|k| f64::from(projected.direction[k][lane]));
+                let want = sh::color(splats.sh_of(model.source[g * GROUP + lane] as usize), d);
+                for k in 0..3 {
+                    let got = f64::from(projected.rgb[k][lane]);
+                    assert!((got - want[k].max(0.0)).abs() < 4e-6, "{got}, want {}", want[k]);
+                }
+            }
+        }
+    }
+}
+
+/// A medium that depends on everything it is given.
+struct Tint;
+
+impl Medium for Tint {
+    fn shade(&self, _: SimdPath, origin: [f32; 3], batch: &mut ShadeBatch) {
+        for i in 0..batch.len {
+            let direction = [0, 1, 2].map(|k| f64::from(batch.direction[k][i]));
+            let rgb = [0, 1, 2].map(|k| f64::from(batch.rgb[k][i]));
+            let out = self.reference(origin.map(f64::from), direction, f64::from(batch.distance[i]), rgb);
+            for k in 0..3 {
+                batch.rgb[k][i] = out[k] as f32;
+            }
+        }
+    }
+
+    fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
+        let kept = (-0.2 * distance).exp();
+        [0, 1, 2].map(|k| rgb[k] * kept + (1.0 - kept) * (0.5 + 0.3 * direction[k] + 0.01 * origin[k]))
+    }
+}
+
+fn air(backend: Backend) {
+    let mut splats = random_splats(600, 0, 8);
+    for i in (0..600).step_by(3) {
+        splats.groups[i] = Group::Sky;
+    }
+    let camera = camera(70, 50);
+    let up = [0.0, -1.0, 0.0];
+    let config = RenderConfig {
+        outputs: ALL_OUTPUTS,
+        background: Background::Sky(SkyGradient::daylight(up)),
+        ..RenderConfig::default()
+    };
+    let hooks = Hooks { medium: Some(&Tint), pixels: &[] };
+    let mut renderer = backend.renderer();
+    let set = renderer.load(&splats).unwrap();
+    let mut frame = Frame::default();
+    renderer
+        .render(&Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks }, &mut frame)
+        .unwrap();
+    let want = reference::render(&[(&splats, None)], &camera, &config, hooks);
+    compare(&frame, &want, 2.0).unwrap();
+}

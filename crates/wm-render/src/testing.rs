@@ -1,0 +1,241 @@
+//! Scenes, back ends and comparisons for tests and benches.
+
+use crate::frame::Frame;
+use crate::reference::ReferenceFrame;
+use crate::renderer::{CpuConfig, Renderer};
+use crate::simd::{SimdChoice, SimdPath};
+use crate::{CpuRenderer, Geometry, MedianDepth, Outputs};
+use glam::DVec3;
+use wm_scene::{Camera, Group, Splats, splats::logit};
+
+/// A back end under test.
+#[derive(Clone, Copy, Debug)]
+pub enum Backend {
+    /// The CPU on one SIMD path.
+    Cpu(SimdPath),
+}
+
+impl Backend {
+    /// The back end of `choice`, or `None` with a word on stderr where this machine lacks it. With
+    /// `WM_REQUIRE_BACKENDS=1` in the environment, lacking it fails the test instead.
+    ///
+    /// # Panics
+    /// As said.
+    #[must_use]
+    pub fn of(choice: SimdChoice) -> Option<Self> {
+        let path = SimdPath::select(choice);
+        if path.is_none() {
+            let required = std::env::var("WM_REQUIRE_BACKENDS").is_ok_and(|v| v == "1");
+            assert!(!required, "no {} on this machine, and WM_REQUIRE_BACKENDS=1", choice.name());
+            eprintln!("skipped: no {} on this machine", choice.name());
+        }
+        path.map(Self::Cpu)
+    }
+
+    /// A renderer on this back end.
+    ///
+    /// # Panics
+    /// If it cannot be started.
+    #[must_use]
+    pub fn renderer(self) -> Box<dyn Renderer> {
+        match self {
+            Self::Cpu(path) => {
+                let config = CpuConfig { threads: Some(2), simd: path.choice() };
+                Box::new(CpuRenderer::new(config).expect("threads start"))
+            }
+        }
+    }
+}
+
+/// Makes one test a back end of a check that takes a [`testing::Backend`](crate::testing::Backend).
+#[macro_export]
+macro_rules! parity {
+    ($($name:ident => $check:expr;)*) => {$(
+        mod $name {
+            #[allow(unused_imports)]
+            use super::*;
+
+            #[test]
+            fn portable() {
+                $crate::testing::Backend::of($crate::simd::SimdChoice::Portable).map($check);
+            }
+
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            #[test]
+            fn avx2() {
+                $crate::testing::Backend::of($crate::simd::SimdChoice::Avx2).map($check);
+            }
+
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            #[test]
+            fn avx512() {
+                $crate::testing::Backend::of($crate::simd::SimdChoice::Avx512).map($check);
+            }
+
+            #[cfg(target_arch = "aarch64")]
+            #[test]
+            fn neon() {
+                $crate::testing::Backend::of($crate::simd::SimdChoice::Neon).map($check);
+            }
+        }
+    )*};
+}
+
+/// A counter-based generator: the `index`-th of the numbers of `seed`, uniform in [0, 1).
+#[must_use]
+pub fn uniform(seed: u64, index: u64) -> f64 {
+    // SplitMix64's finaliser over a Weyl sequence.
+    let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ index.wrapping_mul(0xd1b5_4a32_d192_ed03);
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (z ^ z >> 31) as f64 / 2f64.powi(64)
+}
+
+/// `count` random splats in a box of side 4 about the origin.
+#[must_use]
+pub fn random_splats(count: usize, sh_degree: u8, seed: u64) -> Splats {
+    let mut splats = Splats::with_capacity(count, sh_degree);
+    for i in 0..count as u64 {
+        let u = |k: u64| uniform(seed, i * 128 + k);
+        splats.means.push([0, 1, 2].map(|k| (u(k) * 4.0 - 2.0) as f32));
+        splats.quats.push([3, 4, 5, 6].map(|k| (u(k) * 2.0 - 1.0) as f32));
+        splats.log_scales.push([7, 8, 9].map(|k| (-4.5 + 3.5 * u(k)) as f32));
+        splats.logit_opacities.push(logit(0.02 + 0.97 * u(10)) as f32);
+        for k in 0..splats.sh_stride() as u64 {
+            let size = if k < 3 { 1.7 } else { 0.3 };
+            splats.sh.push(((u(16 + k) * 2.0 - 1.0) * size) as f32);
+        }
+        splats.groups.push(Group::Scene);
+    }
+    splats
+}
+
+/// Kinds of splats that break renderers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Hard {
+    /// Larger than the picture.
+    Huge,
+    /// A hundred times longer than wide, some thousand px long.
+    Needle,
+    /// Centres just before and behind the near plane.
+    NearPlane,
+    /// All round the camera, most of them behind it.
+    Behind,
+    /// Opacities about 1/255 and 0.
+    Faint,
+    /// Opacities of 0.99 to 1.
+    Opaque,
+    /// Many at one depth.
+    OneDepth,
+    /// Far smaller than a pixel.
+    Tiny,
+}
+
+impl Hard {
+    /// Every kind.
+    pub const ALL: [Self; 8] = [
+        Self::Huge,
+        Self::Needle,
+        Self::NearPlane,
+        Self::Behind,
+        Self::Faint,
+        Self::Opaque,
+        Self::OneDepth,
+        Self::Tiny,
+    ];
+
+    /// `count` splats of this kind, for [`camera`].
+    #[must_use]
+    pub fn splats(self, count: usize, seed: u64) -> Splats {
+        let mut splats = random_splats(count, 1, seed);
+        for i in 0..count {
+            let u = |k: u64| uniform(seed ^ 0x5eed, i as u64 * 8 + k) as f32;
+            match self {
+                Self::Huge => {
+                    splats.log_scales[i] = [0.5 + 2.0 * u(0), 0.5 + 2.0 * u(1), 0.5 + 2.0 * u(2)];
+                    splats.logit_opacities[i] -= 1.5;
+                }
+                Self::Needle => splats.log_scales[i] = [1.0 + u(0), -4.0 - u(1), -4.0 - u(2)],
+                Self::NearPlane => splats.means[i][2] = -6.0 + 0.2 + 0.02 * (u(0) - 0.3),
+                Self::Behind => splats.means[i][2] = -6.0 + 3.0 * (u(0) - 0.7),
+                Self::Faint => splats.logit_opacities[i] = logit(f64::from(u(0)) * 2.5 / 255.0) as f32,
+                Self::Opaque => {
+                    splats.logit_opacities[i] = if u(1) < 0.2 { f32::INFINITY } else { 4.6 + 10.0 * u(0) }
+                }
+                Self::OneDepth => splats.means[i][2] = 0.5,
+                Self::Tiny => splats.log_scales[i] = [-9.0 - u(0), -9.0 - u(1), -9.0 - u(2)],
+            }
+        }
+        splats
+    }
+}
+
+/// The camera that sees the test scenes: at (0, 0, -6), principal point off centre.
+///
+/// # Panics
+/// Never: its numbers are fixed.
+#[must_use]
+pub fn camera(width: u32, height: u32) -> Camera {
+    let eye = DVec3::new(0.0, 0.0, -6.0);
+    let camera = Camera::look_at((width, height), 45.0, eye, DVec3::new(0.3, 0.2, 0.0), DVec3::NEG_Y);
+    let camera = camera.expect("a camera");
+    Camera { cx: camera.cx + 0.11 * f64::from(width), cy: camera.cy - 0.07 * f64::from(height), ..camera }
+}
+
+/// Every output on.
+pub const ALL_OUTPUTS: Outputs = Outputs { geometry: Geometry::DepthNormal, median_depth: MedianDepth::On };
+
+/// Compares a frame with the referee's. Tight where no decision is near: colours within `1e-4` of
+/// each pixel and `1e-5` in the mean, sums of depth and normal likewise relative to their size. Where
+/// one is (see [`ReferenceFrame::slack`]), by the weight at stake and no more.
+///
+/// The bound of a pixel: rasterize's contract gives 1e-6 relative an alpha; with up to a few hundred
+/// splats over a pixel and colours up to 2 the sum stays under 1e-4.
+///
+/// # Errors
+/// A line that names the first pixel beyond its bound, or the mean.
+pub fn compare(frame: &Frame, want: &ReferenceFrame, largest_color: f64) -> Result<(), String> {
+    let mut mean = 0.0;
+    let largest_depth = want.depth_sum.iter().copied().fold(1.0, f64::max);
+    for i in 0..frame.pixels() {
+        let at = (i % frame.width as usize, i / frame.width as usize);
+        let slack = want.slack[i];
+        let check = |name: &str, got: f64, wanted: f64, scale: f64| {
+            let bound = scale * (1e-4 + 2.0 * slack);
+            let off = (got - wanted).abs();
+            if off <= bound {
+                Ok(off)
+            } else {
+                Err(format!("{name} at {at:?} is {got}, want {wanted}: off by {off:.2e}, bound {bound:.2e}"))
+            }
+        };
+        for k in 0..3 {
+            let off = check("rgb", f64::from(frame.rgb[3 * i + k]), want.rgb[i][k], largest_color)?;
+            if slack == 0.0 {
+                mean += off / largest_color;
+            }
+        }
+        let alpha = f64::from(frame.alpha[i]);
+        check("alpha", alpha, want.alpha[i], 1.0)?;
+        if want.alpha[i] > 0.1 {
+            let (depth, wanted) = (f64::from(frame.depth[i]), want.depth_sum[i] / want.alpha[i]);
+            check("depth", depth, wanted, largest_depth / want.alpha[i])?;
+            let sum = want.normal_sum[i];
+            let length = sum.iter().map(|v| v * v).sum::<f64>().sqrt();
+            if length > 0.1 {
+                for k in 0..3 {
+                    check("normal", f64::from(frame.normal[3 * i + k]), sum[k] / length, 2.0 / length)?;
+                }
+            }
+        }
+        // A median is the depth of one splat: right, or another's where a decision is near one half.
+        if want.median_margin[i] > 1e-4 + 2.0 * slack {
+            let (got, wanted) = (f64::from(frame.median_depth[i]), want.median_depth[i]);
+            if (got - wanted).abs() > 1e-5 * wanted.max(1.0) {
+                return Err(format!("median depth at {at:?} is {got}, want {wanted}"));
+            }
+        }
+    }
+    let mean = mean / (3 * frame.pixels()) as f64;
+    if mean < 1e-5 { Ok(()) } else { Err(format!("mean difference {mean:.2e}, bound 1e-5")) }
+}
