@@ -9,14 +9,18 @@
 //! - [`Scene`]: the three together, read and written by [`formats`].
 
 pub mod camera;
+pub mod error;
+pub mod files;
 pub mod group;
 pub mod metadata;
 pub mod quat;
 pub mod scene;
 pub mod sh;
+mod source;
 pub mod splats;
 
 pub use camera::{Camera, CameraError};
+pub use error::{FormatError, Place, Problem};
 pub use group::Group;
 pub use metadata::{Metadata, Rasterization};
 pub use scene::{Scene, View};
