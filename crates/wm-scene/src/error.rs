@@ -1,6 +1,6 @@
 //! What can be wrong with a file: where, what, and what to do, in one line.
 
-use crate::{CameraError, SplatsError};
+use crate::SplatsError;
 use std::{
     fmt, io,
     path::{Path, PathBuf},
@@ -62,12 +62,10 @@ pub enum Problem {
     #[error("the file is empty; copy or export it again")]
     Empty,
     /// The content is of no known format.
-    #[error("{claim}: it begins with \"{start}\"; {advice}")]
+    #[error("{found}; {advice}")]
     UnknownFormat {
-        /// What it is not.
-        claim: String,
-        /// The first bytes, escaped.
-        start: String,
+        /// What it is not, and the first bytes, escaped.
+        found: String,
         /// What to do.
         advice: &'static str,
     },
@@ -148,14 +146,6 @@ pub enum Problem {
     /// The arrays of a scene to be written do not fit each other.
     #[error("not written: {0}")]
     Splats(#[from] SplatsError),
-    /// A camera that cannot be rendered with.
-    #[error("{what}: {error}")]
-    Camera {
-        /// Which camera.
-        what: String,
-        /// Why.
-        error: CameraError,
-    },
     /// The folder has no COLMAP model.
     #[error(
         "no COLMAP model here: cameras.bin and images.bin (or both as .txt) are needed in the folder itself, \
@@ -163,15 +153,13 @@ pub enum Problem {
     )]
     NoCapture,
     /// A camera model with distortion.
-    #[error("camera {camera} has the model {model}, which {reason}; {advice}")]
+    #[error("camera {camera} has the model {model}, {advice}")]
     CameraModel {
         /// Its number in the file.
         camera: u32,
         /// COLMAP's name of the model.
         model: String,
-        /// Why it cannot be used.
-        reason: &'static str,
-        /// What to do.
+        /// Why it cannot be used and what to do.
         advice: &'static str,
     },
     /// A capture file ends too early.

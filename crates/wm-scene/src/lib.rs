@@ -11,6 +11,7 @@
 pub mod camera;
 pub mod error;
 pub mod files;
+pub mod formats;
 pub mod group;
 pub mod metadata;
 pub mod quat;
@@ -18,6 +19,8 @@ pub mod scene;
 pub mod sh;
 mod source;
 pub mod splats;
+#[cfg(test)]
+mod testing;
 
 pub use camera::{Camera, CameraError};
 pub use error::{FormatError, Place, Problem};

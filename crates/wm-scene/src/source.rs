@@ -26,6 +26,15 @@ pub(crate) struct Source<'a> {
     offset: u64,
     /// Lines taken so far.
     lines: u64,
+    /// How the line taken last ended.
+    ending: Ending,
+}
+
+/// What ends a line.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Ending {
+    Newline,
+    EndOfFile,
 }
 
 impl<'a> Source<'a> {
@@ -45,7 +54,8 @@ impl<'a> Source<'a> {
     pub fn new(path: &Path, reader: Box<dyn Read + 'a>, length: Option<u64>) -> Self {
         let block = length.map_or(BLOCK, |l| l.clamp(256, BLOCK as u64) as usize);
         let buffer = vec![0; block];
-        Self { path: path.into(), reader, length, buffer, start: 0, end: 0, offset: 0, lines: 0 }
+        let path = path.into();
+        Self { path, reader, length, buffer, start: 0, end: 0, offset: 0, lines: 0, ending: Ending::Newline }
     }
 
     /// Its name in messages.
@@ -133,10 +143,11 @@ impl<'a> Source<'a> {
     /// If reading fails or the line is longer than [`MAX_LINE`].
     pub fn line(&mut self) -> Result<Option<&[u8]>, FormatError> {
         let mut searched = 0;
-        let (length, ending) = loop {
+        let length = loop {
             let bytes = self.bytes();
             if let Some(found) = bytes[searched..].iter().position(|b| *b == b'\n') {
-                break (searched + found, 1);
+                self.ending = Ending::Newline;
+                break searched + found;
             }
             searched = bytes.len();
             if searched > MAX_LINE {
@@ -147,14 +158,20 @@ impl<'a> Source<'a> {
                 if searched == 0 {
                     return Ok(None);
                 }
-                break (searched, 0);
+                self.ending = Ending::EndOfFile;
+                break searched;
             }
         };
         let from = self.start;
-        self.consume(length + ending);
+        self.consume(length + usize::from(self.ending == Ending::Newline));
         self.lines += 1;
         let line = &self.buffer[from..from + length];
         Ok(Some(line.strip_suffix(b"\r").unwrap_or(line)))
+    }
+
+    /// Whether the line taken last has no ending: it may be a part of one.
+    pub fn is_cut(&self) -> bool {
+        self.ending == Ending::EndOfFile
     }
 
     /// Steps over a line of any length; gives the number of words in it, `None` at the end.
@@ -226,7 +243,9 @@ mod tests {
         assert_eq!(source.line().unwrap(), Some(&b"one"[..]));
         assert_eq!(source.line().unwrap(), Some(&b""[..]));
         assert_eq!(source.skip_line().unwrap(), Some(2));
+        assert!(!source.is_cut());
         assert_eq!(source.line().unwrap(), Some(&b"end"[..]));
+        assert!(source.is_cut());
         assert_eq!(source.line().unwrap(), None);
         assert_eq!(source.skip_line().unwrap(), None);
         assert_eq!(source.remaining(), Some(0));
