@@ -4,6 +4,7 @@ use crate::SplatsError;
 use std::{
     fmt, io,
     path::{Path, PathBuf},
+    str::FromStr,
 };
 use thiserror::Error;
 
@@ -163,14 +164,10 @@ pub enum Problem {
         advice: &'static str,
     },
     /// A capture file ends too early.
-    #[error("cut off in {what} {index} of {promised}; copy the file or export the model again")]
+    #[error("cut off in {what}; copy the file or export the model again")]
     CaptureTruncated {
-        /// `camera` or `image`.
-        what: &'static str,
-        /// Which one, 1-based; 0 is the count itself.
-        index: u64,
-        /// How many the file says it has.
-        promised: u64,
+        /// Which camera, image or line.
+        what: String,
     },
 }
 
@@ -203,6 +200,12 @@ pub(crate) fn excerpt(bytes: &[u8]) -> String {
     let cut = &bytes[..bytes.len().min(32)];
     let more = if cut.len() < bytes.len() { "..." } else { "" };
     format!("{}{more}", cut.escape_ascii())
+}
+
+/// The number that `word` spells; `what` says in the message what it is for.
+pub(crate) fn number<T: FromStr>(word: &[u8], what: &str) -> Result<T, Problem> {
+    let parsed = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
+    parsed.ok_or_else(|| Problem::Number { text: excerpt(word), what: excerpt(what.as_bytes()) })
 }
 
 /// The message of another library on one line.

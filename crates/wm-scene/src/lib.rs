@@ -7,8 +7,10 @@
 //! - [`Camera`]: pinhole intrinsics and pose, OpenCV axes.
 //! - [`Metadata`]: what weather must know of a scene: metres per unit, up, ground, sky.
 //! - [`Scene`]: the three together, read and written by [`formats`].
+//! - [`View`]: a photographed view, of a scene or a [`capture`].
 
 pub mod camera;
+pub mod capture;
 pub mod error;
 pub mod files;
 pub mod formats;

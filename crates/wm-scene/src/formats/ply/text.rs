@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     Splats,
-    error::{FormatError, Problem, excerpt},
+    error::{FormatError, Problem, number},
     source::Source,
 };
 
@@ -85,11 +85,6 @@ fn parse(line: &[u8], vertex: &Element, kept: &[Option<usize>], numbers: &mut [f
         return Err(Problem::Value(format!("{reason}; correct the line or export the file again")));
     }
     Ok(())
-}
-
-fn number<T: std::str::FromStr>(word: &[u8], what: &str) -> Result<T, Problem> {
-    let parsed = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
-    parsed.ok_or_else(|| Problem::Number { text: excerpt(word), what: excerpt(what.as_bytes()) })
 }
 
 fn too_few() -> Problem {
