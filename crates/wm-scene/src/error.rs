@@ -208,9 +208,12 @@ pub(crate) fn number<T: FromStr>(word: &[u8], what: &str) -> Result<T, Problem> 
     parsed.ok_or_else(|| Problem::Number { text: excerpt(word), what: excerpt(what.as_bytes()) })
 }
 
-/// The message of another library on one line.
+/// The message of another library on one line, control characters escaped.
 pub(crate) fn one_line(message: &str) -> String {
-    message.split(['\n', '\r']).map(str::trim).filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
+    let parts: Vec<&str> =
+        message.split(['\n', '\r']).map(str::trim).filter(|part| !part.is_empty()).collect();
+    let escape = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    parts.join(", ").chars().map(escape).collect()
 }
 
 #[cfg(test)]
@@ -234,6 +237,6 @@ mod tests {
     fn foreign_text_stays_on_one_line() {
         assert_eq!(excerpt(b"a\nb\xff"), "a\\nb\\xff");
         assert_eq!(excerpt(&[b'x'; 40]), format!("{}...", "x".repeat(32)));
-        assert_eq!(one_line("first\n  second\n"), "first, second");
+        assert_eq!(one_line("first\n  sec\u{7}ond\n"), "first, sec\\u{7}ond");
     }
 }

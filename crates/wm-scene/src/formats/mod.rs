@@ -16,6 +16,7 @@ use crate::{
     files::write_atomically,
     source::Source,
 };
+pub use sidecar::{sidecar_path, write_sidecar};
 use std::{
     io::{Read, Write},
     path::Path,

@@ -113,12 +113,12 @@ fn the_sidecar_wins_key_by_key() {
     )
     .unwrap();
     let beside = Metadata { metres_per_unit: Some(5.0), up: Some(DVec3::Y), ..Metadata::default() };
-    sidecar::write_sidecar(&path, &beside).unwrap();
+    write_sidecar(&path, &beside).unwrap();
     let expected = Metadata { ground: Some(3.0), ..beside };
     assert_eq!(read(&path).unwrap().metadata, expected);
     let ignore = ReadOptions { sidecar: Sidecar::Ignore, ..ReadOptions::default() };
     assert_eq!(read_scene(&path, &ignore).unwrap().metadata.metres_per_unit, Some(2.0));
-    fs::write(sidecar::sidecar_path(&path), "metres_per_unit = 1.0\nup = [0, 2, 0]\n").unwrap();
+    fs::write(sidecar_path(&path), "metres_per_unit = 1.0\nup = [0, 2, 0]\n").unwrap();
     assert_eq!(
         say(&folder, read(&path)),
         "DIR/a.ply.wm.toml, line 2, column 1: up is [0, 2, 0]: it must have length 1; correct or remove it"
@@ -148,11 +148,11 @@ fn the_last_iteration_of_a_training_is_read() {
     fs::create_dir_all(folder.path().join("point_cloud/iteration_best")).unwrap();
     assert_eq!(read(folder.path()).unwrap(), scene(30_000.0));
     let beside = Metadata { ground: Some(1.0), ..Metadata::default() };
-    sidecar::write_sidecar(folder.path(), &beside).unwrap();
+    write_sidecar(folder.path(), &beside).unwrap();
     assert_eq!(read(folder.path()).unwrap().metadata.ground, Some(1.0));
     let expected: PathBuf = folder.path().join("point_cloud/iteration_30000/point_cloud.ply");
     assert_eq!(folder::scene_file(folder.path()).unwrap(), expected);
-    assert!(sidecar::sidecar_path(&expected).is_file());
+    assert!(sidecar_path(&expected).is_file());
 }
 
 #[test]

@@ -2,17 +2,19 @@
 
 use super::{
     header::{Element, Header, Kind, Scalar},
-    layout::{Endian, Layout},
+    layout::{Endian, Layout, grow, zeroed},
 };
 use crate::{
-    Group, Splats,
-    error::{FormatError, Problem},
-    sh,
+    Splats,
+    error::{FormatError, Problem, excerpt},
     source::Source,
 };
 
-/// Rows that are put together at once where they have lists, and that an array grows by at least.
-const ROWS: u64 = 1 << 10;
+/// Splats that arrays begin with where nothing confirms their number.
+const FIRST: u64 = 1 << 10;
+
+/// Bytes of rows that are put together at once where they have lists.
+const REPACKED: usize = 1 << 20;
 
 /// Reads the splats that follow the header.
 ///
@@ -40,7 +42,7 @@ pub(super) fn read(
     }
 
     // The count is believed only where the length of the file has confirmed it.
-    let known = if source.remaining().is_some() { promised } else { promised.min(ROWS) };
+    let known = if source.remaining().is_some() { promised } else { promised.min(FIRST) };
     let mut splats = zeroed(known as usize, layout.sh_degree);
     let mut repacked = Vec::new();
     let mut done = 0;
@@ -48,7 +50,7 @@ pub(super) fn read(
         let row_size = layout.row_size;
         let rows = if vertex.has_lists() {
             repacked.clear();
-            let rows = (promised - done).min(ROWS);
+            let rows = (promised - done).min((REPACKED / row_size) as u64).max(1);
             for row in 0..rows {
                 if !walk(source, vertex, endian, &mut repacked)? {
                     let left = u128::from(promised - done - row - 1);
@@ -119,7 +121,8 @@ fn walk(
                     return Ok(false);
                 }
                 let Some(length) = integer(count, endian, source.bytes()) else {
-                    let what = format!("a list of the element {} has a negative length", element.name);
+                    let name = excerpt(element.name.as_bytes());
+                    let what = format!("a list of the element {name} has a negative length");
                     return Err(source.at_byte(at, Problem::Value(format!("{what}; export the file again"))));
                 };
                 source.consume(count.size());
@@ -147,33 +150,4 @@ fn integer(scalar: Scalar, endian: Endian, bytes: &[u8]) -> Option<u64> {
         Scalar::I32 => u64::try_from(i32::from_le_bytes(wide)).ok(),
         _ => Some(u64::from(u32::from_le_bytes(wide))),
     }
-}
-
-/// `count` splats with all values 0.
-pub(super) fn zeroed(count: usize, sh_degree: u8) -> Splats {
-    // `vec!` of zeros takes pages that the system has cleared already; pushing would write them twice.
-    Splats {
-        means: vec![[0.0; 3]; count],
-        quats: vec![[0.0; 4]; count],
-        log_scales: vec![[0.0; 3]; count],
-        logit_opacities: vec![0.0; count],
-        sh: vec![0.0; count * sh::coefficients(sh_degree) * 3],
-        sh_degree,
-        groups: vec![Group::default(); count],
-    }
-}
-
-/// Makes room for `count` splats, doubling, but for no more than `promised`.
-pub(super) fn grow(splats: &mut Splats, count: u64, promised: u64) {
-    if count <= splats.len() as u64 {
-        return;
-    }
-    let size = promised.min(count.max(2 * splats.len() as u64)) as usize;
-    let sh_size = size * splats.sh_stride();
-    splats.means.resize(size, [0.0; 3]);
-    splats.quats.resize(size, [0.0; 4]);
-    splats.log_scales.resize(size, [0.0; 3]);
-    splats.logit_opacities.resize(size, 0.0);
-    splats.sh.resize(sh_size, 0.0);
-    splats.groups.resize(size, Group::default());
 }

@@ -129,6 +129,35 @@ pub(super) fn values(splats: &mut Splats, array: Array) -> (&mut [f32], usize) {
     }
 }
 
+/// `count` splats with all values 0.
+pub(super) fn zeroed(count: usize, sh_degree: u8) -> Splats {
+    // `vec!` of zeros takes pages that the system has cleared already; pushing would write them twice.
+    Splats {
+        means: vec![[0.0; 3]; count],
+        quats: vec![[0.0; 4]; count],
+        log_scales: vec![[0.0; 3]; count],
+        logit_opacities: vec![0.0; count],
+        sh: vec![0.0; count * sh::coefficients(sh_degree) * 3],
+        sh_degree,
+        groups: vec![Group::default(); count],
+    }
+}
+
+/// Makes room for `count` splats, doubling, but for no more than `promised`.
+pub(super) fn grow(splats: &mut Splats, count: u64, promised: u64) {
+    if count <= splats.len() as u64 {
+        return;
+    }
+    let size = promised.min(count.max(2 * splats.len() as u64)) as usize;
+    let sh_size = size * splats.sh_stride();
+    splats.means.resize(size, [0.0; 3]);
+    splats.quats.resize(size, [0.0; 4]);
+    splats.log_scales.resize(size, [0.0; 3]);
+    splats.logit_opacities.resize(size, 0.0);
+    splats.sh.resize(sh_size, 0.0);
+    splats.groups.resize(size, Group::default());
+}
+
 /// The group of a number in a file; a number that no group has is the scene.
 pub(super) fn group_of(number: f32) -> Group {
     let small = number as u8;

@@ -1,9 +1,8 @@
 //! ASCII bodies: one row a line.
 
 use super::{
-    binary::{grow, zeroed},
     header::{Element, Header, Kind},
-    layout::{Array, Layout, group_of, values},
+    layout::{Array, Layout, group_of, grow, values, zeroed},
 };
 use crate::{
     Splats,
