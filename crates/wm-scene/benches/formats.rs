@@ -19,8 +19,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let measured = arguments.iter().any(|a| a == "--bench");
     let mut files: Vec<PathBuf> =
         arguments.iter().filter(|a| !a.starts_with('-')).map(PathBuf::from).collect();
-    let folder = std::env::temp_dir().join(format!("wm-bench-{}", std::process::id()));
-    std::fs::create_dir(&folder)?;
+    let folder = tempfile::tempdir()?;
+    let folder = folder.path();
     if files.is_empty() {
         for degree in [0, 3] {
             let path = folder.join(format!("random-degree-{degree}.ply"));
@@ -32,7 +32,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for file in &files {
         measure(file, &folder.join("written.ply"), rounds)?;
     }
-    std::fs::remove_dir_all(&folder)?;
     Ok(())
 }
 
