@@ -7,17 +7,28 @@
 //! - [`Camera`]: pinhole intrinsics and pose, OpenCV axes.
 //! - [`Metadata`]: what weather must know of a scene: metres per unit, up, ground, sky.
 //! - [`Scene`]: the three together, read and written by [`formats`].
+//! - [`View`]: a photographed view, of a scene or a [`capture`].
 
 pub mod camera;
+pub mod capture;
+pub mod error;
+pub mod files;
+pub mod formats;
 pub mod group;
+pub mod health;
 pub mod metadata;
 pub mod quat;
 pub mod scene;
 pub mod sh;
+mod source;
 pub mod splats;
+#[cfg(test)]
+mod testing;
 
 pub use camera::{Camera, CameraError};
+pub use error::{FormatError, Place, Problem};
 pub use group::Group;
+pub use health::Health;
 pub use metadata::{Metadata, Rasterization};
 pub use scene::{Scene, View};
 pub use splats::{Splats, SplatsError};

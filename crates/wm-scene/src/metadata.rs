@@ -28,7 +28,8 @@ pub struct Metadata {
     /// How the scene was rasterised when it was trained.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rasterization: Option<Rasterization>,
-    /// Where the scene came from: file, program, capture; free text, one line.
+    /// Where the scene came from: file, program, capture; free text, one line, at most
+    /// [`Metadata::MAX_PROVENANCE`] bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub provenance: Option<String>,
 }
@@ -48,6 +49,37 @@ pub enum Rasterization {
 }
 
 impl Metadata {
+    /// The keys, in the order in which they are written.
+    pub const KEYS: [&str; 6] =
+        ["metres_per_unit", "up", "ground", "airlight", "rasterization", "provenance"];
+
+    /// Longest provenance, bytes: it must fit into one header line.
+    pub const MAX_PROVENANCE: usize = 4096;
+
+    /// Each key that has a value, with the value in TOML on one line.
+    ///
+    /// # Errors
+    /// What [`Self::fault`] says: such values would not be read back.
+    pub fn entries(&self) -> Result<Vec<(&'static str, String)>, String> {
+        if let Some(fault) = self.fault() {
+            return Err(fault);
+        }
+        let table = toml::Table::try_from(self).map_err(|e| e.to_string())?;
+        Ok(Self::KEYS.iter().filter_map(|key| Some((*key, table.get(*key)?.to_string()))).collect())
+    }
+
+    /// The metadata with the one value `value`, TOML on one line; `None` if no key is called `key`.
+    ///
+    /// # Errors
+    /// What is wrong with the value, in one line.
+    pub fn from_entry(key: &str, value: &str) -> Option<Result<Self, String>> {
+        Self::KEYS.contains(&key).then(|| {
+            let metadata: Self = toml::from_str(&format!("{key} = {value}"))
+                .map_err(|e| format!("{key}: {}", crate::error::one_line(e.message())))?;
+            metadata.fault().map_or(Ok(metadata), Err)
+        })
+    }
+
     /// `self` where it says something, `other` elsewhere.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
@@ -84,6 +116,14 @@ impl Metadata {
         {
             return Some(format!("airlight is {airlight:?}: each value must be finite and not below 0"));
         }
+        if let Some(provenance) = &self.provenance
+            && (provenance.len() > Self::MAX_PROVENANCE || provenance.chars().any(char::is_control))
+        {
+            let limit = Self::MAX_PROVENANCE;
+            return Some(format!(
+                "provenance must be one line of at most {limit} bytes, no control characters"
+            ));
+        }
         None
     }
 }
@@ -91,17 +131,64 @@ impl Metadata {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
-    #[test]
-    fn toml_round_trip_and_unknown_keys() {
-        let metadata = Metadata {
+    fn full() -> Metadata {
+        Metadata {
             metres_per_unit: Some(16.4),
             up: Some(DVec3::NEG_Y),
             ground: Some(-1.5),
             airlight: Some([0.7, 0.75, 0.8]),
             rasterization: Some(Rasterization::Antialiased),
             provenance: Some("a test".into()),
-        };
+        }
+    }
+
+    #[test]
+    fn the_list_of_keys_is_that_of_the_fields() {
+        let table = toml::Table::try_from(full()).unwrap();
+        assert_eq!(table.len(), Metadata::KEYS.len());
+        assert!(Metadata::KEYS.iter().all(|key| table.contains_key(*key)));
+    }
+
+    #[test]
+    fn entries_with_faults_are_told() {
+        let say = |key, value| Metadata::from_entry(key, value).unwrap().unwrap_err();
+        assert_eq!(say("metres_per_unit", "-1"), "metres_per_unit is -1: it must be finite and above 0");
+        for (key, value) in [("up", "[0.0, 1.0]"), ("ground", ""), ("rasterization", "\"soft\"")] {
+            let message = say(key, value);
+            assert!(message.starts_with(&format!("{key}: ")) && !message.contains('\n'), "{message}");
+        }
+        assert!(Metadata::from_entry("ceiling", "1.0").is_none());
+        assert!(Metadata::from_entry("up = 1\nground", "1.0").is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn entries_come_back(
+            numbers in prop::array::uniform4(prop::num::f64::NORMAL),
+            provenance in "\\PC{0,40}",
+        ) {
+            let metadata = Metadata {
+                metres_per_unit: Some(numbers[0].abs()),
+                ground: Some(numbers[1]),
+                airlight: Some([numbers[2].abs(), numbers[3].abs(), 0.0]),
+                provenance: Some(provenance),
+                ..full()
+            };
+            prop_assume!(metadata.fault().is_none());
+            let mut read = Metadata::default();
+            for (key, value) in metadata.entries().unwrap() {
+                prop_assert!(!value.contains(['\n', '\r']), "{value}");
+                read = Metadata::from_entry(key, &value).unwrap().unwrap().or(read);
+            }
+            prop_assert_eq!(read, metadata);
+        }
+    }
+
+    #[test]
+    fn toml_round_trip_and_unknown_keys() {
+        let metadata = full();
         let text = toml::to_string(&metadata).unwrap();
         assert_eq!(toml::from_str::<Metadata>(&text).unwrap(), metadata);
         assert!(toml::from_str::<Metadata>("meters_per_unit = 1.0").is_err());
@@ -115,6 +202,8 @@ mod tests {
             Metadata { up: Some(DVec3::ZERO), ..Metadata::default() },
             Metadata { ground: Some(f64::NAN), ..Metadata::default() },
             Metadata { airlight: Some([0.5, -1.0, 0.5]), ..Metadata::default() },
+            Metadata { provenance: Some("two\nlines".into()), ..Metadata::default() },
+            Metadata { provenance: Some("x".repeat(5000)), ..Metadata::default() },
         ] {
             assert!(bad.fault().is_some());
         }

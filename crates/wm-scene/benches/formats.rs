@@ -1,0 +1,77 @@
+//! Reading and writing scene files: megabytes a second, best of several. The first reading is told
+//! apart, since it alone pays for fresh pages of memory.
+//!
+//! `cargo bench -p wm-scene --bench formats [-- scene.ply ...]`; without a file, random scenes of SH
+//! degree 0 and 3 are made. Run as a test it uses small ones.
+
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
+use wm_scene::{
+    Group, Scene, Splats,
+    formats::{ReadOptions, read_scene, write_scene},
+    splats::Splat,
+};
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let measured = arguments.iter().any(|a| a == "--bench");
+    let mut files: Vec<PathBuf> =
+        arguments.iter().filter(|a| !a.starts_with('-')).map(PathBuf::from).collect();
+    let folder = tempfile::tempdir()?;
+    let folder = folder.path();
+    if files.is_empty() {
+        for degree in [0, 3] {
+            let path = folder.join(format!("random-degree-{degree}.ply"));
+            write_scene(&path, &random_scene(if measured { 300_000 } else { 1000 }, degree))?;
+            files.push(path);
+        }
+    }
+    let rounds = if measured { 10 } else { 1 };
+    for file in &files {
+        measure(file, &folder.join("written.ply"), rounds)?;
+    }
+    Ok(())
+}
+
+fn measure(file: &Path, output: &Path, rounds: u32) -> Result<(), Box<dyn std::error::Error>> {
+    let megabytes = std::fs::metadata(file)?.len() as f64 / 1e6;
+    let (mut reading, mut writing) = (f64::INFINITY, f64::INFINITY);
+    let mut first = None;
+    for _ in 0..rounds {
+        let start = Instant::now();
+        let scene = read_scene(file, &ReadOptions::default())?;
+        let seconds = start.elapsed().as_secs_f64();
+        first.get_or_insert(seconds);
+        reading = reading.min(seconds);
+        let start = Instant::now();
+        write_scene(output, &scene)?;
+        writing = writing.min(start.elapsed().as_secs_f64());
+    }
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    println!(
+        "{name}: {megabytes:.0} MB, read {:.0} MB/s (first {:.0}), write {:.0} MB/s",
+        megabytes / reading,
+        megabytes / first.unwrap_or(reading),
+        megabytes / writing
+    );
+    Ok(())
+}
+
+/// Splats of values that do not repeat; the speed does not depend on them.
+fn random_scene(count: usize, degree: u8) -> Scene {
+    let mut splats = Splats::with_capacity(count, degree);
+    for index in 0..count {
+        let value = (index as f32).sin();
+        splats.push(&Splat {
+            mean: [value, 2.0 * value, -value],
+            quat: [1.0, value, 0.0, 0.5],
+            log_scale: [-3.0, value, -2.0],
+            logit_opacity: value,
+            rgb: [0.2, 0.5, value],
+            group: Group::Scene,
+        });
+    }
+    Scene { splats, ..Scene::default() }
+}

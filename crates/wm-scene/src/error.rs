@@ -1,0 +1,242 @@
+//! What can be wrong with a file: where, what, and what to do, in one line.
+
+use crate::SplatsError;
+use std::{
+    fmt, io,
+    path::{Path, PathBuf},
+    str::FromStr,
+};
+use thiserror::Error;
+
+/// Why a scene, a sidecar or a capture was not read or written.
+///
+/// Prints as one line: path, place, what is wrong, what to do.
+#[derive(Debug, Error)]
+#[error("{}{place}: {problem}", path.display())]
+pub struct FormatError {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// Where in the file.
+    pub place: Place,
+    /// What is wrong there.
+    pub problem: Problem,
+}
+
+/// A place in a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Place {
+    /// The file as a whole.
+    #[default]
+    Whole,
+    /// Byte offset from the start, 0-based.
+    Byte(u64),
+    /// Line, 1-based.
+    Line(u64),
+    /// Line and column, both 1-based.
+    LineColumn(u64, u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Whole => Ok(()),
+            Self::Byte(byte) => write!(f, ", byte {byte}"),
+            Self::Line(line) => write!(f, ", line {line}"),
+            Self::LineColumn(line, column) => write!(f, ", line {line}, column {column}"),
+        }
+    }
+}
+
+/// What is wrong with a file, and what to do about it.
+#[derive(Debug, Error)]
+pub enum Problem {
+    /// There is nothing at the path.
+    #[error("no such file or folder; check the path")]
+    Missing,
+    /// The folder is not one that a 3DGS training wrote.
+    #[error(
+        "a folder with no point_cloud/iteration_*/point_cloud.ply in it; give a scene file or the folder that \
+         a 3DGS training wrote"
+    )]
+    NotASceneFolder,
+    /// The file has no byte.
+    #[error("the file is empty; copy or export it again")]
+    Empty,
+    /// The content is of no known format.
+    #[error("{found}; {advice}")]
+    UnknownFormat {
+        /// What it is not, and the first bytes, escaped.
+        found: String,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// No format that can be written has the extension.
+    #[error("no scene format is written to a name that ends in \"{extension}\"; use {known}")]
+    UnknownExtension {
+        /// The extension with its dot, or nothing.
+        extension: String,
+        /// The extensions that can be written.
+        known: String,
+    },
+    /// The operating system refused to read.
+    #[error("cannot be read: {0}")]
+    Read(io::Error),
+    /// The operating system refused to write.
+    #[error("cannot be written: {0}")]
+    Write(#[from] io::Error),
+    /// The folder of the output is not there.
+    #[error("cannot be written: the folder \"{}\" does not exist; create it first", .0.display())]
+    NoFolder(PathBuf),
+    /// There is something at the output path that is not replaced.
+    #[error("cannot be written: {0}; choose another name")]
+    Occupied(&'static str),
+    /// The file ends inside its header.
+    #[error("cut off in the header: there is no end_header line; copy or download the file again")]
+    HeaderTruncated,
+    /// The header never ends.
+    #[error("the header has no end_header line in its first {0} bytes; this is no PLY that can be read")]
+    HeaderTooLong(u64),
+    /// A line of the header cannot be understood.
+    #[error("{0}; export the file again")]
+    Header(String),
+    /// The file ends before its last splat.
+    #[error(
+        "cut off: the header promises {promised} splats, at least {missing} bytes are missing; copy or \
+         download the file again"
+    )]
+    Truncated {
+        /// Splats in the header.
+        promised: u64,
+        /// Bytes that are not there.
+        missing: u128,
+    },
+    /// A text file ends before its last splat.
+    #[error(
+        "cut off: the header promises {promised} splats, the file ends after {found}; copy or download the \
+         file again"
+    )]
+    TruncatedText {
+        /// Splats in the header.
+        promised: u64,
+        /// Splats in the file.
+        found: u64,
+    },
+    /// A property that every splat needs is not there.
+    #[error("{reason}; a 3DGS file has x y z f_dc_0..2 opacity scale_0..2 rot_0..3")]
+    Property {
+        /// Which property, and what is wrong with it.
+        reason: String,
+    },
+    /// The number of SH coefficients belongs to no degree.
+    #[error("{0} f_rest properties fit no SH degree: 0, 9, 24 or 45 do; export the file again")]
+    ShCount(usize),
+    /// There is no splat.
+    #[error("there are no splats in it; nothing can be shown")]
+    NoSplats,
+    /// A number cannot be read.
+    #[error("\"{text}\" is no number for {what}; correct it or export the file again")]
+    Number {
+        /// The text, escaped and shortened.
+        text: String,
+        /// What it should give.
+        what: String,
+    },
+    /// A value has a form or size that cannot be used.
+    #[error("{0}")]
+    Value(String),
+    /// The arrays of a scene to be written do not fit each other.
+    #[error("not written: {0}")]
+    Splats(#[from] SplatsError),
+    /// The folder has no COLMAP model.
+    #[error(
+        "no COLMAP model here: cameras.bin and images.bin (or both as .txt) are needed in the folder itself, \
+         in sparse/0, in sparse or in 0"
+    )]
+    NoCapture,
+    /// A camera model with distortion.
+    #[error("camera {camera} has the model {model}, {advice}")]
+    CameraModel {
+        /// Its number in the file.
+        camera: u32,
+        /// COLMAP's name of the model.
+        model: String,
+        /// Why it cannot be used and what to do.
+        advice: &'static str,
+    },
+    /// A capture file ends too early.
+    #[error("cut off in {what}; copy the file or export the model again")]
+    CaptureTruncated {
+        /// Which camera, image or line.
+        what: String,
+    },
+}
+
+impl FormatError {
+    /// The problem with the file as a whole.
+    #[must_use]
+    pub fn whole(path: &Path, problem: Problem) -> Self {
+        Self { path: path.into(), place: Place::Whole, problem }
+    }
+
+    /// The problem at a place.
+    #[must_use]
+    pub fn at(path: &Path, place: Place, problem: Problem) -> Self {
+        Self { path: path.into(), place, problem }
+    }
+
+    /// What reading `path` met: a missing file is told apart.
+    #[must_use]
+    pub fn reading(path: &Path, error: io::Error) -> Self {
+        let problem = match error.kind() {
+            io::ErrorKind::NotFound => Problem::Missing,
+            _ => Problem::Read(error),
+        };
+        Self::whole(path, problem)
+    }
+}
+
+/// Bytes of a file as text for a message: escaped, at most 32 of them.
+pub(crate) fn excerpt(bytes: &[u8]) -> String {
+    let cut = &bytes[..bytes.len().min(32)];
+    let more = if cut.len() < bytes.len() { "..." } else { "" };
+    format!("{}{more}", cut.escape_ascii())
+}
+
+/// The number that `word` spells; `what` says in the message what it is for.
+pub(crate) fn number<T: FromStr>(word: &[u8], what: &str) -> Result<T, Problem> {
+    let parsed = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
+    parsed.ok_or_else(|| Problem::Number { text: excerpt(word), what: excerpt(what.as_bytes()) })
+}
+
+/// The message of another library on one line, control characters escaped.
+pub(crate) fn one_line(message: &str) -> String {
+    let parts: Vec<&str> =
+        message.split(['\n', '\r']).map(str::trim).filter(|part| !part.is_empty()).collect();
+    let escape = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    parts.join(", ").chars().map(escape).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_print_in_one_line() {
+        let path = Path::new("a.ply");
+        for (place, expected) in [
+            (Place::Whole, "a.ply: the file is empty; copy or export it again"),
+            (Place::Byte(7), "a.ply, byte 7: the file is empty; copy or export it again"),
+            (Place::Line(3), "a.ply, line 3: the file is empty; copy or export it again"),
+            (Place::LineColumn(3, 9), "a.ply, line 3, column 9: the file is empty; copy or export it again"),
+        ] {
+            assert_eq!(FormatError::at(path, place, Problem::Empty).to_string(), expected);
+        }
+    }
+
+    #[test]
+    fn foreign_text_stays_on_one_line() {
+        assert_eq!(excerpt(b"a\nb\xff"), "a\\nb\\xff");
+        assert_eq!(excerpt(&[b'x'; 40]), format!("{}...", "x".repeat(32)));
+        assert_eq!(one_line("first\n  sec\u{7}ond\n"), "first, sec\\u{7}ond");
+    }
+}

@@ -1,0 +1,120 @@
+//! The folder that the reference 3DGS training writes.
+//!
+//! `point_cloud/iteration_<n>/point_cloud.ply` are the splats, of which the highest n counts, and
+//! `cameras.json` are the photographed views, if it is there.
+
+use crate::{Camera, FormatError, Place, Problem, View, camera::viewmat_of, error::one_line};
+use glam::{DMat3, DQuat, DVec3};
+use serde::Deserialize;
+use std::{
+    fs::{self, File},
+    io::{BufReader, ErrorKind},
+    path::{Path, PathBuf},
+};
+
+/// The scene file that `path` means: itself, or the splats in it if it is a folder.
+///
+/// # Errors
+/// [`FormatError`] if there is nothing at the path, or it is a folder without splats.
+pub fn scene_file(path: &Path) -> Result<PathBuf, FormatError> {
+    let about = fs::metadata(path).map_err(|e| FormatError::reading(path, e))?;
+    if !about.is_dir() {
+        return Ok(path.into());
+    }
+    let no_scene = || FormatError::whole(path, Problem::NotASceneFolder);
+    let entries = match fs::read_dir(path.join("point_cloud")) {
+        Ok(entries) => entries,
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            return Err(no_scene());
+        }
+        Err(error) => return Err(FormatError::reading(path, error)),
+    };
+    let mut best: Option<(u64, PathBuf)> = None;
+    for entry in entries {
+        let entry = entry.map_err(|e| FormatError::reading(path, e))?;
+        let name = entry.file_name();
+        let number = name.to_str().and_then(|n| n.strip_prefix("iteration_")).and_then(|n| n.parse().ok());
+        let file = entry.path().join("point_cloud.ply");
+        if let Some(number) = number
+            && best.as_ref().is_none_or(|(highest, _)| number > *highest)
+            && file.is_file()
+        {
+            best = Some((number, file));
+        }
+    }
+    best.map(|(_, file)| file).ok_or_else(no_scene)
+}
+
+/// The views of `cameras.json` in the folder of a training, in its order; none if it is not there.
+///
+/// The principal point is in the middle of the picture, since the file has none.
+///
+/// # Errors
+/// [`FormatError`] with line and column, if it is no JSON or a camera cannot be used.
+pub fn read_views(folder: &Path) -> Result<Vec<View>, FormatError> {
+    let path = folder.join("cameras.json");
+    let file = match File::open(&path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(FormatError::reading(&path, error)),
+    };
+    let entries: Result<Vec<Entry>, _> = serde_json::from_reader(BufReader::new(file));
+    let entries = entries.map_err(|error| {
+        if let Some(kind) = error.io_error_kind() {
+            return FormatError::reading(&path, kind.into());
+        }
+        let place = Place::LineColumn(error.line() as u64, error.column() as u64);
+        let message = one_line(&error.to_string());
+        let message = message.split(" at line ").next().unwrap_or_default();
+        FormatError::at(&path, place, Problem::Value(format!("{message}; correct or remove the file")))
+    })?;
+    Ok(entries.into_iter().map(|entry| entry.0).collect())
+}
+
+/// A view that is checked while it is parsed, so that the error of the parser has its place.
+#[derive(Deserialize)]
+#[serde(try_from = "Raw")]
+struct Entry(View);
+
+/// One camera as the file has it; other keys are left alone.
+#[derive(Deserialize)]
+struct Raw {
+    img_name: String,
+    width: u32,
+    height: u32,
+    /// Camera centre, world axes.
+    position: DVec3,
+    /// World from camera, row by row.
+    rotation: [[f64; 3]; 3],
+    fx: f64,
+    fy: f64,
+}
+
+impl TryFrom<Raw> for Entry {
+    type Error = String;
+
+    fn try_from(raw: Raw) -> Result<Self, String> {
+        let fault = |message: &str| format!("the camera of {:?}: {message}", raw.img_name);
+        // The rows of world_from_camera are the columns of camera_from_world.
+        let [x, y, z] = raw.rotation.map(DVec3::from);
+        let rotation = DMat3::from_cols(x, y, z);
+        let product = rotation * rotation.transpose();
+        // Files hold six digits at least; what differs more is no rotation.
+        if !product.abs_diff_eq(DMat3::IDENTITY, 1e-3) || rotation.determinant() < 0.0 {
+            return Err(fault("its rotation is no rotation matrix"));
+        }
+        let rotation = DMat3::from_quat(DQuat::from_mat3(&rotation).normalize());
+        let camera = Camera {
+            width: raw.width,
+            height: raw.height,
+            fx: raw.fx,
+            fy: raw.fy,
+            cx: 0.5 * f64::from(raw.width),
+            cy: 0.5 * f64::from(raw.height),
+            viewmat: viewmat_of(rotation, -(rotation * raw.position)),
+            near: Camera::DEFAULT_NEAR,
+        };
+        camera.check().map_err(|e| fault(&e.to_string()))?;
+        Ok(Self(View { name: raw.img_name, camera }))
+    }
+}

@@ -1,0 +1,153 @@
+//! Binary bodies, both byte orders.
+
+use super::{
+    header::{Element, Header, Kind, Scalar},
+    layout::{Endian, Layout, grow, zeroed},
+};
+use crate::{
+    Splats,
+    error::{FormatError, Problem, excerpt},
+    source::Source,
+};
+
+/// Splats that arrays begin with where nothing confirms their number.
+const FIRST: u64 = 1 << 10;
+
+/// Bytes of rows that are put together at once where they have lists.
+const REPACKED: usize = 1 << 20;
+
+/// Reads the splats that follow the header.
+///
+/// # Errors
+/// If the file ends too early or a list has a negative length.
+pub(super) fn read(
+    source: &mut Source,
+    header: &Header,
+    layout: &Layout,
+    endian: Endian,
+) -> Result<Splats, FormatError> {
+    let (before, vertex) = (&header.elements[..layout.element], &header.elements[layout.element]);
+    let needed: u128 = before.iter().chain([vertex]).map(fewest_bytes).sum();
+    let promised = vertex.count;
+    if let Some(there) = source.remaining()
+        && needed > u128::from(there)
+    {
+        return Err(source.whole(Problem::Truncated { promised, missing: needed - u128::from(there) }));
+    }
+    for element in before {
+        let missing = skip(source, element, endian)?;
+        if missing > 0 {
+            return Err(source.whole(Problem::Truncated { promised, missing }));
+        }
+    }
+
+    // The count is believed only where the length of the file has confirmed it.
+    let known = if source.remaining().is_some() { promised } else { promised.min(FIRST) };
+    let mut splats = zeroed(known as usize, layout.sh_degree);
+    let mut repacked = Vec::new();
+    let mut done = 0;
+    while done < promised {
+        let row_size = layout.row_size;
+        let rows = if vertex.has_lists() {
+            repacked.clear();
+            let rows = (promised - done).min((REPACKED / row_size) as u64).max(1);
+            for row in 0..rows {
+                if !walk(source, vertex, endian, &mut repacked)? {
+                    let left = u128::from(promised - done - row - 1);
+                    let missing = left * vertex.min_size() as u128 + 1;
+                    return Err(source.whole(Problem::Truncated { promised, missing }));
+                }
+            }
+            rows
+        } else {
+            if !source.fill(row_size)? {
+                let missing = u128::from(promised - done) * row_size as u128 - source.bytes().len() as u128;
+                return Err(source.whole(Problem::Truncated { promised, missing }));
+            }
+            (promised - done).min((source.bytes().len() / row_size) as u64)
+        };
+        grow(&mut splats, done + rows, promised);
+        let size = rows as usize * row_size;
+        if vertex.has_lists() {
+            layout.scatter(endian, &repacked, done as usize, &mut splats);
+        } else {
+            layout.scatter(endian, &source.bytes()[..size], done as usize, &mut splats);
+            source.consume(size);
+        }
+        done += rows;
+    }
+    Ok(splats)
+}
+
+/// Fewest bytes that the rows of an element take.
+fn fewest_bytes(element: &Element) -> u128 {
+    u128::from(element.count) * element.min_size() as u128
+}
+
+/// Steps over the rows of an element; gives at least how many bytes of it are missing.
+fn skip(source: &mut Source, element: &Element, endian: Endian) -> Result<u128, FormatError> {
+    if !element.has_lists() {
+        return source.skip(fewest_bytes(element));
+    }
+    let mut ignored = Vec::new();
+    for row in 0..element.count {
+        ignored.clear();
+        if !walk(source, element, endian, &mut ignored)? {
+            return Ok(u128::from(element.count - row - 1) * element.min_size() as u128 + 1);
+        }
+    }
+    Ok(0)
+}
+
+/// Steps over one row and appends its scalars to `fixed`; `false` if the file ends before.
+fn walk(
+    source: &mut Source,
+    element: &Element,
+    endian: Endian,
+    fixed: &mut Vec<u8>,
+) -> Result<bool, FormatError> {
+    for property in &element.properties {
+        match property.kind {
+            Kind::Scalar(scalar) => {
+                if !source.fill(scalar.size())? {
+                    return Ok(false);
+                }
+                fixed.extend_from_slice(&source.bytes()[..scalar.size()]);
+                source.consume(scalar.size());
+            }
+            Kind::List { count, item } => {
+                let at = source.offset();
+                if !source.fill(count.size())? {
+                    return Ok(false);
+                }
+                let Some(length) = integer(count, endian, source.bytes()) else {
+                    let name = excerpt(element.name.as_bytes());
+                    let what = format!("a list of the element {name} has a negative length");
+                    return Err(source.at_byte(at, Problem::Value(format!("{what}; export the file again"))));
+                };
+                source.consume(count.size());
+                if source.skip(u128::from(length) * item.size() as u128)? > 0 {
+                    return Ok(false);
+                }
+            }
+        }
+    }
+    Ok(true)
+}
+
+/// The length that a list begins with; `None` if it is negative.
+fn integer(scalar: Scalar, endian: Endian, bytes: &[u8]) -> Option<u64> {
+    let mut wide = [0; 4];
+    let size = scalar.size().min(4);
+    wide[..size].copy_from_slice(&bytes[..size]);
+    if endian == Endian::Big {
+        wide[..size].reverse();
+    }
+    let [a, b, ..] = wide;
+    match scalar {
+        Scalar::I8 => u64::try_from(i8::from_le_bytes([a])).ok(),
+        Scalar::I16 => u64::try_from(i16::from_le_bytes([a, b])).ok(),
+        Scalar::I32 => u64::try_from(i32::from_le_bytes(wide)).ok(),
+        _ => Some(u64::from(u32::from_le_bytes(wide))),
+    }
+}

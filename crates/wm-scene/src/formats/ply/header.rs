@@ -1,0 +1,223 @@
+//! The PLY header: elements, properties and the metadata in its comments.
+
+use super::Encoding;
+use crate::{
+    Metadata,
+    error::{FormatError, Problem, excerpt, one_line},
+    source::Source,
+};
+
+/// Longest header, bytes: what it declares is kept in memory.
+const MAX_HEADER: u64 = 1 << 20;
+
+/// What the header says.
+#[derive(Debug)]
+pub(super) struct Header {
+    pub encoding: Encoding,
+    pub elements: Vec<Element>,
+    pub metadata: Metadata,
+}
+
+/// A table of the file.
+#[derive(Debug)]
+pub(super) struct Element {
+    pub name: String,
+    /// Rows that the header promises; not to be believed.
+    pub count: u64,
+    pub properties: Vec<Property>,
+}
+
+/// A column of a table.
+#[derive(Debug)]
+pub(super) struct Property {
+    pub name: String,
+    pub kind: Kind,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Scalar(Scalar),
+    List { count: Scalar, item: Scalar },
+}
+
+/// The number types of PLY.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    fn from_keyword(word: &[u8]) -> Result<Self, Problem> {
+        Ok(match word {
+            b"char" | b"int8" => Self::I8,
+            b"uchar" | b"uint8" => Self::U8,
+            b"short" | b"int16" => Self::I16,
+            b"ushort" | b"uint16" => Self::U16,
+            b"int" | b"int32" => Self::I32,
+            b"uint" | b"uint32" => Self::U32,
+            b"float" | b"float32" => Self::F32,
+            b"double" | b"float64" => Self::F64,
+            _ => return Err(Problem::Header(format!("\"{}\" is no number type of PLY", excerpt(word)))),
+        })
+    }
+
+    /// Bytes of one number.
+    pub fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+}
+
+impl Kind {
+    /// Fewest bytes: that of a list with no items.
+    fn min_size(self) -> usize {
+        match self {
+            Self::Scalar(scalar) => scalar.size(),
+            Self::List { count, .. } => count.size(),
+        }
+    }
+}
+
+impl Element {
+    /// Fewest bytes of a binary row; all rows have it if there is no list.
+    pub fn min_size(&self) -> usize {
+        self.properties.iter().map(|p| p.kind.min_size()).sum()
+    }
+
+    /// Whether a row can have any length.
+    pub fn has_lists(&self) -> bool {
+        self.properties.iter().any(|p| matches!(p.kind, Kind::List { .. }))
+    }
+}
+
+impl Header {
+    /// Reads up to and with the `end_header` line.
+    ///
+    /// # Errors
+    /// With the line, if it is no header that can be understood.
+    pub fn parse(source: &mut Source) -> Result<Self, FormatError> {
+        let mut encoding = None;
+        let mut elements = Vec::new();
+        let mut metadata = Metadata::default();
+        loop {
+            if source.offset() > MAX_HEADER {
+                return Err(source.whole(Problem::HeaderTooLong(MAX_HEADER)));
+            }
+            let Some(line) = source.line()? else { return Err(source.whole(Problem::HeaderTruncated)) };
+            match parse_line(line, &mut encoding, &mut elements, &mut metadata) {
+                Ok(Step::Next) => {}
+                Ok(Step::End) => break,
+                Err(problem) => {
+                    // Half a keyword at the end of the file is a cut, not a mistake.
+                    return Err(if source.is_cut() {
+                        source.whole(Problem::HeaderTruncated)
+                    } else {
+                        source.at_line(problem)
+                    });
+                }
+            }
+        }
+        let Some(encoding) = encoding else {
+            return Err(source.whole(Problem::Header("the header has no format line".into())));
+        };
+        Ok(Self { encoding, elements, metadata })
+    }
+}
+
+enum Step {
+    Next,
+    End,
+}
+
+fn parse_line(
+    line: &[u8],
+    encoding: &mut Option<Encoding>,
+    elements: &mut Vec<Element>,
+    metadata: &mut Metadata,
+) -> Result<Step, Problem> {
+    if let Some(entry) = line.strip_prefix(b"comment wm.") {
+        if let Some(read) = parse_entry(entry)? {
+            *metadata = read.or(std::mem::take(metadata));
+        }
+        return Ok(Step::Next);
+    }
+    let words: Vec<&[u8]> =
+        line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).take(6).collect();
+    match words[..] {
+        [] | [b"ply"] | [b"comment" | b"obj_info", ..] => {}
+        [b"end_header"] => return Ok(Step::End),
+        [b"format", keyword, version] => {
+            if version != b"1.0" {
+                let version = excerpt(version);
+                return Err(Problem::Header(format!("PLY version \"{version}\" is not read, 1.0 is")));
+            }
+            let found = Encoding::ALL.into_iter().find(|e| e.keyword().as_bytes() == keyword);
+            *encoding = Some(found.ok_or_else(|| {
+                Problem::Header(format!("\"{}\" is no encoding of PLY", excerpt(keyword)))
+            })?);
+        }
+        [b"element", name, count] => {
+            let count = std::str::from_utf8(count).ok().and_then(|text| text.parse().ok()).ok_or_else(|| {
+                Problem::Header(format!("\"{}\" is no number of elements", excerpt(count)))
+            })?;
+            elements.push(Element { name: text_of(name), count, properties: Vec::new() });
+        }
+        [b"property", ref rest @ ..] => {
+            let Some(element) = elements.last_mut() else {
+                return Err(Problem::Header("a property stands before the first element".into()));
+            };
+            element.properties.push(parse_property(line, rest)?);
+        }
+        _ => return Err(unknown(line)),
+    }
+    Ok(Step::Next)
+}
+
+fn parse_property(line: &[u8], words: &[&[u8]]) -> Result<Property, Problem> {
+    match *words {
+        [b"list", count, item, name] => {
+            let (count, item) = (Scalar::from_keyword(count)?, Scalar::from_keyword(item)?);
+            if matches!(count, Scalar::F32 | Scalar::F64) {
+                return Err(Problem::Header("a list cannot have a length that is no integer".into()));
+            }
+            Ok(Property { name: text_of(name), kind: Kind::List { count, item } })
+        }
+        [kind, name] => {
+            Ok(Property { name: text_of(name), kind: Kind::Scalar(Scalar::from_keyword(kind)?) })
+        }
+        _ => Err(unknown(line)),
+    }
+}
+
+/// The metadata of `<key> <value>`; `None` for a key that only a newer program knows.
+fn parse_entry(entry: &[u8]) -> Result<Option<Metadata>, Problem> {
+    let entry = std::str::from_utf8(entry)
+        .map_err(|_| Problem::Header(format!("\"{}\" is not UTF-8", excerpt(entry))))?;
+    let (key, value) = entry.trim().split_once(' ').unwrap_or((entry.trim(), ""));
+    match Metadata::from_entry(key, value) {
+        None => Ok(None),
+        Some(Ok(metadata)) => Ok(Some(metadata)),
+        Some(Err(fault)) => {
+            Err(Problem::Value(format!("metadata: {}; correct or remove the line", one_line(&fault))))
+        }
+    }
+}
+
+fn unknown(line: &[u8]) -> Problem {
+    Problem::Header(format!("the header line \"{}\" is not understood", excerpt(line)))
+}
+
+fn text_of(name: &[u8]) -> String {
+    String::from_utf8_lossy(name).into_owned()
+}

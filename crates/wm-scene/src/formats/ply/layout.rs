@@ -1,0 +1,240 @@
+//! Which property of a file goes where in [`Splats`].
+
+use super::header::{Element, Header, Kind, Scalar};
+use crate::{Group, Splats, error::Problem, sh};
+
+/// Byte order of a binary file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Endian {
+    Little,
+    Big,
+}
+
+/// An array of [`Splats`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Array {
+    Means,
+    Quats,
+    LogScales,
+    Opacities,
+    Sh,
+    Groups,
+}
+
+/// A property that is kept.
+#[derive(Debug)]
+pub(super) struct Column {
+    /// Its place among the properties of the element.
+    pub property: usize,
+    /// Its byte in a binary row from which lists are left out.
+    offset: usize,
+    scalar: Scalar,
+    pub array: Array,
+    /// Its place among the values that the array has for one splat.
+    pub lane: usize,
+}
+
+/// The rows of the vertex element.
+#[derive(Debug)]
+pub(super) struct Layout {
+    /// Place of the vertex element in the header.
+    pub element: usize,
+    pub columns: Vec<Column>,
+    /// Bytes of a binary row from which lists are left out.
+    pub row_size: usize,
+    pub sh_degree: u8,
+}
+
+impl Layout {
+    /// Finds every property that a splat needs.
+    ///
+    /// # Errors
+    /// [`Problem`] names what is missing.
+    pub fn of(header: &Header) -> Result<Self, Problem> {
+        let element = header
+            .elements
+            .iter()
+            .position(|e| e.name == "vertex")
+            .ok_or_else(|| property("there is no vertex element"))?;
+        let vertex = &header.elements[element];
+        let rest = vertex.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
+        let sh_degree =
+            rest.is_multiple_of(3).then(|| sh::degree_of(rest / 3 + 1)).flatten().ok_or(Problem::ShCount(rest))?;
+
+        let mut wanted: Vec<(String, Array, usize)> = Vec::new();
+        let mut want = |names: &[&str], array| {
+            wanted.extend(names.iter().enumerate().map(|(lane, name)| ((*name).to_owned(), array, lane)));
+        };
+        want(&["x", "y", "z"], Array::Means);
+        want(&["f_dc_0", "f_dc_1", "f_dc_2"], Array::Sh);
+        want(&["opacity"], Array::Opacities);
+        want(&["scale_0", "scale_1", "scale_2"], Array::LogScales);
+        want(&["rot_0", "rot_1", "rot_2", "rot_3"], Array::Quats);
+        // The file has all of red, then green, then blue; memory has the channels innermost.
+        wanted.extend((0..rest).map(|i| {
+            let (channel, coefficient) = (i / (rest / 3), i % (rest / 3) + 1);
+            (format!("f_rest_{i}"), Array::Sh, coefficient * 3 + channel)
+        }));
+        let mut columns = Vec::with_capacity(wanted.len() + 1);
+        for (name, array, lane) in wanted {
+            let column = find(vertex, &name, array, lane)?;
+            columns.push(column.ok_or_else(|| missing(vertex, &name))?);
+        }
+        columns.extend(find(vertex, "group", Array::Groups, 0)?);
+        Ok(Self { element, columns, row_size: offset_of(vertex, vertex.properties.len()), sh_degree })
+    }
+
+    /// Writes the binary rows `rows`, lists left out, into `splats` from splat `first` on.
+    pub fn scatter(&self, endian: Endian, rows: &[u8], first: usize, splats: &mut Splats) {
+        // Every column runs over the rows once: as many at a time as stay in the first cache.
+        let step = (PART / self.row_size).max(1);
+        let mut numbers = Vec::new();
+        for (part, rows) in rows.chunks(step * self.row_size).enumerate() {
+            let first = first + part * step;
+            let count = rows.len() / self.row_size;
+            for column in &self.columns {
+                if column.array == Array::Groups {
+                    numbers.clear();
+                    numbers.resize(count, 0.0);
+                    column.gather(endian, rows, self.row_size, &mut numbers, 1);
+                    for (group, number) in splats.groups[first..].iter_mut().zip(&numbers) {
+                        *group = group_of(*number);
+                    }
+                } else {
+                    let (values, stride) = values(splats, column.array);
+                    let out = &mut values[first * stride..(first + count) * stride];
+                    column.gather(endian, rows, self.row_size, out, stride);
+                }
+            }
+        }
+    }
+}
+
+/// Bytes of rows that are scattered at a time.
+const PART: usize = 16 << 10;
+
+/// The flat values of an array and how many it has for one splat.
+///
+/// # Panics
+/// For the groups, which are no numbers.
+pub(super) fn values(splats: &mut Splats, array: Array) -> (&mut [f32], usize) {
+    let stride = splats.sh_stride();
+    match array {
+        Array::Means => (splats.means.as_flattened_mut(), 3),
+        Array::Quats => (splats.quats.as_flattened_mut(), 4),
+        Array::LogScales => (splats.log_scales.as_flattened_mut(), 3),
+        Array::Opacities => (&mut splats.logit_opacities, 1),
+        Array::Sh => (&mut splats.sh, stride),
+        Array::Groups => panic!("groups are no numbers"),
+    }
+}
+
+/// `count` splats with all values 0.
+pub(super) fn zeroed(count: usize, sh_degree: u8) -> Splats {
+    // `vec!` of zeros takes pages that the system has cleared already; pushing would write them twice.
+    Splats {
+        means: vec![[0.0; 3]; count],
+        quats: vec![[0.0; 4]; count],
+        log_scales: vec![[0.0; 3]; count],
+        logit_opacities: vec![0.0; count],
+        sh: vec![0.0; count * sh::coefficients(sh_degree) * 3],
+        sh_degree,
+        groups: vec![Group::default(); count],
+    }
+}
+
+/// Makes room for `count` splats, doubling, but for no more than `promised`.
+pub(super) fn grow(splats: &mut Splats, count: u64, promised: u64) {
+    if count <= splats.len() as u64 {
+        return;
+    }
+    let size = promised.min(count.max(2 * splats.len() as u64)) as usize;
+    let sh_size = size * splats.sh_stride();
+    splats.means.resize(size, [0.0; 3]);
+    splats.quats.resize(size, [0.0; 4]);
+    splats.log_scales.resize(size, [0.0; 3]);
+    splats.logit_opacities.resize(size, 0.0);
+    splats.sh.resize(sh_size, 0.0);
+    splats.groups.resize(size, Group::default());
+}
+
+/// The group of a number in a file; a number that no group has is the scene.
+pub(super) fn group_of(number: f32) -> Group {
+    let small = number as u8;
+    if f32::from(small) == number { Group::from_number(small).unwrap_or_default() } else { Group::default() }
+}
+
+impl Column {
+    /// Writes this property of every row to `out[row * stride + lane]`.
+    fn gather(&self, endian: Endian, rows: &[u8], row_size: usize, out: &mut [f32], stride: usize) {
+        macro_rules! gather {
+            ($number:ty) => {
+                match endian {
+                    Endian::Little => self.each(rows, row_size, out, stride, |b| <$number>::from_le_bytes(b) as f32),
+                    Endian::Big => self.each(rows, row_size, out, stride, |b| <$number>::from_be_bytes(b) as f32),
+                }
+            };
+        }
+        match self.scalar {
+            Scalar::I8 => gather!(i8),
+            Scalar::U8 => gather!(u8),
+            Scalar::I16 => gather!(i16),
+            Scalar::U16 => gather!(u16),
+            Scalar::I32 => gather!(i32),
+            Scalar::U32 => gather!(u32),
+            Scalar::F32 => gather!(f32),
+            Scalar::F64 => gather!(f64),
+        }
+    }
+
+    /// The inner loop, compiled once for each number type and byte order.
+    fn each<const N: usize>(
+        &self,
+        rows: &[u8],
+        row_size: usize,
+        out: &mut [f32],
+        stride: usize,
+        number: impl Fn([u8; N]) -> f32,
+    ) {
+        let inputs = rows[self.offset..].chunks(row_size);
+        let outputs = out[self.lane..].chunks_mut(stride);
+        for (input, output) in inputs.zip(outputs) {
+            if let Some(bytes) = input.first_chunk() {
+                output[0] = number(*bytes);
+            }
+        }
+    }
+}
+
+/// The scalar property called `name`.
+fn find(element: &Element, name: &str, array: Array, lane: usize) -> Result<Option<Column>, Problem> {
+    let mut found = element.properties.iter().enumerate().filter(|(_, p)| p.name == name);
+    let Some((index, first)) = found.next() else { return Ok(None) };
+    if found.next().is_some() {
+        return Err(property(&format!("the property {name} is declared twice")));
+    }
+    let Kind::Scalar(scalar) = first.kind else {
+        return Err(property(&format!("the property {name} is a list, not one number a splat")));
+    };
+    Ok(Some(Column { property: index, offset: offset_of(element, index), scalar, array, lane }))
+}
+
+/// The byte of property `index` in a row from which lists are left out.
+fn offset_of(element: &Element, index: usize) -> usize {
+    let scalars = element.properties[..index].iter().filter_map(|p| match p.kind {
+        Kind::Scalar(scalar) => Some(scalar.size()),
+        Kind::List { .. } => None,
+    });
+    scalars.sum()
+}
+
+fn missing(element: &Element, name: &str) -> Problem {
+    if element.properties.iter().any(|p| p.name == "packed_position") {
+        return Problem::Value("a compressed PLY (packed_position) is not read; convert it to a plain one".into());
+    }
+    property(&format!("the vertex element has no property {name}"))
+}
+
+fn property(reason: &str) -> Problem {
+    Problem::Property { reason: reason.into() }
+}

@@ -1,0 +1,88 @@
+//! The 3DGS PLY: what the reference implementation of 3D Gaussian splatting writes.
+//!
+//! # Layout
+//! One element `vertex` with x y z, nx ny nz (not read), f_dc_0..2, f_rest_* (all of red, then
+//! green, then blue: 0, 9, 24 or 45), opacity (logit), scale_0..2 (logarithm) and rot_0..3 (wxyz).
+//! The stored values are those of [`Splats`](crate::Splats), so nothing is converted but the order
+//! of `f_rest`.
+//!
+//! # What else is read
+//! Binary of either byte order and ASCII; properties in any order and of any number type; further
+//! properties and elements, lists too, are stepped over. `group` (any number type) is the
+//! [`Group`](crate::Group) of a splat; numbers that no group has are the scene. Comment lines
+//! `comment wm.<key> <value>` are [`Metadata`](crate::Metadata), the value in TOML; keys that are not
+//! known are left alone, so that files of later versions can be read; of equal keys the last counts.
+//!
+//! # Memory
+//! One block beside the arrays. The number of splats in the header is checked against the length of
+//! the file before anything is allocated; where there is no length (pipes, ASCII) arrays grow with
+//! what was read.
+
+mod binary;
+mod header;
+mod layout;
+#[cfg(test)]
+mod tests;
+mod text;
+mod write;
+
+use super::Format;
+use crate::{
+    Scene,
+    error::{FormatError, Problem},
+    source::Source,
+};
+use header::Header;
+use layout::{Endian, Layout};
+pub use write::write;
+
+/// The entry of [`FORMATS`](super::FORMATS).
+pub const FORMAT: Format = Format {
+    name: "PLY",
+    extensions: &["ply"],
+    about: "3D Gaussian splatting PLY, binary or ASCII, SH degree 0 to 3",
+    sniff: |start| start.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_none_or(u8::is_ascii_whitespace)),
+    read,
+    write: |out, scene| write(out, scene, Encoding::default()),
+};
+
+/// How the numbers of a PLY are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Encoding {
+    /// Binary, least significant byte first.
+    #[default]
+    BinaryLittleEndian,
+    /// Binary, most significant byte first.
+    BinaryBigEndian,
+    /// Decimal text, one splat a line.
+    Ascii,
+}
+
+impl Encoding {
+    /// Every encoding.
+    pub const ALL: [Self; 3] = [Self::BinaryLittleEndian, Self::BinaryBigEndian, Self::Ascii];
+
+    /// Its name in the header.
+    #[must_use]
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Self::BinaryLittleEndian => "binary_little_endian",
+            Self::BinaryBigEndian => "binary_big_endian",
+            Self::Ascii => "ascii",
+        }
+    }
+}
+
+fn read(source: &mut Source) -> Result<Scene, FormatError> {
+    let header = Header::parse(source)?;
+    let layout = Layout::of(&header).map_err(|problem| source.whole(problem))?;
+    if header.elements[layout.element].count == 0 {
+        return Err(source.whole(Problem::NoSplats));
+    }
+    let splats = match header.encoding {
+        Encoding::BinaryLittleEndian => binary::read(source, &header, &layout, Endian::Little),
+        Encoding::BinaryBigEndian => binary::read(source, &header, &layout, Endian::Big),
+        Encoding::Ascii => text::read(source, &header, &layout),
+    }?;
+    Ok(Scene { splats, metadata: header.metadata, views: Vec::new() })
+}

@@ -1,0 +1,162 @@
+//! Round trips, the layout of written files, and real scenes.
+
+mod faults;
+mod foreign;
+
+use super::*;
+use crate::{
+    Group, Metadata, Splats,
+    formats::read_scene_from,
+    splats::Splat,
+    testing::{any_scene, bits, data},
+};
+use glam::DVec3;
+use proptest::prelude::*;
+use std::path::Path;
+
+fn written(scene: &Scene, encoding: Encoding) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    write(&mut bytes, scene, encoding).unwrap();
+    bytes
+}
+
+fn read_bytes(bytes: &[u8]) -> Result<Scene, FormatError> {
+    read_scene_from(Path::new("a.ply"), bytes, Some(bytes.len() as u64))
+}
+
+/// The same bytes with no length to check a count against.
+fn read_pipe(bytes: &[u8]) -> Result<Scene, FormatError> {
+    read_scene_from(Path::new("a.ply"), bytes, None)
+}
+
+fn small_scene() -> Scene {
+    let mut splats = Splats::with_capacity(3, 1);
+    for (index, group) in Group::ALL.into_iter().enumerate() {
+        let mean = [index as f32, 0.5, -1e-7];
+        let (quat, log_scale) = ([1.0, 0.25, 0.0, 0.0], [-2.0, -3.5, -1.0]);
+        splats.push(&Splat { mean, quat, log_scale, logit_opacity: 2.5, rgb: [0.2, 0.4, 0.8], group });
+    }
+    splats.sh.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
+    let metadata = Metadata { up: Some(DVec3::Z), provenance: Some("a \"test\"".into()), ..Metadata::default() };
+    Scene { splats, metadata, views: Vec::new() }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn every_encoding_gives_everything_back(scene in any_scene(12)) {
+        for encoding in Encoding::ALL {
+            let bytes = written(&scene, encoding);
+            for read in [read_bytes(&bytes), read_pipe(&bytes)] {
+                let read = read.unwrap();
+                prop_assert_eq!(bits(&read.splats), bits(&scene.splats));
+                prop_assert_eq!(&read.metadata, &scene.metadata);
+                prop_assert_eq!(read.splats.check(), Ok(()));
+            }
+        }
+    }
+}
+
+#[test]
+fn many_rows_cross_the_blocks() {
+    // 20,000 rows of 248 bytes are five blocks, and a block holds no whole number of rows.
+    let mut splats = Splats::with_capacity(20_000, 3);
+    for index in 0..20_000u32 {
+        let value = |i: u32| (index * 64 + i) as f32;
+        splats.means.push([value(0), value(1), value(2)]);
+        splats.quats.push([value(3), value(4), value(5), value(6)]);
+        splats.log_scales.push([value(7), value(8), value(9)]);
+        splats.logit_opacities.push(value(10));
+        splats.sh.extend((11..59).map(value));
+        splats.groups.push(Group::ALL[index as usize % 3]);
+    }
+    let scene = Scene { splats, ..Scene::default() };
+    for encoding in Encoding::ALL {
+        let bytes = written(&scene, encoding);
+        assert!(read_bytes(&bytes).unwrap() == scene, "{encoding:?}");
+        assert!(read_pipe(&bytes).unwrap() == scene, "{encoding:?}");
+    }
+}
+
+#[test]
+fn the_order_is_that_of_the_reference_writer() {
+    let bytes = written(&small_scene(), Encoding::BinaryLittleEndian);
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
+    let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
+    let rest: String = (0..9).map(|i| format!("property float f_rest_{i}\n")).collect();
+    let expected = format!(
+        "ply\nformat binary_little_endian 1.0\ncomment wm.up [0.0, 0.0, 1.0]\n\
+         comment wm.provenance 'a \"test\"'\nelement vertex 3\nproperty float x\nproperty float y\n\
+         property float z\nproperty float nx\nproperty float ny\nproperty float nz\nproperty float f_dc_0\n\
+         property float f_dc_1\nproperty float f_dc_2\n{rest}property float opacity\nproperty float scale_0\n\
+         property float scale_1\nproperty float scale_2\nproperty float rot_0\nproperty float rot_1\n\
+         property float rot_2\nproperty float rot_3\nproperty uchar group\n"
+    );
+    assert_eq!(header, expected);
+    // Coefficient by coefficient in memory, channel by channel in the file.
+    let row: Vec<f32> =
+        bytes[end + 11..].chunks_exact(4).take(26).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+    assert_eq!(row[6..18], [0., 1., 2., 3., 6., 9., 4., 7., 10., 5., 8., 11.]);
+    // The second axis is the shortest; the rotation is about x.
+    let normal = small_scene().splats.normal(0).map(|v| v as f32);
+    assert_eq!(row[3..6], normal);
+    assert!(normal[0] == 0.0 && normal[1] > 0.8);
+
+    let mut plain = small_scene();
+    plain.splats.groups.fill(Group::Scene);
+    let bytes = written(&plain, Encoding::BinaryLittleEndian);
+    assert!(!bytes.windows(5).any(|w| w == b"group"));
+}
+
+#[test]
+fn metadata_of_later_versions_is_left_alone() {
+    let mut bytes = written(&small_scene(), Encoding::Ascii);
+    let extra = b"comment wm.weather \"fine\"\ncomment wm.up [0, -1, 0]\ncomment wm.\ncomment wm\n";
+    let at = bytes.windows(14).position(|w| w == b"element vertex").unwrap();
+    bytes.splice(at..at, extra.iter().copied());
+    let metadata = read_bytes(&bytes).unwrap().metadata;
+    assert_eq!(metadata, Metadata { up: Some(DVec3::NEG_Y), ..small_scene().metadata });
+}
+
+#[test]
+fn what_cannot_be_read_back_is_not_written() {
+    let fail = |scene: &Scene| write(&mut Vec::new(), scene, Encoding::Ascii).unwrap_err().to_string();
+    let mut scene = small_scene();
+    scene.metadata.ground = Some(f64::NAN);
+    assert_eq!(fail(&scene), "not written: ground is NaN: it must be finite");
+    assert_eq!(fail(&Scene::default()), "there are no splats in it; nothing can be shown");
+    let mut scene = small_scene();
+    scene.splats.quats.pop();
+    assert_eq!(fail(&scene), "not written: `quats` has 2 values, 3 expected for 3 splats");
+}
+
+#[test]
+fn real_scenes_come_back() {
+    for (name, count) in [("headquarter-garden", 851_756), ("taebak", 212_464)] {
+        let Some(path) = data(&format!("scenes/{name}.ply")) else { continue };
+        let bytes = std::fs::read(&path).unwrap();
+        let scene = read_bytes(&bytes).unwrap();
+        assert_eq!((scene.splats.len(), scene.splats.sh_degree), (count, 0));
+        // The last row by hand: x y z nx ny nz, then three colours, opacity, scales, rotation.
+        let last: Vec<f32> = bytes[bytes.len() - 68..]
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+            .collect();
+        let end = count - 1;
+        assert_eq!(scene.splats.means[end][..], last[..3]);
+        assert_eq!(scene.splats.sh_of(end), &last[6..9]);
+        assert_eq!(scene.splats.logit_opacities[end], last[9]);
+        assert_eq!(scene.splats.log_scales[end][..], last[10..13]);
+        assert_eq!(scene.splats.quats[end][..], last[13..]);
+        let again = read_bytes(&written(&scene, Encoding::BinaryLittleEndian)).unwrap();
+        assert!(bits(&again.splats) == bits(&scene.splats));
+    }
+}
+
+#[test]
+fn real_points_are_no_splats() {
+    let Some(path) = data("points/garden_points.ply") else { return };
+    let message = crate::formats::read_scene(&path, &Default::default()).unwrap_err().to_string();
+    assert!(message.contains("the vertex element has no property f_dc_0; a 3DGS file has"), "{message}");
+}

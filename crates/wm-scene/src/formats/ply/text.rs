@@ -1,0 +1,91 @@
+//! ASCII bodies: one row a line.
+
+use super::{
+    header::{Element, Header, Kind},
+    layout::{Array, Layout, group_of, grow, values, zeroed},
+};
+use crate::{
+    Splats,
+    error::{FormatError, Problem, number},
+    source::Source,
+};
+
+/// Reads the splats that follow the header. Empty lines are stepped over.
+///
+/// # Errors
+/// With the line, if it has too few or too many values or one that is no number.
+pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Result<Splats, FormatError> {
+    let vertex = &header.elements[layout.element];
+    let promised = vertex.count;
+    for element in &header.elements[..layout.element] {
+        let mut rows = if element.properties.is_empty() { 0 } else { element.count };
+        while rows > 0 {
+            match source.skip_line()? {
+                None => return Err(source.whole(Problem::TruncatedText { promised, found: 0 })),
+                Some(0) => {}
+                Some(_) => rows -= 1,
+            }
+        }
+    }
+    let mut kept = vec![None; vertex.properties.len()];
+    for (index, column) in layout.columns.iter().enumerate() {
+        kept[column.property] = Some(index);
+    }
+    let mut numbers = vec![0.0; layout.columns.len()];
+    let mut splats = zeroed(0, layout.sh_degree);
+    let mut done: u64 = 0;
+    while done < promised {
+        let Some(line) = source.line()? else {
+            return Err(source.whole(Problem::TruncatedText { promised, found: done }));
+        };
+        if line.trim_ascii().is_empty() {
+            continue;
+        }
+        let parsed = parse(line, vertex, &kept, &mut numbers);
+        if let Err(problem) = parsed {
+            return Err(if source.is_cut() {
+                source.whole(Problem::TruncatedText { promised, found: done })
+            } else {
+                source.at_line(problem)
+            });
+        }
+        grow(&mut splats, done + 1, promised);
+        let index = done as usize;
+        for (column, number) in layout.columns.iter().zip(&numbers) {
+            if column.array == Array::Groups {
+                splats.groups[index] = group_of(*number);
+            } else {
+                let (values, stride) = values(&mut splats, column.array);
+                values[index * stride + column.lane] = *number;
+            }
+        }
+        done += 1;
+    }
+    Ok(splats)
+}
+
+/// Reads the values of one row that are `kept` into `numbers`, in the order of the columns.
+fn parse(line: &[u8], vertex: &Element, kept: &[Option<usize>], numbers: &mut [f32]) -> Result<(), Problem> {
+    let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    for (property, kept) in vertex.properties.iter().zip(kept) {
+        let word = words.next().ok_or_else(too_few)?;
+        if let Some(column) = kept {
+            numbers[*column] = number(word, &property.name)?;
+        } else if matches!(property.kind, Kind::List { .. }) {
+            let length: usize = number(word, &property.name)?;
+            if length > 0 {
+                words.nth(length - 1).ok_or_else(too_few)?;
+            }
+        }
+    }
+    if words.next().is_some() {
+        let count = vertex.properties.len();
+        let reason = format!("there are more values than the {count} properties of a splat");
+        return Err(Problem::Value(format!("{reason}; correct the line or export the file again")));
+    }
+    Ok(())
+}
+
+fn too_few() -> Problem {
+    Problem::Value("there are too few values for a splat; correct the line or export the file again".into())
+}

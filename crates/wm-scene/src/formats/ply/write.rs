@@ -1,0 +1,91 @@
+//! Writing: the property order of the reference 3DGS writer, so that other programs read it.
+
+use super::Encoding;
+use crate::{Group, Scene, error::Problem};
+use std::{fmt::Write as _, io::Write};
+
+/// Bytes gathered before they are written.
+const BLOCK: usize = 1 << 20;
+
+/// Writes splats and metadata; views have no room in a PLY.
+///
+/// The order is x y z nx ny nz f_dc f_rest opacity scale rot, all `float`, then `uchar group` if
+/// some splat is not [`Group::Scene`]. nx ny nz is the shortest axis. Reading gives every stored
+/// value back bit by bit (in ASCII, except for the payload of NaNs).
+///
+/// # Errors
+/// If the arrays do not fit each other, there is no splat, the metadata has a fault, or `out` fails.
+pub fn write(out: &mut dyn Write, scene: &Scene, encoding: Encoding) -> Result<(), Problem> {
+    let splats = &scene.splats;
+    splats.check()?;
+    if splats.is_empty() {
+        return Err(Problem::NoSplats);
+    }
+    let grouped = splats.groups.iter().any(|group| *group != Group::Scene);
+    out.write_all(header(scene, encoding, grouped)?.as_bytes())?;
+
+    let rest = splats.sh_stride() / 3 - 1;
+    let mut row: Vec<f32> = Vec::new();
+    let mut bytes = Vec::with_capacity(BLOCK);
+    for index in 0..splats.len() {
+        let sh = splats.sh_of(index);
+        row.clear();
+        row.extend(splats.means[index]);
+        row.extend(splats.normal(index).map(|v| v as f32));
+        row.extend(&sh[..3]);
+        for channel in 0..3 {
+            row.extend((1..=rest).map(|coefficient| sh[coefficient * 3 + channel]));
+        }
+        row.push(splats.logit_opacities[index]);
+        row.extend(splats.log_scales[index]);
+        row.extend(splats.quats[index]);
+        let group = grouped.then_some(splats.groups[index] as u8);
+        match encoding {
+            Encoding::BinaryLittleEndian => {
+                row.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+                bytes.extend(group);
+            }
+            Encoding::BinaryBigEndian => {
+                row.iter().for_each(|v| bytes.extend(v.to_be_bytes()));
+                bytes.extend(group);
+            }
+            Encoding::Ascii => {
+                // `{:?}` gives the fewest digits that read back to the same value.
+                for (column, value) in row.iter().enumerate() {
+                    write!(bytes, "{}{value:?}", if column == 0 { "" } else { " " })?;
+                }
+                if let Some(group) = group {
+                    write!(bytes, " {group}")?;
+                }
+                bytes.push(b'\n');
+            }
+        }
+        if bytes.len() + 2048 > BLOCK {
+            out.write_all(&bytes)?;
+            bytes.clear();
+        }
+    }
+    Ok(out.write_all(&bytes)?)
+}
+
+fn header(scene: &Scene, encoding: Encoding, grouped: bool) -> Result<String, Problem> {
+    let mut text = format!("ply\nformat {} 1.0\n", encoding.keyword());
+    let entries = scene.metadata.entries();
+    for (key, value) in entries.map_err(|fault| Problem::Value(format!("not written: {fault}")))? {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "comment wm.{key} {value}");
+    }
+    let _ = writeln!(text, "element vertex {}", scene.splats.len());
+    let mut float = |name: &str| {
+        let _ = writeln!(text, "property float {name}");
+    };
+    ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"].into_iter().for_each(&mut float);
+    (0..scene.splats.sh_stride() - 3).for_each(|i| float(&format!("f_rest_{i}")));
+    ["opacity", "scale_0", "scale_1", "scale_2"].into_iter().for_each(&mut float);
+    ["rot_0", "rot_1", "rot_2", "rot_3"].into_iter().for_each(&mut float);
+    if grouped {
+        text.push_str("property uchar group\n");
+    }
+    text.push_str("end_header\n");
+    Ok(text)
+}

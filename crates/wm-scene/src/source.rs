@@ -1,0 +1,274 @@
+//! A file read in blocks: the one way in which readers of this crate see bytes.
+
+use crate::error::{FormatError, Place, Problem};
+use std::{
+    fs::File,
+    io::{self, Read},
+    path::{Path, PathBuf},
+};
+
+/// Bytes read at once.
+const BLOCK: usize = 1 << 20;
+
+/// Longest line that is looked at, bytes; longer ones can only be skipped.
+pub(crate) const MAX_LINE: usize = 1 << 20;
+
+/// A byte stream with one block in memory, its position, and its length if that is known.
+pub(crate) struct Source<'a> {
+    path: PathBuf,
+    reader: Box<dyn Read + 'a>,
+    /// Bytes in all, where the stream is a regular file.
+    length: Option<u64>,
+    buffer: Vec<u8>,
+    start: usize,
+    end: usize,
+    /// Offset in the file of `buffer[start]`.
+    offset: u64,
+    /// Lines taken so far.
+    lines: u64,
+    /// How the line taken last ended.
+    ending: Ending,
+}
+
+/// What ends a line.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Ending {
+    Newline,
+    EndOfFile,
+}
+
+impl<'a> Source<'a> {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// If it cannot be opened.
+    pub fn open(path: &Path) -> Result<Self, FormatError> {
+        let file = File::open(path).map_err(|e| FormatError::reading(path, e))?;
+        let about = file.metadata().map_err(|e| FormatError::reading(path, e))?;
+        // Pipes have no length, and files that the kernel makes up say 0.
+        let length = (about.is_file() && about.len() > 0).then_some(about.len());
+        Ok(Self::new(path, Box::new(file), length))
+    }
+
+    /// A stream of which `path` is the name in messages.
+    pub fn new(path: &Path, reader: Box<dyn Read + 'a>, length: Option<u64>) -> Self {
+        let block = length.map_or(BLOCK, |l| l.clamp(256, BLOCK as u64) as usize);
+        let buffer = vec![0; block];
+        let path = path.into();
+        Self { path, reader, length, buffer, start: 0, end: 0, offset: 0, lines: 0, ending: Ending::Newline }
+    }
+
+    /// Its name in messages.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Bytes from here to the end, if the length is known.
+    pub fn remaining(&self) -> Option<u64> {
+        self.length.map(|length| length.saturating_sub(self.offset))
+    }
+
+    /// Offset of the next byte.
+    pub fn offset(&self) -> u64 {
+        self.offset
+    }
+
+    /// The bytes in memory from here on; [`Self::fill`] makes more.
+    pub fn bytes(&self) -> &[u8] {
+        &self.buffer[self.start..self.end]
+    }
+
+    /// Makes [`Self::bytes`] at least `wanted` long; `false` if the stream ends before.
+    ///
+    /// # Errors
+    /// If reading fails.
+    pub fn fill(&mut self, wanted: usize) -> Result<bool, FormatError> {
+        if self.end - self.start >= wanted {
+            return Ok(true);
+        }
+        self.buffer.copy_within(self.start..self.end, 0);
+        self.end -= self.start;
+        self.start = 0;
+        if self.buffer.len() < wanted {
+            self.buffer.resize(wanted.next_power_of_two(), 0);
+        }
+        while self.end < wanted {
+            match self.reader.read(&mut self.buffer[self.end..]) {
+                Ok(0) => return Ok(false),
+                Ok(count) => self.end += count,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(self.whole(Problem::Read(error))),
+            }
+        }
+        Ok(true)
+    }
+
+    /// Steps over `count` bytes of [`Self::bytes`].
+    pub fn consume(&mut self, count: usize) {
+        assert!(count <= self.end - self.start, "{count} bytes consumed, fewer are there");
+        self.start += count;
+        self.offset += count as u64;
+    }
+
+    /// Steps over `count` bytes; gives how many of them are not there.
+    ///
+    /// # Errors
+    /// If reading fails.
+    pub fn skip(&mut self, count: u128) -> Result<u128, FormatError> {
+        let mut left = count;
+        while left > 0 && self.fill(1)? {
+            let step = self.bytes().len().min(usize::try_from(left).unwrap_or(usize::MAX));
+            self.consume(step);
+            left -= step as u128;
+        }
+        Ok(left)
+    }
+
+    /// The next `N` bytes; `None` if the stream ends before.
+    ///
+    /// # Errors
+    /// If reading fails.
+    pub fn take<const N: usize>(&mut self) -> Result<Option<[u8; N]>, FormatError> {
+        if !self.fill(N)? {
+            return Ok(None);
+        }
+        let taken = self.bytes().first_chunk().copied();
+        self.consume(N);
+        Ok(taken)
+    }
+
+    /// The next line without its LF or CRLF; `None` at the end. The last line may lack its ending.
+    ///
+    /// # Errors
+    /// If reading fails or the line is longer than [`MAX_LINE`].
+    pub fn line(&mut self) -> Result<Option<&[u8]>, FormatError> {
+        let mut searched = 0;
+        let length = loop {
+            let bytes = self.bytes();
+            if let Some(found) = bytes[searched..].iter().position(|b| *b == b'\n') {
+                self.ending = Ending::Newline;
+                break searched + found;
+            }
+            searched = bytes.len();
+            if searched > MAX_LINE {
+                self.lines += 1;
+                return Err(self.at_line(Problem::Value(format!("the line is longer than {MAX_LINE} bytes"))));
+            }
+            if !self.fill(searched + 1)? {
+                if searched == 0 {
+                    return Ok(None);
+                }
+                self.ending = Ending::EndOfFile;
+                break searched;
+            }
+        };
+        let from = self.start;
+        self.consume(length + usize::from(self.ending == Ending::Newline));
+        self.lines += 1;
+        let line = &self.buffer[from..from + length];
+        Ok(Some(line.strip_suffix(b"\r").unwrap_or(line)))
+    }
+
+    /// Whether the line taken last has no ending: it may be a part of one.
+    pub fn is_cut(&self) -> bool {
+        self.ending == Ending::EndOfFile
+    }
+
+    /// Steps over a line of any length; gives the number of words in it, `None` at the end.
+    ///
+    /// # Errors
+    /// If reading fails.
+    pub fn skip_line(&mut self) -> Result<Option<u64>, FormatError> {
+        if !self.fill(1)? {
+            return Ok(None);
+        }
+        self.lines += 1;
+        let (mut words, mut in_word) = (0, false);
+        while self.fill(1)? {
+            let bytes = self.bytes();
+            let end = bytes.iter().position(|b| *b == b'\n');
+            for byte in &bytes[..end.unwrap_or(bytes.len())] {
+                let is_word = !byte.is_ascii_whitespace();
+                words += u64::from(is_word && !in_word);
+                in_word = is_word;
+            }
+            let step = end.map_or(bytes.len(), |at| at + 1);
+            self.consume(step);
+            if end.is_some() {
+                break;
+            }
+        }
+        Ok(Some(words))
+    }
+
+    /// A problem with the whole stream.
+    pub fn whole(&self, problem: Problem) -> FormatError {
+        FormatError::whole(&self.path, problem)
+    }
+
+    /// A problem in the line that was taken last.
+    pub fn at_line(&self, problem: Problem) -> FormatError {
+        FormatError::at(&self.path, Place::Line(self.lines), problem)
+    }
+
+    /// A problem at a byte.
+    pub fn at_byte(&self, byte: u64, problem: Problem) -> FormatError {
+        FormatError::at(&self.path, Place::Byte(byte), problem)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Gives one byte a call, so that every request straddles.
+    struct Drip<'a>(&'a [u8]);
+
+    impl Read for Drip<'_> {
+        fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+            let Some((first, rest)) = self.0.split_first() else { return Ok(0) };
+            out[0] = *first;
+            self.0 = rest;
+            Ok(1)
+        }
+    }
+
+    fn source(bytes: &[u8]) -> Source<'_> {
+        Source::new(Path::new("test"), Box::new(Drip(bytes)), Some(bytes.len() as u64))
+    }
+
+    #[test]
+    fn lines_of_every_ending() {
+        let mut source = source(b"one\r\n\ntwo words \nend");
+        assert_eq!(source.line().unwrap(), Some(&b"one"[..]));
+        assert_eq!(source.line().unwrap(), Some(&b""[..]));
+        assert_eq!(source.skip_line().unwrap(), Some(2));
+        assert!(!source.is_cut());
+        assert_eq!(source.line().unwrap(), Some(&b"end"[..]));
+        assert!(source.is_cut());
+        assert_eq!(source.line().unwrap(), None);
+        assert_eq!(source.skip_line().unwrap(), None);
+        assert_eq!(source.remaining(), Some(0));
+        assert_eq!(source.at_line(Problem::Empty).place, Place::Line(4));
+    }
+
+    #[test]
+    fn bytes_are_taken_and_skipped() {
+        let data: Vec<u8> = (0..=255).cycle().take(1000).collect();
+        let mut source = source(&data);
+        assert_eq!(source.take::<3>().unwrap(), Some([0, 1, 2]));
+        assert_eq!(source.skip(990).unwrap(), 0);
+        assert_eq!(source.offset(), 993);
+        assert_eq!(source.take::<8>().unwrap(), None);
+        assert_eq!(source.skip(u128::MAX).unwrap(), u128::MAX - 7);
+    }
+
+    #[test]
+    fn a_line_without_end_is_refused_but_can_be_skipped() {
+        let data = vec![b'a'; 3 << 20];
+        let open = || Source::new(Path::new("test"), Box::new(&data[..]), None);
+        let error = open().line().unwrap_err().to_string();
+        assert_eq!(error, "test, line 1: the line is longer than 1048576 bytes");
+        assert_eq!(open().skip_line().unwrap(), Some(1));
+    }
+}
