@@ -1,1 +1,26 @@
+//! Weather as physics, for scenes of splats.
+//!
+//! A [`Weather`] is a list of effects with parameters over time. [`Weather::at`] gives one instant of
+//! it, [`Instant::over`] what a renderer needs of that over one place. Nothing here keeps state, so any
+//! frame can be rendered alone.
+//!
+//! To add an effect: one file in [`effects`], one line in its list. Files, flags, help and
+//! documentation read its table of parameters.
 
+#![allow(clippy::needless_range_loop)] // Channel loops index several arrays at once.
+
+pub mod effects;
+pub mod file;
+pub mod optics;
+pub mod paper;
+pub mod param;
+pub mod presets;
+pub mod reference_page;
+pub mod track;
+pub mod weather;
+
+pub use effects::{EFFECTS, Effect};
+pub use file::WeatherError;
+pub use optics::{Atmosphere, Place};
+pub use param::{Param, Value};
+pub use weather::{Fidelity, Instant, Sky, Weather};

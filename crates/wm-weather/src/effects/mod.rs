@@ -1,0 +1,79 @@
+//! The effects. One file each, one line in the list below.
+//!
+//! An effect says what it is, where in the render it acts, and what parameters it has; from the values
+//! of its parameters at one instant it makes what the renderer needs. It keeps no state: any instant
+//! can be asked for alone.
+
+use crate::optics::{Layer, Place};
+use crate::paper::PaperFog;
+use crate::param::{Param, Value};
+use wm_render::hooks::Slot;
+
+mod air;
+
+/// One kind of weather.
+pub struct Effect {
+    /// Its name in files and flags.
+    pub name: &'static str,
+    /// What it is, in one line.
+    pub about: &'static str,
+    /// Where in the render it acts.
+    pub slot: Slot,
+    /// Its parameters.
+    pub params: &'static [Param],
+    /// What it does, from values in the order of `params`, each checked by its entry.
+    pub act: fn(&[Value], &Place) -> Action,
+    /// What it does in the paper's formulation; `None` if the paper does not have it.
+    pub act_as_paper: Option<fn(&[Value], &Place) -> Action>,
+}
+
+/// What an effect gives to the renderer.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// A layer of air.
+    Layer(Layer),
+    /// Fog over finished pixels, as in the paper.
+    PaperFog(PaperFog),
+}
+
+macro_rules! effects {
+    ($($name:ident),+ $(,)?) => {
+        $(pub mod $name;)+
+
+        /// Every effect, in the order in which they act.
+        pub const EFFECTS: &[Effect] = &[$($name::EFFECT),+];
+    };
+}
+
+effects! { fog, haze, smog }
+
+impl Effect {
+    /// The effect of a name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<&'static Self> {
+        EFFECTS.iter().find(|effect| effect.name == name)
+    }
+
+    /// The position of a parameter in the table.
+    #[must_use]
+    pub fn param(&self, name: &str) -> Option<usize> {
+        self.params.iter().position(|param| param.name == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_defaults_fit() {
+        for (i, effect) in EFFECTS.iter().enumerate() {
+            assert!(EFFECTS[..i].iter().all(|other| other.name != effect.name));
+            for (k, param) in effect.params.iter().enumerate() {
+                assert_eq!(effect.param(param.name), Some(k), "{} has {} twice", effect.name, param.name);
+                assert_eq!(param.check(param.default), Ok(param.default), "{}.{}", effect.name, param.name);
+                assert!(!param.meaning.trim().is_empty());
+            }
+        }
+    }
+}

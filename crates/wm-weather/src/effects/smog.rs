@@ -1,0 +1,19 @@
+//! Smog: soot, sulphates and nitrogen dioxide under an inversion.
+//!
+//! The particles absorb: a single-scattering albedo of 0.85 to 0.92 dims the airlight, and nitrogen
+//! dioxide takes out the blue; the colour (0.925, 0.906, 0.758) is a published one. An inversion keeps
+//! smog in the lowest few hundred metres.
+//!
+//! Departure from the paper, whose smog is fog of another colour: absorption, spectrum, height.
+
+use super::air::{air, prelude::*};
+
+air! {
+    name: "smog",
+    about: "Soot and nitrogen dioxide: brownish, dimmer than the sky",
+    mor: 800.0,
+    angstrom: 1.0,
+    albedo: 0.88,
+    tint: Value::Color([0.925, 0.906, 0.758]),
+    scale_height: 400.0,
+}

@@ -1,0 +1,266 @@
+//! The weather file: TOML, one table an effect, and overrides in the same words.
+//!
+//! ```toml
+//! name = "Fog closing in"
+//! about = "From a clear day to dense fog in five seconds"
+//! fidelity = "physical"            # or "paper"
+//!
+//! [fog]
+//! mor = { keys = [[0, 2000], [5, 60]] }
+//! airlight = "#d5dadd"
+//! ```
+//!
+//! An effect is on if its table is there. A parameter is a number, a colour (`"#rrggbb"` or three
+//! numbers), `"auto"`, or keyframes of these: `{ keys = [[seconds, value], ...] }`.
+
+use crate::effects::{EFFECTS, Effect};
+use crate::param::{Param, Value};
+use crate::track::Track;
+use crate::weather::{Fidelity, Weather};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Why a weather cannot be used.
+#[derive(Debug, Error, PartialEq, Eq)]
+pub enum WeatherError {
+    /// The file cannot be read.
+    #[error("{}: cannot read the weather file: {reason}", path.display())]
+    Read {
+        /// Which file.
+        path: PathBuf,
+        /// The system's words.
+        reason: String,
+    },
+    /// Something in a file is wrong.
+    #[error("{file}:{line}:{column}: {problem}")]
+    File {
+        /// Which file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column in characters, from 1.
+        column: usize,
+        /// What is wrong.
+        problem: String,
+    },
+    /// An override is wrong.
+    #[error("--set {text}: {problem}")]
+    Override {
+        /// The override.
+        text: String,
+        /// What is wrong.
+        problem: String,
+    },
+    /// There is neither a preset nor a file of that name.
+    #[error("{0}")]
+    Unknown(String),
+}
+
+impl Weather {
+    /// Reads a weather from the text of a file; `file` is its name in messages.
+    ///
+    /// # Errors
+    /// [`WeatherError::File`] with line and column.
+    pub fn parse(text: &str, file: &str) -> Result<Self, WeatherError> {
+        let at = |span: Range<usize>, problem: String| {
+            let before = &text[..span.start.min(text.len())];
+            let line = before.matches('\n').count() + 1;
+            let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+            WeatherError::File { file: file.into(), line, column, problem }
+        };
+        let table = DeTable::parse(text)
+            .map_err(|error| at(error.span().unwrap_or(0..0), one_line(error.message())))?;
+        let mut weather = Self::default();
+        for (key, value) in table.get_ref() {
+            read_entry(&mut weather, key, value).map_err(|(span, problem)| at(span, problem))?;
+        }
+        Ok(weather)
+    }
+
+    /// Reads a weather file.
+    ///
+    /// # Errors
+    /// [`WeatherError`] if it cannot be read or is wrong.
+    pub fn read(path: &Path) -> Result<Self, WeatherError> {
+        let text = std::fs::read_to_string(path).map_err(|error| {
+            let reason = match error.kind() {
+                std::io::ErrorKind::NotFound => "no such file".into(),
+                std::io::ErrorKind::InvalidData => "it is no text in UTF-8".into(),
+                _ => error.to_string(),
+            };
+            WeatherError::Read { path: path.into(), reason }
+        })?;
+        let mut weather = Self::parse(&text, &path.display().to_string())?;
+        if weather.name.is_empty() {
+            weather.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        }
+        Ok(weather)
+    }
+
+    /// Changes one parameter by words like `fog.mor=120` or `fog.mor=0:2000,5:60`, and turns its effect
+    /// on. `fog=off` turns an effect off, `fidelity=paper` changes the fidelity.
+    ///
+    /// # Errors
+    /// [`WeatherError::Override`].
+    pub fn set(&mut self, text: &str) -> Result<(), WeatherError> {
+        self.try_set(text).map_err(|problem| WeatherError::Override { text: text.into(), problem })
+    }
+
+    fn try_set(&mut self, text: &str) -> Result<(), String> {
+        let Some((key, value)) = text.split_once('=') else {
+            return Err("must be effect.parameter=value, as in fog.mor=120".into());
+        };
+        let (key, value) = (key.trim(), value.trim());
+        if key == "fidelity" {
+            self.fidelity = fidelity(value)?;
+            return Ok(());
+        }
+        let Some((name, param)) = key.split_once('.') else {
+            let index = effect(key)?;
+            match value {
+                "on" => _ = self.turn_on(index),
+                "off" => self.turn_off(index),
+                _ => {
+                    return Err(format!(
+                        "{key} is on or off; its parameters are {}",
+                        param_names(&EFFECTS[index])
+                    ));
+                }
+            }
+            return Ok(());
+        };
+        let index = effect(name)?;
+        let position = position(&EFFECTS[index], param)?;
+        let track =
+            Track::parse(&EFFECTS[index].params[position], value).map_err(|e| format!("{key} {e}"))?;
+        self.turn_on(index)[position] = track;
+        Ok(())
+    }
+}
+
+type Fault = (Range<usize>, String);
+
+fn read_entry(
+    weather: &mut Weather,
+    key: &Spanned<std::borrow::Cow<'_, str>>,
+    value: &Spanned<DeValue<'_>>,
+) -> Result<(), Fault> {
+    let name = key.get_ref().as_ref();
+    let span = value.span();
+    let text =
+        || value.get_ref().as_str().ok_or_else(|| (value.span(), format!("{name} must be a text in quotes")));
+    match name {
+        "name" => text()?.clone_into(&mut weather.name),
+        "about" => text()?.clone_into(&mut weather.about),
+        "fidelity" => weather.fidelity = fidelity(text()?).map_err(|problem| (span, problem))?,
+        _ => {
+            let index = effect(name).map_err(|problem| (key.span(), problem))?;
+            let Some(table) = value.get_ref().as_table() else {
+                let problem = format!("{name} must be a table: write [{name}] and its parameters below");
+                return Err((span, problem));
+            };
+            let tracks = weather.turn_on(index);
+            for (key, value) in table {
+                let name = key.get_ref().as_ref();
+                let position = position(&EFFECTS[index], name).map_err(|problem| (key.span(), problem))?;
+                tracks[position] = track(&EFFECTS[index].params[position], value)
+                    .map_err(|(span, problem)| (span, format!("{}.{name} {problem}", EFFECTS[index].name)))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn track(param: &Param, value: &Spanned<DeValue<'_>>) -> Result<Track, Fault> {
+    let Some(table) = value.get_ref().as_table() else {
+        let read = read_value(param, value.get_ref()).map_err(|problem| (value.span(), problem))?;
+        return Ok(Track::constant(read));
+    };
+    let keys = || (value.span(), "must be a value or { keys = [[seconds, value], ...] }".to_owned());
+    if let Some((key, _)) = table.iter().find(|(key, _)| key.get_ref() != "keys") {
+        return Err((
+            key.span(),
+            format!("has no `{}`: keyframes are {{ keys = [[seconds, value], ...] }}", key.get_ref()),
+        ));
+    }
+    let list = table.get("keys").and_then(|list| list.get_ref().as_array()).ok_or_else(keys)?;
+    let mut frames = Vec::new();
+    for item in list {
+        let pair = item
+            .get_ref()
+            .as_array()
+            .filter(|pair| pair.len() == 2)
+            .ok_or_else(|| (item.span(), keys().1))?;
+        let time = number(pair[0].get_ref()).ok_or_else(|| (pair[0].span(), keys().1))?;
+        frames
+            .push((time, read_value(param, pair[1].get_ref()).map_err(|problem| (pair[1].span(), problem))?));
+    }
+    Track::keyframes(param, frames).map_err(|problem| (value.span(), problem))
+}
+
+fn read_value(param: &Param, value: &DeValue<'_>) -> Result<Value, String> {
+    let wrong = || format!("must be {}", param.expected());
+    let read = match value {
+        DeValue::String(text) => return param.parse(text),
+        DeValue::Array(list) => {
+            let parts: Option<Vec<f64>> = list.iter().map(|part| number(part.get_ref())).collect();
+            Value::Color(parts.and_then(|parts| parts.try_into().ok()).ok_or_else(wrong)?)
+        }
+        other => Value::Number(number(other).filter(|number| !number.is_nan()).ok_or_else(wrong)?),
+    };
+    param.check(read)
+}
+
+fn number(value: &DeValue<'_>) -> Option<f64> {
+    match value {
+        DeValue::Float(float) => float.as_str().parse().ok(),
+        DeValue::Integer(integer) => {
+            i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|v| v as f64)
+        }
+        _ => None,
+    }
+}
+
+fn fidelity(text: &str) -> Result<Fidelity, String> {
+    Fidelity::ALL
+        .into_iter()
+        .find(|fidelity| fidelity.name() == text)
+        .ok_or_else(|| format!("there is no fidelity `{text}`: use physical or paper"))
+}
+
+fn effect(name: &str) -> Result<usize, String> {
+    let names = EFFECTS.iter().map(|effect| effect.name);
+    names.clone().position(|known| known == name).ok_or_else(|| {
+        let all = names.clone().collect::<Vec<_>>().join(", ");
+        let keys = names.chain(["name", "about", "fidelity"]);
+        format!("there is no `{name}`{}; the effects are {all}", nearest(name, keys))
+    })
+}
+
+fn position(effect: &Effect, name: &str) -> Result<usize, String> {
+    effect.param(name).ok_or_else(|| {
+        let near = nearest(name, effect.params.iter().map(|param| param.name));
+        format!("{} has no `{name}`{near}; it has {}", effect.name, param_names(effect))
+    })
+}
+
+fn param_names(effect: &Effect) -> String {
+    effect.params.iter().map(|param| param.name).collect::<Vec<_>>().join(", ")
+}
+
+/// `, did you mean ...`, if something is near enough: a slip or two for every four letters.
+pub(crate) fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    let best = known.map(|known| (strsim::damerau_levenshtein(name, known), known)).min();
+    best.filter(|(slips, _)| *slips <= 1 + name.len() / 4)
+        .map_or_else(String::new, |(_, near)| format!(", did you mean `{near}`?"))
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,219 @@
+//! Light in air: extinction and airlight, for fog, haze, smog and whatever else floats.
+//!
+//! Along a ray of length `s` (metres, not view z) through air of extinction `sigma_t`,
+//! `L = L0 T + A (1 - T)`, `T = exp(-optical_depth)`, in linear light: Koschmieder's law, which the
+//! paper's `eq:fog style` has in display-referred colour and along z. `sigma_t = -ln(0.05) / MOR`
+//! (WMO: 5 % of the light is left at the meteorological optical range); by the older 2 % visual range
+//! `V` it is `3.912 / V`. Small particles scatter blue more: `sigma_t ~ wavelength^-angstrom`.
+//!
+//! With a scale height `H` the air thins upwards, `sigma(z) = sigma_0 exp(-(z - z0) / H)`, and the
+//! optical depth over length `s` from height `zc` with rise `dz` a metre is, in closed form,
+//! `sigma_0 exp(-(zc - z0) / H) s (1 - e^-x) / x`, `x = s dz / H`.
+//!
+//! Several layers at once: optical depths add, and the airlight is the mean of theirs weighted by
+//! optical depth: exact where the layers have one profile, and close to it otherwise.
+
+use fearless_simd::{Select, SimdBase, SimdFloat};
+use std::f32::consts::LOG2_E;
+use wm_render::dispatch;
+use wm_render::frame::{srgb_decode, srgb_encode};
+use wm_render::hooks::{Medium, ShadeBatch};
+use wm_render::simd::{Lanes, SimdPath, exp2, powf};
+
+/// `-ln(0.05)`: optical depth of the meteorological optical range.
+pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
+/// `-ln(0.02)`: optical depth of Koschmieder's visual range.
+pub const VISUAL_RANGE_DEPTH: f64 = 3.912_023_005_428_146;
+/// Wavelengths that stand for the display's primaries, nm.
+pub const WAVELENGTHS: [f64; 3] = [610.0, 550.0, 465.0];
+/// How far the sky and the background are, m: beyond any atmosphere, yet safe in f32.
+pub const FAR: f64 = 1e7;
+/// Longest path through a layer, m at its base density: finite, so that mean airlights stay numbers.
+const LONGEST: f64 = 1e30;
+
+/// Extinction a metre, green, of a meteorological optical range in metres.
+#[must_use]
+pub fn sigma_of_mor(mor: f64) -> f64 {
+    MOR_DEPTH / mor
+}
+
+/// Extinction a metre of a visual range (2 %) in metres.
+#[must_use]
+pub fn sigma_of_visual_range(range: f64) -> f64 {
+    VISUAL_RANGE_DEPTH / range
+}
+
+/// Extinction of the three channels relative to green (550 nm) for an Angstrom exponent.
+#[must_use]
+pub fn spectrum(angstrom: f64) -> [f64; 3] {
+    WAVELENGTHS.map(|wavelength| (wavelength / WAVELENGTHS[1]).powf(-angstrom))
+}
+
+/// One kind of floating particles, homogeneous across, thinning upwards or not.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layer {
+    /// Extinction at the base, 1/m, by channel.
+    pub sigma_t: [f64; 3],
+    /// Radiance of an endless path through it, linear RGB.
+    pub airlight: [f64; 3],
+    /// Height over which it thins to 1/e, m; infinite for none.
+    pub scale_height: f64,
+    /// Height above the ground at which `sigma_t` holds, m.
+    pub base_height: f64,
+}
+
+/// What weather must know of the place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Metres a scene unit.
+    pub metres_per_unit: f64,
+    /// Up, world axes, length 1.
+    pub up: [f64; 3],
+    /// Height of the ground along up, scene units.
+    pub ground: f64,
+    /// Radiance of the sky near the horizon, linear RGB.
+    pub airlight: [f64; 3],
+    /// Depth that the paper's relative depth takes for 1, m.
+    pub far: f64,
+}
+
+/// All layers over one place: the renderer's air.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Atmosphere {
+    layers: Vec<Layer>,
+    place: Place,
+}
+
+impl Atmosphere {
+    /// The layers over a place; layers without extinction are dropped.
+    #[must_use]
+    pub fn new(layers: Vec<Layer>, place: Place) -> Self {
+        let layers = layers.into_iter().filter(|layer| layer.sigma_t.iter().any(|s| *s > 0.0)).collect();
+        Self { layers, place }
+    }
+
+    /// Whether the air is clear.
+    #[must_use]
+    pub fn is_clear(&self) -> bool {
+        self.layers.is_empty()
+    }
+
+    /// Height above the ground of a world point, m.
+    fn height(&self, point: [f64; 3]) -> f64 {
+        let along: f64 = (0..3).map(|k| point[k] * self.place.up[k]).sum();
+        (along - self.place.ground) * self.place.metres_per_unit
+    }
+
+    /// Optical depth of one layer along a ray, relative to `sigma_t`, m.
+    fn path_length(layer: &Layer, height: f64, rise: f64, metres: f64) -> f64 {
+        let metres = metres.min(FAR);
+        if layer.scale_height.is_infinite() {
+            return metres;
+        }
+        // Kept from overflowing far below the base, where nothing is seen anyway.
+        let density = (-(height - layer.base_height) / layer.scale_height).clamp(-80.0, 80.0).exp();
+        let x = metres * rise / layer.scale_height;
+        let decay = (-x * std::f64::consts::LOG2_E).clamp(-126.0, 126.0).exp2();
+        let mean = if x.abs() < 1e-4 { 1.0 - x / 2.0 } else { (1.0 - decay) / x };
+        (metres * density * mean).min(LONGEST)
+    }
+
+    #[inline(always)]
+    fn shade_batch<S: Lanes>(&self, simd: S, origin: [f32; 3], batch: &mut ShadeBatch) {
+        let place = &self.place;
+        let up = place.up.map(|v| v as f32);
+        let height = self.height(origin.map(f64::from));
+        for first in (0..batch.len).step_by(S::N) {
+            let scaled = simd.load(&batch.distance[first..]) * place.metres_per_unit as f32;
+            let metres = scaled.min(simd.set(FAR as f32));
+            let (dx, dy) = (simd.load(&batch.direction[0][first..]), simd.load(&batch.direction[1][first..]));
+            let dz = simd.load(&batch.direction[2][first..]);
+            let rise = dx.mul_add(simd.set(up[0]), dy.mul_add(simd.set(up[1]), dz * up[2]));
+
+            let mut depth = [simd.set(0.0); 3];
+            let mut light = [simd.set(0.0); 3];
+            for layer in &self.layers {
+                let path = if layer.scale_height.is_finite() {
+                    let density =
+                        (-(height - layer.base_height) / layer.scale_height).clamp(-80.0, 80.0).exp();
+                    let x = metres * rise * (1.0 / layer.scale_height) as f32;
+                    (metres * mean_density(simd, x) * density as f32).min(simd.set(LONGEST as f32))
+                } else {
+                    metres
+                };
+                for k in 0..3 {
+                    let own = path * layer.sigma_t[k] as f32;
+                    depth[k] += own;
+                    light[k] = own.mul_add(simd.set(layer.airlight[k] as f32), light[k]);
+                }
+            }
+            let single = self.layers.len() == 1;
+            for k in 0..3 {
+                let kept = exp2(simd, (depth[k] * -LOG2_E).max(simd.set(-126.0)));
+                let airlight = if single {
+                    simd.set(self.layers[0].airlight[k] as f32)
+                } else {
+                    light[k] / depth[k].max(simd.set(1e-30))
+                };
+                let color = decode(simd, simd.load(&batch.rgb[k][first..]));
+                let seen = (color - airlight).mul_add(kept, airlight);
+                encode(simd, seen).store_slice(&mut batch.rgb[k][first..first + S::N]);
+            }
+        }
+    }
+}
+
+impl Medium for Atmosphere {
+    fn shade(&self, path: SimdPath, origin: [f32; 3], batch: &mut ShadeBatch) {
+        dispatch!(path, s => self.shade_batch(s, origin, batch));
+    }
+
+    fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
+        let height = self.height(origin);
+        let rise: f64 = (0..3).map(|k| direction[k] * self.place.up[k]).sum();
+        let metres = distance * self.place.metres_per_unit;
+        let paths: Vec<f64> =
+            self.layers.iter().map(|layer| Self::path_length(layer, height, rise, metres)).collect();
+        std::array::from_fn(|k| {
+            let depths = self.layers.iter().zip(&paths).map(|(layer, path)| layer.sigma_t[k] * path);
+            let total: f64 = depths.clone().sum();
+            if total <= 0.0 {
+                return rgb[k];
+            }
+            let light: f64 = depths.zip(&self.layers).map(|(depth, layer)| depth * layer.airlight[k]).sum();
+            let (kept, airlight) = ((-total).exp(), light / total);
+            srgb_encode(airlight + (srgb_decode(rgb[k]) - airlight) * kept)
+        })
+    }
+}
+
+/// `(1 - e^-x) / x`: mean density along a ray that rises through `x` scale heights.
+#[inline(always)]
+fn mean_density<S: Lanes>(simd: S, x: S::F) -> S::F {
+    // The quotient loses digits at small x, the series at large: they meet where both have six.
+    let series = [-1.0 / 720.0, 1.0 / 120.0, -1.0 / 24.0, 1.0 / 6.0, -0.5, 1.0];
+    let mut small = simd.set(series[0]);
+    for coefficient in &series[1..] {
+        small = small.mul_add(x, simd.set(*coefficient));
+    }
+    let decay = exp2(simd, (x * -LOG2_E).max(simd.set(-126.0)).min(simd.set(126.0)));
+    let large = (simd.set(1.0) - decay) / x;
+    (x * x).simd_lt(simd.set(0.25 * 0.25)).select(small, large)
+}
+
+/// sRGB to linear light.
+#[inline(always)]
+fn decode<S: Lanes>(simd: S, value: S::F) -> S::F {
+    let power = powf(simd, (value + 0.055) * (1.0 / 1.055), 2.4);
+    value.simd_le(simd.set(0.040_45)).select(value * (1.0 / 12.92), power)
+}
+
+/// Linear light to sRGB.
+#[inline(always)]
+fn encode<S: Lanes>(simd: S, value: S::F) -> S::F {
+    let power = powf(simd, value, 1.0 / 2.4).mul_add(simd.set(1.055), simd.set(-0.055));
+    value.simd_le(simd.set(0.003_130_8)).select(value * 12.92, power)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,258 @@
+//! Parameters as data: one table an effect, from which files, flags, help and documentation are made.
+
+use std::fmt;
+
+/// The value of a parameter at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// To be found from the scene or from other parameters.
+    Auto,
+    /// A number, in the parameter's unit.
+    Number(f64),
+    /// A colour, sRGB-encoded, 0-1.
+    Color([f64; 3]),
+}
+
+/// What values a parameter takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A number.
+    Number,
+    /// A number, or `auto`.
+    NumberOrAuto,
+    /// A colour, or `auto`.
+    ColorOrAuto,
+}
+
+/// One parameter of an effect.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Param {
+    /// Its name in files and flags.
+    pub name: &'static str,
+    /// What values it takes.
+    pub kind: Kind,
+    /// Its value where nothing is said.
+    pub default: Value,
+    /// Least and greatest number.
+    pub range: (f64, f64),
+    /// Unit of the number; empty for none.
+    pub unit: &'static str,
+    /// What it means, in one sentence or two.
+    pub meaning: &'static str,
+}
+
+impl Param {
+    /// `value`, if this parameter takes it.
+    ///
+    /// # Errors
+    /// What it must be, to be put after the parameter's name.
+    pub fn check(&self, value: Value) -> Result<Value, String> {
+        match (self.kind, value) {
+            (Kind::Number | Kind::NumberOrAuto, Value::Number(number)) => {
+                let (least, greatest) = self.range;
+                if number >= least && number <= greatest {
+                    Ok(value)
+                } else {
+                    Err(format!("is {number}: must be {}", self.expected()))
+                }
+            }
+            (Kind::NumberOrAuto | Kind::ColorOrAuto, Value::Auto) => Ok(value),
+            (Kind::ColorOrAuto, Value::Color(rgb)) if rgb.iter().all(|c| (0.0..=1.0).contains(c)) => {
+                Ok(value)
+            }
+            _ => Err(format!("is {value}: must be {}", self.expected())),
+        }
+    }
+
+    /// What values the parameter takes, in words.
+    #[must_use]
+    pub fn expected(&self) -> String {
+        let (least, greatest) = self.range;
+        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
+        let number = format!("a number from {least} to {greatest}{unit}");
+        match self.kind {
+            Kind::Number => number,
+            Kind::NumberOrAuto => format!("{number}, or \"auto\""),
+            Kind::ColorOrAuto => "a colour as \"#rrggbb\" or three numbers 0-1 (sRGB), or \"auto\"".into(),
+        }
+    }
+
+    /// Reads a value as it is written on the command line, and checks it.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn parse(&self, text: &str) -> Result<Value, String> {
+        let value: Value = text.parse().map_err(|()| format!("is `{text}`: must be {}", self.expected()))?;
+        self.check(value)
+    }
+}
+
+impl std::str::FromStr for Value {
+    type Err = ();
+
+    fn from_str(text: &str) -> Result<Self, ()> {
+        let text = text.trim();
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        if let Some(hex) = text.strip_prefix('#') {
+            return color_of_hex(hex).ok_or(());
+        }
+        if let Ok(number) = text.parse::<f64>() {
+            return if number.is_nan() { Err(()) } else { Ok(Self::Number(number)) };
+        }
+        let parts: Vec<f64> =
+            text.split(',').map(|part| part.trim().parse()).collect::<Result<_, _>>().map_err(|_| ())?;
+        Ok(Self::Color(parts.try_into().map_err(|_| ())?))
+    }
+}
+
+fn color_of_hex(hex: &str) -> Option<Value> {
+    if hex.len() != 6 || !hex.bytes().all(|b| b.is_ascii_hexdigit()) {
+        return None;
+    }
+    let byte = |k: usize| u8::from_str_radix(&hex[2 * k..2 * k + 2], 16).ok().map(|v| f64::from(v) / 255.0);
+    Some(Value::Color([byte(0)?, byte(1)?, byte(2)?]))
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Number(number) => write!(f, "{number}"),
+            Self::Color([r, g, b]) => write!(f, "{r},{g},{b}"),
+        }
+    }
+}
+
+/// Types that a field of a parameter struct may have.
+pub trait ParamType: Sized {
+    /// The kind of parameter.
+    const KIND: Kind;
+
+    /// The field's value; a checked [`Value`] always has one.
+    fn of(value: Value) -> Self;
+}
+
+impl ParamType for f64 {
+    const KIND: Kind = Kind::Number;
+
+    fn of(value: Value) -> Self {
+        match value {
+            Value::Number(number) => number,
+            _ => unreachable!("checked to be a number"),
+        }
+    }
+}
+
+impl ParamType for Option<f64> {
+    const KIND: Kind = Kind::NumberOrAuto;
+
+    fn of(value: Value) -> Self {
+        match value {
+            Value::Number(number) => Some(number),
+            _ => None,
+        }
+    }
+}
+
+impl ParamType for Option<[f64; 3]> {
+    const KIND: Kind = Kind::ColorOrAuto;
+
+    fn of(value: Value) -> Self {
+        match value {
+            Value::Color(color) => Some(color),
+            _ => None,
+        }
+    }
+}
+
+/// Declares an effect's parameters: a struct with one field each, and the table `PARAMS` in the same
+/// order.
+///
+/// A field reads `/// Meaning.`, then `name: type = default, least => greatest, "unit";`.
+#[macro_export]
+macro_rules! params {
+    (
+        $(#[doc = $about:literal])*
+        pub struct $name:ident {$(
+            $(#[doc = $meaning:literal])+
+            $field:ident: $kind:ty = $default:expr, $least:expr => $greatest:expr, $unit:literal;
+        )*}
+    ) => {
+        $(#[doc = $about])*
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct $name {$(
+            $(#[doc = $meaning])+
+            pub $field: $kind,
+        )*}
+
+        impl $name {
+            /// The table of parameters, in the order of the fields.
+            pub const PARAMS: &'static [$crate::param::Param] = &[$(
+                $crate::param::Param {
+                    name: stringify!($field),
+                    kind: <$kind as $crate::param::ParamType>::KIND,
+                    default: $default,
+                    range: ($least, $greatest),
+                    unit: $unit,
+                    meaning: concat!($($meaning),+),
+                },
+            )*];
+
+            /// The parameters from values in the order of the table, each checked by its entry.
+            #[must_use]
+            pub fn of(values: &[$crate::param::Value]) -> Self {
+                let mut values = values.iter();
+                Self {$(
+                    $field: $crate::param::ParamType::of(*values.next().expect("one value a parameter")),
+                )*}
+            }
+        }
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LENGTH: Param = Param {
+        name: "mor",
+        kind: Kind::NumberOrAuto,
+        default: Value::Auto,
+        range: (1.0, f64::INFINITY),
+        unit: "m",
+        meaning: "",
+    };
+    const COLOR: Param = Param { kind: Kind::ColorOrAuto, name: "airlight", ..LENGTH };
+
+    #[test]
+    fn values_are_read_as_written() {
+        assert_eq!(LENGTH.parse("120"), Ok(Value::Number(120.0)));
+        assert_eq!(LENGTH.parse("inf"), Ok(Value::Number(f64::INFINITY)));
+        assert_eq!(LENGTH.parse(" auto "), Ok(Value::Auto));
+        assert_eq!(COLOR.parse("#ff0080"), Ok(Value::Color([1.0, 0.0, 128.0 / 255.0])));
+        assert_eq!(COLOR.parse("0.1, 0.2,0.3"), Ok(Value::Color([0.1, 0.2, 0.3])));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_said_with_what_does() {
+        for (param, text, want) in [
+            (LENGTH, "-5", "is -5: must be a number from 1 to inf m, or \"auto\""),
+            (LENGTH, "nan", "is `nan`: must be a number from 1 to inf m, or \"auto\""),
+            (LENGTH, "#ffffff", "is 1,1,1: must be a number from 1 to inf m, or \"auto\""),
+            (
+                COLOR,
+                "#fffff",
+                "is `#fffff`: must be a colour as \"#rrggbb\" or three numbers 0-1 (sRGB), or \"auto\"",
+            ),
+            (
+                COLOR,
+                "0,0,2",
+                "is 0,0,2: must be a colour as \"#rrggbb\" or three numbers 0-1 (sRGB), or \"auto\"",
+            ),
+        ] {
+            assert_eq!(param.parse(text).unwrap_err(), want);
+        }
+    }
+}

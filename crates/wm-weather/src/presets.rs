@@ -1,0 +1,69 @@
+//! Weathers by name: the files of `presets/`, built in.
+
+use crate::file::{WeatherError, nearest};
+use crate::weather::Weather;
+use std::path::Path;
+
+macro_rules! presets {
+    ($($name:literal),+ $(,)?) => {
+        /// Names and texts of the presets, in the order in which they are listed.
+        pub const PRESETS: &[(&str, &str)] =
+            &[$(($name, include_str!(concat!("../presets/", $name, ".toml")))),+];
+    };
+}
+
+presets! {
+    "clear", "mist", "fog", "dense-fog", "ground-fog", "fog-closing-in", "haze", "smog",
+}
+
+impl Weather {
+    /// The preset of a name.
+    #[must_use]
+    pub fn preset(name: &str) -> Option<Self> {
+        let (name, text) = PRESETS.iter().find(|(known, _)| *known == name)?;
+        Some(Self::parse(text, name).expect("presets are checked by a test"))
+    }
+
+    /// The preset of that name, or the file of that path.
+    ///
+    /// # Errors
+    /// [`WeatherError`] if there is neither, or the file is wrong.
+    pub fn find(name: &str) -> Result<Self, WeatherError> {
+        if let Some(preset) = Self::preset(name) {
+            return Ok(preset);
+        }
+        let path = Path::new(name);
+        if path.extension().is_none() && !path.exists() {
+            let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
+            let near = nearest(name, names.iter().copied());
+            let all = names.join(", ");
+            return Err(WeatherError::Unknown(format!(
+                "there is no weather `{name}`{near}; the presets are {all}, or give a .toml file"
+            )));
+        }
+        Self::read(path)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_preset_is_right_and_says_what_it_is() {
+        for (name, _) in PRESETS {
+            let weather = Weather::preset(name).unwrap();
+            assert_eq!(&weather.name, name);
+            assert!(!weather.about.is_empty(), "{name}");
+            assert_eq!(weather.effects().next().is_none(), *name == "clear");
+        }
+    }
+
+    #[test]
+    fn a_misspelt_preset_gets_its_nearest() {
+        let error = Weather::find("dens-fog").unwrap_err().to_string();
+        assert!(error.starts_with("there is no weather `dens-fog`, did you mean `dense-fog`?;"), "{error}");
+        let error = Weather::find("missing.toml").unwrap_err().to_string();
+        assert_eq!(error, "missing.toml: cannot read the weather file: no such file");
+    }
+}

@@ -1,0 +1,117 @@
+//! The reference of all effects and presets as text: for help and for `docs/weather.md`.
+
+use crate::effects::EFFECTS;
+use crate::param::{Kind, Param};
+use crate::presets::PRESETS;
+use crate::weather::Weather;
+use std::fmt::Write;
+
+/// The page `docs/weather.md`.
+#[must_use]
+pub fn markdown() -> String {
+    let mut page = String::from(HEAD);
+    page.push_str("\n## Presets\n\n| name | what it is |\n|---|---|\n");
+    for (name, _) in PRESETS {
+        let about = Weather::preset(name).map(|weather| weather.about).unwrap_or_default();
+        _ = writeln!(page, "| `{name}` | {about} |");
+    }
+    for effect in EFFECTS {
+        _ = writeln!(page, "\n## {}\n\n{}. Slot: {}.\n", effect.name, effect.about, effect.slot.name());
+        page.push_str("| parameter | default | range | unit | meaning |\n|---|---|---|---|---|\n");
+        for param in effect.params {
+            let (range, unit) = (range(param), if param.unit.is_empty() { "-" } else { param.unit });
+            _ = writeln!(
+                page,
+                "| `{}` | {} | {range} | {unit} | {} |",
+                param.name,
+                param.default,
+                meaning(param)
+            );
+        }
+    }
+    page
+}
+
+/// The same for a terminal, below the options of a command.
+#[must_use]
+pub fn help() -> String {
+    let mut text = String::from("Weathers by name:\n");
+    for (name, _) in PRESETS {
+        let about = Weather::preset(name).map(|weather| weather.about).unwrap_or_default();
+        _ = writeln!(text, "  {name:<16} {about}");
+    }
+    for effect in EFFECTS {
+        _ = writeln!(text, "\nParameters of {} ({}):", effect.name, effect.about);
+        for param in effect.params {
+            let unit = if param.unit.is_empty() { String::new() } else { format!(" {}", param.unit) };
+            let key = format!("{}.{}", effect.name, param.name);
+            _ = writeln!(text, "  {key:<24} {}{unit}, {}: {}", param.default, range(param), meaning(param));
+        }
+    }
+    text
+}
+
+fn range(param: &Param) -> String {
+    let (least, greatest) = param.range;
+    match param.kind {
+        Kind::Number => format!("{least} to {greatest}"),
+        Kind::NumberOrAuto => format!("{least} to {greatest}, auto"),
+        Kind::ColorOrAuto => "sRGB, auto".into(),
+    }
+}
+
+fn meaning(param: &Param) -> String {
+    param.meaning.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+const HEAD: &str = "\
+# Weather reference
+
+Made from the effects' own tables; do not edit by hand.
+
+A weather is a preset's name or a TOML file; `--set effect.parameter=value` changes one parameter and
+turns its effect on, `--set effect=off` turns one off.
+
+```toml
+name = \"Fog closing in\"
+about = \"From a clear day to dense fog in five seconds\"
+fidelity = \"physical\"            # or \"paper\": the paper's formulas as printed
+
+[fog]
+mor = { keys = [[0, 2000], [5, 60]] }   # seconds and values, linear between
+airlight = \"#d5dadd\"
+```
+
+A parameter is a number in its unit, a colour (`\"#rrggbb\"` or three numbers 0-1, sRGB), `\"auto\"`
+where its range says so, or keyframes of these. On the command line: `--set fog.mor=120`,
+`--set fog.mor=0:2000,5:60`, `--set fog.airlight=#d5dadd`, `--set fidelity=paper`.
+";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With `WM_UPDATE_DOCS=1` in the environment, writes the page.
+    #[test]
+    fn the_page_in_docs_is_this_one() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/weather.md");
+        if std::env::var("WM_UPDATE_DOCS").is_ok_and(|v| v == "1") {
+            std::fs::write(path, markdown()).unwrap();
+        }
+        let page = std::fs::read_to_string(path).unwrap_or_default();
+        assert!(
+            page == markdown(),
+            "docs/weather.md is stale: run WM_UPDATE_DOCS=1 cargo test -p wm-weather"
+        );
+    }
+
+    #[test]
+    fn help_names_every_parameter() {
+        let help = help();
+        for effect in EFFECTS {
+            for param in effect.params {
+                assert!(help.contains(&format!("{}.{}", effect.name, param.name)));
+            }
+        }
+    }
+}
