@@ -136,6 +136,8 @@ pub trait Lanes: Simd {
     type M: SimdMask<Self, Element = i32> + Select<Self::F> + Select<Self::U>;
     /// Number of lanes: 8 or 16.
     const N: usize;
+    /// Whether the path packs the selected lanes of a vector in one instruction.
+    const PACKS: bool;
 
     /// `value` in every lane.
     #[inline(always)]
@@ -151,22 +153,23 @@ pub trait Lanes: Simd {
 }
 
 macro_rules! lanes {
-    ($token:ty, $f:ident, $u:ident, $m:ident, $n:literal) => {
+    ($token:ty, $f:ident, $u:ident, $m:ident, $n:literal, $packs:literal) => {
         impl Lanes for $token {
             type F = $f<Self>;
             type U = $u<Self>;
             type M = $m<Self>;
             const N: usize = $n;
+            const PACKS: bool = $packs;
         }
     };
 }
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-lanes!(Avx512, f32x16, u32x16, mask32x16, 16);
+lanes!(Avx512, f32x16, u32x16, mask32x16, 16, true);
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-lanes!(Avx2, f32x8, u32x8, mask32x8, 8);
+lanes!(Avx2, f32x8, u32x8, mask32x8, 8, false);
 #[cfg(target_arch = "aarch64")]
-lanes!(Neon, f32x8, u32x8, mask32x8, 8);
-lanes!(Fallback, f32x8, u32x8, mask32x8, 8);
+lanes!(Neon, f32x8, u32x8, mask32x8, 8, false);
+lanes!(Fallback, f32x8, u32x8, mask32x8, 8, false);
 
 /// Runs `$call` compiled for the path `$path`, with its token bound to `$simd`.
 ///

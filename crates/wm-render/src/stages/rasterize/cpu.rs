@@ -50,12 +50,19 @@ pub struct Scratch {
     batch: Batch,
     /// Which patches each splat of the batch touches.
     touched: [u16; 256],
-    /// The splats of the batch that touch the patch at hand.
+    lists: Lists,
+}
+
+/// Which splats of the batch touch the patch at hand, and which each of its blocks.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+struct Lists {
     patch: List,
-    /// The blocks that each of them touches, 16 an array.
-    blocks: [[u16; 256]; 2],
-    /// The splats that touch the block at hand.
-    block: List,
+    /// The blocks that each splat of `patch` touches.
+    masks: [u16; 256],
+    blocks: [List; 32],
+    /// Length of each list in `blocks`.
+    counts: [usize; 32],
 }
 
 /// Splats in the first cache.
@@ -74,9 +81,12 @@ impl Default for Scratch {
             patches: Default::default(),
             batch: Batch { records: [never; 256], origins: [(0.0, 0.0); 256] },
             touched: [0; 256],
-            patch: [0; 256 + CHUNK],
-            blocks: [[0; 256]; 2],
-            block: [0; 256 + CHUNK],
+            lists: Lists {
+                patch: [0; 256 + CHUNK],
+                masks: [0; 256],
+                blocks: [[0; 256 + CHUNK]; 32],
+                counts: [0; 32],
+            },
         }
     }
 }
@@ -124,47 +134,36 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
             let (x, y) = (record.x - left, record.y - top);
             *origin = (-record.ux * x, -(record.vx * x + record.vy * y));
         }
-        scratch.touched[batch.len()..].fill(0);
+        let len = batch.len();
+        scratch.touched[len..].fill(0);
         for patch in 0..PATCHES {
             if live[patch] == 0 {
                 continue;
             }
-            let count = list(simd, &scratch.touched, 1 << patch, None, batch.len(), &mut scratch.patch);
-            let origin = [(patch % 2 * PATCH) as f32, (patch / 2 * PATCH) as f32];
-            for i in 0..count {
-                let record = &scratch.batch.records[usize::from(scratch.patch[i] & 255)];
-                let mut mask = 0;
-                for part in 0..blocks / S::N {
-                    let row = (part * S::N / 4) as f32 * block_height;
-                    let corner = (left + origin[0], top + origin[1] + row);
-                    mask |= cell_mask(simd, record, corner, (4.0, block_height), lanes) << (part * S::N);
-                }
-                scratch.blocks[0][i] = mask as u16;
-                scratch.blocks[1][i] = (mask >> 16) as u16;
-            }
-            for masks in &mut scratch.blocks {
-                masks[count..].fill(0);
-            }
+            let corner = ((patch % 2 * PATCH) as f32, (patch / 2 * PATCH) as f32);
+            let Scratch { patches, batch, touched, lists } = scratch;
+            let splats =
+                list(simd, &touched[..len.next_multiple_of(CHUNK)], 1 << patch, None, &mut lists.patch);
+            let field = (left + corner.0, top + corner.1);
+            list_blocks(simd, batch, splats, field, lanes, live[patch], lists);
             let mut todo = live[patch];
             while todo != 0 {
                 let block = todo.trailing_zeros() as usize;
                 todo &= todo - 1;
-                let masks = &scratch.blocks[block / 16];
-                let taken =
-                    list(simd, masks, 1 << (block % 16), Some(&scratch.patch), count, &mut scratch.block);
-                if taken == 0 {
+                let count = lists.counts[block];
+                if count == 0 {
                     continue;
                 }
-                scratch.block[taken..taken + FLIGHT].fill(BATCH as u16);
-                let walk = &scratch.block[..taken.next_multiple_of(FLIGHT)];
+                let walk = &mut lists.blocks[block];
+                walk[count..count + FLIGHT].fill(BATCH as u16);
+                let walk = &walk[..count.next_multiple_of(FLIGHT)];
                 let corner = (
-                    origin[0] + (block % 4 * 4) as f32 + 0.5,
-                    origin[1] + (block / 4) as f32 * block_height + 0.5,
+                    corner.0 + (block % 4 * 4) as f32 + 0.5,
+                    corner.1 + (block / 4) as f32 * block_height + 0.5,
                 );
-                let sums = &mut scratch.patches[patch];
                 let (alive, walked) =
-                    blend_block::<S, C, MEDIAN>(simd, &scratch.batch, walk, corner, lanes, block, sums);
-                evaluated += (walked.min(taken) * S::N) as u64;
+                    blend_block::<S, C, MEDIAN>(simd, batch, walk, corner, lanes, block, &mut patches[patch]);
+                evaluated += (walked.min(count) * S::N) as u64;
                 if !alive {
                     live[patch] &= !(1 << block);
                 }
@@ -177,16 +176,62 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
     evaluated
 }
 
-/// Lists the entries of `masks` that hold `bit`: their positions, or what `names` says of them.
+/// Lists for each block of a patch the splats that touch it: `splats` of them are in `lists.patch`, and
+/// the patch begins at pixel `field`.
 #[inline(always)]
-fn list<S: Lanes>(
+fn list_blocks<S: Lanes>(
     simd: S,
-    masks: &[u16; 256],
-    bit: u16,
-    names: Option<&List>,
-    len: usize,
-    out: &mut List,
-) -> usize {
+    batch: &Batch,
+    splats: usize,
+    field: (f32, f32),
+    lanes: (S::F, S::F),
+    live: u32,
+    lists: &mut Lists,
+) {
+    let rows = S::N / 4;
+    let Lists { patch, masks, blocks, counts } = lists;
+    if S::PACKS {
+        for (name, mask) in patch[..splats].iter().zip(masks.iter_mut()) {
+            let record = &batch.records[usize::from(name & 255)];
+            *mask = cell_mask(simd, record, field, (4.0, rows as f32), lanes) as u16;
+        }
+        masks[splats..].fill(0);
+        let mut todo = live;
+        while todo != 0 {
+            let block = todo.trailing_zeros() as usize;
+            todo &= todo - 1;
+            counts[block] = list(
+                simd,
+                &masks[..splats.next_multiple_of(CHUNK)],
+                1 << block,
+                Some(patch),
+                &mut blocks[block],
+            );
+        }
+        return;
+    }
+    counts.fill(0);
+    for name in &patch[..splats] {
+        let record = &batch.records[usize::from(name & 255)];
+        let mut mask = 0;
+        for part in 0..PATCH_PIXELS / S::N / S::N {
+            let corner = (field.0, field.1 + (part * rows * rows) as f32);
+            mask |= cell_mask(simd, record, corner, (4.0, rows as f32), lanes) << (part * S::N);
+        }
+        mask &= live;
+        while mask != 0 {
+            let block = (mask.trailing_zeros() & 31) as usize;
+            mask &= mask - 1;
+            blocks[block][counts[block] & 255] = *name;
+            counts[block] += 1;
+        }
+    }
+}
+
+/// Lists the entries of `masks` that hold `bit`: their positions, or what `names` says of them. Returns
+/// how many. The length of `masks` is a multiple of 32.
+#[inline(always)]
+fn list<S: Lanes>(simd: S, masks: &[u16], bit: u16, names: Option<&List>, out: &mut List) -> usize {
     const POSITIONS: [u16; 256] = {
         let mut positions = [0; 256];
         let mut i = 0;
@@ -197,9 +242,16 @@ fn list<S: Lanes>(
         positions
     };
     let names = names.map_or(&POSITIONS[..], |names| &names[..]);
-    let bit = u16x32::splat(simd, bit);
     let mut count = 0;
-    for first in (0..len).step_by(CHUNK) {
+    if !S::PACKS {
+        for (mask, name) in masks.iter().zip(names) {
+            out[count & 255] = *name;
+            count += usize::from(mask & bit != 0);
+        }
+        return count;
+    }
+    let bit = u16x32::splat(simd, bit);
+    for first in (0..masks.len()).step_by(CHUNK) {
         let holds = (u16x32::from_slice(simd, &masks[first..first + CHUNK]) & bit).simd_eq(bit);
         let packed = u16x32::from_slice(simd, &names[first..first + CHUNK]).compress(holds);
         packed.store_slice(&mut out[count..count + CHUNK]);
