@@ -1,0 +1,1 @@
+//! Videos: frames in, one MP4 out.
