@@ -108,6 +108,14 @@ impl TempFile {
     /// # Errors
     /// The system's refusals; the temporary file is removed then.
     pub fn persist(mut self) -> Result<(), MediaError> {
+        self.rename()
+    }
+
+    /// [`TempFile::persist`] for an owner that is dropped itself; only once.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn rename(&mut self) -> Result<(), MediaError> {
         self.file = None;
         fs::rename(self.path(), &self.resolved).map_err(|source| {
             // Windows says "denied" where Unix says "is a directory".

@@ -48,19 +48,19 @@ pub fn srgb_encode_f64(linear: f64) -> f64 {
 pub enum Dither {
     /// To the nearest: slow gradients show contours.
     Off,
-    /// A fixed blue-noise threshold a pixel and channel. No pixel is off by a whole step, the mean
+    /// A fixed blue-noise offset a pixel and channel. No pixel is off by a whole step, the mean
     /// over any 16x16 is right within 0.05 of a step, and a value that is a byte already stays this byte everywhere.
     #[default]
     Ordered,
 }
 
 impl Dither {
-    /// Thresholds of row `y` of `channel` (0-2), one a pixel, to be repeated: truncating
-    /// `value + threshold` quantises.
+    /// What to add to the pixels of row `y` of `channel` (0-2) before rounding, one a pixel, to be
+    /// repeated.
     pub(super) fn row(self, channel: usize, y: usize) -> &'static [f32] {
         match self {
-            Self::Off => &[0.5; dither::SIDE],
-            Self::Ordered => &dither::THRESHOLDS[channel][y % dither::SIDE * dither::SIDE..][..dither::SIDE],
+            Self::Off => &[0.0; dither::SIDE],
+            Self::Ordered => &dither::OFFSETS[channel][y % dither::SIDE * dither::SIDE..][..dither::SIDE],
         }
     }
 
@@ -68,7 +68,7 @@ impl Dither {
     fn row_interleaved(self, y: usize) -> &'static [f32] {
         const WIDTH: usize = 3 * dither::SIDE;
         match self {
-            Self::Off => &[0.5; WIDTH],
+            Self::Off => &[0.0; WIDTH],
             Self::Ordered => &dither::INTERLEAVED[y % dither::SIDE * WIDTH..][..WIDTH],
         }
     }
@@ -76,9 +76,18 @@ impl Dither {
 
 /// `value` within 0-1; what is no number becomes 0.
 #[inline]
-#[allow(clippy::manual_clamp, reason = "clamp keeps NaN, max does not")]
 pub(super) fn unit(value: f32) -> f32 {
-    value.max(0.0).min(1.0)
+    // Comparisons with NaN are false; clamp would keep it.
+    let value = if value > 0.0 { value } else { 0.0 };
+    if value < 1.0 { value } else { 1.0 }
+}
+
+/// `value`, -0.5 to 255.5, to the nearest.
+#[inline]
+pub(super) fn byte(value: f32) -> u8 {
+    // At 1.5 * 2^23 floats are 1 apart, so that the addition rounds and the last byte is the result.
+    // A cast, which must saturate, takes three times as long.
+    (value + 12_582_912.0).to_bits() as u8
 }
 
 /// `rgb [H, W, 3]`, sRGB-encoded 0-1, as bytes of the same shape. Values outside are clipped.
@@ -88,10 +97,10 @@ pub fn quantize_rgb8(rgb: &[f32], size: Size, dither: Dither) -> Vec<u8> {
     let mut bytes = vec![0; rgb.len()];
     let row_length = 3 * size.width as usize;
     for (y, (to, from)) in bytes.chunks_exact_mut(row_length).zip(rgb.chunks_exact(row_length)).enumerate() {
-        let thresholds = dither.row_interleaved(y);
-        for (to, from) in to.chunks_mut(thresholds.len()).zip(from.chunks(thresholds.len())) {
-            for ((to, &from), &threshold) in to.iter_mut().zip(from).zip(thresholds) {
-                *to = (unit(from) * 255.0 + threshold) as i32 as u8;
+        let offsets = dither.row_interleaved(y);
+        for (to, from) in to.chunks_mut(offsets.len()).zip(from.chunks(offsets.len())) {
+            for ((to, &from), &offset) in to.iter_mut().zip(from).zip(offsets) {
+                *to = byte(unit(from) * 255.0 + offset);
             }
         }
     }
@@ -129,7 +138,7 @@ mod tests {
     #[test]
     fn no_pixel_is_off_by_a_step_and_means_are_right() {
         let size = Size::new(1024, 64);
-        let rgb = ramp(size, 100.0, 1.0 / 128.0);
+        let rgb = ramp(size, 100.2, 1.0 / 128.0);
         let bytes = quantize_rgb8(&rgb, size, Dither::Ordered);
         for (&byte, &value) in bytes.iter().zip(&rgb) {
             assert!((f32::from(byte) - 255.0 * value).abs() < 1.0);
@@ -156,7 +165,7 @@ mod tests {
     fn a_slow_gradient_has_no_flat_steps() {
         // 128 pixels a step. A step is flat as far as a strip of 16 rows has one value only.
         let size = Size::new(1024, 16);
-        let rgb = ramp(size, 100.0, 1.0 / 128.0);
+        let rgb = ramp(size, 100.2, 1.0 / 128.0);
         let widest = |dither| {
             let bytes = quantize_rgb8(&rgb, size, dither);
             let column = |x: usize| (0..16).map(move |y| (y * 1024 + x) * 3);

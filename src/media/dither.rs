@@ -1,9 +1,9 @@
-//! A blue-noise threshold pattern: 64x64, three channels, the same on every machine.
+//! A blue-noise pattern to add before rounding: 64x64, three channels, the same on every machine.
 //!
-//! Rounding a slow gradient to 8 bits draws contours, which the eye finds at once in fog. Adding a
-//! threshold `t(x, y)` in (0, 1) before truncating makes the mean over a neighbourhood right instead,
-//! if the thresholds in every neighbourhood are spread evenly over (0, 1); and the noise is hard to
-//! see if its energy is at high frequencies. Both hold for the void-and-cluster method (R. Ulichney,
+//! Rounding a slow gradient to 8 bits draws contours, which the eye finds at once in fog. Adding an
+//! offset `t(x, y)` within half a step first makes the mean over a neighbourhood right instead, if the
+//! offsets in every neighbourhood are spread evenly over (-1/2, 1/2); and the noise is hard to see if
+//! its energy is at high frequencies. Both hold for the void-and-cluster method (R. Ulichney,
 //! "The void-and-cluster method for dither array generation", Proc. SPIE 1913, 1993), followed here
 //! with one departure: the paper's third phase, which looks for clusters of the minority, picks the
 //! same pixels as its second one since the filter is linear, so one loop does both.
@@ -19,11 +19,11 @@ const CELLS: usize = SIDE * SIDE;
 /// Standard deviation of the filter that finds voids and clusters, pixels (Ulichney's choice).
 const SIGMA: f64 = 1.5;
 
-/// Thresholds of three channels, each `[SIDE, SIDE]` in `[1/8192, 1 - 1/8192]`.
+/// Offsets of three channels, each `[SIDE, SIDE]`, in steps, within 1/2 - 1/8192 of 0.
 ///
-/// That they keep away from 0 and 1 lets a value that is an exact multiple of the quantisation step,
-/// up to rounding errors of f32, come out as this multiple at every pixel.
-pub static THRESHOLDS: LazyLock<[Vec<f32>; 3]> = LazyLock::new(|| {
+/// That they keep away from 1/2 lets a value that is a multiple of the quantisation step, up to
+/// rounding errors of f32, come out as this multiple at every pixel.
+pub static OFFSETS: LazyLock<[Vec<f32>; 3]> = LazyLock::new(|| {
     let ranks = void_and_cluster();
     // Shifts of one pattern by about a third of its side do not resemble each other, and equal
     // values in three channels then do not dither to grey noise.
@@ -31,16 +31,15 @@ pub static THRESHOLDS: LazyLock<[Vec<f32>; 3]> = LazyLock::new(|| {
         (0..CELLS)
             .map(|cell| {
                 let (x, y) = ((cell % SIDE + shift_x) % SIDE, (cell / SIDE + shift_y) % SIDE);
-                (f32::from(ranks[y * SIDE + x]) + 0.5) / CELLS as f32
+                (f32::from(ranks[y * SIDE + x]) + 0.5) / CELLS as f32 - 0.5
             })
             .collect()
     })
 });
 
 /// The same as `[SIDE, SIDE, 3]`, for interleaved pixels.
-pub static INTERLEAVED: LazyLock<Vec<f32>> = LazyLock::new(|| {
-    (0..CELLS).flat_map(|cell| THRESHOLDS.each_ref().map(|channel| channel[cell])).collect()
-});
+pub static INTERLEAVED: LazyLock<Vec<f32>> =
+    LazyLock::new(|| (0..CELLS).flat_map(|cell| OFFSETS.each_ref().map(|channel| channel[cell])).collect());
 
 /// Ranks 0..CELLS, `[SIDE, SIDE]`: pixels of rank below `n` are spread evenly for every `n`.
 fn void_and_cluster() -> Vec<u16> {
@@ -159,14 +158,14 @@ mod tests {
 
     #[test]
     fn small_neighbourhoods_are_spread_evenly() {
-        // A flat area's mean is off by how many thresholds too many lie below its value: measured at
+        // A flat area's mean is off by how many offsets too many lie below its fraction: measured at
         // most 0.034 of a step over 16x16 pixels anywhere, 0.091 over 8x8.
-        for channel in THRESHOLDS.iter() {
+        for channel in OFFSETS.iter() {
             for level in [0.05, 0.25, 0.5, 0.75, 0.95] {
                 for start in 0..CELLS {
                     let below = (0..256).filter(|i| {
                         let (x, y) = (start % SIDE + i % 16, start / SIDE + i / 16);
-                        channel[y % SIDE * SIDE + x % SIDE] < level
+                        channel[y % SIDE * SIDE + x % SIDE] + 0.5 < level
                     });
                     let error = below.count() as f32 / 256.0 - level;
                     assert!(error.abs() < 0.05, "{error} at {start}, level {level}");
