@@ -13,10 +13,11 @@
 use std::io::{Cursor, Write};
 use std::path::Path;
 
+use exr::compression::Compression;
 use exr::image::write::WritableImage;
-use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
+use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, Layer};
 use exr::math::Vec2;
-use exr::meta::attribute::{AttributeValue, Chromaticities, Text};
+use exr::meta::attribute::{AttributeValue, Chromaticities, LineOrder, Text};
 use exr::meta::header::{LayerAttributes, standard_names};
 
 use super::{MediaError, Size, Tags, atomic, color};
@@ -56,7 +57,7 @@ pub fn write_exr(path: &Path, planes: Planes<'_>, size: Size, tags: &Tags) -> Re
     let channels = AnyChannels::sort(channels(planes, size).into());
     assert!(!channels.list.is_empty(), "an EXR without channels");
     let dimensions = Vec2(size.width as usize, size.height as usize);
-    let layer = Layer::new(dimensions, attributes, Encoding::SMALL_LOSSLESS, channels);
+    let layer = Layer::new(dimensions, attributes, ENCODING, channels);
     let mut image = Image::from_layer(layer);
     if planes.rgb.is_some() {
         image.attributes.chromaticities = Some(REC_709);
@@ -71,6 +72,11 @@ pub fn write_exr(path: &Path, planes: Planes<'_>, size: Size, tags: &Tags) -> Re
     sort_attributes(&mut bytes);
     atomic::write(path, |out| out.write_all(&bytes).map_err(|source| MediaError::io(path, "write", source)))
 }
+
+/// ZIP by single rows ("ZIPS"): a seventh larger than by 16 rows, but written in a third of the time.
+/// Rows in order, since otherwise threads decide about it.
+const ENCODING: Encoding =
+    Encoding { compression: Compression::ZIP1, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
 
 /// The default of EXR, said aloud.
 const REC_709: Chromaticities = Chromaticities {

@@ -186,7 +186,8 @@ fn write(
             Bits::Eight => BitDepth::Eight,
             Bits::Sixteen => BitDepth::Sixteen,
         });
-        encoder.set_compression(Compression::Balanced);
+        // A quarter larger than the next better, but written in a twentieth of its 0.3 s for a frame.
+        encoder.set_compression(Compression::Fast);
         if meaning == Meaning::Color {
             encoder.set_source_srgb(SrgbRenderingIntent::Perceptual);
             // For readers that know only gamma: 1/2.2, as the PNG standard asks beside sRGB.
