@@ -11,6 +11,7 @@
 pub mod camera;
 pub mod group;
 pub mod metadata;
+pub mod place;
 pub mod quat;
 pub mod scene;
 pub mod sh;
@@ -19,5 +20,6 @@ pub mod splats;
 pub use camera::{Camera, CameraError};
 pub use group::Group;
 pub use metadata::{Metadata, Rasterization};
+pub use place::Place;
 pub use scene::{Scene, View};
 pub use splats::{Splats, SplatsError};

@@ -1,0 +1,180 @@
+//! The built-in place: a procedural street that needs no download.
+//!
+//! A village street of about 150 m runs along +y between houses, gardens and trees; fields, a church
+//! and hills lie beyond, so that fog has depth to act on and haze shows. It is analytic geometry with
+//! procedural textures and baked light, and serves twice: [`Sampling`] turns it into Gaussians, and
+//! [`Place::photo`] into pictures with exact depth, normals, materials and sky, as a camera would
+//! have taken them. Metres, z up, the carriageway at z = 0.
+//!
+//! Everything is a function of the seed alone; nothing depends on the order or the number of threads.
+//!
+//! - [`Place::cast`] and [`Place::sky`]: linear radiance along a ray; [`display_of`] makes it a colour.
+//! - [`Place::sampling`]: the splats, any range of them.
+//! - [`Place::views`], [`Place::dolly`]: where to look from.
+
+mod builder;
+mod bvh;
+mod facade;
+mod far;
+mod furniture;
+mod growth;
+mod hash;
+mod house;
+mod light;
+mod paint;
+mod photo;
+mod roof;
+mod sampling;
+mod shape;
+mod sky;
+mod street;
+mod texture;
+mod tone;
+mod tree;
+mod views;
+
+pub use paint::Material;
+pub use photo::Pixel;
+pub use sampling::Sampling;
+pub use tone::{display_of, exposed};
+pub use views::Viewpoint;
+
+use crate::Metadata;
+use builder::{Builder, Primitive};
+use bvh::Bvh;
+use glam::{DVec2, DVec3};
+use light::{Budget, LightMap};
+use paint::Paint;
+use shape::Crossing;
+
+/// Rays that [`Place::cast`] spends on the light of a point.
+const CAST: Budget = Budget { sun: 2, sky: 12 };
+/// Footprint of a cast ray per metre of its length: a pixel of a picture about 1000 px high.
+const FOOTPRINT: f64 = 0.0012;
+
+/// A street with everything in it.
+#[derive(Clone, Debug)]
+pub struct Place {
+    seed: u64,
+    /// In the order of the tree.
+    primitives: Vec<Primitive>,
+    paints: Vec<Paint>,
+    tree: Bvh,
+    light: LightMap,
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance along the ray, m.
+    pub t: f64,
+    /// Where, world axes, m.
+    pub point: DVec3,
+    /// Normal of the geometry on the side that the ray comes from, length 1.
+    pub normal: DVec3,
+    /// What it is made of.
+    pub material: Material,
+    /// Linear radiance towards the ray's origin; see [`display_of`].
+    pub radiance: [f64; 3],
+}
+
+impl Place {
+    /// The street of `seed`: trees, textures and clouds differ, the plan is the same.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        let mut builder = Builder::new(seed);
+        street::build(&mut builder);
+        Self::of(builder)
+    }
+
+    /// The street as the project's pictures show it.
+    #[must_use]
+    pub fn street() -> Self {
+        Self::new(1)
+    }
+
+    fn of(builder: Builder) -> Self {
+        let Builder { primitives, paints, seed } = builder;
+        let (tree, order) = Bvh::build(primitives.iter().map(|primitive| primitive.shape));
+        let primitives = order.into_iter().map(|index| primitives[index]).collect();
+        let mut place = Self { seed, primitives, paints, tree, light: LightMap::default() };
+        place.light = LightMap::of(&place);
+        place
+    }
+
+    /// The first surface along a ray, with its light; `None` where the ray ends in the sky.
+    ///
+    /// `direction` need not have length 1; `t` is in metres all the same.
+    #[must_use]
+    pub fn cast(&self, origin: DVec3, direction: DVec3) -> Option<Hit> {
+        let direction = direction.try_normalize()?;
+        let (place, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
+        Some(self.hit(place, &crossing, origin, direction))
+    }
+
+    /// Distance (m) to the first surface along a ray: [`Self::cast`] without the light.
+    #[must_use]
+    pub fn distance(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
+        let direction = direction.try_normalize()?;
+        self.nearest(origin, direction, f64::INFINITY).map(|(_, crossing)| crossing.t)
+    }
+
+    /// Linear radiance of the sky in a direction (any length but 0).
+    #[must_use]
+    pub fn sky(&self, direction: DVec3) -> [f64; 3] {
+        self.sky_in(direction.normalize_or(DVec3::Z)).to_array()
+    }
+
+    /// Towards the sun, length 1.
+    #[must_use]
+    pub fn sun_direction() -> DVec3 {
+        sky::sun()
+    }
+
+    /// What weather must know: metres, up, ground at 0, the light of the horizon.
+    #[must_use]
+    pub fn metadata(&self) -> Metadata {
+        let mut airlight = DVec3::ZERO;
+        for step in 0..64 {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(step) / 64.0).sin_cos();
+            airlight += DVec3::from_array(self.sky(DVec3::new(cos, sin, 0.05))) / 64.0;
+        }
+        Metadata {
+            metres_per_unit: Some(1.0),
+            up: Some(DVec3::Z),
+            ground: Some(0.0),
+            airlight: Some(exposed(airlight.to_array())),
+            rasterization: None,
+            provenance: Some(format!("weather-magician built-in street, seed {}", self.seed)),
+        }
+    }
+
+    fn sky_in(&self, direction: DVec3) -> DVec3 {
+        sky::radiance(direction, self.seed as u32)
+    }
+
+    fn material(&self, place: usize) -> Material {
+        self.paints[usize::from(self.primitives[place].paint)].material
+    }
+
+    fn nearest(&self, origin: DVec3, direction: DVec3, high: f64) -> Option<(usize, Crossing)> {
+        self.tree.nearest(|place| &self.primitives[place].shape, (origin, direction), 1e-9, high)
+    }
+
+    fn blocked(&self, origin: DVec3, direction: DVec3) -> bool {
+        self.tree.any(|place| &self.primitives[place].shape, (origin, direction), 1e-9, f64::INFINITY)
+    }
+
+    fn hit(&self, place: usize, crossing: &Crossing, origin: DVec3, direction: DVec3) -> Hit {
+        let point = origin + direction * crossing.t;
+        let unit = DVec2::new(crossing.a, crossing.b);
+        let spot = shape::Spot { point, ..self.primitives[place].shape.spot_anywhere(unit.x, unit.y) };
+        let normal = if spot.normal.dot(direction) > 0.0 { -spot.normal } else { spot.normal };
+        let width = (FOOTPRINT * crossing.t).max(1e-3);
+        let radiance = self.shade(place, &spot, (unit, direction), width, CAST).to_array();
+        Hit { t: crossing.t, point, normal, material: self.material(place), radiance }
+    }
+}
+
+#[cfg(test)]
+mod tests;

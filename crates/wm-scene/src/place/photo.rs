@@ -1,0 +1,73 @@
+//! Pictures of the place, pixel by pixel; the caller brings the threads.
+
+use super::{Hit, Material, Place, display_of};
+use crate::Camera;
+use glam::DVec3;
+
+/// What a camera sees in one pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pixel {
+    /// Mean linear radiance over the pixel.
+    pub radiance: [f64; 3],
+    /// [`display_of`] that: sRGB, 0-1.
+    pub rgb: [f64; 3],
+    /// View z of the first surface on the ray through the pixel's centre, m; 0 in the sky.
+    pub depth: f64,
+    /// Normal of that surface, world axes, towards the camera; 0 in the sky.
+    pub normal: DVec3,
+    /// Its material; none in the sky.
+    pub material: Option<Material>,
+    /// Whether the ray through the pixel's centre ends in the sky.
+    pub is_sky: bool,
+}
+
+impl Place {
+    /// The pixel in column `x` and row `y`, averaged over `samples` x `samples` rays (1 and above).
+    #[must_use]
+    pub fn photo(&self, camera: &Camera, x: u32, y: u32, samples: u32) -> Pixel {
+        let eye = camera.center();
+        let (left, top) = (f64::from(x), f64::from(y));
+        let samples = samples.max(1);
+        let see = |dx: f64, dy: f64| -> (DVec3, Option<Hit>) {
+            let direction = camera.ray(left + dx, top + dy);
+            (direction, self.cast(eye, direction))
+        };
+        let light = |(direction, hit): &(DVec3, Option<Hit>)| {
+            DVec3::from_array(hit.map_or_else(|| self.sky(*direction), |hit| hit.radiance))
+        };
+        let middle = see(0.5, 0.5);
+        let mut sum = DVec3::ZERO;
+        for row in 0..samples {
+            for column in 0..samples {
+                let (dx, dy) = (f64::from(2 * column + 1), f64::from(2 * row + 1));
+                let size = 0.5 / f64::from(samples);
+                sum += if 2 * column + 1 == samples && 2 * row + 1 == samples {
+                    light(&middle)
+                } else {
+                    light(&see(dx * size, dy * size))
+                };
+            }
+        }
+        let radiance = (sum / f64::from(samples * samples)).to_array();
+        let rgb = display_of(radiance);
+        match middle {
+            (direction, Some(hit)) => Pixel {
+                radiance,
+                rgb,
+                depth: hit.t * direction.dot(camera.forward()),
+                normal: hit.normal,
+                material: Some(hit.material),
+                is_sky: false,
+            },
+            (_, None) => {
+                Pixel { radiance, rgb, depth: 0.0, normal: DVec3::ZERO, material: None, is_sky: true }
+            }
+        }
+    }
+
+    /// Row `y` of a picture, left to right; see [`Self::photo`].
+    #[must_use]
+    pub fn photo_row(&self, camera: &Camera, y: u32, samples: u32) -> Vec<Pixel> {
+        (0..camera.width).map(|x| self.photo(camera, x, y, samples)).collect()
+    }
+}
