@@ -14,9 +14,9 @@ use glam::{DVec2, DVec3};
 const FIELD: f64 = 0.03;
 
 pub(super) fn build(b: &mut Builder, p: &Palette, finishes: &dyn Fn(&mut Builder, &Palette) -> [Finish; 3]) {
-    let field = b.paint(Material::Field, 0x7C8C48, 0x97A05A);
-    let wood = b.paint(Material::Wood, 0x3F5630, 0x66763C);
-    let far_leaf = b.paint(Material::Wood, 0x4C6634, 0x7C8A44);
+    let field = b.paint(Material::Field, 0x7F8A55, 0x979E66);
+    let wood = b.paint(Material::Wood, 0x4E5E46, 0x6E7A58);
+    let far_leaf = b.paint(Material::Wood, 0x506338, 0x78844C);
     let finishes = finishes(b, p);
     // Fields around the street's own ground, each rectangle a primitive.
     for (x0, x1, y0, y1) in [

@@ -1,6 +1,7 @@
 //! Street furniture: lamps, fences, walls, benches, bins, signs, wires, the porch.
 
 use super::builder::{Builder, Frame, faces};
+use super::hash::Dice;
 use super::paint::PaintId;
 use super::street::Palette;
 use glam::DVec3;
@@ -173,7 +174,7 @@ pub(super) fn wire(b: &mut Builder, from: DVec3, to: DVec3, sag: f64, paint: Pai
         from.lerp(to, t) - DVec3::Z * (4.0 * sag * t * (1.0 - t))
     };
     for step in 0..steps {
-        b.stump(point(step), point(step + 1), [0.011, 0.011], paint);
+        b.stump(point(step), point(step + 1), [0.006, 0.006], paint);
     }
 }
 
@@ -195,6 +196,86 @@ pub(super) fn hanging_sign(
     b.block(&at, [-0.032, -0.93, -0.73], [0.032, -0.27, -0.15], board, faces::LEFT | faces::RIGHT);
     for side in [-1.0, 1.0] {
         b.disc(at.at(side * 0.036, -0.60, -0.44), at.right * side, 0.17, rim);
+    }
+}
+
+/// A cover in the carriageway: a rim, a plate and its ribs.
+pub(super) fn manhole(b: &mut Builder, at: DVec3, p: &Palette) {
+    b.disc(at + DVec3::Z * 0.003, DVec3::Z, 0.36, p.cast_iron);
+    b.disc(at + DVec3::Z * 0.006, DVec3::Z, 0.31, p.iron);
+    b.disc(at + DVec3::Z * 0.009, DVec3::Z, 0.295, p.cast_iron);
+    let frame = Frame::facing(at + DVec3::Z * 0.009, DVec3::Y);
+    for row in -2i32..=2 {
+        let (y, half) = (0.1 * f64::from(row), if row.abs() == 2 { 0.18 } else { 0.26 });
+        b.block(&frame, [-half, y - 0.02, 0.0], [half, y + 0.02, 0.006], p.iron, faces::TOP);
+    }
+}
+
+/// A grate in the gutter, 0.30 by 0.45 m from the frame's origin.
+pub(super) fn drain(b: &mut Builder, frame: &Frame, p: &Palette) {
+    b.block(frame, [0.0, 0.0, 0.0], [0.30, 0.45, 0.004], p.cast_iron, faces::TOP);
+    for slot in 0..6 {
+        let y = 0.045 + 0.066 * f64::from(slot);
+        b.block(frame, [0.04, y, 0.004], [0.26, y + 0.032, 0.007], p.slot, faces::TOP);
+    }
+}
+
+/// Two crates on one another, the upper one tilted and full of fruit.
+pub(super) fn crates(b: &mut Builder, frame: &Frame, (wood, fruit): (PaintId, PaintId), seed: u64) {
+    let mut dice = Dice::new(b.seed, seed);
+    let slatted = |b: &mut Builder, at: &Frame| {
+        let (w, d) = (0.58, 0.40);
+        for z in [0.02, 0.12, 0.22] {
+            b.block(at, [0.0, 0.0, z], [w, 0.018, z + 0.075], wood, faces::ALL);
+            b.block(at, [0.0, d - 0.018, z], [w, d, z + 0.075], wood, faces::ALL);
+            b.block(at, [0.0, 0.018, z], [0.018, d - 0.018, z + 0.075], wood, faces::ALL);
+            b.block(at, [w - 0.018, 0.018, z], [w, d - 0.018, z + 0.075], wood, faces::ALL);
+        }
+        b.quad(at.at(0.0, 0.0, 0.16), at.along(w, 0.0, 0.0), at.along(0.0, d, 0.0), wood);
+    };
+    slatted(b, frame);
+    let upper = frame.moved(dice.range(-0.02, 0.02), 0.0, 0.30);
+    slatted(b, &upper);
+    for row in 0..4 {
+        for column in 0..6 {
+            let at = upper.at(
+                0.06 + 0.092 * f64::from(column) + dice.range(-0.012, 0.012),
+                0.06 + 0.092 * f64::from(row) + dice.range(-0.012, 0.012),
+                0.25 + 0.035 * dice.unit(),
+            );
+            b.ball(at, DVec3::splat(dice.range(0.040, 0.048)), fruit);
+        }
+    }
+}
+
+/// A sandwich board: two leaning panels in frames.
+pub(super) fn board(b: &mut Builder, frame: &Frame, (wood, slate): (PaintId, PaintId)) {
+    let (w, h, lean) = (0.60, 1.02, 0.24);
+    for half in
+        [*frame, Frame { origin: frame.at(w, 2.0 * lean, 0.0), right: -frame.right, back: -frame.back }]
+    {
+        let (u, v) = (half.along(w, 0.0, 0.0), half.along(0.0, lean, h));
+        let out = u.cross(v).normalize() * 0.012;
+        b.quad(half.at(0.0, 0.0, 0.0), u, v, wood);
+        b.quad(half.at(0.0, 0.0, 0.0) + out + u * 0.09 + v * 0.14, u * 0.82, v * 0.78, slate);
+    }
+    for (from, run) in [(0.0, -1.0), (w, 1.0)] {
+        let side = frame.along(0.0, 2.0 * lean, 0.0);
+        let (u, v) = (side, frame.along(0.0, lean, h));
+        let (corner, _) = (frame.at(from + 0.002 * run, 0.0, 0.0), run);
+        if run < 0.0 { b.triangle(corner, v, u, wood) } else { b.triangle(corner, u, v, wood) }
+    }
+}
+
+/// A television aerial on a mast.
+pub(super) fn aerial(b: &mut Builder, foot: DVec3, metal: PaintId) {
+    b.stump(foot, foot + DVec3::Z * 2.1, [0.018, 0.015], metal);
+    let arm = Frame::facing(foot + DVec3::Z * 1.95, DVec3::new(0.6, 0.8, 0.0));
+    b.stump(arm.at(0.0, -0.55, 0.0), arm.at(0.0, 0.45, 0.0), [0.010, 0.010], metal);
+    for rod in 0..7 {
+        let y = -0.52 + 0.15 * f64::from(rod);
+        let half = 0.20 + 0.035 * f64::from(rod);
+        b.stump(arm.at(-half, y, 0.0), arm.at(half, y, 0.0), [0.006, 0.006], metal);
     }
 }
 

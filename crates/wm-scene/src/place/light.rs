@@ -19,8 +19,10 @@ use std::f64::consts::{PI, TAU};
 const SUN_RADIUS: f64 = 0.014;
 /// How far rays start off their surface, m.
 const OFF: f64 = 1.5e-3;
-/// Irradiance inside crowns and hedges, whose leaves have no cells in the map.
-const IN_LEAVES: DVec3 = DVec3::new(1.55, 1.60, 1.60);
+/// Irradiance of leaves and small things, which have no cells in the map.
+const NO_CELLS: DVec3 = DVec3::new(1.55, 1.60, 1.60);
+/// Primitives of less area, m^2, have no cells: little light comes off them.
+const SMALL: f64 = 0.15;
 /// Light that gathered rays bring from surfaces while the map is being made: albedo 0.3 of this.
 const FIRST_GUESS: DVec3 = DVec3::new(2.0, 1.95, 1.85);
 
@@ -31,10 +33,36 @@ pub(super) struct Budget {
     pub sky: u32,
 }
 
+/// How a point's set of rays is turned and shifted against that of its neighbours, both 0-1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turn {
+    pub angle: f64,
+    pub shift: f64,
+}
+
+impl Turn {
+    /// By a hash of the position: neighbours differ at random.
+    pub(super) fn at(point: DVec3) -> Self {
+        let key = key_of(point);
+        Self { angle: unit(key, 3), shift: unit(key, 4) }
+    }
+
+    /// By the place in a grid: neighbours differ as much as can be, so that their mean is as good as
+    /// many more rays (steps from the plastic number's powers).
+    pub(super) fn of_cell(column: usize, row: usize, key: u64) -> Self {
+        let (x, y) = (column as f64, row as f64);
+        Self {
+            angle: (unit(key, 3) + 0.754_877_67 * x + 0.569_840_29 * y).fract(),
+            shift: (unit(key, 4) + 0.819_172_51 * x + 0.671_043_61 * y).fract(),
+        }
+    }
+}
+
 /// Irradiance of every larger surface, cell by cell.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LightMap {
-    /// First cell and cells along `a` and `b`, for each primitive; 0 by 0 for foliage.
+    /// First cell and cells along `a` and `b`, for each primitive; 0 by 0 for foliage and
+    /// what is small.
     grids: Vec<(u32, u16, u16)>,
     cells: Vec<[f32; 3]>,
 }
@@ -50,12 +78,18 @@ impl LightMap {
         Some(DVec3::from_array(self.cells[index].map(f64::from)))
     }
 
+    #[cfg(test)]
+    pub(super) fn size(&self) -> (usize, usize) {
+        (self.grids.len(), self.cells.len())
+    }
+
     /// Makes the map of `scene`, whose own map is still empty.
     pub(super) fn of(scene: &Place) -> Self {
         let mut map = Self::default();
         for primitive in &scene.primitives {
             let first = map.cells.len() as u32;
-            if scene.paints[usize::from(primitive.paint)].material.is_foliage() {
+            let foliage = scene.paints[usize::from(primitive.paint)].material.is_foliage();
+            if foliage || primitive.shape.area() < SMALL {
                 map.grids.push((first, 0, 0));
                 continue;
             }
@@ -92,14 +126,14 @@ impl Place {
         let mut sky = DVec3::ZERO;
         for (x, y) in [(0.25, 0.3), (0.7, 0.2), (0.35, 0.75), (0.8, 0.7)] {
             let Some(spot) = shape.spot(corner.x + x * size.x, corner.y + y * size.y) else { continue };
-            let key = key_of(spot.point);
+            let turn = Turn::at(spot.point);
             found += 1.0;
             let cosine = spot.normal.dot(sky::sun()).max(0.0);
             if cosine > 0.0 {
-                sun += sky::SUN * (cosine * self.sun_share(spot.point, spot.normal, key, 1));
+                sun += sky::SUN * (cosine * self.sun_share(spot.point, spot.normal, turn, 1));
             }
             if found == 2.0 || shape.spot(corner.x + 0.7 * size.x, corner.y + 0.2 * size.y).is_none() {
-                sky = self.gather(spot.point, spot.normal, key, 12).irradiance;
+                sky = self.gather(spot.point, spot.normal, turn, 12).irradiance;
             }
         }
         let total = if found > 0.0 { sun / found + sky } else { FIRST_GUESS };
@@ -107,17 +141,16 @@ impl Place {
     }
 
     /// The share of the sun's disc that is seen from `point`, by `rays` rays.
-    fn sun_share(&self, point: DVec3, normal: DVec3, key: u64, rays: u32) -> f64 {
+    fn sun_share(&self, point: DVec3, normal: DVec3, turn: Turn, rays: u32) -> f64 {
         let toward = sky::sun();
         let (x, y) = around(toward);
         let origin = point + normal * (OFF * normal.dot(toward).signum());
-        let turn = unit(key, 1);
         let mut seen = 0.0;
         for ray in 0..rays {
-            let radius = SUN_RADIUS * ((f64::from(ray) + unit(key, 2)) / f64::from(rays)).sqrt();
-            let (sin, cos) = (TAU * (turn + 0.618_034 * f64::from(ray))).sin_cos();
+            let radius = SUN_RADIUS * ((f64::from(ray) + turn.shift) / f64::from(rays)).sqrt();
+            let (sin, cos) = (TAU * (turn.angle + 0.618_034 * f64::from(ray))).sin_cos();
             let direction = (toward + (x * cos + y * sin) * radius).normalize();
-            if !self.blocked(origin, direction) {
+            if !self.blocked(origin, direction, f64::INFINITY) {
                 seen += 1.0;
             }
         }
@@ -125,20 +158,19 @@ impl Place {
     }
 
     /// Whether one ray to somewhere on the sun's disc is free: 1 or 0.
-    pub(super) fn sun_at(&self, point: DVec3, normal: DVec3, key: u64) -> f64 {
-        self.sun_share(point, normal, key, 1)
+    pub(super) fn sun_at(&self, point: DVec3, normal: DVec3) -> f64 {
+        self.sun_share(point, normal, Turn::at(point), 1)
     }
 
     /// Light from all sides but the sun, gathered by `rays` rays over the side of `normal`.
-    pub(super) fn gather(&self, point: DVec3, normal: DVec3, key: u64, rays: u32) -> Gathered {
+    pub(super) fn gather(&self, point: DVec3, normal: DVec3, turn: Turn, rays: u32) -> Gathered {
         let (x, y) = around(normal);
         let origin = point + normal * OFF;
-        let (turn, shift) = (unit(key, 3), unit(key, 4));
         let mut gathered = Gathered { irradiance: DVec3::ZERO, buried: 0.0 };
         let share = 1.0 / f64::from(rays);
         for ray in 0..rays {
-            let square = (f64::from(ray) + shift) * share;
-            let (sin, cos) = (TAU * (turn + 0.618_034 * f64::from(ray))).sin_cos();
+            let square = (f64::from(ray) + turn.shift) * share;
+            let (sin, cos) = (TAU * (turn.angle + 0.618_034 * f64::from(ray))).sin_cos();
             let r = square.sqrt();
             let direction = x * (r * cos) + y * (r * sin) + normal * (1.0 - square).sqrt();
             match self.bounce(origin, direction) {
@@ -152,7 +184,7 @@ impl Place {
     /// Radiance that comes in along a ray, coarsely; `None` from the inside of something solid.
     fn bounce(&self, origin: DVec3, direction: DVec3) -> Option<DVec3> {
         let Some((place, crossing)) = self.nearest(origin, direction, f64::INFINITY) else {
-            return Some(sky::clear(direction));
+            return Some(sky::smooth(direction));
         };
         let primitive = &self.primitives[place];
         let paint = &self.paints[usize::from(primitive.paint)];
@@ -163,7 +195,7 @@ impl Place {
         if self.light.grids.is_empty() {
             return Some(FIRST_GUESS * (0.3 / PI));
         }
-        let light = self.light.at(place, crossing.a, crossing.b).unwrap_or(IN_LEAVES);
+        let light = self.light.at(place, crossing.a, crossing.b).unwrap_or(NO_CELLS);
         Some(texture::mean(paint) * light / PI)
     }
 
@@ -178,24 +210,32 @@ impl Place {
         width: f64,
         budget: Budget,
     ) -> DVec3 {
-        let (light, skin) =
-            (self.incident(place, spot, direction, budget), self.skin(place, spot, unit_at, width));
+        let (light, skin) = (
+            self.incident(place, spot, direction, Turn::at(spot.point), budget),
+            self.skin(place, spot, unit_at, width),
+        );
         self.reflect(place, spot, direction, &light, &skin)
     }
 
     /// The light that arrives at a spot, seen along `direction`.
-    pub(super) fn incident(&self, place: usize, spot: &Spot, direction: DVec3, budget: Budget) -> Incident {
+    pub(super) fn incident(
+        &self,
+        place: usize,
+        spot: &Spot,
+        direction: DVec3,
+        turn: Turn,
+        budget: Budget,
+    ) -> Incident {
         let material = self.material(place);
         let facing = if spot.normal.dot(direction) > 0.0 { -spot.normal } else { spot.normal };
-        let key = key_of(spot.point);
         let sun = if material.is_foliage() || facing.dot(sky::sun()) > 0.0 {
-            self.sun_share(spot.point, facing, key, budget.sun)
+            self.sun_share(spot.point, facing, turn, budget.sun)
         } else {
             0.0
         };
         // Leaves shine through, so light from above counts on both their sides.
         let toward = if material.is_foliage() { (facing + DVec3::Z * 0.7).normalize() } else { facing };
-        let gathered = self.gather(spot.point, toward, key, budget.sky);
+        let gathered = self.gather(spot.point, toward, turn, budget.sky);
         Incident { facing, sun, sky: gathered.irradiance, buried: gathered.buried }
     }
 

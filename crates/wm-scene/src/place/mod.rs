@@ -161,8 +161,8 @@ impl Place {
         self.tree.nearest(|place| &self.primitives[place].shape, (origin, direction), 1e-9, high)
     }
 
-    fn blocked(&self, origin: DVec3, direction: DVec3) -> bool {
-        self.tree.any(|place| &self.primitives[place].shape, (origin, direction), 1e-9, f64::INFINITY)
+    fn blocked(&self, origin: DVec3, direction: DVec3, high: f64) -> bool {
+        self.tree.any(|place| &self.primitives[place].shape, (origin, direction), 1e-9, high)
     }
 
     fn hit(&self, place: usize, crossing: &Crossing, origin: DVec3, direction: DVec3) -> Hit {
@@ -170,7 +170,8 @@ impl Place {
         let unit = DVec2::new(crossing.a, crossing.b);
         let spot = shape::Spot { point, ..self.primitives[place].shape.spot_anywhere(unit.x, unit.y) };
         let normal = if spot.normal.dot(direction) > 0.0 { -spot.normal } else { spot.normal };
-        let width = (FOOTPRINT * crossing.t).max(1e-3);
+        let slant = normal.dot(direction).abs().max(0.1);
+        let width = (FOOTPRINT * crossing.t / slant.sqrt()).max(1e-3);
         let radiance = self.shade(place, &spot, (unit, direction), width, CAST).to_array();
         Hit { t: crossing.t, point, normal, material: self.material(place), radiance }
     }

@@ -8,9 +8,9 @@
 //!
 //! Splat `index` is a function of the place's seed, the detail and `index` alone.
 
-use super::hash::{bits, key_of, unit};
-use super::light::Budget;
-use super::shape::{Shape, Spot};
+use super::hash::{bits, unit};
+use super::light::{Budget, Turn};
+use super::shape::{Outline, Shape, Spot};
 use super::{Place, display_of};
 use crate::splats::Splat;
 use crate::{Group, Splats, quat, splats};
@@ -19,15 +19,17 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// Size of a cell per metre of distance, at detail 1.
-const ANGLE: f64 = 0.0062;
+const ANGLE: f64 = 0.0064;
 /// The finest cell at detail 1, m.
 const FINEST: f64 = 0.03;
 /// Standard deviation of a splat, cells.
-const SPREAD: f64 = 0.64;
+const SPREAD: f64 = 0.66;
+/// How much a cell's colour is pushed away from that around it.
+const SHARPEN: f64 = 0.55;
 /// Where the walk along the street begins and ends, and its height, m.
 const WALK: (f64, f64, f64) = (-2.0, 36.0, 1.6);
 /// Splats of the sky at detail 1.
-const SKY: f64 = 34_000.0;
+const SKY: f64 = 32_000.0;
 /// Radius of the sky, m.
 const SKY_RADIUS: f64 = 1000.0;
 /// The sky's lower edge, as the sine of its angle: 6 degrees below the horizon.
@@ -45,6 +47,8 @@ struct Patch {
     nu: u32,
     nv: u32,
     first: usize,
+    /// A Gaussian's distance from the primitive's edges is at least this many standard deviations.
+    reserve: f32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +59,8 @@ enum Cell {
     Leaf,
     /// A piece of a stem too thin for discs.
     Rod,
+    /// A whole small ball.
+    Ball,
 }
 
 /// The splats of a place at one detail.
@@ -130,8 +136,9 @@ impl Sampling<'_> {
             nu: 1,
             nv: 1,
             first: self.surface,
+            reserve: 0.0,
         };
-        let gap = Gap::at(&spot, detail);
+        let gap = Gap::at(&spot, matches!(primitive.shape, Shape::Flat { .. }), detail);
         match primitive.shape {
             Shape::Flat { u, v, .. } if material.is_foliage() && u.length().max(v.length()) < 4.0 => {
                 patch.kind = Cell::Leaf;
@@ -144,6 +151,7 @@ impl Sampling<'_> {
                 patch.kind = Cell::Rod;
                 patch.nv = (from.distance(to) / (1.3 * gap.size).max(2.0 * radii[0])).ceil().max(1.0) as u32;
             }
+            Shape::Ellipsoid { radii, .. } if radii.max_element() < 0.8 * gap.size => patch.kind = Cell::Ball,
             _ => {
                 let grain = material.grain();
                 let (lu, lv) = (spot.along_a.length() * size[0], spot.along_b.length() * size[1]);
@@ -159,7 +167,20 @@ impl Sampling<'_> {
                 if lu.min(lv) < 0.16 * gu.min(gv) && gap.distance > 4.0 {
                     return;
                 }
-                (patch.nu, patch.nv) = ((lu / gu).round().max(1.0) as u32, (lv / gv).round().max(1.0) as u32);
+                // Bars look the same all along, and much is never seen from the street.
+                let bar = if gap.least < 1.0 && lu.min(lv) < 0.9 * gu.min(gv) { 2.4 } else { 1.0 };
+                let unseen = lu * lv > 4.0 * gu * gv && !self.place.is_seen(&patch);
+                let far = if unseen { 2.4 } else { bar };
+                // Coarse cells behind an edge would show around it; grounds go on in their neighbours.
+                patch.reserve = if unseen || gap.away {
+                    1.7
+                } else if spot.normal.z > 0.9 {
+                    0.0
+                } else {
+                    0.9
+                };
+                let cells = |length: f64, gap: f64| (length / (gap * far)).round().max(1.0) as u32;
+                (patch.nu, patch.nv) = (cells(lu, gu), cells(lv, gv));
             }
         }
         self.surface += patch.nu as usize * patch.nv as usize;
@@ -184,14 +205,23 @@ impl Sampling<'_> {
         }
         let viewer = viewer(spot.point);
         let (axes, sigmas, spot) = match patch.kind {
-            Cell::Disc => disc(&spot, step),
+            Cell::Disc => disc(&spot, step, patch, shape.room(center.x, center.y)),
             Cell::Leaf => leaf(shape, &spot)?,
             Cell::Rod => rod(shape, &spot, center.y, step.y, viewer)?,
+            Cell::Ball => ball(shape, viewer)?,
         };
         let direction = (spot.point - viewer).normalize_or(-spot.normal);
-        let radiance = self.radiance(patch, (&spot, center, step), direction, key)?;
-        let mean = if patch.kind == Cell::Rod { spot.point - spot.normal * sigmas[0] } else { spot.point };
-        let opacity = if patch.kind == Cell::Leaf { 0.93 } else { 0.97 };
+        let turn = Turn::of_cell(column, row, u64::from(patch.place));
+        let cell = At { spot, center, step, turn, key };
+        let radiance = self.radiance(patch, &cell, direction)?;
+        let inner = matches!(patch.kind, Cell::Rod | Cell::Ball);
+        let mean = if inner { spot.point - spot.normal * sigmas[0] } else { spot.point };
+        let opacity = match patch.kind {
+            Cell::Disc => 0.98,
+            Cell::Leaf | Cell::Ball => 0.93,
+            // Renderers draw nothing finer than a pixel: what is finer is made paler instead.
+            Cell::Rod => 0.95 * (sigmas[0] / (0.0007 * spot.point.distance(viewer))).clamp(0.2, 1.0),
+        };
         Some(Splat {
             mean: mean.as_vec3().to_array(),
             quat: {
@@ -205,44 +235,47 @@ impl Sampling<'_> {
         })
     }
 
-    /// Mean radiance over a cell; `None` if it is buried in something.
-    fn radiance(
-        &self,
-        patch: &Patch,
-        (spot, center, step): (&Spot, DVec2, DVec2),
-        direction: DVec3,
-        key: u64,
-    ) -> Option<DVec3> {
-        let place = patch.place as usize;
-        let shape = &self.place.primitives[place].shape;
-        let leaf = patch.kind == Cell::Leaf;
-        let budget = if leaf { Budget { sun: 2, sky: 7 } } else { Budget { sun: 1, sky: 14 } };
-        let mut light = self.place.incident(place, spot, direction, budget);
-        if light.buried > BURIED && !leaf {
+    /// Mean radiance over a cell, sharpened against its surroundings by what the Gaussian will blur;
+    /// `None` if it is buried in something.
+    fn radiance(&self, patch: &Patch, cell: &At, direction: DVec3) -> Option<DVec3> {
+        let (place, scene) = (patch.place as usize, self.place);
+        let shape = &scene.primitives[place].shape;
+        let At { spot, center, step, turn, .. } = *cell;
+        if patch.kind != Cell::Disc {
+            let light = scene.incident(place, &spot, direction, turn, Budget { sun: 2, sky: 7 });
+            let skin = scene.skin(place, &spot, center, 0.02);
+            return Some(scene.reflect(place, &spot, direction, &light, &skin));
+        }
+        let mut light = scene.incident(place, &spot, direction, turn, Budget { sun: 1, sky: 14 });
+        if light.buried > BURIED {
             return None;
         }
-        let count = if leaf { 1 } else { 4 };
-        let width = (spot.along_a.length() * step.x).min(spot.along_b.length() * step.y) * 0.5;
-        let (mut sum, mut found) = (DVec3::ZERO, 0.0);
-        for sample in 0..count {
-            let (dx, dy) = ((sample & 1) as f64 - 0.5, (sample >> 1) as f64 - 0.5);
-            let off = DVec2::new(
-                0.55 * dx + 0.4 * (unit(key, 10 + sample) - 0.5),
-                0.55 * dy + 0.4 * (unit(key, 20 + sample) - 0.5),
-            );
-            let at = if count == 1 { center } else { center + off * step };
-            let Some(here) = (if patch.kind == Cell::Disc { shape.spot(at.x, at.y) } else { Some(*spot) })
-            else {
-                continue;
-            };
-            if sample > 0 && patch.kind == Cell::Disc && light.facing.dot(super::sky::sun()) > 0.0 {
-                light.sun = self.place.sun_at(here.point, light.facing, key_of(here.point));
+        let width = (spot.along_a.length() * step.x).min(spot.along_b.length() * step.y) * 0.45;
+        let sunny = light.facing.dot(super::sky::sun()) > 0.0;
+        let mut mean = |offsets: &[(f64, f64); 4], salt: u64| {
+            let (mut sum, mut found) = (DVec3::ZERO, 0.0);
+            for (sample, (x, y)) in offsets.iter().enumerate() {
+                let jitter = |axis: u64| 0.4 * (unit(cell.key, salt + 2 * sample as u64 + axis) - 0.5);
+                let at = center + DVec2::new(x + jitter(0), y + jitter(1)) * step;
+                let Some(here) = shape.spot(at.x, at.y) else { continue };
+                if sunny {
+                    light.sun = scene.sun_at(here.point, light.facing);
+                }
+                sum += scene.reflect(place, &here, direction, &light, &scene.skin(place, &here, at, width));
+                found += 1.0;
             }
-            let skin = self.place.skin(place, &here, at, width);
-            sum += self.place.reflect(place, &here, direction, &light, &skin);
-            found += 1.0;
+            (sum, found)
+        };
+        let (sum, found) = mean(&[(-0.27, -0.27), (0.27, -0.27), (-0.27, 0.27), (0.27, 0.27)], 10);
+        if found == 0.0 {
+            return None;
         }
-        (found > 0.0).then(|| sum / found)
+        let inner = sum / found;
+        let (ring, found) = mean(&[(-1.0, -0.35), (0.35, -1.0), (1.0, 0.35), (-0.35, 1.0)], 30);
+        if found < 4.0 {
+            return Some(inner);
+        }
+        Some((inner + (inner - ring / found) * SHARPEN).max(inner * 0.4))
     }
 
     fn sky_splat(&self, index: usize) -> Splat {
@@ -270,6 +303,36 @@ impl Sampling<'_> {
     }
 }
 
+impl Place {
+    /// Whether any part of a patch is seen from the walk.
+    fn is_seen(&self, patch: &Patch) -> bool {
+        let shape = &self.primitives[patch.place as usize].shape;
+        let (low, size) = (patch.low.map(f64::from), patch.size.map(f64::from));
+        for (a, b) in [(0.5, 0.5), (0.15, 0.2), (0.85, 0.15), (0.2, 0.85), (0.8, 0.8)] {
+            let Some(spot) = shape.spot(low[0] + a * size[0], low[1] + b * size[1]) else { continue };
+            let from = spot.point + spot.normal * 0.01;
+            for step in 0..9 {
+                let side = if step % 2 == 0 { 0.8 } else { -0.8 };
+                let eye = DVec3::new(side, WALK.0 + (WALK.1 - WALK.0) * f64::from(step) / 8.0, WALK.2);
+                let away = eye - from;
+                if away.dot(spot.normal) > 0.0 && !self.blocked(from, away.normalize(), away.length()) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+}
+
+/// A cell's middle: where it is, its size in surface coordinates and its keys.
+struct At {
+    spot: Spot,
+    center: DVec2,
+    step: DVec2,
+    turn: Turn,
+    key: u64,
+}
+
 /// How far apart splats may be at a spot.
 struct Gap {
     /// Cell size across the view, m.
@@ -280,23 +343,39 @@ struct Gap {
     direction: DVec3,
     /// Least foreshortening that is made use of.
     least: f64,
+    /// Whether the whole walk lies behind the surface.
+    away: bool,
 }
 
 impl Gap {
-    fn at(spot: &Spot, detail: f64) -> Self {
+    /// `flat` surfaces are seen under one angle; round ones under all.
+    fn at(spot: &Spot, flat: bool, detail: f64) -> Self {
         let eye = viewer(spot.point);
         let away = spot.point - eye;
         let distance = away.length().max(2.5);
         let mut size = ANGLE * distance;
         let ends = [DVec3::new(0.0, WALK.0, WALK.2), DVec3::new(0.0, WALK.1, WALK.2)];
-        if ends.iter().all(|end| spot.normal.dot(*end - spot.point) < 0.0) {
-            size *= 2.2;
+        let away_from_all = flat && ends.iter().all(|end| spot.normal.dot(*end - spot.point) < 0.0);
+        if away_from_all {
+            size *= 1.8;
         }
         if spot.point.y < WALK.0 - 4.0 {
             size *= 1.7;
         }
-        let least = if distance > 120.0 { 0.08 } else { 0.36 };
-        Self { size: size.max(FINEST) / detail, distance, direction: away / away.length().max(1e-9), least }
+        let least = if !flat {
+            1.0
+        } else if distance > 120.0 {
+            0.05
+        } else {
+            0.42
+        };
+        Self {
+            size: size.max(FINEST) / detail,
+            distance,
+            direction: away / away.length().max(1e-9),
+            least,
+            away: away_from_all,
+        }
     }
 
     /// Cell size along a tangent: longer where it is seen slanted.
@@ -312,19 +391,26 @@ fn viewer(point: DVec3) -> DVec3 {
     DVec3::new(0.0, (point.y - 1.25 * aside).clamp(WALK.0, WALK.1), WALK.2)
 }
 
-/// Axes, standard deviations and spot of a disc over one cell.
-fn disc(spot: &Spot, step: DVec2) -> (DMat3, [f64; 3], Spot) {
+/// Axes, standard deviations and spot of a disc over one cell; `room` is what is left to the edges.
+fn disc(spot: &Spot, step: DVec2, patch: &Patch, room: (f64, f64)) -> (DMat3, [f64; 3], Spot) {
     let x = spot.along_a.normalize_or(DVec3::X);
     let y = spot.normal.cross(x);
-    let (du, dv) = (spot.along_a.length() * step.x, spot.along_b.dot(y).abs() * step.y);
-    let sigmas = [SPREAD * du, SPREAD * dv, 0.1 * du.min(dv)];
-    (DMat3::from_cols(x, y, spot.normal), sigmas, *spot)
+    let (lu, lv) = (spot.along_a.length(), spot.along_b.dot(y).abs());
+    // A lone cell has no neighbours to reach to.
+    let sigma = |count: u32, length: f64, step: f64, room: f64| {
+        let wide = [0.40, 0.54, SPREAD][count.min(3) as usize - 1] * step;
+        let most = room / f64::from(patch.reserve).max(1e-3);
+        length * wide.min(most.max(0.25 * step))
+    };
+    let sigmas = [sigma(patch.nu, lu, step.x, room.0), sigma(patch.nv, lv, step.y, room.1)];
+    let thin = 0.1 * (lu * step.x).min(lv * step.y);
+    (DMat3::from_cols(x, y, spot.normal), [sigmas[0], sigmas[1], thin], *spot)
 }
 
 /// A leaf's own extent; lens shapes hold less than discs.
 fn leaf(shape: &Shape, spot: &Spot) -> Option<(DMat3, [f64; 3], Spot)> {
     let Shape::Flat { outline, .. } = shape else { return None };
-    let share = if *outline == super::shape::Outline::Leaf { (0.30, 0.27) } else { (0.34, 0.34) };
+    let share = if *outline == Outline::Leaf { (0.30, 0.27) } else { (0.34, 0.34) };
     let x = spot.along_a.normalize_or(DVec3::X);
     let y = spot.normal.cross(x);
     let (long, wide) = (spot.along_a.length(), spot.along_b.dot(y).abs());
@@ -344,4 +430,54 @@ fn rod(shape: &Shape, spot: &Spot, b: f64, step: f64, viewer: DVec3) -> Option<(
     let seen = Spot { point: middle + x * radius, normal: x, ..*spot };
     let sigmas = [0.62 * radius, 0.62 * radius, 0.5 * axis.length() * step];
     Some((DMat3::from_cols(x, y, z), sigmas, seen))
+}
+
+/// A small ball, lit on the side of the viewer.
+fn ball(shape: &Shape, viewer: DVec3) -> Option<(DMat3, [f64; 3], Spot)> {
+    let Shape::Ellipsoid { center, radii } = *shape else { return None };
+    let normal = (viewer - center).try_normalize()?;
+    let (x, y) = super::shape::around(normal);
+    let seen = Spot { point: center + normal * radii.min_element(), normal, along_a: x, along_b: y };
+    Some((DMat3::IDENTITY, (radii * 0.62).to_array(), seen))
+}
+
+#[cfg(test)]
+mod stats {
+    use super::*;
+    #[test]
+    fn stats() {
+        let t = std::time::Instant::now();
+        let place = Place::street();
+        println!("built {:?}, {} primitives, {:?}", t.elapsed(), place.primitives.len(), place.light.size());
+        let s = place.sampling(1.0);
+        let mut by = std::collections::BTreeMap::new();
+        for p in &s.patches {
+            let m = place.material(p.place as usize);
+            let spot = place.primitives[p.place as usize]
+                .shape
+                .spot_anywhere(f64::from(p.low[0] + 0.5 * p.size[0]), f64::from(p.low[1] + 0.5 * p.size[1]));
+            let y = spot.point.y;
+            let zone = if spot.point.length() > 150.0 {
+                "far"
+            } else if y < -6.0 {
+                "behind"
+            } else if y < 60.0 {
+                "near"
+            } else {
+                "mid"
+            };
+            let ends = [DVec3::new(0.0, WALK.0, WALK.2), DVec3::new(0.0, WALK.1, WALK.2)];
+            let away = ends.iter().all(|end| spot.normal.dot(*end - spot.point) < 0.0);
+            let e =
+                by.entry((format!("{m:?}"), zone, away && p.kind == Cell::Disc)).or_insert((0usize, 0usize));
+            e.0 += 1;
+            e.1 += (p.nu * p.nv) as usize;
+        }
+        let mut v: Vec<_> = by.into_iter().collect();
+        v.sort_by_key(|(_, c)| std::cmp::Reverse(c.1));
+        for (k, c) in v.iter().take(45) {
+            println!("{:?} patches {} cells {}", k, c.0, c.1);
+        }
+        println!("total {}", s.len());
+    }
 }

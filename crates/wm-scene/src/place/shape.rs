@@ -166,6 +166,18 @@ impl Shape {
         }
     }
 
+    /// How far `(a, b)` is from the outline's edges, along `a` and along `b`, in their units.
+    pub(super) fn room(&self, a: f64, b: f64) -> (f64, f64) {
+        let Self::Flat { outline, .. } = self else { return (1.0, 1.0) };
+        let beside = |a: f64, b: f64| match outline {
+            Outline::Parallelogram => a.min(1.0 - a),
+            Outline::Triangle => a.min(1.0 - a - b),
+            Outline::Ellipse => (0.25 - (b - 0.5).powi(2)).max(0.0).sqrt() - (a - 0.5).abs(),
+            Outline::Leaf => 0.5,
+        };
+        (beside(a, b), beside(b, a))
+    }
+
     /// Lowest and highest corner of the axis-aligned box around it.
     pub(super) fn bounds(&self) -> (DVec3, DVec3) {
         match *self {

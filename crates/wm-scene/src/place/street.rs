@@ -63,6 +63,10 @@ pub(super) struct Palette {
     pub blade: PaintId,
     pub flowers: PaintId,
     pub fallen: PaintId,
+    pub apples: PaintId,
+    pub pears: PaintId,
+    pub cast_iron: PaintId,
+    pub slot: PaintId,
 }
 
 impl Palette {
@@ -74,15 +78,15 @@ impl Palette {
             slabs: b.paint(M::Paving, 0xA39D92, 0x5E594F),
             stone: b.paint(M::Stone, 0xB4AFA4, 0x8C877C),
             plinth: b.paint(M::Stone, 0x8E8A82, 0x6C6860),
-            grass: b.paint(M::Grass, 0x5C7A34, 0x86923F),
+            grass: b.paint(M::Grass, 0x65784A, 0x878C55),
             soil: b.paint(M::Soil, 0x5A4636, 0x3C2F25),
             gravel: b.paint(M::Gravel, 0xB5A88F, 0x7C7160),
             white: b.paint(M::Timber, 0xE9E6DD, 0xC8C4B8),
             glass: b.paint(M::Glass, 0xE6E0D2, 0x202428),
-            brick: b.paint(M::Brick, 0xA55A41, 0xB9AC98),
-            brown_brick: b.paint(M::Brick, 0x9A6B4C, 0xBDB19C),
-            clay: b.paint(M::Tiles, 0xAF6244, 0x7D7A52),
-            brown_tiles: b.paint(M::Tiles, 0x7E5A49, 0x6E6C50),
+            brick: b.paint(M::Brick, 0x99604B, 0xB3A898),
+            brown_brick: b.paint(M::Brick, 0x967055, 0xB6AC9A),
+            clay: b.paint(M::Tiles, 0x945F4B, 0x7D7A52),
+            brown_tiles: b.paint(M::Tiles, 0x785C4E, 0x6E6C50),
             slate: b.paint(M::Slates, 0x626A73, 0x8A8E7C),
             iron: b.paint(M::Metal, 0x2C3231, 0x2C3231),
             zinc: b.paint(M::Metal, 0x8E9598, 0x8E9598),
@@ -94,16 +98,20 @@ impl Palette {
             oak: b.paint(M::Timber, 0x7A5A3E, 0x5F4530),
             bark: b.paint(M::Bark, 0x6B5D4E, 0x66703F),
             birch: b.paint(M::Birch, 0xDAD5CA, 0x2E2A27),
-            linden: b.paint(M::Leaf, 0x5B7F2E, 0x93983A),
-            birch_leaf: b.paint(M::Leaf, 0x86993A, 0xC7A93C),
-            rowan: b.paint(M::Leaf, 0x587A38, 0xA8843A),
-            berries: b.paint(M::Petal, 0xC8421F, 0xD8602A),
-            hedge: b.paint(M::Leaf, 0x4A6B2C, 0x6C8038),
+            linden: b.paint(M::Leaf, 0x5C7838, 0x8E9242),
+            birch_leaf: b.paint(M::Leaf, 0x7E8F40, 0xBFA346),
+            rowan: b.paint(M::Leaf, 0x577440, 0xA08444),
+            berries: b.paint(M::Petal, 0xB8482A, 0xC8602F),
+            hedge: b.paint(M::Leaf, 0x4C6634, 0x6A7A40),
             core: b.paint(M::Leaf, 0x1C2712, 0x1C2712),
             ivy: b.paint(M::Leaf, 0x47682F, 0x9C4A2C),
             blade: b.paint(M::Blade, 0x66853A, 0x9A9A4E),
             flowers: b.paint(M::Petal, 0xC83A52, 0xE8B8C4),
             fallen: b.paint(M::Leaf, 0xA67C34, 0x8A4F26),
+            apples: b.paint(M::Petal, 0xA83A2C, 0xC08A3A),
+            pears: b.paint(M::Petal, 0x98A446, 0xB8B060),
+            cast_iron: b.paint(M::Metal, 0x5C5A57, 0x5C5A57),
+            slot: b.paint(M::Metal, 0x1A1A1A, 0x1A1A1A),
         }
     }
 
@@ -158,9 +166,10 @@ fn ground(b: &mut Builder, p: &Palette) {
         let face = DVec3::new(sign * KERB, y0, 0.0);
         let (u, v) = if sign < 0.0 { (along, DVec3::Z * PLOT) } else { (DVec3::Z * PLOT, along) };
         b.quad(face, u, v, p.stone);
-        let (x0, x1) = between(KERB + 0.15, EDGE);
+        // The slabs run on to the walls of houses that stand at the street.
+        let (x0, x1) = between(KERB + 0.15, EDGE + 0.13);
         strip(b, x0, x1, PLOT, p.slabs);
-        let (x0, x1) = between(EDGE, 45.0);
+        let (x0, x1) = between(EDGE + 0.13, 45.0);
         strip(b, x0, x1, PLOT, p.grass);
     }
 }
@@ -168,10 +177,10 @@ fn ground(b: &mut Builder, p: &Palette) {
 fn houses(b: &mut Builder, p: &Palette) {
     use Material as M;
     let white = b.paint(M::Plaster, 0xEAE4D6, 0xCFC8B8);
-    let ochre = b.paint(M::Plaster, 0xDDBB80, 0xB89860);
-    let rose = b.paint(M::Plaster, 0xD9AE98, 0xB48872);
-    let blue = b.paint(M::Plaster, 0xAEBAC0, 0x8A969C);
-    let sage = b.paint(M::Boards, 0xC3CDB6, 0x98A28C);
+    let ochre = b.paint(M::Plaster, 0xD8BE93, 0xB89860);
+    let rose = b.paint(M::Plaster, 0xD4B5A4, 0xB48872);
+    let blue = b.paint(M::Plaster, 0xB9C0C2, 0x8A969C);
+    let sage = b.paint(M::Boards, 0xC9CCBE, 0x98A28C);
     let red_door = b.paint(M::Timber, 0x7E2A27, 0x7E2A27);
     let green = b.paint(M::Timber, 0x2F5646, 0x2F5646);
     let navy = b.paint(M::Timber, 0x2C4562, 0x2C4562);
@@ -439,8 +448,8 @@ fn gardens(b: &mut Builder, p: &Palette) {
     path(b, &at, (2.95, 4.15), (0.0, 6.2 - PORCH.depth - 0.6), p.slabs);
     g::flowers(b, &at.moved(0.5, 3.35, 0.02), [2.0, 0.5, 0.45], 420, (p.hedge, p.flowers), 54);
     g::flowers(b, &at.moved(4.6, 3.35, 0.02), [2.0, 0.5, 0.45], 420, (p.hedge, p.flowers), 55);
-    let side = Frame::facing(at.at(10.8, 0.4, 0.0), at.right);
-    g::hedge(b, &side.turned(0.0, 0.0, 0.0, 0.0), [6.0, 0.7, 1.25], 0.10, growth, 56);
+    let side = Frame::facing(at.at(10.0, 6.3, 0.0), at.right);
+    g::hedge(b, &side, [6.0, 0.7, 1.25], 0.10, growth, 56);
     // Right: a hedge in the sunny gap, railings before the white house.
     let at = right(37.6);
     g::hedge(b, &at.moved(0.2, 0.15, 0.0), [8.4, 0.75, 1.45], 0.10, growth, 57);
@@ -483,8 +492,8 @@ fn trees(b: &mut Builder, p: &Palette) {
         radius: 3.3,
         widest: 0.38,
         trunk: 0.19,
-        clusters: 105,
-        leaves: 74,
+        clusters: 150,
+        leaves: 96,
         leaf: 0.135,
         droop: 0.12,
         bark: p.bark,
@@ -497,9 +506,9 @@ fn trees(b: &mut Builder, p: &Palette) {
         radius: 2.3,
         widest: 0.30,
         trunk: 0.13,
-        clusters: 80,
-        leaves: 68,
-        leaf: 0.10,
+        clusters: 95,
+        leaves: 92,
+        leaf: 0.105,
         droop: 0.75,
         bark: p.birch,
         foliage: p.birch_leaf,
@@ -511,16 +520,16 @@ fn trees(b: &mut Builder, p: &Palette) {
         radius: 1.75,
         widest: 0.45,
         trunk: 0.085,
-        clusters: 46,
-        leaves: 66,
-        leaf: 0.105,
+        clusters: 52,
+        leaves: 84,
+        leaf: 0.11,
         droop: 0.2,
         bark: p.bark,
         foliage: p.rowan,
         fruit: Some(p.berries),
     };
     let far =
-        |kind: Kind| Kind { clusters: kind.clusters * 2 / 3, leaves: 40, leaf: kind.leaf * 1.75, ..kind };
+        |kind: Kind| Kind { clusters: kind.clusters * 2 / 3, leaves: 24, leaf: kind.leaf * 2.3, ..kind };
     for (seed, (x, y, kind)) in [
         (-9.2, 40.6, linden),
         (-8.0, 12.2, birch),
@@ -585,6 +594,21 @@ fn furniture(b: &mut Builder, p: &Palette) {
         let at = Frame::facing(foot + DVec3::new(-radius, -radius, high), DVec3::Y);
         g::flowers(b, &at, [2.0 * radius, 2.0 * radius, 0.34], 130, (p.hedge, p.flowers), 400 + index as u64);
     }
+    // Before the shop: crates with fruit and a board.
+    let shop = right(15.6);
+    for (index, (x, fruit)) in [(5.2, p.apples), (5.9, p.pears), (6.6, p.apples)].into_iter().enumerate() {
+        f::crates(b, &shop.moved(x, -0.45, 0.0), (p.oak, fruit), 500 + index as u64);
+    }
+    f::board(b, &shop.turned(3.6, -1.0, 0.0, 68.0), (p.oak, p.iron));
+    for (x, y) in [(-0.9, 9.0), (1.1, 26.5), (-0.6, 47.0)] {
+        f::manhole(b, DVec3::new(x, y, 0.0), p);
+    }
+    for y in [5.5, 18.0, 31.0, 46.0, 62.0] {
+        f::drain(b, &Frame::facing(DVec3::new(2.72, y, 0.0), DVec3::Y), p);
+        f::drain(b, &Frame::facing(DVec3::new(-3.03, y + 4.0, 0.0), DVec3::Y), p);
+    }
+    f::aerial(b, left(14.2).at(1.4, 6.9, 7.9), p.zinc);
+    f::aerial(b, right(28.6).at(4.7, 6.5, 10.9), p.zinc);
     let mut last: Option<[DVec3; 3]> = None;
     for y in [-32.0, 3.2, 30.0, 58.0, 86.0, 114.0, 142.0] {
         let tops = f::pole(b, DVec3::new(4.9, y, PLOT), p);

@@ -155,10 +155,10 @@ fn asphalt(paint: &Paint, at: &Place2) -> Skin {
     let patch = there * smoothstep(-at.width, at.width.max(0.01), border);
     let joint = there * smoothstep(0.03 + at.width, 0.0, border.abs());
     // Cracks follow the zero lines of a noise.
-    let line = octaves3(p, 2.6, 3, at.width, seed ^ 21).abs();
-    let crack = smoothstep(0.010 + 0.3 * at.width, 0.0, line) * smoothstep(0.0, 0.3, large + 0.1);
+    let line = octaves3(p, 1.9, 5, at.width, seed ^ 21).abs();
+    let crack = smoothstep(0.008 + 0.3 * at.width, 0.0, line) * smoothstep(0.05, 0.35, large);
     let tone = 1.0 + 0.16 * large + 0.14 * small + 0.28 * grit + tracks - seam - 0.20 * patch - 0.25 * joint;
-    let albedo = paint.color * (tone * (1.0 - 0.42 * crack / (1.0 + 18.0 * at.width)));
+    let albedo = paint.color * (tone * (1.0 - 0.35 * crack / (1.0 + 18.0 * at.width)));
     // Dust and damp along the gutters.
     let gutter = smoothstep(1.9, 2.8, p.x.abs() + 0.35 * noise3(p * 0.9, 31));
     Skin { albedo: albedo.lerp(paint.accent, 0.35 * gutter), slope: DVec2::splat(0.10 * grit) }
@@ -230,9 +230,9 @@ fn plaster(paint: &Paint, at: &Place2) -> Skin {
     let rough = octaves3(p, 0.06, 2, at.width, seed ^ 3);
     // Rain streaks: noise drawn out downwards.
     let streak = octaves3(p * DVec3::new(1.0, 1.0, 0.09), 0.22, 3, at.width, seed ^ 9);
-    let tone = 1.0 + 0.055 * cloud + 0.05 * rough + 0.05 * streak.min(0.1);
+    let tone = 1.0 + 0.06 * cloud + 0.02 * rough + 0.06 * streak.min(0.1);
     let albedo = weathered(paint.color * tone, at, 0.5);
-    Skin { albedo, slope: DVec2::new(0.25 * rough, 0.25 * octaves3(p, 0.06, 2, at.width, seed ^ 4)) }
+    Skin { albedo, slope: DVec2::new(0.06 * rough, 0.06 * octaves3(p, 0.06, 2, at.width, seed ^ 4)) }
 }
 
 fn brick(paint: &Paint, at: &Place2) -> Skin {
@@ -245,12 +245,12 @@ fn brick(paint: &Paint, at: &Place2) -> Skin {
     let border = fx.min(long - fx).min(fy).min(high - fy);
     let soft = at.width.max(0.005) * 0.6;
     let face = smoothstep(0.005 - soft, 0.005 + soft, border);
-    let face = face + (0.82 - face) * smoothstep(0.04, 0.10, at.width);
+    let face = face + (0.82 - face) * smoothstep(0.025, 0.07, at.width);
     let kept = smoothstep(0.20, 0.05, at.width);
     let (tone, burnt) = (cell(column as i64, row as i64, seed), cell(column as i64, row as i64, seed ^ 5));
     let cloud = octaves3(at.point, 2.2, 5, at.width, seed ^ 2);
-    let mut stone = paint.color * (1.0 + kept * 0.46 * (tone - 0.5) + 0.14 * cloud);
-    stone *= DVec3::ONE - DVec3::new(0.42, 0.34, 0.26) * kept * smoothstep(0.84, 0.95, burnt);
+    let mut stone = paint.color * (1.0 + kept * 0.34 * (tone - 0.5) + 0.13 * cloud);
+    stone *= DVec3::ONE - DVec3::new(0.30, 0.25, 0.20) * kept * smoothstep(0.84, 0.95, burnt);
     let mortar = paint.accent * (1.0 + 0.2 * cloud);
     let slope = DVec2::new(0.0, 0.35 * (1.0 - face) * (0.5 - fy / high).signum() * kept);
     Skin { albedo: weathered(mortar.lerp(stone, face), at, 0.4), slope }

@@ -5,7 +5,7 @@
 //! two meet: nothing clips, and what lies below keeps its contrast. `encode` is the sRGB curve.
 
 /// What radiance is multiplied by.
-const EXPOSURE: f64 = 0.80;
+const EXPOSURE: f64 = 0.84;
 /// Where the shoulder begins.
 const KNEE: f64 = 0.55;
 
