@@ -141,21 +141,23 @@ fn hedgerows(b: &mut Builder, leaf: PaintId) {
         (DVec2::new(-30.0, -70.0), DVec2::new(30.0, -66.0), 9, 9.0),
     ];
     for (from, to, count, height) in rows {
+        let fine = if from.y < 0.0 { 2.2 } else { 1.0 };
         for index in 0..count {
             let at = from.lerp(to, (f64::from(index) + 0.6 * dice.unit()) / f64::from(count));
             let off = DVec2::new(dice.bell(), dice.bell()) * 2.0;
             let high = height * dice.range(0.7, 1.3);
-            far_tree(b, (at + off).extend(FIELD), high, leaf, &mut dice);
+            far_tree(b, (at + off).extend(FIELD), (high, fine), leaf, &mut dice);
         }
     }
 }
 
-fn far_tree(b: &mut Builder, foot: DVec3, height: f64, leaf: PaintId, dice: &mut Dice) {
+/// A crown of `height`, its leaves `fine` times smaller than those of the farthest.
+fn far_tree(b: &mut Builder, foot: DVec3, (height, fine): (f64, f64), leaf: PaintId, dice: &mut Dice) {
     let radius = height * dice.range(0.34, 0.45);
-    let size = (height * 0.17).max(0.8);
+    let size = (height * 0.17).max(0.8) / fine;
     let middle = foot + DVec3::Z * (0.55 * height);
     let lumps: Vec<DVec3> = (0..7).map(|_| dice.direction() * 0.55).collect();
-    for index in 0..75 {
+    for index in 0..(70.0 * fine.powf(1.7)) as usize {
         let lump = lumps[index % lumps.len()];
         let out = dice.direction();
         let way = lump + out * 0.55;

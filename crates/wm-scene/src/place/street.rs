@@ -67,6 +67,9 @@ pub(super) struct Palette {
     pub pears: PaintId,
     pub cast_iron: PaintId,
     pub slot: PaintId,
+    pub tyre: PaintId,
+    pub sign_red: PaintId,
+    pub sign_blue: PaintId,
 }
 
 impl Palette {
@@ -85,7 +88,7 @@ impl Palette {
             glass: b.paint(M::Glass, 0xE6E0D2, 0x202428),
             brick: b.paint(M::Brick, 0x99604B, 0xB3A898),
             brown_brick: b.paint(M::Brick, 0x967055, 0xB6AC9A),
-            clay: b.paint(M::Tiles, 0x945F4B, 0x7D7A52),
+            clay: b.paint(M::Tiles, 0x8E6452, 0x7D7A52),
             brown_tiles: b.paint(M::Tiles, 0x785C4E, 0x6E6C50),
             slate: b.paint(M::Slates, 0x626A73, 0x8A8E7C),
             iron: b.paint(M::Metal, 0x2C3231, 0x2C3231),
@@ -112,6 +115,9 @@ impl Palette {
             pears: b.paint(M::Petal, 0x98A446, 0xB8B060),
             cast_iron: b.paint(M::Metal, 0x5C5A57, 0x5C5A57),
             slot: b.paint(M::Metal, 0x1A1A1A, 0x1A1A1A),
+            tyre: b.paint(M::Metal, 0x252424, 0x252424),
+            sign_red: b.paint(M::Metal, 0xA5302B, 0xA5302B),
+            sign_blue: b.paint(M::Metal, 0x2C4F8C, 0x2C4F8C),
         }
     }
 
@@ -178,9 +184,9 @@ fn houses(b: &mut Builder, p: &Palette) {
     use Material as M;
     let white = b.paint(M::Plaster, 0xEAE4D6, 0xCFC8B8);
     let ochre = b.paint(M::Plaster, 0xD8BE93, 0xB89860);
-    let rose = b.paint(M::Plaster, 0xD4B5A4, 0xB48872);
+    let rose = b.paint(M::Plaster, 0xD0BAAC, 0xB48872);
     let blue = b.paint(M::Plaster, 0xB9C0C2, 0x8A969C);
-    let sage = b.paint(M::Boards, 0xC9CCBE, 0x98A28C);
+    let sage = b.paint(M::Boards, 0xD2CFC2, 0x98A28C);
     let red_door = b.paint(M::Timber, 0x7E2A27, 0x7E2A27);
     let green = b.paint(M::Timber, 0x2F5646, 0x2F5646);
     let navy = b.paint(M::Timber, 0x2C4562, 0x2C4562);
@@ -249,7 +255,7 @@ fn houses(b: &mut Builder, p: &Palette) {
         ..base.clone()
     };
     cottage.build(b, &back(left(14.2), 2.6));
-    House {
+    let timbered = House {
         width: 8.6,
         depth: 10.0,
         storeys: 2,
@@ -263,8 +269,13 @@ fn houses(b: &mut Builder, p: &Palette) {
         chimneys: vec![6.5],
         finish: p.finish(white, oak),
         ..base.clone()
+    };
+    let at = back(left(27.2), 0.2);
+    for (index, opening) in timbered.build(b, &at).iter().enumerate() {
+        if opening.filling != Filling::Door {
+            f::window_box(b, &at, opening, p, 600 + index as u64);
+        }
     }
-    .build(b, &back(left(27.2), 0.2));
     let porch_house = House {
         width: 10.4,
         depth: 8.4,
@@ -607,6 +618,10 @@ fn furniture(b: &mut Builder, p: &Palette) {
         f::drain(b, &Frame::facing(DVec3::new(2.72, y, 0.0), DVec3::Y), p);
         f::drain(b, &Frame::facing(DVec3::new(-3.03, y + 4.0, 0.0), DVec3::Y), p);
     }
+    let red = b.paint(Material::Timber, 0x7A2E2A, 0x7A2E2A);
+    f::bicycle(b, &left(27.2).moved(0.45, -0.22, 0.0), p.green_metal, p);
+    f::bicycle(b, &right(28.6).moved(6.9, -0.27, 0.0), red, p);
+    f::sign(b, &Frame::facing(DVec3::new(-3.6, 57.5, PLOT), DVec3::Y), p);
     f::aerial(b, left(14.2).at(1.4, 6.9, 7.9), p.zinc);
     f::aerial(b, right(28.6).at(4.7, 6.5, 10.9), p.zinc);
     let mut last: Option<[DVec3; 3]> = None;
