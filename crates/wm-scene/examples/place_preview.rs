@@ -128,8 +128,8 @@ fn paint(splats: &Splats, camera: &Camera) -> Vec<[f64; 3]> {
                 if alpha < 1.0 / 255.0 {
                     continue;
                 }
-                for channel in 0..3 {
-                    pixel.0[channel] += pixel.1 * alpha * color[channel].max(0.0);
+                for (channel, value) in color.iter().enumerate() {
+                    pixel.0[channel] += pixel.1 * alpha * value.max(0.0);
                 }
                 pixel.1 *= 1.0 - alpha;
             }

@@ -11,7 +11,7 @@ use super::hash::{key_of, unit};
 use super::paint::Material;
 use super::shape::{Shape, Spot, around};
 use super::sky;
-use super::texture::{self, Place2};
+use super::texture::{self, Site};
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
@@ -68,19 +68,14 @@ pub(super) struct LightMap {
 }
 
 impl LightMap {
-    fn at(&self, place: usize, a: f64, b: f64) -> Option<DVec3> {
-        let &(first, nu, nv) = self.grids.get(place)?;
+    fn at(&self, which: usize, a: f64, b: f64) -> Option<DVec3> {
+        let &(first, nu, nv) = self.grids.get(which)?;
         if nu == 0 {
             return None;
         }
         let cell = |value: f64, n: u16| ((value * f64::from(n)) as usize).min(usize::from(n) - 1);
         let index = first as usize + cell(b, nv) * usize::from(nu) + cell(a, nu);
         Some(DVec3::from_array(self.cells[index].map(f64::from)))
-    }
-
-    #[cfg(test)]
-    pub(super) fn size(&self) -> (usize, usize) {
-        (self.grids.len(), self.cells.len())
     }
 
     /// Makes the map of `scene`, whose own map is still empty.
@@ -183,10 +178,10 @@ impl Place {
 
     /// Radiance that comes in along a ray, coarsely; `None` from the inside of something solid.
     fn bounce(&self, origin: DVec3, direction: DVec3) -> Option<DVec3> {
-        let Some((place, crossing)) = self.nearest(origin, direction, f64::INFINITY) else {
+        let Some((which, crossing)) = self.nearest(origin, direction, f64::INFINITY) else {
             return Some(sky::smooth(direction));
         };
-        let primitive = &self.primitives[place];
+        let primitive = &self.primitives[which];
         let paint = &self.paints[usize::from(primitive.paint)];
         let outward = primitive.shape.spot_anywhere(crossing.a, crossing.b).normal;
         if outward.dot(direction) > 0.0 && !paint.material.is_sheet() {
@@ -195,38 +190,38 @@ impl Place {
         if self.light.grids.is_empty() {
             return Some(FIRST_GUESS * (0.3 / PI));
         }
-        let light = self.light.at(place, crossing.a, crossing.b).unwrap_or(NO_CELLS);
+        let light = self.light.at(which, crossing.a, crossing.b).unwrap_or(NO_CELLS);
         Some(texture::mean(paint) * light / PI)
     }
 
-    /// Linear radiance that primitive `place` sends from `spot` against `direction`.
+    /// Linear radiance that primitive `which` sends from `spot` against `direction`.
     ///
     /// `width` is the footprint, m; `unit` the surface coordinates of the spot.
     pub(super) fn shade(
         &self,
-        place: usize,
+        which: usize,
         spot: &Spot,
         (unit_at, direction): (DVec2, DVec3),
         width: f64,
         budget: Budget,
     ) -> DVec3 {
         let (light, skin) = (
-            self.incident(place, spot, direction, Turn::at(spot.point), budget),
-            self.skin(place, spot, unit_at, width),
+            self.incident(which, spot, direction, Turn::at(spot.point), budget),
+            self.skin(which, spot, unit_at, width),
         );
-        self.reflect(place, spot, direction, &light, &skin)
+        self.reflect(which, spot, direction, &light, &skin)
     }
 
     /// The light that arrives at a spot, seen along `direction`.
     pub(super) fn incident(
         &self,
-        place: usize,
+        which: usize,
         spot: &Spot,
         direction: DVec3,
         turn: Turn,
         budget: Budget,
     ) -> Incident {
-        let material = self.material(place);
+        let material = self.material(which);
         let facing = if spot.normal.dot(direction) > 0.0 { -spot.normal } else { spot.normal };
         let sun = if material.is_foliage() || facing.dot(sky::sun()) > 0.0 {
             self.sun_share(spot.point, facing, turn, budget.sun)
@@ -240,8 +235,8 @@ impl Place {
     }
 
     /// The texture at a spot.
-    pub(super) fn skin(&self, place: usize, spot: &Spot, unit: DVec2, width: f64) -> texture::Skin {
-        let primitive = &self.primitives[place];
+    pub(super) fn skin(&self, which: usize, spot: &Spot, unit: DVec2, width: f64) -> texture::Skin {
+        let primitive = &self.primitives[which];
         let paint = &self.paints[usize::from(primitive.paint)];
         let local = match primitive.shape {
             Shape::Stump { .. } => DVec2::new(unit.x * spot.along_a.length(), unit.y * spot.along_b.length()),
@@ -250,20 +245,20 @@ impl Place {
                 DVec2::new(spot.point.dot(across), spot.point.dot(up))
             }
         };
-        let at = Place2 { point: spot.point, local, unit, width, key: primitive.key };
+        let at = Site { point: spot.point, local, unit, width, key: primitive.key };
         texture::skin(paint, &at)
     }
 
     /// What a spot of the given texture makes of the light.
     pub(super) fn reflect(
         &self,
-        place: usize,
+        which: usize,
         spot: &Spot,
         direction: DVec3,
         light: &Incident,
         skin: &texture::Skin,
     ) -> DVec3 {
-        let (material, facing, sun) = (self.material(place), light.facing, sky::sun());
+        let (material, facing, sun) = (self.material(which), light.facing, sky::sun());
         if material.is_foliage() {
             let cosine = facing.dot(sun);
             // Light through a leaf is weaker and more yellow than light off it.

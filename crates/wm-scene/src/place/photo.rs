@@ -1,6 +1,6 @@
 //! Pictures of the place, pixel by pixel; the caller brings the threads.
 
-use super::{Hit, Material, Place, display_of};
+use super::{Material, Place, display_of};
 use crate::Camera;
 use glam::DVec3;
 
@@ -28,40 +28,26 @@ impl Place {
         let eye = camera.center();
         let (left, top) = (f64::from(x), f64::from(y));
         let samples = samples.max(1);
-        let see = |dx: f64, dy: f64| -> (DVec3, Option<Hit>) {
-            let direction = camera.ray(left + dx, top + dy);
-            (direction, self.cast(eye, direction))
-        };
-        let light = |(direction, hit): &(DVec3, Option<Hit>)| {
-            DVec3::from_array(hit.map_or_else(|| self.sky(*direction), |hit| hit.radiance))
-        };
-        let middle = see(0.5, 0.5);
+        let size = 1.0 / f64::from(samples);
         let mut sum = DVec3::ZERO;
         for row in 0..samples {
             for column in 0..samples {
-                let (dx, dy) = (f64::from(2 * column + 1), f64::from(2 * row + 1));
-                let size = 0.5 / f64::from(samples);
-                sum += if 2 * column + 1 == samples && 2 * row + 1 == samples {
-                    light(&middle)
-                } else {
-                    light(&see(dx * size, dy * size))
-                };
+                let (dx, dy) = ((f64::from(column) + 0.5) * size, (f64::from(row) + 0.5) * size);
+                let direction = camera.ray(left + dx, top + dy);
+                let hit = self.cast(eye, direction);
+                sum += DVec3::from_array(hit.map_or_else(|| self.sky(direction), |hit| hit.radiance));
             }
         }
-        let radiance = (sum / f64::from(samples * samples)).to_array();
-        let rgb = display_of(radiance);
-        match middle {
-            (direction, Some(hit)) => Pixel {
-                radiance,
-                rgb,
-                depth: hit.t * direction.dot(camera.forward()),
-                normal: hit.normal,
-                material: Some(hit.material),
-                is_sky: false,
-            },
-            (_, None) => {
-                Pixel { radiance, rgb, depth: 0.0, normal: DVec3::ZERO, material: None, is_sky: true }
-            }
+        let radiance = (sum * size * size).to_array();
+        let direction = camera.ray(left + 0.5, top + 0.5);
+        let middle = self.first(eye, direction);
+        Pixel {
+            radiance,
+            rgb: display_of(radiance),
+            depth: middle.map_or(0.0, |surface| surface.t * direction.dot(camera.forward())),
+            normal: middle.map_or(DVec3::ZERO, |surface| surface.normal),
+            material: middle.map(|surface| surface.material),
+            is_sky: middle.is_none(),
         }
     }
 

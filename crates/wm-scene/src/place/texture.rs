@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 
 /// Where a texture is asked for.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place2 {
+pub(super) struct Site {
     /// World position, m.
     pub point: DVec3,
     /// Across and up (or along) the surface, m.
@@ -32,7 +32,7 @@ pub(super) struct Skin {
 }
 
 /// The texture of `paint` at `at`.
-pub(super) fn skin(paint: &Paint, at: &Place2) -> Skin {
+pub(super) fn skin(paint: &Paint, at: &Site) -> Skin {
     let seed = paint.seed;
     let p = at.point;
     let flat = |albedo: DVec3| Skin { albedo, slope: DVec2::ZERO };
@@ -120,7 +120,7 @@ pub(super) fn mean(paint: &Paint) -> DVec3 {
 }
 
 /// Darkened and greened towards the foot of things, with the streaks that rain leaves.
-fn weathered(albedo: DVec3, at: &Place2, strength: f64) -> DVec3 {
+fn weathered(albedo: DVec3, at: &Site, strength: f64) -> DVec3 {
     let p = at.point;
     let edge = 0.25 * noise3(p * DVec3::new(2.1, 2.1, 0.8), 77);
     let foot = smoothstep(0.85, 0.05, p.z - 0.12 + edge);
@@ -128,7 +128,7 @@ fn weathered(albedo: DVec3, at: &Place2, strength: f64) -> DVec3 {
 }
 
 /// Single grains of size `size`, -1 to 1; they fade where the footprint holds many.
-fn speckle(at: &Place2, size: f64, seed: u32) -> f64 {
+fn speckle(at: &Site, size: f64, seed: u32) -> f64 {
     let kept = smoothstep(3.0, 0.6, at.width / size);
     if kept <= 0.0 {
         return 0.0;
@@ -136,7 +136,7 @@ fn speckle(at: &Place2, size: f64, seed: u32) -> f64 {
     kept * noise3(at.point / size, seed ^ 0x51)
 }
 
-fn asphalt(paint: &Paint, at: &Place2) -> Skin {
+fn asphalt(paint: &Paint, at: &Site) -> Skin {
     let (p, seed) = (at.point, paint.seed);
     let large = octaves3(p, 5.0, 3, at.width, seed);
     let small = octaves3(p, 0.35, 4, at.width, seed ^ 3);
@@ -164,7 +164,7 @@ fn asphalt(paint: &Paint, at: &Place2) -> Skin {
     Skin { albedo: albedo.lerp(paint.accent, 0.35 * gutter), slope: DVec2::splat(0.10 * grit) }
 }
 
-fn setts(paint: &Paint, at: &Place2, size: f64) -> Skin {
+fn setts(paint: &Paint, at: &Site, size: f64) -> Skin {
     let seed = paint.seed;
     let row = (at.local.y / size).floor();
     let shifted = at.local.x / size + 0.5 * row.rem_euclid(2.0) + 0.25 * cell(row as i64, 3, seed);
@@ -182,7 +182,7 @@ fn setts(paint: &Paint, at: &Place2, size: f64) -> Skin {
     Skin { albedo: stone.lerp(paint.accent, 0.85 * joint), slope: dome * distance * 1.6 }
 }
 
-fn slabs(paint: &Paint, at: &Place2) -> Skin {
+fn slabs(paint: &Paint, at: &Site) -> Skin {
     let seed = paint.seed;
     let (long, wide) = (0.60, 0.40);
     let row = (at.local.y / wide).floor();
@@ -200,7 +200,7 @@ fn slabs(paint: &Paint, at: &Place2) -> Skin {
     Skin { albedo: albedo.lerp(paint.accent, 0.75 * joint), slope: DVec2::ZERO }
 }
 
-fn grass(paint: &Paint, at: &Place2) -> Skin {
+fn grass(paint: &Paint, at: &Site) -> Skin {
     let (p, seed) = (at.point, paint.seed);
     let large = octaves3(p, 3.0, 3, at.width, seed);
     let small = octaves3(p * DVec3::new(1.0, 1.0, 0.3), 0.16, 4, at.width, seed ^ 7);
@@ -208,7 +208,7 @@ fn grass(paint: &Paint, at: &Place2) -> Skin {
     Skin { albedo: base * (1.0 + 0.55 * small + 0.12 * large), slope: DVec2::splat(0.55 * small) }
 }
 
-fn field(paint: &Paint, at: &Place2) -> Skin {
+fn field(paint: &Paint, at: &Site) -> Skin {
     let p = at.point;
     let (u, v) = ((p.x + 0.22 * p.y) / 120.0, (p.y - 0.15 * p.x) / 90.0);
     let kind = cell(u.floor() as i64, v.floor() as i64, paint.seed);
@@ -224,7 +224,7 @@ fn field(paint: &Paint, at: &Place2) -> Skin {
     Skin { albedo: base * (1.0 + 0.25 * tuft), slope: DVec2::ZERO }
 }
 
-fn plaster(paint: &Paint, at: &Place2) -> Skin {
+fn plaster(paint: &Paint, at: &Site) -> Skin {
     let (p, seed) = (at.point, paint.seed);
     let cloud = octaves3(p, 2.6, 4, at.width, seed);
     let rough = octaves3(p, 0.06, 2, at.width, seed ^ 3);
@@ -235,7 +235,7 @@ fn plaster(paint: &Paint, at: &Place2) -> Skin {
     Skin { albedo, slope: DVec2::new(0.06 * rough, 0.06 * octaves3(p, 0.06, 2, at.width, seed ^ 4)) }
 }
 
-fn brick(paint: &Paint, at: &Place2) -> Skin {
+fn brick(paint: &Paint, at: &Site) -> Skin {
     let seed = paint.seed;
     let (long, high) = (0.25, 0.075);
     let row = (at.local.y / high).floor();
@@ -256,7 +256,7 @@ fn brick(paint: &Paint, at: &Place2) -> Skin {
     Skin { albedo: weathered(mortar.lerp(stone, face), at, 0.4), slope }
 }
 
-fn boards(paint: &Paint, at: &Place2, high: f64) -> Skin {
+fn boards(paint: &Paint, at: &Site, high: f64) -> Skin {
     let row = (at.local.y / high).floor();
     let f = at.local.y / high - row;
     let tone =
@@ -269,7 +269,7 @@ fn boards(paint: &Paint, at: &Place2, high: f64) -> Skin {
     Skin { albedo: weathered(albedo, at, 0.35), slope: DVec2::new(0.0, -0.12) }
 }
 
-fn tiles(paint: &Paint, at: &Place2) -> Skin {
+fn tiles(paint: &Paint, at: &Site) -> Skin {
     let seed = paint.seed;
     let (wide, high) = (0.22, 0.33);
     let row = (at.local.y / high).floor();
@@ -291,7 +291,7 @@ fn tiles(paint: &Paint, at: &Place2) -> Skin {
     Skin { albedo, slope: DVec2::new(wave, -0.08) }
 }
 
-fn slates(paint: &Paint, at: &Place2) -> Skin {
+fn slates(paint: &Paint, at: &Site) -> Skin {
     let seed = paint.seed;
     let (wide, high) = (0.26, 0.19);
     let row = (at.local.y / high).floor();
@@ -310,7 +310,7 @@ fn slates(paint: &Paint, at: &Place2) -> Skin {
 }
 
 /// Behind a pane: a dim room with curtains at the sides and, here and there, a blind.
-fn glass(paint: &Paint, at: &Place2) -> Skin {
+fn glass(paint: &Paint, at: &Site) -> Skin {
     let (kind, open) = (super::hash::unit(at.key, 4), super::hash::unit(at.key, 5));
     let (a, b) = (at.unit.x, at.unit.y);
     let room = DVec3::new(0.020, 0.021, 0.024) * (0.7 + 1.2 * b);

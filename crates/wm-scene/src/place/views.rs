@@ -1,6 +1,6 @@
 //! Where to look from: viewpoints and a walk along the street.
 
-use super::{Place, street};
+use super::{Place, build};
 use crate::{Camera, CameraError};
 use glam::DVec3;
 
@@ -90,6 +90,6 @@ impl Place {
     /// Lowest and highest corner of the porch's floor, m: all of it lies under the porch's roof.
     #[must_use]
     pub fn porch() -> (DVec3, DVec3) {
-        street::porch()
+        build::porch()
     }
 }

@@ -1,9 +1,9 @@
 //! Houses: four walls, rows of windows, a roof and what hangs on them.
 
-use super::builder::{Builder, Frame, faces};
 use super::facade::{Filling, Finish, Opening, shutters, wall};
-use super::paint::PaintId;
 use super::roof::Roof;
+use super::{Builder, Frame, faces};
+use crate::place::paint::PaintId;
 
 /// Which way the ridge runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

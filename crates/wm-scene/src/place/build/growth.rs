@@ -1,10 +1,10 @@
 //! Low growth: hedges, climbers, tufts of grass, flowers, fallen leaves.
 
-use super::builder::{Builder, Frame, faces};
-use super::hash::{Dice, noise3};
-use super::paint::PaintId;
-use super::shape::{Outline, Shape};
 use super::tree::card;
+use super::{Builder, Frame, faces};
+use crate::place::hash::{Dice, noise3};
+use crate::place::paint::PaintId;
+use crate::place::shape::{Outline, Shape};
 use glam::DVec3;
 
 /// A clipped hedge: a dark core under a skin of leaves. `size` is length, depth, height, m.

@@ -1,8 +1,8 @@
 //! Pitched roofs, gables, chimneys, dormers, gutters.
 
-use super::builder::{Builder, Frame, faces};
 use super::facade::{Filling, Finish, window};
-use super::paint::PaintId;
+use super::{Builder, Frame, faces};
+use crate::place::paint::PaintId;
 use glam::DVec3;
 
 /// A roof of two slopes. In its frame the ridge runs along x from 0 to `length`, the slopes rise over

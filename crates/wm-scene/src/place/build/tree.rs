@@ -4,10 +4,10 @@
 //! its skin. Each, from the trunk outwards, is joined to the nearest wood that is not above it by a
 //! bent branch, so boughs fork as they reach out. Thickness follows from what a branch carries.
 
-use super::builder::Builder;
-use super::hash::{Dice, noise3};
-use super::paint::PaintId;
-use super::shape::{Outline, Shape};
+use super::Builder;
+use crate::place::hash::{Dice, noise3};
+use crate::place::paint::PaintId;
+use crate::place::shape::{Outline, Shape};
 use glam::DVec3;
 
 /// What kind of tree it is.

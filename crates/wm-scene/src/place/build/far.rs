@@ -1,23 +1,26 @@
 //! What lies beyond the street: fields, hedgerows, a village with a church, wooded hills.
 
-use super::builder::{Builder, Frame, faces};
 use super::facade::{Filling, Finish};
-use super::hash::{Dice, noise2};
 use super::house::{Dress, House, Ridge};
-use super::paint::{Material, PaintId};
+use super::palette::Palette;
 use super::roof::Roof;
-use super::shape::{Outline, Shape};
-use super::street::Palette;
+use super::{Builder, Frame, faces};
+use crate::place::hash::{Dice, noise2};
+use crate::place::paint::{Material, PaintId};
+use crate::place::shape::{Outline, Shape};
 use glam::{DVec2, DVec3};
 
 /// Height of the fields, m.
 const FIELD: f64 = 0.03;
 
-pub(super) fn build(b: &mut Builder, p: &Palette, finishes: &dyn Fn(&mut Builder, &Palette) -> [Finish; 3]) {
+/// Builds all of it.
+pub(super) fn build(b: &mut Builder, p: &Palette) {
     let field = b.paint(Material::Field, 0x7F8A55, 0x979E66);
     let wood = b.paint(Material::Wood, 0x4E5E46, 0x6E7A58);
     let far_leaf = b.paint(Material::Wood, 0x506338, 0x78844C);
-    let finishes = finishes(b, p);
+    let white = b.paint(Material::Plaster, 0xE6E0D2, 0xCFC8B8);
+    let ochre = b.paint(Material::Plaster, 0xD8BC8C, 0xB89860);
+    let finishes = [p.finish(white, p.oak), p.finish(p.brick, p.oak), p.finish(ochre, p.oak)];
     // Fields around the street's own ground, each rectangle a primitive.
     for (x0, x1, y0, y1) in [
         (-700.0, 700.0, 135.0, 760.0),
@@ -163,7 +166,7 @@ fn far_tree(b: &mut Builder, foot: DVec3, (height, fine): (f64, f64), leaf: Pain
         let way = lump + out * 0.55;
         let at = middle + DVec3::new(way.x * radius, way.y * radius, way.z * 0.48 * height);
         let normal = (out + DVec3::Z * 0.5 + dice.direction() * 0.4).normalize_or(DVec3::Z);
-        let (x, y) = super::shape::around(normal);
+        let (x, y) = crate::place::shape::around(normal);
         let length = size * dice.range(0.7, 1.2);
         let (u, v) = (x * length, y * length * 0.8);
         let corner = at - (u + v) * 0.5;
