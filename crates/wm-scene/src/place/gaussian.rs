@@ -19,7 +19,7 @@ const SKY_RADIUS: f64 = 1000.0;
 /// The sky's lower edge, as the sine of its angle: 6 degrees below the horizon.
 const SKY_EDGE: f64 = -0.1045;
 /// Points that see more than this of the inside of things are dropped.
-const BURIED: f64 = 0.45;
+const BURIED: f64 = 0.75;
 
 /// A cell's middle: where it is, its size in surface coordinates and its keys.
 struct At {
@@ -54,7 +54,11 @@ impl Sampling<'_> {
             Cell::Rod => rod(shape, &spot, center.y, step.y, viewer)?,
             Cell::Ball => ball(shape, viewer)?,
         };
-        let direction = (spot.point - viewer).normalize_or(-spot.normal);
+        let mut direction = (spot.point - viewer).normalize_or(-spot.normal);
+        // What is solid is seen from its outside, from wherever that may be.
+        if spot.normal.dot(direction) > 0.0 && !self.place.material(patch.which as usize).is_sheet() {
+            direction = -spot.normal;
+        }
         let turn = Turn::of_cell(column, row, u64::from(patch.which));
         let cell = At { spot, center, step, turn, key };
         let radiance = self.radiance(patch, &cell, direction)?;

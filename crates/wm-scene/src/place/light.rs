@@ -21,6 +21,8 @@ const SUN_RADIUS: f64 = 0.014;
 const OFF: f64 = 1.5e-3;
 /// Irradiance of leaves and small things, which have no cells in the map.
 const NO_CELLS: DVec3 = DVec3::new(1.55, 1.60, 1.60);
+/// What lies nearer than this, m, covers a point as if it were inside.
+const COVERED: f64 = 0.018;
 /// Primitives of less area, m^2, have no cells: little light comes off them.
 const SMALL: f64 = 0.15;
 /// Light that gathered rays bring from surfaces while the map is being made: albedo 0.3 of this.
@@ -176,7 +178,8 @@ impl Place {
         gathered
     }
 
-    /// Radiance that comes in along a ray, coarsely; `None` from the inside of something solid.
+    /// Radiance that comes in along a ray, coarsely; `None` from the inside of something solid or right
+    /// under it.
     fn bounce(&self, origin: DVec3, direction: DVec3) -> Option<DVec3> {
         let Some((which, crossing)) = self.nearest(origin, direction, f64::INFINITY) else {
             return Some(sky::smooth(direction));
@@ -184,7 +187,8 @@ impl Place {
         let primitive = &self.primitives[which];
         let paint = &self.paints[usize::from(primitive.paint)];
         let outward = primitive.shape.spot_anywhere(crossing.a, crossing.b).normal;
-        if outward.dot(direction) > 0.0 && !paint.material.is_sheet() {
+        let inside = outward.dot(direction) > 0.0 || crossing.t < COVERED;
+        if inside && !paint.material.is_sheet() {
             return None;
         }
         if self.light.grids.is_empty() {

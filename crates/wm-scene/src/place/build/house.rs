@@ -74,6 +74,13 @@ impl House {
             .flat_map(|floor| [0.25, 0.7].map(|share| self.opening(share * w - 0.5, floor, 1.0)))
             .collect();
         wall(b, &back, (w, h), &rear, &self.finish);
+        // Turned down: whatever looks at it from within knows that it is inside.
+        b.quad(
+            frame.at(0.0, d, 0.015),
+            frame.along(w, 0.0, 0.0),
+            frame.along(0.0, -d, 0.0),
+            self.finish.plinth,
+        );
         self.plinth(b, frame, &front);
         let roof = self.roof();
         let roof_frame = self.roof_frame(frame);

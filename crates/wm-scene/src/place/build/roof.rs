@@ -50,7 +50,12 @@ impl Roof {
             let low = half.moved(-self.verge, -self.overhang, self.eaves - self.overhang * self.slope());
             let (u, v) = (half.along(across, 0.0, 0.0), half.along(0.0, run, rise));
             b.quad(low.at(0.0, 0.0, lift), u, v, self.paint);
-            b.quad(low.at(across, 0.0, 0.0), -u, v, self.trim);
+            // Only what overhangs has an underside: the attic is never seen.
+            let (eaves, verge) = (self.overhang / run, half.along(-self.verge, 0.0, 0.0));
+            b.quad(low.at(across, 0.0, 0.0), -u, v * eaves, self.trim);
+            for x in [self.verge, across] {
+                b.quad(low.at(x, 0.0, 0.0) + v * eaves, verge, v * (1.0 - eaves), self.trim);
+            }
             b.quad(low.at(0.0, -0.012, -0.05), u, DVec3::Z * (lift + 0.02), self.trim);
             // Boards up the gables, on both their faces.
             for (x, outward) in [(0.0, -1.0), (across, 1.0)] {
