@@ -45,7 +45,9 @@ impl Bvh {
             .collect();
         let mut tree = Self { nodes: Vec::with_capacity(items.len()) };
         let count = items.len();
-        tree.grow(&mut items, 0, count, 0);
+        if count > 0 {
+            tree.grow(&mut items, 0, count, 0);
+        }
         (tree, items.into_iter().map(|item| item.index).collect())
     }
 
@@ -242,4 +244,46 @@ fn half_area(low: DVec3, high: DVec3) -> f64 {
     }
     let e = high - low;
     e.x * e.y + e.y * e.z + e.z * e.x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::hash::Dice;
+    use super::super::shape::Outline;
+    use super::*;
+
+    #[test]
+    fn the_tree_finds_what_a_search_through_all_finds() {
+        let mut dice = Dice::new(5, 0);
+        let mut shapes: Vec<Shape> = (0..400)
+            .map(|index| {
+                let at = dice.direction() * dice.range(0.0, 20.0);
+                let (u, v) = (dice.direction() * 2.0, dice.direction() * 1.5);
+                match index % 3 {
+                    0 => Shape::Flat { corner: at, u, v, outline: Outline::Parallelogram },
+                    1 => Shape::Stump { from: at, to: at + u, radii: [0.4, 0.1] },
+                    _ => Shape::Ellipsoid { center: at, radii: v.abs() + 0.05 },
+                }
+            })
+            .collect();
+        // Many at one place, where no split parts them.
+        shapes.extend([shapes[0]; 9]);
+        let (tree, order) = Bvh::build(shapes.iter().copied());
+        let shapes: Vec<Shape> = order.into_iter().map(|index| shapes[index]).collect();
+        for _ in 0..2000 {
+            let (origin, direction) = (dice.direction() * 25.0, dice.direction());
+            let all = shapes.iter().filter_map(|s| s.crossing(origin, direction, 0.0, 100.0)).map(|c| c.t);
+            let nearest = all.min_by(f64::total_cmp);
+            let found = tree.nearest(|place| &shapes[place], (origin, direction), 0.0, 100.0);
+            assert_eq!(found.map(|(_, crossing)| crossing.t), nearest);
+            assert_eq!(tree.any(|place| &shapes[place], (origin, direction), 0.0, 100.0), nearest.is_some());
+        }
+    }
+
+    #[test]
+    fn an_empty_tree_is_met_nowhere() {
+        let (tree, order) = Bvh::build(std::iter::empty());
+        assert!(order.is_empty());
+        assert!(!tree.any(|_| unreachable!(), (DVec3::ZERO, DVec3::X), 0.0, 1.0));
+    }
 }

@@ -99,9 +99,9 @@ impl Material {
     /// How much farther apart its splats may lie than those of the finest texture.
     pub(super) fn grain(self) -> f64 {
         match self {
-            Self::Asphalt | Self::Field => 1.65,
+            Self::Asphalt | Self::Field => 1.8,
             Self::Grass | Self::Soil => 1.45,
-            Self::Plaster | Self::Glass => 1.35,
+            Self::Plaster | Self::Glass => 1.45,
             Self::Slates | Self::Gravel | Self::Paving => 1.2,
             Self::Tiles | Self::Brick => 1.1,
             _ => 1.0,

@@ -17,7 +17,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// Size of a cell per metre of distance, at detail 1.
-const ANGLE: f64 = 0.0067;
+const ANGLE: f64 = 0.0068;
 /// The finest cell at detail 1, m.
 const FINEST: f64 = 0.03;
 /// Where the walk along the street begins and ends, and its height, m.
@@ -137,7 +137,7 @@ impl Sampling<'_> {
             }
             Shape::Stump { from, to, radii } if TAU * radii[0].max(radii[1]) < 4.0 * gap.size => {
                 // Twigs finer than a tenth of a cell are lost among the leaves.
-                if material.is_bark() && radii[0] < 0.05 * gap.size {
+                if material.is_bark() && radii[0] < 0.075 * gap.size {
                     return;
                 }
                 patch.kind = Cell::Rod;

@@ -234,3 +234,98 @@ pub(super) fn around(w: DVec3) -> (DVec3, DVec3) {
     let x = if w.z.abs() > 0.9 { DVec3::X.reject_from(w) } else { DVec3::Z.cross(w) }.normalize();
     (x, w.cross(x))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::hash::Dice;
+    use super::*;
+
+    fn shapes(dice: &mut Dice) -> Vec<Shape> {
+        let mut point = || DVec3::new(dice.range(-3.0, 3.0), dice.range(-3.0, 3.0), dice.range(-3.0, 3.0));
+        let (corner, u, v, to) = (point(), point(), point(), point());
+        let radii = point().abs() + 0.2;
+        let mut all: Vec<Shape> =
+            [Outline::Parallelogram, Outline::Triangle, Outline::Ellipse, Outline::Leaf]
+                .into_iter()
+                .map(|outline| Shape::Flat { corner, u, v, outline })
+                .collect();
+        all.push(Shape::Stump { from: corner, to, radii: [radii.x, radii.y] });
+        all.push(Shape::Ellipsoid { center: corner, radii });
+        all
+    }
+
+    /// From a point just off the surface, back along the normal, the ray meets that point.
+    #[test]
+    fn rays_meet_the_spots_they_are_aimed_at() {
+        let mut dice = Dice::new(3, 0);
+        for _ in 0..200 {
+            for shape in shapes(&mut dice) {
+                let (a, b) = (dice.range(0.01, 0.99), dice.range(0.01, 0.99));
+                let Some(spot) = shape.spot(a, b) else { continue };
+                let (low, high) = shape.bounds();
+                assert!(
+                    (spot.point - low).min_element() > -1e-9 && (high - spot.point).min_element() > -1e-9
+                );
+                let crossing = shape
+                    .crossing(spot.point + spot.normal * 0.01, -spot.normal, 0.0, 1.0)
+                    .unwrap_or_else(|| panic!("{shape:?} at {a} {b}"));
+                assert!((crossing.t - 0.01).abs() < 1e-9, "{shape:?} {crossing:?}");
+                assert!(
+                    (crossing.a - a).abs() < 1e-6 && (crossing.b - b).abs() < 1e-6,
+                    "{shape:?} {crossing:?}"
+                );
+                assert!(spot.normal.dot(spot.along_a.normalize()).abs() < 1e-9);
+                assert!(spot.normal.dot(spot.along_b.normalize()).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn crossings_have_their_closed_forms() {
+        let along = |shape: &Shape, y: f64, z: f64| {
+            shape.crossing(DVec3::new(-10.0, y, z), DVec3::X, 0.0, f64::INFINITY).map(|c| c.t)
+        };
+        let wall = |outline| Shape::Flat { corner: DVec3::X, u: DVec3::Y * 4.0, v: DVec3::Z * 2.0, outline };
+        assert_eq!(along(&wall(Outline::Parallelogram), 3.9, 1.9), Some(11.0));
+        assert_eq!(along(&wall(Outline::Parallelogram), 4.1, 1.0), None);
+        assert_eq!(along(&wall(Outline::Triangle), 1.9, 0.9), Some(11.0));
+        assert_eq!(along(&wall(Outline::Triangle), 2.1, 1.1), None);
+        assert_eq!(along(&wall(Outline::Ellipse), 2.0, 1.99), Some(11.0));
+        assert_eq!(along(&wall(Outline::Ellipse), 3.5, 1.8), None);
+        assert_eq!(along(&wall(Outline::Leaf), 2.0, 1.99), Some(11.0));
+        assert_eq!(along(&wall(Outline::Leaf), 0.1, 1.3), None);
+        let close =
+            |got: Option<f64>, want: f64| assert!((got.unwrap() - want).abs() < 1e-12, "{got:?} {want}");
+        // A cylinder and a cone about the z axis, a stretched ball.
+        let stump = |top| Shape::Stump { from: DVec3::ZERO, to: DVec3::Z * 3.0, radii: [1.0, top] };
+        close(along(&stump(1.0), 0.6, 1.5), 10.0 - 0.8);
+        close(along(&stump(0.0), 0.0, 1.5), 10.0 - 0.5);
+        assert_eq!(along(&stump(1.0), 0.0, 3.1), None);
+        let ball = Shape::Ellipsoid { center: DVec3::ZERO, radii: DVec3::new(2.0, 1.0, 1.0) };
+        close(along(&ball, 0.6, 0.0), 10.0 - 2.0 * 0.8);
+        // From within, the far side.
+        let inside = ball.crossing(DVec3::ZERO, DVec3::X, 1e-9, f64::INFINITY);
+        close(inside.map(|c| c.t), 2.0);
+    }
+
+    /// Areas against sums of `|along_a x along_b|` over a grid of 200 x 200 (the ellipsoid's own
+    /// tangents are only roughly scaled, so it is held against balls).
+    #[test]
+    fn areas_are_those_of_the_tangents() {
+        let mut dice = Dice::new(4, 0);
+        for shape in shapes(&mut dice).into_iter().take(5) {
+            let n = 200;
+            let mut sum = 0.0;
+            for i in 0..n * n {
+                let (a, b) =
+                    ((f64::from(i % n) + 0.5) / f64::from(n), (f64::from(i / n) + 0.5) / f64::from(n));
+                if let Some(spot) = shape.spot(a, b) {
+                    sum += spot.along_a.cross(spot.along_b).length() / f64::from(n * n);
+                }
+            }
+            assert!((sum / shape.area() - 1.0).abs() < 0.01, "{shape:?}: {sum} {}", shape.area());
+        }
+        let ball = Shape::Ellipsoid { center: DVec3::ONE, radii: DVec3::splat(0.5) };
+        assert!((ball.area() / PI - 1.0).abs() < 1e-9);
+    }
+}

@@ -332,3 +332,32 @@ fn glass(paint: &Paint, at: &Site) -> Skin {
     };
     Skin { albedo: room.lerp(cloth, share), slope: DVec2::ZERO }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::hash::Dice;
+    use super::*;
+
+    /// No pattern may shine: albedo stays inside what surfaces have.
+    #[test]
+    fn albedo_is_that_of_matter() {
+        let mut dice = Dice::new(6, 0);
+        for material in Material::ALL {
+            let paint = Paint { material, color: rgb(0xE0D8C8), accent: rgb(0x404030), seed: 9 };
+            for width in [0.002, 0.05, 1.0] {
+                for _ in 0..200 {
+                    let point = dice.direction() * 50.0;
+                    let unit = DVec2::new(dice.unit(), dice.unit());
+                    let at =
+                        Site { point, local: point.truncate(), unit, width, key: (dice.unit() * 1e9) as u64 };
+                    let skin = skin(&paint, &at);
+                    assert!(
+                        skin.albedo.min_element() >= 0.0 && skin.albedo.max_element() < 1.3,
+                        "{material:?}"
+                    );
+                    assert!(skin.slope.is_finite() && skin.slope.length() < 3.0, "{material:?}");
+                }
+            }
+        }
+    }
+}

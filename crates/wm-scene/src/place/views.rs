@@ -92,3 +92,34 @@ impl Place {
         build::porch()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_walk_is_smooth_level_and_at_walking_speed() {
+        let steps = 500;
+        let views: Vec<Viewpoint> =
+            (0..=steps).map(|i| Place::dolly(f64::from(i) / f64::from(steps))).collect();
+        let second = Place::WALK_SECONDS / f64::from(steps);
+        for pair in views.windows(2) {
+            let speed = pair[0].eye.distance(pair[1].eye) / second;
+            assert!((0.5..2.2).contains(&speed), "{speed}");
+            assert!((pair[0].eye.z - 1.6).abs() < 1e-9);
+            let turn = |view: &Viewpoint| (view.target - view.eye).normalize();
+            assert!(turn(&pair[0]).angle_between(turn(&pair[1])).to_degrees() / second < 12.0);
+        }
+        assert_eq!(views[0].eye, WALK[0].1);
+        assert!(views[steps as usize].target.distance(WALK[4].2) < 1e-9);
+    }
+
+    #[test]
+    fn views_make_cameras_and_have_names_of_their_own() {
+        let views = Place::views();
+        for (index, view) in views.iter().enumerate() {
+            assert!(view.camera((300, 200)).is_ok());
+            assert!(views[index + 1..].iter().all(|other| other.name != view.name));
+        }
+    }
+}

@@ -144,7 +144,7 @@ fn hedgerows(b: &mut Builder, leaf: PaintId) {
         (DVec2::new(-30.0, -70.0), DVec2::new(30.0, -66.0), 9, 9.0),
     ];
     for (from, to, count, height) in rows {
-        let fine = if from.y < 0.0 { 2.2 } else { 1.0 };
+        let fine = if from.y < 0.0 { 2.0 } else { 0.85 };
         for index in 0..count {
             let at = from.lerp(to, (f64::from(index) + 0.6 * dice.unit()) / f64::from(count));
             let off = DVec2::new(dice.bell(), dice.bell()) * 2.0;

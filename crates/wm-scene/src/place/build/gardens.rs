@@ -33,10 +33,10 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
     g::flowers(b, &at.moved(0.5, 3.35, 0.02), [2.0, 0.5, 0.45], 420, (p.hedge, p.flowers), 54);
     g::flowers(b, &at.moved(4.6, 3.35, 0.02), [2.0, 0.5, 0.45], 420, (p.hedge, p.flowers), 55);
     let side = Frame::facing(at.at(10.0, 6.3, 0.0), at.right);
-    g::hedge(b, &side, [6.0, 0.7, 1.25], 0.10, growth, 56);
+    g::hedge(b, &side, [6.0, 0.7, 1.25], 0.115, growth, 56);
     // Right: a hedge in the sunny gap, railings before the white house.
     let at = right(37.6);
-    g::hedge(b, &at.moved(0.2, 0.15, 0.0), [8.4, 0.75, 1.45], 0.10, growth, 57);
+    g::hedge(b, &at.moved(0.2, 0.15, 0.0), [8.4, 0.75, 1.45], 0.115, growth, 57);
     let at = right(50.0);
     f::low_wall(b, &at.moved(0.0, 0.05, 0.0), 6.2, 0.35, (p.brick, p.stone));
     f::railings(b, &at.moved(0.0, 0.17, 0.0), 6.2, 0.42, 1.05, p.iron);
@@ -114,7 +114,7 @@ pub(super) fn trees(b: &mut Builder, p: &Palette) {
         fruit: Some(p.berries),
     };
     let far =
-        |kind: Kind| Kind { clusters: kind.clusters * 2 / 3, leaves: 24, leaf: kind.leaf * 2.3, ..kind };
+        |kind: Kind| Kind { clusters: kind.clusters * 2 / 3, leaves: 16, leaf: kind.leaf * 2.7, ..kind };
     for (seed, (x, y, kind)) in [
         (-9.2, 40.6, linden),
         (-8.0, 12.2, birch),
