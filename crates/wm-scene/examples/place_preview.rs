@@ -1,8 +1,8 @@
 //! Draws the built-in street into PNG files, to look at.
 //!
 //! `cargo run --release -p wm-scene --example place_preview -- <folder> [view] [width] [samples]`
-//! ray-casts one view of `Place::views` (or `all`, or `dolly:<time>`); `splats` before the view draws
-//! the splats instead, crudely: sorted by depth, every Gaussian flat at its centre's projection.
+//! ray-casts one view of `Place::views` (or `all`, or `dolly:<time>`); `splats` or `splats:<detail>`
+//! before the view draws the splats instead, crudely: sorted by depth, front to back, no tiles.
 
 use glam::{DMat3, DVec3};
 use std::io::Write as _;
@@ -12,7 +12,10 @@ use wm_scene::{Camera, Place, Splats, quat, sh};
 
 fn main() -> std::io::Result<()> {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
-    let as_splats = arguments.iter().position(|a| a == "splats").map(|at| arguments.remove(at)).is_some();
+    let detail = arguments.iter().position(|a| a.starts_with("splats")).map(|at| {
+        let word = arguments.remove(at);
+        word.strip_prefix("splats:").map_or(1.0, |detail| detail.parse().expect("the detail, such as 1.5"))
+    });
     let text = |index: usize, other: &str| arguments.get(index).cloned().unwrap_or_else(|| other.to_owned());
     let (folder, which) = (text(0, "."), text(1, "street"));
     let width: u32 = text(2, "600").parse().expect("the width in pixels");
@@ -20,7 +23,7 @@ fn main() -> std::io::Result<()> {
     let start = Instant::now();
     let place = Place::street();
     println!("built in {:.2} s", start.elapsed().as_secs_f64());
-    let splats = as_splats.then(|| splats_of(&place));
+    let splats = detail.map(|detail| splats_of(&place, detail));
     let views = match which.strip_prefix("dolly:") {
         Some(time) => vec![Place::dolly(time.parse().expect("a time from 0 to 1"))],
         None => Place::views().into_iter().filter(|view| which == "all" || view.name == which).collect(),
@@ -32,7 +35,7 @@ fn main() -> std::io::Result<()> {
             Some(splats) => paint(splats, &camera),
             None => cast(&place, &camera, samples),
         };
-        let kind = if as_splats { "splats" } else { "cast" };
+        let kind = if splats.is_some() { "splats" } else { "cast" };
         let path = Path::new(&folder)
             .join(format!("{}_{kind}.png", which.replace(':', "_").replace("all", view.name)));
         std::fs::write(&path, png(&rgb, camera.width, camera.height))?;
@@ -71,8 +74,8 @@ fn cast(place: &Place, camera: &Camera, samples: u32) -> Vec<[f64; 3]> {
     rows.into_iter().flatten().map(|pixel| pixel.rgb).collect()
 }
 
-fn splats_of(place: &Place) -> Splats {
-    let sampling = place.sampling(1.0);
+fn splats_of(place: &Place, detail: f64) -> Splats {
+    let sampling = place.sampling(detail);
     let (start, chunk) = (Instant::now(), 4096);
     let parts = in_parallel(sampling.len().div_ceil(chunk), |part| {
         let range = part * chunk..(part + 1) * chunk;

@@ -94,7 +94,7 @@ impl Sampling<'_> {
             let skin = scene.skin(which, &spot, center, 0.02);
             return Some(scene.reflect(which, &spot, direction, &light, &skin));
         }
-        let mut light = scene.incident(which, &spot, direction, turn, Budget { sun: 1, sky: 14 });
+        let mut light = scene.incident(which, &spot, direction, turn, Budget { sun: 1, sky: 18 });
         if light.buried > BURIED {
             return None;
         }

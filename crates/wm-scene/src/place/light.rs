@@ -24,7 +24,7 @@ const NO_CELLS: DVec3 = DVec3::new(1.55, 1.60, 1.60);
 /// What lies nearer than this, m, covers a point as if it were inside.
 const COVERED: f64 = 0.018;
 /// Primitives of less area, m^2, have no cells: little light comes off them.
-const SMALL: f64 = 0.15;
+const SMALL: f64 = 0.25;
 /// Light that gathered rays bring from surfaces while the map is being made: albedo 0.3 of this.
 const FIRST_GUESS: DVec3 = DVec3::new(2.0, 1.95, 1.85);
 
@@ -130,7 +130,7 @@ impl Place {
                 sun += sky::SUN * (cosine * self.sun_share(spot.point, spot.normal, turn, 1));
             }
             if found == 2.0 || shape.spot(corner.x + 0.7 * size.x, corner.y + 0.2 * size.y).is_none() {
-                sky = self.gather(spot.point, spot.normal, turn, 12).irradiance;
+                sky = self.gather(spot.point, spot.normal, turn, 9).irradiance;
             }
         }
         let total = if found > 0.0 { sun / found + sky } else { FIRST_GUESS };

@@ -136,7 +136,7 @@ impl Sampling<'_> {
                 patch.kind = Cell::Leaf;
             }
             Shape::Stump { from, to, radii } if TAU * radii[0].max(radii[1]) < 4.0 * gap.size => {
-                // Twigs finer than a tenth of a cell are lost among the leaves.
+                // Twigs much finer than a cell are lost among the leaves.
                 if material.is_bark() && radii[0] < 0.075 * gap.size {
                     return;
                 }

@@ -113,8 +113,7 @@ pub(super) fn trees(b: &mut Builder, p: &Palette) {
         foliage: p.rowan,
         fruit: Some(p.berries),
     };
-    let far =
-        |kind: Kind| Kind { clusters: kind.clusters * 2 / 3, leaves: 16, leaf: kind.leaf * 2.7, ..kind };
+    let far = |kind: Kind| Kind { clusters: kind.clusters / 2, leaves: 28, leaf: kind.leaf * 2.1, ..kind };
     for (seed, (x, y, kind)) in [
         (-9.2, 40.6, linden),
         (-8.0, 12.2, birch),
@@ -127,7 +126,7 @@ pub(super) fn trees(b: &mut Builder, p: &Palette) {
         (-8.6, 58.8, far(birch)),
         (-9.6, 85.3, far(linden)),
         (9.4, 83.0, far(birch)),
-        (-15.5, 34.0, far(linden)),
+        (-19.5, 29.0, far(linden)),
         (17.5, 37.5, far(linden)),
         (-19.0, 13.0, far(linden)),
         (18.5, 17.5, far(linden)),

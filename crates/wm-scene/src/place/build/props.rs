@@ -66,13 +66,8 @@ pub(super) fn board(b: &mut Builder, frame: &Frame, (wood, slate): (PaintId, Pai
         let (u, v) = (half.along(w, 0.0, 0.0), half.along(0.0, lean, h));
         let out = u.cross(v).normalize() * 0.012;
         b.quad(half.at(0.0, 0.0, 0.0), u, v, wood);
+        b.quad(half.at(w, 0.0, 0.0) - out, -u, v, wood);
         b.quad(half.at(0.0, 0.0, 0.0) + out + u * 0.09 + v * 0.14, u * 0.82, v * 0.78, slate);
-    }
-    for (from, run) in [(0.0, -1.0), (w, 1.0)] {
-        let side = frame.along(0.0, 2.0 * lean, 0.0);
-        let (u, v) = (side, frame.along(0.0, lean, h));
-        let (corner, _) = (frame.at(from + 0.002 * run, 0.0, 0.0), run);
-        if run < 0.0 { b.triangle(corner, v, u, wood) } else { b.triangle(corner, u, v, wood) }
     }
 }
 

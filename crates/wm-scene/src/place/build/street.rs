@@ -71,7 +71,7 @@ fn furniture(b: &mut Builder, p: &Palette) {
         let at = Frame::facing(DVec3::new(3.55, y, PLOT), -DVec3::X);
         f::lamp(b, &at, p);
     }
-    for y in [7.5, 34.5, 61.5, 88.5] {
+    for y in [25.2, 53.0, 80.0, 107.0] {
         let at = Frame::facing(DVec3::new(-3.55, y, PLOT), DVec3::X);
         f::lamp(b, &at, p);
     }
