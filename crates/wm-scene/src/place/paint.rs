@@ -1,0 +1,136 @@
+//! What surfaces are made of.
+
+use glam::DVec3;
+
+/// What a surface is made of; weather and masks may ask for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Material {
+    /// The carriageway.
+    Asphalt,
+    /// Small square setts: gutters, drives.
+    Cobbles,
+    /// Concrete slabs: pavements, paths.
+    Paving,
+    /// Cut stone: kerbs, sills, plinths, steps.
+    Stone,
+    /// Lawns and verges.
+    Grass,
+    /// Flower beds.
+    Soil,
+    /// Gravel.
+    Gravel,
+    /// Fields beyond the street.
+    Field,
+    /// Wooded hills, far trees.
+    Wood,
+    /// Rendered walls.
+    Plaster,
+    /// Brickwork.
+    Brick,
+    /// Horizontal boards.
+    Boards,
+    /// Painted wood: frames, doors, fences, beams.
+    Timber,
+    /// Clay roof tiles.
+    Tiles,
+    /// Slates.
+    Slates,
+    /// Window panes.
+    Glass,
+    /// Painted or bare metal.
+    Metal,
+    /// Striped cloth.
+    Cloth,
+    /// Trunks and branches.
+    Bark,
+    /// White bark of birches.
+    Birch,
+    /// Leaves of trees, hedges and climbers.
+    Leaf,
+    /// Blades of grass.
+    Blade,
+    /// Petals and berries.
+    Petal,
+}
+
+impl Material {
+    /// Every material.
+    pub const ALL: [Self; 23] = [
+        Self::Asphalt,
+        Self::Cobbles,
+        Self::Paving,
+        Self::Stone,
+        Self::Grass,
+        Self::Soil,
+        Self::Gravel,
+        Self::Field,
+        Self::Wood,
+        Self::Plaster,
+        Self::Brick,
+        Self::Boards,
+        Self::Timber,
+        Self::Tiles,
+        Self::Slates,
+        Self::Glass,
+        Self::Metal,
+        Self::Cloth,
+        Self::Bark,
+        Self::Birch,
+        Self::Leaf,
+        Self::Blade,
+        Self::Petal,
+    ];
+
+    /// Thin growth that light shines through and that is seen from both sides.
+    #[must_use]
+    pub fn is_foliage(self) -> bool {
+        matches!(self, Self::Leaf | Self::Blade | Self::Petal | Self::Wood)
+    }
+
+    /// Whether its primitives are sheets without an inside.
+    pub(super) fn is_sheet(self) -> bool {
+        self.is_foliage() || self == Self::Cloth
+    }
+
+    pub(super) fn is_bark(self) -> bool {
+        matches!(self, Self::Bark | Self::Birch)
+    }
+
+    /// How much farther apart its splats may lie than those of the finest texture.
+    pub(super) fn grain(self) -> f64 {
+        match self {
+            Self::Asphalt | Self::Field => 1.8,
+            Self::Grass | Self::Soil => 1.45,
+            Self::Plaster | Self::Glass => 1.45,
+            Self::Slates | Self::Gravel | Self::Paving => 1.2,
+            Self::Tiles | Self::Brick => 1.1,
+            _ => 1.0,
+        }
+    }
+}
+
+/// A material with its colours.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Paint {
+    pub material: Material,
+    /// Main colour, linear albedo.
+    pub color: DVec3,
+    /// The other colour: mortar, stripes, flowers, yellowed leaves; linear albedo.
+    pub accent: DVec3,
+    /// Key of the pattern.
+    pub seed: u32,
+}
+
+/// The place of a paint in the list.
+pub(super) type PaintId = u16;
+
+/// Linear value of an sRGB-encoded one, 0-1.
+pub(super) fn linear_of(encoded: f64) -> f64 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The linear colour of an sRGB `0xRRGGBB`.
+pub(super) fn rgb(hex: u32) -> DVec3 {
+    DVec3::new(f64::from(hex >> 16 & 255), f64::from(hex >> 8 & 255), f64::from(hex & 255))
+        .map(|v| linear_of(v / 255.0))
+}

@@ -1,0 +1,70 @@
+//! The sky: a gradient, a glow around the sun and broken clouds, linear radiance.
+//!
+//! Units are the place's own: the tone curve's exposure turns them into display values.
+
+use super::hash::{octaves2, smoothstep};
+use glam::{DVec2, DVec3};
+
+/// Towards the sun: from the right and a little behind somebody who walks along +y, 47 degrees high.
+pub(super) fn sun() -> DVec3 {
+    DVec3::new(0.60, -0.33, 0.73).normalize()
+}
+
+/// Irradiance of a surface that faces the sun.
+pub(super) const SUN: DVec3 = DVec3::new(4.30, 3.95, 3.30);
+
+/// Sky radiance without clouds.
+fn clear(direction: DVec3) -> DVec3 {
+    let (horizon, middle, zenith) =
+        (DVec3::new(1.02, 1.03, 1.02), DVec3::new(0.56, 0.72, 0.93), DVec3::new(0.27, 0.44, 0.74));
+    let height = direction.z.max(0.0);
+    let low = (-height * 5.0).exp();
+    let base = middle.lerp(zenith, smoothstep(0.1, 1.0, height)).lerp(horizon, low);
+    let toward = direction.dot(sun()).max(0.0);
+    let glow = 0.22 * toward.powi(6) + 0.9 * toward.powi(60);
+    base + DVec3::new(1.0, 0.93, 0.80) * glow
+}
+
+/// Mean sky radiance, a third of it clouds; what light gathered from the sky uses, for it is smooth.
+pub(super) fn smooth(direction: DVec3) -> DVec3 {
+    clear(direction).lerp(DVec3::new(0.98, 0.98, 0.97), 0.38)
+}
+
+/// Sky radiance with clouds, `seed` shaping them. Below the horizon it stays that of the horizon.
+pub(super) fn radiance(direction: DVec3, seed: u32) -> DVec3 {
+    let clear = clear(direction);
+    if direction.z <= 0.0 {
+        return clear;
+    }
+    // A cloud deck seen from below, bent down to the horizon.
+    let flat = DVec2::new(direction.x, direction.y) / (direction.z + 0.17);
+    let cover = density(flat, 6, seed);
+    let amount = smoothstep(0.0, 0.24, cover) * smoothstep(0.0, 0.10, direction.z);
+    if amount <= 0.0 {
+        return clear;
+    }
+    // The side towards the sun is bright, thick middles are grey.
+    let to_sun = DVec2::new(sun().x, sun().y).normalize();
+    let lit = smoothstep(-0.16, 0.20, cover - density(flat + to_sun * 0.16, 4, seed));
+    let (shade, bright) = (DVec3::new(0.70, 0.74, 0.80), DVec3::new(1.30, 1.27, 1.21));
+    let thick = smoothstep(0.15, 0.60, cover);
+    let cloud = shade.lerp(bright, (0.30 + 0.70 * lit) * (1.0 - 0.45 * thick));
+    // Far clouds drown in the haze of the horizon.
+    let cloud = cloud.lerp(DVec3::splat(1.03), (-direction.z * 8.0).exp());
+    clear.lerp(cloud, amount * 0.94)
+}
+
+/// How much cloud there is over a point of the deck: lumps, warped, gathered into fields.
+fn density(flat: DVec2, octaves: u32, seed: u32) -> f64 {
+    let p = flat * DVec2::new(0.85, 1.15) + DVec2::new(3.1, 1.7);
+    let warp = DVec2::new(octaves2(p, 0.9, 2, 0.01, seed ^ 11), octaves2(p, 0.9, 2, 0.01, seed ^ 23));
+    let field = octaves2(p, 2.6, 2, 0.02, seed ^ 5);
+    let (mut lumps, mut weight, mut size) = (0.0, 0.5, 1.0);
+    for octave in 0..octaves {
+        let value = super::hash::noise2((p + warp * 0.30) / size, seed ^ (77 * (octave + 1)));
+        lumps += weight * (0.55 - 1.6 * value * value.abs().sqrt()).min(value + 0.6);
+        weight *= 0.52;
+        size *= 0.48;
+    }
+    0.62 * field + 0.50 * lumps + 0.06
+}
