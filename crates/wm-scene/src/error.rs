@@ -10,21 +10,21 @@ use thiserror::Error;
 
 /// Why a scene, a sidecar or a capture was not read or written.
 ///
-/// Prints as one line: path, place, what is wrong, what to do.
+/// Prints as one line: path, location, what is wrong, what to do.
 #[derive(Debug, Error)]
-#[error("{}{place}: {problem}", path.display())]
+#[error("{}{location}: {problem}", path.display())]
 pub struct FormatError {
     /// The file or folder.
     pub path: PathBuf,
     /// Where in the file.
-    pub place: Place,
+    pub location: Location,
     /// What is wrong there.
     pub problem: Problem,
 }
 
 /// A place in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Place {
+pub enum Location {
     /// The file as a whole.
     #[default]
     Whole,
@@ -36,7 +36,7 @@ pub enum Place {
     LineColumn(u64, u64),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Whole => Ok(()),
@@ -175,13 +175,13 @@ impl FormatError {
     /// The problem with the file as a whole.
     #[must_use]
     pub fn whole(path: &Path, problem: Problem) -> Self {
-        Self { path: path.into(), place: Place::Whole, problem }
+        Self { path: path.into(), location: Location::Whole, problem }
     }
 
     /// The problem at a place.
     #[must_use]
-    pub fn at(path: &Path, place: Place, problem: Problem) -> Self {
-        Self { path: path.into(), place, problem }
+    pub fn at(path: &Path, location: Location, problem: Problem) -> Self {
+        Self { path: path.into(), location, problem }
     }
 
     /// What reading `path` met: a missing file is told apart.
@@ -224,10 +224,13 @@ mod tests {
     fn places_print_in_one_line() {
         let path = Path::new("a.ply");
         for (place, expected) in [
-            (Place::Whole, "a.ply: the file is empty; copy or export it again"),
-            (Place::Byte(7), "a.ply, byte 7: the file is empty; copy or export it again"),
-            (Place::Line(3), "a.ply, line 3: the file is empty; copy or export it again"),
-            (Place::LineColumn(3, 9), "a.ply, line 3, column 9: the file is empty; copy or export it again"),
+            (Location::Whole, "a.ply: the file is empty; copy or export it again"),
+            (Location::Byte(7), "a.ply, byte 7: the file is empty; copy or export it again"),
+            (Location::Line(3), "a.ply, line 3: the file is empty; copy or export it again"),
+            (
+                Location::LineColumn(3, 9),
+                "a.ply, line 3, column 9: the file is empty; copy or export it again",
+            ),
         ] {
             assert_eq!(FormatError::at(path, place, Problem::Empty).to_string(), expected);
         }

@@ -27,7 +27,7 @@ pub mod splats;
 mod testing;
 
 pub use camera::{Camera, CameraError};
-pub use error::{FormatError, Place, Problem};
+pub use error::{FormatError, Location, Problem};
 pub use group::Group;
 pub use health::Health;
 pub use metadata::{Metadata, Rasterization};

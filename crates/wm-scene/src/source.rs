@@ -1,6 +1,6 @@
 //! A file read in blocks: the one way in which readers of this crate see bytes.
 
-use crate::error::{FormatError, Place, Problem};
+use crate::error::{FormatError, Location, Problem};
 use std::{
     fs::File,
     io::{self, Read},
@@ -208,12 +208,12 @@ impl<'a> Source<'a> {
 
     /// A problem in the line that was taken last.
     pub fn at_line(&self, problem: Problem) -> FormatError {
-        FormatError::at(&self.path, Place::Line(self.lines), problem)
+        FormatError::at(&self.path, Location::Line(self.lines), problem)
     }
 
     /// A problem at a byte.
     pub fn at_byte(&self, byte: u64, problem: Problem) -> FormatError {
-        FormatError::at(&self.path, Place::Byte(byte), problem)
+        FormatError::at(&self.path, Location::Byte(byte), problem)
     }
 }
 
@@ -249,7 +249,7 @@ mod tests {
         assert_eq!(source.line().unwrap(), None);
         assert_eq!(source.skip_line().unwrap(), None);
         assert_eq!(source.remaining(), Some(0));
-        assert_eq!(source.at_line(Problem::Empty).place, Place::Line(4));
+        assert_eq!(source.at_line(Problem::Empty).location, Location::Line(4));
     }
 
     #[test]

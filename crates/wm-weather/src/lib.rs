@@ -1,7 +1,7 @@
 //! Weather as physics, for scenes of splats.
 //!
 //! A [`Weather`] is a list of effects with parameters over time. [`Weather::at`] gives one instant of
-//! it, [`Instant::over`] what a renderer needs of that over one place. Nothing here keeps state, so any
+//! it, [`Instant::over`] what a renderer needs of that over one site. Nothing here keeps state, so any
 //! frame can be rendered alone.
 //!
 //! To add an effect: one file in [`effects`], one line in its list. Files, flags, help and
@@ -21,6 +21,6 @@ pub mod weather;
 
 pub use effects::{EFFECTS, Effect};
 pub use file::WeatherError;
-pub use optics::{Atmosphere, Place};
+pub use optics::{Atmosphere, Site};
 pub use param::{Param, Value};
 pub use weather::{Fidelity, Instant, Sky, Weather};

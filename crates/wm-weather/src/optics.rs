@@ -62,9 +62,9 @@ pub struct Layer {
     pub base_height: f64,
 }
 
-/// What weather must know of the place.
+/// What weather must know of the site.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct Site {
     /// Metres a scene unit.
     pub metres_per_unit: f64,
     /// Up, world axes, length 1.
@@ -77,19 +77,19 @@ pub struct Place {
     pub far: f64,
 }
 
-/// All layers over one place: the renderer's air.
+/// All layers over one site: the renderer's air.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Atmosphere {
     layers: Vec<Layer>,
-    place: Place,
+    site: Site,
 }
 
 impl Atmosphere {
-    /// The layers over a place; layers without extinction are dropped.
+    /// The layers over a site; layers without extinction are dropped.
     #[must_use]
-    pub fn new(layers: Vec<Layer>, place: Place) -> Self {
+    pub fn new(layers: Vec<Layer>, site: Site) -> Self {
         let layers = layers.into_iter().filter(|layer| layer.sigma_t.iter().any(|s| *s > 0.0)).collect();
-        Self { layers, place }
+        Self { layers, site }
     }
 
     /// Whether the air is clear.
@@ -100,8 +100,8 @@ impl Atmosphere {
 
     /// Height above the ground of a world point, m.
     fn height(&self, point: [f64; 3]) -> f64 {
-        let along: f64 = (0..3).map(|k| point[k] * self.place.up[k]).sum();
-        (along - self.place.ground) * self.place.metres_per_unit
+        let along: f64 = (0..3).map(|k| point[k] * self.site.up[k]).sum();
+        (along - self.site.ground) * self.site.metres_per_unit
     }
 
     /// Optical depth of one layer along a ray, relative to `sigma_t`, m.
@@ -120,11 +120,11 @@ impl Atmosphere {
 
     #[inline(always)]
     fn shade_batch<S: Lanes>(&self, simd: S, origin: [f32; 3], batch: &mut ShadeBatch) {
-        let place = &self.place;
-        let up = place.up.map(|v| v as f32);
+        let site = &self.site;
+        let up = site.up.map(|v| v as f32);
         let height = self.height(origin.map(f64::from));
         for first in (0..batch.len).step_by(S::N) {
-            let scaled = simd.load(&batch.distance[first..]) * place.metres_per_unit as f32;
+            let scaled = simd.load(&batch.distance[first..]) * site.metres_per_unit as f32;
             let metres = scaled.min(simd.set(FAR as f32));
             let (dx, dy) = (simd.load(&batch.direction[0][first..]), simd.load(&batch.direction[1][first..]));
             let dz = simd.load(&batch.direction[2][first..]);
@@ -170,8 +170,8 @@ impl Medium for Atmosphere {
 
     fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
         let height = self.height(origin);
-        let rise: f64 = (0..3).map(|k| direction[k] * self.place.up[k]).sum();
-        let metres = distance * self.place.metres_per_unit;
+        let rise: f64 = (0..3).map(|k| direction[k] * self.site.up[k]).sum();
+        let metres = distance * self.site.metres_per_unit;
         let paths: Vec<f64> =
             self.layers.iter().map(|layer| Self::path_length(layer, height, rise, metres)).collect();
         std::array::from_fn(|k| {

@@ -1,7 +1,7 @@
 //! What weather is on, over time, and how it reaches the renderer.
 
 use crate::effects::{Action, EFFECTS, Effect};
-use crate::optics::{Atmosphere, Place};
+use crate::optics::{Atmosphere, Site};
 use crate::paper::PaperFog;
 use crate::param::Value;
 use crate::track::Track;
@@ -96,7 +96,7 @@ impl Instant {
 
     /// What the renderer needs of this weather at one place.
     #[must_use]
-    pub fn over(&self, place: &Place) -> Sky {
+    pub fn over(&self, site: &Site) -> Sky {
         let mut layers = Vec::new();
         let mut paper = Vec::new();
         for (effect, values) in self.effects() {
@@ -104,16 +104,16 @@ impl Instant {
                 Fidelity::Physical => effect.act,
                 Fidelity::Paper => effect.act_as_paper.unwrap_or(effect.act),
             };
-            match act(values, place) {
+            match act(values, site) {
                 Action::Layer(layer) => layers.push(layer),
                 Action::PaperFog(fog) => paper.push(fog),
             }
         }
-        Sky { air: Atmosphere::new(layers, *place), paper }
+        Sky { air: Atmosphere::new(layers, *site), paper }
     }
 }
 
-/// One instant's weather over one place, ready to render through.
+/// One instant's weather over one site, ready to render through.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sky {
     /// The air.

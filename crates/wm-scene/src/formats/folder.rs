@@ -3,7 +3,7 @@
 //! `point_cloud/iteration_<n>/point_cloud.ply` are the splats, of which the highest n counts, and
 //! `cameras.json` are the photographed views, if it is there.
 
-use crate::{Camera, FormatError, Place, Problem, View, camera::viewmat_of, error::one_line};
+use crate::{Camera, FormatError, Location, Problem, View, camera::viewmat_of, error::one_line};
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
 use std::{
@@ -63,7 +63,7 @@ pub fn read_views(folder: &Path) -> Result<Vec<View>, FormatError> {
         if let Some(kind) = error.io_error_kind() {
             return FormatError::reading(&path, kind.into());
         }
-        let place = Place::LineColumn(error.line() as u64, error.column() as u64);
+        let place = Location::LineColumn(error.line() as u64, error.column() as u64);
         let message = one_line(&error.to_string());
         let message = message.split(" at line ").next().unwrap_or_default();
         FormatError::at(&path, place, Problem::Value(format!("{message}; correct or remove the file")))

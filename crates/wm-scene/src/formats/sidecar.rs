@@ -5,7 +5,7 @@
 
 use crate::{
     Metadata,
-    error::{FormatError, Place, Problem, one_line},
+    error::{FormatError, Location, Problem, one_line},
     files::write_atomically,
     formats::folder::scene_file,
 };
@@ -40,18 +40,18 @@ pub fn read(scene_file: &Path) -> Result<Option<Metadata>, FormatError> {
     })
 }
 
-fn parse(text: &str) -> Result<Metadata, (Place, String)> {
+fn parse(text: &str) -> Result<Metadata, (Location, String)> {
     let metadata: Metadata = toml::from_str(text).map_err(|error| {
-        let place = error.span().map_or(Place::Whole, |span| line_column(text, span.start));
+        let place = error.span().map_or(Location::Whole, |span| line_column(text, span.start));
         (place, one_line(error.message()))
     })?;
     // A value of the right type that cannot be used: found again by its key to name the place.
     if let Some(fault) = metadata.fault() {
         let key = fault.split(' ').next().unwrap_or_default();
         let at = text.lines().enumerate().find(|(_, line)| line.trim_start().starts_with(key));
-        let place = at.map_or(Place::Whole, |(index, line)| {
+        let place = at.map_or(Location::Whole, |(index, line)| {
             let indent = line.len() - line.trim_start().len();
-            Place::LineColumn(index as u64 + 1, indent as u64 + 1)
+            Location::LineColumn(index as u64 + 1, indent as u64 + 1)
         });
         return Err((place, fault));
     }
@@ -59,11 +59,11 @@ fn parse(text: &str) -> Result<Metadata, (Place, String)> {
 }
 
 /// Line and column (in characters) of a byte of `text`.
-fn line_column(text: &str, byte: usize) -> Place {
+fn line_column(text: &str, byte: usize) -> Location {
     let before = &text[..text.floor_char_boundary(byte)];
     let line = before.matches('\n').count() + 1;
     let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
-    Place::LineColumn(line as u64, column as u64)
+    Location::LineColumn(line as u64, column as u64)
 }
 
 /// Writes the metadata beside a scene, whole or not at all. For the folder of a training it lies

@@ -50,8 +50,8 @@ macro_rules! air {
             about: $about,
             slot: Slot::Medium,
             params: Params::PARAMS,
-            act: |values, place| Action::Layer(Params::of(values).layer(place)),
-            act_as_paper: Some(|values, place| Action::PaperFog(Params::of(values).paper_fog(place))),
+            act: |values, site| Action::Layer(Params::of(values).layer(site)),
+            act_as_paper: Some(|values, site| Action::PaperFog(Params::of(values).paper_fog(site))),
         };
 
         impl Params {
@@ -63,29 +63,29 @@ macro_rules! air {
 
             /// Radiance of an endless depth, linear RGB.
             #[must_use]
-            pub fn airlight(&self, place: &Place) -> [f64; 3] {
+            pub fn airlight(&self, site: &Site) -> [f64; 3] {
                 if let Some(color) = self.airlight {
                     return color.map(srgb_decode);
                 }
                 let tint = self.tint.map_or([1.0; 3], |tint| tint.map(srgb_decode));
-                std::array::from_fn(|k| place.airlight[k] * self.albedo * tint[k])
+                std::array::from_fn(|k| site.airlight[k] * self.albedo * tint[k])
             }
 
-            fn layer(&self, place: &Place) -> Layer {
+            fn layer(&self, site: &Site) -> Layer {
                 Layer {
                     sigma_t: spectrum(self.angstrom).map(|relative| self.sigma() * relative),
-                    airlight: self.airlight(place),
+                    airlight: self.airlight(site),
                     scale_height: self.scale_height,
                     base_height: self.base_height,
                 }
             }
 
-            fn paper_fog(&self, place: &Place) -> PaperFog {
-                let d_max = self.paper_d_max.unwrap_or(place.far);
+            fn paper_fog(&self, site: &Site) -> PaperFog {
+                let d_max = self.paper_d_max.unwrap_or(site.far);
                 PaperFog {
                     intensity: self.paper_intensity.unwrap_or_else(|| self.sigma() * d_max),
-                    color: self.paper_color.unwrap_or_else(|| self.airlight(place).map(srgb_encode)),
-                    d_max: d_max / place.metres_per_unit,
+                    color: self.paper_color.unwrap_or_else(|| self.airlight(site).map(srgb_encode)),
+                    d_max: d_max / site.metres_per_unit,
                 }
             }
         }
@@ -95,7 +95,7 @@ macro_rules! air {
 /// What [`air!`] needs in scope.
 pub(super) mod prelude {
     pub(in crate::effects) use crate::effects::{Action, Effect};
-    pub(in crate::effects) use crate::optics::{Layer, Place, sigma_of_mor, sigma_of_visual_range, spectrum};
+    pub(in crate::effects) use crate::optics::{Layer, Site, sigma_of_mor, sigma_of_visual_range, spectrum};
     pub(in crate::effects) use crate::paper::PaperFog;
     pub(in crate::effects) use crate::param::Value;
     pub(in crate::effects) use wm_render::frame::{srgb_decode, srgb_encode};

@@ -4,7 +4,7 @@
 //! of its parameters at one instant it makes what the renderer needs. It keeps no state: any instant
 //! can be asked for alone.
 
-use crate::optics::{Layer, Place};
+use crate::optics::{Layer, Site};
 use crate::paper::PaperFog;
 use crate::param::{Param, Value};
 use wm_render::hooks::Slot;
@@ -22,9 +22,9 @@ pub struct Effect {
     /// Its parameters.
     pub params: &'static [Param],
     /// What it does, from values in the order of `params`, each checked by its entry.
-    pub act: fn(&[Value], &Place) -> Action,
+    pub act: fn(&[Value], &Site) -> Action,
     /// What it does in the paper's formulation; `None` if the paper does not have it.
-    pub act_as_paper: Option<fn(&[Value], &Place) -> Action>,
+    pub act_as_paper: Option<fn(&[Value], &Site) -> Action>,
 }
 
 /// What an effect gives to the renderer.

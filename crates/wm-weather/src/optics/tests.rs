@@ -11,8 +11,8 @@ wm_render::parity! {
     };
 }
 
-const PLACE: Place =
-    Place { metres_per_unit: 2.5, up: [0.0, -0.6, 0.8], ground: -1.0, airlight: [0.6, 0.7, 0.8], far: 300.0 };
+const SITE: Site =
+    Site { metres_per_unit: 2.5, up: [0.0, -0.6, 0.8], ground: -1.0, airlight: [0.6, 0.7, 0.8], far: 300.0 };
 
 fn layer(sigma: f64, scale_height: f64) -> Layer {
     Layer {
@@ -32,7 +32,7 @@ fn atmospheres() -> Vec<Atmosphere> {
         vec![layer(0.01, f64::INFINITY), thick],
         vec![thick, layer(0.003, 400.0), layer(0.001, f64::INFINITY)],
     ]
-    .map(|layers| Atmosphere::new(layers, PLACE))
+    .map(|layers| Atmosphere::new(layers, SITE))
     .into()
 }
 
@@ -50,8 +50,8 @@ fn agree(path: SimdPath, atmosphere: &Atmosphere, seed: u64) {
             let mut d = [u(0), u(1), u(2)];
             if i % 4 == 0 {
                 // Across up, within a ten-thousandth: where the closed form changes over.
-                let along: f64 = (0..3).map(|k| d[k] * PLACE.up[k]).sum();
-                d = std::array::from_fn(|k| d[k] - (along - 1e-4 * u(3)) * PLACE.up[k]);
+                let along: f64 = (0..3).map(|k| d[k] * SITE.up[k]).sum();
+                d = std::array::from_fn(|k| d[k] - (along - 1e-4 * u(3)) * SITE.up[k]);
             }
             let length = d.iter().map(|v| v * v).sum::<f64>().sqrt();
             batch.distance[i] = if i % 7 == 0 { f32::INFINITY } else { 10f32.powf(2.5 * u(4) as f32) };
@@ -69,7 +69,7 @@ fn agree(path: SimdPath, atmosphere: &Atmosphere, seed: u64) {
             let want = atmosphere.reference(origin.map(f64::from), direction, distance, rgb);
             for k in 0..3 {
                 let got = f64::from(batch.rgb[k][i]);
-                let rise: f64 = (0..3).map(|k| direction[k] * PLACE.up[k]).sum();
+                let rise: f64 = (0..3).map(|k| direction[k] * SITE.up[k]).sum();
                 let tolerance = 1e-5 + 4e-7 / rise.abs().max(1e-7);
                 assert!(
                     (got - want[k]).abs() < tolerance,
@@ -114,7 +114,7 @@ fn published_numbers_come_out() {
 
 #[test]
 fn clear_air_is_no_air() {
-    let clear = Atmosphere::new(vec![layer(0.0, f64::INFINITY)], PLACE);
+    let clear = Atmosphere::new(vec![layer(0.0, f64::INFINITY)], SITE);
     assert!(clear.is_clear());
     assert_eq!(clear.reference([0.0; 3], [1.0, 0.0, 0.0], 50.0, [0.2, 0.3, 0.4]), [0.2, 0.3, 0.4]);
 }
@@ -124,7 +124,7 @@ proptest! {
     #[test]
     fn fog_is_monotone_and_ends_in_its_airlight(mor in 20.0..5000.0f64, near in 0.1..500.0f64, more in 0.1..500.0f64) {
         let layer = Layer { sigma_t: [sigma_of_mor(mor); 3], ..layer(1.0, f64::INFINITY) };
-        let air = Atmosphere::new(vec![layer], PLACE);
+        let air = Atmosphere::new(vec![layer], SITE);
         let seen = |distance: f64| air.reference([0.0; 3], [0.0, 0.0, 1.0], distance, [0.0; 3])[0];
         prop_assert!(seen(near) <= seen(near + more));
         prop_assert!((seen(f64::INFINITY) - srgb_encode(0.5)).abs() < 1e-9);
