@@ -51,35 +51,34 @@ pub struct Hooks<'a> {
     pub pixels: &'a [&'a dyn PixelEffect],
 }
 
-/// Number of splats that a [`Medium`] is given at a time; a multiple of every vector width.
-pub const BATCH: usize = 256;
+/// Splats in a [`ShadeGroup`].
+pub const GROUP: usize = 16;
 
-/// Splats (or points of the background) to be seen through the air. Structure of arrays, so that a
-/// hook can use whole vectors; entries from `len` on are harmless copies.
-#[derive(Clone, Debug)]
-pub struct ShadeBatch {
-    /// Number of entries in use, 1 to [`BATCH`].
-    pub len: usize,
+/// Sixteen splats (or points of the background) to be seen through the air: one array a number, so
+/// that a hook works on whole vectors. Lanes without a splat hold harmless numbers.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct ShadeGroup {
     /// Length of the ray from the camera, scene units; infinite for the sky.
-    pub distance: [f32; BATCH],
+    pub distance: [f32; GROUP],
     /// Unit direction of the ray, world axes, one array an axis.
-    pub direction: [[f32; BATCH]; 3],
+    pub direction: [[f32; GROUP]; 3],
     /// Display-referred colour (sRGB-encoded), not below 0, changed in place.
-    pub rgb: [[f32; BATCH]; 3],
+    pub rgb: [[f32; GROUP]; 3],
 }
 
-impl Default for ShadeBatch {
+impl Default for ShadeGroup {
     fn default() -> Self {
-        Self { len: 0, distance: [1.0; BATCH], direction: [[0.0; BATCH]; 3], rgb: [[0.0; BATCH]; 3] }
+        Self { distance: [1.0; GROUP], direction: [[0.0; GROUP]; 3], rgb: [[0.0; GROUP]; 3] }
     }
 }
 
 /// The air between the camera and what it sees.
 pub trait Medium: Sync {
-    /// Changes the colours of a batch to what is seen through the air.
+    /// Changes the colours to what is seen through the air.
     ///
     /// `origin` is the camera centre in world axes, scene units.
-    fn shade(&self, path: SimdPath, origin: [f32; 3], batch: &mut ShadeBatch);
+    fn shade(&self, path: SimdPath, origin: [f32; 3], groups: &mut [ShadeGroup]);
 
     /// The same for one ray in f64: the referee.
     fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3];

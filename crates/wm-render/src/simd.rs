@@ -241,16 +241,13 @@ pub fn exp2<S: Lanes>(simd: S, x: S::F) -> S::F {
 /// `log2(x)` for normal positive x; absolute error below 2e-7 near 1, relative 1e-7 elsewhere.
 #[inline(always)]
 pub fn log2<S: Lanes>(simd: S, x: S::F) -> S::F {
-    // Split so that the mantissa lies in [sqrt(1/2), sqrt(2)): no cancellation around x = 1.
+    // Split so that the mantissa lies in [sqrt(1/2), sqrt(2)): no cancellation around x = 1. The
+    // exponent stays biased and so above 0, and becomes a float as the mantissa of 2^23.
     const SQRT_HALF: u32 = 0x3f35_04f3;
-    let bits = x.to_bits();
-    let biased = bits - S::U::splat(simd, SQRT_HALF);
-    // Exponent as a float through the same rounding trick, kept in unsigned lanes.
-    let exponent_bits = (biased >> 23) + S::U::splat(simd, ROUND.to_bits());
-    let wrapped = (biased >> 31).simd_gt(S::U::splat(simd, 0));
-    let raw = S::F::from_bits(exponent_bits) - ROUND;
-    let exponent = wrapped.select(raw - 512.0, raw);
-    let mantissa = S::F::from_bits((biased & S::U::splat(simd, 0x007f_ffff)) + S::U::splat(simd, SQRT_HALF));
+    const TWO_23: u32 = 0x4b00_0000;
+    let bits = x.to_bits() + S::U::splat(simd, 0x3f80_0000 - SQRT_HALF);
+    let exponent = S::F::from_bits((bits >> 23) | S::U::splat(simd, TWO_23)) - (8_388_608.0 + 127.0);
+    let mantissa = S::F::from_bits((bits & S::U::splat(simd, 0x007f_ffff)) + S::U::splat(simd, SQRT_HALF));
     let t = mantissa - 1.0;
     let mut poly = simd.set(LOG2[0]);
     for coefficient in &LOG2[1..] {

@@ -17,7 +17,7 @@ use fearless_simd::{Select, SimdBase, SimdFloat};
 use std::f32::consts::LOG2_E;
 use wm_render::dispatch;
 use wm_render::frame::{srgb_decode, srgb_encode};
-use wm_render::hooks::{Medium, ShadeBatch};
+use wm_render::hooks::{GROUP, Medium, ShadeGroup};
 use wm_render::simd::{Lanes, SimdPath, exp2, powf};
 
 /// `-ln(0.05)`: optical depth of the meteorological optical range.
@@ -119,53 +119,86 @@ impl Atmosphere {
     }
 
     #[inline(always)]
-    fn shade_batch<S: Lanes>(&self, simd: S, origin: [f32; 3], batch: &mut ShadeBatch) {
-        let site = &self.site;
-        let up = site.up.map(|v| v as f32);
+    fn shade_groups<S: Lanes>(&self, simd: S, origin: [f32; 3], groups: &mut [ShadeGroup]) {
         let height = self.height(origin.map(f64::from));
-        for first in (0..batch.len).step_by(S::N) {
-            let scaled = simd.load(&batch.distance[first..]) * site.metres_per_unit as f32;
-            let metres = scaled.min(simd.set(FAR as f32));
-            let (dx, dy) = (simd.load(&batch.direction[0][first..]), simd.load(&batch.direction[1][first..]));
-            let dz = simd.load(&batch.direction[2][first..]);
-            let rise = dx.mul_add(simd.set(up[0]), dy.mul_add(simd.set(up[1]), dz * up[2]));
-
-            let mut depth = [simd.set(0.0); 3];
-            let mut light = [simd.set(0.0); 3];
-            for layer in &self.layers {
-                let path = if layer.scale_height.is_finite() {
-                    let density =
-                        (-(height - layer.base_height) / layer.scale_height).clamp(-80.0, 80.0).exp();
-                    let x = metres * rise * (1.0 / layer.scale_height) as f32;
-                    (metres * mean_density(simd, x) * density as f32).min(simd.set(LONGEST as f32))
-                } else {
-                    metres
-                };
-                for k in 0..3 {
-                    let own = path * layer.sigma_t[k] as f32;
-                    depth[k] += own;
-                    light[k] = own.mul_add(simd.set(layer.airlight[k] as f32), light[k]);
+        let up = self.site.up.map(|v| v as f32);
+        // Scaled so that transmittance is a power of two.
+        let layers: Vec<Seen> = self.layers.iter().map(|layer| Seen::new(layer, height)).collect();
+        let metres_per_unit = self.site.metres_per_unit as f32;
+        for group in groups {
+            for first in (0..GROUP).step_by(S::N) {
+                let metres =
+                    (simd.load(&group.distance[first..]) * metres_per_unit).min(simd.set(FAR as f32));
+                let mut depth = [simd.set(0.0); 3];
+                let mut light = [simd.set(0.0); 3];
+                for layer in &layers {
+                    let path = if layer.per_height > 0.0 {
+                        let (dx, dy) = (
+                            simd.load(&group.direction[0][first..]),
+                            simd.load(&group.direction[1][first..]),
+                        );
+                        let dz = simd.load(&group.direction[2][first..]);
+                        let rise = dx.mul_add(simd.set(up[0]), dy.mul_add(simd.set(up[1]), dz * up[2]));
+                        let mean = mean_density(simd, metres * rise * layer.per_height);
+                        (metres * mean * layer.density).min(simd.set(LONGEST as f32))
+                    } else {
+                        metres
+                    };
+                    for k in 0..3 {
+                        let own = path * layer.sigma_t[k];
+                        depth[k] += own;
+                        light[k] = own.mul_add(simd.set(layer.airlight[k]), light[k]);
+                    }
                 }
-            }
-            let single = self.layers.len() == 1;
-            for k in 0..3 {
-                let kept = exp2(simd, (depth[k] * -LOG2_E).max(simd.set(-126.0)));
-                let airlight = if single {
-                    simd.set(self.layers[0].airlight[k] as f32)
-                } else {
-                    light[k] / depth[k].max(simd.set(1e-30))
-                };
-                let color = decode(simd, simd.load(&batch.rgb[k][first..]));
-                let seen = (color - airlight).mul_add(kept, airlight);
-                encode(simd, seen).store_slice(&mut batch.rgb[k][first..first + S::N]);
+                let grey = layers.len() == 1 && layers[0].is_grey();
+                let mut kept = simd.set(0.0);
+                for k in 0..3 {
+                    if k == 0 || !grey {
+                        kept = exp2(simd, (-depth[k]).max(simd.set(-126.0)));
+                    }
+                    let airlight = match &layers[..] {
+                        [only] => simd.set(only.airlight[k]),
+                        _ => light[k] / depth[k].max(simd.set(1e-30)),
+                    };
+                    let color = decode(simd, simd.load(&group.rgb[k][first..]));
+                    let seen = (color - airlight).mul_add(kept, airlight);
+                    encode(simd, seen).store_slice(&mut group.rgb[k][first..first + S::N]);
+                }
             }
         }
     }
 }
 
+/// A layer as seen from one height, in f32.
+struct Seen {
+    /// Extinction a metre, log2.
+    sigma_t: [f32; 3],
+    airlight: [f32; 3],
+    /// Density at the camera.
+    density: f32,
+    /// 1 / scale height; 0 for none.
+    per_height: f32,
+}
+
+impl Seen {
+    fn new(layer: &Layer, height: f64) -> Self {
+        let density = (-(height - layer.base_height) / layer.scale_height).clamp(-80.0, 80.0).exp();
+        Self {
+            sigma_t: layer.sigma_t.map(|sigma| (sigma * std::f64::consts::LOG2_E) as f32),
+            airlight: layer.airlight.map(|v| v as f32),
+            density: if layer.scale_height.is_finite() { density as f32 } else { 1.0 },
+            per_height: (1.0 / layer.scale_height) as f32,
+        }
+    }
+
+    fn is_grey(&self) -> bool {
+        self.sigma_t[0] == self.sigma_t[1] && self.sigma_t[1] == self.sigma_t[2]
+    }
+}
+
 impl Medium for Atmosphere {
-    fn shade(&self, path: SimdPath, origin: [f32; 3], batch: &mut ShadeBatch) {
-        dispatch!(path, s => self.shade_batch(s, origin, batch));
+    fn shade(&self, path: SimdPath, origin: [f32; 3], groups: &mut [ShadeGroup]) {
+        dispatch!(path, s => self.shade_groups(s, origin, groups));
     }
 
     fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {

@@ -1,8 +1,8 @@
 //! The first sweep: clusters of splats to records and windows of tiles.
 
-use super::model::{CLUSTER, CpuModel, GROUP, GROUPS};
+use super::model::{CLUSTER, CpuModel, GROUPS};
 use crate::dispatch;
-use crate::hooks::{Medium, ShadeBatch, Visibility};
+use crate::hooks::{GROUP, Medium, ShadeGroup, Visibility};
 use crate::renderer::{Job, Stats};
 use crate::simd::{Lanes, SimdPath};
 use crate::stages::intersect::TileGrid;
@@ -120,16 +120,17 @@ impl<'a> Front<'a> {
                 let source = &model.source[cluster * CLUSTER..(cluster + 1) * CLUSTER];
                 visibility.factors(source, scratch.factors.as_flattened_mut());
             }
-            let own = &mut records[used..];
-            let visible = dispatch!(self.path, s => self.project_cluster(s, model, visibility.is_some(), cluster, &mut scratch, own));
+            let groups = dispatch!(self.path, s => self.project_cluster(s, model, visibility.is_some(), cluster, &mut scratch));
             let projected = Instant::now();
-            let own = &mut records[used..used + visible];
             if let Some(medium) = self.medium
-                && visible > 0
+                && groups > 0
             {
-                apply_medium(medium, self.path, self.camera.center, own, &mut scratch.batch);
+                medium.shade(self.path, self.camera.center, &mut scratch.shade[..groups]);
             }
             let seen = Instant::now();
+            let visible =
+                dispatch!(self.path, s => scratch.write_records(s, groups, cluster, &mut records[used..]));
+            let own = &records[used..used + visible];
             let first = first_record + used as u32;
             dispatch!(self.path, s => self.intersect_cluster(s, own, &scratch.extents, first, part));
             used += visible;
@@ -140,6 +141,7 @@ impl<'a> Front<'a> {
         part.visible = used as u64;
     }
 
+    /// Projects and shades the groups of a cluster that have splats in view, and returns how many.
     #[inline(always)]
     fn project_cluster<S: Lanes>(
         &self,
@@ -148,7 +150,6 @@ impl<'a> Front<'a> {
         faded: bool,
         cluster: usize,
         scratch: &mut ClusterScratch,
-        records: &mut [Record],
     ) -> usize {
         let rows = model.sh_rows();
         let mut used = 0;
@@ -156,29 +157,20 @@ impl<'a> Front<'a> {
             let index = cluster * GROUPS + i;
             let group = &model.groups[index];
             let factors = faded.then_some(&scratch.factors[i]);
-            let out = &mut scratch.projected;
-            project_group(simd, group, self.camera, self.rasterization, factors, out);
+            let (out, shade) = (&mut scratch.projected[used], &mut scratch.shade[used]);
+            project_group(simd, group, self.camera, self.rasterization, factors, out, shade);
             if out.mask == 0 {
                 continue;
             }
-            shade_group(simd, group, &model.sh_rest[index * rows..(index + 1) * rows], out);
+            shade_group(simd, group, &model.sh_rest[index * rows..(index + 1) * rows], shade);
             let sky = model.sky[index];
-            let mut mask = out.mask;
-            while mask != 0 {
-                let lane = (mask.trailing_zeros() & 15) as usize;
-                mask &= mask - 1;
-                records[used] = record_of(out, lane, (index * GROUP + lane) as u32);
-                scratch.extents[used & (CLUSTER - 1)] = (out.extent_x[lane], out.extent_y[lane]);
-                if self.medium.is_some() {
-                    let far = sky >> lane & 1 == 1;
-                    scratch.batch.distance[used & (CLUSTER - 1)] =
-                        if far { f32::INFINITY } else { out.distance[lane] };
-                    for k in 0..3 {
-                        scratch.batch.direction[k][used & (CLUSTER - 1)] = out.direction[k][lane];
-                    }
+            if sky != 0 {
+                for lane in (0..GROUP).filter(|lane| sky >> lane & 1 == 1) {
+                    shade.distance[lane] = f32::INFINITY;
                 }
-                used += 1;
             }
+            scratch.names[used] = i;
+            used += 1;
         }
         used
     }
@@ -200,61 +192,65 @@ impl<'a> Front<'a> {
     }
 }
 
-#[inline(always)]
-fn record_of(from: &Projected, lane: usize, index: u32) -> Record {
-    Record {
-        x: from.x[lane],
-        y: from.y[lane],
-        ux: from.ux[lane],
-        vx: from.vx[lane],
-        vy: from.vy[lane],
-        log2_opacity: from.log2_opacity[lane],
-        rgb: [from.rgb[0][lane], from.rgb[1][lane], from.rgb[2][lane]],
-        depth: from.depth[lane],
-        normal: [from.normal[0][lane], from.normal[1][lane], from.normal[2][lane]],
-        slope_y: from.slope_y[lane],
-        slope_x: from.slope_x[lane],
-        index,
-    }
-}
-
-/// Shows the records of one cluster through the air.
-fn apply_medium(
-    medium: &dyn Medium,
-    path: SimdPath,
-    origin: [f32; 3],
-    records: &mut [Record],
-    batch: &mut ShadeBatch,
-) {
-    batch.len = records.len();
-    for (i, record) in records.iter().enumerate() {
-        for k in 0..3 {
-            batch.rgb[k][i] = record.rgb[k];
-        }
-    }
-    medium.shade(path, origin, batch);
-    for (i, record) in records.iter_mut().enumerate() {
-        for k in 0..3 {
-            record.rgb[k] = batch.rgb[k][i];
-        }
-    }
-}
-
-/// Working memory of one unit.
+/// Working memory of one unit: the groups of one cluster that have splats in view.
 struct ClusterScratch {
-    projected: Projected,
+    projected: [Projected; GROUPS],
+    shade: [ShadeGroup; GROUPS],
+    /// Position of each group in its cluster.
+    names: [usize; GROUPS],
     factors: [[f32; GROUP]; GROUPS],
     extents: [(f32, f32); CLUSTER],
-    batch: ShadeBatch,
 }
 
 impl Default for ClusterScratch {
     fn default() -> Self {
         Self {
-            projected: Projected::default(),
+            projected: std::array::from_fn(|_| Projected::default()),
+            shade: [ShadeGroup::default(); GROUPS],
+            names: [0; GROUPS],
             factors: [[1.0; GROUP]; GROUPS],
             extents: [(0.0, 0.0); CLUSTER],
-            batch: ShadeBatch::default(),
         }
+    }
+}
+
+impl ClusterScratch {
+    /// Writes the records of the splats in view, with their half extents, and returns how many.
+    #[inline(always)]
+    fn write_records<S: Lanes>(
+        &mut self,
+        _: S,
+        groups: usize,
+        cluster: usize,
+        records: &mut [Record],
+    ) -> usize {
+        let mut used = 0;
+        for i in 0..groups {
+            let (from, shade) = (&self.projected[i], &self.shade[i]);
+            let first = (cluster * GROUPS + self.names[i]) * GROUP;
+            let mut mask = from.mask;
+            while mask != 0 {
+                // The mask proves the lane in bounds.
+                let lane = (mask.trailing_zeros() & 15) as usize;
+                mask &= mask - 1;
+                records[used] = Record {
+                    x: from.x[lane],
+                    y: from.y[lane],
+                    ux: from.ux[lane],
+                    vx: from.vx[lane],
+                    vy: from.vy[lane],
+                    log2_opacity: from.log2_opacity[lane],
+                    rgb: [shade.rgb[0][lane], shade.rgb[1][lane], shade.rgb[2][lane]],
+                    depth: from.depth[lane],
+                    normal: [from.normal[0][lane], from.normal[1][lane], from.normal[2][lane]],
+                    slope_y: from.slope_y[lane],
+                    slope_x: from.slope_x[lane],
+                    index: (first + lane) as u32,
+                };
+                self.extents[used & (CLUSTER - 1)] = (from.extent_x[lane], from.extent_y[lane]);
+                used += 1;
+            }
+        }
+        used
     }
 }

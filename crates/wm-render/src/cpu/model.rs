@@ -1,16 +1,14 @@
 //! Splats as the CPU back end keeps them: activated, in Morton order, 16 to a group.
 
-use crate::hooks::BATCH;
+use crate::hooks::GROUP;
 use crate::renderer::{MAX_SPLATS, RenderError};
 use rayon::prelude::*;
 use wm_scene::{Group, Splats, sh, splats::sigmoid};
 
-/// Splats that are projected together.
-pub const GROUP: usize = 16;
 /// Splats that are culled and shaded together: neighbours in space.
-pub const CLUSTER: usize = BATCH;
+pub const CLUSTER: usize = GROUPS * GROUP;
 /// Groups in a cluster.
-pub const GROUPS: usize = CLUSTER / GROUP;
+pub const GROUPS: usize = 16;
 
 /// Sixteen splats, one array a number.
 #[derive(Clone, Debug)]

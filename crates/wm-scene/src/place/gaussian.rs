@@ -140,7 +140,8 @@ impl Sampling<'_> {
         for (dx, dy) in [(-0.3, -0.15), (0.15, -0.3), (0.3, 0.15), (-0.15, 0.3)] {
             radiance += self.place.sky_in((direction + (x * dx + y * dy) * spacing).normalize()) * 0.25;
         }
-        let sigma = (0.70 * spacing * SKY_RADIUS).ln() as f32;
+        // Wide enough that the gaps between neighbours stay below one step of 8 bits.
+        let sigma = (0.95 * spacing * SKY_RADIUS).ln() as f32;
         Splat {
             mean: (direction * SKY_RADIUS).as_vec3().to_array(),
             quat: quat::from_z_to((-direction).to_array()).map(|v| v as f32),

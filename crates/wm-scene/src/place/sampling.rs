@@ -23,7 +23,7 @@ const FINEST: f64 = 0.03;
 /// Where the walk along the street begins and ends, and its height, m.
 const WALK: (f64, f64, f64) = (-2.0, 36.0, 1.6);
 /// Splats of the sky at detail 1.
-const SKY: f64 = 30_000.0;
+const SKY: f64 = 16_000.0;
 /// A rectangle of a primitive's surface, cut into `nu` x `nv` cells.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {

@@ -1,8 +1,9 @@
 //! Smog: soot, sulphates and nitrogen dioxide under an inversion.
 //!
 //! The particles absorb: a single-scattering albedo of 0.85 to 0.92 dims the airlight, and nitrogen
-//! dioxide takes out the blue; the colour (0.925, 0.906, 0.758) is a published one. An inversion keeps
-//! smog in the lowest few hundred metres.
+//! dioxide takes out the blue and some green. A published smog colour is (0.925, 0.906, 0.758), meant
+//! as the whole airlight; as a tint of a bluish sky it turns olive, so the default has less green. An
+//! inversion keeps smog in the lowest few hundred metres.
 //!
 //! Departure from the paper, whose smog is fog of another colour: absorption, spectrum, height.
 
@@ -14,6 +15,6 @@ air! {
     mor: 800.0,
     angstrom: 1.0,
     albedo: 0.88,
-    tint: Value::Color([0.925, 0.906, 0.758]),
+    tint: Value::Color([0.95, 0.88, 0.75]),
     scale_height: 400.0,
 }

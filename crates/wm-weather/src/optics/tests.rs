@@ -44,7 +44,7 @@ fn atmospheres() -> Vec<Atmosphere> {
 fn agree(path: SimdPath, atmosphere: &Atmosphere, seed: u64) {
     let uniform = |k: u64| wm_render::testing::uniform(seed, k);
     for origin in [[0.0f32, 0.0, 0.0], [4.0, -30.0, 60.0], [1.0, 2.0, -3.0]] {
-        let mut batch = ShadeBatch { len: 256, ..ShadeBatch::default() };
+        let mut groups = [ShadeGroup::default(); 16];
         for i in 0..256 {
             let u = |k: u64| uniform(i as u64 * 8 + k) * 2.0 - 1.0;
             let mut d = [u(0), u(1), u(2)];
@@ -54,21 +54,23 @@ fn agree(path: SimdPath, atmosphere: &Atmosphere, seed: u64) {
                 d = std::array::from_fn(|k| d[k] - (along - 1e-4 * u(3)) * SITE.up[k]);
             }
             let length = d.iter().map(|v| v * v).sum::<f64>().sqrt();
-            batch.distance[i] = if i % 7 == 0 { f32::INFINITY } else { 10f32.powf(2.5 * u(4) as f32) };
+            let (group, lane) = (&mut groups[i / GROUP], i % GROUP);
+            group.distance[lane] = if i % 7 == 0 { f32::INFINITY } else { 10f32.powf(2.5 * u(4) as f32) };
             for k in 0..3 {
-                batch.direction[k][i] = (d[k] / length) as f32;
-                batch.rgb[k][i] = if i % 5 == 0 { 0.0 } else { (1.5 + 1.5 * u(5 + k as u64)) as f32 };
+                group.direction[k][lane] = (d[k] / length) as f32;
+                group.rgb[k][lane] = if i % 5 == 0 { 0.0 } else { (1.5 + 1.5 * u(5 + k as u64)) as f32 };
             }
         }
-        let before = batch.clone();
-        atmosphere.shade(path, origin, &mut batch);
+        let before = groups;
+        atmosphere.shade(path, origin, &mut groups);
         for i in 0..256 {
-            let direction = [0, 1, 2].map(|k| f64::from(before.direction[k][i]));
-            let rgb = [0, 1, 2].map(|k| f64::from(before.rgb[k][i]));
-            let distance = f64::from(before.distance[i]);
+            let (seen, group, lane) = (&groups[i / GROUP], &before[i / GROUP], i % GROUP);
+            let direction = [0, 1, 2].map(|k| f64::from(group.direction[k][lane]));
+            let rgb = [0, 1, 2].map(|k| f64::from(group.rgb[k][lane]));
+            let distance = f64::from(group.distance[lane]);
             let want = atmosphere.reference(origin.map(f64::from), direction, distance, rgb);
             for k in 0..3 {
-                let got = f64::from(batch.rgb[k][i]);
+                let got = f64::from(seen.rgb[k][lane]);
                 let rise: f64 = (0..3).map(|k| direction[k] * SITE.up[k]).sum();
                 let tolerance = 1e-5 + 4e-7 / rise.abs().max(1e-7);
                 assert!(

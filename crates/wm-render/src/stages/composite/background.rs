@@ -1,6 +1,6 @@
 //! The background seen through the air, on a coarse grid.
 
-use crate::hooks::{BATCH, Medium, PATCH, PATCH_PIXELS, ShadeBatch};
+use crate::hooks::{GROUP, Medium, PATCH, PATCH_PIXELS, ShadeGroup};
 use crate::renderer::Background;
 use crate::simd::SimdPath;
 use wm_scene::Camera;
@@ -39,25 +39,22 @@ impl BackgroundGrid {
         let columns = (camera.width as usize).div_ceil(PATCH) * PATCH / step + 1;
         let rows = (camera.height as usize).div_ceil(PATCH) * PATCH / step + 1;
         let origin = camera.center().to_array().map(|v| v as f32);
-        let mut rgb = Vec::with_capacity(rows * columns);
-        let mut batch = ShadeBatch::default();
-        for first in (0..rows * columns).step_by(BATCH) {
-            batch.len = BATCH.min(rows * columns - first);
-            for i in 0..batch.len {
-                let (row, column) = ((first + i) / columns, (first + i) % columns);
-                let ray = camera.ray((column * step) as f64, (row * step) as f64);
-                let color = background.color(ray.to_array());
-                batch.distance[i] = f32::INFINITY;
-                for k in 0..3 {
-                    batch.direction[k][i] = ray[k] as f32;
-                    batch.rgb[k][i] = color[k] as f32;
-                }
+        let count = rows * columns;
+        let mut groups = vec![ShadeGroup::default(); count.div_ceil(GROUP)];
+        for i in 0..count {
+            let (group, lane) = (&mut groups[i / GROUP], i % GROUP);
+            let ray = camera.ray((i % columns * step) as f64, (i / columns * step) as f64);
+            let color = background.color(ray.to_array());
+            group.distance[lane] = f32::INFINITY;
+            for k in 0..3 {
+                group.direction[k][lane] = ray[k] as f32;
+                group.rgb[k][lane] = color[k] as f32;
             }
-            if let Some(medium) = medium {
-                medium.shade(path, origin, &mut batch);
-            }
-            rgb.extend((0..batch.len).map(|i| std::array::from_fn(|k| batch.rgb[k][i])));
         }
+        if let Some(medium) = medium {
+            medium.shade(path, origin, &mut groups);
+        }
+        let rgb = (0..count).map(|i| std::array::from_fn(|k| groups[i / GROUP].rgb[k][i % GROUP])).collect();
         Self::Nodes { step, columns, rgb }
     }
 

@@ -1,8 +1,8 @@
 use super::cpu::{Pairs, cell_lanes, offsets};
 use super::{PATCHES, TILE, TileGrid, record_of};
-use crate::cpu::model::{CpuModel, GROUP};
+use crate::cpu::model::CpuModel;
 use crate::dispatch;
-use crate::hooks::PATCH;
+use crate::hooks::{GROUP, PATCH, ShadeGroup};
 use crate::simd::Lanes;
 use crate::stages::project::cpu::{Projected, project_group};
 use crate::stages::project::{LOG2_MIN_ALPHA, ProjectCamera, Record};
@@ -28,8 +28,8 @@ fn project(backend: Backend, splats: &Splats) -> Vec<(Record, (f32, f32))> {
     let model = CpuModel::new(splats).unwrap();
     let mut records = Vec::new();
     for group in &model.groups {
-        let mut p = Projected::default();
-        dispatch!(path, s => project_group(s, group, &camera, Rasterization::Classic, None, &mut p));
+        let (mut p, mut shade) = (Projected::default(), ShadeGroup::default());
+        dispatch!(path, s => project_group(s, group, &camera, Rasterization::Classic, None, &mut p, &mut shade));
         for lane in (0..GROUP).filter(|lane| p.mask >> lane & 1 == 1) {
             let record = Record {
                 x: p.x[lane],

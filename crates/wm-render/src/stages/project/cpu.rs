@@ -3,7 +3,8 @@
 use super::{
     DILATION, LOG2_MIN_ALPHA, MAX_DET, MIN_COMPENSATION, ProjectCamera, SQRT_HALF_LOG2E, TEST_SLACK,
 };
-use crate::cpu::model::{Cluster, GROUP, SplatGroup};
+use crate::cpu::model::{Cluster, SplatGroup};
+use crate::hooks::{GROUP, ShadeGroup};
 use crate::simd::{Lanes, log2};
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use std::f32::consts::LN_2;
@@ -37,12 +38,6 @@ pub struct Projected {
     pub extent_y: [f32; GROUP],
     /// World axes, towards the camera.
     pub normal: [[f32; GROUP]; 3],
-    /// Unit direction from the camera centre, world axes.
-    pub direction: [[f32; GROUP]; 3],
-    /// Distance from the camera centre, scene units.
-    pub distance: [f32; GROUP],
-    /// Display-referred colour; filled by the shade stage.
-    pub rgb: [[f32; GROUP]; 3],
     /// A bit for each splat that is in view.
     pub mask: u32,
 }
@@ -63,17 +58,12 @@ impl Default for Projected {
             extent_x: zero,
             extent_y: zero,
             normal: [zero; 3],
-            direction: [zero; 3],
-            distance: zero,
-            rgb: [zero; 3],
             mask: 0,
         }
     }
 }
 
-/// Projects one group and returns the bits of the splats in view.
-///
-/// `visibility` is a factor on the opacity of each splat.
+/// Projects one group. `visibility` is a factor on the opacity of each splat; `shade` gets the rays.
 #[inline(always)]
 pub fn project_group<S: Lanes>(
     simd: S,
@@ -82,6 +72,7 @@ pub fn project_group<S: Lanes>(
     rasterization: Rasterization,
     visibility: Option<&[f32; GROUP]>,
     out: &mut Projected,
+    shade: &mut ShadeGroup,
 ) {
     out.mask = 0;
     for first in (0..GROUP).step_by(S::N) {
@@ -202,10 +193,10 @@ pub fn project_group<S: Lanes>(
         slope_x.store_slice(&mut out.slope_x[lanes.clone()]);
         extent_x.store_slice(&mut out.extent_x[lanes.clone()]);
         extent_y.store_slice(&mut out.extent_y[lanes.clone()]);
-        distance.store_slice(&mut out.distance[lanes.clone()]);
+        distance.store_slice(&mut shade.distance[lanes.clone()]);
         for k in 0..3 {
             (normal[k] * sign).store_slice(&mut out.normal[k][lanes.clone()]);
-            direction[k].store_slice(&mut out.direction[k][lanes.clone()]);
+            direction[k].store_slice(&mut shade.direction[k][lanes.clone()]);
         }
     }
 }

@@ -1,7 +1,8 @@
 use super::cpu::{ClusterCull, Projected, project_group};
 use super::{ProjectCamera, SQRT_HALF_LOG2E, TEST_SLACK};
-use crate::cpu::model::{CLUSTER, CpuModel, GROUP};
+use crate::cpu::model::{CLUSTER, CpuModel};
 use crate::dispatch;
+use crate::hooks::{GROUP, ShadeGroup};
 use crate::reference;
 use crate::testing::{Backend, Hard, camera, random_splats, uniform};
 use glam::DVec3;
@@ -17,13 +18,18 @@ crate::parity! {
     };
 }
 
-fn run(backend: Backend, model: &CpuModel, camera: &Camera, mode: Rasterization) -> Vec<Projected> {
+fn run(
+    backend: Backend,
+    model: &CpuModel,
+    camera: &Camera,
+    mode: Rasterization,
+) -> Vec<(Projected, ShadeGroup)> {
     let Backend::Cpu(path) = backend;
     let project_camera = ProjectCamera::new(camera);
     let group_of = |group| {
-        let mut out = Projected::default();
-        dispatch!(path, s => project_group(s, group, &project_camera, mode, None, &mut out));
-        out
+        let (mut out, mut shade) = (Projected::default(), ShadeGroup::default());
+        dispatch!(path, s => project_group(s, group, &project_camera, mode, None, &mut out, &mut shade));
+        (out, shade)
     };
     model.groups.iter().map(group_of).collect()
 }
@@ -34,7 +40,7 @@ fn check(backend: Backend, splats: &Splats, mode: Rasterization) {
     let groups = run(backend, &model, &camera, mode);
     let mut compared = 0;
     for i in 0..model.len {
-        let (out, lane) = (&groups[i / GROUP], i % GROUP);
+        let ((out, shade), lane) = (&groups[i / GROUP], i % GROUP);
         let want = reference::project(splats, model.source[i] as usize, &camera, mode, 1.0);
         let seen = out.mask >> lane & 1 == 1;
         let Some(want) = want else {
@@ -87,9 +93,9 @@ fn check(backend: Backend, splats: &Splats, mode: Rasterization) {
         near("opacity", out.log2_opacity[lane], want.opacity.log2(), relative * (2.0 - want.opacity.log2()));
         near("extent", out.extent_x[lane], extent_x, relative * extent_x + 1e-3 + scale);
         for axis in 0..3 {
-            near("direction", out.direction[axis][lane], want.direction[axis], 2e-6);
+            near("direction", shade.direction[axis][lane], want.direction[axis], 2e-6);
         }
-        near("distance", out.distance[lane], want.distance, 1e-6 * (6.0 + want.distance));
+        near("distance", shade.distance[lane], want.distance, 1e-6 * (6.0 + want.distance));
         // The normal's sign is free where the splat is seen edge on.
         let facing: f64 = (0..3).map(|a| want.normal[a] * want.direction[a]).sum();
         if facing.abs() > 1e-5 {
@@ -125,7 +131,7 @@ fn culling_loses_no_splat() {
             let groups = run(backend, &model, &camera, Rasterization::Classic);
             for (i, cluster) in model.clusters.iter().enumerate() {
                 let groups = &groups[i * CLUSTER / GROUP..(i + 1) * CLUSTER / GROUP];
-                let visible = groups.iter().any(|g| g.mask != 0);
+                let visible = groups.iter().any(|(out, _)| out.mask != 0);
                 assert!(!(visible && cull.culls(cluster)), "cluster {i} of view {view}");
                 culled += usize::from(cull.culls(cluster));
                 kept += usize::from(visible);

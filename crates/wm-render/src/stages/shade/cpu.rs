@@ -1,23 +1,23 @@
 //! Spherical harmonics of sixteen splats at a time.
 
-use crate::cpu::model::{GROUP, SplatGroup};
+use crate::cpu::model::SplatGroup;
+use crate::hooks::{GROUP, ShadeGroup};
 use crate::simd::Lanes;
-use crate::stages::project::cpu::Projected;
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_scene::sh::{C0, C1, C2, C3};
 
-/// Fills `projected.rgb` for one group; `rest` holds its coefficients above 0, `[K - 1, 3]` rows.
+/// Fills `shade.rgb` for one group; `rest` holds its coefficients above 0, `[K - 1, 3]` rows.
 #[inline(always)]
-pub fn shade_group<S: Lanes>(simd: S, group: &SplatGroup, rest: &[[f32; GROUP]], projected: &mut Projected) {
+pub fn shade_group<S: Lanes>(simd: S, group: &SplatGroup, rest: &[[f32; GROUP]], shade: &mut ShadeGroup) {
     for first in (0..GROUP).step_by(S::N) {
         let mut rgb = [simd.set(0.5); 3];
         for channel in 0..3 {
             rgb[channel] = simd.load(&group.dc[channel][first..]).mul_add(simd.set(C0 as f32), rgb[channel]);
         }
         if !rest.is_empty() {
-            let x = simd.load(&projected.direction[0][first..]);
-            let y = simd.load(&projected.direction[1][first..]);
-            let z = simd.load(&projected.direction[2][first..]);
+            let x = simd.load(&shade.direction[0][first..]);
+            let y = simd.load(&shade.direction[1][first..]);
+            let z = simd.load(&shade.direction[2][first..]);
             let degree1 = [y * (-C1 as f32), z * (C1 as f32), x * (-C1 as f32)];
             add(simd, &degree1, &rest[..9], first, &mut rgb);
             if rest.len() > 9 {
@@ -46,7 +46,7 @@ pub fn shade_group<S: Lanes>(simd: S, group: &SplatGroup, rest: &[[f32; GROUP]],
         }
         for channel in 0..3 {
             let value = rgb[channel].max(simd.set(0.0));
-            value.store_slice(&mut projected.rgb[channel][first..first + S::N]);
+            value.store_slice(&mut shade.rgb[channel][first..first + S::N]);
         }
     }
 }

@@ -1,12 +1,11 @@
 use super::cpu::shade_group;
 use crate::Frame;
-use crate::cpu::model::{CpuModel, GROUP};
+use crate::cpu::model::CpuModel;
 use crate::dispatch;
-use crate::hooks::{Hooks, Medium, ShadeBatch};
+use crate::hooks::{GROUP, Hooks, Medium, ShadeGroup};
 use crate::reference;
 use crate::renderer::{Background, Job, RenderConfig, SetView, SkyGradient};
 use crate::simd::SimdPath;
-use crate::stages::project::cpu::Projected;
 use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats, uniform};
 use wm_scene::{Group, sh};
 
@@ -22,20 +21,20 @@ fn colors(backend: Backend) {
         let model = CpuModel::new(&splats).unwrap();
         let rows = model.sh_rows();
         for (g, group) in model.groups.iter().enumerate() {
-            let mut projected = Projected::default();
+            let mut shade = ShadeGroup::default();
             for lane in 0..GROUP {
                 let u = |k| uniform(6, ((g * GROUP + lane) * 4) as u64 + k) * 2.0 - 1.0;
                 let d = glam::DVec3::new(u(0), u(1), u(2)).normalize();
                 for k in 0..3 {
-                    projected.direction[k][lane] = d[k] as f32;
+                    shade.direction[k][lane] = d[k] as f32;
                 }
             }
-            dispatch!(path, s => shade_group(s, group, &model.sh_rest[g * rows..(g + 1) * rows], &mut projected));
+            dispatch!(path, s => shade_group(s, group, &model.sh_rest[g * rows..(g + 1) * rows], &mut shade));
             for lane in 0..GROUP {
-                let d = [0, 1, 2].map(|k| f64::from(projected.direction[k][lane]));
+                let d = [0, 1, 2].map(|k| f64::from(shade.direction[k][lane]));
                 let want = sh::color(splats.sh_of(model.source[g * GROUP + lane] as usize), d);
                 for k in 0..3 {
-                    let got = f64::from(projected.rgb[k][lane]);
+                    let got = f64::from(shade.rgb[k][lane]);
                     assert!((got - want[k].max(0.0)).abs() < 4e-6, "{got}, want {}", want[k]);
                 }
             }
@@ -47,13 +46,16 @@ fn colors(backend: Backend) {
 struct Tint;
 
 impl Medium for Tint {
-    fn shade(&self, _: SimdPath, origin: [f32; 3], batch: &mut ShadeBatch) {
-        for i in 0..batch.len {
-            let direction = [0, 1, 2].map(|k| f64::from(batch.direction[k][i]));
-            let rgb = [0, 1, 2].map(|k| f64::from(batch.rgb[k][i]));
-            let out = self.reference(origin.map(f64::from), direction, f64::from(batch.distance[i]), rgb);
-            for k in 0..3 {
-                batch.rgb[k][i] = out[k] as f32;
+    fn shade(&self, _: SimdPath, origin: [f32; 3], groups: &mut [ShadeGroup]) {
+        for group in groups {
+            for i in 0..GROUP {
+                let direction = [0, 1, 2].map(|k| f64::from(group.direction[k][i]));
+                let rgb = [0, 1, 2].map(|k| f64::from(group.rgb[k][i]));
+                let distance = f64::from(group.distance[i]);
+                let out = self.reference(origin.map(f64::from), direction, distance, rgb);
+                for k in 0..3 {
+                    group.rgb[k][i] = out[k] as f32;
+                }
             }
         }
     }
