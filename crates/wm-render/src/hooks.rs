@@ -80,6 +80,11 @@ pub trait Medium: Sync {
     /// `origin` is the camera centre in world axes, scene units.
     fn shade(&self, path: SimdPath, origin: [f32; 3], groups: &mut [ShadeGroup]);
 
+    /// The colour of everything at infinity, if it is one in all directions.
+    fn far_color(&self) -> Option<[f32; 3]> {
+        None
+    }
+
     /// The same for one ray in f64: the referee.
     fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3];
 }

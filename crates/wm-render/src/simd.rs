@@ -113,6 +113,31 @@ impl SimdPath {
         }
     }
 
+    /// The path with half as wide vectors where this one has AVX-512, else this one: for code that only
+    /// moves numbers about.
+    #[must_use]
+    pub fn narrow(self) -> Self {
+        match self {
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Self::Avx512(_) => Self::select(SimdChoice::Avx2).unwrap_or(self),
+            other => other,
+        }
+    }
+
+    /// Number of lanes of its vectors.
+    #[must_use]
+    pub fn lanes(self) -> usize {
+        match self {
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Self::Avx512(_) => <Avx512 as Lanes>::N,
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Self::Avx2(_) => <Avx2 as Lanes>::N,
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon(_) => <Neon as Lanes>::N,
+            Self::Portable(_) => <Fallback as Lanes>::N,
+        }
+    }
+
     /// The paths that this processor has, widest first.
     #[must_use]
     pub fn available() -> Vec<Self> {
@@ -226,42 +251,75 @@ const LOG2: [f32; 9] = [
 ];
 
 /// `2^x` for x in [-126, 127]; relative error below 3e-7. Values outside give nonsense: clamp before.
+///
+/// Several vectors step by step: a chain of dependent operations fills the processor only if others
+/// run beside it, and its window is too short to find them in the next call.
 #[inline(always)]
-pub fn exp2<S: Lanes>(simd: S, x: S::F) -> S::F {
-    let shifted = x + ROUND;
-    let fraction = x - (shifted - ROUND);
-    let mut poly = simd.set(EXP2[0]);
-    for coefficient in &EXP2[1..] {
-        poly = poly.mul_add(fraction, simd.set(*coefficient));
+pub fn exp2<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
+    let mut shifted = x;
+    let mut fraction = x;
+    for k in 0..N {
+        shifted[k] = x[k] + ROUND;
     }
-    poly = poly.mul_add(fraction, simd.set(1.0));
-    S::F::from_bits(poly.to_bits() + (shifted.to_bits() << 23))
+    for k in 0..N {
+        fraction[k] = x[k] - (shifted[k] - ROUND);
+    }
+    let mut poly = [simd.set(EXP2[0]); N];
+    for coefficient in EXP2.into_iter().skip(1).chain([1.0]) {
+        for k in 0..N {
+            poly[k] = poly[k].mul_add(fraction[k], simd.set(coefficient));
+        }
+    }
+    for k in 0..N {
+        poly[k] = S::F::from_bits(poly[k].to_bits() + (shifted[k].to_bits() << 23));
+    }
+    poly
 }
 
 /// `log2(x)` for normal positive x; absolute error below 2e-7 near 1, relative 1e-7 elsewhere.
 #[inline(always)]
-pub fn log2<S: Lanes>(simd: S, x: S::F) -> S::F {
+pub fn log2<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
     // Split so that the mantissa lies in [sqrt(1/2), sqrt(2)): no cancellation around x = 1. The
     // exponent stays biased and so above 0, and becomes a float as the mantissa of 2^23.
     const SQRT_HALF: u32 = 0x3f35_04f3;
     const TWO_23: u32 = 0x4b00_0000;
-    let bits = x.to_bits() + S::U::splat(simd, 0x3f80_0000 - SQRT_HALF);
-    let exponent = S::F::from_bits((bits >> 23) | S::U::splat(simd, TWO_23)) - (8_388_608.0 + 127.0);
-    let mantissa = S::F::from_bits((bits & S::U::splat(simd, 0x007f_ffff)) + S::U::splat(simd, SQRT_HALF));
-    let t = mantissa - 1.0;
-    let mut poly = simd.set(LOG2[0]);
-    for coefficient in &LOG2[1..] {
-        poly = poly.mul_add(t, simd.set(*coefficient));
+    let mut exponent = x;
+    let mut t = x;
+    for k in 0..N {
+        let bits = x[k].to_bits() + S::U::splat(simd, 0x3f80_0000 - SQRT_HALF);
+        exponent[k] = S::F::from_bits((bits >> 23) | S::U::splat(simd, TWO_23)) - (8_388_608.0 + 127.0);
+        let mantissa = (bits & S::U::splat(simd, 0x007f_ffff)) + S::U::splat(simd, SQRT_HALF);
+        t[k] = S::F::from_bits(mantissa) - 1.0;
     }
-    poly.mul_add(t, exponent)
+    let mut poly = [simd.set(LOG2[0]); N];
+    for coefficient in &LOG2[1..] {
+        for k in 0..N {
+            poly[k] = poly[k].mul_add(t[k], simd.set(*coefficient));
+        }
+    }
+    for k in 0..N {
+        poly[k] = poly[k].mul_add(t[k], exponent[k]);
+    }
+    poly
 }
 
 /// `x^power` for x at or above 0 (0 where x is below 1e-30); relative error below 1e-6 for powers near 2.
 #[inline(always)]
-pub fn powf<S: Lanes>(simd: S, x: S::F, power: f32) -> S::F {
+pub fn powf<S: Lanes, const N: usize>(simd: S, x: [S::F; N], power: f32) -> [S::F; N] {
     let tiny = simd.set(1e-30);
-    let result = exp2(simd, (log2(simd, x.max(tiny)) * power).max(simd.set(-126.0)));
-    x.simd_gt(tiny).select(result, simd.set(0.0))
+    let mut kept = x;
+    for k in 0..N {
+        kept[k] = x[k].max(tiny);
+    }
+    let mut exponent = log2(simd, kept);
+    for k in 0..N {
+        exponent[k] = (exponent[k] * power).max(simd.set(-126.0));
+    }
+    let mut result = exp2(simd, exponent);
+    for k in 0..N {
+        result[k] = x[k].simd_gt(tiny).select(result[k], simd.set(0.0));
+    }
+    result
 }
 
 #[cfg(test)]
@@ -281,7 +339,7 @@ mod tests {
             simd,
             values,
             #[inline(always)]
-            |s, x| exp2(s, x),
+            |s, x| exp2(s, [x])[0],
         );
     }
 
@@ -291,7 +349,7 @@ mod tests {
             simd,
             values,
             #[inline(always)]
-            |s, x| log2(s, x),
+            |s, x| log2(s, [x])[0],
         );
     }
 
@@ -301,7 +359,7 @@ mod tests {
             simd,
             values,
             #[inline(always)]
-            |s, x| powf(s, x, 2.4),
+            |s, x| powf(s, [x], 2.4)[0],
         );
     }
 

@@ -150,19 +150,29 @@ impl Atmosphere {
                         light[k] = own.mul_add(simd.set(layer.airlight[k]), light[k]);
                     }
                 }
-                let grey = layers.len() == 1 && layers[0].is_grey();
-                let mut kept = simd.set(0.0);
+                let mut exponent = depth;
                 for k in 0..3 {
-                    if k == 0 || !grey {
-                        kept = exp2(simd, (-depth[k]).max(simd.set(-126.0)));
-                    }
+                    exponent[k] = (-depth[k]).max(simd.set(-126.0));
+                }
+                let kept = match &layers[..] {
+                    [only] if only.is_grey() => [exp2(simd, [exponent[0]])[0]; 3],
+                    _ => exp2(simd, exponent),
+                };
+                let mut color = [simd.set(0.0); 3];
+                for k in 0..3 {
+                    color[k] = simd.load(&group.rgb[k][first..]);
+                }
+                let mut seen = decode(simd, color);
+                for k in 0..3 {
                     let airlight = match &layers[..] {
                         [only] => simd.set(only.airlight[k]),
                         _ => light[k] / depth[k].max(simd.set(1e-30)),
                     };
-                    let color = decode(simd, simd.load(&group.rgb[k][first..]));
-                    let seen = (color - airlight).mul_add(kept, airlight);
-                    encode(simd, seen).store_slice(&mut group.rgb[k][first..first + S::N]);
+                    seen[k] = (seen[k] - airlight).mul_add(kept[k], airlight);
+                }
+                let shown = encode(simd, seen);
+                for k in 0..3 {
+                    shown[k].store_slice(&mut group.rgb[k][first..first + S::N]);
                 }
             }
         }
@@ -201,6 +211,15 @@ impl Medium for Atmosphere {
         dispatch!(path, s => self.shade_groups(s, origin, groups));
     }
 
+    fn far_color(&self) -> Option<[f32; 3]> {
+        let endless =
+            |layer: &Layer| layer.scale_height.is_infinite() && layer.sigma_t.iter().all(|s| *s > 0.0);
+        if !self.layers.iter().all(endless) {
+            return None;
+        }
+        Some(self.reference([0.0; 3], self.site.up, f64::INFINITY, [0.0; 3]).map(|v| v as f32))
+    }
+
     fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
         let height = self.height(origin);
         let rise: f64 = (0..3).map(|k| direction[k] * self.site.up[k]).sum();
@@ -229,23 +248,36 @@ fn mean_density<S: Lanes>(simd: S, x: S::F) -> S::F {
     for coefficient in &series[1..] {
         small = small.mul_add(x, simd.set(*coefficient));
     }
-    let decay = exp2(simd, (x * -LOG2_E).max(simd.set(-126.0)).min(simd.set(126.0)));
+    let decay = exp2(simd, [(x * -LOG2_E).max(simd.set(-126.0)).min(simd.set(126.0))])[0];
     let large = (simd.set(1.0) - decay) / x;
     (x * x).simd_lt(simd.set(0.25 * 0.25)).select(small, large)
 }
 
-/// sRGB to linear light.
+/// sRGB to linear light, by channel.
 #[inline(always)]
-fn decode<S: Lanes>(simd: S, value: S::F) -> S::F {
-    let power = powf(simd, (value + 0.055) * (1.0 / 1.055), 2.4);
-    value.simd_le(simd.set(0.040_45)).select(value * (1.0 / 12.92), power)
+fn decode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
+    let mut base = value;
+    for k in 0..3 {
+        base[k] = value[k].mul_add(simd.set(1.0 / 1.055), simd.set(0.055 / 1.055));
+    }
+    let mut result = powf(simd, base, 2.4);
+    for k in 0..3 {
+        let linear = value[k] * (1.0 / 12.92);
+        result[k] = value[k].simd_le(simd.set(0.040_45)).select(linear, result[k]);
+    }
+    result
 }
 
-/// Linear light to sRGB.
+/// Linear light to sRGB, by channel.
 #[inline(always)]
-fn encode<S: Lanes>(simd: S, value: S::F) -> S::F {
-    let power = powf(simd, value, 1.0 / 2.4).mul_add(simd.set(1.055), simd.set(-0.055));
-    value.simd_le(simd.set(0.003_130_8)).select(value * 12.92, power)
+fn encode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
+    let mut result = powf(simd, value, 1.0 / 2.4);
+    for k in 0..3 {
+        let power = result[k].mul_add(simd.set(1.055), simd.set(-0.055));
+        let linear = value[k] * 12.92;
+        result[k] = value[k].simd_le(simd.set(0.003_130_8)).select(linear, power);
+    }
+    result
 }
 
 #[cfg(test)]

@@ -72,6 +72,8 @@ pub fn prepare(frame: &mut Frame, job: &Job<'_>) -> Result<(), RenderError> {
 /// What all tiles of one frame share.
 pub struct Back<'a> {
     pub path: SimdPath,
+    /// The path that moves pixels.
+    pub narrow: SimdPath,
     pub records: &'a [Record],
     pub keys: &'a [AtomicU64],
     pub bounds: &'a [u32],
@@ -108,7 +110,7 @@ impl Back<'_> {
                 let first = run * RUN;
                 let last = (first + RUN).min(self.grid.columns as usize);
                 for column in first..last {
-                    dispatch!(self.path, s => self.tile(s, &mut worker, (column, band), (column - first) * TILE, &mut rows, &mut stats));
+                    self.tile(&mut worker, (column, band), (column - first) * TILE, &mut rows, &mut stats);
                 }
                 stats
             })
@@ -125,10 +127,8 @@ impl Back<'_> {
         stats.composite += done.composite;
     }
 
-    #[inline(always)]
-    fn tile<S: Lanes>(
+    fn tile(
         &self,
-        simd: S,
         worker: &mut Worker,
         tile: (usize, usize),
         offset: usize,
@@ -142,43 +142,55 @@ impl Back<'_> {
         worker.keys.extend(list.iter().map(|key| key.load(Ordering::Relaxed)));
         sort(&mut worker.keys, &mut worker.sort_scratch);
         let sorted = Instant::now();
-        let corner = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
         let patch_of = |patch: usize| (2 * tile.0 + patch % 2, 2 * tile.1 + patch / 2);
         let mut inside = 0;
         for patch in 0..PATCHES {
             let (x, y) = patch_of(patch);
             inside |= u32::from(x < self.patches.0 && y < self.patches.1) << patch;
         }
-        let (records, keys, scratch) = (self.records, &worker.keys[..], &mut worker.scratch);
+        let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
+        stats.evaluated_pairs += dispatch!(self.path, s => self.blend(s, keys, tile, inside, scratch));
+        let blended = Instant::now();
+        for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
+            let sums = &worker.scratch.patches[patch];
+            let (pixels, corner) = (&mut worker.pixels, (offset + patch % 2 * PATCH, patch / 2 * PATCH));
+            macro_rules! finish {
+                ($lanes:literal) => {
+                    dispatch!(self.narrow, s => finish_patch::<_, $lanes>(
+                        s, &self.composite, sums, patch_of(patch), pixels, corner, rows
+                    ))
+                };
+            }
+            if self.path.lanes() == 16 { finish!(16) } else { finish!(8) }
+        }
+        stats.sort += (sorted - begun).as_secs_f64();
+        stats.rasterize += (blended - sorted).as_secs_f64();
+        stats.composite += blended.elapsed().as_secs_f64();
+    }
+
+    #[inline(always)]
+    fn blend<S: Lanes>(
+        &self,
+        simd: S,
+        keys: &[u64],
+        tile: (usize, usize),
+        inside: u32,
+        scratch: &mut Scratch,
+    ) -> u64 {
+        let corner = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
         macro_rules! blend {
             ($features:literal, $median:literal) => {
-                blend_tile::<S, $features, $median>(simd, records, keys, corner, inside, scratch)
+                blend_tile::<S, $features, $median>(simd, self.records, keys, corner, inside, scratch)
             };
         }
-        let pairs = match (self.features.geometry, self.features.median) {
+        match (self.features.geometry, self.features.median) {
             (Geometry::None, MedianDepth::Off) => blend!(3, false),
             (Geometry::None, MedianDepth::On) => blend!(3, true),
             (Geometry::Depth, MedianDepth::Off) => blend!(4, false),
             (Geometry::Depth, MedianDepth::On) => blend!(4, true),
             (Geometry::DepthNormal, MedianDepth::Off) => blend!(7, false),
             (Geometry::DepthNormal, MedianDepth::On) => blend!(7, true),
-        };
-        let blended = Instant::now();
-        for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
-            finish_patch(
-                &self.composite,
-                S::N,
-                &worker.scratch.patches[patch],
-                patch_of(patch),
-                &mut worker.pixels,
-                (offset + patch % 2 * PATCH, patch / 2 * PATCH),
-                rows,
-            );
         }
-        stats.evaluated_pairs += pairs;
-        stats.sort += (sorted - begun).as_secs_f64();
-        stats.rasterize += (blended - sorted).as_secs_f64();
-        stats.composite += blended.elapsed().as_secs_f64();
     }
 }
 

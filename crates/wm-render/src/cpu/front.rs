@@ -6,7 +6,7 @@ use crate::hooks::{GROUP, Medium, ShadeGroup, Visibility};
 use crate::renderer::{Job, Stats};
 use crate::simd::{Lanes, SimdPath};
 use crate::stages::intersect::TileGrid;
-use crate::stages::intersect::cpu::{Pairs, cell_lanes};
+use crate::stages::intersect::cpu::{Pairs, PatchBox};
 use crate::stages::project::cpu::{ClusterCull, Projected, project_group};
 use crate::stages::project::{ProjectCamera, Record};
 use crate::stages::shade::cpu::shade_group;
@@ -132,7 +132,7 @@ impl<'a> Front<'a> {
                 dispatch!(self.path, s => scratch.write_records(s, groups, cluster, &mut records[used..]));
             let own = &records[used..used + visible];
             let first = first_record + used as u32;
-            dispatch!(self.path, s => self.intersect_cluster(s, own, &scratch.extents, first, part));
+            dispatch!(self.path, s => self.intersect_cluster(s, own, &scratch.boxes, first, part));
             used += visible;
             part.project += (projected - begun).as_secs_f64();
             part.medium += (seen - projected).as_secs_f64();
@@ -180,15 +180,11 @@ impl<'a> Front<'a> {
         &self,
         simd: S,
         records: &[Record],
-        extents: &[(f32, f32); CLUSTER],
+        boxes: &[PatchBox; CLUSTER],
         first: u32,
         part: &mut Part,
     ) {
-        let lanes = cell_lanes(simd);
-        for (i, (record, extent)) in records.iter().zip(extents).enumerate() {
-            let index = first + i as u32;
-            part.pairs.add(simd, record, *extent, index, self.grid, lanes);
-        }
+        part.pairs.extend(simd, records, boxes, first, self.grid);
     }
 }
 
@@ -199,7 +195,7 @@ struct ClusterScratch {
     /// Position of each group in its cluster.
     names: [usize; GROUPS],
     factors: [[f32; GROUP]; GROUPS],
-    extents: [(f32, f32); CLUSTER],
+    boxes: [PatchBox; CLUSTER],
 }
 
 impl Default for ClusterScratch {
@@ -209,17 +205,17 @@ impl Default for ClusterScratch {
             shade: [ShadeGroup::default(); GROUPS],
             names: [0; GROUPS],
             factors: [[1.0; GROUP]; GROUPS],
-            extents: [(0.0, 0.0); CLUSTER],
+            boxes: [PatchBox::default(); CLUSTER],
         }
     }
 }
 
 impl ClusterScratch {
-    /// Writes the records of the splats in view, with their half extents, and returns how many.
+    /// Writes the records of the splats in view, with their boxes, and returns how many.
     #[inline(always)]
     fn write_records<S: Lanes>(
         &mut self,
-        _: S,
+        simd: S,
         groups: usize,
         cluster: usize,
         records: &mut [Record],
@@ -227,27 +223,18 @@ impl ClusterScratch {
         let mut used = 0;
         for i in 0..groups {
             let (from, shade) = (&self.projected[i], &self.shade[i]);
-            let first = (cluster * GROUPS + self.names[i]) * GROUP;
+            let first = ((cluster * GROUPS + self.names[i]) * GROUP) as u32;
+            let rows = Record::transposed(simd, from, shade, first);
             let mut mask = from.mask;
             while mask != 0 {
                 // The mask proves the lane in bounds.
                 let lane = (mask.trailing_zeros() & 15) as usize;
                 mask &= mask - 1;
-                records[used] = Record {
-                    x: from.x[lane],
-                    y: from.y[lane],
-                    ux: from.ux[lane],
-                    vx: from.vx[lane],
-                    vy: from.vy[lane],
-                    log2_opacity: from.log2_opacity[lane],
-                    rgb: [shade.rgb[0][lane], shade.rgb[1][lane], shade.rgb[2][lane]],
-                    depth: from.depth[lane],
-                    normal: [from.normal[0][lane], from.normal[1][lane], from.normal[2][lane]],
-                    slope_y: from.slope_y[lane],
-                    slope_x: from.slope_x[lane],
-                    index: (first + lane) as u32,
+                records[used] = rows[lane];
+                self.boxes[used & (CLUSTER - 1)] = PatchBox {
+                    columns: from.columns.map(|ends| ends[lane] as u16),
+                    rows: from.rows.map(|ends| ends[lane] as u16),
                 };
-                self.extents[used & (CLUSTER - 1)] = (from.extent_x[lane], from.extent_y[lane]);
                 used += 1;
             }
         }

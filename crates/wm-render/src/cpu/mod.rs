@@ -125,6 +125,7 @@ impl CpuRenderer {
         stats.composite += gridding.elapsed().as_secs_f64();
         let back = Back {
             path: self.path,
+            narrow: self.path.narrow(),
             records: &self.records,
             keys,
             bounds: &self.bounds,

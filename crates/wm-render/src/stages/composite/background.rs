@@ -33,6 +33,9 @@ impl BackgroundGrid {
         if let (Background::Color(color), None) = (background, medium) {
             return Self::Uniform(*color);
         }
+        if let Some(color) = medium.and_then(Medium::far_color) {
+            return Self::Uniform(color);
+        }
         // Degrees a pixel near the principal point, where they are most.
         let degrees = (1.0 / camera.fx.min(camera.fy)).to_degrees();
         let step = [8, 4, 2].into_iter().find(|step| f64::from(*step) * degrees <= 0.5).unwrap_or(1) as usize;

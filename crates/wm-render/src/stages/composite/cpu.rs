@@ -3,7 +3,7 @@
 use super::background::BackgroundGrid;
 use crate::frame::MIN_ALPHA;
 use crate::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
-use crate::simd::SimdPath;
+use crate::simd::{Lanes, SimdPath};
 use crate::stages::rasterize::cpu::PatchSums;
 
 /// One patch's pixels, row by row.
@@ -58,8 +58,8 @@ impl<'a> OutputRows<'a> {
 
 /// Brings block order into rows.
 #[inline(always)]
-fn to_rows(lanes: usize, from: &[f32; PATCH_PIXELS], to: &mut [f32; PATCH_PIXELS]) {
-    let block_height = lanes / 4;
+fn to_rows<const LANES: usize>(from: &[f32; PATCH_PIXELS], to: &mut [f32; PATCH_PIXELS]) {
+    let block_height = LANES / 4;
     for (run, pixels) in from.chunks_exact(4).enumerate() {
         let (block, row) = (run / block_height, run % block_height);
         let first = (block / 4 * block_height + row) * PATCH + block % 4 * 4;
@@ -80,12 +80,15 @@ pub struct Composite<'a> {
     pub effects: &'a [&'a dyn PixelEffect],
 }
 
-/// Finishes patch `(patch_x, patch_y)`: background, effects, division, output. `lanes` is the width
-/// of the path that blended, `offset` the patch's first column and row in the output rows.
+/// Finishes patch `(patch_x, patch_y)`: background, effects, division, output. `offset` is the patch's
+/// first column and row in the output rows, `LANES` the width of the path that blended.
+///
+/// Plain loops that the compiler makes vectors of. It makes slower ones with AVX-512 than with AVX2, so
+/// the caller enters with the latter.
 #[inline(always)]
-pub fn finish_patch(
+pub fn finish_patch<S: Lanes, const LANES: usize>(
+    _: S,
     frame: &Composite<'_>,
-    lanes: usize,
     sums: &PatchSums,
     (patch_x, patch_y): (usize, usize),
     pixels: &mut PatchPixels,
@@ -93,16 +96,16 @@ pub fn finish_patch(
     out: &mut OutputRows<'_>,
 ) {
     let Composite { path, features, background, effects } = *frame;
-    to_rows(lanes, &sums.alpha, &mut pixels.alpha);
+    to_rows::<LANES>(&sums.alpha, &mut pixels.alpha);
     background.fill(patch_x, patch_y, &mut pixels.behind);
     for k in 0..3 {
-        to_rows(lanes, &sums.features[k], &mut pixels.rgb[k]);
+        to_rows::<LANES>(&sums.features[k], &mut pixels.rgb[k]);
         for i in 0..PATCH_PIXELS {
             pixels.rgb[k][i] += (1.0 - pixels.alpha[i]) * pixels.behind[k][i];
         }
     }
     if features > 3 {
-        to_rows(lanes, &sums.features[3], &mut pixels.depth);
+        to_rows::<LANES>(&sums.features[3], &mut pixels.depth);
     }
     for effect in effects {
         effect.apply(
@@ -127,7 +130,7 @@ pub fn finish_patch(
     }
     if !out.normal.is_empty() {
         for k in 0..3 {
-            to_rows(lanes, &sums.features[4 + k], &mut pixels.normal[k]);
+            to_rows::<LANES>(&sums.features[4 + k], &mut pixels.normal[k]);
         }
         for i in 0..PATCH_PIXELS {
             let [x, y, z] = [pixels.normal[0][i], pixels.normal[1][i], pixels.normal[2][i]];
@@ -141,7 +144,7 @@ pub fn finish_patch(
         interleave(&pixels.normal, offset, &mut out.normal);
     }
     if !out.median_depth.is_empty() {
-        to_rows(lanes, &sums.median, &mut pixels.median);
+        to_rows::<LANES>(&sums.median, &mut pixels.median);
         for i in 0..PATCH_PIXELS {
             pixels.median[i] = if pixels.alpha[i] >= 0.5 { pixels.median[i] } else { 0.0 };
         }

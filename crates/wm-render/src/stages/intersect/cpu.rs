@@ -44,6 +44,15 @@ pub fn cell_mask<S: Lanes>(
     q1.min(q2).simd_le(reach).to_bitmask() as u32
 }
 
+/// The patches that the box of a splat touches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PatchBox {
+    /// First and last column.
+    pub columns: [u16; 2],
+    /// First and last row.
+    pub rows: [u16; 2],
+}
+
 /// Pairs of a tile and a key, in the order of the splats, and how many there are of each tile.
 #[derive(Debug, Default)]
 pub struct Pairs {
@@ -64,75 +73,78 @@ impl Pairs {
         self.counts.resize(grid.tiles() + grid.columns as usize + 2, 0);
     }
 
-    /// Adds the tiles of one splat; `extent_x`, `extent_y` are its half extents, px.
+    /// Adds the tiles of splats, whose records are numbered from `first`.
     #[inline(always)]
-    pub fn add<S: Lanes>(
+    pub fn extend<S: Lanes>(
         &mut self,
         simd: S,
-        splat: &Record,
-        (extent_x, extent_y): (f32, f32),
-        record: u32,
+        splats: &[Record],
+        boxes: &[PatchBox],
+        first: u32,
         grid: TileGrid,
-        lanes: (S::F, S::F),
     ) {
         const SIDE: f32 = PATCH as f32;
-        let to_patch = |v: f32| (v * (1.0 / SIDE)).floor() as i32;
-        let first_x = to_patch(splat.x - extent_x).max(0);
-        let last_x = to_patch(splat.x + extent_x).min(2 * grid.columns as i32 - 1);
-        let first_y = to_patch(splat.y - extent_y).max(0);
-        let last_y = to_patch(splat.y + extent_y).min(2 * grid.rows as i32 - 1);
-        let depth_bits = splat.depth.to_bits();
-        let columns = grid.columns as usize;
-        if first_x == last_x && first_y == last_y {
-            let tile = (first_y as usize >> 1) * columns + (first_x as usize >> 1);
-            let patch = (first_y & 1) << 1 | (first_x & 1);
-            self.reserve();
-            self.push(tile, key(depth_bits, record, 1 << patch), 1);
-            return;
-        }
-        // Fields of 4x4 patches, two tiles each way, the first on an even patch.
-        let mut y = first_y & !1;
-        while y <= last_y {
-            let rows = bits_between(first_y - y, last_y - y);
-            let rows: u32 = (0..4).map(|row| (rows >> row & 1) * (0xf << (4 * row))).sum();
-            let mut x = first_x & !1;
-            while x <= last_x {
-                let mut mask = 0;
-                for part in 0..16 / S::N {
-                    let top = (y as f32 + (part * S::N / 4) as f32) * SIDE;
-                    let bits = cell_mask(simd, splat, (x as f32 * SIDE, top), (SIDE, SIDE), lanes);
-                    mask |= bits << (part * S::N);
+        /// Bit k of the index at bit 4 k.
+        const ROWS: [u32; 16] = [
+            0x0000, 0x0001, 0x0010, 0x0011, 0x0100, 0x0101, 0x0110, 0x0111, 0x1000, 0x1001, 0x1010, 0x1011,
+            0x1100, 0x1101, 0x1110, 0x1111,
+        ];
+        let lanes = cell_lanes(simd);
+        let tile_columns = grid.columns as usize;
+        let mut len = self.len;
+        for (i, (splat, bounds)) in splats.iter().zip(boxes).enumerate() {
+            let record = first + i as u32;
+            let depth_bits = splat.depth.to_bits();
+            let [first_x, last_x] = bounds.columns.map(u32::from);
+            let [first_y, last_y] = bounds.rows.map(u32::from);
+            // Fields of 4x4 patches, two tiles each way, the first on an even patch. Most splats need
+            // one; there are no branches on what a field holds, since none could be predicted.
+            let mut y = first_y & !1;
+            loop {
+                let mut x = first_x & !1;
+                loop {
+                    if self.tiles.len() < len + 4 {
+                        self.grow();
+                    }
+                    let mut mask = 0;
+                    for part in 0..16 / S::N {
+                        let top = (y as f32 + (part * S::N / 4) as f32) * SIDE;
+                        let bits = cell_mask(simd, splat, (x as f32 * SIDE, top), (SIDE, SIDE), lanes);
+                        mask |= bits << (part * S::N);
+                    }
+                    let columns = bits_between(first_x.saturating_sub(x), last_x - x);
+                    let rows = bits_between(first_y.saturating_sub(y), last_y - y);
+                    mask &= ROWS[rows as usize] * columns;
+                    let tile = (y as usize >> 1) * tile_columns + (x as usize >> 1);
+                    let fields =
+                        [(tile, 0), (tile + 1, 2), (tile + tile_columns, 8), (tile + tile_columns + 1, 10)];
+                    for (tile, shift) in fields {
+                        let patches = (mask >> shift & 3) | (mask >> (shift + 4) & 3) << 2;
+                        let present = u32::from(patches != 0);
+                        self.tiles[len] = tile as u32;
+                        self.keys[len] = key(depth_bits, record, patches);
+                        self.counts[tile] += present;
+                        len += present as usize;
+                    }
+                    x += 4;
+                    if x > last_x {
+                        break;
+                    }
                 }
-                mask &= rows & (bits_between(first_x - x, last_x - x) * 0x1111);
-                let tile = (y as usize >> 1) * columns + (x as usize >> 1);
-                self.reserve();
-                for (tile, shift) in [(tile, 0), (tile + 1, 2), (tile + columns, 8), (tile + columns + 1, 10)]
-                {
-                    let patches = (mask >> shift & 3) | (mask >> (shift + 4) & 3) << 2;
-                    self.push(tile, key(depth_bits, record, patches), u32::from(patches != 0));
+                y += 4;
+                if y > last_y {
+                    break;
                 }
-                x += 4;
             }
-            y += 4;
         }
+        self.len = len;
     }
 
-    #[inline(always)]
-    fn reserve(&mut self) {
-        if self.tiles.len() < self.len + 4 {
-            let room = (2 * self.len).max(1024);
-            self.tiles.resize(room, 0);
-            self.keys.resize(room, 0);
-        }
-    }
-
-    /// Writes a pair and keeps it if `present` is 1: no branch, since none could be predicted.
-    #[inline(always)]
-    fn push(&mut self, tile: usize, key: u64, present: u32) {
-        self.tiles[self.len] = tile as u32;
-        self.keys[self.len] = key;
-        self.counts[tile] += present;
-        self.len += present as usize;
+    #[cold]
+    fn grow(&mut self) {
+        let room = (2 * self.tiles.len()).max(1024);
+        self.tiles.resize(room, 0);
+        self.keys.resize(room, 0);
     }
 
     /// Writes the keys to the tile lists.
@@ -148,10 +160,10 @@ impl Pairs {
     }
 }
 
-/// Bits `first` to `last` of four, bounds clamped.
+/// Bits `first` to `last` of four; `last` may lie beyond.
 #[inline(always)]
-fn bits_between(first: i32, last: i32) -> u32 {
-    (0xf << first.max(0)) & (0xf >> (3 - last.min(3))) & 0xf
+fn bits_between(first: u32, last: u32) -> u32 {
+    (0xf << first) & (0xf >> (3 - last.min(3)))
 }
 
 /// Lays out the tile lists: turns the counts of each part into its first position in each list, and

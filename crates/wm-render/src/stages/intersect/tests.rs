@@ -1,9 +1,8 @@
-use super::cpu::{Pairs, cell_lanes, offsets};
+use super::cpu::{Pairs, PatchBox, offsets};
 use super::{PATCHES, TILE, TileGrid, record_of};
 use crate::cpu::model::CpuModel;
 use crate::dispatch;
 use crate::hooks::{GROUP, PATCH, ShadeGroup};
-use crate::simd::Lanes;
 use crate::stages::project::cpu::{Projected, project_group};
 use crate::stages::project::{LOG2_MIN_ALPHA, ProjectCamera, Record};
 use crate::testing::{Backend, Hard, camera, random_splats};
@@ -21,17 +20,21 @@ crate::parity! {
     };
 }
 
-/// Records in view with their half extents.
-fn project(backend: Backend, splats: &Splats) -> Vec<(Record, (f32, f32))> {
+/// Records in view, with their boxes.
+fn project(backend: Backend, splats: &Splats) -> (Vec<Record>, Vec<PatchBox>) {
     let Backend::Cpu(path) = backend;
     let camera = ProjectCamera::new(&camera(SIZE.0, SIZE.1));
     let model = CpuModel::new(splats).unwrap();
-    let mut records = Vec::new();
+    let (mut records, mut boxes) = (Vec::new(), Vec::new());
     for group in &model.groups {
         let (mut p, mut shade) = (Projected::default(), ShadeGroup::default());
         dispatch!(path, s => project_group(s, group, &camera, Rasterization::Classic, None, &mut p, &mut shade));
         for lane in (0..GROUP).filter(|lane| p.mask >> lane & 1 == 1) {
-            let record = Record {
+            boxes.push(PatchBox {
+                columns: p.columns.map(|ends| ends[lane] as u16),
+                rows: p.rows.map(|ends| ends[lane] as u16),
+            });
+            records.push(Record {
                 x: p.x[lane],
                 y: p.y[lane],
                 ux: p.ux[lane],
@@ -42,25 +45,10 @@ fn project(backend: Backend, splats: &Splats) -> Vec<(Record, (f32, f32))> {
                 slope_y: p.slope_y[lane],
                 slope_x: p.slope_x[lane],
                 ..Record::default()
-            };
-            records.push((record, (p.extent_x[lane], p.extent_y[lane])));
+            });
         }
     }
-    records
-}
-
-#[inline(always)]
-fn add_all<S: Lanes>(
-    simd: S,
-    records: &[(Record, (f32, f32))],
-    first: usize,
-    grid: TileGrid,
-    pairs: &mut Pairs,
-) {
-    let lanes = cell_lanes(simd);
-    for (i, (record, extents)) in records.iter().enumerate() {
-        pairs.add(simd, record, *extents, (first + i) as u32, grid, lanes);
-    }
+    (records, boxes)
 }
 
 /// log2 alpha of a record at a picture point.
@@ -72,14 +60,15 @@ fn log2_alpha(r: &Record, x: f64, y: f64) -> f64 {
 
 fn check(backend: Backend, splats: &Splats) {
     let Backend::Cpu(path) = backend;
-    let records = project(backend, splats);
+    let (records, boxes) = project(backend, splats);
     let grid = TileGrid::new(SIZE.0, SIZE.1);
     // In two parts, as threads do it.
     let mut parts = [Pairs::default(), Pairs::default()];
     let half = records.len() / 2;
-    for (part, (range, first)) in parts.iter_mut().zip([(&records[..half], 0), (&records[half..], half)]) {
+    for (part, range) in parts.iter_mut().zip([0..half, half..records.len()]) {
         part.clear(grid);
-        dispatch!(path, s => add_all(s, range, first, grid, part));
+        let (splats, bounds, first) = (&records[range.clone()], &boxes[range.clone()], range.start as u32);
+        dispatch!(path, s => part.extend(s, splats, bounds, first, grid));
     }
     let mut bounds = Vec::new();
     offsets(grid.tiles(), parts.iter_mut(), &mut bounds);
@@ -94,7 +83,7 @@ fn check(backend: Backend, splats: &Splats) {
         for key in &lists[bounds[tile] as usize..bounds[tile + 1] as usize] {
             let key = key.load(Ordering::Relaxed);
             let record = record_of(key);
-            assert_eq!((key >> 32) as u32, records[record].0.depth.to_bits());
+            assert_eq!((key >> 32) as u32, records[record].depth.to_bits());
             let slot = &mut listed[record * grid.tiles() + tile];
             assert_eq!(*slot, 0, "record {record} is twice in tile {tile}");
             *slot = (key & 15) as u32;
@@ -102,7 +91,7 @@ fn check(backend: Backend, splats: &Splats) {
         }
     }
     let cut = f64::from(LOG2_MIN_ALPHA);
-    for (i, (record, extents)) in records.iter().enumerate() {
+    for (i, (record, bounds)) in records.iter().zip(&boxes).enumerate() {
         for tile in 0..grid.tiles() {
             for patch in 0..PATCHES {
                 let left = tile % grid.columns as usize * TILE + patch % 2 * PATCH;
@@ -116,12 +105,9 @@ fn check(backend: Backend, splats: &Splats) {
                 let kept = listed[i * grid.tiles() + tile] >> patch & 1 == 1;
                 assert!(
                     kept || best < cut,
-                    "record {i} {extents:?} lost in tile {tile} patch {patch}: {best}"
+                    "record {i} {bounds:?} lost in tile {tile} patch {patch}: {best}"
                 );
-                let patches =
-                    |v: f32, extent: f32| ((v - extent) / 16.0).floor() != ((v + extent) / 16.0).floor();
-                let spread = patches(record.x, extents.0) || patches(record.y, extents.1);
-                if kept && best < cut && spread && inside(left + PATCH - 1, top + PATCH - 1) {
+                if kept && best < cut && inside(left + PATCH - 1, top + PATCH - 1) {
                     // Between the centres the rectangle may be touched, if by less than the slack.
                     let fine = (0..=120 * 120)
                         .map(|p| {

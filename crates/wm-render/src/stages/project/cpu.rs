@@ -1,10 +1,10 @@
 //! Projection of sixteen splats at a time, and culling of 256.
 
 use super::{
-    DILATION, LOG2_MIN_ALPHA, MAX_DET, MIN_COMPENSATION, ProjectCamera, SQRT_HALF_LOG2E, TEST_SLACK,
+    DILATION, LOG2_MIN_ALPHA, MAX_DET, MIN_COMPENSATION, ProjectCamera, Record, SQRT_HALF_LOG2E, TEST_SLACK,
 };
 use crate::cpu::model::{Cluster, SplatGroup};
-use crate::hooks::{GROUP, ShadeGroup};
+use crate::hooks::{GROUP, PATCH, ShadeGroup};
 use crate::simd::{Lanes, log2};
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use std::f32::consts::LN_2;
@@ -32,10 +32,10 @@ pub struct Projected {
     pub slope_y: [f32; GROUP],
     /// The dx at which alpha is largest for dy = 1.
     pub slope_x: [f32; GROUP],
-    /// Half extent of alpha >= 1/255, px.
-    pub extent_x: [f32; GROUP],
-    /// Half extent of alpha >= 1/255, px.
-    pub extent_y: [f32; GROUP],
+    /// First and last column of patches that the box of alpha >= 1/255 touches.
+    pub columns: [[u32; GROUP]; 2],
+    /// First and last row of them.
+    pub rows: [[u32; GROUP]; 2],
     /// World axes, towards the camera.
     pub normal: [[f32; GROUP]; 3],
     /// A bit for each splat that is in view.
@@ -55,8 +55,8 @@ impl Default for Projected {
             depth: zero,
             slope_y: zero,
             slope_x: zero,
-            extent_x: zero,
-            extent_y: zero,
+            columns: [[0; GROUP]; 2],
+            rows: [[0; GROUP]; 2],
             normal: [zero; 3],
             mask: 0,
         }
@@ -140,11 +140,11 @@ pub fn project_group<S: Lanes>(
 
         let mut log2_opacity = simd.load(&group.log2_opacity[first..]);
         if let Some(factors) = visibility {
-            log2_opacity += log2(simd, simd.load(&factors[first..]).max(simd.set(1e-30)));
+            log2_opacity += log2(simd, [simd.load(&factors[first..]).max(simd.set(1e-30))])[0];
         }
         if rasterization == Rasterization::Antialiased {
             let kept = (det_sharp / det).max(simd.set(MIN_COMPENSATION * MIN_COMPENSATION));
-            log2_opacity = log2(simd, kept).mul_add(simd.set(0.5), log2_opacity);
+            log2_opacity = log2(simd, [kept])[0].mul_add(simd.set(0.5), log2_opacity);
         }
 
         let vy = (cov_xx / det).sqrt() * SQRT_HALF_LOG2E;
@@ -191,14 +191,100 @@ pub fn project_group<S: Lanes>(
         z.store_slice(&mut out.depth[lanes.clone()]);
         slope_y.store_slice(&mut out.slope_y[lanes.clone()]);
         slope_x.store_slice(&mut out.slope_x[lanes.clone()]);
-        extent_x.store_slice(&mut out.extent_x[lanes.clone()]);
-        extent_y.store_slice(&mut out.extent_y[lanes.clone()]);
+        let patches = [camera.size[0], camera.size[1]].map(|size| (size / PATCH as f32).ceil() - 1.0);
+        for (end, (x, y)) in
+            [(x - extent_x, y - extent_y), (x + extent_x, y + extent_y)].into_iter().enumerate()
+        {
+            patch_of(simd, x, patches[0]).store_slice(&mut out.columns[end][lanes.clone()]);
+            patch_of(simd, y, patches[1]).store_slice(&mut out.rows[end][lanes.clone()]);
+        }
         distance.store_slice(&mut shade.distance[lanes.clone()]);
         for k in 0..3 {
             (normal[k] * sign).store_slice(&mut out.normal[k][lanes.clone()]);
             direction[k].store_slice(&mut shade.direction[k][lanes.clone()]);
         }
     }
+}
+
+impl Record {
+    /// The sixteen records of a group, whose splats are numbered from `first`.
+    #[inline(always)]
+    #[must_use]
+    pub fn transposed<S: Lanes>(simd: S, from: &Projected, shade: &ShadeGroup, first: u32) -> [Self; GROUP] {
+        let indices = std::array::from_fn(|lane| f32::from_bits(first + lane as u32));
+        let columns = [
+            &from.x,
+            &from.y,
+            &from.ux,
+            &from.vx,
+            &from.vy,
+            &from.log2_opacity,
+            &shade.rgb[0],
+            &shade.rgb[1],
+            &shade.rgb[2],
+            &from.depth,
+            &from.normal[0],
+            &from.normal[1],
+            &from.normal[2],
+            &from.slope_y,
+            &from.slope_x,
+            &indices,
+        ];
+        let mut records = [Self::default(); GROUP];
+        if S::N < GROUP {
+            for (lane, record) in records.iter_mut().enumerate() {
+                *record = Self::of(std::array::from_fn(|k| columns[k][lane]));
+            }
+            return records;
+        }
+        // Each round of perfect shuffles turns the eight bits of (row, lane) by one place: four rounds
+        // swap rows and lanes.
+        let mut rows = [simd.set(0.0); GROUP];
+        for k in 0..GROUP {
+            rows[k] = simd.load(columns[k]);
+        }
+        for _ in 0..4 {
+            let mut next = rows;
+            for k in 0..GROUP / 2 {
+                (next[2 * k], next[2 * k + 1]) = rows[k].interleave(rows[k + GROUP / 2]);
+            }
+            rows = next;
+        }
+        for k in 0..GROUP {
+            let mut row = [0.0; GROUP];
+            rows[k].store_slice(&mut row);
+            records[k] = Self::of(row);
+        }
+        records
+    }
+
+    /// A record from its numbers in order.
+    #[inline(always)]
+    fn of(n: [f32; 16]) -> Self {
+        Self {
+            x: n[0],
+            y: n[1],
+            ux: n[2],
+            vx: n[3],
+            vy: n[4],
+            log2_opacity: n[5],
+            rgb: [n[6], n[7], n[8]],
+            depth: n[9],
+            normal: [n[10], n[11], n[12]],
+            slope_y: n[13],
+            slope_x: n[14],
+            index: n[15].to_bits(),
+        }
+    }
+}
+
+/// The patch, 0 to `last`, in which the coordinate `v` (px) lies.
+#[inline(always)]
+fn patch_of<S: Lanes>(simd: S, v: S::F, last: f32) -> S::U {
+    // A whole number below 2^23 is the mantissa of itself plus 2^23.
+    const TWO_23: f32 = 8_388_608.0;
+    let patch = (v * (1.0 / PATCH as f32)).floor().max(simd.set(0.0)).min(simd.set(last));
+    (patch + TWO_23).to_bits() & S::U::splat(simd, 0x007f_ffff)
 }
 
 /// Frustum test of clusters.

@@ -91,7 +91,17 @@ fn check(backend: Backend, splats: &Splats, mode: Rasterization) {
         near("slope_y", out.slope_y[lane], xy / xx, relative * (yy / xx).sqrt());
         near("slope_x", out.slope_x[lane], xy / yy, relative * (xx / yy).sqrt());
         near("opacity", out.log2_opacity[lane], want.opacity.log2(), relative * (2.0 - want.opacity.log2()));
-        near("extent", out.extent_x[lane], extent_x, relative * extent_x + 1e-3 + scale);
+        // The box in patches, within the rounding of its ends.
+        let slack = relative * extent_x.max(extent_y) + 1e-3 + scale;
+        let ends = |rows: [u32; 2], center: f64, extent: f64, last: f64| {
+            for (row, end) in rows.into_iter().zip([center - extent, center + extent]) {
+                let patch = |v: f64| (v / 16.0).floor().clamp(0.0, last);
+                let row = f64::from(row);
+                assert!(patch(end - slack) <= row && row <= patch(end + slack), "splat {i}: {row}, {end}");
+            }
+        };
+        ends(out.columns.map(|c| c[lane]), want.mean2d[0], extent_x, 39.0);
+        ends(out.rows.map(|r| r[lane]), want.mean2d[1], extent_y, 24.0);
         for axis in 0..3 {
             near("direction", shade.direction[axis][lane], want.direction[axis], 2e-6);
         }

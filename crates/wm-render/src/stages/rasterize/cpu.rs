@@ -8,14 +8,14 @@ use crate::simd::{Lanes, exp2};
 use crate::stages::intersect::cpu::{cell_lanes, cell_mask};
 use crate::stages::intersect::{PATCHES, record_of};
 use crate::stages::project::{LOG2_MIN_ALPHA, Record};
-use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask, u16x32};
+use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask, u8x32, u8x64};
 
 /// Splats walked at a time; the record after them is never visible and pads lists.
 const BATCH: usize = 255;
 /// Splats in flight in the blend loop: enough to hide the latency of the exponential.
 const FLIGHT: usize = 4;
-/// Vector length of the list compaction.
-const CHUNK: usize = 32;
+/// Entries of a list that are made at a time.
+const CHUNK: usize = 64;
 
 /// Sums of one patch, each `[256]` in block order: block by block, lane by lane.
 #[derive(Clone, Debug)]
@@ -39,7 +39,7 @@ impl Default for PatchSums {
 }
 
 /// A list of indices into the batch.
-type List = [u16; 256 + CHUNK];
+type List = [u8; 256 + CHUNK];
 
 /// Working memory of one thread.
 #[derive(Clone, Debug)]
@@ -49,7 +49,7 @@ pub struct Scratch {
     pub patches: [PatchSums; PATCHES],
     batch: Batch,
     /// Which patches each splat of the batch touches.
-    touched: [u16; 256],
+    touched: [u8; 256],
     lists: Lists,
 }
 
@@ -58,11 +58,9 @@ pub struct Scratch {
 #[repr(C, align(64))]
 struct Lists {
     patch: List,
-    /// The blocks that each splat of `patch` touches.
-    masks: [u16; 256],
-    blocks: [List; 32],
-    /// Length of each list in `blocks`.
-    counts: [usize; 32],
+    /// The blocks that each splat of `patch` touches, eight blocks an array.
+    masks: [[u8; 256]; 4],
+    block: List,
 }
 
 /// Splats in the first cache.
@@ -81,12 +79,7 @@ impl Default for Scratch {
             patches: Default::default(),
             batch: Batch { records: [never; 256], origins: [(0.0, 0.0); 256] },
             touched: [0; 256],
-            lists: Lists {
-                patch: [0; 256 + CHUNK],
-                masks: [0; 256],
-                blocks: [[0; 256 + CHUNK]; 32],
-                counts: [0; 32],
-            },
+            lists: Lists { patch: [0; 256 + CHUNK], masks: [[0; 256]; 4], block: [0; 256 + CHUNK] },
         }
     }
 }
@@ -127,7 +120,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
         // Copied first and used after: nothing waits for one record, so many fetches overlap.
         for (i, key) in batch.iter().enumerate() {
             scratch.batch.records[i] = records[record_of(*key)];
-            scratch.touched[i] = (*key & 15) as u16;
+            scratch.touched[i] = (*key & 15) as u8;
         }
         for (record, origin) in scratch.batch.records.iter().zip(&mut scratch.batch.origins).take(batch.len())
         {
@@ -142,20 +135,19 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
             }
             let corner = ((patch % 2 * PATCH) as f32, (patch / 2 * PATCH) as f32);
             let Scratch { patches, batch, touched, lists } = scratch;
-            let splats =
-                list(simd, &touched[..len.next_multiple_of(CHUNK)], 1 << patch, None, &mut lists.patch);
+            let splats = list(simd, touched, len, 1 << patch, None, &mut lists.patch);
             let field = (left + corner.0, top + corner.1);
-            list_blocks(simd, batch, splats, field, lanes, live[patch], lists);
+            mask_blocks(simd, batch, splats, field, lanes, lists);
             let mut todo = live[patch];
             while todo != 0 {
                 let block = todo.trailing_zeros() as usize;
                 todo &= todo - 1;
-                let count = lists.counts[block];
+                let Lists { patch: names, masks, block: walk } = lists;
+                let count = list(simd, &masks[block / 8], splats, 1 << (block % 8), Some(names), walk);
                 if count == 0 {
                     continue;
                 }
-                let walk = &mut lists.blocks[block];
-                walk[count..count + FLIGHT].fill(BATCH as u16);
+                walk[count..count + FLIGHT].fill(BATCH as u8);
                 let walk = &walk[..count.next_multiple_of(FLIGHT)];
                 let corner = (
                     corner.0 + (block % 4 * 4) as f32 + 0.5,
@@ -176,89 +168,107 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
     evaluated
 }
 
-/// Lists for each block of a patch the splats that touch it: `splats` of them are in `lists.patch`, and
-/// the patch begins at pixel `field`.
+/// Finds the blocks of a patch that its splats touch: `splats` of them are in `lists.patch`, and the
+/// patch begins at pixel `field`.
 #[inline(always)]
-fn list_blocks<S: Lanes>(
+fn mask_blocks<S: Lanes>(
     simd: S,
     batch: &Batch,
     splats: usize,
     field: (f32, f32),
     lanes: (S::F, S::F),
-    live: u32,
     lists: &mut Lists,
 ) {
     let rows = S::N / 4;
-    let Lists { patch, masks, blocks, counts } = lists;
-    if S::PACKS {
-        for (name, mask) in patch[..splats].iter().zip(masks.iter_mut()) {
-            let record = &batch.records[usize::from(name & 255)];
-            *mask = cell_mask(simd, record, field, (4.0, rows as f32), lanes) as u16;
-        }
-        masks[splats..].fill(0);
-        let mut todo = live;
-        while todo != 0 {
-            let block = todo.trailing_zeros() as usize;
-            todo &= todo - 1;
-            counts[block] = list(
-                simd,
-                &masks[..splats.next_multiple_of(CHUNK)],
-                1 << block,
-                Some(patch),
-                &mut blocks[block],
-            );
-        }
-        return;
-    }
-    counts.fill(0);
-    for name in &patch[..splats] {
-        let record = &batch.records[usize::from(name & 255)];
+    let Lists { patch, masks, .. } = lists;
+    for (i, name) in patch[..splats].iter().enumerate() {
+        let record = &batch.records[usize::from(*name)];
         let mut mask = 0;
         for part in 0..PATCH_PIXELS / S::N / S::N {
             let corner = (field.0, field.1 + (part * rows * rows) as f32);
             mask |= cell_mask(simd, record, corner, (4.0, rows as f32), lanes) << (part * S::N);
         }
-        mask &= live;
-        while mask != 0 {
-            let block = (mask.trailing_zeros() & 31) as usize;
-            mask &= mask - 1;
-            blocks[block][counts[block] & 255] = *name;
-            counts[block] += 1;
+        for group in 0..PATCH_PIXELS / S::N / 8 {
+            masks[group][i & 255] = (mask >> (8 * group)) as u8;
         }
+    }
+    for group in 0..PATCH_PIXELS / S::N / 8 {
+        masks[group][splats..splats.next_multiple_of(CHUNK)].fill(0);
     }
 }
 
-/// Lists the entries of `masks` that hold `bit`: their positions, or what `names` says of them. Returns
-/// how many. The length of `masks` is a multiple of 32.
+/// Lists those of the first `len` entries of `masks` that hold `bit`: their positions, or what `names`
+/// says of them. Returns how many. Entries from `len` on to the next multiple of 64 hold no bit.
 #[inline(always)]
-fn list<S: Lanes>(simd: S, masks: &[u16], bit: u16, names: Option<&List>, out: &mut List) -> usize {
-    const POSITIONS: [u16; 256] = {
-        let mut positions = [0; 256];
-        let mut i = 0;
-        while i < 256 {
-            positions[i] = i as u16;
-            i += 1;
-        }
-        positions
-    };
-    let names = names.map_or(&POSITIONS[..], |names| &names[..]);
+fn list<S: Lanes>(
+    simd: S,
+    masks: &[u8; 256],
+    len: usize,
+    bit: u8,
+    names: Option<&List>,
+    out: &mut List,
+) -> usize {
     let mut count = 0;
-    if !S::PACKS {
-        for (mask, name) in masks.iter().zip(names) {
-            out[count & 255] = *name;
-            count += usize::from(mask & bit != 0);
+    if S::PACKS {
+        let names = names.map_or(&POSITIONS[..], |names| &names[..]);
+        let bit = u8x64::splat(simd, bit);
+        for first in (0..len).step_by(64) {
+            let holds = (u8x64::from_slice(simd, &masks[first..first + 64]) & bit).simd_eq(bit);
+            let packed = u8x64::from_slice(simd, &names[first..first + 64]).compress(holds);
+            packed.store_slice(&mut out[count..count + 64]);
+            count += holds.to_bitmask().count_ones() as usize;
         }
         return count;
     }
-    let bit = u16x32::splat(simd, bit);
-    for first in (0..masks.len()).step_by(CHUNK) {
-        let holds = (u16x32::from_slice(simd, &masks[first..first + CHUNK]) & bit).simd_eq(bit);
-        let packed = u16x32::from_slice(simd, &names[first..first + CHUNK]).compress(holds);
-        packed.store_slice(&mut out[count..count + CHUNK]);
-        count += holds.to_bitmask().count_ones() as usize;
+    // Without a packing instruction: eight positions at a time from a table, none of them a branch.
+    let bit = u8x32::splat(simd, bit);
+    for first in (0..len).step_by(32) {
+        let holds = (u8x32::from_slice(simd, &masks[first..first + 32]) & bit).simd_eq(bit);
+        let mut word = holds.to_bitmask() as u32;
+        for byte in 0..4 {
+            let here = (word & 255) as usize;
+            let positions =
+                PACKED[here].wrapping_add((first as u64 + 8 * byte).wrapping_mul(0x0101_0101_0101_0101));
+            out[count..count + 8].copy_from_slice(&positions.to_le_bytes());
+            count += here.count_ones() as usize;
+            word >>= 8;
+        }
+    }
+    if let Some(names) = names {
+        for position in &mut out[..count] {
+            *position = names[usize::from(*position)];
+        }
     }
     count
 }
+
+const POSITIONS: [u8; 256] = {
+    let mut positions = [0; 256];
+    let mut i = 0;
+    while i < 256 {
+        positions[i] = i as u8;
+        i += 1;
+    }
+    positions
+};
+
+/// For each byte the positions of its bits, one a byte, lowest first.
+const PACKED: [u64; 256] = {
+    let mut packed = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let (mut bit, mut count) = (0, 0);
+        while bit < 8 {
+            if byte >> bit & 1 == 1 {
+                packed[byte] |= (bit as u64) << (8 * count);
+                count += 1;
+            }
+            bit += 1;
+        }
+        byte += 1;
+    }
+    packed
+};
 
 /// Blends one block, whose first pixel centre is `corner` px from the tile's corner. Returns whether
 /// any pixel still takes light, and the number of splats walked.
@@ -266,7 +276,7 @@ fn list<S: Lanes>(simd: S, masks: &[u16], bit: u16, names: Option<&List>, out: &
 fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool>(
     simd: S,
     batch: &Batch,
-    walk: &[u16],
+    walk: &[u8],
     corner: (f32, f32),
     (column, row): (S::F, S::F),
     block: usize,
@@ -286,21 +296,24 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool>(
     let mut walked = 0;
     let mut alive = true;
     for flight in walk.chunks_exact(FLIGHT) {
-        // The mask proves the index in bounds.
         let mut at = [0; FLIGHT];
         for k in 0..FLIGHT {
-            at[k] = usize::from(flight[k] & 255);
+            at[k] = usize::from(flight[k]);
         }
-        let mut alpha = [zero; FLIGHT];
+        let mut q = [zero; FLIGHT];
+        let mut capped = [zero; FLIGHT];
         for k in 0..FLIGHT {
             let (s, origin) = (&batch.records[at[k]], &batch.origins[at[k]]);
             let u = px.mul_add(simd.set(s.ux), simd.set(origin.0));
             let v = px.mul_add(simd.set(s.vx), py.mul_add(simd.set(s.vy), simd.set(origin.1)));
-            let q = (-v).mul_add(v, (-u).mul_add(u, simd.set(s.log2_opacity)));
-            let drawn = q.simd_ge(simd.set(LOG2_MIN_ALPHA));
+            q[k] = (-v).mul_add(v, (-u).mul_add(u, simd.set(s.log2_opacity)));
+            capped[k] = q[k].min(simd.set(LOG2_MAX_ALPHA));
+        }
+        let mut alpha = exp2(simd, capped);
+        for k in 0..FLIGHT {
+            let drawn = q[k].simd_ge(simd.set(LOG2_MIN_ALPHA));
             // Selected as integers: the mask then folds into the exponential's last operation.
-            let exponential = exp2(simd, q.min(simd.set(LOG2_MAX_ALPHA))).to_bits();
-            alpha[k] = S::F::from_bits(drawn.select(exponential, S::U::splat(simd, 0)));
+            alpha[k] = S::F::from_bits(drawn.select(alpha[k].to_bits(), S::U::splat(simd, 0)));
         }
         for k in 0..FLIGHT {
             // A pixel that has stopped carries transmittance 0, so one comparison does for both.

@@ -11,8 +11,8 @@ const SHORT: usize = 40;
 pub fn sort(keys: &mut [u64], scratch: &mut Vec<u64>) {
     match keys.len() {
         n if n <= SHORT => {}
-        n if n <= 512 => radix::<2>(keys, scratch),
-        n if n <= 8192 => radix::<3>(keys, scratch),
+        n if n <= 2048 => radix::<2>(keys, scratch),
+        n if n <= 16_384 => radix::<3>(keys, scratch),
         _ => radix::<5>(keys, scratch),
     }
     insertion(keys);
