@@ -11,6 +11,7 @@
 
 pub mod camera;
 pub mod capture;
+pub mod color;
 pub mod error;
 pub mod files;
 pub mod formats;
