@@ -23,6 +23,7 @@ pub mod scene;
 pub mod sh;
 mod source;
 pub mod splats;
+pub mod survey;
 pub mod synthetic;
 #[cfg(test)]
 mod testing;
