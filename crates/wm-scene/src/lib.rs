@@ -8,6 +8,7 @@
 //! - [`Metadata`]: what weather must know of a scene: metres per unit, up, ground, sky.
 //! - [`Scene`]: the three together, read and written by [`formats`].
 //! - [`View`]: a photographed view, of a scene or a [`capture`].
+//! - [`survey::Survey`]: what the splats and views say of the place where the metadata does not.
 
 pub mod camera;
 pub mod capture;

@@ -88,7 +88,7 @@ impl Sky {
 /// how many there were.
 ///
 /// A sky is a shell of large splats far outside the rest, above or all around; distant buildings
-/// are not taken for it. About 25 ns a splat.
+/// are not taken for it. About 40 ns a splat.
 pub fn label_sky(splats: &mut Splats) -> usize {
     let sky = Sky::of(splats);
     if sky == Sky::Labelled {
