@@ -71,24 +71,24 @@ pub fn candidates(space: &Space, survey: &Survey) -> Vec<Candidate> {
 fn heights(survey: &Survey) -> Vec<(Kind, f64, f64)> {
     let radius = survey.radius;
     let person = 1.6 / survey.metres_per_unit.value;
-    let mut levels = vec![person];
-    if survey.metres_per_unit.source == Source::Assumed {
-        // What the scene's size allows for a person, should a unit be something else than a metre.
-        let fits = person.clamp(0.01 * radius, 0.1 * radius);
-        levels = vec![fits];
-        if fits >= person && fits > 0.07 * radius {
-            levels.push(0.035 * radius);
-        }
-    }
-    let lowest = levels[0];
-    // Where a person does not fit, nobody knows what eye level is.
-    let kind = if lowest < person { Kind::Raised } else { Kind::EyeLevel };
-    let mut heights: Vec<(Kind, f64, f64)> = levels.into_iter().map(|h| (kind, h, 0.0)).collect();
-    heights.push((Kind::Raised, 2.5 * lowest, -10.0));
-    for pitch in [-12.0, -20.0] {
-        heights.push((Kind::Raised, (0.2 * radius).max(4.0 * lowest), pitch));
-    }
-    heights
+    // Should a unit be something else than a metre: most places are walked about in within 50 m.
+    let likely = 0.035 * radius;
+    let fits = (0.01 * radius..=0.1 * radius).contains(&person);
+    let (kind, lowest) = if fits || survey.metres_per_unit.source != Source::Assumed {
+        (Kind::EyeLevel, person)
+    } else if survey.sky_splats > 0 {
+        (Kind::EyeLevel, likely)
+    } else {
+        // A table, a room or a street: nobody knows what eye level is, and the floor is no place for a lens.
+        (Kind::Raised, 0.1 * radius)
+    };
+    let high = (0.2 * radius).max(4.0 * lowest);
+    vec![
+        (kind, lowest, 0.0),
+        (Kind::Raised, 2.5 * lowest, -10.0),
+        (Kind::Raised, high, -12.0),
+        (Kind::Raised, high, -20.0),
+    ]
 }
 
 /// Views from places above the seen ground.

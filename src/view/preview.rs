@@ -5,13 +5,15 @@ use super::choose::choose;
 use super::moves::{dolly, orbit};
 use super::testing::{Loaded, place, real};
 use super::{Options, path::Path};
+use glam::{DQuat, DVec3};
 use std::path::PathBuf;
 use std::time::Instant;
 use wm_render::hooks::{Hooks, Medium, ShadeBatch};
 use wm_render::simd::SimdPath;
 use wm_render::{Background, Frame, Job, RenderConfig, Renderer, SetView, SkyGradient};
-use wm_scene::Camera;
 use wm_scene::color::{srgb_decode, srgb_encode};
+use wm_scene::synthetic::moved;
+use wm_scene::{Camera, Scene};
 
 /// A picture as a binary PPM.
 fn write(file: PathBuf, frame: &Frame) {
@@ -76,7 +78,11 @@ fn preview() {
     let folder = PathBuf::from(std::env::var_os("WM_PREVIEW").expect("WM_PREVIEW names a folder"));
     let scenes = ["headquarter-garden", "taebak"].into_iter().filter_map(|name| Some((name, real(name)?)));
     let places = ["street", "table", "village", "street-sky"].map(|name| (name, place(name)));
-    for (name, scene) in scenes.chain(places) {
+    let resized = [("garden-small", 0.08), ("garden-large", 20.0)].into_iter().filter_map(|(name, scale)| {
+        let scene = real("headquarter-garden")?;
+        Some((name, Scene { splats: moved(&scene.splats, DQuat::IDENTITY, scale, DVec3::ZERO), ..scene }))
+    });
+    for (name, scene) in scenes.chain(places).chain(resized) {
         show(&mut Studio { folder: folder.clone(), loaded: Loaded::new(scene, None) }, name);
     }
 }
