@@ -1,5 +1,7 @@
 //! What a render gives: pictures of one view, each in its own array.
 
+pub use wm_scene::color::{srgb_decode, srgb_encode};
+
 /// How the numbers of `Frame::rgb` stand for light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Encoding {
@@ -65,37 +67,5 @@ impl Frame {
             Encoding::Linear => self.rgb.clone(),
             Encoding::Srgb => self.rgb.iter().map(|v| srgb_decode(f64::from(*v)) as f32).collect(),
         }
-    }
-}
-
-/// sRGB to linear light, IEC 61966-2-1; extended above 1, 0 below 0.
-#[must_use]
-pub fn srgb_decode(value: f64) -> f64 {
-    if value <= 0.040_45 { value.max(0.0) / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
-}
-
-/// Linear light to sRGB, IEC 61966-2-1; extended above 1, 0 below 0.
-#[must_use]
-pub fn srgb_encode(value: f64) -> f64 {
-    if value <= 0.003_130_8 { value.max(0.0) * 12.92 } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn decode_undoes_encode(v in 0.0..4.0f64) {
-            prop_assert!((srgb_decode(srgb_encode(v)) - v).abs() < 1e-6);
-        }
-    }
-
-    #[test]
-    fn white_and_black_stay() {
-        assert_eq!(srgb_encode(0.0), 0.0);
-        assert!((srgb_encode(1.0) - 1.0).abs() < 1e-12);
-        assert_eq!(srgb_decode(-0.5), 0.0);
     }
 }

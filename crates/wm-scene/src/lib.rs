@@ -8,9 +8,11 @@
 //! - [`Metadata`]: what weather must know of a scene: metres per unit, up, ground, sky.
 //! - [`Scene`]: the three together, read and written by [`formats`].
 //! - [`View`]: a photographed view, of a scene or a [`capture`].
+//! - [`survey::Survey`]: what the splats and views say of the place where the metadata does not.
 
 pub mod camera;
 pub mod capture;
+pub mod color;
 pub mod error;
 pub mod files;
 pub mod formats;
@@ -23,6 +25,8 @@ pub mod scene;
 pub mod sh;
 mod source;
 pub mod splats;
+pub mod survey;
+pub mod synthetic;
 #[cfg(test)]
 mod testing;
 

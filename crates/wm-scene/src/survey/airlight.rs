@@ -1,0 +1,108 @@
+//! The airlight: the colour that fog has where nothing is seen through it any more.
+//!
+//! In daylight it is about the mean radiance of the sky near the horizon. Where a scene has a sky, its
+//! splats say it; where not, the brightest surfaces give a measure of the daylight.
+
+use super::linear::quantile;
+use super::sample::Sample;
+use super::sky::Sky;
+use crate::color::{luminance, srgb_decode};
+use crate::{Splats, sh};
+use glam::DVec3;
+
+/// Brightest airlight: a sky that photos burned out says "white or more", and fog at display white
+/// would show no shape and no snow before it.
+const MOST: f64 = 0.9;
+/// Darkest airlight without a sky: a shady courtyard does not make a dark fog.
+const LEAST: f64 = 0.35;
+/// Colour of daylight fog without a sky: a touch of blue.
+const TINT: [f64; 3] = [0.97, 1.0, 1.05];
+/// Upper edges of the bands above the horizon that are tried, as sines: 20 and 40 degrees, all.
+const BANDS: [f64; 3] = [0.342, 0.643, 1.0];
+/// Share of the seen sky that a band needs.
+const ENOUGH: f64 = 0.04;
+
+/// The airlight, linear RGB, 1 = display white.
+pub fn estimate(splats: &Splats, sample: &Sample, sky: &Sky, up: DVec3) -> [f64; 3] {
+    from_sky(splats, sample, sky, up).unwrap_or_else(|| from_surfaces(splats, sample))
+}
+
+/// A piece of sky as seen from the middle of the scene.
+struct Patch {
+    /// Sine of its elevation.
+    sin: f64,
+    /// Solid angle times opacity, steradians.
+    weight: f64,
+    rgb: [f64; 3],
+}
+
+fn from_sky(splats: &Splats, sample: &Sample, sky: &Sky, up: DVec3) -> Option<[f64; 3]> {
+    let indices = sky.indices(splats).into_iter().filter(|index| splats.is_sound(*index));
+    let mut patches: Vec<Patch> = indices.map(|index| patch(splats, index, sample.center, up)).collect();
+    let mut weights: Vec<f64> = patches.iter().map(|p| p.weight).collect();
+    let most = quantile(&mut weights, 0.95);
+    for patch in &mut patches {
+        patch.weight = patch.weight.min(most);
+    }
+    // A shell may close under the ground, where it has no light of its own.
+    if patches.iter().any(|p| p.sin > 0.0) {
+        patches.retain(|p| p.sin > 0.0);
+    }
+    // What is far darker than the rest was never seen: it lies behind houses, and training left
+    // anything there.
+    let typical = median_luminance(&mut patches)?;
+    patches.retain(|p| luminance(p.rgb) >= 0.65 * typical);
+    let seen: f64 = patches.iter().map(|p| p.weight).sum();
+    BANDS.into_iter().find_map(|band| mean(patches.iter().filter(|p| p.sin <= band), ENOUGH * seen))
+}
+
+fn patch(splats: &Splats, index: usize, center: DVec3, up: DVec3) -> Patch {
+    let offset = DVec3::from_array(splats.means[index].map(f64::from)) - center;
+    let mut scales = splats.scales(index);
+    scales.sort_by(f64::total_cmp);
+    let solid_angle = scales[1] * scales[2] / offset.length_squared();
+    let direction = offset.normalize_or_zero();
+    let rgb = light(splats, index, direction);
+    Patch { sin: direction.dot(up), weight: solid_angle * splats.opacity(index), rgb }
+}
+
+/// The linear colour of a splat seen in a direction, 0-1.
+fn light(splats: &Splats, index: usize, direction: DVec3) -> [f64; 3] {
+    sh::color(splats.sh_of(index), direction.to_array()).map(|v| srgb_decode(v.clamp(0.0, 1.0)))
+}
+
+/// Weighted median of the luminance; the patches are sorted by it.
+fn median_luminance(patches: &mut [Patch]) -> Option<f64> {
+    patches.sort_by(|a, b| luminance(a.rgb).total_cmp(&luminance(b.rgb)));
+    let half = 0.5 * patches.iter().map(|p| p.weight).sum::<f64>();
+    let mut sum = 0.0;
+    let middle = patches.iter().find(|patch| {
+        sum += patch.weight;
+        sum >= half
+    });
+    middle.map(|patch| luminance(patch.rgb))
+}
+
+/// Mean radiance; `None` if the patches have no weight or less than `least` in all.
+fn mean<'a>(patches: impl Iterator<Item = &'a Patch>, least: f64) -> Option<[f64; 3]> {
+    let (mut sum, mut weight) = ([0.0; 3], 0.0);
+    for patch in patches {
+        weight += patch.weight;
+        for (sum, value) in sum.iter_mut().zip(patch.rgb) {
+            *sum += value * patch.weight;
+        }
+    }
+    let mean = sum.map(|v| v / weight);
+    let scale = (MOST / luminance(mean).max(MOST)).min(1.0);
+    (weight > 0.0 && weight >= least).then(|| mean.map(|v| v * scale))
+}
+
+fn from_surfaces(splats: &Splats, sample: &Sample) -> [f64; 3] {
+    let displayed = |index: usize, at: DVec3| {
+        let direction = (at - sample.center).normalize_or_zero().to_array();
+        luminance(sh::color(splats.sh_of(index), direction).map(|v| v.clamp(0.0, 1.0)))
+    };
+    let mut values: Vec<f64> = sample.points.iter().map(|p| displayed(p.index, p.at)).collect();
+    let bright = srgb_decode(quantile(&mut values, 0.95)).clamp(LEAST, MOST);
+    TINT.map(|v| v * bright / luminance(TINT))
+}

@@ -1,0 +1,163 @@
+//! The ground: its height along up, and the plane through it.
+//!
+//! The ground is the lowest large, dense, level surface near the middle of the scene. Splats that
+//! face up or down are counted by height, by how much surface they stand for and over how many cells
+//! of a grid they lie. The lowest height with a fair share of the best counts of both is the ground:
+//! floaters below it have no surface, a cellar or a pond has few cells.
+
+use super::linear::{eigen, horizontals, outer, quantile};
+use super::sample::{Point, Sample};
+use crate::View;
+use glam::{DMat3, DVec3};
+
+/// Layers of height a scene radius.
+const LAYERS: f64 = 200.0;
+/// Thickness of the surface that is looked for, layers to each side.
+const HALF: usize = 2;
+/// Cells of the grid a scene radius.
+const CELLS: f64 = 12.0;
+/// How near a normal must be to up: 25 degrees. Slopes and rough ground are wanted.
+const LEVEL: f64 = 0.906;
+/// Share of the best surface, and of the best cells, that the ground has.
+const FAIR: f64 = 0.4;
+
+/// Height of the ground along `up`, scene units; `None` if nothing is level.
+///
+/// `ceiling` bounds it from above, such as by cameras.
+pub fn level(sample: &Sample, up: DVec3, ceiling: Option<f64>) -> Option<f64> {
+    let (x, y) = horizontals(up);
+    let mut heights: Vec<f64> = sample.points.iter().map(|p| p.at.dot(up)).collect();
+    let low = quantile(&mut heights, 0.002);
+    let high = quantile(&mut heights, 0.998);
+    let step = sample.radius / LAYERS;
+    let count = ((high - low) / step) as usize + 2 * HALF + 1;
+    // A negative, zero or infinite radius has no layers.
+    if !(step > 0.0 && count < 1 << 16) {
+        return None;
+    }
+    let mut surface = vec![0.0; count];
+    let mut cells: Vec<(usize, i32, i32)> = Vec::new();
+    for point in &sample.points {
+        let offset = point.at - sample.center;
+        let layer = ((point.at.dot(up) - low) / step).clamp(0.0, (count - 1) as f64) as usize;
+        let away = (offset.dot(x).powi(2) + offset.dot(y).powi(2)) / sample.radius.powi(2);
+        let weight = point.area * (-2.0 * away).exp();
+        if point.normal.dot(up).abs() >= LEVEL {
+            surface[layer] += weight;
+            let cell = |axis: DVec3| (offset.dot(axis) / sample.radius * CELLS).floor() as i32;
+            cells.push((layer, cell(x), cell(y)));
+        }
+    }
+    let around = |layer: usize| layer.saturating_sub(HALF)..(layer + HALF + 1).min(count);
+    let surface: Vec<f64> = (0..count).map(|layer| surface[around(layer)].iter().sum()).collect();
+    let cover = cover(&mut cells, count);
+    let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+    let (most_surface, most_cover) = (most(&surface), most(&cover));
+    if most_surface <= 0.0 {
+        return None;
+    }
+    let allowed = |layer: usize| ceiling.is_none_or(|c| low + layer as f64 * step < c);
+    let fair = |layer: &usize| {
+        surface[*layer] >= FAIR * most_surface && cover[*layer] >= FAIR * most_cover && allowed(*layer)
+    };
+    let first = (0..count).find(fair).or_else(|| (0..count).find(|l| surface[*l] == most_surface))?;
+    // The surface is met at its edge: the middle of it is the best layer just above.
+    let best = (first..(first + 2 * HALF + 1).min(count))
+        .max_by(|a, b| surface[*a].total_cmp(&surface[*b]).then(b.cmp(a)))?;
+    let height = low + (best as f64 + 0.5) * step;
+    Some(median_height(sample, up, height, (HALF as f64 + 0.5) * step))
+}
+
+/// Height above which the ground cannot be: that of the lower cameras; `None` without any.
+pub fn ceiling(views: &[View], up: DVec3) -> Option<f64> {
+    let mut heights: Vec<f64> = views.iter().map(|view| view.camera.center().dot(up)).collect();
+    (!heights.is_empty()).then(|| quantile(&mut heights, 0.1))
+}
+
+/// Height of the lowest points, where nothing is level; 0 if there are none.
+pub fn lowest(sample: &Sample, up: DVec3) -> f64 {
+    let mut heights: Vec<f64> = sample.points.iter().map(|p| p.at.dot(up)).collect();
+    quantile(&mut heights, 0.02)
+}
+
+/// Cells of the grid in which a surface of each layer lies, as in `surface`.
+fn cover(cells: &mut Vec<(usize, i32, i32)>, count: usize) -> Vec<f64> {
+    let mut cover = vec![0.0; count];
+    // A cell counts once a layer and its neighbours: count each where it last was too far below.
+    cells.sort_unstable_by_key(|(layer, x, y)| (*x, *y, *layer));
+    cells.dedup();
+    let mut last: Option<(usize, i32, i32)> = None;
+    for &(layer, x, y) in cells.iter() {
+        let from = match last {
+            Some((before, a, b)) if (a, b) == (x, y) => (before + HALF + 1).max(layer.saturating_sub(HALF)),
+            _ => layer.saturating_sub(HALF),
+        };
+        for value in &mut cover[from.min(count)..(layer + HALF + 1).min(count)] {
+            *value += 1.0;
+        }
+        last = Some((layer, x, y));
+    }
+    cover
+}
+
+/// Weighted median height of the level points within `reach` of `height`, the middle of the scene
+/// counting most.
+fn median_height(sample: &Sample, up: DVec3, height: f64, reach: f64) -> f64 {
+    let mut near: Vec<(f64, f64)> = sample
+        .points
+        .iter()
+        .filter(|p| p.normal.dot(up).abs() >= LEVEL && (p.at.dot(up) - height).abs() <= reach)
+        .map(|p| {
+            let away = (p.at - sample.center).reject_from_normalized(up).length_squared();
+            (p.at.dot(up), p.area * (-2.0 * away / sample.radius.powi(2)).exp())
+        })
+        .collect();
+    near.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = 0.5 * near.iter().map(|n| n.1).sum::<f64>();
+    let mut sum = 0.0;
+    let middle = near.iter().find(|n| {
+        sum += n.1;
+        sum >= half
+    });
+    middle.map_or(height, |n| n.0)
+}
+
+/// The plane of the ground about `height`, as its normal on the side of `up`.
+///
+/// `None` where it is not reliable: too few points, too narrow, or too rough.
+pub fn plane(sample: &Sample, up: DVec3, height: f64) -> Option<DVec3> {
+    let mut normal = up;
+    let level: Vec<&Point> = sample.points.iter().filter(|p| p.normal.dot(up).abs() >= LEVEL).collect();
+    let mut origin = sample.center + up * (height - sample.center.dot(up));
+    // From thick to thin: what is a step at first, a kerb or a hedge, drops out.
+    for thickness in [0.04, 0.03, 0.02, 0.02, 0.015, 0.015] {
+        let reach = thickness * sample.radius;
+        let (mut sum, mut weights, mut moments, mut used) = (DVec3::ZERO, 0.0, DMat3::ZERO, 0);
+        for point in &level {
+            let offset = point.at - origin;
+            let off = offset.dot(normal) / reach;
+            if off.abs() < 1.0 {
+                // Tukey's weight, and the middle of the scene before its rim.
+                let away = offset.length_squared() / sample.radius.powi(2);
+                let weight = point.area * (1.0 - off * off).powi(2) * (-away).exp();
+                sum += offset * weight;
+                moments += outer(offset, weight);
+                weights += weight;
+                used += 1;
+            }
+        }
+        if used < 100 || weights <= 0.0 {
+            return None;
+        }
+        let mean = sum / weights;
+        let [(thin, axis), (narrow, _), _] = eigen(moments * (1.0 / weights) - outer(mean, 1.0));
+        let wide = narrow.sqrt();
+        // A strip says nothing of the slope across it.
+        if wide < 0.08 * sample.radius || thin.sqrt() > 0.1 * wide {
+            return None;
+        }
+        origin += mean;
+        normal = if axis.dot(up) < 0.0 { -axis } else { axis };
+    }
+    Some(normal)
+}

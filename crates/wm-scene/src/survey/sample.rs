@@ -1,0 +1,139 @@
+//! A fair sample of the splats: enough for every estimate of a survey, few enough to be quick.
+
+use super::linear::{horizontals, quantile};
+use super::sky::Sky;
+use crate::Splats;
+use glam::DVec3;
+
+/// Most splats that are looked at closely. The error of a share or a quantile is about
+/// `1 / (2 sqrt(30000))` = 0.3 %, far below what any decision here turns on.
+const MOST: usize = 30_000;
+
+/// Fainter splats are haze of the reconstruction, not surface.
+const LEAST_OPACITY: f64 = 0.1;
+
+/// One splat that is no sky.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    /// Its index in the splats.
+    pub index: usize,
+    /// Its centre, scene units.
+    pub at: DVec3,
+    /// Its shortest axis, length 1, sign free.
+    pub normal: DVec3,
+    /// How much surface it stands for: its area times opacity times flatness, square units. Large
+    /// ones are cut to the 95 % quantile, so that no single splat outvotes a surface.
+    pub area: f64,
+}
+
+/// The sampled splats and where their middle is.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// The sampled splats, in their order.
+    pub points: Vec<Point>,
+    /// The middle, scene units: see [`center_of`].
+    pub center: DVec3,
+    /// Distance from the middle within which 95 % of the points are, scene units.
+    pub radius: f64,
+}
+
+impl Sample {
+    /// Takes splats that can be seen and are no sky, at even steps of their index.
+    pub fn of(splats: &Splats, sky: &Sky) -> Self {
+        let mut points: Vec<Point> = strided(splats.len(), MOST)
+            .filter(|index| splats.is_sound(*index) && !sky.holds(splats, *index))
+            .filter_map(|index| point(splats, index))
+            .collect();
+        let mut areas: Vec<f64> = points.iter().map(|p| p.area).collect();
+        let most = quantile(&mut areas, 0.95);
+        for point in &mut points {
+            point.area = point.area.min(most);
+        }
+        let at: Vec<DVec3> = points.iter().map(|p| p.at).collect();
+        let center = center_of(&at);
+        let mut distances: Vec<f64> = at.iter().map(|p| p.distance(center)).collect();
+        let radius = quantile(&mut distances, 0.95);
+        Self { points, center, radius }
+    }
+
+    /// Length, width and height (along `up`) of the box that holds all but 1 % of the points to each
+    /// side, scene units.
+    pub fn extent(&self, up: DVec3) -> [f64; 3] {
+        let (x, y) = horizontals(up);
+        let mut size = [x, y, up].map(|axis| {
+            let mut along: Vec<f64> = self.points.iter().map(|p| p.at.dot(axis)).collect();
+            let low = quantile(&mut along, 0.01);
+            quantile(&mut along, 0.99) - low
+        });
+        size[..2].sort_by(|a, b| b.total_cmp(a));
+        size
+    }
+}
+
+/// Indices below `count` at even steps, about `most` of them.
+pub fn strided(count: usize, most: usize) -> impl Iterator<Item = usize> {
+    (0..count).step_by(count.div_ceil(most).max(1))
+}
+
+fn point(splats: &Splats, index: usize) -> Option<Point> {
+    let opacity = splats.opacity(index);
+    if opacity < LEAST_OPACITY {
+        return None;
+    }
+    let mut scales = splats.scales(index);
+    scales.sort_by(f64::total_cmp);
+    let [thin, middle, long] = scales;
+    // A needle or a ball has no surface that faces anywhere.
+    let flatness = if middle > 0.0 { 1.0 - thin / middle } else { 0.0 };
+    let at = DVec3::from_array(splats.means[index].map(f64::from));
+    let normal = DVec3::from_array(splats.normal(index));
+    Some(Point { index, at, normal, area: middle * long * opacity * flatness })
+}
+
+/// The middle of most of `points`, whatever the rest does: the geometric median, then that of the
+/// nearer three fifths. The origin if there are none.
+///
+/// The geometric median turns with the scene, other than the median of each coordinate.
+pub fn center_of(points: &[DVec3]) -> DVec3 {
+    let few: Vec<DVec3> = strided(points.len(), 5000).map(|i| points[i]).collect();
+    let center = geometric_median(&few);
+    let mut distances: Vec<f64> = few.iter().map(|p| p.distance(center)).collect();
+    let reach = quantile(&mut distances, 0.6);
+    let near: Vec<DVec3> = few.into_iter().filter(|p| p.distance(center) <= reach).collect();
+    geometric_median(&near)
+}
+
+/// The point with the least sum of distances, by Weiszfeld's iteration from the median of each
+/// coordinate.
+fn geometric_median(points: &[DVec3]) -> DVec3 {
+    let median = |axis: usize| quantile(&mut points.iter().map(|p| p[axis]).collect::<Vec<_>>(), 0.5);
+    let mut center = DVec3::new(median(0), median(1), median(2));
+    let mut distances: Vec<f64> = points.iter().map(|p| p.distance(center)).collect();
+    let softening = 1e-3 * quantile(&mut distances, 0.5) + f64::MIN_POSITIVE;
+    for _ in 0..20 {
+        let (sum, weight) = points.iter().fold((DVec3::ZERO, 0.0), |(sum, weight), p| {
+            let w = 1.0 / (p.distance(center) + softening);
+            (sum + *p * w, weight + w)
+        });
+        if weight > 0.0 && weight.is_finite() {
+            center = sum / weight;
+        }
+    }
+    center
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_middle_withstands_a_third_of_strays() {
+        let near =
+            (0..200).map(|i| DVec3::new(f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100)));
+        let far = (0..100).map(|i| DVec3::new(500.0, f64::from(i), 900.0));
+        let center = center_of(&near.chain(far).collect::<Vec<_>>());
+        assert!(center.distance(DVec3::new(4.5, 4.5, 0.5)) < 1.5, "{center}");
+        assert_eq!(center_of(&[]), DVec3::ZERO);
+        assert_eq!(center_of(&[DVec3::X; 3]), DVec3::X);
+    }
+}

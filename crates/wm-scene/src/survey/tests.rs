@@ -1,0 +1,314 @@
+use super::{sky::Sky, *};
+use crate::synthetic::{Builder, aerial, moved, rotation, street, table};
+use crate::testing::data;
+use crate::{Camera, Group, Splats, View};
+use glam::DQuat;
+use proptest::prelude::*;
+
+fn read(name: &str) -> Option<Scene> {
+    let path = data(&format!("scenes/{name}.ply"))?;
+    Some(crate::formats::read_scene(&path, &Default::default()).unwrap())
+}
+
+fn bare(splats: Splats) -> Scene {
+    Scene { splats, ..Scene::default() }
+}
+
+fn survey(splats: Splats) -> Survey {
+    Survey::of(&bare(splats), &Metadata::default())
+}
+
+fn with_sky(mut place: Builder, radius: f64, count: usize) -> Splats {
+    place.sky(DVec3::ZERO, radius, count);
+    place.build()
+}
+
+/// Degrees between the up that is found and the true one.
+fn off(survey: &Survey, truth: DVec3) -> f64 {
+    survey.up.value.angle_between(truth).to_degrees()
+}
+
+fn views(eyes: &[(DVec3, DVec3)]) -> Vec<View> {
+    let camera = |(eye, target): &(DVec3, DVec3)| Camera::look_at((300, 200), 50.0, *eye, *target, DVec3::Z);
+    let view = |(i, c)| View { name: format!("{i}.jpg"), camera: c };
+    eyes.iter().map(camera).map(Result::unwrap).enumerate().map(view).collect()
+}
+
+#[test]
+fn the_garden_has_a_sky_shell() {
+    let Some(scene) = read("headquarter-garden") else { return };
+    let mut splats = scene.splats.clone();
+    assert_eq!(label_sky(&mut splats), 8688);
+    let found = Survey::of(&scene, &Metadata::default());
+    let labelled = survey(splats.clone());
+    assert_eq!((found.sky_splats, labelled.sky_splats, label_sky(&mut splats)), (8688, 8688, 0));
+    assert_eq!(found.up, Sourced { value: DVec3::Z, source: Source::Estimated });
+    // The paving falls from -0.3 to -1.4 over the courtyard; in the middle it is at -0.85.
+    assert!((found.ground.value + 0.85).abs() < 0.2, "{}", found.ground.value);
+    assert!(found.center.distance(DVec3::new(4.0, -31.0, 0.0)) < 5.0 && found.radius < 60.0);
+    // A burned out overcast sky.
+    assert!(found.airlight.value.iter().all(|v| (0.85..0.92).contains(v)), "{:?}", found.airlight);
+}
+
+#[test]
+fn the_camp_from_a_drone_has_none() {
+    let Some(mut scene) = read("taebak") else { return };
+    let found = Survey::of(&scene, &Metadata::default());
+    assert_eq!(found.up, Sourced { value: DVec3::NEG_Y, source: Source::Estimated });
+    assert!((found.ground.value - 0.08).abs() < 0.05, "{}", found.ground.value);
+    assert_eq!((found.sky_splats, label_sky(&mut scene.splats)), (0, 0));
+    assert!(found.extent[0] > 45.0 && found.extent[2] < 4.0);
+    let [r, g, b] = found.airlight.value;
+    assert!(r < g && g < b && b < 1.0 && r > 0.35);
+}
+
+#[test]
+fn real_scenes_can_lie_any_way() {
+    for (name, truth, turns) in [("headquarter-garden", DVec3::Z, 4), ("taebak", DVec3::NEG_Y, 12)] {
+        let Some(scene) = read(name) else { continue };
+        for index in 0..turns {
+            let turn = rotation(7, index);
+            let mut turned = moved(&scene.splats, turn, 0.3, DVec3::new(5.0, -40.0, 11.0));
+            // Every other time without its sky, which is the strongest of clues.
+            if index % 2 == 1 && label_sky(&mut turned) > 0 {
+                let scene: Vec<usize> =
+                    (0..turned.len()).filter(|i| turned.groups[*i] == Group::Scene).collect();
+                turned = turned.select(&scene);
+            }
+            let found = survey(turned);
+            assert!(off(&found, turn * truth) < 1.0, "{name} {index}: {} off", off(&found, turn * truth));
+        }
+    }
+}
+
+#[test]
+fn made_up_places_can_lie_any_way() {
+    for (name, splats, height) in [
+        ("street", street(1).build(), 0.1),
+        ("street with sky", with_sky(street(2), 300.0, 10_000), 0.1),
+        ("table", table(1).build(), 0.03),
+        ("village", aerial(1).build(), 0.3),
+        ("village with sky", with_sky(aerial(2), 800.0, 20_000), 0.3),
+    ] {
+        for index in 0..6 {
+            let turn = if index == 0 { DQuat::IDENTITY } else { rotation(11, index) };
+            let (scale, shift) = (0.1 + index as f64, DVec3::new(3.0, -2.0, 7.0));
+            let found = survey(moved(&splats, turn, scale, shift));
+            let truth = turn * DVec3::Z;
+            assert!(off(&found, truth) < 1.0, "{name} {index}: {} off", off(&found, truth));
+            let ground = (found.ground.value - shift.dot(truth)) / scale;
+            assert!(ground.abs() < height, "{name} {index}: ground at {ground}");
+        }
+    }
+}
+
+#[test]
+fn a_dome_is_the_sky() {
+    let mut splats = with_sky(street(3), 400.0, 8000);
+    let count = splats.len();
+    assert_eq!(label_sky(&mut splats), 8000);
+    assert!(splats.groups[..count - 8000].iter().all(|g| *g == Group::Scene));
+    assert!(splats.groups[count - 8000..].iter().all(|g| *g == Group::Sky));
+    // Also where it is nearly half of all splats.
+    assert_eq!(label_sky(&mut with_sky(street(3), 400.0, 25_000)), 25_000);
+}
+
+#[test]
+fn distant_things_are_no_sky() {
+    // A ring of towers half a kilometre away, 20 degrees high at most; and strays everywhere.
+    let mut place = street(4);
+    for i in 0..24 {
+        let (sin, cos) = (f64::from(i) * 0.26).sin_cos();
+        let base = DVec3::new(500.0 * cos, 500.0 * sin, 0.0);
+        place.block(base, DVec3::new(60.0, 60.0, 60.0 + 5.0 * f64::from(i)), 6.0, [0.6; 3]);
+    }
+    let towers = place.clone().build();
+    place.strays(DVec3::splat(-4000.0), DVec3::splat(4000.0), 60);
+    for mut splats in [street(4).build(), table(4).build(), towers.clone(), place.build()] {
+        assert_eq!(label_sky(&mut splats), 0);
+    }
+    // With a sky behind them the towers stay.
+    let mut place = street(4);
+    place.sky(DVec3::ZERO, 3000.0, 4000);
+    let sky = place.build();
+    let mut all = towers;
+    let before = all.len();
+    for index in (0..sky.len()).skip(sky.len() - 4000) {
+        all.means.push(sky.means[index]);
+        all.quats.push(sky.quats[index]);
+        all.log_scales.push(sky.log_scales[index]);
+        all.logit_opacities.push(sky.logit_opacities[index]);
+        all.sh.extend(sky.sh_of(index));
+        all.groups.push(Group::Scene);
+    }
+    assert_eq!(label_sky(&mut all), 4000);
+    assert!(all.groups[..before].iter().all(|g| *g == Group::Scene));
+}
+
+#[test]
+fn cameras_decide_where_there_are_any() {
+    // A wall that fills the view, so that the splats alone mislead, and people before it.
+    let mut place = Builder::new(1);
+    place.surface(DVec3::new(-9.0, 5.0, 0.0), DVec3::X * 18.0, DVec3::Z * 20.0, 0.2, |_, _| [0.6; 3]);
+    place.surface(DVec3::new(-9.0, -3.0, 0.0), DVec3::X * 18.0, DVec3::Y * 8.0, 0.2, |_, _| [0.3; 3]);
+    let eyes: Vec<_> = (0..9)
+        .map(|i| DVec3::new(f64::from(i) - 4.0, -10.0, 1.6))
+        .map(|eye| (eye, DVec3::new(0.5 * eye.x, 5.0, 6.0)))
+        .collect();
+    let scene = Scene { views: views(&eyes), ..bare(place.build()) };
+    let found = Survey::of(&scene, &Metadata::default());
+    assert_eq!(found.up, Sourced { value: DVec3::Z, source: Source::Cameras });
+    assert!(found.ground.value.abs() < 0.1);
+    // A drone that looks down one way: the cameras are 50 degrees off, the village is not.
+    let slanted: Vec<_> = (0..8)
+        .map(|i| DVec3::new(f64::from(i) * 7.0 - 24.0, -40.0, 60.0))
+        .map(|eye| (eye, eye + DVec3::new(0.0, 50.0, -60.0)))
+        .collect();
+    let scene = Scene { views: views(&slanted), ..bare(aerial(5).build()) };
+    let found = Survey::of(&scene, &Metadata::default());
+    assert!(off(&found, DVec3::Z) < 1.0 && found.up.source == Source::Estimated);
+    // Straight down from a drone: the cameras do not know, the splats do.
+    let down: Vec<_> = (0..8)
+        .map(|i| DVec3::new(f64::from(i) * 7.0 - 24.0, (f64::from(i) * 2.4).sin() * 20.0, 60.0))
+        .map(|eye| (eye, eye + DVec3::new((eye.x * 0.8).sin(), (eye.x * 0.8).cos(), -60.0)))
+        .collect();
+    let scene = Scene { views: views(&down), ..bare(aerial(5).build()) };
+    let found = Survey::of(&scene, &Metadata::default());
+    assert!(off(&found, DVec3::Z) < 1.0);
+}
+
+#[test]
+fn photographers_hold_their_cameras_level() {
+    // A plane through the points of the road, and one through those of the facade, which is plumb. The
+    // castle was photographed from below: the mean of the ups alone is 11 degrees off.
+    let (road, facade) = (DVec3::new(-0.003, -1.0, 0.001), DVec3::new(0.231, -0.159, -0.960));
+    let found = |name: &str| {
+        let views = crate::capture::read_views(&data(&format!("photos/{name}"))?).unwrap();
+        Some(Survey::of(&Scene { views, ..Scene::default() }, &Metadata::default()).up)
+    };
+    let Some(street) = found("lund-street") else { return };
+    assert!(street.value.angle_between(road).to_degrees() < 3.0 && street.source == Source::Cameras);
+    let Some(castle) = found("sceaux-castle") else { return };
+    assert!((castle.value.angle_between(facade).to_degrees() - 90.0).abs() < 4.0, "{castle:?}");
+}
+
+#[test]
+fn the_ground_is_no_cellar_and_no_roof() {
+    let mut place = street(9);
+    let dark = |_: f64, _: f64| [0.1; 3];
+    place.surface(DVec3::new(5.0, -2.0, -3.0), DVec3::X * 6.0, DVec3::Y * 4.0, 0.3, dark);
+    place.surface(DVec3::new(-20.0, -12.0, 9.0), DVec3::X * 20.0, DVec3::Y * 6.0, 0.2, dark);
+    place.strays(DVec3::new(-30.0, -8.0, -9.0), DVec3::new(30.0, 8.0, 0.0), 1000);
+    let found = survey(place.build());
+    assert!(off(&found, DVec3::Z) < 1.0 && found.ground.value.abs() < 0.1, "{found:?}");
+}
+
+#[test]
+fn what_is_given_wins() {
+    let turn = DQuat::from_rotation_x(0.2);
+    let file = Metadata {
+        up: Some(turn * DVec3::Z),
+        ground: Some(-5.0),
+        airlight: Some([0.1, 0.2, 0.3]),
+        ..Metadata::default()
+    };
+    let scene = Scene { metadata: file, ..bare(street(5).build()) };
+    let found = Survey::of(&scene, &Metadata::default());
+    let sources = [found.up.source, found.ground.source, found.airlight.source];
+    assert_eq!(sources, [Source::File; 3]);
+    assert_eq!(found.metadata(), scene.metadata);
+    // The file's ground is along its own up, and goes with it.
+    let given = Metadata { up: Some(DVec3::Z), metres_per_unit: Some(2.0), ..Metadata::default() };
+    let found = Survey::of(&scene, &given);
+    assert_eq!((found.up.source, found.ground.source), (Source::Given, Source::Estimated));
+    assert!(found.ground.value.abs() < 0.1);
+    assert_eq!((found.warning(), found.metadata().metres_per_unit), (None, Some(2.0)));
+    assert!((found.height(DVec3::new(3.0, 4.0, 7.0)) - 7.0).abs() < 0.1);
+    // What cannot be used is as good as missing.
+    let broken = Metadata { up: Some(DVec3::ZERO), ..Metadata::default() };
+    assert_eq!(Survey::of(&scene, &broken).up.source, Source::File);
+}
+
+#[test]
+fn it_is_told_in_lines() {
+    let mut found = survey(with_sky(street(6), 300.0, 5000));
+    found.extent = [126.4, 93.2, 40.3];
+    found.airlight.value = [0.7, 0.755, 0.8];
+    found.ground.value = -1e-9;
+    let lines = [
+        "up: 0, 0, 1 (estimated from the splats)",
+        "ground: 0 units along up (estimated from the splats)",
+        "scale: 1 unit is 1 m (assumed)",
+        "size: 126 x 93 x 40 m",
+        "airlight: 0.7, 0.76, 0.8 linear (estimated from the sky near the horizon)",
+        "sky: 5000 splats",
+    ];
+    assert_eq!(found.lines(), lines);
+    let warning = "scale is not known: 1 unit is taken as 1 m, which makes the scene 126 x 93 x 40 m; give \
+                   --metres-per-unit or --known-distance";
+    assert_eq!(found.warning().unwrap(), warning);
+    found.extent = [0.51, 0.26, 0.033];
+    assert_eq!(found.lines()[3], "size: 0.510 x 0.260 x 0.033 m");
+}
+
+#[test]
+fn airlight_is_that_of_the_horizon() {
+    // White at the horizon, blue above: the mean to 20 degrees is nearer to white.
+    let found = survey(with_sky(street(7), 300.0, 10_000));
+    // From 0 to 20 degrees the mean share of white is 0.6: (0.67, 0.76, 0.89) on a display.
+    let expected = [0.67, 0.76, 0.89].map(crate::color::srgb_decode);
+    for (got, want) in found.airlight.value.into_iter().zip(expected) {
+        assert!((got - want).abs() < 0.03, "{:?}", found.airlight);
+    }
+    // Without a sky: grey-white, a touch blue, in its bounds even where all is dark.
+    let mut dark = street(7).build();
+    for value in &mut dark.sh {
+        *value -= 1.5;
+    }
+    let [r, g, b] = survey(dark).airlight.value;
+    assert!((0.3..0.4).contains(&g) && r < g && g < b && b < 1.1 * g);
+}
+
+#[test]
+fn nothing_and_next_to_nothing_can_be_surveyed() {
+    let nothing = survey(Splats::default());
+    assert_eq!((nothing.up, nothing.radius), (Sourced { value: DVec3::Z, source: Source::Assumed }, 0.0));
+    assert_eq!(nothing.metadata(), Metadata::default());
+    let some = street(8).build();
+    for count in [1, 2, 3, 10] {
+        let found = survey(some.select(&(0..count).map(|i| i * 50).collect::<Vec<_>>()));
+        assert!(found.up.value.is_normalized() && found.ground.value.is_finite(), "{found:?}");
+        assert!(found.airlight.value.iter().all(|v| v.is_finite()));
+    }
+    let one_place = some.select(&[5; 100]);
+    assert!(survey(one_place).metadata().fault().is_none());
+}
+
+#[test]
+fn scales_from_a_known_distance() {
+    assert_eq!(known_distance(DVec3::ZERO, DVec3::X * 4.0, 2.0), Ok(0.5));
+    let say = |a, b, metres| known_distance(a, b, metres).unwrap_err().to_string();
+    assert_eq!(
+        say(DVec3::ZERO, DVec3::X, -1.0),
+        "a known distance of -1 m gives no scale: it must be finite and above 0"
+    );
+    assert_eq!(
+        say(DVec3::ONE, DVec3::ONE, 1.0),
+        "the points ([1, 1, 1]) and ([1, 1, 1]) give no scale: they must be finite and apart"
+    );
+    assert!(known_distance(DVec3::NAN, DVec3::ONE, 1.0).is_err());
+    assert!(known_distance(DVec3::ZERO, DVec3::X * 1e-320, 1.0).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn any_splats_can_be_surveyed(scene in crate::testing::any_scene(40)) {
+        let found = Survey::of(&scene, &Metadata::default());
+        prop_assert!(found.up.value.is_normalized());
+        prop_assert!(found.metadata().fault().is_none(), "{found:?}");
+        prop_assert!(found.lines().iter().all(|line| !line.contains('\n')));
+        let sky = Sky::of(&scene.splats);
+        prop_assert_eq!(found.sky_splats, sky.indices(&scene.splats).len());
+    }
+}

@@ -1,0 +1,320 @@
+//! Which direction is up.
+//!
+//! Directions that could be up are collected: the world axes, those that much surface faces, the axes
+//! of the scene's extent, the middle of the sky. Each is rated by a sum of evidence in nats (natural
+//! logarithms of odds), both ways round:
+//! - ground: much surface faces it at one height near its lower end, with nothing below;
+//! - alone: there is no such surface at its upper end, as there is where walls face each other;
+//! - open: the scene is dense at the ground and thins out upwards, while between two walls it is even;
+//! - thin: places are wider than high;
+//! - sky: the shell lies above;
+//! - cameras: people hold them level. They weigh most, but a drone's look down, all one way even;
+//! - prior: programs write scenes with an axis up, or nearly so for cameras with y down.
+//!
+//! The best is refined to the surfaces that face it, to the plane of the ground, and, where much is
+//! built, to the walls: ground slopes, walls are plumb. It is set to a world axis within 2 degrees of
+//! it.
+
+use super::linear::{direction, eigen, horizontals, outer, quantile};
+use super::sample::{Point, Sample, strided};
+use super::sky::Sky;
+use super::{Source, ground};
+use crate::{Splats, View};
+use glam::{DMat3, DVec3};
+
+/// Directions over the half sphere in which surfaces are counted: 7 degrees apart.
+const DIRECTIONS: usize = 400;
+/// Points that each candidate is rated by.
+const RATED: usize = 8000;
+/// Half width of a peak of normals, as a cosine: 12 degrees.
+const PEAK: f64 = 0.978;
+/// A world axis this near is meant, as a cosine: 2 degrees.
+const SNAP: f64 = 0.999_39;
+/// Cameras held within this of up told it, as a cosine: 20 degrees.
+const AGREE: f64 = 0.94;
+/// Layers of height by which a candidate is rated.
+const LAYERS: usize = 64;
+
+/// Up, length 1, and whether the cameras or the splats alone tell it; `None` if nothing does.
+pub fn estimate(splats: &Splats, sample: &Sample, sky: &Sky, views: &[View]) -> Option<(DVec3, Source)> {
+    let held = held(views);
+    if sample.points.is_empty() || sample.radius <= 0.0 {
+        return held.map(|up| (snapped(up), Source::Cameras));
+    }
+    let clues = Clues { heaven: heaven(splats, sample, sky), held };
+    let rated = rated(sample);
+    let best = candidates(sample, &rated, clues)
+        .into_iter()
+        .flat_map(|axis| [axis, -axis])
+        .map(|up| (evidence(sample, &rated, up, clues).sum(), up))
+        .reduce(|best, other| if other.0 > best.0 { other } else { best });
+    let up = snapped(refined(sample, &rated, best?.1, 0.97));
+    let agree = held.is_some_and(|held| held.dot(up) > AGREE);
+    Some((up, if agree { Source::Cameras } else { Source::Estimated }))
+}
+
+/// Points by which directions are rated: each stands for the same area, so that strays, which are faint,
+/// count little.
+fn rated(sample: &Sample) -> Vec<Point> {
+    let total: f64 = sample.points.iter().map(|p| p.area).sum();
+    if total <= 0.0 {
+        return sample.points.clone();
+    }
+    let (mut sum, mut rated) = (0.0, Vec::with_capacity(RATED));
+    for point in &sample.points {
+        sum += point.area;
+        while (rated.len() as f64 + 0.5) * total < sum * RATED as f64 {
+            rated.push(*point);
+        }
+    }
+    rated
+}
+
+/// What is known of up apart from the splats of the scene.
+#[derive(Clone, Copy, Debug)]
+struct Clues {
+    /// The middle of the sky, see [`heaven`].
+    heaven: DVec3,
+    /// How the cameras were held, see [`held`].
+    held: Option<DVec3>,
+}
+
+/// Up as the cameras were held; `None` if they do not tell.
+///
+/// Two things are known of people with cameras: on the mean they hold them upright, to about 6 degrees
+/// in pitch, and they do not roll them, to about 1.5 degrees. The mean of the ups is the first; the
+/// direction that all x axes are level to is the second, and the better the more ways they look.
+fn held(views: &[View]) -> Option<DVec3> {
+    let count = views.len() as f64;
+    let (mut mean, mut moments) = (DVec3::ZERO, DMat3::ZERO);
+    for view in views {
+        mean += view.camera.up() / count;
+        moments += outer(view.camera.rotation().row(0), 1.0 / count);
+    }
+    // Cameras that look straight down, or are held every way, have no common up.
+    if views.is_empty() || mean.length() < 0.2 {
+        return None;
+    }
+    let mean = mean.normalize();
+    let [(least, axis), (spread, _), _] = eigen(moments);
+    let axis = if axis.dot(mean) < 0.0 { -axis } else { axis };
+    if least > 0.2 * spread || axis.dot(mean) < 0.3 {
+        return Some(mean);
+    }
+    // Precisions; neighbouring views err alike, so that four count as independent.
+    let (level, upright) = (4.0 * spread / 0.026f64.powi(2), 1.0 / 0.105f64.powi(2));
+    Some((axis * level + mean * upright).normalize())
+}
+
+/// `up` turned to the surfaces that face it, to the plane of the ground and to the walls, if they are
+/// within `limit` (a cosine) of it.
+fn refined(sample: &Sample, rated: &[Point], up: DVec3, limit: f64) -> DVec3 {
+    let facing = peak(rated, up, limit.max(PEAK));
+    let start = if facing.dot(up) > limit { facing } else { up };
+    let plane = ground::level(sample, start, None).and_then(|height| ground::plane(sample, start, height));
+    let ground = plane.filter(|normal| normal.dot(up) > limit).unwrap_or(start);
+    // Plumb walls do not stand on steep ground: beyond 8 degrees it is something else that was found.
+    walls(sample, ground).filter(|plumb| plumb.dot(ground) > 0.99).unwrap_or(ground)
+}
+
+/// The direction that walls have in them, near `up`; `None` where there are few, or all are parallel.
+fn walls(sample: &Sample, up: DVec3) -> Option<DVec3> {
+    let mut plumb = up;
+    let total: f64 = sample.points.iter().map(|p| p.area).sum();
+    if total <= 0.0 {
+        return None;
+    }
+    // Half widths as sines: 12 degrees to find them, 9 to fit them.
+    for width in [0.2, 0.2, 0.15, 0.15, 0.15, 0.15] {
+        let (mut moments, mut share) = (DMat3::ZERO, 0.0);
+        for point in &sample.points {
+            let off = point.normal.dot(plumb) / width;
+            if off.abs() < 1.0 {
+                let weight = point.area / total * (1.0 - off * off).powi(2);
+                moments += outer(point.normal, weight);
+                share += weight;
+            }
+        }
+        // Normals at random would give 8/15 of the width.
+        if share < 1.4 * width * 8.0 / 15.0 {
+            return None;
+        }
+        let [(_, axis), (second, _), _] = eigen(moments * (1.0 / share));
+        if second < 0.15 {
+            return None;
+        }
+        plumb = if axis.dot(up) < 0.0 { -axis } else { axis };
+    }
+    Some(plumb)
+}
+
+/// The nearest world axis if it is within 2 degrees.
+fn snapped(up: DVec3) -> DVec3 {
+    let longest = up.abs().max_position();
+    let axis = DVec3::AXES[longest] * up[longest].signum();
+    // Adding 0 turns -0 to 0.
+    if up.dot(axis) > SNAP { axis + 0.0 } else { up }
+}
+
+/// The middle of the sky's splats as seen from the scene's: length 0 if it is all around or there is
+/// none, 0.5 for a half sphere.
+fn heaven(splats: &Splats, sample: &Sample, sky: &Sky) -> DVec3 {
+    let mut indices = sky.indices(splats);
+    indices = strided(indices.len(), 5000).map(|i| indices[i]).collect();
+    let mut cells = vec![false; DIRECTIONS];
+    let directions: Vec<DVec3> = (0..DIRECTIONS).map(|i| direction(i, DIRECTIONS)).collect();
+    for index in indices {
+        let offset = DVec3::from_array(splats.means[index].map(f64::from)) - sample.center;
+        cells[nearest(&directions, |d| d.dot(offset))] = true;
+    }
+    // By direction and not by splat: a patch of many small clouds counts no more than plain sky.
+    let covered: Vec<DVec3> = directions.into_iter().zip(cells).filter(|c| c.1).map(|c| c.0).collect();
+    covered.iter().sum::<DVec3>() / covered.len().max(1) as f64
+}
+
+fn nearest(directions: &[DVec3], closeness: impl Fn(DVec3) -> f64) -> usize {
+    let better = |a: &usize, b: &usize| closeness(directions[*a]).total_cmp(&closeness(directions[*b]));
+    (0..directions.len()).max_by(better).unwrap_or(0)
+}
+
+/// Axes that could be vertical, the sign open, those that surfaces face first.
+fn candidates(sample: &Sample, rated: &[Point], clues: Clues) -> Vec<DVec3> {
+    // The first half of the spiral is the upper half sphere.
+    let directions: Vec<DVec3> = (0..DIRECTIONS).map(|i| direction(i, 2 * DIRECTIONS)).collect();
+    let mut surface = vec![0.0; DIRECTIONS];
+    for point in rated {
+        surface[nearest(&directions, |d| d.dot(point.normal).abs())] += 1.0;
+    }
+    let smooth = |d: &DVec3| -> f64 {
+        let near = directions.iter().zip(&surface).filter(|(e, _)| e.dot(*d).abs() > PEAK);
+        near.map(|(_, s)| s).sum()
+    };
+    let mut peaks: Vec<(f64, DVec3)> = directions.iter().map(|d| (smooth(d), *d)).collect();
+    peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut axes: Vec<DVec3> = Vec::new();
+    let add = |axes: &mut Vec<DVec3>, axis: DVec3, apart: f64| {
+        if axes.iter().all(|other| other.dot(axis).abs() < apart) {
+            axes.push(axis);
+        }
+    };
+    for (_, peak_axis) in peaks {
+        if axes.len() < 8 {
+            add(&mut axes, peak(rated, peak_axis, PEAK), 0.94);
+        }
+    }
+    let mut moments = DMat3::ZERO;
+    for point in rated {
+        let offset = point.at - sample.center;
+        if offset.length() <= sample.radius {
+            moments += outer(offset, 1.0 / RATED as f64);
+        }
+    }
+    for axis in DVec3::AXES.into_iter().chain(eigen(moments).map(|e| e.1)) {
+        add(&mut axes, axis, 0.996);
+    }
+    for axis in [clues.heaven.try_normalize(), clues.held].into_iter().flatten() {
+        add(&mut axes, axis, 0.996);
+    }
+    axes
+}
+
+/// The mean of the normals about `axis`, followed to where they are densest; on the side of `axis`.
+fn peak(rated: &[Point], axis: DVec3, width: f64) -> DVec3 {
+    let mut middle = axis;
+    for _ in 0..6 {
+        let mut sum = DVec3::ZERO;
+        for point in rated {
+            let cos = point.normal.dot(middle);
+            if cos.abs() > width {
+                sum += point.normal * (cos.signum() * (cos.abs() - width));
+            }
+        }
+        middle = sum.try_normalize().unwrap_or(middle);
+    }
+    middle
+}
+
+/// What speaks for a direction, in nats.
+#[derive(Clone, Copy, Debug)]
+struct Evidence {
+    ground: f64,
+    alone: f64,
+    open: f64,
+    thin: f64,
+    sky: f64,
+    cameras: f64,
+    prior: f64,
+}
+
+impl Evidence {
+    fn sum(self) -> f64 {
+        self.ground + self.alone + self.open + self.thin + self.sky + self.cameras + self.prior
+    }
+}
+
+fn evidence(sample: &Sample, rated: &[Point], up: DVec3, clues: Clues) -> Evidence {
+    let (x, y) = horizontals(up);
+    let extent = |axis: DVec3| {
+        let mut along: Vec<f64> = rated.iter().map(|p| p.at.dot(axis)).collect();
+        [0.01, 0.5, 0.99].map(|q| quantile(&mut along, q))
+    };
+    let [low, middle, high] = extent(up);
+    let across = [x, y].map(|axis| {
+        let [low, _, high] = extent(axis);
+        high - low
+    });
+    let (across, along) = (across[0].max(across[1]), (high - low).max(1e-9 * sample.radius));
+    // A thin scene's ground has some relief.
+    let step = (along / LAYERS as f64).max(sample.radius / 60.0);
+    let ground = (surface(rated, up, low, step) + 0.01).ln();
+    let ceiling = (surface(rated, -up, -high, step) + 0.01).ln();
+    Evidence {
+        ground: 1.5 * ground,
+        alone: 0.7 * (ground - ceiling).clamp(-1.5, 1.5),
+        open: 3.0 * (0.5 - (middle - low) / along),
+        thin: (0.7 * (across / along).ln()).clamp(-1.0, 1.5),
+        sky: 8.0 * up.dot(clues.heaven),
+        cameras: clues.held.map_or(0.0, |held| cameras(up, held)),
+        prior: prior(up),
+    }
+}
+
+/// Share of all surface that faces `up` at one height, less the more lies below that height.
+///
+/// Heights are counted in layers of `step` from `low` on.
+fn surface(rated: &[Point], up: DVec3, low: f64, step: f64) -> f64 {
+    let (mut level, mut mass) = ([0.0; LAYERS + 1], [0.0; LAYERS + 1]);
+    for point in rated {
+        let layer = ((point.at.dot(up) - low) / step).clamp(0.0, LAYERS as f64) as usize;
+        mass[layer] += 1.0;
+        if point.normal.dot(up).abs() > 0.94 {
+            level[layer] += 1.0;
+        }
+    }
+    let count = rated.len() as f64;
+    let (mut below, mut best) = (0.0, 0.0f64);
+    for layer in 0..LAYERS {
+        let clear = (1.0 - below / (0.15 * count)).max(0.0);
+        best = best.max((level[layer] + level[layer + 1]) * clear);
+        // What is in the layer itself or the one before is relief.
+        below += if layer > 0 { mass[layer - 1] } else { 0.0 };
+    }
+    best / count
+}
+
+/// Cameras that a person held are within some 12 degrees; a drone's may be far off, so that at worst
+/// they say little.
+fn cameras(up: DVec3, held: DVec3) -> f64 {
+    let off = up.angle_between(held).to_degrees() / 12.0;
+    -(0.5 * off * off).min(5.0)
+}
+
+/// What is known of `up` before the scene is looked at.
+fn prior(up: DVec3) -> f64 {
+    // Nearness to an axis: 1 at it, 1/2 at 4 degrees.
+    let near = |axis: DVec3| 1.0 / (1.0 + ((1.0 - up.dot(axis)).max(0.0) / 0.0024));
+    let axes = 0.8 * near(DVec3::Z) + 0.8 * near(DVec3::Y) + 0.8 * near(DVec3::NEG_Y);
+    let odd = 0.3 * near(DVec3::X) + 0.3 * near(DVec3::NEG_X) + 0.3 * near(DVec3::NEG_Z);
+    // Cameras of structure from motion: y down in the first photo's frame, which may be pitched.
+    axes + odd + if up.dot(DVec3::NEG_Y) > 0.8 { 0.3 } else { 0.0 }
+}
