@@ -6,7 +6,7 @@ use super::{DEFAULT_FOV, Options, ViewError};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, FormatError, Place, Problem, files::write_atomically};
+use wm_scene::{Camera, FormatError, Location, Problem, files::write_atomically};
 
 /// Every key that a file may have.
 const KEYS: [&str; 9] = ["keyframes", "up", "fov", "near", "time", "eye", "target", "rotation", "fov"];
@@ -45,7 +45,7 @@ struct Keyframe {
 pub fn read(file: &std::path::Path, survey: &Survey, options: &Options) -> Result<Path, ViewError> {
     let text = std::fs::read_to_string(file).map_err(|error| FormatError::reading(file, error))?;
     parse(&text, survey, options)
-        .map_err(|(place, message)| FormatError::at(file, place, Problem::Value(message)).into())
+        .map_err(|(location, message)| FormatError::at(file, location, Problem::Value(message)).into())
 }
 
 /// Writes a path to a file, whole or not at all.
@@ -70,12 +70,12 @@ pub fn text_of(path: &Path) -> String {
 }
 
 /// The path that a text describes.
-pub fn parse(text: &str, survey: &Survey, options: &Options) -> Result<Path, (Place, String)> {
+pub fn parse(text: &str, survey: &Survey, options: &Options) -> Result<Path, (Location, String)> {
     let file: File = serde_json::from_str(text).map_err(|error| {
-        let place = Place::LineColumn(error.line() as u64, error.column() as u64);
-        (place, explained(&error.to_string()))
+        let location = Location::LineColumn(error.line() as u64, error.column() as u64);
+        (location, explained(&error.to_string()))
     })?;
-    let whole = |message: String| (Place::Whole, message);
+    let whole = |message: String| (Location::Whole, message);
     let up = options.up.or(file.up.map(DVec3::from_array)).unwrap_or(survey.up.value);
     let mut keys = Vec::with_capacity(file.keyframes.len());
     for (index, keyframe) in file.keyframes.iter().enumerate() {
@@ -107,7 +107,7 @@ pub fn parse(text: &str, survey: &Survey, options: &Options) -> Result<Path, (Pl
     })
 }
 
-/// The message of the JSON reader without the place, and with the key that was meant.
+/// The message of the JSON reader without the location, and with the key that was meant.
 fn explained(message: &str) -> String {
     let message = message.rsplit_once(" at line ").map_or(message, |(text, _)| text);
     let unknown = message.strip_prefix("unknown field `").and_then(|rest| rest.split_once('`'));
@@ -124,8 +124,8 @@ mod tests {
     use super::*;
 
     fn say(text: &str) -> String {
-        let (place, message) = parse(text, &survey(), &Options::default()).unwrap_err();
-        format!("{place}: {message}")
+        let (location, message) = parse(text, &survey(), &Options::default()).unwrap_err();
+        format!("{location}: {message}")
     }
 
     #[test]

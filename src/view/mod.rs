@@ -13,8 +13,6 @@ mod json;
 pub mod moves;
 mod near_names;
 pub mod path;
-#[cfg(test)]
-mod preview;
 mod rate;
 mod space;
 pub mod spec;
