@@ -1,0 +1,149 @@
+//! `inspect`: what a scene holds, and what is wrong with it.
+
+use crate::scene::FactArgs;
+use anyhow::Result;
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+use wm_scene::formats::{ReadOptions, read_scene, write_sidecar};
+use wm_scene::health::{Bounds, FaultCounts, Health, Histogram};
+use wm_scene::survey::{Sourced, Survey, label_sky};
+use wm_scene::Group;
+
+/// Options of `inspect`.
+#[derive(Args, Debug)]
+pub struct InspectArgs {
+    /// The scene: a 3DGS PLY, or the folder of a 3DGS training
+    scene: PathBuf,
+    #[command(flatten)]
+    facts: FactArgs,
+    /// Print everything as JSON
+    #[arg(long)]
+    json: bool,
+    /// Write up, ground, scale and airlight into a TOML file beside the scene, where they are read from
+    /// then on
+    #[arg(long)]
+    save_metadata: bool,
+}
+
+/// Runs the command.
+pub fn run(args: &InspectArgs) -> Result<()> {
+    let given = args.facts.metadata()?;
+    let mut scene = read_scene(&args.scene, &ReadOptions::default())?;
+    let labelled = scene.splats.groups.contains(&Group::Sky);
+    label_sky(&mut scene.splats);
+    let health = Health::of(&scene.splats);
+    let survey = Survey::of(&scene, &given);
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&report(args, &scene, &health, &survey))?);
+    } else {
+        print(args, &scene, &health, &survey, labelled);
+    }
+    if args.save_metadata {
+        let file = wm_scene::formats::folder::scene_file(&args.scene)?;
+        let metadata = survey.metadata().or(scene.metadata);
+        let written = write_sidecar(&file, &metadata)?;
+        let _ = written;
+        eprintln!("{}: written", wm_scene::formats::sidecar_path(&file).display());
+    }
+    Ok(())
+}
+
+fn report(args: &InspectArgs, scene: &wm_scene::Scene, health: &Health, survey: &Survey) -> serde_json::Value {
+    fn sourced<T: serde::Serialize>(value: &Sourced<T>) -> serde_json::Value {
+        json!({ "value": &value.value, "source": value.source.to_string() })
+    }
+    json!({
+        "scene": args.scene.display().to_string(),
+        "health": health,
+        "views": scene.views.len(),
+        "survey": {
+            "up": sourced(&survey.up),
+            "ground": sourced(&survey.ground),
+            "metres_per_unit": sourced(&survey.metres_per_unit),
+            "airlight": sourced(&survey.airlight),
+            "center": survey.center,
+            "radius": survey.radius,
+            "extent": survey.extent,
+            "sky_splats": survey.sky_splats,
+        },
+        "metadata": scene.metadata,
+    })
+}
+
+fn print(args: &InspectArgs, scene: &wm_scene::Scene, health: &Health, survey: &Survey, labelled: bool) {
+    println!("{}", args.scene.display());
+    println!("  splats: {}, SH degree {}", health.splats, health.sh_degree);
+    let how = if labelled { "labelled in the file" } else { "found" };
+    for (group, count) in health.groups.iter().filter(|(group, _)| **group != Group::Scene) {
+        println!("  group {}: {count} ({how})", group.name());
+    }
+    if !scene.views.is_empty() {
+        println!("  views of photos: {}", scene.views.len());
+    }
+    let show = |name: &str, bounds: &Option<Bounds>| {
+        if let Some(Bounds { min, max }) = bounds {
+            let range = |k: usize| format!("{:.2} .. {:.2}", min[k], max[k]);
+            println!("  {name}: x {}, y {}, z {}", range(0), range(1), range(2));
+        }
+    };
+    show("bounds", &health.bounds);
+    show("1 % to 99 %", &health.robust_bounds);
+    println!("The place");
+    for line in survey.lines() {
+        println!("  {line}");
+    }
+    println!("Opacity");
+    histogram(&health.opacity, |v| format!("{v:.2}"));
+    println!("Largest standard deviation, units");
+    histogram(&health.log10_scale, |v| format!("{:.1e}", 10f64.powf(v)));
+    println!("What is wrong");
+    let faults = faults(health);
+    if faults.is_empty() {
+        println!("  nothing");
+    }
+    for line in faults {
+        println!("  {line}");
+    }
+    if let Some(warning) = survey.warning() {
+        println!("  {warning}");
+    }
+}
+
+/// A line for each fault, with its count and what becomes of it.
+fn faults(health: &Health) -> Vec<String> {
+    let FaultCounts { mean, scale, opacity, quat, zero_quat, sh } = health.faults;
+    let drop = "not rendered: `render --repair` leaves them out";
+    [
+        (mean, "positions with NaN or infinity", drop),
+        (scale, "scales with NaN or infinity", drop),
+        (opacity, "opacities with NaN", drop),
+        (quat, "rotations with NaN or infinity", drop),
+        (sh, "colours with NaN or infinity", drop),
+        (zero_quat, "rotations that are zero", "taken for no rotation"),
+        (health.duplicates, "splats that are copies of another", "drawn as they are"),
+        (health.invisible, "splats too faint to be seen (opacity below 1/255)", "never drawn"),
+        (health.oversized, "splats larger than the scene", "drawn as they are"),
+    ]
+    .into_iter()
+    .filter(|(count, _, _)| *count > 0)
+    .map(|(count, what, then)| format!("{count} {what}: {then}"))
+    .collect()
+}
+
+/// Prints bins that hold something as bars.
+fn histogram(histogram: &Histogram, name: impl Fn(f64) -> String) {
+    const BAR: f64 = 40.0;
+    let most = histogram.counts.iter().copied().max().unwrap_or(0).max(1) as f64;
+    let width = (histogram.max - histogram.min) / histogram.counts.len() as f64;
+    let first = histogram.counts.iter().position(|c| *c > 0).unwrap_or(0);
+    let last = histogram.counts.iter().rposition(|c| *c > 0).unwrap_or(0);
+    for (i, count) in histogram.counts.iter().enumerate().take(last + 1).skip(first) {
+        let low = histogram.min + width * i as f64;
+        let bar = "#".repeat((BAR * *count as f64 / most).ceil() as usize);
+        println!("  {:>8} .. {:<8} {count:>9} {bar}", name(low), name(low + width));
+    }
+    if histogram.below + histogram.above > 0 {
+        println!("  below: {}, above: {}", histogram.below, histogram.above);
+    }
+}

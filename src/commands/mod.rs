@@ -1,0 +1,40 @@
+//! The commands, one file each.
+
+mod bench;
+mod demo;
+mod inspect;
+mod render;
+
+use anyhow::Result;
+use clap::{Parser, Subcommand};
+
+/// Real weather on real places: scenes of 3D Gaussian splatting in fog, haze and smog.
+#[derive(Parser, Debug)]
+#[command(name = "weather-magician", version, about, arg_required_else_help = true, max_term_width = 110)]
+pub struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Subcommand, Debug)]
+enum Verb {
+    /// Render a scene under a weather: a picture, a video or a folder of frames
+    Render(Box<render::RenderArgs>),
+    /// Say what a scene holds, and what is wrong with it
+    Inspect(inspect::InspectArgs),
+    /// Measure rendering speed
+    Bench(bench::BenchArgs),
+    /// Show what it can do on the built-in street: no input, no download
+    Demo(demo::DemoArgs),
+}
+
+/// Runs the command that was asked for.
+pub fn run(cli: Cli) -> Result<()> {
+    crate::interrupt::listen();
+    match cli.verb {
+        Verb::Render(args) => render::run(&args),
+        Verb::Inspect(args) => inspect::run(&args),
+        Verb::Bench(args) => bench::run(&args),
+        Verb::Demo(args) => demo::run(&args),
+    }
+}

@@ -1,0 +1,165 @@
+//! From where: a camera or a path, and the instants of the frames.
+
+use super::OutputArgs;
+use crate::media::video::FrameRate;
+use crate::scene::Loaded;
+use crate::view::moves::{self, PathSpec};
+use crate::view::path::{Key, Path};
+use crate::view::spec::{self, CameraSpec};
+use crate::view::{self, choose};
+use anyhow::{Result, bail};
+use clap::Args;
+use std::path::PathBuf;
+use wm_scene::Camera;
+
+/// Length of a sequence where nothing says it, seconds.
+const DEFAULT_SECONDS: f64 = 5.0;
+/// Longest sequence, frames: keeps names at six digits.
+const MAX_FRAMES: u32 = 1_000_000;
+
+/// Which camera.
+#[derive(Args, Clone, Debug)]
+pub struct CameraArgs {
+    /// From where: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or number, or a JSON file of keyframes
+    /// [default: chosen by looking at the scene]
+    #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true, help_heading = "Camera")]
+    pub camera: Option<CameraSpec>,
+    /// Move the camera: orbit, dolly, capture (along the photos), or a JSON file of keyframes
+    #[arg(short, long, value_name = "PATH", help_heading = "Camera")]
+    pub path: Option<PathSpec>,
+    /// How far a dolly goes, metres [default: as far as nothing is in the way]
+    #[arg(long, value_name = "METRES", help_heading = "Camera")]
+    pub distance: Option<f64>,
+    /// A COLMAP model whose photos' cameras --camera may name
+    #[arg(long, value_name = "FOLDER", help_heading = "Camera")]
+    pub views: Option<PathBuf>,
+    /// Picture size, px [default: 1280x720, or the photo's]
+    #[arg(long, value_name = "WxH", value_parser = spec::parse_size, help_heading = "Camera")]
+    pub size: Option<(u32, u32)>,
+    /// Vertical field of view, degrees [default: 50, or the photo's]
+    #[arg(long, value_name = "DEGREES", help_heading = "Camera")]
+    pub fov: Option<f64>,
+    /// Splats nearer than this are not drawn, scene units [default: 0.2, less in small scenes]
+    #[arg(long, value_name = "UNITS", help_heading = "Camera")]
+    pub near: Option<f64>,
+    /// Write the camera's path as keyframes to this JSON file
+    #[arg(long, value_name = "FILE", help_heading = "Camera")]
+    pub save_path: Option<PathBuf>,
+}
+
+impl CameraArgs {
+    /// What can be wrong without a scene.
+    pub fn check(&self) -> Result<()> {
+        if let Some(distance) = self.distance
+            && !(distance.is_finite() && distance > 0.0)
+        {
+            bail!("--distance {distance}: must be finite and above 0");
+        }
+        if self.distance.is_some() && self.path != Some(PathSpec::Dolly) {
+            bail!("--distance is that of --path dolly");
+        }
+        Ok(())
+    }
+
+    /// The options that are given by hand.
+    pub fn options(&self) -> view::Options {
+        view::Options { up: None, fov: self.fov, near: self.near, size: self.size }
+    }
+
+    /// The camera that is asked for or chosen, said on the error stream if chosen.
+    pub fn start(&self, loaded: &mut Loaded) -> Result<Camera> {
+        let options = self.options();
+        if let Some(spec) = &self.camera {
+            return Ok(spec.camera(&loaded.scene.views, &loaded.survey, &options)?);
+        }
+        let chosen = choose::choose(&mut loaded.site(options))?;
+        eprintln!("camera: {} ({})", spec::text_of(&chosen.camera), chosen.how);
+        Ok(chosen.camera)
+    }
+}
+
+/// Where the camera is at each instant, and which instants there are.
+pub struct Shot {
+    path: Way,
+    size: (u32, u32),
+    start: f64,
+    /// Frames a second.
+    pub rate: FrameRate,
+    /// Number of frames.
+    pub frames: u32,
+}
+
+enum Way {
+    Still(Box<Camera>),
+    Along(Path),
+}
+
+impl Shot {
+    /// Plans what the options ask for.
+    pub fn plan(args: &CameraArgs, output: &OutputArgs, loaded: &mut Loaded, still: bool) -> Result<Self> {
+        let options = args.options();
+        let length = output.seconds;
+        let path = match &args.path {
+            None => None,
+            Some(PathSpec::File(file)) => Some(Path::read(file, &loaded.survey, &options)?),
+            Some(PathSpec::Capture) => {
+                let seconds = length.unwrap_or(DEFAULT_SECONDS);
+                Some(moves::capture(&loaded.scene.views, &loaded.survey, &options, seconds)?)
+            }
+            Some(moving) => {
+                let start = args.start(loaded)?;
+                let units = args.distance.map(|metres| metres / loaded.survey.metres_per_unit.value);
+                let mut site = loaded.site(view::Options { size: Some((start.width, start.height)), ..options });
+                let seconds = length.unwrap_or(DEFAULT_SECONDS);
+                Some(match moving {
+                    PathSpec::Orbit => moves::orbit(&site, &start, seconds)?,
+                    _ => moves::dolly(&mut site, &start, units, seconds)?,
+                })
+            }
+        };
+        let (way, size, duration) = match path {
+            Some(path) => {
+                let duration = path.duration();
+                (Way::Along(path), options.size(), duration)
+            }
+            None => {
+                let camera = args.start(loaded)?;
+                (Way::Still(Box::new(camera)), (camera.width, camera.height), 0.0)
+            }
+        };
+        if let (Some(file), Way::Along(path)) = (&args.save_path, &way) {
+            path.write(file)?;
+        } else if let (Some(file), Way::Still(camera)) = (&args.save_path, &way) {
+            Path::new(vec![Key::of(camera, 0.0)], camera.near)?.write(file)?;
+        }
+        let seconds = length.unwrap_or(if duration > 0.0 { duration } else { DEFAULT_SECONDS });
+        let frames = if still { 1 } else { output.fps.frames_within(seconds).max(1) };
+        if frames > MAX_FRAMES {
+            bail!("{frames} frames are too many for one run: the most is {MAX_FRAMES}");
+        }
+        let shot = Self { path: way, size, start: output.time, rate: output.fps, frames };
+        shot.camera(shot.start).check()?;
+        Ok(shot)
+    }
+
+    /// The camera at `time`.
+    pub fn camera(&self, time: f64) -> Camera {
+        match &self.path {
+            Way::Still(camera) => **camera,
+            Way::Along(path) => path.at(path.start() + time, self.size),
+        }
+    }
+
+    /// The instant of frame `index`, seconds.
+    pub fn time(&self, index: u32) -> f64 {
+        self.start + self.rate.seconds(u64::from(index))
+    }
+
+    /// What the cameras depend on, to tell one shot from another.
+    pub fn fingerprint(&self) -> String {
+        match &self.path {
+            Way::Still(camera) => format!("{camera:?}"),
+            Way::Along(path) => format!("{:?} {:?} {}", path.keys(), self.size, path.near()),
+        }
+    }
+}

@@ -1,0 +1,263 @@
+//! `render`: a scene under a weather, as a picture, a video or a folder of frames.
+
+mod camera;
+mod sequence;
+
+use crate::media::{color::Dither, png::DepthScale, video};
+use crate::names::stem_of;
+use crate::output::{Also, Format, Style, outputs};
+use crate::scene::{Loaded, RunArgs, SceneArgs};
+use anyhow::{Result, bail};
+use camera::{CameraArgs, Shot};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use wm_render::{Background, Frame, Job, RenderConfig, Renderer, SetView, SkyGradient, Stats};
+use wm_scene::{Camera, Rasterization};
+use wm_weather::{Site, Weather};
+
+/// Options of `render`.
+#[derive(Args, Debug)]
+#[command(after_long_help = wm_weather::reference_page::help())]
+pub struct RenderArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// The weather: a name from the list below (--help), or a TOML file [default: clear]
+    #[arg(short, long, value_name = "NAME|FILE", help_heading = "Weather")]
+    weather: Option<String>,
+    /// Change a parameter and turn its effect on: fog.mor=120, or keyframes fog.mor=0:2000,5:60
+    #[arg(short, long = "set", value_name = "KEY=VALUE", help_heading = "Weather")]
+    set: Vec<String>,
+    #[command(flatten)]
+    camera: CameraArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// What to write.
+#[derive(Args, Debug)]
+struct OutputArgs {
+    /// Where to: a .png, .exr or .npy picture, an .mp4 video, or a folder of frames
+    /// [default: named after scene and weather, in this folder]
+    #[arg(short, long, value_name = "PATH", help_heading = "Output")]
+    out: Option<PathBuf>,
+    /// Pictures beside the colour: depth (metres), median-depth, normal, alpha; each with .png, .exr or
+    /// .npy behind it for another format than the colour's
+    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
+    also: Vec<Also>,
+    /// Format of the frames in a folder: png, exr or npy
+    #[arg(long, value_name = "FORMAT", default_value = "png", help_heading = "Output")]
+    frame_format: Format,
+    /// Frames a second, such as 30, 29.97 or 30000/1001
+    #[arg(long, value_name = "RATE", default_value = "30", help_heading = "Output")]
+    fps: video::FrameRate,
+    /// Length of a video, seconds [default: that of the camera's path, else 5]
+    #[arg(long, value_name = "S", help_heading = "Output")]
+    seconds: Option<f64>,
+    /// Instant of a picture, and of a video's first frame, seconds
+    #[arg(long, value_name = "S", default_value_t = 0.0, allow_hyphen_values = true, help_heading = "Output")]
+    time: f64,
+    /// What stands behind all splats: auto, sky, black or #rrggbb; auto is a sky where the scene has none
+    #[arg(long, value_name = "COLOR", default_value = "auto", help_heading = "Output")]
+    background: BackgroundChoice,
+    /// How splats smaller than a pixel are drawn: classic or antialiased [default: from the file, else
+    /// classic]
+    #[arg(long, value_name = "MODE", value_parser = parse_rasterization, help_heading = "Output")]
+    rasterization: Option<Rasterization>,
+    /// How 8-bit pictures are quantised
+    #[arg(long, value_enum, default_value = "ordered", help_heading = "Output")]
+    dither: Dither,
+    /// Who encodes videos
+    #[arg(long, value_enum, default_value = "builtin", help_heading = "Output")]
+    encoder: video::Encoder,
+    /// Bits a second of a video [default: the same good quality, whatever it takes]
+    #[arg(long, value_name = "BITS", help_heading = "Output")]
+    bitrate: Option<u32>,
+}
+
+/// What stands behind all splats.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum BackgroundChoice {
+    Auto,
+    Sky,
+    Color([f32; 3]),
+}
+
+impl std::str::FromStr for BackgroundChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "sky" => Ok(Self::Sky),
+            "black" => Ok(Self::Color([0.0; 3])),
+            _ => match text.parse() {
+                Ok(wm_weather::Value::Color(rgb)) => Ok(Self::Color(rgb.map(|v| v.clamp(0.0, 1.0) as f32))),
+                _ => Err(format!("`{text}` is no background: use auto, sky, black or #rrggbb")),
+            },
+        }
+    }
+}
+
+fn parse_rasterization(text: &str) -> Result<Rasterization, String> {
+    match text {
+        "classic" => Ok(Rasterization::Classic),
+        "antialiased" => Ok(Rasterization::Antialiased),
+        _ => Err(format!("`{text}` is no mode: use classic or antialiased")),
+    }
+}
+
+/// Where the frames go.
+enum Target {
+    Picture(PathBuf),
+    Video(PathBuf),
+    Folder(PathBuf),
+}
+
+/// Runs the command.
+pub fn run(args: &RenderArgs) -> Result<()> {
+    // All that may be wrong and is cheap to check comes before the scene is read.
+    let mut weather = match &args.weather {
+        Some(name) => Weather::find(name)?,
+        None => Weather::clear(),
+    };
+    for text in &args.set {
+        weather.set(text)?;
+    }
+    let target = target_of(args, &weather)?;
+    args.camera.check()?;
+
+    let mut loaded = Loaded::new(&args.scene, &args.run, args.camera.views.as_ref())?;
+    let shot = Shot::plan(&args.camera, &args.output, &mut loaded, matches!(target, Target::Picture(_)))?;
+    loaded.release();
+    let config = RenderConfig {
+        outputs: outputs(&args.output.also),
+        background: background(args.output.background, &loaded),
+        rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
+    };
+    let mut studio = Studio { site: loaded.weather_site(), loaded, weather, config, shot };
+    match target {
+        Target::Picture(path) => studio.picture(&path, args),
+        Target::Video(path) => sequence::video(&mut studio, &path, args),
+        Target::Folder(path) => sequence::folder(&mut studio, &path, args),
+    }
+}
+
+/// All that frames are made of.
+struct Studio {
+    loaded: Loaded,
+    site: Site,
+    weather: Weather,
+    config: RenderConfig,
+    shot: Shot,
+}
+
+impl Studio {
+    /// Renders the instant `time`, alone: nothing depends on other frames.
+    fn render(&mut self, time: f64, frame: &mut Frame) -> Result<Stats> {
+        let camera = self.shot.camera(time);
+        let sky = self.weather.at(time).over(&self.site);
+        let sets = [SetView::plain(self.loaded.set)];
+        let stats = sky.with_hooks(|hooks| {
+            let job = Job { sets: &sets, camera: &camera, config: &self.config, hooks };
+            self.loaded.renderer.render(&job, frame)
+        })?;
+        Ok(stats)
+    }
+
+    fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
+        let mut frame = Frame::default();
+        let stats = self.render(args.output.time, &mut frame)?;
+        let camera = self.shot.camera(args.output.time);
+        let style = self.style(args, DepthScale::Auto, &camera, args.output.time);
+        let beside = style.write(&frame, path)?;
+        println!(
+            "{}: {}x{}, {}, {:.0} ms ({})",
+            path.display(),
+            frame.width,
+            frame.height,
+            self.weather.name,
+            stats.wall * 1e3,
+            self.loaded.renderer.describe()
+        );
+        for line in beside {
+            println!("{line}");
+        }
+        Ok(())
+    }
+
+    fn style(&self, args: &RenderArgs, depth_scale: DepthScale, camera: &Camera, time: f64) -> Style {
+        let mut tags = vec![
+            ("program".into(), concat!("weather-magician ", env!("CARGO_PKG_VERSION")).into()),
+            ("scene".into(), args.scene.scene.display().to_string()),
+            ("weather".into(), self.weather_text(time)),
+            ("time".into(), format!("{time} s")),
+            ("camera".into(), crate::view::spec::text_of(camera)),
+            ("renderer".into(), self.loaded.renderer.describe()),
+            ("metres_per_unit".into(), self.site.metres_per_unit.to_string()),
+        ];
+        tags.retain(|(_, text): &(String, String)| !text.is_empty());
+        Style {
+            also: args.output.also.clone(),
+            dither: args.output.dither,
+            metres_per_unit: self.site.metres_per_unit,
+            depth_scale,
+            tags,
+        }
+    }
+
+    /// The weather of an instant with every value that is not its default.
+    fn weather_text(&self, time: f64) -> String {
+        let instant = self.weather.at(time);
+        let mut words = vec![self.weather.name.clone(), instant.fidelity.name().to_owned()];
+        for (effect, values) in instant.effects() {
+            for (param, value) in effect.params.iter().zip(values) {
+                if *value != param.default || param.name == "mor" {
+                    words.push(format!("{}.{}={value}", effect.name, param.name));
+                }
+            }
+        }
+        words.join(" ")
+    }
+}
+
+fn background(choice: BackgroundChoice, loaded: &Loaded) -> Background {
+    let up = loaded.survey.up.value.to_array().map(|v| v as f32);
+    match choice {
+        BackgroundChoice::Color(color) => Background::Color(color),
+        BackgroundChoice::Auto if loaded.survey.sky_splats > 0 => Background::default(),
+        BackgroundChoice::Auto | BackgroundChoice::Sky => Background::Sky(SkyGradient::daylight(up)),
+    }
+}
+
+fn target_of(args: &RenderArgs, weather: &Weather) -> Result<Target> {
+    let moves = args.camera.path.is_some() || args.output.seconds.is_some();
+    let name = || {
+        let weather = if weather.name == "clear" { String::new() } else { format!("-{}", weather.name) };
+        format!("{}{weather}", stem_of(&args.scene.scene))
+    };
+    let path = match &args.output.out {
+        Some(path) => path.clone(),
+        None => PathBuf::from(format!("{}.{}", name(), if moves { "mp4" } else { "png" })),
+    };
+    if let Some(seconds) = args.output.seconds
+        && !(seconds.is_finite() && seconds > 0.0)
+    {
+        bail!("--seconds {seconds}: a video has a length above 0");
+    }
+    if !args.output.time.is_finite() {
+        bail!("--time {}: must be a number of seconds", args.output.time);
+    }
+    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        _ if path.is_dir() || path.as_os_str().to_string_lossy().ends_with(['/', '\\']) => Ok(Target::Folder(path)),
+        Some("mp4") => Ok(Target::Video(path)),
+        Some(_) if Format::of(&path).is_some() => Ok(Target::Picture(path)),
+        None => Ok(Target::Folder(path)),
+        Some(other) => bail!(
+            "--out {}: a name that ends in .{other} cannot be written; use .png, .exr, .npy, .mp4 or a folder",
+            path.display()
+        ),
+    }
+}

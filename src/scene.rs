@@ -1,0 +1,205 @@
+//! A scene made ready to render: read, checked, surveyed and loaded.
+
+use crate::view::{self, spec};
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use glam::DVec3;
+use std::path::PathBuf;
+use wm_render::simd::SimdChoice;
+use wm_render::{CpuConfig, CpuRenderer, Renderer, SetId};
+use wm_scene::formats::{ReadOptions, read_scene};
+use wm_scene::survey::{Survey, known_distance, label_sky};
+use wm_scene::{Metadata, Scene, capture, splats::Faults};
+use wm_weather::Site;
+
+/// Which scene, and what is known of it.
+#[derive(Args, Clone, Debug)]
+pub struct SceneArgs {
+    /// The scene: a 3DGS PLY, or the folder of a 3DGS training
+    pub scene: PathBuf,
+    /// Leave out splats that hold NaN or infinite numbers, and go on
+    #[arg(long, help_heading = "Scene")]
+    pub repair: bool,
+    #[command(flatten)]
+    pub facts: FactArgs,
+}
+
+/// Facts about the place that are given by hand.
+#[derive(Args, Clone, Debug, Default)]
+pub struct FactArgs {
+    /// Up in the scene's axes, such as 0,-1,0 [default: from the file, the photos or the splats]
+    #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Scene")]
+    pub up: Option<DVec3>,
+    /// Height of the ground along up, scene units [default: from the file or the splats]
+    #[arg(long, value_name = "UNITS", allow_hyphen_values = true, help_heading = "Scene")]
+    pub ground: Option<f64>,
+    /// Metres a scene unit [default: from the file, else 1 with a warning]
+    #[arg(long, value_name = "METRES", help_heading = "Scene", conflicts_with = "known_distance")]
+    pub metres_per_unit: Option<f64>,
+    /// The scale from two points and the metres between them, such as 0,0,0:1.5,0,2=12.5
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z=M", value_parser = parse_known_distance, allow_hyphen_values = true, help_heading = "Scene")]
+    pub known_distance: Option<f64>,
+}
+
+/// How to run.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct RunArgs {
+    /// Threads [default: one a core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Run")]
+    pub threads: Option<u16>,
+    /// SIMD path: auto, avx512, avx2, neon or portable
+    #[arg(long, value_name = "PATH", default_value = "auto", help_heading = "Run")]
+    pub simd: SimdChoice,
+}
+
+impl RunArgs {
+    /// Starts the renderer.
+    pub fn renderer(&self) -> Result<CpuRenderer> {
+        let threads = self.threads.map(usize::from);
+        Ok(CpuRenderer::new(CpuConfig { threads, simd: self.simd })?)
+    }
+}
+
+impl FactArgs {
+    /// The facts as metadata.
+    pub fn metadata(&self) -> Result<Metadata> {
+        let metadata = Metadata {
+            metres_per_unit: self.metres_per_unit.or(self.known_distance),
+            up: self.up,
+            ground: self.ground,
+            ..Metadata::default()
+        };
+        if let Some(fault) = metadata.fault() {
+            bail!("{fault}");
+        }
+        Ok(metadata)
+    }
+}
+
+/// A scene ready to render.
+pub struct Loaded {
+    /// The scene; its splats are there until [`Self::release`].
+    pub scene: Scene,
+    /// What is known of the place.
+    pub survey: Survey,
+    /// Where the splats are loaded.
+    pub renderer: CpuRenderer,
+    /// As what.
+    pub set: SetId,
+}
+
+impl Loaded {
+    /// Reads, checks, surveys and loads. Warns on the error stream.
+    pub fn new(args: &SceneArgs, run: &RunArgs, views: Option<&PathBuf>) -> Result<Self> {
+        let given = args.facts.metadata()?;
+        let mut scene = read_scene(&args.scene, &ReadOptions::default())?;
+        if let Some(folder) = views {
+            scene.views = capture::read_views(folder)?;
+        }
+        check(&mut scene, args)?;
+        Self::of(scene, &given, run)
+    }
+
+    /// The same for a scene that is in memory and sound.
+    pub fn of(mut scene: Scene, given: &Metadata, run: &RunArgs) -> Result<Self> {
+        label_sky(&mut scene.splats);
+        let survey = Survey::of(&scene, given);
+        if let Some(warning) = survey.warning() {
+            eprintln!("warning: {warning}");
+        }
+        let mut renderer = run.renderer()?;
+        let set = renderer.load(&scene.splats)?;
+        Ok(Self { scene, survey, renderer, set })
+    }
+
+    /// The same as a place to look for views in.
+    pub fn site(&mut self, options: view::Options) -> view::Site<'_> {
+        view::Site {
+            renderer: &mut self.renderer,
+            set: self.set,
+            scene: &self.scene,
+            survey: &self.survey,
+            options,
+        }
+    }
+
+    /// Frees the splats as they were read: the renderer has its own.
+    pub fn release(&mut self) {
+        self.scene.splats = wm_scene::Splats::default();
+    }
+
+    /// What weather must know.
+    pub fn weather_site(&self) -> Site {
+        let survey = &self.survey;
+        Site {
+            metres_per_unit: survey.metres_per_unit.value,
+            up: survey.up.value.to_array(),
+            ground: survey.ground.value,
+            airlight: survey.airlight.value,
+            far: 3.0 * survey.radius.max(1e-6) * survey.metres_per_unit.value,
+        }
+    }
+}
+
+/// Refuses splats that cannot be rendered, with their counts, or drops them.
+fn check(scene: &mut Scene, args: &SceneArgs) -> Result<()> {
+    let splats = &scene.splats;
+    let mut counts = [0usize; 5];
+    let mut faulty = 0;
+    for index in 0..splats.len() {
+        let Faults { mean, scale, opacity, quat, sh, .. } = splats.faults(index);
+        let faults = [mean, scale, opacity, quat, sh];
+        for (count, fault) in counts.iter_mut().zip(faults) {
+            *count += usize::from(fault);
+        }
+        faulty += usize::from(faults.contains(&true));
+    }
+    if faulty == 0 {
+        return Ok(());
+    }
+    let named = counts.iter().zip(["positions", "scales", "opacities", "rotations", "colours"]);
+    let named = named.filter(|(count, _)| **count > 0).map(|(count, name)| format!("{count} in {name}"));
+    let what = format!(
+        "{}: {faulty} of {} splats hold NaN or infinite numbers ({})",
+        args.scene.display(),
+        splats.len(),
+        named.collect::<Vec<_>>().join(", ")
+    );
+    if !args.repair {
+        bail!("{what}; --repair leaves them out");
+    }
+    let (repaired, repairs) = std::mem::take(&mut scene.splats).repaired();
+    scene.splats = repaired;
+    if scene.splats.is_empty() {
+        bail!("{what}; nothing is left without them");
+    }
+    eprintln!("warning: {what}; {} are left out", repairs.dropped);
+    Ok(())
+}
+
+fn parse_known_distance(text: &str) -> Result<f64> {
+    let form = || format!("`{text}` is no known distance: write two points and metres, as in 0,0,0:1.5,0,2=12.5");
+    let (points, metres) = text.rsplit_once('=').with_context(form)?;
+    let (a, b) = points.split_once(':').with_context(form)?;
+    let point = |text: &str| -> Result<DVec3> {
+        let numbers: Vec<f64> =
+            text.split(',').map(|v| v.trim().parse()).collect::<Result<_, _>>().ok().with_context(form)?;
+        let numbers: [f64; 3] = numbers.try_into().ok().with_context(form)?;
+        Ok(DVec3::from_array(numbers))
+    };
+    let metres: f64 = metres.trim().parse().ok().with_context(form)?;
+    Ok(known_distance(point(a)?, point(b)?, metres)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_distances_give_a_scale() {
+        assert_eq!(parse_known_distance("0,0,0:0,0,-4 = 10").unwrap(), 2.5);
+        for bad in ["", "1", "0,0,0:1,0,0", "0,0:1,0,0=2", "0,0,0:0,0,0=2", "0,0,0:1,0,0=-2"] {
+            assert!(parse_known_distance(bad).is_err(), "{bad}");
+        }
+    }
+}
