@@ -7,9 +7,9 @@ mod commands;
 mod interrupt;
 mod media;
 mod names;
+mod output;
 mod progress;
 mod scene;
-mod output;
 mod view;
 
 use clap::Parser;

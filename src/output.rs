@@ -98,7 +98,10 @@ pub fn outputs(also: &[Also]) -> Outputs {
         (false, true) => Geometry::Depth,
         _ => Geometry::None,
     };
-    Outputs { geometry, median_depth: if asks(Kind::MedianDepth) { MedianDepth::On } else { MedianDepth::Off } }
+    Outputs {
+        geometry,
+        median_depth: if asks(Kind::MedianDepth) { MedianDepth::On } else { MedianDepth::Off },
+    }
 }
 
 /// How frames are written.
@@ -126,7 +129,12 @@ impl Style {
         match format {
             Format::Png => png::write_rgb(path, &frame.rgb, size, self.dither, &self.tags)?,
             Format::Exr => {
-                exr::write_exr(path, exr::Planes { rgb: Some(&frame.rgb), ..Default::default() }, size, &self.tags)?;
+                exr::write_exr(
+                    path,
+                    exr::Planes { rgb: Some(&frame.rgb), ..Default::default() },
+                    size,
+                    &self.tags,
+                )?;
             }
             Format::Npy => npy::write_npy(path, &frame.rgb_linear(), size, 3)?,
         }
@@ -144,7 +152,14 @@ impl Style {
         beside(path, name, also.format.unwrap_or(format).extension())
     }
 
-    fn write_also(&self, also: Also, format: Format, frame: &Frame, size: Size, path: &Path) -> Result<String> {
+    fn write_also(
+        &self,
+        also: Also,
+        format: Format,
+        frame: &Frame,
+        size: Size,
+        path: &Path,
+    ) -> Result<String> {
         let path = Self::path_of(also, format, path);
         let format = also.format.unwrap_or(format);
         let metres = |depth: &[f32]| -> Vec<f32> {
@@ -160,14 +175,22 @@ impl Style {
                         let scale = png::write_depth(&path, &depth, size, self.depth_scale, &self.tags)?;
                         note = format!(", {scale} m a count, 0 for nothing");
                     }
-                    Format::Exr => self.exr(&path, size, exr::Planes { depth: Some(&depth), ..Default::default() })?,
+                    Format::Exr => {
+                        self.exr(&path, size, exr::Planes { depth: Some(&depth), ..Default::default() })?
+                    }
                     Format::Npy => npy::write_npy(&path, &depth, size, 1)?,
                 }
             }
             Kind::Normal => match format {
-                Format::Png => png::write_normals(&path, &frame.normal, size, png::Bits::Sixteen, &self.tags)?,
+                Format::Png => {
+                    png::write_normals(&path, &frame.normal, size, png::Bits::Sixteen, &self.tags)?
+                }
                 Format::Exr => {
-                    self.exr(&path, size, exr::Planes { normals: Some(&frame.normal), ..Default::default() })?;
+                    self.exr(
+                        &path,
+                        size,
+                        exr::Planes { normals: Some(&frame.normal), ..Default::default() },
+                    )?;
                 }
                 Format::Npy => npy::write_npy(&path, &frame.normal, size, 3)?,
             },

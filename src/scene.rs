@@ -178,7 +178,8 @@ fn check(scene: &mut Scene, args: &SceneArgs) -> Result<()> {
 }
 
 fn parse_known_distance(text: &str) -> Result<f64> {
-    let form = || format!("`{text}` is no known distance: write two points and metres, as in 0,0,0:1.5,0,2=12.5");
+    let form =
+        || format!("`{text}` is no known distance: write two points and metres, as in 0,0,0:1.5,0,2=12.5");
     let (points, metres) = text.rsplit_once('=').with_context(form)?;
     let (a, b) = points.split_once(':').with_context(form)?;
     let point = |text: &str| -> Result<DVec3> {

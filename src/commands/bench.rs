@@ -4,4 +4,6 @@ use clap::Args;
 /// Options
 #[derive(Args, Debug)]
 pub struct BenchArgs {}
-pub fn run(_: &BenchArgs) -> Result<()> { Ok(()) }
+pub fn run(_: &BenchArgs) -> Result<()> {
+    Ok(())
+}

@@ -4,4 +4,6 @@ use clap::Args;
 /// Options
 #[derive(Args, Debug)]
 pub struct DemoArgs {}
-pub fn run(_: &DemoArgs) -> Result<()> { Ok(()) }
+pub fn run(_: &DemoArgs) -> Result<()> {
+    Ok(())
+}

@@ -5,10 +5,10 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
+use wm_scene::Group;
 use wm_scene::formats::{ReadOptions, read_scene, write_sidecar};
 use wm_scene::health::{Bounds, FaultCounts, Health, Histogram};
 use wm_scene::survey::{Sourced, Survey, label_sky};
-use wm_scene::Group;
 
 /// Options of `inspect`.
 #[derive(Args, Debug)]
@@ -49,7 +49,12 @@ pub fn run(args: &InspectArgs) -> Result<()> {
     Ok(())
 }
 
-fn report(args: &InspectArgs, scene: &wm_scene::Scene, health: &Health, survey: &Survey) -> serde_json::Value {
+fn report(
+    args: &InspectArgs,
+    scene: &wm_scene::Scene,
+    health: &Health,
+    survey: &Survey,
+) -> serde_json::Value {
     fn sourced<T: serde::Serialize>(value: &Sourced<T>) -> serde_json::Value {
         json!({ "value": &value.value, "source": value.source.to_string() })
     }

@@ -109,7 +109,8 @@ impl Shot {
             Some(moving) => {
                 let start = args.start(loaded)?;
                 let units = args.distance.map(|metres| metres / loaded.survey.metres_per_unit.value);
-                let mut site = loaded.site(view::Options { size: Some((start.width, start.height)), ..options });
+                let mut site =
+                    loaded.site(view::Options { size: Some((start.width, start.height)), ..options });
                 let seconds = length.unwrap_or(DEFAULT_SECONDS);
                 Some(match moving {
                     PathSpec::Orbit => moves::orbit(&site, &start, seconds)?,

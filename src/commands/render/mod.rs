@@ -56,7 +56,13 @@ struct OutputArgs {
     #[arg(long, value_name = "S", help_heading = "Output")]
     seconds: Option<f64>,
     /// Instant of a picture, and of a video's first frame, seconds
-    #[arg(long, value_name = "S", default_value_t = 0.0, allow_hyphen_values = true, help_heading = "Output")]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 0.0,
+        allow_hyphen_values = true,
+        help_heading = "Output"
+    )]
     time: f64,
     /// What stands behind all splats: auto, sky, black or #rrggbb; auto is a sky where the scene has none
     #[arg(long, value_name = "COLOR", default_value = "auto", help_heading = "Output")]
@@ -251,7 +257,9 @@ fn target_of(args: &RenderArgs, weather: &Weather) -> Result<Target> {
     }
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
-        _ if path.is_dir() || path.as_os_str().to_string_lossy().ends_with(['/', '\\']) => Ok(Target::Folder(path)),
+        _ if path.is_dir() || path.as_os_str().to_string_lossy().ends_with(['/', '\\']) => {
+            Ok(Target::Folder(path))
+        }
         Some("mp4") => Ok(Target::Video(path)),
         Some(_) if Format::of(&path).is_some() => Ok(Target::Picture(path)),
         None => Ok(Target::Folder(path)),

@@ -33,7 +33,8 @@ pub fn video(studio: &mut Studio, path: &Path, args: &RenderArgs) -> Result<()> 
 
     let started = Instant::now();
     let all = studio.shot.frames;
-    let written = pipeline(studio, &(0..all).collect::<Vec<_>>(), &mut |_, frame| Ok(sink.frame(&frame.rgb)?))?;
+    let written =
+        pipeline(studio, &(0..all).collect::<Vec<_>>(), &mut |_, frame| Ok(sink.frame(&frame.rgb)?))?;
     if written < all {
         let advice = "nothing is written; a folder of frames (--out FOLDER) can be gone on with";
         return Err(Interrupted(format!("{written} of {all} frames were done, {advice}")).into());
@@ -56,17 +57,15 @@ pub fn video(studio: &mut Studio, path: &Path, args: &RenderArgs) -> Result<()> 
 
 /// Renders into a folder, one picture a frame; frames that are there already are kept.
 pub fn folder(studio: &mut Studio, folder: &Path, args: &RenderArgs) -> Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let manifest = manifest(studio, args)?;
     let manifest_path = folder.join(MANIFEST);
     if manifest_path.exists() {
         let text = std::fs::read_to_string(&manifest_path);
         let text = text.with_context(|| format!("cannot read {}", manifest_path.display()))?;
         if serde_json::from_str::<Value>(&text).ok().as_ref() != Some(&manifest) {
-            bail!(
-                "{}: holds frames of another render; empty it, or give another folder",
-                folder.display()
-            );
+            bail!("{}: holds frames of another render; empty it, or give another folder", folder.display());
         }
     } else {
         let text = serde_json::to_string_pretty(&manifest)?;
@@ -80,7 +79,8 @@ pub fn folder(studio: &mut Studio, folder: &Path, args: &RenderArgs) -> Result<(
         None => name(index),
     };
     let all = studio.shot.frames;
-    let missing: Vec<u32> = (0..all).filter(|index| !(name(*index).exists() && last(*index).exists())).collect();
+    let missing: Vec<u32> =
+        (0..all).filter(|index| !(name(*index).exists() && last(*index).exists())).collect();
     let kept = all - missing.len() as u32;
     if kept > 0 {
         eprintln!("{}: {kept} of {all} frames are there, going on with the others", folder.display());
@@ -103,7 +103,9 @@ pub fn folder(studio: &mut Studio, folder: &Path, args: &RenderArgs) -> Result<(
     if (written as usize) < missing.len() {
         let done = kept + written;
         let advice = "the same command goes on with the others";
-        return Err(Interrupted(format!("{done} of {all} frames are in {}, {advice}", folder.display())).into());
+        return Err(
+            Interrupted(format!("{done} of {all} frames are in {}, {advice}", folder.display())).into()
+        );
     }
     println!(
         "{}: {written} frames written, {kept} kept, {}, {:.1} frames a second ({})",
