@@ -147,12 +147,15 @@ pub enum Problem {
     /// The arrays of a scene to be written do not fit each other.
     #[error("not written: {0}")]
     Splats(#[from] SplatsError),
-    /// The folder has no COLMAP model.
+    /// The folder has no capture.
     #[error(
-        "no COLMAP model here: cameras.bin and images.bin (or both as .txt) are needed in the folder itself, \
-         in sparse/0, in sparse or in 0"
+        "no COLMAP model and no transforms.json here: cameras.bin and images.bin (or both as .txt) are needed \
+         in the folder itself, in sparse/0, sparse, 0, colmap/sparse/0 or sparse_txt"
     )]
     NoCapture,
+    /// A photo cannot be used.
+    #[error("{0}")]
+    Photo(String),
     /// A camera model with distortion.
     #[error("camera {camera} has the model {model}, {advice}")]
     CameraModel {

@@ -201,9 +201,64 @@ impl<'a> Source<'a> {
         Ok(Some(words))
     }
 
+    /// The next word of the present line; `None` at its end, which is stepped over. So lines of any
+    /// length are read, unlike with [`Self::line`].
+    ///
+    /// # Errors
+    /// If reading fails or the word is longer than 256 bytes.
+    pub fn word(&mut self) -> Result<Option<&[u8]>, FormatError> {
+        const MAX_WORD: usize = 256;
+        loop {
+            if !self.fill(1)? {
+                self.ending = Ending::EndOfFile;
+                return Ok(None);
+            }
+            match self.bytes().iter().position(|b| *b == b'\n' || !b.is_ascii_whitespace()) {
+                None => self.consume(self.bytes().len()),
+                Some(at) => {
+                    self.consume(at);
+                    break;
+                }
+            }
+        }
+        if self.bytes()[0] == b'\n' {
+            self.consume(1);
+            self.lines += 1;
+            self.ending = Ending::Newline;
+            return Ok(None);
+        }
+        let mut searched = 0;
+        let length = loop {
+            let bytes = self.bytes();
+            if let Some(found) = bytes[searched..].iter().position(u8::is_ascii_whitespace) {
+                break searched + found;
+            }
+            searched = bytes.len();
+            if searched > MAX_WORD {
+                break searched;
+            }
+            if !self.fill(searched + 1)? {
+                self.ending = Ending::EndOfFile;
+                break searched;
+            }
+        };
+        if length > MAX_WORD {
+            self.lines += 1;
+            return Err(self.at_line(Problem::Value(format!("a word is longer than {MAX_WORD} bytes"))));
+        }
+        let from = self.start;
+        self.consume(length);
+        Ok(Some(&self.buffer[from..from + length]))
+    }
+
     /// A problem with the whole stream.
     pub fn whole(&self, problem: Problem) -> FormatError {
         FormatError::whole(&self.path, problem)
+    }
+
+    /// A problem in the line of which [`Self::word`] gave the last word.
+    pub fn in_line(&self, problem: Problem) -> FormatError {
+        FormatError::at(&self.path, Location::Line(self.lines + 1), problem)
     }
 
     /// A problem in the line that was taken last.
@@ -250,6 +305,19 @@ mod tests {
         assert_eq!(source.skip_line().unwrap(), None);
         assert_eq!(source.remaining(), Some(0));
         assert_eq!(source.at_line(Problem::Empty).location, Location::Line(4));
+    }
+
+    #[test]
+    fn words_end_with_their_line() {
+        let mut words = source(b" one  two\r\n\nthree");
+        let expected = [Some("one"), Some("two"), None, None, Some("three"), None, None];
+        for (index, word) in expected.into_iter().enumerate() {
+            assert_eq!(words.word().unwrap(), word.map(str::as_bytes), "{index}");
+        }
+        assert!(words.is_cut());
+        let long = [b'x'; 300];
+        let error = Source::new(Path::new("test"), Box::new(&long[..]), None).word().unwrap_err();
+        assert_eq!(error.to_string(), "test, line 1: a word is longer than 256 bytes");
     }
 
     #[test]

@@ -21,6 +21,7 @@
 mod binary;
 mod header;
 mod layout;
+mod points;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -34,6 +35,7 @@ use crate::{
 };
 use header::Header;
 use layout::{Endian, Layout};
+pub use points::read_points;
 pub use write::write;
 
 /// The entry of [`FORMATS`](super::FORMATS).

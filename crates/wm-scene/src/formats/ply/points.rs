@@ -1,0 +1,269 @@
+//! PLY files of points: x y z and, if they are there, red green blue of each vertex.
+
+use super::{
+    Encoding,
+    header::{Element, Header, Kind, Scalar},
+};
+use crate::{
+    FormatError, Problem,
+    capture::Points,
+    error::number,
+    source::Source,
+};
+use std::path::Path;
+
+/// Colour of points that have none.
+const GREY: [u8; 3] = [128; 3];
+
+/// Reads the points of a PLY, binary of either byte order or ASCII. Other properties are stepped
+/// over. Colours of a float type are 0 to 1. Points that are not finite are left out.
+///
+/// # Errors
+/// [`FormatError`] if the file is missing, cut off, or no PLY with points.
+pub fn read_points(path: &Path) -> Result<Points, FormatError> {
+    read_points_from(&mut Source::open(path)?)
+}
+
+fn read_points_from(source: &mut Source) -> Result<Points, FormatError> {
+    if !source.fill(3)? || source.bytes().get(..3) != Some(b"ply") {
+        let problem = "no PLY: it does not begin with \"ply\"; give the file of the points";
+        return Err(source.whole(Problem::Value(problem.into())));
+    }
+    let header = Header::parse(source)?;
+    let vertex = header.elements.first().filter(|element| element.name == "vertex" && !element.has_lists());
+    let Some(vertex) = vertex else {
+        let problem = "the first element is not vertex, or it has lists; export the points again";
+        return Err(source.whole(Problem::Value(problem.into())));
+    };
+    let columns = columns(vertex).map_err(|problem| source.whole(problem))?;
+    let mut points = Points::default();
+    let mut row = [0.0; 6];
+    for done in 0..vertex.count {
+        let is_there = match header.encoding {
+            Encoding::Ascii => text_row(source, vertex, &columns, &mut row)?,
+            Encoding::BinaryLittleEndian => binary_row(source, vertex, &columns, true, &mut row)?,
+            Encoding::BinaryBigEndian => binary_row(source, vertex, &columns, false, &mut row)?,
+        };
+        if !is_there {
+            let what = format!("point {} of {}", done + 1, vertex.count);
+            return Err(source.whole(Problem::CaptureTruncated { what }));
+        }
+        let [x, y, z, color @ ..] = row;
+        if [x, y, z].iter().all(|v| v.is_finite()) {
+            let color = match columns.color {
+                Color::None => GREY,
+                Color::Bytes => color.map(|v| v as u8),
+                Color::Shares => color.map(|v| (v * 255.0).round() as u8),
+            };
+            points.push([x, y, z], color, f32::NAN, 0);
+        }
+    }
+    Ok(points)
+}
+
+/// How colours are stored.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Color {
+    None,
+    Bytes,
+    Shares,
+}
+
+struct Columns {
+    /// For each property, its place among x y z red green blue.
+    lanes: Vec<Option<usize>>,
+    color: Color,
+}
+
+fn columns(vertex: &Element) -> Result<Columns, Problem> {
+    let lane = |name: &str| match name {
+        "x" => Some(0),
+        "y" => Some(1),
+        "z" => Some(2),
+        "red" | "r" | "diffuse_red" => Some(3),
+        "green" | "g" | "diffuse_green" => Some(4),
+        "blue" | "b" | "diffuse_blue" => Some(5),
+        _ => None,
+    };
+    let lanes: Vec<Option<usize>> = vertex.properties.iter().map(|p| lane(&p.name)).collect();
+    let has = |lane| lanes.contains(&Some(lane));
+    if let Some(missing) = (0..3).find(|lane| !has(*lane)) {
+        let name = ["x", "y", "z"][missing];
+        return Err(Problem::Value(format!("the vertex element has no property {name}; export the points again")));
+    }
+    let is_float = vertex.properties.iter().zip(&lanes).any(|(property, lane)| {
+        *lane == Some(3) && matches!(property.kind, Kind::Scalar(Scalar::F32 | Scalar::F64))
+    });
+    let color = match (3..6).all(has) {
+        false => Color::None,
+        true if is_float => Color::Shares,
+        true => Color::Bytes,
+    };
+    Ok(Columns { lanes, color })
+}
+
+/// Reads a row of text; `false` at the end of the file.
+fn text_row(
+    source: &mut Source,
+    vertex: &Element,
+    columns: &Columns,
+    row: &mut [f64; 6],
+) -> Result<bool, FormatError> {
+    loop {
+        let mut count = 0;
+        while let Some(word) = source.word()? {
+            if let Some(Some(lane)) = columns.lanes.get(count) {
+                match number(word, &vertex.properties[count].name) {
+                    Ok(value) => row[*lane] = value,
+                    Err(_) if source.is_cut() => return Ok(false),
+                    Err(problem) => return Err(source.in_line(problem)),
+                }
+            }
+            count += 1;
+        }
+        if count >= vertex.properties.len() && count > 0 {
+            return Ok(true);
+        }
+        if source.is_cut() {
+            return Ok(false);
+        }
+        if count > 0 {
+            let problem = "there are too few values for a point; correct the line or export the file again";
+            return Err(source.at_line(Problem::Value(problem.into())));
+        }
+    }
+}
+
+/// Reads a binary row; `false` at the end of the file.
+fn binary_row(
+    source: &mut Source,
+    vertex: &Element,
+    columns: &Columns,
+    is_little: bool,
+    row: &mut [f64; 6],
+) -> Result<bool, FormatError> {
+    let size = vertex.min_size();
+    if !source.fill(size)? {
+        return Ok(false);
+    }
+    let mut bytes = &source.bytes()[..size];
+    for (property, lane) in vertex.properties.iter().zip(&columns.lanes) {
+        let Kind::Scalar(scalar) = property.kind else { continue };
+        let (own, rest) = bytes.split_at(scalar.size());
+        bytes = rest;
+        if let Some(lane) = lane {
+            row[*lane] = scalar_of(scalar, own, is_little);
+        }
+    }
+    source.consume(size);
+    Ok(true)
+}
+
+/// The number of as many bytes as `scalar` has.
+fn scalar_of(scalar: Scalar, bytes: &[u8], is_little: bool) -> f64 {
+    let mut wide = [0; 8];
+    for (index, byte) in bytes.iter().enumerate() {
+        wide[if is_little { index } else { bytes.len() - 1 - index }] = *byte;
+    }
+    let [a, b, c, d, ..] = wide;
+    match scalar {
+        Scalar::I8 => f64::from(a.cast_signed()),
+        Scalar::U8 => f64::from(a),
+        Scalar::I16 => f64::from(i16::from_le_bytes([a, b])),
+        Scalar::U16 => f64::from(u16::from_le_bytes([a, b])),
+        Scalar::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
+        Scalar::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
+        Scalar::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
+        Scalar::F64 => f64::from_le_bytes(wide),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn read(bytes: &[u8]) -> Result<Points, FormatError> {
+        read_points_from(&mut Source::new(Path::new("p.ply"), Box::new(bytes), Some(bytes.len() as u64)))
+    }
+
+    fn header(encoding: &str) -> Vec<u8> {
+        format!(
+            "ply\nformat {encoding} 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty double z\n\
+             property float nx\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n"
+        )
+        .into_bytes()
+    }
+
+    fn binary(is_little: bool) -> Vec<u8> {
+        let mut out = header(if is_little { "binary_little_endian" } else { "binary_big_endian" });
+        for row in [[1.0f32, -2.0, 3.5], [4.0, 5.0, 6.0]] {
+            let four = |v: f32| if is_little { v.to_le_bytes() } else { v.to_be_bytes() };
+            let z = f64::from(row[2]);
+            out.extend(four(row[0]));
+            out.extend(four(row[1]));
+            out.extend(if is_little { z.to_le_bytes() } else { z.to_be_bytes() });
+            out.extend(four(9.0));
+            out.extend([10, 20, 255]);
+        }
+        out
+    }
+
+    fn text() -> Vec<u8> {
+        [&header("ascii")[..], b"1 -2 3.5 9 10 20 255\n\n4 5 6 9 10 20 255"].concat()
+    }
+
+    #[test]
+    fn points_of_every_encoding() {
+        for bytes in [binary(true), binary(false), text()] {
+            let points = read(&bytes).unwrap();
+            assert_eq!(points.positions, [[1.0, -2.0, 3.5], [4.0, 5.0, 6.0]]);
+            assert_eq!(points.colors, [[10, 20, 255]; 2]);
+            assert!(points.errors.iter().all(|e| e.is_nan()) && points.track_lengths == [0, 0]);
+        }
+    }
+
+    #[test]
+    fn files_cut_at_any_byte_are_errors() {
+        for bytes in [binary(true), binary(false)] {
+            for end in 0..bytes.len() {
+                let error = read(&bytes[..end]).unwrap_err().to_string();
+                assert!(!error.contains('\n'), "{error}");
+            }
+        }
+        let text = text();
+        // Without its last digits the last number is another one, which nothing can tell.
+        for end in 0..text.len() - 2 {
+            assert!(read(&text[..end]).is_err(), "{end}");
+        }
+    }
+
+    #[test]
+    fn colours_are_optional_and_may_be_shares() {
+        let start = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
+        let plain = format!("{start}end_header\n1 2 3\n");
+        assert_eq!(read(plain.as_bytes()).unwrap().colors, [GREY]);
+        let shares = format!("{start}property float r\nproperty float g\nproperty float b\nend_header\n1 2 3 0 .5 2\n");
+        assert_eq!(read(shares.as_bytes()).unwrap().colors, [[0, 128, 255]]);
+        let faces = "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int i\nend_header\n";
+        let error = read(faces.as_bytes()).unwrap_err().to_string();
+        assert!(error.starts_with("p.ply: the first element is not vertex"), "{error}");
+    }
+
+    proptest! {
+        #[test]
+        fn mutated_files_never_panic(
+            which in 0..3usize,
+            edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        ) {
+            let mut bytes = [binary(true), binary(false), text()][which].clone();
+            for (at, byte) in edits {
+                let at = at.index(bytes.len());
+                bytes[at] = byte;
+            }
+            if let Ok(points) = read(&bytes) {
+                prop_assert!(points.len() <= bytes.len());
+            }
+        }
+    }
+}
