@@ -1,11 +1,27 @@
 //! Captures: photographed views from a folder, one module a format, one line a format in the list
 //! below.
 //!
-//! A format looks whether a folder is one of its own and gives its [`View`]s, with OpenCV axes and
-//! without distortion. To add one: a module with a `FORMAT`, and its name in the list.
+//! A format looks whether a folder is one of its own and gives a [`Capture`]: cameras with OpenCV
+//! axes, the distortion of their lenses, the points of the reconstruction, and where the photos lie.
+//! The photos themselves are not opened, but where a format does not say how large they are. To add
+//! a format: a module with a `FORMAT`, and its name in the list.
 
-use crate::{FormatError, Problem, View};
-use std::{fs, path::Path};
+mod distortion;
+pub mod gps;
+pub mod header;
+mod places;
+#[cfg(test)]
+mod tests;
+
+use crate::{Camera, FormatError, Problem, View};
+use glam::DVec3;
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+pub use distortion::Distortion;
+pub use gps::Gps;
 
 macro_rules! captures {
     ($($name:ident),+ $(,)?) => {
@@ -16,7 +32,7 @@ macro_rules! captures {
     };
 }
 
-captures! { colmap }
+captures! { colmap, transforms }
 
 /// A capture format.
 pub struct Format {
@@ -24,24 +40,243 @@ pub struct Format {
     pub name: &'static str,
     /// What it is, in one line.
     pub about: &'static str,
-    /// The views of a folder; `None` if it is no folder of this format.
-    read: fn(&Path) -> Result<Option<Vec<View>>, FormatError>,
+    /// The capture in a folder (or a file, for formats that are one); `None` if it is none of this
+    /// format.
+    read: fn(&Path, &CaptureOptions, Want) -> Result<Option<Capture>, FormatError>,
 }
 
-/// Reads the views of a capture, sorted by name.
-///
-/// # Errors
-/// [`FormatError`] if the folder is missing, of no known format, or broken.
-pub fn read_views(folder: &Path) -> Result<Vec<View>, FormatError> {
-    let about = fs::metadata(folder).map_err(|e| FormatError::reading(folder, e))?;
-    if !about.is_dir() {
-        return Err(FormatError::whole(folder, Problem::NoCapture));
+/// How much of a capture is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Want {
+    Views,
+    Everything,
+}
+
+/// Where to look within a data set; `None` looks in the usual places.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CaptureOptions {
+    /// The folder of the photos, relative to the data set, such as `images_4`.
+    pub images: Option<PathBuf>,
+    /// The folder of the COLMAP model, relative to the data set, such as `sparse/1`.
+    pub model: Option<PathBuf>,
+    /// The folder of the masks, relative to the data set.
+    pub masks: Option<PathBuf>,
+}
+
+/// Photographs of a place, with their cameras and the points that both were found with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capture {
+    /// What was read, for messages: the folder that was given.
+    pub source: PathBuf,
+    /// The folder that the photos lie in.
+    pub images: PathBuf,
+    /// The folder that their masks lie in, if there is one.
+    pub masks: Option<PathBuf>,
+    /// `[V]`, sorted by name.
+    pub views: Vec<CaptureView>,
+    /// The points of the reconstruction; none if there are none.
+    pub points: Points,
+    /// `[V]`: which points each photo shows and where; empty lists where that is not known.
+    pub observations: Vec<Vec<Observation>>,
+}
+
+/// A photograph.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CaptureView {
+    /// Its name: the path in the folder of the photos, with `/` between its parts.
+    pub name: String,
+    /// The camera as it took the photo: the size of the photo that the model was made from, pose, and
+    /// what a pinhole of these intrinsics would show before the lens bends it.
+    pub camera: Camera,
+    /// What the lens does to it.
+    pub distortion: Distortion,
+    /// Views of equal number share intrinsics.
+    pub camera_id: u32,
+    /// Where the photo lies in [`Capture::images`]; see [`Capture::photo`].
+    pub file: PathBuf,
+    /// Its mask, where the capture names one.
+    pub mask: Option<PathBuf>,
+}
+
+/// The points of a reconstruction, structure of arrays, all of equal length N.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Points {
+    /// `[N, 3]`, world axes, scene units.
+    pub positions: Vec<[f64; 3]>,
+    /// `[N, 3]`, sRGB.
+    pub colors: Vec<[u8; 3]>,
+    /// Mean distance between where a point was seen and where it falls, px; NaN where not known.
+    pub errors: Vec<f32>,
+    /// In how many photos a point was seen; 0 where not known.
+    pub track_lengths: Vec<u32>,
+}
+
+/// A point in a photo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// Index into [`Points`].
+    pub point: u32,
+    /// Where it was seen, px of [`CaptureView::camera`], distortion included.
+    pub xy: [f32; 2],
+}
+
+impl Points {
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.positions.len()
     }
-    for format in FORMATS {
-        if let Some(mut views) = (format.read)(folder)? {
-            views.sort_by(|a, b| a.name.cmp(&b.name));
-            return Ok(views);
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+
+    /// Appends a point.
+    pub fn push(&mut self, position: [f64; 3], color: [u8; 3], error: f32, track_length: u32) {
+        self.positions.push(position);
+        self.colors.push(color);
+        self.errors.push(error);
+        self.track_lengths.push(track_length);
+    }
+}
+
+impl CaptureView {
+    /// The pinhole camera of the photo without its distortion; see [`Distortion::undistorted`].
+    #[must_use]
+    pub fn undistorted(&self) -> Option<Camera> {
+        self.distortion.undistorted(&self.camera)
+    }
+
+    /// Picture point (px) of a world point in the photo as it is, distortion included; `None` behind
+    /// the camera.
+    #[must_use]
+    pub fn project(&self, point: DVec3) -> Option<(f64, f64)> {
+        let camera = &self.camera;
+        let p = camera.viewmat.transform_point3(point);
+        (p.z > 1e-9).then(|| {
+            let (x, y) = self.distortion.distort(p.x / p.z, p.y / p.z);
+            (camera.fx * x + camera.cx, camera.fy * y + camera.cy)
+        })
+    }
+}
+
+impl Capture {
+    /// The file of a view's photo; `None` if there is none.
+    ///
+    /// Where the name of the model has no file, one with another extension is taken: reduced copies
+    /// of a data set are often of another format.
+    #[must_use]
+    pub fn photo(&self, view: usize) -> Option<PathBuf> {
+        places::with_any_extension(&self.images.join(&self.views[view].file))
+    }
+
+    /// The mask of a view: the one that the capture names, else `NAME.png`, or NAME with another
+    /// extension, in the folder of the masks. `None` if there is none.
+    #[must_use]
+    pub fn mask(&self, view: usize) -> Option<PathBuf> {
+        let view = &self.views[view];
+        if let Some(mask) = &view.mask {
+            return Some(mask.clone());
+        }
+        let place = self.masks.as_ref()?.join(&view.file);
+        let mut appended = place.clone().into_os_string();
+        appended.push(".png");
+        let appended = PathBuf::from(appended);
+        if appended.is_file() { Some(appended) } else { places::with_any_extension(&place) }
+    }
+
+    /// Checks that a reconstruction can be made of it: three photos and a point.
+    ///
+    /// # Errors
+    /// [`FormatError`] says which it lacks.
+    pub fn check_trainable(&self) -> Result<(), FormatError> {
+        let fault = |what: String| Err(FormatError::whole(&self.source, Problem::Value(what)));
+        match self.views.len() {
+            count @ 0..=2 => fault(format!(
+                "{count} of the photos {} registered, at least 3 are needed; take more, with overlap, and \
+                 reconstruct again",
+                if count == 1 { "is" } else { "are" }
+            )),
+            _ if self.points.is_empty() => fault(
+                "the model has no points to start from; reconstruct again, or give a capture with points3D"
+                    .into(),
+            ),
+            _ => Ok(()),
         }
     }
-    Err(FormatError::whole(folder, Problem::NoCapture))
+
+    /// For each view the views that share the most points with it, most first, at most `most`.
+    ///
+    /// Built on [`Self::observations`]: none where they are not known.
+    #[must_use]
+    pub fn neighbours(&self, view: usize, most: usize) -> Vec<(usize, u32)> {
+        let mut is_seen = vec![false; self.points.len()];
+        for seen in &self.observations[view] {
+            is_seen[seen.point as usize] = true;
+        }
+        let shared = |other: &Vec<Observation>| {
+            other.iter().filter(|seen| is_seen[seen.point as usize]).count() as u32
+        };
+        let mut counts: Vec<(usize, u32)> = self
+            .observations
+            .iter()
+            .enumerate()
+            .filter(|(index, _)| *index != view)
+            .map(|(index, other)| (index, shared(other)))
+            .filter(|(_, count)| *count > 0)
+            .collect();
+        counts.sort_by_key(|(index, count)| (std::cmp::Reverse(*count), *index));
+        counts.truncate(most);
+        counts
+    }
+
+    fn sort(&mut self) {
+        let mut order: Vec<usize> = (0..self.views.len()).collect();
+        order.sort_by(|a, b| self.views[*a].name.cmp(&self.views[*b].name));
+        self.views = order.iter().map(|index| self.views[*index].clone()).collect();
+        self.observations =
+            order.iter().map(|index| std::mem::take(&mut self.observations[*index])).collect();
+    }
+}
+
+/// Reads a capture: the folder of a data set, of its model, or a `transforms.json`.
+///
+/// # Errors
+/// [`FormatError`] if it is missing, of no known format, or broken.
+pub fn read(dataset: &Path, options: &CaptureOptions) -> Result<Capture, FormatError> {
+    read_as(dataset, options, Want::Everything)
+}
+
+/// Reads only the cameras of a capture, sorted by name, as photos without distortion have them.
+///
+/// # Errors
+/// As [`read`], and if the distortion of a camera cannot be undone.
+pub fn read_views(dataset: &Path) -> Result<Vec<View>, FormatError> {
+    let capture = read_as(dataset, &CaptureOptions::default(), Want::Views)?;
+    let ideal = capture.views.into_iter().map(|view| match view.undistorted() {
+        Some(camera) => Ok(View { name: view.name, camera }),
+        None => Err(FormatError::whole(dataset, Problem::Value(folds(&view.name)))),
+    });
+    ideal.collect()
+}
+
+/// What is said of a lens that folds over within the photo.
+pub(crate) fn folds(name: &str) -> String {
+    format!(
+        "the distortion of the camera of {name:?} folds over within the photo; reconstruct the capture again with \
+         another camera model"
+    )
+}
+
+fn read_as(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Capture, FormatError> {
+    fs::metadata(dataset).map_err(|e| FormatError::reading(dataset, e))?;
+    for format in FORMATS {
+        if let Some(mut capture) = (format.read)(dataset, options, want)? {
+            capture.sort();
+            return Ok(capture);
+        }
+    }
+    Err(FormatError::whole(dataset, Problem::NoCapture))
 }

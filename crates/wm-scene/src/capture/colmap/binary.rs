@@ -1,13 +1,19 @@
-//! `cameras.bin` and `images.bin`: little endian, no padding, a count first.
+//! `cameras.bin`, `images.bin` and `points3D.bin`: little endian, no padding, a count first.
 
-use super::{Cameras, MODELS, add_camera, cut, parameters, value, view};
-use crate::{FormatError, Problem, View, error::excerpt, source::Source};
+use super::{
+    Cameras, Images, MODELS, NumberedPoints, Places, Points, add_camera, add_point, cut, observation, parameters, value, view,
+};
+use crate::{FormatError, Problem, error::excerpt, source::Source};
+use std::collections::HashMap;
 
 /// Longest image name, bytes: that of a path.
 const MAX_NAME: usize = 4096;
 
 /// Bytes of a 2D point: x, y, number of its 3D point.
 const POINT_SIZE: u128 = 24;
+
+/// Bytes of an entry of a track: number of an image, index of a 2D point in it.
+const TRACK_SIZE: u128 = 8;
 
 /// A camera: u32 number, i32 model, u64 width, u64 height, f64 parameters.
 pub(super) fn read_cameras(source: &mut Source) -> Result<Cameras, FormatError> {
@@ -22,11 +28,11 @@ pub(super) fn read_cameras(source: &mut Source) -> Result<Cameras, FormatError> 
         let unknown = format!("number {}", number.cast_signed());
         let model = MODELS.get(number as usize).map_or(unknown.as_str(), |name| name);
         let length = parameters(id, model).map_err(|problem| record.source.at_byte(at, problem))?;
-        let mut values = [0.0; 4];
+        let mut values = [0.0; 8];
         for value in &mut values[..length] {
             *value = record.f64()?;
         }
-        let added = add_camera(&mut cameras, id, size, &values[..length]);
+        let added = add_camera(&mut cameras, id, model, size, &values[..length]);
         added.map_err(|problem| source.at_byte(at, problem))?;
     }
     Ok(cameras)
@@ -34,9 +40,13 @@ pub(super) fn read_cameras(source: &mut Source) -> Result<Cameras, FormatError> 
 
 /// An image: u32 number, f64 qw qx qy qz tx ty tz, u32 camera, name up to a 0 byte, u64 count of 2D
 /// points, the points.
-pub(super) fn read_images(source: &mut Source, cameras: &Cameras) -> Result<Vec<View>, FormatError> {
+pub(super) fn read_images(
+    source: &mut Source,
+    cameras: &Cameras,
+    places: &Places,
+) -> Result<Images, FormatError> {
     let count = read_count(source, "images")?;
-    let mut views = Vec::new();
+    let (mut views, mut observations) = (Vec::new(), Vec::new());
     for index in 1..=count {
         let at = source.offset();
         let mut record = Record { source, what: "image", index, count };
@@ -48,12 +58,41 @@ pub(super) fn read_images(source: &mut Source, cameras: &Cameras) -> Result<Vec<
         let camera = record.u32()?;
         let name = record.name()?;
         let points = record.u64()?;
-        if record.source.skip(u128::from(points) * POINT_SIZE)? > 0 {
+        let mut seen = Vec::new();
+        if let Some(places) = places {
+            for _ in 0..points {
+                let xy = [record.f64()?, record.f64()?];
+                seen.extend(observation(places, xy, record.u64()?));
+            }
+        } else if record.source.skip(u128::from(points) * POINT_SIZE)? > 0 {
             return Err(record.cut());
         }
-        views.push(view(cameras, name, camera, pose).map_err(|problem| source.at_byte(at, problem))?);
+        views.push(view(cameras, &name, camera, pose).map_err(|problem| source.at_byte(at, problem))?);
+        seen.shrink_to_fit();
+        observations.push(seen);
     }
-    Ok(views)
+    Ok((views, observations))
+}
+
+/// A 3D point: u64 number, f64 x y z, u8 r g b, f64 error, u64 length of the track, the track.
+pub(super) fn read_points(source: &mut Source) -> Result<NumberedPoints, FormatError> {
+    let count = read_count(source, "points")?;
+    let (mut points, mut places) = (Points::default(), HashMap::new());
+    for index in 1..=count {
+        let at = source.offset();
+        let mut record = Record { source, what: "point", index, count };
+        let id = record.u64()?;
+        let position = [record.f64()?, record.f64()?, record.f64()?];
+        let color = record.take::<3>()?;
+        let error = record.f64()?;
+        let length = record.u64()?;
+        if record.source.skip(u128::from(length) * TRACK_SIZE)? > 0 {
+            return Err(record.cut());
+        }
+        let added = add_point(&mut points, &mut places, id, position, color, (error, length));
+        added.map_err(|problem| source.at_byte(at, problem))?;
+    }
+    Ok((points, places))
 }
 
 fn read_count(source: &mut Source, what: &str) -> Result<u64, FormatError> {
@@ -64,7 +103,7 @@ fn read_count(source: &mut Source, what: &str) -> Result<u64, FormatError> {
     count.ok_or_else(|| source.whole(cut(format!("the number of {what}"))))
 }
 
-/// A camera or image that is being read.
+/// A camera, image or point that is being read.
 struct Record<'s, 'a> {
     source: &'s mut Source<'a>,
     what: &'static str,

@@ -1,26 +1,33 @@
-//! COLMAP models: `cameras` and `images`, binary (`.bin`) or text (`.txt`).
+//! COLMAP models: `cameras`, `images` and `points3D`, binary (`.bin`) or text (`.txt`).
 //!
 //! COLMAP's axes are those of [`Camera`]: x right, y down, z forward; a pose is camera_from_world as
 //! a wxyz quaternion and a translation; the centre of the top left pixel is (0.5, 0.5). So nothing
-//! is converted. Only cameras without distortion are read, since photos with it cannot be compared
-//! with what is rendered. 2D points are stepped over; 3D points are not read.
+//! is converted. Pinhole cameras are read, and those whose distortion is of the form of
+//! [`Distortion`]; the others are refused with the command that undistorts the photos. Of the 2D
+//! points those are kept that belong to a 3D point.
 
 mod binary;
 #[cfg(test)]
 mod tests;
 mod text;
+pub mod write;
 
-use super::Format;
-use crate::{Camera, FormatError, Problem, View, camera::viewmat_of, source::Source};
+use super::{
+    Capture, CaptureOptions, CaptureView, Distortion, Format, Observation, Points, Want, places,
+};
+use crate::{Camera, FormatError, Problem, camera::viewmat_of, source::Source};
 use glam::{DMat3, DMat4, DQuat, DVec3};
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::{BTreeMap, HashMap},
+    path::{Path, PathBuf},
+};
 
 /// The entry of [`FORMATS`](super::FORMATS).
 pub const FORMAT: Format =
-    Format { name: "COLMAP", about: "COLMAP model, binary or text, undistorted (PINHOLE)", read };
+    Format { name: "COLMAP", about: "COLMAP model, binary or text", read };
 
 /// Where a model may lie in the folder that is given.
-const FOLDERS: [&str; 4] = ["", "sparse/0", "sparse", "0"];
+const FOLDERS: [&str; 7] = ["", "sparse/0", "sparse", "0", "colmap/sparse/0", "colmap/sparse", "sparse_txt"];
 
 /// COLMAP's camera models in the order of their numbers.
 const MODELS: [&str; 18] = [
@@ -44,34 +51,61 @@ const MODELS: [&str; 18] = [
     "EQUIRECTANGULAR",
 ];
 
-/// Cameras by their number; the pose is still the identity.
-type Cameras = BTreeMap<u32, Camera>;
+/// A camera without its pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Intrinsics {
+    /// The pose is still the identity.
+    camera: Camera,
+    distortion: Distortion,
+}
+
+/// Cameras by their number.
+type Cameras = BTreeMap<u32, Intrinsics>;
+
+/// Points, and where each number of the file stands among them.
+type NumberedPoints = (Points, HashMap<u64, u32>);
+
+/// The second of [`NumberedPoints`]; `None` where 2D points are not wanted.
+type Places = Option<HashMap<u64, u32>>;
+
+/// The photos of a model and the points that each shows.
+type Images = (Vec<CaptureView>, Vec<Vec<Observation>>);
 
 /// One of the two ways in which a model is stored.
 struct Kind {
     cameras: &'static str,
     images: &'static str,
+    points: &'static str,
     read_cameras: fn(&mut Source) -> Result<Cameras, FormatError>,
-    read_images: fn(&mut Source, &Cameras) -> Result<Vec<View>, FormatError>,
+    read_images: fn(&mut Source, &Cameras, &Places) -> Result<Images, FormatError>,
+    read_points: fn(&mut Source) -> Result<NumberedPoints, FormatError>,
 }
 
 const KINDS: [Kind; 2] = [
     Kind {
         cameras: "cameras.bin",
         images: "images.bin",
+        points: "points3D.bin",
         read_cameras: binary::read_cameras,
         read_images: binary::read_images,
+        read_points: binary::read_points,
     },
     Kind {
         cameras: "cameras.txt",
         images: "images.txt",
+        points: "points3D.txt",
         read_cameras: text::read_cameras,
         read_images: text::read_images,
+        read_points: text::read_points,
     },
 ];
 
-fn read(folder: &Path) -> Result<Option<Vec<View>>, FormatError> {
-    let places = FOLDERS.iter().flat_map(|place| KINDS.iter().map(move |kind| (folder.join(place), kind)));
+fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
+    let folders: Vec<PathBuf> = match &options.model {
+        Some(folder) => vec![dataset.join(folder)],
+        None => FOLDERS.iter().map(|folder| dataset.join(folder)).collect(),
+    };
+    let places = folders.iter().flat_map(|place| KINDS.iter().map(move |kind| (place, kind)));
     let there: Vec<(usize, _)> = places
         .map(|(place, kind)| {
             let files = [kind.cameras, kind.images].into_iter().filter(|file| place.join(file).is_file());
@@ -82,13 +116,24 @@ fn read(folder: &Path) -> Result<Option<Vec<View>>, FormatError> {
     let best = there.iter().find(|(files, _)| *files == 2).or_else(|| there.iter().find(|(files, _)| *files == 1));
     let Some((_, (place, kind))) = best else { return Ok(None) };
     let cameras = (kind.read_cameras)(&mut Source::open(&place.join(kind.cameras))?)?;
+    let file = place.join(kind.points);
+    let (points, indices) = if want == Want::Everything && file.is_file() {
+        let (points, indices) = (kind.read_points)(&mut Source::open(&file)?)?;
+        (points, Some(indices))
+    } else {
+        (Points::default(), None)
+    };
     let mut images = Source::open(&place.join(kind.images))?;
-    let views = (kind.read_images)(&mut images, &cameras)?;
+    let (views, observations) = (kind.read_images)(&mut images, &cameras, &indices)?;
     if views.is_empty() {
         let problem = "no image is registered in the model; reconstruct the capture again";
         return Err(images.whole(Problem::Value(problem.into())));
     }
-    Ok(Some(views))
+    // The folder of the model itself may have been given: its data set is one or two above.
+    let full = std::path::absolute(dataset).unwrap_or_else(|_| dataset.into());
+    let roots: Vec<&Path> = std::iter::once(dataset).chain(full.ancestors().skip(1).take(2)).collect();
+    let (images, masks) = places::find(&roots, options, &views)?;
+    Ok(Some(Capture { source: dataset.into(), images, masks, views, points, observations }))
 }
 
 /// How many parameters a model that can be used has.
@@ -98,22 +143,33 @@ fn read(folder: &Path) -> Result<Option<Vec<View>>, FormatError> {
 fn parameters(camera: u32, model: &str) -> Result<usize, Problem> {
     let advice = match model {
         "SIMPLE_PINHOLE" => return Ok(3),
-        "PINHOLE" => return Ok(4),
+        "PINHOLE" | "SIMPLE_RADIAL" => return Ok(4),
+        "RADIAL" => return Ok(5),
+        "OPENCV" => return Ok(8),
         "EQUIRECTANGULAR" => "which is a panorama; cut it into pinhole pictures and reconstruct those",
         _ if MODELS.contains(&model) => {
-            "which has distortion; remove it with `colmap image_undistorter --image_path IMAGES --input_path \
-             MODEL --output_path DATASET` and give DATASET"
+            "whose distortion is not read; remove it with `colmap image_undistorter --image_path IMAGES \
+             --input_path MODEL --output_path DATASET` and give DATASET"
         }
-        _ => "which is not known; only PINHOLE and SIMPLE_PINHOLE are read",
+        _ => "which is not known; PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV are read",
     };
     Err(Problem::CameraModel { camera, model: model.into(), advice })
 }
 
 /// Adds a camera with as many parameters as [`parameters`] says.
-fn add_camera(cameras: &mut Cameras, id: u32, size: (u64, u64), parameters: &[f64]) -> Result<(), Problem> {
-    let (fx, fy, cx, cy) = match *parameters {
-        [f, cx, cy] => (f, f, cx, cy),
-        [fx, fy, cx, cy] => (fx, fy, cx, cy),
+fn add_camera(
+    cameras: &mut Cameras,
+    id: u32,
+    model: &str,
+    size: (u64, u64),
+    parameters: &[f64],
+) -> Result<(), Problem> {
+    let (focal, center, lens) = match (model, parameters) {
+        ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f], [cx, cy], [0.0; 4]),
+        ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], [0.0; 4]),
+        ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f], [cx, cy], [k, 0.0, 0.0, 0.0]),
+        ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], [k1, k2, 0.0, 0.0]),
+        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy], [cx, cy], [k1, k2, p1, p2]),
         _ => return Err(value(format!("camera {id} has {} parameters", parameters.len()))),
     };
     // A side beyond 32 bits stays too long for the check.
@@ -121,34 +177,70 @@ fn add_camera(cameras: &mut Cameras, id: u32, size: (u64, u64), parameters: &[f6
     let camera = Camera {
         width: side(size.0),
         height: side(size.1),
-        fx,
-        fy,
-        cx,
-        cy,
+        fx: focal[0],
+        fy: focal[1],
+        cx: center[0],
+        cy: center[1],
         viewmat: DMat4::IDENTITY,
         near: Camera::DEFAULT_NEAR,
     };
     camera.check().map_err(|error| value(format!("camera {id}: {error}")))?;
-    if cameras.insert(id, camera).is_some() {
+    if let Some(bad) = lens.iter().find(|v| !v.is_finite()) {
+        return Err(value(format!("camera {id}: a coefficient of its distortion is {bad}: must be finite")));
+    }
+    let intrinsics = Intrinsics { camera, distortion: Distortion::of(lens) };
+    if cameras.insert(id, intrinsics).is_some() {
         return Err(value(format!("camera {id} is there twice")));
     }
     Ok(())
 }
 
 /// The view of an image: `pose` is qw qx qy qz tx ty tz, camera_from_world.
-fn view(cameras: &Cameras, name: String, camera: u32, pose: [f64; 7]) -> Result<View, Problem> {
+fn view(cameras: &Cameras, name: &str, camera_id: u32, pose: [f64; 7]) -> Result<CaptureView, Problem> {
     let [w, x, y, z, tx, ty, tz] = pose;
     let quat = DQuat::from_xyzw(x, y, z, w);
     if !(quat.is_finite() && quat.length() > 1e-6) {
         return Err(value(format!("the rotation of {name:?} is no quaternion")));
     }
-    let Some(intrinsics) = cameras.get(&camera) else {
-        return Err(value(format!("the image {name:?} has camera {camera}, which is not in the list of cameras")));
+    let Some(Intrinsics { camera, distortion }) = cameras.get(&camera_id) else {
+        let what = format!("the image {name:?} has camera {camera_id}, which is not in the list of cameras");
+        return Err(value(what));
     };
     let rotation = DMat3::from_quat(quat.normalize());
-    let camera = Camera { viewmat: viewmat_of(rotation, DVec3::new(tx, ty, tz)), ..*intrinsics };
+    let camera = Camera { viewmat: viewmat_of(rotation, DVec3::new(tx, ty, tz)), ..*camera };
     camera.check().map_err(|error| value(format!("the image {name:?}: {error}")))?;
-    Ok(View { name, camera })
+    // Models that were made on Windows may have its separator in subfolders.
+    let name = name.replace('\\', "/");
+    let file = PathBuf::from(&name);
+    Ok(CaptureView { name, camera, distortion: *distortion, camera_id, file, mask: None })
+}
+
+/// Adds a 3D point of number `id`.
+fn add_point(
+    points: &mut Points,
+    places: &mut HashMap<u64, u32>,
+    id: u64,
+    position: [f64; 3],
+    color: [u8; 3],
+    (error, track_length): (f64, u64),
+) -> Result<(), Problem> {
+    if !position.iter().all(|v| v.is_finite()) {
+        return Err(value(format!("the position of point {id} is not finite")));
+    }
+    let place = u32::try_from(points.len()).map_err(|_| value("there are more than 2^32 points".into()))?;
+    if places.insert(id, place).is_some() {
+        return Err(value(format!("point {id} is there twice")));
+    }
+    // COLMAP writes -1 where it has not computed the error.
+    let error = if error >= 0.0 { error as f32 } else { f32::NAN };
+    points.push(position, color, error, u32::try_from(track_length).unwrap_or(u32::MAX));
+    Ok(())
+}
+
+/// The 2D point of a 3D point, if that is known. -1, as unsigned, is none.
+fn observation(places: &HashMap<u64, u32>, xy: [f64; 2], id: u64) -> Option<Observation> {
+    let point = *places.get(&id)?;
+    Some(Observation { point, xy: xy.map(|v| v as f32) })
 }
 
 fn value(what: String) -> Problem {

@@ -1,0 +1,304 @@
+//! Metres a scene unit from where the photos say they were taken.
+//!
+//! Places on the ellipsoid become east, north and up in metres around the first of them; then the
+//! similarity `enu = s R x + t` is found that takes the cameras there (Horn 1987, the closed form
+//! with quaternions), first from three cameras at a time for one that most agree with (RANSAC), then
+//! from all of them with weights that let outliers fade (Geman and McClure).
+
+use glam::{DMat3, DQuat, DVec3};
+
+/// A place on Earth, WGS 84.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gps {
+    /// Degrees, north above 0.
+    pub latitude: f64,
+    /// Degrees, east above 0.
+    pub longitude: f64,
+    /// Metres above the sea, where it is known.
+    pub altitude: Option<f64>,
+}
+
+/// The scale that the places give.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GpsScale {
+    /// Metres a scene unit.
+    pub metres_per_unit: f64,
+    /// Median distance between where a camera is and where its place says, m.
+    pub residual: f64,
+    /// Greatest distance between two places along an axis, m.
+    pub extent: f64,
+    /// Photos with a place.
+    pub photos: usize,
+}
+
+/// Cameras within this extent say nothing: it is the error of a good receiver, m.
+const MIN_EXTENT: f64 = 10.0;
+
+/// How many times the residual the extent must be.
+const MIN_RATIO: f64 = 4.0;
+
+/// Triples that are tried.
+const TRIALS: usize = 500;
+
+/// Least error that a place is thought to have, m.
+const FLOOR: f64 = 1.0;
+
+impl Gps {
+    /// `None` if it is no place: out of range, or the 0, 0 that cameras without reception write.
+    #[must_use]
+    pub fn checked(self) -> Option<Self> {
+        let Self { latitude, longitude, .. } = self;
+        let in_range = latitude.abs() <= 90.0 && longitude.abs() <= 180.0;
+        (in_range && (latitude != 0.0 || longitude != 0.0)).then_some(self)
+    }
+
+    /// Earth-centred, earth-fixed, m.
+    fn ecef(&self) -> DVec3 {
+        const RADIUS: f64 = 6_378_137.0;
+        const FLATTENING: f64 = 1.0 / 298.257_223_563;
+        const ECCENTRICITY2: f64 = FLATTENING * (2.0 - FLATTENING);
+        let (sin, cos) = self.latitude.to_radians().sin_cos();
+        let (east, along) = self.longitude.to_radians().sin_cos();
+        let normal = RADIUS / (1.0 - ECCENTRICITY2 * sin * sin).sqrt();
+        let height = self.altitude.unwrap_or(0.0);
+        let flat = (normal + height) * cos;
+        DVec3::new(flat * along, flat * east, (normal * (1.0 - ECCENTRICITY2) + height) * sin)
+    }
+
+    /// East, north, up of `self` from `origin`, m.
+    #[must_use]
+    pub fn enu_from(&self, origin: &Self) -> DVec3 {
+        let (sin, cos) = origin.latitude.to_radians().sin_cos();
+        let (sin_l, cos_l) = origin.longitude.to_radians().sin_cos();
+        let rows = DMat3::from_cols(
+            DVec3::new(-sin_l, cos_l, 0.0),
+            DVec3::new(-sin * cos_l, -sin * sin_l, cos),
+            DVec3::new(cos * cos_l, cos * sin_l, sin),
+        );
+        rows.transpose() * (self.ecef() - origin.ecef())
+    }
+}
+
+/// Metres a scene unit from camera centres `[V, 3]` and the places of their photos `[V]`.
+///
+/// `None` with fewer than 3 places, or where they lie too close together for their error to tell.
+///
+/// # Panics
+/// If the lengths differ.
+#[must_use]
+pub fn metres_per_unit(centers: &[DVec3], places: &[Option<Gps>]) -> Option<GpsScale> {
+    assert_eq!(centers.len(), places.len(), "a place (or none) a camera");
+    let both: Vec<(DVec3, Gps)> = centers
+        .iter()
+        .zip(places)
+        .filter_map(|(center, place)| place.map(|place| (*center, place)))
+        .collect();
+    let origin = both.first()?.1;
+    // Where some photos lack an altitude, those that have one would stand high above the others.
+    let is_flat = both.iter().any(|(_, place)| place.altitude.is_none());
+    let level = |place: Gps| if is_flat { Gps { altitude: None, ..place } } else { place };
+    let pairs: Vec<(DVec3, DVec3)> =
+        both.iter().map(|(center, place)| (*center, level(*place).enu_from(&level(origin)))).collect();
+    let (low, high) = pairs
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), (_, at)| (low.min(*at), high.max(*at)));
+    let extent = (high - low).max_element();
+    if pairs.len() < 3 || !extent.is_finite() || extent < MIN_EXTENT {
+        return None;
+    }
+    let mut best: Option<(f64, Similarity)> = None;
+    for trial in 0..TRIALS {
+        let pick = |turn: u64| {
+            (crate::synthetic::uniform(trial as u64, turn) * pairs.len() as f64) as usize % pairs.len()
+        };
+        let triple = [pick(0), pick(1), pick(2)];
+        if triple[0] == triple[1] || triple[1] == triple[2] || triple[0] == triple[2] {
+            continue;
+        }
+        let Some(found) = Similarity::of(triple.map(|index| (pairs[index].0, pairs[index].1, 1.0))) else {
+            continue;
+        };
+        let residual = found.residual(&pairs);
+        if best.as_ref().is_none_or(|(least, _)| residual < *least) {
+            best = Some((residual, found));
+        }
+    }
+    let (_, mut fit) = best?;
+    for _ in 0..20 {
+        let sigma = (1.5 * fit.residual(&pairs)).max(FLOOR);
+        let weighted = pairs.iter().map(|(from, to)| {
+            let off = (fit.apply(*from) - *to).length() / sigma;
+            (*from, *to, (1.0 + off * off).powi(-2))
+        });
+        fit = Similarity::of(weighted)?;
+    }
+    let residual = fit.residual(&pairs);
+    let is_sound = fit.scale.is_finite() && fit.scale > 0.0 && extent > MIN_RATIO * residual;
+    is_sound.then_some(GpsScale { metres_per_unit: fit.scale, residual, extent, photos: pairs.len() })
+}
+
+struct Similarity {
+    scale: f64,
+    rotation: DMat3,
+    from: DVec3,
+    to: DVec3,
+}
+
+impl Similarity {
+    /// The one that takes the first points to the second, least squares with weights.
+    fn of(pairs: impl IntoIterator<Item = (DVec3, DVec3, f64)> + Clone) -> Option<Self> {
+        let (mut from, mut to, mut sum) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        for (a, b, weight) in pairs.clone() {
+            from += a * weight;
+            to += b * weight;
+            sum += weight;
+        }
+        if !(sum > 0.0 && sum.is_finite()) {
+            return None;
+        }
+        (from, to) = (from / sum, to / sum);
+        let (mut product, mut square) = ([[0.0; 3]; 3], 0.0);
+        for (a, b, weight) in pairs.clone() {
+            let (a, b) = ((a - from).to_array(), (b - to).to_array());
+            for (row, a) in product.iter_mut().zip(a) {
+                for (cell, b) in row.iter_mut().zip(b) {
+                    *cell += weight * a * b;
+                }
+            }
+            square += weight * a.iter().map(|v| v * v).sum::<f64>();
+        }
+        let rotation = rotation_of(product);
+        let mut along = 0.0;
+        for (a, b, weight) in pairs {
+            along += weight * (b - to).dot(rotation * (a - from));
+        }
+        let scale = along / square;
+        (scale.is_finite() && scale > 0.0).then_some(Self { scale, rotation, from, to })
+    }
+
+    fn apply(&self, point: DVec3) -> DVec3 {
+        self.to + self.scale * (self.rotation * (point - self.from))
+    }
+
+    /// Median distance.
+    fn residual(&self, pairs: &[(DVec3, DVec3)]) -> f64 {
+        let mut off: Vec<f64> = pairs.iter().map(|(from, to)| (self.apply(*from) - *to).length()).collect();
+        let middle = off.len() / 2;
+        *off.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+}
+
+/// Horn's rotation: the largest eigenvector of a symmetric 4 x 4 matrix of `sum a b^T`.
+fn rotation_of([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]: [[f64; 3]; 3]) -> DMat3 {
+    let mut matrix = [
+        [xx + yy + zz, yz - zy, zx - xz, xy - yx],
+        [yz - zy, xx - yy - zz, xy + yx, zx + xz],
+        [zx - xz, xy + yx, yy - xx - zz, yz + zy],
+        [xy - yx, zx + xz, yz + zy, zz - xx - yy],
+    ];
+    let mut vectors = [[0.0; 4]; 4];
+    for (index, row) in vectors.iter_mut().enumerate() {
+        row[index] = 1.0;
+    }
+    // Jacobi: convergence is quadratic, ten sweeps reach rounding.
+    for _ in 0..10 {
+        for p in 0..4 {
+            for q in p + 1..4 {
+                if matrix[p][q].abs() < f64::MIN_POSITIVE {
+                    continue;
+                }
+                let theta = 0.5 * (matrix[q][q] - matrix[p][p]) / matrix[p][q];
+                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
+                let cos = 1.0 / t.hypot(1.0);
+                let sin = t * cos;
+                for row in &mut matrix {
+                    (row[p], row[q]) = (cos * row[p] - sin * row[q], sin * row[p] + cos * row[q]);
+                }
+                for k in 0..4 {
+                    (matrix[p][k], matrix[q][k]) =
+                        (cos * matrix[p][k] - sin * matrix[q][k], sin * matrix[p][k] + cos * matrix[q][k]);
+                    let (a, b) = (vectors[p][k], vectors[q][k]);
+                    (vectors[p][k], vectors[q][k]) = (cos * a - sin * b, sin * a + cos * b);
+                }
+            }
+        }
+    }
+    let largest = (0..4).max_by(|a, b| matrix[*a][*a].total_cmp(&matrix[*b][*b])).unwrap_or(0);
+    let [w, x, y, z] = vectors[largest];
+    DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::uniform;
+
+    const LUND: Gps = Gps { latitude: 55.7047, longitude: 13.191, altitude: Some(50.0) };
+
+    /// A place so far east, north and up of Lund, by the radii of the ellipsoid there.
+    fn place(enu: DVec3) -> Gps {
+        let metres = |latitude: f64, longitude: f64| {
+            Gps { latitude, longitude, altitude: LUND.altitude }.enu_from(&LUND)
+        };
+        let (north, east) =
+            (metres(LUND.latitude + 1e-4, LUND.longitude).y, metres(LUND.latitude, LUND.longitude + 1e-4).x);
+        Gps {
+            latitude: LUND.latitude + enu.y / north * 1e-4,
+            longitude: LUND.longitude + enu.x / east * 1e-4,
+            altitude: Some(50.0 + enu.z),
+        }
+    }
+
+    #[test]
+    fn a_degree_is_as_long_as_it_should_be() {
+        // The meridian's degree at 55.7 degrees north: 111.33 km; the parallel's: 62.85 km.
+        let north = Gps { latitude: LUND.latitude + 0.01, ..LUND }.enu_from(&LUND);
+        let east = Gps { longitude: LUND.longitude + 0.01, ..LUND }.enu_from(&LUND);
+        assert!((north.y - 1113.4).abs() < 0.5 && north.x.abs() < 0.01, "{north}");
+        assert!((east.x - 629.0).abs() < 0.7 && east.y.abs() < 0.1, "{east}");
+        let up = Gps { altitude: Some(70.0), ..LUND }.enu_from(&LUND);
+        assert!((up - DVec3::new(0.0, 0.0, 20.0)).length() < 1e-6);
+    }
+
+    #[test]
+    fn the_scale_comes_out_of_noise_and_outliers() {
+        let turn = DMat3::from_quat(DQuat::from_xyzw(0.5, -0.3, 0.2, 0.8).normalize());
+        let noise =
+            |index: u64| DVec3::new(uniform(1, index), uniform(2, index), uniform(3, index)) * 4.0 - 2.0;
+        let (mut centers, mut places) = (Vec::new(), Vec::new());
+        for index in 0..60u64 {
+            let enu = DVec3::new(3.0 * index as f64, 20.0 * (index as f64 * 0.1).sin(), 0.02 * index as f64);
+            centers.push(turn * enu / 16.4 + DVec3::new(3.0, -2.0, 7.0));
+            let off = if index % 6 == 0 { DVec3::new(-80.0, 150.0, 9.0) } else { DVec3::ZERO };
+            places.push((index % 7 != 3).then(|| place(enu + noise(index) + off)));
+        }
+        let found = metres_per_unit(&centers, &places).unwrap();
+        // Errors of 2 m along 180 m with 50 cameras leave well under 1 %.
+        assert!((found.metres_per_unit / 16.4 - 1.0).abs() < 0.01, "{found:?}");
+        assert!(found.residual < 3.0 && found.photos == 51, "{found:?}");
+    }
+
+    #[test]
+    fn places_that_say_nothing_give_nothing() {
+        let line = |step: f64, count: usize| -> (Vec<DVec3>, Vec<Option<Gps>>) {
+            (0..count)
+                .map(|i| {
+                    let at = DVec3::new(step * i as f64, 0.0, 0.0);
+                    (at, Some(place(at)))
+                })
+                .unzip()
+        };
+        let (centers, places) = line(10.0, 2);
+        assert_eq!(metres_per_unit(&centers, &places), None);
+        let (centers, places) = line(0.5, 10);
+        assert_eq!(metres_per_unit(&centers, &places), None);
+        assert_eq!(metres_per_unit(&[], &[]), None);
+        let (centers, places) = line(10.0, 10);
+        assert!((metres_per_unit(&centers, &places).unwrap().metres_per_unit - 1.0).abs() < 1e-3);
+        // Cameras all in one point, wherever their photos say they are.
+        assert_eq!(metres_per_unit(&[DVec3::ONE; 10], &places), None);
+        for bad in [(0.0, 0.0), (91.0, 0.0), (f64::NAN, 1.0), (5.0, 181.0)] {
+            assert_eq!(Gps { latitude: bad.0, longitude: bad.1, altitude: None }.checked(), None);
+        }
+    }
+}

@@ -1,0 +1,497 @@
+//! What the first bytes of a photo say: its size, which side is up, where it was taken.
+//!
+//! JPEG and PNG, with the few tags of EXIF that matter here. Nothing is decoded: a block or two of
+//! the file are read, whatever its size.
+
+use super::Gps;
+use crate::{FormatError, Problem, error::excerpt};
+use std::{
+    fs::File,
+    io::{BufReader, Read, Seek, SeekFrom},
+    path::Path,
+};
+
+/// What is known of a photo before it is decoded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhotoHeader {
+    /// Of which format it is.
+    pub kind: PhotoKind,
+    /// Width as stored, px.
+    pub width: u32,
+    /// Height as stored, px.
+    pub height: u32,
+    /// How to turn it to stand upright.
+    pub orientation: Orientation,
+    /// Where it was taken.
+    pub gps: Option<Gps>,
+}
+
+/// Formats of photos that are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PhotoKind {
+    /// ISO 10918.
+    Jpeg,
+    /// ISO 15948.
+    Png,
+}
+
+/// EXIF's orientation: what must be done to the stored picture so that it stands upright.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Orientation {
+    /// 1: nothing.
+    #[default]
+    Upright,
+    /// 2: mirror left and right.
+    Mirrored,
+    /// 3: half a turn.
+    Turned180,
+    /// 4: mirror top and bottom.
+    Flipped,
+    /// 5: swap x and y.
+    Transposed,
+    /// 6: a quarter turn clockwise.
+    Turned90,
+    /// 7: swap x and y, then half a turn.
+    Transversed,
+    /// 8: a quarter turn anticlockwise.
+    Turned270,
+}
+
+impl Orientation {
+    /// The orientation of EXIF's number; numbers that have none are upright.
+    #[must_use]
+    pub fn from_number(number: u16) -> Self {
+        match number {
+            2 => Self::Mirrored,
+            3 => Self::Turned180,
+            4 => Self::Flipped,
+            5 => Self::Transposed,
+            6 => Self::Turned90,
+            7 => Self::Transversed,
+            8 => Self::Turned270,
+            _ => Self::Upright,
+        }
+    }
+
+    /// Whether width and height change places.
+    #[must_use]
+    pub fn swaps_sides(self) -> bool {
+        matches!(self, Self::Transposed | Self::Turned90 | Self::Transversed | Self::Turned270)
+    }
+
+    /// Where the upright pixel `(x, y)` lies in the stored picture of `width` x `height` px.
+    #[must_use]
+    pub fn stored_from_upright(self, x: u32, y: u32, width: u32, height: u32) -> (u32, u32) {
+        let (right, below) = (width.saturating_sub(1), height.saturating_sub(1));
+        match self {
+            Self::Upright => (x, y),
+            Self::Mirrored => (right - x, y),
+            Self::Turned180 => (right - x, below - y),
+            Self::Flipped => (x, below - y),
+            Self::Transposed => (y, x),
+            Self::Turned90 => (y, below - x),
+            Self::Transversed => (right - y, below - x),
+            Self::Turned270 => (right - y, x),
+        }
+    }
+}
+
+/// Bytes read at once; most headers lie within.
+const BLOCK: usize = 16 << 10;
+
+/// Most segments or chunks before the picture: more is no photo.
+const MAX_PARTS: usize = 4096;
+
+/// Reads the header of a photo.
+///
+/// # Errors
+/// [`FormatError`] if it cannot be read or is no JPEG or PNG.
+pub fn read_header(path: &Path) -> Result<PhotoHeader, FormatError> {
+    let file = File::open(path).map_err(|e| FormatError::reading(path, e))?;
+    if file.metadata().is_ok_and(|about| about.is_dir()) {
+        return Err(FormatError::whole(path, Problem::Photo("it is a folder, no photo".into())));
+    }
+    parse(&mut BufReader::with_capacity(BLOCK, file)).map_err(|problem| FormatError::whole(path, problem))
+}
+
+/// The header of a photo in memory.
+///
+/// # Errors
+/// [`Problem`] as [`read_header`] has it.
+pub fn parse(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
+    let mut start = [0; 12];
+    let length = read_up_to(input, &mut start)?;
+    let start = &start[..length];
+    let kind = match start {
+        [] => return Err(Problem::Empty),
+        [0xff, 0xd8, ..] => PhotoKind::Jpeg,
+        [0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a, ..] => PhotoKind::Png,
+        _ => return Err(Problem::Photo(unknown(start))),
+    };
+    let header = match kind {
+        PhotoKind::Jpeg => {
+            input.seek(SeekFrom::Start(2)).map_err(Problem::Read)?;
+            jpeg(input)?
+        }
+        PhotoKind::Png => {
+            input.seek(SeekFrom::Start(8)).map_err(Problem::Read)?;
+            png(input)?
+        }
+    };
+    if header.width == 0 || header.height == 0 {
+        return Err(Problem::Photo("its header gives it no width or no height; export it again".into()));
+    }
+    Ok(header)
+}
+
+fn unknown(start: &[u8]) -> String {
+    let known = match start {
+        [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => "it is a WebP picture",
+        [_, _, _, _, b'f', b't', b'y', b'p', ..] => "it is a HEIC, AVIF or video file",
+        [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => "it is a TIFF or raw picture",
+        [b'G', b'I', b'F', ..] => "it is a GIF",
+        _ => return format!("no JPEG or PNG: it begins with \"{}\"", excerpt(start)),
+    };
+    format!("{known}; photos must be JPEG or PNG, convert it")
+}
+
+fn jpeg(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
+    let mut tags = Tags::default();
+    for _ in 0..MAX_PARTS {
+        let mut marker = [0];
+        // Any number of 0xff may stand before a marker.
+        let marker = loop {
+            take(input, &mut marker)?;
+            if marker[0] != 0xff {
+                break marker[0];
+            }
+        };
+        // Markers without a length.
+        if matches!(marker, 0x01 | 0xd0..=0xd8) {
+            continue;
+        }
+        if matches!(marker, 0x00 | 0xd9 | 0xda) {
+            return Err(Problem::Photo("a JPEG without a frame header; it is damaged".into()));
+        }
+        let mut length = [0; 2];
+        take(input, &mut length)?;
+        let Some(length) = u16::from_be_bytes(length).checked_sub(2) else {
+            return Err(Problem::Photo("a JPEG with a segment of impossible length; it is damaged".into()));
+        };
+        let is_frame = matches!(marker, 0xc0..=0xcf) && !matches!(marker, 0xc4 | 0xc8 | 0xcc);
+        if is_frame {
+            let mut frame = [0; 5];
+            take(input, &mut frame)?;
+            let [_, h1, h0, w1, w0] = frame;
+            let (width, height) = (u16::from_be_bytes([w1, w0]), u16::from_be_bytes([h1, h0]));
+            return Ok(PhotoHeader {
+                kind: PhotoKind::Jpeg,
+                width: width.into(),
+                height: height.into(),
+                orientation: tags.orientation,
+                gps: tags.gps,
+            });
+        }
+        if marker == 0xe1 {
+            let mut segment = vec![0; usize::from(length)];
+            take(input, &mut segment)?;
+            if let Some(exif) = segment.strip_prefix(b"Exif\0\0") {
+                tags = Tags::parse(exif);
+            }
+        } else {
+            input.seek_relative(i64::from(length)).map_err(Problem::Read)?;
+        }
+    }
+    Err(Problem::Photo("a JPEG without a frame header; it is damaged".into()))
+}
+
+fn png(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
+    let mut size = None;
+    let mut tags = Tags::default();
+    for _ in 0..MAX_PARTS {
+        let mut head = [0; 8];
+        take(input, &mut head)?;
+        let [a, b, c, d, name @ ..] = head;
+        let length = u32::from_be_bytes([a, b, c, d]);
+        match (&name, size) {
+            (b"IHDR", None) if length >= 8 => {
+                let mut sides = [0; 8];
+                take(input, &mut sides)?;
+                let [a, b, c, d, e, f, g, h] = sides;
+                size = Some((u32::from_be_bytes([a, b, c, d]), u32::from_be_bytes([e, f, g, h])));
+                input.seek_relative(i64::from(length) - 8 + 4).map_err(Problem::Read)?;
+            }
+            (b"IDAT" | b"IEND", Some((width, height))) => {
+                let Tags { orientation, gps } = tags;
+                return Ok(PhotoHeader { kind: PhotoKind::Png, width, height, orientation, gps });
+            }
+            (b"eXIf", Some(_)) if length <= 1 << 16 => {
+                let mut exif = vec![0; length as usize];
+                take(input, &mut exif)?;
+                tags = Tags::parse(&exif);
+                input.seek_relative(4).map_err(Problem::Read)?;
+            }
+            (_, Some(_)) => input.seek_relative(i64::from(length) + 4).map_err(Problem::Read)?,
+            (_, None) => break,
+        }
+    }
+    Err(Problem::Photo("a PNG without a header or a picture; it is damaged".into()))
+}
+
+fn take(input: &mut impl Read, out: &mut [u8]) -> Result<(), Problem> {
+    input.read_exact(out).map_err(|error| match error.kind() {
+        std::io::ErrorKind::UnexpectedEof => Problem::Photo("cut off in its header; copy it again".into()),
+        _ => Problem::Read(error),
+    })
+}
+
+fn read_up_to(input: &mut impl Read, out: &mut [u8]) -> Result<usize, Problem> {
+    let mut done = 0;
+    while done < out.len() {
+        match input.read(&mut out[done..]) {
+            Ok(0) => break,
+            Ok(count) => done += count,
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(Problem::Read(error)),
+        }
+    }
+    Ok(done)
+}
+
+/// The tags of EXIF that are looked at.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Tags {
+    orientation: Orientation,
+    gps: Option<Gps>,
+}
+
+/// A TIFF structure in memory; offsets are from its start and none is believed.
+struct Tiff<'a> {
+    bytes: &'a [u8],
+    is_little: bool,
+}
+
+impl Tags {
+    /// What can be understood of an EXIF block; broken ones give as little as they hold.
+    fn parse(bytes: &[u8]) -> Self {
+        let is_little = match bytes {
+            [b'I', b'I', 42, 0, ..] => true,
+            [b'M', b'M', 0, 42, ..] => false,
+            _ => return Self::default(),
+        };
+        let tiff = Tiff { bytes, is_little };
+        let mut tags = Self::default();
+        let Some(first) = tiff.u32(4) else { return tags };
+        if let Some(entry) = tiff.entry(first, 0x0112) {
+            tags.orientation = tiff.u16(entry + 8).map_or(Orientation::Upright, Orientation::from_number);
+        }
+        let gps = tiff.entry(first, 0x8825).and_then(|entry| tiff.u32(entry + 8));
+        tags.gps = gps.and_then(|directory| tiff.gps(directory));
+        tags
+    }
+}
+
+impl Tiff<'_> {
+    fn at<const N: usize>(&self, offset: usize) -> Option<[u8; N]> {
+        self.bytes.get(offset..)?.first_chunk().copied()
+    }
+
+    fn u16(&self, offset: usize) -> Option<u16> {
+        let bytes = self.at(offset)?;
+        Some(if self.is_little { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) })
+    }
+
+    fn u32(&self, offset: usize) -> Option<u32> {
+        let bytes = self.at(offset)?;
+        Some(if self.is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
+    }
+
+    /// Where the entry of a tag lies in a directory.
+    fn entry(&self, directory: u32, tag: u16) -> Option<usize> {
+        let start = directory as usize;
+        let count = usize::from(self.u16(start)?);
+        (0..count).map(|index| start + 2 + 12 * index).find(|at| self.u16(*at) == Some(tag))
+    }
+
+    /// The `N` rationals of a tag.
+    fn rationals<const N: usize>(&self, directory: u32, tag: u16) -> Option<[f64; N]> {
+        const RATIONAL: u16 = 5;
+        let entry = self.entry(directory, tag)?;
+        if self.u16(entry + 2)? != RATIONAL || (self.u32(entry + 4)? as usize) < N {
+            return None;
+        }
+        let place = self.u32(entry + 8)? as usize;
+        let mut values = [0.0; N];
+        for (index, value) in values.iter_mut().enumerate() {
+            let (above, below) = (self.u32(place + 8 * index)?, self.u32(place + 8 * index + 4)?);
+            *value = f64::from(above) / f64::from(below);
+        }
+        Some(values)
+    }
+
+    fn gps(&self, directory: u32) -> Option<Gps> {
+        let first_byte = |tag| self.entry(directory, tag).and_then(|entry| self.at::<1>(entry + 8));
+        let angle = |reference, tag, negative| {
+            let [degrees, minutes, seconds] = self.rationals::<3>(directory, tag)?;
+            // Some writers leave the seconds 0/0 and put everything into the minutes.
+            let seconds = if seconds.is_nan() { 0.0 } else { seconds };
+            let angle = degrees + minutes / 60.0 + seconds / 3600.0;
+            Some(if first_byte(reference) == Some([negative]) { -angle } else { angle })
+        };
+        let altitude = self
+            .rationals::<1>(directory, 6)
+            .map(|[metres]| if first_byte(5) == Some([1]) { -metres } else { metres });
+        Gps {
+            latitude: angle(1, 2, b'S')?,
+            longitude: angle(3, 4, b'W')?,
+            altitude: altitude.filter(|metres| metres.is_finite()),
+        }
+        .checked()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::io::Cursor;
+
+    /// An EXIF block with an orientation and a place.
+    fn exif(is_little: bool, orientation: u16, place: Option<[[u32; 6]; 2]>) -> Vec<u8> {
+        let two = |v: u16| if is_little { v.to_le_bytes() } else { v.to_be_bytes() };
+        let four = |v: u32| if is_little { v.to_le_bytes() } else { v.to_be_bytes() };
+        let mut out = if is_little { b"II".to_vec() } else { b"MM".to_vec() };
+        out.extend(two(42));
+        out.extend(four(8));
+        out.extend(two(2));
+        let entry = |out: &mut Vec<u8>, tag: u16, kind: u16, count: u32, value: [u8; 4]| {
+            out.extend(two(tag));
+            out.extend(two(kind));
+            out.extend(four(count));
+            out.extend(value);
+        };
+        let [a, b] = two(orientation);
+        entry(&mut out, 0x0112, 3, 1, [a, b, 0, 0]);
+        let directory = out.len() as u32 + 12 + 4;
+        entry(&mut out, 0x8825, 4, 1, four(directory));
+        out.extend(four(0));
+        if let Some(place) = place {
+            let values = directory + 2 + 5 * 12 + 4;
+            out.extend(two(5));
+            entry(&mut out, 1, 2, 2, *b"S\0\0\0");
+            entry(&mut out, 2, 5, 3, four(values));
+            entry(&mut out, 3, 2, 2, *b"E\0\0\0");
+            entry(&mut out, 4, 5, 3, four(values + 24));
+            entry(&mut out, 6, 5, 1, four(values + 48));
+            out.extend(four(0));
+            place.iter().flatten().for_each(|v| out.extend(four(*v)));
+            out.extend(four(1234));
+            out.extend(four(10));
+        }
+        out
+    }
+
+    fn jpeg_with(exif: &[u8]) -> Vec<u8> {
+        let mut out = vec![0xff, 0xd8, 0xff, 0xe0, 0, 4, 1, 2, 0xff, 0xff, 0xe1];
+        out.extend((exif.len() as u16 + 8).to_be_bytes());
+        out.extend(b"Exif\0\0");
+        out.extend(exif);
+        out.extend([0xff, 0xc4, 0, 3, 9, 0xff, 0xc2, 0, 17, 8, 0x03, 0x77, 0x04, 0xb0, 3]);
+        out
+    }
+
+    fn png_with(exif: &[u8]) -> Vec<u8> {
+        let mut out = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\x04\xb0\0\0\x03\x77\x08\x02\0\0\0CRC_".to_vec();
+        out.extend((exif.len() as u32).to_be_bytes());
+        out.extend(b"eXIf");
+        out.extend(exif);
+        out.extend(b"CRC_\0\0\0\x09IDAT");
+        out
+    }
+
+    const PLACE: [[u32; 6]; 2] = [[33, 1, 30, 1, 3600, 100], [151, 1, 126, 10, 0, 0]];
+
+    #[test]
+    fn size_orientation_and_place_are_found() {
+        for is_little in [false, true] {
+            let block = exif(is_little, 6, Some(PLACE));
+            for (kind, bytes) in [(PhotoKind::Jpeg, jpeg_with(&block)), (PhotoKind::Png, png_with(&block))] {
+                let header = parse(&mut Cursor::new(&bytes)).unwrap();
+                assert_eq!((header.kind, header.width, header.height), (kind, 1200, 887));
+                assert_eq!(header.orientation, Orientation::Turned90);
+                let gps = header.gps.unwrap();
+                assert!((gps.latitude + 33.51).abs() < 1e-12 && (gps.longitude - 151.21).abs() < 1e-12);
+                assert_eq!(gps.altitude, Some(123.4));
+            }
+        }
+    }
+
+    #[test]
+    fn photos_that_are_none_are_named() {
+        let say = |bytes: &[u8]| parse(&mut Cursor::new(bytes)).unwrap_err().to_string();
+        assert_eq!(say(b""), "the file is empty; copy or export it again");
+        assert_eq!(say(b"hello"), "no JPEG or PNG: it begins with \"hello\"");
+        assert_eq!(say(b"RIFF\0\0\0\0WEBP"), "it is a WebP picture; photos must be JPEG or PNG, convert it");
+        assert_eq!(say(&[0xff, 0xd8, 0xff, 0xda]), "a JPEG without a frame header; it is damaged");
+        assert_eq!(say(&[0xff, 0xd8, 0xff]), "cut off in its header; copy it again");
+    }
+
+    #[test]
+    fn orientations_turn_as_exif_says() {
+        // 3 x 2 stored; EXIF 6: the stored first row is the right column of the upright picture.
+        assert_eq!(Orientation::Turned90.stored_from_upright(1, 0, 3, 2), (0, 0));
+        assert_eq!(Orientation::Turned90.stored_from_upright(1, 2, 3, 2), (2, 0));
+        // EXIF 8: the stored first row is the left column, upwards.
+        assert_eq!(Orientation::Turned270.stored_from_upright(0, 2, 3, 2), (0, 0));
+        assert_eq!(Orientation::Turned270.stored_from_upright(0, 0, 3, 2), (2, 0));
+        for number in 1..=8 {
+            let turn = Orientation::from_number(number);
+            let (w, h) = if turn.swaps_sides() { (2, 3) } else { (3, 2) };
+            let mut seen: Vec<_> =
+                (0..h).flat_map(|y| (0..w).map(move |x| turn.stored_from_upright(x, y, 3, 2))).collect();
+            seen.sort_unstable();
+            seen.dedup();
+            assert!(seen.len() == 6 && seen.iter().all(|(x, y)| *x < 3 && *y < 2), "{number}");
+        }
+    }
+
+    #[test]
+    fn headers_cut_at_any_byte_are_errors() {
+        let block = exif(true, 3, Some(PLACE));
+        for bytes in [jpeg_with(&block), png_with(&block)] {
+            let needed = bytes.len() - if bytes[0] == 0xff { 1 } else { 0 };
+            for end in 0..needed {
+                let error = parse(&mut Cursor::new(&bytes[..end])).unwrap_err().to_string();
+                assert!(!error.contains('\n'), "{error}");
+            }
+            assert!(parse(&mut Cursor::new(&bytes)).is_ok());
+        }
+        for end in 0..block.len() {
+            Tags::parse(&block[..end]);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn mutated_headers_never_panic(
+            is_png: bool,
+            edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+        ) {
+            let block = exif(true, 3, Some(PLACE));
+            let mut bytes = if is_png { png_with(&block) } else { jpeg_with(&block) };
+            for (at, byte) in edits {
+                let at = at.index(bytes.len());
+                bytes[at] = byte;
+            }
+            let _ = parse(&mut Cursor::new(&bytes));
+        }
+
+        #[test]
+        fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..200), is_little: bool) {
+            let _ = parse(&mut Cursor::new(&bytes));
+            let mut block = exif(is_little, 1, None)[..8].to_vec();
+            block.extend(&bytes);
+            Tags::parse(&block);
+        }
+    }
+}

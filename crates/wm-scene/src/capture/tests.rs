@@ -1,0 +1,107 @@
+use super::*;
+use std::fs;
+use tempfile::tempdir;
+
+/// A COLMAP model of views with these names in `sparse/0`, without points.
+fn dataset(folder: &Path, names: &[&str]) {
+    let model = folder.join("sparse/0");
+    fs::create_dir_all(&model).unwrap();
+    fs::write(model.join("cameras.txt"), "1 PINHOLE 10 10 5 5 5 5\n").unwrap();
+    let images: Vec<String> = names.iter().map(|name| format!("1 1 0 0 0 0 0 0 1 {name}\n\n")).collect();
+    fs::write(model.join("images.txt"), images.concat()).unwrap();
+}
+
+fn touch(path: &Path) {
+    fs::create_dir_all(path.parent().unwrap()).unwrap();
+    fs::write(path, "x").unwrap();
+}
+
+#[test]
+fn photos_are_found_where_data_sets_have_them() {
+    for place in ["images", "input", "rgb", "images_4", ""] {
+        let folder = tempdir().unwrap();
+        dataset(folder.path(), &["left/a.jpg", "right\\b.JPG"]);
+        // A folder that is there but has other files is no better than none.
+        fs::create_dir_all(folder.path().join("images")).unwrap();
+        let root = folder.path().join(place);
+        touch(&root.join("left/a.jpg"));
+        touch(&root.join("right/b.png"));
+        let capture = read(folder.path(), &CaptureOptions::default()).unwrap();
+        assert_eq!(capture.photo(0), Some(root.join("left/a.jpg")), "{place}");
+        assert_eq!(capture.views[1].name, "right/b.JPG");
+        // With the extension that it has, not that of the model.
+        assert_eq!(capture.photo(1), Some(root.join("right/b.png")), "{place}");
+    }
+}
+
+#[test]
+fn the_folder_that_was_asked_for_is_taken_or_missed() {
+    let folder = tempdir().unwrap();
+    dataset(folder.path(), &["a.jpg"]);
+    touch(&folder.path().join("images/a.jpg"));
+    touch(&folder.path().join("images_4/a.jpg"));
+    touch(&folder.path().join("masks_4/a.jpg.png"));
+    touch(&folder.path().join("masks/a.png"));
+    let asked = |images: &str| {
+        read(folder.path(), &CaptureOptions { images: Some(images.into()), ..CaptureOptions::default() })
+    };
+    let reduced = asked("images_4").unwrap();
+    assert_eq!(reduced.photo(0), Some(folder.path().join("images_4/a.jpg")));
+    assert_eq!(reduced.mask(0), Some(folder.path().join("masks_4/a.jpg.png")));
+    let whole = read(folder.path(), &CaptureOptions::default()).unwrap();
+    assert_eq!(whole.photo(0), Some(folder.path().join("images/a.jpg")));
+    assert_eq!(whole.mask(0), Some(folder.path().join("masks/a.png")));
+    let error = asked("images_3").unwrap_err().to_string();
+    assert!(error.ends_with("images_3: no such file or folder; check the path"), "{error}");
+}
+
+#[test]
+fn captures_that_cannot_be_trained_are_told() {
+    let folder = tempdir().unwrap();
+    let say = || {
+        let capture = read(folder.path(), &CaptureOptions::default()).unwrap();
+        let message = capture.check_trainable().unwrap_err().to_string();
+        message.replace(&folder.path().display().to_string(), "DIR")
+    };
+    dataset(folder.path(), &["a.jpg"]);
+    assert_eq!(
+        say(),
+        "DIR: 1 of the photos is registered, at least 3 are needed; take more, with overlap, and reconstruct again"
+    );
+    dataset(folder.path(), &["a.jpg", "b.jpg"]);
+    assert!(say().starts_with("DIR: 2 of the photos are registered"));
+    dataset(folder.path(), &["a.jpg", "b.jpg", "c.jpg"]);
+    let expected =
+        "DIR: the model has no points to start from; reconstruct again, or give a capture with points3D";
+    assert_eq!(say(), expected);
+    fs::write(folder.path().join("sparse/0/points3D.txt"), "# none\n").unwrap();
+    assert_eq!(say(), expected);
+}
+
+#[test]
+fn views_with_distortion_are_given_without() {
+    let folder = tempdir().unwrap();
+    dataset(folder.path(), &["a.jpg"]);
+    let cameras = folder.path().join("sparse/0/cameras.txt");
+    fs::write(&cameras, "1 SIMPLE_RADIAL 640 480 500 320 240 0.1\n").unwrap();
+    let views = read_views(folder.path()).unwrap();
+    assert!(views[0].camera.width < 640 && views[0].camera.fx == 500.0);
+    fs::write(&cameras, "1 SIMPLE_RADIAL 640 480 500 320 240 -1\n").unwrap();
+    let error = read_views(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("the distortion of the camera of \"a.jpg\" folds over"), "{error}");
+}
+
+#[test]
+fn neighbours_share_the_most_points() {
+    let folder = tempdir().unwrap();
+    dataset(folder.path(), &["a.jpg", "b.jpg", "c.jpg"]);
+    let mut capture = read(folder.path(), &CaptureOptions::default()).unwrap();
+    for _ in 0..4 {
+        capture.points.push([0.0; 3], [0; 3], 0.0, 2);
+    }
+    let seen = |points: &[u32]| points.iter().map(|p| Observation { point: *p, xy: [0.0; 2] }).collect();
+    capture.observations = vec![seen(&[0, 1, 2]), seen(&[2]), seen(&[0, 1, 3])];
+    assert_eq!(capture.neighbours(0, 5), [(2, 2), (1, 1)]);
+    assert_eq!(capture.neighbours(0, 1), [(2, 2)]);
+    assert_eq!(capture.neighbours(1, 5), [(0, 1)]);
+}

@@ -1,0 +1,291 @@
+//! `transforms.json`, as nerfstudio and instant-ngp write it.
+//!
+//! Cameras are world_from_camera with OpenGL axes (x right, y up, z backward); y and z change their
+//! signs here. Intrinsics stand once for all frames or in each. `ply_file_path` names the points, in
+//! the same axes as the frames. Where there is none, but the COLMAP model that the file was made from
+//! lies in `colmap/sparse/0`, its points are taken and moved by `applied_transform`, with which the
+//! cameras have been moved already. A scale (`aabb_scale`, `scale`, `offset`) is not applied.
+//! Where the file does not say how large the photos are, their headers are read.
+
+#[cfg(test)]
+mod tests;
+
+use super::{Capture, CaptureOptions, CaptureView, Distortion, Format, Points, Want, header, places};
+use crate::{
+    Camera, FormatError, Location, Problem, camera::viewmat_of, error::one_line, formats::ply::read_points,
+};
+use glam::{DMat3, DQuat, DVec3};
+use serde::Deserialize;
+use std::{
+    fs::File,
+    io::BufReader,
+    path::{Component, Path, PathBuf},
+};
+
+/// The entry of [`FORMATS`](super::FORMATS).
+pub const FORMAT: Format =
+    Format { name: "transforms.json", about: "nerfstudio or instant-ngp transforms.json", read };
+
+/// Names of the file, the likeliest first.
+const FILES: [&str; 2] = ["transforms.json", "transforms_train.json"];
+
+/// Intrinsics: at the top of the file, in a frame, or both, of which the frame's win.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+struct Intrinsics {
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    // Some writers have them as floats.
+    w: Option<f64>,
+    h: Option<f64>,
+    camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+    is_fisheye: Option<bool>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Transforms {
+    #[serde(flatten)]
+    shared: Intrinsics,
+    camera_model: Option<String>,
+    ply_file_path: Option<String>,
+    applied_transform: Option<Vec<[f64; 4]>>,
+    frames: Vec<Frame>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Frame {
+    file_path: String,
+    mask_path: Option<String>,
+    /// world_from_camera, row by row: 4 rows, or 3.
+    transform_matrix: Vec<[f64; 4]>,
+    camera_model: Option<String>,
+    #[serde(flatten)]
+    own: Intrinsics,
+}
+
+impl Intrinsics {
+    fn or(self, other: Self) -> Self {
+        // An angle of the frame wins over a focal length that all share.
+        let has_focal = self.fl_x.or(self.camera_angle_x).is_some();
+        let kept = |own: Option<f64>, shared: Option<f64>| own.or(if has_focal { None } else { shared });
+        Self {
+            fl_x: kept(self.fl_x, other.fl_x),
+            fl_y: kept(self.fl_y, other.fl_y),
+            camera_angle_x: kept(self.camera_angle_x, other.camera_angle_x),
+            camera_angle_y: kept(self.camera_angle_y, other.camera_angle_y),
+            cx: self.cx.or(other.cx),
+            cy: self.cy.or(other.cy),
+            w: self.w.or(other.w),
+            h: self.h.or(other.h),
+            k1: self.k1.or(other.k1),
+            k2: self.k2.or(other.k2),
+            k3: self.k3.or(other.k3),
+            k4: self.k4.or(other.k4),
+            p1: self.p1.or(other.p1),
+            p2: self.p2.or(other.p2),
+            is_fisheye: self.is_fisheye.or(other.is_fisheye),
+        }
+    }
+
+    fn camera(&self, size: (u32, u32)) -> Result<(Camera, Distortion), String> {
+        for (name, value) in [("k3", self.k3), ("k4", self.k4)] {
+            if value.is_some_and(|v| v != 0.0) {
+                return Err(format!("its lens has {name}, which is not read; {UNDISTORT}"));
+            }
+        }
+        let (width, height) = (f64::from(size.0), f64::from(size.1));
+        let of_angle = |angle: Option<f64>, side: f64| angle.map(|a| 0.5 * side / (0.5 * a).tan());
+        let fx = self.fl_x.or(of_angle(self.camera_angle_x, width));
+        let fy = self.fl_y.or(of_angle(self.camera_angle_y, height));
+        let Some(fx) = fx.or(fy) else {
+            return Err("it has no focal length: fl_x or camera_angle_x is needed".into());
+        };
+        let camera = Camera {
+            width: size.0,
+            height: size.1,
+            fx,
+            fy: fy.unwrap_or(fx),
+            cx: self.cx.unwrap_or(0.5 * width),
+            cy: self.cy.unwrap_or(0.5 * height),
+            viewmat: glam::DMat4::IDENTITY,
+            near: Camera::DEFAULT_NEAR,
+        };
+        camera.check().map_err(|e| e.to_string())?;
+        let lens = [self.k1, self.k2, self.p1, self.p2].map(|v| v.unwrap_or(0.0));
+        if let Some(bad) = lens.iter().find(|v| !v.is_finite()) {
+            return Err(format!("a coefficient of its distortion is {bad}: must be finite"));
+        }
+        Ok((camera, Distortion::of(lens)))
+    }
+}
+
+/// What to do about a lens that is not read.
+const UNDISTORT: &str = "undistort the photos with `colmap image_undistorter` and give its output";
+
+fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
+    let (path, folder) = if dataset.is_dir() {
+        let Some(name) = FILES.iter().find(|name| dataset.join(name).is_file()) else { return Ok(None) };
+        (dataset.join(name), dataset.to_path_buf())
+    } else if dataset.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
+        (dataset.to_path_buf(), dataset.parent().unwrap_or(Path::new("")).to_path_buf())
+    } else {
+        return Ok(None);
+    };
+    let file = File::open(&path).map_err(|e| FormatError::reading(&path, e))?;
+    let transforms: Transforms =
+        serde_json::from_reader(BufReader::new(file)).map_err(|error| parse_fault(&path, &error))?;
+    if transforms.frames.is_empty() {
+        let problem = "there are no frames in it; export the capture again";
+        return Err(FormatError::whole(&path, Problem::Value(problem.into())));
+    }
+    let mut cameras: Vec<(Camera, Distortion)> = Vec::new();
+    let mut views = Vec::with_capacity(transforms.frames.len());
+    for frame in &transforms.frames {
+        let fault = |what: String| {
+            let what = one_line(&format!("the frame {:?}: {what}", frame.file_path));
+            FormatError::whole(&path, Problem::Value(what))
+        };
+        let model = frame.camera_model.as_deref().or(transforms.camera_model.as_deref());
+        check_model(model).map_err(&fault)?;
+        let view = view_of(frame, &transforms.shared, &folder, options, &mut cameras, &fault)?;
+        views.push(view);
+    }
+    let points = match want {
+        Want::Views => Points::default(),
+        Want::Everything => points_of(&transforms, &folder, &path)?,
+    };
+    let roots = [folder.as_path()];
+    let masks = places::find(&roots, &CaptureOptions { images: None, ..options.clone() }, &[])?.1;
+    let observations = vec![Vec::new(); views.len()];
+    Ok(Some(Capture { source: dataset.into(), images: folder, masks, views, points, observations }))
+}
+
+fn view_of(
+    frame: &Frame,
+    shared: &Intrinsics,
+    folder: &Path,
+    options: &CaptureOptions,
+    cameras: &mut Vec<(Camera, Distortion)>,
+    fault: &impl Fn(String) -> FormatError,
+) -> Result<CaptureView, FormatError> {
+    let file = moved(&frame.file_path, options.images.as_deref());
+    let own = frame.own.or(*shared);
+    if own.is_fisheye == Some(true) {
+        return Err(fault(format!("its lens is a fisheye, which is not read; {UNDISTORT}")));
+    }
+    let side = |length: f64| {
+        // Above what a camera may have, so that the check refuses it.
+        if length.fract() == 0.0 && (0.0..4e9).contains(&length) { length as u32 } else { u32::MAX }
+    };
+    let size = match (own.w, own.h) {
+        (Some(w), Some(h)) => (side(w), side(h)),
+        _ => {
+            let photo = places::with_any_extension(&folder.join(&file)).ok_or_else(|| {
+                fault("the photo is missing, and the file does not say its size (w and h)".into())
+            })?;
+            let header = header::read_header(&photo)?;
+            (header.width, header.height)
+        }
+    };
+    let (camera, distortion) = own.camera(size).map_err(fault)?;
+    let viewmat = viewmat(&frame.transform_matrix).map_err(fault)?;
+    let known = cameras.iter().position(|known| *known == (camera, distortion));
+    let camera_id = known.unwrap_or_else(|| {
+        cameras.push((camera, distortion));
+        cameras.len() - 1
+    });
+    let camera = Camera { viewmat, ..camera };
+    camera.check().map_err(|e| fault(e.to_string()))?;
+    Ok(CaptureView {
+        name: frame.file_path.trim_start_matches("./").replace('\\', "/"),
+        camera,
+        distortion,
+        camera_id: camera_id as u32 + 1,
+        file,
+        mask: frame.mask_path.as_deref().map(|mask| folder.join(plain(mask))),
+    })
+}
+
+fn check_model(model: Option<&str>) -> Result<(), String> {
+    match model {
+        None | Some("OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "PERSPECTIVE") => Ok(()),
+        Some(other) => {
+            let other = crate::error::excerpt(other.as_bytes());
+            Err(format!("its camera model {other} is not read; {UNDISTORT}"))
+        }
+    }
+}
+
+/// camera_from_world with OpenCV axes of world_from_camera with OpenGL axes.
+fn viewmat(rows: &[[f64; 4]]) -> Result<glam::DMat4, String> {
+    let &([a, b, c] | [a, b, c, _]) = rows else {
+        return Err(format!("its transform_matrix has {} rows: 4 are needed", rows.len()));
+    };
+    let column = |k: usize| DVec3::new(a[k], b[k], c[k]);
+    let world_from_camera = DMat3::from_cols(column(0), -column(1), -column(2));
+    let product = world_from_camera.transpose() * world_from_camera;
+    // Files hold six digits at least; what differs more is no rotation.
+    if !product.abs_diff_eq(DMat3::IDENTITY, 1e-3) || world_from_camera.determinant() < 0.0 {
+        return Err("its transform_matrix is no rotation with a translation".into());
+    }
+    let rotation = DMat3::from_quat(DQuat::from_mat3(&world_from_camera).normalize()).transpose();
+    Ok(viewmat_of(rotation, -(rotation * column(3))))
+}
+
+/// The path of a file without `.` and with this system's separators.
+fn plain(path: &str) -> PathBuf {
+    let path = PathBuf::from(path.replace('\\', "/"));
+    path.components().filter(|part| *part != Component::CurDir).collect()
+}
+
+/// The path of a photo, its first folder replaced by the one that was asked for.
+fn moved(path: &str, images: Option<&Path>) -> PathBuf {
+    let path = plain(path);
+    let Some(images) = images else { return path };
+    let mut parts = path.components();
+    let rest = match parts.next() {
+        Some(_) if !parts.as_path().as_os_str().is_empty() => parts.as_path(),
+        _ => &path,
+    };
+    images.join(rest)
+}
+
+fn points_of(transforms: &Transforms, folder: &Path, path: &Path) -> Result<Points, FormatError> {
+    if let Some(name) = &transforms.ply_file_path {
+        return read_points(&folder.join(plain(name)));
+    }
+    let model = folder.join("colmap");
+    if !model.join("sparse").is_dir() {
+        return Ok(Points::default());
+    }
+    let mut points = super::read(&model, &CaptureOptions::default())?.points;
+    if let Some(rows) = &transforms.applied_transform {
+        let &([a, b, c] | [a, b, c, _]) = rows.as_slice() else {
+            let what = "applied_transform needs 3 or 4 rows";
+            return Err(FormatError::whole(path, Problem::Value(what.into())));
+        };
+        for [x, y, z] in &mut points.positions {
+            let moved = [a, b, c].map(|[p, q, r, t]| p * *x + q * *y + r * *z + t);
+            [*x, *y, *z] = moved;
+        }
+    }
+    Ok(points)
+}
+
+fn parse_fault(path: &Path, error: &serde_json::Error) -> FormatError {
+    if let Some(kind) = error.io_error_kind() {
+        return FormatError::reading(path, kind.into());
+    }
+    let place = Location::LineColumn(error.line() as u64, error.column() as u64);
+    let message = one_line(&error.to_string());
+    let message = message.split(" at line ").next().unwrap_or_default();
+    FormatError::at(path, place, Problem::Value(format!("{message}; correct the file or export it again")))
+}
