@@ -1,0 +1,130 @@
+//! Arrays of f32 for NumPy, format version 1.0.
+
+use std::{
+    fs::File,
+    io::{BufReader, Read},
+    path::Path,
+};
+use wm_scene::{FormatError, Problem, files::write_atomically};
+
+/// Longest header that is read, bytes.
+const MAX_HEADER: usize = 4096;
+
+/// Writes `values` as little-endian f32 of the shape, the last axis fastest.
+///
+/// # Errors
+/// [`FormatError`] if the file cannot be written.
+///
+/// # Panics
+/// If there are more or fewer values than the shape has.
+pub fn write(path: &Path, values: &[f32], shape: &[usize]) -> Result<(), FormatError> {
+    assert_eq!(values.len(), shape.iter().product::<usize>(), "an array of shape {shape:?}");
+    write_atomically(path, |out| {
+        out.write_all(&header(shape))?;
+        for part in values.chunks(4096) {
+            let bytes: Vec<u8> = part.iter().flat_map(|value| value.to_le_bytes()).collect();
+            out.write_all(&bytes)?;
+        }
+        Ok(())
+    })
+}
+
+/// Magic, version, length and a Python dictionary padded to a multiple of 64 bytes.
+fn header(shape: &[usize]) -> Vec<u8> {
+    const FIXED: usize = 10;
+    let sides: String = shape.iter().map(|side| format!("{side}, ")).collect();
+    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", sides.trim_end());
+    let length = (FIXED + text.len() + 1).next_multiple_of(64);
+    text.extend(std::iter::repeat_n(' ', length - FIXED - text.len() - 1));
+    text.push('\n');
+    let mut out = b"\x93NUMPY\x01\x00".to_vec();
+    out.extend(((length - FIXED) as u16).to_le_bytes());
+    out.extend(text.into_bytes());
+    out
+}
+
+/// Reads an array of little-endian f32 in C order: its values and its shape.
+///
+/// # Errors
+/// [`FormatError`] if it is none, or cut off.
+pub fn read(path: &Path) -> Result<(Vec<f32>, Vec<usize>), FormatError> {
+    let file = File::open(path).map_err(|e| FormatError::reading(path, e))?;
+    let length = file.metadata().map_err(|e| FormatError::reading(path, e))?.len();
+    read_from(BufReader::new(file), length).map_err(|problem| FormatError::whole(path, problem))
+}
+
+fn read_from(mut input: impl Read, length: u64) -> Result<(Vec<f32>, Vec<usize>), Problem> {
+    let fault = |what: &str| Problem::Value(format!("{what}; save it again with numpy.save as float32"));
+    let mut start = [0; 10];
+    input.read_exact(&mut start).map_err(|_| fault("no NumPy array"))?;
+    let [magic @ .., major, _minor, low, high] = start;
+    if magic != *b"\x93NUMPY" || major != 1 {
+        return Err(fault("no NumPy array of version 1"));
+    }
+    let size = usize::from(u16::from_le_bytes([low, high])).min(MAX_HEADER);
+    let mut text = vec![0; size];
+    input.read_exact(&mut text).map_err(|_| fault("cut off in its header"))?;
+    let text = String::from_utf8_lossy(&text).replace(' ', "");
+    if !text.contains("'descr':'<f4'") || !text.contains("'fortran_order':False") {
+        return Err(fault("an array of another type than little-endian float32 in C order"));
+    }
+    let shape = text.split("'shape':(").nth(1).and_then(|rest| rest.split(')').next());
+    let shape = shape.ok_or_else(|| fault("an array without a shape"))?;
+    let shape: Option<Vec<usize>> =
+        shape.split(',').filter(|side| !side.is_empty()).map(|side| side.parse().ok()).collect();
+    let shape = shape.ok_or_else(|| fault("an array whose shape is not understood"))?;
+    let count = shape.iter().try_fold(1usize, |product, side| product.checked_mul(*side));
+    // The file says how much there is; the header is believed only if it says the same.
+    let there = length.saturating_sub(10 + size as u64) / 4;
+    let count = count.filter(|count| *count as u64 == there);
+    let count = count.ok_or_else(|| fault("its shape and its length do not fit: it may be cut off"))?;
+    let mut bytes = Vec::new();
+    input.take(4 * count as u64).read_to_end(&mut bytes).map_err(Problem::Read)?;
+    let (values, _) = bytes.as_chunks::<4>();
+    if values.len() != count {
+        return Err(fault("cut off"));
+    }
+    Ok((values.iter().map(|value| f32::from_le_bytes(*value)).collect(), shape))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn arrays_come_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npy");
+        for shape in [&[2, 3][..], &[6], &[1, 2, 3], &[0, 4]] {
+            let values: Vec<f32> = (0..shape.iter().product::<usize>()).map(|v| v as f32 - 0.5).collect();
+            write(&path, &values, shape).unwrap();
+            assert_eq!(read(&path).unwrap(), (values, shape.to_vec()));
+        }
+    }
+
+    #[test]
+    fn arrays_cut_at_any_byte_are_errors() {
+        let mut bytes = header(&[2, 2]);
+        bytes.extend([0; 16]);
+        assert!(read_from(&bytes[..], bytes.len() as u64).is_ok());
+        for end in 0..bytes.len() {
+            assert!(read_from(&bytes[..end], end as u64).is_err(), "{end}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn mutated_arrays_never_panic(edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6)) {
+            let mut bytes = header(&[2, 2]);
+            bytes.extend([0; 16]);
+            for (at, byte) in edits {
+                let at = at.index(bytes.len());
+                bytes[at] = byte;
+            }
+            if let Ok((values, _)) = read_from(&bytes[..], bytes.len() as u64) {
+                prop_assert!(values.len() * 4 <= bytes.len());
+            }
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! What can be wrong with photos, in one line.
+
+use std::{fmt, path::PathBuf};
+use thiserror::Error;
+use wm_scene::FormatError;
+
+/// Why a photo cannot be used.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{}: {fault}", path.display())]
+pub struct PhotoError {
+    /// Its file, or where it should be.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub fault: Fault,
+}
+
+/// What is wrong with a photo.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum Fault {
+    /// There is no file.
+    #[error("the photo is missing")]
+    Missing,
+    /// It cannot be read, or is no JPEG or PNG.
+    #[error("{0}")]
+    Unreadable(String),
+    /// Its size is not that of its camera, nor that size made smaller or larger as a whole.
+    #[error(
+        "the photo is {width}x{height} px, its camera {camera_width}x{camera_height}; give the photos that the model was made from"
+    )]
+    Size {
+        /// Width, px.
+        width: u32,
+        /// Height, px.
+        height: u32,
+        /// Width of the camera, px.
+        camera_width: u32,
+        /// Height of the camera, px.
+        camera_height: u32,
+    },
+    /// The lens cannot be undone.
+    #[error(
+        "the distortion of its camera folds over within the photo; reconstruct the capture with another camera model"
+    )]
+    Lens,
+    /// It does not decode.
+    #[error("the photo is damaged ({0}); copy it again")]
+    Damaged(String),
+    /// The mask has another size than the photo.
+    #[error(
+        "the mask is {width}x{height} px, the photo {photo_width}x{photo_height}; make the mask as large as the photo"
+    )]
+    Mask {
+        /// Width, px.
+        width: u32,
+        /// Height, px.
+        height: u32,
+        /// Width of the photo, px.
+        photo_width: u32,
+        /// Height of the photo, px.
+        photo_height: u32,
+    },
+}
+
+/// Photos that cannot be used, where none may be left out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PhotoErrors {
+    /// At least one.
+    pub errors: Vec<PhotoError>,
+    /// Photos in all.
+    pub photos: usize,
+}
+
+impl std::error::Error for PhotoErrors {}
+
+impl fmt::Display for PhotoErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some(first) = self.errors.first() else { return write!(f, "there are no photos") };
+        write!(f, "{first}")?;
+        match self.errors.len() {
+            1 => write!(f, " (--skip-bad goes on without it)"),
+            count if count == self.photos => write!(f, " (so are all {count} photos)"),
+            count => {
+                write!(f, " (and {} more of {}; --skip-bad goes on without them)", count - 1, self.photos)
+            }
+        }
+    }
+}
+
+impl PhotoError {
+    /// The fault of a file that could not be read.
+    pub(super) fn reading(error: &FormatError) -> Self {
+        Self { path: error.path.clone(), fault: Fault::Unreadable(error.problem.to_string()) }
+    }
+}

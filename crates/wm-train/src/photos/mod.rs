@@ -1,0 +1,381 @@
+//! The photos of a capture, as training sees them.
+//!
+//! [`Photos::open`] looks only at the headers of the files, all threads at once, so that thousands
+//! are open in seconds. A photo is decoded when it is asked for, or before, on threads of its own,
+//! by [`Photos::prefetch`]; turned upright; made smaller by area averages ([`PhotoSize`]); freed of
+//! its lens; and kept as bytes in a cache that never exceeds [`PhotoOptions::cache_bytes`] but for
+//! the photo that is in use.
+//!
+//! # Sizes
+//! A photo may be the one that the model was made from, or that made smaller or larger as a whole,
+//! such as those in `images_4`: intrinsics are scaled. Anything else is refused.
+//!
+//! # Which side is up
+//! COLMAP and nerfstudio work on the stored pixels and do not look at EXIF's orientation; other
+//! programs turn photos first. The size of the camera tells: where the stored photo fits it, the
+//! pixels stay as they are, else the photo is turned as EXIF says. Where both fit (half turns,
+//! square photos) nothing is turned, as COLMAP would have it.
+//!
+//! # Masks
+//! Black is left out, white counts; a transparent part of a PNG photo is left out too.
+
+mod cache;
+mod decode;
+mod error;
+mod picture;
+mod resize;
+#[cfg(test)]
+mod tests;
+mod undistort;
+
+pub use error::{Fault, PhotoError, PhotoErrors};
+pub use picture::Photo;
+
+use cache::Cache;
+use picture::{Entry, Lens, is_scaled, reduced_camera};
+use rayon::prelude::*;
+use std::{
+    collections::VecDeque,
+    sync::{Arc, Condvar, Mutex, PoisonError},
+    thread::JoinHandle,
+};
+use wm_scene::{
+    Camera,
+    capture::{
+        Capture, Gps,
+        header::{Orientation, PhotoHeader, read_header},
+    },
+};
+
+/// How large photos are used.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum PhotoSize {
+    /// As they are.
+    #[default]
+    Full,
+    /// Sides divided by this, 1 or above, and rounded.
+    Divided(f64),
+    /// The longer side made this long, px, if it is longer.
+    Longest(u32),
+}
+
+impl PhotoSize {
+    /// The size that a photo of this size is given: at least 1 px a side, never larger.
+    #[must_use]
+    pub fn of(self, (width, height): (u32, u32)) -> (u32, u32) {
+        let longest = f64::from(width.max(height));
+        let scale = match self {
+            Self::Full => 1.0,
+            Self::Divided(by) => 1.0 / by.max(1.0),
+            Self::Longest(side) => (f64::from(side) / longest).min(1.0),
+        };
+        let side = |length: u32| ((f64::from(length) * scale).round() as u32).clamp(1, length.max(1));
+        (side(width), side(height))
+    }
+}
+
+/// What to do with photos that cannot be used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BadPhotos {
+    /// Refuse the capture.
+    #[default]
+    Refuse,
+    /// Go on without them.
+    Skip,
+}
+
+/// Whether masks count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Masks {
+    /// They do, where there are any.
+    #[default]
+    Use,
+    /// They are not looked at.
+    Ignore,
+}
+
+/// How far photos are checked when they are opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Check {
+    /// File and header; a damaged photo is found when it is decoded.
+    #[default]
+    Headers,
+    /// Each photo is decoded once, which fills the cache.
+    Pixels,
+}
+
+/// How photos are read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhotoOptions {
+    /// How large they are used.
+    pub size: PhotoSize,
+    /// Most bytes of decoded photos that are kept.
+    pub cache_bytes: usize,
+    /// What to do with those that cannot be used.
+    pub bad: BadPhotos,
+    /// Whether masks count.
+    pub masks: Masks,
+    /// How far they are checked.
+    pub check: Check,
+    /// Threads that decode what [`Photos::prefetch`] asks for; 0 for none.
+    pub loaders: usize,
+}
+
+impl Default for PhotoOptions {
+    fn default() -> Self {
+        Self {
+            size: PhotoSize::Full,
+            cache_bytes: 1 << 30,
+            bad: BadPhotos::Refuse,
+            masks: Masks::Use,
+            check: Check::Headers,
+            loaders: 2,
+        }
+    }
+}
+
+/// Which photo, and how often its sides are halved.
+type Key = (usize, u8);
+
+/// Photos that wait to be prefetched; more than that are forgotten.
+const MAX_WAITING: usize = 256;
+
+/// The photos of a capture.
+pub struct Photos {
+    shared: Arc<Shared>,
+    loaders: Vec<JoinHandle<()>>,
+    skipped: Vec<PhotoError>,
+    gps: Vec<Option<Gps>>,
+}
+
+struct Shared {
+    entries: Vec<Entry>,
+    cache: Cache<Key, Photo>,
+    waiting: Mutex<Waiting>,
+    woken: Condvar,
+}
+
+#[derive(Default)]
+struct Waiting {
+    keys: VecDeque<Key>,
+    is_over: bool,
+}
+
+impl Photos {
+    /// Looks at every photo of a capture.
+    ///
+    /// # Errors
+    /// [`PhotoErrors`] if any photo cannot be used and none may be skipped, or if none can be used.
+    pub fn open(capture: &Capture, options: &PhotoOptions) -> Result<Self, PhotoErrors> {
+        let looked: Vec<_> =
+            (0..capture.views.len()).into_par_iter().map(|view| look(capture, view, options)).collect();
+        let photos = looked.len();
+        let (mut entries, mut errors) = (Vec::with_capacity(photos), Vec::new());
+        let mut gps = vec![None; photos];
+        for (view, looked) in looked.into_iter().enumerate() {
+            match looked {
+                Ok((entry, place)) => {
+                    gps[view] = place;
+                    entries.push(entry);
+                }
+                Err(error) => errors.push(error),
+            }
+        }
+        let mut shared = Shared::of(entries, options);
+        if options.check == Check::Pixels {
+            let bad: Vec<(usize, PhotoError)> = (0..shared.entries.len())
+                .into_par_iter()
+                .filter_map(|index| Some((index, shared.get((index, 0)).err()?)))
+                .collect();
+            if !bad.is_empty() {
+                // Photos are known by their place: the cache starts anew where places change.
+                let mut index = 0;
+                let mut entries = std::mem::take(&mut shared.entries);
+                entries.retain(|_| {
+                    index += 1;
+                    bad.iter().all(|(bad, _)| *bad != index - 1)
+                });
+                shared = Shared::of(entries, options);
+                errors.extend(bad.into_iter().map(|(_, error)| error));
+            }
+        }
+        let is_refused = options.bad == BadPhotos::Refuse && !errors.is_empty();
+        if is_refused || shared.entries.is_empty() {
+            return Err(PhotoErrors { errors, photos });
+        }
+        let shared = Arc::new(shared);
+        let loader = |_| {
+            let shared = Arc::clone(&shared);
+            std::thread::spawn(move || shared.serve())
+        };
+        let loaders = (0..options.loaders).map(loader).collect();
+        Ok(Self { shared, loaders, skipped: errors, gps })
+    }
+
+    /// How many there are, without those that were skipped.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.shared.entries.len()
+    }
+
+    /// Whether there are none, which [`Self::open`] does not allow.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.shared.entries.is_empty()
+    }
+
+    /// The index in [`Capture::views`] of photo `index`.
+    ///
+    /// # Panics
+    /// If there is no such photo.
+    #[must_use]
+    pub fn view(&self, index: usize) -> usize {
+        self.shared.entries[index].view
+    }
+
+    /// The camera of photo `index` with sides divided by `2^level`, without decoding it.
+    ///
+    /// # Panics
+    /// If there is no such photo.
+    #[must_use]
+    pub fn camera(&self, index: usize, level: u8) -> Camera {
+        reduced_camera(&self.shared.entries[index].lens.ideal, level)
+    }
+
+    /// The highest level at which no photo has a side shorter than `shortest` px; 0 at least.
+    #[must_use]
+    pub fn last_level(&self, shortest: u32) -> u8 {
+        let sides = self.shared.entries.iter().map(|e| e.lens.ideal.width.min(e.lens.ideal.height));
+        let least = sides.min().unwrap_or(1);
+        (0..16).take_while(|level| least >> level >= shortest.max(1)).last().unwrap_or(0)
+    }
+
+    /// Photo `index` with sides divided by `2^level`: `2^level` px wide blocks averaged, what is left
+    /// over at the right and the bottom cut off. Waits until it is decoded.
+    ///
+    /// # Errors
+    /// [`PhotoError`] if it is damaged, or gone.
+    ///
+    /// # Panics
+    /// If there is no such photo, or nothing is left of it at that level.
+    pub fn get(&self, index: usize, level: u8) -> Result<Arc<Photo>, PhotoError> {
+        let camera = self.camera(index, level);
+        assert!(camera.width > 0 && camera.height > 0, "photo {index} has no level {level}");
+        self.shared.get((index, level))
+    }
+
+    /// Has photo `index` decoded in the background, so that [`Self::get`] need not wait for it later.
+    pub fn prefetch(&self, index: usize, level: u8) {
+        let key = (index, level);
+        if self.loaders.is_empty() || index >= self.len() || self.shared.cache.is_under_way(key) {
+            return;
+        }
+        let mut waiting = self.shared.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        if waiting.keys.len() < MAX_WAITING && !waiting.keys.contains(&key) {
+            waiting.keys.push_back(key);
+            drop(waiting);
+            self.shared.woken.notify_one();
+        }
+    }
+
+    /// The photos that were left out, with [`BadPhotos::Skip`].
+    #[must_use]
+    pub fn skipped(&self) -> &[PhotoError] {
+        &self.skipped
+    }
+
+    /// Where each view of the capture was taken, `[V]`, as its photo says; see
+    /// [`wm_scene::capture::gps::metres_per_unit`].
+    #[must_use]
+    pub fn gps(&self) -> &[Option<Gps>] {
+        &self.gps
+    }
+
+    /// Bytes of decoded photos that are kept now.
+    #[must_use]
+    pub fn cached_bytes(&self) -> usize {
+        self.shared.cache.bytes()
+    }
+}
+
+impl Drop for Photos {
+    fn drop(&mut self) {
+        self.shared.waiting.lock().unwrap_or_else(PoisonError::into_inner).is_over = true;
+        self.shared.woken.notify_all();
+        for loader in self.loaders.drain(..) {
+            // A loader that panicked has nothing left to say.
+            let _ = loader.join();
+        }
+    }
+}
+
+impl Shared {
+    fn of(entries: Vec<Entry>, options: &PhotoOptions) -> Self {
+        let cache = Cache::new(options.cache_bytes);
+        Self { entries, cache, waiting: Mutex::default(), woken: Condvar::new() }
+    }
+
+    fn get(&self, (index, level): Key) -> Result<Arc<Photo>, PhotoError> {
+        let entry = &self.entries[index];
+        self.cache.get((index, level), || {
+            if level == 0 {
+                return entry.load();
+            }
+            match self.cache.peek((index, 0)) {
+                Some(whole) => Ok(whole.reduced(level)),
+                None => Ok(entry.load()?.reduced(level)),
+            }
+        })
+    }
+
+    /// Decodes what is waited for until there is no more to come.
+    fn serve(&self) {
+        loop {
+            let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+            let key = loop {
+                if waiting.is_over {
+                    return;
+                }
+                if let Some(key) = waiting.keys.pop_front() {
+                    break key;
+                }
+                waiting = self.woken.wait(waiting).unwrap_or_else(PoisonError::into_inner);
+            };
+            drop(waiting);
+            // Whoever asks for the photo meets the error himself.
+            let _ = self.get(key);
+        }
+    }
+}
+
+/// What the header of a photo says, and whether it fits its camera.
+fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entry, Option<Gps>), PhotoError> {
+    let view = &capture.views[index];
+    let Some(file) = capture.photo(index) else {
+        return Err(PhotoError { path: capture.images.join(&view.file), fault: Fault::Missing });
+    };
+    let PhotoHeader { kind, width, height, orientation, gps } =
+        read_header(&file).map_err(|e| PhotoError::reading(&e))?;
+    let camera = (view.camera.width, view.camera.height);
+    let stored = (width, height);
+    let turned = if orientation.swaps_sides() { (height, width) } else { stored };
+    let (upright, orientation) = if is_scaled(stored, camera) {
+        (stored, Orientation::Upright)
+    } else if is_scaled(turned, camera) {
+        (turned, orientation)
+    } else {
+        let fault = Fault::Size { width, height, camera_width: camera.0, camera_height: camera.1 };
+        return Err(PhotoError { path: file, fault });
+    };
+    let size = options.size.of(upright);
+    let photo = view.camera.resized(size.0, size.1);
+    let Some(ideal) = view.distortion.undistorted(&photo) else {
+        return Err(PhotoError { path: file, fault: Fault::Lens });
+    };
+    let mask = match options.masks {
+        Masks::Use => capture.mask(index),
+        Masks::Ignore => None,
+    };
+    let lens = Lens { photo, distortion: view.distortion, ideal };
+    Ok((Entry { view: index, file, mask, kind, stored, orientation, lens }, gps))
+}

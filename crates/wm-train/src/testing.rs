@@ -1,0 +1,19 @@
+//! What tests of this crate share.
+
+use std::path::PathBuf;
+
+/// A file or folder of the real data; `None`, said on stderr, where it is not there.
+///
+/// The data lies in `WM_DATA`, or in `shared/data` beside the checkout.
+pub fn data(path: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("WM_DATA").map_or_else(
+        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
+        PathBuf::from,
+    );
+    let path = root.join(path);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("skipped: {} is not there", path.display());
+    None
+}
