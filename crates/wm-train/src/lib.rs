@@ -6,7 +6,7 @@
 //! - [`npy`]: arrays on disk.
 
 //pub mod builtin;
-//pub mod colmap;
+pub mod colmap;
 pub mod npy;
 pub mod photos;
 #[cfg(test)]
