@@ -11,7 +11,7 @@ use anyhow::{Result, bail};
 use camera::{CameraArgs, Shot};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use wm_render::{Background, Frame, Job, RenderConfig, Renderer, SetView, SkyGradient, Stats};
+use wm_render::{Background, Frame, Job, RenderConfig, Renderer, SetView, Stats};
 use wm_scene::{Camera, Rasterization};
 use wm_weather::{Site, Weather};
 
@@ -229,11 +229,10 @@ impl Studio {
 }
 
 fn background(choice: BackgroundChoice, loaded: &Loaded) -> Background {
-    let up = loaded.survey.up.value.to_array().map(|v| v as f32);
     match choice {
         BackgroundChoice::Color(color) => Background::Color(color),
-        BackgroundChoice::Auto if loaded.survey.sky_splats > 0 => Background::default(),
-        BackgroundChoice::Auto | BackgroundChoice::Sky => Background::Sky(SkyGradient::daylight(up)),
+        BackgroundChoice::Auto => loaded.background(),
+        BackgroundChoice::Sky => Background::Sky(loaded.sky()),
     }
 }
 
