@@ -8,6 +8,7 @@ use std::process::{Command, Output};
 use tempfile::TempDir;
 use wm_scene::formats::write_scene;
 use wm_scene::splats::{Splat, logit};
+use wm_scene::synthetic::Builder;
 use wm_scene::{Camera, Group, Metadata, Scene, Splats};
 
 /// A step of an 8-bit picture.
@@ -62,21 +63,32 @@ impl Workshop {
         path
     }
 
-    /// Renders `scene` to `out` with further `options`, words apart by spaces.
+    /// The arguments that render `scene` to `out` with further `options`, words apart by spaces.
+    pub fn words(&self, scene: &Path, view: &ViewArgs, out: &str, options: &str) -> Vec<String> {
+        let mut words = vec!["render".to_owned(), scene.display().to_string()];
+        words.extend(view.0.iter().cloned());
+        words.extend(["--out".to_owned(), self.path(out).display().to_string()]);
+        words.extend(options.split_whitespace().map(str::to_owned));
+        words
+    }
+
+    /// Renders it and says where the output lies.
     pub fn render(&self, scene: &Path, view: &ViewArgs, out: &str, options: &str) -> PathBuf {
-        let out = self.path(out);
-        let mut arguments = vec!["render".to_owned(), scene.display().to_string()];
-        arguments.extend(view.0.iter().cloned());
-        arguments.extend(["--out".to_owned(), out.display().to_string()]);
-        arguments.extend(options.split_whitespace().map(str::to_owned));
-        run(&arguments);
-        out
+        run(&self.words(scene, view, out, options));
+        self.path(out)
     }
 }
 
 /// A camera on the command line.
 #[derive(Clone)]
 pub struct ViewArgs(Vec<String>);
+
+impl ViewArgs {
+    /// A path of keyframes in a file.
+    pub fn along(path: &Path, size: (u32, u32)) -> Self {
+        Self(vec![format!("--path={}", path.display()), format!("--size={}x{}", size.0, size.1)])
+    }
+}
 
 /// A look from `eye` at `target`, as a camera and as the options that ask for it.
 pub fn look(size: (u32, u32), fov: f64, eye: DVec3, target: DVec3, up: DVec3) -> (Camera, ViewArgs) {
@@ -153,6 +165,38 @@ impl Card {
                 }
             }
         }
+    }
+}
+
+/// A small yard for pictures of a place: ground, a house, trees, things on the ground; 5,000 splats within
+/// 20 m of the origin, z up, scene units. Without a sky.
+pub fn yard() -> Builder {
+    let mut place = Builder::new(11);
+    let tiles = |a: f64, b: f64| {
+        let odd = ((a * 10.0) as i32 + (b * 10.0) as i32) % 2 == 1;
+        if odd { [0.55, 0.53, 0.48] } else { [0.4, 0.42, 0.36] }
+    };
+    place.surface(DVec3::new(-12.0, -12.0, 0.0), DVec3::X * 24.0, DVec3::Y * 30.0, 0.6, tiles);
+    place.block(DVec3::new(4.0, 8.0, 0.0), DVec3::new(7.0, 5.0, 4.0), 0.4, [0.75, 0.68, 0.55]);
+    place.block(DVec3::new(-3.0, -2.0, 0.0), DVec3::new(1.2, 1.2, 1.2), 0.2, [0.7, 0.2, 0.15]);
+    place.ball(DVec3::new(1.5, -4.0, 0.6), 0.6, 0.12, [0.15, 0.3, 0.6]);
+    place.tree(DVec3::new(-6.0, 6.0, 0.0), 7.0, 400);
+    place.tree(DVec3::new(0.5, 15.0, 0.0), 6.0, 300);
+    place
+}
+
+/// Where the yard is looked at from: 12 m before its middle, over the ground and into the open.
+pub fn yard_look(size: (u32, u32)) -> (Camera, ViewArgs) {
+    look(size, 50.0, DVec3::new(0.5, -12.0, 1.8), DVec3::new(0.0, 4.0, 2.2), DVec3::Z)
+}
+
+/// What is known of it, for a scale and without one for the light of its air.
+pub fn yard_metadata(metres_per_unit: f64) -> Metadata {
+    Metadata {
+        metres_per_unit: Some(metres_per_unit),
+        up: Some(DVec3::Z),
+        ground: Some(0.0),
+        ..Metadata::default()
     }
 }
 
