@@ -200,7 +200,8 @@ impl Studio {
             ("weather".into(), self.weather_text(time)),
             ("time".into(), format!("{time} s")),
             ("camera".into(), crate::view::spec::text_of(camera)),
-            ("renderer".into(), self.loaded.renderer.describe()),
+            // Without the number of threads: no byte of a picture depends on it, and none of its words may.
+            ("renderer".into(), format!("cpu, {}", self.loaded.renderer.path())),
             ("metres_per_unit".into(), self.site.metres_per_unit.to_string()),
         ];
         tags.retain(|(_, text): &(String, String)| !text.is_empty());
