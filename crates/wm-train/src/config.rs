@@ -1,0 +1,157 @@
+//! What a training is: everything that its result depends on, beside the photos.
+
+use serde::{Deserialize, Serialize};
+use wm_scene::Rasterization;
+
+/// A training. Two of equal configuration, photos and SIMD path give the same scene, byte for byte.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainConfig {
+    /// Steps; each sees one photo.
+    pub steps: u32,
+    /// Which of the equally good orders, samples and starting points.
+    pub seed: u64,
+    /// Highest degree of the spherical harmonics.
+    pub sh_degree: u8,
+    /// Steps from one degree to the next.
+    pub sh_every: u32,
+    /// How splats smaller than a pixel are drawn.
+    pub rasterization: Rasterization,
+    /// What stands behind the splats while they learn.
+    pub background: BackgroundKind,
+    /// Coarse to fine, or not.
+    pub resolution: Resolution,
+    /// Whether photos may be brighter or darker than the scene, each for itself.
+    pub exposure: Exposure,
+    /// Weights of the loss.
+    pub loss: LossConfig,
+    /// Step lengths.
+    pub rates: RateConfig,
+    /// How splats come and go.
+    pub densify: Densify,
+}
+
+/// What stands behind the splats while they learn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BackgroundKind {
+    /// Black.
+    #[default]
+    Black,
+    /// Another colour each step, so that what is not covered is seen.
+    Random,
+}
+
+/// Sizes of photos over time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Resolution {
+    /// As they are.
+    Full,
+    /// A quarter, then half, then as they are; see [`crate::schedule::level`].
+    Coarse,
+}
+
+/// Whether each photo has an exposure of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Exposure {
+    /// All photos are alike.
+    #[default]
+    Shared,
+    /// An affine change of colour a photo, learnt with the scene and left out of it.
+    Photo,
+}
+
+/// Weights of the loss.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LossConfig {
+    /// Of the mean absolute difference.
+    pub l1: f64,
+    /// Of 1 minus structural similarity.
+    pub ssim: f64,
+}
+
+/// Step lengths; those of means in units of the scene's extent.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RateConfig {
+    /// Means at the first step.
+    pub means_first: f64,
+    /// Means at the last; log-linear between.
+    pub means_last: f64,
+    /// Quaternions.
+    pub quats: f64,
+    /// Logarithms of scales.
+    pub log_scales: f64,
+    /// Logits of opacities.
+    pub logit_opacities: f64,
+    /// First SH coefficient.
+    pub sh_dc: f64,
+    /// Other SH coefficients.
+    pub sh_rest: f64,
+    /// Exposure of photos.
+    pub exposure: f64,
+}
+
+/// How splats come and go.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", tag = "strategy")]
+pub enum Densify {
+    /// As many as at the start.
+    Fixed,
+    /// Published adaptive control (Kerbl et al. 2023): clone and split where the picture pulls, prune what
+    /// is transparent, reset opacities.
+    Adaptive(crate::densify::adaptive::AdaptiveConfig),
+    /// Splats as samples (Kheradmand et al. 2024): a fixed budget, dead ones move to where they are
+    /// needed, noise explores.
+    Mcmc(crate::densify::mcmc::McmcConfig),
+}
+
+/// How much time a training may take.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Preset {
+    /// 2,000 steps, 100,000 splats at most, coarse to fine.
+    Quick,
+    /// 7,000 steps, 300,000 splats at most, coarse to fine.
+    #[default]
+    Standard,
+    /// 30,000 steps, 1,000,000 splats at most.
+    Best,
+}
+
+impl TrainConfig {
+    /// The configuration of a preset.
+    #[must_use]
+    pub fn preset(preset: Preset) -> Self {
+        let (steps, max_splats) = match preset {
+            Preset::Quick => (2_000, 100_000),
+            Preset::Standard => (7_000, 300_000),
+            Preset::Best => (30_000, 1_000_000),
+        };
+        Self {
+            steps,
+            seed: 0,
+            sh_degree: 3,
+            // As published, one degree each 1,000 of 30,000 steps, but all of them in a short training too.
+            sh_every: (steps / 8).clamp(1, 1000),
+            rasterization: Rasterization::Classic,
+            background: BackgroundKind::Black,
+            resolution: if preset == Preset::Best { Resolution::Full } else { Resolution::Coarse },
+            exposure: Exposure::Shared,
+            loss: LossConfig { l1: 0.8, ssim: 0.2 },
+            rates: RateConfig {
+                means_first: 1.6e-4,
+                means_last: 1.6e-6,
+                quats: 1e-3,
+                log_scales: 5e-3,
+                logit_opacities: 0.05,
+                sh_dc: 2.5e-3,
+                sh_rest: 2.5e-3 / 20.0,
+                exposure: 1e-3,
+            },
+            densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! Structural dissimilarity of colours: 1 minus their structural similarity.
+
+use super::{LossGradients, LossInput, LossTerm};
+use crate::ssim::Ssim;
+use wm_render::simd::SimdPath;
+
+/// `1 - SSIM`; see [`crate::ssim`]. Where the photo does not count both pictures are black.
+#[derive(Clone, Debug)]
+pub struct Dssim {
+    /// Its weight at all steps.
+    pub weight: f64,
+    ssim: Ssim,
+}
+
+impl Dssim {
+    /// With a weight, on a SIMD path.
+    #[must_use]
+    pub fn new(weight: f64, path: SimdPath) -> Self {
+        Self { weight, ssim: Ssim::new(path) }
+    }
+}
+
+impl LossTerm for Dssim {
+    fn name(&self) -> &'static str {
+        "dssim"
+    }
+
+    fn weight(&self, _: u32) -> f64 {
+        self.weight
+    }
+
+    fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {
+        let (frame, truth) = (input.frame, input.truth);
+        let (width, scale) = (frame.width as usize, -weight as f32);
+        let Some(mask) = truth.mask else {
+            return 1.0 - self.ssim.add_gradient(&frame.rgb, truth.rgb, width, scale, &mut out.rgb);
+        };
+        let masked = |rgb: &[f32]| -> Vec<f32> { rgb.iter().enumerate().map(|(i, v)| v * mask[i / 3]).collect() };
+        let mut gradient = vec![0.0; frame.rgb.len()];
+        let value = self.ssim.add_gradient(&masked(&frame.rgb), &masked(truth.rgb), width, scale, &mut gradient);
+        for (i, (out, gradient)) in out.rgb.iter_mut().zip(gradient).enumerate() {
+            *out += mask[i / 3] * gradient;
+        }
+        1.0 - value
+    }
+}

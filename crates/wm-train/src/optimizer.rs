@@ -1,0 +1,301 @@
+//! Adam over the splats in view.
+//!
+//! As published (Kingma and Ba 2014), with betas 0.9 and 0.999 and eps 1e-15. Only the rows of splats that
+//! a step saw are touched, moments included: what is out of view neither moves nor forgets. The bias
+//! correction goes by the step of training.
+
+use rayon::prelude::*;
+use wm_render::Gradients;
+use wm_render::dispatch;
+use wm_render::simd::SimdPath;
+use wm_scene::{Splats, sh};
+
+const BETA1: f32 = 0.9;
+const BETA2: f32 = 0.999;
+const EPS: f32 = 1e-15;
+/// Rows of one task.
+const CHUNK: usize = 2048;
+
+/// Step lengths of one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rates {
+    /// Of means, scene units.
+    pub means: f64,
+    /// Of quaternions.
+    pub quats: f64,
+    /// Of the logarithms of scales.
+    pub log_scales: f64,
+    /// Of the logits of opacities.
+    pub logit_opacities: f64,
+    /// Of the first SH coefficient.
+    pub sh_dc: f64,
+    /// Of the others.
+    pub sh_rest: f64,
+}
+
+/// First and second moments of one parameter, flat like the parameter itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pair {
+    /// Mean of the gradient.
+    pub first: Vec<f32>,
+    /// Mean of its square.
+    pub second: Vec<f32>,
+}
+
+/// Moments of all parameters, in the order of [`Moments::arrays`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Moments {
+    /// `[N, 3]`.
+    pub means: Pair,
+    /// `[N, 4]`.
+    pub quats: Pair,
+    /// `[N, 3]`.
+    pub log_scales: Pair,
+    /// `[N]`.
+    pub logit_opacities: Pair,
+    /// `[N, K, 3]`.
+    pub sh: Pair,
+}
+
+impl Moments {
+    /// Zeros for `splats`.
+    #[must_use]
+    pub fn new(splats: &Splats) -> Self {
+        let mut moments = Self::default();
+        moments.resize(splats);
+        moments
+    }
+
+    /// Each parameter's moments with the number of its values a splat.
+    pub fn arrays(&mut self, sh_degree: u8) -> [(&mut Pair, usize); 5] {
+        [
+            (&mut self.means, 3),
+            (&mut self.quats, 4),
+            (&mut self.log_scales, 3),
+            (&mut self.logit_opacities, 1),
+            (&mut self.sh, 3 * sh::coefficients(sh_degree)),
+        ]
+    }
+
+    /// As many rows as `splats` has: new ones are zeros.
+    pub fn resize(&mut self, splats: &Splats) {
+        for (pair, width) in self.arrays(splats.sh_degree) {
+            pair.first.resize(splats.len() * width, 0.0);
+            pair.second.resize(splats.len() * width, 0.0);
+        }
+    }
+
+    /// Forgets what was learnt about one splat.
+    pub fn clear_row(&mut self, index: usize, sh_degree: u8) {
+        for (pair, width) in self.arrays(sh_degree) {
+            pair.first[index * width..(index + 1) * width].fill(0.0);
+            pair.second[index * width..(index + 1) * width].fill(0.0);
+        }
+    }
+
+    /// Keeps the rows `indices`, in that order.
+    pub fn select(&mut self, indices: &[usize], sh_degree: u8) {
+        for (pair, width) in self.arrays(sh_degree) {
+            for array in [&mut pair.first, &mut pair.second] {
+                let rows = indices.iter().flat_map(|i| &array[i * width..(i + 1) * width]);
+                *array = rows.copied().collect();
+            }
+        }
+    }
+}
+
+/// What one parameter needs for a step.
+struct Update<'a> {
+    parameters: &'a mut [f32],
+    pair: &'a mut Pair,
+    /// Values a splat in `parameters` and in the moments.
+    width: usize,
+    gradients: &'a [f32],
+    /// Step length of each value of a row of gradients; its length is that of a row.
+    rates: &'a [f32],
+}
+
+/// A run of rows: arrays from row `first` on.
+struct Piece<'a> {
+    first: usize,
+    visible: &'a [u32],
+    gradients: &'a [f32],
+    parameters: &'a mut [f32],
+    moments: [&'a mut [f32]; 2],
+}
+
+/// Takes step number `step` (from 1) along `gradients`. Arrays of gradients that are empty do not learn.
+pub fn step(
+    path: SimdPath,
+    splats: &mut Splats,
+    moments: &mut Moments,
+    gradients: &Gradients,
+    rates: &Rates,
+    step: u32,
+) {
+    let width = splats.sh_stride();
+    let mut sh_rates = vec![rates.sh_rest as f32; gradients.sh_stride()];
+    sh_rates[..3].fill(rates.sh_dc as f32);
+    let updates = [
+        Update {
+            parameters: splats.means.as_flattened_mut(),
+            pair: &mut moments.means,
+            width: 3,
+            gradients: gradients.means.as_flattened(),
+            rates: &[rates.means as f32; 3],
+        },
+        Update {
+            parameters: splats.quats.as_flattened_mut(),
+            pair: &mut moments.quats,
+            width: 4,
+            gradients: gradients.quats.as_flattened(),
+            rates: &[rates.quats as f32; 4],
+        },
+        Update {
+            parameters: splats.log_scales.as_flattened_mut(),
+            pair: &mut moments.log_scales,
+            width: 3,
+            gradients: gradients.log_scales.as_flattened(),
+            rates: &[rates.log_scales as f32; 3],
+        },
+        Update {
+            parameters: &mut splats.logit_opacities,
+            pair: &mut moments.logit_opacities,
+            width: 1,
+            gradients: &gradients.logit_opacities,
+            rates: &[rates.logit_opacities as f32],
+        },
+        Update {
+            parameters: &mut splats.sh,
+            pair: &mut moments.sh,
+            width,
+            gradients: &gradients.sh,
+            rates: &sh_rates,
+        },
+    ];
+    let corrections = [BETA1, BETA2].map(|beta| (1.0 - f64::from(beta).powf(f64::from(step))) as f32);
+    for update in updates {
+        if !update.gradients.is_empty() {
+            update.run(path, &gradients.visible, corrections);
+        }
+    }
+}
+
+impl Update<'_> {
+    fn run(self, path: SimdPath, visible: &[u32], corrections: [f32; 2]) {
+        let Self { mut parameters, pair, width, gradients, rates } = self;
+        let (mut first, mut second) = (&mut pair.first[..], &mut pair.second[..]);
+        let row = rates.len();
+        let mut pieces = Vec::with_capacity(visible.len().div_ceil(CHUNK));
+        let mut begun = 0;
+        // Indices ascend, so that each run of them has rows of its own.
+        for (visible, gradients) in visible.chunks(CHUNK).zip(gradients.chunks(CHUNK * row)) {
+            let end = visible[visible.len() - 1] as usize + 1;
+            let size = (end - begun) * width;
+            let own = parameters.split_at_mut(size);
+            let own_first = first.split_at_mut(size);
+            let own_second = second.split_at_mut(size);
+            pieces.push(Piece {
+                first: begun,
+                visible,
+                gradients,
+                parameters: own.0,
+                moments: [own_first.0, own_second.0],
+            });
+            (parameters, first, second, begun) = (own.1, own_first.1, own_second.1, end);
+        }
+        pieces.into_par_iter().for_each(|piece| {
+            dispatch!(path, _simd => piece.run(width, rates, corrections));
+        });
+    }
+}
+
+impl Piece<'_> {
+    #[inline(always)]
+    fn run(self, width: usize, rates: &[f32], [correction1, correction2]: [f32; 2]) {
+        let [first, second] = self.moments;
+        let row = rates.len();
+        for (index, gradient) in self.visible.iter().zip(self.gradients.chunks_exact(row)) {
+            let at = (*index as usize - self.first) * width;
+            let rows = (&mut first[at..at + row], &mut second[at..at + row], &mut self.parameters[at..at + row]);
+            for i in 0..row {
+                let g = gradient[i];
+                let m = BETA1 * rows.0[i] + (1.0 - BETA1) * g;
+                let v = BETA2 * rows.1[i] + (1.0 - BETA2) * g * g;
+                rows.0[i] = m;
+                rows.1[i] = v;
+                rows.2[i] -= rates[i] * (m / correction1) / ((v / correction2).sqrt() + EPS);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wm_scene::synthetic::uniform;
+
+    fn splats(count: usize) -> Splats {
+        let mut splats = Splats::with_capacity(count, 1);
+        for i in 0..count {
+            splats.means.push([i as f32; 3]);
+            splats.quats.push([1.0, 0.0, 0.0, 0.0]);
+            splats.log_scales.push([-1.0; 3]);
+            splats.logit_opacities.push(0.5);
+            splats.sh.extend([0.25; 12]);
+            splats.groups.push(wm_scene::Group::Scene);
+        }
+        splats
+    }
+
+    /// The textbook's formula in f64 for one value, several steps long.
+    #[test]
+    fn steps_are_those_of_the_textbook_and_spare_what_is_out_of_view() {
+        let rates = Rates { means: 0.1, quats: 0.0, log_scales: 0.0, logit_opacities: 0.2, sh_dc: 0.3, sh_rest: 0.4 };
+        for path in SimdPath::available() {
+            let mut splats = splats(5000);
+            let before = splats.clone();
+            let mut moments = Moments::new(&splats);
+            let visible: Vec<u32> = (0..5000).filter(|i| i % 3 == 1).collect();
+            let pull = |i: u32, step: u32| uniform(9, u64::from(i) * 16 + u64::from(step)) as f32 - 0.3;
+            for now in 1..=3 {
+                let gradients = Gradients {
+                    means: visible.iter().map(|i| [pull(*i, now); 3]).collect(),
+                    sh: visible.iter().flat_map(|i| [pull(*i, now); 12]).collect(),
+                    sh_degree: 1,
+                    visible: visible.clone(),
+                    ..Gradients::default()
+                };
+                step(path, &mut splats, &mut moments, &gradients, &rates, now);
+            }
+            for i in [0u32, 1, 2, 3, 4, 4996, 4999] {
+                let (mut m, mut v, mut moved) = (0.0f64, 0.0f64, 0.0f64);
+                if i % 3 == 1 {
+                    for now in 1..=3 {
+                        let g = f64::from(pull(i, now));
+                        (m, v) = (0.9 * m + 0.1 * g, 0.999 * v + 0.001 * g * g);
+                        let (first, second) = (m / (1.0 - 0.9f64.powi(now as i32)), v / (1.0 - 0.999f64.powi(now as i32)));
+                        moved -= first / second.sqrt();
+                    }
+                }
+                let i = i as usize;
+                let sh = f64::from(splats.sh[12 * i] - before.sh[12 * i]);
+                let rest = f64::from(splats.sh[12 * i + 11] - before.sh[12 * i + 11]);
+                assert!((f64::from(splats.means[i][1] - before.means[i][1]) - 0.1 * moved).abs() < 1e-3);
+                assert!((sh - 0.3 * moved).abs() < 1e-5 && (rest - 0.4 * moved).abs() < 1e-5);
+            }
+            assert_eq!(splats.logit_opacities, before.logit_opacities);
+        }
+    }
+
+    #[test]
+    fn moments_follow_their_splats() {
+        let mut moments = Moments::new(&splats(3));
+        moments.quats.first = (0..12u8).map(f32::from).collect();
+        moments.select(&[2, 0], 1);
+        assert_eq!(moments.quats.first, [8.0, 9.0, 10.0, 11.0, 0.0, 1.0, 2.0, 3.0]);
+        moments.clear_row(0, 1);
+        assert_eq!(moments.quats.first[..5], [0.0, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(moments.sh.second.len(), 24);
+    }
+}
