@@ -92,7 +92,7 @@ pub fn cameras(options: &BuiltinOptions) -> Result<Vec<Camera>, CameraError> {
         Route::Orbit => {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(index) / f64::from(count)).sin_cos();
             // Two heights in turn: one ring of cameras alone leaves heights uncertain.
-            let height = if index % 2 == 0 { 24.0 } else { 34.0 };
+            let height = if index.is_multiple_of(2) { 24.0 } else { 34.0 };
             let target = DVec3::new(0.0, 28.0, 2.0);
             let eye = target + DVec3::new(42.0 * cos, 42.0 * sin, height);
             Camera::look_at(options.size, 50.0, eye, target, DVec3::Z)
