@@ -6,7 +6,14 @@ use std::{path::Path, time::Instant};
 use wm_scene::capture::{self, CaptureOptions};
 use wm_train::photos::{PhotoOptions, PhotoSize, Photos};
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() {
+    if let Err(error) = run() {
+        eprintln!("{error}");
+        std::process::exit(1);
+    }
+}
+
+fn run() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let dataset = arguments.next().ok_or("which data set?")?;
     let longest = arguments.next().map(|side| side.parse()).transpose()?;

@@ -5,7 +5,7 @@
 //! - [`builtin`]: made-up captures of the built-in place, with exact depth, normals and sky.
 //! - [`npy`]: arrays on disk.
 
-//pub mod builtin;
+pub mod builtin;
 pub mod colmap;
 pub mod npy;
 pub mod photos;

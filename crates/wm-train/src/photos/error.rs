@@ -18,7 +18,7 @@ pub struct PhotoError {
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum Fault {
     /// There is no file.
-    #[error("the photo is missing")]
+    #[error("the photo is missing; --images names the folder of the photos")]
     Missing,
     /// It cannot be read, or is no JPEG or PNG.
     #[error("{0}")]

@@ -1,0 +1,277 @@
+//! Made-up captures of the built-in place: a data set as COLMAP leaves it, and the truth beside it.
+//!
+//! ```text
+//! images/00000.png ...        photos
+//! sparse/0/                   cameras, poses, and points on the surfaces with their tracks
+//! truth/depth/00000.npy ...   view z of the first surface at each pixel's centre, m; 0 in the sky
+//! truth/normal/00000.npy ...  its normal, world axes, towards the camera; 0 in the sky
+//! truth/sky/00000.npy ...     1 in the sky, else 0
+//! ```
+//! Cameras, points and where they are seen are exact, so that whatever differs later is not theirs.
+//! Everything is the same for any number of threads.
+
+use crate::npy;
+use glam::DVec3;
+use rayon::prelude::*;
+use std::{fs, io, path::Path};
+use wm_scene::{
+    Camera, CameraError, FormatError, Place, Problem,
+    capture::{
+        Capture, CaptureView, Distortion, Observation, Points,
+        colmap::write::{self, Storage},
+    },
+    files::write_atomically,
+    place::{Pixel, display_of},
+    synthetic::uniform,
+};
+
+/// Where the photos are taken from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Route {
+    /// Forward along the street at eye level.
+    #[default]
+    Walk,
+    /// Around the middle of the street, from above.
+    Orbit,
+}
+
+/// Whether exact depth, normals and sky are written too.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Truth {
+    /// They are.
+    #[default]
+    Write,
+    /// They are not.
+    Omit,
+}
+
+/// What is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BuiltinOptions {
+    /// Where the photos are taken from.
+    pub route: Route,
+    /// How many, 1 and above.
+    pub count: u32,
+    /// Their width and height, px.
+    pub size: (u32, u32),
+    /// A pixel is the mean of this squared rays.
+    pub samples: u32,
+    /// Most points.
+    pub points: u32,
+    /// How the model is stored.
+    pub storage: Storage,
+    /// Whether the truth is written too.
+    pub truth: Truth,
+}
+
+impl Default for BuiltinOptions {
+    fn default() -> Self {
+        Self {
+            route: Route::Walk,
+            count: 40,
+            size: (600, 400),
+            samples: 2,
+            points: 20_000,
+            storage: Storage::Binary,
+            truth: Truth::Write,
+        }
+    }
+}
+
+/// Of surfaces that lie this much farther than a point, m, the point is in front.
+const SLACK: f64 = 0.02;
+
+/// The cameras of a route, in their order.
+///
+/// # Errors
+/// [`CameraError`] if the size makes no camera.
+pub fn cameras(options: &BuiltinOptions) -> Result<Vec<Camera>, CameraError> {
+    let count = options.count.max(1);
+    let camera = |index: u32| match options.route {
+        Route::Walk => Place::dolly(f64::from(index) / f64::from((count - 1).max(1))).camera(options.size),
+        Route::Orbit => {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(index) / f64::from(count)).sin_cos();
+            // Two heights in turn: one ring of cameras alone leaves heights uncertain.
+            let height = if index.is_multiple_of(2) { 24.0 } else { 34.0 };
+            let target = DVec3::new(0.0, 28.0, 2.0);
+            let eye = target + DVec3::new(42.0 * cos, 42.0 * sin, height);
+            Camera::look_at(options.size, 50.0, eye, target, DVec3::Z)
+        }
+    };
+    (0..count).map(camera).collect()
+}
+
+/// Writes a data set to a folder, which is made if it is not there, and gives it as it is read.
+///
+/// `progress` is told the number of photos that are done. Rows are drawn on all threads.
+///
+/// # Errors
+/// [`FormatError`] if a file cannot be written or the size makes no camera.
+pub fn write(
+    place: &Place,
+    folder: &Path,
+    options: &BuiltinOptions,
+    progress: &mut dyn FnMut(usize),
+) -> Result<Capture, FormatError> {
+    let cameras = cameras(options);
+    let cameras = cameras.map_err(|e| FormatError::whole(folder, Problem::Value(e.to_string())))?;
+    let images = folder.join("images");
+    let mut folders = vec![images.clone()];
+    if options.truth == Truth::Write {
+        folders.extend(["depth", "normal", "sky"].map(|name| folder.join("truth").join(name)));
+    }
+    for folder in folders {
+        fs::create_dir_all(&folder).map_err(|e| FormatError::whole(&folder, Problem::Write(e)))?;
+    }
+    let mut views = Vec::with_capacity(cameras.len());
+    for (index, camera) in cameras.iter().enumerate() {
+        let rows = (0..camera.height).into_par_iter();
+        let pixels: Vec<Pixel> =
+            rows.flat_map_iter(|y| place.photo_row(camera, y, options.samples)).collect();
+        let stem = format!("{index:05}");
+        let name = format!("{stem}.png");
+        write_photo(&images.join(&name), camera, &pixels)?;
+        if options.truth == Truth::Write {
+            write_truth(&folder.join("truth"), &stem, camera, &pixels)?;
+        }
+        let file = name.clone().into();
+        views.push(CaptureView {
+            name,
+            camera: *camera,
+            distortion: Distortion::None,
+            camera_id: 1,
+            file,
+            mask: None,
+        });
+        progress(index + 1);
+    }
+    let (points, observations) = points(place, &cameras, options.points as usize);
+    let capture = Capture { source: folder.into(), images, masks: None, views, points, observations };
+    write::write(&capture, &folder.join("sparse/0"), options.storage)?;
+    Ok(capture)
+}
+
+/// Points on surfaces that two cameras see at least, and where each sees which.
+fn points(place: &Place, cameras: &[Camera], most: usize) -> (Points, Vec<Vec<Observation>>) {
+    const SEED: u64 = 31;
+    // A ray from some pixel of some camera; one in two or so ends in the sky or is seen once.
+    let candidate = |index: u64| {
+        let random = |lane: u64| uniform(SEED, 4 * index + lane);
+        let camera = &cameras[(random(0) * cameras.len() as f64) as usize % cameras.len()];
+        let (x, y) = (random(1) * f64::from(camera.width), random(2) * f64::from(camera.height));
+        let (eye, direction) = (camera.center(), camera.ray(x, y));
+        let hit = place.cast(eye, direction)?;
+        let seen: Vec<(usize, [f32; 2])> = cameras
+            .iter()
+            .enumerate()
+            .filter_map(|(index, camera)| Some((index, seen_at(place, camera, hit.point)?)))
+            .collect();
+        let color = display_of(hit.radiance).map(to_byte);
+        (seen.len() >= 2).then_some((hit.point, color, seen))
+    };
+    let mut points = Points::default();
+    let mut observations = vec![Vec::new(); cameras.len()];
+    let found: Vec<_> = (0..3 * most as u64).into_par_iter().filter_map(candidate).collect();
+    for (point, color, seen) in found.into_iter().take(most) {
+        for (camera, xy) in &seen {
+            observations[*camera].push(Observation { point: points.len() as u32, xy: *xy });
+        }
+        points.push(point.to_array(), color, 0.0, seen.len() as u32);
+    }
+    (points, observations)
+}
+
+/// Where a camera sees a point, px; `None` if it does not.
+fn seen_at(place: &Place, camera: &Camera, point: DVec3) -> Option<[f32; 2]> {
+    let (x, y, _) = camera.project(point)?;
+    let is_inside = x > 0.0 && y > 0.0 && x < f64::from(camera.width) && y < f64::from(camera.height);
+    if !is_inside {
+        return None;
+    }
+    let eye = camera.center();
+    let first = place.first(eye, point - eye)?;
+    (first.t > eye.distance(point) - SLACK).then_some([x as f32, y as f32])
+}
+
+fn to_byte(value: f64) -> u8 {
+    (value * 255.0).round() as u8
+}
+
+fn write_photo(path: &Path, camera: &Camera, pixels: &[Pixel]) -> Result<(), FormatError> {
+    let rgb: Vec<u8> = pixels.iter().flat_map(|pixel| pixel.rgb.map(to_byte)).collect();
+    write_atomically(path, |out| {
+        let mut encoder = png::Encoder::new(out, camera.width, camera.height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&rgb));
+        Ok(written.map_err(io::Error::from)?)
+    })
+}
+
+fn write_truth(folder: &Path, stem: &str, camera: &Camera, pixels: &[Pixel]) -> Result<(), FormatError> {
+    let (height, width) = (camera.height as usize, camera.width as usize);
+    let file = |kind: &str| folder.join(kind).join(format!("{stem}.npy"));
+    let depth: Vec<f32> = pixels.iter().map(|pixel| pixel.depth as f32).collect();
+    npy::write(&file("depth"), &depth, &[height, width])?;
+    let normal: Vec<f32> = pixels.iter().flat_map(|pixel| pixel.normal.as_vec3().to_array()).collect();
+    npy::write(&file("normal"), &normal, &[height, width, 3])?;
+    let sky: Vec<f32> = pixels.iter().map(|pixel| f32::from(u8::from(pixel.is_sky))).collect();
+    npy::write(&file("sky"), &sky, &[height, width])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::photos::{PhotoOptions, Photos};
+    use tempfile::tempdir;
+    use wm_scene::capture::{CaptureOptions, read};
+
+    #[test]
+    fn what_is_written_is_a_capture_with_its_truth() {
+        let place = Place::street();
+        for (route, storage) in [(Route::Walk, Storage::Binary), (Route::Orbit, Storage::Text)] {
+            let folder = tempdir().unwrap();
+            let options = BuiltinOptions {
+                route,
+                count: 6,
+                size: (60, 40),
+                samples: 1,
+                points: 200,
+                storage,
+                truth: Truth::Write,
+            };
+            let mut done = 0;
+            let written = write(&place, folder.path(), &options, &mut |count| done = count).unwrap();
+            assert_eq!(done, 6);
+            let capture = read(folder.path(), &CaptureOptions::default()).unwrap();
+            assert_eq!((&capture.points, &capture.observations), (&written.points, &written.observations));
+            assert_eq!(capture.points.len(), 200);
+            capture.check_trainable().unwrap();
+
+            let photos = Photos::open(&capture, &PhotoOptions::default()).unwrap();
+            for (index, (view, seen)) in capture.views.iter().zip(&capture.observations).enumerate() {
+                let photo = photos.get(index, 0).unwrap();
+                assert_eq!((photo.width, photo.height), (60, 40));
+                let truth = |kind: &str| {
+                    npy::read(&folder.path().join(format!("truth/{kind}/{index:05}.npy"))).unwrap()
+                };
+                let ((depth, shape), (normal, _), (sky, _)) = (truth("depth"), truth("normal"), truth("sky"));
+                assert_eq!(shape, [40, 60]);
+                for ((depth, sky), normal) in depth.iter().zip(&sky).zip(normal.chunks(3)) {
+                    let length = normal.iter().map(|v| v * v).sum::<f32>();
+                    assert!((*depth > 0.0) == (*sky == 0.0) && (length - (1.0 - sky)).abs() < 1e-5);
+                }
+                for observation in seen {
+                    let point = DVec3::from(capture.points.positions[observation.point as usize]);
+                    let (x, y) = view.project(point).unwrap();
+                    let [seen_x, seen_y] = observation.xy.map(f64::from);
+                    // f32 keeps 60 px to 4e-6.
+                    assert!((x - seen_x).hypot(y - seen_y) < 1e-5);
+                }
+            }
+            // Neighbours along the route share points.
+            assert!(!capture.neighbours(2, 1).is_empty());
+        }
+    }
+}
