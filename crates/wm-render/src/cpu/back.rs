@@ -16,7 +16,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 /// Tiles of one task: small enough to share out, large enough to write whole lines.
-const RUN: usize = 4;
+pub const RUN: usize = 4;
 
 /// What is blended beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,10 +88,10 @@ pub struct Back<'a> {
 /// Working memory of one thread, kept from frame to frame.
 #[derive(Default)]
 pub struct Worker {
-    scratch: Scratch,
-    pixels: PatchPixels,
-    keys: Vec<u64>,
-    sort_scratch: Vec<u64>,
+    pub scratch: Scratch,
+    pub pixels: PatchPixels,
+    pub keys: Vec<u64>,
+    pub sort_scratch: Vec<u64>,
 }
 
 impl Back<'_> {
@@ -195,7 +195,7 @@ impl Back<'_> {
 }
 
 /// The frame's rows, a row of tiles to a band.
-fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
+pub fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
     let count = (frame.height as usize).div_ceil(TILE);
     let mut bands: Vec<OutputRows<'_>> = (0..count).map(|_| OutputRows::default()).collect();
     let arrays =
@@ -209,7 +209,7 @@ fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
 }
 
 /// Cuts the rows of a band in runs of tiles.
-fn runs(band: OutputRows<'_>) -> Vec<OutputRows<'_>> {
+pub fn runs(band: OutputRows<'_>) -> Vec<OutputRows<'_>> {
     let mut runs: Vec<OutputRows<'_>> = Vec::new();
     let mut band = band;
     for (k, channels) in OutputRows::CHANNELS.into_iter().enumerate() {
