@@ -163,6 +163,8 @@ pub trait Lanes: Simd {
     const N: usize;
     /// Whether the path packs the selected lanes of a vector in one instruction.
     const PACKS: bool;
+    /// Whether vectors are plain arrays: shuffles are then nothing but much code.
+    const PLAIN: bool;
 
     /// `value` in every lane.
     #[inline(always)]
@@ -178,23 +180,24 @@ pub trait Lanes: Simd {
 }
 
 macro_rules! lanes {
-    ($token:ty, $f:ident, $u:ident, $m:ident, $n:literal, $packs:literal) => {
+    ($token:ty, $f:ident, $u:ident, $m:ident, $n:literal, $packs:literal, $plain:literal) => {
         impl Lanes for $token {
             type F = $f<Self>;
             type U = $u<Self>;
             type M = $m<Self>;
             const N: usize = $n;
             const PACKS: bool = $packs;
+            const PLAIN: bool = $plain;
         }
     };
 }
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-lanes!(Avx512, f32x16, u32x16, mask32x16, 16, true);
+lanes!(Avx512, f32x16, u32x16, mask32x16, 16, true, false);
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-lanes!(Avx2, f32x8, u32x8, mask32x8, 8, false);
+lanes!(Avx2, f32x8, u32x8, mask32x8, 8, false, false);
 #[cfg(target_arch = "aarch64")]
-lanes!(Neon, f32x8, u32x8, mask32x8, 8, false);
-lanes!(Fallback, f32x8, u32x8, mask32x8, 8, false);
+lanes!(Neon, f32x8, u32x8, mask32x8, 8, false, false);
+lanes!(Fallback, f32x8, u32x8, mask32x8, 8, false, true);
 
 /// Runs `$call` compiled for the path `$path`, with its token bound to `$simd`.
 ///
@@ -342,7 +345,16 @@ pub fn reciprocal<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] 
 
 /// Lane k of the result is the sum over the lanes of `vectors[k]`. M must be the number of lanes.
 #[inline(always)]
-pub fn sums<S: Lanes, const M: usize>(mut vectors: [S::F; M]) -> S::F {
+pub fn sums<S: Lanes, const M: usize>(simd: S, mut vectors: [S::F; M]) -> S::F {
+    if S::PLAIN {
+        let mut sums = [0.0; M];
+        for (sum, vector) in sums.iter_mut().zip(&vectors) {
+            let mut lanes = [0.0; M];
+            vector.store_slice(&mut lanes[..S::N]);
+            *sum = lanes.iter().sum();
+        }
+        return simd.load(&sums);
+    }
     // Each round adds the halves of two vectors in one; the last bit of a lane then names the vector.
     debug_assert_eq!(M, S::N);
     let mut count = M;
@@ -359,6 +371,14 @@ pub fn sums<S: Lanes, const M: usize>(mut vectors: [S::F; M]) -> S::F {
 /// Swaps rows and columns.
 #[inline(always)]
 pub fn transpose<S: Lanes>(simd: S, matrix: &mut [[f32; 16]; 16]) {
+    if S::PLAIN {
+        for i in 0..16 {
+            for j in 0..i {
+                (matrix[i][j], matrix[j][i]) = (matrix[j][i], matrix[i][j]);
+            }
+        }
+        return;
+    }
     // Each round of perfect shuffles turns the bits of (row, lane) by one place: as many rounds as a
     // lane has bits swap rows and lanes.
     if S::N == 16 {
@@ -511,14 +531,14 @@ mod tests {
             for k in 0..16 {
                 vectors[k] = simd.load(&rows[k]);
             }
-            sums::<S, 16>(vectors).store_slice(out);
+            sums::<S, 16>(simd, vectors).store_slice(out);
         } else {
             for half in 0..2 {
                 let mut vectors = [simd.set(0.0); 8];
                 for k in 0..8 {
                     vectors[k] = simd.load(&rows[8 * half + k]) + simd.load(&rows[8 * half + k][8..]);
                 }
-                sums::<S, 8>(vectors).store_slice(&mut out[8 * half..8 * half + 8]);
+                sums::<S, 8>(simd, vectors).store_slice(&mut out[8 * half..8 * half + 8]);
             }
         }
     }

@@ -1,18 +1,17 @@
 //! The sweeps of training over tiles: to pixels, and back from them.
 
 use super::BackwardWorker;
-use crate::cpu::back::{RUN, Worker, bands, runs};
+use crate::cpu::back::{RUN, Worker, bands, blend, runs};
 use crate::differentiable::{Channels, ForwardConfig, Upstream};
 use crate::dispatch;
 use crate::frame::Frame;
 use crate::hooks::{PATCH, PATCH_PIXELS};
-use crate::renderer::{Background, Stats};
-use crate::simd::{Lanes, SimdPath};
+use crate::renderer::{Background, MedianDepth, Stats};
+use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundGrid;
 use crate::stages::composite::cpu::{Composite, OutputRows, finish_patch};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
 use crate::stages::project::Record;
-use crate::stages::rasterize::cpu::blend_tile;
 use crate::stages::rasterize_backward::cpu::{blend_tile_backward, prepare_patch};
 use crate::stages::rasterize_backward::{NO_SLOT, Slot};
 use crate::stages::sort::cpu::sort;
@@ -168,10 +167,9 @@ impl<'a> Tiles<'a> {
         }
         let sorted = Instant::now();
         let inside = self.inside(tile);
-        let corner = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
         let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
-        stats.evaluated_pairs += with_channels!(self.config.channels, C => dispatch!(self.path, s =>
-            blend_tile::<_, C, false>(s, self.records, keys, corner, inside, scratch)));
+        let sums = (self.config.channels.count(), MedianDepth::Off);
+        stats.evaluated_pairs += blend(self.path, sums, self.records, keys, tile, inside, scratch);
         let blended = Instant::now();
         let channels = self.config.channels;
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
@@ -223,18 +221,15 @@ impl<'a> Tiles<'a> {
                 let thread = rayon::current_thread_index().unwrap_or(0) % workers.len();
                 let mut worker = workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
                 let kept = &kept[index * self.arrays()..(index + 1) * self.arrays()];
-                with_channels!(self.config.channels, C => dispatch!(self.path, s =>
-                    self.backward_tile::<_, C>(s, index, upstream, kept, slots, places, &mut worker)));
+                self.backward_tile(index, upstream, kept, slots, places, &mut worker);
                 begun.elapsed().as_secs_f64()
             })
             .sum()
     }
 
     #[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.
-    #[inline(always)]
-    fn backward_tile<S: Lanes, const C: usize>(
+    fn backward_tile(
         &self,
-        simd: S,
         index: usize,
         upstream: &Upstream<'_>,
         kept: &[[f32; PATCH_PIXELS]],
@@ -250,14 +245,17 @@ impl<'a> Tiles<'a> {
         own_places.resize(keys.len(), NO_SLOT);
         let (left, top) = (tile.0 * TILE, tile.1 * TILE);
         let inside = self.inside(tile);
+        let count = self.config.channels.count();
         let size = (self.camera.width as usize, self.camera.height as usize);
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
             let corner = (left + patch % 2 * PATCH, top + patch / 2 * PATCH);
-            let kept = &kept[patch * (C + 1)..(patch + 1) * (C + 1)];
-            prepare_patch(simd, self.config, upstream, kept, size, corner, patch, scratch);
+            let kept = &kept[patch * (count + 1)..(patch + 1) * (count + 1)];
+            dispatch!(self.path, s => prepare_patch(s, self.config, upstream, kept, size, corner, patch, scratch));
         }
         let corner = (left as f32, top as f32);
-        blend_tile_backward::<S, C>(simd, self.records, keys, corner, inside, scratch, slots, own_places);
+        with_channels!(self.config.channels, C => dispatch!(self.path, s => blend_tile_backward::<_, C>(
+            s, self.records, keys, corner, inside, scratch, slots, own_places
+        )));
         for (key, place) in keys.iter().zip(own_places) {
             let place = if *place == NO_SLOT { NO_SLOT } else { list.start as u32 + *place };
             places[(*key >> 32) as usize].store(place, Relaxed);

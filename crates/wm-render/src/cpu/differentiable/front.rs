@@ -108,7 +108,7 @@ impl<'a> Front<'a> {
                 part.project += begun.elapsed().as_secs_f64();
                 continue;
             }
-            let groups = dispatch!(self.path, s => self.project_cluster(s, own, &mut scratch));
+            let groups = self.project_cluster(own, &mut scratch);
             let cluster = first / CLUSTER;
             let visible = dispatch!(self.path, s => scratch.cluster.write_records(s, groups, cluster, &mut records[used..]));
             let projected = Instant::now();
@@ -123,28 +123,30 @@ impl<'a> Front<'a> {
     }
 
     /// Projects and shades the groups of a cluster that have splats in view, and returns how many.
-    #[inline(always)]
-    fn project_cluster<S: Lanes>(&self, simd: S, splats: Range<usize>, scratch: &mut Scratch) -> usize {
+    fn project_cluster(&self, range: Range<usize>, scratch: &mut Scratch) -> usize {
+        let (splats, camera, mode) = (self.splats, self.camera, self.config.rasterization);
+        let (stride, opacity) = (splats.sh_stride(), self.config.opacity);
         let Scratch { cluster, activated, sh: ShRows(rows) } = scratch;
         let count = 3 * sh::coefficients(self.config.sh_degree);
         let mut used = 0;
         for i in 0..GROUPS {
-            let first = splats.start + i * GROUP;
-            if first >= splats.end {
+            let first = range.start + i * GROUP;
+            if first >= range.end {
                 break;
             }
-            let indices = std::array::from_fn(|lane| (first + lane).min(splats.end - 1) as u32);
-            let here = (splats.end - first).min(GROUP);
-            activate(simd, self.splats, &indices, here, self.config.opacity, activated);
+            let indices = std::array::from_fn(|lane| (first + lane).min(range.end - 1) as u32);
+            let here = (range.end - first).min(GROUP);
+            dispatch!(self.path, s => activate(s, splats, &indices, here, opacity, activated));
             let (out, shade) = (&mut cluster.projected[used], &mut cluster.shade[used]);
-            project_group(simd, &activated.group, self.camera, self.config.rasterization, None, out, shade);
+            let group = &mut activated.group;
+            dispatch!(self.path, s => project_group(s, group, camera, mode, None, out, shade));
             if out.mask == 0 {
                 continue;
             }
             if self.config.channels.has_color() {
-                gather_rows(simd, &self.splats.sh, self.splats.sh_stride(), count, &indices, rows);
-                activated.group.dc = [rows[0], rows[1], rows[2]];
-                shade_group(simd, &activated.group, &rows[3..count], shade);
+                dispatch!(self.path, s => gather_rows(s, &splats.sh, stride, count, &indices, rows));
+                group.dc = [rows[0], rows[1], rows[2]];
+                dispatch!(self.path, s => shade_group(s, group, &rows[3..count], shade));
             } else {
                 // The one picture is depth: what is blended first is in the place of red.
                 shade.rgb[0] = out.depth;

@@ -4,7 +4,7 @@ use super::front::Part;
 use crate::differentiable::{ForwardConfig, Gradients, Learn};
 use crate::dispatch;
 use crate::hooks::GROUP;
-use crate::simd::{Lanes, SimdPath, transpose};
+use crate::simd::{SimdPath, transpose};
 use crate::stages::project::activate::{Activated, activate};
 use crate::stages::project::{ProjectCamera, Record};
 use crate::stages::project_backward::cpu::{SplatGradients, directions, project_backward_group};
@@ -102,14 +102,15 @@ impl Gather<'_> {
             parts.iter().map(|part| (part, rest.take(part.visible, stride))).collect();
         let part = |(part, rows): (&Part, Rows<'_>)| {
             let begun = Instant::now();
-            dispatch!(self.path, s => self.part(s, part, rows, stride));
+            self.part(part, rows, stride);
             begun.elapsed().as_secs_f64()
         };
         parts.into_par_iter().map(part).sum()
     }
 
-    #[inline(always)]
-    fn part<S: Lanes>(&self, simd: S, part: &Part, mut rows: Rows<'_>, stride: usize) {
+    /// Derives the splats of one part. The kernels are entered one by one: in one piece they would take
+    /// the compiler minutes.
+    fn part(&self, part: &Part, mut rows: Rows<'_>, stride: usize) {
         let mut scratch = Box::<Scratch>::default();
         let mut pairs = part.pairs.records().enumerate().peekable();
         for first in (0..part.visible).step_by(GROUP) {
@@ -128,27 +129,27 @@ impl Gather<'_> {
                     }
                 }
             }
-            transpose(simd, &mut sums);
+            dispatch!(self.path, s => transpose(s, &mut sums));
             let indices: [u32; GROUP] = std::array::from_fn(|lane| records[lane.min(count - 1)].index);
-            self.group(simd, &indices, records, &sums, &mut scratch);
+            self.group(&indices, records, &sums, &mut scratch);
             let own = rows.take(count, stride);
             own.visible.copy_from_slice(&indices[..count]);
-            self.write(simd, &mut scratch, &sums, own, stride);
+            self.write(&mut scratch, &sums, own, stride);
         }
     }
 
     /// Derives sixteen splats.
-    #[inline(always)]
-    fn group<S: Lanes>(
+    fn group(
         &self,
-        simd: S,
         indices: &[u32; GROUP],
         records: &[Record],
         sums: &[[f32; GROUP]; GROUP],
         scratch: &mut Scratch,
     ) {
-        let Scratch { activated, splats, shade, sh, by_rgb, directions: rays } = scratch;
-        activate(simd, self.splats, indices, records.len(), self.config.opacity, activated);
+        let Scratch { activated, splats: out, shade, sh, by_rgb, directions: rays } = scratch;
+        let (splats, config) = (self.splats, self.config);
+        let (here, opacity) = (records.len(), config.opacity);
+        dispatch!(self.path, s => activate(s, splats, indices, here, opacity, activated));
         let colored = self.config.channels.has_color();
         let turning = colored && self.learn.means && self.config.sh_degree > 0;
         if turning || self.learn.sh {
@@ -160,24 +161,17 @@ impl Gather<'_> {
             }
             let count = 3 * sh::coefficients(self.config.sh_degree);
             let rows = sh.get_or_insert_with(|| Box::new([[0.0; GROUP]; 48]));
-            gather_rows(simd, &self.splats.sh, self.splats.sh_stride(), count, indices, rows);
-            directions(simd, activated, self.camera, rays);
-            shade_backward_group(simd, &rows[..count], rays, by_rgb, shade);
+            let stride = splats.sh_stride();
+            dispatch!(self.path, s => gather_rows(s, &splats.sh, stride, count, indices, rows));
+            dispatch!(self.path, s => directions(s, activated, self.camera, rays));
+            dispatch!(self.path, s => shade_backward_group(s, &rows[..count], rays, by_rgb, shade));
         }
         let by_direction = if turning { shade.direction } else { [[0.0; GROUP]; 3] };
-        project_backward_group(simd, activated, self.camera, self.config, sums, &by_direction, splats);
+        dispatch!(self.path, s => project_backward_group(s, activated, self.camera, config, sums, &by_direction, out));
     }
 
     /// Writes sixteen splats' rows.
-    #[inline(always)]
-    fn write<S: Lanes>(
-        &self,
-        simd: S,
-        scratch: &mut Scratch,
-        sums: &[[f32; GROUP]; GROUP],
-        rows: Rows<'_>,
-        stride: usize,
-    ) {
+    fn write(&self, scratch: &mut Scratch, sums: &[[f32; GROUP]; GROUP], rows: Rows<'_>, stride: usize) {
         let from = &scratch.splats;
         for (lane, row) in rows.means.iter_mut().enumerate() {
             *row = from.mean.map(|values| values[lane]);
@@ -201,7 +195,7 @@ impl Gather<'_> {
         if self.learn.sh {
             let parts = &mut scratch.shade.sh.as_chunks_mut::<GROUP>().0[..stride.div_ceil(GROUP)];
             for (part, block) in parts.iter_mut().enumerate() {
-                transpose(simd, block);
+                dispatch!(self.path, s => transpose(s, block));
                 for (values, row) in block.iter().zip(rows.sh.chunks_exact_mut(stride)) {
                     let row = &mut row[part * GROUP..];
                     if let Some(whole) = row.first_chunk_mut::<GROUP>() {

@@ -22,7 +22,9 @@
 //! `vy (sum_j M_xj d_jk + 0.3 M_yk) / cov2d_xx`. For a needle the plain product loses all digits.
 //!
 //! Tolerance: each value is a sum of products of like magnitude. Relative L2 over a scene's splats
-//! 1e-5; for needles and splats at the near plane 1e-3, since `u` and `v` lose digits there.
+//! 1e-5; for needles and splats at the near plane 1e-3, since `u` and `v` lose digits there. The centre
+//! errs by some ulp of its coordinate in px: for splats smaller than a pixel that alone is 1e-4 of
+//! their gradients.
 
 pub mod cpu;
 #[cfg(test)]

@@ -1,4 +1,5 @@
 use crate::differentiable::{Channels, ForwardConfig, Opacity};
+use crate::simd::SimdChoice;
 use crate::testing::{Backend, Hard, camera, gradient_errors, gradients_of, random_splats};
 use wm_scene::{Rasterization, Splats};
 
@@ -27,8 +28,13 @@ crate::parity! {
                     // Most would be outside the picture.
                     splats.means.iter_mut().for_each(|m| (m[0], m[1]) = (0.05 * m[0], 0.05 * m[1]));
                 }
-                let loose = matches!(hard, Hard::Needle | Hard::NearPlane | Hard::Behind);
-                check(backend, &format!("{hard:?}"), &splats, &config, if loose { 1e-3 } else { 1e-5 });
+                let tolerance = match hard {
+                    Hard::Needle | Hard::NearPlane | Hard::Behind => 1e-3,
+                    // The centre's error, some ulp of up to 75 px, over a standard deviation of 0.5 px.
+                    Hard::Tiny => 1e-4,
+                    _ => 1e-5,
+                };
+                check(backend, &format!("{hard:?}"), &splats, &config, tolerance);
             }
         }
     };
@@ -40,11 +46,19 @@ crate::parity! {
 }
 
 fn check(backend: Backend, what: &str, splats: &Splats, config: &ForwardConfig, tolerance: f64) {
+    let Backend::Cpu(path) = backend;
     let (got, want) = gradients_of(backend, splats, &camera(75, 53), config, 83);
     for (name, error) in gradient_errors(&got, &want) {
-        let bound = if name == "weights" { 1e-3 } else { tolerance };
+        // Weights count pixels that are not steady too. What is no parameter's gradient may err twice as
+        // much, and the portable path, which rounds products before sums, five times.
+        let bound = match (name, path.choice()) {
+            ("weights", _) => 1e-3,
+            (_, SimdChoice::Portable) => 5.0 * tolerance,
+            ("means2d" | "absgrads", _) => 2.0 * tolerance,
+            _ => tolerance,
+        };
         let mode = config.rasterization;
-        eprintln!("{what}, {mode:?}, degree {}: {name} {error:.1e}", config.sh_degree);
+        eprintln!("{path} {what}, {mode:?}, degree {}: {name} {error:.1e}", config.sh_degree);
         assert!(error < bound, "{backend:?}, {what}, {mode:?}: {name} is off by {error:.1e}");
     }
 }

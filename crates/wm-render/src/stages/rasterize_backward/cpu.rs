@@ -372,7 +372,7 @@ fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &Scratch, i: usize) 
                 add_features::<S, C>(simd, &scratch.patches[patch], weight, block, &mut sixteen[8..]);
             },
         );
-        sums::<S, 16>(sixteen).store_slice(&mut slot.0);
+        sums::<S, 16>(simd, sixteen).store_slice(&mut slot.0);
     } else {
         // Eight sums at a time, which is what sixteen registers hold.
         let mut eight = [zero; 8];
@@ -385,7 +385,7 @@ fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &Scratch, i: usize) 
                 add_moments(simd, scratch, i, pull, (column, row), &mut eight);
             },
         );
-        sums::<S, 8>(eight).store_slice(&mut slot.0[..8]);
+        sums::<S, 8>(simd, eight).store_slice(&mut slot.0[..8]);
         eight = [zero; 8];
         each_block::<S>(
             scratch,
@@ -396,7 +396,7 @@ fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &Scratch, i: usize) 
                 add_features::<S, C>(simd, &scratch.patches[patch], weight, block, &mut eight);
             },
         );
-        sums::<S, 8>(eight).store_slice(&mut slot.0[8..]);
+        sums::<S, 8>(simd, eight).store_slice(&mut slot.0[8..]);
     }
     slot
 }
