@@ -17,8 +17,11 @@ use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 
 /// Splats of a batch: their scratch of half a megabyte at most is in the second cache.
 const BATCH: usize = 64;
-/// Lines of scratch a splat and patch: w and s of 256 pixels.
-const LINES: usize = 2 * PATCH_PIXELS / 16;
+/// Lines of scratch a splat: w and s of the tile's pixels.
+const LINES: usize = 2 * PATCHES * PATCH_PIXELS / 16;
+/// Rows of scratch: one for each splat of the batch and for the one that pads lists, and on to the next
+/// power of two, so that a masked index is proof enough that it is within.
+const ROWS: usize = 2 * BATCH;
 
 /// The pixels of one patch in block order, see [`crate::stages::rasterize::cpu::PatchSums`].
 #[derive(Clone, Debug)]
@@ -46,8 +49,16 @@ pub struct Scratch {
     columns: [[f32; 16]; 8],
     rows: [[f32; 16]; 16],
     /// w and s of each splat, patch and block.
-    weighed: Vec<Line>,
+    weighed: Box<Weighed>,
     raw: RawUpstream,
+}
+
+type Weighed = [Line; ROWS * LINES];
+
+/// The first line of splat `i` of the batch at `block` of `patch`; with 16 lanes s is in the next.
+#[inline(always)]
+fn line_of<S: Lanes>(i: usize, patch: usize, block: usize) -> usize {
+    (i % ROWS) * LINES + (patch * (PATCH_PIXELS / S::N) + block) * (2 * S::N / 16) % LINES
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -74,8 +85,10 @@ impl Default for Scratch {
             reached: [[0; PATCHES]; BATCH],
             columns: [[0.0; 16]; 8],
             rows: [[0.0; 16]; 16],
-            // One row more, for the splat that pads lists.
-            weighed: vec![Line::default(); (BATCH + 1) * PATCHES * LINES],
+            weighed: vec![Line::default(); ROWS * LINES]
+                .into_boxed_slice()
+                .try_into()
+                .unwrap_or_else(|_| unreachable!("the length is the type's")),
             raw: RawUpstream { alpha: zero, values: [zero; 7] },
         }
     }
@@ -267,9 +280,8 @@ fn weigh_patch<S: Lanes, const C: usize>(
         let column = simd.load(&columns[patch % 2 * 4 + block % 4]);
         let row = simd.load(&rows[patch / 2 * (blocks / 4) + block / 4]);
         let padded = &walk[..count.next_multiple_of(FLIGHT)];
-        let first_line = (patch * blocks + block) * (2 * S::N / 16);
         let (alive, walked) =
-            weigh_block::<S, C>(simd, batch, padded, (column, row), block, state, weighed, first_line);
+            weigh_block::<S, C>(simd, batch, padded, (column, row), (patch, block), state, weighed);
         if !alive {
             *live &= !(1 << block);
             for name in walk.iter().take(count).skip(walked) {
@@ -287,10 +299,9 @@ fn weigh_block<S: Lanes, const C: usize>(
     batch: &Batch,
     walk: &[u8],
     at_pixels: (S::F, S::F),
-    block: usize,
+    (patch, block): (usize, usize),
     state: &mut PatchState,
-    weighed: &mut [Line],
-    first_line: usize,
+    weighed: &mut Weighed,
 ) -> (bool, usize) {
     let (zero, one) = (simd.set(0.0), simd.set(1.0));
     let lanes = block * S::N..(block + 1) * S::N;
@@ -330,11 +341,10 @@ fn weigh_block<S: Lanes, const C: usize>(
             let pulls = open & q[k].simd_lt(simd.set(LOG2_MAX_ALPHA));
             let pull = pulls.select(pull, zero);
             transmittance = open.select(next, zero);
-            let line = at[k] * PATCHES * LINES + first_line;
+            let line = line_of::<S>(at[k], patch, block);
             if S::N == 16 {
-                let [weights, pulled] = &mut weighed[line..line + 2] else { continue };
-                weight.store_slice(&mut weights.0);
-                pull.store_slice(&mut pulled.0);
+                weight.store_slice(&mut weighed[line].0);
+                pull.store_slice(&mut weighed[line | 1].0);
             } else {
                 let line = &mut weighed[line].0;
                 weight.store_slice(&mut line[..S::N]);
@@ -359,6 +369,7 @@ fn weigh_block<S: Lanes, const C: usize>(
 fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &Scratch, i: usize) -> Slot {
     let zero = simd.set(0.0);
     let mut slot = Slot::default();
+    let weighed = &*scratch.weighed;
     if S::N == 16 {
         let mut sixteen = [zero; 16];
         each_block::<S>(
@@ -366,8 +377,7 @@ fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &Scratch, i: usize) 
             i,
             #[inline(always)]
             |line, patch, block, column, row| {
-                let (weight, pull) =
-                    (simd.load(&scratch.weighed[line].0), simd.load(&scratch.weighed[line + 1].0));
+                let (weight, pull) = (simd.load(&weighed[line].0), simd.load(&weighed[line | 1].0));
                 add_moments(simd, scratch, i, pull, (column, row), &mut sixteen);
                 add_features::<S, C>(simd, &scratch.patches[patch], weight, block, &mut sixteen[8..]);
             },
@@ -381,7 +391,7 @@ fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &Scratch, i: usize) 
             i,
             #[inline(always)]
             |line, _, _, column, row| {
-                let pull = simd.load(&scratch.weighed[line].0[S::N..]);
+                let pull = simd.load(&weighed[line].0[S::N..]);
                 add_moments(simd, scratch, i, pull, (column, row), &mut eight);
             },
         );
@@ -392,7 +402,7 @@ fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &Scratch, i: usize) 
             i,
             #[inline(always)]
             |line, patch, block, _, _| {
-                let weight = simd.load(&scratch.weighed[line].0);
+                let weight = simd.load(&weighed[line].0);
                 add_features::<S, C>(simd, &scratch.patches[patch], weight, block, &mut eight);
             },
         );
@@ -408,10 +418,11 @@ fn each_block<S: Lanes>(scratch: &Scratch, i: usize, mut f: impl FnMut(usize, us
     for patch in 0..PATCHES {
         let mut mask = scratch.reached[i][patch];
         while mask != 0 {
-            let block = mask.trailing_zeros() as usize;
+            // The mask proves the block in bounds.
+            let block = mask.trailing_zeros() as usize % blocks;
             mask &= mask - 1;
-            let line = i * PATCHES * LINES + (patch * blocks + block) * (2 * S::N / 16);
-            f(line, patch, block, patch % 2 * 4 + block % 4, patch / 2 * (blocks / 4) + block / 4);
+            let (column, row) = (patch % 2 * 4 + block % 4, patch / 2 * (blocks / 4) + block / 4);
+            f(line_of::<S>(i, patch, block), patch, block, column, row % 16);
         }
     }
 }
