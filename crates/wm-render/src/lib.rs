@@ -4,15 +4,18 @@
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
 pub mod cpu;
+pub mod differentiable;
 pub mod frame;
 pub mod hooks;
 pub mod reference;
+pub mod reference_backward;
 pub mod renderer;
 pub mod simd;
 pub mod stages;
 pub mod testing;
 
-pub use cpu::CpuRenderer;
+pub use cpu::{CpuRenderer, Differentiable};
+pub use differentiable::{Channels, DepthAlpha, ForwardConfig, Gradients, Learn, Opacity, Upstream};
 pub use frame::{Encoding, Frame};
 pub use renderer::{
     Background, CpuConfig, Geometry, Job, MedianDepth, Outputs, RenderConfig, RenderError, Renderer, SetId,

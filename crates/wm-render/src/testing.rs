@@ -1,10 +1,12 @@
 //! Scenes, back ends and comparisons for tests and benches.
 
+use crate::differentiable::{Channels, ForwardConfig, Gradients, Learn, Upstream};
 use crate::frame::Frame;
 use crate::reference::ReferenceFrame;
+use crate::reference_backward::{self, Parameters, ReferenceGradients};
 use crate::renderer::{CpuConfig, Renderer};
 use crate::simd::{SimdChoice, SimdPath};
-use crate::{CpuRenderer, Geometry, MedianDepth, Outputs};
+use crate::{CpuRenderer, Differentiable, Geometry, MedianDepth, Outputs};
 use glam::DVec3;
 use wm_scene::{Camera, Group, Splats, splats::logit};
 
@@ -272,4 +274,113 @@ pub fn compare(frame: &Frame, want: &ReferenceFrame, largest_color: f64) -> Resu
     }
     let mean = mean / (3 * frame.pixels()) as f64;
     if mean < 1e-5 { Ok(()) } else { Err(format!("mean difference {mean:.2e}, bound 1e-5")) }
+}
+
+/// A random derivative for each picture, of numbers in [-1, 1].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RandomLoss {
+    /// `[H, W, 3]`.
+    pub rgb: Vec<f32>,
+    /// `[H, W]`.
+    pub alpha: Vec<f32>,
+    /// `[H, W]`.
+    pub depth: Vec<f32>,
+    /// `[H, W, 3]`.
+    pub normal: Vec<f32>,
+}
+
+impl RandomLoss {
+    /// For the pictures of `channels`, at pixels for which `wanted` holds; 0 elsewhere.
+    #[must_use]
+    pub fn new(channels: Channels, pixels: usize, seed: u64, wanted: impl Fn(usize) -> bool) -> Self {
+        let values = |there: bool, channels: usize, from: u64| -> Vec<f32> {
+            let count = if there { channels * pixels } else { 0 };
+            let value = |i: usize| {
+                let value = (uniform(seed, (from << 32) + i as u64) * 2.0 - 1.0) as f32;
+                if wanted(i / channels) { value } else { 0.0 }
+            };
+            (0..count).map(value).collect()
+        };
+        Self {
+            rgb: values(channels.has_color(), 3, 0),
+            alpha: values(true, 1, 1),
+            depth: values(channels.depth().is_some(), 1, 2),
+            normal: values(channels.has_normal(), 3, 3),
+        }
+    }
+
+    /// As the backward pass takes it.
+    #[must_use]
+    pub fn upstream(&self) -> Upstream<'_> {
+        let Self { rgb, alpha, depth, normal } = self;
+        Upstream { rgb, alpha, depth, normal, ..Upstream::default() }
+    }
+}
+
+/// Gradients of a random loss by the back end and by the referee. The loss counts only the pixels at
+/// which both must decide alike ([`reference_backward::Decisions::steady`]).
+///
+/// # Panics
+/// If the renderer cannot be started, or more than a few pixels are not steady.
+#[must_use]
+pub fn gradients_of(
+    backend: Backend,
+    splats: &Splats,
+    camera: &Camera,
+    config: &ForwardConfig,
+    seed: u64,
+) -> (Gradients, ReferenceGradients) {
+    let Backend::Cpu(path) = backend;
+    let parameters = Parameters::of(splats);
+    let decisions = reference_backward::decide(&parameters, camera, config);
+    let pixels = decisions.steady.len();
+    let loss = RandomLoss::new(config.channels, pixels, seed, |i| decisions.steady[i]);
+    let threads = CpuConfig { threads: Some(2), simd: path.choice() };
+    let mut renderer = Differentiable::new(threads).expect("threads start");
+    let (mut frame, mut gradients) = (Frame::default(), Gradients::default());
+    renderer.forward(splats, camera, config, &mut frame).expect("it renders");
+    renderer.backward(splats, &loss.upstream(), Learn::ALL, &mut gradients);
+    let want = reference_backward::gradients(&parameters, camera, config, &decisions, &loss.upstream());
+    (gradients, want)
+}
+
+/// Relative L2 distance of each array of gradients from the referee's.
+#[must_use]
+pub fn gradient_errors(got: &Gradients, want: &ReferenceGradients) -> Vec<(&'static str, f64)> {
+    let mut want = want.clone();
+    let stride = want.parameters.sh.len() / want.weights.len().max(1);
+    let mut errors = Vec::new();
+    let mut add = |name: &'static str, got_rows: &[f32], want: &[f64], stride: usize| {
+        if got_rows.is_empty() {
+            return;
+        }
+        let width = got_rows.len() / got.len();
+        // What the back end does not show counts as 0.
+        let mut full = vec![0.0; want.len()];
+        for (row, index) in got_rows.chunks_exact(width).zip(&got.visible) {
+            for (k, value) in row.iter().enumerate() {
+                full[*index as usize * stride + k] = f64::from(*value);
+            }
+        }
+        let norm: f64 = want.iter().map(|v| v * v).sum();
+        let error: f64 = want.iter().zip(&full).map(|(a, b)| (a - b) * (a - b)).sum();
+        errors.push((name, (error / norm.max(1e-60)).sqrt()));
+    };
+    let ReferenceGradients { parameters, means2d, absgrads, weights, radii } = &mut want;
+    add("means", got.means.as_flattened(), &parameters.means, 3);
+    add("quats", got.quats.as_flattened(), &parameters.quats, 4);
+    add("log_scales", got.log_scales.as_flattened(), &parameters.log_scales, 3);
+    add("logit_opacities", &got.logit_opacities, &parameters.logit_opacities, 1);
+    add("sh", &got.sh, &parameters.sh, stride);
+    add("means2d", got.means2d.as_flattened(), means2d.as_flattened(), 2);
+    add("absgrads", got.absgrads.as_flattened(), absgrads.as_flattened(), 2);
+    add("weights", &got.weights, weights, 1);
+    // Splats in the picture by their centre alone have radii there and not here.
+    for (index, radius) in radii.iter_mut().enumerate() {
+        if got.visible.binary_search(&(index as u32)).is_err() {
+            *radius = 0.0;
+        }
+    }
+    add("radii", &got.radii, radii, 1);
+    errors
 }

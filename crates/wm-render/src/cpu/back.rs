@@ -4,7 +4,7 @@ use crate::dispatch;
 use crate::frame::{Encoding, Frame};
 use crate::hooks::PATCH;
 use crate::renderer::{Geometry, Job, MedianDepth, RenderError, Stats};
-use crate::simd::{Lanes, SimdPath};
+use crate::simd::SimdPath;
 use crate::stages::composite::cpu::{Composite, OutputRows, PatchPixels, finish_patch};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
 use crate::stages::project::Record;
@@ -16,7 +16,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 /// Tiles of one task: small enough to share out, large enough to write whole lines.
-const RUN: usize = 4;
+pub const RUN: usize = 4;
 
 /// What is blended beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,10 +88,10 @@ pub struct Back<'a> {
 /// Working memory of one thread, kept from frame to frame.
 #[derive(Default)]
 pub struct Worker {
-    scratch: Scratch,
-    pixels: PatchPixels,
-    keys: Vec<u64>,
-    sort_scratch: Vec<u64>,
+    pub scratch: Scratch,
+    pub pixels: PatchPixels,
+    pub keys: Vec<u64>,
+    pub sort_scratch: Vec<u64>,
 }
 
 impl Back<'_> {
@@ -149,7 +149,8 @@ impl Back<'_> {
             inside |= u32::from(x < self.patches.0 && y < self.patches.1) << patch;
         }
         let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
-        stats.evaluated_pairs += dispatch!(self.path, s => self.blend(s, keys, tile, inside, scratch));
+        let sums = (self.features.count(), self.features.median);
+        stats.evaluated_pairs += blend(self.path, sums, self.records, keys, tile, inside, scratch);
         let blended = Instant::now();
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
             let sums = &worker.scratch.patches[patch];
@@ -167,35 +168,39 @@ impl Back<'_> {
         stats.rasterize += (blended - sorted).as_secs_f64();
         stats.composite += blended.elapsed().as_secs_f64();
     }
+}
 
-    #[inline(always)]
-    fn blend<S: Lanes>(
-        &self,
-        simd: S,
-        keys: &[u64],
-        tile: (usize, usize),
-        inside: u32,
-        scratch: &mut Scratch,
-    ) -> u64 {
-        let corner = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
-        macro_rules! blend {
-            ($features:literal, $median:literal) => {
-                blend_tile::<S, $features, $median>(simd, self.records, keys, corner, inside, scratch)
-            };
-        }
-        match (self.features.geometry, self.features.median) {
-            (Geometry::None, MedianDepth::Off) => blend!(3, false),
-            (Geometry::None, MedianDepth::On) => blend!(3, true),
-            (Geometry::Depth, MedianDepth::Off) => blend!(4, false),
-            (Geometry::Depth, MedianDepth::On) => blend!(4, true),
-            (Geometry::DepthNormal, MedianDepth::Off) => blend!(7, false),
-            (Geometry::DepthNormal, MedianDepth::On) => blend!(7, true),
-        }
+/// Blends one tile with `features` sums (3, 4, 7, or 1: see
+/// [`Channels::Depth`](crate::differentiable::Channels)) and perhaps the median depth. One function for
+/// all callers, since every form of it is compiled for every path.
+pub fn blend(
+    path: SimdPath,
+    (features, median): (usize, MedianDepth),
+    records: &[Record],
+    keys: &[u64],
+    tile: (usize, usize),
+    inside: u32,
+    scratch: &mut Scratch,
+) -> u64 {
+    let corner = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
+    macro_rules! blend {
+        ($features:literal, $median:literal) => {
+            dispatch!(path, s => blend_tile::<_, $features, $median>(s, records, keys, corner, inside, scratch))
+        };
+    }
+    match (features, median) {
+        (1, _) => blend!(1, false),
+        (3, MedianDepth::Off) => blend!(3, false),
+        (3, MedianDepth::On) => blend!(3, true),
+        (4, MedianDepth::Off) => blend!(4, false),
+        (4, MedianDepth::On) => blend!(4, true),
+        (_, MedianDepth::Off) => blend!(7, false),
+        (_, MedianDepth::On) => blend!(7, true),
     }
 }
 
 /// The frame's rows, a row of tiles to a band.
-fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
+pub fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
     let count = (frame.height as usize).div_ceil(TILE);
     let mut bands: Vec<OutputRows<'_>> = (0..count).map(|_| OutputRows::default()).collect();
     let arrays =
@@ -209,7 +214,7 @@ fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
 }
 
 /// Cuts the rows of a band in runs of tiles.
-fn runs(band: OutputRows<'_>) -> Vec<OutputRows<'_>> {
+pub fn runs(band: OutputRows<'_>) -> Vec<OutputRows<'_>> {
     let mut runs: Vec<OutputRows<'_>> = Vec::new();
     let mut band = band;
     for (k, channels) in OutputRows::CHANNELS.into_iter().enumerate() {

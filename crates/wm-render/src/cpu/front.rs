@@ -189,13 +189,13 @@ impl<'a> Front<'a> {
 }
 
 /// Working memory of one unit: the groups of one cluster that have splats in view.
-struct ClusterScratch {
-    projected: [Projected; GROUPS],
-    shade: [ShadeGroup; GROUPS],
+pub struct ClusterScratch {
+    pub projected: [Projected; GROUPS],
+    pub shade: [ShadeGroup; GROUPS],
     /// Position of each group in its cluster.
-    names: [usize; GROUPS],
+    pub names: [usize; GROUPS],
     factors: [[f32; GROUP]; GROUPS],
-    boxes: [PatchBox; CLUSTER],
+    pub boxes: [PatchBox; CLUSTER],
 }
 
 impl Default for ClusterScratch {
@@ -213,7 +213,7 @@ impl Default for ClusterScratch {
 impl ClusterScratch {
     /// Writes the records of the splats in view, with their boxes, and returns how many.
     #[inline(always)]
-    fn write_records<S: Lanes>(
+    pub fn write_records<S: Lanes>(
         &mut self,
         simd: S,
         groups: usize,

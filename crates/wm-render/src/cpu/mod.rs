@@ -6,8 +6,11 @@
 //! value depends on which thread did what, so the bytes are the same for any number of threads.
 
 mod back;
+mod differentiable;
 mod front;
 pub mod model;
+
+pub use differentiable::{BackwardStats, Differentiable};
 
 use crate::frame::Frame;
 use crate::hooks::PATCH;
@@ -37,22 +40,28 @@ pub struct CpuRenderer {
     workers: Vec<Mutex<Worker>>,
 }
 
+/// The SIMD path and the threads of `config`.
+fn start(config: CpuConfig) -> Result<(SimdPath, Arc<rayon::ThreadPool>), RenderError> {
+    let path = SimdPath::select(config.simd).ok_or(RenderError::NoSimd(config.simd.name()))?;
+    let threads = config.threads.unwrap_or(0);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| RenderError::Threads { threads, reason: error.to_string() })?;
+    Ok((path, Arc::new(pool)))
+}
+
 impl CpuRenderer {
     /// Starts the threads.
     ///
     /// # Errors
     /// [`RenderError`] if the processor lacks the SIMD path or threads cannot be started.
     pub fn new(config: CpuConfig) -> Result<Self, RenderError> {
-        let path = SimdPath::select(config.simd).ok_or(RenderError::NoSimd(config.simd.name()))?;
-        let threads = config.threads.unwrap_or(0);
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .map_err(|error| RenderError::Threads { threads, reason: error.to_string() })?;
+        let (path, pool) = start(config)?;
         let workers = (0..pool.current_num_threads()).map(|_| Mutex::default()).collect();
         Ok(Self {
             path,
-            pool: Arc::new(pool),
+            pool,
             models: Vec::new(),
             records: Vec::new(),
             parts: Vec::new(),

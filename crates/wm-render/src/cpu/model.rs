@@ -177,7 +177,8 @@ fn bound(splats: &Splats, source: &[u32]) -> Cluster {
 }
 
 /// Indices along a Morton curve through the box of `means`, 21 bits an axis; ties by index.
-fn morton_order(means: &[[f32; 3]]) -> Vec<u32> {
+#[must_use]
+pub fn morton_order(means: &[[f32; 3]]) -> Vec<u32> {
     let mut low = [f32::INFINITY; 3];
     let mut high = [f32::NEG_INFINITY; 3];
     for mean in means {

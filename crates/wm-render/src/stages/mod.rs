@@ -9,10 +9,21 @@
 //! | [`sort`] | one tile's splats | the same, front to back |
 //! | [`rasterize`] | one tile's splats in order | blended colour, depth, normal, alpha |
 //! | [`composite`] | one tile's sums, background, pixel effects | the finished frame |
+//!
+//! and back, for training:
+//!
+//! | stage | takes | gives |
+//! |---|---|---|
+//! | [`rasterize_backward`] | a loss's derivative by one tile's pixels | what they pull on its splats |
+//! | [`shade_backward`] | pulls on colours | gradients by coefficients and directions |
+//! | [`project_backward`] | pulls on 2D Gaussians | gradients by the stored parameters |
 
 pub mod composite;
 pub mod intersect;
 pub mod project;
+pub mod project_backward;
 pub mod rasterize;
+pub mod rasterize_backward;
 pub mod shade;
+pub mod shade_backward;
 pub mod sort;

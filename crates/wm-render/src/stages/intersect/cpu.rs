@@ -1,11 +1,11 @@
 //! Exact ellipse tests of 8 or 16 rectangles at a time, and the scatter into tile lists.
 
-use super::{PATCHES, TILE, TileGrid, key};
+use super::{PATCHES, TILE, TileGrid, key, record_of};
 use crate::hooks::PATCH;
 use crate::simd::Lanes;
 use crate::stages::project::{LOG2_MIN_ALPHA, Record, TEST_SLACK};
 use fearless_simd::{SimdBase, SimdFloat, SimdMask};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Lane coordinates of a field of cells: 4 columns, `N / 4` rows.
 #[inline(always)]
@@ -155,6 +155,38 @@ impl Pairs {
         for (tile, key) in self.tiles[..self.len].iter().zip(&self.keys) {
             let slot = &mut self.counts[*tile as usize];
             lists[*slot as usize].store(*key, Ordering::Relaxed);
+            *slot += 1;
+        }
+    }
+}
+
+impl Pairs {
+    /// Number of pairs.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// The record of each pair, ascending.
+    pub fn records(&self) -> impl Iterator<Item = usize> {
+        self.keys[..self.len].iter().map(|key| record_of(*key))
+    }
+
+    /// Like [`Self::scatter`], but what the keys name is the pair, numbered from `first`; what they would
+    /// have named goes to `words`, one a pair. The order of pairs is that of records, so the order of
+    /// keys is the same.
+    pub fn scatter_numbered(&mut self, first: usize, lists: &[AtomicU64], words: &[AtomicU32]) {
+        let words = &words[first..first + self.len];
+        for (i, (tile, key)) in self.tiles[..self.len].iter().zip(&self.keys).enumerate() {
+            let slot = &mut self.counts[*tile as usize];
+            lists[*slot as usize].store(*key >> 32 << 32 | (first + i) as u64, Ordering::Relaxed);
+            words[i].store(*key as u32, Ordering::Relaxed);
             *slot += 1;
         }
     }

@@ -63,6 +63,150 @@ impl Default for Projected {
     }
 }
 
+/// Where splats are and what shape they have in the picture: one vector a number.
+#[derive(Clone, Copy)]
+pub struct Geometry<S: Lanes> {
+    /// Mean less camera centre, world axes.
+    pub offset: [S::F; 3],
+    /// View z.
+    pub z: S::F,
+    /// 1 / z.
+    pub inverse_z: S::F,
+    /// X / z and Y / z.
+    pub tangents: [S::F; 2],
+    /// The same within the limits of the Jacobian.
+    pub held: [S::F; 2],
+    /// Columns of R.
+    pub columns: [[S::F; 3]; 3],
+    /// Standard deviations.
+    pub scales: [S::F; 3],
+    /// Columns of J W R, not scaled, row by row.
+    pub unscaled: [[S::F; 3]; 2],
+    /// M = J W R diag(s), row by row.
+    pub m: [[S::F; 3]; 2],
+    /// xx, xy, yy of the dilated covariance, px^2.
+    pub cov: [S::F; 3],
+    /// Determinant of M M^T.
+    pub sharp: S::F,
+    /// Determinant of `cov`.
+    pub det: S::F,
+}
+
+/// The geometry of the splats of `group` from lane `first` on.
+#[inline(always)]
+pub fn geometry<S: Lanes>(simd: S, group: &SplatGroup, first: usize, camera: &ProjectCamera) -> Geometry<S> {
+    let [c0, c1, c2] = camera.center;
+    let (dx, dy, dz) = (
+        simd.load(&group.mean[0][first..]) - c0,
+        simd.load(&group.mean[1][first..]) - c1,
+        simd.load(&group.mean[2][first..]) - c2,
+    );
+    let w = &camera.rotation;
+    let view_x = dx.mul_add(simd.set(w[0][0]), dy.mul_add(simd.set(w[0][1]), dz * w[0][2]));
+    let view_y = dx.mul_add(simd.set(w[1][0]), dy.mul_add(simd.set(w[1][1]), dz * w[1][2]));
+    let z = dx.mul_add(simd.set(w[2][0]), dy.mul_add(simd.set(w[2][1]), dz * w[2][2]));
+    let inverse_z = simd.set(1.0) / z;
+    let tangents = [view_x * inverse_z, view_y * inverse_z];
+    let mut held = tangents;
+    for k in 0..2 {
+        held[k] = tangents[k].max(simd.set(camera.low[k])).min(simd.set(camera.high[k]));
+    }
+
+    // Rows of J W, times z.
+    let (scale_x, scale_y) = (inverse_z * camera.focal[0], inverse_z * camera.focal[1]);
+    let mut row_x = [simd.set(0.0); 3];
+    let mut row_y = [simd.set(0.0); 3];
+    for k in 0..3 {
+        row_x[k] = scale_x * (simd.set(w[0][k]) - held[0] * w[2][k]);
+        row_y[k] = scale_y * (simd.set(w[1][k]) - held[1] * w[2][k]);
+    }
+
+    // Columns of R, and M = J W R diag(s) column by column.
+    let (qw, qx) = (simd.load(&group.quat[0][first..]), simd.load(&group.quat[1][first..]));
+    let (qy, qz) = (simd.load(&group.quat[2][first..]), simd.load(&group.quat[3][first..]));
+    let (x2, y2, z2) = (qx + qx, qy + qy, qz + qz);
+    let (xx, yy, zz) = (qx * x2, qy * y2, qz * z2);
+    let (xy, xz, yz) = (qx * y2, qx * z2, qy * z2);
+    let (wx, wy, wz) = (qw * x2, qw * y2, qw * z2);
+    let one = simd.set(1.0);
+    let columns = [
+        [one - (yy + zz), xy + wz, xz - wy],
+        [xy - wz, one - (xx + zz), yz + wx],
+        [xz + wy, yz - wx, one - (xx + yy)],
+    ];
+    let scales = [
+        simd.load(&group.scale[0][first..]),
+        simd.load(&group.scale[1][first..]),
+        simd.load(&group.scale[2][first..]),
+    ];
+    let mut unscaled = [[simd.set(0.0); 3]; 2];
+    let mut m = unscaled;
+    for k in 0..3 {
+        let c = &columns[k];
+        unscaled[0][k] = c[0].mul_add(row_x[0], c[1].mul_add(row_x[1], c[2] * row_x[2]));
+        unscaled[1][k] = c[0].mul_add(row_y[0], c[1].mul_add(row_y[1], c[2] * row_y[2]));
+        m[0][k] = scales[k] * unscaled[0][k];
+        m[1][k] = scales[k] * unscaled[1][k];
+    }
+    let [m_x, m_y] = m;
+    let cov_xx = m_x[0].mul_add(m_x[0], m_x[1].mul_add(m_x[1], m_x[2] * m_x[2]));
+    let cov_xy = m_x[0].mul_add(m_y[0], m_x[1].mul_add(m_y[1], m_x[2] * m_y[2]));
+    let cov_yy = m_y[0].mul_add(m_y[0], m_y[1].mul_add(m_y[1], m_y[2] * m_y[2]));
+    let d01 = m_x[0].mul_sub(m_y[1], m_x[1] * m_y[0]);
+    let d02 = m_x[0].mul_sub(m_y[2], m_x[2] * m_y[0]);
+    let d12 = m_x[1].mul_sub(m_y[2], m_x[2] * m_y[1]);
+    let sharp = d01.mul_add(d01, d02.mul_add(d02, d12 * d12));
+    let trace = cov_xx + cov_yy;
+    let det = trace.mul_add(simd.set(DILATION), sharp + DILATION * DILATION);
+    Geometry {
+        offset: [dx, dy, dz],
+        z,
+        inverse_z,
+        tangents,
+        held,
+        columns,
+        scales,
+        unscaled,
+        m,
+        cov: [cov_xx + DILATION, cov_xy, cov_yy + DILATION],
+        sharp,
+        det,
+    }
+}
+
+/// The Cholesky factor of `geometry`'s exponent: ux, vx, vy; see [`super::Record`].
+#[inline(always)]
+pub fn factor<S: Lanes>(simd: S, geometry: &Geometry<S>) -> [S::F; 3] {
+    let [cov_xx, cov_xy, _] = geometry.cov;
+    let vy = (cov_xx / geometry.det).sqrt() * SQRT_HALF_LOG2E;
+    let ux = simd.set(SQRT_HALF_LOG2E) / cov_xx.sqrt();
+    [ux, -(vy * (cov_xy / cov_xx)), vy]
+}
+
+/// Unit direction and length of `offset`.
+#[inline(always)]
+pub fn ray<S: Lanes>(simd: S, offset: &[S::F; 3]) -> ([S::F; 3], S::F) {
+    let [x, y, z] = *offset;
+    let distance = x.mul_add(x, y.mul_add(y, z * z)).sqrt();
+    let inverse = simd.set(1.0) / distance;
+    ([x * inverse, y * inverse, z * inverse], distance)
+}
+
+/// The shortest axis (the first of equal ones): selects it of three vectors.
+#[inline(always)]
+pub fn shortest<S: Lanes>(scales: &[S::F; 3], of: [S::F; 3]) -> S::F {
+    let second = scales[1].simd_lt(scales[0]);
+    let third = scales[2].simd_lt(scales[0].min(scales[1]));
+    third.select(of[2], second.select(of[1], of[0]))
+}
+
+/// The factor 1 or -1 that turns `normal` towards the camera.
+#[inline(always)]
+pub fn facing<S: Lanes>(simd: S, normal: &[S::F; 3], offset: &[S::F; 3]) -> S::F {
+    let along = normal[0].mul_add(offset[0], normal[1].mul_add(offset[1], normal[2] * offset[2]));
+    along.simd_gt(simd.set(0.0)).select(simd.set(-1.0), simd.set(1.0))
+}
+
 /// Projects one group. `visibility` is a factor on the opacity of each splat; `shade` gets the rays.
 #[inline(always)]
 pub fn project_group<S: Lanes>(
@@ -76,81 +220,23 @@ pub fn project_group<S: Lanes>(
 ) {
     out.mask = 0;
     for first in (0..GROUP).step_by(S::N) {
-        let [c0, c1, c2] = camera.center;
-        let (dx, dy, dz) = (
-            simd.load(&group.mean[0][first..]) - c0,
-            simd.load(&group.mean[1][first..]) - c1,
-            simd.load(&group.mean[2][first..]) - c2,
-        );
-        let w = &camera.rotation;
-        let view_x = dx.mul_add(simd.set(w[0][0]), dy.mul_add(simd.set(w[0][1]), dz * w[0][2]));
-        let view_y = dx.mul_add(simd.set(w[1][0]), dy.mul_add(simd.set(w[1][1]), dz * w[1][2]));
-        let z = dx.mul_add(simd.set(w[2][0]), dy.mul_add(simd.set(w[2][1]), dz * w[2][2]));
-        let inverse_z = simd.set(1.0) / z;
-        let (tan_x, tan_y) = (view_x * inverse_z, view_y * inverse_z);
-        let x = tan_x.mul_add(simd.set(camera.focal[0]), simd.set(camera.principal[0]));
-        let y = tan_y.mul_add(simd.set(camera.focal[1]), simd.set(camera.principal[1]));
-        let tan_x = tan_x.max(simd.set(camera.low[0])).min(simd.set(camera.high[0]));
-        let tan_y = tan_y.max(simd.set(camera.low[1])).min(simd.set(camera.high[1]));
-
-        // Rows of J W, times z.
-        let (scale_x, scale_y) = (inverse_z * camera.focal[0], inverse_z * camera.focal[1]);
-        let mut row_x = [simd.set(0.0); 3];
-        let mut row_y = [simd.set(0.0); 3];
-        for k in 0..3 {
-            row_x[k] = scale_x * (simd.set(w[0][k]) - tan_x * w[2][k]);
-            row_y[k] = scale_y * (simd.set(w[1][k]) - tan_y * w[2][k]);
-        }
-
-        // Columns of R, and M = J W R diag(s) column by column.
-        let (qw, qx) = (simd.load(&group.quat[0][first..]), simd.load(&group.quat[1][first..]));
-        let (qy, qz) = (simd.load(&group.quat[2][first..]), simd.load(&group.quat[3][first..]));
-        let (x2, y2, z2) = (qx + qx, qy + qy, qz + qz);
-        let (xx, yy, zz) = (qx * x2, qy * y2, qz * z2);
-        let (xy, xz, yz) = (qx * y2, qx * z2, qy * z2);
-        let (wx, wy, wz) = (qw * x2, qw * y2, qw * z2);
-        let one = simd.set(1.0);
-        let columns = [
-            [one - (yy + zz), xy + wz, xz - wy],
-            [xy - wz, one - (xx + zz), yz + wx],
-            [xz + wy, yz - wx, one - (xx + yy)],
-        ];
-        let scales = [
-            simd.load(&group.scale[0][first..]),
-            simd.load(&group.scale[1][first..]),
-            simd.load(&group.scale[2][first..]),
-        ];
-        let mut m_x = [simd.set(0.0); 3];
-        let mut m_y = [simd.set(0.0); 3];
-        for k in 0..3 {
-            let c = &columns[k];
-            m_x[k] = scales[k] * c[0].mul_add(row_x[0], c[1].mul_add(row_x[1], c[2] * row_x[2]));
-            m_y[k] = scales[k] * c[0].mul_add(row_y[0], c[1].mul_add(row_y[1], c[2] * row_y[2]));
-        }
-        let cov_xx = m_x[0].mul_add(m_x[0], m_x[1].mul_add(m_x[1], m_x[2] * m_x[2]));
-        let cov_xy = m_x[0].mul_add(m_y[0], m_x[1].mul_add(m_y[1], m_x[2] * m_y[2]));
-        let cov_yy = m_y[0].mul_add(m_y[0], m_y[1].mul_add(m_y[1], m_y[2] * m_y[2]));
-        let d01 = m_x[0].mul_sub(m_y[1], m_x[1] * m_y[0]);
-        let d02 = m_x[0].mul_sub(m_y[2], m_x[2] * m_y[0]);
-        let d12 = m_x[1].mul_sub(m_y[2], m_x[2] * m_y[1]);
-        let det_sharp = d01.mul_add(d01, d02.mul_add(d02, d12 * d12));
-        let trace = cov_xx + cov_yy;
-        let det = trace.mul_add(simd.set(DILATION), det_sharp + DILATION * DILATION);
-        let (cov_xx, cov_yy) = (cov_xx + DILATION, cov_yy + DILATION);
+        let geometry = geometry(simd, group, first, camera);
+        let Geometry { offset: [dx, dy, dz], z, tangents, columns, scales, sharp, det, .. } = geometry;
+        let [cov_xx, cov_xy, cov_yy] = geometry.cov;
+        let x = tangents[0].mul_add(simd.set(camera.focal[0]), simd.set(camera.principal[0]));
+        let y = tangents[1].mul_add(simd.set(camera.focal[1]), simd.set(camera.principal[1]));
 
         let mut log2_opacity = simd.load(&group.log2_opacity[first..]);
         if let Some(factors) = visibility {
             log2_opacity += log2(simd, [simd.load(&factors[first..]).max(simd.set(1e-30))])[0];
         }
         if rasterization == Rasterization::Antialiased {
-            let kept = (det_sharp / det).max(simd.set(MIN_COMPENSATION * MIN_COMPENSATION));
+            let kept = (sharp / det).max(simd.set(MIN_COMPENSATION * MIN_COMPENSATION));
             log2_opacity = log2(simd, [kept])[0].mul_add(simd.set(0.5), log2_opacity);
         }
 
-        let vy = (cov_xx / det).sqrt() * SQRT_HALF_LOG2E;
-        let ux = simd.set(SQRT_HALF_LOG2E) / cov_xx.sqrt();
+        let [ux, vx, vy] = factor(simd, &geometry);
         let (slope_y, slope_x) = (cov_xy / cov_xx, cov_xy / cov_yy);
-        let vx = -(vy * slope_y);
         let reach = (log2_opacity - (LOG2_MIN_ALPHA - TEST_SLACK)) * (2.0 * LN_2);
         let positive = reach.max(simd.set(0.0));
         let (extent_x, extent_y) = ((positive * cov_xx).sqrt(), (positive * cov_yy).sqrt());
@@ -167,19 +253,12 @@ pub fn project_group<S: Lanes>(
             continue;
         }
 
-        let squared = dx.mul_add(dx, dy.mul_add(dy, dz * dz));
-        let distance = squared.sqrt();
-        let inverse = one / distance;
-        let direction = [dx * inverse, dy * inverse, dz * inverse];
-        // The shortest axis: the first of equal ones.
-        let second = scales[1].simd_lt(scales[0]);
-        let third = scales[2].simd_lt(scales[0].min(scales[1]));
+        let (direction, distance) = ray(simd, &geometry.offset);
         let mut normal = columns[0];
         for k in 0..3 {
-            normal[k] = third.select(columns[2][k], second.select(columns[1][k], normal[k]));
+            normal[k] = shortest::<S>(&scales, [columns[0][k], columns[1][k], columns[2][k]]);
         }
-        let facing = normal[0].mul_add(dx, normal[1].mul_add(dy, normal[2] * dz));
-        let sign = facing.simd_gt(simd.set(0.0)).select(simd.set(-1.0), one);
+        let sign = facing(simd, &normal, &[dx, dy, dz]);
 
         let lanes = first..first + S::N;
         x.store_slice(&mut out.x[lanes.clone()]);

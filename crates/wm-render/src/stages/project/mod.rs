@@ -26,6 +26,7 @@
 //!
 //! The radius of culling a cluster is conservative: see `cpu::ClusterCull`.
 
+pub mod activate;
 pub mod cpu;
 #[cfg(test)]
 mod tests;

@@ -13,9 +13,9 @@ use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask, u8x32, u8x64};
 /// Splats walked at a time; the record after them is never visible and pads lists.
 const BATCH: usize = 255;
 /// Splats in flight in the blend loop: enough to hide the latency of the exponential.
-const FLIGHT: usize = 4;
+pub(crate) const FLIGHT: usize = 4;
 /// Entries of a list that are made at a time.
-const CHUNK: usize = 64;
+pub(crate) const CHUNK: usize = 64;
 
 /// Sums of one patch, each `[256]` in block order: block by block, lane by lane.
 #[derive(Clone, Debug)]
@@ -39,7 +39,7 @@ impl Default for PatchSums {
 }
 
 /// A list of indices into the batch.
-type List = [u8; 256 + CHUNK];
+pub(crate) type List = [u8; 256 + CHUNK];
 
 /// Working memory of one thread.
 #[derive(Clone, Debug)]
@@ -48,39 +48,63 @@ pub struct Scratch {
     /// The sums of the tile's patches.
     pub patches: [PatchSums; PATCHES],
     batch: Batch,
-    /// Which patches each splat of the batch touches.
-    touched: [u8; 256],
     lists: Lists,
 }
 
 /// Which splats of the batch touch the patch at hand, and which each of its blocks.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-struct Lists {
-    patch: List,
+pub(crate) struct Lists {
+    pub patch: List,
     /// The blocks that each splat of `patch` touches, eight blocks an array.
-    masks: [[u8; 256]; 4],
-    block: List,
+    pub masks: [[u8; 256]; 4],
+    pub block: List,
+}
+
+impl Default for Lists {
+    fn default() -> Self {
+        Self { patch: [0; 256 + CHUNK], masks: [[0; 256]; 4], block: [0; 256 + CHUNK] }
+    }
 }
 
 /// Splats in the first cache.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-struct Batch {
-    records: [Record; 256],
+pub(crate) struct Batch {
+    pub records: [Record; 256],
     /// u and v of each at the tile's corner.
-    origins: [(f32, f32); 256],
+    pub origins: [(f32, f32); 256],
+    /// Which patches each touches.
+    pub touched: [u8; 256],
+}
+
+impl Default for Batch {
+    fn default() -> Self {
+        let never = Record { log2_opacity: crate::cpu::model::NEVER, ..Record::default() };
+        Self { records: [never; 256], origins: [(0.0, 0.0); 256], touched: [0; 256] }
+    }
+}
+
+impl Batch {
+    /// Takes the splats of `keys`, at most 255, for the tile whose first pixel is `(left, top)`.
+    #[inline(always)]
+    pub fn fill(&mut self, records: &[Record], keys: &[u64], (left, top): (f32, f32)) {
+        // Copied first and used after: nothing waits for one record, so many fetches overlap.
+        for (i, key) in keys.iter().enumerate() {
+            self.records[i] = records[record_of(*key)];
+            self.touched[i] = (*key & 15) as u8;
+        }
+        for (record, origin) in self.records.iter().zip(&mut self.origins).take(keys.len()) {
+            let (x, y) = (record.x - left, record.y - top);
+            *origin = (-record.ux * x, -(record.vx * x + record.vy * y));
+        }
+        self.touched[keys.len()..].fill(0);
+    }
 }
 
 impl Default for Scratch {
     fn default() -> Self {
-        let never = Record { log2_opacity: crate::cpu::model::NEVER, ..Record::default() };
-        Self {
-            patches: Default::default(),
-            batch: Batch { records: [never; 256], origins: [(0.0, 0.0); 256] },
-            touched: [0; 256],
-            lists: Lists { patch: [0; 256 + CHUNK], masks: [[0; 256]; 4], block: [0; 256 + CHUNK] },
-        }
+        Self { patches: Default::default(), batch: Batch::default(), lists: Lists::default() }
     }
 }
 
@@ -117,25 +141,15 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
     }
     let mut evaluated = 0;
     for batch in keys.chunks(BATCH) {
-        // Copied first and used after: nothing waits for one record, so many fetches overlap.
-        for (i, key) in batch.iter().enumerate() {
-            scratch.batch.records[i] = records[record_of(*key)];
-            scratch.touched[i] = (*key & 15) as u8;
-        }
-        for (record, origin) in scratch.batch.records.iter().zip(&mut scratch.batch.origins).take(batch.len())
-        {
-            let (x, y) = (record.x - left, record.y - top);
-            *origin = (-record.ux * x, -(record.vx * x + record.vy * y));
-        }
+        scratch.batch.fill(records, batch, (left, top));
         let len = batch.len();
-        scratch.touched[len..].fill(0);
         for patch in 0..PATCHES {
             if live[patch] == 0 {
                 continue;
             }
             let corner = ((patch % 2 * PATCH) as f32, (patch / 2 * PATCH) as f32);
-            let Scratch { patches, batch, touched, lists } = scratch;
-            let splats = list(simd, touched, len, 1 << patch, None, &mut lists.patch);
+            let Scratch { patches, batch, lists } = scratch;
+            let splats = list(simd, &batch.touched, len, 1 << patch, None, &mut lists.patch);
             let field = (left + corner.0, top + corner.1);
             mask_blocks(simd, batch, splats, field, lanes, lists);
             let mut todo = live[patch];
@@ -171,7 +185,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
 /// Finds the blocks of a patch that its splats touch: `splats` of them are in `lists.patch`, and the
 /// patch begins at pixel `field`.
 #[inline(always)]
-fn mask_blocks<S: Lanes>(
+pub(crate) fn mask_blocks<S: Lanes>(
     simd: S,
     batch: &Batch,
     splats: usize,
@@ -200,7 +214,7 @@ fn mask_blocks<S: Lanes>(
 /// Lists those of the first `len` entries of `masks` that hold `bit`: their positions, or what `names`
 /// says of them. Returns how many. Entries from `len` on to the next multiple of 64 hold no bit.
 #[inline(always)]
-fn list<S: Lanes>(
+pub(crate) fn list<S: Lanes>(
     simd: S,
     masks: &[u8; 256],
     len: usize,
@@ -270,6 +284,32 @@ const PACKED: [u64; 256] = {
     packed
 };
 
+/// log2 of the alphas, and the alphas, of a flight of splats at pixels `(px, py)` from the tile's corner.
+#[inline(always)]
+pub(crate) fn alphas<S: Lanes>(
+    simd: S,
+    batch: &Batch,
+    at: &[usize; FLIGHT],
+    (px, py): (S::F, S::F),
+) -> ([S::F; FLIGHT], [S::F; FLIGHT]) {
+    let mut q = [simd.set(0.0); FLIGHT];
+    let mut capped = q;
+    for k in 0..FLIGHT {
+        let (s, origin) = (&batch.records[at[k]], &batch.origins[at[k]]);
+        let u = px.mul_add(simd.set(s.ux), simd.set(origin.0));
+        let v = px.mul_add(simd.set(s.vx), py.mul_add(simd.set(s.vy), simd.set(origin.1)));
+        q[k] = (-v).mul_add(v, (-u).mul_add(u, simd.set(s.log2_opacity)));
+        capped[k] = q[k].min(simd.set(LOG2_MAX_ALPHA));
+    }
+    let mut alpha = exp2(simd, capped);
+    for k in 0..FLIGHT {
+        let drawn = q[k].simd_ge(simd.set(LOG2_MIN_ALPHA));
+        // Selected as integers: the mask then folds into the exponential's last operation.
+        alpha[k] = S::F::from_bits(drawn.select(alpha[k].to_bits(), S::U::splat(simd, 0)));
+    }
+    (q, alpha)
+}
+
 /// Blends one block, whose first pixel centre is `corner` px from the tile's corner. Returns whether
 /// any pixel still takes light, and the number of splats walked.
 #[inline(always)]
@@ -300,21 +340,7 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool>(
         for k in 0..FLIGHT {
             at[k] = usize::from(flight[k]);
         }
-        let mut q = [zero; FLIGHT];
-        let mut capped = [zero; FLIGHT];
-        for k in 0..FLIGHT {
-            let (s, origin) = (&batch.records[at[k]], &batch.origins[at[k]]);
-            let u = px.mul_add(simd.set(s.ux), simd.set(origin.0));
-            let v = px.mul_add(simd.set(s.vx), py.mul_add(simd.set(s.vy), simd.set(origin.1)));
-            q[k] = (-v).mul_add(v, (-u).mul_add(u, simd.set(s.log2_opacity)));
-            capped[k] = q[k].min(simd.set(LOG2_MAX_ALPHA));
-        }
-        let mut alpha = exp2(simd, capped);
-        for k in 0..FLIGHT {
-            let drawn = q[k].simd_ge(simd.set(LOG2_MIN_ALPHA));
-            // Selected as integers: the mask then folds into the exponential's last operation.
-            alpha[k] = S::F::from_bits(drawn.select(alpha[k].to_bits(), S::U::splat(simd, 0)));
-        }
+        let (_, alpha) = alphas(simd, batch, &at, (px, py));
         for k in 0..FLIGHT {
             // A pixel that has stopped carries transmittance 0, so one comparison does for both.
             let next = (-alpha[k]).mul_add(transmittance, transmittance);

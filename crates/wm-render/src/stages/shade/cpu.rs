@@ -2,7 +2,7 @@
 
 use crate::cpu::model::SplatGroup;
 use crate::hooks::{GROUP, ShadeGroup};
-use crate::simd::Lanes;
+use crate::simd::{Lanes, transpose};
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_scene::sh::{C0, C1, C2, C3};
 
@@ -48,6 +48,34 @@ pub fn shade_group<S: Lanes>(simd: S, group: &SplatGroup, rest: &[[f32; GROUP]],
             let value = rgb[channel].max(simd.set(0.0));
             value.store_slice(&mut shade.rgb[channel][first..first + S::N]);
         }
+    }
+}
+
+/// Brings the first `count` values (3 K) of sixteen splats' coefficients in rows, as [`shade_group`] takes
+/// them, coefficient 0 among them; rows beyond, up to a multiple of 16, hold nothing of use. `sh` is
+/// `[N, stride]`.
+#[inline(always)]
+pub fn gather_rows<S: Lanes>(
+    simd: S,
+    sh: &[f32],
+    stride: usize,
+    count: usize,
+    indices: &[u32; GROUP],
+    rows: &mut [[f32; GROUP]; 48],
+) {
+    for (part, block) in rows.as_chunks_mut::<GROUP>().0.iter_mut().enumerate() {
+        if part * GROUP >= count {
+            break;
+        }
+        for (index, row) in indices.iter().zip(block.iter_mut()) {
+            let values = &sh[*index as usize * stride + part * GROUP..];
+            if let Some(whole) = values.first_chunk::<GROUP>() {
+                *row = *whole;
+            } else {
+                row[..values.len()].copy_from_slice(values);
+            }
+        }
+        transpose(simd, block);
     }
 }
 

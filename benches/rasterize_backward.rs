@@ -1,0 +1,140 @@
+//! The way back through one 32x32 tile: 512 splats in view order, too faint to stop early, as in the bench
+//! of blending. One element is one evaluated pair of a splat and a pixel.
+//!
+//! And whole steps of training, without loss and optimiser, at 600x444.
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use wm_render::dispatch;
+use wm_render::hooks::PATCH_PIXELS;
+use wm_render::simd::{Lanes, SimdPath};
+use wm_render::stages::intersect::key;
+use wm_render::stages::project::{Record, SQRT_HALF_LOG2E};
+use wm_render::stages::rasterize::cpu as forward;
+use wm_render::stages::rasterize_backward::cpu::{Scratch, blend_tile_backward, prepare_patch};
+use wm_render::stages::rasterize_backward::{NO_SLOT, Slot};
+use wm_render::testing::{RandomLoss, shell_camera, shell_splats, uniform};
+use wm_render::{Channels, CpuConfig, Differentiable, ForwardConfig, Frame, Gradients, Learn};
+
+/// Splats with a standard deviation of about `sigma` px, spread over the tile.
+fn records(sigma: f64) -> Vec<Record> {
+    (0..512)
+        .map(|i| {
+            let u = |k: u64| uniform(5, i * 8 + k);
+            let stretch = (1.2 * (u(0) - 0.5)).exp();
+            let (sin, cos) = (u(1) * std::f64::consts::PI).sin_cos();
+            let (a, b) = ((sigma * stretch).powi(2) + 0.3, (sigma / stretch).powi(2) + 0.3);
+            let (xx, yy, xy) =
+                (cos * cos * a + sin * sin * b, sin * sin * a + cos * cos * b, sin * cos * (a - b));
+            let vy = f64::from(SQRT_HALF_LOG2E) * (xx / (xx * yy - xy * xy)).sqrt();
+            Record {
+                x: (32.0 * u(2)) as f32,
+                y: (32.0 * u(3)) as f32,
+                ux: (f64::from(SQRT_HALF_LOG2E) / xx.sqrt()) as f32,
+                vx: (-vy * xy / xx) as f32,
+                vy: vy as f32,
+                slope_y: (xy / xx) as f32,
+                slope_x: (xy / yy) as f32,
+                log2_opacity: (0.012 + 0.01 * u(4)).log2() as f32,
+                rgb: [0.5, 0.4, 0.3],
+                depth: 5.0,
+                normal: [0.1, 0.2, 0.9],
+                index: i as u32,
+            }
+        })
+        .collect()
+}
+
+struct Tile {
+    records: Vec<Record>,
+    keys: Vec<u64>,
+    scratch: Box<Scratch>,
+    slots: Vec<Slot>,
+    places: Vec<u32>,
+}
+
+#[inline(always)]
+fn blend<S: Lanes, const C: usize>(simd: S, tile: &Tile, scratch: &mut forward::Scratch) -> u64 {
+    forward::blend_tile::<S, C, false>(simd, &tile.records, &tile.keys, (0.0, 0.0), 15, scratch)
+}
+
+/// The pixels' state is what the last call left: only its transmittance, which hardly falls, counts.
+#[inline(always)]
+fn back<S: Lanes, const C: usize>(simd: S, tile: &mut Tile) -> usize {
+    let Tile { records, keys, scratch, slots, places } = tile;
+    blend_tile_backward::<S, C>(simd, records, keys, (0.0, 0.0), 15, scratch, slots, places)
+}
+
+#[inline(always)]
+fn prepare<S: Lanes>(simd: S, config: &ForwardConfig, loss: &RandomLoss, scratch: &mut Scratch) {
+    let kept = [[0.5; PATCH_PIXELS]; 8];
+    for patch in 0..4 {
+        let corner = (patch % 2 * 16, patch / 2 * 16);
+        prepare_patch(simd, config, &loss.upstream(), &kept, (32, 32), corner, patch, scratch);
+    }
+}
+
+fn kernels(criterion: &mut Criterion) {
+    let config = ForwardConfig { channels: Channels::ColorDepthNormal, ..ForwardConfig::default() };
+    let loss = RandomLoss::new(config.channels, 1024, 3, |_| true);
+    for sigma in [1.5, 3.0, 40.0] {
+        let mut group = criterion.benchmark_group(format!("rasterize_backward/sigma {sigma} px"));
+        let mut tile = Tile {
+            records: records(sigma),
+            keys: (0..512).map(|i| key(i, i, 15)).collect(),
+            scratch: Box::default(),
+            slots: vec![Slot::default(); 512],
+            places: vec![NO_SLOT; 512],
+        };
+        let mut scratch = Box::<forward::Scratch>::default();
+        for path in SimdPath::available() {
+            let pairs = dispatch!(path, s => blend::<_, 7>(s, &tile, &mut scratch));
+            group.throughput(Throughput::Elements(pairs));
+            group.bench_function(BenchmarkId::new("forward", path), |bench| {
+                bench.iter(|| dispatch!(path, s => blend::<_, 7>(s, &tile, &mut scratch)));
+            });
+            macro_rules! backward {
+                ($name:literal, $features:literal) => {
+                    group.bench_function(BenchmarkId::new($name, path), |bench| {
+                        bench.iter(|| {
+                            dispatch!(path, s => prepare(s, &config, &loss, &mut tile.scratch));
+                            dispatch!(path, s => back::<_, $features>(s, &mut tile))
+                        });
+                    });
+                };
+            }
+            backward!("rgb", 3);
+            backward!("rgb+depth+normal", 7);
+        }
+    }
+}
+
+fn steps(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("step 600x444");
+    group.sample_size(20);
+    let camera = shell_camera(600, 444);
+    for count in [6_000, 100_000, 300_000, 1_000_000] {
+        let splats = sorted(count);
+        for channels in [Channels::Color, Channels::ColorDepthNormal] {
+            let config = ForwardConfig { channels, ..ForwardConfig::default() };
+            let mut renderer = Differentiable::new(CpuConfig::default()).expect("threads start");
+            let (mut frame, mut gradients) = (Frame::default(), Gradients::default());
+            let loss = RandomLoss::new(channels, 600 * 444, 3, |_| true);
+            group.bench_function(BenchmarkId::new(format!("{channels:?}"), count), |bench| {
+                bench.iter(|| {
+                    renderer.forward(&splats, &camera, &config, &mut frame).expect("it renders");
+                    renderer.backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients)
+                });
+            });
+        }
+    }
+}
+
+/// A scene as training keeps it, along a curve through space.
+fn sorted(count: usize) -> wm_scene::Splats {
+    let splats = shell_splats(count, 60.0, 3, 1);
+    let order = wm_render::cpu::model::morton_order(&splats.means);
+    splats.select(&order.iter().map(|i| *i as usize).collect::<Vec<_>>())
+}
+
+criterion_group!(benches, kernels, steps);
+criterion_main!(benches);

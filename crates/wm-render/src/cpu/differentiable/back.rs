@@ -1,0 +1,264 @@
+//! The sweeps of training over tiles: to pixels, and back from them.
+
+use super::BackwardWorker;
+use crate::cpu::back::{RUN, Worker, bands, blend, runs};
+use crate::differentiable::{Channels, ForwardConfig, Upstream};
+use crate::dispatch;
+use crate::frame::Frame;
+use crate::hooks::{PATCH, PATCH_PIXELS};
+use crate::renderer::{Background, MedianDepth, Stats};
+use crate::simd::SimdPath;
+use crate::stages::composite::background::BackgroundGrid;
+use crate::stages::composite::cpu::{Composite, OutputRows, finish_patch};
+use crate::stages::intersect::{PATCHES, TILE, TileGrid};
+use crate::stages::project::Record;
+use crate::stages::rasterize_backward::cpu::{blend_tile_backward, prepare_patch};
+use crate::stages::rasterize_backward::{NO_SLOT, Slot};
+use crate::stages::sort::cpu::sort;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+use wm_scene::Camera;
+
+/// What all tiles of one pass share.
+pub struct Tiles<'a> {
+    path: SimdPath,
+    records: &'a [Record],
+    entries: &'a [AtomicU64],
+    bounds: &'a [u32],
+    grid: TileGrid,
+    camera: &'a Camera,
+    config: &'a ForwardConfig,
+}
+
+/// Calls `$call` with `C` the number of sums of `$channels`.
+macro_rules! with_channels {
+    ($channels:expr, $c:ident => $call:expr) => {
+        match $channels {
+            Channels::Color => {
+                const $c: usize = Channels::Color.count();
+                $call
+            }
+            Channels::ColorDepth => {
+                const $c: usize = Channels::ColorDepth.count();
+                $call
+            }
+            Channels::ColorDepthNormal => {
+                const $c: usize = Channels::ColorDepthNormal.count();
+                $call
+            }
+            Channels::Depth => {
+                const $c: usize = Channels::Depth.count();
+                $call
+            }
+        }
+    };
+}
+
+impl<'a> Tiles<'a> {
+    /// The tiles of one view.
+    pub fn new(
+        path: SimdPath,
+        records: &'a [Record],
+        entries: &'a [AtomicU64],
+        bounds: &'a [u32],
+        grid: TileGrid,
+        camera: &'a Camera,
+        config: &'a ForwardConfig,
+    ) -> Self {
+        Self { path, records, entries, bounds, grid, camera, config }
+    }
+
+    /// Kept arrays of a tile.
+    fn arrays(&self) -> usize {
+        PATCHES * (self.config.channels.count() + 1)
+    }
+
+    /// A bit for each patch of a tile that holds pixels of the picture.
+    fn inside(&self, (column, row): (usize, usize)) -> u32 {
+        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
+        let within =
+            |patch: usize| (2 * column + patch % 2) * PATCH < width && (2 * row + patch / 2) * PATCH < height;
+        (0..PATCHES).map(|patch| u32::from(within(patch)) << patch).sum()
+    }
+
+    /// Sorts and blends all tiles into `frame`. Entries then name records and pairs, and `kept` holds the
+    /// sums.
+    pub fn forward(
+        &self,
+        words: &[AtomicU32],
+        kept: &mut [[f32; PATCH_PIXELS]],
+        workers: &[Mutex<Worker>],
+        frame: &mut Frame,
+        stats: &mut Stats,
+    ) {
+        let background = Background::Color(self.config.background);
+        let background = BackgroundGrid::new(&background, None, self.camera, self.path);
+        let composite = Composite {
+            path: self.path,
+            features: self.config.channels.count().max(4),
+            background: &background,
+            effects: &[],
+        };
+        let (width, columns) = (frame.width as usize, self.grid.columns as usize);
+        let done = bands(frame, width)
+            .into_par_iter()
+            .zip(kept.par_chunks_mut(columns * self.arrays()))
+            .enumerate()
+            .flat_map_iter(|(band, (rows, kept))| {
+                let kept = kept.chunks_mut(RUN * self.arrays());
+                runs(rows).into_iter().zip(kept).enumerate().map(move |run| (band, run))
+            })
+            .map(|(band, (run, (mut rows, kept)))| {
+                let mut stats = Stats::default();
+                let thread = rayon::current_thread_index().unwrap_or(0) % workers.len();
+                let mut worker = workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
+                for (i, kept) in kept.chunks_mut(self.arrays()).enumerate() {
+                    let tile = (run * RUN + i, band);
+                    self.forward_tile(
+                        tile,
+                        words,
+                        &composite,
+                        &mut worker,
+                        kept,
+                        i * TILE,
+                        &mut rows,
+                        &mut stats,
+                    );
+                }
+                stats
+            })
+            .reduce(Stats::default, |a, b| Stats {
+                evaluated_pairs: a.evaluated_pairs + b.evaluated_pairs,
+                sort: a.sort + b.sort,
+                rasterize: a.rasterize + b.rasterize,
+                composite: a.composite + b.composite,
+                ..a
+            });
+        stats.evaluated_pairs += done.evaluated_pairs;
+        stats.sort += done.sort;
+        stats.rasterize += done.rasterize;
+        stats.composite += done.composite;
+    }
+
+    #[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.
+    fn forward_tile(
+        &self,
+        tile: (usize, usize),
+        words: &[AtomicU32],
+        composite: &Composite<'_>,
+        worker: &mut Worker,
+        kept: &mut [[f32; PATCH_PIXELS]],
+        offset: usize,
+        rows: &mut OutputRows<'_>,
+        stats: &mut Stats,
+    ) {
+        let begun = Instant::now();
+        let index = tile.1 * self.grid.columns as usize + tile.0;
+        let list = &self.entries[self.bounds[index] as usize..self.bounds[index + 1] as usize];
+        worker.keys.clear();
+        worker.keys.extend(list.iter().map(|key| key.load(Relaxed)));
+        sort(&mut worker.keys, &mut worker.sort_scratch);
+        for (key, entry) in worker.keys.iter_mut().zip(list) {
+            let pair = *key as u32;
+            *key = u64::from(pair) << 32 | u64::from(words[pair as usize].load(Relaxed));
+            entry.store(*key, Relaxed);
+        }
+        let sorted = Instant::now();
+        let inside = self.inside(tile);
+        let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
+        let sums = (self.config.channels.count(), MedianDepth::Off);
+        stats.evaluated_pairs += blend(self.path, sums, self.records, keys, tile, inside, scratch);
+        let blended = Instant::now();
+        let channels = self.config.channels;
+        for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
+            let sums = &mut worker.scratch.patches[patch];
+            let kept = &mut kept[patch * (channels.count() + 1)..][..channels.count() + 1];
+            kept[0] = sums.alpha;
+            kept[1..].copy_from_slice(&sums.features[..channels.count()]);
+            if channels == Channels::Depth {
+                sums.features[3] = sums.features[0];
+            }
+            let (pixels, corner) = (&mut worker.pixels, (offset + patch % 2 * PATCH, patch / 2 * PATCH));
+            let place = (2 * tile.0 + patch % 2, 2 * tile.1 + patch / 2);
+            macro_rules! finish {
+                ($lanes:literal) => {
+                    dispatch!(self.path.narrow(), s => finish_patch::<_, $lanes>(
+                        s, composite, sums, place, pixels, corner, rows
+                    ))
+                };
+            }
+            if self.path.lanes() == 16 { finish!(16) } else { finish!(8) }
+        }
+        stats.sort += (sorted - begun).as_secs_f64();
+        stats.rasterize += (blended - sorted).as_secs_f64();
+        stats.composite += blended.elapsed().as_secs_f64();
+    }
+
+    /// Sums what the pixels pull on each pair of splat and tile. `places` tells the slot of each pair.
+    /// Returns the seconds it took.
+    pub fn backward(
+        &self,
+        upstream: &Upstream<'_>,
+        kept: &[[f32; PATCH_PIXELS]],
+        slots: &mut [Slot],
+        places: &[AtomicU32],
+        workers: &[Mutex<BackwardWorker>],
+    ) -> f64 {
+        let mut tiles = Vec::with_capacity(self.grid.tiles());
+        let mut rest = slots;
+        for tile in 0..self.grid.tiles() {
+            let (own, others) = rest.split_at_mut((self.bounds[tile + 1] - self.bounds[tile]) as usize);
+            rest = others;
+            tiles.push(own);
+        }
+        tiles
+            .into_par_iter()
+            .enumerate()
+            .map(|(index, slots)| {
+                let begun = Instant::now();
+                let thread = rayon::current_thread_index().unwrap_or(0) % workers.len();
+                let mut worker = workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
+                let kept = &kept[index * self.arrays()..(index + 1) * self.arrays()];
+                self.backward_tile(index, upstream, kept, slots, places, &mut worker);
+                begun.elapsed().as_secs_f64()
+            })
+            .sum()
+    }
+
+    #[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.
+    fn backward_tile(
+        &self,
+        index: usize,
+        upstream: &Upstream<'_>,
+        kept: &[[f32; PATCH_PIXELS]],
+        slots: &mut [Slot],
+        places: &[AtomicU32],
+        worker: &mut BackwardWorker,
+    ) {
+        let tile = (index % self.grid.columns as usize, index / self.grid.columns as usize);
+        let BackwardWorker { scratch, keys, places: own_places } = worker;
+        let list = self.bounds[index] as usize..self.bounds[index + 1] as usize;
+        keys.clear();
+        keys.extend(self.entries[list.clone()].iter().map(|entry| entry.load(Relaxed)));
+        own_places.resize(keys.len(), NO_SLOT);
+        let (left, top) = (tile.0 * TILE, tile.1 * TILE);
+        let inside = self.inside(tile);
+        let count = self.config.channels.count();
+        let size = (self.camera.width as usize, self.camera.height as usize);
+        for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
+            let corner = (left + patch % 2 * PATCH, top + patch / 2 * PATCH);
+            let kept = &kept[patch * (count + 1)..(patch + 1) * (count + 1)];
+            dispatch!(self.path, s => prepare_patch(s, self.config, upstream, kept, size, corner, patch, scratch));
+        }
+        let corner = (left as f32, top as f32);
+        with_channels!(self.config.channels, C => dispatch!(self.path, s => blend_tile_backward::<_, C>(
+            s, self.records, keys, corner, inside, scratch, slots, own_places
+        )));
+        for (key, place) in keys.iter().zip(own_places) {
+            let place = if *place == NO_SLOT { NO_SLOT } else { list.start as u32 + *place };
+            places[(*key >> 32) as usize].store(place, Relaxed);
+        }
+    }
+}

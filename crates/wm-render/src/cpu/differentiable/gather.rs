@@ -1,0 +1,210 @@
+//! The last sweep of training: slots to gradients, over the splats in view.
+
+use super::front::Part;
+use crate::differentiable::{ForwardConfig, Gradients, Learn};
+use crate::dispatch;
+use crate::hooks::GROUP;
+use crate::simd::{SimdPath, transpose};
+use crate::stages::project::activate::{Activated, activate};
+use crate::stages::project::{ProjectCamera, Record};
+use crate::stages::project_backward::cpu::{SplatGradients, directions, project_backward_group};
+use crate::stages::rasterize_backward::{NO_SLOT, Slot};
+use crate::stages::shade::cpu::gather_rows;
+use crate::stages::shade_backward::cpu::{ShadeGradients, shade_backward_group};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::time::Instant;
+use wm_scene::{Splats, sh};
+
+/// What all parts share.
+pub struct Gather<'a> {
+    pub path: SimdPath,
+    pub splats: &'a Splats,
+    pub camera: &'a ProjectCamera,
+    pub config: &'a ForwardConfig,
+    pub learn: Learn,
+    pub records: &'a [Record],
+    pub slots: &'a [Slot],
+    pub places: &'a [AtomicU32],
+}
+
+/// The rows of one part; those that are not learnt are empty.
+struct Rows<'a> {
+    visible: &'a mut [u32],
+    means: &'a mut [[f32; 3]],
+    quats: &'a mut [[f32; 4]],
+    log_scales: &'a mut [[f32; 3]],
+    logit_opacities: &'a mut [f32],
+    sh: &'a mut [f32],
+    means2d: &'a mut [[f32; 2]],
+    absgrads: &'a mut [[f32; 2]],
+    weights: &'a mut [f32],
+    radii: &'a mut [f32],
+}
+
+/// The first `count` of `slice`, or none if it is empty; the rest stays in `slice`.
+fn take<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+    let all = std::mem::take(slice);
+    let (own, rest) = all.split_at_mut(count.min(all.len()));
+    *slice = rest;
+    own
+}
+
+impl<'a> Rows<'a> {
+    fn of(gradients: &'a mut Gradients) -> Self {
+        Self {
+            visible: &mut gradients.visible,
+            means: &mut gradients.means,
+            quats: &mut gradients.quats,
+            log_scales: &mut gradients.log_scales,
+            logit_opacities: &mut gradients.logit_opacities,
+            sh: &mut gradients.sh,
+            means2d: &mut gradients.means2d,
+            absgrads: &mut gradients.absgrads,
+            weights: &mut gradients.weights,
+            radii: &mut gradients.radii,
+        }
+    }
+
+    fn take(&mut self, count: usize, stride: usize) -> Self {
+        Self {
+            visible: take(&mut self.visible, count),
+            means: take(&mut self.means, count),
+            quats: take(&mut self.quats, count),
+            log_scales: take(&mut self.log_scales, count),
+            logit_opacities: take(&mut self.logit_opacities, count),
+            sh: take(&mut self.sh, count * stride),
+            means2d: take(&mut self.means2d, count),
+            absgrads: take(&mut self.absgrads, count),
+            weights: take(&mut self.weights, count),
+            radii: take(&mut self.radii, count),
+        }
+    }
+}
+
+/// Working memory of one part.
+#[derive(Default)]
+struct Scratch {
+    activated: Activated,
+    splats: SplatGradients,
+    shade: ShadeGradients,
+    sh: Option<Box<[[f32; GROUP]; 48]>>,
+    by_rgb: [[f32; GROUP]; 3],
+    directions: [[f32; GROUP]; 3],
+}
+
+impl Gather<'_> {
+    /// Fills `gradients`, whose sizes are set. Returns the seconds it took.
+    pub fn run(&self, parts: &[Part], gradients: &mut Gradients) -> f64 {
+        let stride = gradients.sh_stride();
+        let mut rest = Rows::of(gradients);
+        let parts: Vec<(&Part, Rows<'_>)> =
+            parts.iter().map(|part| (part, rest.take(part.visible, stride))).collect();
+        let part = |(part, rows): (&Part, Rows<'_>)| {
+            let begun = Instant::now();
+            self.part(part, rows, stride);
+            begun.elapsed().as_secs_f64()
+        };
+        parts.into_par_iter().map(part).sum()
+    }
+
+    /// Derives the splats of one part. The kernels are entered one by one: in one piece they would take
+    /// the compiler minutes.
+    fn part(&self, part: &Part, mut rows: Rows<'_>, stride: usize) {
+        let mut scratch = Box::<Scratch>::default();
+        let mut pairs = part.pairs.records().enumerate().peekable();
+        for first in (0..part.visible).step_by(GROUP) {
+            let count = (part.visible - first).min(GROUP);
+            let first = part.first_record + first;
+            let records = &self.records[first..first + count];
+            let mut sums = [[0.0; GROUP]; GROUP];
+            for (i, sum) in sums.iter_mut().enumerate().take(count) {
+                while let Some((pair, _)) = pairs.next_if(|(_, record)| *record == first + i) {
+                    let place = self.places[part.first_pair + pair].load(Relaxed);
+                    if place != NO_SLOT {
+                        let slot = &self.slots[place as usize].0;
+                        for k in 0..Slot::LEN {
+                            sum[k] += slot[k];
+                        }
+                    }
+                }
+            }
+            dispatch!(self.path, s => transpose(s, &mut sums));
+            let indices: [u32; GROUP] = std::array::from_fn(|lane| records[lane.min(count - 1)].index);
+            self.group(&indices, records, &sums, &mut scratch);
+            let own = rows.take(count, stride);
+            own.visible.copy_from_slice(&indices[..count]);
+            self.write(&mut scratch, &sums, own, stride);
+        }
+    }
+
+    /// Derives sixteen splats.
+    fn group(
+        &self,
+        indices: &[u32; GROUP],
+        records: &[Record],
+        sums: &[[f32; GROUP]; GROUP],
+        scratch: &mut Scratch,
+    ) {
+        let Scratch { activated, splats: out, shade, sh, by_rgb, directions: rays } = scratch;
+        let (splats, config) = (self.splats, self.config);
+        let (here, opacity) = (records.len(), config.opacity);
+        dispatch!(self.path, s => activate(s, splats, indices, here, opacity, activated));
+        let colored = self.config.channels.has_color();
+        let turning = colored && self.learn.means && self.config.sh_degree > 0;
+        if turning || self.learn.sh {
+            for (lane, record) in records.iter().enumerate() {
+                for k in 0..3 {
+                    let lit = record.rgb[k] > 0.0;
+                    by_rgb[k][lane] = if lit { sums[Slot::FEATURES + k][lane] } else { 0.0 };
+                }
+            }
+            let count = 3 * sh::coefficients(self.config.sh_degree);
+            let rows = sh.get_or_insert_with(|| Box::new([[0.0; GROUP]; 48]));
+            let stride = splats.sh_stride();
+            dispatch!(self.path, s => gather_rows(s, &splats.sh, stride, count, indices, rows));
+            dispatch!(self.path, s => directions(s, activated, self.camera, rays));
+            dispatch!(self.path, s => shade_backward_group(s, &rows[..count], rays, by_rgb, shade));
+        }
+        let by_direction = if turning { shade.direction } else { [[0.0; GROUP]; 3] };
+        dispatch!(self.path, s => project_backward_group(s, activated, self.camera, config, sums, &by_direction, out));
+    }
+
+    /// Writes sixteen splats' rows.
+    fn write(&self, scratch: &mut Scratch, sums: &[[f32; GROUP]; GROUP], rows: Rows<'_>, stride: usize) {
+        let from = &scratch.splats;
+        for (lane, row) in rows.means.iter_mut().enumerate() {
+            *row = from.mean.map(|values| values[lane]);
+        }
+        for (lane, row) in rows.quats.iter_mut().enumerate() {
+            *row = from.quat.map(|values| values[lane]);
+        }
+        for (lane, row) in rows.log_scales.iter_mut().enumerate() {
+            *row = from.log_scale.map(|values| values[lane]);
+        }
+        for (lane, row) in rows.means2d.iter_mut().enumerate() {
+            *row = from.mean2d.map(|values| values[lane]);
+        }
+        for (lane, row) in rows.absgrads.iter_mut().enumerate() {
+            *row = from.absgrad.map(|values| values[lane]);
+        }
+        let opacities = rows.logit_opacities.len();
+        rows.logit_opacities.copy_from_slice(&from.logit_opacity[..opacities]);
+        rows.weights.copy_from_slice(&sums[Slot::WEIGHT][..rows.visible.len()]);
+        rows.radii.copy_from_slice(&from.radius[..rows.visible.len()]);
+        if self.learn.sh {
+            let parts = &mut scratch.shade.sh.as_chunks_mut::<GROUP>().0[..stride.div_ceil(GROUP)];
+            for (part, block) in parts.iter_mut().enumerate() {
+                dispatch!(self.path, s => transpose(s, block));
+                for (values, row) in block.iter().zip(rows.sh.chunks_exact_mut(stride)) {
+                    let row = &mut row[part * GROUP..];
+                    if let Some(whole) = row.first_chunk_mut::<GROUP>() {
+                        *whole = *values;
+                    } else {
+                        row.copy_from_slice(&values[..row.len()]);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,289 @@
+//! The CPU back end for training: renders stored parameters that change with every step, and gives
+//! their gradients.
+//!
+//! The sweeps of a render, over the same stages, and three more back: over tiles, from pixels to slots
+//! ([`rasterize_backward`](crate::stages::rasterize_backward)); over splats in view, from slots to
+//! gradients. In the tile lists an entry names the pair of splat and tile; pairs are numbered splat by
+//! splat, so that a splat's slots are found and added in one order, whatever the threads did.
+
+mod back;
+mod front;
+mod gather;
+
+use super::back::Worker;
+use crate::differentiable::{ForwardConfig, Gradients, Learn, Opacity, Upstream};
+use crate::frame::{Encoding, Frame};
+use crate::hooks::PATCH_PIXELS;
+use crate::renderer::{CpuConfig, MAX_SPLATS, RenderError, Stats};
+use crate::simd::SimdPath;
+use crate::stages::intersect::{PATCHES, TileGrid, cpu as intersect};
+use crate::stages::project::{ProjectCamera, Record};
+use crate::stages::rasterize_backward::{Slot, cpu::Scratch};
+use back::Tiles;
+use front::{Front, Part, Unit};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, AtomicU64};
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+use wm_scene::{Camera, Splats};
+
+/// Renders splats in stored form, and derives. It holds no copy of the parameters, only its working
+/// memory and what the backward pass needs of the last forward pass.
+///
+/// Splats should be in an order in which neighbours are near in space (a Morton curve): clusters of 256
+/// are culled together. Unlike a [`CpuRenderer`](super::CpuRenderer), which checks a set once, this
+/// does not check parameters: a splat whose position, rotation, scale or opacity is NaN is not drawn,
+/// and a NaN colour shows.
+pub struct Differentiable {
+    path: SimdPath,
+    pool: Arc<rayon::ThreadPool>,
+    records: Vec<Record>,
+    parts: Vec<Part>,
+    bounds: Vec<u32>,
+    /// Tile by tile, sorted: `pair << 32 | record << 4 | patches`.
+    entries: Vec<AtomicU64>,
+    /// `record << 4 | patches` of each pair.
+    words: Vec<AtomicU32>,
+    /// The slot of each pair.
+    places: Vec<AtomicU32>,
+    slots: Vec<Slot>,
+    /// Tile by tile, patch by patch: alpha and the sums, in block order.
+    kept: Vec<[f32; PATCH_PIXELS]>,
+    workers: Vec<Mutex<Worker>>,
+    backward_workers: Vec<Mutex<BackwardWorker>>,
+    last: Option<View>,
+}
+
+/// Working memory of one thread.
+#[derive(Default)]
+struct BackwardWorker {
+    scratch: Scratch,
+    keys: Vec<u64>,
+    places: Vec<u32>,
+}
+
+/// The view of the last forward pass.
+#[derive(Clone, Copy)]
+struct View {
+    camera: Camera,
+    config: ForwardConfig,
+    splats: usize,
+    visible: usize,
+}
+
+/// What a backward pass took, in seconds summed over threads.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BackwardStats {
+    /// From pixels to slots.
+    pub rasterize: f64,
+    /// From slots to gradients.
+    pub project: f64,
+    /// Wall time of it all.
+    pub wall: f64,
+}
+
+impl Differentiable {
+    /// Starts the threads.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the processor lacks the SIMD path or threads cannot be started.
+    pub fn new(config: CpuConfig) -> Result<Self, RenderError> {
+        let (path, pool) = super::start(config)?;
+        let threads = pool.current_num_threads();
+        Ok(Self {
+            path,
+            pool,
+            records: Vec::new(),
+            parts: Vec::new(),
+            bounds: Vec::new(),
+            entries: Vec::new(),
+            words: Vec::new(),
+            places: Vec::new(),
+            slots: Vec::new(),
+            kept: Vec::new(),
+            workers: (0..threads).map(|_| Mutex::default()).collect(),
+            backward_workers: (0..threads).map(|_| Mutex::default()).collect(),
+            last: None,
+        })
+    }
+
+    /// The SIMD path in use.
+    #[must_use]
+    pub fn path(&self) -> SimdPath {
+        self.path
+    }
+
+    /// The threads, for the rest of a step: losses, the optimiser.
+    #[must_use]
+    pub fn pool(&self) -> &Arc<rayon::ThreadPool> {
+        &self.pool
+    }
+
+    /// Renders `splats` into `frame`, and keeps what [`Self::backward`] needs.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the camera cannot be rendered with, arrays do not fit each other or memory is
+    /// short.
+    ///
+    /// # Panics
+    /// If `config.sh_degree` is above that of the splats.
+    pub fn forward(
+        &mut self,
+        splats: &Splats,
+        camera: &Camera,
+        config: &ForwardConfig,
+        frame: &mut Frame,
+    ) -> Result<Stats, RenderError> {
+        let degree = config.sh_degree;
+        assert!(degree <= splats.sh_degree, "SH degree {degree} of splats with {}", splats.sh_degree);
+        camera.check()?;
+        splats.check()?;
+        if splats.len() > MAX_SPLATS {
+            return Err(RenderError::TooMany(splats.len()));
+        }
+        prepare(frame, camera, config)?;
+        let pool = Arc::clone(&self.pool);
+        Ok(pool.install(|| self.forward_on_pool(splats, camera, config, frame)))
+    }
+
+    /// The gradients of the loss whose derivative by each pixel of the last frame is `upstream`. `splats`
+    /// must be those of that [`Self::forward`], not changed since. It may be called again, with another
+    /// loss.
+    ///
+    /// # Panics
+    /// If there was no forward pass, if `splats` are others in number, or if a picture has the wrong size
+    /// or was not rendered.
+    pub fn backward(
+        &mut self,
+        splats: &Splats,
+        upstream: &Upstream<'_>,
+        learn: Learn,
+        gradients: &mut Gradients,
+    ) -> BackwardStats {
+        let view = self.last.expect("a backward pass follows a forward pass");
+        assert_eq!(view.splats, splats.len(), "the splats are not those of the forward pass");
+        upstream.check(view.camera.width as usize * view.camera.height as usize, view.config.channels);
+        let opacities = learn.logit_opacities && view.config.opacity == Opacity::Stored;
+        let sh = learn.sh && view.config.channels.has_color();
+        let learn = Learn { logit_opacities: opacities, sh, ..learn };
+        let pool = Arc::clone(&self.pool);
+        pool.install(|| self.backward_on_pool(view, splats, upstream, learn, gradients))
+    }
+
+    fn forward_on_pool(
+        &mut self,
+        splats: &Splats,
+        camera: &Camera,
+        config: &ForwardConfig,
+        frame: &mut Frame,
+    ) -> Stats {
+        let started = Instant::now();
+        self.last = None;
+        let grid = TileGrid::new(camera.width, camera.height);
+        let project_camera = ProjectCamera::new(camera);
+        let units =
+            Unit::split(splats.len(), (8 * self.pool.current_num_threads()).max(32), &mut self.records);
+        self.parts.resize_with(units.len(), Part::default);
+        let front = Front::new(self.path, splats, &project_camera, config, grid);
+        units.into_par_iter().zip(&mut self.parts).for_each(|(unit, part)| front.run(unit, part));
+
+        let mut stats = Stats::default();
+        let mut pairs = 0;
+        for part in &mut self.parts {
+            part.first_pair = pairs;
+            pairs += part.pairs.len();
+            stats.visible += part.visible as u64;
+            stats.project += part.project;
+            stats.intersect += part.intersect;
+        }
+        let laying = Instant::now();
+        intersect::offsets(grid.tiles(), self.parts.iter_mut().map(|part| &mut part.pairs), &mut self.bounds);
+        if self.entries.len() < pairs {
+            let room = pairs + pairs / 4;
+            self.entries.resize_with(room, AtomicU64::default);
+            self.words.resize_with(room, AtomicU32::default);
+            self.places.resize_with(room, AtomicU32::default);
+            self.slots.resize(room, Slot::default());
+        }
+        stats.intersections = pairs as u64;
+        stats.intersect += laying.elapsed().as_secs_f64();
+        let (entries, words) = (&self.entries[..], &self.words[..]);
+        let scatter = |part: &mut Part| {
+            let begun = Instant::now();
+            part.pairs.scatter_numbered(part.first_pair, entries, words);
+            begun.elapsed().as_secs_f64()
+        };
+        stats.intersect += self.parts.par_iter_mut().map(scatter).sum::<f64>();
+
+        let arrays = grid.tiles() * PATCHES * (config.channels.count() + 1);
+        if self.kept.len() < arrays {
+            self.kept.resize(arrays, [0.0; PATCH_PIXELS]);
+        }
+        let tiles = Tiles::new(self.path, &self.records, entries, &self.bounds, grid, camera, config);
+        tiles.forward(words, &mut self.kept[..arrays], &self.workers, frame, &mut stats);
+        self.last = Some(View {
+            camera: *camera,
+            config: *config,
+            splats: splats.len(),
+            visible: stats.visible as usize,
+        });
+        stats.wall = started.elapsed().as_secs_f64();
+        stats
+    }
+
+    fn backward_on_pool(
+        &mut self,
+        view: View,
+        splats: &Splats,
+        upstream: &Upstream<'_>,
+        learn: Learn,
+        gradients: &mut Gradients,
+    ) -> BackwardStats {
+        let started = Instant::now();
+        let View { camera, config, visible, .. } = view;
+        let grid = TileGrid::new(camera.width, camera.height);
+        let tiles = Tiles::new(self.path, &self.records, &self.entries, &self.bounds, grid, &camera, &config);
+        let workers = &self.backward_workers;
+        let rasterize = tiles.backward(upstream, &self.kept, &mut self.slots, &self.places, workers);
+        gradients.resize(visible, learn, config.sh_degree);
+        let project_camera = ProjectCamera::new(&camera);
+        let gather = gather::Gather {
+            path: self.path,
+            splats,
+            camera: &project_camera,
+            config: &config,
+            learn,
+            records: &self.records,
+            slots: &self.slots,
+            places: &self.places,
+        };
+        let project = gather.run(&self.parts, gradients);
+        BackwardStats { rasterize, project, wall: started.elapsed().as_secs_f64() }
+    }
+}
+
+/// Sizes the arrays of `frame`.
+fn prepare(frame: &mut Frame, camera: &Camera, config: &ForwardConfig) -> Result<(), RenderError> {
+    let (width, height) = (camera.width, camera.height);
+    let pixels = width as usize * height as usize;
+    let has = |wanted: bool, channels: usize| if wanted { pixels * channels } else { 0 };
+    let channels = config.channels;
+    for (array, length) in [
+        (&mut frame.rgb, has(channels.has_color(), 3)),
+        (&mut frame.alpha, pixels),
+        (&mut frame.depth, has(channels.depth().is_some(), 1)),
+        (&mut frame.median_depth, 0),
+        (&mut frame.normal, has(channels.has_normal(), 3)),
+    ] {
+        if array.len() != length {
+            array.clear();
+            array.try_reserve_exact(length).map_err(|_| RenderError::Memory { width, height })?;
+            array.resize(length, 0.0);
+        }
+    }
+    (frame.width, frame.height, frame.encoding) = (width, height, Encoding::Srgb);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

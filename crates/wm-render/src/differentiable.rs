@@ -1,0 +1,232 @@
+//! What training asks of a render, and the gradients that it gets back.
+//!
+//! A step is [`forward`](crate::cpu::Differentiable::forward), a loss on the frame, and
+//! [`backward`](crate::cpu::Differentiable::backward) with the loss's derivative by each picture.
+
+use wm_scene::{Rasterization, sh};
+
+/// What to render for a step of training.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ForwardConfig {
+    /// Which pictures.
+    pub channels: Channels,
+    /// The colour behind all splats, display-referred.
+    pub background: [f32; 3],
+    /// How splats smaller than a pixel are drawn.
+    pub rasterization: Rasterization,
+    /// Where opacities come from.
+    pub opacity: Opacity,
+    /// Degree of the spherical harmonics in use, at most that of the splats: it grows in training.
+    pub sh_degree: u8,
+}
+
+impl Default for ForwardConfig {
+    fn default() -> Self {
+        Self {
+            channels: Channels::Color,
+            background: [0.0; 3],
+            rasterization: Rasterization::default(),
+            opacity: Opacity::Stored,
+            sh_degree: sh::MAX_DEGREE,
+        }
+    }
+}
+
+/// The pictures of a training render; alpha is always there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Channels {
+    /// Colour.
+    #[default]
+    Color,
+    /// Colour and expected depth.
+    ColorDepth,
+    /// Colour, expected depth and normals.
+    ColorDepthNormal,
+    /// Expected depth without colour: for losses that ask for a render of their own.
+    Depth,
+}
+
+impl Channels {
+    /// Number of sums blended.
+    #[must_use]
+    pub const fn count(self) -> usize {
+        match self {
+            Self::Color => 3,
+            Self::ColorDepth => 4,
+            Self::ColorDepthNormal => 7,
+            Self::Depth => 1,
+        }
+    }
+
+    /// Whether there is colour.
+    #[must_use]
+    pub const fn has_color(self) -> bool {
+        !matches!(self, Self::Depth)
+    }
+
+    /// Which of the blended sums is view z.
+    #[must_use]
+    pub const fn depth(self) -> Option<usize> {
+        match self {
+            Self::Color => None,
+            Self::ColorDepth | Self::ColorDepthNormal => Some(3),
+            Self::Depth => Some(0),
+        }
+    }
+
+    /// Whether there are normals.
+    #[must_use]
+    pub const fn has_normal(self) -> bool {
+        matches!(self, Self::ColorDepthNormal)
+    }
+}
+
+/// Where the opacity of a splat comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Opacity {
+    /// Its own.
+    #[default]
+    Stored,
+    /// This one for all, 0-1: surfaces by position alone.
+    Fixed(f32),
+}
+
+/// Which parameters learn; what does not is neither computed nor filled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Learn {
+    /// Centres.
+    pub means: bool,
+    /// Orientations.
+    pub quats: bool,
+    /// Scales.
+    pub log_scales: bool,
+    /// Opacities; nothing to learn where they are [`Opacity::Fixed`].
+    pub logit_opacities: bool,
+    /// Colours.
+    pub sh: bool,
+}
+
+impl Learn {
+    /// Everything.
+    pub const ALL: Self =
+        Self { means: true, quats: true, log_scales: true, logit_opacities: true, sh: true };
+    /// Nothing.
+    pub const NONE: Self =
+        Self { means: false, quats: false, log_scales: false, logit_opacities: false, sh: false };
+    /// Centres alone.
+    pub const MEANS: Self = Self { means: true, ..Self::NONE };
+    /// Opacities alone.
+    pub const OPACITIES: Self = Self { logit_opacities: true, ..Self::NONE };
+}
+
+impl Default for Learn {
+    fn default() -> Self {
+        Self::ALL
+    }
+}
+
+/// Whether expected depth passes its gradient to the coverage that it was divided by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DepthAlpha {
+    /// The exact derivative of `sum w z / alpha`.
+    #[default]
+    Learns,
+    /// Alpha is taken for a constant, so that no loss on depth can be lowered by transparency alone.
+    Detached,
+}
+
+/// The derivative of a loss by each pixel of a frame. An empty picture has none.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Upstream<'a> {
+    /// By [`Frame::rgb`](crate::Frame::rgb), `[H, W, 3]`.
+    pub rgb: &'a [f32],
+    /// By [`Frame::alpha`](crate::Frame::alpha), `[H, W]`.
+    pub alpha: &'a [f32],
+    /// By [`Frame::depth`](crate::Frame::depth), `[H, W]`.
+    pub depth: &'a [f32],
+    /// By [`Frame::normal`](crate::Frame::normal), `[H, W, 3]`.
+    pub normal: &'a [f32],
+    /// How far the gradient of depth goes.
+    pub depth_alpha: DepthAlpha,
+}
+
+impl Upstream<'_> {
+    /// Checks sizes.
+    ///
+    /// # Panics
+    /// If a picture has the wrong size, or was not rendered.
+    pub fn check(&self, pixels: usize, channels: Channels) {
+        let empty_or = |name: &str, found: usize, expected: usize| {
+            assert!(found == 0 || found == expected, "upstream {name}: {found} values, not {expected}");
+        };
+        empty_or("rgb", self.rgb.len(), if channels.has_color() { 3 * pixels } else { 0 });
+        empty_or("alpha", self.alpha.len(), pixels);
+        empty_or("depth", self.depth.len(), if channels.depth().is_some() { pixels } else { 0 });
+        empty_or("normal", self.normal.len(), if channels.has_normal() { 3 * pixels } else { 0 });
+    }
+}
+
+/// The gradients of one view: V rows, one for each splat in view. Arrays of parameters that do not
+/// learn are empty. All memory is re-used from step to step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gradients {
+    /// Index of each splat in view, ascending, `[V]`.
+    pub visible: Vec<u32>,
+    /// By `means`, `[V, 3]`.
+    pub means: Vec<[f32; 3]>,
+    /// By `quats` as they are stored, of any length, `[V, 4]`.
+    pub quats: Vec<[f32; 4]>,
+    /// By `log_scales`, `[V, 3]`.
+    pub log_scales: Vec<[f32; 3]>,
+    /// By `logit_opacities`, `[V]`.
+    pub logit_opacities: Vec<f32>,
+    /// By the first `(sh_degree + 1)^2` coefficients of `sh`, `[V, K, 3]` flat; the others have none.
+    pub sh: Vec<f32>,
+    /// Degree of `sh`: the one in use.
+    pub sh_degree: u8,
+    /// By the centre in the picture, px, `[V, 2]`.
+    pub means2d: Vec<[f32; 2]>,
+    /// Like `means2d`, but a sum over pixels of absolute values, so that opposite pulls do not cancel
+    /// (AbsGS), `[V, 2]`.
+    pub absgrads: Vec<[f32; 2]>,
+    /// Sum of the splat's weights over the picture, px, `[V]`.
+    pub weights: Vec<f32>,
+    /// Three standard deviations along the longest axis in the picture, px, `[V]`.
+    pub radii: Vec<f32>,
+}
+
+impl Gradients {
+    /// Number of splats in view, V.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.visible.len()
+    }
+
+    /// Whether none is in view.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.visible.is_empty()
+    }
+
+    /// Values of `sh` a row: 3 K.
+    #[must_use]
+    pub fn sh_stride(&self) -> usize {
+        3 * sh::coefficients(self.sh_degree)
+    }
+
+    /// Sets the sizes for `visible` rows.
+    pub(crate) fn resize(&mut self, visible: usize, learn: Learn, sh_degree: u8) {
+        let rows = |wanted: bool| if wanted { visible } else { 0 };
+        self.sh_degree = sh_degree;
+        self.visible.resize(visible, 0);
+        self.means.resize(rows(learn.means), [0.0; 3]);
+        self.quats.resize(rows(learn.quats), [0.0; 4]);
+        self.log_scales.resize(rows(learn.log_scales), [0.0; 3]);
+        self.logit_opacities.resize(rows(learn.logit_opacities), 0.0);
+        self.sh.resize(rows(learn.sh) * self.sh_stride(), 0.0);
+        self.means2d.resize(visible, [0.0; 2]);
+        self.absgrads.resize(visible, [0.0; 2]);
+        self.weights.resize(visible, 0.0);
+        self.radii.resize(visible, 0.0);
+    }
+}

@@ -1,0 +1,64 @@
+use crate::differentiable::{Channels, ForwardConfig, Opacity};
+use crate::simd::SimdChoice;
+use crate::testing::{Backend, Hard, camera, gradient_errors, gradients_of, random_splats};
+use wm_scene::{Rasterization, Splats};
+
+crate::parity! {
+    random_splats_learn_alike => |backend| {
+        for sh_degree in 0..=3 {
+            for rasterization in [Rasterization::Classic, Rasterization::Antialiased] {
+                let channels = Channels::ColorDepthNormal;
+                let config = ForwardConfig { channels, rasterization, sh_degree, ..ForwardConfig::default() };
+                check(backend, "random", &random_splats(500, 3, 80), &config, 1e-5);
+            }
+        }
+    };
+    hard_splats_learn_alike => |backend| {
+        for hard in Hard::ALL {
+            for rasterization in [Rasterization::Classic, Rasterization::Antialiased] {
+                let config = ForwardConfig {
+                    channels: Channels::ColorDepthNormal,
+                    background: [0.5; 3],
+                    rasterization,
+                    sh_degree: 1,
+                    ..ForwardConfig::default()
+                };
+                let mut splats = hard.splats(250, 81);
+                if hard == Hard::NearPlane {
+                    // Most would be outside the picture.
+                    splats.means.iter_mut().for_each(|m| (m[0], m[1]) = (0.05 * m[0], 0.05 * m[1]));
+                }
+                let tolerance = match hard {
+                    Hard::Needle | Hard::NearPlane | Hard::Behind => 1e-3,
+                    // The centre's error, some ulp of up to 75 px, over a standard deviation of 0.5 px.
+                    Hard::Tiny => 1e-4,
+                    _ => 1e-5,
+                };
+                check(backend, &format!("{hard:?}"), &splats, &config, tolerance);
+            }
+        }
+    };
+    fixed_opacity_learns_alike => |backend| {
+        let opacity = Opacity::Fixed(0.95);
+        let config = ForwardConfig { channels: Channels::Depth, opacity, sh_degree: 0, ..ForwardConfig::default() };
+        check(backend, "fixed", &random_splats(300, 0, 82), &config, 1e-5);
+    };
+}
+
+fn check(backend: Backend, what: &str, splats: &Splats, config: &ForwardConfig, tolerance: f64) {
+    let Backend::Cpu(path) = backend;
+    let (got, want) = gradients_of(backend, splats, &camera(75, 53), config, 83);
+    for (name, error) in gradient_errors(&got, &want) {
+        // Weights count pixels that are not steady too. What is no parameter's gradient may err twice as
+        // much, and the portable path, which rounds products before sums, five times.
+        let bound = match (name, path.choice()) {
+            ("weights", _) => 1e-3,
+            (_, SimdChoice::Portable) => 5.0 * tolerance,
+            ("means2d" | "absgrads", _) => 2.0 * tolerance,
+            _ => tolerance,
+        };
+        let mode = config.rasterization;
+        eprintln!("{path} {what}, {mode:?}, degree {}: {name} {error:.1e}", config.sh_degree);
+        assert!(error < bound, "{backend:?}, {what}, {mode:?}: {name} is off by {error:.1e}");
+    }
+}

@@ -1,0 +1,476 @@
+//! In two phases for a batch of splats. First block by block, as in blending: transmittance, what is to
+//! come and the derivatives by the sums stay in registers, and w and s of each splat at each pixel go to
+//! a scratch in the second cache. Then splat by splat: sixteen sums in registers over the blocks it
+//! touches. Both at once do not fit any register file.
+
+use super::{NO_SLOT, Slot};
+use crate::differentiable::{DepthAlpha, ForwardConfig, Upstream};
+use crate::frame::MIN_ALPHA;
+use crate::hooks::{PATCH, PATCH_PIXELS};
+use crate::simd::{Lanes, reciprocal, sums};
+use crate::stages::intersect::PATCHES;
+use crate::stages::intersect::cpu::cell_lanes;
+use crate::stages::project::Record;
+use crate::stages::rasterize::cpu::{Batch, CHUNK, FLIGHT, Lists, alphas, list, mask_blocks};
+use crate::stages::rasterize::{LOG2_MAX_ALPHA, MIN_TRANSMITTANCE};
+use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
+
+/// Splats of a batch: their scratch of half a megabyte at most is in the second cache.
+const BATCH: usize = 64;
+/// Lines of scratch a splat: w and s of the tile's pixels.
+const LINES: usize = 2 * PATCHES * PATCH_PIXELS / 16;
+/// Rows of scratch: one for each splat of the batch and for the one that pads lists, and on to the next
+/// power of two, so that a masked index is proof enough that it is within.
+const ROWS: usize = 2 * BATCH;
+
+/// The pixels of one patch in block order, see [`crate::stages::rasterize::cpu::PatchSums`].
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub struct PatchState {
+    /// Transmittance; 0 where blending has stopped and outside the picture.
+    transmittance: [f32; PATCH_PIXELS],
+    /// R, less v_A times the transmittance at the end.
+    remaining: [f32; PATCH_PIXELS],
+    /// Derivatives of the loss by the sums.
+    upstream: [[f32; PATCH_PIXELS]; 7],
+}
+
+/// Working memory of one thread.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub struct Scratch {
+    /// The pixels of the tile's patches.
+    pub patches: [PatchState; PATCHES],
+    batch: Batch,
+    lists: Lists,
+    /// Blocks of each patch in which each splat of the batch was weighed.
+    reached: [[u32; PATCHES]; BATCH],
+    /// Coordinates of the blocks' lanes from the tile's corner, by column and row of blocks.
+    columns: [[f32; 16]; 8],
+    rows: [[f32; 16]; 16],
+    /// w and s of each splat, patch and block.
+    weighed: Box<Weighed>,
+    raw: RawUpstream,
+}
+
+type Weighed = [Line; ROWS * LINES];
+
+/// The first line of splat `i` of the batch at `block` of `patch`; with 16 lanes s is in the next.
+#[inline(always)]
+fn line_of<S: Lanes>(i: usize, patch: usize, block: usize) -> usize {
+    (i % ROWS) * LINES + (patch * (PATCH_PIXELS / S::N) + block) * (2 * S::N / 16) % LINES
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(64))]
+struct Line([f32; 16]);
+
+/// One patch of the upstream pictures in block order.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+struct RawUpstream {
+    alpha: [f32; PATCH_PIXELS],
+    /// Colour, depth, normal.
+    values: [[f32; PATCH_PIXELS]; 7],
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        let zero = [0.0; PATCH_PIXELS];
+        let patch = PatchState { transmittance: zero, remaining: zero, upstream: [zero; 7] };
+        Self {
+            patches: std::array::from_fn(|_| patch.clone()),
+            batch: Batch::default(),
+            lists: Lists::default(),
+            reached: [[0; PATCHES]; BATCH],
+            columns: [[0.0; 16]; 8],
+            rows: [[0.0; 16]; 16],
+            weighed: vec![Line::default(); ROWS * LINES]
+                .into_boxed_slice()
+                .try_into()
+                .unwrap_or_else(|_| unreachable!("the length is the type's")),
+            raw: RawUpstream { alpha: zero, values: [zero; 7] },
+        }
+    }
+}
+
+/// Sets up patch `patch` of the tile, whose first pixel is `(left, top)` of a picture `size` px large.
+/// `kept` are the forward pass's sums in block order: alpha, then the features of `config`.
+#[inline(always)]
+pub fn prepare_patch<S: Lanes>(
+    simd: S,
+    config: &ForwardConfig,
+    upstream: &Upstream<'_>,
+    kept: &[[f32; PATCH_PIXELS]],
+    size: (usize, usize),
+    (left, top): (usize, usize),
+    patch: usize,
+    scratch: &mut Scratch,
+) {
+    let Scratch { patches, raw, .. } = scratch;
+    let state = &mut patches[patch];
+    let channels = config.channels;
+    // Runs of four pixels of one row, in block order.
+    let block_height = S::N / 4;
+    for run in 0..PATCH_PIXELS / 4 {
+        let (block, row) = (run / block_height, run % block_height);
+        let x = left + block % 4 * 4;
+        let y = top + block / 4 * block_height + row;
+        let inside = if y < size.1 { size.0.saturating_sub(x).min(4) } else { 0 };
+        let (at, to) = (y * size.0 + x, 4 * run);
+        for i in 0..4 {
+            let open = i < inside;
+            state.transmittance[to + i] = if open { 1.0 } else { 0.0 };
+            let read = |values: &[f32], channels: usize, channel: usize| {
+                let index = channels * (at + i) + channel;
+                if open { values.get(index).copied().unwrap_or(0.0) } else { 0.0 }
+            };
+            raw.alpha[to + i] = read(upstream.alpha, 1, 0);
+            if channels.has_color() {
+                for k in 0..3 {
+                    raw.values[k][to + i] = read(upstream.rgb, 3, k);
+                }
+            }
+            if let Some(k) = channels.depth() {
+                raw.values[k][to + i] = read(upstream.depth, 1, 0);
+            }
+            if channels.has_normal() {
+                for k in 0..3 {
+                    raw.values[4 + k][to + i] = read(upstream.normal, 3, k);
+                }
+            }
+        }
+    }
+
+    let (zero, one) = (simd.set(0.0), simd.set(1.0));
+    let (sums_alpha, sums) = (&kept[0], &kept[1..]);
+    for first in (0..PATCH_PIXELS).step_by(S::N) {
+        let lanes = first..first + S::N;
+        let alpha = simd.load(&sums_alpha[first..]);
+        let mut by_alpha = simd.load(&raw.alpha[first..]);
+        let mut remaining = zero;
+        if channels.has_color() {
+            for k in 0..3 {
+                let by = simd.load(&raw.values[k][first..]);
+                by_alpha = by.mul_add(simd.set(-config.background[k]), by_alpha);
+                remaining = by.mul_add(simd.load(&sums[k][first..]), remaining);
+                by.store_slice(&mut state.upstream[k][lanes.clone()]);
+            }
+        }
+        let covered = alpha.simd_ge(simd.set(MIN_ALPHA));
+        if let Some(k) = channels.depth() {
+            let inverse = covered.select(one / alpha, zero);
+            let by = simd.load(&raw.values[k][first..]) * inverse;
+            let share = by * simd.load(&sums[k][first..]);
+            if upstream.depth_alpha == DepthAlpha::Learns {
+                by_alpha = (-share).mul_add(inverse, by_alpha);
+            }
+            remaining += share;
+            by.store_slice(&mut state.upstream[k][lanes.clone()]);
+        }
+        if channels.has_normal() {
+            let (mut squared, mut along) = (zero, zero);
+            for k in 4..7 {
+                let sum = simd.load(&sums[k][first..]);
+                squared = sum.mul_add(sum, squared);
+                along = sum.mul_add(simd.load(&raw.values[k][first..]), along);
+            }
+            let sound = covered & squared.simd_gt(simd.set(1e-20));
+            let inverse = sound.select(one / squared.sqrt(), zero);
+            along *= inverse * inverse;
+            // Turning a normal pulls on nothing along it: what is to come is 0.
+            for k in 4..7 {
+                let sum = simd.load(&sums[k][first..]);
+                let by = (-along).mul_add(sum, simd.load(&raw.values[k][first..])) * inverse;
+                by.store_slice(&mut state.upstream[k][lanes.clone()]);
+                remaining = by.mul_add(sum, remaining);
+            }
+        }
+        let remaining = (-by_alpha).mul_add(one - alpha, remaining);
+        remaining.store_slice(&mut state.remaining[lanes]);
+    }
+}
+
+/// Sums the pulls of the tile's pixels on the splats of `keys`, the sorted list of the forward pass.
+/// The tile's first pixel is `(left, top)`, its patches are prepared; `C` sums were blended.
+///
+/// Writes the slots one after another and to `places` the number of each key's slot, or [`NO_SLOT`].
+/// Returns how many slots there are.
+#[inline(always)]
+pub fn blend_tile_backward<S: Lanes, const C: usize>(
+    simd: S,
+    records: &[Record],
+    keys: &[u64],
+    (left, top): (f32, f32),
+    inside: u32,
+    scratch: &mut Scratch,
+    slots: &mut [Slot],
+    places: &mut [u32],
+) -> usize {
+    let blocks = PATCH_PIXELS / S::N;
+    let block_height = (S::N / 4) as f32;
+    let lanes = cell_lanes(simd);
+    for (k, column) in scratch.columns.iter_mut().enumerate() {
+        (lanes.0 + ((4 * k) as f32 + 0.5)).store_slice(&mut column[..S::N]);
+    }
+    for (k, row) in scratch.rows.iter_mut().enumerate().take(2 * PATCH / (S::N / 4)) {
+        (lanes.1 + (k as f32 * block_height + 0.5)).store_slice(&mut row[..S::N]);
+    }
+    let mut live = [0u32; PATCHES];
+    for patch in 0..PATCHES {
+        live[patch] = if inside >> patch & 1 == 1 { u32::MAX >> (32 - blocks) } else { 0 };
+    }
+    places.fill(NO_SLOT);
+    let mut used = 0;
+    for (batch_keys, places) in keys.chunks(BATCH).zip(places.chunks_mut(BATCH)) {
+        scratch.batch.fill(records, batch_keys, (left, top));
+        scratch.reached = [[0; PATCHES]; BATCH];
+        for patch in 0..PATCHES {
+            if live[patch] != 0 {
+                weigh_patch::<S, C>(simd, scratch, batch_keys.len(), (left, top), patch, &mut live[patch]);
+            }
+        }
+        for (i, place) in places.iter_mut().enumerate() {
+            if scratch.reached[i] != [0; PATCHES] {
+                slots[used] = gather_splat::<S, C>(simd, scratch, i);
+                *place = used as u32;
+                used += 1;
+            }
+        }
+        if live == [0; PATCHES] {
+            break;
+        }
+    }
+    used
+}
+
+/// The first phase for one patch: weighs the batch's splats in each live block.
+#[inline(always)]
+fn weigh_patch<S: Lanes, const C: usize>(
+    simd: S,
+    scratch: &mut Scratch,
+    len: usize,
+    (left, top): (f32, f32),
+    patch: usize,
+    live: &mut u32,
+) {
+    let Scratch { patches, batch, lists, reached, columns, rows, weighed, .. } = scratch;
+    let state = &mut patches[patch];
+    let blocks = PATCH_PIXELS / S::N;
+    let corner = ((patch % 2 * PATCH) as f32, (patch / 2 * PATCH) as f32);
+    let splats = list(simd, &batch.touched, len, 1 << patch, None, &mut lists.patch);
+    mask_blocks(simd, batch, splats, (left + corner.0, top + corner.1), cell_lanes(simd), lists);
+    for i in 0..splats {
+        let mut mask = 0;
+        for group in 0..blocks / 8 {
+            mask |= u32::from(lists.masks[group][i]) << (8 * group);
+        }
+        reached[usize::from(lists.patch[i]) & (BATCH - 1)][patch] = mask & *live;
+    }
+    let mut todo = *live;
+    while todo != 0 {
+        let block = todo.trailing_zeros() as usize;
+        todo &= todo - 1;
+        let Lists { patch: names, masks, block: walk } = &mut *lists;
+        let count = list(simd, &masks[block / 8], splats, 1 << (block % 8), Some(names), walk);
+        if count == 0 {
+            continue;
+        }
+        walk[count..count + FLIGHT].fill(BATCH as u8);
+        let column = simd.load(&columns[patch % 2 * 4 + block % 4]);
+        let row = simd.load(&rows[patch / 2 * (blocks / 4) + block / 4]);
+        let padded = &walk[..count.next_multiple_of(FLIGHT)];
+        let (alive, walked) =
+            weigh_block::<S, C>(simd, batch, padded, (column, row), (patch, block), state, weighed);
+        if !alive {
+            *live &= !(1 << block);
+            for name in walk.iter().take(count).skip(walked) {
+                reached[usize::from(*name) & (BATCH - 1)][patch] &= !(1 << block);
+            }
+        }
+    }
+}
+
+/// The first phase for one block: replays the blending and writes w and s of each splat. Returns whether
+/// any pixel still takes light, and the number of splats walked.
+#[inline(always)]
+fn weigh_block<S: Lanes, const C: usize>(
+    simd: S,
+    batch: &Batch,
+    walk: &[u8],
+    at_pixels: (S::F, S::F),
+    (patch, block): (usize, usize),
+    state: &mut PatchState,
+    weighed: &mut Weighed,
+) -> (bool, usize) {
+    let (zero, one) = (simd.set(0.0), simd.set(1.0));
+    let lanes = block * S::N..(block + 1) * S::N;
+    let mut transmittance = simd.load(&state.transmittance[lanes.clone()]);
+    let mut remaining = simd.load(&state.remaining[lanes.clone()]);
+    let mut upstream = [zero; C];
+    for c in 0..C {
+        upstream[c] = simd.load(&state.upstream[c][lanes.clone()]);
+    }
+    let mut walked = 0;
+    let mut alive = true;
+    for flight in walk.chunks_exact(FLIGHT) {
+        let mut at = [0; FLIGHT];
+        for k in 0..FLIGHT {
+            at[k] = usize::from(flight[k]);
+        }
+        let (q, alpha) = alphas(simd, batch, &at, at_pixels);
+        let mut value = [zero; FLIGHT];
+        let mut open = [zero; FLIGHT];
+        for k in 0..FLIGHT {
+            let s = &batch.records[at[k]];
+            let values = [s.rgb[0], s.rgb[1], s.rgb[2], s.depth, s.normal[0], s.normal[1], s.normal[2]];
+            value[k] = upstream[0] * values[0];
+            for c in 1..C {
+                value[k] = upstream[c].mul_add(simd.set(values[c]), value[k]);
+            }
+            open[k] = one - alpha[k];
+        }
+        let inverse = reciprocal(simd, open);
+        for k in 0..FLIGHT {
+            let next = (-alpha[k]).mul_add(transmittance, transmittance);
+            let open = next.simd_gt(simd.set(MIN_TRANSMITTANCE));
+            let weight = open.select(alpha[k] * transmittance, zero);
+            let own = weight * value[k];
+            remaining -= own;
+            let pull = (-(alpha[k] * inverse[k])).mul_add(remaining, own);
+            let pulls = open & q[k].simd_lt(simd.set(LOG2_MAX_ALPHA));
+            let pull = pulls.select(pull, zero);
+            transmittance = open.select(next, zero);
+            let line = line_of::<S>(at[k], patch, block);
+            if S::N == 16 {
+                weight.store_slice(&mut weighed[line].0);
+                pull.store_slice(&mut weighed[line | 1].0);
+            } else {
+                let line = &mut weighed[line].0;
+                weight.store_slice(&mut line[..S::N]);
+                pull.store_slice(&mut line[S::N..]);
+            }
+            if k == FLIGHT - 1 {
+                alive = open.any_true();
+            }
+        }
+        walked += FLIGHT;
+        if !alive {
+            break;
+        }
+    }
+    transmittance.store_slice(&mut state.transmittance[lanes.clone()]);
+    remaining.store_slice(&mut state.remaining[lanes]);
+    (alive, walked)
+}
+
+/// The second phase for splat `i` of the batch: its sums over the blocks in which it was weighed.
+#[inline(always)]
+fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &Scratch, i: usize) -> Slot {
+    let zero = simd.set(0.0);
+    let mut slot = Slot::default();
+    let weighed = &*scratch.weighed;
+    if S::N == 16 {
+        let mut sixteen = [zero; 16];
+        each_block::<S>(
+            scratch,
+            i,
+            #[inline(always)]
+            |line, patch, block, column, row| {
+                let (weight, pull) = (simd.load(&weighed[line].0), simd.load(&weighed[line | 1].0));
+                add_moments(simd, scratch, i, pull, (column, row), &mut sixteen);
+                add_features::<S, C>(simd, &scratch.patches[patch], weight, block, &mut sixteen[8..]);
+            },
+        );
+        sums::<S, 16>(simd, sixteen).store_slice(&mut slot.0);
+    } else {
+        // Eight sums at a time, which is what sixteen registers hold.
+        let mut eight = [zero; 8];
+        each_block::<S>(
+            scratch,
+            i,
+            #[inline(always)]
+            |line, _, _, column, row| {
+                let pull = simd.load(&weighed[line].0[S::N..]);
+                add_moments(simd, scratch, i, pull, (column, row), &mut eight);
+            },
+        );
+        sums::<S, 8>(simd, eight).store_slice(&mut slot.0[..8]);
+        eight = [zero; 8];
+        each_block::<S>(
+            scratch,
+            i,
+            #[inline(always)]
+            |line, patch, block, _, _| {
+                let weight = simd.load(&weighed[line].0);
+                add_features::<S, C>(simd, &scratch.patches[patch], weight, block, &mut eight);
+            },
+        );
+        sums::<S, 8>(simd, eight).store_slice(&mut slot.0[8..]);
+    }
+    slot
+}
+
+/// Calls `f` with the line of scratch, patch, block and its column and row, for each block of splat `i`.
+#[inline(always)]
+fn each_block<S: Lanes>(scratch: &Scratch, i: usize, mut f: impl FnMut(usize, usize, usize, usize, usize)) {
+    let blocks = PATCH_PIXELS / S::N;
+    for patch in 0..PATCHES {
+        let mut mask = scratch.reached[i][patch];
+        while mask != 0 {
+            // The mask proves the block in bounds.
+            let block = mask.trailing_zeros() as usize % blocks;
+            mask &= mask - 1;
+            let (column, row) = (patch % 2 * 4 + block % 4, patch / 2 * (blocks / 4) + block / 4);
+            f(line_of::<S>(i, patch, block), patch, block, column, row % 16);
+        }
+    }
+}
+
+/// Adds the moments of one block.
+#[inline(always)]
+fn add_moments<S: Lanes>(
+    simd: S,
+    scratch: &Scratch,
+    i: usize,
+    pull: S::F,
+    (column, row): (usize, usize),
+    sums: &mut [S::F],
+) {
+    let (record, origin) = (&scratch.batch.records[i], &scratch.batch.origins[i]);
+    let (px, py) = (simd.load(&scratch.columns[column]), simd.load(&scratch.rows[row]));
+    let u = px.mul_add(simd.set(record.ux), simd.set(origin.0));
+    let v = px.mul_add(simd.set(record.vx), py.mul_add(simd.set(record.vy), simd.set(origin.1)));
+    let (by_u, by_v) = (pull * u, pull * v);
+    sums[Slot::S] += pull;
+    sums[Slot::SU] += by_u;
+    sums[Slot::SV] += by_v;
+    sums[Slot::SUU] = by_u.mul_add(u, sums[Slot::SUU]);
+    sums[Slot::SUV] = by_u.mul_add(v, sums[Slot::SUV]);
+    sums[Slot::SVV] = by_v.mul_add(v, sums[Slot::SVV]);
+    let along = by_u.mul_add(simd.set(record.ux), by_v * record.vx);
+    sums[Slot::ABS_X] += absolute(simd, along);
+    sums[Slot::ABS_Y] += absolute(simd, by_v);
+}
+
+/// Adds the weights of one block and what they pull on the features.
+#[inline(always)]
+fn add_features<S: Lanes, const C: usize>(
+    simd: S,
+    state: &PatchState,
+    weight: S::F,
+    block: usize,
+    sums: &mut [S::F],
+) {
+    sums[0] += weight;
+    for c in 0..C {
+        sums[1 + c] = weight.mul_add(simd.load(&state.upstream[c][block * S::N..]), sums[1 + c]);
+    }
+}
+
+#[inline(always)]
+fn absolute<S: Lanes>(simd: S, x: S::F) -> S::F {
+    S::F::from_bits(x.to_bits() & S::U::splat(simd, 0x7fff_ffff))
+}
+
+const _: () = assert!(BATCH < 256 && BATCH.is_multiple_of(CHUNK), "lists hold bytes, and are made by chunks");
