@@ -54,7 +54,8 @@ impl Studio {
             ("weather".into(), weather_text(weather, time)),
             ("time".into(), format!("{time} s")),
             ("camera".into(), spec::text_of(camera)),
-            ("renderer".into(), self.describe()),
+            // Without the number of threads: no byte of a picture depends on it, and none of its words may.
+            ("renderer".into(), format!("cpu, {}", self.loaded.renderer.path())),
             ("metres_per_unit".into(), self.site.metres_per_unit.to_string()),
         ]
     }

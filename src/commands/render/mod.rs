@@ -12,7 +12,7 @@ use anyhow::{Result, bail};
 use camera::{CameraArgs, Shot};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use wm_render::{Background, Frame, RenderConfig, SkyGradient, Stats};
+use wm_render::{Background, Frame, RenderConfig, Stats};
 use wm_scene::Rasterization;
 use wm_weather::Weather;
 
@@ -197,11 +197,10 @@ impl Take {
 }
 
 fn background(choice: BackgroundChoice, loaded: &Loaded) -> Background {
-    let up = loaded.survey.up.value.to_array().map(|v| v as f32);
     match choice {
         BackgroundChoice::Color(color) => Background::Color(color),
-        BackgroundChoice::Auto if loaded.survey.sky_splats > 0 => Background::default(),
-        BackgroundChoice::Auto | BackgroundChoice::Sky => Background::Sky(SkyGradient::daylight(up)),
+        BackgroundChoice::Auto => loaded.background(),
+        BackgroundChoice::Sky => Background::Sky(loaded.sky()),
     }
 }
 
