@@ -118,7 +118,9 @@ pub fn run(args: &DemoArgs) -> Result<()> {
         let (scene, camera) = (quoted(&path), camera_text(&Place::views()[0]));
         println!("go on with it, for example:");
         println!("  weather-magician render {scene} --weather dense-fog --camera {camera}");
-        println!("  weather-magician render {scene} --weather smog --camera {camera} --path dolly");
+        println!(
+            "  weather-magician render {scene} --weather smog --camera {camera} --path dolly --distance 25"
+        );
         println!("  weather-magician render --help");
     }
     Ok(())
