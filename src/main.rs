@@ -8,8 +8,10 @@ mod interrupt;
 mod media;
 mod names;
 mod output;
+mod pipeline;
 mod progress;
 mod scene;
+mod studio;
 mod view;
 
 use clap::Parser;
