@@ -8,10 +8,3 @@ pub fn bar(count: u64, what: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::new(count).with_style(style.progress_chars("=> ")).with_prefix(what)
 }
-
-/// A line that says what is being done, for work of unknown length.
-pub fn spinner(what: &'static str) -> ProgressBar {
-    let bar = ProgressBar::new_spinner().with_message(what);
-    bar.enable_steady_tick(std::time::Duration::from_millis(120));
-    bar
-}

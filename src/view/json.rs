@@ -1,12 +1,11 @@
 //! The JSON format of camera paths: reading and writing; described in docs/camera-path.md.
 
-use super::near_names::nearest;
 use super::path::{Key, Path};
 use super::{DEFAULT_FOV, Options, ViewError};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, FormatError, Location, Problem, files::write_atomically};
+use wm_scene::{Camera, FormatError, Location, Problem, files::write_atomically, nearest};
 
 /// Every key that a file may have.
 const KEYS: [&str; 9] = ["keyframes", "up", "fov", "near", "time", "eye", "target", "rotation", "fov"];

@@ -6,7 +6,6 @@
 //!   its number, from 1;
 //! - a JSON file of keyframes ([`super::path`]), for its first.
 
-use super::near_names::nearest;
 use super::path::Path;
 use super::{DEFAULT_FOV, Options, ViewError};
 use glam::DVec3;
@@ -14,7 +13,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use wm_scene::camera::MAX_SIDE;
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, View};
+use wm_scene::{Camera, View, nearest};
 
 /// What `--camera` says.
 #[derive(Clone, Debug, PartialEq)]
