@@ -90,6 +90,14 @@ pub fn write_whole<E>(
     temporary.persist().map_err(&fault)
 }
 
+/// Whether `path` can be written, for who wants to know before long work.
+///
+/// # Errors
+/// What [`TempFile::beside`] meets.
+pub fn check_writable(path: &Path) -> Result<(), FormatError> {
+    TempFile::beside(path).map(drop).map_err(|fault| FormatError::whole(path, fault.into()))
+}
+
 /// Temporary files that are there now.
 static PENDING: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
