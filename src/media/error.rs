@@ -81,12 +81,12 @@ pub enum MediaError {
         path: PathBuf,
     },
     /// `--encoder ffmpeg` without ffmpeg.
-    #[error("{}: cannot start ffmpeg ({source}): install it, or use --encoder builtin", path.display())]
+    #[error("{}: cannot start ffmpeg ({reason}): install it, or use --encoder builtin", path.display())]
     NoFfmpeg {
         /// The file to be written.
         path: PathBuf,
-        /// What the system said.
-        source: io::Error,
+        /// What the system said; it is in the message, so that it is no source of its own.
+        reason: io::Error,
     },
     /// The video encoder gave up.
     #[error("{}: {encoder} failed at frame {frame}: {reason}", path.display())]

@@ -88,8 +88,9 @@ impl Weather {
     pub fn read(path: &Path) -> Result<Self, WeatherError> {
         let text = std::fs::read_to_string(path).map_err(|error| {
             let reason = match error.kind() {
-                std::io::ErrorKind::NotFound => "no such file".into(),
-                std::io::ErrorKind::InvalidData => "it is no text in UTF-8".into(),
+                std::io::ErrorKind::NotFound => "no such file; check the path".into(),
+                std::io::ErrorKind::IsADirectory => "it is a folder; give a TOML file".into(),
+                std::io::ErrorKind::InvalidData => "it is no text in UTF-8; give a TOML file".into(),
                 _ => error.to_string(),
             };
             WeatherError::Read { path: path.into(), reason }

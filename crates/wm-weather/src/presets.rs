@@ -64,6 +64,6 @@ mod tests {
         let error = Weather::find("dens-fog").unwrap_err().to_string();
         assert!(error.starts_with("there is no weather `dens-fog`, did you mean `dense-fog`?;"), "{error}");
         let error = Weather::find("missing.toml").unwrap_err().to_string();
-        assert_eq!(error, "missing.toml: cannot read the weather file: no such file");
+        assert_eq!(error, "missing.toml: cannot read the weather file: no such file; check the path");
     }
 }

@@ -51,7 +51,7 @@ impl FfmpegSink {
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()
-            .map_err(|source| MediaError::NoFfmpeg { path: path.to_path_buf(), source })?;
+            .map_err(|reason| MediaError::NoFfmpeg { path: path.to_path_buf(), reason })?;
         let planes = child.stdin.take().expect("piped above");
         let stderr = child.stderr.take().expect("piped above");
         let messages = thread::spawn(|| read_messages(stderr));
