@@ -80,8 +80,8 @@ fn cameras(path: &Path) -> Result<String, Box<dyn Error>> {
         views.push(serde_json::json!({
             "id": id,
             "img_name": format!("garden_{id}"),
-            "width": number(&file["width"])?,
-            "height": number(&file["height"])?,
+            "width": file["width"],
+            "height": file["height"],
             "position": world.w_axis.truncate().to_array(),
             "rotation": [rotation.x_axis.to_array(), rotation.y_axis.to_array(), rotation.z_axis.to_array()],
             "fx": number(&k[0][0])?,

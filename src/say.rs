@@ -6,10 +6,12 @@ use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};
 
 macro_rules! println {
+    () => { $crate::say::line(format_args!("")) };
     ($($what:tt)*) => { $crate::say::line(format_args!($($what)*)) };
 }
 
 macro_rules! eprintln {
+    () => { $crate::say::aside(format_args!("")) };
     ($($what:tt)*) => { $crate::say::aside(format_args!($($what)*)) };
 }
 

@@ -6,7 +6,7 @@ use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
 use wm_render::simd::SimdChoice;
-use wm_render::{CpuConfig, CpuRenderer, Renderer, SetId};
+use wm_render::{Background, CpuConfig, CpuRenderer, Renderer, SetId, SkyGradient};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::survey::{Survey, known_distance, label_sky};
 use wm_scene::{Metadata, Scene, capture, splats::Faults};
@@ -134,6 +134,19 @@ impl Loaded {
     /// Frees the splats as they were read: the renderer has its own.
     pub fn release(&mut self) {
         self.scene.splats = wm_scene::Splats::default();
+    }
+
+    /// What stands behind the splats: nothing where they have a sky, else a plain one.
+    pub fn background(&self) -> Background {
+        if self.survey.sky_splats > 0 {
+            return Background::default();
+        }
+        Background::Sky(self.sky())
+    }
+
+    /// A plain sky over this place.
+    pub fn sky(&self) -> SkyGradient {
+        SkyGradient::daylight(self.survey.up.value.to_array().map(|v| v as f32))
     }
 
     /// What weather must know.

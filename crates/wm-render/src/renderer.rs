@@ -136,7 +136,7 @@ impl SkyGradient {
     /// A neutral daylight sky for scenes that have none.
     #[must_use]
     pub fn daylight(up: [f32; 3]) -> Self {
-        Self { zenith: [0.36, 0.54, 0.80], horizon: [0.80, 0.86, 0.91], ground: [0.52, 0.51, 0.48], up }
+        Self { zenith: [0.36, 0.54, 0.80], horizon: [0.80, 0.86, 0.91], ground: [0.58, 0.59, 0.57], up }
     }
 }
 
@@ -148,10 +148,11 @@ impl Background {
             Self::Color(color) => color.map(f64::from),
             Self::Sky(sky) => {
                 let elevation: f64 = (0..3).map(|k| direction[k] * f64::from(sky.up[k])).sum();
-                // Most of the change is near the horizon, as in a clear sky; the step to the ground is
-                // spread over a few degrees so that it never aliases.
+                // Most of the change is near the horizon, as in a clear sky. Below it lies a hazy
+                // distance: a scene seen from the air ends before the horizon, and a hard line there
+                // would look like a wall.
                 let height = 1.0 - (1.0 - elevation.clamp(0.0, 1.0)).powi(3);
-                let below = (-elevation / 0.08).clamp(0.0, 1.0);
+                let below = (-elevation / 0.5).clamp(0.0, 1.0);
                 let below = below * below * (3.0 - 2.0 * below);
                 std::array::from_fn(|k| {
                     let above =

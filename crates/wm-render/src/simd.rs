@@ -5,8 +5,7 @@
 //! The portable path is the scalar twin that every other path is tested against.
 
 use fearless_simd::{
-    Fallback, Level, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, f32x8, f32x16, mask32x8,
-    mask32x16, u32x8, u32x16,
+    Fallback, Level, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, f32x8, mask32x8, u32x8,
 };
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -15,7 +14,7 @@ use std::str::FromStr;
 #[cfg(target_arch = "aarch64")]
 use fearless_simd::Neon;
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-use fearless_simd::{Avx2, Avx512};
+use fearless_simd::{Avx2, Avx512, f32x16, mask32x16, u32x16};
 
 /// Which SIMD path to take.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

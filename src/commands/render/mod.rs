@@ -11,7 +11,7 @@ use anyhow::{Result, bail};
 use camera::{CameraArgs, Shot};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use wm_render::{Background, Frame, Job, RenderConfig, Renderer, SetView, SkyGradient, Stats};
+use wm_render::{Background, Frame, Job, RenderConfig, Renderer, SetView, Stats};
 use wm_scene::files::check_writable;
 use wm_scene::{Camera, Rasterization};
 use wm_weather::{Site, Weather};
@@ -223,7 +223,8 @@ impl Studio {
             ("weather".into(), self.weather_text(time)),
             ("time".into(), format!("{time} s")),
             ("camera".into(), crate::view::spec::text_of(camera)),
-            ("renderer".into(), self.loaded.renderer.describe()),
+            // Without the number of threads: no byte of a picture depends on it, and none of its words may.
+            ("renderer".into(), format!("cpu, {}", self.loaded.renderer.path())),
             ("metres_per_unit".into(), self.site.metres_per_unit.to_string()),
         ];
         tags.retain(|(_, text): &(String, String)| !text.is_empty());
@@ -252,11 +253,10 @@ impl Studio {
 }
 
 fn background(choice: BackgroundChoice, loaded: &Loaded) -> Background {
-    let up = loaded.survey.up.value.to_array().map(|v| v as f32);
     match choice {
         BackgroundChoice::Color(color) => Background::Color(color),
-        BackgroundChoice::Auto if loaded.survey.sky_splats > 0 => Background::default(),
-        BackgroundChoice::Auto | BackgroundChoice::Sky => Background::Sky(SkyGradient::daylight(up)),
+        BackgroundChoice::Auto => loaded.background(),
+        BackgroundChoice::Sky => Background::Sky(loaded.sky()),
     }
 }
 

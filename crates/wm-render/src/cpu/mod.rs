@@ -13,7 +13,7 @@ use crate::frame::Frame;
 use crate::hooks::PATCH;
 use crate::renderer::{CpuConfig, Job, MAX_SPLATS, RenderError, Renderer, SetId, Stats};
 use crate::simd::SimdPath;
-use crate::stages::composite::{background::BackgroundGrid, cpu::Composite};
+use crate::stages::composite::{background::BackgroundView, cpu::Composite};
 use crate::stages::intersect::{TileGrid, cpu as intersect};
 use crate::stages::project::{ProjectCamera, Record};
 use back::{Back, Features, Worker};
@@ -120,9 +120,7 @@ impl CpuRenderer {
         let keys = &self.keys[..];
         stats.intersect += self.parts.par_iter_mut().map(|part| part.scatter(keys)).sum::<f64>();
 
-        let gridding = Instant::now();
-        let background = BackgroundGrid::new(&job.config.background, job.hooks.medium, job.camera, self.path);
-        stats.composite += gridding.elapsed().as_secs_f64();
+        let background = BackgroundView::new(&job.config.background, job.hooks.medium, job.camera, self.path);
         let back = Back {
             path: self.path,
             narrow: self.path.narrow(),

@@ -5,7 +5,8 @@
 
 use crate::{Camera, FormatError, Location, Problem, View, camera::viewmat_of, error::one_line};
 use glam::{DMat3, DQuat, DVec3};
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use std::{
     fs::{self, File},
     io::{BufReader, ErrorKind},
@@ -80,7 +81,9 @@ struct Entry(View);
 #[derive(Deserialize)]
 struct Raw {
     img_name: String,
+    #[serde(deserialize_with = "pixels")]
     width: u32,
+    #[serde(deserialize_with = "pixels")]
     height: u32,
     /// Camera centre, world axes.
     position: DVec3,
@@ -88,6 +91,15 @@ struct Raw {
     rotation: [[f64; 3]; 3],
     fx: f64,
     fy: f64,
+}
+
+/// A size; some programs write it as 420.0.
+fn pixels<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    let number = f64::deserialize(deserializer)?;
+    if number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number) {
+        return Ok(number as u32);
+    }
+    Err(D::Error::custom(format!("{number} is no number of pixels")))
 }
 
 impl TryFrom<Raw> for Entry {

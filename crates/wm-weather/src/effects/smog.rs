@@ -2,7 +2,7 @@
 //!
 //! The particles absorb: a single-scattering albedo of 0.85 to 0.92 dims the airlight, and nitrogen
 //! dioxide takes out the blue and some green. A published smog colour is (0.925, 0.906, 0.758), meant
-//! as the whole airlight; as a tint of a bluish sky it turns olive, so the default has less green. An
+//! as the whole airlight; as a tint of a sky it turns olive or sandy, so the default is nearer to grey. An
 //! inversion keeps smog in the lowest few hundred metres.
 //!
 //! Departure from the paper, whose smog is fog of another colour: absorption, spectrum, height.
@@ -15,6 +15,6 @@ air! {
     mor: 800.0,
     angstrom: 1.0,
     albedo: 0.88,
-    tint: Value::Color([0.95, 0.88, 0.75]),
+    tint: Value::Color([0.95, 0.905, 0.82]),
     scale_height: 400.0,
 }

@@ -1,6 +1,6 @@
 //! The last steps of one patch, in the first cache.
 
-use super::background::BackgroundGrid;
+use super::background::{BackgroundScratch, BackgroundView};
 use crate::frame::MIN_ALPHA;
 use crate::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use crate::simd::{Lanes, SimdPath};
@@ -16,12 +16,21 @@ pub struct PatchPixels {
     normal: [[f32; PATCH_PIXELS]; 3],
     median: [f32; PATCH_PIXELS],
     behind: [[f32; PATCH_PIXELS]; 3],
+    background: BackgroundScratch,
 }
 
 impl Default for PatchPixels {
     fn default() -> Self {
         let zero = [0.0; PATCH_PIXELS];
-        Self { rgb: [zero; 3], alpha: zero, depth: zero, normal: [zero; 3], median: zero, behind: [zero; 3] }
+        Self {
+            rgb: [zero; 3],
+            alpha: zero,
+            depth: zero,
+            normal: [zero; 3],
+            median: zero,
+            behind: [zero; 3],
+            background: BackgroundScratch::default(),
+        }
     }
 }
 
@@ -75,7 +84,7 @@ pub struct Composite<'a> {
     /// How many sums it filled.
     pub features: usize,
     /// What stands behind.
-    pub background: &'a BackgroundGrid,
+    pub background: &'a BackgroundView<'a>,
     /// In order.
     pub effects: &'a [&'a dyn PixelEffect],
 }
@@ -97,7 +106,7 @@ pub fn finish_patch<S: Lanes, const LANES: usize>(
 ) {
     let Composite { path, features, background, effects } = *frame;
     to_rows::<LANES>(&sums.alpha, &mut pixels.alpha);
-    background.fill(patch_x, patch_y, &mut pixels.behind);
+    background.fill((patch_x, patch_y), &mut pixels.background, &mut pixels.behind);
     for k in 0..3 {
         to_rows::<LANES>(&sums.features[k], &mut pixels.rgb[k]);
         for i in 0..PATCH_PIXELS {

@@ -1,4 +1,4 @@
-use super::background::BackgroundGrid;
+use super::background::{BackgroundScratch, BackgroundView};
 use crate::hooks::{Hooks, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use crate::renderer::{Background, Job, RenderConfig, SetView, SkyGradient};
 use crate::simd::SimdPath;
@@ -11,18 +11,18 @@ crate::parity! {
     what_is_empty_is_zero => empty;
 }
 
-/// The grid is within a tenth of an 8-bit step of the sky itself, but for the rows next to the horizon,
+/// The nodes are within a tenth of an 8-bit step of the sky itself, but for the rows next to the horizon,
 /// whose kink it rounds off by the slope's change over one pixel.
 #[test]
-fn the_background_grid_follows_the_sky() {
+fn the_background_follows_the_sky() {
     let path = SimdPath::select(crate::simd::SimdChoice::Auto).unwrap();
     let background = Background::Sky(SkyGradient::daylight([0.0, -1.0, 0.0]));
     for (width, height) in [(320, 200), (900, 600)] {
         let camera = camera(width, height);
-        let grid = BackgroundGrid::new(&background, None, &camera, path);
+        let grid = BackgroundView::new(&background, None, &camera, path);
         for (patch_x, patch_y) in [(0, 0), (2, 1), (3, 2)] {
             let mut out = [[0.0; PATCH_PIXELS]; 3];
-            grid.fill(patch_x, patch_y, &mut out);
+            grid.fill((patch_x, patch_y), &mut BackgroundScratch::default(), &mut out);
             for i in 0..PATCH_PIXELS {
                 let (x, y) = (patch_x * PATCH + i % PATCH, patch_y * PATCH + i / PATCH);
                 let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);

@@ -1,0 +1,180 @@
+//! Cases, and rounds in which they take turns.
+
+use crate::interrupt;
+use anyhow::Result;
+use indicatif::ProgressBar;
+use std::time::Instant;
+use wm_render::{
+    CpuRenderer, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId, SetView, Stats,
+};
+use wm_scene::Camera;
+use wm_weather::{Site, Sky, Weather};
+
+/// Rounds before those that count: memory is touched, clocks go up.
+const WARM_UP: u32 = 2;
+
+/// Something to render.
+pub struct Case {
+    /// What is rendered under which weather.
+    pub name: &'static str,
+    config: RenderConfig,
+    sky: Sky,
+}
+
+impl Case {
+    /// Every case: outputs under a clear sky, weathers beside the clear colour, and all at once.
+    pub fn all(site: &Site, config: impl Fn(Outputs) -> RenderConfig) -> Result<Vec<Self>> {
+        use Geometry::{Depth, DepthNormal, None};
+        use MedianDepth::{Off, On};
+        [
+            ("rgb", None, Off, "clear"),
+            ("rgb+depth", Depth, Off, "clear"),
+            ("rgb+depth+normal", DepthNormal, Off, "clear"),
+            ("rgb+depth+normal+median", DepthNormal, On, "clear"),
+            ("rgb, fog", None, Off, "fog"),
+            ("rgb, haze", None, Off, "haze"),
+            ("rgb, smog", None, Off, "smog"),
+            ("rgb+depth+normal, fog", DepthNormal, Off, "fog"),
+        ]
+        .into_iter()
+        .map(|(name, geometry, median_depth, weather)| {
+            let sky = Weather::find(weather)?.at(0.0).over(site);
+            Ok(Self { name, config: config(Outputs { geometry, median_depth }), sky })
+        })
+        .collect()
+    }
+
+    /// The place of a case in a list; the first if it is not there.
+    pub fn position(cases: &[Self], name: &str) -> usize {
+        cases.iter().position(|case| case.name == name).unwrap_or(0)
+    }
+}
+
+/// A renderer with its scene.
+pub struct Stand<'a> {
+    pub renderer: &'a mut CpuRenderer,
+    pub set: SetId,
+}
+
+/// One frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Seconds on the clock.
+    pub wall: f64,
+    /// Seconds of all threads of the process; the clock's where the system does not tell.
+    pub cpu: f64,
+    /// What the renderer says.
+    pub stats: Stats,
+}
+
+/// The frames of one case, a round each.
+#[derive(Clone, Debug, Default)]
+pub struct Measured(pub Vec<Sample>);
+
+impl Measured {
+    /// Median over the rounds.
+    pub fn median(&self, of: impl Fn(&Sample) -> f64) -> f64 {
+        median(self.0.iter().map(of).collect())
+    }
+
+    /// Least over the rounds: what the others' load adds is never negative.
+    pub fn best(&self, of: impl Fn(&Sample) -> f64) -> f64 {
+        self.0.iter().map(of).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Median of the ratios to the frames of the same rounds of another case.
+    pub fn ratio(&self, to: &Self, of: impl Fn(&Sample) -> f64) -> f64 {
+        median(self.0.iter().zip(&to.0).map(|(a, b)| of(a) / of(b)).collect())
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    match values.len() {
+        0 => f64::NAN,
+        count if count % 2 == 1 => values[middle],
+        _ => 0.5 * (values[middle - 1] + values[middle]),
+    }
+}
+
+/// Renders the cases of `plan` (stand, case) in turns; stops early on Ctrl-C.
+pub fn turns(
+    stands: &mut [Stand<'_>],
+    camera: &Camera,
+    plan: &[(usize, &Case)],
+    rounds: u32,
+    bar: &ProgressBar,
+) -> Result<Vec<Measured>> {
+    let mut measured = vec![Measured::default(); plan.len()];
+    let mut frames = vec![Frame::default(); plan.len()];
+    for round in 0..rounds + WARM_UP {
+        // The order turns with the round, so that no case always follows the same other.
+        for k in 0..plan.len() {
+            let k = (k + round as usize) % plan.len();
+            if interrupt::asked() {
+                return Ok(measured);
+            }
+            let (stand, case) = (&mut stands[plan[k].0], plan[k].1);
+            let sets = [SetView::plain(stand.set)];
+            let (cpu, started) = (cpu_seconds(), Instant::now());
+            let stats = case.sky.with_hooks(|hooks| {
+                let job = Job { sets: &sets, camera, config: &case.config, hooks };
+                stand.renderer.render(&job, &mut frames[k])
+            })?;
+            let wall = started.elapsed().as_secs_f64();
+            let cpu = cpu.and_then(|before| Some(cpu_seconds()? - before)).unwrap_or(wall);
+            if round >= WARM_UP {
+                measured[k].0.push(Sample { wall, cpu, stats });
+            }
+        }
+        if round >= WARM_UP {
+            bar.inc(1);
+        }
+    }
+    Ok(measured)
+}
+
+/// CPU time of all threads of this process, seconds.
+#[cfg(unix)]
+fn cpu_seconds() -> Option<f64> {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    Some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
+}
+
+/// CPU time of all threads of this process, seconds.
+#[cfg(not(unix))]
+fn cpu_seconds() -> Option<f64> {
+    None
+}
+
+/// Most memory that this process ever held, bytes, where the system tells.
+pub fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kilobytes * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ratios_are_taken_round_by_round() {
+        let samples = |walls: [f64; 3]| {
+            Measured(walls.map(|wall| Sample { wall, cpu: wall, stats: Stats::default() }).to_vec())
+        };
+        // The machine was ten times slower in the second round.
+        let (a, b) = (samples([1.0, 10.0, 1.1]), samples([2.0, 20.0, 2.2]));
+        assert!((b.ratio(&a, |s| s.wall) - 2.0).abs() < 1e-12);
+        assert_eq!((a.median(|s| s.wall), a.best(|s| s.wall)), (1.1, 1.0));
+    }
+
+    #[test]
+    fn cpu_time_and_memory_are_told_on_linux() {
+        if cfg!(target_os = "linux") {
+            assert!(cpu_seconds().unwrap() > 0.0 && peak_memory().unwrap() > 1 << 20);
+        }
+    }
+}

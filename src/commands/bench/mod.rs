@@ -1,0 +1,153 @@
+//! `bench`: how fast scenes render, as times and as ratios of cases that take turns.
+//!
+//! Cases of one scene are measured in rounds, one frame of each a round, and compared round by round:
+//! what else runs on the machine then slows both sides of a ratio. CPU time is that of the process.
+
+mod measure;
+mod report;
+
+use crate::interrupt::{self, Interrupted};
+use crate::names::stem_of;
+use crate::progress;
+use crate::scene::{FactArgs, Loaded, RunArgs, SceneArgs};
+use crate::view::spec::{self, CameraSpec};
+use crate::view::{self, choose};
+use anyhow::Result;
+use clap::Args;
+use measure::{Case, Stand, peak_memory, turns};
+use report::{PathSpeed, SceneReport, Threads};
+use std::path::PathBuf;
+use wm_render::simd::SimdPath;
+use wm_render::testing::{shell_camera, shell_splats};
+use wm_render::{CpuConfig, CpuRenderer, RenderConfig, Renderer};
+use wm_scene::formats::{ReadOptions, read_scene};
+use wm_scene::{Camera, Group, Metadata, Scene};
+
+/// Options of `bench`.
+#[derive(Args, Debug)]
+pub struct BenchArgs {
+    /// Scenes to render, each by itself [default: a made-up one of --splats]
+    scenes: Vec<PathBuf>,
+    /// Splats of the made-up scene
+    #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = clap::value_parser!(u32).range(1..=50_000_000))]
+    splats: u32,
+    /// SH degree of the made-up scene
+    #[arg(long, value_name = "DEGREE", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
+    sh_degree: u8,
+    /// From where: EYE:TARGET as X,Y,Z:X,Y,Z, or a photo's name or number [default: chosen by looking at
+    /// the scene]
+    #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true)]
+    camera: Option<CameraSpec>,
+    /// Picture size, px
+    #[arg(long, value_name = "WxH", value_parser = spec::parse_size, default_value = "1200x800")]
+    size: (u32, u32),
+    /// Vertical field of view, degrees [default: 50, or the photo's]
+    #[arg(long, value_name = "DEGREES")]
+    fov: Option<f64>,
+    /// Rounds to measure, after two to warm up
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    frames: u32,
+    /// Leave out the splats of the sky
+    #[arg(long)]
+    drop_sky: bool,
+    /// Print everything as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// Runs the command.
+pub fn run(args: &BenchArgs) -> Result<()> {
+    let mut reports = Vec::new();
+    if args.scenes.is_empty() {
+        reports.push(made_up(args)?);
+    }
+    for path in &args.scenes {
+        reports.push(real(path, args)?);
+    }
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&reports)?);
+    } else {
+        report::print(&reports);
+    }
+    Ok(())
+}
+
+fn made_up(args: &BenchArgs) -> Result<SceneReport> {
+    /// Splats over each pixel, about as many as in trained scenes.
+    const COVER: f64 = 60.0;
+    let splats = shell_splats(args.splats as usize, COVER, args.sh_degree, 1);
+    // Its facts are given, so that none is guessed.
+    let facts = Metadata { metres_per_unit: Some(1.0), up: Some(glam::DVec3::Z), ..Metadata::default() };
+    let scene = Scene { splats, ..Scene::default() };
+    let camera = shell_camera(args.size.0, args.size.1);
+    let mut loaded = Loaded::of(scene, &facts, &args.run)?;
+    measure_scene(&format!("made-up, {} splats", args.splats), &mut loaded, camera, args)
+}
+
+fn real(path: &PathBuf, args: &BenchArgs) -> Result<SceneReport> {
+    let read = SceneArgs { scene: path.clone(), repair: true, facts: FactArgs::default() };
+    let mut loaded = if args.drop_sky {
+        let mut scene = read_scene(path, &ReadOptions::default())?;
+        wm_scene::survey::label_sky(&mut scene.splats);
+        let groups = &scene.splats.groups;
+        let rest: Vec<usize> = (0..groups.len()).filter(|i| groups[*i] != Group::Sky).collect();
+        scene.splats = scene.splats.select(&rest);
+        Loaded::of(scene, &Metadata::default(), &args.run)?
+    } else {
+        Loaded::new(&read, &args.run, None)?
+    };
+    let options = view::Options { up: None, fov: args.fov, near: None, size: Some(args.size) };
+    let camera = match &args.camera {
+        Some(spec) => spec.camera(&loaded.scene.views, &loaded.survey, &options)?,
+        None => choose::choose(&mut loaded.site(options))?.camera,
+    };
+    measure_scene(&stem_of(path), &mut loaded, camera, args)
+}
+
+/// Everything about one scene.
+fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchArgs) -> Result<SceneReport> {
+    let (background, rasterization) =
+        (loaded.background(), loaded.scene.metadata.rasterization.unwrap_or_default());
+    let config = |outputs| RenderConfig { outputs, background, rasterization };
+    let cases = Case::all(&loaded.weather_site(), config)?;
+    let rounds = args.frames;
+    let (full, rgb) = (Case::position(&cases, "rgb+depth+normal"), Case::position(&cases, "rgb"));
+
+    let bar = progress::bar(u64::from(rounds), "rounds");
+    let mut stands = [Stand { renderer: &mut loaded.renderer, set: loaded.set }];
+    let plan: Vec<(usize, &Case)> = cases.iter().map(|case| (0, case)).collect();
+    let measured = turns(&mut stands, &camera, &plan, rounds, &bar)?;
+    bar.finish_and_clear();
+    let memory = peak_memory();
+
+    // One thread against all, in the same rounds.
+    let mut single = CpuRenderer::new(CpuConfig { threads: Some(1), simd: args.run.simd })?;
+    let set = single.load(&loaded.scene.splats)?;
+    let threads = loaded.renderer.threads();
+    let mut stands =
+        [Stand { renderer: &mut loaded.renderer, set: loaded.set }, Stand { renderer: &mut single, set }];
+    let bar = progress::bar(u64::from(rounds), "threads");
+    let pair = turns(&mut stands, &camera, &[(0, &cases[full]), (1, &cases[full])], rounds, &bar)?;
+    bar.finish_and_clear();
+    drop(single);
+
+    // Every SIMD path on one thread; the slow ones in fewer rounds.
+    let mut paths = Vec::new();
+    for path in SimdPath::available() {
+        let mut renderer = CpuRenderer::new(CpuConfig { threads: Some(1), simd: path.choice() })?;
+        let set = renderer.load(&loaded.scene.splats)?;
+        let bar = progress::bar(u64::from(rounds.min(8)), "paths");
+        let mut stands = [Stand { renderer: &mut renderer, set }];
+        let plan = [(0, &cases[rgb]), (0, &cases[full])];
+        let measured = turns(&mut stands, &camera, &plan, rounds.min(8), &bar)?;
+        bar.finish_and_clear();
+        paths.push(PathSpeed::new(path.to_string(), &measured[0], &measured[1]));
+    }
+    if interrupt::asked() {
+        return Err(Interrupted("the measurement is not complete".into()).into());
+    }
+    let threads = Threads { threads, all: pair[0].clone(), one: pair[1].clone() };
+    Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), &threads, paths, memory))
+}

@@ -1,0 +1,213 @@
+//! What was measured, for people and as JSON.
+
+use super::measure::{Case, Measured, Sample};
+use crate::scene::Loaded;
+use crate::view::spec;
+use serde::Serialize;
+use wm_render::Renderer;
+use wm_scene::Camera;
+
+/// Everything measured of one scene. Times are milliseconds.
+#[derive(Serialize)]
+pub struct SceneReport {
+    scene: String,
+    splats: usize,
+    sh_degree: u8,
+    camera: String,
+    width: u32,
+    height: u32,
+    renderer: String,
+    visible: u64,
+    /// Pairs of a splat and a tile.
+    intersections: u64,
+    /// Pairs of a splat and a pixel that were evaluated, a pixel of the picture.
+    pairs_per_pixel: f64,
+    peak_memory_mb: Option<f64>,
+    cases: Vec<CaseReport>,
+    threads: ThreadsReport,
+    paths: Vec<PathSpeed>,
+}
+
+/// One case.
+#[derive(Serialize)]
+struct CaseReport {
+    name: &'static str,
+    wall_ms: f64,
+    best_wall_ms: f64,
+    cpu_ms: f64,
+    /// CPU time as a ratio to `rgb`, round by round.
+    cpu_ratio: f64,
+    /// Time of each stage, summed over threads.
+    stages_ms: Stages,
+}
+
+#[derive(Clone, Copy, Serialize)]
+struct Stages {
+    project: f64,
+    medium: f64,
+    intersect: f64,
+    sort: f64,
+    rasterize: f64,
+    composite: f64,
+}
+
+/// All threads and one, in the same rounds.
+pub struct Threads {
+    /// How many are all.
+    pub threads: usize,
+    /// With all.
+    pub all: Measured,
+    /// With one.
+    pub one: Measured,
+}
+
+#[derive(Serialize)]
+struct ThreadsReport {
+    threads: usize,
+    one_wall_ms: f64,
+    all_wall_ms: f64,
+    speedup: f64,
+    /// Work of all threads as a ratio to that of one.
+    cpu_ratio: f64,
+}
+
+/// One SIMD path on one thread: CPU time, nanoseconds an evaluated pair, whole stage.
+#[derive(Serialize)]
+pub struct PathSpeed {
+    path: String,
+    rgb_ns_per_pair: f64,
+    rgb_depth_normal_ns_per_pair: f64,
+    frame_cpu_ms: f64,
+}
+
+impl PathSpeed {
+    /// From the frames of `rgb` and of `rgb+depth+normal`.
+    pub fn new(path: String, rgb: &Measured, full: &Measured) -> Self {
+        // The stage's share of the frame's CPU time: others' load moves that less than the clock.
+        let pair = |Sample { cpu, stats, .. }: &Sample| {
+            let stages = [stats.project, stats.medium, stats.intersect, stats.sort, stats.composite];
+            let share = stats.rasterize / (stats.rasterize + stages.iter().sum::<f64>());
+            cpu * share * 1e9 / stats.evaluated_pairs.max(1) as f64
+        };
+        Self {
+            path,
+            rgb_ns_per_pair: rgb.median(pair),
+            rgb_depth_normal_ns_per_pair: full.median(pair),
+            frame_cpu_ms: full.median(|s| s.cpu * 1e3),
+        }
+    }
+}
+
+impl SceneReport {
+    /// Puts together what was measured; `measured` is in the order of `cases`, `rgb` first.
+    pub fn new(
+        scene: &str,
+        loaded: &Loaded,
+        camera: &Camera,
+        (cases, measured): (&[Case], &[Measured]),
+        threads: &Threads,
+        paths: Vec<PathSpeed>,
+        peak_memory: Option<u64>,
+    ) -> Self {
+        let stats = measured[0].0.first().map(|sample| sample.stats).unwrap_or_default();
+        let pixels = f64::from(camera.width) * f64::from(camera.height);
+        let cases = cases.iter().zip(measured).map(|(case, frames)| CaseReport {
+            name: case.name,
+            wall_ms: frames.median(|s| s.wall * 1e3),
+            best_wall_ms: frames.best(|s| s.wall * 1e3),
+            cpu_ms: frames.median(|s| s.cpu * 1e3),
+            cpu_ratio: frames.ratio(&measured[0], |s| s.cpu),
+            stages_ms: Stages {
+                project: frames.median(|s| s.stats.project * 1e3),
+                medium: frames.median(|s| s.stats.medium * 1e3),
+                intersect: frames.median(|s| s.stats.intersect * 1e3),
+                sort: frames.median(|s| s.stats.sort * 1e3),
+                rasterize: frames.median(|s| s.stats.rasterize * 1e3),
+                composite: frames.median(|s| s.stats.composite * 1e3),
+            },
+        });
+        Self {
+            scene: scene.to_owned(),
+            splats: loaded.scene.splats.len(),
+            sh_degree: loaded.scene.splats.sh_degree,
+            camera: spec::text_of(camera),
+            width: camera.width,
+            height: camera.height,
+            renderer: loaded.renderer.describe(),
+            visible: stats.visible,
+            intersections: stats.intersections,
+            pairs_per_pixel: stats.evaluated_pairs as f64 / pixels,
+            peak_memory_mb: peak_memory.map(|bytes| bytes as f64 * 1e-6),
+            cases: cases.collect(),
+            threads: ThreadsReport {
+                threads: threads.threads,
+                one_wall_ms: threads.one.median(|s| s.wall * 1e3),
+                all_wall_ms: threads.all.median(|s| s.wall * 1e3),
+                speedup: threads.one.ratio(&threads.all, |s| s.wall),
+                cpu_ratio: threads.all.ratio(&threads.one, |s| s.cpu),
+            },
+            paths,
+        }
+    }
+
+    fn print(&self) {
+        println!("{}: {} splats, SH degree {}, {}", self.scene, self.splats, self.sh_degree, self.renderer);
+        let Self { width, height, camera, visible, intersections, pairs_per_pixel, .. } = self;
+        println!(
+            "  {width}x{height} px from {camera}: {visible} splats in view, {intersections} pairs with tiles, \
+             {pairs_per_pixel:.1} evaluated a pixel"
+        );
+        println!(
+            "  {:<26} {:>8} {:>8} {:>8} {:>7}   project medium intersect  sort rasterize composite",
+            "ms a frame", "wall", "best", "CPU", "ratio"
+        );
+        for case in &self.cases {
+            let CaseReport { name, wall_ms, best_wall_ms, cpu_ms, cpu_ratio, stages_ms: stages } = case;
+            let Stages { project, medium, intersect, sort, rasterize, composite } = stages;
+            println!(
+                "  {name:<26} {wall_ms:>8.1} {best_wall_ms:>8.1} {cpu_ms:>8.1} {cpu_ratio:>7.3}   {project:>7.1} \
+                 {medium:>6.1} {intersect:>9.1} {sort:>5.1} {rasterize:>9.1} {composite:>9.1}"
+            );
+        }
+        let ThreadsReport { threads, one_wall_ms, all_wall_ms, speedup, cpu_ratio } = self.threads;
+        println!(
+            "  rgb+depth+normal with 1 thread {one_wall_ms:.1} ms, with {threads} {all_wall_ms:.1} ms: {speedup:.2} times \
+             faster on the clock, {cpu_ratio:.3} times the CPU time"
+        );
+        for PathSpeed { path, rgb_ns_per_pair, rgb_depth_normal_ns_per_pair, frame_cpu_ms } in &self.paths {
+            println!(
+                "  {path:<9} 1 thread: blending takes {rgb_ns_per_pair:.3} ns a pair (rgb), \
+                 {rgb_depth_normal_ns_per_pair:.3} (rgb+depth+normal); the frame {frame_cpu_ms:.1} ms of CPU"
+            );
+        }
+        if let Some(memory) = self.peak_memory_mb {
+            println!("  peak memory of the process with one renderer: {memory:.0} MB");
+        }
+    }
+}
+
+/// Prints a table a scene, and how time grows from the first scene to each of the others.
+pub fn print(reports: &[SceneReport]) {
+    println!("Wall and CPU times are medians, ratios (to rgb) are of CPU time, round by round.");
+    println!("Times of the stages are summed over the threads.");
+    for report in reports {
+        println!();
+        report.print();
+    }
+    let full = |report: &SceneReport| {
+        report.cases.iter().find(|case| case.name == "rgb+depth+normal").map_or(f64::NAN, |case| case.cpu_ms)
+    };
+    if let [first, others @ ..] = reports
+        && !others.is_empty()
+    {
+        println!("\nrgb+depth+normal beside {} ({:.1} ms of CPU)", first.scene, full(first));
+        for other in others {
+            let splats = other.splats as f64 / first.splats.max(1) as f64;
+            println!(
+                "  {}: {splats:.2} times the splats, {:.2} times the CPU time",
+                other.scene,
+                full(other) / full(first)
+            );
+        }
+    }
+}

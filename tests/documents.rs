@@ -1,0 +1,52 @@
+//! What documents name exists, and what they promise is there.
+
+use std::path::Path;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// Words in backticks that are paths of this project: with a slash and no space, placeholder or option.
+fn paths(text: &str) -> impl Iterator<Item = &str> {
+    let spans = text.split('`').skip(1).step_by(2);
+    spans.filter(|span| {
+        let first = span.split('/').next().unwrap_or_default();
+        let ours = ["src", "crates", "tests", "benches", "docs", "examples", ".ci"];
+        span.contains('/') && ours.contains(&first) && !span.contains([' ', '<', '*'])
+    })
+}
+
+fn read(name: &str) -> String {
+    std::fs::read_to_string(Path::new(ROOT).join(name)).unwrap()
+}
+
+#[test]
+fn named_paths_exist() {
+    let mut named = 0;
+    for document in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"] {
+        let text = read(document);
+        // Blocks of code hold commands, not paths of this project.
+        let prose: String = text.split("```").step_by(2).collect();
+        for path in paths(&prose) {
+            assert!(Path::new(ROOT).join(path).exists(), "{document} names {path}, which is not there");
+            named += 1;
+        }
+    }
+    assert!(named > 25, "only {named} paths found: are they still in backticks?");
+}
+
+#[test]
+fn links_lead_somewhere() {
+    for document in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"] {
+        let text = read(document);
+        for target in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            if !target.starts_with("http") && !target.starts_with('#') {
+                assert!(Path::new(ROOT).join(target).exists(), "{document} links to {target}");
+            }
+        }
+    }
+}
+
+#[test]
+fn readme_and_ci_run_the_same_tests() {
+    assert!(read("README.md").contains("\ncargo test --workspace\n"));
+    assert!(read(".ci/run").contains("\ncargo test --workspace\n"));
+}
