@@ -14,6 +14,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use wm_render::{Background, Frame, RenderConfig, Stats};
 use wm_scene::Rasterization;
+use wm_scene::files::check_writable;
 use wm_weather::Weather;
 
 /// Options of `render`.
@@ -51,10 +52,16 @@ struct OutputArgs {
     #[arg(long, value_name = "FORMAT", default_value = "png", help_heading = "Output")]
     frame_format: Format,
     /// Frames a second, such as 30, 29.97 or 30000/1001
-    #[arg(long, value_name = "RATE", default_value = "30", help_heading = "Output")]
+    #[arg(
+        long,
+        value_name = "RATE",
+        allow_negative_numbers = true,
+        default_value = "30",
+        help_heading = "Output"
+    )]
     fps: video::FrameRate,
     /// Length of a video, seconds [default: that of the camera's path, else 5]
-    #[arg(long, value_name = "S", help_heading = "Output")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Output")]
     seconds: Option<f64>,
     /// Instant of a picture, and of a video's first frame, seconds
     #[arg(
@@ -79,7 +86,7 @@ struct OutputArgs {
     #[arg(long, value_enum, default_value = "builtin", help_heading = "Output")]
     encoder: video::Encoder,
     /// Bits a second of a video [default: the same good quality, whatever it takes]
-    #[arg(long, value_name = "BITS", help_heading = "Output")]
+    #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Output")]
     bitrate: Option<u32>,
 }
 
@@ -122,6 +129,21 @@ enum Target {
     Folder(PathBuf),
 }
 
+impl Target {
+    /// Whether it can be written, as far as that can be told before there are frames.
+    fn check(&self) -> Result<()> {
+        match self {
+            Self::Picture(path) | Self::Video(path) => check_writable(path)?,
+            Self::Folder(path) if path.exists() && !path.is_dir() => bail!(
+                "--out {}: is no folder; give a folder, or a name that ends in .png, .exr, .npy or .mp4",
+                path.display()
+            ),
+            Self::Folder(_) => {}
+        }
+        Ok(())
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<()> {
     // All that may be wrong and is cheap to check comes before the scene is read.
@@ -133,6 +155,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         weather.set(text)?;
     }
     let target = target_of(args, &weather)?;
+    target.check()?;
     args.camera.check()?;
 
     let mut loaded = Loaded::new(&args.scene, &args.run, args.camera.views.as_ref())?;
