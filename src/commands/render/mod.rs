@@ -154,6 +154,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     for text in &args.set {
         weather.set(text)?;
     }
+    if weather.effects().next().is_some() && args.weather.is_none() {
+        weather.name = weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>().join("-");
+    }
     let target = target_of(args, &weather)?;
     target.check()?;
     args.camera.check()?;
