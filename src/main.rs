@@ -3,13 +3,20 @@
 //! The binary is thin: a command reads its options, puts the crates of the corridor together and
 //! writes what comes out. See ARCHITECTURE.md.
 
+// First, for its macros; tests keep those of std, whose output is captured.
+#[cfg(not(test))]
+#[macro_use]
+mod say;
+
 mod commands;
 mod interrupt;
 mod media;
 mod names;
 mod output;
+mod pipeline;
 mod progress;
 mod scene;
+mod studio;
 mod view;
 
 use clap::Parser;
@@ -28,8 +35,7 @@ fn main() -> ExitCode {
             ExitCode::from(130)
         }
         Err(error) => {
-            let line = format!("{error:#}").split_whitespace().collect::<Vec<_>>().join(" ");
-            eprintln!("error: {line}");
+            eprintln!("error: {}", one_line(&format!("{error:#}")));
             ExitCode::FAILURE
         }
     }
@@ -47,10 +53,22 @@ fn usage(error: &clap::Error) -> ExitCode {
             if asked { ExitCode::SUCCESS } else { ExitCode::from(2) }
         }
         _ => {
+            // What is wrong comes first, then what was probably meant, then usage.
             let text = error.to_string();
-            let lines = text.split("\n\n").next().unwrap_or_default().split_whitespace();
-            eprintln!("{} (--help lists the options)", lines.collect::<Vec<_>>().join(" "));
+            let mut parts =
+                text.split("\n\n").map(|part| part.split_whitespace().collect::<Vec<_>>().join(" "));
+            let what = parts.next().unwrap_or_default();
+            let meant = parts
+                .find(|part| part.starts_with("tip: a similar "))
+                .map(|tip| tip.replacen("tip: ", "; ", 1));
+            eprintln!("{} (--help lists the options)", one_line(&(what + &meant.unwrap_or_default())));
             ExitCode::from(2)
         }
     }
+}
+
+/// A message on one line: names of files may have anything in them.
+fn one_line(message: &str) -> String {
+    let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    message.chars().map(escaped).collect()
 }

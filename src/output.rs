@@ -176,14 +176,14 @@ impl Style {
                         note = format!(", {scale} m a count, 0 for nothing");
                     }
                     Format::Exr => {
-                        self.exr(&path, size, exr::Planes { depth: Some(&depth), ..Default::default() })?
+                        self.exr(&path, size, exr::Planes { depth: Some(&depth), ..Default::default() })?;
                     }
                     Format::Npy => npy::write_npy(&path, &depth, size, 1)?,
                 }
             }
             Kind::Normal => match format {
                 Format::Png => {
-                    png::write_normals(&path, &frame.normal, size, png::Bits::Sixteen, &self.tags)?
+                    png::write_normals(&path, &frame.normal, size, png::Bits::Sixteen, &self.tags)?;
                 }
                 Format::Exr => {
                     self.exr(

@@ -34,7 +34,13 @@ pub struct FactArgs {
     #[arg(long, value_name = "UNITS", allow_hyphen_values = true, help_heading = "Scene")]
     pub ground: Option<f64>,
     /// Metres a scene unit [default: from the file, else 1 with a warning]
-    #[arg(long, value_name = "METRES", help_heading = "Scene", conflicts_with = "known_distance")]
+    #[arg(
+        long,
+        value_name = "METRES",
+        allow_negative_numbers = true,
+        help_heading = "Scene",
+        conflicts_with = "known_distance"
+    )]
     pub metres_per_unit: Option<f64>,
     /// The scale from two points and the metres between them, such as 0,0,0:1.5,0,2=12.5
     #[arg(long, value_name = "X,Y,Z:X,Y,Z=M", value_parser = parse_known_distance, allow_hyphen_values = true, help_heading = "Scene")]
@@ -70,7 +76,8 @@ impl FactArgs {
             ..Metadata::default()
         };
         if let Some(fault) = metadata.fault() {
-            bail!("{fault}");
+            // The keys are called as the options are.
+            bail!("--{}", fault.replace('_', "-"));
         }
         Ok(metadata)
     }
@@ -91,11 +98,12 @@ pub struct Loaded {
 impl Loaded {
     /// Reads, checks, surveys and loads. Warns on the error stream.
     pub fn new(args: &SceneArgs, run: &RunArgs, views: Option<&PathBuf>) -> Result<Self> {
+        // What is small and may be wrong comes before what is large.
         let given = args.facts.metadata()?;
+        run.renderer()?;
+        let views = views.map(|folder| capture::read_views(folder)).transpose()?;
         let mut scene = read_scene(&args.scene, &ReadOptions::default())?;
-        if let Some(folder) = views {
-            scene.views = capture::read_views(folder)?;
-        }
+        scene.views = views.unwrap_or(scene.views);
         check(&mut scene, args)?;
         Self::of(scene, &given, run)
     }

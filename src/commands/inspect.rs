@@ -42,8 +42,7 @@ pub fn run(args: &InspectArgs) -> Result<()> {
     if args.save_metadata {
         let file = wm_scene::formats::folder::scene_file(&args.scene)?;
         let metadata = survey.metadata().or(scene.metadata);
-        let written = write_sidecar(&file, &metadata)?;
-        let _ = written;
+        write_sidecar(&file, &metadata)?;
         eprintln!("{}: written", wm_scene::formats::sidecar_path(&file).display());
     }
     Ok(())

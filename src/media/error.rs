@@ -4,53 +4,18 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
+use wm_scene::files::WriteFault;
 
 /// A picture or video that could not be written.
 #[derive(Debug, Error)]
 pub enum MediaError {
-    /// The directory to write into is not there.
-    #[error("{}: the directory {} does not exist: create it first", path.display(), directory.display())]
-    MissingDirectory {
+    /// The system refuses the file.
+    #[error("{}: {fault}", path.display())]
+    Write {
         /// The file to be written.
         path: PathBuf,
-        /// Its missing directory.
-        directory: PathBuf,
-    },
-    /// A directory is in the place of the file.
-    #[error("{}: is a directory: name a file in it", path.display())]
-    IsDirectory {
-        /// The file to be written.
-        path: PathBuf,
-    },
-    /// A device, pipe or socket is in the place of the file: it cannot be replaced by renaming.
-    #[error("{}: is not a regular file: name a new file", path.display())]
-    NotRegular {
-        /// The file to be written.
-        path: PathBuf,
-    },
-    /// No right to write there.
-    #[error("{}: not writable ({source}): change the rights of its directory or write elsewhere", path.display())]
-    NotWritable {
-        /// The file to be written.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// No room.
-    #[error("{}: the disk is full: free some space or write elsewhere", path.display())]
-    DiskFull {
-        /// The file to be written.
-        path: PathBuf,
-    },
-    /// Anything else the system refused.
-    #[error("{}: cannot {action}: {source}", path.display())]
-    Io {
-        /// The file to be written.
-        path: PathBuf,
-        /// What was tried: "write", "rename", ...
-        action: &'static str,
-        /// What the system said.
-        source: io::Error,
+        /// Why, and what to do.
+        fault: WriteFault,
     },
     /// A tag that the format cannot hold.
     #[error("{}: cannot store the tag {key:?}: {reason}", path.display())]
@@ -86,6 +51,7 @@ pub enum MediaError {
         height: u32,
     },
     /// Larger or smaller than the encoder takes.
+    #[cfg(feature = "h264")]
     #[error("{}: the built-in encoder takes {limits}, not {width}x{height} pixels: use --encoder ffmpeg", path.display())]
     EncoderSize {
         /// The file to be written.
@@ -104,6 +70,7 @@ pub enum MediaError {
         text: String,
     },
     /// This build has no encoder of its own.
+    #[cfg(not(feature = "h264"))]
     #[error(
         "{}: this program was built without its H.264 encoder: use --encoder ffmpeg, write PNG frames, \
          or build it with `--features h264`",
@@ -114,12 +81,12 @@ pub enum MediaError {
         path: PathBuf,
     },
     /// `--encoder ffmpeg` without ffmpeg.
-    #[error("{}: cannot start ffmpeg ({source}): install it, or use --encoder builtin", path.display())]
+    #[error("{}: cannot start ffmpeg ({reason}): install it, or use --encoder builtin", path.display())]
     NoFfmpeg {
         /// The file to be written.
         path: PathBuf,
-        /// What the system said.
-        source: io::Error,
+        /// What the system said; it is in the message, so that it is no source of its own.
+        reason: io::Error,
     },
     /// The video encoder gave up.
     #[error("{}: {encoder} failed at frame {frame}: {reason}", path.display())]
@@ -142,15 +109,8 @@ pub enum MediaError {
 }
 
 impl MediaError {
-    /// The error for `source` while doing `action` ("write", "rename", ...) for `path`.
-    pub(super) fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
-        use io::ErrorKind::{IsADirectory, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
-        let path = path.to_path_buf();
-        match source.kind() {
-            StorageFull | QuotaExceeded => Self::DiskFull { path },
-            PermissionDenied | ReadOnlyFilesystem => Self::NotWritable { path, source },
-            IsADirectory => Self::IsDirectory { path },
-            _ => Self::Io { path, action, source },
-        }
+    /// The error for what the system refuses of `path`.
+    pub(super) fn write(path: &Path, fault: impl Into<WriteFault>) -> Self {
+        Self::Write { path: path.to_path_buf(), fault: fault.into() }
     }
 }

@@ -19,8 +19,9 @@ use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, 
 use exr::math::Vec2;
 use exr::meta::attribute::{AttributeValue, Chromaticities, LineOrder, Text};
 use exr::meta::header::{LayerAttributes, standard_names};
+use wm_scene::color::srgb_decode;
 
-use super::{MediaError, Size, Tags, atomic, color};
+use super::{MediaError, Size, Tags, write_file};
 
 /// What to write, at least one; shapes and values as in [`media`](super).
 #[derive(Clone, Copy, Debug, Default)]
@@ -70,7 +71,7 @@ pub fn write_exr(path: &Path, planes: Planes<'_>, size: Size, tags: &Tags) -> Re
         reason: error.to_string(),
     })?;
     sort_attributes(&mut bytes);
-    atomic::write(path, |out| out.write_all(&bytes).map_err(|source| MediaError::io(path, "write", source)))
+    write_file(path, |out| out.write_all(&bytes).map_err(|source| MediaError::write(path, source)))
 }
 
 /// ZIP by single rows ("ZIPS"): a seventh larger than by 16 rows, but written in a third of the time.
@@ -93,7 +94,7 @@ fn channels(planes: Planes<'_>, size: Size) -> Vec<AnyChannel<FlatSamples>> {
         size.expect("rgb", rgb, 3);
         for (at, name) in ["R", "G", "B"].into_iter().enumerate() {
             let values = rgb.iter().skip(at).step_by(3);
-            channels.push(channel(name, values.map(|&value| color::srgb_decode(value)).collect()));
+            channels.push(channel(name, values.map(|&value| srgb_decode(f64::from(value)) as f32).collect()));
         }
     }
     if let Some(normals) = planes.normals {
@@ -183,7 +184,10 @@ mod tests {
         expect("A", alpha.clone());
         expect("Z", depth.clone());
         for (at, (color, normal)) in [("R", "N.X"), ("G", "N.Y"), ("B", "N.Z")].into_iter().enumerate() {
-            expect(color, rgb.iter().skip(at).step_by(3).map(|&v| color::srgb_decode(v)).collect());
+            expect(
+                color,
+                rgb.iter().skip(at).step_by(3).map(|&v| srgb_decode(f64::from(v)) as f32).collect(),
+            );
             expect(normal, normals.iter().skip(at).step_by(3).copied().collect());
         }
     }

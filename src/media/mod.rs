@@ -1,4 +1,4 @@
-//! Pictures and videos out of pixels: PNG, EXR, NPY, MP4.
+//! Pictures and videos out of pixels: PNG, EXR, NPY, MP4, and contact sheets.
 //!
 //! Everything takes plain slices, so that nothing here knows a renderer:
 //!
@@ -11,21 +11,26 @@
 //!
 //! Rows run from top to bottom. A slice whose length does not fit its shape is a bug of the caller
 //! and panics; whatever can go wrong outside the program is a [`MediaError`] of one line. Every file
-//! is written beside its final name and then renamed ([`atomic`]), so that a file under its final
-//! name is always whole.
+//! is written beside its final name and then renamed ([`wm_scene::files`]), so that a file under its
+//! final name is always whole.
 //!
 //! The same pixels give the same bytes, on any number of threads.
 
-pub mod atomic;
 pub mod color;
 mod dither;
 mod error;
 pub mod exr;
 pub mod npy;
 pub mod png;
+pub mod sheet;
 pub mod video;
 
 pub use error::MediaError;
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::Path;
+use wm_scene::files::write_whole;
 
 /// Width and height of a picture, pixels, both above 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,6 +64,14 @@ impl Size {
             "{what} of {width}x{height} with {channels} channels"
         );
     }
+}
+
+/// [`write_whole`] with the errors of this module.
+fn write_file(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), MediaError>,
+) -> Result<(), MediaError> {
+    write_whole(path, |fault| MediaError::write(path, fault), write)
 }
 
 /// What is written into a file besides pixels, in this order: program, scene, weather, seed, time, ...

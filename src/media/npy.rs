@@ -3,10 +3,10 @@
 //! Written here, since it is a header of one line: the crate for it brings twenty others, among them
 //! a parser generator, a big-integer library and assembly code.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
-use super::{MediaError, Size, atomic};
+use super::{MediaError, Size, write_file};
 
 /// Writes `values` as little-endian f32 of shape `[H, W]` for one channel, else `[H, W, channels]`.
 ///
@@ -14,8 +14,8 @@ use super::{MediaError, Size, atomic};
 /// The file cannot be written.
 pub fn write_npy(path: &Path, values: &[f32], size: Size, channels: usize) -> Result<(), MediaError> {
     size.expect("array", values, channels);
-    atomic::write(path, |out| {
-        let bytes = |out: &mut dyn Write| {
+    write_file(path, |out| {
+        let bytes = |out: &mut dyn Write| -> io::Result<()> {
             out.write_all(&header(size, channels))?;
             // Row by row: a copy of a row, not of the picture.
             let mut row_bytes = Vec::with_capacity(size.width as usize * channels * 4);
@@ -26,7 +26,7 @@ pub fn write_npy(path: &Path, values: &[f32], size: Size, channels: usize) -> Re
             }
             Ok(())
         };
-        bytes(out).map_err(|source| MediaError::io(path, "write", source))
+        bytes(out).map_err(|source| MediaError::write(path, source))
     })
 }
 

@@ -9,7 +9,7 @@ use std::path::Path;
 use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, ScaledFloat, SrgbRenderingIntent};
 
 use super::color::{self, Dither};
-use super::{MediaError, Size, Tags, atomic};
+use super::{MediaError, Size, Tags, write_file};
 
 /// Name of the tag that holds the scale of a depth picture.
 pub const DEPTH_SCALE_KEY: &str = "depth_metres_per_count";
@@ -173,9 +173,9 @@ fn write(
     meaning: Meaning,
     tags: &Tags,
 ) -> Result<(), MediaError> {
-    atomic::write(path, |out| {
+    write_file(path, |out| {
         let failed = |error| match error {
-            EncodingError::IoError(source) => MediaError::io(path, "write", source),
+            EncodingError::IoError(source) => MediaError::write(path, source),
             other => {
                 MediaError::Format { path: path.to_path_buf(), format: "PNG", reason: other.to_string() }
             }

@@ -1,12 +1,11 @@
 //! The JSON format of camera paths: reading and writing; described in docs/camera-path.md.
 
-use super::near_names::nearest;
 use super::path::{Key, Path};
 use super::{DEFAULT_FOV, Options, ViewError};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, FormatError, Location, Problem, files::write_atomically};
+use wm_scene::{Camera, FormatError, Location, Problem, files::write_atomically, nearest};
 
 /// Every key that a file may have.
 const KEYS: [&str; 9] = ["keyframes", "up", "fov", "near", "time", "eye", "target", "rotation", "fov"];
@@ -71,6 +70,9 @@ pub fn text_of(path: &Path) -> String {
 
 /// The path that a text describes.
 pub fn parse(text: &str, survey: &Survey, options: &Options) -> Result<Path, (Location, String)> {
+    if text.trim_ascii().is_empty() {
+        return Err((Location::Whole, Problem::Empty.to_string()));
+    }
     let file: File = serde_json::from_str(text).map_err(|error| {
         let location = Location::LineColumn(error.line() as u64, error.column() as u64);
         (location, explained(&error.to_string()))
@@ -122,6 +124,7 @@ fn explained(message: &str) -> String {
 mod tests {
     use super::super::testing::survey;
     use super::*;
+    use proptest::prelude::*;
 
     fn say(text: &str) -> String {
         let (location, message) = parse(text, &survey(), &Options::default()).unwrap_err();
@@ -188,6 +191,7 @@ mod tests {
                 ", line 1, column 15: invalid type: integer `3`, expected a sequence",
             ),
             (r#"{"keyframes": []}"#.into(), ": there are no keyframes"),
+            (" \n".into(), ": the file is empty; copy or export it again"),
             (one(r#""time": 0, "eye": [0,0,0]"#), r#": keyframe 1: give either "target" or "rotation""#),
             (
                 one(r#""time": 0, "eye": [0,0,0], "rotation": [0,0,0,0]"#),
@@ -195,11 +199,58 @@ mod tests {
             ),
             (
                 one(r#""time": 0, "eye": [0,0,0], "target": [0,0,1]"#),
-                ": keyframe 1: camera from ([0, 0, 0]) to ([0, 0, 1]) with up ([0, 0, 1]) has no direction or no up",
+                ": keyframe 1: camera from 0,0,0 to 0,0,1 with up 0,0,1 has no direction or no up; look from one \
+                 point to another, not along up",
             ),
             (one(r#""time": 1e999, "eye": [0,0,0]"#), ", line 2, column 15: number out of range"),
         ] {
             assert_eq!(say(&text), expected, "{text}");
+        }
+    }
+
+    const WHOLE: &str = r#"{"up": [0, -1, 0], "fov": 40, "near": 0.05, "keyframes": [
+        {"time": 0, "eye": [1, 2, 3], "target": [1, 2, 9]},
+        {"time": 2.5, "eye": [1, 2, 4], "rotation": [2, 0, 0, 0], "fov": 60}]}"#;
+
+    /// A path with cameras that can be rendered, or one line.
+    fn check(text: &str) -> Result<(), TestCaseError> {
+        match parse(text, &survey(), &Options::default()) {
+            Ok(path) => {
+                let end = path.start() + path.duration();
+                for time in [path.start(), 0.5 * (path.start() + end), end] {
+                    prop_assert_eq!(path.at(time, (64, 48)).check(), Ok(()), "{}", text);
+                }
+            }
+            Err((_, message)) => prop_assert!(!message.contains(['\n', '\r']), "{}", message),
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_read_or_refused_in_one_line(text in "(?s).{0,200}") {
+            check(&text)?;
+        }
+
+        #[test]
+        fn mutated_files_are_read_or_refused(
+            edits in prop::collection::vec((any::<prop::sample::Index>(), "[-0-9e.,{}\\[\\]\": a-z]", 0..3u8), 1..6),
+            end in any::<prop::sample::Index>(),
+            cut in any::<bool>(),
+        ) {
+            let mut bytes = WHOLE.as_bytes().to_vec();
+            for (at, by, kind) in edits {
+                let at = at.index(bytes.len());
+                match kind {
+                    0 => bytes[at] = by.as_bytes()[0],
+                    1 => bytes.insert(at, by.as_bytes()[0]),
+                    _ => { bytes.remove(at); }
+                }
+            }
+            if cut {
+                bytes.truncate(end.index(bytes.len()));
+            }
+            check(&String::from_utf8_lossy(&bytes))?;
         }
     }
 }

@@ -11,7 +11,6 @@ mod candidates;
 pub mod choose;
 mod json;
 pub mod moves;
-mod near_names;
 pub mod path;
 mod rate;
 mod space;

@@ -1,6 +1,5 @@
 //! The built-in camera paths: around the scene, forward into it, and along the photos.
 
-use super::near_names::nearest;
 use super::path::{Key, Path};
 use super::space::Space;
 use super::{Options, Site, ViewError};
@@ -10,7 +9,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use wm_render::Frame;
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, View};
+use wm_scene::{Camera, View, nearest};
 
 /// What `--path` says.
 #[derive(Clone, Debug, PartialEq, Eq)]

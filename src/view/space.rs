@@ -125,11 +125,6 @@ impl Space {
         self.index(at).is_some_and(|index| self.filled[index])
     }
 
-    /// Width of a cell, scene units.
-    pub fn cell(&self) -> f64 {
-        self.cell
-    }
-
     /// The level axes and up.
     pub fn axes(&self) -> [DVec3; 3] {
         self.axes

@@ -6,15 +6,14 @@
 //!   its number, from 1;
 //! - a JSON file of keyframes ([`super::path`]), for its first.
 
-use super::near_names::nearest;
 use super::path::Path;
 use super::{DEFAULT_FOV, Options, ViewError};
 use glam::DVec3;
 use std::path::PathBuf;
 use std::str::FromStr;
-use wm_scene::camera::MAX_SIDE;
+use wm_scene::camera::{MAX_PIXELS, MAX_SIDE};
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, View};
+use wm_scene::{Camera, View, nearest};
 
 /// What `--camera` says.
 #[derive(Clone, Debug, PartialEq)]
@@ -162,9 +161,11 @@ pub fn parse_size(text: &str) -> Result<(u32, u32), ViewError> {
     let side = |side: &str| side.trim().parse::<u32>().ok().filter(|s| (1..=MAX_SIDE).contains(s));
     let sides = text.split_once(['x', 'X']).map(|(width, height)| (side(width), side(height)));
     match sides {
-        Some((Some(width), Some(height))) => Ok((width, height)),
+        Some((Some(width), Some(height))) if u64::from(width) * u64::from(height) <= MAX_PIXELS => {
+            Ok((width, height))
+        }
         _ => {
-            let problem = format!("give WxH in pixels, each side 1 to {MAX_SIDE}");
+            let problem = format!("give WxH in pixels, each side 1 to {MAX_SIDE}, {MAX_PIXELS} in all");
             Err(ViewError::text("size", text, problem))
         }
     }
@@ -240,7 +241,8 @@ mod tests {
             ("1,2,inf:3,4,5", "camera \"1,2,inf:3,4,5\": \"inf\" is no number"),
             (
                 "1,2,3:1,2,3",
-                "camera from ([1, 2, 3]) to ([1, 2, 3]) with up ([0, 0, 1]) has no direction or no up",
+                "camera from 1,2,3 to 1,2,3 with up 0,0,1 has no direction or no up; look from one point to another, \
+                 not along up",
             ),
             (
                 "IMG_0013.jpg",
@@ -294,9 +296,10 @@ mod tests {
     fn sizes_and_directions() {
         assert_eq!(parse_size("1280x720").unwrap(), (1280, 720));
         assert_eq!(parse_size(" 3 X 4 ").unwrap(), (3, 4));
-        for text in ["", "1280", "0x7", "1x99999", "-1x2", "1x2x3"] {
+        for text in ["", "1280", "0x7", "1x99999", "32768x32768", "-1x2", "1x2x3"] {
             let message = parse_size(text).unwrap_err().to_string();
-            assert_eq!(message, format!("size \"{text}\": give WxH in pixels, each side 1 to 32768"));
+            let expected = "give WxH in pixels, each side 1 to 32768, 268435456 in all";
+            assert_eq!(message, format!("size \"{text}\": {expected}"));
         }
         assert_eq!(parse_direction("0, -2, 0").unwrap(), DVec3::NEG_Y);
         assert_eq!(parse_direction("0,0,0").unwrap_err().to_string(), "up \"0,0,0\": it has no length");

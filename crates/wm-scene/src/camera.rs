@@ -7,6 +7,9 @@ use thiserror::Error;
 /// Largest picture side, px: keeps every tile count and pixel index inside 32 bits.
 pub const MAX_SIDE: u32 = 32_768;
 
+/// Most pixels of a picture: with all that is kept of each it still fits into 16 GiB.
+pub const MAX_PIXELS: u64 = 1 << 28;
+
 /// A pinhole camera with OpenCV axes: x right, y down, z forward.
 ///
 /// A world point `p` is seen at `viewmat * p = (x, y, z)` and projected to
@@ -34,8 +37,8 @@ pub struct Camera {
 /// Why numbers do not make a camera.
 #[derive(Debug, Error, PartialEq)]
 pub enum CameraError {
-    /// A side is 0 or too long.
-    #[error("picture size {width}x{height}: each side must be 1 to {MAX_SIDE} px")]
+    /// A side is 0 or too long, or there are too many pixels.
+    #[error("picture size {width}x{height}: each side must be 1 to {MAX_SIDE} px, {MAX_PIXELS} px in all")]
     Size {
         /// Asked width, px.
         width: u32,
@@ -53,7 +56,12 @@ pub enum CameraError {
         expected: &'static str,
     },
     /// The eye is at the target, or up is along the view.
-    #[error("camera from ({eye}) to ({target}) with up ({up}) has no direction or no up")]
+    #[error(
+        "camera from {} to {} with up {} has no direction or no up; look from one point to another, not along up",
+        point(eye),
+        point(target),
+        point(up)
+    )]
     Degenerate {
         /// Camera centre.
         eye: DVec3,
@@ -116,7 +124,8 @@ impl Camera {
     /// [`CameraError`] names the first that cannot.
     pub fn check(&self) -> Result<(), CameraError> {
         let (width, height) = (self.width, self.height);
-        if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
+        let pixels = u64::from(width) * u64::from(height);
+        if width.max(height) > MAX_SIDE || !(1..=MAX_PIXELS).contains(&pixels) {
             return Err(CameraError::Size { width, height });
         }
         for (field, value) in [("fx", self.fx), ("fy", self.fy), ("near plane", self.near)] {
@@ -214,6 +223,11 @@ impl Camera {
     }
 }
 
+/// A point in a message: numbers far from 1 with an exponent, not with hundreds of digits.
+fn point(point: &DVec3) -> String {
+    point.to_array().map(|v| if v.abs() < 1e6 { format!("{v}") } else { format!("{v:e}") }).join(",")
+}
+
 /// The 4x4 matrix of a rotation and a translation.
 #[must_use]
 pub fn viewmat_of(rotation: DMat3, translation: DVec3) -> DMat4 {
@@ -265,6 +279,7 @@ mod tests {
         for (size, fov, target) in [
             ((0, 800), 50.0, DVec3::X),
             ((100_000, 800), 50.0, DVec3::X),
+            ((32_768, 32_768), 50.0, DVec3::X),
             ((1200, 800), 180.0, DVec3::X),
             ((1200, 800), f64::NAN, DVec3::X),
             ((1200, 800), 50.0, eye),

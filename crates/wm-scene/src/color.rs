@@ -31,6 +31,13 @@ mod tests {
     }
 
     #[test]
+    fn points_of_the_standard() {
+        // Mid grey, and the join of line and power.
+        assert!((srgb_decode(0.5) - 0.214_041_140_482_232_55).abs() < 1e-15);
+        assert!((srgb_decode(0.040_45) - 0.003_130_804_953_560_371).abs() < 1e-15);
+    }
+
+    #[test]
     fn white_and_black_stay() {
         assert_eq!(srgb_encode(0.0), 0.0);
         assert!((srgb_encode(1.0) - 1.0).abs() < 1e-12);

@@ -1,6 +1,6 @@
 //! What can be wrong with a file: where, what, and what to do, in one line.
 
-use crate::SplatsError;
+use crate::{SplatsError, files::WriteFault};
 use std::{
     fmt, io,
     path::{Path, PathBuf},
@@ -82,14 +82,8 @@ pub enum Problem {
     #[error("cannot be read: {0}")]
     Read(io::Error),
     /// The operating system refused to write.
-    #[error("cannot be written: {0}")]
-    Write(#[from] io::Error),
-    /// The folder of the output is not there.
-    #[error("cannot be written: the folder \"{}\" does not exist; create it first", .0.display())]
-    NoFolder(PathBuf),
-    /// There is something at the output path that is not replaced.
-    #[error("cannot be written: {0}; choose another name")]
-    Occupied(&'static str),
+    #[error(transparent)]
+    Write(#[from] WriteFault),
     /// The file ends inside its header.
     #[error("cut off in the header: there is no end_header line; copy or download the file again")]
     HeaderTruncated,
@@ -172,6 +166,13 @@ pub enum Problem {
         /// Which camera, image or line.
         what: String,
     },
+}
+
+/// For writers, where only the output can fail.
+impl From<io::Error> for Problem {
+    fn from(error: io::Error) -> Self {
+        Self::Write(error.into())
+    }
 }
 
 impl FormatError {

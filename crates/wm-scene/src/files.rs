@@ -1,95 +1,241 @@
-//! Writing files whole or not at all.
+//! Files that appear whole or not at all: written beside their final name, then renamed.
+//!
+//! The temporary file lies in the same folder, since a rename is only atomic within one file system.
+//! It is called `<name>.<process>-<count>.part` and is removed when writing fails, and by
+//! [`abandon_temporaries`] before the process is ended. Nothing is flushed to the disk by force:
+//! thousands of frames would wait for it, and a power cut costs only the last ones.
 
 use crate::error::{FormatError, Problem};
 use std::{
     fs::{self, File, OpenOptions},
-    io::{BufWriter, ErrorKind, Write},
+    io::{self, BufWriter, ErrorKind, Write},
     path::{Path, PathBuf},
-    sync::atomic::{AtomicU32, Ordering},
+    sync::{
+        Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
 };
+use thiserror::Error;
 
-/// Writes `path` through a temporary file beside it, which takes its place when `write` is done.
+/// Buffer of a file that is written in small pieces, bytes.
+const BUFFER: usize = 1 << 18;
+
+/// Why a file cannot be written, and what to do; printed behind its path.
+#[derive(Debug, Error)]
+pub enum WriteFault {
+    /// The folder to write into is not there.
+    #[error("cannot be written: the folder \"{}\" does not exist; create it first", .0.display())]
+    NoFolder(PathBuf),
+    /// A folder is in the place of the file.
+    #[error("cannot be written: it is a folder; name a file in it")]
+    IsFolder,
+    /// A device, pipe or socket is in the place of the file: it cannot be replaced by renaming.
+    #[error("cannot be written: it is no regular file; choose another name")]
+    NotRegular,
+    /// There is a file that its owner protected.
+    #[error("cannot be written: it is write-protected; choose another name")]
+    Protected,
+    /// No right to write there.
+    #[error("cannot be written: {0}; change the rights of its folder or write elsewhere")]
+    Denied(io::Error),
+    /// No room.
+    #[error("cannot be written: the disk is full; free some space or write elsewhere")]
+    DiskFull,
+    /// Anything else that the system refused.
+    #[error("cannot be written: {0}; write elsewhere")]
+    Other(io::Error),
+}
+
+impl From<io::Error> for WriteFault {
+    fn from(error: io::Error) -> Self {
+        use ErrorKind::{IsADirectory, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
+        match error.kind() {
+            StorageFull | QuotaExceeded => Self::DiskFull,
+            PermissionDenied | ReadOnlyFilesystem => Self::Denied(error),
+            IsADirectory => Self::IsFolder,
+            _ => Self::Other(error),
+        }
+    }
+}
+
+/// Writes `path` whole or not at all; a reader sees the old file or the new one, never a part.
 ///
-/// A reader sees the old file or the new one, never a part. A link is followed, so that its target
-/// is replaced. A write-protected file is not replaced.
+/// A link is followed, so that its target is replaced. A write-protected file is not replaced.
 ///
 /// # Errors
-/// [`FormatError`] with `path` if the folder is missing or refuses, or if `write` fails; the
-/// temporary file is removed then and `path` is left as it was.
+/// [`FormatError`] with `path` if the folder is missing or refuses, or if `write` fails; `path` is left
+/// as it was then, and nothing beside it.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> Result<(), Problem>,
 ) -> Result<(), FormatError> {
     let fault = |problem| FormatError::whole(path, problem);
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.into());
-    check_target(&target).map_err(fault)?;
-    let (temporary, file) = Temporary::beside(&target).map_err(fault)?;
-    let mut out = BufWriter::with_capacity(1 << 16, file);
-    write(&mut out).map_err(fault)?;
-    out.flush().map_err(|e| fault(e.into()))?;
+    write_whole(path, |f| fault(f.into()), |out| write(out).map_err(fault))
+}
+
+/// [`write_atomically`] with errors of another type, which `fault` makes of what the system refuses.
+///
+/// # Errors
+/// As there.
+pub fn write_whole<E>(
+    path: &Path,
+    fault: impl Fn(WriteFault) -> E,
+    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
+) -> Result<(), E> {
+    let temporary = TempFile::beside(path).map_err(&fault)?;
+    let mut out = BufWriter::with_capacity(BUFFER, temporary.file());
+    write(&mut out)?;
+    out.flush().map_err(|error| fault(error.into()))?;
     drop(out);
-    temporary.take_place_of(&target).map_err(|e| fault(e.into()))
+    temporary.persist().map_err(&fault)
 }
 
-/// Refuses what a rename would replace although it should not.
-fn check_target(target: &Path) -> Result<(), Problem> {
-    let Some(_) = target.file_name() else { return Err(Problem::Occupied("it is no file name")) };
-    match fs::metadata(target) {
-        Ok(about) if about.is_dir() => Err(Problem::Occupied("it is a folder")),
-        Ok(about) if !about.is_file() => Err(Problem::Occupied("it is no regular file")),
-        Ok(about) if about.permissions().readonly() => Err(Problem::Occupied("it is write-protected")),
-        _ => Ok(()),
+/// Whether `path` can be written, for who wants to know before long work.
+///
+/// # Errors
+/// What [`TempFile::beside`] meets.
+pub fn check_writable(path: &Path) -> Result<(), FormatError> {
+    TempFile::beside(path).map(drop).map_err(|fault| FormatError::whole(path, fault.into()))
+}
+
+/// Temporary files that are there now.
+static PENDING: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// The list stays right whatever panicked while it was held.
+fn pending() -> MutexGuard<'static, Vec<PathBuf>> {
+    PENDING.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes every temporary file of this process, for who ends it at once: other threads wait from then
+/// on when they begin or complete a file.
+pub fn abandon_temporaries() {
+    let mut pending = pending();
+    for path in pending.drain(..) {
+        // What cannot be removed stays; there is nobody left to be told.
+        let _ = fs::remove_file(path);
     }
+    std::mem::forget(pending);
 }
 
-/// A file that is removed unless it takes its place.
-struct Temporary {
-    path: PathBuf,
-    state: State,
+/// A new empty file beside `target`, open for reading and writing; removed when dropped.
+#[derive(Debug)]
+pub struct TempFile {
+    /// `None` once it has its final name.
+    path: Option<PathBuf>,
+    /// `None` once closed.
+    file: Option<File>,
+    /// The name it is meant for, as it was given: what errors show.
+    target: PathBuf,
+    /// The same behind symbolic links: what is renamed to.
+    resolved: PathBuf,
 }
 
-#[derive(PartialEq)]
-enum State {
-    Pending,
-    Placed,
-}
-
-impl Temporary {
-    /// A new file in the folder of `target`.
-    fn beside(target: &Path) -> Result<(Self, File), Problem> {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let mut attempts = 0;
+impl TempFile {
+    /// Creates it.
+    ///
+    /// # Errors
+    /// `target` is a folder, a device or a pipe, or protected; its folder is missing or refuses; the
+    /// disk is full.
+    pub fn beside(target: &Path) -> Result<Self, WriteFault> {
+        let resolved = resolve(target)?;
+        let name = resolved.file_name().ok_or(WriteFault::IsFolder)?;
+        // A counter makes names unique in this process, its number among processes; what is left are
+        // leftovers of a killed process of the same number, which are stepped over.
+        static COUNT: AtomicU64 = AtomicU64::new(0);
         loop {
+            let mut temporary = name.to_os_string();
             let count = COUNT.fetch_add(1, Ordering::Relaxed);
-            let mut name = target.file_name().unwrap_or_default().to_owned();
-            name.push(format!(".{}-{count}.part", std::process::id()));
-            let path = target.with_file_name(name);
-            match OpenOptions::new().write(true).create_new(true).open(&path) {
-                Ok(file) => return Ok((Self { path, state: State::Pending }, file)),
-                // Left behind by a process that was killed and whose number came round again.
-                Err(error) if error.kind() == ErrorKind::AlreadyExists && attempts < 100 => attempts += 1,
-                Err(error) if error.kind() == ErrorKind::NotFound => {
-                    let folder = target.parent().unwrap_or(Path::new(""));
-                    return Err(Problem::NoFolder(folder.into()));
+            temporary.push(format!(".{}-{count}.part", std::process::id()));
+            let path = resolved.with_file_name(temporary);
+            let mut pending = pending();
+            match OpenOptions::new().read(true).write(true).create_new(true).open(&path) {
+                Ok(file) => {
+                    pending.push(path.clone());
+                    return Ok(Self { path: Some(path), file: Some(file), target: target.into(), resolved });
                 }
-                Err(error) => return Err(error.into()),
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                Err(error) => {
+                    let folder = folder_of(&resolved);
+                    let is_missing = error.kind() == ErrorKind::NotFound && !folder.is_dir();
+                    return Err(if is_missing { WriteFault::NoFolder(folder.into()) } else { error.into() });
+                }
             }
         }
     }
 
-    fn take_place_of(mut self, target: &Path) -> std::io::Result<()> {
-        fs::rename(&self.path, target)?;
-        self.state = State::Placed;
+    /// The open file, empty and at its start at first.
+    #[must_use]
+    pub fn file(&self) -> &File {
+        self.file.as_ref().expect("open until it is closed, renamed or dropped")
+    }
+
+    /// Where it lies now, for another program to write into.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.path.as_deref().expect("there until it is renamed or dropped")
+    }
+
+    /// The name it is meant for.
+    #[must_use]
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
+    /// Gives it its final name, replacing what was there.
+    ///
+    /// # Errors
+    /// The system's refusals; the temporary file is removed then.
+    pub fn persist(mut self) -> Result<(), WriteFault> {
+        self.rename()
+    }
+
+    /// [`TempFile::persist`] for an owner that is dropped itself; only once.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn rename(&mut self) -> Result<(), WriteFault> {
+        self.file = None;
+        let mut pending = pending();
+        // Windows says "denied" where Unix says "is a directory".
+        fs::rename(self.path(), &self.resolved)
+            .map_err(|error| if self.resolved.is_dir() { WriteFault::IsFolder } else { error.into() })?;
+        pending.retain(|path| Some(path) != self.path.as_ref());
+        self.path = None;
         Ok(())
     }
 }
 
-impl Drop for Temporary {
+impl Drop for TempFile {
     fn drop(&mut self) {
-        if self.state == State::Pending {
-            // Nothing more can be done if this fails too; the first error is the one to report.
-            let _ = fs::remove_file(&self.path);
+        // Closed first: Windows does not remove open files.
+        self.file = None;
+        if let Some(path) = self.path.take() {
+            let mut pending = pending();
+            // Nothing more can be done if this fails; the first error is the one to report.
+            let _ = fs::remove_file(&path);
+            pending.retain(|other| *other != path);
         }
+    }
+}
+
+/// The file behind `target` if it is a symbolic link, else `target`; an error if it is something that
+/// must not be replaced.
+fn resolve(target: &Path) -> Result<PathBuf, WriteFault> {
+    match fs::metadata(target) {
+        Ok(about) if about.is_dir() => Err(WriteFault::IsFolder),
+        Ok(about) if !about.is_file() => Err(WriteFault::NotRegular),
+        Ok(about) if about.permissions().readonly() => Err(WriteFault::Protected),
+        // A rename replaces the link instead of the file it leads to.
+        Ok(_) if target.is_symlink() => Ok(fs::canonicalize(target)?),
+        // A path that cannot be looked at fails again, with its reason, when the file is created.
+        _ => Ok(target.into()),
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
     }
 }
 
@@ -119,13 +265,25 @@ mod tests {
         let path = folder.path().join("a.ply");
         fs::write(&path, "old").unwrap();
         let error = write_atomically(&path, |out| {
-            out.write_all(&[0; 100_000])?;
-            Err(std::io::Error::from(ErrorKind::StorageFull).into())
+            out.write_all(&[0; 1_000_000])?;
+            Err(io::Error::from(ErrorKind::StorageFull).into())
         });
-        let expected = format!("{}: cannot be written: no storage space", path.display());
+        let expected = format!(
+            "{}: cannot be written: the disk is full; free some space or write elsewhere",
+            path.display()
+        );
         assert_eq!(error.unwrap_err().to_string(), expected);
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         assert_eq!(names(folder.path()), ["a.ply"]);
+    }
+
+    #[test]
+    fn a_panic_removes_the_temporary_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ply");
+        let result = std::panic::catch_unwind(|| write_atomically(&path, |_| panic!("in the middle")));
+        assert!(result.is_err());
+        assert_eq!(names(folder.path()), [] as [&str; 0]);
     }
 
     #[test]
@@ -133,13 +291,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let say = |path: &Path| {
             let error = write_atomically(path, |_| Ok(())).unwrap_err().to_string();
+            assert!(!error.contains('\n'), "{error}");
             error.replace(&folder.path().display().to_string(), "DIR")
         };
         assert_eq!(
             say(&folder.path().join("no/a.ply")),
             "DIR/no/a.ply: cannot be written: the folder \"DIR/no\" does not exist; create it first"
         );
-        assert_eq!(say(folder.path()), "DIR: cannot be written: it is a folder; choose another name");
+        assert_eq!(say(folder.path()), "DIR: cannot be written: it is a folder; name a file in it");
         let path = folder.path().join("protected.ply");
         fs::write(&path, "mine").unwrap();
         let mut permissions = fs::metadata(&path).unwrap().permissions();
@@ -150,6 +309,17 @@ mod tests {
             "DIR/protected.ply: cannot be written: it is write-protected; choose another name"
         );
         assert_eq!(fs::read_to_string(&path).unwrap(), "mine");
+        let below_a_file = say(&path.join("a.ply"));
+        assert!(below_a_file.starts_with("DIR/protected.ply/a.ply: cannot be written: "), "{below_a_file}");
+    }
+
+    #[test]
+    fn refusals_of_the_system_are_told_apart() {
+        let say = |kind: ErrorKind| WriteFault::from(io::Error::from(kind));
+        assert!(matches!(say(ErrorKind::StorageFull), WriteFault::DiskFull));
+        assert!(matches!(say(ErrorKind::ReadOnlyFilesystem), WriteFault::Denied(_)));
+        assert!(matches!(say(ErrorKind::IsADirectory), WriteFault::IsFolder));
+        assert!(matches!(say(ErrorKind::BrokenPipe), WriteFault::Other(_)));
     }
 
     #[cfg(unix)]
@@ -170,7 +340,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_link_is_followed() {
+    fn links_are_followed_and_devices_spared() {
         let folder = tempfile::tempdir().unwrap();
         let (real, link) = (folder.path().join("real.ply"), folder.path().join("link.ply"));
         fs::write(&real, "old").unwrap();
@@ -178,5 +348,7 @@ mod tests {
         write_atomically(&link, |out| Ok(out.write_all(b"new")?)).unwrap();
         assert_eq!(fs::read_to_string(&real).unwrap(), "new");
         assert!(link.is_symlink());
+        let error = write_atomically(Path::new("/dev/null"), |_| Ok(())).unwrap_err().to_string();
+        assert_eq!(error, "/dev/null: cannot be written: it is no regular file; choose another name");
     }
 }

@@ -22,6 +22,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+use wm_scene::nearest;
 
 /// Why a weather cannot be used.
 #[derive(Debug, Error, PartialEq, Eq)]
@@ -87,8 +88,9 @@ impl Weather {
     pub fn read(path: &Path) -> Result<Self, WeatherError> {
         let text = std::fs::read_to_string(path).map_err(|error| {
             let reason = match error.kind() {
-                std::io::ErrorKind::NotFound => "no such file".into(),
-                std::io::ErrorKind::InvalidData => "it is no text in UTF-8".into(),
+                std::io::ErrorKind::NotFound => "no such file; check the path".into(),
+                std::io::ErrorKind::IsADirectory => "it is a folder; give a TOML file".into(),
+                std::io::ErrorKind::InvalidData => "it is no text in UTF-8; give a TOML file".into(),
                 _ => error.to_string(),
             };
             WeatherError::Read { path: path.into(), reason }
@@ -236,13 +238,13 @@ fn effect(name: &str) -> Result<usize, String> {
     names.clone().position(|known| known == name).ok_or_else(|| {
         let all = names.clone().collect::<Vec<_>>().join(", ");
         let keys = names.chain(["name", "about", "fidelity"]);
-        format!("there is no `{name}`{}; the effects are {all}", nearest(name, keys))
+        format!("there is no `{name}`{}; the effects are {all}", meant(name, keys))
     })
 }
 
 fn position(effect: &Effect, name: &str) -> Result<usize, String> {
     effect.param(name).ok_or_else(|| {
-        let near = nearest(name, effect.params.iter().map(|param| param.name));
+        let near = meant(name, effect.params.iter().map(|param| param.name));
         format!("{} has no `{name}`{near}; it has {}", effect.name, param_names(effect))
     })
 }
@@ -251,11 +253,9 @@ fn param_names(effect: &Effect) -> String {
     effect.params.iter().map(|param| param.name).collect::<Vec<_>>().join(", ")
 }
 
-/// `, did you mean ...`, if something is near enough: a slip or two for every four letters.
-pub(crate) fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
-    let best = known.map(|known| (strsim::damerau_levenshtein(name, known), known)).min();
-    best.filter(|(slips, _)| *slips <= 1 + name.len() / 4)
-        .map_or_else(String::new, |(_, near)| format!(", did you mean `{near}`?"))
+/// `, did you mean ...`, if something is near enough.
+pub(crate) fn meant<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    nearest(name, known, 1).first().map_or_else(String::new, |near| format!(", did you mean `{near}`?"))
 }
 
 fn one_line(text: &str) -> String {

@@ -1,6 +1,6 @@
 //! Weathers by name: the files of `presets/`, built in.
 
-use crate::file::{WeatherError, nearest};
+use crate::file::{WeatherError, meant};
 use crate::weather::Weather;
 use std::path::Path;
 
@@ -35,7 +35,7 @@ impl Weather {
         let path = Path::new(name);
         if path.extension().is_none() && !path.exists() {
             let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
-            let near = nearest(name, names.iter().copied());
+            let near = meant(name, names.iter().copied());
             let all = names.join(", ");
             return Err(WeatherError::Unknown(format!(
                 "there is no weather `{name}`{near}; the presets are {all}, or give a .toml file"
@@ -64,6 +64,6 @@ mod tests {
         let error = Weather::find("dens-fog").unwrap_err().to_string();
         assert!(error.starts_with("there is no weather `dens-fog`, did you mean `dense-fog`?;"), "{error}");
         let error = Weather::find("missing.toml").unwrap_err().to_string();
-        assert_eq!(error, "missing.toml: cannot read the weather file: no such file");
+        assert_eq!(error, "missing.toml: cannot read the weather file: no such file; check the path");
     }
 }

@@ -16,7 +16,7 @@ use anyhow::Result;
 use clap::Args;
 use measure::{Case, Stand, peak_memory, turns};
 use report::{PathSpeed, SceneReport, Threads};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use wm_render::simd::SimdPath;
 use wm_render::testing::{shell_camera, shell_splats};
 use wm_render::{CpuConfig, CpuRenderer, RenderConfig, Renderer};
@@ -86,8 +86,8 @@ fn made_up(args: &BenchArgs) -> Result<SceneReport> {
     measure_scene(&format!("made-up, {} splats", args.splats), &mut loaded, camera, args)
 }
 
-fn real(path: &PathBuf, args: &BenchArgs) -> Result<SceneReport> {
-    let read = SceneArgs { scene: path.clone(), repair: true, facts: FactArgs::default() };
+fn real(path: &Path, args: &BenchArgs) -> Result<SceneReport> {
+    let read = SceneArgs { scene: path.to_owned(), repair: true, facts: FactArgs::default() };
     let mut loaded = if args.drop_sky {
         let mut scene = read_scene(path, &ReadOptions::default())?;
         wm_scene::survey::label_sky(&mut scene.splats);

@@ -10,7 +10,8 @@ use crate::view::{self, choose};
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
-use wm_scene::Camera;
+use wm_scene::files::check_writable;
+use wm_scene::{Camera, FormatError};
 
 /// Length of a sequence where nothing says it, seconds.
 const DEFAULT_SECONDS: f64 = 5.0;
@@ -28,19 +29,19 @@ pub struct CameraArgs {
     #[arg(short, long, value_name = "PATH", help_heading = "Camera")]
     pub path: Option<PathSpec>,
     /// How far a dolly goes, metres [default: as far as nothing is in the way]
-    #[arg(long, value_name = "METRES", help_heading = "Camera")]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Camera")]
     pub distance: Option<f64>,
     /// A COLMAP model whose photos' cameras --camera may name
     #[arg(long, value_name = "FOLDER", help_heading = "Camera")]
     pub views: Option<PathBuf>,
     /// Picture size, px [default: 1280x720, or the photo's]
-    #[arg(long, value_name = "WxH", value_parser = spec::parse_size, help_heading = "Camera")]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = spec::parse_size, help_heading = "Camera")]
     pub size: Option<(u32, u32)>,
     /// Vertical field of view, degrees [default: 50, or the photo's]
-    #[arg(long, value_name = "DEGREES", help_heading = "Camera")]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, help_heading = "Camera")]
     pub fov: Option<f64>,
     /// Splats nearer than this are not drawn, scene units [default: 0.2, less in small scenes]
-    #[arg(long, value_name = "UNITS", help_heading = "Camera")]
+    #[arg(long, value_name = "UNITS", allow_negative_numbers = true, help_heading = "Camera")]
     pub near: Option<f64>,
     /// Write the camera's path as keyframes to this JSON file
     #[arg(long, value_name = "FILE", help_heading = "Camera")]
@@ -57,6 +58,26 @@ impl CameraArgs {
         }
         if self.distance.is_some() && self.path != Some(PathSpec::Dolly) {
             bail!("--distance is that of --path dolly");
+        }
+        if let Some(fov) = self.fov
+            && !(fov > 0.0 && fov < 180.0)
+        {
+            bail!("--fov {fov}: must be above 0 and below 180 degrees");
+        }
+        if let Some(near) = self.near
+            && !(near.is_finite() && near > 0.0)
+        {
+            bail!("--near {near}: must be finite and above 0");
+        }
+        let files = [
+            if let Some(CameraSpec::File(file)) = &self.camera { Some(file) } else { None },
+            if let Some(PathSpec::File(file)) = &self.path { Some(file) } else { None },
+        ];
+        for file in files.into_iter().flatten() {
+            std::fs::metadata(file).map_err(|error| FormatError::reading(file, error))?;
+        }
+        if let Some(file) = &self.save_path {
+            check_writable(file)?;
         }
         Ok(())
     }

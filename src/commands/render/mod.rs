@@ -7,13 +7,15 @@ use crate::media::{color::Dither, png::DepthScale, video};
 use crate::names::stem_of;
 use crate::output::{Also, Format, Style, outputs};
 use crate::scene::{Loaded, RunArgs, SceneArgs};
+use crate::studio::Studio;
 use anyhow::{Result, bail};
 use camera::{CameraArgs, Shot};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use wm_render::{Background, Frame, Job, RenderConfig, Renderer, SetView, Stats};
-use wm_scene::{Camera, Rasterization};
-use wm_weather::{Site, Weather};
+use wm_render::{Background, Frame, RenderConfig, Stats};
+use wm_scene::Rasterization;
+use wm_scene::files::check_writable;
+use wm_weather::Weather;
 
 /// Options of `render`.
 #[derive(Args, Debug)]
@@ -50,10 +52,16 @@ struct OutputArgs {
     #[arg(long, value_name = "FORMAT", default_value = "png", help_heading = "Output")]
     frame_format: Format,
     /// Frames a second, such as 30, 29.97 or 30000/1001
-    #[arg(long, value_name = "RATE", default_value = "30", help_heading = "Output")]
+    #[arg(
+        long,
+        value_name = "RATE",
+        allow_negative_numbers = true,
+        default_value = "30",
+        help_heading = "Output"
+    )]
     fps: video::FrameRate,
     /// Length of a video, seconds [default: that of the camera's path, else 5]
-    #[arg(long, value_name = "S", help_heading = "Output")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Output")]
     seconds: Option<f64>,
     /// Instant of a picture, and of a video's first frame, seconds
     #[arg(
@@ -78,7 +86,7 @@ struct OutputArgs {
     #[arg(long, value_enum, default_value = "builtin", help_heading = "Output")]
     encoder: video::Encoder,
     /// Bits a second of a video [default: the same good quality, whatever it takes]
-    #[arg(long, value_name = "BITS", help_heading = "Output")]
+    #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Output")]
     bitrate: Option<u32>,
 }
 
@@ -121,6 +129,21 @@ enum Target {
     Folder(PathBuf),
 }
 
+impl Target {
+    /// Whether it can be written, as far as that can be told before there are frames.
+    fn check(&self) -> Result<()> {
+        match self {
+            Self::Picture(path) | Self::Video(path) => check_writable(path)?,
+            Self::Folder(path) if path.exists() && !path.is_dir() => bail!(
+                "--out {}: is no folder; give a folder, or a name that ends in .png, .exr, .npy or .mp4",
+                path.display()
+            ),
+            Self::Folder(_) => {}
+        }
+        Ok(())
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<()> {
     // All that may be wrong and is cheap to check comes before the scene is read.
@@ -131,52 +154,45 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     for text in &args.set {
         weather.set(text)?;
     }
+    if weather.effects().next().is_some() && args.weather.is_none() {
+        weather.name = weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>().join("-");
+    }
     let target = target_of(args, &weather)?;
+    target.check()?;
     args.camera.check()?;
 
     let mut loaded = Loaded::new(&args.scene, &args.run, args.camera.views.as_ref())?;
     let shot = Shot::plan(&args.camera, &args.output, &mut loaded, matches!(target, Target::Picture(_)))?;
-    loaded.release();
     let config = RenderConfig {
         outputs: outputs(&args.output.also),
         background: background(args.output.background, &loaded),
         rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
     };
-    let mut studio = Studio { site: loaded.weather_site(), loaded, weather, config, shot };
+    let mut take = Take { studio: Studio::new(loaded, config), weather, shot };
     match target {
-        Target::Picture(path) => studio.picture(&path, args),
-        Target::Video(path) => sequence::video(&mut studio, &path, args),
-        Target::Folder(path) => sequence::folder(&mut studio, &path, args),
+        Target::Picture(path) => take.picture(&path, args),
+        Target::Video(path) => sequence::video(&mut take, &path, args),
+        Target::Folder(path) => sequence::folder(&mut take, &path, args),
     }
 }
 
 /// All that frames are made of.
-struct Studio {
-    loaded: Loaded,
-    site: Site,
+struct Take {
+    studio: Studio,
     weather: Weather,
-    config: RenderConfig,
     shot: Shot,
 }
 
-impl Studio {
-    /// Renders the instant `time`, alone: nothing depends on other frames.
+impl Take {
+    /// Renders the instant `time`.
     fn render(&mut self, time: f64, frame: &mut Frame) -> Result<Stats> {
-        let camera = self.shot.camera(time);
-        let sky = self.weather.at(time).over(&self.site);
-        let sets = [SetView::plain(self.loaded.set)];
-        let stats = sky.with_hooks(|hooks| {
-            let job = Job { sets: &sets, camera: &camera, config: &self.config, hooks };
-            self.loaded.renderer.render(&job, frame)
-        })?;
-        Ok(stats)
+        self.studio.render(&self.weather, time, &self.shot.camera(time), frame)
     }
 
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
         let mut frame = Frame::default();
         let stats = self.render(args.output.time, &mut frame)?;
-        let camera = self.shot.camera(args.output.time);
-        let style = self.style(args, DepthScale::Auto, &camera, args.output.time);
+        let style = self.style(args, DepthScale::Auto, args.output.time);
         let beside = style.write(&frame, path)?;
         println!(
             "{}: {}x{}, {}, {:.0} ms ({})",
@@ -185,7 +201,7 @@ impl Studio {
             frame.height,
             self.weather.name,
             stats.wall * 1e3,
-            self.loaded.renderer.describe()
+            self.studio.describe()
         );
         for line in beside {
             println!("{line}");
@@ -193,39 +209,16 @@ impl Studio {
         Ok(())
     }
 
-    fn style(&self, args: &RenderArgs, depth_scale: DepthScale, camera: &Camera, time: f64) -> Style {
-        let mut tags = vec![
-            ("program".into(), concat!("weather-magician ", env!("CARGO_PKG_VERSION")).into()),
-            ("scene".into(), args.scene.scene.display().to_string()),
-            ("weather".into(), self.weather_text(time)),
-            ("time".into(), format!("{time} s")),
-            ("camera".into(), crate::view::spec::text_of(camera)),
-            // Without the number of threads: no byte of a picture depends on it, and none of its words may.
-            ("renderer".into(), format!("cpu, {}", self.loaded.renderer.path())),
-            ("metres_per_unit".into(), self.site.metres_per_unit.to_string()),
-        ];
-        tags.retain(|(_, text): &(String, String)| !text.is_empty());
+    /// How the frame of the instant `time` is written.
+    fn style(&self, args: &RenderArgs, depth_scale: DepthScale, time: f64) -> Style {
+        let scene = args.scene.scene.display().to_string();
         Style {
             also: args.output.also.clone(),
             dither: args.output.dither,
-            metres_per_unit: self.site.metres_per_unit,
+            metres_per_unit: self.studio.site.metres_per_unit,
             depth_scale,
-            tags,
+            tags: self.studio.tags(&scene, &self.weather, time, &self.shot.camera(time)),
         }
-    }
-
-    /// The weather of an instant with every value that is not its default.
-    fn weather_text(&self, time: f64) -> String {
-        let instant = self.weather.at(time);
-        let mut words = vec![self.weather.name.clone(), instant.fidelity.name().to_owned()];
-        for (effect, values) in instant.effects() {
-            for (param, value) in effect.params.iter().zip(values) {
-                if *value != param.default || param.name == "mor" {
-                    words.push(format!("{}.{}={value}", effect.name, param.name));
-                }
-            }
-        }
-        words.join(" ")
     }
 }
 

@@ -9,9 +9,10 @@ use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdin, Command, ExitStatus, Stdio};
 use std::thread::{self, JoinHandle};
 
+use wm_scene::files::TempFile;
+
 use super::yuv::Yuv420;
-use super::{VideoReport, VideoSettings, VideoSink};
-use crate::media::atomic::TempFile;
+use super::{VideoReport, VideoSettings, VideoSink, temporary};
 use crate::media::{MediaError, Size};
 
 /// Bytes of its messages that are kept.
@@ -44,13 +45,13 @@ impl FfmpegSink {
     }
 
     pub(super) fn start(program: &str, path: &Path, settings: VideoSettings) -> Result<Self, MediaError> {
-        let output = TempFile::beside(path)?;
+        let output = temporary(path)?;
         let mut child = command(program, output.path(), &settings)
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()
-            .map_err(|source| MediaError::NoFfmpeg { path: path.to_path_buf(), source })?;
+            .map_err(|reason| MediaError::NoFfmpeg { path: path.to_path_buf(), reason })?;
         let planes = child.stdin.take().expect("piped above");
         let stderr = child.stderr.take().expect("piped above");
         let messages = thread::spawn(|| read_messages(stderr));
@@ -114,8 +115,7 @@ impl VideoSink for FfmpegSink {
             None => return Err(self.error("it has ended")),
         }
         let Self { output, settings, frames, .. } = &mut *self;
-        let bytes =
-            fs::metadata(output.path()).map_err(|source| MediaError::io(&path, "read", source))?.len();
+        let bytes = fs::metadata(output.path()).map_err(|source| MediaError::write(&path, source))?.len();
         let report = VideoReport {
             path,
             encoder: settings.encoder,
@@ -123,7 +123,7 @@ impl VideoSink for FfmpegSink {
             seconds: settings.frame_rate.seconds(*frames),
             bytes,
         };
-        output.rename()?;
+        output.rename().map_err(|fault| MediaError::write(&report.path, fault))?;
         Ok(report)
     }
 }

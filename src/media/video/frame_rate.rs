@@ -6,6 +6,7 @@ use std::str::FromStr;
 use crate::media::MediaError;
 
 /// Ticks of the MP4 clock a second, at least: coarse clocks make some players round.
+#[cfg(any(feature = "h264", test))]
 const TICKS: u32 = 10_000;
 
 /// Frames per second: `numerator / denominator`, lowest terms, both above 0.
@@ -70,6 +71,7 @@ impl FrameRate {
     }
 
     /// Ticks a second and ticks a frame of a clock that both divide without remainder.
+    #[cfg(any(feature = "h264", test))]
     #[must_use]
     pub fn clock(self) -> (u32, u32) {
         let factor = TICKS.div_ceil(self.numerator);

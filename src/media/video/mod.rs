@@ -17,6 +17,7 @@ mod yuv;
 use std::path::{Path, PathBuf};
 
 pub use frame_rate::FrameRate;
+use wm_scene::files::TempFile;
 
 use super::color::Dither;
 use super::{MediaError, Size, Tags};
@@ -115,6 +116,11 @@ pub fn create_video(path: &Path, settings: VideoSettings) -> Result<Box<dyn Vide
         Encoder::Builtin => Err(MediaError::NoBuiltinEncoder { path: path.to_path_buf() }),
         Encoder::Ffmpeg => Ok(Box::new(ffmpeg::FfmpegSink::create(path, settings)?)),
     }
+}
+
+/// A file for a video that is being written.
+fn temporary(path: &Path) -> Result<TempFile, MediaError> {
+    TempFile::beside(path).map_err(|fault| MediaError::write(path, fault))
 }
 
 /// `key = value`, a line each: what players show as the comment.

@@ -22,9 +22,9 @@ use shiguredo_mp4::boxes::{
 use shiguredo_mp4::{
     BoxHeader, BoxSize, BoxType, Either, Encode, FixedPointNumber, LanguageCode, Mp4FileTime,
 };
+use wm_scene::files::TempFile;
 
-use super::FrameRate;
-use crate::media::atomic::TempFile;
+use super::{FrameRate, temporary};
 use crate::media::{MediaError, Size, Tags};
 
 /// Collects samples and becomes the file.
@@ -71,7 +71,7 @@ impl Mp4Writer {
     /// # Errors
     /// No temporary file can be made beside `target`.
     pub fn create(target: &Path, size: Size, rate: FrameRate) -> Result<Self, MediaError> {
-        let samples = BufWriter::with_capacity(1 << 18, Handle(TempFile::beside(target)?));
+        let samples = BufWriter::with_capacity(1 << 18, Handle(temporary(target)?));
         Ok(Self { size, rate, samples, sizes: Vec::new(), keyframes: Vec::new(), length: 0 })
     }
 
@@ -90,7 +90,7 @@ impl Mp4Writer {
     /// # Errors
     /// It cannot be written.
     pub fn sample(&mut self, bytes: &[u8], keyframe: bool) -> Result<(), MediaError> {
-        self.samples.write_all(bytes).map_err(|source| MediaError::io(self.target(), "write", source))?;
+        self.samples.write_all(bytes).map_err(|source| MediaError::write(self.target(), source))?;
         self.sizes.push(u32::try_from(bytes.len()).expect("a frame below 4 GiB"));
         if keyframe {
             let number = u32::try_from(self.sizes.len()).ok().and_then(NonZeroU32::new);
@@ -106,7 +106,7 @@ impl Mp4Writer {
     /// No sample was added; it cannot be written.
     pub fn finish(self, sets: &ParameterSets, tags: &Tags) -> Result<u64, MediaError> {
         let target = self.target().to_path_buf();
-        let failed = |source| MediaError::io(&target, "write", source);
+        let failed = |source: io::Error| MediaError::write(&target, source);
         let refused = |error: shiguredo_mp4::Error| MediaError::Format {
             path: target.clone(),
             format: "MP4",
@@ -118,14 +118,14 @@ impl Mp4Writer {
         let head = self.head(sets, tags).map_err(refused)?;
         let total = head.len() as u64 + self.length;
 
-        let output = TempFile::beside(&target)?;
+        let output = temporary(&target)?;
         output.file().write_all(&head).map_err(failed)?;
         let samples = self.samples.into_inner().map_err(|error| failed(error.into_error()))?;
         samples.0.file().seek(SeekFrom::Start(0)).map_err(failed)?;
         // File to file: the system copies without passing the bytes through this process.
         let copied = io::copy(&mut samples.0.file(), &mut output.file()).map_err(failed)?;
         assert_eq!(copied, total - head.len() as u64, "samples were lost");
-        output.persist()?;
+        output.persist().map_err(|fault| MediaError::write(&target, fault))?;
         Ok(total)
     }
 

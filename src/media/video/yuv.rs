@@ -88,6 +88,7 @@ impl Yuv420 {
     }
 
     /// Y `[H, W]`, Cb and Cr `[H/2, W/2]`.
+    #[cfg(any(feature = "h264", test))]
     #[must_use]
     pub fn planes(&self) -> [&[u8]; 3] {
         let pixels = self.size.pixels();

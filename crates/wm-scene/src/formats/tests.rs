@@ -1,6 +1,7 @@
 use super::*;
 use crate::{Camera, Metadata, Splats, splats::Splat, testing::bits};
 use glam::DVec3;
+use proptest::prelude::*;
 use std::{fs, path::PathBuf};
 use tempfile::{TempDir, tempdir};
 
@@ -209,4 +210,58 @@ fn a_stream_is_read() {
     let mut bytes = Vec::new();
     ply::write(&mut bytes, &scene(4.0), ply::Encoding::Ascii).unwrap();
     assert_eq!(read_scene_from(Path::new("stdin"), &bytes[..], None).unwrap(), scene(4.0));
+}
+
+/// What changes a text: where, by what, and whether to replace, insert or remove.
+type Edit = (prop::sample::Index, char, u8);
+
+fn edits() -> impl Strategy<Value = Vec<Edit>> {
+    let letter = prop_oneof![prop::sample::select(&b"0123456789-+.eE[]{},:\"= \n"[..]), any::<u8>()];
+    prop::collection::vec((any::<prop::sample::Index>(), letter.prop_map(char::from), 0..4u8), 0..6)
+}
+
+fn edited(text: &str, edits: &[Edit]) -> String {
+    let mut chars: Vec<char> = text.chars().collect();
+    for (at, by, kind) in edits {
+        let at = at.index(chars.len().max(1)).min(chars.len().saturating_sub(1));
+        match kind {
+            _ if chars.is_empty() => chars.push(*by),
+            0 => chars[at] = *by,
+            1 => chars.insert(at, *by),
+            2 => _ = chars.remove(at),
+            _ => chars.truncate(at),
+        }
+    }
+    chars.into_iter().collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn mutated_cameras_are_read_or_refused_in_one_line(edits in edits()) {
+        let folder = tempdir().unwrap();
+        fs::write(folder.path().join("cameras.json"), edited(&format!("[{CAMERA}]"), &edits)).unwrap();
+        match folder::read_views(folder.path()) {
+            Ok(views) => prop_assert!(views.iter().all(|view| view.camera.check().is_ok())),
+            Err(error) => prop_assert!(!error.to_string().contains(['\n', '\r']), "{}", error),
+        }
+    }
+
+    #[test]
+    fn mutated_sidecars_are_read_or_refused_in_one_line(edits in edits(), bytes in any::<[u8; 8]>(), raw in any::<bool>()) {
+        let text = "metres_per_unit = 2.5\nup = [0.0, -1.0, 0.0]\nground = 0.5\nairlight = [0.7, 0.8, 0.9]\n\
+                    rasterization = \"antialiased\"\nprovenance = \"a test\"\n";
+        let folder = tempdir().unwrap();
+        let file = folder.path().join("a.ply");
+        let mut text = edited(text, &edits).into_bytes();
+        if raw {
+            text.extend(bytes);
+        }
+        fs::write(sidecar_path(&file), text).unwrap();
+        match sidecar::read(&file) {
+            Ok(metadata) => prop_assert_eq!(metadata.and_then(|m| m.fault()), None),
+            Err(error) => prop_assert!(!error.to_string().contains(['\n', '\r']), "{}", error),
+        }
+    }
 }

@@ -3,6 +3,8 @@
 use shiguredo_mp4::Either;
 use shiguredo_mp4::boxes::StszBox;
 
+use wm_scene::files::WriteFault;
+
 use super::parsed::{Parsed, vui_colour};
 use super::*;
 
@@ -255,13 +257,13 @@ fn nothing_is_left_of_a_video_given_up() {
     assert!(matches!(error, MediaError::NoFrames { .. }), "{error}");
     assert!(is_empty(directory.path()));
     let missing = create_video(&directory.path().join("no/a.mp4"), settings(size, "30")).err().unwrap();
-    assert!(matches!(missing, MediaError::MissingDirectory { .. }), "{missing}");
+    assert!(matches!(missing, MediaError::Write { fault: WriteFault::NoFolder(_), .. }), "{missing}");
     // A directory that comes into the file's place meanwhile.
     let mut sink = create_video(&path, settings(size, "30")).unwrap();
     sink.frame(&foggy(size, 0.0)).unwrap();
     fs::create_dir(&path).unwrap();
     let error = sink.finish().unwrap_err();
-    assert!(matches!(error, MediaError::IsDirectory { .. }), "{error}");
+    assert!(matches!(error, MediaError::Write { fault: WriteFault::IsFolder, .. }), "{error}");
     assert_eq!(fs::read_dir(&directory).unwrap().count(), 1);
 }
 

@@ -203,7 +203,7 @@ fn broken_binary_models_are_told() {
     for (edit, expected) in [
         (
             (|m| m.cameras[0].2 = 1 << 40) as fn(&mut Model),
-            "cameras.bin, byte 8: camera 7: picture size 4294967295x800: each side must be 1 to 32768 px",
+            "cameras.bin, byte 8: camera 7: picture size 4294967295x800: each side must be 1 to 32768 px, 268435456 px in all",
         ),
         (
             |m| m.cameras[1].4[0] = f64::NAN,

@@ -1,0 +1,98 @@
+//! The demo's film: a walk down the street while fog closes in and begins to lift.
+
+use wm_scene::{Place, place::Viewpoint};
+use wm_weather::{Weather, WeatherError};
+
+/// How much faster than a walker the camera goes: a short film should get somewhere.
+const HASTE: f64 = 1.6;
+/// Keyframes of the fog: linear in between, too many for the eye to see where.
+const KEYS: u32 = 240;
+/// Visibility before the fog, m: a clear day.
+const CLEAR: f64 = 30_000.0;
+/// Visibility at its thickest, m: the end of the street is gone, the next houses are there.
+const THICK: f64 = 60.0;
+
+/// Height over which the fog thins to 1/e, m, as of fog that drifts in from the sea. Without an end it
+/// would hide the sky from the first instant on.
+const HEIGHT: f64 = 150.0;
+
+/// A film of some length.
+#[derive(Clone, Copy, Debug)]
+pub struct Film {
+    /// Its length, s.
+    pub seconds: f64,
+}
+
+impl Film {
+    /// Where the camera is at `time`, seconds.
+    pub fn view(&self, time: f64) -> Viewpoint {
+        // A long film takes the whole way, however slowly.
+        let share = (self.seconds * HASTE / Place::WALK_SECONDS).min(1.0);
+        Place::dolly(share * time / self.seconds)
+    }
+
+    /// The weather over its length.
+    ///
+    /// # Errors
+    /// A length so short that keyframes fall together.
+    pub fn weather(&self) -> Result<Weather, WeatherError> {
+        let keys: Vec<String> = (0..=KEYS)
+            .map(|key| f64::from(key) / f64::from(KEYS))
+            .map(|share| format!("[{}, {:.1}]", share * self.seconds, mor(share)))
+            .collect();
+        let text = format!(
+            "name = \"fog closing in\"\nabout = \"From a clear day to thick fog, which begins to lift\"\n\
+             [fog]\nscale_height = {HEIGHT}\nmor = {{ keys = [{}] }}\n",
+            keys.join(", ")
+        );
+        Weather::parse(&text, "the demo's weather")
+    }
+}
+
+/// Visibility when a share of the film is over, m. Equal steps of its logarithm look alike.
+fn mor(share: f64) -> f64 {
+    let smooth = |from: f64, to: f64| {
+        let t = ((share - from) / (to - from)).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
+    };
+    let closed = smooth(-0.15, 0.72) - 0.24 * smooth(0.80, 1.05);
+    CLEAR * (THICK / CLEAR).powf(closed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wm_weather::Value;
+
+    fn mor_at(weather: &Weather, time: f64) -> f64 {
+        let instant = weather.at(time);
+        let (effect, values) = instant.effects().next().unwrap();
+        match values[effect.param("mor").unwrap()] {
+            Value::Number(mor) => mor,
+            other => panic!("{other}"),
+        }
+    }
+
+    #[test]
+    fn fog_closes_in_on_a_clear_day_and_begins_to_lift() {
+        for seconds in [0.1, 8.0, 600.0] {
+            let weather = Film { seconds }.weather().unwrap();
+            let at = |share: f64| mor_at(&weather, share * seconds);
+            assert!(at(0.0) > 15_000.0 && at(1.0) > 3.0 * THICK && at(1.0) < 10.0 * THICK);
+            assert!((at(0.76) - THICK).abs() < 0.1);
+            let shares: Vec<f64> = (0..=60).map(|k| 0.72 * f64::from(k) / 60.0).collect();
+            assert!(shares.windows(2).all(|pair| at(pair[1]) < at(pair[0])));
+            // Nothing jumps: a fortieth of the film changes it by no more than half again.
+            let steps: Vec<f64> = (0..=40).map(|k| at(f64::from(k) / 40.0)).collect();
+            assert!(steps.windows(2).all(|pair| (0.66..1.5).contains(&(pair[1] / pair[0]))), "{steps:?}");
+        }
+    }
+
+    #[test]
+    fn short_films_go_part_of_the_way_and_long_ones_all_of_it() {
+        let film = Film { seconds: 8.0 };
+        assert_eq!(film.view(0.0), Place::dolly(0.0));
+        assert_eq!(film.view(8.0), Place::dolly(8.0 * HASTE / Place::WALK_SECONDS));
+        assert_eq!(Film { seconds: 100.0 }.view(100.0), Place::dolly(1.0));
+    }
+}

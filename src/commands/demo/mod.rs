@@ -1,0 +1,261 @@
+//! `demo`: the main job on a built-in place, with no input and no download.
+//!
+//! The picture at the top of the README, `docs/demo-sheet.png`, is the `sheet.png` of
+//! `weather-magician demo --only sheet --detail 1.5 --size 480x320`.
+
+mod film;
+mod street;
+
+use crate::interrupt::{self, Interrupted};
+use crate::media::{Size, color::Dither, png, sheet, video};
+use crate::pipeline::pipeline;
+use crate::progress;
+use crate::scene::{Loaded, RunArgs};
+use crate::studio::Studio;
+use crate::view::spec;
+use anyhow::{Context, Result, bail};
+use clap::{Args, ValueEnum};
+use film::Film;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use wm_render::{Frame, RenderConfig};
+use wm_scene::formats::write_scene;
+use wm_scene::place::Viewpoint;
+use wm_scene::{Metadata, Place, Scene};
+use wm_weather::{Value, Weather};
+
+/// Frames a second of the film, as in cinemas.
+const FPS: u32 = 24;
+/// Shortest and longest film, s.
+const SECONDS: (f64, f64) = (0.1, 600.0);
+/// The scene in the tags of what is written.
+const SCENE: &str = "built-in street";
+/// The weathers of the sheet: presets, with what is changed to suit a street of 150 m.
+const SHEET: [(&str, Option<&str>); 4] =
+    [("clear", None), ("fog", Some("fog.mor=120")), ("haze", None), ("smog", Some("smog.mor=300"))];
+
+/// Options of `demo`.
+#[derive(Args, Debug)]
+pub struct DemoArgs {
+    /// Folder to write street.ply, sheet.png and fog.mp4 into
+    #[arg(short, long, value_name = "FOLDER", default_value = "weather-magician-demo")]
+    out: PathBuf,
+    /// Size of the film, and of each picture of the sheet, px
+    #[arg(long, value_name = "WxH", value_parser = spec::parse_size, default_value = "960x640")]
+    size: (u32, u32),
+    /// Length of the film
+    #[arg(long, value_name = "S", default_value_t = 8.0)]
+    seconds: f64,
+    /// How finely the street is sampled: 2 makes about four times the splats of 1
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    detail: f64,
+    /// Write no more than this: scene, sheet, film, or several
+    #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true)]
+    only: Vec<Part>,
+    /// Who encodes the film
+    #[arg(long, value_enum, default_value = "builtin")]
+    encoder: video::Encoder,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// What the demo writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Part {
+    /// `street.ply`.
+    Scene,
+    /// `sheet.png`.
+    Sheet,
+    /// `fog.mp4`.
+    Film,
+}
+
+impl DemoArgs {
+    fn wants(&self, part: Part) -> bool {
+        self.only.is_empty() || self.only.contains(&part)
+    }
+
+    /// What the film is; it has no tags yet.
+    fn video(&self) -> Result<video::VideoSettings> {
+        let rate = video::FrameRate::new(FPS, 1).context("no such frame rate")?;
+        let settings = video::VideoSettings::new(Size::new(self.size.0, self.size.1), rate);
+        Ok(video::VideoSettings { encoder: self.encoder, ..settings })
+    }
+
+    fn check(&self) -> Result<()> {
+        if !(SECONDS.0..=SECONDS.1).contains(&self.seconds) {
+            bail!("--seconds {}: must be {} to {}", self.seconds, SECONDS.0, SECONDS.1);
+        }
+        if !(0.1..=4.0).contains(&self.detail) {
+            bail!("--detail {}: must be 0.1 to 4", self.detail);
+        }
+        Ok(())
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &DemoArgs) -> Result<()> {
+    args.check()?;
+    let started = Instant::now();
+    std::fs::create_dir_all(&args.out)
+        .with_context(|| format!("cannot make the folder {}", args.out.display()))?;
+    let film = args.out.join("fog.mp4");
+    if args.wants(Part::Film) {
+        // A size or a folder that will not do is told before the work, not after it.
+        drop(video::create_video(&film, args.video()?)?);
+    }
+    let scene = street::scene(args.detail, args.run.threads.map(usize::from))?;
+    let path = args.out.join("street.ply");
+    if args.wants(Part::Scene) {
+        write_scene(&path, &scene)?;
+        println!("{}: {} splats, {}", path.display(), scene.splats.len(), megabytes(&path));
+    }
+    if args.wants(Part::Sheet) || args.wants(Part::Film) {
+        draw(args, scene, &film)?;
+    }
+    println!("done in {:.0} s", started.elapsed().as_secs_f64());
+    if args.wants(Part::Scene) {
+        let (scene, camera) = (quoted(&path), camera_text(&Place::views()[0]));
+        println!("go on with it, for example:");
+        println!("  weather-magician render {scene} --weather dense-fog --camera {camera}");
+        println!(
+            "  weather-magician render {scene} --weather smog --camera {camera} --path dolly --distance 25"
+        );
+        println!("  weather-magician render --help");
+    }
+    Ok(())
+}
+
+/// Draws the sheet and the film.
+fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
+    let loaded = Loaded::of(scene, &Metadata::default(), &args.run)?;
+    let mut studio = Studio::new(loaded, RenderConfig::default());
+    if args.wants(Part::Sheet) {
+        draw_sheet(&mut studio, args.size, &args.out.join("sheet.png"))?;
+    }
+    if args.wants(Part::Film) {
+        shoot(&mut studio, args, film)?;
+    }
+    Ok(())
+}
+
+/// One view in every weather of [`SHEET`].
+fn draw_sheet(studio: &mut Studio, size: (u32, u32), path: &Path) -> Result<()> {
+    let camera = Place::views()[0].camera(size)?;
+    let bar = progress::bar(SHEET.len() as u64, "pictures");
+    let mut pictures = Vec::new();
+    for (name, change) in SHEET {
+        if interrupt::asked() {
+            return Err(Interrupted(format!("{} is not written", path.display())).into());
+        }
+        let mut weather = Weather::find(name)?;
+        change.map_or(Ok(()), |change| weather.set(change))?;
+        let mut frame = Frame::default();
+        studio.render(&weather, 0.0, &camera, &mut frame)?;
+        pictures.push((frame.rgb, label(&weather)));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let panels: Vec<sheet::Panel<'_>> =
+        pictures.iter().map(|(rgb, label)| sheet::Panel { rgb, label }).collect();
+    let layout = sheet::Layout::new(Size::new(size.0, size.1), panels.len() as u32, 2);
+    let mut tags = studio.tags(SCENE, &Weather::clear(), 0.0, &camera);
+    if let Some((_, text)) = tags.iter_mut().find(|(key, _)| key == "weather") {
+        *text = pictures.iter().map(|(_, label)| label.as_str()).collect::<Vec<_>>().join("; ");
+    }
+    png::write_rgb(path, &sheet::sheet(&layout, &panels), layout.size(), Dither::Ordered, &tags)?;
+    let names = SHEET.map(|(name, _)| name).join(", ");
+    let whole = layout.size();
+    println!("{}: {names}, {}x{}, {}", path.display(), whole.width, whole.height, megabytes(path));
+    Ok(())
+}
+
+/// The walk in changing fog.
+fn shoot(studio: &mut Studio, args: &DemoArgs, path: &Path) -> Result<()> {
+    let film = Film { seconds: args.seconds };
+    let weather = film.weather()?;
+    let mut settings = args.video()?;
+    let rate = settings.frame_rate;
+    settings.tags = studio.tags(SCENE, &weather, 0.0, &film.view(0.0).camera(args.size)?);
+    let mut sink = video::create_video(path, settings)?;
+    let started = Instant::now();
+    let all = rate.frames_within(args.seconds);
+    let mut render = |index: u32, frame: &mut Frame| {
+        let time = rate.seconds(u64::from(index));
+        studio.render(&weather, time, &film.view(time).camera(args.size)?, frame).map(drop)
+    };
+    let written =
+        pipeline(&(0..all).collect::<Vec<_>>(), &mut render, &mut |_, frame| Ok(sink.frame(&frame.rgb)?))?;
+    if written < all {
+        return Err(Interrupted(format!("{} is not written", path.display())).into());
+    }
+    let report = sink.finish()?;
+    println!(
+        "{}: {}, {}x{}, {:.1} s, {:.1} MB, {:.1} frames a second ({})",
+        path.display(),
+        weather.name,
+        args.size.0,
+        args.size.1,
+        report.seconds,
+        report.bytes as f64 * 1e-6,
+        f64::from(all) / started.elapsed().as_secs_f64(),
+        studio.describe()
+    );
+    Ok(())
+}
+
+/// Name and visibility of a weather, as on the sheet: `fog, MOR 150 m`.
+fn label(weather: &Weather) -> String {
+    let instant = weather.at(0.0);
+    let mor = instant.effects().find_map(|(effect, values)| match values[effect.param("mor")?] {
+        Value::Number(mor) => Some(mor),
+        _ => None,
+    });
+    match mor {
+        Some(mor) if mor >= 1000.0 => format!("{}, MOR {} km", weather.name, mor / 1000.0),
+        Some(mor) => format!("{}, MOR {mor} m", weather.name),
+        None => weather.name.clone(),
+    }
+}
+
+/// A view as `--camera` takes it.
+fn camera_text(view: &Viewpoint) -> String {
+    let [eye, target] = [view.eye, view.target].map(|p| format!("{},{},{}", p.x, p.y, p.z));
+    format!("{eye}:{target}")
+}
+
+/// A path as a shell takes it for one word.
+fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    if text.contains(char::is_whitespace) { format!("\"{text}\"") } else { text }
+}
+
+/// Size of a file in words.
+fn megabytes(path: &Path) -> String {
+    std::fs::metadata(path)
+        .map_or_else(|_| "written".into(), |about| format!("{:.1} MB", about.len() as f64 * 1e-6))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_give_name_and_visibility() {
+        let label_of = |(name, change): (&str, Option<&str>)| {
+            let mut weather = Weather::find(name).unwrap();
+            change.iter().for_each(|change| weather.set(change).unwrap());
+            label(&weather)
+        };
+        assert_eq!(SHEET.map(label_of), ["clear", "fog, MOR 120 m", "haze, MOR 2 km", "smog, MOR 300 m"]);
+    }
+
+    #[test]
+    fn what_is_printed_can_be_typed() {
+        let view = Place::views()[0];
+        let spec: spec::CameraSpec = camera_text(&view).parse().unwrap();
+        assert_eq!(spec, spec::CameraSpec::LookAt { eye: view.eye, target: view.target });
+        assert_eq!(quoted(Path::new("a/b.ply")), "a/b.ply");
+        assert_eq!(quoted(Path::new("my demo/b.ply")), "\"my demo/b.ply\"");
+    }
+}

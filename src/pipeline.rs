@@ -1,0 +1,61 @@
+//! Frames in order: one is rendered while another thread writes those before it.
+
+use crate::{interrupt, progress};
+use anyhow::{Result, anyhow};
+use std::sync::mpsc::{channel, sync_channel};
+use wm_render::Frame;
+
+/// Frames between renderer and writer; more would only take memory.
+const WAITING: usize = 2;
+
+/// Renders `frames` in order while another thread writes; returns how many were written. Fewer than
+/// all means that Ctrl-C was pressed.
+///
+/// # Errors
+/// The first that `render` or `write` gives.
+pub fn pipeline(
+    frames: &[u32],
+    render: &mut dyn FnMut(u32, &mut Frame) -> Result<()>,
+    write: &mut (dyn FnMut(u32, &Frame) -> Result<()> + Send),
+) -> Result<u32> {
+    let bar = progress::bar(frames.len() as u64, "frames");
+    let outcome = std::thread::scope(|scope| {
+        let (send, receive) = sync_channel::<(u32, Frame)>(WAITING);
+        let (give_back, returned) = channel::<Frame>();
+        let bar = &bar;
+        let writer = scope.spawn(move || -> Result<u32> {
+            let mut written = 0;
+            for (index, frame) in receive {
+                write(index, &frame)?;
+                written += 1;
+                bar.inc(1);
+                // The renderer may be done and its end closed.
+                let _ = give_back.send(frame);
+            }
+            Ok(written)
+        });
+        let mut fault = None;
+        for index in frames {
+            if interrupt::asked() {
+                break;
+            }
+            let mut frame = returned.try_recv().unwrap_or_default();
+            if let Err(error) = render(*index, &mut frame) {
+                fault = Some(error);
+                break;
+            }
+            // A closed end means that the writer failed: its error is the one to tell.
+            if send.send((*index, frame)).is_err() {
+                break;
+            }
+        }
+        drop(send);
+        let written = writer.join().map_err(|_| anyhow!("the writer of frames failed"))??;
+        match fault {
+            Some(error) => Err(error),
+            None => Ok(written),
+        }
+    });
+    bar.finish_and_clear();
+    outcome
+}

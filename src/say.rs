@@ -1,0 +1,32 @@
+//! Printing to readers that may be gone, as in `inspect SCENE | head -1`.
+//!
+//! The macros take the place of those of std, which panic there, in every module of the program.
+
+use std::fmt::Arguments;
+use std::io::{self, ErrorKind, Write};
+
+macro_rules! println {
+    () => { $crate::say::line(format_args!("")) };
+    ($($what:tt)*) => { $crate::say::line(format_args!($($what)*)) };
+}
+
+macro_rules! eprintln {
+    () => { $crate::say::aside(format_args!("")) };
+    ($($what:tt)*) => { $crate::say::aside(format_args!($($what)*)) };
+}
+
+/// Prints a line. The work goes on if its reader is gone; a full disk ends the program.
+pub fn line(text: Arguments<'_>) {
+    if let Err(error) = writeln!(io::stdout(), "{text}")
+        && error.kind() != ErrorKind::BrokenPipe
+    {
+        aside(format_args!("error: cannot print: {error}; send the output elsewhere"));
+        wm_scene::files::abandon_temporaries();
+        std::process::exit(1);
+    }
+}
+
+/// Prints a line for people on the error stream. If that fails nobody can be told.
+pub fn aside(text: Arguments<'_>) {
+    let _ = writeln!(io::stderr(), "{text}");
+}

@@ -1,0 +1,183 @@
+//! Whatever is wrong with what the program is given: it says so in one line, with the name of the file
+//! and the place in it, and writes nothing.
+
+mod options;
+mod scenes;
+mod streams;
+mod weathers;
+
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+/// Longer than this nothing here may take; the machine may be busy.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// What is given where a test says nothing else: a small picture of the small scene.
+const USUAL: [(&str, &str); 4] =
+    [("--size", "48x32"), ("--threads", "1"), ("--camera", "0,-6,2:0,0,2"), ("--out", "a.png")];
+
+/// The properties of a splat, in the order of [`Ply::rows`].
+const PROPERTIES: [&str; 14] = [
+    "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0",
+    "rot_1", "rot_2", "rot_3",
+];
+
+/// A PLY by its parts, to be spoilt.
+#[derive(Clone)]
+struct Ply {
+    count: String,
+    /// Type and name.
+    properties: Vec<String>,
+    rows: Vec<Vec<f32>>,
+}
+
+impl Ply {
+    /// A wall of 60 splats at x -1.5 to 1.2, y 0 to 1.5, z about 2.
+    fn sound() -> Self {
+        let row = |i: usize| {
+            let place = [(i % 10) as f32 * 0.3 - 1.5, (i / 10) as f32 * 0.3, 2.0 + 0.1 * (i % 7) as f32];
+            let look = [0.5, 0.1, -0.3, 3.0, -1.5, -1.5, -2.0, 1.0, 0.0, 0.0, 0.0];
+            [&place[..], &look].concat()
+        };
+        Self {
+            count: "60".into(),
+            properties: PROPERTIES.map(|name| format!("float {name}")).to_vec(),
+            rows: (0..60).map(row).collect(),
+        }
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let lines: String = self.properties.iter().map(|p| format!("property {p}\n")).collect();
+        let count = &self.count;
+        let header =
+            format!("ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{lines}end_header\n");
+        let values = self.rows.iter().flatten().flat_map(|v| v.to_le_bytes());
+        header.into_bytes().into_iter().chain(values).collect()
+    }
+}
+
+/// A folder with a sound scene `good.ply` in it, where the program runs.
+struct Place {
+    folder: TempDir,
+}
+
+impl Place {
+    fn new() -> Self {
+        let place = Self { folder: tempfile::tempdir().unwrap() };
+        place.put("good.ply", Ply::sound().bytes());
+        place
+    }
+
+    fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    fn put(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, content).unwrap();
+        path
+    }
+
+    fn command<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_weather-magician"));
+        command.args(args).current_dir(self.path()).stdin(Stdio::null());
+        command
+    }
+
+    fn run<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Output {
+        finish(&mut self.command(args))
+    }
+
+    /// Runs a command that must be refused with one line that holds each of `says`.
+    fn refused<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>, says: &[&str]) -> String {
+        self.refused_by(&mut self.command(args), says)
+    }
+
+    fn refused_by(&self, command: &mut Command, says: &[&str]) -> String {
+        let before = listing(self.path());
+        let output = finish(command);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let what = format!("{command:?}\n{:?}\n{said}", output.status);
+        assert!(matches!(output.status.code(), Some(1 | 2)), "{what}");
+        assert!(!said.contains("panicked"), "{what}");
+        // What the scene lacks and which camera was chosen may have been said before.
+        let others = ["warning: ", "camera: "];
+        let (errors, rest): (Vec<&str>, Vec<&str>) =
+            said.lines().partition(|line| line.starts_with("error: "));
+        assert!(rest.iter().all(|line| others.iter().any(|o| line.starts_with(o))), "{what}");
+        let [error] = errors[..] else { panic!("not one line of error: {what}") };
+        for part in says {
+            assert!(error.contains(part), "no {part:?} in: {what}");
+        }
+        assert!(output.stdout.is_empty(), "{what}");
+        assert_eq!(listing(self.path()), before, "{what}");
+        error.into()
+    }
+
+    /// `render SCENE` with `more` before what is usual.
+    fn render_refused(&self, scene: &str, more: &[&str], says: &[&str]) -> String {
+        self.refused(render(scene, more), says)
+    }
+
+    fn rendered(&self, scene: &str, more: &[&str]) -> Output {
+        let output = self.run(render(scene, more));
+        assert!(output.status.success(), "{more:?}: {}", String::from_utf8_lossy(&output.stderr));
+        output
+    }
+}
+
+/// The options of `render`: `more`, and what is usual where it says nothing.
+fn render<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let usual = USUAL.into_iter().filter(|(name, _)| !more.contains(name));
+    ["render", scene].into_iter().chain(more.iter().copied()).chain(usual.flat_map(|(a, b)| [a, b])).collect()
+}
+
+/// Runs to the end, within [`PATIENCE`].
+fn finish(command: &mut Command) -> Output {
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    wait(child, &format!("{command:?}"))
+}
+
+fn wait(mut child: Child, what: &str) -> Output {
+    let started = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if started.elapsed() > PATIENCE {
+            child.kill().unwrap();
+            panic!("hangs: {what}");
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.wait_with_output().unwrap()
+}
+
+/// Every file below a folder with its content, every folder and special file without.
+fn listing(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let about = fs::symlink_metadata(&path).unwrap();
+        if about.is_dir() {
+            all.extend(listing(&path));
+        }
+        all.insert(path.clone(), if about.is_file() { fs::read(&path).unwrap() } else { Vec::new() });
+    }
+    all
+}
+
+/// A file of the real data, in `WM_DATA` or in `shared/data` beside the checkout.
+fn data(path: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("WM_DATA")
+        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
+    let path = root.join(path);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("skipped: {} is not there", path.display());
+    None
+}

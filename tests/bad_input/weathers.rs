@@ -1,0 +1,74 @@
+//! Weathers that are misspelt, malformed or impossible.
+
+use super::*;
+
+#[test]
+fn names_and_files() {
+    let place = Place::new();
+    fs::create_dir(place.path().join("folder")).unwrap();
+    for (name, says) in [
+        ("fogg", "there is no weather `fogg`, did you mean `fog`?; the presets are clear, mist, fog"),
+        ("quux", "there is no weather `quux`; the presets are clear, mist, fog"),
+        ("missing.toml", "missing.toml: cannot read the weather file: no such file; check the path"),
+        ("folder", "folder: cannot read the weather file: "),
+        ("good.ply", "good.ply: cannot read the weather file: it is no text in UTF-8; give a TOML file"),
+    ] {
+        place.render_refused("good.ply", &["--weather", name], &[says]);
+    }
+}
+
+#[test]
+fn files_have_line_and_column() {
+    let place = Place::new();
+    for (text, says) in [
+        ("[fog\nmor = 3\n", "w.toml:1:5: unclosed table, expected `]`"),
+        ("\n[fog]\nmor = \"thick\"\n", "w.toml:3:7: fog.mor is `thick`: must be a number from 1"),
+        ("[fog]\nmor = true\n", "w.toml:2:7: fog.mor must be a number from 1"),
+        ("[fog]\nmor = 0\n", "w.toml:2:7: fog.mor is 0: must be a number from 1"),
+        ("[fog]\nmor = -3.5\n", "w.toml:2:7: fog.mor is -3.5: must be a number from 1"),
+        ("[fog]\nmor = nan\n", "w.toml:2:7: fog.mor must be a number from 1"),
+        ("[fog]\nmorr = 3\n", "w.toml:2:1: fog has no `morr`, did you mean `mor`?"),
+        ("[fogg]\n", "w.toml:1:2: there is no `fogg`, did you mean `fog`?"),
+        ("fog = 3\n", "w.toml:1:7: fog must be a table: write [fog] and its parameters below"),
+        ("name = 3\n", "w.toml:1:8: name must be a text in quotes"),
+        ("[fog]\nmor = 9\n[fog]\nmor = 8\n", "w.toml:3:2: duplicate key"),
+        (
+            "[fog]\nmor = { keys = [[5, 100], [2, 50]] }\n",
+            "w.toml:2:7: fog.mor has a keyframe at time 2 after",
+        ),
+        ("[fog]\nmor = { keys = [[nan, 100]] }\n", "w.toml:2:7: fog.mor has a keyframe at time NaN"),
+        ("[fog]\nmor = { keys = [[1]] }\n", "w.toml:2:17: fog.mor must be a value or { keys"),
+        ("[fog]\nmor = { keys = [] }\n", "w.toml:2:7: fog.mor has no keyframes"),
+        ("fidelity = \"exact\"\n", "w.toml:1:12: there is no fidelity `exact`: use physical or paper"),
+    ] {
+        place.put("w.toml", text);
+        place.render_refused("good.ply", &["--weather", "w.toml"], &[says]);
+    }
+    place.put("w.toml", "x = ".to_owned() + &"[".repeat(100_000));
+    place.render_refused("good.ply", &["--weather", "w.toml"], &["w.toml:1:"]);
+}
+
+#[test]
+fn overrides() {
+    let place = Place::new();
+    for (text, says) in [
+        ("", "must be effect.parameter=value, as in fog.mor=120"),
+        ("fog.mor", "must be effect.parameter=value, as in fog.mor=120"),
+        ("=", "there is no ``; the effects are fog"),
+        ("fog.mor=", "fog.mor is ``: must be a number from 1"),
+        ("fog.mor=0", "fog.mor is 0: must be a number from 1"),
+        ("fog.mor=-1", "fog.mor is -1: must be a number from 1"),
+        ("fog.mor=nan", "fog.mor is `nan`: must be a number from 1"),
+        ("fog.mor=0:50,0:60", "fog.mor has a keyframe at time 0 after one at 0: times must rise"),
+        ("fog.mor=5:50,2:60", "fog.mor has a keyframe at time 2 after one at 5: times must rise"),
+        ("fog.mor=0:50,60", "fog.mor has the keyframe `60`: must be time:value"),
+        ("fog.morr=3", "fog has no `morr`, did you mean `mor`?"),
+        ("fogg.mor=3", "there is no `fogg`, did you mean `fog`?"),
+        ("fog=maybe", "fog is on or off"),
+        ("fog.airlight=#12", "must be a colour as \"#rrggbb\""),
+        ("fidelity=exact", "there is no fidelity `exact`: use physical or paper"),
+    ] {
+        let named = format!("--set {text}: ");
+        place.render_refused("good.ply", &["--set", text], &[&named, says]);
+    }
+}

@@ -1,0 +1,77 @@
+//! The demo from end to end, as small as it goes.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn demo(out: &Path, options: &[&str]) -> Output {
+    let small = [("--detail", "0.1"), ("--size", "96x64"), ("--seconds", "0.5")];
+    let small = small.iter().filter(|(name, _)| !options.contains(name));
+    Command::new(env!("CARGO_BIN_EXE_weather-magician"))
+        .args(["demo", "--out"])
+        .arg(out)
+        .args(small.flat_map(|(name, value)| [name, value]))
+        .args(options)
+        .output()
+        .unwrap()
+}
+
+/// Names in a folder, sorted.
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn it_writes_a_scene_a_sheet_and_a_film() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("made here");
+    let output = demo(&out, if cfg!(feature = "h264") { &[] } else { &["--only", "scene,sheet"] });
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+
+    let sheet = fs::read(out.join("sheet.png")).unwrap();
+    let side = |at: usize| u32::from_be_bytes(sheet[at..at + 4].try_into().unwrap());
+    assert_eq!((side(16), side(20)), (2 * 96 + 1, 2 * 64 + 1));
+    assert!(sheet.len() > 10_000, "{}", sheet.len());
+    let scene = fs::read(out.join("street.ply")).unwrap();
+    assert!(scene.starts_with(b"ply\n") && scene.len() > 1_000_000, "{}", scene.len());
+    assert!(said.contains("render \"") && said.contains("--weather"), "{said}");
+    if cfg!(feature = "h264") {
+        let film = fs::read(out.join("fog.mp4")).unwrap();
+        assert_eq!(&film[4..8], b"ftyp");
+        assert!(film.len() > 10_000, "{}", film.len());
+        assert_eq!(names(&out), ["fog.mp4", "sheet.png", "street.ply"]);
+    }
+}
+
+#[test]
+fn it_writes_only_what_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(demo(folder.path(), &["--only", "sheet"]).status.success());
+    assert_eq!(names(folder.path()), ["sheet.png"]);
+}
+
+#[test]
+fn what_cannot_work_is_told_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    for (options, problem) in [
+        (["--seconds", "0"], "--seconds 0: must be 0.1 to 600"),
+        (["--detail", "9"], "--detail 9: must be 0.1 to 4"),
+        (["--detail", "nan"], "--detail NaN: must be 0.1 to 4"),
+    ] {
+        let output = demo(folder.path(), &options);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && said.trim_end().ends_with(problem), "{said}");
+        assert_eq!(said.lines().count(), 1);
+    }
+    if cfg!(feature = "h264") {
+        let output = demo(folder.path(), &["--size", "95x64"]);
+        assert!(!output.status.success());
+        assert!(String::from_utf8(output.stderr).unwrap().contains("95x64"));
+    }
+    assert_eq!(names(folder.path()), [""; 0]);
+}
