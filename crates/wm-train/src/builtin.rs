@@ -121,7 +121,7 @@ pub fn write(
         folders.extend(["depth", "normal", "sky"].map(|name| folder.join("truth").join(name)));
     }
     for folder in folders {
-        fs::create_dir_all(&folder).map_err(|e| FormatError::whole(&folder, Problem::Write(e)))?;
+        fs::create_dir_all(&folder).map_err(|e| FormatError::whole(&folder, Problem::Write(e.into())))?;
     }
     let mut views = Vec::with_capacity(cameras.len());
     for (index, camera) in cameras.iter().enumerate() {

@@ -3,11 +3,33 @@
 //! - [`photos`]: the photos of a capture, decoded, resized and undistorted when they are needed.
 //! - [`colmap`]: a capture from a plain folder of photos, by the COLMAP that is installed.
 //! - [`builtin`]: made-up captures of the built-in place, with exact depth, normals and sky.
+//! - [`start`]: the splats to begin with.
+//! - [`trainer`]: steps of training, with [`losses`], [`optimizer`], [`densify`], [`schedule`] and
+//!   [`exposure`] for their parts, and [`config`] for what they depend on.
+//! - [`checkpoint`]: a training on disk.
+//! - [`metrics`]: how near a picture is to a photo.
 //! - [`npy`]: arrays on disk.
 
+#![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
+
 pub mod builtin;
+pub mod checkpoint;
 pub mod colmap;
+pub mod config;
+pub mod densify;
+pub mod exposure;
+pub mod losses;
+pub mod metrics;
 pub mod npy;
+pub mod optimizer;
 pub mod photos;
+pub mod random;
+pub mod schedule;
+pub mod ssim;
+pub mod start;
 #[cfg(test)]
 mod testing;
+pub mod trainer;
+
+pub use config::{Preset, TrainConfig};
+pub use trainer::{StepReport, StepTimes, TrainState, Trainer};

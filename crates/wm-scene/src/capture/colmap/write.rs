@@ -32,7 +32,7 @@ type Track = Vec<(u32, u32)>;
 pub fn write(capture: &Capture, folder: &Path, storage: Storage) -> Result<(), FormatError> {
     let (views, points) = (capture.views.len(), capture.points.len());
     assert_eq!(capture.observations.len(), views, "a list of observations a view");
-    fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e)))?;
+    fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))?;
     let mut tracks: Vec<Track> = vec![Vec::new(); points];
     for (view, seen) in capture.observations.iter().enumerate() {
         for (index, observation) in seen.iter().enumerate() {

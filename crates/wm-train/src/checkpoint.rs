@@ -1,0 +1,305 @@
+//! A training on disk: everything that its next step depends on.
+//!
+//! `WMTRAIN1`, the length of a JSON head (u64), the head, then arrays of little-endian f32 in a fixed order
+//! and of the lengths that the head gives, and a checksum (FNV-1a, 64 bit) of all before it. A file is whole
+//! or not there: it is written beside and renamed.
+
+use crate::config::TrainConfig;
+use crate::densify::{Population, Pulls};
+use crate::exposure::{Exposures, NUMBERS};
+use crate::optimizer::Moments;
+use crate::trainer::TrainState;
+use serde::{Deserialize, Serialize};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+use wm_scene::files::write_atomically;
+use wm_scene::{FormatError, Group, Splats, sh};
+
+const MAGIC: &[u8; 8] = b"WMTRAIN1";
+/// Longest head, bytes.
+const MAX_HEAD: u64 = 1 << 24;
+
+/// Why a checkpoint cannot be used.
+#[derive(Debug, Error)]
+pub enum CheckpointError {
+    /// It cannot be read.
+    #[error("{}: cannot read the checkpoint: {source}", path.display())]
+    Read {
+        /// Which.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// It is none, or another program's.
+    #[error("{}: no checkpoint of this version; start anew with another --out", path.display())]
+    Version {
+        /// Which.
+        path: PathBuf,
+    },
+    /// It is not whole.
+    #[error("{}: the checkpoint is damaged ({reason}); start anew, or use a copy", path.display())]
+    Damaged {
+        /// Which.
+        path: PathBuf,
+        /// How.
+        reason: String,
+    },
+    /// It cannot be written.
+    #[error(transparent)]
+    Write(#[from] FormatError),
+}
+
+/// What belongs to a training beside its state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Head {
+    /// The configuration.
+    pub config: TrainConfig,
+    /// Names of the photos that learn, in their order.
+    pub photos: Vec<String>,
+    /// The SIMD path, on which the bytes depend.
+    pub simd: String,
+    step: u32,
+    splats: usize,
+    groups: Vec<(u8, usize)>,
+    exposures: usize,
+}
+
+impl Head {
+    /// For the state of a training.
+    #[must_use]
+    pub fn new(config: &TrainConfig, photos: Vec<String>, simd: String, state: &TrainState) -> Self {
+        let mut groups: Vec<(u8, usize)> = Vec::new();
+        for group in &state.population.splats.groups {
+            match groups.last_mut() {
+                Some((last, count)) if *last == *group as u8 => *count += 1,
+                _ => groups.push((*group as u8, 1)),
+            }
+        }
+        Self {
+            config: config.clone(),
+            photos,
+            simd,
+            step: state.step,
+            splats: state.population.len(),
+            groups,
+            exposures: state.exposures.changes.len(),
+        }
+    }
+
+    /// Steps that are done.
+    #[must_use]
+    pub fn step(&self) -> u32 {
+        self.step
+    }
+}
+
+/// Writes a training.
+///
+/// # Errors
+/// [`CheckpointError::Write`]; what was there before is there still.
+pub fn write(path: &Path, head: &Head, state: &TrainState) -> Result<(), CheckpointError> {
+    let text = serde_json::to_vec(head).map_err(|error| damaged(path, &error.to_string()))?;
+    write_atomically(path, |out| {
+        let mut out = Summed { inner: out, sum: FNV_START };
+        out.write_all(MAGIC)?;
+        out.write_all(&(text.len() as u64).to_le_bytes())?;
+        out.write_all(&text)?;
+        let mut state = state.clone();
+        let mut bytes = Vec::new();
+        for array in arrays(&mut state, head.config.sh_degree) {
+            for values in array.chunks(1 << 16) {
+                bytes.clear();
+                bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+                out.write_all(&bytes)?;
+            }
+        }
+        for steps in &state.exposures.steps {
+            out.write_all(&steps.to_le_bytes())?;
+        }
+        let sum = out.sum;
+        out.write_all(&sum.to_le_bytes())?;
+        Ok(())
+    })?;
+    Ok(())
+}
+
+/// Reads a training.
+///
+/// # Errors
+/// [`CheckpointError`] if it cannot be read, is of another version or damaged.
+pub fn read(path: &Path) -> Result<(Head, TrainState), CheckpointError> {
+    let bytes =
+        std::fs::read(path).map_err(|source| CheckpointError::Read { path: path.to_owned(), source })?;
+    parse(&bytes).map_err(|fault| match fault {
+        Fault::Version => CheckpointError::Version { path: path.to_owned() },
+        Fault::Damaged(reason) => damaged(path, &reason),
+    })
+}
+
+enum Fault {
+    Version,
+    Damaged(String),
+}
+
+fn damaged(path: &Path, reason: &str) -> CheckpointError {
+    CheckpointError::Damaged { path: path.to_owned(), reason: reason.to_owned() }
+}
+
+fn parse(bytes: &[u8]) -> Result<(Head, TrainState), Fault> {
+    let cut = || Fault::Damaged("it is cut off".into());
+    if bytes.get(..MAGIC.len()) != Some(MAGIC) {
+        return Err(Fault::Version);
+    }
+    let (body, sum) = bytes.split_last_chunk::<8>().ok_or_else(cut)?;
+    let mut rest = &body[MAGIC.len()..];
+    let mut length = [0; 8];
+    rest.read_exact(&mut length).map_err(|_| cut())?;
+    let length = u64::from_le_bytes(length);
+    if length > MAX_HEAD || length > rest.len() as u64 {
+        return Err(cut());
+    }
+    let (text, mut rest) = rest.split_at(length as usize);
+    if hash(FNV_START, body) != u64::from_le_bytes(*sum) {
+        return Err(Fault::Damaged("its checksum is wrong, or it is cut off".into()));
+    }
+    // A head that cannot be read under a right checksum is another version's.
+    let head: Head = serde_json::from_slice(text).map_err(|_| Fault::Version)?;
+    let degree = head.config.sh_degree;
+    if degree > sh::MAX_DEGREE {
+        return Err(Fault::Version);
+    }
+    // Bytes a splat: parameters and two moments each, and three pulls.
+    let per_splat = 4 * (3 * (11 + 3 * sh::coefficients(degree)) + 3);
+    let expected = head.splats.checked_mul(per_splat).zip(head.exposures.checked_mul(4 * (3 * NUMBERS + 1)));
+    if expected.and_then(|(a, b)| a.checked_add(b)) != Some(rest.len()) {
+        return Err(Fault::Damaged("its size is not what its head says".into()));
+    }
+    let mut groups = Vec::with_capacity(head.splats);
+    for (number, count) in &head.groups {
+        let group = Group::from_number(*number).ok_or(Fault::Version)?;
+        if *count > head.splats - groups.len() {
+            return Err(Fault::Damaged("groups are more than splats".into()));
+        }
+        groups.resize(groups.len() + count, group);
+    }
+    if groups.len() != head.splats {
+        return Err(Fault::Damaged("groups are fewer than splats".into()));
+    }
+    let splats = Splats {
+        means: vec![[0.0; 3]; head.splats],
+        quats: vec![[0.0; 4]; head.splats],
+        log_scales: vec![[0.0; 3]; head.splats],
+        logit_opacities: vec![0.0; head.splats],
+        sh: vec![0.0; head.splats * 3 * sh::coefficients(degree)],
+        sh_degree: degree,
+        groups,
+    };
+    let population = Population { moments: Moments::new(&splats), pulls: Pulls::new(head.splats), splats };
+    let mut state = TrainState { step: head.step, population, exposures: Exposures::new(head.exposures) };
+    for array in arrays(&mut state, degree) {
+        let (own, after) = rest.split_at(4 * array.len());
+        for (value, bytes) in array.iter_mut().zip(own.as_chunks::<4>().0) {
+            *value = f32::from_le_bytes(*bytes);
+        }
+        rest = after;
+    }
+    for (steps, bytes) in state.exposures.steps.iter_mut().zip(rest.as_chunks::<4>().0) {
+        *steps = u32::from_le_bytes(*bytes);
+    }
+    Ok((head, state))
+}
+
+/// Every array of a state, in the order of the file.
+fn arrays(state: &mut TrainState, sh_degree: u8) -> Vec<&mut [f32]> {
+    let Population { splats, moments, pulls } = &mut state.population;
+    let mut arrays: Vec<&mut [f32]> = vec![
+        splats.means.as_flattened_mut(),
+        splats.quats.as_flattened_mut(),
+        splats.log_scales.as_flattened_mut(),
+        &mut splats.logit_opacities,
+        &mut splats.sh,
+    ];
+    for (pair, _) in moments.arrays(sh_degree) {
+        arrays.push(&mut pair.first);
+        arrays.push(&mut pair.second);
+    }
+    arrays.extend([&mut pulls.sums[..], &mut pulls.counts, &mut pulls.radii]);
+    arrays.push(state.exposures.changes.as_flattened_mut());
+    arrays.push(state.exposures.moments.as_flattened_mut().as_flattened_mut());
+    arrays
+}
+
+const FNV_START: u64 = 0xcbf2_9ce4_8422_2325;
+
+/// FNV-1a.
+fn hash(sum: u64, bytes: &[u8]) -> u64 {
+    bytes.iter().fold(sum, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3))
+}
+
+/// Writes and sums up what was written.
+struct Summed<'a> {
+    inner: &'a mut dyn Write,
+    sum: u64,
+}
+
+impl Write for Summed<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.inner.write(bytes)?;
+        self.sum = hash(self.sum, &bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Preset;
+    use wm_render::testing::random_splats;
+
+    fn state() -> (Head, TrainState) {
+        let mut population = Population::new(random_splats(40, 3, 1));
+        population.splats.groups[3] = Group::Sky;
+        population.moments.sh.first[7] = 0.25;
+        population.pulls.radii[9] = 12.0;
+        let mut exposures = Exposures::new(3);
+        exposures.changes[1][4] = 0.5;
+        exposures.steps[2] = 77;
+        let state = TrainState { step: 1234, population, exposures };
+        let config = TrainConfig::preset(Preset::Quick);
+        (Head::new(&config, vec!["a.jpg".into()], "portable".into(), &state), state)
+    }
+
+    #[test]
+    fn a_training_comes_back_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.wmtrain");
+        let (head, state) = state();
+        write(&path, &head, &state).unwrap();
+        assert_eq!(read(&path).unwrap(), (head, state));
+    }
+
+    #[test]
+    fn what_is_not_whole_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.wmtrain");
+        let (head, state) = state();
+        write(&path, &head, &state).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        for length in (0..bytes.len()).step_by(97).chain(bytes.len() - 9..bytes.len()) {
+            assert!(parse(&bytes[..length]).is_err(), "{length} bytes are no checkpoint");
+        }
+        for at in (8..bytes.len()).step_by(131) {
+            let mut changed = bytes.clone();
+            changed[at] ^= 4;
+            assert!(matches!(parse(&changed), Err(Fault::Damaged(_))), "byte {at} may not change");
+        }
+        std::fs::write(&path, b"WMTRAIN0 something").unwrap();
+        let message = read(&path).unwrap_err().to_string();
+        assert!(message.ends_with("no checkpoint of this version; start anew with another --out"), "{message}");
+    }
+}

@@ -1,0 +1,175 @@
+//! Adaptive control as published (Kerbl et al. 2023).
+//!
+//! Where the picture pulls on a splat's centre by more than a threshold in the mean of the steps that saw
+//! it, there is too little: a small splat is cloned, a large one is split in two, drawn from itself and
+//! smaller by 1.6. What is transparent goes; later also what is huge, in the picture or in space.
+//! Opacities are brought down now and then, so that only what is needed comes back.
+//!
+//! Departure: a hard limit on the number of splats; those that are pulled most come first.
+
+use super::{Densified, Population, Pulls};
+use crate::random::Random;
+use serde::{Deserialize, Serialize};
+use wm_scene::quat;
+use wm_scene::splats::logit;
+
+/// Parts that a split splat falls into.
+const PARTS: u64 = 2;
+/// How much smaller they are.
+const SHRINK: f64 = 1.6;
+
+/// Constants of adaptive control; lengths in units of the scene's extent.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AdaptiveConfig {
+    /// First step that changes splats.
+    pub from: u32,
+    /// First step that does not any more.
+    pub until: u32,
+    /// Steps between changes.
+    pub every: u32,
+    /// Mean screen-space gradient above which there is too little, in units of half a picture.
+    pub pull: f64,
+    /// Largest standard deviation of what is cloned and not split.
+    pub small: f64,
+    /// Opacity below which a splat goes.
+    pub faint: f64,
+    /// Steps between resets of opacities; from the first on, what is huge goes.
+    pub reset_every: u32,
+    /// Radius above which a splat is huge, px.
+    pub huge_radius: f64,
+    /// Standard deviation above which a splat is huge.
+    pub huge: f64,
+    /// Most splats.
+    pub max_splats: usize,
+}
+
+impl AdaptiveConfig {
+    /// The published constants, for a training of 30,000 steps, in proportion for others.
+    #[must_use]
+    pub fn for_steps(steps: u32, max_splats: usize) -> Self {
+        let share = |of: u32| (u64::from(steps) * u64::from(of) / 30_000) as u32;
+        Self {
+            from: share(500).max(100),
+            until: share(15_000),
+            every: 100,
+            pull: 2e-4,
+            small: 0.01,
+            faint: 0.005,
+            reset_every: share(3_000).max(500),
+            huge_radius: 20.0,
+            huge: 0.1,
+            max_splats,
+        }
+    }
+
+    /// What happens after `step` (from 1).
+    pub fn after(&self, step: u32, population: &mut Population, extent: f64, random: Random) -> Densified {
+        let mut done = Densified::default();
+        if step < self.until && step >= self.from && step.is_multiple_of(self.every) {
+            done = self.densify(step, population, extent, random);
+        }
+        if step < self.until && step.is_multiple_of(self.reset_every) {
+            let most = logit(2.0 * self.faint) as f32;
+            for value in &mut population.splats.logit_opacities {
+                *value = value.min(most);
+            }
+            population.moments.logit_opacities.first.fill(0.0);
+            population.moments.logit_opacities.second.fill(0.0);
+        }
+        done
+    }
+
+    fn densify(&self, step: u32, population: &mut Population, extent: f64, random: Random) -> Densified {
+        let count = population.len();
+        let pulls = &population.pulls;
+        let pull = |i: usize| f64::from(pulls.sums[i]) / f64::from(pulls.counts[i]).max(1.0);
+        let mut wanted: Vec<usize> = (0..count).filter(|i| pull(*i) > self.pull).collect();
+        let room = self.max_splats.saturating_sub(count);
+        if wanted.len() > room {
+            wanted.sort_by(|a, b| pull(*b).total_cmp(&pull(*a)).then(a.cmp(b)));
+            wanted.truncate(room);
+            wanted.sort_unstable();
+        }
+        let largest = |i: usize| population.splats.scales(i).into_iter().fold(0.0, f64::max);
+        let is_small: Vec<bool> = wanted.iter().map(|i| largest(*i) <= self.small * extent).collect();
+        let mut gone = vec![false; count];
+        let may_be_huge = step > self.reset_every;
+        for (i, gone) in gone.iter_mut().enumerate() {
+            let huge = f64::from(pulls.radii[i]) > self.huge_radius || largest(i) > self.huge * extent;
+            *gone = population.splats.opacity(i) < self.faint || (may_be_huge && huge);
+        }
+        // A clone is a copy; of a split splat both parts are made anew from it.
+        population.copy(&wanted);
+        for (k, (index, small)) in wanted.iter().zip(is_small).enumerate() {
+            if !small {
+                for part in 0..PARTS {
+                    let place = if part == 0 { count + k } else { *index };
+                    population.draw_part(*index, place, random.normal3(PARTS * k as u64 + part));
+                }
+                for place in [*index, count + k] {
+                    for value in &mut population.splats.log_scales[place] {
+                        *value -= SHRINK.ln() as f32;
+                    }
+                    population.moments.clear_row(place, population.splats.sh_degree);
+                }
+                gone[*index] = false;
+            }
+        }
+        gone.resize(population.len(), false);
+        let kept: Vec<usize> = (0..population.len()).filter(|i| !gone[*i]).collect();
+        let went = population.len() - kept.len();
+        population.select(&kept);
+        population.sort();
+        population.pulls = Pulls::new(population.len());
+        Densified { born: wanted.len(), moved: 0, gone: went }
+    }
+}
+
+impl Population {
+    /// Puts the centre of splat `place` where splat `from` says, `normal` standard deviations off.
+    fn draw_part(&mut self, from: usize, place: usize, normal: [f64; 3]) {
+        let splats = &mut self.splats;
+        let matrix = quat::to_matrix(splats.quats[from].map(f64::from));
+        let scales = splats.scales(from);
+        let mean = splats.means[from];
+        splats.means[place] = std::array::from_fn(|row| {
+            let off: f64 = (0..3).map(|k| matrix[row][k] * scales[k] * normal[k]).sum();
+            (f64::from(mean[row]) + off) as f32
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Purpose;
+    use wm_render::testing::random_splats;
+
+    #[test]
+    fn what_is_pulled_grows_and_what_is_faint_goes() {
+        let mut config = AdaptiveConfig::for_steps(30_000, 1000);
+        let mut population = Population::new(random_splats(100, 0, 1));
+        population.splats.logit_opacities.fill(1.0);
+        population.splats.log_scales.fill([-3.0; 3]);
+        population.splats.log_scales[10] = [1.0; 3];
+        population.splats.logit_opacities[20] = -8.0;
+        population.pulls.sums[10] = 1.0;
+        population.pulls.sums[30] = 1.0;
+        population.pulls.counts.fill(2.0);
+        let before = population.clone();
+        let random = Random::new(0, Purpose::Sample, 600);
+        assert_eq!(config.after(550, &mut population, 10.0, random), Densified::default());
+        let done = config.after(600, &mut population, 10.0, random);
+        assert_eq!(done, Densified { born: 2, moved: 0, gone: 1 });
+        assert_eq!(population.len(), 101);
+        let halves = population.splats.log_scales.iter().filter(|s| (s[0] - (1.0 - 0.47)).abs() < 1e-3).count();
+        let clones = population.splats.means.iter().filter(|m| **m == before.splats.means[30]).count();
+        assert_eq!((halves, clones), (2, 2));
+        config.max_splats = 100;
+        let mut full = before;
+        assert_eq!(config.after(600, &mut full, 10.0, random).born, 0);
+        config.after(3000, &mut full, 10.0, random);
+        assert!((0..full.len()).all(|i| full.splats.opacity(i) < 0.0101));
+    }
+}

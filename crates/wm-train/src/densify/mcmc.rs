@@ -1,0 +1,247 @@
+//! Splats as samples of a Markov chain (Kheradmand et al. 2024).
+//!
+//! The number of splats only grows, by a share each time, up to a fixed budget. Dead splats (transparent
+//! ones) move to where live ones are, and new ones are born there, chosen by opacity; those that come to
+//! share a place share its opacity and size so that the picture stays as it was: of n in one place each has
+//! `o' = 1 - (1 - o)^(1/n)` and the scales times
+//! `o / sum_{i=1..n} sum_{k=0..i-1} C(i-1, k) (-1)^k o'^(k+1) / sqrt(k+1)`. Noise along each splat's own
+//! shape explores, as long as it is nearly transparent. Opacities and sizes are pulled down a little.
+
+use super::{Densified, Population, Pulls};
+use crate::random::Random;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use wm_render::Gradients;
+use wm_scene::quat;
+use wm_scene::splats::{logit, sigmoid};
+
+/// Most splats that come to one place at once.
+const MOST_AT_ONE: usize = 51;
+/// Splats above this opacity have no noise: the gate is below 1e-4 there.
+const NOISY: f64 = 0.1;
+
+/// Constants of the chain.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct McmcConfig {
+    /// First step that changes splats.
+    pub from: u32,
+    /// First step that does not any more.
+    pub until: u32,
+    /// Steps between changes.
+    pub every: u32,
+    /// Most splats.
+    pub max_splats: usize,
+    /// Share of the splats that is born each time.
+    pub growth: f64,
+    /// Opacity at or below which a splat is dead.
+    pub dead: f64,
+    /// Noise in units of the step length of means.
+    pub noise: f64,
+    /// Weight of the mean opacity in the loss.
+    pub opacity: f64,
+    /// Weight of the mean scale in the loss.
+    pub scale: f64,
+}
+
+impl McmcConfig {
+    /// The published constants, for a training of 30,000 steps, in proportion for others.
+    #[must_use]
+    pub fn for_steps(steps: u32, max_splats: usize) -> Self {
+        let share = |of: u32| (u64::from(steps) * u64::from(of) / 30_000) as u32;
+        Self {
+            from: share(500).max(50),
+            until: share(25_000),
+            every: (steps / 70).clamp(10, 100),
+            max_splats,
+            growth: 0.05,
+            dead: 0.005,
+            noise: 5e5,
+            opacity: 0.01,
+            scale: 0.01,
+        }
+    }
+
+    /// Adds what the weights of opacity and scale pull, for the splats in view, to their gradients.
+    pub fn regularise(&self, population: &Population, gradients: &mut Gradients) {
+        let splats = &population.splats;
+        let per_splat = 1.0 / splats.len().max(1) as f64;
+        for (row, index) in gradients.visible.iter().enumerate() {
+            let index = *index as usize;
+            let opacity = splats.opacity(index);
+            gradients.logit_opacities[row] += (self.opacity * per_splat * opacity * (1.0 - opacity)) as f32;
+            for (gradient, scale) in gradients.log_scales[row].iter_mut().zip(splats.scales(index)) {
+                *gradient += (self.scale * per_splat / 3.0 * scale) as f32;
+            }
+        }
+    }
+
+    /// Moves nearly transparent splats at random; `rate` is the step length of means.
+    pub fn explore(&self, population: &mut Population, rate: f64, random: Random) {
+        let splats = &mut population.splats;
+        let noisy = logit(NOISY) as f32;
+        let (quats, scales, opacities) = (&splats.quats, &splats.log_scales, &splats.logit_opacities);
+        splats.means.par_iter_mut().enumerate().with_min_len(1024).for_each(|(i, mean)| {
+            if opacities[i] > noisy {
+                return;
+            }
+            let gate = sigmoid(-100.0 * (sigmoid(f64::from(opacities[i])) - 0.005));
+            let matrix = quat::to_matrix(quats[i].map(f64::from));
+            let normal = random.normal3(i as u64);
+            let turned: [f64; 3] = std::array::from_fn(|k| {
+                let variance = (2.0 * f64::from(scales[i][k])).exp();
+                variance * (0..3).map(|row| matrix[row][k] * normal[row]).sum::<f64>()
+            });
+            for row in 0..3 {
+                let off: f64 = (0..3).map(|k| matrix[row][k] * turned[k]).sum();
+                mean[row] += (rate * self.noise * gate * off) as f32;
+            }
+        });
+    }
+
+    /// What happens after `step` (from 1).
+    pub fn after(&self, step: u32, population: &mut Population, random: Random) -> Densified {
+        if step < self.from || step >= self.until || !step.is_multiple_of(self.every) {
+            return Densified::default();
+        }
+        let count = population.len();
+        let dead: Vec<usize> = (0..count).filter(|i| population.splats.opacity(*i) <= self.dead).collect();
+        let mut moved = 0;
+        // Where all are dead there is nowhere to go.
+        if dead.len() < count {
+            let hosts = sample(population, &dead, dead.len(), random, 0);
+            population.settle(&hosts, self.dead);
+            for (dead, host) in dead.iter().zip(&hosts) {
+                population.take_place(*dead, *host);
+            }
+            moved = dead.len();
+        }
+        let grown = (count as f64 * (1.0 + self.growth)) as usize;
+        let born = grown.max(count + 1).min(self.max_splats).saturating_sub(count);
+        let hosts = sample(population, &[], born, random, dead.len() as u64);
+        population.settle(&hosts, self.dead);
+        population.copy(&hosts);
+        population.sort();
+        population.pulls = Pulls::new(population.len());
+        Densified { born, moved, gone: 0 }
+    }
+}
+
+/// `wanted` live splats, each as likely as it is opaque, none of `dead` (ascending).
+fn sample(population: &Population, dead: &[usize], wanted: usize, random: Random, first: u64) -> Vec<usize> {
+    let mut total = 0.0;
+    let mut next = 0;
+    let sums: Vec<f64> = (0..population.len())
+        .map(|i| {
+            if dead.get(next) == Some(&i) {
+                next += 1;
+            } else {
+                total += population.splats.opacity(i);
+            }
+            total
+        })
+        .collect();
+    (0..wanted as u64)
+        .map(|k| {
+            let at = random.uniform(first + k) * total;
+            sums.partition_point(|sum| *sum <= at).min(population.len() - 1)
+        })
+        .collect()
+}
+
+impl Population {
+    /// Makes each of `hosts` (repeated as often as something comes to it) one of many in its place.
+    fn settle(&mut self, hosts: &[usize], dead: f64) {
+        let mut sorted = hosts.to_vec();
+        sorted.sort_unstable();
+        for group in sorted.chunk_by(|a, b| a == b) {
+            let (host, many) = (group[0], (group.len() + 1).min(MOST_AT_ONE));
+            let opacity = self.splats.opacity(host);
+            let (each, factor) = shared(opacity, many);
+            self.splats.logit_opacities[host] = logit(each.clamp(dead, 1.0 - 1e-7)) as f32;
+            for value in &mut self.splats.log_scales[host] {
+                *value += factor.ln() as f32;
+            }
+            self.moments.clear_row(host, self.splats.sh_degree);
+        }
+    }
+
+    /// Makes splat `index` a copy of `host`, about which nothing is known.
+    fn take_place(&mut self, index: usize, host: usize) {
+        let splats = &mut self.splats;
+        splats.means[index] = splats.means[host];
+        splats.quats[index] = splats.quats[host];
+        splats.log_scales[index] = splats.log_scales[host];
+        splats.logit_opacities[index] = splats.logit_opacities[host];
+        splats.groups[index] = splats.groups[host];
+        let stride = splats.sh_stride();
+        splats.sh.copy_within(host * stride..(host + 1) * stride, index * stride);
+        self.moments.clear_row(index, splats.sh_degree);
+    }
+}
+
+/// Opacity and factor on the scales of each of `many` splats that stand for one of `opacity`.
+fn shared(opacity: f64, many: usize) -> (f64, f64) {
+    let each = 1.0 - (1.0 - opacity).powf(1.0 / many as f64);
+    let mut sum = 0.0;
+    for i in 0..many {
+        // C(i, k) from the one before.
+        let mut binomial = 1.0;
+        for k in 0..=i {
+            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+            sum += sign * binomial * each.powi(k as i32 + 1) / ((k + 1) as f64).sqrt();
+            binomial *= (i - k) as f64 / (k + 1) as f64;
+        }
+    }
+    // Alternating sums of large numbers: beyond what is sensible nothing is changed.
+    let factor = opacity / sum;
+    (each, if factor.is_finite() && factor > 0.0 { factor.clamp(0.1, 1.0) } else { 1.0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Purpose;
+    use wm_render::testing::random_splats;
+
+    /// n splats of the shared form, blended, have the alpha of the one at the centre, and nearly its
+    /// integral: the formula makes the integrals over the picture's plane equal in one dimension.
+    #[test]
+    fn a_shared_place_looks_as_it_did() {
+        for (opacity, many) in [(0.5, 2), (0.9, 3), (0.3, 5), (0.99, 2)] {
+            let (each, factor) = shared(opacity, many);
+            assert!((1.0 - (1.0 - each).powi(many as i32) - opacity).abs() < 1e-12);
+            let line = |opacity: f64, sigma: f64, many: i32| -> f64 {
+                (-4000..4000).map(|i| 1.0 - (1.0 - opacity * (-(f64::from(i) * 0.002 / sigma).powi(2) / 2.0).exp()).powi(many)).sum()
+            };
+            let (one, all) = (line(opacity, 1.0, 1), line(each, factor, many as i32));
+            assert!((all / one - 1.0).abs() < 1e-3, "{opacity} {many}: {one} {all}");
+        }
+    }
+
+    #[test]
+    fn the_dead_move_to_the_living_and_the_budget_holds() {
+        let mut population = Population::new(random_splats(400, 1, 2));
+        population.splats.logit_opacities.fill(0.5);
+        population.splats.logit_opacities[..40].fill(-9.0);
+        let config = McmcConfig { max_splats: 410, ..McmcConfig::for_steps(30_000, 410) };
+        let done = config.after(600, &mut population, Random::new(0, Purpose::Sample, 600));
+        assert_eq!(done, Densified { born: 10, moved: 40, gone: 0 });
+        assert_eq!(population.len(), 410);
+        assert!((0..410).all(|i| population.splats.opacity(i) > 0.01));
+        assert_eq!(config.after(601, &mut population, Random::new(0, Purpose::Sample, 601)), Densified::default());
+        let done = config.after(700, &mut population, Random::new(0, Purpose::Sample, 700));
+        assert_eq!(done.born, 0);
+    }
+
+    #[test]
+    fn only_what_is_nearly_transparent_explores() {
+        let mut population = Population::new(random_splats(50, 0, 3));
+        population.splats.logit_opacities.fill(2.0);
+        population.splats.logit_opacities[3] = -6.0;
+        let before = population.splats.means.clone();
+        McmcConfig::for_steps(30_000, 50).explore(&mut population, 1e-4, Random::new(1, Purpose::Noise, 9));
+        let moved: Vec<usize> = (0..50).filter(|i| population.splats.means[*i] != before[*i]).collect();
+        assert_eq!(moved, [3]);
+    }
+}

@@ -1,0 +1,140 @@
+//! How splats come and go, one strategy a file.
+
+pub mod adaptive;
+pub mod mcmc;
+
+use crate::optimizer::Moments;
+use wm_render::Gradients;
+use wm_render::cpu::model::morton_order;
+use wm_scene::Splats;
+
+/// The splats of a training and everything that is known of each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Population {
+    /// The splats.
+    pub splats: Splats,
+    /// What the optimiser remembers of them.
+    pub moments: Moments,
+    /// What pulled on them since splats last came or went.
+    pub pulls: Pulls,
+}
+
+/// What pulled on each splat; empty where the strategy does not ask.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pulls {
+    /// Sum of the lengths of screen-space gradients, in units of half a picture, `[N]`.
+    pub sums: Vec<f32>,
+    /// Steps that saw the splat, `[N]`.
+    pub counts: Vec<f32>,
+    /// Largest radius in a picture, px, `[N]`.
+    pub radii: Vec<f32>,
+}
+
+impl Pulls {
+    /// Zeros for `count` splats.
+    #[must_use]
+    pub fn new(count: usize) -> Self {
+        Self { sums: vec![0.0; count], counts: vec![0.0; count], radii: vec![0.0; count] }
+    }
+
+    /// Adds one step's gradients, of a picture of `width` x `height` px.
+    pub fn add(&mut self, gradients: &Gradients, width: u32, height: u32) {
+        let half = [width as f32 / 2.0, height as f32 / 2.0];
+        for (row, index) in gradients.visible.iter().enumerate() {
+            let index = *index as usize;
+            let [x, y] = gradients.means2d[row];
+            self.sums[index] += (x * half[0]).hypot(y * half[1]);
+            self.counts[index] += 1.0;
+            self.radii[index] = self.radii[index].max(gradients.radii[row]);
+        }
+    }
+}
+
+impl Population {
+    /// A population that begins.
+    #[must_use]
+    pub fn new(splats: Splats) -> Self {
+        let mut population = Self { moments: Moments::new(&splats), pulls: Pulls::new(splats.len()), splats };
+        population.sort();
+        population
+    }
+
+    /// Number of splats.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.splats.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.splats.is_empty()
+    }
+
+    /// Keeps the splats `indices`, in that order.
+    pub fn select(&mut self, indices: &[usize]) {
+        self.splats = self.splats.select(indices);
+        self.moments.select(indices, self.splats.sh_degree);
+        for array in [&mut self.pulls.sums, &mut self.pulls.counts, &mut self.pulls.radii] {
+            *array = indices.iter().map(|i| array[*i]).collect();
+        }
+    }
+
+    /// Adds copies of the splats `indices`, about which nothing is known yet.
+    pub fn copy(&mut self, indices: &[usize]) {
+        let copies = self.splats.select(indices);
+        let splats = &mut self.splats;
+        splats.means.extend(copies.means);
+        splats.quats.extend(copies.quats);
+        splats.log_scales.extend(copies.log_scales);
+        splats.logit_opacities.extend(copies.logit_opacities);
+        splats.sh.extend(copies.sh);
+        splats.groups.extend(copies.groups);
+        self.moments.resize(&self.splats);
+        for array in [&mut self.pulls.sums, &mut self.pulls.counts, &mut self.pulls.radii] {
+            array.resize(self.splats.len(), 0.0);
+        }
+    }
+
+    /// Brings neighbours together: the renderer culls runs of splats.
+    pub fn sort(&mut self) {
+        let order: Vec<usize> = morton_order(&self.splats.means).into_iter().map(|i| i as usize).collect();
+        self.select(&order);
+    }
+}
+
+/// What a strategy did at a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Densified {
+    /// Splats that came.
+    pub born: usize,
+    /// Splats that moved to another place.
+    pub moved: usize,
+    /// Splats that went.
+    pub gone: usize,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wm_render::testing::random_splats;
+
+    #[test]
+    fn what_is_known_of_a_splat_goes_with_it() {
+        let splats = random_splats(300, 1, 5);
+        let mut population = Population::new(splats);
+        for i in 0..300 {
+            population.moments.means.first[3 * i] = population.splats.means[i][0];
+            population.pulls.sums[i] = population.splats.logit_opacities[i];
+        }
+        population.copy(&[7, 200]);
+        population.splats.means[0] = [90.0; 3];
+        population.sort();
+        assert_eq!((population.len(), population.splats.check()), (302, Ok(())));
+        let known = (0..302).filter(|i| {
+            population.moments.means.first[3 * i] == population.splats.means[*i][0]
+                && population.pulls.sums[*i] == population.splats.logit_opacities[*i]
+        });
+        assert_eq!(known.count(), 299);
+    }
+}

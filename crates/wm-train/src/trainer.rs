@@ -1,0 +1,302 @@
+//! The steps of a training: render, compare, derive, move.
+//!
+//! The trainer names no loss and knows no file. Its state after a number of steps is a pure function of
+//! configuration, photos and starting splats: random numbers are keyed by the step, no sum depends on
+//! threads. So a training that is broken off and gone on with ends in the same bytes.
+
+use crate::config::{BackgroundKind, Densify, Exposure, TrainConfig};
+use crate::densify::{Densified, Population};
+use crate::exposure::Exposures;
+use crate::losses::{Dssim, L1, LossGradients, LossInput, LossTerm, Truth};
+use crate::optimizer;
+use crate::random::{Purpose, Random};
+use crate::schedule;
+use std::time::Instant;
+use wm_render::simd::SimdPath;
+use wm_render::{
+    Channels, CpuConfig, DepthAlpha, Differentiable, ForwardConfig, Frame, Gradients, Learn, Opacity, RenderError,
+};
+use wm_scene::{Camera, Splats};
+
+/// A training under way.
+pub struct Trainer {
+    config: TrainConfig,
+    terms: Vec<Box<dyn LossTerm>>,
+    renderer: Differentiable,
+    state: TrainState,
+    extent: f64,
+    work: Work,
+}
+
+/// Everything that a step leaves to the next.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TrainState {
+    /// Steps that are done.
+    pub step: u32,
+    /// The splats and what is known of them.
+    pub population: Population,
+    /// The photos' own exposures; none where they are shared.
+    pub exposures: Exposures,
+}
+
+/// Memory of one step.
+#[derive(Default)]
+struct Work {
+    frame: Frame,
+    /// The frame in the colours of the photo.
+    seen: Frame,
+    loss: LossGradients,
+    gradients: Gradients,
+}
+
+/// What a step did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StepReport {
+    /// The sum of the terms with their weights.
+    pub loss: f64,
+    /// Each term's name and value before weighting.
+    pub terms: Vec<(&'static str, f64)>,
+    /// Splats that came, moved and went.
+    pub densified: Densified,
+    /// Splats in view.
+    pub visible: usize,
+    /// Where the time went.
+    pub times: StepTimes,
+}
+
+/// Wall time of the parts of a step, seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepTimes {
+    /// Rendering.
+    pub forward: f64,
+    /// Comparing.
+    pub loss: f64,
+    /// Deriving.
+    pub backward: f64,
+    /// Moving.
+    pub optimizer: f64,
+    /// Splats that come and go.
+    pub densify: f64,
+}
+
+impl StepTimes {
+    /// The sum of it all.
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        self.forward + self.loss + self.backward + self.optimizer + self.densify
+    }
+
+    /// Adds another step's.
+    pub fn add(&mut self, other: &Self) {
+        self.forward += other.forward;
+        self.loss += other.loss;
+        self.backward += other.backward;
+        self.optimizer += other.optimizer;
+        self.densify += other.densify;
+    }
+}
+
+impl Trainer {
+    /// Begins with `splats` in a scene of `extent` units that `photos` photos show.
+    ///
+    /// # Errors
+    /// [`RenderError`] if threads or the SIMD path cannot be had.
+    pub fn new(
+        config: TrainConfig,
+        run: CpuConfig,
+        splats: Splats,
+        extent: f64,
+        photos: usize,
+    ) -> Result<Self, RenderError> {
+        let exposures = match config.exposure {
+            Exposure::Shared => Exposures::default(),
+            Exposure::Photo => Exposures::new(photos),
+        };
+        let state = TrainState { step: 0, population: Population::new(splats), exposures };
+        Self::resumed(config, run, state, extent)
+    }
+
+    /// Goes on from `state`.
+    ///
+    /// # Errors
+    /// [`RenderError`] if threads or the SIMD path cannot be had.
+    pub fn resumed(config: TrainConfig, run: CpuConfig, state: TrainState, extent: f64) -> Result<Self, RenderError> {
+        let renderer = Differentiable::new(run)?;
+        let terms: Vec<Box<dyn LossTerm>> = vec![
+            Box::new(L1 { weight: config.loss.l1 }),
+            Box::new(Dssim::new(config.loss.ssim, renderer.path())),
+        ];
+        Ok(Self { config, terms, renderer, state, extent, work: Work::default() })
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub fn config(&self) -> &TrainConfig {
+        &self.config
+    }
+
+    /// The state after the steps so far.
+    #[must_use]
+    pub fn state(&self) -> &TrainState {
+        &self.state
+    }
+
+    /// The splats so far.
+    #[must_use]
+    pub fn splats(&self) -> &Splats {
+        &self.state.population.splats
+    }
+
+    /// The SIMD path in use.
+    #[must_use]
+    pub fn path(&self) -> SimdPath {
+        self.renderer.path()
+    }
+
+    /// Whether all steps are done.
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.state.step >= self.config.steps
+    }
+
+    /// The place in a list of `photos` of the photo that step `step` (from 0) sees: each once an epoch, in an
+    /// order of its own.
+    #[must_use]
+    pub fn photo_at(&self, step: u32, photos: usize) -> usize {
+        let count = photos as u32;
+        let order = Random::new(self.config.seed, Purpose::Order, step / count).permutation(photos);
+        order[(step % count) as usize]
+    }
+
+    /// How often the sides of photos are halved for step `step`.
+    #[must_use]
+    pub fn level_at(&self, step: u32, last_level: u8) -> u8 {
+        schedule::level(&self.config, step, last_level)
+    }
+
+    /// One step, on photo `photo` of `truth`.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the camera cannot be rendered with or memory is short.
+    pub fn step(&mut self, truth: &Truth<'_>, photo: usize) -> Result<StepReport, RenderError> {
+        let pool = std::sync::Arc::clone(self.renderer.pool());
+        pool.install(|| self.step_on_pool(truth, photo))
+    }
+
+    fn step_on_pool(&mut self, truth: &Truth<'_>, photo: usize) -> Result<StepReport, RenderError> {
+        let step = self.state.step;
+        let rates = schedule::rates(&self.config.rates, step, self.config.steps, self.extent);
+        let random = |purpose| Random::new(self.config.seed, purpose, step);
+        let mut report = StepReport::default();
+
+        let mut clock = Instant::now();
+        let mut lap = move || {
+            let passed = clock.elapsed().as_secs_f64();
+            clock = Instant::now();
+            passed
+        };
+        let background = match self.config.background {
+            BackgroundKind::Black => [0.0; 3],
+            BackgroundKind::Random => [0, 1, 2].map(|k| random(Purpose::Background).uniform(k) as f32),
+        };
+        let common = |term: &dyn LossTerm| term.own_render().is_none() && term.weight(step) != 0.0;
+        let channels = self.terms.iter().filter(|term| common(term.as_ref())).map(|term| term.channels());
+        let forward = ForwardConfig {
+            channels: channels.max_by_key(|channels| channels.count()).unwrap_or(Channels::Color),
+            background,
+            rasterization: self.config.rasterization,
+            opacity: Opacity::Stored,
+            sh_degree: schedule::sh_degree(&self.config, step),
+        };
+        let work = &mut self.work;
+        let splats = &self.state.population.splats;
+        let stats = self.renderer.forward(splats, truth.camera, &forward, &mut work.frame)?;
+        report.visible = stats.visible as usize;
+        report.times.forward = lap();
+
+        let exposed = !self.state.exposures.changes.is_empty();
+        if exposed {
+            work.seen.clone_from(&work.frame);
+            let path = self.renderer.path();
+            self.state.exposures.apply(path, photo, &work.frame.rgb, &mut work.seen.rgb);
+        }
+        let frame = if exposed { &work.seen } else { &work.frame };
+        work.loss.clear(frame);
+        let input = LossInput { frame, truth, step, path: self.renderer.path() };
+        for term in self.terms.iter_mut().filter(|term| common(term.as_ref())) {
+            let weight = term.weight(step);
+            let value = term.add(&input, weight, &mut work.loss);
+            report.loss += weight * value;
+            report.terms.push((term.name(), value));
+        }
+        if exposed {
+            let rate = self.config.rates.exposure;
+            self.state.exposures.learn(photo, &work.frame.rgb, &mut work.loss.rgb, rate);
+        }
+        report.times.loss = lap();
+
+        let upstream = work.loss.upstream(DepthAlpha::Learns);
+        self.renderer.backward(splats, &upstream, Learn::ALL, &mut work.gradients);
+        report.times.backward = lap();
+
+        let population = &mut self.state.population;
+        if let Densify::Mcmc(chain) = &self.config.densify {
+            chain.regularise(population, &mut work.gradients);
+        }
+        let (splats, moments) = (&mut population.splats, &mut population.moments);
+        optimizer::step(self.renderer.path(), splats, moments, &work.gradients, &rates, step + 1);
+        report.times.optimizer = lap();
+
+        // Terms with a render of their own, each a step for what it lets learn.
+        for term in self.terms.iter_mut() {
+            let (Some(own), weight) = (term.own_render(), term.weight(step)) else { continue };
+            if weight == 0.0 {
+                continue;
+            }
+            let population = &mut self.state.population;
+            let config = ForwardConfig { channels: own.channels, opacity: own.opacity, ..forward };
+            self.renderer.forward(&population.splats, truth.camera, &config, &mut work.frame)?;
+            work.loss.clear(&work.frame);
+            let input = LossInput { frame: &work.frame, truth, step, path: self.renderer.path() };
+            let value = term.add(&input, weight, &mut work.loss);
+            report.loss += weight * value;
+            report.terms.push((term.name(), value));
+            let upstream = work.loss.upstream(own.depth_alpha);
+            self.renderer.backward(&population.splats, &upstream, own.learn, &mut work.gradients);
+            let (splats, moments) = (&mut population.splats, &mut population.moments);
+            optimizer::step(self.renderer.path(), splats, moments, &work.gradients, &rates, step + 1);
+        }
+        report.times.backward += lap();
+
+        let population = &mut self.state.population;
+        match &self.config.densify {
+            Densify::Fixed => {}
+            Densify::Adaptive(control) => {
+                population.pulls.add(&work.gradients, truth.camera.width, truth.camera.height);
+                report.densified = control.after(step + 1, population, self.extent, random(Purpose::Sample));
+            }
+            Densify::Mcmc(chain) => {
+                report.densified = chain.after(step + 1, population, random(Purpose::Sample));
+                chain.explore(population, rates.means, random(Purpose::Noise));
+            }
+        }
+        report.times.densify = lap();
+        self.state.step += 1;
+        Ok(report)
+    }
+
+    /// Renders what has been learnt, over black, without any photo's exposure.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the camera cannot be rendered with or memory is short.
+    pub fn render(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
+        let config = ForwardConfig {
+            channels: Channels::Color,
+            background: [0.0; 3],
+            rasterization: self.config.rasterization,
+            opacity: Opacity::Stored,
+            sh_degree: self.config.sh_degree,
+        };
+        self.renderer.forward(&self.state.population.splats, camera, &config, frame).map(|_| ())
+    }
+}
