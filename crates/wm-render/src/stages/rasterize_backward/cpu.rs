@@ -97,19 +97,29 @@ impl Default for Scratch {
     }
 }
 
-/// Sets up patch `patch` of the tile, whose first pixel is `(left, top)` of a picture `size` px large.
-/// `kept` are the forward pass's sums in block order: alpha, then the features of `config`.
+/// The pictures of a view, and what the loss says of them.
+#[derive(Clone, Copy)]
+pub struct Pictures<'a> {
+    /// What was rendered.
+    pub config: &'a ForwardConfig,
+    /// The loss's derivative by each pixel.
+    pub upstream: &'a Upstream<'a>,
+    /// Width and height, px.
+    pub size: (usize, usize),
+}
+
+/// Sets up patch `patch` of the tile, whose first pixel is `(left, top)`. `kept` are the forward pass's sums
+/// in block order: alpha, then the features.
 #[inline(always)]
 pub fn prepare_patch<S: Lanes>(
     simd: S,
-    config: &ForwardConfig,
-    upstream: &Upstream<'_>,
+    pictures: Pictures<'_>,
     kept: &[[f32; PATCH_PIXELS]],
-    size: (usize, usize),
     (left, top): (usize, usize),
     patch: usize,
     scratch: &mut Scratch,
 ) {
+    let Pictures { config, upstream, size } = pictures;
     let Scratch { patches, raw, .. } = scratch;
     let state = &mut patches[patch];
     let channels = config.channels;
@@ -222,8 +232,7 @@ pub fn blend_tile_backward<S: Lanes, const C: usize>(
     (left, top): (f32, f32),
     inside: u32,
     scratch: &mut Scratch,
-    slots: &mut [Slot],
-    places: &mut [u32],
+    (slots, places): (&mut [Slot], &mut [u32]),
 ) -> usize {
     let blocks = PATCH_PIXELS / S::N;
     let block_height = (S::N / 4) as f32;
