@@ -10,7 +10,7 @@ use wm_render::simd::{Lanes, SimdPath};
 use wm_render::stages::intersect::key;
 use wm_render::stages::project::{Record, SQRT_HALF_LOG2E};
 use wm_render::stages::rasterize::cpu as forward;
-use wm_render::stages::rasterize_backward::cpu::{Scratch, blend_tile_backward, prepare_patch};
+use wm_render::stages::rasterize_backward::cpu::{Pictures, Scratch, blend_tile_backward, prepare_patch};
 use wm_render::stages::rasterize_backward::{NO_SLOT, Slot};
 use wm_render::testing::{RandomLoss, shell_camera, shell_splats, uniform};
 use wm_render::{Channels, CpuConfig, Differentiable, ForwardConfig, Frame, Gradients, Learn};
@@ -61,15 +61,17 @@ fn blend<S: Lanes, const C: usize>(simd: S, tile: &Tile, scratch: &mut forward::
 #[inline(always)]
 fn back<S: Lanes, const C: usize>(simd: S, tile: &mut Tile) -> usize {
     let Tile { records, keys, scratch, slots, places } = tile;
-    blend_tile_backward::<S, C>(simd, records, keys, (0.0, 0.0), 15, scratch, slots, places)
+    blend_tile_backward::<S, C>(simd, records, keys, (0.0, 0.0), 15, scratch, (slots, places))
 }
 
 #[inline(always)]
 fn prepare<S: Lanes>(simd: S, config: &ForwardConfig, loss: &RandomLoss, scratch: &mut Scratch) {
+    let upstream = loss.upstream();
+    let pictures = Pictures { config, upstream: &upstream, size: (32, 32) };
     let kept = [[0.5; PATCH_PIXELS]; 8];
     for patch in 0..4 {
         let corner = (patch % 2 * 16, patch / 2 * 16);
-        prepare_patch(simd, config, &loss.upstream(), &kept, (32, 32), corner, patch, scratch);
+        prepare_patch(simd, pictures, &kept, corner, patch, scratch);
     }
 }
 

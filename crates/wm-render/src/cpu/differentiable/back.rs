@@ -12,7 +12,7 @@ use crate::stages::composite::background::BackgroundGrid;
 use crate::stages::composite::cpu::{Composite, OutputRows, finish_patch};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
 use crate::stages::project::Record;
-use crate::stages::rasterize_backward::cpu::{blend_tile_backward, prepare_patch};
+use crate::stages::rasterize_backward::cpu::{Pictures, blend_tile_backward, prepare_patch};
 use crate::stages::rasterize_backward::{NO_SLOT, Slot};
 use crate::stages::sort::cpu::sort;
 use rayon::prelude::*;
@@ -247,14 +247,15 @@ impl<'a> Tiles<'a> {
         let inside = self.inside(tile);
         let count = self.config.channels.count();
         let size = (self.camera.width as usize, self.camera.height as usize);
+        let pictures = Pictures { config: self.config, upstream, size };
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
             let corner = (left + patch % 2 * PATCH, top + patch / 2 * PATCH);
             let kept = &kept[patch * (count + 1)..(patch + 1) * (count + 1)];
-            dispatch!(self.path, s => prepare_patch(s, self.config, upstream, kept, size, corner, patch, scratch));
+            dispatch!(self.path, s => prepare_patch(s, pictures, kept, corner, patch, scratch));
         }
         let corner = (left as f32, top as f32);
         with_channels!(self.config.channels, C => dispatch!(self.path, s => blend_tile_backward::<_, C>(
-            s, self.records, keys, corner, inside, scratch, slots, own_places
+            s, self.records, keys, corner, inside, scratch, (&mut *slots, own_places)
         )));
         for (key, place) in keys.iter().zip(own_places) {
             let place = if *place == NO_SLOT { NO_SLOT } else { list.start as u32 + *place };

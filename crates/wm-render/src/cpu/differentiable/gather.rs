@@ -4,13 +4,14 @@ use super::front::Part;
 use crate::differentiable::{ForwardConfig, Gradients, Learn};
 use crate::dispatch;
 use crate::hooks::GROUP;
-use crate::simd::{SimdPath, transpose};
+use crate::simd::{Lanes, SimdPath, transpose};
 use crate::stages::project::activate::{Activated, activate};
 use crate::stages::project::{ProjectCamera, Record};
 use crate::stages::project_backward::cpu::{SplatGradients, directions, project_backward_group};
 use crate::stages::rasterize_backward::{NO_SLOT, Slot};
 use crate::stages::shade::cpu::gather_rows;
 use crate::stages::shade_backward::cpu::{ShadeGradients, shade_backward_group};
+use fearless_simd::SimdBase;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Instant;
@@ -82,9 +83,36 @@ impl<'a> Rows<'a> {
     }
 }
 
+/// Adds the slots of sixteen splats, whose `places` end at `ends`: one array a number of the slots.
+#[inline(always)]
+fn sum_slots<S: Lanes>(
+    simd: S,
+    slots: &[Slot],
+    places: &[u32],
+    ends: &[usize; GROUP],
+    sums: &mut [[f32; GROUP]; GROUP],
+) {
+    let mut begin = 0;
+    for (row, end) in sums.iter_mut().zip(ends) {
+        let mut sum = [simd.set(0.0); 2];
+        for place in &places[begin..*end] {
+            let slot = &slots[*place as usize].0;
+            for k in 0..GROUP / S::N {
+                sum[k] += simd.load(&slot[k * S::N..]);
+            }
+        }
+        for k in 0..GROUP / S::N {
+            sum[k].store_slice(&mut row[k * S::N..(k + 1) * S::N]);
+        }
+        begin = *end;
+    }
+    transpose(simd, sums);
+}
+
 /// Working memory of one part.
 #[derive(Default)]
 struct Scratch {
+    places: Vec<u32>,
     activated: Activated,
     splats: SplatGradients,
     shade: ShadeGradients,
@@ -117,19 +145,19 @@ impl Gather<'_> {
             let count = (part.visible - first).min(GROUP);
             let first = part.first_record + first;
             let records = &self.records[first..first + count];
-            let mut sums = [[0.0; GROUP]; GROUP];
-            for (i, sum) in sums.iter_mut().enumerate().take(count) {
+            let mut ends = [0; GROUP];
+            scratch.places.clear();
+            for (i, end) in ends.iter_mut().enumerate() {
                 while let Some((pair, _)) = pairs.next_if(|(_, record)| *record == first + i) {
                     let place = self.places[part.first_pair + pair].load(Relaxed);
                     if place != NO_SLOT {
-                        let slot = &self.slots[place as usize].0;
-                        for k in 0..Slot::LEN {
-                            sum[k] += slot[k];
-                        }
+                        scratch.places.push(place);
                     }
                 }
+                *end = scratch.places.len();
             }
-            dispatch!(self.path, s => transpose(s, &mut sums));
+            let mut sums = [[0.0; GROUP]; GROUP];
+            dispatch!(self.path, s => sum_slots(s, self.slots, &scratch.places, &ends, &mut sums));
             let indices: [u32; GROUP] = std::array::from_fn(|lane| records[lane.min(count - 1)].index);
             self.group(&indices, records, &sums, &mut scratch);
             let own = rows.take(count, stride);
@@ -146,7 +174,7 @@ impl Gather<'_> {
         sums: &[[f32; GROUP]; GROUP],
         scratch: &mut Scratch,
     ) {
-        let Scratch { activated, splats: out, shade, sh, by_rgb, directions: rays } = scratch;
+        let Scratch { activated, splats: out, shade, sh, by_rgb, directions: rays, .. } = scratch;
         let (splats, config) = (self.splats, self.config);
         let (here, opacity) = (records.len(), config.opacity);
         dispatch!(self.path, s => activate(s, splats, indices, here, opacity, activated));

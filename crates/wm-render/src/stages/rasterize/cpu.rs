@@ -42,7 +42,7 @@ impl Default for PatchSums {
 pub(crate) type List = [u8; 256 + CHUNK];
 
 /// Working memory of one thread.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 #[repr(C, align(64))]
 pub struct Scratch {
     /// The sums of the tile's patches.
@@ -99,12 +99,6 @@ impl Batch {
             *origin = (-record.ux * x, -(record.vx * x + record.vy * y));
         }
         self.touched[keys.len()..].fill(0);
-    }
-}
-
-impl Default for Scratch {
-    fn default() -> Self {
-        Self { patches: Default::default(), batch: Batch::default(), lists: Lists::default() }
     }
 }
 

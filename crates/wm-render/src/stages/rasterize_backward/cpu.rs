@@ -15,10 +15,13 @@ use crate::stages::rasterize::cpu::{Batch, CHUNK, FLIGHT, Lists, alphas, list, m
 use crate::stages::rasterize::{LOG2_MAX_ALPHA, MIN_TRANSMITTANCE};
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 
-/// Splats of a batch: their scratch of half a megabyte at most is in the second cache.
-const BATCH: usize = 64;
+/// Splats of a batch: their scratch is in the second cache, since most touch few blocks.
+const BATCH: usize = 128;
 /// Lines of scratch a splat: w and s of the tile's pixels.
 const LINES: usize = 2 * PATCHES * PATCH_PIXELS / 16;
+/// From one splat's lines to the next's: not a power of two, or the splats of one block would fight for
+/// one set of the cache.
+const STRIDE: usize = LINES + 2;
 /// Rows of scratch: one for each splat of the batch and for the one that pads lists, and on to the next
 /// power of two, so that a masked index is proof enough that it is within.
 const ROWS: usize = 2 * BATCH;
@@ -53,12 +56,12 @@ pub struct Scratch {
     raw: RawUpstream,
 }
 
-type Weighed = [Line; ROWS * LINES];
+type Weighed = [Line; ROWS * STRIDE];
 
 /// The first line of splat `i` of the batch at `block` of `patch`; with 16 lanes s is in the next.
 #[inline(always)]
 fn line_of<S: Lanes>(i: usize, patch: usize, block: usize) -> usize {
-    (i % ROWS) * LINES + (patch * (PATCH_PIXELS / S::N) + block) * (2 * S::N / 16) % LINES
+    (i % ROWS) * STRIDE + (patch * (PATCH_PIXELS / S::N) + block) * (2 * S::N / 16) % LINES
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -85,7 +88,7 @@ impl Default for Scratch {
             reached: [[0; PATCHES]; BATCH],
             columns: [[0.0; 16]; 8],
             rows: [[0.0; 16]; 16],
-            weighed: vec![Line::default(); ROWS * LINES]
+            weighed: vec![Line::default(); ROWS * STRIDE]
                 .into_boxed_slice()
                 .try_into()
                 .unwrap_or_else(|_| unreachable!("the length is the type's")),
@@ -94,19 +97,29 @@ impl Default for Scratch {
     }
 }
 
-/// Sets up patch `patch` of the tile, whose first pixel is `(left, top)` of a picture `size` px large.
-/// `kept` are the forward pass's sums in block order: alpha, then the features of `config`.
+/// The pictures of a view, and what the loss says of them.
+#[derive(Clone, Copy)]
+pub struct Pictures<'a> {
+    /// What was rendered.
+    pub config: &'a ForwardConfig,
+    /// The loss's derivative by each pixel.
+    pub upstream: &'a Upstream<'a>,
+    /// Width and height, px.
+    pub size: (usize, usize),
+}
+
+/// Sets up patch `patch` of the tile, whose first pixel is `(left, top)`. `kept` are the forward pass's sums
+/// in block order: alpha, then the features.
 #[inline(always)]
 pub fn prepare_patch<S: Lanes>(
     simd: S,
-    config: &ForwardConfig,
-    upstream: &Upstream<'_>,
+    pictures: Pictures<'_>,
     kept: &[[f32; PATCH_PIXELS]],
-    size: (usize, usize),
     (left, top): (usize, usize),
     patch: usize,
     scratch: &mut Scratch,
 ) {
+    let Pictures { config, upstream, size } = pictures;
     let Scratch { patches, raw, .. } = scratch;
     let state = &mut patches[patch];
     let channels = config.channels;
@@ -118,27 +131,27 @@ pub fn prepare_patch<S: Lanes>(
         let y = top + block / 4 * block_height + row;
         let inside = if y < size.1 { size.0.saturating_sub(x).min(4) } else { 0 };
         let (at, to) = (y * size.0 + x, 4 * run);
-        for i in 0..4 {
-            let open = i < inside;
-            state.transmittance[to + i] = if open { 1.0 } else { 0.0 };
-            let read = |values: &[f32], channels: usize, channel: usize| {
-                let index = channels * (at + i) + channel;
-                if open { values.get(index).copied().unwrap_or(0.0) } else { 0.0 }
-            };
-            raw.alpha[to + i] = read(upstream.alpha, 1, 0);
-            if channels.has_color() {
-                for k in 0..3 {
-                    raw.values[k][to + i] = read(upstream.rgb, 3, k);
-                }
+        let open = [0, 1, 2, 3].map(|i| if i < inside { 1.0 } else { 0.0 });
+        state.transmittance[to..to + 4].copy_from_slice(&open);
+        let one = |values: &[f32], out: &mut [f32; PATCH_PIXELS]| {
+            let run = load_run::<4>(values, at, inside);
+            out[to..to + 4].copy_from_slice(&run);
+        };
+        one(upstream.alpha, &mut raw.alpha);
+        if let Some(k) = channels.depth() {
+            one(upstream.depth, &mut raw.values[k]);
+        }
+        let three = |values: &[f32], out: &mut [[f32; PATCH_PIXELS]]| {
+            let run = load_run::<12>(values, 3 * at, 3 * inside);
+            for k in 0..3 {
+                out[k][to..to + 4].copy_from_slice(&[run[k], run[k + 3], run[k + 6], run[k + 9]]);
             }
-            if let Some(k) = channels.depth() {
-                raw.values[k][to + i] = read(upstream.depth, 1, 0);
-            }
-            if channels.has_normal() {
-                for k in 0..3 {
-                    raw.values[4 + k][to + i] = read(upstream.normal, 3, k);
-                }
-            }
+        };
+        if channels.has_color() {
+            three(upstream.rgb, &mut raw.values[..3]);
+        }
+        if channels.has_normal() {
+            three(upstream.normal, &mut raw.values[4..]);
         }
     }
 
@@ -191,6 +204,21 @@ pub fn prepare_patch<S: Lanes>(
     }
 }
 
+/// `count` of N values from `first` on, and 0 where there are no more; none of an empty picture.
+#[inline(always)]
+fn load_run<const N: usize>(values: &[f32], first: usize, count: usize) -> [f32; N] {
+    if count == N
+        && let Some(run) = values.get(first..).and_then(|values| values.first_chunk::<N>())
+    {
+        return *run;
+    }
+    let mut run = [0.0; N];
+    if !values.is_empty() && count > 0 {
+        run[..count].copy_from_slice(&values[first..first + count]);
+    }
+    run
+}
+
 /// Sums the pulls of the tile's pixels on the splats of `keys`, the sorted list of the forward pass.
 /// The tile's first pixel is `(left, top)`, its patches are prepared; `C` sums were blended.
 ///
@@ -204,8 +232,7 @@ pub fn blend_tile_backward<S: Lanes, const C: usize>(
     (left, top): (f32, f32),
     inside: u32,
     scratch: &mut Scratch,
-    slots: &mut [Slot],
-    places: &mut [u32],
+    (slots, places): (&mut [Slot], &mut [u32]),
 ) -> usize {
     let blocks = PATCH_PIXELS / S::N;
     let block_height = (S::N / 4) as f32;
