@@ -3,6 +3,7 @@
 mod bench;
 mod demo;
 mod inspect;
+mod reconstruct;
 mod render;
 
 use anyhow::Result;
@@ -18,6 +19,8 @@ pub struct Cli {
 
 #[derive(Subcommand, Debug)]
 enum Verb {
+    /// Make a scene out of photos
+    Reconstruct(Box<reconstruct::ReconstructArgs>),
     /// Render a scene under a weather: a picture, a video or a folder of frames
     Render(Box<render::RenderArgs>),
     /// Say what a scene holds, and what is wrong with it
@@ -32,6 +35,7 @@ enum Verb {
 pub fn run(cli: Cli) -> Result<()> {
     crate::interrupt::listen();
     match cli.verb {
+        Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Render(args) => render::run(&args),
         Verb::Inspect(args) => inspect::run(&args),
         Verb::Bench(args) => bench::run(&args),

@@ -29,6 +29,10 @@ pub struct TrainConfig {
     pub rates: RateConfig,
     /// How splats come and go.
     pub densify: Densify,
+    /// Opacity that splats begin with, 0-1.
+    pub start_opacity: f64,
+    /// Standard deviation that splats begin with, in distances to their neighbours.
+    pub start_scale: f64,
 }
 
 /// What stands behind the splats while they learn.
@@ -125,17 +129,17 @@ impl TrainConfig {
     /// The configuration of a preset.
     #[must_use]
     pub fn preset(preset: Preset) -> Self {
-        let (steps, max_splats) = match preset {
-            Preset::Quick => (2_000, 100_000),
-            Preset::Standard => (7_000, 300_000),
-            Preset::Best => (30_000, 1_000_000),
+        let steps = match preset {
+            Preset::Quick => 2_000,
+            Preset::Standard => 7_000,
+            Preset::Best => 30_000,
         };
+        let max_splats = preset.max_splats();
         Self {
             steps,
             seed: 0,
             sh_degree: 3,
-            // As published, one degree each 1,000 of 30,000 steps, but all of them in a short training too.
-            sh_every: (steps / 8).clamp(1, 1000),
+            sh_every: sh_every(steps),
             rasterization: Rasterization::Classic,
             background: BackgroundKind::Black,
             resolution: if preset == Preset::Best { Resolution::Full } else { Resolution::Coarse },
@@ -152,6 +156,43 @@ impl TrainConfig {
                 exposure: 1e-3,
             },
             densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),
+            start_opacity: 0.1,
+            start_scale: 1.0,
+        }
+    }
+
+    /// Another number of steps, and the growth of the spherical harmonics in proportion.
+    pub fn set_steps(&mut self, steps: u32) {
+        self.steps = steps;
+        self.sh_every = sh_every(steps);
+    }
+}
+
+/// As published, one degree each 1,000 of 30,000 steps, but all of them in a short training too.
+fn sh_every(steps: u32) -> u32 {
+    (steps / 8).clamp(1, 1000)
+}
+
+impl Preset {
+    /// Most splats.
+    #[must_use]
+    pub fn max_splats(self) -> usize {
+        match self {
+            Self::Quick => 100_000,
+            Self::Standard => 300_000,
+            Self::Best => 1_000_000,
+        }
+    }
+}
+
+impl Densify {
+    /// Most splats, where there is a limit.
+    #[must_use]
+    pub fn max_splats(&self) -> Option<usize> {
+        match self {
+            Self::Fixed => None,
+            Self::Adaptive(control) => Some(control.max_splats),
+            Self::Mcmc(chain) => Some(chain.max_splats),
         }
     }
 }

@@ -141,7 +141,7 @@ mod tests {
     fn without_points_all_is_in_view() {
         let eye = DVec3::new(0.0, -3.0, 1.0);
         let camera = Camera::look_at((80, 60), 50.0, eye, DVec3::ZERO, DVec3::Z).unwrap();
-        let splats = blind(&[camera], 2.0, &CONFIG);
+        let splats = blind(&[camera], 20.0, &CONFIG);
         assert_eq!(splats.len(), 1000);
         for mean in &splats.means {
             let (x, y, _) = camera.project(DVec3::from_array(mean.map(f64::from))).unwrap();

@@ -114,7 +114,7 @@ impl std::str::FromStr for BackgroundChoice {
     }
 }
 
-fn parse_rasterization(text: &str) -> Result<Rasterization, String> {
+pub fn parse_rasterization(text: &str) -> Result<Rasterization, String> {
     match text {
         "classic" => Ok(Rasterization::Classic),
         "antialiased" => Ok(Rasterization::Antialiased),

@@ -3,7 +3,9 @@
 //! `point_cloud/iteration_<n>/point_cloud.ply` are the splats, of which the highest n counts, and
 //! `cameras.json` are the photographed views, if it is there.
 
-use crate::{Camera, FormatError, Location, Problem, View, camera::viewmat_of, error::one_line};
+use crate::{
+    Camera, FormatError, Location, Problem, View, camera::viewmat_of, error::one_line, files::write_atomically,
+};
 use glam::{DMat3, DQuat, DVec3};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
@@ -48,26 +50,71 @@ pub fn scene_file(path: &Path) -> Result<PathBuf, FormatError> {
 
 /// The views of `cameras.json` in the folder of a training, in its order; none if it is not there.
 ///
-/// The principal point is in the middle of the picture, since the file has none.
+/// The principal point is in the middle of the picture unless `cx` and `cy` say otherwise, which only
+/// some programs write.
 ///
 /// # Errors
 /// [`FormatError`] with line and column, if it is no JSON or a camera cannot be used.
 pub fn read_views(folder: &Path) -> Result<Vec<View>, FormatError> {
-    let path = folder.join("cameras.json");
-    let file = match File::open(&path) {
+    read_cameras(&folder.join("cameras.json"))
+}
+
+/// Where the views of a scene file lie: beside it, `<scene file>.cameras.json`.
+#[must_use]
+pub fn cameras_path(scene_file: &Path) -> PathBuf {
+    let mut name = scene_file.as_os_str().to_owned();
+    name.push(".cameras.json");
+    name.into()
+}
+
+/// Writes views as a `cameras.json`.
+///
+/// # Errors
+/// [`FormatError`] if the file cannot be written; then it is as it was.
+pub fn write_cameras(path: &Path, views: &[View]) -> Result<(), FormatError> {
+    let entries: Vec<serde_json::Value> = views.iter().enumerate().map(|(id, view)| entry(id, view)).collect();
+    let text = serde_json::to_string_pretty(&entries)
+        .map_err(|error| FormatError::whole(path, Problem::Value(error.to_string())))?;
+    write_atomically(path, |out| Ok(writeln!(out, "{text}")?))
+}
+
+fn entry(id: usize, view: &View) -> serde_json::Value {
+    let Camera { width, height, fx, fy, cx, cy, .. } = view.camera;
+    let rotation = view.camera.rotation();
+    serde_json::json!({
+        "id": id,
+        "img_name": view.name,
+        "width": width,
+        "height": height,
+        "position": view.camera.center(),
+        // World from camera, row by row: the columns of camera_from_world.
+        "rotation": [rotation.x_axis, rotation.y_axis, rotation.z_axis],
+        "fx": fx,
+        "fy": fy,
+        "cx": cx,
+        "cy": cy,
+    })
+}
+
+/// The views of a `cameras.json`; none if it is not there.
+///
+/// # Errors
+/// [`FormatError`] with line and column, if it is no JSON or a camera cannot be used.
+pub fn read_cameras(path: &Path) -> Result<Vec<View>, FormatError> {
+    let file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => return Err(FormatError::reading(&path, error)),
+        Err(error) => return Err(FormatError::reading(path, error)),
     };
     let entries: Result<Vec<Entry>, _> = serde_json::from_reader(BufReader::new(file));
     let entries = entries.map_err(|error| {
         if let Some(kind) = error.io_error_kind() {
-            return FormatError::reading(&path, kind.into());
+            return FormatError::reading(path, kind.into());
         }
         let place = Location::LineColumn(error.line() as u64, error.column() as u64);
         let message = one_line(&error.to_string());
         let message = message.split(" at line ").next().unwrap_or_default();
-        FormatError::at(&path, place, Problem::Value(format!("{message}; correct or remove the file")))
+        FormatError::at(path, place, Problem::Value(format!("{message}; correct or remove the file")))
     })?;
     Ok(entries.into_iter().map(|entry| entry.0).collect())
 }
@@ -91,6 +138,10 @@ struct Raw {
     rotation: [[f64; 3]; 3],
     fx: f64,
     fy: f64,
+    #[serde(default)]
+    cx: Option<f64>,
+    #[serde(default)]
+    cy: Option<f64>,
 }
 
 /// A size; some programs write it as 420.0.
@@ -121,8 +172,8 @@ impl TryFrom<Raw> for Entry {
             height: raw.height,
             fx: raw.fx,
             fy: raw.fy,
-            cx: 0.5 * f64::from(raw.width),
-            cy: 0.5 * f64::from(raw.height),
+            cx: raw.cx.unwrap_or(0.5 * f64::from(raw.width)),
+            cy: raw.cy.unwrap_or(0.5 * f64::from(raw.height)),
             viewmat: viewmat_of(rotation, -(rotation * raw.position)),
             near: Camera::DEFAULT_NEAR,
         };

@@ -5,7 +5,7 @@
 //! came from. To add one: a module with a `FORMAT`, and its name in the list.
 //!
 //! A scene may also be a folder that a 3DGS training wrote ([`folder`]), and any scene file may have
-//! a TOML file of metadata beside it ([`sidecar`]).
+//! a TOML file of metadata beside it ([`sidecar`]) and the photographed views in a JSON file.
 
 pub mod folder;
 pub mod sidecar;
@@ -69,7 +69,7 @@ pub enum Sidecar {
     Ignore,
 }
 
-/// Whether the cameras in the folder of a training are read.
+/// Whether the cameras in the folder of a training, or beside a scene file, are read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Views {
     /// They are, if they are there.
@@ -92,7 +92,8 @@ pub fn read_scene(path: &Path, options: &ReadOptions) -> Result<Scene, FormatErr
     };
     let views = match options.views {
         Views::Read if file != path => folder::read_views(path)?,
-        _ => Vec::new(),
+        Views::Read => folder::read_cameras(&folder::cameras_path(&file))?,
+        Views::Ignore => Vec::new(),
     };
     let mut scene = read_source(&mut Source::open(&file)?)?;
     scene.metadata = sidecar.unwrap_or_default().or(scene.metadata);
@@ -123,7 +124,8 @@ fn read_source(source: &mut Source) -> Result<Scene, FormatError> {
 
 /// Writes a scene in the format of the extension of `path`, whole or not at all.
 ///
-/// What a format has no room for is left out: a PLY keeps no views. A sidecar beside `path` is left
+/// What a format has no room for is left out: a PLY keeps no views ([`folder::write_cameras`] puts them
+/// beside it). A sidecar beside `path` is left
 /// as it is, and wins when the scene is read.
 ///
 /// # Errors

@@ -8,7 +8,7 @@ use crate::frame::Frame;
 use crate::hooks::{PATCH, PATCH_PIXELS};
 use crate::renderer::{Background, MedianDepth, Stats};
 use crate::simd::SimdPath;
-use crate::stages::composite::background::BackgroundGrid;
+use crate::stages::composite::background::BackgroundView;
 use crate::stages::composite::cpu::{Composite, OutputRows, finish_patch};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
 use crate::stages::project::Record;
@@ -94,7 +94,7 @@ impl<'a> Tiles<'a> {
         stats: &mut Stats,
     ) {
         let background = Background::Color(self.config.background);
-        let background = BackgroundGrid::new(&background, None, self.camera, self.path);
+        let background = BackgroundView::new(&background, None, self.camera, self.path);
         let composite = Composite {
             path: self.path,
             features: self.config.channels.count().max(4),

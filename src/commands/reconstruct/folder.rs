@@ -1,0 +1,96 @@
+//! The folder of a run: what is there to go on with, to look at and to plot.
+
+use anyhow::{Context, Result, bail};
+use serde_json::Value;
+use std::fs::{self, File, OpenOptions};
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use wm_train::checkpoint::{self, Head};
+use wm_train::trainer::TrainState;
+
+/// The folder of a run.
+pub struct RunFolder {
+    path: PathBuf,
+    resume: bool,
+}
+
+impl RunFolder {
+    /// Opens or makes it. A training that is there is only gone on with if that is asked for.
+    pub fn open(path: &Path, resume: bool) -> Result<Self> {
+        let folder = Self { path: path.to_owned(), resume };
+        if resume && !folder.checkpoint().is_file() {
+            bail!("{}: there is no training to go on with; leave out --resume", path.display());
+        }
+        if !resume && folder.checkpoint().is_file() {
+            let (head, _) = checkpoint::read(&folder.checkpoint())
+                .with_context(|| format!("{} holds a training", path.display()))?;
+            if head.step() < head.config.steps {
+                bail!(
+                    "{}: holds a training that is not done; --resume goes on with it, --run-folder takes another, or \
+                     remove it",
+                    path.display()
+                );
+            }
+        }
+        fs::create_dir_all(path).with_context(|| format!("cannot make the folder {}", path.display()))?;
+        Ok(folder)
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The checkpoint's place.
+    pub fn checkpoint(&self) -> PathBuf {
+        self.path.join("checkpoint.wmtrain")
+    }
+
+    /// The training to go on with, if that is asked for.
+    pub fn resumed(&self) -> Result<Option<(Head, TrainState)>> {
+        if !self.resume {
+            return Ok(None);
+        }
+        Ok(Some(checkpoint::read(&self.checkpoint())?))
+    }
+
+    /// Opens the metrics: anew, or behind the lines up to `step`.
+    pub fn metrics(&self, step: u32) -> Result<Metrics> {
+        let path = self.path.join("metrics.jsonl");
+        let cannot = || format!("cannot write {}", path.display());
+        let mut kept = Vec::new();
+        if step > 0 && path.exists() {
+            for line in BufReader::new(File::open(&path).with_context(cannot)?).lines() {
+                let line = line.with_context(cannot)?;
+                // A line that was cut off by a crash is no JSON.
+                let at = serde_json::from_str::<Value>(&line).ok().and_then(|value| value["step"].as_u64());
+                if at.is_some_and(|at| at <= u64::from(step)) {
+                    kept.push(line);
+                }
+            }
+        }
+        let file = OpenOptions::new().create(true).write(true).truncate(true).open(&path).with_context(cannot)?;
+        let mut metrics = Metrics { file, path };
+        for line in kept {
+            metrics.line(&line)?;
+        }
+        Ok(metrics)
+    }
+}
+
+/// One JSON object a line.
+pub struct Metrics {
+    file: File,
+    path: PathBuf,
+}
+
+impl Metrics {
+    /// Appends an object.
+    pub fn add(&mut self, value: &Value) -> Result<()> {
+        self.line(&value.to_string())
+    }
+
+    fn line(&mut self, line: &str) -> Result<()> {
+        writeln!(self.file, "{line}").with_context(|| format!("cannot write {}", self.path.display()))
+    }
+}

@@ -1,0 +1,200 @@
+//! `reconstruct`: photos of a place into a scene.
+
+mod data;
+mod folder;
+mod training;
+
+use crate::names::stem_of;
+use crate::scene::RunArgs;
+use anyhow::{Result, bail};
+use clap::{Args, ValueEnum};
+use std::path::{Path, PathBuf};
+use wm_scene::files::check_writable;
+use wm_scene::{Rasterization, formats};
+use wm_train::config::{BackgroundKind, Densify, Exposure, Resolution};
+use wm_train::densify::{adaptive::AdaptiveConfig, mcmc::McmcConfig};
+use wm_train::{Preset, TrainConfig};
+
+/// Options of `reconstruct`.
+#[derive(Args, Clone, Debug)]
+pub struct ReconstructArgs {
+    /// The data set: a folder with a COLMAP model or a transforms.json, or a plain folder of photos where
+    /// COLMAP is installed
+    dataset: PathBuf,
+    /// Where the scene goes [default: named after the data set, in this folder]
+    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
+    out: Option<PathBuf>,
+    /// Folder for checkpoint, metrics and previews [default: the scene's name with .run behind it]
+    #[arg(long, value_name = "FOLDER", help_heading = "Output")]
+    run_folder: Option<PathBuf>,
+    /// Go on with the training in the run folder
+    #[arg(long, help_heading = "Output")]
+    resume: bool,
+    /// Longest time between two checkpoints, seconds
+    #[arg(long, value_name = "S", default_value_t = 45.0, help_heading = "Output")]
+    checkpoint_every: f64,
+    #[command(flatten)]
+    photos: PhotoArgs,
+    #[command(flatten)]
+    training: TrainingArgs,
+    #[command(flatten)]
+    facts: crate::scene::FactArgs,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// Which photos, and how large.
+#[derive(Args, Clone, Debug)]
+struct PhotoArgs {
+    /// Folder of the photos in the data set, such as images_4 [default: images, or another usual name]
+    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
+    images: Option<PathBuf>,
+    /// Folder of masks in the data set: black is left out [default: masks, if it is there]
+    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
+    masks: Option<PathBuf>,
+    /// Folder of the COLMAP model in the data set [default: sparse/0, or another usual place]
+    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
+    model: Option<PathBuf>,
+    /// Longest side that photos are used with, px
+    #[arg(long, value_name = "PX", default_value_t = 1600, value_parser = clap::value_parser!(u32).range(16..=32768), help_heading = "Photos")]
+    longest: u32,
+    /// Leave out photos that are missing or damaged, and go on
+    #[arg(long, help_heading = "Photos")]
+    skip_bad: bool,
+    /// Hold out every N-th photo (in the order of names) and measure on it; 0 holds out none
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Photos")]
+    eval_every: u32,
+    /// The first photo that is held out, from 0
+    #[arg(long, value_name = "K", default_value_t = 0, help_heading = "Photos")]
+    eval_from: u32,
+    /// Memory for decoded photos, MiB
+    #[arg(long, value_name = "MIB", default_value_t = 512, help_heading = "Photos")]
+    cache: u32,
+}
+
+/// How to train.
+#[derive(Args, Clone, Debug)]
+struct TrainingArgs {
+    /// How much time it may take: quick (2,000 steps), standard (7,000) or best (30,000)
+    #[arg(long, value_name = "PRESET", default_value = "standard", help_heading = "Training")]
+    preset: PresetArg,
+    /// Steps; each sees one photo [default: the preset's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Training")]
+    steps: Option<u32>,
+    /// Most splats [default: 100,000, 300,000 or 1,000,000 by preset]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=20_000_000), help_heading = "Training")]
+    max_splats: Option<u32>,
+    /// How splats come and go: mcmc (a fixed budget), adaptive (as first published) or fixed
+    #[arg(long, value_name = "STRATEGY", default_value = "mcmc", help_heading = "Training")]
+    densify: DensifyArg,
+    /// Highest degree of the spherical harmonics
+    #[arg(long, value_name = "DEGREE", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Training")]
+    sh_degree: u8,
+    /// Sizes of photos over time: coarse (a quarter, half, full) or full [default: the preset's]
+    #[arg(long, value_name = "SIZES", help_heading = "Training")]
+    resolution: Option<ResolutionArg>,
+    /// Whether each photo has an exposure of its own: shared or photo
+    #[arg(long, value_name = "WHOSE", default_value = "shared", help_heading = "Training")]
+    exposure: ExposureArg,
+    /// What stands behind the splats while they learn: black or random
+    #[arg(long, value_name = "COLOR", default_value = "black", help_heading = "Training")]
+    background: BackgroundArg,
+    /// How splats smaller than a pixel are drawn: classic or antialiased
+    #[arg(long, value_name = "MODE", default_value = "classic", value_parser = super::render::parse_rasterization, help_heading = "Training")]
+    rasterization: Rasterization,
+    /// Which of the equally good runs
+    #[arg(long, value_name = "SEED", default_value_t = 0, help_heading = "Training")]
+    seed: u64,
+}
+
+macro_rules! choice {
+    ($(#[$doc:meta])* $name:ident { $($variant:ident),+ $(,)? }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+        enum $name {
+            $(
+                #[doc = stringify!($variant)]
+                $variant,
+            )+
+        }
+    };
+}
+
+choice! {
+    /// A preset's name.
+    PresetArg { Quick, Standard, Best }
+}
+choice! {
+    /// A strategy's name.
+    DensifyArg { Mcmc, Adaptive, Fixed }
+}
+choice! {
+    /// Sizes over time.
+    ResolutionArg { Coarse, Full }
+}
+choice! {
+    /// Whose exposure.
+    ExposureArg { Shared, Photo }
+}
+choice! {
+    /// The background's name.
+    BackgroundArg { Black, Random }
+}
+
+impl TrainingArgs {
+    fn config(&self) -> TrainConfig {
+        let preset = match self.preset {
+            PresetArg::Quick => Preset::Quick,
+            PresetArg::Standard => Preset::Standard,
+            PresetArg::Best => Preset::Best,
+        };
+        let mut config = TrainConfig::preset(preset);
+        if let Some(steps) = self.steps {
+            config.set_steps(steps);
+        }
+        let most = self.max_splats.map_or_else(|| preset.max_splats(), |most| most as usize);
+        config.densify = match self.densify {
+            DensifyArg::Mcmc => Densify::Mcmc(McmcConfig::for_steps(config.steps, most)),
+            DensifyArg::Adaptive => Densify::Adaptive(AdaptiveConfig::for_steps(config.steps, most)),
+            DensifyArg::Fixed => Densify::Fixed,
+        };
+        config.sh_degree = self.sh_degree;
+        config.resolution = match self.resolution {
+            None => config.resolution,
+            Some(ResolutionArg::Coarse) => Resolution::Coarse,
+            Some(ResolutionArg::Full) => Resolution::Full,
+        };
+        config.exposure = match self.exposure {
+            ExposureArg::Shared => Exposure::Shared,
+            ExposureArg::Photo => Exposure::Photo,
+        };
+        config.background = match self.background {
+            BackgroundArg::Black => BackgroundKind::Black,
+            BackgroundArg::Random => BackgroundKind::Random,
+        };
+        config.rasterization = self.rasterization;
+        config.seed = self.seed;
+        config
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &ReconstructArgs) -> Result<()> {
+    if !(args.checkpoint_every.is_finite() && args.checkpoint_every > 0.0) {
+        bail!("--checkpoint-every {}: must be a number of seconds above 0", args.checkpoint_every);
+    }
+    let facts = args.facts.metadata()?;
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.ply", stem_of(&args.dataset))));
+    formats::format_for(&out)?;
+    check_writable(&out)?;
+    let run_folder = args.run_folder.clone().unwrap_or_else(|| with_behind(&out, ".run"));
+    let folder = folder::RunFolder::open(&run_folder, args.resume)?;
+    let data = data::Data::open(&args.dataset, &args.photos, &folder)?;
+    training::Run::new(args.training.config(), &data, &folder, args)?.go(&out, &facts)
+}
+
+fn with_behind(path: &Path, text: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(text);
+    name.into()
+}

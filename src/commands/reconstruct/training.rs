@@ -1,0 +1,355 @@
+//! The run of a training: steps, progress, checkpoints, previews, the report and the scene.
+
+use super::ReconstructArgs;
+use super::data::Data;
+use super::folder::{Metrics, RunFolder};
+use crate::interrupt::{self, Interrupted};
+use crate::media::{Size, color::Dither, png};
+use crate::progress;
+use anyhow::{Result, bail};
+use glam::DVec3;
+use serde_json::json;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+use wm_render::{CpuConfig, Frame};
+use wm_scene::capture::gps;
+use wm_scene::formats::{folder as scene_folder, write_scene};
+use wm_scene::survey::{Survey, label_sky};
+use wm_scene::{Metadata, Scene};
+use wm_train::checkpoint::{self, Head};
+use wm_train::losses::Truth;
+use wm_train::metrics::{Ssim, psnr};
+use wm_train::photos::Photo;
+use wm_train::start::{self, StartConfig};
+use wm_train::{StepTimes, TrainConfig, Trainer};
+
+/// Photos that are decoded ahead of their step.
+const AHEAD: u32 = 4;
+/// Shortest side of a photo in coarse steps, px.
+const SHORTEST: u32 = 100;
+/// Lines of metrics and previews in a run.
+const LINES: u32 = 200;
+const PREVIEWS: u32 = 10;
+
+/// A run.
+pub struct Run<'a> {
+    trainer: Trainer,
+    data: &'a Data,
+    folder: &'a RunFolder,
+    args: &'a ReconstructArgs,
+    metrics: Metrics,
+    /// Halvings that leave photos large enough.
+    last_level: u8,
+    truths: Truths,
+}
+
+/// Photos as the losses read them, from one size to the next.
+#[derive(Default)]
+struct Truths {
+    rgb: Vec<f32>,
+    mask: Option<Vec<f32>>,
+}
+
+impl Truths {
+    fn of<'b>(&'b mut self, photo: &'b Photo) -> Truth<'b> {
+        self.rgb.clear();
+        self.rgb.extend(photo.rgb.iter().map(|v| f32::from(*v) / 255.0));
+        self.mask = photo.mask.as_ref().map(|mask| mask.iter().map(|v| f32::from(*v) / 255.0).collect());
+        Truth { rgb: &self.rgb, mask: self.mask.as_deref(), camera: &photo.camera }
+    }
+}
+
+/// How near held-out photos are met.
+#[derive(Clone, Copy, Debug, Default)]
+struct Score {
+    psnr: f64,
+    ssim: f64,
+}
+
+impl<'a> Run<'a> {
+    /// Begins, or goes on.
+    pub fn new(config: TrainConfig, data: &'a Data, folder: &'a RunFolder, args: &'a ReconstructArgs) -> Result<Self> {
+        let run = CpuConfig { threads: args.run.threads.map(usize::from), simd: args.run.simd };
+        let cameras = data.cameras();
+        let extent = start::extent(&cameras);
+        let trainer = match folder.resumed()? {
+            Some((head, state)) => {
+                let trainer = Trainer::resumed(config, run, state, extent)?;
+                let same = head.config == *trainer.config()
+                    && head.photos == names(data)
+                    && head.simd == trainer.path().to_string();
+                if !same {
+                    bail!(
+                        "{}: holds a training of other photos, options or SIMD path; give those that it began with",
+                        folder.path().display()
+                    );
+                }
+                eprintln!("{}: going on after step {}", folder.path().display(), head.step());
+                trainer
+            }
+            None => {
+                let begin = StartConfig {
+                    opacity: config.start_opacity,
+                    scale: config.start_scale,
+                    most: config.densify.max_splats().unwrap_or(usize::MAX),
+                    sh_degree: config.sh_degree,
+                    seed: config.seed,
+                };
+                let splats = if data.capture.points.is_empty() {
+                    start::blind(&cameras, extent, &begin)
+                } else {
+                    start::from_points(&data.capture.points, extent, &begin)
+                };
+                if splats.is_empty() {
+                    bail!("{}: no point of the model is finite; make it again", args.dataset.display());
+                }
+                Trainer::new(config, run, splats, extent, data.teaching.len())?
+            }
+        };
+        let metrics = folder.metrics(trainer.state().step)?;
+        let last_level = data.photos.last_level(SHORTEST);
+        Ok(Self { trainer, data, folder, args, metrics, last_level, truths: Truths::default() })
+    }
+
+    /// Trains to the end and writes the scene.
+    pub fn go(mut self, out: &Path, facts: &Metadata) -> Result<()> {
+        let steps = self.trainer.config().steps;
+        let done = self.trainer.state().step;
+        let (line_every, preview_every) = ((steps / LINES).max(1), (steps / PREVIEWS).max(1));
+        let bar = progress::bar(u64::from(steps), "steps");
+        bar.set_position(u64::from(done));
+        bar.reset_eta();
+        let started = Instant::now();
+        let mut saved = Instant::now();
+        let mut sum = Sum::default();
+        let mut score = None;
+        while !self.trainer.is_done() {
+            if interrupt::asked() {
+                bar.finish_and_clear();
+                self.save()?;
+                let step = self.trainer.state().step;
+                let advice = "the same command with --resume goes on";
+                return Err(Interrupted(format!("{step} of {steps} steps are done, {advice}")).into());
+            }
+            self.step(&mut sum)?;
+            let step = self.trainer.state().step;
+            bar.inc(1);
+            if step.is_multiple_of(preview_every) && step < steps {
+                score = self.evaluate()?;
+                self.preview()?;
+                if let Some(Score { psnr, ssim }) = score {
+                    let splats = self.trainer.splats().len();
+                    self.metrics.add(&json!({ "step": step, "held_out": { "psnr": psnr, "ssim": ssim }, "splats": splats }))?;
+                }
+            }
+            if step.is_multiple_of(line_every) {
+                let held_out = score.map_or_else(String::new, |score: Score| format!(", held-out {:.2} dB", score.psnr));
+                bar.set_message(format!("loss {:.4}, {} splats{held_out}", sum.loss(), self.trainer.splats().len()));
+                let line = sum.json(step, self.trainer.splats().len());
+                self.metrics.add(&line)?;
+                sum.begin_line();
+            }
+            if saved.elapsed().as_secs_f64() > self.args.checkpoint_every {
+                self.save()?;
+                saved = Instant::now();
+            }
+        }
+        bar.finish_and_clear();
+        let seconds = started.elapsed().as_secs_f64();
+        self.save()?;
+        self.preview()?;
+        self.report(&sum, seconds, steps - done)?;
+        self.write(out, facts)
+    }
+
+    fn step(&mut self, sum: &mut Sum) -> Result<()> {
+        let step = self.trainer.state().step;
+        let count = self.data.teaching.len();
+        for ahead in step + 1..=(step + AHEAD).min(self.trainer.config().steps.saturating_sub(1)) {
+            let place = self.data.teaching[self.trainer.photo_at(ahead, count)];
+            self.data.photos.prefetch(place, self.trainer.level_at(ahead, self.last_level));
+        }
+        let index = self.trainer.photo_at(step, count);
+        let photo = self.photo(self.data.teaching[index], self.trainer.level_at(step, self.last_level))?;
+        let truth = self.truths.of(&photo);
+        let report = self.trainer.step(&truth, index)?;
+        if !report.loss.is_finite() {
+            bail!("the training came to numbers that are not finite at step {step}: report this with the photos");
+        }
+        sum.add(&report);
+        Ok(())
+    }
+
+    fn photo(&self, place: usize, level: u8) -> Result<Arc<Photo>> {
+        Ok(self.data.photos.get(place, level)?)
+    }
+
+    /// The held-out photos' mean score; `None` where none is held out.
+    fn evaluate(&mut self) -> Result<Option<Score>> {
+        let (mut mean, mut ssim) = (Score::default(), Ssim::new(self.trainer.path()));
+        let count = self.data.held_out.len() as f64;
+        for place in &self.data.held_out {
+            let score = self.score(*place, &mut ssim)?;
+            mean.psnr += score.psnr / count;
+            mean.ssim += score.ssim / count;
+        }
+        Ok((count > 0.0).then_some(mean))
+    }
+
+    fn score(&mut self, place: usize, ssim: &mut Ssim) -> Result<Score> {
+        let photo = self.photo(place, 0)?;
+        let mut frame = Frame::default();
+        self.trainer.render(&photo.camera, &mut frame)?;
+        let truth = self.truths.of(&photo);
+        // Pictures are what a screen shows: 0 to 1.
+        let shown: Vec<f32> = frame.rgb.iter().map(|v| v.clamp(0.0, 1.0)).collect();
+        let score = Score {
+            psnr: psnr(&shown, truth.rgb, truth.mask),
+            ssim: ssim.value(&shown, truth.rgb, photo.width as usize),
+        };
+        Ok(score)
+    }
+
+    /// A picture of one view, the same all the time.
+    fn preview(&mut self) -> Result<()> {
+        let place = self.data.held_out.first().or(self.data.teaching.first()).copied().unwrap_or(0);
+        let camera = self.data.photos.camera(place, 0);
+        let mut frame = Frame::default();
+        self.trainer.render(&camera, &mut frame)?;
+        let path = self.folder.path().join(format!("preview-{:06}.png", self.trainer.state().step));
+        let tags = [("photo".to_owned(), self.data.name(place).to_owned())];
+        png::write_rgb(&path, &frame.rgb, Size::new(camera.width, camera.height), Dither::Ordered, &tags)?;
+        Ok(())
+    }
+
+    fn save(&self) -> Result<()> {
+        let state = self.trainer.state();
+        let simd = self.trainer.path().to_string();
+        let head = Head::new(self.trainer.config(), names(self.data), simd, state);
+        Ok(checkpoint::write(&self.folder.checkpoint(), &head, state)?)
+    }
+
+    fn report(&mut self, sum: &Sum, seconds: f64, steps: u32) -> Result<()> {
+        if steps > 0 {
+            let ms = |part: f64| part * 1e3 / f64::from(steps);
+            let StepTimes { forward, loss, backward, optimizer, densify } = sum.times;
+            println!(
+                "{steps} steps in {seconds:.1} s, {:.1} ms each: forward {:.1}, loss {:.1}, backward {:.1}, optimiser {:.1}, \
+                 densify {:.1}, photos and the rest {:.1}",
+                ms(seconds),
+                ms(forward),
+                ms(loss),
+                ms(backward),
+                ms(optimizer),
+                ms(densify),
+                ms(seconds - sum.times.total()),
+            );
+        }
+        let mut ssim = Ssim::new(self.trainer.path());
+        for place in self.data.held_out.clone() {
+            let Score { psnr, ssim } = self.score(place, &mut ssim)?;
+            println!("held-out {}: {psnr:.2} dB, SSIM {ssim:.4}", self.data.name(place));
+        }
+        if let Some(Score { psnr, ssim }) = self.evaluate()? {
+            println!("held-out mean of {}: {psnr:.2} dB, SSIM {ssim:.4}", self.data.held_out.len());
+            let step = self.trainer.state().step;
+            let splats = self.trainer.splats().len();
+            self.metrics.add(&json!({ "step": step, "held_out": { "psnr": psnr, "ssim": ssim }, "splats": splats }))?;
+        }
+        Ok(())
+    }
+
+    /// Writes the scene with what cameras tell of the place.
+    fn write(&self, out: &Path, facts: &Metadata) -> Result<()> {
+        let mut splats = self.trainer.splats().clone();
+        label_sky(&mut splats);
+        let metadata = Metadata {
+            rasterization: Some(self.trainer.config().rasterization),
+            provenance: Some(format!(
+                "weather-magician {}, {} photos, {} steps",
+                env!("CARGO_PKG_VERSION"),
+                self.data.teaching.len(),
+                self.trainer.config().steps
+            )),
+            ..Metadata::default()
+        };
+        let mut scene = Scene { splats, metadata, views: self.data.views() };
+        let survey = Survey::of(&scene, facts);
+        let mut known = survey.metadata();
+        if known.metres_per_unit.is_none() {
+            known.metres_per_unit = self.scale(&scene, &survey);
+        }
+        scene.metadata = known.or(std::mem::take(&mut scene.metadata));
+        write_scene(out, &scene)?;
+        scene_folder::write_cameras(&scene_folder::cameras_path(out), &scene.views)?;
+        println!("{}: {} splats", out.display(), scene.splats.len());
+        if let Some(warning) = Survey::of(&scene, &Metadata::default()).warning() {
+            eprintln!("warning: {warning}");
+        }
+        Ok(())
+    }
+
+    /// Metres a unit by where photos say that they were taken, or by how high people hold cameras.
+    fn scale(&self, scene: &Scene, survey: &Survey) -> Option<f64> {
+        let centers: Vec<DVec3> = self.data.capture.views.iter().map(|view| view.camera.center()).collect();
+        if let Some(scale) = gps::metres_per_unit(&centers, self.data.photos.gps()) {
+            eprintln!(
+                "scale: {:.4} m a unit by the places of {} photos, which it meets within {:.1} m",
+                scale.metres_per_unit, scale.photos, scale.residual
+            );
+            return Some(scale.metres_per_unit);
+        }
+        let scale = wm_train::scale::by_camera_height(&scene.views, survey)?;
+        eprintln!(
+            "scale: {scale:.4} m a unit, if the photos were taken {} m above the ground; --metres-per-unit says otherwise",
+            wm_train::scale::HELD_AT
+        );
+        Some(scale)
+    }
+}
+
+fn names(data: &Data) -> Vec<String> {
+    data.teaching.iter().map(|place| data.name(*place).to_owned()).collect()
+}
+
+/// What steps add up to: all, and since the last line.
+#[derive(Default)]
+struct Sum {
+    times: StepTimes,
+    line: StepTimes,
+    steps: u32,
+    loss: f64,
+    terms: Vec<(&'static str, f64)>,
+}
+
+impl Sum {
+    fn add(&mut self, report: &wm_train::StepReport) {
+        self.times.add(&report.times);
+        self.line.add(&report.times);
+        self.steps += 1;
+        self.loss += report.loss;
+        for (name, value) in &report.terms {
+            match self.terms.iter_mut().find(|(known, _)| known == name) {
+                Some((_, sum)) => *sum += value,
+                None => self.terms.push((name, *value)),
+            }
+        }
+    }
+
+    fn loss(&self) -> f64 {
+        self.loss / f64::from(self.steps.max(1))
+    }
+
+    fn json(&self, step: u32, splats: usize) -> serde_json::Value {
+        let mean = |sum: f64| sum / f64::from(self.steps.max(1));
+        let terms: serde_json::Map<String, serde_json::Value> =
+            self.terms.iter().map(|(name, sum)| ((*name).to_owned(), json!(mean(*sum)))).collect();
+        json!({ "step": step, "loss": mean(self.loss), "terms": terms, "splats": splats, "step_ms": mean(self.line.total()) * 1e3 })
+    }
+
+    fn begin_line(&mut self) {
+        (self.line, self.steps, self.loss) = (StepTimes::default(), 0, 0.0);
+        self.terms.clear();
+    }
+}
