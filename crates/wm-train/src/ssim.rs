@@ -10,9 +10,10 @@
 //! not depend on threads. Pictures are interleaved, `[H, W, 3]`: a window along a row takes every third
 //! value.
 
+use fearless_simd::{SimdBase, SimdFloat};
 use rayon::prelude::*;
 use wm_render::dispatch;
-use wm_render::simd::SimdPath;
+use wm_render::simd::{Lanes, SimdPath};
 
 /// Radius of the window, px.
 const RADIUS: usize = 5;
@@ -20,12 +21,14 @@ const RADIUS: usize = 5;
 const TAPS: usize = 2 * RADIUS + 1;
 /// Channels of a pixel.
 const CHANNELS: usize = 3;
-/// Values before and after a row that the window reaches.
-const MARGIN: usize = CHANNELS * RADIUS;
+/// Values that the window reaches to each side of a row.
+const REACH: usize = CHANNELS * RADIUS;
+/// Zeros before and after a row: the reach, and whole vectors.
+const MARGIN: usize = 16;
+/// Widest vector.
+const WIDEST: usize = 16;
 const C1: f32 = 0.01 * 0.01;
 const C2: f32 = 0.03 * 0.03;
-/// Values worked on side by side.
-const LANES: usize = 16;
 
 /// The window: Gaussian of standard deviation 1.5 px, sum 1.
 const WINDOW: [f32; TAPS] = [
@@ -46,16 +49,50 @@ const WINDOW: [f32; TAPS] = [
 #[derive(Clone, Debug)]
 pub struct Ssim {
     path: SimdPath,
-    /// dS/dmx, dS/dexx, dS/dexy: rows of three, `[H, 3, W * 3]`.
+    x: Vec<f32>,
+    y: Vec<f32>,
+    /// dS/dmx, dS/dexx, dS/dexy: padded rows of three, `[H, 3, P]`.
     slopes: Vec<f32>,
     rows: Vec<f64>,
+}
+
+/// How rows lie in memory.
+#[derive(Clone, Copy)]
+struct Layout {
+    /// Values of a row.
+    line: usize,
+    /// Values of a row with its margins, whole vectors.
+    padded: usize,
+    /// Rows.
+    rows: usize,
+}
+
+impl Layout {
+    fn of(values: usize, width: usize) -> Self {
+        let line = width * CHANNELS;
+        Self { line, padded: line.next_multiple_of(WIDEST) + 2 * MARGIN, rows: values / line }
+    }
+
+    /// The rows that the window of `row` reaches, each with its weight.
+    #[inline(always)]
+    fn window(self, row: usize) -> impl Iterator<Item = (usize, f32)> + Clone {
+        let first = row.saturating_sub(RADIUS);
+        let last = (row + RADIUS).min(self.rows - 1);
+        (first..=last).map(move |at| (at, WINDOW[at + RADIUS - row]))
+    }
+
+    /// Where vectors of `lanes` begin that cover a row.
+    #[inline(always)]
+    fn groups(self, lanes: usize) -> impl Iterator<Item = usize> {
+        (MARGIN..MARGIN + self.line).step_by(lanes)
+    }
 }
 
 impl Ssim {
     /// For pictures of any size, on a SIMD path.
     #[must_use]
     pub fn new(path: SimdPath) -> Self {
-        Self { path, slopes: Vec::new(), rows: Vec::new() }
+        Self { path, x: Vec::new(), y: Vec::new(), slopes: Vec::new(), rows: Vec::new() }
     }
 
     /// The mean similarity of `x` and `y`, `[H, W, 3]` with values about 0-1.
@@ -73,13 +110,13 @@ impl Ssim {
     pub fn add_gradient(&mut self, x: &[f32], y: &[f32], width: usize, scale: f32, gradient: &mut [f32]) -> f64 {
         assert_eq!(x.len(), gradient.len());
         let value = self.forward(x, y, width);
-        let line = width * CHANNELS;
+        let layout = Layout::of(x.len(), width);
         let scale = scale / x.len() as f32;
         let (slopes, path) = (&self.slopes[..], self.path);
-        gradient.par_chunks_mut(line).enumerate().for_each(|(row, gradient)| {
-            let at = row * line..(row + 1) * line;
-            let (x, y) = (&x[at.clone()], &y[at]);
-            dispatch!(path, _simd => backward_row(row, line, slopes, x, y, scale, gradient));
+        let pictures = self.x.par_chunks(layout.padded).zip(self.y.par_chunks(layout.padded));
+        let rows = gradient.par_chunks_mut(layout.line).zip(pictures).enumerate();
+        rows.for_each_init(Vec::new, |buffer, (row, (gradient, (x, y)))| {
+            dispatch!(path, simd => backward_row(simd, row, layout, slopes, [x, y], scale, gradient, buffer));
         });
         value
     }
@@ -87,185 +124,145 @@ impl Ssim {
     fn forward(&mut self, x: &[f32], y: &[f32], width: usize) -> f64 {
         let line = width * CHANNELS;
         assert!(x.len() == y.len() && line > 0 && x.len().is_multiple_of(line), "two pictures of one size");
-        self.slopes.resize(3 * x.len(), 0.0);
-        self.rows.resize(x.len() / line, 0.0);
-        let path = self.path;
-        let rows = self.slopes.par_chunks_mut(3 * line).zip(&mut self.rows).enumerate();
-        rows.for_each(|(row, (slopes, sum))| {
-            *sum = dispatch!(path, _simd => forward_row(row, line, x, y, slopes));
+        let layout = Layout::of(x.len(), width);
+        let all = layout.padded * layout.rows;
+        for (padded, picture) in [(&mut self.x, x), (&mut self.y, y)] {
+            padded.resize(all, 0.0);
+            padded.par_chunks_mut(layout.padded).zip(picture.par_chunks(line)).for_each(|(padded, row)| {
+                padded[..MARGIN].fill(0.0);
+                padded[MARGIN..MARGIN + line].copy_from_slice(row);
+                padded[MARGIN + line..].fill(0.0);
+            });
+        }
+        self.slopes.resize(3 * all, 0.0);
+        self.rows.resize(layout.rows, 0.0);
+        let (path, x, y) = (self.path, &self.x[..], &self.y[..]);
+        let rows = self.slopes.par_chunks_mut(3 * layout.padded).zip(&mut self.rows).enumerate();
+        rows.for_each_init(Vec::new, |buffer, (row, (slopes, sum))| {
+            *sum = dispatch!(path, simd => forward_row(simd, row, layout, [x, y], slopes, buffer));
         });
         self.rows.iter().sum::<f64>() / x.len() as f64
     }
 }
 
-/// Calls `work` for whole groups of lanes that cover `0..line`, the last overlapping the one before; one
-/// by one in rows that are shorter than that.
-macro_rules! each_group {
-    ($line:expr, $work:ident ( $($argument:expr),* )) => {
-        if $line >= LANES {
-            let mut at = 0;
-            while at + LANES <= $line {
-                $work::<LANES>(at, $($argument),*);
-                at += LANES;
-            }
-            if at < $line {
-                $work::<LANES>($line - LANES, $($argument),*);
-            }
-        } else {
-            for at in 0..$line {
-                $work::<1>(at, $($argument),*);
-            }
-        }
-    };
-}
-
-/// The rows that the window of `row` reaches, each with its weight.
-fn window_rows(row: usize, rows: usize) -> impl Iterator<Item = (usize, f32)> + Clone {
-    (0..TAPS).filter_map(move |tap| {
-        let at = (row + tap).checked_sub(RADIUS)?;
-        (at < rows).then(|| (at, WINDOW[tap]))
+/// Cuts N rows out of `buffer`, margins zero.
+#[inline(always)]
+fn cut<const N: usize>(buffer: &mut Vec<f32>, size: usize) -> [&mut [f32]; N] {
+    buffer.resize(N * size, 0.0);
+    let mut parts = buffer.chunks_exact_mut(size);
+    std::array::from_fn(|_| {
+        let part = parts.next().unwrap_or_default();
+        part[..MARGIN].fill(0.0);
+        part[size - MARGIN..].fill(0.0);
+        part
     })
 }
 
+/// The windows along N rows for the vector at `at`.
 #[inline(always)]
-fn forward_row(row: usize, line: usize, x: &[f32], y: &[f32], slopes: &mut [f32]) -> f64 {
-    // The five windowed means down the columns, with a margin of zeros, then along the row.
-    let mut columns = vec![0.0; 5 * (line + 2 * MARGIN)];
-    let [mx, my, xx, yy, xy] = split::<5>(&mut columns, line + 2 * MARGIN);
-    let rows = x.len() / line;
-    each_group!(line, moments(row, rows, line, x, y, [&mut *mx, &mut *my, &mut *xx, &mut *yy, &mut *xy]));
-    let mut values = vec![0.0; line];
-    each_group!(line, similarity(line, [&*mx, &*my, &*xx, &*yy, &*xy], slopes, &mut values));
-    let mut sum = 0.0;
-    for part in values.chunks(64) {
-        sum += f64::from(part.iter().sum::<f32>());
-    }
-    sum
-}
-
-#[inline(always)]
-fn split<const N: usize>(all: &mut [f32], size: usize) -> [&mut [f32]; N] {
-    let mut parts = all.chunks_exact_mut(size);
-    std::array::from_fn(|_| parts.next().unwrap_or_default())
-}
-
-#[inline(always)]
-fn load<const N: usize>(from: &[f32], at: usize) -> [f32; N] {
-    let mut lanes = [0.0; N];
-    lanes.copy_from_slice(&from[at..at + N]);
-    lanes
-}
-
-/// Sums down the columns `at..at + N`: of x, y and their products.
-#[inline(always)]
-fn moments<const N: usize>(
-    at: usize,
-    row: usize,
-    rows: usize,
-    line: usize,
-    x: &[f32],
-    y: &[f32],
-    out: [&mut [f32]; 5],
-) {
-    let mut sums = [[0.0f32; N]; 5];
-    for (row, weight) in window_rows(row, rows) {
-        let (x, y) = (load::<N>(x, row * line + at), load::<N>(y, row * line + at));
-        for i in 0..N {
-            let (wx, wy) = (weight * x[i], weight * y[i]);
-            sums[0][i] += wx;
-            sums[1][i] += wy;
-            sums[2][i] += wx * x[i];
-            sums[3][i] += wy * y[i];
-            sums[4][i] += wx * y[i];
-        }
-    }
-    for (sums, out) in sums.iter().zip(out) {
-        out[MARGIN + at..MARGIN + at + N].copy_from_slice(sums);
-    }
-}
-
-/// The window along a row whose margin is in front.
-#[inline(always)]
-fn along<const N: usize>(column: &[f32], at: usize) -> [f32; N] {
-    let mut sum = [0.0f32; N];
+fn along<S: Lanes, const N: usize>(simd: S, rows: &[&mut [f32]; N], at: usize) -> [S::F; N] {
+    let mut sums = [simd.set(0.0); N];
     for (tap, weight) in WINDOW.iter().enumerate() {
-        let values = load::<N>(column, at + CHANNELS * tap);
-        for i in 0..N {
-            sum[i] += weight * values[i];
+        let (weight, from) = (simd.set(*weight), at - REACH + CHANNELS * tap);
+        for k in 0..N {
+            sums[k] = weight.mul_add(simd.load(&rows[k][from..]), sums[k]);
         }
     }
-    sum
+    sums
 }
 
 #[inline(always)]
-fn similarity<const N: usize>(at: usize, line: usize, columns: [&[f32]; 5], slopes: &mut [f32], values: &mut [f32]) {
-    let [mx, my, xx, yy, xy] = columns.map(|column| along::<N>(column, at));
-    let (mut by_mean, mut by_xx, mut by_xy, mut value) = ([0.0; N], [0.0; N], [0.0; N], [0.0; N]);
-    for i in 0..N {
-        let (mean2, cross) = (mx[i] * mx[i] + my[i] * my[i], mx[i] * my[i]);
-        let (a1, a2) = (2.0 * cross + C1, 2.0 * (xy[i] - cross) + C2);
+fn forward_row<S: Lanes>(
+    simd: S,
+    row: usize,
+    layout: Layout,
+    [x, y]: [&[f32]; 2],
+    slopes: &mut [f32],
+    buffer: &mut Vec<f32>,
+) -> f64 {
+    // The windowed means of x, y, x^2 + y^2 and x y: down the columns, then along the row.
+    let columns = cut::<4>(buffer, layout.padded);
+    for at in layout.groups(S::N) {
+        let mut sums = [simd.set(0.0); 4];
+        for (row, weight) in layout.window(row) {
+            let from = row * layout.padded + at;
+            let (x, y, weight) = (simd.load(&x[from..]), simd.load(&y[from..]), simd.set(weight));
+            let (wx, wy) = (weight * x, weight * y);
+            sums[0] = sums[0] + wx;
+            sums[1] = sums[1] + wy;
+            sums[2] = wx.mul_add(x, wy.mul_add(y, sums[2]));
+            sums[3] = wx.mul_add(y, sums[3]);
+        }
+        for k in 0..4 {
+            sums[k].store_slice(&mut columns[k][at..at + S::N]);
+        }
+    }
+    let (mean, rest) = slopes.split_at_mut(layout.padded);
+    let (square, product) = rest.split_at_mut(layout.padded);
+    let mut total = 0.0;
+    let (one, two) = (simd.set(1.0), simd.set(2.0));
+    for at in layout.groups(S::N) {
+        let [mx, my, squares, xy] = along(simd, &columns, at);
+        let (means, cross) = (mx.mul_add(mx, my * my), mx * my);
+        let (a1, a2) = (two.mul_add(cross, simd.set(C1)), two.mul_add(xy - cross, simd.set(C2)));
         // Variances are not below 0 but for rounding.
-        let (b1, b2) = (mean2 + C1, (xx[i] + yy[i] - mean2).max(0.0) + C2);
-        let (over1, over2) = (1.0 / b1, 1.0 / b2);
+        let b1 = means + simd.set(C1);
+        let b2 = (squares - means).max(simd.set(0.0)) + simd.set(C2);
+        let (over1, over2) = (one / b1, one / b2);
         let over = over1 * over2;
         let s = a1 * a2 * over;
-        value[i] = s;
-        by_mean[i] = 2.0 * my[i] * (a2 - a1) * over - 2.0 * mx[i] * s * (over1 - over2);
-        by_xx[i] = -s * over2;
-        by_xy[i] = 2.0 * a1 * over;
+        (two * my * (a2 - a1) * over - two * mx * s * (over1 - over2)).store_slice(&mut mean[at..at + S::N]);
+        (-(s * over2)).store_slice(&mut square[at..at + S::N]);
+        (two * a1 * over).store_slice(&mut product[at..at + S::N]);
+        let mut values = [0.0; WIDEST];
+        s.store_slice(&mut values[..S::N]);
+        let inside = (MARGIN + layout.line - at).min(S::N);
+        total += f64::from(values[..inside].iter().sum::<f32>());
     }
-    values[at..at + N].copy_from_slice(&value);
-    slopes[at..at + N].copy_from_slice(&by_mean);
-    slopes[line + at..line + at + N].copy_from_slice(&by_xx);
-    slopes[2 * line + at..2 * line + at + N].copy_from_slice(&by_xy);
+    // Beyond the picture nothing is compared.
+    for part in [mean, square, product] {
+        part[..MARGIN].fill(0.0);
+        part[MARGIN + layout.line..].fill(0.0);
+    }
+    total
 }
 
 #[inline(always)]
-fn backward_row(row: usize, line: usize, slopes: &[f32], x: &[f32], y: &[f32], scale: f32, gradient: &mut [f32]) {
-    let mut columns = vec![0.0; 3 * (line + 2 * MARGIN)];
-    let [mean, xx, xy] = split::<3>(&mut columns, line + 2 * MARGIN);
-    let rows = slopes.len() / (3 * line);
-    each_group!(line, slope_sums(row, rows, line, slopes, [&mut *mean, &mut *xx, &mut *xy]));
-    // An own copy, since overlapping groups must not add twice.
-    let mut added = vec![0.0; line];
-    each_group!(line, pull([&*mean, &*xx, &*xy], x, y, &mut added));
-    for (gradient, added) in gradient.iter_mut().zip(&added) {
-        *gradient += scale * added;
-    }
-}
-
-#[inline(always)]
-fn slope_sums<const N: usize>(
-    at: usize,
+#[expect(clippy::too_many_arguments, reason = "one row's slices and its working memory")]
+fn backward_row<S: Lanes>(
+    simd: S,
     row: usize,
-    rows: usize,
-    line: usize,
+    layout: Layout,
     slopes: &[f32],
-    out: [&mut [f32]; 3],
+    [x, y]: [&[f32]; 2],
+    scale: f32,
+    gradient: &mut [f32],
+    buffer: &mut Vec<f32>,
 ) {
-    let mut sums = [[0.0f32; N]; 3];
-    for (row, weight) in window_rows(row, rows) {
-        for (k, sums) in sums.iter_mut().enumerate() {
-            let values = load::<N>(slopes, (3 * row + k) * line + at);
-            for i in 0..N {
-                sums[i] += weight * values[i];
+    let columns = cut::<3>(buffer, layout.padded);
+    for at in layout.groups(S::N) {
+        let mut sums = [simd.set(0.0); 3];
+        for (row, weight) in layout.window(row) {
+            let weight = simd.set(weight);
+            for k in 0..3 {
+                let slope = simd.load(&slopes[(3 * row + k) * layout.padded + at..]);
+                sums[k] = weight.mul_add(slope, sums[k]);
             }
         }
+        for k in 0..3 {
+            sums[k].store_slice(&mut columns[k][at..at + S::N]);
+        }
     }
-    for (sums, out) in sums.iter().zip(out) {
-        out[MARGIN + at..MARGIN + at + N].copy_from_slice(sums);
+    let (scale, two) = (simd.set(scale), simd.set(2.0));
+    for at in layout.groups(S::N) {
+        let [mean, square, product] = along(simd, &columns, at);
+        let (x, y) = (simd.load(&x[at..]), simd.load(&y[at..]));
+        let mut added = [0.0; WIDEST];
+        (scale * (two * x).mul_add(square, y.mul_add(product, mean))).store_slice(&mut added[..S::N]);
+        for (gradient, added) in gradient[at - MARGIN..].iter_mut().zip(&added[..S::N]) {
+            *gradient += added;
+        }
     }
-}
-
-#[inline(always)]
-fn pull<const N: usize>(at: usize, columns: [&[f32]; 3], x: &[f32], y: &[f32], added: &mut [f32]) {
-    let [mean, xx, xy] = columns.map(|column| along::<N>(column, at));
-    let (x, y) = (load::<N>(x, at), load::<N>(y, at));
-    let mut sum = [0.0; N];
-    for i in 0..N {
-        sum[i] = mean[i] + 2.0 * x[i] * xx[i] + y[i] * xy[i];
-    }
-    added[at..at + N].copy_from_slice(&sum);
 }
 
 #[cfg(test)]
