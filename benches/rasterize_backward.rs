@@ -57,7 +57,7 @@ fn blend<S: Lanes, const C: usize>(simd: S, tile: &Tile, scratch: &mut forward::
     forward::blend_tile::<S, C, false>(simd, &tile.records, &tile.keys, (0.0, 0.0), 15, scratch)
 }
 
-/// The pixels' state is what the last call left: only its transmittance, which hardly falls, counts.
+/// After [`prepare`].
 #[inline(always)]
 fn back<S: Lanes, const C: usize>(simd: S, tile: &mut Tile) -> usize {
     let Tile { records, keys, scratch, slots, places } = tile;

@@ -258,6 +258,46 @@ const LOG2: [f32; 9] = [
 /// run beside it, and its window is too short to find them in the next call.
 #[inline(always)]
 pub fn exp2<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
+    exp2_with(
+        simd,
+        x,
+        #[inline(always)]
+        |poly, fraction| {
+            for power in 1..EXP2.len() {
+                for k in 0..N {
+                    poly[k] = poly[k].mul_add(fraction[k], simd.set(EXP2[power]));
+                }
+            }
+        },
+    )
+}
+
+/// [`exp2`], bit for bit, with a loop over the powers that the compiler does not unroll. Unrolled, it puts
+/// one vector's chain after the other's, which costs the blending of 16 lanes 6 %; with 8 lanes, and
+/// where registers are short, the loop's own work costs more.
+#[inline(always)]
+pub fn exp2_looped<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
+    exp2_with(
+        simd,
+        x,
+        #[inline(always)]
+        |poly, fraction| {
+            let [powers @ .., last] = EXP2;
+            for coefficient in powers.into_iter().skip(1).chain([last]) {
+                for k in 0..N {
+                    poly[k] = poly[k].mul_add(fraction[k], simd.set(coefficient));
+                }
+            }
+        },
+    )
+}
+
+#[inline(always)]
+fn exp2_with<S: Lanes, const N: usize>(
+    simd: S,
+    x: [S::F; N],
+    evaluate: impl Fn(&mut [S::F; N], &[S::F; N]),
+) -> [S::F; N] {
     let mut shifted = x;
     let mut fraction = x;
     for k in 0..N {
@@ -267,12 +307,7 @@ pub fn exp2<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
         fraction[k] = x[k] - (shifted[k] - ROUND);
     }
     let mut poly = [simd.set(EXP2[0]); N];
-    // By index: the compiler unrolls no chain of iterators in larger functions.
-    for power in 1..EXP2.len() {
-        for k in 0..N {
-            poly[k] = poly[k].mul_add(fraction[k], simd.set(EXP2[power]));
-        }
-    }
+    evaluate(&mut poly, &fraction);
     for k in 0..N {
         poly[k] = S::F::from_bits(poly[k].to_bits() + (shifted[k].to_bits() << 23));
     }

@@ -4,7 +4,7 @@
 
 use super::{LOG2_MAX_ALPHA, MIN_TRANSMITTANCE};
 use crate::hooks::{PATCH, PATCH_PIXELS};
-use crate::simd::{Lanes, exp2};
+use crate::simd::{Lanes, exp2, exp2_looped};
 use crate::stages::intersect::cpu::{cell_lanes, cell_mask};
 use crate::stages::intersect::{PATCHES, record_of};
 use crate::stages::project::{LOG2_MIN_ALPHA, Record};
@@ -279,8 +279,9 @@ const PACKED: [u64; 256] = {
 };
 
 /// log2 of the alphas, and the alphas, of a flight of splats at pixels `(px, py)` from the tile's corner.
+/// `LOOPED` chooses the exponential, see [`exp2_looped`]; the numbers are the same.
 #[inline(always)]
-pub(crate) fn alphas<S: Lanes>(
+pub(crate) fn alphas<S: Lanes, const LOOPED: bool>(
     simd: S,
     batch: &Batch,
     at: &[usize; FLIGHT],
@@ -295,7 +296,7 @@ pub(crate) fn alphas<S: Lanes>(
         q[k] = (-v).mul_add(v, (-u).mul_add(u, simd.set(s.log2_opacity)));
         capped[k] = q[k].min(simd.set(LOG2_MAX_ALPHA));
     }
-    let mut alpha = exp2(simd, capped);
+    let mut alpha = if LOOPED && S::N == 16 { exp2_looped(simd, capped) } else { exp2(simd, capped) };
     for k in 0..FLIGHT {
         let drawn = q[k].simd_ge(simd.set(LOG2_MIN_ALPHA));
         // Selected as integers: the mask then folds into the exponential's last operation.
@@ -334,7 +335,7 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool>(
         for k in 0..FLIGHT {
             at[k] = usize::from(flight[k]);
         }
-        let (_, alpha) = alphas(simd, batch, &at, (px, py));
+        let (_, alpha) = alphas::<S, true>(simd, batch, &at, (px, py));
         for k in 0..FLIGHT {
             // A pixel that has stopped carries transmittance 0, so one comparison does for both.
             let next = (-alpha[k]).mul_add(transmittance, transmittance);

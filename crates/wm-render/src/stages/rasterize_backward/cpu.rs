@@ -345,7 +345,7 @@ fn weigh_block<S: Lanes, const C: usize>(
         for k in 0..FLIGHT {
             at[k] = usize::from(flight[k]);
         }
-        let (q, alpha) = alphas(simd, batch, &at, at_pixels);
+        let (q, alpha) = alphas::<S, false>(simd, batch, &at, at_pixels);
         let mut value = [zero; FLIGHT];
         let mut open = [zero; FLIGHT];
         for k in 0..FLIGHT {
