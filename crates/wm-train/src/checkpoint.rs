@@ -300,6 +300,9 @@ mod tests {
         }
         std::fs::write(&path, b"WMTRAIN0 something").unwrap();
         let message = read(&path).unwrap_err().to_string();
-        assert!(message.ends_with("no checkpoint of this version; start anew with another --out"), "{message}");
+        assert!(
+            message.ends_with("no checkpoint of this version; start anew with another --out"),
+            "{message}"
+        );
     }
 }

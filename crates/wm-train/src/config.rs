@@ -40,9 +40,9 @@ pub struct TrainConfig {
 #[serde(rename_all = "lowercase")]
 pub enum BackgroundKind {
     /// Black.
-    #[default]
     Black,
-    /// Another colour each step, so that what is not covered is seen.
+    /// Another colour each step, so that what is bright or dark is covered, the sky above all.
+    #[default]
     Random,
 }
 
@@ -141,20 +141,11 @@ impl TrainConfig {
             sh_degree: 3,
             sh_every: sh_every(steps),
             rasterization: Rasterization::Classic,
-            background: BackgroundKind::Black,
+            background: BackgroundKind::Random,
             resolution: if preset == Preset::Best { Resolution::Full } else { Resolution::Coarse },
             exposure: Exposure::Shared,
             loss: LossConfig { l1: 0.8, ssim: 0.2 },
-            rates: RateConfig {
-                means_first: 1.6e-4,
-                means_last: 1.6e-6,
-                quats: 1e-3,
-                log_scales: 5e-3,
-                logit_opacities: 0.05,
-                sh_dc: 2.5e-3,
-                sh_rest: 2.5e-3 / 20.0,
-                exposure: 1e-3,
-            },
+            rates: RateConfig::for_steps(steps),
             densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),
             start_opacity: 0.1,
             start_scale: 1.0,
@@ -165,12 +156,33 @@ impl TrainConfig {
     pub fn set_steps(&mut self, steps: u32) {
         self.steps = steps;
         self.sh_every = sh_every(steps);
+        self.rates = RateConfig::for_steps(steps);
     }
 }
 
 /// As published, one degree each 1,000 of 30,000 steps, but all of them in a short training too.
 fn sh_every(steps: u32) -> u32 {
     (steps / 8).clamp(1, 1000)
+}
+
+impl RateConfig {
+    /// The published step lengths for 30,000 steps, and longer ones for fewer: Adam moves a parameter by at
+    /// most about its step length each time, so that a short training of short steps never arrives. They
+    /// grow as the square root of the missing steps (of opacities, as its root again), up to eight times.
+    #[must_use]
+    pub fn for_steps(steps: u32) -> Self {
+        let longer = (30_000.0 / f64::from(steps.max(1))).sqrt().clamp(1.0, 8.0);
+        Self {
+            means_first: 1.6e-4 * longer,
+            means_last: 1.6e-6 * longer,
+            quats: 1e-3 * longer,
+            log_scales: 5e-3 * longer,
+            logit_opacities: 0.05 * longer.sqrt(),
+            sh_dc: 2.5e-3 * longer,
+            sh_rest: 2.5e-3 / 20.0 * longer,
+            exposure: 1e-3,
+        }
+    }
 }
 
 impl Preset {

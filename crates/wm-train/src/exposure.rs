@@ -103,7 +103,8 @@ mod tests {
     #[test]
     fn a_change_of_colour_is_learnt() {
         let rgb: Vec<f32> = (0..3000).map(|i| uniform(1, i) as f32).collect();
-        let photo: Vec<f32> = rgb.chunks(3).flat_map(|c| [1.3 * c[0], 1.3 * c[1] + 0.02, 1.2 * c[2] + 0.1]).collect();
+        let photo: Vec<f32> =
+            rgb.chunks(3).flat_map(|c| [1.3 * c[0], 1.3 * c[1] + 0.02, 1.2 * c[2] + 0.1]).collect();
         let mut exposures = Exposures::new(2);
         let mut out = vec![0.0; rgb.len()];
         for step in 0..800 {

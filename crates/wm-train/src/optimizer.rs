@@ -217,7 +217,8 @@ impl Piece<'_> {
         let row = rates.len();
         for (index, gradient) in self.visible.iter().zip(self.gradients.chunks_exact(row)) {
             let at = (*index as usize - self.first) * width;
-            let rows = (&mut first[at..at + row], &mut second[at..at + row], &mut self.parameters[at..at + row]);
+            let rows =
+                (&mut first[at..at + row], &mut second[at..at + row], &mut self.parameters[at..at + row]);
             for i in 0..row {
                 let g = gradient[i];
                 let m = BETA1 * rows.0[i] + (1.0 - BETA1) * g;
@@ -251,7 +252,8 @@ mod tests {
     /// The textbook's formula in f64 for one value, several steps long.
     #[test]
     fn steps_are_those_of_the_textbook_and_spare_what_is_out_of_view() {
-        let rates = Rates { means: 0.1, quats: 0.0, log_scales: 0.0, logit_opacities: 0.2, sh_dc: 0.3, sh_rest: 0.4 };
+        let rates =
+            Rates { means: 0.1, quats: 0.0, log_scales: 0.0, logit_opacities: 0.2, sh_dc: 0.3, sh_rest: 0.4 };
         for path in SimdPath::available() {
             let mut splats = splats(5000);
             let before = splats.clone();
@@ -274,7 +276,8 @@ mod tests {
                     for now in 1..=3 {
                         let g = f64::from(pull(i, now));
                         (m, v) = (0.9 * m + 0.1 * g, 0.999 * v + 0.001 * g * g);
-                        let (first, second) = (m / (1.0 - 0.9f64.powi(now as i32)), v / (1.0 - 0.999f64.powi(now as i32)));
+                        let (first, second) =
+                            (m / (1.0 - 0.9f64.powi(now as i32)), v / (1.0 - 0.999f64.powi(now as i32)));
                         moved -= first / second.sqrt();
                     }
                 }

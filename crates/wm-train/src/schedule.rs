@@ -25,15 +25,15 @@ pub fn sh_degree(config: &TrainConfig, step: u32) -> u8 {
     config.sh_degree.min(u8::try_from(grown).unwrap_or(u8::MAX))
 }
 
-/// How often the sides of photos are halved at a step: twice in the first fifth of the steps, once up to
-/// the half, but never below `last_level`.
+/// How often the sides of photos are halved at a step: twice in the first tenth of the steps, once in
+/// the next two, but never below `last_level`.
 #[must_use]
 pub fn level(config: &TrainConfig, step: u32, last_level: u8) -> u8 {
     let at = f64::from(step) / f64::from(config.steps.max(1));
     let wanted = match config.resolution {
         Resolution::Full => 0,
-        Resolution::Coarse if at < 0.2 => 2,
-        Resolution::Coarse if at < 0.5 => 1,
+        Resolution::Coarse if at < 0.1 => 2,
+        Resolution::Coarse if at < 0.3 => 1,
         Resolution::Coarse => 0,
     };
     wanted.min(last_level)
@@ -47,12 +47,15 @@ mod tests {
     #[test]
     fn rates_fall_and_degrees_and_sizes_grow() {
         let config = TrainConfig::preset(Preset::Standard);
-        let at = |step| rates(&config.rates, step, config.steps, 2.0).means;
+        let published = RateConfig::for_steps(30_000);
+        let at = |step| rates(&published, step, 7000, 2.0).means;
         assert!((at(0) - 3.2e-4).abs() < 1e-12 && (at(7000) - 3.2e-6).abs() < 1e-12);
         assert!((at(3500) - 3.2e-5).abs() < 1e-12);
+        assert!((RateConfig::for_steps(7500).sh_dc - 0.005).abs() < 1e-12);
+        assert!((RateConfig::for_steps(10).sh_dc - 0.02).abs() < 1e-12);
         let degrees: Vec<u8> = [0, 874, 875, 1750, 2625, 6999].map(|step| sh_degree(&config, step)).into();
         assert_eq!(degrees, [0, 0, 1, 2, 3, 3]);
-        assert_eq!([0, 1399, 1400, 3499, 3500].map(|step| level(&config, step, 5)), [2, 2, 1, 1, 0]);
+        assert_eq!([0, 699, 700, 2099, 2100].map(|step| level(&config, step, 5)), [2, 2, 1, 1, 0]);
         assert_eq!(level(&config, 0, 1), 1);
     }
 }

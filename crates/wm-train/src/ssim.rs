@@ -107,7 +107,14 @@ impl Ssim {
     ///
     /// # Panics
     /// If the sizes differ or are no rows of `width`.
-    pub fn add_gradient(&mut self, x: &[f32], y: &[f32], width: usize, scale: f32, gradient: &mut [f32]) -> f64 {
+    pub fn add_gradient(
+        &mut self,
+        x: &[f32],
+        y: &[f32],
+        width: usize,
+        scale: f32,
+        gradient: &mut [f32],
+    ) -> f64 {
         assert_eq!(x.len(), gradient.len());
         let value = self.forward(x, y, width);
         let layout = Layout::of(x.len(), width);
@@ -188,8 +195,8 @@ fn forward_row<S: Lanes>(
             let from = row * layout.padded + at;
             let (x, y, weight) = (simd.load(&x[from..]), simd.load(&y[from..]), simd.set(weight));
             let (wx, wy) = (weight * x, weight * y);
-            sums[0] = sums[0] + wx;
-            sums[1] = sums[1] + wy;
+            sums[0] += wx;
+            sums[1] += wy;
             sums[2] = wx.mul_add(x, wy.mul_add(y, sums[2]));
             sums[3] = wx.mul_add(y, sums[3]);
         }
@@ -286,7 +293,9 @@ mod tests {
                     let mut e = [0.0; 5];
                     for (dy, gy) in gauss.iter().enumerate() {
                         for (dx, gx) in gauss.iter().enumerate() {
-                            let (Some(r), Some(c)) = ((row + dy).checked_sub(5), (column + dx).checked_sub(5)) else {
+                            let (Some(r), Some(c)) =
+                                ((row + dy).checked_sub(5), (column + dx).checked_sub(5))
+                            else {
                                 continue;
                             };
                             if r < height && c < width {

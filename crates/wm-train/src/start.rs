@@ -96,7 +96,8 @@ pub fn blind(cameras: &[Camera], extent: f64, config: &StartConfig) -> Splats {
 
 /// Root mean square distance to the nearest neighbours; `alone` for a point without any.
 fn neighbour_distances(positions: &[[f32; 3]], alone: f64) -> Vec<f64> {
-    let Some(tree) = (positions.len() > 1).then(|| ImmutableKdTree::<f32, 3>::new_from_slice(positions).ok()).flatten()
+    let Some(tree) =
+        (positions.len() > 1).then(|| ImmutableKdTree::<f32, 3>::new_from_slice(positions).ok()).flatten()
     else {
         return vec![alone; positions.len()];
     };

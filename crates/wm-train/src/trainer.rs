@@ -14,7 +14,8 @@ use crate::schedule;
 use std::time::Instant;
 use wm_render::simd::SimdPath;
 use wm_render::{
-    Channels, CpuConfig, DepthAlpha, Differentiable, ForwardConfig, Frame, Gradients, Learn, Opacity, RenderError,
+    Channels, CpuConfig, DepthAlpha, Differentiable, ForwardConfig, Frame, Gradients, Learn, Opacity,
+    RenderError,
 };
 use wm_scene::{Camera, Splats};
 
@@ -120,7 +121,12 @@ impl Trainer {
     ///
     /// # Errors
     /// [`RenderError`] if threads or the SIMD path cannot be had.
-    pub fn resumed(config: TrainConfig, run: CpuConfig, state: TrainState, extent: f64) -> Result<Self, RenderError> {
+    pub fn resumed(
+        config: TrainConfig,
+        run: CpuConfig,
+        state: TrainState,
+        extent: f64,
+    ) -> Result<Self, RenderError> {
         let renderer = Differentiable::new(run)?;
         let terms: Vec<Box<dyn LossTerm>> = vec![
             Box::new(L1 { weight: config.loss.l1 }),

@@ -53,7 +53,8 @@ impl Data {
         let is_held = |place: usize| {
             args.eval_every > 0 && place as u32 % args.eval_every == args.eval_from % args.eval_every
         };
-        let (held_out, teaching): (Vec<usize>, Vec<usize>) = (0..photos.len()).partition(|place| is_held(*place));
+        let (held_out, teaching): (Vec<usize>, Vec<usize>) =
+            (0..photos.len()).partition(|place| is_held(*place));
         if teaching.len() < 3 {
             bail!(
                 "{}: {} of {} photos are left to learn from, at least 3 are needed; take more photos, or hold out fewer",

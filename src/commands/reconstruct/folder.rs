@@ -5,6 +5,8 @@ use serde_json::Value;
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
+use wm_scene::files::write_atomically;
+use wm_train::TrainConfig;
 use wm_train::checkpoint::{self, Head};
 use wm_train::trainer::TrainState;
 
@@ -54,6 +56,12 @@ impl RunFolder {
         Ok(Some(checkpoint::read(&self.checkpoint())?))
     }
 
+    /// Writes down what the training is.
+    pub fn write_config(&self, config: &TrainConfig) -> Result<()> {
+        let text = serde_json::to_string_pretty(config)?;
+        Ok(write_atomically(&self.path.join("config.json"), |out| Ok(writeln!(out, "{text}")?))?)
+    }
+
     /// Opens the metrics: anew, or behind the lines up to `step`.
     pub fn metrics(&self, step: u32) -> Result<Metrics> {
         let path = self.path.join("metrics.jsonl");
@@ -69,13 +77,21 @@ impl RunFolder {
                 }
             }
         }
-        let file = OpenOptions::new().create(true).write(true).truncate(true).open(&path).with_context(cannot)?;
+        let file =
+            OpenOptions::new().create(true).write(true).truncate(true).open(&path).with_context(cannot)?;
         let mut metrics = Metrics { file, path };
         for line in kept {
             metrics.line(&line)?;
         }
         Ok(metrics)
     }
+}
+
+/// Reads a training's configuration.
+pub fn read_config(path: &Path) -> Result<TrainConfig> {
+    let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    serde_json::from_str(&text)
+        .with_context(|| format!("{}: is no configuration of a training", path.display()))
 }
 
 /// One JSON object a line.

@@ -97,11 +97,15 @@ struct TrainingArgs {
     #[arg(long, value_name = "WHOSE", default_value = "shared", help_heading = "Training")]
     exposure: ExposureArg,
     /// What stands behind the splats while they learn: black or random
-    #[arg(long, value_name = "COLOR", default_value = "black", help_heading = "Training")]
+    #[arg(long, value_name = "COLOR", default_value = "random", help_heading = "Training")]
     background: BackgroundArg,
     /// How splats smaller than a pixel are drawn: classic or antialiased
     #[arg(long, value_name = "MODE", default_value = "classic", value_parser = super::render::parse_rasterization, help_heading = "Training")]
     rasterization: Rasterization,
+    /// Take everything about the training from this JSON file, such as a run folder's config.json; the other
+    /// options of this group are not looked at
+    #[arg(long, value_name = "FILE", help_heading = "Training")]
+    config: Option<PathBuf>,
     /// Which of the equally good runs
     #[arg(long, value_name = "SEED", default_value_t = 0, help_heading = "Training")]
     seed: u64,
@@ -142,6 +146,7 @@ choice! {
 }
 
 impl TrainingArgs {
+    /// The preset with what is changed of it.
     fn config(&self) -> TrainConfig {
         let preset = match self.preset {
             PresetArg::Quick => Preset::Quick,
@@ -184,13 +189,18 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         bail!("--checkpoint-every {}: must be a number of seconds above 0", args.checkpoint_every);
     }
     let facts = args.facts.metadata()?;
+    let config = match &args.training.config {
+        Some(file) => folder::read_config(file)?,
+        None => args.training.config(),
+    };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.ply", stem_of(&args.dataset))));
     formats::format_for(&out)?;
     check_writable(&out)?;
     let run_folder = args.run_folder.clone().unwrap_or_else(|| with_behind(&out, ".run"));
     let folder = folder::RunFolder::open(&run_folder, args.resume)?;
     let data = data::Data::open(&args.dataset, &args.photos, &folder)?;
-    training::Run::new(args.training.config(), &data, &folder, args)?.go(&out, &facts)
+    folder.write_config(&config)?;
+    training::Run::new(config, &data, &folder, args)?.go(&out, &facts)
 }
 
 fn with_behind(path: &Path, text: &str) -> PathBuf {

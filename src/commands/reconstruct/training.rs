@@ -69,7 +69,12 @@ struct Score {
 
 impl<'a> Run<'a> {
     /// Begins, or goes on.
-    pub fn new(config: TrainConfig, data: &'a Data, folder: &'a RunFolder, args: &'a ReconstructArgs) -> Result<Self> {
+    pub fn new(
+        config: TrainConfig,
+        data: &'a Data,
+        folder: &'a RunFolder,
+        args: &'a ReconstructArgs,
+    ) -> Result<Self> {
         let run = CpuConfig { threads: args.run.threads.map(usize::from), simd: args.run.simd };
         let cameras = data.cameras();
         let extent = start::extent(&cameras);
@@ -144,8 +149,13 @@ impl<'a> Run<'a> {
                 }
             }
             if step.is_multiple_of(line_every) {
-                let held_out = score.map_or_else(String::new, |score: Score| format!(", held-out {:.2} dB", score.psnr));
-                bar.set_message(format!("loss {:.4}, {} splats{held_out}", sum.loss(), self.trainer.splats().len()));
+                let held_out =
+                    score.map_or_else(String::new, |score: Score| format!(", held-out {:.2} dB", score.psnr));
+                bar.set_message(format!(
+                    "loss {:.4}, {} splats{held_out}",
+                    sum.loss(),
+                    self.trainer.splats().len()
+                ));
                 let line = sum.json(step, self.trainer.splats().len());
                 self.metrics.add(&line)?;
                 sum.begin_line();
@@ -175,7 +185,9 @@ impl<'a> Run<'a> {
         let truth = self.truths.of(&photo);
         let report = self.trainer.step(&truth, index)?;
         if !report.loss.is_finite() {
-            bail!("the training came to numbers that are not finite at step {step}: report this with the photos");
+            bail!(
+                "the training came to numbers that are not finite at step {step}: report this with the photos"
+            );
         }
         sum.add(&report);
         Ok(())
@@ -255,7 +267,9 @@ impl<'a> Run<'a> {
             println!("held-out mean of {}: {psnr:.2} dB, SSIM {ssim:.4}", self.data.held_out.len());
             let step = self.trainer.state().step;
             let splats = self.trainer.splats().len();
-            self.metrics.add(&json!({ "step": step, "held_out": { "psnr": psnr, "ssim": ssim }, "splats": splats }))?;
+            self.metrics.add(
+                &json!({ "step": step, "held_out": { "psnr": psnr, "ssim": ssim }, "splats": splats }),
+            )?;
         }
         Ok(())
     }

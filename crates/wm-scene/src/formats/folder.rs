@@ -4,7 +4,8 @@
 //! `cameras.json` are the photographed views, if it is there.
 
 use crate::{
-    Camera, FormatError, Location, Problem, View, camera::viewmat_of, error::one_line, files::write_atomically,
+    Camera, FormatError, Location, Problem, View, camera::viewmat_of, error::one_line,
+    files::write_atomically,
 };
 use glam::{DMat3, DQuat, DVec3};
 use serde::de::Error as _;
@@ -72,7 +73,8 @@ pub fn cameras_path(scene_file: &Path) -> PathBuf {
 /// # Errors
 /// [`FormatError`] if the file cannot be written; then it is as it was.
 pub fn write_cameras(path: &Path, views: &[View]) -> Result<(), FormatError> {
-    let entries: Vec<serde_json::Value> = views.iter().enumerate().map(|(id, view)| entry(id, view)).collect();
+    let entries: Vec<serde_json::Value> =
+        views.iter().enumerate().map(|(id, view)| entry(id, view)).collect();
     let text = serde_json::to_string_pretty(&entries)
         .map_err(|error| FormatError::whole(path, Problem::Value(error.to_string())))?;
     write_atomically(path, |out| Ok(writeln!(out, "{text}")?))

@@ -163,7 +163,8 @@ mod tests {
         let done = config.after(600, &mut population, 10.0, random);
         assert_eq!(done, Densified { born: 2, moved: 0, gone: 1 });
         assert_eq!(population.len(), 101);
-        let halves = population.splats.log_scales.iter().filter(|s| (s[0] - (1.0 - 0.47)).abs() < 1e-3).count();
+        let halves =
+            population.splats.log_scales.iter().filter(|s| (s[0] - (1.0 - 0.47)).abs() < 1e-3).count();
         let clones = population.splats.means.iter().filter(|m| **m == before.splats.means[30]).count();
         assert_eq!((halves, clones), (2, 2));
         config.max_splats = 100;

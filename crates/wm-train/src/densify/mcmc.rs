@@ -212,7 +212,12 @@ mod tests {
             let (each, factor) = shared(opacity, many);
             assert!((1.0 - (1.0 - each).powi(many as i32) - opacity).abs() < 1e-12);
             let line = |opacity: f64, sigma: f64, many: i32| -> f64 {
-                (-4000..4000).map(|i| 1.0 - (1.0 - opacity * (-(f64::from(i) * 0.002 / sigma).powi(2) / 2.0).exp()).powi(many)).sum()
+                (-4000..4000)
+                    .map(|i| {
+                        1.0 - (1.0 - opacity * (-(f64::from(i) * 0.002 / sigma).powi(2) / 2.0).exp())
+                            .powi(many)
+                    })
+                    .sum()
             };
             let (one, all) = (line(opacity, 1.0, 1), line(each, factor, many as i32));
             assert!((all / one - 1.0).abs() < 1e-3, "{opacity} {many}: {one} {all}");
@@ -229,7 +234,10 @@ mod tests {
         assert_eq!(done, Densified { born: 10, moved: 40, gone: 0 });
         assert_eq!(population.len(), 410);
         assert!((0..410).all(|i| population.splats.opacity(i) > 0.01));
-        assert_eq!(config.after(601, &mut population, Random::new(0, Purpose::Sample, 601)), Densified::default());
+        assert_eq!(
+            config.after(601, &mut population, Random::new(0, Purpose::Sample, 601)),
+            Densified::default()
+        );
         let done = config.after(700, &mut population, Random::new(0, Purpose::Sample, 700));
         assert_eq!(done.born, 0);
     }

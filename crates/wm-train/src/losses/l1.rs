@@ -23,11 +23,13 @@ impl LossTerm for L1 {
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {
         let (frame, truth) = (input.frame, input.truth);
         let line = 3 * frame.width as usize;
-        let counted = truth.mask.map_or(frame.pixels() as f64, |mask| mask.iter().map(|v| f64::from(*v)).sum());
+        let counted =
+            truth.mask.map_or(frame.pixels() as f64, |mask| mask.iter().map(|v| f64::from(*v)).sum());
         let scale = (weight / (3.0 * counted.max(1.0))) as f32;
         let factor = truth.mask.map(|mask| mask.iter().flat_map(|v| [*v; 3]).collect::<Vec<f32>>());
         let path = input.path;
-        let rows = out.rgb.par_chunks_mut(line).zip(frame.rgb.par_chunks(line)).zip(truth.rgb.par_chunks(line));
+        let rows =
+            out.rgb.par_chunks_mut(line).zip(frame.rgb.par_chunks(line)).zip(truth.rgb.par_chunks(line));
         let sums: Vec<f64> = rows
             .enumerate()
             .map(|(row, ((gradient, x), y))| match &factor {

@@ -35,9 +35,11 @@ impl LossTerm for Dssim {
         let Some(mask) = truth.mask else {
             return 1.0 - self.ssim.add_gradient(&frame.rgb, truth.rgb, width, scale, &mut out.rgb);
         };
-        let masked = |rgb: &[f32]| -> Vec<f32> { rgb.iter().enumerate().map(|(i, v)| v * mask[i / 3]).collect() };
+        let masked =
+            |rgb: &[f32]| -> Vec<f32> { rgb.iter().enumerate().map(|(i, v)| v * mask[i / 3]).collect() };
         let mut gradient = vec![0.0; frame.rgb.len()];
-        let value = self.ssim.add_gradient(&masked(&frame.rgb), &masked(truth.rgb), width, scale, &mut gradient);
+        let value =
+            self.ssim.add_gradient(&masked(&frame.rgb), &masked(truth.rgb), width, scale, &mut gradient);
         for (i, (out, gradient)) in out.rgb.iter_mut().zip(gradient).enumerate() {
             *out += mask[i / 3] * gradient;
         }
