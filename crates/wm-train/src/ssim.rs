@@ -148,7 +148,7 @@ impl Ssim {
         rows.for_each_init(Vec::new, |buffer, (row, (slopes, sum))| {
             *sum = dispatch!(path, simd => forward_row(simd, row, layout, [x, y], slopes, buffer));
         });
-        self.rows.iter().sum::<f64>() / x.len() as f64
+        self.rows.iter().sum::<f64>() / (layout.line * layout.rows) as f64
     }
 }
 
@@ -330,7 +330,8 @@ mod tests {
                 let (x, y) = (picture(width, height, 1), picture(width, height, 2));
                 let mixed: Vec<f32> = x.iter().zip(&y).map(|(x, y)| 0.7 * x + 0.3 * y).collect();
                 let got = Ssim::new(path).value(&x, &mixed, width);
-                assert!((got - referee(&x, &mixed, width)).abs() < 1e-5, "{path} {got}");
+                let want = referee(&x, &mixed, width);
+                assert!((got - want).abs() < 1e-5, "{path} {width}x{height}: {got}, want {want}");
                 assert!((Ssim::new(path).value(&x, &x, width) - 1.0).abs() < 1e-6);
             }
         }
