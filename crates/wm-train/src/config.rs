@@ -179,7 +179,8 @@ impl RateConfig {
             log_scales: 5e-3 * longer,
             logit_opacities: 0.05 * longer.sqrt(),
             sh_dc: 2.5e-3 * longer,
-            sh_rest: 2.5e-3 / 20.0 * longer,
+            // Longer ones learn the exposure of single photos as a change of colour with direction.
+            sh_rest: 2.5e-3 / 20.0,
             exposure: 1e-3,
         }
     }
