@@ -7,7 +7,6 @@
 //! - [`trainer`]: steps of training, with [`losses`], [`optimizer`], [`densify`], [`schedule`] and
 //!   [`exposure`] for their parts, and [`config`] for what they depend on.
 //! - [`checkpoint`]: a training on disk.
-//! - [`scale`]: metres a unit.
 //! - [`metrics`]: how near a picture is to a photo.
 //! - [`npy`]: arrays on disk.
 
@@ -25,7 +24,6 @@ pub mod npy;
 pub mod optimizer;
 pub mod photos;
 pub mod random;
-pub mod scale;
 pub mod schedule;
 pub mod ssim;
 pub mod start;

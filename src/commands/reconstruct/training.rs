@@ -292,7 +292,7 @@ impl<'a> Run<'a> {
         let survey = Survey::of(&scene, facts);
         let mut known = survey.metadata();
         if known.metres_per_unit.is_none() {
-            known.metres_per_unit = self.scale(&scene, &survey);
+            known.metres_per_unit = self.scale();
         }
         scene.metadata = known.or(std::mem::take(&mut scene.metadata));
         write_scene(out, &scene)?;
@@ -304,22 +304,15 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Metres a unit by where photos say that they were taken, or by how high people hold cameras.
-    fn scale(&self, scene: &Scene, survey: &Survey) -> Option<f64> {
+    /// Metres a unit by where photos say that they were taken.
+    fn scale(&self) -> Option<f64> {
         let centers: Vec<DVec3> = self.data.capture.views.iter().map(|view| view.camera.center()).collect();
-        if let Some(scale) = gps::metres_per_unit(&centers, self.data.photos.gps()) {
-            eprintln!(
-                "scale: {:.4} m a unit by the places of {} photos, which it meets within {:.1} m",
-                scale.metres_per_unit, scale.photos, scale.residual
-            );
-            return Some(scale.metres_per_unit);
-        }
-        let scale = wm_train::scale::by_camera_height(&scene.views, survey)?;
+        let scale = gps::metres_per_unit(&centers, self.data.photos.gps())?;
         eprintln!(
-            "scale: {scale:.4} m a unit, if the photos were taken {} m above the ground; --metres-per-unit says otherwise",
-            wm_train::scale::HELD_AT
+            "scale: {:.4} m a unit by the places of {} photos, which it meets within {:.1} m",
+            scale.metres_per_unit, scale.photos, scale.residual
         );
-        Some(scale)
+        Some(scale.metres_per_unit)
     }
 }
 
