@@ -135,6 +135,11 @@ impl Trainer {
         Ok(Self { config, terms, renderer, state, extent, work: Work::default() })
     }
 
+    /// Adds a term to those that the configuration names.
+    pub fn add_term(&mut self, term: Box<dyn LossTerm>) {
+        self.terms.push(term);
+    }
+
     /// The configuration.
     #[must_use]
     pub fn config(&self) -> &TrainConfig {
@@ -246,8 +251,13 @@ impl Trainer {
         report.times.backward = lap();
 
         let population = &mut self.state.population;
-        if let Densify::Mcmc(chain) = &self.config.densify {
-            chain.regularise(population, &mut work.gradients);
+        match &self.config.densify {
+            Densify::Fixed => {}
+            // Here, since renders of single terms leave gradients of their own.
+            Densify::Adaptive(_) => {
+                population.pulls.add(&work.gradients, truth.camera.width, truth.camera.height);
+            }
+            Densify::Mcmc(chain) => chain.regularise(population, &mut work.gradients),
         }
         let (splats, moments) = (&mut population.splats, &mut population.moments);
         optimizer::step(self.renderer.path(), splats, moments, &work.gradients, &rates, step + 1);
@@ -278,7 +288,6 @@ impl Trainer {
         match &self.config.densify {
             Densify::Fixed => {}
             Densify::Adaptive(control) => {
-                population.pulls.add(&work.gradients, truth.camera.width, truth.camera.height);
                 report.densified = control.after(step + 1, population, self.extent, random(Purpose::Sample));
             }
             Densify::Mcmc(chain) => {

@@ -203,8 +203,9 @@ pub fn reconstruct(
     progress: &mut dyn FnMut(Progress),
     is_stopped: &dyn Fn() -> bool,
 ) -> Result<Reconstruction, ColmapError> {
-    let program = options.program.clone().or_else(find).ok_or(ColmapError::NotInstalled)?;
+    // First, since nobody should install a program for an empty folder.
     let files = photos_in(photos)?;
+    let program = options.program.clone().or_else(find).ok_or(ColmapError::NotInstalled)?;
     let photos = absolute(photos)?;
     let folder = absolute(run)?;
     let mut runner = Runner::new(program, folder, &photos, files.len(), progress, is_stopped)?;
