@@ -33,6 +33,9 @@ impl Data {
         let capture = match capture::read(dataset, &options) {
             Ok(capture) => capture,
             Err(FormatError { problem: Problem::NoCapture, .. }) => {
+                if let Some(model) = &args.model {
+                    bail!("{}: there is no model that COLMAP wrote", dataset.join(model).display());
+                }
                 capture::read(&register(dataset, folder)?, &CaptureOptions::default())?
             }
             Err(error) => return Err(error.into()),
