@@ -55,8 +55,8 @@ pub enum CheckpointError {
 pub struct Head {
     /// The configuration.
     pub config: TrainConfig,
-    /// Names of the photos that learn, in their order.
-    pub photos: Vec<String>,
+    /// The photos that teach, in their order.
+    pub photos: Vec<Taught>,
     /// The SIMD path, on which the bytes depend.
     pub simd: String,
     step: u32,
@@ -65,10 +65,19 @@ pub struct Head {
     exposures: usize,
 }
 
+/// A photo that teaches, as the training sees it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Taught {
+    /// Its name.
+    pub name: String,
+    /// Its width and height in use, px.
+    pub size: (u32, u32),
+}
+
 impl Head {
     /// For the state of a training.
     #[must_use]
-    pub fn new(config: &TrainConfig, photos: Vec<String>, simd: String, state: &TrainState) -> Self {
+    pub fn new(config: &TrainConfig, photos: Vec<Taught>, simd: String, state: &TrainState) -> Self {
         let mut groups: Vec<(u8, usize)> = Vec::new();
         for group in &state.population.splats.groups {
             match groups.last_mut() {
@@ -271,7 +280,8 @@ mod tests {
         exposures.steps[2] = 77;
         let state = TrainState { step: 1234, population, exposures };
         let config = TrainConfig::preset(Preset::Quick);
-        (Head::new(&config, vec!["a.jpg".into()], "portable".into(), &state), state)
+        let photos = vec![Taught { name: "a.jpg".into(), size: (60, 40) }];
+        (Head::new(&config, photos, "portable".into(), &state), state)
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! - [`builtin`]: made-up captures of the built-in place, with exact depth, normals and sky.
 //! - [`start`]: the splats to begin with.
 //! - [`trainer`]: steps of training, with [`losses`], [`optimizer`], [`densify`], [`schedule`] and
-//!   [`exposure`] for their parts, and [`config`] for what they depend on.
+//!   [`exposure`] for their parts, and [`config`] (and its [`check`]) for what they depend on.
 //! - [`checkpoint`]: a training on disk.
 //! - [`metrics`]: how near a picture is to a photo.
 //! - [`npy`]: arrays on disk.
@@ -13,6 +13,7 @@
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
 pub mod builtin;
+pub mod check;
 pub mod checkpoint;
 pub mod colmap;
 pub mod config;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use wm_scene::capture::{self, Capture, CaptureOptions};
 use wm_scene::{Camera, FormatError, Problem, View};
 use wm_train::colmap::{self, ColmapOptions};
-use wm_train::photos::{BadPhotos, PhotoOptions, PhotoSize, Photos};
+use wm_train::photos::{BadPhotos, Check, PhotoOptions, PhotoSize, Photos};
 
 /// A data set that is open.
 pub struct Data {
@@ -33,6 +33,9 @@ impl Data {
         let capture = match capture::read(dataset, &options) {
             Ok(capture) => capture,
             Err(FormatError { problem: Problem::NoCapture, .. }) => {
+                if let Some(model) = &args.model {
+                    bail!("{}: there is no model that COLMAP wrote", dataset.join(model).display());
+                }
                 capture::read(&register(dataset, folder)?, &CaptureOptions::default())?
             }
             Err(error) => return Err(error.into()),
@@ -42,16 +45,20 @@ impl Data {
         }
         let photo_options = PhotoOptions {
             size: PhotoSize::Longest(args.longest),
-            cache_bytes: (args.cache as usize).max(16) << 20,
+            cache_bytes: (args.cache as usize) << 20,
             bad: if args.skip_bad { BadPhotos::Skip } else { BadPhotos::Refuse },
+            // What is damaged should be told now and not after hours.
+            check: Check::PixelsThatFit,
             ..PhotoOptions::default()
         };
         let photos = Photos::open(&capture, &photo_options)?;
         for skipped in photos.skipped() {
             eprintln!("warning: {skipped}; it is left out");
         }
+        // By their places in the capture, so that a photo that is left out makes no other one held out.
         let is_held = |place: usize| {
-            args.eval_every > 0 && place as u32 % args.eval_every == args.eval_from % args.eval_every
+            let view = photos.view(place) as u32;
+            args.eval_every > 0 && view % args.eval_every == args.eval_from % args.eval_every
         };
         let (held_out, teaching): (Vec<usize>, Vec<usize>) =
             (0..photos.len()).partition(|place| is_held(*place));

@@ -17,7 +17,7 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Opens or makes it. A training that is there is only gone on with if that is asked for.
+    /// Looks what is there. A training that is there is only gone on with if that is asked for.
     pub fn open(path: &Path, resume: bool) -> Result<Self> {
         let folder = Self { path: path.to_owned(), resume };
         if resume && !folder.checkpoint().is_file() {
@@ -34,8 +34,13 @@ impl RunFolder {
                 );
             }
         }
-        fs::create_dir_all(path).with_context(|| format!("cannot make the folder {}", path.display()))?;
         Ok(folder)
+    }
+
+    /// Makes it, if it is not there.
+    pub fn make(&self) -> Result<()> {
+        let path = &self.path;
+        fs::create_dir_all(path).with_context(|| format!("cannot make the folder {}", path.display()))
     }
 
     /// Where it is.
@@ -62,8 +67,9 @@ impl RunFolder {
         Ok(write_atomically(&self.path.join("config.json"), |out| Ok(writeln!(out, "{text}")?))?)
     }
 
-    /// Opens the metrics: anew, or behind the lines up to `step`.
-    pub fn metrics(&self, step: u32) -> Result<Metrics> {
+    /// Opens the metrics: anew, or behind the lines up to `step`. Of a training that is done (`steps`) the
+    /// last measurement is left out, since it is made again.
+    pub fn metrics(&self, step: u32, steps: u32) -> Result<Metrics> {
         let path = self.path.join("metrics.jsonl");
         let cannot = || format!("cannot write {}", path.display());
         let mut kept = Vec::new();
@@ -71,8 +77,9 @@ impl RunFolder {
             for line in BufReader::new(File::open(&path).with_context(cannot)?).lines() {
                 let line = line.with_context(cannot)?;
                 // A line that was cut off by a crash is no JSON.
-                let at = serde_json::from_str::<Value>(&line).ok().and_then(|value| value["step"].as_u64());
-                if at.is_some_and(|at| at <= u64::from(step)) {
+                let Ok(value) = serde_json::from_str::<Value>(&line) else { continue };
+                let is_last = |at| at == u64::from(steps) && value.get("held_out").is_some();
+                if value["step"].as_u64().is_some_and(|at| at <= u64::from(step) && !is_last(at)) {
                     kept.push(line);
                 }
             }
@@ -90,8 +97,10 @@ impl RunFolder {
 /// Reads a training's configuration.
 pub fn read_config(path: &Path) -> Result<TrainConfig> {
     let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    serde_json::from_str(&text)
-        .with_context(|| format!("{}: is no configuration of a training", path.display()))
+    let config: TrainConfig = serde_json::from_str(&text)
+        .with_context(|| format!("{}: is no configuration of a training", path.display()))?;
+    config.check().with_context(|| path.display().to_string())?;
+    Ok(config)
 }
 
 /// One JSON object a line.

@@ -68,7 +68,7 @@ struct PhotoArgs {
     #[arg(long, value_name = "K", default_value_t = 0, help_heading = "Photos")]
     eval_from: u32,
     /// Memory for decoded photos, MiB
-    #[arg(long, value_name = "MIB", default_value_t = 512, help_heading = "Photos")]
+    #[arg(long, value_name = "MIB", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..), help_heading = "Photos")]
     cache: u32,
 }
 
@@ -199,7 +199,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     let run_folder = args.run_folder.clone().unwrap_or_else(|| with_behind(&out, ".run"));
     let folder = folder::RunFolder::open(&run_folder, args.resume)?;
     let data = data::Data::open(&args.dataset, &args.photos, &folder)?;
-    folder.write_config(&config)?;
+    folder.make()?;
     training::Run::new(config, &data, &folder, args)?.go(&out, &facts)
 }
 

@@ -6,9 +6,10 @@ use super::folder::{Metrics, RunFolder};
 use crate::interrupt::{self, Interrupted};
 use crate::media::{Size, color::Dither, png};
 use crate::progress;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use serde_json::json;
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -17,10 +18,10 @@ use wm_scene::capture::gps;
 use wm_scene::formats::{folder as scene_folder, write_scene};
 use wm_scene::survey::{Survey, label_sky};
 use wm_scene::{Metadata, Scene};
-use wm_train::checkpoint::{self, Head};
+use wm_train::checkpoint::{self, Head, Taught};
 use wm_train::losses::Truth;
 use wm_train::metrics::{Ssim, psnr};
-use wm_train::photos::Photo;
+use wm_train::photos::{Photo, PhotoError};
 use wm_train::start::{self, StartConfig};
 use wm_train::{StepTimes, TrainConfig, Trainer};
 
@@ -42,6 +43,8 @@ pub struct Run<'a> {
     /// Halvings that leave photos large enough.
     last_level: u8,
     truths: Truths,
+    /// Photos that turned out to be damaged.
+    damaged: BTreeSet<usize>,
 }
 
 /// Photos as the losses read them, from one size to the next.
@@ -82,11 +85,12 @@ impl<'a> Run<'a> {
             Some((head, state)) => {
                 let trainer = Trainer::resumed(config, run, state, extent)?;
                 let same = head.config == *trainer.config()
-                    && head.photos == names(data)
+                    && head.photos == taught(data)
                     && head.simd == trainer.path().to_string();
                 if !same {
                     bail!(
-                        "{}: holds a training of other photos, options or SIMD path; give those that it began with",
+                        "{}: holds a training of other photos, options or SIMD path; give those that it began with, \
+                         or another --run-folder without --resume",
                         folder.path().display()
                     );
                 }
@@ -112,9 +116,19 @@ impl<'a> Run<'a> {
                 Trainer::new(config, run, splats, extent, data.teaching.len())?
             }
         };
-        let metrics = folder.metrics(trainer.state().step)?;
+        folder.write_config(trainer.config())?;
+        let metrics = folder.metrics(trainer.state().step, trainer.config().steps)?;
         let last_level = data.photos.last_level(SHORTEST);
-        Ok(Self { trainer, data, folder, args, metrics, last_level, truths: Truths::default() })
+        Ok(Self {
+            trainer,
+            data,
+            folder,
+            args,
+            metrics,
+            last_level,
+            truths: Truths::default(),
+            damaged: BTreeSet::new(),
+        })
     }
 
     /// Trains to the end and writes the scene.
@@ -180,8 +194,8 @@ impl<'a> Run<'a> {
             let place = self.data.teaching[self.trainer.photo_at(ahead, count)];
             self.data.photos.prefetch(place, self.trainer.level_at(ahead, self.last_level));
         }
-        let index = self.trainer.photo_at(step, count);
-        let photo = self.photo(self.data.teaching[index], self.trainer.level_at(step, self.last_level))?;
+        let level = self.trainer.level_at(step, self.last_level);
+        let (index, photo) = self.taught_at(step, level)?;
         let truth = self.truths.of(&photo);
         let report = self.trainer.step(&truth, index)?;
         if !report.loss.is_finite() {
@@ -193,24 +207,63 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    fn photo(&self, place: usize, level: u8) -> Result<Arc<Photo>> {
-        Ok(self.data.photos.get(place, level)?)
+    /// The photo that a step sees, and its place among those that teach: in place of a damaged one the next
+    /// that is not, so that going on later takes the same way.
+    fn taught_at(&mut self, step: u32, level: u8) -> Result<(usize, Arc<Photo>)> {
+        let count = self.data.teaching.len();
+        let first = self.trainer.photo_at(step, count);
+        for index in (0..count).map(|further| (first + further) % count) {
+            if let Some(photo) = self.photo(self.data.teaching[index], level)? {
+                return Ok((index, photo));
+            }
+        }
+        bail!("{}: no photo is left to learn from; copy them again", self.args.dataset.display())
+    }
+
+    /// A photo; `None` if it is damaged and may be left out. Else what was learnt so far is kept.
+    fn photo(&mut self, place: usize, level: u8) -> Result<Option<Arc<Photo>>> {
+        if self.damaged.contains(&place) {
+            return Ok(None);
+        }
+        match self.data.photos.get(place, level) {
+            Ok(photo) => Ok(Some(photo)),
+            Err(error) if self.args.photos.skip_bad => {
+                eprintln!("warning: {error}; it is left out");
+                self.damaged.insert(place);
+                Ok(None)
+            }
+            Err(error) => Err(self.without(error)),
+        }
+    }
+
+    /// Ends the run, since a photo is missing, but for what was learnt.
+    fn without(&self, error: PhotoError) -> anyhow::Error {
+        let step = self.trainer.state().step;
+        match self.save() {
+            Ok(()) => anyhow::anyhow!(
+                "{error}; {step} of {} steps are done, the same command with --resume goes on, and with --skip-bad \
+                 without such photos",
+                self.trainer.config().steps
+            ),
+            Err(also) => anyhow::anyhow!("{error}; and what was learnt is lost: {also:#}"),
+        }
     }
 
     /// The held-out photos' mean score; `None` where none is held out.
     fn evaluate(&mut self) -> Result<Option<Score>> {
-        let (mut mean, mut ssim) = (Score::default(), Ssim::new(self.trainer.path()));
-        let count = self.data.held_out.len() as f64;
+        let (mut sum, mut count, mut ssim) = (Score::default(), 0.0, Ssim::new(self.trainer.path()));
         for place in &self.data.held_out {
-            let score = self.score(*place, &mut ssim)?;
-            mean.psnr += score.psnr / count;
-            mean.ssim += score.ssim / count;
+            let Some(score) = self.score(*place, &mut ssim)? else { continue };
+            sum.psnr += score.psnr;
+            sum.ssim += score.ssim;
+            count += 1.0;
         }
-        Ok((count > 0.0).then_some(mean))
+        Ok((count > 0.0).then(|| Score { psnr: sum.psnr / count, ssim: sum.ssim / count }))
     }
 
-    fn score(&mut self, place: usize, ssim: &mut Ssim) -> Result<Score> {
-        let photo = self.photo(place, 0)?;
+    /// `None` for a damaged photo.
+    fn score(&mut self, place: usize, ssim: &mut Ssim) -> Result<Option<Score>> {
+        let Some(photo) = self.photo(place, 0)? else { return Ok(None) };
         let mut frame = Frame::default();
         self.trainer.render(&photo.camera, &mut frame)?;
         let truth = self.truths.of(&photo);
@@ -220,7 +273,7 @@ impl<'a> Run<'a> {
             psnr: psnr(&shown, truth.rgb, truth.mask),
             ssim: ssim.value(&shown, truth.rgb, photo.width as usize),
         };
-        Ok(score)
+        Ok(Some(score))
     }
 
     /// A picture of one view, the same all the time.
@@ -238,8 +291,8 @@ impl<'a> Run<'a> {
     fn save(&self) -> Result<()> {
         let state = self.trainer.state();
         let simd = self.trainer.path().to_string();
-        let head = Head::new(self.trainer.config(), names(self.data), simd, state);
-        Ok(checkpoint::write(&self.folder.checkpoint(), &head, state)?)
+        let head = Head::new(self.trainer.config(), taught(self.data), simd, state);
+        checkpoint::write(&self.folder.checkpoint(), &head, state).context("what was learnt cannot be kept")
     }
 
     fn report(&mut self, sum: &Sum, seconds: f64, steps: u32) -> Result<()> {
@@ -260,7 +313,7 @@ impl<'a> Run<'a> {
         }
         let mut ssim = Ssim::new(self.trainer.path());
         for place in self.data.held_out.clone() {
-            let Score { psnr, ssim } = self.score(place, &mut ssim)?;
+            let Some(Score { psnr, ssim }) = self.score(place, &mut ssim)? else { continue };
             println!("held-out {}: {psnr:.2} dB, SSIM {ssim:.4}", self.data.name(place));
         }
         if let Some(Score { psnr, ssim }) = self.evaluate()? {
@@ -316,8 +369,12 @@ impl<'a> Run<'a> {
     }
 }
 
-fn names(data: &Data) -> Vec<String> {
-    data.teaching.iter().map(|place| data.name(*place).to_owned()).collect()
+fn taught(data: &Data) -> Vec<Taught> {
+    let taught = |place: &usize| {
+        let camera = data.photos.camera(*place, 0);
+        Taught { name: data.name(*place).to_owned(), size: (camera.width, camera.height) }
+    };
+    data.teaching.iter().map(taught).collect()
 }
 
 /// What steps add up to: all, and since the last line.

@@ -203,13 +203,14 @@ pub fn reconstruct(
     progress: &mut dyn FnMut(Progress),
     is_stopped: &dyn Fn() -> bool,
 ) -> Result<Reconstruction, ColmapError> {
-    let program = options.program.clone().or_else(find).ok_or(ColmapError::NotInstalled)?;
+    // First, since nobody should install a program for an empty folder.
     let files = photos_in(photos)?;
+    let program = options.program.clone().or_else(find).ok_or(ColmapError::NotInstalled)?;
     let photos = absolute(photos)?;
     let folder = absolute(run)?;
+    // Also whether the program starts at all, before anything is written.
+    let (features, matches) = gpu_options(&program)?;
     let mut runner = Runner::new(program, folder, &photos, files.len(), progress, is_stopped)?;
-
-    let (features, matches) = runner.gpu_options()?;
     let use_gpu = match options.device {
         Device::Cpu => "0",
         Device::Gpu => "1",
@@ -257,6 +258,19 @@ pub fn reconstruct(
     Ok(Reconstruction { dataset, photos: files.len(), registered })
 }
 
+/// What the options are called that say whether the GPU is used: their names changed with
+/// COLMAP 3.13, and a name that is not known ends a command.
+fn gpu_options(program: &Path) -> Result<(String, String), ColmapError> {
+    let output = Command::new(program).args(["feature_extractor", "-h"]).stdin(Stdio::null()).output();
+    let output = output.map_err(|reason| ColmapError::Start { program: program.to_owned(), reason })?;
+    let said = [output.stdout, output.stderr].concat();
+    let is_new = String::from_utf8_lossy(&said).contains("--FeatureExtraction.use_gpu");
+    let names =
+        if is_new { ["FeatureExtraction", "FeatureMatching"] } else { ["SiftExtraction", "SiftMatching"] };
+    let [features, matches] = names.map(|name| format!("--{name}.use_gpu"));
+    Ok((features, matches))
+}
+
 /// A run in its folder.
 struct Runner<'a> {
     program: PathBuf,
@@ -293,23 +307,6 @@ impl<'a> Runner<'a> {
         make_folder(&folder)?;
         fs::write(&log, title).map_err(|e| file_error(&log, e))?;
         Ok(Self { program, folder, photos: count, progress, is_stopped })
-    }
-
-    /// What the options are called that say whether the GPU is used: their names changed with
-    /// COLMAP 3.13, and a name that is not known ends a command.
-    fn gpu_options(&self) -> Result<(String, String), ColmapError> {
-        let output =
-            Command::new(&self.program).args(["feature_extractor", "-h"]).stdin(Stdio::null()).output();
-        let output = output.map_err(|reason| ColmapError::Start { program: self.program.clone(), reason })?;
-        let said = [output.stdout, output.stderr].concat();
-        let is_new = String::from_utf8_lossy(&said).contains("--FeatureExtraction.use_gpu");
-        let names = if is_new {
-            ["FeatureExtraction", "FeatureMatching"]
-        } else {
-            ["SiftExtraction", "SiftMatching"]
-        };
-        let [features, matches] = names.map(|name| format!("--{name}.use_gpu"));
-        Ok((features, matches))
     }
 
     /// Runs a command to its end; all it says goes to the log, from where progress is read.

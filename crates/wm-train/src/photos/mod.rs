@@ -102,6 +102,9 @@ pub enum Check {
     Headers,
     /// Each photo is decoded once, which fills the cache.
     Pixels,
+    /// [`Self::Pixels`] if the cache holds all photos, so that nothing is decoded twice; else
+    /// [`Self::Headers`].
+    PixelsThatFit,
 }
 
 /// How photos are read.
@@ -182,7 +185,13 @@ impl Photos {
             }
         }
         let mut shared = Shared::of(entries, options);
-        if options.check == Check::Pixels {
+        let bytes: usize = shared.entries.iter().map(Entry::bytes).sum();
+        let is_decoded = match options.check {
+            Check::Headers => false,
+            Check::Pixels => true,
+            Check::PixelsThatFit => bytes <= options.cache_bytes,
+        };
+        if is_decoded {
             let bad: Vec<(usize, PhotoError)> = (0..shared.entries.len())
                 .into_par_iter()
                 .filter_map(|index| Some((index, shared.get((index, 0)).err()?)))

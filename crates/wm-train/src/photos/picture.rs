@@ -118,6 +118,11 @@ impl Entry {
         if self.orientation.swaps_sides() { (height, width) } else { (width, height) }
     }
 
+    /// Bytes of the photo once it is decoded, at most: with a mask.
+    pub fn bytes(&self) -> usize {
+        4 * self.lens.ideal.width as usize * self.lens.ideal.height as usize
+    }
+
     /// Decodes the photo and its mask.
     pub fn load(&self) -> Result<Photo, PhotoError> {
         let Decoded { rgb, alpha, .. } = self.decoded(&self.file, self.kind)?;

@@ -1,0 +1,109 @@
+//! Whether a configuration makes a training: files are written by hand too.
+
+use crate::config::{Densify, TrainConfig};
+use std::ops::RangeInclusive;
+use thiserror::Error;
+use wm_scene::sh;
+
+/// Most steps.
+const MOST_STEPS: u32 = 1_000_000;
+/// Largest weight and step length; above that nothing stays finite.
+const LARGE: f64 = 1e9;
+
+/// A value that makes no training.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("{name} is {value}; it must be {least} to {most}")]
+pub struct ConfigError {
+    name: &'static str,
+    value: f64,
+    least: f64,
+    most: f64,
+}
+
+impl TrainConfig {
+    /// Checks every value that steps divide by, index with or take the logarithm of.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the first value that makes no training, and what it may be.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        // A share that is neither none nor all: logits of both are infinite.
+        const SHARE: RangeInclusive<f64> = 1e-6..=1.0 - 1e-6;
+        const WEIGHT: RangeInclusive<f64> = 0.0..=LARGE;
+        const COUNT: RangeInclusive<f64> = 1.0..=u32::MAX as f64;
+        let (loss, rates) = (&self.loss, &self.rates);
+        let mut values = vec![
+            ("steps", f64::from(self.steps), 1.0..=f64::from(MOST_STEPS)),
+            ("sh_degree", f64::from(self.sh_degree), 0.0..=f64::from(sh::MAX_DEGREE)),
+            ("sh_every", f64::from(self.sh_every), COUNT),
+            ("start_opacity", self.start_opacity, SHARE),
+            ("start_scale", self.start_scale, 1e-6..=LARGE),
+            ("loss.l1", loss.l1, WEIGHT),
+            ("loss.ssim", loss.ssim, WEIGHT),
+            ("rates.means_first", rates.means_first, f64::MIN_POSITIVE..=LARGE),
+            ("rates.means_last", rates.means_last, f64::MIN_POSITIVE..=LARGE),
+            ("rates.quats", rates.quats, WEIGHT),
+            ("rates.log_scales", rates.log_scales, WEIGHT),
+            ("rates.logit_opacities", rates.logit_opacities, WEIGHT),
+            ("rates.sh_dc", rates.sh_dc, WEIGHT),
+            ("rates.sh_rest", rates.sh_rest, WEIGHT),
+            ("rates.exposure", rates.exposure, WEIGHT),
+        ];
+        match &self.densify {
+            Densify::Fixed => {}
+            Densify::Adaptive(control) => values.extend([
+                ("densify.every", f64::from(control.every), COUNT),
+                ("densify.reset_every", f64::from(control.reset_every), COUNT),
+                ("densify.max_splats", control.max_splats as f64, COUNT),
+                ("densify.pull", control.pull, WEIGHT),
+                ("densify.small", control.small, WEIGHT),
+                // Opacities are reset to twice this.
+                ("densify.faint", control.faint, 1e-6..=0.4),
+                ("densify.huge", control.huge, WEIGHT),
+                ("densify.huge_radius", control.huge_radius, WEIGHT),
+            ]),
+            Densify::Mcmc(chain) => values.extend([
+                ("densify.every", f64::from(chain.every), COUNT),
+                ("densify.max_splats", chain.max_splats as f64, COUNT),
+                ("densify.growth", chain.growth, 0.0..=10.0),
+                ("densify.dead", chain.dead, SHARE),
+                ("densify.noise", chain.noise, WEIGHT),
+                ("densify.opacity", chain.opacity, WEIGHT),
+                ("densify.scale", chain.scale, WEIGHT),
+            ]),
+        }
+        match values.into_iter().find(|(_, value, range)| !range.contains(value)) {
+            None => Ok(()),
+            Some((name, value, range)) => {
+                Err(ConfigError { name, value, least: *range.start(), most: *range.end() })
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Preset;
+    use crate::densify::adaptive::AdaptiveConfig;
+
+    #[test]
+    fn presets_are_sound_and_nonsense_is_named() {
+        for preset in [Preset::Quick, Preset::Standard, Preset::Best] {
+            let mut config = TrainConfig::preset(preset);
+            assert_eq!(config.check(), Ok(()));
+            config.densify = Densify::Adaptive(AdaptiveConfig::for_steps(config.steps, 1000));
+            assert_eq!(config.check(), Ok(()));
+            config.set_steps(1);
+            assert_eq!(config.check(), Ok(()));
+        }
+        let say = |change: fn(&mut TrainConfig)| {
+            let mut config = TrainConfig::preset(Preset::Quick);
+            change(&mut config);
+            config.check().unwrap_err().to_string()
+        };
+        assert_eq!(say(|c| c.steps = 0), "steps is 0; it must be 1 to 1000000");
+        assert_eq!(say(|c| c.sh_degree = 9), "sh_degree is 9; it must be 0 to 3");
+        assert!(say(|c| c.rates.means_last = 0.0).starts_with("rates.means_last is 0; "));
+        assert!(say(|c| c.loss.l1 = f64::NAN).starts_with("loss.l1 is NaN; "));
+    }
+}

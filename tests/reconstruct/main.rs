@@ -1,0 +1,213 @@
+//! `reconstruct` by running it on small made-up data sets: that it comes to the same scene however it is
+//! run, what it leaves behind, and what it says to bad input.
+
+mod bad_photos;
+mod output;
+mod refusals;
+#[cfg(unix)]
+mod resume;
+mod sameness;
+
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+use wm_scene::Place as Street;
+use wm_scene::capture::colmap::write::Storage;
+use wm_train::builtin::{self, BuiltinOptions, Route, Truth};
+use wm_train::densify::{adaptive::AdaptiveConfig, mcmc::McmcConfig};
+use wm_train::{Preset, TrainConfig, config::Densify};
+
+/// Longer than this nothing here may take; the machine may be busy.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// What is given where a test says nothing else: 40 steps of few splats.
+const USUAL: [(&str, &str); 5] = [
+    ("--out", "scene.ply"),
+    ("--steps", "40"),
+    ("--max-splats", "400"),
+    ("--sh-degree", "1"),
+    ("--threads", "1"),
+];
+
+/// Photos from around the street, as small as the loss can see.
+const PHOTOS: BuiltinOptions = BuiltinOptions {
+    route: Route::Orbit,
+    count: 6,
+    size: (72, 48),
+    samples: 1,
+    points: 250,
+    storage: Storage::Binary,
+    truth: Truth::Omit,
+};
+
+/// A folder with a sound data set `set` in it, where the program runs.
+struct Place {
+    folder: TempDir,
+}
+
+impl Place {
+    fn new() -> Self {
+        Self::with(&PHOTOS)
+    }
+
+    fn with(options: &BuiltinOptions) -> Self {
+        let place = Self { folder: tempfile::tempdir().unwrap() };
+        builtin::write(&Street::street(), &place.at("set"), options, &mut |_| {}).unwrap();
+        place
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn read(&self, name: &str) -> Vec<u8> {
+        let path = self.at(name);
+        fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    }
+
+    fn put(&self, name: &str, content: impl AsRef<[u8]>) {
+        let path = self.at(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, content).unwrap();
+    }
+
+    /// Writes a configuration for `--config`.
+    fn configure(&self, name: &str, config: &TrainConfig) {
+        self.put(name, serde_json::to_string(config).unwrap());
+    }
+
+    fn command<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_weather-magician"));
+        command.args(args).current_dir(self.folder.path()).stdin(Stdio::null());
+        command
+    }
+
+    /// `reconstruct set` with `more` and what is usual.
+    fn trained(&self, more: &[&str]) -> Output {
+        self.succeeds(&mut self.command(reconstruct("set", more)))
+    }
+
+    fn succeeds(&self, command: &mut Command) -> Output {
+        let output = finish(command);
+        assert!(output.status.success(), "{command:?}: {}", said(&output));
+        output
+    }
+
+    /// Runs a command that must be refused with one line that holds each of `says`, and leave nothing.
+    fn refused(&self, dataset: &str, more: &[&str], says: &[&str]) -> String {
+        self.refused_by(&mut self.command(reconstruct(dataset, more)), says)
+    }
+
+    fn refused_by(&self, command: &mut Command, says: &[&str]) -> String {
+        let before = listing(self.folder.path());
+        let line = fails(command, says);
+        let after = listing(self.folder.path());
+        let left: Vec<&PathBuf> = after.keys().filter(|path| before.get(*path) != after.get(*path)).collect();
+        assert!(after == before, "{command:?}: {line}: {left:?}");
+        line
+    }
+
+    /// The lines of a run's metrics: step, and whether held-out photos were measured.
+    fn metrics(&self, folder: &str) -> Vec<(u64, bool)> {
+        let text = String::from_utf8(self.read(&format!("{folder}/metrics.jsonl"))).unwrap();
+        let line = |line: &str| {
+            let value: serde_json::Value = serde_json::from_str(line).unwrap();
+            (value["step"].as_u64().unwrap(), value.get("held_out").is_some())
+        };
+        text.lines().map(line).collect()
+    }
+}
+
+/// Runs a command that must fail with one line of error that holds each of `says`.
+fn fails(command: &mut Command, says: &[&str]) -> String {
+    let output = finish(command);
+    let said = said(&output);
+    let what = format!("{command:?}\n{:?}\n{said}", output.status);
+    assert!(matches!(output.status.code(), Some(1 | 2)), "{what}");
+    assert!(!said.contains("panicked"), "{what}");
+    // What is the matter with the data set may have been said before.
+    let (errors, rest): (Vec<&str>, Vec<&str>) = said.lines().partition(|line| line.starts_with("error: "));
+    let others = ["warning: ", "set.run: going on ", "scene.ply.run: going on "];
+    assert!(rest.iter().all(|line| others.iter().any(|other| line.starts_with(other))), "{what}");
+    let [error] = errors[..] else { panic!("not one line of error: {what}") };
+    for part in says {
+        assert!(error.contains(part), "no {part:?} in: {what}");
+    }
+    assert!(output.stdout.is_empty(), "{what}");
+    error.into()
+}
+
+/// The options of `reconstruct`: `more`, and what is usual where it says nothing.
+fn reconstruct<'a>(dataset: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let usual = USUAL.into_iter().filter(|(name, _)| !more.contains(name));
+    let usual = usual.flat_map(|(name, value)| [name, value]);
+    ["reconstruct", dataset].into_iter().chain(more.iter().copied()).chain(usual).collect()
+}
+
+/// A training in which splats come and go early and often: presets begin after tens of steps.
+fn restless(strategy: &str, steps: u32) -> TrainConfig {
+    let mut config = TrainConfig::preset(Preset::Quick);
+    config.set_steps(steps);
+    config.sh_degree = 1;
+    config.densify = match strategy {
+        "mcmc" => Densify::Mcmc(McmcConfig {
+            from: 5,
+            until: steps,
+            every: 5,
+            // Many die and move at once.
+            dead: 0.05,
+            ..McmcConfig::for_steps(steps, 400)
+        }),
+        _ => Densify::Adaptive(AdaptiveConfig {
+            from: 5,
+            until: steps,
+            every: 5,
+            reset_every: 17,
+            ..AdaptiveConfig::for_steps(steps, 400)
+        }),
+    };
+    config
+}
+
+/// Runs to the end, within [`PATIENCE`].
+fn finish(command: &mut Command) -> Output {
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    wait(child, &format!("{command:?}"))
+}
+
+fn wait(mut child: Child, what: &str) -> Output {
+    let started = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if started.elapsed() > PATIENCE {
+            child.kill().unwrap();
+            panic!("hangs: {what}");
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.wait_with_output().unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn printed(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Every file below a folder with its content, every folder without.
+fn listing(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            all.extend(listing(&path));
+        }
+        all.insert(path.clone(), if path.is_file() { fs::read(&path).unwrap() } else { Vec::new() });
+    }
+    all
+}

@@ -1,0 +1,91 @@
+//! What a training leaves behind.
+
+use super::*;
+use serde_json::Value;
+
+#[test]
+fn a_scene_that_knows_its_place() {
+    let place = Place::new();
+    let output = place.trained(&["--eval-every", "3"]);
+    let printed = printed(&output);
+    for (name, count) in
+        [("held-out 00000.png: ", 1), ("held-out 00003.png: ", 1), ("held-out mean of 2: ", 1)]
+    {
+        assert_eq!(printed.matches(name).count(), count, "{printed}");
+    }
+    assert!(printed.lines().last().unwrap().starts_with("scene.ply: "), "{printed}");
+
+    let report = place.succeeds(&mut place.command(["inspect", "--json", "scene.ply"]));
+    let report: Value = serde_json::from_slice(&report.stdout).unwrap();
+    assert_eq!(report["views"], 6);
+    assert!(report["health"]["splats"].as_u64().unwrap() >= 250, "{report}");
+    let metadata = &report["metadata"];
+    assert!(metadata["provenance"].as_str().unwrap().ends_with(", 4 photos, 40 steps"), "{metadata}");
+    assert_eq!(report["survey"]["up"]["source"], report["survey"]["ground"]["source"]);
+    // The place stands upright, z up, if roughly after so few steps.
+    let up: Vec<f64> = metadata["up"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    assert!(up[2] > 0.9, "{up:?}");
+    assert!(metadata["ground"].is_number(), "{metadata}");
+    assert!(place.at("scene.ply.cameras.json").is_file());
+
+    let run = listing(&place.at("scene.ply.run"));
+    let names: Vec<String> = run.keys().map(|p| p.file_name().unwrap().to_string_lossy().into()).collect();
+    let previews = names.iter().filter(|name| name.starts_with("preview-") && name.ends_with(".png")).count();
+    assert_eq!((previews, names.len()), (10, 13), "{names:?}");
+    for name in ["config.json", "metrics.jsonl", "checkpoint.wmtrain", "preview-000040.png"] {
+        assert!(names.iter().any(|n| n == name), "{names:?}");
+    }
+    assert_eq!(place.metrics("scene.ply.run").iter().filter(|(_, held_out)| *held_out).count(), 10);
+}
+
+#[cfg(feature = "h264")]
+#[test]
+fn a_flight_along_its_photos() {
+    let place = Place::new();
+    place.trained(&["--steps", "5"]);
+    let words =
+        ["render", "scene.ply", "--path", "capture", "--seconds", "0.2", "--fps", "10", "--size", "64x48"];
+    place.succeeds(&mut place.command([&words[..], &["--out", "x.mp4", "--threads", "1"]].concat()));
+    assert!(place.read("x.mp4").windows(4).any(|window| window == b"ftyp"));
+}
+
+#[test]
+fn what_is_known_may_be_given() {
+    let place = Place::new();
+    place.trained(&["--steps", "5", "--metres-per-unit", "2.5", "--up", "0,0,1"]);
+    let report = place.succeeds(&mut place.command(["inspect", "--json", "scene.ply"]));
+    let report: Value = serde_json::from_slice(&report.stdout).unwrap();
+    assert_eq!(report["metadata"]["metres_per_unit"], 2.5);
+    assert_eq!(report["metadata"]["up"], serde_json::json!([0.0, 0.0, 1.0]));
+}
+
+/// More is learnt of photos that were never seen than their colour: of a picture of one colour the error is
+/// the variance of the photo.
+#[test]
+fn photos_that_were_held_out_are_met_ever_better() {
+    let place = Place::with(&BuiltinOptions { count: 24, points: 1500, ..PHOTOS });
+    let more = ["--steps", "240", "--max-splats", "3000", "--eval-every", "8", "--eval-from", "3"];
+    place.trained(&[&more[..], &["--resolution", "full", "--threads", "2"]].concat());
+    let text = String::from_utf8(place.read("scene.ply.run/metrics.jsonl")).unwrap();
+    let lines = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let psnr: Vec<f64> = lines.filter_map(|line| line["held_out"]["psnr"].as_f64()).collect();
+    let flat: Vec<f64> =
+        [3, 11, 19].map(|photo| flat_psnr(&place.at(&format!("set/images/{photo:05}.png")))).into();
+    let flat = flat.iter().sum::<f64>() / 3.0;
+    let (first, last) = (psnr[0], psnr[psnr.len() - 1]);
+    assert!(last > first + 1.0 && last > flat + 2.0, "{psnr:?}, of one colour {flat:.2}");
+}
+
+/// How near a picture comes that has the mean colour of a photo everywhere, dB.
+fn flat_psnr(path: &Path) -> f64 {
+    let mut reader =
+        png::Decoder::new(std::io::BufReader::new(fs::File::open(path).unwrap())).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut bytes).unwrap();
+    let variance = |lane: usize| {
+        let values: Vec<f64> = bytes.iter().skip(lane).step_by(3).map(|v| f64::from(*v) / 255.0).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64
+    };
+    -10.0 * ((0..3).map(variance).sum::<f64>() / 3.0).log10()
+}

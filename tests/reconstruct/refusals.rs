@@ -1,0 +1,114 @@
+//! Data sets and options that make no training.
+
+use super::*;
+
+#[test]
+fn data_sets_that_are_none() {
+    let place = Place::new();
+    place.refused("nowhere", &[], &["nowhere: "]);
+    fs::create_dir(place.at("empty")).unwrap();
+    place.refused("empty", &[], &["empty: ", "at least 3 are needed"]);
+    place.put("file.txt", "no data set");
+    place.refused("file.txt", &[], &["file.txt"]);
+    // Photos alone, where there is no COLMAP.
+    for name in ["0", "1", "2"] {
+        place.put(&format!("plain/{name}.png"), place.read("set/images/00000.png"));
+    }
+    let mut command = place.command(reconstruct("plain", &[]));
+    command.env("PATH", place.at("empty")).env_remove("COLMAP");
+    place.refused_by(&mut command, &["COLMAP is not installed", "install it"]);
+    place.refused_by(
+        place.command(reconstruct("plain", &[])).env("COLMAP", "no/such"),
+        &["no/such: cannot be started"],
+    );
+}
+
+#[test]
+fn models_that_are_too_little() {
+    let place = Place::new();
+    let images = place.read("set/sparse/0/images.bin");
+    place.put("set/sparse/0/images.bin", [0; 8]);
+    place.refused("set", &[], &["set/sparse/0/images.bin: no image is registered in the model"]);
+    place.put("set/sparse/0/images.bin", &images[..images.len() / 2]);
+    place.refused("set", &[], &["set/sparse/0/images.bin: cut off"]);
+    for (count, says) in [(1, "1 of the photos is registered"), (2, "2 of the photos are registered")] {
+        Place::with(&BuiltinOptions { count, ..PHOTOS }).refused("set", &[], &["set: ", says]);
+    }
+}
+
+#[test]
+fn a_model_without_points_is_enough() {
+    let place = Place::with(&BuiltinOptions { points: 0, ..PHOTOS });
+    let output = place.trained(&[]);
+    assert!(said(&output).contains("warning: set: the model has no points"), "{}", said(&output));
+    assert!(place.at("scene.ply").is_file());
+}
+
+#[test]
+fn lenses_that_are_not_read() {
+    let place = Place::with(&BuiltinOptions { storage: Storage::Text, ..PHOTOS });
+    let cameras = String::from_utf8(place.read("set/sparse/0/cameras.txt")).unwrap();
+    let line = cameras.lines().find(|line| line.contains("PINHOLE")).unwrap();
+    let fisheye = format!("{} 0 0 0 0\n", line.replace("SIMPLE_", "").replace("PINHOLE", "OPENCV_FISHEYE"));
+    place.put("set/sparse/0/cameras.txt", fisheye);
+    place.refused("set", &[], &["OPENCV_FISHEYE", "`colmap image_undistorter --image_path "]);
+}
+
+#[test]
+fn outputs_that_cannot_be() {
+    let place = Place::new();
+    place.refused("set", &["--out", "no/scene.ply"], &["no/scene.ply: ", "the folder \"no\" does not exist"]);
+    place.refused("set", &["--out", "scene.xyz"], &["scene.xyz"]);
+    place.refused("set", &["--out", "set"], &["set"]);
+    place.put("file", "mine");
+    for folder in ["file", "file/run"] {
+        place.refused("set", &["--run-folder", folder], &["cannot make the folder file"]);
+    }
+    fs::create_dir_all(place.at("scene.ply.run/config.json")).unwrap();
+    place.refused("set", &[], &["scene.ply.run/config.json: cannot be written: it is a folder"]);
+}
+
+#[test]
+fn options_that_make_no_training() {
+    let place = Place::new();
+    let cases: [(&[&str], &str); 9] = [
+        (&["--steps", "0"], "--steps"),
+        (&["--longest", "4"], "--longest"),
+        (&["--cache", "0"], "--cache"),
+        (&["--max-splats", "10"], "--max-splats"),
+        (&["--eval-every", "1"], "set: 0 of 6 photos are left to learn from, at least 3 are needed"),
+        (&["--checkpoint-every", "0"], "--checkpoint-every 0: must be a number of seconds above 0"),
+        (&["--checkpoint-every", "nan"], "--checkpoint-every NaN: "),
+        (&["--images", "photos"], "set/photos"),
+        (&["--model", "sparse/7"], "sparse/7"),
+    ];
+    for (more, says) in cases {
+        place.refused("set", more, &[says]);
+    }
+    // What is left to learn from is the least that there may be.
+    place.trained(&["--steps", "2", "--eval-every", "2", "--eval-from", "1"]);
+}
+
+#[test]
+fn configurations_that_are_none() {
+    let place = Place::new();
+    place.refused("set", &["--config", "no.json"], &["no.json: cannot be read: "]);
+    let config = restless("mcmc", 10);
+    let text = serde_json::to_string_pretty(&config).unwrap();
+    for (from, to, says) in [
+        ("\"steps\": 10", "\"steps\": ten", "at line 2 column 13"),
+        ("\"steps\": 10", "\"steps\": -3", "at line 2 column 13"),
+        ("\"steps\": 10", "\"steps\": 0", "steps is 0; it must be 1 to 1000000"),
+        ("\"steps\": 10", "\"stepts\": 10", "unknown field `stepts`"),
+        ("\"sh_degree\": 1", "\"sh_degree\": 200", "sh_degree is 200; it must be 0 to 3"),
+        ("\"strategy\": \"mcmc\"", "\"strategy\": \"other\"", "unknown variant `other`"),
+        ("\"start_opacity\": 0.1", "\"start_opacity\": 1.0", "start_opacity is 1; "),
+        ("\"l1\": 0.8", "\"l1\": 1e999", "line "),
+    ] {
+        assert!(text.contains(from), "{text}");
+        place.put("a.json", text.replace(from, to));
+        place.refused("set", &["--config", "a.json"], &["a.json: ", says]);
+    }
+    place.put("a.json", &text[..text.len() / 2]);
+    place.refused("set", &["--config", "a.json"], &["a.json: is no configuration of a training: EOF"]);
+}
