@@ -29,7 +29,7 @@ use wm_weather::{Value, Weather};
 /// Frames a second of the film, as in cinemas.
 const FPS: u32 = 24;
 /// Sides of photos in those of the film.
-const PHOTO: f64 = 0.625;
+const PHOTO: f64 = 0.5;
 /// Shortest and longest film, s.
 const SECONDS: (f64, f64) = (0.1, 600.0);
 /// The scene in the tags of what is written.
