@@ -1,6 +1,7 @@
 //! Made-up captures of the built-in place: a data set as COLMAP leaves it, and the truth beside it.
 //!
 //! ```text
+//! made-up.txt                 what it is
 //! images/00000.png ...        photos
 //! sparse/0/                   cameras, poses, and points on the surfaces with their tracks
 //! truth/depth/00000.npy ...   view z of the first surface at each pixel's centre, m; 0 in the sky
@@ -11,7 +12,7 @@
 //! Everything is the same for any number of threads.
 
 use crate::npy;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use std::{fs, io, path::Path};
 use wm_scene::{
@@ -28,7 +29,8 @@ use wm_scene::{
 /// Where the photos are taken from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Route {
-    /// Forward along the street at eye level.
+    /// Forward along the street, in three lanes in turn: a single line of cameras that look where they go
+    /// sees what is ahead from one side alone.
     #[default]
     Walk,
     /// Around the middle of the street, from above.
@@ -78,6 +80,13 @@ impl Default for BuiltinOptions {
     }
 }
 
+/// The file that says what the folder holds.
+pub const MARK: &str = "made-up.txt";
+const ABOUT: &str = "Photos of Weather-Magician's built-in street, ray-cast; poses and points are exact, in metres.\n\
+    truth/, where it is: depth (view z, m), normal (world axes) and sky of each pixel's centre.\n";
+
+/// The lanes of the walk: to the right of its middle, m; above eye level, m; turned to the right, degrees.
+const LANES: [(f64, f64, f64); 3] = [(0.0, 0.0, 0.0), (-0.9, 0.5, 10.0), (0.9, -0.3, -10.0)];
 /// Of surfaces that lie this much farther than a point, m, the point is in front.
 const SLACK: f64 = 0.02;
 
@@ -88,7 +97,15 @@ const SLACK: f64 = 0.02;
 pub fn cameras(options: &BuiltinOptions) -> Result<Vec<Camera>, CameraError> {
     let count = options.count.max(1);
     let camera = |index: u32| match options.route {
-        Route::Walk => Place::dolly(f64::from(index) / f64::from((count - 1).max(1))).camera(options.size),
+        Route::Walk => {
+            let mut view = Place::dolly(f64::from(index) / f64::from((count - 1).max(1)));
+            let (right, above, turn) = LANES[index as usize % LANES.len()];
+            let ahead = view.target - view.eye;
+            view.eye += ahead.cross(DVec3::Z).normalize() * right + DVec3::Z * above;
+            // Towards the middle of the street from both sides, so that much is seen from all lanes.
+            view.target = view.eye + DQuat::from_rotation_z(-turn.to_radians()) * ahead;
+            view.camera(options.size)
+        }
         Route::Orbit => {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(index) / f64::from(count)).sin_cos();
             // Two heights in turn: one ring of cameras alone leaves heights uncertain.
@@ -103,7 +120,8 @@ pub fn cameras(options: &BuiltinOptions) -> Result<Vec<Camera>, CameraError> {
 
 /// Writes a data set to a folder, which is made if it is not there, and gives it as it is read.
 ///
-/// `progress` is told the number of photos that are done. Rows are drawn on all threads.
+/// `progress` is told the number of photos that are done, and says whether to go on: `None` if not. Rows are
+/// drawn on all threads.
 ///
 /// # Errors
 /// [`FormatError`] if a file cannot be written or the size makes no camera.
@@ -111,8 +129,8 @@ pub fn write(
     place: &Place,
     folder: &Path,
     options: &BuiltinOptions,
-    progress: &mut dyn FnMut(usize),
-) -> Result<Capture, FormatError> {
+    progress: &mut dyn FnMut(usize) -> bool,
+) -> Result<Option<Capture>, FormatError> {
     let cameras = cameras(options);
     let cameras = cameras.map_err(|e| FormatError::whole(folder, Problem::Value(e.to_string())))?;
     let images = folder.join("images");
@@ -123,6 +141,7 @@ pub fn write(
     for folder in folders {
         fs::create_dir_all(&folder).map_err(|e| FormatError::whole(&folder, Problem::Write(e.into())))?;
     }
+    write_atomically(&folder.join(MARK), |out| Ok(out.write_all(ABOUT.as_bytes())?))?;
     let mut views = Vec::with_capacity(cameras.len());
     for (index, camera) in cameras.iter().enumerate() {
         let rows = (0..camera.height).into_par_iter();
@@ -143,12 +162,14 @@ pub fn write(
             file,
             mask: None,
         });
-        progress(index + 1);
+        if !progress(index + 1) {
+            return Ok(None);
+        }
     }
     let (points, observations) = points(place, &cameras, options.points as usize);
     let capture = Capture { source: folder.into(), images, masks: None, views, points, observations };
     write::write(&capture, &folder.join("sparse/0"), options.storage)?;
-    Ok(capture)
+    Ok(Some(capture))
 }
 
 /// Points on surfaces that two cameras see at least, and where each sees which.
@@ -242,7 +263,11 @@ mod tests {
                 truth: Truth::Write,
             };
             let mut done = 0;
-            let written = write(&place, folder.path(), &options, &mut |count| done = count).unwrap();
+            let mut progress = |count| {
+                done = count;
+                true
+            };
+            let written = write(&place, folder.path(), &options, &mut progress).unwrap().unwrap();
             assert_eq!(done, 6);
             let capture = read(folder.path(), &CaptureOptions::default()).unwrap();
             assert_eq!((&capture.points, &capture.observations), (&written.points, &written.observations));

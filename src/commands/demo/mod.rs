@@ -1,9 +1,10 @@
-//! `demo`: the main job on a built-in place, with no input and no download.
+//! `demo`: the main job on a built-in place, with no input and no download: photos, scene, weather.
 //!
 //! The picture at the top of the README, `docs/demo-sheet.png`, is the `sheet.png` of
-//! `weather-magician demo --only sheet --detail 1.5 --size 480x320`.
+//! `weather-magician demo --instant --only sheet --detail 1.5 --size 480x320`.
 
 mod film;
+mod photos;
 mod street;
 
 use crate::interrupt::{self, Interrupted};
@@ -16,16 +17,19 @@ use crate::view::spec;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use film::Film;
+use photos::{Route, Session, Truth};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use wm_render::{Frame, RenderConfig};
-use wm_scene::formats::write_scene;
+use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::place::Viewpoint;
 use wm_scene::{Metadata, Place, Scene};
 use wm_weather::{Value, Weather};
 
 /// Frames a second of the film, as in cinemas.
 const FPS: u32 = 24;
+/// Sides of photos in those of the film.
+const PHOTO: f64 = 0.5;
 /// Shortest and longest film, s.
 const SECONDS: (f64, f64) = (0.1, 600.0);
 /// The scene in the tags of what is written.
@@ -37,16 +41,34 @@ const SHEET: [(&str, Option<&str>); 4] =
 /// Options of `demo`.
 #[derive(Args, Debug)]
 pub struct DemoArgs {
-    /// Folder to write street.ply, sheet.png and fog.mp4 into
+    /// Folder to write photos/, street.ply, sheet.png and fog.mp4 into
     #[arg(short, long, value_name = "FOLDER", default_value = "weather-magician-demo")]
     out: PathBuf,
-    /// Size of the film, and of each picture of the sheet, px
-    #[arg(long, value_name = "WxH", value_parser = spec::parse_size, default_value = "960x640")]
-    size: (u32, u32),
+    /// Size of the film, and of each picture of the sheet, px [default: 960x640; of --photos, 600x400]
+    #[arg(long, value_name = "WxH", value_parser = spec::parse_size)]
+    size: Option<(u32, u32)>,
+    /// Take no photos: sample the scene from the street's own surfaces, which is quicker and sharper
+    #[arg(long)]
+    instant: bool,
+    /// Only take the photos, with exact depth, normals and sky, into this folder (a COLMAP data set)
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["instant", "only", "steps"], help_heading = "Photos")]
+    photos: Option<PathBuf>,
+    /// How many photos
+    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(3..=100_000), help_heading = "Photos")]
+    count: u32,
+    /// Where they are taken from: walk (along the street) or orbit (around it, from above)
+    #[arg(long, value_name = "ROUTE", default_value = "walk", requires = "photos", help_heading = "Photos")]
+    route: Route,
+    /// Whether exact depth, normals and sky are written too: write or omit
+    #[arg(long, value_name = "WHETHER", default_value = "write", requires = "photos", help_heading = "Photos")]
+    truth: Truth,
+    /// Steps of the training
+    #[arg(long, value_name = "N", default_value_t = 1200, value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
+    steps: u32,
     /// Length of the film
     #[arg(long, value_name = "S", default_value_t = 8.0)]
     seconds: f64,
-    /// How finely the street is sampled: 2 makes about four times the splats of 1
+    /// How finely the street is sampled with --instant: 2 makes about four times the splats of 1
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     detail: f64,
     /// Write no more than this: scene, sheet, film, or several
@@ -71,6 +93,18 @@ enum Part {
 }
 
 impl DemoArgs {
+    fn size(&self) -> (u32, u32) {
+        self.size.unwrap_or((960, 640))
+    }
+
+    /// The photos that the scene is made of: as large as the film needs, not larger.
+    fn session(&self) -> Session {
+        let side = |of: u32| (f64::from(of) * PHOTO).round().max(16.0) as u32;
+        let (width, height) = self.size();
+        let size = (side(width), side(height));
+        Session { route: Route::Walk, count: self.count, size, truth: Truth::Omit }
+    }
+
     fn wants(&self, part: Part) -> bool {
         self.only.is_empty() || self.only.contains(&part)
     }
@@ -78,7 +112,7 @@ impl DemoArgs {
     /// What the film is; it has no tags yet.
     fn video(&self) -> Result<video::VideoSettings> {
         let rate = video::FrameRate::new(FPS, 1).context("no such frame rate")?;
-        let settings = video::VideoSettings::new(Size::new(self.size.0, self.size.1), rate);
+        let settings = video::VideoSettings::new(Size::new(self.size().0, self.size().1), rate);
         Ok(video::VideoSettings { encoder: self.encoder, ..settings })
     }
 
@@ -97,6 +131,9 @@ impl DemoArgs {
 pub fn run(args: &DemoArgs) -> Result<()> {
     args.check()?;
     let started = Instant::now();
+    if let Some(folder) = &args.photos {
+        return take_photos(args, folder);
+    }
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot make the folder {}", args.out.display()))?;
     let film = args.out.join("fog.mp4");
@@ -104,17 +141,13 @@ pub fn run(args: &DemoArgs) -> Result<()> {
         // A size or a folder that will not do is told before the work, not after it.
         drop(video::create_video(&film, args.video()?)?);
     }
-    let scene = street::scene(args.detail, args.run.threads.map(usize::from))?;
     let path = args.out.join("street.ply");
-    if args.wants(Part::Scene) {
-        write_scene(&path, &scene)?;
-        println!("{}: {} splats, {}", path.display(), scene.splats.len(), megabytes(&path));
-    }
+    let scene = if args.instant { sampled(args, &path)? } else { reconstructed(args, &path)? };
     if args.wants(Part::Sheet) || args.wants(Part::Film) {
         draw(args, scene, &film)?;
     }
     println!("done in {:.0} s", started.elapsed().as_secs_f64());
-    if args.wants(Part::Scene) {
+    if path.is_file() {
         let (scene, camera) = (quoted(&path), camera_text(&Place::views()[0]));
         println!("go on with it, for example:");
         println!("  weather-magician render {scene} --weather dense-fog --camera {camera}");
@@ -126,12 +159,47 @@ pub fn run(args: &DemoArgs) -> Result<()> {
     Ok(())
 }
 
+/// Takes photos for others to use.
+fn take_photos(args: &DemoArgs, folder: &Path) -> Result<()> {
+    let size = args.size.unwrap_or((600, 400));
+    let session = Session { route: args.route, count: args.count, size, truth: args.truth };
+    let started = Instant::now();
+    session.shoot(folder, args.run)?;
+    let seconds = started.elapsed().as_secs_f64();
+    println!("{}: {} photos, {}x{}, in {seconds:.0} s", folder.display(), args.count, size.0, size.1);
+    println!("go on with it, for example:");
+    println!("  weather-magician reconstruct {} --preset quick --metres-per-unit 1", quoted(folder));
+    Ok(())
+}
+
+/// The scene as photos of the street give it; it is written in any case.
+fn reconstructed(args: &DemoArgs, path: &Path) -> Result<Scene> {
+    let (folder, session) = (args.out.join("photos"), args.session());
+    let started = Instant::now();
+    session.shoot(&folder, args.run)?;
+    let (seconds, (width, height)) = (started.elapsed().as_secs_f64(), session.size);
+    println!("{}: {} photos, {width}x{height}, in {seconds:.0} s", folder.display(), session.count);
+    photos::reconstruct(&folder, path, args.steps, args.run)?;
+    Ok(read_scene(path, &ReadOptions::default())?)
+}
+
+/// The scene as its own surfaces give it.
+fn sampled(args: &DemoArgs, path: &Path) -> Result<Scene> {
+    let scene = street::scene(args.detail, args.run.threads.map(usize::from))?;
+    if args.wants(Part::Scene) {
+        write_scene(path, &scene)?;
+        println!("{}: {} splats, {}", path.display(), scene.splats.len(), megabytes(path));
+    }
+    Ok(scene)
+}
+
 /// Draws the sheet and the film.
 fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
     let loaded = Loaded::of(scene, &Metadata::default(), &args.run)?;
-    let mut studio = Studio::new(loaded, RenderConfig::default());
+    let config = RenderConfig { background: loaded.background(), ..RenderConfig::default() };
+    let mut studio = Studio::new(loaded, config);
     if args.wants(Part::Sheet) {
-        draw_sheet(&mut studio, args.size, &args.out.join("sheet.png"))?;
+        draw_sheet(&mut studio, args.size(), &args.out.join("sheet.png"))?;
     }
     if args.wants(Part::Film) {
         shoot(&mut studio, args, film)?;
@@ -176,13 +244,13 @@ fn shoot(studio: &mut Studio, args: &DemoArgs, path: &Path) -> Result<()> {
     let weather = film.weather()?;
     let mut settings = args.video()?;
     let rate = settings.frame_rate;
-    settings.tags = studio.tags(SCENE, &weather, 0.0, &film.view(0.0).camera(args.size)?);
+    settings.tags = studio.tags(SCENE, &weather, 0.0, &film.view(0.0).camera(args.size())?);
     let mut sink = video::create_video(path, settings)?;
     let started = Instant::now();
     let all = rate.frames_within(args.seconds);
     let mut render = |index: u32, frame: &mut Frame| {
         let time = rate.seconds(u64::from(index));
-        studio.render(&weather, time, &film.view(time).camera(args.size)?, frame).map(drop)
+        studio.render(&weather, time, &film.view(time).camera(args.size())?, frame).map(drop)
     };
     let written =
         pipeline(&(0..all).collect::<Vec<_>>(), &mut render, &mut |_, frame| Ok(sink.frame(&frame.rgb)?))?;
@@ -194,8 +262,8 @@ fn shoot(studio: &mut Studio, args: &DemoArgs, path: &Path) -> Result<()> {
         "{}: {}, {}x{}, {:.1} s, {:.1} MB, {:.1} frames a second ({})",
         path.display(),
         weather.name,
-        args.size.0,
-        args.size.1,
+        args.size().0,
+        args.size().1,
         report.seconds,
         report.bytes as f64 * 1e-6,
         f64::from(all) / started.elapsed().as_secs_f64(),

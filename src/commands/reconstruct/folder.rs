@@ -10,6 +10,9 @@ use wm_train::TrainConfig;
 use wm_train::checkpoint::{self, Head};
 use wm_train::trainer::TrainState;
 
+/// The checkpoint's name in it.
+pub const CHECKPOINT: &str = "checkpoint.wmtrain";
+
 /// The folder of a run.
 pub struct RunFolder {
     path: PathBuf,
@@ -50,7 +53,7 @@ impl RunFolder {
 
     /// The checkpoint's place.
     pub fn checkpoint(&self) -> PathBuf {
-        self.path.join("checkpoint.wmtrain")
+        self.path.join(CHECKPOINT)
     }
 
     /// The training to go on with, if that is asked for.

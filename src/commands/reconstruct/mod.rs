@@ -4,6 +4,8 @@ mod data;
 mod folder;
 mod training;
 
+pub use folder::CHECKPOINT;
+
 use crate::names::stem_of;
 use crate::scene::RunArgs;
 use anyhow::{Result, bail};
@@ -39,8 +41,9 @@ pub struct ReconstructArgs {
     training: TrainingArgs,
     #[command(flatten)]
     facts: crate::scene::FactArgs,
+    /// How it runs.
     #[command(flatten)]
-    run: RunArgs,
+    pub run: RunArgs,
 }
 
 /// Which photos, and how large.

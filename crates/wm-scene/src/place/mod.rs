@@ -42,6 +42,8 @@ use shape::Crossing;
 
 /// Rays that [`Place::cast`] spends on the light of a point.
 const CAST: Budget = Budget { sun: 2, sky: 12 };
+/// The same where several rays make a pixel: they share the work, and the mean is as smooth.
+const SHARED: Budget = Budget { sun: 1, sky: 3 };
 /// Footprint of a cast ray per metre of its length: a pixel of a picture about 1000 px high.
 const FOOTPRINT: f64 = 0.0012;
 
@@ -111,9 +113,7 @@ impl Place {
     /// `direction` need not have length 1; `t` is in metres all the same.
     #[must_use]
     pub fn cast(&self, origin: DVec3, direction: DVec3) -> Option<Hit> {
-        let direction = direction.try_normalize()?;
-        let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
-        Some(self.hit(which, &crossing, origin, direction))
+        self.cast_with(origin, direction, CAST)
     }
 
     /// The first surface along a ray without its light: what depth and normals need, and quicker.
@@ -172,14 +172,26 @@ impl Place {
         self.tree.any(|which| &self.primitives[which].shape, (origin, direction), 1e-9, high)
     }
 
-    fn hit(&self, which: usize, crossing: &Crossing, origin: DVec3, direction: DVec3) -> Hit {
+    fn cast_with(&self, origin: DVec3, direction: DVec3, budget: Budget) -> Option<Hit> {
+        let direction = direction.try_normalize()?;
+        let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
+        Some(self.hit(which, &crossing, (origin, direction), budget))
+    }
+
+    fn hit(
+        &self,
+        which: usize,
+        crossing: &Crossing,
+        (origin, direction): (DVec3, DVec3),
+        budget: Budget,
+    ) -> Hit {
         let point = origin + direction * crossing.t;
         let unit = DVec2::new(crossing.a, crossing.b);
         let spot = shape::Spot { point, ..self.primitives[which].shape.spot_anywhere(unit.x, unit.y) };
         let normal = if spot.normal.dot(direction) > 0.0 { -spot.normal } else { spot.normal };
         let slant = normal.dot(direction).abs().max(0.1);
         let width = (FOOTPRINT * crossing.t / slant.sqrt()).max(1e-3);
-        let radiance = self.shade(which, &spot, (unit, direction), width, CAST).to_array();
+        let radiance = self.shade(which, &spot, (unit, direction), width, budget).to_array();
         Hit { t: crossing.t, point, normal, material: self.material(which), radiance }
     }
 }

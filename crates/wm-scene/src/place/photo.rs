@@ -1,6 +1,6 @@
 //! Pictures of the place, pixel by pixel; the caller brings the threads.
 
-use super::{Material, Place, display_of};
+use super::{CAST, Material, Place, SHARED, display_of};
 use crate::Camera;
 use glam::DVec3;
 
@@ -29,12 +29,13 @@ impl Place {
         let (left, top) = (f64::from(x), f64::from(y));
         let samples = samples.max(1);
         let size = 1.0 / f64::from(samples);
+        let budget = if samples > 1 { SHARED } else { CAST };
         let mut sum = DVec3::ZERO;
         for row in 0..samples {
             for column in 0..samples {
                 let (dx, dy) = ((f64::from(column) + 0.5) * size, (f64::from(row) + 0.5) * size);
                 let direction = camera.ray(left + dx, top + dy);
-                let hit = self.cast(eye, direction);
+                let hit = self.cast_with(eye, direction, budget);
                 sum += DVec3::from_array(hit.map_or_else(|| self.sky(direction), |hit| hit.radiance));
             }
         }

@@ -1,0 +1,153 @@
+//! Photos of the built-in street, and what is made of them.
+
+use crate::commands::reconstruct::{self, ReconstructArgs};
+use crate::interrupt::{self, Interrupted};
+use crate::progress;
+use crate::scene::RunArgs;
+use anyhow::{Context, Result, bail};
+use clap::{Parser, ValueEnum};
+use std::path::Path;
+use wm_scene::Place;
+use wm_train::builtin::{self, BuiltinOptions};
+
+/// Where photos are taken from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Route {
+    /// Along the street, at eye level.
+    #[default]
+    Walk,
+    /// Around it, from above.
+    Orbit,
+}
+
+/// Whether exact depth, normals and sky are written beside photos.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Truth {
+    /// They are.
+    #[default]
+    Write,
+    /// They are not.
+    Omit,
+}
+
+/// Which photos.
+#[derive(Clone, Copy, Debug)]
+pub struct Session {
+    /// Where they are taken from.
+    pub route: Route,
+    /// How many.
+    pub count: u32,
+    /// Width and height, px.
+    pub size: (u32, u32),
+    /// What is written besides.
+    pub truth: Truth,
+}
+
+impl Session {
+    fn options(&self) -> BuiltinOptions {
+        BuiltinOptions {
+            route: match self.route {
+                Route::Walk => builtin::Route::Walk,
+                Route::Orbit => builtin::Route::Orbit,
+            },
+            count: self.count,
+            size: self.size,
+            truth: match self.truth {
+                Truth::Write => builtin::Truth::Write,
+                Truth::Omit => builtin::Truth::Omit,
+            },
+            ..BuiltinOptions::default()
+        }
+    }
+
+    /// Takes them: a COLMAP data set in `folder`. What is there of an earlier session is replaced.
+    ///
+    /// # Errors
+    /// The folder cannot be written, or Ctrl-C was pressed.
+    pub fn shoot(&self, folder: &Path, run: RunArgs) -> Result<()> {
+        clear(folder)?;
+        let spinner = progress::spinner("building the street");
+        let place = Place::street();
+        spinner.finish_and_clear();
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(run.threads.map_or(0, usize::from)).build();
+        let threads = threads.context("cannot start threads")?;
+        let bar = progress::bar(u64::from(self.count), "photos");
+        let taken = threads.install(|| {
+            builtin::write(&place, folder, &self.options(), &mut |done| {
+                bar.set_position(done as u64);
+                !interrupt::asked()
+            })
+        })?;
+        bar.finish_and_clear();
+        match taken {
+            Some(_) => Ok(()),
+            None => Err(Interrupted(format!("{} is not a whole data set", folder.display())).into()),
+        }
+    }
+}
+
+/// Removes the photos of an earlier session: those that are left over would not belong to the new model.
+///
+/// Nothing but what a session writes is touched: any other folder of photos is somebody's own.
+fn clear(folder: &Path) -> Result<()> {
+    let (images, model) = (folder.join("images"), folder.join("sparse"));
+    if !images.exists() && !model.exists() {
+        return Ok(());
+    }
+    if !folder.join(builtin::MARK).is_file() {
+        bail!("{}: holds a data set that is not the demo's; name another folder", folder.display());
+    }
+    for part in [images, model, folder.join("truth")] {
+        if part.exists() {
+            std::fs::remove_dir_all(&part).with_context(|| format!("cannot clear {}", part.display()))?;
+        }
+    }
+    Ok(())
+}
+
+/// Options of a training in words, as the command line has them.
+#[derive(Parser, Debug)]
+#[command(no_binary_name = true)]
+struct Words {
+    #[command(flatten)]
+    args: ReconstructArgs,
+}
+
+/// Reconstructs the photos in `folder` into `scene`: the command itself, with these options.
+///
+/// # Errors
+/// Those of the command.
+pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: RunArgs) -> Result<()> {
+    let run_folder = scene.with_extension("run");
+    // The demo begins anew each time; what is left of one that was broken off is in nobody's way.
+    let left = run_folder.join(reconstruct::CHECKPOINT);
+    if left.exists() {
+        std::fs::remove_file(&left).with_context(|| format!("cannot remove {}", left.display()))?;
+    }
+    let mut words: Vec<std::ffi::OsString> = vec![folder.into(), "--out".into(), scene.into()];
+    words.extend(["--run-folder".into(), run_folder.into()]);
+    words.extend(TRAINING.map(Into::into));
+    words.extend(["--steps".into(), steps.to_string().into()]);
+    let Words { mut args } = Words::try_parse_from(words).context("the demo's own options")?;
+    args.run = run;
+    reconstruct::run(&args)
+}
+
+/// How the demo trains: the poses are in metres.
+const TRAINING: [&str; 6] = ["--preset", "quick", "--metres-per-unit", "1", "--max-splats", "80000"];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn photos_of_others_are_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        clear(folder.path()).unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        assert!(clear(folder.path()).unwrap_err().to_string().contains("not the demo's"));
+        std::fs::write(folder.path().join(builtin::MARK), "").unwrap();
+        clear(folder.path()).unwrap();
+        assert!(!folder.path().join("images").exists());
+    }
+}
