@@ -56,7 +56,7 @@ impl Place {
 
     fn with(options: &BuiltinOptions) -> Self {
         let place = Self { folder: tempfile::tempdir().unwrap() };
-        builtin::write(&Street::street(), &place.at("set"), options, &mut |_| {}).unwrap();
+        builtin::write(&Street::street(), &place.at("set"), options, &mut |_| true).unwrap();
         place
     }
 

@@ -60,7 +60,13 @@ pub struct DemoArgs {
     #[arg(long, value_name = "ROUTE", default_value = "walk", requires = "photos", help_heading = "Photos")]
     route: Route,
     /// Whether exact depth, normals and sky are written too: write or omit
-    #[arg(long, value_name = "WHETHER", default_value = "write", requires = "photos", help_heading = "Photos")]
+    #[arg(
+        long,
+        value_name = "WHETHER",
+        default_value = "write",
+        requires = "photos",
+        help_heading = "Photos"
+    )]
     truth: Truth,
     /// Steps of the training
     #[arg(long, value_name = "N", default_value_t = 1200, value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
