@@ -61,7 +61,7 @@ fn they_are_refused_at_the_start_or_left_out() {
 /// Where the photos are more than the cache holds, damage is met on the way.
 #[test]
 fn damage_that_is_met_on_the_way() {
-    let place = Place::with(&BuiltinOptions { size: (400, 266), count: 5, ..PHOTOS });
+    let place = Place::with(&BuiltinOptions { size: (330, 220), count: 5, ..PHOTOS });
     let sound = place.read("set/images/00002.png");
     place.put("set/images/00002.png", &sound[..sound.len() / 2]);
     let usual = ["--cache", "1", "--steps", "12", "--densify", "fixed"];

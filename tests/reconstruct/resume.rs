@@ -23,6 +23,10 @@ fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
+/// So many that a test that waits for its turn still meets the training under way; a line of metrics each
+/// six of them.
+const STEPS: u32 = 1200;
+
 fn step_of(place: &Place) -> u32 {
     checkpoint::read(&place.at("b.ply.run/checkpoint.wmtrain")).unwrap().0.step()
 }
@@ -31,7 +35,7 @@ fn step_of(place: &Place) -> u32 {
 fn what_is_broken_off_ends_in_the_same_bytes() {
     let place = Place::new();
     for strategy in ["mcmc", "adaptive"] {
-        let mut config = restless(strategy, 600);
+        let mut config = restless(strategy, STEPS);
         config.exposure = wm_train::config::Exposure::Photo;
         place.configure("config.json", &config);
         let hold_out = ["--eval-every", "4"];
@@ -39,22 +43,22 @@ fn what_is_broken_off_ends_in_the_same_bytes() {
 
         let _ = fs::remove_dir_all(place.at("b.ply.run"));
         let _ = fs::remove_file(place.at("b.ply"));
-        let child = started(&place, &hold_out, 20);
+        let child = started(&place, &hold_out, 10);
         signal(&child, "-INT");
         let output = wait(child, "a training after Ctrl-C");
         let (first, said) = (step_of(&place), said(&output));
         assert_eq!(output.status.code(), Some(130), "{said}");
         let advice =
-            format!("stopped: {first} of 600 steps are done, the same command with --resume goes on");
+            format!("stopped: {first} of {STEPS} steps are done, the same command with --resume goes on");
         assert!(said.ends_with(&format!("{advice}\n")) && said.lines().count() == 1, "{said}");
-        assert!((60..600).contains(&first) && !place.at("b.ply").exists(), "{first}");
+        assert!((60..STEPS).contains(&first) && !place.at("b.ply").exists(), "{first}");
 
         let hurried = [&["--resume", "--checkpoint-every", "0.001"], &hold_out[..]].concat();
-        let mut child = started(&place, &hurried, (first / 3) as usize + 40);
+        let mut child = started(&place, &hurried, (first / 6) as usize + 15);
         child.kill().unwrap();
         wait(child, "a training that was killed");
         let second = step_of(&place);
-        assert!(second > first && second < 600, "{first} {second}");
+        assert!(second > first && second < STEPS, "{first} {second}");
 
         // On more threads than before, and once more when it is done.
         for _ in 0..2 {
