@@ -7,10 +7,22 @@ use std::process::{Command, Output};
 fn demo(out: &Path, options: &[&str]) -> Output {
     let small = [("--detail", "0.1"), ("--size", "96x64"), ("--seconds", "0.5")];
     let small = small.iter().filter(|(name, _)| !options.contains(name));
+    let kind: &[&str] = if options.contains(&"--steps") { &[] } else { &["--instant"] };
+    run(
+        &["--out"],
+        out,
+        &small
+            .flat_map(|(name, value)| [*name, *value])
+            .chain(options.iter().chain(kind).copied())
+            .collect::<Vec<_>>(),
+    )
+}
+
+fn run(before: &[&str], folder: &Path, options: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_weather-magician"))
-        .args(["demo", "--out"])
-        .arg(out)
-        .args(small.flat_map(|(name, value)| [name, value]))
+        .arg("demo")
+        .args(before)
+        .arg(folder)
         .args(options)
         .output()
         .unwrap()
@@ -46,6 +58,42 @@ fn it_writes_a_scene_a_sheet_and_a_film() {
         assert!(film.len() > 10_000, "{}", film.len());
         assert_eq!(names(&out), ["fog.mp4", "sheet.png", "street.ply"]);
     }
+}
+
+#[test]
+fn photos_are_taken_reconstructed_and_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    for _ in 0..2 {
+        // The second time it takes the place of the first.
+        let output = demo(folder.path(), &["--steps", "12", "--count", "5", "--only", "scene,sheet"]);
+        let said = String::from_utf8(output.stdout).unwrap();
+        assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+        assert!(said.contains("5 photos, 48x32") && said.contains("12 steps in"), "{said}");
+    }
+    assert_eq!(
+        names(folder.path()),
+        ["photos", "sheet.png", "street.ply", "street.ply.cameras.json", "street.run"]
+    );
+    assert_eq!(names(&folder.path().join("photos")), ["images", "made-up.txt", "sparse"]);
+}
+
+#[test]
+fn photos_alone_come_with_the_truth_and_replace_no_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = folder.path().join("orbit");
+    let options = ["--count", "4", "--size", "30x20", "--route", "orbit"];
+    let output = run(&["--photos"], &photos, &options);
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && said.contains("weather-magician reconstruct"), "{said}");
+    assert_eq!(names(&photos), ["images", "made-up.txt", "sparse", "truth"]);
+    assert_eq!(names(&photos.join("truth")), ["depth", "normal", "sky"]);
+    assert_eq!(names(&photos.join("truth/sky")).len(), 4);
+
+    fs::remove_file(photos.join("made-up.txt")).unwrap();
+    let output = run(&["--photos"], &photos, &options);
+    assert!(!output.status.success());
+    assert!(String::from_utf8(output.stderr).unwrap().contains("name another folder"));
+    assert_eq!(names(&photos.join("images")).len(), 4);
 }
 
 #[test]

@@ -19,6 +19,11 @@ const BLIND: usize = 20_000;
 /// How large a splat may be, in units of the extent: a stray point is no wall.
 const LARGEST: f64 = 0.2;
 
+/// Radius of the shell in extents, at least.
+const SHELL: f64 = 20.0;
+/// Opacity of the shell's splats, more than that of others: nearly nothing moves them then.
+const SHELL_OPACITY: f64 = 0.5;
+
 /// How splats begin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StartConfig {
@@ -79,6 +84,48 @@ pub fn from_points(points: &Points, extent: f64, config: &StartConfig) -> Splats
     splats
 }
 
+/// Adds pale splats on a far shell, in group [`Group::Sky`], where cameras look.
+///
+/// Models have no points in the sky. Without a shell it is painted on whatever drifts there, near and far, and
+/// fog would take it for what it is painted on. `count` is that of the whole sphere.
+pub fn add_shell(splats: &mut Splats, cameras: &[Camera], points: &Points, extent: f64, count: usize) {
+    let center = cameras.iter().map(Camera::center).sum::<DVec3>() / cameras.len().max(1) as f64;
+    let mut distances: Vec<f64> = points
+        .positions
+        .iter()
+        .map(|p| center.distance(DVec3::from_array(*p)))
+        .filter(|d| d.is_finite())
+        .collect();
+    distances.sort_by(f64::total_cmp);
+    // Stray points are no reason for a larger sky.
+    let farthest = distances.get(distances.len() * 99 / 100).copied().unwrap_or(0.0);
+    let radius = (SHELL * extent).max(3.0 * farthest);
+    // Neighbours on a Fibonacci sphere are about this far apart.
+    let spacing = radius * (4.0 * std::f64::consts::PI / count.max(1) as f64).sqrt();
+    for i in 0..count {
+        let height = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+        let (sin, cos) = (std::f64::consts::PI * (3.0 - 5f64.sqrt()) * i as f64).sin_cos();
+        let around = (1.0 - height * height).sqrt();
+        let mean = center + radius * DVec3::new(around * cos, around * sin, height);
+        let is_seen = cameras.iter().any(|camera| {
+            camera.project(mean).is_some_and(|(x, y, _)| {
+                let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+                (-0.1 * width..1.1 * width).contains(&x) && (-0.1 * height..1.1 * height).contains(&y)
+            })
+        });
+        if is_seen {
+            splats.push(&Splat {
+                mean: mean.to_array().map(|v| v as f32),
+                quat: [1.0, 0.0, 0.0, 0.0],
+                log_scale: [(0.6 * spacing).ln() as f32; 3],
+                logit_opacity: logit(SHELL_OPACITY) as f32,
+                rgb: [0.75; 3],
+                group: Group::Sky,
+            });
+        }
+    }
+}
+
 /// Grey splats along random rays of the cameras, from a tenth of the extent to ten times it.
 #[must_use]
 pub fn blind(cameras: &[Camera], extent: f64, config: &StartConfig) -> Splats {
@@ -136,6 +183,23 @@ mod tests {
         let few = from_points(&points, 100.0, &StartConfig { most: 7, ..CONFIG });
         assert_eq!(few.len(), 7);
         assert_eq!(from_points(&Points::default(), 1.0, &CONFIG).len(), 0);
+    }
+
+    #[test]
+    fn the_shell_is_far_and_where_cameras_look() {
+        let camera = Camera::look_at((80, 60), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
+        let mut points = Points::default();
+        points.push([0.0, 30.0, 0.0], [9; 3], 0.5, 3);
+        let mut splats = Splats::with_capacity(0, 1);
+        add_shell(&mut splats, &[camera], &points, 2.0, 1000);
+        // 50 by 64 degrees and some more, of 41,253 square degrees.
+        assert!((70..150).contains(&splats.len()), "{}", splats.len());
+        assert!(splats.groups.iter().all(|group| *group == Group::Sky));
+        let far = |mean: &[f32; 3]| {
+            (f64::from(mean[1]) > 40.0)
+                && (DVec3::from_array(mean.map(f64::from)).length() - 90.0).abs() < 0.1
+        };
+        assert!(splats.means.iter().all(far));
     }
 
     #[test]

@@ -23,7 +23,7 @@ use std::time::Instant;
 use wm_render::{Frame, RenderConfig};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::place::Viewpoint;
-use wm_scene::{Metadata, Place, Scene};
+use wm_scene::{Camera, Metadata, Place, Scene};
 use wm_weather::{Value, Weather};
 
 /// Frames a second of the film, as in cinemas.
@@ -34,6 +34,8 @@ const PHOTO: f64 = 0.5;
 const SECONDS: (f64, f64) = (0.1, 600.0);
 /// The scene in the tags of what is written.
 const SCENE: &str = "built-in street";
+/// Where on the walk the sheet of a reconstructed street is drawn from, 0-1.
+const SHEET_AT: f64 = 0.1;
 /// The weathers of the sheet: presets, with what is changed to suit a street of 150 m.
 const SHEET: [(&str, Option<&str>); 4] =
     [("clear", None), ("fog", Some("fog.mor=120")), ("haze", None), ("smog", Some("smog.mor=300"))];
@@ -69,7 +71,7 @@ pub struct DemoArgs {
     )]
     truth: Truth,
     /// Steps of the training
-    #[arg(long, value_name = "N", default_value_t = 1200, value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
     steps: u32,
     /// Length of the film
     #[arg(long, value_name = "S", default_value_t = 8.0)]
@@ -205,7 +207,9 @@ fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
     let config = RenderConfig { background: loaded.background(), ..RenderConfig::default() };
     let mut studio = Studio::new(loaded, config);
     if args.wants(Part::Sheet) {
-        draw_sheet(&mut studio, args.size(), &args.out.join("sheet.png"))?;
+        // Photos show the street from the start of the walk on, and less at the edge of what they show.
+        let view = if args.instant { Place::views()[0] } else { Place::dolly(SHEET_AT) };
+        draw_sheet(&mut studio, &view.camera(args.size())?, &args.out.join("sheet.png"))?;
     }
     if args.wants(Part::Film) {
         shoot(&mut studio, args, film)?;
@@ -214,8 +218,7 @@ fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
 }
 
 /// One view in every weather of [`SHEET`].
-fn draw_sheet(studio: &mut Studio, size: (u32, u32), path: &Path) -> Result<()> {
-    let camera = Place::views()[0].camera(size)?;
+fn draw_sheet(studio: &mut Studio, camera: &Camera, path: &Path) -> Result<()> {
     let bar = progress::bar(SHEET.len() as u64, "pictures");
     let mut pictures = Vec::new();
     for (name, change) in SHEET {
@@ -225,15 +228,15 @@ fn draw_sheet(studio: &mut Studio, size: (u32, u32), path: &Path) -> Result<()> 
         let mut weather = Weather::find(name)?;
         change.map_or(Ok(()), |change| weather.set(change))?;
         let mut frame = Frame::default();
-        studio.render(&weather, 0.0, &camera, &mut frame)?;
+        studio.render(&weather, 0.0, camera, &mut frame)?;
         pictures.push((frame.rgb, label(&weather)));
         bar.inc(1);
     }
     bar.finish_and_clear();
     let panels: Vec<sheet::Panel<'_>> =
         pictures.iter().map(|(rgb, label)| sheet::Panel { rgb, label }).collect();
-    let layout = sheet::Layout::new(Size::new(size.0, size.1), panels.len() as u32, 2);
-    let mut tags = studio.tags(SCENE, &Weather::clear(), 0.0, &camera);
+    let layout = sheet::Layout::new(Size::new(camera.width, camera.height), panels.len() as u32, 2);
+    let mut tags = studio.tags(SCENE, &Weather::clear(), 0.0, camera);
     if let Some((_, text)) = tags.iter_mut().find(|(key, _)| key == "weather") {
         *text = pictures.iter().map(|(_, label)| label.as_str()).collect::<Vec<_>>().join("; ");
     }

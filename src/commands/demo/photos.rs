@@ -134,7 +134,7 @@ pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: RunArgs) -> Res
 }
 
 /// How the demo trains: the poses are in metres.
-const TRAINING: [&str; 6] = ["--preset", "quick", "--metres-per-unit", "1", "--max-splats", "80000"];
+const TRAINING: [&str; 6] = ["--preset", "quick", "--metres-per-unit", "1", "--sky-splats", "6000"];
 
 #[cfg(test)]
 mod tests {

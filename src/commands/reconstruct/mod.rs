@@ -102,6 +102,10 @@ struct TrainingArgs {
     /// What stands behind the splats while they learn: black or random
     #[arg(long, value_name = "COLOR", default_value = "random", help_heading = "Training")]
     background: BackgroundArg,
+    /// Splats of a far shell that becomes the sky, if the place is under the open sky: how many on the whole
+    /// sphere, of which those in view are made
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=1_000_000), help_heading = "Training")]
+    sky_splats: u32,
     /// How splats smaller than a pixel are drawn: classic or antialiased
     #[arg(long, value_name = "MODE", default_value = "classic", value_parser = super::render::parse_rasterization, help_heading = "Training")]
     rasterization: Rasterization,

@@ -105,7 +105,7 @@ impl<'a> Run<'a> {
                     sh_degree: config.sh_degree,
                     seed: config.seed,
                 };
-                let splats = if data.capture.points.is_empty() {
+                let mut splats = if data.capture.points.is_empty() {
                     start::blind(&cameras, extent, &begin)
                 } else {
                     start::from_points(&data.capture.points, extent, &begin)
@@ -113,6 +113,8 @@ impl<'a> Run<'a> {
                 if splats.is_empty() {
                     bail!("{}: no point of the model is finite; make it again", args.dataset.display());
                 }
+                let sky = args.training.sky_splats as usize;
+                start::add_shell(&mut splats, &cameras, &data.capture.points, extent, sky);
                 Trainer::new(config, run, splats, extent, data.teaching.len())?
             }
         };
