@@ -59,7 +59,7 @@ fn usage(error: &clap::Error) -> ExitCode {
                 text.split("\n\n").map(|part| part.split_whitespace().collect::<Vec<_>>().join(" "));
             let what = parts.next().unwrap_or_default();
             let meant = parts
-                .find(|part| part.starts_with("tip: a similar "))
+                .find(|part| part.starts_with("tip: a similar ") || part.starts_with("tip: some similar "))
                 .map(|tip| tip.replacen("tip: ", "; ", 1));
             eprintln!("{} (--help lists the options)", one_line(&(what + &meant.unwrap_or_default())));
             ExitCode::from(2)

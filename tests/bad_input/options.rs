@@ -7,7 +7,10 @@ fn the_command_line_itself() {
     let place = Place::new();
     for (args, says) in [
         (&["render"][..], "required arguments were not provided: <SCENE>"),
-        (&["rendr", "good.ply"], "unrecognized subcommand 'rendr'; a similar subcommand exists: 'render'"),
+        (
+            &["rendr", "good.ply"],
+            "unrecognized subcommand 'rendr'; some similar subcommands exist: 'reconstruct', 'render'",
+        ),
         (
             &["render", "good.ply", "--wether", "fog"],
             "'--wether' found; a similar argument exists: '--weather'",

@@ -219,17 +219,17 @@ fn views_that_are_none() {
     place.put("huge/images.bin", [0; 8]);
     place.put("text/sparse/0/cameras.txt", "1 PINHOLE 100 100 50 50 50 50\n");
     place.put("text/sparse/0/images.txt", "# Images\n1 1 0 0 0 0 0 x 1 a.jpg\n\n");
-    place.put("radial/cameras.txt", "1 SIMPLE_RADIAL 100 100 50 50 50 0.1\n");
+    place.put("radial/cameras.txt", "1 OPENCV_FISHEYE 100 100 50 50 50 50 0 0 0 0\n");
     place.put("radial/images.txt", "");
     for (folder, says) in [
         ("missing", "missing: no such file or folder; check the path"),
-        ("good.ply", "good.ply: no COLMAP model here: cameras.bin and images.bin"),
-        ("empty", "empty: no COLMAP model here: cameras.bin and images.bin"),
+        ("good.ply", "good.ply: no COLMAP model and no transforms.json here"),
+        ("empty", "empty: no COLMAP model and no transforms.json here"),
         ("half", "half/cameras.bin: cut off in the number of cameras; copy the file"),
         ("cut", "cut/cameras.bin: cut off in the number of cameras; copy the file"),
         ("huge", "huge/cameras.bin, byte 8: camera 4294967295 has the model number -1"),
         ("text", "text/sparse/0/images.txt, line 2: \"x\" is no number for a pose"),
-        ("radial", "radial/cameras.txt, line 1: camera 1 has the model SIMPLE_RADIAL, which has distortion"),
+        ("radial", "radial/cameras.txt, line 1: camera 1 has the model OPENCV_FISHEYE"),
     ] {
         place.render_refused("good.ply", &["--views", folder], &[says]);
     }
