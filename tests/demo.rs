@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 fn demo(out: &Path, options: &[&str]) -> Output {
     let small = [("--detail", "0.1"), ("--size", "96x64"), ("--seconds", "0.5")];
     let small = small.iter().filter(|(name, _)| !options.contains(name));
-    let kind: &[&str] = if options.contains(&"--steps") { &[] } else { &["--instant"] };
+    let kind: &[&str] = if options.contains(&"--steps") { &["--from-photos"] } else { &[] };
     run(
         &["--out"],
         out,

@@ -1,7 +1,7 @@
 //! `demo`: the main job on a built-in place, with no input and no download: photos, scene, weather.
 //!
 //! The picture at the top of the README, `docs/demo-sheet.png`, is the `sheet.png` of
-//! `weather-magician demo --instant --only sheet --detail 1.5 --size 480x320`.
+//! `weather-magician demo --only sheet --detail 1.5 --size 480x320`.
 
 mod film;
 mod photos;
@@ -43,17 +43,18 @@ const SHEET: [(&str, Option<&str>); 4] =
 /// Options of `demo`.
 #[derive(Args, Debug)]
 pub struct DemoArgs {
-    /// Folder to write photos/, street.ply, sheet.png and fog.mp4 into
+    /// Folder to write street.ply, sheet.png and fog.mp4 into, and photos/ where there are some
     #[arg(short, long, value_name = "FOLDER", default_value = "weather-magician-demo")]
     out: PathBuf,
     /// Size of the film, and of each picture of the sheet, px [default: 960x640; of --photos, 600x400]
     #[arg(long, value_name = "WxH", value_parser = spec::parse_size)]
     size: Option<(u32, u32)>,
-    /// Take no photos: sample the scene from the street's own surfaces, which is quicker and sharper
+    /// Do the whole job: take photos of the street and reconstruct the scene from them, instead of sampling
+    /// it from the street's own surfaces, which is quicker and sharper
     #[arg(long)]
-    instant: bool,
+    from_photos: bool,
     /// Only take the photos, with exact depth, normals and sky, into this folder (a COLMAP data set)
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["instant", "only", "steps"], help_heading = "Photos")]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["from_photos", "only", "steps"], help_heading = "Photos")]
     photos: Option<PathBuf>,
     /// How many photos
     #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(3..=100_000), help_heading = "Photos")]
@@ -71,12 +72,12 @@ pub struct DemoArgs {
     )]
     truth: Truth,
     /// Steps of the training
-    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
+    #[arg(long, value_name = "N", default_value_t = 2000, requires = "from_photos", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
     steps: u32,
     /// Length of the film
     #[arg(long, value_name = "S", default_value_t = 8.0)]
     seconds: f64,
-    /// How finely the street is sampled with --instant: 2 makes about four times the splats of 1
+    /// How finely the street's surfaces are sampled: 2 makes about four times the splats of 1
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     detail: f64,
     /// Write no more than this: scene, sheet, film, or several
@@ -150,7 +151,7 @@ pub fn run(args: &DemoArgs) -> Result<()> {
         drop(video::create_video(&film, args.video()?)?);
     }
     let path = args.out.join("street.ply");
-    let scene = if args.instant { sampled(args, &path)? } else { reconstructed(args, &path)? };
+    let scene = if args.from_photos { reconstructed(args, &path)? } else { sampled(args, &path)? };
     if args.wants(Part::Sheet) || args.wants(Part::Film) {
         draw(args, scene, &film)?;
     }
@@ -208,7 +209,7 @@ fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
     let mut studio = Studio::new(loaded, config);
     if args.wants(Part::Sheet) {
         // Photos show the street from the start of the walk on, and less at the edge of what they show.
-        let view = if args.instant { Place::views()[0] } else { Place::dolly(SHEET_AT) };
+        let view = if args.from_photos { Place::dolly(SHEET_AT) } else { Place::views()[0] };
         draw_sheet(&mut studio, &view.camera(args.size())?, &args.out.join("sheet.png"))?;
     }
     if args.wants(Part::Film) {
