@@ -1,8 +1,8 @@
 //! The CPU back end: the stages in order over threads.
 //!
-//! Two parallel sweeps a frame. [`front`] runs over clusters of splats in model order: cull, project,
+//! Two parallel sweeps a frame. `front` runs over clusters of splats in model order: cull, project,
 //! shade, intersect, all while 256 splats are in the first cache. Then the lists of the tiles are laid
-//! out and filled. [`back`] runs over tiles: sort, blend, finish, each tile in the first cache. No
+//! out and filled. `back` runs over tiles: sort, blend, finish, each tile in the first cache. No
 //! value depends on which thread did what, so the bytes are the same for any number of threads.
 
 mod back;
