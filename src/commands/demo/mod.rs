@@ -102,6 +102,11 @@ enum Part {
 }
 
 impl DemoArgs {
+    /// Where the sheet is drawn from: where the scene is good.
+    fn view(&self) -> Viewpoint {
+        if self.from_photos { Place::dolly(SHEET_AT) } else { Place::views()[0] }
+    }
+
     fn size(&self) -> (u32, u32) {
         self.size.unwrap_or((960, 640))
     }
@@ -157,7 +162,7 @@ pub fn run(args: &DemoArgs) -> Result<()> {
     }
     println!("done in {:.0} s", started.elapsed().as_secs_f64());
     if path.is_file() {
-        let (scene, camera) = (quoted(&path), camera_text(&Place::views()[0]));
+        let (scene, camera) = (quoted(&path), camera_text(&args.view()));
         println!("go on with it, for example:");
         println!("  weather-magician render {scene} --weather dense-fog --camera {camera}");
         println!(
@@ -209,7 +214,7 @@ fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
     let mut studio = Studio::new(loaded, config);
     if args.wants(Part::Sheet) {
         // Photos show the street from the start of the walk on, and less at the edge of what they show.
-        let view = if args.from_photos { Place::dolly(SHEET_AT) } else { Place::views()[0] };
+        let view = args.view();
         draw_sheet(&mut studio, &view.camera(args.size())?, &args.out.join("sheet.png"))?;
     }
     if args.wants(Part::Film) {
