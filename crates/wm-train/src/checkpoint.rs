@@ -114,9 +114,8 @@ pub fn write(path: &Path, head: &Head, state: &TrainState) -> Result<(), Checkpo
         out.write_all(MAGIC)?;
         out.write_all(&(text.len() as u64).to_le_bytes())?;
         out.write_all(&text)?;
-        let mut state = state.clone();
         let mut bytes = Vec::new();
-        for array in arrays(&mut state, head.config.sh_degree) {
+        for array in arrays!(state, as_flattened) {
             for values in array.chunks(1 << 16) {
                 bytes.clear();
                 bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
@@ -206,7 +205,7 @@ fn parse(bytes: &[u8]) -> Result<(Head, TrainState), Fault> {
     };
     let population = Population { moments: Moments::new(&splats), pulls: Pulls::new(head.splats), splats };
     let mut state = TrainState { step: head.step, population, exposures: Exposures::new(head.exposures) };
-    for array in arrays(&mut state, degree) {
+    for array in arrays!(state, as_flattened_mut, mut) {
         let (own, after) = rest.split_at(4 * array.len());
         for (value, bytes) in array.iter_mut().zip(own.as_chunks::<4>().0) {
             *value = f32::from_le_bytes(*bytes);
@@ -219,25 +218,37 @@ fn parse(bytes: &[u8]) -> Result<(Head, TrainState), Fault> {
     Ok((head, state))
 }
 
-/// Every array of a state, in the order of the file.
-fn arrays(state: &mut TrainState, sh_degree: u8) -> Vec<&mut [f32]> {
-    let Population { splats, moments, pulls } = &mut state.population;
-    let mut arrays: Vec<&mut [f32]> = vec![
-        splats.means.as_flattened_mut(),
-        splats.quats.as_flattened_mut(),
-        splats.log_scales.as_flattened_mut(),
-        &mut splats.logit_opacities,
-        &mut splats.sh,
-    ];
-    for (pair, _) in moments.arrays(sh_degree) {
-        arrays.push(&mut pair.first);
-        arrays.push(&mut pair.second);
-    }
-    arrays.extend([&mut pulls.sums[..], &mut pulls.counts, &mut pulls.radii]);
-    arrays.push(state.exposures.changes.as_flattened_mut());
-    arrays.push(state.exposures.moments.as_flattened_mut().as_flattened_mut());
-    arrays
+/// Every array of a state, in the order of the file: `arrays!(state, as_flattened)` to read,
+/// `arrays!(state, as_flattened_mut, mut)` to fill.
+macro_rules! arrays {
+    ($state:expr, $flat:ident $(, $mutable:tt)?) => {{
+        let Population { splats, moments, pulls } = & $($mutable)? $state.population;
+        let Moments { means, quats, log_scales, logit_opacities, sh } = moments;
+        [
+            splats.means.$flat(),
+            splats.quats.$flat(),
+            splats.log_scales.$flat(),
+            & $($mutable)? splats.logit_opacities[..],
+            & $($mutable)? splats.sh[..],
+            & $($mutable)? means.first[..],
+            & $($mutable)? means.second[..],
+            & $($mutable)? quats.first[..],
+            & $($mutable)? quats.second[..],
+            & $($mutable)? log_scales.first[..],
+            & $($mutable)? log_scales.second[..],
+            & $($mutable)? logit_opacities.first[..],
+            & $($mutable)? logit_opacities.second[..],
+            & $($mutable)? sh.first[..],
+            & $($mutable)? sh.second[..],
+            & $($mutable)? pulls.sums[..],
+            & $($mutable)? pulls.counts[..],
+            & $($mutable)? pulls.radii[..],
+            $state.exposures.changes.$flat(),
+            $state.exposures.moments.$flat().$flat(),
+        ]
+    }};
 }
+use arrays;
 
 const FNV_START: u64 = 0xcbf2_9ce4_8422_2325;
 

@@ -27,6 +27,15 @@ pub struct Trainer {
     state: TrainState,
     extent: f64,
     work: Work,
+    /// The orders of the last two epochs that were asked for: steps ahead reach into the next.
+    orders: [Order; 2],
+}
+
+/// In which order an epoch sees the photos.
+#[derive(Default)]
+struct Order {
+    epoch: u32,
+    places: Vec<usize>,
 }
 
 /// Everything that a step leaves to the next.
@@ -132,7 +141,7 @@ impl Trainer {
             Box::new(L1 { weight: config.loss.l1 }),
             Box::new(Dssim::new(config.loss.ssim, renderer.path())),
         ];
-        Ok(Self { config, terms, renderer, state, extent, work: Work::default() })
+        Ok(Self { config, terms, renderer, state, extent, work: Work::default(), orders: Default::default() })
     }
 
     /// Adds a term to those that the configuration names.
@@ -173,10 +182,15 @@ impl Trainer {
     /// The place in a list of `photos` of the photo that step `step` (from 0) sees: each once an epoch, in an
     /// order of its own.
     #[must_use]
-    pub fn photo_at(&self, step: u32, photos: usize) -> usize {
+    pub fn photo_at(&mut self, step: u32, photos: usize) -> usize {
         let count = photos as u32;
-        let order = Random::new(self.config.seed, Purpose::Order, step / count).permutation(photos);
-        order[(step % count) as usize]
+        let epoch = step / count;
+        let order = &mut self.orders[(epoch % 2) as usize];
+        if order.epoch != epoch || order.places.len() != photos {
+            let places = Random::new(self.config.seed, Purpose::Order, epoch).permutation(photos);
+            *order = Order { epoch, places };
+        }
+        order.places[(step % count) as usize]
     }
 
     /// How often the sides of photos are halved for step `step`.
@@ -388,7 +402,8 @@ mod tests {
         while !trainer.is_done() {
             let mut sum = 0.0;
             for _ in 0..4 {
-                let index = trainer.photo_at(trainer.state().step, 4);
+                let step = trainer.state().step;
+                let index = trainer.photo_at(step, 4);
                 let truth = Truth { rgb: &photos[index], mask: None, camera: &cameras[index] };
                 sum += trainer.step(&truth, index).unwrap().loss;
             }

@@ -70,6 +70,15 @@ struct Score {
     ssim: f64,
 }
 
+impl Score {
+    /// `None` of none.
+    fn mean(scores: &[(usize, Self)]) -> Option<Self> {
+        let count = scores.len() as f64;
+        let mean = |of: fn(&Self) -> f64| scores.iter().map(|(_, score)| of(score)).sum::<f64>() / count;
+        (count > 0.0).then(|| Self { psnr: mean(|score| score.psnr), ssim: mean(|score| score.ssim) })
+    }
+}
+
 impl<'a> Run<'a> {
     /// Begins, or goes on.
     pub fn new(
@@ -253,14 +262,18 @@ impl<'a> Run<'a> {
 
     /// The held-out photos' mean score; `None` where none is held out.
     fn evaluate(&mut self) -> Result<Option<Score>> {
-        let (mut sum, mut count, mut ssim) = (Score::default(), 0.0, Ssim::new(self.trainer.path()));
+        Ok(Score::mean(&self.scores()?))
+    }
+
+    /// The held-out photos' places and scores, without damaged ones.
+    fn scores(&mut self) -> Result<Vec<(usize, Score)>> {
+        let (mut scores, mut ssim) = (Vec::new(), Ssim::new(self.trainer.path()));
         for place in &self.data.held_out {
-            let Some(score) = self.score(*place, &mut ssim)? else { continue };
-            sum.psnr += score.psnr;
-            sum.ssim += score.ssim;
-            count += 1.0;
+            if let Some(score) = self.score(*place, &mut ssim)? {
+                scores.push((*place, score));
+            }
         }
-        Ok((count > 0.0).then(|| Score { psnr: sum.psnr / count, ssim: sum.ssim / count }))
+        Ok(scores)
     }
 
     /// `None` for a damaged photo.
@@ -313,12 +326,11 @@ impl<'a> Run<'a> {
                 ms(seconds - sum.times.total()),
             );
         }
-        let mut ssim = Ssim::new(self.trainer.path());
-        for place in self.data.held_out.clone() {
-            let Some(Score { psnr, ssim }) = self.score(place, &mut ssim)? else { continue };
-            println!("held-out {}: {psnr:.2} dB, SSIM {ssim:.4}", self.data.name(place));
+        let scores = self.scores()?;
+        for (place, Score { psnr, ssim }) in &scores {
+            println!("held-out {}: {psnr:.2} dB, SSIM {ssim:.4}", self.data.name(*place));
         }
-        if let Some(Score { psnr, ssim }) = self.evaluate()? {
+        if let Some(Score { psnr, ssim }) = Score::mean(&scores) {
             println!("held-out mean of {}: {psnr:.2} dB, SSIM {ssim:.4}", self.data.held_out.len());
             let step = self.trainer.state().step;
             let splats = self.trainer.splats().len();
@@ -353,7 +365,9 @@ impl<'a> Run<'a> {
         write_scene(out, &scene)?;
         scene_folder::write_cameras(&scene_folder::cameras_path(out), &scene.views)?;
         println!("{}: {} splats", out.display(), scene.splats.len());
-        if let Some(warning) = Survey::of(&scene, &Metadata::default()).warning() {
+        if scene.metadata.metres_per_unit.is_none()
+            && let Some(warning) = survey.warning()
+        {
             eprintln!("warning: {warning}");
         }
         Ok(())
