@@ -1,7 +1,7 @@
 //! A training on disk: everything that its next step depends on.
 //!
-//! `WMTRAIN1`, the length of a JSON head (u64), the head, then arrays of little-endian f32 in a fixed order
-//! and of the lengths that the head gives, and a checksum (FNV-1a, 64 bit) of all before it. A file is whole
+//! `WMTRAIN2`, the length of a JSON head (u64), the head, then arrays of little-endian f32 in a fixed order
+//! and of the lengths that the head gives, then of u32, and a checksum (FNV-1a, 64 bit) of all before it. A file is whole
 //! or not there: it is written beside and renamed.
 
 use crate::config::TrainConfig;
@@ -16,7 +16,7 @@ use thiserror::Error;
 use wm_scene::files::write_atomically;
 use wm_scene::{FormatError, Group, Splats, sh};
 
-const MAGIC: &[u8; 8] = b"WMTRAIN1";
+const MAGIC: &[u8; 8] = b"WMTRAIN2";
 /// Longest head, bytes.
 const MAX_HEAD: u64 = 1 << 24;
 
@@ -122,7 +122,7 @@ pub fn write(path: &Path, head: &Head, state: &TrainState) -> Result<(), Checkpo
                 out.write_all(&bytes)?;
             }
         }
-        for steps in &state.exposures.steps {
+        for steps in [&state.population.seen, &state.exposures.steps].into_iter().flatten() {
             out.write_all(&steps.to_le_bytes())?;
         }
         let sum = out.sum;
@@ -177,8 +177,8 @@ fn parse(bytes: &[u8]) -> Result<(Head, TrainState), Fault> {
     if degree > sh::MAX_DEGREE {
         return Err(Fault::Version);
     }
-    // Bytes a splat: parameters and two moments each, and three pulls.
-    let per_splat = 4 * (3 * (11 + 3 * sh::coefficients(degree)) + 3);
+    // Bytes a splat: parameters and two moments each, three pulls, and when it was seen.
+    let per_splat = 4 * (3 * (11 + 3 * sh::coefficients(degree)) + 4);
     let expected = head.splats.checked_mul(per_splat).zip(head.exposures.checked_mul(4 * (3 * NUMBERS + 1)));
     if expected.and_then(|(a, b)| a.checked_add(b)) != Some(rest.len()) {
         return Err(Fault::Damaged("its size is not what its head says".into()));
@@ -203,7 +203,8 @@ fn parse(bytes: &[u8]) -> Result<(Head, TrainState), Fault> {
         sh_degree: degree,
         groups,
     };
-    let population = Population { moments: Moments::new(&splats), pulls: Pulls::new(head.splats), splats };
+    let (moments, pulls) = (Moments::new(&splats), Pulls::new(head.splats));
+    let population = Population { splats, moments, pulls, seen: vec![0; head.splats] };
     let mut state = TrainState { step: head.step, population, exposures: Exposures::new(head.exposures) };
     for array in arrays!(state, as_flattened_mut, mut) {
         let (own, after) = rest.split_at(4 * array.len());
@@ -212,7 +213,8 @@ fn parse(bytes: &[u8]) -> Result<(Head, TrainState), Fault> {
         }
         rest = after;
     }
-    for (steps, bytes) in state.exposures.steps.iter_mut().zip(rest.as_chunks::<4>().0) {
+    let steps = [&mut state.population.seen, &mut state.exposures.steps].into_iter().flatten();
+    for (steps, bytes) in steps.zip(rest.as_chunks::<4>().0) {
         *steps = u32::from_le_bytes(*bytes);
     }
     Ok((head, state))
@@ -222,7 +224,7 @@ fn parse(bytes: &[u8]) -> Result<(Head, TrainState), Fault> {
 /// `arrays!(state, as_flattened_mut, mut)` to fill.
 macro_rules! arrays {
     ($state:expr, $flat:ident $(, $mutable:tt)?) => {{
-        let Population { splats, moments, pulls } = & $($mutable)? $state.population;
+        let Population { splats, moments, pulls, seen: _ } = & $($mutable)? $state.population;
         let Moments { means, quats, log_scales, logit_opacities, sh } = moments;
         [
             splats.means.$flat(),
@@ -286,6 +288,7 @@ mod tests {
         population.splats.groups[3] = Group::Sky;
         population.moments.sh.first[7] = 0.25;
         population.pulls.radii[9] = 12.0;
+        population.seen[39] = 1230;
         let mut exposures = Exposures::new(3);
         exposures.changes[1][4] = 0.5;
         exposures.steps[2] = 77;

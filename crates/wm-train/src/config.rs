@@ -33,6 +33,8 @@ pub struct TrainConfig {
     pub start_opacity: f64,
     /// Standard deviation that splats begin with, in distances to their neighbours.
     pub start_scale: f64,
+    /// Splats of a far shell that becomes the sky: how many on the whole sphere.
+    pub sky_splats: u32,
 }
 
 /// What stands behind the splats while they learn.
@@ -149,6 +151,7 @@ impl TrainConfig {
             densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),
             start_opacity: 0.1,
             start_scale: 1.0,
+            sky_splats: 0,
         }
     }
 
@@ -186,7 +189,17 @@ impl RateConfig {
     }
 }
 
+/// Pixels of photos for each splat, at least: more splats than that learn single photos by heart.
+const PIXELS_A_SPLAT: u64 = 100;
+
 impl Preset {
+    /// Most splats for photos of `pixels` in all.
+    #[must_use]
+    pub fn max_splats_for(self, pixels: u64) -> usize {
+        let told_apart = usize::try_from(pixels / PIXELS_A_SPLAT).unwrap_or(usize::MAX);
+        self.max_splats().min(told_apart.max(1000))
+    }
+
     /// Most splats.
     #[must_use]
     pub fn max_splats(self) -> usize {

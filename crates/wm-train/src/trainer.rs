@@ -26,6 +26,8 @@ pub struct Trainer {
     renderer: Differentiable,
     state: TrainState,
     extent: f64,
+    /// Photos that teach.
+    photos: usize,
     work: Work,
     /// The orders of the last two epochs that were asked for: steps ahead reach into the next.
     orders: [Order; 2],
@@ -123,10 +125,10 @@ impl Trainer {
             Exposure::Photo => Exposures::new(photos),
         };
         let state = TrainState { step: 0, population: Population::new(splats), exposures };
-        Self::resumed(config, run, state, extent)
+        Self::resumed(config, run, state, extent, photos)
     }
 
-    /// Goes on from `state`.
+    /// Goes on from `state`; `extent` and `photos` as at the beginning.
     ///
     /// # Errors
     /// [`RenderError`] if threads or the SIMD path cannot be had.
@@ -135,13 +137,15 @@ impl Trainer {
         run: CpuConfig,
         state: TrainState,
         extent: f64,
+        photos: usize,
     ) -> Result<Self, RenderError> {
         let renderer = Differentiable::new(run)?;
         let terms: Vec<Box<dyn LossTerm>> = vec![
             Box::new(L1 { weight: config.loss.l1 }),
             Box::new(Dssim::new(config.loss.ssim, renderer.path())),
         ];
-        Ok(Self { config, terms, renderer, state, extent, work: Work::default(), orders: Default::default() })
+        let (work, orders) = (Work::default(), Default::default());
+        Ok(Self { config, terms, renderer, state, extent, photos, work, orders })
     }
 
     /// Adds a term to those that the configuration names.
@@ -179,15 +183,15 @@ impl Trainer {
         self.state.step >= self.config.steps
     }
 
-    /// The place in a list of `photos` of the photo that step `step` (from 0) sees: each once an epoch, in an
+    /// The place in the list of photos of the one that step `step` (from 0) sees: each once an epoch, in an
     /// order of its own.
     #[must_use]
-    pub fn photo_at(&mut self, step: u32, photos: usize) -> usize {
-        let count = photos as u32;
+    pub fn photo_at(&mut self, step: u32) -> usize {
+        let count = self.photos as u32;
         let epoch = step / count;
         let order = &mut self.orders[(epoch % 2) as usize];
-        if order.epoch != epoch || order.places.len() != photos {
-            let places = Random::new(self.config.seed, Purpose::Order, epoch).permutation(photos);
+        if order.epoch != epoch || order.places.is_empty() {
+            let places = Random::new(self.config.seed, Purpose::Order, epoch).permutation(self.photos);
             *order = Order { epoch, places };
         }
         order.places[(step % count) as usize]
@@ -265,6 +269,7 @@ impl Trainer {
         report.times.backward = lap();
 
         let population = &mut self.state.population;
+        population.see(&work.gradients.visible, step + 1);
         match &self.config.densify {
             Densify::Fixed => {}
             // Here, since renders of single terms leave gradients of their own.
@@ -305,8 +310,9 @@ impl Trainer {
                 report.densified = control.after(step + 1, population, self.extent, random(Purpose::Sample));
             }
             Densify::Mcmc(chain) => {
-                report.densified = chain.after(step + 1, population, random(Purpose::Sample));
-                chain.explore(population, rates.means, random(Purpose::Noise));
+                let samples = random(Purpose::Sample);
+                report.densified = chain.after(step + 1, self.photos, population, samples);
+                chain.explore(population, rates.means, self.extent, random(Purpose::Noise));
             }
         }
         report.times.densify = lap();
@@ -403,7 +409,7 @@ mod tests {
             let mut sum = 0.0;
             for _ in 0..4 {
                 let step = trainer.state().step;
-                let index = trainer.photo_at(step, 4);
+                let index = trainer.photo_at(step);
                 let truth = Truth { rgb: &photos[index], mask: None, camera: &cameras[index] };
                 sum += trainer.step(&truth, index).unwrap().loss;
             }

@@ -84,6 +84,11 @@ impl Data {
         self.teaching.iter().map(|place| self.photos.camera(*place, 0)).collect()
     }
 
+    /// Pixels of the photos that teach.
+    pub fn pixels(&self) -> u64 {
+        self.cameras().iter().map(|camera| u64::from(camera.width) * u64::from(camera.height)).sum()
+    }
+
     /// Every photo's camera with its name.
     pub fn views(&self) -> Vec<View> {
         let view = |place| View { name: self.name(place).to_owned(), camera: self.photos.camera(place, 0) };

@@ -84,7 +84,7 @@ struct TrainingArgs {
     /// Steps; each sees one photo [default: the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Training")]
     steps: Option<u32>,
-    /// Most splats [default: 100,000, 300,000 or 1,000,000 by preset]
+    /// Most splats [default: 100,000, 300,000 or 1,000,000 by preset, but one for 100 pixels of all photos]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=20_000_000), help_heading = "Training")]
     max_splats: Option<u32>,
     /// How splats come and go: mcmc (a fixed budget), adaptive (as first published) or fixed
@@ -153,8 +153,8 @@ choice! {
 }
 
 impl TrainingArgs {
-    /// The preset with what is changed of it.
-    fn config(&self) -> TrainConfig {
+    /// The preset with what is changed of it, for photos of `pixels` in all.
+    fn config(&self, pixels: u64) -> TrainConfig {
         let preset = match self.preset {
             PresetArg::Quick => Preset::Quick,
             PresetArg::Standard => Preset::Standard,
@@ -164,7 +164,7 @@ impl TrainingArgs {
         if let Some(steps) = self.steps {
             config.set_steps(steps);
         }
-        let most = self.max_splats.map_or_else(|| preset.max_splats(), |most| most as usize);
+        let most = self.max_splats.map_or_else(|| preset.max_splats_for(pixels), |most| most as usize);
         config.densify = match self.densify {
             DensifyArg::Mcmc => Densify::Mcmc(McmcConfig::for_steps(config.steps, most)),
             DensifyArg::Adaptive => Densify::Adaptive(AdaptiveConfig::for_steps(config.steps, most)),
@@ -185,6 +185,7 @@ impl TrainingArgs {
             BackgroundArg::Random => BackgroundKind::Random,
         };
         config.rasterization = self.rasterization;
+        config.sky_splats = self.sky_splats;
         config.seed = self.seed;
         config
     }
@@ -196,10 +197,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         bail!("--checkpoint-every {}: must be a number of seconds above 0", args.checkpoint_every);
     }
     let facts = args.facts.metadata()?;
-    let config = match &args.training.config {
-        Some(file) => folder::read_config(file)?,
-        None => args.training.config(),
-    };
+    let given = args.training.config.as_deref().map(folder::read_config).transpose()?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.ply", stem_of(&args.dataset))));
     formats::format_for(&out)?;
     check_writable(&out)?;
@@ -207,6 +205,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     let folder = folder::RunFolder::open(&run_folder, args.resume)?;
     let data = data::Data::open(&args.dataset, &args.photos, &folder)?;
     folder.make()?;
+    let config = given.unwrap_or_else(|| args.training.config(data.pixels()));
     training::Run::new(config, &data, &folder, args)?.go(&out, &facts)
 }
 

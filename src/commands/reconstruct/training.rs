@@ -92,7 +92,7 @@ impl<'a> Run<'a> {
         let extent = start::extent(&cameras);
         let trainer = match folder.resumed()? {
             Some((head, state)) => {
-                let trainer = Trainer::resumed(config, run, state, extent)?;
+                let trainer = Trainer::resumed(config, run, state, extent, data.teaching.len())?;
                 let same = head.config == *trainer.config()
                     && head.photos == taught(data)
                     && head.simd == trainer.path().to_string();
@@ -122,7 +122,7 @@ impl<'a> Run<'a> {
                 if splats.is_empty() {
                     bail!("{}: no point of the model is finite; make it again", args.dataset.display());
                 }
-                let sky = args.training.sky_splats as usize;
+                let sky = config.sky_splats as usize;
                 start::add_shell(&mut splats, &cameras, &data.capture.points, extent, sky);
                 Trainer::new(config, run, splats, extent, data.teaching.len())?
             }
@@ -200,9 +200,8 @@ impl<'a> Run<'a> {
 
     fn step(&mut self, sum: &mut Sum) -> Result<()> {
         let step = self.trainer.state().step;
-        let count = self.data.teaching.len();
         for ahead in step + 1..=(step + AHEAD).min(self.trainer.config().steps.saturating_sub(1)) {
-            let place = self.data.teaching[self.trainer.photo_at(ahead, count)];
+            let place = self.data.teaching[self.trainer.photo_at(ahead)];
             self.data.photos.prefetch(place, self.trainer.level_at(ahead, self.last_level));
         }
         let level = self.trainer.level_at(step, self.last_level);
@@ -222,7 +221,7 @@ impl<'a> Run<'a> {
     /// that is not, so that going on later takes the same way.
     fn taught_at(&mut self, step: u32, level: u8) -> Result<(usize, Arc<Photo>)> {
         let count = self.data.teaching.len();
-        let first = self.trainer.photo_at(step, count);
+        let first = self.trainer.photo_at(step);
         for index in (0..count).map(|further| (first + further) % count) {
             if let Some(photo) = self.photo(self.data.teaching[index], level)? {
                 return Ok((index, photo));
@@ -267,9 +266,9 @@ impl<'a> Run<'a> {
 
     /// The held-out photos' places and scores, without damaged ones.
     fn scores(&mut self) -> Result<Vec<(usize, Score)>> {
-        let (mut scores, mut ssim) = (Vec::new(), Ssim::new(self.trainer.path()));
+        let (mut scores, ssim) = (Vec::new(), Ssim::new(self.trainer.path()));
         for place in &self.data.held_out {
-            if let Some(score) = self.score(*place, &mut ssim)? {
+            if let Some(score) = self.score(*place, ssim)? {
                 scores.push((*place, score));
             }
         }
@@ -277,7 +276,7 @@ impl<'a> Run<'a> {
     }
 
     /// `None` for a damaged photo.
-    fn score(&mut self, place: usize, ssim: &mut Ssim) -> Result<Option<Score>> {
+    fn score(&mut self, place: usize, ssim: Ssim) -> Result<Option<Score>> {
         let Some(photo) = self.photo(place, 0)? else { return Ok(None) };
         let mut frame = Frame::default();
         self.trainer.render(&photo.camera, &mut frame)?;
@@ -343,7 +342,7 @@ impl<'a> Run<'a> {
 
     /// Writes the scene with what cameras tell of the place.
     fn write(&self, out: &Path, facts: &Metadata) -> Result<()> {
-        let mut splats = self.trainer.splats().clone();
+        let mut splats = self.trainer.state().population.drawn();
         label_sky(&mut splats);
         let metadata = Metadata {
             rasterization: Some(self.trainer.config().rasterization),

@@ -6,19 +6,29 @@
 //! `o' = 1 - (1 - o)^(1/n)` and the scales times
 //! `o / sum_{i=1..n} sum_{k=0..i-1} C(i-1, k) (-1)^k o'^(k+1) / sqrt(k+1)`. Noise along each splat's own
 //! shape explores, as long as it is nearly transparent. Opacities and sizes are pulled down a little.
+//!
+//! Other than published: noise does not depend on the scene's unit and moves a splat by its own size at
+//! most, or large ones would leave the scene for good; splats that no photo has in view any more are dead,
+//! since nothing pulls on their opacity; the sky's splats take no part.
 
 use super::{Densified, Population, Pulls};
 use crate::random::Random;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use wm_render::Gradients;
-use wm_scene::quat;
+use wm_scene::{Group, quat};
 use wm_scene::splats::{logit, sigmoid};
 
 /// Most splats that come to one place at once.
 const MOST_AT_ONE: usize = 51;
 /// Splats above this opacity have no noise: the gate is below 1e-4 there.
 const NOISY: f64 = 0.1;
+/// Extent of a scene, scene units, in which [`McmcConfig::noise`] is that of the publication: its scenes
+/// were of about this one.
+const USUAL_EXTENT: f64 = 5.0;
+/// Epochs after which what no photo has in view is dead: one epoch's last step and the next one's first
+/// can be nearly two apart.
+const LOST_AFTER: u32 = 2;
 
 /// Constants of the chain.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,7 +46,7 @@ pub struct McmcConfig {
     pub growth: f64,
     /// Opacity at or below which a splat is dead.
     pub dead: f64,
-    /// Noise in units of the step length of means.
+    /// Noise in units of the step length of means and of the splat's variance, in scenes of extent 5.
     pub noise: f64,
     /// Weight of the mean opacity in the loss.
     pub opacity: f64,
@@ -76,58 +86,71 @@ impl McmcConfig {
         }
     }
 
-    /// Moves nearly transparent splats at random; `rate` is the step length of means.
-    pub fn explore(&self, population: &mut Population, rate: f64, random: Random) {
+    /// Moves nearly transparent splats at random; `rate` is the step length of means in a scene of `extent`,
+    /// both in scene units.
+    pub fn explore(&self, population: &mut Population, rate: f64, extent: f64, random: Random) {
         let splats = &mut population.splats;
         let noisy = logit(NOISY) as f32;
+        let noise = self.noise * rate * (USUAL_EXTENT / extent).powi(2);
         let (quats, scales, opacities) = (&splats.quats, &splats.log_scales, &splats.logit_opacities);
+        let groups = &splats.groups;
         splats.means.par_iter_mut().enumerate().with_min_len(1024).for_each(|(i, mean)| {
-            if opacities[i] > noisy {
+            if opacities[i] > noisy || groups[i] == Group::Sky {
                 return;
             }
             let gate = sigmoid(-100.0 * (sigmoid(f64::from(opacities[i])) - 0.005));
             let matrix = quat::to_matrix(quats[i].map(f64::from));
             let normal = random.normal3(i as u64);
             let turned: [f64; 3] = std::array::from_fn(|k| {
-                let variance = (2.0 * f64::from(scales[i][k])).exp();
-                variance * (0..3).map(|row| matrix[row][k] * normal[row]).sum::<f64>()
+                let size = f64::from(scales[i][k]).exp();
+                size * (noise * gate * size).min(1.0) * (0..3).map(|row| matrix[row][k] * normal[row]).sum::<f64>()
             });
             for row in 0..3 {
                 let off: f64 = (0..3).map(|k| matrix[row][k] * turned[k]).sum();
-                mean[row] += (rate * self.noise * gate * off) as f32;
+                mean[row] += off as f32;
             }
         });
     }
 
-    /// What happens after `step` (from 1).
-    pub fn after(&self, step: u32, population: &mut Population, random: Random) -> Densified {
+    /// What happens after `step` (from 1) of a training on `photos` photos.
+    pub fn after(
+        &self,
+        step: u32,
+        photos: usize,
+        population: &mut Population,
+        random: Random,
+    ) -> Densified {
         if step < self.from || step >= self.until || !step.is_multiple_of(self.every) {
             return Densified::default();
         }
         let count = population.len();
-        let dead: Vec<usize> = (0..count).filter(|i| population.splats.opacity(*i) <= self.dead).collect();
-        let mut moved = 0;
-        // Where all are dead there is nowhere to go.
-        if dead.len() < count {
-            let hosts = sample(population, &dead, dead.len(), random, 0);
-            population.settle(&hosts, self.dead);
-            for (dead, host) in dead.iter().zip(&hosts) {
-                population.take_place(*dead, *host);
-            }
-            moved = dead.len();
+        let lost_after = LOST_AFTER.saturating_mul(u32::try_from(photos).unwrap_or(u32::MAX));
+        let is_dead = |population: &Population, i: usize| {
+            population.splats.groups[i] != Group::Sky
+                && (population.splats.opacity(i) <= self.dead
+                    || step.saturating_sub(population.seen[i]) > lost_after)
+        };
+        let dead: Vec<usize> = (0..count).filter(|i| is_dead(population, *i)).collect();
+        let hosts = sample(population, &dead, dead.len(), random, 0);
+        population.settle(&hosts, self.dead);
+        for (dead, host) in dead.iter().zip(&hosts) {
+            population.take_place(*dead, *host);
         }
+        let moved = hosts.len();
         let grown = (count as f64 * (1.0 + self.growth)) as usize;
         let born = grown.max(count + 1).min(self.max_splats).saturating_sub(count);
-        let hosts = sample(population, &[], born, random, dead.len() as u64);
+        let still_dead = if moved > 0 { &[][..] } else { &dead[..] };
+        let hosts = sample(population, still_dead, born, random, dead.len() as u64);
         population.settle(&hosts, self.dead);
         population.copy(&hosts);
         population.sort();
         population.pulls = Pulls::new(population.len());
-        Densified { born, moved, gone: 0 }
+        Densified { born: hosts.len(), moved, gone: 0 }
     }
 }
 
-/// `wanted` live splats, each as likely as it is opaque, none of `dead` (ascending).
+/// `wanted` live splats, each as likely as it is opaque, none of `dead` (ascending) nor of the sky. None
+/// where nothing lives.
 fn sample(population: &Population, dead: &[usize], wanted: usize, random: Random, first: u64) -> Vec<usize> {
     let mut total = 0.0;
     let mut next = 0;
@@ -135,12 +158,15 @@ fn sample(population: &Population, dead: &[usize], wanted: usize, random: Random
         .map(|i| {
             if dead.get(next) == Some(&i) {
                 next += 1;
-            } else {
+            } else if population.splats.groups[i] != Group::Sky {
                 total += population.splats.opacity(i);
             }
             total
         })
         .collect();
+    if total == 0.0 {
+        return Vec::new();
+    }
     (0..wanted as u64)
         .map(|k| {
             let at = random.uniform(first + k) * total;
@@ -174,6 +200,7 @@ impl Population {
         splats.log_scales[index] = splats.log_scales[host];
         splats.logit_opacities[index] = splats.logit_opacities[host];
         splats.groups[index] = splats.groups[host];
+        self.seen[index] = self.seen[host];
         let stride = splats.sh_stride();
         splats.sh.copy_within(host * stride..(host + 1) * stride, index * stride);
         self.moments.clear_row(index, splats.sh_degree);
@@ -229,16 +256,17 @@ mod tests {
         let mut population = Population::new(random_splats(400, 1, 2));
         population.splats.logit_opacities.fill(0.5);
         population.splats.logit_opacities[..40].fill(-9.0);
+        population.seen.fill(595);
         let config = McmcConfig { max_splats: 410, ..McmcConfig::for_steps(30_000, 410) };
-        let done = config.after(600, &mut population, Random::new(0, Purpose::Sample, 600));
+        let done = config.after(600, 10, &mut population, Random::new(0, Purpose::Sample, 600));
         assert_eq!(done, Densified { born: 10, moved: 40, gone: 0 });
         assert_eq!(population.len(), 410);
         assert!((0..410).all(|i| population.splats.opacity(i) > 0.01));
         assert_eq!(
-            config.after(601, &mut population, Random::new(0, Purpose::Sample, 601)),
+            config.after(601, 10, &mut population, Random::new(0, Purpose::Sample, 601)),
             Densified::default()
         );
-        let done = config.after(700, &mut population, Random::new(0, Purpose::Sample, 700));
+        let done = config.after(700, 10, &mut population, Random::new(0, Purpose::Sample, 700));
         assert_eq!(done.born, 0);
     }
 
@@ -248,8 +276,68 @@ mod tests {
         population.splats.logit_opacities.fill(2.0);
         population.splats.logit_opacities[3] = -6.0;
         let before = population.splats.means.clone();
-        McmcConfig::for_steps(30_000, 50).explore(&mut population, 1e-4, Random::new(1, Purpose::Noise, 9));
+        McmcConfig::for_steps(30_000, 50).explore(&mut population, 1e-4, 5.0, Random::new(1, Purpose::Noise, 9));
         let moved: Vec<usize> = (0..50).filter(|i| population.splats.means[*i] != before[*i]).collect();
         assert_eq!(moved, [3]);
+    }
+
+    /// A far splat moves as far in units of the scene as a near one, and no splat farther than its size.
+    #[test]
+    fn noise_knows_no_unit_and_keeps_splats_at_home() {
+        let config = McmcConfig::for_steps(30_000, 50);
+        let moved = |unit: f64, growth: f64| -> Vec<f64> {
+            let mut population = Population::new(random_splats(50, 0, 3));
+            population.splats.logit_opacities.fill(-6.0);
+            let add = (unit * growth).ln() as f32;
+            population.splats.log_scales.iter_mut().flatten().for_each(|v| *v += add);
+            population.splats.means.iter_mut().flatten().for_each(|v| *v *= unit as f32);
+            let before = population.clone();
+            config.explore(&mut population, 1e-6 * unit, 5.0 * unit, Random::new(1, Purpose::Noise, 9));
+            let pairs = population.splats.means.iter().zip(&before.splats.means);
+            let off = pairs.map(|(a, b)| (0..3).map(|k| f64::from(a[k] - b[k]).powi(2)).sum::<f64>().sqrt());
+            off.map(|off| off / unit).collect()
+        };
+        for (one, thousand) in moved(1.0, 1.0).into_iter().zip(moved(1000.0, 1.0)) {
+            assert!((one - thousand).abs() < 1e-3 * one + 1e-5, "{one} {thousand}");
+        }
+        // Sizes of 1e4: 5 standard deviations of three axes.
+        let largest = random_splats(50, 0, 3).log_scales.iter().flatten().fold(f32::MIN, |a, b| a.max(*b));
+        let reach = 1e4 * f64::from(largest).exp() * 5.0 * 3f64.sqrt();
+        assert!(moved(1.0, 1e4).into_iter().all(|off| off < reach));
+    }
+
+    #[test]
+    fn what_no_photo_sees_any_more_moves_and_the_sky_stays() {
+        let mut population = Population::new(random_splats(60, 0, 4));
+        population.splats.logit_opacities.fill(0.5);
+        population.seen.fill(590);
+        population.seen[5] = 579;
+        population.splats.means[5] = [1e6; 3];
+        for sky in 10..40 {
+            population.splats.groups[sky] = Group::Sky;
+            population.seen[sky] = 0;
+        }
+        let skies = |population: &Population| {
+            population.splats.groups.iter().filter(|group| **group == Group::Sky).count()
+        };
+        let config = McmcConfig::for_steps(30_000, 80);
+        let done = config.after(600, 10, &mut population, Random::new(0, Purpose::Sample, 600));
+        assert_eq!(done, Densified { born: 3, moved: 1, gone: 0 });
+        assert!(population.splats.means.iter().flatten().all(|v| v.abs() < 1e5));
+        assert_eq!((population.len(), skies(&population)), (63, 30));
+    }
+
+    #[test]
+    fn where_nothing_lives_nothing_comes() {
+        let mut population = Population::new(random_splats(20, 0, 4));
+        population.splats.logit_opacities.fill(-9.0);
+        let before = population.splats.clone();
+        let done = McmcConfig::for_steps(30_000, 80).after(
+            600,
+            10,
+            &mut population,
+            Random::new(0, Purpose::Sample, 600),
+        );
+        assert_eq!((done, population.splats), (Densified::default(), before));
     }
 }

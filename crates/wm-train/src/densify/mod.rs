@@ -6,6 +6,7 @@ pub mod mcmc;
 use crate::optimizer::Moments;
 use wm_render::Gradients;
 use wm_render::cpu::model::morton_order;
+use wm_render::stages::project::MIN_ALPHA;
 use wm_scene::Splats;
 
 /// The splats of a training and everything that is known of each.
@@ -17,6 +18,8 @@ pub struct Population {
     pub moments: Moments,
     /// What pulled on them since splats last came or went.
     pub pulls: Pulls,
+    /// The last step that had each in view, or that made it, `[N]`.
+    pub seen: Vec<u32>,
 }
 
 /// What pulled on each splat; empty where the strategy does not ask.
@@ -54,7 +57,8 @@ impl Population {
     /// A population that begins.
     #[must_use]
     pub fn new(splats: Splats) -> Self {
-        let mut population = Self { moments: Moments::new(&splats), pulls: Pulls::new(splats.len()), splats };
+        let (moments, pulls, seen) = (Moments::new(&splats), Pulls::new(splats.len()), vec![0; splats.len()]);
+        let mut population = Self { splats, moments, pulls, seen };
         population.sort();
         population
     }
@@ -71,6 +75,21 @@ impl Population {
         self.splats.is_empty()
     }
 
+    /// Marks the splats that step `step` had in view.
+    pub fn see(&mut self, visible: &[u32], step: u32) {
+        for index in visible {
+            self.seen[*index as usize] = step;
+        }
+    }
+
+    /// The splats that any picture can show: the others are below the least alpha that is drawn.
+    #[must_use]
+    pub fn drawn(&self) -> Splats {
+        let splats = &self.splats;
+        let shown: Vec<usize> = (0..splats.len()).filter(|i| splats.opacity(*i) >= f64::from(MIN_ALPHA)).collect();
+        splats.select(&shown)
+    }
+
     /// Keeps the splats `indices`, in that order.
     pub fn select(&mut self, indices: &[usize]) {
         self.splats = self.splats.select(indices);
@@ -78,11 +97,14 @@ impl Population {
         for array in [&mut self.pulls.sums, &mut self.pulls.counts, &mut self.pulls.radii] {
             *array = indices.iter().map(|i| array[*i]).collect();
         }
+        self.seen = indices.iter().map(|i| self.seen[*i]).collect();
     }
 
     /// Adds copies of the splats `indices`, about which nothing is known yet.
     pub fn copy(&mut self, indices: &[usize]) {
         let copies = self.splats.select(indices);
+        let seen: Vec<u32> = indices.iter().map(|i| self.seen[*i]).collect();
+        self.seen.extend(seen);
         let splats = &mut self.splats;
         splats.means.extend(copies.means);
         splats.quats.extend(copies.quats);
@@ -126,6 +148,7 @@ mod tests {
         for i in 0..300 {
             population.moments.means.first[3 * i] = population.splats.means[i][0];
             population.pulls.sums[i] = population.splats.logit_opacities[i];
+            population.seen[i] = population.splats.logit_opacities[i].to_bits();
         }
         population.copy(&[7, 200]);
         population.splats.means[0] = [90.0; 3];
@@ -134,6 +157,7 @@ mod tests {
         let known = (0..302).filter(|i| {
             population.moments.means.first[3 * i] == population.splats.means[*i][0]
                 && population.pulls.sums[*i] == population.splats.logit_opacities[*i]
+                && population.seen[*i] == population.splats.logit_opacities[*i].to_bits()
         });
         assert_eq!(known.count(), 299);
     }
