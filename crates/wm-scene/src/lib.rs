@@ -8,6 +8,7 @@
 //! - [`Metadata`]: what weather must know of a scene: metres per unit, up, ground, sky.
 //! - [`Scene`]: the three together, read and written by [`formats`].
 //! - [`View`]: a photographed view, of a scene or a [`capture`].
+//! - [`npy`]: arrays of numbers on disk.
 //! - [`survey::Survey`]: what the splats and views say of the place where the metadata does not.
 
 pub mod camera;
@@ -20,6 +21,7 @@ pub mod group;
 pub mod health;
 pub mod metadata;
 mod nearest;
+pub mod npy;
 pub mod place;
 pub mod quat;
 pub mod scene;

@@ -8,7 +8,6 @@
 //!   [`exposure`] for their parts, and [`config`] (and its [`check`]) for what they depend on.
 //! - [`checkpoint`]: a training on disk.
 //! - [`metrics`]: how near a picture is to a photo.
-//! - [`npy`]: arrays on disk.
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
@@ -21,7 +20,6 @@ pub mod densify;
 pub mod exposure;
 pub mod losses;
 pub mod metrics;
-pub mod npy;
 pub mod optimizer;
 pub mod photos;
 pub mod random;
