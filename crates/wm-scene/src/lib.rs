@@ -30,8 +30,7 @@ mod source;
 pub mod splats;
 pub mod survey;
 pub mod synthetic;
-#[cfg(test)]
-mod testing;
+pub mod testing;
 
 pub use camera::{Camera, CameraError};
 pub use error::{FormatError, Location, Problem};

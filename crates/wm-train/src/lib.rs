@@ -26,8 +26,6 @@ pub mod random;
 pub mod schedule;
 pub mod ssim;
 pub mod start;
-#[cfg(test)]
-mod testing;
 pub mod trainer;
 
 pub use config::{Preset, TrainConfig};
