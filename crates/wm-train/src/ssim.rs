@@ -100,7 +100,26 @@ impl Ssim {
     /// # Panics
     /// If the sizes differ or are no rows of `width`.
     pub fn value(&mut self, x: &[f32], y: &[f32], width: usize) -> f64 {
-        self.forward(x, y, width)
+        self.forward(x, y, width, None) / x.len() as f64
+    }
+
+    /// The mean similarity over the pixels that count by `mask`, `[H, W]` with values 0-1; 1 if none does.
+    ///
+    /// Beyond the mask both pictures are black, as beyond the border: what lies there does not matter, every
+    /// pixel that counts is compared, and a mask of a rectangle gives what the rectangle alone would.
+    ///
+    /// # Panics
+    /// If the sizes differ or are no rows of `width`.
+    pub fn masked_value(&mut self, x: &[f32], y: &[f32], mask: &[f32], width: usize) -> f64 {
+        assert_eq!(x.len(), CHANNELS * mask.len(), "a picture and its mask");
+        let counted: f64 = mask.iter().map(|v| f64::from(*v)).sum();
+        if counted == 0.0 {
+            return 1.0;
+        }
+        let within = |rgb: &[f32]| -> Vec<f32> {
+            rgb.iter().enumerate().map(|(i, v)| v * mask[i / CHANNELS]).collect()
+        };
+        self.forward(&within(x), &within(y), width, Some(mask)) / (CHANNELS as f64 * counted)
     }
 
     /// The mean similarity, and `scale` times its derivative by each value of `x` added to `gradient`.
@@ -116,7 +135,7 @@ impl Ssim {
         gradient: &mut [f32],
     ) -> f64 {
         assert_eq!(x.len(), gradient.len());
-        let value = self.forward(x, y, width);
+        let value = self.forward(x, y, width, None) / x.len() as f64;
         let layout = Layout::of(x.len(), width);
         let scale = scale / x.len() as f32;
         let (slopes, path) = (&self.slopes[..], self.path);
@@ -128,7 +147,8 @@ impl Ssim {
         value
     }
 
-    fn forward(&mut self, x: &[f32], y: &[f32], width: usize) -> f64 {
+    /// The sum of the similarities of all pixels and channels, each times what its pixel counts.
+    fn forward(&mut self, x: &[f32], y: &[f32], width: usize, counts: Option<&[f32]>) -> f64 {
         let line = width * CHANNELS;
         assert!(x.len() == y.len() && line > 0 && x.len().is_multiple_of(line), "two pictures of one size");
         let layout = Layout::of(x.len(), width);
@@ -146,9 +166,10 @@ impl Ssim {
         let (path, x, y) = (self.path, &self.x[..], &self.y[..]);
         let rows = self.slopes.par_chunks_mut(3 * layout.padded).zip(&mut self.rows).enumerate();
         rows.for_each_init(Vec::new, |buffer, (row, (slopes, sum))| {
-            *sum = dispatch!(path, simd => forward_row(simd, row, layout, [x, y], slopes, buffer));
+            let counts = counts.map(|counts| &counts[row * width..(row + 1) * width]);
+            *sum = dispatch!(path, simd => forward_row(simd, row, layout, [x, y], counts, slopes, buffer));
         });
-        self.rows.iter().sum::<f64>() / (layout.line * layout.rows) as f64
+        self.rows.iter().sum()
     }
 }
 
@@ -184,6 +205,7 @@ fn forward_row<S: Lanes>(
     row: usize,
     layout: Layout,
     [x, y]: [&[f32]; 2],
+    counts: Option<&[f32]>,
     slopes: &mut [f32],
     buffer: &mut Vec<f32>,
 ) -> f64 {
@@ -224,6 +246,11 @@ fn forward_row<S: Lanes>(
         let mut values = [0.0; WIDEST];
         s.store_slice(&mut values[..S::N]);
         let inside = (MARGIN + layout.line - at).min(S::N);
+        if let Some(counts) = counts {
+            for (i, value) in values[..inside].iter_mut().enumerate() {
+                *value *= counts[(at - MARGIN + i) / CHANNELS];
+            }
+        }
         total += f64::from(values[..inside].iter().sum::<f32>());
     }
     // Beyond the picture nothing is compared.
@@ -334,6 +361,33 @@ mod tests {
                 assert!((got - want).abs() < 1e-5, "{path} {width}x{height}: {got}, want {want}");
                 assert!((Ssim::new(path).value(&x, &x, width) - 1.0).abs() < 1e-6);
             }
+        }
+    }
+
+    #[test]
+    fn what_a_mask_hides_does_not_count() {
+        let (width, height, kept) = (40, 21, 23);
+        let (x, y) = (picture(width, height, 5), picture(width, height, 6));
+        let mixed: Vec<f32> = x.iter().zip(&y).map(|(x, y)| 0.7 * x + 0.3 * y).collect();
+        let mask: Vec<f32> = (0..width * height).map(|i| f32::from(u8::from(i % width < kept))).collect();
+        let crop = |rgb: &[f32]| -> Vec<f32> {
+            rgb.chunks_exact(3 * width).flat_map(|row| &row[..3 * kept]).copied().collect()
+        };
+        for path in paths() {
+            let mut ssim = Ssim::new(path);
+            let got = ssim.masked_value(&x, &mixed, &mask, width);
+            // The same windows; at most some thousand f32 numbers up to 1 are summed in another order.
+            let want = ssim.value(&crop(&x), &crop(&mixed), kept);
+            assert!((got - want).abs() < 1e-6, "{path}: {got}, want {want}");
+            let garbage = picture(width, height, 7);
+            let spoilt: Vec<f32> =
+                (0..x.len()).map(|i| if mask[i / 3] == 0.0 { 1e3 * garbage[i] } else { x[i] }).collect();
+            assert_eq!(ssim.masked_value(&spoilt, &mixed, &mask, width), got, "{path}");
+            assert_eq!(
+                ssim.masked_value(&x, &mixed, &vec![1.0; mask.len()], width),
+                ssim.value(&x, &mixed, width)
+            );
+            assert_eq!(ssim.masked_value(&x, &mixed, &vec![0.0; mask.len()], width), 1.0);
         }
     }
 
