@@ -1,12 +1,13 @@
 //! Frames to files: which pictures, in which formats, under which names.
 
 use crate::media::color::Dither;
-use crate::media::{MediaError, Size, exr, npy, png};
+use crate::media::{MediaError, Size, exr, png};
 use crate::names::beside;
 use anyhow::{Result, bail};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use wm_render::{Frame, Geometry, MedianDepth, Outputs};
+use wm_scene::npy;
 
 /// A picture beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -123,6 +124,7 @@ impl Style {
     /// Writes the colour to `path` and the other pictures beside it; returns a line for each of them.
     pub fn write(&self, frame: &Frame, path: &Path) -> Result<Vec<String>> {
         let size = Size::new(frame.width, frame.height);
+        let (height, width) = (frame.height as usize, frame.width as usize);
         let Some(format) = Format::of(path) else {
             bail!("{}: a picture is written as .png, .exr or .npy", path.display());
         };
@@ -136,7 +138,7 @@ impl Style {
                     &self.tags,
                 )?;
             }
-            Format::Npy => npy::write_npy(path, &frame.rgb_linear(), size, 3)?,
+            Format::Npy => npy::write(path, &frame.rgb_linear(), &[height, width, 3])?,
         }
         self.also.iter().map(|also| self.write_also(*also, format, frame, size, path)).collect()
     }
@@ -162,6 +164,7 @@ impl Style {
     ) -> Result<String> {
         let path = Self::path_of(also, format, path);
         let format = also.format.unwrap_or(format);
+        let (height, width) = (frame.height as usize, frame.width as usize);
         let metres = |depth: &[f32]| -> Vec<f32> {
             depth.iter().map(|v| (f64::from(*v) * self.metres_per_unit) as f32).collect()
         };
@@ -178,7 +181,7 @@ impl Style {
                     Format::Exr => {
                         self.exr(&path, size, exr::Planes { depth: Some(&depth), ..Default::default() })?;
                     }
-                    Format::Npy => npy::write_npy(&path, &depth, size, 1)?,
+                    Format::Npy => npy::write(&path, &depth, &[height, width])?,
                 }
             }
             Kind::Normal => match format {
@@ -192,14 +195,14 @@ impl Style {
                         exr::Planes { normals: Some(&frame.normal), ..Default::default() },
                     )?;
                 }
-                Format::Npy => npy::write_npy(&path, &frame.normal, size, 3)?,
+                Format::Npy => npy::write(&path, &frame.normal, &[height, width, 3])?,
             },
             Kind::Alpha => match format {
                 Format::Png => png::write_alpha(&path, &frame.alpha, size, png::Bits::Sixteen, &self.tags)?,
                 Format::Exr => {
                     self.exr(&path, size, exr::Planes { alpha: Some(&frame.alpha), ..Default::default() })?;
                 }
-                Format::Npy => npy::write_npy(&path, &frame.alpha, size, 1)?,
+                Format::Npy => npy::write(&path, &frame.alpha, &[height, width])?,
             },
         }
         Ok(format!("{}{note}", path.display()))

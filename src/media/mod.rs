@@ -1,4 +1,4 @@
-//! Pictures and videos out of pixels: PNG, EXR, NPY, MP4, and contact sheets.
+//! Pictures and videos out of pixels: PNG, EXR, MP4, and contact sheets.
 //!
 //! Everything takes plain slices, so that nothing here knows a renderer:
 //!
@@ -20,7 +20,6 @@ pub mod color;
 mod dither;
 mod error;
 pub mod exr;
-pub mod npy;
 pub mod png;
 pub mod sheet;
 pub mod video;

@@ -21,7 +21,6 @@
 
 use super::{Options, ViewError, json};
 use glam::{DMat3, DQuat, DVec3};
-use wm_scene::camera::viewmat_of;
 use wm_scene::{Camera, survey::Survey};
 
 /// A camera at one time.
@@ -138,18 +137,7 @@ impl Path {
     #[must_use]
     pub fn at(&self, time: f64, size: (u32, u32)) -> Camera {
         let Key { eye, rotation, fov, .. } = self.key_at(time);
-        let rotation = DMat3::from_quat(rotation);
-        let focal = 0.5 * f64::from(size.1) / (0.5 * fov.to_radians()).tan();
-        Camera {
-            width: size.0,
-            height: size.1,
-            fx: focal,
-            fy: focal,
-            cx: 0.5 * f64::from(size.0),
-            cy: 0.5 * f64::from(size.1),
-            viewmat: viewmat_of(rotation, -(rotation * eye)),
-            near: self.near,
-        }
+        Camera { near: self.near, ..Camera::posed(size, fov, eye, DMat3::from_quat(rotation)) }
     }
 
     /// The interpolated key at `time`, seconds.

@@ -5,6 +5,7 @@ use glam::DVec3;
 use wm_render::{CpuConfig, CpuRenderer, Renderer, SetId};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::survey::{Source, Sourced, Survey, label_sky};
+use wm_scene::testing::data;
 use wm_scene::{Camera, Metadata, Scene, View, synthetic};
 
 /// A place with z up, the ground at 0, 10 units in radius.
@@ -38,16 +39,8 @@ pub fn views(names: &[&str]) -> Vec<View> {
 }
 
 /// A real scene by its file's name; `None`, said on stderr, where the data is not there.
-///
-/// The data lies in `WM_DATA`, or in `shared/data` beside the checkout.
 pub fn real(name: &str) -> Option<Scene> {
-    let beside = || concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data").into();
-    let path = std::env::var_os("WM_DATA").unwrap_or_else(beside);
-    let path = std::path::Path::new(&path).join(format!("scenes/{name}.ply"));
-    if !path.exists() {
-        eprintln!("skipped: {} is not there", path.display());
-        return None;
-    }
+    let path = data(&format!("scenes/{name}.ply"))?;
     Some(read_scene(&path, &ReadOptions::default()).unwrap())
 }
 

@@ -2,20 +2,19 @@
 //! and the place in it, and writes nothing.
 
 mod options;
+#[path = "../common/process.rs"]
+mod process;
 mod scenes;
 mod streams;
 mod weathers;
 
-use std::collections::BTreeMap;
+use process::{finish, refuses, said, wait};
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
-
-/// Longer than this nothing here may take; the machine may be busy.
-const PATIENCE: Duration = Duration::from_secs(20);
+use wm_scene::testing::data;
 
 /// What is given where a test says nothing else: a small picture of the small scene.
 const USUAL: [(&str, &str); 4] =
@@ -100,24 +99,8 @@ impl Place {
     }
 
     fn refused_by(&self, command: &mut Command, says: &[&str]) -> String {
-        let before = listing(self.path());
-        let output = finish(command);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        let what = format!("{command:?}\n{:?}\n{said}", output.status);
-        assert!(matches!(output.status.code(), Some(1 | 2)), "{what}");
-        assert!(!said.contains("panicked"), "{what}");
         // What the scene lacks and which camera was chosen may have been said before.
-        let others = ["warning: ", "camera: "];
-        let (errors, rest): (Vec<&str>, Vec<&str>) =
-            said.lines().partition(|line| line.starts_with("error: "));
-        assert!(rest.iter().all(|line| others.iter().any(|o| line.starts_with(o))), "{what}");
-        let [error] = errors[..] else { panic!("not one line of error: {what}") };
-        for part in says {
-            assert!(error.contains(part), "no {part:?} in: {what}");
-        }
-        assert!(output.stdout.is_empty(), "{what}");
-        assert_eq!(listing(self.path()), before, "{what}");
-        error.into()
+        refuses(command, self.path(), says, &["warning: ", "camera: "])
     }
 
     /// `render SCENE` with `more` before what is usual.
@@ -127,7 +110,7 @@ impl Place {
 
     fn rendered(&self, scene: &str, more: &[&str]) -> Output {
         let output = self.run(render(scene, more));
-        assert!(output.status.success(), "{more:?}: {}", String::from_utf8_lossy(&output.stderr));
+        assert!(output.status.success(), "{more:?}: {}", said(&output));
         output
     }
 }
@@ -136,48 +119,4 @@ impl Place {
 fn render<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let usual = USUAL.into_iter().filter(|(name, _)| !more.contains(name));
     ["render", scene].into_iter().chain(more.iter().copied()).chain(usual.flat_map(|(a, b)| [a, b])).collect()
-}
-
-/// Runs to the end, within [`PATIENCE`].
-fn finish(command: &mut Command) -> Output {
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    wait(child, &format!("{command:?}"))
-}
-
-fn wait(mut child: Child, what: &str) -> Output {
-    let started = Instant::now();
-    while child.try_wait().unwrap().is_none() {
-        if started.elapsed() > PATIENCE {
-            child.kill().unwrap();
-            panic!("hangs: {what}");
-        }
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    child.wait_with_output().unwrap()
-}
-
-/// Every file below a folder with its content, every folder and special file without.
-fn listing(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut all = BTreeMap::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        let about = fs::symlink_metadata(&path).unwrap();
-        if about.is_dir() {
-            all.extend(listing(&path));
-        }
-        all.insert(path.clone(), if about.is_file() { fs::read(&path).unwrap() } else { Vec::new() });
-    }
-    all
-}
-
-/// A file of the real data, in `WM_DATA` or in `shared/data` beside the checkout.
-fn data(path: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("WM_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
-    let path = root.join(path);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("skipped: {} is not there", path.display());
-    None
 }

@@ -1,6 +1,7 @@
 //! Scene files that are none, are cut, or lie.
 
 use super::*;
+use std::time::{Duration, Instant};
 
 /// Renders and inspects a spoilt scene; both must say the same.
 fn both_refuse(place: &Place, scene: &str, says: &[&str]) {

@@ -1,20 +1,20 @@
 //! Pipes, terminals that are gone, odd names and Ctrl-C.
 
+use super::process::begin;
 use super::*;
 
 #[test]
 fn readers_that_are_gone() {
     let place = Place::new();
     for args in [&["inspect", "good.ply"][..], &["inspect", "--json", "good.ply"], &["render", "--help"]] {
-        let mut child = place.command(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut child = begin(&mut place.command(args));
         drop(child.stdout.take());
         let output = wait(child, "a closed pipe");
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let said = said(&output);
         assert!(output.status.success() && !said.contains("panicked"), "{args:?}: {said}");
     }
     // The picture is what was asked for; the line about it is not.
-    let mut child =
-        place.command(render("good.ply", &[])).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = begin(&mut place.command(render("good.ply", &[])));
     drop((child.stdout.take(), child.stderr.take()));
     assert!(wait(child, "closed pipes").status.success());
     assert!(place.path().join("a.png").is_file());
@@ -35,7 +35,7 @@ fn a_full_disk_is_told() {
     let full = fs::File::options().write(true).open("/dev/full").unwrap();
     let child = place.command(["inspect", "good.ply"]).stdout(full).stderr(Stdio::piped()).spawn().unwrap();
     let output = wait(child, "a full disk");
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let said = said(&output);
     assert_eq!(output.status.code(), Some(1));
     assert!(said.starts_with("error: cannot print: ") && said.lines().count() == 1, "{said}");
 }
@@ -63,8 +63,10 @@ fn names_of_any_bytes() {
 
 #[cfg(unix)]
 mod pipes {
+    use super::process::listing;
     use super::*;
     use std::io::Write;
+    use std::process::Child;
     use std::thread;
 
     /// A pipe with a name, and a thread that writes `content` into it for one reader.
@@ -100,13 +102,7 @@ mod pipes {
         }
         let file = fs::File::open(place.path().join("good.ply")).unwrap();
         assert!(finish(place.command(["inspect", "/dev/stdin"]).stdin(file)).status.success());
-        let mut child = place
-            .command(["inspect", "/dev/stdin"])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let mut child = begin(place.command(["inspect", "/dev/stdin"]).stdin(Stdio::piped()));
         child.stdin.take().unwrap().write_all(&Ply::sound().bytes()).unwrap();
         assert!(wait(child, "standard input").status.success());
         place.refused(["inspect", "/dev/stdin"], &["/dev/stdin: the file is empty"]);
@@ -123,8 +119,7 @@ mod pipes {
         let path = place.path().join("pipe");
         assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
         let before = listing(place.path());
-        let child =
-            place.command(render("pipe", &[])).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let child = begin(&mut place.command(render("pipe", &[])));
         // Opens when the program does; it then waits for bytes that do not come.
         let held = fs::File::options().write(true).open(&path).unwrap();
         interrupt(&child);
@@ -137,16 +132,13 @@ mod pipes {
     #[cfg(feature = "h264")]
     #[test]
     fn a_video_that_is_ended_leaves_nothing() {
+        use super::process::PATIENCE;
+        use std::time::{Duration, Instant};
         let place = Place::new();
         let before = listing(place.path());
         for presses in [1, 2] {
             let more = ["--out", "a.mp4", "--seconds", "30000"];
-            let child = place
-                .command(render("good.ply", &more))
-                .stdout(Stdio::piped())
-                .stderr(Stdio::piped())
-                .spawn()
-                .unwrap();
+            let child = begin(&mut place.command(render("good.ply", &more)));
             let started = Instant::now();
             let writes = || {
                 listing(place.path()).iter().any(|(path, content)| {
@@ -161,7 +153,7 @@ mod pipes {
                 interrupt(&child);
             }
             let output = wait(child, "a video, after Ctrl-C");
-            assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+            assert_eq!(output.status.code(), Some(130), "{}", said(&output));
             assert_eq!(listing(place.path()), before, "{presses}");
         }
     }

@@ -3,17 +3,18 @@
 
 mod bad_photos;
 mod output;
+#[path = "../common/process.rs"]
+mod process;
 mod refusals;
 #[cfg(unix)]
 mod resume;
 mod sameness;
 
-use std::collections::BTreeMap;
+use process::{finish, listing, printed, refuses, said};
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
 use wm_scene::Place as Street;
 use wm_scene::capture::colmap::write::Storage;
@@ -21,8 +22,8 @@ use wm_train::builtin::{self, BuiltinOptions, Route, Truth};
 use wm_train::densify::{adaptive::AdaptiveConfig, mcmc::McmcConfig};
 use wm_train::{Preset, TrainConfig, config::Densify};
 
-/// Longer than this nothing here may take; the machine may be busy.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// What may be said before an error: what is the matter with the data set, and where a run goes on.
+const REMARKS: [&str; 3] = ["warning: ", "set.run: going on ", "scene.ply.run: going on "];
 
 /// What is given where a test says nothing else: 40 steps of few splats.
 const USUAL: [(&str, &str); 5] = [
@@ -103,12 +104,7 @@ impl Place {
     }
 
     fn refused_by(&self, command: &mut Command, says: &[&str]) -> String {
-        let before = listing(self.folder.path());
-        let line = fails(command, says);
-        let after = listing(self.folder.path());
-        let left: Vec<&PathBuf> = after.keys().filter(|path| before.get(*path) != after.get(*path)).collect();
-        assert!(after == before, "{command:?}: {line}: {left:?}");
-        line
+        refuses(command, self.folder.path(), says, &REMARKS)
     }
 
     /// The lines of a run's metrics: step, and whether held-out photos were measured.
@@ -124,21 +120,7 @@ impl Place {
 
 /// Runs a command that must fail with one line of error that holds each of `says`.
 fn fails(command: &mut Command, says: &[&str]) -> String {
-    let output = finish(command);
-    let said = said(&output);
-    let what = format!("{command:?}\n{:?}\n{said}", output.status);
-    assert!(matches!(output.status.code(), Some(1 | 2)), "{what}");
-    assert!(!said.contains("panicked"), "{what}");
-    // What is the matter with the data set may have been said before.
-    let (errors, rest): (Vec<&str>, Vec<&str>) = said.lines().partition(|line| line.starts_with("error: "));
-    let others = ["warning: ", "set.run: going on ", "scene.ply.run: going on "];
-    assert!(rest.iter().all(|line| others.iter().any(|other| line.starts_with(other))), "{what}");
-    let [error] = errors[..] else { panic!("not one line of error: {what}") };
-    for part in says {
-        assert!(error.contains(part), "no {part:?} in: {what}");
-    }
-    assert!(output.stdout.is_empty(), "{what}");
-    error.into()
+    process::fails(command, says, &REMARKS)
 }
 
 /// The options of `reconstruct`: `more`, and what is usual where it says nothing.
@@ -171,43 +153,4 @@ fn restless(strategy: &str, steps: u32) -> TrainConfig {
         }),
     };
     config
-}
-
-/// Runs to the end, within [`PATIENCE`].
-fn finish(command: &mut Command) -> Output {
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    wait(child, &format!("{command:?}"))
-}
-
-fn wait(mut child: Child, what: &str) -> Output {
-    let started = Instant::now();
-    while child.try_wait().unwrap().is_none() {
-        if started.elapsed() > PATIENCE {
-            child.kill().unwrap();
-            panic!("hangs: {what}");
-        }
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    child.wait_with_output().unwrap()
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn printed(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned()
-}
-
-/// Every file below a folder with its content, every folder without.
-fn listing(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut all = BTreeMap::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            all.extend(listing(&path));
-        }
-        all.insert(path.clone(), if path.is_file() { fs::read(&path).unwrap() } else { Vec::new() });
-    }
-    all
 }

@@ -1,14 +1,16 @@
 //! Trainings that are broken off and gone on with.
 
+use super::process::{PATIENCE, begin, wait};
 use super::*;
+use std::process::Child;
 use std::thread::sleep;
+use std::time::{Duration, Instant};
 use wm_train::checkpoint;
 
 /// Starts a training of `config.json` and gives it back once its metrics have this many lines.
 fn started(place: &Place, more: &[&str], lines: usize) -> Child {
     let more = [&["--config", "config.json", "--out", "b.ply"][..], more].concat();
-    let mut command = place.command(reconstruct("set", &more));
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = begin(&mut place.command(reconstruct("set", &more)));
     let metrics = place.at("b.ply.run/metrics.jsonl");
     let begun = Instant::now();
     while fs::read_to_string(&metrics).map_or(0, |text| text.lines().count()) < lines {

@@ -1,5 +1,6 @@
 //! What a render gives: pictures of one view, each in its own array.
 
+use crate::renderer::RenderError;
 pub use wm_scene::color::{srgb_decode, srgb_encode};
 
 /// How the numbers of `Frame::rgb` stand for light.
@@ -37,10 +38,43 @@ pub struct Frame {
     pub normal: Vec<f32>,
 }
 
+/// Which arrays of a [`Frame`] are filled, beside alpha, which always is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Arrays {
+    pub rgb: bool,
+    pub depth: bool,
+    pub median_depth: bool,
+    pub normal: bool,
+}
+
 /// Coverage below which depth and normal are noise and given as 0: one step of 8 bits.
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 
 impl Frame {
+    /// Sizes the arrays for a picture, sRGB-encoded; memory that fits is kept with what is in it.
+    ///
+    /// # Errors
+    /// [`RenderError::Memory`] if there is too little.
+    pub(crate) fn prepare(&mut self, (width, height): (u32, u32), arrays: Arrays) -> Result<(), RenderError> {
+        let pixels = width as usize * height as usize;
+        for (array, wanted, channels) in [
+            (&mut self.rgb, arrays.rgb, 3),
+            (&mut self.alpha, true, 1),
+            (&mut self.depth, arrays.depth, 1),
+            (&mut self.median_depth, arrays.median_depth, 1),
+            (&mut self.normal, arrays.normal, 3),
+        ] {
+            let length = if wanted { pixels * channels } else { 0 };
+            if array.len() != length {
+                array.clear();
+                array.try_reserve_exact(length).map_err(|_| RenderError::Memory { width, height })?;
+                array.resize(length, 0.0);
+            }
+        }
+        (self.width, self.height, self.encoding) = (width, height, Encoding::Srgb);
+        Ok(())
+    }
+
     /// Number of pixels.
     #[must_use]
     pub fn pixels(&self) -> usize {

@@ -4,6 +4,7 @@ use crate::frame::Frame;
 use crate::hooks::{Hooks, Visibility};
 use crate::simd::SimdChoice;
 use serde::{Deserialize, Serialize};
+use std::ops::{Add, AddAssign};
 use thiserror::Error;
 use wm_scene::{Camera, CameraError, Rasterization, Splats, SplatsError};
 
@@ -196,6 +197,43 @@ pub struct Stats {
     pub composite: f64,
     /// Wall time of the whole frame.
     pub wall: f64,
+}
+
+impl AddAssign for Stats {
+    fn add_assign(&mut self, other: Self) {
+        // Whole, so that a field cannot be forgotten.
+        let Self {
+            visible,
+            intersections,
+            evaluated_pairs,
+            project,
+            medium,
+            intersect,
+            sort,
+            rasterize,
+            composite,
+            wall,
+        } = other;
+        self.visible += visible;
+        self.intersections += intersections;
+        self.evaluated_pairs += evaluated_pairs;
+        self.project += project;
+        self.medium += medium;
+        self.intersect += intersect;
+        self.sort += sort;
+        self.rasterize += rasterize;
+        self.composite += composite;
+        self.wall += wall;
+    }
+}
+
+impl Add for Stats {
+    type Output = Self;
+
+    fn add(mut self, other: Self) -> Self {
+        self += other;
+        self
+    }
 }
 
 /// Why a render failed.

@@ -6,6 +6,8 @@ use crate::reference::ReferenceFrame;
 use crate::reference_backward::{self, Parameters, ReferenceGradients};
 use crate::renderer::{CpuConfig, Renderer};
 use crate::simd::{SimdChoice, SimdPath};
+use crate::stages::intersect::TILE;
+use crate::stages::project::{Record, SQRT_HALF_LOG2E};
 use crate::{CpuRenderer, Differentiable, Geometry, MedianDepth, Outputs};
 use glam::DVec3;
 use wm_scene::{Camera, Group, Splats, splats::logit};
@@ -144,6 +146,38 @@ pub fn shell_camera(width: u32, height: u32) -> Camera {
     let focal = 0.9 * f64::from(width);
     let camera = Camera::look_at((width, height), 50.0, DVec3::ZERO, DVec3::X, DVec3::Z).expect("a camera");
     Camera { fx: focal, fy: focal, ..camera }
+}
+
+/// 512 splats in view order with a standard deviation of about `sigma` px, spread over the tile at the
+/// picture's corner and too faint to stop blending early.
+#[must_use]
+pub fn tile_records(sigma: f64) -> Vec<Record> {
+    let tile = TILE as f64;
+    (0..512)
+        .map(|i| {
+            let u = |k: u64| uniform(5, i * 8 + k);
+            let stretch = (1.2 * (u(0) - 0.5)).exp();
+            let (sin, cos) = (u(1) * std::f64::consts::PI).sin_cos();
+            let (a, b) = ((sigma * stretch).powi(2) + 0.3, (sigma / stretch).powi(2) + 0.3);
+            let (xx, yy, xy) =
+                (cos * cos * a + sin * sin * b, sin * sin * a + cos * cos * b, sin * cos * (a - b));
+            let vy = f64::from(SQRT_HALF_LOG2E) * (xx / (xx * yy - xy * xy)).sqrt();
+            Record {
+                x: (tile * u(2)) as f32,
+                y: (tile * u(3)) as f32,
+                ux: (f64::from(SQRT_HALF_LOG2E) / xx.sqrt()) as f32,
+                vx: (-vy * xy / xx) as f32,
+                vy: vy as f32,
+                slope_y: (xy / xx) as f32,
+                slope_x: (xy / yy) as f32,
+                log2_opacity: (0.012 + 0.01 * u(4)).log2() as f32,
+                rgb: [0.5, 0.4, 0.3],
+                depth: 5.0,
+                normal: [0.1, 0.2, 0.9],
+                index: i as u32,
+            }
+        })
+        .collect()
 }
 
 /// Kinds of splats that break renderers.

@@ -103,8 +103,19 @@ impl Camera {
         let right = right.normalize();
         let down = forward.cross(right);
         let rotation = DMat3::from_cols(right, down, forward).transpose();
+        let camera = Self::posed(size, fov_y, eye, rotation);
+        camera.check()?;
+        Ok(camera)
+    }
+
+    /// A camera at `eye` with the rotation `camera_from_world`, the principal point in the middle, square
+    /// pixels and the default near plane. `fov_y` is the vertical field of view in degrees.
+    ///
+    /// Whether the numbers make a camera is left to [`Camera::check`].
+    #[must_use]
+    pub fn posed(size: (u32, u32), fov_y: f64, eye: DVec3, rotation: DMat3) -> Self {
         let focal = 0.5 * f64::from(size.1) / (0.5 * fov_y.to_radians()).tan();
-        let camera = Self {
+        Self {
             width: size.0,
             height: size.1,
             fx: focal,
@@ -113,9 +124,7 @@ impl Camera {
             cy: 0.5 * f64::from(size.1),
             viewmat: viewmat_of(rotation, -(rotation * eye)),
             near: Self::DEFAULT_NEAR,
-        };
-        camera.check()?;
-        Ok(camera)
+        }
     }
 
     /// Checks that every number can be rendered with.

@@ -206,6 +206,18 @@ pub(crate) fn excerpt(bytes: &[u8]) -> String {
     format!("{}{more}", cut.escape_ascii())
 }
 
+/// What reading JSON from `path` met; `advice` says what to do about what is written there.
+pub(crate) fn json_fault(path: &Path, error: &serde_json::Error, advice: &str) -> FormatError {
+    if let Some(kind) = error.io_error_kind() {
+        return FormatError::reading(path, kind.into());
+    }
+    let place = Location::LineColumn(error.line() as u64, error.column() as u64);
+    let message = one_line(&error.to_string());
+    // The place is said before the message.
+    let message = message.split(" at line ").next().unwrap_or_default();
+    FormatError::at(path, place, Problem::Value(format!("{message}; {advice}")))
+}
+
 /// The number that `word` spells; `what` says in the message what it is for.
 pub(crate) fn number<T: FromStr>(word: &[u8], what: &str) -> Result<T, Problem> {
     let parsed = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());

@@ -8,6 +8,7 @@
 //! - [`Metadata`]: what weather must know of a scene: metres per unit, up, ground, sky.
 //! - [`Scene`]: the three together, read and written by [`formats`].
 //! - [`View`]: a photographed view, of a scene or a [`capture`].
+//! - [`npy`]: arrays of numbers on disk.
 //! - [`survey::Survey`]: what the splats and views say of the place where the metadata does not.
 
 pub mod camera;
@@ -18,8 +19,10 @@ pub mod files;
 pub mod formats;
 pub mod group;
 pub mod health;
+mod jacobi;
 pub mod metadata;
 mod nearest;
+pub mod npy;
 pub mod place;
 pub mod quat;
 pub mod scene;
@@ -28,8 +31,7 @@ mod source;
 pub mod splats;
 pub mod survey;
 pub mod synthetic;
-#[cfg(test)]
-mod testing;
+pub mod testing;
 
 pub use camera::{Camera, CameraError};
 pub use error::{FormatError, Location, Problem};

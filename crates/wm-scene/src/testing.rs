@@ -1,13 +1,17 @@
-//! What tests of this crate share.
+//! What tests share, of this crate and of those above it.
 
-use crate::{Group, Metadata, Rasterization, Scene, Splats, sh};
-use glam::DVec3;
-use proptest::prelude::*;
+#[cfg(test)]
+mod any;
+
+#[cfg(test)]
+pub use any::{any_scene, bits};
+
 use std::path::PathBuf;
 
 /// A file or folder of the real data; `None`, said on stderr, where it is not there.
 ///
 /// The data lies in `WM_DATA`, or in `shared/data` beside the checkout.
+#[must_use]
 pub fn data(path: &str) -> Option<PathBuf> {
     let root = std::env::var_os("WM_DATA").map_or_else(
         || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
@@ -19,61 +23,4 @@ pub fn data(path: &str) -> Option<PathBuf> {
     }
     eprintln!("skipped: {} is not there", path.display());
     None
-}
-
-/// Any bit pattern that ASCII can carry: all but NaNs with a payload.
-pub fn any_f32() -> impl Strategy<Value = f32> {
-    any::<u32>().prop_map(|bits| {
-        let value = f32::from_bits(bits);
-        if value.is_nan() { f32::NAN } else { value }
-    })
-}
-
-/// Scenes of 1 to `most` splats of any values, groups and metadata.
-pub fn any_scene(most: usize) -> impl Strategy<Value = Scene> {
-    let shape = (1..=most, 0..=sh::MAX_DEGREE, any::<bool>());
-    shape.prop_flat_map(|(count, degree, grouped)| {
-        let width = 11 + sh::coefficients(degree) * 3;
-        let values = prop::collection::vec(any_f32(), count * width);
-        let groups = prop::collection::vec(0..if grouped { 3u8 } else { 1 }, count);
-        (values, groups, any_metadata()).prop_map(move |(values, groups, metadata)| {
-            let mut splats = Splats::with_capacity(count, degree);
-            for row in values.chunks_exact(width) {
-                splats.means.push([row[0], row[1], row[2]]);
-                splats.quats.push([row[3], row[4], row[5], row[6]]);
-                splats.log_scales.push([row[7], row[8], row[9]]);
-                splats.logit_opacities.push(row[10]);
-                splats.sh.extend(&row[11..]);
-            }
-            splats.groups.extend(groups.into_iter().map(|g| Group::from_number(g).unwrap()));
-            Scene { splats, metadata, views: Vec::new() }
-        })
-    })
-}
-
-fn any_metadata() -> impl Strategy<Value = Metadata> {
-    let numbers = prop::option::of((1e-9..1e9f64, -1e9..1e9f64));
-    (numbers, prop::option::of("[^\\p{C}]{0,30}"), any::<bool>()).prop_map(|(numbers, provenance, some)| {
-        Metadata {
-            metres_per_unit: numbers.map(|n| n.0),
-            ground: numbers.map(|n| n.1),
-            airlight: numbers.map(|n| [n.0, 0.0, 0.5]),
-            up: some.then(|| DVec3::new(0.6, -0.8, 0.0)),
-            rasterization: some.then_some(Rasterization::Antialiased),
-            provenance,
-        }
-    })
-}
-
-/// The bits of every value: NaNs compare equal, zeros of other sign do not.
-pub fn bits(splats: &Splats) -> Vec<u32> {
-    let arrays = [
-        splats.means.as_flattened(),
-        splats.quats.as_flattened(),
-        splats.log_scales.as_flattened(),
-        &splats.logit_opacities,
-        &splats.sh,
-    ];
-    let values = arrays.into_iter().flatten().map(|v| v.to_bits());
-    values.chain(splats.groups.iter().map(|g| *g as u32)).chain([u32::from(splats.sh_degree)]).collect()
 }

@@ -15,7 +15,7 @@ use wm_render::{CpuConfig, CpuRenderer, Frame, Geometry, Job, MedianDepth, Outpu
 use wm_render::{SetView, hooks::Hooks};
 use wm_scene::capture::{CaptureOptions, read};
 use wm_scene::formats::{ReadOptions, read_scene};
-use wm_train::npy;
+use wm_scene::npy;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();

@@ -11,7 +11,6 @@
 //! Cameras, points and where they are seen are exact, so that whatever differs later is not theirs.
 //! Everything is the same for any number of threads.
 
-use crate::npy;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use std::{fs, io, path::Path};
@@ -22,6 +21,7 @@ use wm_scene::{
         colmap::write::{self, Storage},
     },
     files::write_atomically,
+    npy,
     place::{Pixel, display_of},
     synthetic::uniform,
 };

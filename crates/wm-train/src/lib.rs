@@ -8,7 +8,6 @@
 //!   [`exposure`] for their parts, and [`config`] (and its [`check`]) for what they depend on.
 //! - [`checkpoint`]: a training on disk.
 //! - [`metrics`]: how near a picture is to a photo.
-//! - [`npy`]: arrays on disk.
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
@@ -21,15 +20,12 @@ pub mod densify;
 pub mod exposure;
 pub mod losses;
 pub mod metrics;
-pub mod npy;
 pub mod optimizer;
 pub mod photos;
 pub mod random;
 pub mod schedule;
 pub mod ssim;
 pub mod start;
-#[cfg(test)]
-mod testing;
 pub mod trainer;
 
 pub use config::{Preset, TrainConfig};

@@ -65,6 +65,8 @@ pub struct Ssim {
 struct Pictures<'a> {
     x: &'a [f32],
     y: &'a [f32],
+    /// What each pixel counts, where they do not all count alike.
+    counts: Option<&'a [f32]>,
     /// Values of a row that are of the picture.
     line: usize,
     /// Values of a row: at least one vector.
@@ -85,7 +87,27 @@ impl Ssim {
     /// If the sizes differ or are no rows of `width`.
     #[must_use]
     pub fn value(&self, x: &[f32], y: &[f32], width: usize) -> f64 {
-        self.run(x, y, width, None)
+        self.sum(x, y, width, None, None) / x.len() as f64
+    }
+
+    /// The mean similarity over the pixels that count by `mask`, `[H, W]` with values 0-1; 1 if none does.
+    ///
+    /// Beyond the mask both pictures are black, as beyond the border: what lies there does not matter, every
+    /// pixel that counts is compared, and a mask of a rectangle gives what the rectangle alone would.
+    ///
+    /// # Panics
+    /// If the sizes differ or are no rows of `width`.
+    #[must_use]
+    pub fn masked_value(&self, x: &[f32], y: &[f32], mask: &[f32], width: usize) -> f64 {
+        assert_eq!(x.len(), CHANNELS * mask.len(), "a picture and its mask");
+        let counted: f64 = mask.iter().map(|v| f64::from(*v)).sum();
+        if counted == 0.0 {
+            return 1.0;
+        }
+        let within = |rgb: &[f32]| -> Vec<f32> {
+            rgb.iter().enumerate().map(|(i, v)| v * mask[i / CHANNELS]).collect()
+        };
+        self.sum(&within(x), &within(y), width, Some(mask), None) / (CHANNELS as f64 * counted)
     }
 
     /// The mean similarity, and `scale` times its derivative by each value of `x` added to `gradient`.
@@ -94,17 +116,26 @@ impl Ssim {
     /// If the sizes differ or are no rows of `width`.
     pub fn add_gradient(&self, x: &[f32], y: &[f32], width: usize, scale: f32, gradient: &mut [f32]) -> f64 {
         assert_eq!(x.len(), gradient.len());
-        self.run(x, y, width, Some((scale / x.len() as f32, gradient)))
+        let size = x.len() as f64;
+        self.sum(x, y, width, None, Some((scale / size as f32, gradient))) / size
     }
 
-    fn run(&self, x: &[f32], y: &[f32], width: usize, gradient: Option<(f32, &mut [f32])>) -> f64 {
+    /// The sum of the similarities of all pixels and channels, each times what its pixel counts.
+    fn sum(
+        &self,
+        x: &[f32],
+        y: &[f32],
+        width: usize,
+        counts: Option<&[f32]>,
+        gradient: Option<(f32, &mut [f32])>,
+    ) -> f64 {
         let line = width * CHANNELS;
         assert!(x.len() == y.len() && line > 0 && x.len().is_multiple_of(line), "two pictures of one size");
         let rows = x.len() / line;
         let widened = (line < WIDEST).then(|| [x, y].map(|picture| widened(picture, line)));
         let pictures = match &widened {
-            None => Pictures { x, y, line, wide: line, rows },
-            Some([x, y]) => Pictures { x, y, line, wide: WIDEST, rows },
+            None => Pictures { x, y, counts, line, wide: line, rows },
+            Some([x, y]) => Pictures { x, y, counts, line, wide: WIDEST, rows },
         };
         let path = self.path;
         let mut sums = vec![0.0; rows];
@@ -120,7 +151,7 @@ impl Ssim {
                 },
             ),
         }
-        sums.iter().sum::<f64>() / x.len() as f64
+        sums.iter().sum()
     }
 }
 
@@ -232,7 +263,7 @@ impl Band {
         first: usize,
         sums: &mut [f64; TOGETHER],
     ) {
-        let Pictures { x, y, line, wide, rows } = pictures;
+        let Pictures { x, y, counts, line, wide, rows } = pictures;
         let padded = wide + 2 * MARGIN;
         let (x, y) = (reached(x, first, rows, &self.zeros), reached(y, first, rows, &self.zeros));
         // The windowed means of x, y, x^2 + y^2 and x y: down the columns, then along the row.
@@ -274,12 +305,18 @@ impl Band {
                     .store_slice(&mut mean[at..at + S::N]);
                 (-(s * over2)).store_slice(&mut square[at..at + S::N]);
                 (two * a1 * over).store_slice(&mut product[at..at + S::N]);
-                if seen == 0 && at + S::N <= line {
+                if seen == 0 && at + S::N <= line && counts.is_none() {
                     total += s;
                 } else {
                     let mut values = [0.0; WIDEST];
                     s.store_slice(&mut values[..S::N]);
                     let inside = line.saturating_sub(at).min(S::N);
+                    if let Some(counts) = counts {
+                        let counts = &counts[row * line / CHANNELS..];
+                        for (i, value) in values[..inside].iter_mut().enumerate() {
+                            *value *= counts[(at + i) / CHANNELS];
+                        }
+                    }
                     *sum += values[seen.min(inside)..inside].iter().map(|v| f64::from(*v)).sum::<f64>();
                 }
             }
@@ -303,7 +340,7 @@ impl Band {
         scale: f32,
         gradient: &mut [f32],
     ) {
-        let Pictures { x, y, line, wide, rows } = pictures;
+        let Pictures { x, y, line, wide, rows, .. } = pictures;
         let padded = wide + 2 * MARGIN;
         let slopes = &self.slopes;
         let nothing = [&self.zeros[..]; 3];
@@ -431,6 +468,32 @@ mod tests {
                 assert!((got - want).abs() < 1e-5, "{path} {width}x{height}: {got}, want {want}");
                 assert!((Ssim::new(path).value(&x, &x, width) - 1.0).abs() < 1e-6);
             }
+        }
+    }
+
+    #[test]
+    fn what_a_mask_hides_does_not_count() {
+        let (width, height, kept) = (40, 21, 23);
+        let (x, y) = (picture(width, height, 5), picture(width, height, 6));
+        let mixed: Vec<f32> = x.iter().zip(&y).map(|(x, y)| 0.7 * x + 0.3 * y).collect();
+        let mask: Vec<f32> = (0..width * height).map(|i| f32::from(u8::from(i % width < kept))).collect();
+        let crop = |rgb: &[f32]| -> Vec<f32> {
+            rgb.chunks_exact(3 * width).flat_map(|row| &row[..3 * kept]).copied().collect()
+        };
+        for path in paths() {
+            let ssim = Ssim::new(path);
+            let got = ssim.masked_value(&x, &mixed, &mask, width);
+            // The same windows; at most some thousand f32 numbers up to 1 are summed in another order.
+            let want = ssim.value(&crop(&x), &crop(&mixed), kept);
+            assert!((got - want).abs() < 1e-6, "{path}: {got}, want {want}");
+            let garbage = picture(width, height, 7);
+            let spoilt: Vec<f32> =
+                (0..x.len()).map(|i| if mask[i / 3] == 0.0 { 1e3 * garbage[i] } else { x[i] }).collect();
+            assert_eq!(ssim.masked_value(&spoilt, &mixed, &mask, width), got, "{path}");
+            let (all, plain) =
+                (ssim.masked_value(&x, &mixed, &vec![1.0; mask.len()], width), ssim.value(&x, &mixed, width));
+            assert!((all - plain).abs() < 1e-6, "{path}: {all}, want {plain}");
+            assert_eq!(ssim.masked_value(&x, &mixed, &vec![0.0; mask.len()], width), 1.0);
         }
     }
 

@@ -283,11 +283,12 @@ impl<'a> Run<'a> {
         let truth = self.truths.of(&photo);
         // Pictures are what a screen shows: 0 to 1.
         let shown: Vec<f32> = frame.rgb.iter().map(|v| v.clamp(0.0, 1.0)).collect();
-        let score = Score {
-            psnr: psnr(&shown, truth.rgb, truth.mask),
-            ssim: ssim.value(&shown, truth.rgb, photo.width as usize),
+        let width = photo.width as usize;
+        let ssim = match truth.mask {
+            Some(mask) => ssim.masked_value(&shown, truth.rgb, mask, width),
+            None => ssim.value(&shown, truth.rgb, width),
         };
-        Ok(Some(score))
+        Ok(Some(Score { psnr: psnr(&shown, truth.rgb, truth.mask), ssim }))
     }
 
     /// A picture of one view, the same all the time.

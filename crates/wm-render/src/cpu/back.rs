@@ -1,18 +1,19 @@
 //! The second sweep: tiles to pixels.
 
 use crate::dispatch;
-use crate::frame::{Encoding, Frame};
+use crate::frame::{Arrays, Frame};
 use crate::hooks::PATCH;
-use crate::renderer::{Geometry, Job, MedianDepth, RenderError, Stats};
+use crate::renderer::{Geometry, Job, MedianDepth, Stats};
 use crate::simd::SimdPath;
 use crate::stages::composite::cpu::{Composite, OutputRows, PatchPixels, finish_patch};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
 use crate::stages::project::Record;
-use crate::stages::rasterize::cpu::{Scratch, blend_tile};
+use crate::stages::rasterize::cpu::{PatchSums, Scratch, blend_tile};
 use crate::stages::sort::cpu::sort;
 use rayon::prelude::*;
+use std::ops::Add;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 /// Tiles of one task: small enough to share out, large enough to write whole lines.
@@ -45,28 +46,15 @@ impl Features {
     }
 }
 
-/// Sizes the arrays of `frame` for `job`.
-pub fn prepare(frame: &mut Frame, job: &Job<'_>) -> Result<(), RenderError> {
-    let (width, height) = (job.camera.width, job.camera.height);
-    let pixels = width as usize * height as usize;
+/// The arrays that `job` asks for.
+pub fn arrays(job: &Job<'_>) -> Arrays {
     let outputs = job.config.outputs;
-    let has = |wanted: bool, channels: usize| if wanted { pixels * channels } else { 0 };
-    let lengths = [
-        (&mut frame.rgb, pixels * 3),
-        (&mut frame.alpha, pixels),
-        (&mut frame.depth, has(outputs.geometry != Geometry::None, 1)),
-        (&mut frame.median_depth, has(outputs.median_depth == MedianDepth::On, 1)),
-        (&mut frame.normal, has(outputs.geometry == Geometry::DepthNormal, 3)),
-    ];
-    for (array, length) in lengths {
-        if array.len() != length {
-            array.clear();
-            array.try_reserve_exact(length).map_err(|_| RenderError::Memory { width, height })?;
-            array.resize(length, 0.0);
-        }
+    Arrays {
+        rgb: true,
+        depth: outputs.geometry != Geometry::None,
+        median_depth: outputs.median_depth == MedianDepth::On,
+        normal: outputs.geometry == Geometry::DepthNormal,
     }
-    (frame.width, frame.height, frame.encoding) = (width, height, Encoding::Srgb);
-    Ok(())
 }
 
 /// What all tiles of one frame share.
@@ -78,8 +66,8 @@ pub struct Back<'a> {
     pub keys: &'a [AtomicU64],
     pub bounds: &'a [u32],
     pub grid: TileGrid,
-    /// Columns and rows of patches that hold pixels of the picture.
-    pub patches: (usize, usize),
+    /// Width and height of the picture, px.
+    pub size: (usize, usize),
     pub features: Features,
     pub composite: Composite<'a>,
     pub workers: &'a [Mutex<Worker>],
@@ -94,6 +82,21 @@ pub struct Worker {
     pub sort_scratch: Vec<u64>,
 }
 
+impl Worker {
+    /// Reads the list of a tile and sorts it.
+    pub fn sort(&mut self, list: &[AtomicU64]) {
+        self.keys.clear();
+        self.keys.extend(list.iter().map(|key| key.load(Ordering::Relaxed)));
+        sort(&mut self.keys, &mut self.sort_scratch);
+    }
+}
+
+/// The working memory of the thread that asks.
+pub fn own<T>(workers: &[Mutex<T>]) -> MutexGuard<'_, T> {
+    let thread = rayon::current_thread_index().unwrap_or(0) % workers.len();
+    workers[thread].lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 impl Back<'_> {
     /// Renders all tiles into `frame` and adds what it took to `stats`.
     pub fn run(&self, frame: &mut Frame, stats: &mut Stats) {
@@ -105,8 +108,7 @@ impl Back<'_> {
             .flat_map_iter(|(band, rows)| runs(rows).into_iter().enumerate().map(move |run| (band, run)))
             .map(|(band, (run, mut rows))| {
                 let mut stats = Stats::default();
-                let thread = rayon::current_thread_index().unwrap_or(0) % self.workers.len();
-                let mut worker = self.workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
+                let mut worker = own(self.workers);
                 let first = run * RUN;
                 let last = (first + RUN).min(self.grid.columns as usize);
                 for column in first..last {
@@ -114,17 +116,8 @@ impl Back<'_> {
                 }
                 stats
             })
-            .reduce(Stats::default, |a, b| Stats {
-                evaluated_pairs: a.evaluated_pairs + b.evaluated_pairs,
-                sort: a.sort + b.sort,
-                rasterize: a.rasterize + b.rasterize,
-                composite: a.composite + b.composite,
-                ..a
-            });
-        stats.evaluated_pairs += done.evaluated_pairs;
-        stats.sort += done.sort;
-        stats.rasterize += done.rasterize;
-        stats.composite += done.composite;
+            .reduce(Stats::default, Stats::add);
+        *stats += done;
     }
 
     fn tile(
@@ -138,31 +131,16 @@ impl Back<'_> {
         let begun = Instant::now();
         let index = tile.1 * self.grid.columns as usize + tile.0;
         let list = &self.keys[self.bounds[index] as usize..self.bounds[index + 1] as usize];
-        worker.keys.clear();
-        worker.keys.extend(list.iter().map(|key| key.load(Ordering::Relaxed)));
-        sort(&mut worker.keys, &mut worker.sort_scratch);
+        worker.sort(list);
         let sorted = Instant::now();
-        let patch_of = |patch: usize| (2 * tile.0 + patch % 2, 2 * tile.1 + patch / 2);
-        let mut inside = 0;
-        for patch in 0..PATCHES {
-            let (x, y) = patch_of(patch);
-            inside |= u32::from(x < self.patches.0 && y < self.patches.1) << patch;
-        }
+        let inside = inside(tile, self.size);
         let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
         let sums = (self.features.count(), self.features.median);
         stats.evaluated_pairs += blend(self.path, sums, self.records, keys, tile, inside, scratch);
         let blended = Instant::now();
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
             let sums = &worker.scratch.patches[patch];
-            let (pixels, corner) = (&mut worker.pixels, (offset + patch % 2 * PATCH, patch / 2 * PATCH));
-            macro_rules! finish {
-                ($lanes:literal) => {
-                    dispatch!(self.narrow, s => finish_patch::<_, $lanes>(
-                        s, &self.composite, sums, patch_of(patch), pixels, corner, rows
-                    ))
-                };
-            }
-            if self.path.lanes() == 16 { finish!(16) } else { finish!(8) }
+            finish(self.narrow, &self.composite, sums, (tile, patch), &mut worker.pixels, offset, rows);
         }
         stats.sort += (sorted - begun).as_secs_f64();
         stats.rasterize += (blended - sorted).as_secs_f64();
@@ -197,6 +175,37 @@ pub fn blend(
         (_, MedianDepth::Off) => blend!(7, false),
         (_, MedianDepth::On) => blend!(7, true),
     }
+}
+
+/// A bit for each patch of a tile that holds pixels of a picture of `size` px.
+pub fn inside((column, row): (usize, usize), (width, height): (usize, usize)) -> u32 {
+    let within =
+        |patch: usize| (2 * column + patch % 2) * PATCH < width && (2 * row + patch / 2) * PATCH < height;
+    (0..PATCHES).map(|patch| u32::from(within(patch)) << patch).sum()
+}
+
+/// Makes pixels of a blended patch of a tile, and writes them into `rows`, in which the tile begins at
+/// column `offset`. `narrow` is the path that moves pixels. One function for all callers, as [`blend`].
+pub fn finish(
+    narrow: SimdPath,
+    composite: &Composite<'_>,
+    sums: &PatchSums,
+    (tile, patch): ((usize, usize), usize),
+    pixels: &mut PatchPixels,
+    offset: usize,
+    rows: &mut OutputRows<'_>,
+) {
+    let (right, down) = (patch % 2, patch / 2);
+    let place = (2 * tile.0 + right, 2 * tile.1 + down);
+    let corner = (offset + right * PATCH, down * PATCH);
+    macro_rules! finish {
+        ($lanes:literal) => {
+            dispatch!(narrow, s => finish_patch::<_, $lanes>(
+                s, composite, sums, place, pixels, corner, rows
+            ))
+        };
+    }
+    if composite.path.lanes() == 16 { finish!(16) } else { finish!(8) }
 }
 
 /// The frame's rows, a row of tiles to a band.

@@ -13,7 +13,6 @@ pub mod model;
 pub use differentiable::{BackwardStats, Differentiable};
 
 use crate::frame::Frame;
-use crate::hooks::PATCH;
 use crate::renderer::{CpuConfig, Job, MAX_SPLATS, RenderError, Renderer, SetId, Stats};
 use crate::simd::SimdPath;
 use crate::stages::composite::{background::BackgroundView, cpu::Composite};
@@ -93,7 +92,7 @@ impl CpuRenderer {
         let started = Instant::now();
         job.camera.check()?;
         let features = Features::of(job);
-        back::prepare(frame, job)?;
+        frame.prepare((job.camera.width, job.camera.height), back::arrays(job))?;
 
         let mut sets = Vec::with_capacity(job.sets.len());
         for view in job.sets {
@@ -137,7 +136,7 @@ impl CpuRenderer {
             keys,
             bounds: &self.bounds,
             grid,
-            patches: [job.camera.width, job.camera.height].map(|side| (side as usize).div_ceil(PATCH)).into(),
+            size: (job.camera.width as usize, job.camera.height as usize),
             features,
             composite: Composite {
                 path: self.path,

@@ -5,6 +5,7 @@
 //! with quaternions), first from three cameras at a time for one that most agree with (RANSAC), then
 //! from all of them with weights that let outliers fade (Geman and McClure).
 
+use crate::jacobi::jacobi;
 use glam::{DMat3, DQuat, DVec3};
 
 /// A place on Earth, WGS 84.
@@ -190,40 +191,14 @@ impl Similarity {
 
 /// Horn's rotation: the largest eigenvector of a symmetric 4 x 4 matrix of `sum a b^T`.
 fn rotation_of([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]: [[f64; 3]; 3]) -> DMat3 {
-    let mut matrix = [
+    let matrix = [
         [xx + yy + zz, yz - zy, zx - xz, xy - yx],
         [yz - zy, xx - yy - zz, xy + yx, zx + xz],
         [zx - xz, xy + yx, yy - xx - zz, yz + zy],
         [xy - yx, zx + xz, yz + zy, zz - xx - yy],
     ];
-    let mut vectors = [[0.0; 4]; 4];
-    for (index, row) in vectors.iter_mut().enumerate() {
-        row[index] = 1.0;
-    }
-    // Jacobi: convergence is quadratic, ten sweeps reach rounding.
-    for _ in 0..10 {
-        for p in 0..4 {
-            for q in p + 1..4 {
-                if matrix[p][q].abs() < f64::MIN_POSITIVE {
-                    continue;
-                }
-                let theta = 0.5 * (matrix[q][q] - matrix[p][p]) / matrix[p][q];
-                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-                let cos = 1.0 / t.hypot(1.0);
-                let sin = t * cos;
-                for row in &mut matrix {
-                    (row[p], row[q]) = (cos * row[p] - sin * row[q], sin * row[p] + cos * row[q]);
-                }
-                for k in 0..4 {
-                    (matrix[p][k], matrix[q][k]) =
-                        (cos * matrix[p][k] - sin * matrix[q][k], sin * matrix[p][k] + cos * matrix[q][k]);
-                    let (a, b) = (vectors[p][k], vectors[q][k]);
-                    (vectors[p][k], vectors[q][k]) = (cos * a - sin * b, sin * a + cos * b);
-                }
-            }
-        }
-    }
-    let largest = (0..4).max_by(|a, b| matrix[*a][*a].total_cmp(&matrix[*b][*b])).unwrap_or(0);
+    let (values, vectors) = jacobi(matrix);
+    let largest = (0..4).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);
     let [w, x, y, z] = vectors[largest];
     DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize())
 }

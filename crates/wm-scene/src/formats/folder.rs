@@ -4,8 +4,7 @@
 //! `cameras.json` are the photographed views, if it is there.
 
 use crate::{
-    Camera, FormatError, Location, Problem, View, camera::viewmat_of, error::one_line,
-    files::write_atomically,
+    Camera, FormatError, Problem, View, camera::viewmat_of, error::json_fault, files::write_atomically,
 };
 use glam::{DMat3, DQuat, DVec3};
 use serde::de::Error as _;
@@ -109,15 +108,7 @@ pub fn read_cameras(path: &Path) -> Result<Vec<View>, FormatError> {
         Err(error) => return Err(FormatError::reading(path, error)),
     };
     let entries: Result<Vec<Entry>, _> = serde_json::from_reader(BufReader::new(file));
-    let entries = entries.map_err(|error| {
-        if let Some(kind) = error.io_error_kind() {
-            return FormatError::reading(path, kind.into());
-        }
-        let place = Location::LineColumn(error.line() as u64, error.column() as u64);
-        let message = one_line(&error.to_string());
-        let message = message.split(" at line ").next().unwrap_or_default();
-        FormatError::at(path, place, Problem::Value(format!("{message}; correct or remove the file")))
-    })?;
+    let entries = entries.map_err(|error| json_fault(path, &error, "correct or remove the file"))?;
     Ok(entries.into_iter().map(|entry| entry.0).collect())
 }
 

@@ -118,28 +118,24 @@ pub(super) fn noise3(p: DVec3, seed: u32) -> f64 {
 /// Octaves of [`noise3`], each half as large and half as strong; `size` is the largest cell, and
 /// octaves finer than `width` are left out, so that what is drawn that coarsely does not alias.
 pub(super) fn octaves3(p: DVec3, size: f64, octaves: u32, width: f64, seed: u32) -> f64 {
-    let (mut sum, mut weight, mut cell) = (0.0, 0.55, size);
-    for octave in 0..octaves {
-        let kept = smoothstep(0.7, 2.0, cell / width);
-        if kept <= 0.0 {
-            break;
-        }
-        sum += weight * kept * noise3(p / cell, seed.wrapping_add(octave * 101));
-        weight *= 0.5;
-        cell *= 0.5;
-    }
-    sum
+    sum_octaves(size, octaves, width, seed, |cell, seed| noise3(p / cell, seed))
 }
 
 /// Octaves of [`noise2`]; see [`octaves3`].
 pub(super) fn octaves2(p: DVec2, size: f64, octaves: u32, width: f64, seed: u32) -> f64 {
+    sum_octaves(size, octaves, width, seed, |cell, seed| noise2(p / cell, seed))
+}
+
+/// Octaves of `noise`, a function of the cell and the seed; see [`octaves3`].
+#[inline]
+fn sum_octaves(size: f64, octaves: u32, width: f64, seed: u32, noise: impl Fn(f64, u32) -> f64) -> f64 {
     let (mut sum, mut weight, mut cell) = (0.0, 0.55, size);
     for octave in 0..octaves {
         let kept = smoothstep(0.7, 2.0, cell / width);
         if kept <= 0.0 {
             break;
         }
-        sum += weight * kept * noise2(p / cell, seed.wrapping_add(octave * 101));
+        sum += weight * kept * noise(cell, seed.wrapping_add(octave * 101));
         weight *= 0.5;
         cell *= 0.5;
     }

@@ -1,34 +1,12 @@
 //! The little linear algebra that a survey needs.
 
+use crate::jacobi::jacobi;
 use glam::{DMat3, DVec3};
 
 /// Eigenvalues and unit eigenvectors of a symmetric matrix, the smallest value first.
-///
-/// Cyclic Jacobi rotations: exact to rounding, and no case in which they fail.
 pub fn eigen(matrix: DMat3) -> [(f64, DVec3); 3] {
-    let mut a = matrix.to_cols_array_2d();
-    let mut vectors = DMat3::IDENTITY.to_cols_array_2d();
-    // Convergence is quadratic; six sweeps reach rounding for any 3x3 matrix.
-    for _ in 0..8 {
-        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            if a[p][q].abs() < f64::MIN_POSITIVE {
-                continue;
-            }
-            let theta = 0.5 * (a[q][q] - a[p][p]) / a[p][q];
-            let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-            let cos = 1.0 / t.hypot(1.0);
-            let sin = t * cos;
-            for row in &mut a {
-                (row[p], row[q]) = (cos * row[p] - sin * row[q], sin * row[p] + cos * row[q]);
-            }
-            for k in 0..3 {
-                (a[p][k], a[q][k]) = (cos * a[p][k] - sin * a[q][k], sin * a[p][k] + cos * a[q][k]);
-                let (vp, vq) = (vectors[p][k], vectors[q][k]);
-                (vectors[p][k], vectors[q][k]) = (cos * vp - sin * vq, sin * vp + cos * vq);
-            }
-        }
-    }
-    let mut pairs = [0, 1, 2].map(|k| (a[k][k], DVec3::from_array(vectors[k])));
+    let (values, vectors) = jacobi(matrix.to_cols_array_2d());
+    let mut pairs = [0, 1, 2].map(|k| (values[k], DVec3::from_array(vectors[k])));
     pairs.sort_by(|x, y| x.0.total_cmp(&y.0));
     pairs
 }

@@ -126,8 +126,8 @@ fn words(error: &dyn std::fmt::Debug) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::data;
     use proptest::prelude::*;
+    use wm_scene::testing::data;
 
     /// A PNG of 8-bit rows.
     pub(crate) fn encode(width: u32, height: u32, color: png::ColorType, pixels: &[u8]) -> Vec<u8> {

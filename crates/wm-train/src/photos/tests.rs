@@ -1,8 +1,8 @@
 use super::*;
-use crate::testing::data;
 use std::{fs, path::Path};
 use tempfile::{TempDir, tempdir};
 use wm_scene::capture::{self, CaptureOptions};
+use wm_scene::testing::data;
 
 /// A PNG of a ramp: red grows to the right, green downwards, blue is 7.
 fn write_ramp(path: &Path, width: u32, height: u32) {

@@ -1,7 +1,7 @@
 //! The sweeps of training over tiles: to pixels, and back from them.
 
 use super::BackwardWorker;
-use crate::cpu::back::{RUN, Worker, bands, blend, runs};
+use crate::cpu::back::{RUN, Worker, bands, blend, finish, inside, own, runs};
 use crate::differentiable::{Channels, ForwardConfig, Upstream};
 use crate::dispatch;
 use crate::frame::Frame;
@@ -9,15 +9,15 @@ use crate::hooks::{PATCH, PATCH_PIXELS};
 use crate::renderer::{Background, MedianDepth, Stats};
 use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
-use crate::stages::composite::cpu::{Composite, OutputRows, finish_patch};
+use crate::stages::composite::cpu::{Composite, OutputRows};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
 use crate::stages::project::Record;
 use crate::stages::rasterize_backward::cpu::{Pictures, blend_tile_backward, prepare_patch};
 use crate::stages::rasterize_backward::{NO_SLOT, Slot};
-use crate::stages::sort::cpu::sort;
 use rayon::prelude::*;
+use std::ops::Add;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
-use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 use wm_scene::Camera;
 
@@ -75,12 +75,9 @@ impl<'a> Tiles<'a> {
         PATCHES * (self.config.channels.count() + 1)
     }
 
-    /// A bit for each patch of a tile that holds pixels of the picture.
-    fn inside(&self, (column, row): (usize, usize)) -> u32 {
-        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
-        let within =
-            |patch: usize| (2 * column + patch % 2) * PATCH < width && (2 * row + patch / 2) * PATCH < height;
-        (0..PATCHES).map(|patch| u32::from(within(patch)) << patch).sum()
+    /// Width and height of the picture, px.
+    fn size(&self) -> (usize, usize) {
+        (self.camera.width as usize, self.camera.height as usize)
     }
 
     /// Sorts and blends all tiles into `frame`. Entries then name records and pairs, and `kept` holds the
@@ -112,8 +109,7 @@ impl<'a> Tiles<'a> {
             })
             .map(|(band, (run, (mut rows, kept)))| {
                 let mut stats = Stats::default();
-                let thread = rayon::current_thread_index().unwrap_or(0) % workers.len();
-                let mut worker = workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
+                let mut worker = own(workers);
                 for (i, kept) in kept.chunks_mut(self.arrays()).enumerate() {
                     let tile = (run * RUN + i, band);
                     self.forward_tile(
@@ -129,17 +125,8 @@ impl<'a> Tiles<'a> {
                 }
                 stats
             })
-            .reduce(Stats::default, |a, b| Stats {
-                evaluated_pairs: a.evaluated_pairs + b.evaluated_pairs,
-                sort: a.sort + b.sort,
-                rasterize: a.rasterize + b.rasterize,
-                composite: a.composite + b.composite,
-                ..a
-            });
-        stats.evaluated_pairs += done.evaluated_pairs;
-        stats.sort += done.sort;
-        stats.rasterize += done.rasterize;
-        stats.composite += done.composite;
+            .reduce(Stats::default, Stats::add);
+        *stats += done;
     }
 
     #[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.
@@ -157,21 +144,19 @@ impl<'a> Tiles<'a> {
         let begun = Instant::now();
         let index = tile.1 * self.grid.columns as usize + tile.0;
         let list = &self.entries[self.bounds[index] as usize..self.bounds[index + 1] as usize];
-        worker.keys.clear();
-        worker.keys.extend(list.iter().map(|key| key.load(Relaxed)));
-        sort(&mut worker.keys, &mut worker.sort_scratch);
+        worker.sort(list);
         for (key, entry) in worker.keys.iter_mut().zip(list) {
             let pair = *key as u32;
             *key = u64::from(pair) << 32 | u64::from(words[pair as usize].load(Relaxed));
             entry.store(*key, Relaxed);
         }
         let sorted = Instant::now();
-        let inside = self.inside(tile);
+        let inside = inside(tile, self.size());
         let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
         let sums = (self.config.channels.count(), MedianDepth::Off);
         stats.evaluated_pairs += blend(self.path, sums, self.records, keys, tile, inside, scratch);
         let blended = Instant::now();
-        let channels = self.config.channels;
+        let (channels, narrow) = (self.config.channels, self.path.narrow());
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
             let sums = &mut worker.scratch.patches[patch];
             let kept = &mut kept[patch * (channels.count() + 1)..][..channels.count() + 1];
@@ -180,16 +165,7 @@ impl<'a> Tiles<'a> {
             if channels == Channels::Depth {
                 sums.features[3] = sums.features[0];
             }
-            let (pixels, corner) = (&mut worker.pixels, (offset + patch % 2 * PATCH, patch / 2 * PATCH));
-            let place = (2 * tile.0 + patch % 2, 2 * tile.1 + patch / 2);
-            macro_rules! finish {
-                ($lanes:literal) => {
-                    dispatch!(self.path.narrow(), s => finish_patch::<_, $lanes>(
-                        s, composite, sums, place, pixels, corner, rows
-                    ))
-                };
-            }
-            if self.path.lanes() == 16 { finish!(16) } else { finish!(8) }
+            finish(narrow, composite, sums, (tile, patch), &mut worker.pixels, offset, rows);
         }
         stats.sort += (sorted - begun).as_secs_f64();
         stats.rasterize += (blended - sorted).as_secs_f64();
@@ -218,8 +194,7 @@ impl<'a> Tiles<'a> {
             .enumerate()
             .map(|(index, slots)| {
                 let begun = Instant::now();
-                let thread = rayon::current_thread_index().unwrap_or(0) % workers.len();
-                let mut worker = workers[thread].lock().unwrap_or_else(PoisonError::into_inner);
+                let mut worker = own(workers);
                 let kept = &kept[index * self.arrays()..(index + 1) * self.arrays()];
                 self.backward_tile(index, upstream, kept, slots, places, &mut worker);
                 begun.elapsed().as_secs_f64()
@@ -244,10 +219,9 @@ impl<'a> Tiles<'a> {
         keys.extend(self.entries[list.clone()].iter().map(|entry| entry.load(Relaxed)));
         own_places.resize(keys.len(), NO_SLOT);
         let (left, top) = (tile.0 * TILE, tile.1 * TILE);
-        let inside = self.inside(tile);
+        let inside = inside(tile, self.size());
         let count = self.config.channels.count();
-        let size = (self.camera.width as usize, self.camera.height as usize);
-        let pictures = Pictures { config: self.config, upstream, size };
+        let pictures = Pictures { config: self.config, upstream, size: self.size() };
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
             let corner = (left + patch % 2 * PATCH, top + patch / 2 * PATCH);
             let kept = &kept[patch * (count + 1)..(patch + 1) * (count + 1)];

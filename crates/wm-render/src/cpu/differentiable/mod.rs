@@ -12,7 +12,7 @@ mod gather;
 
 use super::back::Worker;
 use crate::differentiable::{ForwardConfig, Gradients, Learn, Opacity, Upstream};
-use crate::frame::{Encoding, Frame};
+use crate::frame::{Arrays, Frame};
 use crate::hooks::PATCH_PIXELS;
 use crate::renderer::{CpuConfig, MAX_SPLATS, RenderError, Stats};
 use crate::simd::SimdPath;
@@ -141,7 +141,14 @@ impl Differentiable {
         if splats.len() > MAX_SPLATS {
             return Err(RenderError::TooMany(splats.len()));
         }
-        prepare(frame, camera, config)?;
+        let channels = config.channels;
+        let arrays = Arrays {
+            rgb: channels.has_color(),
+            depth: channels.depth().is_some(),
+            median_depth: false,
+            normal: channels.has_normal(),
+        };
+        frame.prepare((camera.width, camera.height), arrays)?;
         let pool = Arc::clone(&self.pool);
         Ok(pool.install(|| self.forward_on_pool(splats, camera, config, frame)))
     }
@@ -260,29 +267,6 @@ impl Differentiable {
         let project = gather.run(&self.parts, gradients);
         BackwardStats { rasterize, project, wall: started.elapsed().as_secs_f64() }
     }
-}
-
-/// Sizes the arrays of `frame`.
-fn prepare(frame: &mut Frame, camera: &Camera, config: &ForwardConfig) -> Result<(), RenderError> {
-    let (width, height) = (camera.width, camera.height);
-    let pixels = width as usize * height as usize;
-    let has = |wanted: bool, channels: usize| if wanted { pixels * channels } else { 0 };
-    let channels = config.channels;
-    for (array, length) in [
-        (&mut frame.rgb, has(channels.has_color(), 3)),
-        (&mut frame.alpha, pixels),
-        (&mut frame.depth, has(channels.depth().is_some(), 1)),
-        (&mut frame.median_depth, 0),
-        (&mut frame.normal, has(channels.has_normal(), 3)),
-    ] {
-        if array.len() != length {
-            array.clear();
-            array.try_reserve_exact(length).map_err(|_| RenderError::Memory { width, height })?;
-            array.resize(length, 0.0);
-        }
-    }
-    (frame.width, frame.height, frame.encoding) = (width, height, Encoding::Srgb);
-    Ok(())
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ mod tests;
 
 use super::{Capture, CaptureOptions, CaptureView, Distortion, Format, Points, Want, header, places};
 use crate::{
-    Camera, FormatError, Location, Problem, camera::viewmat_of, error::one_line, formats::ply::read_points,
+    Camera, FormatError, Problem, camera::viewmat_of, error::{json_fault, one_line}, formats::ply::read_points,
 };
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
@@ -141,7 +141,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     };
     let file = File::open(&path).map_err(|e| FormatError::reading(&path, e))?;
     let transforms: Transforms =
-        serde_json::from_reader(BufReader::new(file)).map_err(|error| parse_fault(&path, &error))?;
+        serde_json::from_reader(BufReader::new(file)).map_err(|error| json_fault(&path, &error, "correct the file or export it again"))?;
     if transforms.frames.is_empty() {
         let problem = "there are no frames in it; export the capture again";
         return Err(FormatError::whole(&path, Problem::Value(problem.into())));
@@ -278,14 +278,4 @@ fn points_of(transforms: &Transforms, folder: &Path, path: &Path) -> Result<Poin
         }
     }
     Ok(points)
-}
-
-fn parse_fault(path: &Path, error: &serde_json::Error) -> FormatError {
-    if let Some(kind) = error.io_error_kind() {
-        return FormatError::reading(path, kind.into());
-    }
-    let place = Location::LineColumn(error.line() as u64, error.column() as u64);
-    let message = one_line(&error.to_string());
-    let message = message.split(" at line ").next().unwrap_or_default();
-    FormatError::at(path, place, Problem::Value(format!("{message}; correct the file or export it again")))
 }

@@ -1,16 +1,22 @@
-//! Arrays of f32 for NumPy, format version 1.0.
+//! Arrays of f32 for NumPy, format version 1.0: `numpy.load("depth.npy")`.
+//!
+//! Written here, since it is a header of one line: the crate for it brings twenty others, among them
+//! a parser generator, a big-integer library and assembly code.
 
+use crate::{FormatError, Problem, files::write_atomically};
 use std::{
     fs::File,
     io::{BufReader, Read},
     path::Path,
 };
-use wm_scene::{FormatError, Problem, files::write_atomically};
 
 /// Longest header that is read, bytes.
 const MAX_HEADER: usize = 4096;
+/// Values that are written at once.
+const PART: usize = 4096;
 
-/// Writes `values` as little-endian f32 of the shape, the last axis fastest.
+/// Writes `values` as little-endian f32 of `shape`, such as `[H, W]` or `[H, W, 3]`, the last axis
+/// fastest; whole or not at all.
 ///
 /// # Errors
 /// [`FormatError`] if the file cannot be written.
@@ -21,8 +27,11 @@ pub fn write(path: &Path, values: &[f32], shape: &[usize]) -> Result<(), FormatE
     assert_eq!(values.len(), shape.iter().product::<usize>(), "an array of shape {shape:?}");
     write_atomically(path, |out| {
         out.write_all(&header(shape))?;
-        for part in values.chunks(4096) {
-            let bytes: Vec<u8> = part.iter().flat_map(|value| value.to_le_bytes()).collect();
+        // Part by part: a copy of a part, not of the array.
+        let mut bytes = Vec::with_capacity(4 * PART.min(values.len()));
+        for part in values.chunks(PART) {
+            bytes.clear();
+            bytes.extend(part.iter().flat_map(|value| value.to_le_bytes()));
             out.write_all(&bytes)?;
         }
         Ok(())
@@ -32,8 +41,11 @@ pub fn write(path: &Path, values: &[f32], shape: &[usize]) -> Result<(), FormatE
 /// Magic, version, length and a Python dictionary padded to a multiple of 64 bytes.
 fn header(shape: &[usize]) -> Vec<u8> {
     const FIXED: usize = 10;
-    let sides: String = shape.iter().map(|side| format!("{side}, ")).collect();
-    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", sides.trim_end());
+    let sides: Vec<String> = shape.iter().map(usize::to_string).collect();
+    // As Python writes tuples: (2, 5), but (5,).
+    let comma = if shape.len() == 1 { "," } else { "" };
+    let sides = sides.join(", ");
+    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({sides}{comma}), }}");
     let length = (FIXED + text.len() + 1).next_multiple_of(64);
     text.extend(std::iter::repeat_n(' ', length - FIXED - text.len() - 1));
     text.push('\n');
@@ -91,6 +103,29 @@ fn read_from(mut input: impl Read, length: u64) -> Result<(Vec<f32>, Vec<usize>)
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn has_the_layout_numpy_describes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npy");
+        for (shape, text) in [(&[5][..], "(5,)"), (&[2, 5], "(2, 5)"), (&[2, 5, 3], "(2, 5, 3)")] {
+            let values: Vec<f32> = (0..shape.iter().product::<usize>()).map(|i| i as f32 - 3.5).collect();
+            write(&path, &values, shape).unwrap();
+            let bytes = std::fs::read(&path).unwrap();
+            assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
+            let start = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+            assert_eq!(start % 64, 0);
+            let head = std::str::from_utf8(&bytes[10..start]).unwrap();
+            assert_eq!(
+                head.trim_end(),
+                format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {text}, }}")
+            );
+            assert!(head.ends_with('\n'));
+            let stored: Vec<f32> =
+                bytes[start..].as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+            assert_eq!(stored, values);
+        }
+    }
 
     #[test]
     fn arrays_come_back() {
