@@ -370,17 +370,14 @@ impl<'a> Run<'a> {
             known.ground = Some(ground.under.dot(survey.up.value));
         }
         if known.metres_per_unit.is_none() {
-            match self.scale(&ground) {
-                Some(Scale { metres_per_unit, source }) => {
-                    eprintln!("scale: {metres_per_unit:.4} m per unit, from {source}");
-                    known.metres_per_unit = Some(metres_per_unit);
-                    known.scale_source = Some(source);
-                }
-                None => {
-                    if let Err(reason) = &ground {
-                        eprintln!("scale: none from the height of the cameras: {reason}");
-                    }
-                }
+            let found = self.scale(&ground);
+            if let (Err(reason), true) = (&ground, found.is_none() || self.args.camera_height.is_some()) {
+                eprintln!("scale: none from the height of the cameras: {reason}");
+            }
+            if let Some(Scale { metres_per_unit, source }) = found {
+                eprintln!("scale: {metres_per_unit:.4} m per unit, from {source}");
+                known.metres_per_unit = Some(metres_per_unit);
+                known.scale_source = Some(source);
             }
         }
         scene.metadata = known.or(std::mem::take(&mut scene.metadata));

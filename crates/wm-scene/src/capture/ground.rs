@@ -98,6 +98,9 @@ pub enum NoGround {
     /// The cameras look up or down, degrees, up above 0.
     #[error("the photos were not taken level: their middle looks {} {:.0} degrees", if *.0 > 0.0 { "up" } else { "down" }, .0.abs())]
     Pitched(f64),
+    /// The cameras have no up in common, or it is not that of their path.
+    #[error("the photos do not tell which way is up")]
+    Askew,
     /// No surface that could be the ground.
     #[error("no ground is to be seen that is clear enough")]
     Unclear,
@@ -253,7 +256,7 @@ fn upright(poses: &[Pose]) -> Result<(DVec3, DMat2), NoGround> {
     }
     // Cameras that are held every way have no common up.
     if held.length() < 0.5 {
-        return Err(NoGround::Pitched(0.0));
+        return Err(NoGround::Askew);
     }
     let held = held.normalize();
     let (mut up, mut covariance) = (held, DMat2::IDENTITY);
@@ -275,7 +278,7 @@ fn upright(poses: &[Pose]) -> Result<(DVec3, DMat2), NoGround> {
         up = (up - x * step.x - y * step.y).normalize();
     }
     let is_sound = up.is_finite() && covariance.is_finite() && up.dot(held) > 0.9;
-    if is_sound { Ok((up, covariance)) } else { Err(NoGround::Pitched(0.0)) }
+    if is_sound { Ok((up, covariance)) } else { Err(NoGround::Askew) }
 }
 
 /// Where a point lies as seen from the path.

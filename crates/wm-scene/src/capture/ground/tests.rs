@@ -207,7 +207,7 @@ fn drones_that_look_down_say_nothing() {
         let cameras = walk(&mut dice, Walker { height, pitch, ..WALKER });
         let places = scatter(&mut dice, [-40.0, -20.0, 0.0], [40.0, 80.0, 0.1], 2000);
         let found = ground(&taken(&cameras, &places, rotation(4, 4), 1.0));
-        assert!(matches!(found, Err(NoGround::Pitched(_))), "{found:?}");
+        assert!(matches!(found, Err(NoGround::Pitched(_) | NoGround::Askew)), "{found:?}");
     }
 }
 
