@@ -65,6 +65,7 @@ fn report(
             "up": sourced(&survey.up),
             "ground": sourced(&survey.ground),
             "metres_per_unit": sourced(&survey.metres_per_unit),
+            "scale_source": survey.scale_source,
             "airlight": sourced(&survey.airlight),
             "center": survey.center,
             "radius": survey.radius,

@@ -17,6 +17,7 @@ pub fn survey() -> Survey {
         up: known(DVec3::Z),
         ground: known(0.0),
         metres_per_unit: known(1.0),
+        scale_source: None,
         airlight: known([0.8; 3]),
         center: DVec3::new(0.0, 0.0, 2.0),
         radius: 10.0,

@@ -59,6 +59,53 @@ fn what_is_known_may_be_given() {
     assert_eq!(report["metadata"]["up"], serde_json::json!([0.0, 0.0, 1.0]));
 }
 
+/// Photos from eye level give the scale by the height at which cameras are held; from above they do not.
+#[test]
+fn a_walk_tells_how_large_its_place_is() {
+    let inspected = |place: &Place| -> Value {
+        let report = place.succeeds(&mut place.command(["inspect", "--json", "scene.ply"]));
+        serde_json::from_slice(&report.stdout).unwrap()
+    };
+    let walk = BuiltinOptions { route: Route::Walk, count: 8, points: 1500, ..PHOTOS };
+    let place = Place::with(&walk);
+    let output = place.trained(&["--steps", "2"]);
+    let from = "from the camera height of 1.6 m above the ground";
+    let line = said(&output);
+    let line = line.lines().find(|line| line.starts_with("scale: ")).unwrap();
+    assert!(line.ends_with(from) && !said(&output).contains("warning"), "{}", said(&output));
+    let report = inspected(&place);
+    let scale = report["metadata"]["metres_per_unit"].as_f64().unwrap();
+    assert!(
+        (scale - 1.0).abs() < 0.1 && line.starts_with(&format!("scale: {scale:.4} m per unit, ")),
+        "{line}"
+    );
+    assert_eq!(format!("from {}", report["metadata"]["scale_source"].as_str().unwrap()), from);
+    assert_eq!(report["survey"]["scale_source"], report["metadata"]["scale_source"]);
+    assert!(report["metadata"]["ground"].as_f64().unwrap().abs() < 0.2, "{report}");
+
+    // The cameras were 1.6 m up: told otherwise, all is larger. A scale that is given wins.
+    fs::remove_dir_all(place.at("scene.ply.run")).unwrap();
+    place.trained(&["--steps", "2", "--camera-height", "3.2"]);
+    let report = inspected(&place);
+    let larger = report["metadata"]["metres_per_unit"].as_f64().unwrap();
+    assert!((larger / scale - 2.0).abs() < 1e-9, "{larger}");
+    assert_eq!(report["metadata"]["scale_source"], "the camera height of 3.2 m above the ground");
+    fs::remove_dir_all(place.at("scene.ply.run")).unwrap();
+    place.trained(&["--steps", "2", "--camera-height", "3.2", "--metres-per-unit", "7"]);
+    let report = inspected(&place);
+    assert_eq!(report["metadata"]["metres_per_unit"], 7.0);
+    assert!(report["metadata"]["scale_source"].is_null(), "{report}");
+
+    let place = Place::with(&BuiltinOptions { points: 1500, ..PHOTOS });
+    let said = said(&place.trained(&["--steps", "2"]));
+    for says in
+        ["the photos were not taken level: their middle looks down 30 degrees", "warning: scale is not known"]
+    {
+        assert!(said.contains(says), "{said}");
+    }
+    assert!(inspected(&place)["metadata"]["metres_per_unit"].is_null());
+}
+
 /// More is learnt of photos that were never seen than their colour: of a picture of one colour the error is
 /// the variance of the photo.
 #[test]

@@ -71,7 +71,7 @@ fn outputs_that_cannot_be() {
 #[test]
 fn options_that_make_no_training() {
     let place = Place::new();
-    let cases: [(&[&str], &str); 9] = [
+    let cases: [(&[&str], &str); 11] = [
         (&["--steps", "0"], "--steps"),
         (&["--longest", "4"], "--longest"),
         (&["--cache", "0"], "--cache"),
@@ -79,6 +79,8 @@ fn options_that_make_no_training() {
         (&["--eval-every", "1"], "set: 0 of 6 photos are left to learn from, at least 3 are needed"),
         (&["--checkpoint-every", "0"], "--checkpoint-every 0: must be a number of seconds above 0"),
         (&["--checkpoint-every", "nan"], "--checkpoint-every NaN: "),
+        (&["--camera-height", "0"], "--camera-height is 0: it must be finite and above 0"),
+        (&["--camera-height", "nan"], "--camera-height is NaN: it must be finite and above 0"),
         (&["--images", "photos"], "set/photos"),
         (&["--model", "sparse/7"], "sparse/7"),
     ];

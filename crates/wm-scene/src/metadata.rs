@@ -15,6 +15,10 @@ pub struct Metadata {
     /// Metres per scene unit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metres_per_unit: Option<f64>,
+    /// What `metres_per_unit` is from, such as "the camera height of 1.6 m above the ground"; free text, one
+    /// line, at most [`Metadata::MAX_PROVENANCE`] bytes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale_source: Option<String>,
     /// The direction against gravity, world axes, length 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub up: Option<DVec3>,
@@ -50,8 +54,8 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 6] =
-        ["metres_per_unit", "up", "ground", "airlight", "rasterization", "provenance"];
+    pub const KEYS: [&str; 7] =
+        ["metres_per_unit", "scale_source", "up", "ground", "airlight", "rasterization", "provenance"];
 
     /// Longest provenance, bytes: it must fit into one header line.
     pub const MAX_PROVENANCE: usize = 4096;
@@ -80,10 +84,12 @@ impl Metadata {
         })
     }
 
-    /// `self` where it says something, `other` elsewhere.
+    /// `self` where it says something, `other` elsewhere. What a scale is from goes with the scale.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
+        let is_replaced = self.metres_per_unit.is_some() && other.metres_per_unit.is_some();
         Self {
+            scale_source: self.scale_source.or(other.scale_source.filter(|_| !is_replaced)),
             metres_per_unit: self.metres_per_unit.or(other.metres_per_unit),
             up: self.up.or(other.up),
             ground: self.ground.or(other.ground),
@@ -116,13 +122,16 @@ impl Metadata {
         {
             return Some(format!("airlight is {airlight:?}: each value must be finite and not below 0"));
         }
-        if let Some(provenance) = &self.provenance
-            && (provenance.len() > Self::MAX_PROVENANCE || provenance.chars().any(char::is_control))
-        {
-            let limit = Self::MAX_PROVENANCE;
-            return Some(format!(
-                "provenance must be one line of at most {limit} bytes, no control characters"
-            ));
+        for (key, text) in [("scale_source", &self.scale_source), ("provenance", &self.provenance)] {
+            if text
+                .as_ref()
+                .is_some_and(|text| text.len() > Self::MAX_PROVENANCE || text.chars().any(char::is_control))
+            {
+                let limit = Self::MAX_PROVENANCE;
+                return Some(format!(
+                    "{key} must be one line of at most {limit} bytes, no control characters"
+                ));
+            }
         }
         None
     }
@@ -136,6 +145,7 @@ mod tests {
     fn full() -> Metadata {
         Metadata {
             metres_per_unit: Some(16.4),
+            scale_source: Some("a tape".into()),
             up: Some(DVec3::NEG_Y),
             ground: Some(-1.5),
             airlight: Some([0.7, 0.75, 0.8]),
@@ -195,6 +205,17 @@ mod tests {
     }
 
     #[test]
+    fn what_a_scale_is_from_goes_with_it() {
+        let file = full();
+        let given = Metadata { metres_per_unit: Some(2.0), ..Metadata::default() };
+        assert_eq!(given.clone().or(file.clone()).scale_source, None);
+        assert_eq!(Metadata::default().or(file.clone()).scale_source, file.scale_source);
+        // Keys are read one at a time, in any order.
+        let alone = Metadata { scale_source: file.scale_source.clone(), ..Metadata::default() };
+        assert_eq!(alone.clone().or(given.clone()), given.or(alone));
+    }
+
+    #[test]
     fn faults_are_found() {
         assert_eq!(Metadata::default().fault(), None);
         for bad in [
@@ -203,6 +224,7 @@ mod tests {
             Metadata { ground: Some(f64::NAN), ..Metadata::default() },
             Metadata { airlight: Some([0.5, -1.0, 0.5]), ..Metadata::default() },
             Metadata { provenance: Some("two\nlines".into()), ..Metadata::default() },
+            Metadata { scale_source: Some("two\nlines".into()), ..Metadata::default() },
             Metadata { provenance: Some("x".repeat(5000)), ..Metadata::default() },
         ] {
             assert!(bad.fault().is_some());

@@ -41,6 +41,10 @@ pub struct ReconstructArgs {
     training: TrainingArgs,
     #[command(flatten)]
     facts: crate::scene::FactArgs,
+    /// Height of the cameras above the ground, metres: the scale is from it where nothing else says it, and
+    /// before GPS if it is given. It takes level photos that show the ground [default: 1.6]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Scene")]
+    camera_height: Option<f64>,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,
@@ -195,6 +199,11 @@ impl TrainingArgs {
 pub fn run(args: &ReconstructArgs) -> Result<()> {
     if !(args.checkpoint_every.is_finite() && args.checkpoint_every > 0.0) {
         bail!("--checkpoint-every {}: must be a number of seconds above 0", args.checkpoint_every);
+    }
+    if let Some(height) = args.camera_height
+        && !(height.is_finite() && height > 0.0)
+    {
+        bail!("--camera-height is {height}: it must be finite and above 0");
     }
     let facts = args.facts.metadata()?;
     let given = args.training.config.as_deref().map(folder::read_config).transpose()?;

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use wm_render::{CpuConfig, Frame};
 use wm_scene::capture::gps;
+use wm_scene::capture::ground::{Ground, HELD_AT, NoGround, ground};
 use wm_scene::formats::{folder as scene_folder, write_scene};
 use wm_scene::survey::{Survey, label_sky};
 use wm_scene::{Metadata, Scene};
@@ -29,6 +30,8 @@ use wm_train::{StepTimes, TrainConfig, Trainer};
 const AHEAD: u32 = 4;
 /// Shortest side of a photo in coarse steps, px.
 const SHORTEST: u32 = 100;
+/// The ground under a walk and the scene's up are of one place, as a cosine: 15 degrees, steep streets and all.
+const SAME_GROUND: f64 = 0.966;
 /// Lines of metrics and previews in a run.
 const LINES: u32 = 200;
 const PREVIEWS: u32 = 10;
@@ -358,8 +361,24 @@ impl<'a> Run<'a> {
         let mut scene = Scene { splats, metadata, views: self.data.views() };
         let survey = Survey::of(&scene, facts);
         let mut known = survey.metadata();
+        let ground = ground(&self.data.capture);
+        if facts.ground.is_none()
+            && let Ok(ground) = &ground
+            && ground.up.dot(survey.up.value) > SAME_GROUND
+        {
+            // Seen in many photos: better than what training left of a street.
+            known.ground = Some(ground.under.dot(survey.up.value));
+        }
         if known.metres_per_unit.is_none() {
-            known.metres_per_unit = self.scale();
+            let found = self.scale(&ground);
+            if let (Err(reason), true) = (&ground, found.is_none() || self.args.camera_height.is_some()) {
+                eprintln!("scale: none from the height of the cameras: {reason}");
+            }
+            if let Some(Scale { metres_per_unit, source }) = found {
+                eprintln!("scale: {metres_per_unit:.4} m per unit, from {source}");
+                known.metres_per_unit = Some(metres_per_unit);
+                known.scale_source = Some(source);
+            }
         }
         scene.metadata = known.or(std::mem::take(&mut scene.metadata));
         write_scene(out, &scene)?;
@@ -373,16 +392,34 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Metres a unit by where photos say that they were taken.
-    fn scale(&self) -> Option<f64> {
-        let centers: Vec<DVec3> = self.data.capture.views.iter().map(|view| view.camera.center()).collect();
-        let scale = gps::metres_per_unit(&centers, self.data.photos.gps())?;
-        eprintln!(
-            "scale: {:.4} m a unit by the places of {} photos, which it meets within {:.1} m",
-            scale.metres_per_unit, scale.photos, scale.residual
-        );
-        Some(scale.metres_per_unit)
+    /// Metres a unit: by the height of the cameras if that is given, else by where photos say that they were
+    /// taken, else by the height at which people hold cameras.
+    fn scale(&self, ground: &Result<Ground, NoGround>) -> Option<Scale> {
+        let by_height = |metres: f64| {
+            let metres_per_unit = metres / ground.as_ref().ok()?.height;
+            let source = format!("the camera height of {metres} m above the ground");
+            (metres_per_unit.is_finite() && metres_per_unit > 0.0)
+                .then_some(Scale { metres_per_unit, source })
+        };
+        let by_places = || {
+            let centers: Vec<DVec3> =
+                self.data.capture.views.iter().map(|view| view.camera.center()).collect();
+            let scale = gps::metres_per_unit(&centers, self.data.photos.gps())?;
+            let source = format!("the places of {} photos, met within {:.1} m", scale.photos, scale.residual);
+            Some(Scale { metres_per_unit: scale.metres_per_unit, source })
+        };
+        let given = self.args.camera_height.and_then(by_height);
+        given.or_else(by_places).or_else(|| match self.args.camera_height {
+            Some(_) => None,
+            None => by_height(HELD_AT),
+        })
     }
+}
+
+/// How large the place is, and what says so.
+struct Scale {
+    metres_per_unit: f64,
+    source: String,
 }
 
 fn taught(data: &Data) -> Vec<Taught> {

@@ -8,6 +8,7 @@
 
 mod distortion;
 pub mod gps;
+pub mod ground;
 pub mod header;
 mod places;
 #[cfg(test)]
@@ -22,6 +23,7 @@ use std::{
 
 pub use distortion::Distortion;
 pub use gps::Gps;
+pub use ground::{Ground, NoGround};
 
 macro_rules! captures {
     ($($name:ident),+ $(,)?) => {

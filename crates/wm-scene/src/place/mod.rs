@@ -148,6 +148,7 @@ impl Place {
         }
         Metadata {
             metres_per_unit: Some(1.0),
+            scale_source: None,
             up: Some(DVec3::Z),
             ground: Some(0.0),
             airlight: Some(exposed(airlight.to_array())),

@@ -7,7 +7,7 @@
 
 mod airlight;
 mod ground;
-mod linear;
+pub(crate) mod linear;
 mod report;
 mod sample;
 mod sky;
@@ -33,6 +33,8 @@ pub struct Survey {
     pub ground: Sourced<f64>,
     /// Metres per scene unit; never estimated, 1 where nothing says it.
     pub metres_per_unit: Sourced<f64>,
+    /// What the scale is from, where the scene's metadata says the scale and that.
+    pub scale_source: Option<String>,
     /// Mean radiance of the sky near the horizon, linear RGB, 1 = display white.
     pub airlight: Sourced<[f64; 3]>,
     /// The middle of most splats, sky and strays left out, scene units.
@@ -136,8 +138,10 @@ impl Survey {
             source: estimated,
         });
         let one = || Sourced { value: 1.0, source: Source::Assumed };
+        let metres_per_unit = Sourced::first(given.metres_per_unit, file.metres_per_unit, one);
         Self {
-            metres_per_unit: Sourced::first(given.metres_per_unit, file.metres_per_unit, one),
+            scale_source: file.scale_source.filter(|_| metres_per_unit.source == Source::File),
+            metres_per_unit,
             center: sample.center,
             radius: sample.radius,
             extent: sample.extent(up.value),
@@ -156,6 +160,7 @@ impl Survey {
         }
         Metadata {
             metres_per_unit: known(&self.metres_per_unit),
+            scale_source: self.scale_source.clone(),
             up: known(&self.up),
             ground: known(&self.ground),
             airlight: known(&self.airlight),

@@ -19,10 +19,11 @@ impl Survey {
             0 => "sky: no splats of its own".into(),
             count => format!("sky: {count} splats"),
         };
+        let from = self.scale_source.as_ref().map_or_else(String::new, |from| format!(": {from}"));
         vec![
             format!("up: {x}, {y}, {z} ({})", self.up.source),
             format!("ground: {} units along up ({})", Short(self.ground.value, 3), self.ground.source),
-            format!("scale: 1 unit is {} m ({})", Short(scale.value, 4), scale.source),
+            format!("scale: 1 unit is {} m ({}{from})", Short(scale.value, 4), scale.source),
             format!("size: {} m", self.size()),
             format!("airlight: {r}, {g}, {b} linear ({light})"),
             sky,

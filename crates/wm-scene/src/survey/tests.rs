@@ -249,6 +249,16 @@ fn it_is_told_in_lines() {
     assert_eq!(found.warning().unwrap(), warning);
     found.extent = [0.51, 0.26, 0.033];
     assert_eq!(found.lines()[3], "size: 0.510 x 0.260 x 0.033 m");
+
+    let metadata =
+        Metadata { metres_per_unit: Some(16.25), scale_source: Some("a tape".into()), ..Metadata::default() };
+    let scene = Scene { metadata, ..bare(street(6).build()) };
+    let found = Survey::of(&scene, &Metadata::default());
+    assert_eq!(found.lines()[2], "scale: 1 unit is 16.25 m (from the scene's metadata: a tape)");
+    assert_eq!(found.metadata().scale_source, scene.metadata.scale_source);
+    let given = Metadata { metres_per_unit: Some(2.0), ..Metadata::default() };
+    let found = Survey::of(&scene, &given);
+    assert_eq!((found.lines()[2].as_str(), found.scale_source), ("scale: 1 unit is 2 m (given)", None));
 }
 
 #[test]

@@ -1,0 +1,445 @@
+//! The ground under a walk: how high above it the cameras were held, in scene units.
+//!
+//! A person carries a camera at one height over the ground, so the ground is parallel to the path. What
+//! is up comes from three things together, weighted by how well each is known: the pictures' own up, their
+//! x axes (people do not roll cameras) and the path itself. Points are then counted by how far below the
+//! nearest cameras they lie, so that a street may rise and fall. The ground is the height with the most
+//! points under which there are next to none.
+//!
+//! A row of window sills or the lower edge of what is seen of a wall is such a height too. So a point
+//! only counts as ground if it was seen past: lines of sight to things behind it run low over it, which
+//! none does through a wall. And where the cameras may have lain on their side (COLMAP keeps photos as
+//! they are stored), a wall may be taken for the ground: nothing is said where another side is as near.
+//!
+//! It is right or says nothing: every limit below is a reason to say nothing. It cannot tell a person
+//! from a drone that flies level and looks ahead.
+
+use super::Capture;
+use crate::survey::linear::{horizontals, outer, quantile};
+use glam::{DMat2, DMat3, DVec2, DVec3};
+use thiserror::Error;
+
+/// Height above the ground at which people hold cameras, m: that of the eyes of an adult.
+pub const HELD_AT: f64 = 1.6;
+
+/// Fewest cameras; a plane through three says nothing of how flat the path is.
+const MIN_CAMERAS: usize = 5;
+/// Median of the pitch up or down, degrees: facades are taken from below at some 12, what looks down more
+/// than this is a drone, or walks around a thing.
+const MAX_PITCH: f64 = 15.0;
+/// Pitch of nine in ten cameras, degrees.
+const MAX_PITCHES: f64 = 30.0;
+/// Deviation of camera heights among neighbours, camera heights: arms up and down are within it, cranes
+/// and stairs are not.
+const MAX_UNEVEN: f64 = 0.3;
+/// How far off the path points count, camera heights: a fall of two in a hundred, as yards have for the
+/// rain, is an eighth of the height by then; nearer than 3 level pictures may show no ground.
+const REACH: f64 = 6.0;
+/// How uncertain up may make a point's height, camera heights.
+const MAX_TILT: f64 = 0.1;
+/// Half thickness of the ground, camera heights: kerbs and cobbles, and what up is off by. Once it is found,
+/// twice that is looked at, for its middle.
+const SLAB: f64 = 0.15;
+/// Points below the ground for each on it: mismatches and mirrors; cellars and quays have more.
+const MAX_BELOW: f64 = 0.05;
+/// How far off the path that counts, camera heights: beyond its ends the ground may fall.
+const BESIDE: f64 = 4.0;
+/// Fewest points that were seen past; by chance there are a few.
+const MIN_POINTS: usize = 20;
+/// Share of them among the points of the slab; of the foot of a wall it is near 0, of streets a third
+/// and more.
+const MIN_SHARE: f64 = 0.15;
+/// Share of the cameras under which they lie; the ground of a walk is seen all along.
+const MIN_SPREAD: f64 = 0.25;
+/// Range of the middle eight in ten of their heights, camera heights: 0.48 is no surface but points at all
+/// heights of the slab that is looked at, a cobbled street between its gutters has 0.34.
+const MAX_RANGE: f64 = 0.4;
+/// Cameras that are this much farther from a point than the nearest tell its depth together, camera
+/// heights: over a few steps arms up and down even out, and a street that rises is followed.
+const TOGETHER: f64 = 1.5;
+/// Radius of the column under a camera in which nothing can lie higher than the ground, camera heights: the
+/// person stood there.
+const COLUMN: f64 = 0.4;
+/// Points in the columns that are passers-by and mismatches.
+const FEW: usize = 3;
+/// Another side that is nearer than this is as likely the ground, ratio.
+const APART: f64 = 2.0;
+/// Errors of what is known of up, radians: the mean of the pictures' ups (how much all are pitched alike),
+/// a picture's x axis.
+const PITCHED: f64 = 0.15;
+const ROLLED: f64 = 0.026;
+/// Cameras that err independently in roll, and in how high they are held: neighbours err alike.
+const INDEPENDENT: [f64; 2] = [4.0, 8.0];
+/// Most points, points of the slab, and lines of sight that are looked at.
+const MOST: [usize; 3] = [40_000, 400, 60_000];
+
+/// The ground that the cameras of a walk stand over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ground {
+    /// Its normal, away from it, world axes, length 1: up as the path has it, along slopes too.
+    pub up: DVec3,
+    /// Mean height of the cameras above it, scene units, above 0.
+    pub height: f64,
+    /// A point on it, under the middle of the cameras, scene units.
+    pub under: DVec3,
+    /// Points on it that were seen past.
+    pub points: usize,
+}
+
+/// Why nothing is said.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum NoGround {
+    /// Too few cameras, or all in one place.
+    #[error("{0} photos from different places are too few")]
+    Few(usize),
+    /// It is not known which photo sees which point.
+    #[error("the data set does not say which photos see which points")]
+    Blind,
+    /// The cameras look up or down, degrees, up above 0.
+    #[error("the photos were not taken level: their middle looks {} {:.0} degrees", if *.0 > 0.0 { "up" } else { "down" }, .0.abs())]
+    Pitched(f64),
+    /// The cameras have no up in common, or it is not that of their path.
+    #[error("the photos do not tell which way is up")]
+    Askew,
+    /// No surface that could be the ground.
+    #[error("no ground is to be seen that is clear enough")]
+    Unclear,
+    /// The cameras' heights differ among neighbours.
+    #[error("the photos were taken at too different heights")]
+    Uneven,
+    /// On another side a surface is as near.
+    #[error("a surface to another side of the cameras is as near as the ground, so that it could be that")]
+    Sides,
+}
+
+/// A camera as far as it is needed; one on its side has `right` and `up` exchanged.
+#[derive(Clone, Copy)]
+struct Pose {
+    center: DVec3,
+    right: DVec3,
+    up: DVec3,
+    forward: DVec3,
+}
+
+/// What was seen: points, and for each line of sight its camera and point.
+struct Seen {
+    points: Vec<DVec3>,
+    lines: Vec<(usize, usize)>,
+}
+
+/// Finds the ground under the cameras of a capture.
+///
+/// # Errors
+/// [`NoGround`] if the evidence is thin, in the words of a half sentence.
+pub fn ground(capture: &Capture) -> Result<Ground, NoGround> {
+    let poses: Vec<Pose> = capture
+        .views
+        .iter()
+        .map(|view| {
+            let (camera, rotation) = (&view.camera, view.camera.rotation());
+            let [right, forward] = [0, 2].map(|row| rotation.row(row));
+            Pose { center: camera.center(), right, up: camera.up(), forward }
+        })
+        .collect();
+    let are_finite = poses.iter().all(|p| (p.center + p.right + p.up + p.forward).is_finite());
+    if poses.len() < MIN_CAMERAS || !are_finite {
+        return Err(NoGround::Few(poses.len()));
+    }
+    let seen = Seen::of(capture);
+    if seen.lines.is_empty() {
+        return Err(NoGround::Blind);
+    }
+    let found = under(&poses, &seen)?;
+    let turned = |turn: fn(&Pose) -> Pose| poses.iter().map(turn).collect::<Vec<_>>();
+    for side in [
+        turned(|p| Pose { right: -p.up, up: p.right, ..*p }),
+        turned(|p| Pose { right: p.up, up: -p.right, ..*p }),
+        turned(|p| Pose { right: -p.right, up: -p.up, ..*p }),
+    ] {
+        if under(&side, &seen).is_ok_and(|other| other.height < APART * found.height) {
+            return Err(NoGround::Sides);
+        }
+    }
+    Ok(found)
+}
+
+impl Seen {
+    /// Points that are finite, thinned out where there are very many, and their lines of sight.
+    fn of(capture: &Capture) -> Self {
+        let positions = &capture.points.positions;
+        let step = positions.len().div_ceil(MOST[0]).max(1);
+        let (mut points, mut places) = (Vec::new(), vec![None; positions.len()]);
+        for (index, position) in positions.iter().enumerate().step_by(step) {
+            let point = DVec3::from_array(*position);
+            if point.is_finite() {
+                places[index] = Some(points.len());
+                points.push(point);
+            }
+        }
+        let place = |point: u32| places.get(point as usize).copied().flatten();
+        let all = capture
+            .observations
+            .iter()
+            .enumerate()
+            .flat_map(|(view, seen)| seen.iter().filter_map(move |one| Some((view, place(one.point)?))));
+        let lines: Vec<(usize, usize)> = all.collect();
+        let step = lines.len().div_ceil(MOST[2]).max(1);
+        Self { points, lines: lines.into_iter().step_by(step).collect() }
+    }
+}
+
+/// The same if the cameras were held upright.
+fn under(poses: &[Pose], seen: &Seen) -> Result<Ground, NoGround> {
+    let (up, tilt) = upright(poses)?;
+    let mut pitches: Vec<f64> =
+        poses.iter().map(|p| p.forward.dot(up).clamp(-1.0, 1.0).asin().to_degrees()).collect();
+    let middle = quantile(&mut pitches, 0.5);
+    let mut sizes: Vec<f64> = pitches.iter().map(|pitch| pitch.abs()).collect();
+    if middle.abs() > MAX_PITCH || quantile(&mut sizes, 0.9) > MAX_PITCHES {
+        return Err(NoGround::Pitched(middle));
+    }
+    let walk = Walk::of(poses, up);
+    let depths = |reach: f64| -> Vec<Depth> {
+        seen.points.iter().map(|point| walk.depth(*point, tilt, reach)).collect()
+    };
+    // How far cameras are taken together is told by the height, which is roughly known without.
+    let rough = lowest(&depths(0.0)).ok_or(NoGround::Unclear)?;
+    let depths = depths(TOGETHER * rough);
+    let candidate = lowest(&depths).ok_or(NoGround::Unclear)?;
+    let mut slab: Vec<usize> = (0..depths.len())
+        .filter(|i| depths[*i].counts(candidate) && depths[*i].is_within(2.0 * SLAB, candidate))
+        .collect();
+    let step = slab.len().div_ceil(MOST[1]).max(1);
+    slab = slab.into_iter().step_by(step).collect();
+    let clear = walk.seen_past(&slab, seen, candidate);
+    let mut below: Vec<f64> = clear.iter().map(|index| depths[*index].down).collect();
+    let height = quantile(&mut below, 0.5);
+    let range = quantile(&mut below, 0.9) - quantile(&mut below, 0.1);
+    let mut cameras: Vec<usize> = clear.iter().map(|index| depths[*index].camera).collect();
+    cameras.sort_unstable();
+    cameras.dedup();
+    let is_clear = clear.len() >= MIN_POINTS
+        && clear.len() as f64 >= MIN_SHARE * slab.len() as f64
+        && cameras.len() as f64 >= MIN_SPREAD * poses.len() as f64
+        && range <= MAX_RANGE * height;
+    let in_column = |low: f64, high: f64| {
+        let is_in =
+            |d: &&Depth| d.aside <= COLUMN * height && d.down >= low * height && d.down <= high * height;
+        depths.iter().filter(is_in).count()
+    };
+    // Higher than the ground and lower than a hand: what is stood on, if the surface lies deeper than that.
+    let is_stood_on = in_column(0.1, 0.75) > FEW + in_column(1.0 - SLAB, 1.0 + SLAB) / 5;
+    if !is_clear || is_stood_on {
+        return Err(NoGround::Unclear);
+    }
+    if walk.uneven() > MAX_UNEVEN * height {
+        return Err(NoGround::Uneven);
+    }
+    let center = poses.iter().map(|pose| pose.center).sum::<DVec3>() / poses.len() as f64;
+    Ok(Ground { up, height, under: center - up * height, points: clear.len() })
+}
+
+/// Up, and the covariance of its error along the axes of [`horizontals`], square radians.
+fn upright(poses: &[Pose]) -> Result<(DVec3, DMat2), NoGround> {
+    let count = poses.len() as f64;
+    let center = poses.iter().map(|pose| pose.center).sum::<DVec3>() / count;
+    let (mut held, mut level, mut path) = (DVec3::ZERO, DMat3::ZERO, DMat3::ZERO);
+    for pose in poses {
+        held += pose.up / count;
+        level += outer(pose.right, INDEPENDENT[0] / count / ROLLED.powi(2));
+        path += outer(pose.center - center, 1.0);
+    }
+    let square = path.col(0).x + path.col(1).y + path.col(2).z;
+    // Cameras in one place differ by rounding.
+    if !(square > 1e-20 * center.length_squared() && square.is_finite()) {
+        return Err(NoGround::Few(1));
+    }
+    // Cameras that are held every way have no common up.
+    if held.length() < 0.5 {
+        return Err(NoGround::Askew);
+    }
+    let held = held.normalize();
+    let (mut up, mut covariance) = (held, DMat2::IDENTITY);
+    // How uneven the path is weighs it, and is only known with up: it starts at a twentieth of its size.
+    let least = (0.003f64).powi(2) * square / count;
+    let mut variance = 0.0025 * square / count;
+    for turn in 0..20 {
+        if turn > 0 {
+            variance = (up.dot(path * up) / (count - 3.0).max(1.0)).max(least);
+        }
+        let information = level + path * ((INDEPENDENT[1] / count).min(1.0) / variance);
+        let (x, y) = horizontals(up);
+        let prior = 1.0 / PITCHED.powi(2);
+        let pull = information * up + (up - held) * prior;
+        let (xx, xy, yy) =
+            (x.dot(information * x) + prior, x.dot(information * y), y.dot(information * y) + prior);
+        covariance = DMat2::from_cols(DVec2::new(xx, xy), DVec2::new(xy, yy)).inverse();
+        let step = covariance * DVec2::new(x.dot(pull), y.dot(pull));
+        up = (up - x * step.x - y * step.y).normalize();
+    }
+    let is_sound = up.is_finite() && covariance.is_finite() && up.dot(held) > 0.9;
+    if is_sound { Ok((up, covariance)) } else { Err(NoGround::Askew) }
+}
+
+/// Where a point lies as seen from the path.
+#[derive(Clone, Copy)]
+struct Depth {
+    /// How far below the cameras around it, scene units.
+    down: f64,
+    /// Horizontal distance to the nearest camera, scene units.
+    aside: f64,
+    /// Which that is.
+    camera: usize,
+    /// What the uncertainty of up makes of `down`, scene units.
+    error: f64,
+}
+
+impl Depth {
+    /// Whether it is near enough to count if the ground is `height` below the cameras.
+    fn counts(&self, height: f64) -> bool {
+        self.aside <= REACH * height && self.error <= MAX_TILT * height
+    }
+
+    /// Whether it is on a ground `height` below, to a share `slab` of that.
+    fn is_within(&self, slab: f64, height: f64) -> bool {
+        (self.down - height).abs() <= slab * height
+    }
+}
+
+/// Height with the most points under which there are next to none; `None` if there are too few.
+fn lowest(depths: &[Depth]) -> Option<f64> {
+    let mut down: Vec<f64> = depths.iter().map(|d| d.down).filter(|down| *down > 0.0).collect();
+    let most = down.iter().copied().fold(0.0, f64::max).min(1e3 * quantile(&mut down, 0.5));
+    if down.len() < MIN_POINTS {
+        return None;
+    }
+    // By steps of 4 %, which is well within the slab, over seven orders of magnitude.
+    let heights = (0..400).map(|step| most * (-0.04 * f64::from(step)).exp());
+    let mut best = None;
+    for height in heights.filter(|height| *height > 0.0) {
+        let (mut at, mut below) = (0usize, 0usize);
+        for depth in depths.iter().filter(|d| d.counts(height)) {
+            at += usize::from(depth.is_within(SLAB, height));
+            below += usize::from(depth.down > (1.0 + SLAB) * height && depth.aside <= BESIDE * height);
+        }
+        let is_ground = at >= MIN_POINTS && below as f64 <= MAX_BELOW * at as f64;
+        if is_ground && best.is_none_or(|(most, _)| at > most) {
+            best = Some((at, height));
+        }
+    }
+    best.map(|(_, height)| height)
+}
+
+/// The cameras from above.
+struct Walk {
+    up: DVec3,
+    x: DVec3,
+    y: DVec3,
+    /// `[V]`: place on the map, scene units.
+    map: Vec<DVec2>,
+    /// `[V]`: height along up, scene units.
+    heights: Vec<f64>,
+}
+
+impl Walk {
+    fn of(poses: &[Pose], up: DVec3) -> Self {
+        let (x, y) = horizontals(up);
+        let map = poses.iter().map(|p| DVec2::new(p.center.dot(x), p.center.dot(y))).collect();
+        Self { up, x, y, map, heights: poses.iter().map(|p| p.center.dot(up)).collect() }
+    }
+
+    fn at(&self, point: DVec3) -> DVec2 {
+        DVec2::new(point.dot(self.x), point.dot(self.y))
+    }
+
+    /// The cameras nearest to a place with their distances: a quarter of all, 3 to 6, the nearest first, and
+    /// all that are at most `reach` farther than the nearest.
+    fn around(&self, place: DVec2, reach: f64) -> Vec<(f64, usize)> {
+        let count = (self.map.len() / 4).clamp(3, 6);
+        let mut nearest: Vec<(f64, usize)> =
+            self.map.iter().enumerate().map(|(camera, at)| (at.distance(place), camera)).collect();
+        let rank = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        nearest.select_nth_unstable_by(count, rank);
+        nearest[..count].sort_unstable_by(rank);
+        let limit = nearest[0].0 + reach;
+        let mut index = 0;
+        nearest.retain(|(distance, _)| {
+            index += 1;
+            index <= count || *distance <= limit
+        });
+        // In one order, whatever the selection left.
+        nearest[count..].sort_unstable_by(rank);
+        nearest
+    }
+
+    fn depth(&self, point: DVec3, tilt: DMat2, reach: f64) -> Depth {
+        let place = self.at(point);
+        let around = self.around(place, reach);
+        let count = around.len() as f64;
+        let height = around.iter().map(|(_, camera)| self.heights[*camera]).sum::<f64>() / count;
+        let middle = around.iter().map(|(_, camera)| self.map[*camera]).sum::<DVec2>() / count;
+        let offset = place - middle;
+        Depth {
+            down: height - point.dot(self.up),
+            aside: around[0].0,
+            camera: around[0].1,
+            error: offset.dot(tilt * offset).max(0.0).sqrt(),
+        }
+    }
+
+    /// Root mean square of how far cameras are above or below those around them, scene units.
+    fn uneven(&self) -> f64 {
+        let off = self.map.iter().zip(&self.heights).map(|(place, height)| {
+            let around = self.around(*place, 0.0);
+            let mean =
+                around.iter().map(|(_, camera)| self.heights[*camera]).sum::<f64>() / around.len() as f64;
+            (height - mean).powi(2)
+        });
+        (off.sum::<f64>() / self.map.len() as f64).sqrt()
+    }
+
+    /// Those of `slab` that two lines of sight run low over, on to things at least a camera height behind.
+    fn seen_past(&self, slab: &[usize], seen: &Seen, height: f64) -> Vec<usize> {
+        struct Line {
+            from: DVec2,
+            along: DVec2,
+            length: f64,
+            start: f64,
+            slope: f64,
+        }
+        let lines: Vec<Line> = seen
+            .lines
+            .iter()
+            .filter_map(|(camera, point)| {
+                let (from, to) = (self.map[*camera], self.at(seen.points[*point]));
+                let (start, end) = (self.heights[*camera], seen.points[*point].dot(self.up));
+                let length = from.distance(to);
+                let slope = (end - start) / length;
+                // Shorter ones end too near to run over anything.
+                (length > height).then(|| Line { from, along: (to - from) / length, length, start, slope })
+            })
+            .collect();
+        let runs_over = |line: &&Line, place: DVec2, ground: f64| {
+            let offset = place - line.from;
+            let along = offset.dot(line.along);
+            // Walls that a line grazes are within a tenth of a height only where it ends on them.
+            if along <= 0.0
+                || along > line.length - height
+                || offset.perp_dot(line.along).abs() > 0.1 * height
+            {
+                return false;
+            }
+            let above = (line.start + line.slope * along - ground) / height;
+            above > 0.1 && above < 0.7
+        };
+        let mut clear = slab.to_vec();
+        clear.retain(|index| {
+            let (place, ground) = (self.at(seen.points[*index]), seen.points[*index].dot(self.up));
+            lines.iter().filter(|line| runs_over(line, place, ground)).take(2).count() == 2
+        });
+        clear
+    }
+}
+
+#[cfg(test)]
+mod tests;
