@@ -5,17 +5,15 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 fn demo(out: &Path, options: &[&str]) -> Output {
-    let small = [("--detail", "0.1"), ("--size", "96x64"), ("--seconds", "0.5")];
-    let small = small.iter().filter(|(name, _)| !options.contains(name));
-    let kind: &[&str] = if options.contains(&"--steps") { &["--from-photos"] } else { &[] };
-    run(
-        &["--out"],
-        out,
-        &small
-            .flat_map(|(name, value)| [*name, *value])
-            .chain(options.iter().chain(kind).copied())
-            .collect::<Vec<_>>(),
-    )
+    let mut all = options.to_vec();
+    let sampled: &[(&str, &str)] =
+        if options.contains(&"--steps") { &[] } else { &[("--detail", "0.1"), ("--sampled", "")] };
+    for (name, value) in [("--size", "96x64"), ("--seconds", "0.5")].iter().chain(sampled) {
+        if !options.contains(name) {
+            all.extend([name, value].into_iter().filter(|word| !word.is_empty()));
+        }
+    }
+    run(&["--out"], out, &all)
 }
 
 fn run(before: &[&str], folder: &Path, options: &[&str]) -> Output {

@@ -1,7 +1,7 @@
 //! `demo`: the main job on a built-in place, with no input and no download: photos, scene, weather.
 //!
 //! The picture at the top of the README, `docs/demo-sheet.png`, is the `sheet.png` of
-//! `weather-magician demo --only sheet --detail 1.5 --size 480x320`.
+//! `weather-magician demo --sampled --only sheet --detail 1.5 --size 480x320`.
 
 mod film;
 mod photos;
@@ -49,12 +49,12 @@ pub struct DemoArgs {
     /// Size of the film, and of each picture of the sheet, px [default: 960x640; of --photos, 600x400]
     #[arg(long, value_name = "WxH", value_parser = spec::parse_size)]
     size: Option<(u32, u32)>,
-    /// Do the whole job: take photos of the street and reconstruct the scene from them, instead of sampling
-    /// it from the street's own surfaces, which is quicker and sharper
+    /// Take no photos: sample the scene from the street's own surfaces, which is quicker and sharper than
+    /// reconstructing it
     #[arg(long)]
-    from_photos: bool,
+    sampled: bool,
     /// Only take the photos, with exact depth, normals and sky, into this folder (a COLMAP data set)
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["from_photos", "only", "steps"], help_heading = "Photos")]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["sampled", "only", "steps"], help_heading = "Photos")]
     photos: Option<PathBuf>,
     /// How many photos
     #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(3..=100_000), help_heading = "Photos")]
@@ -72,13 +72,13 @@ pub struct DemoArgs {
     )]
     truth: Truth,
     /// Steps of the training
-    #[arg(long, value_name = "N", default_value_t = 2000, requires = "from_photos", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
+    #[arg(long, value_name = "N", default_value_t = 2000, conflicts_with = "sampled", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
     steps: u32,
     /// Length of the film
     #[arg(long, value_name = "S", default_value_t = 8.0)]
     seconds: f64,
-    /// How finely the street's surfaces are sampled: 2 makes about four times the splats of 1
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    /// How finely --sampled samples the street's surfaces: 2 makes about four times the splats of 1
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, requires = "sampled")]
     detail: f64,
     /// Write no more than this: scene, sheet, film, or several
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true)]
@@ -104,7 +104,7 @@ enum Part {
 impl DemoArgs {
     /// Where the sheet is drawn from: where the scene is good.
     fn view(&self) -> Viewpoint {
-        if self.from_photos { Place::dolly(SHEET_AT) } else { Place::views()[0] }
+        if self.sampled { Place::views()[0] } else { Place::dolly(SHEET_AT) }
     }
 
     fn size(&self) -> (u32, u32) {
@@ -156,7 +156,7 @@ pub fn run(args: &DemoArgs) -> Result<()> {
         drop(video::create_video(&film, args.video()?)?);
     }
     let path = args.out.join("street.ply");
-    let scene = if args.from_photos { reconstructed(args, &path)? } else { sampled(args, &path)? };
+    let scene = if args.sampled { sampled(args, &path)? } else { reconstructed(args, &path)? };
     if args.wants(Part::Sheet) || args.wants(Part::Film) {
         draw(args, scene, &film)?;
     }
