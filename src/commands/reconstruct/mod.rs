@@ -2,6 +2,7 @@
 
 mod data;
 mod folder;
+mod lpips;
 mod training;
 
 pub use folder::CHECKPOINT;
@@ -74,6 +75,10 @@ struct PhotoArgs {
     /// The first photo that is held out, from 0
     #[arg(long, value_name = "K", default_value_t = 0, help_heading = "Photos")]
     eval_from: u32,
+    /// Also give the LPIPS of the held-out photos at the end, with weights from this file (safetensors, or .pth
+    /// of PyTorch): torchvision's AlexNet and the heads of lpips v0.1; twice, if they lie in two files
+    #[arg(long, value_name = "WEIGHTS", help_heading = "Photos")]
+    lpips: Vec<PathBuf>,
     /// Memory for decoded photos, MiB
     #[arg(long, value_name = "MIB", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..), help_heading = "Photos")]
     cache: u32,
@@ -206,6 +211,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         bail!("--camera-height is {height}: it must be finite and above 0");
     }
     let facts = args.facts.metadata()?;
+    let lpips = lpips::Lpips::read(args)?;
     let given = args.training.config.as_deref().map(folder::read_config).transpose()?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.ply", stem_of(&args.dataset))));
     formats::format_for(&out)?;
@@ -213,9 +219,12 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     let run_folder = args.run_folder.clone().unwrap_or_else(|| with_behind(&out, ".run"));
     let folder = folder::RunFolder::open(&run_folder, args.resume)?;
     let data = data::Data::open(&args.dataset, &args.photos, &folder)?;
+    if let Some(lpips) = &lpips {
+        lpips.check(&data)?;
+    }
     folder.make()?;
     let config = given.unwrap_or_else(|| args.training.config(data.pixels()));
-    training::Run::new(config, &data, &folder, args)?.go(&out, &facts)
+    training::Run::new(config, &data, &folder, args, lpips)?.go(&out, &facts)
 }
 
 fn with_behind(path: &Path, text: &str) -> PathBuf {

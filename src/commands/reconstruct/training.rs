@@ -3,6 +3,7 @@
 use super::ReconstructArgs;
 use super::data::Data;
 use super::folder::{Metrics, RunFolder};
+use super::lpips::Lpips;
 use crate::interrupt::{self, Interrupted};
 use crate::media::{Size, color::Dither, png};
 use crate::progress;
@@ -10,6 +11,7 @@ use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use serde_json::json;
 use std::collections::BTreeSet;
+use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -43,6 +45,8 @@ pub struct Run<'a> {
     folder: &'a RunFolder,
     args: &'a ReconstructArgs,
     metrics: Metrics,
+    /// Takes a second a photo, so only the report at the end has it.
+    lpips: Option<Lpips>,
     /// Halvings that leave photos large enough.
     last_level: u8,
     truths: Truths,
@@ -69,16 +73,38 @@ impl Truths {
 /// How near held-out photos are met.
 #[derive(Clone, Copy, Debug, Default)]
 struct Score {
+    /// dB.
     psnr: f64,
     ssim: f64,
+    /// Where it was asked for.
+    lpips: Option<f64>,
+}
+
+impl fmt::Display for Score {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.2} dB, SSIM {:.4}", self.psnr, self.ssim)?;
+        self.lpips.map_or(Ok(()), |lpips| write!(f, ", LPIPS {lpips:.4}"))
+    }
 }
 
 impl Score {
     /// `None` of none.
     fn mean(scores: &[(usize, Self)]) -> Option<Self> {
         let count = scores.len() as f64;
-        let mean = |of: fn(&Self) -> f64| scores.iter().map(|(_, score)| of(score)).sum::<f64>() / count;
-        (count > 0.0).then(|| Self { psnr: mean(|score| score.psnr), ssim: mean(|score| score.ssim) })
+        let mean = |of: fn(&Self) -> Option<f64>| {
+            Some(scores.iter().map(|(_, score)| of(score)).sum::<Option<f64>>()? / count)
+        };
+        let (psnr, ssim) = (mean(|score| Some(score.psnr))?, mean(|score| Some(score.ssim))?);
+        (count > 0.0).then(|| Self { psnr, ssim, lpips: mean(|score| score.lpips) })
+    }
+
+    /// A line of the metrics.
+    fn json(&self, step: u32, splats: usize) -> serde_json::Value {
+        let mut held_out = json!({ "psnr": self.psnr, "ssim": self.ssim });
+        if let Some(lpips) = self.lpips {
+            held_out["lpips"] = json!(lpips);
+        }
+        json!({ "step": step, "held_out": held_out, "splats": splats })
     }
 }
 
@@ -89,6 +115,7 @@ impl<'a> Run<'a> {
         data: &'a Data,
         folder: &'a RunFolder,
         args: &'a ReconstructArgs,
+        lpips: Option<Lpips>,
     ) -> Result<Self> {
         let run = CpuConfig { threads: args.run.threads.map(usize::from), simd: args.run.simd };
         let cameras = data.cameras();
@@ -139,6 +166,7 @@ impl<'a> Run<'a> {
             folder,
             args,
             metrics,
+            lpips,
             last_level,
             truths: Truths::default(),
             damaged: BTreeSet::new(),
@@ -171,9 +199,8 @@ impl<'a> Run<'a> {
             if step.is_multiple_of(preview_every) && step < steps {
                 score = self.evaluate()?;
                 self.preview()?;
-                if let Some(Score { psnr, ssim }) = score {
-                    let splats = self.trainer.splats().len();
-                    self.metrics.add(&json!({ "step": step, "held_out": { "psnr": psnr, "ssim": ssim }, "splats": splats }))?;
+                if let Some(score) = score {
+                    self.metrics.add(&score.json(step, self.trainer.splats().len()))?;
                 }
             }
             if step.is_multiple_of(line_every) {
@@ -264,14 +291,14 @@ impl<'a> Run<'a> {
 
     /// The held-out photos' mean score; `None` where none is held out.
     fn evaluate(&mut self) -> Result<Option<Score>> {
-        Ok(Score::mean(&self.scores()?))
+        Ok(Score::mean(&self.scores(None)?))
     }
 
     /// The held-out photos' places and scores, without damaged ones.
-    fn scores(&mut self) -> Result<Vec<(usize, Score)>> {
+    fn scores(&mut self, lpips: Option<&Lpips>) -> Result<Vec<(usize, Score)>> {
         let (mut scores, ssim) = (Vec::new(), Ssim::new(self.trainer.path()));
         for place in &self.data.held_out {
-            if let Some(score) = self.score(*place, ssim)? {
+            if let Some(score) = self.score(*place, ssim, lpips)? {
                 scores.push((*place, score));
             }
         }
@@ -279,19 +306,20 @@ impl<'a> Run<'a> {
     }
 
     /// `None` for a damaged photo.
-    fn score(&mut self, place: usize, ssim: Ssim) -> Result<Option<Score>> {
+    fn score(&mut self, place: usize, ssim: Ssim, lpips: Option<&Lpips>) -> Result<Option<Score>> {
         let Some(photo) = self.photo(place, 0)? else { return Ok(None) };
         let mut frame = Frame::default();
         self.trainer.render(&photo.camera, &mut frame)?;
         let truth = self.truths.of(&photo);
+        let width = photo.width as usize;
         // Pictures are what a screen shows: 0 to 1.
         let shown: Vec<f32> = frame.rgb.iter().map(|v| v.clamp(0.0, 1.0)).collect();
-        let width = photo.width as usize;
         let ssim = match truth.mask {
             Some(mask) => ssim.masked_value(&shown, truth.rgb, mask, width),
             None => ssim.value(&shown, truth.rgb, width),
         };
-        Ok(Some(Score { psnr: psnr(&shown, truth.rgb, truth.mask), ssim }))
+        let lpips = lpips.map(|lpips| lpips.distance(&shown, truth.rgb, truth.mask, width));
+        Ok(Some(Score { psnr: psnr(&shown, truth.rgb, truth.mask), ssim, lpips }))
     }
 
     /// A picture of one view, the same all the time.
@@ -329,17 +357,15 @@ impl<'a> Run<'a> {
                 ms(seconds - sum.times.total()),
             );
         }
-        let scores = self.scores()?;
-        for (place, Score { psnr, ssim }) in &scores {
-            println!("held-out {}: {psnr:.2} dB, SSIM {ssim:.4}", self.data.name(*place));
+        let lpips = self.lpips.take();
+        let scores = self.scores(lpips.as_ref())?;
+        for (place, score) in &scores {
+            println!("held-out {}: {score}", self.data.name(*place));
         }
-        if let Some(Score { psnr, ssim }) = Score::mean(&scores) {
-            println!("held-out mean of {}: {psnr:.2} dB, SSIM {ssim:.4}", self.data.held_out.len());
-            let step = self.trainer.state().step;
-            let splats = self.trainer.splats().len();
-            self.metrics.add(
-                &json!({ "step": step, "held_out": { "psnr": psnr, "ssim": ssim }, "splats": splats }),
-            )?;
+        if let Some(score) = Score::mean(&scores) {
+            println!("held-out mean of {}: {score}", self.data.held_out.len());
+            let line = score.json(self.trainer.state().step, self.trainer.splats().len());
+            self.metrics.add(&line)?;
         }
         Ok(())
     }

@@ -1,0 +1,119 @@
+//! Made-up weights and pictures, and files of them.
+
+use std::path::{Path, PathBuf};
+
+/// A tensor: name, shape, numbers.
+pub type Named = (String, Vec<usize>, Vec<f32>);
+
+/// Number `index` of a stream, uniform in -1..1 with 24 bits: SplitMix64 of both. Easily written again in
+/// another language, which a comparison with another implementation needs.
+pub fn noise(stream: u64, index: u64) -> f64 {
+    let z = (stream << 32).wrapping_add(index).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    ((z ^ (z >> 31)) >> 40) as f64 / f64::from(1 << 23) - 1.0
+}
+
+/// A folder with files in it.
+pub struct Files(tempfile::TempDir);
+
+impl Files {
+    pub fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    pub fn put(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.0.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        path
+    }
+
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+}
+
+/// A safetensors file of f32.
+pub fn safetensors(tensors: &[Named]) -> Vec<u8> {
+    let (mut entries, mut numbers) = (Vec::new(), Vec::new());
+    for (name, shape, values) in tensors {
+        let from = numbers.len();
+        numbers.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        entries.push(format!(
+            r#""{name}":{{"dtype":"F32","shape":{shape:?},"data_offsets":[{from},{}]}}"#,
+            numbers.len()
+        ));
+    }
+    with_header(&format!("{{{}}}", entries.join(",")), &numbers)
+}
+
+/// A safetensors file with any header.
+pub fn with_header(header: &str, numbers: &[u8]) -> Vec<u8> {
+    [&(header.len() as u64).to_le_bytes(), header.as_bytes(), numbers].concat()
+}
+
+/// What `torch.save` writes of a dictionary of f32 tensors, in the order of its instructions.
+pub fn pth(tensors: &[Named]) -> Vec<u8> {
+    let mut pickle = b"\x80\x02}q\x00(".to_vec();
+    let mut entries = Vec::new();
+    for (index, (name, shape, values)) in tensors.iter().enumerate() {
+        text(&mut pickle, name);
+        pickle.extend(b"ctorch._utils\n_rebuild_tensor_v2\n((");
+        text(&mut pickle, "storage");
+        pickle.extend(b"ctorch\nFloatStorage\n");
+        text(&mut pickle, &index.to_string());
+        text(&mut pickle, "cpu");
+        number(&mut pickle, values.len());
+        pickle.extend(b"tQK\x00");
+        tuple(&mut pickle, shape);
+        let stride = |side: usize| shape[side + 1..].iter().product();
+        tuple(&mut pickle, &(0..shape.len()).map(stride).collect::<Vec<_>>());
+        pickle.extend(b"\x89ccollections\nOrderedDict\n)RtR");
+        entries
+            .push((format!("x/data/{index}"), values.iter().flat_map(|value| value.to_le_bytes()).collect()));
+    }
+    pickle.extend(b"u.");
+    let mut all = vec![("x/data.pkl".to_owned(), pickle), ("x/byteorder".to_owned(), b"little".to_vec())];
+    all.extend(entries);
+    zip(&all)
+}
+
+/// An uncompressed zip archive; its checksums are 0.
+pub fn zip(entries: &[(String, Vec<u8>)]) -> Vec<u8> {
+    let (mut out, mut directory) = (Vec::new(), Vec::new());
+    for (name, content) in entries {
+        let (at, size) = ((out.len() as u32).to_le_bytes(), (content.len() as u32).to_le_bytes());
+        let name_length = (name.len() as u16).to_le_bytes();
+        // Version, flags, method, time, date, checksum.
+        let about = [0; 14];
+        out.extend([b"PK\x03\x04", &about[..], &size, &size, &name_length, &[0; 2]].concat());
+        out.extend(name.as_bytes());
+        out.extend(content);
+        directory.extend([b"PK\x01\x02\0\0", &about[..], &size, &size, &name_length, &[0; 12], &at].concat());
+        directory.extend(name.as_bytes());
+    }
+    let (start, size) = ((out.len() as u32).to_le_bytes(), (directory.len() as u32).to_le_bytes());
+    let count = (entries.len() as u16).to_le_bytes();
+    out.extend(directory);
+    out.extend([b"PK\x05\x06\0\0\0\0", &count[..], &count, &size, &start, &[0; 2]].concat());
+    out
+}
+
+fn text(pickle: &mut Vec<u8>, text: &str) {
+    pickle.push(b'X');
+    pickle.extend((text.len() as u32).to_le_bytes());
+    pickle.extend(text.as_bytes());
+}
+
+fn number(pickle: &mut Vec<u8>, number: usize) {
+    pickle.push(b'J');
+    pickle.extend((number as i32).to_le_bytes());
+}
+
+fn tuple(pickle: &mut Vec<u8>, sides: &[usize]) {
+    pickle.push(b'(');
+    for side in sides {
+        number(pickle, *side);
+    }
+    pickle.push(b't');
+}

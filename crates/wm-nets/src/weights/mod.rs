@@ -1,0 +1,200 @@
+//! Files of weights: tensors by name, out of one file or several.
+//!
+//! A file is believed in nothing. What its header says is compared with its length, and a tensor with the
+//! shape that the network needs, before anything is allocated for it; of a large file only those tensors are
+//! read that are asked for.
+
+mod pth;
+mod safetensors;
+#[cfg(test)]
+mod tests;
+mod zip;
+
+use candle_core::{DType, Device, Tensor};
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Longest header that is read, bytes. Those of large language models have a tenth of it.
+const MAX_HEADER: u64 = 1 << 24;
+
+/// Why weights cannot be used, in one line.
+#[derive(Debug, Error)]
+#[error("{}: {fault}", names(files))]
+pub struct WeightsError {
+    /// The file, or all of them where any might have what is missing.
+    pub files: Vec<PathBuf>,
+    /// What is wrong.
+    pub fault: Fault,
+}
+
+fn names(files: &[PathBuf]) -> String {
+    files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ")
+}
+
+/// What is wrong with weights.
+#[derive(Debug, Error)]
+pub enum Fault {
+    /// The system does not give it.
+    #[error("cannot be read: {0}")]
+    Unreadable(#[from] io::Error),
+    /// It has no byte.
+    #[error("the file is empty; copy it again")]
+    Empty,
+    /// It is something else.
+    #[error("neither a safetensors file nor one of PyTorch (.pth); give weights in one of these formats")]
+    Unknown,
+    /// PyTorch wrote it before version 1.6, or since then by wish.
+    #[error(
+        "in PyTorch's old format, which is not read; convert it with PyTorch: python -c \"import torch; \
+         torch.save(torch.load('{0}'), '{0}.new.pth')\""
+    )]
+    Old(String),
+    /// The file contradicts itself.
+    #[error("damaged or cut off ({0}); copy it again")]
+    Damaged(String),
+    /// It is sound, but holds other things than tensors by name.
+    #[error("{0}; save the network's state_dict() alone, or convert it to safetensors")]
+    NoTensors(&'static str),
+    /// A tensor is not there.
+    #[error("no tensor {name} of shape {shape:?}; {advice}")]
+    Missing {
+        /// Its name.
+        name: String,
+        /// Its shape.
+        shape: Vec<usize>,
+        /// Which files would have it.
+        advice: &'static str,
+    },
+    /// A tensor has another shape.
+    #[error("tensor {name} has shape {found:?}, not {shape:?}; {advice}")]
+    Shape {
+        /// Its name.
+        name: String,
+        /// The shape that it has.
+        found: Vec<usize>,
+        /// The shape that is needed.
+        shape: Vec<usize>,
+        /// Which files would have it.
+        advice: &'static str,
+    },
+    /// A tensor's numbers are of a kind that no network here has.
+    #[error("tensor {name} is stored as {kind}; convert it to contiguous 32 bit floats")]
+    Kind {
+        /// Its name.
+        name: String,
+        /// As what it is stored.
+        kind: String,
+    },
+    /// A tensor holds NaN or infinity.
+    #[error("tensor {0} holds NaN or infinite numbers; copy or convert the file again")]
+    NotFinite(String),
+}
+
+/// A tensor in a file.
+#[derive(Debug)]
+struct Entry {
+    /// Its numbers' type, or what they are where that is not read.
+    kind: Result<DType, String>,
+    shape: Vec<usize>,
+    /// Its first byte from the start of the file. Its last one is within the file.
+    offset: u64,
+    /// Its length, bytes: that which its shape takes.
+    bytes: u64,
+}
+
+impl Entry {
+    /// The bytes that a shape takes; `None` of what overflows.
+    fn bytes_of(shape: &[usize], size: usize) -> Option<u64> {
+        let count = shape.iter().try_fold(size, |product, side| product.checked_mul(*side))?;
+        u64::try_from(count).ok()
+    }
+}
+
+/// One file that is open.
+#[derive(Debug)]
+struct Weighed {
+    path: PathBuf,
+    file: File,
+    entries: HashMap<String, Entry>,
+}
+
+/// Tensors by name.
+#[derive(Debug)]
+pub struct Weights {
+    files: Vec<Weighed>,
+    advice: &'static str,
+}
+
+impl Weights {
+    /// Opens files and reads their headers: safetensors, or what `torch.save` writes of a `state_dict()`.
+    /// `advice` is said where a tensor is missing or of another shape: which files have them.
+    ///
+    /// # Errors
+    /// [`WeightsError`] with the file that cannot be read, is of another format or damaged.
+    pub fn open(files: &[PathBuf], advice: &'static str) -> Result<Self, WeightsError> {
+        let open =
+            |path: &PathBuf| open(path).map_err(|fault| WeightsError { files: vec![path.clone()], fault });
+        Ok(Self { files: files.iter().map(open).collect::<Result<_, _>>()?, advice })
+    }
+
+    /// A tensor as f32, from the first file that has it. Half and double precision are converted.
+    ///
+    /// # Errors
+    /// [`WeightsError`] if no file has it, or it has another shape, is no float, or holds NaN or infinity.
+    pub fn tensor(&mut self, name: &str, shape: &[usize]) -> Result<Tensor, WeightsError> {
+        let Some(weighed) = self.files.iter_mut().find(|file| file.entries.contains_key(name)) else {
+            return Err(WeightsError {
+                files: self.files.iter().map(|file| file.path.clone()).collect(),
+                fault: Fault::Missing { name: name.into(), shape: shape.into(), advice: self.advice },
+            });
+        };
+        let (entry, file) = (&weighed.entries[name], &mut weighed.file);
+        load(file, entry, name, shape, self.advice)
+            .map_err(|fault| WeightsError { files: vec![weighed.path.clone()], fault })
+    }
+}
+
+fn open(path: &Path) -> Result<Weighed, Fault> {
+    let mut file = File::open(path)?;
+    if !file.metadata()?.is_file() {
+        return Err(io::Error::other("it is no file").into());
+    }
+    let length = file.metadata()?.len();
+    let mut first = Vec::new();
+    Read::by_ref(&mut file).take(9).read_to_end(&mut first)?;
+    let entries = match first[..] {
+        [] => return Err(Fault::Empty),
+        [b'P', b'K', 3, 4, ..] => pth::entries(&mut file, length)?,
+        // A pickle that is not in a zip archive.
+        [0x80, 1..=5, ..] => return Err(Fault::Old(path.display().to_string())),
+        [_, _, _, _, _, _, _, _, b'{'] => safetensors::entries(&mut file, length)?,
+        _ => return Err(Fault::Unknown),
+    };
+    Ok(Weighed { path: path.into(), file, entries })
+}
+
+fn load(
+    file: &mut File,
+    entry: &Entry,
+    name: &str,
+    shape: &[usize],
+    advice: &'static str,
+) -> Result<Tensor, Fault> {
+    if entry.shape != shape {
+        let found = entry.shape.clone();
+        return Err(Fault::Shape { name: name.into(), found, shape: shape.into(), advice });
+    }
+    let dtype = entry.kind.clone().map_err(|kind| Fault::Kind { name: name.into(), kind })?;
+    let bytes = zip::read(file, entry.offset, entry.bytes)?;
+    let tensor = Tensor::from_raw_buffer(&bytes, dtype, shape, &Device::Cpu)
+        .and_then(|tensor| tensor.to_dtype(DType::F32))
+        .expect("as many bytes as the shape takes");
+    let values = tensor.flatten_all().and_then(|flat| flat.to_vec1::<f32>()).expect("numbers that are f32");
+    if !values.iter().all(|value| value.is_finite()) {
+        return Err(Fault::NotFinite(name.into()));
+    }
+    Ok(tensor)
+}
