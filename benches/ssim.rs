@@ -13,7 +13,7 @@ fn ssim(c: &mut Criterion) {
     let mut gradient = vec![0.0; x.len()];
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     for path in SimdPath::available() {
-        let ssim = Ssim::new(path);
+        let mut ssim = Ssim::new(path);
         c.bench_function(&format!("ssim 600x444, 1 thread, {path}"), |b| {
             b.iter(|| {
                 pool.install(|| black_box(ssim.add_gradient(&x, &y, width as usize, 1.0, &mut gradient)))

@@ -15,6 +15,7 @@
 
 use fearless_simd::{SimdBase, SimdFloat};
 use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 use wm_render::dispatch;
 use wm_render::simd::{Lanes, SimdPath};
 
@@ -30,12 +31,14 @@ const REACH: usize = CHANNELS * RADIUS;
 const MARGIN: usize = 16;
 /// Widest vector.
 const WIDEST: usize = 16;
-/// Rows that are windowed together: what their sums take of 32 registers.
+/// Rows that are windowed together: they share most of what they read.
 const TOGETHER: usize = 4;
 /// Rows of a band: the slopes of ten more are made for it.
 const BAND: usize = 64;
-/// Rows of slopes that are kept: those under the windows of rows together, and those made meanwhile.
-const KEPT: usize = TOGETHER + 2 * RADIUS + TOGETHER;
+/// Rows under the windows of rows together.
+const REACHED: usize = TOGETHER + 2 * RADIUS;
+/// Rows of slopes that are kept: those, and those made meanwhile.
+const KEPT: usize = REACHED + TOGETHER;
 const C1: f32 = 0.01 * 0.01;
 const C2: f32 = 0.03 * 0.03;
 
@@ -54,10 +57,12 @@ const WINDOW: [f32; TAPS] = [
     0.001_028_38,
 ];
 
-/// Structural similarity on a SIMD path.
-#[derive(Clone, Copy, Debug)]
+/// Structural similarity with its working memory.
+#[derive(Clone, Debug)]
 pub struct Ssim {
     path: SimdPath,
+    /// One a thread.
+    bands: Vec<Band>,
 }
 
 /// Two pictures, rows of `wide` values of which the first `line` are theirs.
@@ -78,7 +83,7 @@ impl Ssim {
     /// For pictures of any size, on a SIMD path.
     #[must_use]
     pub fn new(path: SimdPath) -> Self {
-        Self { path }
+        Self { path, bands: Vec::new() }
     }
 
     /// The mean similarity of `x` and `y`, `[H, W, 3]` with values about 0-1.
@@ -86,7 +91,7 @@ impl Ssim {
     /// # Panics
     /// If the sizes differ or are no rows of `width`.
     #[must_use]
-    pub fn value(&self, x: &[f32], y: &[f32], width: usize) -> f64 {
+    pub fn value(&mut self, x: &[f32], y: &[f32], width: usize) -> f64 {
         self.sum(x, y, width, None, None) / x.len() as f64
     }
 
@@ -98,7 +103,7 @@ impl Ssim {
     /// # Panics
     /// If the sizes differ or are no rows of `width`.
     #[must_use]
-    pub fn masked_value(&self, x: &[f32], y: &[f32], mask: &[f32], width: usize) -> f64 {
+    pub fn masked_value(&mut self, x: &[f32], y: &[f32], mask: &[f32], width: usize) -> f64 {
         assert_eq!(x.len(), CHANNELS * mask.len(), "a picture and its mask");
         let counted: f64 = mask.iter().map(|v| f64::from(*v)).sum();
         if counted == 0.0 {
@@ -114,7 +119,14 @@ impl Ssim {
     ///
     /// # Panics
     /// If the sizes differ or are no rows of `width`.
-    pub fn add_gradient(&self, x: &[f32], y: &[f32], width: usize, scale: f32, gradient: &mut [f32]) -> f64 {
+    pub fn add_gradient(
+        &mut self,
+        x: &[f32],
+        y: &[f32],
+        width: usize,
+        scale: f32,
+        gradient: &mut [f32],
+    ) -> f64 {
         assert_eq!(x.len(), gradient.len());
         let size = x.len() as f64;
         self.sum(x, y, width, None, Some((scale / size as f32, gradient))) / size
@@ -122,7 +134,7 @@ impl Ssim {
 
     /// The sum of the similarities of all pixels and channels, each times what its pixel counts.
     fn sum(
-        &self,
+        &mut self,
         x: &[f32],
         y: &[f32],
         width: usize,
@@ -139,20 +151,28 @@ impl Ssim {
         };
         let path = self.path;
         let mut sums = vec![0.0; rows];
-        let bands = sums.par_chunks_mut(BAND).enumerate();
-        match gradient {
-            None => bands.for_each_init(Band::default, |band, (index, sums)| {
-                dispatch!(path, simd => band.forward(simd, pictures, index * BAND, sums));
-            }),
-            Some((scale, gradient)) => bands.zip(gradient.par_chunks_mut(BAND * line)).for_each_init(
-                Band::default,
-                |band, ((index, sums), gradient)| {
-                    dispatch!(path, simd => band.both(simd, pictures, index * BAND, sums, scale, gradient));
-                },
-            ),
-        }
+        let (scale, gradient) = gradient.unwrap_or((0.0, &mut []));
+        let gradients = gradient.chunks_mut(BAND * line).map(Some).chain(std::iter::repeat_with(|| None));
+        // Each thread takes the next band as soon as it is done with one, with memory that it keeps.
+        let waiting = Mutex::new((0..).step_by(BAND).zip(sums.chunks_mut(BAND)).zip(gradients));
+        self.bands.resize_with(rayon::current_num_threads(), Band::default);
+        self.bands.par_iter_mut().with_max_len(1).for_each(|band| {
+            while let Some(((first, sums), gradient)) = next(&waiting) {
+                match gradient {
+                    None => dispatch!(path, simd => band.forward(simd, pictures, first, sums)),
+                    Some(gradient) => {
+                        dispatch!(path, simd => band.both(simd, pictures, first, sums, scale, gradient));
+                    }
+                }
+            }
+        });
         sums.iter().sum()
     }
+}
+
+/// The next of what waits.
+fn next<T>(waiting: &Mutex<impl Iterator<Item = T>>) -> Option<T> {
+    waiting.lock().unwrap_or_else(PoisonError::into_inner).next()
 }
 
 /// Rows of `line` values with zeros behind, so that each holds a vector.
@@ -165,7 +185,7 @@ fn widened(picture: &[f32], line: usize) -> Vec<f32> {
 }
 
 /// Working memory of a band.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 struct Band {
     /// Rows windowed down the columns, margins zero, `[TOGETHER, 4, P]`.
     columns: Vec<f32>,
@@ -191,7 +211,7 @@ fn reached<'a>(
     first: usize,
     rows: usize,
     zeros: &'a [f32],
-) -> [&'a [f32]; TOGETHER + 2 * RADIUS] {
+) -> [&'a [f32]; REACHED] {
     let wide = zeros.len();
     std::array::from_fn(|i| match (first + i).checked_sub(RADIUS) {
         Some(at) if at < rows => &picture[at * wide..(at + 1) * wide],
@@ -267,19 +287,14 @@ impl Band {
         let padded = wide + 2 * MARGIN;
         let (x, y) = (reached(x, first, rows, &self.zeros), reached(y, first, rows, &self.zeros));
         // The windowed means of x, y, x^2 + y^2 and x y: down the columns, then along the row.
+        // Plain loops over memory that is there: closures are not inlined where vectors are.
+        let mut column = [[simd.set(0.0); 4]; REACHED];
         for (at, _) in groups(wide, S::N) {
-            let mut sums = [[simd.set(0.0); 4]; TOGETHER];
-            for (tap, weight) in WINDOW.iter().enumerate() {
-                let weight = simd.set(*weight);
-                for (row, sums) in sums.iter_mut().enumerate() {
-                    let (x, y) = (simd.load(&x[row + tap][at..]), simd.load(&y[row + tap][at..]));
-                    let (wx, wy) = (weight * x, weight * y);
-                    sums[0] += wx;
-                    sums[1] += wy;
-                    sums[2] = wx.mul_add(x, wy.mul_add(y, sums[2]));
-                    sums[3] = wx.mul_add(y, sums[3]);
-                }
+            for (i, column) in column.iter_mut().enumerate() {
+                let (x, y) = (simd.load(&x[i][at..]), simd.load(&y[i][at..]));
+                *column = [x, y, x.mul_add(x, y * y), x * y];
             }
+            let sums = down(simd, &column);
             for (k, sum) in sums.as_flattened().iter().enumerate() {
                 sum.store_slice(&mut self.columns[k * padded + MARGIN + at..][..S::N]);
             }
@@ -344,23 +359,21 @@ impl Band {
         let padded = wide + 2 * MARGIN;
         let slopes = &self.slopes;
         let nothing = [&self.zeros[..]; 3];
-        let reached: [[&[f32]; 3]; TOGETHER + 2 * RADIUS] =
+        let reached: [[&[f32]; 3]; REACHED] =
             std::array::from_fn(|i| match (first + i).checked_sub(RADIUS) {
                 Some(at) if at < rows => {
                     std::array::from_fn(|k| &slopes[(at % KEPT * 3 + k) * wide..][..wide])
                 }
                 _ => nothing,
             });
+        let mut column = [[simd.set(0.0); 3]; REACHED];
         for (at, _) in groups(wide, S::N) {
-            let mut sums = [[simd.set(0.0); 3]; TOGETHER];
-            for (tap, weight) in WINDOW.iter().enumerate() {
-                let weight = simd.set(*weight);
-                for (row, sums) in sums.iter_mut().enumerate() {
-                    for (sum, slope) in sums.iter_mut().zip(reached[row + tap]) {
-                        *sum = weight.mul_add(simd.load(&slope[at..]), *sum);
-                    }
+            for (column, rows) in column.iter_mut().zip(&reached) {
+                for (value, row) in column.iter_mut().zip(rows) {
+                    *value = simd.load(&row[at..]);
                 }
             }
+            let sums = down(simd, &column);
             for (row, sums) in sums.iter().enumerate() {
                 for (k, sum) in sums.iter().enumerate() {
                     sum.store_slice(&mut self.columns[(4 * row + k) * padded + MARGIN + at..][..S::N]);
@@ -390,16 +403,29 @@ impl Band {
     }
 }
 
+/// The windows down the rows of N quantities, for each of the rows together.
+#[inline(always)]
+fn down<S: Lanes, const N: usize>(simd: S, column: &[[S::F; N]; REACHED]) -> [[S::F; N]; TOGETHER] {
+    let mut sums = [[simd.set(0.0); N]; TOGETHER];
+    for (row, sums) in sums.iter_mut().enumerate() {
+        for (weight, values) in WINDOW.iter().zip(&column[row..row + TAPS]) {
+            for (sum, value) in sums.iter_mut().zip(values) {
+                *sum = simd.set(*weight).mul_add(*value, *sum);
+            }
+        }
+    }
+    sums
+}
+
 /// The windows along the first N rows of `columns` for the vector at `at`.
 #[inline(always)]
 fn along<S: Lanes, const N: usize>(simd: S, columns: &[f32], padded: usize, at: usize) -> [S::F; N] {
     let mut sums = [simd.set(0.0); N];
     let from = MARGIN - REACH + at;
-    let rows: [&[f32]; N] = std::array::from_fn(|k| &columns[k * padded + from..][..2 * REACH + S::N]);
-    for (tap, weight) in WINDOW.iter().enumerate() {
-        let weight = simd.set(*weight);
-        for k in 0..N {
-            sums[k] = weight.mul_add(simd.load(&rows[k][CHANNELS * tap..]), sums[k]);
+    for (k, sum) in sums.iter_mut().enumerate() {
+        let row = &columns[k * padded + from..][..2 * REACH + S::N];
+        for (tap, weight) in WINDOW.iter().enumerate() {
+            *sum = simd.set(*weight).mul_add(simd.load(&row[CHANNELS * tap..]), *sum);
         }
     }
     sums
@@ -481,7 +507,7 @@ mod tests {
             rgb.chunks_exact(3 * width).flat_map(|row| &row[..3 * kept]).copied().collect()
         };
         for path in paths() {
-            let ssim = Ssim::new(path);
+            let mut ssim = Ssim::new(path);
             let got = ssim.masked_value(&x, &mixed, &mask, width);
             // The same windows; at most some thousand f32 numbers up to 1 are summed in another order.
             let want = ssim.value(&crop(&x), &crop(&mixed), kept);

@@ -296,9 +296,9 @@ impl<'a> Run<'a> {
 
     /// The held-out photos' places and scores, without damaged ones.
     fn scores(&mut self, lpips: Option<&Lpips>) -> Result<Vec<(usize, Score)>> {
-        let (mut scores, ssim) = (Vec::new(), Ssim::new(self.trainer.path()));
+        let (mut scores, mut ssim) = (Vec::new(), Ssim::new(self.trainer.path()));
         for place in &self.data.held_out {
-            if let Some(score) = self.score(*place, ssim, lpips)? {
+            if let Some(score) = self.score(*place, &mut ssim, lpips)? {
                 scores.push((*place, score));
             }
         }
@@ -306,7 +306,7 @@ impl<'a> Run<'a> {
     }
 
     /// `None` for a damaged photo.
-    fn score(&mut self, place: usize, ssim: Ssim, lpips: Option<&Lpips>) -> Result<Option<Score>> {
+    fn score(&mut self, place: usize, ssim: &mut Ssim, lpips: Option<&Lpips>) -> Result<Option<Score>> {
         let Some(photo) = self.photo(place, 0)? else { return Ok(None) };
         let mut frame = Frame::default();
         self.trainer.render(&photo.camera, &mut frame)?;
