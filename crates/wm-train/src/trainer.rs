@@ -177,6 +177,17 @@ impl Trainer {
         self.renderer.path()
     }
 
+    /// Threads in use.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.renderer.pool().current_num_threads()
+    }
+
+    /// Leaves out the steps before `step`: those that follow are as if they had been there.
+    pub fn skip_to(&mut self, step: u32) {
+        self.state.step = step;
+    }
+
     /// Whether all steps are done.
     #[must_use]
     pub fn is_done(&self) -> bool {

@@ -11,7 +11,7 @@ use wm_scene::Camera;
 use wm_weather::{Site, Sky, Weather};
 
 /// Rounds before those that count: memory is touched, clocks go up.
-const WARM_UP: u32 = 2;
+pub const WARM_UP: u32 = 2;
 
 /// Something to render.
 pub struct Case {
@@ -88,7 +88,8 @@ impl Measured {
     }
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+/// The median; not a number of none.
+pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;
     match values.len() {
@@ -137,14 +138,14 @@ pub fn turns(
 
 /// CPU time of all threads of this process, seconds.
 #[cfg(unix)]
-fn cpu_seconds() -> Option<f64> {
+pub fn cpu_seconds() -> Option<f64> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     Some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
 }
 
 /// CPU time of all threads of this process, seconds.
 #[cfg(not(unix))]
-fn cpu_seconds() -> Option<f64> {
+pub fn cpu_seconds() -> Option<f64> {
     None
 }
 

@@ -2,9 +2,11 @@
 //!
 //! Cases of one scene are measured in rounds, one frame of each a round, and compared round by round:
 //! what else runs on the machine then slows both sides of a ratio. CPU time is that of the process.
+//! With `--training` it is steps of training that are measured, on all threads and on one in turns.
 
 mod measure;
 mod report;
+mod training;
 
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
@@ -50,6 +52,9 @@ pub struct BenchArgs {
     /// Leave out the splats of the sky
     #[arg(long)]
     drop_sky: bool,
+    /// Measure steps of training instead of frames
+    #[arg(long)]
+    training: bool,
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
@@ -59,13 +64,18 @@ pub struct BenchArgs {
 
 /// Runs the command.
 pub fn run(args: &BenchArgs) -> Result<()> {
-    let mut reports = Vec::new();
-    if args.scenes.is_empty() {
-        reports.push(made_up(args)?);
+    if args.training {
+        let reports = each(args, |name, loaded, camera| {
+            training::measure(name, &loaded.scene.splats, &camera, args)
+        })?;
+        if args.json {
+            println!("{}", serde_json::to_string_pretty(&reports)?);
+        } else {
+            training::print(&reports);
+        }
+        return Ok(());
     }
-    for path in &args.scenes {
-        reports.push(real(path, args)?);
-    }
+    let reports = each(args, |name, loaded, camera| measure_scene(name, loaded, camera, args))?;
     if args.json {
         println!("{}", serde_json::to_string_pretty(&reports)?);
     } else {
@@ -74,7 +84,23 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     Ok(())
 }
 
-fn made_up(args: &BenchArgs) -> Result<SceneReport> {
+/// Measures each scene: its name, itself, the camera.
+fn each<R>(
+    args: &BenchArgs,
+    mut measure: impl FnMut(&str, &mut Loaded, Camera) -> Result<R>,
+) -> Result<Vec<R>> {
+    if args.scenes.is_empty() {
+        let (mut loaded, camera) = made_up(args)?;
+        return Ok(vec![measure(&format!("made-up, {} splats", args.splats), &mut loaded, camera)?]);
+    }
+    let of = |path: &PathBuf| {
+        let (mut loaded, camera) = real(path, args)?;
+        measure(&stem_of(path), &mut loaded, camera)
+    };
+    args.scenes.iter().map(of).collect()
+}
+
+fn made_up(args: &BenchArgs) -> Result<(Loaded, Camera)> {
     /// Splats over each pixel, about as many as in trained scenes.
     const COVER: f64 = 60.0;
     let splats = shell_splats(args.splats as usize, COVER, args.sh_degree, 1);
@@ -82,11 +108,10 @@ fn made_up(args: &BenchArgs) -> Result<SceneReport> {
     let facts = Metadata { metres_per_unit: Some(1.0), up: Some(glam::DVec3::Z), ..Metadata::default() };
     let scene = Scene { splats, ..Scene::default() };
     let camera = shell_camera(args.size.0, args.size.1);
-    let mut loaded = Loaded::of(scene, &facts, &args.run)?;
-    measure_scene(&format!("made-up, {} splats", args.splats), &mut loaded, camera, args)
+    Ok((Loaded::of(scene, &facts, &args.run)?, camera))
 }
 
-fn real(path: &Path, args: &BenchArgs) -> Result<SceneReport> {
+fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
     let read = SceneArgs { scene: path.to_owned(), repair: true, facts: FactArgs::default() };
     let mut loaded = if args.drop_sky {
         let mut scene = read_scene(path, &ReadOptions::default())?;
@@ -103,7 +128,7 @@ fn real(path: &Path, args: &BenchArgs) -> Result<SceneReport> {
         Some(spec) => spec.camera(&loaded.scene.views, &loaded.survey, &options)?,
         None => choose::choose(&mut loaded.site(options))?.camera,
     };
-    measure_scene(&stem_of(path), &mut loaded, camera, args)
+    Ok((loaded, camera))
 }
 
 /// Everything about one scene.

@@ -1,0 +1,157 @@
+//! Steps of training, measured on a scene's own splats.
+
+use super::BenchArgs;
+use super::measure::{WARM_UP, cpu_seconds, median};
+use crate::interrupt::{self, Interrupted};
+use crate::progress;
+use anyhow::Result;
+use serde::Serialize;
+use std::time::Instant;
+use wm_render::{CpuConfig, Frame};
+use wm_scene::{Camera, Splats};
+use wm_train::config::{Densify, RateConfig};
+use wm_train::losses::Truth;
+use wm_train::{Preset, StepTimes, TrainConfig, Trainer};
+
+/// Steps of one scene. Times are milliseconds, medians.
+#[derive(Serialize)]
+pub struct TrainingReport {
+    scene: String,
+    splats: usize,
+    sh_degree: u8,
+    width: u32,
+    height: u32,
+    visible: usize,
+    threads: usize,
+    wall_ms: f64,
+    cpu_ms: f64,
+    forward_ms: f64,
+    loss_ms: f64,
+    backward_ms: f64,
+    optimizer_ms: f64,
+    one_thread_wall_ms: f64,
+    /// Median over the rounds of one thread's wall time by that of all.
+    speedup: f64,
+}
+
+/// One step.
+struct Step {
+    wall: f64,
+    cpu: f64,
+    times: StepTimes,
+    visible: usize,
+}
+
+/// A trainer that stays where it is: its steps are as long as nothing.
+fn standing(splats: &Splats, threads: Option<usize>, args: &BenchArgs) -> Result<Trainer> {
+    let least = 1e-15;
+    let config = TrainConfig {
+        steps: u32::MAX,
+        sh_degree: splats.sh_degree,
+        sh_every: 1,
+        densify: Densify::Fixed,
+        rates: RateConfig {
+            means_first: least,
+            means_last: least,
+            quats: least,
+            log_scales: least,
+            logit_opacities: least,
+            sh_dc: least,
+            sh_rest: least,
+            exposure: least,
+        },
+        ..TrainConfig::preset(Preset::Quick)
+    };
+    let mut trainer =
+        Trainer::new(config, CpuConfig { threads, simd: args.run.simd }, splats.clone(), 1.0, 1)?;
+    trainer.skip_to(u32::from(splats.sh_degree));
+    Ok(trainer)
+}
+
+/// Measures steps on one photo: the scene itself from `camera`, a fifth darker.
+pub fn measure(name: &str, splats: &Splats, camera: &Camera, args: &BenchArgs) -> Result<TrainingReport> {
+    let threads = args.run.threads.map(usize::from);
+    let mut trainers = [standing(splats, threads, args)?, standing(splats, Some(1), args)?];
+    let mut frame = Frame::default();
+    trainers[0].render(camera, &mut frame)?;
+    let rgb: Vec<f32> = frame.rgb.iter().map(|v| 0.8 * v).collect();
+    let truth = Truth { rgb: &rgb, mask: None, camera };
+    let bar = progress::bar(u64::from(args.frames), "steps");
+    let mut steps: [Vec<Step>; 2] = Default::default();
+    for round in 0..args.frames + WARM_UP {
+        for (trainer, steps) in trainers.iter_mut().zip(&mut steps) {
+            if interrupt::asked() {
+                return Err(Interrupted("the measurement is not complete".into()).into());
+            }
+            let (cpu, started) = (cpu_seconds(), Instant::now());
+            let report = trainer.step(&truth, 0)?;
+            let wall = started.elapsed().as_secs_f64();
+            let cpu = cpu.and_then(|before| Some(cpu_seconds()? - before)).unwrap_or(wall);
+            if round >= WARM_UP {
+                steps.push(Step { wall, cpu, times: report.times, visible: report.visible });
+            }
+        }
+        if round >= WARM_UP {
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    let of = |value: fn(&Step) -> f64| 1e3 * median(steps[0].iter().map(value).collect());
+    let [all, one] = &steps;
+    Ok(TrainingReport {
+        scene: name.to_owned(),
+        splats: splats.len(),
+        sh_degree: splats.sh_degree,
+        width: camera.width,
+        height: camera.height,
+        visible: all.first().map_or(0, |step| step.visible),
+        threads: trainers[0].threads(),
+        wall_ms: of(|step| step.wall),
+        cpu_ms: of(|step| step.cpu),
+        forward_ms: of(|step| step.times.forward),
+        loss_ms: of(|step| step.times.loss),
+        backward_ms: of(|step| step.times.backward),
+        optimizer_ms: of(|step| step.times.optimizer),
+        one_thread_wall_ms: 1e3 * median(one.iter().map(|step| step.wall).collect()),
+        speedup: median(one.iter().zip(all).map(|(one, all)| one.wall / all.wall).collect()),
+    })
+}
+
+/// Prints a scene a line, and how CPU time grows from the first to each of the others.
+pub fn print(reports: &[TrainingReport]) {
+    println!("Medians over steps of training, ms: L1 and SSIM of the scene's colour against one photo.");
+    println!(
+        "{:<24} {:>9} {:>9} {:>10} {:>7} {:>7} {:>7} {:>5} {:>8} {:>9} {:>8} {:>7} {:>9}",
+        "scene",
+        "splats",
+        "in view",
+        "px",
+        "wall",
+        "CPU",
+        "forward",
+        "loss",
+        "backward",
+        "optimiser",
+        "1 thread",
+        "speedup",
+        "CPU ratio"
+    );
+    for report in reports {
+        println!(
+            "{:<24} {:>9} {:>9} {:>10} {:>7.1} {:>7.1} {:>7.1} {:>5.1} {:>8.1} {:>9.1} {:>8.1} {:>7.2} {:>9.2}",
+            report.scene,
+            report.splats,
+            report.visible,
+            format!("{}x{}", report.width, report.height),
+            report.wall_ms,
+            report.cpu_ms,
+            report.forward_ms,
+            report.loss_ms,
+            report.backward_ms,
+            report.optimizer_ms,
+            report.one_thread_wall_ms,
+            report.speedup,
+            report.cpu_ms / reports[0].cpu_ms,
+        );
+    }
+}

@@ -1,0 +1,31 @@
+//! The bench command, as small as it goes: that it measures and what it prints, not how fast.
+
+use serde_json::Value;
+use std::process::Command;
+
+fn bench(options: &[&str]) -> Value {
+    let output = Command::new(env!("CARGO_BIN_EXE_weather-magician"))
+        .args(["bench", "--splats", "400", "--size", "64x48", "--frames", "2", "--json"])
+        .args(options)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn frames_and_steps_are_measured() {
+    let frames = bench(&[]);
+    let scene = &frames[0];
+    assert_eq!((scene["splats"].as_u64(), scene["width"].as_u64()), (Some(400), Some(64)));
+    let cases = scene["cases"].as_array().unwrap();
+    assert!(cases.len() >= 8 && cases.iter().all(|case| case["wall_ms"].as_f64().unwrap() > 0.0));
+
+    let steps = bench(&["--training", "--sh-degree", "1"]);
+    let scene = &steps[0];
+    assert_eq!((scene["splats"].as_u64(), scene["sh_degree"].as_u64()), (Some(400), Some(1)));
+    assert!(scene["visible"].as_u64().unwrap() > 100);
+    let parts = ["forward_ms", "loss_ms", "backward_ms", "optimizer_ms"].map(|key| scene[key].as_f64().unwrap());
+    let whole = scene["wall_ms"].as_f64().unwrap();
+    assert!(parts.iter().all(|part| *part > 0.0) && whole > 0.0, "{scene}");
+}
