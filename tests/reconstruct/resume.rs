@@ -89,7 +89,7 @@ fn a_training_is_gone_on_with_as_it_began() {
         &["--seed", "1"],
         &["--eval-every", "3"],
         &["--longest", "40"],
-        &["--exposure", "photo"],
+        &["--exposure", "shared"],
     ];
     for change in changes {
         place.refused("set", &[&["--resume"], change].concat(), &other);

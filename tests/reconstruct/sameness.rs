@@ -22,13 +22,13 @@ fn any_number_of_threads() {
 #[test]
 fn the_options_and_the_configuration_they_make() {
     let place = Place::new();
-    let options = ["--exposure", "photo", "--background", "black", "--densify", "fixed", "--seed", "7"];
+    let options = ["--exposure", "shared", "--background", "black", "--densify", "fixed", "--seed", "7"];
     place.trained(&options);
     assert_eq!(place.metrics("scene.ply.run").len(), 40);
     place.trained(&["--config", "scene.ply.run/config.json", "--out", "b.ply", "--steps", "3"]);
     assert!(place.read("b.ply") == place.read("scene.ply"));
     assert_eq!(place.read("b.ply.run/config.json"), place.read("scene.ply.run/config.json"));
-    let other = ["--exposure", "photo", "--background", "black", "--densify", "fixed", "--seed", "8"];
+    let other = ["--exposure", "shared", "--background", "black", "--densify", "fixed", "--seed", "8"];
     place.trained(&[&other[..], &["--out", "c.ply"]].concat());
     assert!(place.read("c.ply") != place.read("scene.ply"), "the seed changes nothing");
 }

@@ -63,9 +63,9 @@ pub enum Resolution {
 #[serde(rename_all = "lowercase")]
 pub enum Exposure {
     /// All photos are alike.
-    #[default]
     Shared,
     /// An affine change of colour a photo, learnt with the scene and left out of it.
+    #[default]
     Photo,
 }
 
@@ -145,7 +145,7 @@ impl TrainConfig {
             rasterization: Rasterization::Classic,
             background: BackgroundKind::Random,
             resolution: if preset == Preset::Best { Resolution::Full } else { Resolution::Coarse },
-            exposure: Exposure::Shared,
+            exposure: Exposure::Photo,
             loss: LossConfig { l1: 0.8, ssim: 0.2 },
             rates: RateConfig::for_steps(steps),
             densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),

@@ -55,8 +55,8 @@ pub struct TrainState {
 #[derive(Default)]
 struct Work {
     frame: Frame,
-    /// The frame in the colours of the photo.
-    seen: Frame,
+    /// What the scene's colours were before they became those of the photo.
+    rendered: Vec<f32>,
     loss: LossGradients,
     gradients: Gradients,
 }
@@ -256,13 +256,12 @@ impl Trainer {
 
         let exposed = !self.state.exposures.changes.is_empty();
         if exposed {
-            work.seen.clone_from(&work.frame);
-            let path = self.renderer.path();
-            self.state.exposures.apply(path, photo, &work.frame.rgb, &mut work.seen.rgb);
+            std::mem::swap(&mut work.rendered, &mut work.frame.rgb);
+            work.frame.rgb.resize(work.rendered.len(), 0.0);
+            self.state.exposures.apply(self.renderer.path(), photo, &work.rendered, &mut work.frame.rgb);
         }
-        let frame = if exposed { &work.seen } else { &work.frame };
-        work.loss.clear(frame);
-        let input = LossInput { frame, truth, step, path: self.renderer.path() };
+        work.loss.clear(&work.frame);
+        let input = LossInput { frame: &work.frame, truth, step, path: self.renderer.path() };
         for term in self.terms.iter_mut().filter(|term| common(term.as_ref())) {
             let weight = term.weight(step);
             let value = term.add(&input, weight, &mut work.loss);
@@ -270,8 +269,8 @@ impl Trainer {
             report.terms.push((term.name(), value));
         }
         if exposed {
-            let rate = self.config.rates.exposure;
-            self.state.exposures.learn(photo, &work.frame.rgb, &mut work.loss.rgb, rate);
+            let (path, rate) = (self.renderer.path(), self.config.rates.exposure);
+            self.state.exposures.learn(path, photo, &work.rendered, &mut work.loss.rgb, rate);
         }
         report.times.loss = lap();
 

@@ -133,8 +133,9 @@ pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: RunArgs) -> Res
     reconstruct::run(&args)
 }
 
-/// How the demo trains: the poses are in metres.
-const TRAINING: [&str; 6] = ["--preset", "quick", "--metres-per-unit", "1", "--sky-splats", "6000"];
+/// How the demo trains: the poses are in metres, and all photos have one exposure.
+const TRAINING: [&str; 8] =
+    ["--preset", "quick", "--metres-per-unit", "1", "--sky-splats", "6000", "--exposure", "shared"];
 
 #[cfg(test)]
 mod tests {

@@ -105,8 +105,8 @@ struct TrainingArgs {
     /// Sizes of photos over time: coarse (a quarter, half, full) or full [default: the preset's]
     #[arg(long, value_name = "SIZES", help_heading = "Training")]
     resolution: Option<ResolutionArg>,
-    /// Whether each photo has an exposure of its own: shared or photo
-    #[arg(long, value_name = "WHOSE", default_value = "shared", help_heading = "Training")]
+    /// Whether each photo has an exposure of its own, as cameras choose it by themselves: photo, or shared by all
+    #[arg(long, value_name = "WHOSE", default_value = "photo", help_heading = "Training")]
     exposure: ExposureArg,
     /// What stands behind the splats while they learn: black or random
     #[arg(long, value_name = "COLOR", default_value = "random", help_heading = "Training")]
