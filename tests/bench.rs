@@ -25,7 +25,8 @@ fn frames_and_steps_are_measured() {
     let scene = &steps[0];
     assert_eq!((scene["splats"].as_u64(), scene["sh_degree"].as_u64()), (Some(400), Some(1)));
     assert!(scene["visible"].as_u64().unwrap() > 100);
-    let parts = ["forward_ms", "loss_ms", "backward_ms", "optimizer_ms"].map(|key| scene[key].as_f64().unwrap());
+    let parts =
+        ["forward_ms", "loss_ms", "backward_ms", "optimizer_ms"].map(|key| scene[key].as_f64().unwrap());
     let whole = scene["wall_ms"].as_f64().unwrap();
     assert!(parts.iter().all(|part| *part > 0.0) && whole > 0.0, "{scene}");
 }

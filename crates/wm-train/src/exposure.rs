@@ -182,7 +182,13 @@ mod tests {
             exposures.apply(SimdPath::available()[0], place, &rgb, &mut out);
             let mut gradient: Vec<f32> = out.iter().zip(&photos[place]).map(|(a, b)| a - b).collect();
             off[place] = gradient.iter().fold(0.0, |a: f32, b| a.max(b.abs()));
-            exposures.learn(SimdPath::available()[0], place, &rgb, &mut gradient, 0.01 * 0.9975f64.powi(step));
+            exposures.learn(
+                SimdPath::available()[0],
+                place,
+                &rgb,
+                &mut gradient,
+                0.01 * 0.9975f64.powi(step),
+            );
         }
         assert!(off[0] < 0.01 && off[1] < 0.01, "{off:?}");
         for k in 0..NUMBERS {
@@ -195,7 +201,8 @@ mod tests {
     fn the_gradient_goes_through_the_change() {
         let pixels = CHUNK / 3 + 21;
         let m: [f32; NUMBERS] = std::array::from_fn(|k| k as f32 - 4.5);
-        let value = |seed: u64| -> Vec<f32> { (0..3 * pixels).map(|i| uniform(seed, i as u64) as f32).collect() };
+        let value =
+            |seed: u64| -> Vec<f32> { (0..3 * pixels).map(|i| uniform(seed, i as u64) as f32).collect() };
         let (rgb, by) = (value(3), value(4));
         for path in SimdPath::available() {
             let mut exposures = Exposures::new(1);

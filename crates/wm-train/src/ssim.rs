@@ -206,12 +206,7 @@ fn groups(wide: usize, lanes: usize) -> impl Iterator<Item = (usize, usize)> {
 
 /// The rows that the windows of [`TOGETHER`] rows from `first` on read; zeros for those beyond the picture.
 #[inline(always)]
-fn reached<'a>(
-    picture: &'a [f32],
-    first: usize,
-    rows: usize,
-    zeros: &'a [f32],
-) -> [&'a [f32]; REACHED] {
+fn reached<'a>(picture: &'a [f32], first: usize, rows: usize, zeros: &'a [f32]) -> [&'a [f32]; REACHED] {
     let wide = zeros.len();
     std::array::from_fn(|i| match (first + i).checked_sub(RADIUS) {
         Some(at) if at < rows => &picture[at * wide..(at + 1) * wide],

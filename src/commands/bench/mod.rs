@@ -65,9 +65,8 @@ pub struct BenchArgs {
 /// Runs the command.
 pub fn run(args: &BenchArgs) -> Result<()> {
     if args.training {
-        let reports = each(args, |name, loaded, camera| {
-            training::measure(name, &loaded.scene.splats, &camera, args)
-        })?;
+        let reports =
+            each(args, |name, loaded, camera| training::measure(name, &loaded.scene.splats, &camera, args))?;
         if args.json {
             println!("{}", serde_json::to_string_pretty(&reports)?);
         } else {

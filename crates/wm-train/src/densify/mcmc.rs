@@ -16,8 +16,8 @@ use crate::random::Random;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use wm_render::Gradients;
-use wm_scene::{Group, quat};
 use wm_scene::splats::{logit, sigmoid};
+use wm_scene::{Group, quat};
 
 /// Most splats that come to one place at once.
 const MOST_AT_ONE: usize = 51;
@@ -103,7 +103,8 @@ impl McmcConfig {
             let normal = random.normal3(i as u64);
             let turned: [f64; 3] = std::array::from_fn(|k| {
                 let size = f64::from(scales[i][k]).exp();
-                size * (noise * gate * size).min(1.0) * (0..3).map(|row| matrix[row][k] * normal[row]).sum::<f64>()
+                size * (noise * gate * size).min(1.0)
+                    * (0..3).map(|row| matrix[row][k] * normal[row]).sum::<f64>()
             });
             for row in 0..3 {
                 let off: f64 = (0..3).map(|k| matrix[row][k] * turned[k]).sum();
@@ -113,13 +114,7 @@ impl McmcConfig {
     }
 
     /// What happens after `step` (from 1) of a training on `photos` photos.
-    pub fn after(
-        &self,
-        step: u32,
-        photos: usize,
-        population: &mut Population,
-        random: Random,
-    ) -> Densified {
+    pub fn after(&self, step: u32, photos: usize, population: &mut Population, random: Random) -> Densified {
         if step < self.from || step >= self.until || !step.is_multiple_of(self.every) {
             return Densified::default();
         }
@@ -276,7 +271,12 @@ mod tests {
         population.splats.logit_opacities.fill(2.0);
         population.splats.logit_opacities[3] = -6.0;
         let before = population.splats.means.clone();
-        McmcConfig::for_steps(30_000, 50).explore(&mut population, 1e-4, 5.0, Random::new(1, Purpose::Noise, 9));
+        McmcConfig::for_steps(30_000, 50).explore(
+            &mut population,
+            1e-4,
+            5.0,
+            Random::new(1, Purpose::Noise, 9),
+        );
         let moved: Vec<usize> = (0..50).filter(|i| population.splats.means[*i] != before[*i]).collect();
         assert_eq!(moved, [3]);
     }

@@ -86,7 +86,8 @@ impl Population {
     #[must_use]
     pub fn drawn(&self) -> Splats {
         let splats = &self.splats;
-        let shown: Vec<usize> = (0..splats.len()).filter(|i| splats.opacity(*i) >= f64::from(MIN_ALPHA)).collect();
+        let shown: Vec<usize> =
+            (0..splats.len()).filter(|i| splats.opacity(*i) >= f64::from(MIN_ALPHA)).collect();
         splats.select(&shown)
     }
 
