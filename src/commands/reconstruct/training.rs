@@ -363,7 +363,7 @@ impl<'a> Run<'a> {
             println!("held-out {}: {score}", self.data.name(*place));
         }
         if let Some(score) = Score::mean(&scores) {
-            println!("held-out mean of {}: {score}", self.data.held_out.len());
+            println!("held-out mean of {}: {score}", scores.len());
             let line = score.json(self.trainer.state().step, self.trainer.splats().len());
             self.metrics.add(&line)?;
         }
