@@ -7,6 +7,8 @@ use wm_scene::sh;
 
 /// Most steps.
 const MOST_STEPS: u32 = 1_000_000;
+/// Most splats of the far shell: more than that are smaller than pixels.
+const MOST_SKY: f64 = 1e6;
 /// Largest weight and step length; above that nothing stays finite.
 const LARGE: f64 = 1e9;
 
@@ -37,6 +39,7 @@ impl TrainConfig {
             ("sh_every", f64::from(self.sh_every), COUNT),
             ("start_opacity", self.start_opacity, SHARE),
             ("start_scale", self.start_scale, 1e-6..=LARGE),
+            ("sky_splats", f64::from(self.sky_splats), 0.0..=MOST_SKY),
             ("loss.l1", loss.l1, WEIGHT),
             ("loss.ssim", loss.ssim, WEIGHT),
             ("rates.means_first", rates.means_first, f64::MIN_POSITIVE..=LARGE),
@@ -104,6 +107,7 @@ mod tests {
         assert_eq!(say(|c| c.steps = 0), "steps is 0; it must be 1 to 1000000");
         assert_eq!(say(|c| c.sh_degree = 9), "sh_degree is 9; it must be 0 to 3");
         assert!(say(|c| c.rates.means_last = 0.0).starts_with("rates.means_last is 0; "));
+        assert_eq!(say(|c| c.sky_splats = u32::MAX), "sky_splats is 4294967295; it must be 0 to 1000000");
         assert!(say(|c| c.loss.l1 = f64::NAN).starts_with("loss.l1 is NaN; "));
     }
 }

@@ -1,8 +1,8 @@
 //! A training on disk: everything that its next step depends on.
 //!
 //! `WMTRAIN2`, the length of a JSON head (u64), the head, then arrays of little-endian f32 in a fixed order
-//! and of the lengths that the head gives, then of u32, and a checksum (FNV-1a, 64 bit) of all before it. A file is whole
-//! or not there: it is written beside and renamed.
+//! and of the lengths that the head gives, then of u32, and a checksum (FNV-1a, 64 bit) of all before it. A
+//! file is whole or not there: it is written beside and renamed.
 
 use crate::config::TrainConfig;
 use crate::densify::{Population, Pulls};

@@ -109,10 +109,7 @@ impl Ssim {
         if counted == 0.0 {
             return 1.0;
         }
-        let within = |rgb: &[f32]| -> Vec<f32> {
-            rgb.iter().enumerate().map(|(i, v)| v * mask[i / CHANNELS]).collect()
-        };
-        self.sum(&within(x), &within(y), width, Some(mask), None) / (CHANNELS as f64 * counted)
+        self.sum(&within(mask, x), &within(mask, y), width, Some(mask), None) / (CHANNELS as f64 * counted)
     }
 
     /// The mean similarity, and `scale` times its derivative by each value of `x` added to `gradient`.
@@ -168,6 +165,11 @@ impl Ssim {
         });
         sums.iter().sum()
     }
+}
+
+/// A picture, `[H, W, 3]`, that is black beyond a mask, `[H, W]`.
+pub(crate) fn within(mask: &[f32], rgb: &[f32]) -> Vec<f32> {
+    rgb.iter().enumerate().map(|(i, v)| v * mask[i / CHANNELS]).collect()
 }
 
 /// The next of what waits.

@@ -183,11 +183,6 @@ impl Trainer {
         self.renderer.pool().current_num_threads()
     }
 
-    /// Leaves out the steps before `step`: those that follow are as if they had been there.
-    pub fn skip_to(&mut self, step: u32) {
-        self.state.step = step;
-    }
-
     /// Whether all steps are done.
     #[must_use]
     pub fn is_done(&self) -> bool {

@@ -10,8 +10,10 @@ use std::time::Instant;
 use wm_render::{CpuConfig, Frame};
 use wm_scene::{Camera, Splats};
 use wm_train::config::{Densify, RateConfig};
+use wm_train::densify::Population;
+use wm_train::exposure::Exposures;
 use wm_train::losses::Truth;
-use wm_train::{Preset, StepTimes, TrainConfig, Trainer};
+use wm_train::{Preset, StepTimes, TrainConfig, TrainState, Trainer};
 
 /// Steps of one scene. Times are milliseconds, medians.
 #[derive(Serialize)]
@@ -62,10 +64,13 @@ fn standing(splats: &Splats, threads: Option<usize>, args: &BenchArgs) -> Result
         },
         ..TrainConfig::preset(Preset::Quick)
     };
-    let mut trainer =
-        Trainer::new(config, CpuConfig { threads, simd: args.run.simd }, splats.clone(), 1.0, 1)?;
-    trainer.skip_to(u32::from(splats.sh_degree));
-    Ok(trainer)
+    // As after the steps in which the harmonics grow.
+    let state = TrainState {
+        step: u32::from(splats.sh_degree),
+        population: Population::new(splats.clone()),
+        exposures: Exposures::new(1),
+    };
+    Ok(Trainer::resumed(config, CpuConfig { threads, simd: args.run.simd }, state, 1.0, 1)?)
 }
 
 /// Measures steps on one photo: the scene itself from `camera`, a fifth darker.

@@ -1,7 +1,7 @@
 //! Structural dissimilarity of colours: 1 minus their structural similarity.
 
 use super::{LossGradients, LossInput, LossTerm};
-use crate::ssim::Ssim;
+use crate::ssim::{Ssim, within};
 use wm_render::simd::SimdPath;
 
 /// `1 - SSIM`; see [`crate::ssim`]. Where the photo does not count both pictures are black.
@@ -35,11 +35,9 @@ impl LossTerm for Dssim {
         let Some(mask) = truth.mask else {
             return 1.0 - self.ssim.add_gradient(&frame.rgb, truth.rgb, width, scale, &mut out.rgb);
         };
-        let masked =
-            |rgb: &[f32]| -> Vec<f32> { rgb.iter().enumerate().map(|(i, v)| v * mask[i / 3]).collect() };
         let mut gradient = vec![0.0; frame.rgb.len()];
-        let value =
-            self.ssim.add_gradient(&masked(&frame.rgb), &masked(truth.rgb), width, scale, &mut gradient);
+        let (x, y) = (within(mask, &frame.rgb), within(mask, truth.rgb));
+        let value = self.ssim.add_gradient(&x, &y, width, scale, &mut gradient);
         for (i, (out, gradient)) in out.rgb.iter_mut().zip(gradient).enumerate() {
             *out += mask[i / 3] * gradient;
         }
