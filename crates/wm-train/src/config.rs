@@ -222,3 +222,16 @@ impl Densify {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_pixels_make_few_splats() {
+        // Nine photos of 600x444.
+        assert_eq!(Preset::Quick.max_splats_for(9 * 600 * 444), 23_976);
+        assert_eq!(Preset::Quick.max_splats_for(100), 1000);
+        assert_eq!([Preset::Quick, Preset::Best].map(|p| p.max_splats_for(u64::MAX)), [100_000, 1_000_000]);
+    }
+}
