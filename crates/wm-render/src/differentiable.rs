@@ -16,6 +16,8 @@ pub struct ForwardConfig {
     pub rasterization: Rasterization,
     /// Where opacities come from.
     pub opacity: Opacity,
+    /// Which splats are drawn.
+    pub drawn: Drawn,
     /// Degree of the spherical harmonics in use, at most that of the splats: it grows in training.
     pub sh_degree: u8,
 }
@@ -27,6 +29,7 @@ impl Default for ForwardConfig {
             background: [0.0; 3],
             rasterization: Rasterization::default(),
             opacity: Opacity::Stored,
+            drawn: Drawn::All,
             sh_degree: sh::MAX_DEGREE,
         }
     }
@@ -89,6 +92,16 @@ pub enum Opacity {
     Stored,
     /// This one for all, 0-1: surfaces by position alone.
     Fixed(f32),
+}
+
+/// Which splats are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Drawn {
+    /// All.
+    #[default]
+    All,
+    /// All but the group [`Sky`](wm_scene::Group::Sky): what stands in front of it.
+    WithoutSky,
 }
 
 /// Which parameters learn; what does not is neither computed nor filled.
@@ -214,6 +227,35 @@ impl Gradients {
         3 * sh::coefficients(self.sh_degree)
     }
 
+    /// Adds the parameters' gradients of another loss on the same view. What this one has no row for is
+    /// left out: its picture does not show it.
+    ///
+    /// # Panics
+    /// If the other has a parameter that this one has not, or another degree of colours.
+    pub fn add_parameters(&mut self, other: &Self) {
+        assert!(other.sh.is_empty() || other.sh_degree == self.sh_degree, "colours of one degree");
+        let stride = self.sh_stride();
+        let mut row = 0;
+        for (theirs, index) in other.visible.iter().enumerate() {
+            row += self.visible[row..].partition_point(|own| own < index);
+            match self.visible.get(row) {
+                None => break,
+                Some(own) if own != index => continue,
+                Some(_) => {}
+            }
+            add_row(&mut self.means, row, &other.means, theirs);
+            add_row(&mut self.quats, row, &other.quats, theirs);
+            add_row(&mut self.log_scales, row, &other.log_scales, theirs);
+            if let Some(value) = other.logit_opacities.get(theirs) {
+                self.logit_opacities[row] += value;
+            }
+            if !other.sh.is_empty() {
+                let (own, their) = (row * stride..(row + 1) * stride, theirs * stride..(theirs + 1) * stride);
+                self.sh[own].iter_mut().zip(&other.sh[their]).for_each(|(a, b)| *a += b);
+            }
+        }
+    }
+
     /// Sets the sizes for `visible` rows.
     pub(crate) fn resize(&mut self, visible: usize, learn: Learn, sh_degree: u8) {
         let rows = |wanted: bool| if wanted { visible } else { 0 };
@@ -228,5 +270,39 @@ impl Gradients {
         self.absgrads.resize(visible, [0.0; 2]);
         self.weights.resize(visible, 0.0);
         self.radii.resize(visible, 0.0);
+    }
+}
+
+/// Adds a row, if it learns there.
+fn add_row<const N: usize>(to: &mut [[f32; N]], row: usize, from: &[[f32; N]], theirs: usize) {
+    if let Some(from) = from.get(theirs) {
+        to[row].iter_mut().zip(from).for_each(|(a, b)| *a += b);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_added_where_both_see_the_splat() {
+        let rows = |visible: &[u32], learn: Learn, value: f32| {
+            let mut gradients = Gradients::default();
+            gradients.resize(visible.len(), learn, 1);
+            gradients.visible.copy_from_slice(visible);
+            gradients.means.fill([value; 3]);
+            gradients.logit_opacities.fill(value);
+            gradients.sh.fill(value);
+            gradients
+        };
+        let mut sum = rows(&[1, 4, 6, 9], Learn::ALL, 1.0);
+        sum.add_parameters(&rows(&[0, 4, 5, 9, 12], Learn::ALL, 2.0));
+        assert_eq!(sum.means, [[1.0; 3], [3.0; 3], [1.0; 3], [3.0; 3]]);
+        assert_eq!(
+            (sum.logit_opacities.clone(), sum.sh[12], sum.sh[35]),
+            (vec![1.0, 3.0, 1.0, 3.0], 3.0, 1.0)
+        );
+        sum.add_parameters(&rows(&[1, 4], Learn::MEANS, 5.0));
+        assert_eq!((sum.means[0], sum.logit_opacities[0]), ([6.0; 3], 1.0));
     }
 }

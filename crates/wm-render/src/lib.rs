@@ -15,7 +15,7 @@ pub mod stages;
 pub mod testing;
 
 pub use cpu::{CpuRenderer, Differentiable};
-pub use differentiable::{Channels, DepthAlpha, ForwardConfig, Gradients, Learn, Opacity, Upstream};
+pub use differentiable::{Channels, DepthAlpha, Drawn, ForwardConfig, Gradients, Learn, Opacity, Upstream};
 pub use frame::{Encoding, Frame};
 pub use renderer::{
     Background, CpuConfig, Geometry, Job, MedianDepth, Outputs, RenderConfig, RenderError, Renderer, SetId,

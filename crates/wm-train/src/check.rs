@@ -33,6 +33,7 @@ impl TrainConfig {
         const WEIGHT: RangeInclusive<f64> = 0.0..=LARGE;
         const COUNT: RangeInclusive<f64> = 1.0..=u32::MAX as f64;
         let (loss, rates) = (&self.loss, &self.rates);
+        let geometry = &loss.geometry;
         let mut values = vec![
             ("steps", f64::from(self.steps), 1.0..=f64::from(MOST_STEPS)),
             ("sh_degree", f64::from(self.sh_degree), 0.0..=f64::from(sh::MAX_DEGREE)),
@@ -42,6 +43,18 @@ impl TrainConfig {
             ("sky_splats", f64::from(self.sky_splats), 0.0..=MOST_SKY),
             ("loss.l1", loss.l1, WEIGHT),
             ("loss.ssim", loss.ssim, WEIGHT),
+            ("loss.geometry.depth", geometry.depth, WEIGHT),
+            ("loss.geometry.depth_hard", geometry.depth_hard, WEIGHT),
+            ("loss.geometry.depth_soft", geometry.depth_soft, WEIGHT),
+            ("loss.geometry.depth_local", geometry.depth_local, WEIGHT),
+            ("loss.geometry.depth_margin", geometry.depth_margin, WEIGHT),
+            ("loss.geometry.depth_from", geometry.depth_from, 0.0..=1.0),
+            ("loss.geometry.every", f64::from(geometry.every), COUNT),
+            ("loss.geometry.surface", geometry.surface, WEIGHT),
+            ("loss.geometry.normal", geometry.normal, WEIGHT),
+            ("loss.geometry.normal_from", geometry.normal_from, 0.0..=1.0),
+            ("loss.geometry.flat", geometry.flat, WEIGHT),
+            ("loss.geometry.smooth", geometry.smooth, WEIGHT),
             ("rates.means_first", rates.means_first, f64::MIN_POSITIVE..=LARGE),
             ("rates.means_last", rates.means_last, f64::MIN_POSITIVE..=LARGE),
             ("rates.quats", rates.quats, WEIGHT),

@@ -1,6 +1,6 @@
 //! A training on disk: everything that its next step depends on.
 //!
-//! `WMTRAIN2`, the length of a JSON head (u64), the head, then arrays of little-endian f32 in a fixed order
+//! `WMTRAIN3`, the length of a JSON head (u64), the head, then arrays of little-endian f32 in a fixed order
 //! and of the lengths that the head gives, then of u32, and a checksum (FNV-1a, 64 bit) of all before it. A
 //! file is whole or not there: it is written beside and renamed.
 
@@ -16,7 +16,7 @@ use thiserror::Error;
 use wm_scene::files::write_atomically;
 use wm_scene::{FormatError, Group, Splats, sh};
 
-const MAGIC: &[u8; 8] = b"WMTRAIN2";
+const MAGIC: &[u8; 8] = b"WMTRAIN3";
 /// Longest head, bytes.
 const MAX_HEAD: u64 = 1 << 24;
 

@@ -33,7 +33,7 @@ pub struct TrainConfig {
     pub start_opacity: f64,
     /// Standard deviation that splats begin with, in distances to their neighbours.
     pub start_scale: f64,
-    /// Splats of a far shell that becomes the sky: how many on the whole sphere.
+    /// Splats of the sky: how many on its half sphere, where photos show it.
     pub sky_splats: u32,
 }
 
@@ -77,6 +77,83 @@ pub struct LossConfig {
     pub l1: f64,
     /// Of 1 minus structural similarity.
     pub ssim: f64,
+    /// Depth, normals and sky, where something is believed of them.
+    pub geometry: GeometryConfig,
+}
+
+/// Weights of the terms that make surfaces of splats; 0 switches one off.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GeometryConfig {
+    /// Of depth in the scene's units; see [`crate::losses::Depth`].
+    pub depth: f64,
+    /// Of the relative depth of patches, moving means; see [`crate::losses::PatchDepth`].
+    pub depth_hard: f64,
+    /// Of the same, changing opacities.
+    pub depth_soft: f64,
+    /// Of the patches' own deviation beside the photo's, in both.
+    pub depth_local: f64,
+    /// Differences of normalised depth up to this are none.
+    pub depth_margin: f64,
+    /// Share of the steps after which depth changes more than means.
+    pub depth_from: f64,
+    /// Steps between two that have renders of their own for `depth_hard`, `depth_soft` and `surface`.
+    pub every: u32,
+    /// Of coverage in front of the sky; see [`crate::losses::Surface`].
+    pub surface: f64,
+    /// Of normals; see [`crate::losses::Normal`].
+    pub normal: f64,
+    /// Share of the steps after which normals count: 6,000 of 30,000 in the paper.
+    pub normal_from: f64,
+    /// Of flatness; see [`crate::losses::Flat`].
+    pub flat: f64,
+    /// Of smooth depth where the photo is smooth; see [`crate::losses::Smooth`].
+    pub smooth: f64,
+}
+
+impl GeometryConfig {
+    /// No term at all.
+    pub const NONE: Self = Self {
+        depth: 0.0,
+        depth_hard: 0.0,
+        depth_soft: 0.0,
+        depth_local: 0.1,
+        depth_margin: 0.01,
+        depth_from: 1.0 / 30.0,
+        every: 1,
+        surface: 0.0,
+        normal: 0.0,
+        normal_from: 0.2,
+        flat: 0.0,
+        smooth: 0.0,
+    };
+
+    /// The first step at which depth changes more than means.
+    #[must_use]
+    pub fn depth_from(&self, steps: u32) -> u32 {
+        (self.depth_from * f64::from(steps)) as u32
+    }
+
+    /// The first step at which normals count.
+    #[must_use]
+    pub fn normal_from(&self, steps: u32) -> u32 {
+        (self.normal_from * f64::from(steps)) as u32
+    }
+}
+
+impl Default for GeometryConfig {
+    fn default() -> Self {
+        Self {
+            depth: 0.1,
+            depth_hard: 0.02,
+            depth_soft: 0.02,
+            every: 4,
+            surface: 0.1,
+            normal: 0.05,
+            flat: 0.01,
+            ..Self::NONE
+        }
+    }
 }
 
 /// Step lengths; those of means in units of the scene's extent.
@@ -146,12 +223,12 @@ impl TrainConfig {
             background: BackgroundKind::Random,
             resolution: if preset == Preset::Best { Resolution::Full } else { Resolution::Coarse },
             exposure: Exposure::Photo,
-            loss: LossConfig { l1: 0.8, ssim: 0.2 },
+            loss: LossConfig { l1: 0.8, ssim: 0.2, geometry: GeometryConfig::default() },
             rates: RateConfig::for_steps(steps),
             densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),
             start_opacity: 0.1,
             start_scale: 1.0,
-            sky_splats: 0,
+            sky_splats: 20_000,
         }
     }
 

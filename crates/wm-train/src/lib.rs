@@ -22,6 +22,7 @@ pub mod losses;
 pub mod metrics;
 pub mod optimizer;
 pub mod photos;
+pub mod priors;
 pub mod random;
 pub mod schedule;
 pub mod ssim;

@@ -16,6 +16,8 @@ pub enum Purpose {
     Noise = 4,
     /// The colour behind.
     Background = 5,
+    /// The sizes of patches in which depths are compared.
+    Patch = 6,
 }
 
 /// The numbers of one purpose at one time.

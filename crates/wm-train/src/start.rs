@@ -3,6 +3,7 @@
 //! As published (Kerbl et al. 2023): round, of the mean distance (root mean square) to the three nearest
 //! neighbours, of the point's colour.
 
+use crate::priors::SkyClass;
 use crate::random::{Purpose, Random};
 use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -19,10 +20,13 @@ const BLIND: usize = 20_000;
 /// How large a splat may be, in units of the extent: a stray point is no wall.
 const LARGEST: f64 = 0.2;
 
-/// Radius of the shell in extents, at least.
-const SHELL: f64 = 20.0;
-/// Opacity of the shell's splats, more than that of others: nearly nothing moves them then.
-const SHELL_OPACITY: f64 = 0.5;
+/// Radius of the sky in extents, at least.
+const SKY: f64 = 20.0;
+/// Sine of the height at which it begins: 5 degrees below the horizon, since up is known to some degrees.
+const BELOW: f64 = -0.09;
+/// Standard deviation of its splats in distances to their neighbours, and their opacity: no gaps.
+const SKY_SCALE: f64 = 0.7;
+const SKY_OPACITY: f64 = 0.9;
 
 /// How splats begin.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,12 +88,30 @@ pub fn from_points(points: &Points, extent: f64, config: &StartConfig) -> Splats
     splats
 }
 
-/// Adds pale splats on a far shell, in group [`Group::Sky`], where cameras look.
+/// What tells the sky from the place in the photos.
+pub struct SkyPhotos<'a> {
+    /// Cameras, those of `maps` in the same order.
+    pub cameras: &'a [Camera],
+    /// The class and colour (sRGB) of a picture point, given as shares of width and height, in photo `index`.
+    pub look: &'a (dyn Fn(usize, [f64; 2]) -> (SkyClass, [u8; 3]) + Sync),
+}
+
+/// Adds splats on a far half sphere about the scene, in group [`Group::Sky`].
 ///
-/// Models have no points in the sky. Without a shell it is painted on whatever drifts there, near and far, and
-/// fog would take it for what it is painted on. `count` is that of the whole sphere.
-pub fn add_shell(splats: &mut Splats, cameras: &[Camera], points: &Points, extent: f64, count: usize) {
+/// Models have no points in the sky. Without it the sky is painted on whatever drifts there, near and far, and fog
+/// would take it for what it is painted on. Where photos show the sky its colour is theirs; in other directions that
+/// of what was seen at the same height, so that no camera looks into nothing. `count` splats cover the half sphere
+/// about `up` (and a little below the horizon); nothing is added where no photo shows the sky.
+pub fn add_sky(
+    splats: &mut Splats,
+    photos: &SkyPhotos<'_>,
+    points: &Points,
+    extent: f64,
+    count: usize,
+) -> usize {
+    let cameras = photos.cameras;
     let center = cameras.iter().map(Camera::center).sum::<DVec3>() / cameras.len().max(1) as f64;
+    let up = -cameras.iter().map(|camera| camera.rotation().row(1)).sum::<DVec3>().normalize_or_zero();
     let mut distances: Vec<f64> = points
         .positions
         .iter()
@@ -99,30 +121,83 @@ pub fn add_shell(splats: &mut Splats, cameras: &[Camera], points: &Points, exten
     distances.sort_by(f64::total_cmp);
     // Stray points are no reason for a larger sky.
     let farthest = distances.get(distances.len() * 99 / 100).copied().unwrap_or(0.0);
-    let radius = (SHELL * extent).max(3.0 * farthest);
+    let radius = (SKY * extent).max(3.0 * farthest);
     // Neighbours on a Fibonacci sphere are about this far apart.
-    let spacing = radius * (4.0 * std::f64::consts::PI / count.max(1) as f64).sqrt();
-    for i in 0..count {
-        let height = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
-        let (sin, cos) = (std::f64::consts::PI * (3.0 - 5f64.sqrt()) * i as f64).sin_cos();
-        let around = (1.0 - height * height).sqrt();
-        let mean = center + radius * DVec3::new(around * cos, around * sin, height);
-        let is_seen = cameras.iter().any(|camera| {
-            camera.project(mean).is_some_and(|(x, y, _)| {
-                let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-                (-0.1 * width..1.1 * width).contains(&x) && (-0.1 * height..1.1 * height).contains(&y)
-            })
+    let whole = (2 * count).max(2);
+    let spacing = radius * (4.0 * std::f64::consts::PI / whole as f64).sqrt();
+    let directions: Vec<DVec3> = (0..whole)
+        .map(|i| {
+            let height = 1.0 - (2.0 * i as f64 + 1.0) / whole as f64;
+            let (sin, cos) = (std::f64::consts::PI * (3.0 - 5f64.sqrt()) * i as f64).sin_cos();
+            let around = (1.0 - height * height).sqrt();
+            DVec3::new(around * cos, around * sin, height)
+        })
+        .filter(|direction| direction.dot(up) > BELOW)
+        .collect();
+    let seen: Vec<Option<[f32; 3]>> =
+        directions.par_iter().map(|direction| seen_sky(photos, center + radius * *direction)).collect();
+    if seen.iter().all(Option::is_none) {
+        return 0;
+    }
+    let by_height = ByHeight::new(directions.iter().zip(&seen).map(|(d, color)| (d.dot(up), *color)));
+    for (direction, color) in directions.iter().zip(&seen) {
+        splats.push(&Splat {
+            mean: (center + radius * *direction).to_array().map(|v| v as f32),
+            quat: [1.0, 0.0, 0.0, 0.0],
+            log_scale: [(SKY_SCALE * spacing).ln() as f32; 3],
+            logit_opacity: logit(SKY_OPACITY) as f32,
+            rgb: color.unwrap_or_else(|| by_height.at(direction.dot(up))),
+            group: Group::Sky,
         });
-        if is_seen {
-            splats.push(&Splat {
-                mean: mean.to_array().map(|v| v as f32),
-                quat: [1.0, 0.0, 0.0, 0.0],
-                log_scale: [(0.6 * spacing).ln() as f32; 3],
-                logit_opacity: logit(SHELL_OPACITY) as f32,
-                rgb: [0.75; 3],
-                group: Group::Sky,
-            });
+    }
+    directions.len()
+}
+
+/// The mean colour of a far point over the photos that show the sky there; `None` if none does.
+fn seen_sky(photos: &SkyPhotos<'_>, point: DVec3) -> Option<[f32; 3]> {
+    let (mut sum, mut count) = ([0.0f32; 3], 0.0f32);
+    for (index, camera) in photos.cameras.iter().enumerate() {
+        let Some((x, y, _)) = camera.project(point) else { continue };
+        let at = [x / f64::from(camera.width), y / f64::from(camera.height)];
+        if at.iter().all(|share| (0.0..1.0).contains(share))
+            && let (SkyClass::Sky, color) = (photos.look)(index, at)
+        {
+            count += 1.0;
+            sum.iter_mut().zip(color).for_each(|(sum, v)| *sum += f32::from(v) / 255.0);
         }
+    }
+    (count > 0.0).then(|| sum.map(|v| v / count))
+}
+
+/// Mean colours of rings of the sky.
+struct ByHeight(Vec<Option<[f32; 3]>>);
+
+impl ByHeight {
+    /// Rings, from straight down to straight up.
+    const RINGS: usize = 60;
+
+    fn ring(height: f64) -> usize {
+        let angle = height.clamp(-1.0, 1.0).asin() / std::f64::consts::PI + 0.5;
+        ((angle * Self::RINGS as f64) as usize).min(Self::RINGS - 1)
+    }
+
+    fn new(seen: impl Iterator<Item = (f64, Option<[f32; 3]>)>) -> Self {
+        let mut sums = vec![([0.0f32; 3], 0.0f32); Self::RINGS];
+        for (height, color) in seen {
+            if let Some(color) = color {
+                let (sum, count) = &mut sums[Self::ring(height)];
+                sum.iter_mut().zip(color).for_each(|(sum, v)| *sum += v);
+                *count += 1.0;
+            }
+        }
+        Self(sums.into_iter().map(|(sum, count)| (count > 0.0).then(|| sum.map(|v| v / count))).collect())
+    }
+
+    /// The colour of the nearest ring that was seen.
+    fn at(&self, height: f64) -> [f32; 3] {
+        let ring = Self::ring(height);
+        let seen = (0..Self::RINGS).filter(|i| self.0[*i].is_some());
+        seen.min_by_key(|i| i.abs_diff(ring)).and_then(|i| self.0[i]).unwrap_or([0.75; 3])
     }
 }
 
@@ -186,20 +261,42 @@ mod tests {
     }
 
     #[test]
-    fn the_shell_is_far_and_where_cameras_look() {
+    fn the_sky_is_far_and_of_the_colours_of_photos() {
         let camera = Camera::look_at((80, 60), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
         let mut points = Points::default();
         points.push([0.0, 30.0, 0.0], [9; 3], 0.5, 3);
-        let mut splats = Splats::with_capacity(0, 1);
-        add_shell(&mut splats, &[camera], &points, 2.0, 1000);
-        // 50 by 64 degrees and some more, of 41,253 square degrees.
-        assert!((70..150).contains(&splats.len()), "{}", splats.len());
-        assert!(splats.groups.iter().all(|group| *group == Group::Sky));
-        let far = |mean: &[f32; 3]| {
-            (f64::from(mean[1]) > 40.0)
-                && (DVec3::from_array(mean.map(f64::from)).length() - 90.0).abs() < 0.1
+        let sky = |is_seen: bool| {
+            let mut splats = Splats::with_capacity(0, 1);
+            // The upper half of the photo is sky, redder on the left.
+            let look = |_: usize, [x, y]: [f64; 2]| match is_seen && y < 0.5 {
+                true => (SkyClass::Sky, [if x < 0.5 { 255 } else { 0 }, 100, 200]),
+                false => (SkyClass::Place, [0; 3]),
+            };
+            let photos = SkyPhotos { cameras: &[camera], look: &look };
+            assert_eq!(add_sky(&mut splats, &photos, &points, 2.0, 1000), splats.len());
+            splats
         };
-        assert!(splats.means.iter().all(far));
+        assert_eq!(sky(false).len(), 0);
+        let splats = sky(true);
+        assert!((1000..1100).contains(&splats.len()), "{}", splats.len());
+        assert!(splats.groups.iter().all(|group| *group == Group::Sky));
+        let mut seen = [0; 3];
+        for i in 0..splats.len() {
+            let mean = DVec3::from_array(splats.means[i].map(f64::from));
+            assert!((mean.length() - 90.0).abs() < 0.1 && mean.z > -9.0);
+            let sh = &splats.sh[i * splats.sh_stride()..][..3];
+            let [r, _, b] = [0, 1, 2].map(|k| sh[k] * 0.282_094_8 + 0.5);
+            assert!((b - 200.0 / 255.0).abs() < 1e-3);
+            // Left, right, and means of both.
+            seen[if r > 0.99 {
+                0
+            } else if r < 0.01 {
+                1
+            } else {
+                2
+            }] += 1;
+        }
+        assert!(seen.iter().all(|count| *count > 20), "{seen:?}");
     }
 
     #[test]

@@ -7,17 +7,17 @@
 use crate::config::{BackgroundKind, Densify, Exposure, TrainConfig};
 use crate::densify::{Densified, Population};
 use crate::exposure::Exposures;
-use crate::losses::{Dssim, L1, LossGradients, LossInput, LossTerm, Truth};
+use crate::losses::{self, LossGradients, LossInput, LossTerm, Truth};
 use crate::optimizer;
 use crate::random::{Purpose, Random};
 use crate::schedule;
 use std::time::Instant;
 use wm_render::simd::SimdPath;
 use wm_render::{
-    Channels, CpuConfig, DepthAlpha, Differentiable, ForwardConfig, Frame, Gradients, Learn, Opacity,
+    Channels, CpuConfig, DepthAlpha, Differentiable, Drawn, ForwardConfig, Frame, Gradients, Learn, Opacity,
     RenderError,
 };
-use wm_scene::{Camera, Splats};
+use wm_scene::{Camera, Group, Splats};
 
 /// A training under way.
 pub struct Trainer {
@@ -59,6 +59,8 @@ struct Work {
     rendered: Vec<f32>,
     loss: LossGradients,
     gradients: Gradients,
+    /// Those of terms that have a render of their own.
+    own: Gradients,
 }
 
 /// What a step did.
@@ -85,6 +87,8 @@ pub struct StepTimes {
     pub loss: f64,
     /// Deriving.
     pub backward: f64,
+    /// Renders of single terms.
+    pub own: f64,
     /// Moving.
     pub optimizer: f64,
     /// Splats that come and go.
@@ -95,7 +99,7 @@ impl StepTimes {
     /// The sum of it all.
     #[must_use]
     pub fn total(&self) -> f64 {
-        self.forward + self.loss + self.backward + self.optimizer + self.densify
+        self.forward + self.loss + self.backward + self.own + self.optimizer + self.densify
     }
 
     /// Adds another step's.
@@ -103,6 +107,7 @@ impl StepTimes {
         self.forward += other.forward;
         self.loss += other.loss;
         self.backward += other.backward;
+        self.own += other.own;
         self.optimizer += other.optimizer;
         self.densify += other.densify;
     }
@@ -140,10 +145,7 @@ impl Trainer {
         photos: usize,
     ) -> Result<Self, RenderError> {
         let renderer = Differentiable::new(run)?;
-        let terms: Vec<Box<dyn LossTerm>> = vec![
-            Box::new(L1 { weight: config.loss.l1 }),
-            Box::new(Dssim::new(config.loss.ssim, renderer.path())),
-        ];
+        let terms = losses::terms(&config, renderer.path());
         let (work, orders) = (Work::default(), Default::default());
         Ok(Self { config, terms, renderer, state, extent, photos, work, orders })
     }
@@ -221,7 +223,8 @@ impl Trainer {
     fn step_on_pool(&mut self, truth: &Truth<'_>, photo: usize) -> Result<StepReport, RenderError> {
         let step = self.state.step;
         let rates = schedule::rates(&self.config.rates, step, self.config.steps, self.extent);
-        let random = |purpose| Random::new(self.config.seed, purpose, step);
+        let seed = self.config.seed;
+        let random = move |purpose| Random::new(seed, purpose, step);
         let mut report = StepReport::default();
 
         let mut clock = Instant::now();
@@ -234,13 +237,14 @@ impl Trainer {
             BackgroundKind::Black => [0.0; 3],
             BackgroundKind::Random => [0, 1, 2].map(|k| random(Purpose::Background).uniform(k) as f32),
         };
-        let common = |term: &dyn LossTerm| term.own_render().is_none() && term.weight(step) != 0.0;
+        let common = |term: &dyn LossTerm| term.own_render().is_none() && term.weight(step, truth) != 0.0;
         let channels = self.terms.iter().filter(|term| common(term.as_ref())).map(|term| term.channels());
         let forward = ForwardConfig {
             channels: channels.max_by_key(|channels| channels.count()).unwrap_or(Channels::Color),
             background,
             rasterization: self.config.rasterization,
             opacity: Opacity::Stored,
+            drawn: Drawn::All,
             sh_degree: schedule::sh_degree(&self.config, step),
         };
         let work = &mut self.work;
@@ -258,7 +262,7 @@ impl Trainer {
         work.loss.clear(&work.frame);
         let input = LossInput { frame: &work.frame, truth, step, path: self.renderer.path() };
         for term in self.terms.iter_mut().filter(|term| common(term.as_ref())) {
-            let weight = term.weight(step);
+            let weight = term.weight(step, truth);
             let value = term.add(&input, weight, &mut work.loss);
             report.loss += weight * value;
             report.terms.push((term.name(), value));
@@ -272,41 +276,35 @@ impl Trainer {
         let upstream = work.loss.upstream(DepthAlpha::Learns);
         self.renderer.backward(splats, &upstream, Learn::ALL, &mut work.gradients);
         report.times.backward = lap();
+        self.add_own_renders(truth, &forward, &mut report)?;
+        report.times.own = lap();
 
-        let population = &mut self.state.population;
-        population.see(&work.gradients.visible, step + 1);
+        let (population, gradients) = (&mut self.state.population, &mut self.work.gradients);
+        population.see(&gradients.visible, step + 1);
+        for term in self.terms.iter_mut() {
+            let weight = term.weight(step, truth);
+            if weight != 0.0 {
+                term.pull(&population.splats, weight, gradients);
+            }
+        }
         match &self.config.densify {
             Densify::Fixed => {}
-            // Here, since renders of single terms leave gradients of their own.
             Densify::Adaptive(_) => {
-                population.pulls.add(&work.gradients, truth.camera.width, truth.camera.height);
+                population.pulls.add(gradients, truth.camera.width, truth.camera.height);
             }
-            Densify::Mcmc(chain) => chain.regularise(population, &mut work.gradients),
+            Densify::Mcmc(chain) => chain.regularise(population, gradients),
+        }
+        // The sky stays where it is, and looks the same from everywhere.
+        let stride = gradients.sh_stride();
+        for (row, index) in gradients.visible.iter().enumerate() {
+            if population.splats.groups[*index as usize] == Group::Sky {
+                gradients.means[row] = [0.0; 3];
+                gradients.sh[row * stride + 3..(row + 1) * stride].fill(0.0);
+            }
         }
         let (splats, moments) = (&mut population.splats, &mut population.moments);
-        optimizer::step(self.renderer.path(), splats, moments, &work.gradients, &rates, step + 1);
+        optimizer::step(self.renderer.path(), splats, moments, gradients, &rates, step + 1);
         report.times.optimizer = lap();
-
-        // Terms with a render of their own, each a step for what it lets learn.
-        for term in self.terms.iter_mut() {
-            let (Some(own), weight) = (term.own_render(), term.weight(step)) else { continue };
-            if weight == 0.0 {
-                continue;
-            }
-            let population = &mut self.state.population;
-            let config = ForwardConfig { channels: own.channels, opacity: own.opacity, ..forward };
-            self.renderer.forward(&population.splats, truth.camera, &config, &mut work.frame)?;
-            work.loss.clear(&work.frame);
-            let input = LossInput { frame: &work.frame, truth, step, path: self.renderer.path() };
-            let value = term.add(&input, weight, &mut work.loss);
-            report.loss += weight * value;
-            report.terms.push((term.name(), value));
-            let upstream = work.loss.upstream(own.depth_alpha);
-            self.renderer.backward(&population.splats, &upstream, own.learn, &mut work.gradients);
-            let (splats, moments) = (&mut population.splats, &mut population.moments);
-            optimizer::step(self.renderer.path(), splats, moments, &work.gradients, &rates, step + 1);
-        }
-        report.times.backward += lap();
 
         let population = &mut self.state.population;
         match &self.config.densify {
@@ -325,6 +323,43 @@ impl Trainer {
         Ok(report)
     }
 
+    /// Adds to the gradients what terms take from renders of their own; equal renders are made once.
+    fn add_own_renders(
+        &mut self,
+        truth: &Truth<'_>,
+        common: &ForwardConfig,
+        report: &mut StepReport,
+    ) -> Result<(), RenderError> {
+        let (step, work, splats) = (self.state.step, &mut self.work, &self.state.population.splats);
+        let mut renders = Vec::new();
+        for term in &self.terms {
+            if let Some(own) = term.own_render().filter(|own| !renders.contains(own))
+                && term.weight(step, truth) != 0.0
+            {
+                renders.push(own);
+            }
+        }
+        for own in renders {
+            let config =
+                ForwardConfig { channels: own.channels, opacity: own.opacity, drawn: own.drawn, ..*common };
+            self.renderer.forward(splats, truth.camera, &config, &mut work.frame)?;
+            work.loss.clear(&work.frame);
+            let input = LossInput { frame: &work.frame, truth, step, path: self.renderer.path() };
+            for term in self.terms.iter_mut().filter(|term| term.own_render() == Some(own)) {
+                let weight = term.weight(step, truth);
+                if weight != 0.0 {
+                    let value = term.add(&input, weight, &mut work.loss);
+                    report.loss += weight * value;
+                    report.terms.push((term.name(), value));
+                }
+            }
+            let upstream = work.loss.upstream(own.depth_alpha);
+            self.renderer.backward(splats, &upstream, own.learn, &mut work.own);
+            work.gradients.add_parameters(&work.own);
+        }
+        Ok(())
+    }
+
     /// Renders what has been learnt, over black, without any photo's exposure.
     ///
     /// # Errors
@@ -335,6 +370,7 @@ impl Trainer {
             background: [0.0; 3],
             rasterization: self.config.rasterization,
             opacity: Opacity::Stored,
+            drawn: Drawn::All,
             sh_degree: self.config.sh_degree,
         };
         self.renderer.forward(&self.state.population.splats, camera, &config, frame).map(|_| ())
@@ -344,7 +380,7 @@ impl Trainer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Preset;
+    use crate::config::{GeometryConfig, LossConfig, Preset};
     use crate::losses::OwnRender;
     use glam::DVec3;
     use std::sync::Arc;
@@ -415,7 +451,7 @@ mod tests {
             for _ in 0..4 {
                 let step = trainer.state().step;
                 let index = trainer.photo_at(step);
-                let truth = Truth { rgb: &photos[index], mask: None, camera: &cameras[index] };
+                let truth = Truth { rgb: &photos[index], mask: None, camera: &cameras[index], prior: None };
                 sum += trainer.step(&truth, index).unwrap().loss;
             }
             losses.push(sum / 4.0);
@@ -436,7 +472,7 @@ mod tests {
             "pull"
         }
 
-        fn weight(&self, _: u32) -> f64 {
+        fn weight(&self, _: u32, _: &Truth<'_>) -> f64 {
             self.weight
         }
 
@@ -454,13 +490,13 @@ mod tests {
     /// One step with the configured losses off and a [`Pull`]: the splats before and after, calls, loss.
     fn pulled(weight: f64, own: Option<OwnRender>) -> (Splats, Splats, u32, StepReport) {
         let mut config = config(10);
-        (config.loss.l1, config.loss.ssim) = (0.0, 0.0);
+        config.loss = LossConfig { l1: 0.0, ssim: 0.0, geometry: GeometryConfig::NONE };
         let mut trainer = trainer(config, perturbed());
         let calls = Arc::new(AtomicU32::new(0));
         trainer.add_term(Box::new(Pull { weight, own, calls: Arc::clone(&calls) }));
         let (cameras, photos) = (cameras(), photos());
         let before = trainer.splats().clone();
-        let truth = Truth { rgb: &photos[0], mask: None, camera: &cameras[0] };
+        let truth = Truth { rgb: &photos[0], mask: None, camera: &cameras[0], prior: None };
         let report = trainer.step(&truth, 0).unwrap();
         (before, trainer.splats().clone(), calls.load(Ordering::Relaxed), report)
     }
@@ -468,6 +504,7 @@ mod tests {
     const OWN: OwnRender = OwnRender {
         channels: Channels::Color,
         opacity: Opacity::Fixed(0.5),
+        drawn: Drawn::All,
         learn: Learn::MEANS,
         depth_alpha: DepthAlpha::Learns,
     };
@@ -498,7 +535,7 @@ mod tests {
         let mut config = config(1000);
         config.densify = Densify::Adaptive(crate::densify::adaptive::AdaptiveConfig::for_steps(1000, 100));
         let (cameras, photos) = (cameras(), photos());
-        let truth = Truth { rgb: &photos[0], mask: None, camera: &cameras[0] };
+        let truth = Truth { rgb: &photos[0], mask: None, camera: &cameras[0], prior: None };
         let pulls = [None, Some(OWN)].map(|own| {
             let mut trainer = trainer(config.clone(), perturbed());
             if own.is_some() {

@@ -3,6 +3,7 @@
 mod data;
 mod folder;
 mod lpips;
+mod priors;
 mod training;
 
 pub use folder::CHECKPOINT;
@@ -40,6 +41,8 @@ pub struct ReconstructArgs {
     photos: PhotoArgs,
     #[command(flatten)]
     training: TrainingArgs,
+    #[command(flatten)]
+    geometry: GeometryArgs,
     #[command(flatten)]
     facts: crate::scene::FactArgs,
     /// Height of the cameras above the ground, metres: the scale is from it where nothing else says it, and
@@ -111,10 +114,6 @@ struct TrainingArgs {
     /// What stands behind the splats while they learn: black or random
     #[arg(long, value_name = "COLOR", default_value = "random", help_heading = "Training")]
     background: BackgroundArg,
-    /// Splats of a far shell that becomes the sky, if the place is under the open sky: how many on the whole
-    /// sphere, of which those in view are made
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=1_000_000), help_heading = "Training")]
-    sky_splats: u32,
     /// How splats smaller than a pixel are drawn: classic or antialiased
     #[arg(long, value_name = "MODE", default_value = "classic", value_parser = super::render::parse_rasterization, help_heading = "Training")]
     rasterization: Rasterization,
@@ -194,10 +193,63 @@ impl TrainingArgs {
             BackgroundArg::Random => BackgroundKind::Random,
         };
         config.rasterization = self.rasterization;
-        config.sky_splats = self.sky_splats;
         config.seed = self.seed;
         config
     }
+}
+
+/// What is believed before training, and how much it weighs.
+#[derive(Args, Clone, Debug)]
+struct GeometryArgs {
+    /// Depth, normals and sky that photos are believed to show: a folder that `priors` wrote, photos (found out from
+    /// the photos themselves) or none [default: priors in the data set if it is there, else photos]
+    #[arg(long, value_name = "FOLDER|photos|none", help_heading = "Geometry")]
+    priors: Option<PathBuf>,
+    /// Splats of the sky, on a half sphere about the place, where photos show it; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(0..=1_000_000), help_heading = "Geometry")]
+    sky_splats: u32,
+    /// Weight of a term of the loss, or another of its numbers, by its name in config.json, such as depth=0.1 or
+    /// normal=0; may be given several times
+    #[arg(long, value_name = "NAME=VALUE", value_parser = parse_loss, help_heading = "Geometry")]
+    loss: Vec<(String, f64)>,
+}
+
+fn parse_loss(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = text.split_once('=').ok_or("write NAME=VALUE, such as depth=0.1")?;
+    let value: f64 = value.trim().parse().map_err(|_| format!("{value} is no number"))?;
+    Ok((name.trim().to_owned(), value))
+}
+
+impl GeometryArgs {
+    /// `config` with what is asked for.
+    fn change(&self, mut config: TrainConfig) -> Result<TrainConfig> {
+        config.sky_splats = self.sky_splats;
+        for (name, value) in &self.loss {
+            let mut loss = serde_json::to_value(config.loss)?;
+            let table = if loss.get(name).is_some_and(serde_json::Value::is_number) {
+                Some(&mut loss)
+            } else {
+                loss.get_mut("geometry").filter(|geometry| geometry.get(name).is_some())
+            };
+            let Some(table) = table else {
+                let known = serde_json::to_value(config.loss.geometry)?;
+                let known: Vec<&String> = known.as_object().into_iter().flat_map(|map| map.keys()).collect();
+                bail!("--loss {name}: no term of that name; there are l1, ssim and {known:?}");
+            };
+            // Numbers of steps are whole.
+            table[name] = if name == "every" { json_steps(*value)? } else { (*value).into() };
+            config.loss = serde_json::from_value(loss)?;
+        }
+        config.check().map_err(|e| anyhow::anyhow!("--loss: {e}"))?;
+        Ok(config)
+    }
+}
+
+fn json_steps(value: f64) -> Result<serde_json::Value> {
+    if value.fract() != 0.0 || !(1.0..=1e6).contains(&value) {
+        bail!("--loss every={value}: must be a whole number of steps, 1 or more");
+    }
+    Ok((value as u32).into())
 }
 
 /// Runs the command.
@@ -223,8 +275,12 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         lpips.check(&data)?;
     }
     folder.make()?;
-    let config = given.unwrap_or_else(|| args.training.config(data.pixels()));
-    training::Run::new(config, &data, &folder, args, lpips)?.go(&out, &facts)
+    let config = match given {
+        Some(config) => config,
+        None => args.geometry.change(args.training.config(data.pixels()))?,
+    };
+    let priors = priors::open(args, &data, &folder)?;
+    training::Run::new(config, &data, priors.as_ref(), &folder, args, lpips)?.go(&out, &facts)
 }
 
 fn with_behind(path: &Path, text: &str) -> PathBuf {

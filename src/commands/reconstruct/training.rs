@@ -20,12 +20,13 @@ use wm_scene::capture::gps;
 use wm_scene::capture::ground::{Ground, HELD_AT, NoGround, ground};
 use wm_scene::formats::{folder as scene_folder, write_scene};
 use wm_scene::survey::{Survey, label_sky};
-use wm_scene::{Metadata, Scene};
+use wm_scene::{Metadata, Scene, Splats};
 use wm_train::checkpoint::{self, Head, Taught};
 use wm_train::losses::Truth;
 use wm_train::metrics::{Ssim, psnr};
 use wm_train::photos::{Photo, PhotoError};
-use wm_train::start::{self, StartConfig};
+use wm_train::priors::{Prior, Priors};
+use wm_train::start::{self, SkyPhotos, StartConfig};
 use wm_train::{StepTimes, TrainConfig, Trainer};
 
 /// Photos that are decoded ahead of their step.
@@ -42,6 +43,7 @@ const PREVIEWS: u32 = 10;
 pub struct Run<'a> {
     trainer: Trainer,
     data: &'a Data,
+    priors: Option<&'a Priors>,
     folder: &'a RunFolder,
     args: &'a ReconstructArgs,
     metrics: Metrics,
@@ -66,7 +68,7 @@ impl Truths {
         self.rgb.clear();
         self.rgb.extend(photo.rgb.iter().map(|v| f32::from(*v) / 255.0));
         self.mask = photo.mask.as_ref().map(|mask| mask.iter().map(|v| f32::from(*v) / 255.0).collect());
-        Truth { rgb: &self.rgb, mask: self.mask.as_deref(), camera: &photo.camera }
+        Truth { rgb: &self.rgb, mask: self.mask.as_deref(), camera: &photo.camera, prior: None }
     }
 }
 
@@ -113,6 +115,7 @@ impl<'a> Run<'a> {
     pub fn new(
         config: TrainConfig,
         data: &'a Data,
+        priors: Option<&'a Priors>,
         folder: &'a RunFolder,
         args: &'a ReconstructArgs,
         lpips: Option<Lpips>,
@@ -152,8 +155,7 @@ impl<'a> Run<'a> {
                 if splats.is_empty() {
                     bail!("{}: no point of the model is finite; make it again", args.dataset.display());
                 }
-                let sky = config.sky_splats as usize;
-                start::add_shell(&mut splats, &cameras, &data.capture.points, extent, sky);
+                add_sky(&mut splats, data, priors, extent, config.sky_splats)?;
                 Trainer::new(config, run, splats, extent, data.teaching.len())?
             }
         };
@@ -163,6 +165,7 @@ impl<'a> Run<'a> {
         Ok(Self {
             trainer,
             data,
+            priors,
             folder,
             args,
             metrics,
@@ -236,7 +239,8 @@ impl<'a> Run<'a> {
         }
         let level = self.trainer.level_at(step, self.last_level);
         let (index, photo) = self.taught_at(step, level)?;
-        let truth = self.truths.of(&photo);
+        let prior = self.prior(self.data.teaching[index])?;
+        let truth = Truth { prior: prior.as_deref(), ..self.truths.of(&photo) };
         let report = self.trainer.step(&truth, index)?;
         if !report.loss.is_finite() {
             bail!(
@@ -287,6 +291,12 @@ impl<'a> Run<'a> {
             ),
             Err(also) => anyhow::anyhow!("{error}; and what was learnt is lost: {also:#}"),
         }
+    }
+
+    /// What is believed of a photo.
+    fn prior(&self, place: usize) -> Result<Option<Arc<Prior>>> {
+        let Some(priors) = self.priors else { return Ok(None) };
+        Ok(priors.get(self.data.name(place), &self.data.photos.camera(place, 0))?)
     }
 
     /// The held-out photos' mean score; `None` where none is held out.
@@ -344,14 +354,15 @@ impl<'a> Run<'a> {
     fn report(&mut self, sum: &Sum, seconds: f64, steps: u32) -> Result<()> {
         if steps > 0 {
             let ms = |part: f64| part * 1e3 / f64::from(steps);
-            let StepTimes { forward, loss, backward, optimizer, densify } = sum.times;
+            let StepTimes { forward, loss, backward, own, optimizer, densify } = sum.times;
             println!(
-                "{steps} steps in {seconds:.1} s, {:.1} ms each: forward {:.1}, loss {:.1}, backward {:.1}, optimiser {:.1}, \
+                "{steps} steps in {seconds:.1} s, {:.1} ms each: forward {:.1}, loss {:.1}, backward {:.1}, renders of terms {:.1}, optimiser {:.1}, \
                  densify {:.1}, photos and the rest {:.1}",
                 ms(seconds),
                 ms(forward),
                 ms(loss),
                 ms(backward),
+                ms(own),
                 ms(optimizer),
                 ms(densify),
                 ms(seconds - sum.times.total()),
@@ -446,6 +457,34 @@ impl<'a> Run<'a> {
 struct Scale {
     metres_per_unit: f64,
     source: String,
+}
+
+/// Adds the sky, where the priors say that photos show it.
+fn add_sky(splats: &mut Splats, data: &Data, priors: Option<&Priors>, extent: f64, count: u32) -> Result<()> {
+    let Some(priors) = priors.filter(|priors| count > 0 && priors.has_sky()) else { return Ok(()) };
+    let (mut cameras, mut maps) = (Vec::new(), Vec::new());
+    for place in &data.teaching {
+        let camera = data.photos.camera(*place, 0);
+        let Some(prior) = priors.get(data.name(*place), &camera)? else { continue };
+        if prior.sky.is_empty() {
+            continue;
+        }
+        // Colours of photos as small as the maps: means of their pixels.
+        let level = (0..6).take_while(|level| camera.width >> level >= prior.width).last().unwrap_or(0);
+        let photo = data.photos.get(*place, level)?;
+        cameras.push(camera);
+        maps.push((prior.width as usize, prior.height as usize, prior.sky.clone(), photo));
+    }
+    let look = |index: usize, [x, y]: [f64; 2]| {
+        let (width, height, sky, photo) = &maps[index];
+        let class = sky[(y * *height as f64) as usize * width + (x * *width as f64) as usize];
+        let (column, row) = ((x * f64::from(photo.width)) as usize, (y * f64::from(photo.height)) as usize);
+        let at = 3 * (row * photo.width as usize + column);
+        (class, [photo.rgb[at], photo.rgb[at + 1], photo.rgb[at + 2]])
+    };
+    let photos = SkyPhotos { cameras: &cameras, look: &look };
+    start::add_sky(splats, &photos, &data.capture.points, extent, count as usize);
+    Ok(())
 }
 
 fn taught(data: &Data) -> Vec<Taught> {

@@ -17,6 +17,8 @@ const MOST: f64 = 0.9;
 const LEAST: f64 = 0.35;
 /// Colour of daylight fog without a sky: a touch of blue.
 const TINT: [f64; 3] = [0.97, 1.0, 1.05];
+/// Most blue against red. A clear sky is blue above; fog is lit by it and by the sun, and white at the horizon.
+const BLUEST: f64 = 1.1;
 /// Upper edges of the bands above the horizon that are tried, as sines: 20 and 40 degrees, all.
 const BANDS: [f64; 3] = [0.342, 0.643, 1.0];
 /// Share of the seen sky that a band needs.
@@ -53,7 +55,22 @@ fn from_sky(splats: &Splats, sample: &Sample, sky: &Sky, up: DVec3) -> Option<[f
     let typical = median_luminance(&mut patches)?;
     patches.retain(|p| luminance(p.rgb) >= 0.65 * typical);
     let seen: f64 = patches.iter().map(|p| p.weight).sum();
-    BANDS.into_iter().find_map(|band| mean(patches.iter().filter(|p| p.sin <= band), ENOUGH * seen))
+    let mean =
+        BANDS.into_iter().find_map(|band| mean(patches.iter().filter(|p| p.sin <= band), ENOUGH * seen));
+    mean.map(whitened)
+}
+
+/// The colour with no more blue than daylight fog has, equally bright.
+fn whitened(rgb: [f64; 3]) -> [f64; 3] {
+    let [red, _, blue] = rgb;
+    let grey = luminance(rgb);
+    if blue <= BLUEST * red {
+        return rgb;
+    }
+    // The share of grey g at which (1 - g) blue + g grey is as often the red.
+    let over = blue - BLUEST * red;
+    let share = over / (over + (BLUEST - 1.0) * grey);
+    rgb.map(|v| (1.0 - share) * v + share * grey)
 }
 
 fn patch(splats: &Splats, index: usize, center: DVec3, up: DVec3) -> Patch {

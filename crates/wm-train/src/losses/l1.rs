@@ -1,6 +1,6 @@
 //! Mean absolute difference of colours.
 
-use super::{LossGradients, LossInput, LossTerm};
+use super::{LossGradients, LossInput, LossTerm, Truth};
 use rayon::prelude::*;
 use wm_render::dispatch;
 
@@ -16,7 +16,7 @@ impl LossTerm for L1 {
         "l1"
     }
 
-    fn weight(&self, _: u32) -> f64 {
+    fn weight(&self, _: u32, _: &Truth<'_>) -> f64 {
         self.weight
     }
 

@@ -3,15 +3,46 @@
 //! The trainer names no term. It renders what the terms read, adds up what they say, and goes one step.
 //! A term may ask for a render of its own, with other opacities and only some parameters learning.
 
+mod depth;
+mod flat;
+mod grid;
 mod l1;
+mod normal;
+mod patches;
+mod smooth;
 mod ssim;
+mod surface;
 
+pub use depth::Depth;
+pub use flat::Flat;
 pub use l1::L1;
+pub use normal::Normal;
+pub use patches::{Pass, PatchDepth};
+pub use smooth::Smooth;
 pub use ssim::Dssim;
+pub use surface::Surface;
 
+use crate::config::TrainConfig;
+use crate::priors::Prior;
 use wm_render::simd::SimdPath;
-use wm_render::{Channels, DepthAlpha, Frame, Learn, Opacity, Upstream};
-use wm_scene::Camera;
+use wm_render::{Channels, DepthAlpha, Drawn, Frame, Gradients, Learn, Opacity, Upstream};
+use wm_scene::{Camera, Splats};
+
+/// The terms of a configuration.
+#[must_use]
+pub fn terms(config: &TrainConfig, path: SimdPath) -> Vec<Box<dyn LossTerm>> {
+    vec![
+        Box::new(L1 { weight: config.loss.l1 }),
+        Box::new(Dssim::new(config.loss.ssim, path)),
+        Box::new(Depth::new(config)),
+        Box::new(PatchDepth::new(config, Pass::Hard)),
+        Box::new(PatchDepth::new(config, Pass::Soft)),
+        Box::new(Surface::new(config)),
+        Box::new(Normal::new(config)),
+        Box::new(Flat::new(config)),
+        Box::new(Smooth::new(config)),
+    ]
+}
 
 /// The photo that a frame is compared with.
 #[derive(Clone, Copy, Debug)]
@@ -22,6 +53,8 @@ pub struct Truth<'a> {
     pub mask: Option<&'a [f32]>,
     /// From where.
     pub camera: &'a Camera,
+    /// What is believed of its depth, normals and sky; `None` where nothing is.
+    pub prior: Option<&'a Prior>,
 }
 
 /// What a term reads.
@@ -79,6 +112,8 @@ pub struct OwnRender {
     pub channels: Channels,
     /// Where opacities come from.
     pub opacity: Opacity,
+    /// Which splats are drawn.
+    pub drawn: Drawn,
     /// What learns from it.
     pub learn: Learn,
     /// Whether coverage learns from depth.
@@ -90,8 +125,8 @@ pub trait LossTerm: Send {
     /// Its name in reports.
     fn name(&self) -> &'static str;
 
-    /// Its weight at a step; where it is 0 the term is not called.
-    fn weight(&self, step: u32) -> f64;
+    /// Its weight at a step on a photo; where it is 0 the term is not called.
+    fn weight(&self, step: u32, truth: &Truth<'_>) -> f64;
 
     /// What it reads of the step's common render.
     fn channels(&self) -> Channels {
@@ -105,4 +140,8 @@ pub trait LossTerm: Send {
 
     /// Its value before weighting; adds `weight` times its derivative to `out`.
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64;
+
+    /// What it takes from the splats themselves, whatever the picture shows: adds `weight` times its
+    /// derivative to the rows of those in view.
+    fn pull(&mut self, _: &Splats, _: f64, _: &mut Gradients) {}
 }

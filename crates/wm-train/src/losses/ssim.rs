@@ -1,6 +1,6 @@
 //! Structural dissimilarity of colours: 1 minus their structural similarity.
 
-use super::{LossGradients, LossInput, LossTerm};
+use super::{LossGradients, LossInput, LossTerm, Truth};
 use crate::ssim::{Ssim, within};
 use wm_render::simd::SimdPath;
 
@@ -25,7 +25,7 @@ impl LossTerm for Dssim {
         "dssim"
     }
 
-    fn weight(&self, _: u32) -> f64 {
+    fn weight(&self, _: u32, _: &Truth<'_>) -> f64 {
         self.weight
     }
 

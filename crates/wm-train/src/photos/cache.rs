@@ -9,7 +9,7 @@ use std::{
 /// Keeps what was used last, up to a number of bytes; the newest is kept however large it is.
 ///
 /// Each thing is made by one thread at a time; others that ask for it wait.
-pub(super) struct Cache<K, T> {
+pub(crate) struct Cache<K, T> {
     state: Mutex<State<K, T>>,
     changed: Condvar,
     budget: usize,
@@ -29,7 +29,7 @@ enum Slot<T> {
 }
 
 /// What can say how much memory it takes.
-pub(super) trait Weigh {
+pub(crate) trait Weigh {
     /// Bytes.
     fn bytes(&self) -> usize;
 }

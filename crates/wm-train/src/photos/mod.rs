@@ -19,7 +19,7 @@
 //! # Masks
 //! Black is left out, white counts; a transparent part of a PNG photo is left out too.
 
-mod cache;
+pub(crate) mod cache;
 mod decode;
 mod error;
 mod picture;

@@ -2,7 +2,7 @@
 
 use crate::cpu::front::ClusterScratch;
 use crate::cpu::model::{CLUSTER, Cluster, GROUPS};
-use crate::differentiable::ForwardConfig;
+use crate::differentiable::{Drawn, ForwardConfig};
 use crate::dispatch;
 use crate::hooks::GROUP;
 use crate::simd::{Lanes, SimdPath};
@@ -15,7 +15,7 @@ use crate::stages::shade::cpu::{gather_rows, shade_group};
 use fearless_simd::SimdBase;
 use std::ops::Range;
 use std::time::Instant;
-use wm_scene::{Splats, sh};
+use wm_scene::{Group, Splats, sh};
 
 /// A run of splats, with the records that it may fill.
 pub struct Unit<'a> {
@@ -140,6 +140,12 @@ impl<'a> Front<'a> {
             let (out, shade) = (&mut cluster.projected[used], &mut cluster.shade[used]);
             let group = &mut activated.group;
             dispatch!(self.path, s => project_group(s, group, camera, mode, None, out, shade));
+            if self.config.drawn == Drawn::WithoutSky {
+                let groups = &splats.groups[first..first + here];
+                for (lane, _) in groups.iter().enumerate().filter(|(_, group)| **group == Group::Sky) {
+                    out.mask &= !(1 << lane);
+                }
+            }
             if out.mask == 0 {
                 continue;
             }

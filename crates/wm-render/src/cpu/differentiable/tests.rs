@@ -1,5 +1,5 @@
 use super::*;
-use crate::differentiable::{Channels, DepthAlpha};
+use crate::differentiable::{Channels, DepthAlpha, Drawn};
 use crate::hooks::Hooks;
 use crate::renderer::{Background, Job, RenderConfig, SetView};
 use crate::simd::SimdChoice;
@@ -12,6 +12,7 @@ const CONFIG: ForwardConfig = ForwardConfig {
     background: [0.2, 0.4, 0.6],
     rasterization: Rasterization::Antialiased,
     opacity: Opacity::Stored,
+    drawn: Drawn::All,
     sh_degree: 2,
 };
 
@@ -103,6 +104,22 @@ fn a_backward_pass_may_be_repeated_with_another_loss() {
     let loss = RandomLoss::new(CONFIG.channels, frame.pixels(), 5, |_| true);
     renderer.backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients);
     assert!(gradients == first);
+}
+
+#[test]
+fn what_is_left_out_is_as_if_it_were_not_there() {
+    let mut splats = random_splats(3000, 2, 95);
+    splats.groups.iter_mut().step_by(3).for_each(|group| *group = wm_scene::Group::Sky);
+    let kept: Vec<usize> = (0..3000).filter(|i| i % 3 != 0).collect();
+    let without = ForwardConfig { drawn: Drawn::WithoutSky, ..CONFIG };
+    let mut renderer = renderer(2);
+    let (frame, found) = step(&mut renderer, &splats, &without, Learn::ALL);
+    let (want, rest) = step(&mut renderer, &splats.select(&kept), &CONFIG, Learn::ALL);
+    assert_eq!(found.visible, rest.visible.iter().map(|i| kept[*i as usize] as u32).collect::<Vec<_>>());
+    // Clusters are of other splats, and so are the roundings of some sums.
+    let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-4 * (1.0 + b.abs()));
+    assert!(near(&frame.rgb, &want.rgb) && near(&frame.depth, &want.depth));
+    assert!(near(&found.logit_opacities, &rest.logit_opacities));
 }
 
 #[test]

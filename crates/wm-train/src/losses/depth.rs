@@ -1,0 +1,68 @@
+//! Depth against a prior that was fitted to the scene's units.
+//!
+//! `mean rho(ln(D d))` with the expected depth D and the prior's inverse depth d: relative, so that near and far
+//! count alike and a surface through which a little of the far sky shines weighs as what it is for fog. `rho` is
+//! `sqrt(x^2 + tau^2) - tau`, linear from `tau` on: strays of the prior pull no harder than others. `tau` is how far
+//! off the prior is itself: the residual of its fit over d, and 1 % at least. The derivative is exact, so transparency
+//! does not lower it. Pixels of the sky, and those covered by less than half, do not count.
+
+use super::grid::Grid;
+use super::{LossGradients, LossInput, LossTerm, Truth};
+use crate::config::TrainConfig;
+use wm_render::Channels;
+
+/// Smallest `tau`.
+const EXACT: f32 = 0.01;
+/// Least coverage of a pixel that counts.
+pub const COVERED: f32 = 0.5;
+
+/// The term `depth`.
+#[derive(Clone, Debug)]
+pub struct Depth {
+    weight: f64,
+    from: u32,
+}
+
+impl Depth {
+    /// As configured.
+    #[must_use]
+    pub fn new(config: &TrainConfig) -> Self {
+        let geometry = &config.loss.geometry;
+        Self { weight: geometry.depth, from: geometry.depth_from(config.steps) }
+    }
+}
+
+impl LossTerm for Depth {
+    fn name(&self) -> &'static str {
+        "depth"
+    }
+
+    fn weight(&self, step: u32, truth: &Truth<'_>) -> f64 {
+        let is_on = step >= self.from && truth.prior.is_some_and(|prior| !prior.disparity.is_empty());
+        if is_on { self.weight } else { 0.0 }
+    }
+
+    fn channels(&self) -> Channels {
+        Channels::ColorDepth
+    }
+
+    fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {
+        let (Some(prior), frame) = (input.truth.prior, input.frame) else { return 0.0 };
+        let grid = Grid::new(frame, prior);
+        let mut sum = 0.0;
+        // Over all pixels, so that a photo of which little is known pulls little.
+        let scale = (weight / grid.len() as f64) as f32;
+        for (at, theirs) in grid.pairs() {
+            let (disparity, depth) = (prior.disparity[theirs], frame.depth[at]);
+            if !(disparity > 0.0) || frame.alpha[at] < COVERED || !(depth > 0.0) {
+                continue;
+            }
+            let off = (depth * disparity).ln();
+            let tau = (prior.sigma / disparity).max(EXACT);
+            let root = off.hypot(tau);
+            sum += f64::from(root - tau);
+            out.depth[at] += scale * off / (root * depth);
+        }
+        sum / grid.len() as f64
+    }
+}

@@ -1,0 +1,61 @@
+//! Flat splats, so that the shortest axis is one and stays it.
+//!
+//! A normal that is the shortest axis jumps when two axes are of nearly equal length. The pull is on the ratio of the
+//! shortest scale to the middle one: `mean min(1, s_1 / s_2 - r)`, above a ratio r that is flat enough, by which the
+//! shortest gets shorter and the middle one longer. So the axis that is shortest once is kept apart from the
+//! others: before another takes its place, loss has to push against this.
+
+use super::{LossGradients, LossInput, LossTerm, Truth};
+use crate::config::TrainConfig;
+use wm_render::Gradients;
+use wm_scene::{Group, Splats};
+
+/// The ratio that is flat enough.
+const FLAT: f32 = 0.1;
+
+/// The term `flat`.
+#[derive(Clone, Debug)]
+pub struct Flat {
+    weight: f64,
+}
+
+impl Flat {
+    /// As configured.
+    #[must_use]
+    pub fn new(config: &TrainConfig) -> Self {
+        Self { weight: config.loss.geometry.flat }
+    }
+}
+
+impl LossTerm for Flat {
+    fn name(&self) -> &'static str {
+        "flat"
+    }
+
+    fn weight(&self, _: u32, _: &Truth<'_>) -> f64 {
+        self.weight
+    }
+
+    fn add(&mut self, _: &LossInput<'_>, _: f64, _: &mut LossGradients) -> f64 {
+        0.0
+    }
+
+    fn pull(&mut self, splats: &Splats, weight: f64, gradients: &mut Gradients) {
+        let scale = (weight / splats.len().max(1) as f64) as f32;
+        for (row, index) in gradients.visible.iter().enumerate() {
+            let index = *index as usize;
+            if splats.groups[index] == Group::Sky {
+                continue;
+            }
+            let scales = splats.log_scales[index];
+            let mut order = [0, 1, 2];
+            // As the renderer: of equal ones the first is the shortest.
+            order.sort_by(|a, b| scales[*a].total_cmp(&scales[*b]));
+            let ratio = (scales[order[0]] - scales[order[1]]).exp();
+            if ratio > FLAT {
+                gradients.log_scales[row][order[0]] += scale * ratio;
+                gradients.log_scales[row][order[1]] -= scale * ratio;
+            }
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! Normals against those of a prior.
+//!
+//! The mean of `|N - M|^2` (`eq:normal l2_loss`) with the rendered normal N, shortest axes blended and brought to
+//! length 1, and the prior's M, over pixels where M is known and at least half is covered. It begins late, so that
+//! depth has made surfaces before: on clouds of splats it would rather make them transparent than turn them.
+
+use super::depth::COVERED;
+use super::grid::Grid;
+use super::{LossGradients, LossInput, LossTerm, Truth};
+use crate::config::TrainConfig;
+use wm_render::Channels;
+
+/// The term `normal`.
+#[derive(Clone, Debug)]
+pub struct Normal {
+    weight: f64,
+    from: u32,
+}
+
+impl Normal {
+    /// As configured.
+    #[must_use]
+    pub fn new(config: &TrainConfig) -> Self {
+        let geometry = &config.loss.geometry;
+        Self { weight: geometry.normal, from: geometry.normal_from(config.steps) }
+    }
+}
+
+impl LossTerm for Normal {
+    fn name(&self) -> &'static str {
+        "normal"
+    }
+
+    fn weight(&self, step: u32, truth: &Truth<'_>) -> f64 {
+        let is_on = step >= self.from && truth.prior.is_some_and(|prior| !prior.normal.is_empty());
+        if is_on { self.weight } else { 0.0 }
+    }
+
+    fn channels(&self) -> Channels {
+        Channels::ColorDepthNormal
+    }
+
+    fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {
+        let (Some(prior), frame) = (input.truth.prior, input.frame) else { return 0.0 };
+        let grid = Grid::new(frame, prior);
+        let mut sum = 0.0;
+        let scale = (2.0 * weight / grid.len() as f64) as f32;
+        for (at, theirs) in grid.pairs() {
+            let wanted = prior.normal[theirs];
+            if wanted == [0.0; 3] || frame.alpha[at] < COVERED {
+                continue;
+            }
+            for k in 0..3 {
+                let off = frame.normal[3 * at + k] - wanted[k];
+                sum += f64::from(off * off);
+                out.normal[3 * at + k] += scale * off;
+            }
+        }
+        sum / grid.len() as f64
+    }
+}

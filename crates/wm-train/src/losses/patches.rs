@@ -1,0 +1,300 @@
+//! The relative depth of patches (Li et al. 2024, DNGaussian; `eq:hs depth loss`).
+//!
+//! Rendered and believed inverse depth, each without the mean of its patch, are compared over patches whose size is
+//! drawn anew each time: divided by their deviation over the whole photo (global) and over the patch (local),
+//! `(x - m_P) / (s + 0.01 s_I)` with `s` that of the photo or of the patch. That of the photo is taken for a constant.
+//! A difference below the margin counts as none. So neither scale nor shift of the prior matters, nor how both
+//! drift over the photo. Inverse depth instead of depth: the prior's is linear in it, and the sky is 0.
+//!
+//! The hard pass gives every splat the same high opacity and moves means alone; the soft one changes opacities alone.
+//! Each is a render of its own, with alpha taken for a constant. Where less than half is covered nothing counts.
+
+use super::depth::COVERED;
+use super::grid::Grid;
+use super::{LossGradients, LossInput, LossTerm, OwnRender, Truth};
+use crate::config::TrainConfig;
+use crate::random::{Purpose, Random};
+use wm_render::{Channels, DepthAlpha, Drawn, Learn, Opacity};
+
+/// Opacity of all splats in the hard pass.
+const HARD: f32 = 0.95;
+/// Share of the photo's deviation that is added to every one, so that flat patches do not explode.
+const FLOOR: f64 = 0.01;
+/// Sides of patches, px of a photo 378 px high.
+const SIDES: [f64; 2] = [5.0, 17.0];
+const AT_HEIGHT: f64 = 378.0;
+/// Fewest pixels of a patch that says something.
+const FEWEST: usize = 6;
+
+/// What learns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pass {
+    /// Means.
+    Hard,
+    /// Opacities.
+    Soft,
+}
+
+/// The terms `depth-hard` and `depth-soft`.
+#[derive(Clone, Debug)]
+pub struct PatchDepth {
+    pass: Pass,
+    weight: f64,
+    local: f64,
+    margin: f64,
+    every: u32,
+    from: u32,
+    seed: u64,
+    work: Work,
+}
+
+/// Compared values, one each pair of pixels.
+#[derive(Clone, Debug, Default)]
+struct Work {
+    /// Rendered inverse depth; NaN where it does not count.
+    x: Vec<f64>,
+    /// The prior's.
+    y: Vec<f64>,
+    /// The derivative by `x`.
+    slope: Vec<f64>,
+}
+
+impl PatchDepth {
+    /// As configured.
+    #[must_use]
+    pub fn new(config: &TrainConfig, pass: Pass) -> Self {
+        let geometry = &config.loss.geometry;
+        let (weight, from) = match pass {
+            Pass::Hard => (geometry.depth_hard, 0),
+            Pass::Soft => (geometry.depth_soft, geometry.depth_from(config.steps)),
+        };
+        let (local, margin, every) = (geometry.depth_local, geometry.depth_margin, geometry.every.max(1));
+        Self { pass, weight, local, margin, every, from, seed: config.seed, work: Work::default() }
+    }
+}
+
+impl LossTerm for PatchDepth {
+    fn name(&self) -> &'static str {
+        match self.pass {
+            Pass::Hard => "depth-hard",
+            Pass::Soft => "depth-soft",
+        }
+    }
+
+    fn weight(&self, step: u32, truth: &Truth<'_>) -> f64 {
+        let is_on = step >= self.from
+            && step.is_multiple_of(self.every)
+            && truth.prior.is_some_and(|prior| !prior.disparity.is_empty());
+        if is_on { self.weight * f64::from(self.every) } else { 0.0 }
+    }
+
+    fn own_render(&self) -> Option<OwnRender> {
+        let (opacity, learn) = match self.pass {
+            Pass::Hard => (Opacity::Fixed(HARD), Learn::MEANS),
+            Pass::Soft => (Opacity::Stored, Learn::OPACITIES),
+        };
+        let (channels, drawn, depth_alpha) = (Channels::Depth, Drawn::All, DepthAlpha::Detached);
+        Some(OwnRender { channels, opacity, drawn, learn, depth_alpha })
+    }
+
+    fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {
+        let (Some(prior), frame) = (input.truth.prior, input.frame) else { return 0.0 };
+        let grid = Grid::new(frame, prior);
+        let Work { x, y, slope } = &mut self.work;
+        (x.clear(), y.clear());
+        for (at, theirs) in grid.pairs() {
+            let (depth, believed) = (frame.depth[at], prior.disparity[theirs]);
+            let counts = believed >= 0.0 && frame.alpha[at] >= COVERED && depth > 0.0;
+            x.push(if counts { 1.0 / f64::from(depth) } else { f64::NAN });
+            y.push(f64::from(believed));
+        }
+        let random = Random::new(self.seed, Purpose::Patch, input.step);
+        let scale = grid.height as f64 / AT_HEIGHT;
+        let side = (scale * (SIDES[0] + random.uniform(self.pass as u64) * (SIDES[1] - SIDES[0]))).round();
+        let patches = Patches { width: grid.width, height: grid.height, side: side.max(3.0) as usize };
+        let value = normalised(x, y, patches, self.local, self.margin, slope);
+        for (i, (at, _)) in grid.pairs().enumerate() {
+            if slope[i] != 0.0 {
+                // dr/dD = -r^2.
+                out.depth[at] -= (weight * slope[i] * x[i] * x[i]) as f32;
+            }
+        }
+        value
+    }
+}
+
+/// How a picture is cut.
+#[derive(Clone, Copy, Debug)]
+struct Patches {
+    width: usize,
+    height: usize,
+    side: usize,
+}
+
+impl Patches {
+    /// The pixels of each patch that are not NaN.
+    fn of(self, x: &[f64]) -> Vec<Vec<usize>> {
+        let mut patches = Vec::new();
+        for top in (0..self.height).step_by(self.side) {
+            for left in (0..self.width).step_by(self.side) {
+                let rows = top..(top + self.side).min(self.height);
+                let columns = left..(left + self.side).min(self.width);
+                let pixels =
+                    rows.flat_map(|row| columns.clone().map(move |column| row * self.width + column));
+                patches.push(pixels.filter(|pixel| !x[*pixel].is_nan()).collect());
+            }
+        }
+        patches
+    }
+}
+
+/// Mean and standard deviation.
+fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+    let (count, sum) = values.clone().fold((0.0f64, 0.0), |(n, s), v| (n + 1.0, s + v));
+    let mean = sum / count.max(1.0);
+    (mean, (values.map(|v| (v - mean).powi(2)).sum::<f64>() / count.max(1.0)).sqrt())
+}
+
+/// The loss, global and local; writes its derivative by `x`. 0 where nothing can be compared.
+fn normalised(x: &[f64], y: &[f64], patches: Patches, local: f64, margin: f64, slope: &mut Vec<f64>) -> f64 {
+    slope.clear();
+    slope.resize(x.len(), 0.0);
+    let known = || (0..x.len()).filter(|i| !x[*i].is_nan());
+    let ((_, all_x), (_, all_y)) = (moments(known().map(|i| x[i])), moments(known().map(|i| y[i])));
+    if !(all_x > 0.0 && all_y > 0.0) {
+        return 0.0;
+    }
+    let patches: Vec<Vec<usize>> =
+        patches.of(x).into_iter().filter(|pixels| pixels.len() >= FEWEST).collect();
+    let mut total = 0.0;
+    for (is_local, share) in [(false, 1.0), (true, local)] {
+        if share == 0.0 {
+            continue;
+        }
+        // Differences first: the mean is over those above the margin.
+        let (mut sum, mut count) = (0.0, 0usize);
+        let mut offs: Vec<(usize, Vec<f64>, f64, f64)> = Vec::new();
+        for (index, pixels) in patches.iter().enumerate() {
+            let (mean_x, own_x) = moments(pixels.iter().map(|i| x[*i]));
+            let (mean_y, own_y) = moments(pixels.iter().map(|i| y[*i]));
+            let over = |all: f64, own: f64| FLOOR * all + if is_local { own } else { all };
+            let (over_x, over_y) = (over(all_x, own_x), over(all_y, own_y));
+            let off = |i: &usize| {
+                let off = (x[*i] - mean_x) / over_x - (y[*i] - mean_y) / over_y;
+                if off.abs() > margin { off } else { 0.0 }
+            };
+            let differences: Vec<f64> = pixels.iter().map(off).collect();
+            sum += differences.iter().map(|v| v * v).sum::<f64>();
+            count += differences.iter().filter(|v| **v != 0.0).count();
+            offs.push((index, differences, mean_x, over_x));
+        }
+        if count == 0 {
+            continue;
+        }
+        total += share * sum / count as f64;
+        for (index, differences, mean_x, over_x) in offs {
+            let pixels = &patches[index];
+            let n = pixels.len() as f64;
+            let by_value = |v: f64| share * 2.0 * v / count as f64;
+            let mean = differences.iter().map(|v| by_value(*v)).sum::<f64>() / n;
+            // The patch's own deviation moves with its pixels.
+            let own = over_x - FLOOR * all_x;
+            let along = if is_local && own > 1e-12 * all_x {
+                let sum = pixels
+                    .iter()
+                    .zip(&differences)
+                    .map(|(i, v)| by_value(*v) * (x[*i] - mean_x))
+                    .sum::<f64>();
+                sum / (n * own * over_x * over_x)
+            } else {
+                0.0
+            };
+            for (i, v) in pixels.iter().zip(&differences) {
+                slope[*i] += (by_value(*v) - mean) / over_x - (x[*i] - mean_x) * along;
+            }
+        }
+    }
+    total
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wm_scene::synthetic::uniform;
+
+    const PATCHES: Patches = Patches { width: 12, height: 9, side: 4 };
+
+    fn values(seed: u64) -> Vec<f64> {
+        (0..108).map(|i| 0.2 + uniform(seed, i) + 0.05 * (i % 12) as f64).collect()
+    }
+
+    fn loss(x: &[f64], y: &[f64], local: f64, margin: f64) -> (f64, Vec<f64>) {
+        let mut slope = Vec::new();
+        (normalised(x, y, PATCHES, local, margin, &mut slope), slope)
+    }
+
+    #[test]
+    fn the_derivative_is_that_of_the_value() {
+        let (mut x, y) = (values(1), values(2));
+        x[17] = f64::NAN;
+        for (local, margin) in [(0.0, 0.0), (0.7, 0.0), (0.3, 0.2)] {
+            let (_, slope) = loss(&x, &y, local, margin);
+            // The photo's deviation is a constant of the derivative: kept by moving pixels in pairs is not enough, so
+            // it is held by comparing with the loss of values that are scaled back.
+            let known: Vec<f64> = x.iter().copied().filter(|v| !v.is_nan()).collect();
+            let (_, all) = moments(known.iter().copied());
+            for i in [0, 5, 40, 77, 107] {
+                let at = |step: f64| {
+                    let mut moved = x.clone();
+                    moved[i] += step;
+                    held(&moved, &y, local, margin, all)
+                };
+                let step = 1e-6;
+                let by_difference = (at(step) - at(-step)) / (2.0 * step);
+                assert!(
+                    (by_difference - slope[i]).abs() < 1e-5 * (1.0 + by_difference.abs()),
+                    "{i}: {by_difference} {}",
+                    slope[i]
+                );
+            }
+            assert_eq!(slope[17], 0.0);
+        }
+    }
+
+    /// The loss by its formula, with the photo's deviation held.
+    fn held(x: &[f64], y: &[f64], local: f64, margin: f64, all_x: f64) -> f64 {
+        let known: Vec<usize> = (0..x.len()).filter(|i| !x[*i].is_nan()).collect();
+        let (_, all_y) = moments(known.iter().map(|i| y[*i]));
+        let mut total = 0.0;
+        for (is_local, share) in [(false, 1.0), (true, local)] {
+            let mut squares = Vec::new();
+            for pixels in PATCHES.of(x).iter().filter(|p| p.len() >= FEWEST) {
+                let (mx, sx) = moments(pixels.iter().map(|i| x[*i]));
+                let (my, sy) = moments(pixels.iter().map(|i| y[*i]));
+                for i in pixels {
+                    let (over_x, over_y) = if is_local { (sx, sy) } else { (all_x, all_y) };
+                    let off =
+                        (x[*i] - mx) / (over_x + FLOOR * all_x) - (y[*i] - my) / (over_y + FLOOR * all_y);
+                    if off.abs() > margin {
+                        squares.push(off * off);
+                    }
+                }
+            }
+            total += share * squares.iter().sum::<f64>() / squares.len() as f64;
+        }
+        total
+    }
+
+    #[test]
+    fn scale_and_shift_do_not_matter_and_nothing_is_no_fault() {
+        let x = values(3);
+        let y: Vec<f64> = x.iter().map(|v| 7.0 * v + 3.0).collect();
+        let (value, slope) = loss(&x, &y, 0.5, 0.0);
+        assert!(value < 1e-20 && slope.iter().all(|v| v.abs() < 1e-9));
+        let (nothing, flat) = (vec![f64::NAN; 108], vec![0.5; 108]);
+        assert_eq!(loss(&nothing, &y, 0.5, 0.0).0, 0.0);
+        assert_eq!(loss(&flat, &y, 0.5, 0.0).0, 0.0);
+        let within = loss(&values(4), &values(5), 0.5, 1e3);
+        assert_eq!((within.0, within.1.iter().all(|v| *v == 0.0)), (0.0, true));
+    }
+}

@@ -1,0 +1,360 @@
+//! Priors on disk: `priors.json`, and for each photo `disparity/NAME.npy` `[H, W]`, `normal/NAME.npy` `[H, W, 3]` and
+//! `sky/NAME.png` (0 the place, 255 the sky, 128 unknown), what there is of them.
+
+use super::fit::Fit;
+use super::{Prior, SkyClass};
+use crate::photos::cache::{Cache, Weigh};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use thiserror::Error;
+use wm_scene::files::write_atomically;
+use wm_scene::{Camera, FormatError, Problem, npy};
+
+/// The file that says what the folder holds.
+pub const INDEX: &str = "priors.json";
+const VERSION: u32 = 1;
+/// Memory for priors that are in use, bytes.
+const KEPT: usize = 256 << 20;
+/// Longest index, bytes: 10,000 photos take 3 MB.
+const MOST_INDEX: u64 = 256 << 20;
+/// How far the shape of a map may be from that of the photo.
+const SHAPE: f64 = 0.02;
+
+/// What the folder holds.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Index {
+    version: u32,
+    /// What the priors are from.
+    pub source: String,
+    /// By the name of the photo.
+    pub photos: BTreeMap<String, Entry>,
+    /// Photos without, and why.
+    pub left_out: BTreeMap<String, String>,
+}
+
+/// What there is of one photo.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    /// Width of its maps, px.
+    pub width: u32,
+    /// Their height, px.
+    pub height: u32,
+    /// Whether there is inverse depth.
+    pub disparity: bool,
+    /// Whether there are normals.
+    pub normal: bool,
+    /// Whether there is a sky map.
+    pub sky: bool,
+    /// How far inverse depth is off, 1 / scene unit.
+    pub sigma: f32,
+    /// Share of the pixels whose depth is known, without the sky.
+    pub known: f32,
+    /// Share of the pixels that are the sky.
+    pub sky_share: f32,
+    /// How relative depth was fitted to points, where it was.
+    pub fit: Option<Fit>,
+}
+
+/// Why priors cannot be used.
+#[derive(Debug, Error)]
+pub enum PriorsError {
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FormatError),
+    /// The index is none.
+    #[error("{}: no index of priors ({reason}); make them again", path.display())]
+    Index {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// A map does not fit.
+    #[error("{}: {reason}; make the priors again", path.display())]
+    Map {
+        /// Which file.
+        path: PathBuf,
+        /// How.
+        reason: String,
+    },
+}
+
+impl Weigh for Prior {
+    fn bytes(&self) -> usize {
+        Self::bytes(self)
+    }
+}
+
+/// Priors of a data set, read when they are asked for.
+pub struct Priors {
+    folder: PathBuf,
+    index: Index,
+    /// By the place of the name among all.
+    cache: Cache<usize, Prior>,
+}
+
+/// Writes a folder of priors; the index comes last.
+pub struct PriorsWriter {
+    folder: PathBuf,
+    index: Index,
+}
+
+fn file(folder: &Path, kind: &str, name: &str, extension: &str) -> PathBuf {
+    let mut path = folder.join(kind).join(name).into_os_string();
+    path.push(".");
+    path.push(extension);
+    path.into()
+}
+
+impl Priors {
+    /// Opens a folder; `None` if it holds no index.
+    ///
+    /// # Errors
+    /// [`PriorsError`] if the index cannot be read.
+    pub fn open(folder: &Path) -> Result<Option<Self>, PriorsError> {
+        let path = folder.join(INDEX);
+        let read = |e| PriorsError::File(FormatError::whole(&path, Problem::Read(e)));
+        let length = match fs::metadata(&path) {
+            Ok(found) => found.len(),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(read(e)),
+        };
+        let fault = |reason: String| PriorsError::Index { path: path.clone(), reason };
+        if length > MOST_INDEX {
+            return Err(fault(format!("{length} bytes are too many")));
+        }
+        let text = fs::read_to_string(&path).map_err(read)?;
+        let index: Index = serde_json::from_str(&text).map_err(|e| fault(e.to_string()))?;
+        if index.version != VERSION {
+            return Err(fault(format!("version {} and not {VERSION}", index.version)));
+        }
+        Ok(Some(Self { folder: folder.into(), index, cache: Cache::new(KEPT) }))
+    }
+
+    /// What there is.
+    #[must_use]
+    pub fn index(&self) -> &Index {
+        &self.index
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Whether any photo has the sky in it.
+    #[must_use]
+    pub fn has_sky(&self) -> bool {
+        self.index.photos.values().any(|entry| entry.sky && entry.sky_share > 0.0)
+    }
+
+    /// The prior of the photo `name`, which `camera` sees; `None` if there is none.
+    ///
+    /// # Errors
+    /// [`PriorsError`] if a map is missing, damaged, or of another shape than the photo.
+    pub fn get(&self, name: &str, camera: &Camera) -> Result<Option<Arc<Prior>>, PriorsError> {
+        let Some(entry) = self.index.photos.get(name) else { return Ok(None) };
+        let (width, height) = (f64::from(entry.width), f64::from(entry.height));
+        let shape = width * f64::from(camera.height) / (height * f64::from(camera.width));
+        let is_alike = (shape - 1.0).abs() < SHAPE;
+        if !is_alike {
+            let reason = format!(
+                "maps of {name} are {width}x{height} px and the photo is {}x{}: not the same shape",
+                camera.width, camera.height
+            );
+            return Err(PriorsError::Map { path: self.folder.join(INDEX), reason });
+        }
+        let place = self.index.photos.keys().take_while(|key| key.as_str() < name).count();
+        self.cache.get(place, || self.read(name, entry)).map(Some)
+    }
+
+    fn read(&self, name: &str, entry: &Entry) -> Result<Prior, PriorsError> {
+        let (width, height) = (entry.width as usize, entry.height as usize);
+        let mut prior =
+            Prior { width: entry.width, height: entry.height, sigma: entry.sigma, ..Prior::default() };
+        let numbers = |kind: &str, shape: &[usize]| {
+            let path = file(&self.folder, kind, name, "npy");
+            let (values, found) = npy::read(&path)?;
+            if found != shape {
+                let reason = format!("shape {found:?} and not {shape:?}");
+                return Err(PriorsError::Map { path, reason });
+            }
+            Ok(values)
+        };
+        if entry.disparity {
+            prior.disparity = numbers("disparity", &[height, width])?;
+        }
+        if entry.normal {
+            prior.normal = numbers("normal", &[height, width, 3])?.as_chunks().0.to_vec();
+        }
+        if entry.sky {
+            let path = file(&self.folder, "sky", name, "png");
+            let classes = read_classes(&path, (entry.width, entry.height));
+            prior.sky = classes.map_err(|reason| PriorsError::Map { path, reason })?;
+        }
+        Ok(prior)
+    }
+}
+
+fn read_classes(path: &Path, size: (u32, u32)) -> Result<Vec<SkyClass>, String> {
+    let opened = fs::File::open(path).map_err(|e| e.to_string())?;
+    let mut decoder = png::Decoder::new(std::io::BufReader::new(opened));
+    decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
+    let mut reader = decoder.read_info().map_err(|e| e.to_string())?;
+    if (reader.info().width, reader.info().height) != size {
+        return Err(format!(
+            "{}x{} px and not {}x{}",
+            reader.info().width,
+            reader.info().height,
+            size.0,
+            size.1
+        ));
+    }
+    let mut bytes = vec![0; reader.output_buffer_size().ok_or("too large")?];
+    let info = reader.next_frame(&mut bytes).map_err(|e| e.to_string())?;
+    let channels = info.color_type.samples();
+    let class = |pixel: &[u8]| match pixel[0] {
+        0..64 => SkyClass::Place,
+        64..192 => SkyClass::Unknown,
+        192.. => SkyClass::Sky,
+    };
+    Ok(bytes[..info.buffer_size()].chunks_exact(channels).map(class).collect())
+}
+
+impl PriorsWriter {
+    /// Begins in a folder, which is made. An index that is there goes: what it names is about to change.
+    ///
+    /// # Errors
+    /// [`FormatError`] if the folder cannot be written to.
+    pub fn new(folder: &Path, source: String) -> Result<Self, FormatError> {
+        let fault = |e: std::io::Error| FormatError::whole(folder, Problem::Write(e.into()));
+        fs::create_dir_all(folder).map_err(fault)?;
+        match fs::remove_file(folder.join(INDEX)) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(fault(e)),
+            _ => {}
+        }
+        let index = Index { version: VERSION, source, ..Index::default() };
+        Ok(Self { folder: folder.into(), index })
+    }
+
+    /// Writes the prior of the photo `name`.
+    ///
+    /// # Errors
+    /// [`FormatError`] if a file cannot be written.
+    pub fn add(&mut self, name: &str, prior: &Prior, fit: Option<Fit>) -> Result<(), FormatError> {
+        let (width, height) = (prior.width as usize, prior.height as usize);
+        let place = |kind: &str, extension: &str| {
+            let path = file(&self.folder, kind, name, extension);
+            let parent = path.parent().unwrap_or(&self.folder);
+            fs::create_dir_all(parent)
+                .map_err(|e| FormatError::whole(parent, Problem::Write(e.into())))
+                .map(|()| path.clone())
+        };
+        if !prior.disparity.is_empty() {
+            npy::write(&place("disparity", "npy")?, &prior.disparity, &[height, width])?;
+        }
+        if !prior.normal.is_empty() {
+            npy::write(&place("normal", "npy")?, prior.normal.as_flattened(), &[height, width, 3])?;
+        }
+        if !prior.sky.is_empty() {
+            let bytes: Vec<u8> = prior.sky.iter().map(|class| *class as u8).collect();
+            write_atomically(&place("sky", "png")?, |out| {
+                let mut encoder = png::Encoder::new(out, prior.width, prior.height);
+                encoder.set_color(png::ColorType::Grayscale);
+                encoder.set_depth(png::BitDepth::Eight);
+                let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&bytes));
+                Ok(written.map_err(std::io::Error::from)?)
+            })?;
+        }
+        let pixels = (width * height).max(1) as f32;
+        let share = |count: usize| count as f32 / pixels;
+        let entry = Entry {
+            width: prior.width,
+            height: prior.height,
+            disparity: !prior.disparity.is_empty(),
+            normal: !prior.normal.is_empty(),
+            sky: !prior.sky.is_empty(),
+            sigma: prior.sigma,
+            known: share(prior.disparity.iter().filter(|v| **v > 0.0).count()),
+            sky_share: share(prior.sky.iter().filter(|class| **class == SkyClass::Sky).count()),
+            fit,
+        };
+        self.index.photos.insert(name.to_owned(), entry);
+        Ok(())
+    }
+
+    /// Notes that a photo has no prior.
+    pub fn leave_out(&mut self, name: &str, reason: String) {
+        self.index.left_out.insert(name.to_owned(), reason);
+    }
+
+    /// Writes the index.
+    ///
+    /// # Errors
+    /// [`FormatError`] if it cannot be written.
+    pub fn finish(self) -> Result<Index, FormatError> {
+        let path = self.folder.join(INDEX);
+        let text = serde_json::to_vec_pretty(&self.index)
+            .map_err(|e| FormatError::whole(&path, Problem::Value(e.to_string())))?;
+        write_atomically(&path, |out| Ok(out.write_all(&text)?))?;
+        Ok(self.index)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    fn prior() -> Prior {
+        Prior {
+            width: 4,
+            height: 2,
+            disparity: vec![0.0, 0.5, f32::NAN, 0.25, 1.0, 1.0, 1.0, 1.0],
+            sigma: 0.125,
+            normal: vec![[0.0, 0.0, 1.0]; 8],
+            sky: [SkyClass::Sky, SkyClass::Place, SkyClass::Unknown, SkyClass::Place].repeat(2),
+        }
+    }
+
+    fn camera(size: (u32, u32)) -> Camera {
+        Camera::look_at(size, 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap()
+    }
+
+    #[test]
+    fn priors_come_back_and_faults_are_named() {
+        let place = tempfile::tempdir().unwrap();
+        assert!(Priors::open(place.path()).unwrap().is_none());
+        let mut writer = PriorsWriter::new(place.path(), "made up".into()).unwrap();
+        writer.add("a/b.jpg", &prior(), None).unwrap();
+        writer.leave_out("c.jpg", "too dark".into());
+        let index = writer.finish().unwrap();
+        assert_eq!((index.photos["a/b.jpg"].sky_share, index.photos["a/b.jpg"].known), (0.25, 0.75));
+        let open = || Priors::open(place.path()).unwrap().unwrap();
+        let found = open().get("a/b.jpg", &camera((40, 20))).unwrap().unwrap();
+        assert!(found.disparity[2].is_nan() && found.disparity[..2] == [0.0, 0.5]);
+        assert_eq!(
+            (found.sky.clone(), found.normal.clone(), found.sigma),
+            (prior().sky, prior().normal, 0.125)
+        );
+        assert!(open().get("c.jpg", &camera((40, 20))).unwrap().is_none());
+        let say = |error: PriorsError| error.to_string();
+        assert!(
+            say(open().get("a/b.jpg", &camera((40, 30))).unwrap_err())
+                .contains("4x2 px and the photo is 40x30")
+        );
+        npy::write(&place.path().join("disparity/a/b.jpg.npy"), &[1.0; 4], &[2, 2]).unwrap();
+        assert!(
+            say(open().get("a/b.jpg", &camera((40, 20))).unwrap_err())
+                .contains("shape [2, 2] and not [2, 4]")
+        );
+        fs::write(place.path().join(INDEX), "{\"version\": 1").unwrap();
+        assert!(say(Priors::open(place.path()).err().unwrap()).contains("no index of priors"));
+    }
+}

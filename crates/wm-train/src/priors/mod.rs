@@ -1,0 +1,73 @@
+//! What is believed of photos before training: depth, normals, sky; one file a source.
+//!
+//! - [`photos`]: from the photos themselves, by [`stereo`].
+//! - [`relative`]: relative depth, such as that of a network or of files, fitted to the points.
+//! - [`sky`]: which pixels are the sky.
+//! - [`folder`]: priors on disk.
+
+pub mod fit;
+pub mod folder;
+pub mod normals;
+pub mod photos;
+pub mod points;
+pub mod relative;
+pub mod sky;
+pub mod stereo;
+
+pub use folder::{Priors, PriorsWriter};
+
+use serde::{Deserialize, Serialize};
+
+/// What is believed of one photo; arrays `[H, W]` of a size of its own, over the whole photo, or empty where nothing is
+/// believed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Prior {
+    /// Width, px.
+    pub width: u32,
+    /// Height, px.
+    pub height: u32,
+    /// Inverse view z, 1 / scene unit; 0 in the sky, NaN where it is not known.
+    pub disparity: Vec<f32>,
+    /// How far `disparity` is off: the median of its absolute differences from the points, 1 / scene unit.
+    pub sigma: f32,
+    /// World axes, towards the camera, length 1; 0 where it is not known.
+    pub normal: Vec<[f32; 3]>,
+    /// What each pixel shows.
+    pub sky: Vec<SkyClass>,
+}
+
+/// Whether a pixel shows the sky.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[repr(u8)]
+pub enum SkyClass {
+    /// What stands in front of it.
+    Place = 0,
+    /// It cannot be told.
+    #[default]
+    Unknown = 128,
+    /// The sky.
+    Sky = 255,
+}
+
+impl Prior {
+    /// Bytes that it takes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        4 * self.disparity.len() + 12 * self.normal.len() + self.sky.len()
+    }
+
+    /// Makes disparity 0 where the sky is, and normals unknown.
+    pub fn clear_sky(&mut self) {
+        for (pixel, class) in self.sky.iter().enumerate() {
+            if *class == SkyClass::Sky {
+                if let Some(disparity) = self.disparity.get_mut(pixel) {
+                    *disparity = 0.0;
+                }
+                if let Some(normal) = self.normal.get_mut(pixel) {
+                    *normal = [0.0; 3];
+                }
+            }
+        }
+    }
+}

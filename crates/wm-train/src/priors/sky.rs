@@ -1,0 +1,218 @@
+//! Which pixels of a photo are the sky: surely, surely not, or not to be told.
+//!
+//! From a photo alone: what is connected with the top border through smooth pixels of a sky's colours (blue, or pale and
+//! bright), has no depth and no point of the reconstruction. Holes in it that could be clouds are filled. What has
+//! such colours and is not reached cannot be told: white walls, gaps in crowns. From inverse depth instead of colours
+//! where that is there for every pixel, as networks give it: below 2 % of its range.
+
+use super::SkyClass;
+use std::collections::VecDeque;
+
+/// Largest step of brightness from one pixel of the sky to the next, 0-1.
+const SMOOTH: f32 = 0.035;
+/// Share of the range of inverse depth below which it is that of the sky.
+const FAR: f32 = 0.02;
+/// Half the width of the border between sky and place that cannot be told, px.
+const BORDER: usize = 1;
+/// Smallest share of a photo that is taken for a sky.
+const LEAST: f64 = 0.003;
+/// About a point of the reconstruction there is no sky, px.
+const AROUND: usize = 2;
+
+/// What tells the sky.
+#[derive(Clone, Copy, Debug)]
+pub struct SkyInput<'a> {
+    /// `[H, W, 3]`, sRGB.
+    pub rgb: &'a [u8],
+    /// Width, px.
+    pub width: usize,
+    /// Relative inverse depth of every pixel, `[H, W]`, the farther the less; `None` where there is none.
+    pub far: Option<&'a [f32]>,
+    /// Pixels with a depth, `[H, W]`: no sky. Empty where none is known.
+    pub has_depth: &'a [bool],
+    /// Where points of the reconstruction are seen, px.
+    pub points: &'a [[f32; 2]],
+}
+
+/// The class of each pixel, `[H, W]`.
+#[must_use]
+pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
+    let width = input.width;
+    let pixels = input.rgb.len() / 3;
+    let height = pixels / width.max(1);
+    let luma: Vec<f32> = input.rgb.chunks_exact(3).map(luma_of).collect();
+    let mut barrier = vec![false; pixels];
+    barrier.iter_mut().zip(input.has_depth).for_each(|(barrier, has)| *barrier |= *has);
+    for [x, y] in input.points {
+        let (x, y) = (*x as usize, *y as usize);
+        for row in y.saturating_sub(AROUND)..(y + AROUND + 1).min(height) {
+            for column in x.saturating_sub(AROUND)..(x + AROUND + 1).min(width) {
+                barrier[row * width + column] = true;
+            }
+        }
+    }
+    let could_be: Vec<bool> = match input.far {
+        Some(far) => {
+            let (least, most) = range(far);
+            let below = least + FAR * (most - least);
+            (0..pixels).map(|i| far[i] <= below && !barrier[i]).collect()
+        }
+        None => (0..pixels).map(|i| is_skyish(&input.rgb[3 * i..3 * i + 3]) && !barrier[i]).collect(),
+    };
+    let smooth = |a: usize, b: usize| (luma[a] - luma[b]).abs() < SMOOTH;
+    let mut reached = flood(width, &could_be, smooth);
+    fill_holes(width, &could_be, &mut reached);
+    let count = reached.iter().filter(|v| **v).count();
+    let is_sky = count as f64 >= LEAST * pixels as f64;
+    let mut classes: Vec<SkyClass> = (0..pixels)
+        .map(|i| match (is_sky && reached[i], could_be[i]) {
+            (true, _) => SkyClass::Sky,
+            (false, true) => SkyClass::Unknown,
+            (false, false) => SkyClass::Place,
+        })
+        .collect();
+    blur_border(width, &mut classes);
+    classes
+}
+
+fn luma_of(rgb: &[u8]) -> f32 {
+    (0.299 * f32::from(rgb[0]) + 0.587 * f32::from(rgb[1]) + 0.114 * f32::from(rgb[2])) / 255.0
+}
+
+/// The colours of skies by day: blue, or pale and bright.
+fn is_skyish(rgb: &[u8]) -> bool {
+    let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(|v| f32::from(v) / 255.0);
+    let luma = luma_of(rgb);
+    let is_blue = b > r + 0.02 && b > g - 0.02 && luma > 0.25;
+    let is_pale = luma > 0.55 && r.max(g).max(b) - r.min(g).min(b) < 0.18 && b > r - 0.06;
+    is_blue || is_pale
+}
+
+/// Least and largest finite value.
+fn range(values: &[f32]) -> (f32, f32) {
+    let finite = values.iter().copied().filter(|v| v.is_finite());
+    finite.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+}
+
+fn neighbours(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item = usize> {
+    let column = pixel % width;
+    [
+        (column > 0).then(|| pixel - 1),
+        (column + 1 < width).then_some(pixel + 1),
+        pixel.checked_sub(width),
+        (pixel + width < pixels).then_some(pixel + width),
+    ]
+    .into_iter()
+    .flatten()
+}
+
+/// What is connected with the top row within `could_be`, over steps that are `smooth`.
+fn flood(width: usize, could_be: &[bool], smooth: impl Fn(usize, usize) -> bool) -> Vec<bool> {
+    let mut reached = vec![false; could_be.len()];
+    let mut waiting: VecDeque<usize> = (0..width.min(could_be.len())).filter(|i| could_be[*i]).collect();
+    waiting.iter().for_each(|i| reached[*i] = true);
+    while let Some(pixel) = waiting.pop_front() {
+        for next in neighbours(pixel, width, could_be.len()) {
+            if !reached[next] && could_be[next] && smooth(pixel, next) {
+                reached[next] = true;
+                waiting.push_back(next);
+            }
+        }
+    }
+    reached
+}
+
+/// Fills pieces of what was not reached that `could_be` the sky throughout and that only the sky and the upper border
+/// surround.
+fn fill_holes(width: usize, could_be: &[bool], reached: &mut [bool]) {
+    let mut is_done = reached.to_vec();
+    let height = reached.len() / width;
+    for start in 0..reached.len() {
+        if is_done[start] {
+            continue;
+        }
+        let (mut piece, mut waiting, mut is_hole) = (Vec::new(), vec![start], true);
+        is_done[start] = true;
+        while let Some(pixel) = waiting.pop() {
+            piece.push(pixel);
+            let (column, row) = (pixel % width, pixel / width);
+            let at_side = column == 0 || column + 1 == width || row + 1 == height;
+            is_hole &= could_be[pixel] && !at_side;
+            for next in neighbours(pixel, width, is_done.len()) {
+                if !is_done[next] {
+                    is_done[next] = true;
+                    waiting.push(next);
+                }
+            }
+        }
+        if is_hole {
+            piece.iter().for_each(|pixel| reached[*pixel] = true);
+        }
+    }
+}
+
+/// Makes the border between sky and place unknown.
+fn blur_border(width: usize, classes: &mut [SkyClass]) {
+    let before = classes.to_vec();
+    let height = before.len() / width.max(1);
+    for (pixel, class) in classes.iter_mut().enumerate() {
+        let (column, row) = (pixel % width, pixel / width);
+        let rows = row.saturating_sub(BORDER)..(row + BORDER + 1).min(height);
+        let other = |row: usize| {
+            let columns = column.saturating_sub(BORDER)..(column + BORDER + 1).min(width);
+            before[row * width + columns.start..row * width + columns.end]
+                .iter()
+                .any(|near| near != &before[pixel])
+        };
+        if rows.into_iter().any(other) {
+            *class = SkyClass::Unknown;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A blue sky with a hard-edged cloud over a red wall with a white, sky-coloured window.
+    fn photo() -> Vec<u8> {
+        let at = |x: usize, y: usize| match (x, y) {
+            (8..14, 4..8) => [235, 235, 240],
+            (_, 0..16) => [90, 140 + y as u8, 220],
+            (20..26, 20..26) => [230, 230, 235],
+            _ => [150, 60, 50],
+        };
+        (0..32).flat_map(|y| (0..40).flat_map(move |x| at(x, y))).collect()
+    }
+
+    fn input<'a>(rgb: &'a [u8], points: &'a [[f32; 2]]) -> SkyInput<'a> {
+        SkyInput { rgb, width: 40, far: None, has_depth: &[], points }
+    }
+
+    #[test]
+    fn clouds_are_sky_and_windows_cannot_be_told() {
+        let rgb = photo();
+        let classes = classify(&input(&rgb, &[]));
+        let at = |x: usize, y: usize| classes[y * 40 + x];
+        assert_eq!([at(0, 0), at(39, 10), at(10, 6)], [SkyClass::Sky; 3]);
+        assert_eq!([at(5, 20), at(30, 31), at(0, 18)], [SkyClass::Place; 3]);
+        assert_eq!([at(5, 15), at(5, 16), at(22, 22)], [SkyClass::Unknown; 3]);
+        // A point on the cloud: a white wall then, which is no sky.
+        let walled = classify(&input(&rgb, &[[10.5, 6.5]]));
+        assert_eq!(walled[6 * 40 + 10], SkyClass::Place);
+        assert_ne!(walled[5 * 40 + 8], SkyClass::Sky);
+    }
+
+    #[test]
+    fn without_a_sky_there_is_none() {
+        let wall = vec![120u8; 40 * 32 * 3];
+        assert!(classify(&input(&wall, &[])).iter().all(|class| *class == SkyClass::Place));
+        // Inverse depth that is far at the top only.
+        let far: Vec<f32> = (0..40 * 32).map(|i| if i < 400 { 0.0 } else { 1.0 }).collect();
+        let found = classify(&SkyInput { far: Some(&far), ..input(&wall, &[]) });
+        assert_eq!((found[0], found[1279]), (SkyClass::Sky, SkyClass::Place));
+        let all_far = vec![0.0; 40 * 32];
+        let all = classify(&SkyInput { far: Some(&all_far), ..input(&wall, &[]) });
+        assert!(all.iter().all(|class| *class == SkyClass::Sky));
+    }
+}

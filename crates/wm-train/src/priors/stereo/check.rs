@@ -1,0 +1,101 @@
+//! What the planes of one photo say that those of others say too.
+
+use super::matching::{Source, inverse_depth};
+use super::sweep::{Planes, Reference};
+
+/// Cost above which nothing is believed: a correlation of 0.5.
+const DEAREST: f32 = 0.5;
+/// How far a point may come back from where it started after a visit to another photo, px.
+const BACK: f32 = 1.5;
+/// How much the distances of two photos may differ.
+const DEPTH: f32 = 0.02;
+/// Photos that must agree, where there are so many.
+const AGREE: usize = 2;
+/// Fewest pixels of a piece that is believed, and the share of the picture's: strays agree by chance.
+const PIECE: usize = 30;
+/// Neighbouring pixels whose distances differ by less are of one piece.
+const JUMP: f32 = 0.05;
+
+/// A photo that was compared with, its planes, and the way back.
+pub struct Other<'a> {
+    /// The way there.
+    pub there: &'a Source<'a>,
+    /// Its planes.
+    pub planes: &'a Planes,
+    /// The way back into the first photo.
+    pub back: &'a Source<'a>,
+    /// Third row of the rotation and translation there: view z of a point is `z (row . ray) + shift`.
+    pub depth: ([f32; 3], f32),
+}
+
+/// Inverse depth of each pixel, `[H, W]`, NaN where too few others agree.
+#[must_use]
+pub fn agreed(reference: &Reference<'_>, found: &Planes, others: &[Other<'_>]) -> Vec<f32> {
+    let (width, height) = (reference.picture.width, reference.picture.height);
+    let wanted = AGREE.min(others.len());
+    let mut inverse = vec![f32::NAN; width * height];
+    for (pixel, out) in inverse.iter_mut().enumerate() {
+        let (x, y) = ((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5);
+        let at = inverse_depth(&found.planes[pixel], x, y);
+        let is_told = found.costs[pixel] < DEAREST && at > 0.0;
+        if is_told && others.iter().filter(|other| other.agrees(reference, x, y, at)).count() >= wanted {
+            *out = at;
+        }
+    }
+    remove_small(&mut inverse, width, PIECE.max(width * height / 1500));
+    inverse
+}
+
+impl Other<'_> {
+    fn agrees(&self, reference: &Reference<'_>, x: f32, y: f32, inverse: f32) -> bool {
+        let Some([u, v]) = self.there.place(x, y, inverse) else { return false };
+        let picture = self.there.picture;
+        if !(u >= 0.0 && v >= 0.0 && u < picture.width as f32 && v < picture.height as f32) {
+            return false;
+        }
+        let theirs = inverse_depth(&self.planes.planes[v as usize * picture.width + u as usize], u, v);
+        // Both photos' distance of the same point along the other's axis.
+        let [fx, fy, cx, cy] = reference.intrinsics;
+        let ray = [(x - cx) / fx, (y - cy) / fy, 1.0];
+        let (row, shift) = self.depth;
+        let z = (row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2]) / inverse + shift;
+        if !(theirs > 0.0 && (theirs * z - 1.0).abs() < DEPTH) {
+            return false;
+        }
+        self.back.place(u, v, theirs).is_some_and(|[bx, by]| (bx - x).hypot(by - y) < BACK)
+    }
+}
+
+/// Makes pieces of fewer than `least` pixels unknown.
+pub fn remove_small(inverse: &mut [f32], width: usize, least: usize) {
+    let mut is_done = vec![false; inverse.len()];
+    let mut waiting = Vec::new();
+    for start in 0..inverse.len() {
+        if is_done[start] || inverse[start].is_nan() {
+            continue;
+        }
+        let mut piece = Vec::new();
+        is_done[start] = true;
+        waiting.push(start);
+        while let Some(pixel) = waiting.pop() {
+            piece.push(pixel);
+            let column = pixel % width;
+            let neighbours = [
+                (column > 0).then(|| pixel - 1),
+                (column + 1 < width).then_some(pixel + 1),
+                pixel.checked_sub(width),
+                (pixel + width < inverse.len()).then_some(pixel + width),
+            ];
+            for near in neighbours.into_iter().flatten() {
+                let is_one = (inverse[near] / inverse[pixel] - 1.0).abs() < JUMP;
+                if !is_done[near] && is_one {
+                    is_done[near] = true;
+                    waiting.push(near);
+                }
+            }
+        }
+        if piece.len() < least {
+            piece.iter().for_each(|pixel| inverse[*pixel] = f32::NAN);
+        }
+    }
+}

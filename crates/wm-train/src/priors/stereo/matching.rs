@@ -1,0 +1,166 @@
+//! How well a plane through a pixel's surroundings explains what other photos show there.
+
+/// Window offsets along one axis, px: 9x9 px, every second one.
+const OFFSETS: [f32; 5] = [-4.0, -2.0, 0.0, 2.0, 4.0];
+/// Samples of a window.
+const SAMPLES: usize = OFFSETS.len() * OFFSETS.len();
+/// Standard deviation of the weights in space, px, and in brightness (0-1): what differs in brightness is
+/// likely another surface.
+const NEAR: f32 = 4.0;
+const ALIKE: f32 = 0.1;
+/// Standard deviation of brightness below which a window tells nothing: one step of 8 bits.
+const FLAT: f32 = 1.0 / 255.0;
+/// Cost of what cannot be compared, of 0 (equal) to 2 (opposite).
+pub const WORST: f32 = 2.0;
+/// Cost where there is nothing to tell: that of chance.
+const UNTOLD: f32 = 1.0;
+
+/// Brightness of a photo, `[H, W]`, 0-1.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// Width, px.
+    pub width: usize,
+    /// Height, px.
+    pub height: usize,
+    /// Row by row.
+    pub values: Vec<f32>,
+}
+
+impl Picture {
+    /// From sRGB, `[H, W, 3]`.
+    #[must_use]
+    pub fn of(rgb: &[u8], width: usize) -> Self {
+        let luma = |rgb: &[u8]| {
+            let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(f32::from);
+            (0.299 * r + 0.587 * g + 0.114 * b) / 255.0
+        };
+        let values: Vec<f32> = rgb.chunks_exact(3).map(luma).collect();
+        Self { width, height: values.len() / width, values }
+    }
+
+    /// Between the four pixels around a picture point, px; `None` outside.
+    #[inline(always)]
+    fn sample(&self, x: f32, y: f32) -> Option<f32> {
+        let (x, y) = (x - 0.5, y - 0.5);
+        // Written so that NaN is outside.
+        let inside = x >= 0.0 && y >= 0.0 && x < (self.width - 1) as f32 && y < (self.height - 1) as f32;
+        if !inside {
+            return None;
+        }
+        let (left, top) = (x as usize, y as usize);
+        let (dx, dy) = (x - left as f32, y - top as f32);
+        let at = top * self.width + left;
+        let (upper, lower) = (&self.values[at..at + 2], &self.values[at + self.width..at + self.width + 2]);
+        let (upper, lower) = (upper[0] + dx * (upper[1] - upper[0]), lower[0] + dx * (lower[1] - lower[0]));
+        Some(upper + dy * (lower - upper))
+    }
+}
+
+/// A photo to compare with, and how points of the first photo fall into it.
+#[derive(Clone, Debug)]
+pub struct Source<'a> {
+    /// What it shows.
+    pub picture: &'a Picture,
+    /// Picture points at infinite distance: `base (x, y, 1)`, homogeneous.
+    pub base: [[f32; 3]; 3],
+    /// What is added for each unit of inverse depth.
+    pub lift: [f32; 3],
+}
+
+impl Source<'_> {
+    /// Where the point with inverse depth `inverse` behind picture point (x, y) falls, px.
+    #[inline(always)]
+    #[must_use]
+    pub fn place(&self, x: f32, y: f32, inverse: f32) -> Option<[f32; 2]> {
+        let h: [f32; 3] = [0, 1, 2]
+            .map(|k| self.base[k][0] * x + self.base[k][1] * y + self.base[k][2] + self.lift[k] * inverse);
+        (h[2] > 1e-6).then(|| [h[0] / h[2], h[1] / h[2]])
+    }
+}
+
+/// A plane as inverse depth over the picture: `1 / z = plane . (x, y, 1)`, px.
+pub type Plane = [f32; 3];
+
+/// The inverse depth of a plane at picture point (x, y).
+#[inline(always)]
+#[must_use]
+pub fn inverse_depth(plane: &Plane, x: f32, y: f32) -> f32 {
+    plane[0] * x + plane[1] * y + plane[2]
+}
+
+/// The surroundings of one pixel.
+pub struct Window {
+    x: f32,
+    y: f32,
+    values: [f32; SAMPLES],
+    weights: [f32; SAMPLES],
+    mean: f32,
+    /// One over the standard deviation; 0 where the window is flat.
+    contrast: f32,
+}
+
+impl Window {
+    /// About the pixel in `column` and `row`; the border is continued.
+    #[must_use]
+    pub fn new(picture: &Picture, column: usize, row: usize) -> Self {
+        let (mut values, mut weights) = ([0.0; SAMPLES], [0.0; SAMPLES]);
+        let middle = picture.values[row * picture.width + column];
+        let inside =
+            |at: usize, off: f32, most: usize| (at as f32 + off).clamp(0.0, (most - 1) as f32) as usize;
+        let mut total = 0.0;
+        for (i, dy) in OFFSETS.into_iter().enumerate() {
+            let y = inside(row, dy, picture.height);
+            for (j, dx) in OFFSETS.into_iter().enumerate() {
+                let value = picture.values[y * picture.width + inside(column, dx, picture.width)];
+                let off = (value - middle) / ALIKE;
+                let far = (dx * dx + dy * dy) / (NEAR * NEAR);
+                let weight = (-0.5 * (off * off + far)).exp();
+                (values[i * OFFSETS.len() + j], weights[i * OFFSETS.len() + j]) = (value, weight);
+                total += weight;
+            }
+        }
+        weights.iter_mut().for_each(|weight| *weight /= total);
+        let mean = values.iter().zip(&weights).map(|(v, w)| v * w).sum::<f32>();
+        let variance = values.iter().zip(&weights).map(|(v, w)| w * (v - mean) * (v - mean)).sum::<f32>();
+        let contrast = if variance > FLAT * FLAT { 1.0 / variance.sqrt() } else { 0.0 };
+        Self { x: column as f32 + 0.5, y: row as f32 + 0.5, values, weights, mean, contrast }
+    }
+
+    /// 1 minus the weighted normalised correlation with what `source` shows of `plane`.
+    #[inline]
+    #[must_use]
+    pub fn cost(&self, source: &Source<'_>, plane: &Plane) -> f32 {
+        if self.contrast == 0.0 {
+            return UNTOLD;
+        }
+        // The plane's homography.
+        let h: [[f32; 3]; 3] =
+            [0, 1, 2].map(|k| [0, 1, 2].map(|c| source.base[k][c] + source.lift[k] * plane[c]));
+        let at: [f32; 3] = [0, 1, 2].map(|k| h[k][0] * self.x + h[k][1] * self.y + h[k][2]);
+        let (mut sum, mut square, mut product) = (0.0, 0.0, 0.0);
+        for (i, dy) in OFFSETS.into_iter().enumerate() {
+            let row: [f32; 3] = [0, 1, 2].map(|k| at[k] + h[k][1] * dy);
+            for (j, dx) in OFFSETS.into_iter().enumerate() {
+                let z = row[2] + h[2][0] * dx;
+                if z < 1e-6 {
+                    return WORST;
+                }
+                let Some(value) =
+                    source.picture.sample((row[0] + h[0][0] * dx) / z, (row[1] + h[1][0] * dx) / z)
+                else {
+                    return WORST;
+                };
+                let k = i * OFFSETS.len() + j;
+                let weighted = self.weights[k] * value;
+                sum += weighted;
+                square += weighted * value;
+                product += weighted * (self.values[k] - self.mean);
+            }
+        }
+        let variance = square - sum * sum;
+        if variance < FLAT * FLAT {
+            return UNTOLD;
+        }
+        (1.0 - product * self.contrast / variance.sqrt()).clamp(0.0, WORST)
+    }
+}

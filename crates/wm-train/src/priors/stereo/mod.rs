@@ -1,0 +1,277 @@
+//! Depth and normals from the photos themselves: what several photos show of one place, where their cameras
+//! are known. No network and no weights.
+//!
+//! Each pixel has a plane, kept as inverse depth over the picture, `1 / z = a x + b y + c`, so that it is a
+//! homography into every other photo. Planes begin at the points of the reconstruction or anywhere, spread
+//! to neighbours and are varied (PatchMatch: Barnes et al. 2009; as stereo: Bleyer et al. 2011; over a
+//! chessboard: Galliani et al. 2015). How well one fits is the normalised correlation of the window around the
+//! pixel, weighted by nearness in space and brightness, with what the two best other photos show. Half
+//! the size comes first. What is kept is where other photos' planes lead back to the same pixel.
+
+mod check;
+mod matching;
+mod sweep;
+
+use super::normals::normals;
+use super::points::seen_points;
+use crate::photos::{PhotoError, Photos};
+use glam::DVec3;
+use matching::{Picture, Source};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use sweep::{Planes, Reference, doubled};
+use wm_scene::Camera;
+use wm_scene::capture::Capture;
+
+/// How photos are compared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StereoOptions {
+    /// Most pixels of a photo; sides are halved until it has no more.
+    pub pixels: u32,
+    /// Other photos that each is compared with.
+    pub sources: usize,
+    /// Rounds at half the size and at the whole.
+    pub rounds: (u32, u32),
+    /// Which of the equally good runs.
+    pub seed: u64,
+}
+
+impl Default for StereoOptions {
+    fn default() -> Self {
+        Self { pixels: 100_000, sources: 4, rounds: (4, 2), seed: 0 }
+    }
+}
+
+/// What is found out of one photo.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StereoMap {
+    /// Width, px.
+    pub width: u32,
+    /// Height, px.
+    pub height: u32,
+    /// Inverse view z, 1 / scene unit, `[H, W]`, NaN where it is not known.
+    pub disparity: Vec<f32>,
+    /// World axes, towards the camera, `[H, W, 3]`, 0 where it is not known.
+    pub normal: Vec<[f32; 3]>,
+}
+
+/// Angles between two photos' rays to a point that are too small and too large to compare well, degrees.
+const NARROW: f64 = 4.0;
+const WIDE: f64 = 35.0;
+/// A photo without any point in view, or without others, is left out.
+const FEWEST_POINTS: usize = 8;
+/// The nearest surface is at least this share of the near points' distance.
+const NEARER: f64 = 0.2;
+/// Half the side of the window of normals, px.
+const WINDOW: usize = 3;
+/// Within how many pixels a point of the reconstruction starts planes.
+const AROUND: isize = 12;
+
+/// How often the sides of photos are halved for it.
+#[must_use]
+pub fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
+    let fits = |level: &u8| {
+        let camera = places.first().map(|place| photos.camera(*place, *level));
+        camera.is_none_or(|c| c.width * c.height <= options.pixels || c.width.min(c.height) < 64)
+    };
+    (0..8).find(fits).unwrap_or(0)
+}
+
+/// Maps of the photos `places` (places in `photos`), `None` for those that cannot be compared with others.
+/// `progress` is told the number of passes that are done, of two a photo, and says whether to go on.
+///
+/// # Errors
+/// [`PhotoError`] if a photo is damaged.
+pub fn estimate(
+    capture: &Capture,
+    photos: &Photos,
+    places: &[usize],
+    options: &StereoOptions,
+    progress: &(dyn Fn(usize) -> bool + Sync),
+) -> Result<Option<Vec<Option<StereoMap>>>, PhotoError> {
+    let level = level(photos, places, options);
+    let cameras: Vec<Camera> = places.iter().map(|place| photos.camera(*place, level)).collect();
+    let halves: Vec<Camera> = places.iter().map(|place| photos.camera(*place, level + 1)).collect();
+    let picture = |place: &usize, level: u8| {
+        photos.get(*place, level).map(|photo| Picture::of(&photo.rgb, photo.width as usize))
+    };
+    let whole: Vec<Picture> =
+        places.par_iter().map(|place| picture(place, level)).collect::<Result<_, _>>()?;
+    let half: Vec<Picture> =
+        places.par_iter().map(|place| picture(place, level + 1)).collect::<Result<_, _>>()?;
+
+    let seen = seen_points(capture, photos, places);
+    let sources = choose_sources(capture, &cameras, &seen, options.sources);
+    let done = AtomicUsize::new(0);
+    let sweep = |index: usize| -> Option<Option<Planes>> {
+        let found =
+            (sources[index].len() >= 2 || places.len() == 2 && !sources[index].is_empty()).then(|| {
+                let start = |camera: &Camera| start_map(capture, camera, &seen[index]);
+                let coarse = reference_of(capture, index, &half, &halves, &sources, &seen, options.seed)?;
+                let mut planes = coarse.begin(&start(&halves[index]));
+                for round in 0..options.rounds.0 {
+                    coarse.round(&mut planes, round + 1, 0.7f32.powi(round as i32));
+                }
+                let fine =
+                    reference_of(capture, index, &whole, &cameras, &sources, &seen, options.seed ^ 0xf19e)?;
+                let size = |p: &Picture| (p.width, p.height);
+                let mut planes = Planes {
+                    planes: doubled(&planes.planes, size(&half[index]), size(&whole[index])),
+                    costs: Vec::new(),
+                };
+                fine.judge(&mut planes);
+                for round in 0..options.rounds.1 {
+                    fine.round(&mut planes, round + 1, 0.25 * 0.5f32.powi(round as i32));
+                }
+                Some(planes)
+            });
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1).then_some(found.flatten())
+    };
+    let swept: Option<Vec<Option<Planes>>> = (0..places.len()).into_par_iter().map(sweep).collect();
+    let Some(swept) = swept else { return Ok(None) };
+
+    let compare = |index: usize| -> Option<Option<StereoMap>> {
+        let map = swept[index].as_ref().and_then(|planes| {
+            let reference = reference_of(capture, index, &whole, &cameras, &sources, &seen, 0)?;
+            let backs: Vec<Source<'_>> = sources[index]
+                .iter()
+                .map(|other| source_of(&whole[index], &cameras[*other], &cameras[index]))
+                .collect();
+            let others: Vec<check::Other<'_>> = (sources[index].iter().zip(&reference.sources).zip(&backs))
+                .filter_map(|((other, there), back)| {
+                    let planes = swept[*other].as_ref()?;
+                    let depth = depth_row(&cameras[index], &cameras[*other]);
+                    Some(check::Other { there, planes, back, depth })
+                })
+                .collect();
+            if others.is_empty() {
+                return None;
+            }
+            let disparity = check::agreed(&reference, planes, &others);
+            let normal = normals(&disparity, &cameras[index], WINDOW);
+            let (width, height) = (cameras[index].width, cameras[index].height);
+            Some(StereoMap { width, height, disparity, normal })
+        });
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1).then_some(map)
+    };
+    Ok((0..places.len()).into_par_iter().map(compare).collect())
+}
+
+/// For each photo the others that show most of its points under angles that tell distances.
+fn choose_sources(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], most: usize) -> Vec<Vec<usize>> {
+    let mut photos_of = vec![Vec::new(); capture.points.len()];
+    for (photo, points) in seen.iter().enumerate() {
+        for point in points {
+            photos_of[*point as usize].push(photo as u32);
+        }
+    }
+    let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
+    let of = |photo: usize| {
+        let mut scores = vec![0.0f64; cameras.len()];
+        for point in &seen[photo] {
+            let at = DVec3::from_array(capture.points.positions[*point as usize]);
+            let ray = (at - centers[photo]).normalize_or_zero();
+            for other in photos_of[*point as usize].iter().map(|other| *other as usize) {
+                let angle = ray.angle_between((at - centers[other]).normalize_or_zero()).to_degrees();
+                let score = (angle / NARROW).min(1.0) * (1.0 - angle / WIDE).clamp(0.0, 1.0);
+                if other != photo && score.is_finite() {
+                    scores[other] += score * score;
+                }
+            }
+        }
+        let mut order: Vec<usize> = (0..cameras.len()).filter(|other| scores[*other] > 0.0).collect();
+        order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b)));
+        order.truncate(most);
+        order
+    };
+    (0..cameras.len()).into_par_iter().map(of).collect()
+}
+
+/// View z of points, ascending.
+fn distances(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<f64> {
+    let z = |point: &u32| {
+        let at = DVec3::from_array(capture.points.positions[*point as usize]);
+        camera.viewmat.transform_point3(at).z
+    };
+    let mut distances: Vec<f64> = seen.iter().map(z).filter(|z| z.is_finite() && *z > 0.0).collect();
+    distances.sort_by(f64::total_cmp);
+    distances
+}
+
+/// Inverse depth around the points that a photo shows, `[H, W]`, 0 elsewhere.
+fn start_map(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<f32> {
+    let (width, height) = (camera.width as isize, camera.height as isize);
+    let mut map = vec![0.0; (width * height) as usize];
+    let mut off = vec![isize::MAX; map.len()];
+    for point in seen {
+        let at = DVec3::from_array(capture.points.positions[*point as usize]);
+        let Some((x, y, z)) = camera.project(at) else { continue };
+        let (column, row) = (x as isize, y as isize);
+        for dy in -AROUND..=AROUND {
+            for dx in -AROUND..=AROUND {
+                let (column, row, square) = (column + dx, row + dy, dx * dx + dy * dy);
+                if column >= 0 && row >= 0 && column < width && row < height {
+                    let pixel = (row * width + column) as usize;
+                    if square < off[pixel] {
+                        (off[pixel], map[pixel]) = (square, (1.0 / z) as f32);
+                    }
+                }
+            }
+        }
+    }
+    map
+}
+
+fn reference_of<'a>(
+    capture: &Capture,
+    index: usize,
+    pictures: &'a [Picture],
+    cameras: &[Camera],
+    sources: &[Vec<usize>],
+    seen: &[Vec<u32>],
+    seed: u64,
+) -> Option<Reference<'a>> {
+    let camera = &cameras[index];
+    let distances = distances(capture, camera, &seen[index]);
+    if distances.len() < FEWEST_POINTS {
+        return None;
+    }
+    let near = distances[distances.len() / 50];
+    Some(Reference {
+        picture: &pictures[index],
+        intrinsics: [camera.fx, camera.fy, camera.cx, camera.cy].map(|v| v as f32),
+        sources: sources[index]
+            .iter()
+            .map(|other| source_of(&pictures[*other], camera, &cameras[*other]))
+            .collect(),
+        nearest: (1.0 / (NEARER * near)) as f32,
+        seed: seed ^ (index as u64) << 32,
+    })
+}
+
+/// How points that `from` sees fall into what `to` shows.
+fn source_of<'a>(picture: &'a Picture, from: &Camera, to: &Camera) -> Source<'a> {
+    let relative = to.viewmat * from.viewmat.inverse();
+    let matrix = |camera: &Camera| {
+        glam::DMat3::from_cols(
+            DVec3::new(camera.fx, 0.0, 0.0),
+            DVec3::new(0.0, camera.fy, 0.0),
+            DVec3::new(camera.cx, camera.cy, 1.0),
+        )
+    };
+    let rotation = glam::DMat3::from_mat4(relative);
+    let base = matrix(to) * rotation * matrix(from).inverse();
+    let lift = matrix(to) * relative.w_axis.truncate();
+    Source {
+        picture,
+        base: [0, 1, 2].map(|row| base.row(row).to_array().map(|v| v as f32)),
+        lift: lift.to_array().map(|v| v as f32),
+    }
+}
+
+/// View z in `to` of a point that `from` sees at z along its ray: `z (row . ray) + shift`.
+fn depth_row(from: &Camera, to: &Camera) -> ([f32; 3], f32) {
+    let relative = to.viewmat * from.viewmat.inverse();
+    let row = relative.row(2);
+    ([row.x, row.y, row.z].map(|v| v as f32), row.w as f32)
+}

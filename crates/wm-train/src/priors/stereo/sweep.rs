@@ -1,0 +1,218 @@
+//! Planes for all pixels of one photo: good ones spread to their neighbours and are varied (PatchMatch).
+
+use super::matching::{Picture, Plane, Source, WORST, Window, inverse_depth};
+use wm_scene::synthetic::uniform;
+
+/// Neighbours that a pixel tries the planes of: of the other colour of a chessboard.
+const NEIGHBOURS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-5, 0), (5, 0), (0, -5), (0, 5)];
+/// Sources of which the cost is the mean: the best, since the others may not see the place.
+const BEST: usize = 2;
+/// Least cosine between a plane's normal and the ray: 80 degrees.
+const GRAZING: f32 = 0.17;
+
+/// The camera and range of one photo.
+#[derive(Clone, Debug)]
+pub struct Reference<'a> {
+    /// What it shows.
+    pub picture: &'a Picture,
+    /// Focal lengths and principal point, px.
+    pub intrinsics: [f32; 4],
+    /// The photos to compare with.
+    pub sources: Vec<Source<'a>>,
+    /// Largest inverse depth.
+    pub nearest: f32,
+    /// Seed of its random numbers.
+    pub seed: u64,
+}
+
+/// The planes of one photo, `[H, W]`, and how badly they match.
+#[derive(Clone, Debug, Default)]
+pub struct Planes {
+    /// As inverse depth over the picture.
+    pub planes: Vec<Plane>,
+    /// 0 to 2.
+    pub costs: Vec<f32>,
+}
+
+impl Reference<'_> {
+    /// The ray through picture point (x, y), z = 1.
+    fn ray(&self, x: f32, y: f32) -> [f32; 3] {
+        let [fx, fy, cx, cy] = self.intrinsics;
+        [(x - cx) / fx, (y - cy) / fy, 1.0]
+    }
+
+    /// The plane through the point of inverse depth `inverse` behind (x, y) with the normal `normal`, camera axes.
+    #[must_use]
+    pub fn plane(&self, x: f32, y: f32, inverse: f32, normal: [f32; 3]) -> Option<Plane> {
+        let ray = self.ray(x, y);
+        let facing = dot(normal, ray);
+        let length = dot(ray, ray).sqrt();
+        if facing.abs() < GRAZING * length || !(inverse > 0.0 && inverse <= self.nearest) {
+            return None;
+        }
+        let [fx, fy, cx, cy] = self.intrinsics;
+        let q = normal.map(|v| v * inverse / facing);
+        let (a, b) = (q[0] / fx, q[1] / fy);
+        Some([a, b, q[2] - a * cx - b * cy])
+    }
+
+    /// The normal of a plane, camera axes, towards the camera, of length 1.
+    #[must_use]
+    pub fn normal(&self, plane: &Plane) -> [f32; 3] {
+        let [fx, fy, cx, cy] = self.intrinsics;
+        let q = [plane[0] * fx, plane[1] * fy, plane[2] + plane[0] * cx + plane[1] * cy];
+        let length = dot(q, q).sqrt().max(1e-20);
+        // q . ray is the inverse depth, above 0: the plane's far side.
+        q.map(|v| -v / length)
+    }
+
+    /// Whether a plane is in range and not seen from its edge at (x, y).
+    fn allows(&self, plane: &Plane, x: f32, y: f32) -> bool {
+        let inverse = inverse_depth(plane, x, y);
+        let ray = self.ray(x, y);
+        let facing = -dot(self.normal(plane), ray);
+        inverse > 0.0 && inverse <= self.nearest && facing > GRAZING * dot(ray, ray).sqrt()
+    }
+
+    fn cost(&self, window: &Window, plane: &Plane) -> f32 {
+        let mut best = [WORST; BEST];
+        for source in &self.sources {
+            let mut cost = window.cost(source, plane);
+            for place in &mut best {
+                if cost < *place {
+                    std::mem::swap(place, &mut cost);
+                }
+            }
+        }
+        let count = self.sources.len().clamp(1, BEST);
+        best[..count].iter().sum::<f32>() / count as f32
+    }
+
+    /// Random numbers of a pixel in a round.
+    fn random(&self, round: u32, pixel: usize) -> impl FnMut() -> f32 {
+        let (mut drawn, seed) = (0u64, self.seed ^ u64::from(round) << 48);
+        move || {
+            drawn += 1;
+            uniform(seed, (pixel as u64) << 5 | drawn) as f32
+        }
+    }
+
+    /// A normal within about 60 degrees of the ray back.
+    fn any_normal(&self, x: f32, y: f32, random: &mut impl FnMut() -> f32) -> [f32; 3] {
+        let ray = self.ray(x, y);
+        let length = dot(ray, ray).sqrt();
+        let off: [f32; 3] = std::array::from_fn(|_| 1.7 * (random() - 0.5));
+        let normal: [f32; 3] = [0, 1, 2].map(|k| off[k] - ray[k] / length);
+        unit(normal)
+    }
+
+    /// Planes to begin with: `inverse` where it is known (above 0) and elsewhere anything.
+    #[must_use]
+    pub fn begin(&self, inverse: &[f32]) -> Planes {
+        let mut found = Planes::default();
+        for row in 0..self.picture.height {
+            for column in 0..self.picture.width {
+                let pixel = row * self.picture.width + column;
+                let (x, y) = (column as f32 + 0.5, row as f32 + 0.5);
+                let mut random = self.random(0, pixel);
+                let known = inverse.get(pixel).copied().filter(|v| *v > 0.0);
+                let at = known.unwrap_or_else(|| random() * self.nearest);
+                let normal = self.any_normal(x, y, &mut random);
+                let plane = self.plane(x, y, at, normal);
+                let plane =
+                    plane.or_else(|| self.plane(x, y, at.clamp(1e-6, self.nearest), unit(self.ray(x, y))));
+                found.planes.push(plane.unwrap_or([0.0, 0.0, self.nearest]));
+            }
+        }
+        self.judge(&mut found);
+        found
+    }
+
+    /// Costs of the planes as they are.
+    pub fn judge(&self, found: &mut Planes) {
+        let width = self.picture.width;
+        found.costs.clear();
+        for (pixel, plane) in found.planes.iter().enumerate() {
+            let window = Window::new(self.picture, pixel % width, pixel / width);
+            found.costs.push(self.cost(&window, plane));
+        }
+    }
+
+    /// One round over both colours of the chessboard; rounds count from 1. `reach` is how far planes are
+    /// varied, 1 for anything.
+    pub fn round(&self, found: &mut Planes, round: u32, reach: f32) {
+        let (width, height) = (self.picture.width, self.picture.height);
+        for color in 0..2 {
+            for row in 0..height {
+                for column in ((row + color) % 2..width).step_by(2) {
+                    self.improve(found, (column, row), round, reach);
+                }
+            }
+        }
+    }
+
+    fn improve(&self, found: &mut Planes, (column, row): (usize, usize), round: u32, reach: f32) {
+        let (width, height) = (self.picture.width, self.picture.height);
+        let pixel = row * width + column;
+        let (x, y) = (column as f32 + 0.5, row as f32 + 0.5);
+        let window = Window::new(self.picture, column, row);
+        let (mut best, mut least) = (found.planes[pixel], found.costs[pixel]);
+        for (dx, dy) in NEIGHBOURS {
+            let (column, row) = (column.wrapping_add_signed(dx), row.wrapping_add_signed(dy));
+            if column >= width || row >= height {
+                continue;
+            }
+            let plane = found.planes[row * width + column];
+            // Unchanged ones were tried before.
+            if plane != best && self.allows(&plane, x, y) {
+                let cost = self.cost(&window, &plane);
+                if cost < least {
+                    (best, least) = (plane, cost);
+                }
+            }
+        }
+        let mut random = self.random(round, pixel);
+        let (inverse, normal) = (inverse_depth(&best, x, y), self.normal(&best));
+        let turn: [f32; 3] = std::array::from_fn(|_| reach * (random() - 0.5));
+        let turned = unit([0, 1, 2].map(|k| normal[k] + turn[k]));
+        let moved = inverse * (1.0 + 0.2 * reach * (random() - 0.5));
+        let anywhere = random() * self.nearest;
+        let any = self.any_normal(x, y, &mut random);
+        let trials = [(moved, normal), (inverse, turned), (moved, turned), (anywhere, any)];
+        let count = if reach < 1.0 { 3 } else { 4 };
+        for (inverse, normal) in &trials[..count] {
+            if let Some(plane) = self.plane(x, y, *inverse, *normal) {
+                let cost = self.cost(&window, &plane);
+                if cost < least {
+                    (best, least) = (plane, cost);
+                }
+            }
+        }
+        (found.planes[pixel], found.costs[pixel]) = (best, least);
+    }
+}
+
+/// The planes of a picture of half the size, for the whole one.
+#[must_use]
+pub fn doubled(
+    planes: &[Plane],
+    (half_width, half_height): (usize, usize),
+    (width, height): (usize, usize),
+) -> Vec<Plane> {
+    let at = |pixel: usize| {
+        let (column, row) =
+            ((pixel % width / 2).min(half_width - 1), (pixel / width / 2).min(half_height - 1));
+        let [a, b, c] = planes[row * half_width + column];
+        [0.5 * a, 0.5 * b, c]
+    };
+    (0..width * height).map(at).collect()
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn unit(v: [f32; 3]) -> [f32; 3] {
+    let length = dot(v, v).sqrt().max(1e-20);
+    v.map(|v| v / length)
+}
