@@ -88,6 +88,14 @@ pub enum Fault {
         /// As what it is stored.
         kind: String,
     },
+    /// Tensors whose shapes are of another network.
+    #[error("{what}; {advice}")]
+    Network {
+        /// What was found.
+        what: String,
+        /// Which files would do.
+        advice: &'static str,
+    },
     /// A tensor holds NaN or infinity.
     #[error("tensor {0} holds NaN or infinite numbers; copy or convert the file again")]
     NotFinite(String),
@@ -138,6 +146,18 @@ impl Weights {
         let open =
             |path: &PathBuf| open(path).map_err(|fault| WeightsError { files: vec![path.clone()], fault });
         Ok(Self { files: files.iter().map(open).collect::<Result<_, _>>()?, advice })
+    }
+
+    /// The shape of a tensor, if a file has it: that which [`Weights::tensor`] would take.
+    #[must_use]
+    pub fn shape(&self, name: &str) -> Option<&[usize]> {
+        self.files.iter().find_map(|file| file.entries.get(name)).map(|entry| &entry.shape[..])
+    }
+
+    /// An error about all files together: tensors whose shapes are of another network.
+    pub(crate) fn refuse(&self, what: String) -> WeightsError {
+        let files = self.files.iter().map(|file| file.path.clone()).collect();
+        WeightsError { files, fault: Fault::Network { what, advice: self.advice } }
     }
 
     /// A tensor as f32, from the first file that has it. Half and double precision are converted.
