@@ -219,6 +219,17 @@ impl DepthAnything {
         }
     }
 
+    /// What [`fetch`](crate::weights::fetch::fetch) takes to get those weights. Their checksum is not known here.
+    #[cfg(feature = "fetch")]
+    #[must_use]
+    pub fn source(size: Size, version: Version) -> crate::weights::fetch::Source {
+        crate::weights::fetch::Source {
+            url: Self::url(size, version).into(),
+            file_name: Self::file_name(size, version).into(),
+            checksum: None,
+        }
+    }
+
     /// Width and height of [`Self::predict`]'s output for a photo, px: multiples of 14. The side that has to change less
     /// becomes 518 (that of the photos which the network learnt from): the shorter one of a larger photo, the longer one
     /// of a smaller.

@@ -93,7 +93,7 @@ fn photos_are_resized_and_normalised_as_by_the_reference() {
 
 /// From the photo's file to the disparity. A value goes through about 100 sums one after the other, of up to 588 products
 /// in f32; those err by 2^-24 sqrt(588) = 1.4e-6 of their size each, and together by sqrt(100) times that, 1.4e-5
-/// of the range, if nothing is amplified.
+/// of the range, if nothing is amplified. GELU by tanh, the nearest thing to it, is off by 1e-4.
 #[test]
 fn disparity_is_that_of_the_reference() {
     for ((_, version), network) in VERSIONS.iter().zip(&*NETWORKS) {
@@ -109,7 +109,7 @@ fn disparity_is_that_of_the_reference() {
                 assert_eq!(shape, [found.height, found.width], "{file}");
                 let (largest, range) = gap(&found.values, &expected);
                 println!("{file}: off by {largest:.1e} in a range of {range:.1}: {:.1e}", largest / range);
-                assert!(range > 10.0 && largest < 1e-4 * range, "{file}: {largest} of {range}");
+                assert!(range > 10.0 && largest < 1.4e-5 * range, "{file}: {largest} of {range}");
             }
         }
     }
@@ -290,7 +290,7 @@ fn weights_that_are_refused() {
         "{line}"
     );
     let line = refused(|tensors| {
-        tensors.retain(|tensor| !(3..12).any(|i| tensor.0.contains(&format!("layer.{i}."))))
+        tensors.retain(|tensor| !(3..12).any(|i| tensor.0.contains(&format!("layer.{i}."))));
     });
     assert!(line.contains("a network of 3 blocks and 6x6 positions, where "), "{line}");
 

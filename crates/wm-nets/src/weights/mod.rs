@@ -4,6 +4,8 @@
 //! shape that the network needs, before anything is allocated for it; of a large file only those tensors are
 //! read that are asked for.
 
+#[cfg(feature = "fetch")]
+pub mod fetch;
 mod pth;
 mod safetensors;
 #[cfg(test)]
@@ -182,18 +184,23 @@ fn open(path: &Path) -> Result<Weighed, Fault> {
     if !file.metadata()?.is_file() {
         return Err(io::Error::other("it is no file").into());
     }
+    let entries = entries(&mut file, path)?;
+    Ok(Weighed { path: path.into(), file, entries })
+}
+
+/// The tensors of a file, which is at its start.
+fn entries(file: &mut File, path: &Path) -> Result<HashMap<String, Entry>, Fault> {
     let length = file.metadata()?.len();
     let mut first = Vec::new();
-    Read::by_ref(&mut file).take(9).read_to_end(&mut first)?;
-    let entries = match first[..] {
-        [] => return Err(Fault::Empty),
-        [b'P', b'K', 3, 4, ..] => pth::entries(&mut file, length)?,
+    Read::by_ref(file).take(9).read_to_end(&mut first)?;
+    match first[..] {
+        [] => Err(Fault::Empty),
+        [b'P', b'K', 3, 4, ..] => pth::entries(file, length),
         // A pickle that is not in a zip archive.
-        [0x80, 1..=5, ..] => return Err(Fault::Old(path.display().to_string())),
-        [_, _, _, _, _, _, _, _, b'{'] => safetensors::entries(&mut file, length)?,
-        _ => return Err(Fault::Unknown),
-    };
-    Ok(Weighed { path: path.into(), file, entries })
+        [0x80, 1..=5, ..] => Err(Fault::Old(path.display().to_string())),
+        [_, _, _, _, _, _, _, _, b'{'] => safetensors::entries(file, length),
+        _ => Err(Fault::Unknown),
+    }
 }
 
 fn load(
