@@ -160,8 +160,8 @@ impl Head {
 }
 
 impl Fusion {
-    /// `smaller` was made as large as `image`. What comes out is to be resized: the order of this and of the product
-    /// does not matter but for the work, since the weights of a resized pixel add up to 1.
+    /// `smaller` was made as large as `image`. What comes out is to be resized: the order of this and of the
+    /// product does not matter but for the work, since the weights of a resized pixel add up to 1.
     fn apply(&self, smaller: Option<Image>, image: &Image) -> Image {
         let sum = match (smaller, &self.added) {
             (Some(mut smaller), Some(added)) => {

@@ -329,8 +329,8 @@ pub fn add_scaled(x: &mut [f32], scale: &[f32], other: &[f32]) {
     });
 }
 
-/// `softmax(q k^T / sqrt d) v` of each head, `[rows, channels]`. `qkv` is `[rows, 3 channels]`: queries, keys, values,
-/// in each the heads side by side.
+/// `softmax(q k^T / sqrt d) v` of each head, `[rows, channels]`. `qkv` is `[rows, 3 channels]`: queries, keys,
+/// values, in each the heads side by side.
 pub fn attention(qkv: Vec<f32>, channels: usize, heads: usize) -> Vec<f32> {
     /// Queries at a time, which bounds the memory.
     const QUERIES: usize = 256;

@@ -2,8 +2,8 @@
 //! of transformers, on Pillow): resized in 8 bit, then each channel with ImageNet's mean and deviation taken out.
 //!
 //! Resizing is Pillow's, which keeps it the same on every machine: cubic convolution with a = -0.5, widened where
-//! the photo becomes smaller; first along rows, then along columns, each with weights of 22 bit and rounded
-//! to 8 bit. Newer versions of transformers resize by torchvision where it is installed, which differs by one level of
+//! the photo becomes smaller; first along rows, then along columns, each with weights of 22 bit and rounded to 8
+//! bit. Newer versions of transformers resize by torchvision where it is installed, which differs by one level of
 //! 255 in about one value of 250.
 
 use super::PhotoError;
@@ -37,7 +37,8 @@ pub fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), 
     Ok((patches(width) as usize * PATCH, patches(height) as usize * PATCH))
 }
 
-/// A photo, `[H, W, 3]`, 0-1, display-referred, at another size and normalised. What is not in 0-1 is clamped, NaN is 0.
+/// A photo, `[H, W, 3]`, 0-1, display-referred, at another size and normalised. What is not in 0-1 is clamped,
+/// NaN is 0.
 pub fn normalized(rgb: &[f32], (width, height): (usize, usize), to: (usize, usize)) -> Image {
     let levels: Vec<u8> = rgb.par_iter().map(|value| (255.0 * value).round() as u8).collect();
     let levels = resized(levels, (width, height), to);

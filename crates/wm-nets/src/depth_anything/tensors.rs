@@ -11,8 +11,9 @@ use std::io::Read as _;
 use std::path::Path;
 
 /// What is said where a file is of another network.
-pub const ADVICE: &str = "give model.safetensors of depth-anything/Depth-Anything-V2-{Small,Base,Large}-hf or \
-                          LiheYoung/depth-anything-{small,base,large}-hf on Hugging Face, or a .pth of the same networks";
+pub const ADVICE: &str = "give model.safetensors of depth-anything/Depth-Anything-V2-{Small,Base,Large}-hf \
+                          or LiheYoung/depth-anything-{small,base,large}-hf on Hugging Face, or a .pth of the \
+                          same networks";
 
 /// Numbers of channels and blocks.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,7 +50,8 @@ impl Architecture {
             .ok_or_else(|| weights.refuse("no tensors of Depth Anything".into()))?;
         let length = |name: String, axis: usize| {
             let shape = weights.shape(&name).ok_or_else(|| weights.refuse(format!("no tensor {name}")))?;
-            let length = shape.get(axis).filter(|length| **length > 0).copied();
+            // An empty tensor may claim any side.
+            let length = shape.get(axis).filter(|length| (1..=1 << 16).contains(*length)).copied();
             length.ok_or_else(|| weights.refuse(format!("tensor {name} has shape {shape:?}")))
         };
         let of = |name: &str, axis: usize| length(naming.name(name), axis);

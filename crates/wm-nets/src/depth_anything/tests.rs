@@ -91,9 +91,9 @@ fn photos_are_resized_and_normalised_as_by_the_reference() {
     }
 }
 
-/// From the photo's file to the disparity. A value goes through about 100 sums one after the other, of up to 588 products
-/// in f32; those err by 2^-24 sqrt(588) = 1.4e-6 of their size each, and together by sqrt(100) times that, 1.4e-5
-/// of the range, if nothing is amplified. GELU by tanh, the nearest thing to it, is off by 1e-4.
+/// From the photo's file to the disparity. A value goes through about 100 sums one after the other, of up to 588
+/// products in f32; those err by 2^-24 sqrt(588) = 1.4e-6 of their size each, and together by sqrt(100) times
+/// that, 1.4e-5 of the range, if nothing is amplified. GELU by tanh, the nearest thing to it, is off by 1e-4.
 #[test]
 fn disparity_is_that_of_the_reference() {
     for ((_, version), network) in VERSIONS.iter().zip(&*NETWORKS) {
@@ -300,6 +300,14 @@ fn weights_that_are_refused() {
     tensors[at].2.fill(f32::MAX);
     let network = DepthAnything::read(&[files.put("x", safetensors(&tensors))], Version::V2).unwrap();
     assert_eq!(network.predict(&vec![0.5; 3 * 20 * 16], 20), Err(PhotoError::NotFinite));
+
+    // Sides that no tensor has, of empty ones.
+    for side in ["18446744073709551615", "9223372036854775808", "0"] {
+        let name = "backbone.embeddings.patch_embeddings.projection.weight";
+        let header = format!(r#"{{"{name}":{{"dtype":"F32","shape":[{side},0],"data_offsets":[0,0]}}}}"#);
+        let line = said(DepthAnything::read(&[files.put("y", with_header(&header, b""))], Version::V2));
+        assert!(line.contains(&format!("projection.weight has shape [{side}, 0]; give ")), "{line}");
+    }
 
     // Cut off, of something else, not there.
     let bytes = fs::read(fixture("v2/model.safetensors")).unwrap();

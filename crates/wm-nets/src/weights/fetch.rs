@@ -145,8 +145,8 @@ pub enum Why {
     },
 }
 
-/// The user's folder for what can be had again: `XDG_CACHE_HOME` or the platform's, and this program's name; `None` where
-/// the system knows no home.
+/// The user's folder for what can be had again: `XDG_CACHE_HOME` or the platform's, and this program's name;
+/// `None` where the system knows no home.
 #[must_use]
 pub fn cache_folder() -> Option<PathBuf> {
     let of = |variable: &str| std::env::var_os(variable).map(PathBuf::from).filter(|path| path.is_absolute());
@@ -163,12 +163,12 @@ pub fn cache_folder() -> Option<PathBuf> {
     folder.map(|folder| folder.join("weather-magician"))
 }
 
-/// The path of a file in `folder`, which is fetched if it is not there; the folder is made. Proxies are those of the
-/// environment. `progress` is called at the start and after each block.
+/// The path of a file in `folder`, which is fetched if it is not there; the folder is made. Proxies are those of
+/// the environment. `progress` is called at the start and after each block.
 ///
 /// # Errors
-/// [`FetchError`] if it cannot be fetched or written, or is not what was expected. There is no file of its name then, but
-/// for one that was there.
+/// [`FetchError`] if it cannot be fetched or written, or is not what was expected. There is no file of
+/// its name then, but for one that was there.
 pub fn fetch(
     source: &Source,
     folder: &Path,
