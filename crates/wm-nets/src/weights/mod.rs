@@ -4,6 +4,8 @@
 //! shape that the network needs, before anything is allocated for it; of a large file only those tensors are
 //! read that are asked for.
 
+#[cfg(feature = "fetch")]
+pub mod fetch;
 mod pth;
 mod safetensors;
 #[cfg(test)]
@@ -88,6 +90,14 @@ pub enum Fault {
         /// As what it is stored.
         kind: String,
     },
+    /// Tensors whose shapes are of another network.
+    #[error("{what}; {advice}")]
+    Network {
+        /// What was found.
+        what: String,
+        /// Which files would do.
+        advice: &'static str,
+    },
     /// A tensor holds NaN or infinity.
     #[error("tensor {0} holds NaN or infinite numbers; copy or convert the file again")]
     NotFinite(String),
@@ -140,6 +150,18 @@ impl Weights {
         Ok(Self { files: files.iter().map(open).collect::<Result<_, _>>()?, advice })
     }
 
+    /// The shape of a tensor, if a file has it: that which [`Weights::tensor`] would take.
+    #[must_use]
+    pub fn shape(&self, name: &str) -> Option<&[usize]> {
+        self.files.iter().find_map(|file| file.entries.get(name)).map(|entry| &entry.shape[..])
+    }
+
+    /// An error about all files together: tensors whose shapes are of another network.
+    pub(crate) fn refuse(&self, what: String) -> WeightsError {
+        let files = self.files.iter().map(|file| file.path.clone()).collect();
+        WeightsError { files, fault: Fault::Network { what, advice: self.advice } }
+    }
+
     /// A tensor as f32, from the first file that has it. Half and double precision are converted.
     ///
     /// # Errors
@@ -162,18 +184,23 @@ fn open(path: &Path) -> Result<Weighed, Fault> {
     if !file.metadata()?.is_file() {
         return Err(io::Error::other("it is no file").into());
     }
+    let entries = entries(&mut file, path)?;
+    Ok(Weighed { path: path.into(), file, entries })
+}
+
+/// The tensors of a file, which is at its start.
+fn entries(file: &mut File, path: &Path) -> Result<HashMap<String, Entry>, Fault> {
     let length = file.metadata()?.len();
     let mut first = Vec::new();
-    Read::by_ref(&mut file).take(9).read_to_end(&mut first)?;
-    let entries = match first[..] {
-        [] => return Err(Fault::Empty),
-        [b'P', b'K', 3, 4, ..] => pth::entries(&mut file, length)?,
+    Read::by_ref(file).take(9).read_to_end(&mut first)?;
+    match first[..] {
+        [] => Err(Fault::Empty),
+        [b'P', b'K', 3, 4, ..] => pth::entries(file, length),
         // A pickle that is not in a zip archive.
-        [0x80, 1..=5, ..] => return Err(Fault::Old(path.display().to_string())),
-        [_, _, _, _, _, _, _, _, b'{'] => safetensors::entries(&mut file, length)?,
-        _ => return Err(Fault::Unknown),
-    };
-    Ok(Weighed { path: path.into(), file, entries })
+        [0x80, 1..=5, ..] => Err(Fault::Old(path.display().to_string())),
+        [_, _, _, _, _, _, _, _, b'{'] => safetensors::entries(file, length),
+        _ => Err(Fault::Unknown),
+    }
 }
 
 fn load(

@@ -1,0 +1,287 @@
+//! Depth Anything: how near each pixel of one photo is, V1 (Yang et al. 2024, "Depth Anything: unleashing the
+//! power of large-scale unlabeled data") and V2 (Yang et al. 2024, "Depth Anything V2").
+//!
+//! A photo is resized to whole patches of 14x14 px ([`DepthAnything::network_size`]). A DINOv2 transformer makes
+//! features of the patches, of which four layers go to a DPT head that puts them together at 4, 2, 1 and 1/2 px a
+//! patch, the smallest first. V1 and V2 have the same tensors and take other layers, which is why the [`Version`]
+//! has to be given. What comes out is disparity without unit: `1 / depth` but for a scale and a shift that differ
+//! from photo to photo.
+//!
+//! Numbers are those of Hugging Face's transformers, up to f32's rounding. The authors' own code differs in two
+//! places from it and from here: it resizes photos in float by OpenCV, and places position embeddings 0.1 patches
+//! further apart.
+
+mod network;
+mod ops;
+mod photo;
+mod tensors;
+#[cfg(test)]
+mod tests;
+
+use crate::weights::{Fault, Weights, WeightsError};
+use network::Network;
+use std::fmt;
+use std::path::PathBuf;
+use tensors::{ADVICE, Architecture, Config, Reader};
+use thiserror::Error;
+
+/// A photo's longer side may be this many times the shorter one. Attention's work grows with its square.
+pub const LONGEST: usize = 4;
+
+/// Which of the two the weights are of. Their tensors do not tell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Version {
+    /// January 2024: taught on real photos with measured depth.
+    V1,
+    /// June 2024: taught on rendered pictures, with finer edges.
+    #[default]
+    V2,
+}
+
+/// How large the network is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Size {
+    /// 25 million weights, ViT-S.
+    #[default]
+    Small,
+    /// 97 million weights, ViT-B.
+    Base,
+    /// 335 million weights, ViT-L.
+    Large,
+}
+
+/// Under what the weights may be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Licence {
+    /// Any use.
+    Apache2,
+    /// No commercial use, and the authors are to be named.
+    CcByNc4,
+}
+
+impl Licence {
+    /// Its SPDX identifier.
+    #[must_use]
+    pub const fn spdx(self) -> &'static str {
+        match self {
+            Self::Apache2 => "Apache-2.0",
+            Self::CcByNc4 => "CC-BY-NC-4.0",
+        }
+    }
+}
+
+impl fmt::Display for Licence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let says = match self {
+            Self::Apache2 => "any use",
+            Self::CcByNc4 => "no commercial use; the authors are to be named",
+        };
+        write!(f, "{} ({says})", self.spdx())
+    }
+}
+
+/// How near what a photo shows is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Disparity {
+    /// `[height, width]`, larger is nearer, without unit.
+    pub values: Vec<f32>,
+    /// px.
+    pub width: usize,
+    /// px.
+    pub height: usize,
+}
+
+/// Why a photo has no disparity, in one line.
+#[derive(Debug, Error, PartialEq, Eq)]
+pub enum PhotoError {
+    /// Less than a patch.
+    #[error(
+        "a photo of {width}x{height} px is too small; the depth network takes {0}x{0} px and more",
+        photo::PATCH
+    )]
+    Small {
+        /// px.
+        width: usize,
+        /// px.
+        height: usize,
+    },
+    /// A strip.
+    #[error(
+        "a photo of {width}x{height} px is too long; the depth network takes sides of up to {LONGEST}:1, so cut it up"
+    )]
+    Long {
+        /// px.
+        width: usize,
+        /// px.
+        height: usize,
+    },
+    /// What came out is no number.
+    #[error(
+        "the depth network's numbers overflow; its weights are not those of Depth Anything, so get them again"
+    )]
+    NotFinite,
+}
+
+/// The network with its weights.
+#[derive(Debug)]
+pub struct DepthAnything {
+    network: Network,
+    /// Side of the photos that it learnt from, px.
+    side: usize,
+    version: Version,
+    size: Option<Size>,
+}
+
+impl DepthAnything {
+    /// Reads published weights, safetensors or PyTorch's, from one file or several, with the names of Hugging
+    /// Face's transformers or of the authors' code. The size is that of the tensors. Where transformers'
+    /// `config.json` lies beside the first file, it is compared with the tensors and the version, and tells how
+    /// many attention heads there are; else a head has 64 channels, as in all published networks.
+    ///
+    /// Metric networks have the same tensors with another meaning; they are known by that `config.json` or their
+    /// name.
+    ///
+    /// # Errors
+    /// [`WeightsError`] if a file is no such file or damaged, a tensor is missing, of another shape or
+    /// not finite, or the network is another one, metric, or of another version.
+    pub fn read(files: &[PathBuf], version: Version) -> Result<Self, WeightsError> {
+        let mut weights = Weights::open(files, ADVICE)?;
+        let config = files.first().map(|file| Config::beside(file)).unwrap_or_default();
+        let architecture = &Architecture::of(&weights, &config)?;
+        for file in files {
+            if let Some(what) = config.contradiction(file, architecture, version) {
+                let fault = Fault::Network { what, advice: ADVICE };
+                return Err(WeightsError { files: vec![file.clone()], fault });
+            }
+        }
+        let network = Reader { weights: &mut weights, architecture }.network(version)?;
+        Ok(Self { network, side: photo::PATCH * architecture.grid, version, size: architecture.size() })
+    }
+
+    /// The version that was said.
+    #[must_use]
+    pub const fn version(&self) -> Version {
+        self.version
+    }
+
+    /// Which of the published sizes it has, if any.
+    #[must_use]
+    pub const fn size(&self) -> Option<Size> {
+        self.size
+    }
+
+    /// Under what the published weights may be used. It stands for V2 in the README of
+    /// <https://github.com/DepthAnything/Depth-Anything-V2> (LICENSE: "Small model is under the Apache-2.0
+    /// license. Base/Large/Giant models are under the CC-BY-NC-4.0 license") and for both on the models' pages at
+    /// Hugging Face, for V1 `license: apache-2.0`.
+    #[must_use]
+    pub const fn licence(size: Size, version: Version) -> Licence {
+        match (version, size) {
+            (Version::V1, _) | (Version::V2, Size::Small) => Licence::Apache2,
+            (Version::V2, Size::Base | Size::Large) => Licence::CcByNc4,
+        }
+    }
+
+    /// Where the weights are published, as safetensors.
+    #[must_use]
+    pub const fn url(size: Size, version: Version) -> &'static str {
+        match (version, size) {
+            (Version::V1, Size::Small) => {
+                "https://huggingface.co/LiheYoung/depth-anything-small-hf/resolve/main/model.safetensors"
+            }
+            (Version::V1, Size::Base) => {
+                "https://huggingface.co/LiheYoung/depth-anything-base-hf/resolve/main/model.safetensors"
+            }
+            (Version::V1, Size::Large) => {
+                "https://huggingface.co/LiheYoung/depth-anything-large-hf/resolve/main/model.safetensors"
+            }
+            (Version::V2, Size::Small) => {
+                "https://huggingface.co/depth-anything/Depth-Anything-V2-Small-hf/resolve/main/model.safetensors"
+            }
+            (Version::V2, Size::Base) => {
+                "https://huggingface.co/depth-anything/Depth-Anything-V2-Base-hf/resolve/main/model.safetensors"
+            }
+            (Version::V2, Size::Large) => {
+                "https://huggingface.co/depth-anything/Depth-Anything-V2-Large-hf/resolve/main/model.safetensors"
+            }
+        }
+    }
+
+    /// A file name for those weights, different for each.
+    #[must_use]
+    pub const fn file_name(size: Size, version: Version) -> &'static str {
+        match (version, size) {
+            (Version::V1, Size::Small) => "depth-anything-v1-small.safetensors",
+            (Version::V1, Size::Base) => "depth-anything-v1-base.safetensors",
+            (Version::V1, Size::Large) => "depth-anything-v1-large.safetensors",
+            (Version::V2, Size::Small) => "depth-anything-v2-small.safetensors",
+            (Version::V2, Size::Base) => "depth-anything-v2-base.safetensors",
+            (Version::V2, Size::Large) => "depth-anything-v2-large.safetensors",
+        }
+    }
+
+    /// What [`fetch`](crate::weights::fetch::fetch) takes to get those weights. Their checksum is not known here.
+    #[cfg(feature = "fetch")]
+    #[must_use]
+    pub fn source(size: Size, version: Version) -> crate::weights::fetch::Source {
+        crate::weights::fetch::Source {
+            url: Self::url(size, version).into(),
+            file_name: Self::file_name(size, version).into(),
+            checksum: None,
+        }
+    }
+
+    /// Width and height of [`Self::predict`]'s output for a photo, px: multiples of 14. The side that has to
+    /// change less becomes 518 (that of the photos which the network learnt from): the shorter one of a larger
+    /// photo, the longer one of a smaller.
+    ///
+    /// # Errors
+    /// [`PhotoError`] if a side is below 14 px or the longer one over [`LONGEST`] times the other.
+    pub fn network_size(&self, width: usize, height: usize) -> Result<(usize, usize), PhotoError> {
+        photo::size(width, height, self.side)
+    }
+
+    /// The disparity of a photo, `[H, W, 3]`, display-referred, 0-1 (others are clamped; it is rounded to 8 bit
+    /// as the reference does), at the network's size. Not below 0.
+    ///
+    /// Runs on the threads of the current rayon pool; their number does not change the result.
+    ///
+    /// # Errors
+    /// [`PhotoError`] if the photo's size is none for the network, or its numbers overflow.
+    ///
+    /// # Panics
+    /// If the photo is not whole rows of `width`.
+    pub fn predict(&self, rgb: &[f32], width: usize) -> Result<Disparity, PhotoError> {
+        self.image(rgb, width).map(Disparity::from)
+    }
+
+    /// [`Self::predict`], resized to the photo as the reference does: by cubic convolution, which overshoots at
+    /// edges, so that values may be a little below 0.
+    ///
+    /// # Errors
+    /// As there.
+    ///
+    /// # Panics
+    /// As there.
+    pub fn predict_at_photo_size(&self, rgb: &[f32], width: usize) -> Result<Disparity, PhotoError> {
+        let image = self.image(rgb, width)?;
+        Ok(image.bicubic(width, rgb.len() / (3 * width)).into())
+    }
+
+    fn image(&self, rgb: &[f32], width: usize) -> Result<ops::Image, PhotoError> {
+        let height = if width == 0 { 0 } else { rgb.len() / (3 * width) };
+        assert_eq!(rgb.len(), 3 * width * height, "whole rows of pixels");
+        let to = self.network_size(width, height)?;
+        let image = self.network.disparity(&photo::normalized(rgb, (width, height), to));
+        if !image.values.iter().all(|value| value.is_finite()) {
+            return Err(PhotoError::NotFinite);
+        }
+        Ok(image)
+    }
+}
+
+impl From<ops::Image> for Disparity {
+    fn from(image: ops::Image) -> Self {
+        Self { values: image.values, width: image.width, height: image.height }
+    }
+}

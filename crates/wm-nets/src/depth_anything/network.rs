@@ -1,0 +1,184 @@
+//! From a normalised photo to disparity: DINOv2's blocks, four of whose outputs the head puts together (DPT).
+
+use super::ops::{Convolution, Enlarge, Image, Linear, Norm, Then, add_scaled, attention};
+use super::photo::PATCH;
+
+/// All weights.
+#[derive(Debug)]
+pub struct Network {
+    pub backbone: Backbone,
+    pub head: Head,
+}
+
+/// The vision transformer.
+#[derive(Debug)]
+pub struct Backbone {
+    /// From a patch's pixels, row by row.
+    pub patches: Linear,
+    /// What stands before the patches, `[channels]`.
+    pub class: Vec<f32>,
+    /// What is added to it.
+    pub class_position: Vec<f32>,
+    /// What is added to each patch of a square photo.
+    pub positions: Image,
+    pub blocks: Vec<Block>,
+    pub norm: Norm,
+    pub heads: usize,
+    /// After how many blocks the head takes the features.
+    pub taps: [usize; 4],
+}
+
+/// A block: attention, then a perceptron a patch, each added with a scale a channel.
+#[derive(Debug)]
+pub struct Block {
+    pub norms: [Norm; 2],
+    /// Queries, keys, values.
+    pub attend: Linear,
+    pub project: Linear,
+    pub widen: Linear,
+    pub narrow: Linear,
+    pub scales: [Vec<f32>; 2],
+}
+
+/// What makes disparity of features.
+#[derive(Debug)]
+pub struct Head {
+    /// 1x1 px, of each tap.
+    pub project: [Linear; 4],
+    /// Taps to 4, 2, 1 and 1/2 px a patch.
+    pub enlarge: [Enlarge; 2],
+    pub shrink: Convolution,
+    pub reduce: [Convolution; 4],
+    /// From the smallest image to the largest.
+    pub fusions: [Fusion; 4],
+    pub last: [Convolution; 2],
+    /// To one number a pixel.
+    pub depth: Linear,
+}
+
+/// Adds a tap's image to what comes from the smaller ones.
+#[derive(Debug)]
+pub struct Fusion {
+    /// For the image that is added; the smallest has none.
+    pub added: Option<Residual>,
+    pub sum: Residual,
+    pub project: Linear,
+}
+
+/// Two convolutions that are added to what they are made from.
+#[derive(Debug)]
+pub struct Residual(pub [Convolution; 2]);
+
+impl Network {
+    /// Disparity of a normalised photo of whole patches, one channel at its size.
+    pub fn disparity(&self, photo: &Image) -> Image {
+        let (columns, rows) = (photo.width / PATCH, photo.height / PATCH);
+        self.head.disparity(self.backbone.features(photo, columns, rows))
+    }
+}
+
+impl Backbone {
+    /// Of each tap the features of the patches.
+    fn features(&self, photo: &Image, columns: usize, rows: usize) -> [Image; 4] {
+        let mut x = self.embedded(photo, columns, rows);
+        let channels = self.class.len();
+        let mut features = Vec::new();
+        for (index, block) in self.blocks.iter().enumerate() {
+            block.apply(&mut x, self.heads);
+            if self.taps.contains(&(index + 1)) {
+                let mut values = self.norm.apply(&x);
+                values.drain(..channels);
+                features.push(Image { values, width: columns, height: rows, channels });
+            }
+        }
+        features.try_into().expect("four taps, each within the blocks")
+    }
+
+    /// What the first block takes: the class, then the patches, row by row.
+    fn embedded(&self, photo: &Image, columns: usize, rows: usize) -> Vec<f32> {
+        let line = PATCH * photo.channels;
+        let mut pixels = Vec::with_capacity(photo.values.len());
+        for row in 0..rows {
+            for column in 0..columns {
+                for y in row * PATCH..(row + 1) * PATCH {
+                    let start = (y * columns + column) * line;
+                    pixels.extend_from_slice(&photo.values[start..start + line]);
+                }
+            }
+        }
+        let patches = Image {
+            values: self.patches.apply(pixels, Then::Nothing),
+            width: columns,
+            height: rows,
+            channels: self.class.len(),
+        };
+        let mut positions = self.positions.bicubic(columns, rows);
+        positions.add(&patches);
+        let class = self.class.iter().zip(&self.class_position).map(|(value, position)| value + position);
+        class.chain(positions.values).collect()
+    }
+}
+
+impl Block {
+    fn apply(&self, x: &mut [f32], heads: usize) {
+        let channels = self.scales[0].len();
+        let attended = self.attend.apply(self.norms[0].apply(x), Then::Nothing);
+        let attended = self.project.apply(attention(attended, channels, heads), Then::Nothing);
+        add_scaled(x, &self.scales[0], &attended);
+        let wide = self.widen.apply(self.norms[1].apply(x), Then::Gelu);
+        add_scaled(x, &self.scales[1], &self.narrow.apply(wide, Then::Nothing));
+    }
+}
+
+impl Head {
+    fn disparity(&self, features: [Image; 4]) -> Image {
+        let (width, height) = (features[0].width * PATCH, features[0].height * PATCH);
+        let [a, b, c, d] = &self.project;
+        let [first, second, third, fourth] = features;
+        let images = [
+            self.enlarge[0].apply(a.over(first)),
+            self.enlarge[1].apply(b.over(second)),
+            c.over(third),
+            self.shrink.apply(&d.over(fourth), Then::Nothing),
+        ];
+        let levels: [Image; 4] =
+            std::array::from_fn(|index| self.reduce[index].apply(&images[index], Then::Nothing));
+        let mut fused = None;
+        for (index, fusion) in (0..4).rev().zip(&self.fusions) {
+            // As large as the next one, the last twice as large as it is.
+            let (width, height) = match index {
+                0 => (2 * levels[0].width, 2 * levels[0].height),
+                _ => (levels[index - 1].width, levels[index - 1].height),
+            };
+            let image = fusion.apply(fused.take(), &levels[index]);
+            fused = Some(image.bilinear(width, height));
+        }
+        let image = self.last[0].apply(&fused.expect("four levels"), Then::Nothing);
+        let image = self.last[1].apply(&image.bilinear(width, height), Then::Relu);
+        self.depth.over(image).relu()
+    }
+}
+
+impl Fusion {
+    /// `smaller` was made as large as `image`. What comes out is to be resized: the order of this and of the
+    /// product does not matter but for the work, since the weights of a resized pixel add up to 1.
+    fn apply(&self, smaller: Option<Image>, image: &Image) -> Image {
+        let sum = match (smaller, &self.added) {
+            (Some(mut smaller), Some(added)) => {
+                smaller.add(&added.apply(image));
+                smaller
+            }
+            _ => image.clone(),
+        };
+        self.project.over(self.sum.apply(&sum))
+    }
+}
+
+impl Residual {
+    fn apply(&self, image: &Image) -> Image {
+        let inner = self.0[0].apply(&image.relu(), Then::Relu);
+        let mut sum = self.0[1].apply(&inner, Then::Nothing);
+        sum.add(image);
+        sum
+    }
+}

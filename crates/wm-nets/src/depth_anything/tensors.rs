@@ -1,0 +1,387 @@
+//! The published files: their networks' sizes, the names of their tensors, and what is made of them.
+
+use super::network::{Backbone, Block, Fusion, Head, Network, Residual};
+use super::ops::{Convolution, Enlarge, Image, Linear, Norm, numbers};
+use super::photo::PATCH;
+use super::{Size, Version};
+use crate::weights::{Weights, WeightsError};
+use serde_json::Value;
+use std::fs::File;
+use std::io::Read as _;
+use std::path::Path;
+
+/// What is said where a file is of another network.
+pub const ADVICE: &str = "give model.safetensors of depth-anything/Depth-Anything-V2-{Small,Base,Large}-hf \
+                          or LiheYoung/depth-anything-{small,base,large}-hf on Hugging Face, or a .pth of the \
+                          same networks";
+
+/// Numbers of channels and blocks.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Architecture {
+    pub naming: Naming,
+    /// Channels of a patch.
+    pub channels: usize,
+    pub blocks: usize,
+    pub heads: usize,
+    /// Patches along a side of the photos that it learnt from.
+    pub grid: usize,
+    /// Channels of the four taps.
+    pub neck: [usize; 4],
+    /// Channels where they are put together.
+    pub fusion: usize,
+    /// Channels before depth.
+    pub last: usize,
+}
+
+impl Architecture {
+    /// Channels of an attention head in all published networks.
+    const HEAD: usize = 64;
+    /// Largest grid that is taken; the published ones are 37.
+    const LARGEST_GRID: usize = 128;
+
+    /// Finds out from tensors' shapes and, where it lies beside them, `config.json`.
+    ///
+    /// # Errors
+    /// [`WeightsError`] if it is no Depth Anything, or does not say how many heads it has.
+    pub fn of(weights: &Weights, config: &Config) -> Result<Self, WeightsError> {
+        let naming = [Naming::Transformers, Naming::Original]
+            .into_iter()
+            .find(|naming| weights.shape(&naming.patches("weight")).is_some())
+            .ok_or_else(|| weights.refuse("no tensors of Depth Anything".into()))?;
+        let length = |name: String, axis: usize| {
+            let shape = weights.shape(&name).ok_or_else(|| weights.refuse(format!("no tensor {name}")))?;
+            // An empty tensor may claim any side.
+            let length = shape.get(axis).filter(|length| (1..=1 << 16).contains(*length)).copied();
+            length.ok_or_else(|| weights.refuse(format!("tensor {name} has shape {shape:?}")))
+        };
+        let of = |name: &str, axis: usize| length(naming.name(name), axis);
+        let channels = length(naming.patches("weight"), 0)?;
+        let is_there = |block: &usize| weights.shape(&naming.block(*block, "norm1.weight")).is_some();
+        // The largest published one has 40; one that is missing between others is named when it is read.
+        let blocks = (0..64).rev().find(is_there).map_or(0, |last| last + 1);
+        let heads = match config.heads {
+            Some(heads) if heads > 0 && channels % heads == 0 => heads,
+            None if channels % Self::HEAD == 0 => channels / Self::HEAD,
+            _ => {
+                return Err(weights.refuse(format!(
+                    "a network of {channels} channels, of which the published ones have {0} a head and others say \
+                     in a config.json beside how many heads they have",
+                    Self::HEAD
+                )));
+            }
+        };
+        let grid = (of("backbone.embeddings.position_embeddings", 1)? - 1).isqrt();
+        if blocks < 4 || !(1..=Self::LARGEST_GRID).contains(&grid) {
+            let found = format!("a network of {blocks} blocks and {grid}x{grid} positions");
+            return Err(weights.refuse(format!("{found}, where Depth Anything has 12 or 24 and 37x37")));
+        }
+        let neck = |index: usize| of(&format!("neck.convs.{index}.weight"), 1);
+        let neck = [neck(0)?, neck(1)?, neck(2)?, neck(3)?];
+        // Half of it goes to the last convolution but one.
+        let fusion = 2 * of("head.conv2.weight", 1)?;
+        let last = of("head.conv2.weight", 0)?;
+        Ok(Self { naming, channels, blocks, heads, grid, neck, fusion, last })
+    }
+
+    /// Which of the published ones it is.
+    pub fn size(&self) -> Option<Size> {
+        match (self.channels, self.blocks) {
+            (384, 12) => Some(Size::Small),
+            (768, 12) => Some(Size::Base),
+            (1024, 24) => Some(Size::Large),
+            _ => None,
+        }
+    }
+
+    /// After which blocks the head takes the features: for V1 the last four, for V2 as the backbone's `out_indices`
+    /// are in the published `config.json` (and `intermediate_layer_idx` of the original `dpt.py`, from 0).
+    pub fn taps(&self, version: Version) -> [usize; 4] {
+        let last = self.blocks;
+        match (version, last) {
+            (Version::V1, _) => [last - 3, last - 2, last - 1, last],
+            (Version::V2, 24) => [5, 12, 18, 24],
+            (Version::V2, _) => [last / 4, last / 2, last * 3 / 4, last],
+        }
+    }
+}
+
+/// What `config.json` beside a file says that tensors do not.
+#[derive(Debug, Default)]
+pub struct Config {
+    heads: Option<usize>,
+    taps: Option<Vec<usize>>,
+    metric: bool,
+}
+
+impl Config {
+    /// Reads it from beside a file; one that is not there, or of something else, says nothing.
+    pub fn beside(file: &Path) -> Self {
+        Self::read(&file.with_file_name("config.json")).unwrap_or_default()
+    }
+
+    fn read(file: &Path) -> Option<Self> {
+        /// Far longer than any.
+        const MAX: u64 = 1 << 20;
+        let mut json = String::new();
+        File::open(file).ok()?.take(MAX).read_to_string(&mut json).ok()?;
+        let config: Value = serde_json::from_str(&json).ok()?;
+        let number = |value: &Value| value.as_u64().and_then(|number| usize::try_from(number).ok());
+        let backbone = &config["backbone_config"];
+        let taps = |all: &Vec<Value>| all.iter().filter_map(number).collect();
+        (config["model_type"] == "depth_anything").then(|| Self {
+            heads: number(&backbone["num_attention_heads"]),
+            taps: backbone["out_indices"].as_array().map(taps),
+            metric: config["depth_estimation_type"] == "metric",
+        })
+    }
+
+    /// What it, or the file's name, says against the use of a file.
+    pub fn contradiction(
+        &self,
+        file: &Path,
+        architecture: &Architecture,
+        version: Version,
+    ) -> Option<String> {
+        let metric = "a metric network, which gives depth and not disparity";
+        if self.metric {
+            return Some(format!("by the config.json beside it {metric}"));
+        }
+        let name = file.file_name().unwrap_or_default();
+        if name.to_string_lossy().to_lowercase().contains("metric") {
+            return Some(format!("by its name {metric}"));
+        }
+        let (taps, expected) = (self.taps.as_ref()?, architecture.taps(version));
+        let other = if version == Version::V1 { Version::V2 } else { Version::V1 };
+        if taps[..] == architecture.taps(other) {
+            return Some(format!("by the config.json beside it {other:?}, not {version:?}"));
+        }
+        (taps[..] != expected).then(|| {
+            format!("by the config.json beside it features are taken after blocks {taps:?}, not {expected:?}")
+        })
+    }
+}
+
+/// Who named the tensors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Naming {
+    /// Hugging Face's transformers.
+    Transformers,
+    /// The authors' own code.
+    Original,
+}
+
+impl Naming {
+    fn patches(self, what: &str) -> String {
+        match self {
+            Self::Transformers => format!("backbone.embeddings.patch_embeddings.projection.{what}"),
+            Self::Original => format!("pretrained.patch_embed.proj.{what}"),
+        }
+    }
+
+    /// Of a block, by transformers' name or the original one, which are alike but for some.
+    fn block(self, index: usize, what: &str) -> String {
+        match self {
+            Self::Transformers => format!("backbone.encoder.layer.{index}.{what}"),
+            Self::Original => {
+                let what = what
+                    .replace("attention.output.dense", "attn.proj")
+                    .replace("layer_scale1.lambda1", "ls1.gamma")
+                    .replace("layer_scale2.lambda1", "ls2.gamma");
+                format!("pretrained.blocks.{index}.{what}")
+            }
+        }
+    }
+
+    /// The other name of what is in no block.
+    fn name(self, transformers: &str) -> String {
+        if self == Self::Transformers {
+            return transformers.into();
+        }
+        let simple = [
+            ("backbone.embeddings.position_embeddings", "pretrained.pos_embed"),
+            ("backbone.embeddings.cls_token", "pretrained.cls_token"),
+            ("backbone.layernorm", "pretrained.norm"),
+            ("neck.convs.0", "depth_head.scratch.layer1_rn"),
+            ("neck.convs.1", "depth_head.scratch.layer2_rn"),
+            ("neck.convs.2", "depth_head.scratch.layer3_rn"),
+            ("neck.convs.3", "depth_head.scratch.layer4_rn"),
+            ("neck.fusion_stage.layers.0", "depth_head.scratch.refinenet4"),
+            ("neck.fusion_stage.layers.1", "depth_head.scratch.refinenet3"),
+            ("neck.fusion_stage.layers.2", "depth_head.scratch.refinenet2"),
+            ("neck.fusion_stage.layers.3", "depth_head.scratch.refinenet1"),
+            ("head.conv1", "depth_head.scratch.output_conv1"),
+            ("head.conv2", "depth_head.scratch.output_conv2.0"),
+            ("head.conv3", "depth_head.scratch.output_conv2.2"),
+        ];
+        if let Some(rest) = transformers.strip_prefix("neck.reassemble_stage.layers.") {
+            let (index, what) = rest.split_once('.').unwrap_or((rest, ""));
+            let what = what.replace("projection", "projects").replace("resize", "resize_layers");
+            let (part, what) = what.split_once('.').unwrap_or((&what, ""));
+            return format!("depth_head.{part}.{index}.{what}");
+        }
+        let (from, to) =
+            simple.into_iter().find(|(from, _)| transformers.starts_with(from)).unwrap_or_default();
+        let rest = transformers[from.len()..]
+            .replace("residual_layer", "resConfUnit")
+            .replace("convolution", "conv")
+            .replace("projection", "out_conv");
+        format!("{to}{rest}")
+    }
+}
+
+/// Reads one tensor after the other.
+pub struct Reader<'a> {
+    pub weights: &'a mut Weights,
+    pub architecture: &'a Architecture,
+}
+
+type Read<T> = Result<T, WeightsError>;
+
+impl Reader<'_> {
+    /// All of a network.
+    ///
+    /// # Errors
+    /// [`WeightsError`] if a tensor is missing, of another shape or not finite.
+    pub fn network(&mut self, version: Version) -> Read<Network> {
+        Ok(Network { backbone: self.backbone(version)?, head: self.head()? })
+    }
+
+    fn exact(&mut self, name: &str, shape: &[usize]) -> Read<Vec<f32>> {
+        Ok(numbers(&self.weights.tensor(name, shape)?))
+    }
+
+    fn tensor(&mut self, name: &str, shape: &[usize]) -> Read<Vec<f32>> {
+        self.exact(&self.architecture.naming.name(name), shape)
+    }
+
+    /// What is multiplied, by its name and the shape of its weight.
+    fn linear(&mut self, name: &str, shape: &[usize]) -> Read<Linear> {
+        let weight = self.tensor(&format!("{name}.weight"), shape)?;
+        let bias = self.tensor(&format!("{name}.bias"), &shape[..1])?;
+        Ok(Linear::new(weight, Some(bias), shape[1..].iter().product()))
+    }
+
+    fn convolution(&mut self, name: &str, to: usize, from: usize, stride: usize) -> Read<Convolution> {
+        let weight = self.tensor(&format!("{name}.weight"), &[to, from, 3, 3])?;
+        let bias = self.tensor(&format!("{name}.bias"), &[to])?;
+        Ok(Convolution::new(&weight, Some(bias), from, stride))
+    }
+
+    fn backbone(&mut self, version: Version) -> Read<Backbone> {
+        let Architecture { channels, grid, heads, .. } = *self.architecture;
+        let weight = self.exact(&self.architecture.naming.patches("weight"), &[channels, 3, PATCH, PATCH])?;
+        let bias = self.exact(&self.architecture.naming.patches("bias"), &[channels])?;
+        // The photo's pixels have their channels together.
+        let square = PATCH * PATCH;
+        let mut sorted = Vec::with_capacity(weight.len());
+        for filter in weight.chunks_exact(3 * square) {
+            sorted.extend((0..3 * square).map(|place| filter[place % 3 * square + place / 3]));
+        }
+        let class = self.tensor("backbone.embeddings.cls_token", &[1, 1, channels])?;
+        let name = "backbone.embeddings.position_embeddings";
+        let mut class_position = self.tensor(name, &[1, 1 + grid * grid, channels])?;
+        let positions = class_position.split_off(channels);
+        let blocks = (0..self.architecture.blocks).map(|index| self.block(index)).collect::<Read<_>>()?;
+        let norm = Norm {
+            scale: self.tensor("backbone.layernorm.weight", &[channels])?,
+            shift: self.tensor("backbone.layernorm.bias", &[channels])?,
+        };
+        Ok(Backbone {
+            patches: Linear::new(sorted, Some(bias), 3 * square),
+            class,
+            class_position,
+            positions: Image { values: positions, width: grid, height: grid, channels },
+            blocks,
+            norm,
+            heads,
+            taps: self.architecture.taps(version),
+        })
+    }
+
+    fn block(&mut self, index: usize) -> Read<Block> {
+        let (channels, naming) = (self.architecture.channels, self.architecture.naming);
+        let mut tensor = |what: &str, shape: &[usize]| self.exact(&naming.block(index, what), shape);
+        let mut norm = |which: usize| {
+            let scale = tensor(&format!("norm{which}.weight"), &[channels])?;
+            Ok(Norm { scale, shift: tensor(&format!("norm{which}.bias"), &[channels])? })
+        };
+        let norms = [norm(1)?, norm(2)?];
+        let mut linear = |what: &str, to: usize, from: usize| {
+            let weight = tensor(&format!("{what}.weight"), &[to, from])?;
+            Ok(Linear::new(weight, Some(tensor(&format!("{what}.bias"), &[to])?), from))
+        };
+        let project = linear("attention.output.dense", channels, channels)?;
+        // The perceptron is four times as wide in all of DINOv2's networks.
+        let widen = linear("mlp.fc1", 4 * channels, channels)?;
+        let narrow = linear("mlp.fc2", channels, 4 * channels)?;
+        let attend = match naming {
+            Naming::Original => linear("attn.qkv", 3 * channels, channels)?,
+            Naming::Transformers => {
+                let (mut weight, mut bias) = (Vec::new(), Vec::new());
+                for part in ["query", "key", "value"] {
+                    let name = format!("attention.attention.{part}");
+                    weight.extend(tensor(&format!("{name}.weight"), &[channels, channels])?);
+                    bias.extend(tensor(&format!("{name}.bias"), &[channels])?);
+                }
+                Linear::new(weight, Some(bias), channels)
+            }
+        };
+        let scales =
+            [tensor("layer_scale1.lambda1", &[channels])?, tensor("layer_scale2.lambda1", &[channels])?];
+        Ok(Block { norms, attend, project, widen, narrow, scales })
+    }
+
+    fn head(&mut self) -> Read<Head> {
+        let Architecture { channels, neck, fusion, last, .. } = *self.architecture;
+        let stage = |index: usize| format!("neck.reassemble_stage.layers.{index}");
+        let mut project = Vec::new();
+        let mut reduce = Vec::new();
+        for (index, to) in neck.into_iter().enumerate() {
+            project.push(self.linear(&format!("{}.projection", stage(index)), &[to, channels, 1, 1])?);
+            let weight = self.tensor(&format!("neck.convs.{index}.weight"), &[fusion, to, 3, 3])?;
+            reduce.push(Convolution::new(&weight, None, to, 1));
+        }
+        let mut enlarge = Vec::new();
+        for (index, side) in [4, 2].into_iter().enumerate() {
+            let name = format!("{}.resize", stage(index));
+            let weight = self.tensor(&format!("{name}.weight"), &[neck[index], neck[index], side, side])?;
+            let bias = self.tensor(&format!("{name}.bias"), &[neck[index]])?;
+            enlarge.push(Enlarge::new(&weight, &bias, side));
+        }
+        let shrink = self.convolution(&format!("{}.resize", stage(3)), neck[3], neck[3], 2)?;
+        let fusions: Vec<Fusion> = (0..4).map(|index| self.fusion(index)).collect::<Read<_>>()?;
+        let last_two = [
+            self.convolution("head.conv1", fusion / 2, fusion, 1)?,
+            self.convolution("head.conv2", last, fusion / 2, 1)?,
+        ];
+        Ok(Head {
+            project: four(project),
+            enlarge: enlarge.try_into().expect("two"),
+            shrink,
+            reduce: four(reduce),
+            fusions: four(fusions),
+            last: last_two,
+            depth: self.linear("head.conv3", &[1, last, 1, 1])?,
+        })
+    }
+
+    fn fusion(&mut self, index: usize) -> Read<Fusion> {
+        let fusion = self.architecture.fusion;
+        let name = format!("neck.fusion_stage.layers.{index}");
+        let mut residual = |which: usize| {
+            let name = format!("{name}.residual_layer{which}.convolution");
+            let mut convolution =
+                |index: usize| self.convolution(&format!("{name}{index}"), fusion, fusion, 1);
+            Ok(Residual([convolution(1)?, convolution(2)?]))
+        };
+        // The files have one for the first too, which nothing is added to.
+        let added = if index == 0 { None } else { Some(residual(1)?) };
+        let sum = residual(2)?;
+        let project = self.linear(&format!("{name}.projection"), &[fusion, fusion, 1, 1])?;
+        Ok(Fusion { added, sum, project })
+    }
+}
+
+fn four<T: std::fmt::Debug>(all: Vec<T>) -> [T; 4] {
+    all.try_into().expect("one of each of four")
+}
