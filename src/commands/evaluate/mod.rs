@@ -107,8 +107,8 @@ impl Data {
             &capture,
             &PhotoOptions {
                 size: PhotoSize::Longest(*longest),
-                // Each is looked at once.
-                cache_bytes: 0,
+                // Each is looked at once; the next is decoded meanwhile.
+                cache_bytes: 256 << 20,
                 bad: if *skip_bad { BadPhotos::Skip } else { BadPhotos::Refuse },
                 ..PhotoOptions::default()
             },

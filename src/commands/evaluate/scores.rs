@@ -247,3 +247,28 @@ impl Report {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_is_in_the_documentation() {
+        const DOCUMENTATION: &str = include_str!("../../../docs/evaluate.md");
+        for column in &COLUMNS {
+            assert!(
+                DOCUMENTATION.contains(&format!("`{}`", column.key)),
+                "{} is not in docs/evaluate.md",
+                column.key
+            );
+        }
+    }
+
+    #[test]
+    fn an_infinite_ratio_is_left_out() {
+        let scores = Scores { psnr: f64::INFINITY, ..Scores::default() };
+        assert_eq!((COLUMNS[0].of(&scores), COLUMNS[2].of(&scores)), (None, None));
+        assert_eq!(COLUMNS[0].full_text(Some(20.0)), "20.00\u{a0}dB");
+        assert_eq!(COLUMNS[3].text(Some(0.5)), "50.00");
+    }
+}

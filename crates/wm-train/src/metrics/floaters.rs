@@ -1,7 +1,7 @@
 //! Splats that hang in the air: in front of the true surface, where the photos saw through.
 //!
 //! The centre of a splat is projected into every view. It is in front if it is nearer than the true depth
-//! there by more than [`SLACK`](super::coverage::SLACK); of the pixel and its eight neighbours the nearest
+//! there by more than [`SLACK`]; of the pixel and its eight neighbours the nearest
 //! surface counts, since a centre near a silhouette falls on either side of it. The sky is infinitely far.
 //! Where the truth is not known nothing is said.
 //!
