@@ -2,6 +2,7 @@
 
 mod bench;
 mod demo;
+mod evaluate;
 mod inspect;
 mod reconstruct;
 mod render;
@@ -23,6 +24,8 @@ enum Verb {
     Reconstruct(Box<reconstruct::ReconstructArgs>),
     /// Render a scene under a weather: a picture, a video or a folder of frames
     Render(Box<render::RenderArgs>),
+    /// Compare a scene with photos, and with true depth, normals and sky where there are maps
+    Evaluate(Box<evaluate::EvaluateArgs>),
     /// Say what a scene holds, and what is wrong with it
     Inspect(inspect::InspectArgs),
     /// Measure rendering speed
@@ -37,6 +40,7 @@ pub fn run(cli: Cli) -> Result<()> {
     match cli.verb {
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Render(args) => render::run(&args),
+        Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Inspect(args) => inspect::run(&args),
         Verb::Bench(args) => bench::run(&args),
         Verb::Demo(args) => demo::run(&args),

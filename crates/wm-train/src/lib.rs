@@ -7,6 +7,7 @@
 //! - [`trainer`]: steps of training, with [`losses`], [`optimizer`], [`densify`], [`schedule`] and
 //!   [`exposure`] for their parts, and [`config`] (and its [`check`]) for what they depend on.
 //! - [`checkpoint`]: a training on disk.
+//! - [`maps`]: depth, normals and masks of photos, out of files.
 //! - [`metrics`]: how near a picture is to a photo.
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
@@ -19,6 +20,7 @@ pub mod config;
 pub mod densify;
 pub mod exposure;
 pub mod losses;
+pub mod maps;
 pub mod metrics;
 pub mod optimizer;
 pub mod photos;

@@ -1,0 +1,63 @@
+//! What can be wrong with maps, in one line.
+
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Why a map cannot be used.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("{}: {fault}", path.display())]
+pub struct MapError {
+    /// Its file, or the folder that it should be in.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub fault: MapFault,
+}
+
+/// What is wrong with a map.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum MapFault {
+    /// The system refuses it.
+    #[error("cannot be read: {0}")]
+    Unreadable(String),
+    /// Its first bytes are of no known format.
+    #[error("no map: PNG, TIFF, EXR and NPY are read; convert it to one of them")]
+    Unknown,
+    /// It does not decode.
+    #[error("the map is damaged ({0}); make or copy it again")]
+    Damaged(String),
+    /// It is a file of a known format that holds something else.
+    #[error("{0}; save it again as float32, or as 16-bit PNG")]
+    Unsupported(String),
+    /// More than can be held.
+    #[error("{0} are more than a map may have; make it smaller")]
+    Large(String),
+    /// Too few or too many numbers a pixel.
+    #[error("{found} different channels, but {wanted} expected; choose another file or save it anew")]
+    Channels {
+        /// How many there are.
+        found: u32,
+        /// How many there should be.
+        wanted: &'static str,
+    },
+    /// Its shape is not that of its photo.
+    #[error(
+        "the map is {width}x{height} px, its photo {photo_width}x{photo_height}; make the map of the whole photo, of any \
+         size but the same aspect ratio"
+    )]
+    Aspect {
+        /// Width, px.
+        width: u32,
+        /// Height, px.
+        height: u32,
+        /// Width of the photo, px.
+        photo_width: u32,
+        /// Height of the photo, px.
+        photo_height: u32,
+    },
+    /// Two files for one photo.
+    #[error("lies beside {0}, a map of the same photo; remove one of them")]
+    Two(String),
+    /// Depth of unknown scale where metres are needed.
+    #[error("depth of no known scale cannot be compared; give the metres a step")]
+    NoScale,
+}

@@ -1,0 +1,126 @@
+//! The report for a browser: one file without scripts and without anything from elsewhere, light or dark as the
+//! reader has it.
+
+mod colors;
+mod panels;
+mod picture;
+
+pub use panels::{Rendered, Shown};
+
+use super::scores::{Column, Place, Report};
+use std::fmt::Write;
+
+const STYLE: &str = include_str!("page.css");
+
+/// The whole page; pictures are those of `shown`.
+pub fn page(report: &Report, shown: &[Shown]) -> String {
+    let title = escaped(&format!("{} against {}", report.scene, report.dataset));
+    let mut out = format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{title}</title>\n<style>\n{STYLE}"
+    );
+    for (class, ramp) in panels::RAMPS {
+        let _ = writeln!(out, ".{class} {{ background: {}; }}", picture::gradient(ramp));
+    }
+    let _ = write!(out, "</style>\n</head>\n<body>\n<h1>{title}</h1>\n<ul class=\"notes\">\n");
+    // The first says which scene and data set, which the title does.
+    let mut notes = report.notes();
+    notes[0] = report.selection.clone();
+    for note in notes {
+        let _ = writeln!(out, "<li>{}</li>", escaped(&note));
+    }
+    out.push_str("</ul>\n");
+    means(&mut out, report);
+    photos(&mut out, report);
+    for shown in shown {
+        let _ = writeln!(out, "<section>\n<h2>{}</h2>", escaped(&shown.name));
+        if let Some(view) = report.views.iter().find(|view| view.name == shown.name) {
+            let number = |column: &Column| {
+                let value = column.of(&view.scores)?;
+                Some(escaped(&format!("{} {}", column.name, column.full_text(Some(value)))))
+            };
+            let numbers: Vec<String> = report.columns(Some(Place::Table)).filter_map(number).collect();
+            let _ = writeln!(out, "<p class=\"numbers\">{}</p>", numbers.join(" · "));
+        }
+        shown.write(&mut out);
+        out.push_str("</section>\n");
+    }
+    let _ =
+        writeln!(out, "<h2>About</h2>\n<p>Written by weather-magician {}.</p>", env!("CARGO_PKG_VERSION"));
+    out.push_str("</body>\n</html>\n");
+    out
+}
+
+/// The means, each with what it is.
+fn means(out: &mut String, report: &Report) {
+    out.push_str("<h2>Means over the photos</h2>\n<div class=\"scroll\"><table class=\"means\">\n<tbody>\n");
+    let mut row = |name: &str, value: &str, what: &str| {
+        let _ =
+            writeln!(out, "<tr><th scope=\"row\">{name}</th><td>{value}</td><td>{}</td></tr>", escaped(what));
+    };
+    for column in report.columns(None) {
+        row(&escaped(column.name), &column.full_text(report.mean(column)), column.what);
+    }
+    if let Some(found) = report.floaters {
+        let percent = |share: f64| format!("{:.2}\u{a0}%", 100.0 * share);
+        let what = "share of the splats in view that hang more than 5 % in front of the true surface in any photo; \
+                    of those with an opacity above 0.1, without the sky's";
+        row("floaters", &percent(found.share()), what);
+        row(
+            "floaters, weighted",
+            &percent(found.weighted),
+            "the same by opacity times area in the picture, over all photos",
+        );
+    }
+    out.push_str("</tbody>\n</table></div>\n");
+}
+
+/// A line a photo.
+fn photos(out: &mut String, report: &Report) {
+    let columns: Vec<&Column> = report.columns(Some(Place::Table)).collect();
+    out.push_str("<h2>Photos</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>photo</th>");
+    for column in &columns {
+        let _ = write!(out, "<th>{}</th>", escaped(&column.head.join("\n")).replace('\n', "<br>"));
+    }
+    out.push_str("</tr></thead>\n<tbody>\n");
+    for view in &report.views {
+        let cells = columns.iter().map(|column| column.text(column.of(&view.scores)));
+        row(out, &view.name, cells);
+    }
+    out.push_str("</tbody>\n<tfoot>\n");
+    row(out, "mean", columns.iter().map(|column| column.text(report.mean(column))));
+    out.push_str("</tfoot>\n</table></div>\n");
+}
+
+fn row(out: &mut String, name: &str, cells: impl Iterator<Item = String>) {
+    let _ = write!(out, "<tr><th scope=\"row\">{}</th>", escaped(name));
+    cells.for_each(|cell| {
+        let _ = write!(out, "<td>{cell}</td>");
+    });
+    out.push_str("</tr>\n");
+}
+
+/// Text that is no markup, whatever is in it.
+fn escaped(text: &str) -> String {
+    text.chars().fold(String::with_capacity(text.len()), |mut out, c| {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            c => out.push(c),
+        }
+        out
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_no_markup() {
+        assert_eq!(escaped("<b>\"a\" & b"), "&lt;b&gt;&quot;a&quot; &amp; b");
+    }
+}

@@ -1,0 +1,269 @@
+//! The pictures of a photo: photo, render and error; depth, normals and surfaces against the truth.
+
+use super::colors::{self, Ramp};
+use super::picture::{self, Cell};
+use super::{super::truth::TrueMaps, escaped};
+use anyhow::Result;
+use std::fmt::Write;
+use wm_render::Frame;
+use wm_train::metrics::{
+    angle,
+    coverage::{COVERED, SLACK},
+};
+
+/// Largest difference of colours that is told apart.
+const COLOR_RANGE: f64 = 0.2;
+/// Largest relative error of depth that is told apart, to both sides.
+const DEPTH_RANGE: f64 = 0.2;
+/// Largest angle that is told apart, degrees.
+const ANGLE_RANGE: f64 = 60.0;
+/// Shares of true depths below and above the range of colours.
+const TAIL: f64 = 0.02;
+
+/// The ramps, with the names of their classes.
+pub const RAMPS: [(&str, Ramp); 3] =
+    [("depth", colors::turbo), ("error", colors::heat), ("signed", colors::signed)];
+
+/// Where surfaces and sky are kept or lost: colours and what they are.
+const FATES: [([u8; 3], &str); 6] = [
+    ([190, 196, 202], "surface kept"),
+    ([224, 60, 49], "open"),
+    ([240, 160, 30], "behind"),
+    ([120, 180, 235], "sky open"),
+    ([110, 60, 170], "sky covered"),
+    (colors::UNKNOWN, "not known"),
+];
+
+/// What was rendered of a photo.
+pub struct Rendered<'a> {
+    /// As it is compared, `[H, W, 3]`, 0-1.
+    pub picture: &'a [f32],
+    /// With all splats.
+    pub frame: &'a Frame,
+    /// Without the sky's.
+    pub solid: &'a Frame,
+}
+
+/// The pictures of a photo, ready to be written.
+pub struct Shown {
+    /// The photo.
+    pub name: String,
+    size: (u32, u32),
+    figures: Vec<Figure>,
+}
+
+struct Figure {
+    what: String,
+    picture: String,
+    key: Key,
+    width: Width,
+}
+
+/// How a figure stands on a narrow screen.
+#[derive(Clone, Copy, PartialEq)]
+enum Width {
+    /// Beside another.
+    Half,
+    /// By itself.
+    Whole,
+}
+
+/// What colours mean.
+enum Key {
+    /// They are colours.
+    None,
+    /// A bar of the ramp's class, with numbers at equal distances.
+    Bar(&'static str, Vec<String>),
+    /// One by one.
+    Fates,
+}
+
+impl Shown {
+    /// Draws the pictures.
+    pub fn new(
+        name: &str,
+        photo: &[f32],
+        rendered: &Rendered<'_>,
+        maps: &TrueMaps,
+        metres_per_unit: f64,
+    ) -> Result<Self> {
+        let frame = rendered.frame;
+        let full = (frame.width, frame.height);
+        let mut figures = Vec::new();
+        let mut add = |what: &str, picture: String, key: Key, width: Width| {
+            figures.push(Figure { what: what.to_owned(), picture, key, width });
+        };
+        add("photo", picture::color(photo, full)?, Key::None, Width::Half);
+        add("render", picture::color(rendered.picture, full)?, Key::None, Width::Half);
+        let size = picture::shown_size(full);
+        let places = picture::nearest(full);
+        let map = |of: &dyn Fn(usize) -> Cell, ramp: Ramp| -> Result<String> {
+            let cells: Vec<Cell> = places.iter().map(|place| of(*place)).collect();
+            picture::numbers(&cells, size, ramp)
+        };
+        let difference = |place: usize| {
+            let channels = 3 * place..3 * place + 3;
+            let sum: f32 = channels.map(|at| (rendered.picture[at] - photo[at]).abs()).sum();
+            Cell::At(f64::from(sum) / 3.0 / COLOR_RANGE)
+        };
+        let key = Key::Bar("error", ticks(0.0, COLOR_RANGE, |v| format!("{v:.2}")));
+        add(
+            "difference of colours, mean of the channels, 0-1",
+            map(&difference, colors::heat)?,
+            key,
+            Width::Whole,
+        );
+        if let Some(truth) = &maps.depth {
+            let range = Range::of(truth);
+            let cell = |depth: f32, none: Cell| if depth > 0.0 { Cell::At(range.place(depth)) } else { none };
+            let is_surface = |place: usize| truth[place] > 0.0 && truth[place].is_finite();
+            let key = || Key::Bar("depth", range.ticks(metres_per_unit));
+            let known = |place: usize| {
+                if is_surface(place) { cell(truth[place], Cell::Unknown) } else { Cell::Unknown }
+            };
+            add("true depth, m", map(&known, colors::turbo)?, key(), Width::Half);
+            let found = |place: usize| cell(frame.median_depth[place], Cell::Missing);
+            add("median depth, m", map(&found, colors::turbo)?, key(), Width::Half);
+            let error = |place: usize| match (is_surface(place), frame.median_depth[place]) {
+                (false, _) => Cell::Unknown,
+                (true, depth) if depth <= 0.0 => Cell::Missing,
+                (true, depth) => {
+                    let error = f64::from((depth - truth[place]) / truth[place]);
+                    Cell::At(0.5 + 0.5 * error / DEPTH_RANGE)
+                }
+            };
+            let percent =
+                |v: f64| format!("{:+.0} %", 100.0 * v).replace("+0 %", "0").replace('-', "\u{2212}");
+            let key = Key::Bar("signed", ticks(-DEPTH_RANGE, DEPTH_RANGE, percent));
+            add("relative error of median depth", map(&error, colors::signed)?, key, Width::Whole);
+        }
+        if let Some(truth) = &maps.normal {
+            let of = |normals: &[f32], place: usize| [0, 1, 2].map(|k| normals[3 * place + k]);
+            let colored = |normals: &[f32]| -> Result<String> {
+                let shade = |normal: [f32; 3]| match normal {
+                    [0.0, 0.0, 0.0] => [0.5; 3],
+                    normal => normal.map(|v| 0.5 + 0.5 * v),
+                };
+                let rgb: Vec<f32> = places.iter().flat_map(|place| shade(of(normals, *place))).collect();
+                picture::color(&rgb, size)
+            };
+            add(
+                "true normals, x y z of the world as red green blue",
+                colored(truth)?,
+                Key::None,
+                Width::Half,
+            );
+            add("rendered normals", colored(&frame.normal)?, Key::None, Width::Half);
+            let error = |place: usize| {
+                let (true_normal, normal) = (of(truth, place), of(&frame.normal, place));
+                match angle(&normal, &true_normal) {
+                    Some(angle) => Cell::At(f64::from(angle) / ANGLE_RANGE),
+                    None if true_normal == [0.0; 3] => Cell::Unknown,
+                    None => Cell::Missing,
+                }
+            };
+            let key = Key::Bar("error", ticks(0.0, ANGLE_RANGE, |v| format!("{v:.0}\u{b0}")));
+            add("angle between normals", map(&error, colors::heat)?, key, Width::Whole);
+        }
+        if maps.depth.is_some() || maps.sky.is_some() {
+            let indices: Vec<u8> = places.iter().map(|place| fate(*place, rendered.solid, maps)).collect();
+            let palette = FATES.map(|(color, _)| color);
+            let drawn = picture::indexed(&indices, size, &palette)?;
+            add("surfaces and sky, without the sky's splats", drawn, Key::Fates, Width::Whole);
+        }
+        Ok(Self { name: name.to_owned(), size, figures })
+    }
+
+    /// Writes the figures.
+    pub fn write(&self, out: &mut String) {
+        out.push_str("<div class=\"figures\">\n");
+        let (width, height) = self.size;
+        for Figure { what, picture, key, width: stand } in &self.figures {
+            let class = if *stand == Width::Whole { " class=\"wide\"" } else { "" };
+            let alt = escaped(&format!("{what} of {}", self.name));
+            let _ = write!(
+                out,
+                "<figure{class}><img src=\"{picture}\" alt=\"{alt}\" width=\"{width}\" height=\"{height}\" loading=\"lazy\">"
+            );
+            let _ = write!(out, "<figcaption>{}", escaped(what));
+            match key {
+                Key::None => {}
+                Key::Bar(class, ticks) => {
+                    let _ = write!(out, "<span class=\"bar {class}\"></span><span class=\"ticks\">");
+                    for tick in ticks {
+                        let _ = write!(out, "<span>{tick}</span>");
+                    }
+                    out.push_str("</span>");
+                }
+                Key::Fates => {
+                    out.push_str("<br>");
+                    for ([r, g, b], what) in FATES {
+                        let style = format!("background:rgb({r} {g} {b})");
+                        let _ = write!(out, "<span class=\"key\"><i style=\"{style}\"></i>{what}</span> ");
+                    }
+                }
+            }
+            out.push_str("</figcaption></figure>\n");
+        }
+        out.push_str("</div>\n");
+    }
+}
+
+/// Which of [`FATES`] a pixel is.
+fn fate(place: usize, solid: &Frame, maps: &TrueMaps) -> u8 {
+    let (coverage, depth) = (solid.alpha[place], solid.median_depth[place]);
+    if maps.sky.as_ref().is_some_and(|sky| sky[place] > 0.5) {
+        return if coverage > COVERED { 4 } else { 3 };
+    }
+    match maps.depth.as_ref().map(|truth| truth[place]) {
+        Some(truth) if truth > 0.0 && truth.is_finite() => {
+            if coverage < COVERED || depth <= 0.0 {
+                1
+            } else {
+                2 * u8::from(depth > truth * (1.0 + SLACK))
+            }
+        }
+        _ => 5,
+    }
+}
+
+/// Five numbers of a bar from one end to the other.
+fn ticks(low: f64, high: f64, text: impl Fn(f64) -> String) -> Vec<String> {
+    (0..5).map(|tick| text(low + (high - low) * f64::from(tick) / 4.0)).collect()
+}
+
+/// Depths by their logarithms: near ones matter as much as far ones.
+struct Range {
+    low: f64,
+    high: f64,
+}
+
+impl Range {
+    /// From the nearest to the farthest surface but for a few.
+    fn of(truth: &[f32]) -> Self {
+        let mut known: Vec<f32> = truth.iter().copied().filter(|z| *z > 0.0 && z.is_finite()).collect();
+        known.sort_unstable_by(f32::total_cmp);
+        let at = |share: f64| known.get(((known.len() as f64 - 1.0) * share).round() as usize).copied();
+        let low = f64::from(at(TAIL).unwrap_or(1.0));
+        // A wall that is equally far everywhere has a colour, too.
+        Self { low: low.ln(), high: f64::from(at(1.0 - TAIL).unwrap_or(1.0)).max(1.01 * low).ln() }
+    }
+
+    fn place(&self, depth: f32) -> f64 {
+        (f64::from(depth).ln() - self.low) / (self.high - self.low)
+    }
+
+    fn ticks(&self, metres_per_unit: f64) -> Vec<String> {
+        ticks(self.low, self.high, |v| {
+            let metres = v.exp() * metres_per_unit;
+            let digits = if metres < 0.1 {
+                3
+            } else if metres < 10.0 {
+                1
+            } else {
+                0
+            };
+            format!("{metres:.digits$}")
+        })
+    }
+}

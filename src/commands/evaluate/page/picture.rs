@@ -1,0 +1,151 @@
+//! Pictures as text that a page can hold.
+
+use super::colors::{MISSING, Ramp, UNKNOWN};
+use anyhow::{Context, Result};
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use std::fmt::Write;
+use wm_train::maps::{Filter, Map};
+
+/// Widest picture, px.
+const WIDEST: u32 = 480;
+/// Of JPEG: below it edges begin to ring visibly.
+const QUALITY: u8 = 88;
+/// Colours of a ramp; the two behind them are [`MISSING`] and [`UNKNOWN`].
+const STEPS: u8 = 253;
+
+/// A number of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Cell {
+    /// At a place of the ramp, 0-1.
+    At(f64),
+    /// Known, but not rendered.
+    Missing,
+    /// Not known.
+    Unknown,
+}
+
+/// The size that a picture is shown in, px.
+pub fn shown_size((width, height): (u32, u32)) -> (u32, u32) {
+    if width <= WIDEST {
+        return (width, height);
+    }
+    let scaled = f64::from(height) * f64::from(WIDEST) / f64::from(width);
+    (WIDEST, (scaled.round() as u32).max(1))
+}
+
+/// Colours, `[H, W, 3]`, 0-1, made smaller by area: a data URI of a JPEG.
+pub fn color(rgb: &[f32], size: (u32, u32)) -> Result<String> {
+    let (width, height) = shown_size(size);
+    let small = Map::new(size.0, size.1, 3, rgb.to_vec()).resampled(width, height, Filter::Area);
+    let bytes: Vec<u8> = small.values.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
+    let sides = |side: u32| u16::try_from(side).context("a picture is too high for the report");
+    let mut out = Vec::new();
+    let mut encoder = Encoder::new(&mut out, QUALITY);
+    encoder.set_sampling_factor(SamplingFactor::F_1_1);
+    encoder.encode(&bytes, sides(width)?, sides(height)?, ColorType::Rgb)?;
+    Ok(data_uri("image/jpeg", &out))
+}
+
+/// Numbers in the colours of a ramp, `[H, W]` of [`shown_size`]: a data URI of a PNG.
+pub fn numbers(cells: &[Cell], size: (u32, u32), ramp: Ramp) -> Result<String> {
+    let last = f64::from(STEPS);
+    let mut palette: Vec<[u8; 3]> = (0..=STEPS).map(|step| ramp(f64::from(step) / last)).collect();
+    palette.extend([MISSING, UNKNOWN]);
+    let index = |cell: &Cell| match cell {
+        Cell::At(place) => (place.clamp(0.0, 1.0) * last).round() as u8,
+        Cell::Missing => STEPS + 1,
+        Cell::Unknown => STEPS + 2,
+    };
+    indexed(&cells.iter().map(index).collect::<Vec<u8>>(), size, &palette)
+}
+
+/// A picture of few colours: a data URI of a PNG.
+pub fn indexed(indices: &[u8], (width, height): (u32, u32), palette: &[[u8; 3]]) -> Result<String> {
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, width, height);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_palette(palette.concat());
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(indices)?;
+    writer.finish()?;
+    Ok(data_uri("image/png", &out))
+}
+
+/// Every pixel's place in the map that is shown for it: maps of numbers are not averaged.
+pub fn nearest(size: (u32, u32)) -> Vec<usize> {
+    let (width, height) = shown_size(size);
+    let along =
+        |index: u32, from: u32, to: u32| ((2 * index + 1) as usize * from as usize) / (2 * to as usize);
+    let row = |y: u32| {
+        let start = along(y, size.1, height) * size.0 as usize;
+        (0..width).map(move |x| start + along(x, size.0, width))
+    };
+    (0..height).flat_map(row).collect()
+}
+
+fn data_uri(kind: &str, bytes: &[u8]) -> String {
+    format!("data:{kind};base64,{}", base64(bytes))
+}
+
+/// RFC 4648, section 4.
+fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for part in bytes.chunks(3) {
+        let byte = |at: usize| u32::from(part.get(at).copied().unwrap_or(0));
+        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for at in 0..4 {
+            let letter = char::from(LETTERS[(bits >> (18 - 6 * at) & 63) as usize]);
+            out.push(if at <= part.len() { letter } else { '=' });
+        }
+    }
+    out
+}
+
+/// Stops of a CSS gradient from left to right.
+pub fn gradient(ramp: Ramp) -> String {
+    const STOPS: u32 = 24;
+    let mut out = "linear-gradient(90deg".to_owned();
+    for stop in 0..=STOPS {
+        let [r, g, b] = ramp(f64::from(stop) / f64::from(STOPS));
+        let _ = write!(out, ",rgb({r} {g} {b})");
+    }
+    out + ")"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_become_letters() {
+        // The test vectors of RFC 4648, section 10.
+        for (bytes, letters) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foob", "Zm9vYg=="),
+            ("fooba", "Zm9vYmE="),
+        ] {
+            assert_eq!(base64(bytes.as_bytes()), letters);
+        }
+        assert_eq!(base64(&[0xff, 0xfe, 0xfd]), "//79");
+    }
+
+    #[test]
+    fn large_pictures_are_shown_small() {
+        assert_eq!(shown_size((480, 320)), (480, 320));
+        assert_eq!(shown_size((1200, 887)), (480, 355));
+        assert_eq!(nearest((960, 2)).len(), 480);
+        assert_eq!(nearest((3, 2)), [0, 1, 2, 3, 4, 5]);
+        assert!(color(&[0.5; 3 * 600 * 4], (600, 4)).unwrap().starts_with("data:image/jpeg;base64,/9j/"));
+        let cells = [Cell::At(0.0), Cell::At(9.0), Cell::Missing, Cell::Unknown];
+        assert!(
+            numbers(&cells, (4, 1), super::super::colors::heat)
+                .unwrap()
+                .starts_with("data:image/png;base64,iVBOR")
+        );
+    }
+}

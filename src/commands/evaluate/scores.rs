@@ -1,0 +1,274 @@
+//! What is measured: one list that the table, the JSON file and the page are made from.
+
+use super::truth::{Folder, Truth};
+use super::{Data, EvaluateArgs, name_of};
+use serde_json::{Map, Value, json};
+use wm_train::metrics::{DepthErrors, FloaterShare, NormalErrors, SurfaceLost};
+
+/// What was measured of a photo.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Scores {
+    /// dB.
+    pub psnr: f64,
+    pub ssim: f64,
+    /// Of expected depth.
+    pub expected: Option<DepthErrors>,
+    /// Of median depth.
+    pub median: Option<DepthErrors>,
+    pub normal: Option<NormalErrors>,
+    /// Share of the sky, 0-1.
+    pub sky_covered: Option<f64>,
+    pub lost: Option<SurfaceLost>,
+}
+
+/// A number of a photo.
+pub struct Column {
+    /// Its name in JSON.
+    pub key: &'static str,
+    /// Its name in one line.
+    pub name: &'static str,
+    /// Its name in tables, in two lines.
+    pub head: [&'static str; 2],
+    /// How it is written.
+    pub unit: Unit,
+    /// Where it is shown.
+    pub place: Place,
+    /// What it is.
+    pub what: &'static str,
+    of: fn(&Scores) -> Option<f64>,
+}
+
+/// How a number is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// As it is, four digits behind the point.
+    Plain,
+    /// dB.
+    Decibels,
+    /// Degrees.
+    Degrees,
+    /// Of a share, as percent.
+    Percent,
+}
+
+/// Where a number is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// In the tables, too.
+    Table,
+    /// Only in the means and the JSON file.
+    Means,
+}
+
+use Place::{Means, Table};
+use Unit::{Decibels, Degrees, Percent, Plain};
+
+/// All numbers of a photo, in their order.
+#[rustfmt::skip]
+pub const COLUMNS: [Column; 17] = [
+    Column { key: "psnr", name: "PSNR", head: ["PSNR", "dB"], unit: Decibels, place: Table, of: |s| Some(s.psnr),
+        what: "peak signal-to-noise ratio of the render against the photo, dB; higher is better" },
+    Column { key: "ssim", name: "SSIM", head: ["", "SSIM"], unit: Plain, place: Table, of: |s| Some(s.ssim),
+        what: "structural similarity, 1 for equal pictures" },
+    Column { key: "depth_abs_rel", name: "depth AbsRel", head: ["depth", "AbsRel"], unit: Plain, place: Table, of: |s| Some(s.expected?.abs_rel),
+        what: "mean of |depth - truth| / truth over true surfaces, expected depth; a pixel without depth counts as 1" },
+    Column { key: "depth_delta", name: "depth < 1.25", head: ["<1.25", "%"], unit: Percent, place: Table, of: |s| Some(s.expected?.delta),
+        what: "share of true surfaces whose expected depth is within a factor of 1.25" },
+    Column { key: "depth_median_rel", name: "depth, median error", head: ["", "median"], unit: Plain, place: Table, of: |s| Some(s.expected?.median_rel),
+        what: "median of |depth - truth| / truth, expected depth" },
+    Column { key: "depth_missing", name: "no depth", head: ["none", "%"], unit: Percent, place: Means, of: |s| Some(s.expected?.missing),
+        what: "share of true surfaces without expected depth" },
+    Column { key: "median_depth_abs_rel", name: "median depth AbsRel", head: ["median depth", "AbsRel"], unit: Plain, place: Table, of: |s| Some(s.median?.abs_rel),
+        what: "as above, of median depth: that of the splat at which the coverage passes one half" },
+    Column { key: "median_depth_delta", name: "median depth < 1.25", head: ["<1.25", "%"], unit: Percent, place: Table, of: |s| Some(s.median?.delta),
+        what: "share within a factor of 1.25, median depth" },
+    Column { key: "median_depth_median_rel", name: "median depth, median error", head: ["", "median"], unit: Plain, place: Table, of: |s| Some(s.median?.median_rel),
+        what: "median of |depth - truth| / truth, median depth" },
+    Column { key: "median_depth_missing", name: "no median depth", head: ["none", "%"], unit: Percent, place: Means, of: |s| Some(s.median?.missing),
+        what: "share of true surfaces without median depth" },
+    Column { key: "normal_mean", name: "normals, mean angle", head: ["normal", "mean deg"], unit: Degrees, place: Table, of: |s| Some(s.normal?.mean),
+        what: "mean angle between rendered and true normal, degrees; a pixel without normal counts as 90" },
+    Column { key: "normal_median", name: "normals, median angle", head: ["", "median"], unit: Degrees, place: Table, of: |s| Some(s.normal?.median),
+        what: "median angle between rendered and true normal, degrees" },
+    Column { key: "normal_missing", name: "no normal", head: ["none", "%"], unit: Percent, place: Means, of: |s| Some(s.normal?.missing),
+        what: "share of true surfaces without normal" },
+    Column { key: "sky_covered", name: "sky covered", head: ["sky", "covered %"], unit: Percent, place: Table, of: |s| s.sky_covered,
+        what: "share of the true sky that splats other than the sky's cover by more than a half" },
+    Column { key: "surface_lost", name: "surface lost", head: ["surface", "lost %"], unit: Percent, place: Table, of: |s| Some(s.lost?.lost()),
+        what: "share of true surfaces that are open or behind, without the sky's splats" },
+    Column { key: "surface_open", name: "surface open", head: ["open", "%"], unit: Percent, place: Means, of: |s| Some(s.lost?.open),
+        what: "share of true surfaces that are covered by less than a half" },
+    Column { key: "surface_behind", name: "surface behind", head: ["behind", "%"], unit: Percent, place: Means, of: |s| Some(s.lost?.behind),
+        what: "share of true surfaces whose median depth lies more than 5 % behind them" },
+];
+
+impl Column {
+    /// The number of a photo; `None` where it is not known, or infinite.
+    pub fn of(&self, scores: &Scores) -> Option<f64> {
+        (self.of)(scores).filter(|value| value.is_finite())
+    }
+
+    /// The number in words; a dash for none.
+    pub fn text(&self, value: Option<f64>) -> String {
+        match (value, self.unit) {
+            (None, _) => "-".into(),
+            (Some(value), Plain) => format!("{value:.4}"),
+            (Some(value), Decibels | Degrees) => format!("{value:.2}"),
+            (Some(value), Percent) => format!("{:.2}", 100.0 * value),
+        }
+    }
+
+    /// The number with its unit, by itself.
+    pub fn full_text(&self, value: Option<f64>) -> String {
+        // Not to be broken before the sign.
+        let sign = match self.unit {
+            _ if value.is_none() => "",
+            Plain => "",
+            Decibels => "\u{a0}dB",
+            Degrees => "\u{b0}",
+            Percent => "\u{a0}%",
+        };
+        self.text(value) + sign
+    }
+}
+
+/// A photo and its scores.
+pub struct ViewScores {
+    pub name: String,
+    /// Of the photo as it was compared, px.
+    pub width: u32,
+    pub height: u32,
+    pub scores: Scores,
+}
+
+/// Everything that was measured.
+pub struct Report {
+    pub scene: String,
+    pub dataset: String,
+    /// Which photos, in words.
+    pub selection: String,
+    pub truth: Truth,
+    pub views: Vec<ViewScores>,
+    pub floaters: Option<FloaterShare>,
+    args: EvaluateArgs,
+}
+
+impl Report {
+    pub fn new(
+        args: &EvaluateArgs,
+        data: &Data,
+        truth: Truth,
+        views: Vec<ViewScores>,
+        floaters: Option<FloaterShare>,
+    ) -> Self {
+        let (count, all) = (views.len(), data.capture.views.len());
+        let selection = match args.photos.eval_every {
+            0 => format!(
+                "all {count} photos, those that the scene learnt from included (--eval-every takes the held-out ones)"
+            ),
+            every => format!("{count} of {all} photos, every {every} from {}", args.photos.eval_from % every),
+        };
+        let (scene, dataset) = (name_of(&args.scene.scene), name_of(&args.dataset));
+        Self { scene, dataset, selection, truth, views, floaters, args: args.clone() }
+    }
+
+    /// The mean of a column over the photos that have it.
+    pub fn mean(&self, column: &Column) -> Option<f64> {
+        let values: Vec<f64> = self.views.iter().filter_map(|view| column.of(&view.scores)).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    }
+
+    /// The columns that any photo has.
+    pub fn columns(&self, place: Option<Place>) -> impl Iterator<Item = &'static Column> {
+        let is_shown = move |column: &&Column| place.is_none_or(|place| column.place == place);
+        COLUMNS.iter().filter(is_shown).filter(|column| self.mean(column).is_some())
+    }
+
+    /// What stands above the numbers, a line each.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = vec![format!("{} against {}: {}", self.scene, self.dataset, self.selection)];
+        if self.args.photos.exposure_fit == super::ExposureFit::Affine {
+            notes.push("Renders have the change of colour that brings them nearest to their photo.".into());
+        }
+        let Truth { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
+        for (kind, folder) in [("depth", depth), ("normals", normal), ("sky", sky)] {
+            if let Some(Folder { folder, holds, photos, missing }) = folder {
+                let of = if missing.is_empty() { String::new() } else { format!(", of {photos} photos") };
+                notes.push(format!("True {kind}: {} ({holds}){of}", folder.display()));
+            }
+        }
+        if depth.is_some() {
+            notes.push(format!("Scale: {metres_per_unit} m a scene unit, {scale_source}; nothing is fitted"));
+        }
+        notes
+    }
+
+    /// Floaters in words.
+    pub fn floaters(&self) -> Option<String> {
+        let found = self.floaters?;
+        Some(format!(
+            "{:.2} % of splats in view hang in front of the true surface ({} of {}), {:.2} % by opacity and area",
+            100.0 * found.share(),
+            found.floaters,
+            found.splats,
+            100.0 * found.weighted
+        ))
+    }
+
+    /// Everything, as `docs/evaluate.md` has it.
+    pub fn json(&self) -> Value {
+        let numbers = |of: &dyn Fn(&Column) -> Option<f64>| -> Map<String, Value> {
+            COLUMNS.iter().filter_map(|column| Some((column.key.to_owned(), json!(of(column)?)))).collect()
+        };
+        let view = |view: &ViewScores| {
+            let mut object = json!({ "name": view.name, "width": view.width, "height": view.height });
+            if let Value::Object(object) = &mut object {
+                object.extend(numbers(&|column| column.of(&view.scores)));
+            }
+            object
+        };
+        let floaters = self.floaters.map(|found| {
+            json!({
+                "splats": found.splats, "floaters": found.floaters, "share": found.share(), "weighted": found.weighted
+            })
+        });
+        let Truth { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
+        json!({
+            "scene": self.args.scene.scene.display().to_string(),
+            "dataset": self.args.dataset.display().to_string(),
+            "selection": { "every": self.args.photos.eval_every, "from": self.args.photos.eval_from },
+            "exposure_fit": self.args.photos.exposure_fit,
+            "metres_per_unit": metres_per_unit,
+            "scale_source": scale_source.to_string(),
+            "truth": { "depth": depth, "normal": normal, "sky": sky },
+            "mean": numbers(&|column| self.mean(column)),
+            "floaters": floaters,
+            "photos": self.views.iter().map(view).collect::<Vec<_>>(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_is_in_the_documentation() {
+        const DOCUMENTATION: &str = include_str!("../../../docs/evaluate.md");
+        for column in &COLUMNS {
+            assert!(
+                DOCUMENTATION.contains(&format!("`{}`", column.key)),
+                "{} is not in docs/evaluate.md",
+                column.key
+            );
+        }
+    }
+
+    #[test]
+    fn an_infinite_ratio_is_left_out() {
+        let scores = Scores { psnr: f64::INFINITY, ..Scores::default() };
+        assert_eq!((COLUMNS[0].of(&scores), COLUMNS[2].of(&scores)), (None, None));
+        assert_eq!(COLUMNS[0].full_text(Some(20.0)), "20.00\u{a0}dB");
+        assert_eq!(COLUMNS[3].text(Some(0.5)), "50.00");
+    }
+}

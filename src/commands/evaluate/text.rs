@@ -1,0 +1,40 @@
+//! The table on the terminal.
+
+use super::scores::{Column, Place, Report};
+
+/// Prints a line a photo, and the means.
+pub fn print(report: &Report) {
+    for note in report.notes() {
+        println!("{note}");
+    }
+    println!();
+    let columns: Vec<&Column> = report.columns(Some(Place::Table)).collect();
+    let names = report.views.iter().map(|view| view.name.chars().count());
+    let first = names.chain([5]).max().unwrap_or(5);
+    let width = |column: &Column| column.head.map(str::len).into_iter().max().unwrap_or(0).max(6);
+    let line = |name: &str, of: &dyn Fn(&Column) -> String| {
+        let cells = columns.iter().map(|column| format!("  {:>1$}", of(column), width(column)));
+        // Names are padded by characters, as they were counted.
+        let blanks = " ".repeat(first.saturating_sub(name.chars().count()));
+        println!("{}", format!("{name}{blanks}{}", cells.collect::<String>()).trim_end());
+    };
+    line("", &|column| column.head[0].into());
+    line("photo", &|column| column.head[1].into());
+    for view in &report.views {
+        line(&shown(&view.name), &|column| column.text(column.of(&view.scores)));
+    }
+    line("mean", &|column| column.text(report.mean(column)));
+    let more = |column: &Column| format!("{} {} %", column.name, column.text(report.mean(column)));
+    let more: Vec<String> = report.columns(Some(Place::Means)).map(more).collect();
+    if !more.is_empty() {
+        println!("\nmeans: {}", more.join(", "));
+    }
+    if let Some(floaters) = report.floaters() {
+        println!("floaters: {floaters}");
+    }
+}
+
+/// A name on one line: photos of others may have anything in theirs.
+fn shown(name: &str) -> String {
+    name.chars().map(|c| if c.is_control() { '?' } else { c }).collect()
+}
