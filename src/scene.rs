@@ -8,9 +8,9 @@ use std::path::PathBuf;
 use wm_render::simd::SimdChoice;
 use wm_render::{Background, CpuConfig, CpuRenderer, Renderer, SetId, SkyGradient};
 use wm_scene::formats::{ReadOptions, read_scene};
-use wm_scene::survey::{Survey, known_distance, label_sky};
+use wm_scene::survey::{Source, Survey, known_distance, label_sky};
 use wm_scene::{Metadata, Scene, capture, splats::Faults};
-use wm_weather::Site;
+use wm_weather::{Daylight, Site};
 
 /// Which scene, and what is known of it.
 #[derive(Args, Clone, Debug)]
@@ -157,6 +157,10 @@ impl Loaded {
             up: survey.up.value.to_array(),
             ground: survey.ground.value,
             airlight: survey.airlight.value,
+            daylight: match survey.airlight.source {
+                Source::Estimated | Source::Assumed if survey.sky_splats == 0 => Daylight::Guessed,
+                _ => Daylight::Known,
+            },
             far: 3.0 * survey.radius.max(1e-6) * survey.metres_per_unit.value,
         }
     }

@@ -20,6 +20,7 @@ pub mod color;
 mod dither;
 mod error;
 pub mod exr;
+pub mod panorama;
 pub mod png;
 pub mod sheet;
 pub mod video;

@@ -4,6 +4,7 @@
 //! |---|---|---|---|
 //! | Surface | splats: wet, snow cover | before projection | [`Visibility`] of a splat set |
 //! | Light | splats: relight | when shaded | (none yet) |
+//! | Background | what stands behind all splats | after blending, before the air | [`Backdrop`] |
 //! | Medium | splats and background: extinction, airlight | when shaded | [`Medium`] |
 //! | Particles | pixels: drops, flakes, against depth | after blending | (none yet) |
 //! | Lens | pixels | last | [`PixelEffect`] |
@@ -20,6 +21,8 @@ pub enum Slot {
     Surface,
     /// Changes the light on them.
     Light,
+    /// Stands behind them.
+    Background,
     /// What the air does between them and the camera.
     Medium,
     /// Falling particles.
@@ -35,6 +38,7 @@ impl Slot {
         match self {
             Self::Surface => "surface",
             Self::Light => "light",
+            Self::Background => "background",
             Self::Medium => "medium",
             Self::Particles => "particles",
             Self::Lens => "lens",
@@ -45,10 +49,20 @@ impl Slot {
 /// What weather does to one render.
 #[derive(Clone, Copy, Default)]
 pub struct Hooks<'a> {
+    /// What stands behind all splats, instead of the background of the render's configuration.
+    pub background: Option<&'a dyn Backdrop>,
     /// The air: applied to each splat when it is shaded, and to the background.
     pub medium: Option<&'a dyn Medium>,
     /// Applied to finished pixels, in order.
     pub pixels: &'a [&'a dyn PixelEffect],
+}
+
+impl Hooks<'_> {
+    /// What becomes of a scene's own sky.
+    #[must_use]
+    pub fn sky_splats(&self) -> SkySplats {
+        self.background.map_or(SkySplats::Kept, |backdrop| backdrop.sky_splats())
+    }
 }
 
 /// Splats in a [`ShadeGroup`].
@@ -71,6 +85,51 @@ impl Default for ShadeGroup {
     fn default() -> Self {
         Self { distance: [1.0; GROUP], direction: [[0.0; GROUP]; 3], rgb: [[0.0; GROUP]; 3] }
     }
+}
+
+/// What stands behind all splats, at infinity.
+pub trait Backdrop: Sync {
+    /// Writes the colour in the directions of `groups`, display-referred, not below 0.
+    ///
+    /// `pixel` is the angle of a pixel where pixels are widest, radians: what is finer is to be averaged.
+    fn paint(&self, pixel: f64, groups: &mut [ShadeGroup]);
+
+    /// The same for one unit direction (world axes) in f64: the referee.
+    fn reference(&self, pixel: f64, direction: [f64; 3]) -> [f64; 3];
+
+    /// The colour of all directions, if it is one.
+    fn uniform(&self) -> Option<[f32; 3]> {
+        None
+    }
+
+    /// How fine its detail is.
+    fn detail(&self) -> Detail {
+        Detail::Smooth
+    }
+
+    /// What becomes of the splats of [`wm_scene::Group::Sky`].
+    fn sky_splats(&self) -> SkySplats {
+        SkySplats::Kept
+    }
+}
+
+/// How fine the detail of a backdrop is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Detail {
+    /// Half a degree shows it.
+    Smooth,
+    /// As fine as a pixel.
+    Fine,
+}
+
+/// What becomes of a scene's own sky.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SkySplats {
+    /// It is drawn, in front of the backdrop.
+    #[default]
+    Kept,
+    /// It is left out, and the backdrop is seen.
+    LeftOut,
 }
 
 /// The air between the camera and what it sees.

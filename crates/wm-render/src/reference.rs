@@ -3,8 +3,7 @@
 //! It follows the contracts of the stages and nothing else, and says for each pixel how far a correct
 //! f32 back end may be away: see [`ReferenceFrame::slack`].
 
-use crate::hooks::Hooks;
-use crate::hooks::Visibility;
+use crate::hooks::{Hooks, SkySplats, Visibility};
 use crate::renderer::RenderConfig;
 use crate::stages::project::{DILATION, MAX_DET, MIN_COMPENSATION};
 use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
@@ -142,9 +141,12 @@ pub fn render(
     hooks: Hooks<'_>,
 ) -> ReferenceFrame {
     let origin = camera.center().to_array();
+    let backdrop = hooks.background.unwrap_or(&config.background);
+    let pixel_angle = camera.widest_pixel();
+    let is_drawn = |group: Group| group != Group::Sky || hooks.sky_splats() == SkySplats::Kept;
     let mut drawn = Vec::new();
     for (splats, visibility) in sets {
-        for index in 0..splats.len() {
+        for index in (0..splats.len()).filter(|index| is_drawn(splats.groups[*index])) {
             let mut factor = [1.0];
             if let Some(visibility) = visibility {
                 visibility.factors(&[index as u32], &mut factor);
@@ -167,7 +169,7 @@ pub fn render(
         for x in 0..camera.width {
             pixel(&drawn, (f64::from(x) + 0.5, f64::from(y) + 0.5), &mut frame);
             let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5).to_array();
-            let mut behind = config.background.color(ray);
+            let mut behind = backdrop.reference(pixel_angle, ray);
             if let Some(medium) = hooks.medium {
                 behind = medium.reference(origin, ray, f64::INFINITY, behind);
             }

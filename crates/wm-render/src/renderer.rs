@@ -1,7 +1,7 @@
 //! What to render and how to run it: the coarse interface that every back end offers.
 
 use crate::frame::Frame;
-use crate::hooks::{Hooks, Visibility};
+use crate::hooks::{Backdrop, GROUP, Hooks, ShadeGroup, Visibility};
 use crate::simd::SimdChoice;
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, AddAssign};
@@ -161,6 +161,30 @@ impl Background {
                     above * (1.0 - below) + f64::from(sky.ground[k]) * below
                 })
             }
+        }
+    }
+}
+
+impl Backdrop for Background {
+    fn paint(&self, _: f64, groups: &mut [ShadeGroup]) {
+        for group in groups {
+            for lane in 0..GROUP {
+                let color = self.color([0, 1, 2].map(|k| f64::from(group.direction[k][lane])));
+                for k in 0..3 {
+                    group.rgb[k][lane] = color[k] as f32;
+                }
+            }
+        }
+    }
+
+    fn reference(&self, _: f64, direction: [f64; 3]) -> [f64; 3] {
+        self.color(direction)
+    }
+
+    fn uniform(&self) -> Option<[f32; 3]> {
+        match self {
+            Self::Color(color) => Some(*color),
+            Self::Sky(_) => None,
         }
     }
 }

@@ -127,6 +127,13 @@ impl Camera {
         }
     }
 
+    /// The angle of a pixel near the principal point, where it is widest, along the side where it is wider,
+    /// radians.
+    #[must_use]
+    pub fn widest_pixel(&self) -> f64 {
+        1.0 / self.fx.min(self.fy)
+    }
+
     /// Checks that every number can be rendered with.
     ///
     /// # Errors

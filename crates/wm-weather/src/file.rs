@@ -10,8 +10,9 @@
 //! airlight = "#d5dadd"
 //! ```
 //!
-//! An effect is on if its table is there. A parameter is a number, a colour (`"#rrggbb"` or three
-//! numbers), `"auto"`, or keyframes of these: `{ keys = [[seconds, value], ...] }`.
+//! An effect is on if its table is there; `sky = "overcast"` instead of a table is its first parameter. A
+//! parameter is a number, a colour (`"#rrggbb"` or three numbers), a word, a path, `"auto"`, or keyframes of
+//! numbers or colours: `{ keys = [[seconds, value], ...] }`.
 
 use crate::effects::{EFFECTS, Effect};
 use crate::param::{Param, Value};
@@ -96,6 +97,8 @@ impl Weather {
             WeatherError::Read { path: path.into(), reason }
         })?;
         let mut weather = Self::parse(&text, &path.display().to_string())?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        weather.pictures().for_each(|picture| picture.move_to(folder));
         if weather.name.is_empty() {
             weather.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         }
@@ -103,7 +106,8 @@ impl Weather {
     }
 
     /// Changes one parameter by words like `fog.mor=120` or `fog.mor=0:2000,5:60`, and turns its effect
-    /// on. `fog=off` turns an effect off, `fidelity=paper` changes the fidelity.
+    /// on. `fog=off` turns an effect off, `sky=overcast` is short for its first parameter, `fidelity=paper`
+    /// changes the fidelity.
     ///
     /// # Errors
     /// [`WeatherError::Override`].
@@ -125,9 +129,14 @@ impl Weather {
             match value {
                 "on" => _ = self.turn_on(index),
                 "off" => self.turn_off(index),
+                word if EFFECTS[index].words().contains(&word) => {
+                    self.turn_on(index)[0] = Track::parse(&EFFECTS[index].params[0], word)?;
+                }
                 _ => {
+                    let words: String =
+                        EFFECTS[index].words().iter().map(|word| format!("{word}, ")).collect();
                     return Err(format!(
-                        "{key} is on or off; its parameters are {}",
+                        "{key} is {words}on or off; its parameters are {}",
                         param_names(&EFFECTS[index])
                     ));
                 }
@@ -160,8 +169,19 @@ fn read_entry(
         "fidelity" => weather.fidelity = fidelity(text()?).map_err(|problem| (span, problem))?,
         _ => {
             let index = effect(name).map_err(|problem| (key.span(), problem))?;
+            let words = EFFECTS[index].words();
             let Some(table) = value.get_ref().as_table() else {
-                let problem = format!("{name} must be a table: write [{name}] and its parameters below");
+                if let Some(word) = value.get_ref().as_str().filter(|word| words.contains(word)) {
+                    weather.turn_on(index)[0] =
+                        Track::parse(&EFFECTS[index].params[0], word).map_err(|problem| (span, problem))?;
+                    return Ok(());
+                }
+                let or = if words.is_empty() {
+                    String::new()
+                } else {
+                    format!("one of {}, or ", words.join(", "))
+                };
+                let problem = format!("{name} must be {or}a table: write [{name}] and its parameters below");
                 return Err((span, problem));
             };
             let tracks = weather.turn_on(index);

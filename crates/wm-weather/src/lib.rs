@@ -9,18 +9,24 @@
 
 #![allow(clippy::needless_range_loop)] // Channel loops index several arrays at once.
 
+pub mod dome;
 pub mod effects;
 pub mod file;
 pub mod optics;
+pub mod panorama;
 pub mod paper;
 pub mod param;
+pub mod picture;
 pub mod presets;
 pub mod reference_page;
 pub mod track;
 pub mod weather;
 
+pub use dome::Dome;
 pub use effects::{EFFECTS, Effect};
 pub use file::WeatherError;
-pub use optics::{Atmosphere, Site};
+pub use optics::{Atmosphere, Daylight, Site};
+pub use panorama::{Panorama, PanoramaFault};
 pub use param::{Param, Value};
+pub use picture::Picture;
 pub use weather::{Fidelity, Instant, Sky, Weather};

@@ -62,6 +62,15 @@ pub struct Layer {
     pub base_height: f64,
 }
 
+/// How well the airlight of a site is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Daylight {
+    /// It was given, or is that of the sky that the scene has.
+    Known,
+    /// It was guessed from the surfaces: a sky that the weather brings knows it better.
+    Guessed,
+}
+
 /// What weather must know of the site.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Site {
@@ -73,6 +82,8 @@ pub struct Site {
     pub ground: f64,
     /// Radiance of the sky near the horizon, linear RGB.
     pub airlight: [f64; 3],
+    /// What that is worth.
+    pub daylight: Daylight,
     /// Depth that the paper's relative depth takes for 1, m.
     pub far: f64,
 }

@@ -1,9 +1,10 @@
 //! Parameters as data: one table an effect, from which files, flags, help and documentation are made.
 
+use crate::picture::Picture;
 use std::fmt;
 
 /// The value of a parameter at one instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     /// To be found from the scene or from other parameters.
     Auto,
@@ -11,6 +12,10 @@ pub enum Value {
     Number(f64),
     /// A colour, sRGB-encoded, 0-1.
     Color([f64; 3]),
+    /// One of the words that the parameter takes.
+    Word(&'static str),
+    /// A picture.
+    Picture(Picture),
 }
 
 /// What values a parameter takes.
@@ -22,10 +27,14 @@ pub enum Kind {
     NumberOrAuto,
     /// A colour, or `auto`.
     ColorOrAuto,
+    /// One of these words.
+    Word(&'static [&'static str]),
+    /// The path of a picture, or `auto`.
+    PictureOrAuto,
 }
 
 /// One parameter of an effect.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Param {
     /// Its name in files and flags.
     pub name: &'static str,
@@ -47,16 +56,18 @@ impl Param {
     /// # Errors
     /// What it must be, to be put after the parameter's name.
     pub fn check(&self, value: Value) -> Result<Value, String> {
-        match (self.kind, value) {
+        match (self.kind, &value) {
             (Kind::Number | Kind::NumberOrAuto, Value::Number(number)) => {
                 let (least, greatest) = self.range;
-                if number >= least && number <= greatest {
+                if *number >= least && *number <= greatest {
                     Ok(value)
                 } else {
                     Err(format!("is {number}: must be {}", self.expected()))
                 }
             }
-            (Kind::NumberOrAuto | Kind::ColorOrAuto, Value::Auto) => Ok(value),
+            (Kind::NumberOrAuto | Kind::ColorOrAuto | Kind::PictureOrAuto, Value::Auto)
+            | (Kind::PictureOrAuto, Value::Picture(_)) => Ok(value),
+            (Kind::Word(words), Value::Word(word)) if words.contains(word) => Ok(value),
             (Kind::ColorOrAuto, Value::Color(rgb)) if rgb.iter().all(|c| (0.0..=1.0).contains(c)) => {
                 Ok(value)
             }
@@ -74,6 +85,8 @@ impl Param {
             Kind::Number => number,
             Kind::NumberOrAuto => format!("{number}, or \"auto\""),
             Kind::ColorOrAuto => "a colour as \"#rrggbb\" or three numbers 0-1 (sRGB), or \"auto\"".into(),
+            Kind::Word(words) => format!("one of {}", words.join(", ")),
+            Kind::PictureOrAuto => "the path of a picture, or \"auto\"".into(),
         }
     }
 
@@ -82,8 +95,17 @@ impl Param {
     /// # Errors
     /// As [`Self::check`].
     pub fn parse(&self, text: &str) -> Result<Value, String> {
-        let value: Value = text.parse().map_err(|()| format!("is `{text}`: must be {}", self.expected()))?;
-        self.check(value)
+        let wrong = || format!("is `{text}`: must be {}", self.expected());
+        match self.kind {
+            Kind::Word(words) => words
+                .iter()
+                .find(|word| **word == text.trim())
+                .map(|word| Value::Word(word))
+                .ok_or_else(wrong),
+            Kind::PictureOrAuto if text.trim().is_empty() => Err(wrong()),
+            Kind::PictureOrAuto if text != "auto" => Ok(Value::Picture(Picture::at(text))),
+            _ => self.check(text.parse().map_err(|()| wrong())?),
+        }
     }
 }
 
@@ -121,6 +143,8 @@ impl fmt::Display for Value {
             Self::Auto => f.write_str("auto"),
             Self::Number(number) => write!(f, "{number}"),
             Self::Color([r, g, b]) => write!(f, "{r},{g},{b}"),
+            Self::Word(word) => f.write_str(word),
+            Self::Picture(picture) => write!(f, "{}", picture.path().display()),
         }
     }
 }
@@ -167,6 +191,49 @@ impl ParamType for Option<[f64; 3]> {
     }
 }
 
+impl ParamType for Option<Picture> {
+    const KIND: Kind = Kind::PictureOrAuto;
+
+    fn of(value: Value) -> Self {
+        match value {
+            Value::Picture(picture) => Some(picture),
+            _ => None,
+        }
+    }
+}
+
+/// Declares what words a parameter takes: an enum with one variant each.
+///
+/// A variant reads `/// Meaning.`, then `Name = "word",`.
+#[macro_export]
+macro_rules! words {
+    (
+        $(#[doc = $about:literal])*
+        pub enum $name:ident {$(
+            $(#[doc = $meaning:literal])+
+            $variant:ident = $word:literal,
+        )*}
+    ) => {
+        $(#[doc = $about])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $name {$(
+            $(#[doc = $meaning])+
+            $variant,
+        )*}
+
+        impl $crate::param::ParamType for $name {
+            const KIND: $crate::param::Kind = $crate::param::Kind::Word(&[$($word),*]);
+
+            fn of(value: $crate::param::Value) -> Self {
+                match value {
+                    $($crate::param::Value::Word($word) => Self::$variant,)*
+                    _ => unreachable!("checked to be one of the words"),
+                }
+            }
+        }
+    };
+}
+
 /// Declares an effect's parameters: a struct with one field each, and the table `PARAMS` in the same
 /// order.
 ///
@@ -181,7 +248,7 @@ macro_rules! params {
         )*}
     ) => {
         $(#[doc = $about])*
-        #[derive(Clone, Copy, Debug, PartialEq)]
+        #[derive(Clone, Debug, PartialEq)]
         pub struct $name {$(
             $(#[doc = $meaning])+
             pub $field: $kind,
@@ -205,7 +272,7 @@ macro_rules! params {
             pub fn of(values: &[$crate::param::Value]) -> Self {
                 let mut values = values.iter();
                 Self {$(
-                    $field: $crate::param::ParamType::of(*values.next().expect("one value a parameter")),
+                    $field: $crate::param::ParamType::of(values.next().expect("one value a parameter").clone()),
                 )*}
             }
         }

@@ -57,6 +57,8 @@ fn range(param: &Param) -> String {
         Kind::Number => format!("{least} to {greatest}"),
         Kind::NumberOrAuto => format!("{least} to {greatest}, auto"),
         Kind::ColorOrAuto => "sRGB, auto".into(),
+        Kind::Word(words) => words.join(", "),
+        Kind::PictureOrAuto => "path, auto".into(),
     }
 }
 
@@ -80,11 +82,17 @@ fidelity = \"physical\"            # or \"paper\": the paper's formulas as print
 [fog]
 mor = { keys = [[0, 2000], [5, 60]] }   # seconds and values, linear between
 airlight = \"#d5dadd\"
+
+[sky]
+panorama = \"evening.exr\"         # beside this file
+heading = { keys = [[0, 0], [5, 10]] }
+scene_sky = \"replace\"
 ```
 
-A parameter is a number in its unit, a colour (`\"#rrggbb\"` or three numbers 0-1, sRGB), `\"auto\"`
-where its range says so, or keyframes of these. On the command line: `--set fog.mor=120`,
-`--set fog.mor=0:2000,5:60`, `--set fog.airlight=#d5dadd`, `--set fidelity=paper`.
+A parameter is a number in its unit, a colour (`\"#rrggbb\"` or three numbers 0-1, sRGB), a word or a path, `\"auto\"`
+where its range says so, or keyframes of numbers or colours. On the command line: `--set fog.mor=120`,
+`--set fog.mor=0:2000,5:60`, `--set fog.airlight=#d5dadd`, `--set fidelity=paper`. `sky = \"overcast\"` and
+`--set sky=overcast` are short for the first parameter of the sky.
 ";
 
 #[cfg(test)]

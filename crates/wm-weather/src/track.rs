@@ -1,6 +1,7 @@
 //! A parameter over time: one value, or linear keyframes.
 
-use crate::param::{Param, Value};
+use crate::param::{Kind, Param, Value};
+use crate::picture::Picture;
 
 /// Times are seconds from the start of the shot.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,9 +30,9 @@ impl Track {
             if !time.is_finite() {
                 return Err(format!("has a keyframe at time {time}: must be a number of seconds"));
             }
-            let checked = param.check(*value).map_err(|error| format!("at time {time} {error}"))?;
+            let checked = param.check(value.clone()).map_err(|error| format!("at time {time} {error}"))?;
             let steady = match checked {
-                Value::Auto => false,
+                Value::Auto | Value::Word(_) | Value::Picture(_) => false,
                 Value::Number(number) => number.is_finite(),
                 Value::Color(_) => true,
             };
@@ -53,7 +54,9 @@ impl Track {
     /// # Errors
     /// As [`Self::keyframes`].
     pub fn parse(param: &Param, text: &str) -> Result<Self, String> {
-        if !text.contains(':') {
+        // A path may have a colon in it.
+        let is_steady = matches!(param.kind, Kind::Word(_) | Kind::PictureOrAuto);
+        if is_steady || !text.contains(':') {
             return Ok(Self::constant(param.parse(text)?));
         }
         let mut keys = Vec::new();
@@ -74,17 +77,25 @@ impl Track {
     pub fn at(&self, time: f64) -> Value {
         let after = self.keys.partition_point(|(key, _)| *key <= time);
         if after == 0 {
-            return self.keys[0].1;
+            return self.keys[0].1.clone();
         }
-        let (from, first) = self.keys[after - 1];
-        let Some(&(to, second)) = self.keys.get(after) else { return first };
+        let (from, first) = &self.keys[after - 1];
+        let Some((to, second)) = self.keys.get(after) else { return first.clone() };
         let share = (time - from) / (to - from);
         let mix = |a: f64, b: f64| a + (b - a) * share;
         match (first, second) {
-            (Value::Number(a), Value::Number(b)) => Value::Number(mix(a, b)),
+            (Value::Number(a), Value::Number(b)) => Value::Number(mix(*a, *b)),
             (Value::Color(a), Value::Color(b)) => Value::Color(std::array::from_fn(|k| mix(a[k], b[k]))),
-            _ => first,
+            _ => first.clone(),
         }
+    }
+
+    /// The pictures that it names.
+    pub(crate) fn pictures(&mut self) -> impl Iterator<Item = &mut Picture> {
+        self.keys.iter_mut().filter_map(|(_, value)| match value {
+            Value::Picture(picture) => Some(picture),
+            _ => None,
+        })
     }
 
     /// Times and values.
@@ -97,7 +108,6 @@ impl Track {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::param::Kind;
     use proptest::prelude::*;
 
     const PARAM: Param = Param {

@@ -1,11 +1,16 @@
 //! What weather is on, over time, and how it reaches the renderer.
 
+use crate::dome::Dome;
 use crate::effects::{Action, EFFECTS, Effect};
-use crate::optics::{Atmosphere, Site};
+use crate::optics::{Atmosphere, Daylight, Site};
+use crate::panorama::Panorama;
 use crate::paper::PaperFog;
 use crate::param::Value;
+use crate::picture::Picture;
 use crate::track::Track;
-use wm_render::hooks::{Hooks, Medium, PixelEffect};
+use std::path::Path;
+use std::sync::Arc;
+use wm_render::hooks::{Backdrop, Hooks, Medium, PixelEffect, SkySplats};
 
 /// Whose formulas are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,7 +65,7 @@ impl Weather {
     pub(crate) fn turn_on(&mut self, effect: usize) -> &mut Vec<Track> {
         let place = self.active.partition_point(|(on, _)| *on < effect);
         if self.active.get(place).is_none_or(|(on, _)| *on != effect) {
-            let defaults = EFFECTS[effect].params.iter().map(|param| Track::constant(param.default));
+            let defaults = EFFECTS[effect].params.iter().map(|param| Track::constant(param.default.clone()));
             self.active.insert(place, (effect, defaults.collect()));
         }
         &mut self.active[place].1
@@ -69,6 +74,24 @@ impl Weather {
     /// Turns an effect off.
     pub(crate) fn turn_off(&mut self, effect: usize) {
         self.active.retain(|(on, _)| *on != effect);
+    }
+
+    /// The pictures that its parameters name.
+    pub(crate) fn pictures(&mut self) -> impl Iterator<Item = &mut Picture> {
+        self.active.iter_mut().flat_map(|(_, tracks)| tracks.iter_mut().flat_map(Track::pictures))
+    }
+
+    /// Reads the pictures that its parameters name, each by `read`; to be called before anything is
+    /// rendered. What is not read is not shown.
+    ///
+    /// # Errors
+    /// The first of `read`.
+    pub fn load_pictures<E>(&mut self, mut read: impl FnMut(&Path) -> Result<Panorama, E>) -> Result<(), E> {
+        for picture in self.pictures() {
+            let panorama = read(picture.path())?;
+            picture.fill(Arc::new(panorama));
+        }
+        Ok(())
     }
 
     /// The weather at one instant, `time` in seconds.
@@ -97,6 +120,7 @@ impl Instant {
     /// What the renderer needs of this weather at one place.
     #[must_use]
     pub fn over(&self, site: &Site) -> Sky {
+        let (mut site, mut dome) = (*site, None);
         let mut layers = Vec::new();
         let mut paper = Vec::new();
         for (effect, values) in self.effects() {
@@ -104,12 +128,18 @@ impl Instant {
                 Fidelity::Physical => effect.act,
                 Fidelity::Paper => effect.act_as_paper.unwrap_or(effect.act),
             };
-            match act(values, site) {
+            match act(values, &site) {
+                // First of all effects: the light of the others is its.
+                Action::Sky(sky) => {
+                    let is_its = site.daylight == Daylight::Guessed || sky.scenes_sky() == SkySplats::LeftOut;
+                    site.airlight = sky.airlight().filter(|_| is_its).unwrap_or(site.airlight);
+                    dome = Some(sky);
+                }
                 Action::Layer(layer) => layers.push(layer),
                 Action::PaperFog(fog) => paper.push(fog),
             }
         }
-        Sky { air: Atmosphere::new(layers, *site), paper }
+        Sky { air: Atmosphere::new(layers, site), paper, dome }
     }
 }
 
@@ -119,13 +149,22 @@ pub struct Sky {
     /// The air.
     pub air: Atmosphere,
     paper: Vec<PaperFog>,
+    /// What stands behind everything, if the weather says it.
+    dome: Option<Dome>,
 }
 
 impl Sky {
+    /// What stands behind everything, if the weather says it.
+    #[must_use]
+    pub fn dome(&self) -> Option<&Dome> {
+        self.dome.as_ref()
+    }
+
     /// Calls `render` with the hooks of this weather.
     pub fn with_hooks<R>(&self, render: impl FnOnce(Hooks<'_>) -> R) -> R {
         let pixels: Vec<&dyn PixelEffect> = self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
         let medium = (!self.air.is_clear()).then_some(&self.air as &dyn Medium);
-        render(Hooks { medium, pixels: &pixels })
+        let background = self.dome.as_ref().map(|dome| dome as &dyn Backdrop);
+        render(Hooks { background, medium, pixels: &pixels })
     }
 }

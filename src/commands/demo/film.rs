@@ -67,8 +67,8 @@ mod tests {
     fn mor_at(weather: &Weather, time: f64) -> f64 {
         let instant = weather.at(time);
         let (effect, values) = instant.effects().next().unwrap();
-        match values[effect.param("mor").unwrap()] {
-            Value::Number(mor) => mor,
+        match &values[effect.param("mor").unwrap()] {
+            Value::Number(mor) => *mor,
             other => panic!("{other}"),
         }
     }

@@ -3,7 +3,7 @@
 mod camera;
 mod sequence;
 
-use crate::media::{color::Dither, png::DepthScale, video};
+use crate::media::{color::Dither, panorama::read_panorama, png::DepthScale, video};
 use crate::names::stem_of;
 use crate::output::{Also, Format, Style, outputs};
 use crate::scene::{Loaded, RunArgs, SceneArgs};
@@ -72,7 +72,8 @@ struct OutputArgs {
         help_heading = "Output"
     )]
     time: f64,
-    /// What stands behind all splats: auto, sky, black or #rrggbb; auto is a sky where the scene has none
+    /// What stands behind all splats: auto, sky, black or #rrggbb; auto is a plain sky where the scene has
+    /// none. The sky of a weather (--set sky=overcast) takes its place
     #[arg(long, value_name = "COLOR", default_value = "auto", help_heading = "Output")]
     background: BackgroundChoice,
     /// How splats smaller than a pixel are drawn: classic or antialiased [default: from the file, else
@@ -154,6 +155,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     for text in &args.set {
         weather.set(text)?;
     }
+    weather.load_pictures(read_panorama)?;
     if weather.effects().next().is_some() && args.weather.is_none() {
         weather.name = weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>().join("-");
     }

@@ -2,7 +2,7 @@
 
 use super::model::{CLUSTER, CpuModel, GROUPS};
 use crate::dispatch;
-use crate::hooks::{GROUP, Medium, ShadeGroup, Visibility};
+use crate::hooks::{GROUP, Medium, ShadeGroup, SkySplats, Visibility};
 use crate::renderer::{Job, Stats};
 use crate::simd::{Lanes, SimdPath};
 use crate::stages::intersect::TileGrid;
@@ -88,6 +88,7 @@ pub struct Front<'a> {
     cull: ClusterCull,
     rasterization: Rasterization,
     medium: Option<&'a dyn Medium>,
+    sky_splats: SkySplats,
     grid: TileGrid,
 }
 
@@ -100,6 +101,7 @@ impl<'a> Front<'a> {
             cull: ClusterCull::new(camera),
             rasterization: job.config.rasterization,
             medium: job.hooks.medium,
+            sky_splats: job.hooks.sky_splats(),
             grid,
         }
     }
@@ -159,11 +161,14 @@ impl<'a> Front<'a> {
             let factors = faded.then_some(&scratch.factors[i]);
             let (out, shade) = (&mut scratch.projected[used], &mut scratch.shade[used]);
             project_group(simd, group, self.camera, self.rasterization, factors, out, shade);
+            let sky = model.sky[index];
+            if self.sky_splats == SkySplats::LeftOut {
+                out.mask &= !u32::from(sky);
+            }
             if out.mask == 0 {
                 continue;
             }
             shade_group(simd, group, &model.sh_rest[index * rows..(index + 1) * rows], shade);
-            let sky = model.sky[index];
             if sky != 0 {
                 for lane in (0..GROUP).filter(|lane| sky >> lane & 1 == 1) {
                     shade.distance[lane] = f32::INFINITY;

@@ -128,7 +128,8 @@ impl CpuRenderer {
         let keys = &self.keys[..];
         stats.intersect += self.parts.par_iter_mut().map(|part| part.scatter(keys)).sum::<f64>();
 
-        let background = BackgroundView::new(&job.config.background, job.hooks.medium, job.camera, self.path);
+        let backdrop = job.hooks.background.unwrap_or(&job.config.background);
+        let background = BackgroundView::new(backdrop, job.hooks.medium, job.camera, self.path);
         let back = Back {
             path: self.path,
             narrow: self.path.narrow(),

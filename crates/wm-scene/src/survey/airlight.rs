@@ -29,23 +29,35 @@ pub fn estimate(splats: &Splats, sample: &Sample, sky: &Sky, up: DVec3) -> [f64;
     from_sky(splats, sample, sky, up).unwrap_or_else(|| from_surfaces(splats, sample))
 }
 
-/// A piece of sky as seen from the middle of the scene.
-struct Patch {
+/// A piece of a sky.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SkyPatch {
     /// Sine of its elevation.
-    sin: f64,
-    /// Solid angle times opacity, steradians.
-    weight: f64,
-    rgb: [f64; 3],
+    pub sin: f64,
+    /// Solid angle times opacity, in any unit.
+    pub weight: f64,
+    /// Radiance, linear RGB, 1 = display white.
+    pub rgb: [f64; 3],
 }
 
 fn from_sky(splats: &Splats, sample: &Sample, sky: &Sky, up: DVec3) -> Option<[f64; 3]> {
     let indices = sky.indices(splats).into_iter().filter(|index| splats.is_sound(*index));
-    let mut patches: Vec<Patch> = indices.map(|index| patch(splats, index, sample.center, up)).collect();
+    let mut patches: Vec<SkyPatch> = indices.map(|index| patch(splats, index, sample.center, up)).collect();
     let mut weights: Vec<f64> = patches.iter().map(|p| p.weight).collect();
     let most = quantile(&mut weights, 0.95);
     for patch in &mut patches {
         patch.weight = patch.weight.min(most);
     }
+    airlight_of_sky(patches)
+}
+
+/// The airlight under a sky, linear RGB; `None` without patches of any weight.
+///
+/// The mean radiance within 20 degrees of the horizon, of higher bands where too little is seen there; at most 0.9
+/// of display white, and no bluer than daylight fog is. What lies below the horizon counts only where nothing
+/// lies above it; what is far darker than the rest is taken for no sky.
+#[must_use]
+pub fn airlight_of_sky(mut patches: Vec<SkyPatch>) -> Option<[f64; 3]> {
     // A shell may close under the ground, where it has no light of its own.
     if patches.iter().any(|p| p.sin > 0.0) {
         patches.retain(|p| p.sin > 0.0);
@@ -73,14 +85,14 @@ fn whitened(rgb: [f64; 3]) -> [f64; 3] {
     rgb.map(|v| (1.0 - share) * v + share * grey)
 }
 
-fn patch(splats: &Splats, index: usize, center: DVec3, up: DVec3) -> Patch {
+fn patch(splats: &Splats, index: usize, center: DVec3, up: DVec3) -> SkyPatch {
     let offset = DVec3::from_array(splats.means[index].map(f64::from)) - center;
     let mut scales = splats.scales(index);
     scales.sort_by(f64::total_cmp);
     let solid_angle = scales[1] * scales[2] / offset.length_squared();
     let direction = offset.normalize_or_zero();
     let rgb = light(splats, index, direction);
-    Patch { sin: direction.dot(up), weight: solid_angle * splats.opacity(index), rgb }
+    SkyPatch { sin: direction.dot(up), weight: solid_angle * splats.opacity(index), rgb }
 }
 
 /// The linear colour of a splat seen in a direction, 0-1.
@@ -89,7 +101,7 @@ fn light(splats: &Splats, index: usize, direction: DVec3) -> [f64; 3] {
 }
 
 /// Weighted median of the luminance; the patches are sorted by it.
-fn median_luminance(patches: &mut [Patch]) -> Option<f64> {
+fn median_luminance(patches: &mut [SkyPatch]) -> Option<f64> {
     patches.sort_by(|a, b| luminance(a.rgb).total_cmp(&luminance(b.rgb)));
     let half = 0.5 * patches.iter().map(|p| p.weight).sum::<f64>();
     let mut sum = 0.0;
@@ -101,7 +113,7 @@ fn median_luminance(patches: &mut [Patch]) -> Option<f64> {
 }
 
 /// Mean radiance; `None` if the patches have no weight or less than `least` in all.
-fn mean<'a>(patches: impl Iterator<Item = &'a Patch>, least: f64) -> Option<[f64; 3]> {
+fn mean<'a>(patches: impl Iterator<Item = &'a SkyPatch>, least: f64) -> Option<[f64; 3]> {
     let (mut sum, mut weight) = ([0.0; 3], 0.0);
     for patch in patches {
         weight += patch.weight;

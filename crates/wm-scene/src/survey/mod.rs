@@ -22,6 +22,7 @@ use sky::Sky;
 use std::fmt;
 use thiserror::Error;
 
+pub use airlight::{SkyPatch, airlight_of_sky};
 pub use sky::label_sky;
 
 /// What is known of a place.

@@ -29,7 +29,7 @@ mod tests;
 mod undistort;
 
 pub use error::{Fault, PhotoError, PhotoErrors};
-pub use picture::Photo;
+pub use picture::{Photo, read_picture};
 
 use cache::Cache;
 use picture::{Entry, Lens, is_scaled, reduced_camera};

@@ -86,6 +86,25 @@ pub(super) fn reduced_camera(camera: &Camera, level: u8) -> Camera {
     }
 }
 
+/// A JPEG or PNG as it is stored: width, height, `[H, W, 3]`.
+///
+/// `fits` may refuse its size before it is decoded.
+///
+/// # Errors
+/// [`PhotoError`] if it cannot be read, does not decode, or is refused ([`Fault::Unreadable`] with the words of
+/// `fits`).
+pub fn read_picture(
+    path: &Path,
+    fits: &dyn Fn(u32, u32) -> Result<(), String>,
+) -> Result<(u32, u32, Vec<u8>), PhotoError> {
+    let fault = |fault| PhotoError { path: path.into(), fault };
+    let header = read_header(path).map_err(|e| PhotoError::reading(&e))?;
+    fits(header.width, header.height).map_err(|why| fault(Fault::Unreadable(why)))?;
+    let bytes = fs::read(path).map_err(|e| fault(Fault::Unreadable(format!("cannot be read: {e}"))))?;
+    let decoded = decode(&bytes, header.kind).map_err(|what| fault(Fault::Damaged(what)))?;
+    Ok((decoded.width, decoded.height, decoded.rgb))
+}
+
 /// What a lens makes of a picture.
 #[derive(Clone, Debug)]
 pub(super) struct Lens {

@@ -4,9 +4,10 @@
 //! of its parameters at one instant it makes what the renderer needs. It keeps no state: any instant
 //! can be asked for alone.
 
+use crate::dome::Dome;
 use crate::optics::{Layer, Site};
 use crate::paper::PaperFog;
-use crate::param::{Param, Value};
+use crate::param::{Kind, Param, Value};
 use wm_render::hooks::Slot;
 
 mod air;
@@ -34,6 +35,8 @@ pub enum Action {
     Layer(Layer),
     /// Fog over finished pixels, as in the paper.
     PaperFog(PaperFog),
+    /// What stands behind everything.
+    Sky(Dome),
 }
 
 macro_rules! effects {
@@ -45,13 +48,22 @@ macro_rules! effects {
     };
 }
 
-effects! { fog, haze, smog }
+effects! { sky, fog, haze, smog }
 
 impl Effect {
     /// The effect of a name.
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
         EFFECTS.iter().find(|effect| effect.name == name)
+    }
+
+    /// The words that stand for the whole effect, `sky = "clear"`: those of its first parameter.
+    #[must_use]
+    pub fn words(&self) -> &'static [&'static str] {
+        match self.params.first().map(|param| param.kind) {
+            Some(Kind::Word(words)) => words,
+            _ => &[],
+        }
     }
 
     /// The position of a parameter in the table.
@@ -71,7 +83,13 @@ mod tests {
             assert!(EFFECTS[..i].iter().all(|other| other.name != effect.name));
             for (k, param) in effect.params.iter().enumerate() {
                 assert_eq!(effect.param(param.name), Some(k), "{} has {} twice", effect.name, param.name);
-                assert_eq!(param.check(param.default), Ok(param.default), "{}.{}", effect.name, param.name);
+                assert_eq!(
+                    param.check(param.default.clone()),
+                    Ok(param.default.clone()),
+                    "{}.{}",
+                    effect.name,
+                    param.name
+                );
                 assert!(!param.meaning.trim().is_empty());
             }
         }

@@ -11,8 +11,14 @@ wm_render::parity! {
     };
 }
 
-const SITE: Site =
-    Site { metres_per_unit: 2.5, up: [0.0, -0.6, 0.8], ground: -1.0, airlight: [0.6, 0.7, 0.8], far: 300.0 };
+const SITE: Site = Site {
+    metres_per_unit: 2.5,
+    up: [0.0, -0.6, 0.8],
+    ground: -1.0,
+    airlight: [0.6, 0.7, 0.8],
+    daylight: Daylight::Known,
+    far: 300.0,
+};
 
 fn layer(sigma: f64, scale_height: f64) -> Layer {
     Layer {

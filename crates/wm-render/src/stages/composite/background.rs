@@ -1,7 +1,6 @@
-//! The background seen through the air, on coarse nodes of its own in each patch.
+//! The background seen through the air: on coarse nodes of its own in each patch, or pixel by pixel.
 
-use crate::hooks::{GROUP, Medium, PATCH, PATCH_PIXELS, ShadeGroup};
-use crate::renderer::Background;
+use crate::hooks::{Backdrop, Detail, GROUP, Medium, PATCH, PATCH_PIXELS, ShadeGroup};
 use crate::simd::SimdPath;
 use wm_scene::Camera;
 
@@ -10,13 +9,16 @@ const MAX_STEP: f64 = 0.5;
 
 /// The display-referred background of one view.
 pub struct BackgroundView<'a> {
-    background: &'a Background,
+    backdrop: &'a dyn Backdrop,
     medium: Option<&'a dyn Medium>,
     /// The colour where it is the same everywhere.
     uniform: Option<[f32; 3]>,
     origin: [f32; 3],
     /// A ray through picture point (x, y) px: `axes[0] x + axes[1] y + axes[2]`, world axes.
     axes: [[f32; 3]; 3],
+    /// Angle of the widest pixel, radians.
+    pixel: f64,
+    detail: Detail,
     /// Nodes along a side of a patch, on its first and last edge and between: 4, 8 or 16.
     nodes: usize,
     path: SimdPath,
@@ -36,32 +38,33 @@ impl Default for BackgroundScratch {
 }
 
 impl<'a> BackgroundView<'a> {
-    /// `background` behind `medium` for one view.
+    /// `backdrop` behind `medium` for one view.
     #[must_use]
     pub fn new(
-        background: &'a Background,
+        backdrop: &'a dyn Backdrop,
         medium: Option<&'a dyn Medium>,
         camera: &Camera,
         path: SimdPath,
     ) -> Self {
-        let uniform = match (background, medium) {
-            (Background::Color(color), None) => Some(*color),
-            (_, Some(medium)) => medium.far_color(),
-            _ => None,
+        let uniform = match medium {
+            None => backdrop.uniform(),
+            Some(medium) => medium.far_color(),
         };
-        // Degrees a pixel near the principal point, where they are most.
-        let degrees = (1.0 / camera.fx.min(camera.fy)).to_degrees();
+        let pixel = camera.widest_pixel();
+        let degrees = pixel.to_degrees();
         let enough = |nodes: &usize| PATCH as f64 / (*nodes - 1) as f64 * degrees <= MAX_STEP;
         let nodes = [4, 8].into_iter().find(enough).unwrap_or(16);
         let world_from_camera = camera.rotation().transpose();
         let (right, down) = (world_from_camera.x_axis / camera.fx, world_from_camera.y_axis / camera.fy);
         let corner = world_from_camera.z_axis - right * camera.cx - down * camera.cy;
         Self {
-            background,
+            backdrop,
             medium,
             uniform,
             origin: camera.center().to_array().map(|v| v as f32),
             axes: [right, down, corner].map(|axis| axis.to_array().map(|v| v as f32)),
+            pixel,
+            detail: backdrop.detail(),
             nodes,
             path,
         }
@@ -82,6 +85,9 @@ impl<'a> BackgroundView<'a> {
             return;
         }
         let corner = [(patch_x * PATCH) as f32, (patch_y * PATCH) as f32];
+        if self.detail == Detail::Fine {
+            return self.fill_pixels(corner, scratch, out);
+        }
         // Constant numbers of nodes, so that the loops unroll.
         match self.nodes {
             4 => self.fill_with::<4>(corner, scratch, out),
@@ -101,22 +107,8 @@ impl<'a> BackgroundView<'a> {
         let groups = &mut scratch.groups[..NODES * NODES / GROUP];
         for (i, group) in groups.iter_mut().enumerate() {
             self.rays::<NODES>(corner, step, i * GROUP, group);
-            match self.background {
-                Background::Color(color) => group.rgb = color.map(|v| [v; GROUP]),
-                Background::Sky(_) => {
-                    for lane in 0..GROUP {
-                        let ray = std::array::from_fn(|k| f64::from(group.direction[k][lane]));
-                        let color = self.background.color(ray);
-                        for k in 0..3 {
-                            group.rgb[k][lane] = color[k] as f32;
-                        }
-                    }
-                }
-            }
         }
-        if let Some(medium) = self.medium {
-            medium.shade(self.path, self.origin, groups);
-        }
+        self.seen(groups);
         for k in 0..3 {
             // Along the rows of nodes first, then down the columns of pixels.
             let mut rows = [[0.0; PATCH]; NODES];
@@ -133,6 +125,36 @@ impl<'a> BackgroundView<'a> {
                     line[x] = rows[first][x] + (rows[first + 1][x] - rows[first][x]) * share;
                 }
             }
+        }
+    }
+
+    /// One ray a pixel.
+    #[inline(always)]
+    fn fill_pixels(
+        &self,
+        [left, top]: [f32; 2],
+        scratch: &mut BackgroundScratch,
+        out: &mut [[f32; PATCH_PIXELS]; 3],
+    ) {
+        let groups = &mut scratch.groups[..];
+        for (row, group) in groups.iter_mut().enumerate() {
+            // A group is a row: both are 16 long.
+            self.rays::<PATCH>([left + 0.5, top + 0.5], 1.0, row * PATCH, group);
+        }
+        self.seen(groups);
+        for k in 0..3 {
+            for (pixels, group) in out[k].as_chunks_mut::<PATCH>().0.iter_mut().zip(&*groups) {
+                *pixels = group.rgb[k];
+            }
+        }
+    }
+
+    /// Colours the rays, through the air.
+    #[inline(always)]
+    fn seen(&self, groups: &mut [ShadeGroup]) {
+        self.backdrop.paint(self.pixel, groups);
+        if let Some(medium) = self.medium {
+            medium.shade(self.path, self.origin, groups);
         }
     }
 

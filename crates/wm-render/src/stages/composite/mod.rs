@@ -5,7 +5,8 @@
 //! both 0 where alpha is below 1/255; median depth 0 where alpha is below 0.5.
 //!
 //! The background is evaluated at nodes at most half a degree and a third of a patch apart, and
-//! interpolated linearly: skies and airlight have no detail finer than that.
+//! interpolated linearly: airlight and plain skies have no detail finer than that. A backdrop that has
+//! ([`crate::hooks::Detail::Fine`]) is evaluated at every pixel's centre.
 
 pub mod background;
 pub mod cpu;

@@ -1,12 +1,17 @@
 use super::background::{BackgroundScratch, BackgroundView};
-use crate::hooks::{Hooks, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
+use crate::hooks::{
+    Backdrop, Detail, GROUP, Hooks, Medium, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect, ShadeGroup,
+    SkySplats,
+};
+use crate::reference;
 use crate::renderer::{Background, Job, RenderConfig, SetView, SkyGradient};
 use crate::simd::SimdPath;
-use crate::testing::{Backend, camera, random_splats};
+use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats};
 use crate::{Frame, Geometry, Outputs};
-use wm_scene::Camera;
+use wm_scene::{Camera, Group};
 
 crate::parity! {
+    a_backdrop_is_behind_all_and_seen_through_the_air => backdrop;
     effects_see_every_pixel_once => effects;
     what_is_empty_is_zero => empty;
 }
@@ -54,7 +59,7 @@ fn frame(backend: Backend, camera: &Camera, effects: &[&dyn PixelEffect]) -> Fra
     let set = renderer.load(&random_splats(400, 0, 3)).unwrap();
     let outputs = Outputs { geometry: Geometry::DepthNormal, ..Outputs::default() };
     let config = RenderConfig { outputs, ..RenderConfig::default() };
-    let hooks = Hooks { medium: None, pixels: effects };
+    let hooks = Hooks { pixels: effects, ..Hooks::default() };
     let mut frame = Frame::default();
     renderer
         .render(&Job { sets: &[SetView::plain(set)], camera, config: &config, hooks }, &mut frame)
@@ -93,4 +98,80 @@ fn empty(backend: Backend) {
         }
     }
     assert!(empty > 100);
+}
+
+/// Stripes of a few pixels, and how scenes' own skies are taken.
+struct Stripes(SkySplats);
+
+impl Backdrop for Stripes {
+    fn paint(&self, pixel: f64, groups: &mut [ShadeGroup]) {
+        for group in groups {
+            for lane in 0..GROUP {
+                let direction = [0, 1, 2].map(|k| f64::from(group.direction[k][lane]));
+                let color = self.reference(pixel, direction);
+                for k in 0..3 {
+                    group.rgb[k][lane] = color[k] as f32;
+                }
+            }
+        }
+    }
+
+    fn reference(&self, pixel: f64, direction: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|k| 0.5 + 0.4 * (direction[k] / pixel).sin())
+    }
+
+    fn detail(&self) -> Detail {
+        Detail::Fine
+    }
+
+    fn sky_splats(&self) -> SkySplats {
+        self.0
+    }
+}
+
+/// Keeps half of the light of what is at infinity, and all else.
+struct Half;
+
+impl Medium for Half {
+    fn shade(&self, _: SimdPath, _: [f32; 3], groups: &mut [ShadeGroup]) {
+        for group in groups {
+            for lane in (0..GROUP).filter(|lane| group.distance[*lane].is_infinite()) {
+                (0..3).for_each(|k| group.rgb[k][lane] *= 0.5);
+            }
+        }
+    }
+
+    fn reference(&self, _: [f64; 3], _: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
+        rgb.map(|v| if distance.is_infinite() { 0.5 * v } else { v })
+    }
+}
+
+/// Directions in f32 are off by 1e-7, a pixel is 1 / 60: the stripes by 4e-6 or less.
+fn backdrop(backend: Backend) {
+    let mut splats = random_splats(300, 0, 4);
+    (0..300).step_by(2).for_each(|i| splats.groups[i] = Group::Sky);
+    let camera = camera(70, 50);
+    // Of a colour that shows wherever the hook is forgotten.
+    let background = Background::Color([9.0; 3]);
+    let config = RenderConfig { outputs: ALL_OUTPUTS, background, ..RenderConfig::default() };
+    let mut renderer = backend.renderer();
+    let set = renderer.load(&splats).unwrap();
+    let mut covered = Vec::new();
+    for sky_splats in [SkySplats::Kept, SkySplats::LeftOut] {
+        for medium in [None, Some(&Half as &dyn Medium)] {
+            let stripes = Stripes(sky_splats);
+            let hooks = Hooks { background: Some(&stripes), medium, ..Hooks::default() };
+            let mut frame = Frame::default();
+            renderer
+                .render(
+                    &Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks },
+                    &mut frame,
+                )
+                .unwrap();
+            let want = reference::render(&[(&splats, None)], &camera, &config, hooks);
+            compare(&frame, &want, 2.0).unwrap();
+            covered.push(frame.alpha.iter().sum::<f32>());
+        }
+    }
+    assert!(covered[2] < 0.9 * covered[0], "{covered:?}");
 }

@@ -78,7 +78,7 @@ fn air(backend: Backend) {
         background: Background::Sky(SkyGradient::daylight(up)),
         ..RenderConfig::default()
     };
-    let hooks = Hooks { medium: Some(&Tint), pixels: &[] };
+    let hooks = Hooks { medium: Some(&Tint), ..Hooks::default() };
     let mut renderer = backend.renderer();
     let set = renderer.load(&splats).unwrap();
     let mut frame = Frame::default();

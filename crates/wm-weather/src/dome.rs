@@ -1,0 +1,306 @@
+//! Skies that stand behind everything: by elevation, or out of a panorama.
+//!
+//! Radiance is linear RGB, 1 = display white. By the sine `s` of the elevation:
+//! - overcast: `L = H + (Z - H) s`, with `H = Z / 3` the CIE's overcast sky `L = Z (1 + 2 s) / 3` (Moon and
+//!   Spencer 1942; CIE S 011);
+//! - clear: `L = Z + (H - Z) (p(s) - p(1)) / (1 - p(1))`, `p(s) = 1 - e^(-0.32 / s)`: the gradation of the CIE's
+//!   clear skies (CIE S 011, a = -1, b = -0.32), from a colour at the zenith to another at the horizon. The glow
+//!   about the sun is left out: where the sun is nobody says;
+//! - gradient: [`SkyGradient`], the sky that the program gives to scenes without one.
+//!
+//! Below the horizon there is no edge: the horizon turns smoothly into the ground's haze, complete 30 degrees
+//! down. Scenes end before the horizon, and from above their end is seen against that.
+//!
+//! Directions: heading 0 is the scene's x axis laid level (its y axis if x is within 26 degrees of up), and
+//! headings turn clockwise seen from above.
+
+use crate::panorama::Panorama;
+use std::f64::consts::PI;
+use std::sync::Arc;
+use wm_render::frame::{srgb_decode, srgb_encode};
+use wm_render::hooks::{Backdrop, Detail, GROUP, ShadeGroup, SkySplats};
+use wm_render::{Background, SkyGradient};
+use wm_scene::color::luminance;
+use wm_scene::survey::{SkyPatch, airlight_of_sky};
+
+/// Gradation of the CIE's clear skies.
+const CLEAR: f64 = -0.32;
+/// Sine of the depth below the horizon at which a sky by elevation is all ground: 30 degrees.
+const GROUND: f64 = 0.5;
+/// The same for a panorama that is given a ground: 6 degrees.
+const PANORAMA_GROUND: f64 = 0.1;
+/// Light of the ground's haze against that of the horizon, where nothing says it.
+const GROUND_LIGHT: f64 = 0.45;
+/// Intervals in which a sky by elevation is tabled, by sine from -1 to 1. Linear between; a test has the error.
+const INTERVALS: usize = 2048;
+/// Intervals of the table by which a panorama is brightened, and its last colour.
+const TONES: usize = 4096;
+const BRIGHTEST: f64 = 8.0;
+/// Directions by which a panorama's airlight is found.
+const SAMPLES: usize = 1024;
+/// Sine of the elevation up to which the airlight of a sky by elevation is its mean: 20 degrees.
+const BAND: f64 = 0.342;
+
+/// What a sky shows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Look {
+    /// One colour, linear RGB.
+    Plain([f64; 3]),
+    /// Clear, by the colours of horizon and zenith, linear RGB.
+    Clear {
+        /// Straight up.
+        zenith: [f64; 3],
+        /// At the horizon.
+        horizon: [f64; 3],
+    },
+    /// Overcast.
+    Overcast {
+        /// Straight up, linear RGB.
+        zenith: [f64; 3],
+        /// At the horizon, linear RGB.
+        horizon: [f64; 3],
+    },
+    /// The plain sky of the program.
+    Gradient(SkyGradient),
+    /// A picture of all directions.
+    Panorama {
+        /// The picture.
+        panorama: Arc<Panorama>,
+        /// Heading of its middle column, degrees.
+        heading: f64,
+    },
+}
+
+/// A sky over a place, at one instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dome {
+    look: Look,
+    ground: Option<[f64; 3]>,
+    brightness: f64,
+    up: [f64; 3],
+    sky_splats: SkySplats,
+    /// Display-referred colours: of a sky by elevation by its sine, of a panorama's ways of being brighter by
+    /// its own colours.
+    table: Vec<[f32; 3]>,
+}
+
+impl Dome {
+    /// A sky about `up` (world axes, length 1), its light times `brightness`. `ground` is the colour well below
+    /// the horizon, linear RGB; without it a colour stays, a panorama shows its own, and others take a grey
+    /// of 0.45 times the light of the horizon.
+    #[must_use]
+    pub fn new(
+        look: Look,
+        ground: Option<[f64; 3]>,
+        brightness: f64,
+        up: [f64; 3],
+        sky_splats: SkySplats,
+    ) -> Self {
+        let mut dome = Self { look, ground, brightness, up, sky_splats, table: Vec::new() };
+        dome.table = match dome.look {
+            Look::Panorama { .. } if brightness == 1.0 => Vec::new(),
+            Look::Panorama { .. } => (0..=TONES)
+                .map(|i| [dome.brightened(BRIGHTEST * i as f64 / TONES as f64) as f32; 3])
+                .collect(),
+            _ => (0..=INTERVALS)
+                .map(|i| dome.by_elevation(2.0 * i as f64 / INTERVALS as f64 - 1.0).map(|v| v as f32))
+                .collect(),
+        };
+        dome
+    }
+
+    /// Whether the scene's own sky is drawn before it.
+    #[must_use]
+    pub fn scenes_sky(&self) -> SkySplats {
+        self.sky_splats
+    }
+
+    /// The airlight under it, linear RGB: its mean radiance near the horizon, as the survey takes it from the
+    /// splats of a sky; `None` of a sky that is black.
+    #[must_use]
+    pub fn airlight(&self) -> Option<[f64; 3]> {
+        let directions = match self.look {
+            Look::Panorama { .. } => (0..SAMPLES).map(|i| self.direction(i)).collect(),
+            // As wide as the band, all alike around.
+            _ => (0..64).map(|i| self.leaning(BAND * (i as f64 + 0.5) / 64.0, 0.0)).collect::<Vec<_>>(),
+        };
+        let pixel = (2.0 * PI / SAMPLES as f64).sqrt();
+        let patch = |direction: [f64; 3]| SkyPatch {
+            sin: dot(direction, self.up),
+            weight: 1.0,
+            // A sun is no measure of the air's light.
+            rgb: self.reference(pixel, direction).map(|v| srgb_decode(v.min(1.0))),
+        };
+        let airlight = airlight_of_sky(directions.into_iter().map(patch).collect())?;
+        (luminance(airlight) > 0.0).then_some(airlight)
+    }
+
+    /// The display-referred colour at a sine of elevation; not for panoramas.
+    fn by_elevation(&self, sin: f64) -> [f64; 3] {
+        let above = sin.clamp(0.0, 1.0);
+        let between = |from: [f64; 3], to: [f64; 3], share: f64| -> [f64; 3] {
+            std::array::from_fn(|k| from[k] + (to[k] - from[k]) * share)
+        };
+        let light = match &self.look {
+            Look::Plain(color) => *color,
+            Look::Overcast { zenith, horizon } => between(*horizon, *zenith, above),
+            Look::Clear { zenith, horizon } => {
+                let gradation = |sin: f64| 1.0 - (CLEAR / sin.max(1e-9)).exp();
+                let share = (gradation(above) - gradation(1.0)) / (1.0 - gradation(1.0));
+                between(*zenith, *horizon, share)
+            }
+            Look::Gradient(gradient) => {
+                let gradient = SkyGradient { up: [0.0, 0.0, 1.0], ..*gradient };
+                let level = (1.0 - sin * sin).max(0.0).sqrt();
+                // It has a ground of its own.
+                let color = Background::Sky(gradient).color([level, 0.0, sin]);
+                return color.map(|v| self.brightened(v));
+            }
+            Look::Panorama { .. } => unreachable!("a panorama is not by elevation"),
+        };
+        let light = match (&self.look, self.ground) {
+            (Look::Plain(_), None) => light,
+            (_, ground) => {
+                let ground = ground.unwrap_or([GROUND_LIGHT * luminance(light); 3]);
+                between(light, ground, smooth(-sin / GROUND))
+            }
+        };
+        light.map(|v| srgb_encode(self.brightness * v))
+    }
+
+    /// A display-referred value with the light times the brightness.
+    fn brightened(&self, value: f64) -> f64 {
+        srgb_encode(self.brightness * srgb_decode(value))
+    }
+
+    /// Heading 0, a quarter turn clockwise from it and up; all of length 1.
+    fn axes(&self) -> [[f64; 3]; 3] {
+        let up = self.up;
+        let mut forward = if up[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+        let along = dot(forward, up);
+        (0..3).for_each(|k| forward[k] -= along * up[k]);
+        let length = dot(forward, forward).sqrt();
+        let f = forward.map(|v| v / length);
+        let right = [f[1] * up[2] - f[2] * up[1], f[2] * up[0] - f[0] * up[2], f[0] * up[1] - f[1] * up[0]];
+        [f, right, up]
+    }
+
+    /// The axes turned so that the first points at the middle of a panorama.
+    fn panorama_axes(&self, heading: f64) -> [[f64; 3]; 3] {
+        let [forward, right, up] = self.axes();
+        let (sin, cos) = heading.to_radians().sin_cos();
+        [
+            std::array::from_fn(|k| cos * forward[k] + sin * right[k]),
+            std::array::from_fn(|k| cos * right[k] - sin * forward[k]),
+            up,
+        ]
+    }
+
+    /// The direction of a sine of elevation and a heading, radians.
+    fn leaning(&self, sin: f64, heading: f64) -> [f64; 3] {
+        let ([forward, right, up], level) = (self.axes(), (1.0 - sin * sin).max(0.0).sqrt());
+        let (across, along) = heading.sin_cos();
+        std::array::from_fn(|k| level * (along * forward[k] + across * right[k]) + sin * up[k])
+    }
+
+    /// Direction `index` of [`SAMPLES`] that are spread evenly over the upper half.
+    fn direction(&self, index: usize) -> [f64; 3] {
+        let sin = (index as f64 + 0.5) / SAMPLES as f64;
+        self.leaning(sin, PI * (3.0 - 5f64.sqrt()) * index as f64)
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// From 0 at 0 to 1 at 1 without a kink.
+fn smooth(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
+/// The table at a place from 0 to 1 along it.
+#[inline(always)]
+fn tabled(table: &[[f32; 3]], place: f32) -> (&[f32; 3], &[f32; 3], f32) {
+    let last = table.len() - 2;
+    let place = place.clamp(0.0, 1.0) * (last + 1) as f32;
+    let first = (place as usize).min(last);
+    (&table[first], &table[first + 1], place - first as f32)
+}
+
+impl Backdrop for Dome {
+    fn paint(&self, pixel: f64, groups: &mut [ShadeGroup]) {
+        let up = self.up.map(|v| v as f32);
+        if let Look::Panorama { panorama, heading } = &self.look {
+            let axes = self.panorama_axes(*heading).map(|axis| axis.map(|v| v as f32));
+            panorama.paint(pixel, axes, groups);
+            self.finish_panorama(up, groups);
+            return;
+        }
+        for group in groups {
+            for lane in 0..GROUP {
+                let sin = (0..3).map(|k| group.direction[k][lane] * up[k]).sum::<f32>();
+                let (from, to, share) = tabled(&self.table, 0.5 + 0.5 * sin);
+                for k in 0..3 {
+                    group.rgb[k][lane] = from[k] + (to[k] - from[k]) * share;
+                }
+            }
+        }
+    }
+
+    fn reference(&self, pixel: f64, direction: [f64; 3]) -> [f64; 3] {
+        let sin = dot(direction, self.up);
+        let Look::Panorama { panorama, heading } = &self.look else { return self.by_elevation(sin) };
+        let axes = self.panorama_axes(*heading);
+        let color = panorama.reference(pixel, axes.map(|axis| dot(axis, direction)));
+        let color = color.map(|v| self.brightened(v));
+        let Some(ground) = self.ground else { return color };
+        let share = smooth(-sin / PANORAMA_GROUND);
+        std::array::from_fn(|k| color[k] + (srgb_encode(self.brightness * ground[k]) - color[k]) * share)
+    }
+
+    fn uniform(&self) -> Option<[f32; 3]> {
+        match self.look {
+            Look::Plain(_) if self.ground.is_none() => self.table.first().copied(),
+            _ => None,
+        }
+    }
+
+    fn detail(&self) -> Detail {
+        match self.look {
+            Look::Panorama { .. } => Detail::Fine,
+            _ => Detail::Smooth,
+        }
+    }
+
+    fn sky_splats(&self) -> SkySplats {
+        self.sky_splats
+    }
+}
+
+impl Dome {
+    /// Brightens a panorama's colours, and lays the ground below the horizon.
+    fn finish_panorama(&self, up: [f32; 3], groups: &mut [ShadeGroup]) {
+        let ground = self.ground.map(|ground| ground.map(|v| srgb_encode(self.brightness * v) as f32));
+        for group in groups {
+            if !self.table.is_empty() {
+                for value in group.rgb.as_flattened_mut() {
+                    let (from, to, share) = tabled(&self.table, *value * (1.0 / BRIGHTEST as f32));
+                    *value = from[0] + (to[0] - from[0]) * share;
+                }
+            }
+            let Some(ground) = ground else { continue };
+            for lane in 0..GROUP {
+                let sin = (0..3).map(|k| group.direction[k][lane] * up[k]).sum::<f32>();
+                let share = smooth(f64::from(-sin) / PANORAMA_GROUND) as f32;
+                for k in 0..3 {
+                    group.rgb[k][lane] += (ground[k] - group.rgb[k][lane]) * share;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,133 @@
+//! Sky: what stands behind everything, for scenes that have none and for those whose sky is to be another.
+//!
+//! It lies at infinity, is seen through the air as all else, and shows where no splat covers it. Formulas
+//! and directions: [`crate::dome`]; panoramas: [`crate::panorama`].
+//!
+//! Weather must not look at frames, so the airlight of fog, haze and smog is taken from this sky, near its horizon,
+//! where the scene has neither a sky nor an airlight of its own; and wherever the scene's sky is replaced.
+//!
+//! The paper has no such thing.
+
+use crate::dome::{Dome, Look};
+use crate::effects::{Action, Effect};
+use crate::optics::Site;
+use crate::param::Value;
+use crate::picture::Picture;
+use wm_render::SkyGradient;
+use wm_render::frame::srgb_decode;
+use wm_render::hooks::{SkySplats, Slot};
+
+crate::words! {
+    /// What is shown.
+    pub enum Model {
+        /// The panorama that is given, else the colour, else clear.
+        Auto = "auto",
+        /// The CIE's clear gradation from horizon to zenith, without a sun.
+        Clear = "clear",
+        /// The CIE's overcast sky.
+        Overcast = "overcast",
+        /// The sky that scenes without one get anyway.
+        Gradient = "gradient",
+    }
+}
+
+crate::words! {
+    /// What becomes of the sky that a scene has.
+    pub enum SceneSky {
+        /// It stays before this one.
+        Keep = "keep",
+        /// It is left out.
+        Replace = "replace",
+    }
+}
+
+crate::params! {
+    /// What can be set.
+    pub struct Params {
+        /// What is shown: `clear` or `overcast` (CIE), `gradient` (what a scene without a sky gets anyway);
+        /// `auto` takes the panorama if one is given, else the colour, else `clear`.
+        model: Model = Value::Word("auto"), 0.0 => 0.0, "";
+        /// One colour all around.
+        color: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+        /// Colour straight up; `auto` is the model's.
+        zenith: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+        /// Colour at the horizon; `auto` is the model's: pale in a clear sky, a third of the light of the
+        /// zenith in an overcast one.
+        horizon: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+        /// Colour of the haze well below the horizon, where the scene has ended; `auto` is grey with
+        /// 45 % of the horizon's light, the colour itself if it is one, and the panorama's own lower half.
+        ground: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+        /// Picture of all directions: equirectangular, PNG, JPEG or EXR (linear light), at most 8192x4096 px;
+        /// its path, from the folder of the weather file.
+        panorama: Option<Picture> = Value::Auto, 0.0 => 0.0, "";
+        /// Where the middle of the panorama is, clockwise seen from above; 0 is the scene's x axis,
+        /// laid level (its y axis where x is up).
+        heading: f64 = Value::Number(0.0), -36_000.0 => 36_000.0, "deg";
+        /// Factor on its light.
+        brightness: f64 = Value::Number(1.0), 0.0 => 100.0, "";
+        /// What becomes of the sky of a scene that has one: `keep` leaves it before this one, `replace` leaves
+        /// it out, and takes the airlight from this one whatever the scene says.
+        scene_sky: SceneSky = Value::Word("keep"), 0.0 => 0.0, "";
+    }
+}
+
+/// The entry of [`EFFECTS`](super::EFFECTS).
+pub const EFFECT: Effect = Effect {
+    name: "sky",
+    about: "What stands behind everything: clear, overcast, a colour or a panorama",
+    slot: Slot::Background,
+    params: Params::PARAMS,
+    act: |values, site| Action::Sky(Params::of(values).dome(site)),
+    act_as_paper: None,
+};
+
+/// Zenith of an overcast sky: nearly white, a touch of blue.
+const OVERCAST: [f64; 3] = [0.97, 0.98, 1.0];
+/// The overcast horizon against its zenith (CIE).
+const OVERCAST_HORIZON: f64 = 1.0 / 3.0;
+
+impl Params {
+    fn dome(&self, site: &Site) -> Dome {
+        let scenes_sky = match self.scene_sky {
+            SceneSky::Keep => SkySplats::Kept,
+            SceneSky::Replace => SkySplats::LeftOut,
+        };
+        let ground = self.ground.map(|color| color.map(srgb_decode));
+        Dome::new(self.look(site), ground, self.brightness, site.up, scenes_sky)
+    }
+
+    fn look(&self, site: &Site) -> Look {
+        let plain = SkyGradient::daylight(site.up.map(|v| v as f32));
+        let or = |color: Option<[f64; 3]>, other: [f64; 3]| color.unwrap_or(other).map(srgb_decode);
+        match self.model {
+            Model::Auto => {
+                let panorama = self.panorama.as_ref().and_then(Picture::panorama);
+                if let Some(panorama) = panorama {
+                    return Look::Panorama { panorama: panorama.clone(), heading: self.heading };
+                }
+                if let Some(color) = self.color {
+                    return Look::Plain(color.map(srgb_decode));
+                }
+                Self { model: Model::Clear, ..self.clone() }.look(site)
+            }
+            Model::Clear => Look::Clear {
+                zenith: or(self.zenith, plain.zenith.map(f64::from)),
+                horizon: or(self.horizon, plain.horizon.map(f64::from)),
+            },
+            Model::Overcast => {
+                let zenith = or(self.zenith, OVERCAST);
+                let horizon = self.horizon.map(|color| color.map(srgb_decode));
+                Look::Overcast { zenith, horizon: horizon.unwrap_or(zenith.map(|v| OVERCAST_HORIZON * v)) }
+            }
+            Model::Gradient => {
+                let take = |color: Option<[f64; 3]>, other| color.map_or(other, |c| c.map(|v| v as f32));
+                Look::Gradient(SkyGradient {
+                    zenith: take(self.zenith, plain.zenith),
+                    horizon: take(self.horizon, plain.horizon),
+                    ground: take(self.ground, plain.ground),
+                    up: plain.up,
+                })
+            }
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! Equirectangular pictures of all directions, sampled without shimmer.
+//!
+//! Columns run around, rows from straight up to straight down: pixel `(x, y)` of `W x H` is seen at the
+//! longitude `2 pi ((x + 0.5) / W - 1/2)`, clockwise from above, and the elevation `pi (1/2 - (y + 0.5) / H)`.
+//! Kept in steps of 1/8192 of display white, display-referred, up to 8 (130 times the light of white: a
+//! sun is brighter, and clipped), with halved sizes averaged in linear light. A direction is interpolated
+//! bilinearly in the two sizes whose pixels are next to a pixel of the frame, and between them. Near the poles, where the
+//! columns come together, that is as sharp as the rows are.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+use std::fmt;
+use thiserror::Error;
+use wm_render::frame::{srgb_decode, srgb_encode};
+use wm_render::hooks::{GROUP, ShadeGroup};
+
+/// Most pixels: 8192 x 4096, 270 MB with the smaller sizes.
+pub const MAX_PIXELS: u64 = 1 << 25;
+/// Steps of a display-referred 1.
+const STEPS: f32 = 8192.0;
+/// Rows of the smallest size.
+const LEAST_ROWS: usize = 16;
+/// Largest difference of width and twice the height, as a share.
+const ASPECT: f64 = 0.01;
+
+/// Why a picture is no panorama.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+pub enum PanoramaFault {
+    /// It is not twice as wide as high.
+    #[error("{width}x{height} px is no panorama of all directions: it must be twice as wide as high")]
+    Aspect {
+        /// Width, px.
+        width: u32,
+        /// Height, px.
+        height: u32,
+    },
+    /// It has too many pixels.
+    #[error("a panorama of {width}x{height} px is too large: make it 8192x4096 px or smaller")]
+    Large {
+        /// Width, px.
+        width: u32,
+        /// Height, px.
+        height: u32,
+    },
+}
+
+/// A picture of all directions.
+#[derive(Clone, PartialEq)]
+pub struct Panorama {
+    /// The picture, then halved again and again.
+    levels: Vec<Level>,
+}
+
+/// One size of it.
+#[derive(Clone, PartialEq)]
+struct Level {
+    width: usize,
+    height: usize,
+    /// `[H, W]`, steps.
+    rgb: Vec<[u16; 3]>,
+}
+
+/// Says whether a picture of this size can be a panorama, before it is decoded.
+///
+/// # Errors
+/// [`PanoramaFault`].
+pub fn check_size(width: u32, height: u32) -> Result<(), PanoramaFault> {
+    let (w, h) = (f64::from(width), 2.0 * f64::from(height));
+    if width < 2 || height == 0 || (w - h).abs() > ASPECT * h {
+        return Err(PanoramaFault::Aspect { width, height });
+    }
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        return Err(PanoramaFault::Large { width, height });
+    }
+    Ok(())
+}
+
+impl Panorama {
+    /// A panorama of `width x height` px; `pixel` gives the display-referred colour of each place in
+    /// `[H, W]`, in order. What is not a number is black.
+    ///
+    /// # Errors
+    /// [`PanoramaFault`].
+    pub fn new(
+        width: u32,
+        height: u32,
+        mut pixel: impl FnMut(usize) -> [f32; 3],
+    ) -> Result<Self, PanoramaFault> {
+        check_size(width, height)?;
+        let (width, height) = (width as usize, height as usize);
+        let rgb = (0..width * height).map(|i| pixel(i).map(|v| (v * STEPS).round() as u16)).collect();
+        let mut levels = vec![Level { width, height, rgb }];
+        let linear: Vec<f32> =
+            (0..=u16::MAX).map(|v| srgb_decode(f64::from(v) / f64::from(STEPS)) as f32).collect();
+        while let Some(level) = levels.last().filter(|level| level.height >= 2 * LEAST_ROWS) {
+            levels.push(level.halved(&linear));
+        }
+        Ok(Self { levels })
+    }
+
+    /// Width and height, px.
+    #[must_use]
+    pub fn size(&self) -> (usize, usize) {
+        (self.levels[0].width, self.levels[0].height)
+    }
+
+    /// The sizes to mix for frame pixels of an angle (radians), and the share of the second.
+    fn levels_for(&self, pixel: f64) -> (&Level, &Level, f64) {
+        let texel = std::f64::consts::PI / self.levels[0].height as f64;
+        let last = self.levels.len() - 1;
+        let depth = (pixel / texel).log2().clamp(0.0, last as f64);
+        let first = depth as usize;
+        (&self.levels[first], &self.levels[(first + 1).min(last)], depth - first as f64)
+    }
+
+    /// Writes the colours of `groups`, whose directions are along `axes`: level towards the middle column,
+    /// level a quarter turn clockwise from it, and up.
+    pub(crate) fn paint(&self, pixel: f64, axes: [[f32; 3]; 3], groups: &mut [ShadeGroup]) {
+        let (sharp, soft, share) = self.levels_for(pixel);
+        let share = share as f32;
+        for group in groups {
+            let [x, y, z] = group.direction;
+            let along = |axis: [f32; 3]| -> [f32; GROUP] {
+                std::array::from_fn(|i| x[i] * axis[0] + y[i] * axis[1] + z[i] * axis[2])
+            };
+            let [forward, right, up] = axes.map(along);
+            let around: [f32; GROUP] = std::array::from_fn(|i| atan2(right[i], forward[i]));
+            let above: [f32; GROUP] =
+                std::array::from_fn(|i| atan2(up[i], (forward[i] * forward[i] + right[i] * right[i]).sqrt()));
+            for i in 0..GROUP {
+                let (u, v) = (0.5 + around[i] / (2.0 * PI), 0.5 - above[i] / PI);
+                let mut rgb = sharp.at(u, v);
+                if share > 0.0 {
+                    let other = soft.at(u, v);
+                    for k in 0..3 {
+                        rgb[k] += (other[k] - rgb[k]) * share;
+                    }
+                }
+                for k in 0..3 {
+                    group.rgb[k][i] = rgb[k];
+                }
+            }
+        }
+    }
+
+    /// The same for one direction given along the axes, in f64.
+    pub(crate) fn reference(&self, pixel: f64, [forward, right, up]: [f64; 3]) -> [f64; 3] {
+        let u = 0.5 + right.atan2(forward) / std::f64::consts::TAU;
+        let v = 0.5 - up.atan2(forward.hypot(right)) / std::f64::consts::PI;
+        let (sharp, soft, share) = self.levels_for(pixel);
+        let (a, b) = (sharp.reference(u, v), soft.reference(u, v));
+        std::array::from_fn(|k| a[k] + (b[k] - a[k]) * share)
+    }
+}
+
+impl fmt::Debug for Panorama {
+    /// Size and a checksum (FNV-1a): enough to tell another picture.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let values = self.levels[0].rgb.as_flattened();
+        let sum = values
+            .iter()
+            .fold(0xcbf2_9ce4_8422_2325u64, |sum, v| (sum ^ u64::from(*v)).wrapping_mul(0x0100_0000_01b3));
+        let (width, height) = self.size();
+        write!(f, "{width}x{height} {sum:016x}")
+    }
+}
+
+impl Level {
+    /// Half the size, each side rounded down; `linear` is the light of each step.
+    fn halved(&self, linear: &[f32]) -> Self {
+        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
+        let (columns, rows) = (Shares::of(self.width, width), Shares::of(self.height, height));
+        let mut rgb = Vec::with_capacity(width * height);
+        for y in 0..height {
+            for x in 0..width {
+                let mut sum = [0.0; 3];
+                for (row, down) in rows.of_place(y) {
+                    for (column, along) in columns.of_place(x) {
+                        let from = self.rgb[row * self.width + column];
+                        for k in 0..3 {
+                            sum[k] += down * along * linear[usize::from(from[k])];
+                        }
+                    }
+                }
+                rgb.push(sum.map(|v| (srgb_encode(f64::from(v)) as f32 * STEPS).round() as u16));
+            }
+        }
+        Self { width, height, rgb }
+    }
+
+    #[inline(always)]
+    fn at(&self, u: f32, v: f32) -> [f32; 3] {
+        let x = u * self.width as f32 - 0.5;
+        let y = (v * self.height as f32 - 0.5).clamp(0.0, (self.height - 1) as f32);
+        let (left, top) = (x.floor(), y as usize);
+        let (across, down) = (x - left, y - top as f32);
+        let first = if left < 0.0 { self.width - 1 } else { (left as usize).min(self.width - 1) };
+        let next = if first + 1 == self.width { 0 } else { first + 1 };
+        let rows =
+            [top, (top + 1).min(self.height - 1)].map(|row| &self.rgb[row * self.width..][..self.width]);
+        let mut out = [0.0; 3];
+        for k in 0..3 {
+            let [upper, lower] = rows.map(|row| {
+                let (a, b) = (f32::from(row[first][k]), f32::from(row[next][k]));
+                a + (b - a) * across
+            });
+            out[k] = (upper + (lower - upper) * down) * (1.0 / STEPS);
+        }
+        out
+    }
+
+    fn reference(&self, u: f64, v: f64) -> [f64; 3] {
+        let (width, height) = (self.width as i64, self.height as i64);
+        let (x, y) = (u * width as f64 - 0.5, v * height as f64 - 0.5);
+        let corner = |dx: i64, dy: i64, k: usize| {
+            let column = (x.floor() as i64 + dx).rem_euclid(width);
+            let row = (y.floor() as i64 + dy).clamp(0, height - 1);
+            f64::from(self.rgb[(row * width + column) as usize][k])
+        };
+        let (across, down) = (x - x.floor(), y - y.floor());
+        std::array::from_fn(|k| {
+            let upper = corner(0, 0, k) * (1.0 - across) + corner(1, 0, k) * across;
+            let lower = corner(0, 1, k) * (1.0 - across) + corner(1, 1, k) * across;
+            (upper * (1.0 - down) + lower * down) / f64::from(STEPS)
+        })
+    }
+}
+
+/// What the places of a shorter side are made of: places of the longer one and their shares.
+struct Shares {
+    ratio: f64,
+}
+
+impl Shares {
+    fn of(long: usize, short: usize) -> Self {
+        Self { ratio: long as f64 / short as f64 }
+    }
+
+    fn of_place(&self, place: usize) -> impl Iterator<Item = (usize, f32)> + use<> {
+        let (from, ratio) = (place as f64 * self.ratio, self.ratio);
+        let to = from + ratio;
+        // Sides that divide evenly end on a place, give or take a rounding.
+        (from as usize..(to - 1e-6).ceil() as usize).map(move |i| {
+            let share = to.min(i as f64 + 1.0) - from.max(i as f64);
+            (i, (share / ratio) as f32)
+        })
+    }
+}
+
+/// The angle of `(x, y)` from the x axis, radians, within 1.2e-5: a sixtieth of a pixel of the largest
+/// panorama. Abramowitz and Stegun 4.4.49; without branches, so that the compiler makes vectors of it.
+#[inline(always)]
+fn atan2(y: f32, x: f32) -> f32 {
+    let (ax, ay) = (x.abs(), y.abs());
+    let t = ax.min(ay) / ax.max(ay).max(1e-30);
+    let s = t * t;
+    let series = 0.999_866 + s * (-0.330_299_5 + s * (0.180_141 + s * (-0.085_133 + s * 0.020_835_1)));
+    let eighth = t * series;
+    let quarter = if ay > ax { FRAC_PI_2 - eighth } else { eighth };
+    let half = if x < 0.0 { PI - quarter } else { quarter };
+    if y < 0.0 { -half } else { half }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_are_right() {
+        for i in 0..=4000 {
+            let angle = (f64::from(i) / 2000.0 - 1.0) * std::f64::consts::PI * 0.9999;
+            let (y, x) = angle.sin_cos();
+            let got = f64::from(atan2(y as f32, x as f32));
+            assert!((got - angle).abs() < 1.2e-5, "{angle}: {got}");
+        }
+        assert_eq!(atan2(0.0, 0.0), 0.0);
+    }
+
+    #[test]
+    fn smaller_sizes_keep_the_light() {
+        // A checkerboard of black and white is half the light, not half the code; with odd sides too.
+        for (width, height) in [(128, 64), (131, 65)] {
+            let panorama =
+                Panorama::new(width, height, |i| [((i + i / width as usize) % 2) as f32; 3]).unwrap();
+            let smallest = panorama.levels.last().unwrap();
+            assert!((LEAST_ROWS..2 * LEAST_ROWS).contains(&smallest.height));
+            let light: f64 = smallest.rgb.iter().map(|rgb| srgb_decode(f64::from(rgb[0]) / 8192.0)).sum();
+            let mean = light / smallest.rgb.len() as f64;
+            assert!((mean - 0.5).abs() < 0.01, "{width}: {mean}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_panorama_is_refused() {
+        let new = |width, height| Panorama::new(width, height, |_| [f32::NAN, -1.0, 1e30]);
+        assert_eq!(new(64, 32).unwrap().levels[0].rgb[5], [0, 0, u16::MAX]);
+        assert_eq!(new(64, 64).unwrap_err(), PanoramaFault::Aspect { width: 64, height: 64 });
+        assert!(matches!(new(0, 0), Err(PanoramaFault::Aspect { .. })));
+        assert!(matches!(new(16384, 8192), Err(PanoramaFault::Large { .. })));
+        assert!(matches!(check_size(u32::MAX, u32::MAX / 2), Err(PanoramaFault::Large { .. })));
+    }
+}
