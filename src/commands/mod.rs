@@ -6,6 +6,7 @@ mod evaluate;
 mod inspect;
 mod reconstruct;
 mod render;
+mod sky;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
@@ -26,6 +27,8 @@ enum Verb {
     Render(Box<render::RenderArgs>),
     /// Compare a scene with photos, and with true depth, normals and sky where there are maps
     Evaluate(Box<evaluate::EvaluateArgs>),
+    /// Make a panorama of the sky out of photos, for the sky of a weather
+    Sky(sky::SkyArgs),
     /// Say what a scene holds, and what is wrong with it
     Inspect(inspect::InspectArgs),
     /// Measure rendering speed
@@ -41,6 +44,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Render(args) => render::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
+        Verb::Sky(args) => sky::run(&args),
         Verb::Inspect(args) => inspect::run(&args),
         Verb::Bench(args) => bench::run(&args),
         Verb::Demo(args) => demo::run(&args),

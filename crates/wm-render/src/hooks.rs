@@ -61,7 +61,7 @@ impl Hooks<'_> {
     /// What becomes of a scene's own sky.
     #[must_use]
     pub fn sky_splats(&self) -> SkySplats {
-        self.background.map_or(SkySplats::Kept, |backdrop| backdrop.sky_splats())
+        self.background.map_or(SkySplats::Kept, Backdrop::sky_splats)
     }
 }
 

@@ -9,13 +9,13 @@
 //! - gradient: [`SkyGradient`], the sky that the program gives to scenes without one.
 //!
 //! Below the horizon there is no edge: the horizon turns smoothly into the ground's haze, complete 30 degrees
-//! down. Scenes end before the horizon, and from above their end is seen against that.
+//! down. Scenes end before the horizon, and from above their end is seen against that. A panorama is haze
+//! there too ([`crate::panorama`]), unless its own lower half is asked for.
 //!
 //! Directions: heading 0 is the scene's x axis laid level (its y axis if x is within 26 degrees of up), and
 //! headings turn clockwise seen from above.
 
-use crate::panorama::Panorama;
-use std::f64::consts::PI;
+use crate::panorama::{Below, Panorama, smooth};
 use std::sync::Arc;
 use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::hooks::{Backdrop, Detail, GROUP, ShadeGroup, SkySplats};
@@ -25,19 +25,18 @@ use wm_scene::survey::{SkyPatch, airlight_of_sky};
 
 /// Gradation of the CIE's clear skies.
 const CLEAR: f64 = -0.32;
-/// Sine of the depth below the horizon at which a sky by elevation is all ground: 30 degrees.
+/// Sine of the depth below the horizon at which all is ground: 30 degrees.
 const GROUND: f64 = 0.5;
-/// The same for a panorama that is given a ground: 6 degrees.
-const PANORAMA_GROUND: f64 = 0.1;
-/// Light of the ground's haze against that of the horizon, where nothing says it.
-const GROUND_LIGHT: f64 = 0.45;
+/// Light of the ground's haze against that of the horizon, where nothing says it: bare ground of albedo 0.2 has
+/// 0.47 of it under an overcast sky, and air before it.
+const GROUND_LIGHT: f64 = 0.6;
 /// Intervals in which a sky by elevation is tabled, by sine from -1 to 1. Linear between; a test has the error.
 const INTERVALS: usize = 2048;
 /// Intervals of the table by which a panorama is brightened, and its last colour.
 const TONES: usize = 4096;
 const BRIGHTEST: f64 = 8.0;
-/// Directions by which a panorama's airlight is found.
-const SAMPLES: usize = 1024;
+/// Luminance of the brightest airlight, as the survey has it.
+const AIRLIGHT: f64 = 0.9;
 /// Sine of the elevation up to which the airlight of a sky by elevation is its mean: 20 degrees.
 const BAND: f64 = 0.342;
 
@@ -68,6 +67,8 @@ pub enum Look {
         panorama: Arc<Panorama>,
         /// Heading of its middle column, degrees.
         heading: f64,
+        /// What is seen below the horizon.
+        below: Below,
     },
 }
 
@@ -86,8 +87,8 @@ pub struct Dome {
 
 impl Dome {
     /// A sky about `up` (world axes, length 1), its light times `brightness`. `ground` is the colour well below
-    /// the horizon, linear RGB; without it a colour stays, a panorama shows its own, and others take a grey
-    /// of 0.45 times the light of the horizon.
+    /// the horizon, linear RGB; without it a colour stays, and others take a grey of 0.6 times the light of the
+    /// horizon.
     #[must_use]
     pub fn new(
         look: Look,
@@ -119,20 +120,25 @@ impl Dome {
     /// splats of a sky; `None` of a sky that is black.
     #[must_use]
     pub fn airlight(&self) -> Option<[f64; 3]> {
-        let directions = match self.look {
-            Look::Panorama { .. } => (0..SAMPLES).map(|i| self.direction(i)).collect(),
+        let light = match &self.look {
+            Look::Panorama { panorama, .. } => {
+                let light = panorama.airlight()?.map(|v| self.brightness * v);
+                let scale = (AIRLIGHT / luminance(light).max(AIRLIGHT)).min(1.0);
+                light.map(|v| scale * v)
+            }
             // As wide as the band, all alike around.
-            _ => (0..64).map(|i| self.leaning(BAND * (i as f64 + 0.5) / 64.0, 0.0)).collect::<Vec<_>>(),
+            _ => {
+                let sines = (0..64).map(|i| BAND * (f64::from(i) + 0.5) / 64.0);
+                let rgb = |sin| self.by_elevation(sin).map(srgb_decode);
+                airlight_of_sky(sines.map(|sin| SkyPatch { sin, weight: 1.0, rgb: rgb(sin) }).collect())?
+            }
         };
-        let pixel = (2.0 * PI / SAMPLES as f64).sqrt();
-        let patch = |direction: [f64; 3]| SkyPatch {
-            sin: dot(direction, self.up),
-            weight: 1.0,
-            // A sun is no measure of the air's light.
-            rgb: self.reference(pixel, direction).map(|v| srgb_decode(v.min(1.0))),
-        };
-        let airlight = airlight_of_sky(directions.into_iter().map(patch).collect())?;
-        (luminance(airlight) > 0.0).then_some(airlight)
+        (luminance(light) > 0.0).then_some(light.map(|v| v.min(1.0)))
+    }
+
+    /// The colour well below the horizon, linear RGB, without the brightness, where it is not `horizon`'s.
+    fn ground_under(&self, horizon: [f64; 3]) -> [f64; 3] {
+        self.ground.unwrap_or([GROUND_LIGHT * luminance(horizon); 3])
     }
 
     /// The display-referred colour at a sine of elevation; not for panoramas.
@@ -160,10 +166,7 @@ impl Dome {
         };
         let light = match (&self.look, self.ground) {
             (Look::Plain(_), None) => light,
-            (_, ground) => {
-                let ground = ground.unwrap_or([GROUND_LIGHT * luminance(light); 3]);
-                between(light, ground, smooth(-sin / GROUND))
-            }
+            _ => between(light, self.ground_under(light), f64::from(smooth((-sin / GROUND) as f32))),
         };
         light.map(|v| srgb_encode(self.brightness * v))
     }
@@ -173,21 +176,9 @@ impl Dome {
         srgb_encode(self.brightness * srgb_decode(value))
     }
 
-    /// Heading 0, a quarter turn clockwise from it and up; all of length 1.
-    fn axes(&self) -> [[f64; 3]; 3] {
-        let up = self.up;
-        let mut forward = if up[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-        let along = dot(forward, up);
-        (0..3).for_each(|k| forward[k] -= along * up[k]);
-        let length = dot(forward, forward).sqrt();
-        let f = forward.map(|v| v / length);
-        let right = [f[1] * up[2] - f[2] * up[1], f[2] * up[0] - f[0] * up[2], f[0] * up[1] - f[1] * up[0]];
-        [f, right, up]
-    }
-
     /// The axes turned so that the first points at the middle of a panorama.
     fn panorama_axes(&self, heading: f64) -> [[f64; 3]; 3] {
-        let [forward, right, up] = self.axes();
+        let [forward, right, up] = level_axes(self.up);
         let (sin, cos) = heading.to_radians().sin_cos();
         [
             std::array::from_fn(|k| cos * forward[k] + sin * right[k]),
@@ -195,29 +186,23 @@ impl Dome {
             up,
         ]
     }
+}
 
-    /// The direction of a sine of elevation and a heading, radians.
-    fn leaning(&self, sin: f64, heading: f64) -> [f64; 3] {
-        let ([forward, right, up], level) = (self.axes(), (1.0 - sin * sin).max(0.0).sqrt());
-        let (across, along) = heading.sin_cos();
-        std::array::from_fn(|k| level * (along * forward[k] + across * right[k]) + sin * up[k])
-    }
-
-    /// Direction `index` of [`SAMPLES`] that are spread evenly over the upper half.
-    fn direction(&self, index: usize) -> [f64; 3] {
-        let sin = (index as f64 + 0.5) / SAMPLES as f64;
-        self.leaning(sin, PI * (3.0 - 5f64.sqrt()) * index as f64)
-    }
+/// Heading 0, a quarter turn clockwise from it seen from above, and `up` itself, all of length 1: the axes of
+/// panoramas.
+#[must_use]
+pub fn level_axes(up: [f64; 3]) -> [[f64; 3]; 3] {
+    let mut forward = if up[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+    let along = dot(forward, up);
+    (0..3).for_each(|k| forward[k] -= along * up[k]);
+    let length = dot(forward, forward).sqrt();
+    let f = forward.map(|v| v / length);
+    let right = [f[1] * up[2] - f[2] * up[1], f[2] * up[0] - f[0] * up[2], f[0] * up[1] - f[1] * up[0]];
+    [f, right, up]
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// From 0 at 0 to 1 at 1 without a kink.
-fn smooth(x: f64) -> f64 {
-    let x = x.clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
 }
 
 /// The table at a place from 0 to 1 along it.
@@ -232,10 +217,10 @@ fn tabled(table: &[[f32; 3]], place: f32) -> (&[f32; 3], &[f32; 3], f32) {
 impl Backdrop for Dome {
     fn paint(&self, pixel: f64, groups: &mut [ShadeGroup]) {
         let up = self.up.map(|v| v as f32);
-        if let Look::Panorama { panorama, heading } = &self.look {
+        if let Look::Panorama { panorama, heading, below } = &self.look {
             let axes = self.panorama_axes(*heading).map(|axis| axis.map(|v| v as f32));
-            panorama.paint(pixel, axes, groups);
-            self.finish_panorama(up, groups);
+            panorama.paint(pixel, axes, *below, groups);
+            self.finish_panorama(panorama, *below, up, groups);
             return;
         }
         for group in groups {
@@ -251,13 +236,16 @@ impl Backdrop for Dome {
 
     fn reference(&self, pixel: f64, direction: [f64; 3]) -> [f64; 3] {
         let sin = dot(direction, self.up);
-        let Look::Panorama { panorama, heading } = &self.look else { return self.by_elevation(sin) };
+        let Look::Panorama { panorama, heading, below } = &self.look else { return self.by_elevation(sin) };
         let axes = self.panorama_axes(*heading);
-        let color = panorama.reference(pixel, axes.map(|axis| dot(axis, direction)));
+        let color = panorama.reference(pixel, axes.map(|axis| dot(axis, direction)), *below);
         let color = color.map(|v| self.brightened(v));
-        let Some(ground) = self.ground else { return color };
-        let share = smooth(-sin / PANORAMA_GROUND);
-        std::array::from_fn(|k| color[k] + (srgb_encode(self.brightness * ground[k]) - color[k]) * share)
+        if *below == Below::Picture {
+            return color;
+        }
+        let ground = self.panorama_ground(panorama);
+        let share = f64::from(smooth((-sin / GROUND) as f32));
+        std::array::from_fn(|k| color[k] + (ground[k] - color[k]) * share)
     }
 
     fn uniform(&self) -> Option<[f32; 3]> {
@@ -280,9 +268,15 @@ impl Backdrop for Dome {
 }
 
 impl Dome {
+    /// The display-referred colour well below the horizon of a panorama.
+    fn panorama_ground(&self, panorama: &Panorama) -> [f64; 3] {
+        let ground = self.ground_under(panorama.airlight().unwrap_or_default());
+        ground.map(|v| srgb_encode(self.brightness * v))
+    }
+
     /// Brightens a panorama's colours, and lays the ground below the horizon.
-    fn finish_panorama(&self, up: [f32; 3], groups: &mut [ShadeGroup]) {
-        let ground = self.ground.map(|ground| ground.map(|v| srgb_encode(self.brightness * v) as f32));
+    fn finish_panorama(&self, panorama: &Panorama, below: Below, up: [f32; 3], groups: &mut [ShadeGroup]) {
+        let ground = self.panorama_ground(panorama).map(|v| v as f32);
         for group in groups {
             if !self.table.is_empty() {
                 for value in group.rgb.as_flattened_mut() {
@@ -290,10 +284,12 @@ impl Dome {
                     *value = from[0] + (to[0] - from[0]) * share;
                 }
             }
-            let Some(ground) = ground else { continue };
+            if below == Below::Picture {
+                continue;
+            }
             for lane in 0..GROUP {
                 let sin = (0..3).map(|k| group.direction[k][lane] * up[k]).sum::<f32>();
-                let share = smooth(f64::from(-sin) / PANORAMA_GROUND) as f32;
+                let share = smooth(-sin / GROUND as f32);
                 for k in 0..3 {
                     group.rgb[k][lane] += (ground[k] - group.rgb[k][lane]) * share;
                 }

@@ -6,19 +6,26 @@
 //! sun is brighter, and clipped), with halved sizes averaged in linear light. A direction is interpolated
 //! bilinearly in the two sizes whose pixels are next to a pixel of the frame, and between them. Near the poles, where the
 //! columns come together, that is as sharp as the rows are.
+//!
+//! Below the horizon most panoramas show a ground of their own or nothing, and behind the end of a scene either
+//! is wrong. So that half is made of haze unless it is asked for ([`Below`]): within 3 degrees the mirrored
+//! sky turns into the mean of the strip above the horizon, at each heading its own.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::fmt;
 use thiserror::Error;
 use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::hooks::{GROUP, ShadeGroup};
+use wm_scene::survey::{SkyPatch, airlight_of_sky};
 
-/// Most pixels: 8192 x 4096, 270 MB with the smaller sizes.
+/// Most pixels: 8192 x 4096, 360 MB with the smaller sizes.
 pub const MAX_PIXELS: u64 = 1 << 25;
 /// Steps of a display-referred 1.
 const STEPS: f32 = 8192.0;
 /// Rows of the smallest size.
 const LEAST_ROWS: usize = 16;
+/// Sine of the depth below the horizon at which the mirrored sky has become the strip: 3 degrees.
+const MIRROR: f32 = 0.05;
 /// Largest difference of width and twice the height, as a share.
 const ASPECT: f64 = 0.01;
 
@@ -43,11 +50,21 @@ pub enum PanoramaFault {
     },
 }
 
+/// What is seen below the horizon of a panorama.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Below {
+    /// Haze of the colours just above it.
+    Haze,
+    /// What the picture has there.
+    Picture,
+}
+
 /// A picture of all directions.
 #[derive(Clone, PartialEq)]
 pub struct Panorama {
     /// The picture, then halved again and again.
     levels: Vec<Level>,
+    airlight: Option<[f64; 3]>,
 }
 
 /// One size of it.
@@ -55,8 +72,8 @@ pub struct Panorama {
 struct Level {
     width: usize,
     height: usize,
-    /// `[H, W]`, steps.
-    rgb: Vec<[u16; 3]>,
+    /// `[H, W]`, steps; the fourth makes a pixel one load.
+    rgb: Vec<[u16; 4]>,
 }
 
 /// Says whether a picture of this size can be a panorama, before it is decoded.
@@ -87,14 +104,26 @@ impl Panorama {
     ) -> Result<Self, PanoramaFault> {
         check_size(width, height)?;
         let (width, height) = (width as usize, height as usize);
-        let rgb = (0..width * height).map(|i| pixel(i).map(|v| (v * STEPS).round() as u16)).collect();
+        let rgb = (0..width * height).map(|i| steps(pixel(i))).collect();
         let mut levels = vec![Level { width, height, rgb }];
         let linear: Vec<f32> =
             (0..=u16::MAX).map(|v| srgb_decode(f64::from(v) / f64::from(STEPS)) as f32).collect();
         while let Some(level) = levels.last().filter(|level| level.height >= 2 * LEAST_ROWS) {
             levels.push(level.halved(&linear));
         }
-        Ok(Self { levels })
+        let airlight = levels.iter().find(|level| level.height <= 128).and_then(Level::airlight);
+        Ok(Self { levels, airlight })
+    }
+
+    /// The airlight under it ([`airlight_of_sky`]), linear RGB; `None` if it is black.
+    #[must_use]
+    pub fn airlight(&self) -> Option<[f64; 3]> {
+        self.airlight
+    }
+
+    /// The smallest size.
+    fn smallest(&self) -> &Level {
+        self.levels.last().unwrap_or(&self.levels[0])
     }
 
     /// Width and height, px.
@@ -114,7 +143,8 @@ impl Panorama {
 
     /// Writes the colours of `groups`, whose directions are along `axes`: level towards the middle column,
     /// level a quarter turn clockwise from it, and up.
-    pub(crate) fn paint(&self, pixel: f64, axes: [[f32; 3]; 3], groups: &mut [ShadeGroup]) {
+    pub(crate) fn paint(&self, pixel: f64, axes: [[f32; 3]; 3], below: Below, groups: &mut [ShadeGroup]) {
+        let strip = self.smallest();
         let (sharp, soft, share) = self.levels_for(pixel);
         let share = share as f32;
         for group in groups {
@@ -127,10 +157,18 @@ impl Panorama {
             let above: [f32; GROUP] =
                 std::array::from_fn(|i| atan2(up[i], (forward[i] * forward[i] + right[i] * right[i]).sqrt()));
             for i in 0..GROUP {
-                let (u, v) = (0.5 + around[i] / (2.0 * PI), 0.5 - above[i] / PI);
-                let mut rgb = sharp.at(u, v);
+                let is_haze = below == Below::Haze && up[i] < 0.0;
+                let elevation = if is_haze { -above[i] } else { above[i] };
+                let (u, v) = (0.5 + around[i] / (2.0 * PI), 0.5 - elevation / PI);
+                let mut rgb = sharp.at(u, v, below);
                 if share > 0.0 {
-                    let other = soft.at(u, v);
+                    let other = soft.at(u, v, below);
+                    for k in 0..3 {
+                        rgb[k] += (other[k] - rgb[k]) * share;
+                    }
+                }
+                if is_haze {
+                    let (other, share) = (strip.at(u, 0.5, below), smooth(-up[i] / MIRROR));
                     for k in 0..3 {
                         rgb[k] += (other[k] - rgb[k]) * share;
                     }
@@ -143,13 +181,32 @@ impl Panorama {
     }
 
     /// The same for one direction given along the axes, in f64.
-    pub(crate) fn reference(&self, pixel: f64, [forward, right, up]: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn reference(&self, pixel: f64, [forward, right, up]: [f64; 3], below: Below) -> [f64; 3] {
+        let is_haze = below == Below::Haze && up < 0.0;
+        let height = if is_haze { -up } else { up };
         let u = 0.5 + right.atan2(forward) / std::f64::consts::TAU;
-        let v = 0.5 - up.atan2(forward.hypot(right)) / std::f64::consts::PI;
+        let v = 0.5 - height.atan2(forward.hypot(right)) / std::f64::consts::PI;
         let (sharp, soft, share) = self.levels_for(pixel);
-        let (a, b) = (sharp.reference(u, v), soft.reference(u, v));
-        std::array::from_fn(|k| a[k] + (b[k] - a[k]) * share)
+        let (a, b) = (sharp.reference(u, v, below), soft.reference(u, v, below));
+        let color: [f64; 3] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * share);
+        if !is_haze {
+            return color;
+        }
+        let strip = self.smallest().reference(u, 0.5, below);
+        let share = f64::from(smooth((-up / f64::from(MIRROR)) as f32));
+        std::array::from_fn(|k| color[k] + (strip[k] - color[k]) * share)
     }
+}
+
+/// A display-referred colour in steps; what is beyond is clipped, what is no number is 0.
+fn steps([r, g, b]: [f32; 3]) -> [u16; 4] {
+    [r, g, b, 0.0].map(|v| (v * STEPS).round() as u16)
+}
+
+/// From 0 at 0 to 1 at 1 without a kink.
+pub(crate) fn smooth(x: f32) -> f32 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
 }
 
 impl fmt::Debug for Panorama {
@@ -181,39 +238,62 @@ impl Level {
                         }
                     }
                 }
-                rgb.push(sum.map(|v| (srgb_encode(f64::from(v)) as f32 * STEPS).round() as u16));
+                rgb.push(steps(sum.map(|v| srgb_encode(f64::from(v)) as f32)));
             }
         }
         Self { width, height, rgb }
     }
 
-    #[inline(always)]
-    fn at(&self, u: f32, v: f32) -> [f32; 3] {
-        let x = u * self.width as f32 - 0.5;
-        let y = (v * self.height as f32 - 0.5).clamp(0.0, (self.height - 1) as f32);
-        let (left, top) = (x.floor(), y as usize);
-        let (across, down) = (x - left, y - top as f32);
-        let first = if left < 0.0 { self.width - 1 } else { (left as usize).min(self.width - 1) };
-        let next = if first + 1 == self.width { 0 } else { first + 1 };
-        let rows =
-            [top, (top + 1).min(self.height - 1)].map(|row| &self.rgb[row * self.width..][..self.width]);
-        let mut out = [0.0; 3];
-        for k in 0..3 {
-            let [upper, lower] = rows.map(|row| {
-                let (a, b) = (f32::from(row[first][k]), f32::from(row[next][k]));
-                a + (b - a) * across
-            });
-            out[k] = (upper + (lower - upper) * down) * (1.0 / STEPS);
+    /// The last row that is looked at: with haze below the horizon, the one above it.
+    fn last_row(&self, below: Below) -> usize {
+        match below {
+            Below::Haze => (self.height / 2).max(1) - 1,
+            Below::Picture => self.height - 1,
         }
-        out
     }
 
-    fn reference(&self, u: f64, v: f64) -> [f64; 3] {
+    fn airlight(&self) -> Option<[f64; 3]> {
+        let rows = 0..self.height / 2;
+        let patches = rows.flat_map(|row| {
+            let (sin, level) =
+                (std::f64::consts::PI * (0.5 - (row as f64 + 0.5) / self.height as f64)).sin_cos();
+            let pixels = &self.rgb[row * self.width..][..self.width];
+            // A sun is no measure of the air's light.
+            let light = |v: u16| srgb_decode((f64::from(v) / f64::from(STEPS)).min(1.0));
+            pixels.iter().map(move |[r, g, b, _]| SkyPatch {
+                sin,
+                weight: level,
+                rgb: [*r, *g, *b].map(light),
+            })
+        });
+        airlight_of_sky(patches.collect()).filter(|light| light.iter().any(|v| *v > 0.0))
+    }
+
+    #[inline(always)]
+    fn at(&self, u: f32, v: f32, below: Below) -> [f32; 4] {
+        let x = u * self.width as f32 - 0.5;
+        let last = self.last_row(below);
+        let y = (v * self.height as f32 - 0.5).clamp(0.0, last as f32);
+        // From one pixel to the left, so that rounding towards 0 rounds down.
+        let (left, top) = ((x + 1.0) as usize, y as usize);
+        let (across, down) = (x + 1.0 - left as f32, y - top as f32);
+        let first = if left == 0 { self.width - 1 } else { left.min(self.width) - 1 };
+        let next = if first + 1 == self.width { 0 } else { first + 1 };
+        let rows = [top, (top + 1).min(last)].map(|row| &self.rgb[row * self.width..][..self.width]);
+        // Four channels at once, so that the compiler makes one vector of a pixel.
+        let [upper, lower] = rows.map(|row| {
+            let [a, b] = [row[first], row[next]].map(|pixel| pixel.map(f32::from));
+            std::array::from_fn::<f32, 4, _>(|k| a[k] + (b[k] - a[k]) * across)
+        });
+        std::array::from_fn(|k| (upper[k] + (lower[k] - upper[k]) * down) * (1.0 / STEPS))
+    }
+
+    fn reference(&self, u: f64, v: f64, below: Below) -> [f64; 3] {
         let (width, height) = (self.width as i64, self.height as i64);
         let (x, y) = (u * width as f64 - 0.5, v * height as f64 - 0.5);
         let corner = |dx: i64, dy: i64, k: usize| {
             let column = (x.floor() as i64 + dx).rem_euclid(width);
-            let row = (y.floor() as i64 + dy).clamp(0, height - 1);
+            let row = (y.floor() as i64 + dy).clamp(0, self.last_row(below) as i64);
             f64::from(self.rgb[(row * width + column) as usize][k])
         };
         let (across, down) = (x - x.floor(), y - y.floor());
@@ -292,7 +372,7 @@ mod tests {
     #[test]
     fn what_is_no_panorama_is_refused() {
         let new = |width, height| Panorama::new(width, height, |_| [f32::NAN, -1.0, 1e30]);
-        assert_eq!(new(64, 32).unwrap().levels[0].rgb[5], [0, 0, u16::MAX]);
+        assert_eq!(new(64, 32).unwrap().levels[0].rgb[5], [0, 0, u16::MAX, 0]);
         assert_eq!(new(64, 64).unwrap_err(), PanoramaFault::Aspect { width: 64, height: 64 });
         assert!(matches!(new(0, 0), Err(PanoramaFault::Aspect { .. })));
         assert!(matches!(new(16384, 8192), Err(PanoramaFault::Large { .. })));

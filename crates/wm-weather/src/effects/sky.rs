@@ -11,6 +11,7 @@
 use crate::dome::{Dome, Look};
 use crate::effects::{Action, Effect};
 use crate::optics::Site;
+use crate::panorama::Below;
 use crate::param::Value;
 use crate::picture::Picture;
 use wm_render::SkyGradient;
@@ -32,6 +33,16 @@ crate::words! {
 }
 
 crate::words! {
+    /// What is seen below the horizon of a panorama.
+    pub enum Lower {
+        /// Haze of the colours just above it.
+        Haze = "haze",
+        /// What the picture has there.
+        Picture = "picture",
+    }
+}
+
+crate::words! {
     /// What becomes of the sky that a scene has.
     pub enum SceneSky {
         /// It stays before this one.
@@ -49,13 +60,13 @@ crate::params! {
         model: Model = Value::Word("auto"), 0.0 => 0.0, "";
         /// One colour all around.
         color: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
-        /// Colour straight up; `auto` is the model's.
+        /// Colour straight up; `auto` is the model's, white and more in an overcast sky.
         zenith: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
         /// Colour at the horizon; `auto` is the model's: pale in a clear sky, a third of the light of the
         /// zenith in an overcast one.
         horizon: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
         /// Colour of the haze well below the horizon, where the scene has ended; `auto` is grey with
-        /// 45 % of the horizon's light, the colour itself if it is one, and the panorama's own lower half.
+        /// 60 % of the horizon's light, and `color` itself if there is one.
         ground: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
         /// Picture of all directions: equirectangular, PNG, JPEG or EXR (linear light), at most 8192x4096 px;
         /// its path, from the folder of the weather file.
@@ -63,6 +74,9 @@ crate::params! {
         /// Where the middle of the panorama is, clockwise seen from above; 0 is the scene's x axis,
         /// laid level (its y axis where x is up).
         heading: f64 = Value::Number(0.0), -36_000.0 => 36_000.0, "deg";
+        /// What is seen below the horizon of a panorama: `haze` of the colours just above it, or the lower
+        /// half of the `picture`.
+        below: Lower = Value::Word("haze"), 0.0 => 0.0, "";
         /// Factor on its light.
         brightness: f64 = Value::Number(1.0), 0.0 => 100.0, "";
         /// What becomes of the sky of a scene that has one: `keep` leaves it before this one, `replace` leaves
@@ -81,8 +95,9 @@ pub const EFFECT: Effect = Effect {
     act_as_paper: None,
 };
 
-/// Zenith of an overcast sky: nearly white, a touch of blue.
-const OVERCAST: [f64; 3] = [0.97, 0.98, 1.0];
+/// Zenith of an overcast sky, linear RGB: a touch of blue, and brighter than white, as where a picture is exposed
+/// for the ground. White is reached at 37 degrees.
+const OVERCAST: [f64; 3] = [1.32, 1.35, 1.40];
 /// The overcast horizon against its zenith (CIE).
 const OVERCAST_HORIZON: f64 = 1.0 / 3.0;
 
@@ -103,7 +118,11 @@ impl Params {
             Model::Auto => {
                 let panorama = self.panorama.as_ref().and_then(Picture::panorama);
                 if let Some(panorama) = panorama {
-                    return Look::Panorama { panorama: panorama.clone(), heading: self.heading };
+                    let below = match self.below {
+                        Lower::Haze => Below::Haze,
+                        Lower::Picture => Below::Picture,
+                    };
+                    return Look::Panorama { panorama: panorama.clone(), heading: self.heading, below };
                 }
                 if let Some(color) = self.color {
                     return Look::Plain(color.map(srgb_decode));
@@ -115,7 +134,7 @@ impl Params {
                 horizon: or(self.horizon, plain.horizon.map(f64::from)),
             },
             Model::Overcast => {
-                let zenith = or(self.zenith, OVERCAST);
+                let zenith = self.zenith.map_or(OVERCAST, |color| color.map(srgb_decode));
                 let horizon = self.horizon.map(|color| color.map(srgb_decode));
                 Look::Overcast { zenith, horizon: horizon.unwrap_or(zenith.map(|v| OVERCAST_HORIZON * v)) }
             }

@@ -1,0 +1,259 @@
+//! `sky`: a panorama of the sky out of the photos of a data set, for `sky.panorama` of a weather.
+//!
+//! What of each photo is sky is told as for training ([`wm_train::priors::sky`]). A direction takes the mean of the photos
+//! that show sky there, each the less the nearer it is to the photo's edge, so that seams are soft. What no photo
+//! shows takes the mean colour of its elevation, plus what its seen neighbours differ from theirs: from coarser
+//! and coarser means ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
+
+use crate::media::{Size, color::Dither, png::write_rgb};
+use crate::scene::FactArgs;
+use anyhow::{Result, bail};
+use clap::Args;
+use glam::DVec3;
+use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
+use std::path::PathBuf;
+use wm_scene::capture::{self, CaptureOptions};
+use wm_scene::files::check_writable;
+use wm_scene::survey::Survey;
+use wm_scene::{Camera, Scene, View};
+use wm_train::photos::{PhotoOptions, PhotoSize, Photos};
+use wm_train::priors::SkyClass;
+use wm_train::priors::points::{inside, seen_points};
+use wm_train::priors::sky::{SkyInput, classify};
+use wm_weather::dome::level_axes;
+
+/// Longest side of the photos that are looked at, px.
+const LONGEST: u32 = 1200;
+/// Share of a photo's side over which it fades out.
+const FADE: f64 = 0.15;
+/// Sine of the elevation below which no sky is looked for: up is known to some degrees.
+const LOWEST: f64 = -0.09;
+
+/// Options of `sky`.
+#[derive(Args, Debug)]
+pub struct SkyArgs {
+    /// The photos: a folder with a COLMAP model or a transforms.json
+    dataset: PathBuf,
+    /// Where to: a .png
+    #[arg(short, long, value_name = "PATH", default_value = "sky.png")]
+    out: PathBuf,
+    /// Width, px; it is half as high
+    #[arg(long, value_name = "PX", default_value_t = 2048, value_parser = clap::value_parser!(u32).range(64..=8192))]
+    width: u32,
+    /// Folder of the photos [default: from the model]
+    #[arg(long, value_name = "FOLDER")]
+    images: Option<PathBuf>,
+    #[command(flatten)]
+    facts: FactArgs,
+}
+
+/// Runs the command.
+pub fn run(args: &SkyArgs) -> Result<()> {
+    check_writable(&args.out)?;
+    let given = args.facts.metadata()?;
+    let options = CaptureOptions { images: args.images.clone(), ..CaptureOptions::default() };
+    let capture = capture::read(&args.dataset, &options)?;
+    let photo_options = PhotoOptions { size: PhotoSize::Longest(LONGEST), ..PhotoOptions::default() };
+    let photos = Photos::open(&capture, &photo_options)?;
+    let places: Vec<usize> = (0..photos.len()).collect();
+    let view = |place: &usize| View { name: String::new(), camera: photos.camera(*place, 0) };
+    let scene = Scene { views: places.iter().map(view).collect(), ..Scene::default() };
+    let up = Survey::of(&scene, &given).up;
+
+    let seen = seen_points(&capture, &photos, &places);
+    let look = |place: usize| -> Result<Seen> {
+        let photo = photos.get(place, 0)?;
+        let at = |point: &u32| inside(&capture, &photo.camera, *point).map(|(x, y, _)| [x as f32, y as f32]);
+        let points: Vec<[f32; 2]> = seen[place].iter().filter_map(at).collect();
+        let input = SkyInput {
+            rgb: &photo.rgb,
+            width: photo.width as usize,
+            far: None,
+            has_depth: &[],
+            points: &points,
+        };
+        Ok(Seen { camera: photo.camera, is_sky: sky_of(&classify(&input)), rgb: photo.rgb.clone() })
+    };
+    let looks = places.into_par_iter().map(look).collect::<Result<Vec<Seen>>>()?;
+    // Exactly twice as wide as high.
+    let size = Size::new(args.width / 2 * 2, args.width / 2);
+    let (rgb, share) = panorama(&looks, up.value, size);
+    if share == 0.0 {
+        bail!("{}: no photo shows the sky; give sky.color, or another panorama", args.dataset.display());
+    }
+    let tags = [
+        ("program".into(), concat!("weather-magician ", env!("CARGO_PKG_VERSION")).into()),
+        ("sky_of".into(), args.dataset.display().to_string()),
+    ];
+    write_rgb(&args.out, &rgb, size, Dither::Ordered, &tags)?;
+    println!(
+        "{}: {}x{}, {:.0} % of the upper half is in {} photos, the rest is made up; up is {} ({})\n\
+         render with --set sky.panorama={0}",
+        args.out.display(),
+        size.width,
+        size.height,
+        100.0 * share,
+        looks.len(),
+        up.value,
+        up.source
+    );
+    Ok(())
+}
+
+fn sky_of(classes: &[SkyClass]) -> Vec<bool> {
+    classes.iter().map(|class| *class == SkyClass::Sky).collect()
+}
+
+/// A photo and what of it is sky.
+struct Seen {
+    camera: Camera,
+    /// `[H, W]`.
+    is_sky: Vec<bool>,
+    /// `[H, W, 3]`.
+    rgb: Vec<u8>,
+}
+
+impl Seen {
+    /// The colour in a direction and its weight; `None` where no sky is seen.
+    fn at(&self, direction: DVec3) -> Option<([f32; 3], f32)> {
+        let (camera, view) = (&self.camera, self.camera.rotation() * direction);
+        let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+        let (x, y) = (camera.fx * view.x / view.z + camera.cx, camera.fy * view.y / view.z + camera.cy);
+        if !(view.z > 0.0 && x >= 0.0 && y >= 0.0 && x < width && y < height) {
+            return None;
+        }
+        let pixel = y as usize * camera.width as usize + x as usize;
+        let edge = (x.min(width - x) / width).min(y.min(height - y) / height);
+        let rgb = [0, 1, 2].map(|k| f32::from(self.rgb[3 * pixel + k]) / 255.0);
+        self.is_sky[pixel].then_some((rgb, (edge / FADE).clamp(0.01, 1.0) as f32))
+    }
+}
+
+/// The panorama `[H, W, 3]` about `up`, sRGB, and the share of the upper half that photos show.
+fn panorama(photos: &[Seen], up: DVec3, size: Size) -> (Vec<f32>, f64) {
+    let axes = level_axes(up.to_array()).map(DVec3::from_array);
+    let (width, height) = (size.width as usize, size.height as usize);
+    let mut sums: Vec<[f32; 4]> = (0..width * height)
+        .into_par_iter()
+        .map(|i| {
+            let around = TAU * ((i % width) as f64 + 0.5) / width as f64 - PI;
+            let (sin, level) = (PI * (0.5 - ((i / width) as f64 + 0.5) / height as f64)).sin_cos();
+            let direction = level * (around.cos() * axes[0] + around.sin() * axes[1]) + sin * axes[2];
+            let seen = photos.iter().filter(|_| sin > LOWEST).filter_map(|photo| photo.at(direction));
+            seen.fold([0.0; 4], |[r, g, b, w], (rgb, weight)| {
+                [r + weight * rgb[0], g + weight * rgb[1], b + weight * rgb[2], w + weight]
+            })
+        })
+        .collect();
+    let is_seen = |sum: &[f32; 4]| sum[3] > 0.0;
+    let share = sums[..width * height / 2].iter().filter(|sum| is_seen(sum)).count();
+    let rings = rings(&sums, width);
+    // Each seen pixel as its difference from its ring, with the weight it has against what is made up.
+    for (i, sum) in sums.iter_mut().enumerate().filter(|(_, sum)| is_seen(sum)) {
+        let ring = rings[i / width];
+        *sum = [0, 1, 2, 3].map(|k| if k == 3 { sum[3].min(1.0) } else { sum[k] / sum[3] - ring[k] });
+    }
+    let whole = filled(&sums, width);
+    let rgb = whole.iter().enumerate().flat_map(|(i, pixel)| {
+        let ring = rings[i / width];
+        (0..3).map(move |k| (pixel[k] + ring[k]).clamp(0.0, 1.0))
+    });
+    (rgb.collect(), share as f64 / (width * height / 2) as f64)
+}
+
+/// The mean colour of each row, of the nearest that was seen where it was not.
+fn rings(sums: &[[f32; 4]], width: usize) -> Vec<[f32; 3]> {
+    let means: Vec<Option<[f32; 3]>> = sums
+        .chunks_exact(width)
+        .map(|row| {
+            let sum = row.iter().fold([0.0; 4], |a, b| [0, 1, 2, 3].map(|k| a[k] + b[k]));
+            (sum[3] > 0.0).then(|| [0, 1, 2].map(|k| sum[k] / sum[3]))
+        })
+        .collect();
+    let nearest = |row: usize| {
+        let seen = (0..means.len()).filter(|other| means[*other].is_some());
+        seen.min_by_key(|other| other.abs_diff(row)).and_then(|other| means[other])
+    };
+    (0..means.len()).map(|row| nearest(row).unwrap_or_default()).collect()
+}
+
+/// Fills what has little weight (the fourth value, 0-1) from coarser and coarser means.
+fn filled(fine: &[[f32; 4]], width: usize) -> Vec<[f32; 4]> {
+    let height = fine.len() / width;
+    if width < 4 || height < 2 {
+        return fine.to_vec();
+    }
+    let (w, h) = (width / 2, height / 2);
+    let four = |x: usize, y: usize| {
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(a, b)| fine[(2 * y + b) * width + 2 * x + a])
+    };
+    let coarse: Vec<[f32; 4]> = (0..w * h)
+        .map(|i| {
+            let four = four(i % w, i / w);
+            let weight: f32 = four.iter().map(|pixel| pixel[3]).sum();
+            let mean =
+                |k: usize| four.iter().map(|pixel| pixel[3] * pixel[k]).sum::<f32>() / weight.max(1e-9);
+            [mean(0), mean(1), mean(2), weight.min(1.0)]
+        })
+        .collect();
+    let coarse = filled(&coarse, w);
+    let around = |x: i64, y: i64, k: usize| {
+        coarse[y.clamp(0, h as i64 - 1) as usize * w + x.rem_euclid(w as i64) as usize][k]
+    };
+    (0..fine.len())
+        .map(|i| {
+            // The nearer coarse pixel counts three quarters along each side.
+            let (x, y) = ((i % width) as i64, (i / width) as i64);
+            let (left, top) = ((x + 1) / 2 - 1, (y + 1) / 2 - 1);
+            let (u, v) = (if x % 2 == 0 { 0.75 } else { 0.25 }, if y % 2 == 0 { 0.75 } else { 0.25 });
+            let mixed = |k: usize| {
+                let row = |y: i64| (1.0 - u) * around(left, y, k) + u * around(left + 1, y, k);
+                (1.0 - v) * row(top) + v * row(top + 1)
+            };
+            let [r, g, b, weight] = fine[i];
+            let mix = |own: f32, k: usize| weight * own + (1.0 - weight) * mixed(k);
+            [mix(r, 0), mix(g, 1), mix(b, 2), 1.0]
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two photos with skies of their own, the lower half of each ground.
+    #[test]
+    fn what_photos_show_is_where_it_was_and_the_rest_is_near_it() {
+        let photo = |toward: DVec3, rgb: [u8; 3]| {
+            let camera = Camera::look_at(
+                (80, 60),
+                60.0,
+                DVec3::new(3.0, 1.0, 2.0),
+                DVec3::new(3.0, 1.0, 2.0) + toward,
+                DVec3::Z,
+            );
+            Seen {
+                camera: camera.unwrap(),
+                is_sky: (0..80 * 60).map(|i| i < 80 * 30).collect(),
+                rgb: rgb.repeat(80 * 60),
+            }
+        };
+        let photos = [photo(DVec3::X, [200, 100, 100]), photo(DVec3::NEG_Y, [100, 100, 200])];
+        let size = Size::new(256, 128);
+        let (rgb, share) = panorama(&photos, DVec3::Z, size);
+        let at = |heading: i64, row: usize| {
+            let column = (128 + heading * 256 / 360).rem_euclid(256) as usize;
+            [0, 1, 2].map(|k| (255.0 * rgb[3 * (row * 256 + column) + k]).round() as u8)
+        };
+        // x is ahead, -y a quarter turn clockwise; 10 degrees up.
+        assert_eq!((at(0, 57), at(90, 57)), ([200, 100, 100], [100, 100, 200]));
+        assert!((0.1..0.4).contains(&share), "{share}");
+        for (heading, row) in [(45, 57), (180, 57), (270, 20), (0, 0)] {
+            let [r, g, b] = at(heading, row);
+            let between = 98..=202;
+            assert!(between.contains(&r) && between.contains(&b) && (98..=102).contains(&g), "{r} {g} {b}");
+        }
+        assert_eq!(panorama(&[], DVec3::Z, size).1, 0.0);
+    }
+}
