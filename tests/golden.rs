@@ -1,6 +1,6 @@
 //! Pictures that must stay as they are, and bytes that must not depend on the machine's threads.
 //!
-//! `tests/golden/*.png` show a made-up yard in fog, drawn on the portable path without dither. To change
+//! `tests/golden/*.png` show a made-up yard in fog and under another sky, drawn on the portable path without dither. To change
 //! them on purpose, run this test with `WM_UPDATE_GOLDEN=1` and look at what changed.
 
 mod common;
@@ -12,10 +12,14 @@ use wm_render::simd::SimdChoice;
 use wm_render::testing::Backend;
 
 /// Name and weather.
-const PICTURES: [(&str, &str); 3] = [
+const PICTURES: [(&str, &str); 4] = [
     ("fog", "--set fog.mor=40"),
     ("ground-fog", "--set fog.mor=12 --set fog.scale_height=2 --set fog.airlight=#d5dadd"),
     ("smog", "--set smog.mor=60 --set haze.mor=300"),
+    (
+        "overcast",
+        "--set sky=overcast --set sky.scene_sky=replace --set haze.mor=300 --set haze.scale_height=20",
+    ),
 ];
 const SIZE: (u32, u32) = (96, 64);
 

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::path::PathBuf;
 use wm_scene::capture::{self, CaptureOptions};
+use wm_scene::color::{luminance, srgb_decode};
 use wm_scene::files::check_writable;
 use wm_scene::survey::Survey;
 use wm_scene::{Camera, Scene, View};
@@ -27,8 +28,10 @@ use wm_weather::dome::level_axes;
 const LONGEST: u32 = 1200;
 /// Share of a photo's side over which it fades out.
 const FADE: f64 = 0.15;
-/// Sine of the elevation below which no sky is looked for: up is known to some degrees.
-const LOWEST: f64 = -0.09;
+/// How far a row's colour reaches, degrees.
+const SPREAD: f32 = 4.0;
+/// Light below which something is no sky, in medians of what was taken for it; as the survey has it.
+const DARK: f64 = 0.65;
 
 /// Options of `sky`.
 #[derive(Args, Debug)]
@@ -140,12 +143,13 @@ fn panorama(photos: &[Seen], up: DVec3, size: Size) -> (Vec<f32>, f64) {
             let around = TAU * ((i % width) as f64 + 0.5) / width as f64 - PI;
             let (sin, level) = (PI * (0.5 - ((i / width) as f64 + 0.5) / height as f64)).sin_cos();
             let direction = level * (around.cos() * axes[0] + around.sin() * axes[1]) + sin * axes[2];
-            let seen = photos.iter().filter(|_| sin > LOWEST).filter_map(|photo| photo.at(direction));
+            let seen = photos.iter().filter(|_| sin > 0.0).filter_map(|photo| photo.at(direction));
             seen.fold([0.0; 4], |[r, g, b, w], (rgb, weight)| {
                 [r + weight * rgb[0], g + weight * rgb[1], b + weight * rgb[2], w + weight]
             })
         })
         .collect();
+    drop_dark(&mut sums);
     let is_seen = |sum: &[f32; 4]| sum[3] > 0.0;
     let share = sums[..width * height / 2].iter().filter(|sum| is_seen(sum)).count();
     let rings = rings(&sums, width);
@@ -162,20 +166,35 @@ fn panorama(photos: &[Seen], up: DVec3, size: Size) -> (Vec<f32>, f64) {
     (rgb.collect(), share as f64 / (width * height / 2) as f64)
 }
 
-/// The mean colour of each row, of the nearest that was seen where it was not.
+/// The colour of each row: the mean of all, each the less the farther it is, so that rows of which photos show
+/// little, or take something else for sky, make no stripes.
 fn rings(sums: &[[f32; 4]], width: usize) -> Vec<[f32; 3]> {
-    let means: Vec<Option<[f32; 3]>> = sums
-        .chunks_exact(width)
-        .map(|row| {
-            let sum = row.iter().fold([0.0; 4], |a, b| [0, 1, 2, 3].map(|k| a[k] + b[k]));
-            (sum[3] > 0.0).then(|| [0, 1, 2].map(|k| sum[k] / sum[3]))
-        })
-        .collect();
-    let nearest = |row: usize| {
-        let seen = (0..means.len()).filter(|other| means[*other].is_some());
-        seen.min_by_key(|other| other.abs_diff(row)).and_then(|other| means[other])
+    let add = |a: [f32; 4], b: [f32; 4]| [0, 1, 2, 3].map(|k| a[k] + b[k]);
+    let rows: Vec<[f32; 4]> =
+        sums.chunks_exact(width).map(|row| row.iter().copied().fold([0.0; 4], add)).collect();
+    let spread = SPREAD / 180.0 * rows.len() as f32;
+    let ring = |row: usize| {
+        let near = |(other, sum): (usize, &[f32; 4])| {
+            let share = (1.0 + (row.abs_diff(other) as f32 / spread).powi(2)).powi(-2);
+            sum.map(|v| share * v)
+        };
+        let [r, g, b, weight] = rows.iter().enumerate().map(near).fold([0.0; 4], add);
+        [r, g, b].map(|v| v / weight.max(1e-9))
     };
-    (0..means.len()).map(|row| nearest(row).unwrap_or_default()).collect()
+    (0..rows.len()).into_par_iter().map(ring).collect()
+}
+
+/// Forgets what is far darker than the rest: branches and walls that were taken for sky.
+fn drop_dark(sums: &mut [[f32; 4]]) {
+    let light = |sum: &[f32; 4]| luminance([0, 1, 2].map(|k| srgb_decode(f64::from(sum[k] / sum[3]))));
+    let mut seen: Vec<f64> = sums.iter().filter(|sum| sum[3] > 0.0).map(light).collect();
+    seen.sort_by(f64::total_cmp);
+    let Some(middle) = seen.get(seen.len() / 2) else { return };
+    for sum in sums.iter_mut().filter(|sum| sum[3] > 0.0) {
+        if light(sum) < DARK * middle {
+            *sum = [0.0; 4];
+        }
+    }
 }
 
 /// Fills what has little weight (the fourth value, 0-1) from coarser and coarser means.

@@ -84,6 +84,7 @@ mod tests {
     fn seen(path: &Path, direction: [f64; 3]) -> [f64; 3] {
         let mut weather = Weather::clear();
         weather.set(&format!("sky.panorama={}", path.display())).unwrap();
+        weather.set("sky.below=picture").unwrap();
         weather.load_pictures(read_panorama).unwrap();
         let site = wm_weather::Site {
             metres_per_unit: 1.0,

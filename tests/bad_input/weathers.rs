@@ -39,6 +39,10 @@ fn files_have_line_and_column() {
         ("[fog]\nmor = { keys = [[nan, 100]] }\n", "w.toml:2:7: fog.mor has a keyframe at time NaN"),
         ("[fog]\nmor = { keys = [[1]] }\n", "w.toml:2:17: fog.mor must be a value or { keys"),
         ("[fog]\nmor = { keys = [] }\n", "w.toml:2:7: fog.mor has no keyframes"),
+        ("sky = \"cloudy\"\n", "w.toml:1:7: sky must be one of auto, clear, overcast, gradient, or a table"),
+        ("[sky]\nheading = \"north\"\n", "w.toml:2:11: sky.heading is `north`: must be a number from"),
+        ("[sky]\npanorama = \"gone.png\"\n", "gone.png: there is no such panorama; check sky.panorama"),
+        ("[sky]\npanorama = \"good.ply\"\n", "good.ply: is no picture that can be read: PNG, JPEG or EXR is"),
         ("fidelity = \"exact\"\n", "w.toml:1:12: there is no fidelity `exact`: use physical or paper"),
     ] {
         place.put("w.toml", text);
@@ -66,6 +70,7 @@ fn overrides() {
         ("fogg.mor=3", "there is no `fogg`, did you mean `fog`?"),
         ("fog=maybe", "fog is on or off"),
         ("fog.airlight=#12", "must be a colour as \"#rrggbb\""),
+        ("sky=cloudy", "sky is auto, clear, overcast, gradient, on or off"),
         ("fidelity=exact", "there is no fidelity `exact`: use physical or paper"),
     ] {
         let named = format!("--set {text}: ");
