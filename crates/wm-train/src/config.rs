@@ -145,8 +145,8 @@ impl Default for GeometryConfig {
     fn default() -> Self {
         Self {
             depth: 0.1,
-            depth_hard: 0.02,
-            depth_soft: 0.02,
+            depth_hard: 0.1,
+            depth_soft: 0.1,
             every: 4,
             surface: 0.1,
             normal: 0.05,
