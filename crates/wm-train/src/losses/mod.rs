@@ -263,7 +263,8 @@ mod tests {
         for prior in [None, Some(&empty)] {
             let truth = Truth { rgb: &rgb, mask: None, camera: &camera, prior };
             for term in terms(&config, path()) {
-                let is_free = ["l1", "dssim", "flat", "smooth"].contains(&term.name());
+                let is_free = ["l1", "dssim", "smooth"].contains(&term.name())
+                    || term.name() == "flat" && prior.is_some();
                 assert_eq!(term.weight(500, &truth) > 0.0, is_free, "{}", term.name());
             }
         }
