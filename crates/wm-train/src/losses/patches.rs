@@ -101,7 +101,8 @@ impl LossTerm for PatchDepth {
         let (Some(prior), frame) = (input.truth.prior, input.frame) else { return 0.0 };
         let grid = Grid::new(frame, prior);
         let Work { x, y, slope } = &mut self.work;
-        (x.clear(), y.clear());
+        x.clear();
+        y.clear();
         for (at, theirs) in grid.pairs() {
             let (depth, believed) = (frame.depth[at], prior.disparity[theirs]);
             let counts = believed >= 0.0 && frame.alpha[at] >= COVERED && depth > 0.0;

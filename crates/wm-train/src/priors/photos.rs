@@ -1,7 +1,7 @@
 //! Priors from nothing but the photos and their cameras: stereo, and the sky by its look.
 
 use super::fit::Fit;
-use super::points::{inside, seen_points};
+use super::points::{has_tracks, inside, seen_points};
 use super::sky::{SkyInput, classify};
 use super::stereo::{self, StereoMap, StereoOptions};
 use super::{Prior, PriorsWriter};
@@ -44,12 +44,15 @@ pub fn write(
     let seen = seen_points(capture, photos, places);
     for ((place, map), seen) in places.iter().zip(maps).zip(&seen) {
         let photo = photos.get(*place, level)?;
-        let points: Vec<[f32; 2]> = seen
-            .iter()
-            .filter_map(|point| inside(capture, &photo.camera, *point))
-            .map(|(x, y, _)| [x as f32, y as f32])
-            .collect();
-        let StereoMap { disparity, normal, .. } = map.clone().unwrap_or_default();
+        let placed: Vec<_> = seen.iter().filter_map(|point| inside(capture, &photo.camera, *point)).collect();
+        let points: Vec<[f32; 2]> = placed.iter().map(|(x, y, _)| [*x as f32, *y as f32]).collect();
+        let pixels = photo.width as usize * photo.height as usize;
+        let nothing = || StereoMap {
+            disparity: vec![f32::NAN; pixels],
+            normal: vec![[0.0; 3]; pixels],
+            ..StereoMap::default()
+        };
+        let StereoMap { mut disparity, normal, .. } = map.unwrap_or_else(nothing);
         let has_depth: Vec<bool> = disparity.iter().map(|v| *v > 0.0).collect();
         let (width, height) = (photo.width, photo.height);
         let input = SkyInput {
@@ -59,13 +62,52 @@ pub fn write(
             has_depth: &has_depth,
             points: &points,
         };
+        let sky = classify(&input);
+        if has_tracks(capture) {
+            add_points(&mut disparity, width as usize, &placed);
+        }
         let mut known: Vec<f32> = disparity.iter().copied().filter(|v| *v > 0.0).collect();
         known.sort_by(f32::total_cmp);
         let sigma = OFF * known.get(known.len() / 2).copied().unwrap_or(0.0);
-        let mut prior = Prior { width, height, disparity, sigma, normal, sky: classify(&input) };
+        let mut prior = Prior { width, height, disparity, sigma, normal, sky };
         prior.clear_sky();
         let name = &capture.views[photos.view(*place)].name;
         writer.add(name, &prior, None::<Fit>)?;
     }
     Ok(Some(()))
+}
+
+/// Fills unknown inverse depth in and beside the pixels of points: `(x, y)` px and view z, nearer ones first.
+fn add_points(disparity: &mut [f32], width: usize, points: &[(f64, f64, f64)]) {
+    let height = disparity.len() / width;
+    let is_known: Vec<bool> = disparity.iter().map(|v| !v.is_nan()).collect();
+    for (x, y, z) in points {
+        let (column, row) = (*x as usize, *y as usize);
+        let beside = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)];
+        for (dx, dy) in beside {
+            let (column, row) = (column.wrapping_add_signed(dx), row.wrapping_add_signed(dy));
+            if column < width && row < height && !is_known[row * width + column] {
+                let at = &mut disparity[row * width + column];
+                // f32::max leaves NaN aside.
+                *at = at.max((1.0 / z) as f32);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_fill_what_is_not_known() {
+        let mut disparity = vec![f32::NAN; 12];
+        disparity[5] = 0.125;
+        add_points(&mut disparity, 4, &[(1.5, 1.5, 2.0), (2.5, 1.5, 4.0), (3.9, 2.9, 1.0), (9.0, 9.0, 1.0)]);
+        let known: Vec<(usize, f32)> =
+            disparity.into_iter().enumerate().filter(|(_, v)| !v.is_nan()).collect();
+        let want =
+            [(1, 0.5), (2, 0.25), (4, 0.5), (5, 0.125), (6, 0.5), (7, 1.0), (9, 0.5), (10, 1.0), (11, 1.0)];
+        assert_eq!(known, want);
+    }
 }

@@ -6,12 +6,18 @@ use rayon::prelude::*;
 use wm_scene::Camera;
 use wm_scene::capture::Capture;
 
+/// Whether the capture says which photo shows which point.
+#[must_use]
+pub fn has_tracks(capture: &Capture) -> bool {
+    capture.observations.iter().any(|seen| !seen.is_empty())
+}
+
 /// For each of `places` (places in `photos`) the points that it shows: indices into the capture's.
 ///
 /// Where the capture does not say, all points that fall into the picture, those behind walls too.
 #[must_use]
 pub fn seen_points(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<Vec<u32>> {
-    let has_tracks = capture.observations.iter().any(|seen| !seen.is_empty());
+    let has_tracks = has_tracks(capture);
     let of = |place: &usize| -> Vec<u32> {
         if has_tracks {
             return capture.observations[photos.view(*place)].iter().map(|seen| seen.point).collect();

@@ -4,7 +4,7 @@ use super::matching::{Source, inverse_depth};
 use super::sweep::{Planes, Reference};
 
 /// Cost above which nothing is believed: a correlation of 0.5.
-const DEAREST: f32 = 0.5;
+const DEAREST: f32 = 0.7;
 /// How far a point may come back from where it started after a visit to another photo, px.
 const BACK: f32 = 1.5;
 /// How much the distances of two photos may differ.

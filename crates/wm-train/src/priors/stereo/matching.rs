@@ -38,21 +38,24 @@ impl Picture {
         Self { width, height: values.len() / width, values }
     }
 
-    /// Between the four pixels around a picture point, px; `None` outside.
+    /// Whether a picture point, px, has four pixels around it.
     #[inline(always)]
-    fn sample(&self, x: f32, y: f32) -> Option<f32> {
-        let (x, y) = (x - 0.5, y - 0.5);
+    fn holds(&self, x: f32, y: f32) -> bool {
         // Written so that NaN is outside.
-        let inside = x >= 0.0 && y >= 0.0 && x < (self.width - 1) as f32 && y < (self.height - 1) as f32;
-        if !inside {
-            return None;
-        }
-        let (left, top) = (x as usize, y as usize);
+        x >= 0.5 && y >= 0.5 && x < self.width as f32 - 0.5 && y < self.height as f32 - 0.5
+    }
+
+    /// Between the four pixels around a picture point, px, that it holds.
+    #[inline(always)]
+    fn sample(&self, x: f32, y: f32) -> f32 {
+        let (x, y) = (x - 0.5, y - 0.5);
+        let (left, top) = (x as u32 as usize, y as u32 as usize);
         let (dx, dy) = (x - left as f32, y - top as f32);
         let at = top * self.width + left;
-        let (upper, lower) = (&self.values[at..at + 2], &self.values[at + self.width..at + self.width + 2]);
-        let (upper, lower) = (upper[0] + dx * (upper[1] - upper[0]), lower[0] + dx * (lower[1] - lower[0]));
-        Some(upper + dy * (lower - upper))
+        let [a, b] = [self.values[at], self.values[at + 1]];
+        let [c, d] = [self.values[at + self.width], self.values[at + self.width + 1]];
+        let (upper, lower) = (a + dx * (b - a), c + dx * (d - c));
+        upper + dy * (lower - upper)
     }
 }
 
@@ -92,9 +95,9 @@ pub fn inverse_depth(plane: &Plane, x: f32, y: f32) -> f32 {
 pub struct Window {
     x: f32,
     y: f32,
-    values: [f32; SAMPLES],
+    /// Brightness without its mean.
+    off: [f32; SAMPLES],
     weights: [f32; SAMPLES],
-    mean: f32,
     /// One over the standard deviation; 0 where the window is flat.
     contrast: f32,
 }
@@ -123,7 +126,8 @@ impl Window {
         let mean = values.iter().zip(&weights).map(|(v, w)| v * w).sum::<f32>();
         let variance = values.iter().zip(&weights).map(|(v, w)| w * (v - mean) * (v - mean)).sum::<f32>();
         let contrast = if variance > FLAT * FLAT { 1.0 / variance.sqrt() } else { 0.0 };
-        Self { x: column as f32 + 0.5, y: row as f32 + 0.5, values, weights, mean, contrast }
+        let off = values.map(|v| v - mean);
+        Self { x: column as f32 + 0.5, y: row as f32 + 0.5, off, weights, contrast }
     }
 
     /// 1 minus the weighted normalised correlation with what `source` shows of `plane`.
@@ -133,28 +137,32 @@ impl Window {
         if self.contrast == 0.0 {
             return UNTOLD;
         }
-        // The plane's homography.
+        // The plane's homography, and its derivative at the pixel: over a window it is nearly affine.
         let h: [[f32; 3]; 3] =
             [0, 1, 2].map(|k| [0, 1, 2].map(|c| source.base[k][c] + source.lift[k] * plane[c]));
         let at: [f32; 3] = [0, 1, 2].map(|k| h[k][0] * self.x + h[k][1] * self.y + h[k][2]);
+        if at[2] < 1e-6 {
+            return WORST;
+        }
+        let (x, y, by_z) = (at[0] / at[2], at[1] / at[2], 1.0 / at[2]);
+        let across = [(h[0][0] - x * h[2][0]) * by_z, (h[1][0] - y * h[2][0]) * by_z];
+        let down = [(h[0][1] - x * h[2][1]) * by_z, (h[1][1] - y * h[2][1]) * by_z];
+        // All of the window is inside if its corners are.
+        let reach = [0, 1].map(|k| OFFSETS[OFFSETS.len() - 1] * (across[k].abs() + down[k].abs()));
+        let picture = source.picture;
+        if !(picture.holds(x - reach[0], y - reach[1]) && picture.holds(x + reach[0], y + reach[1])) {
+            return WORST;
+        }
         let (mut sum, mut square, mut product) = (0.0, 0.0, 0.0);
         for (i, dy) in OFFSETS.into_iter().enumerate() {
-            let row: [f32; 3] = [0, 1, 2].map(|k| at[k] + h[k][1] * dy);
+            let (x, y) = (x + down[0] * dy, y + down[1] * dy);
             for (j, dx) in OFFSETS.into_iter().enumerate() {
-                let z = row[2] + h[2][0] * dx;
-                if z < 1e-6 {
-                    return WORST;
-                }
-                let Some(value) =
-                    source.picture.sample((row[0] + h[0][0] * dx) / z, (row[1] + h[1][0] * dx) / z)
-                else {
-                    return WORST;
-                };
+                let value = picture.sample(x + across[0] * dx, y + across[1] * dx);
                 let k = i * OFFSETS.len() + j;
                 let weighted = self.weights[k] * value;
                 sum += weighted;
                 square += weighted * value;
-                product += weighted * (self.values[k] - self.mean);
+                product += weighted * self.off[k];
             }
         }
         let variance = square - sum * sum;

@@ -7,8 +7,20 @@ use wm_scene::synthetic::uniform;
 const NEIGHBOURS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-5, 0), (5, 0), (0, -5), (0, 5)];
 /// Sources of which the cost is the mean: the best, since the others may not see the place.
 const BEST: usize = 2;
+/// Sources that are asked once planes are about right, and most of all.
+const FEW: usize = 3;
+pub const MOST_SOURCES: usize = 16;
 /// Least cosine between a plane's normal and the ray: 80 degrees.
 const GRAZING: f32 = 0.17;
+
+/// Which sources are asked about a plane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ask {
+    /// All: nothing is right yet.
+    All,
+    /// Those in which the plane so far is found best.
+    Best,
+}
 
 /// The camera and range of one photo.
 #[derive(Clone, Debug)]
@@ -74,18 +86,33 @@ impl Reference<'_> {
         inverse > 0.0 && inverse <= self.nearest && facing > GRAZING * dot(ray, ray).sqrt()
     }
 
-    fn cost(&self, window: &Window, plane: &Plane) -> f32 {
+    fn cost(&self, window: &Window, plane: &Plane, asked: &[usize]) -> f32 {
         let mut best = [WORST; BEST];
-        for source in &self.sources {
-            let mut cost = window.cost(source, plane);
+        for source in asked {
+            let mut cost = window.cost(&self.sources[*source], plane);
             for place in &mut best {
                 if cost < *place {
                     std::mem::swap(place, &mut cost);
                 }
             }
         }
-        let count = self.sources.len().clamp(1, BEST);
+        let count = asked.len().clamp(1, BEST);
         best[..count].iter().sum::<f32>() / count as f32
+    }
+
+    /// The sources that a pixel asks in a round: those that `plane` fits best, or all.
+    fn asked<'b>(&self, window: &Window, plane: &Plane, ask: Ask, order: &'b mut Vec<usize>) -> &'b [usize] {
+        order.clear();
+        order.extend(0..self.sources.len());
+        if ask == Ask::All || order.len() <= FEW {
+            return order;
+        }
+        let mut costs = [WORST; MOST_SOURCES];
+        for (cost, source) in costs.iter_mut().zip(&self.sources) {
+            *cost = window.cost(source, plane);
+        }
+        order.sort_by(|a, b| costs[*a].total_cmp(&costs[*b]));
+        &order[..FEW]
     }
 
     /// Random numbers of a pixel in a round.
@@ -132,31 +159,40 @@ impl Reference<'_> {
     pub fn judge(&self, found: &mut Planes) {
         let width = self.picture.width;
         found.costs.clear();
+        let all: Vec<usize> = (0..self.sources.len()).collect();
         for (pixel, plane) in found.planes.iter().enumerate() {
             let window = Window::new(self.picture, pixel % width, pixel / width);
-            found.costs.push(self.cost(&window, plane));
+            found.costs.push(self.cost(&window, plane, &all));
         }
     }
 
     /// One round over both colours of the chessboard; rounds count from 1. `reach` is how far planes are
     /// varied, 1 for anything.
-    pub fn round(&self, found: &mut Planes, round: u32, reach: f32) {
+    pub fn round(&self, found: &mut Planes, round: u32, reach: f32, ask: Ask) {
         let (width, height) = (self.picture.width, self.picture.height);
+        let mut order = Vec::new();
         for color in 0..2 {
             for row in 0..height {
                 for column in ((row + color) % 2..width).step_by(2) {
-                    self.improve(found, (column, row), round, reach);
+                    self.improve(found, (column, row), (round, reach, ask), &mut order);
                 }
             }
         }
     }
 
-    fn improve(&self, found: &mut Planes, (column, row): (usize, usize), round: u32, reach: f32) {
+    fn improve(
+        &self,
+        found: &mut Planes,
+        (column, row): (usize, usize),
+        (round, reach, ask): (u32, f32, Ask),
+        order: &mut Vec<usize>,
+    ) {
         let (width, height) = (self.picture.width, self.picture.height);
         let pixel = row * width + column;
         let (x, y) = (column as f32 + 0.5, row as f32 + 0.5);
         let window = Window::new(self.picture, column, row);
         let (mut best, mut least) = (found.planes[pixel], found.costs[pixel]);
+        let asked = self.asked(&window, &best, ask, order);
         for (dx, dy) in NEIGHBOURS {
             let (column, row) = (column.wrapping_add_signed(dx), row.wrapping_add_signed(dy));
             if column >= width || row >= height {
@@ -165,7 +201,7 @@ impl Reference<'_> {
             let plane = found.planes[row * width + column];
             // Unchanged ones were tried before.
             if plane != best && self.allows(&plane, x, y) {
-                let cost = self.cost(&window, &plane);
+                let cost = self.cost(&window, &plane, asked);
                 if cost < least {
                     (best, least) = (plane, cost);
                 }
@@ -182,7 +218,7 @@ impl Reference<'_> {
         let count = if reach < 1.0 { 3 } else { 4 };
         for (inverse, normal) in &trials[..count] {
             if let Some(plane) = self.plane(x, y, *inverse, *normal) {
-                let cost = self.cost(&window, &plane);
+                let cost = self.cost(&window, &plane, asked);
                 if cost < least {
                     (best, least) = (plane, cost);
                 }
