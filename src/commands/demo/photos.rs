@@ -134,7 +134,7 @@ pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: RunArgs) -> Res
 }
 
 /// How the demo trains: the poses are in metres, and all photos have one exposure.
-const TRAINING: [&str; 8] = ["--preset", "quick", "--metres-per-unit", "1", "--exposure", "shared"];
+const TRAINING: [&str; 6] = ["--preset", "quick", "--metres-per-unit", "1", "--exposure", "shared"];
 
 #[cfg(test)]
 mod tests {
