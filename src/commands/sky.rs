@@ -6,7 +6,7 @@
 //! and coarser means ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
 
 use crate::media::{Size, color::Dither, png::write_rgb};
-use crate::scene::FactArgs;
+use crate::view::spec;
 use anyhow::{Result, bail};
 use clap::Args;
 use glam::DVec3;
@@ -17,7 +17,7 @@ use wm_scene::capture::{self, CaptureOptions};
 use wm_scene::color::{luminance, srgb_decode};
 use wm_scene::files::check_writable;
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, Scene, View};
+use wm_scene::{Camera, Metadata, Scene, View};
 use wm_train::photos::{PhotoOptions, PhotoSize, Photos};
 use wm_train::priors::SkyClass;
 use wm_train::priors::points::{inside, seen_points};
@@ -47,14 +47,18 @@ pub struct SkyArgs {
     /// Folder of the photos [default: from the model]
     #[arg(long, value_name = "FOLDER")]
     images: Option<PathBuf>,
-    #[command(flatten)]
-    facts: FactArgs,
+    /// Up in the axes of the model, such as 0,-1,0 [default: from the photos]
+    #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true)]
+    up: Option<DVec3>,
 }
 
 /// Runs the command.
 pub fn run(args: &SkyArgs) -> Result<()> {
     check_writable(&args.out)?;
-    let given = args.facts.metadata()?;
+    if !args.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
+        bail!("--out {}: a panorama is written as PNG; give a name that ends in .png", args.out.display());
+    }
+    let given = Metadata { up: args.up, ..Metadata::default() };
     let options = CaptureOptions { images: args.images.clone(), ..CaptureOptions::default() };
     let capture = capture::read(&args.dataset, &options)?;
     let photo_options = PhotoOptions { size: PhotoSize::Longest(LONGEST), ..PhotoOptions::default() };
