@@ -21,6 +21,7 @@ mod dither;
 mod error;
 pub mod exr;
 pub mod png;
+pub mod ramps;
 pub mod sheet;
 pub mod video;
 

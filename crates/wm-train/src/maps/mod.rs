@@ -23,12 +23,14 @@ mod resample;
 #[cfg(test)]
 mod tests;
 mod tiff;
+mod unit;
 
 pub use depth::{DepthForm, DepthKind, DepthScale};
 pub use error::{MapError, MapFault};
 pub use find::{EXTENSIONS, find_map};
 pub use normal::NormalAxes;
 pub use resample::Filter;
+pub use unit::DepthUnit;
 
 use std::{
     fs::File,

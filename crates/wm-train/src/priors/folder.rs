@@ -7,7 +7,7 @@ use crate::photos::cache::{Cache, Weigh};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
 use wm_scene::files::write_atomically;
@@ -115,7 +115,9 @@ pub struct PriorsWriter {
 }
 
 fn file(folder: &Path, kind: &str, name: &str, extension: &str) -> PathBuf {
-    let mut path = folder.join(kind).join(name).into_os_string();
+    // Names come from files of others, which may name places outside of the folder.
+    let parts = Path::new(name).components().filter(|part| matches!(part, Component::Normal(_)));
+    let mut path = folder.join(kind).join(parts.collect::<PathBuf>()).into_os_string();
     path.push(".");
     path.push(extension);
     path.into()
@@ -374,6 +376,12 @@ impl PriorsWriter {
         Ok(self.index)
     }
 
+    /// Gives up, since there is nothing to keep: the folder goes too, if it is empty.
+    pub fn abandon(self) {
+        // What cannot be removed does no harm.
+        let _ = remove(&self.folder.join(UNFINISHED)).and_then(|()| fs::remove_dir(&self.folder));
+    }
+
     fn write(&self, name: &str) -> Result<(), FormatError> {
         let path = self.folder.join(name);
         let text = serde_json::to_vec_pretty(&self.index)
@@ -419,6 +427,7 @@ mod tests {
             (prior().sky, prior().normal, 0.125)
         );
         assert!(open().get("c.jpg", &camera((40, 20))).unwrap().is_none());
+        assert_eq!(file(Path::new("p"), "sky", "/../a/./b.jpg", "png"), Path::new("p/sky/a/b.jpg.png"));
         let say = |error: PriorsError| error.to_string();
         assert!(
             say(open().get("a/b.jpg", &camera((40, 30))).unwrap_err())

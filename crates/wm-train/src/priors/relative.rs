@@ -83,6 +83,12 @@ pub fn prior(
     let sigma = found.map_or_else(|| OFF * median(&disparity), |found| found.sigma) as f32;
     let mut prior = Prior { width, height, disparity, sigma, normal, sky };
     prior.clear_sky();
+    for (disparity, class) in prior.disparity.iter_mut().zip(&prior.sky) {
+        // Nothing but the sky is infinitely far.
+        if *class != SkyClass::Sky && *disparity <= 0.0 {
+            *disparity = f32::NAN;
+        }
+    }
     Ok((prior, found))
 }
 
