@@ -31,7 +31,11 @@ pub fn write(
     let options = StereoOptions::default();
     let written = pool.install(|| photos::write(capture, opened, places, &options, &mut writer, &told))?;
     bar.finish_and_clear();
-    Ok(written.map(|()| writer.finish()).transpose()?)
+    if written.is_none() {
+        writer.abandon();
+        return Ok(None);
+    }
+    Ok(Some(writer.finish()?))
 }
 
 /// How much is known, in a line.

@@ -137,7 +137,7 @@ fn from_photos(args: &PriorsArgs) -> Result<Index> {
     }
     let data = Data::open(&args.dataset, &args.photos)?;
     // Whether the folder can be written is said before the work; stereo has a writer of its own.
-    drop(args.writer(photos::SOURCE.into())?);
+    args.writer(photos::SOURCE.into())?.abandon();
     let out = args.out();
     let written = stereo::write(&data.capture, &data.photos, &data.places, args.threads, &out)?;
     let Some(index) = written else {

@@ -15,6 +15,8 @@ use wm_train::priors::{Prior, PriorsWriter};
 
 /// Longest time between two notes of what is done.
 const NOTE: Duration = Duration::from_secs(20);
+/// Photos that are left out of which the reason is told; the index has it of all.
+const TOLD: usize = 10;
 
 /// What a source says of a photo.
 pub enum Answer {
@@ -71,10 +73,17 @@ pub fn run(args: &PriorsArgs, data: &Data, source: &dyn Source) -> Result<Index>
         let made: Vec<Result<Made>> = part.par_iter().map(made).collect();
         for (index, made) in part.iter().zip(made) {
             let name = data.name(data.places[*index]);
-            let made = made.inspect_err(|_| {
-                // The error is what counts; what is done is kept if that can be.
-                let _ = writer.pause();
-            })?;
+            let made = match made {
+                Ok(made) => made,
+                Err(error) => {
+                    // The error is what counts; what is done is kept if that can be.
+                    match writer.index().photos.is_empty() {
+                        true => writer.abandon(),
+                        false => drop(writer.pause()),
+                    }
+                    return Err(error);
+                }
+            };
             match made {
                 Ok((prior, fit)) => writer.add(name, &prior, fit)?,
                 Err(reason) => writer.leave_out(name, reason),
@@ -107,8 +116,11 @@ fn make(args: &PriorsArgs, data: &Data, source: &dyn Source, place: usize, seen:
 
 fn finish(args: &PriorsArgs, data: &Data, writer: PriorsWriter) -> Result<Index> {
     let Index { photos, left_out, .. } = writer.index();
-    for (name, reason) in left_out {
+    for (name, reason) in left_out.iter().take(TOLD) {
         eprintln!("left out: {name}: {reason}");
+    }
+    if left_out.len() > TOLD {
+        eprintln!("left out: {} more", left_out.len() - TOLD);
     }
     if photos.is_empty() {
         let (first, reason) = left_out.iter().next().unzip();

@@ -63,7 +63,7 @@ pub enum FitError {
     #[error("its depth says no more of {0} points than one distance for all would")]
     Blind(usize),
     /// Too many points lie elsewhere.
-    #[error("{:.0} % of {points} points follow it, to a median of {:.0} %: it is left out", 100.0 * follow, 100.0 * residual)]
+    #[error("only {:.0} % of {points} points follow its depth, which is off by {:.0} % in the median", 100.0 * follow, 100.0 * residual)]
     Poor {
         /// Share of points that follow.
         follow: f64,

@@ -112,6 +112,8 @@ pub struct Priors {
 pub struct PriorsWriter {
     folder: PathBuf,
     index: Index,
+    /// Whether an index of before may be there, which stands until the first map changes.
+    has_former: bool,
 }
 
 fn file(folder: &Path, kind: &str, name: &str, extension: &str) -> PathBuf {
@@ -252,16 +254,17 @@ fn read_classes(path: &Path, size: (u32, u32)) -> Result<Vec<SkyClass>, String> 
 }
 
 impl PriorsWriter {
-    /// Begins in a folder, which is made. An index that is there goes: what it names is about to change.
+    /// Begins in a folder, which is made. An index that is there stands until the first photo is added.
     ///
     /// # Errors
     /// [`FormatError`] if the folder cannot be written to.
     pub fn new(folder: &Path, source: String) -> Result<Self, FormatError> {
-        let fault = |e: std::io::Error| FormatError::whole(folder, Problem::Write(e.into()));
-        fs::create_dir_all(folder).map_err(fault)?;
-        remove(&folder.join(INDEX)).and_then(|()| remove(&folder.join(UNFINISHED))).map_err(fault)?;
+        fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))?;
         let index = Index { version: VERSION, source, ..Index::default() };
-        Ok(Self { folder: folder.into(), index })
+        let writer = Self { folder: folder.into(), index, has_former: true };
+        // Whether it can be written to shows now, and not after the work.
+        writer.pause()?;
+        Ok(writer)
     }
 
     /// Goes on with what [`Self::pause`] left, or with what is done but for photos that came later.
@@ -281,10 +284,8 @@ impl PriorsWriter {
                 index.source
             )));
         }
-        let writer = Self { folder: folder.into(), index };
+        let writer = Self { folder: folder.into(), index, has_former: true };
         writer.pause()?;
-        remove(&folder.join(INDEX))
-            .map_err(|e| FormatError::whole(&folder.join(INDEX), Problem::Write(e.into())))?;
         Ok(writer)
     }
 
@@ -319,6 +320,11 @@ impl PriorsWriter {
     /// # Errors
     /// [`FormatError`] if a file cannot be written.
     pub fn add(&mut self, name: &str, prior: &Prior, fit: Option<Fit>) -> Result<(), FormatError> {
+        if self.has_former {
+            let path = self.folder.join(INDEX);
+            remove(&path).map_err(|e| FormatError::whole(&path, Problem::Write(e.into())))?;
+            self.has_former = false;
+        }
         let (width, height) = (prior.width as usize, prior.height as usize);
         let place = |kind: &str, extension: &str| {
             let path = file(&self.folder, kind, name, extension);
@@ -376,7 +382,8 @@ impl PriorsWriter {
         Ok(self.index)
     }
 
-    /// Gives up, since there is nothing to keep: the folder goes too, if it is empty.
+    /// Gives up, since there is nothing to keep. The folder goes too, if it is empty; an index of before stays if nothing
+    /// was added.
     pub fn abandon(self) {
         // What cannot be removed does no harm.
         let _ = remove(&self.folder.join(UNFINISHED)).and_then(|()| fs::remove_dir(&self.folder));
@@ -459,10 +466,15 @@ mod tests {
         writer.add("b.jpg", &prior(), None).unwrap();
         assert_eq!(writer.finish().unwrap().photos.len(), 2);
         assert!(!place.path().join(UNFINISHED).exists());
-        // Of what is done nothing is lost while more is added.
-        let writer = begun("made up").unwrap();
+        // Of what is done nothing is lost before more is added, nor then.
+        let mut writer = begun("made up").unwrap();
+        assert!(Priors::open(place.path()).unwrap().is_some());
+        writer.add("b.jpg", &prior(), None).unwrap();
         assert!(Priors::open(place.path()).unwrap().is_none());
-        drop(writer);
+        writer.pause().unwrap();
         assert_eq!(begun("made up").unwrap().finish().unwrap().photos.len(), 2);
+        PriorsWriter::new(place.path(), "nothing".into()).unwrap().abandon();
+        assert_eq!(Priors::open(place.path()).unwrap().unwrap().index().photos.len(), 2);
+        assert!(!place.path().join(UNFINISHED).exists());
     }
 }

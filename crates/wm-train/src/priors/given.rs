@@ -12,6 +12,8 @@ use thiserror::Error;
 const HOLES: f64 = 0.01;
 /// Share of a photo that may be the sky.
 const MOST_SKY: f64 = 0.99;
+/// Most that given normals may be off those of the depth in the median, degrees.
+const ASKEW: f64 = 45.0;
 
 /// How depth tells the sky, where no map does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,6 +56,11 @@ pub enum NoPrior {
     /// Its depth does not fit the points.
     #[error(transparent)]
     Fit(#[from] FitError),
+    /// Normals and depth contradict each other.
+    #[error(
+        "its normals are {0:.0} degrees off those of its depth in the median; they are in other axes, perhaps"
+    )]
+    Askew(f64),
     /// There is nothing else.
     #[error("all of it is sky")]
     AllSky,
@@ -85,6 +92,9 @@ impl Given {
             None => (Prior { width, height, sky: self.sky.unwrap_or_default(), ..Prior::default() }, None),
         };
         if let Some(normal) = self.normal {
+            if let Some(degrees) = between(&normal, &prior.normal).filter(|degrees| *degrees > ASKEW) {
+                return Err(NoPrior::Askew(degrees));
+            }
             prior.normal = normal;
             prior.clear_sky();
         }
@@ -120,6 +130,15 @@ impl GivenDepth {
             .collect();
         Some(classify(&SkyInput { rgb, width, far: None, has_depth: &has_depth, points: &points }))
     }
+}
+
+/// The median of the angles between normals, degrees; `None` where none are known of both.
+fn between(first: &[[f32; 3]], second: &[[f32; 3]]) -> Option<f64> {
+    let known = first.iter().zip(second).filter(|(a, b)| **a != [0.0; 3] && **b != [0.0; 3]);
+    let mut cosines: Vec<f64> =
+        known.map(|(a, b)| f64::from(a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).clamp(-1.0, 1.0)).collect();
+    cosines.sort_by(f64::total_cmp);
+    cosines.get(cosines.len() / 2).map(|cosine| cosine.acos().to_degrees())
 }
 
 /// The colours of a photo in the size of a map, `[H, W, 3]`, sRGB.
@@ -181,6 +200,14 @@ mod tests {
         // A known scale needs no points, but they may contradict it.
         let (prior, fit) = depth(Freedom::Known(0.5), 0.0).prior(&photo(), &[], 0).unwrap();
         assert_eq!((prior.disparity[780], prior.sigma, fit), (0.25, 0.005, None));
+        // The wall looks at the camera, along -y.
+        let turned = |normal: [f32; 3]| {
+            let given = Given { normal: Some(vec![normal; 800]), ..depth(Freedom::Known(0.5), 0.0) };
+            given.prior(&photo(), &[], 0)
+        };
+        assert_eq!(turned([0.0, -1.0, 0.0]).unwrap().0.normal[780], [0.0, -1.0, 0.0]);
+        let fault = turned([0.0, 0.0, 1.0]).unwrap_err().to_string();
+        assert!(fault.starts_with("its normals are 90 degrees off"), "{fault}");
         let fault = depth(Freedom::Known(0.8), 0.0).prior(&photo(), &points(), 0).unwrap_err();
         assert!(matches!(fault, NoPrior::Fit(FitError::Poor { .. })), "{fault}");
     }
