@@ -1,6 +1,9 @@
 //! Maps whose truth is known.
 
 use super::*;
+use wm_scene::capture::Distortion;
+use wm_scene::capture::colmap::write;
+use wm_train::photos::{PhotoOptions, Photos};
 use wm_train::priors::SkyClass;
 
 /// Median relative error of inverse depth, and the share of pixels whose sky is wrong.
@@ -141,4 +144,42 @@ fn what_ended_goes_on_and_any_number_of_threads_gives_the_same() {
         all.iter().map(|(path, content)| (path.clone(), content.clone())).collect()
     };
     assert_eq!(files(&listing(&desk.at("out"))), files(&whole));
+}
+
+#[test]
+fn maps_of_a_bent_photo_are_bent_back() {
+    let desk = Desk::new();
+    let options = BuiltinOptions { count: 3, ..PHOTOS };
+    builtin::write(&Street::street(), &desk.at("set"), &options, &mut |_| true).unwrap();
+    let mut made = capture(&desk.at("set"));
+    let lens = Distortion::of([-0.2, 0.03, 0.0, 0.0]);
+    made.views.iter_mut().for_each(|view| view.distortion = lens);
+    write::write(&made, &desk.at("set/sparse/0"), Storage::Binary).unwrap();
+    // White left of a stored column.
+    let white: Vec<f32> = (0..9600).map(|pixel| if pixel % 120 < 30 { 1.0 } else { 0.0 }).collect();
+    for photo in 0..3 {
+        fs::create_dir_all(desk.at("sky")).unwrap();
+        npy::write(&desk.at(&format!("sky/{photo:05}.npy")), &white, &SHAPE).unwrap();
+    }
+    let stored = made.views[0].camera;
+    let camera = Photos::open(&made, &PhotoOptions::default()).unwrap().camera(0, 0);
+    let output = finish(&mut desk.command_on(Path::new("set"), "-o out --sky sky"));
+    assert!(output.status.success(), "{}", said(&output));
+    let prior = desk.priors().get("00000.png", &camera).unwrap().unwrap();
+    let pinhole = camera.resized(prior.width, prior.height);
+    let is_wrong = |(pixel, class): &(usize, &SkyClass)| {
+        let (column, row) = (pixel % prior.width as usize, pixel / prior.width as usize);
+        let x = (column as f64 + 0.5 - pinhole.cx) / pinhole.fx;
+        let y = (row as f64 + 0.5 - pinhole.cy) / pinhole.fy;
+        let seen = lens.distort(x, y).0 * stored.fx + stored.cx;
+        match class {
+            SkyClass::Sky => seen > 30.5,
+            SkyClass::Place => seen < 29.5,
+            SkyClass::Unknown => false,
+        }
+    };
+    assert_eq!(prior.sky.iter().enumerate().filter(is_wrong).count(), 0);
+    assert!(prior.sky.contains(&SkyClass::Sky) && prior.sky.contains(&SkyClass::Place));
+    let mut command = desk.command_on(Path::new("set"), "-o out --sky sky --maps-of pinhole");
+    fails(&mut command, &["sky/00000.npy: the map is 120x80 px", "--maps-of photo"], &REMARKS);
 }

@@ -9,7 +9,7 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-use wm_train::maps::{DepthForm, DepthUnit, NormalAxes, find_map};
+use wm_train::maps::{DepthForm, DepthUnit, MapFault, NormalAxes, find_map};
 use wm_train::priors::files::{self, DepthFiles, FileMaps, MapsOf};
 use wm_train::priors::fit::{Freedom, fit};
 use wm_train::priors::points::{placed, seen_points};
@@ -188,7 +188,16 @@ impl Source for Maps {
     }
 
     fn look(&self, data: &Data, place: usize) -> Result<Answer> {
-        let given = self.maps.look(&data.photos, place, data.name(place))?;
+        let given = self.maps.look(&data.photos, place, data.name(place));
+        let given = given.map_err(|error| match (&error.fault, self.maps.of) {
+            (MapFault::Aspect { .. }, MapsOf::Photo) if data.photos.is_bent(place) => {
+                anyhow::anyhow!("{error}; --maps-of pinhole takes maps of the photo without its lens")
+            }
+            (MapFault::Aspect { .. }, MapsOf::Pinhole) if data.photos.is_bent(place) => {
+                anyhow::anyhow!("{error}; --maps-of photo takes maps of the photo with its lens")
+            }
+            _ => error.into(),
+        })?;
         Ok(given.map_or_else(|| Answer::Nothing("there is no map of it".into()), Answer::Given))
     }
 }
