@@ -20,7 +20,7 @@ pub fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f32; 3]>
     let at = |pixel: usize| {
         let (column, row) = (pixel % width, pixel / width);
         let middle = inverse[pixel];
-        if !(middle > 0.0) {
+        if middle.is_nan() || middle <= 0.0 {
             return [0.0; 3];
         }
         let (mut n, mut sums, mut squares) = (0.0f64, [0.0f64; 3], [0.0f64; 5]);
