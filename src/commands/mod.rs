@@ -4,9 +4,11 @@ mod bench;
 mod demo;
 mod evaluate;
 mod inspect;
+mod priors;
 mod reconstruct;
 mod render;
 mod sky;
+mod stereo;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
@@ -23,6 +25,8 @@ pub struct Cli {
 enum Verb {
     /// Make a scene out of photos
     Reconstruct(Box<reconstruct::ReconstructArgs>),
+    /// Find out depth, normals and sky of photos before a training: from the photos, by a network, or from maps
+    Priors(Box<priors::PriorsArgs>),
     /// Render a scene under a weather: a picture, a video or a folder of frames
     Render(Box<render::RenderArgs>),
     /// Compare a scene with photos, and with true depth, normals and sky where there are maps
@@ -42,6 +46,7 @@ pub fn run(cli: Cli) -> Result<()> {
     crate::interrupt::listen();
     match cli.verb {
         Verb::Reconstruct(args) => reconstruct::run(&args),
+        Verb::Priors(args) => priors::run(&args),
         Verb::Render(args) => render::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Sky(args) => sky::run(&args),

@@ -22,6 +22,7 @@ mod error;
 pub mod exr;
 pub mod panorama;
 pub mod png;
+pub mod ramps;
 pub mod sheet;
 pub mod video;
 

@@ -5,14 +5,13 @@ use anyhow::{Result, bail};
 use clap::Args;
 use serde::Serialize;
 use std::collections::BTreeSet;
-use std::fmt;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use wm_scene::Camera;
 use wm_scene::capture::Distortion;
 use wm_scene::survey::{Source, Survey};
 use wm_train::maps::{
-    DepthForm, DepthKind, DepthScale, Filter, Map, MapError, MapFault, NormalAxes, Stored, find_map, read_map,
+    DepthForm, DepthKind, DepthScale, DepthUnit, Filter, Map, MapError, MapFault, NormalAxes, find_map,
+    read_map,
 };
 
 /// Where maps of what is true lie.
@@ -40,39 +39,6 @@ pub struct TruthArgs {
     /// z towards the viewer)
     #[arg(long, value_name = "AXES", default_value = "world", help_heading = "Truth")]
     normal_axes: NormalAxes,
-}
-
-/// What one step of a depth map is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum DepthUnit {
-    Metres(f64),
-    SceneUnits,
-}
-
-impl FromStr for DepthUnit {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "m" => Ok(Self::Metres(1.0)),
-            "cm" => Ok(Self::Metres(0.01)),
-            "mm" => Ok(Self::Metres(0.001)),
-            "units" => Ok(Self::SceneUnits),
-            _ => match text.parse() {
-                Ok(metres) if f64::is_finite(metres) && metres > 0.0 => Ok(Self::Metres(metres)),
-                _ => Err(format!("`{text}` is no unit of depth: m, cm, mm, units, or metres a step above 0")),
-            },
-        }
-    }
-}
-
-impl fmt::Display for DepthUnit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Metres(metres) => write!(f, "{metres} m"),
-            Self::SceneUnits => write!(f, "1 scene unit"),
-        }
-    }
 }
 
 /// A folder of maps that is used.
@@ -190,14 +156,11 @@ impl Truth {
     }
 
     fn units_per_step(&self, path: &Path, map: &Map) -> Result<f64> {
-        let unit = match (self.unit, map.metres_per_step, map.stored) {
-            (Some(unit), ..) => unit,
-            (None, Some(metres), _) => DepthUnit::Metres(metres),
-            (None, None, Stored::Floats) => DepthUnit::Metres(1.0),
-            (None, None, Stored::Counts(_)) => bail!(
+        let Some(unit) = DepthUnit::of(self.unit, map) else {
+            bail!(
                 "{}: holds whole numbers and does not say what one of them is; give --depth-unit, such as mm",
                 path.display()
-            ),
+            );
         };
         Ok(match (unit, self.form) {
             (DepthUnit::SceneUnits, _) => 1.0,
@@ -288,16 +251,6 @@ fn find(kind: &str, given: Option<&Path>, holds: String, data: &Data) -> Result<
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn units_are_words_or_metres() {
-        assert_eq!("mm".parse(), Ok(DepthUnit::Metres(0.001)));
-        assert_eq!("0.25".parse(), Ok(DepthUnit::Metres(0.25)));
-        assert_eq!("units".parse(), Ok(DepthUnit::SceneUnits));
-        for bad in ["", "0", "-1", "nan", "inf", "miles"] {
-            assert!(bad.parse::<DepthUnit>().is_err(), "{bad}");
-        }
-    }
 
     #[test]
     fn maps_agree_about_the_sky_and_the_mask() {

@@ -3,15 +3,12 @@
 use super::ReconstructArgs;
 use super::data::Data;
 use super::folder::RunFolder;
-use crate::interrupt::{self, Interrupted};
-use crate::progress;
+use crate::commands::stereo::{self, FOLDER};
+use crate::interrupt::Interrupted;
 use anyhow::{Result, bail};
 use std::path::Path;
-use wm_train::priors::stereo::StereoOptions;
-use wm_train::priors::{Priors, PriorsWriter, photos};
+use wm_train::priors::Priors;
 
-/// The folder of priors in a data set and in a run.
-pub const FOLDER: &str = "priors";
 /// Photos whose priors are made without being asked for: two minutes on two cores.
 const MOST_BY_ITSELF: usize = 300;
 
@@ -50,31 +47,9 @@ pub fn open(args: &ReconstructArgs, data: &Data, folder: &RunFolder) -> Result<O
         );
         return Ok(None);
     }
-    let bar = progress::bar(2 * places.len() as u64, "passes of stereo");
-    let mut writer = PriorsWriter::new(&made, photos::SOURCE.into())?;
-    let threads = args.run.threads.map_or(0, usize::from);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-    let told = |done: usize| {
-        bar.set_position(done as u64);
-        !interrupt::asked()
-    };
-    let options = StereoOptions::default();
-    let written =
-        pool.install(|| photos::write(&data.capture, &data.photos, places, &options, &mut writer, &told))?;
-    bar.finish_and_clear();
-    if written.is_none() {
-        return Err(Interrupted("no step is done yet".into()).into());
-    }
-    let index = writer.finish()?;
-    let mean = |of: fn(&wm_train::priors::folder::Entry) -> f32| {
-        100.0 * index.photos.values().map(of).sum::<f32>() / index.photos.len().max(1) as f32
-    };
-    eprintln!(
-        "geometry: depth of {:.0} % of the pixels from {} photos, {:.0} % are sky",
-        mean(|entry| entry.known),
-        index.photos.len(),
-        mean(|entry| entry.sky_share)
-    );
+    let written = stereo::write(&data.capture, &data.photos, places, args.run.threads, &made)?;
+    let Some(index) = written else { return Err(Interrupted("no step is done yet".into()).into()) };
+    eprintln!("geometry: {}", stereo::known(&index));
     Ok(Priors::open(&made)?)
 }
 

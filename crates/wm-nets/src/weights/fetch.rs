@@ -381,6 +381,14 @@ fn range(text: &str) -> Option<(u64, u64)> {
     (first <= last && last.checked_add(1)? == total).then_some((first, total))
 }
 
+/// The SHA-256 of a file.
+///
+/// # Errors
+/// What the system says, if it cannot be read.
+pub fn checksum_of(path: &Path) -> io::Result<Checksum> {
+    checksum(&mut File::open(path)?)
+}
+
 /// The checksum of a whole file.
 fn checksum(file: &mut File) -> io::Result<Checksum> {
     file.seek(SeekFrom::Start(0))?;

@@ -57,6 +57,17 @@ pub enum MapFault {
     /// Two files for one photo.
     #[error("lies beside {0}, a map of the same photo; remove one of them")]
     Two(String),
+    /// Depth in steps of unknown length.
+    #[error("holds whole numbers and does not say what one of them is; give the unit of depth, such as mm")]
+    NoUnit,
+    /// Normals that no camera could see.
+    #[error(
+        "{share:.0} % of its normals look away from the camera; they are in other axes, or turned inwards"
+    )]
+    Away {
+        /// Of those that are known, percent.
+        share: f64,
+    },
     /// Depth of unknown scale where metres are needed.
     #[error("depth of no known scale cannot be compared; give the metres a step")]
     NoScale,

@@ -10,7 +10,7 @@
 //! A file becomes a [`Map`] of the numbers in it; what they mean is said beside it: [`DepthKind`],
 //! [`NormalAxes`], [`Map::to_mask`]. Which file belongs to a photo is told by its name ([`find_map`]).
 //! Pixels are those of the photo without its lens: where a camera has distortion, the maps are of the pinhole
-//! picture.
+//! picture, or made so ([`Photos::without_lens`](crate::photos::Photos::without_lens)).
 
 mod depth;
 mod error;
@@ -23,12 +23,14 @@ mod resample;
 #[cfg(test)]
 mod tests;
 mod tiff;
+mod unit;
 
 pub use depth::{DepthForm, DepthKind, DepthScale};
 pub use error::{MapError, MapFault};
 pub use find::{EXTENSIONS, find_map};
 pub use normal::NormalAxes;
 pub use resample::Filter;
+pub use unit::DepthUnit;
 
 use std::{
     fs::File,
@@ -103,14 +105,22 @@ impl Map {
         if (self.width, self.height) == (width, height) {
             return Ok(self);
         }
-        let across = f64::from(self.width) * f64::from(height);
-        let down = f64::from(self.height) * f64::from(width);
-        if !((across / down - 1.0).abs() <= ASPECT && (down / across - 1.0).abs() <= ASPECT) {
-            let (photo_width, photo_height) = (width, height);
-            let (width, height) = (self.width, self.height);
-            return Err(MapFault::Aspect { width, height, photo_width, photo_height });
-        }
+        self.check_shape(width, height)?;
         Ok(self.resampled(width, height, filter))
+    }
+
+    /// Whether it has the shape of a photo of this size, px.
+    ///
+    /// # Errors
+    /// [`MapFault::Aspect`] if the aspect ratios differ by more than 1 %.
+    pub fn check_shape(&self, photo_width: u32, photo_height: u32) -> Result<(), MapFault> {
+        let across = f64::from(self.width) * f64::from(photo_height);
+        let down = f64::from(self.height) * f64::from(photo_width);
+        if (across / down - 1.0).abs() <= ASPECT && (down / across - 1.0).abs() <= ASPECT {
+            return Ok(());
+        }
+        let (width, height) = (self.width, self.height);
+        Err(MapFault::Aspect { width, height, photo_width, photo_height })
     }
 
     /// The values as shares of what the file can hold, `[H, W, C]`: counts over the highest count, floats

@@ -31,6 +31,7 @@ mod undistort;
 pub use error::{Fault, PhotoError, PhotoErrors};
 pub use picture::{Photo, read_picture};
 
+use crate::maps::{Filter, Map, MapFault};
 use cache::Cache;
 use picture::{Entry, Lens, is_scaled, reduced_camera};
 use rayon::prelude::*;
@@ -39,10 +40,11 @@ use std::{
     sync::{Arc, Condvar, Mutex, PoisonError},
     thread::JoinHandle,
 };
+use undistort::undistort_map;
 use wm_scene::{
     Camera,
     capture::{
-        Capture, Gps,
+        Capture, Distortion, Gps,
         header::{Orientation, PhotoHeader, read_header},
     },
 };
@@ -249,6 +251,38 @@ impl Photos {
     #[must_use]
     pub fn camera(&self, index: usize, level: u8) -> Camera {
         reduced_camera(&self.shared.entries[index].lens.ideal, level)
+    }
+
+    /// Whether the lens of photo `index` bends what it shows.
+    ///
+    /// # Panics
+    /// If there is no such photo.
+    #[must_use]
+    pub fn is_bent(&self, index: usize) -> bool {
+        self.shared.entries[index].lens.distortion != Distortion::None
+    }
+
+    /// A map over the stored photo `index`, of any size, as a map of `size` over the photo that [`Self::get`] gives.
+    /// Beside holes, which are values that are not finite, the nearest value stands.
+    ///
+    /// # Errors
+    /// [`MapFault::Aspect`] if the map has not the shape of the photo.
+    ///
+    /// # Panics
+    /// If there is no such photo, or a side is 0.
+    pub fn without_lens(
+        &self,
+        index: usize,
+        map: &Map,
+        size: (u32, u32),
+        filter: Filter,
+    ) -> Result<Map, MapFault> {
+        let lens = &self.shared.entries[index].lens;
+        map.check_shape(lens.photo.width, lens.photo.height)?;
+        Ok(match lens.distortion {
+            Distortion::None => map.resampled(size.0, size.1, filter),
+            _ => undistort_map(map, lens, size, filter),
+        })
     }
 
     /// The highest level at which no photo has a side shorter than `shortest` px; 0 at least.

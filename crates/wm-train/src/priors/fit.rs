@@ -15,15 +15,19 @@ const NEAR: f64 = 0.1;
 /// Least share of points that follow, and largest residual, of a fit that is believed.
 const FOLLOW: f64 = 0.5;
 const RESIDUAL: f64 = 0.15;
+/// What a fit with a shift leaves of the spread about one depth, at most: noise leaves all of it.
+const LEFT: f64 = 0.8;
 
 /// What may be fitted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Freedom {
     /// Scale and shift, as networks leave them open.
     #[default]
     ScaleShift,
     /// The scale: depth in another unit.
     Scale,
+    /// Nothing: 1 / scene unit for each unit of the value. The points only tell how far off it is.
+    Known(f64),
 }
 
 /// A fit.
@@ -55,8 +59,11 @@ pub enum FitError {
     /// Far grows where it should fall.
     #[error("its values grow with distance; is it depth, and not disparity?")]
     Inverted,
+    /// The values have nothing to do with the points' depths.
+    #[error("its depth says no more of {0} points than one distance for all would")]
+    Blind(usize),
     /// Too many points lie elsewhere.
-    #[error("{:.0} % of {points} points follow it, to a median of {:.0} %: it is left out", 100.0 * follow, 100.0 * residual)]
+    #[error("only {:.0} % of {points} points follow its depth, which is off by {:.0} % in the median", 100.0 * follow, 100.0 * residual)]
     Poor {
         /// Share of points that follow.
         follow: f64,
@@ -80,9 +87,46 @@ pub fn fit(pairs: &[[f64; 2]], freedom: Freedom, seed: u64) -> Result<Fit, FitEr
     let mut inverse: Vec<f64> = pairs.iter().map(|[_, w]| *w).collect();
     inverse.sort_by(f64::total_cmp);
     let middle = inverse[inverse.len() / 2];
-    let off = |line: (f64, f64), [d, w]: [f64; 2]| (line.0 * d + line.1 - w).abs();
+    let line = line(&pairs, freedom, middle, seed)?;
+    let mut offs: Vec<f64> = pairs.iter().map(|pair| off(line, *pair)).collect();
+    offs.sort_by(f64::total_cmp);
+    let sigma = offs[offs.len() / 2];
+    let follow =
+        pairs.iter().filter(|pair| follows(line, **pair, middle)).count() as f64 / pairs.len() as f64;
+    let residual = sigma / middle;
+    if follow < FOLLOW || residual > RESIDUAL {
+        return Err(FitError::Poor { follow, residual, points: pairs.len() });
+    }
+    if freedom == Freedom::ScaleShift {
+        let mut spread: Vec<f64> = inverse.iter().map(|w| (w - middle).abs()).collect();
+        spread.sort_by(f64::total_cmp);
+        if sigma > LEFT * spread[spread.len() / 2] {
+            return Err(FitError::Blind(pairs.len()));
+        }
+    }
+    if line.0 <= 0.0 {
+        return Err(FitError::Inverted);
+    }
+    Ok(Fit { scale: line.0, shift: line.1, residual, sigma, points: pairs.len(), follow })
+}
+
+/// How far a pair is off `1 / z = line.0 d + line.1`, 1 / scene unit.
+fn off(line: (f64, f64), [d, w]: [f64; 2]) -> f64 {
+    (line.0 * d + line.1 - w).abs()
+}
+
+/// Whether a pair follows the line; `middle` is the median inverse depth.
+fn follows(line: (f64, f64), pair: [f64; 2], middle: f64) -> bool {
     // Absolute noise of inverse depth beside the relative one: far points count as far as they can.
-    let follows = |line, pair: [f64; 2]| off(line, pair) < NEAR * (0.3 * middle + 0.7 * pair[1]);
+    off(line, pair) < NEAR * (0.3 * middle + 0.7 * pair[1])
+}
+
+/// Scale and shift that most pairs follow.
+fn line(pairs: &[[f64; 2]], freedom: Freedom, middle: f64, seed: u64) -> Result<(f64, f64), FitError> {
+    if let Freedom::Known(scale) = freedom {
+        return Ok((scale, 0.0));
+    }
+    let follows = |line, pair| follows(line, pair, middle);
     let random = Random::new(seed, Purpose::Start, 1);
     let mut best: Option<(usize, (f64, f64))> = None;
     for k in 0..TRIES {
@@ -92,7 +136,7 @@ pub fn fit(pairs: &[[f64; 2]], freedom: Freedom, seed: u64) -> Result<Fit, FitEr
                 let scale = (a[1] - b[1]) / (a[0] - b[0]);
                 (scale, a[1] - scale * a[0])
             }
-            Freedom::Scale => (a[1] / a[0], 0.0),
+            Freedom::Scale | Freedom::Known(_) => (a[1] / a[0], 0.0),
         };
         if !(line.0.is_finite() && line.0 != 0.0) {
             continue;
@@ -119,25 +163,14 @@ pub fn fit(pairs: &[[f64; 2]], freedom: Freedom, seed: u64) -> Result<Fit, FitEr
                 let scale = (n * dw - d * w) / (n * dd - d * d);
                 (scale, (w - scale * d) / n)
             }
-            Freedom::Scale => (dw / dd, 0.0),
+            Freedom::Scale | Freedom::Known(_) => (dw / dd, 0.0),
         };
         if !(next.0.is_finite() && next.1.is_finite()) {
             return Err(FitError::Flat);
         }
         line = next;
     }
-    let mut offs: Vec<f64> = pairs.iter().map(|pair| off(line, *pair)).collect();
-    offs.sort_by(f64::total_cmp);
-    let sigma = offs[offs.len() / 2];
-    let follow = pairs.iter().filter(|pair| follows(line, **pair)).count() as f64 / pairs.len() as f64;
-    let residual = sigma / middle;
-    if follow < FOLLOW || residual > RESIDUAL {
-        return Err(FitError::Poor { follow, residual, points: pairs.len() });
-    }
-    if line.0 <= 0.0 {
-        return Err(FitError::Inverted);
-    }
-    Ok(Fit { scale: line.0, shift: line.1, residual, sigma, points: pairs.len(), follow })
+    Ok(line)
 }
 
 #[cfg(test)]
@@ -178,6 +211,12 @@ mod tests {
         assert!(matches!(fit(&noise, Freedom::ScaleShift, 0), Err(FitError::Poor { .. })));
         let scaled = fit(&pairs(300, 2.0, 0.0, 0.1, 0.01), Freedom::Scale, 0).unwrap();
         assert!((scaled.scale - 2.0).abs() < 0.02 && scaled.shift == 0.0);
+        // All at nearly the same distance: any values would do, were it only for how many follow.
+        let wall: Vec<_> = (0..300).map(|i| [uniform(3, i), 0.1 + 0.002 * uniform(4, i)]).collect();
+        assert_eq!(fit(&wall, Freedom::ScaleShift, 0), Err(FitError::Blind(300)));
+        let scaled = pairs(300, 2.0, 0.0, 0.1, 0.01);
+        assert_eq!(fit(&scaled, Freedom::Known(2.0), 0).unwrap().scale, 2.0);
+        assert!(matches!(fit(&scaled, Freedom::Known(3.0), 0), Err(FitError::Poor { .. })));
         let holes =
             fit(&[good, vec![[f64::NAN, 1.0], [1.0, f64::INFINITY]]].concat(), Freedom::ScaleShift, 0);
         assert_eq!(holes.unwrap().points, 300);

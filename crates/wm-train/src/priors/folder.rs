@@ -7,7 +7,7 @@ use crate::photos::cache::{Cache, Weigh};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
 use wm_scene::files::write_atomically;
@@ -15,6 +15,8 @@ use wm_scene::{Camera, FormatError, Problem, npy};
 
 /// The file that says what the folder holds.
 pub const INDEX: &str = "priors.json";
+/// What takes its place until the work is done.
+pub const UNFINISHED: &str = "unfinished.json";
 const VERSION: u32 = 1;
 /// Memory for priors that are in use, bytes.
 const KEPT: usize = 256 << 20;
@@ -74,6 +76,14 @@ pub enum PriorsError {
         /// Why.
         reason: String,
     },
+    /// What was begun is of something else.
+    #[error("{}: {reason}; leave out --resume to begin anew", path.display())]
+    Other {
+        /// Which folder.
+        path: PathBuf,
+        /// How it differs.
+        reason: String,
+    },
     /// A map does not fit.
     #[error("{}: {reason}; make the priors again", path.display())]
     Map {
@@ -102,13 +112,44 @@ pub struct Priors {
 pub struct PriorsWriter {
     folder: PathBuf,
     index: Index,
+    /// Whether an index of before may be there, which stands until the first map changes.
+    has_former: bool,
 }
 
 fn file(folder: &Path, kind: &str, name: &str, extension: &str) -> PathBuf {
-    let mut path = folder.join(kind).join(name).into_os_string();
+    // Names come from files of others, which may name places outside of the folder.
+    let parts = Path::new(name).components().filter(|part| matches!(part, Component::Normal(_)));
+    let mut path = folder.join(kind).join(parts.collect::<PathBuf>()).into_os_string();
     path.push(".");
     path.push(extension);
     path.into()
+}
+
+/// Reads an index; `None` if there is none.
+fn read_index(path: &Path) -> Result<Option<Index>, PriorsError> {
+    let read = |e| PriorsError::File(FormatError::whole(path, Problem::Read(e)));
+    let length = match fs::metadata(path) {
+        Ok(found) => found.len(),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(e) => return Err(read(e)),
+    };
+    let fault = |reason: String| PriorsError::Index { path: path.into(), reason };
+    if length > MOST_INDEX {
+        return Err(fault(format!("{length} bytes are too many")));
+    }
+    let text = fs::read_to_string(path).map_err(read)?;
+    let index: Index = serde_json::from_str(&text).map_err(|e| fault(e.to_string()))?;
+    if index.version != VERSION {
+        return Err(fault(format!("version {} and not {VERSION}", index.version)));
+    }
+    Ok(Some(index))
+}
+
+fn remove(path: &Path) -> std::io::Result<()> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(e),
+        _ => Ok(()),
+    }
 }
 
 impl Priors {
@@ -117,23 +158,8 @@ impl Priors {
     /// # Errors
     /// [`PriorsError`] if the index cannot be read.
     pub fn open(folder: &Path) -> Result<Option<Self>, PriorsError> {
-        let path = folder.join(INDEX);
-        let read = |e| PriorsError::File(FormatError::whole(&path, Problem::Read(e)));
-        let length = match fs::metadata(&path) {
-            Ok(found) => found.len(),
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(read(e)),
-        };
-        let fault = |reason: String| PriorsError::Index { path: path.clone(), reason };
-        if length > MOST_INDEX {
-            return Err(fault(format!("{length} bytes are too many")));
-        }
-        let text = fs::read_to_string(&path).map_err(read)?;
-        let index: Index = serde_json::from_str(&text).map_err(|e| fault(e.to_string()))?;
-        if index.version != VERSION {
-            return Err(fault(format!("version {} and not {VERSION}", index.version)));
-        }
-        Ok(Some(Self { folder: folder.into(), index, cache: Cache::new(KEPT) }))
+        let index = read_index(&folder.join(INDEX))?;
+        Ok(index.map(|index| Self { folder: folder.into(), index, cache: Cache::new(KEPT) }))
     }
 
     /// What there is.
@@ -228,19 +254,65 @@ fn read_classes(path: &Path, size: (u32, u32)) -> Result<Vec<SkyClass>, String> 
 }
 
 impl PriorsWriter {
-    /// Begins in a folder, which is made. An index that is there goes: what it names is about to change.
+    /// Begins in a folder, which is made. An index that is there stands until the first photo is added.
     ///
     /// # Errors
     /// [`FormatError`] if the folder cannot be written to.
     pub fn new(folder: &Path, source: String) -> Result<Self, FormatError> {
-        let fault = |e: std::io::Error| FormatError::whole(folder, Problem::Write(e.into()));
-        fs::create_dir_all(folder).map_err(fault)?;
-        match fs::remove_file(folder.join(INDEX)) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(fault(e)),
-            _ => {}
-        }
+        fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))?;
         let index = Index { version: VERSION, source, ..Index::default() };
-        Ok(Self { folder: folder.into(), index })
+        let writer = Self { folder: folder.into(), index, has_former: true };
+        // Whether it can be written to shows now, and not after the work.
+        writer.pause()?;
+        Ok(writer)
+    }
+
+    /// Goes on with what [`Self::pause`] left, or with what is done but for photos that came later.
+    ///
+    /// # Errors
+    /// [`PriorsError`] if nothing was begun in the folder, or from another source, or it cannot be written to.
+    pub fn resumed(folder: &Path, source: &str) -> Result<Self, PriorsError> {
+        let begun = match read_index(&folder.join(UNFINISHED))? {
+            Some(begun) => Some(begun),
+            None => read_index(&folder.join(INDEX))?,
+        };
+        let other = |reason| PriorsError::Other { path: folder.into(), reason };
+        let index = begun.ok_or_else(|| other("holds no priors that were begun".into()))?;
+        if index.source != source {
+            return Err(other(format!(
+                "holds priors from {}, and these would be from {source}",
+                index.source
+            )));
+        }
+        let writer = Self { folder: folder.into(), index, has_former: true };
+        writer.pause()?;
+        Ok(writer)
+    }
+
+    /// Whether a photo is done, or left out.
+    #[must_use]
+    pub fn is_done(&self, name: &str) -> bool {
+        self.index.photos.contains_key(name) || self.index.left_out.contains_key(name)
+    }
+
+    /// What there is so far.
+    #[must_use]
+    pub fn index(&self) -> &Index {
+        &self.index
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Keeps what is done, for [`Self::resumed`].
+    ///
+    /// # Errors
+    /// [`FormatError`] if it cannot be written.
+    pub fn pause(&self) -> Result<(), FormatError> {
+        self.write(UNFINISHED)
     }
 
     /// Writes the prior of the photo `name`.
@@ -248,6 +320,11 @@ impl PriorsWriter {
     /// # Errors
     /// [`FormatError`] if a file cannot be written.
     pub fn add(&mut self, name: &str, prior: &Prior, fit: Option<Fit>) -> Result<(), FormatError> {
+        if self.has_former {
+            let path = self.folder.join(INDEX);
+            remove(&path).map_err(|e| FormatError::whole(&path, Problem::Write(e.into())))?;
+            self.has_former = false;
+        }
         let (width, height) = (prior.width as usize, prior.height as usize);
         let place = |kind: &str, extension: &str| {
             let path = file(&self.folder, kind, name, extension);
@@ -299,11 +376,24 @@ impl PriorsWriter {
     /// # Errors
     /// [`FormatError`] if it cannot be written.
     pub fn finish(self) -> Result<Index, FormatError> {
-        let path = self.folder.join(INDEX);
+        self.write(INDEX)?;
+        // It is of no use any more, and does no harm where it stays.
+        let _ = remove(&self.folder.join(UNFINISHED));
+        Ok(self.index)
+    }
+
+    /// Gives up, since there is nothing to keep. The folder goes too, if it is empty; an index of before stays if nothing
+    /// was added.
+    pub fn abandon(self) {
+        // What cannot be removed does no harm.
+        let _ = remove(&self.folder.join(UNFINISHED)).and_then(|()| fs::remove_dir(&self.folder));
+    }
+
+    fn write(&self, name: &str) -> Result<(), FormatError> {
+        let path = self.folder.join(name);
         let text = serde_json::to_vec_pretty(&self.index)
             .map_err(|e| FormatError::whole(&path, Problem::Value(e.to_string())))?;
-        write_atomically(&path, |out| Ok(out.write_all(&text)?))?;
-        Ok(self.index)
+        write_atomically(&path, |out| Ok(out.write_all(&text)?))
     }
 }
 
@@ -344,6 +434,7 @@ mod tests {
             (prior().sky, prior().normal, 0.125)
         );
         assert!(open().get("c.jpg", &camera((40, 20))).unwrap().is_none());
+        assert_eq!(file(Path::new("p"), "sky", "/../a/./b.jpg", "png"), Path::new("p/sky/a/b.jpg.png"));
         let say = |error: PriorsError| error.to_string();
         assert!(
             say(open().get("a/b.jpg", &camera((40, 30))).unwrap_err())
@@ -356,5 +447,34 @@ mod tests {
         );
         fs::write(place.path().join(INDEX), "{\"version\": 1").unwrap();
         assert!(say(Priors::open(place.path()).err().unwrap()).contains("no index of priors"));
+    }
+
+    #[test]
+    fn what_was_begun_is_gone_on_with() {
+        let place = tempfile::tempdir().unwrap();
+        let begun = |source: &str| PriorsWriter::resumed(place.path(), source).map_err(|e| e.to_string());
+        assert!(begun("made up").err().unwrap().ends_with("begun; leave out --resume to begin anew"));
+        let mut writer = PriorsWriter::new(place.path(), "made up".into()).unwrap();
+        writer.add("a.jpg", &prior(), None).unwrap();
+        writer.pause().unwrap();
+        assert!(Priors::open(place.path()).unwrap().is_none());
+        assert!(
+            begun("elsewhere").err().unwrap().contains("from made up, and these would be from elsewhere")
+        );
+        let mut writer = begun("made up").unwrap();
+        assert!(writer.is_done("a.jpg") && !writer.is_done("b.jpg"));
+        writer.add("b.jpg", &prior(), None).unwrap();
+        assert_eq!(writer.finish().unwrap().photos.len(), 2);
+        assert!(!place.path().join(UNFINISHED).exists());
+        // Of what is done nothing is lost before more is added, nor then.
+        let mut writer = begun("made up").unwrap();
+        assert!(Priors::open(place.path()).unwrap().is_some());
+        writer.add("b.jpg", &prior(), None).unwrap();
+        assert!(Priors::open(place.path()).unwrap().is_none());
+        writer.pause().unwrap();
+        assert_eq!(begun("made up").unwrap().finish().unwrap().photos.len(), 2);
+        PriorsWriter::new(place.path(), "nothing".into()).unwrap().abandon();
+        assert_eq!(Priors::open(place.path()).unwrap().unwrap().index().photos.len(), 2);
+        assert!(!place.path().join(UNFINISHED).exists());
     }
 }

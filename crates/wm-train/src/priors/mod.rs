@@ -1,12 +1,15 @@
 //! What is believed of photos before training: depth, normals, sky; one file a source.
 //!
 //! - [`photos`]: from the photos themselves, by [`stereo`].
-//! - [`relative`]: relative depth, such as that of a network or of files, fitted to the points.
+//! - [`files`]: from maps in files.
+//! - [`given`]: what a source says of a photo, made a prior; [`relative`]: its depth, fitted to the points.
 //! - [`sky`]: which pixels are the sky.
 //! - [`folder`]: priors on disk.
 
+pub mod files;
 pub mod fit;
 pub mod folder;
+pub mod given;
 pub mod normals;
 pub mod photos;
 pub mod points;

@@ -1,5 +1,6 @@
 //! The points of the reconstruction as each photo sees them.
 
+use super::relative::SeenPoint;
 use crate::photos::Photos;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -35,4 +36,14 @@ pub fn inside(capture: &Capture, camera: &Camera, point: u32) -> Option<(f64, f6
     let (x, y, z) = camera.project(at)?;
     let is_inside = x >= 0.0 && y >= 0.0 && x < f64::from(camera.width) && y < f64::from(camera.height);
     (is_inside && z.is_finite() && z > 0.0).then_some((x, y, z))
+}
+
+/// Where `camera` sees the points `seen`, those that fall into its picture.
+#[must_use]
+pub fn placed(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<SeenPoint> {
+    let at = |point: &u32| {
+        let (x, y, z) = inside(capture, camera, *point)?;
+        Some(SeenPoint { at: [x / f64::from(camera.width), y / f64::from(camera.height)], z })
+    };
+    seen.iter().filter_map(at).collect()
 }

@@ -38,8 +38,11 @@ const FAR_MEDIAN: f64 = 10.0;
 const WINDOW: f64 = 0.012;
 const FEWEST_PIXELS: usize = 2;
 
+/// How far depth of a known scale is off where no points say it, as a share.
+const OFF: f64 = 0.02;
+
 /// Fits `relative` to `points` and finds sky and normals. `rgb` is the photo at the size of the map, `[H, W, 3]`; `camera`
-/// its camera at any size.
+/// its camera at any size. Without a fit where the scale is known and too few points are there to check it.
 ///
 /// # Errors
 /// [`FitError`] if it cannot be fitted.
@@ -49,17 +52,13 @@ pub fn prior(
     camera: &Camera,
     points: &[SeenPoint],
     seed: u64,
-) -> Result<(Prior, Fit), FitError> {
+) -> Result<(Prior, Option<Fit>), FitError> {
     let (width, height) = (relative.width, relative.height);
-    let pixel = |share: f64, side: usize| ((share * side as f64) as usize).min(side - 1);
-    let pairs: Vec<[f64; 2]> = points
-        .iter()
-        .map(|point| {
-            let at = pixel(point.at[1], height) * width + pixel(point.at[0], width);
-            [f64::from(relative.values[at]), 1.0 / point.z]
-        })
-        .collect();
-    let found = fit(&pairs, relative.freedom, seed)?;
+    let pairs = pairs(relative, points);
+    let (found, scale, shift) = match (fit(&pairs, relative.freedom, seed), relative.freedom) {
+        (Err(FitError::Few(_)), Freedom::Known(scale)) => (None, scale, 0.0),
+        (found, _) => found.map(|found| (Some(found), found.scale, found.shift))?,
+    };
     let sky = relative.sky.clone().unwrap_or_else(|| {
         let places: Vec<[f32; 2]> = points
             .iter()
@@ -67,14 +66,13 @@ pub fn prior(
             .collect();
         classify(&SkyInput { rgb, width, far: Some(&relative.values), has_depth: &[], points: &places })
     });
-    let mut distances: Vec<f64> = points.iter().map(|point| point.z).collect();
-    distances.sort_by(f64::total_cmp);
-    let far = (FAR * distances[(distances.len() - 1) * 995 / 1000])
-        .max(FAR_MEDIAN * distances[distances.len() / 2]);
-    // Fits go below 0 where noise is; nothing but the sky is farther than that.
-    let least = (1.0 / far) as f32;
+    // Fits with a shift go below 0 where noise is; nothing but the sky is farther than that.
+    let least = match relative.freedom {
+        Freedom::ScaleShift => (1.0 / farthest(points)) as f32,
+        Freedom::Scale | Freedom::Known(_) => 0.0,
+    };
     let fitted = |v: &f32| {
-        let inverse = (found.scale * f64::from(*v) + found.shift) as f32;
+        let inverse = (scale * f64::from(*v) + shift) as f32;
         if inverse.is_nan() { inverse } else { inverse.max(least) }
     };
     let disparity: Vec<f32> = relative.values.iter().map(fitted).collect();
@@ -82,7 +80,42 @@ pub fn prior(
     let radius = ((WINDOW * height as f64).round() as usize).max(FEWEST_PIXELS);
     let normal = normals(&disparity, &camera, radius);
     let (width, height) = (width as u32, height as u32);
-    let mut prior = Prior { width, height, disparity, sigma: found.sigma as f32, normal, sky };
+    let sigma = found.map_or_else(|| OFF * median(&disparity), |found| found.sigma) as f32;
+    let mut prior = Prior { width, height, disparity, sigma, normal, sky };
     prior.clear_sky();
+    for (disparity, class) in prior.disparity.iter_mut().zip(&prior.sky) {
+        // Nothing but the sky is infinitely far.
+        if *class != SkyClass::Sky && *disparity <= 0.0 {
+            *disparity = f32::NAN;
+        }
+    }
     Ok((prior, found))
+}
+
+/// Relative values with the inverse depths of the points that are seen there, as [`fit`] takes them.
+///
+/// # Panics
+/// If the map has no pixel.
+#[must_use]
+pub fn pairs(relative: &Relative, points: &[SeenPoint]) -> Vec<[f64; 2]> {
+    let pixel = |share: f64, side: usize| ((share * side as f64) as usize).min(side - 1);
+    let pair = |point: &SeenPoint| {
+        let at = pixel(point.at[1], relative.height) * relative.width + pixel(point.at[0], relative.width);
+        [f64::from(relative.values[at]), 1.0 / point.z]
+    };
+    points.iter().map(pair).collect()
+}
+
+/// How far anything but the sky may be, scene units.
+fn farthest(points: &[SeenPoint]) -> f64 {
+    let mut distances: Vec<f64> = points.iter().map(|point| point.z).collect();
+    distances.sort_by(f64::total_cmp);
+    (FAR * distances[(distances.len() - 1) * 995 / 1000]).max(FAR_MEDIAN * distances[distances.len() / 2])
+}
+
+/// The median of what is above 0; 0 of nothing.
+fn median(values: &[f32]) -> f64 {
+    let mut known: Vec<f32> = values.iter().copied().filter(|v| *v > 0.0).collect();
+    known.sort_by(f32::total_cmp);
+    known.get(known.len() / 2).copied().unwrap_or(0.0).into()
 }

@@ -1,7 +1,6 @@
 //! The report for a browser: one file without scripts and without anything from elsewhere, light or dark as the
 //! reader has it.
 
-mod colors;
 mod panels;
 mod picture;
 

@@ -1,8 +1,8 @@
 //! The pictures of a photo: photo, render and error; depth, normals and surfaces against the truth.
 
-use super::colors::{self, Ramp};
 use super::picture::{self, Cell};
 use super::{super::truth::TrueMaps, escaped};
+use crate::media::ramps::{self, Ramp};
 use anyhow::Result;
 use std::fmt::Write;
 use wm_render::Frame;
@@ -22,7 +22,7 @@ const TAIL: f64 = 0.02;
 
 /// The ramps, with the names of their classes.
 pub const RAMPS: [(&str, Ramp); 3] =
-    [("depth", colors::turbo), ("error", colors::heat), ("signed", colors::signed)];
+    [("depth", ramps::turbo), ("error", ramps::heat), ("signed", ramps::signed)];
 
 /// Where surfaces and sky are kept or lost: colours and what they are.
 const FATES: [([u8; 3], &str); 6] = [
@@ -31,7 +31,7 @@ const FATES: [([u8; 3], &str); 6] = [
     ([240, 160, 30], "behind"),
     ([120, 180, 235], "sky open"),
     ([110, 60, 170], "sky covered"),
-    (colors::UNKNOWN, "not known"),
+    (ramps::UNKNOWN, "not known"),
 ];
 
 /// What was rendered of a photo.
@@ -109,7 +109,7 @@ impl Shown {
         let key = Key::Bar("error", ticks(0.0, COLOR_RANGE, |v| format!("{v:.2}")));
         add(
             "difference of colours, mean of the channels, 0-1",
-            map(&difference, colors::heat)?,
+            map(&difference, ramps::heat)?,
             key,
             Width::Whole,
         );
@@ -121,9 +121,9 @@ impl Shown {
             let known = |place: usize| {
                 if is_surface(place) { cell(truth[place], Cell::Unknown) } else { Cell::Unknown }
             };
-            add("true depth, m", map(&known, colors::turbo)?, key(), Width::Half);
+            add("true depth, m", map(&known, ramps::turbo)?, key(), Width::Half);
             let found = |place: usize| cell(frame.median_depth[place], Cell::Missing);
-            add("median depth, m", map(&found, colors::turbo)?, key(), Width::Half);
+            add("median depth, m", map(&found, ramps::turbo)?, key(), Width::Half);
             let error = |place: usize| match (is_surface(place), frame.median_depth[place]) {
                 (false, _) => Cell::Unknown,
                 (true, depth) if depth <= 0.0 => Cell::Missing,
@@ -135,7 +135,7 @@ impl Shown {
             let percent =
                 |v: f64| format!("{:+.0} %", 100.0 * v).replace("+0 %", "0").replace('-', "\u{2212}");
             let key = Key::Bar("signed", ticks(-DEPTH_RANGE, DEPTH_RANGE, percent));
-            add("relative error of median depth", map(&error, colors::signed)?, key, Width::Whole);
+            add("relative error of median depth", map(&error, ramps::signed)?, key, Width::Whole);
         }
         if let Some(truth) = &maps.normal {
             let of = |normals: &[f32], place: usize| [0, 1, 2].map(|k| normals[3 * place + k]);
@@ -163,7 +163,7 @@ impl Shown {
                 }
             };
             let key = Key::Bar("error", ticks(0.0, ANGLE_RANGE, |v| format!("{v:.0}\u{b0}")));
-            add("angle between normals", map(&error, colors::heat)?, key, Width::Whole);
+            add("angle between normals", map(&error, ramps::heat)?, key, Width::Whole);
         }
         if maps.depth.is_some() || maps.sky.is_some() {
             let indices: Vec<u8> = places.iter().map(|place| fate(*place, rendered.solid, maps)).collect();

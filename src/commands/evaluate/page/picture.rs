@@ -1,6 +1,6 @@
 //! Pictures as text that a page can hold.
 
-use super::colors::{MISSING, Ramp, UNKNOWN};
+use crate::media::ramps::{MISSING, Ramp, UNKNOWN};
 use anyhow::{Context, Result};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use std::fmt::Write;
@@ -143,7 +143,7 @@ mod tests {
         assert!(color(&[0.5; 3 * 600 * 4], (600, 4)).unwrap().starts_with("data:image/jpeg;base64,/9j/"));
         let cells = [Cell::At(0.0), Cell::At(9.0), Cell::Missing, Cell::Unknown];
         assert!(
-            numbers(&cells, (4, 1), super::super::colors::heat)
+            numbers(&cells, (4, 1), crate::media::ramps::heat)
                 .unwrap()
                 .starts_with("data:image/png;base64,iVBOR")
         );

@@ -1,0 +1,288 @@
+//! Priors from maps that the user has.
+
+use super::PriorsArgs;
+use super::data::Data;
+use super::work::{Answer, Source};
+use crate::interrupt::{self, Interrupted};
+use crate::progress;
+use anyhow::{Result, bail};
+use clap::{Args, ValueEnum};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use wm_train::maps::{DepthForm, DepthUnit, MapFault, NormalAxes, find_map};
+use wm_train::priors::files::{self, DepthFiles, FileMaps, MapsOf};
+use wm_train::priors::fit::{Freedom, fit};
+use wm_train::priors::points::{placed, seen_points};
+use wm_train::priors::relative::{Relative, pairs};
+
+/// Where maps lie, and what they hold.
+#[derive(Args, Clone, Debug)]
+pub struct FileArgs {
+    /// Folder of depth maps, a file a photo with its name: .png, .tiff, .exr or .npy; of any size with the photo's
+    /// aspect ratio
+    #[arg(long, value_name = "FOLDER", help_heading = "Maps")]
+    depth: Option<PathBuf>,
+    /// What the depth maps hold: z (distance from the camera's plane), ray (from its centre) or disparity (1 / z)
+    #[arg(
+        long,
+        value_name = "FORM",
+        default_value = "z",
+        requires = "depth",
+        help_heading = "Maps",
+        hide_default_value = true
+    )]
+    depth_form: DepthForm,
+    /// What is known of their scale: metric (metres), scaled (but for a factor of each map) or relative (but for a
+    /// factor and an offset of each map's 1 / z, as most networks leave it). Factors and offsets are fitted to the
+    /// points [default: relative for disparity, else metric]
+    #[arg(long, value_name = "SCALE", requires = "depth", help_heading = "Maps")]
+    depth_scale: Option<ScaleArg>,
+    /// Of metric maps, what one step is: m, cm, mm, units (of the scene), or a number of metres [default: what a
+    /// PNG says of itself; m for floats]
+    #[arg(long, value_name = "UNIT", requires = "depth", help_heading = "Maps")]
+    depth_unit: Option<DepthUnit>,
+    /// Of metric maps, metres a scene unit [default: one scale for all photos, fitted to the points]
+    #[arg(
+        long,
+        value_name = "METRES",
+        allow_negative_numbers = true,
+        requires = "depth",
+        help_heading = "Maps"
+    )]
+    metres_per_unit: Option<f64>,
+    /// Folder of normal maps; without it normals are those of the depth
+    #[arg(long, value_name = "FOLDER", requires = "normal_axes", help_heading = "Maps")]
+    normal: Option<PathBuf>,
+    /// Axes of the normal maps: world (of the scene), camera (x right, y down, z forward) or opengl (x right, y up,
+    /// z towards the viewer)
+    #[arg(long, value_name = "AXES", requires = "normal", help_heading = "Maps")]
+    normal_axes: Option<NormalAxes>,
+    /// Folder of masks of the sky: white is sky, black is not, grey cannot be told; without it depth tells, and the
+    /// photo's colours
+    #[arg(long, value_name = "FOLDER", help_heading = "Maps")]
+    sky: Option<PathBuf>,
+    /// Which picture the maps are of, where the lens bends it: photo (as it is stored) or pinhole (without its
+    /// lens, as COLMAP's undistorter and this program make it)
+    #[arg(long, value_name = "PICTURE", default_value = "photo", help_heading = "Maps")]
+    maps_of: MapsOfArg,
+}
+
+/// What is known of the scale of depth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ScaleArg {
+    /// All.
+    Metric,
+    /// All but a factor.
+    Scaled,
+    /// All but a factor and an offset.
+    Relative,
+}
+
+/// What maps are of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum MapsOfArg {
+    /// The photo.
+    Photo,
+    /// The photo without its lens.
+    Pinhole,
+}
+
+impl FileArgs {
+    /// The first option that asks for maps.
+    pub fn given(&self) -> Option<&'static str> {
+        let all = [(&self.depth, "--depth"), (&self.normal, "--normal"), (&self.sky, "--sky")];
+        all.into_iter().find(|(folder, _)| folder.is_some()).map(|(_, name)| name)
+    }
+
+    fn scale(&self) -> ScaleArg {
+        let usual = match self.depth_form {
+            DepthForm::Disparity => ScaleArg::Relative,
+            DepthForm::Z | DepthForm::Ray => ScaleArg::Metric,
+        };
+        self.depth_scale.unwrap_or(usual)
+    }
+
+    fn check(&self) -> Result<()> {
+        if let Some(metres) = self.metres_per_unit {
+            if !(metres.is_finite() && metres > 0.0) {
+                bail!("--metres-per-unit is {metres}: it must be finite and above 0");
+            }
+            if self.scale() != ScaleArg::Metric {
+                bail!("--metres-per-unit goes with --depth-scale metric; leave one of them out");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Maps in folders.
+pub struct Maps {
+    maps: FileMaps,
+    name: String,
+}
+
+/// Looks at the folders, and how large the scene is if that must be known. Warns on the error stream.
+pub fn open(args: &PriorsArgs, data: &Data) -> Result<Maps> {
+    let given = &args.files;
+    given.check()?;
+    let (form, scale) = (given.depth_form, given.scale());
+    let mut parts = Vec::new();
+    for (kind, folder) in [("depth", &given.depth), ("normal", &given.normal), ("sky", &given.sky)] {
+        let Some(folder) = folder else { continue };
+        count(kind, folder, data)?;
+        let what = match kind {
+            "depth" => format!(" ({form:?}, {scale:?})").to_lowercase(),
+            "normal" => {
+                given.normal_axes.map_or_else(String::new, |axes| format!(" ({axes:?})").to_lowercase())
+            }
+            _ => String::new(),
+        };
+        parts.push(format!("{kind} {}{what}", folder.display()));
+    }
+    let freedom = match (scale, given.metres_per_unit) {
+        (ScaleArg::Relative, _) => Freedom::ScaleShift,
+        (ScaleArg::Scaled, _) => Freedom::Scale,
+        (ScaleArg::Metric, metres) => Freedom::Known(metres.unwrap_or(1.0)),
+    };
+    let depth = given.depth.as_ref().map(|folder| DepthFiles {
+        folder: folder.clone(),
+        form,
+        unit: given.depth_unit,
+        freedom,
+    });
+    let mut maps = FileMaps {
+        depth,
+        normal: given.normal.clone().zip(given.normal_axes),
+        sky: given.sky.clone(),
+        of: match given.maps_of {
+            MapsOfArg::Photo => MapsOf::Photo,
+            MapsOfArg::Pinhole => MapsOf::Pinhole,
+        },
+        pixels: args.map_pixels,
+    };
+    let is_unknown = scale == ScaleArg::Metric
+        && given.metres_per_unit.is_none()
+        && given.depth_unit != Some(DepthUnit::SceneUnits);
+    if is_unknown && maps.depth.is_some() {
+        let metres = shared_scale(&maps, data)?;
+        parts.push(format!("1 unit is {metres} m"));
+        if let Some(depth) = &mut maps.depth {
+            depth.freedom = Freedom::Known(metres);
+        }
+    } else if let (Some(metres), true) = (given.metres_per_unit, maps.depth.is_some()) {
+        parts.push(format!("1 unit is {metres} m"));
+    }
+    if given.maps_of == MapsOfArg::Pinhole {
+        parts.push("without the lens".into());
+    }
+    Ok(Maps { maps, name: format!("{}: {}", files::SOURCE, parts.join(", ")) })
+}
+
+impl Source for Maps {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn at_once(&self) -> usize {
+        2 * rayon::current_num_threads()
+    }
+
+    fn look(&self, data: &Data, place: usize) -> Result<Answer> {
+        let given = self.maps.look(&data.photos, place, data.name(place));
+        let given = given.map_err(|error| match (&error.fault, self.maps.of) {
+            (MapFault::Aspect { .. }, MapsOf::Photo) if data.photos.is_bent(place) => {
+                anyhow::anyhow!("{error}; --maps-of pinhole takes maps of the photo without its lens")
+            }
+            (MapFault::Aspect { .. }, MapsOf::Pinhole) if data.photos.is_bent(place) => {
+                anyhow::anyhow!("{error}; --maps-of photo takes maps of the photo with its lens")
+            }
+            _ => error.into(),
+        })?;
+        Ok(given.map_or_else(|| Answer::Nothing("there is no map of it".into()), Answer::Given))
+    }
+}
+
+/// Metres a scene unit, the median of what fits each photo's metric depth to the points.
+fn shared_scale(maps: &FileMaps, data: &Data) -> Result<f64> {
+    // Only the depth counts here; at scale 1 it is in 1 / m.
+    let depth = maps.depth.clone().map(|depth| DepthFiles { freedom: Freedom::Known(1.0), ..depth });
+    let maps = FileMaps { depth, normal: None, sky: None, ..maps.clone() };
+    let seen = seen_points(&data.capture, &data.photos, &data.places);
+    let bar = progress::bar(data.places.len() as u64, "scale");
+    let mut scales: Vec<f64> = data
+        .places
+        .par_iter()
+        .zip(&seen)
+        .map(|(place, seen)| {
+            bar.inc(1);
+            if interrupt::asked() {
+                return Err(Interrupted("no photo is done yet".into()).into());
+            }
+            let Some(given) = maps.look(&data.photos, *place, data.name(*place))? else { return Ok(None) };
+            let Some(depth) = given.depth else { return Ok(None) };
+            let relative = Relative {
+                width: given.width as usize,
+                height: given.height as usize,
+                values: depth.values,
+                freedom: Freedom::Scale,
+                sky: None,
+            };
+            let points = placed(&data.capture, &data.photos.camera(*place, 0), seen);
+            let view = data.photos.view(*place) as u64;
+            Ok(fit(&pairs(&relative, &points), Freedom::Scale, view).ok().map(|fit| fit.scale))
+        })
+        .collect::<Result<Vec<Option<f64>>>>()?
+        .into_iter()
+        .flatten()
+        .collect();
+    bar.finish_and_clear();
+    if scales.is_empty() {
+        bail!(
+            "--depth: no map follows the points of the model, so its scale is not found; give --metres-per-unit, and look \
+             whether --depth-form is right"
+        );
+    }
+    scales.sort_by(f64::total_cmp);
+    let at = |share: f64| scales[((scales.len() - 1) as f64 * share).round() as usize];
+    eprintln!(
+        "depth: 1 scene unit is {:.4} m by the points of {} photos (the middle half {:.4} to {:.4}); \
+         --metres-per-unit says otherwise",
+        at(0.5),
+        scales.len(),
+        at(0.25),
+        at(0.75)
+    );
+    Ok(at(0.5))
+}
+
+/// Warns of photos without a map, and refuses a folder without any.
+fn count(kind: &str, folder: &Path, data: &Data) -> Result<()> {
+    if !folder.is_dir() {
+        bail!("--{kind} {}: there is no such folder; name the folder of the maps", folder.display());
+    }
+    let (mut missing, mut first) = (0, None);
+    for place in &data.places {
+        let name = data.name(*place);
+        if find_map(folder, name)?.is_none() {
+            missing += 1;
+            first = first.or(Some(name));
+        }
+    }
+    let all = data.places.len();
+    if let Some(first) = first {
+        let example = Path::new(first).with_extension("npy");
+        if missing == all {
+            bail!(
+                "--{kind} {}: no photo has a map in it; call them as the photos, such as {}",
+                folder.display(),
+                example.display()
+            );
+        }
+        eprintln!(
+            "warning: {}: no map of {first}, {} of {all} photos have one",
+            folder.display(),
+            all - missing
+        );
+    }
+    Ok(())
+}

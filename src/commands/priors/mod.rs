@@ -1,0 +1,179 @@
+//! `priors`: what photos are believed to show before a training, one file a source.
+
+mod data;
+mod files;
+mod network;
+mod preview;
+mod work;
+
+use super::stereo;
+use crate::interrupt::Interrupted;
+use anyhow::{Context, Result, bail};
+use clap::{Args, ValueEnum};
+use data::Data;
+use std::path::{Path, PathBuf};
+use wm_scene::FormatError;
+use wm_train::priors::folder::{Index, PriorsError};
+use wm_train::priors::{PriorsWriter, photos};
+
+/// Options of `priors`.
+#[derive(Args, Clone, Debug)]
+pub struct PriorsArgs {
+    /// The data set: a folder with a COLMAP model or a transforms.json
+    dataset: PathBuf,
+    /// Folder that the priors go to [default: priors in the data set, where `reconstruct` finds them by itself]
+    #[arg(short, long, value_name = "FOLDER", help_heading = "Output")]
+    out: Option<PathBuf>,
+    /// Go on with what Ctrl-C ended, or with photos that came later; the other options must be the same
+    #[arg(long, help_heading = "Output")]
+    resume: bool,
+    /// Also write a picture of each photo with its depth, normals and sky, to look at; preview.png shows six of
+    /// them in any case
+    #[arg(long, help_heading = "Output")]
+    preview: bool,
+    /// Most pixels of a map that is kept
+    #[arg(long, value_name = "N", default_value_t = 300_000, value_parser = clap::value_parser!(u32).range(64..=64_000_000), help_heading = "Output")]
+    map_pixels: u32,
+    /// What the priors are from: photos (stereo between them, and their colours), network (relative depth of each
+    /// photo, fitted to the points) or files (maps that you have) [default: files if --depth, --normal or --sky is
+    /// given, network if --weights or --model is, else photos]
+    #[arg(long, value_name = "SOURCE")]
+    source: Option<SourceArg>,
+    /// Threads [default: one a core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Run")]
+    threads: Option<u16>,
+    #[command(flatten)]
+    photos: data::PhotoArgs,
+    #[command(flatten)]
+    network: network::NetworkArgs,
+    #[command(flatten)]
+    files: files::FileArgs,
+}
+
+/// What priors are from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum SourceArg {
+    /// The photos.
+    Photos,
+    /// A network.
+    Network,
+    /// Maps.
+    Files,
+}
+
+impl PriorsArgs {
+    fn source(&self) -> Result<SourceArg> {
+        let (files, network) = (self.files.given(), self.network.given());
+        let usual = match (files, network) {
+            (Some(_), _) => SourceArg::Files,
+            (None, Some(_)) => SourceArg::Network,
+            (None, None) => SourceArg::Photos,
+        };
+        let source = self.source.unwrap_or(usual);
+        let wrong = match source {
+            SourceArg::Photos => files.or(network),
+            SourceArg::Network => files,
+            SourceArg::Files => network,
+        };
+        if let Some(option) = wrong {
+            let name =
+                source.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default();
+            bail!("{option} goes with another source than {name}; leave one of them out");
+        }
+        if source == SourceArg::Files && files.is_none() {
+            bail!("--source files: there are no maps; name their folders with --depth, --normal or --sky");
+        }
+        Ok(source)
+    }
+
+    fn out(&self) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| self.dataset.join(stereo::FOLDER))
+    }
+
+    /// Where the writer goes to, said so that what cannot be written has a way out.
+    fn writer(&self, source: String) -> Result<PriorsWriter> {
+        let folder = self.out();
+        let writer = match self.resume {
+            true => PriorsWriter::resumed(&folder, &source),
+            false => PriorsWriter::new(&folder, source).map_err(PriorsError::from),
+        };
+        let is_default = self.out.is_none();
+        writer.map_err(|error| match error {
+            PriorsError::File(FormatError { .. }) if is_default => {
+                anyhow::anyhow!("{error}; give another folder with -o")
+            }
+            error => error.into(),
+        })
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &PriorsArgs) -> Result<()> {
+    let source = args.source()?;
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(args.threads.map_or(0, usize::from)).build();
+    let threads = threads.context("cannot start threads")?;
+    threads.install(|| {
+        let index = match source {
+            SourceArg::Photos => from_photos(args)?,
+            SourceArg::Network => {
+                // What may be wrong with weights is said before photos are looked at.
+                let network = network::open(args)?;
+                let data = Data::open(&args.dataset, &args.photos)?;
+                work::run(args, &data, network.as_ref())?
+            }
+            SourceArg::Files => {
+                let data = Data::open(&args.dataset, &args.photos)?;
+                work::run(args, &data, &files::open(args, &data)?)?
+            }
+        };
+        report(&args.out(), &index);
+        Ok(())
+    })
+}
+
+fn from_photos(args: &PriorsArgs) -> Result<Index> {
+    if args.resume {
+        bail!("--resume: stereo is done for all photos at once; leave it out to begin anew");
+    }
+    let data = Data::open(&args.dataset, &args.photos)?;
+    // Whether the folder can be written is said before the work; stereo has a writer of its own.
+    args.writer(photos::SOURCE.into())?.abandon();
+    let out = args.out();
+    let written = stereo::write(&data.capture, &data.photos, &data.places, args.threads, &out)?;
+    let Some(index) = written else {
+        return Err(Interrupted(format!("{} holds no priors yet", out.display())).into());
+    };
+    preview::write(args, &data)?;
+    Ok(index)
+}
+
+/// Prints what there is of each photo, and of all.
+fn report(folder: &Path, index: &Index) {
+    let wide = index.photos.keys().map(|name| name.chars().count()).max().unwrap_or(0).max(5);
+    let share = |share: f32| format!("{:8.1}", 100.0 * share);
+    let fits = index.photos.values().any(|entry| entry.fit.is_some());
+    let titles = if fits { "  points  follow %  residual %       scale       shift" } else { "" };
+    println!("{:wide$}   known %     sky %{titles}", "photo");
+    for (name, entry) in &index.photos {
+        let fit = match &entry.fit {
+            Some(fit) => format!(
+                "{:8}  {:8.1}  {:10.2} {:11.4e} {:11.4e}",
+                fit.points,
+                100.0 * fit.follow,
+                100.0 * fit.residual,
+                fit.scale,
+                fit.shift
+            ),
+            None => String::new(),
+        };
+        let line = format!("{name:wide$}  {}  {}{fit}", share(entry.known), share(entry.sky_share));
+        println!("{}", line.trim_end());
+    }
+    let mut residuals: Vec<f64> =
+        index.photos.values().filter_map(|entry| Some(entry.fit?.residual)).collect();
+    residuals.sort_by(f64::total_cmp);
+    let residual = residuals
+        .get(residuals.len() / 2)
+        .map(|median| format!(", off the points by {:.2} % (the median photo's residual)", 100.0 * median));
+    println!("{}: {}{}", folder.display(), stereo::known(index), residual.unwrap_or_default());
+}

@@ -1,0 +1,14 @@
+//! In a build without networks.
+
+use super::super::PriorsArgs;
+use super::super::work::Source;
+use anyhow::{Result, bail};
+
+/// Says what to do.
+pub fn open(args: &PriorsArgs) -> Result<Box<dyn Source>> {
+    let option = args.network.given().unwrap_or("--source network");
+    bail!(
+        "{option}: this build has no neural networks; build it with `--features nets`, or take --source photos, or \
+         --depth with maps that another program made"
+    )
+}

@@ -1,0 +1,132 @@
+//! Pictures of priors, for people to look at.
+
+use super::PriorsArgs;
+use super::data::Data;
+use crate::media::sheet::{Layout, Panel, sheet};
+use crate::media::{Size, color::Dither, png, ramps};
+use anyhow::Result;
+use glam::DVec3;
+use std::fs;
+use wm_scene::{Camera, FormatError, Problem};
+use wm_train::photos::Photo;
+use wm_train::priors::{Prior, Priors, SkyClass};
+
+/// Photos on the sheet.
+const PHOTOS: usize = 6;
+/// Pixels of a picture on the sheet, and of one beside the maps.
+const SMALL: usize = 60_000;
+const LARGE: usize = 300_000;
+/// Share of disparity that is shown as near as it gets: the nearest spoil the colours of the rest.
+const NEAREST: f64 = 0.98;
+/// Tints of the sky, and of what cannot be told.
+const SKY: [f32; 3] = [0.1, 0.5, 1.0];
+const UNKNOWN: [f32; 3] = [1.0, 0.75, 0.1];
+
+/// Writes `preview.png`, and a picture of each photo if that is asked for.
+pub fn write(args: &PriorsArgs, data: &Data) -> Result<()> {
+    let folder = args.out();
+    let Some(priors) = Priors::open(&folder)? else { return Ok(()) };
+    let with: Vec<usize> = data
+        .places
+        .iter()
+        .copied()
+        .filter(|place| priors.index().photos.contains_key(data.name(*place)))
+        .collect();
+    let mut panels = Vec::new();
+    let mut size = None;
+    let count = PHOTOS.min(with.len());
+    for index in 0..count {
+        // From the first to the last.
+        let place = with[index * (with.len() - 1) / (count - 1).max(1)];
+        let Some((photo, prior)) = both(args, data, &priors, place)? else { continue };
+        let size = *size.get_or_insert_with(|| fitting(&photo.camera, SMALL));
+        panels.extend(views(data.name(place), &photo, &prior, size));
+    }
+    if let Some(size) = size {
+        let layout = Layout::new(size, panels.len() as u32, 4);
+        draw(&folder.join("preview.png"), &layout, &panels)?;
+    }
+    if !args.preview {
+        return Ok(());
+    }
+    for place in with {
+        let Some((photo, prior)) = both(args, data, &priors, place)? else { continue };
+        let size = fitting(&photo.camera, LARGE);
+        let path = folder.join("preview").join(format!("{}.png", data.name(place).replace(['/', '\\'], "_")));
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent).map_err(|e| FormatError::whole(parent, Problem::Write(e.into())))?;
+        }
+        let panels = views(data.name(place), &photo, &prior, size);
+        draw(&path, &Layout::new(size, panels.len() as u32, 2), &panels)?;
+    }
+    Ok(())
+}
+
+/// A photo and its prior; `None` of a damaged photo that may be left out.
+fn both(
+    args: &PriorsArgs,
+    data: &Data,
+    priors: &Priors,
+    place: usize,
+) -> Result<Option<(std::sync::Arc<Photo>, std::sync::Arc<Prior>)>> {
+    let photo = match data.photos.get(place, 0) {
+        Ok(photo) => photo,
+        Err(_) if args.photos.skip_bad => return Ok(None),
+        Err(error) => return Err(error.into()),
+    };
+    Ok(priors.get(data.name(place), &photo.camera)?.map(|prior| (photo, prior)))
+}
+
+fn fitting(camera: &Camera, pixels: usize) -> Size {
+    let (width, height) = wm_train::priors::files::shrunk((camera.width, camera.height), pixels);
+    Size::new(width, height)
+}
+
+fn draw(path: &std::path::Path, layout: &Layout, panels: &[(Vec<f32>, String)]) -> Result<()> {
+    let panels: Vec<Panel<'_>> = panels.iter().map(|(rgb, label)| Panel { rgb, label }).collect();
+    let tags = [("what".to_owned(), "photo, disparity, normals, sky".to_owned())];
+    Ok(png::write_rgb(path, &sheet(layout, &panels), layout.size(), Dither::Off, &tags)?)
+}
+
+/// The photo, disparity, normals and sky, with labels.
+fn views(name: &str, photo: &Photo, prior: &Prior, size: Size) -> [(Vec<f32>, String); 4] {
+    let camera = &photo.camera;
+    let unknown = ramps::UNKNOWN.map(|v| f32::from(v) / 255.0);
+    let mut known: Vec<f32> = prior.disparity.iter().copied().filter(|v| *v > 0.0).collect();
+    known.sort_by(f32::total_cmp);
+    let near = known.get((known.len().saturating_sub(1) as f64 * NEAREST) as usize).copied().unwrap_or(1.0);
+    let disparity = |at: usize| match prior.disparity.get(at) {
+        Some(v) if !v.is_nan() => ramps::turbo(1.0 - f64::from(v / near)).map(|v| f32::from(v) / 255.0),
+        _ => unknown,
+    };
+    // As pictures of normals mostly are: x right, y up, z towards the viewer.
+    let rotation = camera.rotation();
+    let normal = |at: usize| match prior.normal.get(at) {
+        Some(n) if *n != [0.0; 3] => {
+            let n = rotation * DVec3::from_array(n.map(f64::from));
+            [n.x, -n.y, -n.z].map(|v| (0.5 + 0.5 * v) as f32)
+        }
+        _ => unknown,
+    };
+    let tint = |rgb: [f32; 3], tint: [f32; 3]| [0, 1, 2].map(|i| 0.45 * rgb[i] + 0.55 * tint[i]);
+    let sky = |at: usize, rgb: [f32; 3]| match prior.sky.get(at) {
+        Some(SkyClass::Sky) => tint(rgb, SKY),
+        Some(SkyClass::Unknown) => tint(rgb, UNKNOWN),
+        Some(SkyClass::Place) => rgb,
+        None => unknown,
+    };
+    let mut panels = [0; 4].map(|_| Vec::with_capacity(3 * size.pixels()));
+    for pixel in 0..size.pixels() {
+        let x = ((pixel % size.width as usize) as f64 + 0.5) / f64::from(size.width);
+        let y = ((pixel / size.width as usize) as f64 + 0.5) / f64::from(size.height);
+        let column = |width: u32| (x * f64::from(width)) as u32;
+        let row = |height: u32| (y * f64::from(height)) as u32;
+        let rgb = photo.pixel(column(photo.width), row(photo.height));
+        let at = row(prior.height) as usize * prior.width as usize + column(prior.width) as usize;
+        let shown = [rgb, disparity(at), normal(at), sky(at, rgb)];
+        panels.iter_mut().zip(shown).for_each(|(panel, rgb)| panel.extend(rgb));
+    }
+    let labels = [name, "disparity: red near, blue far", "normals", "sky: blue; yellow not known"];
+    let mut labels = labels.into_iter();
+    panels.map(|panel| (panel, labels.next().unwrap_or_default().to_owned()))
+}

@@ -1,0 +1,140 @@
+//! Photo after photo: what a source says, fitted and written.
+
+use super::data::Data;
+use super::{PriorsArgs, preview};
+use crate::interrupt::{self, Interrupted};
+use crate::progress;
+use anyhow::Result;
+use rayon::prelude::*;
+use std::time::{Duration, Instant};
+use wm_train::priors::fit::Fit;
+use wm_train::priors::folder::Index;
+use wm_train::priors::given::Given;
+use wm_train::priors::points::{placed, seen_points};
+use wm_train::priors::{Prior, PriorsWriter};
+
+/// Longest time between two notes of what is done.
+const NOTE: Duration = Duration::from_secs(20);
+/// Photos that are left out of which the reason is told; the index has it of all.
+const TOLD: usize = 10;
+
+/// What a source says of a photo.
+pub enum Answer {
+    /// This.
+    Given(Given),
+    /// Nothing, since.
+    Nothing(String),
+}
+
+/// Where priors come from.
+pub trait Source: Sync {
+    /// What it is, with all that changes what it says: for the index, and for going on later.
+    fn name(&self) -> String;
+
+    /// Photos that are looked at side by side.
+    fn at_once(&self) -> usize;
+
+    /// Looks at a photo.
+    ///
+    /// # Errors
+    /// Whatever would be wrong with other photos too, or has to be put right.
+    fn look(&self, data: &Data, place: usize) -> Result<Answer>;
+}
+
+/// What comes of a photo: a prior, or why there is none.
+type Made = Result<(Prior, Option<Fit>), String>;
+
+/// Makes the priors of all photos.
+pub fn run(args: &PriorsArgs, data: &Data, source: &dyn Source) -> Result<Index> {
+    let name = format!(
+        "{}, photos up to {} px, maps up to {} pixels",
+        source.name(),
+        args.photos.longest,
+        args.map_pixels
+    );
+    let mut writer = args.writer(name)?;
+    let seen = seen_points(&data.capture, &data.photos, &data.places);
+    let left: Vec<usize> =
+        (0..data.places.len()).filter(|index| !writer.is_done(data.name(data.places[*index]))).collect();
+    let bar = progress::bar(data.places.len() as u64, "photos");
+    bar.set_position((data.places.len() - left.len()) as u64);
+    bar.reset_eta();
+    let mut noted = Instant::now();
+    for part in left.chunks(source.at_once().max(1)) {
+        if interrupt::asked() {
+            bar.finish_and_clear();
+            writer.pause()?;
+            let done = writer.index().photos.len() + writer.index().left_out.len();
+            let advice = "the same command with --resume goes on";
+            let all = data.places.len();
+            return Err(Interrupted(format!("{done} of {all} photos are done, {advice}")).into());
+        }
+        let made = |index: &usize| make(args, data, source, data.places[*index], &seen[*index]);
+        let made: Vec<Result<Made>> = part.par_iter().map(made).collect();
+        for (index, made) in part.iter().zip(made) {
+            let name = data.name(data.places[*index]);
+            let made = match made {
+                Ok(made) => made,
+                Err(error) => {
+                    // The error is what counts; what is done is kept if that can be.
+                    match writer.index().photos.is_empty() {
+                        true => writer.abandon(),
+                        false => drop(writer.pause()),
+                    }
+                    return Err(error);
+                }
+            };
+            match made {
+                Ok((prior, fit)) => writer.add(name, &prior, fit)?,
+                Err(reason) => writer.leave_out(name, reason),
+            }
+            bar.inc(1);
+        }
+        if noted.elapsed() > NOTE {
+            writer.pause()?;
+            noted = Instant::now();
+        }
+    }
+    bar.finish_and_clear();
+    finish(args, data, writer)
+}
+
+/// The prior of a photo.
+fn make(args: &PriorsArgs, data: &Data, source: &dyn Source, place: usize, seen: &[u32]) -> Result<Made> {
+    let photo = match data.photos.get(place, 0) {
+        Ok(photo) => photo,
+        Err(error) if args.photos.skip_bad => return Ok(Err(error.to_string())),
+        Err(error) => return Err(error.into()),
+    };
+    let given = match source.look(data, place)? {
+        Answer::Given(given) => given,
+        Answer::Nothing(reason) => return Ok(Err(reason)),
+    };
+    let points = placed(&data.capture, &photo.camera, seen);
+    Ok(given.prior(&photo, &points, data.photos.view(place) as u64).map_err(|reason| reason.to_string()))
+}
+
+fn finish(args: &PriorsArgs, data: &Data, writer: PriorsWriter) -> Result<Index> {
+    let Index { photos, left_out, .. } = writer.index();
+    for (name, reason) in left_out.iter().take(TOLD) {
+        eprintln!("left out: {name}: {reason}");
+    }
+    if left_out.len() > TOLD {
+        eprintln!("left out: {} more", left_out.len() - TOLD);
+    }
+    if photos.is_empty() {
+        let (first, reason) = left_out.iter().next().unzip();
+        let error = anyhow::anyhow!(
+            "{}: none of {} photos has a prior; {}: {}",
+            writer.folder().display(),
+            left_out.len(),
+            first.map_or("", String::as_str),
+            reason.map_or("", String::as_str)
+        );
+        writer.abandon();
+        return Err(error);
+    }
+    let index = writer.finish()?;
+    preview::write(args, data)?;
+    Ok(index)
+}
