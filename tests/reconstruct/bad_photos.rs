@@ -64,7 +64,8 @@ fn damage_that_is_met_on_the_way() {
     let place = Place::with(&BuiltinOptions { size: (330, 220), count: 5, ..PHOTOS });
     let sound = place.read("set/images/00002.png");
     place.put("set/images/00002.png", &sound[..sound.len() / 2]);
-    let usual = ["--cache", "1", "--steps", "12", "--densify", "fixed"];
+    // Without priors, for which all photos are looked at before.
+    let usual = ["--cache", "1", "--steps", "12", "--densify", "fixed", "--priors", "none"];
     let with = |more: &[&'static str]| [&usual[..], more].concat();
     let says = [
         "set/images/00002.png: the photo is damaged (",
@@ -94,6 +95,12 @@ fn damage_that_is_met_on_the_way() {
             .command(reconstruct("set", &with(&["--out", "d.ply", "--eval-every", "5", "--eval-from", "2"]))),
         &says,
     );
+
+    // What is believed is found out without it.
+    let believing = ["--cache", "1", "--steps", "12", "--densify", "fixed", "--out", "p.ply"];
+    fails(&mut place.command(reconstruct("set", &believing)), &says[..1]);
+    let output = place.trained(&[&believing[..], &["--skip-bad"]].concat());
+    assert!(said(&output).contains("geometry: depth of ") && said(&output).contains("from 4 photos"));
 
     // Copied again, it is used, and the training goes on where it was.
     place.put("set/images/00002.png", sound);

@@ -29,7 +29,10 @@ fn a_scene_that_knows_its_place() {
     assert!(place.at("scene.ply.cameras.json").is_file());
 
     let run = listing(&place.at("scene.ply.run"));
-    let names: Vec<String> = run.keys().map(|p| p.file_name().unwrap().to_string_lossy().into()).collect();
+    let (believed, run): (Vec<_>, Vec<_>) =
+        run.into_keys().partition(|path| path.components().any(|part| part.as_os_str() == "priors"));
+    assert!(believed.iter().any(|path| path.ends_with("priors/priors.json")), "{believed:?}");
+    let names: Vec<String> = run.iter().map(|p| p.file_name().unwrap().to_string_lossy().into()).collect();
     let previews = names.iter().filter(|name| name.starts_with("preview-") && name.ends_with(".png")).count();
     assert_eq!((previews, names.len()), (10, 13), "{names:?}");
     for name in ["config.json", "metrics.jsonl", "checkpoint.wmtrain", "preview-000040.png"] {

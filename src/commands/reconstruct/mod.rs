@@ -279,6 +279,10 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         Some(config) => config,
         None => args.geometry.change(args.training.config(data.pixels()))?,
     };
+    if !args.resume {
+        // What cannot be written is said before the photos are compared.
+        folder.write_config(&config)?;
+    }
     let priors = priors::open(args, &data, &folder)?;
     training::Run::new(config, &data, priors.as_ref(), &folder, args, lpips)?.go(&out, &facts)
 }

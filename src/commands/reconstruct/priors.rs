@@ -38,7 +38,7 @@ pub fn open(args: &ReconstructArgs, data: &Data, folder: &RunFolder) -> Result<O
     {
         return Ok(Some(priors));
     }
-    let places = &data.teaching;
+    let mut places = data.teaching.clone();
     if places.len() > MOST_BY_ITSELF && args.geometry.priors.is_none() {
         eprintln!(
             "geometry: {} photos are more than depth is found out from unasked ({MOST_BY_ITSELF}); \
@@ -47,7 +47,11 @@ pub fn open(args: &ReconstructArgs, data: &Data, folder: &RunFolder) -> Result<O
         );
         return Ok(None);
     }
-    let written = stereo::write(&data.capture, &data.photos, places, args.run.threads, &made)?;
+    if args.photos.skip_bad {
+        // The training names them when it meets them.
+        places.retain(|place| data.photos.get(*place, 0).is_ok());
+    }
+    let written = stereo::write(&data.capture, &data.photos, &places, args.run.threads, &made)?;
     let Some(index) = written else { return Err(Interrupted("no step is done yet".into()).into()) };
     eprintln!("geometry: {}", stereo::known(&index));
     Ok(Priors::open(&made)?)
