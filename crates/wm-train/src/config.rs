@@ -143,16 +143,16 @@ impl GeometryConfig {
 
 impl Default for GeometryConfig {
     fn default() -> Self {
-        // The paper's normals weigh 0.05. With half of it, and of what makes depth best, pictures of the made-up street lose
-        // 0.1 dB against a training without, and not 0.2.
+        // The paper's normals weigh 0.05. With a quarter of it normals of the made-up street are off by 11 degrees (median)
+        // where a training without has 41, and its pictures lose 0.1 dB; with half of it 9 degrees and 0.2 dB.
         Self {
             depth: 0.05,
             depth_hard: 0.05,
             depth_soft: 0.05,
             every: 4,
             surface: 0.1,
-            normal: 0.025,
-            flat: 0.005,
+            normal: 0.012,
+            flat: 0.002,
             ..Self::NONE
         }
     }
