@@ -9,6 +9,7 @@
 mod say;
 
 mod commands;
+mod dataset;
 mod interrupt;
 mod media;
 mod names;

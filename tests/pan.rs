@@ -85,15 +85,15 @@ fn turning_from_the_sky_changes_no_color() {
         views.each_ref().map(|(_, view)| read_exr(&workshop.render(&scene, view, name, weather)))
     };
     let clear = render("clear.exr", "");
-    let fogged = render("fog.exr", "--set fog.mor=150");
+    let fogged = render("fog.exr", "--set fog.mor=90");
     let mut most: f64 = 0.0;
     for (board, rgb) in &boards {
         let [up, down] = [0, 1].map(|i| patch(&fogged[i], &views[i].0, board.center));
         let [before, _] = [0, 1].map(|i| patch(&clear[i], &views[i].0, board.center));
         most = largest((0..3).map(|k| (up[k] - down[k]).abs()).chain([most]));
-        // The patches are the boards, and the fog is there; it is nearly as white as the white one.
+        // The patches are the boards, and the fog is there.
         assert!((0..3).all(|k| (before[k] - f64::from(rgb[k])).abs() < STEP), "{before:?}, {rgb:?}");
-        assert!((0..3).any(|k| (up[k] - before[k]).abs() > 10.0 * STEP), "{up:?}, {before:?}");
+        assert!((0..3).any(|k| (up[k] - before[k]).abs() > 20.0 * STEP), "{up:?}, {before:?}");
     }
     let own = (brightest(&clear[0]) - brightest(&clear[1])).abs();
     println!("off by {:.4}/255 at most; airlights by picture differ by {:.1}/255", most / STEP, own / STEP);

@@ -6,7 +6,7 @@ use super::*;
 #[test]
 fn a_build_without_networks_says_so() {
     let desk = Desk::new();
-    for options in ["--source network", "--weights x", "--model large --offline"] {
+    for options in ["--source network", "--weights x", "--network large --offline"] {
         desk.refused(options, &["this build has no neural networks", "`--features nets`"]);
     }
 }
@@ -49,7 +49,7 @@ mod with_networks {
             ),
             (with(Path::new("other.safetensors"), ""), &["other.safetensors: no tensors of Depth Anything"]),
             (with(&file, "--version v1"), &["model.safetensors"]),
-            (with(&file, "--model large"), &["the network is of no published size, not large"]),
+            (with(&file, "--network large"), &["the network is of no published size, not large"]),
             (
                 with(&file, &format!("--checksum {zeros}")),
                 &["model.safetensors: has SHA-256 ", "get it again"],
@@ -57,7 +57,7 @@ mod with_networks {
             (with(&file, "--checksum 12"), &["--checksum: \"12\" is no SHA-256"]),
             (with(&file, &with(&file, &format!("--checksum {zeros}"))), &["--checksum is that of one file"]),
             (
-                "--offline --model base".into(),
+                "--offline --network base".into(),
                 &[
                     "depth-anything-v2-base.safetensors: is not there",
                     "--offline",
@@ -71,7 +71,7 @@ mod with_networks {
         // One that was fetched earlier is taken, and the checksum holds for it too.
         let small = "cache/weather-magician/depth-anything-v2-small.safetensors";
         desk.put(small, "no weights");
-        desk.refused("--offline --model small", &[small, "neither a safetensors file"]);
+        desk.refused("--offline --network small", &[small, "neither a safetensors file"]);
         desk.refused(&format!("--offline --checksum {zeros}"), &[small, "SHA-256"]);
     }
 

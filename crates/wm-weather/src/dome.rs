@@ -130,7 +130,7 @@ impl Dome {
             _ => {
                 let sines = (0..64).map(|i| BAND * (f64::from(i) + 0.5) / 64.0);
                 let rgb = |sin| self.by_elevation(sin).map(srgb_decode);
-                airlight_of_sky(sines.map(|sin| SkyPatch { sin, weight: 1.0, rgb: rgb(sin) }).collect())?
+                airlight_of_sky(sines.map(|sin| SkyPatch { sin, weight: 1.0, rgb: rgb(sin) }).collect(), 0.0)?
             }
         };
         (luminance(light) > 0.0).then_some(light.map(|v| v.min(1.0)))

@@ -266,7 +266,7 @@ impl Level {
                 rgb: [*r, *g, *b].map(light),
             })
         });
-        airlight_of_sky(patches.collect()).filter(|light| light.iter().any(|v| *v > 0.0))
+        airlight_of_sky(patches.collect(), 0.0).filter(|light| light.iter().any(|v| *v > 0.0))
     }
 
     #[inline(always)]

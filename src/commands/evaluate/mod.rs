@@ -7,6 +7,7 @@ mod text;
 mod truth;
 mod views;
 
+use crate::dataset::{Dataset, DatasetArgs, HeldOut};
 use crate::names::stem_of;
 use crate::progress;
 use crate::scene::{Loaded, RunArgs, SceneArgs};
@@ -15,9 +16,8 @@ use clap::{Args, ValueEnum};
 use scores::Report;
 use serde::Serialize;
 use std::path::PathBuf;
-use wm_scene::capture::{self, CaptureOptions};
 use wm_scene::files::{check_writable, write_atomically};
-use wm_train::photos::{BadPhotos, PhotoOptions, PhotoSize, Photos};
+use wm_train::photos::Check;
 
 /// Options of `evaluate`.
 #[derive(Args, Clone, Debug)]
@@ -48,6 +48,8 @@ pub struct EvaluateArgs {
 /// Which photos, and how they are compared.
 #[derive(Args, Clone, Debug)]
 struct PhotoArgs {
+    #[command(flatten)]
+    set: DatasetArgs,
     /// Take every N-th photo (in the order of names): those that `reconstruct` held out with the same number;
     /// 0 takes all of them, those that it learnt from included
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Photos")]
@@ -59,21 +61,6 @@ struct PhotoArgs {
     /// photo, that brings the render nearest to it)
     #[arg(long, value_name = "FIT", default_value = "none", help_heading = "Photos")]
     exposure_fit: ExposureFit,
-    /// Folder of the photos in the data set, such as images_4 [default: images, or another usual name]
-    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
-    images: Option<PathBuf>,
-    /// Folder of masks in the data set: what is black counts nowhere [default: masks, if it is there]
-    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
-    masks: Option<PathBuf>,
-    /// Folder of the COLMAP model in the data set [default: sparse/0, or another usual place]
-    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
-    model: Option<PathBuf>,
-    /// Longest side that photos are used with, px; as in the training, for equal numbers
-    #[arg(long, value_name = "PX", default_value_t = 1600, value_parser = clap::value_parser!(u32).range(16..=32768), help_heading = "Photos")]
-    longest: u32,
-    /// Leave out photos that are missing or damaged, and go on
-    #[arg(long, help_heading = "Photos")]
-    skip_bad: bool,
 }
 
 /// What is undone before colours are compared.
@@ -86,55 +73,21 @@ enum ExposureFit {
     Affine,
 }
 
-/// A data set's photos that are compared.
-struct Data {
-    capture: capture::Capture,
-    photos: Photos,
-    /// Places in `photos`.
-    places: Vec<usize>,
-}
-
-impl Data {
-    fn open(args: &EvaluateArgs) -> Result<Self> {
-        let PhotoArgs { eval_every, eval_from, images, masks, model, longest, skip_bad, .. } = &args.photos;
-        let options = CaptureOptions { images: images.clone(), model: model.clone(), masks: masks.clone() };
-        let capture = capture::read(&args.dataset, &options)?;
-        let dataset = args.dataset.display();
-        if capture.views.is_empty() {
-            bail!("{dataset}: there are no photos in it; choose another data set");
-        }
-        let photos = Photos::open(
-            &capture,
-            &PhotoOptions {
-                size: PhotoSize::Longest(*longest),
-                // Each is looked at once; the next is decoded meanwhile.
-                cache_bytes: 256 << 20,
-                bad: if *skip_bad { BadPhotos::Skip } else { BadPhotos::Refuse },
-                ..PhotoOptions::default()
-            },
-        )?;
-        for skipped in photos.skipped() {
-            eprintln!("warning: {skipped}; it is left out");
-        }
-        // By their places in the capture, as `reconstruct` counts them.
-        let is_taken = |place: &usize| {
-            let view = photos.view(*place) as u32;
-            *eval_every == 0 || view % eval_every == eval_from % eval_every
-        };
-        let places: Vec<usize> = (0..photos.len()).filter(is_taken).collect();
-        if places.is_empty() {
-            bail!(
-                "{dataset}: --eval-every {eval_every} from {eval_from} takes none of {} photos; give smaller numbers",
-                capture.views.len()
-            );
-        }
-        Ok(Self { capture, photos, places })
+/// Opens the photos that are compared.
+fn open(args: &EvaluateArgs) -> Result<Dataset> {
+    let PhotoArgs { set, eval_every: every, eval_from: from, .. } = &args.photos;
+    let capture = set.capture(&args.dataset)?;
+    let photos = set.photos(&args.dataset, &capture, Check::default())?;
+    let (held_out, others) = HeldOut { every: *every, from: *from }.split(&photos);
+    let places = if *every == 0 { others } else { held_out };
+    if places.is_empty() {
+        bail!(
+            "{}: --eval-every {every} from {from} takes none of {} photos; give smaller numbers",
+            args.dataset.display(),
+            capture.views.len()
+        );
     }
-
-    /// The name of a photo.
-    fn name(&self, place: usize) -> &str {
-        &self.capture.views[self.photos.view(place)].name
-    }
+    Ok(Dataset { capture, photos, places })
 }
 
 /// Runs the command.
@@ -142,7 +95,7 @@ pub fn run(args: &EvaluateArgs) -> Result<()> {
     for out in [&args.json, &args.report].into_iter().flatten() {
         check_writable(out)?;
     }
-    let data = Data::open(args)?;
+    let data = open(args)?;
     let loaded = Loaded::new(&args.scene, &args.run, None)?;
     let truth = truth::Truth::open(&args.truth, &data, &loaded.survey)?;
     let pictures = if args.report.is_some() { args.report_photos as usize } else { 0 };

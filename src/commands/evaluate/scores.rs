@@ -1,7 +1,8 @@
 //! What is measured: one list that the table, the JSON file and the page are made from.
 
 use super::truth::{Folder, Truth};
-use super::{Data, EvaluateArgs, name_of};
+use super::{EvaluateArgs, name_of};
+use crate::dataset::Dataset;
 use serde_json::{Map, Value, json};
 use wm_train::metrics::{DepthErrors, FloaterShare, NormalErrors, SurfaceLost};
 
@@ -156,7 +157,7 @@ pub struct Report {
 impl Report {
     pub fn new(
         args: &EvaluateArgs,
-        data: &Data,
+        data: &Dataset,
         truth: Truth,
         views: Vec<ViewScores>,
         floaters: Option<FloaterShare>,

@@ -1,6 +1,6 @@
 //! Maps of what is true: where they lie, and what their numbers mean.
 
-use super::Data;
+use crate::dataset::Dataset;
 use anyhow::{Result, bail};
 use clap::Args;
 use serde::Serialize;
@@ -84,7 +84,7 @@ pub struct Truth {
 
 impl Truth {
     /// Looks which photos have maps. Warns on the error stream of those that have none.
-    pub fn open(args: &TruthArgs, data: &Data, survey: &Survey) -> Result<Self> {
+    pub fn open(args: &TruthArgs, data: &Dataset, survey: &Survey) -> Result<Self> {
         let scale = survey.metres_per_unit;
         let unit =
             args.depth_unit.map_or_else(|| "metres, or as the file says".to_owned(), |unit| unit.to_string());
@@ -209,7 +209,7 @@ impl TrueMaps {
 }
 
 /// Looks for the maps of one kind; `None` if there is no folder of them.
-fn find(kind: &str, given: Option<&Path>, holds: String, data: &Data) -> Result<Option<Folder>> {
+fn find(kind: &str, given: Option<&Path>, holds: String, data: &Dataset) -> Result<Option<Folder>> {
     let usual = data.capture.source.join("truth").join(kind);
     let folder = match given {
         Some(folder) if !folder.is_dir() => {

@@ -3,7 +3,8 @@
 use super::page::{self, Shown};
 use super::scores::{Scores, ViewScores};
 use super::truth::{TrueMaps, Truth};
-use super::{Data, EvaluateArgs, ExposureFit};
+use super::{EvaluateArgs, ExposureFit};
+use crate::dataset::Dataset;
 use crate::interrupt::{self, Interrupted};
 use crate::scene::Loaded;
 use anyhow::{Result, bail};
@@ -20,7 +21,7 @@ use wm_train::photos::Photo;
 /// `pictures` photos.
 pub fn measure(
     loaded: Loaded,
-    data: &Data,
+    data: &Dataset,
     truth: &Truth,
     args: &EvaluateArgs,
     pictures: usize,
@@ -51,7 +52,7 @@ pub fn measure(
         }
         let photo = match data.photos.get(*place, 0) {
             Ok(photo) => photo,
-            Err(error) if args.photos.skip_bad => {
+            Err(error) if args.photos.set.skip_bad => {
                 eprintln!("warning: {error}; it is left out");
                 continue;
             }

@@ -1,8 +1,8 @@
 //! Priors from maps that the user has.
 
 use super::PriorsArgs;
-use super::data::Data;
 use super::work::{Answer, Source};
+use crate::dataset::Dataset;
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
 use anyhow::{Result, bail};
@@ -122,7 +122,7 @@ pub struct Maps {
 }
 
 /// Looks at the folders, and how large the scene is if that must be known. Warns on the error stream.
-pub fn open(args: &PriorsArgs, data: &Data) -> Result<Maps> {
+pub fn open(args: &PriorsArgs, data: &Dataset) -> Result<Maps> {
     let given = &args.files;
     given.check()?;
     let (form, scale) = (given.depth_form, given.scale());
@@ -187,7 +187,7 @@ impl Source for Maps {
         2 * rayon::current_num_threads()
     }
 
-    fn look(&self, data: &Data, place: usize) -> Result<Answer> {
+    fn look(&self, data: &Dataset, place: usize) -> Result<Answer> {
         let given = self.maps.look(&data.photos, place, data.name(place));
         let given = given.map_err(|error| match (&error.fault, self.maps.of) {
             (MapFault::Aspect { .. }, MapsOf::Photo) if data.photos.is_bent(place) => {
@@ -203,7 +203,7 @@ impl Source for Maps {
 }
 
 /// Metres a scene unit, the median of what fits each photo's metric depth to the points.
-fn shared_scale(maps: &FileMaps, data: &Data) -> Result<f64> {
+fn shared_scale(maps: &FileMaps, data: &Dataset) -> Result<f64> {
     // Only the depth counts here; at scale 1 it is in 1 / m.
     let depth = maps.depth.clone().map(|depth| DepthFiles { freedom: Freedom::Known(1.0), ..depth });
     let maps = FileMaps { depth, normal: None, sky: None, ..maps.clone() };
@@ -225,7 +225,7 @@ fn shared_scale(maps: &FileMaps, data: &Data) -> Result<f64> {
                 height: given.height as usize,
                 values: depth.values,
                 freedom: Freedom::Scale,
-                sky: None,
+                sky: Vec::new(),
             };
             let points = placed(&data.capture, &data.photos.camera(*place, 0), seen);
             let view = data.photos.view(*place) as u64;
@@ -256,7 +256,7 @@ fn shared_scale(maps: &FileMaps, data: &Data) -> Result<f64> {
 }
 
 /// Warns of photos without a map, and refuses a folder without any.
-fn count(kind: &str, folder: &Path, data: &Data) -> Result<()> {
+fn count(kind: &str, folder: &Path, data: &Dataset) -> Result<()> {
     if !folder.is_dir() {
         bail!("--{kind} {}: there is no such folder; name the folder of the maps", folder.display());
     }

@@ -10,7 +10,6 @@ use super::stereo;
 use crate::interrupt::Interrupted;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use data::Data;
 use std::path::{Path, PathBuf};
 use wm_scene::FormatError;
 use wm_train::priors::folder::{Index, PriorsError};
@@ -36,7 +35,7 @@ pub struct PriorsArgs {
     map_pixels: u32,
     /// What the priors are from: photos (stereo between them, and their colours), network (relative depth of each
     /// photo, fitted to the points) or files (maps that you have) [default: files if --depth, --normal or --sky is
-    /// given, network if --weights or --model is, else photos]
+    /// given, network if --weights or --network is, else photos]
     #[arg(long, value_name = "SOURCE")]
     source: Option<SourceArg>,
     /// Threads [default: one a core]
@@ -118,11 +117,11 @@ pub fn run(args: &PriorsArgs) -> Result<()> {
             SourceArg::Network => {
                 // What may be wrong with weights is said before photos are looked at.
                 let network = network::open(args)?;
-                let data = Data::open(&args.dataset, &args.photos)?;
+                let data = data::open(&args.dataset, &args.photos)?;
                 work::run(args, &data, network.as_ref())?
             }
             SourceArg::Files => {
-                let data = Data::open(&args.dataset, &args.photos)?;
+                let data = data::open(&args.dataset, &args.photos)?;
                 work::run(args, &data, &files::open(args, &data)?)?
             }
         };
@@ -135,7 +134,7 @@ fn from_photos(args: &PriorsArgs) -> Result<Index> {
     if args.resume {
         bail!("--resume: stereo is done for all photos at once; leave it out to begin anew");
     }
-    let data = Data::open(&args.dataset, &args.photos)?;
+    let data = data::open(&args.dataset, &args.photos)?;
     // Whether the folder can be written is said before the work; stereo has a writer of its own.
     args.writer(photos::SOURCE.into())?.abandon();
     let out = args.out();

@@ -19,7 +19,7 @@ pub struct NetworkArgs {
     /// Size of the network, Depth Anything: small (25 million weights), base (97) or large (335) [default: that of
     /// --weights, else small]
     #[arg(long, value_name = "SIZE", help_heading = "Network")]
-    model: Option<ModelArg>,
+    network: Option<SizeArg>,
     /// Version of Depth Anything that the weights are of: v2 or v1
     #[arg(
         long = "version",
@@ -43,7 +43,7 @@ pub struct NetworkArgs {
 
 /// A network's size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum ModelArg {
+enum SizeArg {
     /// ViT-S.
     Small,
     /// ViT-B.
@@ -66,7 +66,7 @@ impl NetworkArgs {
     pub fn given(&self) -> Option<&'static str> {
         let all = [
             (!self.weights.is_empty(), "--weights"),
-            (self.model.is_some(), "--model"),
+            (self.network.is_some(), "--network"),
             (self.checksum.is_some(), "--checksum"),
             (self.offline, "--offline"),
         ];

@@ -1,7 +1,7 @@
 //! Pictures of priors, for people to look at.
 
 use super::PriorsArgs;
-use super::data::Data;
+use crate::dataset::Dataset;
 use crate::media::sheet::{Layout, Panel, sheet};
 use crate::media::{Size, color::Dither, png, ramps};
 use anyhow::Result;
@@ -23,7 +23,7 @@ const SKY: [f32; 3] = [0.1, 0.5, 1.0];
 const UNKNOWN: [f32; 3] = [1.0, 0.75, 0.1];
 
 /// Writes `preview.png`, and a picture of each photo if that is asked for.
-pub fn write(args: &PriorsArgs, data: &Data) -> Result<()> {
+pub fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
     let folder = args.out();
     let Some(priors) = Priors::open(&folder)? else { return Ok(()) };
     let with: Vec<usize> = data
@@ -65,13 +65,13 @@ pub fn write(args: &PriorsArgs, data: &Data) -> Result<()> {
 /// A photo and its prior; `None` of a damaged photo that may be left out.
 fn both(
     args: &PriorsArgs,
-    data: &Data,
+    data: &Dataset,
     priors: &Priors,
     place: usize,
 ) -> Result<Option<(std::sync::Arc<Photo>, std::sync::Arc<Prior>)>> {
     let photo = match data.photos.get(place, 0) {
         Ok(photo) => photo,
-        Err(_) if args.photos.skip_bad => return Ok(None),
+        Err(_) if args.photos.set.skip_bad => return Ok(None),
         Err(error) => return Err(error.into()),
     };
     Ok(priors.get(data.name(place), &photo.camera)?.map(|prior| (photo, prior)))

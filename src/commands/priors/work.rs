@@ -1,7 +1,7 @@
 //! Photo after photo: what a source says, fitted and written.
 
-use super::data::Data;
 use super::{PriorsArgs, preview};
+use crate::dataset::Dataset;
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
 use anyhow::Result;
@@ -38,18 +38,18 @@ pub trait Source: Sync {
     ///
     /// # Errors
     /// Whatever would be wrong with other photos too, or has to be put right.
-    fn look(&self, data: &Data, place: usize) -> Result<Answer>;
+    fn look(&self, data: &Dataset, place: usize) -> Result<Answer>;
 }
 
 /// What comes of a photo: a prior, or why there is none.
 type Made = Result<(Prior, Option<Fit>), String>;
 
 /// Makes the priors of all photos.
-pub fn run(args: &PriorsArgs, data: &Data, source: &dyn Source) -> Result<Index> {
+pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn Source) -> Result<Index> {
     let name = format!(
         "{}, photos up to {} px, maps up to {} pixels",
         source.name(),
-        args.photos.longest,
+        args.photos.set.longest,
         args.map_pixels
     );
     let mut writer = args.writer(name)?;
@@ -100,10 +100,10 @@ pub fn run(args: &PriorsArgs, data: &Data, source: &dyn Source) -> Result<Index>
 }
 
 /// The prior of a photo.
-fn make(args: &PriorsArgs, data: &Data, source: &dyn Source, place: usize, seen: &[u32]) -> Result<Made> {
+fn make(args: &PriorsArgs, data: &Dataset, source: &dyn Source, place: usize, seen: &[u32]) -> Result<Made> {
     let photo = match data.photos.get(place, 0) {
         Ok(photo) => photo,
-        Err(error) if args.photos.skip_bad => return Ok(Err(error.to_string())),
+        Err(error) if args.photos.set.skip_bad => return Ok(Err(error.to_string())),
         Err(error) => return Err(error.into()),
     };
     let given = match source.look(data, place)? {
@@ -114,7 +114,7 @@ fn make(args: &PriorsArgs, data: &Data, source: &dyn Source, place: usize, seen:
     Ok(given.prior(&photo, &points, data.photos.view(place) as u64).map_err(|reason| reason.to_string()))
 }
 
-fn finish(args: &PriorsArgs, data: &Data, writer: PriorsWriter) -> Result<Index> {
+fn finish(args: &PriorsArgs, data: &Dataset, writer: PriorsWriter) -> Result<Index> {
     let Index { photos, left_out, .. } = writer.index();
     for (name, reason) in left_out.iter().take(TOLD) {
         eprintln!("left out: {name}: {reason}");

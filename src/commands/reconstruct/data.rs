@@ -2,13 +2,14 @@
 
 use super::PhotoArgs;
 use super::folder::RunFolder;
+use crate::dataset::HeldOut;
 use crate::interrupt;
 use anyhow::{Result, bail};
 use std::path::{Path, PathBuf};
 use wm_scene::capture::{self, Capture, CaptureOptions};
 use wm_scene::{Camera, FormatError, Problem, View};
 use wm_train::colmap::{self, ColmapOptions};
-use wm_train::photos::{BadPhotos, Check, PhotoOptions, PhotoSize, Photos};
+use wm_train::photos::{Check, Photos};
 
 /// A data set that is open.
 pub struct Data {
@@ -25,15 +26,10 @@ pub struct Data {
 impl Data {
     /// Opens it, with COLMAP's help if there are only photos. Warns on the error stream.
     pub fn open(dataset: &Path, args: &PhotoArgs, folder: &RunFolder) -> Result<Self> {
-        let options = CaptureOptions {
-            images: args.images.clone(),
-            model: args.model.clone(),
-            masks: args.masks.clone(),
-        };
-        let capture = match capture::read(dataset, &options) {
+        let capture = match args.set.capture(dataset) {
             Ok(capture) => capture,
             Err(FormatError { problem: Problem::NoCapture, .. }) => {
-                if let Some(model) = &args.model {
+                if let Some(model) = &args.set.model {
                     bail!("{}: there is no model that COLMAP wrote", dataset.join(model).display());
                 }
                 capture::read(&register(dataset, folder)?, &CaptureOptions::default())?
@@ -43,25 +39,10 @@ impl Data {
         if capture.views.len() < 3 {
             capture.check_trainable()?;
         }
-        let photo_options = PhotoOptions {
-            size: PhotoSize::Longest(args.longest),
-            cache_bytes: (args.cache as usize) << 20,
-            bad: if args.skip_bad { BadPhotos::Skip } else { BadPhotos::Refuse },
-            // What is damaged should be told now and not after hours.
-            check: Check::PixelsThatFit,
-            ..PhotoOptions::default()
-        };
-        let photos = Photos::open(&capture, &photo_options)?;
-        for skipped in photos.skipped() {
-            eprintln!("warning: {skipped}; it is left out");
-        }
-        // By their places in the capture, so that a photo that is left out makes no other one held out.
-        let is_held = |place: usize| {
-            let view = photos.view(place) as u32;
-            args.eval_every > 0 && view % args.eval_every == args.eval_from % args.eval_every
-        };
-        let (held_out, teaching): (Vec<usize>, Vec<usize>) =
-            (0..photos.len()).partition(|place| is_held(*place));
+        // What is damaged should be told now and not after hours.
+        let photos = args.set.photos(dataset, &capture, Check::PixelsThatFit)?;
+        let held = HeldOut { every: args.eval_every, from: args.eval_from };
+        let (held_out, teaching) = held.split(&photos);
         if teaching.len() < 3 {
             bail!(
                 "{}: {} of {} photos are left to learn from, at least 3 are needed; take more photos, or hold out fewer",

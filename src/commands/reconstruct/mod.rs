@@ -8,6 +8,7 @@ mod training;
 
 pub use folder::CHECKPOINT;
 
+use crate::dataset::DatasetArgs;
 use crate::names::stem_of;
 use crate::scene::RunArgs;
 use anyhow::{Result, bail};
@@ -57,21 +58,8 @@ pub struct ReconstructArgs {
 /// Which photos, and how large.
 #[derive(Args, Clone, Debug)]
 struct PhotoArgs {
-    /// Folder of the photos in the data set, such as images_4 [default: images, or another usual name]
-    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
-    images: Option<PathBuf>,
-    /// Folder of masks in the data set: black is left out [default: masks, if it is there]
-    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
-    masks: Option<PathBuf>,
-    /// Folder of the COLMAP model in the data set [default: sparse/0, or another usual place]
-    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
-    model: Option<PathBuf>,
-    /// Longest side that photos are used with, px
-    #[arg(long, value_name = "PX", default_value_t = 1600, value_parser = clap::value_parser!(u32).range(16..=32768), help_heading = "Photos")]
-    longest: u32,
-    /// Leave out photos that are missing or damaged, and go on
-    #[arg(long, help_heading = "Photos")]
-    skip_bad: bool,
+    #[command(flatten)]
+    set: DatasetArgs,
     /// Hold out every N-th photo (in the order of names) and measure on it; 0 holds out none
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Photos")]
     eval_every: u32,
@@ -82,9 +70,6 @@ struct PhotoArgs {
     /// of PyTorch): torchvision's AlexNet and the heads of lpips v0.1; twice, if they lie in two files
     #[arg(long, value_name = "WEIGHTS", help_heading = "Photos")]
     lpips: Vec<PathBuf>,
-    /// Memory for decoded photos, MiB
-    #[arg(long, value_name = "MIB", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..), help_heading = "Photos")]
-    cache: u32,
 }
 
 /// How to train.

@@ -8,6 +8,7 @@ use crate::interrupt::Interrupted;
 use anyhow::{Result, bail};
 use std::path::Path;
 use wm_train::priors::Priors;
+use wm_train::priors::stereo::StereoOptions;
 
 /// Photos whose priors are made without being asked for: two minutes on two cores.
 const MOST_BY_ITSELF: usize = 300;
@@ -47,9 +48,10 @@ pub fn open(args: &ReconstructArgs, data: &Data, folder: &RunFolder) -> Result<O
         );
         return Ok(None);
     }
-    if args.photos.skip_bad {
-        // The training names them when it meets them.
-        places.retain(|place| data.photos.get(*place, 0).is_ok());
+    if args.photos.set.skip_bad {
+        // The training names them when it meets them. Stereo takes them from the cache in this size.
+        let level = wm_train::priors::stereo::level(&data.photos, &places, &StereoOptions::default());
+        places.retain(|place| data.photos.get(*place, level).is_ok());
     }
     let written = stereo::write(&data.capture, &data.photos, &places, args.run.threads, &made)?;
     let Some(index) = written else { return Err(Interrupted("no step is done yet".into()).into()) };

@@ -271,7 +271,7 @@ impl<'a> Run<'a> {
         }
         match self.data.photos.get(place, level) {
             Ok(photo) => Ok(Some(photo)),
-            Err(error) if self.args.photos.skip_bad => {
+            Err(error) if self.args.photos.set.skip_bad => {
                 eprintln!("warning: {error}; it is left out");
                 self.damaged.insert(place);
                 Ok(None)

@@ -26,7 +26,8 @@ const ENOUGH: f64 = 0.04;
 
 /// The airlight, linear RGB, 1 = display white.
 pub fn estimate(splats: &Splats, sample: &Sample, sky: &Sky, up: DVec3) -> [f64; 3] {
-    from_sky(splats, sample, sky, up).unwrap_or_else(|| from_surfaces(splats, sample))
+    let surfaces = from_surfaces(splats, sample);
+    from_sky(splats, sample, sky, up, luminance(surfaces)).unwrap_or(surfaces)
 }
 
 /// A piece of a sky.
@@ -40,7 +41,7 @@ pub struct SkyPatch {
     pub rgb: [f64; 3],
 }
 
-fn from_sky(splats: &Splats, sample: &Sample, sky: &Sky, up: DVec3) -> Option<[f64; 3]> {
+fn from_sky(splats: &Splats, sample: &Sample, sky: &Sky, up: DVec3, sunlit: f64) -> Option<[f64; 3]> {
     let indices = sky.indices(splats).into_iter().filter(|index| splats.is_sound(*index));
     let mut patches: Vec<SkyPatch> = indices.map(|index| patch(splats, index, sample.center, up)).collect();
     let mut weights: Vec<f64> = patches.iter().map(|p| p.weight).collect();
@@ -48,16 +49,17 @@ fn from_sky(splats: &Splats, sample: &Sample, sky: &Sky, up: DVec3) -> Option<[f
     for patch in &mut patches {
         patch.weight = patch.weight.min(most);
     }
-    airlight_of_sky(patches)
+    airlight_of_sky(patches, sunlit)
 }
 
 /// The airlight under a sky, linear RGB; `None` without patches of any weight.
 ///
 /// The mean radiance within 20 degrees of the horizon, of higher bands where too little is seen there; at most 0.9
 /// of display white, and no bluer than daylight fog is. What lies below the horizon counts only where nothing
-/// lies above it; what is far darker than the rest is taken for no sky.
+/// lies above it; what is far darker than the rest is taken for no sky. A blue sky has a sun, which lights fog as it
+/// lights the brightest surfaces: their luminance is `sunlit`, 0 where none is known.
 #[must_use]
-pub fn airlight_of_sky(mut patches: Vec<SkyPatch>) -> Option<[f64; 3]> {
+pub fn airlight_of_sky(mut patches: Vec<SkyPatch>, sunlit: f64) -> Option<[f64; 3]> {
     // A shell may close under the ground, where it has no light of its own.
     if patches.iter().any(|p| p.sin > 0.0) {
         patches.retain(|p| p.sin > 0.0);
@@ -69,13 +71,13 @@ pub fn airlight_of_sky(mut patches: Vec<SkyPatch>) -> Option<[f64; 3]> {
     let seen: f64 = patches.iter().map(|p| p.weight).sum();
     let mean =
         BANDS.into_iter().find_map(|band| mean(patches.iter().filter(|p| p.sin <= band), ENOUGH * seen));
-    mean.map(whitened)
+    mean.map(|mean| whitened(mean, sunlit))
 }
 
-/// The colour with no more blue than daylight fog has, equally bright.
-fn whitened(rgb: [f64; 3]) -> [f64; 3] {
+/// The colour with no more blue than daylight fog has: the light of the sky with as much of the sun's as that takes.
+fn whitened(rgb: [f64; 3], sunlit: f64) -> [f64; 3] {
     let [red, _, blue] = rgb;
-    let grey = luminance(rgb);
+    let grey = luminance(rgb).max(sunlit);
     if blue <= BLUEST * red {
         return rgb;
     }

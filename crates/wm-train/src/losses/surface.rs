@@ -1,14 +1,15 @@
 //! Coverage: what stands in front of the sky covers its pixels whole, and nothing covers the sky's.
 //!
 //! `mean |A - S|` with the coverage A by all splats but the sky's, from a render of its own, and S, 1 where the prior
-//! has the place and 0 where it has the sky; pixels that it does not know do not count. Without it the sky is
-//! painted on splats that drift before it, which fog lights up, and shines through walls.
+//! has the place and 0 where it has the sky. On the border between them, which the prior leaves open and which is
+//! finer in the photo than in it, S is where the photo's colour lies on the way from the sky's to the place's beside it;
+//! other pixels that it does not know do not count. Without it the sky is painted on splats that drift before it, or
+//! stand out over roofs, which fog lights up, and shines through walls.
 
-use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, OwnRender, Truth};
 use crate::config::TrainConfig;
-use crate::priors::SkyClass;
-use wm_render::{Channels, DepthAlpha, Drawn, Learn, Opacity};
+use crate::priors::{Prior, SkyClass};
+use wm_render::{Channels, DepthAlpha, Drawn, Frame, Learn, Opacity};
 
 /// The term `surface`.
 #[derive(Clone, Debug)]
@@ -49,18 +50,161 @@ impl LossTerm for Surface {
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {
         let (Some(prior), frame) = (input.truth.prior, input.frame) else { return 0.0 };
-        let grid = Grid::new(frame, prior);
+        let (width, height) = (frame.width as usize, frame.height as usize);
+        let colors = cell_colors(frame, prior, input.truth.rgb);
+        let mut mattes = vec![Matte::Unasked; prior.sky.len()];
         let mut sum = 0.0;
-        let scale = (weight / grid.len() as f64) as f32;
-        for (at, theirs) in grid.pairs() {
-            let (wanted, slope) = match prior.sky[theirs] {
-                SkyClass::Place => (1.0, -scale),
-                SkyClass::Sky => (0.0, scale),
-                SkyClass::Unknown => continue,
-            };
-            sum += f64::from((frame.alpha[at] - wanted).abs());
-            out.alpha[at] += slope;
+        let scale = (weight / (width * height) as f64) as f32;
+        for y in 0..height {
+            let row = y * prior.height as usize / height * prior.width as usize;
+            for x in 0..width {
+                let (at, cell) = (y * width + x, row + x * prior.width as usize / width);
+                let wanted = if prior.sky[cell] == SkyClass::Place {
+                    1.0
+                } else {
+                    if mattes[cell] == Matte::Unasked {
+                        mattes[cell] = Matte::beside(prior, &colors, cell);
+                    }
+                    let rgb = [0, 1, 2].map(|c| input.truth.rgb[3 * at + c]);
+                    let Some(share) = mattes[cell].share(rgb) else { continue };
+                    share
+                };
+                if input.truth.mask.is_some_and(|mask| mask[at] == 0.0) {
+                    continue;
+                }
+                let off = frame.alpha[at] - wanted;
+                sum += f64::from(off.abs());
+                out.alpha[at] += if off > 0.0 { scale } else { -scale };
+            }
         }
-        sum / grid.len() as f64
+        sum / (width * height) as f64
+    }
+}
+
+/// Sky and place beside a cell of the prior that is not the place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Matte {
+    Unasked,
+    /// Not both are there, or they look the same.
+    Neither,
+    /// A cell of the sky, and its colour.
+    Sky([f32; 3]),
+    /// The colour of the sky, and from there to that of the place.
+    Between([f32; 3], [f32; 3]),
+}
+
+/// How far off a cell its neighbours may lie, cells of the prior: as far as a border is wide.
+const BESIDE: usize = 2;
+/// Least distance of the colours of sky and place, and how far off the line between them a pixel's may lie as a share
+/// of it.
+const APART: f32 = 0.12;
+const OFF_LINE: f32 = 0.5;
+
+impl Matte {
+    /// Of the neighbours of `cell`; `colors` as [`cell_colors`] has them.
+    fn beside(prior: &Prior, colors: &[[f32; 3]], cell: usize) -> Self {
+        let (width, height) = (prior.width as usize, prior.height as usize);
+        let (u, v) = (cell % width, cell / width);
+        let (mut sums, mut counts) = ([[0.0f32; 3]; 2], [0.0f32; 2]);
+        for v in v.saturating_sub(BESIDE)..(v + BESIDE + 1).min(height) {
+            for u in u.saturating_sub(BESIDE)..(u + BESIDE + 1).min(width) {
+                let side = match prior.sky[v * width + u] {
+                    SkyClass::Sky => 0,
+                    SkyClass::Place => 1,
+                    SkyClass::Unknown => continue,
+                };
+                counts[side] += 1.0;
+                let color = colors[v * width + u];
+                sums[side].iter_mut().zip(color).for_each(|(sum, value)| *sum += value);
+            }
+        }
+        let [sky, place] = [0, 1].map(|side| sums[side].map(|sum| sum / counts[side]));
+        if prior.sky[cell] == SkyClass::Sky {
+            return Self::Sky(sky);
+        }
+        let way = [0, 1, 2].map(|c| place[c] - sky[c]);
+        // NaN, where one of them is missing, is not apart.
+        if dot(way, way) > APART * APART { Self::Between(sky, way) } else { Self::Neither }
+    }
+
+    /// The place's share of a colour, 0-1; `None` if it is neither of the two nor between them, such as a wire
+    /// before the sky that is finer than the prior.
+    fn share(&self, rgb: [f32; 3]) -> Option<f32> {
+        let (sky, way) = match *self {
+            Self::Sky(sky) => (sky, None),
+            Self::Between(sky, way) => (sky, Some(way)),
+            Self::Unasked | Self::Neither => return None,
+        };
+        let from = [0, 1, 2].map(|c| rgb[c] - sky[c]);
+        let Some(way) = way else { return (dot(from, from) < APART * APART).then_some(0.0) };
+        let share = dot(from, way) / dot(way, way);
+        let rest = [0, 1, 2].map(|c| from[c] - share * way[c]);
+        (dot(rest, rest) < OFF_LINE * OFF_LINE * dot(way, way)).then_some(share.clamp(0.0, 1.0))
+    }
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The photo's colour in the middle of each cell of the prior, `[H, W]` of the prior.
+fn cell_colors(frame: &Frame, prior: &Prior, rgb: &[f32]) -> Vec<[f32; 3]> {
+    let middle = |i: usize, cells: u32, pixels: u32| (2 * i + 1) * pixels as usize / (2 * cells as usize);
+    let cells = 0..prior.width as usize * prior.height as usize;
+    let color = |cell: usize| {
+        let x = middle(cell % prior.width as usize, prior.width, frame.width);
+        let y = middle(cell / prior.width as usize, prior.height, frame.height);
+        let at = y * frame.width as usize + x;
+        [0, 1, 2].map(|c| rgb[3 * at + c])
+    };
+    cells.map(color).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Preset;
+    use crate::losses::LossInput;
+    use glam::DVec3;
+    use wm_render::simd::SimdPath;
+    use wm_scene::Camera;
+
+    /// Twice as fine as the prior: blue sky over a brown roof whose edge lies within the prior's border.
+    #[test]
+    fn border_and_wires_are_as_fine_as_the_photo() {
+        let (width, height) = (8u32, 16u32);
+        let (sky, roof) = ([0.4, 0.6, 0.9], [0.5, 0.3, 0.2]);
+        let color = |y: u32| match y {
+            0 => [0.1; 3],
+            1..7 => sky,
+            // Half and half.
+            7 => [0.45, 0.45, 0.55],
+            8 => [0.1, 0.9, 0.1],
+            _ => roof,
+        };
+        let rgb: Vec<f32> = (0..height).flat_map(|y| (0..width).flat_map(move |_| color(y))).collect();
+        let class = |v: u32| match v {
+            0..3 => SkyClass::Sky,
+            3..5 => SkyClass::Unknown,
+            _ => SkyClass::Place,
+        };
+        let classes = (0..8).flat_map(|v| [class(v); 4]).collect();
+        let prior = Prior { width: 4, height: 8, sky: classes, ..Prior::default() };
+        let alpha = vec![0.25; (width * height) as usize];
+        let frame = Frame { width, height, alpha, ..Frame::default() };
+        let camera = Camera::look_at((width, height), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
+        let truth = Truth { rgb: &rgb, mask: None, camera: &camera, prior: Some(&prior) };
+        let input = LossInput { frame: &frame, truth: &truth, step: 0, path: SimdPath::available()[0] };
+        let mut out = LossGradients::default();
+        out.clear(&frame);
+        let value = Surface::new(&TrainConfig::preset(Preset::Quick)).add(&input, 128.0, &mut out);
+        // A wire, six rows of sky, half a pixel, one that is neither, seven of roof.
+        let wanted = (6.0 * 0.25 + 0.25 + 7.0 * 0.75) / 16.0;
+        assert!((value - wanted).abs() < 1e-6, "{value} {wanted}");
+        let column: Vec<f32> = out.alpha.iter().step_by(8).copied().collect();
+        assert_eq!(column[0], 0.0);
+        assert_eq!(column[1..7], [1.0; 6]);
+        assert_eq!(column[7..9], [-1.0, 0.0]);
+        assert_eq!(column[9..], [-1.0; 7]);
     }
 }

@@ -81,13 +81,14 @@ impl Given {
         seed: u64,
     ) -> Result<(Prior, Option<Fit>), NoPrior> {
         let (width, height) = (self.width, self.height);
-        let rgb = resized(photo, (width, height));
         let (mut prior, fit) = match self.depth {
             Some(depth) => {
-                let sky = self.sky.or_else(|| depth.sky(&rgb, width as usize, points));
                 let (width, height) = (width as usize, height as usize);
+                let sky = self
+                    .sky
+                    .unwrap_or_else(|| depth.sky(&resized(photo, (self.width, self.height)), width, points));
                 let relative = Relative { width, height, values: depth.values, freedom: depth.freedom, sky };
-                relative::prior(&relative, &rgb, &photo.camera, points, seed)?
+                relative::prior(relative, &photo.camera, points, seed)?
             }
             None => (Prior { width, height, sky: self.sky.unwrap_or_default(), ..Prior::default() }, None),
         };
@@ -107,12 +108,15 @@ impl Given {
 }
 
 impl GivenDepth {
-    /// What it tells of the sky; `None` if that is to be told by its least values.
-    fn sky(&self, rgb: &[u8], width: usize, points: &[SeenPoint]) -> Option<Vec<SkyClass>> {
+    /// What it tells of the sky, with the photo's colours where it does not, `[H, W]`.
+    fn sky(&self, rgb: &[u8], width: usize, points: &[SeenPoint]) -> Vec<SkyClass> {
+        let height = self.values.len() / width;
+        let points: Vec<[f32; 2]> = points.iter().map(|point| point.pixel(width, height)).collect();
         let holes = self.values.iter().filter(|v| v.is_nan()).count();
         let is_whole = holes as f64 <= HOLES * self.values.len() as f64;
+        let input = SkyInput { rgb, width, far: None, has_depth: &[], points: &points };
         if self.sky_by == SkyBy::Least && is_whole {
-            return None;
+            return classify(&SkyInput { far: Some(&self.values), ..input });
         }
         if self.sky_by == SkyBy::Zero && self.values.contains(&0.0) {
             let class = |v: &f32| match *v {
@@ -120,15 +124,10 @@ impl GivenDepth {
                 v if v > 0.0 => SkyClass::Place,
                 _ => SkyClass::Unknown,
             };
-            return Some(self.values.iter().map(class).collect());
+            return self.values.iter().map(class).collect();
         }
         let has_depth: Vec<bool> = self.values.iter().map(|v| !v.is_nan()).collect();
-        let height = self.values.len() / width;
-        let points: Vec<[f32; 2]> = points
-            .iter()
-            .map(|point| [(point.at[0] * width as f64) as f32, (point.at[1] * height as f64) as f32])
-            .collect();
-        Some(classify(&SkyInput { rgb, width, far: None, has_depth: &has_depth, points: &points }))
+        classify(&SkyInput { has_depth: &has_depth, ..input })
     }
 }
 

@@ -4,7 +4,7 @@ use super::fit::Fit;
 use super::points::{has_tracks, inside, seen_points};
 use super::sky::{SkyInput, classify};
 use super::stereo::{self, StereoMap, StereoOptions};
-use super::{Prior, PriorsWriter};
+use super::{Prior, PriorsWriter, SkyClass};
 use crate::photos::{PhotoError, Photos};
 use thiserror::Error;
 use wm_scene::FormatError;
@@ -63,6 +63,11 @@ pub fn write(
             points: &points,
         };
         let sky = classify(&input);
+        // Along the border with the sky it is that of windows that reach over it.
+        for (disparity, _) in disparity.iter_mut().zip(&sky).filter(|(_, class)| **class == SkyClass::Unknown)
+        {
+            *disparity = f32::NAN;
+        }
         if has_tracks(capture) {
             add_points(&mut disparity, width as usize, &placed);
         }

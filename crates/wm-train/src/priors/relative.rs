@@ -2,7 +2,6 @@
 
 use super::fit::{Fit, FitError, Freedom, fit};
 use super::normals::normals;
-use super::sky::{SkyInput, classify};
 use super::{Prior, SkyClass};
 use wm_scene::Camera;
 
@@ -17,8 +16,8 @@ pub struct Relative {
     pub values: Vec<f32>,
     /// What is free in it.
     pub freedom: Freedom,
-    /// The sky, where it is known.
-    pub sky: Option<Vec<SkyClass>>,
+    /// What each pixel shows, `[H, W]`, or empty.
+    pub sky: Vec<SkyClass>,
 }
 
 /// A point of the reconstruction in a photo.
@@ -28,6 +27,14 @@ pub struct SeenPoint {
     pub at: [f64; 2],
     /// View z, scene units.
     pub z: f64,
+}
+
+impl SeenPoint {
+    /// Where it is in a picture of this size, px.
+    #[must_use]
+    pub fn pixel(&self, width: usize, height: usize) -> [f32; 2] {
+        [(self.at[0] * width as f64) as f32, (self.at[1] * height as f64) as f32]
+    }
 }
 
 /// A far point is this many times as far as the 99.5th percentile of points (`d_max` of the paper).
@@ -41,31 +48,23 @@ const FEWEST_PIXELS: usize = 2;
 /// How far depth of a known scale is off where no points say it, as a share.
 const OFF: f64 = 0.02;
 
-/// Fits `relative` to `points` and finds sky and normals. `rgb` is the photo at the size of the map, `[H, W, 3]`; `camera`
-/// its camera at any size. Without a fit where the scale is known and too few points are there to check it.
+/// Fits `relative` to `points` and finds normals. `camera` is the photo's at any size. Without a fit where the scale is known
+/// and too few points are there to check it.
 ///
 /// # Errors
 /// [`FitError`] if it cannot be fitted.
 pub fn prior(
-    relative: &Relative,
-    rgb: &[u8],
+    relative: Relative,
     camera: &Camera,
     points: &[SeenPoint],
     seed: u64,
 ) -> Result<(Prior, Option<Fit>), FitError> {
     let (width, height) = (relative.width, relative.height);
-    let pairs = pairs(relative, points);
+    let pairs = pairs(&relative, points);
     let (found, scale, shift) = match (fit(&pairs, relative.freedom, seed), relative.freedom) {
         (Err(FitError::Few(_)), Freedom::Known(scale)) => (None, scale, 0.0),
         (found, _) => found.map(|found| (Some(found), found.scale, found.shift))?,
     };
-    let sky = relative.sky.clone().unwrap_or_else(|| {
-        let places: Vec<[f32; 2]> = points
-            .iter()
-            .map(|point| [(point.at[0] * width as f64) as f32, (point.at[1] * height as f64) as f32])
-            .collect();
-        classify(&SkyInput { rgb, width, far: Some(&relative.values), has_depth: &[], points: &places })
-    });
     // Fits with a shift go below 0 where noise is; nothing but the sky is farther than that.
     let least = match relative.freedom {
         Freedom::ScaleShift => (1.0 / farthest(points)) as f32,
@@ -81,7 +80,7 @@ pub fn prior(
     let normal = normals(&disparity, &camera, radius);
     let (width, height) = (width as u32, height as u32);
     let sigma = found.map_or_else(|| OFF * median(&disparity), |found| found.sigma) as f32;
-    let mut prior = Prior { width, height, disparity, sigma, normal, sky };
+    let mut prior = Prior { width, height, disparity, sigma, normal, sky: relative.sky };
     prior.clear_sky();
     for (disparity, class) in prior.disparity.iter_mut().zip(&prior.sky) {
         // Nothing but the sky is infinitely far.
@@ -98,9 +97,10 @@ pub fn prior(
 /// If the map has no pixel.
 #[must_use]
 pub fn pairs(relative: &Relative, points: &[SeenPoint]) -> Vec<[f64; 2]> {
-    let pixel = |share: f64, side: usize| ((share * side as f64) as usize).min(side - 1);
+    let (width, height) = (relative.width, relative.height);
     let pair = |point: &SeenPoint| {
-        let at = pixel(point.at[1], relative.height) * relative.width + pixel(point.at[0], relative.width);
+        let [x, y] = point.pixel(width, height).map(|v| v as usize);
+        let at = y.min(height - 1) * width + x.min(width - 1);
         [f64::from(relative.values[at]), 1.0 / point.z]
     };
     points.iter().map(pair).collect()

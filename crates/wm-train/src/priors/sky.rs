@@ -1,7 +1,8 @@
 //! Which pixels of a photo are the sky: surely, surely not, or not to be told.
 //!
 //! From a photo alone: what is connected with the top border through smooth pixels of a sky's colours (blue, or pale and
-//! bright), has no depth and no point of the reconstruction. Holes in it that could be clouds are filled. What has
+//! bright), has no depth and no point of the reconstruction. Depth from windows reaches over the edges of what is near, so
+//! the sky grows as far as that into what has its colours. Holes in it that could be clouds are filled. What has
 //! such colours and is not reached cannot be told: white walls, gaps in crowns. From inverse depth instead of colours
 //! where that is there for every pixel, as networks give it: below 2 % of its range.
 
@@ -16,6 +17,8 @@ const FAR: f32 = 0.02;
 const BORDER: usize = 1;
 /// Smallest share of a photo that is taken for a sky.
 const LEAST: f64 = 0.003;
+/// How far depth reaches over edges, px: the half window of stereo, and its spread.
+const OVER: usize = 6;
 /// About a point of the reconstruction there is no sky, px.
 const AROUND: usize = 2;
 
@@ -42,25 +45,39 @@ pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
     let height = pixels / width.max(1);
     let luma: Vec<f32> = input.rgb.chunks_exact(3).map(luma_of).collect();
     let mut barrier = vec![false; pixels];
+    let mut is_point = vec![false; pixels];
     barrier.iter_mut().zip(input.has_depth).for_each(|(barrier, has)| *barrier |= *has);
     for [x, y] in input.points {
         let (x, y) = (*x as usize, *y as usize);
+        if x < width && y < height {
+            is_point[y * width + x] = true;
+        }
         for row in y.saturating_sub(AROUND)..(y + AROUND + 1).min(height) {
             for column in x.saturating_sub(AROUND)..(x + AROUND + 1).min(width) {
                 barrier[row * width + column] = true;
             }
         }
     }
-    let could_be: Vec<bool> = match input.far {
+    let looks: Vec<bool> = match input.far {
         Some(far) => {
             let (least, most) = range(far);
             let below = least + FAR * (most - least);
-            (0..pixels).map(|i| far[i] <= below && !barrier[i]).collect()
+            far.iter().map(|far| *far <= below).collect()
         }
-        None => (0..pixels).map(|i| is_skyish(&input.rgb[3 * i..3 * i + 3]) && !barrier[i]).collect(),
+        None => input.rgb.chunks_exact(3).map(is_skyish).collect(),
     };
+    let both = |looks: &[bool], barrier: &[bool]| -> Vec<bool> {
+        looks.iter().zip(barrier).map(|(looks, barrier)| *looks && !barrier).collect()
+    };
+    let could_be = both(&looks, &barrier);
     let smooth = |a: usize, b: usize| (luma[a] - luma[b]).abs() < SMOOTH;
-    let mut reached = flood(width, &could_be, smooth);
+    let top = (0..width.min(pixels)).filter(|i| could_be[*i]).collect();
+    let mut reached = vec![false; pixels];
+    flood(width, &could_be, smooth, top, usize::MAX, &mut reached);
+    if input.far.is_none() {
+        let edge = (0..pixels).filter(|i| reached[*i]).collect();
+        flood(width, &both(&looks, &is_point), smooth, edge, OVER, &mut reached);
+    }
     fill_holes(width, &could_be, &mut reached);
     let count = reached.iter().filter(|v| **v).count();
     let is_sky = count as f64 >= LEAST * pixels as f64;
@@ -106,20 +123,25 @@ fn neighbours(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item =
     .flatten()
 }
 
-/// What is connected with the top row within `could_be`, over steps that are `smooth`.
-fn flood(width: usize, could_be: &[bool], smooth: impl Fn(usize, usize) -> bool) -> Vec<bool> {
-    let mut reached = vec![false; could_be.len()];
-    let mut waiting: VecDeque<usize> = (0..width.min(could_be.len())).filter(|i| could_be[*i]).collect();
-    waiting.iter().for_each(|i| reached[*i] = true);
-    while let Some(pixel) = waiting.pop_front() {
+/// Adds to `reached` what is at most `most` `smooth` steps within `could_be` away from the pixels `from`.
+fn flood(
+    width: usize,
+    could_be: &[bool],
+    smooth: impl Fn(usize, usize) -> bool,
+    from: Vec<usize>,
+    most: usize,
+    reached: &mut [bool],
+) {
+    from.iter().for_each(|i| reached[*i] = true);
+    let mut waiting: VecDeque<(usize, usize)> = from.into_iter().map(|i| (i, 0)).collect();
+    while let Some((pixel, steps)) = waiting.pop_front().filter(|(_, steps)| *steps < most) {
         for next in neighbours(pixel, width, could_be.len()) {
             if !reached[next] && could_be[next] && smooth(pixel, next) {
                 reached[next] = true;
-                waiting.push_back(next);
+                waiting.push_back((next, steps + 1));
             }
         }
     }
-    reached
 }
 
 /// Fills pieces of what was not reached that `could_be` the sky throughout and that only the sky and the upper border
@@ -201,6 +223,14 @@ mod tests {
         let walled = classify(&input(&rgb, &[[10.5, 6.5]]));
         assert_eq!(walled[6 * 40 + 10], SkyClass::Place);
         assert_ne!(walled[5 * 40 + 8], SkyClass::Sky);
+        // Depth that reaches over the wall's edge into the sky, and depth of something as blue as it that does not
+        // stand at an edge.
+        let has_depth: Vec<bool> = (0..40 * 32).map(|i| (11..30).contains(&(i / 40))).collect();
+        let fattened = classify(&SkyInput { has_depth: &has_depth, ..input(&rgb, &[]) });
+        assert!(fattened[..19 * 40] == classes[..19 * 40]);
+        let has_depth: Vec<bool> = (0..40 * 32).map(|i| i % 40 > 20 && i / 40 > 1).collect();
+        let blue = classify(&SkyInput { has_depth: &has_depth, ..input(&rgb, &[]) });
+        assert_eq!([blue[8 * 40 + 22], blue[12 * 40 + 35]], [SkyClass::Sky, SkyClass::Place]);
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! In a build with networks: Depth Anything.
 
 use super::super::PriorsArgs;
-use super::super::data::Data;
 use super::super::work::{Answer, Source};
-use super::{ModelArg, NetworkArgs, VersionArg};
+use super::{NetworkArgs, SizeArg, VersionArg};
+use crate::dataset::Dataset;
 use crate::progress;
 use anyhow::{Result, bail};
 use std::path::PathBuf;
@@ -45,7 +45,7 @@ pub fn open(args: &PriorsArgs) -> Result<Box<dyn Source>> {
     };
     let network = DepthAnything::read(&files, version)?;
     let found = network.size();
-    if let Some(wanted) = given.model.map(size_of)
+    if let Some(wanted) = given.network.map(size_of)
         && found != Some(wanted)
     {
         let found = found.map_or("of no published size", word);
@@ -61,11 +61,11 @@ pub fn open(args: &PriorsArgs) -> Result<Box<dyn Source>> {
     Ok(Box::new(Network { network, pixels: args.map_pixels, name }))
 }
 
-fn size_of(model: ModelArg) -> Size {
+fn size_of(model: SizeArg) -> Size {
     match model {
-        ModelArg::Small => Size::Small,
-        ModelArg::Base => Size::Base,
-        ModelArg::Large => Size::Large,
+        SizeArg::Small => Size::Small,
+        SizeArg::Base => Size::Base,
+        SizeArg::Large => Size::Large,
     }
 }
 
@@ -102,7 +102,7 @@ fn check(given: &NetworkArgs, checksum: Option<Checksum>) -> Result<()> {
 
 /// The file of published weights, from the cache or the network.
 fn fetched(given: &NetworkArgs, version: Version, checksum: Option<Checksum>) -> Result<PathBuf> {
-    let size = given.model.map_or(Size::Small, size_of);
+    let size = given.network.map_or(Size::Small, size_of);
     let mut source = DepthAnything::source(size, version);
     source.checksum = checksum;
     let Some(folder) = fetch::cache_folder() else {
@@ -156,7 +156,7 @@ impl Source for Network {
         1
     }
 
-    fn look(&self, data: &Data, place: usize) -> Result<Answer> {
+    fn look(&self, data: &Dataset, place: usize) -> Result<Answer> {
         let photo = data.photos.get(place, 0)?;
         let found = match self.network.predict(&photo.rgb_f32(), photo.width as usize) {
             Ok(found) => found,

@@ -62,19 +62,26 @@ const WIDE: f64 = 35.0;
 const FEWEST_POINTS: usize = 8;
 /// The nearest surface is at least this share of the near points' distance.
 const NEARER: f64 = 0.2;
+/// Shortest side of a photo that is still halved, px.
+const SHORTEST: u32 = 64;
+/// Shortest side of a photo that can be compared, px.
+const SMALLEST: u32 = 16;
 /// Half the side of the window of normals, px.
 const WINDOW: usize = 3;
 /// Within how many pixels a point of the reconstruction starts planes.
 const AROUND: isize = 12;
 
-/// How often the sides of photos are halved for it.
+/// How often the sides of photos are halved for it: until the largest has no more pixels than asked for, or the smallest
+/// would have sides too short.
 #[must_use]
 pub fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
-    let fits = |level: &u8| {
-        let camera = places.first().map(|place| photos.camera(*place, *level));
-        camera.is_none_or(|c| c.width * c.height <= options.pixels || c.width.min(c.height) < 64)
+    let cameras: Vec<Camera> = places.iter().map(|place| photos.camera(*place, 0)).collect();
+    let is_enough = |level: &u8| {
+        let fits = |c: &Camera| (c.width >> level) * (c.height >> level) <= options.pixels;
+        let shortest = cameras.iter().map(|c| c.width.min(c.height) >> level).min();
+        cameras.iter().all(fits) || shortest.is_some_and(|side| side < SHORTEST)
     };
-    (0..8).find(fits).unwrap_or(0)
+    (0..8).find(is_enough).unwrap_or(0)
 }
 
 /// Maps of the photos `places` (places in `photos`), `None` for those that cannot be compared with others.
@@ -90,6 +97,12 @@ pub fn estimate(
     progress: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Option<Vec<Option<StereoMap>>>, PhotoError> {
     let level = level(photos, places, options);
+    if places
+        .iter()
+        .any(|place| photos.camera(*place, 0).width.min(photos.camera(*place, 0).height) >> level < SMALLEST)
+    {
+        return Ok(Some(vec![None; places.len()]));
+    }
     let cameras: Vec<Camera> = places.iter().map(|place| photos.camera(*place, level)).collect();
     let halves: Vec<Camera> = places.iter().map(|place| photos.camera(*place, level + 1)).collect();
     let picture = |place: &usize, level: u8| {
