@@ -59,6 +59,9 @@ impl Picture {
     }
 }
 
+/// Most that picture points are rounded, px: some steps of f32 at 16,000 px.
+const ROUNDING: f32 = 0.01;
+
 /// A photo to compare with, and how points of the first photo fall into it.
 #[derive(Clone, Debug)]
 pub struct Source<'a> {
@@ -147,8 +150,9 @@ impl Window {
         let (x, y, by_z) = (at[0] / at[2], at[1] / at[2], 1.0 / at[2]);
         let across = [(h[0][0] - x * h[2][0]) * by_z, (h[1][0] - y * h[2][0]) * by_z];
         let down = [(h[0][1] - x * h[2][1]) * by_z, (h[1][1] - y * h[2][1]) * by_z];
-        // All of the window is inside if its corners are.
-        let reach = [0, 1].map(|k| OFFSETS[OFFSETS.len() - 1] * (across[k].abs() + down[k].abs()));
+        // All of the window is inside if its corners are; they are added up in another order below.
+        let reach =
+            [0, 1].map(|k| OFFSETS[OFFSETS.len() - 1] * (across[k].abs() + down[k].abs()) + ROUNDING);
         let picture = source.picture;
         if !(picture.holds(x - reach[0], y - reach[1]) && picture.holds(x + reach[0], y + reach[1])) {
             return WORST;
@@ -170,5 +174,38 @@ impl Window {
             return UNTOLD;
         }
         (1.0 - product * self.contrast / variance.sqrt()).clamp(0.0, WORST)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Windows whose corners fall on the border of what is compared, give or take roundings.
+    #[test]
+    fn windows_at_the_border_are_inside_or_worst() {
+        let (width, height) = (93, 124);
+        let values = (0..width * height).map(|i| (i * 7919 % 997) as f32 / 997.0).collect();
+        let picture = Picture { width, height, values };
+        let window = Window::new(&picture, 40, 60);
+        let mut inside = 0;
+        for step in 0..4000 {
+            let slope = 0.1 + 1e-4 * step as f32;
+            let other = 1.1 - 1.7e-4 * step as f32;
+            let base = [[1.0, 0.0, 0.0], [slope, other, 0.0], [0.0, 0.0, 1.0]];
+            let mut source = Source { picture: &picture, base, lift: [0.0; 3] };
+            // The lower right corner is sampled at a height of the border exactly, in real numbers.
+            let corner = slope * (window.x + 4.0) + other * window.y + 4.0 * other.abs();
+            source.base[1][2] = height as f32 - 0.5 - corner;
+            for ulps in 0..6 {
+                source.base[1][2] = source.base[1][2].next_down();
+                let cost = window.cost(&source, &[0.0, 0.0, 1.0]);
+                inside += u32::from(cost < WORST);
+                assert!((0.0..=WORST).contains(&cost), "{slope} {ulps}");
+            }
+            source.base[1][2] -= 0.02;
+            assert!(window.cost(&source, &[0.0, 0.0, 1.0]) < WORST);
+        }
+        assert!(inside < 24_000);
     }
 }
