@@ -6,13 +6,14 @@
 //! | Light | splats: relight | when shaded | (none yet) |
 //! | Background | what stands behind all splats | after blending, before the air | [`Backdrop`] |
 //! | Medium | splats and background: extinction, airlight | when shaded | [`Medium`] |
-//! | Particles | pixels: drops, flakes, against depth | after blending | (none yet) |
+//! | Particles | pixels: drops, flakes, against depth | after blending and background | [`Particles`] |
 //! | Lens | pixels | last | [`PixelEffect`] |
 //!
 //! A hook is a pure function of its own parameters: it has the weather of one instant in it, and is
 //! called from many threads in any order.
 
 use crate::simd::SimdPath;
+use wm_scene::Camera;
 
 /// The slots, in the order in which their effects act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -53,6 +54,8 @@ pub struct Hooks<'a> {
     pub background: Option<&'a dyn Backdrop>,
     /// The air: applied to each splat when it is shaded, and to the background.
     pub medium: Option<&'a dyn Medium>,
+    /// What falls, in any order.
+    pub particles: &'a [&'a dyn Particles],
     /// Applied to finished pixels, in order.
     pub pixels: &'a [&'a dyn PixelEffect],
 }
@@ -152,6 +155,88 @@ pub trait Medium: Sync {
 pub trait Visibility: Sync {
     /// Writes the factor of each splat `indices[i]` (index in the loaded set) to `out[i]`.
     fn factors(&self, indices: &[u32], out: &mut [f32]);
+}
+
+/// Something small that falls: a 3D Gaussian of which a picture sees the cover, averaged over the exposure.
+///
+/// Its covariance is `sigma^2 I + sum reach reach^T`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Particle {
+    /// From the camera's centre, world axes, scene units.
+    pub offset: [f32; 3],
+    /// Standard deviation in all directions, scene units.
+    pub sigma: f32,
+    /// How far it reaches further along two directions, standard deviations, world axes, scene units: its shape,
+    /// and its motion during the exposure.
+    pub reach: [[f32; 3]; 2],
+    /// Area that it hides, scene units^2; motion spreads it and does not change it.
+    pub area: f32,
+    /// Radiance as seen through the air, linear RGB, 0 or more.
+    pub rgb: [f32; 3],
+}
+
+/// A camera as particles need it: what of the world can be in the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ParticleView {
+    /// The camera's centre, world axes, scene units.
+    pub center: [f64; 3],
+    /// Rows of the rotation from world to view.
+    pub rotation: [[f32; 3]; 3],
+    /// Focal lengths, px.
+    pub focal: [f32; 2],
+    /// Principal point, px.
+    pub principal: [f32; 2],
+    /// Picture size, px.
+    pub size: [f32; 2],
+    /// Normals of the planes of the picture's four sides, world axes, length 1, into the view.
+    pub sides: [[f32; 3]; 4],
+    /// Nearest view z, scene units.
+    pub near: f32,
+}
+
+impl ParticleView {
+    /// Of a camera.
+    #[must_use]
+    pub fn new(camera: &Camera) -> Self {
+        let rotation = camera.rotation();
+        let [x, y, z] = [0, 1, 2].map(|k| rotation.row(k));
+        let (left, top) = (camera.cx / camera.fx, camera.cy / camera.fy);
+        let right = (f64::from(camera.width) - camera.cx) / camera.fx;
+        let bottom = (f64::from(camera.height) - camera.cy) / camera.fy;
+        let sides = [x + z * left, z * right - x, y + z * top, z * bottom - y];
+        Self {
+            center: camera.center().to_array(),
+            rotation: [x, y, z].map(|row| row.to_array().map(|v| v as f32)),
+            focal: [camera.fx as f32, camera.fy as f32],
+            principal: [camera.cx as f32, camera.cy as f32],
+            size: [camera.width as f32, camera.height as f32],
+            sides: sides.map(|side| side.normalize().to_array().map(|v| v as f32)),
+            near: camera.near as f32,
+        }
+    }
+
+    /// Pixels that a length of 1 takes at view z 1.
+    #[must_use]
+    pub fn pixels(&self) -> f32 {
+        (self.focal[0] * self.focal[1]).sqrt()
+    }
+
+    /// Whether a ball about `offset` (from the centre, world axes, scene units) may be in the picture.
+    #[inline]
+    #[must_use]
+    pub fn may_see(&self, offset: [f32; 3], radius: f32) -> bool {
+        let along = |n: &[f32; 3]| n[0] * offset[0] + n[1] * offset[1] + n[2] * offset[2];
+        along(&self.rotation[2]) > self.near - radius && self.sides.iter().all(|side| along(side) > -radius)
+    }
+}
+
+/// Things that fall. Their order counts for nothing: what they cover is added up in whole numbers.
+pub trait Particles: Sync {
+    /// Pieces of work for a view, in any form that [`Self::gather`] understands.
+    fn parts(&self, view: &ParticleView) -> Vec<[i32; 4]>;
+
+    /// Adds the particles of one piece that may be in view, each one once over all pieces.
+    fn gather(&self, view: &ParticleView, part: [i32; 4], out: &mut Vec<Particle>);
 }
 
 /// Side of a patch of pixels, the unit of pixel effects.

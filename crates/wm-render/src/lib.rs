@@ -9,6 +9,7 @@ pub mod frame;
 pub mod hooks;
 pub mod reference;
 pub mod reference_backward;
+pub mod reference_particles;
 pub mod renderer;
 pub mod simd;
 pub mod stages;

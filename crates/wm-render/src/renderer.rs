@@ -207,6 +207,8 @@ pub struct Stats {
     pub intersections: u64,
     /// Pairs of a splat and a pixel that were evaluated.
     pub evaluated_pairs: u64,
+    /// Falling particles in the picture.
+    pub particles: u64,
     /// Time in projection (culling, 2D Gaussians) and shading (colour, normals).
     pub project: f64,
     /// Time in the air's effect on the splats.
@@ -217,7 +219,9 @@ pub struct Stats {
     pub sort: f64,
     /// Time in blending.
     pub rasterize: f64,
-    /// Time in background, pixel effects and output.
+    /// Time in finding the particles, wall time.
+    pub fall: f64,
+    /// Time in background, particles, pixel effects and output.
     pub composite: f64,
     /// Wall time of the whole frame.
     pub wall: f64,
@@ -230,22 +234,26 @@ impl AddAssign for Stats {
             visible,
             intersections,
             evaluated_pairs,
+            particles,
             project,
             medium,
             intersect,
             sort,
             rasterize,
+            fall,
             composite,
             wall,
         } = other;
         self.visible += visible;
         self.intersections += intersections;
         self.evaluated_pairs += evaluated_pairs;
+        self.particles += particles;
         self.project += project;
         self.medium += medium;
         self.intersect += intersect;
         self.sort += sort;
         self.rasterize += rasterize;
+        self.fall += fall;
         self.composite += composite;
         self.wall += wall;
     }

@@ -360,6 +360,33 @@ pub fn powf<S: Lanes, const N: usize>(simd: S, x: [S::F; N], power: f32) -> [S::
     result
 }
 
+/// sRGB to linear light, by channel; 0 and more.
+#[inline(always)]
+pub fn srgb_decode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
+    let mut base = value;
+    for k in 0..3 {
+        base[k] = value[k].mul_add(simd.set(1.0 / 1.055), simd.set(0.055 / 1.055));
+    }
+    let mut result = powf(simd, base, 2.4);
+    for k in 0..3 {
+        let linear = value[k] * (1.0 / 12.92);
+        result[k] = value[k].simd_le(simd.set(0.040_45)).select(linear, result[k]);
+    }
+    result
+}
+
+/// Linear light to sRGB, by channel; 0 and more.
+#[inline(always)]
+pub fn srgb_encode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
+    let mut result = powf(simd, value, 1.0 / 2.4);
+    for k in 0..3 {
+        let power = result[k].mul_add(simd.set(1.055), simd.set(-0.055));
+        let linear = value[k] * 12.92;
+        result[k] = value[k].simd_le(simd.set(0.003_130_8)).select(linear, power);
+    }
+    result
+}
+
 /// `1 / x` for x in [1e-30, 1e30]; relative error below 4e-7 on x86. A division holds up its port for
 /// as long as all of this takes four times.
 #[inline(always)]

@@ -18,7 +18,7 @@ use std::f32::consts::LOG2_E;
 use wm_render::dispatch;
 use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::hooks::{GROUP, Medium, ShadeGroup};
-use wm_render::simd::{Lanes, SimdPath, exp2, powf};
+use wm_render::simd::{self, Lanes, SimdPath, exp2};
 
 /// `-ln(0.05)`: optical depth of the meteorological optical range.
 pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
@@ -173,7 +173,7 @@ impl Atmosphere {
                 for k in 0..3 {
                     color[k] = simd.load(&group.rgb[k][first..]);
                 }
-                let mut seen = decode(simd, color);
+                let mut seen = simd::srgb_decode(simd, color);
                 for k in 0..3 {
                     let airlight = match &layers[..] {
                         [only] => simd.set(only.airlight[k]),
@@ -181,7 +181,7 @@ impl Atmosphere {
                     };
                     seen[k] = (seen[k] - airlight).mul_add(kept[k], airlight);
                 }
-                let shown = encode(simd, seen);
+                let shown = simd::srgb_encode(simd, seen);
                 for k in 0..3 {
                     shown[k].store_slice(&mut group.rgb[k][first..first + S::N]);
                 }
@@ -262,33 +262,6 @@ fn mean_density<S: Lanes>(simd: S, x: S::F) -> S::F {
     let decay = exp2(simd, [(x * -LOG2_E).max(simd.set(-126.0)).min(simd.set(126.0))])[0];
     let large = (simd.set(1.0) - decay) / x;
     (x * x).simd_lt(simd.set(0.25 * 0.25)).select(small, large)
-}
-
-/// sRGB to linear light, by channel.
-#[inline(always)]
-fn decode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
-    let mut base = value;
-    for k in 0..3 {
-        base[k] = value[k].mul_add(simd.set(1.0 / 1.055), simd.set(0.055 / 1.055));
-    }
-    let mut result = powf(simd, base, 2.4);
-    for k in 0..3 {
-        let linear = value[k] * (1.0 / 12.92);
-        result[k] = value[k].simd_le(simd.set(0.040_45)).select(linear, result[k]);
-    }
-    result
-}
-
-/// Linear light to sRGB, by channel.
-#[inline(always)]
-fn encode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
-    let mut result = powf(simd, value, 1.0 / 2.4);
-    for k in 0..3 {
-        let power = result[k].mul_add(simd.set(1.055), simd.set(-0.055));
-        let linear = value[k] * 12.92;
-        result[k] = value[k].simd_le(simd.set(0.003_130_8)).select(linear, power);
-    }
-    result
 }
 
 #[cfg(test)]

@@ -165,6 +165,6 @@ impl Sky {
         let pixels: Vec<&dyn PixelEffect> = self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
         let medium = (!self.air.is_clear()).then_some(&self.air as &dyn Medium);
         let background = self.dome.as_ref().map(|dome| dome as &dyn Backdrop);
-        render(Hooks { background, medium, pixels: &pixels })
+        render(Hooks { background, medium, particles: &[], pixels: &pixels })
     }
 }

@@ -27,10 +27,10 @@ pub struct Features {
 }
 
 impl Features {
-    /// What a job needs: what it asks for, and depth where a pixel effect reads it.
+    /// What a job needs: what it asks for, and depth where particles or a pixel effect read it.
     pub fn of(job: &Job<'_>) -> Self {
         let asked = job.config.outputs;
-        let effects = !job.hooks.pixels.is_empty();
+        let effects = !(job.hooks.pixels.is_empty() && job.hooks.particles.is_empty());
         let geometry =
             if effects && asked.geometry == Geometry::None { Geometry::Depth } else { asked.geometry };
         Self { geometry, median: asked.median_depth }

@@ -13,10 +13,12 @@ pub mod model;
 pub use differentiable::{BackwardStats, Differentiable};
 
 use crate::frame::Frame;
+use crate::hooks::ParticleView;
 use crate::renderer::{CpuConfig, Job, MAX_SPLATS, RenderError, Renderer, SetId, Stats};
 use crate::simd::SimdPath;
 use crate::stages::composite::{background::BackgroundView, cpu::Composite};
 use crate::stages::intersect::{TileGrid, cpu as intersect};
+use crate::stages::particles::cpu::Falling;
 use crate::stages::project::{ProjectCamera, Record};
 use back::{Back, Features, Worker};
 use front::{Front, Part, Unit};
@@ -36,6 +38,7 @@ pub struct CpuRenderer {
     parts: Vec<Part>,
     bounds: Vec<u32>,
     keys: Vec<AtomicU64>,
+    falling: Falling,
     workers: Vec<Mutex<Worker>>,
 }
 
@@ -66,6 +69,7 @@ impl CpuRenderer {
             parts: Vec::new(),
             bounds: Vec::new(),
             keys: Vec::new(),
+            falling: Falling::default(),
             workers,
         })
     }
@@ -128,6 +132,11 @@ impl CpuRenderer {
         let keys = &self.keys[..];
         stats.intersect += self.parts.par_iter_mut().map(|part| part.scatter(keys)).sum::<f64>();
 
+        let dropping = Instant::now();
+        self.falling.fill(job.hooks.particles, &ParticleView::new(job.camera));
+        stats.particles = self.falling.len() as u64;
+        stats.fall = dropping.elapsed().as_secs_f64();
+
         let backdrop = job.hooks.background.unwrap_or(&job.config.background);
         let background = BackgroundView::new(backdrop, job.hooks.medium, job.camera, self.path);
         let back = Back {
@@ -143,6 +152,7 @@ impl CpuRenderer {
                 path: self.path,
                 features: features.count(),
                 background: &background,
+                falling: &self.falling,
                 effects: job.hooks.pixels,
             },
             workers: &self.workers,

@@ -8,6 +8,7 @@
 //! | [`intersect`] | 2D Gaussians | for each tile, the splats that touch it |
 //! | [`sort`] | one tile's splats | the same, front to back |
 //! | [`rasterize`] | one tile's splats in order | blended colour, depth, normal, alpha |
+//! | [`particles`] | what falls, camera | for each patch, the drops that touch it; their cover |
 //! | [`composite`] | one tile's sums, background, pixel effects | the finished frame |
 //!
 //! and back, for training:
@@ -20,6 +21,7 @@
 
 pub mod composite;
 pub mod intersect;
+pub mod particles;
 pub mod project;
 pub mod project_backward;
 pub mod rasterize;

@@ -11,6 +11,7 @@ use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
 use crate::stages::composite::cpu::{Composite, OutputRows};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
+use crate::stages::particles::cpu::Falling;
 use crate::stages::project::Record;
 use crate::stages::rasterize_backward::cpu::{Pictures, blend_tile_backward, prepare_patch};
 use crate::stages::rasterize_backward::{NO_SLOT, Slot};
@@ -92,10 +93,12 @@ impl<'a> Tiles<'a> {
     ) {
         let background = Background::Color(self.config.background);
         let background = BackgroundView::new(&background, None, self.camera, self.path);
+        let falling = Falling::default();
         let composite = Composite {
             path: self.path,
             features: self.config.channels.count().max(4),
             background: &background,
+            falling: &falling,
             effects: &[],
         };
         let (width, columns) = (frame.width as usize, self.grid.columns as usize);

@@ -4,6 +4,7 @@ use super::background::{BackgroundScratch, BackgroundView};
 use crate::frame::MIN_ALPHA;
 use crate::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use crate::simd::{Lanes, SimdPath};
+use crate::stages::particles::cpu::Falling;
 use crate::stages::rasterize::cpu::PatchSums;
 
 /// One patch's pixels, row by row.
@@ -85,6 +86,8 @@ pub struct Composite<'a> {
     pub features: usize,
     /// What stands behind.
     pub background: &'a BackgroundView<'a>,
+    /// What falls in front of it.
+    pub falling: &'a Falling,
     /// In order.
     pub effects: &'a [&'a dyn PixelEffect],
 }
@@ -104,7 +107,7 @@ pub fn finish_patch<S: Lanes, const LANES: usize>(
     offset: (usize, usize),
     out: &mut OutputRows<'_>,
 ) {
-    let Composite { path, features, background, effects } = *frame;
+    let Composite { path, features, background, falling, effects } = *frame;
     to_rows::<LANES>(&sums.alpha, &mut pixels.alpha);
     background.fill((patch_x, patch_y), &mut pixels.background, &mut pixels.behind);
     for k in 0..3 {
@@ -116,6 +119,7 @@ pub fn finish_patch<S: Lanes, const LANES: usize>(
     if features > 3 {
         to_rows::<LANES>(&sums.features[3], &mut pixels.depth);
     }
+    falling.draw(path, (patch_x, patch_y), &mut pixels.rgb, &pixels.alpha, &pixels.depth);
     for effect in effects {
         effect.apply(
             path,

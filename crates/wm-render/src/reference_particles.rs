@@ -1,0 +1,87 @@
+//! The referee of falling particles: f64, every particle at every pixel.
+
+use crate::frame::{MIN_ALPHA, srgb_decode, srgb_encode};
+use crate::hooks::Particle;
+use crate::stages::particles::{DILATION, LEAST, MOST, SHORTEST};
+use glam::DVec3;
+use std::f64::consts::TAU;
+use wm_scene::Camera;
+
+/// One pixel's particles.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cover {
+    /// Optical depth.
+    pub tau: f64,
+    /// Sum of optical depth times radiance.
+    pub light: [f64; 3],
+    /// How far `tau` may be off in f32, see [`crate::stages::particles`].
+    pub slack: f64,
+}
+
+impl Cover {
+    /// A display-referred colour behind it.
+    #[must_use]
+    pub fn over(&self, rgb: [f64; 3]) -> [f64; 3] {
+        if self.tau <= 0.0 {
+            return rgb;
+        }
+        let kept = (-self.tau).exp();
+        let seen = |k: usize| srgb_decode(rgb[k]) * kept + (1.0 - kept) * self.light[k] / self.tau;
+        std::array::from_fn(|k| srgb_encode(seen(k)))
+    }
+}
+
+/// What covers the middle of pixel `(x, y)` before a scene of that coverage and sum of weight times view z.
+#[must_use]
+pub fn cover(
+    particles: &[Particle],
+    camera: &Camera,
+    (x, y): (u32, u32),
+    (alpha, depth_sum): (f64, f64),
+) -> Cover {
+    let rotation = camera.rotation();
+    let behind = if alpha >= f64::from(MIN_ALPHA) { depth_sum / alpha } else { f64::INFINITY };
+    let mut sum = Cover::default();
+    for particle in particles {
+        let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+        let at = rotation * vector(particle.offset);
+        if at.z <= camera.near {
+            continue;
+        }
+        let (tan_x, tan_y) = (at.x / at.z, at.y / at.z);
+        let jx = camera.fx / at.z * (rotation.row(0) - tan_x * rotation.row(2));
+        let jy = camera.fy / at.z * (rotation.row(1) - tan_y * rotation.row(2));
+        let variance = f64::from(particle.sigma).powi(2);
+        let mut cov = [variance * jx.dot(jx), variance * jx.dot(jy), variance * jy.dot(jy)];
+        for reach in particle.reach {
+            let (u, v) = (jx.dot(vector(reach)), jy.dot(vector(reach)));
+            cov = [cov[0] + u * u, cov[1] + u * v, cov[2] + v * v];
+        }
+        let dilation = f64::from(DILATION);
+        let (xx, xy, yy) = (cov[0] + dilation, cov[1], cov[2] + dilation);
+        let det = xx * yy - xy * xy;
+        let whole = f64::from(particle.area) * jx.cross(jy).length() / (TAU * det.sqrt());
+        let radius2 = (2.0 * (whole / f64::from(LEAST)).max(1.0).ln()).max(f64::from(SHORTEST));
+        let peak = (whole / (1.0 - (-0.5 * radius2).exp())).min(f64::from(MOST));
+        let dx = f64::from(x) + 0.5 - (camera.fx * tan_x + camera.cx);
+        let dy = f64::from(y) + 0.5 - (camera.fy * tan_y + camera.cy);
+        let q = dx * dx / xx + (dy - xy / xx * dx).powi(2) * xx / det;
+        let tau = peak * (-0.5 * q).exp();
+        if (q / radius2 - 1.0).abs() < 1e-3 {
+            sum.slack += tau;
+        }
+        if q > radius2 {
+            continue;
+        }
+        let share = if at.z < behind { 1.0 } else { 1.0 - alpha };
+        if (at.z / behind - 1.0).abs() < 1e-5 {
+            sum.slack += tau;
+        }
+        sum.slack += 3e-5 + 2e-4 * tau;
+        sum.tau += share * tau;
+        for k in 0..3 {
+            sum.light[k] += share * tau * f64::from(particle.rgb[k]);
+        }
+    }
+    sum
+}

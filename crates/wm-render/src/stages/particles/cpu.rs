@@ -1,0 +1,374 @@
+//! Particles on the CPU: gathered and laid out over threads, added up patch by patch.
+
+use super::{DILATION, LEAST, MOST, SHORTEST, STEPS};
+use crate::dispatch;
+use crate::frame::MIN_ALPHA;
+use crate::hooks::{PATCH, PATCH_PIXELS, Particle, ParticleView, Particles};
+use crate::simd::{Lanes, SimdPath, exp2, srgb_decode, srgb_encode};
+use fearless_simd::{Select, SimdBase, SimdFloat};
+use rayon::prelude::*;
+use std::f32::consts::{LOG2_E, TAU};
+use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// A particle in the picture: `log2 tau = peak - (a dx)^2 - (b dy + c dx)^2`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Drop {
+    /// Centre, px.
+    pub mean2d: [f32; 2],
+    /// Half the size of its bounding box, px.
+    pub extent: [f32; 2],
+    a: f32,
+    b: f32,
+    c: f32,
+    /// log2 of the optical depth at its centre.
+    peak: f32,
+    /// View z, scene units.
+    pub depth: f32,
+    /// Linear RGB.
+    pub rgb: [f32; 3],
+}
+
+impl Drop {
+    /// The particle in the picture; `None` where it is not in it.
+    #[inline]
+    #[must_use]
+    pub fn project(particle: &Particle, view: &ParticleView) -> Option<Self> {
+        let dot = |a: &[f32; 3], b: &[f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let [x, y, z] = [0, 1, 2].map(|k| dot(&view.rotation[k], &particle.offset));
+        if z <= view.near {
+            return None;
+        }
+        let (tan_x, tan_y) = (x / z, y / z);
+        let row = |k: usize, tan: f32| {
+            let scale = view.focal[k] / z;
+            [0, 1, 2].map(|i| scale * (view.rotation[k][i] - tan * view.rotation[2][i]))
+        };
+        let (jx, jy) = (row(0, tan_x), row(1, tan_y));
+        let variance = particle.sigma * particle.sigma;
+        let mut xx = variance * dot(&jx, &jx);
+        let mut xy = variance * dot(&jx, &jy);
+        let mut yy = variance * dot(&jy, &jy);
+        // The determinant without cancellation: needles have next to none. `wedge` adds the squares of the
+        // areas that pairs of directions span.
+        let reach = particle.reach.map(|reach| [dot(&jx, &reach), dot(&jy, &reach)]);
+        let mut det = xx * yy - xy * xy;
+        for [rx, ry] in reach {
+            det += xx * ry * ry - 2.0 * xy * rx * ry + yy * rx * rx;
+        }
+        let wedge = reach[0][0] * reach[1][1] - reach[0][1] * reach[1][0];
+        for [rx, ry] in reach {
+            xx += rx * rx;
+            xy += rx * ry;
+            yy += ry * ry;
+        }
+        det = (det + wedge * wedge).max(0.0) + DILATION * (xx + yy) + DILATION * DILATION;
+        xx += DILATION;
+        yy += DILATION;
+        let pixels = view.focal[0] * view.focal[1] / (z * z) * (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt();
+        let whole = particle.area * pixels / (TAU * det.sqrt());
+        // Squared radius and what lies within.
+        let radius2 = (2.0 * (whole / LEAST).max(1.0).ln()).max(SHORTEST);
+        let tau = (whole / (1.0 - (-0.5 * radius2).exp())).min(MOST);
+        let extent = [(radius2 * xx).sqrt(), (radius2 * yy).sqrt()];
+        let mean2d = [view.focal[0] * tan_x + view.principal[0], view.focal[1] * tan_y + view.principal[1]];
+        let is_in = |k: usize| mean2d[k] + extent[k] > 0.0 && mean2d[k] - extent[k] < view.size[k];
+        // Written so that NaN is not in it.
+        if !(is_in(0) && is_in(1) && tau > 0.0 && det.is_finite()) {
+            return None;
+        }
+        let half = (0.5 * LOG2_E).sqrt();
+        let b = half * (xx / det).sqrt();
+        Some(Self {
+            mean2d,
+            extent,
+            a: half / xx.sqrt(),
+            b,
+            c: -b * xy / xx,
+            peak: tau.log2(),
+            depth: z,
+            rgb: particle.rgb.map(|v| v.clamp(0.0, BRIGHTEST)),
+        })
+    }
+
+    /// The patches that its bounding box touches, columns and rows of a grid.
+    fn patches(&self, (columns, rows): (usize, usize)) -> (Range<usize>, Range<usize>) {
+        let range = |k: usize, count: usize| {
+            let low = ((self.mean2d[k] - self.extent[k]) / PATCH as f32).max(0.0) as usize;
+            let high = ((self.mean2d[k] + self.extent[k]) / PATCH as f32).max(0.0) as usize + 1;
+            low.min(count)..high.min(count)
+        };
+        (range(0, columns), range(1, rows))
+    }
+
+    /// Calls `hit` with each patch of a grid that its ellipse touches.
+    fn each_patch(&self, grid: (usize, usize), mut hit: impl FnMut(usize)) {
+        let (columns, rows) = self.patches(grid);
+        let slope = -self.c / self.b;
+        for row in rows {
+            if columns.len() == 1 {
+                hit(row * grid.0 + columns.start);
+                continue;
+            }
+            let top = (row * PATCH) as f32 - self.mean2d[1];
+            let (low, high) = self.span(top, top + PATCH as f32, slope);
+            for column in columns.clone() {
+                let left = (column * PATCH) as f32 - self.mean2d[0];
+                if left < high && left + PATCH as f32 > low {
+                    hit(row * grid.0 + column);
+                }
+            }
+        }
+    }
+
+    /// Least and greatest x of the ellipse between two heights, px from its centre.
+    fn span(&self, top: f32, bottom: f32, slope: f32) -> (f32, f32) {
+        let [rx, ry] = self.extent;
+        // At its rightmost point y is `slope rx`: the regression of y on x.
+        let outer = slope * rx;
+        let right = if (top..=bottom).contains(&outer) {
+            rx
+        } else {
+            self.chord(nearest(outer, top, bottom), ry, slope).1
+        };
+        let left = if (top..=bottom).contains(&-outer) {
+            -rx
+        } else {
+            self.chord(nearest(-outer, top, bottom), ry, slope).0
+        };
+        (left, right)
+    }
+
+    /// Left and right end at a height, px from its centre.
+    fn chord(&self, y: f32, ry: f32, slope: f32) -> (f32, f32) {
+        let rx = self.extent[0];
+        // The regression of x on y, and what is left of its spread.
+        let back = slope * (rx / ry) * (rx / ry);
+        let inside = (1.0 - (y / ry) * (y / ry)).max(0.0);
+        let rest = (rx * rx - back * back * ry * ry).max(0.0);
+        let half = (inside * rest).sqrt();
+        (back * y - half, back * y + half)
+    }
+}
+
+fn nearest(y: f32, top: f32, bottom: f32) -> f32 {
+    if y < top { top } else { bottom }
+}
+
+/// The particles of a frame, patch by patch. Kept from frame to frame for its memory.
+#[derive(Debug, Default)]
+pub struct Falling {
+    drops: Vec<Drop>,
+    /// Where the list of each patch begins, and the end of the last.
+    bounds: Vec<u32>,
+    counts: Vec<AtomicU32>,
+    lists: Vec<AtomicU32>,
+    grid: (usize, usize),
+}
+
+impl Falling {
+    /// Whether nothing falls.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.drops.is_empty()
+    }
+
+    /// Number of particles in the picture.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.drops.len()
+    }
+
+    /// Gathers what `sources` let fall and finds the patches.
+    pub fn fill(&mut self, sources: &[&dyn Particles], view: &ParticleView) {
+        self.drops.clear();
+        if sources.is_empty() {
+            return;
+        }
+        self.grid = ((view.size[0] as usize).div_ceil(PATCH), (view.size[1] as usize).div_ceil(PATCH));
+        let patches = self.grid.0 * self.grid.1;
+        self.counts.resize_with(patches, AtomicU32::default);
+        self.counts.iter_mut().for_each(|count| *count.get_mut() = 0);
+        let work: Vec<(usize, [i32; 4])> = sources
+            .iter()
+            .enumerate()
+            .flat_map(|(source, particles)| particles.parts(view).into_iter().map(move |part| (source, part)))
+            .collect();
+        let (grid, counts) = (self.grid, &self.counts[..]);
+        let parts: Vec<Vec<Drop>> = work
+            .par_iter()
+            .map_init(Vec::new, |particles: &mut Vec<Particle>, (source, part)| {
+                particles.clear();
+                sources[*source].gather(view, *part, particles);
+                let drops: Vec<Drop> = particles.iter().filter_map(|p| Drop::project(p, view)).collect();
+                for drop in &drops {
+                    drop.each_patch(grid, |patch| {
+                        counts[patch].fetch_add(1, Ordering::Relaxed);
+                    });
+                }
+                drops
+            })
+            .collect();
+        parts.iter().for_each(|part| self.drops.extend_from_slice(part));
+        self.bounds.clear();
+        self.bounds.push(0);
+        let mut end = 0;
+        for count in &mut self.counts {
+            let count = count.get_mut();
+            // From here on the place of the next entry.
+            (*count, end) = (end, end + *count);
+            self.bounds.push(end);
+        }
+        if self.lists.len() < end as usize {
+            self.lists.resize_with(end as usize + end as usize / 4, AtomicU32::default);
+        }
+        let (counts, lists) = (&self.counts[..], &self.lists[..]);
+        self.drops.par_iter().enumerate().with_min_len(1024).for_each(|(index, drop)| {
+            drop.each_patch(grid, |patch| {
+                let place = counts[patch].fetch_add(1, Ordering::Relaxed);
+                lists[place as usize].store(index as u32, Ordering::Relaxed);
+            });
+        });
+    }
+
+    /// Draws what falls in patch `(column, row)` over its pixels: display-referred colour, coverage, and sum of weight
+    /// times view z, row by row.
+    pub fn draw(
+        &self,
+        path: SimdPath,
+        (column, row): (usize, usize),
+        rgb: &mut [[f32; PATCH_PIXELS]; 3],
+        alpha: &[f32; PATCH_PIXELS],
+        depth_sum: &[f32; PATCH_PIXELS],
+    ) {
+        if self.is_empty() || column >= self.grid.0 || row >= self.grid.1 {
+            return;
+        }
+        let patch = row * self.grid.0 + column;
+        let list = &self.lists[self.bounds[patch] as usize..self.bounds[patch + 1] as usize];
+        if list.is_empty() {
+            return;
+        }
+        let corner = [(column * PATCH) as f32, (row * PATCH) as f32];
+        dispatch!(path, s => draw(s, &self.drops, list, corner, rgb, (alpha, depth_sum)));
+    }
+}
+
+/// What falls in one patch, in whole numbers of an optical depth.
+#[repr(C, align(64))]
+struct Sums {
+    tau: [u32; PATCH_PIXELS],
+    rgb: [[u32; PATCH_PIXELS]; 3],
+    /// View z of the scene, infinite where there is none.
+    depth: [f32; PATCH_PIXELS],
+    /// What the scene leaves open.
+    open: [f32; PATCH_PIXELS],
+}
+
+#[inline(always)]
+fn draw<S: Lanes>(
+    simd: S,
+    drops: &[Drop],
+    list: &[AtomicU32],
+    corner: [f32; 2],
+    rgb: &mut [[f32; PATCH_PIXELS]; 3],
+    (alpha, depth_sum): (&[f32; PATCH_PIXELS], &[f32; PATCH_PIXELS]),
+) {
+    let zero = [0; PATCH_PIXELS];
+    let mut sums =
+        Sums { tau: zero, rgb: [zero; 3], depth: [f32::INFINITY; PATCH_PIXELS], open: [1.0; PATCH_PIXELS] };
+    for i in 0..PATCH_PIXELS {
+        if alpha[i] >= MIN_ALPHA {
+            sums.depth[i] = depth_sum[i] / alpha[i];
+        }
+        sums.open[i] = 1.0 - alpha[i];
+    }
+    for entry in list {
+        add(simd, &drops[entry.load(Ordering::Relaxed) as usize], corner, &mut sums);
+    }
+    for first in (0..PATCH_PIXELS).step_by(S::N) {
+        if sums.tau[first..first + S::N].iter().all(|tau| *tau == 0) {
+            continue;
+        }
+        let whole = |values: &[u32; PATCH_PIXELS]| {
+            let mut floats = [0.0; 16];
+            for (float, value) in floats.iter_mut().zip(&values[first..first + S::N]) {
+                *float = *value as f32;
+            }
+            simd.load(&floats)
+        };
+        let steps = whole(&sums.tau);
+        let kept = exp2(simd, [(steps * (-LOG2_E / STEPS)).max(simd.set(-126.0))])[0];
+        let share = (simd.set(1.0) - kept) / steps.max(simd.set(1.0));
+        let mut color = [simd.set(0.0); 3];
+        for k in 0..3 {
+            color[k] = simd.load(&rgb[k][first..]);
+        }
+        let mut seen = srgb_decode(simd, color);
+        for k in 0..3 {
+            seen[k] = seen[k].mul_add(kept, whole(&sums.rgb[k]) * share);
+        }
+        let shown = srgb_encode(simd, seen);
+        for k in 0..3 {
+            shown[k].store_slice(&mut rgb[k][first..first + S::N]);
+        }
+    }
+}
+
+/// Brightest that a particle may be: what whole numbers hold.
+const BRIGHTEST: f32 = 3.0;
+/// Adding it to a number below 2^22 leaves the rounded whole number in the low bits.
+const ROUND: f32 = 12_582_912.0;
+
+#[inline(always)]
+fn add<S: Lanes>(simd: S, drop: &Drop, corner: [f32; 2], sums: &mut Sums) {
+    let [dx, dy] = [0, 1].map(|k| corner[k] + 0.5 - drop.mean2d[k]);
+    let first = (-dy - drop.extent[1]).ceil().max(0.0) as usize;
+    let last = ((-dy + drop.extent[1]).floor() + 1.0).clamp(0.0, PATCH as f32) as usize;
+    let left = (-dx - drop.extent[0]).max(0.0);
+    let right = (-dx + drop.extent[0]).min((PATCH - 1) as f32);
+    let round = simd.set(ROUND);
+    let bits = |value: S::F| value.to_bits();
+    let depth = simd.set(drop.depth);
+    // Below this it ends: its radius, as a power of two.
+    let (rx, a) = (drop.extent[0], drop.a);
+    let end = simd.set(drop.peak - (a * rx) * (a * rx));
+    for row in first..last {
+        let y = dy + row as f32;
+        for start in (0..PATCH).step_by(S::N) {
+            if right < start as f32 || left > (start + S::N - 1) as f32 {
+                continue;
+            }
+            let x = simd.load(&COLUMNS[start..]) + dx;
+            let u = x * drop.a;
+            let v = x.mul_add(simd.set(drop.c), simd.set(drop.b * y));
+            let exponent = simd.set(drop.peak) - u.mul_add(u, v * v);
+            let inside = exponent.simd_ge(end);
+            let at = row * PATCH + start;
+            let z = simd.load(&sums.depth[at..]);
+            let open = depth.simd_lt(z).select(simd.set(STEPS), simd.load(&sums.open[at..]) * STEPS);
+            let tau = exp2(simd, [exponent.max(simd.set(-126.0))])[0] * open;
+            let tau = inside.select(tau, simd.set(0.0)).max(simd.set(0.0));
+            let put = |value: S::F, to: &mut [u32; PATCH_PIXELS]| {
+                let to = &mut to[at..at + S::N];
+                let sum = S::U::from_slice(simd, to) + (bits(value + round) - bits(round));
+                sum.store_slice(to);
+            };
+            put(tau, &mut sums.tau);
+            for k in 0..3 {
+                put(tau * drop.rgb[k], &mut sums.rgb[k]);
+            }
+        }
+    }
+}
+
+/// The columns of a patch.
+const COLUMNS: [f32; PATCH] = {
+    let mut columns = [0.0; PATCH];
+    let mut i = 0;
+    while i < PATCH {
+        columns[i] = i as f32;
+        i += 1;
+    }
+    columns
+};
