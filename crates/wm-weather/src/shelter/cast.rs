@@ -36,7 +36,7 @@ pub(super) struct Footprint {
 
 /// The footprints in order of depth, and the rows that each covers, first and last.
 pub(super) struct Footprints {
-    all: Vec<Footprint>,
+    pub all: Vec<Footprint>,
     rows: Vec<[u32; 2]>,
 }
 
@@ -77,8 +77,7 @@ impl Footprint {
         let share = (cc * rr - cr * cr).max(0.0) / (wide_cc * wide_rr - cr * cr);
         let opacity = f64::from(splat.opacity) * share.sqrt();
         let reach = 2.0 * (opacity / LEAST_ALPHA).ln();
-        // No NaN passes.
-        if !(reach > 0.0) {
+        if reach.is_nan() || reach <= 0.0 {
             return None;
         }
         let l_row = wide_rr.sqrt();
@@ -101,6 +100,36 @@ impl Footprint {
             reach: reach as f32,
         };
         Some((footprint, rows))
+    }
+}
+
+impl Footprints {
+    /// Those that reach cells which are clear, out of many that do not.
+    pub fn over(&self, grid: &Grid, clear: &[f32]) -> Self {
+        // Clear cells above and left of each corner of a cell: any box holds some or none by four of them.
+        let width = grid.columns + 1;
+        let mut sums = vec![0u32; width * (grid.rows + 1)];
+        for (row, cells) in clear.chunks(grid.columns.max(1)).enumerate() {
+            let mut sum = 0;
+            for (column, left) in cells.iter().enumerate() {
+                sum += u32::from(*left >= STOPPED);
+                sums[(row + 1) * width + column + 1] = sums[row * width + column + 1] + sum;
+            }
+        }
+        let mut out = Self { all: Vec::new(), rows: Vec::new() };
+        for (footprint, rows) in self.all.iter().zip(&self.rows) {
+            let half = footprint.skew.hypot(footprint.column) * footprint.reach.sqrt() + 1.0;
+            let column =
+                |to: i32| footprint.cell[0].saturating_add(to).clamp(0, grid.columns as i32) as usize;
+            let (left, right) = (column(-(half.ceil() as i32)), column(half.ceil() as i32 + 1));
+            let [top, bottom] = [rows[0] as usize * width, (rows[1] as usize + 1) * width];
+            // Empty boxes have their last row above their first.
+            if sums[bottom + right] + sums[top + left] > sums[bottom + left] + sums[top + right] {
+                out.all.push(*footprint);
+                out.rows.push(*rows);
+            }
+        }
+        out
     }
 }
 

@@ -11,7 +11,7 @@
 use super::Grid;
 
 /// How often floaters are looked for: there may be some below others.
-pub(super) const ROUNDS: usize = 3;
+pub(super) const ROUNDS: usize = 2;
 /// Cells within which cells are of one piece.
 const REACH: i32 = 2;
 /// Height within which they are, m.

@@ -23,8 +23,8 @@
 //!
 //! # Queries
 //! A point is sheltered where the surface in its cell is above it by more than a margin, the larger of
-//! [`ShelterOptions::margin`] and 1.5 cells: so neither the ground nor any surface that leans against the fall's
-//! perpendicular plane by less than 71 degrees (`tan = 3`, over half a cell) shelters itself. A wall along the
+//! [`ShelterOptions::margin`] and 1.5 cells: so the ground does not shelter itself, nor do slopes: up to 71 degrees where
+//! they are smooth (`tan = 3`, over half a cell), up to 60 where their splats scatter as those of walls do. A wall along the
 //! fall shelters what is in its own cell. Outside the grid nothing is known, and all is exposed.
 
 mod cast;
@@ -49,8 +49,11 @@ const MOST_RADIUS: f32 = 64.0;
 pub struct ShelterOptions {
     /// Width of a cell, m; above 0. Made wider where the scene would have more than `most_cells`.
     pub cell: f64,
-    /// Most cells of the grid; 4 bytes each, and 4 more while it is made.
+    /// Most cells of the grid, up to 2^28; 4 bytes each, and some 30 while it is made.
     pub most_cells: usize,
+    /// A point (world, scene units) and how far from it across the fall the grid goes, m; `None` for the whole scene.
+    /// In scenes that reach far it keeps the cells narrow where cameras are.
+    pub focus: Option<([f64; 3], f64)>,
     /// Splats of a lower opacity, 0-1, stop nothing: they are haze of the reconstruction.
     pub least_opacity: f64,
     /// How far above a point a surface must be to shelter it, m.
@@ -61,7 +64,7 @@ pub struct ShelterOptions {
 
 impl Default for ShelterOptions {
     fn default() -> Self {
-        Self { cell: 0.1, most_cells: 4_000_000, least_opacity: 0.1, margin: 0.15, turn: 3.0 }
+        Self { cell: 0.1, most_cells: 4_000_000, focus: None, least_opacity: 0.1, margin: 0.15, turn: 3.0 }
     }
 }
 

@@ -11,6 +11,9 @@ const REACH: f64 = 2.0;
 /// Largest standard deviation of a splat, in diagonals of the scene.
 const LARGEST: f64 = 0.25;
 
+/// Cells that indices and sums of 32 bits can hold.
+const MOST_CELLS: usize = 1 << 28;
+
 /// The splats of a scene that stop what falls, 40 bytes each: a map for another wind needs no more.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occluders {
@@ -110,7 +113,7 @@ impl Occluders {
             if !floaters::reopen(&mut stops, &mut clear, &grid, self.metres_per_unit) {
                 break;
             }
-            cast::cast(&footprints, &grid, &mut stops, &mut clear, threads);
+            cast::cast(&footprints.over(&grid, &clear), &grid, &mut stops, &mut clear, threads);
         }
         Shelter::new(grid, stops, self.metres_per_unit, &self.options)
     }
@@ -119,15 +122,19 @@ impl Occluders {
     pub(super) fn grid(&self, fall: [f64; 3]) -> Grid {
         let axes = axes_of(fall);
         let [across, down] = [0, 1].map(|k| {
-            range(self.all.iter().map(|splat| {
+            let [low, high] = range(self.all.iter().map(|splat| {
                 let (mean, reach) = (splat.along(axes[k]), REACH * splat.between(axes[k], axes[k]).sqrt());
                 [mean - reach, mean + reach]
-            }))
+            }));
+            let Some((point, metres)) = self.options.focus else { return [low, high] };
+            let middle = dot(std::array::from_fn(|i| point[i] - self.origin[i]), axes[k]);
+            let reach = metres / self.metres_per_unit;
+            [low.max(middle - reach), high.min(middle + reach)]
         });
         let size = [across[1] - across[0], down[1] - down[0]];
         let mut cell = self.options.cell / self.metres_per_unit;
         let cells = |length: f64, cell: f64| (length / cell).ceil().max(1.0);
-        let most = self.options.most_cells.max(1) as f64;
+        let most = self.options.most_cells.clamp(1, MOST_CELLS) as f64;
         loop {
             let count = cells(size[0], cell) * cells(size[1], cell);
             if count <= most {
@@ -137,7 +144,7 @@ impl Occluders {
             cell *= (count / most).sqrt().max(1.001);
         }
         let [mut columns, mut rows] = size.map(|length| cells(length, cell) as usize);
-        if self.all.is_empty() {
+        if self.all.is_empty() || size.iter().any(|length| *length < 0.0) {
             [columns, rows] = [0, 0];
         }
         Grid { axes, origin: self.origin, low: [across[0], down[0]], cell, columns, rows }
