@@ -13,19 +13,19 @@
 //! `alpha = opacity sqrt(|C| / |C'|) exp(-d^T C'^-1 d / 2)`, nothing below 1/255,
 //!
 //! and the splats' `1 - alpha` multiply in order of the depths of their means. The first splat with which
-//! the product falls below a half is what stops: haze with a few percent of coverage does not, many leaves together do.
+//! the product falls below a half is what stops: thin haze does not, many leaves together do.
 //! The distance is that of its own surface in the cell, the mean of its Gaussian along the ray,
 //! `t + c^T C'^-1 d` with `c` the covariance of depth and position: a large slanted splat stops where it is.
 //!
 //! # What is left out
 //! Splats of the sky, faint ones, those with a standard deviation above a quarter of the scene, and lone pieces of
-//! the map high above all that is around them ([`floaters`]): those cells look for the next surface below.
+//! the map high above all that is around them (`floaters.rs`): those cells look for the next surface below.
 //!
 //! # Queries
 //! A point is sheltered where the surface in its cell is above it by more than a margin, the larger of
-//! [`ShelterOptions::margin`] and 1.5 cells: so the ground does not shelter itself, nor do slopes: up to 71 degrees where
-//! they are smooth (`tan = 3`, over half a cell), up to 60 where their splats scatter as those of walls do. A wall along the
-//! fall shelters what is in its own cell. Outside the grid nothing is known, and all is exposed.
+//! [`ShelterOptions::margin`] and 1.5 cells. So the ground does not shelter itself, nor do slopes: up to 71
+//! degrees where they are smooth (`tan = 3`, over half a cell), up to 60 where their splats scatter. A wall along
+//! the fall shelters what is in its own cell. Outside the grid nothing is known, and all is exposed.
 
 mod cast;
 mod floaters;

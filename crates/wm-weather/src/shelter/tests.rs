@@ -137,8 +137,9 @@ fn exposure_is_a_half_under_an_edge() {
     assert_eq!(shelter.exposure(point(1e30, 0.0, 0.0), 0.5), 1.0);
 }
 
-/// Layers of opacity 0.95 in balls of standard deviation s on a grid of 4 s have a mean coverage of
-/// `0.95 * 2 pi s^2 / (4 s)^2 = 0.37` each; haze has opacities below the least, or too few of them.
+/// A layer of 400 balls of standard deviation 0.025 m over 4 m^2 has a mean coverage of
+/// `opacity 2 pi 0.025^2 400 / 4 = 0.39 opacity`: ten of leaves leave `e^-3.7`; haze has opacities below the
+/// least, or one layer.
 #[test]
 fn haze_does_not_shelter_and_leaves_do() {
     let shelters = |opacity: f64, layers: u64| {
