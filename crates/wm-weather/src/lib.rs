@@ -19,6 +19,7 @@ pub mod param;
 pub mod picture;
 pub mod presets;
 pub mod reference_page;
+pub mod shelter;
 pub mod track;
 pub mod weather;
 

@@ -1,0 +1,225 @@
+//! Casts splats onto the grid, front to back along the fall, in bands of rows.
+
+use super::Grid;
+use super::occluders::Occluder;
+use std::sync::Mutex;
+
+/// Variance of the filter through which a cell sees splats, cells^2: the renderer's of pixels.
+pub(super) const FILTER: f64 = wm_render::stages::project::DILATION as f64;
+/// Alphas below are nothing.
+pub(super) const LEAST_ALPHA: f64 = wm_scene::health::LEAST_OPACITY;
+/// What falls is stopped where less of it is left.
+pub(super) const STOPPED: f32 = 0.5;
+/// Rows of a band: a band of a large grid fits the second cache.
+const BAND: usize = 32;
+/// Splats that are projected at once.
+const CHUNK: usize = 1 << 14;
+
+/// A splat on the grid: with `d` from its mean to a cell's middle, in cells, and L L^T its filtered covariance,
+/// rows first, `w = L^-1 d`: `alpha = opacity exp(-|w|^2 / 2)`, depth `t + slope . w`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Footprint {
+    /// Column and row of its mean, and its place in that cell: together exact far from the first corner.
+    cell: [i32; 2],
+    place: [f32; 2],
+    /// Of the mean, scene units from the origin.
+    t: f32,
+    /// L: row-row, column-row and column-column, cells.
+    row: f32,
+    skew: f32,
+    column: f32,
+    slope: [f32; 2],
+    opacity: f32,
+    /// |w|^2 at which alpha is the least.
+    reach: f32,
+}
+
+/// The footprints in order of depth, and the rows that each covers, first and last.
+pub(super) struct Footprints {
+    pub all: Vec<Footprint>,
+    rows: Vec<[u32; 2]>,
+}
+
+/// Projects occluders, and sorts them by the depth of their means, equal ones by index.
+pub(super) fn project(all: &[Occluder], grid: &Grid, threads: usize) -> Footprints {
+    // Floats in the order of integers: negative ones are turned round.
+    let ordered = |t: f32| {
+        let bits = t.to_bits();
+        if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
+    };
+    let depth = |splat: &Occluder| splat.along(grid.axes[2]) as f32;
+    let keys = all.iter().enumerate().map(|(i, splat)| u64::from(ordered(depth(splat))) << 32 | i as u64);
+    let mut keys: Vec<u64> = keys.collect();
+    keys.sort_unstable();
+    let mut out = Footprints { all: vec![Footprint::default(); all.len()], rows: vec![[1, 0]; all.len()] };
+    let chunks = keys.chunks(CHUNK).zip(out.all.chunks_mut(CHUNK)).zip(out.rows.chunks_mut(CHUNK));
+    share(chunks, threads, |((keys, footprints), rows)| {
+        for ((key, footprint), rows) in keys.iter().zip(footprints).zip(rows) {
+            let splat = &all[*key as u32 as usize];
+            if let Some((found, covered)) = Footprint::of(splat, grid) {
+                (*footprint, *rows) = (found, covered);
+            }
+        }
+    });
+    out
+}
+
+impl Footprint {
+    /// The footprint and its rows; `None` if it covers no cell.
+    fn of(splat: &Occluder, grid: &Grid) -> Option<(Self, [u32; 2])> {
+        let ([across, down, fall], cell) = (grid.axes, grid.cell);
+        let [column, row] =
+            [(across, grid.low[0]), (down, grid.low[1])].map(|(axis, low)| (splat.along(axis) - low) / cell);
+        let area = cell * cell;
+        let [cc, cr, rr] =
+            [(across, across), (across, down), (down, down)].map(|(a, b)| splat.between(a, b) / area);
+        let (wide_cc, wide_rr) = (cc + FILTER, rr + FILTER);
+        let share = (cc * rr - cr * cr).max(0.0) / (wide_cc * wide_rr - cr * cr);
+        let opacity = f64::from(splat.opacity) * share.sqrt();
+        let reach = 2.0 * (opacity / LEAST_ALPHA).ln();
+        if reach.is_nan() || reach <= 0.0 {
+            return None;
+        }
+        let l_row = wide_rr.sqrt();
+        let skew = cr / l_row;
+        let l_column = (wide_cc - skew * skew).sqrt();
+        let rows = covered(row, l_row * reach.sqrt(), grid.rows)?;
+        covered(column, wide_cc.sqrt() * reach.sqrt(), grid.columns)?;
+        let [with_column, with_row] = [across, down].map(|axis| splat.between(fall, axis) / cell);
+        let slope_row = with_row / l_row;
+        let slope = [slope_row, (with_column - skew * slope_row) / l_column];
+        let footprint = Self {
+            cell: [column.floor() as i32, row.floor() as i32],
+            place: [column - column.floor(), row - row.floor()].map(|v| v as f32),
+            t: splat.along(fall) as f32,
+            row: l_row as f32,
+            skew: skew as f32,
+            column: l_column as f32,
+            slope: slope.map(|v| v as f32),
+            opacity: opacity as f32,
+            reach: reach as f32,
+        };
+        Some((footprint, rows))
+    }
+}
+
+impl Footprints {
+    /// Those that reach cells which are clear, out of many that do not.
+    pub fn over(&self, grid: &Grid, clear: &[f32]) -> Self {
+        // Clear cells above and left of each corner of a cell: any box holds some or none by four of them.
+        let width = grid.columns + 1;
+        let mut sums = vec![0u32; width * (grid.rows + 1)];
+        for (row, cells) in clear.chunks(grid.columns.max(1)).enumerate() {
+            let mut sum = 0;
+            for (column, left) in cells.iter().enumerate() {
+                sum += u32::from(*left >= STOPPED);
+                sums[(row + 1) * width + column + 1] = sums[row * width + column + 1] + sum;
+            }
+        }
+        let mut out = Self { all: Vec::new(), rows: Vec::new() };
+        for (footprint, rows) in self.all.iter().zip(&self.rows) {
+            let half = footprint.skew.hypot(footprint.column) * footprint.reach.sqrt() + 1.0;
+            let column =
+                |to: i32| footprint.cell[0].saturating_add(to).clamp(0, grid.columns as i32) as usize;
+            let (left, right) = (column(-(half.ceil() as i32)), column(half.ceil() as i32 + 1));
+            let [top, bottom] = [rows[0] as usize * width, (rows[1] as usize + 1) * width];
+            // Empty boxes have their last row above their first.
+            if sums[bottom + right] + sums[top + left] > sums[bottom + left] + sums[top + right] {
+                out.all.push(*footprint);
+                out.rows.push(*rows);
+            }
+        }
+        out
+    }
+}
+
+/// First and last of `count` cells whose middle is within `reach` of `at`, cells; `None` if none is.
+fn covered(at: f64, reach: f64, count: usize) -> Option<[u32; 2]> {
+    let first = (at - reach - 0.5).ceil().max(0.0);
+    let last = (at + reach - 0.5).floor().min(count as f64 - 1.0);
+    (first <= last).then_some([first as u32, last as u32])
+}
+
+/// Fills in the cells that are clear: `clear` is what is left of the fall, 1 at the start, and less than a half in
+/// cells that are done. `stops` comes with the distance that surfaces must be beyond, and leaves with that of the
+/// surface, or infinity.
+pub(super) fn cast(
+    footprints: &Footprints,
+    grid: &Grid,
+    stops: &mut [f32],
+    clear: &mut [f32],
+    threads: usize,
+) {
+    let cells = (BAND * grid.columns).max(1);
+    let bands = stops.chunks_mut(cells).zip(clear.chunks_mut(cells)).enumerate();
+    share(bands, threads, |(band, (stops, clear))| {
+        if clear.iter().all(|left| *left < STOPPED) {
+            return;
+        }
+        let (first, end) = (band * BAND, band * BAND + stops.len() / grid.columns);
+        for (footprint, [top, bottom]) in footprints.all.iter().zip(&footprints.rows) {
+            let (top, end) = ((*top as usize).max(first), (*bottom as usize + 1).min(end));
+            for row in top..end {
+                let from = (row - first) * grid.columns;
+                let cells = from..from + grid.columns;
+                footprint.cover(row, &mut stops[cells.clone()], &mut clear[cells]);
+            }
+        }
+        for (stop, left) in stops.iter_mut().zip(clear) {
+            if *left >= STOPPED {
+                *stop = f32::INFINITY;
+            }
+        }
+    });
+}
+
+impl Footprint {
+    /// Covers one row of the grid.
+    #[inline]
+    fn cover(&self, row: usize, stops: &mut [f32], clear: &mut [f32]) {
+        let w_row = ((row as i32 - self.cell[1]) as f32 + 0.5 - self.place[1]) / self.row;
+        let left = self.reach - w_row * w_row;
+        if left < 0.0 {
+            return;
+        }
+        // Columns from that of the mean.
+        let (middle, half) = (self.place[0] - 0.5 + self.skew * w_row, self.column * left.sqrt());
+        let last = stops.len() as i32 - 1;
+        let from = ((middle - half).ceil() as i32).saturating_add(self.cell[0]).max(0);
+        let to = ((middle + half).floor() as i32).saturating_add(self.cell[0]).min(last);
+        let t = self.t + self.slope[0] * w_row;
+        for column in from..=to {
+            let cell = column as usize;
+            if clear[cell] < STOPPED {
+                continue;
+            }
+            let w = ((column - self.cell[0]) as f32 - middle) / self.column;
+            let depth = t + self.slope[1] * w;
+            if depth <= stops[cell] {
+                continue;
+            }
+            clear[cell] *= 1.0 - self.opacity * (-0.5 * (w_row * w_row + w * w)).exp();
+            if clear[cell] < STOPPED {
+                stops[cell] = depth;
+            }
+        }
+    }
+}
+
+/// Does the work of all items, `threads` at once. No item may depend on another.
+fn share<T: Send>(items: impl Iterator<Item = T> + Send, threads: usize, work: impl Fn(T) + Sync) {
+    let items = Mutex::new(items);
+    let run = || {
+        loop {
+            let next = items.lock().expect("no thread panics while it takes an item").next();
+            let Some(item) = next else { break };
+            work(item);
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(run);
+        }
+        run();
+    });
+}

@@ -1,0 +1,117 @@
+//! Lone pieces of the map high above all that is around them: floaters of the reconstruction.
+//!
+//! A piece is a set of cells, each within two cells and one metre of height of another. It is a floater where
+//! - nothing near it is higher, and everything near it is lower by the gap, at least a metre;
+//! - it is small: narrower (as the side of a square of its area) than a fifth of the gap, kept to 0.5-2 m;
+//! - it is less than a fiftieth of all cells that stop anything.
+//!
+//! Where it is a lamp on its post or a lone leaf and no fault, little is lost: narrow things keep little dry.
+//! Its cells are opened again, from half the gap below it, and find what stands there.
+
+use super::Grid;
+
+/// How often floaters are looked for: there may be some below others.
+pub(super) const ROUNDS: usize = 2;
+/// Cells within which cells are of one piece.
+const REACH: i32 = 2;
+/// Height within which they are, m.
+const STEP: f64 = 1.0;
+/// Widest floater, in gaps, and between which widths, m.
+const WIDEST: f64 = 0.2;
+const WIDTHS: [f64; 2] = [0.5, 2.0];
+/// Largest share of a floater in all cells that stop anything.
+const MOST: f64 = 0.02;
+
+/// What is known of a piece.
+#[derive(Clone, Copy)]
+struct Piece {
+    cells: u32,
+    /// How far all around is below it, scene units; 0 if something is above.
+    gap: f32,
+    deepest: f32,
+}
+
+/// Opens the cells of floaters again, with the distance below which they look on; whether there are any.
+pub(super) fn reopen(stops: &mut [f32], clear: &mut [f32], grid: &Grid, metres_per_unit: f64) -> bool {
+    let step = (STEP / metres_per_unit) as f32;
+    let mut parents: Vec<u32> = (0..stops.len() as u32).collect();
+    pairs(grid, |a, b| {
+        if (stops[a] - stops[b]).abs() <= step {
+            join(&mut parents, a as u32, b as u32);
+        }
+    });
+    let mut pieces = vec![Piece { cells: 0, gap: f32::INFINITY, deepest: f32::NEG_INFINITY }; stops.len()];
+    let mut covered = 0;
+    for (cell, stop) in stops.iter().enumerate().filter(|(_, stop)| stop.is_finite()) {
+        let piece = &mut pieces[root(&mut parents, cell as u32) as usize];
+        piece.cells += 1;
+        piece.deepest = piece.deepest.max(*stop);
+        covered += 1;
+    }
+    pairs(grid, |a, b| {
+        // Infinity minus itself is no number, and no edge of a piece.
+        if (stops[a] - stops[b]).abs() > step {
+            let (upper, lower) = if stops[a] < stops[b] { (a, b) } else { (b, a) };
+            let piece = &mut pieces[root(&mut parents, upper as u32) as usize];
+            piece.gap = piece.gap.min(stops[lower] - stops[upper]);
+            pieces[root(&mut parents, lower as u32) as usize].gap = 0.0;
+        }
+    });
+    let cell = grid.cell * metres_per_unit;
+    let is_floater = |piece: &Piece| {
+        let gap = f64::from(piece.gap) * metres_per_unit;
+        f64::from(piece.cells).sqrt() * cell < (WIDEST * gap).clamp(WIDTHS[0], WIDTHS[1])
+            && gap > 0.0
+            && f64::from(piece.cells) < MOST * f64::from(covered)
+    };
+    let mut is_any = false;
+    for index in 0..stops.len() {
+        if !stops[index].is_finite() {
+            continue;
+        }
+        let piece = pieces[root(&mut parents, index as u32) as usize];
+        if is_floater(&piece) {
+            let below = if piece.gap.is_finite() { 0.5 * piece.gap } else { step };
+            (stops[index], clear[index], is_any) = (piece.deepest + below, 1.0, true);
+        }
+    }
+    // The cast fills in all that is clear: cells without a surface are to stay so.
+    if is_any {
+        for (stop, left) in stops.iter().zip(clear) {
+            *left = if stop.is_infinite() { 0.0 } else { *left };
+        }
+    }
+    is_any
+}
+
+/// Calls `visit` with each pair of cells within the reach once.
+fn pairs(grid: &Grid, mut visit: impl FnMut(usize, usize)) {
+    let (columns, rows) = (grid.columns as i32, grid.rows as i32);
+    for row in 0..rows {
+        for column in 0..columns {
+            let cell = (row * columns + column) as usize;
+            for dr in 0..=REACH.min(rows - 1 - row) {
+                let first = if dr == 0 { 1 } else { -REACH };
+                for dc in first.max(-column)..=REACH.min(columns - 1 - column) {
+                    visit(cell, (cell as i32 + dr * columns + dc) as usize);
+                }
+            }
+        }
+    }
+}
+
+/// The first cell of the piece that a cell is in, so far.
+fn root(parents: &mut [u32], mut cell: u32) -> u32 {
+    while parents[cell as usize] != cell {
+        let above = parents[parents[cell as usize] as usize];
+        parents[cell as usize] = above;
+        cell = above;
+    }
+    cell
+}
+
+fn join(parents: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (root(parents, a), root(parents, b));
+    // The smaller index wins: the pieces are the same in whatever order cells are joined.
+    parents[a.max(b) as usize] = a.min(b);
+}

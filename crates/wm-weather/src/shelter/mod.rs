@@ -1,0 +1,276 @@
+//! Where rain and snow can fall: what stands above a point, against the direction of the fall.
+//!
+//! # The map
+//! An orthographic grid perpendicular to the fall, over the scene without its sky and its outliers. Each cell
+//! holds how far along the fall the first surface stands that stops what falls, as a distance from a plane
+//! through the middle of the scene, or infinity where nothing does.
+//!
+//! A splat projects along the fall to a 2D Gaussian of covariance `C = A S A^T`, with `S` its 3D covariance and
+//! `A` the two axes of the grid. A cell sees it through a filter of variance 0.3 cell^2, as a pixel does:
+//! `C' = C + 0.3 I`, its opacity times `sqrt(|C| / |C'|)`, so that a leaf smaller than a cell covers its own share
+//! of it. At a cell's middle, `d` from the splat's,
+//!
+//! `alpha = opacity sqrt(|C| / |C'|) exp(-d^T C'^-1 d / 2)`, nothing below 1/255,
+//!
+//! and the splats' `1 - alpha` multiply in order of the depths of their means. The first splat with which
+//! the product falls below a half is what stops: thin haze does not, many leaves together do.
+//! The distance is that of its own surface in the cell, the mean of its Gaussian along the ray,
+//! `t + c^T C'^-1 d` with `c` the covariance of depth and position: a large slanted splat stops where it is.
+//!
+//! # What is left out
+//! Splats of the sky, faint ones, those with a standard deviation above a quarter of the scene, and lone pieces of
+//! the map high above all that is around them (`floaters.rs`): those cells look for the next surface below.
+//!
+//! # Queries
+//! A point is sheltered where the surface in its cell is above it by more than a margin, the larger of
+//! [`ShelterOptions::margin`] and 1.5 cells. So the ground does not shelter itself, nor do slopes: up to 71
+//! degrees where they are smooth (`tan = 3`, over half a cell), up to 60 where their splats scatter. A wall along
+//! the fall shelters what is in its own cell. Outside the grid nothing is known, and all is exposed.
+
+mod cast;
+mod floaters;
+mod occluders;
+#[cfg(test)]
+mod tests;
+
+use crate::dome::level_axes;
+use crate::optics::Site;
+use wm_scene::Splats;
+
+pub use occluders::Occluders;
+
+/// Margin in cells, at least: half a cell on a surface of slope 3.
+const MARGIN_CELLS: f64 = 1.5;
+/// Largest radius of [`Shelter::exposure`], cells: its cost grows with the square.
+const MOST_RADIUS: f32 = 64.0;
+
+/// How a map is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShelterOptions {
+    /// Width of a cell, m; above 0. Made wider where the scene would have more than `most_cells`.
+    pub cell: f64,
+    /// Most cells of the grid, up to 2^28; 4 bytes each, and some 30 while it is made.
+    pub most_cells: usize,
+    /// A point (world, scene units) and how far from it across the fall the grid goes, m; `None` for the whole scene.
+    /// In scenes that reach far it keeps the cells narrow where cameras are.
+    pub focus: Option<([f64; 3], f64)>,
+    /// Splats of a lower opacity, 0-1, stop nothing: they are haze of the reconstruction.
+    pub least_opacity: f64,
+    /// How far above a point a surface must be to shelter it, m.
+    pub margin: f64,
+    /// How far a fall may turn from that of the map before the map no longer holds, degrees.
+    pub turn: f64,
+}
+
+impl Default for ShelterOptions {
+    fn default() -> Self {
+        Self { cell: 0.1, most_cells: 4_000_000, focus: None, least_opacity: 0.1, margin: 0.15, turn: 3.0 }
+    }
+}
+
+/// Where the grid is: two axes and the fall, from a point in the middle of the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Grid {
+    /// Along the columns, along the rows, along the fall: world axes, length 1.
+    axes: [[f64; 3]; 3],
+    /// The point that distances are from, world, scene units.
+    origin: [f64; 3],
+    /// The first corner, from the origin along the first two axes, scene units.
+    low: [f64; 2],
+    /// Width of a cell, scene units.
+    cell: f64,
+    columns: usize,
+    rows: usize,
+}
+
+/// The map of one scene for one direction of fall.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shelter {
+    grid: Grid,
+    /// Distance along the fall to what stops it, scene units from the origin, `[rows, columns]`.
+    stops: Vec<f32>,
+    metres_per_unit: f64,
+    /// Cosine of the turn that the map allows.
+    turn: f64,
+    query: Query,
+}
+
+/// What a query needs, in f32.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Query {
+    origin: [f32; 3],
+    /// Columns, rows a scene unit along the world axes; and the fall.
+    axes: [[f32; 3]; 3],
+    /// Column and row of the origin.
+    start: [f32; 2],
+    size: [f32; 2],
+    /// Scene units.
+    cell: f32,
+    margin: f32,
+    cells_per_metre: f32,
+}
+
+impl Shelter {
+    /// The map of `splats` for what falls along `fall` (world axes, of any length; straight down where it is zero
+    /// or not finite). `threads` at once, `None` for one a core; the map is the same for any number.
+    ///
+    /// For several directions make [`Occluders`] once: they need no splats.
+    ///
+    /// # Panics
+    /// As [`Occluders::of`].
+    #[must_use]
+    pub fn build(
+        splats: &Splats,
+        site: &Site,
+        fall: [f64; 3],
+        options: &ShelterOptions,
+        threads: Option<usize>,
+    ) -> Self {
+        Occluders::of(splats, site, options).shelter(fall, threads)
+    }
+
+    fn new(grid: Grid, stops: Vec<f32>, metres_per_unit: f64, options: &ShelterOptions) -> Self {
+        let Grid { axes, origin, low, cell, columns, rows } = grid;
+        let scaled = |axis: [f64; 3], by: f64| axis.map(|v| (v * by) as f32);
+        let query = Query {
+            origin: origin.map(|v| v as f32),
+            axes: [scaled(axes[0], 1.0 / cell), scaled(axes[1], 1.0 / cell), scaled(axes[2], 1.0)],
+            start: low.map(|v| (-v / cell) as f32),
+            size: [columns, rows].map(|v| v as f32),
+            cell: cell as f32,
+            margin: (options.margin / metres_per_unit).max(MARGIN_CELLS * cell) as f32,
+            cells_per_metre: (1.0 / (metres_per_unit * cell)) as f32,
+        };
+        Self { grid, stops, metres_per_unit, turn: options.turn.to_radians().cos(), query }
+    }
+
+    /// Column and row of a point, and its distance along the fall, scene units.
+    #[inline]
+    fn locate(&self, point: [f32; 3]) -> [f32; 3] {
+        let Query { origin, axes, start, .. } = &self.query;
+        let [x, y, z] = [point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]];
+        let along = |axis: &[f32; 3]| x * axis[0] + y * axis[1] + z * axis[2];
+        [start[0] + along(&axes[0]), start[1] + along(&axes[1]), along(&axes[2])]
+    }
+
+    /// How far along the fall the surface of a point's cell is from it, scene units; infinite where there is none.
+    #[inline]
+    fn ahead(&self, point: [f32; 3]) -> f32 {
+        let [u, v, t] = self.locate(point);
+        let [width, height] = self.query.size;
+        // No NaN passes.
+        if u >= 0.0 && v >= 0.0 && u < width && v < height {
+            self.stops[v as usize * self.grid.columns + u as usize] - t
+        } else {
+            f32::INFINITY
+        }
+    }
+
+    /// Whether what falls reaches `point` (world, scene units): nothing that stops it stands above by more than
+    /// the margin. Points off the grid are exposed, and those that are no number.
+    #[inline]
+    #[must_use]
+    pub fn is_exposed(&self, point: [f32; 3]) -> bool {
+        self.ahead(point) >= -self.query.margin
+    }
+
+    /// How far what is at `point` (world, scene units) falls until a surface stops it, m: about 0 on a surface,
+    /// negative below one, infinite where nothing is known to stop it.
+    #[inline]
+    #[must_use]
+    pub fn distance_to_surface(&self, point: [f32; 3]) -> f32 {
+        self.ahead(point) * self.metres_per_unit as f32
+    }
+
+    /// How exposed a point (world, scene units) is, 0-1, with soft edges: the share of the cells within `radius`
+    /// (m, at most 64 cells) of it, across the fall, that hold nothing above it, nearer ones counting more
+    /// (`1 - r^2 / radius^2`): it changes smoothly as the point moves, and is a half under a straight edge.
+    ///
+    /// What stands in another cell must be above the point by more than it is away, and the margin, so that slopes
+    /// up to 45 degrees do not shelter themselves, and low things have harder edges than high ones. A radius below
+    /// half a cell asks for the point's own cell. Visits about `4 (radius / cell)^2` cells.
+    #[must_use]
+    pub fn exposure(&self, point: [f32; 3], radius: f32) -> f32 {
+        let reach = (radius * self.query.cells_per_metre).min(MOST_RADIUS);
+        let [u, v, t] = self.locate(point);
+        let [width, height] = self.query.size;
+        let is_near = u > -reach && v > -reach && u < width + reach && v < height + reach;
+        if reach.is_nan() || reach < 0.5 || !is_near {
+            return if self.is_exposed(point) { 1.0 } else { 0.0 };
+        }
+        let [columns, rows] = [self.grid.columns, self.grid.rows].map(|v| v as i32);
+        let within = |at: f32| ((at - reach - 0.5).ceil() as i32, (at + reach - 0.5).floor() as i32);
+        let ((left, right), (top, bottom)) = (within(u), within(v));
+        let (mut open, mut all) = (0.0, 0.0);
+        for row in top..=bottom {
+            let dv = row as f32 + 0.5 - v;
+            for column in left..=right {
+                let du = column as f32 + 0.5 - u;
+                let away = du * du + dv * dv;
+                let weight = (1.0 - away / (reach * reach)).max(0.0);
+                all += weight;
+                let is_known = row >= 0 && row < rows && column >= 0 && column < columns;
+                let stop = if is_known {
+                    self.stops[row as usize * self.grid.columns + column as usize]
+                } else {
+                    f32::INFINITY
+                };
+                let above = t - stop;
+                let is_shelter = above > self.query.margin + away.sqrt() * self.query.cell;
+                open += if is_shelter { 0.0 } else { weight };
+            }
+        }
+        open / all
+    }
+
+    /// Whether the map still serves for another direction of fall (world axes, of any length).
+    #[must_use]
+    pub fn holds(&self, fall: [f64; 3]) -> bool {
+        unit(fall).is_some_and(|fall| dot(fall, self.grid.axes[2]) >= self.turn)
+    }
+
+    /// The direction that it was made for, world axes, length 1.
+    #[must_use]
+    pub fn fall(&self) -> [f64; 3] {
+        self.grid.axes[2]
+    }
+
+    /// Width of a cell, m.
+    #[must_use]
+    pub fn cell(&self) -> f64 {
+        self.grid.cell * self.metres_per_unit
+    }
+
+    /// Columns and rows.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        [self.grid.columns, self.grid.rows]
+    }
+
+    /// Where what falls through the middle of a cell stops, world, scene units; `None` where nothing stops it, and
+    /// off the grid.
+    #[must_use]
+    pub fn surface(&self, column: usize, row: usize) -> Option<[f64; 3]> {
+        let Grid { axes, origin, low, cell, columns, .. } = &self.grid;
+        let stop = f64::from(*self.stops.get(row * columns + column).filter(|_| column < *columns)?);
+        let [u, v] = [low[0] + (column as f64 + 0.5) * cell, low[1] + (row as f64 + 0.5) * cell];
+        let at = |k: usize| origin[k] + u * axes[0][k] + v * axes[1][k] + stop * axes[2][k];
+        stop.is_finite().then(|| [at(0), at(1), at(2)])
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// A vector at length 1; `None` if it has no direction.
+fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
+    let length = dot(v, v).sqrt();
+    (length.is_finite() && length > 1e-12).then(|| v.map(|x| x / length))
+}
+
+/// Two axes across the fall, and the fall.
+fn axes_of(fall: [f64; 3]) -> [[f64; 3]; 3] {
+    let [forward, right, _] = level_axes(fall.map(|v| -v));
+    [forward, right, fall]
+}

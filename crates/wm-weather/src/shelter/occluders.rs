@@ -1,0 +1,174 @@
+//! What of a scene may stop rain and snow, kept small, for maps in any direction.
+
+use super::{Grid, Shelter, ShelterOptions, axes_of, cast, dot, floaters, unit};
+use crate::optics::Site;
+use wm_scene::{Group, Splats, quat};
+
+/// Share of the splats that the grid leaves out at each side.
+const OUTLIERS: f64 = 0.005;
+/// How far a splat reaches for the size of the grid, standard deviations.
+const REACH: f64 = 2.0;
+/// Largest standard deviation of a splat, in diagonals of the scene.
+const LARGEST: f64 = 0.25;
+
+/// Cells that indices and sums of 32 bits can hold.
+const MOST_CELLS: usize = 1 << 28;
+
+/// The splats of a scene that stop what falls, 40 bytes each: a map for another wind needs no more.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Occluders {
+    options: ShelterOptions,
+    metres_per_unit: f64,
+    up: [f64; 3],
+    /// Middle of the scene, scene units.
+    pub(super) origin: [f64; 3],
+    pub(super) all: Vec<Occluder>,
+}
+
+/// One of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Occluder {
+    /// From the origin, world axes, scene units.
+    pub mean: [f32; 3],
+    /// xx, xy, xz, yy, yz, zz.
+    pub covariance: [f32; 6],
+    pub opacity: f32,
+}
+
+impl Occluder {
+    /// Its covariance along two directions.
+    pub fn between(&self, a: [f64; 3], b: [f64; 3]) -> f64 {
+        let [xx, xy, xz, yy, yz, zz] = self.covariance.map(f64::from);
+        a[0] * (xx * b[0] + xy * b[1] + xz * b[2])
+            + a[1] * (xy * b[0] + yy * b[1] + yz * b[2])
+            + a[2] * (xz * b[0] + yz * b[1] + zz * b[2])
+    }
+
+    pub fn along(&self, axis: [f64; 3]) -> f64 {
+        dot(self.mean.map(f64::from), axis)
+    }
+
+    fn at(splats: &Splats, index: usize, origin: [f64; 3]) -> Self {
+        let turn = quat::to_matrix(splats.quats[index].map(f64::from));
+        let variances = splats.scales(index).map(|s| s * s);
+        let between =
+            |i: usize, j: usize| (0..3).map(|k| turn[i][k] * turn[j][k] * variances[k]).sum::<f64>() as f32;
+        let mean = splats.means[index];
+        Self {
+            mean: std::array::from_fn(|k| (f64::from(mean[k]) - origin[k]) as f32),
+            covariance: [
+                between(0, 0),
+                between(0, 1),
+                between(0, 2),
+                between(1, 1),
+                between(1, 2),
+                between(2, 2),
+            ],
+            opacity: splats.opacity(index) as f32,
+        }
+    }
+}
+
+impl Occluders {
+    /// Those of a scene. Its sky must be labelled; splats with faults stop nothing.
+    ///
+    /// # Panics
+    /// If the width of a cell is not above 0, or the site has no scale or no up.
+    #[must_use]
+    pub fn of(splats: &Splats, site: &Site, options: &ShelterOptions) -> Self {
+        assert!(options.cell.is_finite() && options.cell > 0.0, "cells of {} m", options.cell);
+        let metres_per_unit = site.metres_per_unit;
+        assert!(metres_per_unit.is_finite() && metres_per_unit > 0.0, "a scale of {metres_per_unit}");
+        let up = unit(site.up).expect("a site has an up");
+        let kept: Vec<usize> = (0..splats.len())
+            .filter(|&i| splats.groups[i] != Group::Sky && splats.opacity(i) >= options.least_opacity)
+            .filter(|&i| is_sound(splats, i))
+            .collect();
+        let ranges = [0, 1, 2].map(|k| {
+            let bounds = kept.iter().map(|&i| {
+                let (mean, reach) = (f64::from(splats.means[i][k]), REACH * largest(splats, i));
+                [mean - reach, mean + reach]
+            });
+            range(bounds)
+        });
+        let origin = ranges.map(|[low, high]| 0.5 * (low + high));
+        let diagonal = ranges.iter().map(|[low, high]| (high - low).powi(2)).sum::<f64>().sqrt();
+        let small = kept.iter().filter(|&&i| largest(splats, i) <= LARGEST * diagonal);
+        let all = small.map(|&i| Occluder::at(splats, i, origin)).collect();
+        Self { options: *options, metres_per_unit, up, origin, all }
+    }
+
+    /// The map for what falls along `fall`: see [`Shelter::build`].
+    #[must_use]
+    pub fn shelter(&self, fall: [f64; 3], threads: Option<usize>) -> Shelter {
+        let threads = threads
+            .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get))
+            .max(1);
+        let grid = self.grid(unit(fall).unwrap_or(self.up.map(|v| -v)));
+        let footprints = cast::project(&self.all, &grid, threads);
+        let mut stops = vec![f32::NEG_INFINITY; grid.columns * grid.rows];
+        let mut clear = vec![1.0; stops.len()];
+        cast::cast(&footprints, &grid, &mut stops, &mut clear, threads);
+        for _ in 0..floaters::ROUNDS {
+            if !floaters::reopen(&mut stops, &mut clear, &grid, self.metres_per_unit) {
+                break;
+            }
+            cast::cast(&footprints.over(&grid, &clear), &grid, &mut stops, &mut clear, threads);
+        }
+        Shelter::new(grid, stops, self.metres_per_unit, &self.options)
+    }
+
+    /// The grid across a direction of fall.
+    pub(super) fn grid(&self, fall: [f64; 3]) -> Grid {
+        let axes = axes_of(fall);
+        let [across, down] = [0, 1].map(|k| {
+            let [low, high] = range(self.all.iter().map(|splat| {
+                let (mean, reach) = (splat.along(axes[k]), REACH * splat.between(axes[k], axes[k]).sqrt());
+                [mean - reach, mean + reach]
+            }));
+            let Some((point, metres)) = self.options.focus else { return [low, high] };
+            let middle = dot(std::array::from_fn(|i| point[i] - self.origin[i]), axes[k]);
+            let reach = metres / self.metres_per_unit;
+            [low.max(middle - reach), high.min(middle + reach)]
+        });
+        let size = [across[1] - across[0], down[1] - down[0]];
+        let mut cell = self.options.cell / self.metres_per_unit;
+        let cells = |length: f64, cell: f64| (length / cell).ceil().max(1.0);
+        let most = self.options.most_cells.clamp(1, MOST_CELLS) as f64;
+        loop {
+            let count = cells(size[0], cell) * cells(size[1], cell);
+            if count <= most {
+                break;
+            }
+            // A long strip takes several steps.
+            cell *= (count / most).sqrt().max(1.001);
+        }
+        let [mut columns, mut rows] = size.map(|length| cells(length, cell) as usize);
+        if self.all.is_empty() || size.iter().any(|length| *length < 0.0) {
+            [columns, rows] = [0, 0];
+        }
+        Grid { axes, origin: self.origin, low: [across[0], down[0]], cell, columns, rows }
+    }
+}
+
+/// Whether the place and shape of a splat can be used; its colour does not matter.
+fn is_sound(splats: &Splats, index: usize) -> bool {
+    let faults = splats.faults(index);
+    !(faults.mean || faults.scale || faults.opacity || faults.quat)
+}
+
+/// The largest standard deviation of a splat, scene units.
+fn largest(splats: &Splats, index: usize) -> f64 {
+    let [a, b, c] = splats.log_scales[index];
+    f64::from(a.max(b).max(c)).exp()
+}
+
+/// From the low quantile of the lower ends to the high one of the upper ends; both 0 if there are none.
+fn range(bounds: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
+    let (mut lows, mut highs): (Vec<f64>, Vec<f64>) = bounds.map(|[low, high]| (low, high)).unzip();
+    let Some(last) = lows.len().checked_sub(1) else { return [0.0; 2] };
+    let rank = (OUTLIERS * last as f64) as usize;
+    let low = *lows.select_nth_unstable_by(rank, f64::total_cmp).1;
+    let high = *highs.select_nth_unstable_by(last - rank, f64::total_cmp).1;
+    [low, high]
+}
