@@ -10,9 +10,13 @@
 //! optical depth over length `s` from height `zc` with rise `dz` a metre is, in closed form,
 //! `sigma_0 exp(-(zc - z0) / H) s (1 - e^-x) / x`, `x = s dz / H`.
 //!
+//! Of rain and snow the drops that are drawn do their own part: the air leaves it to them
+//! ([`crate::particles::residual`]).
+//!
 //! Several layers at once: optical depths add, and the airlight is the mean of theirs weighted by
 //! optical depth: exact where the layers have one profile, and close to it otherwise.
 
+use crate::particles::Residual;
 use fearless_simd::{Select, SimdBase, SimdFloat};
 use std::f32::consts::LOG2_E;
 use wm_render::dispatch;
@@ -92,6 +96,8 @@ pub struct Site {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Atmosphere {
     layers: Vec<Layer>,
+    /// What of the layers is drawn drop by drop.
+    drawn: Vec<Residual>,
     site: Site,
 }
 
@@ -100,7 +106,46 @@ impl Atmosphere {
     #[must_use]
     pub fn new(layers: Vec<Layer>, site: Site) -> Self {
         let layers = layers.into_iter().filter(|layer| layer.sigma_t.iter().any(|s| *s > 0.0)).collect();
-        Self { layers, site }
+        Self { layers, drawn: Vec::new(), site }
+    }
+
+    /// The same air without what is drawn drop by drop.
+    #[must_use]
+    pub fn without(mut self, drawn: Vec<Residual>) -> Self {
+        self.drawn = drawn;
+        self
+    }
+
+    /// A radiance `distance` metres away as seen from `origin` (world axes, scene units), linear RGB.
+    #[must_use]
+    pub fn through(&self, origin: [f32; 3], direction: [f32; 3], distance: f32, rgb: [f32; 3]) -> [f32; 3] {
+        let (mut depth, mut light) = ([0.0f32; 3], [0.0f32; 3]);
+        let mut add = |path: f32, sigma_t: [f64; 3], airlight: [f64; 3]| {
+            for k in 0..3 {
+                let own = path * sigma_t[k] as f32;
+                depth[k] += own;
+                light[k] += own * airlight[k] as f32;
+            }
+        };
+        for layer in &self.layers {
+            let path = if layer.scale_height.is_finite() {
+                let rise = (0..3).map(|k| f64::from(direction[k]) * self.site.up[k]).sum();
+                Self::path_length(layer, self.height(origin.map(f64::from)), rise, f64::from(distance)) as f32
+            } else {
+                distance
+            };
+            add(path, layer.sigma_t, layer.airlight);
+        }
+        for drawn in &self.drawn {
+            add(-drawn.tabled(distance), [1.0; 3], drawn.airlight());
+        }
+        std::array::from_fn(|k| {
+            if depth[k] <= 0.0 {
+                return rgb[k];
+            }
+            let airlight = light[k] / depth[k];
+            airlight + (rgb[k] - airlight) * (-depth[k]).exp()
+        })
     }
 
     /// Whether the air is clear.
@@ -161,12 +206,23 @@ impl Atmosphere {
                         light[k] = own.mul_add(simd.set(layer.airlight[k]), light[k]);
                     }
                 }
+                for drawn in &self.drawn {
+                    let mut own = [0.0; GROUP];
+                    for (own, metres) in own.iter_mut().zip(metres.as_slice()) {
+                        *own = -LOG2_E * drawn.tabled(*metres);
+                    }
+                    let own = simd.load(&own);
+                    for k in 0..3 {
+                        depth[k] += own;
+                        light[k] = own.mul_add(simd.set(drawn.airlight()[k] as f32), light[k]);
+                    }
+                }
                 let mut exponent = depth;
                 for k in 0..3 {
                     exponent[k] = (-depth[k]).max(simd.set(-126.0));
                 }
                 let kept = match &layers[..] {
-                    [only] if only.is_grey() => [exp2(simd, [exponent[0]])[0]; 3],
+                    [only] if only.is_grey() && self.drawn.is_empty() => [exp2(simd, [exponent[0]])[0]; 3],
                     _ => exp2(simd, exponent),
                 };
                 let mut color = [simd.set(0.0); 3];
@@ -176,7 +232,7 @@ impl Atmosphere {
                 let mut seen = simd::srgb_decode(simd, color);
                 for k in 0..3 {
                     let airlight = match &layers[..] {
-                        [only] => simd.set(only.airlight[k]),
+                        [only] if self.drawn.is_empty() => simd.set(only.airlight[k]),
                         _ => light[k] / depth[k].max(simd.set(1e-30)),
                     };
                     seen[k] = (seen[k] - airlight).mul_add(kept[k], airlight);
@@ -238,12 +294,15 @@ impl Medium for Atmosphere {
         let paths: Vec<f64> =
             self.layers.iter().map(|layer| Self::path_length(layer, height, rise, metres)).collect();
         std::array::from_fn(|k| {
-            let depths = self.layers.iter().zip(&paths).map(|(layer, path)| layer.sigma_t[k] * path);
-            let total: f64 = depths.clone().sum();
+            let layers = self.layers.iter().zip(&paths);
+            let layers = layers.map(|(layer, path)| (layer.sigma_t[k] * path, layer.airlight[k]));
+            let drawn = self.drawn.iter().map(|drawn| (-drawn.depth(metres.min(FAR)), drawn.airlight()[k]));
+            let parts = layers.chain(drawn);
+            let total: f64 = parts.clone().map(|(depth, _)| depth).sum();
             if total <= 0.0 {
                 return rgb[k];
             }
-            let light: f64 = depths.zip(&self.layers).map(|(depth, layer)| depth * layer.airlight[k]).sum();
+            let light: f64 = parts.map(|(depth, airlight)| depth * airlight).sum();
             let (kept, airlight) = ((-total).exp(), light / total);
             srgb_encode(airlight + (srgb_decode(rgb[k]) - airlight) * kept)
         })

@@ -1,16 +1,21 @@
 //! What weather is on, over time, and how it reaches the renderer.
 
 use crate::dome::Dome;
-use crate::effects::{Action, EFFECTS, Effect};
+use crate::dome::level_axes;
+use crate::effects::{Action, EFFECTS, Effect, Now};
 use crate::optics::{Atmosphere, Daylight, Site};
 use crate::panorama::Panorama;
 use crate::paper::PaperFog;
 use crate::param::Value;
+use crate::particles::fall::Blow;
+use crate::particles::{Fall, Precipitation};
 use crate::picture::Picture;
+use crate::shelter::Shelter;
 use crate::track::Track;
 use std::path::Path;
 use std::sync::Arc;
-use wm_render::hooks::{Backdrop, Hooks, Medium, PixelEffect, SkySplats};
+use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect, SkySplats};
+use wm_scene::Camera;
 
 /// Whose formulas are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -98,8 +103,8 @@ impl Weather {
     #[must_use]
     pub fn at(&self, time: f64) -> Instant {
         let values = |tracks: &[Track]| tracks.iter().map(|track| track.at(time)).collect();
-        let effects = self.active.iter().map(|(effect, tracks)| (*effect, values(tracks))).collect();
-        Instant { fidelity: self.fidelity, effects }
+        let now = |(effect, tracks): &(usize, Vec<Track>)| (*effect, values(tracks), tracks.clone());
+        Instant { fidelity: self.fidelity, time, effects: self.active.iter().map(now).collect() }
     }
 }
 
@@ -108,13 +113,15 @@ impl Weather {
 pub struct Instant {
     /// Whose formulas are used.
     pub fidelity: Fidelity,
-    effects: Vec<(usize, Vec<Value>)>,
+    /// Seconds.
+    pub time: f64,
+    effects: Vec<(usize, Vec<Value>, Vec<Track>)>,
 }
 
 impl Instant {
     /// The effects that are on, with their values in the order of their tables.
     pub fn effects(&self) -> impl Iterator<Item = (&'static Effect, &[Value])> {
-        self.effects.iter().map(|(effect, values)| (&EFFECTS[*effect], &values[..]))
+        self.effects.iter().map(|(effect, values, _)| (&EFFECTS[*effect], &values[..]))
     }
 
     /// What the renderer needs of this weather at one place.
@@ -123,12 +130,14 @@ impl Instant {
         let (mut site, mut dome) = (*site, None);
         let mut layers = Vec::new();
         let mut paper = Vec::new();
-        for (effect, values) in self.effects() {
+        let (mut falling, mut blow) = (Vec::new(), Blow::default());
+        for (effect, values, tracks) in &self.effects {
+            let effect = &EFFECTS[*effect];
             let act = match self.fidelity {
                 Fidelity::Physical => effect.act,
                 Fidelity::Paper => effect.act_as_paper.unwrap_or(effect.act),
             };
-            match act(values, &site) {
+            match act(&Now { values, tracks, time: self.time }, &site) {
                 // First of all effects: the light of the others is its.
                 Action::Sky(sky) => {
                     let is_its = site.daylight == Daylight::Guessed || sky.scenes_sky() == SkySplats::LeftOut;
@@ -137,9 +146,35 @@ impl Instant {
                 }
                 Action::Layer(layer) => layers.push(layer),
                 Action::PaperFog(fog) => paper.push(fog),
+                Action::Wind(wind) => {
+                    blow = Blow { drift: wind.drift(self.time), wind: wind.at(self.time) };
+                }
+                Action::Precipitation(kind) => {
+                    layers.push(kind.layer());
+                    falling.push(*kind);
+                }
             }
         }
-        Sky { air: Atmosphere::new(layers, site), paper, dome }
+        Sky { air: Atmosphere::new(layers, site), site, time: self.time, paper, dome, falling, blow }
+    }
+}
+
+/// From where a weather is seen.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Its velocity, m/s, world axes: what falls is streaked by it.
+    pub velocity: [f64; 3],
+    /// Where nothing falls; `None` where that is not known.
+    pub shelter: Option<&'a Shelter>,
+}
+
+impl<'a> Seen<'a> {
+    /// By a camera that stands still, in the open.
+    #[must_use]
+    pub fn by(camera: &'a Camera) -> Self {
+        Self { camera, velocity: [0.0; 3], shelter: None }
     }
 }
 
@@ -148,7 +183,11 @@ impl Instant {
 pub struct Sky {
     /// The air.
     pub air: Atmosphere,
+    site: Site,
+    time: f64,
     paper: Vec<PaperFog>,
+    falling: Vec<Precipitation>,
+    blow: Blow,
     /// What stands behind everything, if the weather says it.
     dome: Option<Dome>,
 }
@@ -160,11 +199,37 @@ impl Sky {
         self.dome.as_ref()
     }
 
-    /// Calls `render` with the hooks of this weather.
-    pub fn with_hooks<R>(&self, render: impl FnOnce(Hooks<'_>) -> R) -> R {
+    /// What falls.
+    #[must_use]
+    pub fn falling(&self) -> &[Precipitation] {
+        &self.falling
+    }
+
+    /// The direction in which most of it falls, world axes, length 1: down, with the wind. `None` where nothing does.
+    #[must_use]
+    pub fn fall(&self) -> Option<[f64; 3]> {
+        let kind = self.falling.iter().max_by(|a, b| a.rate.total_cmp(&b.rate))?;
+        let [x, y] = self.blow.wind;
+        let axes = level_axes(self.site.up);
+        let way = [x, y, -kind.mean_speed()];
+        let length = way.iter().map(|v| v * v).sum::<f64>().sqrt();
+        Some(std::array::from_fn(|k| (0..3).map(|axis| axes[axis][k] * way[axis] / length).sum()))
+    }
+
+    /// Calls `render` with the hooks of this weather for what is `seen`.
+    pub fn with_hooks<R>(&self, seen: &Seen<'_>, render: impl FnOnce(Hooks<'_>) -> R) -> R {
         let pixels: Vec<&dyn PixelEffect> = self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
-        let medium = (!self.air.is_clear()).then_some(&self.air as &dyn Medium);
         let background = self.dome.as_ref().map(|dome| dome as &dyn Backdrop);
-        render(Hooks { background, medium, particles: &[], pixels: &pixels })
+        let size = f64::from(ParticleView::new(seen.camera).pixels());
+        let air = self.air.clone().without(self.falling.iter().map(|kind| kind.residual(size)).collect());
+        let medium = (!air.is_clear()).then_some(&air as &dyn Medium);
+        let motion = (self.blow, seen.velocity);
+        let falls: Vec<Fall<'_>> = self
+            .falling
+            .iter()
+            .map(|kind| Fall::new(kind, &self.site, &air, seen.shelter, motion, self.time))
+            .collect();
+        let particles: Vec<&dyn Particles> = falls.iter().map(|fall| fall as &dyn Particles).collect();
+        render(Hooks { background, medium, particles: &particles, pixels: &pixels })
     }
 }

@@ -50,8 +50,8 @@ macro_rules! air {
             about: $about,
             slot: Slot::Medium,
             params: Params::PARAMS,
-            act: |values, site| Action::Layer(Params::of(values).layer(site)),
-            act_as_paper: Some(|values, site| Action::PaperFog(Params::of(values).paper_fog(site))),
+            act: |now, site| Action::Layer(Params::of(now.values).layer(site)),
+            act_as_paper: Some(|now, site| Action::PaperFog(Params::of(now.values).paper_fog(site))),
         };
 
         impl Params {

@@ -8,9 +8,13 @@ use crate::dome::Dome;
 use crate::optics::{Layer, Site};
 use crate::paper::PaperFog;
 use crate::param::{Kind, Param, Value};
+use crate::particles::Precipitation;
+use crate::track::Track;
+use crate::wind::Wind;
 use wm_render::hooks::Slot;
 
 mod air;
+mod drops;
 
 /// One kind of weather.
 pub struct Effect {
@@ -22,10 +26,21 @@ pub struct Effect {
     pub slot: Slot,
     /// Its parameters.
     pub params: &'static [Param],
-    /// What it does, from values in the order of `params`, each checked by its entry.
-    pub act: fn(&[Value], &Site) -> Action,
+    /// What it does.
+    pub act: fn(&Now<'_>, &Site) -> Action,
     /// What it does in the paper's formulation; `None` if the paper does not have it.
-    pub act_as_paper: Option<fn(&[Value], &Site) -> Action>,
+    pub act_as_paper: Option<fn(&Now<'_>, &Site) -> Action>,
+}
+
+/// The parameters of an effect at one instant, in the order of its table.
+#[derive(Clone, Copy, Debug)]
+pub struct Now<'a> {
+    /// Their values, each checked by its entry.
+    pub values: &'a [Value],
+    /// The same over all time: what adds up over time needs it.
+    pub tracks: &'a [Track],
+    /// The instant, seconds.
+    pub time: f64,
 }
 
 /// What an effect gives to the renderer.
@@ -37,6 +52,10 @@ pub enum Action {
     PaperFog(PaperFog),
     /// What stands behind everything.
     Sky(Dome),
+    /// How the air moves.
+    Wind(Wind),
+    /// Something that falls.
+    Precipitation(Box<Precipitation>),
 }
 
 macro_rules! effects {
@@ -48,7 +67,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, fog, haze, smog }
+effects! { sky, wind, fog, haze, smog, rain, snowfall }
 
 impl Effect {
     /// The effect of a name.

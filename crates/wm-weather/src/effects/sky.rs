@@ -91,7 +91,7 @@ pub const EFFECT: Effect = Effect {
     about: "What stands behind everything: clear, overcast, a colour or a panorama",
     slot: Slot::Background,
     params: Params::PARAMS,
-    act: |values, site| Action::Sky(Params::of(values).dome(site)),
+    act: |now, site| Action::Sky(Params::of(now.values).dome(site)),
     act_as_paper: None,
 };
 

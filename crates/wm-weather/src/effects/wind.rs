@@ -1,0 +1,38 @@
+//! Wind: what carries rain and snow along.
+//!
+//! Formulas: [`crate::wind`]. One wind for all heights: drops take some metres to follow a change of wind, and those
+//! that are seen are near the ground. The paper moves its drops by hand.
+
+use crate::effects::{Action, Effect};
+use crate::param::Value;
+use crate::wind::Wind;
+use wm_render::hooks::Slot;
+
+crate::params! {
+    /// What can be set.
+    pub struct Params {
+        /// Mean speed. Over time by keyframes: what falls drifts by its integral.
+        speed: f64 = Value::Number(5.0), 0.0 => 60.0, "m/s";
+        /// Where it blows to, clockwise seen from above; 0 is the scene's x axis, laid level (its y axis where x
+        /// is up), as for `sky.heading`.
+        direction: f64 = Value::Number(90.0), -36_000.0 => 36_000.0, "deg";
+        /// Gusts: standard deviation of the speed as a share of it; half as much across. 0.15 over open
+        /// land, 0.25 and more between houses.
+        gusts: f64 = Value::Number(0.2), 0.0 => 1.0, "";
+        /// Which of the equally likely gusts: a whole number.
+        seed: f64 = Value::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
+    }
+}
+
+/// The entry of [`EFFECTS`](super::EFFECTS).
+pub const EFFECT: Effect = Effect {
+    name: "wind",
+    about: "Wind: carries rain and snow along, with gusts",
+    slot: Slot::Particles,
+    params: Params::PARAMS,
+    act: |now, _| {
+        let Params { gusts, seed, .. } = Params::of(now.values);
+        Action::Wind(Wind::new(now.tracks[0].clone(), now.tracks[1].clone(), gusts, seed as u64))
+    },
+    act_as_paper: None,
+};

@@ -1,0 +1,1 @@
+//! What falls, measured from the particles that are drawn.
