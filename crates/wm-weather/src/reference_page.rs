@@ -80,19 +80,34 @@ about = \"From a clear day to dense fog in five seconds\"
 fidelity = \"physical\"            # or \"paper\": the paper's formulas as printed
 
 [fog]
-mor = { keys = [[0, 2000], [5, 60]] }   # seconds and values, linear between
+mor = { keys = [[0, 2000, \"smooth\"], [5, 60]] }   # seconds, value, easing of the way to the next
 airlight = \"#d5dadd\"
 
 [sky]
 panorama = \"evening.exr\"         # beside this file
-heading = { keys = [[0, 0], [5, 10]] }
+heading = { keys = [[0, 0], [5, 10]] }    # linear
 scene_sky = \"replace\"
 ```
 
 A parameter is a number in its unit, a colour (`\"#rrggbb\"` or three numbers 0-1, sRGB), a word or a path, `\"auto\"`
-where its range says so, or keyframes of numbers or colours. On the command line: `--set fog.mor=120`,
-`--set fog.mor=0:2000,5:60`, `--set fog.airlight=#d5dadd`, `--set fidelity=paper`. `sky = \"overcast\"` and
+where its range says so, or keyframes of numbers, colours or words. On the command line: `--set fog.mor=120`,
+`--set fog.mor=0:2000:smooth,5:60`, `--set fog.airlight=#d5dadd`, `--set fidelity=paper`. `sky = \"overcast\"` and
 `--set sky=overcast` are short for the first parameter of the sky.
+
+## Keyframes
+
+A keyframe is a time in seconds from the start of the shot, a value, and the easing of the way to the next keyframe. Times
+rise; before the first keyframe and after the last the value stays. Numbers go in the parameter's own unit, colours
+mix in linear light, words hold until the next keyframe. With `s` the share of the time between two keyframes that has
+passed, 0 to 1:
+
+| easing | share of the way | what it is like |
+|---|---|---|
+| `linear` | s | even; the default |
+| `hold` | 0 | stays, and jumps at the next keyframe |
+| `smooth` | s^2 (3 - 2 s) | slow at both ends |
+| `ease-in` | s^2 | slow at first |
+| `ease-out` | s (2 - s) | slow at last |
 ";
 
 #[cfg(test)]
