@@ -266,7 +266,7 @@ fn mean_density<S: Lanes>(simd: S, x: S::F) -> S::F {
 
 /// sRGB to linear light, by channel.
 #[inline(always)]
-fn decode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
+pub(crate) fn decode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
     let mut base = value;
     for k in 0..3 {
         base[k] = value[k].mul_add(simd.set(1.0 / 1.055), simd.set(0.055 / 1.055));
@@ -281,7 +281,7 @@ fn decode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
 
 /// Linear light to sRGB, by channel.
 #[inline(always)]
-fn encode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
+pub(crate) fn encode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
     let mut result = powf(simd, value, 1.0 / 2.4);
     for k in 0..3 {
         let power = result[k].mul_add(simd.set(1.055), simd.set(-0.055));

@@ -15,6 +15,7 @@ pub fn markdown() -> String {
         let about = Weather::preset(name).map(|weather| weather.about).unwrap_or_default();
         _ = writeln!(page, "| `{name}` | {about} |");
     }
+    page.push_str(LOOKS);
     for effect in EFFECTS {
         _ = writeln!(page, "\n## {}\n\n{}. Slot: {}.\n", effect.name, effect.about, effect.slot.name());
         page.push_str("| parameter | default | range | unit | meaning |\n|---|---|---|---|---|\n");
@@ -108,6 +109,14 @@ passed, 0 to 1:
 | `smooth` | s^2 (3 - 2 s) | slow at both ends |
 | `ease-in` | s^2 | slow at first |
 | `ease-out` | s (2 - s) | slow at last |
+";
+
+const LOOKS: &str = "
+The colour filter that the paper lays over rain and snow, on top of any weather:
+
+```
+--set look.exposure=-0.5 --set look.saturation=0.7 --set look.temperature=-0.2 --set look.contrast=0.85
+```
 ";
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! What weather is on, over time, and how it reaches the renderer.
 
 use crate::dome::Dome;
+use crate::effects::look::Grade;
 use crate::effects::{Action, EFFECTS, Effect};
 use crate::optics::{Atmosphere, Daylight, Site};
 use crate::panorama::Panorama;
@@ -123,6 +124,7 @@ impl Instant {
         let (mut site, mut dome) = (*site, None);
         let mut layers = Vec::new();
         let mut paper = Vec::new();
+        let mut grade = None;
         for (effect, values) in self.effects() {
             let act = match self.fidelity {
                 Fidelity::Physical => effect.act,
@@ -137,9 +139,10 @@ impl Instant {
                 }
                 Action::Layer(layer) => layers.push(layer),
                 Action::PaperFog(fog) => paper.push(fog),
+                Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
             }
         }
-        Sky { air: Atmosphere::new(layers, site), paper, dome }
+        Sky { air: Atmosphere::new(layers, site), paper, dome, grade }
     }
 }
 
@@ -151,6 +154,8 @@ pub struct Sky {
     paper: Vec<PaperFog>,
     /// What stands behind everything, if the weather says it.
     dome: Option<Dome>,
+    /// Exposure and colour of the finished picture; `None` leaves it as it is.
+    grade: Option<Grade>,
 }
 
 impl Sky {
@@ -162,7 +167,10 @@ impl Sky {
 
     /// Calls `render` with the hooks of this weather.
     pub fn with_hooks<R>(&self, render: impl FnOnce(Hooks<'_>) -> R) -> R {
-        let pixels: Vec<&dyn PixelEffect> = self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
+        let mut pixels: Vec<&dyn PixelEffect> =
+            self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
+        // The lens comes last.
+        pixels.extend(self.grade.as_ref().map(|grade| grade as &dyn PixelEffect));
         let medium = (!self.air.is_clear()).then_some(&self.air as &dyn Medium);
         let background = self.dome.as_ref().map(|dome| dome as &dyn Backdrop);
         render(Hooks { background, medium, pixels: &pixels })

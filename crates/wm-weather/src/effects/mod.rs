@@ -5,6 +5,7 @@
 //! can be asked for alone.
 
 use crate::dome::Dome;
+use crate::effects::look::Grade;
 use crate::optics::{Layer, Site};
 use crate::paper::PaperFog;
 use crate::param::{Kind, Param, Value};
@@ -37,6 +38,8 @@ pub enum Action {
     PaperFog(PaperFog),
     /// What stands behind everything.
     Sky(Dome),
+    /// Exposure and colour of the finished picture.
+    Grade(Grade),
 }
 
 macro_rules! effects {
@@ -48,7 +51,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, fog, haze, smog }
+effects! { sky, fog, haze, smog, look }
 
 impl Effect {
     /// The effect of a name.
