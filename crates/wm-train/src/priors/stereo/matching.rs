@@ -151,8 +151,7 @@ impl Window {
         let across = [(h[0][0] - x * h[2][0]) * by_z, (h[1][0] - y * h[2][0]) * by_z];
         let down = [(h[0][1] - x * h[2][1]) * by_z, (h[1][1] - y * h[2][1]) * by_z];
         // All of the window is inside if its corners are; they are added up in another order below.
-        let reach =
-            [0, 1].map(|k| OFFSETS[OFFSETS.len() - 1] * (across[k].abs() + down[k].abs()) + ROUNDING);
+        let reach = [0, 1].map(|k| OFFSETS[OFFSETS.len() - 1] * (across[k].abs() + down[k].abs()) + ROUNDING);
         let picture = source.picture;
         if !(picture.holds(x - reach[0], y - reach[1]) && picture.holds(x + reach[0], y + reach[1])) {
             return WORST;
