@@ -5,7 +5,11 @@ use crate::view::spec;
 use anyhow::Result;
 use wm_render::{Frame, Job, RenderConfig, Renderer, SetView, Stats};
 use wm_scene::Camera;
-use wm_weather::{Site, Weather};
+use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
+use wm_weather::{Seen, Site, Sky, Weather};
+
+/// Maps of shelter that are kept, one for each direction of fall: enough for a wind that turns.
+const MAPS: usize = 6;
 
 /// Where frames are made.
 pub struct Studio {
@@ -15,13 +19,66 @@ pub struct Studio {
     pub site: Site,
     /// What is rendered, and over what.
     pub config: RenderConfig,
+    /// What may stop what falls, until it is asked for.
+    occluders: Option<Occluders>,
+    /// Directions of fall with what they leave dry, the last used at the end.
+    shelters: Vec<([f64; 3], Shelter)>,
+}
+
+/// Whether something may fall: roofs are then kept in mind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rain {
+    /// Rain or snow, at some time.
+    Expected,
+    /// Neither.
+    Never,
+}
+
+impl From<&Weather> for Rain {
+    fn from(weather: &Weather) -> Self {
+        if weather.has_fall() { Self::Expected } else { Self::Never }
+    }
+}
+
+/// A camera and how it moves.
+#[derive(Clone, Copy, Debug)]
+pub struct Moving<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// m/s, world axes.
+    pub velocity: [f64; 3],
+}
+
+impl<'a> From<&'a Camera> for Moving<'a> {
+    /// One that stands still.
+    fn from(camera: &'a Camera) -> Self {
+        Self { camera, velocity: [0.0; 3] }
+    }
 }
 
 impl Studio {
     /// Opens it. The splats as they were read are freed: the renderer has its own.
-    pub fn new(mut loaded: Loaded, config: RenderConfig) -> Self {
+    pub fn new(mut loaded: Loaded, config: RenderConfig, rain: Rain) -> Self {
+        let site = loaded.weather_site();
+        let occluders = || Occluders::of(&loaded.scene.splats, &site, &ShelterOptions::default());
+        let occluders = (rain == Rain::Expected).then(occluders);
         loaded.release();
-        Self { site: loaded.weather_site(), loaded, config }
+        Self { site, loaded, config, occluders, shelters: Vec::new() }
+    }
+
+    /// Makes the map of where what falls under `sky` does not, the last of the list, if it is not there.
+    fn prepare(&mut self, sky: &Sky) {
+        let (Some(fall), Some(occluders)) = (sky.fall(), &self.occluders) else { return };
+        if let Some(place) = self.shelters.iter().position(|(known, _)| *known == fall) {
+            let known = self.shelters.remove(place);
+            self.shelters.push(known);
+            return;
+        }
+        let shelter = occluders.shelter(fall, Some(self.loaded.renderer.threads()));
+        if self.shelters.len() == MAPS {
+            self.shelters.remove(0);
+        }
+        self.shelters.push((fall, shelter));
     }
 
     /// Renders the instant `time` of a weather, alone: nothing depends on other frames.
@@ -29,12 +86,15 @@ impl Studio {
         &mut self,
         weather: &Weather,
         time: f64,
-        camera: &Camera,
+        moving: Moving<'_>,
         frame: &mut Frame,
     ) -> Result<Stats> {
         let sky = weather.at(time).over(&self.site);
+        self.prepare(&sky);
         let sets = [SetView::plain(self.loaded.set)];
-        let stats = sky.with_hooks(|hooks| {
+        let Moving { camera, velocity } = moving;
+        let shelter = sky.fall().and(self.shelters.last().map(|(_, shelter)| shelter));
+        let stats = sky.with_hooks(&Seen { camera, velocity, shelter }, |hooks| {
             let job = Job { sets: &sets, camera, config: &self.config, hooks };
             self.loaded.renderer.render(&job, frame)
         })?;

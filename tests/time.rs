@@ -58,6 +58,57 @@ fn a_frame_alone_is_the_frame_of_the_sequence() {
     assert_eq!(different.len(), 12);
 }
 
+/// A range of frames has the bytes of the whole sequence, on any number of threads, and goes into the same folder.
+#[test]
+fn frames_of_a_range_are_those_of_the_sequence() {
+    let workshop = Workshop::new();
+    let (scene, view) = shot(&workshop);
+    // Not a second is whole at this rate, and the length of the path is its own.
+    let moving =
+        "--set fog.mor=0:2000:smooth,2:60 --set look.exposure=0:0:hold,1:-0.5:ease-out,2:-1 --fps 7.5";
+    let whole = frames(&workshop.render(&scene, &view, "whole", moving));
+    assert_eq!(whole.len(), 15);
+    for (threads, out) in [(1, "one"), (2, "two")] {
+        for (range, names) in
+            [("7..=8", vec![7, 8]), ("13..", vec![13, 14]), ("2..9 --frame-step 3", vec![2, 5, 8])]
+        {
+            let out = format!("{out}-{}", names[0]);
+            let options = format!("{moving} --threads {threads} --frames {range}");
+            let part = frames(&workshop.render(&scene, &view, &out, &options));
+            let want: Vec<String> = names.iter().map(|index| format!("{index:05}.png")).collect();
+            assert_eq!(part.keys().collect::<Vec<_>>(), want.iter().collect::<Vec<_>>(), "{range}");
+            for (name, bytes) in &part {
+                assert!(*bytes == whole[name], "{range}, {threads} threads: {name}");
+            }
+        }
+    }
+    // Several runs fill one folder.
+    for range in ["0..5", "10..15", "4..12"] {
+        workshop.render(&scene, &view, "filled", &format!("{moving} --frames {range}"));
+    }
+    assert!(frames(&workshop.path("filled")) == whole);
+}
+
+/// A video of a range is its frames, and as long as they are.
+#[test]
+#[cfg(feature = "h264")]
+fn a_video_may_be_a_range() {
+    let workshop = Workshop::new();
+    let (scene, view) = shot(&workshop);
+    for (range, length) in [("3..9", "6 frames, 0.8 s"), ("0..=9 --frame-step 3", "4 frames, 0.5 s")] {
+        let options = format!("{SEQUENCE} --frames {range}");
+        let output = run(&workshop.words(&scene, &view, "part.mp4", &options));
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert!(said.contains(length), "{range}: {said}");
+    }
+    // The bytes of the sequence that has no others.
+    let film = |options: &str| {
+        std::fs::read(workshop.render(&scene, &view, "film.mp4", options)).expect("it is read")
+    };
+    let alone = film("-w fog-closing-in --time 0.375 --seconds 0.75 --fps 8");
+    assert!(film(&format!("{SEQUENCE} --frames 3..9")) == alone);
+}
+
 #[test]
 fn a_folder_is_gone_on_with_to_the_same_bytes() {
     let workshop = Workshop::new();

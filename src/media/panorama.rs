@@ -94,7 +94,11 @@ mod tests {
             daylight: wm_weather::Daylight::Known,
             far: 100.0,
         };
-        weather.at(0.0).over(&site).with_hooks(|hooks| hooks.background.unwrap().reference(1e-3, direction))
+        let camera =
+            wm_scene::Camera::look_at((4, 4), 50.0, glam::DVec3::ZERO, glam::DVec3::Y, glam::DVec3::Z);
+        let seen = wm_weather::Seen::by(camera.as_ref().unwrap());
+        let sky = weather.at(0.0).over(&site);
+        sky.with_hooks(&seen, |hooks| hooks.background.unwrap().reference(1e-3, direction))
     }
 
     #[test]

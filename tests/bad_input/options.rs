@@ -80,6 +80,13 @@ fn numbers_and_words() {
         (["--also", "depht"], "`depht` is no picture: use depth, median-depth, normal or alpha"),
         (["--frame-format", "gif"], "`gif`: use png, exr or npy"),
         (["--background", "#12"], "`#12` is no background: use auto, sky, black or #rrggbb"),
+        (["--frames", "5..5"], "`5..5` has no frames: the end must be after the first"),
+        (["--frames", "9..3"], "`9..3` has no frames: the end must be after the first"),
+        (["--frames", "-3..3"], "`-3..3` is no range of frames: use 300..420, 300..=420 or 300.."),
+        (["--frames", "7"], "`7` is no range of frames: use 300..420, 300..=420 or 300.."),
+        (["--frames", "0..3"], "--frames and --frame-step are for videos and folders of frames"),
+        (["--frame-step", "2"], "--frames and --frame-step are for videos and folders of frames"),
+        (["--frame-step", "0"], "invalid value '0' for '--frame-step <N>'"),
         (["--dither", "some"], "invalid value 'some' for '--dither <DITHER>'"),
     ] {
         place.render_refused("good.ply", &[option, value], &[says]);
@@ -88,6 +95,14 @@ fn numbers_and_words() {
     assert!(long.len() < 300, "{long}");
     let says = "4294967295 frames are too many for one run: the most is 1000000";
     place.render_refused("good.ply", &["--seconds", "1e300", "--out", "frames"], &[says]);
+    for (range, named) in [("0..4", "0..4"), ("0..=3", "0..4"), ("3..", "3..")] {
+        let says =
+            format!("--frames {named}: the sequence has 3 frames, 0..3; make it longer with --seconds");
+        for out in ["frames", "a.mp4"] {
+            let args = ["--seconds", "0.1", "--frames", range, "--out", out];
+            place.render_refused("good.ply", &args, &[&says]);
+        }
+    }
 }
 
 #[test]

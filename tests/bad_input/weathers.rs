@@ -38,6 +38,10 @@ fn files_have_line_and_column() {
         ),
         ("[fog]\nmor = { keys = [[nan, 100]] }\n", "w.toml:2:7: fog.mor has a keyframe at time NaN"),
         ("[fog]\nmor = { keys = [[1]] }\n", "w.toml:2:17: fog.mor must be a value or { keys"),
+        (
+            "[fog]\nmor = { keys = [\n  [0, 9, \"holt\"],\n  [1, 8]] }\n",
+            "w.toml:3:10: fog.mor has the easing `holt`, did you mean `hold`?; the easings are linear, hold",
+        ),
         ("[fog]\nmor = { keys = [] }\n", "w.toml:2:7: fog.mor has no keyframes"),
         ("sky = \"cloudy\"\n", "w.toml:1:7: sky must be one of auto, clear, overcast, gradient, or a table"),
         ("[sky]\nheading = \"north\"\n", "w.toml:2:11: sky.heading is `north`: must be a number from"),
@@ -65,6 +69,10 @@ fn overrides() {
         ("fog.mor=nan", "fog.mor is `nan`: must be a number from 1"),
         ("fog.mor=0:50,0:60", "fog.mor has a keyframe at time 0 after one at 0: times must rise"),
         ("fog.mor=5:50,2:60", "fog.mor has a keyframe at time 2 after one at 5: times must rise"),
+        (
+            "fog.mor=0:50:smoth,5:60",
+            "fog.mor has the easing `smoth`, did you mean `smooth`?; the easings are linear",
+        ),
         ("fog.mor=0:50,60", "fog.mor has the keyframe `60`: must be time:value"),
         ("fog.morr=3", "fog has no `morr`, did you mean `mor`?"),
         ("fogg.mor=3", "there is no `fogg`, did you mean `fog`?"),

@@ -12,11 +12,13 @@
 //!
 //! An effect is on if its table is there; `sky = "overcast"` instead of a table is its first parameter. A
 //! parameter is a number, a colour (`"#rrggbb"` or three numbers), a word, a path, `"auto"`, or keyframes of
-//! numbers or colours: `{ keys = [[seconds, value], ...] }`.
+//! numbers, colours or words: `{ keys = [[seconds, value], [seconds, value, easing], ...] }`, with the
+//! [`Easing`] of the way to the next key.
 
+use crate::easing::Easing;
 use crate::effects::{EFFECTS, Effect};
 use crate::param::{Param, Value};
-use crate::track::Track;
+use crate::track::{Key, Track};
 use crate::weather::{Fidelity, Weather};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -105,7 +107,7 @@ impl Weather {
         Ok(weather)
     }
 
-    /// Changes one parameter by words like `fog.mor=120` or `fog.mor=0:2000,5:60`, and turns its effect
+    /// Changes one parameter by words like `fog.mor=120` or `fog.mor=0:2000:smooth,5:60`, and turns its effect
     /// on. `fog=off` turns an effect off, `sky=overcast` is short for its first parameter, `fidelity=paper`
     /// changes the fidelity.
     ///
@@ -201,26 +203,35 @@ fn track(param: &Param, value: &Spanned<DeValue<'_>>) -> Result<Track, Fault> {
         let read = read_value(param, value.get_ref()).map_err(|problem| (value.span(), problem))?;
         return Ok(Track::constant(read));
     };
-    let keys = || (value.span(), "must be a value or { keys = [[seconds, value], ...] }".to_owned());
+    let form = || "must be a value or { keys = [[seconds, value, easing], ...] }".to_owned();
     if let Some((key, _)) = table.iter().find(|(key, _)| key.get_ref() != "keys") {
         return Err((
             key.span(),
-            format!("has no `{}`: keyframes are {{ keys = [[seconds, value], ...] }}", key.get_ref()),
+            format!("has no `{}`: keyframes are {{ keys = [[seconds, value, easing], ...] }}", key.get_ref()),
         ));
     }
-    let list = table.get("keys").and_then(|list| list.get_ref().as_array()).ok_or_else(keys)?;
-    let mut frames = Vec::new();
+    let list = table.get("keys").and_then(|list| list.get_ref().as_array());
+    let list = list.ok_or_else(|| (value.span(), form()))?;
+    let mut keys = Vec::new();
     for item in list {
-        let pair = item
-            .get_ref()
-            .as_array()
-            .filter(|pair| pair.len() == 2)
-            .ok_or_else(|| (item.span(), keys().1))?;
-        let time = number(pair[0].get_ref()).ok_or_else(|| (pair[0].span(), keys().1))?;
-        frames
-            .push((time, read_value(param, pair[1].get_ref()).map_err(|problem| (pair[1].span(), problem))?));
+        let (time, at, easing) = match item.get_ref().as_array().map(|parts| &parts[..]) {
+            Some([time, at]) => (time, at, None),
+            Some([time, at, easing]) => (time, at, Some(easing)),
+            _ => return Err((item.span(), form())),
+        };
+        keys.push(Key {
+            time: number(time.get_ref()).ok_or_else(|| (time.span(), form()))?,
+            value: read_value(param, at.get_ref()).map_err(|problem| (at.span(), problem))?,
+            easing: easing.map_or(Ok(Easing::default()), read_easing)?,
+        });
     }
-    Track::keyframes(param, frames).map_err(|problem| (value.span(), problem))
+    Track::keyframes(param, keys).map_err(|problem| (value.span(), problem))
+}
+
+fn read_easing(value: &Spanned<DeValue<'_>>) -> Result<Easing, Fault> {
+    let text = value.get_ref().as_str();
+    let text = text.ok_or_else(|| (value.span(), "has an easing that is no text in quotes".to_owned()))?;
+    Easing::parse(text).map_err(|problem| (value.span(), problem))
 }
 
 fn read_value(param: &Param, value: &DeValue<'_>) -> Result<Value, String> {

@@ -10,6 +10,7 @@
 #![allow(clippy::needless_range_loop)] // Channel loops index several arrays at once.
 
 pub mod dome;
+pub mod easing;
 pub mod effects;
 pub mod file;
 pub mod optics;
@@ -26,11 +27,13 @@ pub mod weather;
 pub mod wind;
 
 pub use dome::Dome;
+pub use easing::Easing;
 pub use effects::{EFFECTS, Effect};
 pub use file::WeatherError;
 pub use optics::{Atmosphere, Daylight, Site};
 pub use panorama::{Panorama, PanoramaFault};
 pub use param::{Param, Value};
 pub use picture::Picture;
+pub use track::{Key, Track};
 pub use weather::{Fidelity, Instant, Seen, Sky, Weather};
 pub use wind::Wind;

@@ -15,6 +15,7 @@ pub fn markdown() -> String {
         let about = Weather::preset(name).map(|weather| weather.about).unwrap_or_default();
         _ = writeln!(page, "| `{name}` | {about} |");
     }
+    page.push_str(LOOKS);
     for effect in EFFECTS {
         _ = writeln!(page, "\n## {}\n\n{}. Slot: {}.\n", effect.name, effect.about, effect.slot.name());
         page.push_str("| parameter | default | range | unit | meaning |\n|---|---|---|---|---|\n");
@@ -80,19 +81,42 @@ about = \"From a clear day to dense fog in five seconds\"
 fidelity = \"physical\"            # or \"paper\": the paper's formulas as printed
 
 [fog]
-mor = { keys = [[0, 2000], [5, 60]] }   # seconds and values, linear between
+mor = { keys = [[0, 2000, \"smooth\"], [5, 60]] }   # seconds, value, easing of the way to the next
 airlight = \"#d5dadd\"
 
 [sky]
 panorama = \"evening.exr\"         # beside this file
-heading = { keys = [[0, 0], [5, 10]] }
+heading = { keys = [[0, 0], [5, 10]] }    # linear
 scene_sky = \"replace\"
 ```
 
 A parameter is a number in its unit, a colour (`\"#rrggbb\"` or three numbers 0-1, sRGB), a word or a path, `\"auto\"`
-where its range says so, or keyframes of numbers or colours. On the command line: `--set fog.mor=120`,
-`--set fog.mor=0:2000,5:60`, `--set fog.airlight=#d5dadd`, `--set fidelity=paper`. `sky = \"overcast\"` and
+where its range says so, or keyframes of numbers, colours or words. On the command line: `--set fog.mor=120`,
+`--set fog.mor=0:2000:smooth,5:60`, `--set fog.airlight=#d5dadd`, `--set fidelity=paper`. `sky = \"overcast\"` and
 `--set sky=overcast` are short for the first parameter of the sky.
+
+## Keyframes
+
+A keyframe is a time in seconds from the start of the shot, a value, and the easing of the way to the next keyframe. Times
+rise; before the first keyframe and after the last the value stays. Numbers go in the parameter's own unit, colours
+mix in linear light, words hold until the next keyframe. With `s` the share of the time between two keyframes that has
+passed, 0 to 1:
+
+| easing | share of the way | what it is like |
+|---|---|---|
+| `linear` | s | even; the default |
+| `hold` | 0 | stays, and jumps at the next keyframe |
+| `smooth` | s^2 (3 - 2 s) | slow at both ends |
+| `ease-in` | s^2 | slow at first |
+| `ease-out` | s (2 - s) | slow at last |
+";
+
+const LOOKS: &str = "
+The colour filter that the paper lays over rain and snow, on top of any weather:
+
+```
+--set look.exposure=-0.5 --set look.saturation=0.7 --set look.temperature=-0.2 --set look.contrast=0.85
+```
 ";
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use crate::dome::Dome;
 use crate::dome::level_axes;
+use crate::effects::look::Grade;
 use crate::effects::{Action, EFFECTS, Effect, Now};
 use crate::optics::{Atmosphere, Daylight, Site};
 use crate::panorama::Panorama;
@@ -14,7 +15,7 @@ use crate::shelter::Shelter;
 use crate::track::Track;
 use std::path::Path;
 use std::sync::Arc;
-use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect, SkySplats};
+use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect, SkySplats, Slot};
 use wm_scene::Camera;
 
 /// Whose formulas are used.
@@ -64,6 +65,12 @@ impl Weather {
     /// The effects that are on, in the order in which they act, with their tracks.
     pub fn effects(&self) -> impl Iterator<Item = (&'static Effect, &[Track])> {
         self.active.iter().map(|(effect, tracks)| (&EFFECTS[*effect], &tracks[..]))
+    }
+
+    /// Whether something may fall at some time.
+    #[must_use]
+    pub fn has_fall(&self) -> bool {
+        self.effects().any(|(effect, _)| effect.slot == Slot::Particles && effect.param("rate").is_some())
     }
 
     /// Turns an effect on with its defaults; leaves it as it is if it is on.
@@ -130,7 +137,7 @@ impl Instant {
         let (mut site, mut dome) = (*site, None);
         let mut layers = Vec::new();
         let mut paper = Vec::new();
-        let (mut falling, mut blow) = (Vec::new(), Blow::default());
+        let (mut falling, mut blow, mut grade) = (Vec::new(), Blow::default(), None);
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
             let act = match self.fidelity {
@@ -147,17 +154,25 @@ impl Instant {
                 Action::Layer(layer) => layers.push(layer),
                 Action::PaperFog(fog) => paper.push(fog),
                 Action::Wind(wind) => {
-                    blow = Blow { drift: wind.drift(self.time), wind: wind.at(self.time) };
+                    blow = Blow {
+                        drift: wind.drift(self.time),
+                        wind: wind.at(self.time),
+                        mean: wind.mean(self.time),
+                    };
                 }
                 Action::Precipitation(kind) => {
                     layers.push(kind.layer());
                     falling.push(*kind);
                 }
+                Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
             }
         }
-        Sky { air: Atmosphere::new(layers, site), site, time: self.time, paper, dome, falling, blow }
+        Sky { air: Atmosphere::new(layers, site), site, time: self.time, paper, dome, falling, blow, grade }
     }
 }
+
+/// Steps of the slope of what falls: the tangent of 3 degrees.
+const SLOPE: f64 = 0.052_4;
 
 /// From where a weather is seen.
 #[derive(Clone, Copy, Debug)]
@@ -190,6 +205,8 @@ pub struct Sky {
     blow: Blow,
     /// What stands behind everything, if the weather says it.
     dome: Option<Dome>,
+    /// Exposure and colour of the finished picture; `None` leaves it as it is.
+    grade: Option<Grade>,
 }
 
 impl Sky {
@@ -205,20 +222,27 @@ impl Sky {
         &self.falling
     }
 
-    /// The direction in which most of it falls, world axes, length 1: down, with the wind. `None` where nothing does.
+    /// The direction in which most of it falls, world axes, length 1: down, with the mean wind, in steps of some three
+    /// degrees, so that few maps of shelter serve all times and each is that of its instant alone. `None` where
+    /// nothing falls.
     #[must_use]
     pub fn fall(&self) -> Option<[f64; 3]> {
-        let kind = self.falling.iter().max_by(|a, b| a.rate.total_cmp(&b.rate))?;
-        let [x, y] = self.blow.wind;
+        let falling = self.falling.iter().filter(|kind| kind.rate > 0.0);
+        let kind = falling.max_by(|a, b| a.rate.total_cmp(&b.rate))?;
+        let [x, y] = self.blow.mean;
         let axes = level_axes(self.site.up);
-        let way = [x, y, -kind.mean_speed()];
+        let slope = |v: f64| (v / kind.mean_speed() / SLOPE).round() * SLOPE;
+        let way = [slope(x), slope(y), -1.0];
         let length = way.iter().map(|v| v * v).sum::<f64>().sqrt();
         Some(std::array::from_fn(|k| (0..3).map(|axis| axes[axis][k] * way[axis] / length).sum()))
     }
 
     /// Calls `render` with the hooks of this weather for what is `seen`.
     pub fn with_hooks<R>(&self, seen: &Seen<'_>, render: impl FnOnce(Hooks<'_>) -> R) -> R {
-        let pixels: Vec<&dyn PixelEffect> = self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
+        let mut pixels: Vec<&dyn PixelEffect> =
+            self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
+        // The lens comes last.
+        pixels.extend(self.grade.as_ref().map(|grade| grade as &dyn PixelEffect));
         let background = self.dome.as_ref().map(|dome| dome as &dyn Backdrop);
         let size = f64::from(ParticleView::new(seen.camera).pixels());
         let air = self.air.clone().without(self.falling.iter().map(|kind| kind.residual(size)).collect());

@@ -40,7 +40,7 @@ impl Wind {
     #[must_use]
     pub fn new(speed: Track, direction: Track, gusts: f64, seed: u64) -> Self {
         // The strength of waves goes by the typical speed of the whole time.
-        let typical = speed.keys().iter().map(|(_, value)| number(value)).fold(0.0, f64::max).max(0.5);
+        let typical = speed.most().max(0.5);
         let [slowest, fastest] = FREQUENCIES;
         let ratio = (fastest / slowest).powf(1.0 / (WAVES - 1) as f64);
         let waves = [0u64, 1].map(|way| {
@@ -90,7 +90,7 @@ impl Wind {
         // Steady before the first key, after the last, and between equal ones.
         let mut breaks: Vec<f64> = [&self.speed, &self.direction]
             .into_iter()
-            .flat_map(|track| track.keys().iter().map(|(at, _)| *at))
+            .flat_map(Track::breaks)
             .chain([0.0, time])
             .filter(|at| (0.0f64.min(time)..=0.0f64.max(time)).contains(at))
             .collect();

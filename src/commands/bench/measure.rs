@@ -8,7 +8,7 @@ use wm_render::{
     CpuRenderer, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId, SetView, Stats,
 };
 use wm_scene::Camera;
-use wm_weather::{Site, Sky, Weather};
+use wm_weather::{Seen, Site, Sky, Weather};
 
 /// Rounds before those that count: memory is touched, clocks go up.
 pub const WARM_UP: u32 = 2;
@@ -119,7 +119,7 @@ pub fn turns(
             let (stand, case) = (&mut stands[plan[k].0], plan[k].1);
             let sets = [SetView::plain(stand.set)];
             let (cpu, started) = (cpu_seconds(), Instant::now());
-            let stats = case.sky.with_hooks(|hooks| {
+            let stats = case.sky.with_hooks(&Seen::by(camera), |hooks| {
                 let job = Job { sets: &sets, camera, config: &case.config, hooks };
                 stand.renderer.render(&job, &mut frames[k])
             })?;

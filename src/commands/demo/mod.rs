@@ -12,7 +12,7 @@ use crate::media::{Size, color::Dither, png, sheet, video};
 use crate::pipeline::pipeline;
 use crate::progress;
 use crate::scene::{Loaded, RunArgs};
-use crate::studio::Studio;
+use crate::studio::{Rain, Studio};
 use crate::view::spec;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
@@ -211,7 +211,7 @@ fn sampled(args: &DemoArgs, path: &Path) -> Result<Scene> {
 fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
     let loaded = Loaded::of(scene, &Metadata::default(), &args.run)?;
     let config = RenderConfig { background: loaded.background(), ..RenderConfig::default() };
-    let mut studio = Studio::new(loaded, config);
+    let mut studio = Studio::new(loaded, config, Rain::Expected);
     if args.wants(Part::Sheet) {
         // Photos show the street from the start of the walk on, and less at the edge of what they show.
         let view = args.view();
@@ -234,7 +234,7 @@ fn draw_sheet(studio: &mut Studio, camera: &Camera, path: &Path) -> Result<()> {
         let mut weather = Weather::find(name)?;
         change.map_or(Ok(()), |change| weather.set(change))?;
         let mut frame = Frame::default();
-        studio.render(&weather, 0.0, camera, &mut frame)?;
+        studio.render(&weather, 0.0, camera.into(), &mut frame)?;
         pictures.push((frame.rgb, label(&weather)));
         bar.inc(1);
     }
@@ -265,7 +265,7 @@ fn shoot(studio: &mut Studio, args: &DemoArgs, path: &Path) -> Result<()> {
     let all = rate.frames_within(args.seconds);
     let mut render = |index: u32, frame: &mut Frame| {
         let time = rate.seconds(u64::from(index));
-        studio.render(&weather, time, &film.view(time).camera(args.size())?, frame).map(drop)
+        studio.render(&weather, time, (&film.view(time).camera(args.size())?).into(), frame).map(drop)
     };
     let written =
         pipeline(&(0..all).collect::<Vec<_>>(), &mut render, &mut |_, frame| Ok(sink.frame(&frame.rgb)?))?;

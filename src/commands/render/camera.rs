@@ -15,6 +15,8 @@ use wm_scene::{Camera, FormatError};
 
 /// Length of a sequence where nothing says it, seconds.
 const DEFAULT_SECONDS: f64 = 5.0;
+/// Half the time over which a speed is taken, s: as long as an exposure.
+const MOMENT: f64 = 0.01;
 /// Longest sequence, frames: keeps names at six digits.
 const MAX_FRAMES: u32 = 1_000_000;
 
@@ -43,6 +45,9 @@ pub struct CameraArgs {
     /// Splats nearer than this are not drawn, scene units [default: 0.2, less in small scenes]
     #[arg(long, value_name = "UNITS", allow_negative_numbers = true, help_heading = "Camera")]
     pub near: Option<f64>,
+    /// Speed of a camera that stands on no path, metres a second ahead, as of a car: rain and snow come towards it
+    #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Camera")]
+    pub camera_speed: Option<f64>,
     /// Write the camera's path as keyframes to this JSON file
     #[arg(long, value_name = "FILE", help_heading = "Camera")]
     pub save_path: Option<PathBuf>,
@@ -68,6 +73,14 @@ impl CameraArgs {
             && !(near.is_finite() && near > 0.0)
         {
             bail!("--near {near}: must be finite and above 0");
+        }
+        if let Some(speed) = self.camera_speed {
+            if !(speed.abs() <= 1000.0) {
+                bail!("--camera-speed {speed}: must be a number from -1000 to 1000 m/s");
+            }
+            if self.path.is_some() {
+                bail!("--camera-speed: a camera on a --path has the speed of it; leave one of them out");
+            }
         }
         let files = [
             if let Some(CameraSpec::File(file)) = &self.camera { Some(file) } else { None },
@@ -104,6 +117,8 @@ pub struct Shot {
     path: Way,
     size: (u32, u32),
     start: f64,
+    /// m/s ahead, where the camera stands.
+    speed: f64,
     /// Frames a second.
     pub rate: FrameRate,
     /// Number of frames.
@@ -159,7 +174,8 @@ impl Shot {
         if frames > MAX_FRAMES {
             bail!("{frames} frames are too many for one run: the most is {MAX_FRAMES}");
         }
-        let shot = Self { path: way, size, start: output.time, rate: output.fps, frames };
+        let speed = args.camera_speed.unwrap_or(0.0);
+        let shot = Self { path: way, size, start: output.time, speed, rate: output.fps, frames };
         shot.camera(shot.start).check()?;
         Ok(shot)
     }
@@ -170,6 +186,18 @@ impl Shot {
             Way::Still(camera) => **camera,
             Way::Along(path) => path.at(path.start() + time, self.size),
         }
+    }
+
+    /// The camera's velocity at `time`, m/s, world axes.
+    pub fn velocity(&self, time: f64, metres_per_unit: f64) -> [f64; 3] {
+        let units = match &self.path {
+            Way::Still(camera) => camera.rotation().row(2) * (self.speed / metres_per_unit),
+            Way::Along(_) => {
+                let at = |time: f64| self.camera(time).center();
+                (at(time + MOMENT) - at(time - MOMENT)) / (2.0 * MOMENT)
+            }
+        };
+        (units * metres_per_unit).to_array()
     }
 
     /// The instant of frame `index`, seconds.

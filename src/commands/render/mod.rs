@@ -1,16 +1,19 @@
 //! `render`: a scene under a weather, as a picture, a video or a folder of frames.
 
 mod camera;
+mod range;
 mod sequence;
 
 use crate::media::{color::Dither, panorama::read_panorama, png::DepthScale, video};
 use crate::names::stem_of;
 use crate::output::{Also, Format, Style, outputs};
 use crate::scene::{Loaded, RunArgs, SceneArgs};
-use crate::studio::Studio;
+use crate::studio::{Moving, Rain, Studio};
 use anyhow::{Result, bail};
 use camera::{CameraArgs, Shot};
 use clap::Args;
+use range::FrameRange;
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use wm_render::{Background, Frame, RenderConfig, Stats};
 use wm_scene::Rasterization;
@@ -63,6 +66,13 @@ struct OutputArgs {
     /// Length of a video, seconds [default: that of the camera's path, else 5]
     #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Output")]
     seconds: Option<f64>,
+    /// Only these frames of the sequence, by number from 0: 300..420 (without 420), 300..=420 or 300..; in a folder
+    /// they keep their numbers, and their instants are those they have in the whole sequence
+    #[arg(long, value_name = "RANGE", allow_hyphen_values = true, help_heading = "Output")]
+    frames: Option<FrameRange>,
+    /// Only every N-th frame, from the first on; a video of them plays N times as fast
+    #[arg(long, value_name = "N", default_value = "1", help_heading = "Output")]
+    frame_step: NonZeroU32,
     /// Instant of a picture, and of a video's first frame, seconds
     #[arg(
         long,
@@ -89,6 +99,13 @@ struct OutputArgs {
     /// Bits a second of a video [default: the same good quality, whatever it takes]
     #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Output")]
     bitrate: Option<u32>,
+}
+
+impl OutputArgs {
+    /// Whether it names frames of a sequence.
+    fn asks_for_frames(&self) -> bool {
+        self.frames.is_some() || self.frame_step.get() > 1
+    }
 }
 
 /// What stands behind all splats.
@@ -161,20 +178,24 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
     let target = target_of(args, &weather)?;
     target.check()?;
+    if matches!(target, Target::Picture(_)) && args.output.asks_for_frames() {
+        bail!("--frames and --frame-step are for videos and folders of frames: give --out one of these");
+    }
     args.camera.check()?;
 
     let mut loaded = Loaded::new(&args.scene, &args.run, args.camera.views.as_ref())?;
     let shot = Shot::plan(&args.camera, &args.output, &mut loaded, matches!(target, Target::Picture(_)))?;
+    let wanted = range::wanted(args.output.frames, args.output.frame_step, shot.frames)?;
     let config = RenderConfig {
         outputs: outputs(&args.output.also),
         background: background(args.output.background, &loaded),
         rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
     };
-    let mut take = Take { studio: Studio::new(loaded, config), weather, shot };
+    let mut take = Take { studio: Studio::new(loaded, config, Rain::from(&weather)), weather, shot };
     match target {
         Target::Picture(path) => take.picture(&path, args),
-        Target::Video(path) => sequence::video(&mut take, &path, args),
-        Target::Folder(path) => sequence::folder(&mut take, &path, args),
+        Target::Video(path) => sequence::video(&mut take, &wanted, &path, args),
+        Target::Folder(path) => sequence::folder(&mut take, &wanted, &path, args),
     }
 }
 
@@ -188,7 +209,9 @@ struct Take {
 impl Take {
     /// Renders the instant `time`.
     fn render(&mut self, time: f64, frame: &mut Frame) -> Result<Stats> {
-        self.studio.render(&self.weather, time, &self.shot.camera(time), frame)
+        let camera = self.shot.camera(time);
+        let velocity = self.shot.velocity(time, self.studio.site.metres_per_unit);
+        self.studio.render(&self.weather, time, Moving { camera: &camera, velocity }, frame)
     }
 
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
@@ -233,7 +256,7 @@ fn background(choice: BackgroundChoice, loaded: &Loaded) -> Background {
 }
 
 fn target_of(args: &RenderArgs, weather: &Weather) -> Result<Target> {
-    let moves = args.camera.path.is_some() || args.output.seconds.is_some();
+    let moves = args.camera.path.is_some() || args.output.seconds.is_some() || args.output.asks_for_frames();
     let name = || {
         let weather = if weather.name == "clear" { String::new() } else { format!("-{}", weather.name) };
         format!("{}{weather}", stem_of(&args.scene.scene))

@@ -15,24 +15,23 @@ use wm_scene::files::write_atomically;
 /// The file in a folder of frames that says what they are frames of.
 const MANIFEST: &str = "render.json";
 
-/// Renders into an MP4.
-pub fn video(take: &mut Take, path: &Path, args: &RenderArgs) -> Result<()> {
+/// Renders the frames of the numbers `wanted`, which are not none, into an MP4.
+pub fn video(take: &mut Take, wanted: &[u32], path: &Path, args: &RenderArgs) -> Result<()> {
     if !args.output.also.is_empty() {
         bail!("--also is for pictures and folders of frames: give --out a folder");
     }
-    let camera = take.shot.camera(take.shot.time(0));
+    let start = take.shot.time(wanted[0]);
+    let camera = take.shot.camera(start);
     let mut settings = video::VideoSettings::new(Size::new(camera.width, camera.height), take.shot.rate);
     settings.encoder = args.output.encoder;
     settings.bitrate = args.output.bitrate;
     settings.dither = args.output.dither;
-    settings.tags = take.style(args, DepthScale::Auto, take.shot.time(0)).tags;
+    settings.tags = take.style(args, DepthScale::Auto, start).tags;
     let mut sink = video::create_video(path, settings)?;
 
     let started = Instant::now();
-    let all = take.shot.frames;
-    let written = pipeline(&(0..all).collect::<Vec<_>>(), &mut renderer(take), &mut |_, frame| {
-        Ok(sink.frame(&frame.rgb)?)
-    })?;
+    let all = wanted.len() as u32;
+    let written = pipeline(wanted, &mut renderer(take), &mut |_, frame| Ok(sink.frame(&frame.rgb)?))?;
     if written < all {
         let advice = "nothing is written; a folder of frames (--out FOLDER) can be gone on with";
         return Err(Interrupted(format!("{written} of {all} frames were done, {advice}")).into());
@@ -53,8 +52,9 @@ pub fn video(take: &mut Take, path: &Path, args: &RenderArgs) -> Result<()> {
     Ok(())
 }
 
-/// Renders into a folder, one picture a frame; frames that are there already are kept.
-pub fn folder(take: &mut Take, folder: &Path, args: &RenderArgs) -> Result<()> {
+/// Renders the frames of the numbers `wanted` into a folder, one picture a frame; frames that are there already are
+/// kept.
+pub fn folder(take: &mut Take, wanted: &[u32], folder: &Path, args: &RenderArgs) -> Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let manifest = manifest(take, args)?;
@@ -76,9 +76,9 @@ pub fn folder(take: &mut Take, folder: &Path, args: &RenderArgs) -> Result<()> {
         Some(also) => Style::path_of(*also, args.output.frame_format, &name(index)),
         None => name(index),
     };
-    let all = take.shot.frames;
-    let missing: Vec<u32> =
-        (0..all).filter(|index| !(name(*index).exists() && last(*index).exists())).collect();
+    let all = wanted.len() as u32;
+    let is_there = |index: u32| name(index).exists() && last(index).exists();
+    let missing: Vec<u32> = wanted.iter().copied().filter(|index| !is_there(*index)).collect();
     let kept = all - missing.len() as u32;
     if kept > 0 {
         eprintln!("{}: {kept} of {all} frames are there, going on with the others", folder.display());
@@ -120,7 +120,8 @@ fn renderer(take: &mut Take) -> impl FnMut(u32, &mut Frame) -> Result<()> {
     |index, frame| take.render(take.shot.time(index), frame).map(drop)
 }
 
-/// What the frames of a folder depend on.
+/// What the frames of a folder depend on: the whole sequence, whichever of its frames are asked for, so that several
+/// runs may fill one folder.
 fn manifest(take: &Take, args: &RenderArgs) -> Result<Value> {
     let scene = &args.scene.scene;
     let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;

@@ -5,6 +5,7 @@
 //! can be asked for alone.
 
 use crate::dome::Dome;
+use crate::effects::look::Grade;
 use crate::optics::{Layer, Site};
 use crate::paper::PaperFog;
 use crate::param::{Kind, Param, Value};
@@ -56,6 +57,8 @@ pub enum Action {
     Wind(Wind),
     /// Something that falls.
     Precipitation(Box<Precipitation>),
+    /// Exposure and colour of the finished picture.
+    Grade(Grade),
 }
 
 macro_rules! effects {
@@ -67,7 +70,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, wind, fog, haze, smog, rain, snowfall }
+effects! { sky, wind, fog, haze, smog, rain, snowfall, look }
 
 impl Effect {
     /// The effect of a name.

@@ -56,6 +56,16 @@ fn faults_have_line_and_column() {
             "w.toml:2:7: fog.mor has a keyframe at time 0 after one at 0",
         ),
         ("[fog]\nmor = { keys = [[0, 5], [1]] }\n", "w.toml:2:25: fog.mor must be a value or { keys"),
+        ("[fog]\nmor = { keys = [[0, 5, \"hold\", 1]] }\n", "w.toml:2:17: fog.mor must be a value or { keys"),
+        (
+            "[fog]\nmor = { keys = [[0, 5, \"smoth\"], [1, 6]] }\n",
+            "w.toml:2:24: fog.mor has the easing `smoth`, did you mean `smooth`?; the easings are linear, hold,",
+        ),
+        ("[fog]\nmor = { keys = [[0, 5, 2]] }\n", "w.toml:2:24: fog.mor has an easing that is no text"),
+        (
+            "[sky]\nmodel = { keys = [[0, \"clear\", \"smooth\"], [1, \"overcast\"]] }\n",
+            "w.toml:2:9: sky.model at time 0 has the easing smooth: words hold",
+        ),
         (
             "[fog]\nairlight = { keys = [[0, \"auto\"], [1, \"#ffffff\"]] }\n",
             "w.toml:2:12: fog.airlight at time 0 is auto",
@@ -67,6 +77,18 @@ fn faults_have_line_and_column() {
         let error = Weather::parse(text, "w.toml").unwrap_err().to_string();
         assert!(error.starts_with(want), "{text:?}: {error}");
         assert!(!error.contains('\n'), "{error}");
+    }
+}
+
+#[test]
+fn keys_may_have_easings() {
+    let text = "[fog]\nmor = { keys = [[0, 400, \"ease-in\"], [4, 800, \"hold\"], [5, 100]] }\n";
+    let file = Weather::parse(text, "w.toml").unwrap();
+    let mut line = Weather::clear();
+    line.set("fog.mor=0:400:ease-in,4:800:hold,5:100").unwrap();
+    for (time, want) in [(2.0, 500.0), (4.5, 800.0), (5.0, 100.0)] {
+        assert_eq!(fog_at(&file, time).mor, want);
+        assert_eq!(fog_at(&line, time).mor, want);
     }
 }
 
@@ -86,6 +108,10 @@ fn overrides_act_on_top() {
         ("fog.more=1", "--set fog.more=1: fog has no `more`, did you mean `mor`?;"),
         ("rain.rate=1", "--set rain.rate=1: there is no `rain`"),
         ("fog.mor=x", "--set fog.mor=x: fog.mor is `x`: must be a number from 1 to inf m"),
+        (
+            "fog.mor=0:9:eas-in,1:8",
+            "--set fog.mor=0:9:eas-in,1:8: fog.mor has the easing `eas-in`, did you mean",
+        ),
         ("fog=maybe", "--set fog=maybe: fog is on or off; its parameters are mor,"),
     ] {
         let error = weather.set(text).unwrap_err().to_string();
@@ -105,7 +131,7 @@ proptest! {
     /// Mutations of a right file.
     #[test]
     fn mutated_files_are_read_or_refused(at in 0usize..200, byte in any::<char>(), cut in any::<bool>()) {
-        let text = "name = \"x\"\n[fog]\nmor = { keys = [[0, 2000], [5, 60]] }\nairlight = \"#d5dadd\"\n[smog]\nalbedo = 0.9\n";
+        let text = "name = \"x\"\n[fog]\nmor = { keys = [[0, 2000, \"smooth\"], [5, 60]] }\nairlight = \"#d5dadd\"\n[smog]\nalbedo = 0.9\n";
         let mut chars: Vec<char> = text.chars().collect();
         let at = at % chars.len();
         if cut { chars.truncate(at) } else { chars[at] = byte }

@@ -166,6 +166,8 @@ pub struct Blow {
     pub drift: [f64; 2],
     /// m/s.
     pub wind: [f64; 2],
+    /// m/s, without gusts.
+    pub mean: [f64; 2],
 }
 
 impl<'a> Fall<'a> {
