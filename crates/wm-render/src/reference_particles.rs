@@ -2,7 +2,7 @@
 
 use crate::frame::{MIN_ALPHA, srgb_decode, srgb_encode};
 use crate::hooks::Particle;
-use crate::stages::particles::{DILATION, LEAST, MOST, SHORTEST};
+use crate::stages::particles::{DILATION, LEAST, MOST, PEAK, SHORTEST, WIDEST};
 use glam::DVec3;
 use std::f64::consts::TAU;
 use wm_scene::Camera;
@@ -60,9 +60,12 @@ pub fn cover(
         let dilation = f64::from(DILATION);
         let (xx, xy, yy) = (cov[0] + dilation, cov[1], cov[2] + dilation);
         let det = xx * yy - xy * xy;
-        let whole = f64::from(particle.area) * jx.cross(jy).length() / (TAU * det.sqrt());
-        let radius2 = (2.0 * (whole / f64::from(LEAST)).max(1.0).ln()).max(f64::from(SHORTEST));
-        let peak = (whole / (1.0 - (-0.5 * radius2).exp())).min(f64::from(MOST));
+        let area = f64::from(particle.area) * jx.cross(jy).length();
+        let whole = (area / (TAU * det.sqrt())).min(f64::from(WIDEST));
+        let powers = PEAK.iter().zip(1..).map(|(c, power)| f64::from(*c) * whole.powi(power));
+        let steeper = powers.sum::<f64>().exp();
+        let radius2 = (2.0 * (whole * steeper / f64::from(LEAST)).max(1.0).ln()).max(f64::from(SHORTEST));
+        let peak = (whole * steeper / (1.0 - steeper * (-0.5 * radius2).exp())).min(f64::from(MOST));
         let dx = f64::from(x) + 0.5 - (camera.fx * tan_x + camera.cx);
         let dy = f64::from(y) + 0.5 - (camera.fy * tan_y + camera.cy);
         let q = dx * dx / xx + (dy - xy / xx * dx).powi(2) * xx / det;

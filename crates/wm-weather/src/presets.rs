@@ -14,6 +14,8 @@ macro_rules! presets {
 
 presets! {
     "clear", "mist", "fog", "dense-fog", "ground-fog", "fog-closing-in", "haze", "smog",
+    "drizzle", "moderate-rain", "heavy-rain", "violent-rain", "light-snow", "snow", "blizzard", "sleet",
+    "sandstorm", "rain-to-snow",
 }
 
 impl Weather {

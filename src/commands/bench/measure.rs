@@ -26,7 +26,16 @@ impl Case {
     pub fn all(site: &Site, config: impl Fn(Outputs) -> RenderConfig) -> Result<Vec<Self>> {
         use Geometry::{Depth, DepthNormal, None};
         use MedianDepth::{Off, On};
-        [
+        let weather = |name: &str, sets: &[&str]| -> Result<Weather> {
+            let mut weather = Weather::find(name)?;
+            sets.iter().try_for_each(|set| weather.set(set))?;
+            Ok(weather)
+        };
+        let rain = weather("clear", &["rain.rate=25"])?;
+        // As many drops as some 100,000 in view: the rate of a cloudburst, and drops that are drawn farther.
+        let drops = weather("clear", &["rain.rate=60", "rain.size=1.5"])?;
+        let snow = weather("clear", &["snowfall.rate=2.5"])?;
+        let mut cases: Vec<Self> = [
             ("rgb", None, Off, "clear"),
             ("rgb+depth", Depth, Off, "clear"),
             ("rgb+depth+normal", DepthNormal, Off, "clear"),
@@ -41,7 +50,14 @@ impl Case {
             let sky = Weather::find(weather)?.at(0.0).over(site);
             Ok(Self { name, config: config(Outputs { geometry, median_depth }), sky })
         })
-        .collect()
+        .collect::<Result<_>>()?;
+        for (name, weather) in
+            [("rgb, rain 25 mm/h", rain), ("rgb, rain, more drops", drops), ("rgb, snow 2.5 mm/h", snow)]
+        {
+            let outputs = Outputs { geometry: None, median_depth: Off };
+            cases.push(Self { name, config: config(outputs), sky: weather.at(1.0).over(site) });
+        }
+        Ok(cases)
     }
 
     /// The place of a case in a list; the first if it is not there.

@@ -37,6 +37,7 @@ struct CaseReport {
     cpu_ms: f64,
     /// CPU time as a ratio to `rgb`, round by round.
     cpu_ratio: f64,
+    particles: u64,
     /// Time of each stage, summed over threads.
     stages_ms: Stages,
 }
@@ -48,6 +49,7 @@ struct Stages {
     intersect: f64,
     sort: f64,
     rasterize: f64,
+    fall: f64,
     composite: f64,
 }
 
@@ -117,12 +119,14 @@ impl SceneReport {
             best_wall_ms: frames.best(|s| s.wall * 1e3),
             cpu_ms: frames.median(|s| s.cpu * 1e3),
             cpu_ratio: frames.ratio(&measured[0], |s| s.cpu),
+            particles: frames.0.first().map_or(0, |sample| sample.stats.particles),
             stages_ms: Stages {
                 project: frames.median(|s| s.stats.project * 1e3),
                 medium: frames.median(|s| s.stats.medium * 1e3),
                 intersect: frames.median(|s| s.stats.intersect * 1e3),
                 sort: frames.median(|s| s.stats.sort * 1e3),
                 rasterize: frames.median(|s| s.stats.rasterize * 1e3),
+                fall: frames.median(|s| s.stats.fall * 1e3),
                 composite: frames.median(|s| s.stats.composite * 1e3),
             },
         });
@@ -158,15 +162,16 @@ impl SceneReport {
              {pairs_per_pixel:.1} evaluated a pixel"
         );
         println!(
-            "  {:<26} {:>8} {:>8} {:>8} {:>7}   project medium intersect  sort rasterize composite",
+            "  {:<26} {:>8} {:>8} {:>8} {:>7}   project medium intersect  sort rasterize   fall composite  particles",
             "ms a frame", "wall", "best", "CPU", "ratio"
         );
         for case in &self.cases {
-            let CaseReport { name, wall_ms, best_wall_ms, cpu_ms, cpu_ratio, stages_ms: stages } = case;
-            let Stages { project, medium, intersect, sort, rasterize, composite } = stages;
+            let CaseReport { name, wall_ms, best_wall_ms, cpu_ms, cpu_ratio, particles, stages_ms: stages } =
+                case;
+            let Stages { project, medium, intersect, sort, rasterize, fall, composite } = stages;
             println!(
                 "  {name:<26} {wall_ms:>8.1} {best_wall_ms:>8.1} {cpu_ms:>8.1} {cpu_ratio:>7.3}   {project:>7.1} \
-                 {medium:>6.1} {intersect:>9.1} {sort:>5.1} {rasterize:>9.1} {composite:>9.1}"
+                 {medium:>6.1} {intersect:>9.1} {sort:>5.1} {rasterize:>9.1} {fall:>6.1} {composite:>9.1} {particles:>10}"
             );
         }
         let ThreadsReport { threads, one_wall_ms, all_wall_ms, speedup, cpu_ratio } = self.threads;

@@ -37,8 +37,14 @@ const SCENE: &str = "built-in street";
 /// Where on the walk the sheet of a reconstructed street is drawn from, 0-1.
 const SHEET_AT: f64 = 0.1;
 /// The weathers of the sheet: presets, with what is changed to suit a street of 150 m.
-const SHEET: [(&str, Option<&str>); 4] =
-    [("clear", None), ("fog", Some("fog.mor=120")), ("haze", None), ("smog", Some("smog.mor=300"))];
+const SHEET: [(&str, Option<&str>); 6] = [
+    ("clear", None),
+    ("fog", Some("fog.mor=120")),
+    ("haze", None),
+    ("smog", Some("smog.mor=300")),
+    ("heavy-rain", None),
+    ("snow", None),
+];
 
 /// Options of `demo`.
 #[derive(Args, Debug)]

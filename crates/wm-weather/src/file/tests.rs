@@ -41,7 +41,7 @@ fn faults_have_line_and_column() {
         ("[fog\nmor = 1", "w.toml:1:5: unclosed table, expected `]`"),
         (
             "name = \"a\"\n[fgo]\n",
-            "w.toml:2:2: there is no `fgo`, did you mean `fog`?; the effects are sky, fog, haze, smog",
+            "w.toml:2:2: there is no `fgo`, did you mean `fog`?; the effects are sky, wind, fog, haze, smog, rain, snowfall, look",
         ),
         ("[fog]\nmro = 120\n", "w.toml:2:1: fog has no `mro`, did you mean `mor`?; it has mor, visual_range"),
         ("[fog]\nmor = 0.5\n", "w.toml:2:7: fog.mor is 0.5: must be a number from 1 to inf m"),
@@ -106,7 +106,9 @@ fn overrides_act_on_top() {
     for (text, want) in [
         ("fog.mor", "--set fog.mor: must be effect.parameter=value, as in fog.mor=120"),
         ("fog.more=1", "--set fog.more=1: fog has no `more`, did you mean `mor`?;"),
-        ("rain.rate=1", "--set rain.rate=1: there is no `rain`"),
+        ("hail.rate=1", "--set hail.rate=1: there is no `hail`"),
+        ("rain.rate=-1", "--set rain.rate=-1: rain.rate is -1: must be a number from 0 to 300 mm/h"),
+        ("rain.seed=x", "--set rain.seed=x: rain.seed is `x`: must be a number from 0"),
         ("fog.mor=x", "--set fog.mor=x: fog.mor is `x`: must be a number from 1 to inf m"),
         (
             "fog.mor=0:9:eas-in,1:8",

@@ -6,7 +6,7 @@
 //! (`V T`, as a standard deviation over sqrt 12), and covers its area in all.
 
 use super::field::{Cells, Cone, Draws};
-use super::residual::{FADE, Residual, fade};
+use super::residual::{FADE, NEAREST, Residual, fade};
 use super::spectrum::{Class, Kind};
 use crate::dome::level_axes;
 use crate::optics::{Atmosphere, Layer, Site};
@@ -19,8 +19,6 @@ const CUT: f64 = 0.3;
 const MERGE: f64 = 1.0;
 /// Width from which a flake shows its three arms, px.
 const ARMS: f64 = 4.0;
-/// Nearest to the camera, m.
-const NEAREST: f64 = 0.1;
 /// Width of thresholds over which drops fade, as a share.
 const SOFT: f64 = 0.1;
 /// Share of the airlight that surroundings shine with: half of them sky, half ground of half its light.
@@ -279,7 +277,7 @@ impl Particles for Fall<'_> {
         };
         let half = 0.5 * cells.edge;
         let relative = self.relative(class.fall_speed);
-        let shade = Shade { fall: self, view, class, pixels, relative };
+        let shade = Shade { fall: self, view, pixels, relative };
         let begin = cone.slices(cells.edge).start;
         for slice in begin + i64::from(first)..begin + i64::from(last) {
             cone.each_cell(cells.edge, slice, |cell, corner| {
@@ -291,12 +289,13 @@ impl Particles for Fall<'_> {
                         break;
                     }
                     let at: [f64; 3] = std::array::from_fn(|k| corner[k] + cells.edge * point.place[k]);
+                    let diameter = class.diameter(point.draws.uniform());
                     let (at, velocity) = shade.moved(at, &cone.center, &mut point.draws);
                     let distance = at.iter().map(|v| v * v).sum::<f64>().sqrt();
                     let (wanted, keep) = wanted(distance);
                     let there = ((wanted * (1.0 + 0.5 * SOFT) - point.threshold) / (SOFT * wanted)).min(1.0);
                     if there > 0.0 && distance > NEAREST {
-                        shade.draw(at, velocity, distance, (there, keep), &mut point.draws, out);
+                        shade.draw(at, velocity, (diameter, distance), (there, keep), &mut point.draws, out);
                     }
                 }
             });
@@ -308,7 +307,6 @@ impl Particles for Fall<'_> {
 struct Shade<'a> {
     fall: &'a Fall<'a>,
     view: &'a ParticleView,
-    class: &'a Class,
     pixels: f64,
     relative: [f64; 3],
 }
@@ -351,7 +349,7 @@ impl Shade<'_> {
         &self,
         at: [f64; 3],
         velocity: [f64; 3],
-        distance: f64,
+        (diameter, distance): (f64, f64),
         (there, keep): (f64, f64),
         draws: &mut Draws,
         out: &mut Vec<Particle>,
@@ -363,17 +361,14 @@ impl Shade<'_> {
         if self.fall.shelter.is_some_and(|shelter| !shelter.is_exposed(world)) {
             return;
         }
-        let [low, high] = self.class.diameters;
-        let natural = 1e-3 * this.kind.seen(low + (high - low) * draws.uniform());
-        let width = natural * this.look.size;
+        let width = 1e-3 * this.kind.seen(diameter) * this.look.size;
         let area = PI / 4.0 * width * width * this.look.opacity * there / keep;
         // Those that stand for several are as wide as all of them together.
         let sigma = DISC * width / keep.sqrt();
         let offset = offset.map(|v| v as f32);
-        if !self.view.may_see(
-            offset,
-            ((3.0 * sigma + self.class.fall_speed * this.look.exposure + 1.0) * units) as f32,
-        ) {
+        // Half its way in the exposure, and its own width.
+        let way = velocity.iter().map(|v| v * v).sum::<f64>().sqrt() * this.look.exposure;
+        if !self.view.may_see(offset, ((4.0 * sigma + way) * units) as f32) {
             return;
         }
         let streak = self.fall.world(velocity).map(|v| (v * this.look.exposure * LINE * units) as f32);

@@ -5,8 +5,11 @@
 
 /// Where drawing ends, as a share of a class's distance: whole up to the first, nothing beyond the second.
 pub const FADE: [f64; 2] = [0.85, 1.15];
-/// Nodes of the table, a factor of `sqrt(2)` apart from `2^FIRST` m on.
-const NODES: usize = 40;
+/// Nearest that anything is drawn, m.
+pub const NEAREST: f64 = 0.1;
+/// Nodes of the table, `OCTAVE` for a factor of 2, from `2^FIRST` m on.
+const NODES: usize = 120;
+const OCTAVE: usize = 6;
 const FIRST: i32 = -3;
 
 /// How much of a class is drawn at `distance`, in units of its own.
@@ -39,7 +42,7 @@ impl Residual {
         let mut residual = Self { drawn, airlight, table: [0.0; NODES] };
         for node in 0..NODES {
             // The mean extinction up to there: between two nodes it is nearly straight.
-            let metres = 2f64.powf(f64::from(FIRST) + 0.5 * node as f64);
+            let metres = 2f64.powf(f64::from(FIRST) + node as f64 / OCTAVE as f64);
             residual.table[node] = (residual.depth(metres) / metres) as f32;
         }
         residual
@@ -48,7 +51,10 @@ impl Residual {
     /// Optical depth of what is drawn over `metres`.
     #[must_use]
     pub fn depth(&self, metres: f64) -> f64 {
-        self.drawn.iter().map(|[cover, range]| cover * range * faded(metres / range)).sum()
+        self.drawn
+            .iter()
+            .map(|[cover, range]| cover * (range * faded(metres / range) - NEAREST).max(0.0))
+            .sum()
     }
 
     /// Radiance of an endless path, linear RGB.
@@ -61,12 +67,12 @@ impl Residual {
     #[inline]
     #[must_use]
     pub fn tabled(&self, metres: f32) -> f32 {
-        let place = (2.0 * (metres.max(1e-6).log2() - FIRST as f32)).clamp(0.0, (NODES - 1) as f32);
+        let place = (OCTAVE as f32 * (metres.max(1e-6).log2() - FIRST as f32)).clamp(0.0, (NODES - 1) as f32);
         let node = (place as usize).min(NODES - 2);
         let share = place - node as f32;
         let mean = self.table[node] + share * (self.table[node + 1] - self.table[node]);
         // Beyond the last node nothing more is drawn.
-        mean * metres.min(2f32.powf(FIRST as f32 + 0.5 * (NODES - 1) as f32))
+        mean * metres.min(2f32.powf(FIRST as f32 + (NODES - 1) as f32 / OCTAVE as f32))
     }
 }
 
@@ -82,7 +88,9 @@ mod tests {
         let (mut sum, step) = (0.0, 1e-3);
         for i in 0..40_000 {
             let at = (f64::from(i) + 0.5) * step;
-            sum += step * residual.drawn.iter().map(|[cover, range]| cover * fade(at / range)).sum::<f64>();
+            let is_drawn = at > NEAREST;
+            sum += if is_drawn { step } else { 0.0 }
+                * residual.drawn.iter().map(|[cover, range]| cover * fade(at / range)).sum::<f64>();
             if i % 4000 == 3999 {
                 let (exact, tabled) =
                     (residual.depth(at + 0.5 * step), residual.tabled((at + 0.5 * step) as f32));

@@ -1,6 +1,6 @@
 //! Particles on the CPU: gathered and laid out over threads, added up patch by patch.
 
-use super::{DILATION, LEAST, MOST, SHORTEST, STEPS};
+use super::{DILATION, LEAST, MOST, PEAK, SHORTEST, STEPS, WIDEST};
 use crate::dispatch;
 use crate::frame::MIN_ALPHA;
 use crate::hooks::{PATCH, PATCH_PIXELS, Particle, ParticleView, Particles};
@@ -66,10 +66,12 @@ impl Drop {
         xx += DILATION;
         yy += DILATION;
         let pixels = view.focal[0] * view.focal[1] / (z * z) * (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt();
-        let whole = particle.area * pixels / (TAU * det.sqrt());
-        // Squared radius and what lies within.
-        let radius2 = (2.0 * (whole / LEAST).max(1.0).ln()).max(SHORTEST);
-        let tau = (whole / (1.0 - (-0.5 * radius2).exp())).min(MOST);
+        let whole = (particle.area * pixels / (TAU * det.sqrt())).min(WIDEST);
+        let [a, b, c, d] = PEAK;
+        let steeper = (whole * (a + whole * (b + whole * (c + whole * d)))).exp();
+        let radius2 = (2.0 * (whole * steeper / LEAST).max(1.0).ln()).max(SHORTEST);
+        let within = 1.0 - steeper * (-0.5 * radius2).exp();
+        let tau = (whole * steeper / within).min(MOST);
         let extent = [(radius2 * xx).sqrt(), (radius2 * yy).sqrt()];
         let mean2d = [view.focal[0] * tan_x + view.principal[0], view.focal[1] * tan_y + view.principal[1]];
         let is_in = |k: usize| mean2d[k] + extent[k] > 0.0 && mean2d[k] - extent[k] < view.size[k];
