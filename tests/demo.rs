@@ -45,7 +45,7 @@ fn it_writes_a_scene_a_sheet_and_a_film() {
 
     let sheet = fs::read(out.join("sheet.png")).unwrap();
     let side = |at: usize| u32::from_be_bytes(sheet[at..at + 4].try_into().unwrap());
-    assert_eq!((side(16), side(20)), (2 * 96 + 1, 2 * 64 + 1));
+    assert_eq!((side(16), side(20)), (3 * 96 + 2, 2 * 64 + 1));
     assert!(sheet.len() > 10_000, "{}", sheet.len());
     let scene = fs::read(out.join("street.ply")).unwrap();
     assert!(scene.starts_with(b"ply\n") && scene.len() > 1_000_000, "{}", scene.len());

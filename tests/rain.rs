@@ -20,8 +20,13 @@ fn board(workshop: &Workshop, name: &str, distance: f64, rgb: [f32; 3]) -> (std:
     let card = Card { center: EYE + DVec3::Y * distance, u: DVec3::X * half, v: DVec3::Z * half };
     let mut splats = Splats::with_capacity(0, 0);
     card.paint(&mut splats, (60, 60), rgb);
-    let metadata =
-        Metadata { metres_per_unit: Some(1.0), up: Some(DVec3::Z), ground: Some(0.0), airlight: Some([0.7; 3]), ..Metadata::default() };
+    let metadata = Metadata {
+        metres_per_unit: Some(1.0),
+        up: Some(DVec3::Z),
+        ground: Some(0.0),
+        airlight: Some([0.7; 3]),
+        ..Metadata::default()
+    };
     assert!(camera.height == SIZE.1);
     (workshop.scene(name, splats, &metadata), view)
 }
@@ -87,7 +92,8 @@ fn speed_ahead_streaks_away_from_where_it_goes() {
     let (scene, view) = board(&workshop, "black", 60.0, [0.0; 3]);
     // How much longer differences go along the rows and columns in a picture's left part.
     let slant = |options: &str| {
-        let options = format!("--set rain.rate=60 --set rain.exposure=0.004 --set rain.airlight=#000000 {options}");
+        let options =
+            format!("--set rain.rate=60 --set rain.exposure=0.004 --set rain.airlight=#000000 {options}");
         let picture = read_exr(&workshop.render(&scene, &view, "s.exr", &options));
         // The structure tensor: gradients stand across streaks.
         let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);

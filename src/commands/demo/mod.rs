@@ -247,7 +247,7 @@ fn draw_sheet(studio: &mut Studio, camera: &Camera, path: &Path) -> Result<()> {
     bar.finish_and_clear();
     let panels: Vec<sheet::Panel<'_>> =
         pictures.iter().map(|(rgb, label)| sheet::Panel { rgb, label }).collect();
-    let layout = sheet::Layout::new(Size::new(camera.width, camera.height), panels.len() as u32, 2);
+    let layout = sheet::Layout::new(Size::new(camera.width, camera.height), panels.len() as u32, 3);
     let mut tags = studio.tags(SCENE, &Weather::clear(), 0.0, camera);
     if let Some((_, text)) = tags.iter_mut().find(|(key, _)| key == "weather") {
         *text = pictures.iter().map(|(_, label)| label.as_str()).collect::<Vec<_>>().join("; ");
@@ -296,11 +296,16 @@ fn shoot(studio: &mut Studio, args: &DemoArgs, path: &Path) -> Result<()> {
 /// Name and visibility of a weather, as on the sheet: `fog, MOR 150 m`.
 fn label(weather: &Weather) -> String {
     let instant = weather.at(0.0);
-    let mor = instant.effects().find_map(|(effect, values)| match values[effect.param("mor")?] {
-        Value::Number(mor) => Some(mor),
-        _ => None,
-    });
-    match mor {
+    let first = |param: &str| {
+        instant.effects().find_map(|(effect, values)| match values[effect.param(param)?] {
+            Value::Number(number) => Some(number),
+            _ => None,
+        })
+    };
+    if let Some(rate) = first("rate") {
+        return format!("{}, {rate} mm/h", weather.name);
+    }
+    match first("mor") {
         Some(mor) if mor >= 1000.0 => format!("{}, MOR {} km", weather.name, mor / 1000.0),
         Some(mor) => format!("{}, MOR {mor} m", weather.name),
         None => weather.name.clone(),
@@ -336,7 +341,17 @@ mod tests {
             change.iter().for_each(|change| weather.set(change).unwrap());
             label(&weather)
         };
-        assert_eq!(SHEET.map(label_of), ["clear", "fog, MOR 120 m", "haze, MOR 2 km", "smog, MOR 300 m"]);
+        assert_eq!(
+            SHEET.map(label_of),
+            [
+                "clear",
+                "fog, MOR 120 m",
+                "haze, MOR 2 km",
+                "smog, MOR 300 m",
+                "heavy-rain, 25 mm/h",
+                "snow, 1.5 mm/h",
+            ]
+        );
     }
 
     #[test]
