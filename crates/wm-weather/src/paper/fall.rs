@@ -7,7 +7,7 @@
 //!
 //! # Where the paper leaves it open
 //! - **The box.** A cube about the camera in which things leave on one side and come in on the other. They stand in the
-//!   world, so that a camera that moves goes by them.
+//!   world, so that a camera that moves goes by them. Of them the ball in it is seen: its corners would show as denser.
 //! - **Orientation.** The long axis of a drop lies along its velocity as the camera sees it: the random rotation is
 //!   about that axis, where it changes nothing. A flake lies in any plane.
 //! - **Displacement.** Fall speed times time, each by its own factor of 0.75 to 1.25, and the drift of the wind.
@@ -148,7 +148,8 @@ impl PaperFall {
                 std::array::from_fn(|k| (0..3).map(|axis| axes[axis][k] * level[axis]).sum());
             let depth = (0..3).map(|k| f64::from(view.rotation[2][k]) * offset[k]).sum();
             let units = offset.map(|v| (v / metres) as f32);
-            if depth > NEAREST && view.may_see(units, (self.length / metres) as f32) {
+            let is_near = offset.iter().map(|v| v * v).sum::<f64>() <= 0.25 * self.edge * self.edge;
+            if is_near && depth > NEAREST && view.may_see(units, (self.length / metres) as f32) {
                 seen.push(Fallen { index, offset, depth, speed: factor * self.speed });
             }
         }
