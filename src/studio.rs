@@ -3,10 +3,13 @@
 use crate::scene::Loaded;
 use crate::view::spec;
 use anyhow::Result;
-use wm_render::{Frame, Job, RenderConfig, Renderer, SetView, Stats};
+use std::time::Instant;
+use wm_render::hooks::Hooks;
+use wm_render::{Background, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetView, Stats};
 use wm_scene::Camera;
+use wm_weather::paper::{Stages, composite};
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
-use wm_weather::{Seen, Site, Sky, Weather};
+use wm_weather::{Fidelity, Seen, Site, Sky, Weather};
 
 /// Maps of shelter that are kept, one for each direction of fall: enough for a wind that turns.
 const MAPS: usize = 6;
@@ -36,7 +39,9 @@ pub enum Rain {
 
 impl From<&Weather> for Rain {
     fn from(weather: &Weather) -> Self {
-        if weather.has_fall() { Self::Expected } else { Self::Never }
+        // The paper's rain falls through roofs.
+        let is_stopped = weather.has_fall() && weather.fidelity == Fidelity::Physical;
+        if is_stopped { Self::Expected } else { Self::Never }
     }
 }
 
@@ -90,6 +95,9 @@ impl Studio {
         frame: &mut Frame,
     ) -> Result<Stats> {
         let sky = weather.at(time).over(&self.site);
+        if !sky.paper_falls().is_empty() {
+            return self.render_as_paper(&sky, moving, frame, None);
+        }
         self.prepare(&sky);
         let sets = [SetView::plain(self.loaded.set)];
         let Moving { camera, velocity } = moving;
@@ -98,6 +106,66 @@ impl Studio {
             let job = Job { sets: &sets, camera, config: &self.config, hooks };
             self.loaded.renderer.render(&job, frame)
         })?;
+        Ok(stats)
+    }
+
+    /// The same in the paper's fidelity with rain or snow, and what lies between the clear picture and the last; where
+    /// none falls that is the picture itself, without noise.
+    pub fn render_stages(
+        &mut self,
+        weather: &Weather,
+        time: f64,
+        moving: Moving<'_>,
+        (frame, stages): (&mut Frame, &mut Stages),
+    ) -> Result<Stats> {
+        self.render_as_paper(&weather.at(time).over(&self.site), moving, frame, Some(stages))
+    }
+
+    /// Draws the scene, then each sub-cloud of what falls by itself, and lays them over it.
+    fn render_as_paper(
+        &mut self,
+        sky: &Sky,
+        Moving { camera, velocity }: Moving<'_>,
+        frame: &mut Frame,
+        mut stages: Option<&mut Stages>,
+    ) -> Result<Stats> {
+        let started = Instant::now();
+        let renderer = &mut self.loaded.renderer;
+        let seen = Seen { camera, velocity, shelter: None };
+        let asked = self.config.outputs.geometry;
+        let geometry = if asked == Geometry::None { Geometry::Depth } else { asked };
+        let config =
+            RenderConfig { outputs: Outputs { geometry, ..self.config.outputs }, ..self.config.clone() };
+        let sets = [SetView::plain(self.loaded.set)];
+        let mut stats = sky.with_hooks(&seen, |hooks| {
+            renderer.render(&Job { sets: &sets, camera, config: &config, hooks }, frame)
+        })?;
+        if let Some(stages) = &mut stages {
+            stages.begin(frame);
+        }
+        let config = RenderConfig {
+            outputs: Outputs { geometry: Geometry::Depth, ..Outputs::default() },
+            background: Background::default(),
+            ..config
+        };
+        let mut noise = Frame::default();
+        for fall in sky.paper_falls() {
+            let blend = sky.blend(fall, camera);
+            for cloud in sky.sub_clouds(fall, &seen) {
+                let set = renderer.load(&cloud)?;
+                let sets = [SetView::plain(set)];
+                let job = Job { sets: &sets, camera, config: &config, hooks: Hooks::default() };
+                let drawn = renderer.render(&job, &mut noise);
+                renderer.unload(set);
+                stats += drawn?;
+                composite::add(&blend, frame, &noise, stages.as_deref_mut());
+            }
+        }
+        sky.finish(renderer.path(), frame);
+        if asked == Geometry::None {
+            frame.depth.clear();
+        }
+        stats.wall = started.elapsed().as_secs_f64();
         Ok(stats)
     }
 

@@ -6,7 +6,8 @@ use crate::effects::look::Grade;
 use crate::effects::{Action, EFFECTS, Effect, Now};
 use crate::optics::{Atmosphere, Daylight, Site};
 use crate::panorama::Panorama;
-use crate::paper::PaperFog;
+use crate::paper::fall::Before;
+use crate::paper::{PaperFall, PaperFog, composite};
 use crate::param::Value;
 use crate::particles::fall::Blow;
 use crate::particles::{Fall, Precipitation};
@@ -15,8 +16,10 @@ use crate::shelter::Shelter;
 use crate::track::Track;
 use std::path::Path;
 use std::sync::Arc;
+use wm_render::Frame;
 use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect, SkySplats, Slot};
-use wm_scene::Camera;
+use wm_render::simd::SimdPath;
+use wm_scene::{Camera, Splats};
 
 /// Whose formulas are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -67,7 +70,7 @@ impl Weather {
         self.active.iter().map(|(effect, tracks)| (&EFFECTS[*effect], &tracks[..]))
     }
 
-    /// Whether something may fall at some time.
+    /// Whether something may fall at some time, in either fidelity.
     #[must_use]
     pub fn has_fall(&self) -> bool {
         self.effects().any(|(effect, _)| effect.slot == Slot::Particles && effect.param("rate").is_some())
@@ -138,6 +141,7 @@ impl Instant {
         let mut layers = Vec::new();
         let mut paper = Vec::new();
         let (mut falling, mut blow, mut grade) = (Vec::new(), Blow::default(), None);
+        let mut paper_falls = Vec::new();
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
             let act = match self.fidelity {
@@ -164,10 +168,12 @@ impl Instant {
                     layers.push(kind.layer());
                     falling.push(*kind);
                 }
+                Action::PaperFall(fall) => paper_falls.push(*fall),
                 Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
             }
         }
-        Sky { air: Atmosphere::new(layers, site), site, time: self.time, paper, dome, falling, blow, grade }
+        let air = Atmosphere::new(layers, site);
+        Sky { air, site, time: self.time, paper, paper_falls, dome, falling, blow, grade }
     }
 }
 
@@ -201,6 +207,7 @@ pub struct Sky {
     site: Site,
     time: f64,
     paper: Vec<PaperFog>,
+    paper_falls: Vec<PaperFall>,
     falling: Vec<Precipitation>,
     blow: Blow,
     /// What stands behind everything, if the weather says it.
@@ -222,6 +229,31 @@ impl Sky {
         &self.falling
     }
 
+    /// What falls as in the paper: laid over the picture that [`Self::with_hooks`] gives.
+    #[must_use]
+    pub fn paper_falls(&self) -> &[PaperFall] {
+        &self.paper_falls
+    }
+
+    /// The sub-clouds of one of [`Self::paper_falls`], the farthest first, each to be rendered by itself.
+    #[must_use]
+    pub fn sub_clouds(&self, fall: &PaperFall, seen: &Seen<'_>) -> Vec<Splats> {
+        let Seen { camera, velocity, .. } = *seen;
+        fall.sub_clouds(&Before { site: &self.site, blow: self.blow, camera, velocity })
+    }
+
+    /// How a render of one of them is blended.
+    #[must_use]
+    pub fn blend(&self, fall: &PaperFall, camera: &Camera) -> composite::Blend {
+        let PaperFall { sky, t, t_c, d_max, .. } = *fall;
+        composite::Blend { sky, t, t_d: fall.reach(camera) / self.site.metres_per_unit, t_c, d_max }
+    }
+
+    /// What follows when all of [`Self::paper_falls`] lie over the picture.
+    pub fn finish(&self, path: SimdPath, picture: &mut Frame) {
+        composite::finish(&self.paper_falls, self.grade.as_ref(), path, picture);
+    }
+
     /// The direction in which most of it falls, world axes, length 1: down, with the mean wind, in steps of some three
     /// degrees, so that few maps of shelter serve all times and each is that of its instant alone. `None` where
     /// nothing falls.
@@ -241,8 +273,9 @@ impl Sky {
     pub fn with_hooks<R>(&self, seen: &Seen<'_>, render: impl FnOnce(Hooks<'_>) -> R) -> R {
         let mut pixels: Vec<&dyn PixelEffect> =
             self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
-        // The lens comes last.
-        pixels.extend(self.grade.as_ref().map(|grade| grade as &dyn PixelEffect));
+        // The lens comes last: after the paper's rain, which is not the renderer's.
+        let grade = self.grade.as_ref().filter(|_| self.paper_falls.is_empty());
+        pixels.extend(grade.map(|grade| grade as &dyn PixelEffect));
         let background = self.dome.as_ref().map(|dome| dome as &dyn Backdrop);
         let size = f64::from(ParticleView::new(seen.camera).pixels());
         let air = self.air.clone().without(self.falling.iter().map(|kind| kind.residual(size)).collect());

@@ -3,6 +3,7 @@
 mod camera;
 mod range;
 mod sequence;
+mod stages;
 
 use crate::media::{color::Dither, panorama::read_panorama, png::DepthScale, video};
 use crate::names::stem_of;
@@ -51,6 +52,10 @@ struct OutputArgs {
     /// .npy behind it for another format than the colour's
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     also: Vec<Also>,
+    /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay, filtered and final;
+    /// with --set fidelity=paper
+    #[arg(long, help_heading = "Output")]
+    stages: bool,
     /// Format of the frames in a folder: png, exr or npy
     #[arg(long, value_name = "FORMAT", default_value = "png", help_heading = "Output")]
     frame_format: Format,
@@ -181,6 +186,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     if matches!(target, Target::Picture(_)) && args.output.asks_for_frames() {
         bail!("--frames and --frame-step are for videos and folders of frames: give --out one of these");
     }
+    if args.output.stages {
+        stages::check(&weather, &target)?;
+    }
     args.camera.check()?;
 
     let mut loaded = Loaded::new(&args.scene, &args.run, args.camera.views.as_ref())?;
@@ -216,9 +224,13 @@ impl Take {
 
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
         let mut frame = Frame::default();
-        let stats = self.render(args.output.time, &mut frame)?;
         let style = self.style(args, DepthScale::Auto, args.output.time);
-        let beside = style.write(&frame, path)?;
+        let (stats, beside) = if args.output.stages {
+            stages::picture(self, &style, path, args.output.time, &mut frame)?
+        } else {
+            let stats = self.render(args.output.time, &mut frame)?;
+            (stats, style.write(&frame, path)?)
+        };
         println!(
             "{}: {}x{}, {}, {:.0} ms ({})",
             path.display(),

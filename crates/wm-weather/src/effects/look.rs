@@ -11,7 +11,8 @@
 //! at all, so that not a byte changes.
 //!
 //! The colour filter that the paper lays over rain and snow is exposure -0.5, saturation 0.7, contrast 0.85 and
-//! slightly cooler (temperature -0.2); here it is asked for, and not part of rain or snow.
+//! slightly cooler (temperature -0.2): part of them in fidelity `paper` ([`crate::paper::composite`]), else to be asked
+//! for.
 
 use crate::effects::{Action, Effect};
 use crate::param::Value;

@@ -7,7 +7,7 @@
 use crate::dome::Dome;
 use crate::effects::look::Grade;
 use crate::optics::{Layer, Site};
-use crate::paper::PaperFog;
+use crate::paper::{PaperFall, PaperFog};
 use crate::param::{Kind, Param, Value};
 use crate::particles::Precipitation;
 use crate::track::Track;
@@ -57,6 +57,8 @@ pub enum Action {
     Wind(Wind),
     /// Something that falls.
     Precipitation(Box<Precipitation>),
+    /// Something that falls, as in the paper.
+    PaperFall(Box<PaperFall>),
     /// Exposure and colour of the finished picture.
     Grade(Grade),
 }

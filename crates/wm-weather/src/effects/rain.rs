@@ -13,4 +13,13 @@ drops! {
     kind: Kind::Rain,
     /// Water that falls through a level plane. Drizzle 0.5, moderate rain 5, heavy 25, violent 100.
     rate: 10.0, 300.0,
+    paper: {
+        number: 40_000.0 at 10.0,
+        speed: 8.0,
+        length: 0.25,
+        width: Value::Number(0.004),
+        opacity: 0.8,
+        t: 0.0, 0.35,
+        fog: 0.3,
+    },
 }

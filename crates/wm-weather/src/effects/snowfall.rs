@@ -12,4 +12,13 @@ drops! {
     /// Water that falls through a level plane, melted; ten times as much in depth of fresh snow. Light snow
     /// 0.5, moderate 1.5, heavy 4.
     rate: 1.0, 50.0,
+    paper: {
+        number: 40_000.0 at 1.0,
+        speed: 1.2,
+        length: 0.05,
+        width: Value::Auto,
+        opacity: 0.8,
+        t: -0.1, 0.6,
+        fog: 0.5,
+    },
 }

@@ -1,0 +1,215 @@
+//! The paper's noise scene: rain and snow as Gaussians of their own in a box about the camera.
+//!
+//! # As printed
+//! Gaussians at random places, grey. A raindrop is one long Gaussian, a snowflake three at 60 degrees to each other. For
+//! a video each is displaced from frame to frame. The cloud is split into k sub-clouds of at most so many Gaussians
+//! each, so that seldom two of one cloud lie over one pixel.
+//!
+//! # Where the paper leaves it open
+//! - **The box.** A cube about the camera in which things leave on one side and come in on the other. They stand in the
+//!   world, so that a camera that moves goes by them. Of them the ball in it is seen: its corners would show as denser.
+//! - **Orientation.** The long axis of a drop lies along its velocity as the camera sees it: the random rotation is
+//!   about that axis, where it changes nothing. A flake lies in any plane.
+//! - **Displacement.** Fall speed times time, each by its own factor of 0.75 to 1.25, and the drift of the wind.
+//! - **Sub-clouds.** Slices of depth with the same number in each.
+//!
+//! All is a pure function of (seed, number of the thing, time).
+
+use super::fog::PaperFog;
+use crate::dome::level_axes;
+use crate::effects::look::Grade;
+use crate::optics::Site;
+use crate::particles::Kind;
+use crate::particles::fall::Blow;
+use crate::particles::field::Draws;
+use glam::{DQuat, DVec3};
+use std::f64::consts::{FRAC_PI_3, TAU};
+use wm_render::hooks::ParticleView;
+use wm_scene::splats::{Splat, logit};
+use wm_scene::{Camera, Group, Splats};
+
+/// Nearest to the camera, m: what is nearer fills the picture.
+const NEAREST: f64 = 0.5;
+/// Factors on the fall speed, from and to.
+const SPEEDS: [f64; 2] = [0.75, 1.25];
+/// Standard deviation of a Gaussian as a share of its length: two to each side.
+const SIGMA: f64 = 0.25;
+/// Projected width at which things count as too far, px.
+const CUT: f64 = 0.3;
+/// Arms of a flake.
+const ARMS: usize = 3;
+
+/// Rain or snow of the paper at one instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PaperFall {
+    /// Drops or flakes.
+    pub kind: Kind,
+    /// Which of the equally likely ones.
+    pub seed: u64,
+    /// How many there are in the box; a part of one is none.
+    pub number: f64,
+    /// Edge of the box, m.
+    pub edge: f64,
+    /// Mean fall speed now, m/s.
+    pub speed: f64,
+    /// How far they have fallen since time 0 at the mean speed, m.
+    pub fallen: f64,
+    /// Display-referred colour, 0-1.
+    pub color: [f64; 3],
+    /// Opacity of a Gaussian, 0-1.
+    pub opacity: f64,
+    /// Length of a drop, or of a flake's arms, m: four standard deviations.
+    pub length: f64,
+    /// The same across, m.
+    pub width: f64,
+    /// k: how many sub-clouds.
+    pub layers: usize,
+    /// L_sky, display-referred, 0-1.
+    pub sky: f64,
+    /// Least and greatest difference of brightness that counts.
+    pub t: [f64; 2],
+    /// t_D, m; `None` where the projected width is 0.3 px.
+    pub t_d: Option<f64>,
+    /// t_C, brightness.
+    pub t_c: f64,
+    /// Depth that counts as 1, scene units.
+    pub d_max: f64,
+    /// The fog over the distance.
+    pub fog: PaperFog,
+    /// Standard deviation of the last blur, px; 0 for none.
+    pub blur: f64,
+    /// The colour filter.
+    pub filter: Grade,
+}
+
+/// Where it falls, and who sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Before<'a> {
+    /// The place.
+    pub site: &'a Site,
+    /// The wind.
+    pub blow: Blow,
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Its velocity, m/s, world axes.
+    pub velocity: [f64; 3],
+}
+
+/// One drop or flake.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fallen {
+    /// Its number.
+    pub index: u64,
+    /// From the camera's centre, world axes, m.
+    pub offset: [f64; 3],
+    /// View z, m.
+    pub depth: f64,
+    /// Its fall speed, m/s.
+    pub speed: f64,
+}
+
+impl PaperFall {
+    /// t_D in metres before a camera.
+    #[must_use]
+    pub fn reach(&self, camera: &Camera) -> f64 {
+        let seen = match self.kind {
+            Kind::Rain => self.width,
+            Kind::Snow => self.length,
+        };
+        self.t_d.unwrap_or_else(|| f64::from(ParticleView::new(camera).pixels()) * seen / CUT)
+    }
+
+    /// The numbers of thing `index`.
+    fn draws(&self, index: u64) -> Draws {
+        let kind = if self.kind == Kind::Snow { 0x5110_9a9e } else { 0x4a11_9a9e };
+        let own = Draws::new(self.seed ^ kind << 20).bits() ^ index.wrapping_mul(0xd1b5_4a32_d192_ed03);
+        // Twice, since sequences whose keys are near may run into each other.
+        Draws::new(Draws::new(own).bits())
+    }
+
+    /// What of it the camera may see, the nearest first; of equal depth by number.
+    #[must_use]
+    pub fn noise(&self, before: &Before<'_>) -> Vec<Fallen> {
+        let view = ParticleView::new(before.camera);
+        let axes = level_axes(before.site.up);
+        let metres = before.site.metres_per_unit;
+        let center = view.center.map(|v| v * metres);
+        let center = axes.map(|axis| (0..3).map(|k| axis[k] * center[k]).sum::<f64>());
+        let mut seen = Vec::new();
+        for index in 0..self.number as u64 {
+            let mut draws = self.draws(index);
+            let home = [draws.uniform(), draws.uniform(), draws.uniform()].map(|v| v * self.edge);
+            let factor = SPEEDS[0] + (SPEEDS[1] - SPEEDS[0]) * draws.uniform();
+            let come = [before.blow.drift[0], before.blow.drift[1], -factor * self.fallen];
+            let level: [f64; 3] = std::array::from_fn(|k| {
+                (home[k] + come[k] - center[k] + 0.5 * self.edge).rem_euclid(self.edge) - 0.5 * self.edge
+            });
+            let offset: [f64; 3] =
+                std::array::from_fn(|k| (0..3).map(|axis| axes[axis][k] * level[axis]).sum());
+            let depth = (0..3).map(|k| f64::from(view.rotation[2][k]) * offset[k]).sum();
+            let units = offset.map(|v| (v / metres) as f32);
+            let is_near = offset.iter().map(|v| v * v).sum::<f64>() <= 0.25 * self.edge * self.edge;
+            if is_near && depth > NEAREST && view.may_see(units, (self.length / metres) as f32) {
+                seen.push(Fallen { index, offset, depth, speed: factor * self.speed });
+            }
+        }
+        seen.sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.index.cmp(&b.index)));
+        seen
+    }
+
+    /// The sub-clouds, the farthest first: slices of depth of as many things each, none of them empty.
+    #[must_use]
+    pub fn sub_clouds(&self, before: &Before<'_>) -> Vec<Splats> {
+        let noise = self.noise(before);
+        let most = noise.len().div_ceil(self.layers.max(1)).max(1);
+        noise.chunks(most).rev().map(|slice| self.splats(slice, before)).collect()
+    }
+
+    /// Things as Gaussians.
+    fn splats(&self, things: &[Fallen], before: &Before<'_>) -> Splats {
+        let each = if self.kind == Kind::Snow { ARMS } else { 1 };
+        let mut splats = Splats::with_capacity(each * things.len(), 0);
+        let metres = before.site.metres_per_unit;
+        let [x, y, up] = level_axes(before.site.up).map(DVec3::from_array);
+        let [wind_x, wind_y] = before.blow.wind;
+        let air = x * wind_x + y * wind_y - DVec3::from_array(before.velocity);
+        let center = before.camera.center();
+        let size = [self.length, self.width, self.width].map(|v| (SIGMA * v / metres).ln() as f32);
+        for thing in things {
+            let mean = (center + DVec3::from_array(thing.offset) / metres).to_array().map(|v| v as f32);
+            let mut add = |turn: DQuat| {
+                splats.push(&Splat {
+                    mean,
+                    quat: [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32),
+                    log_scale: size,
+                    logit_opacity: logit(self.opacity) as f32,
+                    rgb: self.color.map(|v| v as f32),
+                    group: Group::Scene,
+                });
+            };
+            match self.kind {
+                Kind::Rain => {
+                    // Down, where it stands still before the camera.
+                    let way = (air - up * thing.speed).try_normalize().unwrap_or(-up);
+                    add(DQuat::from_rotation_arc(DVec3::X, way));
+                }
+                Kind::Snow => {
+                    let turn = any_turn(&mut self.draws(thing.index ^ 1 << 63));
+                    (0..ARMS).for_each(|arm| add(turn * DQuat::from_rotation_z(FRAC_PI_3 * arm as f64)));
+                }
+            }
+        }
+        splats
+    }
+}
+
+/// A rotation, all equally likely (Shoemake 1992).
+fn any_turn(draws: &mut Draws) -> DQuat {
+    let share = draws.uniform();
+    let [(a, b), (c, d)] = [(TAU * draws.uniform()).sin_cos(), (TAU * draws.uniform()).sin_cos()];
+    let (near, far) = ((1.0 - share).sqrt(), share.sqrt());
+    DQuat::from_xyzw(near * a, near * b, far * c, far * d)
+}
+
+#[cfg(test)]
+mod tests;
