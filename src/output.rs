@@ -102,6 +102,7 @@ pub fn outputs(also: &[Also]) -> Outputs {
     Outputs {
         geometry,
         median_depth: if asks(Kind::MedianDepth) { MedianDepth::On } else { MedianDepth::Off },
+        particles: if asks(Kind::Particles) { ParticlePass::On } else { ParticlePass::Off },
     }
 }
 

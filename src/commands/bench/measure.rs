@@ -39,7 +39,7 @@ impl Case {
         .into_iter()
         .map(|(name, geometry, median_depth, weather)| {
             let sky = Weather::find(weather)?.at(0.0).over(site);
-            Ok(Self { name, config: config(Outputs { geometry, median_depth }), sky })
+            Ok(Self { name, config: config(Outputs { geometry, median_depth, ..Outputs::default() }), sky })
         })
         .collect()
     }
