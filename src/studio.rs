@@ -3,7 +3,7 @@
 use crate::scene::Loaded;
 use crate::view::spec;
 use anyhow::Result;
-use wm_render::{Frame, Job, RenderConfig, Renderer, SetView, Stats};
+use wm_render::{CpuRenderer, Frame, Job, RenderConfig, Renderer, SetView, Stats};
 use wm_scene::Camera;
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
 use wm_weather::{Seen, Site, Sky, Weather};
@@ -89,16 +89,26 @@ impl Studio {
         moving: Moving<'_>,
         frame: &mut Frame,
     ) -> Result<Stats> {
+        self.with_job(weather, time, moving, |renderer, job| Ok(renderer.render(job, frame)?))
+    }
+
+    /// Calls `work` with the renderer and all that a picture of the instant `time` is made of.
+    pub fn with_job<R>(
+        &mut self,
+        weather: &Weather,
+        time: f64,
+        moving: Moving<'_>,
+        work: impl FnOnce(&mut CpuRenderer, &Job<'_>) -> Result<R>,
+    ) -> Result<R> {
         let sky = weather.at(time).over(&self.site);
         self.prepare(&sky);
         let sets = [SetView::plain(self.loaded.set)];
         let Moving { camera, velocity } = moving;
         let shelter = sky.fall().and(self.shelters.last().map(|(_, shelter)| shelter));
-        let stats = sky.with_hooks(&Seen { camera, velocity, shelter }, |hooks| {
+        sky.with_hooks(&Seen { camera, velocity, shelter }, |hooks| {
             let job = Job { sets: &sets, camera, config: &self.config, hooks };
-            self.loaded.renderer.render(&job, frame)
-        })?;
-        Ok(stats)
+            work(&mut self.loaded.renderer, &job)
+        })
     }
 
     /// The renderer in words.

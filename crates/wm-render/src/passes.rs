@@ -22,7 +22,7 @@ use crate::frame::{Frame, srgb_decode};
 use crate::hooks::{Backdrop, GROUP, Hooks, Medium, ShadeGroup, SkySplats};
 use crate::renderer::{Job, Outputs, RenderConfig, RenderError, Renderer, Stats};
 use crate::simd::{self, Lanes, SimdPath};
-use fearless_simd::{SimdBase, SimdFloat};
+use fearless_simd::SimdBase;
 
 /// A part that takes renders of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
