@@ -90,7 +90,7 @@ fn transmittance_is_that_of_the_distance() {
         let mut splats = Splats::default();
         card.paint(&mut splats, (20, 20), [0.6, 0.2, 0.1]);
         let scene = workshop.scene("card", splats, &yard_metadata(1.0));
-        for (set, mor) in [("fog.mor=50", 50.0), ("smog.mor=90", 90.0)] {
+        for (set, mor) in [("fog.mor=50", 50.0), ("smog.mor=90 --set smog.scale_height=inf", 90.0)] {
             let options = format!("--set {set} --also transmittance.npy");
             workshop.render(&scene, &view, "card.png", &options);
             let (shares, shape) = npy::read(&workshop.path("card.transmittance.npy")).unwrap();
