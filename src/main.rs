@@ -14,6 +14,7 @@ mod interrupt;
 mod media;
 mod names;
 mod output;
+mod parts;
 mod pipeline;
 mod progress;
 mod scene;

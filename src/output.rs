@@ -3,10 +3,14 @@
 use crate::media::color::Dither;
 use crate::media::{MediaError, Size, exr, png};
 use crate::names::beside;
+use crate::parts::Picture;
 use anyhow::{Result, bail};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use wm_render::{Frame, Geometry, MedianDepth, Outputs};
+use wm_render::frame::srgb_encode;
+use wm_render::passes::Pass;
+use wm_render::{Geometry, MedianDepth, Outputs, ParticlePass};
 use wm_scene::npy;
 
 /// A picture beside the colour.
@@ -20,6 +24,52 @@ pub enum Kind {
     Normal,
     /// Coverage.
     Alpha,
+    /// The share of the scene's light that the air lets through.
+    Transmittance,
+    /// What falls, and its coverage.
+    Particles,
+    /// The scene without air and what falls.
+    Clean,
+    /// What the air adds.
+    Airlight,
+}
+
+impl Kind {
+    const ALL: [(Self, &'static str); 8] = [
+        (Self::Depth, "depth"),
+        (Self::MedianDepth, "median-depth"),
+        (Self::Normal, "normal"),
+        (Self::Alpha, "alpha"),
+        (Self::Transmittance, "transmittance"),
+        (Self::Particles, "particles"),
+        (Self::Clean, "clean"),
+        (Self::Airlight, "airlight"),
+    ];
+
+    fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(kind, _)| *kind == self).map_or("", |(_, name)| name)
+    }
+
+    /// The channels of an EXR layer.
+    fn channels(self) -> &'static [&'static str] {
+        match self {
+            Self::Depth | Self::MedianDepth => &["Z"],
+            Self::Normal => &["X", "Y", "Z"],
+            Self::Alpha => &["A"],
+            Self::Particles => &["R", "G", "B", "A"],
+            Self::Transmittance | Self::Clean | Self::Airlight => &["R", "G", "B"],
+        }
+    }
+
+    /// The part of a picture that it is, where that takes renders of its own.
+    fn pass(self) -> Option<Pass> {
+        match self {
+            Self::Transmittance => Some(Pass::Transmittance),
+            Self::Clean => Some(Pass::Clean),
+            Self::Airlight => Some(Pass::Airlight),
+            _ => None,
+        }
+    }
 }
 
 /// A file format of pictures.
@@ -73,13 +123,12 @@ impl FromStr for Also {
             Some((name, extension)) => (name, Some(extension)),
             None => (text, None),
         };
-        let kind = match name {
-            "depth" => Kind::Depth,
-            "median-depth" => Kind::MedianDepth,
-            "normal" => Kind::Normal,
-            "alpha" => Kind::Alpha,
-            _ => return Err(format!("`{name}` is no picture: use depth, median-depth, normal or alpha")),
-        };
+        let kind = Kind::ALL.iter().find(|(_, known)| *known == name).map(|(kind, _)| *kind);
+        let kind = kind.ok_or_else(|| {
+            let names = Kind::ALL.map(|(_, name)| name);
+            let [most @ .., last] = &names;
+            format!("`{name}` is no picture: use {} or {last}", most.join(", "))
+        })?;
         let format = match extension {
             None => None,
             Some(extension) => Some(
@@ -102,6 +151,28 @@ pub fn outputs(also: &[Also]) -> Outputs {
     Outputs {
         geometry,
         median_depth: if asks(Kind::MedianDepth) { MedianDepth::On } else { MedianDepth::Off },
+        particles: if asks(Kind::Particles) { ParticlePass::On } else { ParticlePass::Off },
+    }
+}
+
+/// The parts of a picture that are asked for and take renders of their own.
+pub fn passes(also: &[Also]) -> Vec<Pass> {
+    also.iter().filter_map(|also| also.kind.pass()).collect()
+}
+
+/// Where pictures go that are asked for without a format of their own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Beside the colour, a file each.
+    Beside,
+    /// Into the colour's EXR, a layer each.
+    Layers,
+}
+
+impl Place {
+    /// Whether `also` is a layer of the colour, which is of the format `color`.
+    pub fn is_layer(self, also: Also, color: Format) -> bool {
+        self == Self::Layers && color == Format::Exr && also.format.is_none()
     }
 }
 
@@ -110,6 +181,8 @@ pub fn outputs(also: &[Also]) -> Outputs {
 pub struct Style {
     /// Pictures beside the colour.
     pub also: Vec<Also>,
+    /// Where they go.
+    pub place: Place,
     /// How 8-bit colour is quantised.
     pub dither: Dither,
     /// Metres a unit of the frame's depth.
@@ -122,90 +195,133 @@ pub struct Style {
 
 impl Style {
     /// Writes the colour to `path` and the other pictures beside it; returns a line for each of them.
-    pub fn write(&self, frame: &Frame, path: &Path) -> Result<Vec<String>> {
+    pub fn write(&self, picture: &Picture, path: &Path) -> Result<Vec<String>> {
+        let frame = &picture.frame;
         let size = Size::new(frame.width, frame.height);
-        let (height, width) = (frame.height as usize, frame.width as usize);
         let Some(format) = Format::of(path) else {
             bail!("{}: a picture is written as .png, .exr or .npy", path.display());
         };
         match format {
             Format::Png => png::write_rgb(path, &frame.rgb, size, self.dither, &self.tags)?,
             Format::Exr => {
-                exr::write_exr(
+                let layers = self.also.iter().filter(|also| self.place.is_layer(**also, format));
+                let channels: Vec<_> = layers.flat_map(|also| self.layer(also.kind, picture)).collect();
+                self.exr(
                     path,
-                    exr::Planes { rgb: Some(&frame.rgb), ..Default::default() },
                     size,
-                    &self.tags,
+                    exr::Planes { rgb: Some(&frame.rgb), channels: &channels, ..Default::default() },
                 )?;
             }
-            Format::Npy => npy::write(path, &frame.rgb_linear(), &[height, width, 3])?,
+            Format::Npy => {
+                let shape = [frame.height as usize, frame.width as usize, 3];
+                npy::write(path, &frame.rgb_linear(), &shape)?;
+            }
         }
-        self.also.iter().map(|also| self.write_also(*also, format, frame, size, path)).collect()
+        let own = self.also.iter().filter(|also| !self.place.is_layer(**also, format));
+        own.map(|also| self.write_also(*also, format, picture, size, path)).collect()
+    }
+
+    /// The channels of an EXR layer.
+    fn layer(&self, kind: Kind, picture: &Picture) -> Vec<(String, Vec<f32>)> {
+        let values = self.values(kind, picture);
+        let channels = kind.channels();
+        let of = |k: usize| values.iter().skip(k).step_by(channels.len()).copied().collect();
+        channels.iter().enumerate().map(|(k, name)| (format!("{}.{name}", kind.name()), of(k))).collect()
+    }
+
+    /// The values of a picture, `[H, W, C]`: metres, world axes, shares and linear light.
+    fn values<'a>(&self, kind: Kind, Picture { frame, passes }: &'a Picture) -> Cow<'a, [f32]> {
+        let metres = |depth: &[f32]| -> Vec<f32> {
+            depth.iter().map(|v| (f64::from(*v) * self.metres_per_unit) as f32).collect()
+        };
+        Cow::Borrowed(match kind {
+            Kind::Depth => return Cow::Owned(metres(&frame.depth)),
+            Kind::MedianDepth => return Cow::Owned(metres(&frame.median_depth)),
+            Kind::Normal => &frame.normal,
+            Kind::Alpha => &frame.alpha,
+            Kind::Particles => &frame.particles,
+            Kind::Transmittance => &passes.transmittance,
+            Kind::Clean => &passes.clean,
+            Kind::Airlight => &passes.airlight,
+        })
     }
 
     /// Where the picture `also` lies beside the colour `path` of format `format`.
     pub fn path_of(also: Also, format: Format, path: &Path) -> PathBuf {
-        let name = match also.kind {
-            Kind::Depth => "depth",
-            Kind::MedianDepth => "median-depth",
-            Kind::Normal => "normal",
-            Kind::Alpha => "alpha",
-        };
-        beside(path, name, also.format.unwrap_or(format).extension())
+        beside(path, also.kind.name(), also.format.unwrap_or(format).extension())
     }
 
     fn write_also(
         &self,
         also: Also,
         format: Format,
-        frame: &Frame,
+        picture: &Picture,
         size: Size,
         path: &Path,
     ) -> Result<String> {
         let path = Self::path_of(also, format, path);
         let format = also.format.unwrap_or(format);
-        let (height, width) = (frame.height as usize, frame.width as usize);
-        let metres = |depth: &[f32]| -> Vec<f32> {
-            depth.iter().map(|v| (f64::from(*v) * self.metres_per_unit) as f32).collect()
-        };
-        let mut note = String::new();
-        match also.kind {
-            Kind::Depth | Kind::MedianDepth => {
-                let depth = if also.kind == Kind::Depth { &frame.depth } else { &frame.median_depth };
-                let depth = metres(depth);
-                match format {
-                    Format::Png => {
-                        let scale = png::write_depth(&path, &depth, size, self.depth_scale, &self.tags)?;
-                        note = format!(", {scale} m a count, 0 for nothing");
-                    }
-                    Format::Exr => {
-                        self.exr(&path, size, exr::Planes { depth: Some(&depth), ..Default::default() })?;
-                    }
-                    Format::Npy => npy::write(&path, &depth, &[height, width])?,
+        let note = self.write_one(also.kind, format, picture, size, &path)?;
+        Ok(format!("{}{note}", path.display()))
+    }
+
+    /// Writes one picture beside the colour; returns what must be known of it.
+    pub fn write_one(
+        &self,
+        kind: Kind,
+        format: Format,
+        picture: &Picture,
+        size: Size,
+        path: &Path,
+    ) -> Result<String> {
+        let values = self.values(kind, picture);
+        let tags = &self.tags;
+        match (format, kind) {
+            (Format::Npy, _) => {
+                let (height, width) = (size.height as usize, size.width as usize);
+                match kind.channels().len() {
+                    1 => npy::write(path, &values, &[height, width])?,
+                    channels => npy::write(path, &values, &[height, width, channels])?,
                 }
             }
-            Kind::Normal => match format {
-                Format::Png => {
-                    png::write_normals(&path, &frame.normal, size, png::Bits::Sixteen, &self.tags)?;
-                }
-                Format::Exr => {
-                    self.exr(
-                        &path,
-                        size,
-                        exr::Planes { normals: Some(&frame.normal), ..Default::default() },
-                    )?;
-                }
-                Format::Npy => npy::write(&path, &frame.normal, &[height, width, 3])?,
-            },
-            Kind::Alpha => match format {
-                Format::Png => png::write_alpha(&path, &frame.alpha, size, png::Bits::Sixteen, &self.tags)?,
-                Format::Exr => {
-                    self.exr(&path, size, exr::Planes { alpha: Some(&frame.alpha), ..Default::default() })?;
-                }
-                Format::Npy => npy::write(&path, &frame.alpha, &[height, width])?,
-            },
+            (Format::Exr, Kind::Depth | Kind::MedianDepth) => {
+                self.exr(path, size, exr::Planes { depth: Some(&values), ..Default::default() })?;
+            }
+            (Format::Exr, Kind::Normal) => {
+                self.exr(path, size, exr::Planes { normals: Some(&values), ..Default::default() })?;
+            }
+            (Format::Exr, Kind::Alpha) => {
+                self.exr(path, size, exr::Planes { alpha: Some(&values), ..Default::default() })?;
+            }
+            (Format::Exr, _) => {
+                let mut channels = self.layer(kind, picture);
+                // Alone in a file they need no name of a layer.
+                channels.iter_mut().for_each(|(name, _)| *name = name.split_off(kind.name().len() + 1));
+                self.exr(path, size, exr::Planes { channels: &channels, ..Default::default() })?;
+            }
+            (Format::Png, Kind::Depth | Kind::MedianDepth) => {
+                let scale = png::write_depth(path, &values, size, self.depth_scale, tags)?;
+                return Ok(format!(", {scale} m a count, 0 for nothing"));
+            }
+            (Format::Png, Kind::Normal) => {
+                png::write_normals(path, &values, size, png::Bits::Sixteen, tags)?;
+            }
+            (Format::Png, Kind::Alpha) => {
+                png::write_alpha(path, &values, size, png::Bits::Sixteen, tags)?;
+            }
+            (Format::Png, Kind::Transmittance) => png::write_shares(path, &values, size, tags)?,
+            (Format::Png, Kind::Particles) => {
+                let coverage: Vec<f32> = values.iter().skip(3).step_by(4).copied().collect();
+                png::write_alpha(path, &coverage, size, png::Bits::Eight, tags)?;
+                return Ok(", coverage alone".into());
+            }
+            (Format::Png, Kind::Clean | Kind::Airlight) => {
+                let shown = |light: &f32| srgb_encode(f64::from(light.max(0.0))) as f32;
+                let shown: Vec<f32> = values.iter().map(shown).collect();
+                png::write_rgb(path, &shown, size, self.dither, tags)?;
+            }
         }
-        Ok(format!("{}{note}", path.display()))
+        Ok(String::new())
     }
 
     fn exr(&self, path: &Path, size: Size, planes: exr::Planes<'_>) -> Result<(), MediaError> {
@@ -231,5 +347,9 @@ mod tests {
         assert_eq!(ask("depth,alpha").geometry, Geometry::Depth);
         assert_eq!(ask("normal").geometry, Geometry::DepthNormal);
         assert_eq!(ask("median-depth").median_depth, MedianDepth::On);
+        assert_eq!(ask("transmittance,alpha").particles, ParticlePass::Off);
+        assert_eq!(ask("particles").particles, ParticlePass::On);
+        let also: Vec<Also> = ["depth", "clean", "transmittance.npy"].map(|a| a.parse().unwrap()).into();
+        assert_eq!(passes(&also), [Pass::Clean, Pass::Transmittance]);
     }
 }

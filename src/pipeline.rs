@@ -3,25 +3,24 @@
 use crate::{interrupt, progress};
 use anyhow::{Result, anyhow};
 use std::sync::mpsc::{channel, sync_channel};
-use wm_render::Frame;
 
 /// Frames between renderer and writer; more would only take memory.
 const WAITING: usize = 2;
 
-/// Renders `frames` in order while another thread writes; returns how many were written. Fewer than
+/// Renders `frames` (of any form that holds their pictures) in order while another thread writes; returns how many were written. Fewer than
 /// all means that Ctrl-C was pressed.
 ///
 /// # Errors
 /// The first that `render` or `write` gives.
-pub fn pipeline(
+pub fn pipeline<T: Default + Send>(
     frames: &[u32],
-    render: &mut dyn FnMut(u32, &mut Frame) -> Result<()>,
-    write: &mut (dyn FnMut(u32, &Frame) -> Result<()> + Send),
+    render: &mut dyn FnMut(u32, &mut T) -> Result<()>,
+    write: &mut (dyn FnMut(u32, &T) -> Result<()> + Send),
 ) -> Result<u32> {
     let bar = progress::bar(frames.len() as u64, "frames");
     let outcome = std::thread::scope(|scope| {
-        let (send, receive) = sync_channel::<(u32, Frame)>(WAITING);
-        let (give_back, returned) = channel::<Frame>();
+        let (send, receive) = sync_channel::<(u32, T)>(WAITING);
+        let (give_back, returned) = channel::<T>();
         let bar = &bar;
         let writer = scope.spawn(move || -> Result<u32> {
             let mut written = 0;

@@ -5,7 +5,9 @@ use crate::view::spec;
 use anyhow::Result;
 use std::time::Instant;
 use wm_render::hooks::Hooks;
-use wm_render::{Background, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetView, Stats};
+use wm_render::{
+    Background, CpuRenderer, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetView, Stats,
+};
 use wm_scene::Camera;
 use wm_weather::paper::{Stages, composite};
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
@@ -98,15 +100,27 @@ impl Studio {
         if !sky.paper_falls().is_empty() {
             return self.render_as_paper(&sky, moving, frame, None);
         }
+        self.with_job(weather, time, moving, |renderer, job| Ok(renderer.render(job, frame)?))
+    }
+
+    /// Calls `work` with the renderer and all that a picture of the instant `time` is made of, but for the paper's rain
+    /// and snow, which take several.
+    pub fn with_job<R>(
+        &mut self,
+        weather: &Weather,
+        time: f64,
+        moving: Moving<'_>,
+        work: impl FnOnce(&mut CpuRenderer, &Job<'_>) -> Result<R>,
+    ) -> Result<R> {
+        let sky = weather.at(time).over(&self.site);
         self.prepare(&sky);
         let sets = [SetView::plain(self.loaded.set)];
         let Moving { camera, velocity } = moving;
         let shelter = sky.fall().and(self.shelters.last().map(|(_, shelter)| shelter));
-        let stats = sky.with_hooks(&Seen { camera, velocity, shelter }, |hooks| {
+        sky.with_hooks(&Seen { camera, velocity, shelter }, |hooks| {
             let job = Job { sets: &sets, camera, config: &self.config, hooks };
-            self.loaded.renderer.render(&job, frame)
-        })?;
-        Ok(stats)
+            work(&mut self.loaded.renderer, &job)
+        })
     }
 
     /// The same in the paper's fidelity with rain or snow, and what lies between the clear picture and the last; where

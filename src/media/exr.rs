@@ -7,6 +7,8 @@
 //! | depth | Z | as given, metres or scene units, 0 = nothing there |
 //! | normals | N.X, N.Y, N.Z | as given, world axes, (0, 0, 0) = nothing there |
 //!
+//! | others | as named | as given |
+//!
 //! One function writes any of them: one kind a file, or all in one. Tags become string attributes of
 //! the same name.
 
@@ -34,6 +36,8 @@ pub struct Planes<'a> {
     pub depth: Option<&'a [f32]>,
     /// `[H, W, 3]`.
     pub normals: Option<&'a [f32]>,
+    /// Further channels by name, `[H, W]` each, as given; `layer.R` is the channel R of a layer.
+    pub channels: &'a [(String, Vec<f32>)],
 }
 
 /// Writes `planes` as one file with ZIP compression.
@@ -109,6 +113,10 @@ fn channels(planes: Planes<'_>, size: Size) -> Vec<AnyChannel<FlatSamples>> {
             channels.push(channel(name, plane.to_vec()));
         }
     }
+    for (name, plane) in planes.channels {
+        size.expect(name, plane, 1);
+        channels.push(channel(name, plane.clone()));
+    }
     channels
 }
 
@@ -169,8 +177,13 @@ mod tests {
             (0..size.pixels() * n).map(|i| (i as f32 * seed).sin() * 3.0).collect()
         };
         let (rgb, alpha, depth, normals) = (plane(0.1, 3), plane(0.2, 1), plane(0.3, 1), plane(0.4, 3));
-        let planes =
-            Planes { rgb: Some(&rgb), alpha: Some(&alpha), depth: Some(&depth), normals: Some(&normals) };
+        let planes = Planes {
+            rgb: Some(&rgb),
+            alpha: Some(&alpha),
+            depth: Some(&depth),
+            normals: Some(&normals),
+            channels: &[],
+        };
         write_exr(&path, planes, size, &[]).unwrap();
         let (image, read) = open(&path);
         assert_eq!(image.layer_data.size, Vec2(37, 21));

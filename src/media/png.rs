@@ -130,6 +130,16 @@ pub fn write_normals(
     write(path, &data_bytes(values, bits), size, ColorType::Rgb, bits, Meaning::Data, &tags)
 }
 
+/// Writes `shares [H, W, 3]`, 0-1, as 16-bit RGB, rounded: data, not colours.
+///
+/// # Errors
+/// The file cannot be written, or a tag does not fit.
+pub fn write_shares(path: &Path, shares: &[f32], size: Size, tags: &Tags) -> Result<(), MediaError> {
+    size.expect("shares", shares, 3);
+    let bytes = data_bytes(shares.iter().copied(), Bits::Sixteen);
+    write(path, &bytes, size, ColorType::Rgb, Bits::Sixteen, Meaning::Data, tags)
+}
+
 /// Writes `alpha [H, W]`, 0-1, as grey, rounded.
 ///
 /// # Errors

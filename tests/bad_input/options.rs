@@ -77,7 +77,10 @@ fn numbers_and_words() {
         (["--fps", "0"], "\"0\" is not a frame rate: use frames per second such as 30"),
         (["--fps", "-1"], "\"-1\" is not a frame rate: use frames per second such as 30"),
         (["--bitrate", "0"], "0 is not in 1..=4294967295"),
-        (["--also", "depht"], "`depht` is no picture: use depth, median-depth, normal or alpha"),
+        (
+            ["--also", "depht"],
+            "`depht` is no picture: use depth, median-depth, normal, alpha, transmittance, particles",
+        ),
         (["--frame-format", "gif"], "`gif`: use png, exr or npy"),
         (["--background", "#12"], "`#12` is no background: use auto, sky, black or #rrggbb"),
         (["--frames", "5..5"], "`5..5` has no frames: the end must be after the first"),

@@ -36,6 +36,10 @@ pub struct Frame {
     /// Mean normal (shortest axis, towards the camera) in world axes, weighted, at length 1,
     /// `[H, W, 3]`; 0 where `alpha` is below [`MIN_ALPHA`].
     pub normal: Vec<f32>,
+    /// What falls before the scene: linear light that comes from it, not below 0, and its coverage `1 - e^-tau`, 0-1,
+    /// `[H, W, 4]`. With it the colour before the pixel effects is, in linear light, `c (1 - coverage) + light`, where
+    /// `c` is the colour of the scene without what falls.
+    pub particles: Vec<f32>,
 }
 
 /// Which arrays of a [`Frame`] are filled, beside alpha, which always is.
@@ -45,6 +49,7 @@ pub(crate) struct Arrays {
     pub depth: bool,
     pub median_depth: bool,
     pub normal: bool,
+    pub particles: bool,
 }
 
 /// Coverage below which depth and normal are noise and given as 0: one step of 8 bits.
@@ -63,6 +68,7 @@ impl Frame {
             (&mut self.depth, arrays.depth, 1),
             (&mut self.median_depth, arrays.median_depth, 1),
             (&mut self.normal, arrays.normal, 3),
+            (&mut self.particles, arrays.particles, 4),
         ] {
             let length = if wanted { pixels * channels } else { 0 };
             if array.len() != length {

@@ -7,6 +7,7 @@ pub mod cpu;
 pub mod differentiable;
 pub mod frame;
 pub mod hooks;
+pub mod passes;
 pub mod reference;
 pub mod reference_backward;
 pub mod reference_particles;
@@ -19,6 +20,6 @@ pub use cpu::{CpuRenderer, Differentiable};
 pub use differentiable::{Channels, DepthAlpha, Drawn, ForwardConfig, Gradients, Learn, Opacity, Upstream};
 pub use frame::{Encoding, Frame};
 pub use renderer::{
-    Background, CpuConfig, Geometry, Job, MedianDepth, Outputs, RenderConfig, RenderError, Renderer, SetId,
-    SetView, SkyGradient, Stats,
+    Background, CpuConfig, Geometry, Job, MedianDepth, Outputs, ParticlePass, RenderConfig, RenderError,
+    Renderer, SetId, SetView, SkyGradient, Stats,
 };

@@ -81,6 +81,9 @@ pub struct Outputs {
     pub geometry: Geometry,
     /// Median depth.
     pub median_depth: MedianDepth,
+    /// What falls, apart from what it falls before.
+    #[serde(default)]
+    pub particles: ParticlePass,
 }
 
 /// Geometry that is blended like the colour.
@@ -102,6 +105,16 @@ pub enum MedianDepth {
     #[default]
     Off,
     /// Rendered.
+    On,
+}
+
+/// Whether what falls is kept as a picture of its own beside the colour, see [`Frame::particles`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ParticlePass {
+    /// In the colour alone.
+    #[default]
+    Off,
+    /// Apart as well.
     On,
 }
 

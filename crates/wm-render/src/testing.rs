@@ -8,7 +8,7 @@ use crate::renderer::{CpuConfig, Renderer};
 use crate::simd::{SimdChoice, SimdPath};
 use crate::stages::intersect::TILE;
 use crate::stages::project::{Record, SQRT_HALF_LOG2E};
-use crate::{CpuRenderer, Differentiable, Geometry, MedianDepth, Outputs};
+use crate::{CpuRenderer, Differentiable, Geometry, MedianDepth, Outputs, ParticlePass};
 use glam::DVec3;
 use wm_scene::{Camera, Group, Splats, splats::logit};
 
@@ -253,7 +253,8 @@ pub fn camera(width: u32, height: u32) -> Camera {
 }
 
 /// Every output on.
-pub const ALL_OUTPUTS: Outputs = Outputs { geometry: Geometry::DepthNormal, median_depth: MedianDepth::On };
+pub const ALL_OUTPUTS: Outputs =
+    Outputs { geometry: Geometry::DepthNormal, median_depth: MedianDepth::On, particles: ParticlePass::Off };
 
 /// Compares a frame with the referee's. Tight where no decision is near: colours within `1e-4` of
 /// each pixel and `1e-5` in the mean, sums of depth and normal likewise relative to their size. Where

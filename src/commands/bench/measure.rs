@@ -48,13 +48,13 @@ impl Case {
         .into_iter()
         .map(|(name, geometry, median_depth, weather)| {
             let sky = Weather::find(weather)?.at(0.0).over(site);
-            Ok(Self { name, config: config(Outputs { geometry, median_depth }), sky })
+            Ok(Self { name, config: config(Outputs { geometry, median_depth, ..Outputs::default() }), sky })
         })
         .collect::<Result<_>>()?;
         for (name, weather) in
             [("rgb, rain 25 mm/h", rain), ("rgb, rain, more drops", drops), ("rgb, snow 2.5 mm/h", snow)]
         {
-            let outputs = Outputs { geometry: None, median_depth: Off };
+            let outputs = Outputs::default();
             cases.push(Self { name, config: config(outputs), sky: weather.at(1.0).over(site) });
         }
         Ok(cases)

@@ -34,6 +34,7 @@ pub fn measure(
     let outputs = Outputs {
         geometry: if truth.any() || pictures > 0 { Geometry::DepthNormal } else { Geometry::None },
         median_depth: MedianDepth::On,
+        ..Outputs::default()
     };
     // Over black, as it was trained and as `reconstruct` measures.
     let config = RenderConfig { outputs, rasterization, ..RenderConfig::default() };

@@ -75,7 +75,7 @@ impl CameraArgs {
             bail!("--near {near}: must be finite and above 0");
         }
         if let Some(speed) = self.camera_speed {
-            if !(speed.abs() <= 1000.0) {
+            if !speed.is_finite() || speed.abs() > 1000.0 {
                 bail!("--camera-speed {speed}: must be a number from -1000 to 1000 m/s");
             }
             if self.path.is_some() {

@@ -1,13 +1,15 @@
 //! `render`: a scene under a weather, as a picture, a video or a folder of frames.
 
 mod camera;
+mod pairs;
 mod range;
 mod sequence;
 mod stages;
 
 use crate::media::{color::Dither, panorama::read_panorama, png::DepthScale, video};
 use crate::names::stem_of;
-use crate::output::{Also, Format, Style, outputs};
+use crate::output::{Also, Format, Place, Style, outputs, passes};
+use crate::parts::Picture;
 use crate::scene::{Loaded, RunArgs, SceneArgs};
 use crate::studio::{Moving, Rain, Studio};
 use anyhow::{Result, bail};
@@ -16,7 +18,8 @@ use clap::Args;
 use range::FrameRange;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
-use wm_render::{Background, Frame, RenderConfig, Stats};
+use wm_render::passes::Pass;
+use wm_render::{Background, RenderConfig, Stats};
 use wm_scene::Rasterization;
 use wm_scene::files::check_writable;
 use wm_weather::Weather;
@@ -38,6 +41,8 @@ pub struct RenderArgs {
     #[command(flatten)]
     output: OutputArgs,
     #[command(flatten)]
+    pairs: pairs::PairsArgs,
+    #[command(flatten)]
     run: RunArgs,
 }
 
@@ -48,14 +53,18 @@ struct OutputArgs {
     /// [default: named after scene and weather, in this folder]
     #[arg(short, long, value_name = "PATH", help_heading = "Output")]
     out: Option<PathBuf>,
-    /// Pictures beside the colour: depth (metres), median-depth, normal, alpha; each with .png, .exr or
-    /// .npy behind it for another format than the colour's
+    /// Pictures beside the colour: depth (metres), median-depth, normal, alpha, particles (what falls, with its
+    /// coverage), transmittance (of the air: one render more), clean (without air and fall: one more), airlight (what
+    /// the air adds: three); each with .png, .exr or .npy behind it for another format than the colour's
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     also: Vec<Also>,
     /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay, filtered and final;
     /// with --set fidelity=paper
     #[arg(long, help_heading = "Output")]
     stages: bool,
+    /// Put the pictures of --also that have no format behind them into the colour's .exr, as layers
+    #[arg(long, requires = "also", help_heading = "Output")]
+    layers: bool,
     /// Format of the frames in a folder: png, exr or npy
     #[arg(long, value_name = "FORMAT", default_value = "png", help_heading = "Output")]
     frame_format: Format,
@@ -181,6 +190,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     if weather.effects().next().is_some() && args.weather.is_none() {
         weather.name = weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>().join("-");
     }
+    if args.pairs.is_asked_for()? {
+        return pairs::run(args, &weather);
+    }
     let target = target_of(args, &weather)?;
     target.check()?;
     if matches!(target, Target::Picture(_)) && args.output.asks_for_frames() {
@@ -188,6 +200,17 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
     if args.output.stages {
         stages::check(&weather, &target)?;
+    }
+    let is_exr = match &target {
+        Target::Picture(path) => Format::of(path) == Some(Format::Exr),
+        _ => args.output.frame_format == Format::Exr,
+    };
+    if args.output.layers && !is_exr {
+        bail!("--layers are those of an .exr: give --out a name that ends in .exr, or --frame-format exr");
+    }
+    let asks_for_air = !passes(&args.output.also).is_empty();
+    if asks_for_air && weather.fidelity == wm_weather::Fidelity::Paper {
+        bail!("--also transmittance, clean or airlight: {}", pairs::NO_AIR);
     }
     args.camera.check()?;
 
@@ -199,7 +222,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         background: background(args.output.background, &loaded),
         rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
     };
-    let mut take = Take { studio: Studio::new(loaded, config, Rain::from(&weather)), weather, shot };
+    let passes = passes(&args.output.also);
+    let mut take = Take { studio: Studio::new(loaded, config, Rain::from(&weather)), weather, shot, passes };
     match target {
         Target::Picture(path) => take.picture(&path, args),
         Target::Video(path) => sequence::video(&mut take, &wanted, &path, args),
@@ -212,25 +236,29 @@ struct Take {
     studio: Studio,
     weather: Weather,
     shot: Shot,
+    /// Parts of the picture that take renders of their own.
+    passes: Vec<Pass>,
 }
 
 impl Take {
     /// Renders the instant `time`.
-    fn render(&mut self, time: f64, frame: &mut Frame) -> Result<Stats> {
+    fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
         let camera = self.shot.camera(time);
         let velocity = self.shot.velocity(time, self.studio.site.metres_per_unit);
-        self.studio.render(&self.weather, time, Moving { camera: &camera, velocity }, frame)
+        let moving = Moving { camera: &camera, velocity };
+        self.studio.render_parts(&self.weather, time, moving, &self.passes, picture)
     }
 
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
-        let mut frame = Frame::default();
+        let mut picture = Picture::default();
         let style = self.style(args, DepthScale::Auto, args.output.time);
         let (stats, beside) = if args.output.stages {
-            stages::picture(self, &style, path, args.output.time, &mut frame)?
+            stages::picture(self, &style, path, args.output.time, &mut picture)?
         } else {
-            let stats = self.render(args.output.time, &mut frame)?;
-            (stats, style.write(&frame, path)?)
+            let stats = self.render(args.output.time, &mut picture)?;
+            (stats, style.write(&picture, path)?)
         };
+        let frame = &picture.frame;
         println!(
             "{}: {}x{}, {}, {:.0} ms ({})",
             path.display(),
@@ -251,6 +279,7 @@ impl Take {
         let scene = args.scene.scene.display().to_string();
         Style {
             also: args.output.also.clone(),
+            place: if args.output.layers { Place::Layers } else { Place::Beside },
             dither: args.output.dither,
             metres_per_unit: self.studio.site.metres_per_unit,
             depth_scale,

@@ -3,13 +3,13 @@
 use super::{RenderArgs, Take};
 use crate::interrupt::Interrupted;
 use crate::media::{Size, png::DepthScale, video};
-use crate::output::Style;
+use crate::output::{Also, Place, Style};
+use crate::parts::Picture;
 use crate::pipeline::pipeline;
 use anyhow::{Context, Result, bail};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
-use wm_render::Frame;
 use wm_scene::files::write_atomically;
 
 /// The file in a folder of frames that says what they are frames of.
@@ -31,7 +31,8 @@ pub fn video(take: &mut Take, wanted: &[u32], path: &Path, args: &RenderArgs) ->
 
     let started = Instant::now();
     let all = wanted.len() as u32;
-    let written = pipeline(wanted, &mut renderer(take), &mut |_, frame| Ok(sink.frame(&frame.rgb)?))?;
+    let written =
+        pipeline(wanted, &mut renderer(take), &mut |_, picture| Ok(sink.frame(&picture.frame.rgb)?))?;
     if written < all {
         let advice = "nothing is written; a folder of frames (--out FOLDER) can be gone on with";
         return Err(Interrupted(format!("{written} of {all} frames were done, {advice}")).into());
@@ -72,7 +73,9 @@ pub fn folder(take: &mut Take, wanted: &[u32], folder: &Path, args: &RenderArgs)
     let extension = args.output.frame_format.extension();
     let name = |index: u32| folder.join(format!("{index:05}.{extension}"));
     // The colour is written first and the rest beside it, so the last of them tells.
-    let last = |index: u32| match args.output.also.last() {
+    let place = if args.output.layers { Place::Layers } else { Place::Beside };
+    let is_layer = |also: &Also| place.is_layer(*also, args.output.frame_format);
+    let last = |index: u32| match args.output.also.iter().rev().find(|also| !is_layer(also)) {
         Some(also) => Style::path_of(*also, args.output.frame_format, &name(index)),
         None => name(index),
     };
@@ -90,8 +93,8 @@ pub fn folder(take: &mut Take, wanted: &[u32], folder: &Path, args: &RenderArgs)
         .map(|index| take.style(args, DepthScale::reaching(take.studio.site.far), take.shot.time(*index)))
         .collect();
     let (mut position, mut beside) = (0, Vec::new());
-    let written = pipeline(&missing, &mut renderer(take), &mut |index, frame| {
-        beside = styles[position].write(frame, &name(index))?;
+    let written = pipeline(&missing, &mut renderer(take), &mut |index, picture| {
+        beside = styles[position].write(picture, &name(index))?;
         position += 1;
         Ok(())
     })?;
@@ -116,8 +119,8 @@ pub fn folder(take: &mut Take, wanted: &[u32], folder: &Path, args: &RenderArgs)
 }
 
 /// Renders the frame of an index.
-fn renderer(take: &mut Take) -> impl FnMut(u32, &mut Frame) -> Result<()> {
-    |index, frame| take.render(take.shot.time(index), frame).map(drop)
+fn renderer(take: &mut Take) -> impl FnMut(u32, &mut Picture) -> Result<()> {
+    |index, picture| take.render(take.shot.time(index), picture).map(drop)
 }
 
 /// What the frames of a folder depend on: the whole sequence, whichever of its frames are asked for, so that several
@@ -140,6 +143,7 @@ fn manifest(take: &Take, args: &RenderArgs) -> Result<Value> {
         "frames": take.shot.frames,
         "format": args.output.frame_format.extension(),
         "also": format!("{:?}", args.output.also),
+        "layers": args.output.layers,
         "dither": format!("{:?}", args.output.dither),
         "simd": take.studio.loaded.renderer.path().to_string(),
     }))

@@ -4,10 +4,11 @@ use super::{Take, Target};
 use crate::media::{Size, png};
 use crate::names::beside;
 use crate::output::Style;
+use crate::parts::Picture;
 use crate::studio::Moving;
 use anyhow::{Result, bail};
 use std::path::Path;
-use wm_render::{Frame, Stats};
+use wm_render::Stats;
 use wm_weather::paper::Stages;
 use wm_weather::{Fidelity, Weather};
 
@@ -32,14 +33,15 @@ pub fn picture(
     style: &Style,
     path: &Path,
     time: f64,
-    frame: &mut Frame,
+    picture: &mut Picture,
 ) -> Result<(Stats, Vec<String>)> {
     let camera = take.shot.camera(time);
     let velocity = take.shot.velocity(time, take.studio.site.metres_per_unit);
     let moving = Moving { camera: &camera, velocity };
     let mut stages = Stages::default();
-    let stats = take.studio.render_stages(&take.weather, time, moving, (frame, &mut stages))?;
-    let mut lines = style.write(frame, path)?;
+    let stats = take.studio.render_stages(&take.weather, time, moving, (&mut picture.frame, &mut stages))?;
+    let mut lines = style.write(picture, path)?;
+    let frame = &picture.frame;
     let size = Size::new(frame.width, frame.height);
     for (name, rgb) in [
         ("noise", &stages.noise),

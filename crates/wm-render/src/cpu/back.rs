@@ -3,7 +3,7 @@
 use crate::dispatch;
 use crate::frame::{Arrays, Frame};
 use crate::hooks::PATCH;
-use crate::renderer::{Geometry, Job, MedianDepth, Stats};
+use crate::renderer::{Geometry, Job, MedianDepth, ParticlePass, Stats};
 use crate::simd::SimdPath;
 use crate::stages::composite::cpu::{Composite, OutputRows, PatchPixels, finish_patch};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
@@ -54,6 +54,7 @@ pub fn arrays(job: &Job<'_>) -> Arrays {
         depth: outputs.geometry != Geometry::None,
         median_depth: outputs.median_depth == MedianDepth::On,
         normal: outputs.geometry == Geometry::DepthNormal,
+        particles: outputs.particles == ParticlePass::On,
     }
 }
 
@@ -212,8 +213,8 @@ pub fn finish(
 pub fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
     let count = (frame.height as usize).div_ceil(TILE);
     let mut bands: Vec<OutputRows<'_>> = (0..count).map(|_| OutputRows::default()).collect();
-    let arrays =
-        [&mut frame.rgb, &mut frame.alpha, &mut frame.depth, &mut frame.median_depth, &mut frame.normal];
+    let Frame { rgb, alpha, depth, median_depth, normal, particles, .. } = frame;
+    let arrays = [rgb, alpha, depth, median_depth, normal, particles];
     for (k, array) in arrays.into_iter().enumerate() {
         for (y, row) in array.chunks_mut(width * OutputRows::CHANNELS[k]).enumerate() {
             bands[y / TILE].array(k).push(row);

@@ -147,6 +147,7 @@ impl Differentiable {
             depth: channels.depth().is_some(),
             median_depth: false,
             normal: channels.has_normal(),
+            particles: false,
         };
         frame.prepare((camera.width, camera.height), arrays)?;
         let pool = Arc::clone(&self.pool);

@@ -17,6 +17,7 @@ pub struct PatchPixels {
     normal: [[f32; PATCH_PIXELS]; 3],
     median: [f32; PATCH_PIXELS],
     behind: [[f32; PATCH_PIXELS]; 3],
+    falls: [[f32; PATCH_PIXELS]; 4],
     background: BackgroundScratch,
 }
 
@@ -30,6 +31,7 @@ impl Default for PatchPixels {
             normal: [zero; 3],
             median: zero,
             behind: [zero; 3],
+            falls: [zero; 4],
             background: BackgroundScratch::default(),
         }
     }
@@ -48,20 +50,23 @@ pub struct OutputRows<'a> {
     pub median_depth: Vec<&'a mut [f32]>,
     /// `[rows][run width * 3]`.
     pub normal: Vec<&'a mut [f32]>,
+    /// `[rows][run width * 4]`.
+    pub particles: Vec<&'a mut [f32]>,
 }
 
 impl<'a> OutputRows<'a> {
     /// Channels of each array, in the order of [`Self::array`].
-    pub const CHANNELS: [usize; 5] = [3, 1, 1, 1, 3];
+    pub const CHANNELS: [usize; 6] = [3, 1, 1, 1, 3, 4];
 
-    /// Array number `index`: colour, alpha, depth, median depth, normal.
+    /// Array number `index`: colour, alpha, depth, median depth, normal, particles.
     pub fn array(&mut self, index: usize) -> &mut Vec<&'a mut [f32]> {
         match index {
             0 => &mut self.rgb,
             1 => &mut self.alpha,
             2 => &mut self.depth,
             3 => &mut self.median_depth,
-            _ => &mut self.normal,
+            4 => &mut self.normal,
+            _ => &mut self.particles,
         }
     }
 }
@@ -119,7 +124,15 @@ pub fn finish_patch<S: Lanes, const LANES: usize>(
     if features > 3 {
         to_rows::<LANES>(&sums.features[3], &mut pixels.depth);
     }
-    falling.draw(path, (patch_x, patch_y), &mut pixels.rgb, &pixels.alpha, &pixels.depth);
+    let behind = (&pixels.alpha, &pixels.depth);
+    let falls = if out.particles.is_empty() {
+        None
+    } else {
+        pixels.falls = [[0.0; PATCH_PIXELS]; 4];
+        Some(&mut pixels.falls)
+    };
+    falling.draw(path, (patch_x, patch_y), &mut pixels.rgb, behind, falls);
+    interleave_four(&pixels.falls, offset, &mut out.particles);
     for effect in effects {
         effect.apply(
             path,
@@ -174,6 +187,15 @@ fn copy(from: &[f32; PATCH_PIXELS], (left, top): (usize, usize), rows: &mut [&mu
         } else {
             let width = row.len();
             row.copy_from_slice(&pixels[..width]);
+        }
+    }
+}
+
+/// As [`interleave`], for what is asked for seldom: a plain loop.
+fn interleave_four(from: &[[f32; PATCH_PIXELS]; 4], (left, top): (usize, usize), rows: &mut [&mut [f32]]) {
+    for (y, row) in rows.iter_mut().skip(top).take(PATCH).enumerate() {
+        for (x, pixel) in row[4 * left..].as_chunks_mut::<4>().0.iter_mut().take(PATCH).enumerate() {
+            *pixel = from.each_ref().map(|channel| channel[y * PATCH + x]);
         }
     }
 }

@@ -233,15 +233,16 @@ impl Falling {
         });
     }
 
-    /// Draws what falls in patch `(column, row)` over its pixels: display-referred colour, coverage, and sum of weight
-    /// times view z, row by row.
+    /// Draws what falls in patch `(column, row)` over its pixels: display-referred colour, and behind it coverage and sum
+    /// of weight times view z, row by row. `apart`, if given, holds zeros, and takes the linear light of what falls and
+    /// its coverage.
     pub fn draw(
         &self,
         path: SimdPath,
         (column, row): (usize, usize),
         rgb: &mut [[f32; PATCH_PIXELS]; 3],
-        alpha: &[f32; PATCH_PIXELS],
-        depth_sum: &[f32; PATCH_PIXELS],
+        behind: (&[f32; PATCH_PIXELS], &[f32; PATCH_PIXELS]),
+        apart: Option<&mut [[f32; PATCH_PIXELS]; 4]>,
     ) {
         if self.is_empty() || column >= self.grid.0 || row >= self.grid.1 {
             return;
@@ -252,7 +253,7 @@ impl Falling {
             return;
         }
         let corner = [(column * PATCH) as f32, (row * PATCH) as f32];
-        dispatch!(path, s => draw(s, &self.drops, list, corner, rgb, (alpha, depth_sum)));
+        dispatch!(path, s => draw(s, &self.drops, list, corner, rgb, behind, apart));
     }
 }
 
@@ -275,6 +276,7 @@ fn draw<S: Lanes>(
     corner: [f32; 2],
     rgb: &mut [[f32; PATCH_PIXELS]; 3],
     (alpha, depth_sum): (&[f32; PATCH_PIXELS], &[f32; PATCH_PIXELS]),
+    mut apart: Option<&mut [[f32; PATCH_PIXELS]; 4]>,
 ) {
     let zero = [0; PATCH_PIXELS];
     let mut sums =
@@ -308,7 +310,14 @@ fn draw<S: Lanes>(
         }
         let mut seen = srgb_decode(simd, color);
         for k in 0..3 {
-            seen[k] = seen[k].mul_add(kept, whole(&sums.rgb[k]) * share);
+            let light = whole(&sums.rgb[k]) * share;
+            seen[k] = seen[k].mul_add(kept, light);
+            if let Some(apart) = &mut apart {
+                light.store_slice(&mut apart[k][first..first + S::N]);
+            }
+        }
+        if let Some(apart) = &mut apart {
+            (simd.set(1.0) - kept).store_slice(&mut apart[3][first..first + S::N]);
         }
         let shown = srgb_encode(simd, seen);
         for k in 0..3 {

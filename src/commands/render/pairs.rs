@@ -1,0 +1,396 @@
+//! Data sets: every photo's view with and without a weather, and what lies between the two.
+
+use super::{RenderArgs, background};
+use crate::interrupt::Interrupted;
+use crate::media::{Size, png::DepthScale};
+use crate::names::stem_of;
+use crate::output::{Format, Kind, Place, Style};
+use crate::parts::Picture;
+use crate::pipeline::pipeline;
+use crate::scene::Loaded;
+use crate::studio::{Moving, Rain, Studio};
+use crate::view::spec;
+use anyhow::{Context, Result, bail};
+use clap::{Args, ValueEnum};
+use serde_json::{Map, Value as Json, json};
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
+use std::time::Instant;
+use wm_render::passes::Pass;
+use wm_render::{Frame, Geometry, Job, Outputs, ParticlePass, RenderConfig, Renderer};
+use wm_scene::files::write_atomically;
+use wm_scene::{Camera, View};
+use wm_weather::{Fidelity, Value, Weather};
+
+/// The file that says what the pictures of the folder are.
+const MANIFEST: &str = "manifest.json";
+/// The folders, and the format of the files in them; the last is written last.
+const FOLDERS: [(&str, Format); 5] = [
+    ("clean", Format::Png),
+    ("weather", Format::Png),
+    ("depth", Format::Npy),
+    ("transmittance", Format::Npy),
+    ("particles", Format::Png),
+];
+
+/// Options of data sets.
+#[derive(Args, Clone, Debug)]
+pub struct PairsArgs {
+    /// Every camera of a set, for --pairs: capture (the scene's photos, or those of --views)
+    #[arg(long, value_name = "SET", help_heading = "Camera")]
+    cameras: Option<CameraSet>,
+    /// A data set: of every camera of --cameras, at the instant --time, the picture with and without the weather, depth,
+    /// transmittance and a mask of what falls, into the folder --out; three renders a camera
+    #[arg(long, help_heading = "Output")]
+    pairs: bool,
+}
+
+/// Sets of cameras.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum CameraSet {
+    /// Those of the photos.
+    Capture,
+}
+
+impl PairsArgs {
+    /// Whether a data set is asked for.
+    ///
+    /// # Errors
+    /// One of the options is there without the other.
+    pub fn is_asked_for(&self) -> Result<bool> {
+        match (self.pairs, self.cameras) {
+            (true, None) => bail!("--pairs: of which cameras? Add --cameras capture for those of the photos"),
+            (false, Some(_)) => bail!("--cameras is for data sets: add --pairs, or choose one with --camera"),
+            (asked, _) => Ok(asked),
+        }
+    }
+}
+
+/// One photo's view.
+struct Shot {
+    /// The photo's name.
+    photo: String,
+    /// The same without folders that lead out of here and, mostly, extension.
+    name: String,
+    camera: Camera,
+}
+
+impl Shot {
+    fn file(&self, (kind, format): (&str, Format)) -> String {
+        format!("{kind}/{}.{}", self.name, format.extension())
+    }
+}
+
+/// The pictures of one view.
+#[derive(Default)]
+struct Pair {
+    clean: Frame,
+    weather: Picture,
+}
+
+/// Runs `render --pairs`.
+pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
+    let folder = check(args, weather)?;
+    let mut loaded = Loaded::new(&args.scene, &args.run, args.camera.views.as_ref())?;
+    let shots = shots(&mut loaded, args)?;
+    let config = RenderConfig {
+        outputs: Outputs { geometry: Geometry::Depth, particles: ParticlePass::On, ..Outputs::default() },
+        background: background(args.output.background, &loaded),
+        rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
+    };
+    let mut studio = Studio::new(loaded, config, Rain::from(weather));
+    let manifest = manifest(&studio, &shots, args, weather)?;
+    keep(&folder, &manifest)?;
+
+    let is_there = |shot: &Shot| FOLDERS.iter().all(|kind| folder.join(shot.file(*kind)).exists());
+    let missing: Vec<u32> = (0..shots.len() as u32).filter(|i| !is_there(&shots[*i as usize])).collect();
+    let kept = shots.len() - missing.len();
+    if kept > 0 {
+        eprintln!(
+            "{}: {kept} of {} photos are there, going on with the others",
+            folder.display(),
+            shots.len()
+        );
+    }
+    let (started, time, clear) = (Instant::now(), args.output.time, Weather::clear());
+    let scene = args.scene.scene.display().to_string();
+    let style = |weather: &Weather, camera: &Camera| Style {
+        also: Vec::new(),
+        place: Place::Beside,
+        dither: args.output.dither,
+        metres_per_unit: studio.site.metres_per_unit,
+        depth_scale: DepthScale::Auto,
+        tags: studio.tags(&scene, weather, time, camera),
+    };
+    let styles: Vec<[Style; 2]> =
+        shots.iter().map(|shot| [&clear, weather].map(|weather| style(weather, &shot.camera))).collect();
+    let mut render = |index: u32, pair: &mut Pair| {
+        let camera = &shots[index as usize].camera;
+        let speed = args.camera.camera_speed.unwrap_or(0.0);
+        let moving = Moving { camera, velocity: (camera.forward() * speed).to_array() };
+        studio.with_job(&clear, time, moving, |renderer, job| {
+            let config = RenderConfig { outputs: Outputs::default(), ..job.config.clone() };
+            Ok(renderer.render(&Job { config: &config, ..*job }, &mut pair.clean)?)
+        })?;
+        studio.render_parts(weather, time, moving, &[Pass::Transmittance], &mut pair.weather)?;
+        Ok(())
+    };
+    let mut write = |index: u32, pair: &Pair| {
+        let index = index as usize;
+        write_pair(&folder, &shots[index], &styles[index], pair)
+    };
+    let written = pipeline(&missing, &mut render, &mut write)? as usize;
+    if written < missing.len() {
+        let (done, all) = (kept + written, shots.len());
+        let advice = "the same command goes on with the others";
+        return Err(
+            Interrupted(format!("{done} of {all} photos are in {}, {advice}", folder.display())).into()
+        );
+    }
+    println!(
+        "{}: {written} photos written, {kept} kept, {}, {:.1} s ({})",
+        folder.display(),
+        weather.name,
+        started.elapsed().as_secs_f64(),
+        studio.describe()
+    );
+    Ok(())
+}
+
+/// What can be wrong without a scene; returns the folder.
+fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
+    let (camera, output) = (&args.camera, &args.output);
+    for (given, option) in [
+        (camera.camera.is_some(), "--camera"),
+        (camera.path.is_some(), "--path"),
+        (camera.save_path.is_some(), "--save-path"),
+        (output.seconds.is_some(), "--seconds"),
+        (output.asks_for_frames(), "--frames and --frame-step"),
+        (!output.also.is_empty(), "--also"),
+        (output.layers, "--layers"),
+    ] {
+        if given {
+            bail!("--pairs makes the same pictures of every photo at one instant: leave out {option}");
+        }
+    }
+    camera.check()?;
+    if !output.time.is_finite() {
+        bail!("--time {}: must be a number of seconds", output.time);
+    }
+    if weather.effects().next().is_none() {
+        bail!("--pairs: with and without which weather? Give --weather or --set");
+    }
+    if weather.fidelity == Fidelity::Paper {
+        bail!("--pairs: {NO_AIR}");
+    }
+    let name = || format!("{}-{}", stem_of(&args.scene.scene), weather.name);
+    let folder = output.out.clone().unwrap_or_else(|| name().into());
+    let is_file = Format::of(&folder).is_some() || folder.extension().is_some_and(|e| e == "mp4");
+    if folder.exists() && !folder.is_dir() || is_file && !folder.is_dir() {
+        bail!("--out {}: is no folder; --pairs writes many files, give it a folder", folder.display());
+    }
+    Ok(folder)
+}
+
+/// Why the paper's fidelity has no parts.
+pub const NO_AIR: &str =
+    "the paper's fog acts on finished pixels and has no transmittance; use --set fidelity=physical";
+
+/// The views of the photos, by names of which no two are alike.
+fn shots(loaded: &mut Loaded, args: &RenderArgs) -> Result<Vec<Shot>> {
+    let views = &loaded.scene.views;
+    if views.is_empty() {
+        bail!(
+            "{}: the scene has no views of photos; name the folder of their COLMAP model with --views",
+            args.scene.scene.display()
+        );
+    }
+    let options = args.camera.options();
+    let named = names(views)?.into_iter().zip(views);
+    named
+        .map(|(name, view)| {
+            let camera = spec::of_view(view, &loaded.survey, &options)?;
+            Ok(Shot { photo: view.name.clone(), name, camera })
+        })
+        .collect()
+}
+
+/// Names of files: those of the photos without extension, or with it where two are alike without.
+fn names(views: &[View]) -> Result<Vec<String>> {
+    let whole = |view: &View| -> String {
+        // Names come from files of others, which may name places outside of the folder.
+        let parts = Path::new(&view.name).components().filter_map(|part| match part {
+            Component::Normal(part) => part.to_str(),
+            _ => None,
+        });
+        parts.collect::<Vec<_>>().join("/")
+    };
+    let short = |view: &View| -> String {
+        let whole = whole(view);
+        match whole.rsplit_once('.') {
+            Some((stem, extension))
+                if !stem.is_empty() && !stem.ends_with('/') && !extension.contains('/') =>
+            {
+                stem.to_owned()
+            }
+            _ => whole,
+        }
+    };
+    let mut counts: BTreeMap<String, u32> = BTreeMap::new();
+    views.iter().for_each(|view| *counts.entry(short(view)).or_default() += 1);
+    let names: Vec<String> =
+        views.iter().map(|view| if counts[&short(view)] > 1 { whole(view) } else { short(view) }).collect();
+    let mut seen = std::collections::BTreeSet::new();
+    for (view, name) in views.iter().zip(&names) {
+        if name.is_empty() || !seen.insert(name) {
+            bail!("the photo \"{}\" has no name of its own: rename it in the scene's views", view.name);
+        }
+    }
+    Ok(names)
+}
+
+fn write_pair(folder: &Path, shot: &Shot, [clear, style]: &[Style; 2], pair: &Pair) -> Result<()> {
+    let size = Size::new(shot.camera.width, shot.camera.height);
+    let paths = FOLDERS.map(|kind| folder.join(shot.file(kind)));
+    for path in &paths {
+        let parent = path.parent().unwrap_or(folder);
+        std::fs::create_dir_all(parent)
+            .with_context(|| format!("cannot make the folder {}", parent.display()))?;
+    }
+    let [clean, weather, depth, transmittance, particles] = paths;
+    crate::media::png::write_rgb(&clean, &pair.clean.rgb, size, clear.dither, &clear.tags)?;
+    style.write(&pair.weather, &weather)?;
+    style.write_one(Kind::Depth, Format::Npy, &pair.weather, size, &depth)?;
+    style.write_one(Kind::Transmittance, Format::Npy, &pair.weather, size, &transmittance)?;
+    style.write_one(Kind::Particles, Format::Png, &pair.weather, size, &particles)?;
+    Ok(())
+}
+
+/// Writes the manifest, or finds that the folder is that of another run.
+fn keep(folder: &Path, manifest: &Json) -> Result<()> {
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    let path = folder.join(MANIFEST);
+    let text = serde_json::to_string_pretty(manifest)?;
+    if path.exists() {
+        let there =
+            std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        if there.trim_end() != text {
+            bail!("{}: holds pictures of another run; empty it, or give another folder", folder.display());
+        }
+        return Ok(());
+    }
+    write_atomically(&path, |out| Ok(writeln!(out, "{text}")?))?;
+    Ok(())
+}
+
+/// All that the pictures are, and all that they depend on but the scene's own bytes.
+fn manifest(studio: &Studio, shots: &[Shot], args: &RenderArgs, weather: &Weather) -> Result<Json> {
+    let scene = &args.scene.scene;
+    let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;
+    let changed = about.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
+    let instant = weather.at(args.output.time);
+    let effects: Map<String, Json> = instant
+        .effects()
+        .map(|(effect, values)| {
+            let values = effect.params.iter().zip(values);
+            let entry = |param: &wm_weather::Param, value: &Value| match param.unit {
+                "" => json!({ "value": number(value) }),
+                unit => json!({ "value": number(value), "unit": unit }),
+            };
+            let values: Map<String, Json> =
+                values.map(|(param, value)| (param.name.to_owned(), entry(param, value))).collect();
+            (effect.name.to_owned(), Json::Object(values))
+        })
+        .collect();
+    let seeds: Map<String, Json> = effects
+        .iter()
+        .filter_map(|(name, values)| Some((name.clone(), values.get("seed")?.get("value")?.clone())))
+        .collect();
+    let photos: Vec<Json> = shots
+        .iter()
+        .map(|shot| {
+            let Camera { width, height, fx, fy, cx, cy, viewmat, near } = shot.camera;
+            let files: Map<String, Json> =
+                FOLDERS.iter().map(|kind| (kind.0.to_owned(), shot.file(*kind).into())).collect();
+            json!({
+                "photo": shot.photo,
+                "width": width, "height": height,
+                "fx": fx, "fy": fy, "cx": cx, "cy": cy, "near": near,
+                "camera_from_world": viewmat.transpose().to_cols_array_2d(),
+                "center": shot.camera.center().to_array(),
+                "files": files,
+            })
+        })
+        .collect();
+    let site = &studio.site;
+    Ok(json!({
+        "program": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
+        "scene": {
+            "path": scene.display().to_string(),
+            "bytes": about.len(),
+            "changed": changed.map(|t| t.as_secs()),
+            "metres_per_unit": site.metres_per_unit,
+            "up": site.up,
+            "ground": site.ground,
+            "airlight": site.airlight,
+        },
+        "weather": {
+            "name": weather.name,
+            "about": weather.about,
+            "fidelity": weather.fidelity.name(),
+            "effects": effects,
+        },
+        "seeds": seeds,
+        "time": args.output.time,
+        "camera_speed": args.camera.camera_speed.unwrap_or(0.0),
+        "simd": studio.loaded.renderer.path().to_string(),
+        "config": format!("{:?}", studio.config),
+        "dither": format!("{:?}", args.output.dither),
+        "units": {
+            "time": "s",
+            "camera_speed": "m/s, ahead",
+            "clean": "8 bits, sRGB: without any weather",
+            "weather": "8 bits, sRGB",
+            "depth": "[H, W] f32, metres along the view axis, 0 where nothing is",
+            "transmittance": "[H, W, 3] f32, 0-1: share of the scene's linear light that the air lets through, R G B",
+            "particles": "8 bits, 255 = whole: share of the pixel that falling drops and flakes hide",
+            "camera_from_world": "rows of a 4x4 matrix, scene units, OpenCV axes: x right, y down, z forward",
+            "intrinsics": "px, pinhole without distortion, the centre of the first pixel at 0.5, 0.5",
+            "metres_per_unit": "m a scene unit",
+            "airlight": "linear RGB",
+        },
+        "photos": photos,
+    }))
+}
+
+/// A value for JSON, which has no infinite numbers.
+fn number(value: &Value) -> Json {
+    match value {
+        Value::Number(number) if number.is_finite() => json!(number),
+        other => Json::String(other.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    fn named(all: &[&str]) -> Result<Vec<String>> {
+        let camera = Camera::look_at((4, 3), 50.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
+        let views: Vec<View> = all.iter().map(|name| View { name: (*name).to_owned(), camera }).collect();
+        names(&views)
+    }
+
+    #[test]
+    fn files_are_named_after_photos_and_stay_in_the_folder() {
+        let got = named(&["a.jpg", "b.c.png", "left/a.jpg", ".hidden", "../../d.jpg", "/e.jpg"]).unwrap();
+        assert_eq!(got, ["a", "b.c", "left/a", ".hidden", "d", "e"]);
+        assert_eq!(named(&["a.jpg", "a.png", "c"]).unwrap(), ["a.jpg", "a.png", "c"]);
+        for bad in [&["a.jpg", "../a.jpg"][..], &[".."], &["a.b.c", "a.b", "a.c"]] {
+            let fault = named(bad).is_err();
+            assert_eq!(fault, bad.len() < 3, "{bad:?}");
+        }
+    }
+}
