@@ -38,7 +38,7 @@ fn particles(count: u64) -> Vec<Particle> {
         Particle {
             offset: [draw(2, -3.0, 3.0), draw(3, -3.0, 3.0), draw(4, -0.5, 8.0)],
             sigma: 0.25 * size,
-            reach: [vector(5, reach), vector(8, if i % 3 == 0 { size } else { 0.0 })],
+            reach: [vector(5, reach), vector(8, if i.is_multiple_of(3) { size } else { 0.0 })],
             area: size * size,
             rgb: [draw(11, 0.0, 1.5), draw(12, 0.0, 1.5), draw(13, 0.0, 1.0)],
         }
