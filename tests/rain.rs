@@ -92,8 +92,9 @@ fn speed_ahead_streaks_away_from_where_it_goes() {
     let (scene, view) = board(&workshop, "black", 60.0, [0.0; 3]);
     // How much longer differences go along the rows and columns in a picture's left part.
     let slant = |options: &str| {
-        let options =
-            format!("--set rain.rate=60 --set rain.exposure=0.004 --set rain.airlight=#000000 {options}");
+        let options = format!(
+            "--set rain.rate=60 --set rain.exposure=0.004 --set rain.airlight=#000000 --set rain.color=#ffffff {options}"
+        );
         let picture = read_exr(&workshop.render(&scene, &view, "s.exr", &options));
         // The structure tensor: gradients stand across streaks.
         let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
@@ -104,6 +105,7 @@ fn speed_ahead_streaks_away_from_where_it_goes() {
                 (xx, yy, xy) = (xx + dx * dx, yy + dy * dy, xy + dx * dy);
             }
         }
+        assert!(xx + yy > 1e-3, "nothing falls: {xx} {yy}");
         // Angle of the streaks from upright, degrees, towards the right at their lower end.
         (0.5 * f64::atan2(2.0 * xy, xx - yy)).to_degrees()
     };

@@ -238,8 +238,12 @@ fn names(views: &[View]) -> Result<Vec<String>> {
     };
     let mut counts: BTreeMap<String, u32> = BTreeMap::new();
     views.iter().for_each(|view| *counts.entry(short(view)).or_default() += 1);
-    let names: Vec<String> =
+    let mut names: Vec<String> =
         views.iter().map(|view| if counts[&short(view)] > 1 { whole(view) } else { short(view) }).collect();
+    // What is left of one name may be the whole of another.
+    if names.iter().collect::<std::collections::BTreeSet<_>>().len() < names.len() {
+        names = views.iter().map(whole).collect();
+    }
     let mut seen = std::collections::BTreeSet::new();
     for (view, name) in views.iter().zip(&names) {
         if name.is_empty() || !seen.insert(name) {

@@ -5,7 +5,7 @@
 //! the frame. A drop hides a pixel for a part of the exposure: its Gaussian is as long as its way in it
 //! (`V T`, as a standard deviation over sqrt 12), and covers its area in all.
 
-use super::field::{Cells, Cone, Draws};
+use super::field::{Cells, Cone, Draws, wave};
 use super::residual::{FADE, NEAREST, Residual, fade};
 use super::spectrum::{Class, Kind};
 use crate::dome::level_axes;
@@ -33,8 +33,26 @@ const ARM: f64 = 0.1;
 /// Swaying of flakes: speed sideways, m/s, and frequency, Hz, from and to.
 const SWAY: [f64; 2] = [0.15, 0.5];
 const SWAY_RATE: [f64; 2] = [0.5, 1.5];
-/// Eddies that flakes near each other share: how far, m, how long, m, how slow, s.
-const EDDIES: [[f64; 3]; 4] = [[0.12, 2.3, 2.9], [0.2, 4.1, 4.3], [0.3, 7.7, 6.7], [0.4, 13.0, 9.1]];
+/// A wave in which flakes near each other sway together.
+struct Eddy {
+    /// How far, m.
+    reach: f64,
+    /// Wavelength, m, along `from`.
+    length: f64,
+    /// s.
+    period: f64,
+    from: [f64; 2],
+    /// Direction of the swaying.
+    to: [f64; 2],
+}
+
+/// Waves of some metres, in all directions.
+const EDDIES: [Eddy; 4] = [
+    Eddy { reach: 0.12, length: 2.3, period: 2.9, from: [1.0, 0.0], to: [1.0, 0.0] },
+    Eddy { reach: 0.2, length: 4.1, period: 4.3, from: [-0.13, 0.99], to: [-0.97, -0.26] },
+    Eddy { reach: 0.3, length: 7.7, period: 6.7, from: [-0.97, -0.26], to: [0.87, 0.49] },
+    Eddy { reach: 0.4, length: 13.0, period: 9.1, from: [0.38, -0.93], to: [-0.71, -0.70] },
+];
 /// Work is cut in parts of about so many slices.
 const SLICES: i64 = 6;
 
@@ -220,7 +238,7 @@ impl<'a> Fall<'a> {
         let speed = self.relative(kind.fall_speed).iter().map(|v| v * v).sum::<f64>().sqrt();
         let sway = match self.precipitation.kind {
             Kind::Rain => 0.0,
-            Kind::Snow => EDDIES.iter().map(|eddy| eddy[0]).sum::<f64>() + SWAY[1] / (TAU * SWAY_RATE[0]),
+            Kind::Snow => EDDIES.iter().map(|eddy| eddy.reach).sum::<f64>() + SWAY[1] / (TAU * SWAY_RATE[0]),
         };
         // As far as its Gaussian reaches: three standard deviations of a streak are less than its length.
         let margin =
@@ -289,13 +307,17 @@ impl Particles for Fall<'_> {
                         break;
                     }
                     let at: [f64; 3] = std::array::from_fn(|k| corner[k] + cells.edge * point.place[k]);
-                    let diameter = class.diameter(point.draws.uniform());
+                    // Of those outside most can be told before they sway.
+                    if !cone.holds(&at) {
+                        continue;
+                    }
+                    let width = class.seen(point.draws.uniform());
                     let (at, velocity) = shade.moved(at, &cone.center, &mut point.draws);
                     let distance = at.iter().map(|v| v * v).sum::<f64>().sqrt();
                     let (wanted, keep) = wanted(distance);
                     let there = ((wanted * (1.0 + 0.5 * SOFT) - point.threshold) / (SOFT * wanted)).min(1.0);
                     if there > 0.0 && distance > NEAREST {
-                        shade.draw(at, velocity, (diameter, distance), (there, keep), &mut point.draws, out);
+                        shade.draw(at, velocity, (width, distance), (there, keep), &mut point.draws, out);
                     }
                 }
             });
@@ -320,8 +342,9 @@ impl Shade<'_> {
         if self.fall.precipitation.kind == Kind::Snow {
             let time = self.fall.time;
             let between = |range: [f64; 2], share: f64| range[0] + (range[1] - range[0]) * share;
-            let (speed, rate) = (between(SWAY, draws.uniform()), TAU * between(SWAY_RATE, draws.uniform()));
-            let (sin, cos) = (rate * time + TAU * draws.uniform()).sin_cos();
+            let (speed, rate) = (between(SWAY, draws.uniform()), between(SWAY_RATE, draws.uniform()));
+            let [sin, cos] = wave(rate * time + draws.uniform());
+            let rate = TAU * rate;
             // Where it stands still, so that it goes by nothing but itself.
             let own: [f64; 2] = [at[0] + center[0], at[1] + center[1]];
             let height = at[2] + center[2];
@@ -329,11 +352,9 @@ impl Shade<'_> {
             at[1] -= speed / rate * cos;
             velocity[0] += speed * cos;
             velocity[1] += speed * sin;
-            for (i, [reach, length, period]) in EDDIES.into_iter().enumerate() {
-                let turn = 1.7 * i as f64;
-                let along = own[0] * turn.cos() + own[1] * turn.sin() + 0.6 * height;
-                let (sin, cos) = (TAU * (along / length + time / period) + turn).sin_cos();
-                let (dx, dy) = ((2.0 * turn).cos(), (2.0 * turn).sin());
+            for Eddy { reach, length, period, from: [x, y], to: [dx, dy] } in EDDIES {
+                let along = own[0] * x + own[1] * y + 0.6 * height;
+                let [sin, cos] = wave(along / length + time / period);
                 at[0] += reach * sin * dx;
                 at[1] += reach * sin * dy;
                 velocity[0] += TAU / period * reach * cos * dx;
@@ -349,7 +370,7 @@ impl Shade<'_> {
         &self,
         at: [f64; 3],
         velocity: [f64; 3],
-        (diameter, distance): (f64, f64),
+        (width, distance): (f64, f64),
         (there, keep): (f64, f64),
         draws: &mut Draws,
         out: &mut Vec<Particle>,
@@ -361,7 +382,7 @@ impl Shade<'_> {
         if self.fall.shelter.is_some_and(|shelter| !shelter.is_exposed(world)) {
             return;
         }
-        let width = 1e-3 * this.kind.seen(diameter) * this.look.size;
+        let width = width * this.look.size;
         let area = PI / 4.0 * width * width * this.look.opacity * there / keep;
         // Those that stand for several are as wide as all of them together.
         let sigma = DISC * width / keep.sqrt();

@@ -37,6 +37,20 @@ impl Draws {
     }
 }
 
+/// Sine and cosine of a number of turns, within 2e-6.
+#[inline]
+#[must_use]
+pub fn wave(turns: f64) -> [f64; 2] {
+    // Of half the angle, by their series on a quarter turn either way, and doubled.
+    let x = (turns - turns.round()) * std::f64::consts::PI;
+    let q = x * x;
+    let series = |terms: &[f64]| terms.iter().fold(0.0, |sum: f64, term| sum * q + term);
+    let sin =
+        x * series(&[-1.0 / 39_916_800.0, 1.0 / 362_880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0]);
+    let cos = series(&[-1.0 / 3_628_800.0, 1.0 / 40_320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0]);
+    [2.0 * sin * cos, (cos - sin) * (cos + sin)]
+}
+
 #[inline]
 fn mixed(mut z: u64) -> u64 {
     z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -56,7 +70,7 @@ pub struct Cells {
 }
 
 /// Points that a cube holds on the average up to a threshold of 1, where that makes no cube too small or too large.
-const TYPICAL: f64 = 8.0;
+const TYPICAL: f64 = 12.0;
 /// Shortest and longest edge, m.
 const EDGES: [f64; 2] = [0.25, 8.0];
 
@@ -133,6 +147,13 @@ impl Cone {
         [a, b, c, d, turned(view.rotation[2])]
     }
 
+    /// Whether a point, m from the camera, is within, or nearer to it than the margin.
+    #[inline]
+    #[must_use]
+    pub fn holds(&self, at: &[f64; 3]) -> bool {
+        self.planes.iter().all(|n| n[0] * at[0] + n[1] * at[1] + n[2] * at[2] > -self.margin)
+    }
+
     /// The numbers of the slices of cubes along the first axis.
     #[must_use]
     pub fn slices(&self, edge: f64) -> std::ops::Range<i64> {
@@ -198,6 +219,16 @@ mod tests {
     use super::*;
     use glam::DVec3;
     use wm_scene::Camera;
+
+    #[test]
+    fn waves_are_sines() {
+        for i in -3000..3000 {
+            let turns = f64::from(i) * 0.001_37;
+            let (sin, cos) = (std::f64::consts::TAU * turns).sin_cos();
+            let [s, c] = wave(turns);
+            assert!((s - sin).abs() < 2e-6 && (c - cos).abs() < 2e-6, "{turns}: {s} {c}");
+        }
+    }
 
     #[test]
     fn cubes_hold_what_their_density_says() {

@@ -17,11 +17,12 @@ pub enum Kind {
     Snow,
 }
 
-/// Classes of a kind.
-pub const CLASSES: usize = 64;
 /// Rate at which the process of thresholds has density 1: any would do, most rates are near it.
 const REFERENCE_RAIN: f64 = 25.0;
 const REFERENCE_SNOW: f64 = 2.5;
+
+/// How numbers fall with diameter within a class, 1/mm: between those of light and of heavy rain.
+const TYPICAL_SLOPE: f64 = 2.4;
 
 /// Drops of about one size.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +37,10 @@ pub struct Class {
     pub area: f64,
     /// Diameter as it is seen, m, in the middle of the class.
     pub width: f64,
+    /// And at its two ends.
+    widths: [f64; 2],
+    /// Half of how much rarer the large are than the small ones in it, as a share.
+    falls: f64,
 }
 
 impl Class {
@@ -43,7 +48,20 @@ impl Class {
     #[inline]
     #[must_use]
     pub fn diameter(&self, share: f64) -> f64 {
-        self.diameters[0] + (self.diameters[1] - self.diameters[0]) * share
+        self.diameters[0] + (self.diameters[1] - self.diameters[0]) * self.within(share)
+    }
+
+    /// The diameter that is seen of it, m: straight between the ends of the class.
+    #[inline]
+    #[must_use]
+    pub fn seen(&self, share: f64) -> f64 {
+        self.widths[0] + (self.widths[1] - self.widths[0]) * self.within(share)
+    }
+
+    /// How far through the class the drop is that has this share of it below: small ones are more.
+    #[inline]
+    fn within(&self, share: f64) -> f64 {
+        share * (1.0 - self.falls * (1.0 - share))
     }
 }
 
@@ -54,6 +72,15 @@ impl Kind {
         match self {
             Self::Rain => [0.5, 6.0],
             Self::Snow => [0.2, 4.0],
+        }
+    }
+
+    /// Classes: so many that speeds within one differ by some percent.
+    #[must_use]
+    pub fn count(self) -> usize {
+        match self {
+            Self::Rain => 48,
+            Self::Snow => 24,
         }
     }
 
@@ -81,8 +108,9 @@ impl Kind {
     pub fn classes(self) -> Vec<Class> {
         let [least, greatest] = self.range();
         // Equally wide for rain; for snow, whose flakes grow faster than their water, by powers.
+        let count = self.count();
         let edge = |i: usize| {
-            let share = i as f64 / CLASSES as f64;
+            let share = i as f64 / count as f64;
             match self {
                 Self::Rain => least + (greatest - least) * share,
                 Self::Snow => least * (greatest / least).powf(share),
@@ -91,20 +119,22 @@ impl Kind {
         let class = |i: usize| {
             let diameters = [edge(i), edge(i + 1)];
             let middle = 0.5 * (diameters[0] + diameters[1]);
-            // Over equally likely diameters within the class.
-            let mean = |f: &dyn Fn(f64) -> f64| {
-                let at = |k: usize| diameters[0] + (diameters[1] - diameters[0]) * (k as f64 + 0.5) / 16.0;
-                (0..16).map(|k| f(at(k))).sum::<f64>() / 16.0
-            };
-            Class {
+            let mut class = Class {
                 diameters,
                 fall_speed: self.fall_speed(middle),
-                water: mean(&|d| PI / 6.0 * d.powi(3)),
-                area: mean(&|d| PI / 4.0 * (1e-3 * self.seen(d)).powi(2)),
+                water: 0.0,
+                area: 0.0,
+                falls: 0.5 * TYPICAL_SLOPE * (diameters[1] - diameters[0]),
                 width: 1e-3 * self.seen(middle),
-            }
+                widths: diameters.map(|d| 1e-3 * self.seen(d)),
+            };
+            let mean =
+                |f: &dyn Fn(f64) -> f64| (0..32).map(|k| f((f64::from(k) + 0.5) / 32.0)).sum::<f64>() / 32.0;
+            class.water = mean(&|share| PI / 6.0 * class.diameter(share).powi(3));
+            class.area = mean(&|share| PI / 4.0 * class.seen(share).powi(2));
+            class
         };
-        (0..CLASSES).map(class).collect()
+        (0..count).map(class).collect()
     }
 
     /// Drops a m^3 of each of `classes` at `rate` mm/h of water: exactly that falls.

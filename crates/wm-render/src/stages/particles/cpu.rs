@@ -5,7 +5,7 @@ use crate::dispatch;
 use crate::frame::MIN_ALPHA;
 use crate::hooks::{PATCH, PATCH_PIXELS, Particle, ParticleView, Particles};
 use crate::simd::{Lanes, SimdPath, exp2, srgb_decode, srgb_encode};
-use fearless_simd::{Select, SimdBase, SimdFloat};
+use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use rayon::prelude::*;
 use std::f32::consts::{LOG2_E, TAU};
 use std::ops::Range;
@@ -257,7 +257,8 @@ impl Falling {
     }
 }
 
-/// What falls in one patch, in whole numbers of an optical depth.
+/// What falls in one patch, in whole numbers of an optical depth, block by block: a vector is four columns of some rows, as in
+/// [`crate::stages::rasterize`], since streaks are thin.
 #[repr(C, align(64))]
 struct Sums {
     tau: [u32; PATCH_PIXELS],
@@ -282,26 +283,31 @@ fn draw<S: Lanes>(
     let mut sums =
         Sums { tau: zero, rgb: [zero; 3], depth: [f32::INFINITY; PATCH_PIXELS], open: [1.0; PATCH_PIXELS] };
     for i in 0..PATCH_PIXELS {
+        let to = in_blocks::<S>(i);
         if alpha[i] >= MIN_ALPHA {
-            sums.depth[i] = depth_sum[i] / alpha[i];
+            sums.depth[to] = depth_sum[i] / alpha[i];
         }
-        sums.open[i] = 1.0 - alpha[i];
+        sums.open[to] = 1.0 - alpha[i];
     }
     for entry in list {
         add(simd, &drops[entry.load(Ordering::Relaxed) as usize], corner, &mut sums);
     }
     for first in (0..PATCH_PIXELS).step_by(S::N) {
-        if sums.tau[first..first + S::N].iter().all(|tau| *tau == 0) {
-            continue;
-        }
         let whole = |values: &[u32; PATCH_PIXELS]| {
             let mut floats = [0.0; 16];
-            for (float, value) in floats.iter_mut().zip(&values[first..first + S::N]) {
-                *float = *value as f32;
+            // Four pixels of a row lie side by side in a block.
+            for four in 0..S::N / 4 {
+                let from = in_blocks::<S>(first + 4 * four);
+                for k in 0..4 {
+                    floats[4 * four + k] = values[from + k] as f32;
+                }
             }
             simd.load(&floats)
         };
         let steps = whole(&sums.tau);
+        if !steps.simd_gt(simd.set(0.0)).any_true() {
+            continue;
+        }
         let kept = exp2(simd, [(steps * (-LOG2_E / STEPS)).max(simd.set(-126.0))])[0];
         let share = (simd.set(1.0) - kept) / steps.max(simd.set(1.0));
         let mut color = [simd.set(0.0); 3];
@@ -338,24 +344,29 @@ fn add<S: Lanes>(simd: S, drop: &Drop, corner: [f32; 2], sums: &mut Sums) {
     let last = ((-dy + drop.extent[1]).floor() + 1.0).clamp(0.0, PATCH as f32) as usize;
     let left = (-dx - drop.extent[0]).max(0.0);
     let right = (-dx + drop.extent[0]).min((PATCH - 1) as f32);
+    if right < 0.0 || left > (PATCH - 1) as f32 {
+        return;
+    }
     let round = simd.set(ROUND);
     let bits = |value: S::F| value.to_bits();
     let depth = simd.set(drop.depth);
     // Below this it ends: its radius, as a power of two.
     let (rx, a) = (drop.extent[0], drop.a);
     let end = simd.set(drop.peak - (a * rx) * (a * rx));
-    for row in first..last {
-        let y = dy + row as f32;
-        for start in (0..PATCH).step_by(S::N) {
-            if right < start as f32 || left > (start + S::N - 1) as f32 {
-                continue;
-            }
-            let x = simd.load(&COLUMNS[start..]) + dx;
+    let height = S::N / 4;
+    let (columns, rows) = (simd.load(&COLUMNS), simd.load(&ROWS));
+    for band in first / height..last.div_ceil(height) {
+        let y = rows + (dy + (band * height) as f32);
+        for block in left as usize / 4..right as usize / 4 + 1 {
+            let x = columns + (dx + (4 * block) as f32);
             let u = x * drop.a;
-            let v = x.mul_add(simd.set(drop.c), simd.set(drop.b * y));
+            let v = x.mul_add(simd.set(drop.c), y * drop.b);
             let exponent = simd.set(drop.peak) - u.mul_add(u, v * v);
             let inside = exponent.simd_ge(end);
-            let at = row * PATCH + start;
+            if !inside.any_true() {
+                continue;
+            }
+            let at = (4 * band + block) * S::N;
             let z = simd.load(&sums.depth[at..]);
             let open = depth.simd_lt(z).select(simd.set(STEPS), simd.load(&sums.open[at..]) * STEPS);
             let tau = exp2(simd, [exponent.max(simd.set(-126.0))])[0] * open;
@@ -373,13 +384,13 @@ fn add<S: Lanes>(simd: S, drop: &Drop, corner: [f32; 2], sums: &mut Sums) {
     }
 }
 
-/// The columns of a patch.
-const COLUMNS: [f32; PATCH] = {
-    let mut columns = [0.0; PATCH];
-    let mut i = 0;
-    while i < PATCH {
-        columns[i] = i as f32;
-        i += 1;
-    }
-    columns
-};
+/// Where pixel `index` of a patch, counted row by row, lies among its blocks.
+#[inline(always)]
+fn in_blocks<S: Lanes>(index: usize) -> usize {
+    let (column, row, height) = (index % PATCH, index / PATCH, S::N / 4);
+    (row / height * 4 + column / 4) * S::N + row % height * 4 + column % 4
+}
+
+/// Columns and rows of the lanes of a block.
+const COLUMNS: [f32; 16] = [0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0];
+const ROWS: [f32; 16] = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0];

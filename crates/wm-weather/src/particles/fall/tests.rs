@@ -82,8 +82,9 @@ fn sizes_follow_the_law() {
     for seed in 0..5 {
         let (precipitation, air) = (precipitation(Kind::Rain, 10.0, seed), air());
         let fall = Fall::new(&precipitation, &SITE, &air, None, (Blow::default(), [0.0; 3]), 0.0);
-        let mut sizes: Vec<f64> =
-            (0..CLASS_COUNT).flat_map(|class| drops(&fall, class, [0.0; 3], [5.2, 5.2, 5.2])).collect();
+        let mut sizes: Vec<f64> = (0..Kind::Rain.count())
+            .flat_map(|class| drops(&fall, class, [0.0; 3], [5.2, 5.2, 5.2]))
+            .collect();
         assert!((90_000..130_000).contains(&sizes.len()), "{}", sizes.len());
         sizes.sort_by(f64::total_cmp);
         let slope = 4.1 * 10f64.powf(-0.21);
@@ -98,8 +99,6 @@ fn sizes_follow_the_law() {
     println!("Kolmogorov-Smirnov {worst:.4}");
     assert!(worst < 0.01, "{worst}");
 }
-
-const CLASS_COUNT: usize = super::super::spectrum::CLASSES;
 
 /// The drops of a frame.
 fn frame(precipitation: &Precipitation, camera: &Camera, time: f64, blow: Blow) -> Vec<Particle> {
@@ -238,24 +237,22 @@ fn drops_and_air_together_are_the_law() {
         let view = ParticleView::new(&camera);
         let residual = falling.residual(f64::from(view.pixels()));
         let mut off = Vec::new();
+        let times = 48;
+        let frames: Vec<_> =
+            (0..times).map(|time| frame(&falling, &camera, f64::from(time) * 1.7, Blow::default())).collect();
         for metres in [1.0, 3.0, 8.0, 20.0] {
             // Cover of the drops up to there as solid angle, over that of the picture, averaged over times.
             let mut cover = 0.0;
-            let times = 24;
-            for time in 0..times {
-                for particle in frame(&falling, &camera, f64::from(time) * 1.7, Blow::default()) {
-                    let offset = DVec3::from_array(particle.offset.map(f64::from));
-                    let local = camera.rotation() * offset;
-                    let (x, y) = (
-                        camera.fx * local.x / local.z + camera.cx,
-                        camera.fy * local.y / local.z + camera.cy,
-                    );
-                    let inside = local.z > 0.0
-                        && (0.0..f64::from(size.0)).contains(&x)
-                        && (0.0..f64::from(size.1)).contains(&y);
-                    if inside && offset.length() * SITE.metres_per_unit < metres {
-                        cover += f64::from(particle.area) / offset.length_squared();
-                    }
+            for particle in frames.iter().flatten() {
+                let offset = DVec3::from_array(particle.offset.map(f64::from));
+                let local = camera.rotation() * offset;
+                let (x, y) =
+                    (camera.fx * local.x / local.z + camera.cx, camera.fy * local.y / local.z + camera.cy);
+                let inside = local.z > 0.0
+                    && (0.0..f64::from(size.0)).contains(&x)
+                    && (0.0..f64::from(size.1)).contains(&y);
+                if inside && offset.length() * SITE.metres_per_unit < metres {
+                    cover += f64::from(particle.area) / offset.length_squared();
                 }
             }
             let step = 8;
