@@ -292,44 +292,56 @@ fn draw<S: Lanes>(
     for entry in list {
         add(simd, &drops[entry.load(Ordering::Relaxed) as usize], corner, &mut sums);
     }
-    for first in (0..PATCH_PIXELS).step_by(S::N) {
-        let whole = |values: &[u32; PATCH_PIXELS]| {
-            let mut floats = [0.0; 16];
-            // Four pixels of a row lie side by side in a block.
-            for four in 0..S::N / 4 {
-                let from = in_blocks::<S>(first + 4 * four);
-                for k in 0..4 {
-                    floats[4 * four + k] = values[from + k] as f32;
-                }
-            }
-            simd.load(&floats)
-        };
-        let steps = whole(&sums.tau);
+    for block in 0..PATCH_PIXELS / S::N {
+        let at = block * S::N;
+        let steps = whole(simd, &sums.tau[at..]);
         if !steps.simd_gt(simd.set(0.0)).any_true() {
             continue;
         }
+        // The block's pixels lie four by four in the rows of the patch.
+        let (height, mut four) = (S::N / 4, [0.0; 16]);
+        let corner = block / 4 * height * PATCH + block % 4 * 4;
+        let mut gather = |from: &[f32; PATCH_PIXELS]| {
+            for row in 0..height {
+                four[4 * row..4 * row + 4].copy_from_slice(&from[corner + row * PATCH..][..4]);
+            }
+            simd.load(&four)
+        };
+        let scatter = |value: S::F, to: &mut [f32; PATCH_PIXELS]| {
+            for (row, four) in value.as_slice().chunks_exact(4).enumerate() {
+                to[corner + row * PATCH..][..4].copy_from_slice(four);
+            }
+        };
         let kept = exp2(simd, [(steps * (-LOG2_E / STEPS)).max(simd.set(-126.0))])[0];
         let share = (simd.set(1.0) - kept) / steps.max(simd.set(1.0));
         let mut color = [simd.set(0.0); 3];
         for k in 0..3 {
-            color[k] = simd.load(&rgb[k][first..]);
+            color[k] = gather(&rgb[k]);
         }
         let mut seen = srgb_decode(simd, color);
         for k in 0..3 {
-            let light = whole(&sums.rgb[k]) * share;
+            let light = whole(simd, &sums.rgb[k][at..]) * share;
             seen[k] = seen[k].mul_add(kept, light);
             if let Some(apart) = &mut apart {
-                light.store_slice(&mut apart[k][first..first + S::N]);
+                scatter(light, &mut apart[k]);
             }
         }
         if let Some(apart) = &mut apart {
-            (simd.set(1.0) - kept).store_slice(&mut apart[3][first..first + S::N]);
+            scatter(simd.set(1.0) - kept, &mut apart[3]);
         }
         let shown = srgb_encode(simd, seen);
         for k in 0..3 {
-            shown[k].store_slice(&mut rgb[k][first..first + S::N]);
+            scatter(shown[k], &mut rgb[k]);
         }
     }
+}
+
+/// The first N of `values` as floats: by halves, each as the mantissa of 2^23.
+#[inline(always)]
+fn whole<S: Lanes>(simd: S, values: &[u32]) -> S::F {
+    let bits = S::U::from_slice(simd, &values[..S::N]);
+    let float = |half: S::U| S::F::from_bits(half | S::U::splat(simd, 0x4b00_0000)) - 8_388_608.0;
+    float(bits >> 16).mul_add(simd.set(65536.0), float(bits & S::U::splat(simd, 0xffff)))
 }
 
 /// Brightest that a particle may be: what whole numbers hold.
