@@ -1,15 +1,14 @@
 //! Particles on the CPU: gathered and laid out over threads, added up patch by patch.
 
-use super::{DILATION, LEAST, MOST, PEAK, SHORTEST, STEPS, WIDEST};
+use super::{DILATION, LEAST, PEAK, SHORTEST, STEPS, WIDEST};
 use crate::dispatch;
 use crate::frame::MIN_ALPHA;
 use crate::hooks::{PATCH, PATCH_PIXELS, Particle, ParticleView, Particles};
 use crate::simd::{Lanes, SimdPath, exp2, srgb_decode, srgb_encode};
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use rayon::prelude::*;
-use std::f32::consts::{LOG2_E, TAU};
+use std::f32::consts::{LN_2, LOG2_E, TAU};
 use std::ops::Range;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A particle in the picture: `log2 tau = peak - (a dx)^2 - (b dy + c dx)^2`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -68,15 +67,18 @@ impl Drop {
         let pixels = view.focal[0] * view.focal[1] / (z * z) * (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt();
         let whole = (particle.area * pixels / (TAU * det.sqrt())).min(WIDEST);
         let [a, b, c, d] = PEAK;
-        let steeper = (whole * (a + whole * (b + whole * (c + whole * d)))).exp();
-        let radius2 = (2.0 * (whole * steeper / LEAST).max(1.0).ln()).max(SHORTEST);
-        let within = 1.0 - steeper * (-0.5 * radius2).exp();
-        let tau = (whole * steeper / within).min(MOST);
+        // ln(p / w), and log2 p.
+        let steeper = whole * (a + whole * (b + whole * (c + whole * d)));
+        let peak = whole.log2() + steeper * LOG2_E;
+        let radius2 = (2.0 * LN_2 * (peak - LEAST_LOG2)).max(SHORTEST);
+        // What lies beyond falls off as the Gaussian does: to the least, or to that of the shortest radius.
+        let beyond = if radius2 > SHORTEST { LEAST / whole } else { (1.0 + steeper) * BEYOND_SHORTEST };
+        let peak = (peak - (1.0 - beyond).log2()).min(MOST_LOG2);
         let extent = [(radius2 * xx).sqrt(), (radius2 * yy).sqrt()];
         let mean2d = [view.focal[0] * tan_x + view.principal[0], view.focal[1] * tan_y + view.principal[1]];
         let is_in = |k: usize| mean2d[k] + extent[k] > 0.0 && mean2d[k] - extent[k] < view.size[k];
         // Written so that NaN is not in it.
-        if !(is_in(0) && is_in(1) && tau > 0.0 && det.is_finite()) {
+        if !(is_in(0) && is_in(1) && peak > -40.0 && det.is_finite()) {
             return None;
         }
         let half = (0.5 * LOG2_E).sqrt();
@@ -87,7 +89,7 @@ impl Drop {
             a: half / xx.sqrt(),
             b,
             c: -b * xy / xx,
-            peak: tau.log2(),
+            peak,
             depth: z,
             rgb: particle.rgb.map(|v| v.clamp(0.0, BRIGHTEST)),
         })
@@ -163,8 +165,7 @@ pub struct Falling {
     drops: Vec<Drop>,
     /// Where the list of each patch begins, and the end of the last.
     bounds: Vec<u32>,
-    counts: Vec<AtomicU32>,
-    lists: Vec<AtomicU32>,
+    lists: Vec<u32>,
     grid: (usize, usize),
 }
 
@@ -189,48 +190,46 @@ impl Falling {
         }
         self.grid = ((view.size[0] as usize).div_ceil(PATCH), (view.size[1] as usize).div_ceil(PATCH));
         let patches = self.grid.0 * self.grid.1;
-        self.counts.resize_with(patches, AtomicU32::default);
-        self.counts.iter_mut().for_each(|count| *count.get_mut() = 0);
         let work: Vec<(usize, [i32; 4])> = sources
             .iter()
             .enumerate()
             .flat_map(|(source, particles)| particles.parts(view).into_iter().map(move |part| (source, part)))
             .collect();
-        let (grid, counts) = (self.grid, &self.counts[..]);
-        let parts: Vec<Vec<Drop>> = work
+        let grid = self.grid;
+        let parts: Vec<(Vec<Drop>, Vec<[u32; 2]>)> = work
             .par_iter()
             .map_init(Vec::new, |particles: &mut Vec<Particle>, (source, part)| {
                 particles.clear();
                 sources[*source].gather(view, *part, particles);
                 let drops: Vec<Drop> = particles.iter().filter_map(|p| Drop::project(p, view)).collect();
-                for drop in &drops {
-                    drop.each_patch(grid, |patch| {
-                        counts[patch].fetch_add(1, Ordering::Relaxed);
-                    });
+                let mut pairs = Vec::with_capacity(2 * drops.len());
+                for (index, drop) in drops.iter().enumerate() {
+                    drop.each_patch(grid, |patch| pairs.push([patch as u32, index as u32]));
                 }
-                drops
+                (drops, pairs)
             })
             .collect();
-        parts.iter().for_each(|part| self.drops.extend_from_slice(part));
+        // A counting sort by one thread: atomics of several cost many times as much.
         self.bounds.clear();
-        self.bounds.push(0);
-        let mut end = 0;
-        for count in &mut self.counts {
-            let count = count.get_mut();
-            // From here on the place of the next entry.
-            (*count, end) = (end, end + *count);
-            self.bounds.push(end);
+        self.bounds.resize(patches + 2, 0);
+        for [patch, _] in parts.iter().flat_map(|(_, pairs)| pairs) {
+            self.bounds[*patch as usize + 2] += 1;
         }
-        if self.lists.len() < end as usize {
-            self.lists.resize_with(end as usize + end as usize / 4, AtomicU32::default);
+        for patch in 2..patches + 2 {
+            self.bounds[patch] += self.bounds[patch - 1];
         }
-        let (counts, lists) = (&self.counts[..], &self.lists[..]);
-        self.drops.par_iter().enumerate().with_min_len(1024).for_each(|(index, drop)| {
-            drop.each_patch(grid, |patch| {
-                let place = counts[patch].fetch_add(1, Ordering::Relaxed);
-                lists[place as usize].store(index as u32, Ordering::Relaxed);
-            });
-        });
+        self.lists.clear();
+        self.lists.resize(self.bounds[patches + 1] as usize, 0);
+        for (drops, pairs) in &parts {
+            let first = self.drops.len() as u32;
+            self.drops.extend_from_slice(drops);
+            for [patch, index] in pairs {
+                // The place of the next entry, and in the end where the next list begins.
+                let place = &mut self.bounds[*patch as usize + 1];
+                self.lists[*place as usize] = first + index;
+                *place += 1;
+            }
+        }
     }
 
     /// Draws what falls in patch `(column, row)` over its pixels: display-referred colour, and behind it coverage and sum
@@ -273,7 +272,7 @@ struct Sums {
 fn draw<S: Lanes>(
     simd: S,
     drops: &[Drop],
-    list: &[AtomicU32],
+    list: &[u32],
     corner: [f32; 2],
     rgb: &mut [[f32; PATCH_PIXELS]; 3],
     (alpha, depth_sum): (&[f32; PATCH_PIXELS], &[f32; PATCH_PIXELS]),
@@ -290,7 +289,7 @@ fn draw<S: Lanes>(
         sums.open[to] = 1.0 - alpha[i];
     }
     for entry in list {
-        add(simd, &drops[entry.load(Ordering::Relaxed) as usize], corner, &mut sums);
+        add(simd, &drops[*entry as usize], corner, &mut sums);
     }
     for block in 0..PATCH_PIXELS / S::N {
         let at = block * S::N;
@@ -344,6 +343,11 @@ fn whole<S: Lanes>(simd: S, values: &[u32]) -> S::F {
     float(bits >> 16).mul_add(simd.set(65536.0), float(bits & S::U::splat(simd, 0xffff)))
 }
 
+/// log2 of [`LEAST`] and [`super::MOST`].
+const LEAST_LOG2: f32 = -10.0;
+const MOST_LOG2: f32 = 4.0;
+/// `exp(-SHORTEST / 2)`.
+const BEYOND_SHORTEST: f32 = 0.049_787_07;
 /// Brightest that a particle may be: what whole numbers hold.
 const BRIGHTEST: f32 = 3.0;
 /// Adding it to a number below 2^22 leaves the rounded whole number in the low bits.
