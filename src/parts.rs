@@ -21,7 +21,7 @@ impl Studio {
         &mut self,
         weather: &Weather,
         time: f64,
-        moving: Moving<'_>,
+        moving: Moving,
         wanted: &[Pass],
         picture: &mut Picture,
     ) -> Result<Stats> {

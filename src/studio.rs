@@ -49,16 +49,16 @@ impl From<&Weather> for Rain {
 
 /// A camera and how it moves.
 #[derive(Clone, Copy, Debug)]
-pub struct Moving<'a> {
+pub struct Moving {
     /// The camera.
-    pub camera: &'a Camera,
+    pub camera: Camera,
     /// m/s, world axes.
     pub velocity: [f64; 3],
 }
 
-impl<'a> From<&'a Camera> for Moving<'a> {
+impl From<Camera> for Moving {
     /// One that stands still.
-    fn from(camera: &'a Camera) -> Self {
+    fn from(camera: Camera) -> Self {
         Self { camera, velocity: [0.0; 3] }
     }
 }
@@ -93,14 +93,14 @@ impl Studio {
         &mut self,
         weather: &Weather,
         time: f64,
-        moving: Moving<'_>,
+        moving: Moving,
         frame: &mut Frame,
     ) -> Result<Stats> {
         let sky = weather.at(time).over(&self.site);
         if !sky.paper_falls().is_empty() {
             return self.render_as_paper(&sky, moving, frame, None);
         }
-        self.with_job(weather, time, moving, |renderer, job| Ok(renderer.render(job, frame)?))
+        self.with_sky(&sky, moving, |renderer, job| Ok(renderer.render(job, frame)?))
     }
 
     /// Calls `work` with the renderer and all that a picture of the instant `time` is made of, but for the paper's rain
@@ -109,16 +109,23 @@ impl Studio {
         &mut self,
         weather: &Weather,
         time: f64,
-        moving: Moving<'_>,
+        moving: Moving,
         work: impl FnOnce(&mut CpuRenderer, &Job<'_>) -> Result<R>,
     ) -> Result<R> {
-        let sky = weather.at(time).over(&self.site);
-        self.prepare(&sky);
+        self.with_sky(&weather.at(time).over(&self.site), moving, work)
+    }
+
+    fn with_sky<R>(
+        &mut self,
+        sky: &Sky,
+        Moving { camera, velocity }: Moving,
+        work: impl FnOnce(&mut CpuRenderer, &Job<'_>) -> Result<R>,
+    ) -> Result<R> {
+        self.prepare(sky);
         let sets = [SetView::plain(self.loaded.set)];
-        let Moving { camera, velocity } = moving;
         let shelter = sky.fall().and(self.shelters.last().map(|(_, shelter)| shelter));
-        sky.with_hooks(&Seen { camera, velocity, shelter }, |hooks| {
-            let job = Job { sets: &sets, camera, config: &self.config, hooks };
+        sky.with_hooks(&Seen { camera: &camera, velocity, shelter }, |hooks| {
+            let job = Job { sets: &sets, camera: &camera, config: &self.config, hooks };
             work(&mut self.loaded.renderer, &job)
         })
     }
@@ -129,7 +136,7 @@ impl Studio {
         &mut self,
         weather: &Weather,
         time: f64,
-        moving: Moving<'_>,
+        moving: Moving,
         (frame, stages): (&mut Frame, &mut Stages),
     ) -> Result<Stats> {
         self.render_as_paper(&weather.at(time).over(&self.site), moving, frame, Some(stages))
@@ -139,12 +146,13 @@ impl Studio {
     fn render_as_paper(
         &mut self,
         sky: &Sky,
-        Moving { camera, velocity }: Moving<'_>,
+        Moving { camera, velocity }: Moving,
         frame: &mut Frame,
         mut stages: Option<&mut Stages>,
     ) -> Result<Stats> {
         let started = Instant::now();
         let renderer = &mut self.loaded.renderer;
+        let camera = &camera;
         let seen = Seen { camera, velocity, shelter: None };
         let asked = self.config.outputs.geometry;
         let geometry = if asked == Geometry::None { Geometry::Depth } else { asked };

@@ -84,8 +84,7 @@ fn a_frame_of_rain_and_snow_is_the_same_alone_and_with_any_threads() {
     }
 }
 
-/// Dark boards, bright drops: the second moments of what the difference to a frame without drops shows are those of
-/// streaks of the length that speed, exposure and distance say.
+/// White drops before a black board: which way their streaks lie. How long they are it does not tell.
 #[test]
 fn speed_ahead_streaks_away_from_where_it_goes() {
     let workshop = Workshop::new();

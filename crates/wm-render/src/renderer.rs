@@ -232,7 +232,7 @@ pub struct Stats {
     pub sort: f64,
     /// Time in blending.
     pub rasterize: f64,
-    /// Time in finding the particles, wall time.
+    /// Time in finding the particles and laying them out.
     pub fall: f64,
     /// Time in background, particles, pixel effects and output.
     pub composite: f64,

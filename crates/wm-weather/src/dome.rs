@@ -201,6 +201,18 @@ pub fn level_axes(up: [f64; 3]) -> [[f64; 3]; 3] {
     [f, right, up]
 }
 
+/// A vector of world axes along [`level_axes`].
+#[must_use]
+pub fn to_level(axes: &[[f64; 3]; 3], world: [f64; 3]) -> [f64; 3] {
+    axes.map(|axis| dot(axis, world))
+}
+
+/// A vector along [`level_axes`] in world axes.
+#[must_use]
+pub fn from_level(axes: &[[f64; 3]; 3], level: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| (0..3).map(|axis| axes[axis][k] * level[axis]).sum())
+}
+
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -1,7 +1,7 @@
 //! What weather is on, over time, and how it reaches the renderer.
 
 use crate::dome::Dome;
-use crate::dome::level_axes;
+use crate::dome::{from_level, level_axes};
 use crate::effects::look::Grade;
 use crate::effects::{Action, EFFECTS, Effect, Now};
 use crate::optics::{Atmosphere, Daylight, Site};
@@ -164,6 +164,8 @@ impl Instant {
                         mean: wind.mean(self.time),
                     };
                 }
+                // At a rate of 0 there is nothing to look for.
+                Action::Precipitation(kind) if kind.rate <= 0.0 => {}
                 Action::Precipitation(kind) => {
                     layers.push(kind.layer());
                     falling.push(*kind);
@@ -259,14 +261,12 @@ impl Sky {
     /// nothing falls.
     #[must_use]
     pub fn fall(&self) -> Option<[f64; 3]> {
-        let falling = self.falling.iter().filter(|kind| kind.rate > 0.0);
-        let kind = falling.max_by(|a, b| a.rate.total_cmp(&b.rate))?;
+        let kind = self.falling.iter().max_by(|a, b| a.rate.total_cmp(&b.rate))?;
         let [x, y] = self.blow.mean;
-        let axes = level_axes(self.site.up);
         let slope = |v: f64| (v / kind.mean_speed() / SLOPE).round() * SLOPE;
         let way = [slope(x), slope(y), -1.0];
         let length = way.iter().map(|v| v * v).sum::<f64>().sqrt();
-        Some(std::array::from_fn(|k| (0..3).map(|axis| axes[axis][k] * way[axis] / length).sum()))
+        Some(from_level(&level_axes(self.site.up), way.map(|v| v / length)))
     }
 
     /// Calls `render` with the hooks of this weather for what is `seen`.

@@ -32,8 +32,8 @@ impl Case {
             Ok(weather)
         };
         let rain = weather("clear", &["rain.rate=25"])?;
-        // As many drops as some 100,000 in view: the rate of a cloudburst, and drops that are drawn farther.
-        let drops = weather("clear", &["rain.rate=60", "rain.size=1.5"])?;
+        // About 100,000 drops in view of the profile scene: a cloudburst, with drops that are drawn farther.
+        let drops = weather("clear", &["rain.rate=60", "rain.size=1.3"])?;
         let snow = weather("clear", &["snowfall.rate=2.5"])?;
         let mut cases: Vec<Self> = [
             ("rgb", None, Off, "clear"),

@@ -240,7 +240,7 @@ fn draw_sheet(studio: &mut Studio, camera: &Camera, path: &Path) -> Result<()> {
         let mut weather = Weather::find(name)?;
         change.map_or(Ok(()), |change| weather.set(change))?;
         let mut frame = Frame::default();
-        studio.render(&weather, 0.0, camera.into(), &mut frame)?;
+        studio.render(&weather, 0.0, (*camera).into(), &mut frame)?;
         pictures.push((frame.rgb, label(&weather)));
         bar.inc(1);
     }
@@ -271,7 +271,7 @@ fn shoot(studio: &mut Studio, args: &DemoArgs, path: &Path) -> Result<()> {
     let all = rate.frames_within(args.seconds);
     let mut render = |index: u32, frame: &mut Frame| {
         let time = rate.seconds(u64::from(index));
-        studio.render(&weather, time, (&film.view(time).camera(args.size())?).into(), frame).map(drop)
+        studio.render(&weather, time, film.view(time).camera(args.size())?.into(), frame).map(drop)
     };
     let written =
         pipeline(&(0..all).collect::<Vec<_>>(), &mut render, &mut |_, frame| Ok(sink.frame(&frame.rgb)?))?;

@@ -3,6 +3,7 @@
 use super::OutputArgs;
 use crate::media::video::FrameRate;
 use crate::scene::Loaded;
+use crate::studio::Moving;
 use crate::view::moves::{self, PathSpec};
 use crate::view::path::{Key, Path};
 use crate::view::spec::{self, CameraSpec};
@@ -188,16 +189,17 @@ impl Shot {
         }
     }
 
-    /// The camera's velocity at `time`, m/s, world axes.
-    pub fn velocity(&self, time: f64, metres_per_unit: f64) -> [f64; 3] {
-        let units = match &self.path {
-            Way::Still(camera) => camera.rotation().row(2) * (self.speed / metres_per_unit),
+    /// The camera at `time`, and how fast it goes.
+    pub fn moving(&self, time: f64, metres_per_unit: f64) -> Moving {
+        let camera = self.camera(time);
+        let velocity = match &self.path {
+            Way::Still(camera) => camera.forward() * self.speed,
             Way::Along(_) => {
-                let at = |time: f64| self.camera(time).center();
+                let at = |time: f64| self.camera(time).center() * metres_per_unit;
                 (at(time + MOMENT) - at(time - MOMENT)) / (2.0 * MOMENT)
             }
         };
-        (units * metres_per_unit).to_array()
+        Moving { camera, velocity: velocity.to_array() }
     }
 
     /// The instant of frame `index`, seconds.

@@ -11,7 +11,7 @@ use crate::names::stem_of;
 use crate::output::{Also, Format, Place, Style, outputs, passes};
 use crate::parts::Picture;
 use crate::scene::{Loaded, RunArgs, SceneArgs};
-use crate::studio::{Moving, Rain, Studio};
+use crate::studio::{Rain, Studio};
 use anyhow::{Result, bail};
 use camera::{CameraArgs, Shot};
 use clap::Args;
@@ -243,9 +243,7 @@ struct Take {
 impl Take {
     /// Renders the instant `time`.
     fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
-        let camera = self.shot.camera(time);
-        let velocity = self.shot.velocity(time, self.studio.site.metres_per_unit);
-        let moving = Moving { camera: &camera, velocity };
+        let moving = self.shot.moving(time, self.studio.site.metres_per_unit);
         self.studio.render_parts(&self.weather, time, moving, &self.passes, picture)
     }
 

@@ -125,7 +125,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let styles: Vec<[Style; 2]> =
         shots.iter().map(|shot| [&clear, weather].map(|weather| style(weather, &shot.camera))).collect();
     let mut render = |index: u32, pair: &mut Pair| {
-        let camera = &shots[index as usize].camera;
+        let camera = shots[index as usize].camera;
         let speed = args.camera.camera_speed.unwrap_or(0.0);
         let moving = Moving { camera, velocity: (camera.forward() * speed).to_array() };
         studio.with_job(&clear, time, moving, |renderer, job| {

@@ -5,7 +5,6 @@ use crate::media::{Size, png};
 use crate::names::beside;
 use crate::output::Style;
 use crate::parts::Picture;
-use crate::studio::Moving;
 use anyhow::{Result, bail};
 use std::path::Path;
 use wm_render::Stats;
@@ -35,9 +34,7 @@ pub fn picture(
     time: f64,
     picture: &mut Picture,
 ) -> Result<(Stats, Vec<String>)> {
-    let camera = take.shot.camera(time);
-    let velocity = take.shot.velocity(time, take.studio.site.metres_per_unit);
-    let moving = Moving { camera: &camera, velocity };
+    let moving = take.shot.moving(time, take.studio.site.metres_per_unit);
     let mut stages = Stages::default();
     let stats = take.studio.render_stages(&take.weather, time, moving, (&mut picture.frame, &mut stages))?;
     let mut lines = style.write(picture, path)?;

@@ -132,10 +132,8 @@ impl CpuRenderer {
         let keys = &self.keys[..];
         stats.intersect += self.parts.par_iter_mut().map(|part| part.scatter(keys)).sum::<f64>();
 
-        let dropping = Instant::now();
-        self.falling.fill(job.hooks.particles, &ParticleView::new(job.camera));
+        stats.fall = self.falling.fill(job.hooks.particles, &ParticleView::new(job.camera));
         stats.particles = self.falling.len() as u64;
-        stats.fall = dropping.elapsed().as_secs_f64();
 
         let backdrop = job.hooks.background.unwrap_or(&job.config.background);
         let background = BackgroundView::new(backdrop, job.hooks.medium, job.camera, self.path);

@@ -16,7 +16,7 @@
 //! All is a pure function of (seed, number of the thing, time).
 
 use super::fog::PaperFog;
-use crate::dome::level_axes;
+use crate::dome::{from_level, level_axes, to_level};
 use crate::effects::look::Grade;
 use crate::optics::Site;
 use crate::particles::Kind;
@@ -133,8 +133,7 @@ impl PaperFall {
         let view = ParticleView::new(before.camera);
         let axes = level_axes(before.site.up);
         let metres = before.site.metres_per_unit;
-        let center = view.center.map(|v| v * metres);
-        let center = axes.map(|axis| (0..3).map(|k| axis[k] * center[k]).sum::<f64>());
+        let center = to_level(&axes, view.center.map(|v| v * metres));
         let mut seen = Vec::new();
         for index in 0..self.number as u64 {
             let mut draws = self.draws(index);
@@ -144,8 +143,7 @@ impl PaperFall {
             let level: [f64; 3] = std::array::from_fn(|k| {
                 (home[k] + come[k] - center[k] + 0.5 * self.edge).rem_euclid(self.edge) - 0.5 * self.edge
             });
-            let offset: [f64; 3] =
-                std::array::from_fn(|k| (0..3).map(|axis| axes[axis][k] * level[axis]).sum());
+            let offset = from_level(&axes, level);
             let depth = (0..3).map(|k| f64::from(view.rotation[2][k]) * offset[k]).sum();
             let units = offset.map(|v| (v / metres) as f32);
             let is_near = offset.iter().map(|v| v * v).sum::<f64>() <= 0.25 * self.edge * self.edge;

@@ -8,7 +8,7 @@
 use super::field::{Cells, Cone, Draws, wave};
 use super::residual::{FADE, NEAREST, Residual, fade};
 use super::spectrum::{Class, Kind};
-use crate::dome::level_axes;
+use crate::dome::{from_level, level_axes, to_level};
 use crate::optics::{Atmosphere, Layer, Site};
 use crate::shelter::Shelter;
 use std::f64::consts::{PI, TAU};
@@ -33,6 +33,7 @@ const ARM: f64 = 0.1;
 /// Swaying of flakes: speed sideways, m/s, and frequency, Hz, from and to.
 const SWAY: [f64; 2] = [0.15, 0.5];
 const SWAY_RATE: [f64; 2] = [0.5, 1.5];
+
 /// A wave in which flakes near each other sway together.
 struct Eddy {
     /// How far, m.
@@ -53,6 +54,7 @@ const EDDIES: [Eddy; 4] = [
     Eddy { reach: 0.3, length: 7.7, period: 6.7, from: [-0.97, -0.26], to: [0.87, 0.49] },
     Eddy { reach: 0.4, length: 13.0, period: 9.1, from: [0.38, -0.93], to: [-0.71, -0.70] },
 ];
+
 /// Work is cut in parts of about so many slices.
 const SLICES: i64 = 6;
 
@@ -135,14 +137,12 @@ impl Precipitation {
         }
     }
 
-    /// Mean fall speed by water, m/s; that at any rate if nothing falls.
+    /// Mean fall speed by water, m/s; not a number where nothing falls.
     #[must_use]
     pub fn mean_speed(&self) -> f64 {
-        let numbers = if self.rate > 0.0 { &self.numbers } else { &self.reference };
-        let water = |(class, number): (&Class, &f64)| class.water * number;
-        let all: f64 = self.classes.iter().zip(numbers).map(water).sum();
-        let flow: f64 = self.classes.iter().zip(numbers).map(|pair| pair.0.fall_speed * water(pair)).sum();
-        flow / all
+        let water = |(class, number): (&Class, f64)| class.water * number;
+        let all: f64 = self.classes().map(water).sum();
+        self.classes().map(|pair| pair.0.fall_speed * water(pair)).sum::<f64>() / all
     }
 
     /// Up to where a class is drawn in a view, m.
@@ -166,9 +166,7 @@ pub struct Fall<'a> {
     /// Level axes: two level, and up.
     axes: [[f64; 3]; 3],
     metres_per_unit: f64,
-    /// How far the air has come, and how fast it goes, m and m/s along the level axes.
-    drift: [f64; 2],
-    wind: [f64; 2],
+    blow: Blow,
     /// The camera's velocity, m/s along the level axes and up.
     camera: [f64; 3],
     time: f64,
@@ -208,9 +206,8 @@ impl<'a> Fall<'a> {
             air,
             shelter,
             metres_per_unit: site.metres_per_unit,
-            drift: blow.drift,
-            wind: blow.wind,
-            camera: axes.map(|axis| (0..3).map(|k| axis[k] * velocity[k]).sum()),
+            blow,
+            camera: to_level(&axes, velocity),
             axes,
             time,
             radiance: radiance.map(|v| (v * precipitation.look.brightness) as f32),
@@ -219,7 +216,7 @@ impl<'a> Fall<'a> {
 
     /// A level vector in world axes.
     fn world(&self, v: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|k| (0..3).map(|axis| self.axes[axis][k] * v[axis]).sum())
+        from_level(&self.axes, v)
     }
 
     fn cells(&self, class: usize) -> Cells {
@@ -232,9 +229,9 @@ impl<'a> Fall<'a> {
     fn cone(&self, class: usize, view: &ParticleView) -> Cone {
         let kind = &self.precipitation.classes[class];
         let range = FADE[1] * self.precipitation.range(kind, f64::from(view.pixels()));
-        let metres = view.center.map(|v| v * self.metres_per_unit);
-        let level = self.axes.map(|axis| (0..3).map(|k| axis[k] * metres[k]).sum::<f64>());
-        let come = [self.drift[0], self.drift[1], -kind.fall_speed * self.time];
+        let level = to_level(&self.axes, view.center.map(|v| v * self.metres_per_unit));
+        let [x, y] = self.blow.drift;
+        let come = [x, y, -kind.fall_speed * self.time];
         let speed = self.relative(kind.fall_speed).iter().map(|v| v * v).sum::<f64>().sqrt();
         let sway = match self.precipitation.kind {
             Kind::Rain => 0.0,
@@ -253,7 +250,7 @@ impl<'a> Fall<'a> {
 
     /// Velocity of what falls at `speed` as the camera sees it, level axes, m/s.
     fn relative(&self, speed: f64) -> [f64; 3] {
-        let [x, y] = self.wind;
+        let [x, y] = self.blow.wind;
         [x - self.camera[0], y - self.camera[1], -speed - self.camera[2]]
     }
 }

@@ -3,6 +3,7 @@
 //! Space is cut in cubes. What a cube holds follows from its key alone: points in the order of their thresholds, whose
 //! gaps are exponential, so that those below any threshold are a Poisson process of that density.
 
+use crate::dome::to_level;
 use wm_render::hooks::ParticleView;
 
 /// A sequence of random numbers as a pure function of its key.
@@ -142,7 +143,7 @@ impl Cone {
     /// The planes of a view; `axes` are the level ones, world axes.
     #[must_use]
     pub fn planes(view: &ParticleView, axes: &[[f64; 3]; 3]) -> [[f64; 3]; 5] {
-        let turned = |n: [f32; 3]| axes.map(|axis| (0..3).map(|k| axis[k] * f64::from(n[k])).sum());
+        let turned = |n: [f32; 3]| to_level(axes, n.map(f64::from));
         let [a, b, c, d] = view.sides.map(turned);
         [a, b, c, d, turned(view.rotation[2])]
     }

@@ -9,6 +9,7 @@ use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use rayon::prelude::*;
 use std::f32::consts::{LN_2, LOG2_E, TAU};
 use std::ops::Range;
+use std::time::Instant;
 
 /// A particle in the picture: `log2 tau = peak - (a dx)^2 - (b dy + c dx)^2`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -182,11 +183,11 @@ impl Falling {
         self.drops.len()
     }
 
-    /// Gathers what `sources` let fall and finds the patches.
-    pub fn fill(&mut self, sources: &[&dyn Particles], view: &ParticleView) {
+    /// Gathers what `sources` let fall and finds the patches; returns the time of all threads, s.
+    pub fn fill(&mut self, sources: &[&dyn Particles], view: &ParticleView) -> f64 {
         self.drops.clear();
         if sources.is_empty() {
-            return;
+            return 0.0;
         }
         self.grid = ((view.size[0] as usize).div_ceil(PATCH), (view.size[1] as usize).div_ceil(PATCH));
         let patches = self.grid.0 * self.grid.1;
@@ -196,9 +197,10 @@ impl Falling {
             .flat_map(|(source, particles)| particles.parts(view).into_iter().map(move |part| (source, part)))
             .collect();
         let grid = self.grid;
-        let parts: Vec<(Vec<Drop>, Vec<[u32; 2]>)> = work
+        let parts: Vec<(Vec<Drop>, Vec<[u32; 2]>, f64)> = work
             .par_iter()
             .map_init(Vec::new, |particles: &mut Vec<Particle>, (source, part)| {
+                let begun = Instant::now();
                 particles.clear();
                 sources[*source].gather(view, *part, particles);
                 let drops: Vec<Drop> = particles.iter().filter_map(|p| Drop::project(p, view)).collect();
@@ -206,13 +208,14 @@ impl Falling {
                 for (index, drop) in drops.iter().enumerate() {
                     drop.each_patch(grid, |patch| pairs.push([patch as u32, index as u32]));
                 }
-                (drops, pairs)
+                (drops, pairs, begun.elapsed().as_secs_f64())
             })
             .collect();
+        let laying = Instant::now();
         // A counting sort by one thread: atomics of several cost many times as much.
         self.bounds.clear();
         self.bounds.resize(patches + 2, 0);
-        for [patch, _] in parts.iter().flat_map(|(_, pairs)| pairs) {
+        for [patch, _] in parts.iter().flat_map(|(_, pairs, _)| pairs) {
             self.bounds[*patch as usize + 2] += 1;
         }
         for patch in 2..patches + 2 {
@@ -220,7 +223,7 @@ impl Falling {
         }
         self.lists.clear();
         self.lists.resize(self.bounds[patches + 1] as usize, 0);
-        for (drops, pairs) in &parts {
+        for (drops, pairs, _) in &parts {
             let first = self.drops.len() as u32;
             self.drops.extend_from_slice(drops);
             for [patch, index] in pairs {
@@ -230,6 +233,7 @@ impl Falling {
                 *place += 1;
             }
         }
+        parts.iter().map(|(_, _, seconds)| seconds).sum::<f64>() + laying.elapsed().as_secs_f64()
     }
 
     /// Draws what falls in patch `(column, row)` over its pixels: display-referred colour, and behind it coverage and sum
