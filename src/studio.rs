@@ -6,7 +6,7 @@ use anyhow::Result;
 use std::time::Instant;
 use wm_render::hooks::Hooks;
 use wm_render::{
-    Background, CpuRenderer, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetView, Stats,
+    Background, CpuRenderer, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetId, SetView, Stats,
 };
 use wm_scene::Camera;
 use wm_weather::paper::{Stages, composite};
@@ -98,7 +98,8 @@ impl Studio {
     ) -> Result<Stats> {
         let sky = weather.at(time).over(&self.site);
         if !sky.paper_falls().is_empty() {
-            return self.render_as_paper(&sky, moving, frame, None);
+            let mut stand = Stand { renderer: &mut self.loaded.renderer, set: self.loaded.set };
+            return stand.render_as_paper(&sky, &self.config, moving, frame, None);
         }
         self.with_sky(&sky, moving, |renderer, job| Ok(renderer.render(job, frame)?))
     }
@@ -139,56 +140,9 @@ impl Studio {
         moving: Moving,
         (frame, stages): (&mut Frame, &mut Stages),
     ) -> Result<Stats> {
-        self.render_as_paper(&weather.at(time).over(&self.site), moving, frame, Some(stages))
-    }
-
-    /// Draws the scene, then each sub-cloud of what falls by itself, and lays them over it.
-    fn render_as_paper(
-        &mut self,
-        sky: &Sky,
-        Moving { camera, velocity }: Moving,
-        frame: &mut Frame,
-        mut stages: Option<&mut Stages>,
-    ) -> Result<Stats> {
-        let started = Instant::now();
-        let renderer = &mut self.loaded.renderer;
-        let camera = &camera;
-        let seen = Seen { camera, velocity, shelter: None };
-        let asked = self.config.outputs.geometry;
-        let geometry = if asked == Geometry::None { Geometry::Depth } else { asked };
-        let config =
-            RenderConfig { outputs: Outputs { geometry, ..self.config.outputs }, ..self.config.clone() };
-        let sets = [SetView::plain(self.loaded.set)];
-        let mut stats = sky.with_hooks(&seen, |hooks| {
-            renderer.render(&Job { sets: &sets, camera, config: &config, hooks }, frame)
-        })?;
-        if let Some(stages) = &mut stages {
-            stages.begin(frame);
-        }
-        let config = RenderConfig {
-            outputs: Outputs { geometry: Geometry::Depth, ..Outputs::default() },
-            background: Background::default(),
-            ..config
-        };
-        let mut noise = Frame::default();
-        for fall in sky.paper_falls() {
-            let blend = sky.blend(fall, camera);
-            for cloud in sky.sub_clouds(fall, &seen) {
-                let set = renderer.load(&cloud)?;
-                let sets = [SetView::plain(set)];
-                let job = Job { sets: &sets, camera, config: &config, hooks: Hooks::default() };
-                let drawn = renderer.render(&job, &mut noise);
-                renderer.unload(set);
-                stats += drawn?;
-                composite::add(&blend, frame, &noise, stages.as_deref_mut());
-            }
-        }
-        sky.finish(renderer.path(), frame);
-        if asked == Geometry::None {
-            frame.depth.clear();
-        }
-        stats.wall = started.elapsed().as_secs_f64();
-        Ok(stats)
+        let sky = weather.at(time).over(&self.site);
+        let mut stand = Stand { renderer: &mut self.loaded.renderer, set: self.loaded.set };
+        stand.render_as_paper(&sky, &self.config, moving, frame, Some(stages))
     }
 
     /// The renderer in words.
@@ -208,6 +162,84 @@ impl Studio {
             ("renderer".into(), format!("cpu, {}", self.loaded.renderer.path())),
             ("metres_per_unit".into(), self.site.metres_per_unit.to_string()),
         ]
+    }
+}
+
+/// A renderer with a scene in it.
+pub struct Stand<'a> {
+    /// The renderer.
+    pub renderer: &'a mut CpuRenderer,
+    /// The scene.
+    pub set: SetId,
+}
+
+impl Stand<'_> {
+    /// Renders what is under a sky, without shelter.
+    pub fn render(
+        &mut self,
+        sky: &Sky,
+        config: &RenderConfig,
+        moving: Moving,
+        frame: &mut Frame,
+    ) -> Result<Stats> {
+        if !sky.paper_falls().is_empty() {
+            return self.render_as_paper(sky, config, moving, frame, None);
+        }
+        let (camera, sets) = (&moving.camera, [SetView::plain(self.set)]);
+        let seen = Seen { camera, velocity: moving.velocity, shelter: None };
+        sky.with_hooks(&seen, |hooks| {
+            Ok(self.renderer.render(&Job { sets: &sets, camera, config, hooks }, frame)?)
+        })
+    }
+
+    /// Draws the scene, then each sub-cloud of what falls by itself, and lays them over it.
+    fn render_as_paper(
+        &mut self,
+        sky: &Sky,
+        asked: &RenderConfig,
+        Moving { camera, velocity }: Moving,
+        frame: &mut Frame,
+        mut stages: Option<&mut Stages>,
+    ) -> Result<Stats> {
+        let started = Instant::now();
+        let camera = &camera;
+        let seen = Seen { camera, velocity, shelter: None };
+        let geometry = match asked.outputs.geometry {
+            Geometry::None => Geometry::Depth,
+            other => other,
+        };
+        let config = RenderConfig { outputs: Outputs { geometry, ..asked.outputs }, ..asked.clone() };
+        let sets = [SetView::plain(self.set)];
+        let mut stats = sky.with_hooks(&seen, |hooks| {
+            self.renderer.render(&Job { sets: &sets, camera, config: &config, hooks }, frame)
+        })?;
+        if let Some(stages) = &mut stages {
+            stages.begin(frame);
+        }
+        let config = RenderConfig {
+            outputs: Outputs { geometry: Geometry::Depth, ..Outputs::default() },
+            background: Background::default(),
+            ..config
+        };
+        let mut noise = Frame::default();
+        for fall in sky.paper_falls() {
+            let blend = sky.blend(fall, camera);
+            for cloud in sky.sub_clouds(fall, &seen) {
+                let set = self.renderer.load(&cloud)?;
+                let sets = [SetView::plain(set)];
+                let job = Job { sets: &sets, camera, config: &config, hooks: Hooks::default() };
+                let drawn = self.renderer.render(&job, &mut noise);
+                self.renderer.unload(set);
+                stats += drawn?;
+                composite::add(&blend, frame, &noise, stages.as_deref_mut());
+            }
+        }
+        sky.finish(self.renderer.path(), frame);
+        if asked.outputs.geometry == Geometry::None {
+            frame.depth.clear();
+        }
+        stats.wall = started.elapsed().as_secs_f64();
+        Ok(stats)
     }
 }
 

@@ -175,6 +175,61 @@ pub struct Particle {
     pub rgb: [f32; 3],
 }
 
+/// Sixteen particles, one array a number; see [`Particle`]. Lanes without one have no area.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct ParticleGroup {
+    /// From the camera's centre, world axes, scene units, one array an axis.
+    pub offset: [[f32; GROUP]; 3],
+    /// Standard deviation in all directions, scene units.
+    pub sigma: [f32; GROUP],
+    /// How far it reaches further along two directions, scene units, one array an axis.
+    pub reach: [[[f32; GROUP]; 3]; 2],
+    /// Area that it hides, scene units^2.
+    pub area: [f32; GROUP],
+    /// Radiance as seen through the air, linear RGB, one array a channel.
+    pub rgb: [[f32; GROUP]; 3],
+}
+
+impl Default for ParticleGroup {
+    fn default() -> Self {
+        let zero = [0.0; GROUP];
+        Self { offset: [zero; 3], sigma: zero, reach: [[zero; 3]; 2], area: zero, rgb: [zero; 3] }
+    }
+}
+
+impl ParticleGroup {
+    /// Of the first sixteen of a list.
+    #[must_use]
+    pub fn of(particles: &[Particle]) -> Self {
+        let mut group = Self::default();
+        for (lane, particle) in particles.iter().take(GROUP).enumerate() {
+            for k in 0..3 {
+                group.offset[k][lane] = particle.offset[k];
+                group.rgb[k][lane] = particle.rgb[k];
+                for direction in 0..2 {
+                    group.reach[direction][k][lane] = particle.reach[direction][k];
+                }
+            }
+            group.sigma[lane] = particle.sigma;
+            group.area[lane] = particle.area;
+        }
+        group
+    }
+
+    /// Those of its particles that have an area.
+    pub fn particles(&self) -> impl Iterator<Item = Particle> {
+        let lanes = (0..GROUP).filter(|lane| self.area[*lane] > 0.0);
+        lanes.map(|lane| Particle {
+            offset: self.offset.map(|axis| axis[lane]),
+            sigma: self.sigma[lane],
+            reach: self.reach.map(|direction| direction.map(|axis| axis[lane])),
+            area: self.area[lane],
+            rgb: self.rgb.map(|channel| channel[lane]),
+        })
+    }
+}
+
 /// A camera as particles need it: what of the world can be in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParticleView {
@@ -235,8 +290,14 @@ pub trait Particles: Sync {
     /// Pieces of work for a view, in any form that [`Self::gather`] understands.
     fn parts(&self, view: &ParticleView) -> Vec<[i32; 4]>;
 
-    /// Adds the particles of one piece that may be in view, each one once over all pieces.
-    fn gather(&self, view: &ParticleView, part: [i32; 4], out: &mut Vec<Particle>);
+    /// Hands over the particles of one piece that may be in view, each one once over all pieces.
+    fn gather(
+        &self,
+        path: SimdPath,
+        view: &ParticleView,
+        part: [i32; 4],
+        take: &mut dyn FnMut(&ParticleGroup),
+    );
 }
 
 /// Side of a patch of pixels, the unit of pixel effects.

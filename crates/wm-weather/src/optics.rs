@@ -116,38 +116,6 @@ impl Atmosphere {
         self
     }
 
-    /// A radiance `distance` metres away as seen from `origin` (world axes, scene units), linear RGB.
-    #[must_use]
-    pub fn through(&self, origin: [f32; 3], direction: [f32; 3], distance: f32, rgb: [f32; 3]) -> [f32; 3] {
-        let (mut depth, mut light) = ([0.0f32; 3], [0.0f32; 3]);
-        let mut add = |path: f32, sigma_t: [f64; 3], airlight: [f64; 3]| {
-            for k in 0..3 {
-                let own = path * sigma_t[k] as f32;
-                depth[k] += own;
-                light[k] += own * airlight[k] as f32;
-            }
-        };
-        for layer in &self.layers {
-            let path = if layer.scale_height.is_finite() {
-                let rise = (0..3).map(|k| f64::from(direction[k]) * self.site.up[k]).sum();
-                Self::path_length(layer, self.height(origin.map(f64::from)), rise, f64::from(distance)) as f32
-            } else {
-                distance
-            };
-            add(path, layer.sigma_t, layer.airlight);
-        }
-        for drawn in &self.drawn {
-            add(-drawn.tabled(distance), [1.0; 3], drawn.airlight());
-        }
-        std::array::from_fn(|k| {
-            if depth[k] <= 0.0 {
-                return rgb[k];
-            }
-            let airlight = light[k] / depth[k];
-            airlight + (rgb[k] - airlight) * (-depth[k]).exp()
-        })
-    }
-
     /// Whether the air is clear.
     #[must_use]
     pub fn is_clear(&self) -> bool {
@@ -174,69 +142,28 @@ impl Atmosphere {
         (metres * density * mean).min(LONGEST)
     }
 
+    /// The air as seen from `origin` (world axes, scene units).
+    #[must_use]
+    pub fn seen_from(&self, origin: [f32; 3]) -> AirView<'_> {
+        let height = self.height(origin.map(f64::from));
+        let layers: Vec<Seen> = self.layers.iter().map(|layer| Seen::new(layer, height)).collect();
+        let is_grey = layers.iter().all(Seen::is_grey);
+        AirView { layers, drawn: &self.drawn, up: self.site.up.map(|v| v as f32), is_grey }
+    }
+
     #[inline(always)]
     fn shade_groups<S: Lanes>(&self, simd: S, origin: [f32; 3], groups: &mut [ShadeGroup]) {
-        let height = self.height(origin.map(f64::from));
-        let up = self.site.up.map(|v| v as f32);
-        // Scaled so that transmittance is a power of two.
-        let layers: Vec<Seen> = self.layers.iter().map(|layer| Seen::new(layer, height)).collect();
+        let view = self.seen_from(origin);
         let metres_per_unit = self.site.metres_per_unit as f32;
         for group in groups {
             for first in (0..GROUP).step_by(S::N) {
-                let metres =
-                    (simd.load(&group.distance[first..]) * metres_per_unit).min(simd.set(FAR as f32));
-                let mut depth = [simd.set(0.0); 3];
-                let mut light = [simd.set(0.0); 3];
-                for layer in &layers {
-                    let path = if layer.per_height > 0.0 {
-                        let (dx, dy) = (
-                            simd.load(&group.direction[0][first..]),
-                            simd.load(&group.direction[1][first..]),
-                        );
-                        let dz = simd.load(&group.direction[2][first..]);
-                        let rise = dx.mul_add(simd.set(up[0]), dy.mul_add(simd.set(up[1]), dz * up[2]));
-                        let mean = mean_density(simd, metres * rise * layer.per_height);
-                        (metres * mean * layer.density).min(simd.set(LONGEST as f32))
-                    } else {
-                        metres
-                    };
-                    for k in 0..3 {
-                        let own = path * layer.sigma_t[k];
-                        depth[k] += own;
-                        light[k] = own.mul_add(simd.set(layer.airlight[k]), light[k]);
-                    }
-                }
-                for drawn in &self.drawn {
-                    let mut own = [0.0; GROUP];
-                    for (own, metres) in own.iter_mut().zip(metres.as_slice()) {
-                        *own = -LOG2_E * drawn.tabled(*metres);
-                    }
-                    let own = simd.load(&own);
-                    for k in 0..3 {
-                        depth[k] += own;
-                        light[k] = own.mul_add(simd.set(drawn.airlight()[k] as f32), light[k]);
-                    }
-                }
-                let mut exponent = depth;
-                for k in 0..3 {
-                    exponent[k] = (-depth[k]).max(simd.set(-126.0));
-                }
-                let kept = match &layers[..] {
-                    [only] if only.is_grey() && self.drawn.is_empty() => [exp2(simd, [exponent[0]])[0]; 3],
-                    _ => exp2(simd, exponent),
-                };
-                let mut color = [simd.set(0.0); 3];
+                let metres = simd.load(&group.distance[first..]) * metres_per_unit;
+                let (mut color, mut direction) = ([simd.set(0.0); 3], [simd.set(0.0); 3]);
                 for k in 0..3 {
                     color[k] = simd.load(&group.rgb[k][first..]);
+                    direction[k] = simd.load(&group.direction[k][first..]);
                 }
-                let mut seen = simd::srgb_decode(simd, color);
-                for k in 0..3 {
-                    let airlight = match &layers[..] {
-                        [only] if self.drawn.is_empty() => simd.set(only.airlight[k]),
-                        _ => light[k] / depth[k].max(simd.set(1e-30)),
-                    };
-                    seen[k] = (seen[k] - airlight).mul_add(kept[k], airlight);
-                }
+                let seen = view.through(simd, metres, &direction, simd::srgb_decode(simd, color));
                 let shown = simd::srgb_encode(simd, seen);
                 for k in 0..3 {
                     shown[k].store_slice(&mut group.rgb[k][first..first + S::N]);
@@ -246,9 +173,69 @@ impl Atmosphere {
     }
 }
 
+/// The air as seen from one point.
+pub struct AirView<'a> {
+    layers: Vec<Seen>,
+    drawn: &'a [Residual],
+    up: [f32; 3],
+    is_grey: bool,
+}
+
+impl AirView<'_> {
+    /// Light, linear RGB, that comes from `metres` away along unit directions (world axes), as it arrives.
+    #[inline(always)]
+    pub fn through<S: Lanes>(
+        &self,
+        simd: S,
+        metres: S::F,
+        direction: &[S::F; 3],
+        light: [S::F; 3],
+    ) -> [S::F; 3] {
+        let Self { layers, drawn, up, is_grey } = self;
+        let metres = metres.min(simd.set(FAR as f32));
+        let (mut depth, mut added) = ([simd.set(0.0); 3], [simd.set(0.0); 3]);
+        for layer in layers {
+            let path = if layer.per_height > 0.0 {
+                let [dx, dy, dz] = direction;
+                let rise = dx.mul_add(simd.set(up[0]), dy.mul_add(simd.set(up[1]), *dz * up[2]));
+                let mean = mean_density(simd, metres * rise * layer.per_height);
+                (metres * mean * layer.density).min(simd.set(LONGEST as f32))
+            } else {
+                metres
+            };
+            for k in 0..3 {
+                let own = path * layer.sigma_t[k];
+                depth[k] += own;
+                added[k] = own.mul_add(simd.set(layer.airlight[k]), added[k]);
+            }
+        }
+        for drawn in *drawn {
+            let own = drawn.tabled(simd, metres) * -LOG2_E;
+            for k in 0..3 {
+                depth[k] += own;
+                added[k] = own.mul_add(simd.set(drawn.airlight()[k] as f32), added[k]);
+            }
+        }
+        let mut exponent = depth;
+        for k in 0..3 {
+            exponent[k] = (-depth[k]).max(simd.set(-126.0)).min(simd.set(0.0));
+        }
+        let kept = if *is_grey { [exp2(simd, [exponent[0]])[0]; 3] } else { exp2(simd, exponent) };
+        let mut seen = light;
+        for k in 0..3 {
+            let airlight = match &layers[..] {
+                [only] if drawn.is_empty() => simd.set(only.airlight[k]),
+                _ => added[k] / depth[k].max(simd.set(1e-30)),
+            };
+            seen[k] = (light[k] - airlight).mul_add(kept[k], airlight);
+        }
+        seen
+    }
+}
+
 /// A layer as seen from one height, in f32.
 struct Seen {
-    /// Extinction a metre, log2.
+    /// Extinction a metre, scaled so that transmittance is a power of two.
     sigma_t: [f32; 3],
     airlight: [f32; 3],
     /// Density at the camera.

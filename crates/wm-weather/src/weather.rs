@@ -181,6 +181,8 @@ impl Instant {
 
 /// Steps of the slope of what falls: the tangent of 3 degrees.
 const SLOPE: f64 = 0.052_4;
+/// Most that the wind slants the fall that shelter goes by, as a slope.
+const STEEPEST: f64 = 1.0;
 
 /// From where a weather is seen.
 #[derive(Clone, Copy, Debug)]
@@ -256,14 +258,16 @@ impl Sky {
         composite::finish(&self.paper_falls, self.grade.as_ref(), path, picture);
     }
 
-    /// The direction in which most of it falls, world axes, length 1: down, with the mean wind, in steps of some three
-    /// degrees, so that few maps of shelter serve all times and each is that of its instant alone. `None` where
+    /// The direction in which most of it falls, world axes, length 1: down, with the mean wind but no flatter than 45
+    /// degrees, since eddies carry drops behind what a strong wind meets. In steps of some three degrees, so that few maps of shelter serve all times and each is that of its instant alone. `None` where
     /// nothing falls.
     #[must_use]
     pub fn fall(&self) -> Option<[f64; 3]> {
         let kind = self.falling.iter().max_by(|a, b| a.rate.total_cmp(&b.rate))?;
         let [x, y] = self.blow.mean;
-        let slope = |v: f64| (v / kind.mean_speed() / SLOPE).round() * SLOPE;
+        // As a share of the fall speed; a strong wind is broken up by what it meets.
+        let eased = 1f64.min(STEEPEST * kind.mean_speed() / x.hypot(y));
+        let slope = |v: f64| (v * eased / kind.mean_speed() / SLOPE).round() * SLOPE;
         let way = [slope(x), slope(y), -1.0];
         let length = way.iter().map(|v| v * v).sum::<f64>().sqrt();
         Some(from_level(&level_axes(self.site.up), way.map(|v| v / length)))

@@ -1,14 +1,13 @@
 //! Cases, and rounds in which they take turns.
 
 use crate::interrupt;
-use anyhow::Result;
+use crate::studio::Stand;
+use anyhow::{Result, ensure};
 use indicatif::ProgressBar;
 use std::time::Instant;
-use wm_render::{
-    CpuRenderer, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId, SetView, Stats,
-};
+use wm_render::{Frame, Geometry, MedianDepth, Outputs, RenderConfig, Stats};
 use wm_scene::Camera;
-use wm_weather::{Seen, Site, Sky, Weather};
+use wm_weather::{Site, Sky, Weather};
 
 /// Rounds before those that count: memory is touched, clocks go up.
 pub const WARM_UP: u32 = 2;
@@ -35,6 +34,7 @@ impl Case {
         // About 100,000 drops in view of the profile scene: a cloudburst, with drops that are drawn farther.
         let drops = weather("clear", &["rain.rate=60", "rain.size=1.3"])?;
         let snow = weather("clear", &["snowfall.rate=2.5"])?;
+        let paper = weather("clear", &["rain.rate=25", "fidelity=paper"])?;
         let mut cases: Vec<Self> = [
             ("rgb", None, Off, "clear"),
             ("rgb+depth", Depth, Off, "clear"),
@@ -51,12 +51,28 @@ impl Case {
             Ok(Self { name, config: config(Outputs { geometry, median_depth, ..Outputs::default() }), sky })
         })
         .collect::<Result<_>>()?;
-        for (name, weather) in
-            [("rgb, rain 25 mm/h", rain), ("rgb, rain, more drops", drops), ("rgb, snow 2.5 mm/h", snow)]
-        {
+        for (name, weather) in [
+            ("rgb, rain 25 mm/h", rain),
+            ("rgb, rain, more drops", drops),
+            ("rgb, snow 2.5 mm/h", snow),
+            ("rgb, rain, paper, k = 4", paper),
+        ] {
             let outputs = Outputs::default();
             cases.push(Self { name, config: config(outputs), sky: weather.at(1.0).over(site) });
         }
+        Ok(cases)
+    }
+
+    /// The first of them, and those whose name holds `text`.
+    pub fn named(mut cases: Vec<Self>, text: &str) -> Result<Vec<Self>> {
+        let names: Vec<&str> = cases.iter().map(|case| case.name).collect();
+        ensure!(
+            names.iter().any(|name| name.contains(text)),
+            "no case is named like {text:?}: there are {}",
+            names.join("; ")
+        );
+        let first = cases[0].name;
+        cases.retain(|case| case.name == first || case.name.contains(text));
         Ok(cases)
     }
 
@@ -64,12 +80,6 @@ impl Case {
     pub fn position(cases: &[Self], name: &str) -> usize {
         cases.iter().position(|case| case.name == name).unwrap_or(0)
     }
-}
-
-/// A renderer with its scene.
-pub struct Stand<'a> {
-    pub renderer: &'a mut CpuRenderer,
-    pub set: SetId,
 }
 
 /// One frame.
@@ -133,12 +143,8 @@ pub fn turns(
                 return Ok(measured);
             }
             let (stand, case) = (&mut stands[plan[k].0], plan[k].1);
-            let sets = [SetView::plain(stand.set)];
             let (cpu, started) = (cpu_seconds(), Instant::now());
-            let stats = case.sky.with_hooks(&Seen::by(camera), |hooks| {
-                let job = Job { sets: &sets, camera, config: &case.config, hooks };
-                stand.renderer.render(&job, &mut frames[k])
-            })?;
+            let stats = stand.render(&case.sky, &case.config, (*camera).into(), &mut frames[k])?;
             let wall = started.elapsed().as_secs_f64();
             let cpu = cpu.and_then(|before| Some(cpu_seconds()? - before)).unwrap_or(wall);
             if round >= WARM_UP {

@@ -12,11 +12,12 @@ use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress;
 use crate::scene::{FactArgs, Loaded, RunArgs, SceneArgs};
+use crate::studio::Stand;
 use crate::view::spec::{self, CameraSpec};
 use crate::view::{self, choose};
 use anyhow::Result;
 use clap::Args;
-use measure::{Case, Stand, peak_memory, turns};
+use measure::{Case, peak_memory, turns};
 use report::{PathSpeed, SceneReport, Threads};
 use std::path::{Path, PathBuf};
 use wm_render::simd::SimdPath;
@@ -49,6 +50,9 @@ pub struct BenchArgs {
     /// Rounds to measure, after two to warm up
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     frames: u32,
+    /// Only rgb and the cases whose name holds this, such as rain; without threads and SIMD paths
+    #[arg(long, value_name = "TEXT")]
+    cases: Option<String>,
     /// Leave out the splats of the sky
     #[arg(long)]
     drop_sky: bool,
@@ -135,7 +139,10 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     let (background, rasterization) =
         (loaded.background(), loaded.scene.metadata.rasterization.unwrap_or_default());
     let config = |outputs| RenderConfig { outputs, background, rasterization };
-    let cases = Case::all(&loaded.weather_site(), config)?;
+    let mut cases = Case::all(&loaded.weather_site(), config)?;
+    if let Some(text) = &args.cases {
+        cases = Case::named(cases, text)?;
+    }
     let rounds = args.frames;
     let (full, rgb) = (Case::position(&cases, "rgb+depth+normal"), Case::position(&cases, "rgb"));
 
@@ -145,6 +152,9 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     let measured = turns(&mut stands, &camera, &plan, rounds, &bar)?;
     bar.finish_and_clear();
     let memory = peak_memory();
+    if args.cases.is_some() && !interrupt::asked() {
+        return Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), None, Vec::new(), memory));
+    }
 
     // One thread against all, in the same rounds.
     let mut single = CpuRenderer::new(CpuConfig { threads: Some(1), simd: args.run.simd })?;
@@ -173,5 +183,5 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
         return Err(Interrupted("the measurement is not complete".into()).into());
     }
     let threads = Threads { threads, all: pair[0].clone(), one: pair[1].clone() };
-    Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), &threads, paths, memory))
+    Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), Some(&threads), paths, memory))
 }

@@ -24,7 +24,7 @@ pub struct SceneReport {
     pairs_per_pixel: f64,
     peak_memory_mb: Option<f64>,
     cases: Vec<CaseReport>,
-    threads: ThreadsReport,
+    threads: Option<ThreadsReport>,
     paths: Vec<PathSpeed>,
 }
 
@@ -107,7 +107,7 @@ impl SceneReport {
         loaded: &Loaded,
         camera: &Camera,
         (cases, measured): (&[Case], &[Measured]),
-        threads: &Threads,
+        threads: Option<&Threads>,
         paths: Vec<PathSpeed>,
         peak_memory: Option<u64>,
     ) -> Self {
@@ -143,13 +143,13 @@ impl SceneReport {
             pairs_per_pixel: stats.evaluated_pairs as f64 / pixels,
             peak_memory_mb: peak_memory.map(|bytes| bytes as f64 * 1e-6),
             cases: cases.collect(),
-            threads: ThreadsReport {
+            threads: threads.map(|threads| ThreadsReport {
                 threads: threads.threads,
                 one_wall_ms: threads.one.median(|s| s.wall * 1e3),
                 all_wall_ms: threads.all.median(|s| s.wall * 1e3),
                 speedup: threads.one.ratio(&threads.all, |s| s.wall),
                 cpu_ratio: threads.all.ratio(&threads.one, |s| s.cpu),
-            },
+            }),
             paths,
         }
     }
@@ -174,11 +174,12 @@ impl SceneReport {
                  {medium:>6.1} {intersect:>9.1} {sort:>5.1} {rasterize:>9.1} {fall:>6.1} {composite:>9.1} {particles:>10}"
             );
         }
-        let ThreadsReport { threads, one_wall_ms, all_wall_ms, speedup, cpu_ratio } = self.threads;
-        println!(
-            "  rgb+depth+normal with 1 thread {one_wall_ms:.1} ms, with {threads} {all_wall_ms:.1} ms: {speedup:.2} times \
-             faster on the clock, {cpu_ratio:.3} times the CPU time"
-        );
+        if let Some(ThreadsReport { threads, one_wall_ms, all_wall_ms, speedup, cpu_ratio }) = &self.threads {
+            println!(
+                "  rgb+depth+normal with 1 thread {one_wall_ms:.1} ms, with {threads} {all_wall_ms:.1} ms: {speedup:.2} \
+                 times faster on the clock, {cpu_ratio:.3} times the CPU time"
+            );
+        }
         for PathSpeed { path, rgb_ns_per_pair, rgb_depth_normal_ns_per_pair, frame_cpu_ms } in &self.paths {
             println!(
                 "  {path:<9} 1 thread: blending takes {rgb_ns_per_pair:.3} ns a pair (rgb), \

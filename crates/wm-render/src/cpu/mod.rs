@@ -132,7 +132,7 @@ impl CpuRenderer {
         let keys = &self.keys[..];
         stats.intersect += self.parts.par_iter_mut().map(|part| part.scatter(keys)).sum::<f64>();
 
-        stats.fall = self.falling.fill(job.hooks.particles, &ParticleView::new(job.camera));
+        stats.fall = self.falling.fill(self.path, job.hooks.particles, &ParticleView::new(job.camera));
         stats.particles = self.falling.len() as u64;
 
         let backdrop = job.hooks.background.unwrap_or(&job.config.background);
@@ -168,8 +168,12 @@ impl Renderer for CpuRenderer {
 
     fn load(&mut self, splats: &Splats) -> Result<SetId, RenderError> {
         let model = self.pool.install(|| CpuModel::new(splats))?;
-        self.models.push(Some(model));
-        Ok(SetId(self.models.len() - 1))
+        let free = self.models.iter().position(Option::is_none).unwrap_or(self.models.len());
+        if free == self.models.len() {
+            self.models.push(None);
+        }
+        self.models[free] = Some(model);
+        Ok(SetId(free))
     }
 
     fn unload(&mut self, set: SetId) {

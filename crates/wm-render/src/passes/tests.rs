@@ -1,6 +1,6 @@
 use super::*;
 use crate::frame::srgb_encode;
-use crate::hooks::{Particle, ParticleView, Particles, PixelBatch, PixelEffect};
+use crate::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles, PixelBatch, PixelEffect};
 use crate::renderer::{Background, CpuConfig, ParticlePass, SetView, SkyGradient};
 use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats};
 use crate::{CpuRenderer, reference};
@@ -48,8 +48,8 @@ impl Particles for Drops {
         (0..20).map(|part| [part, 0, 0, 0]).collect()
     }
 
-    fn gather(&self, view: &ParticleView, part: [i32; 4], out: &mut Vec<Particle>) {
-        out.extend((0..100u64).map(|i| {
+    fn gather(&self, _: SimdPath, view: &ParticleView, part: [i32; 4], take: &mut dyn FnMut(&ParticleGroup)) {
+        let drops = (0..100u64).map(|i| {
             let draw = |k: u64, low: f64, high: f64| low + (high - low) * uniform(part[0] as u64, 20 * i + k);
             let at = [draw(0, -3.0, 3.0), draw(1, -3.0, 3.0), draw(2, -3.0, 3.0)];
             Particle {
@@ -59,7 +59,9 @@ impl Particles for Drops {
                 area: draw(4, 1e-4, 5e-3) as f32,
                 rgb: [5, 6, 7].map(|k| draw(k, 0.0, 1.5) as f32),
             }
-        }));
+        });
+        let drops: Vec<Particle> = drops.collect();
+        drops.chunks(GROUP).for_each(|group| take(&ParticleGroup::of(group)));
     }
 }
 

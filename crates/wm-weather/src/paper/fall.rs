@@ -21,7 +21,7 @@ use crate::effects::look::Grade;
 use crate::optics::Site;
 use crate::particles::Kind;
 use crate::particles::fall::Blow;
-use crate::particles::field::Draws;
+use crate::particles::random::Draws;
 use glam::{DQuat, DVec3};
 use std::f64::consts::{FRAC_PI_3, TAU};
 use wm_render::hooks::ParticleView;

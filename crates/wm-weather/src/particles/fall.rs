@@ -5,18 +5,23 @@
 //! the frame. A drop hides a pixel for a part of the exposure: its Gaussian is as long as its way in it
 //! (`V T`, as a standard deviation over sqrt 12), and covers its area in all.
 
-use super::field::{Cells, Cone, Draws, wave};
-use super::residual::{FADE, NEAREST, Residual, fade};
-use super::spectrum::{Class, Kind};
+use super::field::{Cells, Cone, Points};
+use super::precipitation::{CUT, Precipitation};
+use super::random::{Draws, uniform};
+use super::residual::{FADE, NEAREST};
+use super::spectrum::Kind;
+use super::sway::{self, Sway};
 use crate::dome::{from_level, level_axes, to_level};
-use crate::optics::{Atmosphere, Layer, Site};
+use crate::optics::{AirView, Atmosphere, Site};
 use crate::shelter::Shelter;
+use fearless_simd::{SimdBase, SimdFloat, SimdMask};
 use std::f64::consts::{PI, TAU};
-use wm_render::hooks::{Particle, ParticleView, Particles};
+use wm_render::dispatch;
+use wm_render::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles};
+use wm_render::simd::{Lanes, SimdPath};
 
-/// Width at which drops end, px; and below which flakes are drawn fewer and larger.
-const CUT: f64 = 0.3;
-const MERGE: f64 = 1.0;
+/// Width below which flakes are drawn fewer and larger, px.
+const MERGE: f64 = 1.25;
 /// Width from which a flake shows its three arms, px.
 const ARMS: f64 = 4.0;
 /// Width of thresholds over which drops fade, as a share.
@@ -30,133 +35,8 @@ const DISC: f64 = 0.25;
 const LINE: f64 = 0.288_675_134_594_812_9;
 /// Thickness of a flake's arm, as a share of its length.
 const ARM: f64 = 0.1;
-/// Swaying of flakes: speed sideways, m/s, and frequency, Hz, from and to.
-const SWAY: [f64; 2] = [0.15, 0.5];
-const SWAY_RATE: [f64; 2] = [0.5, 1.5];
-
-/// A wave in which flakes near each other sway together.
-struct Eddy {
-    /// How far, m.
-    reach: f64,
-    /// Wavelength, m, along `from`.
-    length: f64,
-    /// s.
-    period: f64,
-    from: [f64; 2],
-    /// Direction of the swaying.
-    to: [f64; 2],
-}
-
-/// Waves of some metres, in all directions.
-const EDDIES: [Eddy; 4] = [
-    Eddy { reach: 0.12, length: 2.3, period: 2.9, from: [1.0, 0.0], to: [1.0, 0.0] },
-    Eddy { reach: 0.2, length: 4.1, period: 4.3, from: [-0.13, 0.99], to: [-0.97, -0.26] },
-    Eddy { reach: 0.3, length: 7.7, period: 6.7, from: [-0.97, -0.26], to: [0.87, 0.49] },
-    Eddy { reach: 0.4, length: 13.0, period: 9.1, from: [0.38, -0.93], to: [-0.71, -0.70] },
-];
-
 /// Work is cut in parts of about so many slices.
 const SLICES: i64 = 6;
-
-/// How precipitation looks.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
-    /// Which of the equally likely falls.
-    pub seed: u64,
-    /// How long the shutter is open, s.
-    pub exposure: f64,
-    /// Factor on diameters as drawn.
-    pub size: f64,
-    /// Factor on cover as drawn.
-    pub opacity: f64,
-    /// Factor on radiance.
-    pub brightness: f64,
-    /// Radiance, linear RGB, where it is not that of the surroundings.
-    pub radiance: Option<[f64; 3]>,
-}
-
-impl Default for Look {
-    /// As in nature, in a video's exposure.
-    fn default() -> Self {
-        Self { seed: 0, exposure: 1.0 / 60.0, size: 1.0, opacity: 1.0, brightness: 1.0, radiance: None }
-    }
-}
-
-/// One kind of precipitation at one instant.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Precipitation {
-    /// What falls.
-    pub kind: Kind,
-    /// Water, mm/h.
-    pub rate: f64,
-    /// How it looks.
-    pub look: Look,
-    /// Radiance of an endless path through it, linear RGB.
-    pub airlight: [f64; 3],
-    classes: Vec<Class>,
-    /// Drops a m^3 now, and at a threshold of 1.
-    numbers: Vec<f64>,
-    reference: Vec<f64>,
-}
-
-impl Precipitation {
-    /// A kind at a rate, mm/h of water, under an airlight (linear RGB).
-    #[must_use]
-    pub fn new(kind: Kind, rate: f64, airlight: [f64; 3], look: Look) -> Self {
-        let classes = kind.classes();
-        Self {
-            kind,
-            rate,
-            look,
-            airlight,
-            numbers: kind.densities(&classes, rate),
-            reference: kind.reference(&classes),
-            classes,
-        }
-    }
-
-    /// The classes, with the drops a m^3 of each.
-    pub fn classes(&self) -> impl Iterator<Item = (&Class, f64)> {
-        self.classes.iter().zip(self.numbers.iter().copied())
-    }
-
-    /// Extinction of all of it, 1/m.
-    #[must_use]
-    pub fn sigma_t(&self) -> f64 {
-        self.kind.sigma_t(&self.classes, self.rate)
-    }
-
-    /// The air that all of it together is.
-    #[must_use]
-    pub fn layer(&self) -> Layer {
-        Layer {
-            sigma_t: [self.sigma_t(); 3],
-            airlight: self.airlight,
-            scale_height: f64::INFINITY,
-            base_height: 0.0,
-        }
-    }
-
-    /// Mean fall speed by water, m/s; not a number where nothing falls.
-    #[must_use]
-    pub fn mean_speed(&self) -> f64 {
-        let water = |(class, number): (&Class, f64)| class.water * number;
-        let all: f64 = self.classes().map(water).sum();
-        self.classes().map(|pair| pair.0.fall_speed * water(pair)).sum::<f64>() / all
-    }
-
-    /// Up to where a class is drawn in a view, m.
-    fn range(&self, class: &Class, pixels: f64) -> f64 {
-        class.width * self.look.size * pixels / CUT
-    }
-
-    /// What of it a view with `pixels` to a length of 1 at distance 1 draws and the air must not do again.
-    #[must_use]
-    pub fn residual(&self, pixels: f64) -> Residual {
-        let drawn = self.classes().map(|(class, number)| [number * class.area, self.range(class, pixels)]);
-        Residual::new(drawn.collect(), self.airlight)
-    }
-}
 
 /// Precipitation before a camera.
 pub struct Fall<'a> {
@@ -214,28 +94,39 @@ impl<'a> Fall<'a> {
         }
     }
 
-    /// A level vector in world axes.
-    fn world(&self, v: [f64; 3]) -> [f64; 3] {
-        from_level(&self.axes, v)
-    }
-
-    fn cells(&self, class: usize) -> Cells {
+    /// A tier of a class.
+    fn cells(&self, class: usize, tier: usize) -> Cells {
         let kind = if self.precipitation.kind == Kind::Snow { 0x5110_0000 } else { 0x4a11_0000 };
-        let mut draws = Draws::new(self.precipitation.look.seed ^ kind ^ (class as u64) << 40);
-        Cells::new(draws.bits(), self.precipitation.reference[class])
+        let own = (class as u64) << 40 ^ (tier as u64) << 52;
+        let mut draws = Draws::new(self.precipitation.look.seed ^ kind ^ own);
+        Cells::new(
+            draws.bits() as u32,
+            self.precipitation.reference[class],
+            self.precipitation.kind.tier(tier),
+        )
     }
 
-    /// What of a class a view may see.
-    fn cone(&self, class: usize, view: &ParticleView) -> Cone {
+    /// How many of a class are drawn where.
+    fn density(&self, class: usize, view: &ParticleView) -> Density {
+        let this = self.precipitation;
+        let range = this.range(&this.classes[class], f64::from(view.pixels()));
+        let merge = match this.kind {
+            Kind::Rain => f64::INFINITY,
+            Kind::Snow => range * CUT / MERGE,
+        };
+        Density { share: this.numbers[class] / this.reference[class], range, merge }
+    }
+
+    /// What of a class a view may see up to a range, m.
+    fn cone(&self, class: usize, view: &ParticleView, range: f64) -> Cone {
         let kind = &self.precipitation.classes[class];
-        let range = FADE[1] * self.precipitation.range(kind, f64::from(view.pixels()));
         let level = to_level(&self.axes, view.center.map(|v| v * self.metres_per_unit));
         let [x, y] = self.blow.drift;
         let come = [x, y, -kind.fall_speed * self.time];
         let speed = self.relative(kind.fall_speed).iter().map(|v| v * v).sum::<f64>().sqrt();
         let sway = match self.precipitation.kind {
             Kind::Rain => 0.0,
-            Kind::Snow => EDDIES.iter().map(|eddy| eddy.reach).sum::<f64>() + SWAY[1] / (TAU * SWAY_RATE[0]),
+            Kind::Snow => sway::farthest(),
         };
         // As far as its Gaussian reaches: three standard deviations of a streak are less than its length.
         let margin =
@@ -262,150 +153,345 @@ impl Particles for Fall<'_> {
             if self.precipitation.numbers[class] <= 0.0 {
                 continue;
             }
-            // From the first slice, so that numbers stay small far from the origin.
-            let slices = self.cone(class, view).slices(self.cells(class).edge);
-            let count = slices.end - slices.start;
-            let mut first = 0;
-            while first < count {
-                parts.push([class as i32, first as i32, (first + SLICES).min(count) as i32, 0]);
-                first += SLICES;
+            let density = self.density(class, view);
+            for tier in 0.. {
+                let cells = self.cells(class, tier);
+                let Some(range) = density.reach(cells.thresholds[0]) else { break };
+                // From the first slice, so that numbers stay small far from the origin.
+                let slices = self.cone(class, view, range).slices(cells.edge);
+                let count = slices.end - slices.start;
+                let mut first = 0;
+                while first < count {
+                    let last = (first + SLICES).min(count);
+                    parts.push([class as i32, tier as i32, first as i32, last as i32]);
+                    first += SLICES;
+                }
             }
         }
         parts
     }
 
-    fn gather(&self, view: &ParticleView, [class, first, last, _]: [i32; 4], out: &mut Vec<Particle>) {
-        let index = class as usize;
-        let (cells, cone) = (self.cells(index), self.cone(index, view));
-        let this = self.precipitation;
-        let class = &this.classes[index];
-        let share = this.numbers[index] / this.reference[index];
-        let pixels = f64::from(view.pixels());
-        let range = this.range(class, pixels);
-        let merge = match this.kind {
-            Kind::Rain => f64::INFINITY,
-            Kind::Snow => range * CUT / MERGE,
-        };
-        let wanted = |distance: f64| {
-            let keep = if distance > merge { (merge / distance).powi(2) } else { 1.0 };
-            (share * keep * fade(distance / range), keep)
-        };
-        let half = 0.5 * cells.edge;
-        let relative = self.relative(class.fall_speed);
-        let shade = Shade { fall: self, view, pixels, relative };
+    fn gather(
+        &self,
+        path: SimdPath,
+        view: &ParticleView,
+        part: [i32; 4],
+        take: &mut dyn FnMut(&ParticleGroup),
+    ) {
+        dispatch!(path, s => self.gather_in(s, view, part, take));
+    }
+}
+
+impl Fall<'_> {
+    #[inline(always)]
+    fn gather_in<S: Lanes>(
+        &self,
+        simd: S,
+        view: &ParticleView,
+        [class, tier, first, last]: [i32; 4],
+        take: &mut dyn FnMut(&ParticleGroup),
+    ) {
+        let (class, tier) = (class as usize, tier as usize);
+        let (cells, density) = (self.cells(class, tier), self.density(class, view));
+        let Some(range) = density.reach(cells.thresholds[0]) else { return };
+        let cone = self.cone(class, view, range);
+        let mut brush = Brush::new(self, view, (class, density), take);
         let begin = cone.slices(cells.edge).start;
+        let half = 0.5 * cells.edge;
+        let mut visited = Vec::new();
         for slice in begin + i64::from(first)..begin + i64::from(last) {
-            cone.each_cell(cells.edge, slice, |cell, corner| {
+            visited.clear();
+            cone.each_cell(cells.edge, slice, |cell, corner| visited.push((cell, corner)));
+            for (cell, corner) in &visited {
                 let middle = corner.map(|v| v + half);
                 let off = middle.iter().map(|v| v * v).sum::<f64>().sqrt() - half * 3f64.sqrt();
-                let most = wanted((off - cone.margin).max(0.0)).0 * (1.0 + 0.5 * SOFT);
-                for mut point in cells.points(cell) {
-                    if point.threshold >= most {
-                        break;
-                    }
-                    let at: [f64; 3] = std::array::from_fn(|k| corner[k] + cells.edge * point.place[k]);
-                    // Of those outside most can be told before they sway.
-                    if !cone.holds(&at) {
-                        continue;
-                    }
-                    let width = class.seen(point.draws.uniform());
-                    let (at, velocity) = shade.moved(at, &cone.center, &mut point.draws);
-                    let distance = at.iter().map(|v| v * v).sum::<f64>().sqrt();
-                    let (wanted, keep) = wanted(distance);
-                    let there = ((wanted * (1.0 + 0.5 * SOFT) - point.threshold) / (SOFT * wanted)).min(1.0);
-                    if there > 0.0 && distance > NEAREST {
-                        shade.draw(at, velocity, (width, distance), (there, keep), &mut point.draws, out);
-                    }
+                let most = brush.density.most((off - cone.margin).max(0.0)).min(cells.thresholds[1] as f32);
+                let mut points = cells.begin();
+                while points.last() < most {
+                    cells.next(simd, *cell, &mut points);
+                    brush.add(simd, (&cells, *cell, *corner), &cone, &points);
                 }
-            });
-        }
-    }
-}
-
-/// What the drops of one class share.
-struct Shade<'a> {
-    fall: &'a Fall<'a>,
-    view: &'a ParticleView,
-    pixels: f64,
-    relative: [f64; 3],
-}
-
-impl Shade<'_> {
-    /// Where a drop is that would be `at` without swaying (level axes, m from the camera), and its velocity as the
-    /// camera sees it, m/s.
-    #[inline]
-    fn moved(&self, mut at: [f64; 3], center: &[f64; 3], draws: &mut Draws) -> ([f64; 3], [f64; 3]) {
-        let mut velocity = self.relative;
-        if self.fall.precipitation.kind == Kind::Snow {
-            let time = self.fall.time;
-            let between = |range: [f64; 2], share: f64| range[0] + (range[1] - range[0]) * share;
-            let (speed, rate) = (between(SWAY, draws.uniform()), between(SWAY_RATE, draws.uniform()));
-            let [sin, cos] = wave(rate * time + draws.uniform());
-            let rate = TAU * rate;
-            // Where it stands still, so that it goes by nothing but itself.
-            let own: [f64; 2] = [at[0] + center[0], at[1] + center[1]];
-            let height = at[2] + center[2];
-            at[0] += speed / rate * sin;
-            at[1] -= speed / rate * cos;
-            velocity[0] += speed * cos;
-            velocity[1] += speed * sin;
-            for Eddy { reach, length, period, from: [x, y], to: [dx, dy] } in EDDIES {
-                let along = own[0] * x + own[1] * y + 0.6 * height;
-                let [sin, cos] = wave(along / length + time / period);
-                at[0] += reach * sin * dx;
-                at[1] += reach * sin * dy;
-                velocity[0] += TAU / period * reach * cos * dx;
-                velocity[1] += TAU / period * reach * cos * dy;
             }
         }
-        (at, velocity)
+        brush.finish(simd);
+    }
+}
+
+/// How many drops of a class are drawn at a distance, as thresholds.
+struct Density {
+    /// Near.
+    share: f64,
+    /// Where they end, m.
+    range: f64,
+    /// From where fewer stand for all, m.
+    merge: f64,
+}
+
+impl Density {
+    /// How far those above a threshold are drawn, m; `None` if none are.
+    fn reach(&self, threshold: f64) -> Option<f64> {
+        let most = self.share * (1.0 + 0.5 * SOFT);
+        let range = FADE[1] * self.range;
+        if threshold <= 0.0 {
+            return Some(range);
+        }
+        (most > threshold).then(|| range.min(self.merge * (most / threshold).sqrt()))
     }
 
-    /// Adds a drop that is `there` (0-1) and stands for `1 / keep` like it.
-    #[inline]
-    fn draw(
-        &self,
-        at: [f64; 3],
-        velocity: [f64; 3],
-        (width, distance): (f64, f64),
-        (there, keep): (f64, f64),
-        draws: &mut Draws,
-        out: &mut Vec<Particle>,
-    ) {
-        let this = self.fall.precipitation;
-        let units = 1.0 / self.fall.metres_per_unit;
-        let offset = self.fall.world(at).map(|v| v * units);
-        let world: [f32; 3] = std::array::from_fn(|k| (self.view.center[k] + offset[k]) as f32);
-        if self.fall.shelter.is_some_and(|shelter| !shelter.is_exposed(world)) {
-            return;
-        }
-        let width = width * this.look.size;
-        let area = PI / 4.0 * width * width * this.look.opacity * there / keep;
-        // Those that stand for several are as wide as all of them together.
-        let sigma = DISC * width / keep.sqrt();
-        let offset = offset.map(|v| v as f32);
-        // Half its way in the exposure, and its own width.
-        let way = velocity.iter().map(|v| v * v).sum::<f64>().sqrt() * this.look.exposure;
-        if !self.view.may_see(offset, ((4.0 * sigma + way) * units) as f32) {
-            return;
-        }
-        let streak = self.fall.world(velocity).map(|v| (v * this.look.exposure * LINE * units) as f32);
-        let direction = offset.map(|v| v / (distance * units) as f32);
-        let origin = self.view.center.map(|v| v as f32);
-        let rgb = self.fall.air.through(origin, direction, distance as f32, self.fall.radiance);
-        let one = Particle {
-            offset,
-            sigma: (sigma * units) as f32,
-            reach: [streak, [0.0; 3]],
-            area: (area * units * units) as f32,
-            rgb,
+    /// The greatest threshold of those farther than `metres`.
+    fn most(&self, metres: f64) -> f32 {
+        let keep = (self.merge / metres.max(1e-9)).powi(2).min(1.0);
+        let fade = ((FADE[1] - metres / self.range) / (FADE[1] - FADE[0])).clamp(0.0, 1.0);
+        (self.share * keep * fade * (1.0 + 0.5 * SOFT)) as f32
+    }
+
+    /// Share of those like one at `metres` that are drawn, and how much of one of that threshold is there.
+    #[inline(always)]
+    fn at<S: Lanes>(&self, simd: S, metres: S::F, threshold: S::F) -> [S::F; 2] {
+        let ratio = simd.set(self.merge as f32) / metres;
+        let keep = (ratio * ratio).min(simd.set(1.0));
+        let slope = 1.0 / (FADE[1] - FADE[0]);
+        let fade = metres.mul_add(simd.set((-slope / self.range) as f32), simd.set((slope * FADE[1]) as f32));
+        let wanted = keep * fade.max(simd.set(0.0)).min(simd.set(1.0)) * self.share as f32;
+        // Of the last ones below `wanted` a part, that grows with it.
+        let there = wanted.mul_add(simd.set(1.0 + 0.5 * SOFT as f32), -threshold) / (wanted * SOFT as f32);
+        [keep, there.min(simd.set(1.0))]
+    }
+}
+
+/// Drops on their way into the picture: sixteen of them, m along the level axes from the camera.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct Batch {
+    at: [[f32; GROUP]; 3],
+    /// As the camera sees it, m/s.
+    velocity: [[f32; GROUP]; 3],
+    /// Their own, m.
+    width: [f32; GROUP],
+    /// m.
+    distance: [f32; GROUP],
+    /// How much of it is there, 0-1.
+    there: [f32; GROUP],
+    /// One over how many it stands for.
+    keep: [f32; GROUP],
+    /// A number of its own.
+    own: [u32; GROUP],
+}
+
+/// Least distance of points from planes through the origin, and what is added to it.
+#[inline(always)]
+fn inside_by<S: Lanes>(simd: S, planes: &[[f32; 3]; 5], at: &[S::F; 3], margin: S::F) -> S::F {
+    let mut least = simd.set(f32::INFINITY);
+    for [x, y, z] in planes {
+        let along = at[2].mul_add(simd.set(*z), margin);
+        let along = at[0].mul_add(simd.set(*x), at[1].mul_add(simd.set(*y), along));
+        least = least.min(along);
+    }
+    least
+}
+
+#[inline(always)]
+fn squared<S: Lanes>(v: &[S::F; 3]) -> S::F {
+    v[0].mul_add(v[0], v[1].mul_add(v[1], v[2] * v[2]))
+}
+
+/// The product of `row` and the vectors from lane `first` on.
+#[inline(always)]
+fn turned<S: Lanes>(simd: S, row: [f32; 3], vectors: &[[f32; GROUP]; 3], first: usize) -> S::F {
+    let mut sum = simd.load(&vectors[0][first..]) * row[0];
+    for k in 1..3 {
+        sum = simd.load(&vectors[k][first..]).mul_add(simd.set(row[k]), sum);
+    }
+    sum
+}
+
+/// Draws the drops of one class.
+struct Brush<'a> {
+    fall: &'a Fall<'a>,
+    view: &'a ParticleView,
+    air: AirView<'a>,
+    class: usize,
+    density: Density,
+    sway: Option<Sway>,
+    /// Velocity of all of them as the camera sees it, level axes, m/s.
+    relative: [f32; 3],
+    /// World axes, scene units, of level ones, m.
+    units: [[f32; 3]; 3],
+    batch: Batch,
+    count: usize,
+    arms: Vec<Particle>,
+    take: &'a mut dyn FnMut(&ParticleGroup),
+}
+
+impl<'a> Brush<'a> {
+    fn new(
+        fall: &'a Fall<'a>,
+        view: &'a ParticleView,
+        (class, density): (usize, Density),
+        take: &'a mut dyn FnMut(&ParticleGroup),
+    ) -> Self {
+        let this = fall.precipitation;
+        let zero = [0.0; GROUP];
+        let batch = Batch {
+            at: [zero; 3],
+            velocity: [zero; 3],
+            width: zero,
+            distance: [1.0; GROUP],
+            there: zero,
+            keep: [1.0; GROUP],
+            own: [0; GROUP],
         };
-        if this.kind == Kind::Rain || width * self.pixels / distance < ARMS {
-            out.push(one);
+        Self {
+            density,
+            air: fall.air.seen_from(view.center.map(|v| v as f32)),
+            sway: (this.kind == Kind::Snow).then(|| Sway::new(fall.time)),
+            relative: fall.relative(this.classes[class].fall_speed).map(|v| v as f32),
+            units: fall.axes.map(|axis| axis.map(|v| (v / fall.metres_per_unit) as f32)),
+            fall,
+            view,
+            class,
+            batch,
+            count: 0,
+            arms: Vec::new(),
+            take,
+        }
+    }
+
+    /// Adds those of sixteen points of a cube that are there and may be in the picture.
+    #[inline(always)]
+    fn add<S: Lanes>(
+        &mut self,
+        simd: S,
+        (cells, cell, corner): (&Cells, [i64; 3], [f64; 3]),
+        cone: &Cone,
+        points: &Points,
+    ) {
+        let edge = cells.edge as f32;
+        let phases = self.sway.as_ref().map(|sway| {
+            // Where it stands still, so that it goes by nothing but itself.
+            sway.phases(&std::array::from_fn(|k| corner[k] + cone.center[k]))
+        });
+        let planes = cone.planes.map(|plane| plane.map(|v| v as f32));
+        let look = &self.fall.precipitation.look;
+        for first in (0..GROUP).step_by(S::N) {
+            let threshold = simd.load(&points.threshold[first..]);
+            let (mut at, mut within) = ([simd.set(0.0); 3], [simd.set(0.0); 3]);
+            for k in 0..3 {
+                within[k] = simd.load(&points.place[k][first..]) * edge;
+                at[k] = within[k] + corner[k] as f32;
+            }
+            let zero = simd.set(0.0);
+            let near = inside_by(simd, &planes, &at, simd.set(cone.margin as f32)).simd_gt(zero)
+                & threshold.simd_lt(simd.set(cells.thresholds[1] as f32));
+            if !near.any_true() {
+                continue;
+            }
+            let own = cells.own(simd, cell, (points, first, 1));
+            let width = self.fall.precipitation.classes[self.class].seen_by(simd, uniform(simd, own[0]));
+            let mut velocity = self.relative.map(|v| simd.set(v));
+            if let (Some(sway), Some(phases)) = (&self.sway, &phases) {
+                sway.apply(simd, (phases, &within), [own[1], own[2]], &mut at, &mut velocity);
+            }
+            let distance = squared::<S>(&at).sqrt();
+            let [keep, there] = self.density.at(simd, distance, threshold);
+            // As far as its Gaussian reaches: three standard deviations of a streak are less than its length.
+            let spread = width * look.size as f32 / keep.sqrt();
+            let margin = squared::<S>(&velocity).sqrt().mul_add(simd.set(look.exposure as f32), spread);
+            let seen = near
+                & there.simd_gt(zero)
+                & distance.simd_gt(simd.set(NEAREST as f32))
+                & inside_by(simd, &planes, &at, margin).simd_gt(zero);
+            let mut bits = seen.to_bitmask();
+            while bits != 0 {
+                let lane = bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                let (batch, to) = (&mut self.batch, self.count);
+                for k in 0..3 {
+                    batch.at[k][to] = at[k][lane];
+                    batch.velocity[k][to] = velocity[k][lane];
+                }
+                batch.width[to] = width[lane];
+                batch.distance[to] = distance[lane];
+                batch.there[to] = there[lane];
+                batch.keep[to] = keep[lane];
+                batch.own[to] = own[3][lane];
+                self.count += 1;
+                if self.count == GROUP {
+                    self.flush(simd);
+                }
+            }
+        }
+    }
+
+    /// Hands over what the batch holds.
+    #[inline(always)]
+    fn flush<S: Lanes>(&mut self, simd: S) {
+        let (this, view) = (self.fall.precipitation, self.view);
+        let look = &this.look;
+        let per_metre = 1.0 / self.fall.metres_per_unit;
+        let mut group = ParticleGroup::default();
+        for first in (0..self.count).step_by(S::N) {
+            let lanes = first..first + S::N;
+            let columns = [0, 1, 2].map(|k| self.units.map(|axis| axis[k]));
+            let distance = simd.load(&self.batch.distance[first..]);
+            let mut direction = [simd.set(0.0); 3];
+            for k in 0..3 {
+                let offset = turned(simd, columns[k], &self.batch.at, first);
+                offset.store_slice(&mut group.offset[k][lanes.clone()]);
+                let streak =
+                    turned(simd, columns[k], &self.batch.velocity, first) * (look.exposure * LINE) as f32;
+                streak.store_slice(&mut group.reach[0][k][lanes.clone()]);
+                direction[k] = offset / (distance * per_metre as f32);
+            }
+            let keep = simd.load(&self.batch.keep[first..]);
+            let width = simd.load(&self.batch.width[first..]) * (look.size * per_metre) as f32;
+            // Those that stand for several are as wide as all of them together.
+            let sigma = width * DISC as f32 / keep.sqrt();
+            sigma.store_slice(&mut group.sigma[lanes.clone()]);
+            let there = simd.load(&self.batch.there[first..]);
+            let area = width * width * there / keep * (PI / 4.0 * look.opacity) as f32;
+            area.store_slice(&mut group.area[lanes.clone()]);
+            let radiance = self.fall.radiance.map(|v| simd.set(v));
+            let seen = self.air.through(simd, distance, &direction, radiance);
+            for k in 0..3 {
+                seen[k].store_slice(&mut group.rgb[k][lanes.clone()]);
+            }
+        }
+        group.area[self.count..].fill(0.0);
+        if let Some(shelter) = self.fall.shelter {
+            for lane in 0..self.count {
+                let at = group.offset.map(|axis| axis[lane]);
+                if !shelter.is_exposed(std::array::from_fn(|k| view.center[k] as f32 + at[k])) {
+                    group.area[lane] = 0.0;
+                }
+            }
+        }
+        if this.kind == Kind::Snow {
+            for lane in 0..self.count {
+                let width = f64::from(self.batch.width[lane]) * look.size;
+                if width * f64::from(view.pixels()) >= ARMS * f64::from(self.batch.distance[lane]) {
+                    self.spread(&mut group, lane, width * per_metre);
+                }
+            }
+        }
+        (self.take)(&group);
+        self.count = 0;
+    }
+
+    /// Makes three arms, in a plane that tumbles, of a flake of a group that is `width` scene units wide.
+    fn spread(&mut self, group: &mut ParticleGroup, lane: usize, width: f64) {
+        if group.area[lane] <= 0.0 {
             return;
         }
-        // Three arms in a plane that tumbles.
-        let time = self.fall.time;
+        let one = Particle {
+            offset: group.offset.map(|axis| axis[lane]),
+            sigma: (DISC * ARM * 2.0 * width) as f32,
+            reach: group.reach.map(|direction| direction.map(|axis| axis[lane])),
+            area: group.area[lane] / 3.0,
+            rgb: group.rgb.map(|channel| channel[lane]),
+        };
+        group.area[lane] = 0.0;
+        let (time, mut draws) = (self.fall.time, Draws::new(u64::from(self.batch.own[lane])));
         let (tilt, turn) = (draws.uniform(), TAU * (draws.uniform() + (draws.uniform() - 0.5) * time));
         let (z, spin) = (2.0 * tilt - 1.0, TAU * (draws.uniform() + (draws.uniform() - 0.5) * time));
         let r = (1.0 - z * z).max(0.0).sqrt();
@@ -413,13 +499,19 @@ impl Shade<'_> {
         let (a, b) = ([-sin, cos, 0.0], [-z * cos, -z * sin, r]);
         for arm in 0..3 {
             let (sin, cos) = (spin + PI / 3.0 * f64::from(arm)).sin_cos();
-            let along: [f64; 3] = std::array::from_fn(|k| (a[k] * cos + b[k] * sin) * width * LINE * units);
-            out.push(Particle {
-                sigma: (DISC * ARM * 2.0 * width * units) as f32,
-                reach: [streak, along.map(|v| v as f32)],
-                area: one.area / 3.0,
-                ..one
-            });
+            let along = std::array::from_fn(|k| (a[k] * cos + b[k] * sin) * width * LINE);
+            let along = from_level(&self.fall.axes, along).map(|v| v as f32);
+            self.arms.push(Particle { reach: [one.reach[0], along], ..one });
+        }
+    }
+
+    #[inline(always)]
+    fn finish<S: Lanes>(mut self, simd: S) {
+        if self.count > 0 {
+            self.flush(simd);
+        }
+        for arms in self.arms.chunks(GROUP) {
+            (self.take)(&ParticleGroup::of(arms));
         }
     }
 }

@@ -3,126 +3,114 @@
 //! Space is cut in cubes. What a cube holds follows from its key alone: points in the order of their thresholds, whose
 //! gaps are exponential, so that those below any threshold are a Poisson process of that density.
 
+use super::random::{pcg4d, uniform};
 use crate::dome::to_level;
-use wm_render::hooks::ParticleView;
-
-/// A sequence of random numbers as a pure function of its key.
-#[derive(Clone, Copy, Debug)]
-pub struct Draws(u64);
-
-impl Draws {
-    /// The numbers of a key.
-    #[inline]
-    #[must_use]
-    pub fn new(key: u64) -> Self {
-        Self(key)
-    }
-
-    /// The next 64 bits: SplitMix64.
-    #[inline]
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        mixed(self.0)
-    }
-
-    /// The next number, uniform in [0, 1).
-    #[inline]
-    pub fn uniform(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 * 2f64.powi(-53)
-    }
-
-    /// The next gap between points of a process of density 1.
-    #[inline]
-    pub fn gap(&mut self) -> f64 {
-        -(1.0 - self.uniform()).ln()
-    }
-}
-
-/// Sine and cosine of a number of turns, within 2e-6.
-#[inline]
-#[must_use]
-pub fn wave(turns: f64) -> [f64; 2] {
-    // Of half the angle, by their series on a quarter turn either way, and doubled.
-    let x = (turns - turns.round()) * std::f64::consts::PI;
-    let q = x * x;
-    let series = |terms: &[f64]| terms.iter().fold(0.0, |sum: f64, term| sum * q + term);
-    let sin =
-        x * series(&[-1.0 / 39_916_800.0, 1.0 / 362_880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0]);
-    let cos = series(&[-1.0 / 3_628_800.0, 1.0 / 40_320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0]);
-    [2.0 * sin * cos, (cos - sin) * (cos + sin)]
-}
-
-#[inline]
-fn mixed(mut z: u64) -> u64 {
-    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ z >> 31
-}
+use fearless_simd::SimdBase;
+use wm_render::hooks::{GROUP, ParticleView};
+use wm_render::simd::{Lanes, log2};
 
 /// The cubes of one process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cells {
     /// Which process.
-    pub key: u64,
+    pub key: u32,
     /// Edge of a cube, m.
     pub edge: f64,
-    /// Points a m^3 up to a threshold of 1.
+    /// Points a m^3 and a threshold of 1.
     pub density: f64,
+    /// Thresholds of its points, from and up to.
+    pub thresholds: [f64; 2],
 }
 
-/// Points that a cube holds on the average up to a threshold of 1, where that makes no cube too small or too large.
-const TYPICAL: f64 = 12.0;
+/// Points that a cube holds on the average, where that makes no cube too small or too large: cubes cut by
+/// the border of the view cost, and so do groups of points that are not filled.
+const TYPICAL: f64 = 24.0;
 /// Shortest and longest edge, m.
-const EDGES: [f64; 2] = [0.25, 8.0];
+const EDGES: [f64; 2] = [0.1, 16.0];
 
 impl Cells {
-    /// Cubes for a density, points a m^3.
+    /// Cubes for a density, points a m^3 and threshold.
     #[must_use]
-    pub fn new(key: u64, density: f64) -> Self {
-        let edge = (TYPICAL / density.max(1e-12)).cbrt().clamp(EDGES[0], EDGES[1]);
-        Self { key, edge, density }
+    pub fn new(key: u32, density: f64, thresholds: [f64; 2]) -> Self {
+        let count = density * (thresholds[1] - thresholds[0]);
+        let edge = (TYPICAL / count.max(1e-12)).cbrt().clamp(EDGES[0], EDGES[1]);
+        Self { key, edge, density, thresholds }
     }
 
-    /// The points of a cube, in the order of their thresholds.
+    /// Before the first point of a cube.
     #[inline]
     #[must_use]
-    pub fn points(&self, cell: [i64; 3]) -> Points {
-        let mut key = self.key;
-        for index in cell {
-            key = mixed(key ^ (index as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)).wrapping_add(0x9e37_79b9);
+    pub fn begin(&self) -> Points {
+        Points {
+            threshold: [0.0; GROUP],
+            place: [[0.0; GROUP]; 3],
+            count: 0,
+            last: self.thresholds[0] as f32,
         }
-        let volume = self.edge * self.edge * self.edge;
-        Points { draws: Draws::new(key), step: 1.0 / (self.density * volume), threshold: 0.0 }
+    }
+
+    /// The next points of a cube, in the order of their thresholds, after those that `points` holds.
+    #[inline(always)]
+    pub fn next<S: Lanes>(&self, simd: S, cell: [i64; 3], points: &mut Points) {
+        // Mean gap, of the natural logarithm's opposite and by log2.
+        let step = std::f64::consts::LN_2 / (self.density * self.edge * self.edge * self.edge);
+        for first in (0..GROUP).step_by(S::N) {
+            let number = S::U::from_slice(simd, &LANES[first..first + S::N])
+                + S::U::splat(simd, self.key.wrapping_add(points.count));
+            // Cubes farther from each other than 2^32 of them are the same.
+            let [x, y, z] = cell.map(|index| S::U::splat(simd, index as u32));
+            let [gap, place @ ..] = pcg4d(simd, [x, y, z, number]);
+            let gap = log2(simd, [uniform(simd, gap)])[0] * (-step as f32);
+            gap.store_slice(&mut points.threshold[first..first + S::N]);
+            for k in 0..3 {
+                uniform(simd, place[k]).store_slice(&mut points.place[k][first..first + S::N]);
+            }
+        }
+        for threshold in &mut points.threshold {
+            points.last += *threshold;
+            *threshold = points.last;
+        }
+        points.count += GROUP as u32;
+    }
+
+    /// Four more numbers of each of the points that [`Self::next`] gave last, from lane `first` on; `which` is any number
+    /// but 0.
+    #[inline(always)]
+    pub fn own<S: Lanes>(
+        &self,
+        simd: S,
+        cell: [i64; 3],
+        (points, first, which): (&Points, usize, u32),
+    ) -> [S::U; 4] {
+        let number = S::U::from_slice(simd, &LANES[first..first + S::N])
+            + S::U::splat(simd, (self.key ^ which << 24).wrapping_add(points.count - GROUP as u32));
+        let [x, y, z] = cell.map(|index| S::U::splat(simd, !(index as u32)));
+        pcg4d(simd, [number, x, y, z])
     }
 }
 
-/// The points of one cube, without end.
+const LANES: [u32; GROUP] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
+
+/// Sixteen points of one cube.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
 pub struct Points {
-    draws: Draws,
-    step: f64,
-    threshold: f64,
+    /// Whether they are there; those beyond the tier's are not its points.
+    pub threshold: [f32; GROUP],
+    /// Where in their cube, 0-1, one array an axis.
+    pub place: [[f32; GROUP]; 3],
+    /// How many points came up to the last of these.
+    count: u32,
+    /// Its threshold.
+    last: f32,
 }
 
-/// A point.
-pub struct Point {
-    /// Whether it is there.
-    pub threshold: f64,
-    /// Where in its cube, 0-1.
-    pub place: [f64; 3],
-    /// Numbers of its own.
-    pub draws: Draws,
-}
-
-impl Iterator for Points {
-    type Item = Point;
-
+impl Points {
+    /// The greatest threshold of all up to here.
     #[inline]
-    fn next(&mut self) -> Option<Point> {
-        self.threshold += self.step * self.draws.gap();
-        // A sequence of its own, so that how many numbers one takes changes no other.
-        let mut draws = Draws::new(self.draws.bits());
-        let place = [draws.uniform(), draws.uniform(), draws.uniform()];
-        Some(Point { threshold: self.threshold, place, draws })
+    #[must_use]
+    pub fn last(&self) -> f32 {
+        self.last
     }
 }
 
@@ -146,13 +134,6 @@ impl Cone {
         let turned = |n: [f32; 3]| to_level(axes, n.map(f64::from));
         let [a, b, c, d] = view.sides.map(turned);
         [a, b, c, d, turned(view.rotation[2])]
-    }
-
-    /// Whether a point, m from the camera, is within, or nearer to it than the margin.
-    #[inline]
-    #[must_use]
-    pub fn holds(&self, at: &[f64; 3]) -> bool {
-        self.planes.iter().all(|n| n[0] * at[0] + n[1] * at[1] + n[2] * at[2] > -self.margin)
     }
 
     /// The numbers of the slices of cubes along the first axis.
@@ -219,37 +200,42 @@ impl Cone {
 mod tests {
     use super::*;
     use glam::DVec3;
+    use wm_render::dispatch;
+    use wm_render::simd::SimdPath;
     use wm_scene::Camera;
 
     #[test]
-    fn waves_are_sines() {
-        for i in -3000..3000 {
-            let turns = f64::from(i) * 0.001_37;
-            let (sin, cos) = (std::f64::consts::TAU * turns).sin_cos();
-            let [s, c] = wave(turns);
-            assert!((s - sin).abs() < 2e-6 && (c - cos).abs() < 2e-6, "{turns}: {s} {c}");
+    fn cubes_hold_what_their_density_says() {
+        let path = SimdPath::available()[0];
+        for (tier, ends) in [[0.0, 0.006], [0.006, 0.1], [0.1, 1.5], [1.5, 3.0]].into_iter().enumerate() {
+            let cells = Cells::new(5 + tier as u32, 20.0, ends);
+            let [low, high] = ends;
+            let all: Vec<Vec<f32>> =
+                (0..4000).map(|i| dispatch!(path, s => thresholds(s, &cells, [i, -i, 3]))).collect();
+            assert!(all.iter().all(|cell| cell.windows(2).all(|pair| pair[0] < pair[1])));
+            for share in [0.1, 0.5, 1.0] {
+                let most = low + share * (high - low);
+                let count = |cell: &Vec<f32>| cell.iter().filter(|t| f64::from(**t) < most).count() as f64;
+                let counts: Vec<f64> = all.iter().map(count).collect();
+                let wanted = (most - low) * 20.0 * cells.edge.powi(3);
+                let mean = counts.iter().sum::<f64>() / 4000.0;
+                let variance = counts.iter().map(|c| (c - mean).powi(2)).sum::<f64>() / 4000.0;
+                // A Poisson process: mean and variance are equal; four standard errors of 4,000 cubes.
+                assert!((mean - wanted).abs() < 4.0 * (wanted / 4000.0).sqrt(), "{tier}: {mean} {wanted}");
+                assert!((variance / wanted - 1.0).abs() < 0.1, "{tier}: {variance} {wanted}");
+            }
         }
     }
 
-    #[test]
-    fn cubes_hold_what_their_density_says() {
-        let cells = Cells::new(5, 20.0);
-        let count = |threshold: f64| -> Vec<f64> {
-            (0..4000)
-                .map(|i| cells.points([i, -i, 3]).take_while(|p| p.threshold < threshold).count() as f64)
-                .collect()
-        };
-        for threshold in [0.3, 1.0, 2.5] {
-            let counts = count(threshold);
-            let wanted = threshold * 20.0 * cells.edge.powi(3);
-            let mean = counts.iter().sum::<f64>() / 4000.0;
-            let variance = counts.iter().map(|c| (c - mean).powi(2)).sum::<f64>() / 4000.0;
-            // A Poisson process: mean and variance are equal; four standard errors of 4,000 cubes.
-            assert!((mean - wanted).abs() < 4.0 * (wanted / 4000.0).sqrt(), "{mean} {wanted}");
-            assert!((variance / wanted - 1.0).abs() < 0.1, "{variance} {wanted}");
+    #[inline(always)]
+    fn thresholds<S: Lanes>(simd: S, cells: &Cells, cell: [i64; 3]) -> Vec<f32> {
+        let (mut points, mut found) = (cells.begin(), Vec::new());
+        let most = cells.thresholds[1] as f32;
+        while points.last() < most {
+            cells.next(simd, cell, &mut points);
+            found.extend(points.threshold.iter().filter(|t| **t < most));
         }
-        let again: Vec<f64> = cells.points([7, 8, 9]).take(5).map(|p| p.threshold).collect();
-        assert!(again.windows(2).all(|pair| pair[0] < pair[1]));
+        found
     }
 
     #[test]

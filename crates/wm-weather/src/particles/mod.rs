@@ -13,8 +13,8 @@
 //! few near the threshold, and moves none. Diameter and class are a drop's own for all time.
 //!
 //! # Which are drawn
-//! Rain: up to the distance at which a drop is 0.3 px wide. Snow: the same, but from where flakes are smaller than 1 px, fewer
-//! are drawn, each for several: `(size / px)^2` of them, of 1 px each, so that they keep cover and motion.
+//! Rain: up to the distance at which a drop is 0.3 px wide. Snow: the same, but from where flakes are smaller than 1.25 px,
+//! fewer are drawn, each for several: `(size / 1.25 px)^2` of them, each that wide, so that they keep cover and motion.
 //! Both end over a zone and not at once. What is not drawn is the air's ([`residual`]): together they follow
 //! one law at every distance.
 //!
@@ -25,9 +25,13 @@
 
 pub mod fall;
 pub mod field;
+pub mod precipitation;
+pub mod random;
 pub mod residual;
 pub mod spectrum;
+pub mod sway;
 
-pub use fall::{Fall, Look, Precipitation};
+pub use fall::Fall;
+pub use precipitation::{Look, Precipitation};
 pub use residual::Residual;
 pub use spectrum::{Class, Kind};

@@ -3,14 +3,17 @@
 //! The law for all of them is `sigma_t`. Of each class up to its own distance the drawn drops take their
 //! share; the air takes the rest, so that the optical depth of both over `s` metres is `sigma_t s`.
 
+use fearless_simd::{SimdBase, SimdFloat};
+use wm_render::simd::Lanes;
+
 /// Where drawing ends, as a share of a class's distance: whole up to the first, nothing beyond the second.
 pub const FADE: [f64; 2] = [0.85, 1.15];
 /// Nearest that anything is drawn, m.
 pub const NEAREST: f64 = 0.1;
-/// Nodes of the table, `OCTAVE` for a factor of 2, from `2^FIRST` m on.
-const NODES: usize = 120;
-const OCTAVE: usize = 6;
+/// Nodes of the table, 8 equal steps for a factor of 2, from `2^FIRST` m to `2^LAST`.
+const NODES: usize = 8 * (LAST - FIRST) as usize;
 const FIRST: i32 = -3;
+const LAST: i32 = 17;
 
 /// How much of a class is drawn at `distance`, in units of its own.
 #[must_use]
@@ -32,19 +35,22 @@ pub struct Residual {
     drawn: Vec<[f64; 2]>,
     /// Radiance of an endless path, linear RGB.
     airlight: [f64; 3],
-    table: [f32; NODES],
+    /// Mean extinction up to each node, 1/m, and how much more it is at the next.
+    table: [[f32; 2]; NODES],
 }
 
 impl Residual {
     /// Of classes with a cross-section a m^3 (1/m) that are drawn up to a distance (m).
     #[must_use]
     pub fn new(drawn: Vec<[f64; 2]>, airlight: [f64; 3]) -> Self {
-        let mut residual = Self { drawn, airlight, table: [0.0; NODES] };
-        for node in 0..NODES {
-            // The mean extinction up to there: between two nodes it is nearly straight.
-            let metres = 2f64.powf(f64::from(FIRST) + node as f64 / OCTAVE as f64);
-            residual.table[node] = (residual.depth(metres) / metres) as f32;
-        }
+        let mut residual = Self { drawn, airlight, table: [[0.0; 2]; NODES] };
+        // The mean extinction: between two nodes it is nearly straight.
+        let mean = |node: usize| {
+            let metres = 2f64.powi(FIRST + node as i32 / 8) * (1.0 + (node % 8) as f64 / 8.0);
+            residual.depth(metres) / metres
+        };
+        let table = std::array::from_fn(|node| [mean(node), mean(node + 1) - mean(node)].map(|v| v as f32));
+        residual.table = table;
         residual
     }
 
@@ -64,26 +70,42 @@ impl Residual {
     }
 
     /// [`Self::depth`] from the table, within 1 % of it.
-    #[inline]
-    #[must_use]
-    pub fn tabled(&self, metres: f32) -> f32 {
-        let place = (OCTAVE as f32 * (metres.max(1e-6).log2() - FIRST as f32)).clamp(0.0, (NODES - 1) as f32);
-        let node = (place as usize).min(NODES - 2);
-        let share = place - node as f32;
-        let mean = self.table[node] + share * (self.table[node + 1] - self.table[node]);
+    #[inline(always)]
+    pub fn tabled<S: Lanes>(&self, simd: S, metres: S::F) -> S::F {
+        /// Bits of 1.
+        const ONE: u32 = 0x3f80_0000;
         // Beyond the last node nothing more is drawn.
-        mean * metres.min(2f32.powf(FIRST as f32 + (NODES - 1) as f32 / OCTAVE as f32))
+        let (nearest, farthest) = (2f32.powi(FIRST), 2f32.powi(LAST) * (1.0 - f32::EPSILON));
+        let metres = metres.min(simd.set(farthest));
+        // A float's exponent and its next three bits are the number of its node.
+        let bits = metres.max(simd.set(nearest)).to_bits();
+        let share = S::F::from_bits((bits & S::U::splat(simd, 0xf_ffff)) << 3 | S::U::splat(simd, ONE)) - 1.0;
+        let nodes = (bits >> 20) - S::U::splat(simd, (ONE >> 20).wrapping_add_signed(8 * FIRST));
+        let (mut mean, mut more) = ([0.0; 16], [0.0; 16]);
+        for (lane, node) in nodes.as_slice().iter().enumerate() {
+            [mean[lane], more[lane]] = self.table[(*node as usize).min(NODES - 1)];
+        }
+        simd.load(&more).mul_add(share, simd.load(&mean)) * metres
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wm_render::dispatch;
+    use wm_render::simd::SimdPath;
+
+    #[inline(always)]
+    fn tabled<S: Lanes>(simd: S, residual: &Residual, metres: f64) -> f32 {
+        residual.tabled(simd, simd.set(metres as f32))[0]
+    }
 
     #[test]
     fn the_table_is_the_sum() {
         let drawn = (1..30).map(|i| [1e-4 / f64::from(i), 0.5 * f64::from(i)]).collect();
         let residual = Residual::new(drawn, [1.0; 3]);
+        let path = SimdPath::available()[0];
+        let tabled = |metres: f64| dispatch!(path, s => tabled(s, &residual, metres));
         // Numerically: what is drawn along the way.
         let (mut sum, step) = (0.0, 1e-3);
         for i in 0..40_000 {
@@ -92,13 +114,12 @@ mod tests {
             sum += if is_drawn { step } else { 0.0 }
                 * residual.drawn.iter().map(|[cover, range]| cover * fade(at / range)).sum::<f64>();
             if i % 4000 == 3999 {
-                let (exact, tabled) =
-                    (residual.depth(at + 0.5 * step), residual.tabled((at + 0.5 * step) as f32));
+                let (exact, tabled) = (residual.depth(at + 0.5 * step), tabled(at + 0.5 * step));
                 assert!((exact / sum - 1.0).abs() < 1e-6, "{at}: {exact} {sum}");
                 assert!((f64::from(tabled) / sum - 1.0).abs() < 0.01, "{at}: {tabled} {sum}");
             }
         }
-        assert_eq!(residual.tabled(1e7), residual.tabled(1e6));
-        assert_eq!(residual.tabled(0.0), 0.0);
+        assert_eq!(tabled(1e7), tabled(1e6));
+        assert_eq!(tabled(0.0), 0.0);
     }
 }

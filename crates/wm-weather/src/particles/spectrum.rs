@@ -6,7 +6,9 @@
 //! itself has the density 0.178 D^-0.922 g/cm^3 (Fabry and Szyrmer 1999) and falls at 0.8 D^0.16 m/s, D in mm.
 //! Both laws give back their own rate only within 20 %, so that numbers are scaled to give it exactly.
 
+use fearless_simd::SimdFloat;
 use std::f64::consts::PI;
+use wm_render::simd::Lanes;
 
 /// What falls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +60,15 @@ impl Class {
         self.widths[0] + (self.widths[1] - self.widths[0]) * self.within(share)
     }
 
+    /// [`Self::seen`] of several, as they are drawn.
+    #[inline(always)]
+    pub fn seen_by<S: Lanes>(&self, simd: S, share: S::F) -> S::F {
+        let falls = self.falls as f32;
+        let within = share * share.mul_add(simd.set(falls), simd.set(1.0 - falls));
+        let [low, high] = self.widths;
+        within.mul_add(simd.set((high - low) as f32), simd.set(low as f32))
+    }
+
     /// How far through the class the drop is that has this share of it below: small ones are more.
     #[inline]
     fn within(&self, share: f64) -> f64 {
@@ -82,6 +93,20 @@ impl Kind {
             Self::Rain => 48,
             Self::Snow => 24,
         }
+    }
+
+    /// Thresholds of tier `index`, from and up to. Each tier is a process of its own, in cubes of its own size, so that
+    /// where few are there few are asked for: of rain when it is light, of snow also when it is far away, since fewer
+    /// flakes then stand for all.
+    #[must_use]
+    pub fn tier(self, index: usize) -> [f64; 2] {
+        let below: &[f64] = match self {
+            Self::Rain => &[0.0, 0.1],
+            Self::Snow => &[0.0, 0.025, 0.1, 0.4],
+        };
+        // More than most rates ask for, and from there on by factors of 2.
+        let above = |index: usize| 1.5 * 2f64.powi((index - below.len()) as i32);
+        [index, index + 1].map(|index| below.get(index).copied().unwrap_or_else(|| above(index)))
     }
 
     /// The diameter that is seen, mm, of one of diameter `d` mm (when melted).

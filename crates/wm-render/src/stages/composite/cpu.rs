@@ -121,10 +121,10 @@ pub fn finish_patch<S: Lanes, const LANES: usize>(
             pixels.rgb[k][i] += (1.0 - pixels.alpha[i]) * pixels.behind[k][i];
         }
     }
-    if features > 3 {
+    if features > 3 && !(out.depth.is_empty() && effects.is_empty()) {
         to_rows::<LANES>(&sums.features[3], &mut pixels.depth);
     }
-    let behind = (&pixels.alpha, &pixels.depth);
+    let behind = (&sums.alpha, &sums.features[3]);
     let falls = if out.particles.is_empty() {
         None
     } else {

@@ -15,12 +15,43 @@ pub fn cell_lanes<S: Lanes>(simd: S) -> (S::F, S::F) {
     (simd.load(&COLUMN), simd.load(&ROW))
 }
 
-/// Bits of the cells that a splat touches, in a field of 4 columns and `N / 4` rows of cells of
+/// What of a picture a 2D Gaussian touches: `(ux dx)^2 + (vx dx + vy dy)^2 <= reach`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ellipse {
+    /// Centre, px.
+    pub x: f32,
+    /// Centre, px.
+    pub y: f32,
+    /// See above.
+    pub ux: f32,
+    /// See above.
+    pub vx: f32,
+    /// See above.
+    pub vy: f32,
+    /// The dy at which the sum is least for dx = 1.
+    pub slope_y: f32,
+    /// The dx at which it is least for dy = 1.
+    pub slope_x: f32,
+    /// Greatest sum.
+    pub reach: f32,
+}
+
+impl Record {
+    /// Where its alpha is drawn, with some slack.
+    #[inline(always)]
+    #[must_use]
+    pub fn ellipse(&self) -> Ellipse {
+        let Self { x, y, ux, vx, vy, slope_y, slope_x, log2_opacity, .. } = *self;
+        Ellipse { x, y, ux, vx, vy, slope_y, slope_x, reach: log2_opacity - (LOG2_MIN_ALPHA - TEST_SLACK) }
+    }
+}
+
+/// Bits of the cells that an ellipse touches, in a field of 4 columns and `N / 4` rows of cells of
 /// `width` x `height` px, the first at pixel `(left, top)`.
 #[inline(always)]
 pub fn cell_mask<S: Lanes>(
     simd: S,
-    splat: &Record,
+    splat: &Ellipse,
     (left, top): (f32, f32),
     (width, height): (f32, f32),
     (column, row): (S::F, S::F),
@@ -40,8 +71,7 @@ pub fn cell_mask<S: Lanes>(
     let v2 = best_x.mul_add(simd.set(splat.vx), near_y * splat.vy);
     let q1 = u1.mul_add(u1, v1 * v1);
     let q2 = u2.mul_add(u2, v2 * v2);
-    let reach = simd.set(splat.log2_opacity - (LOG2_MIN_ALPHA - TEST_SLACK));
-    q1.min(q2).simd_le(reach).to_bitmask() as u32
+    q1.min(q2).simd_le(simd.set(splat.reach)).to_bitmask() as u32
 }
 
 /// The patches that the box of a splat touches.
@@ -109,7 +139,8 @@ impl Pairs {
                     let mut mask = 0;
                     for part in 0..16 / S::N {
                         let top = (y as f32 + (part * S::N / 4) as f32) * SIDE;
-                        let bits = cell_mask(simd, splat, (x as f32 * SIDE, top), (SIDE, SIDE), lanes);
+                        let bits =
+                            cell_mask(simd, &splat.ellipse(), (x as f32 * SIDE, top), (SIDE, SIDE), lanes);
                         mask |= bits << (part * S::N);
                     }
                     let columns = bits_between(first_x.saturating_sub(x), last_x - x);

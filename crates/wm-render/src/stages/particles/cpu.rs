@@ -3,24 +3,30 @@
 use super::{DILATION, LEAST, PEAK, SHORTEST, STEPS, WIDEST};
 use crate::dispatch;
 use crate::frame::MIN_ALPHA;
-use crate::hooks::{PATCH, PATCH_PIXELS, Particle, ParticleView, Particles};
-use crate::simd::{Lanes, SimdPath, exp2, srgb_decode, srgb_encode};
+use crate::hooks::{GROUP, PATCH, PATCH_PIXELS, ParticleGroup, ParticleView, Particles};
+use crate::simd::{Lanes, SimdPath, exp2, log2, srgb_decode, srgb_encode, transpose};
+use crate::stages::intersect::cpu::{Ellipse, cell_lanes, cell_mask};
+use crate::stages::project::SQRT_HALF_LOG2E;
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use rayon::prelude::*;
 use std::f32::consts::{LN_2, LOG2_E, TAU};
-use std::ops::Range;
 use std::time::Instant;
 
-/// A particle in the picture: `log2 tau = peak - (a dx)^2 - (b dy + c dx)^2`.
+/// A particle in the picture: `log2 tau = peak - (ux dx)^2 - (vx dx + vy dy)^2`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(64))]
 pub struct Drop {
     /// Centre, px.
     pub mean2d: [f32; 2],
     /// Half the size of its bounding box, px.
     pub extent: [f32; 2],
-    a: f32,
-    b: f32,
-    c: f32,
+    ux: f32,
+    vx: f32,
+    vy: f32,
+    slope_y: f32,
+    slope_x: f32,
+    /// How far below its peak it ends, log2.
+    reach: f32,
     /// log2 of the optical depth at its centre.
     peak: f32,
     /// View z, scene units.
@@ -30,143 +36,243 @@ pub struct Drop {
 }
 
 impl Drop {
-    /// The particle in the picture; `None` where it is not in it.
-    #[inline]
-    #[must_use]
-    pub fn project(particle: &Particle, view: &ParticleView) -> Option<Self> {
-        let dot = |a: &[f32; 3], b: &[f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let [x, y, z] = [0, 1, 2].map(|k| dot(&view.rotation[k], &particle.offset));
-        if z <= view.near {
-            return None;
+    /// From its numbers in the order of [`project`].
+    #[inline(always)]
+    fn of(n: &[f32; 16]) -> Self {
+        Self {
+            mean2d: [n[0], n[1]],
+            extent: [n[2], n[3]],
+            ux: n[4],
+            vx: n[5],
+            vy: n[6],
+            slope_y: n[7],
+            slope_x: n[8],
+            reach: n[9],
+            peak: n[10],
+            depth: n[11],
+            rgb: [n[12], n[13], n[14]],
         }
-        let (tan_x, tan_y) = (x / z, y / z);
-        let row = |k: usize, tan: f32| {
-            let scale = view.focal[k] / z;
-            [0, 1, 2].map(|i| scale * (view.rotation[k][i] - tan * view.rotation[2][i]))
-        };
-        let (jx, jy) = (row(0, tan_x), row(1, tan_y));
-        let variance = particle.sigma * particle.sigma;
-        let mut xx = variance * dot(&jx, &jx);
-        let mut xy = variance * dot(&jx, &jy);
-        let mut yy = variance * dot(&jy, &jy);
-        // The determinant without cancellation: needles have next to none. `wedge` adds the squares of the
-        // areas that pairs of directions span.
-        let reach = particle.reach.map(|reach| [dot(&jx, &reach), dot(&jy, &reach)]);
-        let mut det = xx * yy - xy * xy;
-        for [rx, ry] in reach {
-            det += xx * ry * ry - 2.0 * xy * rx * ry + yy * rx * rx;
-        }
-        let wedge = reach[0][0] * reach[1][1] - reach[0][1] * reach[1][0];
-        for [rx, ry] in reach {
-            xx += rx * rx;
-            xy += rx * ry;
-            yy += ry * ry;
-        }
-        det = (det + wedge * wedge).max(0.0) + DILATION * (xx + yy) + DILATION * DILATION;
-        xx += DILATION;
-        yy += DILATION;
-        let pixels = view.focal[0] * view.focal[1] / (z * z) * (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt();
-        let whole = (particle.area * pixels / (TAU * det.sqrt())).min(WIDEST);
-        let [a, b, c, d] = PEAK;
-        // ln(p / w), and log2 p.
-        let steeper = whole * (a + whole * (b + whole * (c + whole * d)));
-        let peak = whole.log2() + steeper * LOG2_E;
-        let radius2 = (2.0 * LN_2 * (peak - LEAST_LOG2)).max(SHORTEST);
-        // What lies beyond falls off as the Gaussian does: to the least, or to that of the shortest radius.
-        let beyond = if radius2 > SHORTEST { LEAST / whole } else { (1.0 + steeper) * BEYOND_SHORTEST };
-        let peak = (peak - (1.0 - beyond).log2()).min(MOST_LOG2);
-        let extent = [(radius2 * xx).sqrt(), (radius2 * yy).sqrt()];
-        let mean2d = [view.focal[0] * tan_x + view.principal[0], view.focal[1] * tan_y + view.principal[1]];
-        let is_in = |k: usize| mean2d[k] + extent[k] > 0.0 && mean2d[k] - extent[k] < view.size[k];
-        // Written so that NaN is not in it.
-        if !(is_in(0) && is_in(1) && peak > -40.0 && det.is_finite()) {
-            return None;
-        }
-        let half = (0.5 * LOG2_E).sqrt();
-        let b = half * (xx / det).sqrt();
-        Some(Self {
-            mean2d,
-            extent,
-            a: half / xx.sqrt(),
-            b,
-            c: -b * xy / xx,
-            peak,
-            depth: z,
-            rgb: particle.rgb.map(|v| v.clamp(0.0, BRIGHTEST)),
-        })
     }
 
-    /// The patches that its bounding box touches, columns and rows of a grid.
-    fn patches(&self, (columns, rows): (usize, usize)) -> (Range<usize>, Range<usize>) {
-        let range = |k: usize, count: usize| {
-            let low = ((self.mean2d[k] - self.extent[k]) / PATCH as f32).max(0.0) as usize;
-            let high = ((self.mean2d[k] + self.extent[k]) / PATCH as f32).max(0.0) as usize + 1;
-            low.min(count)..high.min(count)
-        };
-        (range(0, columns), range(1, rows))
+    /// Those of a group that are in the picture.
+    #[must_use]
+    pub fn project(path: SimdPath, group: &ParticleGroup, view: &ParticleView) -> Vec<Self> {
+        let mut numbers = [[0.0; 16]; 16];
+        let seen = dispatch!(path, s => project(s, group, view, &mut numbers));
+        (0..GROUP).filter(|lane| seen >> lane & 1 == 1).map(|lane| Self::of(&numbers[lane])).collect()
+    }
+
+    #[inline(always)]
+    fn ellipse(&self) -> Ellipse {
+        let Self { mean2d: [x, y], ux, vx, vy, slope_y, slope_x, reach, .. } = *self;
+        Ellipse { x, y, ux, vx, vy, slope_y, slope_x, reach }
     }
 
     /// Calls `hit` with each patch of a grid that its ellipse touches.
-    fn each_patch(&self, grid: (usize, usize), mut hit: impl FnMut(usize)) {
-        let (columns, rows) = self.patches(grid);
-        let slope = -self.c / self.b;
-        for row in rows {
-            if columns.len() == 1 {
-                hit(row * grid.0 + columns.start);
-                continue;
-            }
-            let top = (row * PATCH) as f32 - self.mean2d[1];
-            let (low, high) = self.span(top, top + PATCH as f32, slope);
-            for column in columns.clone() {
-                let left = (column * PATCH) as f32 - self.mean2d[0];
-                if left < high && left + PATCH as f32 > low {
-                    hit(row * grid.0 + column);
+    #[inline(always)]
+    fn each_patch<S: Lanes>(
+        &self,
+        simd: S,
+        (columns, rows): (usize, usize),
+        lanes: (S::F, S::F),
+        mut hit: impl FnMut(usize),
+    ) {
+        const SIDE: f32 = PATCH as f32;
+        let [left, top] = [0, 1].map(|k| ((self.mean2d[k] - self.extent[k]) / SIDE).max(0.0) as usize);
+        let [right, bottom] = [(0, columns), (1, rows)]
+            .map(|(k, count)| (((self.mean2d[k] + self.extent[k]) / SIDE).max(0.0) as usize + 1).min(count));
+        if right == left + 1 && bottom == top + 1 {
+            hit(top * columns + left);
+            return;
+        }
+        let ellipse = self.ellipse();
+        for row in (top..bottom).step_by(S::N / 4) {
+            for column in (left..right).step_by(4) {
+                let corner = (column as f32 * SIDE, row as f32 * SIDE);
+                let mut bits = cell_mask(simd, &ellipse, corner, (SIDE, SIDE), lanes);
+                while bits != 0 {
+                    let cell = bits.trailing_zeros() as usize;
+                    bits &= bits - 1;
+                    let (column, row) = (column + cell % 4, row + cell / 4);
+                    if column < right && row < bottom {
+                        hit(row * columns + column);
+                    }
                 }
             }
         }
     }
-
-    /// Least and greatest x of the ellipse between two heights, px from its centre.
-    fn span(&self, top: f32, bottom: f32, slope: f32) -> (f32, f32) {
-        let [rx, ry] = self.extent;
-        // At its rightmost point y is `slope rx`: the regression of y on x.
-        let outer = slope * rx;
-        let right = if (top..=bottom).contains(&outer) {
-            rx
-        } else {
-            self.chord(nearest(outer, top, bottom), ry, slope).1
-        };
-        let left = if (top..=bottom).contains(&-outer) {
-            -rx
-        } else {
-            self.chord(nearest(-outer, top, bottom), ry, slope).0
-        };
-        (left, right)
-    }
-
-    /// Left and right end at a height, px from its centre.
-    fn chord(&self, y: f32, ry: f32, slope: f32) -> (f32, f32) {
-        let rx = self.extent[0];
-        // The regression of x on y, and what is left of its spread.
-        let back = slope * (rx / ry) * (rx / ry);
-        let inside = (1.0 - (y / ry) * (y / ry)).max(0.0);
-        let rest = (rx * rx - back * back * ry * ry).max(0.0);
-        let half = (inside * rest).sqrt();
-        (back * y - half, back * y + half)
-    }
 }
 
-fn nearest(y: f32, top: f32, bottom: f32) -> f32 {
-    if y < top { top } else { bottom }
+#[inline(always)]
+fn dot<S: Lanes>(a: &[S::F; 3], b: &[S::F; 3]) -> S::F {
+    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
+}
+
+/// The sixteen particles of a group in the picture: the numbers of each one in a row, and a bit for each that is in it.
+#[inline(always)]
+fn project<S: Lanes>(simd: S, group: &ParticleGroup, view: &ParticleView, out: &mut [[f32; 16]; 16]) -> u32 {
+    let mut seen = 0;
+    for first in (0..GROUP).step_by(S::N) {
+        let mut offset = [simd.set(0.0); 3];
+        let mut rgb = offset;
+        let mut reach = [offset; 2];
+        let mut rotation = [offset; 3];
+        for k in 0..3 {
+            offset[k] = simd.load(&group.offset[k][first..]);
+            rgb[k] = simd.load(&group.rgb[k][first..]);
+            for direction in 0..2 {
+                reach[direction][k] = simd.load(&group.reach[direction][k][first..]);
+            }
+            for row in 0..3 {
+                rotation[row][k] = simd.set(view.rotation[row][k]);
+            }
+        }
+        let area = simd.load(&group.area[first..]);
+        let sigma = simd.load(&group.sigma[first..]);
+        let z = dot::<S>(&rotation[2], &offset);
+        let is_ahead = z.simd_gt(simd.set(view.near)) & area.simd_gt(simd.set(0.0));
+        let per_z = simd.set(1.0) / z.max(simd.set(view.near.max(1e-12)));
+        let mut tan = [simd.set(0.0); 2];
+        let mut jacobian = [offset; 2];
+        for k in 0..2 {
+            tan[k] = dot::<S>(&rotation[k], &offset) * per_z;
+            for axis in 0..3 {
+                jacobian[k][axis] =
+                    (rotation[k][axis] - tan[k] * rotation[2][axis]) * (per_z * view.focal[k]);
+            }
+        }
+        let [jx, jy] = &jacobian;
+        let variance = sigma * sigma;
+        let mut xx = variance * dot::<S>(jx, jx);
+        let mut xy = variance * dot::<S>(jx, jy);
+        let mut yy = variance * dot::<S>(jy, jy);
+        // The determinant without cancellation: needles have next to none. `wedge` adds the squares of the
+        // areas that pairs of directions span.
+        let [a, b] = [0, 1].map(|k| [dot::<S>(jx, &reach[k]), dot::<S>(jy, &reach[k])]);
+        let mut det = xx * yy - xy * xy;
+        for [rx, ry] in [a, b] {
+            det += xx * ry * ry - xy * rx * ry * 2.0 + yy * rx * rx;
+        }
+        let wedge = a[0] * b[1] - a[1] * b[0];
+        for [rx, ry] in [a, b] {
+            xx = rx.mul_add(rx, xx);
+            xy = rx.mul_add(ry, xy);
+            yy = ry.mul_add(ry, yy);
+        }
+        det = wedge.mul_add(wedge, det).max(simd.set(0.0)) + (xx + yy) * DILATION + DILATION * DILATION;
+        xx += DILATION;
+        yy += DILATION;
+        let secant = tan[0].mul_add(tan[0], tan[1].mul_add(tan[1], simd.set(1.0))).sqrt();
+        let pixels = per_z * per_z * secant * (view.focal[0] * view.focal[1] / TAU);
+        let whole = (area * pixels / det.sqrt()).min(simd.set(WIDEST)).max(simd.set(1e-30));
+        // ln(p / w), and log2 p.
+        let mut steeper = simd.set(0.0);
+        for coefficient in PEAK.into_iter().rev() {
+            steeper = (steeper + coefficient) * whole;
+        }
+        let peak = steeper.mul_add(simd.set(LOG2_E), log2(simd, [whole])[0]);
+        let radius2 = ((peak - LEAST_LOG2) * (2.0 * LN_2)).max(simd.set(SHORTEST));
+        // What lies beyond falls off as the Gaussian does: to the least, or to that of the shortest radius.
+        let is_far = radius2.simd_gt(simd.set(SHORTEST));
+        let beyond = is_far.select(simd.set(LEAST) / whole, (steeper + 1.0) * BEYOND_SHORTEST);
+        let peak = (peak - log2(simd, [simd.set(1.0) - beyond])[0]).min(simd.set(MOST_LOG2));
+        let extent = [(radius2 * xx).sqrt(), (radius2 * yy).sqrt()];
+        let mean2d = [0, 1].map(|k| tan[k].mul_add(simd.set(view.focal[k]), simd.set(view.principal[k])));
+        // Written so that NaN is not in it.
+        let mut is_in = is_ahead & peak.simd_gt(simd.set(-40.0)) & det.simd_lt(simd.set(f32::MAX));
+        for k in 0..2 {
+            is_in &= (mean2d[k] + extent[k]).simd_gt(simd.set(0.0));
+            is_in &= (mean2d[k] - extent[k]).simd_lt(simd.set(view.size[k]));
+        }
+        seen |= (is_in.to_bitmask() as u32) << first;
+        let per_xx = simd.set(1.0) / xx;
+        let vy = (xx / det).sqrt() * SQRT_HALF_LOG2E;
+        let slope_y = xy * per_xx;
+        let bright = simd.set(BRIGHTEST);
+        let numbers = [
+            mean2d[0],
+            mean2d[1],
+            extent[0],
+            extent[1],
+            per_xx.sqrt() * SQRT_HALF_LOG2E,
+            -vy * slope_y,
+            vy,
+            slope_y,
+            xy / yy,
+            radius2 * (SQRT_HALF_LOG2E * SQRT_HALF_LOG2E),
+            peak,
+            z,
+            rgb[0].max(simd.set(0.0)).min(bright),
+            rgb[1].max(simd.set(0.0)).min(bright),
+            rgb[2].max(simd.set(0.0)).min(bright),
+        ];
+        for (number, values) in numbers.iter().zip(out.iter_mut()) {
+            number.store_slice(&mut values[first..first + S::N]);
+        }
+    }
+    if seen != 0 {
+        transpose(simd, out);
+    }
+    seen
+}
+
+/// What one piece of work finds.
+#[derive(Debug, Default)]
+struct Part {
+    drops: Vec<Drop>,
+    /// The patches of the first drop, of the second and so on: one at least of each.
+    patches: Vec<u32>,
+    /// How many each drop has.
+    counts: Vec<u32>,
+    seconds: f64,
+}
+
+impl Part {
+    fn clear(&mut self) {
+        self.drops.clear();
+        self.patches.clear();
+        self.counts.clear();
+    }
+
+    #[inline(always)]
+    fn add<S: Lanes>(&mut self, simd: S, group: &ParticleGroup, view: &ParticleView, grid: (usize, usize)) {
+        let mut numbers = [[0.0; 16]; 16];
+        let mut seen = project(simd, group, view, &mut numbers);
+        let lanes = cell_lanes(simd);
+        while seen != 0 {
+            let lane = seen.trailing_zeros() as usize;
+            seen &= seen - 1;
+            let (drop, before) = (Drop::of(&numbers[lane]), self.patches.len());
+            drop.each_patch(simd, grid, lanes, |patch| self.patches.push(patch as u32));
+            let count = self.patches.len() - before;
+            if count > 0 {
+                self.drops.push(drop);
+                self.counts.push(count as u32);
+            }
+        }
+    }
+
+    /// The drops, each with its patches.
+    fn drops(&self) -> impl Iterator<Item = (&Drop, &[u32])> {
+        let mut rest = &self.patches[..];
+        self.drops.iter().zip(&self.counts).map(move |(drop, count)| {
+            let (own, others) = rest.split_at(*count as usize);
+            rest = others;
+            (drop, own)
+        })
+    }
 }
 
 /// The particles of a frame, patch by patch. Kept from frame to frame for its memory.
 #[derive(Debug, Default)]
 pub struct Falling {
+    /// The first `count` are this frame's.
     drops: Vec<Drop>,
+    count: usize,
     /// Where the list of each patch begins, and the end of the last.
     bounds: Vec<u32>,
     lists: Vec<u32>,
+    parts: Vec<Part>,
     grid: (usize, usize),
 }
 
@@ -174,18 +280,18 @@ impl Falling {
     /// Whether nothing falls.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.drops.is_empty()
+        self.count == 0
     }
 
     /// Number of particles in the picture.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.drops.len()
+        self.count
     }
 
     /// Gathers what `sources` let fall and finds the patches; returns the time of all threads, s.
-    pub fn fill(&mut self, sources: &[&dyn Particles], view: &ParticleView) -> f64 {
-        self.drops.clear();
+    pub fn fill(&mut self, path: SimdPath, sources: &[&dyn Particles], view: &ParticleView) -> f64 {
+        self.count = 0;
         if sources.is_empty() {
             return 0.0;
         }
@@ -197,48 +303,56 @@ impl Falling {
             .flat_map(|(source, particles)| particles.parts(view).into_iter().map(move |part| (source, part)))
             .collect();
         let grid = self.grid;
-        let parts: Vec<(Vec<Drop>, Vec<[u32; 2]>, f64)> = work
-            .par_iter()
-            .map_init(Vec::new, |particles: &mut Vec<Particle>, (source, part)| {
-                let begun = Instant::now();
-                particles.clear();
-                sources[*source].gather(view, *part, particles);
-                let drops: Vec<Drop> = particles.iter().filter_map(|p| Drop::project(p, view)).collect();
-                let mut pairs = Vec::with_capacity(2 * drops.len());
-                for (index, drop) in drops.iter().enumerate() {
-                    drop.each_patch(grid, |patch| pairs.push([patch as u32, index as u32]));
-                }
-                (drops, pairs, begun.elapsed().as_secs_f64())
-            })
-            .collect();
+        if self.parts.len() < work.len() {
+            self.parts.resize_with(work.len(), Part::default);
+        }
+        let parts = &mut self.parts[..work.len()];
+        work.par_iter().zip(&mut *parts).for_each(|((source, piece), part)| {
+            let begun = Instant::now();
+            part.clear();
+            sources[*source].gather(path, view, *piece, &mut |group| {
+                dispatch!(path, s => part.add(s, group, view, grid));
+            });
+            part.seconds = begun.elapsed().as_secs_f64();
+        });
         let laying = Instant::now();
-        // A counting sort by one thread: atomics of several cost many times as much.
+        // Two counting sorts by one thread (atomics of several cost many times as much): of the lists, and of the drops
+        // by the first patch of each, so that those of one patch lie together.
         self.bounds.clear();
         self.bounds.resize(patches + 2, 0);
-        for [patch, _] in parts.iter().flat_map(|(_, pairs, _)| pairs) {
-            self.bounds[*patch as usize + 2] += 1;
-        }
-        for patch in 2..patches + 2 {
-            self.bounds[patch] += self.bounds[patch - 1];
-        }
-        self.lists.clear();
-        self.lists.resize(self.bounds[patches + 1] as usize, 0);
-        for (drops, pairs, _) in &parts {
-            let first = self.drops.len() as u32;
-            self.drops.extend_from_slice(drops);
-            for [patch, index] in pairs {
-                // The place of the next entry, and in the end where the next list begins.
-                let place = &mut self.bounds[*patch as usize + 1];
-                self.lists[*place as usize] = first + index;
-                *place += 1;
+        let mut homes = vec![0; patches + 1];
+        for (_, own) in parts.iter().flat_map(Part::drops) {
+            homes[own[0] as usize + 1] += 1;
+            for patch in own {
+                self.bounds[*patch as usize + 2] += 1;
             }
         }
-        parts.iter().map(|(_, _, seconds)| seconds).sum::<f64>() + laying.elapsed().as_secs_f64()
+        for patch in 1..=patches {
+            self.bounds[patch + 1] += self.bounds[patch];
+            homes[patch] += homes[patch - 1];
+        }
+        self.count = homes[patches] as usize;
+        if self.drops.len() < self.count {
+            self.drops.resize(self.count, Drop::default());
+        }
+        self.lists.resize(self.bounds[patches + 1] as usize, 0);
+        for (drop, own) in parts.iter().flat_map(Part::drops) {
+            let home = &mut homes[own[0] as usize];
+            self.drops[*home as usize] = *drop;
+            for patch in own {
+                // The place of the next entry, and in the end where the next list begins.
+                let place = &mut self.bounds[*patch as usize + 1];
+                self.lists[*place as usize] = *home;
+                *place += 1;
+            }
+            *home += 1;
+        }
+        parts.iter().map(|part| part.seconds).sum::<f64>() + laying.elapsed().as_secs_f64()
     }
 
-    /// Draws what falls in patch `(column, row)` over its pixels: display-referred colour, and behind it coverage and sum
-    /// of weight times view z, row by row. `apart`, if given, holds zeros, and takes the linear light of what falls and
-    /// its coverage.
+    /// Draws what falls in patch `(column, row)` over its pixels: display-referred colour, row by row. `behind`: coverage
+    /// and sum of weight times view z, block by block as `path` blends. `apart`, if given, holds zeros, and takes the
+    /// linear light of what falls and its coverage, row by row.
     pub fn draw(
         &self,
         path: SimdPath,
@@ -260,16 +374,20 @@ impl Falling {
     }
 }
 
+/// Most blocks of a patch: of 8 pixels.
+const BLOCKS: usize = PATCH_PIXELS / 8;
+
 /// What falls in one patch, in whole numbers of an optical depth, block by block: a vector is four columns of some rows, as in
 /// [`crate::stages::rasterize`], since streaks are thin.
 #[repr(C, align(64))]
 struct Sums {
-    tau: [u32; PATCH_PIXELS],
-    rgb: [[u32; PATCH_PIXELS]; 3],
-    /// View z of the scene, infinite where there is none.
-    depth: [f32; PATCH_PIXELS],
-    /// What the scene leaves open.
-    open: [f32; PATCH_PIXELS],
+    /// Optical depth, and with it red, green and blue: four vectors a block. Each term has [`ROUND`]'s bits in it.
+    sums: [u32; 4 * PATCH_PIXELS],
+    /// Column and row of each pixel, view z of the scene (infinite where there is none), and steps of an optical depth of
+    /// 1 behind it, of what it leaves open: four vectors a block.
+    pixels: [f32; 4 * PATCH_PIXELS],
+    /// Terms in each block.
+    terms: [u32; BLOCKS],
 }
 
 #[inline(always)]
@@ -282,135 +400,134 @@ fn draw<S: Lanes>(
     (alpha, depth_sum): (&[f32; PATCH_PIXELS], &[f32; PATCH_PIXELS]),
     mut apart: Option<&mut [[f32; PATCH_PIXELS]; 4]>,
 ) {
-    let zero = [0; PATCH_PIXELS];
-    let mut sums =
-        Sums { tau: zero, rgb: [zero; 3], depth: [f32::INFINITY; PATCH_PIXELS], open: [1.0; PATCH_PIXELS] };
-    for i in 0..PATCH_PIXELS {
-        let to = in_blocks::<S>(i);
-        if alpha[i] >= MIN_ALPHA {
-            sums.depth[to] = depth_sum[i] / alpha[i];
-        }
-        sums.open[to] = 1.0 - alpha[i];
-    }
-    for entry in list {
-        add(simd, &drops[*entry as usize], corner, &mut sums);
-    }
+    let mut sums = Sums { sums: [0; 4 * PATCH_PIXELS], pixels: [0.0; 4 * PATCH_PIXELS], terms: [0; BLOCKS] };
+    let lanes = cell_lanes(simd);
     for block in 0..PATCH_PIXELS / S::N {
         let at = block * S::N;
-        let steps = whole(simd, &sums.tau[at..]);
-        if !steps.simd_gt(simd.set(0.0)).any_true() {
+        let alpha = simd.load(&alpha[at..]);
+        let depth = simd.load(&depth_sum[at..]) / alpha.max(simd.set(MIN_ALPHA));
+        let pixels = &mut sums.pixels[4 * at..4 * (at + S::N)];
+        let numbers = [
+            lanes.0 + (block % 4 * 4) as f32,
+            lanes.1 + (block / 4 * (S::N / 4)) as f32,
+            alpha.simd_ge(simd.set(MIN_ALPHA)).select(depth, simd.set(f32::INFINITY)),
+            (simd.set(1.0) - alpha) * STEPS,
+        ];
+        for (number, pixels) in numbers.iter().zip(pixels.chunks_exact_mut(S::N)) {
+            number.store_slice(pixels);
+        }
+    }
+    for entry in list {
+        add(simd, &drops[*entry as usize], corner, lanes, &mut sums);
+    }
+    for block in 0..PATCH_PIXELS / S::N {
+        let terms = sums.terms[block];
+        if terms == 0 {
             continue;
         }
-        // The block's pixels lie four by four in the rows of the patch.
-        let (height, mut four) = (S::N / 4, [0.0; 16]);
-        let corner = block / 4 * height * PATCH + block % 4 * 4;
-        let mut gather = |from: &[f32; PATCH_PIXELS]| {
-            for row in 0..height {
-                four[4 * row..4 * row + 4].copy_from_slice(&from[corner + row * PATCH..][..4]);
-            }
-            simd.load(&four)
-        };
-        let scatter = |value: S::F, to: &mut [f32; PATCH_PIXELS]| {
-            for (row, four) in value.as_slice().chunks_exact(4).enumerate() {
-                to[corner + row * PATCH..][..4].copy_from_slice(four);
-            }
-        };
+        // What the terms brought with them goes, modulo 2^32.
+        let rounds = S::U::splat(simd, terms.wrapping_mul(ROUND.to_bits()));
+        let mut totals = [simd.set(0.0); 4];
+        for k in 0..4 {
+            let bits = S::U::from_slice(simd, &sums.sums[(4 * block + k) * S::N..][..S::N]);
+            totals[k] = whole(simd, bits - rounds);
+        }
+        let [steps, light @ ..] = totals;
+        let corner = block / 4 * (S::N / 4) * PATCH + block % 4 * 4;
         let kept = exp2(simd, [(steps * (-LOG2_E / STEPS)).max(simd.set(-126.0))])[0];
         let share = (simd.set(1.0) - kept) / steps.max(simd.set(1.0));
         let mut color = [simd.set(0.0); 3];
         for k in 0..3 {
-            color[k] = gather(&rgb[k]);
+            color[k] = from_rows(simd, &rgb[k][corner..]);
         }
         let mut seen = srgb_decode(simd, color);
         for k in 0..3 {
-            let light = whole(simd, &sums.rgb[k][at..]) * share;
-            seen[k] = seen[k].mul_add(kept, light);
-            if let Some(apart) = &mut apart {
-                scatter(light, &mut apart[k]);
-            }
-        }
-        if let Some(apart) = &mut apart {
-            scatter(simd.set(1.0) - kept, &mut apart[3]);
+            seen[k] = seen[k].mul_add(kept, light[k] * share);
         }
         let shown = srgb_encode(simd, seen);
         for k in 0..3 {
-            scatter(shown[k], &mut rgb[k]);
+            to_rows::<S>(shown[k], &mut rgb[k][corner..]);
+        }
+        if let Some(apart) = &mut apart {
+            for k in 0..3 {
+                to_rows::<S>(light[k] * share, &mut apart[k][corner..]);
+            }
+            to_rows::<S>(simd.set(1.0) - kept, &mut apart[3][corner..]);
         }
     }
 }
 
-/// The first N of `values` as floats: by halves, each as the mantissa of 2^23.
+/// The block whose first pixel is the first of `rows`: four pixels of each row of the patch.
 #[inline(always)]
-fn whole<S: Lanes>(simd: S, values: &[u32]) -> S::F {
-    let bits = S::U::from_slice(simd, &values[..S::N]);
+fn from_rows<S: Lanes>(simd: S, rows: &[f32]) -> S::F {
+    let mut block = [0.0; 16];
+    for (row, four) in block.chunks_exact_mut(4).take(S::N / 4).enumerate() {
+        four.copy_from_slice(&rows[row * PATCH..][..4]);
+    }
+    simd.load(&block)
+}
+
+/// Puts a block where [`from_rows`] took it from.
+#[inline(always)]
+fn to_rows<S: Lanes>(block: S::F, rows: &mut [f32]) {
+    for (row, four) in block.as_slice().chunks_exact(4).enumerate() {
+        rows[row * PATCH..][..4].copy_from_slice(four);
+    }
+}
+
+/// As floats: by halves, each as the mantissa of 2^23.
+#[inline(always)]
+fn whole<S: Lanes>(simd: S, bits: S::U) -> S::F {
     let float = |half: S::U| S::F::from_bits(half | S::U::splat(simd, 0x4b00_0000)) - 8_388_608.0;
     float(bits >> 16).mul_add(simd.set(65536.0), float(bits & S::U::splat(simd, 0xffff)))
 }
 
 /// log2 of [`LEAST`] and [`super::MOST`].
-const LEAST_LOG2: f32 = -10.0;
+const LEAST_LOG2: f32 = -8.0;
 const MOST_LOG2: f32 = 4.0;
 /// `exp(-SHORTEST / 2)`.
-const BEYOND_SHORTEST: f32 = 0.049_787_07;
+const BEYOND_SHORTEST: f32 = 0.105_399_22;
 /// Brightest that a particle may be: what whole numbers hold.
 const BRIGHTEST: f32 = 3.0;
 /// Adding it to a number below 2^22 leaves the rounded whole number in the low bits.
 const ROUND: f32 = 12_582_912.0;
 
 #[inline(always)]
-fn add<S: Lanes>(simd: S, drop: &Drop, corner: [f32; 2], sums: &mut Sums) {
-    let [dx, dy] = [0, 1].map(|k| corner[k] + 0.5 - drop.mean2d[k]);
-    let first = (-dy - drop.extent[1]).ceil().max(0.0) as usize;
-    let last = ((-dy + drop.extent[1]).floor() + 1.0).clamp(0.0, PATCH as f32) as usize;
-    let left = (-dx - drop.extent[0]).max(0.0);
-    let right = (-dx + drop.extent[0]).min((PATCH - 1) as f32);
-    if right < 0.0 || left > (PATCH - 1) as f32 {
-        return;
-    }
-    let round = simd.set(ROUND);
-    let bits = |value: S::F| value.to_bits();
-    let depth = simd.set(drop.depth);
-    // Below this it ends: its radius, as a power of two.
-    let (rx, a) = (drop.extent[0], drop.a);
-    let end = simd.set(drop.peak - (a * rx) * (a * rx));
+fn add<S: Lanes>(simd: S, drop: &Drop, corner: [f32; 2], lanes: (S::F, S::F), sums: &mut Sums) {
+    let [dx, dy] = [0, 1].map(|k| simd.set(corner[k] + 0.5 - drop.mean2d[k]));
+    let (round, steps) = (simd.set(ROUND), simd.set(STEPS));
+    let (depth, peak) = (simd.set(drop.depth), simd.set(drop.peak));
+    let (ux, vx, vy) = (simd.set(drop.ux), simd.set(drop.vx), simd.set(drop.vy));
+    // Below this it ends.
+    let end = simd.set(drop.peak - drop.reach);
+    let ellipse = drop.ellipse();
     let height = S::N / 4;
-    let (columns, rows) = (simd.load(&COLUMNS), simd.load(&ROWS));
-    for band in first / height..last.div_ceil(height) {
-        let y = rows + (dy + (band * height) as f32);
-        for block in left as usize / 4..right as usize / 4 + 1 {
-            let x = columns + (dx + (4 * block) as f32);
-            let u = x * drop.a;
-            let v = x.mul_add(simd.set(drop.c), y * drop.b);
-            let exponent = simd.set(drop.peak) - u.mul_add(u, v * v);
-            let inside = exponent.simd_ge(end);
-            if !inside.any_true() {
-                continue;
-            }
-            let at = (4 * band + block) * S::N;
-            let z = simd.load(&sums.depth[at..]);
-            let open = depth.simd_lt(z).select(simd.set(STEPS), simd.load(&sums.open[at..]) * STEPS);
-            let tau = exp2(simd, [exponent.max(simd.set(-126.0))])[0] * open;
-            let tau = inside.select(tau, simd.set(0.0)).max(simd.set(0.0));
-            let put = |value: S::F, to: &mut [u32; PATCH_PIXELS]| {
-                let to = &mut to[at..at + S::N];
-                let sum = S::U::from_slice(simd, to) + (bits(value + round) - bits(round));
+    for field in 0..PATCH_PIXELS / (S::N * S::N) {
+        let top = corner[1] + (field * height * height) as f32;
+        let mut bits = cell_mask(simd, &ellipse, (corner[0], top), (4.0, height as f32), lanes);
+        while bits != 0 {
+            // Never more than it may be, for the compiler to know.
+            let block = (field * S::N + bits.trailing_zeros() as usize) & (PATCH_PIXELS / S::N - 1);
+            bits &= bits - 1;
+            let range = 4 * block * S::N..4 * (block + 1) * S::N;
+            let (pixels, to) = (&sums.pixels[range.clone()], &mut sums.sums[range]);
+            let x = simd.load(pixels) + dx;
+            let y = simd.load(&pixels[S::N..]) + dy;
+            let u = x * ux;
+            let v = x.mul_add(vx, y * vy);
+            let exponent = peak - u.mul_add(u, v * v);
+            // 2^-126 is none.
+            let exponent = exponent.simd_ge(end).select(exponent, simd.set(-126.0));
+            let z = simd.load(&pixels[2 * S::N..]);
+            let open = depth.simd_lt(z).select(steps, simd.load(&pixels[3 * S::N..]));
+            let tau = exp2(simd, [exponent])[0] * open;
+            for k in 0..4 {
+                let term = if k == 0 { tau + round } else { tau.mul_add(simd.set(drop.rgb[k - 1]), round) };
+                let to = &mut to[k * S::N..(k + 1) * S::N];
+                let sum = S::U::from_slice(simd, to) + term.to_bits();
                 sum.store_slice(to);
-            };
-            put(tau, &mut sums.tau);
-            for k in 0..3 {
-                put(tau * drop.rgb[k], &mut sums.rgb[k]);
             }
+            sums.terms[block] += 1;
         }
     }
 }
-
-/// Where pixel `index` of a patch, counted row by row, lies among its blocks.
-#[inline(always)]
-fn in_blocks<S: Lanes>(index: usize) -> usize {
-    let (column, row, height) = (index % PATCH, index / PATCH, S::N / 4);
-    (row / height * 4 + column / 4) * S::N + row % height * 4 + column % 4
-}
-
-/// Columns and rows of the lanes of a block.
-const COLUMNS: [f32; 16] = [0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0];
-const ROWS: [f32; 16] = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0];

@@ -5,7 +5,7 @@
 //! `tau = min(16, p k) exp(-q/2)`. What it hides, the integral of `1 - e^-tau`, is its area in pixels, however small,
 //! thin or fast it is: of a Gaussian of depth p it is `2 pi sqrt(det cov2d) Ein(p)`, so that `Ein(p) = w`, the area in
 //! pixels over `2 pi sqrt(det)`; p = `w` where it is faint, and [`PEAK`] gives it within 0.2 % up to 16. It ends at
-//! the radius where tau falls below 2^-10, but not below `q = 6`; `k` gives back what is cut off there.
+//! the radius where tau falls below 2^-8, as a splat does, but not below `q = 4.5`; `k` gives back what is cut off there.
 //!
 //! At each pixel it counts whole if its view z is below that of the scene (expected depth), else by the share of the
 //! pixel that the scene leaves open, `1 - alpha`. Over all particles `t = sum tau` and `c = sum tau rgb / t`, and the
@@ -28,9 +28,9 @@ pub const DILATION: f32 = super::project::DILATION;
 /// Greatest optical depth of one particle.
 pub const MOST: f32 = 16.0;
 /// Optical depth at which a particle ends.
-pub const LEAST: f32 = 1.0 / 1024.0;
+pub const LEAST: f32 = 1.0 / 256.0;
 /// Squared radius, in standard deviations, that every particle reaches.
-pub const SHORTEST: f32 = 6.0;
+pub const SHORTEST: f32 = 4.5;
 /// Coefficients of w, w^2, ... of `ln(p / w)`, fitted.
 pub const PEAK: [f32; 4] = [0.259_93, 0.012_677, 0.026_802, -0.003_624_7];
 /// Greatest w: `Ein(16)`.

@@ -1,7 +1,7 @@
 //! Every SIMD path against the referee, and what must hold of cover whatever the path.
 
 use super::cpu::Drop;
-use crate::hooks::{Hooks, Particle, ParticleView, Particles};
+use crate::hooks::{GROUP, Hooks, Particle, ParticleGroup, ParticleView, Particles};
 use crate::reference_particles::cover;
 use crate::renderer::{Background, CpuConfig, Geometry, Job, Outputs, RenderConfig, Renderer, SetView};
 use crate::simd::SimdPath;
@@ -19,8 +19,10 @@ impl Particles for List {
         (0..self.0.len().div_ceil(self.1)).map(|part| [part as i32, 0, 0, 0]).collect()
     }
 
-    fn gather(&self, _: &ParticleView, part: [i32; 4], out: &mut Vec<Particle>) {
-        out.extend(self.0.chunks(self.1).nth(part[0] as usize).into_iter().flatten());
+    fn gather(&self, _: SimdPath, _: &ParticleView, part: [i32; 4], take: &mut dyn FnMut(&ParticleGroup)) {
+        if let Some(part) = self.0.chunks(self.1).nth(part[0] as usize) {
+            part.chunks(GROUP).for_each(|group| take(&ParticleGroup::of(group)));
+        }
     }
 }
 
@@ -111,8 +113,9 @@ fn cover_is_kept() {
     for (size, speed) in [(1e-4, 0.0), (1e-3, 0.02), (2e-3, 0.4), (0.03, 0.0), (0.02, 0.1), (0.4, 0.0)] {
         // The mean over where it lies within a pixel: at that size its sum alone is that of chance.
         let (mut sum, mut area) = (0.0, 0.0);
-        for place in 0..64u16 {
-            let (x, y) = (f32::from(place % 8) * 0.0145, f32::from(place / 8) * 0.0145);
+        for place in 0..400u16 {
+            // A pixel is 0.089 wide there.
+            let (x, y) = (f32::from(place % 20) * 0.00444, f32::from(place / 20) * 0.00444);
             let particle = Particle {
                 offset: [0.1 + x, y - 0.2, 4.0],
                 sigma: 0.25 * size,
@@ -120,7 +123,10 @@ fn cover_is_kept() {
                 area: 0.785 * size * size,
                 rgb: [1.0; 3],
             };
-            assert!(Drop::project(&particle, &view).unwrap().extent.iter().all(|extent| *extent < 30.0));
+            for path in SimdPath::available() {
+                let drops = Drop::project(path, &ParticleGroup::of(&[particle]), &view);
+                assert!(drops.len() == 1 && drops[0].extent.iter().all(|extent| *extent < 30.0), "{path}");
+            }
             let pixels = |x, y| 1.0 - (-cover(&[particle], &camera(), (x, y), (0.0, 0.0)).tau).exp();
             sum += (0..75).flat_map(|x| (0..52).map(move |y| pixels(x, y))).sum::<f64>();
             let tan = f64::from(particle.offset[0].hypot(particle.offset[1])) / 4.0;

@@ -194,7 +194,7 @@ pub(crate) fn mask_blocks<S: Lanes>(
         let mut mask = 0;
         for part in 0..PATCH_PIXELS / S::N / S::N {
             let corner = (field.0, field.1 + (part * rows * rows) as f32);
-            mask |= cell_mask(simd, record, corner, (4.0, rows as f32), lanes) << (part * S::N);
+            mask |= cell_mask(simd, &record.ellipse(), corner, (4.0, rows as f32), lanes) << (part * S::N);
         }
         for group in 0..PATCH_PIXELS / S::N / 8 {
             masks[group][i & 255] = (mask >> (8 * group)) as u8;

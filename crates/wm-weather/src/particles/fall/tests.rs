@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::optics::Daylight;
+use crate::particles::Look;
 use glam::DVec3;
 use wm_scene::Camera;
 
@@ -29,22 +30,52 @@ fn camera(size: (u32, u32)) -> Camera {
     Camera::look_at(size, 50.0, eye, eye + DVec3::new(1.0, 0.3, 0.05), DVec3::Z).unwrap()
 }
 
+/// The points of a cube below a threshold: where in it, 0-1, and the number that their size goes by.
+#[inline(always)]
+fn points<S: Lanes>(simd: S, cells: &Cells, cell: [i64; 3], most: f32) -> Vec<([f64; 3], f64)> {
+    let (mut points, mut found) = (cells.begin(), Vec::new());
+    let most = most.min(cells.thresholds[1] as f32);
+    while points.last() < most {
+        cells.next(simd, cell, &mut points);
+        for first in (0..GROUP).step_by(S::N) {
+            let numbers = uniform(simd, cells.own(simd, cell, (&points, first, 1))[0]);
+            for lane in (0..S::N).filter(|lane| points.threshold[first + lane] < most) {
+                found
+                    .push((points.place.map(|axis| f64::from(axis[first + lane])), f64::from(numbers[lane])));
+            }
+        }
+    }
+    found
+}
+
 /// All drops of one class that are there and whose field coordinates lie in a box, m: diameters.
 fn drops(fall: &Fall<'_>, class: usize, low: [f64; 3], high: [f64; 3]) -> Vec<f64> {
-    let cells = fall.cells(class);
     let this = fall.precipitation;
     let share = this.numbers[class] / this.reference[class];
+    let tiers = (0..).map(|tier| fall.cells(class, tier));
+    let tiers = tiers.take_while(|cells| cells.thresholds[0] < share);
+    tiers.flat_map(|cells| drops_of(fall, (class, share), &cells, low, high)).collect()
+}
+
+/// Those of one tier up to a threshold.
+fn drops_of(
+    fall: &Fall<'_>,
+    (class, share): (usize, f64),
+    cells: &Cells,
+    low: [f64; 3],
+    high: [f64; 3],
+) -> Vec<f64> {
     let index = |v: f64| (v / cells.edge).floor() as i64;
-    let mut found = Vec::new();
+    let (path, mut found) = (SimdPath::available()[0], Vec::new());
     for x in index(low[0])..=index(high[0]) {
         for y in index(low[1])..=index(high[1]) {
             for z in index(low[2])..=index(high[2]) {
-                for mut point in cells.points([x, y, z]).take_while(|point| point.threshold < share) {
-                    let corner = [x, y, z].map(|v| v as f64 * cells.edge);
-                    let is_in = (0..3)
-                        .all(|k| (low[k]..high[k]).contains(&(corner[k] + cells.edge * point.place[k])));
+                let corner = [x, y, z].map(|v| v as f64 * cells.edge);
+                for (place, number) in dispatch!(path, s => points(s, cells, [x, y, z], share as f32)) {
+                    let is_in =
+                        (0..3).all(|k| (low[k]..high[k]).contains(&(corner[k] + cells.edge * place[k])));
                     if is_in {
-                        found.push(this.classes[class].diameter(point.draws.uniform()));
+                        found.push(fall.precipitation.classes[class].diameter(number));
                     }
                 }
             }
@@ -100,15 +131,21 @@ fn sizes_follow_the_law() {
     assert!(worst < 0.01, "{worst}");
 }
 
+/// Adds the drops of a view.
+fn gathered(fall: &Fall<'_>, view: &ParticleView, out: &mut Vec<Particle>) {
+    let path = SimdPath::available()[0];
+    for part in fall.parts(view) {
+        fall.gather(path, view, part, &mut |group| out.extend(group.particles()));
+    }
+}
+
 /// The drops of a frame.
 fn frame(precipitation: &Precipitation, camera: &Camera, time: f64, blow: Blow) -> Vec<Particle> {
     let air = air();
     let fall = Fall::new(precipitation, &SITE, &air, None, (blow, [0.0; 3]), time);
     let view = ParticleView::new(camera);
     let mut out = Vec::new();
-    for part in fall.parts(&view) {
-        fall.gather(&view, part, &mut out);
-    }
+    gathered(&fall, &view, &mut out);
     out
 }
 
@@ -216,7 +253,7 @@ fn roofs_keep_dry_what_is_below() {
     let [mut open, mut dry] = [Vec::new(), Vec::new()];
     for (out, shelter) in [(&mut open, None), (&mut dry, Some(&shelter))] {
         let fall = Fall::new(&rain, &SITE, &air, shelter, (Blow::default(), [0.0; 3]), 1.0);
-        fall.parts(&view).into_iter().for_each(|part| fall.gather(&view, part, out));
+        gathered(&fall, &view, out);
     }
     let under = |list: &[Particle]| {
         let is_under = |p: &&Particle| {

@@ -1,0 +1,108 @@
+//! One kind of precipitation at one instant: how much of which sizes, and how it looks.
+
+use super::residual::Residual;
+use super::spectrum::{Class, Kind};
+use crate::optics::Layer;
+
+/// Width at which drops end, px.
+pub(super) const CUT: f64 = 0.3;
+
+/// How precipitation looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// Which of the equally likely falls.
+    pub seed: u64,
+    /// How long the shutter is open, s.
+    pub exposure: f64,
+    /// Factor on diameters as drawn.
+    pub size: f64,
+    /// Factor on cover as drawn.
+    pub opacity: f64,
+    /// Factor on radiance.
+    pub brightness: f64,
+    /// Radiance, linear RGB, where it is not that of the surroundings.
+    pub radiance: Option<[f64; 3]>,
+}
+
+impl Default for Look {
+    /// As in nature, in a video's exposure.
+    fn default() -> Self {
+        Self { seed: 0, exposure: 1.0 / 60.0, size: 1.0, opacity: 1.0, brightness: 1.0, radiance: None }
+    }
+}
+
+/// One kind of precipitation at one instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Precipitation {
+    /// What falls.
+    pub kind: Kind,
+    /// Water, mm/h.
+    pub rate: f64,
+    /// How it looks.
+    pub look: Look,
+    /// Radiance of an endless path through it, linear RGB.
+    pub airlight: [f64; 3],
+    pub(super) classes: Vec<Class>,
+    /// Drops a m^3 now, and at a threshold of 1.
+    pub(super) numbers: Vec<f64>,
+    pub(super) reference: Vec<f64>,
+}
+
+impl Precipitation {
+    /// A kind at a rate, mm/h of water, under an airlight (linear RGB).
+    #[must_use]
+    pub fn new(kind: Kind, rate: f64, airlight: [f64; 3], look: Look) -> Self {
+        let classes = kind.classes();
+        Self {
+            kind,
+            rate,
+            look,
+            airlight,
+            numbers: kind.densities(&classes, rate),
+            reference: kind.reference(&classes),
+            classes,
+        }
+    }
+
+    /// The classes, with the drops a m^3 of each.
+    pub fn classes(&self) -> impl Iterator<Item = (&Class, f64)> {
+        self.classes.iter().zip(self.numbers.iter().copied())
+    }
+
+    /// Extinction of all of it, 1/m.
+    #[must_use]
+    pub fn sigma_t(&self) -> f64 {
+        self.kind.sigma_t(&self.classes, self.rate)
+    }
+
+    /// The air that all of it together is.
+    #[must_use]
+    pub fn layer(&self) -> Layer {
+        Layer {
+            sigma_t: [self.sigma_t(); 3],
+            airlight: self.airlight,
+            scale_height: f64::INFINITY,
+            base_height: 0.0,
+        }
+    }
+
+    /// Mean fall speed by water, m/s; not a number where nothing falls.
+    #[must_use]
+    pub fn mean_speed(&self) -> f64 {
+        let water = |(class, number): (&Class, f64)| class.water * number;
+        let all: f64 = self.classes().map(water).sum();
+        self.classes().map(|pair| pair.0.fall_speed * water(pair)).sum::<f64>() / all
+    }
+
+    /// Up to where a class is drawn in a view, m.
+    pub(super) fn range(&self, class: &Class, pixels: f64) -> f64 {
+        class.width * self.look.size * pixels / CUT
+    }
+
+    /// What of it a view with `pixels` to a length of 1 at distance 1 draws and the air must not do again.
+    #[must_use]
+    pub fn residual(&self, pixels: f64) -> Residual {
+        let drawn = self.classes().map(|(class, number)| [number * class.area, self.range(class, pixels)]);
+        Residual::new(drawn.collect(), self.airlight)
+    }
+}
