@@ -5,10 +5,12 @@ use crate::view::spec;
 use anyhow::Result;
 use std::time::Instant;
 use wm_render::hooks::Hooks;
+use wm_render::hooks::Slot;
 use wm_render::{
     Background, CpuRenderer, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetId, SetView, Stats,
 };
 use wm_scene::Camera;
+use wm_weather::cover::{Asked, Buried, Cover};
 use wm_weather::paper::{Stages, composite};
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
 use wm_weather::{Fidelity, Seen, Site, Sky, Weather};
@@ -28,24 +30,41 @@ pub struct Studio {
     occluders: Option<Occluders>,
     /// Directions of fall with what they leave dry, the last used at the end.
     shelters: Vec<([f64; 3], Shelter)>,
+    /// What something may lie on.
+    cover: Option<Cover>,
+    lying: Option<Laid>,
 }
 
-/// Whether something may fall: roofs are then kept in mind.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rain {
-    /// Rain or snow, at some time.
-    Expected,
-    /// Neither.
-    Never,
+/// What lies, in the renderer.
+struct Laid {
+    asked: Asked,
+    set: SetId,
+    buried: Buried,
 }
 
-impl From<&Weather> for Rain {
-    fn from(weather: &Weather) -> Self {
+/// What must be known of a place for all frames of a weather.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Needs {
+    /// Whether something may fall that roofs stop.
+    pub fall: bool,
+    /// What the wind carries sideways of what then lies, while it falls by 1, along the level axes; `None` where nothing
+    /// lies at any time.
+    pub cover: Option<[f64; 2]>,
+}
+
+impl Needs {
+    /// Of a weather at a place.
+    pub fn of(weather: &Weather, site: &Site) -> Self {
         // The paper's rain falls through roofs.
-        let is_stopped = weather.has_fall() && weather.fidelity == Fidelity::Physical;
-        if is_stopped { Self::Expected } else { Self::Never }
+        let fall = weather.has_fall() && weather.fidelity == Fidelity::Physical;
+        let lies = weather.effects().any(|(effect, _)| effect.slot == Slot::Surface);
+        let slant = || weather.at(0.0).over(site).slant(SPEED);
+        Self { fall, cover: lies.then(slant) }
     }
 }
+
+/// Fall speed of what lies, m/s: that of flakes.
+const SPEED: f64 = 1.0;
 
 /// A camera and how it moves.
 #[derive(Clone, Copy, Debug)]
@@ -65,12 +84,32 @@ impl From<Camera> for Moving {
 
 impl Studio {
     /// Opens it. The splats as they were read are freed: the renderer has its own.
-    pub fn new(mut loaded: Loaded, config: RenderConfig, rain: Rain) -> Self {
+    pub fn new(mut loaded: Loaded, config: RenderConfig, needs: impl FnOnce(&Site) -> Needs) -> Self {
         let site = loaded.weather_site();
+        let needs = needs(&site);
         let occluders = || Occluders::of(&loaded.scene.splats, &site, &ShelterOptions::default());
-        let occluders = (rain == Rain::Expected).then(occluders);
+        let occluders = needs.fall.then(occluders);
+        let threads = loaded.renderer.threads();
+        let cover = needs.cover.map(|slant| Cover::of(&loaded.scene.splats, &site, slant, threads));
         loaded.release();
-        Self { site, loaded, config, occluders, shelters: Vec::new() }
+        Self { site, loaded, config, occluders, shelters: Vec::new(), cover, lying: None }
+    }
+
+    /// Lays out what lies under `sky`, if it is not there.
+    fn lay(&mut self, sky: &Sky) -> Result<()> {
+        let asked = sky.cover().filter(|_| self.cover.is_some());
+        if self.lying.as_ref().map(|lying| &lying.asked) == asked {
+            return Ok(());
+        }
+        if let Some(old) = self.lying.take() {
+            self.loaded.renderer.unload(old.set);
+        }
+        if let (Some(asked), Some(cover)) = (asked, &self.cover) {
+            let lying = cover.lying(asked);
+            let set = self.loaded.renderer.load(&lying.splats)?;
+            self.lying = Some(Laid { asked: *asked, set, buried: lying.buried });
+        }
+        Ok(())
     }
 
     /// Makes the map of where what falls under `sky` does not, the last of the list, if it is not there.
@@ -123,7 +162,12 @@ impl Studio {
         work: impl FnOnce(&mut CpuRenderer, &Job<'_>) -> Result<R>,
     ) -> Result<R> {
         self.prepare(sky);
-        let sets = [SetView::plain(self.loaded.set)];
+        self.lay(sky)?;
+        let mut sets = vec![SetView::plain(self.loaded.set)];
+        if let Some(laid) = &self.lying {
+            sets[0].visibility = Some(&laid.buried);
+            sets.push(SetView::plain(laid.set));
+        }
         let shelter = sky.fall().and(self.shelters.last().map(|(_, shelter)| shelter));
         sky.with_hooks(&Seen { camera: &camera, velocity, shelter }, |hooks| {
             let job = Job { sets: &sets, camera: &camera, config: &self.config, hooks };

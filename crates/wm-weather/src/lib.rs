@@ -9,6 +9,7 @@
 
 #![allow(clippy::needless_range_loop)] // Channel loops index several arrays at once.
 
+pub mod cover;
 pub mod dome;
 pub mod easing;
 pub mod effects;

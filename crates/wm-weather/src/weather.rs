@@ -1,5 +1,6 @@
 //! What weather is on, over time, and how it reaches the renderer.
 
+use crate::cover::Asked;
 use crate::dome::Dome;
 use crate::dome::{from_level, level_axes};
 use crate::effects::look::Grade;
@@ -141,7 +142,7 @@ impl Instant {
         let mut layers = Vec::new();
         let mut paper = Vec::new();
         let (mut falling, mut blow, mut grade) = (Vec::new(), Blow::default(), None);
-        let mut paper_falls = Vec::new();
+        let (mut paper_falls, mut cover) = (Vec::new(), None);
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
             let act = match self.fidelity {
@@ -171,11 +172,13 @@ impl Instant {
                     falling.push(*kind);
                 }
                 Action::PaperFall(fall) => paper_falls.push(*fall),
+                // At a depth of 0 nothing lies.
+                Action::Cover(asked) => cover = Some(asked).filter(|asked| asked.depth > 0.0),
                 Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
             }
         }
         let air = Atmosphere::new(layers, site);
-        Sky { air, site, time: self.time, paper, paper_falls, dome, falling, blow, grade }
+        Sky { air, site, time: self.time, paper, paper_falls, dome, falling, blow, grade, cover }
     }
 }
 
@@ -218,6 +221,7 @@ pub struct Sky {
     dome: Option<Dome>,
     /// Exposure and colour of the finished picture; `None` leaves it as it is.
     grade: Option<Grade>,
+    cover: Option<Asked>,
 }
 
 impl Sky {
@@ -258,17 +262,29 @@ impl Sky {
         composite::finish(&self.paper_falls, self.grade.as_ref(), path, picture);
     }
 
+    /// What lies, if anything does.
+    #[must_use]
+    pub fn cover(&self) -> Option<&Asked> {
+        self.cover.as_ref()
+    }
+
+    /// What the mean wind carries something that falls at `speed`, m/s, sideways while it falls by 1, along
+    /// [`level_axes`]: no more than 1, since eddies carry drops behind what a strong wind meets.
+    #[must_use]
+    pub fn slant(&self, speed: f64) -> [f64; 2] {
+        let [x, y] = self.blow.mean;
+        let eased = 1f64.min(STEEPEST * speed / x.hypot(y));
+        [x, y].map(|v| v * eased / speed)
+    }
+
     /// The direction in which most of it falls, world axes, length 1: down, with the mean wind but no flatter than 45
     /// degrees, since eddies carry drops behind what a strong wind meets. In steps of some three degrees, so that few maps of shelter serve all times and each is that of its instant alone. `None` where
     /// nothing falls.
     #[must_use]
     pub fn fall(&self) -> Option<[f64; 3]> {
         let kind = self.falling.iter().max_by(|a, b| a.rate.total_cmp(&b.rate))?;
-        let [x, y] = self.blow.mean;
-        // As a share of the fall speed; a strong wind is broken up by what it meets.
-        let eased = 1f64.min(STEEPEST * kind.mean_speed() / x.hypot(y));
-        let slope = |v: f64| (v * eased / kind.mean_speed() / SLOPE).round() * SLOPE;
-        let way = [slope(x), slope(y), -1.0];
+        let [x, y] = self.slant(kind.mean_speed()).map(|v| (v / SLOPE).round() * SLOPE);
+        let way = [x, y, -1.0];
         let length = way.iter().map(|v| v * v).sum::<f64>().sqrt();
         Some(from_level(&level_axes(self.site.up), way.map(|v| v / length)))
     }

@@ -12,7 +12,7 @@ use crate::media::{Size, color::Dither, png, sheet, video};
 use crate::pipeline::pipeline;
 use crate::progress;
 use crate::scene::{Loaded, RunArgs};
-use crate::studio::{Rain, Studio};
+use crate::studio::{Needs, Studio};
 use crate::view::spec;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
@@ -217,7 +217,7 @@ fn sampled(args: &DemoArgs, path: &Path) -> Result<Scene> {
 fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
     let loaded = Loaded::of(scene, &Metadata::default(), &args.run)?;
     let config = RenderConfig { background: loaded.background(), ..RenderConfig::default() };
-    let mut studio = Studio::new(loaded, config, Rain::Expected);
+    let mut studio = Studio::new(loaded, config, |_| Needs { fall: true, ..Needs::default() });
     if args.wants(Part::Sheet) {
         // Photos show the street from the start of the walk on, and less at the edge of what they show.
         let view = args.view();

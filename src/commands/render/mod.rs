@@ -11,7 +11,7 @@ use crate::names::stem_of;
 use crate::output::{Also, Format, Place, Style, outputs, passes};
 use crate::parts::Picture;
 use crate::scene::{Loaded, RunArgs, SceneArgs};
-use crate::studio::{Rain, Studio};
+use crate::studio::{Needs, Studio};
 use anyhow::{Result, bail};
 use camera::{CameraArgs, Shot};
 use clap::Args;
@@ -223,7 +223,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
     };
     let passes = passes(&args.output.also);
-    let mut take = Take { studio: Studio::new(loaded, config, Rain::from(&weather)), weather, shot, passes };
+    let mut take =
+        Take { studio: Studio::new(loaded, config, |site| Needs::of(&weather, site)), weather, shot, passes };
     match target {
         Target::Picture(path) => take.picture(&path, args),
         Target::Video(path) => sequence::video(&mut take, &wanted, &path, args),

@@ -8,7 +8,7 @@ use crate::output::{Format, Kind, Place, Style};
 use crate::parts::Picture;
 use crate::pipeline::pipeline;
 use crate::scene::Loaded;
-use crate::studio::{Moving, Rain, Studio};
+use crate::studio::{Moving, Needs, Studio};
 use crate::view::spec;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
@@ -98,7 +98,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         background: background(args.output.background, &loaded),
         rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
     };
-    let mut studio = Studio::new(loaded, config, Rain::from(weather));
+    let mut studio = Studio::new(loaded, config, |site| Needs::of(weather, site));
     let manifest = manifest(&studio, &shots, args, weather)?;
     keep(&folder, &manifest)?;
 

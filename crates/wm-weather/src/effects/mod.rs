@@ -4,6 +4,7 @@
 //! of its parameters at one instant it makes what the renderer needs. It keeps no state: any instant
 //! can be asked for alone.
 
+use crate::cover::Asked;
 use crate::dome::Dome;
 use crate::effects::look::Grade;
 use crate::optics::{Layer, Site};
@@ -59,6 +60,8 @@ pub enum Action {
     Precipitation(Box<Precipitation>),
     /// Something that falls, as in the paper.
     PaperFall(Box<PaperFall>),
+    /// Something that lies.
+    Cover(Asked),
     /// Exposure and colour of the finished picture.
     Grade(Grade),
 }
@@ -72,7 +75,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, wind, fog, haze, smog, rain, snowfall, look }
+effects! { sky, snow_cover, wind, fog, haze, smog, rain, snowfall, look }
 
 impl Effect {
     /// The effect of a name.

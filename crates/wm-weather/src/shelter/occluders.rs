@@ -18,8 +18,8 @@ const MOST_CELLS: usize = 1 << 28;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occluders {
     options: ShelterOptions,
-    metres_per_unit: f64,
-    up: [f64; 3],
+    pub(super) metres_per_unit: f64,
+    pub(super) up: [f64; 3],
     /// Middle of the scene, scene units.
     pub(super) origin: [f64; 3],
     pub(super) all: Vec<Occluder>,

@@ -1,0 +1,176 @@
+//! Snow, dust and ash that lie.
+//!
+//! # How much lies where
+//! What falls reaches the surfaces of the scene by how open they are ([`ground`]), slides off what is too steep for it
+//! and lies below ([`settle`]). Depth is asked for as that on open level ground, and all of it is kept account of:
+//! what fell is what lies and what slid off the place.
+//!
+//! # How it is drawn
+//! As splats of its own on its own surface ([`surfels`]), opaque and lit as the place is; and the scene's splats that it
+//! buries are hidden, so that none shines through ([`Buried`]). Thin snow covers a share of the ground only.
+//!
+//! # Departures from the paper
+//! The paper makes those splats white that face up, and fills planes between them with white ones: it snows under
+//! roofs, and white shows through what stands in front. That is [`crate::paper`]'s.
+
+pub mod ground;
+pub mod settle;
+pub mod surfels;
+#[cfg(test)]
+mod tests;
+
+use crate::optics::Site;
+use crate::shelter::{Occluders, ShelterOptions};
+use ground::Ground;
+pub use settle::Settled;
+pub use surfels::{Matter, coverage};
+use wm_render::hooks::Visibility;
+use wm_scene::{Group, Splats};
+
+/// How far below its ground a splat is buried with it, m: splats are that rough.
+const BURIED: f32 = 0.08;
+/// Cells of a grid, as a share of the scene's splats: with edges and holes that is some fifth of them in surfels.
+const CELLS: f64 = 0.3;
+const FEWEST: usize = 40_000;
+/// Narrowest cells, m.
+const NARROWEST: f64 = 0.05;
+
+/// What is asked to lie.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Asked {
+    /// On open level ground, m.
+    pub depth: f64,
+    /// Steepest that it lies, as a tangent.
+    pub repose: f64,
+    /// What it is.
+    pub matter: Matter,
+}
+
+/// A place that something can lie on.
+#[derive(Clone, Debug)]
+pub struct Cover {
+    ground: Ground,
+    metres_per_unit: f64,
+    /// Of each splat of the scene. Those that nothing buries have none.
+    spots: Vec<Option<Spot>>,
+}
+
+/// Where a splat is on the ground.
+#[derive(Clone, Copy, Debug)]
+struct Spot {
+    /// The nodes under its middle and its ends.
+    nodes: [u32; ENDS],
+    /// How far it reaches above the ground, m.
+    reach: f32,
+}
+
+/// Places of a splat that must lie under snow for it to be hidden.
+const ENDS: usize = 5;
+
+/// What lies, ready to be drawn.
+#[derive(Clone, Debug)]
+pub struct Lying {
+    /// The splats of it.
+    pub splats: Splats,
+    /// Which of the scene's splats it hides.
+    pub buried: Buried,
+    /// What lies where.
+    pub settled: Settled,
+}
+
+/// How much of each splat of the scene is still seen.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Buried(Vec<f32>);
+
+impl Visibility for Buried {
+    fn factors(&self, indices: &[u32], out: &mut [f32]) {
+        for (index, factor) in indices.iter().zip(out) {
+            *factor = self.0.get(*index as usize).copied().unwrap_or(1.0);
+        }
+    }
+}
+
+impl Buried {
+    /// The factor of each splat, 0-1.
+    #[must_use]
+    pub fn factors(&self) -> &[f32] {
+        &self.0
+    }
+}
+
+impl Cover {
+    /// Of a scene in a fall of `slope`: what it goes sideways while it falls by 1, along [`crate::dome::level_axes`].
+    #[must_use]
+    pub fn of(splats: &Splats, site: &Site, slope: [f64; 2], threads: usize) -> Self {
+        let most_cells = ((CELLS * splats.len() as f64) as usize).max(FEWEST);
+        let options =
+            ShelterOptions { cell: NARROWEST, most_cells, margin: 0.1, ..ShelterOptions::default() };
+        let occluders = Occluders::of(splats, site, &options);
+        let ground = Ground::of(splats, &occluders, site, slope, threads);
+        let spots =
+            (0..splats.len()).map(|index| spot(&ground, splats, index, site.metres_per_unit)).collect();
+        Self { ground, metres_per_unit: site.metres_per_unit, spots }
+    }
+
+    /// The ground.
+    #[must_use]
+    pub fn ground(&self) -> &Ground {
+        &self.ground
+    }
+
+    /// What lies as it is asked for.
+    #[must_use]
+    pub fn lying(&self, Asked { depth, repose, matter }: &Asked) -> Lying {
+        let fell: Vec<f32> = self.ground.share.iter().map(|share| share * *depth as f32).collect();
+        let settled = settle::settle(&self.ground, &fell, *repose as f32);
+        let top = surfels::surface(&self.ground, &settled.depth);
+        let splats = surfels::surfels(&self.ground, &settled.depth, &top, self.metres_per_unit, matter);
+        let factor = |spot: &Option<Spot>| {
+            let Some(Spot { nodes, reach }) = spot else { return 1.0 };
+            let hidden = |node: &u32| {
+                let node = *node as usize;
+                // Those that stick out stay.
+                let sunk = ((top[node] - self.ground.height[node] - reach) / 0.02 + 1.0).clamp(0.0, 1.0);
+                sunk * coverage(settled.depth[node])
+            };
+            1.0 - nodes.iter().map(hidden).fold(1.0, f32::min)
+        };
+        let buried = Buried(self.spots.iter().map(factor).collect());
+        Lying { splats, buried, settled }
+    }
+}
+
+/// Where a splat is on the ground, if it is.
+fn spot(ground: &Ground, splats: &Splats, index: usize, metres_per_unit: f64) -> Option<Spot> {
+    if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
+        return None;
+    }
+    let cells = ground.size[0] * ground.size[1];
+    let under = |at: [f64; 3]| {
+        let (place, height) = ground.places.locate(at);
+        let cell = ground.places.cell_at(place)?;
+        let above = |node: usize| height as f32 - ground.height[node];
+        let is_near = |node: &usize| (-BURIED..1.5).contains(&above(*node));
+        let node = (0..ground.layers).map(|layer| layer * cells + cell).find(is_near)?;
+        Some((node as u32, above(node)))
+    };
+    let mean = splats.means[index].map(f64::from);
+    let (node, above) = under(mean)?;
+    let turn = wm_scene::quat::to_matrix(splats.quats[index].map(f64::from));
+    let scales = splats.scales(index);
+    let axis = |k: usize| -> [f64; 3] { std::array::from_fn(|i| turn[i][k] * scales[k]) };
+    let up = ground.places.axes()[2];
+    let rise = |k: usize| axis(k).iter().zip(&up).map(|(a, b)| a * b).sum::<f64>();
+    let spread = (0..3).map(|k| rise(k).powi(2)).sum::<f64>().sqrt() * metres_per_unit;
+    let mut nodes = [node; ENDS];
+    // Wide ones lie on more than one node.
+    if scales.iter().fold(0.0f64, |a, b| a.max(*b)) * metres_per_unit > 0.7 * f64::from(ground.cell) {
+        let mut order = [0, 1, 2];
+        order.sort_by(|a, b| scales[*b].total_cmp(&scales[*a]));
+        for (end, node) in nodes.iter_mut().skip(1).enumerate() {
+            let (along, way) = (axis(order[end / 2]), if end % 2 == 0 { 1.2 } else { -1.2 });
+            *node = under(std::array::from_fn(|i| mean[i] + way * along[i]))?.0;
+        }
+    }
+    Some(Spot { nodes, reach: above + spread as f32 })
+}

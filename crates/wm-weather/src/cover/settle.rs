@@ -1,0 +1,105 @@
+//! Snow slides off what is too steep for it, down to where it can lie.
+
+use super::ground::Ground;
+
+/// Most rounds over all cells.
+const ROUNDS: usize = 120;
+/// What a round must move at least to be followed by another, as a share of all there is.
+const LEAST: f64 = 2e-5;
+/// Height from which a step to the side is an edge and no slope, m.
+pub(super) const EDGE: f32 = 0.35;
+/// How much more than what fell lies at an edge before it falls over: snow holds together.
+const HOLDS: f32 = 1.3;
+
+/// What lies where after it has slid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settled {
+    /// Depth, m, one a node of the ground.
+    pub depth: Vec<f32>,
+    /// What slid off the grid or to where nothing is known, as a depth on one cell, m.
+    pub lost: f64,
+}
+
+/// Lets `fell` (m of depth a node) slide until no slope of its surface is steeper than `repose` (a tangent).
+#[must_use]
+pub fn settle(ground: &Ground, fell: &[f32], repose: f32) -> Settled {
+    let mut depth = fell.to_vec();
+    let mut lost = 0.0;
+    let total: f64 = fell.iter().map(|d| f64::from(*d)).sum();
+    let [columns, rows] = ground.size;
+    let cells = columns * rows;
+    let step = repose * ground.cell;
+    // Where something may move: after the first round, where it did and beside it.
+    let mut active: Vec<u32> = (0..depth.len() as u32).filter(|node| depth[*node as usize] > 0.0).collect();
+    let mut is_active = vec![false; depth.len()];
+    for _ in 0..ROUNDS {
+        let mut moved = 0.0f64;
+        let mut next = Vec::new();
+        for node in &active {
+            let node = *node as usize;
+            let (cell, own) = (node % cells, depth[node]);
+            if own <= 1e-5 {
+                continue;
+            }
+            let (column, row) = (cell % columns, cell / columns);
+            let top = ground.height[node] + own;
+            let mut went = false;
+            for (dx, dy) in [(1, 0), (0, 1), (-1, 0), (0, -1)] {
+                let (x, y) = (column as i64 + dx, row as i64 + dy);
+                if x < 0 || y < 0 || x >= columns as i64 || y >= rows as i64 {
+                    continue;
+                }
+                let beside = y as usize * columns + x as usize;
+                // The uppermost surface there that is not above.
+                let below = (0..ground.layers).map(|layer| layer * cells + beside);
+                let Some(to) = below
+                    .filter(|node| ground.height[*node].is_finite())
+                    .find(|node| ground.height[*node] < top)
+                else {
+                    continue;
+                };
+                let fall = top - (ground.height[to] + depth[to]);
+                let is_edge = ground.height[node] - ground.height[to] > EDGE;
+                let own = depth[node];
+                let goes = if is_edge {
+                    // Over an edge goes what came from above, and what lies on no surface.
+                    if ground.is_steep(node) { own } else { (own - HOLDS * fell[node]).max(0.0) }
+                } else {
+                    (0.25 * (fall - step)).clamp(0.0, own)
+                };
+                if goes > 1e-6 {
+                    depth[node] -= goes;
+                    depth[to] += goes;
+                    moved += f64::from(goes);
+                    went = true;
+                    if !is_active[to] {
+                        is_active[to] = true;
+                        next.push(to as u32);
+                    }
+                }
+            }
+            if went {
+                for near in ground.beside(node).into_iter().flatten().chain([node]) {
+                    if !is_active[near] {
+                        is_active[near] = true;
+                        next.push(near as u32);
+                    }
+                }
+            }
+        }
+        next.sort_unstable();
+        next.iter().for_each(|node| is_active[*node as usize] = false);
+        active = next;
+        if moved < LEAST * total {
+            break;
+        }
+    }
+    // What still lies on walls has nowhere to go.
+    for (node, depth) in depth.iter_mut().enumerate() {
+        if ground.is_steep(node) && *depth > 0.0 {
+            lost += f64::from(*depth);
+            *depth = 0.0;
+        }
+    }
+    Settled { depth, lost }
+}

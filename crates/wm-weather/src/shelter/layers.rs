@@ -1,0 +1,90 @@
+//! Surfaces one below the other: what lies open to the sky, and what lies under that.
+
+use super::{Grid, Occluders, cast, dot};
+
+/// Surfaces straight below each other on a level grid, the uppermost first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layers {
+    grid: Grid,
+    metres_per_unit: f64,
+    /// Heights of each layer from the middle of the scene, m, `[rows, columns]`; negative infinity where there is none.
+    heights: Vec<Vec<f32>>,
+}
+
+impl Occluders {
+    /// The first `count` surfaces from above, each at least `gap` m below the one before.
+    #[must_use]
+    pub fn layers(&self, count: usize, gap: f64, threads: Option<usize>) -> Layers {
+        let down = self.up.map(|v| -v);
+        let threads = threads
+            .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get))
+            .max(1);
+        let first = self.shelter(down, Some(threads));
+        let (grid, mut stops) = (first.grid, first.stops);
+        let footprints = cast::project(&self.all, &grid, threads);
+        let gap = (gap / self.metres_per_unit) as f32;
+        let mut heights = Vec::new();
+        for layer in 0..count {
+            if layer > 0 {
+                let mut clear: Vec<f32> =
+                    stops.iter().map(|stop| if stop.is_finite() { 1.0 } else { 0.0 }).collect();
+                stops.iter_mut().for_each(|stop| *stop += gap);
+                cast::cast(&footprints, &grid, &mut stops, &mut clear, threads);
+            }
+            heights.push(stops.iter().map(|stop| -stop * self.metres_per_unit as f32).collect());
+        }
+        Layers { grid, metres_per_unit: self.metres_per_unit, heights }
+    }
+}
+
+impl Layers {
+    /// Columns and rows.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        [self.grid.columns, self.grid.rows]
+    }
+
+    /// Width of a cell, m.
+    #[must_use]
+    pub fn cell(&self) -> f64 {
+        self.grid.cell * self.metres_per_unit
+    }
+
+    /// Heights of each layer, m from the middle of the scene, row by row; negative infinity where there is none.
+    #[must_use]
+    pub fn heights(&self) -> &[Vec<f32>] {
+        &self.heights
+    }
+
+    /// The world axes of columns, of rows, and up.
+    #[must_use]
+    pub fn axes(&self) -> [[f64; 3]; 3] {
+        let [across, along, fall] = self.grid.axes;
+        [across, along, fall.map(|v| -v)]
+    }
+
+    /// Where a place on the grid is, in columns and rows from its first corner and m of height: world, scene units.
+    #[must_use]
+    pub fn point(&self, [column, row]: [f64; 2], height: f64) -> [f64; 3] {
+        let Grid { axes, origin, low, cell, .. } = &self.grid;
+        let along = [low[0] + column * cell, low[1] + row * cell, -height / self.metres_per_unit];
+        std::array::from_fn(|k| origin[k] + (0..3).map(|axis| axes[axis][k] * along[axis]).sum::<f64>())
+    }
+
+    /// Columns and rows of a point (world, scene units) from the first corner, and its height, m.
+    #[must_use]
+    pub fn locate(&self, point: [f64; 3]) -> ([f64; 2], f64) {
+        let Grid { axes, origin, low, cell, .. } = &self.grid;
+        let from = std::array::from_fn(|k| point[k] - origin[k]);
+        let [column, row] = [0, 1].map(|k| (dot(from, axes[k]) - low[k]) / cell);
+        ([column, row], -dot(from, axes[2]) * self.metres_per_unit)
+    }
+
+    /// The cell of a place in columns and rows; `None` off the grid.
+    #[must_use]
+    pub fn cell_at(&self, [column, row]: [f64; 2]) -> Option<usize> {
+        let [columns, rows] = self.size();
+        let is_in = column >= 0.0 && row >= 0.0 && column < columns as f64 && row < rows as f64;
+        is_in.then(|| row as usize * columns + column as usize)
+    }
+}
