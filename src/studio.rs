@@ -63,6 +63,24 @@ impl Needs {
     }
 }
 
+/// Where the photos of a place were taken, in the middle of them; without photos the middle of the place.
+fn middle(loaded: &Loaded) -> [f64; 3] {
+    let of = |points: Vec<[f64; 3]>| {
+        std::array::from_fn(|k| {
+            let mut values: Vec<f64> = points.iter().map(|point| point[k]).collect();
+            values.sort_by(f64::total_cmp);
+            values.get(values.len() / 2).copied().unwrap_or(0.0)
+        })
+    };
+    let views: Vec<[f64; 3]> =
+        loaded.scene.views.iter().map(|view| view.camera.center().to_array()).collect();
+    if views.is_empty() {
+        of(loaded.scene.splats.means.iter().map(|mean| mean.map(f64::from)).collect())
+    } else {
+        of(views)
+    }
+}
+
 /// Fall speed of what lies, m/s: that of flakes.
 const SPEED: f64 = 1.0;
 
@@ -90,7 +108,13 @@ impl Studio {
         let occluders = || Occluders::of(&loaded.scene.splats, &site, &ShelterOptions::default());
         let occluders = needs.fall.then(occluders);
         let threads = loaded.renderer.threads();
-        let cover = needs.cover.map(|slant| Cover::of(&loaded.scene.splats, &site, slant, threads));
+        let middle = || middle(&loaded);
+        let cover = needs.cover.map(|slant| Cover::of(&loaded.scene.splats, &site, slant, middle(), threads));
+        if let Some(c) = &cover {
+            for g in c.rings() {
+                eprintln!("DBG size {:?} cell {}", g.size, g.cell);
+            }
+        }
         loaded.release();
         Self { site, loaded, config, occluders, shelters: Vec::new(), cover, lying: None }
     }

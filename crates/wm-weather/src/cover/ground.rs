@@ -27,6 +27,8 @@ const SPREAD: f64 = 0.35;
 const STEEP: [f32; 2] = [1.19, 1.73];
 /// Half the width of the field that a slope is taken from, cells.
 const FIELD: i64 = 2;
+/// How often slopes are evened out with those beside them.
+const ROUNDS: usize = 8;
 /// Share of a field that must belong to a surface.
 const SURFACE: f32 = 0.3;
 /// How far below a surface what a point sees of it starts, m: maps of shelter know surfaces within that.
@@ -54,18 +56,34 @@ pub struct Ground {
     pub open: Vec<f32>,
     /// Luminance of the surface, linear; not a number where no splat tells.
     pub light: Vec<f32>,
-    /// What all directions bring, a share of what falls on the level area of all cells: the rest falls beside.
-    pub caught: f64,
+    /// Cells that an inner ground has.
+    is_inner: Vec<bool>,
 }
 
 impl Ground {
-    /// Of a scene in a fall of `slope` (along and across [`level_axes`], a share of the fall speed).
+    /// Of a scene in a fall of `slope` (along and across [`level_axes`], a share of the fall speed). What lies on an
+    /// `inner` ground is that one's.
     #[must_use]
-    pub fn of(splats: &Splats, occluders: &Occluders, site: &Site, slope: [f64; 2], threads: usize) -> Self {
+    pub fn of(
+        splats: &Splats,
+        occluders: &Occluders,
+        site: &Site,
+        slope: [f64; 2],
+        inner: Option<&Self>,
+        threads: usize,
+    ) -> Self {
         let places = occluders.layers(LAYERS, GAP, Some(threads));
         let size = places.size();
         let height: Vec<f32> = places.heights().concat();
         let nodes = height.len();
+        let [columns, rows] = size;
+        let is_inner = |cell: usize| {
+            let place = [cell % columns, cell / columns].map(|v| v as f64 + 0.5);
+            inner.is_some_and(|inner| {
+                inner.places.cell_at(inner.places.locate(places.point(place, 0.0)).0).is_some()
+            })
+        };
+        let is_inner: Vec<bool> = (0..columns * rows).map(is_inner).collect();
         let mut ground = Self {
             size,
             layers: LAYERS,
@@ -75,11 +93,13 @@ impl Ground {
             share: vec![0.0; nodes],
             open: vec![0.0; nodes],
             light: vec![f32::NAN; nodes],
-            caught: 0.0,
+            is_inner,
             places,
         };
         ground.smooth();
-        let kept = ground.find_slopes();
+        ground.find_slopes();
+        ground.smooth_slopes();
+        let kept: Vec<f32> = (0..nodes).map(|node| ground.kept(node)).collect();
         ground.find_shares(occluders, site, slope, threads, &kept);
         ground.find_light(splats);
         ground
@@ -124,6 +144,11 @@ impl Ground {
         a.hypot(b) > STEEP[1]
     }
 
+    /// Whether an inner ground has it.
+    pub(super) fn is_elsewhere(&self, node: usize) -> bool {
+        self.is_inner[node % self.cells()]
+    }
+
     /// Takes the roughness of splats off level surfaces: the median of each node and those beside it.
     fn smooth(&mut self) {
         let mut out = self.height.clone();
@@ -146,9 +171,36 @@ impl Ground {
         self.height = out;
     }
 
-    /// Fits planes; returns how much of what falls stays on each node by its slope.
-    fn find_slopes(&mut self) -> Vec<f32> {
-        let mut kept = vec![0.0; self.height.len()];
+    /// How much of what falls on a node stays there at first by its slope, 0-1.
+    fn kept(&self, node: usize) -> f32 {
+        if !self.height[node].is_finite() {
+            return 0.0;
+        }
+        let [a, b] = self.slope[node];
+        ((STEEP[1] - a.hypot(b)) / (STEEP[1] - STEEP[0])).clamp(0.0, 1.0)
+    }
+
+    /// Takes the roughness of splats off the slopes.
+    fn smooth_slopes(&mut self) {
+        for _ in 0..ROUNDS {
+            let mut out = self.slope.clone();
+            for (node, slope) in out.iter_mut().enumerate() {
+                if !self.height[node].is_finite() || self.is_steep(node) && self.slope[node][1] == 0.0 {
+                    continue;
+                }
+                let near = self.beside(node).into_iter().flatten();
+                let (sum, count) = near.fold((self.slope[node], 1.0), |([a, b], count), other| {
+                    let [x, y] = self.slope[other];
+                    ([a + x, b + y], count + 1.0)
+                });
+                *slope = sum.map(|v| v / count);
+            }
+            self.slope = out;
+        }
+    }
+
+    /// Fits planes.
+    fn find_slopes(&mut self) {
         for node in 0..self.height.len() {
             if !self.height[node].is_finite() {
                 continue;
@@ -192,12 +244,8 @@ impl Ground {
             let is_wall = count < SURFACE * field && higher > 0 && lower > 0;
             if is_wall {
                 self.slope[node] = [2.0 * STEEP[1], 0.0];
-                continue;
             }
-            let steep = slope[0].hypot(slope[1]);
-            kept[node] = ((STEEP[1] - steep) / (STEEP[1] - STEEP[0])).clamp(0.0, 1.0);
         }
-        kept
     }
 
     fn find_shares(
@@ -233,8 +281,11 @@ impl Ground {
             }
         }
         self.blur_shares();
-        let cells = self.cells().max(1);
-        self.caught = self.share.iter().map(|v| f64::from(*v)).sum::<f64>() / cells as f64;
+        for node in 0..self.height.len() {
+            if self.is_elsewhere(node) {
+                self.share[node] = 0.0;
+            }
+        }
     }
 
     /// Softens the edges of what is sheltered, over the nodes beside each other.

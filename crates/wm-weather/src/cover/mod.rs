@@ -29,11 +29,13 @@ use wm_scene::{Group, Splats};
 
 /// How far below its ground a splat is buried with it, m: splats are that rough.
 const BURIED: f32 = 0.08;
-/// Cells of a grid, as a share of the scene's splats: with edges and holes that is some fifth of them in surfels.
-const CELLS: f64 = 0.3;
-const FEWEST: usize = 40_000;
+/// Cells along a side of a ring, and how many times as wide those of the next ring are.
+const SIDE: f64 = 420.0;
+const WIDER: f64 = 4.0;
+/// Rings at most.
+const RINGS: usize = 3;
 /// Narrowest cells, m.
-const NARROWEST: f64 = 0.05;
+const NARROWEST: f64 = 0.06;
 
 /// What is asked to lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +51,8 @@ pub struct Asked {
 /// A place that something can lie on.
 #[derive(Clone, Debug)]
 pub struct Cover {
-    ground: Ground,
+    /// Around where the photos were taken, and farther out in wider cells.
+    rings: Vec<Ground>,
     metres_per_unit: f64,
     /// Of each splat of the scene. Those that nothing buries have none.
     spots: Vec<Option<Spot>>,
@@ -58,6 +61,7 @@ pub struct Cover {
 /// Where a splat is on the ground.
 #[derive(Clone, Copy, Debug)]
 struct Spot {
+    ring: u8,
     /// The nodes under its middle and its ends.
     nodes: [u32; ENDS],
     /// How far it reaches above the ground, m.
@@ -74,8 +78,8 @@ pub struct Lying {
     pub splats: Splats,
     /// Which of the scene's splats it hides.
     pub buried: Buried,
-    /// What lies where.
-    pub settled: Settled,
+    /// What lies where on each ring.
+    pub settled: Vec<Settled>,
 }
 
 /// How much of each splat of the scene is still seen.
@@ -100,38 +104,63 @@ impl Buried {
 
 impl Cover {
     /// Of a scene in a fall of `slope`: what it goes sideways while it falls by 1, along [`crate::dome::level_axes`].
+    /// Cells are narrowest about `middle` (world, scene units).
     #[must_use]
-    pub fn of(splats: &Splats, site: &Site, slope: [f64; 2], threads: usize) -> Self {
-        let most_cells = ((CELLS * splats.len() as f64) as usize).max(FEWEST);
-        let options =
-            ShelterOptions { cell: NARROWEST, most_cells, margin: 0.1, ..ShelterOptions::default() };
-        let occluders = Occluders::of(splats, site, &options);
-        let ground = Ground::of(splats, &occluders, site, slope, threads);
+    pub fn of(splats: &Splats, site: &Site, slope: [f64; 2], middle: [f64; 3], threads: usize) -> Self {
+        let mut rings: Vec<Ground> = Vec::new();
+        for ring in 0..RINGS {
+            let cell = NARROWEST * WIDER.powi(ring as i32);
+            let reach = if ring + 1 == RINGS { f64::INFINITY } else { 0.5 * SIDE * cell };
+            let options = ShelterOptions {
+                cell,
+                most_cells: (SIDE * SIDE) as usize,
+                focus: reach.is_finite().then_some((middle, reach)),
+                margin: 0.1,
+                ..ShelterOptions::default()
+            };
+            let occluders = Occluders::of(splats, site, &options);
+            let ground = Ground::of(splats, &occluders, site, slope, rings.last(), threads);
+            // The whole scene is in it.
+            let [columns, rows] = ground.size.map(|v| v as f64);
+            let is_all = columns < 0.98 * SIDE && rows < 0.98 * SIDE;
+            rings.push(ground);
+            if is_all {
+                break;
+            }
+        }
         let spots =
-            (0..splats.len()).map(|index| spot(&ground, splats, index, site.metres_per_unit)).collect();
-        Self { ground, metres_per_unit: site.metres_per_unit, spots }
+            (0..splats.len()).map(|index| spot(&rings, splats, index, site.metres_per_unit)).collect();
+        Self { rings, metres_per_unit: site.metres_per_unit, spots }
     }
 
-    /// The ground.
+    /// The ground, from the inside out.
     #[must_use]
-    pub fn ground(&self) -> &Ground {
-        &self.ground
+    pub fn rings(&self) -> &[Ground] {
+        &self.rings
     }
 
     /// What lies as it is asked for.
     #[must_use]
     pub fn lying(&self, Asked { depth, repose, matter }: &Asked) -> Lying {
-        let fell: Vec<f32> = self.ground.share.iter().map(|share| share * *depth as f32).collect();
-        let settled = settle::settle(&self.ground, &fell, *repose as f32);
-        let top = surfels::surface(&self.ground, &settled.depth);
-        let splats = surfels::surfels(&self.ground, &settled.depth, &top, self.metres_per_unit, matter);
+        let (mut settled, mut tops) = (Vec::new(), Vec::new());
+        let mut splats = Splats::with_capacity(0, 0);
+        for ground in &self.rings {
+            let fell: Vec<f32> = ground.share.iter().map(|share| share * *depth as f32).collect();
+            let lies = settle::settle(ground, &fell, *repose as f32);
+            let top = surfels::surface(ground, &lies.depth);
+            surfels::add(ground, (&lies.depth, &top), self.metres_per_unit, matter, &mut splats);
+            settled.push(lies);
+            tops.push(top);
+        }
         let factor = |spot: &Option<Spot>| {
-            let Some(Spot { nodes, reach }) = spot else { return 1.0 };
+            let Some(Spot { ring, nodes, reach }) = spot else { return 1.0 };
+            let ring = usize::from(*ring);
+            let (ground, depth, top) = (&self.rings[ring], &settled[ring].depth, &tops[ring]);
             let hidden = |node: &u32| {
                 let node = *node as usize;
                 // Those that stick out stay.
-                let sunk = ((top[node] - self.ground.height[node] - reach) / 0.02 + 1.0).clamp(0.0, 1.0);
-                sunk * coverage(settled.depth[node])
+                let sunk = ((top[node] - ground.height[node] - reach) / 0.02 + 1.0).clamp(0.0, 1.0);
+                sunk * coverage(depth[node])
             };
             1.0 - nodes.iter().map(hidden).fold(1.0, f32::min)
         };
@@ -141,10 +170,14 @@ impl Cover {
 }
 
 /// Where a splat is on the ground, if it is.
-fn spot(ground: &Ground, splats: &Splats, index: usize, metres_per_unit: f64) -> Option<Spot> {
+fn spot(rings: &[Ground], splats: &Splats, index: usize, metres_per_unit: f64) -> Option<Spot> {
     if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
         return None;
     }
+    let mean = splats.means[index].map(f64::from);
+    let is_in = |ground: &Ground| ground.places.cell_at(ground.places.locate(mean).0).is_some();
+    let ring = rings.iter().position(is_in)?;
+    let ground = &rings[ring];
     let cells = ground.size[0] * ground.size[1];
     let under = |at: [f64; 3]| {
         let (place, height) = ground.places.locate(at);
@@ -154,23 +187,27 @@ fn spot(ground: &Ground, splats: &Splats, index: usize, metres_per_unit: f64) ->
         let node = (0..ground.layers).map(|layer| layer * cells + cell).find(is_near)?;
         Some((node as u32, above(node)))
     };
-    let mean = splats.means[index].map(f64::from);
     let (node, above) = under(mean)?;
     let turn = wm_scene::quat::to_matrix(splats.quats[index].map(f64::from));
     let scales = splats.scales(index);
     let axis = |k: usize| -> [f64; 3] { std::array::from_fn(|i| turn[i][k] * scales[k]) };
     let up = ground.places.axes()[2];
-    let rise = |k: usize| axis(k).iter().zip(&up).map(|(a, b)| a * b).sum::<f64>();
-    let spread = (0..3).map(|k| rise(k).powi(2)).sum::<f64>().sqrt() * metres_per_unit;
-    let mut nodes = [node; ENDS];
+    let rise = |k: usize| axis(k).iter().zip(&up).map(|(a, b)| a * b).sum::<f64>().abs() * metres_per_unit;
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| scales[*b].total_cmp(&scales[*a]));
+    // Those that stand up reach as far as they are long; of those that lie only their thickness counts.
+    let upright = (0..3).map(|k| rise(k).powi(2)).sum::<f64>().sqrt();
+    let lies = rise(order[0]) < 0.35 * scales[order[0]] * metres_per_unit;
+    let (mut nodes, mut reach) = ([node; ENDS], above);
     // Wide ones lie on more than one node.
-    if scales.iter().fold(0.0f64, |a, b| a.max(*b)) * metres_per_unit > 0.7 * f64::from(ground.cell) {
-        let mut order = [0, 1, 2];
-        order.sort_by(|a, b| scales[*b].total_cmp(&scales[*a]));
+    if scales[order[0]] * metres_per_unit > 0.7 * f64::from(ground.cell) {
         for (end, node) in nodes.iter_mut().skip(1).enumerate() {
             let (along, way) = (axis(order[end / 2]), if end % 2 == 0 { 1.2 } else { -1.2 });
-            *node = under(std::array::from_fn(|i| mean[i] + way * along[i]))?.0;
+            let (other, above) = under(std::array::from_fn(|i| mean[i] + way * along[i]))?;
+            *node = other;
+            reach = if lies { reach.max(0.5 * above) } else { reach };
         }
     }
-    Some(Spot { nodes, reach: above + spread as f32 })
+    let reach = reach + if lies { 0.3 * rise(order[2]) } else { upright } as f32;
+    Some(Spot { ring: ring as u8, nodes, reach })
 }

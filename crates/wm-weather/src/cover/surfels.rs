@@ -9,7 +9,7 @@ use wm_scene::splats::{Splat, logit};
 use wm_scene::{Group, Splats};
 
 /// Depth below which the ground shows between flakes, m.
-const DUSTING: f32 = 0.012;
+const DUSTING: f32 = 0.006;
 /// Standard deviation of a surfel across, in cells, and through, m.
 const WIDTH: f64 = 0.62;
 const THICKNESS: f64 = 0.004;
@@ -17,6 +17,8 @@ const THICKNESS: f64 = 0.004;
 const OPAQUE: f64 = 0.985;
 /// Least depth that is drawn, m.
 const LEAST: f32 = 0.000_5;
+/// How far above the ground it is drawn where it covers it, m.
+const LIFT: f64 = 0.012;
 /// Unevenness of the surface, m and as a slope, at most.
 const ROUGH: f64 = 0.004;
 const TILT: f64 = 0.06;
@@ -58,16 +60,19 @@ pub fn surface(ground: &Ground, depth: &[f32]) -> Vec<f32> {
     top
 }
 
-/// The splats of what lies `depth` m deep at each node of a ground.
-#[must_use]
-pub fn surfels(ground: &Ground, depth: &[f32], top: &[f32], metres_per_unit: f64, matter: &Matter) -> Splats {
-    let count = depth.iter().filter(|d| **d > LEAST).count();
-    let mut splats = Splats::with_capacity(count, 0);
+/// Adds the splats of what lies on a ground: its depth and the height of its top at each node, m.
+pub fn add(
+    ground: &Ground,
+    (depth, top): (&[f32], &[f32]),
+    metres_per_unit: f64,
+    matter: &Matter,
+    splats: &mut Splats,
+) {
     let axes = ground.places.axes().map(DVec3::from_array);
     let cell = f64::from(ground.cell);
     let shades = shades(ground);
     for node in 0..depth.len() {
-        if depth[node] <= LEAST || !top[node].is_finite() {
+        if depth[node] <= LEAST || !top[node].is_finite() || ground.is_elsewhere(node) {
             continue;
         }
         let [column, row] = ground.place(node);
@@ -87,7 +92,8 @@ pub fn surfels(ground: &Ground, depth: &[f32], top: &[f32], metres_per_unit: f64
         let dx = slope(level(-1, 0), level(1, 0)).clamp(-1.7, 1.7) + off(TILT);
         let dy = slope(level(0, -1), level(0, 1)).clamp(-1.7, 1.7) + off(TILT);
         let (place, lift) = ([column as f64 + 0.5 + off(0.2), row as f64 + 0.5 + off(0.2)], off(ROUGH));
-        let lift = lift.min(f64::from(depth[node]) * 0.3);
+        // Splats are rough: what covers the ground must be above what they show of it.
+        let lift = lift.min(f64::from(depth[node]) * 0.3) + LIFT * f64::from(coverage(depth[node]));
         let normal = (axes[2] - axes[0] * dx - axes[1] * dy).normalize();
         let shade = f64::from(shades[node]) * (0.7 + 0.3 * normal.dot(axes[2]));
         let color: [f64; 3] =
@@ -114,7 +120,9 @@ pub fn surfels(ground: &Ground, depth: &[f32], top: &[f32], metres_per_unit: f64
             continue;
         }
         for (x, y) in [(1, 0), (0, 1), (-1, 0), (0, -1)] {
-            if level(x, y).is_some_and(|other| here - other < 0.7 * own) {
+            // Beyond the grid's end it goes on.
+            let goes_on = ground.node(0, column + x, row + y).is_none_or(|other| ground.is_elsewhere(other));
+            if goes_on || level(x, y).is_some_and(|other| here - other < 0.7 * own) {
                 continue;
             }
             let outward = axes[0] * x as f64 + axes[1] * y as f64;
@@ -124,7 +132,6 @@ pub fn surfels(ground: &Ground, depth: &[f32], top: &[f32], metres_per_unit: f64
             put(at, outward, [WIDTH * cell, 0.4 * own, THICKNESS], side, OPAQUE * cover);
         }
     }
-    splats
 }
 
 /// The turn of a splat whose third axis is `normal`, and whose first lies level.

@@ -25,14 +25,14 @@ fn porch() -> Splats {
 
 /// Mean depth over a field of the uppermost surface between two heights.
 fn mean(cover: &Cover, lying: &Lying, x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> f64 {
-    let ground = cover.ground();
+    let ground = &cover.rings()[0];
     let (mut sum, mut count) = (0.0, 0);
-    for node in 0..lying.settled.depth.len() {
+    for node in 0..lying.settled[0].depth.len() {
         let [column, row] = ground.place(node).map(|v| v as f64 + 0.5);
         let at = ground.places.point([column, row], f64::from(ground.height[node]));
         let is_in = |k: usize, ends: [f64; 2]| at[k] > ends[0] && at[k] < ends[1];
         if is_in(0, x) && is_in(1, y) && is_in(2, z) {
-            sum += f64::from(lying.settled.depth[node]);
+            sum += f64::from(lying.settled[0].depth[node]);
             count += 1;
         }
     }
@@ -43,7 +43,7 @@ fn mean(cover: &Cover, lying: &Lying, x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> 
 #[test]
 fn roofs_are_covered_and_what_is_below_is_bare() {
     let splats = porch();
-    let cover = Cover::of(&splats, &SITE, [0.0; 2], 2);
+    let cover = Cover::of(&splats, &SITE, [0.0; 2], [5.0, 4.0, 0.0], 2);
     let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, matter: SNOW });
     let open = mean(&cover, &lying, [1.0, 3.0], [1.0, 7.0], [-0.2, 0.2]);
     let roof = mean(&cover, &lying, [4.5, 6.5], [3.5, 5.5], [2.3, 2.7]);
@@ -52,7 +52,11 @@ fn roofs_are_covered_and_what_is_below_is_bare() {
     assert!((open / 0.1 - 1.0).abs() < 0.03 && (roof / 0.1 - 1.0).abs() < 0.03, "{open} {roof}");
     assert!(below < 0.005, "{below}");
     // What fell lies.
-    let fell: f64 = cover.ground().share.iter().map(|v| f64::from(*v) * 0.1).sum();
-    let lies: f64 = lying.settled.depth.iter().map(|v| f64::from(*v)).sum();
-    assert!(((lies + lying.settled.lost) / fell - 1.0).abs() < 1e-3, "{lies} {} {fell}", lying.settled.lost);
+    let fell: f64 = cover.rings()[0].share.iter().map(|v| f64::from(*v) * 0.1).sum();
+    let lies: f64 = lying.settled[0].depth.iter().map(|v| f64::from(*v)).sum();
+    assert!(
+        ((lies + lying.settled[0].lost) / fell - 1.0).abs() < 1e-3,
+        "{lies} {} {fell}",
+        lying.settled[0].lost
+    );
 }
