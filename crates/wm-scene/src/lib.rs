@@ -19,7 +19,7 @@ pub mod files;
 pub mod formats;
 pub mod group;
 pub mod health;
-mod jacobi;
+pub mod jacobi;
 pub mod metadata;
 mod nearest;
 pub mod npy;
