@@ -20,6 +20,7 @@ mod progress;
 mod scene;
 mod studio;
 mod view;
+mod weather;
 
 use clap::Parser;
 use clap::error::ErrorKind;

@@ -58,8 +58,7 @@ impl Needs {
         // The paper's rain falls through roofs.
         let fall = weather.has_fall() && weather.fidelity == Fidelity::Physical;
         let lies = weather.effects().any(|(effect, _)| effect.slot == Slot::Surface);
-        let slant = || weather.at(0.0).over(site).slant(SPEED);
-        Self { fall, cover: lies.then(slant) }
+        Self { fall, cover: lies.then(|| slant(weather, site)) }
     }
 }
 
@@ -79,6 +78,16 @@ fn middle(loaded: &Loaded) -> [f64; 3] {
     } else {
         of(views)
     }
+}
+
+/// What the wind carries sideways of what lies, while it falls by 1: the mean wind at the start.
+pub fn slant(weather: &Weather, site: &Site) -> [f64; 2] {
+    weather.at(0.0).over(site).slant(SPEED)
+}
+
+/// What something may lie on.
+pub fn cover(loaded: &Loaded, site: &Site, slant: [f64; 2]) -> Cover {
+    Cover::of(&loaded.scene.splats, site, slant, middle(loaded), loaded.renderer.threads())
 }
 
 /// Fall speed of what lies, m/s: that of flakes.
@@ -107,14 +116,7 @@ impl Studio {
         let needs = needs(&site);
         let occluders = || Occluders::of(&loaded.scene.splats, &site, &ShelterOptions::default());
         let occluders = needs.fall.then(occluders);
-        let threads = loaded.renderer.threads();
-        let middle = || middle(&loaded);
-        let cover = needs.cover.map(|slant| Cover::of(&loaded.scene.splats, &site, slant, middle(), threads));
-        if let Some(c) = &cover {
-            for g in c.rings() {
-                eprintln!("DBG size {:?} cell {}", g.size, g.cell);
-            }
-        }
+        let cover = needs.cover.map(|slant| cover(&loaded, &site, slant));
         loaded.release();
         Self { site, loaded, config, occluders, shelters: Vec::new(), cover, lying: None }
     }

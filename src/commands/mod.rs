@@ -1,5 +1,6 @@
 //! The commands, one file each.
 
+mod bake;
 mod bench;
 mod demo;
 mod evaluate;
@@ -29,6 +30,8 @@ enum Verb {
     Priors(Box<priors::PriorsArgs>),
     /// Render a scene under a weather: a picture, a video or a folder of frames
     Render(Box<render::RenderArgs>),
+    /// Write a scene with what lies on it under a weather as an ordinary 3DGS PLY
+    Bake(Box<bake::BakeArgs>),
     /// Compare a scene with photos, and with true depth, normals and sky where there are maps
     Evaluate(Box<evaluate::EvaluateArgs>),
     /// Make a panorama of the sky out of photos, for the sky of a weather
@@ -48,6 +51,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Priors(args) => priors::run(&args),
         Verb::Render(args) => render::run(&args),
+        Verb::Bake(args) => bake::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Sky(args) => sky::run(&args),
         Verb::Inspect(args) => inspect::run(&args),

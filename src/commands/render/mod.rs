@@ -6,12 +6,13 @@ mod range;
 mod sequence;
 mod stages;
 
-use crate::media::{color::Dither, panorama::read_panorama, png::DepthScale, video};
+use crate::media::{color::Dither, png::DepthScale, video};
 use crate::names::stem_of;
 use crate::output::{Also, Format, Place, Style, outputs, passes};
 use crate::parts::Picture;
 use crate::scene::{Loaded, RunArgs, SceneArgs};
 use crate::studio::{Needs, Studio};
+use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
 use camera::{CameraArgs, Shot};
 use clap::Args;
@@ -30,12 +31,8 @@ use wm_weather::Weather;
 pub struct RenderArgs {
     #[command(flatten)]
     scene: SceneArgs,
-    /// The weather: a name from the list below (--help), or a TOML file [default: clear]
-    #[arg(short, long, value_name = "NAME|FILE", help_heading = "Weather")]
-    weather: Option<String>,
-    /// Change a parameter and turn its effect on: fog.mor=120, or keyframes fog.mor=0:2000,5:60
-    #[arg(short, long = "set", value_name = "KEY=VALUE", help_heading = "Weather")]
-    set: Vec<String>,
+    #[command(flatten)]
+    weather: WeatherArgs,
     #[command(flatten)]
     camera: CameraArgs,
     #[command(flatten)]
@@ -179,17 +176,7 @@ impl Target {
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<()> {
     // All that may be wrong and is cheap to check comes before the scene is read.
-    let mut weather = match &args.weather {
-        Some(name) => Weather::find(name)?,
-        None => Weather::clear(),
-    };
-    for text in &args.set {
-        weather.set(text)?;
-    }
-    weather.load_pictures(read_panorama)?;
-    if weather.effects().next().is_some() && args.weather.is_none() {
-        weather.name = weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>().join("-");
-    }
+    let weather = args.weather.read()?;
     if args.pairs.is_asked_for()? {
         return pairs::run(args, &weather);
     }

@@ -94,6 +94,37 @@ impl Visibility for Buried {
     }
 }
 
+impl Lying {
+    /// The scene with what lies on it, as one set of splats of the scene's SH degree.
+    #[must_use]
+    pub fn bake(&self, scene: &Splats) -> Splats {
+        let factors = self.buried.factors();
+        let kept: Vec<usize> = (0..scene.len()).filter(|index| factors[*index] > GONE).collect();
+        let mut out = scene.select(&kept);
+        for (opacity, index) in out.logit_opacities.iter_mut().zip(&kept) {
+            if factors[*index] < 1.0 {
+                let left = scene.opacity(*index) * f64::from(factors[*index]);
+                *opacity = wm_scene::splats::logit(left) as f32;
+            }
+        }
+        let stride = out.sh_stride();
+        for index in 0..self.splats.len() {
+            out.means.push(self.splats.means[index]);
+            out.quats.push(self.splats.quats[index]);
+            out.log_scales.push(self.splats.log_scales[index]);
+            out.logit_opacities.push(self.splats.logit_opacities[index]);
+            out.groups.push(self.splats.groups[index]);
+            let first = out.sh.len();
+            out.sh.extend_from_slice(&self.splats.sh_of(index)[..3]);
+            out.sh.resize(first + stride, 0.0);
+        }
+        out
+    }
+}
+
+/// Share of a splat below which nothing of it is seen: 1/255 of an opaque one.
+const GONE: f32 = 1.0 / 255.0;
+
 impl Buried {
     /// The factor of each splat, 0-1.
     #[must_use]

@@ -50,14 +50,15 @@ pub fn settle(ground: &Ground, fell: &[f32], repose: f32) -> Settled {
                     continue;
                 }
                 let beside = y as usize * columns + x as usize;
-                // The uppermost surface there that is not above.
+                // The same surface goes on there, or it falls on the uppermost below that is open to the sky.
+                let goes_on = ground.level_with(node, x, y, EDGE);
                 let below = (0..ground.layers).map(|layer| layer * cells + beside);
-                let Some(to) = below
-                    .filter(|node| ground.height[*node].is_finite())
-                    .find(|node| ground.height[*node] < top)
-                else {
-                    continue;
+                let below = || {
+                    below
+                        .filter(|to| ground.height[*to].is_finite())
+                        .find(|to| ground.height[*to] < top && ground.open[*to] > 0.0)
                 };
+                let Some(to) = goes_on.or_else(below) else { continue };
                 let fall = top - (ground.height[to] + depth[to]);
                 let is_edge = ground.height[node] - ground.height[to] > EDGE;
                 let own = depth[node];

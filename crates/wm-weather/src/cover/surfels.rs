@@ -109,7 +109,7 @@ pub fn add(
                 log_scale: scales.map(unit),
                 logit_opacity: logit(opacity) as f32,
                 rgb,
-                group: Group::Scene,
+                group: Group::Snow,
             });
         };
         let wide = WIDTH * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);

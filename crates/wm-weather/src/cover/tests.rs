@@ -3,6 +3,8 @@
 use super::*;
 use crate::optics::Daylight;
 use glam::DVec3;
+use wm_scene::place::Place;
+use wm_scene::splats::Splat;
 use wm_scene::synthetic::Builder;
 
 const SITE: Site = Site {
@@ -59,4 +61,110 @@ fn roofs_are_covered_and_what_is_below_is_bare() {
         "{lies} {} {fell}",
         lying.settled[0].lost
     );
+}
+
+/// Flat splats on the exact surfaces of the built-in street, as far as rays from above and from its views see them.
+fn street(place: &Place) -> Splats {
+    let mut splats = Splats::with_capacity(0, 0);
+    let mut add = |origin: DVec3, direction: DVec3, sigma: f64| {
+        let Some(surface) = place.first(origin, direction) else { return };
+        let at = origin + direction.normalize() * surface.t;
+        if at.truncate().length() > 80.0 {
+            return;
+        }
+        let turn = glam::DQuat::from_rotation_arc(DVec3::Z, surface.normal);
+        splats.push(&Splat {
+            mean: at.to_array().map(|v| v as f32),
+            quat: [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32),
+            log_scale: [sigma.ln() as f32, sigma.ln() as f32, -5.5],
+            logit_opacity: 4.0,
+            rgb: [0.4; 3],
+            group: Group::Scene,
+        });
+    };
+    for y in 0..400 {
+        for x in 0..360 {
+            let at = DVec3::new(f64::from(x) * 0.08 - 19.0, f64::from(y) * 0.08 + 21.0, 40.0);
+            add(at, -DVec3::Z, 0.045);
+        }
+    }
+    // The floor of the porch, which those do not reach.
+    let (low, high) = Place::porch();
+    for y in 0..100 {
+        for x in 0..50 {
+            let share = DVec3::new(f64::from(x) / 50.0, f64::from(y) / 100.0, 0.0);
+            add(low + share * (high - low) + DVec3::Z * 1.5, -DVec3::Z, 0.045);
+        }
+    }
+    for view in Place::views() {
+        let camera = view.camera((160, 120)).unwrap();
+        for (x, y) in (0..120).flat_map(|y| (0..160).map(move |x| (x, y))) {
+            let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            add(camera.center(), ray, 0.05);
+        }
+    }
+    splats
+}
+
+/// What rays say of the street and what lies there.
+#[test]
+fn the_street_is_covered_where_it_is_open() {
+    let place = Place::street();
+    let splats = street(&place);
+    let cover = Cover::of(&splats, &SITE, [0.0; 2], [-5.0, 37.0, 0.0], 2);
+    let lying = cover.lying(&Asked { depth: 0.1, repose: 0.9, matter: SNOW });
+    let ground = &cover.rings()[0];
+    let cells = ground.size[0] * ground.size[1];
+    // Depth on the surface of a point: within 6 cm of it in height.
+    let depth = |at: DVec3| {
+        let (place, height) = ground.places.locate(at.to_array());
+        let cell = ground.places.cell_at(place)?;
+        let near = |node: &usize| (f64::from(ground.height[*node]) - height).abs() < 0.06;
+        Some(
+            (0..ground.layers)
+                .map(|layer| layer * cells + cell)
+                .find(near)
+                .map_or(0.0, |node| lying.settled[0].depth[node]),
+        )
+    };
+    let (mut open, mut covered, mut sum) = (0, 0, 0.0);
+    for view in &Place::views() {
+        let camera = view.camera((240, 180)).unwrap();
+        for (x, y) in (0..180).flat_map(|y| (0..240).map(move |x| (x, y))) {
+            let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let Some(surface) = place.first(camera.center(), ray) else { continue };
+            let at = camera.center() + ray.normalize() * surface.t;
+            let Some(depth) = depth(at) else { continue };
+            let over = at + DVec3::Z * 0.03 + surface.normal * 0.03;
+            let sees = |x: f64, y: f64| place.first(over, DVec3::new(x, y, 1.0)).is_none();
+            let skies = [(0.0, 0.0), (0.35, 0.0), (0.0, 0.35), (-0.35, 0.0), (0.0, -0.35)];
+            let exposure = skies.iter().filter(|(x, y)| sees(*x, *y)).count();
+            let slope = surface.normal.z.clamp(-1.0, 1.0).acos().to_degrees();
+            if exposure == 5 && slope < 30.0 {
+                open += 1;
+                covered += u32::from(depth > 0.02);
+                sum += f64::from(depth);
+            }
+        }
+    }
+    let (recall, mean) = (f64::from(covered) / f64::from(open), sum / f64::from(open));
+    println!("{} splats: {open} open points, {recall:.4} covered, {mean:.4} m deep", splats.len());
+    assert!(open > 2000 && recall > 0.97 && (mean / 0.1 - 1.0).abs() < 0.03);
+    // A metre inside the porch.
+    let (low, high) = Place::porch();
+    let inside = |at: DVec3| {
+        // Its back is the house.
+        at.x > low.x + 0.1 && at.x < high.x - 1.0 && at.y > low.y + 1.0 && at.y < high.y - 1.0
+    };
+    let floor: Vec<f32> = (0..ground.height.len())
+        .filter(|node| {
+            let [column, row] = ground.place(*node).map(|v| v as f64 + 0.5);
+            let at = DVec3::from_array(ground.places.point([column, row], f64::from(ground.height[*node])));
+            inside(at) && (at.z - low.z).abs() < 0.2
+        })
+        .map(|node| lying.settled[0].depth[node])
+        .collect();
+    let deepest = floor.iter().copied().fold(0.0, f32::max);
+    println!("{} nodes a metre inside the porch: at most {deepest:.4} m", floor.len());
+    assert!(floor.len() > 50 && deepest < 0.005);
 }

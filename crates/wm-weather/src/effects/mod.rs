@@ -75,7 +75,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, snow_cover, wind, fog, haze, smog, rain, snowfall, look }
+effects! { sky, dust_cover, snow_cover, wind, fog, haze, smog, rain, snowfall, look }
 
 impl Effect {
     /// The effect of a name.

@@ -1,0 +1,42 @@
+//! Dust cover: sand, dust or ash that lies, as deep as is asked for on open level ground.
+//!
+//! As snow that lies ([`super::snow_cover`]), with another colour, and sliding sooner: dry sand lies at 34 degrees at most,
+//! ash at 35 to 40.
+
+use crate::cover::{Asked, Matter};
+use crate::effects::{Action, Effect};
+use crate::param::Value;
+use wm_render::hooks::Slot;
+use wm_scene::color::srgb_decode;
+
+/// Dry sand, sRGB.
+const SAND: [f64; 3] = [0.76, 0.647, 0.467];
+
+crate::params! {
+    /// What can be set.
+    pub struct Params {
+        /// Depth on open level ground. Below some 1 cm the ground shows through. Over time by keyframes.
+        depth: f64 = Value::Number(0.02), 0.0 => 10.0, "m";
+        /// Steepest that it lies. Dry sand 34, ash 40.
+        repose: f64 = Value::Number(34.0), 5.0 => 80.0, "deg";
+        /// Colour of it: how much of the light it throws back, as sRGB. Sand #c2a577 (auto), Saharan dust #b07a48, ash
+        /// #5f5d5a.
+        color: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+    }
+}
+
+/// The entry of [`EFFECTS`](super::EFFECTS).
+pub const EFFECT: Effect = Effect {
+    name: "dust_cover",
+    about: "Sand, dust or ash that lies: on what is open to the sky, sliding off what is steep",
+    slot: Slot::Surface,
+    params: Params::PARAMS,
+    act: |now, site| {
+        let Params { depth, repose, color } = Params::of(now.values);
+        let color = color.unwrap_or(SAND);
+        let color: [f64; 3] = std::array::from_fn(|k| srgb_decode(color[k]) * site.airlight[k]);
+        let shade = color.map(|v| 0.4 * v);
+        Action::Cover(Asked { depth, repose: repose.to_radians().tan(), matter: Matter { color, shade } })
+    },
+    act_as_paper: None,
+};

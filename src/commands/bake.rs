@@ -1,0 +1,70 @@
+//! `bake`: a scene with what lies on it under a weather, as an ordinary 3DGS PLY for other programs.
+
+use crate::names::stem_of;
+use crate::scene::{Loaded, RunArgs, SceneArgs};
+use crate::studio;
+use crate::weather::WeatherArgs;
+use anyhow::{Result, bail};
+use clap::Args;
+use std::path::PathBuf;
+use wm_scene::files::check_writable;
+use wm_scene::formats::write_scene;
+use wm_scene::{Metadata, Scene};
+
+/// Options of `bake`.
+#[derive(Args, Debug)]
+#[command(after_long_help = wm_weather::reference_page::help())]
+pub struct BakeArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    #[command(flatten)]
+    weather: WeatherArgs,
+    /// The instant of the weather, s
+    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
+    time: f64,
+    /// Where to: a .ply [default: named after scene and weather, in this folder]
+    #[arg(short, long, value_name = "PATH")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// Runs the command.
+pub fn run(args: &BakeArgs) -> Result<()> {
+    let weather = args.weather.read()?;
+    let named = || format!("{}-{}.ply", stem_of(&args.scene.scene), weather.name).into();
+    let out: PathBuf = args.out.clone().unwrap_or_else(named);
+    if !out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply")) {
+        bail!("--out {}: a scene is written as PLY; give a name that ends in .ply", out.display());
+    }
+    check_writable(&out)?;
+    if !args.time.is_finite() {
+        bail!("--time {}: give seconds, such as 0 or 12.5", args.time);
+    }
+    let loaded = Loaded::new(&args.scene, &args.run, None)?;
+    let site = loaded.weather_site();
+    let sky = weather.at(args.time).over(&site);
+    let Some(asked) = sky.cover() else {
+        bail!(
+            "nothing lies under the weather {} at {} s: ask for it, such as --set snow_cover.depth=0.1",
+            weather.name,
+            args.time
+        );
+    };
+    let cover = studio::cover(&loaded, &site, studio::slant(&weather, &site));
+    let lying = cover.lying(asked);
+    let added = lying.splats.len();
+    let splats = lying.bake(&loaded.scene.splats);
+    let count = splats.len();
+    let survey = &loaded.survey;
+    let metadata = Metadata {
+        metres_per_unit: Some(survey.metres_per_unit.value),
+        up: Some(survey.up.value),
+        ground: Some(survey.ground.value),
+        ..loaded.scene.metadata.clone()
+    };
+    let scene = Scene { splats, views: loaded.scene.views.clone(), metadata };
+    write_scene(&out, &scene)?;
+    println!("{}: {count} splats, {added} of them lie on the place", out.display());
+    Ok(())
+}

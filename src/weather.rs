@@ -1,0 +1,35 @@
+//! Which weather, by options.
+
+use crate::media::panorama::read_panorama;
+use anyhow::Result;
+use clap::Args;
+use wm_weather::Weather;
+
+/// Which weather.
+#[derive(Args, Debug)]
+pub struct WeatherArgs {
+    /// The weather: a name from the list below (--help), or a TOML file [default: clear]
+    #[arg(short, long, value_name = "NAME|FILE", help_heading = "Weather")]
+    weather: Option<String>,
+    /// Change a parameter and turn its effect on: fog.mor=120, or keyframes fog.mor=0:2000,5:60
+    #[arg(short, long = "set", value_name = "KEY=VALUE", help_heading = "Weather")]
+    set: Vec<String>,
+}
+
+impl WeatherArgs {
+    /// Reads it, and the pictures that it names.
+    pub fn read(&self) -> Result<Weather> {
+        let mut weather = match &self.weather {
+            Some(name) => Weather::find(name)?,
+            None => Weather::clear(),
+        };
+        for text in &self.set {
+            weather.set(text)?;
+        }
+        weather.load_pictures(read_panorama)?;
+        if weather.effects().next().is_some() && self.weather.is_none() {
+            weather.name = weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>().join("-");
+        }
+        Ok(weather)
+    }
+}
