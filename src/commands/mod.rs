@@ -14,7 +14,7 @@ mod stereo;
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 
-/// Real weather on real places: scenes of 3D Gaussian splatting in fog, haze and smog.
+/// Real weather on real places: scenes of 3D Gaussian splatting in fog, haze, smog, rain and snow.
 #[derive(Parser, Debug)]
 #[command(name = "weather-magician", version, about, arg_required_else_help = true, max_term_width = 110)]
 pub struct Cli {
