@@ -11,7 +11,7 @@ use wm_render::{
 };
 use wm_scene::Camera;
 use wm_weather::cover::{Asked, Buried, Cover};
-use wm_weather::paper::{Stages, composite};
+use wm_weather::paper::{PaperCover, Stages, composite};
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
 use wm_weather::{Fidelity, Seen, Site, Sky, Weather};
 
@@ -37,19 +37,22 @@ pub struct Studio {
 
 /// What lies, in the renderer.
 struct Laid {
-    asked: Asked,
+    /// `None` for the paper's.
+    asked: Option<Asked>,
     set: SetId,
     buried: Buried,
 }
 
 /// What must be known of a place for all frames of a weather.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Needs {
     /// Whether something may fall that roofs stop.
     pub fall: bool,
     /// What the wind carries sideways of what then lies, while it falls by 1, along the level axes; `None` where nothing
     /// lies at any time.
     pub cover: Option<[f64; 2]>,
+    /// The paper's lying snow.
+    pub paper_cover: Option<PaperCover>,
 }
 
 impl Needs {
@@ -57,8 +60,9 @@ impl Needs {
     pub fn of(weather: &Weather, site: &Site) -> Self {
         // The paper's rain falls through roofs.
         let fall = weather.has_fall() && weather.fidelity == Fidelity::Physical;
-        let lies = weather.effects().any(|(effect, _)| effect.slot == Slot::Surface);
-        Self { fall, cover: lies.then(|| slant(weather, site)) }
+        let paper_cover = weather.at(0.0).over(site).paper_cover().cloned();
+        let lies = weather.effects().any(|(effect, _)| effect.slot == Slot::Surface) && paper_cover.is_none();
+        Self { fall, cover: lies.then(|| slant(weather, site)), paper_cover }
     }
 }
 
@@ -111,31 +115,46 @@ impl From<Camera> for Moving {
 
 impl Studio {
     /// Opens it. The splats as they were read are freed: the renderer has its own.
-    pub fn new(mut loaded: Loaded, config: RenderConfig, needs: impl FnOnce(&Site) -> Needs) -> Self {
+    ///
+    /// # Errors
+    /// If there is more lying snow than the renderer holds.
+    pub fn new(mut loaded: Loaded, config: RenderConfig, needs: impl FnOnce(&Site) -> Needs) -> Result<Self> {
         let site = loaded.weather_site();
         let needs = needs(&site);
         let occluders = || Occluders::of(&loaded.scene.splats, &site, &ShelterOptions::default());
         let occluders = needs.fall.then(occluders);
         let cover = needs.cover.map(|slant| cover(&loaded, &site, slant));
+        let mut lying = None;
+        if let Some(paper) = &needs.paper_cover {
+            let set = loaded.renderer.load(&paper.snow(&loaded.scene.splats, &site))?;
+            lying = Some(Laid { asked: None, set, buried: Buried::default() });
+        }
         loaded.release();
-        Self { site, loaded, config, occluders, shelters: Vec::new(), cover, lying: None }
+        Ok(Self { site, loaded, config, occluders, shelters: Vec::new(), cover, lying })
     }
 
     /// Lays out what lies under `sky`, if it is not there.
     fn lay(&mut self, sky: &Sky) -> Result<()> {
-        let asked = sky.cover().filter(|_| self.cover.is_some());
-        if self.lying.as_ref().map(|lying| &lying.asked) == asked {
+        // The paper's snow lies there from the start.
+        let Some(cover) = &self.cover else { return Ok(()) };
+        let asked = sky.cover();
+        if self.lying.as_ref().and_then(|lying| lying.asked.as_ref()) == asked {
             return Ok(());
         }
         if let Some(old) = self.lying.take() {
             self.loaded.renderer.unload(old.set);
         }
-        if let (Some(asked), Some(cover)) = (asked, &self.cover) {
+        if let Some(asked) = asked {
             let lying = cover.lying(asked);
             let set = self.loaded.renderer.load(&lying.splats)?;
-            self.lying = Some(Laid { asked: *asked, set, buried: lying.buried });
+            self.lying = Some(Laid { asked: Some(*asked), set, buried: lying.buried });
         }
         Ok(())
+    }
+
+    fn stand(&mut self) -> Stand<'_> {
+        let lying = self.lying.as_ref().map(|laid| laid.set);
+        Stand { renderer: &mut self.loaded.renderer, set: self.loaded.set, lying }
     }
 
     /// Makes the map of where what falls under `sky` does not, the last of the list, if it is not there.
@@ -163,8 +182,8 @@ impl Studio {
     ) -> Result<Stats> {
         let sky = weather.at(time).over(&self.site);
         if !sky.paper_falls().is_empty() {
-            let mut stand = Stand { renderer: &mut self.loaded.renderer, set: self.loaded.set };
-            return stand.render_as_paper(&sky, &self.config, moving, frame, None);
+            let config = self.config.clone();
+            return self.stand().render_as_paper(&sky, &config, moving, frame, None);
         }
         self.with_sky(&sky, moving, |renderer, job| Ok(renderer.render(job, frame)?))
     }
@@ -211,8 +230,8 @@ impl Studio {
         (frame, stages): (&mut Frame, &mut Stages),
     ) -> Result<Stats> {
         let sky = weather.at(time).over(&self.site);
-        let mut stand = Stand { renderer: &mut self.loaded.renderer, set: self.loaded.set };
-        stand.render_as_paper(&sky, &self.config, moving, frame, Some(stages))
+        let config = self.config.clone();
+        self.stand().render_as_paper(&sky, &config, moving, frame, Some(stages))
     }
 
     /// The renderer in words.
@@ -241,6 +260,8 @@ pub struct Stand<'a> {
     pub renderer: &'a mut CpuRenderer,
     /// The scene.
     pub set: SetId,
+    /// What lies on it.
+    pub lying: Option<SetId>,
 }
 
 impl Stand<'_> {
@@ -279,7 +300,8 @@ impl Stand<'_> {
             other => other,
         };
         let config = RenderConfig { outputs: Outputs { geometry, ..asked.outputs }, ..asked.clone() };
-        let sets = [SetView::plain(self.set)];
+        let sets: Vec<SetView<'_>> =
+            [Some(self.set), self.lying].into_iter().flatten().map(SetView::plain).collect();
         let mut stats = sky.with_hooks(&seen, |hooks| {
             self.renderer.render(&Job { sets: &sets, camera, config: &config, hooks }, frame)
         })?;

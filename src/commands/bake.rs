@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use wm_scene::files::check_writable;
 use wm_scene::formats::write_scene;
 use wm_scene::{Metadata, Scene};
+use wm_weather::cover::Lying;
 
 /// Options of `bake`.
 #[derive(Args, Debug)]
@@ -44,15 +45,15 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     let loaded = Loaded::new(&args.scene, &args.run, None)?;
     let site = loaded.weather_site();
     let sky = weather.at(args.time).over(&site);
-    let Some(asked) = sky.cover() else {
-        bail!(
+    let lying = match (sky.cover(), sky.paper_cover()) {
+        (_, Some(paper)) => Lying::on_top(paper.snow(&loaded.scene.splats, &site)),
+        (Some(asked), None) => studio::cover(&loaded, &site, studio::slant(&weather, &site)).lying(asked),
+        (None, None) => bail!(
             "nothing lies under the weather {} at {} s: ask for it, such as --set snow_cover.depth=0.1",
             weather.name,
             args.time
-        );
+        ),
     };
-    let cover = studio::cover(&loaded, &site, studio::slant(&weather, &site));
-    let lying = cover.lying(asked);
     let added = lying.splats.len();
     let splats = lying.bake(&loaded.scene.splats);
     let count = splats.len();

@@ -62,7 +62,7 @@ fn overrides() {
     for (text, says) in [
         ("", "must be effect.parameter=value, as in fog.mor=120"),
         ("fog.mor", "must be effect.parameter=value, as in fog.mor=120"),
-        ("=", "there is no ``; the effects are sky, wind, fog"),
+        ("=", "there is no ``; the effects are sky, dust_cover, snow_cover, wind, fog"),
         ("fog.mor=", "fog.mor is ``: must be a number from 1"),
         ("fog.mor=0", "fog.mor is 0: must be a number from 1"),
         ("fog.mor=-1", "fog.mor is -1: must be a number from 1"),
@@ -79,6 +79,8 @@ fn overrides() {
         ("fog=maybe", "fog is on or off"),
         ("fog.airlight=#12", "must be a colour as \"#rrggbb\""),
         ("sky=cloudy", "sky is auto, clear, overcast, gradient, on or off"),
+        ("snow_cover.depth=-1", "snow_cover.depth is -1: must be a number from 0"),
+        ("snow_cover.depth=11", "snow_cover.depth is 11: must be a number from 0"),
         ("fidelity=exact", "there is no fidelity `exact`: use physical or paper"),
     ] {
         let named = format!("--set {text}: ");

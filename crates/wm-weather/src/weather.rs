@@ -8,7 +8,7 @@ use crate::effects::{Action, EFFECTS, Effect, Now};
 use crate::optics::{Atmosphere, Daylight, Site};
 use crate::panorama::Panorama;
 use crate::paper::fall::Before;
-use crate::paper::{PaperFall, PaperFog, composite};
+use crate::paper::{PaperCover, PaperFall, PaperFog, composite};
 use crate::param::Value;
 use crate::particles::fall::Blow;
 use crate::particles::{Fall, Precipitation};
@@ -142,7 +142,7 @@ impl Instant {
         let mut layers = Vec::new();
         let mut paper = Vec::new();
         let (mut falling, mut blow, mut grade) = (Vec::new(), Blow::default(), None);
-        let (mut paper_falls, mut cover) = (Vec::new(), None);
+        let (mut paper_falls, mut cover, mut paper_cover) = (Vec::new(), None, None);
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
             let act = match self.fidelity {
@@ -174,11 +174,12 @@ impl Instant {
                 Action::PaperFall(fall) => paper_falls.push(*fall),
                 // At a depth of 0 nothing lies.
                 Action::Cover(asked) => cover = Some(asked).filter(|asked| asked.depth > 0.0),
+                Action::PaperCover(snow) => paper_cover = Some(*snow),
                 Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
             }
         }
         let air = Atmosphere::new(layers, site);
-        Sky { air, site, time: self.time, paper, paper_falls, dome, falling, blow, grade, cover }
+        Sky { air, site, time: self.time, paper, paper_falls, dome, falling, blow, grade, cover, paper_cover }
     }
 }
 
@@ -222,6 +223,7 @@ pub struct Sky {
     /// Exposure and colour of the finished picture; `None` leaves it as it is.
     grade: Option<Grade>,
     cover: Option<Asked>,
+    paper_cover: Option<PaperCover>,
 }
 
 impl Sky {
@@ -266,6 +268,12 @@ impl Sky {
     #[must_use]
     pub fn cover(&self) -> Option<&Asked> {
         self.cover.as_ref()
+    }
+
+    /// What lies as in the paper, if anything does: the same at all times.
+    #[must_use]
+    pub fn paper_cover(&self) -> Option<&PaperCover> {
+        self.paper_cover.as_ref()
     }
 
     /// What the mean wind carries something that falls at `speed`, m/s, sideways while it falls by 1, along

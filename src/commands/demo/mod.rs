@@ -217,7 +217,7 @@ fn sampled(args: &DemoArgs, path: &Path) -> Result<Scene> {
 fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
     let loaded = Loaded::of(scene, &Metadata::default(), &args.run)?;
     let config = RenderConfig { background: loaded.background(), ..RenderConfig::default() };
-    let mut studio = Studio::new(loaded, config, |_| Needs { fall: true, ..Needs::default() });
+    let mut studio = Studio::new(loaded, config, |_| Needs { fall: true, ..Needs::default() })?;
     if args.wants(Part::Sheet) {
         // Photos show the street from the start of the walk on, and less at the edge of what they show.
         let view = args.view();

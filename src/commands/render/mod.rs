@@ -210,8 +210,12 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
     };
     let passes = passes(&args.output.also);
-    let mut take =
-        Take { studio: Studio::new(loaded, config, |site| Needs::of(&weather, site)), weather, shot, passes };
+    let mut take = Take {
+        studio: Studio::new(loaded, config, |site| Needs::of(&weather, site))?,
+        weather,
+        shot,
+        passes,
+    };
     match target {
         Target::Picture(path) => take.picture(&path, args),
         Target::Video(path) => sequence::video(&mut take, &wanted, &path, args),

@@ -98,7 +98,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         background: background(args.output.background, &loaded),
         rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
     };
-    let mut studio = Studio::new(loaded, config, |site| Needs::of(weather, site));
+    let mut studio = Studio::new(loaded, config, |site| Needs::of(weather, site))?;
     let manifest = manifest(&studio, &shots, args, weather)?;
     keep(&folder, &manifest)?;
 

@@ -95,15 +95,21 @@ impl Visibility for Buried {
 }
 
 impl Lying {
+    /// Splats that hide none of the scene's.
+    #[must_use]
+    pub fn on_top(splats: Splats) -> Self {
+        Self { splats, buried: Buried::default(), settled: Vec::new() }
+    }
+
     /// The scene with what lies on it, as one set of splats of the scene's SH degree.
     #[must_use]
     pub fn bake(&self, scene: &Splats) -> Splats {
-        let factors = self.buried.factors();
-        let kept: Vec<usize> = (0..scene.len()).filter(|index| factors[*index] > GONE).collect();
+        let factor = |index: usize| self.buried.factors().get(index).copied().unwrap_or(1.0);
+        let kept: Vec<usize> = (0..scene.len()).filter(|index| factor(*index) > GONE).collect();
         let mut out = scene.select(&kept);
         for (opacity, index) in out.logit_opacities.iter_mut().zip(&kept) {
-            if factors[*index] < 1.0 {
-                let left = scene.opacity(*index) * f64::from(factors[*index]);
+            if factor(*index) < 1.0 {
+                let left = scene.opacity(*index) * f64::from(factor(*index));
                 *opacity = wm_scene::splats::logit(left) as f32;
             }
         }

@@ -8,7 +8,7 @@ use crate::cover::Asked;
 use crate::dome::Dome;
 use crate::effects::look::Grade;
 use crate::optics::{Layer, Site};
-use crate::paper::{PaperFall, PaperFog};
+use crate::paper::{PaperCover, PaperFall, PaperFog};
 use crate::param::{Kind, Param, Value};
 use crate::particles::Precipitation;
 use crate::track::Track;
@@ -62,6 +62,8 @@ pub enum Action {
     PaperFall(Box<PaperFall>),
     /// Something that lies.
     Cover(Asked),
+    /// Something that lies, as in the paper.
+    PaperCover(Box<PaperCover>),
     /// Exposure and colour of the finished picture.
     Grade(Grade),
 }

@@ -1,11 +1,12 @@
 //! Snow cover: snow that lies, as deep as is asked for on open level ground.
 //!
 //! How it is spread, how it slides and how it is drawn: [`crate::cover`]. The depth may have keyframes: snow that grows
-//! over a video. Fresh snow is about ten times as deep as the water in it (100 kg/m^3; 50 to 250 are seen), so that
+//! over a video. In fidelity `paper` it is [`PaperCover`]: no depth, and snow on all that looks up. Fresh snow is about ten times as deep as the water in it (100 kg/m^3; 50 to 250 are seen), so that
 //! 1 mm/h of water is 1 cm an hour.
 
 use crate::cover::{Asked, Matter};
 use crate::effects::{Action, Effect};
+use crate::paper::PaperCover;
 use crate::param::Value;
 use wm_render::hooks::Slot;
 
@@ -18,6 +19,32 @@ crate::params! {
         repose: f64 = Value::Number(42.0), 5.0 => 80.0, "deg";
         /// Share of the light that it throws back: fresh snow 0.9, old 0.5.
         albedo: f64 = Value::Number(0.9), 0.0 => 1.0, "";
+        /// Fidelity `paper`, as all that follow: least cosine between up and the normal of a splat that holds snow.
+        paper_seed_cosine: f64 = Value::Number(0.5), 0.0 => 1.0, "";
+        /// Steepest plane that is filled.
+        paper_fill_angle: f64 = Value::Number(30.0), 0.0 => 90.0, "deg";
+        /// k: neighbours that a plane is estimated from.
+        paper_k: f64 = Value::Number(16.0), 3.0 => 64.0, "";
+        /// Weight of sigma / mean in the radius of a plane.
+        paper_spread: f64 = Value::Number(2.0), 0.0 => 100.0, "";
+        /// Distance between Gaussians of snow, in median distances of neighbours.
+        paper_spacing: f64 = Value::Number(0.5), 0.05 => 10.0, "";
+        /// Standard deviations from the mean at which a Gaussian is an outlier.
+        paper_outlier_sigmas: f64 = Value::Number(2.0), 0.0 => 100.0, "";
+        /// Neighbours that no outlier has.
+        paper_outlier_neighbours: f64 = Value::Number(6.0), 0.0 => 64.0, "";
+        /// Standard deviation of a Gaussian of snow along its plane, in spacings.
+        paper_size: f64 = Value::Number(0.7), 0.01 => 10.0, "";
+        /// The same across the plane against that.
+        paper_flatness: f64 = Value::Number(0.2), 0.001 => 1.0, "";
+        /// How high it lies on what it covers, in spacings.
+        paper_lift: f64 = Value::Number(0.25), 0.0 => 10.0, "";
+        /// Its opacity.
+        paper_opacity: f64 = Value::Number(0.97), 0.0 => 1.0, "";
+        /// Its colour, sRGB.
+        paper_color: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+        /// Which of the equally likely fillings: a whole number.
+        paper_seed: f64 = Value::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
     }
 }
 
@@ -28,7 +55,7 @@ pub const EFFECT: Effect = Effect {
     slot: Slot::Surface,
     params: Params::PARAMS,
     act: |now, site| {
-        let Params { depth, repose, albedo } = Params::of(now.values);
+        let Params { depth, repose, albedo, .. } = Params::of(now.values);
         // Level snow sees all of the sky, of which the airlight is the part near the horizon.
         let color = site.airlight.map(|v| (v * albedo).min(0.95));
         // In the shade blue sky is all that is left.
@@ -36,5 +63,24 @@ pub const EFFECT: Effect = Effect {
         let shade = std::array::from_fn(|k| color[k] * tint[k]);
         Action::Cover(Asked { depth, repose: repose.to_radians().tan(), matter: Matter { color, shade } })
     },
-    act_as_paper: None,
+    act_as_paper: Some(|now, _| {
+        let params = Params::of(now.values);
+        let defaults = PaperCover::default();
+        Action::PaperCover(Box::new(PaperCover {
+            seed_cosine: params.paper_seed_cosine,
+            fill_angle: params.paper_fill_angle,
+            neighbours: params.paper_k as usize,
+            spread: params.paper_spread,
+            spacing: params.paper_spacing,
+            outlier_sigmas: params.paper_outlier_sigmas,
+            outlier_neighbours: params.paper_outlier_neighbours as usize,
+            size: params.paper_size,
+            flatness: params.paper_flatness,
+            lift: params.paper_lift,
+            opacity: params.paper_opacity,
+            color: params.paper_color.map_or(defaults.color, |rgb| rgb.map(|v| v as f32)),
+            seed: params.paper_seed as u64,
+            ..defaults
+        }))
+    }),
 };

@@ -41,7 +41,7 @@ fn faults_have_line_and_column() {
         ("[fog\nmor = 1", "w.toml:1:5: unclosed table, expected `]`"),
         (
             "name = \"a\"\n[fgo]\n",
-            "w.toml:2:2: there is no `fgo`, did you mean `fog`?; the effects are sky, wind, fog, haze, smog, rain, snowfall, look",
+            "w.toml:2:2: there is no `fgo`, did you mean `fog`?; the effects are sky, dust_cover, snow_cover, wind, fog, haze, smog, rain, snowfall, look",
         ),
         ("[fog]\nmro = 120\n", "w.toml:2:1: fog has no `mro`, did you mean `mor`?; it has mor, visual_range"),
         ("[fog]\nmor = 0.5\n", "w.toml:2:7: fog.mor is 0.5: must be a number from 1 to inf m"),

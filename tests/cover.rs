@@ -1,0 +1,76 @@
+//! Lying snow from outside: it grows frame by frame, any frame alone is the same, and `bake` writes what `render` shows.
+
+mod common;
+#[path = "common/process.rs"]
+mod process;
+
+use common::*;
+use process::refuses;
+
+/// A yard of some metres.
+fn place(workshop: &Workshop) -> (std::path::PathBuf, ViewArgs) {
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    (scene, yard_look((120, 80)).1)
+}
+
+/// Mean light of a picture's lower half.
+fn ground(picture: &Image<[u8; 3]>) -> f64 {
+    let light = light_of(picture);
+    let lower = &light.pixels[light.pixels.len() / 2..];
+    lower.iter().map(|rgb| rgb[1]).sum::<f64>() / lower.len() as f64
+}
+
+#[test]
+fn snow_grows_and_every_frame_is_the_same_alone() {
+    let workshop = Workshop::new();
+    let (scene, view) = place(&workshop);
+    let clear = read_png(&workshop.render(&scene, &view, "clear.png", ""));
+    let weather = "--set snow_cover.depth=0:0,2:0.2";
+    let folder = workshop.render(&scene, &view, "all", &format!("{weather} --seconds 2 --fps 4 --threads 1"));
+    let frame = |k: usize| read_png(&folder.join(format!("{k:05}.png")));
+    // Nothing lies at a depth of 0, nor before the first keyframe.
+    assert!(frame(0) == clear);
+    let before = format!("{weather} --time -5");
+    assert!(read_png(&workshop.render(&scene, &view, "before.png", &before)) == clear);
+    let light: Vec<f64> = (0..8).map(|k| ground(&frame(k))).collect();
+    println!("{light:.3?}");
+    assert!(light.windows(2).all(|pair| pair[1] > pair[0] - 0.01) && light[7] > light[0] + 0.1, "{light:?}");
+    for (k, threads) in [(3, 2), (7, 5)] {
+        let options = format!("{weather} --time {} --threads {threads}", f64::from(k) / 4.0);
+        assert!(read_png(&workshop.render(&scene, &view, "alone.png", &options)) == frame(k as usize), "{k}");
+    }
+}
+
+#[test]
+fn what_is_baked_is_what_is_rendered() {
+    let workshop = Workshop::new();
+    let (scene, view) = place(&workshop);
+    for asked in
+        ["snow_cover.depth=0.1", "dust_cover.depth=0.05", "snow_cover.depth=0.1 --set fidelity=paper"]
+    {
+        let live = read_png(&workshop.render(&scene, &view, "live.png", &format!("--set {asked}")));
+        let baked = workshop.path("baked.ply");
+        let words = format!("bake {} --set {asked} -o {}", scene.display(), baked.display());
+        run(&words.split(' ').map(str::to_owned).collect::<Vec<_>>());
+        let again = read_png(&workshop.render(&baked, &view, "again.png", ""));
+        let squares = live.pixels.iter().zip(&again.pixels);
+        let squares = squares.flat_map(|(a, b)| (0..3).map(|k| (f64::from(a[k]) - f64::from(b[k])).powi(2)));
+        let mean = squares.sum::<f64>() / (3 * live.pixels.len()) as f64;
+        let psnr = 10.0 * (255.0 * 255.0 / mean.max(1e-9)).log10();
+        println!("{asked}: {psnr:.1} dB");
+        assert!(psnr > 45.0, "{asked}: {psnr} dB");
+    }
+}
+
+#[test]
+fn there_must_be_something_to_bake() {
+    let workshop = Workshop::new();
+    let (scene, _) = place(&workshop);
+    let scene = scene.to_str().unwrap();
+    let refused = |words: &[&str], says: &str| {
+        refuses(binary().arg("bake").arg(scene).args(words), &workshop.path(""), &[says], &[]);
+    };
+    refused(&["-o", "none.ply"], "nothing lies under the weather clear at 0 s");
+    refused(&["--set", "snow_cover.depth=0", "-o", "none.ply"], "nothing lies under the weather");
+    refused(&["--set", "snow_cover=on", "-o", "none.splat"], "give a name that ends in .ply");
+}
