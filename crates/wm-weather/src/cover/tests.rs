@@ -168,3 +168,38 @@ fn the_street_is_covered_where_it_is_open() {
     println!("{} nodes a metre inside the porch: at most {deepest:.4} m", floor.len());
     assert!(floor.len() > 50 && deepest < 0.005);
 }
+
+/// A house in the middle of a yard: behind it, out of the wind, less lies than before it, and no more than fell lies in all.
+#[test]
+fn the_lee_of_a_house_holds_less() {
+    let mut place = Builder::new(1);
+    place.surface(DVec3::ZERO, DVec3::X * 14.0, DVec3::Y * 8.0, 0.05, |_, _| [0.4; 3]);
+    place.block(DVec3::new(6.0, 4.0, 0.0), DVec3::new(2.0, 4.0, 2.5), 0.05, [0.5; 3]);
+    let splats = place.build();
+    // 5 m/s, and flakes at 1 m/s: no flatter than 45 degrees, towards x.
+    let cover = Cover::of(&splats, &SITE, [1.0, 0.0], [7.0, 4.0, 0.0], 2);
+    let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, matter: SNOW });
+    let side = |x: [f64; 2]| mean(&cover, &lying, x, [3.5, 4.5], [-0.2, 0.2]);
+    let (windward, lee, open) = (side([3.6, 4.6]), side([7.3, 8.3]), side([1.0, 3.0]));
+    println!("windward {windward:.4}, lee {lee:.4}, open {open:.4}");
+    assert!(windward > 0.09 && lee < 0.02 && (open / 0.1 - 1.0).abs() < 0.03, "{windward} {lee} {open}");
+}
+
+/// What lies is no more than what falls on the level area, counted apart from the cover, and little less: the rest is on
+/// walls.
+#[test]
+fn what_falls_is_what_lies() {
+    for slope in [[0.0; 2], [0.5, 0.2]] {
+        let splats = porch();
+        let cover = Cover::of(&splats, &SITE, slope, [5.0, 4.0, 0.0], 2);
+        let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, matter: SNOW });
+        let ground = &cover.rings()[0];
+        let cell = f64::from(ground.cell).powi(2);
+        let lies: f64 = lying.settled[0].depth.iter().map(|d| f64::from(*d) * cell).sum();
+        let lost = lying.settled[0].lost * cell;
+        // 10 m by 8 m, of which the roof takes its part.
+        let fell = 0.1 * 80.0;
+        println!("{slope:?}: {lies:.4} m^3 lie and {lost:.4} slid off of {fell:.4}");
+        assert!(((lies + lost) / fell - 1.0).abs() < 0.01, "{slope:?}: {lies} {lost} {fell}");
+    }
+}
