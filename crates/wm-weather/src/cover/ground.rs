@@ -12,6 +12,7 @@
 //! where a slope faces the wind: `1 - grad h . v`, with v the slope of the fall.
 
 use super::settle::EDGE;
+use super::surfels::shades;
 use crate::dome::{from_level, level_axes};
 use crate::optics::Site;
 use crate::shelter::{Layers, Occluders, Shelter};
@@ -56,6 +57,8 @@ pub struct Ground {
     pub open: Vec<f32>,
     /// Luminance of the surface, linear; not a number where no splat tells.
     pub light: Vec<f32>,
+    /// How lit it is, 0 in the shade to 1 in the open.
+    pub shade: Vec<f32>,
     /// Cells that an inner ground has.
     is_inner: Vec<bool>,
 }
@@ -93,6 +96,7 @@ impl Ground {
             share: vec![0.0; nodes],
             open: vec![0.0; nodes],
             light: vec![f32::NAN; nodes],
+            shade: Vec::new(),
             is_inner,
             places,
         };
@@ -102,6 +106,7 @@ impl Ground {
         let kept: Vec<f32> = (0..nodes).map(|node| ground.kept(node)).collect();
         ground.find_shares(occluders, site, slope, threads, &kept);
         ground.find_light(splats);
+        ground.shade = shades(&ground);
         ground
     }
 

@@ -70,7 +70,6 @@ pub fn add(
 ) {
     let axes = ground.places.axes().map(DVec3::from_array);
     let cell = f64::from(ground.cell);
-    let shades = shades(ground);
     for node in 0..depth.len() {
         if depth[node] <= LEAST || !top[node].is_finite() || ground.is_elsewhere(node) {
             continue;
@@ -95,7 +94,7 @@ pub fn add(
         // Splats are rough: what covers the ground must be above what they show of it.
         let lift = lift.min(f64::from(depth[node]) * 0.3) + LIFT * f64::from(coverage(depth[node]));
         let normal = (axes[2] - axes[0] * dx - axes[1] * dy).normalize();
-        let shade = f64::from(shades[node]) * (0.7 + 0.3 * normal.dot(axes[2]));
+        let shade = f64::from(ground.shade[node]) * (0.7 + 0.3 * normal.dot(axes[2]));
         let color: [f64; 3] =
             std::array::from_fn(|k| matter.shade[k] + (matter.color[k] - matter.shade[k]) * shade);
         let speckle = 1.0 + off(0.025);
@@ -144,7 +143,7 @@ fn facing(normal: DVec3, up: DVec3) -> [f32; 4] {
 
 /// How lit each node is, 0 in the shade to 1 in the open: by the sky that it sees, and by how bright the scene is about it
 /// beside what is as open.
-fn shades(ground: &Ground) -> Vec<f32> {
+pub(super) fn shades(ground: &Ground) -> Vec<f32> {
     // Of some metre about each node, so that what is painted dark is not taken for shade.
     let mut light = ground.light.clone();
     for _ in 0..6 {
