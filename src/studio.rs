@@ -43,6 +43,16 @@ struct Laid {
     buried: Buried,
 }
 
+/// A scene and what lies on it.
+fn sets<'a>(loaded: &Loaded, lying: Option<&'a Laid>) -> Vec<SetView<'a>> {
+    let mut sets = vec![SetView::plain(loaded.set)];
+    if let Some(laid) = lying {
+        sets[0].visibility = Some(&laid.buried);
+        sets.push(SetView::plain(laid.set));
+    }
+    sets
+}
+
 /// What must be known of a place for all frames of a weather.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Needs {
@@ -152,9 +162,11 @@ impl Studio {
         Ok(())
     }
 
-    fn stand(&mut self) -> Stand<'_> {
-        let lying = self.lying.as_ref().map(|laid| laid.set);
-        Stand { renderer: &mut self.loaded.renderer, set: self.loaded.set, lying }
+    /// The renderer with the scene and what lies on it under `sky`, and how it is to be drawn.
+    fn stand(&mut self, sky: &Sky) -> Result<(Stand<'_>, &RenderConfig)> {
+        self.lay(sky)?;
+        let sets = sets(&self.loaded, self.lying.as_ref());
+        Ok((Stand { renderer: &mut self.loaded.renderer, sets }, &self.config))
     }
 
     /// Makes the map of where what falls under `sky` does not, the last of the list, if it is not there.
@@ -182,8 +194,8 @@ impl Studio {
     ) -> Result<Stats> {
         let sky = weather.at(time).over(&self.site);
         if !sky.paper_falls().is_empty() {
-            let config = self.config.clone();
-            return self.stand().render_as_paper(&sky, &config, moving, frame, None);
+            let (mut stand, config) = self.stand(&sky)?;
+            return stand.render_as_paper(&sky, config, moving, frame, None);
         }
         self.with_sky(&sky, moving, |renderer, job| Ok(renderer.render(job, frame)?))
     }
@@ -208,11 +220,7 @@ impl Studio {
     ) -> Result<R> {
         self.prepare(sky);
         self.lay(sky)?;
-        let mut sets = vec![SetView::plain(self.loaded.set)];
-        if let Some(laid) = &self.lying {
-            sets[0].visibility = Some(&laid.buried);
-            sets.push(SetView::plain(laid.set));
-        }
+        let sets = sets(&self.loaded, self.lying.as_ref());
         let shelter = sky.fall().and(self.shelters.last().map(|(_, shelter)| shelter));
         sky.with_hooks(&Seen { camera: &camera, velocity, shelter }, |hooks| {
             let job = Job { sets: &sets, camera: &camera, config: &self.config, hooks };
@@ -230,8 +238,8 @@ impl Studio {
         (frame, stages): (&mut Frame, &mut Stages),
     ) -> Result<Stats> {
         let sky = weather.at(time).over(&self.site);
-        let config = self.config.clone();
-        self.stand().render_as_paper(&sky, &config, moving, frame, Some(stages))
+        let (mut stand, config) = self.stand(&sky)?;
+        stand.render_as_paper(&sky, config, moving, frame, Some(stages))
     }
 
     /// The renderer in words.
@@ -258,10 +266,8 @@ impl Studio {
 pub struct Stand<'a> {
     /// The renderer.
     pub renderer: &'a mut CpuRenderer,
-    /// The scene.
-    pub set: SetId,
-    /// What lies on it.
-    pub lying: Option<SetId>,
+    /// The scene, and what lies on it.
+    pub sets: Vec<SetView<'a>>,
 }
 
 impl Stand<'_> {
@@ -276,10 +282,10 @@ impl Stand<'_> {
         if !sky.paper_falls().is_empty() {
             return self.render_as_paper(sky, config, moving, frame, None);
         }
-        let (camera, sets) = (&moving.camera, [SetView::plain(self.set)]);
+        let camera = &moving.camera;
         let seen = Seen { camera, velocity: moving.velocity, shelter: None };
         sky.with_hooks(&seen, |hooks| {
-            Ok(self.renderer.render(&Job { sets: &sets, camera, config, hooks }, frame)?)
+            Ok(self.renderer.render(&Job { sets: &self.sets, camera, config, hooks }, frame)?)
         })
     }
 
@@ -300,10 +306,8 @@ impl Stand<'_> {
             other => other,
         };
         let config = RenderConfig { outputs: Outputs { geometry, ..asked.outputs }, ..asked.clone() };
-        let sets: Vec<SetView<'_>> =
-            [Some(self.set), self.lying].into_iter().flatten().map(SetView::plain).collect();
         let mut stats = sky.with_hooks(&seen, |hooks| {
-            self.renderer.render(&Job { sets: &sets, camera, config: &config, hooks }, frame)
+            self.renderer.render(&Job { sets: &self.sets, camera, config: &config, hooks }, frame)
         })?;
         if let Some(stages) = &mut stages {
             stages.begin(frame);

@@ -62,15 +62,29 @@ fn what_is_baked_is_what_is_rendered() {
     }
 }
 
+/// The paper has no dust: the physical one lies under its rain as well.
+#[test]
+fn dust_lies_under_the_papers_rain() {
+    let workshop = Workshop::new();
+    let (scene, view) = place(&workshop);
+    let light = |options: &str| {
+        let options = format!("--set fidelity=paper --set rain.rate=5 {options}");
+        ground(&read_png(&workshop.render(&scene, &view, "rain.png", &options)))
+    };
+    let (bare, dust) = (light(""), light("--set dust_cover.depth=0.1 --set dust_cover.color=#ffffff"));
+    assert!(dust > bare + 0.05, "{dust} {bare}");
+}
+
 #[test]
 fn there_must_be_something_to_bake() {
     let workshop = Workshop::new();
     let (scene, _) = place(&workshop);
-    let scene = scene.to_str().unwrap();
-    let refused = |words: &[&str], says: &str| {
-        refuses(binary().arg("bake").arg(scene).args(words), &workshop.path(""), &[says], &[]);
+    let refused = |out: &str, words: &[&str], says: &str| {
+        let mut command = binary();
+        command.arg("bake").arg(&scene).arg("-o").arg(workshop.path(out)).args(words);
+        refuses(&mut command, &workshop.path(""), &[says], &[]);
     };
-    refused(&["-o", "none.ply"], "nothing lies under the weather clear at 0 s");
-    refused(&["--set", "snow_cover.depth=0", "-o", "none.ply"], "nothing lies under the weather");
-    refused(&["--set", "snow_cover=on", "-o", "none.splat"], "give a name that ends in .ply");
+    refused("none.ply", &[], "nothing lies under the weather clear at 0 s");
+    refused("none.ply", &["--set", "snow_cover.depth=0"], "nothing lies under the weather");
+    refused("none.splat", &["--set", "snow_cover=on"], "give a name that ends in .ply");
 }

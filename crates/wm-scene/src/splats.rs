@@ -127,6 +127,21 @@ impl Splats {
         [matrix[0][axis], matrix[1][axis], matrix[2][axis]]
     }
 
+    /// Adds the splats of another set; SH coefficients that it has more are left out, those that it lacks are 0.
+    pub fn append(&mut self, other: &Self) {
+        self.means.extend_from_slice(&other.means);
+        self.quats.extend_from_slice(&other.quats);
+        self.log_scales.extend_from_slice(&other.log_scales);
+        self.logit_opacities.extend_from_slice(&other.logit_opacities);
+        self.groups.extend_from_slice(&other.groups);
+        let stride = self.sh_stride();
+        for index in 0..other.len() {
+            let (own, end) = (other.sh_of(index), self.sh.len() + stride);
+            self.sh.extend_from_slice(&own[..own.len().min(stride)]);
+            self.sh.resize(end, 0.0);
+        }
+    }
+
     /// Adds one splat; its higher SH coefficients are 0.
     pub fn push(&mut self, splat: &Splat) {
         self.means.push(splat.mean);

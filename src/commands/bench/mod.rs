@@ -22,7 +22,7 @@ use report::{PathSpeed, SceneReport, Threads};
 use std::path::{Path, PathBuf};
 use wm_render::simd::SimdPath;
 use wm_render::testing::{shell_camera, shell_splats};
-use wm_render::{CpuConfig, CpuRenderer, RenderConfig, Renderer};
+use wm_render::{CpuConfig, CpuRenderer, RenderConfig, Renderer, SetView};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::{Camera, Group, Metadata, Scene};
 
@@ -147,7 +147,7 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     let (full, rgb) = (Case::position(&cases, "rgb+depth+normal"), Case::position(&cases, "rgb"));
 
     let bar = progress::bar(u64::from(rounds), "rounds");
-    let mut stands = [Stand { renderer: &mut loaded.renderer, set: loaded.set, lying: None }];
+    let mut stands = [Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] }];
     let plan: Vec<(usize, &Case)> = cases.iter().map(|case| (0, case)).collect();
     let measured = turns(&mut stands, &camera, &plan, rounds, &bar)?;
     bar.finish_and_clear();
@@ -161,8 +161,8 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     let set = single.load(&loaded.scene.splats)?;
     let threads = loaded.renderer.threads();
     let mut stands = [
-        Stand { renderer: &mut loaded.renderer, set: loaded.set, lying: None },
-        Stand { renderer: &mut single, set, lying: None },
+        Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] },
+        Stand { renderer: &mut single, sets: vec![SetView::plain(set)] },
     ];
     let bar = progress::bar(u64::from(rounds), "threads");
     let pair = turns(&mut stands, &camera, &[(0, &cases[full]), (1, &cases[full])], rounds, &bar)?;
@@ -175,7 +175,7 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
         let mut renderer = CpuRenderer::new(CpuConfig { threads: Some(1), simd: path.choice() })?;
         let set = renderer.load(&loaded.scene.splats)?;
         let bar = progress::bar(u64::from(rounds.min(8)), "paths");
-        let mut stands = [Stand { renderer: &mut renderer, set, lying: None }];
+        let mut stands = [Stand { renderer: &mut renderer, sets: vec![SetView::plain(set)] }];
         let plan = [(0, &cases[rgb]), (0, &cases[full])];
         let measured = turns(&mut stands, &camera, &plan, rounds.min(8), &bar)?;
         bar.finish_and_clear();

@@ -107,12 +107,7 @@ impl Population {
         let seen: Vec<u32> = indices.iter().map(|i| self.seen[*i]).collect();
         self.seen.extend(seen);
         let splats = &mut self.splats;
-        splats.means.extend(copies.means);
-        splats.quats.extend(copies.quats);
-        splats.log_scales.extend(copies.log_scales);
-        splats.logit_opacities.extend(copies.logit_opacities);
-        splats.sh.extend(copies.sh);
-        splats.groups.extend(copies.groups);
+        splats.append(&copies);
         self.moments.resize(&self.splats);
         for array in [&mut self.pulls.sums, &mut self.pulls.counts, &mut self.pulls.radii] {
             array.resize(self.splats.len(), 0.0);

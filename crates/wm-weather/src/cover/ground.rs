@@ -13,7 +13,7 @@
 
 use super::settle::EDGE;
 use super::surfels::shades;
-use crate::dome::{from_level, level_axes};
+use crate::dome::{from_level, level_axes, to_level};
 use crate::optics::Site;
 use crate::shelter::{Layers, Occluders, Shelter};
 use wm_scene::color::{luminance, srgb_decode};
@@ -26,13 +26,15 @@ const GAP: f64 = 0.5;
 const SPREAD: f64 = 0.35;
 /// Slopes over which less and less stays at once, as tangents: 50 and 60 degrees.
 const STEEP: [f32; 2] = [1.19, 1.73];
+/// The slope of a piece of a wall.
+const WALL: [f32; 2] = [2.0 * STEEP[1], 0.0];
 /// Half the width of the field that a slope is taken from, cells.
 const FIELD: i64 = 2;
 /// How often slopes are evened out with those beside them.
 const ROUNDS: usize = 8;
 /// Share of a field that must belong to a surface.
 const SURFACE: f32 = 0.3;
-/// How far below a surface what a point sees of it starts, m: maps of shelter know surfaces within that.
+/// How far above a node it is asked what is in the way, m.
 const ABOVE: f64 = 0.06;
 /// How far from a surface splats are still of it, m.
 const OWN: f64 = 0.12;
@@ -103,8 +105,7 @@ impl Ground {
         ground.smooth();
         ground.find_slopes();
         ground.smooth_slopes();
-        let kept: Vec<f32> = (0..nodes).map(|node| ground.kept(node)).collect();
-        ground.find_shares(occluders, site, slope, threads, &kept);
+        ground.find_shares(occluders, site, slope, threads);
         ground.find_light(splats);
         ground.shade = shades(&ground);
         ground
@@ -114,7 +115,28 @@ impl Ground {
         self.size[0] * self.size[1]
     }
 
-    /// The node of a layer beside another one.
+    /// The nodes of a cell, the uppermost first.
+    pub(super) fn nodes_of(&self, cell: usize) -> impl Iterator<Item = usize> + use<> {
+        let cells = self.cells();
+        (0..self.layers).map(move |layer| layer * cells + cell)
+    }
+
+    /// The mean of a node's value and of those beside it; not a number where none of them has one.
+    pub(super) fn mean_about<const N: usize>(
+        &self,
+        node: usize,
+        value: impl Fn(usize) -> Option<[f32; N]>,
+    ) -> [f32; N] {
+        let near = self.beside(node).into_iter().flatten();
+        let (mut sum, mut count) = ([0.0; N], 0.0);
+        for value in [node].into_iter().chain(near).filter_map(value) {
+            count += 1.0;
+            sum.iter_mut().zip(value).for_each(|(sum, value)| *sum += value);
+        }
+        sum.map(|sum| sum / count)
+    }
+
+    /// The node of a layer at a place.
     pub(super) fn node(&self, layer: usize, column: i64, row: i64) -> Option<usize> {
         let [columns, rows] = self.size.map(|v| v as i64);
         let is_in = column >= 0 && row >= 0 && column < columns && row < rows;
@@ -178,9 +200,6 @@ impl Ground {
 
     /// How much of what falls on a node stays there at first by its slope, 0-1.
     fn kept(&self, node: usize) -> f32 {
-        if !self.height[node].is_finite() {
-            return 0.0;
-        }
         let [a, b] = self.slope[node];
         ((STEEP[1] - a.hypot(b)) / (STEEP[1] - STEEP[0])).clamp(0.0, 1.0)
     }
@@ -190,15 +209,9 @@ impl Ground {
         for _ in 0..ROUNDS {
             let mut out = self.slope.clone();
             for (node, slope) in out.iter_mut().enumerate() {
-                if !self.height[node].is_finite() || self.is_steep(node) && self.slope[node][1] == 0.0 {
-                    continue;
+                if self.height[node].is_finite() && self.slope[node] != WALL {
+                    *slope = self.mean_about(node, |other| Some(self.slope[other]));
                 }
-                let near = self.beside(node).into_iter().flatten();
-                let (sum, count) = near.fold((self.slope[node], 1.0), |([a, b], count), other| {
-                    let [x, y] = self.slope[other];
-                    ([a + x, b + y], count + 1.0)
-                });
-                *slope = sum.map(|v| v / count);
             }
             self.slope = out;
         }
@@ -248,19 +261,12 @@ impl Ground {
             // A piece of a wall has what is above beside it and what is below.
             let is_wall = count < SURFACE * field && higher > 0 && lower > 0;
             if is_wall {
-                self.slope[node] = [2.0 * STEEP[1], 0.0];
+                self.slope[node] = WALL;
             }
         }
     }
 
-    fn find_shares(
-        &mut self,
-        occluders: &Occluders,
-        site: &Site,
-        slope: [f64; 2],
-        threads: usize,
-        kept: &[f32],
-    ) {
+    fn find_shares(&mut self, occluders: &Occluders, site: &Site, slope: [f64; 2], threads: usize) {
         let axes = level_axes(site.up);
         let off = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
         let grid = self.places.axes();
@@ -268,10 +274,9 @@ impl Ground {
             let way = [slope[0] + SPREAD * a, slope[1] + SPREAD * b];
             let fall = from_level(&axes, [way[0], way[1], -1.0]);
             let shelter: Shelter = occluders.shelter(fall, Some(threads));
-            let along = |k: usize| (0..3).map(|i| grid[k][i] * fall[i]).sum::<f64>() as f32;
-            let wind = [along(0), along(1)];
+            let wind = to_level(&grid, fall).map(|v| v as f32);
             for node in 0..self.height.len() {
-                if kept[node] <= 0.0 && !self.height[node].is_finite() {
+                if !self.height[node].is_finite() {
                     continue;
                 }
                 let [column, row] = self.place(node).map(|v| v as f64 + 0.5);
@@ -282,7 +287,7 @@ impl Ground {
                 let facing = 1.0 - self.slope[node][0] * wind[0] - self.slope[node][1] * wind[1];
                 let each = 1.0 / off.len() as f32;
                 self.open[node] += each;
-                self.share[node] += each * kept[node] * facing.clamp(0.0, 2.5);
+                self.share[node] += each * self.kept(node) * facing.clamp(0.0, 2.5);
             }
         }
         self.blur_shares();
@@ -301,11 +306,8 @@ impl Ground {
                 if !self.height[node].is_finite() || self.is_steep(node) {
                     continue;
                 }
-                let near = self.beside(node).into_iter().flatten().filter(|other| !self.is_steep(*other));
-                let (sum, count) = near.fold((self.share[node], 1.0), |(sum, count), other| {
-                    (sum + self.share[other], count + 1.0)
-                });
-                *share = sum / count;
+                let of = |other| (!self.is_steep(other)).then(|| [self.share[other]]);
+                [*share] = self.mean_about(node, of);
             }
             self.share = out;
         }
@@ -314,7 +316,6 @@ impl Ground {
     /// The luminance of the splats that make up each surface.
     fn find_light(&mut self, splats: &Splats) {
         let mut sums = vec![[0.0f32; 2]; self.height.len()];
-        let cells = self.cells();
         for index in 0..splats.len() {
             if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
                 continue;
@@ -322,7 +323,7 @@ impl Ground {
             let (place, height) = self.places.locate(splats.means[index].map(f64::from));
             let Some(cell) = self.places.cell_at(place) else { continue };
             let near = |node: &usize| (f64::from(self.height[*node]) - height).abs() < OWN;
-            let Some(node) = (0..self.layers).map(|layer| layer * cells + cell).find(near) else { continue };
+            let Some(node) = self.nodes_of(cell).find(near) else { continue };
             let rgb = sh::color(&splats.sh_of(index)[..3], [0.0, 0.0, 1.0]).map(|v| srgb_decode(v.max(0.0)));
             let weight = splats.opacity(index) as f32;
             sums[node][0] += weight * luminance(rgb) as f32;

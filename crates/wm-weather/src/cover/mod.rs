@@ -3,7 +3,7 @@
 //! # How much lies where
 //! What falls reaches the surfaces of the scene by how open they are ([`ground`]), slides off what is too steep for it
 //! and lies below ([`settle`]). Depth is asked for as that on open level ground, and all of it is kept account of:
-//! what fell is what lies and what slid off the place.
+//! what fell is what lies and what is left on walls.
 //!
 //! # How it is drawn
 //! As splats of its own on its own surface ([`surfels`]), opaque and lit as the place is; and the scene's splats that it
@@ -113,17 +113,7 @@ impl Lying {
                 *opacity = wm_scene::splats::logit(left) as f32;
             }
         }
-        let stride = out.sh_stride();
-        for index in 0..self.splats.len() {
-            out.means.push(self.splats.means[index]);
-            out.quats.push(self.splats.quats[index]);
-            out.log_scales.push(self.splats.log_scales[index]);
-            out.logit_opacities.push(self.splats.logit_opacities[index]);
-            out.groups.push(self.splats.groups[index]);
-            let first = out.sh.len();
-            out.sh.extend_from_slice(&self.splats.sh_of(index)[..3]);
-            out.sh.resize(first + stride, 0.0);
-        }
+        out.append(&self.splats);
         out
     }
 }
@@ -145,6 +135,7 @@ impl Cover {
     #[must_use]
     pub fn of(splats: &Splats, site: &Site, slope: [f64; 2], middle: [f64; 3], threads: usize) -> Self {
         let mut rings: Vec<Ground> = Vec::new();
+        let mut occluders = Occluders::of(splats, site, &ShelterOptions::default());
         for ring in 0..RINGS {
             let cell = NARROWEST * WIDER.powi(ring as i32);
             let reach = if ring + 1 == RINGS { f64::INFINITY } else { 0.5 * SIDE * cell };
@@ -155,7 +146,7 @@ impl Cover {
                 margin: 0.1,
                 ..ShelterOptions::default()
             };
-            let occluders = Occluders::of(splats, site, &options);
+            occluders = occluders.mapped(&options);
             let ground = Ground::of(splats, &occluders, site, slope, rings.last(), threads);
             // The whole scene is in it.
             let [columns, rows] = ground.size.map(|v| v as f64);
@@ -215,13 +206,12 @@ fn spot(rings: &[Ground], splats: &Splats, index: usize, metres_per_unit: f64) -
     let is_in = |ground: &Ground| ground.places.cell_at(ground.places.locate(mean).0).is_some();
     let ring = rings.iter().position(is_in)?;
     let ground = &rings[ring];
-    let cells = ground.size[0] * ground.size[1];
     let under = |at: [f64; 3]| {
         let (place, height) = ground.places.locate(at);
         let cell = ground.places.cell_at(place)?;
         let above = |node: usize| height as f32 - ground.height[node];
         let is_near = |node: &usize| (-BURIED..1.5).contains(&above(*node));
-        let node = (0..ground.layers).map(|layer| layer * cells + cell).find(is_near)?;
+        let node = ground.nodes_of(cell).find(is_near)?;
         Some((node as u32, above(node)))
     };
     let (node, above) = under(mean)?;

@@ -16,7 +16,7 @@ const HOLDS: f32 = 1.3;
 pub struct Settled {
     /// Depth, m, one a node of the ground.
     pub depth: Vec<f32>,
-    /// What slid off the grid or to where nothing is known, as a depth on one cell, m.
+    /// What is left on walls, where nothing can lie, as a depth on one cell, m.
     pub lost: f64,
 }
 
@@ -26,8 +26,6 @@ pub fn settle(ground: &Ground, fell: &[f32], repose: f32) -> Settled {
     let mut depth = fell.to_vec();
     let mut lost = 0.0;
     let total: f64 = fell.iter().map(|d| f64::from(*d)).sum();
-    let [columns, rows] = ground.size;
-    let cells = columns * rows;
     let step = repose * ground.cell;
     // Where something may move: after the first round, where it did and beside it.
     let mut active: Vec<u32> = (0..depth.len() as u32).filter(|node| depth[*node as usize] > 0.0).collect();
@@ -37,27 +35,22 @@ pub fn settle(ground: &Ground, fell: &[f32], repose: f32) -> Settled {
         let mut next = Vec::new();
         for node in &active {
             let node = *node as usize;
-            let (cell, own) = (node % cells, depth[node]);
+            let own = depth[node];
             if own <= 1e-5 {
                 continue;
             }
-            let (column, row) = (cell % columns, cell / columns);
+            let [column, row] = ground.place(node);
             let top = ground.height[node] + own;
             let mut went = false;
             for (dx, dy) in [(1, 0), (0, 1), (-1, 0), (0, -1)] {
-                let (x, y) = (column as i64 + dx, row as i64 + dy);
-                if x < 0 || y < 0 || x >= columns as i64 || y >= rows as i64 {
-                    continue;
-                }
-                let beside = y as usize * columns + x as usize;
+                let (x, y) = (column + dx, row + dy);
+                let Some(beside) = ground.node(0, x, y) else { continue };
                 // The same surface goes on there, or it falls on the uppermost below that is open to the sky.
                 let goes_on = ground.level_with(node, x, y, EDGE);
-                let below = (0..ground.layers).map(|layer| layer * cells + beside);
-                let below = || {
-                    below
-                        .filter(|to| ground.height[*to].is_finite())
-                        .find(|to| ground.height[*to] < top && ground.open[*to] > 0.0)
+                let is_below = |to: &usize| {
+                    ground.height[*to].is_finite() && ground.height[*to] < top && ground.open[*to] > 0.0
                 };
+                let below = || ground.nodes_of(beside).find(is_below);
                 let Some(to) = goes_on.or_else(below) else { continue };
                 let fall = top - (ground.height[to] + depth[to]);
                 let is_edge = ground.height[node] - ground.height[to] > EDGE;

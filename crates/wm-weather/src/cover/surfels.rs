@@ -48,11 +48,8 @@ pub fn surface(ground: &Ground, depth: &[f32]) -> Vec<f32> {
             if depth[node] <= LEAST {
                 continue;
             }
-            let near = ground.beside(node).into_iter().flatten().filter(|other| depth[*other] > LEAST);
-            let (sum, count) =
-                near.fold((top[node], 1.0), |(sum, count), other| (sum + top[other], count + 1.0));
             // Never below the ground, and level only as far as there is snow to level.
-            let level = sum / count;
+            let [level] = ground.mean_about(node, |other| (depth[other] > LEAST).then(|| [top[other]]));
             *next = level.clamp(top[node] - 0.5 * depth[node], top[node] + 0.5 * depth[node]);
         }
         top = next;
@@ -149,10 +146,7 @@ pub(super) fn shades(ground: &Ground) -> Vec<f32> {
     for _ in 0..6 {
         let mut next = light.clone();
         for (node, next) in next.iter_mut().enumerate() {
-            let near = ground.beside(node).into_iter().flatten().map(|other| light[other]);
-            let all = near.chain([light[node]]).filter(|v| !v.is_nan());
-            let (sum, count) = all.fold((0.0, 0.0f32), |(sum, count), v| (sum + v, count + 1.0));
-            *next = sum / count;
+            [*next] = ground.mean_about(node, |other| (!light[other].is_nan()).then(|| [light[other]]));
         }
         light = next;
     }

@@ -203,3 +203,21 @@ fn what_falls_is_what_lies() {
         assert!(((lies + lost) / fell - 1.0).abs() < 0.01, "{slope:?}: {lies} {lost} {fell}");
     }
 }
+
+#[test]
+fn nothing_lies_where_nothing_can() {
+    let asked = Asked { depth: 10.0, repose: 0.84, matter: SNOW };
+    let lying = |splats: &Splats| Cover::of(splats, &SITE, [0.3, 0.0], [0.0; 3], 2).lying(&asked);
+    let nothing = lying(&Splats::with_capacity(0, 0));
+    assert!(nothing.splats.is_empty() && nothing.buried.factors().is_empty());
+    // A wall, and a sky.
+    let mut place = Builder::new(1);
+    place.surface(DVec3::ZERO, DVec3::X * 6.0, DVec3::Z * 4.0, 0.05, |_, _| [0.4; 3]);
+    let mut wall = place.build();
+    let bare = lying(&wall);
+    let volume = |lying: &Lying| lying.settled[0].depth.iter().map(|d| f64::from(*d)).sum::<f64>();
+    println!("{} splats on a wall", bare.splats.len());
+    assert!(volume(&bare).is_finite() && bare.splats.check().is_ok());
+    wall.groups.fill(Group::Sky);
+    assert!(lying(&wall).splats.is_empty());
+}

@@ -1,6 +1,7 @@
 //! Dust cover: sand, dust or ash that lies, as deep as is asked for on open level ground.
 //!
-//! As snow that lies ([`super::snow_cover`]), with another colour, and sliding sooner: dry sand lies at 34 degrees at most,
+//! As snow that lies ([`super::snow_cover`]; where both are asked for only the snow is drawn), with another colour, and
+//! sliding sooner: dry sand lies at 34 degrees at most,
 //! ash at 35 to 40.
 
 use crate::cover::{Asked, Matter};

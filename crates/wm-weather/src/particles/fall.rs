@@ -195,7 +195,7 @@ impl Fall<'_> {
         let (cells, density) = (self.cells(class, tier), self.density(class, view));
         let Some(range) = density.reach(cells.thresholds[0]) else { return };
         let cone = self.cone(class, view, range);
-        let mut brush = Brush::new(self, view, (class, density), take);
+        let mut brush = Brush::new(self, view, (class, density, &cone), take);
         let begin = cone.slices(cells.edge).start;
         let half = 0.5 * cells.edge;
         let mut visited = Vec::new();
@@ -207,9 +207,12 @@ impl Fall<'_> {
                 let off = middle.iter().map(|v| v * v).sum::<f64>().sqrt() - half * 3f64.sqrt();
                 let most = brush.density.most((off - cone.margin).max(0.0)).min(cells.thresholds[1] as f32);
                 let mut points = cells.begin();
+                // Where it stands still, so that it goes by nothing but itself.
+                let still = std::array::from_fn(|k| corner[k] + cone.center[k]);
+                let phases = brush.sway.as_ref().map(|sway| sway.phases(&still));
                 while points.last() < most {
                     cells.next(simd, *cell, &mut points);
-                    brush.add(simd, (&cells, *cell, *corner), &cone, &points);
+                    brush.add(simd, (&cells, *cell, *corner), phases.as_ref(), &points);
                 }
             }
         }
@@ -312,6 +315,9 @@ struct Brush<'a> {
     air: AirView<'a>,
     class: usize,
     density: Density,
+    /// Of the cone, and how far outside of them points may lie before they sway, m.
+    planes: [[f32; 3]; 5],
+    margin: f32,
     sway: Option<Sway>,
     /// Velocity of all of them as the camera sees it, level axes, m/s.
     relative: [f32; 3],
@@ -327,7 +333,7 @@ impl<'a> Brush<'a> {
     fn new(
         fall: &'a Fall<'a>,
         view: &'a ParticleView,
-        (class, density): (usize, Density),
+        (class, density, cone): (usize, Density, &Cone),
         take: &'a mut dyn FnMut(&ParticleGroup),
     ) -> Self {
         let this = fall.precipitation;
@@ -343,6 +349,8 @@ impl<'a> Brush<'a> {
         };
         Self {
             density,
+            planes: cone.planes.map(|plane| plane.map(|v| v as f32)),
+            margin: cone.margin as f32,
             air: fall.air.seen_from(view.center.map(|v| v as f32)),
             sway: (this.kind == Kind::Snow).then(|| Sway::new(fall.time)),
             relative: fall.relative(this.classes[class].fall_speed).map(|v| v as f32),
@@ -363,15 +371,10 @@ impl<'a> Brush<'a> {
         &mut self,
         simd: S,
         (cells, cell, corner): (&Cells, [i64; 3], [f64; 3]),
-        cone: &Cone,
+        phases: Option<&sway::Phases>,
         points: &Points,
     ) {
         let edge = cells.edge as f32;
-        let phases = self.sway.as_ref().map(|sway| {
-            // Where it stands still, so that it goes by nothing but itself.
-            sway.phases(&std::array::from_fn(|k| corner[k] + cone.center[k]))
-        });
-        let planes = cone.planes.map(|plane| plane.map(|v| v as f32));
         let look = &self.fall.precipitation.look;
         for first in (0..GROUP).step_by(S::N) {
             let threshold = simd.load(&points.threshold[first..]);
@@ -381,7 +384,7 @@ impl<'a> Brush<'a> {
                 at[k] = within[k] + corner[k] as f32;
             }
             let zero = simd.set(0.0);
-            let near = inside_by(simd, &planes, &at, simd.set(cone.margin as f32)).simd_gt(zero)
+            let near = inside_by(simd, &self.planes, &at, simd.set(self.margin)).simd_gt(zero)
                 & threshold.simd_lt(simd.set(cells.thresholds[1] as f32));
             if !near.any_true() {
                 continue;
@@ -389,7 +392,7 @@ impl<'a> Brush<'a> {
             let own = cells.own(simd, cell, (points, first, 1));
             let width = self.fall.precipitation.classes[self.class].seen_by(simd, uniform(simd, own[0]));
             let mut velocity = self.relative.map(|v| simd.set(v));
-            if let (Some(sway), Some(phases)) = (&self.sway, &phases) {
+            if let (Some(sway), Some(phases)) = (&self.sway, phases) {
                 sway.apply(simd, (phases, &within), [own[1], own[2]], &mut at, &mut velocity);
             }
             let distance = squared::<S>(&at).sqrt();
@@ -400,7 +403,7 @@ impl<'a> Brush<'a> {
             let seen = near
                 & there.simd_gt(zero)
                 & distance.simd_gt(simd.set(NEAREST as f32))
-                & inside_by(simd, &planes, &at, margin).simd_gt(zero);
+                & inside_by(simd, &self.planes, &at, margin).simd_gt(zero);
             let mut bits = seen.to_bitmask();
             while bits != 0 {
                 let lane = bits.trailing_zeros() as usize;

@@ -40,6 +40,9 @@ pub fn farthest() -> f64 {
     EDDIES.iter().map(|eddy| eddy.reach).sum::<f64>() + SPEED[1] / (TAU * RATE[0])
 }
 
+/// Where in their turns the waves are at a place, 0-1.
+pub type Phases = [f32; EDDIES.len()];
+
 /// Swaying at one instant of all flakes that fall alike.
 pub struct Sway {
     time: f64,
@@ -57,7 +60,7 @@ impl Sway {
 
     /// Where in their turns the waves are at `at`, m, in the flakes' own axes that do not move, 0-1.
     #[must_use]
-    pub fn phases(&self, at: &[f64; 3]) -> [f32; EDDIES.len()] {
+    pub fn phases(&self, at: &[f64; 3]) -> Phases {
         std::array::from_fn(|k| {
             let Eddy { length, period, from: [x, y], .. } = EDDIES[k];
             let turns = (at[0] * x + at[1] * y + RISE * at[2]) / length + self.time / period;
@@ -71,7 +74,7 @@ impl Sway {
     pub fn apply<S: Lanes>(
         &self,
         simd: S,
-        (phases, from): (&[f32; EDDIES.len()], &[S::F; 3]),
+        (phases, from): (&Phases, &[S::F; 3]),
         own: [S::U; 2],
         at: &mut [S::F; 3],
         velocity: &mut [S::F; 3],

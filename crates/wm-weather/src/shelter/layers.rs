@@ -1,5 +1,6 @@
 //! Surfaces one below the other: what lies open to the sky, and what lies under that.
 
+use super::occluders::count as thread_count;
 use super::{Grid, Occluders, cast, dot};
 
 /// Surfaces straight below each other on a level grid, the uppermost first.
@@ -15,13 +16,10 @@ impl Occluders {
     /// The first `count` surfaces from above, each at least `gap` m below the one before.
     #[must_use]
     pub fn layers(&self, count: usize, gap: f64, threads: Option<usize>) -> Layers {
-        let down = self.up.map(|v| -v);
-        let threads = threads
-            .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get))
-            .max(1);
-        let first = self.shelter(down, Some(threads));
-        let (grid, mut stops) = (first.grid, first.stops);
+        let threads = thread_count(threads);
+        let grid = self.grid(self.up.map(|v| -v));
         let footprints = cast::project(&self.all, &grid, threads);
+        let mut stops = self.first(&footprints, &grid, threads);
         let gap = (gap / self.metres_per_unit) as f32;
         let mut heights = Vec::new();
         for layer in 0..count {

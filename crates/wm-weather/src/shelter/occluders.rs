@@ -98,24 +98,34 @@ impl Occluders {
         Self { options: *options, metres_per_unit, up, origin, all }
     }
 
+    /// The same for maps of other cells, of another field and with another margin; what stops nothing stays so.
+    #[must_use]
+    pub fn mapped(self, options: &ShelterOptions) -> Self {
+        Self { options: *options, ..self }
+    }
+
     /// The map for what falls along `fall`: see [`Shelter::build`].
     #[must_use]
     pub fn shelter(&self, fall: [f64; 3], threads: Option<usize>) -> Shelter {
-        let threads = threads
-            .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get))
-            .max(1);
+        let threads = count(threads);
         let grid = self.grid(unit(fall).unwrap_or(self.up.map(|v| -v)));
         let footprints = cast::project(&self.all, &grid, threads);
+        let stops = self.first(&footprints, &grid, threads);
+        Shelter::new(grid, stops, self.metres_per_unit, &self.options)
+    }
+
+    /// How far along the fall the first surface of each cell is.
+    pub(super) fn first(&self, footprints: &cast::Footprints, grid: &Grid, threads: usize) -> Vec<f32> {
         let mut stops = vec![f32::NEG_INFINITY; grid.columns * grid.rows];
         let mut clear = vec![1.0; stops.len()];
-        cast::cast(&footprints, &grid, &mut stops, &mut clear, threads);
+        cast::cast(footprints, grid, &mut stops, &mut clear, threads);
         for _ in 0..floaters::ROUNDS {
-            if !floaters::reopen(&mut stops, &mut clear, &grid, self.metres_per_unit) {
+            if !floaters::reopen(&mut stops, &mut clear, grid, self.metres_per_unit) {
                 break;
             }
-            cast::cast(&footprints.over(&grid, &clear), &grid, &mut stops, &mut clear, threads);
+            cast::cast(&footprints.over(grid, &clear), grid, &mut stops, &mut clear, threads);
         }
-        Shelter::new(grid, stops, self.metres_per_unit, &self.options)
+        stops
     }
 
     /// The grid across a direction of fall.
@@ -149,6 +159,11 @@ impl Occluders {
         }
         Grid { axes, origin: self.origin, low: [across[0], down[0]], cell, columns, rows }
     }
+}
+
+/// How many threads are meant: `None` for one a core.
+pub(super) fn count(threads: Option<usize>) -> usize {
+    threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get)).max(1)
 }
 
 /// Whether the place and shape of a splat can be used; its colour does not matter.
