@@ -10,7 +10,7 @@ use wm_render::{
     Background, CpuRenderer, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetId, SetView, Stats,
 };
 use wm_scene::Camera;
-use wm_weather::cover::{Asked, Buried, Cover};
+use wm_weather::cover::{Airflow, Asked, Buried, Cover};
 use wm_weather::paper::{PaperCover, Stages, composite};
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
 use wm_weather::{Fidelity, Seen, Site, Sky, Weather};
@@ -58,9 +58,8 @@ fn sets<'a>(loaded: &Loaded, lying: Option<&'a Laid>) -> Vec<SetView<'a>> {
 pub struct Needs {
     /// Whether something may fall that roofs stop.
     pub fall: bool,
-    /// What the wind carries sideways of what then lies, while it falls by 1, along the level axes; `None` where nothing
-    /// lies at any time.
-    pub cover: Option<[f64; 2]>,
+    /// How the air carries what lies; `None` where nothing does at any time.
+    pub cover: Option<Airflow>,
     /// The paper's lying snow.
     pub paper_cover: Option<PaperCover>,
 }
@@ -72,7 +71,7 @@ impl Needs {
         let fall = weather.has_fall() && weather.fidelity == Fidelity::Physical;
         let paper_cover = weather.at(0.0).over(site).paper_cover().cloned();
         let lies = weather.effects().any(|(effect, _)| effect.slot == Slot::Surface) && paper_cover.is_none();
-        Self { fall, cover: lies.then(|| slant(weather, site)), paper_cover }
+        Self { fall, cover: lies.then(|| airflow(weather, site)), paper_cover }
     }
 }
 
@@ -94,18 +93,15 @@ fn middle(loaded: &Loaded) -> [f64; 3] {
     }
 }
 
-/// What the wind carries sideways of what lies, while it falls by 1: the mean wind at the start.
-pub fn slant(weather: &Weather, site: &Site) -> [f64; 2] {
-    weather.at(0.0).over(site).slant(SPEED)
+/// How the air carries what lies: the mean wind at the start.
+pub fn airflow(weather: &Weather, site: &Site) -> Airflow {
+    weather.at(0.0).over(site).airflow()
 }
 
 /// What something may lie on.
-pub fn cover(loaded: &Loaded, site: &Site, slant: [f64; 2]) -> Cover {
-    Cover::of(&loaded.scene.splats, site, slant, middle(loaded), loaded.renderer.threads())
+pub fn cover(loaded: &Loaded, site: &Site, airflow: &Airflow) -> Cover {
+    Cover::of(&loaded.scene.splats, site, airflow, middle(loaded), loaded.renderer.threads())
 }
-
-/// Fall speed of what lies, m/s: that of flakes.
-const SPEED: f64 = 1.0;
 
 /// A camera and how it moves.
 #[derive(Clone, Copy, Debug)]
@@ -133,7 +129,7 @@ impl Studio {
         let needs = needs(&site);
         let occluders = || Occluders::of(&loaded.scene.splats, &site, &ShelterOptions::default());
         let occluders = needs.fall.then(occluders);
-        let cover = needs.cover.map(|slant| cover(&loaded, &site, slant));
+        let cover = needs.cover.map(|airflow| cover(&loaded, &site, &airflow));
         let mut lying = None;
         if let Some(paper) = &needs.paper_cover {
             let set = loaded.renderer.load(&paper.snow(&loaded.scene.splats, &site))?;
@@ -146,7 +142,7 @@ impl Studio {
     /// Lays out what lies under `sky`, if it is not there.
     fn lay(&mut self, sky: &Sky) -> Result<()> {
         // The paper's snow lies there from the start.
-        let Some(cover) = &self.cover else { return Ok(()) };
+        let Some(cover) = &mut self.cover else { return Ok(()) };
         let asked = sky.cover();
         if self.lying.as_ref().and_then(|lying| lying.asked.as_ref()) == asked {
             return Ok(());

@@ -47,7 +47,7 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     let sky = weather.at(args.time).over(&site);
     let lying = match (sky.cover(), sky.paper_cover()) {
         (_, Some(paper)) => Lying::on_top(paper.snow(&loaded.scene.splats, &site)),
-        (Some(asked), None) => studio::cover(&loaded, &site, studio::slant(&weather, &site)).lying(asked),
+        (Some(asked), None) => studio::cover(&loaded, &site, &studio::airflow(&weather, &site)).lying(asked),
         (None, None) => bail!(
             "nothing lies under the weather {} at {} s: ask for it, such as --set snow_cover.depth=0.1",
             weather.name,

@@ -23,6 +23,7 @@ pub mod picture;
 pub mod presets;
 pub mod reference_page;
 pub mod shelter;
+mod threads;
 pub mod track;
 pub mod weather;
 pub mod wind;

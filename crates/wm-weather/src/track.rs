@@ -198,10 +198,7 @@ impl Track {
 impl Key {
     /// The value if it is a number, else NaN.
     fn number(&self) -> f64 {
-        match self.value {
-            Value::Number(number) => number,
-            _ => f64::NAN,
-        }
+        self.value.number().unwrap_or(f64::NAN)
     }
 }
 

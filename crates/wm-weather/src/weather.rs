@@ -1,6 +1,6 @@
 //! What weather is on, over time, and how it reaches the renderer.
 
-use crate::cover::Asked;
+use crate::cover::{Airflow, Asked};
 use crate::dome::Dome;
 use crate::dome::{from_level, level_axes};
 use crate::effects::look::Grade;
@@ -135,6 +135,13 @@ impl Instant {
         self.effects.iter().map(|(effect, values, _)| (&EFFECTS[*effect], &values[..]))
     }
 
+    /// A parameter over time, if its effect is on.
+    #[must_use]
+    pub fn track(&self, effect: &str, param: &str) -> Option<&Track> {
+        let (on, _, tracks) = self.effects.iter().find(|(on, _, _)| EFFECTS[*on].name == effect)?;
+        tracks.get(EFFECTS[*on].param(param)?)
+    }
+
     /// What the renderer needs of this weather at one place.
     #[must_use]
     pub fn over(&self, site: &Site) -> Sky {
@@ -149,7 +156,7 @@ impl Instant {
                 Fidelity::Physical => effect.act,
                 Fidelity::Paper => effect.act_as_paper.unwrap_or(effect.act),
             };
-            match act(&Now { values, tracks, time: self.time }, &site) {
+            match act(&Now { values, tracks, time: self.time, weather: self }, &site) {
                 // First of all effects: the light of the others is its.
                 Action::Sky(sky) => {
                     let is_its = site.daylight == Daylight::Guessed || sky.scenes_sky() == SkySplats::LeftOut;
@@ -172,8 +179,7 @@ impl Instant {
                     falling.push(*kind);
                 }
                 Action::PaperFall(fall) => paper_falls.push(*fall),
-                // At a depth of 0 nothing lies.
-                Action::Cover(asked) => cover = Some(asked).filter(|asked| asked.depth > 0.0),
+                Action::Cover(asked) => cover = Some(asked),
                 Action::PaperCover(snow) => paper_cover = Some(*snow),
                 Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
             }
@@ -187,6 +193,11 @@ impl Instant {
 const SLOPE: f64 = 0.052_4;
 /// Most that the wind slants the fall that shelter goes by, as a slope.
 const STEEPEST: f64 = 1.0;
+
+/// Fall speed of what lies later, m/s: that of flakes.
+const FLAKE: f64 = 1.0;
+/// Share of what falls that a strong wind carries on along the ground.
+const MOVED: f64 = 0.6;
 
 /// From where a weather is seen.
 #[derive(Clone, Copy, Debug)]
@@ -267,7 +278,18 @@ impl Sky {
     /// What lies, if anything does.
     #[must_use]
     pub fn cover(&self) -> Option<&Asked> {
-        self.cover.as_ref()
+        // At a depth of 0 nothing does.
+        self.cover.as_ref().filter(|asked| asked.depth > 0.0)
+    }
+
+    /// How the mean wind carries what lies at some time, while it falls and along the ground: no more than 45 degrees
+    /// from straight down ([`Self::slant`]), and along the ground the more the farther it is above the threshold.
+    #[must_use]
+    pub fn airflow(&self) -> Airflow {
+        let [x, y] = self.blow.mean;
+        let threshold = self.cover.as_ref().map_or(f64::INFINITY, |asked| asked.threshold);
+        let moved = MOVED * ((x.hypot(y) / threshold).powi(3) - 1.0).clamp(0.0, 1.0);
+        Airflow { slope: self.slant(FLAKE), moved }
     }
 
     /// What lies as in the paper, if anything does: the same at all times.

@@ -142,10 +142,7 @@ fn turned(mean: [f64; 2], by: [f64; 2]) -> [f64; 2] {
 }
 
 fn number(value: &Value) -> f64 {
-    match value {
-        Value::Number(number) => *number,
-        _ => 0.0,
-    }
+    value.number().unwrap_or(0.0)
 }
 
 #[cfg(test)]

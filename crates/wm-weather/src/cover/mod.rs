@@ -1,28 +1,41 @@
 //! Snow, dust and ash that lie.
 //!
 //! # How much lies where
-//! What falls reaches the surfaces of the scene by how open they are ([`ground`]), slides off what is too steep for it
-//! and lies below ([`settle`]). Depth is asked for as that on open level ground, and all of it is kept account of:
-//! what fell is what lies and what is left on walls.
+//! What falls reaches the surfaces of the scene ([`ground`]) by how open they are and by what the wind does with it
+//! ([`exposure`]), slides off what is too steep for it and lies below ([`settle`]), and melts. Depth is asked for as
+//! that on open level ground, or follows from what has fallen until then ([`snowpack`]). All of it is kept account of:
+//! what fell is what lies, what has melted, and what is left on walls or blown away.
+//!
+//! # Over time
+//! The ground is found once a scene. On it what has slid is found for a ladder of depths, each 1.5 times the one before;
+//! between two of them depths are mixed. So a frame at any time can be had alone, and costs no sliding after
+//! the first.
 //!
 //! # How it is drawn
-//! As splats of its own on its own surface ([`surfels`]), opaque and lit as the place is; and the scene's splats that it
-//! buries are hidden, so that none shines through ([`Buried`]). Thin snow covers a share of the ground only.
+//! As splats of its own on its own surface ([`surfels`]), opaque and lit as the place is ([`shading`]); and the scene's
+//! splats that it buries are hidden, so that none shines through ([`Buried`]). Thin snow covers a share of the ground
+//! only, and what has melted leaves it wet.
 //!
 //! # Departures from the paper
 //! The paper makes those splats white that face up, and fills planes between them with white ones: it snows under
 //! roofs, and white shows through what stands in front. That is [`crate::paper`]'s.
 
+pub mod exposure;
 pub mod ground;
 pub mod settle;
+mod shading;
+pub mod snowpack;
 pub mod surfels;
 #[cfg(test)]
 mod tests;
 
 use crate::optics::Site;
 use crate::shelter::{Occluders, ShelterOptions};
+use crate::threads::map;
+pub use exposure::Airflow;
 use ground::Ground;
 pub use settle::Settled;
+pub use snowpack::Snowpack;
 pub use surfels::{Matter, coverage};
 use wm_render::hooks::Visibility;
 use wm_scene::{Group, Splats};
@@ -36,14 +49,25 @@ const WIDER: f64 = 4.0;
 const RINGS: usize = 3;
 /// Narrowest cells, m.
 const NARROWEST: f64 = 0.06;
+/// The lowest depth of the ladder, m, and how many times as deep each next one is.
+const LOWEST: f64 = 0.005;
+const RUNG: f64 = 1.5;
+/// Rungs that are kept.
+const KEPT: usize = 4;
 
 /// What is asked to lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Asked {
-    /// On open level ground, m.
+    /// What has come down on open level ground, m, as deep as it lies at the instant.
     pub depth: f64,
+    /// What has melted of it there, m.
+    pub melted: f64,
+    /// How wet the ground is where it has melted, 0-1.
+    pub wet: f64,
     /// Steepest that it lies, as a tangent.
     pub repose: f64,
+    /// Wind that carries it along the ground, m/s at 10 m.
+    pub threshold: f64,
     /// What it is.
     pub matter: Matter,
 }
@@ -56,6 +80,17 @@ pub struct Cover {
     metres_per_unit: f64,
     /// Of each splat of the scene. Those that nothing buries have none.
     spots: Vec<Option<Spot>>,
+    /// What has slid, for some depths and angles of repose: the last used at the end.
+    ladder: Vec<Rung>,
+    threads: usize,
+}
+
+/// What lies where at a depth of the ladder.
+#[derive(Clone, Debug)]
+struct Rung {
+    depth: f64,
+    repose: f64,
+    settled: Vec<Settled>,
 }
 
 /// Where a splat is on the ground.
@@ -80,6 +115,8 @@ pub struct Lying {
     pub buried: Buried,
     /// What lies where on each ring.
     pub settled: Vec<Settled>,
+    /// What has melted on each ring, as a depth on one cell, m.
+    pub melted: Vec<f64>,
 }
 
 /// How much of each splat of the scene is still seen.
@@ -98,7 +135,7 @@ impl Lying {
     /// Splats that hide none of the scene's.
     #[must_use]
     pub fn on_top(splats: Splats) -> Self {
-        Self { splats, buried: Buried::default(), settled: Vec::new() }
+        Self { splats, buried: Buried::default(), settled: Vec::new(), melted: Vec::new() }
     }
 
     /// The scene with what lies on it, as one set of splats of the scene's SH degree.
@@ -130,10 +167,9 @@ impl Buried {
 }
 
 impl Cover {
-    /// Of a scene in a fall of `slope`: what it goes sideways while it falls by 1, along [`crate::dome::level_axes`].
-    /// Cells are narrowest about `middle` (world, scene units).
+    /// Of a scene whose air carries what falls. Cells are narrowest about `middle` (world, scene units).
     #[must_use]
-    pub fn of(splats: &Splats, site: &Site, slope: [f64; 2], middle: [f64; 3], threads: usize) -> Self {
+    pub fn of(splats: &Splats, site: &Site, airflow: &Airflow, middle: [f64; 3], threads: usize) -> Self {
         let mut rings: Vec<Ground> = Vec::new();
         let mut occluders = Occluders::of(splats, site, &ShelterOptions::default());
         for ring in 0..RINGS {
@@ -147,7 +183,7 @@ impl Cover {
                 ..ShelterOptions::default()
             };
             occluders = occluders.mapped(&options);
-            let ground = Ground::of(splats, &occluders, site, slope, rings.last(), threads);
+            let ground = Ground::of(splats, &occluders, site, airflow, rings.last(), threads);
             // The whole scene is in it.
             let [columns, rows] = ground.size.map(|v| v as f64);
             let is_all = columns < 0.98 * SIDE && rows < 0.98 * SIDE;
@@ -156,9 +192,8 @@ impl Cover {
                 break;
             }
         }
-        let spots =
-            (0..splats.len()).map(|index| spot(&rings, splats, index, site.metres_per_unit)).collect();
-        Self { rings, metres_per_unit: site.metres_per_unit, spots }
+        let spots = map(splats.len(), threads, |index| spot(&rings, splats, index, site.metres_per_unit));
+        Self { rings, metres_per_unit: site.metres_per_unit, spots, ladder: Vec::new(), threads }
     }
 
     /// The ground, from the inside out.
@@ -167,33 +202,85 @@ impl Cover {
         &self.rings
     }
 
-    /// What lies as it is asked for.
+    /// What lies as it is asked for. The depths of the ladder that it needs are kept for the next time; what lies does not
+    /// depend on what was asked before.
     #[must_use]
-    pub fn lying(&self, Asked { depth, repose, matter }: &Asked) -> Lying {
-        let (mut settled, mut tops) = (Vec::new(), Vec::new());
+    pub fn lying(&mut self, asked: &Asked) -> Lying {
+        let settled = self.slid(asked.depth, asked.repose);
+        let (mut tops, mut melted, mut lies) = (Vec::new(), Vec::new(), Vec::new());
         let mut splats = Splats::with_capacity(0, 0);
-        for ground in &self.rings {
-            let fell: Vec<f32> = ground.share.iter().map(|share| share * *depth as f32).collect();
-            let lies = settle::settle(ground, &fell, *repose as f32);
-            let top = surfels::surface(ground, &lies.depth);
-            surfels::add(ground, (&lies.depth, &top), self.metres_per_unit, matter, &mut splats);
-            settled.push(lies);
+        for (ground, fell) in self.rings.iter().zip(settled) {
+            // What is in the shade melts half as fast.
+            let left = |node: usize| {
+                let melts = asked.melted as f32 * (0.5 + 0.5 * ground.shade[node]);
+                (fell.depth[node] - melts).max(0.0)
+            };
+            let depth: Vec<f32> = (0..ground.len()).map(left).collect();
+            let volume = |depth: &[f32]| depth.iter().map(|v| f64::from(*v)).sum::<f64>();
+            melted.push(volume(&fell.depth) - volume(&depth));
+            let top = surfels::surface(ground, &depth, self.threads);
+            let layer = surfels::Layer { fell: &fell.depth, depth: &depth, top: &top, wet: asked.wet };
+            surfels::add(ground, &layer, self.metres_per_unit, &asked.matter, self.threads, &mut splats);
+            lies.push(Settled { depth, lost: fell.lost });
             tops.push(top);
         }
-        let factor = |spot: &Option<Spot>| {
-            let Some(Spot { ring, nodes, reach }) = spot else { return 1.0 };
+        let factor = |index: usize| {
+            let Some(Spot { ring, nodes, reach }) = &self.spots[index] else { return 1.0 };
             let ring = usize::from(*ring);
-            let (ground, depth, top) = (&self.rings[ring], &settled[ring].depth, &tops[ring]);
+            let (ground, depth, top) = (&self.rings[ring], &lies[ring].depth, &tops[ring]);
             let hidden = |node: &u32| {
                 let node = *node as usize;
                 // Those that stick out stay.
                 let sunk = ((top[node] - ground.height[node] - reach) / 0.02 + 1.0).clamp(0.0, 1.0);
-                sunk * coverage(depth[node])
+                if sunk > 0.0 { sunk * coverage(depth[node]) } else { 0.0 }
             };
             1.0 - nodes.iter().map(hidden).fold(1.0, f32::min)
         };
-        let buried = Buried(self.spots.iter().map(factor).collect());
-        Lying { splats, buried, settled }
+        let buried = Buried(map(self.spots.len(), self.threads, factor));
+        Lying { splats, buried, settled: lies, melted }
+    }
+
+    /// What lies on each ring after it has slid, of a depth on open level ground, m: mixed of the two depths of the
+    /// ladder about it.
+    fn slid(&mut self, depth: f64, repose: f64) -> Vec<Settled> {
+        let above = (depth / LOWEST).log(RUNG).ceil().max(0.0) as i32;
+        let [low, high] = [above - 1, above].map(|k| LOWEST * RUNG.powi(k));
+        let low = if above == 0 { 0.0 } else { low };
+        self.climb([low, high], repose);
+        let rung = |depth: f64| {
+            let mut rungs = self.ladder.iter();
+            &rungs.find(|rung| rung.depth == depth && rung.repose == repose).expect("just climbed").settled
+        };
+        let share = (depth - low) / (high - low);
+        let mix = |(low, high): (&Settled, &Settled)| Settled {
+            depth: map(low.depth.len(), self.threads, |node| {
+                low.depth[node] + (high.depth[node] - low.depth[node]) * share as f32
+            }),
+            lost: low.lost + (high.lost - low.lost) * share,
+        };
+        rung(low).iter().zip(rung(high)).map(mix).collect()
+    }
+
+    /// Finds what has slid at two depths, if it is not known.
+    fn climb(&mut self, depths: [f64; 2], repose: f64) {
+        let is = |rung: &Rung, depth: f64| rung.depth == depth && rung.repose == repose;
+        let missing: Vec<f64> =
+            depths.into_iter().filter(|depth| !self.ladder.iter().any(|rung| is(rung, *depth))).collect();
+        let jobs: Vec<(f64, &Ground)> =
+            missing.iter().flat_map(|depth| self.rings.iter().map(|ground| (*depth, ground))).collect();
+        let mut settled = map(jobs.len(), self.threads, |job| {
+            let (depth, ground) = jobs[job];
+            let fell: Vec<f32> = ground.share.iter().map(|share| share * depth as f32).collect();
+            settle::settle(ground, &fell, repose as f32)
+        })
+        .into_iter();
+        for depth in missing {
+            let settled = settled.by_ref().take(self.rings.len()).collect();
+            self.ladder.push(Rung { depth, repose, settled });
+        }
+        self.ladder.sort_by_key(|rung| depths.iter().any(|depth| is(rung, *depth)));
+        let old = self.ladder.len().saturating_sub(KEPT);
+        self.ladder.drain(..old);
     }
 }
 

@@ -1,18 +1,16 @@
 //! Snow slides off what is too steep for it, down to where it can lie.
 
-use super::ground::Ground;
+use super::ground::{EDGE, Ground};
 
 /// Most rounds over all cells.
 const ROUNDS: usize = 120;
 /// What a round must move at least to be followed by another, as a share of all there is.
 const LEAST: f64 = 2e-5;
-/// Height from which a step to the side is an edge and no slope, m.
-pub(super) const EDGE: f32 = 0.35;
 /// How much more than what fell lies at an edge before it falls over: snow holds together.
 const HOLDS: f32 = 1.3;
 
 /// What lies where after it has slid.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Settled {
     /// Depth, m, one a node of the ground.
     pub depth: Vec<f32>,
@@ -39,19 +37,9 @@ pub fn settle(ground: &Ground, fell: &[f32], repose: f32) -> Settled {
             if own <= 1e-5 {
                 continue;
             }
-            let [column, row] = ground.place(node);
             let top = ground.height[node] + own;
             let mut went = false;
-            for (dx, dy) in [(1, 0), (0, 1), (-1, 0), (0, -1)] {
-                let (x, y) = (column + dx, row + dy);
-                let Some(beside) = ground.node(0, x, y) else { continue };
-                // The same surface goes on there, or it falls on the uppermost below that is open to the sky.
-                let goes_on = ground.level_with(node, x, y, EDGE);
-                let is_below = |to: &usize| {
-                    ground.height[*to].is_finite() && ground.height[*to] < top && ground.open[*to] > 0.0
-                };
-                let below = || ground.nodes_of(beside).find(is_below);
-                let Some(to) = goes_on.or_else(below) else { continue };
+            for to in ground.next(node).into_iter().flatten() {
                 let fall = top - (ground.height[to] + depth[to]);
                 let is_edge = ground.height[node] - ground.height[to] > EDGE;
                 let own = depth[node];

@@ -1,8 +1,8 @@
 //! Snow as splats: flat, opaque, on the snow's own surface.
 
-use super::ground::Ground;
-use super::settle::EDGE;
+use super::ground::{Ground, WAYS};
 use crate::particles::random::Draws;
+use crate::threads::map;
 use glam::{DMat3, DQuat, DVec3};
 use wm_scene::color::srgb_encode;
 use wm_scene::splats::{Splat, logit};
@@ -23,6 +23,13 @@ const LIFT: f64 = 0.012;
 const ROUGH: f64 = 0.004;
 const TILT: f64 = 0.06;
 
+/// Nodes that one thread draws at a time.
+const PART: usize = 4096;
+/// How far above the ground what wets it is drawn, m, how much light that takes at most, and its own colour, sRGB.
+const FILM: f64 = 0.004;
+const SOAKED: f64 = 0.38;
+const WATER: [f32; 3] = [0.1, 0.11, 0.12];
+
 /// What lies, as it is lit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Matter {
@@ -38,46 +45,89 @@ pub fn coverage(depth: f32) -> f32 {
     1.0 - (-depth.max(0.0) / DUSTING).exp()
 }
 
+/// What lies on a ground, one value a node.
+#[derive(Clone, Copy, Debug)]
+pub struct Layer<'a> {
+    /// What has come down, m.
+    pub fell: &'a [f32],
+    /// What is left of it, m.
+    pub depth: &'a [f32],
+    /// Height of its top, m.
+    pub top: &'a [f32],
+    /// How wet the ground is where it has melted, 0-1.
+    pub wet: f64,
+}
+
 /// The surface of what lies: height of its top at each node, m; smoother than the ground the deeper it is.
 #[must_use]
-pub fn surface(ground: &Ground, depth: &[f32]) -> Vec<f32> {
+pub fn surface(ground: &Ground, depth: &[f32], threads: usize) -> Vec<f32> {
     let mut top: Vec<f32> = ground.height.iter().zip(depth).map(|(height, depth)| height + depth).collect();
     for _ in 0..2 {
-        let mut next = top.clone();
-        for (node, next) in next.iter_mut().enumerate() {
+        top = map(top.len(), threads, |node| {
             if depth[node] <= LEAST {
-                continue;
+                return top[node];
             }
             // Never below the ground, and level only as far as there is snow to level.
             let [level] = ground.mean_about(node, |other| (depth[other] > LEAST).then(|| [top[other]]));
-            *next = level.clamp(top[node] - 0.5 * depth[node], top[node] + 0.5 * depth[node]);
-        }
-        top = next;
+            level.clamp(top[node] - 0.5 * depth[node], top[node] + 0.5 * depth[node])
+        });
     }
     top
 }
 
-/// Adds the splats of what lies on a ground: its depth and the height of its top at each node, m.
+/// Adds the splats of what lies on a ground.
 pub fn add(
     ground: &Ground,
-    (depth, top): (&[f32], &[f32]),
+    layer: &Layer<'_>,
     metres_per_unit: f64,
     matter: &Matter,
+    threads: usize,
     splats: &mut Splats,
 ) {
-    let axes = ground.places.axes().map(DVec3::from_array);
-    let cell = f64::from(ground.cell);
-    for node in 0..depth.len() {
-        if depth[node] <= LEAST || !top[node].is_finite() || ground.is_elsewhere(node) {
-            continue;
+    let painter = Painter {
+        ground,
+        layer,
+        matter,
+        metres_per_unit,
+        axes: ground.places.axes().map(DVec3::from_array),
+        cell: f64::from(ground.cell),
+    };
+    let nodes = ground.len();
+    let parts = map(nodes.div_ceil(PART), threads, |part| {
+        let mut splats = Splats::with_capacity(0, 0);
+        for node in part * PART..nodes.min((part + 1) * PART) {
+            painter.paint(node, &mut splats);
+        }
+        splats
+    });
+    parts.iter().for_each(|part| splats.append(part));
+}
+
+/// What a node's splats are made from.
+struct Painter<'a> {
+    ground: &'a Ground,
+    layer: &'a Layer<'a>,
+    matter: &'a Matter,
+    metres_per_unit: f64,
+    /// Of the grid.
+    axes: [DVec3; 3],
+    /// m.
+    cell: f64,
+}
+
+impl Painter<'_> {
+    /// Adds the splats of a node.
+    fn paint(&self, node: usize, splats: &mut Splats) {
+        let Self { ground, layer: Layer { fell, depth, top, wet }, matter, axes, cell, .. } = *self;
+        if fell[node] <= LEAST || ground.is_elsewhere(node) {
+            return;
         }
         let [column, row] = ground.place(node);
-        let level = |dx: i64, dy: i64| {
-            let other = ground.level_with(node, column + dx, row + dy, EDGE);
-            other.filter(|other| depth[*other] > LEAST).map(|other| f64::from(top[other]))
-        };
+        let beside = ground.beside(node);
+        let level =
+            |way: usize| beside[way].filter(|other| depth[*other] > LEAST).map(|other| f64::from(top[other]));
         let here = f64::from(top[node]);
-        let slope = |low: Option<f64>, high: Option<f64>| match (low, high) {
+        let slope = |high: Option<f64>, low: Option<f64>| match (low, high) {
             (Some(low), Some(high)) => (high - low) / (2.0 * cell),
             (Some(low), None) => (here - low) / cell,
             (None, Some(high)) => (high - here) / cell,
@@ -85,48 +135,68 @@ pub fn add(
         };
         let mut draws = Draws::new(node as u64 ^ 0x5e0f_0000_0000);
         let mut off = |most: f64| most * (2.0 * draws.uniform() - 1.0);
-        let dx = slope(level(-1, 0), level(1, 0)).clamp(-1.7, 1.7) + off(TILT);
-        let dy = slope(level(0, -1), level(0, 1)).clamp(-1.7, 1.7) + off(TILT);
+        let dx = slope(level(0), level(2)).clamp(-1.7, 1.7) + off(TILT);
+        let dy = slope(level(1), level(3)).clamp(-1.7, 1.7) + off(TILT);
         let (place, lift) = ([column as f64 + 0.5 + off(0.2), row as f64 + 0.5 + off(0.2)], off(ROUGH));
+        let cover = f64::from(coverage(depth[node]));
         // Splats are rough: what covers the ground must be above what they show of it.
-        let lift = lift.min(f64::from(depth[node]) * 0.3) + LIFT * f64::from(coverage(depth[node]));
+        let lift = lift.min(f64::from(depth[node]) * 0.3) + LIFT * cover;
         let normal = (axes[2] - axes[0] * dx - axes[1] * dy).normalize();
         let shade = f64::from(ground.shade[node]) * (0.7 + 0.3 * normal.dot(axes[2]));
         let color: [f64; 3] =
             std::array::from_fn(|k| matter.shade[k] + (matter.color[k] - matter.shade[k]) * shade);
         let speckle = 1.0 + off(0.025);
         let rgb = color.map(|v| srgb_encode((v * speckle).max(0.0)) as f32);
-        let unit = |metres: f64| ((metres / metres_per_unit).ln()) as f32;
-        let cover = f64::from(coverage(depth[node]));
-        let mut put = |at: [f64; 3], normal: DVec3, scales: [f64; 3], rgb: [f32; 3], opacity: f64| {
-            splats.push(&Splat {
-                mean: at.map(|v| v as f32),
-                quat: facing(normal, axes[2]),
-                log_scale: scales.map(unit),
-                logit_opacity: logit(opacity) as f32,
-                rgb,
-                group: Group::Snow,
-            });
-        };
         let wide = WIDTH * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
-        put(ground.places.point(place, here + lift), normal, [wide, wide, THICKNESS], rgb, OPAQUE * cover);
+        // What has melted has wetted the ground: it throws back less, between what is left and below it.
+        let soaked = wet * f64::from(coverage(fell[node] - depth[node])) * (1.0 - cover);
+        if soaked > 0.01 {
+            let at = ground.places.point(place, here + FILM);
+            self.put(at, normal, [wide, wide, THICKNESS], WATER, SOAKED * soaked, splats);
+        }
+        if depth[node] <= LEAST {
+            return;
+        }
+        let at = ground.places.point(place, here + lift);
+        self.put(at, normal, [wide, wide, THICKNESS], rgb, OPAQUE * cover, splats);
         // The sides of deep snow, where its surface ends.
         let own = f64::from(depth[node]);
         if own < 0.5 * cell {
-            continue;
+            return;
         }
-        for (x, y) in [(1, 0), (0, 1), (-1, 0), (0, -1)] {
+        for (way, [x, y]) in WAYS.into_iter().enumerate() {
             // Beyond the grid's end it goes on.
-            let goes_on = ground.node(0, column + x, row + y).is_none_or(|other| ground.is_elsewhere(other));
-            if goes_on || level(x, y).is_some_and(|other| here - other < 0.7 * own) {
+            let Some(next) = ground.cell_of(column + x, row + y) else { continue };
+            let goes_on = ground.nodes_of(next).any(|other| ground.is_elsewhere(other));
+            if goes_on || level(way).is_some_and(|other| here - other < 0.7 * own) {
                 continue;
             }
             let outward = axes[0] * x as f64 + axes[1] * y as f64;
             let edge = [column as f64 + 0.5 + 0.4 * x as f64, row as f64 + 0.5 + 0.4 * y as f64];
             let side = color.map(|v| srgb_encode(0.93 * v) as f32);
             let at = ground.places.point(edge, here - 0.45 * own);
-            put(at, outward, [WIDTH * cell, 0.4 * own, THICKNESS], side, OPAQUE * cover);
+            self.put(at, outward, [WIDTH * cell, 0.4 * own, THICKNESS], side, OPAQUE * cover, splats);
         }
+    }
+
+    /// Adds one: at a place (world, scene units), as wide as `scales` (m).
+    fn put(
+        &self,
+        at: [f64; 3],
+        normal: DVec3,
+        scales: [f64; 3],
+        rgb: [f32; 3],
+        opacity: f64,
+        splats: &mut Splats,
+    ) {
+        splats.push(&Splat {
+            mean: at.map(|v| v as f32),
+            quat: facing(normal, self.axes[2]),
+            log_scale: scales.map(|metres| (metres / self.metres_per_unit).ln() as f32),
+            logit_opacity: logit(opacity) as f32,
+            rgb,
+            group: Group::Snow,
+        });
     }
 }
 
@@ -136,31 +206,4 @@ fn facing(normal: DVec3, up: DVec3) -> [f32; 4] {
     let first = if first.length() > 1e-6 { first.normalize() } else { normal.any_orthonormal_vector() };
     let turn = DQuat::from_mat3(&DMat3::from_cols(first, normal.cross(first), normal));
     [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32)
-}
-
-/// How lit each node is, 0 in the shade to 1 in the open: by the sky that it sees, and by how bright the scene is about it
-/// beside what is as open.
-pub(super) fn shades(ground: &Ground) -> Vec<f32> {
-    // Of some metre about each node, so that what is painted dark is not taken for shade.
-    let mut light = ground.light.clone();
-    for _ in 0..6 {
-        let mut next = light.clone();
-        for (node, next) in next.iter_mut().enumerate() {
-            [*next] = ground.mean_about(node, |other| (!light[other].is_nan()).then(|| [light[other]]));
-        }
-        light = next;
-    }
-    let mut known: Vec<f32> = light
-        .iter()
-        .zip(&ground.open)
-        .filter(|(v, open)| !v.is_nan() && **open > 0.9)
-        .map(|(v, _)| *v)
-        .collect();
-    known.sort_by(f32::total_cmp);
-    let bright = known.get(known.len() * 3 / 5).copied().unwrap_or(1.0).max(1e-3);
-    let shade = |(light, open): (&f32, &f32)| {
-        let scene = if light.is_nan() { 1.0 } else { (light / bright).clamp(0.0, 1.0).powf(0.35) };
-        scene * (0.35 + 0.65 * open)
-    };
-    light.iter().zip(&ground.open).map(shade).collect()
 }

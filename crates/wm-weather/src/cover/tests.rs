@@ -17,6 +17,13 @@ const SITE: Site = Site {
 };
 const SNOW: Matter = Matter { color: [0.8; 3], shade: [0.2, 0.22, 0.28] };
 
+const ASKED: Asked =
+    Asked { depth: 0.1, melted: 0.0, wet: 0.0, repose: 0.84, threshold: f64::INFINITY, matter: SNOW };
+
+fn slanted(slope: [f64; 2]) -> Airflow {
+    Airflow { slope, moved: 0.0 }
+}
+
 /// A yard of 10 m by 8 m with a roof of 3 m by 3 m at 2.5 m over a part of it.
 fn porch() -> Splats {
     let mut place = Builder::new(1);
@@ -45,8 +52,8 @@ fn mean(cover: &Cover, lying: &Lying, x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> 
 #[test]
 fn roofs_are_covered_and_what_is_below_is_bare() {
     let splats = porch();
-    let cover = Cover::of(&splats, &SITE, [0.0; 2], [5.0, 4.0, 0.0], 2);
-    let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, matter: SNOW });
+    let mut cover = Cover::of(&splats, &SITE, &Airflow::default(), [5.0, 4.0, 0.0], 2);
+    let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, ..ASKED });
     let open = mean(&cover, &lying, [1.0, 3.0], [1.0, 7.0], [-0.2, 0.2]);
     let roof = mean(&cover, &lying, [4.5, 6.5], [3.5, 5.5], [2.3, 2.7]);
     let below = mean(&cover, &lying, [5.0, 6.0], [4.0, 5.0], [-0.2, 0.2]);
@@ -88,6 +95,13 @@ fn street(place: &Place) -> Splats {
             add(at, -DVec3::Z, 0.045);
         }
     }
+    // Under eaves, from the side.
+    for (x, y) in (0..320).flat_map(|y| (0..290).map(move |x| (x, y))) {
+        let at = DVec3::new(f64::from(x) * 0.1 - 19.0, f64::from(y) * 0.1 + 21.0, 0.0);
+        for way in [DVec3::new(0.5, 0.2, 1.0), DVec3::new(-0.5, -0.2, 1.0)] {
+            add(at + 40.0 * way, -way, 0.055);
+        }
+    }
     // The floor of the porch, which those do not reach.
     let (low, high) = Place::porch();
     for y in 0..100 {
@@ -111,21 +125,15 @@ fn street(place: &Place) -> Splats {
 fn the_street_is_covered_where_it_is_open() {
     let place = Place::street();
     let splats = street(&place);
-    let cover = Cover::of(&splats, &SITE, [0.0; 2], [-5.0, 37.0, 0.0], 2);
-    let lying = cover.lying(&Asked { depth: 0.1, repose: 0.9, matter: SNOW });
+    let mut cover = Cover::of(&splats, &SITE, &Airflow::default(), [-5.0, 37.0, 0.0], 2);
+    let lying = cover.lying(&Asked { depth: 0.1, repose: 0.9, ..ASKED });
     let ground = &cover.rings()[0];
-    let cells = ground.size[0] * ground.size[1];
     // Depth on the surface of a point: within 6 cm of it in height.
     let depth = |at: DVec3| {
         let (place, height) = ground.places.locate(at.to_array());
         let cell = ground.places.cell_at(place)?;
         let near = |node: &usize| (f64::from(ground.height[*node]) - height).abs() < 0.06;
-        Some(
-            (0..ground.layers)
-                .map(|layer| layer * cells + cell)
-                .find(near)
-                .map_or(0.0, |node| lying.settled[0].depth[node]),
-        )
+        Some(ground.nodes_of(cell).find(near).map_or(0.0, |node| lying.settled[0].depth[node]))
     };
     let (mut open, mut covered, mut sum) = (0, 0, 0.0);
     for view in &Place::views() {
@@ -177,8 +185,8 @@ fn the_lee_of_a_house_holds_less() {
     place.block(DVec3::new(6.0, 4.0, 0.0), DVec3::new(2.0, 4.0, 2.5), 0.05, [0.5; 3]);
     let splats = place.build();
     // 5 m/s, and flakes at 1 m/s: no flatter than 45 degrees, towards x.
-    let cover = Cover::of(&splats, &SITE, [1.0, 0.0], [7.0, 4.0, 0.0], 2);
-    let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, matter: SNOW });
+    let mut cover = Cover::of(&splats, &SITE, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0], 2);
+    let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, ..ASKED });
     let side = |x: [f64; 2]| mean(&cover, &lying, x, [3.5, 4.5], [-0.2, 0.2]);
     let (windward, lee, open) = (side([3.6, 4.6]), side([7.3, 8.3]), side([1.0, 3.0]));
     println!("windward {windward:.4}, lee {lee:.4}, open {open:.4}");
@@ -191,8 +199,8 @@ fn the_lee_of_a_house_holds_less() {
 fn what_falls_is_what_lies() {
     for slope in [[0.0; 2], [0.5, 0.2]] {
         let splats = porch();
-        let cover = Cover::of(&splats, &SITE, slope, [5.0, 4.0, 0.0], 2);
-        let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, matter: SNOW });
+        let mut cover = Cover::of(&splats, &SITE, &slanted(slope), [5.0, 4.0, 0.0], 2);
+        let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, ..ASKED });
         let ground = &cover.rings()[0];
         let cell = f64::from(ground.cell).powi(2);
         let lies: f64 = lying.settled[0].depth.iter().map(|d| f64::from(*d) * cell).sum();
@@ -206,8 +214,8 @@ fn what_falls_is_what_lies() {
 
 #[test]
 fn nothing_lies_where_nothing_can() {
-    let asked = Asked { depth: 10.0, repose: 0.84, matter: SNOW };
-    let lying = |splats: &Splats| Cover::of(splats, &SITE, [0.3, 0.0], [0.0; 3], 2).lying(&asked);
+    let asked = Asked { depth: 10.0, repose: 0.84, ..ASKED };
+    let lying = |splats: &Splats| Cover::of(splats, &SITE, &slanted([0.3, 0.0]), [0.0; 3], 2).lying(&asked);
     let nothing = lying(&Splats::with_capacity(0, 0));
     assert!(nothing.splats.is_empty() && nothing.buried.factors().is_empty());
     // A wall, and a sky.

@@ -1,8 +1,8 @@
 //! Dust cover: sand, dust or ash that lies, as deep as is asked for on open level ground.
 //!
 //! As snow that lies ([`super::snow_cover`]; where both are asked for only the snow is drawn), with another colour, and
-//! sliding sooner: dry sand lies at 34 degrees at most,
-//! ash at 35 to 40.
+//! sliding sooner: dry sand lies at 34 degrees
+//! at most, ash at 35 to 40.
 
 use crate::cover::{Asked, Matter};
 use crate::effects::{Action, Effect};
@@ -12,6 +12,9 @@ use wm_scene::color::srgb_decode;
 
 /// Dry sand, sRGB.
 const SAND: [f64; 3] = [0.76, 0.647, 0.467];
+
+/// Wind that carries dry sand along the ground, m/s at 10 m.
+const CARRIES: f64 = 7.0;
 
 crate::params! {
     /// What can be set.
@@ -37,7 +40,14 @@ pub const EFFECT: Effect = Effect {
         let color = color.unwrap_or(SAND);
         let color: [f64; 3] = std::array::from_fn(|k| srgb_decode(color[k]) * site.airlight[k]);
         let shade = color.map(|v| 0.4 * v);
-        Action::Cover(Asked { depth, repose: repose.to_radians().tan(), matter: Matter { color, shade } })
+        Action::Cover(Asked {
+            depth,
+            melted: 0.0,
+            wet: 0.0,
+            repose: repose.to_radians().tan(),
+            threshold: CARRIES,
+            matter: Matter { color, shade },
+        })
     },
     act_as_paper: None,
 };

@@ -12,6 +12,7 @@ use crate::paper::{PaperCover, PaperFall, PaperFog};
 use crate::param::{Kind, Param, Value};
 use crate::particles::Precipitation;
 use crate::track::Track;
+use crate::weather::Instant;
 use crate::wind::Wind;
 use wm_render::hooks::Slot;
 
@@ -43,6 +44,8 @@ pub struct Now<'a> {
     pub tracks: &'a [Track],
     /// The instant, seconds.
     pub time: f64,
+    /// The whole weather: what one effect leaves may depend on another.
+    pub weather: &'a Instant,
 }
 
 /// What an effect gives to the renderer.

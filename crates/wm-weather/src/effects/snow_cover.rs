@@ -1,20 +1,33 @@
-//! Snow cover: snow that lies, as deep as is asked for on open level ground.
+//! Snow cover: snow that lies, as deep as is asked for on open level ground, or as what has fallen is.
 //!
-//! How it is spread, how it slides and how it is drawn: [`crate::cover`]. The depth may have keyframes: snow that grows
-//! over a video. In fidelity `paper` it is [`PaperCover`]: no depth, and snow on all that looks up. Fresh snow is about ten times as deep as the water in it (100 kg/m^3; 50 to 250 are seen), so that
-//! 1 mm/h of water is 1 cm an hour.
+//! How it is spread, how it slides and how it is drawn: [`crate::cover`]. How it grows, settles and melts:
+//! [`crate::cover::snowpack`]. In fidelity `paper` it is [`PaperCover`]: no depth, and snow on all that looks up.
 
-use crate::cover::{Asked, Matter};
+use crate::cover::{Asked, Matter, Snowpack};
 use crate::effects::{Action, Effect};
 use crate::paper::PaperCover;
 use crate::param::Value;
 use wm_render::hooks::Slot;
 
+/// Wind that carries dry and wet snow along the ground, m/s at 10 m, and the air in which it is wet, degrees Celsius.
+const CARRIES: [f64; 2] = [7.7, 9.9];
+const WET: f64 = -1.0;
+
 crate::params! {
     /// What can be set.
     pub struct Params {
-        /// Depth on open level ground. Below some 2 cm the ground shows between flakes. Over time by keyframes.
-        depth: f64 = Value::Number(0.1), 0.0 => 10.0, "m";
+        /// Depth on open level ground. Below some 2 cm the ground shows between flakes. Over time by keyframes; `auto` for
+        /// what `snowfall.rate` has left: so many `hours` of it before the start, and what has fallen since.
+        depth: Option<f64> = Value::Number(0.1), 0.0 => 10.0, "m";
+        /// For a depth of `auto`: how long it had snowed before time 0, as it does then.
+        hours: f64 = Value::Number(6.0), 0.0 => 1000.0, "h";
+        /// Temperature of the air. Above 0 snow melts, 4 mm of water a day and degree, and leaves the ground wet.
+        temperature: f64 = Value::Number(-2.0), -40.0 => 40.0, "degC";
+        /// Density of new snow; 100 makes 1 cm of 1 mm of water. `auto` follows the temperature: 92 at -2 degrees. It settles
+        /// towards 300 in some days.
+        density: Option<f64> = Value::Auto, 20.0 => 600.0, "kg/m^3";
+        /// Time lapse: seconds of falling, settling and melting in one of the shot; 3600 for an hour a second.
+        lapse: f64 = Value::Number(1.0), 0.0 => 1_000_000.0, "";
         /// Steepest that it lies. Dry snow 38 to 50, wet snow more.
         repose: f64 = Value::Number(42.0), 5.0 => 80.0, "deg";
         /// Share of the light that it throws back: fresh snow 0.9, old 0.5.
@@ -55,13 +68,30 @@ pub const EFFECT: Effect = Effect {
     slot: Slot::Surface,
     params: Params::PARAMS,
     act: |now, site| {
-        let Params { depth, repose, albedo, .. } = Params::of(now.values);
+        let Params { depth, hours, density, lapse, repose, albedo, temperature, .. } = Params::of(now.values);
+        let is_asked = depth.is_some();
+        let snowpack = Snowpack {
+            depth,
+            rate: now.weather.track("snowfall", "rate"),
+            temperature: now.weather.track("snow_cover", "temperature").expect("its own"),
+            density,
+            hours,
+            lapse,
+        };
+        let pack = snowpack.at(now.time);
         // Level snow sees all of the sky, of which the airlight is the part near the horizon.
         let color = site.airlight.map(|v| (v * albedo).min(0.95));
         // In the shade blue sky is all that is left.
         let tint = [0.34, 0.37, 0.44];
         let shade = std::array::from_fn(|k| color[k] * tint[k]);
-        Action::Cover(Asked { depth, repose: repose.to_radians().tan(), matter: Matter { color, shade } })
+        Action::Cover(Asked {
+            depth: if is_asked { pack.depth } else { stepped(pack.depth) },
+            melted: stepped(pack.melted_depth()),
+            wet: (pack.wet() * 32.0).round() / 32.0,
+            repose: repose.to_radians().tan(),
+            threshold: CARRIES[usize::from(temperature > WET)],
+            matter: Matter { color, shade },
+        })
     },
     act_as_paper: Some(|now, _| {
         let params = Params::of(now.values);
@@ -84,3 +114,8 @@ pub const EFFECT: Effect = Effect {
         }))
     }),
 };
+
+/// Depths in steps of 0.3 %, so that what changes by less is not laid out anew.
+fn stepped(depth: f64) -> f64 {
+    if depth < 1e-5 { 0.0 } else { ((depth.log2() * 256.0).round() / 256.0).exp2() }
+}

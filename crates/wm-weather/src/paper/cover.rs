@@ -26,6 +26,7 @@ mod cells;
 
 use crate::optics::Site;
 use crate::particles::random::Draws;
+use crate::threads::map;
 use cells::Cells;
 use glam::{DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -431,19 +432,6 @@ impl Near {
             .unwrap_or_default();
         found.into_iter().map(|near| near.item as usize).filter(move |near| *near != index).take(count)
     }
-}
-
-/// `work` of every number below `count`, in order.
-fn map<T: Send>(count: usize, threads: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let each = count.div_ceil(threads.max(1)).max(1);
-    let work = &work;
-    std::thread::scope(|scope| {
-        let parts: Vec<_> = (0..count)
-            .step_by(each)
-            .map(|first| scope.spawn(move || (first..count.min(first + each)).map(work).collect::<Vec<T>>()))
-            .collect();
-        parts.into_iter().flat_map(|part| part.join().expect("no work on a flake panics")).collect()
-    })
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::Grid;
 use super::occluders::Occluder;
+use crate::threads::map;
 use std::sync::Mutex;
 
 /// Variance of the filter through which a cell sees splats, cells^2: the renderer's of pixels.
@@ -10,6 +11,8 @@ pub(super) const FILTER: f64 = wm_render::stages::project::DILATION as f64;
 pub(super) const LEAST_ALPHA: f64 = wm_scene::health::LEAST_OPACITY;
 /// What falls is stopped where less of it is left.
 pub(super) const STOPPED: f32 = 0.5;
+/// How far the most opaque splat reaches, standard deviations: `sqrt(2 ln 255)` and a little.
+const MOST_REACH: f64 = 3.4;
 /// Rows of a band: a band of a large grid fits the second cache.
 const BAND: usize = 32;
 /// Splats that are projected at once.
@@ -40,28 +43,23 @@ pub(super) struct Footprints {
     rows: Vec<[u32; 2]>,
 }
 
-/// Projects occluders, and sorts them by the depth of their means, equal ones by index.
+/// Projects occluders, and sorts those that cover a cell by the depth of their means, equal ones by index.
 pub(super) fn project(all: &[Occluder], grid: &Grid, threads: usize) -> Footprints {
     // Floats in the order of integers: negative ones are turned round.
     let ordered = |t: f32| {
         let bits = t.to_bits();
         if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
     };
-    let depth = |splat: &Occluder| splat.along(grid.axes[2]) as f32;
-    let keys = all.iter().enumerate().map(|(i, splat)| u64::from(ordered(depth(splat))) << 32 | i as u64);
+    let found = map(all.len().div_ceil(CHUNK), threads, |chunk| {
+        let splats = all[chunk * CHUNK..].iter().take(CHUNK);
+        splats.filter_map(|splat| Footprint::of(splat, grid)).collect::<Vec<_>>()
+    })
+    .concat();
+    let keys = found.iter().enumerate().map(|(i, (it, _))| u64::from(ordered(it.t)) << 32 | i as u64);
     let mut keys: Vec<u64> = keys.collect();
     keys.sort_unstable();
-    let mut out = Footprints { all: vec![Footprint::default(); all.len()], rows: vec![[1, 0]; all.len()] };
-    let chunks = keys.chunks(CHUNK).zip(out.all.chunks_mut(CHUNK)).zip(out.rows.chunks_mut(CHUNK));
-    share(chunks, threads, |((keys, footprints), rows)| {
-        for ((key, footprint), rows) in keys.iter().zip(footprints).zip(rows) {
-            let splat = &all[*key as u32 as usize];
-            if let Some((found, covered)) = Footprint::of(splat, grid) {
-                (*footprint, *rows) = (found, covered);
-            }
-        }
-    });
-    out
+    let (all, rows) = keys.iter().map(|key| found[*key as u32 as usize]).unzip();
+    Footprints { all, rows }
 }
 
 impl Footprint {
@@ -70,6 +68,13 @@ impl Footprint {
         let ([across, down, fall], cell) = (grid.axes, grid.cell);
         let [column, row] =
             [(across, grid.low[0]), (down, grid.low[1])].map(|(axis, low)| (splat.along(axis) - low) / cell);
+        // Most are far off in a map of a part of the scene.
+        let [xx, _, _, yy, _, zz] = splat.covariance.map(f64::from);
+        let far = MOST_REACH * (((xx + yy + zz).sqrt() / cell) + FILTER.sqrt()) + 1.0;
+        let is_off = |at: f64, count: usize| at < -far || at > count as f64 + far;
+        if is_off(column, grid.columns) || is_off(row, grid.rows) {
+            return None;
+        }
         let area = cell * cell;
         let [cc, cr, rr] =
             [(across, across), (across, down), (down, down)].map(|(a, b)| splat.between(a, b) / area);

@@ -1,0 +1,217 @@
+//! How much of the fall each node gets, by where it comes from and by what the wind does with it on the ground.
+//!
+//! # The fall
+//! What reaches a node, as a share of what falls on open level ground: the mean over several directions about that of
+//! the fall of whether anything is in the way ([`Shelter`]), since flakes do not all come the same way, the less the
+//! more the wind blows; and more where a slope faces the wind: `1 - grad h . v`, with v the slope of the fall.
+//!
+//! # The wind
+//! From a threshold on the wind takes snow up and carries it along the ground. A carried amount goes over the nodes
+//! with the wind: it takes more from crests and windward slopes, and leaves more in lee slopes and in the shadow of
+//! edges, behind which the air is still for some four times their height (15 degrees, as in Werner's model of dunes,
+//! 1995). On a plain it leaves what it takes.
+
+use super::ground::{EDGE, Ground, STEEP};
+use crate::dome::{from_level, level_axes, to_level};
+use crate::optics::Site;
+use crate::shelter::{Occluders, Shelter};
+use crate::threads::map;
+
+/// How far flakes spread about their mean direction, as a slope: in still air, and for each 1 of slope by wind.
+const SPREAD: [f64; 2] = [0.22, 0.3];
+/// Directions on a circle about the mean one: for the narrowest cells, which show soft edges, and for others.
+const CIRCLE: [usize; 2] = [6, 4];
+/// How far above a node it is asked what is in the way, m.
+const ABOVE: f64 = 0.06;
+/// What gathers on a slope that faces the wind is at most this much of that on level ground.
+const MOST: f32 = 2.5;
+/// Over how far the wind lets go of what it carries: in the open, and out of the wind, m.
+const LENGTH: [f32; 2] = [5.0, 1.5];
+/// Tangent of the angle below which it is out of the wind behind an edge.
+const SHADOW: f32 = 0.268;
+/// How far below that line a node is out of the wind, m.
+const BELOW: f32 = 0.04;
+/// Share of what the wind carries that stays at the foot of what stands in its way.
+const FOOT: f32 = 0.1;
+/// Most that the wind gathers, as a share of the fall.
+const DRIFT: f32 = 4.0;
+
+/// How the air carries what falls and what has fallen.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Airflow {
+    /// What falls goes sideways by this much while it falls by 1, along [`level_axes`].
+    pub slope: [f64; 2],
+    /// Share of what falls in the open that the wind carries on along the ground, 0-1.
+    pub moved: f64,
+}
+
+impl Ground {
+    pub(super) fn find_shares(
+        &mut self,
+        occluders: &Occluders,
+        site: &Site,
+        airflow: &Airflow,
+        is_outer: bool,
+        threads: usize,
+    ) {
+        let (axes, nodes) = (level_axes(site.up), self.len());
+        let grid = self.places.axes();
+        let [a, b] = airflow.slope;
+        let count = CIRCLE[usize::from(is_outer)];
+        // Of equal variance as a normal spread.
+        let reach = (SPREAD[0] + SPREAD[1] * a.hypot(b)) * (2.0 * (count + 1) as f64 / count as f64).sqrt();
+        let circle = (0..count).map(|k| {
+            let (sin, cos) = (std::f64::consts::TAU * (k as f64 + 0.5) / count as f64).sin_cos();
+            [a + reach * cos, b + reach * sin]
+        });
+        let points: Vec<[f32; 3]> = map(nodes, threads, |node| {
+            let place = self.place(node).map(|v| v as f64 + 0.5);
+            self.places.point(place, f64::from(self.height[node]) + ABOVE).map(|v| v as f32)
+        });
+        let mut reached = vec![[0.0f32; 2]; nodes];
+        let each = 1.0 / (count + 1) as f32;
+        for way in circle.chain([[a, b]]) {
+            let fall = from_level(&axes, [way[0], way[1], -1.0]);
+            let shelter: Shelter = occluders.shelter(fall, Some(threads));
+            let wind = to_level(&grid, fall).map(|v| v as f32);
+            reached = map(nodes, threads, |node| {
+                let [open, share] = reached[node];
+                if !shelter.is_exposed(points[node]) {
+                    return [open, share];
+                }
+                let facing = 1.0 - self.slope[node][0] * wind[0] - self.slope[node][1] * wind[1];
+                [open + each, share + each * facing.clamp(0.0, MOST)]
+            });
+        }
+        (self.open, self.share) = reached.iter().map(|[open, share]| (*open, *share)).unzip();
+        for node in 0..nodes {
+            let stays = self.share[node] * self.kept(node);
+            if !self.is_elsewhere(node) {
+                self.shed += f64::from(self.share[node] - stays);
+            }
+            self.share[node] = stays;
+        }
+        let along = to_level(&grid, from_level(&axes, [a, b, 0.0]));
+        if airflow.moved > 0.0 && a.hypot(b) > 1e-6 {
+            self.blow([along[0], along[1]].map(|v| v as f32), airflow.moved as f32);
+        }
+        self.soften(threads);
+        for node in 0..nodes {
+            if self.is_elsewhere(node) {
+                self.share[node] = 0.0;
+            }
+        }
+    }
+
+    /// How much of what falls on a node stays there at first by its slope, 0-1.
+    fn kept(&self, node: usize) -> f32 {
+        let [a, b] = self.slope[node];
+        ((STEEP[1] - a.hypot(b)) / (STEEP[1] - STEEP[0])).clamp(0.0, 1.0)
+    }
+
+    /// Softens the edges of what is sheltered, over the nodes beside each other.
+    fn soften(&mut self, threads: usize) {
+        for _ in 0..2 {
+            self.share = map(self.len(), threads, |node| {
+                if self.is_steep(node) {
+                    return self.share[node];
+                }
+                let of = |other| (!self.is_steep(other)).then(|| [self.share[other]]);
+                let [share] = self.mean_about(node, of);
+                share
+            });
+        }
+    }
+
+    /// Carries snow along the ground with the wind, which blows along `wind` (columns, rows).
+    fn blow(&mut self, wind: [f32; 2], moved: f32) {
+        let main = usize::from(wind[1].abs() > wind[0].abs());
+        let length = wind[0].hypot(wind[1]);
+        let unit = wind.map(|v| v / length);
+        let (step, aside) = (unit[main].signum() as i64, unit[1 - main] / unit[main].abs());
+        // To the next line straight on and a cell aside, so that the mean goes with the wind.
+        let (straight, slanted) = (1.0 - aside.abs(), aside.abs());
+        let way = |off: i64| if main == 0 { [step, off] } else { [off, step] };
+        let ways = [(way(0), straight), (way(aside.signum() as i64), slanted)];
+        let fallen_by = SHADOW * self.cell / unit[main].abs();
+        let lets_go = LENGTH.map(|length| 1.0 - (-self.cell / length).exp());
+
+        let mut carried = vec![0.0f32; self.len()];
+        let mut line = vec![f32::NEG_INFINITY; self.len()];
+        let [lines, across] = [self.size[main], self.size[1 - main]];
+        for k in 0..lines {
+            let k = if step > 0 { k } else { lines - 1 - k };
+            for other in 0..across {
+                let cell = if main == 0 { other * self.size[0] + k } else { k * self.size[0] + other };
+                for node in self.nodes_of(cell) {
+                    self.pass(node, &ways, (fallen_by, lets_go), moved, unit, &mut carried, &mut line);
+                }
+            }
+        }
+    }
+
+    #[allow(clippy::too_many_arguments)] // A step of the loop above.
+    fn pass(
+        &mut self,
+        node: usize,
+        ways: &[([i64; 2], f32); 2],
+        (fallen_by, lets_go): (f32, [f32; 2]),
+        moved: f32,
+        unit: [f32; 2],
+        carried: &mut [f32],
+        line: &mut [f32],
+    ) {
+        let [column, row] = self.place(node);
+        let (height, is_still) = (self.height[node], line[node] > self.height[node] + BELOW);
+        // From beyond the grid comes what a plain would give.
+        let plain = moved / lets_go[0];
+        for ([x, y], share) in ways {
+            let source = self.cell_of(column - x, row - y);
+            if source.is_none_or(|cell| self.nodes_of(cell).is_empty()) && self.open[node] > 0.0 {
+                carried[node] += share * plain;
+                self.shed -= if self.is_elsewhere(node) { 0.0 } else { f64::from(share * plain) };
+            }
+        }
+        let mut on_its_way = carried[node];
+        if !self.is_steep(node) {
+            let takes = if is_still {
+                0.0
+            } else {
+                // Windward slopes lose, lee slopes gain.
+                let rise = self.slope[node][0] * unit[0] + self.slope[node][1] * unit[1];
+                moved * self.share[node] * (1.0 + 1.5 * rise).clamp(0.2, 1.6)
+            };
+            let leaves = on_its_way * lets_go[usize::from(is_still)];
+            let leaves = leaves.min((DRIFT - self.share[node]).max(0.0) + takes);
+            let takes = takes.min(self.share[node]);
+            self.share[node] += leaves - takes;
+            on_its_way += takes - leaves;
+        }
+        let top = if is_still { line[node] } else { height } - fallen_by;
+        for ([x, y], share) in ways {
+            let goes = share * on_its_way;
+            let Some(cell) = self.cell_of(column + x, row + y) else {
+                self.shed += if self.is_elsewhere(node) { 0.0 } else { f64::from(goes) };
+                continue;
+            };
+            let level = self.level_with(node, column + x, row + y, EDGE);
+            let lower = || self.nodes_of(cell).find(|to| self.height[*to] < height && self.open[*to] > 0.0);
+            let upper = self.nodes_of(cell).next();
+            let (to, goes) = match (level.or_else(lower), upper) {
+                (Some(to), _) => (to, goes),
+                // It stands in the way: some stays, most goes over it.
+                (None, Some(upper)) => {
+                    let stays = FOOT * goes * f32::from(u8::from(!self.is_steep(node)));
+                    self.share[node] += stays;
+                    (upper, goes - stays)
+                }
+                (None, None) => {
+                    self.shed += if self.is_elsewhere(node) { 0.0 } else { f64::from(goes) };
+                    continue;
+                }
+            };
+            carried[to] += goes;
+            line[to] = line[to].max(top);
+        }
+    }
+}

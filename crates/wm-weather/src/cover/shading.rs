@@ -1,0 +1,53 @@
+//! How lit the ground is, from the scene itself: so that what lies in the shade is in the shade.
+
+use super::ground::Ground;
+use crate::threads::map;
+use wm_scene::color::{luminance, srgb_decode};
+use wm_scene::{Group, Splats, sh};
+
+/// How far from a surface splats are still of it, m.
+const OWN: f64 = 0.12;
+/// How often it is averaged over the cells beside each other: what is painted dark is not in the shade.
+const ROUNDS: usize = 6;
+
+impl Ground {
+    /// Finds how lit each node is, 0 in the shade to 1 in the open: by the sky that it sees, and by how bright the scene
+    /// is about it beside what is as open.
+    pub(super) fn find_shades(&mut self, splats: &Splats, threads: usize) {
+        let mut light = self.light(splats);
+        for _ in 0..ROUNDS {
+            light = map(self.len(), threads, |node| {
+                let [light] = self.mean_about(node, |other| (!light[other].is_nan()).then(|| [light[other]]));
+                light
+            });
+        }
+        let in_the_open = light.iter().zip(&self.open).filter(|(v, open)| !v.is_nan() && **open > 0.9);
+        let mut known: Vec<f32> = in_the_open.map(|(v, _)| *v).collect();
+        known.sort_by(f32::total_cmp);
+        let bright = known.get(known.len() * 3 / 5).copied().unwrap_or(1.0).max(1e-3);
+        let shade = |(light, open): (&f32, &f32)| {
+            let scene = if light.is_nan() { 1.0 } else { (light / bright).clamp(0.0, 1.0).powf(0.35) };
+            scene * (0.35 + 0.65 * open)
+        };
+        self.shade = light.iter().zip(&self.open).map(shade).collect();
+    }
+
+    /// The luminance of the splats that make up each surface, linear; not a number where none tells.
+    fn light(&self, splats: &Splats) -> Vec<f32> {
+        let mut sums = vec![[0.0f32; 2]; self.len()];
+        for index in 0..splats.len() {
+            if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
+                continue;
+            }
+            let (place, height) = self.places.locate(splats.means[index].map(f64::from));
+            let Some(cell) = self.places.cell_at(place) else { continue };
+            let near = |node: &usize| (f64::from(self.height[*node]) - height).abs() < OWN;
+            let Some(node) = self.nodes_of(cell).find(near) else { continue };
+            let rgb = sh::color(&splats.sh_of(index)[..3], [0.0, 0.0, 1.0]).map(|v| srgb_decode(v.max(0.0)));
+            let weight = splats.opacity(index) as f32;
+            sums[node][0] += weight * luminance(rgb) as f32;
+            sums[node][1] += weight;
+        }
+        sums.into_iter().map(|[sum, weight]| sum / weight).collect()
+    }
+}
