@@ -9,7 +9,7 @@ use super::exposure::Airflow;
 use crate::optics::Site;
 use crate::shelter::{Layers, Occluders};
 use crate::threads::map;
-use wm_scene::Splats;
+use wm_scene::{Group, Splats};
 
 /// Surfaces below each other that are looked for, and how far apart they are at least, m.
 const LAYERS: usize = 3;
@@ -24,8 +24,13 @@ const WALL: [f32; 2] = [2.0 * STEEP[1], 0.0];
 const FIELD: i64 = 2;
 /// How often slopes are evened out with those beside them.
 const ROUNDS: usize = 8;
-/// Share of a field that must belong to a surface.
+/// Share of a field that must belong to a surface, and to one whose splats stand upright: whose normals have a smaller
+/// cosine to up.
 const SURFACE: f32 = 0.3;
+const LEDGE: f32 = 0.7;
+const UPRIGHT: f32 = 0.4;
+/// How far from a surface splats are still of it, m.
+const OWN: f64 = 0.12;
 /// The four ways from a cell.
 pub(super) const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 /// No node.
@@ -112,7 +117,8 @@ impl Ground {
             let [column, row] = ground.place(node);
             WAYS.map(|[x, y]| number(ground.level_with(node, column + x, row + y, EDGE)))
         });
-        ground.slope = map(nodes, threads, |node| ground.fit(node));
+        let facing = ground.facing(splats, threads);
+        ground.slope = map(nodes, threads, |node| ground.fit(node, &facing));
         for _ in 0..ROUNDS {
             ground.slope = map(nodes, threads, |node| match ground.slope[node] {
                 WALL => WALL,
@@ -228,8 +234,41 @@ impl Ground {
         near[count / 2]
     }
 
+    /// Calls `work` with each splat of the scene that is on a node's surface.
+    pub(super) fn each_splat(&self, splats: &Splats, mut work: impl FnMut(usize, usize)) {
+        for index in 0..splats.len() {
+            if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
+                continue;
+            }
+            let (place, height) = self.places.locate(splats.means[index].map(f64::from));
+            let Some(cell) = self.places.cell_at(place) else { continue };
+            let near = |node: &usize| (f64::from(self.height[*node]) - height).abs() < OWN;
+            if let Some(node) = self.nodes_of(cell).find(near) {
+                work(node, index);
+            }
+        }
+    }
+
+    /// How far the splats of each node look up or down: the mean of the normals' cosine, by opacity, over the nodes beside
+    /// each other; not a number where none tells.
+    fn facing(&self, splats: &Splats, threads: usize) -> Vec<f32> {
+        let up = self.places.axes()[2];
+        let mut sums = vec![[0.0f32; 2]; self.len()];
+        self.each_splat(splats, |node, index| {
+            let weight = splats.opacity(index) as f32;
+            let normal = splats.normal(index);
+            let cosine: f64 = normal.iter().zip(&up).map(|(a, b)| a * b).sum();
+            sums[node][0] += weight * cosine.abs() as f32;
+            sums[node][1] += weight;
+        });
+        for _ in 0..2 {
+            sums = map(self.len(), threads, |node| self.mean_about(node, |other| Some(sums[other])));
+        }
+        sums.into_iter().map(|[sum, weight]| sum / weight).collect()
+    }
+
     /// The slope of a plane through a node and those about it.
-    fn fit(&self, node: usize) -> [f32; 2] {
+    fn fit(&self, node: usize, facing: &[f32]) -> [f32; 2] {
         let [column, row] = self.place(node);
         let (mut count, mut lower, mut higher) = (0.0f32, 0, 0);
         let mut sums = [0.0f32; 5];
@@ -249,8 +288,9 @@ impl Ground {
             moments.iter_mut().zip([x * x, x * y, y * y]).for_each(|(sum, value)| *sum += value);
         }
         let field = ((2 * FIELD + 1) * (2 * FIELD + 1)) as f32;
-        // A piece of a wall has what is above beside it and what is below.
-        if count < SURFACE * field && higher > 0 && lower > 0 {
+        // A piece of a wall has what is above beside it and what is below, and is no ledge that looks up.
+        let surface = if facing[node] < UPRIGHT { LEDGE } else { SURFACE };
+        if count < surface * field && higher > 0 && lower > 0 {
             return WALL;
         }
         let [x, y, h, xh, yh] = sums.map(|sum| sum / count);

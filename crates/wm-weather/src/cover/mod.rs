@@ -28,15 +28,18 @@ pub mod snowpack;
 pub mod surfels;
 #[cfg(test)]
 mod tests;
+pub mod walls;
 
 use crate::optics::Site;
 use crate::shelter::{Occluders, ShelterOptions};
 use crate::threads::map;
 pub use exposure::Airflow;
+use glam::DVec3;
 use ground::Ground;
 pub use settle::Settled;
 pub use snowpack::Snowpack;
 pub use surfels::{Matter, coverage};
+use walls::Wall;
 use wm_render::hooks::Visibility;
 use wm_scene::{Group, Splats};
 
@@ -64,6 +67,8 @@ pub struct Asked {
     pub melted: f64,
     /// How wet the ground is where it has melted, 0-1.
     pub wet: f64,
+    /// What has come down wet, so that it sticks to walls where the wind throws it at them, m.
+    pub wet_fall: f64,
     /// Steepest that it lies, as a tangent.
     pub repose: f64,
     /// Wind that carries it along the ground, m/s at 10 m.
@@ -80,6 +85,7 @@ pub struct Cover {
     metres_per_unit: f64,
     /// Of each splat of the scene. Those that nothing buries have none.
     spots: Vec<Option<Spot>>,
+    walls: Vec<Wall>,
     /// What has slid, for some depths and angles of repose: the last used at the end.
     ladder: Vec<Rung>,
     threads: usize,
@@ -193,7 +199,8 @@ impl Cover {
             }
         }
         let spots = map(splats.len(), threads, |index| spot(&rings, splats, index, site.metres_per_unit));
-        Self { rings, metres_per_unit: site.metres_per_unit, spots, ladder: Vec::new(), threads }
+        let walls = walls::find(splats, &occluders, site, airflow, threads);
+        Self { rings, metres_per_unit: site.metres_per_unit, spots, walls, ladder: Vec::new(), threads }
     }
 
     /// The ground, from the inside out.
@@ -224,6 +231,8 @@ impl Cover {
             lies.push(Settled { depth, lost: fell.lost });
             tops.push(top);
         }
+        let up = DVec3::from_array(self.rings[0].places.axes()[2]);
+        walls::add(&self.walls, asked.wet_fall, (up, self.metres_per_unit), &asked.matter, &mut splats);
         let factor = |index: usize| {
             let Some(Spot { ring, nodes, reach }) = &self.spots[index] else { return 1.0 };
             let ring = usize::from(*ring);

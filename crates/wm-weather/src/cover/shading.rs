@@ -3,10 +3,8 @@
 use super::ground::Ground;
 use crate::threads::map;
 use wm_scene::color::{luminance, srgb_decode};
-use wm_scene::{Group, Splats, sh};
+use wm_scene::{Splats, sh};
 
-/// How far from a surface splats are still of it, m.
-const OWN: f64 = 0.12;
 /// How often it is averaged over the cells beside each other: what is painted dark is not in the shade.
 const ROUNDS: usize = 6;
 
@@ -35,19 +33,12 @@ impl Ground {
     /// The luminance of the splats that make up each surface, linear; not a number where none tells.
     fn light(&self, splats: &Splats) -> Vec<f32> {
         let mut sums = vec![[0.0f32; 2]; self.len()];
-        for index in 0..splats.len() {
-            if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
-                continue;
-            }
-            let (place, height) = self.places.locate(splats.means[index].map(f64::from));
-            let Some(cell) = self.places.cell_at(place) else { continue };
-            let near = |node: &usize| (f64::from(self.height[*node]) - height).abs() < OWN;
-            let Some(node) = self.nodes_of(cell).find(near) else { continue };
+        self.each_splat(splats, |node, index| {
             let rgb = sh::color(&splats.sh_of(index)[..3], [0.0, 0.0, 1.0]).map(|v| srgb_decode(v.max(0.0)));
             let weight = splats.opacity(index) as f32;
             sums[node][0] += weight * luminance(rgb) as f32;
             sums[node][1] += weight;
-        }
+        });
         sums.into_iter().map(|[sum, weight]| sum / weight).collect()
     }
 }

@@ -20,6 +20,8 @@ const MELT: f64 = 4.0 / 24.0;
 const FILM: f64 = 0.5;
 const WET: f64 = 0.3;
 const DRIES: f64 = 0.15;
+/// What falls off walls, a share for each degree above 0 and hour.
+const FALLS: f64 = 0.3;
 /// Steps of what fell before the start; length of those after it, s, and the most of them.
 const BEFORE: u32 = 256;
 const STEP: f64 = 1.0 / 16.0;
@@ -49,6 +51,8 @@ pub struct Pack {
     pub water: f64,
     /// What has melted of it, mm.
     pub melted: f64,
+    /// What of it fell so wet that it sticks, and still does, mm.
+    sticks: f64,
     /// How deep all that has fallen would lie, m.
     pub depth: f64,
     /// What it has more in volume than settled snow, m.
@@ -66,6 +70,12 @@ impl Pack {
         if self.water > 0.0 { self.depth * (self.melted / self.water).min(1.0) } else { 0.0 }
     }
 
+    /// What fell so wet that it sticks to walls, in m of the snow as it lies.
+    #[must_use]
+    pub fn wet_fall(&self) -> f64 {
+        if self.water > 0.0 { self.depth * (self.sticks / self.water).min(1.0) } else { 0.0 }
+    }
+
     /// How wet the ground is where the snow has melted, 0-1.
     #[must_use]
     pub fn wet(&self) -> f64 {
@@ -76,6 +86,8 @@ impl Pack {
     fn pass(&mut self, hours: f64, water: f64, density: f64, temperature: f64) {
         self.water += water;
         self.total[0] += water;
+        self.sticks =
+            (self.sticks + water * sticky(temperature)) * (-FALLS * temperature.max(0.0) * hours).exp();
         self.loose *= (-hours / SETTLES).exp();
         self.loose += water * (1.0 / density - 1.0 / SETTLED);
         let melts = (MELT * temperature.max(0.0) * hours).min(self.water - self.melted);
@@ -87,6 +99,11 @@ impl Pack {
             *self = Self { film: (self.film - DRIES * hours).max(0.0), total: self.total, ..Self::default() };
         }
     }
+}
+
+/// How much of what falls at a temperature is wet enough to stick, 0-1: from 1 below to 1 above 0.
+fn sticky(temperature: f64) -> f64 {
+    (2.0 - 2.0 * (temperature.abs() - 0.5)).clamp(0.0, 1.0)
 }
 
 impl Snowpack<'_> {
@@ -101,7 +118,10 @@ impl Snowpack<'_> {
         let mut pack = Pack::default();
         let rate = self.rate.filter(|_| self.depth.is_none());
         match self.depth {
-            Some(depth) => pack.water = depth * density(time),
+            Some(depth) => {
+                pack.water = depth * density(time);
+                pack.sticks = pack.water * sticky(temperature(0.0));
+            }
             None => {
                 let hours = (self.hours + time.min(0.0) * self.lapse / 3600.0).max(0.0) / f64::from(BEFORE);
                 let first = rate.and_then(|rate| rate.at(0.0).number()).unwrap_or(0.0);

@@ -14,7 +14,7 @@ const DUSTING: f32 = 0.006;
 const WIDTH: f64 = 0.62;
 const THICKNESS: f64 = 0.004;
 /// Opacity of a surfel of deep snow.
-const OPAQUE: f64 = 0.985;
+pub(super) const OPAQUE: f64 = 0.985;
 /// Least depth that is drawn, m.
 const LEAST: f32 = 0.000_5;
 /// How far above the ground it is drawn where it covers it, m.
@@ -189,15 +189,35 @@ impl Painter<'_> {
         opacity: f64,
         splats: &mut Splats,
     ) {
-        splats.push(&Splat {
-            mean: at.map(|v| v as f32),
-            quat: facing(normal, self.axes[2]),
-            log_scale: scales.map(|metres| (metres / self.metres_per_unit).ln() as f32),
-            logit_opacity: logit(opacity) as f32,
-            rgb,
-            group: Group::Snow,
-        });
+        let scales = scales.map(|metres| metres / self.metres_per_unit);
+        splats.push(&surfel(at, (normal, self.axes[2]), scales, rgb, opacity));
     }
+}
+
+/// A splat on a surface: at a place, with standard deviations along the surface and across it (world, scene units).
+pub(super) fn surfel(
+    at: [f64; 3],
+    (normal, up): (DVec3, DVec3),
+    scales: [f64; 3],
+    rgb: [f32; 3],
+    opacity: f64,
+) -> Splat {
+    Splat {
+        mean: at.map(|v| v as f32),
+        quat: facing(normal, up),
+        log_scale: scales.map(|scale| scale.ln() as f32),
+        logit_opacity: logit(opacity) as f32,
+        rgb,
+        group: Group::Snow,
+    }
+}
+
+/// Colour of what lies, sRGB, from 0 in the shade to 1 in the open.
+pub(super) fn lit(matter: &Matter, light: f64) -> [f32; 3] {
+    std::array::from_fn(|k| {
+        let color = matter.shade[k] + (matter.color[k] - matter.shade[k]) * light;
+        srgb_encode(color.max(0.0)) as f32
+    })
 }
 
 /// The turn of a splat whose third axis is `normal`, and whose first lies level.

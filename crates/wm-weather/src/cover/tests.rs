@@ -17,8 +17,15 @@ const SITE: Site = Site {
 };
 const SNOW: Matter = Matter { color: [0.8; 3], shade: [0.2, 0.22, 0.28] };
 
-const ASKED: Asked =
-    Asked { depth: 0.1, melted: 0.0, wet: 0.0, repose: 0.84, threshold: f64::INFINITY, matter: SNOW };
+const ASKED: Asked = Asked {
+    depth: 0.1,
+    melted: 0.0,
+    wet: 0.0,
+    wet_fall: 0.0,
+    repose: 0.84,
+    threshold: f64::INFINITY,
+    matter: SNOW,
+};
 
 fn slanted(slope: [f64; 2]) -> Airflow {
     Airflow { slope, moved: 0.0 }
@@ -193,22 +200,113 @@ fn the_lee_of_a_house_holds_less() {
     assert!(windward > 0.09 && lee < 0.02 && (open / 0.1 - 1.0).abs() < 0.03, "{windward} {lee} {open}");
 }
 
-/// What lies is no more than what falls on the level area, counted apart from the cover, and little less: the rest is on
-/// walls.
+/// What lies, what has melted and what was shed or blown away is what falls on the level area, counted apart from the
+/// cover.
 #[test]
 fn what_falls_is_what_lies() {
-    for slope in [[0.0; 2], [0.5, 0.2]] {
+    let flows = [([0.0; 2], 0.0), ([0.5, 0.2], 0.0), ([0.4, -0.2], 0.5)];
+    for (flow, melted) in flows.into_iter().flat_map(|flow| [(flow, 0.0), (flow, 0.06)]) {
+        let (slope, moved) = flow;
         let splats = porch();
-        let mut cover = Cover::of(&splats, &SITE, &slanted(slope), [5.0, 4.0, 0.0], 2);
-        let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, ..ASKED });
+        let mut cover = Cover::of(&splats, &SITE, &Airflow { slope, moved }, [5.0, 4.0, 0.0], 2);
+        let lying = cover.lying(&Asked { depth: 0.1, melted, ..ASKED });
         let ground = &cover.rings()[0];
         let cell = f64::from(ground.cell).powi(2);
         let lies: f64 = lying.settled[0].depth.iter().map(|d| f64::from(*d) * cell).sum();
-        let lost = lying.settled[0].lost * cell;
+        let gone = lying.melted[0] * cell;
+        let shed = (lying.settled[0].lost + 0.1 * ground.shed) * cell;
         // 10 m by 8 m, of which the roof takes its part.
         let fell = 0.1 * 80.0;
-        println!("{slope:?}: {lies:.4} m^3 lie and {lost:.4} slid off of {fell:.4}");
-        assert!(((lies + lost) / fell - 1.0).abs() < 0.01, "{slope:?}: {lies} {lost} {fell}");
+        println!("{flow:?}: {lies:.4} m^3 lie, {gone:.4} melted, {shed:.4} shed of {fell:.4}");
+        assert!(((lies + gone + shed) / fell - 1.0).abs() < 0.01, "{flow:?}: {lies} {gone} {shed} {fell}");
+        assert!((gone > 0.3 * fell) == (melted > 0.0));
+    }
+}
+
+/// A wind that carries snow leaves it behind what stands in its way.
+#[test]
+fn snow_drifts_behind_a_wall() {
+    let mut place = Builder::new(1);
+    place.surface(DVec3::ZERO, DVec3::X * 20.0, DVec3::Y * 6.0, 0.05, |_, _| [0.4; 3]);
+    place.block(DVec3::new(8.0, 3.0, 0.0), DVec3::new(0.4, 6.0, 1.0), 0.05, [0.5; 3]);
+    let splats = place.build();
+    let side = |moved: f64, x: [f64; 2]| {
+        let airflow = Airflow { slope: [0.3, 0.0], moved };
+        let mut cover = Cover::of(&splats, &SITE, &airflow, [10.0, 3.0, 0.0], 2);
+        let lying = cover.lying(&ASKED);
+        mean(&cover, &lying, x, [2.5, 3.5], [-0.2, 0.2])
+    };
+    let (before, lee, far) = (side(0.5, [4.0, 6.0]), side(0.5, [9.0, 11.0]), side(0.5, [16.0, 18.0]));
+    let still = side(0.0, [9.0, 11.0]);
+    println!("before {before:.4}, lee {lee:.4} (without wind {still:.4}), far {far:.4}");
+    assert!(lee > 1.3 * still && (before / 0.1 - 1.0).abs() < 0.05 && far > 0.05, "{before} {lee} {far}");
+}
+
+/// Wet snow sticks to the side of a house that the wind meets; dry snow to none.
+#[test]
+fn wet_snow_sticks_to_the_windward_wall() {
+    let mut place = Builder::new(1);
+    place.surface(DVec3::ZERO, DVec3::X * 14.0, DVec3::Y * 8.0, 0.05, |_, _| [0.4; 3]);
+    place.block(DVec3::new(6.0, 4.0, 0.0), DVec3::new(2.0, 4.0, 2.5), 0.05, [0.5; 3]);
+    let splats = place.build();
+    let on_walls = |slope: [f64; 2], wet_fall: f64| {
+        let mut cover = Cover::of(&splats, &SITE, &slanted(slope), [7.0, 4.0, 0.0], 2);
+        let lying = cover.lying(&Asked { wet_fall, ..ASKED }).splats;
+        let between = |x: [f32; 2]| {
+            let is = |mean: &&[f32; 3]| {
+                mean[0] > x[0]
+                    && mean[0] < x[1]
+                    && mean[1] > 2.5
+                    && mean[1] < 5.5
+                    && mean[2] > 0.6
+                    && mean[2] < 2.0
+            };
+            lying.means.iter().filter(is).count()
+        };
+        [between([4.8, 5.1]), between([6.9, 7.2])]
+    };
+    let [windward, lee] = on_walls([1.0, 0.0], 0.05);
+    println!("{windward} on the windward wall, {lee} in the lee");
+    assert!(windward > 300 && lee == 0, "{windward} {lee}");
+    // Of dry snow hardly any is on walls, and without wind no more of wet.
+    let dry = [on_walls([1.0, 0.0], 0.0), on_walls([0.0, 0.0], 0.0)];
+    assert!(dry.as_flattened().iter().all(|count| *count < 30), "{dry:?}");
+    assert_eq!(on_walls([0.0, 0.0], 0.05), dry[1]);
+}
+
+/// Over a time in which it snows and thaws: what fell, from the rate, is what lies and what has melted.
+#[test]
+fn water_is_kept_over_time() {
+    let splats = porch();
+    let mut cover = Cover::of(&splats, &SITE, &Airflow::default(), [5.0, 4.0, 0.0], 2);
+    let mut weather = crate::Weather::clear();
+    for text in [
+        "snowfall.rate=0:2,4:4,6:0",
+        "snow_cover.depth=auto",
+        // Settled from the start: water is volume times density.
+        "snow_cover.density=300",
+        "snow_cover.temperature=0:-3,6:-3,8:6",
+        "snow_cover.lapse=3600",
+        "snow_cover.hours=2",
+    ] {
+        weather.set(text).unwrap();
+    }
+    // 2 h of 2 mm before, then up to 4 and down to 0, by hand.
+    for (time, fell) in [(-1.0, 2.0), (0.0, 4.0), (4.0, 16.0), (6.0, 20.0), (9.0, 20.0)] {
+        let sky = weather.at(time).over(&SITE);
+        let lying = cover.lying(sky.cover().unwrap());
+        let area = f64::from(cover.rings()[0].cell).powi(2);
+        let water = |depth: f64| depth * area * 300.0;
+        let lies = water(lying.settled[0].depth.iter().map(|d| f64::from(*d)).sum());
+        let (melted, shed) = (water(lying.melted[0]), water(lying.settled[0].lost));
+        // kg on 80 m^2.
+        let all = (lies + melted + shed) / (80.0 * fell);
+        println!(
+            "{time} s: {lies:.1} kg lie, {melted:.1} have melted, {shed:.1} slid off of {:.1}",
+            80.0 * fell
+        );
+        assert!((all - 1.0).abs() < 0.01, "{time}: {all}");
+        assert!((melted > 0.0) == (time > 6.0));
     }
 }
 

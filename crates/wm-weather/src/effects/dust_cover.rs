@@ -44,6 +44,7 @@ pub const EFFECT: Effect = Effect {
             depth,
             melted: 0.0,
             wet: 0.0,
+            wet_fall: 0.0,
             repose: repose.to_radians().tan(),
             threshold: CARRIES,
             matter: Matter { color, shade },
