@@ -11,7 +11,7 @@
 //! edges, behind which the air is still for some four times their height (15 degrees, as in Werner's model of dunes,
 //! 1995). On a plain it leaves what it takes.
 
-use super::ground::{EDGE, Ground, STEEP};
+use super::ground::{Ground, STEEP};
 use crate::dome::{from_level, level_axes, to_level};
 use crate::optics::Site;
 use crate::shelter::{Occluders, Shelter};
@@ -194,7 +194,7 @@ impl Ground {
                 self.shed += if self.is_elsewhere(node) { 0.0 } else { f64::from(goes) };
                 continue;
             };
-            let level = self.level_with(node, column + x, row + y, EDGE);
+            let level = self.level_with(node, column + x, row + y, self.edge);
             let lower = || self.nodes_of(cell).find(|to| self.height[*to] < height && self.open[*to] > 0.0);
             let upper = self.nodes_of(cell).next();
             let (to, goes) = match (level.or_else(lower), upper) {

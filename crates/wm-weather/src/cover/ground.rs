@@ -14,8 +14,12 @@ use wm_scene::{Group, Splats};
 /// Surfaces below each other that are looked for, and how far apart they are at least, m.
 const LAYERS: usize = 3;
 const GAP: f64 = 0.5;
-/// Height from which a step to the side is an edge and no slope, m.
-pub(super) const EDGE: f32 = 0.35;
+/// Height from which a step to the side is an edge and no slope, m, but so many cells at least.
+const EDGE: f32 = 0.35;
+const EDGE_CELLS: f32 = 1.2;
+/// Roughness of splats that is taken off, m, but so many cells at least.
+const ROUGH: f32 = 0.1;
+const ROUGH_CELLS: f32 = 0.4;
 /// Slopes over which less and less stays at once, as tangents: 50 and 60 degrees.
 pub(super) const STEEP: [f32; 2] = [1.19, 1.73];
 /// The slope of a piece of a wall.
@@ -29,8 +33,9 @@ const ROUNDS: usize = 8;
 const SURFACE: f32 = 0.3;
 const LEDGE: f32 = 0.7;
 const UPRIGHT: f32 = 0.4;
-/// How far from a surface splats are still of it, m.
-const OWN: f64 = 0.12;
+/// How far from a surface splats are still of it, m, but so many cells at least.
+const OWN: f32 = 0.12;
+const OWN_CELLS: f32 = 0.3;
 /// The four ways from a cell.
 pub(super) const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 /// No node.
@@ -44,6 +49,8 @@ pub struct Ground {
     pub size: [usize; 2],
     /// Width of a cell, m.
     pub cell: f32,
+    /// Height from which a step to the side is an edge and no slope, m.
+    pub(super) edge: f32,
     /// The first node of each cell, and behind the last cell their number.
     start: Vec<u32>,
     cells: Vec<u32>,
@@ -79,7 +86,9 @@ impl Ground {
         inner: Option<&Self>,
         threads: usize,
     ) -> Self {
-        let places = occluders.layers(LAYERS, GAP, Some(threads));
+        let width = occluders.cell();
+        let edge = EDGE.max(EDGE_CELLS * width as f32);
+        let places = occluders.layers(LAYERS, GAP.max(1.5 * f64::from(edge)), Some(threads));
         let size = places.size();
         let (mut start, mut cells, mut height) = (vec![0], Vec::new(), Vec::new());
         for cell in 0..size[0] * size[1] {
@@ -94,6 +103,7 @@ impl Ground {
         let mut ground = Self {
             size,
             cell: places.cell() as f32,
+            edge,
             start,
             cells,
             height,
@@ -115,7 +125,7 @@ impl Ground {
         ground.height = map(nodes, threads, |node| ground.smooth(node));
         ground.beside = map(nodes, threads, |node| {
             let [column, row] = ground.place(node);
-            WAYS.map(|[x, y]| number(ground.level_with(node, column + x, row + y, EDGE)))
+            WAYS.map(|[x, y]| number(ground.level_with(node, column + x, row + y, edge)))
         });
         let facing = ground.facing(splats, threads);
         ground.slope = map(nodes, threads, |node| ground.fit(node, &facing));
@@ -183,6 +193,16 @@ impl Ground {
         self.places.point(self.place(node).map(|v| v as f64 + 0.5), f64::from(self.height[node]))
     }
 
+    /// Height of a node's surface at a place (columns, rows) in its cell, m.
+    pub(super) fn height_at(&self, node: usize, [x, y]: [f64; 2]) -> f32 {
+        let ([column, row], [a, b]) = (self.place(node), self.slope[node]);
+        if self.is_steep(node) {
+            return self.height[node];
+        }
+        let off = [x - column as f64 - 0.5, y - row as f64 - 0.5].map(|v| v as f32 * self.cell);
+        self.height[node] + a * off[0] + b * off[1]
+    }
+
     /// The nodes beside it along [`WAYS`] on its surface: those that no edge parts from it.
     pub(super) fn beside(&self, node: usize) -> [Option<usize>; 4] {
         self.beside[node].map(|other| (other != NONE).then_some(other as usize))
@@ -222,10 +242,11 @@ impl Ground {
     /// Takes the roughness of splats off level surfaces: the median of a node's height and of those about it.
     fn smooth(&self, node: usize) -> f32 {
         let [column, row] = self.place(node);
+        let rough = ROUGH.max(ROUGH_CELLS * self.cell);
         let mut near = [0.0; 9];
         let mut count = 0;
         for k in 0..9 {
-            if let Some(other) = self.level_with(node, column + k % 3 - 1, row + k / 3 - 1, 0.1) {
+            if let Some(other) = self.level_with(node, column + k % 3 - 1, row + k / 3 - 1, rough) {
                 near[count] = self.height[other];
                 count += 1;
             }
@@ -236,13 +257,14 @@ impl Ground {
 
     /// Calls `work` with each splat of the scene that is on a node's surface.
     pub(super) fn each_splat(&self, splats: &Splats, mut work: impl FnMut(usize, usize)) {
+        let own = OWN.max(OWN_CELLS * self.cell);
         for index in 0..splats.len() {
             if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
                 continue;
             }
             let (place, height) = self.places.locate(splats.means[index].map(f64::from));
             let Some(cell) = self.places.cell_at(place) else { continue };
-            let near = |node: &usize| (f64::from(self.height[*node]) - height).abs() < OWN;
+            let near = |node: &usize| (self.height[*node] - height as f32).abs() < own;
             if let Some(node) = self.nodes_of(cell).find(near) {
                 work(node, index);
             }
@@ -275,7 +297,7 @@ impl Ground {
         let mut moments = [0.0f32; 3];
         for (dx, dy) in (-FIELD..=FIELD).flat_map(|dy| (-FIELD..=FIELD).map(move |dx| (dx, dy))) {
             let Some(cell) = self.cell_of(column + dx, row + dy) else { continue };
-            let Some(other) = self.level_with(node, column + dx, row + dy, EDGE) else {
+            let Some(other) = self.level_with(node, column + dx, row + dy, self.edge) else {
                 let upper = self.nodes_of(cell).next();
                 let is_lower = upper.is_none_or(|upper| self.height[upper] < self.height[node]);
                 lower += u32::from(is_lower);

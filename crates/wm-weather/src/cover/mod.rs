@@ -49,9 +49,11 @@ const BURIED: f32 = 0.08;
 const SIDE: f64 = 420.0;
 const WIDER: f64 = 4.0;
 /// Rings at most.
-const RINGS: usize = 3;
+const RINGS: usize = 4;
 /// Narrowest cells, m.
 const NARROWEST: f64 = 0.06;
+/// Share of the splats beyond the widest ring on each side: far hills are few splats.
+const OUTLIERS: f64 = 0.000_5;
 /// The lowest depth of the ladder, m, and how many times as deep each next one is.
 const LOWEST: f64 = 0.005;
 const RUNG: f64 = 1.5;
@@ -186,6 +188,7 @@ impl Cover {
                 most_cells: (SIDE * SIDE) as usize,
                 focus: reach.is_finite().then_some((middle, reach)),
                 margin: 0.1,
+                outliers: OUTLIERS,
                 ..ShelterOptions::default()
             };
             occluders = occluders.mapped(&options);
@@ -305,8 +308,9 @@ fn spot(rings: &[Ground], splats: &Splats, index: usize, metres_per_unit: f64) -
     let under = |at: [f64; 3]| {
         let (place, height) = ground.places.locate(at);
         let cell = ground.places.cell_at(place)?;
-        let above = |node: usize| height as f32 - ground.height[node];
-        let is_near = |node: &usize| (-BURIED..1.5).contains(&above(*node));
+        let above = |node: usize| height as f32 - ground.height_at(node, place);
+        let below = BURIED.max(0.2 * ground.cell);
+        let is_near = |node: &usize| (-below..1.5).contains(&above(*node));
         let node = ground.nodes_of(cell).find(is_near)?;
         Some((node as u32, above(node)))
     };

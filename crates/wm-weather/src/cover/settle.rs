@@ -1,6 +1,6 @@
 //! Snow slides off what is too steep for it, down to where it can lie.
 
-use super::ground::{EDGE, Ground};
+use super::ground::Ground;
 
 /// Most rounds over all cells.
 const ROUNDS: usize = 120;
@@ -41,7 +41,7 @@ pub fn settle(ground: &Ground, fell: &[f32], repose: f32) -> Settled {
             let mut went = false;
             for to in ground.next(node).into_iter().flatten() {
                 let fall = top - (ground.height[to] + depth[to]);
-                let is_edge = ground.height[node] - ground.height[to] > EDGE;
+                let is_edge = ground.height[node] - ground.height[to] > ground.edge;
                 let own = depth[node];
                 let goes = if is_edge {
                     // Over an edge goes what came from above, and what lies on no surface.

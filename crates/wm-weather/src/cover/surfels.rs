@@ -10,8 +10,10 @@ use wm_scene::{Group, Splats};
 
 /// Depth below which the ground shows between flakes, m.
 const DUSTING: f32 = 0.006;
-/// Standard deviation of a surfel across, in cells, and through, m.
-const WIDTH: f64 = 0.62;
+/// Standard deviation of a surfel along the surface, in cells: amid others, so wide that nothing is seen between them, and
+/// at an edge; how far off the middle it is at most; and through, m.
+const WIDTH: [f64; 2] = [0.8, 0.55];
+const ASIDE: [f64; 2] = [0.2, 0.1];
 const THICKNESS: f64 = 0.004;
 /// Opacity of a surfel of deep snow.
 pub(super) const OPAQUE: f64 = 0.985;
@@ -137,7 +139,9 @@ impl Painter<'_> {
         let mut off = |most: f64| most * (2.0 * draws.uniform() - 1.0);
         let dx = slope(level(0), level(2)).clamp(-1.7, 1.7) + off(TILT);
         let dy = slope(level(1), level(3)).clamp(-1.7, 1.7) + off(TILT);
-        let (place, lift) = ([column as f64 + 0.5 + off(0.2), row as f64 + 0.5 + off(0.2)], off(ROUGH));
+        let is_edge = usize::from((0..4).any(|way| level(way).is_none()));
+        let place = [column, row].map(|v| v as f64 + 0.5 + off(ASIDE[is_edge]));
+        let lift = off(ROUGH);
         let cover = f64::from(coverage(depth[node]));
         // Splats are rough: what covers the ground must be above what they show of it.
         let lift = lift.min(f64::from(depth[node]) * 0.3) + LIFT * cover;
@@ -147,7 +151,7 @@ impl Painter<'_> {
             std::array::from_fn(|k| matter.shade[k] + (matter.color[k] - matter.shade[k]) * shade);
         let speckle = 1.0 + off(0.025);
         let rgb = color.map(|v| srgb_encode((v * speckle).max(0.0)) as f32);
-        let wide = WIDTH * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
+        let wide = WIDTH[is_edge] * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
         // What has melted has wetted the ground: it throws back less, between what is left and below it.
         let soaked = wet * f64::from(coverage(fell[node] - depth[node])) * (1.0 - cover);
         if soaked > 0.01 {
@@ -175,7 +179,7 @@ impl Painter<'_> {
             let edge = [column as f64 + 0.5 + 0.4 * x as f64, row as f64 + 0.5 + 0.4 * y as f64];
             let side = color.map(|v| srgb_encode(0.93 * v) as f32);
             let at = ground.places.point(edge, here - 0.45 * own);
-            self.put(at, outward, [WIDTH * cell, 0.4 * own, THICKNESS], side, OPAQUE * cover, splats);
+            self.put(at, outward, [WIDTH[1] * cell, 0.4 * own, THICKNESS], side, OPAQUE * cover, splats);
         }
     }
 

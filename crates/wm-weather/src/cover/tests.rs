@@ -39,6 +39,15 @@ fn porch() -> Splats {
     place.build()
 }
 
+/// Area of the yard from above, m^2: that of the splats, which end softly some cm beyond its edge.
+fn yard(ground: &Ground) -> f64 {
+    let cells = ground.size[0] * ground.size[1];
+    let area = (0..cells).filter(|cell| !ground.nodes_of(*cell).is_empty()).count() as f64;
+    let area = area * f64::from(ground.cell).powi(2);
+    assert!(area > 79.5 && area < 82.5, "{area}");
+    area
+}
+
 /// Mean depth over a field of the uppermost surface between two heights.
 fn mean(cover: &Cover, lying: &Lying, x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> f64 {
     let ground = &cover.rings()[0];
@@ -215,8 +224,7 @@ fn what_falls_is_what_lies() {
         let lies: f64 = lying.settled[0].depth.iter().map(|d| f64::from(*d) * cell).sum();
         let gone = lying.melted[0] * cell;
         let shed = (lying.settled[0].lost + 0.1 * ground.shed) * cell;
-        // 10 m by 8 m, of which the roof takes its part.
-        let fell = 0.1 * 80.0;
+        let fell = 0.1 * yard(ground);
         println!("{flow:?}: {lies:.4} m^3 lie, {gone:.4} melted, {shed:.4} shed of {fell:.4}");
         assert!(((lies + gone + shed) / fell - 1.0).abs() < 0.01, "{flow:?}: {lies} {gone} {shed} {fell}");
         assert!((gone > 0.3 * fell) == (melted > 0.0));
@@ -299,12 +307,9 @@ fn water_is_kept_over_time() {
         let water = |depth: f64| depth * area * 300.0;
         let lies = water(lying.settled[0].depth.iter().map(|d| f64::from(*d)).sum());
         let (melted, shed) = (water(lying.melted[0]), water(lying.settled[0].lost));
-        // kg on 80 m^2.
-        let all = (lies + melted + shed) / (80.0 * fell);
-        println!(
-            "{time} s: {lies:.1} kg lie, {melted:.1} have melted, {shed:.1} slid off of {:.1}",
-            80.0 * fell
-        );
+        let fell = fell * yard(&cover.rings()[0]);
+        let all = (lies + melted + shed) / fell;
+        println!("{time} s: {lies:.1} kg lie, {melted:.1} have melted, {shed:.1} slid off of {fell:.1}");
         assert!((all - 1.0).abs() < 0.01, "{time}: {all}");
         assert!((melted > 0.0) == (time > 6.0));
     }

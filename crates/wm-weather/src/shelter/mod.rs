@@ -56,6 +56,8 @@ pub struct ShelterOptions {
     /// A point (world, scene units) and how far from it across the fall the grid goes, m; `None` for the whole scene.
     /// In scenes that reach far it keeps the cells narrow where cameras are.
     pub focus: Option<([f64; 3], f64)>,
+    /// Share of the splats that the grid of a whole scene leaves out at each side, 0-0.5.
+    pub outliers: f64,
     /// Splats of a lower opacity, 0-1, stop nothing: they are haze of the reconstruction.
     pub least_opacity: f64,
     /// How far above a point a surface must be to shelter it, m.
@@ -66,7 +68,15 @@ pub struct ShelterOptions {
 
 impl Default for ShelterOptions {
     fn default() -> Self {
-        Self { cell: 0.1, most_cells: 4_000_000, focus: None, least_opacity: 0.1, margin: 0.15, turn: 3.0 }
+        Self {
+            cell: 0.1,
+            most_cells: 4_000_000,
+            focus: None,
+            outliers: 0.005,
+            least_opacity: 0.1,
+            margin: 0.15,
+            turn: 3.0,
+        }
     }
 }
 

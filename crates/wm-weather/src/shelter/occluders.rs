@@ -4,8 +4,6 @@ use super::{Grid, Shelter, ShelterOptions, axes_of, cast, dot, floaters, unit};
 use crate::optics::Site;
 use wm_scene::{Group, Splats, quat};
 
-/// Share of the splats that the grid leaves out at each side.
-const OUTLIERS: f64 = 0.005;
 /// How far a splat reaches for the size of the grid, standard deviations.
 const REACH: f64 = 2.0;
 /// Largest standard deviation of a splat, in diagonals of the scene.
@@ -89,7 +87,7 @@ impl Occluders {
                 let (mean, reach) = (f64::from(splats.means[i][k]), REACH * largest(splats, i));
                 [mean - reach, mean + reach]
             });
-            range(bounds)
+            range(bounds, options.outliers)
         });
         let origin = ranges.map(|[low, high]| 0.5 * (low + high));
         let diagonal = ranges.iter().map(|[low, high]| (high - low).powi(2)).sum::<f64>().sqrt();
@@ -114,6 +112,12 @@ impl Occluders {
         Shelter::new(grid, stops, self.metres_per_unit, &self.options)
     }
 
+    /// Width of the cells of level maps, m.
+    #[must_use]
+    pub fn cell(&self) -> f64 {
+        self.grid(self.up.map(|v| -v)).cell * self.metres_per_unit
+    }
+
     /// How far along the fall the first surface of each cell is.
     pub(super) fn first(&self, footprints: &cast::Footprints, grid: &Grid, threads: usize) -> Vec<f32> {
         let mut stops = vec![f32::NEG_INFINITY; grid.columns * grid.rows];
@@ -132,10 +136,14 @@ impl Occluders {
     pub(super) fn grid(&self, fall: [f64; 3]) -> Grid {
         let axes = axes_of(fall);
         let [across, down] = [0, 1].map(|k| {
-            let [low, high] = range(self.all.iter().map(|splat| {
-                let (mean, reach) = (splat.along(axes[k]), REACH * splat.between(axes[k], axes[k]).sqrt());
-                [mean - reach, mean + reach]
-            }));
+            let [low, high] = range(
+                self.all.iter().map(|splat| {
+                    let (mean, reach) =
+                        (splat.along(axes[k]), REACH * splat.between(axes[k], axes[k]).sqrt());
+                    [mean - reach, mean + reach]
+                }),
+                self.options.outliers,
+            );
             let Some((point, metres)) = self.options.focus else { return [low, high] };
             let middle = dot(std::array::from_fn(|i| point[i] - self.origin[i]), axes[k]);
             let reach = metres / self.metres_per_unit;
@@ -178,11 +186,11 @@ fn largest(splats: &Splats, index: usize) -> f64 {
     f64::from(a.max(b).max(c)).exp()
 }
 
-/// From the low quantile of the lower ends to the high one of the upper ends; both 0 if there are none.
-fn range(bounds: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
+/// From the low quantile `outliers` of the lower ends to the high one of the upper ends; both 0 if there are none.
+fn range(bounds: impl Iterator<Item = [f64; 2]>, outliers: f64) -> [f64; 2] {
     let (mut lows, mut highs): (Vec<f64>, Vec<f64>) = bounds.map(|[low, high]| (low, high)).unzip();
     let Some(last) = lows.len().checked_sub(1) else { return [0.0; 2] };
-    let rank = (OUTLIERS * last as f64) as usize;
+    let rank = ((outliers * last as f64) as usize).min(last / 2);
     let low = *lows.select_nth_unstable_by(rank, f64::total_cmp).1;
     let high = *highs.select_nth_unstable_by(last - rank, f64::total_cmp).1;
     [low, high]
