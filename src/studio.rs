@@ -1,5 +1,6 @@
 //! A loaded scene and how it is drawn: all that a frame needs but the weather and the camera.
 
+use crate::progress;
 use crate::scene::Loaded;
 use crate::view::spec;
 use anyhow::Result;
@@ -7,12 +8,13 @@ use std::time::Instant;
 use wm_render::hooks::Hooks;
 use wm_render::hooks::Slot;
 use wm_render::{
-    Background, CpuRenderer, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetId, SetView, Stats,
+    Background, CpuRenderer, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId,
+    SetView, Stats,
 };
 use wm_scene::Camera;
 use wm_weather::cover::{Airflow, Asked, Buried, Cover};
 use wm_weather::paper::{PaperCover, Stages, composite};
-use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
+use wm_weather::shelter::{Occluders, Shelter, ShelterOptions, Sight};
 use wm_weather::{Fidelity, Seen, Site, Sky, Weather};
 
 /// Maps of shelter that are kept, one for each direction of fall: enough for a wind that turns.
@@ -99,8 +101,47 @@ pub fn airflow(weather: &Weather, site: &Site) -> Airflow {
 }
 
 /// What something may lie on.
-pub fn cover(loaded: &Loaded, site: &Site, airflow: &Airflow) -> Cover {
-    Cover::of(&loaded.scene.splats, site, airflow, middle(loaded), loaded.renderer.threads())
+pub fn cover(loaded: &Loaded, occluders: Occluders, site: &Site, airflow: &Airflow) -> Cover {
+    let threads = loaded.renderer.threads();
+    let waiting = progress::spinner("finding what can be covered");
+    let cover = Cover::of(&loaded.scene.splats, occluders, site, airflow, middle(loaded), threads);
+    waiting.finish_and_clear();
+    if cover.is_bare() {
+        eprintln!("warning: nothing can lie here: no surface looks up at the sky; give --up if up is wrong");
+    }
+    cover
+}
+
+/// What may stop what falls: all but what the photos see through.
+pub fn occluders(loaded: &mut Loaded, site: &Site) -> Result<Occluders> {
+    let occluders = Occluders::of(&loaded.scene.splats, site, &ShelterOptions::default());
+    let threads = loaded.renderer.threads();
+    Ok(occluders.seen_by(&sights(loaded)?, Some(threads)))
+}
+
+/// Photos that say what is free, at most, and their longest side, px.
+const SIGHTS: usize = 40;
+const SIGHT: f64 = 240.0;
+
+/// What the cameras of the photos see, of some of them.
+fn sights(loaded: &mut Loaded) -> Result<Vec<Sight>> {
+    let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
+    let config = RenderConfig { outputs, ..RenderConfig::default() };
+    let views = &loaded.scene.views;
+    let sets = [SetView::plain(loaded.set)];
+    let mut frame = Frame::default();
+    let mut sights = Vec::new();
+    for view in views.iter().step_by(views.len().div_ceil(SIGHTS).max(1)) {
+        let camera = &view.camera;
+        let small = (SIGHT / f64::from(camera.width.max(camera.height))).min(1.0);
+        let [width, height] =
+            [camera.width, camera.height].map(|side| (f64::from(side) * small).round().max(1.0) as u32);
+        let camera = camera.resized(width, height);
+        let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
+        loaded.renderer.render(&job, &mut frame)?;
+        sights.push(Sight { camera, depth: frame.median_depth.clone() });
+    }
+    Ok(sights)
 }
 
 /// A camera and how it moves.
@@ -127,9 +168,11 @@ impl Studio {
     pub fn new(mut loaded: Loaded, config: RenderConfig, needs: impl FnOnce(&Site) -> Needs) -> Result<Self> {
         let site = loaded.weather_site();
         let needs = needs(&site);
-        let occluders = || Occluders::of(&loaded.scene.splats, &site, &ShelterOptions::default());
-        let occluders = needs.fall.then(occluders);
-        let cover = needs.cover.map(|airflow| cover(&loaded, &site, &airflow));
+        let is_asked = needs.fall || needs.cover.is_some();
+        let occluders = is_asked.then(|| occluders(&mut loaded, &site)).transpose()?;
+        let lies = needs.cover.zip(occluders.as_ref());
+        let cover = lies.map(|(airflow, occluders)| cover(&loaded, occluders.clone(), &site, &airflow));
+        let occluders = occluders.filter(|_| needs.fall);
         let mut lying = None;
         if let Some(paper) = &needs.paper_cover {
             let set = loaded.renderer.load(&paper.snow(&loaded.scene.splats, &site))?;

@@ -87,4 +87,41 @@ fn there_must_be_something_to_bake() {
     refused("none.ply", &[], "nothing lies under the weather clear at 0 s");
     refused("none.ply", &["--set", "snow_cover.depth=0"], "nothing lies under the weather");
     refused("none.splat", &["--set", "snow_cover=on"], "give a name that ends in .ply");
+
+    // Deeper than all, and before the start.
+    let deep = workshop.path("deep.ply");
+    let words = |depth: &str| {
+        let words = format!(
+            "bake {} --set snow_cover.depth={depth} --time -100 -o {}",
+            scene.display(),
+            deep.display()
+        );
+        words.split(' ').map(str::to_owned).collect::<Vec<_>>()
+    };
+    run(&words("10"));
+    let mut command = binary();
+    command.args(words("10.1"));
+    refuses(&mut command, &workshop.path(""), &["snow_cover.depth"], &[]);
+}
+
+/// What has fallen since the start lies, and melts; and time before the start is no error.
+#[test]
+fn snow_falls_lies_and_melts() {
+    let workshop = Workshop::new();
+    let (scene, view) = place(&workshop);
+    let light = |time: f64| {
+        let sets = [
+            "snowfall.rate=0:3,4:3,4.1:0",
+            "snowfall.opacity=0",
+            "snow_cover.depth=auto",
+            "snow_cover.hours=1",
+            "snow_cover.lapse=3600",
+            "snow_cover.temperature=0:-2,5:-2,6:9",
+        ];
+        let sets = sets.map(|set| format!("--set {set}")).join(" ");
+        ground(&read_png(&workshop.render(&scene, &view, "snow.png", &format!("{sets} --time {time}"))))
+    };
+    let [before, start, snow, thaw, bare] = [-3.0, 0.0, 4.0, 13.0, 60.0].map(light);
+    println!("{before:.3} {start:.3} {snow:.3} {thaw:.3} {bare:.3}");
+    assert!(before < start && start <= snow + 0.01 && thaw < snow && (bare - before).abs() < 0.02);
 }

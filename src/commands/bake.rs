@@ -42,12 +42,15 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     if !args.time.is_finite() {
         bail!("--time {}: give seconds, such as 0 or 12.5", args.time);
     }
-    let loaded = Loaded::new(&args.scene, &args.run, None)?;
+    let mut loaded = Loaded::new(&args.scene, &args.run, None)?;
     let site = loaded.weather_site();
     let sky = weather.at(args.time).over(&site);
     let lying = match (sky.cover(), sky.paper_cover()) {
         (_, Some(paper)) => Lying::on_top(paper.snow(&loaded.scene.splats, &site)),
-        (Some(asked), None) => studio::cover(&loaded, &site, &studio::airflow(&weather, &site)).lying(asked),
+        (Some(asked), None) => {
+            let occluders = studio::occluders(&mut loaded, &site)?;
+            studio::cover(&loaded, occluders, &site, &studio::airflow(&weather, &site)).lying(asked)
+        }
         (None, None) => bail!(
             "nothing lies under the weather {} at {} s: ask for it, such as --set snow_cover.depth=0.1",
             weather.name,
@@ -55,6 +58,12 @@ pub fn run(args: &BakeArgs) -> Result<()> {
         ),
     };
     let added = lying.splats.len();
+    if added == 0 {
+        bail!(
+            "{}: nothing lies on it: no surface looks up at the sky; give --up if up is wrong",
+            args.scene.scene.display()
+        );
+    }
     let splats = lying.bake(&loaded.scene.splats);
     let count = splats.len();
     let survey = &loaded.survey;

@@ -15,7 +15,7 @@ macro_rules! presets {
 presets! {
     "clear", "mist", "fog", "dense-fog", "ground-fog", "fog-closing-in", "haze", "smog",
     "drizzle", "moderate-rain", "heavy-rain", "violent-rain", "light-snow", "snow", "blizzard", "sleet",
-    "sandstorm", "rain-to-snow",
+    "sandstorm", "rain-to-snow", "snow-covered", "first-snow", "thaw",
 }
 
 impl Weather {

@@ -7,6 +7,7 @@ use indicatif::ProgressBar;
 use std::time::Instant;
 use wm_render::{Frame, Geometry, MedianDepth, Outputs, RenderConfig, Stats};
 use wm_scene::Camera;
+use wm_weather::cover::Asked;
 use wm_weather::{Site, Sky, Weather};
 
 /// Rounds before those that count: memory is touched, clocks go up.
@@ -35,6 +36,7 @@ impl Case {
         let drops = weather("clear", &["rain.rate=60", "rain.size=1.3"])?;
         let snow = weather("clear", &["snowfall.rate=2.5"])?;
         let paper = weather("clear", &["rain.rate=25", "fidelity=paper"])?;
+        let cover = weather("clear", &["snow_cover.depth=0.1"])?;
         let mut cases: Vec<Self> = [
             ("rgb", None, Off, "clear"),
             ("rgb+depth", Depth, Off, "clear"),
@@ -56,6 +58,7 @@ impl Case {
             ("rgb, rain, more drops", drops),
             ("rgb, snow 2.5 mm/h", snow),
             ("rgb, rain, paper, k = 4", paper),
+            ("rgb, snow cover 10 cm", cover),
         ] {
             let outputs = Outputs::default();
             cases.push(Self { name, config: config(outputs), sky: weather.at(1.0).over(site) });
@@ -74,6 +77,11 @@ impl Case {
         let first = cases[0].name;
         cases.retain(|case| case.name == first || case.name.contains(text));
         Ok(cases)
+    }
+
+    /// What is to lie under it.
+    pub fn cover(&self) -> Option<&Asked> {
+        self.sky.cover()
     }
 
     /// The place of a case in a list; the first if it is not there.

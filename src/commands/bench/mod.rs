@@ -12,7 +12,7 @@ use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress;
 use crate::scene::{FactArgs, Loaded, RunArgs, SceneArgs};
-use crate::studio::Stand;
+use crate::studio::{self, Stand};
 use crate::view::spec::{self, CameraSpec};
 use crate::view::{self, choose};
 use anyhow::Result;
@@ -20,11 +20,13 @@ use clap::Args;
 use measure::{Case, peak_memory, turns};
 use report::{PathSpeed, SceneReport, Threads};
 use std::path::{Path, PathBuf};
+use wm_render::hooks::Visibility;
 use wm_render::simd::SimdPath;
 use wm_render::testing::{shell_camera, shell_splats};
-use wm_render::{CpuConfig, CpuRenderer, RenderConfig, Renderer, SetView};
+use wm_render::{CpuConfig, CpuRenderer, RenderConfig, Renderer, SetId, SetView};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::{Camera, Group, Metadata, Scene};
+use wm_weather::cover::{Airflow, Asked, Buried};
 
 /// Options of `bench`.
 #[derive(Args, Debug)]
@@ -134,6 +136,25 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
     Ok((loaded, camera))
 }
 
+/// A scene with what lies on it, in a renderer of its own.
+struct Snowy {
+    renderer: CpuRenderer,
+    /// The scene, and what lies.
+    sets: [SetId; 2],
+    buried: Buried,
+}
+
+impl Snowy {
+    fn new(loaded: &mut Loaded, asked: &Asked, args: &BenchArgs) -> Result<Self> {
+        let site = loaded.weather_site();
+        let occluders = studio::occluders(loaded, &site)?;
+        let lying = studio::cover(loaded, occluders, &site, &Airflow::default()).lying(asked);
+        let mut renderer = args.run.renderer()?;
+        let sets = [renderer.load(&loaded.scene.splats)?, renderer.load(&lying.splats)?];
+        Ok(Self { renderer, sets, buried: lying.buried })
+    }
+}
+
 /// Everything about one scene.
 fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchArgs) -> Result<SceneReport> {
     let (background, rasterization) =
@@ -147,10 +168,21 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     let (full, rgb) = (Case::position(&cases, "rgb+depth+normal"), Case::position(&cases, "rgb"));
 
     let bar = progress::bar(u64::from(rounds), "rounds");
-    let mut stands = [Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] }];
-    let plan: Vec<(usize, &Case)> = cases.iter().map(|case| (0, case)).collect();
+    let snowy =
+        cases.iter().find_map(Case::cover).map(|asked| Snowy::new(loaded, asked, args)).transpose()?;
+    let (mut snowy, buried) =
+        snowy.map(|Snowy { renderer, sets, buried }| ((renderer, sets), buried)).unzip();
+    let mut stands = vec![Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] }];
+    if let Some((renderer, [scene, snow])) = &mut snowy {
+        let visibility = buried.as_ref().map(|buried| buried as &dyn Visibility);
+        let sets = vec![SetView { set: *scene, visibility }, SetView::plain(*snow)];
+        stands.push(Stand { renderer, sets });
+    }
+    let plan: Vec<(usize, &Case)> =
+        cases.iter().map(|case| (usize::from(case.cover().is_some()), case)).collect();
     let measured = turns(&mut stands, &camera, &plan, rounds, &bar)?;
     bar.finish_and_clear();
+    drop(stands);
     let memory = peak_memory();
     if args.cases.is_some() && !interrupt::asked() {
         return Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), None, Vec::new(), memory));

@@ -175,11 +175,19 @@ impl Buried {
 }
 
 impl Cover {
-    /// Of a scene whose air carries what falls. Cells are narrowest about `middle` (world, scene units).
+    /// Of a scene whose air carries what falls, on those of its splats that are surfaces. Cells are narrowest about
+    /// `middle` (world, scene units).
     #[must_use]
-    pub fn of(splats: &Splats, site: &Site, airflow: &Airflow, middle: [f64; 3], threads: usize) -> Self {
+    pub fn of(
+        splats: &Splats,
+        occluders: Occluders,
+        site: &Site,
+        airflow: &Airflow,
+        middle: [f64; 3],
+        threads: usize,
+    ) -> Self {
         let mut rings: Vec<Ground> = Vec::new();
-        let mut occluders = Occluders::of(splats, site, &ShelterOptions::default());
+        let mut occluders = occluders;
         for ring in 0..RINGS {
             let cell = NARROWEST * WIDER.powi(ring as i32);
             let reach = if ring + 1 == RINGS { f64::INFINITY } else { 0.5 * SIDE * cell };
@@ -210,6 +218,12 @@ impl Cover {
     #[must_use]
     pub fn rings(&self) -> &[Ground] {
         &self.rings
+    }
+
+    /// Whether nothing can lie anywhere: no surface is known to look up at the sky.
+    #[must_use]
+    pub fn is_bare(&self) -> bool {
+        self.rings.iter().all(|ground| ground.share.iter().all(|share| *share <= 0.0))
     }
 
     /// What lies as it is asked for. The depths of the ladder that it needs are kept for the next time; what lies does not

@@ -31,6 +31,7 @@ mod cast;
 mod floaters;
 mod layers;
 mod occluders;
+mod sights;
 #[cfg(test)]
 mod tests;
 
@@ -40,6 +41,7 @@ use wm_scene::Splats;
 
 pub use layers::Layers;
 pub use occluders::Occluders;
+pub use sights::Sight;
 
 /// Margin in cells, at least: half a cell on a surface of slope 3.
 const MARGIN_CELLS: f64 = 1.5;

@@ -5,7 +5,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::synthetic::{Builder, moved, rotation, uniform};
-use wm_scene::{Group, testing::data};
+use wm_scene::{Camera, Group, testing::data};
 
 const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
 const GREY: [f32; 3] = [0.5; 3];
@@ -525,4 +525,38 @@ fn time_of_a_real_scene() {
             start.elapsed() / 100_000
         );
     }
+}
+
+/// A sheet in the air over a floor: cameras below it look at a wall behind it, through it.
+#[test]
+fn what_cameras_see_through_stops_nothing() {
+    let mut place = Builder::new(1);
+    place.surface(DVec3::ZERO, DVec3::X * 8.0, DVec3::Y * 8.0, 0.1, |_, _| [0.5; 3]);
+    let floor = place.build();
+    place = Builder::new(1);
+    place.surface(DVec3::new(3.0, 3.0, 1.2), DVec3::X * 2.0, DVec3::Y * 2.0, 0.1, |_, _| [0.5; 3]);
+    let sheet = place.build();
+    let mut splats = floor.clone();
+    splats.append(&sheet);
+    // At a wall 10 m ahead, whatever is before it.
+    let sight = |eye: DVec3, depth: f32| {
+        let camera = Camera::look_at((40, 30), 60.0, eye, DVec3::new(4.0, 4.0, 1.2), DVec3::Z).unwrap();
+        Sight { depth: vec![depth; 40 * 30], camera }
+    };
+    let eyes = [DVec3::new(-1.0, 4.0, 1.2), DVec3::new(4.0, -1.0, 1.2), DVec3::new(9.0, 4.0, 1.2)];
+    let occluders = || Occluders::of(&splats, &metres(), &ShelterOptions::default());
+    let point = [4.0, 4.0, 0.3];
+    let shelters = |sights: &[Sight]| {
+        let shelter = occluders().seen_by(sights, Some(2)).shelter([0.0, 0.0, -1.0], Some(2));
+        assert!(shelter.is_exposed([1.0, 1.0, 0.3]));
+        !shelter.is_exposed(point)
+    };
+    assert!(shelters(&[]));
+    // One camera may be wrong; two are not; and those that see it outvote them.
+    assert!(shelters(&[sight(eyes[0], 10.0)]));
+    assert!(!shelters(&[sight(eyes[0], 10.0), sight(eyes[1], 0.0)]));
+    let sees = |eye: DVec3| sight(eye, 5.0);
+    assert!(shelters(&[sight(eyes[0], 10.0), sight(eyes[1], 10.0), sees(eyes[0]), sees(eyes[1])]));
+    // From behind something nobody knows.
+    assert!(shelters(&eyes.map(|eye| sight(eye, 1.0))));
 }
