@@ -28,10 +28,11 @@ const WALL: [f32; 2] = [2.0 * STEEP[1], 0.0];
 const FIELD: i64 = 2;
 /// How often slopes are evened out with those beside them.
 const ROUNDS: usize = 8;
-/// Share of a field that must belong to a surface, and to one whose splats stand upright: whose normals have a smaller
-/// cosine to up.
+/// Share of a field that must belong to a surface; to one whose splats stand upright, whose normals have a smaller cosine to
+/// up; and to one whose splats do not.
 const SURFACE: f32 = 0.3;
 const LEDGE: f32 = 0.7;
+const CROWN: f32 = 0.1;
 const UPRIGHT: f32 = 0.4;
 /// How far from a surface splats are still of it, m, but so many cells at least.
 const OWN: f32 = 0.12;
@@ -311,7 +312,12 @@ impl Ground {
         }
         let field = ((2 * FIELD + 1) * (2 * FIELD + 1)) as f32;
         // A piece of a wall has what is above beside it and what is below, and is no ledge that looks up.
-        let surface = if facing[node] < UPRIGHT { LEDGE } else { SURFACE };
+        let surface = match facing[node] {
+            upright if upright < UPRIGHT => LEDGE,
+            // Leaves of a crown look anywhere.
+            known if known >= UPRIGHT => CROWN,
+            _ => SURFACE,
+        };
         if count < surface * field && higher > 0 && lower > 0 {
             return WALL;
         }

@@ -12,7 +12,7 @@
 //! the first.
 //!
 //! # How it is drawn
-//! As splats of its own on its own surface ([`surfels`]), opaque and lit as the place is ([`shading`]); and the scene's
+//! As splats of its own on its own surface ([`surfels`]), opaque and lit as the place is (`shading.rs`); and the scene's
 //! splats that it buries are hidden, so that none shines through ([`Buried`]). Thin snow covers a share of the ground
 //! only, and what has melted leaves it wet.
 //!
