@@ -132,7 +132,9 @@ fn what_is_open_is_white_and_what_is_not_is_bare() {
             }
             // Steep or sheltered, and seen: not behind snow that lies before it.
             let stands_before = seen.is_some_and(|seen| is_snow && seen.distance(at) > 0.15);
-            if (truth.exposure == 0.0 || truth.slope > 60.0) && !stands_before {
+            // The slope of a leaf says nothing: snow lies on the crown.
+            let is_leaf = surface.material.is_foliage();
+            if (truth.exposure == 0.0 || truth.slope > 60.0) && !stands_before && !is_leaf {
                 bare += 1;
                 wrong += u32::from(is_snow);
             }

@@ -9,7 +9,7 @@ use std::sync::Mutex;
 pub(super) const FILTER: f64 = wm_render::stages::project::DILATION as f64;
 /// Alphas below are nothing.
 pub(super) const LEAST_ALPHA: f64 = wm_scene::health::LEAST_OPACITY;
-/// What falls is stopped where less of it is left.
+/// What falls is stopped where less of it is left, if nothing else is said.
 pub(super) const STOPPED: f32 = 0.5;
 /// How far the most opaque splat reaches, standard deviations: `sqrt(2 ln 255)` and a little.
 const MOST_REACH: f64 = 3.4;
@@ -117,7 +117,7 @@ impl Footprints {
         for (row, cells) in clear.chunks(grid.columns.max(1)).enumerate() {
             let mut sum = 0;
             for (column, left) in cells.iter().enumerate() {
-                sum += u32::from(*left >= STOPPED);
+                sum += u32::from(*left >= grid.stopped);
                 sums[(row + 1) * width + column + 1] = sums[row * width + column + 1] + sum;
             }
         }
@@ -145,7 +145,7 @@ fn covered(at: f64, reach: f64, count: usize) -> Option<[u32; 2]> {
     (first <= last).then_some([first as u32, last as u32])
 }
 
-/// Fills in the cells that are clear: `clear` is what is left of the fall, 1 at the start, and less than a half in
+/// Fills in the cells that are clear: `clear` is what is left of the fall, 1 at the start, and less than stops it in
 /// cells that are done. `stops` comes with the distance that surfaces must be beyond, and leaves with that of the
 /// surface, or infinity.
 pub(super) fn cast(
@@ -158,7 +158,7 @@ pub(super) fn cast(
     let cells = (BAND * grid.columns).max(1);
     let bands = stops.chunks_mut(cells).zip(clear.chunks_mut(cells)).enumerate();
     share(bands, threads, |(band, (stops, clear))| {
-        if clear.iter().all(|left| *left < STOPPED) {
+        if clear.iter().all(|left| *left < grid.stopped) {
             return;
         }
         let (first, end) = (band * BAND, band * BAND + stops.len() / grid.columns);
@@ -167,11 +167,11 @@ pub(super) fn cast(
             for row in top..end {
                 let from = (row - first) * grid.columns;
                 let cells = from..from + grid.columns;
-                footprint.cover(row, &mut stops[cells.clone()], &mut clear[cells]);
+                footprint.cover(row, grid.stopped, &mut stops[cells.clone()], &mut clear[cells]);
             }
         }
         for (stop, left) in stops.iter_mut().zip(clear) {
-            if *left >= STOPPED {
+            if *left >= grid.stopped {
                 *stop = f32::INFINITY;
             }
         }
@@ -181,7 +181,7 @@ pub(super) fn cast(
 impl Footprint {
     /// Covers one row of the grid.
     #[inline]
-    fn cover(&self, row: usize, stops: &mut [f32], clear: &mut [f32]) {
+    fn cover(&self, row: usize, stopped: f32, stops: &mut [f32], clear: &mut [f32]) {
         let w_row = ((row as i32 - self.cell[1]) as f32 + 0.5 - self.place[1]) / self.row;
         let left = self.reach - w_row * w_row;
         if left < 0.0 {
@@ -195,7 +195,7 @@ impl Footprint {
         let t = self.t + self.slope[0] * w_row;
         for column in from..=to {
             let cell = column as usize;
-            if clear[cell] < STOPPED {
+            if clear[cell] < stopped {
                 continue;
             }
             let w = ((column - self.cell[0]) as f32 - middle) / self.column;
@@ -204,7 +204,7 @@ impl Footprint {
                 continue;
             }
             clear[cell] *= 1.0 - self.opacity * (-0.5 * (w_row * w_row + w * w)).exp();
-            if clear[cell] < STOPPED {
+            if clear[cell] < stopped {
                 stops[cell] = depth;
             }
         }

@@ -3,6 +3,9 @@
 use super::occluders::count as thread_count;
 use super::{Grid, Occluders, cast, dot};
 
+/// A surface is where less of what comes from above is left: near the top of leaves and of what is not quite dense.
+const TOP: f32 = 0.75;
+
 /// Surfaces straight below each other on a level grid, the uppermost first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layers {
@@ -17,7 +20,7 @@ impl Occluders {
     #[must_use]
     pub fn layers(&self, count: usize, gap: f64, threads: Option<usize>) -> Layers {
         let threads = thread_count(threads);
-        let grid = self.grid(self.up.map(|v| -v));
+        let grid = Grid { stopped: TOP, ..self.grid(self.up.map(|v| -v)) };
         let footprints = cast::project(&self.all, &grid, threads);
         let mut stops = self.first(&footprints, &grid, threads);
         let gap = (gap / self.metres_per_unit) as f32;

@@ -95,6 +95,8 @@ struct Grid {
     cell: f64,
     columns: usize,
     rows: usize,
+    /// What falls is stopped where less of it is left, 0-1.
+    stopped: f32,
 }
 
 /// The map of one scene for one direction of fall.
@@ -144,7 +146,7 @@ impl Shelter {
     }
 
     fn new(grid: Grid, stops: Vec<f32>, metres_per_unit: f64, options: &ShelterOptions) -> Self {
-        let Grid { axes, origin, low, cell, columns, rows } = grid;
+        let Grid { axes, origin, low, cell, columns, rows, .. } = grid;
         let scaled = |axis: [f64; 3], by: f64| axis.map(|v| (v * by) as f32);
         let query = Query {
             origin: origin.map(|v| v as f32),

@@ -165,7 +165,15 @@ impl Occluders {
         if self.all.is_empty() || size.iter().any(|length| *length < 0.0) {
             [columns, rows] = [0, 0];
         }
-        Grid { axes, origin: self.origin, low: [across[0], down[0]], cell, columns, rows }
+        Grid {
+            axes,
+            origin: self.origin,
+            low: [across[0], down[0]],
+            cell,
+            columns,
+            rows,
+            stopped: cast::STOPPED,
+        }
     }
 }
 
