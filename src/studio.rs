@@ -5,8 +5,7 @@ use crate::scene::Loaded;
 use crate::view::spec;
 use anyhow::Result;
 use std::time::Instant;
-use wm_render::hooks::Hooks;
-use wm_render::hooks::Slot;
+use wm_render::hooks::{Hooks, Slot, Visibility};
 use wm_render::{
     Background, CpuRenderer, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId,
     SetView, Stats,
@@ -45,14 +44,17 @@ struct Laid {
     buried: Buried,
 }
 
-/// A scene and what lies on it.
-fn sets<'a>(loaded: &Loaded, lying: Option<&'a Laid>) -> Vec<SetView<'a>> {
-    let mut sets = vec![SetView::plain(loaded.set)];
-    if let Some(laid) = lying {
-        sets[0].visibility = Some(&laid.buried);
-        sets.push(SetView::plain(laid.set));
+impl Laid {
+    fn set(&self) -> (SetId, &Buried) {
+        (self.set, &self.buried)
     }
-    sets
+}
+
+/// A scene and what lies on it, which hides some of it.
+pub fn sets(scene: SetId, lying: Option<(SetId, &Buried)>) -> Vec<SetView<'_>> {
+    let visibility = lying.map(|(_, buried)| buried as &dyn Visibility);
+    let scene = SetView { set: scene, visibility };
+    [scene].into_iter().chain(lying.map(|(set, _)| SetView::plain(set))).collect()
 }
 
 /// What must be known of a place for all frames of a weather.
@@ -204,7 +206,7 @@ impl Studio {
     /// The renderer with the scene and what lies on it under `sky`, and how it is to be drawn.
     fn stand(&mut self, sky: &Sky) -> Result<(Stand<'_>, &RenderConfig)> {
         self.lay(sky)?;
-        let sets = sets(&self.loaded, self.lying.as_ref());
+        let sets = sets(self.loaded.set, self.lying.as_ref().map(Laid::set));
         Ok((Stand { renderer: &mut self.loaded.renderer, sets }, &self.config))
     }
 
@@ -259,7 +261,7 @@ impl Studio {
     ) -> Result<R> {
         self.prepare(sky);
         self.lay(sky)?;
-        let sets = sets(&self.loaded, self.lying.as_ref());
+        let sets = sets(self.loaded.set, self.lying.as_ref().map(Laid::set));
         let shelter = sky.fall().and(self.shelters.last().map(|(_, shelter)| shelter));
         sky.with_hooks(&Seen { camera: &camera, velocity, shelter }, |hooks| {
             let job = Job { sets: &sets, camera: &camera, config: &self.config, hooks };

@@ -60,8 +60,9 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     let added = lying.splats.len();
     if added == 0 {
         bail!(
-            "{}: nothing lies on it: no surface looks up at the sky; give --up if up is wrong",
-            args.scene.scene.display()
+            "{}: nothing lies on it at {} s: all has melted, or no surface looks up at the sky (give --up if up is wrong)",
+            args.scene.scene.display(),
+            args.time
         );
     }
     let splats = lying.bake(&loaded.scene.splats);

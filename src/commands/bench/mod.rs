@@ -20,7 +20,6 @@ use clap::Args;
 use measure::{Case, peak_memory, turns};
 use report::{PathSpeed, SceneReport, Threads};
 use std::path::{Path, PathBuf};
-use wm_render::hooks::Visibility;
 use wm_render::simd::SimdPath;
 use wm_render::testing::{shell_camera, shell_splats};
 use wm_render::{CpuConfig, CpuRenderer, RenderConfig, Renderer, SetId, SetView};
@@ -168,22 +167,22 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     let (full, rgb) = (Case::position(&cases, "rgb+depth+normal"), Case::position(&cases, "rgb"));
 
     let bar = progress::bar(u64::from(rounds), "rounds");
-    let snowy =
+    // Memory is that of one renderer: it is told before there is another.
+    let plain: Vec<(usize, &Case)> =
+        cases.iter().filter(|case| case.cover().is_none()).map(|case| (0, case)).collect();
+    let alone = Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] };
+    turns(&mut [alone], &camera, &plain, 0, &bar)?;
+    let memory = peak_memory();
+    let mut snowy =
         cases.iter().find_map(Case::cover).map(|asked| Snowy::new(loaded, asked, args)).transpose()?;
-    let (mut snowy, buried) =
-        snowy.map(|Snowy { renderer, sets, buried }| ((renderer, sets), buried)).unzip();
     let mut stands = vec![Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] }];
-    if let Some((renderer, [scene, snow])) = &mut snowy {
-        let visibility = buried.as_ref().map(|buried| buried as &dyn Visibility);
-        let sets = vec![SetView { set: *scene, visibility }, SetView::plain(*snow)];
-        stands.push(Stand { renderer, sets });
+    if let Some(Snowy { renderer, sets: [scene, snow], buried }) = &mut snowy {
+        stands.push(Stand { renderer, sets: studio::sets(*scene, Some((*snow, buried))) });
     }
     let plan: Vec<(usize, &Case)> =
         cases.iter().map(|case| (usize::from(case.cover().is_some()), case)).collect();
     let measured = turns(&mut stands, &camera, &plan, rounds, &bar)?;
     bar.finish_and_clear();
-    drop(stands);
-    let memory = peak_memory();
     if args.cases.is_some() && !interrupt::asked() {
         return Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), None, Vec::new(), memory));
     }

@@ -86,9 +86,7 @@ impl Ground {
         (self.open, self.share) = reached.iter().map(|[open, share]| (*open, *share)).unzip();
         for node in 0..nodes {
             let stays = self.share[node] * self.kept(node);
-            if !self.is_elsewhere(node) {
-                self.shed += f64::from(self.share[node] - stays);
-            }
+            self.lose(node, self.share[node] - stays);
             self.share[node] = stays;
         }
         let along = to_level(&grid, from_level(&axes, [a, b, 0.0]));
@@ -129,13 +127,14 @@ impl Ground {
         let length = wind[0].hypot(wind[1]);
         let unit = wind.map(|v| v / length);
         let (step, aside) = (unit[main].signum() as i64, unit[1 - main] / unit[main].abs());
-        // To the next line straight on and a cell aside, so that the mean goes with the wind.
-        let (straight, slanted) = (1.0 - aside.abs(), aside.abs());
         let way = |off: i64| if main == 0 { [step, off] } else { [off, step] };
-        let ways = [(way(0), straight), (way(aside.signum() as i64), slanted)];
-        let fallen_by = SHADOW * self.cell / unit[main].abs();
-        let lets_go = LENGTH.map(|length| 1.0 - (-self.cell / length).exp());
-
+        let gale = Gale {
+            ways: [(way(0), 1.0 - aside.abs()), (way(aside.signum() as i64), aside.abs())],
+            unit,
+            moved,
+            fallen_by: SHADOW * self.cell / unit[main].abs(),
+            lets_go: LENGTH.map(|length| 1.0 - (-self.cell / length).exp()),
+        };
         let mut carried = vec![0.0f32; self.len()];
         let mut line = vec![f32::NEG_INFINITY; self.len()];
         let [lines, across] = [self.size[main], self.size[1 - main]];
@@ -144,32 +143,24 @@ impl Ground {
             for other in 0..across {
                 let cell = if main == 0 { other * self.size[0] + k } else { k * self.size[0] + other };
                 for node in self.nodes_of(cell) {
-                    self.pass(node, &ways, (fallen_by, lets_go), moved, unit, &mut carried, &mut line);
+                    self.pass(node, &gale, &mut carried, &mut line);
                 }
             }
         }
     }
 
-    #[allow(clippy::too_many_arguments)] // A step of the loop above.
-    fn pass(
-        &mut self,
-        node: usize,
-        ways: &[([i64; 2], f32); 2],
-        (fallen_by, lets_go): (f32, [f32; 2]),
-        moved: f32,
-        unit: [f32; 2],
-        carried: &mut [f32],
-        line: &mut [f32],
-    ) {
+    /// What reaches a node with the wind is left there or goes on: `carried` is on its way to each node, and below `line`
+    /// (m) the air is still.
+    fn pass(&mut self, node: usize, gale: &Gale, carried: &mut [f32], line: &mut [f32]) {
         let [column, row] = self.place(node);
         let (height, is_still) = (self.height[node], line[node] > self.height[node] + BELOW);
         // From beyond the grid comes what a plain would give.
-        let plain = moved / lets_go[0];
-        for ([x, y], share) in ways {
+        let plain = gale.moved / gale.lets_go[0];
+        for ([x, y], share) in gale.ways {
             let source = self.cell_of(column - x, row - y);
             if source.is_none_or(|cell| self.nodes_of(cell).is_empty()) && self.open[node] > 0.0 {
                 carried[node] += share * plain;
-                self.shed -= if self.is_elsewhere(node) { 0.0 } else { f64::from(share * plain) };
+                self.lose(node, -share * plain);
             }
         }
         let mut on_its_way = carried[node];
@@ -178,40 +169,53 @@ impl Ground {
                 0.0
             } else {
                 // Windward slopes lose, lee slopes gain.
-                let rise = self.slope[node][0] * unit[0] + self.slope[node][1] * unit[1];
-                moved * self.share[node] * (1.0 + 1.5 * rise).clamp(0.2, 1.6)
+                let rise = self.slope[node][0] * gale.unit[0] + self.slope[node][1] * gale.unit[1];
+                gale.moved * self.share[node] * (1.0 + 1.5 * rise).clamp(0.2, 1.6)
             };
-            let leaves = on_its_way * lets_go[usize::from(is_still)];
+            let leaves = on_its_way * gale.lets_go[usize::from(is_still)];
             let leaves = leaves.min((DRIFT - self.share[node]).max(0.0) + takes);
             let takes = takes.min(self.share[node]);
             self.share[node] += leaves - takes;
             on_its_way += takes - leaves;
         }
-        let top = if is_still { line[node] } else { height } - fallen_by;
-        for ([x, y], share) in ways {
+        let top = if is_still { line[node] } else { height } - gale.fallen_by;
+        for ([x, y], share) in gale.ways {
             let goes = share * on_its_way;
-            let Some(cell) = self.cell_of(column + x, row + y) else {
-                self.shed += if self.is_elsewhere(node) { 0.0 } else { f64::from(goes) };
+            let nodes = self.cell_of(column + x, row + y).map(|cell| self.nodes_of(cell));
+            let Some(upper) = nodes.clone().and_then(|mut nodes| nodes.next()) else {
+                self.lose(node, goes);
                 continue;
             };
             let level = self.level_with(node, column + x, row + y, self.edge);
-            let lower = || self.nodes_of(cell).find(|to| self.height[*to] < height && self.open[*to] > 0.0);
-            let upper = self.nodes_of(cell).next();
-            let (to, goes) = match (level.or_else(lower), upper) {
-                (Some(to), _) => (to, goes),
-                // It stands in the way: some stays, most goes over it.
-                (None, Some(upper)) => {
-                    let stays = FOOT * goes * f32::from(u8::from(!self.is_steep(node)));
-                    self.share[node] += stays;
-                    (upper, goes - stays)
-                }
-                (None, None) => {
-                    self.shed += if self.is_elsewhere(node) { 0.0 } else { f64::from(goes) };
-                    continue;
-                }
-            };
-            carried[to] += goes;
+            let is_lower = |to: &usize| self.height[*to] < height && self.open[*to] > 0.0;
+            let on = level.or_else(|| nodes?.find(is_lower));
+            // Where something stands in the way some stays, and most goes over it.
+            let stays = if on.is_none() && !self.is_steep(node) { FOOT * goes } else { 0.0 };
+            self.share[node] += stays;
+            let to = on.unwrap_or(upper);
+            carried[to] += goes - stays;
             line[to] = line[to].max(top);
         }
     }
+
+    /// Counts what does not stay where it falls, or is carried off the grid, as a share of the fall on a cell.
+    fn lose(&mut self, node: usize, amount: f32) {
+        if !self.is_elsewhere(node) {
+            self.shed += f64::from(amount);
+        }
+    }
+}
+
+/// A wind over the grid, line by line.
+struct Gale {
+    /// To the next line straight on and a cell aside, each with its share, so that the mean goes with the wind.
+    ways: [([i64; 2], f32); 2],
+    /// Along columns and rows, length 1.
+    unit: [f32; 2],
+    /// Share of what falls that it carries.
+    moved: f32,
+    /// How much lower the line below which the air is still is at the next line, m.
+    fallen_by: f32,
+    /// Share that it lets go of in a cell, in the open and out of the wind.
+    lets_go: [f32; 2],
 }

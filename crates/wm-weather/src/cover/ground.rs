@@ -11,9 +11,10 @@ use crate::shelter::{Layers, Occluders};
 use crate::threads::map;
 use wm_scene::{Group, Splats};
 
-/// Surfaces below each other that are looked for, and how far apart they are at least, m.
+/// Surfaces below each other that are looked for, and how far apart they are at least, m and cells: more than an edge.
 const LAYERS: usize = 3;
-const GAP: f64 = 0.5;
+const GAP: f64 = 0.525;
+const GAP_CELLS: f64 = 1.8;
 /// Height from which a step to the side is an edge and no slope, m, but so many cells at least.
 const EDGE: f32 = 0.35;
 const EDGE_CELLS: f32 = 1.2;
@@ -87,9 +88,8 @@ impl Ground {
         inner: Option<&Self>,
         threads: usize,
     ) -> Self {
-        let width = occluders.cell();
-        let edge = EDGE.max(EDGE_CELLS * width as f32);
-        let places = occluders.layers(LAYERS, GAP.max(1.5 * f64::from(edge)), Some(threads));
+        let places = occluders.layers(LAYERS, GAP, GAP_CELLS, Some(threads));
+        let edge = EDGE.max(EDGE_CELLS * places.cell() as f32);
         let size = places.size();
         let (mut start, mut cells, mut height) = (vec![0], Vec::new(), Vec::new());
         for cell in 0..size[0] * size[1] {

@@ -180,14 +180,13 @@ impl Cover {
     #[must_use]
     pub fn of(
         splats: &Splats,
-        occluders: Occluders,
+        mut occluders: Occluders,
         site: &Site,
         airflow: &Airflow,
         middle: [f64; 3],
         threads: usize,
     ) -> Self {
         let mut rings: Vec<Ground> = Vec::new();
-        let mut occluders = occluders;
         for ring in 0..RINGS {
             let cell = NARROWEST * WIDER.powi(ring as i32);
             let reach = if ring + 1 == RINGS { f64::INFINITY } else { 0.5 * SIDE * cell };
@@ -201,15 +200,15 @@ impl Cover {
             };
             occluders = occluders.mapped(&options);
             let ground = Ground::of(splats, &occluders, site, airflow, rings.last(), threads);
-            // The whole scene is in it.
-            let [columns, rows] = ground.size.map(|v| v as f64);
-            let is_all = columns < 0.98 * SIDE && rows < 0.98 * SIDE;
+            let is_whole = ground.places.is_whole();
             rings.push(ground);
-            if is_all {
+            if is_whole {
                 break;
             }
         }
         let spots = map(splats.len(), threads, |index| spot(&rings, splats, index, site.metres_per_unit));
+        // The widest ring's cells are too wide to tell the lee of a house.
+        let occluders = occluders.mapped(&ShelterOptions::default());
         let walls = walls::find(splats, &occluders, site, airflow, threads);
         Self { rings, metres_per_unit: site.metres_per_unit, spots, walls, ladder: Vec::new(), threads }
     }

@@ -262,25 +262,33 @@ fn wet_snow_sticks_to_the_windward_wall() {
     place.surface(DVec3::ZERO, DVec3::X * 14.0, DVec3::Y * 8.0, 0.05, |_, _| [0.4; 3]);
     place.block(DVec3::new(6.0, 4.0, 0.0), DVec3::new(2.0, 4.0, 2.5), 0.05, [0.5; 3]);
     let splats = place.build();
-    let on_walls = |slope: [f64; 2], wet_fall: f64| {
-        let mut cover = Cover::of(&splats, occluders(&splats), &SITE, &slanted(slope), [7.0, 4.0, 0.0], 2);
-        let lying = cover.lying(&Asked { wet_fall, ..ASKED }).splats;
+    let sides = |lying: &Splats| {
         let between = |x: [f32; 2]| {
             let is = |mean: &&[f32; 3]| {
-                mean[0] > x[0]
-                    && mean[0] < x[1]
-                    && mean[1] > 2.5
-                    && mean[1] < 5.5
-                    && mean[2] > 0.6
-                    && mean[2] < 2.0
+                let [along, across, up] = **mean;
+                let is_beside = across > 2.5 && across < 5.5 && up > 0.6 && up < 2.0;
+                along > x[0] && along < x[1] && is_beside
             };
             lying.means.iter().filter(is).count()
         };
         [between([4.8, 5.1]), between([6.9, 7.2])]
     };
+    let on_walls = |slope: [f64; 2], wet_fall: f64| {
+        let mut cover = Cover::of(&splats, occluders(&splats), &SITE, &slanted(slope), [7.0, 4.0, 0.0], 2);
+        sides(&cover.lying(&Asked { wet_fall, ..ASKED }).splats)
+    };
     let [windward, lee] = on_walls([1.0, 0.0], 0.05);
     println!("{windward} on the windward wall, {lee} in the lee");
     assert!(windward > 300 && lee == 0, "{windward} {lee}");
+    // The same where the place reaches far, and the widest cells are wide.
+    let mut far = Builder::new(2);
+    far.surface(DVec3::X * 400.0, DVec3::X * 6.0, DVec3::Y * 6.0, 0.05, |_, _| [0.4; 3]);
+    let mut wide = splats.clone();
+    wide.append(&far.build());
+    let mut cover = Cover::of(&wide, occluders(&wide), &SITE, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0], 2);
+    assert!(cover.rings().last().unwrap().cell > 0.5);
+    let [windward, lee] = sides(&cover.lying(&Asked { wet_fall: 0.05, ..ASKED }).splats);
+    assert!(windward > 300 && lee < 30, "{windward} {lee}");
     // Of dry snow hardly any is on walls, and without wind no more of wet.
     let dry = [on_walls([1.0, 0.0], 0.0), on_walls([0.0, 0.0], 0.0)];
     assert!(dry.as_flattened().iter().all(|count| *count < 30), "{dry:?}");

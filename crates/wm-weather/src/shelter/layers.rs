@@ -16,14 +16,15 @@ pub struct Layers {
 }
 
 impl Occluders {
-    /// The first `count` surfaces from above, each at least `gap` m below the one before.
+    /// The first `count` surfaces from above, each at least `gap` m and `cells` of the grid below the one
+    /// before.
     #[must_use]
-    pub fn layers(&self, count: usize, gap: f64, threads: Option<usize>) -> Layers {
+    pub fn layers(&self, count: usize, gap: f64, cells: f64, threads: Option<usize>) -> Layers {
         let threads = thread_count(threads);
         let grid = Grid { stopped: TOP, ..self.grid(self.up.map(|v| -v)) };
         let footprints = cast::project(&self.all, &grid, threads);
         let mut stops = self.first(&footprints, &grid, threads);
-        let gap = (gap / self.metres_per_unit) as f32;
+        let gap = (gap / self.metres_per_unit).max(cells * grid.cell) as f32;
         let mut heights = Vec::new();
         for layer in 0..count {
             if layer > 0 {
@@ -43,6 +44,12 @@ impl Layers {
     #[must_use]
     pub fn size(&self) -> [usize; 2] {
         [self.grid.columns, self.grid.rows]
+    }
+
+    /// Whether the whole scene is on the grid.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.grid.is_whole
     }
 
     /// Width of a cell, m.

@@ -97,6 +97,8 @@ struct Grid {
     rows: usize,
     /// What falls is stopped where less of it is left, 0-1.
     stopped: f32,
+    /// Whether the whole scene is in it.
+    is_whole: bool,
 }
 
 /// The map of one scene for one direction of fall.

@@ -112,12 +112,6 @@ impl Occluders {
         Shelter::new(grid, stops, self.metres_per_unit, &self.options)
     }
 
-    /// Width of the cells of level maps, m.
-    #[must_use]
-    pub fn cell(&self) -> f64 {
-        self.grid(self.up.map(|v| -v)).cell * self.metres_per_unit
-    }
-
     /// How far along the fall the first surface of each cell is.
     pub(super) fn first(&self, footprints: &cast::Footprints, grid: &Grid, threads: usize) -> Vec<f32> {
         let mut stops = vec![f32::NEG_INFINITY; grid.columns * grid.rows];
@@ -135,6 +129,7 @@ impl Occluders {
     /// The grid across a direction of fall.
     pub(super) fn grid(&self, fall: [f64; 3]) -> Grid {
         let axes = axes_of(fall);
+        let mut is_whole = true;
         let [across, down] = [0, 1].map(|k| {
             let [low, high] = range(
                 self.all.iter().map(|splat| {
@@ -147,6 +142,7 @@ impl Occluders {
             let Some((point, metres)) = self.options.focus else { return [low, high] };
             let middle = dot(std::array::from_fn(|i| point[i] - self.origin[i]), axes[k]);
             let reach = metres / self.metres_per_unit;
+            is_whole &= low >= middle - reach && high <= middle + reach;
             [low.max(middle - reach), high.min(middle + reach)]
         });
         let size = [across[1] - across[0], down[1] - down[0]];
@@ -173,6 +169,7 @@ impl Occluders {
             columns,
             rows,
             stopped: cast::STOPPED,
+            is_whole,
         }
     }
 }
