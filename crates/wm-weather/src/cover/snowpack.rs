@@ -84,10 +84,6 @@ impl Pack {
 
     /// `hours` pass at a temperature, in which some mm of water fall as snow of a density.
     fn pass(&mut self, hours: f64, water: f64, density: f64, temperature: f64) {
-        if water > 0.0 && self.melted >= self.water {
-            // The ground was bare: this snow is new.
-            *self = Self { film: self.film, total: self.total, ..Self::default() };
-        }
         self.water += water;
         self.total[0] += water;
         self.sticks =
@@ -99,7 +95,8 @@ impl Pack {
         self.total[1] += melts;
         self.film = (self.film + melts).min(FILM);
         if self.melted >= self.water {
-            self.film = (self.film - DRIES * hours).max(0.0);
+            // Bare: the next snow is new.
+            *self = Self { film: (self.film - DRIES * hours).max(0.0), total: self.total, ..Self::default() };
         }
     }
 }
@@ -144,7 +141,16 @@ impl Snowpack<'_> {
             let water = rate.map_or(0.0, |rate| rate.integral(from, to) * self.lapse / 3600.0);
             pack.pass(hours, water, density(middle), temperature(middle));
         }
-        pack.depth = self.depth.unwrap_or(pack.water / SETTLED + pack.loose);
+        pack.depth = match self.depth {
+            // What has melted is gone from it, all of it at most.
+            Some(depth) if pack.water == 0.0 => {
+                pack.water = 1.0;
+                pack.melted = 1.0;
+                depth
+            }
+            Some(depth) => depth,
+            None => pack.water / SETTLED + pack.loose,
+        };
         pack
     }
 }
