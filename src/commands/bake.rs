@@ -48,8 +48,9 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     let lying = match (sky.cover(), sky.paper_cover()) {
         (_, Some(paper)) => Lying::on_top(paper.snow(&loaded.scene.splats, &site)),
         (Some(asked), None) => {
-            let occluders = studio::occluders(&mut loaded, &site)?;
-            studio::cover(&loaded, occluders, &site, &studio::airflow(&weather, &site)).lying(asked)
+            let sights = studio::sights(&mut loaded)?;
+            let scan = studio::scan(&loaded, &sights, &site);
+            studio::cover(&loaded, &scan, &site, &studio::airflow(&weather, &site)).lying(asked)
         }
         (None, None) => bail!(
             "nothing lies under the weather {} at {} s: ask for it, such as --set snow_cover.depth=0.1",

@@ -30,7 +30,9 @@ pub mod surfels;
 mod tests;
 pub mod walls;
 
+use crate::dome::level_axes;
 use crate::optics::Site;
+use crate::scan::Scan;
 use crate::shelter::{Occluders, ShelterOptions};
 use crate::threads::map;
 pub use exposure::Airflow;
@@ -38,6 +40,7 @@ use glam::DVec3;
 use ground::Ground;
 pub use settle::Settled;
 pub use snowpack::Snowpack;
+pub(crate) use surfels::surfel;
 pub use surfels::{Matter, coverage};
 use walls::Wall;
 use wm_render::hooks::Visibility;
@@ -45,9 +48,13 @@ use wm_scene::{Group, Splats};
 
 /// How far below its ground a splat is buried with it, m: splats are that rough.
 const BURIED: f32 = 0.08;
+/// How far above and below level ground a splat is of it that a scan stands for, m.
+const HAZE: [f32; 2] = [0.25, 0.3];
 /// Cells along a side of a ring, and how many times as wide those of the next ring are.
 const SIDE: f64 = 420.0;
 const WIDER: f64 = 4.0;
+/// Times as many cells a ring has along a path.
+const LONGER: f64 = 3.0;
 /// Rings at most.
 const RINGS: usize = 4;
 /// Narrowest cells, m.
@@ -175,41 +182,45 @@ impl Buried {
 }
 
 impl Cover {
-    /// Of a scene whose air carries what falls, on those of its splats that are surfaces. Cells are narrowest about
-    /// `middle` (world, scene units).
+    /// Of a scene whose air carries what falls, on the surfaces of its scan. Cells are narrowest about a `path`, a line from
+    /// one end to the other (world, scene units), or about its middle where it is long.
     #[must_use]
     pub fn of(
         splats: &Splats,
-        mut occluders: Occluders,
+        scan: &Scan<'_>,
         site: &Site,
         airflow: &Airflow,
-        middle: [f64; 3],
+        path: [[f64; 3]; 2],
         threads: usize,
     ) -> Self {
         let mut rings: Vec<Ground> = Vec::new();
+        let mut occluders = Occluders::of(&scan.splats, site, &ShelterOptions::default());
         for ring in 0..RINGS {
             let cell = NARROWEST * WIDER.powi(ring as i32);
             let reach = if ring + 1 == RINGS { f64::INFINITY } else { 0.5 * SIDE * cell };
             let options = ShelterOptions {
                 cell,
-                most_cells: (SIDE * SIDE) as usize,
-                focus: reach.is_finite().then_some((middle, reach)),
+                most_cells: (LONGER * SIDE * SIDE) as usize,
+                focus: reach.is_finite().then(|| (about(path, reach / site.metres_per_unit, site), reach)),
                 margin: 0.1,
                 outliers: OUTLIERS,
                 ..ShelterOptions::default()
             };
             occluders = occluders.mapped(&options);
-            let ground = Ground::of(splats, &occluders, site, airflow, rings.last(), threads);
+            let ground = Ground::of(scan, &occluders, site, airflow, rings.last(), threads);
             let is_whole = ground.places.is_whole();
             rings.push(ground);
             if is_whole {
                 break;
             }
         }
-        let spots = map(splats.len(), threads, |index| spot(&rings, splats, index, site.metres_per_unit));
+        let spots = map(splats.len(), threads, |index| {
+            let is_haze = scan.replaced.get(index).copied().unwrap_or(false);
+            spot(&rings, splats, index, site.metres_per_unit, is_haze)
+        });
         // The widest ring's cells are too wide to tell the lee of a house.
         let occluders = occluders.mapped(&ShelterOptions::default());
-        let walls = walls::find(splats, &occluders, site, airflow, threads);
+        let walls = walls::find(&scan.splats, &occluders, site, airflow, threads);
         Self { rings, metres_per_unit: site.metres_per_unit, spots, walls, ladder: Vec::new(), threads }
     }
 
@@ -309,8 +320,28 @@ impl Cover {
     }
 }
 
+/// As much of the middle of a path as a ring has cells for that goes so far from it (scene units).
+fn about(path: [[f64; 3]; 2], reach: f64, site: &Site) -> [[f64; 3]; 2] {
+    let [a, b] = path.map(DVec3::from_array);
+    let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
+    let [across, along, _] = level_axes(site.up).map(|axis| half.dot(DVec3::from_array(axis)).abs());
+    // Its rectangle is `LONGER` times the square about a point: (1 + s x) (1 + s y) with s the share that is taken.
+    let [x, y] = [across / reach, along / reach];
+    // The root in a form that holds where the path runs along an axis, and is one point.
+    let share =
+        2.0 * (LONGER - 1.0) / ((x + y) + ((x + y).powi(2) + 4.0 * x * y * (LONGER - 1.0)).sqrt()).max(1e-9);
+    let share = share.min(1.0);
+    [middle - share * half, middle + share * half].map(|end| end.to_array())
+}
+
 /// Where a splat is on the ground, if it is.
-fn spot(rings: &[Ground], splats: &Splats, index: usize, metres_per_unit: f64) -> Option<Spot> {
+fn spot(
+    rings: &[Ground],
+    splats: &Splats,
+    index: usize,
+    metres_per_unit: f64,
+    is_haze: bool,
+) -> Option<Spot> {
     if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
         return None;
     }
@@ -322,7 +353,7 @@ fn spot(rings: &[Ground], splats: &Splats, index: usize, metres_per_unit: f64) -
         let (place, height) = ground.places.locate(at);
         let cell = ground.places.cell_at(place)?;
         let above = |node: usize| height as f32 - ground.height_at(node, place);
-        let below = BURIED.max(0.2 * ground.cell);
+        let below = if is_haze { HAZE[1] } else { BURIED }.max(0.2 * ground.cell);
         let is_near = |node: &usize| (-below..1.5).contains(&above(*node));
         let node = ground.nodes_of(cell).find(is_near)?;
         Some((node as u32, above(node)))
@@ -348,6 +379,9 @@ fn spot(rings: &[Ground], splats: &Splats, index: usize, metres_per_unit: f64) -
             reach = if lies { reach.max(0.5 * above) } else { reach };
         }
     }
-    let reach = reach + if lies { 0.3 * rise(order[2]) } else { upright } as f32;
+    let mut reach = reach + if lies { 0.3 * rise(order[2]) } else { upright } as f32;
+    if is_haze && ground.is_level(node as usize) {
+        reach -= reach.clamp(0.0, HAZE[0]);
+    }
     Some(Spot { ring: ring as u8, nodes, reach })
 }

@@ -199,7 +199,7 @@ impl Painter<'_> {
 }
 
 /// A splat on a surface: at a place, with standard deviations along the surface and across it (world, scene units).
-pub(super) fn surfel(
+pub(crate) fn surfel(
     at: [f64; 3],
     (normal, up): (DVec3, DVec3),
     scales: [f64; 3],

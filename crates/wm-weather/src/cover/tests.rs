@@ -27,10 +27,6 @@ const ASKED: Asked = Asked {
     matter: SNOW,
 };
 
-fn occluders(splats: &Splats) -> Occluders {
-    Occluders::of(splats, &SITE, &ShelterOptions::default())
-}
-
 fn slanted(slope: [f64; 2]) -> Airflow {
     Airflow { slope, moved: 0.0 }
 }
@@ -72,7 +68,8 @@ fn mean(cover: &Cover, lying: &Lying, x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> 
 #[test]
 fn roofs_are_covered_and_what_is_below_is_bare() {
     let splats = porch();
-    let mut cover = Cover::of(&splats, occluders(&splats), &SITE, &Airflow::default(), [5.0, 4.0, 0.0], 2);
+    let mut cover =
+        Cover::of(&splats, &Scan::plain(&splats), &SITE, &Airflow::default(), [[5.0, 4.0, 0.0]; 2], 2);
     let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, ..ASKED });
     let open = mean(&cover, &lying, [1.0, 3.0], [1.0, 7.0], [-0.2, 0.2]);
     let roof = mean(&cover, &lying, [4.5, 6.5], [3.5, 5.5], [2.3, 2.7]);
@@ -145,7 +142,8 @@ fn street(place: &Place) -> Splats {
 fn the_street_is_covered_where_it_is_open() {
     let place = Place::street();
     let splats = street(&place);
-    let mut cover = Cover::of(&splats, occluders(&splats), &SITE, &Airflow::default(), [-5.0, 37.0, 0.0], 2);
+    let mut cover =
+        Cover::of(&splats, &Scan::plain(&splats), &SITE, &Airflow::default(), [[-5.0, 37.0, 0.0]; 2], 2);
     let lying = cover.lying(&Asked { depth: 0.1, repose: 0.9, ..ASKED });
     let ground = &cover.rings()[0];
     // Depth on the surface of a point: within 6 cm of it in height.
@@ -205,7 +203,8 @@ fn the_lee_of_a_house_holds_less() {
     place.block(DVec3::new(6.0, 4.0, 0.0), DVec3::new(2.0, 4.0, 2.5), 0.05, [0.5; 3]);
     let splats = place.build();
     // 5 m/s, and flakes at 1 m/s: no flatter than 45 degrees, towards x.
-    let mut cover = Cover::of(&splats, occluders(&splats), &SITE, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0], 2);
+    let mut cover =
+        Cover::of(&splats, &Scan::plain(&splats), &SITE, &slanted([1.0, 0.0]), [[7.0, 4.0, 0.0]; 2], 2);
     let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, ..ASKED });
     let side = |x: [f64; 2]| mean(&cover, &lying, x, [3.5, 4.5], [-0.2, 0.2]);
     let (windward, lee, open) = (side([3.6, 4.6]), side([7.3, 8.3]), side([1.0, 3.0]));
@@ -221,8 +220,14 @@ fn what_falls_is_what_lies() {
     for (flow, melted) in flows.into_iter().flat_map(|flow| [(flow, 0.0), (flow, 0.06)]) {
         let (slope, moved) = flow;
         let splats = porch();
-        let mut cover =
-            Cover::of(&splats, occluders(&splats), &SITE, &Airflow { slope, moved }, [5.0, 4.0, 0.0], 2);
+        let mut cover = Cover::of(
+            &splats,
+            &Scan::plain(&splats),
+            &SITE,
+            &Airflow { slope, moved },
+            [[5.0, 4.0, 0.0]; 2],
+            2,
+        );
         let lying = cover.lying(&Asked { depth: 0.1, melted, ..ASKED });
         let ground = &cover.rings()[0];
         let cell = f64::from(ground.cell).powi(2);
@@ -245,7 +250,7 @@ fn snow_drifts_behind_a_wall() {
     let splats = place.build();
     let side = |moved: f64, x: [f64; 2]| {
         let airflow = Airflow { slope: [0.3, 0.0], moved };
-        let mut cover = Cover::of(&splats, occluders(&splats), &SITE, &airflow, [10.0, 3.0, 0.0], 2);
+        let mut cover = Cover::of(&splats, &Scan::plain(&splats), &SITE, &airflow, [[10.0, 3.0, 0.0]; 2], 2);
         let lying = cover.lying(&ASKED);
         mean(&cover, &lying, x, [2.5, 3.5], [-0.2, 0.2])
     };
@@ -274,7 +279,8 @@ fn wet_snow_sticks_to_the_windward_wall() {
         [between([4.8, 5.1]), between([6.9, 7.2])]
     };
     let on_walls = |slope: [f64; 2], wet_fall: f64| {
-        let mut cover = Cover::of(&splats, occluders(&splats), &SITE, &slanted(slope), [7.0, 4.0, 0.0], 2);
+        let mut cover =
+            Cover::of(&splats, &Scan::plain(&splats), &SITE, &slanted(slope), [[7.0, 4.0, 0.0]; 2], 2);
         sides(&cover.lying(&Asked { wet_fall, ..ASKED }).splats)
     };
     let [windward, lee] = on_walls([1.0, 0.0], 0.05);
@@ -285,7 +291,8 @@ fn wet_snow_sticks_to_the_windward_wall() {
     far.surface(DVec3::X * 400.0, DVec3::X * 6.0, DVec3::Y * 6.0, 0.05, |_, _| [0.4; 3]);
     let mut wide = splats.clone();
     wide.append(&far.build());
-    let mut cover = Cover::of(&wide, occluders(&wide), &SITE, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0], 2);
+    let mut cover =
+        Cover::of(&wide, &Scan::plain(&wide), &SITE, &slanted([1.0, 0.0]), [[7.0, 4.0, 0.0]; 2], 2);
     assert!(cover.rings().last().unwrap().cell > 0.5);
     let [windward, lee] = sides(&cover.lying(&Asked { wet_fall: 0.05, ..ASKED }).splats);
     assert!(windward > 300 && lee < 30, "{windward} {lee}");
@@ -299,7 +306,8 @@ fn wet_snow_sticks_to_the_windward_wall() {
 #[test]
 fn water_is_kept_over_time() {
     let splats = porch();
-    let mut cover = Cover::of(&splats, occluders(&splats), &SITE, &Airflow::default(), [5.0, 4.0, 0.0], 2);
+    let mut cover =
+        Cover::of(&splats, &Scan::plain(&splats), &SITE, &Airflow::default(), [[5.0, 4.0, 0.0]; 2], 2);
     let mut weather = crate::Weather::clear();
     for text in [
         "snowfall.rate=0:2,4:4,6:0",
@@ -332,7 +340,7 @@ fn water_is_kept_over_time() {
 fn nothing_lies_where_nothing_can() {
     let asked = Asked { depth: 10.0, repose: 0.84, ..ASKED };
     let lying = |splats: &Splats| {
-        Cover::of(splats, occluders(splats), &SITE, &slanted([0.3, 0.0]), [0.0; 3], 2).lying(&asked)
+        Cover::of(&splats, &Scan::plain(&splats), &SITE, &slanted([0.3, 0.0]), [[0.0; 3]; 2], 2).lying(&asked)
     };
     let nothing = lying(&Splats::with_capacity(0, 0));
     assert!(nothing.splats.is_empty() && nothing.buried.factors().is_empty());
@@ -346,6 +354,5 @@ fn nothing_lies_where_nothing_can() {
     assert!(volume(&bare).is_finite() && bare.splats.check().is_ok());
     wall.groups.fill(Group::Sky);
     assert!(lying(&wall).splats.is_empty());
-    let occluders = occluders(&wall);
-    assert!(Cover::of(&wall, occluders, &SITE, &Airflow::default(), [0.0; 3], 1).is_bare());
+    assert!(Cover::of(&wall, &Scan::plain(&wall), &SITE, &Airflow::default(), [[0.0; 3]; 2], 1).is_bare());
 }
