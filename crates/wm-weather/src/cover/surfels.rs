@@ -171,23 +171,32 @@ impl Painter<'_> {
         let wide = WIDTH[is_edge] * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
         let at = ground.places.point(place, here + lift);
         self.put(at, normal, [wide, wide, THICKNESS], rgb, OPAQUE * cover, splats);
-        // The sides of deep snow, where its surface ends.
+        // The sides of deep snow, where its surface ends; they come and go evenly.
         let own = f64::from(depth[node]);
-        if own < 0.5 * cell {
+        let deep = (5.0 * (own / cell - 0.5)).clamp(0.0, 1.0);
+        if deep <= 0.0 {
             return;
         }
         for (way, [x, y]) in WAYS.into_iter().enumerate() {
             // Beyond the grid's end it goes on.
             let Some(next) = ground.cell_of(column + x, row + y) else { continue };
             let goes_on = ground.nodes_of(next).any(|other| ground.is_elsewhere(other));
-            if goes_on || level(way).is_some_and(|other| here - other < 0.7 * own) {
+            let ends = level(way).map_or(1.0, |other| (5.0 * ((here - other) / own - 0.7)).clamp(0.0, 1.0));
+            if goes_on || ends <= 0.0 {
                 continue;
             }
             let outward = axes[0] * x as f64 + axes[1] * y as f64;
             let edge = [column as f64 + 0.5 + 0.4 * x as f64, row as f64 + 0.5 + 0.4 * y as f64];
             let side = color.map(|v| srgb_encode(0.93 * v) as f32);
             let at = ground.places.point(edge, here - 0.45 * own);
-            self.put(at, outward, [WIDTH[1] * cell, 0.4 * own, THICKNESS], side, OPAQUE * cover, splats);
+            self.put(
+                at,
+                outward,
+                [WIDTH[1] * cell, 0.4 * own, THICKNESS],
+                side,
+                OPAQUE * cover * deep * ends,
+                splats,
+            );
         }
     }
 
