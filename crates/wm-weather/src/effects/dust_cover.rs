@@ -18,7 +18,7 @@ const CARRIES: f64 = 7.0;
 crate::params! {
     /// What can be set.
     pub struct Params {
-        /// Depth on open level ground. Below some 1 cm the ground shows through. Over time by keyframes.
+        /// Depth on open level ground. Below some 1 cm the ground shows through. Over time by keyframes. Snow lies on it.
         depth: f64 = Value::Number(0.02), 0.0 => 10.0, "m";
         /// Steepest that it lies. Dry sand 34, ash 40.
         repose: f64 = Value::Number(34.0), 5.0 => 80.0, "deg";

@@ -16,8 +16,9 @@ const WET: f64 = -1.0;
 crate::params! {
     /// What can be set.
     pub struct Params {
-        /// Depth on open level ground. Below some 2 cm the ground shows between flakes. Over time by keyframes; `auto` for
-        /// what `snowfall.rate` has left: so many `hours` of it before the start, and what has fallen since.
+        /// Depth on open level ground, less what melts. Below some 2 cm the ground shows between flakes. Over time by
+        /// keyframes: what it grows by is new snow; `auto` for what `snowfall.rate` has left: so many `hours` of it before the
+        /// start, and what has fallen since.
         depth: Option<f64> = Value::Number(0.1), 0.0 => 10.0, "m";
         /// For a depth of `auto`: how long it had snowed before time 0, as it does then.
         hours: f64 = Value::Number(6.0), 0.0 => 1000.0, "h";
