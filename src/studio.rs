@@ -40,8 +40,8 @@ pub struct Studio {
 
 /// What lies, in the renderer.
 struct Laid {
-    /// `None` for the paper's.
-    asked: Option<Asked>,
+    /// Empty for the paper's.
+    asked: Vec<Asked>,
     set: SetId,
     buried: Buried,
 }
@@ -211,7 +211,7 @@ impl Studio {
         let mut lying = None;
         if let Some(paper) = &needs.paper_cover {
             let set = loaded.renderer.load(&paper.snow(&loaded.scene.splats, &site))?;
-            lying = Some(Laid { asked: None, set, buried: Buried::default() });
+            lying = Some(Laid { asked: Vec::new(), set, buried: Buried::default() });
         }
         loaded.release();
         Ok(Self { site, loaded, config, occluders, shelters: Vec::new(), cover, lying })
@@ -222,16 +222,16 @@ impl Studio {
         // The paper's snow lies there from the start.
         let Some(cover) = &mut self.cover else { return Ok(()) };
         let asked = sky.cover();
-        if self.lying.as_ref().and_then(|lying| lying.asked.as_ref()) == asked {
+        if self.lying.as_ref().map_or(&[][..], |lying| &lying.asked) == asked {
             return Ok(());
         }
         if let Some(old) = self.lying.take() {
             self.loaded.renderer.unload(old.set);
         }
-        if let Some(asked) = asked {
-            let lying = cover.lying(asked);
+        if !asked.is_empty() {
+            let lying = cover.lying_on_each_other(asked);
             let set = self.loaded.renderer.load(&lying.splats)?;
-            self.lying = Some(Laid { asked: Some(*asked), set, buried: lying.buried });
+            self.lying = Some(Laid { asked: asked.to_vec(), set, buried: lying.buried });
         }
         Ok(())
     }

@@ -50,8 +50,7 @@ impl Street {
                 Cover::of(&scene, &Scan::plain(&scene), &site, &Airflow::default(), [[0.0, 30.0, 0.0]; 2], 2);
             let asked = Asked {
                 depth: DEPTH,
-                melted: 0.0,
-                wet: 0.0,
+                thaw: None,
                 wet_fall: 0.0,
                 repose: 0.9,
                 threshold: f64::INFINITY,

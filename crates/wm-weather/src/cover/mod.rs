@@ -3,8 +3,13 @@
 //! # How much lies where
 //! What falls reaches the surfaces of the scene ([`ground`]) by how open they are and by what the wind does with it
 //! ([`exposure`]), slides off what is too steep for it and lies below ([`settle`]), and melts. Depth is asked for as
-//! that on open level ground, or follows from what has fallen until then ([`snowpack`]). All of it is kept account of:
-//! what fell is what lies, what has melted, and what is left on walls or blown away.
+//! that on open level ground, or follows from what has fallen until then ([`snowpack`]). It melts slower in the shade,
+//! and later where more of it lies ([`thaw`]). All of it is kept account of: what fell is what lies, what has melted, and
+//! what is left on walls or blown away.
+//!
+//! # Several
+//! Snow lies on sand: each slides and melts by itself on the bare ground, and the later is laid on top of the earlier,
+//! that is seen as far as the later does not cover it. The wind carries them all as it does the one that it takes up first.
 //!
 //! # Over time
 //! The ground is found once a scene. On it what has slid is found for a ladder of depths, each 1.5 times the one before;
@@ -14,7 +19,7 @@
 //! # How it is drawn
 //! As splats of its own on its own surface ([`surfels`]), opaque and lit as the place is (`shading.rs`); and the scene's
 //! splats that it buries are hidden, so that none shines through ([`Buried`]). Thin snow covers a share of the ground
-//! only, and what has melted leaves it wet.
+//! only, and what has melted leaves it wet until it has dried.
 //!
 //! # Departures from the paper
 //! The paper makes those splats white that face up, and fills planes between them with white ones: it snows under
@@ -28,6 +33,7 @@ pub mod snowpack;
 pub mod surfels;
 #[cfg(test)]
 mod tests;
+pub mod thaw;
 pub mod walls;
 
 use crate::dome::level_axes;
@@ -42,6 +48,8 @@ pub use settle::Settled;
 pub use snowpack::Snowpack;
 pub(crate) use surfels::surfel;
 pub use surfels::{Matter, coverage};
+use thaw::Left;
+pub use thaw::Thaw;
 use walls::Wall;
 use wm_render::hooks::Visibility;
 use wm_scene::{Group, Splats};
@@ -70,12 +78,10 @@ const KEPT: usize = 4;
 /// What is asked to lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Asked {
-    /// What has come down on open level ground, m, as deep as it lies at the instant.
+    /// All that has come down on open level ground, m, as deep as it would lie at the instant had none melted.
     pub depth: f64,
-    /// What has melted of it there, m.
-    pub melted: f64,
-    /// How wet the ground is where it has melted, 0-1.
-    pub wet: f64,
+    /// What is left of it; `None` where nothing has melted.
+    pub thaw: Option<Thaw>,
     /// What has come down wet, so that it sticks to walls where the wind throws it at them, m.
     pub wet_fall: f64,
     /// Steepest that it lies, as a tangent.
@@ -84,6 +90,14 @@ pub struct Asked {
     pub threshold: f64,
     /// What it is.
     pub matter: Matter,
+}
+
+impl Asked {
+    /// Whether there is nothing to be seen of it anywhere.
+    #[must_use]
+    pub fn is_nothing(&self) -> bool {
+        self.wet_fall <= 0.0 && self.thaw.map_or(self.depth <= 0.0, |thaw| thaw.is_over())
+    }
 }
 
 /// A place that something can lie on.
@@ -108,6 +122,15 @@ struct Rung {
     settled: Vec<Settled>,
 }
 
+/// What is left on a ring.
+struct Layer {
+    settled: Settled,
+    /// How wet the ground is, 0-1.
+    wet: Vec<f32>,
+    /// What has melted, as a depth on one cell, m.
+    melted: f64,
+}
+
 /// Where a splat is on the ground.
 #[derive(Clone, Copy, Debug)]
 struct Spot {
@@ -128,9 +151,9 @@ pub struct Lying {
     pub splats: Splats,
     /// Which of the scene's splats it hides.
     pub buried: Buried,
-    /// What lies where on each ring.
+    /// What lies where on each ring; of several the lowest on each ring first.
     pub settled: Vec<Settled>,
-    /// What has melted on each ring, as a depth on one cell, m.
+    /// What has melted of each of those, as a depth on one cell, m.
     pub melted: Vec<f64>,
 }
 
@@ -240,48 +263,79 @@ impl Cover {
     /// depend on what was asked before.
     #[must_use]
     pub fn lying(&mut self, asked: &Asked) -> Lying {
-        let settled = self.slid(asked.depth, asked.repose);
-        let (mut tops, mut melted, mut lies) = (Vec::new(), Vec::new(), Vec::new());
+        self.lying_on_each_other(std::slice::from_ref(asked))
+    }
+
+    /// What lies of several, each on those before it.
+    #[must_use]
+    pub fn lying_on_each_other(&mut self, asked: &[Asked]) -> Lying {
+        let layers: Vec<Vec<Layer>> = asked.iter().map(|asked| self.left(asked)).collect();
+        // What is above a splat, from the lowest layer up, and how much of the ground all of it leaves seen.
+        let (mut tops, mut seen) = (Vec::new(), Vec::new());
         let mut splats = Splats::with_capacity(0, 0);
-        for (ground, fell) in self.rings.iter().zip(settled) {
-            // What is in the shade melts half as fast.
-            let left = |node: usize| {
-                let melts = asked.melted as f32 * (0.5 + 0.5 * ground.shade[node]);
-                (fell.depth[node] - melts).max(0.0)
-            };
-            let depth: Vec<f32> = (0..ground.len()).map(left).collect();
-            let volume = |depth: &[f32]| depth.iter().map(|v| f64::from(*v)).sum::<f64>();
-            melted.push(volume(&fell.depth) - volume(&depth));
-            let top = surfels::surface(ground, &depth, self.threads);
-            let layer = surfels::Layer { fell: &fell.depth, depth: &depth, top: &top, wet: asked.wet };
-            surfels::add(ground, &layer, self.metres_per_unit, &asked.matter, self.threads, &mut splats);
-            lies.push(Settled { depth, lost: fell.lost });
+        for (ring, ground) in self.rings.iter().enumerate() {
+            let (mut top, mut base) = (ground.height.clone(), ground.height.clone());
+            let mut bare = vec![1.0; ground.len()];
+            for (place, asked) in asked.iter().enumerate() {
+                let Layer { settled: Settled { depth, .. }, wet, .. } = &layers[place][ring];
+                let above = layers.get(place + 1).map_or(&[][..], |above| &above[ring].settled.depth);
+                top = surfels::surface(ground, &base, depth, self.threads);
+                let layer = surfels::Layer { depth, top: &top, wet, above };
+                surfels::add(ground, &layer, self.metres_per_unit, &asked.matter, self.threads, &mut splats);
+                base = top.iter().zip(depth).map(|(top, depth)| surfels::drawn(*top, *depth)).collect();
+                bare.iter_mut().zip(depth).for_each(|(bare, depth)| *bare *= 1.0 - coverage(*depth));
+            }
             tops.push(top);
+            seen.push(bare);
         }
         let up = DVec3::from_array(self.rings[0].places.axes()[2]);
-        walls::add(&self.walls, asked.wet_fall, (up, self.metres_per_unit), &asked.matter, &mut splats);
+        for asked in asked {
+            walls::add(&self.walls, asked.wet_fall, (up, self.metres_per_unit), &asked.matter, &mut splats);
+        }
         let factor = |index: usize| {
             let Some(Spot { ring, nodes, reach }) = &self.spots[index] else { return 1.0 };
             let ring = usize::from(*ring);
-            let (ground, depth, top) = (&self.rings[ring], &lies[ring].depth, &tops[ring]);
+            let (ground, seen, top) = (&self.rings[ring], &seen[ring], &tops[ring]);
             let hidden = |node: &u32| {
                 let node = *node as usize;
                 // Those that stick out stay.
                 let sunk = ((top[node] - ground.height[node] - reach) / 0.02 + 1.0).clamp(0.0, 1.0);
-                if sunk > 0.0 { sunk * coverage(depth[node]) } else { 0.0 }
+                sunk * (1.0 - seen[node])
             };
             1.0 - nodes.iter().map(hidden).fold(1.0, f32::min)
         };
         let buried = Buried(map(self.spots.len(), self.threads, factor));
-        Lying { splats, buried, settled: lies, melted }
+        let layers = layers.into_iter().flatten();
+        let (settled, melted) = layers.map(|layer| (layer.settled, layer.melted)).unzip();
+        Lying { splats, buried, settled, melted }
     }
 
-    /// What lies on each ring after it has slid, of a depth on open level ground, m: mixed of the two depths of the
-    /// ladder about it.
+    /// What is left on each ring of what came down, slid and melted.
+    fn left(&mut self, asked: &Asked) -> Vec<Layer> {
+        let Asked { depth: fell, thaw, .. } = *asked;
+        // How it slides at the least depth says where even less lies.
+        let slides = thaw.map_or(fell, |thaw| thaw.deepest()).max(LOWEST);
+        let settled = self.slid(slides, asked.repose);
+        let layer = |(ground, slid): (&Ground, Settled)| {
+            let fell = |node: usize| slid.depth[node] * (fell / slides) as f32;
+            let left = |node: usize| match &thaw {
+                None => Left { depth: fell(node), wet: 0.0 },
+                Some(thaw) => thaw.at(slid.depth[node] / slides as f32, ground.shade[node]),
+            };
+            let left = map(ground.len(), self.threads, left);
+            let melted = left.iter().enumerate().map(|(node, left)| f64::from(fell(node) - left.depth)).sum();
+            let (depth, wet) = left.into_iter().map(|left| (left.depth, left.wet)).unzip();
+            let settled = Settled { depth, lost: slid.lost * asked.depth / slides };
+            Layer { settled, wet, melted }
+        };
+        self.rings.iter().zip(settled).map(layer).collect()
+    }
+
+    /// What lies on each ring after it has slid, of a depth on open level ground, m, the lowest of the ladder or more: mixed
+    /// of the two depths of it about that.
     fn slid(&mut self, depth: f64, repose: f64) -> Vec<Settled> {
-        let above = (depth / LOWEST).log(RUNG).ceil().max(0.0) as i32;
+        let above = (depth / LOWEST).log(RUNG).ceil().max(1.0) as i32;
         let [low, high] = [above - 1, above].map(|k| LOWEST * RUNG.powi(k));
-        let low = if above == 0 { 0.0 } else { low };
         self.climb([low, high], repose);
         let rung = |depth: f64| {
             let mut rungs = self.ladder.iter();
