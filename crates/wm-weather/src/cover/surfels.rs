@@ -50,7 +50,7 @@ pub struct Matter {
 /// How much of the ground a depth covers, 0-1: nothing at what is not drawn, so that none of it goes at once.
 #[must_use]
 pub fn coverage(depth: f32) -> f32 {
-    1.0 - (-(depth - LEAST).max(0.0) / DUSTING).exp()
+    (1.0 - (-depth.max(0.0) / DUSTING).exp()) * (depth / LEAST - 1.0).clamp(0.0, 1.0)
 }
 
 /// What lies on a ground, one value a node.
@@ -173,7 +173,7 @@ impl Painter<'_> {
         self.put(at, normal, [wide, wide, THICKNESS], rgb, OPAQUE * cover, splats);
         // The sides of deep snow, where its surface ends; they come and go evenly.
         let own = f64::from(depth[node]);
-        let deep = (5.0 * (own / cell - 0.5)).clamp(0.0, 1.0);
+        let deep = (10.0 * (own / cell - 0.45)).clamp(0.0, 1.0);
         if deep <= 0.0 {
             return;
         }
@@ -181,7 +181,7 @@ impl Painter<'_> {
             // Beyond the grid's end it goes on.
             let Some(next) = ground.cell_of(column + x, row + y) else { continue };
             let goes_on = ground.nodes_of(next).any(|other| ground.is_elsewhere(other));
-            let ends = level(way).map_or(1.0, |other| (5.0 * ((here - other) / own - 0.7)).clamp(0.0, 1.0));
+            let ends = level(way).map_or(1.0, |other| (10.0 * ((here - other) / own - 0.65)).clamp(0.0, 1.0));
             if goes_on || ends <= 0.0 {
                 continue;
             }
