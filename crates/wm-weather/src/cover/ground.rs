@@ -42,6 +42,9 @@ const UPRIGHT: f32 = 0.4;
 const CEILING: f32 = -0.25;
 /// The same of what a camera saw that is too steep: 60 degrees.
 const STEEP_SEEN: f32 = 0.5;
+/// The least of what none saw, and the share of a field that must belong to it.
+const LEVEL_UNSEEN: f32 = 0.7;
+const WHOLE: f32 = 0.9;
 /// How far about that it is asked what stands higher, cells, and which ways.
 const AROUND: [i64; 4] = [1, 2, 4, 8];
 const WAYS_ROUND: [[i64; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
@@ -309,23 +312,36 @@ impl Ground {
         }
     }
 
-    /// How far the splats `of` the nodes look up (or down, where nobody knows which): the mean cosine of their normals over
-    /// the nodes beside each other, flat ones counting most; not a number where none tells.
+    /// How far the splats of each node look up (or down, where nobody knows which): the mean cosine of their normals over the
+    /// nodes beside each other; not a number where none tells. In a scan a node's are those `of` its surface.
     fn find_facing(&self, scan: &Scan<'_>, of: &[usize], threads: usize) -> Vec<f32> {
         let up = self.places.axes()[2];
-        let mut sums: Vec<[f32; 2]> = map(self.len(), threads, |node| {
-            let splat = of[node];
-            let mut scales = scan.splats.log_scales[splat];
-            scales.sort_by(f32::total_cmp);
-            // Balls and rods look nowhere.
-            let flat = 1.0 - (scales[0] - scales[1]).exp();
-            let cosine = scan.splats.normal(splat).iter().zip(&up).map(|(a, b)| a * b).sum::<f64>() as f32;
-            [flat * if splat < scan.oriented { cosine } else { cosine.abs() }, flat]
-        });
+        let cosine =
+            |splat: usize| scan.splats.normal(splat).iter().zip(&up).map(|(a, b)| a * b).sum::<f64>() as f32;
+        let mut sums = vec![[0.0f32; 2]; self.len()];
+        if self.is_scan {
+            sums = map(self.len(), threads, |node| {
+                let splat = of[node];
+                let mut scales = scan.splats.log_scales[splat];
+                scales.sort_by(f32::total_cmp);
+                let is_seen = splat < scan.oriented;
+                let cosine = if is_seen { cosine(splat) } else { cosine(splat).abs() };
+                // Balls and rods look nowhere; but of what was seen from below nobody knows the top.
+                let flat = if cosine < CEILING { 1.0 } else { 1.0 - (scales[0] - scales[1]).exp() };
+                [flat * cosine, flat]
+            });
+        } else {
+            self.each_splat(&scan.splats, |node, splat| {
+                let weight = scan.splats.opacity(splat) as f32;
+                sums[node][0] += weight * cosine(splat).abs();
+                sums[node][1] += weight;
+            });
+        }
         for _ in 0..2 {
             sums = map(self.len(), threads, |node| self.mean_about(node, |other| Some(sums[other])));
         }
-        let known = |[sum, weight]: [f32; 2]| if weight > KNOWN { sum / weight } else { f32::NAN };
+        let least = if self.is_scan { KNOWN } else { 0.0 };
+        let known = |[sum, weight]: [f32; 2]| if weight > least { sum / weight } else { f32::NAN };
         sums.into_iter().map(known).collect()
     }
 
@@ -360,7 +376,9 @@ impl Ground {
             (false, _) => count < if facing < UPRIGHT { LEDGE } else { CROWN } * field,
             (true, true) if facing > STEEP_SEEN => higher > 0 && lower > 0 && count < SURFACE * field,
             (true, true) if !facing.is_nan() => self.is_overlooked(node),
-            (true, _) => count < LEDGE * field && self.is_overlooked(node),
+            (true, true) => count < LEDGE * field && self.is_overlooked(node),
+            // What no camera sees is a surface only if it is a level one: pieces are haze, of the sky too.
+            (true, false) => count < WHOLE * field || facing < LEVEL_UNSEEN,
         };
         if is_piece {
             return WALL;

@@ -333,7 +333,7 @@ fn water_is_kept_over_time() {
 fn nothing_lies_where_nothing_can() {
     let asked = Asked { depth: 10.0, repose: 0.84, ..ASKED };
     let lying = |splats: &Splats| {
-        Cover::of(&splats, &Scan::plain(&splats), &SITE, &slanted([0.3, 0.0]), [[0.0; 3]; 2], 2).lying(&asked)
+        Cover::of(splats, &Scan::plain(splats), &SITE, &slanted([0.3, 0.0]), [[0.0; 3]; 2], 2).lying(&asked)
     };
     let nothing = lying(&Splats::with_capacity(0, 0));
     assert!(nothing.splats.is_empty() && nothing.buried.factors().is_empty());

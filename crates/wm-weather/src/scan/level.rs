@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 /// How far the discs are that a surface goes through, m, but so many of its own widths at least.
 const FIELD: f64 = 0.3;
-const WIDTHS: f64 = 2.5;
+const WIDTHS: f64 = 4.0;
 /// Least cosine between the normals of discs of one surface.
 const ALIKE: f64 = 0.6;
 /// Length of the mean normal from which on it is that of edges too.
@@ -18,20 +18,23 @@ const ROUNDS: usize = 3;
 /// Discs by the cells of a grid.
 struct Cells {
     width: f64,
-    /// Where those of a cell begin and end.
+    order: Vec<u32>,
+    /// Where in the order those of a cell begin and end.
     ranges: HashMap<I64Vec3, (u32, u32)>,
 }
 
 impl Cells {
-    /// Sorts the discs by cell.
-    fn of(discs: &mut [Disc], width: f64) -> Self {
-        let cell = |disc: &Disc| (disc.point / width).floor().as_i64vec3();
-        discs.sort_by_key(|disc| cell(disc).to_array());
+    /// In cells of a width.
+    fn of(discs: &[Disc], width: f64) -> Self {
+        let cells: Vec<I64Vec3> =
+            discs.iter().map(|disc| (disc.point / width).floor().as_i64vec3()).collect();
+        let mut order: Vec<u32> = (0..discs.len() as u32).collect();
+        order.sort_by_key(|disc| cells[*disc as usize].to_array());
         let mut ranges = HashMap::new();
-        for (k, disc) in discs.iter().enumerate() {
-            ranges.entry(cell(disc)).or_insert((k as u32, 0)).1 = k as u32 + 1;
+        for (k, disc) in order.iter().enumerate() {
+            ranges.entry(cells[*disc as usize]).or_insert((k as u32, 0)).1 = k as u32 + 1;
         }
-        Self { width, ranges }
+        Self { width, order, ranges }
     }
 
     /// Calls `work` with all in the cells within `reach` of a point.
@@ -41,7 +44,7 @@ impl Cells {
             for y in low.y..=high.y {
                 for z in low.z..=high.z {
                     if let Some((from, to)) = self.ranges.get(&I64Vec3::new(x, y, z)) {
-                        (*from..*to).for_each(|k| work(k as usize));
+                        self.order[*from as usize..*to as usize].iter().for_each(|disc| work(*disc as usize));
                     }
                 }
             }
@@ -51,12 +54,17 @@ impl Cells {
 
 /// Moves each disc along the mean normal of those about it onto the plane through their middle, and turns it so.
 pub(super) fn level(discs: &mut [Disc], metres_per_unit: f64, threads: usize) {
-    let field = FIELD / metres_per_unit;
+    let reach = |size: f64| (FIELD / metres_per_unit).max(WIDTHS * size);
+    let mut reaches: Vec<f64> = discs.iter().map(|disc| reach(disc.size)).collect();
+    reaches.sort_by(f64::total_cmp);
+    reaches.dedup();
     for _ in 0..ROUNDS {
-        let cells = Cells::of(discs, field);
+        // A grid for each reach: few cells are in it.
+        let grids: Vec<Cells> = reaches.iter().map(|reach| Cells::of(discs, *reach)).collect();
         let moved = map(discs.len(), threads, |k| {
             let own = discs[k];
-            let reach = field.max(WIDTHS * own.size);
+            let reach = reach(own.size);
+            let cells = grids.iter().find(|grid| grid.width == reach).expect("a grid for each reach");
             let (mut weight, mut middle, mut normal) = (0.0, DVec3::ZERO, DVec3::ZERO);
             cells.near(own.point, reach, |other| {
                 let other = &discs[other];

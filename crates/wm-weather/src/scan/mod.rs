@@ -8,7 +8,7 @@
 //!
 //! # How it is made
 //! Each pixel gives a place and, but at edges, a normal from the places about it. Those of all cameras are averaged in
-//! cubes as wide as pixels are apart there, nearer views counting more; what other cameras see through is
+//! cubes as wide as pixels are apart there, nearer views counting more, and none from where they would be metres apart; what other cameras see through is
 //! dropped (`sight.rs`); and the discs are levelled onto the surface through those about them (`level.rs`), since depth
 //! is rough. The scene's own splats stay where no camera tells: those that none sees, and that not two see through.
 
@@ -31,7 +31,7 @@ use wm_scene::{Group, Splats};
 
 /// Width of the smallest cubes, m, and how often it may double.
 const CUBE: f64 = 0.06;
-const DOUBLED: u32 = 5;
+const DOUBLED: u32 = 4;
 /// Width of cubes in distances between pixels.
 const PIXELS: f64 = 1.5;
 /// Least cosine between a ray and the normal for the distance between pixels along a surface.
@@ -107,6 +107,11 @@ impl<'a> Scan<'a> {
         out.append(&rest);
         Self { splats: Cow::Owned(out), oriented: discs.len(), replaced }
     }
+}
+
+/// Whether pixels so wide (m) are scanned.
+fn is_near(width: f64) -> bool {
+    PIXELS * width <= CUBE * f64::from(1 << DOUBLED)
 }
 
 /// A piece of a surface.

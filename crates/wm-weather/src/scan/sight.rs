@@ -66,7 +66,9 @@ impl Sight {
             .fold(f64::INFINITY, f64::min);
         if z * (1.0 + BEFORE[0]) + BEFORE[1] / metres_per_unit < nearest {
             Word::Through
-        } else if z < nearest * (1.0 + WITH[0]) + WITH[1] / metres_per_unit {
+        } else if z < nearest * (1.0 + WITH[0]) + WITH[1] / metres_per_unit
+            && super::is_near(z * self.camera.widest_pixel() * metres_per_unit)
+        {
             Word::Seen
         } else {
             Word::Nothing
