@@ -6,6 +6,8 @@
 pub mod cpu;
 pub mod differentiable;
 pub mod frame;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod hooks;
 pub mod passes;
 pub mod reference;
@@ -19,6 +21,8 @@ pub mod testing;
 pub use cpu::{CpuRenderer, Differentiable};
 pub use differentiable::{Channels, DepthAlpha, Drawn, ForwardConfig, Gradients, Learn, Opacity, Upstream};
 pub use frame::{Encoding, Frame};
+#[cfg(feature = "gpu")]
+pub use gpu::{Choice, Gpu, GpuConfig, GpuRenderer};
 pub use renderer::{
     Background, CpuConfig, Geometry, Job, MedianDepth, Outputs, ParticlePass, RenderConfig, RenderError,
     Renderer, SetId, SetView, SkyGradient, Stats,

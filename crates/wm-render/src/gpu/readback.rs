@@ -1,0 +1,100 @@
+//! The way back: counts, times and pictures in one buffer, mapped once.
+
+use super::buffers::{Memory, Room};
+use super::device::Gpu;
+use super::error::GpuError;
+use super::recorder::{Recorder, Stage};
+use super::source::COUNTER_WORDS;
+use crate::frame::Frame;
+use crate::renderer::{RenderError, Stats};
+use std::sync::OnceLock;
+use std::sync::Arc;
+use wgpu::BufferUsages;
+
+/// What the GPU counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Counted {
+    /// Splats in view, whether there was room or not.
+    pub visible: u32,
+    /// Entries of tile lists likewise, of the splats that had room.
+    pub entries: u32,
+    /// Records that all tiles walked.
+    pub walked: u32,
+}
+
+/// Submits the commands and waits for what they made. `hidden` takes the expected depth where the frame has none and
+/// something on the CPU needs it.
+pub(crate) fn submit(
+    gpu: &Gpu,
+    mut recorder: Recorder<'_>,
+    (room, memory): (&Room, &mut Memory),
+    queries: Option<&wgpu::QuerySet>,
+    (frame, hidden): (&mut Frame, &mut Vec<f32>),
+    stats: &mut Stats,
+) -> Result<Counted, RenderError> {
+    let depth = if frame.depth.is_empty() { hidden } else { &mut frame.depth };
+    let pixels = (4 * frame.alpha.len()) as u64;
+    let mut counters = [0u32; COUNTER_WORDS as usize];
+    let mut ticks = [0u64; 2 * Stage::COUNT as usize];
+    let mut parts: Vec<(&wgpu::Buffer, u64, &mut [u8])> =
+        vec![(&room.counters, 0, bytemuck::cast_slice_mut(&mut counters))];
+    if let Some(queries) = queries {
+        recorder.encoder().resolve_query_set(queries, 0..2 * Stage::COUNT, &room.times, 0);
+        parts.push((&room.times, 0, bytemuck::cast_slice_mut(&mut ticks)));
+    }
+    for (buffer, offset, array) in [
+        (&room.rgb, 0, &mut frame.rgb),
+        (&room.alpha, 0, &mut frame.alpha),
+        (&room.depths, 0, depth),
+        (&room.depths, pixels, &mut frame.median_depth),
+        (&room.normal, 0, &mut frame.normal),
+        (&room.apart, 0, &mut frame.particles),
+    ] {
+        if !array.is_empty() {
+            parts.push((buffer, offset, bytemuck::cast_slice_mut(array)));
+        }
+    }
+    let bytes = parts.iter().map(|(.., array)| array.len() as u64).sum();
+    let staging = memory.staging.fit_unbound(gpu, "the way back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
+    let mut at = 0;
+    for (buffer, offset, array) in &parts {
+        recorder.encoder().copy_buffer_to_buffer(buffer, *offset, &staging, at, array.len() as u64);
+        at += array.len() as u64;
+    }
+    gpu.queue.submit([recorder.finish()]);
+    let mapped: Arc<OnceLock<bool>> = Arc::default();
+    let told = Arc::clone(&mapped);
+    let slice = staging.slice(..bytes);
+    slice.map_async(wgpu::MapMode::Read, move |result| {
+        let _ = told.set(result.is_ok());
+    });
+    let waited = gpu.device.poll(wgpu::PollType::wait_indefinitely());
+    gpu.check()?;
+    let refused = |reason: String| RenderError::from(GpuError::Refused(reason));
+    waited.map_err(|error| refused(error.to_string()))?;
+    if mapped.get() != Some(&true) {
+        return Err(refused("the picture did not come back".to_owned()));
+    }
+    let view = slice.get_mapped_range().map_err(|error| refused(error.to_string()))?;
+    let mut at = 0;
+    for (.., array) in &mut parts {
+        array.copy_from_slice(&view[at..at + array.len()]);
+        at += array.len();
+    }
+    drop(view);
+    staging.unmap();
+    if let Some(tick) = gpu.tick() {
+        let seconds = |stage: Stage| {
+            let at = 2 * stage as usize;
+            ticks[at + 1].saturating_sub(ticks[at]) as f64 * f64::from(tick) * 1e-9
+        };
+        stats.project += seconds(Stage::Project);
+        stats.sort += seconds(Stage::Sort);
+        stats.intersect += seconds(Stage::Intersect);
+        stats.rasterize += seconds(Stage::Rasterize);
+        stats.fall += seconds(Stage::Fall);
+        stats.composite += seconds(Stage::Composite);
+    }
+    let [_, _, visible, entries, walked] = counters;
+    Ok(Counted { visible, entries, walked })
+}
