@@ -2,9 +2,9 @@ use super::*;
 use proptest::prelude::*;
 use wm_render::testing::Backend;
 
-wm_render::parity! {
+wm_render::cpu_parity! {
     air_agrees_with_f64 => |backend| {
-        let Backend::Cpu(path) = backend;
+        let path = backend.path();
         for (i, atmosphere) in atmospheres().iter().enumerate() {
             agree(path, atmosphere, i as u64);
         }

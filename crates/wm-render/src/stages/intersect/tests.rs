@@ -11,7 +11,7 @@ use wm_scene::{Rasterization, Splats};
 
 const SIZE: (u32, u32) = (150, 90);
 
-crate::parity! {
+crate::cpu_parity! {
     no_pixel_is_lost_and_no_patch_is_kept_in_vain => |backend| {
         check(backend, &random_splats(700, 0, 1));
         for hard in Hard::ALL {
@@ -22,7 +22,7 @@ crate::parity! {
 
 /// Records in view, with their boxes.
 fn project(backend: Backend, splats: &Splats) -> (Vec<Record>, Vec<PatchBox>) {
-    let Backend::Cpu(path) = backend;
+    let path = backend.path();
     let camera = ProjectCamera::new(&camera(SIZE.0, SIZE.1));
     let model = CpuModel::new(splats).unwrap();
     let (mut records, mut boxes) = (Vec::new(), Vec::new());
@@ -59,7 +59,7 @@ fn log2_alpha(r: &Record, x: f64, y: f64) -> f64 {
 }
 
 fn check(backend: Backend, splats: &Splats) {
-    let Backend::Cpu(path) = backend;
+    let path = backend.path();
     let (records, boxes) = project(backend, splats);
     let grid = TileGrid::new(SIZE.0, SIZE.1);
     // In two parts, as threads do it.

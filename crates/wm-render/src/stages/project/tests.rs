@@ -8,7 +8,7 @@ use crate::testing::{Backend, Hard, camera, random_splats, uniform};
 use glam::DVec3;
 use wm_scene::{Camera, Rasterization, Splats};
 
-crate::parity! {
+crate::cpu_parity! {
     random_splats_project_alike => |backend| check(backend, &random_splats(2000, 0, 1), Rasterization::Classic);
     hard_splats_project_alike => |backend| {
         for hard in Hard::ALL {
@@ -24,7 +24,7 @@ fn run(
     camera: &Camera,
     mode: Rasterization,
 ) -> Vec<(Projected, ShadeGroup)> {
-    let Backend::Cpu(path) = backend;
+    let path = backend.path();
     let project_camera = ProjectCamera::new(camera);
     let group_of = |group| {
         let (mut out, mut shade) = (Projected::default(), ShadeGroup::default());

@@ -2,20 +2,23 @@ use super::cpu::shade_group;
 use crate::Frame;
 use crate::cpu::model::CpuModel;
 use crate::dispatch;
-use crate::hooks::{GROUP, Hooks, Medium, ShadeGroup};
+use crate::hooks::{GROUP, Hooks, Medium, ShadeGroup, Twin};
 use crate::reference;
 use crate::renderer::{Background, Job, RenderConfig, SetView, SkyGradient};
 use crate::simd::SimdPath;
 use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats, uniform};
 use wm_scene::{Group, sh};
 
-crate::parity! {
+crate::cpu_parity! {
     colors_agree_in_every_degree => colors;
+}
+
+crate::parity! {
     the_air_acts_on_splats_and_background => air;
 }
 
 fn colors(backend: Backend) {
-    let Backend::Cpu(path) = backend;
+    let path = backend.path();
     for degree in 0..=3 {
         let splats = random_splats(320, degree, 5);
         let model = CpuModel::new(&splats).unwrap();
@@ -63,6 +66,15 @@ impl Medium for Tint {
     fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
         let kept = (-0.2 * distance).exp();
         [0, 1, 2].map(|k| rgb[k] * kept + (1.0 - kept) * (0.5 + 0.3 * direction[k] + 0.01 * origin[k]))
+    }
+
+    fn twin(&self, origin: [f32; 3]) -> Option<Twin> {
+        let wgsl = "fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> {
+            let kept = exp(-0.2 * min(distance, 1e6));
+            let origin = vec3<f32>(air[0], air[1], air[2]);
+            return rgb * kept + (1.0 - kept) * (0.5 + 0.3 * direction + 0.01 * origin);
+        }";
+        Some(Twin { wgsl: wgsl.into(), parameters: origin.to_vec() })
     }
 }
 

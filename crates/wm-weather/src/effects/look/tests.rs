@@ -5,9 +5,9 @@ use glam::DVec3;
 use wm_render::testing::{Backend, uniform};
 use wm_scene::Camera;
 
-wm_render::parity! {
+wm_render::cpu_parity! {
     look_agrees_with_f64 => |backend| {
-        let Backend::Cpu(path) = backend;
+        let path = backend.path();
         for (i, grade) in grades().iter().enumerate() {
             agree(path, grade, i as u64);
         }
