@@ -2,6 +2,8 @@
 
 use crate::differentiable::{Channels, ForwardConfig, Gradients, Learn, Upstream};
 use crate::frame::Frame;
+#[cfg(feature = "gpu")]
+use crate::gpu::{Choice, Gpu, GpuConfig, GpuError, GpuRenderer};
 use crate::reference::ReferenceFrame;
 use crate::reference_backward::{self, Parameters, ReferenceGradients};
 use crate::renderer::{CpuConfig, Renderer};
@@ -9,8 +11,6 @@ use crate::simd::{SimdChoice, SimdPath};
 use crate::stages::intersect::TILE;
 use crate::stages::project::{Record, SQRT_HALF_LOG2E};
 use crate::{CpuRenderer, Differentiable, Geometry, MedianDepth, Outputs, ParticlePass};
-#[cfg(feature = "gpu")]
-use crate::gpu::{Choice, Gpu, GpuConfig, GpuError, GpuRenderer};
 use glam::DVec3;
 #[cfg(feature = "gpu")]
 use std::sync::{Arc, OnceLock};

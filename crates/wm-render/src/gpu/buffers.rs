@@ -3,9 +3,7 @@
 use super::device::Gpu;
 use super::error::GpuError;
 use super::recorder::Stage;
-use super::source::{
-    BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, Falls, SORT_BLOCK, WORKGROUP,
-};
+use super::source::{BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, Falls, SORT_BLOCK, WORKGROUP};
 use super::uniforms::{Capacity, SLOT};
 use wgpu::BufferUsages;
 
@@ -149,10 +147,18 @@ impl Memory {
         let sort_blocks = visible.max(entries).div_ceil(u64::from(SORT_BLOCK));
         let picture = |there: bool, channels: u64| if there { 4 * channels * extent.pixels } else { 0 };
         Ok(Room {
-            uniforms: fit("structures", SLOT * extent.slots as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?,
+            uniforms: fit(
+                "structures",
+                SLOT * extent.slots as u64,
+                BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+            )?,
             counters: fit("counters", 4 * COUNTER_WORDS, READ_BACK | BufferUsages::COPY_DST)?,
             dispatches: fit("dispatch sizes", 4 * DISPATCH_WORDS, READ_BACK | BufferUsages::INDIRECT)?,
-            blocks: fit("blocks of splats", 4 * u64::from(BLOCK_WORDS) * u64::from(extent.blocks), READ_BACK)?,
+            blocks: fit(
+                "blocks of splats",
+                4 * u64::from(BLOCK_WORDS) * u64::from(extent.blocks),
+                READ_BACK,
+            )?,
             records: fit("the splats in view", 64 * visible, READ_BACK)?,
             depth_pairs: [
                 [fit("depths", 4 * visible, READ_BACK)?, fit("the order by depth", 4 * visible, READ_BACK)?],

@@ -273,10 +273,15 @@ impl Gpu {
     /// # Errors
     /// [`GpuError::Lost`] from the loss of the device on, else the first refusal.
     pub fn check(&self) -> Result<(), GpuError> {
+        let fault = held(&self.faults).take();
+        if fault.is_some() {
+            // What is refused may be so because the device is gone, and only a poll says that.
+            let _ = self.device.poll(wgpu::PollType::Poll);
+        }
         if let Some(reason) = self.lost.get() {
             return Err(GpuError::Lost(reason.clone()));
         }
-        held(&self.faults).take().map_or(Ok(()), |fault| Err(GpuError::Refused(fault)))
+        fault.map_or(Ok(()), |fault| Err(GpuError::Refused(fault)))
     }
 
     /// A program made ready, once.

@@ -34,7 +34,7 @@ pub enum GpuError {
         needs: u64,
     },
     /// One array is larger than the adapter allows.
-    #[error("{what} take {} MB in one piece, and this GPU's most is {} MB", bytes >> 20, most >> 20)]
+    #[error("no room on the GPU for {what}: {} in one piece, and its most is {}", size(*bytes), size(*most))]
     TooLarge {
         /// What is in the array.
         what: &'static str,
@@ -44,7 +44,7 @@ pub enum GpuError {
         most: u64,
     },
     /// Its memory is full.
-    #[error("no room on the GPU for {what}, {} MB", bytes >> 20)]
+    #[error("no room on the GPU for {what}, {}", size(*bytes))]
     Memory {
         /// What is in the array.
         what: &'static str,
@@ -60,4 +60,9 @@ pub enum GpuError {
     /// The driver refused what it was told; a fault of the program.
     #[error("the GPU refused its work: {0}")]
     Refused(String),
+}
+
+/// In words.
+fn size(bytes: u64) -> String {
+    if bytes < 10_000_000 { format!("{} kB", bytes / 1000) } else { format!("{} MB", bytes / 1_000_000) }
 }

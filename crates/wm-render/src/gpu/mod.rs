@@ -27,6 +27,8 @@ pub mod error;
 mod hosted;
 pub mod model;
 mod plan;
+#[cfg(test)]
+pub(crate) mod probe;
 mod readback;
 pub(crate) mod recorder;
 mod renderer;
@@ -36,3 +38,6 @@ pub mod uniforms;
 pub use device::{Choice, Gpu, GpuConfig, Kind, Listed, adapters, auto};
 pub use error::GpuError;
 pub use renderer::GpuRenderer;
+
+#[cfg(test)]
+mod tests;

@@ -62,7 +62,9 @@ impl Plan<'_> {
     /// All structures, in the order of their slots.
     pub fn uniforms(&self, capacity: Capacity) -> Vec<Uniform> {
         let mut uniforms = vec![uniforms::view(self.job, self.blocks(), self.drops.1, capacity)];
-        let pass = |of_entries: bool| (0..4).map(move |i| uniforms::sort_pass(8 * i, of_entries, !of_entries && i == 0));
+        let pass = |of_entries: bool| {
+            (0..4).map(move |i| uniforms::sort_pass(8 * i, of_entries, !of_entries && i == 0))
+        };
         uniforms.extend(pass(false));
         uniforms.extend(pass(true));
         uniforms.extend([false, true].map(uniforms::intersect_task));
@@ -83,7 +85,12 @@ impl Plan<'_> {
     }
 
     /// The commands of the whole frame, without the way back.
-    pub fn record<'a>(&self, gpu: &'a Gpu, room: &'a Room, queries: Option<&'a wgpu::QuerySet>) -> Recorder<'a> {
+    pub fn record<'a>(
+        &self,
+        gpu: &'a Gpu,
+        room: &'a Room,
+        queries: Option<&'a wgpu::QuerySet>,
+    ) -> Recorder<'a> {
         let mut recorder = Recorder::new(gpu, &room.uniforms, queries);
         recorder.encoder().clear_buffer(&room.counters, 0, None);
         if self.falls != Falls::Nothing {
@@ -161,8 +168,7 @@ impl Plan<'_> {
         recorder.begin(Stage::Intersect);
         let [tiles, entries] = &room.entry_pairs[0];
         let (records, counts, sums) = (&room.records, &room.counts, &room.sums);
-        let intersect =
-            Intersect { counters, dispatches, records, order, counts, sums, tiles, entries };
+        let intersect = Intersect { counters, dispatches, records, order, counts, sums, tiles, entries };
         intersect.record(recorder, COUNT_TASK);
         spine(recorder, &Program::SpineEntries, sums, (counters, dispatches));
         intersect.record(recorder, WRITE_TASK);

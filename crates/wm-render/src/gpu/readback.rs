@@ -7,8 +7,8 @@ use super::recorder::{Recorder, Stage};
 use super::source::COUNTER_WORDS;
 use crate::frame::Frame;
 use crate::renderer::{RenderError, Stats};
-use std::sync::OnceLock;
 use std::sync::Arc;
+use std::sync::OnceLock;
 use wgpu::BufferUsages;
 
 /// What the GPU counted.
@@ -55,7 +55,12 @@ pub(crate) fn submit(
         }
     }
     let bytes = parts.iter().map(|(.., array)| array.len() as u64).sum();
-    let staging = memory.staging.fit_unbound(gpu, "the way back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
+    let staging = memory.staging.fit_unbound(
+        gpu,
+        "the way back",
+        bytes,
+        BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+    )?;
     let mut at = 0;
     for (buffer, offset, array) in &parts {
         recorder.encoder().copy_buffer_to_buffer(buffer, *offset, &staging, at, array.len() as u64);

@@ -45,7 +45,8 @@ pub(crate) struct Recorder<'a> {
 
 impl<'a> Recorder<'a> {
     pub fn new(gpu: &'a Gpu, uniforms: &'a wgpu::Buffer, queries: Option<&'a wgpu::QuerySet>) -> Self {
-        let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
+        let encoder =
+            gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
         Self { gpu, uniforms, queries, encoder, pass: None }
     }
 

@@ -1,6 +1,6 @@
 //! The renderer: uploads, room, and frames that are made again where the room was too small.
 
-use super::buffers::{Extent, Memory};
+use super::buffers::{Extent, Memory, Room};
 use super::device::Gpu;
 use super::error::GpuError;
 use super::hosted;
@@ -28,6 +28,8 @@ pub struct GpuRenderer {
     pool: Arc<rayon::ThreadPool>,
     models: Vec<Option<GpuModel>>,
     memory: Memory,
+    /// That of the last frame.
+    room: Option<Room>,
     capacity: Capacity,
     queries: Option<wgpu::QuerySet>,
     falling: Falling,
@@ -53,6 +55,7 @@ impl GpuRenderer {
             pool,
             models: Vec::new(),
             memory: Memory::default(),
+            room: None,
             capacity: Capacity::default(),
             queries,
             falling: Falling::default(),
@@ -71,6 +74,12 @@ impl GpuRenderer {
         &self.pool
     }
 
+    /// The buffers of the last frame.
+    #[cfg(test)]
+    pub(crate) fn room(&self) -> Option<&Room> {
+        self.room.as_ref()
+    }
+
     fn render_on_pool(&mut self, job: &Job<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
         let started = Instant::now();
         job.camera.check()?;
@@ -81,7 +90,7 @@ impl GpuRenderer {
         frame.prepare(size, arrays)?;
         let mut stats = Stats::default();
 
-        let Self { gpu, path, models, memory, capacity, queries, falling, .. } = self;
+        let Self { gpu, path, models, memory, room: last, capacity, queries, falling, .. } = self;
         let mut sets = Vec::with_capacity(job.sets.len());
         for (i, view) in job.sets.iter().enumerate() {
             let model = models.get(view.set.0).and_then(Option::as_ref);
@@ -110,7 +119,7 @@ impl GpuRenderer {
             },
             drops: (memory.drops(gpu, &falling.words())?, falling.len() as u32),
         };
-        capacity.start(total);
+        capacity.start(total, gpu.most_binding());
         // The depth that effects on the CPU need and the frame does not hold.
         let mut hidden = Vec::new();
         if !job.hooks.pixels.is_empty() && !arrays.depth {
@@ -128,13 +137,16 @@ impl GpuRenderer {
                 falls: plan.falls,
                 background: background.len(),
             };
+            // Let go of first, or nothing that grows is freed.
+            *last = None;
             let room = memory.room(gpu, &extent)?;
             gpu.queue.write_buffer(&room.uniforms, 0, &bytes_of(&plan.uniforms(*capacity)));
             gpu.queue.write_buffer(&room.background, 0, bytemuck::cast_slice(&background));
             let recorder = plan.record(gpu, &room, queries.as_ref());
             let pictures = (&mut *frame, &mut hidden);
             let counted = submit(gpu, recorder, (&room, memory), queries.as_ref(), pictures, &mut stats)?;
-            if !capacity.grow(counted.visible, counted.entries, total) {
+            if !capacity.grow(counted.visible, counted.entries, gpu.most_binding()) {
+                *last = Some(room);
                 break counted;
             }
         };
@@ -149,11 +161,7 @@ impl GpuRenderer {
 }
 
 /// The air's text and its parameters on the GPU.
-fn air(
-    gpu: &Gpu,
-    memory: &mut Memory,
-    job: &Job<'_>,
-) -> Result<Option<(Twin, wgpu::Buffer)>, GpuError> {
+fn air(gpu: &Gpu, memory: &mut Memory, job: &Job<'_>) -> Result<Option<(Twin, wgpu::Buffer)>, GpuError> {
     let Some(medium) = job.hooks.medium else { return Ok(None) };
     let origin = job.camera.center().to_array().map(|v| v as f32);
     let twin = medium.twin(origin).ok_or(GpuError::Effect(medium.name()))?;

@@ -49,20 +49,28 @@ pub struct Capacity {
 }
 
 impl Capacity {
-    /// A first guess for `total` splats: half of them in view, two tiles each.
-    pub fn start(&mut self, total: usize) {
-        let total = total.min(u32::MAX as usize / 4) as u32;
-        self.visible = self.visible.max((total / 2).max(4096));
-        self.entries = self.entries.max(total.max(65_536));
+    /// Most of both that arrays of `most_binding` bytes hold: records take 64 bytes, entries 4.
+    fn limit(most_binding: u64) -> Self {
+        let of = |bytes: u64| u32::try_from(most_binding / bytes).unwrap_or(u32::MAX);
+        Self { visible: of(64), entries: of(4) }
     }
 
-    /// Grows to what a frame needed, and a quarter more; whether it had to. Entries are counted of the splats that
-    /// had room, so both may have to grow one after the other.
-    pub fn grow(&mut self, visible: u32, entries: u32, total: usize) -> bool {
-        let before = *self;
-        let more = |has: u32, needs: u32| if needs > has { needs.saturating_add(needs / 4) } else { has };
-        self.visible = more(self.visible, visible).min(self.visible.max(total as u32));
-        self.entries = more(self.entries, entries);
+    /// A first guess for `total` splats: half of them in view, two tiles each.
+    pub fn start(&mut self, total: usize, most_binding: u64) {
+        let (total, limit) = (u32::try_from(total).unwrap_or(u32::MAX), Self::limit(most_binding));
+        self.visible = self.visible.max((total / 2).max(4096).min(limit.visible));
+        self.entries = self.entries.max(total.max(65_536).min(limit.entries));
+    }
+
+    /// Grows to what a frame needed, and a quarter more where that fits; whether it had to. Entries are counted of the
+    /// splats that had room, so both may have to grow one after the other.
+    pub fn grow(&mut self, visible: u32, entries: u32, most_binding: u64) -> bool {
+        let (before, limit) = (*self, Self::limit(most_binding));
+        let more = |has: u32, needs: u32, limit: u32| {
+            if needs > has { needs.saturating_add(needs / 4).min(limit.max(needs)) } else { has }
+        };
+        self.visible = more(self.visible, visible, limit.visible);
+        self.entries = more(self.entries, entries, limit.entries);
         *self != before
     }
 }

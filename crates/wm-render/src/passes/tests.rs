@@ -45,7 +45,10 @@ impl Medium for Air {
             let light = vec3<f32>(air[3], air[4], air[5]);
             return srgb_encode(srgb_decode(rgb) * kept + light * (1.0 - kept));
         }";
-        Some(Twin { wgsl: wgsl.into(), parameters: self.sigma.iter().chain(&self.light).map(|v| *v as f32).collect() })
+        Some(Twin {
+            wgsl: wgsl.into(),
+            parameters: self.sigma.iter().chain(&self.light).map(|v| *v as f32).collect(),
+        })
     }
 }
 

@@ -48,7 +48,8 @@ fn every_program_fits_small_adapters() {
         let module = parsed(&program);
         let mut layouter = Layouter::default();
         layouter.update(module.to_ctx()).unwrap();
-        let buffers = module.global_variables.iter().filter(|(_, v)| matches!(v.space, AddressSpace::Storage { .. }));
+        let buffers =
+            module.global_variables.iter().filter(|(_, v)| matches!(v.space, AddressSpace::Storage { .. }));
         assert!(buffers.count() <= 8, "{program:?} binds too many buffers");
         let shared = module.global_variables.iter().filter(|(_, v)| v.space == AddressSpace::WorkGroup);
         let bytes: u32 = shared.map(|(_, v)| layouter[v.ty].size).sum();

@@ -39,16 +39,21 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
 
 #[test]
 fn room_grows_by_need_and_a_quarter() {
+    const MUCH: u64 = 1 << 40;
     let mut capacity = Capacity::default();
-    capacity.start(1_000_000);
-    let first = capacity;
-    assert_eq!(first, Capacity { visible: 500_000, entries: 1_000_000 });
-    assert!(!capacity.grow(400_000, 1_000_000, 1_000_000));
-    assert!(capacity.grow(600_000, 2_000_000, 1_000_000));
+    capacity.start(1_000_000, MUCH);
+    assert_eq!(capacity, Capacity { visible: 500_000, entries: 1_000_000 });
+    assert!(!capacity.grow(400_000, 1_000_000, MUCH));
+    assert!(capacity.grow(600_000, 2_000_000, MUCH));
     assert_eq!(capacity, Capacity { visible: 750_000, entries: 2_500_000 });
-    // Never more than there are splats.
-    assert!(capacity.grow(1_000_000, 0, 1_000_000));
-    assert_eq!(capacity.visible, 1_000_000);
-    capacity.start(10);
-    assert_eq!(capacity.visible, 1_000_000);
+    capacity.start(10, MUCH);
+    assert_eq!(capacity.visible, 750_000);
+    // No guess is beyond what fits; a need may be, and is refused later.
+    let mut small = Capacity::default();
+    small.start(1_000_000, 6_400_000);
+    assert_eq!(small, Capacity { visible: 100_000, entries: 1_000_000 });
+    assert!(small.grow(90_000, 1_500_000, 6_400_000));
+    assert_eq!(small, Capacity { visible: 100_000, entries: 1_600_000 });
+    assert!(small.grow(200_000, 0, 6_400_000));
+    assert_eq!(small.visible, 200_000);
 }

@@ -4,20 +4,21 @@ use crate::cpu::model::CpuModel;
 use crate::dispatch;
 use crate::hooks::{GROUP, Hooks, Medium, ShadeGroup, Twin};
 use crate::reference;
-use crate::renderer::{Background, Job, RenderConfig, SetView, SkyGradient};
+use crate::renderer::{Background, Job, RenderConfig, Renderer, SetView, SkyGradient};
 use crate::simd::SimdPath;
 use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats, uniform};
 use wm_scene::{Group, sh};
 
-crate::cpu_parity! {
-    colors_agree_in_every_degree => colors;
-}
-
 crate::parity! {
+    colors_agree_in_every_degree => colors;
     the_air_acts_on_splats_and_background => air;
 }
 
 fn colors(backend: Backend) {
+    #[cfg(feature = "gpu")]
+    if let Backend::Gpu = backend {
+        return colors_on_gpu();
+    }
     let path = backend.path();
     for degree in 0..=3 {
         let splats = random_splats(320, degree, 5);
@@ -40,6 +41,31 @@ fn colors(backend: Backend) {
                     let got = f64::from(shade.rgb[k][lane]);
                     assert!((got - want[k].max(0.0)).abs() < 4e-6, "{got}, want {}", want[k]);
                 }
+            }
+        }
+    }
+}
+
+/// Of the splats in view, along the rays to them: the direction's rounding (2e-7) comes on top.
+#[cfg(feature = "gpu")]
+fn colors_on_gpu() {
+    let camera = camera(320, 200);
+    for degree in 0..=3 {
+        let splats = random_splats(320, degree, 5);
+        let model = CpuModel::new(&splats).unwrap();
+        let mut renderer = crate::testing::gpu_renderer();
+        let set = renderer.load(&splats).unwrap();
+        let (sets, config) = ([SetView::plain(set)], RenderConfig::default());
+        let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
+        let records = crate::gpu::probe::Probe::of(&mut renderer, &job).records;
+        assert!(records.len() > 200);
+        for record in records {
+            let index = model.source[record.index as usize] as usize;
+            let projected = reference::project(&splats, index, &camera, config.rasterization, 1.0).unwrap();
+            let want = sh::color(splats.sh_of(index), projected.direction);
+            for k in 0..3 {
+                let got = f64::from(record.rgb[k]);
+                assert!((got - want[k].max(0.0)).abs() < 6e-6, "{got}, want {}", want[k]);
             }
         }
     }
