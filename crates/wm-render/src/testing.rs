@@ -4,6 +4,7 @@ use crate::differentiable::{Channels, ForwardConfig, Gradients, Learn, Upstream}
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
 use crate::gpu::{Choice, Gpu, GpuConfig, GpuError, GpuRenderer};
+use crate::hooks::{Medium, ShadeGroup};
 use crate::reference::ReferenceFrame;
 use crate::reference_backward::{self, Parameters, ReferenceGradients};
 use crate::renderer::{CpuConfig, Renderer};
@@ -67,6 +68,20 @@ impl Backend {
         match self {
             Self::Cpu(path) => path,
             Self::Gpu => panic!("this check is of the CPU alone: list it under `cpu_parity!`"),
+        }
+    }
+
+    /// [`Medium::shade`] on this back end.
+    ///
+    /// # Panics
+    /// If the GPU has no form of it.
+    pub fn shade(self, medium: &dyn Medium, origin: [f32; 3], groups: &mut [ShadeGroup]) {
+        match self {
+            Self::Cpu(path) => medium.shade(path, origin, groups),
+            #[cfg(feature = "gpu")]
+            Self::Gpu => gpu_renderer().shade(medium, origin, groups).expect("a form for the GPU"),
+            #[cfg(not(feature = "gpu"))]
+            Self::Gpu => panic!("built without the GPU back end"),
         }
     }
 

@@ -50,9 +50,15 @@ impl Growing {
 
 impl Growing {
     /// The buffer with these numbers first.
-    fn write(&mut self, gpu: &Gpu, what: &'static str, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+    pub fn write(
+        &mut self,
+        gpu: &Gpu,
+        what: &'static str,
+        numbers: &[f32],
+        usage: BufferUsages,
+    ) -> Result<wgpu::Buffer, GpuError> {
         let bytes: &[u8] = bytemuck::cast_slice(numbers);
-        let buffer = self.fit(gpu, what, bytes.len() as u64, WRITTEN)?;
+        let buffer = self.fit(gpu, what, bytes.len() as u64, usage)?;
         gpu.queue.write_buffer(&buffer, 0, bytes);
         Ok(buffer)
     }
@@ -122,17 +128,17 @@ impl Memory {
         if self.visibility.len() <= set {
             self.visibility.resize_with(set + 1, Growing::default);
         }
-        self.visibility[set].write(gpu, "visibilities", factors)
+        self.visibility[set].write(gpu, "visibilities", factors, WRITTEN)
     }
 
     /// The parameters of the air.
     pub fn air(&mut self, gpu: &Gpu, parameters: &[f32]) -> Result<wgpu::Buffer, GpuError> {
-        self.air.write(gpu, "the air", parameters)
+        self.air.write(gpu, "the air", parameters, WRITTEN)
     }
 
     /// What falls.
     pub fn drops(&mut self, gpu: &Gpu, drops: &[f32]) -> Result<wgpu::Buffer, GpuError> {
-        self.drops.write(gpu, "what falls", drops)
+        self.drops.write(gpu, "what falls", drops, WRITTEN)
     }
 
     /// Room for a frame of this extent.

@@ -85,7 +85,7 @@ pub struct Listed {
 /// All adapters, in the order in which [`Choice::Any`] would take them.
 #[must_use]
 pub fn adapters() -> Vec<Listed> {
-    ranked().iter().map(|adapter| list(adapter)).collect()
+    ranked().iter().map(list).collect()
 }
 
 /// What [`Choice::Auto`] would take, if there is any.

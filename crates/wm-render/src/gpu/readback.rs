@@ -1,6 +1,6 @@
 //! The way back: counts, times and pictures in one buffer, mapped once.
 
-use super::buffers::{Memory, Room};
+use super::buffers::{Growing, Memory, Room};
 use super::device::Gpu;
 use super::error::GpuError;
 use super::recorder::{Recorder, Stage};
@@ -36,8 +36,7 @@ pub(crate) fn submit(
     let pixels = (4 * frame.alpha.len()) as u64;
     let mut counters = [0u32; COUNTER_WORDS as usize];
     let mut ticks = [0u64; 2 * Stage::COUNT as usize];
-    let mut parts: Vec<(&wgpu::Buffer, u64, &mut [u8])> =
-        vec![(&room.counters, 0, bytemuck::cast_slice_mut(&mut counters))];
+    let mut parts: Vec<Part<'_>> = vec![(&room.counters, 0, bytemuck::cast_slice_mut(&mut counters))];
     if let Some(queries) = queries {
         recorder.encoder().resolve_query_set(queries, 0..2 * Stage::COUNT, &room.times, 0);
         parts.push((&room.times, 0, bytemuck::cast_slice_mut(&mut ticks)));
@@ -54,40 +53,7 @@ pub(crate) fn submit(
             parts.push((buffer, offset, bytemuck::cast_slice_mut(array)));
         }
     }
-    let bytes = parts.iter().map(|(.., array)| array.len() as u64).sum();
-    let staging = memory.staging.fit_unbound(
-        gpu,
-        "the way back",
-        bytes,
-        BufferUsages::MAP_READ | BufferUsages::COPY_DST,
-    )?;
-    let mut at = 0;
-    for (buffer, offset, array) in &parts {
-        recorder.encoder().copy_buffer_to_buffer(buffer, *offset, &staging, at, array.len() as u64);
-        at += array.len() as u64;
-    }
-    gpu.queue.submit([recorder.finish()]);
-    let mapped: Arc<OnceLock<bool>> = Arc::default();
-    let told = Arc::clone(&mapped);
-    let slice = staging.slice(..bytes);
-    slice.map_async(wgpu::MapMode::Read, move |result| {
-        let _ = told.set(result.is_ok());
-    });
-    let waited = gpu.device.poll(wgpu::PollType::wait_indefinitely());
-    gpu.check()?;
-    let refused = |reason: String| RenderError::from(GpuError::Refused(reason));
-    waited.map_err(|error| refused(error.to_string()))?;
-    if mapped.get() != Some(&true) {
-        return Err(refused("the picture did not come back".to_owned()));
-    }
-    let view = slice.get_mapped_range().map_err(|error| refused(error.to_string()))?;
-    let mut at = 0;
-    for (.., array) in &mut parts {
-        array.copy_from_slice(&view[at..at + array.len()]);
-        at += array.len();
-    }
-    drop(view);
-    staging.unmap();
+    copy(gpu, recorder, &mut memory.staging, &mut parts)?;
     if let Some(tick) = gpu.tick() {
         let seconds = |stage: Stage| {
             let at = 2 * stage as usize;
@@ -102,4 +68,46 @@ pub(crate) fn submit(
     }
     let [_, _, visible, entries, walked] = counters;
     Ok(Counted { visible, entries, walked })
+}
+
+/// A part of a buffer, from an offset on, and where it goes.
+pub(crate) type Part<'a> = (&'a wgpu::Buffer, u64, &'a mut [u8]);
+
+/// Submits the commands, waits, and copies what they made.
+pub(crate) fn copy(
+    gpu: &Gpu,
+    mut recorder: Recorder<'_>,
+    staging: &mut Growing,
+    parts: &mut [Part<'_>],
+) -> Result<(), GpuError> {
+    let bytes = parts.iter().map(|(.., array)| array.len() as u64).sum();
+    let staging =
+        staging.fit_unbound(gpu, "the way back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
+    let mut at = 0;
+    for (buffer, offset, array) in &*parts {
+        recorder.encoder().copy_buffer_to_buffer(buffer, *offset, &staging, at, array.len() as u64);
+        at += array.len() as u64;
+    }
+    gpu.queue.submit([recorder.finish()]);
+    let mapped: Arc<OnceLock<bool>> = Arc::default();
+    let told = Arc::clone(&mapped);
+    let slice = staging.slice(..bytes);
+    slice.map_async(wgpu::MapMode::Read, move |result| {
+        let _ = told.set(result.is_ok());
+    });
+    let waited = gpu.device.poll(wgpu::PollType::wait_indefinitely());
+    gpu.check()?;
+    waited.map_err(|error| GpuError::Refused(error.to_string()))?;
+    if mapped.get() != Some(&true) {
+        return Err(GpuError::Refused("nothing came back".to_owned()));
+    }
+    let view = slice.get_mapped_range().map_err(|error| GpuError::Refused(error.to_string()))?;
+    let mut at = 0;
+    for (.., array) in parts {
+        array.copy_from_slice(&view[at..at + array.len()]);
+        at += array.len();
+    }
+    drop(view);
+    staging.unmap();
+    Ok(())
 }

@@ -47,6 +47,8 @@ pub enum Program {
     Cull,
     /// Their records, seen through air whose text this is.
     Project(Option<Cow<'static, str>>),
+    /// The air alone, whose text this is.
+    Air(Cow<'static, str>),
     /// Prefix sums over the blocks of splats.
     SpineVisible,
     /// Prefix sums over the splats in view, 256 at a time.
@@ -132,6 +134,7 @@ impl Program {
         match self {
             Self::Cull => "cull",
             Self::Project(_) => "project_visible",
+            Self::Air(_) => "shade_groups",
             Self::SpineVisible => "spine_visible",
             Self::SpineEntries => "spine_entries",
             Self::SortCount => "count",
@@ -165,6 +168,10 @@ impl Program {
                     None => add(&[CLEAR_AIR]),
                     Some(air) => add(&[file!("gpu/color.wgsl"), file!("stages/shade/air.wgsl"), air]),
                 }
+            }
+            Self::Air(air) => {
+                add(&[file!("gpu/color.wgsl"), file!("stages/shade/air.wgsl"), air]);
+                add(&[file!("stages/shade/groups.wgsl")]);
             }
             Self::SpineVisible | Self::SpineEntries => {
                 add(&[file!("gpu/scan.wgsl"), file!("stages/scan/spine.wgsl")]);

@@ -8,26 +8,22 @@ use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
 use wgpu::naga::{AddressSpace, Module, ScalarKind, StorageAccess, TypeInner};
 
 /// An air as weather brings one.
-fn some_air() -> Program {
+fn some_air() -> [Program; 2] {
     let air = "fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> {
         return srgb_encode(srgb_decode(rgb) * exp(-air[0] * min(distance, FAR_AWAY)) + direction.x);
     }";
-    Program::Project(Some(air.into()))
+    [Program::Project(Some(air.into())), Program::Air(air.into())]
 }
 
 fn every() -> Vec<Program> {
     let mut all = Program::all();
-    all.push(some_air());
+    all.extend(some_air());
     all
 }
 
 fn parsed(program: &Program) -> Module {
     let text = program.text();
-    wsgl_or_panic(program, &text)
-}
-
-fn wsgl_or_panic(program: &Program, text: &str) -> Module {
-    wgsl::parse_str(text).unwrap_or_else(|error| panic!("{program:?}: {}", error.emit_to_string(text)))
+    wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{program:?}: {}", error.emit_to_string(&text)))
 }
 
 #[test]

@@ -2,7 +2,7 @@ use super::*;
 use crate::optics::{Daylight, Site};
 use crate::weather::{Seen, Weather};
 use glam::DVec3;
-use wm_render::testing::{Backend, uniform};
+use wm_render::testing::uniform;
 use wm_scene::Camera;
 
 wm_render::cpu_parity! {
