@@ -4,6 +4,7 @@
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
 pub mod cpu;
+pub mod device;
 pub mod differentiable;
 pub mod frame;
 #[cfg(feature = "gpu")]
@@ -19,6 +20,7 @@ pub mod stages;
 pub mod testing;
 
 pub use cpu::{CpuRenderer, Differentiable};
+pub use device::{AnyRenderer, Device};
 pub use differentiable::{Channels, DepthAlpha, Drawn, ForwardConfig, Gradients, Learn, Opacity, Upstream};
 pub use frame::{Encoding, Frame};
 #[cfg(feature = "gpu")]

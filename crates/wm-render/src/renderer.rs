@@ -323,6 +323,10 @@ pub enum RenderError {
         /// The system's words.
         reason: String,
     },
+    /// A GPU was asked for and cannot be.
+    #[cfg(not(feature = "gpu"))]
+    #[error("this program was built without the feature `gpu`: use --device cpu")]
+    NoGpu,
     /// The GPU cannot be used, or failed.
     #[cfg(feature = "gpu")]
     #[error(transparent)]

@@ -22,7 +22,7 @@ use report::{PathSpeed, SceneReport, Threads};
 use std::path::{Path, PathBuf};
 use wm_render::simd::SimdPath;
 use wm_render::testing::{shell_camera, shell_splats};
-use wm_render::{CpuConfig, CpuRenderer, RenderConfig, Renderer, SetId, SetView};
+use wm_render::{AnyRenderer, CpuConfig, CpuRenderer, RenderConfig, Renderer, SetId, SetView};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::{Camera, Group, Metadata, Scene};
 use wm_weather::cover::{Airflow, Asked, Buried};
@@ -137,7 +137,7 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
 
 /// A scene with what lies on it, in a renderer of its own.
 struct Snowy {
-    renderer: CpuRenderer,
+    renderer: AnyRenderer,
     /// The scene, and what lies.
     sets: [SetId; 2],
     buried: Buried,
@@ -183,7 +183,8 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
         cases.iter().map(|case| (usize::from(case.cover().is_some()), case)).collect();
     let measured = turns(&mut stands, &camera, &plan, rounds, &bar)?;
     bar.finish_and_clear();
-    if args.cases.is_some() && !interrupt::asked() {
+    // Threads and SIMD paths are the CPU's.
+    if (args.cases.is_some() || loaded.renderer.is_gpu()) && !interrupt::asked() {
         return Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), None, Vec::new(), memory));
     }
 
