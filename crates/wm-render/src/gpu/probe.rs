@@ -45,9 +45,8 @@ pub fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u32> {
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
     gpu.queue.submit([encoder.finish()]);
-    staging.map_async(wgpu::MapMode::Read, .., |result| result.unwrap());
-    gpu.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
-    let view = staging.get_mapped_range(..).unwrap();
+    super::readback::wait(gpu, &staging, buffer.size()).unwrap();
+    let view = staging.slice(..buffer.size()).get_mapped_range().unwrap();
     bytemuck::pod_collect_to_vec(&view)
 }
 

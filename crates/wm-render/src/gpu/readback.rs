@@ -7,8 +7,8 @@ use super::recorder::{Recorder, Stage};
 use super::source::COUNTER_WORDS;
 use crate::frame::Frame;
 use crate::renderer::{RenderError, Stats};
-use std::sync::Arc;
-use std::sync::OnceLock;
+use std::sync::mpsc::channel;
+use std::time::Duration;
 use wgpu::BufferUsages;
 
 /// What the GPU counted.
@@ -89,18 +89,8 @@ pub(crate) fn copy(
         at += array.len() as u64;
     }
     gpu.queue.submit([recorder.finish()]);
-    let mapped: Arc<OnceLock<bool>> = Arc::default();
-    let told = Arc::clone(&mapped);
+    wait(gpu, &staging, bytes)?;
     let slice = staging.slice(..bytes);
-    slice.map_async(wgpu::MapMode::Read, move |result| {
-        let _ = told.set(result.is_ok());
-    });
-    let waited = gpu.device.poll(wgpu::PollType::wait_indefinitely());
-    gpu.check()?;
-    waited.map_err(|error| GpuError::Refused(error.to_string()))?;
-    if mapped.get() != Some(&true) {
-        return Err(GpuError::Refused("nothing came back".to_owned()));
-    }
     let view = slice.get_mapped_range().map_err(|error| GpuError::Refused(error.to_string()))?;
     let mut at = 0;
     for (.., array) in parts {
@@ -110,4 +100,21 @@ pub(crate) fn copy(
     drop(view);
     staging.unmap();
     Ok(())
+}
+
+/// Waits until the first `bytes` of a buffer can be read.
+pub(crate) fn wait(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuError> {
+    let (told, mapped) = channel();
+    buffer.slice(..bytes).map_async(wgpu::MapMode::Read, move |result| {
+        let _ = told.send(result);
+    });
+    let waited = gpu.device.poll(wgpu::PollType::wait_indefinitely());
+    gpu.check()?;
+    waited.map_err(|error| GpuError::Refused(error.to_string()))?;
+    // Another thread that polls the same device may have taken it upon itself to tell, and be about to.
+    match mapped.recv_timeout(Duration::from_secs(10)) {
+        Ok(Ok(())) => Ok(()),
+        Ok(Err(error)) => Err(GpuError::Refused(error.to_string())),
+        Err(_) => Err(GpuError::Refused("nothing came back".to_owned())),
+    }
 }

@@ -34,6 +34,17 @@ fn touches(splat: Record, reach: f32, tile: vec2<f32>) -> bool {
     return min(q.x, q.y) <= reach;
 }
 
+// First and last x, from the centre, of the ellipse within `low` <= y <= `high`, a pixel more each way. The ellipse
+// reaches some y there; its ends are where they are in all, or at the edge of the strip that is next to that.
+fn span(splat: Record, reach: f32, extent_x: f32, low: f32, high: f32) -> vec2<f32> {
+    let square = splat.a.z * splat.a.z + splat.a.w * splat.a.w;
+    let y = clamp(vec2<f32>(-1.0, 1.0) * (splat.d.y * extent_x), vec2<f32>(low), vec2<f32>(high));
+    let across = splat.a.z * splat.b.x * y;
+    let half = sqrt(max(reach * square - across * across, vec2<f32>(0.0))) / square;
+    let ends = splat.d.z * y + vec2<f32>(-1.0, 1.0) * half;
+    return ends + vec2<f32>(-1.0, 1.0);
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn intersect(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let group = group_index(workgroup);
@@ -68,7 +79,10 @@ fn intersect(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
         let low = clamp(floor((splat.a.xy - extent) / TILE_SIDE), vec2<f32>(0.0), last_tile);
         let high = clamp(floor((splat.a.xy + extent) / TILE_SIDE), vec2<f32>(0.0), last_tile);
         for (var y = u32(low.y); y <= u32(high.y); y++) {
-            for (var x = u32(low.x); x <= u32(high.x); x++) {
+            let top = f32(y) * TILE_SIDE + 0.5 - splat.a.y;
+            let ends = splat.a.x + span(splat, reach, extent_x, top, top + (TILE_SIDE - 1.0));
+            let columns = clamp(floor(ends / TILE_SIDE), vec2<f32>(low.x), vec2<f32>(high.x));
+            for (var x = u32(columns.x); x <= u32(columns.y); x++) {
                 if touches(splat, reach, vec2<f32>(f32(x), f32(y))) {
                     if found < room {
                         tiles[first + found] = y * view.tile_columns + x;
