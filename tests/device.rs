@@ -47,16 +47,17 @@ fn every_weather_is_the_cpus() {
     let name = adapters().into_iter().find(|listed| listed.unfit.is_none()).unwrap().name;
     let workshop = Workshop::new();
     let (_, view) = yard_look(SIZE);
-    let scene = workshop.scene("yard", yard().splats, &yard_metadata(1.0));
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
     for weather in [
         "",
         "--set fog.mor=40",
-        "--set fog.mor=60 --set fog.height=5 --set smog.mor=300",
+        "--set fog.mor=60 --set fog.scale_height=8 --set smog.mor=300",
         "--set rain.rate=60 --set wind.speed=6",
         "--set snowfall.rate=3 --set sky=overcast",
         "--set snow_cover.depth=0.15",
         "--set fog.mor=80 --set look.exposure=-0.5 --set look.saturation=0.6",
-        "--set fog.mor=40 --set fidelity=paper",
+        "--weather fog --set fidelity=paper",
+        "--set rain.rate=20 --set fidelity=paper",
     ] {
         let pictures = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
             let mut words = workshop.words(&scene, &view, "picture.exr", weather);

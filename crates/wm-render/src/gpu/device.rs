@@ -4,6 +4,7 @@ use super::error::GpuError;
 use super::source::{Program, WORKGROUP};
 use std::collections::HashMap;
 use std::future::Future;
+use std::path::Path;
 use std::pin::pin;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::task::{Context, Poll, Waker};
@@ -88,12 +89,6 @@ pub fn adapters() -> Vec<Listed> {
     ranked().iter().map(list).collect()
 }
 
-/// What [`Choice::Auto`] would take, if there is any.
-#[must_use]
-pub fn auto() -> Option<Listed> {
-    adapters().into_iter().find(is_for_auto)
-}
-
 fn is_for_auto(listed: &Listed) -> bool {
     listed.kind != Kind::Software && listed.unfit.is_none()
 }
@@ -141,6 +136,13 @@ pub(crate) fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
     }
 }
 
+/// Whether there may be a real GPU. Asking every driver takes time, and some of them talk on the error stream.
+fn may_have_hardware() -> bool {
+    // Linux has a file for each: of the kernel's own drivers, NVIDIA's, Windows' below it, Adreno's, Mali's.
+    let files = ["dri", "nvidiactl", "dxg", "kgsl-3d0", "mali0"];
+    !cfg!(target_os = "linux") || files.iter().any(|file| Path::new("/dev").join(file).exists())
+}
+
 /// What every stage takes for granted.
 fn fits(name: &str, limits: &Limits) -> Result<(), GpuError> {
     let least = [
@@ -181,7 +183,8 @@ impl Gpu {
     /// # Errors
     /// [`GpuError`] if there is none to the choice, or it cannot be started.
     pub fn open(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
-        let ranked = ranked();
+        let ranked =
+            if config.choice == Choice::Auto && !may_have_hardware() { Vec::new() } else { ranked() };
         let listed: Vec<Listed> = ranked.iter().map(list).collect();
         let is_wanted = |listed: &Listed| match &config.choice {
             Choice::Auto => is_for_auto(listed),
@@ -195,7 +198,11 @@ impl Gpu {
             };
             let names: Vec<String> =
                 listed.iter().map(|listed| format!("`{}` ({})", listed.name, listed.kind.name())).collect();
-            let found = if names.is_empty() { "none at all".to_owned() } else { names.join(", ") };
+            let found = if names.is_empty() {
+                "no real one, and one in software is taken only by its name".to_owned()
+            } else {
+                names.join(", ")
+            };
             return Err(GpuError::NoAdapter { wanted, found });
         };
         if let Some(unfit) = &listed[at].unfit {

@@ -6,7 +6,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum GpuError {
     /// There is none, or none of that name.
-    #[error("no GPU {wanted}; there is {found}")]
+    #[error("no GPU {wanted}: there is {found}")]
     NoAdapter {
         /// What was asked for.
         wanted: String,

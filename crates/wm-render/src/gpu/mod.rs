@@ -36,7 +36,7 @@ mod renderer;
 pub mod source;
 pub mod uniforms;
 
-pub use device::{Choice, Gpu, GpuConfig, Kind, Listed, adapters, auto};
+pub use device::{Choice, Gpu, GpuConfig, Kind, Listed, adapters};
 pub use error::GpuError;
 pub use renderer::GpuRenderer;
 
