@@ -57,7 +57,7 @@ pub struct AnyRenderer {
 }
 
 enum Body {
-    Cpu(CpuRenderer),
+    Cpu(Box<CpuRenderer>),
     #[cfg(feature = "gpu")]
     Gpu {
         gpu: Box<GpuRenderer>,
@@ -95,7 +95,7 @@ impl AnyRenderer {
             #[cfg(not(feature = "gpu"))]
             Device::Gpu(_) => return Err(RenderError::NoGpu),
         };
-        let body = body.map_or_else(|| CpuRenderer::new(config).map(Body::Cpu), Ok)?;
+        let body = body.map_or_else(|| CpuRenderer::new(config).map(|cpu| Body::Cpu(Box::new(cpu))), Ok)?;
         Ok(Self { config, path, body, warn })
     }
 
@@ -139,7 +139,7 @@ impl AnyRenderer {
 
     fn renderer(&mut self) -> &mut dyn Renderer {
         match &mut self.body {
-            Body::Cpu(cpu) => cpu,
+            Body::Cpu(cpu) => &mut **cpu,
             #[cfg(feature = "gpu")]
             Body::Gpu { gpu, .. } => &mut **gpu,
         }
@@ -161,7 +161,7 @@ impl AnyRenderer {
             }
         }
         gone.into_iter().for_each(|set| cpu.unload(set));
-        self.body = Body::Cpu(cpu);
+        self.body = Body::Cpu(Box::new(cpu));
         Ok(())
     }
 

@@ -279,11 +279,15 @@ impl Medium for Atmosphere {
 
     fn twin(&self, origin: [f32; 3]) -> Option<Twin> {
         static WGSL: LazyLock<String> = LazyLock::new(|| {
-            let constants = format!(
-                "const NODES: u32 = {NODES}u;\nconst TABLE_NEAR: f32 = {:e};\nconst TABLE_FAR: f32 = {:e};\n\
-                 const FAR_METRES: f32 = {FAR:e};\nconst LONGEST_METRES: f32 = {LONGEST:e};\n",
-                NEAREST_NODE, FARTHEST_NODE,
-            );
+            let mut constants = format!("const NODES: u32 = {NODES}u;\n");
+            for (name, metres) in [
+                ("TABLE_NEAR", f64::from(NEAREST_NODE)),
+                ("TABLE_FAR", f64::from(FARTHEST_NODE)),
+                ("FAR_METRES", FAR),
+                ("LONGEST_METRES", LONGEST),
+            ] {
+                constants += &format!("const {name}: f32 = {metres:e};\n");
+            }
             constants + include_str!("optics.wgsl")
         });
         let view = self.seen_from(origin);
