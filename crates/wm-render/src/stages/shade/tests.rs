@@ -4,7 +4,9 @@ use crate::cpu::model::CpuModel;
 use crate::dispatch;
 use crate::hooks::{GROUP, Hooks, Medium, ShadeGroup, Twin};
 use crate::reference;
-use crate::renderer::{Background, Job, RenderConfig, Renderer, SetView, SkyGradient};
+#[cfg(feature = "gpu")]
+use crate::renderer::Renderer;
+use crate::renderer::{Background, Job, RenderConfig, SetView, SkyGradient};
 use crate::simd::SimdPath;
 use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats, uniform};
 use wm_scene::{Group, sh};
