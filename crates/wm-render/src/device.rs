@@ -133,7 +133,7 @@ impl AnyRenderer {
         match &self.body {
             Body::Cpu(cpu) => format!("cpu, {}", cpu.path()),
             #[cfg(feature = "gpu")]
-            Body::Gpu { gpu, .. } => gpu.describe(),
+            Body::Gpu { gpu, .. } => format!("{}, {}", gpu.describe(), self.path),
         }
     }
 

@@ -17,6 +17,8 @@ pub const DISPATCH_ROW: u32 = 32_768;
 pub const TILE_SIDE: u32 = 16;
 /// Records that a tile holds at a time.
 pub const BATCH: u32 = 64;
+/// Tiles about a splat up to which one thread tests them.
+pub const FEW_TILES: u32 = 32;
 /// Values of a digit of the sort.
 pub const DIGITS: u32 = 256;
 /// Bits of one.
@@ -229,6 +231,7 @@ pub fn constants() -> String {
         DISPATCH_ROW = DISPATCH_ROW;
         GROUP = GROUP;
         BATCH = BATCH;
+        FEW_TILES = FEW_TILES;
         DIGITS = DIGITS;
         SORT_ROUNDS = SORT_ROUNDS;
         SORT_BLOCK = SORT_BLOCK;

@@ -34,15 +34,46 @@ fn touches(splat: Record, reach: f32, tile: vec2<f32>) -> bool {
     return min(q.x, q.y) <= reach;
 }
 
-// First and last x, from the centre, of the ellipse within `low` <= y <= `high`, a pixel more each way. The ellipse
-// reaches some y there; its ends are where they are in all, or at the edge of the strip that is next to that.
-fn span(splat: Record, reach: f32, extent_x: f32, low: f32, high: f32) -> vec2<f32> {
-    let square = splat.a.z * splat.a.z + splat.a.w * splat.a.w;
-    let y = clamp(vec2<f32>(-1.0, 1.0) * (splat.d.y * extent_x), vec2<f32>(low), vec2<f32>(high));
-    let across = splat.a.z * splat.b.x * y;
-    let half = sqrt(max(reach * square - across * across, vec2<f32>(0.0))) / square;
-    let ends = splat.d.z * y + vec2<f32>(-1.0, 1.0) * half;
-    return ends + vec2<f32>(-1.0, 1.0);
+// The tiles about a splat: first column and row, numbers of columns and rows.
+struct Box {
+    first: vec2<u32>,
+    size: vec2<u32>,
+}
+
+fn reach_of(splat: Record) -> f32 {
+    return splat.b.y - (LOG2_MIN_ALPHA - TEST_SLACK);
+}
+
+fn box_of(splat: Record) -> Box {
+    let reach = max(reach_of(splat), 0.0);
+    let across = splat.a.w / splat.a.z;
+    // A pixel more each way: the test above is the exact one.
+    let extent = sqrt(reach * vec2<f32>(1.0, 1.0 + across * across)) / vec2<f32>(splat.a.z, splat.b.x) + 1.0;
+    let last = vec2<f32>(f32(view.tile_columns), f32(view.tiles / view.tile_columns)) - 1.0;
+    let low = vec2<u32>(clamp(floor((splat.a.xy - extent) / TILE_SIDE), vec2<f32>(0.0), last));
+    let high = vec2<u32>(clamp(floor((splat.a.xy + extent) / TILE_SIDE), vec2<f32>(0.0), last));
+    return Box(low, high - low + 1u);
+}
+
+// What each thread's splat has: where its entries go, how many there is room for, how many tiles it touches.
+var<workgroup> firsts: array<u32, WORKGROUP>;
+var<workgroup> rooms: array<u32, WORKGROUP>;
+var<workgroup> found: array<atomic<u32>, WORKGROUP>;
+// Threads whose splats have more tiles about them than FEW.
+var<workgroup> large: array<u32, WORKGROUP>;
+var<workgroup> large_count: atomic<u32>;
+
+// Adds tile number `i` of a box to a thread's splat, if it is touched. In which order does not count: a splat's tiles
+// are all different, and the sort by tile keeps only the order of splats.
+fn add(thread: u32, name: u32, splat: Record, around: Box, i: u32) {
+    let tile = around.first + vec2<u32>(i % around.size.x, i / around.size.x);
+    if touches(splat, reach_of(splat), vec2<f32>(tile)) {
+        let place = atomicAdd(&found[thread], 1u);
+        if place < rooms[thread] {
+            tiles[firsts[thread] + place] = tile.y * view.tile_columns + tile.x;
+            entries[firsts[thread] + place] = name;
+        }
+    }
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -64,39 +95,44 @@ fn intersect(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
         // What does not fit is left out, and the frame made again.
         room = min(room, max(view.entry_capacity, first) - first);
     }
+    firsts[local] = first;
+    rooms[local] = room;
+    atomicStore(&found[local], 0u);
+    if local == 0u {
+        atomicStore(&large_count, 0u);
+    }
+    workgroupBarrier();
 
-    var found = 0u;
     if there {
         let name = order[i];
         let splat = records[name];
-        let reach = splat.b.y - (LOG2_MIN_ALPHA - TEST_SLACK);
-        let extent_x = sqrt(max(reach, 0.0)) / splat.a.z;
-        let across = splat.a.w / splat.a.z;
-        let extent_y = sqrt(max(reach, 0.0) * (1.0 + across * across)) / splat.b.x;
-        // A pixel more each way: the test below is the exact one.
-        let extent = vec2<f32>(extent_x, extent_y) + 1.0;
-        let last_tile = vec2<f32>(f32(view.tile_columns), f32(view.tiles / view.tile_columns)) - 1.0;
-        let low = clamp(floor((splat.a.xy - extent) / TILE_SIDE), vec2<f32>(0.0), last_tile);
-        let high = clamp(floor((splat.a.xy + extent) / TILE_SIDE), vec2<f32>(0.0), last_tile);
-        for (var y = u32(low.y); y <= u32(high.y); y++) {
-            let top = f32(y) * TILE_SIDE + 0.5 - splat.a.y;
-            let ends = splat.a.x + span(splat, reach, extent_x, top, top + (TILE_SIDE - 1.0));
-            let columns = clamp(floor(ends / TILE_SIDE), vec2<f32>(low.x), vec2<f32>(high.x));
-            for (var x = u32(columns.x); x <= u32(columns.y); x++) {
-                if touches(splat, reach, vec2<f32>(f32(x), f32(y))) {
-                    if found < room {
-                        tiles[first + found] = y * view.tile_columns + x;
-                        entries[first + found] = name;
-                    }
-                    found++;
-                }
+        let around = box_of(splat);
+        let count = around.size.x * around.size.y;
+        if count > FEW_TILES {
+            large[atomicAdd(&large_count, 1u)] = local;
+        } else {
+            for (var tile = 0u; tile < count; tile++) {
+                add(local, name, splat, around, tile);
             }
         }
     }
-    let total = scan(local, found).y;
+    // Large ones are the work of all threads: one alone would keep the others waiting.
+    let many = workgroupUniformLoad(&large_count);
+    for (var k = 0u; k < many; k++) {
+        let thread = large[k];
+        let name = order[group * WORKGROUP + thread];
+        let splat = records[name];
+        let around = box_of(splat);
+        for (var tile = local; tile < around.size.x * around.size.y; tile += WORKGROUP) {
+            add(thread, name, splat, around, tile);
+        }
+    }
+    workgroupBarrier();
+    let own = atomicLoad(&found[local]);
+    let total = scan(local, own).y;
     if task.emits == 0u {
         if there {
-            counts[i] = found;
+            counts[i] = own;
         }
         if local == 0u {
             sums[group] = total;
