@@ -4,10 +4,12 @@ use super::buffers::Growing;
 use super::device::Gpu;
 use super::recorder::Recorder;
 use super::renderer::GpuRenderer;
-use super::uniforms::{SLOT, sort_pass};
+use super::source::{DIGITS, DISPATCH_ROW, Program, SORT_BLOCK, WORKGROUP};
+use super::uniforms::{Capacity, SLOT, sort_pass};
 use crate::frame::Frame;
 use crate::renderer::{Job, Renderer};
 use crate::stages::project::Record;
+use crate::stages::scan::gpu::spine;
 use crate::stages::sort::gpu::{Sort, passes};
 use wgpu::BufferUsages;
 
@@ -50,16 +52,39 @@ pub fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u32> {
     bytemuck::pod_collect_to_vec(&view)
 }
 
+/// A buffer that holds these words.
+fn filled(gpu: &Gpu, words: &[u32], more: BufferUsages) -> wgpu::Buffer {
+    let bytes: &[u8] = bytemuck::cast_slice(words);
+    let usage = BufferUsages::COPY_DST | BufferUsages::COPY_SRC | more;
+    let buffer = gpu.buffer("a test", bytes.len() as u64, usage).unwrap();
+    gpu.queue.write_buffer(&buffer, 0, bytes);
+    buffer
+}
+
+/// The prefix sums of counts, and their total; what would be sorted has that much room.
+pub fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
+    let camera = crate::testing::camera(64, 48);
+    let config = crate::renderer::RenderConfig::default();
+    let job = Job { sets: &[], camera: &camera, config: &config, hooks: crate::hooks::Hooks::default() };
+    let view = super::uniforms::view(&job, 0, 0, Capacity { visible: 0, entries: room });
+    let mut slot = view.words;
+    slot.resize(SLOT as usize / 4, 0);
+    let uniforms = filled(gpu, &slot, BufferUsages::UNIFORM);
+    let counters = filled(gpu, &[WORKGROUP * sums.len() as u32, 0, 0, 0, 0], BufferUsages::STORAGE);
+    let dispatches = filled(gpu, &[0; 9], BufferUsages::STORAGE);
+    let buffer = filled(gpu, sums, BufferUsages::STORAGE);
+    let mut recorder = Recorder::new(gpu, &uniforms, None);
+    recorder.begin(super::recorder::Stage::Intersect);
+    spine(&mut recorder, &Program::SpineEntries, &buffer, (&counters, &dispatches));
+    gpu.queue.submit([recorder.finish()]);
+    gpu.check().unwrap();
+    let counters = read(gpu, &counters);
+    (read(gpu, &buffer)[..sums.len()].to_vec(), [counters[1], counters[3]])
+}
+
 /// The pairs of `keys` and their indices, sorted by the lowest `bits` bits.
 pub fn sorted(gpu: &Gpu, keys: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
-    use super::source::{DIGITS, DISPATCH_ROW, SORT_BLOCK};
-    let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-    let buffer = |words: &[u32], more: BufferUsages| {
-        let bytes: &[u8] = bytemuck::cast_slice(words);
-        let buffer = gpu.buffer("a test", bytes.len() as u64, usage | more).unwrap();
-        gpu.queue.write_buffer(&buffer, 0, bytes);
-        buffer
-    };
+    let buffer = |words: &[u32], more| filled(gpu, words, BufferUsages::STORAGE | more);
     let (count, none) = (keys.len() as u32, BufferUsages::empty());
     let blocks = count.div_ceil(SORT_BLOCK);
     let empty = vec![0; keys.len()];
@@ -69,15 +94,12 @@ pub fn sorted(gpu: &Gpu, keys: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
     let counters = buffer(&[count, 0, 0, 0, 0], none);
     let histogram = buffer(&vec![0; (DIGITS * blocks.max(1)) as usize], none);
     let totals = buffer(&[0; DIGITS as usize], none);
-    let mut slots = vec![0; 4 * SLOT as usize];
-    for (pass, slot) in slots.chunks_exact_mut(SLOT as usize).enumerate() {
+    let mut slots = vec![0u32; SLOT as usize];
+    for (pass, slot) in slots.chunks_exact_mut(SLOT as usize / 4).enumerate() {
         let uniform = sort_pass(8 * pass as u32, false, pass == 0);
-        slot[..4 * uniform.words.len()].copy_from_slice(bytemuck::cast_slice(&uniform.words));
+        slot[..uniform.words.len()].copy_from_slice(&uniform.words);
     }
-    let uniforms =
-        gpu.buffer("a test", slots.len() as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST).unwrap();
-    gpu.queue.write_buffer(&uniforms, 0, &slots);
-
+    let uniforms = filled(gpu, bytemuck::cast_slice(&slots), BufferUsages::UNIFORM);
     let mut recorder = Recorder::new(gpu, &uniforms, None);
     recorder.begin(super::recorder::Stage::Sort);
     let sort = Sort {

@@ -9,3 +9,5 @@
 //! what would have been.
 
 pub mod gpu;
+#[cfg(test)]
+mod tests;
