@@ -3,7 +3,9 @@
 use crate::differentiable::{Channels, ForwardConfig, Gradients, Learn, Upstream};
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
-use crate::gpu::{Choice, Gpu, GpuConfig, GpuError, GpuRenderer};
+use crate::gpu::{Choice, Gpu, GpuConfig, GpuError, GpuRenderer, source::Program};
+#[cfg(feature = "gpu")]
+use crate::hooks::Twin;
 use crate::hooks::{Medium, ShadeGroup};
 use crate::reference::ReferenceFrame;
 use crate::reference_backward::{self, Parameters, ReferenceGradients};
@@ -120,6 +122,23 @@ fn shared_gpu() -> &'static Result<Arc<Gpu>, GpuError> {
 pub fn gpu_renderer() -> GpuRenderer {
     let gpu = shared_gpu().clone().expect("a GPU");
     GpuRenderer::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).expect("threads start")
+}
+
+/// Whether an air's WGSL is valid where the renderer puts it; needs no GPU.
+///
+/// # Errors
+/// What is wrong, with the place.
+#[cfg(feature = "gpu")]
+pub fn check_air(twin: &Twin) -> Result<(), String> {
+    use wgpu::naga::{front::wgsl, valid};
+    for program in [Program::Project(Some(twin.wgsl.clone())), Program::Air(twin.wgsl.clone())] {
+        let text = program.text();
+        let module = wgsl::parse_str(&text).map_err(|error| error.emit_to_string(&text))?;
+        let mut validator =
+            valid::Validator::new(valid::ValidationFlags::all(), valid::Capabilities::empty());
+        validator.validate(&module).map_err(|error| error.emit_to_string(&text))?;
+    }
+    Ok(())
 }
 
 fn missing_gpu() -> Option<String> {

@@ -10,6 +10,16 @@ wm_render::parity! {
     };
 }
 
+/// Without any GPU, and with the constants that it is given here.
+#[test]
+fn the_gpus_form_is_valid() {
+    for atmosphere in atmospheres() {
+        let twin = atmosphere.twin([1.0, 2.0, 3.0]).unwrap();
+        wm_render::testing::check_air(&twin).unwrap();
+        assert_eq!(twin.parameters.len(), 6 + 8 * atmosphere.layers.len());
+    }
+}
+
 const SITE: Site = Site {
     metres_per_unit: 2.5,
     up: [0.0, -0.6, 0.8],
