@@ -4,16 +4,18 @@ use crate::progress;
 use crate::scene::Loaded;
 use crate::view::spec;
 use anyhow::Result;
+use glam::DVec3;
 use std::time::Instant;
 use wm_render::hooks::{Hooks, Slot, Visibility};
 use wm_render::{
     AnyRenderer, Background, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId,
     SetView, Stats,
 };
-use wm_scene::Camera;
+use wm_scene::{Camera, Group};
 use wm_weather::cover::{Airflow, Asked, Buried, Cover};
 use wm_weather::paper::{PaperCover, Stages, composite};
-use wm_weather::shelter::{Occluders, Shelter, ShelterOptions, Sight};
+use wm_weather::scan::{Floor, Scan, Sight};
+use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
 use wm_weather::{Fidelity, Seen, Site, Sky, Weather};
 
 /// Maps of shelter that are kept, one for each direction of fall: enough for a wind that turns.
@@ -38,8 +40,8 @@ pub struct Studio {
 
 /// What lies, in the renderer.
 struct Laid {
-    /// `None` for the paper's.
-    asked: Option<Asked>,
+    /// Empty for the paper's.
+    asked: Vec<Asked>,
     set: SetId,
     buried: Buried,
 }
@@ -79,22 +81,29 @@ impl Needs {
     }
 }
 
-/// Where the photos of a place were taken, in the middle of them; without photos the middle of the place.
-fn middle(loaded: &Loaded) -> [f64; 3] {
-    let of = |points: Vec<[f64; 3]>| {
-        std::array::from_fn(|k| {
+/// Where the photos of a place were taken: the line along most of them; without photos the middle of the place.
+fn path(loaded: &Loaded) -> [[f64; 3]; 2] {
+    let middle = |points: &[DVec3]| {
+        DVec3::from_array(std::array::from_fn(|k| {
             let mut values: Vec<f64> = points.iter().map(|point| point[k]).collect();
             values.sort_by(f64::total_cmp);
             values.get(values.len() / 2).copied().unwrap_or(0.0)
-        })
+        }))
     };
-    let views: Vec<[f64; 3]> =
-        loaded.scene.views.iter().map(|view| view.camera.center().to_array()).collect();
+    let views: Vec<DVec3> = loaded.scene.views.iter().map(|view| view.camera.center()).collect();
     if views.is_empty() {
-        of(loaded.scene.splats.means.iter().map(|mean| mean.map(f64::from)).collect())
-    } else {
-        of(views)
+        let means = &loaded.scene.splats.means;
+        let means: Vec<DVec3> = means.iter().map(|mean| DVec3::from_array(mean.map(f64::from))).collect();
+        return [middle(&means).to_array(); 2];
     }
+    let middle = middle(&views);
+    let far = |a: &&DVec3, b: &&DVec3| a.distance(middle).total_cmp(&b.distance(middle));
+    let along = views.iter().max_by(far).map_or(DVec3::X, |far| (far - middle).normalize_or(DVec3::X));
+    let mut ways: Vec<f64> = views.iter().map(|view| (view - middle).dot(along)).collect();
+    ways.sort_by(f64::total_cmp);
+    // Without a twentieth at each end: a stray photo is no path.
+    let stray = ways.len() / 20;
+    [ways[stray], ways[ways.len() - 1 - stray]].map(|way| (middle + way * along).to_array())
 }
 
 /// How the air carries what lies: the mean wind at the start.
@@ -103,10 +112,10 @@ pub fn airflow(weather: &Weather, site: &Site) -> Airflow {
 }
 
 /// What something may lie on.
-pub fn cover(loaded: &Loaded, occluders: Occluders, site: &Site, airflow: &Airflow) -> Cover {
+pub fn cover(loaded: &Loaded, scan: &Scan<'_>, site: &Site, airflow: &Airflow) -> Cover {
     let threads = loaded.renderer.threads();
     let waiting = progress::spinner("finding what can be covered");
-    let cover = Cover::of(&loaded.scene.splats, occluders, site, airflow, middle(loaded), threads);
+    let cover = Cover::of(&loaded.scene.splats, scan, site, airflow, path(loaded), threads);
     waiting.finish_and_clear();
     if cover.is_bare() {
         eprintln!("warning: nothing can lie here: no surface looks up at the sky; give --up if up is wrong");
@@ -114,23 +123,43 @@ pub fn cover(loaded: &Loaded, occluders: Occluders, site: &Site, airflow: &Airfl
     cover
 }
 
-/// What may stop what falls: all but what the photos see through.
-pub fn occluders(loaded: &mut Loaded, site: &Site) -> Result<Occluders> {
-    let occluders = Occluders::of(&loaded.scene.splats, site, &ShelterOptions::default());
-    let threads = loaded.renderer.threads();
-    Ok(occluders.seen_by(&sights(loaded)?, Some(threads)))
+/// The surfaces of the place, as its photos' cameras see them.
+pub fn scan<'a>(loaded: &'a Loaded, sights: &[Sight], site: &Site) -> Scan<'a> {
+    Scan::of(&loaded.scene.splats, sights, site, loaded.renderer.threads())
 }
 
 /// Photos that say what is free, at most, and their longest side, px.
 const SIGHTS: usize = 40;
-const SIGHT: f64 = 240.0;
+const SIGHT: f64 = 480.0;
+
+/// All of a scene but its sky.
+struct WithoutSky<'a>(&'a [Group]);
+
+impl Visibility for WithoutSky<'_> {
+    fn factors(&self, indices: &[u32], out: &mut [f32]) {
+        for (index, factor) in indices.iter().zip(out) {
+            *factor = if self.0[*index as usize] == Group::Sky { 0.0 } else { 1.0 };
+        }
+    }
+}
 
 /// What the cameras of the photos see, of some of them.
-fn sights(loaded: &mut Loaded) -> Result<Vec<Sight>> {
+pub fn sights(loaded: &mut Loaded) -> Result<Vec<Sight>> {
     let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
     let config = RenderConfig { outputs, ..RenderConfig::default() };
     let views = &loaded.scene.views;
-    let sets = [SetView::plain(loaded.set)];
+    let without_sky = WithoutSky(&loaded.scene.splats.groups);
+    let sets = [SetView { set: loaded.set, visibility: Some(&without_sky) }];
+    let centers: Vec<_> = views.iter().map(|view| view.camera.center()).collect();
+    let floor = |height| centers.iter().map(move |center| (*center, height));
+    let floors: Vec<Floor> = loaded
+        .scene
+        .metadata
+        .camera_height
+        .into_iter()
+        .flat_map(floor)
+        .map(|(center, height)| Floor::below(center, &centers, loaded.survey.up.value, height))
+        .collect();
     let mut frame = Frame::default();
     let mut sights = Vec::new();
     for view in views.iter().step_by(views.len().div_ceil(SIGHTS).max(1)) {
@@ -141,7 +170,9 @@ fn sights(loaded: &mut Loaded) -> Result<Vec<Sight>> {
         let camera = camera.resized(width, height);
         let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
         loaded.renderer.render(&job, &mut frame)?;
-        sights.push(Sight { camera, depth: frame.median_depth.clone() });
+        let mut sight = Sight { camera, depth: frame.median_depth.clone(), rgb: frame.rgb.clone() };
+        sight.stop_at(&floors);
+        sights.push(sight);
     }
     Ok(sights)
 }
@@ -171,14 +202,16 @@ impl Studio {
         let site = loaded.weather_site();
         let needs = needs(&site);
         let is_asked = needs.fall || needs.cover.is_some();
-        let occluders = is_asked.then(|| occluders(&mut loaded, &site)).transpose()?;
-        let lies = needs.cover.zip(occluders.as_ref());
-        let cover = lies.map(|(airflow, occluders)| cover(&loaded, occluders.clone(), &site, &airflow));
-        let occluders = occluders.filter(|_| needs.fall);
+        let sights = if is_asked { sights(&mut loaded)? } else { Vec::new() };
+        let scan = is_asked.then(|| scan(&loaded, &sights, &site));
+        let on = needs.cover.zip(scan.as_ref());
+        let cover = on.map(|(airflow, scan)| cover(&loaded, scan, &site, &airflow));
+        let falls = scan.filter(|_| needs.fall);
+        let occluders = falls.map(|scan| Occluders::of(&scan.splats, &site, &ShelterOptions::default()));
         let mut lying = None;
         if let Some(paper) = &needs.paper_cover {
             let set = loaded.renderer.load(&paper.snow(&loaded.scene.splats, &site))?;
-            lying = Some(Laid { asked: None, set, buried: Buried::default() });
+            lying = Some(Laid { asked: Vec::new(), set, buried: Buried::default() });
         }
         loaded.release();
         Ok(Self { site, loaded, config, occluders, shelters: Vec::new(), cover, lying })
@@ -189,16 +222,16 @@ impl Studio {
         // The paper's snow lies there from the start.
         let Some(cover) = &mut self.cover else { return Ok(()) };
         let asked = sky.cover();
-        if self.lying.as_ref().and_then(|lying| lying.asked.as_ref()) == asked {
+        if self.lying.as_ref().map_or(&[][..], |lying| &lying.asked) == asked {
             return Ok(());
         }
         if let Some(old) = self.lying.take() {
             self.loaded.renderer.unload(old.set);
         }
-        if let Some(asked) = asked {
-            let lying = cover.lying(asked);
+        if !asked.is_empty() {
+            let lying = cover.lying_on_each_other(asked);
             let set = self.loaded.renderer.load(&lying.splats)?;
-            self.lying = Some(Laid { asked: Some(*asked), set, buried: lying.buried });
+            self.lying = Some(Laid { asked: asked.to_vec(), set, buried: lying.buried });
         }
         Ok(())
     }

@@ -75,6 +75,27 @@ fn dust_lies_under_the_papers_rain() {
     assert!(dust > bare + 0.05, "{dust} {bare}");
 }
 
+/// Snow lies on sand, and where it is gone the sand is seen as if there had been none.
+#[test]
+fn sand_is_seen_where_no_snow_is() {
+    let workshop = Workshop::new();
+    let (scene, view) = place(&workshop);
+    let shown = |options: &str| {
+        let options = format!("--set dust_cover.depth=0.05 --set dust_cover.color=#400000 {options}");
+        read_png(&workshop.render(&scene, &view, "sand.png", &options))
+    };
+    let sand = shown("");
+    assert!(shown("--set snow_cover.depth=0") == sand);
+    let thaw = "--set snow_cover.depth=0.03 --set snow_cover.temperature=6 --set snow_cover.lapse=3600";
+    assert!(shown(&format!("{thaw} --time 200")) == sand);
+    let [bare, thin, deep] =
+        [sand, shown("--set snow_cover.depth=0.004"), shown("--set snow_cover.depth=0.2")]
+            .map(|picture| ground(&picture));
+    println!("{bare:.3} {thin:.3} {deep:.3}");
+    // Colours mix as they are encoded, so that half cover of white on dark is a tenth of its light.
+    assert!(thin > bare + 0.02 && deep > thin + 0.05, "{bare} {thin} {deep}");
+}
+
 #[test]
 fn there_must_be_something_to_bake() {
     let workshop = Workshop::new();

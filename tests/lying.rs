@@ -9,7 +9,7 @@ use wm_render::{
 use wm_scene::place::Place;
 use wm_scene::{Camera, Group, Splats, sh};
 use wm_weather::cover::{Airflow, Asked, Cover, Matter};
-use wm_weather::shelter::{Occluders, ShelterOptions};
+use wm_weather::scan::Scan;
 use wm_weather::{Daylight, Site};
 
 const SIZE: (u32, u32) = (300, 200);
@@ -46,12 +46,11 @@ impl Street {
                 daylight: Daylight::Known,
                 far: 100.0,
             };
-            let occluders = Occluders::of(&scene, &site, &ShelterOptions::default());
-            let mut cover = Cover::of(&scene, occluders, &site, &Airflow::default(), [0.0, 30.0, 0.0], 2);
+            let mut cover =
+                Cover::of(&scene, &Scan::plain(&scene), &site, &Airflow::default(), [[0.0, 30.0, 0.0]; 2], 2);
             let asked = Asked {
                 depth: DEPTH,
-                melted: 0.0,
-                wet: 0.0,
+                thaw: None,
                 wet_fall: 0.0,
                 repose: 0.9,
                 threshold: f64::INFINITY,

@@ -47,15 +47,17 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     let sky = weather.at(args.time).over(&site);
     let lying = match (sky.cover(), sky.paper_cover()) {
         (_, Some(paper)) => Lying::on_top(paper.snow(&loaded.scene.splats, &site)),
-        (Some(asked), None) => {
-            let occluders = studio::occluders(&mut loaded, &site)?;
-            studio::cover(&loaded, occluders, &site, &studio::airflow(&weather, &site)).lying(asked)
-        }
-        (None, None) => bail!(
+        ([], None) => bail!(
             "nothing lies under the weather {} at {} s: ask for it, such as --set snow_cover.depth=0.1",
             weather.name,
             args.time
         ),
+        (asked, None) => {
+            let sights = studio::sights(&mut loaded)?;
+            let scan = studio::scan(&loaded, &sights, &site);
+            let airflow = studio::airflow(&weather, &site);
+            studio::cover(&loaded, &scan, &site, &airflow).lying_on_each_other(asked)
+        }
     };
     let added = lying.splats.len();
     if added == 0 {

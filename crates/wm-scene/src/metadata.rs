@@ -25,6 +25,10 @@ pub struct Metadata {
     /// Height of the ground along `up`, scene units: a point `p` is on it where `up . p` is this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ground: Option<f64>,
+    /// Height of the photos' cameras above the ground, scene units, where they were carried at one height over it: the
+    /// ground is parallel to their path.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera_height: Option<f64>,
     /// Mean radiance of the sky near the horizon, linear RGB, 1 = display white: the airlight of
     /// weather that is given no colour of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -54,8 +58,16 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 7] =
-        ["metres_per_unit", "scale_source", "up", "ground", "airlight", "rasterization", "provenance"];
+    pub const KEYS: [&str; 8] = [
+        "metres_per_unit",
+        "scale_source",
+        "up",
+        "ground",
+        "camera_height",
+        "airlight",
+        "rasterization",
+        "provenance",
+    ];
 
     /// Longest provenance, bytes: it must fit into one header line.
     pub const MAX_PROVENANCE: usize = 4096;
@@ -93,6 +105,7 @@ impl Metadata {
             metres_per_unit: self.metres_per_unit.or(other.metres_per_unit),
             up: self.up.or(other.up),
             ground: self.ground.or(other.ground),
+            camera_height: self.camera_height.or(other.camera_height),
             airlight: self.airlight.or(other.airlight),
             rasterization: self.rasterization.or(other.rasterization),
             provenance: self.provenance.or(other.provenance),
@@ -116,6 +129,11 @@ impl Metadata {
             && !ground.is_finite()
         {
             return Some(format!("ground is {ground}: it must be finite"));
+        }
+        if let Some(height) = self.camera_height
+            && !(height.is_finite() && height > 0.0)
+        {
+            return Some(format!("camera_height is {height}: it must be finite and above 0"));
         }
         if let Some(airlight) = self.airlight
             && airlight.iter().any(|v| !(v.is_finite() && *v >= 0.0))
@@ -148,6 +166,7 @@ mod tests {
             scale_source: Some("a tape".into()),
             up: Some(DVec3::NEG_Y),
             ground: Some(-1.5),
+            camera_height: Some(0.1),
             airlight: Some([0.7, 0.75, 0.8]),
             rasterization: Some(Rasterization::Antialiased),
             provenance: Some("a test".into()),

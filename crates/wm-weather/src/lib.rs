@@ -22,6 +22,7 @@ pub mod particles;
 pub mod picture;
 pub mod presets;
 pub mod reference_page;
+pub mod scan;
 pub mod shelter;
 mod threads;
 pub mod track;

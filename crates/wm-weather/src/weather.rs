@@ -149,7 +149,8 @@ impl Instant {
         let mut layers = Vec::new();
         let mut paper = Vec::new();
         let (mut falling, mut blow, mut grade) = (Vec::new(), Blow::default(), None);
-        let (mut paper_falls, mut cover, mut paper_cover) = (Vec::new(), None, None);
+        let (mut paper_falls, mut cover, mut paper_cover) = (Vec::new(), Vec::new(), None);
+        let mut carried = f64::INFINITY;
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
             let act = match self.fidelity {
@@ -179,13 +180,30 @@ impl Instant {
                     falling.push(*kind);
                 }
                 Action::PaperFall(fall) => paper_falls.push(*fall),
-                Action::Cover(asked) => cover = Some(asked),
+                Action::Cover(asked) => {
+                    carried = carried.min(asked.threshold);
+                    // At a depth of 0 nothing lies.
+                    cover.extend((!asked.is_nothing()).then_some(asked));
+                }
                 Action::PaperCover(snow) => paper_cover = Some(*snow),
                 Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
             }
         }
         let air = Atmosphere::new(layers, site);
-        Sky { air, site, time: self.time, paper, paper_falls, dome, falling, blow, grade, cover, paper_cover }
+        Sky {
+            air,
+            site,
+            time: self.time,
+            paper,
+            paper_falls,
+            dome,
+            falling,
+            blow,
+            grade,
+            cover,
+            carried,
+            paper_cover,
+        }
     }
 }
 
@@ -233,7 +251,10 @@ pub struct Sky {
     dome: Option<Dome>,
     /// Exposure and colour of the finished picture; `None` leaves it as it is.
     grade: Option<Grade>,
-    cover: Option<Asked>,
+    /// What lies, the lowest first.
+    cover: Vec<Asked>,
+    /// The least wind that carries some of what may lie along the ground, m/s at 10 m.
+    carried: f64,
     paper_cover: Option<PaperCover>,
 }
 
@@ -275,11 +296,10 @@ impl Sky {
         composite::finish(&self.paper_falls, self.grade.as_ref(), path, picture);
     }
 
-    /// What lies, if anything does.
+    /// What lies, each on those before it; empty where nothing does.
     #[must_use]
-    pub fn cover(&self) -> Option<&Asked> {
-        // At a depth of 0 nothing does.
-        self.cover.as_ref().filter(|asked| asked.depth > 0.0)
+    pub fn cover(&self) -> &[Asked] {
+        &self.cover
     }
 
     /// How the mean wind carries what lies at some time, while it falls and along the ground: no more than 45 degrees
@@ -287,8 +307,7 @@ impl Sky {
     #[must_use]
     pub fn airflow(&self) -> Airflow {
         let [x, y] = self.blow.mean;
-        let threshold = self.cover.as_ref().map_or(f64::INFINITY, |asked| asked.threshold);
-        let moved = MOVED * ((x.hypot(y) / threshold).powi(3) - 1.0).clamp(0.0, 1.0);
+        let moved = MOVED * ((x.hypot(y) / self.carried).powi(3) - 1.0).clamp(0.0, 1.0);
         Airflow { slope: self.slant(FLAKE), moved }
     }
 

@@ -80,7 +80,7 @@ impl Case {
     }
 
     /// What is to lie under it.
-    pub fn cover(&self) -> Option<&Asked> {
+    pub fn cover(&self) -> &[Asked] {
         self.sky.cover()
     }
 

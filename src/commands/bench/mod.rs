@@ -144,10 +144,11 @@ struct Snowy {
 }
 
 impl Snowy {
-    fn new(loaded: &mut Loaded, asked: &Asked, args: &BenchArgs) -> Result<Self> {
+    fn new(loaded: &mut Loaded, asked: &[Asked], args: &BenchArgs) -> Result<Self> {
         let site = loaded.weather_site();
-        let occluders = studio::occluders(loaded, &site)?;
-        let lying = studio::cover(loaded, occluders, &site, &Airflow::default()).lying(asked);
+        let sights = studio::sights(loaded)?;
+        let scan = studio::scan(loaded, &sights, &site);
+        let lying = studio::cover(loaded, &scan, &site, &Airflow::default()).lying_on_each_other(asked);
         let mut renderer = args.run.renderer()?;
         let sets = [renderer.load(&loaded.scene.splats)?, renderer.load(&lying.splats)?];
         Ok(Self { renderer, sets, buried: lying.buried })
@@ -169,18 +170,22 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     let bar = progress::bar(u64::from(rounds), "rounds");
     // Memory is that of one renderer: it is told before there is another.
     let plain: Vec<(usize, &Case)> =
-        cases.iter().filter(|case| case.cover().is_none()).map(|case| (0, case)).collect();
+        cases.iter().filter(|case| case.cover().is_empty()).map(|case| (0, case)).collect();
     let alone = Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] };
     turns(&mut [alone], &camera, &plain, 0, &bar)?;
     let memory = peak_memory();
-    let mut snowy =
-        cases.iter().find_map(Case::cover).map(|asked| Snowy::new(loaded, asked, args)).transpose()?;
+    let mut snowy = cases
+        .iter()
+        .map(Case::cover)
+        .find(|asked| !asked.is_empty())
+        .map(|asked| Snowy::new(loaded, asked, args))
+        .transpose()?;
     let mut stands = vec![Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] }];
     if let Some(Snowy { renderer, sets: [scene, snow], buried }) = &mut snowy {
         stands.push(Stand { renderer, sets: studio::sets(*scene, Some((*snow, buried))) });
     }
     let plan: Vec<(usize, &Case)> =
-        cases.iter().map(|case| (usize::from(case.cover().is_some()), case)).collect();
+        cases.iter().map(|case| (usize::from(!case.cover().is_empty()), case)).collect();
     let measured = turns(&mut stands, &camera, &plan, rounds, &bar)?;
     bar.finish_and_clear();
     // Threads and SIMD paths are the CPU's.

@@ -405,6 +405,7 @@ impl<'a> Run<'a> {
         {
             // Seen in many photos: better than what training left of a street.
             known.ground = Some(ground.under.dot(survey.up.value));
+            known.camera_height = Some(ground.height);
         }
         if known.metres_per_unit.is_none() {
             let found = self.scale(&ground);

@@ -95,7 +95,7 @@ mod tests {
         assert_eq!(
             say("ground = 1.0\nmeters_per_unit = 2.0\n"),
             ", line 2, column 1: unknown field `meters_per_unit`, expected one of `metres_per_unit`, \
-             `scale_source`, `up`, `ground`, `airlight`, `rasterization`, `provenance`"
+             `scale_source`, `up`, `ground`, `camera_height`, `airlight`, `rasterization`, `provenance`"
         );
         assert_eq!(
             say("# ä\n  up = [0, 0, 3]"),

@@ -151,6 +151,7 @@ impl Place {
             scale_source: None,
             up: Some(DVec3::Z),
             ground: Some(0.0),
+            camera_height: None,
             airlight: Some(exposed(airlight.to_array())),
             rasterization: None,
             provenance: Some(format!("weather-magician built-in street, seed {}", self.seed)),

@@ -41,6 +41,7 @@ fn any_metadata() -> impl Strategy<Value = Metadata> {
             metres_per_unit: numbers.map(|n| n.0),
             scale_source: numbers.is_some().then(|| provenance.clone()).flatten(),
             ground: numbers.map(|n| n.1),
+            camera_height: numbers.map(|n| n.0),
             airlight: numbers.map(|n| [n.0, 0.0, 0.5]),
             up: some.then(|| DVec3::new(0.6, -0.8, 0.0)),
             rasterization: some.then_some(Rasterization::Antialiased),

@@ -7,6 +7,7 @@
 
 use super::exposure::Airflow;
 use crate::optics::Site;
+use crate::scan::Scan;
 use crate::shelter::{Layers, Occluders};
 use crate::threads::map;
 use wm_scene::{Group, Splats};
@@ -23,6 +24,8 @@ const ROUGH: f32 = 0.1;
 const ROUGH_CELLS: f32 = 0.4;
 /// Slopes over which less and less stays at once, as tangents: 50 and 60 degrees.
 pub(super) const STEEP: [f32; 2] = [1.19, 1.73];
+/// Slope of what is level.
+const LEVEL: f32 = 0.4;
 /// The slope of a piece of a wall.
 const WALL: [f32; 2] = [2.0 * STEEP[1], 0.0];
 /// Half the width of the field that a slope is taken from, cells.
@@ -35,6 +38,15 @@ const SURFACE: f32 = 0.3;
 const LEDGE: f32 = 0.7;
 const CROWN: f32 = 0.1;
 const UPRIGHT: f32 = 0.4;
+/// Where the normal has a smaller cosine than this only what is below has been seen: what is above is not known.
+const CEILING: f32 = -0.25;
+/// The same of what a camera saw that is too steep: 60 degrees.
+const STEEP_SEEN: f32 = 0.5;
+/// How far about that it is asked what stands higher, cells, and which ways.
+const AROUND: [i64; 4] = [1, 2, 4, 8];
+const WAYS_ROUND: [[i64; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
+/// How flat splats are in the mean of which that counts: 0 of balls to 1.
+const KNOWN: f32 = 0.3;
 /// How far from a surface splats are still of it, m, but so many cells at least.
 const OWN: f32 = 0.12;
 const OWN_CELLS: f32 = 0.3;
@@ -66,6 +78,11 @@ pub struct Ground {
     pub open: Vec<f32>,
     /// How lit it is, 0 in the shade to 1 in the open.
     pub shade: Vec<f32>,
+    /// How far its splats look up: the mean cosine of their normals; not a number where none tells.
+    pub(super) facing: Vec<f32>,
+    /// Whether that is how a camera sees it, and whether any is.
+    pub(super) is_seen: Vec<bool>,
+    is_scan: bool,
     /// What does not stay where it falls since that is too steep, or is blown off the grid: a share of the fall on one
     /// cell.
     pub shed: f64,
@@ -81,7 +98,7 @@ impl Ground {
     /// Of a scene in a fall that the air carries. What lies on an `inner` ground is that one's.
     #[must_use]
     pub fn of(
-        splats: &Splats,
+        scan: &Scan<'_>,
         occluders: &Occluders,
         site: &Site,
         airflow: &Airflow,
@@ -91,12 +108,14 @@ impl Ground {
         let places = occluders.layers(LAYERS, GAP, GAP_CELLS, Some(threads));
         let edge = EDGE.max(EDGE_CELLS * places.cell() as f32);
         let size = places.size();
-        let (mut start, mut cells, mut height) = (vec![0], Vec::new(), Vec::new());
+        let (mut start, mut cells, mut height, mut of) = (vec![0], Vec::new(), Vec::new(), Vec::new());
         for cell in 0..size[0] * size[1] {
-            let surfaces = places.heights().iter().map(|layer| layer[cell]);
-            for surface in surfaces.filter(|surface| surface.is_finite()) {
+            let surfaces = places.heights().iter().zip(places.splats());
+            let surfaces = surfaces.map(|(heights, splats)| (heights[cell], splats[cell]));
+            for (surface, splat) in surfaces.filter(|(surface, _)| surface.is_finite()) {
                 cells.push(cell as u32);
                 height.push(surface);
+                of.push(splat as usize);
             }
             start.push(cells.len() as u32);
         }
@@ -112,6 +131,9 @@ impl Ground {
             share: Vec::new(),
             open: Vec::new(),
             shade: Vec::new(),
+            facing: Vec::new(),
+            is_seen: of.iter().map(|splat| *splat < scan.oriented).collect(),
+            is_scan: scan.oriented > 0,
             shed: 0.0,
             beside: Vec::new(),
             next: Vec::new(),
@@ -128,8 +150,8 @@ impl Ground {
             let [column, row] = ground.place(node);
             WAYS.map(|[x, y]| number(ground.level_with(node, column + x, row + y, edge)))
         });
-        let facing = ground.facing(splats, threads);
-        ground.slope = map(nodes, threads, |node| ground.fit(node, &facing));
+        ground.facing = ground.find_facing(scan, &of, threads);
+        ground.slope = map(nodes, threads, |node| ground.fit(node));
         for _ in 0..ROUNDS {
             ground.slope = map(nodes, threads, |node| match ground.slope[node] {
                 WALL => WALL,
@@ -140,7 +162,7 @@ impl Ground {
         ground.next = map(nodes, threads, |node| {
             std::array::from_fn(|way| number(ground.beside(node)[way].or_else(|| ground.below(node, way))))
         });
-        ground.find_shades(splats, threads);
+        ground.find_shades(&scan.splats, threads);
         ground
     }
 
@@ -235,6 +257,21 @@ impl Ground {
         a.hypot(b) > STEEP[1]
     }
 
+    /// Whether it is level, and looks up as far as is known.
+    pub(super) fn is_level(&self, node: usize) -> bool {
+        let [a, b] = self.slope[node];
+        a.hypot(b) < LEVEL && (self.facing[node].is_nan() || self.facing[node] > UPRIGHT)
+    }
+
+    /// Whether something stands higher not far from it: then it is on the side of that, or below its top.
+    fn is_overlooked(&self, node: usize) -> bool {
+        let ([column, row], height) = (self.place(node), self.height[node] + self.edge);
+        AROUND.into_iter().flat_map(|far| WAYS_ROUND.map(|[x, y]| [far * x, far * y])).any(|[x, y]| {
+            let upper = self.cell_of(column + x, row + y).and_then(|cell| self.nodes_of(cell).next());
+            upper.is_some_and(|upper| self.height[upper] > height)
+        })
+    }
+
     /// Whether an inner ground has it.
     pub(super) fn is_elsewhere(&self, node: usize) -> bool {
         self.is_inner[node]
@@ -272,26 +309,28 @@ impl Ground {
         }
     }
 
-    /// How far the splats of each node look up or down: the mean of the normals' cosine, by opacity, over the nodes beside
-    /// each other; not a number where none tells.
-    fn facing(&self, splats: &Splats, threads: usize) -> Vec<f32> {
+    /// How far the splats `of` the nodes look up (or down, where nobody knows which): the mean cosine of their normals over
+    /// the nodes beside each other, flat ones counting most; not a number where none tells.
+    fn find_facing(&self, scan: &Scan<'_>, of: &[usize], threads: usize) -> Vec<f32> {
         let up = self.places.axes()[2];
-        let mut sums = vec![[0.0f32; 2]; self.len()];
-        self.each_splat(splats, |node, index| {
-            let weight = splats.opacity(index) as f32;
-            let normal = splats.normal(index);
-            let cosine: f64 = normal.iter().zip(&up).map(|(a, b)| a * b).sum();
-            sums[node][0] += weight * cosine.abs() as f32;
-            sums[node][1] += weight;
+        let mut sums: Vec<[f32; 2]> = map(self.len(), threads, |node| {
+            let splat = of[node];
+            let mut scales = scan.splats.log_scales[splat];
+            scales.sort_by(f32::total_cmp);
+            // Balls and rods look nowhere.
+            let flat = 1.0 - (scales[0] - scales[1]).exp();
+            let cosine = scan.splats.normal(splat).iter().zip(&up).map(|(a, b)| a * b).sum::<f64>() as f32;
+            [flat * if splat < scan.oriented { cosine } else { cosine.abs() }, flat]
         });
         for _ in 0..2 {
             sums = map(self.len(), threads, |node| self.mean_about(node, |other| Some(sums[other])));
         }
-        sums.into_iter().map(|[sum, weight]| sum / weight).collect()
+        let known = |[sum, weight]: [f32; 2]| if weight > KNOWN { sum / weight } else { f32::NAN };
+        sums.into_iter().map(known).collect()
     }
 
     /// The slope of a plane through a node and those about it.
-    fn fit(&self, node: usize, facing: &[f32]) -> [f32; 2] {
+    fn fit(&self, node: usize) -> [f32; 2] {
         let [column, row] = self.place(node);
         let (mut count, mut lower, mut higher) = (0.0f32, 0, 0);
         let mut sums = [0.0f32; 5];
@@ -312,13 +351,18 @@ impl Ground {
         }
         let field = ((2 * FIELD + 1) * (2 * FIELD + 1)) as f32;
         // A piece of a wall has what is above beside it and what is below, and is no ledge that looks up.
-        let surface = match facing[node] {
-            upright if upright < UPRIGHT => LEDGE,
+        let facing = self.facing[node];
+        let is_piece = match (self.is_scan, self.is_seen[node]) {
+            _ if facing < CEILING => true,
+            (false, _) if higher == 0 || lower == 0 => false,
+            (false, _) if facing.is_nan() => count < SURFACE * field,
             // Leaves of a crown look anywhere.
-            known if known >= UPRIGHT => CROWN,
-            _ => SURFACE,
+            (false, _) => count < if facing < UPRIGHT { LEDGE } else { CROWN } * field,
+            (true, true) if facing > STEEP_SEEN => higher > 0 && lower > 0 && count < SURFACE * field,
+            (true, true) if !facing.is_nan() => self.is_overlooked(node),
+            (true, _) => count < LEDGE * field && self.is_overlooked(node),
         };
-        if count < surface * field && higher > 0 && lower > 0 {
+        if is_piece {
             return WALL;
         }
         let [x, y, h, xh, yh] = sums.map(|sum| sum / count);

@@ -3,8 +3,13 @@
 //! # How much lies where
 //! What falls reaches the surfaces of the scene ([`ground`]) by how open they are and by what the wind does with it
 //! ([`exposure`]), slides off what is too steep for it and lies below ([`settle`]), and melts. Depth is asked for as
-//! that on open level ground, or follows from what has fallen until then ([`snowpack`]). All of it is kept account of:
-//! what fell is what lies, what has melted, and what is left on walls or blown away.
+//! that on open level ground, or follows from what has fallen until then ([`snowpack`]). It melts slower in the shade,
+//! and later where more of it lies ([`thaw`]). All of it is kept account of: what fell is what lies, what has melted, and
+//! what is left on walls or blown away.
+//!
+//! # Several
+//! Snow lies on sand: each slides and melts by itself on the bare ground, and the later is laid on top of the earlier,
+//! that is seen as far as the later does not cover it. The wind carries them all as it does the one that it takes up first.
 //!
 //! # Over time
 //! The ground is found once a scene. On it what has slid is found for a ladder of depths, each 1.5 times the one before;
@@ -14,7 +19,7 @@
 //! # How it is drawn
 //! As splats of its own on its own surface ([`surfels`]), opaque and lit as the place is (`shading.rs`); and the scene's
 //! splats that it buries are hidden, so that none shines through ([`Buried`]). Thin snow covers a share of the ground
-//! only, and what has melted leaves it wet.
+//! only, and what has melted leaves it wet until it has dried.
 //!
 //! # Departures from the paper
 //! The paper makes those splats white that face up, and fills planes between them with white ones: it snows under
@@ -28,9 +33,12 @@ pub mod snowpack;
 pub mod surfels;
 #[cfg(test)]
 mod tests;
+pub mod thaw;
 pub mod walls;
 
+use crate::dome::level_axes;
 use crate::optics::Site;
+use crate::scan::Scan;
 use crate::shelter::{Occluders, ShelterOptions};
 use crate::threads::map;
 pub use exposure::Airflow;
@@ -38,16 +46,23 @@ use glam::DVec3;
 use ground::Ground;
 pub use settle::Settled;
 pub use snowpack::Snowpack;
+pub(crate) use surfels::surfel;
 pub use surfels::{Matter, coverage};
+use thaw::Left;
+pub use thaw::Thaw;
 use walls::Wall;
 use wm_render::hooks::Visibility;
 use wm_scene::{Group, Splats};
 
 /// How far below its ground a splat is buried with it, m: splats are that rough.
 const BURIED: f32 = 0.08;
+/// How far above and below level ground a splat is of it that a scan stands for, m.
+const HAZE: [f32; 2] = [0.25, 0.3];
 /// Cells along a side of a ring, and how many times as wide those of the next ring are.
 const SIDE: f64 = 420.0;
 const WIDER: f64 = 4.0;
+/// Times as many cells a ring has along a path.
+const LONGER: f64 = 3.0;
 /// Rings at most.
 const RINGS: usize = 4;
 /// Narrowest cells, m.
@@ -63,12 +78,10 @@ const KEPT: usize = 4;
 /// What is asked to lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Asked {
-    /// What has come down on open level ground, m, as deep as it lies at the instant.
+    /// All that has come down on open level ground, m, as deep as it would lie at the instant had none melted.
     pub depth: f64,
-    /// What has melted of it there, m.
-    pub melted: f64,
-    /// How wet the ground is where it has melted, 0-1.
-    pub wet: f64,
+    /// What is left of it; `None` where nothing has melted.
+    pub thaw: Option<Thaw>,
     /// What has come down wet, so that it sticks to walls where the wind throws it at them, m.
     pub wet_fall: f64,
     /// Steepest that it lies, as a tangent.
@@ -77,6 +90,14 @@ pub struct Asked {
     pub threshold: f64,
     /// What it is.
     pub matter: Matter,
+}
+
+impl Asked {
+    /// Whether there is nothing to be seen of it anywhere.
+    #[must_use]
+    pub fn is_nothing(&self) -> bool {
+        self.wet_fall <= 0.0 && self.thaw.map_or(self.depth <= 0.0, |thaw| thaw.is_over())
+    }
 }
 
 /// A place that something can lie on.
@@ -101,6 +122,15 @@ struct Rung {
     settled: Vec<Settled>,
 }
 
+/// What is left on a ring.
+struct Layer {
+    settled: Settled,
+    /// How wet the ground is, 0-1.
+    wet: Vec<f32>,
+    /// What has melted, as a depth on one cell, m.
+    melted: f64,
+}
+
 /// Where a splat is on the ground.
 #[derive(Clone, Copy, Debug)]
 struct Spot {
@@ -121,9 +151,9 @@ pub struct Lying {
     pub splats: Splats,
     /// Which of the scene's splats it hides.
     pub buried: Buried,
-    /// What lies where on each ring.
+    /// What lies where on each ring; of several the lowest on each ring first.
     pub settled: Vec<Settled>,
-    /// What has melted on each ring, as a depth on one cell, m.
+    /// What has melted of each of those, as a depth on one cell, m.
     pub melted: Vec<f64>,
 }
 
@@ -175,41 +205,45 @@ impl Buried {
 }
 
 impl Cover {
-    /// Of a scene whose air carries what falls, on those of its splats that are surfaces. Cells are narrowest about
-    /// `middle` (world, scene units).
+    /// Of a scene whose air carries what falls, on the surfaces of its scan. Cells are narrowest about a `path`, a line from
+    /// one end to the other (world, scene units), or about its middle where it is long.
     #[must_use]
     pub fn of(
         splats: &Splats,
-        mut occluders: Occluders,
+        scan: &Scan<'_>,
         site: &Site,
         airflow: &Airflow,
-        middle: [f64; 3],
+        path: [[f64; 3]; 2],
         threads: usize,
     ) -> Self {
         let mut rings: Vec<Ground> = Vec::new();
+        let mut occluders = Occluders::of(&scan.splats, site, &ShelterOptions::default());
         for ring in 0..RINGS {
             let cell = NARROWEST * WIDER.powi(ring as i32);
             let reach = if ring + 1 == RINGS { f64::INFINITY } else { 0.5 * SIDE * cell };
             let options = ShelterOptions {
                 cell,
-                most_cells: (SIDE * SIDE) as usize,
-                focus: reach.is_finite().then_some((middle, reach)),
+                most_cells: (LONGER * SIDE * SIDE) as usize,
+                focus: reach.is_finite().then(|| (about(path, reach / site.metres_per_unit, site), reach)),
                 margin: 0.1,
                 outliers: OUTLIERS,
                 ..ShelterOptions::default()
             };
             occluders = occluders.mapped(&options);
-            let ground = Ground::of(splats, &occluders, site, airflow, rings.last(), threads);
+            let ground = Ground::of(scan, &occluders, site, airflow, rings.last(), threads);
             let is_whole = ground.places.is_whole();
             rings.push(ground);
             if is_whole {
                 break;
             }
         }
-        let spots = map(splats.len(), threads, |index| spot(&rings, splats, index, site.metres_per_unit));
+        let spots = map(splats.len(), threads, |index| {
+            let is_haze = scan.replaced.get(index).copied().unwrap_or(false);
+            spot(&rings, splats, index, site.metres_per_unit, is_haze)
+        });
         // The widest ring's cells are too wide to tell the lee of a house.
         let occluders = occluders.mapped(&ShelterOptions::default());
-        let walls = walls::find(splats, &occluders, site, airflow, threads);
+        let walls = walls::find(&scan.splats, &occluders, site, airflow, threads);
         Self { rings, metres_per_unit: site.metres_per_unit, spots, walls, ladder: Vec::new(), threads }
     }
 
@@ -229,48 +263,79 @@ impl Cover {
     /// depend on what was asked before.
     #[must_use]
     pub fn lying(&mut self, asked: &Asked) -> Lying {
-        let settled = self.slid(asked.depth, asked.repose);
-        let (mut tops, mut melted, mut lies) = (Vec::new(), Vec::new(), Vec::new());
+        self.lying_on_each_other(std::slice::from_ref(asked))
+    }
+
+    /// What lies of several, each on those before it.
+    #[must_use]
+    pub fn lying_on_each_other(&mut self, asked: &[Asked]) -> Lying {
+        let layers: Vec<Vec<Layer>> = asked.iter().map(|asked| self.left(asked)).collect();
+        // What is above a splat, from the lowest layer up, and how much of the ground all of it leaves seen.
+        let (mut tops, mut seen) = (Vec::new(), Vec::new());
         let mut splats = Splats::with_capacity(0, 0);
-        for (ground, fell) in self.rings.iter().zip(settled) {
-            // What is in the shade melts half as fast.
-            let left = |node: usize| {
-                let melts = asked.melted as f32 * (0.5 + 0.5 * ground.shade[node]);
-                (fell.depth[node] - melts).max(0.0)
-            };
-            let depth: Vec<f32> = (0..ground.len()).map(left).collect();
-            let volume = |depth: &[f32]| depth.iter().map(|v| f64::from(*v)).sum::<f64>();
-            melted.push(volume(&fell.depth) - volume(&depth));
-            let top = surfels::surface(ground, &depth, self.threads);
-            let layer = surfels::Layer { fell: &fell.depth, depth: &depth, top: &top, wet: asked.wet };
-            surfels::add(ground, &layer, self.metres_per_unit, &asked.matter, self.threads, &mut splats);
-            lies.push(Settled { depth, lost: fell.lost });
+        for (ring, ground) in self.rings.iter().enumerate() {
+            let (mut top, mut base) = (ground.height.clone(), ground.height.clone());
+            let mut bare = vec![1.0; ground.len()];
+            for (place, asked) in asked.iter().enumerate() {
+                let Layer { settled: Settled { depth, .. }, wet, .. } = &layers[place][ring];
+                let above = layers.get(place + 1).map_or(&[][..], |above| &above[ring].settled.depth);
+                top = surfels::surface(ground, &base, depth, self.threads);
+                let layer = surfels::Layer { depth, top: &top, wet, above };
+                surfels::add(ground, &layer, self.metres_per_unit, &asked.matter, self.threads, &mut splats);
+                base = top.iter().zip(depth).map(|(top, depth)| surfels::drawn(*top, *depth)).collect();
+                bare.iter_mut().zip(depth).for_each(|(bare, depth)| *bare *= 1.0 - coverage(*depth));
+            }
             tops.push(top);
+            seen.push(bare);
         }
         let up = DVec3::from_array(self.rings[0].places.axes()[2]);
-        walls::add(&self.walls, asked.wet_fall, (up, self.metres_per_unit), &asked.matter, &mut splats);
+        for asked in asked {
+            walls::add(&self.walls, asked.wet_fall, (up, self.metres_per_unit), &asked.matter, &mut splats);
+        }
         let factor = |index: usize| {
             let Some(Spot { ring, nodes, reach }) = &self.spots[index] else { return 1.0 };
             let ring = usize::from(*ring);
-            let (ground, depth, top) = (&self.rings[ring], &lies[ring].depth, &tops[ring]);
+            let (ground, seen, top) = (&self.rings[ring], &seen[ring], &tops[ring]);
             let hidden = |node: &u32| {
                 let node = *node as usize;
                 // Those that stick out stay.
                 let sunk = ((top[node] - ground.height[node] - reach) / 0.02 + 1.0).clamp(0.0, 1.0);
-                if sunk > 0.0 { sunk * coverage(depth[node]) } else { 0.0 }
+                sunk * (1.0 - seen[node])
             };
             1.0 - nodes.iter().map(hidden).fold(1.0, f32::min)
         };
         let buried = Buried(map(self.spots.len(), self.threads, factor));
-        Lying { splats, buried, settled: lies, melted }
+        let layers = layers.into_iter().flatten();
+        let (settled, melted) = layers.map(|layer| (layer.settled, layer.melted)).unzip();
+        Lying { splats, buried, settled, melted }
     }
 
-    /// What lies on each ring after it has slid, of a depth on open level ground, m: mixed of the two depths of the
-    /// ladder about it.
+    /// What is left on each ring of what came down, slid and melted.
+    fn left(&mut self, asked: &Asked) -> Vec<Layer> {
+        let Asked { depth: fell, thaw, .. } = *asked;
+        // How it slides at the least depth says where even less lies.
+        let slides = thaw.map_or(fell, |thaw| thaw.deepest()).max(LOWEST);
+        let settled = self.slid(slides, asked.repose);
+        let layer = |(ground, slid): (&Ground, Settled)| {
+            let fell = |node: usize| slid.depth[node] * (fell / slides) as f32;
+            let left = |node: usize| match &thaw {
+                None => Left { depth: fell(node), wet: 0.0 },
+                Some(thaw) => thaw.at(slid.depth[node] / slides as f32, ground.shade[node]),
+            };
+            let left = map(ground.len(), self.threads, left);
+            let melted = left.iter().enumerate().map(|(node, left)| f64::from(fell(node) - left.depth)).sum();
+            let (depth, wet) = left.into_iter().map(|left| (left.depth, left.wet)).unzip();
+            let settled = Settled { depth, lost: slid.lost * asked.depth / slides };
+            Layer { settled, wet, melted }
+        };
+        self.rings.iter().zip(settled).map(layer).collect()
+    }
+
+    /// What lies on each ring after it has slid, of a depth on open level ground, m, the lowest of the ladder or more: mixed
+    /// of the two depths of it about that.
     fn slid(&mut self, depth: f64, repose: f64) -> Vec<Settled> {
-        let above = (depth / LOWEST).log(RUNG).ceil().max(0.0) as i32;
+        let above = (depth / LOWEST).log(RUNG).ceil().max(1.0) as i32;
         let [low, high] = [above - 1, above].map(|k| LOWEST * RUNG.powi(k));
-        let low = if above == 0 { 0.0 } else { low };
         self.climb([low, high], repose);
         let rung = |depth: f64| {
             let mut rungs = self.ladder.iter();
@@ -309,8 +374,28 @@ impl Cover {
     }
 }
 
+/// As much of the middle of a path as a ring has cells for that goes so far from it (scene units).
+fn about(path: [[f64; 3]; 2], reach: f64, site: &Site) -> [[f64; 3]; 2] {
+    let [a, b] = path.map(DVec3::from_array);
+    let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
+    let [across, along, _] = level_axes(site.up).map(|axis| half.dot(DVec3::from_array(axis)).abs());
+    // Its rectangle is `LONGER` times the square about a point: (1 + s x) (1 + s y) with s the share that is taken.
+    let [x, y] = [across / reach, along / reach];
+    // The root in a form that holds where the path runs along an axis, and is one point.
+    let share =
+        2.0 * (LONGER - 1.0) / ((x + y) + ((x + y).powi(2) + 4.0 * x * y * (LONGER - 1.0)).sqrt()).max(1e-9);
+    let share = share.min(1.0);
+    [middle - share * half, middle + share * half].map(|end| end.to_array())
+}
+
 /// Where a splat is on the ground, if it is.
-fn spot(rings: &[Ground], splats: &Splats, index: usize, metres_per_unit: f64) -> Option<Spot> {
+fn spot(
+    rings: &[Ground],
+    splats: &Splats,
+    index: usize,
+    metres_per_unit: f64,
+    is_haze: bool,
+) -> Option<Spot> {
     if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
         return None;
     }
@@ -322,7 +407,7 @@ fn spot(rings: &[Ground], splats: &Splats, index: usize, metres_per_unit: f64) -
         let (place, height) = ground.places.locate(at);
         let cell = ground.places.cell_at(place)?;
         let above = |node: usize| height as f32 - ground.height_at(node, place);
-        let below = BURIED.max(0.2 * ground.cell);
+        let below = if is_haze { HAZE[1] } else { BURIED }.max(0.2 * ground.cell);
         let is_near = |node: &usize| (-below..1.5).contains(&above(*node));
         let node = ground.nodes_of(cell).find(is_near)?;
         Some((node as u32, above(node)))
@@ -348,6 +433,9 @@ fn spot(rings: &[Ground], splats: &Splats, index: usize, metres_per_unit: f64) -
             reach = if lies { reach.max(0.5 * above) } else { reach };
         }
     }
-    let reach = reach + if lies { 0.3 * rise(order[2]) } else { upright } as f32;
+    let mut reach = reach + if lies { 0.3 * rise(order[2]) } else { upright } as f32;
+    if is_haze && ground.is_level(node as usize) {
+        reach -= reach.clamp(0.0, HAZE[0]);
+    }
     Some(Spot { ring: ring as u8, nodes, reach })
 }

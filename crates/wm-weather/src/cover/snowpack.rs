@@ -2,11 +2,15 @@
 //!
 //! New snow has the density `67.92 + 51.25 exp(T / 2.59)` kg/m^3 at an air of T degrees (Hedstrom and Pomeroy 1998), so
 //! that 1 mm/h of water is some 1 cm of snow an hour. It settles towards 300 kg/m^3 in 1 to 3 days: its volume goes there
-//! as `exp(-age / 36 h)`. It melts by 4 mm of water a day for each degree above 0 (2 to 6 are seen).
+//! as `exp(-age / 36 h)`. It melts by 4 mm of water a day for each degree above 0 (2 to 6 are seen), on open ground; what
+//! that leaves where it melts slower or faster is kept beside it ([`super::thaw`]). Of a depth that is asked for what it
+//! grows by falls, and where it is asked to shrink all layers do.
 //!
 //! An instant is a sum of steps that always begin at the same times, so it does not depend on which instants were asked
 //! for before.
 
+use super::surfels::coverage;
+use super::thaw::{OPEN, PACES, Thaw};
 use crate::track::Track;
 
 /// Density that snow settles towards, kg/m^3, and how fast, h.
@@ -16,7 +20,7 @@ const SETTLES: f64 = 36.0;
 const DENSEST: f64 = 250.0;
 /// Water that melts, mm a degree and hour.
 const MELT: f64 = 4.0 / 24.0;
-/// Water that stays on the ground at most, that makes it quite wet, and what dries of it, mm and mm/h.
+/// Water that stays on the ground at most, that makes it quite wet, and what dries of it where it is bare, mm and mm/h.
 const FILM: f64 = 0.5;
 const WET: f64 = 0.3;
 const DRIES: f64 = 0.15;
@@ -26,12 +30,14 @@ const FALLS: f64 = 0.3;
 const BEFORE: u32 = 256;
 const STEP: f64 = 1.0 / 16.0;
 const MOST: f64 = 65_536.0;
+/// Depth at which the steps in which what is left is told begin to widen, m: they are the finer the thinner it lies.
+const FINE: f64 = 0.01;
 
 /// What snow comes from.
 #[derive(Clone, Copy, Debug)]
 pub struct Snowpack<'a> {
-    /// Depth that is asked for, m; `None` for what has fallen.
-    pub depth: Option<f64>,
+    /// Depth that is asked for, m, over time; `None` for what has fallen.
+    pub depth: Option<&'a Track>,
     /// Water that falls as snow, mm/h, over time.
     pub rate: Option<&'a Track>,
     /// Of the air, degrees Celsius, over time.
@@ -44,60 +50,118 @@ pub struct Snowpack<'a> {
     pub lapse: f64,
 }
 
-/// Snow at an instant.
+/// Snow and water on level ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Pack {
-    /// Water that has fallen since the ground was bare, mm.
+pub struct Stock {
+    /// The snow's water, mm.
     pub water: f64,
-    /// What has melted of it, mm.
-    pub melted: f64,
-    /// What of it fell so wet that it sticks, and still does, mm.
-    sticks: f64,
-    /// How deep all that has fallen would lie, m.
-    pub depth: f64,
     /// What it has more in volume than settled snow, m.
     loose: f64,
     /// Water on the ground, mm.
-    film: f64,
-    /// All that has fallen and melted from the beginning, mm.
-    pub total: [f64; 2],
+    pub film: f64,
+}
+
+/// Snow at an instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pack {
+    /// All that has fallen, as it would lie had none melted.
+    pub fell: Stock,
+    /// What is left of it at each of [`PACES`]; `None` where nothing has melted yet.
+    left: Option<[Stock; PACES.len()]>,
+    /// What of it fell so wet that it sticks, and still does, mm.
+    sticks: f64,
+}
+
+/// A part of the time.
+#[derive(Clone, Copy)]
+struct Part {
+    hours: f64,
+    /// Degrees Celsius.
+    temperature: f64,
+    /// Water that falls as snow, mm, and its density, kg/m^3.
+    water: f64,
+    density: f64,
+    /// How much of what is loose is left.
+    settles: f64,
+}
+
+impl Stock {
+    /// How deep it lies, m.
+    #[must_use]
+    pub fn depth(&self) -> f64 {
+        self.water / SETTLED + self.loose
+    }
+
+    fn fall(&mut self, part: &Part) {
+        self.water += part.water;
+        self.loose = self.loose * part.settles + part.water * (1.0 / part.density - 1.0 / SETTLED);
+    }
+
+    /// Of some mm that can melt as much does as there is, and wets the ground, that dries as far as it is bare.
+    fn melt(&mut self, can: f64, hours: f64) {
+        let melts = can.min(self.water);
+        if melts > 0.0 {
+            self.loose *= 1.0 - melts / self.water;
+            self.water -= melts;
+            self.film = (self.film + melts).min(FILM);
+        }
+        if self.film > 0.0 {
+            let bare = 1.0 - f64::from(coverage(self.depth() as f32));
+            self.film = (self.film - DRIES * hours * bare).max(0.0);
+        }
+    }
+
+    fn shrink(&mut self, factor: f64) {
+        self.water *= factor;
+        self.loose *= factor;
+    }
 }
 
 impl Pack {
-    /// What has melted, in m of the snow as it lies.
+    /// What is left of it on open level ground.
     #[must_use]
-    pub fn melted_depth(&self) -> f64 {
-        if self.water > 0.0 { self.depth * (self.melted / self.water).min(1.0) } else { 0.0 }
+    pub fn open(&self) -> Stock {
+        self.left.map_or(self.fell, |left| left[OPEN])
     }
 
-    /// What fell so wet that it sticks to walls, in m of the snow as it lies.
+    /// What is left of it wherever something has melted, in steps so fine that they are not seen; `None` where nothing has.
+    #[must_use]
+    pub fn thaw(&self) -> Option<Thaw> {
+        let step = |depth: f64| FINE * (((1.0 + depth / FINE).log2() * 256.0).round() / 256.0).exp2() - FINE;
+        self.left.map(|left| Thaw {
+            depth: left.map(|stock| step(stock.depth()).max(0.0) as f32),
+            wet: left.map(|stock| ((stock.film / WET * 64.0).round() / 64.0) as f32),
+        })
+    }
+
+    /// What fell so wet that it sticks to walls, in m of the snow as it would lie.
     #[must_use]
     pub fn wet_fall(&self) -> f64 {
-        if self.water > 0.0 { self.depth * (self.sticks / self.water).min(1.0) } else { 0.0 }
+        if self.fell.water > 0.0 { self.fell.depth() * (self.sticks / self.fell.water).min(1.0) } else { 0.0 }
     }
 
-    /// How wet the ground is where the snow has melted, 0-1.
-    #[must_use]
-    pub fn wet(&self) -> f64 {
-        (self.film / WET).min(1.0)
-    }
-
-    /// `hours` pass at a temperature, in which some mm of water fall as snow of a density.
-    fn pass(&mut self, hours: f64, water: f64, density: f64, temperature: f64) {
-        self.water += water;
-        self.total[0] += water;
-        self.sticks =
-            (self.sticks + water * sticky(temperature)) * (-FALLS * temperature.max(0.0) * hours).exp();
-        self.loose *= (-hours / SETTLES).exp();
-        self.loose += water * (1.0 / density - 1.0 / SETTLED);
-        let melts = (MELT * temperature.max(0.0) * hours).min(self.water - self.melted);
-        self.melted += melts;
-        self.total[1] += melts;
-        self.film = (self.film + melts).min(FILM);
-        if self.melted >= self.water {
-            // Bare: the next snow is new.
-            *self = Self { film: (self.film - DRIES * hours).max(0.0), total: self.total, ..Self::default() };
+    fn pass(&mut self, part: &Part) {
+        let warmth = part.temperature.max(0.0) * part.hours;
+        self.sticks = (self.sticks + part.water * sticky(part.temperature)) * (-FALLS * warmth).exp();
+        self.fell.fall(part);
+        let can = MELT * warmth;
+        if self.left.is_none() && can > 0.0 && self.fell.water > 0.0 {
+            let mut left = [self.fell; PACES.len()];
+            left.iter_mut().zip(PACES).for_each(|(stock, pace)| stock.melt(pace * can, part.hours));
+            self.left = Some(left);
+        } else if let Some(left) = &mut self.left {
+            for (stock, pace) in left.iter_mut().zip(PACES) {
+                stock.fall(part);
+                stock.melt(pace * can, part.hours);
+            }
         }
+    }
+
+    /// All of it is so much less.
+    fn shrink(&mut self, factor: f64) {
+        self.sticks *= factor;
+        let left = self.left.iter_mut().flatten();
+        left.chain([&mut self.fell]).for_each(|stock| stock.shrink(factor));
     }
 }
 
@@ -110,23 +174,33 @@ impl Snowpack<'_> {
     /// At a time, s.
     #[must_use]
     pub fn at(&self, time: f64) -> Pack {
-        let temperature = |time: f64| self.temperature.at(time).number().unwrap_or(0.0);
-        let density = |time: f64| {
-            let new = || (67.92 + 51.25 * (temperature(time) / 2.59).exp()).min(DENSEST);
-            self.density.unwrap_or_else(new)
-        };
+        let number = |track: &Track, time: f64| track.at(time).number().unwrap_or(0.0);
         let mut pack = Pack::default();
-        let rate = self.rate.filter(|_| self.depth.is_none());
-        match self.depth {
-            Some(depth) => {
-                pack.water = depth * density(time);
-                pack.sticks = pack.water * sticky(temperature(0.0));
+        let part = |time: f64, hours: f64, water: f64| {
+            let temperature = number(self.temperature, time);
+            let new = || (67.92 + 51.25 * (temperature / 2.59).exp()).min(DENSEST);
+            // What is asked for is as deep as it lies.
+            let settles = if self.depth.is_some() { 1.0 } else { (-hours / SETTLES).exp() };
+            Part { hours, temperature, water, density: self.density.unwrap_or_else(new), settles }
+        };
+        // What a depth that is asked for has grown or shrunk by; it falls at once, and then melts.
+        let mut depth = 0.0;
+        let mut ask = |pack: &mut Pack, track: &Track, time: f64| {
+            let before = std::mem::replace(&mut depth, number(track, time));
+            if depth > before {
+                let part = part(time, 0.0, 0.0);
+                pack.pass(&Part { water: (depth - before) * part.density, ..part });
+            } else if depth < before {
+                pack.shrink(depth / before);
             }
+        };
+        match self.depth {
+            Some(track) => ask(&mut pack, track, time.min(0.0)),
             None => {
                 let hours = (self.hours + time.min(0.0) * self.lapse / 3600.0).max(0.0) / f64::from(BEFORE);
-                let first = rate.and_then(|rate| rate.at(0.0).number()).unwrap_or(0.0);
+                let first = self.rate.map_or(0.0, |rate| number(rate, 0.0));
                 for _ in 0..BEFORE {
-                    pack.pass(hours, first * hours, density(0.0), temperature(0.0));
+                    pack.pass(&part(0.0, hours, first * hours));
                 }
             }
         }
@@ -137,20 +211,14 @@ impl Snowpack<'_> {
         let steps = (time.max(0.0) / step).ceil() as u32;
         for k in 0..steps {
             let (from, to) = (f64::from(k) * step, (f64::from(k + 1) * step).min(time));
-            let (middle, hours) = (0.5 * (from + to), (to - from) * self.lapse / 3600.0);
-            let water = rate.map_or(0.0, |rate| rate.integral(from, to) * self.lapse / 3600.0);
-            pack.pass(hours, water, density(middle), temperature(middle));
-        }
-        pack.depth = match self.depth {
-            // What has melted is gone from it, all of it at most.
-            Some(depth) if pack.water == 0.0 => {
-                pack.water = 1.0;
-                pack.melted = 1.0;
-                depth
+            let hours = (to - from) * self.lapse / 3600.0;
+            if let Some(track) = self.depth {
+                ask(&mut pack, track, to);
             }
-            Some(depth) => depth,
-            None => pack.water / SETTLED + pack.loose,
-        };
+            let rate = self.rate.filter(|_| self.depth.is_none());
+            let water = rate.map_or(0.0, |rate| rate.integral(from, to) * self.lapse / 3600.0);
+            pack.pass(&part(0.5 * (from + to), hours, water));
+        }
         pack
     }
 }
@@ -179,9 +247,9 @@ mod tests {
         };
         // 3 h before the start and 1 h after it.
         let new = pack(Some(100.0), 3.0, 1.0);
-        assert!((new.water - 4.0).abs() < 1e-9 && new.melted == 0.0, "{new:?}");
-        assert!((new.depth / 0.04 - 1.0).abs() < 0.05, "{new:?}");
-        assert!((pack(None, 4.0, 0.0).depth / 0.04 - 1.0).abs() < 0.1);
+        assert!((new.fell.water - 4.0).abs() < 1e-9 && new.thaw().is_none(), "{new:?}");
+        assert!((new.fell.depth() / 0.04 - 1.0).abs() < 0.05, "{new:?}");
+        assert!((pack(None, 4.0, 0.0).fell.depth() / 0.04 - 1.0).abs() < 0.1);
         // It settles to a third in some days.
         let after = |hours: f64| {
             let stops = snow("0:1,1:1:hold,1.01:0");
@@ -194,7 +262,7 @@ mod tests {
                 hours: 3.0,
                 lapse: 3600.0,
             };
-            pack.at(1.0 + hours).depth
+            pack.at(1.0 + hours).fell.depth()
         };
         let depths = [0.0, 12.0, 36.0, 120.0].map(after);
         println!("{depths:.4?}");
@@ -202,29 +270,84 @@ mod tests {
         // The closed form of constant snow: what is loose decays.
         let tau = SETTLES;
         let loose = (1.0 / 100.0 - 1.0 / SETTLED) * tau * (1.0 - (-4.0 / tau).exp());
-        assert!((new.depth - (4.0 / SETTLED + loose)).abs() < 2e-4);
+        assert!((new.fell.depth() - (4.0 / SETTLED + loose)).abs() < 2e-4);
+    }
+
+    /// A depth that is asked for, an hour a second.
+    fn asked(depth: &str, temperature: &str, time: f64) -> Pack {
+        let (depth, temperature) = (track("depth", depth), track("temperature", temperature));
+        let (density, lapse) = (Some(100.0), 3600.0);
+        let depth = Some(&depth);
+        Snowpack { depth, rate: None, temperature: &temperature, density, hours: 0.0, lapse }.at(time)
+    }
+
+    /// What is left where it melts half as fast as in the open.
+    fn shaded(pack: &Pack) -> Stock {
+        let place = PACES.iter().position(|pace| *pace == 0.5).unwrap();
+        pack.left.map_or(pack.fell, |left| left[place])
     }
 
     #[test]
     fn warm_air_melts_it_and_leaves_the_ground_wet_for_a_while() {
-        let temperature = track("temperature", "0:-5,2:-5,3:6");
-        let at = |time: f64| {
-            Snowpack {
-                depth: Some(0.02),
-                rate: None,
-                temperature: &temperature,
-                density: Some(100.0),
-                hours: 0.0,
-                lapse: 3600.0,
-            }
-            .at(time)
-        };
-        assert_eq!((at(2.0).melted_depth(), at(2.0).wet()), (0.0, 0.0));
+        let at = |time: f64| asked("0.02", "0:-5,2:-5,3:6", time);
+        assert!(at(2.0).thaw().is_none() && (at(2.0).fell.depth() - 0.02).abs() < 1e-12);
         // 2 mm of water melt by 1 mm/h from 3 h on, and some before.
         let half = at(3.73);
-        assert!((half.melted_depth() / 0.01 - 1.0).abs() < 0.1 && half.wet() == 1.0, "{half:?}");
-        assert_eq!((at(6.0).melted_depth(), at(6.0).depth), (0.02, 0.02));
-        assert!(at(6.0).wet() > 0.5 && at(12.0).wet() == 0.0);
+        assert!((half.open().depth() / 0.01 - 1.0).abs() < 0.1 && half.open().film > WET, "{half:?}");
+        assert!((shaded(&half).depth() / 0.015 - 1.0).abs() < 0.1, "{half:?}");
+        // The open is bare at 4.7 h and the shade at 6.7 h; both are dry 3 h later.
+        assert_eq!(at(4.9).open().depth(), 0.0);
+        assert!(shaded(&at(4.9)).depth() > 0.005 && shaded(&at(6.9)).depth() == 0.0);
+        assert!(at(6.0).open().film > 0.2 && at(8.3).open().film == 0.0);
+        assert!(shaded(&at(8.0)).film > 0.2 && shaded(&at(10.3)).film == 0.0);
+        // In the end nothing is left, and nothing is laid out.
+        assert!(!at(20.0).thaw().unwrap().is_over() && at(100.0).thaw().unwrap().is_over());
+    }
+
+    #[test]
+    fn what_comes_down_on_bare_ground_is_new() {
+        let at = |time: f64| asked("0:0.02,10:0.02,11:0.05,20:0.05,21:0", "6", time);
+        // 2 cm are gone after 2 h in the open and after 4 h in the shade.
+        assert!(at(3.0).open().depth() == 0.0 && shaded(&at(3.0)).depth() > 0.004);
+        assert_eq!(shaded(&at(5.0)).depth(), 0.0);
+        // 3 cm more, of which 1 cm an hour melts.
+        assert!((at(11.0).open().depth() - 0.02).abs() < 0.002, "{:?}", at(11.0).open());
+        assert!((at(12.0).open().depth() - 0.01).abs() < 0.002);
+        assert_eq!(at(21.0).fell.depth(), 0.0);
+        // Cold air does not melt what fell in it when it was warm.
+        let falls = |time: f64| asked("0.1", "0:6,3:6,4:-10", time).open().depth();
+        assert!((falls(5.0) - falls(9.0)).abs() < 1e-12 && falls(5.0) > 0.05);
+    }
+
+    /// Snow, a thaw that bares the open ground and not the shade, and snow again.
+    #[test]
+    fn new_snow_lies_on_bare_ground_and_on_old_snow() {
+        let (rate, temperature) =
+            (snow("0:2,3:2,3.1:0,9:0,9.1:2"), track("temperature", "0:-3,3:-3,4:6,9:6,9.1:-3"));
+        let at = |time: f64| {
+            let temperature = &temperature;
+            let snow = Snowpack {
+                depth: None,
+                rate: Some(&rate),
+                temperature,
+                density: None,
+                hours: 1.0,
+                lapse: 3600.0,
+            };
+            snow.at(time)
+        };
+        // Some 8.1 mm fall; 5.5 mm can melt by 9 h. So 3 mm before the start and 1 h less of it are gone by then.
+        let (bare, again) = (at(9.0), at(10.1));
+        println!("{:?} {:?} {:?} {:?}", bare.open(), shaded(&bare), again.open(), shaded(&again));
+        assert!((bare.fell.water - 8.1).abs() < 1e-6);
+        assert!(bare.open().water > 2.0 && shaded(&bare).water > bare.open().water + 2.0);
+        assert!((again.open().water - bare.open().water - 2.1).abs() < 0.1);
+        // Twice as fast, as a place that gets half of it: bare at 9 h, and white an hour later.
+        let place = PACES.iter().position(|pace| *pace == 2.0).unwrap();
+        let [thin, new] = [&bare, &again].map(|pack| pack.left.unwrap()[place]);
+        assert!(thin.water == 0.0 && thin.film > 0.0 && (new.water - 2.05).abs() < 0.1, "{thin:?} {new:?}");
+        // Its density is that of new snow.
+        assert!(new.depth() / new.water > 0.0095, "{new:?}");
     }
 
     proptest! {
@@ -241,15 +364,50 @@ mod tests {
             };
             let (rate, temperature) = (snow(&keys(&rates)), track("temperature", &keys(&temperatures)));
             let lapse = 3600.0;
-            let pack = Snowpack {
+            let snow = Snowpack {
                 depth: None, rate: Some(&rate), temperature: &temperature, density: None, hours, lapse,
-            }.at(time);
+            };
+            let pack = snow.at(time);
             let before = (hours + time.min(0.0)).max(0.0) * rates[0];
             let fell = before + rate.integral(0.0, time.max(0.0));
-            prop_assert!((pack.total[0] - fell).abs() < 1e-6 * fell.max(1.0), "{pack:?} {fell}");
-            let lies = pack.water - pack.melted;
-            prop_assert!((lies + pack.total[1] - fell).abs() < 1e-6 * fell.max(1.0), "{pack:?} {fell}");
-            prop_assert!(pack.depth >= 0.0 && pack.melted_depth() <= pack.depth);
+            prop_assert!((pack.fell.water - fell).abs() < 1e-6 * fell.max(1.0), "{pack:?} {fell}");
+            // What is open melts by the degrees that there were, as far as it has any snow, and the slower the more is left.
+            let warm: Vec<f64> = (0..1200).map(|k| 0.01 * f64::from(k) + 0.005).filter(|at| *at < time)
+                .map(|at| temperature.at(at).number().unwrap().max(0.0) * 0.01).collect();
+            let can = MELT * (warm.iter().sum::<f64>() + temperatures[0].max(0.0) * (hours + time.min(0.0)).max(0.0));
+            let left = pack.open().water;
+            prop_assert!(left > fell - can - 0.05 && left < fell + 1e-6, "{pack:?} {fell} {can}");
+            if let Some(left) = pack.left {
+                prop_assert!(left.windows(2).all(|pair| pair[1].water <= pair[0].water));
+                prop_assert!(left.iter().all(|stock| stock.depth() >= 0.0 && stock.film >= 0.0));
+            }
+        }
+
+        /// No jumps: in a minute no more changes than can fall and melt, nor dries than can dry.
+        #[test]
+        fn it_changes_evenly(
+            rates in prop::collection::vec(0.0..5.0f64, 2..5),
+            temperatures in prop::collection::vec(-8.0..8.0f64, 2..5),
+            time in 0.0..12.0f64,
+        ) {
+            let keys = |values: &[f64]| {
+                let keys = values.iter().enumerate().map(|(k, v)| format!("{}:{v}", 3 * k));
+                keys.collect::<Vec<_>>().join(",")
+            };
+            let (rate, temperature) = (snow(&keys(&rates)), track("temperature", &keys(&temperatures)));
+            let snow = Snowpack {
+                depth: None, rate: Some(&rate), temperature: &temperature, density: None, hours: 2.0, lapse: 3600.0,
+            };
+            let [first, next] = [0.0, 1.0 / 60.0].map(|later| snow.at(time + later));
+            let all = |pack: &Pack| pack.left.unwrap_or([pack.fell; PACES.len()]);
+            for ((a, b), pace) in all(&first).iter().zip(all(&next)).zip(PACES) {
+                // 5 mm/h of new snow, 8 degrees of melt, and some settling.
+                let most = (5.0 + 8.0 * MELT * pace) / 60.0;
+                prop_assert!((a.water - b.water).abs() <= most, "{a:?} {b:?}");
+                // Snow that falls at 3 degrees has 231 kg/m^3, at -8 degrees 70; of old snow a mm of water is that deep too.
+                prop_assert!((a.depth() - b.depth()).abs() <= most / 67.0 + 0.001 * a.depth(), "{a:?} {b:?}");
+                prop_assert!((a.film - b.film).abs() <= most.max(DRIES / 60.0) + 1e-9, "{a:?} {b:?}");
+            }
         }
     }
 }

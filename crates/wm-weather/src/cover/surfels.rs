@@ -19,17 +19,23 @@ const THICKNESS: f64 = 0.004;
 pub(super) const OPAQUE: f64 = 0.985;
 /// Least depth that is drawn, m.
 const LEAST: f32 = 0.000_5;
-/// How far above the ground it is drawn where it covers it, m.
-const LIFT: f64 = 0.012;
+/// How far above what it lies on it is drawn where it covers it, m.
+const LIFT: f32 = 0.012;
+/// From which cover on nothing is seen of what lies below.
+const HIDES: f32 = 0.995;
 /// Unevenness of the surface, m and as a slope, at most.
 const ROUGH: f64 = 0.004;
 const TILT: f64 = 0.06;
 
 /// Nodes that one thread draws at a time.
 const PART: usize = 4096;
-/// How far above the ground what wets it is drawn, m, how much light that takes at most, and its own colour, sRGB.
+/// What wets the ground: how far above it that is drawn, m, how wide, in cells, how much light it takes at most, and its own
+/// colour, sRGB.
 const FILM: f64 = 0.004;
+const SPREADS: f64 = 0.55;
 const SOAKED: f64 = 0.38;
+/// What of it is seen no more.
+const LEAST_SOAKED: f64 = 0.004;
 const WATER: [f32; 3] = [0.1, 0.11, 0.12];
 
 /// What lies, as it is lit.
@@ -41,35 +47,41 @@ pub struct Matter {
     pub shade: [f64; 3],
 }
 
-/// How much of the ground a depth covers, 0-1.
+/// How much of the ground a depth covers, 0-1: nothing at what is not drawn, so that none of it goes at once.
 #[must_use]
 pub fn coverage(depth: f32) -> f32 {
-    1.0 - (-depth.max(0.0) / DUSTING).exp()
+    (1.0 - (-depth.max(0.0) / DUSTING).exp()) * (depth / LEAST - 1.0).clamp(0.0, 1.0)
 }
 
 /// What lies on a ground, one value a node.
 #[derive(Clone, Copy, Debug)]
 pub struct Layer<'a> {
-    /// What has come down, m.
-    pub fell: &'a [f32],
-    /// What is left of it, m.
+    /// How deep it lies, m.
     pub depth: &'a [f32],
     /// Height of its top, m.
     pub top: &'a [f32],
-    /// How wet the ground is where it has melted, 0-1.
-    pub wet: f64,
+    /// How wet what it lies on is, 0-1.
+    pub wet: &'a [f32],
+    /// How deep what hides it lies on it, m; empty where nothing does.
+    pub above: &'a [f32],
 }
 
-/// The surface of what lies: height of its top at each node, m; smoother than the ground the deeper it is.
+/// Height, m, that what lies is drawn up to: what lies on it is drawn above that.
 #[must_use]
-pub fn surface(ground: &Ground, depth: &[f32], threads: usize) -> Vec<f32> {
-    let mut top: Vec<f32> = ground.height.iter().zip(depth).map(|(height, depth)| height + depth).collect();
+pub fn drawn(top: f32, depth: f32) -> f32 {
+    top + LIFT * coverage(depth)
+}
+
+/// The surface of what lies on heights `base`: height of its top at each node, m; smoother than those the deeper it is.
+#[must_use]
+pub fn surface(ground: &Ground, base: &[f32], depth: &[f32], threads: usize) -> Vec<f32> {
+    let mut top: Vec<f32> = base.iter().zip(depth).map(|(height, depth)| height + depth).collect();
     for _ in 0..2 {
         top = map(top.len(), threads, |node| {
             if depth[node] <= LEAST {
                 return top[node];
             }
-            // Never below the ground, and level only as far as there is snow to level.
+            // Never below what it lies on, and level only as far as there is snow to level.
             let [level] = ground.mean_about(node, |other| (depth[other] > LEAST).then(|| [top[other]]));
             level.clamp(top[node] - 0.5 * depth[node], top[node] + 0.5 * depth[node])
         });
@@ -120,8 +132,13 @@ struct Painter<'a> {
 impl Painter<'_> {
     /// Adds the splats of a node.
     fn paint(&self, node: usize, splats: &mut Splats) {
-        let Self { ground, layer: Layer { fell, depth, top, wet }, matter, axes, cell, .. } = *self;
-        if fell[node] <= LEAST || ground.is_elsewhere(node) {
+        let Self { ground, layer: Layer { depth, top, above, .. }, matter, axes, cell, .. } = *self;
+        let is_hidden = above.get(node).is_some_and(|depth| coverage(*depth) > HIDES);
+        if is_hidden || ground.is_elsewhere(node) {
+            return;
+        }
+        self.wet(node, splats);
+        if depth[node] <= LEAST {
             return;
         }
         let [column, row] = ground.place(node);
@@ -144,7 +161,7 @@ impl Painter<'_> {
         let lift = off(ROUGH);
         let cover = f64::from(coverage(depth[node]));
         // Splats are rough: what covers the ground must be above what they show of it.
-        let lift = lift.min(f64::from(depth[node]) * 0.3) + LIFT * cover;
+        let lift = lift.min(f64::from(depth[node]) * 0.3) + f64::from(LIFT) * cover;
         let normal = (axes[2] - axes[0] * dx - axes[1] * dy).normalize();
         let shade = f64::from(ground.shade[node]) * (0.7 + 0.3 * normal.dot(axes[2]));
         let color: [f64; 3] =
@@ -152,35 +169,51 @@ impl Painter<'_> {
         let speckle = 1.0 + off(0.025);
         let rgb = color.map(|v| srgb_encode((v * speckle).max(0.0)) as f32);
         let wide = WIDTH[is_edge] * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
-        // What has melted has wetted the ground: it throws back less, between what is left and below it.
-        let soaked = wet * f64::from(coverage(fell[node] - depth[node])) * (1.0 - cover);
-        if soaked > 0.01 {
-            let at = ground.places.point(place, here + FILM);
-            self.put(at, normal, [wide, wide, THICKNESS], WATER, SOAKED * soaked, splats);
-        }
-        if depth[node] <= LEAST {
-            return;
-        }
         let at = ground.places.point(place, here + lift);
         self.put(at, normal, [wide, wide, THICKNESS], rgb, OPAQUE * cover, splats);
-        // The sides of deep snow, where its surface ends.
+        // The sides of deep snow, where its surface ends; they come and go evenly.
         let own = f64::from(depth[node]);
-        if own < 0.5 * cell {
+        let deep = (10.0 * (own / cell - 0.45)).clamp(0.0, 1.0);
+        if deep <= 0.0 {
             return;
         }
         for (way, [x, y]) in WAYS.into_iter().enumerate() {
             // Beyond the grid's end it goes on.
             let Some(next) = ground.cell_of(column + x, row + y) else { continue };
             let goes_on = ground.nodes_of(next).any(|other| ground.is_elsewhere(other));
-            if goes_on || level(way).is_some_and(|other| here - other < 0.7 * own) {
+            let ends = level(way).map_or(1.0, |other| (10.0 * ((here - other) / own - 0.65)).clamp(0.0, 1.0));
+            if goes_on || ends <= 0.0 {
                 continue;
             }
             let outward = axes[0] * x as f64 + axes[1] * y as f64;
             let edge = [column as f64 + 0.5 + 0.4 * x as f64, row as f64 + 0.5 + 0.4 * y as f64];
             let side = color.map(|v| srgb_encode(0.93 * v) as f32);
             let at = ground.places.point(edge, here - 0.45 * own);
-            self.put(at, outward, [WIDTH[1] * cell, 0.4 * own, THICKNESS], side, OPAQUE * cover, splats);
+            self.put(
+                at,
+                outward,
+                [WIDTH[1] * cell, 0.4 * own, THICKNESS],
+                side,
+                OPAQUE * cover * deep * ends,
+                splats,
+            );
         }
+    }
+
+    /// Adds what wets a node, between what lies there. It is laid by the ground alone, so that it stays as it is when the
+    /// last of that goes.
+    fn wet(&self, node: usize, splats: &mut Splats) {
+        let Self { ground, layer: Layer { depth, top, wet, .. }, axes, cell, .. } = *self;
+        let soaked = SOAKED * f64::from(wet[node] * (1.0 - coverage(depth[node])));
+        if soaked <= LEAST_SOAKED {
+            return;
+        }
+        let place = ground.place(node).map(|v| v as f64 + 0.5);
+        let [dx, dy] = ground.slope[node].map(|slope| f64::from(slope).clamp(-1.7, 1.7));
+        let normal = (axes[2] - axes[0] * dx - axes[1] * dy).normalize();
+        let wide = SPREADS * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
+        let at = ground.places.point(place, f64::from(top[node]) + FILM);
+        self.put(at, normal, [wide, wide, THICKNESS], WATER, soaked, splats);
     }
 
     /// Adds one: at a place (world, scene units), as wide as `scales` (m).
@@ -199,7 +232,7 @@ impl Painter<'_> {
 }
 
 /// A splat on a surface: at a place, with standard deviations along the surface and across it (world, scene units).
-pub(super) fn surfel(
+pub(crate) fn surfel(
     at: [f64; 3],
     (normal, up): (DVec3, DVec3),
     scales: [f64; 3],

@@ -1,8 +1,7 @@
 //! Dust cover: sand, dust or ash that lies, as deep as is asked for on open level ground.
 //!
-//! As snow that lies ([`super::snow_cover`]; where both are asked for only the snow is drawn), with another colour, and
-//! sliding sooner: dry sand lies at 34 degrees
-//! at most, ash at 35 to 40.
+//! As snow that lies ([`super::snow_cover`]), with another colour, and sliding sooner: dry sand lies at 34 degrees at most,
+//! ash at 35 to 40. Where both are asked for the snow lies on it, and it is seen where there is none.
 
 use crate::cover::{Asked, Matter};
 use crate::effects::{Action, Effect};
@@ -19,7 +18,7 @@ const CARRIES: f64 = 7.0;
 crate::params! {
     /// What can be set.
     pub struct Params {
-        /// Depth on open level ground. Below some 1 cm the ground shows through. Over time by keyframes.
+        /// Depth on open level ground. Below some 1 cm the ground shows through. Over time by keyframes. Snow lies on it.
         depth: f64 = Value::Number(0.02), 0.0 => 10.0, "m";
         /// Steepest that it lies. Dry sand 34, ash 40.
         repose: f64 = Value::Number(34.0), 5.0 => 80.0, "deg";
@@ -42,8 +41,7 @@ pub const EFFECT: Effect = Effect {
         let shade = color.map(|v| 0.4 * v);
         Action::Cover(Asked {
             depth,
-            melted: 0.0,
-            wet: 0.0,
+            thaw: None,
             wet_fall: 0.0,
             repose: repose.to_radians().tan(),
             threshold: CARRIES,

@@ -16,13 +16,14 @@ const WET: f64 = -1.0;
 crate::params! {
     /// What can be set.
     pub struct Params {
-        /// Depth on open level ground. Below some 2 cm the ground shows between flakes. Over time by keyframes; `auto` for
-        /// what `snowfall.rate` has left: so many `hours` of it before the start, and what has fallen since.
+        /// Depth on open level ground, less what melts. Below some 2 cm the ground shows between flakes. Over time by
+        /// keyframes: what it grows by is new snow; `auto` for what `snowfall.rate` has left: so many `hours` of it before the
+        /// start, and what has fallen since.
         depth: Option<f64> = Value::Number(0.1), 0.0 => 10.0, "m";
         /// For a depth of `auto`: how long it had snowed before time 0, as it does then.
         hours: f64 = Value::Number(6.0), 0.0 => 1000.0, "h";
-        /// Temperature of the air. Above 0 snow melts, 4 mm of water a day and degree, and leaves the ground wet; between -1 and
-        /// 1 it sticks to walls that the wind throws it at.
+        /// Temperature of the air. Above 0 snow melts, 4 mm of water a day and degree, half as fast in full shade, and leaves the
+        /// ground wet for some hours; between -1 and 1 it sticks to walls that the wind throws it at.
         temperature: f64 = Value::Number(-2.0), -40.0 => 40.0, "degC";
         /// Density of new snow; 100 makes 1 cm of 1 mm of water. `auto` follows the temperature: 92 at -2 degrees. It settles
         /// towards 300 in some days.
@@ -70,11 +71,11 @@ pub const EFFECT: Effect = Effect {
     params: Params::PARAMS,
     act: |now, site| {
         let Params { depth, hours, density, lapse, repose, albedo, temperature, .. } = Params::of(now.values);
-        let is_asked = depth.is_some();
+        let own = |param| now.weather.track("snow_cover", param).expect("its own");
         let snowpack = Snowpack {
-            depth,
+            depth: depth.map(|_| own("depth")),
             rate: now.weather.track("snowfall", "rate"),
-            temperature: now.weather.track("snow_cover", "temperature").expect("its own"),
+            temperature: own("temperature"),
             density,
             hours,
             lapse,
@@ -86,10 +87,9 @@ pub const EFFECT: Effect = Effect {
         let tint = [0.34, 0.37, 0.44];
         let shade = std::array::from_fn(|k| color[k] * tint[k]);
         Action::Cover(Asked {
-            depth: if is_asked { pack.depth } else { stepped(pack.depth) },
-            melted: stepped(pack.melted_depth()),
+            depth: depth.unwrap_or_else(|| stepped(pack.fell.depth())),
+            thaw: pack.thaw(),
             wet_fall: stepped(pack.wet_fall()),
-            wet: (pack.wet() * 32.0).round() / 32.0,
             repose: repose.to_radians().tan(),
             threshold: CARRIES[usize::from(temperature > WET)],
             matter: Matter { color, shade },

@@ -35,6 +35,8 @@ pub(super) struct Footprint {
     opacity: f32,
     /// |w|^2 at which alpha is the least.
     reach: f32,
+    /// Which splat it is.
+    splat: u32,
 }
 
 /// The footprints in order of depth, and the rows that each covers, first and last.
@@ -103,6 +105,7 @@ impl Footprint {
             slope: slope.map(|v| v as f32),
             opacity: opacity as f32,
             reach: reach as f32,
+            splat: splat.splat,
         };
         Some((footprint, rows))
     }
@@ -153,11 +156,13 @@ pub(super) fn cast(
     grid: &Grid,
     stops: &mut [f32],
     clear: &mut [f32],
+    splats: &mut [u32],
     threads: usize,
 ) {
     let cells = (BAND * grid.columns).max(1);
-    let bands = stops.chunks_mut(cells).zip(clear.chunks_mut(cells)).enumerate();
-    share(bands, threads, |(band, (stops, clear))| {
+    let bands =
+        stops.chunks_mut(cells).zip(clear.chunks_mut(cells)).zip(splats.chunks_mut(cells)).enumerate();
+    share(bands, threads, |(band, ((stops, clear), splats))| {
         if clear.iter().all(|left| *left < grid.stopped) {
             return;
         }
@@ -167,7 +172,8 @@ pub(super) fn cast(
             for row in top..end {
                 let from = (row - first) * grid.columns;
                 let cells = from..from + grid.columns;
-                footprint.cover(row, grid.stopped, &mut stops[cells.clone()], &mut clear[cells]);
+                let (stops, splats) = (&mut stops[cells.clone()], &mut splats[cells.clone()]);
+                footprint.cover(row, grid.stopped, stops, &mut clear[cells], splats);
             }
         }
         for (stop, left) in stops.iter_mut().zip(clear) {
@@ -181,7 +187,7 @@ pub(super) fn cast(
 impl Footprint {
     /// Covers one row of the grid.
     #[inline]
-    fn cover(&self, row: usize, stopped: f32, stops: &mut [f32], clear: &mut [f32]) {
+    fn cover(&self, row: usize, stopped: f32, stops: &mut [f32], clear: &mut [f32], splats: &mut [u32]) {
         let w_row = ((row as i32 - self.cell[1]) as f32 + 0.5 - self.place[1]) / self.row;
         let left = self.reach - w_row * w_row;
         if left < 0.0 {
@@ -206,6 +212,7 @@ impl Footprint {
             clear[cell] *= 1.0 - self.opacity * (-0.5 * (w_row * w_row + w * w)).exp();
             if clear[cell] < stopped {
                 stops[cell] = depth;
+                splats[cell] = self.splat;
             }
         }
     }

@@ -13,6 +13,8 @@ pub struct Layers {
     metres_per_unit: f64,
     /// Heights of each layer from the middle of the scene, m, `[rows, columns]`; negative infinity where there is none.
     heights: Vec<Vec<f32>>,
+    /// The splats of those surfaces, in the same order; any where there is none.
+    splats: Vec<Vec<u32>>,
 }
 
 impl Occluders {
@@ -23,19 +25,20 @@ impl Occluders {
         let threads = thread_count(threads);
         let grid = Grid { stopped: TOP, ..self.grid(self.up.map(|v| -v)) };
         let footprints = cast::project(&self.all, &grid, threads);
-        let mut stops = self.first(&footprints, &grid, threads);
+        let (mut stops, mut splats) = self.first(&footprints, &grid, threads);
         let gap = (gap / self.metres_per_unit).max(cells * grid.cell) as f32;
-        let mut heights = Vec::new();
+        let (mut heights, mut sources) = (Vec::new(), Vec::new());
         for layer in 0..count {
             if layer > 0 {
                 let mut clear: Vec<f32> =
                     stops.iter().map(|stop| if stop.is_finite() { 1.0 } else { 0.0 }).collect();
                 stops.iter_mut().for_each(|stop| *stop += gap);
-                cast::cast(&footprints, &grid, &mut stops, &mut clear, threads);
+                cast::cast(&footprints, &grid, &mut stops, &mut clear, &mut splats, threads);
             }
+            sources.push(splats.clone());
             heights.push(stops.iter().map(|stop| -stop * self.metres_per_unit as f32).collect());
         }
-        Layers { grid, metres_per_unit: self.metres_per_unit, heights }
+        Layers { grid, metres_per_unit: self.metres_per_unit, heights, splats: sources }
     }
 }
 
@@ -62,6 +65,12 @@ impl Layers {
     #[must_use]
     pub fn heights(&self) -> &[Vec<f32>] {
         &self.heights
+    }
+
+    /// Which splat each of those surfaces is of; any where there is none.
+    #[must_use]
+    pub fn splats(&self) -> &[Vec<u32>] {
+        &self.splats
     }
 
     /// The world axes of columns, of rows, and up.

@@ -31,7 +31,6 @@ mod cast;
 mod floaters;
 mod layers;
 mod occluders;
-mod sights;
 #[cfg(test)]
 mod tests;
 
@@ -41,7 +40,6 @@ use wm_scene::Splats;
 
 pub use layers::Layers;
 pub use occluders::Occluders;
-pub use sights::Sight;
 
 /// Margin in cells, at least: half a cell on a surface of slope 3.
 const MARGIN_CELLS: f64 = 1.5;
@@ -55,9 +53,9 @@ pub struct ShelterOptions {
     pub cell: f64,
     /// Most cells of the grid, up to 2^28; 4 bytes each, and some 30 while it is made.
     pub most_cells: usize,
-    /// A point (world, scene units) and how far from it across the fall the grid goes, m; `None` for the whole scene.
-    /// In scenes that reach far it keeps the cells narrow where cameras are.
-    pub focus: Option<([f64; 3], f64)>,
+    /// The ends of a line (world, scene units) and how far from it across the fall the grid goes, m; `None` for the whole
+    /// scene. In scenes that reach far it keeps the cells narrow where cameras are.
+    pub focus: Option<([[f64; 3]; 2], f64)>,
     /// Share of the splats that the grid of a whole scene leaves out at each side, 0-0.5.
     pub outliers: f64,
     /// Splats of a lower opacity, 0-1, stop nothing: they are haze of the reconstruction.

@@ -12,7 +12,7 @@ const LARGEST: f64 = 0.25;
 /// Cells that indices and sums of 32 bits can hold.
 const MOST_CELLS: usize = 1 << 28;
 
-/// The splats of a scene that stop what falls, 40 bytes each: a map for another wind needs no more.
+/// The splats of a scene that stop what falls, 44 bytes each: a map for another wind needs no more.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occluders {
     options: ShelterOptions,
@@ -31,6 +31,8 @@ pub(super) struct Occluder {
     /// xx, xy, xz, yy, yz, zz.
     pub covariance: [f32; 6],
     pub opacity: f32,
+    /// Which splat it is.
+    pub splat: u32,
 }
 
 impl Occluder {
@@ -63,6 +65,7 @@ impl Occluder {
                 between(2, 2),
             ],
             opacity: splats.opacity(index) as f32,
+            splat: index as u32,
         }
     }
 }
@@ -108,22 +111,28 @@ impl Occluders {
         let threads = count(threads);
         let grid = self.grid(unit(fall).unwrap_or(self.up.map(|v| -v)));
         let footprints = cast::project(&self.all, &grid, threads);
-        let stops = self.first(&footprints, &grid, threads);
+        let (stops, _) = self.first(&footprints, &grid, threads);
         Shelter::new(grid, stops, self.metres_per_unit, &self.options)
     }
 
-    /// How far along the fall the first surface of each cell is.
-    pub(super) fn first(&self, footprints: &cast::Footprints, grid: &Grid, threads: usize) -> Vec<f32> {
+    /// How far along the fall the first surface of each cell is, and which splat's.
+    pub(super) fn first(
+        &self,
+        footprints: &cast::Footprints,
+        grid: &Grid,
+        threads: usize,
+    ) -> (Vec<f32>, Vec<u32>) {
         let mut stops = vec![f32::NEG_INFINITY; grid.columns * grid.rows];
         let mut clear = vec![1.0; stops.len()];
-        cast::cast(footprints, grid, &mut stops, &mut clear, threads);
+        let mut splats = vec![0; stops.len()];
+        cast::cast(footprints, grid, &mut stops, &mut clear, &mut splats, threads);
         for _ in 0..floaters::ROUNDS {
             if !floaters::reopen(&mut stops, &mut clear, grid, self.metres_per_unit) {
                 break;
             }
-            cast::cast(&footprints.over(grid, &clear), grid, &mut stops, &mut clear, threads);
+            cast::cast(&footprints.over(grid, &clear), grid, &mut stops, &mut clear, &mut splats, threads);
         }
-        stops
+        (stops, splats)
     }
 
     /// The grid across a direction of fall.
@@ -139,11 +148,12 @@ impl Occluders {
                 }),
                 self.options.outliers,
             );
-            let Some((point, metres)) = self.options.focus else { return [low, high] };
-            let middle = dot(std::array::from_fn(|i| point[i] - self.origin[i]), axes[k]);
+            let Some((ends, metres)) = self.options.focus else { return [low, high] };
+            let [a, b] = ends.map(|end| dot(std::array::from_fn(|i| end[i] - self.origin[i]), axes[k]));
             let reach = metres / self.metres_per_unit;
-            is_whole &= low >= middle - reach && high <= middle + reach;
-            [low.max(middle - reach), high.min(middle + reach)]
+            let [first, last] = [a.min(b) - reach, a.max(b) + reach];
+            is_whole &= low >= first && high <= last;
+            [low.max(first), high.min(last)]
         });
         let size = [across[1] - across[0], down[1] - down[0]];
         let mut cell = self.options.cell / self.metres_per_unit;

@@ -1,0 +1,217 @@
+//! The surfaces of a scene as the cameras of its photos see them.
+//!
+//! A trained scene looks right from where its photos were taken, and is rough or worse from anywhere else: a street of
+//! wide splats seen at a slant has holes from above and junk below, facades have lumps, and haze floats where no
+//! photo tells. What the cameras see is much better known. So what lies and what shelters is found on a scan: the
+//! depth that each camera sees (with at least half of the light stopped), as small discs with normals, all cameras'
+//! together.
+//!
+//! # How it is made
+//! Each pixel gives a place and, but at edges, a normal from the places about it. Those of all cameras are averaged in
+//! cubes as wide as pixels are apart there, nearer views counting more; what other cameras see through is
+//! dropped (`sight.rs`); and the discs are levelled onto the surface through those about them (`level.rs`), since depth
+//! is rough. The scene's own splats stay where no camera tells: those that none sees, and that not two see through.
+
+mod floor;
+mod level;
+mod sight;
+#[cfg(test)]
+mod tests;
+
+use crate::cover::surfel;
+use crate::optics::Site;
+use crate::threads::map;
+pub use floor::Floor;
+use glam::{DVec3, I64Vec3};
+pub use sight::Sight;
+use sight::{Spot, Word};
+use std::borrow::Cow;
+use wm_scene::splats::Splat;
+use wm_scene::{Group, Splats};
+
+/// Width of the smallest cubes, m, and how often it may double.
+const CUBE: f64 = 0.06;
+const DOUBLED: u32 = 5;
+/// Width of cubes in distances between pixels.
+const PIXELS: f64 = 1.5;
+/// Least cosine between a ray and the normal for the distance between pixels along a surface.
+const GRAZING: f64 = 0.15;
+/// Weight of a pixel without a normal.
+const EDGE: f64 = 0.2;
+/// How many cameras must see through what is not there.
+const CAMERAS: u32 = 2;
+/// Standard deviations of a disc along the surface, and of a ball, in cubes; through a disc, in those; and opacity.
+const WIDE: [f64; 2] = [0.6, 0.4];
+const FLAT: f64 = 0.1;
+const OPAQUE: f64 = 0.95;
+
+/// The surfaces of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scan<'a> {
+    /// They as splats.
+    pub splats: Cow<'a, Splats>,
+    /// The first so many are discs whose third axis looks to where they were seen from.
+    pub oriented: usize,
+    /// Of each splat of the scene, whether discs stand for it; empty where there are none.
+    pub replaced: Vec<bool>,
+}
+
+impl<'a> Scan<'a> {
+    /// The splats themselves, for a scene without photos.
+    #[must_use]
+    pub fn plain(splats: &'a Splats) -> Self {
+        Self { splats: Cow::Borrowed(splats), oriented: 0, replaced: Vec::new() }
+    }
+
+    /// What the cameras see of a scene, and what they do not. Equal for any number of threads.
+    #[must_use]
+    pub fn of(splats: &'a Splats, sights: &[Sight], site: &Site, threads: usize) -> Self {
+        if sights.is_empty() {
+            return Self::plain(splats);
+        }
+        let metres_per_unit = site.metres_per_unit;
+        let hears = |point: DVec3| {
+            let (mut seen, mut through) = (0, 0);
+            for sight in sights {
+                match sight.word(point, metres_per_unit) {
+                    Word::Seen => seen += 1,
+                    Word::Through => through += 1,
+                    Word::Nothing => {}
+                }
+            }
+            (seen, through)
+        };
+        let is_free = |(seen, through): (u32, u32)| through >= CAMERAS && through > seen;
+        let cube = CUBE / metres_per_unit;
+        let mut discs = fuse(sights, cube, threads);
+        let mut free = map(discs.len(), threads, |k| is_free(hears(discs[k].point))).into_iter();
+        discs.retain(|_| !free.next().unwrap_or(false));
+        level::level(&mut discs, metres_per_unit, threads);
+        let replaced = map(splats.len(), threads, |index| {
+            let said = hears(DVec3::from_array(splats.means[index].map(f64::from)));
+            splats.groups[index] != Group::Sky && (said.0 > 0 || is_free(said))
+        });
+        let mut out = Splats::with_capacity(discs.len(), 0);
+        let up = DVec3::from_array(site.up);
+        for disc in &discs {
+            let (wide, flat) = if disc.is_edge { (WIDE[1], 0.9) } else { (WIDE[0], FLAT) };
+            let wide = wide * disc.size;
+            let (at, scales) = (disc.point.to_array(), [wide, wide, flat * wide]);
+            out.push(&Splat {
+                group: Group::Scene,
+                ..surfel(at, (disc.normal, up), scales, disc.rgb, OPAQUE)
+            });
+        }
+        let left = (0..splats.len()).filter(|index| !replaced[*index]);
+        let rest = splats.select(&left.collect::<Vec<_>>());
+        out.append(&rest);
+        Self { splats: Cow::Owned(out), oriented: discs.len(), replaced }
+    }
+}
+
+/// A piece of a surface.
+#[derive(Clone, Copy, Debug)]
+struct Disc {
+    /// World, scene units.
+    point: DVec3,
+    /// To where it was seen from, length 1.
+    normal: DVec3,
+    /// Whether its normal is not known.
+    is_edge: bool,
+    /// Width of its cube, scene units.
+    size: f64,
+    /// How well it is known: pixels of the smallest cube's width.
+    weight: f64,
+    rgb: [f32; 3],
+}
+
+/// What is in a cube: sums over pixels.
+#[derive(Clone, Copy, Debug)]
+struct Cube {
+    doubled: u32,
+    at: I64Vec3,
+    weight: f64,
+    /// From the cube's corner, scene units.
+    place: DVec3,
+    normal: DVec3,
+    /// Weight of those with a normal.
+    known: f64,
+    rgb: [f64; 3],
+}
+
+impl Cube {
+    /// Of one pixel.
+    fn of(spot: &Spot, cube: f64) -> Option<Self> {
+        let slant = spot.normal.map_or(1.0, |normal| normal.dot(spot.ray).abs().max(GRAZING));
+        let apart = PIXELS * spot.width / slant;
+        let doubled = (apart / cube).log2().ceil().max(0.0) as u32;
+        if doubled > DOUBLED {
+            return None;
+        }
+        let size = cube * f64::from(1 << doubled);
+        let at = (spot.point / size).floor();
+        let weight = (cube / apart).powi(2).min(16.0) * if spot.normal.is_some() { 1.0 } else { EDGE };
+        Some(Self {
+            doubled,
+            at: at.as_i64vec3(),
+            weight,
+            place: (spot.point - at * size) * weight,
+            normal: spot.normal.unwrap_or(-spot.ray) * weight,
+            known: if spot.normal.is_some() { weight } else { 0.0 },
+            rgb: spot.rgb.map(|v| f64::from(v) * weight),
+        })
+    }
+
+    fn key(&self) -> (u32, [i64; 3]) {
+        (self.doubled, self.at.to_array())
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.weight += other.weight;
+        self.place += other.place;
+        self.normal += other.normal;
+        self.known += other.known;
+        self.rgb.iter_mut().zip(other.rgb).for_each(|(sum, value)| *sum += value);
+    }
+
+    fn disc(&self, cube: f64) -> Disc {
+        let size = cube * f64::from(1 << self.doubled);
+        Disc {
+            point: self.at.as_dvec3() * size + self.place / self.weight,
+            normal: self.normal.normalize_or(DVec3::Z),
+            is_edge: self.known < 0.5 * self.weight || self.normal.length() < 0.5 * self.weight,
+            size,
+            weight: self.weight,
+            rgb: self.rgb.map(|v| (v / self.weight) as f32),
+        }
+    }
+}
+
+/// Adds up what is in the same cubes.
+fn merged(mut cubes: Vec<Cube>) -> Vec<Cube> {
+    cubes.sort_by_key(Cube::key);
+    let mut out: Vec<Cube> = Vec::new();
+    for cube in cubes {
+        match out.last_mut() {
+            Some(last) if last.key() == cube.key() => last.add(&cube),
+            _ => out.push(cube),
+        }
+    }
+    out
+}
+
+/// What all cameras see, in cubes; wide ones only where no narrow ones are.
+fn fuse(sights: &[Sight], cube: f64, threads: usize) -> Vec<Disc> {
+    let each = map(sights.len(), threads, |index| {
+        merged(sights[index].spots().filter_map(|spot| Cube::of(&spot, cube)).collect())
+    });
+    let cubes = merged(each.concat());
+    let mut finer: Vec<(u32, [i64; 3])> = Vec::new();
+    for Cube { doubled, at, .. } in &cubes {
+        finer.extend((1..=DOUBLED - doubled).map(|k| (doubled + k, at.to_array().map(|v| v >> k))));
+    }
+    finer.sort_unstable();
+    finer.dedup();
+    let is_finest = |cube: &&Cube| finer.binary_search(&cube.key()).is_err();
+    cubes.iter().filter(is_finest).map(|it| it.disc(cube)).collect()
+}

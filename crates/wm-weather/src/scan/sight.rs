@@ -1,0 +1,133 @@
+//! What one camera of the photos sees, and what it says of a point.
+
+use glam::{DMat3, DVec3};
+use wm_scene::Camera;
+
+/// How far before the surface something is that is seen through, as a share of the way, and m.
+const BEFORE: [f64; 2] = [0.1, 0.1];
+/// How far from what is seen something is that is seen with it, the same.
+const WITH: [f64; 2] = [0.04, 0.1];
+/// Pixels to each side that a normal is found from, and how often those are weighed.
+const ASIDE: i64 = 3;
+const ROUNDS: usize = 3;
+/// How far off a plane a pixel of it is, as a share of its inverse depth; more is an edge.
+const OFF: f64 = 0.03;
+
+/// What a camera sees.
+#[derive(Clone, Debug)]
+pub struct Sight {
+    /// From where.
+    pub camera: Camera,
+    /// View z of the surface in each pixel, scene units, `[H, W]`; 0 where there is none.
+    pub depth: Vec<f32>,
+    /// Its colour, display-referred, `[H, W, 3]`.
+    pub rgb: Vec<f32>,
+}
+
+/// What one camera says of a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Word {
+    Seen,
+    Through,
+    /// It is off the picture, or behind something.
+    Nothing,
+}
+
+/// What is seen in one pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spot {
+    /// World, scene units.
+    pub point: DVec3,
+    /// Towards the camera, length 1; `None` at edges.
+    pub normal: Option<DVec3>,
+    /// From the camera, length 1.
+    pub ray: DVec3,
+    /// Width of the pixel there, scene units.
+    pub width: f64,
+    pub rgb: [f32; 3],
+}
+
+impl Sight {
+    /// What it says of a point (world, scene units).
+    pub(super) fn word(&self, point: DVec3, metres_per_unit: f64) -> Word {
+        let Some((x, y, z)) = self.camera.project(point) else { return Word::Nothing };
+        let (width, height) = (i64::from(self.camera.width), i64::from(self.camera.height));
+        let (x, y) = (x.floor() as i64, y.floor() as i64);
+        // With a pixel about it, since edges are not exact.
+        if x < 1 || y < 1 || x + 1 >= width || y + 1 >= height {
+            return Word::Nothing;
+        }
+        let pixels = (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| (y * width + x) as usize));
+        let nearest = pixels
+            .map(|pixel| match self.depth[pixel] {
+                0.0 => f64::INFINITY,
+                depth => f64::from(depth),
+            })
+            .fold(f64::INFINITY, f64::min);
+        if z * (1.0 + BEFORE[0]) + BEFORE[1] / metres_per_unit < nearest {
+            Word::Through
+        } else if z < nearest * (1.0 + WITH[0]) + WITH[1] / metres_per_unit {
+            Word::Seen
+        } else {
+            Word::Nothing
+        }
+    }
+
+    /// The place that a pixel shows; `None` off the picture and where there is nothing.
+    fn point(&self, x: i64, y: i64) -> Option<DVec3> {
+        let Camera { width, height, fx, fy, cx, cy, .. } = self.camera;
+        let is_in = x >= 0 && y >= 0 && x < i64::from(width) && y < i64::from(height);
+        let depth = is_in.then(|| f64::from(self.depth[(y * i64::from(width) + x) as usize]))?;
+        let local = DVec3::new((x as f64 + 0.5 - cx) / fx, (y as f64 + 0.5 - cy) / fy, 1.0) * depth;
+        (depth > 0.0).then(|| self.camera.center() + self.camera.rotation().transpose() * local)
+    }
+
+    /// The normal of the plane through a pixel and those about it, as far as they are of one, world; `None` at edges. The
+    /// inverse depth of a plane is linear in the picture.
+    fn normal(&self, x: i64, y: i64) -> Option<DVec3> {
+        let Camera { width, height, fx, fy, cx, cy, .. } = self.camera;
+        let [width, height] = [width, height].map(i64::from);
+        if x < ASIDE || y < ASIDE || x + ASIDE >= width || y + ASIDE >= height {
+            return None;
+        }
+        let inverse = |dx: i64, dy: i64| match self.depth[((y + dy) * width + x + dx) as usize] {
+            0.0 => 0.0,
+            depth => 1.0 / f64::from(depth),
+        };
+        let own = inverse(0, 0);
+        let mut plane: Option<DVec3> = None;
+        for _ in 0..ROUNDS {
+            let (mut moments, mut right) = (DMat3::ZERO, DVec3::ZERO);
+            for (dx, dy) in (-ASIDE..=ASIDE).flat_map(|dy| (-ASIDE..=ASIDE).map(move |dx| (dx, dy))) {
+                let (at, value) = (DVec3::new(1.0, dx as f64, dy as f64), inverse(dx, dy));
+                let off = plane.map_or(0.0, |plane| (plane.dot(at) - value) / (OFF * own));
+                let weight = 1.0 / (1.0 + off * off).powi(2);
+                let weighted = weight * at;
+                moments += DMat3::from_cols(weighted * at.x, weighted * at.y, weighted * at.z);
+                right += weighted * value;
+            }
+            plane = Some(moments.inverse() * right);
+        }
+        let plane = plane.filter(|plane| (plane.x / own - 1.0).abs() < OFF)?;
+        let along = [plane.y, plane.z];
+        let middle = plane.x - along[0] * (x as f64 + 0.5 - cx) - along[1] * (y as f64 + 0.5 - cy);
+        let local = DVec3::new(along[0] * fx, along[1] * fy, middle);
+        (self.camera.rotation().transpose() * local).try_normalize()
+    }
+
+    /// What is seen in each pixel that shows something.
+    pub(super) fn spots(&self) -> impl Iterator<Item = Spot> + '_ {
+        let center = self.camera.center();
+        let [width, height] = [self.camera.width, self.camera.height].map(i64::from);
+        let pixels = (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
+        pixels.filter_map(move |(x, y)| {
+            let point = self.point(x, y)?;
+            let pixel = (y * width + x) as usize;
+            let ray = (point - center).normalize();
+            let normal = self.normal(x, y).map(|normal| normal * -normal.dot(ray).signum());
+            let rgb = std::array::from_fn(|k| self.rgb.get(3 * pixel + k).copied().unwrap_or(0.5));
+            let width = f64::from(self.depth[pixel]) * self.camera.widest_pixel();
+            Some(Spot { point, normal, ray, width, rgb })
+        })
+    }
+}

@@ -1,0 +1,157 @@
+//! Scans of made-up places: what cameras see, and what they see through.
+
+use super::*;
+use crate::optics::Daylight;
+use crate::shelter::{Shelter, ShelterOptions};
+use wm_scene::Camera;
+use wm_scene::synthetic::Builder;
+
+const SITE: Site = Site {
+    metres_per_unit: 1.0,
+    up: [0.0, 0.0, 1.0],
+    ground: 0.0,
+    airlight: [0.8; 3],
+    daylight: Daylight::Known,
+    far: 100.0,
+};
+
+fn camera(eye: DVec3, target: DVec3) -> Camera {
+    Camera::look_at((160, 120), 60.0, eye, target, DVec3::Z).unwrap()
+}
+
+/// A camera's sight of whatever is first along a ray: how far along it, with a direction of length 1.
+fn sight(camera: Camera, way: impl Fn(DVec3, DVec3) -> Option<f64>) -> Sight {
+    let (center, forward) = (camera.center(), camera.forward());
+    let pixel = |k: u32| {
+        let ray = camera.ray(f64::from(k % camera.width) + 0.5, f64::from(k / camera.width) + 0.5);
+        way(center, ray).map_or(0.0, |way| (way * ray.dot(forward)) as f32)
+    };
+    Sight { depth: (0..camera.width * camera.height).map(pixel).collect(), camera, rgb: Vec::new() }
+}
+
+/// Level ground at z = 0 and a wall at y = 8, seen as rough as 4 cm.
+fn yard(from: DVec3, ray: DVec3) -> Option<f64> {
+    let ground = -from.z / ray.z;
+    let wall = (8.0 - from.y) / ray.y;
+    let at = |way: f64| (way > 0.0).then_some(way);
+    let first = [at(ground), at(wall)].into_iter().flatten().min_by(f64::total_cmp)?;
+    let place = from + first * ray;
+    Some(first + 0.04 * ((7.0 * place.x).sin() + (9.0 * (place.y + place.z) + 5.0 * from.x).sin()))
+}
+
+#[test]
+fn discs_lie_on_what_cameras_see_and_look_where_it_looks() {
+    let eyes = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| DVec3::new(x, 0.0, 1.6));
+    let sights = eyes.map(|eye| sight(camera(eye, DVec3::new(0.0, 8.0, 0.8)), yard));
+    let splats = Splats::with_capacity(0, 0);
+    let scan = Scan::of(&splats, &sights, &SITE, 2);
+    assert_eq!(scan, Scan::of(&splats, &sights, &SITE, 3), "equal for any number of threads");
+    let (mut worst, mut turned, mut edges, mut count) = ([0.0; 2], [0, 0], [0, 0], [0, 0]);
+    for index in 0..scan.oriented {
+        let [_, y, z] = scan.splats.means[index].map(f64::from);
+        let normal = scan.splats.normal(index);
+        // Away from the corner.
+        let (k, off, facing) = match () {
+            () if z < 0.3 && y < 7.5 && y > 4.0 => (0, z.abs(), normal[2]),
+            () if y > 7.7 && z > 0.5 => (1, (y - 8.0).abs(), -normal[1]),
+            () => continue,
+        };
+        worst[k] += off * off;
+        // Where no plane was found there are balls.
+        let is_edge = scan.splats.scales(index)[2] > 0.5 * scan.splats.scales(index)[0];
+        edges[k] += i32::from(is_edge);
+        turned[k] += i32::from(!is_edge && facing < 0.9);
+        count[k] += 1;
+    }
+    let rough = [0, 1].map(|k| (worst[k] / f64::from(count[k])).sqrt());
+    println!("{count:?} discs, off by {rough:.4?} m, {turned:?} turned, {edges:?} edges");
+    assert!(count[0] > 500 && count[1] > 1000 && rough[0] < 0.02 && rough[1] < 0.03, "{rough:?}");
+    assert!(turned[0] * 50 < count[0] && turned[1] * 50 < count[1], "{turned:?} of {count:?}");
+    assert!(edges[0] * 5 < count[0] && edges[1] * 5 < count[1], "{edges:?} of {count:?}");
+}
+
+#[test]
+fn discs_stand_for_the_splats_that_are_seen() {
+    let mut place = Builder::new(1);
+    // The wall; and something behind it.
+    place.surface(DVec3::new(-3.0, 8.0, 0.0), DVec3::X * 6.0, DVec3::Z * 3.0, 0.1, |_, _| [0.5; 3]);
+    let wall = place.build();
+    place = Builder::new(1);
+    place.surface(DVec3::new(-1.0, 10.0, 0.0), DVec3::X * 2.0, DVec3::Z, 0.1, |_, _| [0.5; 3]);
+    let mut splats = wall.clone();
+    splats.append(&place.build());
+    let sights = [-1.0, 1.0].map(|x| sight(camera(DVec3::new(x, 0.0, 1.6), DVec3::new(0.0, 8.0, 1.6)), yard));
+    let scan = Scan::of(&splats, &sights, &SITE, 2);
+    let replaced = |range: std::ops::Range<usize>| range.filter(|index| scan.replaced[*index]).count();
+    assert_eq!(replaced(0..wall.len()), wall.len());
+    assert_eq!(replaced(wall.len()..splats.len()), 0);
+    assert_eq!(scan.splats.len(), scan.oriented + splats.len() - wall.len());
+}
+
+/// A sheet in the air over a floor: cameras below it look at a wall behind it, through it.
+#[test]
+fn what_cameras_see_through_stops_nothing() {
+    let mut place = Builder::new(1);
+    place.surface(DVec3::ZERO, DVec3::X * 8.0, DVec3::Y * 8.0, 0.1, |_, _| [0.5; 3]);
+    let mut splats = place.build();
+    place = Builder::new(1);
+    place.surface(DVec3::new(3.0, 3.0, 1.2), DVec3::X * 2.0, DVec3::Y * 2.0, 0.1, |_, _| [0.5; 3]);
+    splats.append(&place.build());
+    // At a wall 10 m ahead, whatever is before it.
+    let sight = |eye: DVec3, depth: f32| {
+        let camera = Camera::look_at((40, 30), 60.0, eye, DVec3::new(4.0, 4.0, 1.2), DVec3::Z).unwrap();
+        Sight { depth: vec![depth; 40 * 30], camera, rgb: Vec::new() }
+    };
+    let eyes = [DVec3::new(-1.0, 4.0, 1.2), DVec3::new(4.0, -1.0, 1.2), DVec3::new(9.0, 4.0, 1.2)];
+    let shelters = |sights: &[Sight]| {
+        let scan = Scan::of(&splats, sights, &SITE, 2);
+        let shelter =
+            Shelter::build(&scan.splats, &SITE, [0.0, 0.0, -1.0], &ShelterOptions::default(), Some(2));
+        assert!(shelter.is_exposed([1.0, 1.0, 0.3]));
+        !shelter.is_exposed([4.0, 4.0, 0.3])
+    };
+    assert!(shelters(&[]));
+    // One camera may be wrong; two are not.
+    assert!(shelters(&[sight(eyes[0], 10.0)]));
+    assert!(!shelters(&[sight(eyes[0], 10.0), sight(eyes[1], 0.0)]));
+    // From behind something nobody knows.
+    assert!(shelters(&eyes.map(|eye| sight(eye, 1.0))));
+}
+
+/// A walk up a street of 6 in a hundred whose ground was left far too low by a training.
+#[test]
+fn the_ground_of_a_walk_is_where_it_must_be() {
+    let height = 1.6;
+    let street = |y: f64| 0.06 * y;
+    let eyes: Vec<DVec3> = (0..8)
+        .map(|k| {
+            let y = 5.0 * f64::from(k);
+            // Arms up and down, and from side to side.
+            DVec3::new(0.3 * f64::from(k % 3), y, street(y) + height + [0.03, -0.04, 0.02][k as usize % 3])
+        })
+        .collect();
+    let floors: Vec<Floor> = eyes.iter().map(|eye| Floor::below(*eye, &eyes, DVec3::Z, height)).collect();
+    // A pit 3 m below the street, and a house whose wall is 3 m to the side.
+    let seen = |from: DVec3, ray: DVec3| {
+        let pit = (street(from.y) - 3.0 - from.z) / (ray.z - 0.06 * ray.y);
+        let wall = (3.0 - from.x) / ray.x;
+        [pit, wall].into_iter().filter(|way| *way > 0.0).min_by(f64::total_cmp)
+    };
+    let mut sights: Vec<Sight> =
+        eyes.iter().map(|eye| sight(camera(*eye, *eye + DVec3::new(0.0, 10.0, 0.0)), seen)).collect();
+    sights.iter_mut().for_each(|sight| sight.stop_at(&floors));
+    let splats = Splats::with_capacity(0, 0);
+    let scan = Scan::of(&splats, &sights, &SITE, 2);
+    let (mut off, mut ground, mut wall) = (0.0f64, 0, 0);
+    for mean in &scan.splats.means {
+        let [x, y, z] = mean.map(f64::from);
+        let above = z - street(y);
+        if (3.0..33.0).contains(&y) && x.abs() < 2.0 {
+            off = off.max(above.abs());
+            ground += 1;
+        }
+        wall += i32::from((x - 3.0).abs() < 0.1 && above > 0.3);
+    }
+    println!("{ground} discs of ground within {off:.3} m, {wall} of the wall");
+    assert!(ground > 2000 && off < 0.2 && wall > 1000, "{ground} {off} {wall}");
+}
