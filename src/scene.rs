@@ -6,7 +6,7 @@ use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
 use wm_render::simd::SimdChoice;
-use wm_render::{Background, CpuConfig, CpuRenderer, Renderer, SetId, SkyGradient};
+use wm_render::{AnyRenderer, Background, CpuConfig, Device, Renderer, SetId, SkyGradient};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::survey::{Source, Survey, known_distance, label_sky};
 use wm_scene::{Metadata, Scene, capture, splats::Faults};
@@ -48,8 +48,11 @@ pub struct FactArgs {
 }
 
 /// How to run.
-#[derive(Args, Clone, Copy, Debug, Default)]
+#[derive(Args, Clone, Debug, Default)]
 pub struct RunArgs {
+    /// Where to render: auto (a GPU where there is one), cpu, gpu, or gpu: and a part of its name
+    #[arg(long, value_name = "DEVICE", default_value = "auto", help_heading = "Run")]
+    pub device: Device,
     /// Threads [default: one a core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Run")]
     pub threads: Option<u16>,
@@ -60,9 +63,12 @@ pub struct RunArgs {
 
 impl RunArgs {
     /// Starts the renderer.
-    pub fn renderer(&self) -> Result<CpuRenderer> {
+    pub fn renderer(&self) -> Result<AnyRenderer> {
         let threads = self.threads.map(usize::from);
-        Ok(CpuRenderer::new(CpuConfig { threads, simd: self.simd })?)
+        let config = CpuConfig { threads, simd: self.simd };
+        Ok(AnyRenderer::new(&self.device, config, |error| {
+            eprintln!("warning: {error}; the CPU renders instead");
+        })?)
     }
 }
 
@@ -90,7 +96,7 @@ pub struct Loaded {
     /// What is known of the place.
     pub survey: Survey,
     /// Where the splats are loaded.
-    pub renderer: CpuRenderer,
+    pub renderer: AnyRenderer,
     /// As what.
     pub set: SetId,
 }
@@ -100,22 +106,25 @@ impl Loaded {
     pub fn new(args: &SceneArgs, run: &RunArgs, views: Option<&PathBuf>) -> Result<Self> {
         // What is small and may be wrong comes before what is large.
         let given = args.facts.metadata()?;
-        run.renderer()?;
+        let renderer = run.renderer()?;
         let views = views.map(|folder| capture::read_views(folder)).transpose()?;
         let mut scene = read_scene(&args.scene, &ReadOptions::default())?;
         scene.views = views.unwrap_or(scene.views);
         check(&mut scene, args)?;
-        Self::of(scene, &given, run)
+        Self::with(scene, &given, renderer)
     }
 
     /// The same for a scene that is in memory and sound.
-    pub fn of(mut scene: Scene, given: &Metadata, run: &RunArgs) -> Result<Self> {
+    pub fn of(scene: Scene, given: &Metadata, run: &RunArgs) -> Result<Self> {
+        Self::with(scene, given, run.renderer()?)
+    }
+
+    fn with(mut scene: Scene, given: &Metadata, mut renderer: AnyRenderer) -> Result<Self> {
         label_sky(&mut scene.splats);
         let survey = Survey::of(&scene, given);
         if let Some(warning) = survey.warning() {
             eprintln!("warning: {warning}");
         }
-        let mut renderer = run.renderer()?;
         let set = renderer.load(&scene.splats)?;
         Ok(Self { scene, survey, renderer, set })
     }

@@ -8,7 +8,7 @@ use glam::DVec3;
 use std::time::Instant;
 use wm_render::hooks::{Hooks, Slot, Visibility};
 use wm_render::{
-    Background, CpuRenderer, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId,
+    AnyRenderer, Background, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId,
     SetView, Stats,
 };
 use wm_scene::{Camera, Group};
@@ -281,7 +281,7 @@ impl Studio {
         weather: &Weather,
         time: f64,
         moving: Moving,
-        work: impl FnOnce(&mut CpuRenderer, &Job<'_>) -> Result<R>,
+        work: impl FnOnce(&mut AnyRenderer, &Job<'_>) -> Result<R>,
     ) -> Result<R> {
         self.with_sky(&weather.at(time).over(&self.site), moving, work)
     }
@@ -290,7 +290,7 @@ impl Studio {
         &mut self,
         sky: &Sky,
         Moving { camera, velocity }: Moving,
-        work: impl FnOnce(&mut CpuRenderer, &Job<'_>) -> Result<R>,
+        work: impl FnOnce(&mut AnyRenderer, &Job<'_>) -> Result<R>,
     ) -> Result<R> {
         self.prepare(sky);
         self.lay(sky)?;
@@ -330,7 +330,7 @@ impl Studio {
             ("time".into(), format!("{time} s")),
             ("camera".into(), spec::text_of(camera)),
             // Without the number of threads: no byte of a picture depends on it, and none of its words may.
-            ("renderer".into(), format!("cpu, {}", self.loaded.renderer.path())),
+            ("renderer".into(), self.loaded.renderer.arithmetic()),
             ("metres_per_unit".into(), self.site.metres_per_unit.to_string()),
         ]
     }
@@ -339,7 +339,7 @@ impl Studio {
 /// A renderer with a scene in it.
 pub struct Stand<'a> {
     /// The renderer.
-    pub renderer: &'a mut CpuRenderer,
+    pub renderer: &'a mut AnyRenderer,
     /// The scene, and what lies on it.
     pub sets: Vec<SetView<'a>>,
 }

@@ -3,6 +3,7 @@
 mod bake;
 mod bench;
 mod demo;
+mod devices;
 mod evaluate;
 mod inspect;
 mod priors;
@@ -40,6 +41,8 @@ enum Verb {
     Inspect(inspect::InspectArgs),
     /// Measure rendering speed
     Bench(bench::BenchArgs),
+    /// List the processor and the GPUs, and say what would render
+    Devices(devices::DevicesArgs),
     /// Show what it can do on the built-in street: no input, no download
     Demo(demo::DemoArgs),
 }
@@ -56,6 +59,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Sky(args) => sky::run(&args),
         Verb::Inspect(args) => inspect::run(&args),
         Verb::Bench(args) => bench::run(&args),
+        Verb::Devices(args) => devices::run(&args),
         Verb::Demo(args) => demo::run(&args),
     }
 }

@@ -13,6 +13,7 @@
 //! called from many threads in any order.
 
 use crate::simd::SimdPath;
+use std::borrow::Cow;
 use wm_scene::Camera;
 
 /// The slots, in the order in which their effects act.
@@ -149,6 +150,29 @@ pub trait Medium: Sync {
 
     /// The same for one ray in f64: the referee.
     fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3];
+
+    /// The same as WGSL, seen from `origin`; `None` where there is no such form, and the GPU back end refuses.
+    fn twin(&self, origin: [f32; 3]) -> Option<Twin> {
+        let _ = origin;
+        None
+    }
+
+    /// What to call it in messages.
+    fn name(&self) -> &'static str {
+        "this air"
+    }
+}
+
+/// The body of a hook for the GPU back end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Twin {
+    /// Its WGSL. Of a [`Medium`]: a function
+    /// `seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32>` that does what
+    /// [`Medium::shade`] does to one splat; what is at infinity has the distance `FAR_AWAY`. `srgb_decode` and
+    /// `srgb_encode` are there, and the parameters as `air: array<f32>`.
+    pub wgsl: Cow<'static, str>,
+    /// What changes from frame to frame.
+    pub parameters: Vec<f32>,
 }
 
 /// How much of a splat is there, 0-1, as a factor on its opacity: growing snow costs no rebuild.

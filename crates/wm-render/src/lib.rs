@@ -4,8 +4,11 @@
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
 pub mod cpu;
+pub mod device;
 pub mod differentiable;
 pub mod frame;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod hooks;
 pub mod passes;
 pub mod reference;
@@ -17,8 +20,11 @@ pub mod stages;
 pub mod testing;
 
 pub use cpu::{CpuRenderer, Differentiable};
+pub use device::{AnyRenderer, Device};
 pub use differentiable::{Channels, DepthAlpha, Drawn, ForwardConfig, Gradients, Learn, Opacity, Upstream};
 pub use frame::{Encoding, Frame};
+#[cfg(feature = "gpu")]
+pub use gpu::{Choice, Gpu, GpuConfig, GpuRenderer};
 pub use renderer::{
     Background, CpuConfig, Geometry, Job, MedianDepth, Outputs, ParticlePass, RenderConfig, RenderError,
     Renderer, SetId, SetView, SkyGradient, Stats,

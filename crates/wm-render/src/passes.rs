@@ -19,7 +19,7 @@
 
 use crate::dispatch;
 use crate::frame::{Frame, srgb_decode};
-use crate::hooks::{Backdrop, GROUP, Hooks, Medium, ShadeGroup, SkySplats};
+use crate::hooks::{Backdrop, GROUP, Hooks, Medium, ShadeGroup, SkySplats, Twin};
 use crate::renderer::{Job, Outputs, RenderConfig, RenderError, Renderer, Stats};
 use crate::simd::{self, Lanes, SimdPath};
 use fearless_simd::SimdBase;
@@ -140,6 +140,24 @@ impl Medium for Transmitting<'_> {
     fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, _: [f64; 3]) -> [f64; 3] {
         let [white, black] = [1.0, 0.0].map(|v| self.0.reference(origin, direction, distance, [v; 3]));
         std::array::from_fn(|k| srgb_decode(white[k]) - srgb_decode(black[k]))
+    }
+
+    fn twin(&self, origin: [f32; 3]) -> Option<Twin> {
+        let Twin { wgsl, parameters } = self.0.twin(origin)?;
+        // The air's own function under another name.
+        let wgsl = wgsl.replace("fn seen_through(", "fn seen_through_air(")
+            + "
+fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> {
+    let white = srgb_decode(seen_through_air(direction, distance, vec3<f32>(1.0)));
+    let black = srgb_decode(seen_through_air(direction, distance, vec3<f32>(0.0)));
+    return max(white - black, vec3<f32>(0.0));
+}
+";
+        Some(Twin { wgsl: wgsl.into(), parameters })
+    }
+
+    fn name(&self) -> &'static str {
+        self.0.name()
     }
 }
 

@@ -87,7 +87,7 @@ pub struct Outputs {
 }
 
 /// Geometry that is blended like the colour.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Geometry {
     /// Colour and alpha alone.
     #[default]
@@ -99,7 +99,7 @@ pub enum Geometry {
 }
 
 /// Whether the median depth is rendered; it costs two more operations a pixel and splat.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum MedianDepth {
     /// Not rendered.
     #[default]
@@ -323,6 +323,14 @@ pub enum RenderError {
         /// The system's words.
         reason: String,
     },
+    /// A GPU was asked for and cannot be.
+    #[cfg(not(feature = "gpu"))]
+    #[error("this program was built without the feature `gpu`: use --device cpu")]
+    NoGpu,
+    /// The GPU cannot be used, or failed.
+    #[cfg(feature = "gpu")]
+    #[error(transparent)]
+    Gpu(#[from] crate::gpu::GpuError),
 }
 
 /// Most splats in one frame: what a key of the tile lists can name.

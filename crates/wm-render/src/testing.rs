@@ -2,6 +2,11 @@
 
 use crate::differentiable::{Channels, ForwardConfig, Gradients, Learn, Upstream};
 use crate::frame::Frame;
+#[cfg(feature = "gpu")]
+use crate::gpu::{Choice, Gpu, GpuConfig, GpuError, GpuRenderer, source::Program};
+#[cfg(feature = "gpu")]
+use crate::hooks::Twin;
+use crate::hooks::{Medium, ShadeGroup};
 use crate::reference::ReferenceFrame;
 use crate::reference_backward::{self, Parameters, ReferenceGradients};
 use crate::renderer::{CpuConfig, Renderer};
@@ -10,6 +15,8 @@ use crate::stages::intersect::TILE;
 use crate::stages::project::{Record, SQRT_HALF_LOG2E};
 use crate::{CpuRenderer, Differentiable, Geometry, MedianDepth, Outputs, ParticlePass};
 use glam::DVec3;
+#[cfg(feature = "gpu")]
+use std::sync::{Arc, OnceLock};
 use wm_scene::{Camera, Group, Splats, splats::logit};
 
 /// A back end under test.
@@ -17,6 +24,8 @@ use wm_scene::{Camera, Group, Splats, splats::logit};
 pub enum Backend {
     /// The CPU on one SIMD path.
     Cpu(SimdPath),
+    /// A GPU: a real one, or one in software where there is no other.
+    Gpu,
 }
 
 impl Backend {
@@ -36,6 +45,48 @@ impl Backend {
         path.map(Self::Cpu)
     }
 
+    /// The GPU, or `None` with a word on stderr where there is none. With `WM_REQUIRE_GPU=1` in the environment,
+    /// lacking it fails the test instead.
+    ///
+    /// # Panics
+    /// As said.
+    #[must_use]
+    pub fn gpu() -> Option<Self> {
+        let missing = missing_gpu();
+        if let Some(reason) = &missing {
+            let required = std::env::var("WM_REQUIRE_GPU").is_ok_and(|v| v == "1");
+            assert!(!required, "{reason}, and WM_REQUIRE_GPU=1");
+            eprintln!("skipped: {reason}");
+        }
+        missing.is_none().then_some(Self::Gpu)
+    }
+
+    /// The SIMD path, of checks that are of the CPU alone.
+    ///
+    /// # Panics
+    /// If this is the GPU.
+    #[must_use]
+    pub fn path(self) -> SimdPath {
+        match self {
+            Self::Cpu(path) => path,
+            Self::Gpu => panic!("this check is of the CPU alone: list it under `cpu_parity!`"),
+        }
+    }
+
+    /// [`Medium::shade`] on this back end.
+    ///
+    /// # Panics
+    /// If the GPU has no form of it.
+    pub fn shade(self, medium: &dyn Medium, origin: [f32; 3], groups: &mut [ShadeGroup]) {
+        match self {
+            Self::Cpu(path) => medium.shade(path, origin, groups),
+            #[cfg(feature = "gpu")]
+            Self::Gpu => gpu_renderer().shade(medium, origin, groups).expect("a form for the GPU"),
+            #[cfg(not(feature = "gpu"))]
+            Self::Gpu => panic!("built without the GPU back end"),
+        }
+    }
+
     /// A renderer on this back end.
     ///
     /// # Panics
@@ -47,11 +98,58 @@ impl Backend {
                 let config = CpuConfig { threads: Some(2), simd: path.choice() };
                 Box::new(CpuRenderer::new(config).expect("threads start"))
             }
+            #[cfg(feature = "gpu")]
+            Self::Gpu => Box::new(gpu_renderer()),
+            #[cfg(not(feature = "gpu"))]
+            Self::Gpu => panic!("built without the GPU back end"),
         }
     }
 }
 
-/// Makes one test a back end of a check that takes a [`testing::Backend`](crate::testing::Backend).
+/// The GPU of all tests of a program, started once: any that there is.
+#[cfg(feature = "gpu")]
+fn shared_gpu() -> &'static Result<Arc<Gpu>, GpuError> {
+    static SHARED: OnceLock<Result<Arc<Gpu>, GpuError>> = OnceLock::new();
+    SHARED.get_or_init(|| Gpu::open(&GpuConfig { choice: Choice::Any, most_binding: None }))
+}
+
+/// A renderer on it.
+///
+/// # Panics
+/// If there is none; see [`Backend::gpu`].
+#[cfg(feature = "gpu")]
+#[must_use]
+pub fn gpu_renderer() -> GpuRenderer {
+    let gpu = shared_gpu().clone().expect("a GPU");
+    GpuRenderer::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).expect("threads start")
+}
+
+/// Whether an air's WGSL is valid where the renderer puts it; needs no GPU.
+///
+/// # Errors
+/// What is wrong, with the place.
+#[cfg(feature = "gpu")]
+pub fn check_air(twin: &Twin) -> Result<(), String> {
+    use wgpu::naga::{front::wgsl, valid};
+    for program in [Program::Project(Some(twin.wgsl.clone())), Program::Air(twin.wgsl.clone())] {
+        let text = program.text();
+        let module = wgsl::parse_str(&text).map_err(|error| error.emit_to_string(&text))?;
+        let mut validator =
+            valid::Validator::new(valid::ValidationFlags::all(), valid::Capabilities::empty());
+        validator.validate(&module).map_err(|error| error.emit_to_string(&text))?;
+    }
+    Ok(())
+}
+
+fn missing_gpu() -> Option<String> {
+    #[cfg(feature = "gpu")]
+    return shared_gpu().as_ref().err().map(ToString::to_string);
+    #[cfg(not(feature = "gpu"))]
+    return Some("built without the GPU back end".to_owned());
+}
+
+/// Makes one test a back end of a check that takes a [`testing::Backend`](crate::testing::Backend): every SIMD path, and
+/// the GPU.
 #[macro_export]
 macro_rules! parity {
     ($($name:ident => $check:expr;)*) => {$(
@@ -59,30 +157,57 @@ macro_rules! parity {
             #[allow(unused_imports)]
             use super::*;
 
-            #[test]
-            fn portable() {
-                $crate::testing::Backend::of($crate::simd::SimdChoice::Portable).map($check);
-            }
+            $crate::tests_of_paths!($check);
 
-            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
             #[test]
-            fn avx2() {
-                $crate::testing::Backend::of($crate::simd::SimdChoice::Avx2).map($check);
-            }
-
-            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-            #[test]
-            fn avx512() {
-                $crate::testing::Backend::of($crate::simd::SimdChoice::Avx512).map($check);
-            }
-
-            #[cfg(target_arch = "aarch64")]
-            #[test]
-            fn neon() {
-                $crate::testing::Backend::of($crate::simd::SimdChoice::Neon).map($check);
+            fn gpu() {
+                $crate::testing::Backend::gpu().map($check);
             }
         }
     )*};
+}
+
+/// The same of what is of the CPU alone: every SIMD path.
+#[macro_export]
+macro_rules! cpu_parity {
+    ($($name:ident => $check:expr;)*) => {$(
+        mod $name {
+            #[allow(unused_imports)]
+            use super::*;
+
+            $crate::tests_of_paths!($check);
+        }
+    )*};
+}
+
+/// A test a SIMD path.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! tests_of_paths {
+    ($check:expr) => {
+        #[test]
+        fn portable() {
+            $crate::testing::Backend::of($crate::simd::SimdChoice::Portable).map($check);
+        }
+
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        #[test]
+        fn avx2() {
+            $crate::testing::Backend::of($crate::simd::SimdChoice::Avx2).map($check);
+        }
+
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        #[test]
+        fn avx512() {
+            $crate::testing::Backend::of($crate::simd::SimdChoice::Avx512).map($check);
+        }
+
+        #[cfg(target_arch = "aarch64")]
+        #[test]
+        fn neon() {
+            $crate::testing::Backend::of($crate::simd::SimdChoice::Neon).map($check);
+        }
+    };
 }
 
 pub use wm_scene::synthetic::uniform;
@@ -365,7 +490,7 @@ pub fn gradients_of(
     config: &ForwardConfig,
     seed: u64,
 ) -> (Gradients, ReferenceGradients) {
-    let Backend::Cpu(path) = backend;
+    let path = backend.path();
     let parameters = Parameters::of(splats);
     let decisions = reference_backward::decide(&parameters, camera, config);
     let pixels = decisions.steady.len();

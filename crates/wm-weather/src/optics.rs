@@ -17,11 +17,14 @@
 //! optical depth: exact where the layers have one profile, and close to it otherwise.
 
 use crate::particles::Residual;
+use crate::particles::residual::{FARTHEST_NODE, NEAREST_NODE, NODES};
 use fearless_simd::{Select, SimdBase, SimdFloat};
+use std::borrow::Cow;
 use std::f32::consts::LOG2_E;
+use std::sync::LazyLock;
 use wm_render::dispatch;
 use wm_render::frame::{srgb_decode, srgb_encode};
-use wm_render::hooks::{GROUP, Medium, ShadeGroup};
+use wm_render::hooks::{GROUP, Medium, ShadeGroup, Twin};
 use wm_render::simd::{self, Lanes, SimdPath, exp2};
 
 /// `-ln(0.05)`: optical depth of the meteorological optical range.
@@ -272,6 +275,33 @@ impl Medium for Atmosphere {
             return None;
         }
         Some(self.reference([0.0; 3], self.site.up, f64::INFINITY, [0.0; 3]).map(|v| v as f32))
+    }
+
+    fn twin(&self, origin: [f32; 3]) -> Option<Twin> {
+        static WGSL: LazyLock<String> = LazyLock::new(|| {
+            let mut constants = format!("const NODES: u32 = {NODES}u;\n");
+            for (name, metres) in [
+                ("TABLE_NEAR", f64::from(NEAREST_NODE)),
+                ("TABLE_FAR", f64::from(FARTHEST_NODE)),
+                ("FAR_METRES", FAR),
+                ("LONGEST_METRES", LONGEST),
+            ] {
+                constants += &format!("const {name}: f32 = {metres:e};\n");
+            }
+            constants + include_str!("optics.wgsl")
+        });
+        let view = self.seen_from(origin);
+        let mut parameters = vec![view.layers.len() as f32, self.drawn.len() as f32];
+        parameters.push(self.site.metres_per_unit as f32);
+        parameters.extend(view.up);
+        for Seen { sigma_t, airlight, density, per_height } in &view.layers {
+            parameters.extend(sigma_t.iter().chain(airlight).chain([density, per_height]));
+        }
+        for drawn in &self.drawn {
+            parameters.extend(drawn.airlight().map(|v| v as f32));
+            parameters.extend(drawn.table().as_flattened());
+        }
+        Some(Twin { wgsl: Cow::Borrowed(&WGSL), parameters })
     }
 
     fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {

@@ -22,7 +22,7 @@ use report::{PathSpeed, SceneReport, Threads};
 use std::path::{Path, PathBuf};
 use wm_render::simd::SimdPath;
 use wm_render::testing::{shell_camera, shell_splats};
-use wm_render::{CpuConfig, CpuRenderer, RenderConfig, Renderer, SetId, SetView};
+use wm_render::{AnyRenderer, Device, RenderConfig, Renderer, SetId, SetView};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::{Camera, Group, Metadata, Scene};
 use wm_weather::cover::{Airflow, Asked, Buried};
@@ -137,7 +137,7 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
 
 /// A scene with what lies on it, in a renderer of its own.
 struct Snowy {
-    renderer: CpuRenderer,
+    renderer: AnyRenderer,
     /// The scene, and what lies.
     sets: [SetId; 2],
     buried: Buried,
@@ -188,12 +188,14 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
         cases.iter().map(|case| (usize::from(!case.cover().is_empty()), case)).collect();
     let measured = turns(&mut stands, &camera, &plan, rounds, &bar)?;
     bar.finish_and_clear();
-    if args.cases.is_some() && !interrupt::asked() {
+    // Threads and SIMD paths are the CPU's.
+    if (args.cases.is_some() || loaded.renderer.is_gpu()) && !interrupt::asked() {
         return Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), None, Vec::new(), memory));
     }
 
     // One thread against all, in the same rounds.
-    let mut single = CpuRenderer::new(CpuConfig { threads: Some(1), simd: args.run.simd })?;
+    let one = RunArgs { device: Device::Cpu, threads: Some(1), simd: args.run.simd };
+    let mut single = one.renderer()?;
     let set = single.load(&loaded.scene.splats)?;
     let threads = loaded.renderer.threads();
     let mut stands = [
@@ -208,7 +210,7 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     // Every SIMD path on one thread; the slow ones in fewer rounds.
     let mut paths = Vec::new();
     for path in SimdPath::available() {
-        let mut renderer = CpuRenderer::new(CpuConfig { threads: Some(1), simd: path.choice() })?;
+        let mut renderer = RunArgs { simd: path.choice(), ..one.clone() }.renderer()?;
         let set = renderer.load(&loaded.scene.splats)?;
         let bar = progress::bar(u64::from(rounds.min(8)), "paths");
         let mut stands = [Stand { renderer: &mut renderer, sets: vec![SetView::plain(set)] }];

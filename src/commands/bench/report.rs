@@ -195,7 +195,7 @@ impl SceneReport {
 /// Prints a table a scene, and how time grows from the first scene to each of the others.
 pub fn print(reports: &[SceneReport]) {
     println!("Wall and CPU times are medians, ratios (to rgb) are of CPU time, round by round.");
-    println!("Times of the stages are summed over the threads.");
+    println!("Times of the stages are summed over the threads; on a GPU they are by its own clock.");
     for report in reports {
         println!();
         report.print();

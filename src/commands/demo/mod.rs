@@ -184,7 +184,7 @@ fn take_photos(args: &DemoArgs, folder: &Path) -> Result<()> {
     let size = args.size.unwrap_or((600, 400));
     let session = Session { route: args.route, count: args.count, size, truth: args.truth };
     let started = Instant::now();
-    session.shoot(folder, args.run)?;
+    session.shoot(folder, &args.run)?;
     let seconds = started.elapsed().as_secs_f64();
     println!("{}: {} photos, {}x{}, in {seconds:.0} s", folder.display(), args.count, size.0, size.1);
     println!("go on with it, for example:");
@@ -196,10 +196,10 @@ fn take_photos(args: &DemoArgs, folder: &Path) -> Result<()> {
 fn reconstructed(args: &DemoArgs, path: &Path) -> Result<Scene> {
     let (folder, session) = (args.out.join("photos"), args.session());
     let started = Instant::now();
-    session.shoot(&folder, args.run)?;
+    session.shoot(&folder, &args.run)?;
     let (seconds, (width, height)) = (started.elapsed().as_secs_f64(), session.size);
     println!("{}: {} photos, {width}x{height}, in {seconds:.0} s", folder.display(), session.count);
-    photos::reconstruct(&folder, path, args.steps, args.run)?;
+    photos::reconstruct(&folder, path, args.steps, &args.run)?;
     Ok(read_scene(path, &ReadOptions::default())?)
 }
 

@@ -7,6 +7,7 @@ use crate::scene::RunArgs;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, ValueEnum};
 use std::path::Path;
+use wm_render::Device;
 use wm_scene::Place;
 use wm_train::builtin::{self, BuiltinOptions};
 
@@ -64,7 +65,7 @@ impl Session {
     ///
     /// # Errors
     /// The folder cannot be written, or Ctrl-C was pressed.
-    pub fn shoot(&self, folder: &Path, run: RunArgs) -> Result<()> {
+    pub fn shoot(&self, folder: &Path, run: &RunArgs) -> Result<()> {
         clear(folder)?;
         let spinner = progress::spinner("building the street");
         let place = Place::street();
@@ -117,7 +118,7 @@ struct Words {
 ///
 /// # Errors
 /// Those of the command.
-pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: RunArgs) -> Result<()> {
+pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: &RunArgs) -> Result<()> {
     let run_folder = scene.with_extension("run");
     // The demo begins anew each time; what is left of one that was broken off is in nobody's way.
     let left = run_folder.join(reconstruct::CHECKPOINT);
@@ -129,7 +130,8 @@ pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: RunArgs) -> Res
     words.extend(TRAINING.map(Into::into));
     words.extend(["--steps".into(), steps.to_string().into()]);
     let Words { mut args } = Words::try_parse_from(words).context("the demo's own options")?;
-    args.run = run;
+    // The device is for what is rendered afterwards.
+    args.run = RunArgs { device: Device::Auto, ..run.clone() };
     reconstruct::run(&args)
 }
 

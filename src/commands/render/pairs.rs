@@ -349,6 +349,7 @@ fn manifest(studio: &Studio, shots: &[Shot], args: &RenderArgs, weather: &Weathe
         "time": args.output.time,
         "camera_speed": args.camera.camera_speed.unwrap_or(0.0),
         "simd": studio.loaded.renderer.path().to_string(),
+        "device": studio.loaded.renderer.arithmetic(),
         "config": format!("{:?}", studio.config),
         "dither": format!("{:?}", args.output.dither),
         "units": {

@@ -146,5 +146,6 @@ fn manifest(take: &Take, args: &RenderArgs) -> Result<Value> {
         "layers": args.output.layers,
         "dither": format!("{:?}", args.output.dither),
         "simd": take.studio.loaded.renderer.path().to_string(),
+        "device": take.studio.loaded.renderer.arithmetic(),
     }))
 }

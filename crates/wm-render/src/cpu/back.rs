@@ -22,8 +22,8 @@ pub const RUN: usize = 4;
 /// What is blended beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Features {
-    geometry: Geometry,
-    median: MedianDepth,
+    pub geometry: Geometry,
+    pub median: MedianDepth,
 }
 
 impl Features {

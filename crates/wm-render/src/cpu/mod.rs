@@ -20,7 +20,8 @@ use crate::stages::composite::{background::BackgroundView, cpu::Composite};
 use crate::stages::intersect::{TileGrid, cpu as intersect};
 use crate::stages::particles::cpu::Falling;
 use crate::stages::project::{ProjectCamera, Record};
-use back::{Back, Features, Worker};
+use back::{Back, Worker};
+pub(crate) use back::{Features, arrays};
 use front::{Front, Part, Unit};
 use model::CpuModel;
 use rayon::prelude::*;
@@ -43,7 +44,7 @@ pub struct CpuRenderer {
 }
 
 /// The SIMD path and the threads of `config`.
-fn start(config: CpuConfig) -> Result<(SimdPath, Arc<rayon::ThreadPool>), RenderError> {
+pub(crate) fn start(config: CpuConfig) -> Result<(SimdPath, Arc<rayon::ThreadPool>), RenderError> {
     let path = SimdPath::select(config.simd).ok_or(RenderError::NoSimd(config.simd.name()))?;
     let threads = config.threads.unwrap_or(0);
     let pool = rayon::ThreadPoolBuilder::new()
@@ -96,7 +97,7 @@ impl CpuRenderer {
         let started = Instant::now();
         job.camera.check()?;
         let features = Features::of(job);
-        frame.prepare((job.camera.width, job.camera.height), back::arrays(job))?;
+        frame.prepare((job.camera.width, job.camera.height), arrays(job))?;
 
         let mut sets = Vec::with_capacity(job.sets.len());
         for view in job.sets {

@@ -1,6 +1,6 @@
 use super::*;
 use crate::frame::srgb_encode;
-use crate::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles, PixelBatch, PixelEffect};
+use crate::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles, PixelBatch, PixelEffect, Twin};
 use crate::renderer::{Background, CpuConfig, ParticlePass, SetView, SkyGradient};
 use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats};
 use crate::{CpuRenderer, reference};
@@ -36,6 +36,18 @@ impl Medium for Air {
         std::array::from_fn(|k| {
             let kept = (-self.sigma[k] * distance).exp();
             srgb_encode(srgb_decode(rgb[k]) * kept + self.light[k] * (1.0 - kept))
+        })
+    }
+
+    fn twin(&self, _: [f32; 3]) -> Option<Twin> {
+        let wgsl = "fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> {
+            let kept = exp(-vec3<f32>(air[0], air[1], air[2]) * min(distance, 1e6));
+            let light = vec3<f32>(air[3], air[4], air[5]);
+            return srgb_encode(srgb_decode(rgb) * kept + light * (1.0 - kept));
+        }";
+        Some(Twin {
+            wgsl: wgsl.into(),
+            parameters: self.sigma.iter().chain(&self.light).map(|v| *v as f32).collect(),
         })
     }
 }

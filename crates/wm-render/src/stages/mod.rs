@@ -26,6 +26,8 @@ pub mod project;
 pub mod project_backward;
 pub mod rasterize;
 pub mod rasterize_backward;
+#[cfg(feature = "gpu")]
+pub mod scan;
 pub mod shade;
 pub mod shade_backward;
 pub mod sort;

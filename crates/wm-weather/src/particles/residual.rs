@@ -11,9 +11,13 @@ pub const FADE: [f64; 2] = [0.85, 1.15];
 /// Nearest that anything is drawn, m.
 pub const NEAREST: f64 = 0.1;
 /// Nodes of the table, 8 equal steps for a factor of 2, from `2^FIRST` m to `2^LAST`.
-const NODES: usize = 8 * (LAST - FIRST) as usize;
+pub const NODES: usize = 8 * (LAST - FIRST) as usize;
 const FIRST: i32 = -3;
 const LAST: i32 = 17;
+/// The first node, m.
+pub const NEAREST_NODE: f32 = 0.125;
+/// Just before the last one, m: beyond it nothing more is drawn.
+pub const FARTHEST_NODE: f32 = 131_072.0 * (1.0 - f32::EPSILON);
 
 /// How much of a class is drawn at `distance`, in units of its own.
 #[must_use]
@@ -69,16 +73,20 @@ impl Residual {
         self.airlight
     }
 
+    /// Mean extinction up to each node, 1/m, and how much more it is at the next.
+    #[must_use]
+    pub fn table(&self) -> &[[f32; 2]; NODES] {
+        &self.table
+    }
+
     /// [`Self::depth`] from the table, within 1 % of it.
     #[inline(always)]
     pub fn tabled<S: Lanes>(&self, simd: S, metres: S::F) -> S::F {
         /// Bits of 1.
         const ONE: u32 = 0x3f80_0000;
-        // Beyond the last node nothing more is drawn.
-        let (nearest, farthest) = (2f32.powi(FIRST), 2f32.powi(LAST) * (1.0 - f32::EPSILON));
-        let metres = metres.min(simd.set(farthest));
+        let metres = metres.min(simd.set(FARTHEST_NODE));
         // A float's exponent and its next three bits are the number of its node.
-        let bits = metres.max(simd.set(nearest)).to_bits();
+        let bits = metres.max(simd.set(NEAREST_NODE)).to_bits();
         let share = S::F::from_bits((bits & S::U::splat(simd, 0xf_ffff)) << 3 | S::U::splat(simd, ONE)) - 1.0;
         let nodes = (bits >> 20) - S::U::splat(simd, (ONE >> 20).wrapping_add_signed(8 * FIRST));
         let (mut mean, mut more) = ([0.0; 16], [0.0; 16]);
@@ -121,5 +129,7 @@ mod tests {
         }
         assert_eq!(tabled(1e7), tabled(1e6));
         assert_eq!(tabled(0.0), 0.0);
+        assert_eq!(NEAREST_NODE, 2f32.powi(FIRST));
+        assert_eq!(FARTHEST_NODE, 2f32.powi(LAST) * (1.0 - f32::EPSILON));
     }
 }

@@ -70,6 +70,12 @@ impl<'a> BackgroundView<'a> {
         }
     }
 
+    /// The colour where it is the same everywhere.
+    #[must_use]
+    pub fn uniform(&self) -> Option<[f32; 3]> {
+        self.uniform
+    }
+
     /// Writes the background of the pixels of one patch, row by row, one array a channel.
     #[inline(always)]
     pub fn fill(

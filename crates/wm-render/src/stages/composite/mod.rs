@@ -10,5 +10,7 @@
 
 pub mod background;
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 #[cfg(test)]
 mod tests;

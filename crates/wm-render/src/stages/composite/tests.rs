@@ -1,7 +1,7 @@
 use super::background::{BackgroundScratch, BackgroundView};
 use crate::hooks::{
     Backdrop, Detail, GROUP, Hooks, Medium, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect, ShadeGroup,
-    SkySplats,
+    SkySplats, Twin,
 };
 use crate::reference;
 use crate::renderer::{Background, Job, RenderConfig, SetView, SkyGradient};
@@ -143,6 +143,13 @@ impl Medium for Half {
 
     fn reference(&self, _: [f64; 3], _: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
         rgb.map(|v| if distance.is_infinite() { 0.5 * v } else { v })
+    }
+
+    fn twin(&self, _: [f32; 3]) -> Option<Twin> {
+        let wgsl = "fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> {
+            return select(1.0, air[0], distance >= FAR_AWAY) * rgb;
+        }";
+        Some(Twin { wgsl: wgsl.into(), parameters: vec![0.5] })
     }
 }
 

@@ -14,6 +14,8 @@
 //! the patches keep the tests tight.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 #[cfg(test)]
 mod tests;
 

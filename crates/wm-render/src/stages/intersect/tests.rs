@@ -1,8 +1,15 @@
 use super::cpu::{Pairs, PatchBox, offsets};
-use super::{PATCHES, TILE, TileGrid, record_of};
+use super::{PATCHES, TileGrid, record_of};
 use crate::cpu::model::CpuModel;
 use crate::dispatch;
+#[cfg(feature = "gpu")]
+use crate::gpu::probe::Probe;
+#[cfg(feature = "gpu")]
+use crate::hooks::Hooks;
 use crate::hooks::{GROUP, PATCH, ShadeGroup};
+#[cfg(feature = "gpu")]
+use crate::renderer::{Job, RenderConfig, Renderer, SetView};
+use crate::simd::SimdPath;
 use crate::stages::project::cpu::{Projected, project_group};
 use crate::stages::project::{LOG2_MIN_ALPHA, ProjectCamera, Record};
 use crate::testing::{Backend, Hard, camera, random_splats};
@@ -10,6 +17,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use wm_scene::{Rasterization, Splats};
 
 const SIZE: (u32, u32) = (150, 90);
+/// Patches of the picture.
+const COLUMNS: usize = 10;
+const ROWS: usize = 6;
 
 crate::parity! {
     no_pixel_is_lost_and_no_patch_is_kept_in_vain => |backend| {
@@ -21,8 +31,7 @@ crate::parity! {
 }
 
 /// Records in view, with their boxes.
-fn project(backend: Backend, splats: &Splats) -> (Vec<Record>, Vec<PatchBox>) {
-    let Backend::Cpu(path) = backend;
+fn project(path: SimdPath, splats: &Splats) -> (Vec<Record>, Vec<PatchBox>) {
     let camera = ProjectCamera::new(&camera(SIZE.0, SIZE.1));
     let model = CpuModel::new(splats).unwrap();
     let (mut records, mut boxes) = (Vec::new(), Vec::new());
@@ -58,9 +67,19 @@ fn log2_alpha(r: &Record, x: f64, y: f64) -> f64 {
     f64::from(r.log2_opacity) - u * u - v * v
 }
 
-fn check(backend: Backend, splats: &Splats) {
-    let Backend::Cpu(path) = backend;
-    let (records, boxes) = project(backend, splats);
+/// Records in view, and whether each is listed for each patch of 16x16 px: `[records][rows][columns]`.
+fn lists(backend: Backend, splats: &Splats) -> (Vec<Record>, Vec<bool>) {
+    match backend {
+        Backend::Cpu(path) => lists_of_cpu(path, splats),
+        #[cfg(feature = "gpu")]
+        Backend::Gpu => lists_of_gpu(splats),
+        #[cfg(not(feature = "gpu"))]
+        Backend::Gpu => unreachable!("no test of the GPU runs"),
+    }
+}
+
+fn lists_of_cpu(path: SimdPath, splats: &Splats) -> (Vec<Record>, Vec<bool>) {
+    let (records, boxes) = project(path, splats);
     let grid = TileGrid::new(SIZE.0, SIZE.1);
     // In two parts, as threads do it.
     let mut parts = [Pairs::default(), Pairs::default()];
@@ -78,35 +97,65 @@ fn check(backend: Backend, splats: &Splats) {
         part.scatter(&lists);
     }
 
-    let mut listed = vec![0u32; records.len() * grid.tiles()];
+    let mut listed = vec![false; records.len() * COLUMNS * ROWS];
     for tile in 0..grid.tiles() {
+        let mut names = Vec::new();
         for key in &lists[bounds[tile] as usize..bounds[tile + 1] as usize] {
             let key = key.load(Ordering::Relaxed);
             let record = record_of(key);
             assert_eq!((key >> 32) as u32, records[record].depth.to_bits());
-            let slot = &mut listed[record * grid.tiles() + tile];
-            assert_eq!(*slot, 0, "record {record} is twice in tile {tile}");
-            *slot = (key & 15) as u32;
-            assert_ne!(*slot, 0);
+            assert_ne!(key & 15, 0);
+            names.push(record);
+            for patch in (0..PATCHES).filter(|patch| key >> patch & 1 == 1) {
+                let column = tile % grid.columns as usize * 2 + patch % 2;
+                let row = tile / grid.columns as usize * 2 + patch / 2;
+                if column < COLUMNS && row < ROWS {
+                    listed[(record * ROWS + row) * COLUMNS + column] = true;
+                }
+            }
         }
+        let all = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), all, "a record is twice in tile {tile}");
     }
+    (records, listed)
+}
+
+/// The GPU's tiles are patches, and their lists are sorted.
+#[cfg(feature = "gpu")]
+fn lists_of_gpu(splats: &Splats) -> (Vec<Record>, Vec<bool>) {
+    let mut renderer = crate::testing::gpu_renderer();
+    let set = renderer.load(splats).unwrap();
+    let (sets, camera, config) = ([SetView::plain(set)], camera(SIZE.0, SIZE.1), RenderConfig::default());
+    let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
+    let Probe { records, lists } = Probe::of(&mut renderer, &job);
+    assert_eq!(lists.len(), COLUMNS * ROWS);
+    let mut listed = vec![false; records.len() * lists.len()];
+    for (tile, list) in lists.iter().enumerate() {
+        let keys: Vec<(u32, u32)> =
+            list.iter().map(|name| (records[*name as usize].depth.to_bits(), *name)).collect();
+        assert!(keys.windows(2).all(|pair| pair[0] < pair[1]), "tile {tile} is not sorted");
+        list.iter().for_each(|name| listed[*name as usize * COLUMNS * ROWS + tile] = true);
+    }
+    (records, listed)
+}
+
+fn check(backend: Backend, splats: &Splats) {
+    let (records, listed) = lists(backend, splats);
     let cut = f64::from(LOG2_MIN_ALPHA);
-    for (i, (record, bounds)) in records.iter().zip(&boxes).enumerate() {
-        for tile in 0..grid.tiles() {
-            for patch in 0..PATCHES {
-                let left = tile % grid.columns as usize * TILE + patch % 2 * PATCH;
-                let top = tile / grid.columns as usize * TILE + patch / 2 * PATCH;
+    for (i, record) in records.iter().enumerate() {
+        for row in 0..ROWS {
+            for column in 0..COLUMNS {
+                let (left, top) = (column * PATCH, row * PATCH);
                 let inside = |x: usize, y: usize| x < SIZE.0 as usize && y < SIZE.1 as usize;
                 let best = (0..PATCH * PATCH)
                     .map(|p| (left + p % PATCH, top + p / PATCH))
                     .filter(|(x, y)| inside(*x, *y))
                     .map(|(x, y)| log2_alpha(record, x as f64 + 0.5, y as f64 + 0.5))
                     .fold(f64::NEG_INFINITY, f64::max);
-                let kept = listed[i * grid.tiles() + tile] >> patch & 1 == 1;
-                assert!(
-                    kept || best < cut,
-                    "record {i} {bounds:?} lost in tile {tile} patch {patch}: {best}"
-                );
+                let kept = listed[(i * ROWS + row) * COLUMNS + column];
+                assert!(kept || best < cut, "record {i} lost in patch {column}, {row}: {best}");
                 if kept && best < cut && inside(left + PATCH - 1, top + PATCH - 1) {
                     // Between the centres the rectangle may be touched, if by less than the slack.
                     let fine = (0..=120 * 120)
@@ -122,7 +171,7 @@ fn check(backend: Backend, splats: &Splats) {
                     let reach = (f64::from(record.log2_opacity) - cut).max(0.0).sqrt();
                     assert!(
                         fine > cut - 0.01 - 2.0 * step * (step + reach),
-                        "record {i} in vain in patch {patch}"
+                        "record {i} in vain in patch {column}, {row}"
                     );
                 }
             }

@@ -54,6 +54,13 @@ impl Drop {
         }
     }
 
+    /// Its numbers as `fall.wgsl` takes them.
+    fn words(&self) -> [f32; 16] {
+        let Self { mean2d: [x, y], extent: [width, height], ux, vx, vy, slope_y, slope_x, .. } = *self;
+        let Self { reach, peak, depth, rgb: [red, green, blue], .. } = *self;
+        [x, y, width, height, ux, vx, vy, slope_y, slope_x, reach, peak, depth, red, green, blue, 0.0]
+    }
+
     /// Those of a group that are in the picture.
     #[must_use]
     pub fn project(path: SimdPath, group: &ParticleGroup, view: &ParticleView) -> Vec<Self> {
@@ -287,6 +294,12 @@ impl Falling {
     #[must_use]
     pub fn len(&self) -> usize {
         self.count
+    }
+
+    /// The particles as the GPU takes them, sixteen numbers each.
+    #[must_use]
+    pub fn words(&self) -> Vec<f32> {
+        self.drops[..self.count].iter().flat_map(Drop::words).collect()
     }
 
     /// Gathers what `sources` let fall and finds the patches; returns the time of all threads, s.

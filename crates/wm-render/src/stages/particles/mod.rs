@@ -20,6 +20,8 @@
 //! test, which is free within 1e-5 of z.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 #[cfg(test)]
 mod tests;
 

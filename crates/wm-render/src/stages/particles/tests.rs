@@ -1,11 +1,11 @@
-//! Every SIMD path against the referee, and what must hold of cover whatever the path.
+//! Every back end against the referee, and what must hold of cover whatever the path.
 
 use super::cpu::Drop;
 use crate::hooks::{GROUP, Hooks, Particle, ParticleGroup, ParticleView, Particles};
 use crate::reference_particles::cover;
 use crate::renderer::{Background, CpuConfig, Geometry, Job, Outputs, RenderConfig, Renderer, SetView};
 use crate::simd::SimdPath;
-use crate::testing::random_splats;
+use crate::testing::{Backend, random_splats};
 use crate::{CpuRenderer, Frame};
 use glam::DVec3;
 use wm_scene::synthetic::uniform;
@@ -48,9 +48,11 @@ fn particles(count: u64) -> Vec<Particle> {
     (0..count).map(particle).collect()
 }
 
-fn render(splats: &Splats, list: &List, path: SimdPath, threads: usize) -> Frame {
-    let config = CpuConfig { simd: path.choice(), threads: Some(threads) };
-    let mut renderer = CpuRenderer::new(config).unwrap();
+fn on_cpu(path: SimdPath, threads: usize) -> CpuRenderer {
+    CpuRenderer::new(CpuConfig { simd: path.choice(), threads: Some(threads) }).unwrap()
+}
+
+fn render(splats: &Splats, list: &List, renderer: &mut dyn Renderer) -> Frame {
     let set = renderer.load(splats).unwrap();
     let sources: [&dyn Particles; 1] = [list];
     let config = RenderConfig {
@@ -65,32 +67,34 @@ fn render(splats: &Splats, list: &List, path: SimdPath, threads: usize) -> Frame
     frame
 }
 
-#[test]
-fn every_path_draws_what_the_referee_draws() {
+crate::parity! {
+    every_back_end_draws_what_the_referee_draws => drawn;
+}
+
+fn drawn(backend: Backend) {
     let splats = random_splats(60, 1, 9);
     let list = List(particles(300), 37);
-    for path in SimdPath::available() {
-        let (bare, frame) = (render(&splats, &List(Vec::new(), 1), path, 2), render(&splats, &list, path, 2));
-        let (mut drawn, mut most) = (0, 0.0f64);
-        for y in 0..frame.height {
-            for x in 0..frame.width {
-                let at = frame.index(x, y);
-                let alpha = f64::from(bare.alpha[at]);
-                let seen = cover(&list.0, &camera(), (x, y), (alpha, f64::from(bare.depth[at]) * alpha));
-                let behind = bare.rgb_at(x, y).map(f64::from);
-                let want = seen.over(behind);
-                drawn += u32::from(seen.tau > 0.01);
-                for k in 0..3 {
-                    // Light and tau both are off; the encoding is steepest, 12.92, at black.
-                    let tolerance = 1e-5 + 13.0 * 3.0 * seen.slack.min(1.0);
-                    let off = (f64::from(frame.rgb_at(x, y)[k]) - want[k]).abs();
-                    most = most.max(off);
-                    assert!(off < tolerance, "{path} ({x}, {y}): {off} beyond {tolerance}, {seen:?}");
-                }
+    let bare = render(&splats, &List(Vec::new(), 1), &mut *backend.renderer());
+    let frame = render(&splats, &list, &mut *backend.renderer());
+    let (mut drawn, mut most) = (0, 0.0f64);
+    for y in 0..frame.height {
+        for x in 0..frame.width {
+            let at = frame.index(x, y);
+            let alpha = f64::from(bare.alpha[at]);
+            let seen = cover(&list.0, &camera(), (x, y), (alpha, f64::from(bare.depth[at]) * alpha));
+            let behind = bare.rgb_at(x, y).map(f64::from);
+            let want = seen.over(behind);
+            drawn += u32::from(seen.tau > 0.01);
+            for k in 0..3 {
+                // Light and tau both are off; the encoding is steepest, 12.92, at black.
+                let tolerance = 1e-5 + 13.0 * 3.0 * seen.slack.min(1.0);
+                let off = (f64::from(frame.rgb_at(x, y)[k]) - want[k]).abs();
+                most = most.max(off);
+                assert!(off < tolerance, "{backend:?} ({x}, {y}): {off} beyond {tolerance}, {seen:?}");
             }
         }
-        assert!(drawn > 500 && most < 0.01, "{path}: {drawn} pixels, {most}");
     }
+    assert!(drawn > 500 && most < 0.01, "{backend:?}: {drawn} pixels, {most}");
 }
 
 #[test]
@@ -98,12 +102,23 @@ fn no_bit_depends_on_threads_parts_or_order() {
     let splats = random_splats(60, 1, 9);
     let path = SimdPath::available()[0];
     let all = particles(300);
-    let one = render(&splats, &List(all.clone(), 300), path, 1);
+    let one = render(&splats, &List(all.clone(), 300), &mut on_cpu(path, 1));
     let mut turned = all;
     turned.reverse();
     for (list, threads) in [(List(turned.clone(), 11), 3), (List(turned, 1), 2)] {
-        assert!(render(&splats, &list, path, threads).rgb == one.rgb);
+        assert!(render(&splats, &list, &mut on_cpu(path, threads)).rgb == one.rgb);
     }
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn no_bit_depends_on_the_order_on_the_gpu() {
+    let Some(gpu) = Backend::gpu() else { return };
+    let splats = random_splats(60, 1, 9);
+    let all = particles(300);
+    let one = render(&splats, &List(all.clone(), 300), &mut *gpu.renderer());
+    let turned = List(all.into_iter().rev().collect(), 7);
+    assert!(render(&splats, &turned, &mut *gpu.renderer()).rgb == one.rgb);
 }
 
 /// However small, fast or thin it is, what a particle covers in all is its area.

@@ -339,7 +339,7 @@ impl Record {
 
     /// A record from its numbers in order.
     #[inline(always)]
-    fn of(n: [f32; 16]) -> Self {
+    pub(crate) fn of(n: [f32; 16]) -> Self {
         Self {
             x: n[0],
             y: n[1],

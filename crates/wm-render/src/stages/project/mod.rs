@@ -28,6 +28,8 @@
 
 pub mod activate;
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 #[cfg(test)]
 mod tests;
 

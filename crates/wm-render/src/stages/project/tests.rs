@@ -1,9 +1,14 @@
 use super::cpu::{ClusterCull, Projected, project_group};
-use super::{ProjectCamera, SQRT_HALF_LOG2E, TEST_SLACK};
+use super::{ProjectCamera, Record, SQRT_HALF_LOG2E, TEST_SLACK};
 use crate::cpu::model::{CLUSTER, CpuModel};
 use crate::dispatch;
+#[cfg(feature = "gpu")]
+use crate::hooks::Hooks;
 use crate::hooks::{GROUP, ShadeGroup};
 use crate::reference;
+#[cfg(feature = "gpu")]
+use crate::renderer::{Job, RenderConfig, Renderer, SetView};
+use crate::simd::SimdPath;
 use crate::testing::{Backend, Hard, camera, random_splats, uniform};
 use glam::DVec3;
 use wm_scene::{Camera, Rasterization, Splats};
@@ -18,37 +23,79 @@ crate::parity! {
     };
 }
 
+/// What a back end says of a splat in view; boxes and rays are the CPU's alone.
+struct Seen {
+    record: Record,
+    /// Columns and rows of patches.
+    ends: Option<[[u32; 2]; 2]>,
+    /// Direction and length.
+    ray: Option<([f32; 3], f32)>,
+}
+
+/// Every splat, in the order of the model.
 fn run(
     backend: Backend,
+    splats: &Splats,
     model: &CpuModel,
     camera: &Camera,
     mode: Rasterization,
-) -> Vec<(Projected, ShadeGroup)> {
-    let Backend::Cpu(path) = backend;
+) -> Vec<Option<Seen>> {
+    match backend {
+        Backend::Cpu(path) => run_on_cpu(path, model, camera, mode),
+        #[cfg(feature = "gpu")]
+        Backend::Gpu => run_on_gpu(splats, model, camera, mode),
+        #[cfg(not(feature = "gpu"))]
+        Backend::Gpu => unreachable!("no test of the GPU runs {}", splats.len()),
+    }
+}
+
+fn run_on_cpu(path: SimdPath, model: &CpuModel, camera: &Camera, mode: Rasterization) -> Vec<Option<Seen>> {
     let project_camera = ProjectCamera::new(camera);
-    let group_of = |group| {
+    let mut all = Vec::new();
+    for group in &model.groups {
         let (mut out, mut shade) = (Projected::default(), ShadeGroup::default());
         dispatch!(path, s => project_group(s, group, &project_camera, mode, None, &mut out, &mut shade));
-        (out, shade)
-    };
-    model.groups.iter().map(group_of).collect()
+        let records = dispatch!(path, s => Record::transposed(s, &out, &shade, all.len() as u32));
+        all.extend((0..GROUP).map(|lane| {
+            let ends = [out.columns, out.rows].map(|ends| ends.map(|end| end[lane]));
+            let ray = (shade.direction.map(|axis| axis[lane]), shade.distance[lane]);
+            let seen = Seen { record: records[lane], ends: Some(ends), ray: Some(ray) };
+            (out.mask >> lane & 1 == 1).then_some(seen)
+        }));
+    }
+    all
+}
+
+#[cfg(feature = "gpu")]
+fn run_on_gpu(splats: &Splats, model: &CpuModel, camera: &Camera, mode: Rasterization) -> Vec<Option<Seen>> {
+    let mut renderer = crate::testing::gpu_renderer();
+    let set = renderer.load(splats).unwrap();
+    let config = RenderConfig { rasterization: mode, ..RenderConfig::default() };
+    let job = Job { sets: &[SetView::plain(set)], camera, config: &config, hooks: Hooks::default() };
+    let probe = crate::gpu::probe::Probe::of(&mut renderer, &job);
+    let mut all: Vec<Option<Seen>> = (0..model.source.len()).map(|_| None).collect();
+    assert!(probe.records.is_sorted_by_key(|record| record.index));
+    for record in probe.records {
+        all[record.index as usize] = Some(Seen { record, ends: None, ray: None });
+    }
+    all
 }
 
 fn check(backend: Backend, splats: &Splats, mode: Rasterization) {
     let camera = camera(640, 400);
     let model = CpuModel::new(splats).unwrap();
-    let groups = run(backend, &model, &camera, mode);
+    let all = run(backend, splats, &model, &camera, mode);
     let mut compared = 0;
     for i in 0..model.len {
-        let ((out, shade), lane) = (&groups[i / GROUP], i % GROUP);
+        let seen = &all[i];
         let want = reference::project(splats, model.source[i] as usize, &camera, mode, 1.0);
-        let seen = out.mask >> lane & 1 == 1;
         let Some(want) = want else {
             // Near plane and opacity cut: either is right within rounding.
-            let opacity = f64::from(out.log2_opacity[lane]).exp2() * 255.0;
-            let edge =
-                (opacity - 1.0).abs() < 1e-4 || (f64::from(out.depth[lane]) / camera.near - 1.0).abs() < 1e-4;
-            assert!(!seen || edge, "splat {i} is drawn and should not be");
+            let is_on_edge = |Seen { record, .. }: &Seen| {
+                let opacity = f64::from(record.log2_opacity).exp2() * 255.0;
+                (opacity - 1.0).abs() < 1e-4 || (f64::from(record.depth) / camera.near - 1.0).abs() < 1e-4
+            };
+            assert!(seen.as_ref().is_none_or(is_on_edge), "splat {i} is drawn and should not be");
             continue;
         };
         let [xx, xy, yy] = want.cov2d;
@@ -62,35 +109,33 @@ fn check(backend: Backend, splats: &Splats, mode: Rasterization) {
             .max(0.5 - want.mean2d[1] - extent_y);
         let scale = 1e-5 * (1.0 + extent_x + extent_y + want.mean2d[0].abs() + want.mean2d[1].abs());
         if outside > 0.01 + 10.0 * scale {
-            assert!(!seen, "splat {i} misses the picture by {outside} px");
+            assert!(seen.is_none(), "splat {i} misses the picture by {outside} px");
         }
         if outside < -(0.01 + 10.0 * scale) && want.opacity > 1.0001 / 255.0 {
-            assert!(seen, "splat {i} is lost");
+            assert!(seen.is_some(), "splat {i} is lost");
         }
-        if !seen {
-            continue;
-        }
+        let Some(Seen { record: out, ends: boxes, ray }) = seen else { continue };
         compared += 1;
         let near = |name: &str, got: f32, want: f64, tolerance: f64| {
             let got = f64::from(got);
             assert!((got - want).abs() <= tolerance, "splat {i} {name}: {got}, want {want}");
         };
-        near("x", out.x[lane], want.mean2d[0], scale);
-        near("y", out.y[lane], want.mean2d[1], scale);
-        near("depth", out.depth[lane], want.depth, 1e-6 * (6.0 + want.depth));
+        near("x", out.x, want.mean2d[0], scale);
+        near("y", out.y, want.mean2d[1], scale);
+        near("depth", out.depth, want.depth, 1e-6 * (6.0 + want.depth));
         let k = f64::from(SQRT_HALF_LOG2E);
         let given_x = yy - xy * xy / xx;
         // Seen along its long axis, a needle's extent in the picture is a difference of large terms.
         let longest = splats.scales(model.source[i] as usize).into_iter().fold(0.0, f64::max);
         let noise = 1e-6 * camera.fx / want.depth * longest * want.distance / want.depth;
         let relative = 1e-5 + noise / xx.min(given_x).sqrt();
-        near("ux", out.ux[lane], k / xx.sqrt(), relative * k / xx.sqrt());
-        near("vy", out.vy[lane], k / given_x.sqrt(), relative * k / given_x.sqrt());
+        near("ux", out.ux, k / xx.sqrt(), relative * k / xx.sqrt());
+        near("vy", out.vy, k / given_x.sqrt(), relative * k / given_x.sqrt());
         let lean = k / given_x.sqrt() * (yy / xx).sqrt();
-        near("vx", out.vx[lane], -xy / xx * k / given_x.sqrt(), relative * lean);
-        near("slope_y", out.slope_y[lane], xy / xx, relative * (yy / xx).sqrt());
-        near("slope_x", out.slope_x[lane], xy / yy, relative * (xx / yy).sqrt());
-        near("opacity", out.log2_opacity[lane], want.opacity.log2(), relative * (2.0 - want.opacity.log2()));
+        near("vx", out.vx, -xy / xx * k / given_x.sqrt(), relative * lean);
+        near("slope_y", out.slope_y, xy / xx, relative * (yy / xx).sqrt());
+        near("slope_x", out.slope_x, xy / yy, relative * (xx / yy).sqrt());
+        near("opacity", out.log2_opacity, want.opacity.log2(), relative * (2.0 - want.opacity.log2()));
         // The box in patches, within the rounding of its ends.
         let slack = relative * extent_x.max(extent_y) + 1e-3 + scale;
         let ends = |rows: [u32; 2], center: f64, extent: f64, last: f64| {
@@ -100,17 +145,21 @@ fn check(backend: Backend, splats: &Splats, mode: Rasterization) {
                 assert!(patch(end - slack) <= row && row <= patch(end + slack), "splat {i}: {row}, {end}");
             }
         };
-        ends(out.columns.map(|c| c[lane]), want.mean2d[0], extent_x, 39.0);
-        ends(out.rows.map(|r| r[lane]), want.mean2d[1], extent_y, 24.0);
-        for axis in 0..3 {
-            near("direction", shade.direction[axis][lane], want.direction[axis], 2e-6);
+        if let Some([columns, rows]) = boxes {
+            ends(*columns, want.mean2d[0], extent_x, 39.0);
+            ends(*rows, want.mean2d[1], extent_y, 24.0);
         }
-        near("distance", shade.distance[lane], want.distance, 1e-6 * (6.0 + want.distance));
+        if let Some((direction, distance)) = ray {
+            for axis in 0..3 {
+                near("direction", direction[axis], want.direction[axis], 2e-6);
+            }
+            near("distance", *distance, want.distance, 1e-6 * (6.0 + want.distance));
+        }
         // The normal's sign is free where the splat is seen edge on.
         let facing: f64 = (0..3).map(|a| want.normal[a] * want.direction[a]).sum();
         if facing.abs() > 1e-5 {
             for axis in 0..3 {
-                near("normal", out.normal[axis][lane], want.normal[axis], 3e-6);
+                near("normal", out.normal[axis], want.normal[axis], 3e-6);
             }
         }
     }
@@ -138,10 +187,9 @@ fn culling_loses_no_splat() {
             let project_camera = ProjectCamera::new(&camera);
             let cull = ClusterCull::new(&project_camera);
             let backend = Backend::of(crate::simd::SimdChoice::Auto).unwrap();
-            let groups = run(backend, &model, &camera, Rasterization::Classic);
+            let all = run(backend, &splats, &model, &camera, Rasterization::Classic);
             for (i, cluster) in model.clusters.iter().enumerate() {
-                let groups = &groups[i * CLUSTER / GROUP..(i + 1) * CLUSTER / GROUP];
-                let visible = groups.iter().any(|(out, _)| out.mask != 0);
+                let visible = all[i * CLUSTER..(i + 1) * CLUSTER].iter().any(Option::is_some);
                 assert!(!(visible && cull.culls(cluster)), "cluster {i} of view {view}");
                 culled += usize::from(cull.culls(cluster));
                 kept += usize::from(visible);

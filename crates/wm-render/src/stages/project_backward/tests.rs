@@ -3,7 +3,7 @@ use crate::simd::SimdChoice;
 use crate::testing::{Backend, Hard, camera, gradient_errors, gradients_of, random_splats};
 use wm_scene::{Rasterization, Splats};
 
-crate::parity! {
+crate::cpu_parity! {
     random_splats_learn_alike => |backend| {
         for sh_degree in 0..=3 {
             for rasterization in [Rasterization::Classic, Rasterization::Antialiased] {
@@ -46,7 +46,7 @@ crate::parity! {
 }
 
 fn check(backend: Backend, what: &str, splats: &Splats, config: &ForwardConfig, tolerance: f64) {
-    let Backend::Cpu(path) = backend;
+    let path = backend.path();
     let (got, want) = gradients_of(backend, splats, &camera(75, 53), config, 83);
     for (name, error) in gradient_errors(&got, &want) {
         // Weights count pixels that are not steady too. What is no parameter's gradient may err twice as

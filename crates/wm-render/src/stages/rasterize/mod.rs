@@ -16,6 +16,8 @@
 //! 1e-4, may differ by that splat's whole weight (`T_i / 255`, or `T_i <= 1e-2`) and no more.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 #[cfg(test)]
 mod tests;
 

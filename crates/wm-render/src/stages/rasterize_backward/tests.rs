@@ -2,7 +2,7 @@ use crate::differentiable::{Channels, ForwardConfig};
 use crate::testing::{Backend, camera, gradient_errors, gradients_of, random_splats};
 use wm_scene::Splats;
 
-crate::parity! {
+crate::cpu_parity! {
     every_picture_pulls_as_the_referee_says => |backend| {
         let channels =
             [Channels::Color, Channels::ColorDepth, Channels::ColorDepthNormal, Channels::Depth];

@@ -2,8 +2,10 @@ use super::cpu::shade_group;
 use crate::Frame;
 use crate::cpu::model::CpuModel;
 use crate::dispatch;
-use crate::hooks::{GROUP, Hooks, Medium, ShadeGroup};
+use crate::hooks::{GROUP, Hooks, Medium, ShadeGroup, Twin};
 use crate::reference;
+#[cfg(feature = "gpu")]
+use crate::renderer::Renderer;
 use crate::renderer::{Background, Job, RenderConfig, SetView, SkyGradient};
 use crate::simd::SimdPath;
 use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats, uniform};
@@ -15,7 +17,11 @@ crate::parity! {
 }
 
 fn colors(backend: Backend) {
-    let Backend::Cpu(path) = backend;
+    #[cfg(feature = "gpu")]
+    if let Backend::Gpu = backend {
+        return colors_on_gpu();
+    }
+    let path = backend.path();
     for degree in 0..=3 {
         let splats = random_splats(320, degree, 5);
         let model = CpuModel::new(&splats).unwrap();
@@ -42,6 +48,31 @@ fn colors(backend: Backend) {
     }
 }
 
+/// Of the splats in view, along the rays to them: the direction's rounding (2e-7) comes on top.
+#[cfg(feature = "gpu")]
+fn colors_on_gpu() {
+    let camera = camera(320, 200);
+    for degree in 0..=3 {
+        let splats = random_splats(320, degree, 5);
+        let model = CpuModel::new(&splats).unwrap();
+        let mut renderer = crate::testing::gpu_renderer();
+        let set = renderer.load(&splats).unwrap();
+        let (sets, config) = ([SetView::plain(set)], RenderConfig::default());
+        let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
+        let records = crate::gpu::probe::Probe::of(&mut renderer, &job).records;
+        assert!(records.len() > 200);
+        for record in records {
+            let index = model.source[record.index as usize] as usize;
+            let projected = reference::project(&splats, index, &camera, config.rasterization, 1.0).unwrap();
+            let want = sh::color(splats.sh_of(index), projected.direction);
+            for k in 0..3 {
+                let got = f64::from(record.rgb[k]);
+                assert!((got - want[k].max(0.0)).abs() < 6e-6, "{got}, want {}", want[k]);
+            }
+        }
+    }
+}
+
 /// A medium that depends on everything it is given.
 struct Tint;
 
@@ -63,6 +94,15 @@ impl Medium for Tint {
     fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
         let kept = (-0.2 * distance).exp();
         [0, 1, 2].map(|k| rgb[k] * kept + (1.0 - kept) * (0.5 + 0.3 * direction[k] + 0.01 * origin[k]))
+    }
+
+    fn twin(&self, origin: [f32; 3]) -> Option<Twin> {
+        let wgsl = "fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> {
+            let kept = exp(-0.2 * min(distance, 1e6));
+            let origin = vec3<f32>(air[0], air[1], air[2]);
+            return rgb * kept + (1.0 - kept) * (0.5 + 0.3 * direction + 0.01 * origin);
+        }";
+        Some(Twin { wgsl: wgsl.into(), parameters: origin.to_vec() })
     }
 }
 

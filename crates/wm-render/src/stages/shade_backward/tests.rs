@@ -5,12 +5,12 @@ use crate::reference_backward::basis_slopes;
 use crate::testing::{Backend, uniform};
 use wm_scene::sh;
 
-crate::parity! {
+crate::cpu_parity! {
     gradients_agree_in_every_degree => check;
 }
 
 fn check(backend: Backend) {
-    let Backend::Cpu(path) = backend;
+    let path = backend.path();
     for degree in 0..=3 {
         let count = sh::coefficients(degree);
         let u =

@@ -4,5 +4,7 @@
 //! order as integers. Exact, so every back end agrees.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 #[cfg(test)]
 mod tests;

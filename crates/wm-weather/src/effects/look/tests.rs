@@ -2,12 +2,12 @@ use super::*;
 use crate::optics::{Daylight, Site};
 use crate::weather::{Seen, Weather};
 use glam::DVec3;
-use wm_render::testing::{Backend, uniform};
+use wm_render::testing::uniform;
 use wm_scene::Camera;
 
-wm_render::parity! {
+wm_render::cpu_parity! {
     look_agrees_with_f64 => |backend| {
-        let Backend::Cpu(path) = backend;
+        let path = backend.path();
         for (i, grade) in grades().iter().enumerate() {
             agree(path, grade, i as u64);
         }

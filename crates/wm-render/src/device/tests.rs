@@ -1,0 +1,70 @@
+use super::*;
+
+#[test]
+fn devices_are_read_as_they_are_written() {
+    for text in ["auto", "cpu", "gpu", "gpu:NVIDIA GeForce"] {
+        assert_eq!(text.parse::<Device>().unwrap().to_string(), text);
+    }
+    for text in ["", "GPU", "gpu:", "gpu: ", "tpu"] {
+        let error = text.parse::<Device>().unwrap_err();
+        assert!(error.starts_with(&format!("`{text}` is no device")), "{error}");
+    }
+}
+
+#[cfg(feature = "gpu")]
+mod with_gpu {
+    use super::*;
+    use crate::hooks::{Hooks, Medium, ShadeGroup};
+    use crate::renderer::{RenderConfig, SetView};
+    use crate::testing::{Backend, camera, gpu_renderer, random_splats};
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    /// As `auto` makes it where there is a GPU; counts the warnings.
+    fn fallible(warn: fn(&RenderError)) -> AnyRenderer {
+        let config = CpuConfig { threads: Some(2), ..CpuConfig::default() };
+        let body = Body::Gpu { gpu: Box::new(gpu_renderer()), kept: Some(Vec::new()) };
+        AnyRenderer { config, path: SimdPath::select(config.simd).unwrap(), body, warn }
+    }
+
+    struct NoTwin;
+
+    impl Medium for NoTwin {
+        fn shade(&self, _: SimdPath, _: [f32; 3], groups: &mut [ShadeGroup]) {
+            groups.iter_mut().for_each(|group| group.rgb = [[0.25; 16]; 3]);
+        }
+
+        fn reference(&self, _: [f64; 3], _: [f64; 3], _: f64, _: [f64; 3]) -> [f64; 3] {
+            [0.25; 3]
+        }
+    }
+
+    #[test]
+    fn what_the_gpu_cannot_the_cpu_draws_with_one_warning() {
+        static WARNINGS: AtomicU32 = AtomicU32::new(0);
+        if Backend::gpu().is_none() {
+            return;
+        }
+        let mut renderer = fallible(|_| {
+            WARNINGS.fetch_add(1, Ordering::Relaxed);
+        });
+        let sets = [1, 2, 3].map(|seed| renderer.load(&random_splats(200, 1, seed)).unwrap());
+        renderer.unload(sets[1]);
+        let (camera, config) = (camera(64, 48), RenderConfig::default());
+        let views = [SetView::plain(sets[0]), SetView::plain(sets[2])];
+        let plain = Job { sets: &views, camera: &camera, config: &config, hooks: Hooks::default() };
+        let air = Job { hooks: Hooks { medium: Some(&NoTwin), ..Hooks::default() }, ..plain };
+        let [mut before, mut through, mut after] = [Frame::default(), Frame::default(), Frame::default()];
+        renderer.render(&plain, &mut before).unwrap();
+        assert!(renderer.is_gpu());
+        renderer.render(&air, &mut through).unwrap();
+        assert!(!renderer.is_gpu() && WARNINGS.load(Ordering::Relaxed) == 1);
+        // Every splat is grey through that air, and so is the background.
+        assert!(through.rgb.iter().all(|v| (v - 0.25).abs() < 1e-3));
+        renderer.render(&plain, &mut after).unwrap();
+        let most = before.rgb.iter().zip(&after.rgb).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(most < 1e-2 && most > 0.0, "{most}");
+        // The name of the set that is gone is free.
+        assert_eq!(renderer.load(&Splats::default()).unwrap(), sets[1]);
+        assert_eq!(WARNINGS.load(Ordering::Relaxed), 1);
+    }
+}

@@ -1,0 +1,196 @@
+//! The GPU's working memory: buffers that grow and are kept.
+
+use super::device::Gpu;
+use super::error::GpuError;
+use super::recorder::Stage;
+use super::source::{BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, Falls, SORT_BLOCK, WORKGROUP};
+use super::uniforms::{Capacity, SLOT};
+use wgpu::BufferUsages;
+
+const WRITTEN: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_DST);
+const READ_BACK: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC);
+
+/// A buffer that is made anew when more is asked of it.
+#[derive(Default)]
+pub(crate) struct Growing {
+    buffer: Option<wgpu::Buffer>,
+}
+
+impl Growing {
+    /// The buffer, of at least `bytes`; what was in it is lost when it grows.
+    pub fn fit(
+        &mut self,
+        gpu: &Gpu,
+        what: &'static str,
+        bytes: u64,
+        usage: BufferUsages,
+    ) -> Result<wgpu::Buffer, GpuError> {
+        gpu.check_binding(what, bytes)?;
+        self.fit_unbound(gpu, what, bytes, usage)
+    }
+
+    /// The same of one that no program sees: it may be larger than what can be bound.
+    pub fn fit_unbound(
+        &mut self,
+        gpu: &Gpu,
+        what: &'static str,
+        bytes: u64,
+        usage: BufferUsages,
+    ) -> Result<wgpu::Buffer, GpuError> {
+        if let Some(buffer) = self.buffer.as_ref().filter(|buffer| buffer.size() >= bytes) {
+            return Ok(buffer.clone());
+        }
+        // Freed before, so that both need not fit at once.
+        self.buffer = None;
+        let buffer = gpu.buffer(what, bytes, usage)?;
+        self.buffer = Some(buffer.clone());
+        Ok(buffer)
+    }
+}
+
+impl Growing {
+    /// The buffer with these numbers first.
+    pub fn write(
+        &mut self,
+        gpu: &Gpu,
+        what: &'static str,
+        numbers: &[f32],
+        usage: BufferUsages,
+    ) -> Result<wgpu::Buffer, GpuError> {
+        let bytes: &[u8] = bytemuck::cast_slice(numbers);
+        let buffer = self.fit(gpu, what, bytes.len() as u64, usage)?;
+        gpu.queue.write_buffer(&buffer, 0, bytes);
+        Ok(buffer)
+    }
+}
+
+/// Room for a frame: handles to the kept buffers.
+pub(crate) struct Room {
+    /// Structures, one a slot.
+    pub uniforms: wgpu::Buffer,
+    pub counters: wgpu::Buffer,
+    pub dispatches: wgpu::Buffer,
+    /// `Block` of `geometry.wgsl`.
+    pub blocks: wgpu::Buffer,
+    pub records: wgpu::Buffer,
+    /// Depths and names of the splats in view, twice.
+    pub depth_pairs: [[wgpu::Buffer; 2]; 2],
+    pub counts: wgpu::Buffer,
+    pub sums: wgpu::Buffer,
+    /// Tiles and names of the entries, twice.
+    pub entry_pairs: [[wgpu::Buffer; 2]; 2],
+    pub histogram: wgpu::Buffer,
+    pub totals: wgpu::Buffer,
+    pub tile_offsets: wgpu::Buffer,
+    pub rgb: wgpu::Buffer,
+    pub alpha: wgpu::Buffer,
+    pub depths: wgpu::Buffer,
+    pub normal: wgpu::Buffer,
+    pub background: wgpu::Buffer,
+    /// Optical depth of what falls and its light, whole numbers, `[H, W, 4]`.
+    pub falling: wgpu::Buffer,
+    /// [`crate::Frame::particles`].
+    pub apart: wgpu::Buffer,
+    /// Ticks at which stages began and ended.
+    pub times: wgpu::Buffer,
+}
+
+/// How large a frame is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent {
+    pub slots: usize,
+    pub blocks: u32,
+    pub capacity: Capacity,
+    pub tiles: u32,
+    pub pixels: u64,
+    /// Pictures of depths.
+    pub planes: u64,
+    pub normal: bool,
+    pub falls: Falls,
+    /// Numbers of the background.
+    pub background: usize,
+}
+
+/// All that is kept from frame to frame.
+#[derive(Default)]
+pub(crate) struct Memory {
+    kept: [Growing; 24],
+    /// The factors of each set's splats: a set may be there twice.
+    visibility: Vec<Growing>,
+    air: Growing,
+    drops: Growing,
+    pub staging: Growing,
+}
+
+impl Memory {
+    /// The factors of the splats of set number `set` of a frame.
+    pub fn visibility(&mut self, gpu: &Gpu, set: usize, factors: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+        if self.visibility.len() <= set {
+            self.visibility.resize_with(set + 1, Growing::default);
+        }
+        self.visibility[set].write(gpu, "visibilities", factors, WRITTEN)
+    }
+
+    /// The parameters of the air.
+    pub fn air(&mut self, gpu: &Gpu, parameters: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+        self.air.write(gpu, "the air", parameters, WRITTEN)
+    }
+
+    /// What falls.
+    pub fn drops(&mut self, gpu: &Gpu, drops: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+        self.drops.write(gpu, "what falls", drops, WRITTEN)
+    }
+
+    /// Room for a frame of this extent.
+    pub fn room(&mut self, gpu: &Gpu, extent: &Extent) -> Result<Room, GpuError> {
+        let mut kept = self.kept.iter_mut();
+        let mut fit = |what: &'static str, bytes: u64, usage: BufferUsages| match kept.next() {
+            Some(growing) => growing.fit(gpu, what, bytes, usage),
+            None => gpu.buffer(what, bytes, usage),
+        };
+        let Capacity { visible, entries } = extent.capacity;
+        let (visible, entries) = (u64::from(visible), u64::from(entries));
+        let sort_blocks = visible.max(entries).div_ceil(u64::from(SORT_BLOCK));
+        let picture = |there: bool, channels: u64| if there { 4 * channels * extent.pixels } else { 0 };
+        Ok(Room {
+            uniforms: fit(
+                "structures",
+                SLOT * extent.slots as u64,
+                BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+            )?,
+            counters: fit("counters", 4 * COUNTER_WORDS, READ_BACK | BufferUsages::COPY_DST)?,
+            dispatches: fit("dispatch sizes", 4 * DISPATCH_WORDS, READ_BACK | BufferUsages::INDIRECT)?,
+            blocks: fit(
+                "blocks of splats",
+                4 * u64::from(BLOCK_WORDS) * u64::from(extent.blocks),
+                READ_BACK,
+            )?,
+            records: fit("the splats in view", 64 * visible, READ_BACK)?,
+            depth_pairs: [
+                [fit("depths", 4 * visible, READ_BACK)?, fit("the order by depth", 4 * visible, READ_BACK)?],
+                [fit("depths", 4 * visible, READ_BACK)?, fit("the order by depth", 4 * visible, READ_BACK)?],
+            ],
+            counts: fit("tiles of splats", 4 * visible, READ_BACK)?,
+            sums: fit("sums", 4 * visible.div_ceil(u64::from(WORKGROUP)), READ_BACK)?,
+            entry_pairs: [
+                [fit("tile lists", 4 * entries, READ_BACK)?, fit("tile lists", 4 * entries, READ_BACK)?],
+                [fit("tile lists", 4 * entries, READ_BACK)?, fit("tile lists", 4 * entries, READ_BACK)?],
+            ],
+            histogram: fit("counts of digits", 4 * u64::from(DIGITS) * sort_blocks, READ_BACK)?,
+            totals: fit("totals of digits", 4 * u64::from(DIGITS), READ_BACK)?,
+            tile_offsets: fit("offsets of tile lists", 4 * (u64::from(extent.tiles) + 1), READ_BACK)?,
+            rgb: fit("the picture", picture(true, 3), READ_BACK)?,
+            alpha: fit("the picture's coverage", picture(true, 1), READ_BACK)?,
+            depths: fit("the picture's depths", picture(true, extent.planes), READ_BACK)?,
+            normal: fit("the picture's normals", picture(extent.normal, 3), READ_BACK)?,
+            background: fit("the background", 4 * extent.background as u64, WRITTEN)?,
+            falling: fit("what falls in the picture", picture(extent.falls != Falls::Nothing, 4), WRITTEN)?,
+            apart: fit("the picture of what falls", picture(extent.falls == Falls::Apart, 4), READ_BACK)?,
+            times: fit(
+                "times of stages",
+                16 * u64::from(Stage::COUNT),
+                BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC,
+            )?,
+        })
+    }
+}

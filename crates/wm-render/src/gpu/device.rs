@@ -1,0 +1,366 @@
+//! Which GPU, and the device on it.
+
+use super::error::GpuError;
+use super::source::{Program, WORKGROUP};
+use std::collections::HashMap;
+use std::future::Future;
+use std::path::Path;
+use std::pin::pin;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::task::{Context, Poll, Waker};
+use wgpu::{Adapter, DeviceType, Limits};
+
+/// Which GPU to take.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Choice {
+    /// A real one, the strongest kind first; never one in software.
+    #[default]
+    Auto,
+    /// The first whose name holds this, in any case; one in software too.
+    Named(String),
+    /// Any that there is, real ones first: for tests.
+    Any,
+}
+
+/// How to run the GPU back end.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct GpuConfig {
+    /// Which GPU.
+    pub choice: Choice,
+    /// Most bytes of one array; `None` for the adapter's own limit.
+    pub most_binding: Option<u64>,
+}
+
+/// What kind of GPU an adapter is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// A card of its own.
+    Discrete,
+    /// Part of the processor.
+    Integrated,
+    /// A part of a card, lent to a virtual machine.
+    Virtual,
+    /// What the driver does not say.
+    Other,
+    /// The processor, behind a GPU's interface: for tests.
+    Software,
+}
+
+impl Kind {
+    /// In a word.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Discrete => "discrete",
+            Self::Integrated => "integrated",
+            Self::Virtual => "virtual",
+            Self::Other => "other",
+            Self::Software => "software",
+        }
+    }
+}
+
+/// An adapter, for lists.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Listed {
+    /// Its name.
+    pub name: String,
+    /// Its interface: Vulkan, Metal, DirectX 12.
+    pub backend: String,
+    /// The driver and its version.
+    pub driver: String,
+    /// What it is.
+    pub kind: Kind,
+    /// Most bytes of one array.
+    pub most_binding: u64,
+    /// Most bytes of one buffer.
+    pub most_buffer: u64,
+    /// Bytes that a workgroup shares.
+    pub workgroup_storage: u32,
+    /// Whether stages can be timed.
+    pub timestamps: bool,
+    /// Why it cannot be used, if so.
+    pub unfit: Option<GpuError>,
+}
+
+/// All adapters, in the order in which [`Choice::Any`] would take them.
+#[must_use]
+pub fn adapters() -> Vec<Listed> {
+    ranked().iter().map(list).collect()
+}
+
+fn is_for_auto(listed: &Listed) -> bool {
+    listed.kind != Kind::Software && listed.unfit.is_none()
+}
+
+fn list(adapter: &Adapter) -> Listed {
+    let (info, limits) = (adapter.get_info(), adapter.limits());
+    Listed {
+        kind: kind_of(&info),
+        backend: info.backend.to_string(),
+        driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+        most_binding: limits.max_storage_buffer_binding_size,
+        most_buffer: limits.max_buffer_size,
+        workgroup_storage: limits.max_compute_workgroup_storage_size,
+        timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+        unfit: fits(&info.name, &limits).err(),
+        name: info.name,
+    }
+}
+
+fn kind_of(info: &wgpu::AdapterInfo) -> Kind {
+    match info.device_type {
+        DeviceType::DiscreteGpu => Kind::Discrete,
+        DeviceType::IntegratedGpu => Kind::Integrated,
+        DeviceType::VirtualGpu => Kind::Virtual,
+        DeviceType::Cpu => Kind::Software,
+        DeviceType::Other => Kind::Other,
+    }
+}
+
+fn ranked() -> Vec<Adapter> {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    // Sizes of dispatches are made by our own shaders within the limits: no pass before each to check them.
+    descriptor.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
+    let instance = wgpu::Instance::new(descriptor);
+    let mut adapters = ready(instance.enumerate_adapters(wgpu::Backends::all())).unwrap_or_default();
+    adapters.sort_by_key(|adapter| kind_of(&adapter.get_info()));
+    adapters
+}
+
+/// Waits for what native back ends have at once.
+pub(crate) fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
+    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
+        Poll::Ready(value) => Some(value),
+        Poll::Pending => None,
+    }
+}
+
+/// Whether there may be a real GPU. Asking every driver takes time, and some of them talk on the error stream.
+fn may_have_hardware() -> bool {
+    // Linux has a file for each: of the kernel's own drivers, NVIDIA's, Windows' below it, Adreno's, Mali's.
+    let files = ["dri", "nvidiactl", "dxg", "kgsl-3d0", "mali0"];
+    !cfg!(target_os = "linux") || files.iter().any(|file| Path::new("/dev").join(file).exists())
+}
+
+/// What every stage takes for granted.
+fn fits(name: &str, limits: &Limits) -> Result<(), GpuError> {
+    let least = [
+        ("max_compute_invocations_per_workgroup", limits.max_compute_invocations_per_workgroup, WORKGROUP),
+        ("max_compute_workgroup_size_x", limits.max_compute_workgroup_size_x, WORKGROUP),
+        ("max_compute_workgroup_storage_size", limits.max_compute_workgroup_storage_size, 16_384),
+        ("max_compute_workgroups_per_dimension", limits.max_compute_workgroups_per_dimension, 65_535),
+        ("max_storage_buffers_per_shader_stage", limits.max_storage_buffers_per_shader_stage, 8),
+    ];
+    for (limit, has, needs) in least {
+        if has < needs {
+            let (has, needs) = (has.into(), needs.into());
+            return Err(GpuError::Limit { adapter: name.to_owned(), limit, has, needs });
+        }
+    }
+    Ok(())
+}
+
+/// A device, and the programs that were made for it. Renderers share it.
+pub struct Gpu {
+    name: String,
+    backend: String,
+    kind: Kind,
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    most_binding: u64,
+    most_buffer: u64,
+    /// Nanoseconds of a tick, where stages can be timed.
+    tick: Option<f32>,
+    faults: Arc<Mutex<Option<String>>>,
+    lost: Arc<OnceLock<String>>,
+    pipelines: Mutex<HashMap<Program, wgpu::ComputePipeline>>,
+}
+
+impl Gpu {
+    /// Starts a GPU.
+    ///
+    /// # Errors
+    /// [`GpuError`] if there is none to the choice, or it cannot be started.
+    pub fn open(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
+        let ranked =
+            if config.choice == Choice::Auto && !may_have_hardware() { Vec::new() } else { ranked() };
+        let listed: Vec<Listed> = ranked.iter().map(list).collect();
+        let is_wanted = |listed: &Listed| match &config.choice {
+            Choice::Auto => is_for_auto(listed),
+            Choice::Named(name) => listed.name.to_lowercase().contains(&name.to_lowercase()),
+            Choice::Any => true,
+        };
+        let Some(at) = listed.iter().position(is_wanted) else {
+            let wanted = match &config.choice {
+                Choice::Named(name) => format!("is called `{name}`"),
+                Choice::Auto | Choice::Any => "can be used".to_owned(),
+            };
+            let names: Vec<String> =
+                listed.iter().map(|listed| format!("`{}` ({})", listed.name, listed.kind.name())).collect();
+            let found = if names.is_empty() {
+                "no real one, and one in software is taken only by its name".to_owned()
+            } else {
+                names.join(", ")
+            };
+            return Err(GpuError::NoAdapter { wanted, found });
+        };
+        if let Some(unfit) = &listed[at].unfit {
+            return Err(unfit.clone());
+        }
+        Self::start(&ranked[at], &listed[at], config.most_binding)
+    }
+
+    fn start(adapter: &Adapter, listed: &Listed, most_binding: Option<u64>) -> Result<Arc<Self>, GpuError> {
+        let failed = |reason: String| GpuError::Start { adapter: listed.name.clone(), reason };
+        let limits = adapter.limits();
+        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("weather-magician"),
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_limits: limits.clone(),
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let (device, queue) = ready(adapter.request_device(&descriptor))
+            .ok_or_else(|| failed("it does not answer".to_owned()))?
+            .map_err(|error| failed(error.to_string()))?;
+        let faults: Arc<Mutex<Option<String>>> = Arc::default();
+        let lost: Arc<OnceLock<String>> = Arc::default();
+        let told = Arc::clone(&faults);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            held(&told).get_or_insert_with(|| one_line(&error.to_string()));
+        }));
+        let told = Arc::clone(&lost);
+        device.set_device_lost_callback(move |reason, message| {
+            // Of several the first tells why; a device that is dropped is no loss.
+            let _ = told.set(one_line(&format!("{message} ({reason:?})")));
+        });
+        let tick = listed.timestamps.then(|| queue.get_timestamp_period());
+        Ok(Arc::new(Self {
+            name: listed.name.clone(),
+            backend: listed.backend.clone(),
+            kind: listed.kind,
+            device,
+            queue,
+            most_binding: most.min(most_binding.unwrap_or(u64::MAX)),
+            most_buffer: limits.max_buffer_size,
+            tick,
+            faults,
+            lost,
+            pipelines: Mutex::default(),
+        }))
+    }
+
+    /// Its name and interface.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        format!("gpu, {} ({})", self.name, self.backend)
+    }
+
+    /// What it is.
+    #[must_use]
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// Most bytes of one array.
+    #[must_use]
+    pub fn most_binding(&self) -> u64 {
+        self.most_binding
+    }
+
+    /// Nanoseconds of a tick of its clock, where stages can be timed.
+    #[must_use]
+    pub fn tick(&self) -> Option<f32> {
+        self.tick
+    }
+
+    /// What went wrong since the last call.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`] from the loss of the device on, else the first refusal.
+    pub fn check(&self) -> Result<(), GpuError> {
+        let fault = held(&self.faults).take();
+        if fault.is_some() {
+            // What is refused may be so because the device is gone, and only a poll says that.
+            let _ = self.device.poll(wgpu::PollType::Poll);
+        }
+        if let Some(reason) = self.lost.get() {
+            return Err(GpuError::Lost(reason.clone()));
+        }
+        fault.map_or(Ok(()), |fault| Err(GpuError::Refused(fault)))
+    }
+
+    /// A program made ready, once.
+    pub(crate) fn pipeline(&self, program: &Program) -> wgpu::ComputePipeline {
+        let mut pipelines = held(&self.pipelines);
+        if let Some(pipeline) = pipelines.get(program) {
+            return pipeline.clone();
+        }
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(program.entry()),
+            source: wgpu::ShaderSource::Wgsl(program.text().into()),
+        });
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(program.entry()),
+            layout: None,
+            module: &module,
+            entry_point: Some(program.entry()),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                // Every stage writes what it reads of it.
+                zero_initialize_workgroup_memory: false,
+                ..wgpu::PipelineCompilationOptions::default()
+            },
+            cache: None,
+        });
+        pipelines.insert(program.clone(), pipeline.clone());
+        pipeline
+    }
+
+    /// Whether a program could see so many bytes at once.
+    ///
+    /// # Errors
+    /// [`GpuError::TooLarge`] if not.
+    pub(crate) fn check_binding(&self, what: &'static str, bytes: u64) -> Result<(), GpuError> {
+        let most = self.most_binding;
+        if bytes > most { Err(GpuError::TooLarge { what, bytes, most }) } else { Ok(()) }
+    }
+
+    /// A buffer of at least `bytes`, zeroed.
+    ///
+    /// # Errors
+    /// [`GpuError`] if it is larger than the adapter allows, or memory is short.
+    pub(crate) fn buffer(
+        &self,
+        what: &'static str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, GpuError> {
+        // Never empty, so that it can be bound.
+        let size = bytes.max(256).next_multiple_of(4);
+        if size > self.most_buffer {
+            return Err(GpuError::TooLarge { what, bytes, most: self.most_buffer });
+        }
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let descriptor = wgpu::BufferDescriptor { label: Some(what), size, usage, mapped_at_creation: false };
+        let buffer = self.device.create_buffer(&descriptor);
+        if ready(memory.pop()).flatten().is_some() {
+            return Err(GpuError::Memory { what, bytes });
+        }
+        Ok(buffer)
+    }
+
+    /// Takes the device away, as a driver's reset would: for tests.
+    #[doc(hidden)]
+    pub fn lose(&self) {
+        self.device.destroy();
+    }
+}
+
+fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,68 @@
+//! What can go wrong with a GPU, one line each.
+
+use thiserror::Error;
+
+/// Why a GPU cannot be used, or failed.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum GpuError {
+    /// There is none, or none of that name.
+    #[error("no GPU {wanted}: there is {found}")]
+    NoAdapter {
+        /// What was asked for.
+        wanted: String,
+        /// What there is.
+        found: String,
+    },
+    /// The driver would not start it.
+    #[error("{adapter} cannot be started: {reason}")]
+    Start {
+        /// Its name.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+    },
+    /// It cannot do what the renderer needs.
+    #[error("{adapter} has too little for this renderer: {limit} is {has}, and {needs} is needed")]
+    Limit {
+        /// Its name.
+        adapter: String,
+        /// Which limit, in wgpu's words.
+        limit: &'static str,
+        /// Its value.
+        has: u64,
+        /// The least that will do.
+        needs: u64,
+    },
+    /// One array is larger than the adapter allows.
+    #[error("no room on the GPU for {what}: {} in one piece, and its most is {}", size(*bytes), size(*most))]
+    TooLarge {
+        /// What is in the array.
+        what: &'static str,
+        /// Its size.
+        bytes: u64,
+        /// The adapter's limit.
+        most: u64,
+    },
+    /// Its memory is full.
+    #[error("no room on the GPU for {what}, {}", size(*bytes))]
+    Memory {
+        /// What is in the array.
+        what: &'static str,
+        /// Its size.
+        bytes: u64,
+    },
+    /// It is gone: driver reset, unplugged, or taken away.
+    #[error("the GPU was lost: {0}")]
+    Lost(String),
+    /// An effect has no form for the GPU.
+    #[error("{0} has no form for the GPU yet: render with the CPU")]
+    Effect(&'static str),
+    /// The driver refused what it was told; a fault of the program.
+    #[error("the GPU refused its work: {0}")]
+    Refused(String),
+}
+
+/// In words.
+fn size(bytes: u64) -> String {
+    if bytes < 10_000_000 { format!("{} kB", bytes / 1000) } else { format!("{} MB", bytes / 1_000_000) }
+}

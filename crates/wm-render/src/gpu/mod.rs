@@ -1,0 +1,44 @@
+//! The GPU back end: the stages of the CPU's, in WGSL, on any adapter that wgpu drives.
+//!
+//! A frame is one submission. The GPU counts by itself what is in view and what touches the tiles, and sizes its own
+//! dispatches by it; nothing is read back before the picture is. Lists have room for what the frames before needed and
+//! some more. Where that is not enough they are cut off, the counts say so when they come back with the picture, and the
+//! frame is made again with more room.
+//!
+//! | pass | stage | programs |
+//! |---|---|---|
+//! | project | [`project`](crate::stages::project), [`shade`](crate::stages::shade), [`scan`](crate::stages::scan) | cull, spine, project with the air |
+//! | sort | [`sort`](crate::stages::sort) | four radix passes over depths |
+//! | intersect | [`intersect`](crate::stages::intersect) | count, spine, write, radix passes over tiles, ranges |
+//! | rasterize | [`rasterize`](crate::stages::rasterize) | a workgroup a tile |
+//! | fall | [`particles`](crate::stages::particles) | a workgroup a drop, sums of whole numbers |
+//! | composite | [`composite`](crate::stages::composite) | background, what falls |
+//!
+//! Everything is summed in an order that is fixed, so a frame is the same, byte by byte, each time on one adapter. Ties
+//! in depth are broken as on the CPU, since splats are in the same order.
+//!
+//! Hooks: the air runs on the GPU where it has a [`Twin`](crate::hooks::Twin), and else the frame is refused.
+//! Visibilities, backgrounds that are no single colour and pixel effects are still computed by the CPU, and uploaded or
+//! applied to the picture that came back.
+
+mod air;
+mod buffers;
+pub mod device;
+pub mod error;
+mod hosted;
+pub mod model;
+mod plan;
+#[cfg(test)]
+pub(crate) mod probe;
+mod readback;
+pub(crate) mod recorder;
+mod renderer;
+pub mod source;
+pub mod uniforms;
+
+pub use device::{Choice, Gpu, GpuConfig, Kind, Listed, adapters};
+pub use error::GpuError;
+pub use renderer::GpuRenderer;
+
+#[cfg(test)]
+mod tests;

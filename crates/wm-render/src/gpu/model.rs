@@ -1,0 +1,93 @@
+//! Splats as the GPU keeps them: the CPU's groups of sixteen, in pieces that one binding holds.
+
+use super::device::Gpu;
+use super::error::GpuError;
+use crate::cpu::model::{CLUSTER, CpuModel, GROUPS, SplatGroup};
+use crate::hooks::GROUP;
+use crate::renderer::RenderError;
+use crate::stages::project::gpu::ROWS;
+use wgpu::BufferUsages;
+use wm_scene::Splats;
+
+/// Whole blocks of 256 splats.
+pub struct Chunk {
+    /// See `geometry.wgsl`.
+    pub splats: wgpu::Buffer,
+    /// See `shade.wgsl`.
+    pub sh_rest: wgpu::Buffer,
+    /// Its first splat in the set.
+    pub first_splat: u32,
+    /// Number of blocks.
+    pub blocks: u32,
+}
+
+/// A loaded set of splats.
+pub struct GpuModel {
+    /// Its pieces, in order.
+    pub chunks: Vec<Chunk>,
+    /// Index in the loaded [`Splats`] of each splat, padded with 0 to whole blocks.
+    pub source: Vec<u32>,
+    /// Rows of `sh_rest` a group.
+    pub sh_rows: u32,
+}
+
+impl GpuModel {
+    /// Activates, checks, orders and uploads `splats`.
+    ///
+    /// # Errors
+    /// [`RenderError`] as of [`CpuModel::new`], or if the GPU has no room.
+    pub fn new(gpu: &Gpu, splats: &Splats) -> Result<Self, RenderError> {
+        let model = CpuModel::new(splats)?;
+        let sh_rows = model.sh_rows();
+        let block_bytes = (4 * CLUSTER * ROWS.max(sh_rows as u32) as usize) as u64;
+        let most = (gpu.most_binding() / block_bytes).min(u64::from(u32::MAX)) as usize;
+        if most == 0 {
+            let (what, most) = ("256 splats", gpu.most_binding());
+            return Err(GpuError::TooLarge { what, bytes: block_bytes, most }.into());
+        }
+        let blocks = model.clusters.len();
+        let mut chunks = Vec::new();
+        for first in (0..blocks).step_by(most) {
+            let count = most.min(blocks - first);
+            let groups = first * GROUPS..(first + count) * GROUPS;
+            let rest = groups.start * sh_rows..groups.end * sh_rows;
+            chunks.push(Chunk {
+                splats: upload(gpu, "splats", &rows(&model, groups))?,
+                sh_rest: upload(gpu, "coefficients of colour", model.sh_rest[rest].as_flattened())?,
+                first_splat: (first * CLUSTER) as u32,
+                blocks: count as u32,
+            });
+            // What waits to be copied goes with the first submission: not all of a large scene at once.
+            gpu.queue.submit([]);
+        }
+        gpu.check()?;
+        Ok(Self { chunks, source: model.source, sh_rows: sh_rows as u32 })
+    }
+
+    /// Blocks of 256 splats in it.
+    #[must_use]
+    pub fn blocks(&self) -> u32 {
+        (self.source.len() / CLUSTER) as u32
+    }
+}
+
+/// The numbers of `groups` in the order of `geometry.wgsl`.
+fn rows(model: &CpuModel, groups: std::ops::Range<usize>) -> Vec<f32> {
+    let mut rows = Vec::with_capacity(groups.len() * ROWS as usize * GROUP);
+    for index in groups {
+        let SplatGroup { mean, quat, scale, log2_opacity, dc } = &model.groups[index];
+        let sky = model.sky[index];
+        for numbers in mean.iter().chain(quat).chain(scale).chain([log2_opacity]).chain(dc) {
+            rows.extend_from_slice(numbers);
+        }
+        rows.extend((0..GROUP).map(|lane| f32::from(sky >> lane & 1)));
+    }
+    rows
+}
+
+fn upload(gpu: &Gpu, what: &'static str, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+    let bytes: &[u8] = bytemuck::cast_slice(numbers);
+    let buffer = gpu.buffer(what, bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
+    gpu.queue.write_buffer(&buffer, 0, bytes);
+    Ok(buffer)
+}

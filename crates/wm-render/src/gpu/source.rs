@@ -1,0 +1,277 @@
+//! The programs of the GPU: WGSL texts put together, with the constants of the Rust code before them.
+
+use crate::frame;
+use crate::hooks::GROUP;
+use crate::renderer::{Geometry, MedianDepth};
+use crate::stages::project::{self, gpu as splats};
+use crate::stages::{particles, rasterize};
+use std::borrow::Cow;
+use std::fmt::Write as _;
+use wm_scene::sh;
+
+/// Threads of a workgroup in every stage.
+pub const WORKGROUP: u32 = 256;
+/// Workgroups in a row of a dispatch: below every adapter's limit, so that any number fits in rows.
+pub const DISPATCH_ROW: u32 = 32_768;
+/// Side of a tile, px: a thread a pixel.
+pub const TILE_SIDE: u32 = 16;
+/// Records that a tile holds at a time.
+pub const BATCH: u32 = 64;
+/// Tiles about a splat up to which one thread tests them.
+pub const FEW_TILES: u32 = 32;
+/// Values of a digit of the sort.
+pub const DIGITS: u32 = 256;
+/// Bits of one.
+pub const DIGIT_BITS: u32 = 8;
+/// Pairs that a thread of the sort moves.
+pub const SORT_ROUNDS: u32 = 8;
+/// Pairs of a workgroup of the sort.
+pub const SORT_BLOCK: u32 = WORKGROUP * SORT_ROUNDS;
+/// Words of a block of splats: a count, and a bit for each of its 256.
+pub const BLOCK_WORDS: u32 = 1 + WORKGROUP / 32;
+/// Words of the counters, see `Counters` in `common.wgsl`.
+pub const COUNTER_WORDS: u64 = 5;
+/// Where the sizes of a dispatch over the splats in view stand among those that the GPU finds, in words.
+pub const VISIBLE_GROUPS: u32 = 0;
+/// Of their sort.
+pub const VISIBLE_SORT: u32 = 3;
+/// Of the sort of the tile lists' entries.
+pub const ENTRY_SORT: u32 = 6;
+/// Words of all these.
+pub const DISPATCH_WORDS: u64 = 9;
+/// Distance of the sky, scene units: WGSL promises no infinity.
+pub const FAR_AWAY: f32 = 1e30;
+
+/// A program of the GPU.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Program {
+    /// Which splats are in view.
+    Cull,
+    /// Their records, seen through air whose text this is.
+    Project(Option<Cow<'static, str>>),
+    /// The air alone, whose text this is.
+    Air(Cow<'static, str>),
+    /// Prefix sums over the blocks of splats.
+    SpineVisible,
+    /// Prefix sums over the splats in view, 256 at a time.
+    SpineEntries,
+    /// How often each digit is in each block of pairs.
+    SortCount,
+    /// Prefix sums of that.
+    SortScan,
+    /// The pairs to their places.
+    SortScatter,
+    /// Counts or writes the entries of the tile lists.
+    Intersect,
+    /// Where each tile's list begins.
+    Ranges,
+    /// Blends colour, and what is asked for beside it.
+    Rasterize(Geometry, MedianDepth),
+    /// Puts the background behind.
+    Composite(Behind, Falls),
+    /// Adds up what falls.
+    Fall,
+}
+
+/// What is behind the splats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Behind {
+    /// One colour.
+    Color,
+    /// A picture.
+    Picture,
+}
+
+/// What becomes of what falls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Falls {
+    /// There is nothing.
+    Nothing,
+    /// It is drawn over the colour.
+    InColor,
+    /// It is written apart as well.
+    Apart,
+}
+
+macro_rules! file {
+    ($path:literal) => {
+        include_str!(concat!("../", $path))
+    };
+}
+
+/// What does nothing to the light of a splat.
+const CLEAR_AIR: &str =
+    "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
+/// What draws nothing over a pixel.
+const NOTHING_FALLS: &str = "fn with_falling(at: u32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
+
+impl Program {
+    /// Every one of them, but for the weather's air: with clear air.
+    #[must_use]
+    pub fn all() -> Vec<Self> {
+        let mut all = vec![
+            Self::Cull,
+            Self::Project(None),
+            Self::SpineVisible,
+            Self::SpineEntries,
+            Self::SortCount,
+            Self::SortScan,
+            Self::SortScatter,
+            Self::Intersect,
+            Self::Ranges,
+            Self::Fall,
+        ];
+        for falls in [Falls::Nothing, Falls::InColor, Falls::Apart] {
+            all.extend([Behind::Color, Behind::Picture].map(|behind| Self::Composite(behind, falls)));
+        }
+        for geometry in [Geometry::None, Geometry::Depth, Geometry::DepthNormal] {
+            all.extend([MedianDepth::Off, MedianDepth::On].map(|median| Self::Rasterize(geometry, median)));
+        }
+        all
+    }
+
+    /// Its entry point.
+    #[must_use]
+    pub fn entry(&self) -> &'static str {
+        match self {
+            Self::Cull => "cull",
+            Self::Project(_) => "project_visible",
+            Self::Air(_) => "shade_groups",
+            Self::SpineVisible => "spine_visible",
+            Self::SpineEntries => "spine_entries",
+            Self::SortCount => "count",
+            Self::SortScan => "scan_digits",
+            Self::SortScatter => "scatter",
+            Self::Intersect => "intersect",
+            Self::Ranges => "ranges",
+            Self::Rasterize(..) => "rasterize",
+            Self::Composite(..) => "composite",
+            Self::Fall => "fall",
+        }
+    }
+
+    /// Its text.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut text = constants();
+        let mut add = |parts: &[&str]| {
+            for part in parts {
+                text.push_str(part);
+                text.push('\n');
+            }
+        };
+        add(&[file!("gpu/common.wgsl")]);
+        match self {
+            Self::Cull => add(&[file!("stages/project/geometry.wgsl"), file!("stages/project/cull.wgsl")]),
+            Self::Project(air) => {
+                add(&[file!("stages/project/geometry.wgsl"), file!("stages/shade/shade.wgsl")]);
+                add(&[file!("stages/project/project.wgsl")]);
+                match air {
+                    None => add(&[CLEAR_AIR]),
+                    Some(air) => add(&[file!("gpu/color.wgsl"), file!("stages/shade/air.wgsl"), air]),
+                }
+            }
+            Self::Air(air) => {
+                add(&[file!("gpu/color.wgsl"), file!("stages/shade/air.wgsl"), air]);
+                add(&[file!("stages/shade/groups.wgsl")]);
+            }
+            Self::SpineVisible | Self::SpineEntries => {
+                add(&[file!("gpu/scan.wgsl"), file!("stages/scan/spine.wgsl")]);
+            }
+            Self::SortCount | Self::SortScan | Self::SortScatter => {
+                add(&[file!("gpu/scan.wgsl"), file!("stages/sort/sort.wgsl")]);
+            }
+            Self::Intersect => add(&[file!("gpu/scan.wgsl"), file!("stages/intersect/intersect.wgsl")]),
+            Self::Ranges => add(&[file!("stages/intersect/ranges.wgsl")]),
+            Self::Rasterize(geometry, median) => {
+                let geometry = match geometry {
+                    Geometry::None => 0,
+                    Geometry::Depth => 1,
+                    Geometry::DepthNormal => 2,
+                };
+                let is_median = *median == MedianDepth::On;
+                add(&[&format!("const GEOMETRY: u32 = {geometry}u;\nconst MEDIAN: bool = {is_median};")]);
+                add(&[file!("stages/rasterize/rasterize.wgsl")]);
+            }
+            Self::Composite(behind, falls) => {
+                let is_uniform = *behind == Behind::Color;
+                add(&[&format!("const UNIFORM_BACKGROUND: bool = {is_uniform};")]);
+                match falls {
+                    Falls::Nothing => add(&[NOTHING_FALLS]),
+                    Falls::InColor | Falls::Apart => {
+                        let is_apart = *falls == Falls::Apart;
+                        add(&[&format!("const APART: bool = {is_apart};"), file!("gpu/color.wgsl")]);
+                        add(&[file!("stages/particles/over.wgsl")]);
+                    }
+                }
+                add(&[file!("stages/composite/composite.wgsl")]);
+            }
+            Self::Fall => add(&[file!("stages/particles/fall.wgsl")]),
+        }
+        text
+    }
+}
+
+/// The constants that Rust and WGSL share, as WGSL.
+#[must_use]
+pub fn constants() -> String {
+    let mut text = String::new();
+    macro_rules! whole {
+        ($($name:ident = $value:expr;)*) => {$(
+            let _ = writeln!(text, "const {}: u32 = {}u;", stringify!($name), $value);
+        )*};
+    }
+    macro_rules! real {
+        ($($name:ident = $value:expr;)*) => {$(
+            let _ = writeln!(text, "const {}: f32 = {:e};", stringify!($name), $value);
+        )*};
+    }
+    whole! {
+        WORKGROUP = WORKGROUP;
+        DISPATCH_ROW = DISPATCH_ROW;
+        GROUP = GROUP;
+        BATCH = BATCH;
+        FEW_TILES = FEW_TILES;
+        DIGITS = DIGITS;
+        SORT_ROUNDS = SORT_ROUNDS;
+        SORT_BLOCK = SORT_BLOCK;
+        BLOCK_WORDS = BLOCK_WORDS;
+        VISIBLE_GROUPS = VISIBLE_GROUPS;
+        VISIBLE_SORT = VISIBLE_SORT;
+        ENTRY_SORT = ENTRY_SORT;
+        SPLAT_ROWS = splats::ROWS;
+        ROW_MEAN = splats::ROW_MEAN;
+        ROW_QUAT = splats::ROW_QUAT;
+        ROW_SCALE = splats::ROW_SCALE;
+        ROW_LOG2_OPACITY = splats::ROW_LOG2_OPACITY;
+        ROW_DC = splats::ROW_DC;
+        ROW_SKY = splats::ROW_SKY;
+    }
+    real! {
+        TILE_SIDE = f64::from(TILE_SIDE);
+        FAR_AWAY = FAR_AWAY;
+        LN_2 = std::f32::consts::LN_2;
+        DILATION = project::DILATION;
+        MIN_COMPENSATION = project::MIN_COMPENSATION;
+        LOG2_MIN_ALPHA = project::LOG2_MIN_ALPHA;
+        TEST_SLACK = project::TEST_SLACK;
+        SQRT_HALF_LOG2E = project::SQRT_HALF_LOG2E;
+        MAX_DET = project::MAX_DET;
+        LOG2_MAX_ALPHA = rasterize::LOG2_MAX_ALPHA;
+        MIN_TRANSMITTANCE = rasterize::MIN_TRANSMITTANCE;
+        FRAME_MIN_ALPHA = frame::MIN_ALPHA;
+        STEPS = particles::STEPS;
+        LOG2E = std::f32::consts::LOG2_E;
+        C0 = sh::C0;
+        C1 = sh::C1;
+    }
+    for (name, values) in [("C2", &sh::C2[..]), ("C3", &sh::C3[..])] {
+        let numbers: Vec<String> = values.iter().map(|v| format!("{v:e}")).collect();
+        let (count, numbers) = (values.len(), numbers.join(", "));
+        let _ = writeln!(text, "const {name} = array<f32, {count}>({numbers});");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests;

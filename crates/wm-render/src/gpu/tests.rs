@@ -1,0 +1,220 @@
+//! What is of the GPU back end as a whole: room, pieces, repetition, and what goes wrong.
+
+use super::*;
+use crate::frame::Frame;
+use crate::hooks::{Hooks, Medium, ShadeGroup};
+use crate::reference;
+use crate::renderer::{CpuConfig, Job, RenderConfig, RenderError, Renderer, SetView};
+use crate::simd::SimdPath;
+use crate::testing::{
+    ALL_OUTPUTS, Backend, Hard, camera, compare, gpu_renderer, random_splats, shell_camera, shell_splats,
+};
+use wm_scene::{Camera, Splats};
+
+/// A GPU of a test's own, whose bindings hold no more than that.
+fn own(most_binding: Option<u64>) -> GpuRenderer {
+    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, most_binding }).unwrap();
+    GpuRenderer::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).unwrap()
+}
+
+fn render(renderer: &mut GpuRenderer, splats: &Splats, camera: &Camera) -> Result<Frame, RenderError> {
+    let set = renderer.load(splats)?;
+    let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
+    let job = Job { sets: &[SetView::plain(set)], camera, config: &config, hooks: Hooks::default() };
+    let mut frame = Frame::default();
+    let stats = renderer.render(&job, &mut frame)?;
+    assert!(stats.visible > 0 && stats.intersections >= stats.visible / 2 && stats.evaluated_pairs > 0);
+    renderer.unload(set);
+    Ok(frame)
+}
+
+/// 150 of them fill every tile: more entries than the first guess has room for.
+#[test]
+fn room_that_is_too_small_grows_and_the_frame_is_whole() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let camera = camera(600, 400);
+    let splats = Hard::Huge.splats(150, 4);
+    let mut renderer = gpu_renderer();
+    let set = renderer.load(&splats).unwrap();
+    let config = RenderConfig::default();
+    let job = Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks: Hooks::default() };
+    let mut frames = [Frame::default(), Frame::default()];
+    let mut entries = 0;
+    for frame in &mut frames {
+        entries = renderer.render(&job, frame).unwrap().intersections;
+    }
+    assert!(entries > 65_536, "{entries} entries ask for no more room");
+    // The second had room from the start.
+    assert!(frames[0] == frames[1]);
+    let many = random_splats(30_000, 0, 5);
+    let cpu = Backend::of(crate::simd::SimdChoice::Auto).unwrap();
+    let mut other = cpu.renderer();
+    let [one, two] = [&mut renderer as &mut dyn Renderer, &mut *other].map(|renderer| {
+        let set = renderer.load(&many).unwrap();
+        let mut frame = Frame::default();
+        renderer.render(&Job { sets: &[SetView::plain(set)], ..job }, &mut frame).unwrap();
+        frame
+    });
+    assert_alike(&one, &two);
+}
+
+/// Two pictures of one scene, on two back ends: what may be off is a splat at a cut, or two at one depth.
+fn assert_alike(one: &Frame, two: &Frame) {
+    let off: Vec<f64> = one.rgb.iter().zip(&two.rgb).map(|(a, b)| f64::from((a - b).abs())).collect();
+    let count = off.len() as f64;
+    let beyond = off.iter().filter(|off| **off > 2.0 / 255.0).count();
+    let mean = off.iter().sum::<f64>() / count;
+    let psnr = -10.0 * (off.iter().map(|off| off * off).sum::<f64>() / count).log10();
+    let most = off.iter().copied().fold(0.0, f64::max);
+    let mut depth: f64 = 0.0;
+    let mut depths_off = 0;
+    for i in (0..one.depth.len()).filter(|i| one.alpha[*i] > 0.5) {
+        let relative = f64::from((one.depth[i] / two.depth[i] - 1.0).abs());
+        depth = depth.max(relative);
+        depths_off += usize::from(relative > 1e-4);
+    }
+    eprintln!(
+        "PSNR {psnr:.1} dB, mean {mean:.1e}, most {most:.1e}, {beyond} of {count} beyond 2/255; depth {depth:.1e} at most, \
+         {depths_off} of {} beyond 1e-4",
+        one.depth.len()
+    );
+    assert!(psnr > 70.0 && mean < 1e-5 && (beyond as f64) < 1e-4 * count);
+    assert!(depths_off as f64 <= 1e-4 * one.depth.len() as f64);
+}
+
+/// A scene like a trained one.
+#[test]
+fn pictures_are_the_cpus() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let camera = shell_camera(400, 266);
+    let cpu = Backend::of(crate::simd::SimdChoice::Auto).unwrap();
+    for (count, cover, degree) in [(20_000, 30.0, 3), (60_000, 60.0, 0)] {
+        let splats = shell_splats(count, cover, degree, 3);
+        let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
+        let [one, two] = [Backend::Gpu, cpu].map(|backend| {
+            let mut renderer = backend.renderer();
+            let set = renderer.load(&splats).unwrap();
+            let hooks = Hooks::default();
+            let job = Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks };
+            let mut frame = Frame::default();
+            let stats = renderer.render(&job, &mut frame).unwrap();
+            eprintln!("{}: {stats:?}", renderer.describe());
+            frame
+        });
+        assert_alike(&one, &two);
+    }
+}
+
+/// Sets in many pieces are drawn as in one, bit by bit.
+#[test]
+fn pieces_make_no_difference() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let (camera, splats) = (camera(75, 53), random_splats(5000, 3, 6));
+    let whole = render(&mut gpu_renderer(), &splats, &camera).unwrap();
+    // 256 splats of degree 3 take 46 kB, those in view 64 bytes each.
+    let pieces = render(&mut own(Some(330_000)), &splats, &camera).unwrap();
+    assert!(whole == pieces);
+    let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
+    let want = reference::render(&[(&splats, None)], &camera, &config, Hooks::default());
+    compare(&whole, &want, 2.0).unwrap();
+}
+
+#[test]
+fn what_does_not_fit_is_named() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let many = random_splats(5000, 3, 6);
+    for (most, what, splats, size) in [
+        (10_000, "256 splats", &many, (64, 48)),
+        (100_000, "the splats in view", &many, (64, 48)),
+        (3_000_000, "tile lists", &Hard::Huge.splats(2000, 4), (600, 400)),
+        (400_000, "the picture", &many, (600, 400)),
+    ] {
+        let error = match render(&mut own(Some(most)), splats, &camera(size.0, size.1)) {
+            Err(error) => error.to_string(),
+            Ok(_) => panic!("{most} bytes are enough"),
+        };
+        assert!(
+            error.contains(&format!("for {what}: "))
+                && error.contains("in one piece")
+                && !error.contains('\n'),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn frames_are_the_same_each_time() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let (camera, splats) = (camera(333, 217), random_splats(20_000, 1, 60));
+    let mut renderer = gpu_renderer();
+    let first = render(&mut renderer, &splats, &camera).unwrap();
+    for _ in 0..3 {
+        assert!(render(&mut renderer, &splats, &camera).unwrap() == first);
+    }
+}
+
+#[test]
+fn a_lost_device_is_an_error_and_no_panic() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let (camera, splats) = (camera(64, 48), random_splats(500, 1, 6));
+    let mut renderer = own(None);
+    render(&mut renderer, &splats, &camera).unwrap();
+    renderer.gpu().lose();
+    for _ in 0..2 {
+        let error = render(&mut renderer, &splats, &camera).unwrap_err().to_string();
+        assert!(error.starts_with("the GPU was lost") && !error.contains('\n'), "{error}");
+    }
+    assert!(renderer.load(&splats).is_err());
+}
+
+#[test]
+fn a_gpu_that_is_not_there_is_named() {
+    let choice = Choice::Named("no such GPU".to_owned());
+    let error = Gpu::open(&GpuConfig { choice, most_binding: None }).err().unwrap().to_string();
+    assert!(error.contains("`no such GPU`") && !error.contains('\n'), "{error}");
+    // One in software is never taken unasked.
+    if let Ok(gpu) = Gpu::open(&GpuConfig::default()) {
+        assert_ne!(gpu.kind(), Kind::Software);
+    }
+}
+
+/// An air that is of the CPU alone.
+struct Heavy;
+
+impl Medium for Heavy {
+    fn shade(&self, _: SimdPath, _: [f32; 3], _: &mut [ShadeGroup]) {}
+
+    fn reference(&self, _: [f64; 3], _: [f64; 3], _: f64, rgb: [f64; 3]) -> [f64; 3] {
+        rgb
+    }
+
+    fn name(&self) -> &'static str {
+        "heavy air"
+    }
+}
+
+#[test]
+fn an_air_without_a_twin_is_refused_by_name() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let mut renderer = gpu_renderer();
+    let set = renderer.load(&random_splats(50, 0, 1)).unwrap();
+    let (camera, config) = (camera(32, 32), RenderConfig::default());
+    let hooks = Hooks { medium: Some(&Heavy), ..Hooks::default() };
+    let job = Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks };
+    let error = renderer.render(&job, &mut Frame::default()).unwrap_err();
+    assert_eq!(error.to_string(), "heavy air has no form for the GPU yet: render with the CPU");
+}

@@ -1,0 +1,59 @@
+//! The structures are laid out as WGSL has them.
+
+use super::*;
+use crate::gpu::source::Program;
+use crate::hooks::Hooks;
+use crate::renderer::RenderConfig;
+use crate::testing::camera;
+use wgpu::naga::front::wgsl;
+use wgpu::naga::{Module, TypeInner};
+
+fn members(module: &Module, name: &str) -> (Vec<(String, u32)>, u32) {
+    let found = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name));
+    let TypeInner::Struct { members, span } = &found.expect("it is there").1.inner else {
+        panic!("{name} is no structure")
+    };
+    let named = members.iter().map(|member| (member.name.clone().unwrap_or_default(), member.offset));
+    (named.collect(), *span)
+}
+
+#[test]
+fn names_offsets_and_sizes_are_those_of_wgsl() {
+    let (camera, config) = (camera(64, 48), RenderConfig::default());
+    let job = Job { sets: &[], camera: &camera, config: &config, hooks: Hooks::default() };
+    for (program, name, uniform) in [
+        (Program::Cull, "View", view(&job, 0, 0, Capacity::default())),
+        (Program::Cull, "Chunk", chunk(1, 2, 3, 4, true)),
+        (Program::SortCount, "Pass", sort_pass(8, true, false)),
+        (Program::Intersect, "Task", intersect_task(true)),
+    ] {
+        let module = wgsl::parse_str(&program.text()).unwrap();
+        let (wanted, span) = members(&module, name);
+        let fields: Vec<(String, u32)> =
+            uniform.fields.iter().map(|(name, offset)| ((*name).to_owned(), *offset)).collect();
+        assert_eq!(fields, wanted, "{name}");
+        let bytes = 4 * uniform.words.len() as u32;
+        assert!(bytes <= span && span <= SLOT as u32 && span - bytes < 16, "{name}: {bytes} of {span} bytes");
+    }
+}
+
+#[test]
+fn room_grows_by_need_and_a_quarter() {
+    const MUCH: u64 = 1 << 40;
+    let mut capacity = Capacity::default();
+    capacity.start(1_000_000, MUCH);
+    assert_eq!(capacity, Capacity { visible: 500_000, entries: 1_000_000 });
+    assert!(!capacity.grow(400_000, 1_000_000, MUCH));
+    assert!(capacity.grow(600_000, 2_000_000, MUCH));
+    assert_eq!(capacity, Capacity { visible: 750_000, entries: 2_500_000 });
+    capacity.start(10, MUCH);
+    assert_eq!(capacity.visible, 750_000);
+    // No guess is beyond what fits; a need may be, and is refused later.
+    let mut small = Capacity::default();
+    small.start(1_000_000, 6_400_000);
+    assert_eq!(small, Capacity { visible: 100_000, entries: 1_000_000 });
+    assert!(small.grow(90_000, 1_500_000, 6_400_000));
+    assert_eq!(small, Capacity { visible: 100_000, entries: 1_600_000 });
+    assert!(small.grow(200_000, 0, 6_400_000));
+    assert_eq!(small.visible, 200_000);
+}

@@ -1,0 +1,22 @@
+//! What falls, on the GPU: the CPU gathers it and projects it, a workgroup adds up each drop's cover in whole numbers
+//! by atomics, so that no order counts.
+
+use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::source::Program;
+
+/// Adds up the cover of `count` drops: before a scene of that coverage and expected depth, to sums that were 0.
+pub(crate) fn fall(
+    recorder: &mut Recorder<'_>,
+    (drops, count): (&wgpu::Buffer, u32),
+    (alpha, depths): (&wgpu::Buffer, &wgpu::Buffer),
+    sums: &wgpu::Buffer,
+) {
+    let bindings = vec![
+        (0, recorder.view()),
+        (1, drops.as_entire_binding()),
+        (2, alpha.as_entire_binding()),
+        (3, depths.as_entire_binding()),
+        (4, sums.as_entire_binding()),
+    ];
+    recorder.dispatch(&Program::Fall, Groups::Direct(count), bindings);
+}

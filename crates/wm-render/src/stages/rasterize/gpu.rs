@@ -1,0 +1,41 @@
+//! Blending on the GPU: a workgroup a tile of 16x16 px, a thread a pixel.
+
+use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::source::Program;
+use crate::renderer::{Geometry, MedianDepth};
+
+/// What blending reads and writes, see `rasterize.wgsl`. Pictures that are not asked for are not
+/// written, and may be small.
+pub(crate) struct Rasterize<'a> {
+    pub tile_offsets: &'a wgpu::Buffer,
+    pub entries: &'a wgpu::Buffer,
+    pub records: &'a wgpu::Buffer,
+    pub rgb: &'a wgpu::Buffer,
+    pub alpha: &'a wgpu::Buffer,
+    pub depths: &'a wgpu::Buffer,
+    pub normal: &'a wgpu::Buffer,
+    pub counters: &'a wgpu::Buffer,
+}
+
+impl Rasterize<'_> {
+    /// Blends all tiles.
+    pub fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        tiles: u32,
+        (geometry, median): (Geometry, MedianDepth),
+    ) {
+        let bindings = vec![
+            (0, recorder.view()),
+            (1, self.tile_offsets.as_entire_binding()),
+            (2, self.entries.as_entire_binding()),
+            (3, self.records.as_entire_binding()),
+            (4, self.rgb.as_entire_binding()),
+            (5, self.alpha.as_entire_binding()),
+            (6, self.depths.as_entire_binding()),
+            (7, self.normal.as_entire_binding()),
+            (8, self.counters.as_entire_binding()),
+        ];
+        recorder.dispatch(&Program::Rasterize(geometry, median), Groups::Direct(tiles), bindings);
+    }
+}

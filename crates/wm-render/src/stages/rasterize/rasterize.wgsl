@@ -1,0 +1,117 @@
+// Front-to-back blending: a workgroup a tile, a thread a pixel. See the contract in `mod.rs`; depth and normal are
+// finished here, by the contract of the composite.
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> tile_offsets: array<u32>;
+@group(0) @binding(2) var<storage, read> entries: array<u32>;
+// The records as four vectors each.
+@group(0) @binding(3) var<storage, read> records: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> rgb: array<f32>;
+@group(0) @binding(5) var<storage, read_write> alpha: array<f32>;
+// Expected depths, and after them median depths: portable adapters have eight storage buffers and no more.
+@group(0) @binding(6) var<storage, read_write> depths: array<f32>;
+@group(0) @binding(7) var<storage, read_write> normal: array<f32>;
+@group(0) @binding(8) var<storage, read_write> counters: Counters;
+
+var<workgroup> batch: array<array<vec4<f32>, 4>, BATCH>;
+// Pixels that still take light.
+var<workgroup> open: atomic<u32>;
+
+@compute @workgroup_size(WORKGROUP)
+fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let tile = group_index(workgroup);
+    if tile >= view.tiles {
+        return;
+    }
+    // Blocks of 8x4 px, so that threads side by side skip the same splats.
+    let within = vec2<u32>((local & 7u) | ((local >> 2u) & 8u), ((local >> 3u) & 3u) | ((local >> 4u) & 12u));
+    let corner = vec2<u32>(tile % view.tile_columns, tile / view.tile_columns) * u32(TILE_SIDE);
+    let pixel = corner + within;
+    let inside = pixel.x < view.width && pixel.y < view.height;
+    let center = vec2<f32>(pixel) + 0.5;
+
+    // A pixel that has stopped carries transmittance 0, so one comparison does for both.
+    var transmittance = select(0.0, 1.0, inside);
+    var coverage = 0.0;
+    var color = vec3<f32>(0.0);
+    var depth_sum = 0.0;
+    var normal_sum = vec3<f32>(0.0);
+    var median = 0.0;
+    let begin = tile_offsets[tile];
+    let end = tile_offsets[tile + 1u];
+    for (var first = begin; first < end; first += BATCH) {
+        let size = min(BATCH, end - first);
+        // Four threads a record, each a quarter.
+        if local / 4u < size {
+            batch[local / 4u][local % 4u] = records[4u * entries[first + local / 4u] + local % 4u];
+        }
+        if local == 0u {
+            atomicStore(&open, 0u);
+        }
+        workgroupBarrier();
+        if transmittance > 0.0 {
+            for (var k = 0u; k < size; k++) {
+                let a = batch[k][0];
+                let b = batch[k][1];
+                let d = center - a.xy;
+                let u = a.z * d.x;
+                let v = a.w * d.x + b.x * d.y;
+                let q = b.y - u * u - v * v;
+                if q >= LOG2_MIN_ALPHA {
+                    let own = exp2(min(q, LOG2_MAX_ALPHA));
+                    let next = transmittance - own * transmittance;
+                    if next <= MIN_TRANSMITTANCE {
+                        transmittance = 0.0;
+                        break;
+                    }
+                    let weight = own * transmittance;
+                    let c = batch[k][2];
+                    if MEDIAN && transmittance > 0.5 {
+                        median = c.y;
+                    }
+                    coverage += weight;
+                    color += weight * vec3<f32>(b.zw, c.x);
+                    if GEOMETRY >= 1u {
+                        depth_sum += weight * c.y;
+                    }
+                    if GEOMETRY >= 2u {
+                        normal_sum += weight * vec3<f32>(c.zw, batch[k][3].x);
+                    }
+                    transmittance = next;
+                }
+            }
+        }
+        if transmittance > 0.0 {
+            atomicStore(&open, 1u);
+        }
+        if local == 0u {
+            atomicAdd(&counters.walked, size);
+        }
+        if workgroupUniformLoad(&open) == 0u {
+            break;
+        }
+    }
+
+    if !inside {
+        return;
+    }
+    let at = pixel.y * view.width + pixel.x;
+    rgb[3u * at] = color.x;
+    rgb[3u * at + 1u] = color.y;
+    rgb[3u * at + 2u] = color.z;
+    alpha[at] = coverage;
+    let covered = coverage >= FRAME_MIN_ALPHA;
+    if GEOMETRY >= 1u {
+        depths[at] = select(0.0, depth_sum / max(coverage, FRAME_MIN_ALPHA), covered);
+    }
+    if GEOMETRY >= 2u {
+        let squared = dot(normal_sum, normal_sum);
+        let scale = select(0.0, inverseSqrt(max(squared, 1e-20)), covered && squared > 1e-20);
+        normal[3u * at] = normal_sum.x * scale;
+        normal[3u * at + 1u] = normal_sum.y * scale;
+        normal[3u * at + 2u] = normal_sum.z * scale;
+    }
+    if MEDIAN {
+        depths[view.width * view.height + at] = select(0.0, median, coverage >= 0.5);
+    }
+}

@@ -1,0 +1,65 @@
+//! A radix sort on the GPU for keys of 32 bits with a value each, see `sort.wgsl`. It is stable, so splats in the order
+//! of their index come out in the order of the contract when they are sorted by depth, and entries in that order come
+//! out tile by tile, each tile's by depth, when they are sorted by tile.
+
+use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::source::{DIGIT_BITS, DIGITS, Program};
+
+/// Pairs to sort: keys, values.
+pub(crate) type Pairs<'a> = (&'a wgpu::Buffer, &'a wgpu::Buffer);
+
+/// What a sort works with.
+pub(crate) struct Sort<'a> {
+    /// The pairs, and room for as many.
+    pub pairs: [Pairs<'a>; 2],
+    /// How many there are.
+    pub counters: &'a wgpu::Buffer,
+    /// Where the sizes of the dispatches are.
+    pub dispatches: &'a wgpu::Buffer,
+    /// The word of them that counts.
+    pub size: u32,
+    /// Room for the counts of digits.
+    pub histogram: &'a wgpu::Buffer,
+    /// Room for 256 totals.
+    pub totals: &'a wgpu::Buffer,
+}
+
+/// Passes that keys of so many bits take.
+pub(crate) fn passes(bits: u32) -> u32 {
+    bits.div_ceil(DIGIT_BITS)
+}
+
+impl<'a> Sort<'a> {
+    /// Sorts; `slots` are those of the structures `Pass`, one a pass. Returns the sorted pairs: in the first place after
+    /// an even number of passes, else in the second.
+    pub fn record(self, recorder: &mut Recorder<'_>, slots: std::ops::Range<usize>) -> Pairs<'a> {
+        let [mut from, mut to] = self.pairs;
+        for slot in slots {
+            let base = vec![
+                (0, recorder.uniform(slot)),
+                (1, self.counters.as_entire_binding()),
+                (4, self.histogram.as_entire_binding()),
+            ];
+            let over = Groups::Indirect(self.dispatches, self.size);
+            let mut count = base.clone();
+            count.push((2, from.0.as_entire_binding()));
+            recorder.dispatch(&Program::SortCount, over, count);
+
+            let mut scan = base.clone();
+            scan.push((5, self.totals.as_entire_binding()));
+            recorder.dispatch(&Program::SortScan, Groups::Direct(DIGITS), scan);
+
+            let mut scatter = base;
+            scatter.extend([
+                (2, from.0.as_entire_binding()),
+                (3, from.1.as_entire_binding()),
+                (5, self.totals.as_entire_binding()),
+                (6, to.0.as_entire_binding()),
+                (7, to.1.as_entire_binding()),
+            ]);
+            recorder.dispatch(&Program::SortScatter, over, scatter);
+            std::mem::swap(&mut from, &mut to);
+        }
+        from
+    }
+}

@@ -1,0 +1,76 @@
+//! The choice of a device, and that a GPU draws every weather as the CPU does.
+
+#![cfg(feature = "gpu")]
+
+mod common;
+
+use common::*;
+use wm_render::gpu::adapters;
+use wm_render::testing::Backend;
+
+const SIZE: (u32, u32) = (120, 80);
+
+#[test]
+fn devices_are_listed() {
+    let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
+    let said = String::from_utf8(run(&words(&["devices", "--device", "cpu"])).stdout).unwrap();
+    assert!(said.starts_with("cpu, ") && said.contains("--device cpu renders on: cpu, "), "{said}");
+    for listed in adapters() {
+        assert!(said.contains(&listed.name), "{said}");
+    }
+}
+
+#[test]
+fn a_device_that_is_not_there_is_one_line() {
+    for (device, reason) in [("gpu:no such one", "`no such one`"), ("tpu", "`tpu` is no device")] {
+        let output = binary().args(["devices", "--device", device]).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        // Drivers may have something to say before.
+        let last = said.trim_end().lines().last().unwrap_or_default();
+        assert!(!output.status.success() && last.starts_with("error: ") && last.contains(reason), "{said}");
+    }
+}
+
+#[test]
+fn training_on_a_gpu_is_refused() {
+    let output = binary().args(["reconstruct", "photos", "--device", "gpu"]).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && said.ends_with("training runs on the CPU as yet\n"), "{said}");
+}
+
+/// By the pictures' own numbers: what may be off is a splat at a cut.
+#[test]
+fn every_weather_is_the_cpus() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let name = adapters().into_iter().find(|listed| listed.unfit.is_none()).unwrap().name;
+    let workshop = Workshop::new();
+    let (_, view) = yard_look(SIZE);
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    for weather in [
+        "",
+        "--set fog.mor=40",
+        "--set fog.mor=60 --set fog.scale_height=8 --set smog.mor=300",
+        "--set rain.rate=60 --set wind.speed=6",
+        "--set snowfall.rate=3 --set sky=overcast",
+        "--set snow_cover.depth=0.15",
+        "--set fog.mor=80 --set look.exposure=-0.5 --set look.saturation=0.6",
+        "--weather fog --set fidelity=paper",
+        "--set rain.rate=20 --set fidelity=paper",
+    ] {
+        let pictures = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
+            let mut words = workshop.words(&scene, &view, "picture.exr", weather);
+            words.extend(["--device".to_owned(), device]);
+            run(&words);
+            read_exr(&workshop.path("picture.exr"))
+        });
+        let [cpu, gpu] = pictures.each_ref().map(|picture| picture.pixels.as_flattened());
+        let off: Vec<f64> = cpu.iter().zip(gpu).map(|(a, b)| (a - b).abs()).collect();
+        let (most, mean) =
+            (off.iter().copied().fold(0.0, f64::max), off.iter().sum::<f64>() / off.len() as f64);
+        println!("`{weather}`: mean {mean:.1e}, most {most:.1e}");
+        assert!(mean < 2e-5 && most < 0.02, "{weather}: {mean} {most}");
+        assert!(cpu != gpu || weather.is_empty(), "`{weather}`: one device drew both");
+    }
+}
