@@ -112,7 +112,13 @@ pub fn airflow(weather: &Weather, site: &Site) -> Airflow {
 }
 
 /// What something may lie on.
-pub fn cover(loaded: &Loaded, scan: &Scan<'_>, site: &Site, airflow: &Airflow) -> Cover {
+pub fn cover(loaded: &mut Loaded, site: &Site, airflow: &Airflow) -> Result<Cover> {
+    let sights = sights(loaded)?;
+    Ok(cover_of(loaded, &scan(loaded, &sights, site), site, airflow))
+}
+
+/// The same of a scan.
+fn cover_of(loaded: &Loaded, scan: &Scan<'_>, site: &Site, airflow: &Airflow) -> Cover {
     let threads = loaded.renderer.threads();
     let waiting = progress::spinner("finding what can be covered");
     let cover = Cover::of(&loaded.scene.splats, scan, site, airflow, path(loaded), threads);
@@ -124,8 +130,11 @@ pub fn cover(loaded: &Loaded, scan: &Scan<'_>, site: &Site, airflow: &Airflow) -
 }
 
 /// The surfaces of the place, as its photos' cameras see them.
-pub fn scan<'a>(loaded: &'a Loaded, sights: &[Sight], site: &Site) -> Scan<'a> {
-    Scan::of(&loaded.scene.splats, sights, site, loaded.renderer.threads())
+fn scan<'a>(loaded: &'a Loaded, sights: &[Sight], site: &Site) -> Scan<'a> {
+    let waiting = progress::spinner("finding the surfaces that the photos show");
+    let scan = Scan::of(&loaded.scene.splats, sights, site, loaded.renderer.threads());
+    waiting.finish_and_clear();
+    scan
 }
 
 /// Photos that say what is free, at most, and their longest side, px.
@@ -144,22 +153,17 @@ impl Visibility for WithoutSky<'_> {
 }
 
 /// What the cameras of the photos see, of some of them.
-pub fn sights(loaded: &mut Loaded) -> Result<Vec<Sight>> {
+fn sights(loaded: &mut Loaded) -> Result<Vec<Sight>> {
     let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
     let config = RenderConfig { outputs, ..RenderConfig::default() };
     let views = &loaded.scene.views;
     let without_sky = WithoutSky(&loaded.scene.splats.groups);
     let sets = [SetView { set: loaded.set, visibility: Some(&without_sky) }];
-    let centers: Vec<_> = views.iter().map(|view| view.camera.center()).collect();
-    let floor = |height| centers.iter().map(move |center| (*center, height));
-    let floors: Vec<Floor> = loaded
-        .scene
-        .metadata
-        .camera_height
-        .into_iter()
-        .flat_map(floor)
-        .map(|(center, height)| Floor::below(center, &centers, loaded.survey.up.value, height))
-        .collect();
+    let centers: Vec<DVec3> = views.iter().map(|view| view.camera.center()).collect();
+    let floors = loaded.scene.metadata.camera_height.map_or_else(Vec::new, |height| {
+        let below = |center: &DVec3| Floor::below(*center, &centers, loaded.survey.up.value, height);
+        centers.iter().map(below).collect()
+    });
     let mut frame = Frame::default();
     let mut sights = Vec::new();
     for view in views.iter().step_by(views.len().div_ceil(SIGHTS).max(1)) {
@@ -205,7 +209,7 @@ impl Studio {
         let sights = if is_asked { sights(&mut loaded)? } else { Vec::new() };
         let scan = is_asked.then(|| scan(&loaded, &sights, &site));
         let on = needs.cover.zip(scan.as_ref());
-        let cover = on.map(|(airflow, scan)| cover(&loaded, scan, &site, &airflow));
+        let cover = on.map(|(airflow, scan)| cover_of(&loaded, scan, &site, &airflow));
         let falls = scan.filter(|_| needs.fall);
         let occluders = falls.map(|scan| Occluders::of(&scan.splats, &site, &ShelterOptions::default()));
         let mut lying = None;

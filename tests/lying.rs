@@ -12,7 +12,7 @@ use wm_weather::cover::{Airflow, Asked, Cover, Matter};
 use wm_weather::scan::Scan;
 use wm_weather::{Daylight, Site};
 
-const SIZE: (u32, u32) = (450, 300);
+const SIZE: (u32, u32) = (300, 200);
 /// What is asked for, m.
 const DEPTH: f64 = 0.1;
 

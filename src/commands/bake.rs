@@ -53,10 +53,8 @@ pub fn run(args: &BakeArgs) -> Result<()> {
             args.time
         ),
         (asked, None) => {
-            let sights = studio::sights(&mut loaded)?;
-            let scan = studio::scan(&loaded, &sights, &site);
             let airflow = studio::airflow(&weather, &site);
-            studio::cover(&loaded, &scan, &site, &airflow).lying_on_each_other(asked)
+            studio::cover(&mut loaded, &site, &airflow)?.lying_on_each_other(asked)
         }
     };
     let added = lying.splats.len();

@@ -33,6 +33,39 @@ pub trait Renderer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SetId(pub(crate) usize);
 
+/// The sets that a renderer holds, each in a form of its own.
+pub(crate) struct Models<M>(Vec<Option<M>>);
+
+impl<M> Default for Models<M> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<M> Models<M> {
+    /// Keeps one, under the first name that is free.
+    pub fn add(&mut self, model: M) -> SetId {
+        let free = self.0.iter().position(Option::is_none).unwrap_or(self.0.len());
+        if free == self.0.len() {
+            self.0.push(None);
+        }
+        self.0[free] = Some(model);
+        SetId(free)
+    }
+
+    /// Frees one, if it is there.
+    pub fn remove(&mut self, set: SetId) {
+        if let Some(model) = self.0.get_mut(set.0) {
+            *model = None;
+        }
+    }
+
+    /// One that is there.
+    pub fn get(&self, set: SetId) -> Result<&M, RenderError> {
+        self.0.get(set.0).and_then(Option::as_ref).ok_or(RenderError::UnknownSet(set.0))
+    }
+}
+
 /// One view to render.
 #[derive(Clone, Copy)]
 pub struct Job<'a> {

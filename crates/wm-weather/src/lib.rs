@@ -24,6 +24,8 @@ pub mod presets;
 pub mod reference_page;
 pub mod scan;
 pub mod shelter;
+#[cfg(test)]
+mod testing;
 mod threads;
 pub mod track;
 pub mod weather;

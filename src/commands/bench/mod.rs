@@ -146,9 +146,7 @@ struct Snowy {
 impl Snowy {
     fn new(loaded: &mut Loaded, asked: &[Asked], args: &BenchArgs) -> Result<Self> {
         let site = loaded.weather_site();
-        let sights = studio::sights(loaded)?;
-        let scan = studio::scan(loaded, &sights, &site);
-        let lying = studio::cover(loaded, &scan, &site, &Airflow::default()).lying_on_each_other(asked);
+        let lying = studio::cover(loaded, &site, &Airflow::default())?.lying_on_each_other(asked);
         let mut renderer = args.run.renderer()?;
         let sets = [renderer.load(&loaded.scene.splats)?, renderer.load(&lying.splats)?];
         Ok(Self { renderer, sets, buried: lying.buried })

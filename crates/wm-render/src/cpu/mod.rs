@@ -14,6 +14,7 @@ pub use differentiable::{BackwardStats, Differentiable};
 
 use crate::frame::Frame;
 use crate::hooks::ParticleView;
+use crate::renderer::Models;
 use crate::renderer::{CpuConfig, Job, MAX_SPLATS, RenderError, Renderer, SetId, Stats};
 use crate::simd::SimdPath;
 use crate::stages::composite::{background::BackgroundView, cpu::Composite};
@@ -34,7 +35,7 @@ use wm_scene::Splats;
 pub struct CpuRenderer {
     path: SimdPath,
     pool: Arc<rayon::ThreadPool>,
-    models: Vec<Option<CpuModel>>,
+    models: Models<CpuModel>,
     records: Vec<Record>,
     parts: Vec<Part>,
     bounds: Vec<u32>,
@@ -65,7 +66,7 @@ impl CpuRenderer {
         Ok(Self {
             path,
             pool,
-            models: Vec::new(),
+            models: Models::default(),
             records: Vec::new(),
             parts: Vec::new(),
             bounds: Vec::new(),
@@ -101,8 +102,7 @@ impl CpuRenderer {
 
         let mut sets = Vec::with_capacity(job.sets.len());
         for view in job.sets {
-            let model = self.models.get(view.set.0).and_then(Option::as_ref);
-            sets.push((model.ok_or(RenderError::UnknownSet(view.set.0))?, view.visibility));
+            sets.push((self.models.get(view.set)?, view.visibility));
         }
         let total: usize = sets.iter().map(|(model, _)| model.source.len()).sum();
         if total > MAX_SPLATS {
@@ -169,18 +169,11 @@ impl Renderer for CpuRenderer {
 
     fn load(&mut self, splats: &Splats) -> Result<SetId, RenderError> {
         let model = self.pool.install(|| CpuModel::new(splats))?;
-        let free = self.models.iter().position(Option::is_none).unwrap_or(self.models.len());
-        if free == self.models.len() {
-            self.models.push(None);
-        }
-        self.models[free] = Some(model);
-        Ok(SetId(free))
+        Ok(self.models.add(model))
     }
 
     fn unload(&mut self, set: SetId) {
-        if let Some(model) = self.models.get_mut(set.0) {
-            *model = None;
-        }
+        self.models.remove(set);
     }
 
     fn render(&mut self, job: &Job<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {

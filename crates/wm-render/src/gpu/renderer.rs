@@ -13,6 +13,7 @@ use super::uniforms::{Capacity, SLOT, Uniform};
 use crate::cpu::{self, Features};
 use crate::frame::Frame;
 use crate::hooks::{ParticleView, Twin};
+use crate::renderer::Models;
 use crate::renderer::{CpuConfig, Geometry, Job, MAX_SPLATS, RenderError, Renderer, SetId, Stats};
 use crate::simd::SimdPath;
 use crate::stages::particles::cpu::Falling;
@@ -26,7 +27,7 @@ pub struct GpuRenderer {
     /// For what the CPU does of a frame.
     path: SimdPath,
     pool: Arc<rayon::ThreadPool>,
-    models: Vec<Option<GpuModel>>,
+    models: Models<GpuModel>,
     memory: Memory,
     /// That of the last frame.
     room: Option<Room>,
@@ -53,7 +54,7 @@ impl GpuRenderer {
             gpu,
             path,
             pool,
-            models: Vec::new(),
+            models: Models::default(),
             memory: Memory::default(),
             room: None,
             capacity: Capacity::default(),
@@ -93,8 +94,7 @@ impl GpuRenderer {
         let Self { gpu, path, models, memory, room: last, capacity, queries, falling, .. } = self;
         let mut sets = Vec::with_capacity(job.sets.len());
         for (i, view) in job.sets.iter().enumerate() {
-            let model = models.get(view.set.0).and_then(Option::as_ref);
-            let model = model.ok_or(RenderError::UnknownSet(view.set.0))?;
+            let model = models.get(view.set)?;
             let factors = view.visibility.map(|visibility| hosted::factors(visibility, &model.source));
             let buffer = memory.visibility(gpu, i, factors.as_deref().unwrap_or_default())?;
             sets.push((model, buffer, factors.is_some()));
@@ -187,18 +187,11 @@ impl Renderer for GpuRenderer {
     fn load(&mut self, splats: &Splats) -> Result<SetId, RenderError> {
         let (pool, gpu) = (Arc::clone(&self.pool), Arc::clone(&self.gpu));
         let model = pool.install(|| GpuModel::new(&gpu, splats))?;
-        let free = self.models.iter().position(Option::is_none).unwrap_or(self.models.len());
-        if free == self.models.len() {
-            self.models.push(None);
-        }
-        self.models[free] = Some(model);
-        Ok(SetId(free))
+        Ok(self.models.add(model))
     }
 
     fn unload(&mut self, set: SetId) {
-        if let Some(model) = self.models.get_mut(set.0) {
-            *model = None;
-        }
+        self.models.remove(set);
     }
 
     fn render(&mut self, job: &Job<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {

@@ -84,7 +84,7 @@ pub struct Ground {
     /// How far its splats look up: the mean cosine of their normals; not a number where none tells.
     pub(super) facing: Vec<f32>,
     /// Whether that is how a camera sees it, and whether any is.
-    pub(super) is_seen: Vec<bool>,
+    is_seen: Vec<bool>,
     is_scan: bool,
     /// What does not stay where it falls since that is too steep, or is blown off the grid: a share of the fall on one
     /// cell.

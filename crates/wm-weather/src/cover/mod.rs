@@ -218,12 +218,14 @@ impl Cover {
     ) -> Self {
         let mut rings: Vec<Ground> = Vec::new();
         let mut occluders = Occluders::of(&scan.splats, site, &ShelterOptions::default());
+        let is_path = path[0] != path[1];
         for ring in 0..RINGS {
             let cell = NARROWEST * WIDER.powi(ring as i32);
             let reach = if ring + 1 == RINGS { f64::INFINITY } else { 0.5 * SIDE * cell };
             let options = ShelterOptions {
                 cell,
-                most_cells: (LONGER * SIDE * SIDE) as usize,
+                // Only what goes along a path is longer; the outermost ring is the whole place.
+                most_cells: (SIDE * SIDE * if is_path && reach.is_finite() { LONGER } else { 1.0 }) as usize,
                 focus: reach.is_finite().then(|| (about(path, reach / site.metres_per_unit, site), reach)),
                 margin: 0.1,
                 outliers: OUTLIERS,

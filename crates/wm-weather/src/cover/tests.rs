@@ -1,20 +1,12 @@
 //! Snow on made-up places whose surfaces are known.
 
 use super::*;
-use crate::optics::Daylight;
+use crate::testing::SITE;
 use glam::DVec3;
 use wm_scene::place::Place;
 use wm_scene::splats::Splat;
 use wm_scene::synthetic::Builder;
 
-const SITE: Site = Site {
-    metres_per_unit: 1.0,
-    up: [0.0, 0.0, 1.0],
-    ground: 0.0,
-    airlight: [0.8; 3],
-    daylight: Daylight::Known,
-    far: 100.0,
-};
 const SNOW: Matter = Matter { color: [0.8; 3], shade: [0.2, 0.22, 0.28] };
 
 const ASKED: Asked =

@@ -1,19 +1,10 @@
 //! Scans of made-up places: what cameras see, and what they see through.
 
 use super::*;
-use crate::optics::Daylight;
 use crate::shelter::{Shelter, ShelterOptions};
+use crate::testing::SITE;
 use wm_scene::Camera;
 use wm_scene::synthetic::Builder;
-
-const SITE: Site = Site {
-    metres_per_unit: 1.0,
-    up: [0.0, 0.0, 1.0],
-    ground: 0.0,
-    airlight: [0.8; 3],
-    daylight: Daylight::Known,
-    far: 100.0,
-};
 
 fn camera(eye: DVec3, target: DVec3) -> Camera {
     Camera::look_at((160, 120), 60.0, eye, target, DVec3::Z).unwrap()

@@ -1,5 +1,6 @@
+use crate::testing;
 use super::*;
-use crate::optics::{Daylight, Site};
+use crate::optics::Site;
 use crate::weather::{Seen, Weather};
 use glam::DVec3;
 use wm_render::testing::uniform;
@@ -14,14 +15,7 @@ wm_render::cpu_parity! {
     };
 }
 
-const SITE: Site = Site {
-    metres_per_unit: 1.0,
-    up: [0.0, 0.0, 1.0],
-    ground: 0.0,
-    airlight: [0.6, 0.7, 0.8],
-    daylight: Daylight::Known,
-    far: 300.0,
-};
+const SITE: Site = Site { airlight: [0.6, 0.7, 0.8], far: 300.0, ..testing::SITE };
 
 fn grade(exposure: f64, saturation: f64, contrast: f64, temperature: f64) -> Grade {
     Params { exposure, saturation, contrast, temperature }.grade()

@@ -1,16 +1,9 @@
 use super::*;
-use crate::Daylight;
+use crate::testing;
 use glam::DQuat;
 use wm_scene::synthetic::{Builder, moved, uniform};
 
-const SITE: Site = Site {
-    metres_per_unit: 1.0,
-    up: [0.0, 0.0, 1.0],
-    ground: 0.0,
-    airlight: [0.7; 3],
-    daylight: Daylight::Known,
-    far: 60.0,
-};
+const SITE: Site = Site { airlight: [0.7; 3], far: 60.0, ..testing::SITE };
 
 fn snow(splats: &Splats) -> Splats {
     PaperCover::default().snow(splats, &SITE)

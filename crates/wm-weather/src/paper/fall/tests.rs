@@ -1,15 +1,9 @@
 use super::*;
+use crate::Sky;
+use crate::testing;
 use crate::weather::{Seen, Weather};
-use crate::{Daylight, Sky};
 
-const SITE: Site = Site {
-    metres_per_unit: 0.5,
-    up: [0.0, 0.0, 1.0],
-    ground: 0.0,
-    airlight: [0.7; 3],
-    daylight: Daylight::Known,
-    far: 60.0,
-};
+const SITE: Site = Site { metres_per_unit: 0.5, airlight: [0.7; 3], far: 60.0, ..testing::SITE };
 
 fn sky(texts: &[&str], time: f64) -> Sky {
     let mut weather = Weather::clear();

@@ -1,19 +1,12 @@
 //! What falls, measured from the drops that are drawn or from the field that they are drawn from.
 
 use super::*;
-use crate::optics::Daylight;
 use crate::particles::Look;
+use crate::testing;
 use glam::DVec3;
 use wm_scene::Camera;
 
-const SITE: Site = Site {
-    metres_per_unit: 0.5,
-    up: [0.0, 0.0, 1.0],
-    ground: 0.0,
-    airlight: [0.8; 3],
-    daylight: Daylight::Known,
-    far: 100.0,
-};
+const SITE: Site = Site { metres_per_unit: 0.5, ..testing::SITE };
 
 fn precipitation(kind: Kind, rate: f64, seed: u64) -> Precipitation {
     Precipitation::new(kind, rate, [0.8; 3], Look { seed, ..Look::default() })
