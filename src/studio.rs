@@ -11,6 +11,7 @@ use wm_render::{
     AnyRenderer, Background, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId,
     SetView, Stats,
 };
+use wm_scene::survey::Source;
 use wm_scene::{Camera, Group};
 use wm_weather::cover::{Airflow, Asked, Buried, Cover};
 use wm_weather::paper::{PaperCover, Stages, composite};
@@ -159,11 +160,6 @@ fn sights(loaded: &mut Loaded) -> Result<Vec<Sight>> {
     let views = &loaded.scene.views;
     let without_sky = WithoutSky(&loaded.scene.splats.groups);
     let sets = [SetView { set: loaded.set, visibility: Some(&without_sky) }];
-    let centers: Vec<DVec3> = views.iter().map(|view| view.camera.center()).collect();
-    let floors = loaded.scene.metadata.camera_height.map_or_else(Vec::new, |height| {
-        let below = |center: &DVec3| Floor::below(*center, &centers, loaded.survey.up.value, height);
-        centers.iter().map(below).collect()
-    });
     let mut frame = Frame::default();
     let mut sights = Vec::new();
     for view in views.iter().step_by(views.len().div_ceil(SIGHTS).max(1)) {
@@ -174,11 +170,24 @@ fn sights(loaded: &mut Loaded) -> Result<Vec<Sight>> {
         let camera = camera.resized(width, height);
         let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
         loaded.renderer.render(&job, &mut frame)?;
-        let mut sight = Sight { camera, depth: frame.median_depth.clone(), rgb: frame.rgb.clone() };
-        sight.stop_at(&floors);
-        sights.push(sight);
+        sights.push(Sight::new(camera, frame.median_depth.clone(), frame.rgb.clone()));
     }
+    let floors = floors(loaded, &sights);
+    sights.iter_mut().for_each(|sight| sight.stop_at(&floors));
     Ok(sights)
+}
+
+/// The ground that the photos' cameras were carried over, where it is known or missed.
+fn floors(loaded: &Loaded, sights: &[Sight]) -> Vec<Floor> {
+    let cameras: Vec<Camera> = loaded.scene.views.iter().map(|view| view.camera).collect();
+    let (up, ground) = (loaded.survey.up.value, loaded.survey.ground);
+    if let Some(height) = loaded.scene.metadata.camera_height {
+        let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
+        return centers.iter().map(|center| Floor::below(*center, &centers, up, height)).collect();
+    }
+    let is_known = ground.source != Source::Assumed;
+    let whole = is_known.then(|| Floor::under(&cameras, up, ground.value)).flatten();
+    whole.filter(|floor| floor.is_lost(sights)).into_iter().collect()
 }
 
 /// A camera and how it moves.

@@ -376,7 +376,8 @@ impl Ground {
             (false, _) => count < if facing < UPRIGHT { LEDGE } else { CROWN } * field,
             (true, true) if facing > STEEP_SEEN => higher > 0 && lower > 0 && count < SURFACE * field,
             (true, true) if !facing.is_nan() => self.is_overlooked(node),
-            (true, true) => count < LEDGE * field && self.is_overlooked(node),
+            // Edges: wires and finials hold next to nothing.
+            (true, true) => count < SURFACE * field || count < LEDGE * field && self.is_overlooked(node),
             // What no camera sees is a surface only if it is a level one: pieces are haze, of the sky too.
             (true, false) => count < WHOLE * field || facing < LEVEL_UNSEEN,
         };

@@ -38,7 +38,7 @@ pub mod walls;
 
 use crate::dome::level_axes;
 use crate::optics::Site;
-use crate::scan::Scan;
+use crate::scan::{Scan, StandIn};
 use crate::shelter::{Occluders, ShelterOptions};
 use crate::threads::map;
 pub use exposure::Airflow;
@@ -56,6 +56,8 @@ use wm_scene::{Group, Splats};
 
 /// How far below its ground a splat is buried with it, m: splats are that rough.
 const BURIED: f32 = 0.08;
+/// How far above its ground a splat may be.
+const ABOVE: f32 = 1.5;
 /// How far above and below level ground a splat is of it that a scan stands for, m.
 const HAZE: [f32; 2] = [0.25, 0.3];
 /// Cells along a side of a ring, and how many times as wide those of the next ring are.
@@ -240,8 +242,8 @@ impl Cover {
             }
         }
         let spots = map(splats.len(), threads, |index| {
-            let is_haze = scan.replaced.get(index).copied().unwrap_or(false);
-            spot(&rings, splats, index, site.metres_per_unit, is_haze)
+            let stand_in = scan.stand_ins.get(index).copied().unwrap_or(StandIn::Itself);
+            spot(&rings, splats, index, site.metres_per_unit, stand_in)
         });
         // The widest ring's cells are too wide to tell the lee of a house.
         let occluders = occluders.mapped(&ShelterOptions::default());
@@ -396,7 +398,7 @@ fn spot(
     splats: &Splats,
     index: usize,
     metres_per_unit: f64,
-    is_haze: bool,
+    stand_in: StandIn,
 ) -> Option<Spot> {
     if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
         return None;
@@ -409,8 +411,12 @@ fn spot(
         let (place, height) = ground.places.locate(at);
         let cell = ground.places.cell_at(place)?;
         let above = |node: usize| height as f32 - ground.height_at(node, place);
-        let below = if is_haze { HAZE[1] } else { BURIED }.max(0.2 * ground.cell);
-        let is_near = |node: &usize| (-below..1.5).contains(&above(*node));
+        let below = match stand_in {
+            StandIn::Itself => BURIED,
+            StandIn::Discs => HAZE[1],
+            StandIn::Floor => ABOVE,
+        };
+        let is_near = |node: &usize| (-below.max(0.2 * ground.cell)..ABOVE).contains(&above(*node));
         let node = ground.nodes_of(cell).find(is_near)?;
         Some((node as u32, above(node)))
     };
@@ -436,8 +442,12 @@ fn spot(
         }
     }
     let mut reach = reach + if lies { 0.3 * rise(order[2]) } else { upright } as f32;
-    if is_haze && ground.is_level(node as usize) {
-        reach -= reach.clamp(0.0, HAZE[0]);
+    if ground.is_level(node as usize) {
+        reach -= match stand_in {
+            StandIn::Itself => 0.0,
+            StandIn::Discs => reach.clamp(0.0, HAZE[0]),
+            StandIn::Floor => reach.max(0.0),
+        };
     }
     Some(Spot { ring: ring as u8, nodes, reach })
 }

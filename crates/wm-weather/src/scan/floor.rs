@@ -2,10 +2,12 @@
 //!
 //! The ground at one's feet is in one or two photos and has few marks, so that a training may leave it at any depth: it
 //! looks right in its photo from however far below. But where cameras were carried at one height the ground is that
-//! far below them, and nothing is seen below it.
+//! far below them, and nothing is seen below it. Where the photos do not tell that height, but the scene has a ground over
+//! which all cameras are as high, and most of what they see of it is not there, that is the floor.
 
 use super::Sight;
 use glam::{DMat3, DVec3};
+use wm_scene::Camera;
 
 /// How far from the camera its floor is known, camera heights.
 const REACH: f64 = 6.0;
@@ -14,8 +16,18 @@ const ABOUT: f64 = 4.0;
 const WAVERS: f64 = 0.5;
 /// How far from a camera floors are looked at, in those.
 const SEEN: f64 = 5.0;
+/// How far that of the whole place is known, camera heights: a court.
+const FAR: f64 = 40.0;
+/// How much the heights of cameras over it may differ, as a share, and how far most may look up or down, as a sine: more
+/// are no walk but a flight.
+const EVEN: f64 = 0.2;
+const PITCHED: f64 = 0.26;
+/// Share of the pixels that should show it and show what is below it, from which on a training has lost it.
+const LOST: f64 = 0.4;
 /// What is seen less than this above the floor is of it, camera heights: kerbs and cobbles, and what depth is off by.
 const SLAB: f64 = 0.15;
+/// The same of the ground of a whole place where a training has lost it: what it left instead stands off it.
+const LOOSE: f64 = 0.25;
 
 /// A plane below a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,6 +38,8 @@ pub struct Floor {
     pub normal: DVec3,
     /// How far from `point` it is known, scene units.
     pub reach: f64,
+    /// Half of how thick it is taken for, scene units.
+    pub slab: f64,
 }
 
 impl Floor {
@@ -49,16 +63,50 @@ impl Floor {
         }
         let plane = moments.inverse() * right;
         let normal = (up - plane.y * axes[0] - plane.z * axes[1]).normalize();
-        Self { point: center + (plane.x - height) * up, normal, reach: REACH * height }
+        Self { point: center + (plane.x - height) * up, normal, reach: REACH * height, slab: SLAB * height }
+    }
+
+    /// Of a whole place, by its photos' `cameras` and the height of its `ground` along `up` (scene units); `None` where
+    /// those were not carried over it by a person.
+    #[must_use]
+    pub fn under(cameras: &[Camera], up: DVec3, ground: f64) -> Option<Self> {
+        let middle = |values: &mut Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            values.get(values.len() / 2).copied()
+        };
+        let mut heights: Vec<f64> = cameras.iter().map(|camera| camera.center().dot(up) - ground).collect();
+        let height = middle(&mut heights).filter(|height| *height > 0.0)?;
+        let is_even = heights.iter().all(|other| (other - height).abs() < EVEN * height);
+        let mut pitches: Vec<f64> = cameras.iter().map(|camera| camera.forward().dot(up)).collect();
+        let is_level = middle(&mut pitches)?.abs() < PITCHED;
+        let center = cameras.iter().map(Camera::center).sum::<DVec3>() / cameras.len() as f64;
+        let point = center - (center.dot(up) - ground) * up;
+        (is_even && is_level).then_some(Self { point, normal: up, reach: FAR * height, slab: LOOSE * height })
+    }
+
+    /// Whether most of `sights` that should show it see through it: a training has lost it.
+    #[must_use]
+    pub fn is_lost(&self, sights: &[Sight]) -> bool {
+        let (mut there, mut below) = (0, 0);
+        for sight in sights {
+            let (center, forward) = (sight.camera.center(), sight.camera.forward());
+            for (ray, depth) in sight.rays().zip(&sight.depth) {
+                let Some((way, _)) = self.met(center, ray) else { continue };
+                let off = f64::from(*depth) / (way * ray.dot(forward)) - 1.0;
+                below += u64::from(off > SLAB || *depth == 0.0);
+                there += u64::from(off.abs() <= SLAB && *depth > 0.0);
+            }
+        }
+        below as f64 > LOST * (there + below) as f64
     }
 
     /// How far along a ray (of length 1) it is met, and the share of that over which the ray is in its slab; `None` if it is
     /// not met, or where it is not known.
-    fn met(&self, from: DVec3, ray: DVec3) -> Option<(f64, f64)> {
+    pub(super) fn met(&self, from: DVec3, ray: DVec3) -> Option<(f64, f64)> {
         let (above, falls) = ((from - self.point).dot(self.normal), -ray.dot(self.normal));
         let way = above / falls;
         let is_met = above > 0.0 && falls > 0.0 && (from + way * ray).distance(self.point) < self.reach;
-        is_met.then(|| (way, SLAB * self.reach / (REACH * above)))
+        is_met.then_some((way, self.slab / above))
     }
 }
 
@@ -71,17 +119,16 @@ impl Sight {
             let off = floor.point - center;
             off.length() < SEEN * floor.reach && off.dot(forward) > -floor.reach
         };
-        let near: Vec<Floor> = floors.iter().filter(is_near).copied().collect();
-        for y in 0..self.camera.height {
-            for x in 0..self.camera.width {
-                let ray = self.camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                let stops = near.iter().filter_map(|floor| floor.met(center, ray));
-                let Some((way, slab)) = stops.min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
-                let (depth, stop) =
-                    (&mut self.depth[(y * self.camera.width + x) as usize], way * ray.dot(forward));
-                if *depth == 0.0 || f64::from(*depth) > stop * (1.0 - slab) {
-                    *depth = stop as f32;
-                }
+        self.floors = floors.iter().filter(is_near).copied().collect();
+        self.on = vec![0; self.depth.len()];
+        let rays: Vec<DVec3> = self.rays().collect();
+        for (pixel, ray) in rays.into_iter().enumerate() {
+            let stops = (1..).zip(&self.floors).filter_map(|(k, floor)| Some((k, floor.met(center, ray)?)));
+            let Some((k, (way, slab))) = stops.min_by(|a, b| a.1.0.total_cmp(&b.1.0)) else { continue };
+            let (depth, stop) = (&mut self.depth[pixel], way * ray.dot(forward));
+            if *depth == 0.0 || f64::from(*depth) > stop * (1.0 - slab) {
+                *depth = stop as f32;
+                self.on[pixel] = k;
             }
         }
     }

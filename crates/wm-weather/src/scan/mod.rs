@@ -31,11 +31,9 @@ use wm_scene::{Group, Splats};
 
 /// Width of the smallest cubes, m, and how often it may double.
 const CUBE: f64 = 0.06;
-const DOUBLED: u32 = 4;
+const DOUBLED: u32 = 5;
 /// Width of cubes in distances between pixels.
 const PIXELS: f64 = 1.5;
-/// Least cosine between a ray and the normal for the distance between pixels along a surface.
-const GRAZING: f64 = 0.15;
 /// Weight of a pixel without a normal.
 const EDGE: f64 = 0.2;
 /// How many cameras must see through what is not there.
@@ -52,15 +50,26 @@ pub struct Scan<'a> {
     pub splats: Cow<'a, Splats>,
     /// The first so many are discs whose third axis looks to where they were seen from.
     pub oriented: usize,
-    /// Of each splat of the scene, whether discs stand for it; empty where there are none.
-    pub replaced: Vec<bool>,
+    /// What stands for each splat of the scene; empty where nothing was scanned.
+    pub stand_ins: Vec<StandIn>,
+}
+
+/// What stands for a splat of the scene in its scan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StandIn {
+    /// It is still there.
+    Itself,
+    /// Discs, or nothing since cameras see through it.
+    Discs,
+    /// The ground of a walk: it is what a training made of that.
+    Floor,
 }
 
 impl<'a> Scan<'a> {
     /// The splats themselves, for a scene without photos.
     #[must_use]
     pub fn plain(splats: &'a Splats) -> Self {
-        Self { splats: Cow::Borrowed(splats), oriented: 0, replaced: Vec::new() }
+        Self { splats: Cow::Borrowed(splats), oriented: 0, stand_ins: Vec::new() }
     }
 
     /// What the cameras see of a scene, and what they do not. Equal for any number of threads.
@@ -71,25 +80,23 @@ impl<'a> Scan<'a> {
         }
         let metres_per_unit = site.metres_per_unit;
         let hears = |point: DVec3| {
-            let (mut seen, mut through) = (0, 0);
-            for sight in sights {
-                match sight.word(point, metres_per_unit) {
-                    Word::Seen => seen += 1,
-                    Word::Through => through += 1,
-                    Word::Nothing => {}
-                }
-            }
-            (seen, through)
+            let mut said = Said::default();
+            sights.iter().for_each(|sight| said.add(sight.word(point, metres_per_unit)));
+            said
         };
-        let is_free = |(seen, through): (u32, u32)| through >= CAMERAS && through > seen;
         let cube = CUBE / metres_per_unit;
         let mut discs = fuse(sights, cube, threads);
-        let mut free = map(discs.len(), threads, |k| is_free(hears(discs[k].point))).into_iter();
-        discs.retain(|_| !free.next().unwrap_or(false));
+        let carve = |discs: &mut Vec<Disc>| {
+            let mut free = map(discs.len(), threads, |k| hears(discs[k].point).is_free()).into_iter();
+            discs.retain(|_| !free.next().unwrap_or(false));
+        };
+        // Before they are levelled, since what is not there levels nothing; and what that has moved into the open.
+        carve(&mut discs);
         level::level(&mut discs, metres_per_unit, threads);
-        let replaced = map(splats.len(), threads, |index| {
-            let said = hears(DVec3::from_array(splats.means[index].map(f64::from)));
-            splats.groups[index] != Group::Sky && (said.0 > 0 || is_free(said))
+        carve(&mut discs);
+        let stand_ins = map(splats.len(), threads, |index| match splats.groups[index] {
+            Group::Sky => StandIn::Itself,
+            _ => hears(DVec3::from_array(splats.means[index].map(f64::from))).stand_in(),
         });
         let mut out = Splats::with_capacity(discs.len(), 0);
         let up = DVec3::from_array(site.up);
@@ -102,10 +109,43 @@ impl<'a> Scan<'a> {
                 ..surfel(at, (disc.normal, up), scales, disc.rgb, OPAQUE)
             });
         }
-        let left = (0..splats.len()).filter(|index| !replaced[*index]);
+        let left = (0..splats.len()).filter(|index| stand_ins[*index] == StandIn::Itself);
         let rest = splats.select(&left.collect::<Vec<_>>());
         out.append(&rest);
-        Self { splats: Cow::Owned(out), oriented: discs.len(), replaced }
+        Self { splats: Cow::Owned(out), oriented: discs.len(), stand_ins }
+    }
+}
+
+/// What all cameras say of a point: how many of them.
+#[derive(Clone, Copy, Debug, Default)]
+struct Said {
+    seen: u32,
+    through: u32,
+    /// Of those, to a floor.
+    floor: u32,
+}
+
+impl Said {
+    fn add(&mut self, word: Word) {
+        match word {
+            Word::Seen { floor } | Word::Through { floor } => self.floor += u32::from(floor),
+            Word::Nothing => {}
+        }
+        self.seen += u32::from(matches!(word, Word::Seen { .. }));
+        self.through += u32::from(matches!(word, Word::Through { .. }));
+    }
+
+    /// Whether nothing is there.
+    fn is_free(self) -> bool {
+        self.through >= CAMERAS && self.through > self.seen
+    }
+
+    fn stand_in(self) -> StandIn {
+        match self {
+            _ if self.seen == 0 && !self.is_free() => StandIn::Itself,
+            _ if 2 * self.floor > self.seen + self.through => StandIn::Floor,
+            _ => StandIn::Discs,
+        }
     }
 }
 
@@ -147,8 +187,7 @@ struct Cube {
 impl Cube {
     /// Of one pixel.
     fn of(spot: &Spot, cube: f64) -> Option<Self> {
-        let slant = spot.normal.map_or(1.0, |normal| normal.dot(spot.ray).abs().max(GRAZING));
-        let apart = PIXELS * spot.width / slant;
+        let apart = PIXELS * spot.apart;
         let doubled = (apart / cube).log2().ceil().max(0.0) as u32;
         if doubled > DOUBLED {
             return None;
@@ -208,7 +247,9 @@ fn merged(mut cubes: Vec<Cube>) -> Vec<Cube> {
 /// What all cameras see, in cubes; wide ones only where no narrow ones are.
 fn fuse(sights: &[Sight], cube: f64, threads: usize) -> Vec<Disc> {
     let each = map(sights.len(), threads, |index| {
-        merged(sights[index].spots().filter_map(|spot| Cube::of(&spot, cube)).collect())
+        let mut cubes = Vec::new();
+        sights[index].each_spot(|spot| cubes.extend(Cube::of(&spot, cube)));
+        merged(cubes)
     });
     let cubes = merged(each.concat());
     let mut finer: Vec<(u32, [i64; 3])> = Vec::new();

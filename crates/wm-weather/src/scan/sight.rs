@@ -1,5 +1,6 @@
 //! What one camera of the photos sees, and what it says of a point.
 
+use super::Floor;
 use glam::{DMat3, DVec3};
 use wm_scene::Camera;
 
@@ -12,23 +13,32 @@ const ASIDE: i64 = 3;
 const ROUNDS: usize = 3;
 /// How far off a plane a pixel of it is, as a share of its inverse depth; more is an edge.
 const OFF: f64 = 0.03;
+/// Least cosine between a ray and the normal for the distance between pixels along a surface; and how many places are taken
+/// of a pixel of a floor, which is known between pixels too.
+const GRAZING: f64 = 0.15;
+const MOST: f64 = 32.0;
 
 /// What a camera sees.
 #[derive(Clone, Debug)]
 pub struct Sight {
     /// From where.
-    pub camera: Camera,
+    pub(super) camera: Camera,
     /// View z of the surface in each pixel, scene units, `[H, W]`; 0 where there is none.
-    pub depth: Vec<f32>,
+    pub(super) depth: Vec<f32>,
     /// Its colour, display-referred, `[H, W, 3]`.
-    pub rgb: Vec<f32>,
+    rgb: Vec<f32>,
+    /// Floors, and which of them each pixel shows, from 1; 0 for none.
+    pub(super) floors: Vec<Floor>,
+    pub(super) on: Vec<u16>,
 }
 
 /// What one camera says of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Word {
-    Seen,
-    Through,
+    /// Whether what is seen there is a floor.
+    Seen { floor: bool },
+    /// Whether what is seen behind it is.
+    Through { floor: bool },
     /// It is off the picture, or behind something.
     Nothing,
 }
@@ -42,12 +52,19 @@ pub(super) struct Spot {
     pub normal: Option<DVec3>,
     /// From the camera, length 1.
     pub ray: DVec3,
-    /// Width of the pixel there, scene units.
-    pub width: f64,
+    /// How far those beside it are, scene units.
+    pub apart: f64,
     pub rgb: [f32; 3],
 }
 
 impl Sight {
+    /// From where a camera is: view z of the surface in each pixel, scene units, `[H, W]`, 0 where there is none; and its
+    /// colour, display-referred, `[H, W, 3]`, grey where that is empty.
+    #[must_use]
+    pub fn new(camera: Camera, depth: Vec<f32>, rgb: Vec<f32>) -> Self {
+        Self { camera, on: vec![0; depth.len()], depth, rgb, floors: Vec::new() }
+    }
+
     /// What it says of a point (world, scene units).
     pub(super) fn word(&self, point: DVec3, metres_per_unit: f64) -> Word {
         let Some((x, y, z)) = self.camera.project(point) else { return Word::Nothing };
@@ -58,21 +75,27 @@ impl Sight {
             return Word::Nothing;
         }
         let pixels = (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| (y * width + x) as usize));
-        let nearest = pixels
-            .map(|pixel| match self.depth[pixel] {
-                0.0 => f64::INFINITY,
-                depth => f64::from(depth),
-            })
-            .fold(f64::INFINITY, f64::min);
+        let depths = pixels.map(|pixel| match self.depth[pixel] {
+            0.0 => (f64::INFINITY, false),
+            depth => (f64::from(depth), self.on[pixel] > 0),
+        });
+        let (nearest, floor) =
+            depths.fold((f64::INFINITY, false), |best, other| if other.0 < best.0 { other } else { best });
         if z * (1.0 + BEFORE[0]) + BEFORE[1] / metres_per_unit < nearest {
-            Word::Through
+            Word::Through { floor }
         } else if z < nearest * (1.0 + WITH[0]) + WITH[1] / metres_per_unit
             && super::is_near(z * self.camera.widest_pixel() * metres_per_unit)
         {
-            Word::Seen
+            Word::Seen { floor }
         } else {
             Word::Nothing
         }
+    }
+
+    /// The rays of the pixels, of length 1, row by row.
+    pub(super) fn rays(&self) -> impl Iterator<Item = DVec3> + '_ {
+        let pixels = (0..self.camera.height).flat_map(|y| (0..self.camera.width).map(move |x| (x, y)));
+        pixels.map(|(x, y)| self.camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5))
     }
 
     /// The place that a pixel shows; `None` off the picture and where there is nothing.
@@ -117,19 +140,36 @@ impl Sight {
         (self.camera.rotation().transpose() * local).try_normalize()
     }
 
-    /// What is seen in each pixel that shows something.
-    pub(super) fn spots(&self) -> impl Iterator<Item = Spot> + '_ {
+    /// Calls `work` with what is seen in each pixel that shows something.
+    pub(super) fn each_spot(&self, mut work: impl FnMut(Spot)) {
         let center = self.camera.center();
         let [width, height] = [self.camera.width, self.camera.height].map(i64::from);
-        let pixels = (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
-        pixels.filter_map(move |(x, y)| {
-            let point = self.point(x, y)?;
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let Some(point) = self.point(x, y) else { continue };
             let pixel = (y * width + x) as usize;
             let ray = (point - center).normalize();
-            let normal = self.normal(x, y).map(|normal| normal * -normal.dot(ray).signum());
             let rgb = std::array::from_fn(|k| self.rgb.get(3 * pixel + k).copied().unwrap_or(0.5));
             let width = f64::from(self.depth[pixel]) * self.camera.widest_pixel();
-            Some(Spot { point, normal, ray, width, rgb })
-        })
+            if let Some(floor) = usize::from(self.on[pixel]).checked_sub(1).map(|k| &self.floors[k]) {
+                let slant = -floor.normal.dot(ray);
+                let places = (1.0 / slant).ceil().min(MOST);
+                let apart = (width / (slant * places)).max(width);
+                // People do not roll cameras, but hold them upright: floors go back along a column or a row.
+                let across = self.camera.rotation() * floor.normal;
+                for part in 0..places as u32 {
+                    let part = (f64::from(part) + 0.5) / places;
+                    let [right, down] =
+                        if across.x.abs() > across.y.abs() { [part, 0.5] } else { [0.5, part] };
+                    let ray = self.camera.ray(x as f64 + right, y as f64 + down);
+                    if let Some((way, _)) = floor.met(center, ray) {
+                        work(Spot { point: center + way * ray, normal: Some(floor.normal), ray, apart, rgb });
+                    }
+                }
+                continue;
+            }
+            let normal = self.normal(x, y).map(|normal| normal * -normal.dot(ray).signum());
+            let slant = normal.map_or(1.0, |normal| normal.dot(ray).abs().max(GRAZING));
+            work(Spot { point, normal, ray, apart: width / slant, rgb });
+        }
     }
 }
