@@ -27,6 +27,7 @@ pub mod place;
 pub mod quat;
 pub mod scene;
 pub mod sh;
+pub mod similarity;
 mod source;
 pub mod splats;
 pub mod survey;

@@ -1,0 +1,65 @@
+//! What formats cannot hold: said before something is converted, and by `inspect`.
+
+use crate::{Group, Metadata, Scene};
+
+/// What a format cannot hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Loses {
+    /// Highest SH degree that is kept.
+    pub sh_degree: u8,
+    /// What is part of the sky, of lying snow: [`Group`].
+    pub groups: Kept,
+    /// [`Metadata`].
+    pub metadata: Kept,
+    /// How numbers are rounded, with the largest error of each; empty if they are not.
+    pub rounding: &'static str,
+    /// Whether splats keep their order.
+    pub order: Kept,
+}
+
+/// Whether something comes back from a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kept {
+    /// It does.
+    Inside,
+    /// From a file beside it.
+    Beside,
+    /// It does not.
+    Not,
+}
+
+impl Loses {
+    /// What every value comes back from.
+    pub const NOTHING: Self = Self {
+        sh_degree: 3,
+        groups: Kept::Inside,
+        metadata: Kept::Inside,
+        rounding: "",
+        order: Kept::Inside,
+    };
+}
+
+/// What of `scene` is lost in a format, a line each.
+#[must_use]
+pub fn lost(loses: &Loses, scene: &Scene) -> Vec<String> {
+    let mut lines = Vec::new();
+    let splats = &scene.splats;
+    if splats.sh_degree > loses.sh_degree {
+        lines
+            .push(format!("colour by direction: SH degree {} becomes {}", splats.sh_degree, loses.sh_degree));
+    }
+    let labelled = splats.groups.iter().filter(|group| **group != Group::Scene).count();
+    if loses.groups == Kept::Not && labelled > 0 {
+        lines.push(format!("the label of {labelled} splats of the sky or snow"));
+    }
+    if loses.metadata == Kept::Not && scene.metadata != Metadata::default() {
+        lines.push("metadata".into());
+    }
+    if loses.order == Kept::Not {
+        lines.push("the order of the splats".into());
+    }
+    if !loses.rounding.is_empty() {
+        lines.push(format!("rounded: {}", loses.rounding));
+    }
+    lines
+}

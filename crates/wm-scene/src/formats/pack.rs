@@ -1,0 +1,148 @@
+//! What the packed formats share: rounding, quaternions by their smallest three, colours and opacities in bytes.
+
+use crate::{sh, splats::logit};
+use std::sync::LazyLock;
+
+/// `value` of `[0, 1]` as a whole number of `0..=most`, rounded; what is outside is moved to the end, NaN to 0.
+pub fn unorm(value: f32, most: u32) -> u32 {
+    (value * most as f32 + 0.5).clamp(0.0, most as f32) as u32
+}
+
+/// A byte of `low..=high`.
+pub fn ranged(value: f32, low: f32, high: f32, most: u32) -> u32 {
+    let width = high - low;
+    if width > 0.0 { unorm((value - low) / width, most) } else { 0 }
+}
+
+/// Opacity of a byte as a logit, finite: bytes 0 and 255 mean what rounds to them.
+pub fn logit_of_byte(byte: u8) -> f32 {
+    static LOGITS: LazyLock<[f32; 256]> = LazyLock::new(|| {
+        std::array::from_fn(|i| logit((i as f64 / 255.0).clamp(0.25 / 255.0, 1.0 - 0.25 / 255.0)) as f32)
+    });
+    LOGITS[usize::from(byte)]
+}
+
+/// The byte of an opacity given as a logit.
+pub fn byte_of_logit(logit: f32) -> u8 {
+    unorm(1.0 / (1.0 + (-logit).exp()), 255) as u8
+}
+
+/// The SH coefficient of degree 0 that shows a byte's colour.
+pub fn dc_of_byte(byte: u8) -> f32 {
+    static COLORS: LazyLock<[f32; 256]> =
+        LazyLock::new(|| std::array::from_fn(|i| sh::dc_of(i as f64 / 255.0) as f32));
+    COLORS[usize::from(byte)]
+}
+
+/// The byte of the colour that a coefficient of degree 0 shows.
+pub fn byte_of_dc(dc: f32) -> u8 {
+    unorm(0.5 + dc * sh::C0 as f32, 255) as u8
+}
+
+/// `q` at length 1; the identity where that cannot be.
+pub fn unit(q: [f32; 4]) -> [f32; 4] {
+    let length = q.iter().map(|v| v * v).sum::<f32>().sqrt();
+    if length.is_finite() && length > 1e-15 { q.map(|v| v / length) } else { [1.0, 0.0, 0.0, 0.0] }
+}
+
+/// Place of the largest component of a unit quaternion, and the others in their order, of the sign that makes
+/// the largest positive; each is within `1 / sqrt(2)`.
+pub fn smallest_three(q: [f32; 4]) -> (usize, [f32; 3]) {
+    let mut largest = 0;
+    for k in 1..4 {
+        if q[k].abs() > q[largest].abs() {
+            largest = k;
+        }
+    }
+    let sign = if q[largest] < 0.0 { -1.0 } else { 1.0 };
+    let mut rest = [0.0; 3];
+    let others = (0..4).filter(|k| *k != largest);
+    for (slot, k) in rest.iter_mut().zip(others) {
+        *slot = q[k] * sign;
+    }
+    (largest, rest)
+}
+
+/// The unit quaternion of its smallest three.
+pub fn from_smallest_three(largest: usize, rest: [f32; 3]) -> [f32; 4] {
+    let mut q = [0.0; 4];
+    let others = (0..4).filter(|k| *k != largest);
+    for (value, k) in rest.iter().zip(others) {
+        q[k] = *value;
+    }
+    q[largest] = (1.0 - rest.iter().map(|v| v * v).sum::<f32>()).max(0.0).sqrt();
+    q
+}
+
+/// Indices of splats along a Morton curve through their means: neighbours in space become neighbours in the file. Means that
+/// are no numbers come last.
+pub fn morton_order(means: &[[f32; 3]]) -> Vec<u32> {
+    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for mean in means.iter().filter(|mean| mean.iter().all(|v| v.is_finite())) {
+        for k in 0..3 {
+            low[k] = low[k].min(mean[k]);
+            high[k] = high[k].max(mean[k]);
+        }
+    }
+    let key = |mean: &[f32; 3]| {
+        if !mean.iter().all(|v| v.is_finite()) {
+            return u64::MAX;
+        }
+        let cell: [u64; 3] = std::array::from_fn(|k| {
+            // Logarithmic about the middle, so that a sky shell does not put all that is near into one cell.
+            let middle = 0.5 * low[k] + 0.5 * high[k];
+            let (value, end) = (mean[k] - middle, (high[k] - middle).max(f32::MIN_POSITIVE));
+            let curved = value.signum() * (1.0 + value.abs()).ln() / (1.0 + end).ln().max(f32::MIN_POSITIVE);
+            u64::from(ranged(curved, -1.0, 1.0, (1 << 20) - 1))
+        });
+        spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
+    };
+    let mut keyed: Vec<(u64, u32)> =
+        means.iter().enumerate().map(|(i, mean)| (key(mean), i as u32)).collect();
+    keyed.sort_unstable();
+    keyed.into_iter().map(|(_, index)| index).collect()
+}
+
+/// The low 21 bits of a number, two zeros between each.
+fn spread(mut v: u64) -> u64 {
+    v &= 0x1f_ffff;
+    v = (v | v << 32) & 0x001f_0000_0000_ffff;
+    v = (v | v << 16) & 0x001f_0000_ff00_00ff;
+    v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
+    v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
+    (v | v << 2) & 0x1249_2492_4924_9249
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn three_components_give_the_fourth(q in prop::array::uniform4(-1.0..1.0f32)) {
+            let q = unit(q);
+            let (largest, rest) = smallest_three(q);
+            let back = from_smallest_three(largest, rest);
+            let dot: f32 = q.iter().zip(back).map(|(a, b)| a * b).sum();
+            prop_assert!((dot.abs() - 1.0).abs() < 1e-5, "{q:?} {back:?}");
+            prop_assert!(rest.iter().all(|v| v.abs() <= 0.5f32.sqrt() + 1e-6));
+        }
+
+        #[test]
+        fn morton_order_is_a_permutation(means in prop::collection::vec(prop::array::uniform3(prop::num::f32::ANY), 0..50)) {
+            let mut order = morton_order(&means);
+            order.sort_unstable();
+            prop_assert_eq!(order, (0..means.len() as u32).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn bytes_come_back() {
+        for byte in 0..=255 {
+            assert_eq!(byte_of_logit(logit_of_byte(byte)), byte);
+            assert_eq!(byte_of_dc(dc_of_byte(byte)), byte);
+        }
+        assert_eq!((unorm(f32::NAN, 255), unorm(f32::INFINITY, 255), unorm(-1.0, 255)), (0, 255, 0));
+    }
+}
