@@ -146,7 +146,7 @@ pub enum Problem {
     Splats(#[from] SplatsError),
     /// The folder has no capture.
     #[error(
-        "no COLMAP model and no transforms.json here: cameras.bin and images.bin (or both as .txt) are needed \
+        "no COLMAP model, transforms.json, reconstruction.json (OpenSfM) or bundle.out here: of COLMAP cameras.bin and images.bin (or both as .txt) are needed \
          in the folder itself, in sparse/0, sparse, 0, colmap/sparse/0 or sparse_txt"
     )]
     NoCapture,

@@ -21,6 +21,7 @@ pub mod group;
 pub mod health;
 pub mod jacobi;
 pub mod metadata;
+pub mod morton;
 mod nearest;
 pub mod npy;
 pub mod place;

@@ -187,6 +187,19 @@ impl Splats {
         a
     }
 
+    /// Leaves out SH above `degree`.
+    pub fn limit_sh(&mut self, degree: u8) {
+        if degree >= self.sh_degree {
+            return;
+        }
+        let (old, new) = (self.sh_stride(), sh::coefficients(degree) * 3);
+        for index in 0..self.len() {
+            self.sh.copy_within(index * old..index * old + new, index * new);
+        }
+        self.sh.truncate(self.len() * new);
+        self.sh_degree = degree;
+    }
+
     /// Adds one splat; its higher SH coefficients are 0.
     pub fn push(&mut self, splat: &Splat) {
         self.means.push(splat.mean);

@@ -16,9 +16,9 @@ use super::{
     Axes, Format, Kept, Loses, Writer,
     bytes::{Bytes, floats, rows},
     has_ending,
-    pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, morton_order, unit},
+    pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit},
 };
-use crate::{Scene, Splats, error::Problem, sh};
+use crate::{Scene, Splats, error::Problem, morton, sh};
 use half::f16;
 use std::io::Write;
 
@@ -35,6 +35,7 @@ pub const FORMAT: Format = Format {
         rounding: "positions 1/131068 of the widest bucket of 256 neighbours, scales and SH 1/2048 of their value, rotations 0.05 \
                    degrees, colours and opacities 1/510 of 0-1",
         order: Kept::Not,
+        log_scales: [-16.635_532, 11.09],
     },
     sniff: |start| has_ending(start.path, "ksplat"),
     read: |source, _| {
@@ -50,6 +51,8 @@ const SECTION_HEADER: u64 = 1024;
 const SH_RANGE: f32 = 1.5;
 /// Steps from the centre of a bucket to its side.
 const STEPS: u32 = 32767;
+/// The smallest half above 0.
+const LEAST: f32 = 5.960_464_5e-8;
 /// Splats of a full bucket that is written.
 const BUCKET: usize = 256;
 
@@ -191,7 +194,7 @@ fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Problem> {
     let degree = splats.sh_degree.min(2);
     let count =
         u32::try_from(splats.len()).map_err(|_| Problem::Value("too many splats for a .ksplat".into()))?;
-    let order = morton_order(&splats.means);
+    let order = morton::order(&splats.means);
     // A bucket is a cube about the middle of its splats; one size for all.
     let mut centers = Vec::new();
     let mut widest = f32::MIN_POSITIVE;
@@ -252,7 +255,8 @@ fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Problem> {
                 bytes.extend((steps.clamp(0.0, 2.0 * STEPS as f32 + 1.0) as u16).to_le_bytes());
             }
             let mut half = |v: f32| bytes.extend(f16::from_f32(v).to_le_bytes());
-            splats.log_scales[index].iter().for_each(|v| half(v.exp()));
+            // One that is too small for a half would come back as nothing.
+            splats.log_scales[index].iter().for_each(|v| half(v.exp().max(LEAST)));
             unit(splats.quats[index]).into_iter().for_each(&mut half);
             let sh = splats.sh_of(index);
             bytes.extend(sh[..3].iter().map(|v| byte_of_dc(*v)));

@@ -1,9 +1,9 @@
 //! What formats cannot hold: said before something is converted, and by `inspect`.
 
-use crate::{Group, Metadata, Scene};
+use crate::{Group, Metadata, Scene, sh};
 
 /// What a format cannot hold.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loses {
     /// Highest SH degree that is kept.
     pub sh_degree: u8,
@@ -15,7 +15,12 @@ pub struct Loses {
     pub rounding: &'static str,
     /// Whether splats keep their order.
     pub order: Kept,
+    /// Logarithms of scales that fit: smaller and larger ones become these.
+    pub log_scales: [f32; 2],
 }
+
+/// Where a scale of any size fits.
+pub const ANY_SCALE: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
 
 /// Whether something comes back from a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,7 +41,27 @@ impl Loses {
         metadata: Kept::Inside,
         rounding: "",
         order: Kept::Inside,
+        log_scales: ANY_SCALE,
     };
+
+    /// What no file of the format holds, a line each.
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
+        let mut lines = Vec::new();
+        if self.sh_degree < sh::MAX_DEGREE {
+            lines.push(format!("SH above degree {}", self.sh_degree));
+        }
+        if self.groups == Kept::Not {
+            lines.push("what is sky or snow".into());
+        }
+        if self.metadata != Kept::Inside {
+            lines.push("metadata (a .wm.toml beside it has it)".into());
+        }
+        if !self.rounding.is_empty() {
+            lines.push(format!("what was rounded: {}", self.rounding));
+        }
+        lines
+    }
 }
 
 /// What of `scene` is lost in a format, a line each.
@@ -54,6 +79,15 @@ pub fn lost(loses: &Loses, scene: &Scene) -> Vec<String> {
     }
     if loses.metadata == Kept::Not && scene.metadata != Metadata::default() {
         lines.push("metadata".into());
+    }
+    let [least, most] = loses.log_scales;
+    let outside = |scales: &&[f32; 3]| scales.iter().any(|v| *v < least || *v > most);
+    let count = splats.log_scales.iter().filter(outside).count();
+    if count > 0 {
+        let (least, most) = (least.exp(), most.exp());
+        lines.push(format!(
+            "the size of {count} splats with an axis outside of {least:.1e} to {most:.0} units: another --scale may fit better"
+        ));
     }
     if loses.order == Kept::Not {
         lines.push("the order of the splats".into());

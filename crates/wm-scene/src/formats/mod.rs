@@ -27,7 +27,7 @@ use crate::{
     source::Source,
 };
 pub use axes::Axes;
-pub use loss::{Kept, Loses, lost};
+pub use loss::{ANY_SCALE, Kept, Loses, lost};
 pub use sidecar::{sidecar_path, write_sidecar};
 use std::{
     io::{Read, Write},
@@ -256,6 +256,9 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: &WriteOptions) -> R
         // No name leads here: such a format has no extension.
         Writer::Nothing => {}
         Writer::Files(write) => {
+            if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+                std::fs::create_dir_all(folder).map_err(|error| fault(error.into()))?;
+            }
             for file in write(scene, options).map_err(fault)? {
                 write_atomically(&path.with_file_name(file.name), |out| Ok(out.write_all(&file.bytes)?))?;
             }

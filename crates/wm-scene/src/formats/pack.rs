@@ -74,45 +74,6 @@ pub fn from_smallest_three(largest: usize, rest: [f32; 3]) -> [f32; 4] {
     q
 }
 
-/// Indices of splats along a Morton curve through their means: neighbours in space become neighbours in the file. Means that
-/// are no numbers come last.
-pub fn morton_order(means: &[[f32; 3]]) -> Vec<u32> {
-    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for mean in means.iter().filter(|mean| mean.iter().all(|v| v.is_finite())) {
-        for k in 0..3 {
-            low[k] = low[k].min(mean[k]);
-            high[k] = high[k].max(mean[k]);
-        }
-    }
-    let key = |mean: &[f32; 3]| {
-        if !mean.iter().all(|v| v.is_finite()) {
-            return u64::MAX;
-        }
-        let cell: [u64; 3] = std::array::from_fn(|k| {
-            // Logarithmic about the middle, so that a sky shell does not put all that is near into one cell.
-            let middle = 0.5 * low[k] + 0.5 * high[k];
-            let (value, end) = (mean[k] - middle, (high[k] - middle).max(f32::MIN_POSITIVE));
-            let curved = value.signum() * (1.0 + value.abs()).ln() / (1.0 + end).ln().max(f32::MIN_POSITIVE);
-            u64::from(ranged(curved, -1.0, 1.0, (1 << 20) - 1))
-        });
-        spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
-    };
-    let mut keyed: Vec<(u64, u32)> =
-        means.iter().enumerate().map(|(i, mean)| (key(mean), i as u32)).collect();
-    keyed.sort_unstable();
-    keyed.into_iter().map(|(_, index)| index).collect()
-}
-
-/// The low 21 bits of a number, two zeros between each.
-fn spread(mut v: u64) -> u64 {
-    v &= 0x1f_ffff;
-    v = (v | v << 32) & 0x001f_0000_0000_ffff;
-    v = (v | v << 16) & 0x001f_0000_ff00_00ff;
-    v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
-    v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
-    (v | v << 2) & 0x1249_2492_4924_9249
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -127,13 +88,6 @@ mod tests {
             let dot: f32 = q.iter().zip(back).map(|(a, b)| a * b).sum();
             prop_assert!((dot.abs() - 1.0).abs() < 1e-5, "{q:?} {back:?}");
             prop_assert!(rest.iter().all(|v| v.abs() <= 0.5f32.sqrt() + 1e-6));
-        }
-
-        #[test]
-        fn morton_order_is_a_permutation(means in prop::collection::vec(prop::array::uniform3(prop::num::f32::ANY), 0..50)) {
-            let mut order = morton_order(&means);
-            order.sort_unstable();
-            prop_assert_eq!(order, (0..means.len() as u32).collect::<Vec<_>>());
         }
     }
 

@@ -6,7 +6,7 @@
 //! writers put what counts most first.
 
 use super::{
-    Axes, Format, Kept, Loses, Writer,
+    ANY_SCALE, Axes, Format, Kept, Loses, Writer,
     bytes::{floats, rows},
     has_ending,
     pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit},
@@ -30,6 +30,7 @@ pub const FORMAT: Format = Format {
         metadata: Kept::Beside,
         rounding: "rotations 1 degree, colours and opacities 1/510 of 0-1",
         order: Kept::Inside,
+        log_scales: ANY_SCALE,
     },
     sniff: |start| has_ending(start.path, "splat"),
     read: |source, _| read(source),

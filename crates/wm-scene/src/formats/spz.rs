@@ -44,6 +44,7 @@ pub const FORMAT: Format = Format {
         rounding: "positions 1/262144 of the largest coordinate, scales 3 %, rotations 0.25 degrees, opacities 1/510, colours 0.4 %, \
                    SH 1/32 (degree 1) and 1/16",
         order: Kept::Inside,
+        log_scales: [-10.0, 5.937_5],
     },
     sniff: |start| start.bytes.starts_with(&MAGIC) || start.bytes.starts_with(&[0x1f, 0x8b]),
     read: |source, _| {
@@ -359,11 +360,13 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
         packed.finish()?;
         return Ok(());
     }
-    header[15] = COLUMNS as u8;
+    // Without SH there is no stream of them, not an empty one.
+    let columns = if splats.sh_degree > 0 { COLUMNS } else { COLUMNS - 1 };
+    header[15] = columns as u8;
     header.extend(HEADER_SIZE.to_le_bytes());
     header.resize(HEADER_SIZE as usize, 0);
     let mut streams = Vec::new();
-    for number in 0..COLUMNS {
+    for number in 0..columns {
         let mut bytes = Vec::new();
         column(splats, number, bits, &mut |part| {
             bytes.extend_from_slice(part);

@@ -25,12 +25,9 @@ use crate::{
     formats::{
         Axes, Format, Kept, Loses, Writer,
         bytes::rows,
-        pack::{
-            byte_of_logit, from_smallest_three, logit_of_byte, morton_order, ranged, smallest_three, unit,
-            unorm,
-        },
+        pack::{byte_of_logit, from_smallest_three, logit_of_byte, ranged, smallest_three, unit, unorm},
     },
-    sh,
+    morton, sh,
     source::Source,
 };
 use std::fmt::Write as _;
@@ -48,6 +45,7 @@ pub const FORMAT: Format = Format {
         rounding: "positions 1/4094 and scales 1/2046 of the range of 256 neighbours, rotations 0.25 degrees, colours and opacities \
                    1/510, SH 1/64",
         order: Kept::Not,
+        log_scales: [-MAX_LOG_SCALE, MAX_LOG_SCALE],
     },
     sniff: |_| false,
     read: |source, options| super::read(source, options),
@@ -236,7 +234,7 @@ fn sh_of_byte(byte: u8) -> f32 {
 
 fn write(out: &mut dyn std::io::Write, scene: &Scene) -> Result<(), Problem> {
     let splats = &scene.splats;
-    let order = morton_order(&splats.means);
+    let order = morton::order(&splats.means);
     out.write_all(header(scene)?.as_bytes())?;
     let chunks: Vec<Chunk> = order.chunks(CHUNK).map(|indices| Chunk::of(splats, indices)).collect();
     let mut bytes = Vec::with_capacity(chunks.len() * RANGES.len() * 4);

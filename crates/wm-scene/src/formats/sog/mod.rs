@@ -22,7 +22,7 @@ mod read;
 mod write;
 mod zip;
 
-use super::{Axes, Format, Kept, Level, Loses, ReadOptions, Writer, has_ending};
+use super::{ANY_SCALE, Axes, Format, Kept, Level, Loses, ReadOptions, Writer, has_ending};
 use crate::{
     Scene,
     error::{FormatError, Problem},
@@ -37,6 +37,7 @@ const LOSES: Loses = Loses {
     rounding: "positions 1/131070 of the scene's extent in logarithm (1 + their value), scales and colours to 256 values, rotations 1 \
                degree, opacities 1/510, SH to a palette of 65536",
     order: Kept::Not,
+    log_scales: ANY_SCALE,
 };
 
 /// The bundle, one ZIP.

@@ -8,8 +8,9 @@ use crate::{
     Rasterization, Scene,
     formats::{
         NamedFile,
-        pack::{byte_of_logit, morton_order, ranged, smallest_three, unit, unorm},
+        pack::{byte_of_logit, ranged, smallest_three, unit, unorm},
     },
+    morton,
 };
 use image_webp::{ColorType, WebPEncoder};
 use serde_json::json;
@@ -34,7 +35,7 @@ pub(super) fn files(scene: &Scene) -> Result<Vec<NamedFile>, Problem> {
             "too many splats for one SOG, whose pictures are at most 16383 pixels wide".into(),
         ));
     }
-    let order = morton_order(&splats.means);
+    let order = morton::order(&splats.means);
     let mut files = Vec::new();
     // The writer says how each splat's pixel looks.
     let mut picture = |name, pixel: &dyn Fn(usize) -> [u8; 4]| {

@@ -1,12 +1,7 @@
 //! What is written comes back, within the rounding that each format states.
 
 use super::*;
-use crate::{
-    Group, Rasterization,
-    formats::pack::{morton_order, unit},
-    sh,
-    splats::sigmoid,
-};
+use crate::{Group, Rasterization, formats::pack::unit, morton, sh, splats::sigmoid};
 
 /// Numbers of `-1..1` that follow from their place.
 pub struct Noise(u64);
@@ -159,7 +154,7 @@ fn every_format_gives_back_what_it_states() {
             assert_eq!(back.splats.len(), 700);
             assert_eq!(back.splats.sh_degree, degree.min(format.loses.sh_degree));
             let order = match format.loses.order {
-                Kept::Not => morton_order(&scene.splats.means),
+                Kept::Not => morton::order(&scene.splats.means),
                 _ => (0..700).collect(),
             };
             let errors = Errors::of(&scene.splats, &back.splats, &order);
