@@ -27,10 +27,16 @@ use wm_train::metrics::psnr;
 
 /// Longest side of the pictures, px.
 const LONGEST: u32 = 720;
-/// Pictures that worth is found in; as many more say what was lost.
-const VIEWS: usize = 24;
-/// What a splat that no picture shows is worth, as a share of its size in a picture from the scene's radius away.
+/// Pictures of a scene with photos: two of three say what splats are worth, the third what was lost.
+const VIEWS: usize = 48;
+/// What a splat that no picture shows is worth, as a share of its pixels in a picture from near.
 const UNSEEN: f64 = 0.02;
+/// How far near is, in radii of the scene.
+const NEAR: f64 = 0.1;
+/// Focal length of the pictures, px, about.
+const FOCAL: f64 = 400.0;
+/// Most pixels that an unseen splat counts with.
+const LARGEST: f64 = 400.0;
 /// How far a splat may be from the one that it goes into, in standard deviations of both along their longest axes.
 const REACH: f64 = 2.0;
 
@@ -49,7 +55,7 @@ pub struct Reduced {
 pub fn reduce(scene: &Scene, most: usize, run: &RunArgs) -> Result<Reduced> {
     let survey = Survey::of(scene, &Metadata::default());
     let cameras = cameras(scene, &survey);
-    let (measured, tried): (Vec<_>, Vec<_>) = cameras.into_iter().enumerate().partition(|(i, _)| i % 2 == 1);
+    let (measured, tried): (Vec<_>, Vec<_>) = cameras.into_iter().enumerate().partition(|(i, _)| i % 3 == 1);
     let config = CpuConfig { threads: run.threads.map(usize::from), simd: run.simd };
     let mut eye = Eye {
         renderer: Differentiable::new(config)?,
@@ -85,11 +91,11 @@ pub fn reduce(scene: &Scene, most: usize, run: &RunArgs) -> Result<Reduced> {
     Ok(Reduced { splats, note })
 }
 
-/// Places to look from, in pairs that are alike: the first shows what counts, the second what was lost.
+/// Places to look from; neighbours in the list are mostly alike.
 fn cameras(scene: &Scene, survey: &Survey) -> Vec<Camera> {
     if !scene.views.is_empty() {
-        let step = (scene.views.len() as f64 / (2 * VIEWS) as f64).max(1.0);
-        let count = scene.views.len().min(2 * VIEWS);
+        let step = (scene.views.len() as f64 / VIEWS as f64).max(1.0);
+        let count = scene.views.len().min(VIEWS);
         return (0..count).map(|i| small(&scene.views[(i as f64 * step) as usize].camera)).collect();
     }
     let options = Options { size: Some((LONGEST, LONGEST * 9 / 16)), ..Options::default() };
@@ -139,10 +145,10 @@ impl Eye {
 
     /// What each splat is worth, px.
     fn worth(&mut self, splats: &Splats, cameras: &[(usize, Camera)], radius: f64) -> Result<Vec<f64>> {
-        let area = |i: usize| {
-            UNSEEN * splats.opacity(i) * cover(splats.log_scales[i]) * (400.0 / radius.max(1e-6)).powi(2)
-        };
-        let mut worth: Vec<f64> = (0..splats.len()).map(|i| area(i).min(UNSEEN * 100.0)).collect();
+        let pixels = (FOCAL / (NEAR * radius.max(1e-6))).powi(2);
+        let unseen =
+            |i: usize| UNSEEN * (splats.opacity(i) * cover(splats.log_scales[i]) * pixels).min(LARGEST);
+        let mut worth: Vec<f64> = (0..splats.len()).map(unseen).collect();
         let mut gradients = Gradients::default();
         for (_, camera) in cameras {
             self.look(splats, camera)?;
@@ -181,7 +187,11 @@ fn merged(splats: &Splats, worth: &[f64], target: usize) -> Splats {
         let Some(near) = found.first() else { continue };
         let keeper = kept[near.item as usize];
         let alike = splats.groups[keeper] == splats.groups[index] && splats.groups[index] != Group::Sky;
-        if alike && near.distance.sqrt() <= REACH * (longest(index) + longest(keeper)) {
+        if alike
+            && near.distance.sqrt()
+                <= std::env::var("WM_REACH").map_or(REACH, |v| v.parse().unwrap())
+                    * (longest(index) + longest(keeper))
+        {
             taken[near.item as usize].push(index);
         }
     }

@@ -10,7 +10,8 @@
 //! | 1 | 3 16-bit steps from the bucket's centre | 3 halves | 4 halves | 4 bytes | halves |
 //! | 2 | as 1 | as 1 | as 1 | 4 bytes | bytes over a range in the header |
 //!
-//! SH are degree by degree, in each all of red, then green, then blue. Level 1 is written, in one section.
+//! SH are degree by degree, in each all of red, then green, then blue. Level 1 is written, in a section for
+//! each power of two in the widths of its buckets, so that a sky does not coarsen what is near.
 
 use super::{
     Axes, Format, Kept, Loses, Writer,
@@ -32,7 +33,7 @@ pub const FORMAT: Format = Format {
         sh_degree: 2,
         groups: Kept::Not,
         metadata: Kept::Beside,
-        rounding: "positions 1/131068 of the widest bucket of 256 neighbours, scales and SH 1/2048 of their value, rotations 0.05 \
+        rounding: "positions 1/65534 of the range of 256 neighbours, scales and SH 1/2048 of their value, rotations 0.05 \
                    degrees, colours and opacities 1/510 of 0-1",
         order: Kept::Not,
         log_scales: [-16.635_532, 11.09],
@@ -189,16 +190,16 @@ fn read_section(bytes: &mut Bytes, header: &[u8], level: Level, splats: &mut Spl
     Ok(())
 }
 
-fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Problem> {
-    let splats = &scene.splats;
-    let degree = splats.sh_degree.min(2);
-    let count =
-        u32::try_from(splats.len()).map_err(|_| Problem::Value("too many splats for a .ksplat".into()))?;
-    let order = morton::order(&splats.means);
-    // A bucket is a cube about the middle of its splats; one size for all.
-    let mut centers = Vec::new();
-    let mut widest = f32::MIN_POSITIVE;
-    for indices in order.chunks(BUCKET) {
+/// Splats about a centre.
+struct Bucket<'a> {
+    indices: &'a [u32],
+    center: [f32; 3],
+    /// Of the cube that holds them.
+    width: f32,
+}
+
+impl<'a> Bucket<'a> {
+    fn of(splats: &Splats, indices: &'a [u32]) -> Self {
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for mean in indices.iter().map(|i| splats.means[*i as usize]) {
             for k in (0..3).filter(|k| mean[*k].is_finite()) {
@@ -206,47 +207,87 @@ fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Problem> {
                 high[k] = high[k].max(mean[k]);
             }
         }
-        let center: [f32; 3] =
-            std::array::from_fn(|k| if low[k] <= high[k] { 0.5 * (low[k] + high[k]) } else { 0.0 });
-        widest = (0..3).map(|k| high[k] - low[k]).filter(|v| v.is_finite()).fold(widest, f32::max);
-        centers.push(center);
+        let center = std::array::from_fn(|k| if low[k] <= high[k] { 0.5 * (low[k] + high[k]) } else { 0.0 });
+        let widths = (0..3).map(|k| high[k] - low[k]).filter(|v| v.is_finite());
+        Self { indices, center, width: widths.fold(f32::MIN_POSITIVE, f32::max) }
     }
-    let (full, partial) = (order.len() / BUCKET, order.len() % BUCKET);
 
-    let mut header = [0; (HEADER + SECTION_HEADER) as usize];
+    /// Buckets of one class have steps of one size in the file: at most twice as wide as they need.
+    fn class(&self) -> i32 {
+        self.width.log2().floor() as i32
+    }
+}
+
+/// The buckets in the order of the file, those of a class together.
+fn buckets<'a>(splats: &Splats, order: &'a [u32]) -> Vec<Bucket<'a>> {
+    let mut buckets: Vec<Bucket> = order.chunks(BUCKET).map(|indices| Bucket::of(splats, indices)).collect();
+    // The one that is not full was the last and stays the last of its class, as readers expect.
+    buckets.sort_by_key(Bucket::class);
+    buckets
+}
+
+fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Problem> {
+    let splats = &scene.splats;
+    let degree = splats.sh_degree.min(2);
+    let count =
+        u32::try_from(splats.len()).map_err(|_| Problem::Value("too many splats for a .ksplat".into()))?;
+    let order = morton::order(&splats.means);
+    let buckets = buckets(splats, &order);
+    let sections: Vec<&[Bucket]> = buckets.chunk_by(|a, b| a.class() == b.class()).collect();
+    let mut header = vec![0; HEADER as usize + sections.len() * SECTION_HEADER as usize];
     header[1] = 1;
     let mut put = |at: usize, word: u32| header[at..at + 4].copy_from_slice(&word.to_le_bytes());
-    for (at, word) in [(4, 1), (8, 1), (12, count), (16, count), (20, 1)] {
+    let section_count = sections.len() as u32;
+    for (at, word) in [(4, section_count), (8, section_count), (12, count), (16, count), (20, 1)] {
         put(at, word);
     }
     put(36, (-SH_RANGE).to_bits());
     put(40, SH_RANGE.to_bits());
-    let data = u64::from(count) * Level::Halves.splat_size(degree);
-    let stored = data + centers.len() as u64 * 12 + u64::from(partial > 0) * 4;
-    let section = [
-        count,
-        count,
-        BUCKET as u32,
-        centers.len() as u32,
-        widest.to_bits(),
-        12,
-        STEPS,
-        stored as u32,
-        full as u32,
-        u32::from(partial > 0),
-        u32::from(degree),
-    ];
-    for (i, word) in section.into_iter().enumerate() {
-        put(HEADER as usize + 4 * i, word);
+    for (number, section) in sections.iter().enumerate() {
+        let room: usize = section.iter().map(|bucket| bucket.indices.len()).sum();
+        let partial = room % BUCKET;
+        let data = room as u64 * Level::Halves.splat_size(degree);
+        let stored = data + section.len() as u64 * 12 + u64::from(partial > 0) * 4;
+        let words = [
+            room as u32,
+            room as u32,
+            BUCKET as u32,
+            section.len() as u32,
+            widest(section).to_bits(),
+            12,
+            STEPS,
+            stored as u32,
+            (room / BUCKET) as u32,
+            u32::from(partial > 0),
+            u32::from(degree),
+        ];
+        for (i, word) in words.into_iter().enumerate() {
+            put(HEADER as usize + number * SECTION_HEADER as usize + 4 * i, word);
+        }
     }
     out.write_all(&header)?;
+    sections.iter().try_for_each(|section| write_section(out, splats, degree, section))
+}
+
+fn widest(section: &[Bucket]) -> f32 {
+    section.iter().map(|bucket| bucket.width).fold(f32::MIN_POSITIVE, f32::max)
+}
+
+fn write_section(
+    out: &mut dyn Write,
+    splats: &Splats,
+    degree: u8,
+    section: &[Bucket],
+) -> Result<(), Problem> {
+    let partial = section.iter().map(|bucket| bucket.indices.len()).sum::<usize>() % BUCKET;
     if partial > 0 {
         out.write_all(&(partial as u32).to_le_bytes())?;
     }
-    let mut bytes: Vec<u8> = centers.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
+    let mut bytes: Vec<u8> =
+        section.iter().flat_map(|bucket| bucket.center).flat_map(f32::to_le_bytes).collect();
     out.write_all(&bytes)?;
-    let step = STEPS as f32 / (0.5 * widest);
-    for (center, indices) in centers.iter().zip(order.chunks(BUCKET)) {
+    let step = STEPS as f32 / (0.5 * widest(section));
+    for Bucket { indices, center, .. } in section {
         bytes.clear();
         for index in indices.iter().map(|i| *i as usize) {
             let mean = splats.means[index];
@@ -271,4 +312,11 @@ fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Problem> {
         out.write_all(&bytes)?;
     }
     Ok(())
+}
+
+/// The order in which splats are written, for tests.
+#[cfg(test)]
+pub(super) fn order(splats: &Splats) -> Vec<u32> {
+    let order = morton::order(&splats.means);
+    buckets(splats, &order).iter().flat_map(|bucket| bucket.indices.to_vec()).collect()
 }

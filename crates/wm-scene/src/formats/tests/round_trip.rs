@@ -110,14 +110,14 @@ fn rounding(name: &str) -> Errors {
             color: 0.002,
             sh: 1.0 / 64.0,
         },
-        // Steps of 2^-13; SH in steps of 8 and 16 of 128.
+        // Steps of 2^-17; SH in steps of 2 and 4 of 128.
         "SPZ" => Errors {
-            mean: 0.5f32.powi(13),
+            mean: 0.5f32.powi(18),
             log_scale: 1.0 / 32.0,
             rotation: 0.25,
             opacity: byte,
             color: 0.004,
-            sh: 1.0 / 16.0,
+            sh: 1.0 / 64.0,
         },
         // Logarithm of 31 over 65535, times 31; codebooks of even values; SH of few splats are an entry each.
         "SOG" | "SOG folder" => {
@@ -154,6 +154,7 @@ fn every_format_gives_back_what_it_states() {
             assert_eq!(back.splats.len(), 700);
             assert_eq!(back.splats.sh_degree, degree.min(format.loses.sh_degree));
             let order = match format.loses.order {
+                Kept::Not if format.name == "ksplat" => ksplat::order(&scene.splats),
                 Kept::Not => morton::order(&scene.splats.means),
                 _ => (0..700).collect(),
             };
