@@ -17,6 +17,7 @@ mod output;
 mod parts;
 mod pipeline;
 mod progress;
+mod reduce;
 mod scene;
 mod studio;
 mod view;

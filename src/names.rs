@@ -2,11 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-/// The name of a scene, to name outputs after: that of the file, or of a training's folder.
+/// The name of a scene, to name outputs after: that of the file, of a training's folder, or of the folder of a file that is called
+/// the same in every folder.
 pub fn stem_of(scene: &Path) -> String {
     let canonical = scene.canonicalize().unwrap_or_else(|_| scene.into());
-    let part = if canonical.is_dir() { canonical.file_name() } else { canonical.file_stem() };
-    part.map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned())
+    let is_main = canonical.file_name().is_some_and(|name| name == "meta.json" || name == "lod-meta.json");
+    let named = if is_main { canonical.parent().unwrap_or(&canonical) } else { &canonical };
+    let part = if named.is_dir() { named.file_name() } else { named.file_stem() };
+    let name = part.map_or_else(|| "scene".into(), |name| name.to_string_lossy().into_owned());
+    name.strip_suffix(".compressed").map_or(name.clone(), str::to_owned)
 }
 
 /// `path` with `.kind.extension` for its extension: `a.png` and depth give `a.depth.png`.
@@ -21,6 +25,8 @@ mod tests {
     #[test]
     fn outputs_are_named_after_the_scene() {
         assert_eq!(stem_of(Path::new("somewhere/garden.ply")), "garden");
+        assert_eq!(stem_of(Path::new("somewhere/garden.compressed.ply")), "garden");
+        assert_eq!(stem_of(Path::new("garden/meta.json")), "garden");
         assert_eq!(beside(Path::new("out/a.png"), "depth", "exr"), Path::new("out/a.depth.exr"));
     }
 }

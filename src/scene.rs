@@ -4,10 +4,10 @@ use crate::view::{self, spec};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use glam::DVec3;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use wm_render::simd::SimdChoice;
 use wm_render::{AnyRenderer, Background, CpuConfig, Device, Renderer, SetId, SkyGradient};
-use wm_scene::formats::{ReadOptions, read_scene};
+use wm_scene::formats::{Level, ReadOptions, read_scene};
 use wm_scene::survey::{Source, Survey, known_distance, label_sky};
 use wm_scene::{Metadata, Scene, capture, splats::Faults};
 use wm_weather::{Daylight, Site};
@@ -15,8 +15,11 @@ use wm_weather::{Daylight, Site};
 /// Which scene, and what is known of it.
 #[derive(Args, Clone, Debug)]
 pub struct SceneArgs {
-    /// The scene: a 3DGS PLY, or the folder of a 3DGS training
+    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
     pub scene: PathBuf,
+    /// Which level of a scene with several levels of detail; 0 is the finest
+    #[arg(long, value_name = "N", help_heading = "Scene")]
+    pub level: Option<u32>,
     /// Leave out splats that hold NaN or infinite numbers, and go on
     #[arg(long, help_heading = "Scene")]
     pub repair: bool,
@@ -108,9 +111,9 @@ impl Loaded {
         let given = args.facts.metadata()?;
         let renderer = run.renderer()?;
         let views = views.map(|folder| capture::read_views(folder)).transpose()?;
-        let mut scene = read_scene(&args.scene, &ReadOptions::default())?;
+        let mut scene = read_scene(&args.scene, &read_options(args.level))?;
         scene.views = views.unwrap_or(scene.views);
-        check(&mut scene, args)?;
+        check(&mut scene, &args.scene, args.repair)?;
         Self::with(scene, &given, renderer)
     }
 
@@ -175,8 +178,13 @@ impl Loaded {
     }
 }
 
-/// Refuses splats that cannot be rendered, with their counts, or drops them.
-fn check(scene: &mut Scene, args: &SceneArgs) -> Result<()> {
+/// How a scene is read of which a level may be asked for.
+pub fn read_options(level: Option<u32>) -> ReadOptions {
+    ReadOptions { level: level.map_or(Level::Finest, Level::Number), ..ReadOptions::default() }
+}
+
+/// Refuses splats that cannot be rendered, with their counts, or drops them where they may be repaired.
+pub fn check(scene: &mut Scene, path: &Path, repair: bool) -> Result<()> {
     let splats = &scene.splats;
     let mut counts = [0usize; 5];
     let mut faulty = 0;
@@ -195,11 +203,11 @@ fn check(scene: &mut Scene, args: &SceneArgs) -> Result<()> {
     let named = named.filter(|(count, _)| **count > 0).map(|(count, name)| format!("{count} in {name}"));
     let what = format!(
         "{}: {faulty} of {} splats hold NaN or infinite numbers ({})",
-        args.scene.display(),
+        path.display(),
         splats.len(),
         named.collect::<Vec<_>>().join(", ")
     );
-    if !args.repair {
+    if !repair {
         bail!("{what}; --repair leaves them out");
     }
     let (repaired, repairs) = std::mem::take(&mut scene.splats).repaired();

@@ -248,5 +248,9 @@ fn bad_input_is_told_in_one_line() {
     );
     let mut none = Command::new(env!("CARGO_BIN_EXE_weather-magician"));
     none.args(["evaluate", "away.ply", "-d", "empty"]).current_dir(desk.0.path());
-    fails(&mut none, &["empty: no COLMAP model and no transforms.json here"], &[]);
+    fails(
+        &mut none,
+        &["empty: no COLMAP model, transforms.json, reconstruction.json (OpenSfM) or bundle.out here"],
+        &[],
+    );
 }

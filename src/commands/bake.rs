@@ -1,4 +1,4 @@
-//! `bake`: a scene with what lies on it under a weather, as an ordinary 3DGS PLY for other programs.
+//! `bake`: a scene with what lies on it under a weather, as an ordinary scene for other programs.
 
 use crate::names::stem_of;
 use crate::scene::{Loaded, RunArgs, SceneArgs};
@@ -8,7 +8,7 @@ use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
 use wm_scene::files::check_writable;
-use wm_scene::formats::write_scene;
+use wm_scene::formats::{format_for, lost, write_scene};
 use wm_scene::{Metadata, Scene};
 use wm_weather::cover::Lying;
 
@@ -23,7 +23,8 @@ pub struct BakeArgs {
     /// The instant of the weather, s
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     time: f64,
-    /// Where to: a .ply [default: named after scene and weather, in this folder]
+    /// Where to; the name says the format: .ply, .spz, .sog, .glb and others [default: a .ply named after scene and
+    /// weather, in this folder]
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -35,9 +36,7 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     let weather = args.weather.read()?;
     let named = || format!("{}-{}.ply", stem_of(&args.scene.scene), weather.name).into();
     let out: PathBuf = args.out.clone().unwrap_or_else(named);
-    if !out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply")) {
-        bail!("--out {}: a scene is written as PLY; give a name that ends in .ply", out.display());
-    }
+    let format = format_for(&out)?;
     check_writable(&out)?;
     if !args.time.is_finite() {
         bail!("--time {}: give seconds, such as 0 or 12.5", args.time);
@@ -77,5 +76,8 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     let scene = Scene { splats, views: loaded.scene.views.clone(), metadata };
     write_scene(&out, &scene)?;
     println!("{}: {count} splats, {added} of them lie on the place", out.display());
+    for line in lost(&format.loses, &scene) {
+        eprintln!("{}: lost: {line}", out.display());
+    }
     Ok(())
 }

@@ -1,20 +1,23 @@
 //! `inspect`: what a scene holds, and what is wrong with it.
 
-use crate::scene::FactArgs;
+use crate::scene::{FactArgs, read_options};
 use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 use wm_scene::Group;
-use wm_scene::formats::{ReadOptions, read_scene, write_sidecar};
+use wm_scene::formats::{Format, format_of, read_scene, write_sidecar};
 use wm_scene::health::{Bounds, FaultCounts, Health, Histogram};
 use wm_scene::survey::{Sourced, Survey, label_sky};
 
 /// Options of `inspect`.
 #[derive(Args, Debug)]
 pub struct InspectArgs {
-    /// The scene: a 3DGS PLY, or the folder of a 3DGS training
+    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
     scene: PathBuf,
+    /// Which level of a scene with several levels of detail; 0 is the finest
+    #[arg(long, value_name = "N")]
+    level: Option<u32>,
     #[command(flatten)]
     facts: FactArgs,
     /// Print everything as JSON
@@ -29,15 +32,16 @@ pub struct InspectArgs {
 /// Runs the command.
 pub fn run(args: &InspectArgs) -> Result<()> {
     let given = args.facts.metadata()?;
-    let mut scene = read_scene(&args.scene, &ReadOptions::default())?;
+    let mut scene = read_scene(&args.scene, &read_options(args.level))?;
+    let format = format_of(&args.scene)?;
     let labelled = scene.splats.groups.contains(&Group::Sky);
     label_sky(&mut scene.splats);
     let health = Health::of(&scene.splats);
     let survey = Survey::of(&scene, &given);
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&report(args, &scene, &health, &survey))?);
+        println!("{}", serde_json::to_string_pretty(&report(args, format, &scene, &health, &survey))?);
     } else {
-        print(args, &scene, &health, &survey, labelled);
+        print(args, format, &scene, &health, &survey, labelled);
     }
     if args.save_metadata {
         let file = wm_scene::formats::folder::scene_file(&args.scene)?;
@@ -50,6 +54,7 @@ pub fn run(args: &InspectArgs) -> Result<()> {
 
 fn report(
     args: &InspectArgs,
+    format: &Format,
     scene: &wm_scene::Scene,
     health: &Health,
     survey: &Survey,
@@ -59,6 +64,7 @@ fn report(
     }
     json!({
         "scene": args.scene.display().to_string(),
+        "format": { "name": format.name, "loses": format.loses.lines() },
         "health": health,
         "views": scene.views.len(),
         "survey": {
@@ -76,8 +82,19 @@ fn report(
     })
 }
 
-fn print(args: &InspectArgs, scene: &wm_scene::Scene, health: &Health, survey: &Survey, labelled: bool) {
+fn print(
+    args: &InspectArgs,
+    format: &Format,
+    scene: &wm_scene::Scene,
+    health: &Health,
+    survey: &Survey,
+    labelled: bool,
+) {
     println!("{}", args.scene.display());
+    println!("  format: {} ({})", format.name, format.about);
+    for line in format.loses.lines() {
+        println!("  not in it: {line}");
+    }
     println!("  splats: {}, SH degree {}", health.splats, health.sh_degree);
     let how = if labelled { "labelled in the file" } else { "found" };
     for (group, count) in health.groups.iter().filter(|(group, _)| **group != Group::Scene) {

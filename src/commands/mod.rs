@@ -2,6 +2,7 @@
 
 mod bake;
 mod bench;
+mod convert;
 mod demo;
 mod devices;
 mod evaluate;
@@ -31,8 +32,10 @@ enum Verb {
     Priors(Box<priors::PriorsArgs>),
     /// Render a scene under a weather: a picture, a video or a folder of frames
     Render(Box<render::RenderArgs>),
-    /// Write a scene with what lies on it under a weather as an ordinary 3DGS PLY
+    /// Write a scene with what lies on it under a weather as an ordinary scene file
     Bake(Box<bake::BakeArgs>),
+    /// Write scenes in another format, turned, scaled, cropped or reduced
+    Convert(convert::ConvertArgs),
     /// Compare a scene with photos, and with true depth, normals and sky where there are maps
     Evaluate(Box<evaluate::EvaluateArgs>),
     /// Make a panorama of the sky out of photos, for the sky of a weather
@@ -55,6 +58,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Priors(args) => priors::run(&args),
         Verb::Render(args) => render::run(&args),
         Verb::Bake(args) => bake::run(&args),
+        Verb::Convert(args) => convert::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Sky(args) => sky::run(&args),
         Verb::Inspect(args) => inspect::run(&args),

@@ -1,7 +1,7 @@
 //! The JSON format of camera paths: reading and writing; described in docs/camera-path.md.
 
 use super::path::{Key, Path};
-use super::{DEFAULT_FOV, Options, ViewError};
+use super::{DEFAULT_FOV, Options, ViewError, foreign};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use wm_scene::survey::Survey;
@@ -47,13 +47,19 @@ pub fn read(file: &std::path::Path, survey: &Survey, options: &Options) -> Resul
         .map_err(|(location, message)| FormatError::at(file, location, Problem::Value(message)).into())
 }
 
-/// Writes a path to a file, whole or not at all.
+/// Writes a path to a file, whole or not at all; as nerfstudio does, at `fps` frames a second and for pictures of `size`, if that is how the
+/// file is called.
 ///
 /// # Errors
 /// [`ViewError`] if the file cannot be written.
-pub fn write(file: &std::path::Path, path: &Path) -> Result<(), ViewError> {
-    Ok(write_atomically(file, |out| Ok(out.write_all(text_of(path).as_bytes())?))?)
+pub fn write(file: &std::path::Path, path: &Path, fps: f64, size: (u32, u32)) -> Result<(), ViewError> {
+    let is_nerfstudio = file.file_name().is_some_and(|name| name.as_encoded_bytes().ends_with(NERFSTUDIO));
+    let text = if is_nerfstudio { foreign::nerfstudio_text(path, fps, size) } else { text_of(path) };
+    Ok(write_atomically(file, |out| Ok(out.write_all(text.as_bytes())?))?)
 }
+
+/// How the names of nerfstudio's files end.
+const NERFSTUDIO: &[u8] = b"camera_path.json";
 
 /// A path as text: one keyframe a line.
 pub fn text_of(path: &Path) -> String {
@@ -72,6 +78,11 @@ pub fn text_of(path: &Path) -> String {
 pub fn parse(text: &str, survey: &Survey, options: &Options) -> Result<Path, (Location, String)> {
     if text.trim_ascii().is_empty() {
         return Err((Location::Whole, Problem::Empty.to_string()));
+    }
+    if let Some(keys) = foreign::keys(text, options.up(survey), options.fov) {
+        let path =
+            keys.and_then(|keys| Path::new(keys, options.near(survey)).map_err(|error| error.to_string()));
+        return path.map_err(|message| (Location::Whole, message));
     }
     let file: File = serde_json::from_str(text).map_err(|error| {
         let location = Location::LineColumn(error.line() as u64, error.column() as u64);
@@ -163,13 +174,16 @@ mod tests {
         let path = Path::new(vec![key(0.0), key(1.5), key(2.0)], 0.125).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("path.json");
-        write(&file, &path).unwrap();
+        write(&file, &path, 30.0, (64, 48)).unwrap();
         let again = read(&file, &survey(), &Options::default()).unwrap();
         for (a, b) in again.keys().iter().zip(path.keys()) {
             assert!((a.eye - b.eye).length() < 1e-12 && (a.time, a.fov) == (b.time, b.fov));
             assert!(a.rotation.angle_between(b.rotation) < 1e-7);
         }
         assert_eq!(again.near(), 0.125);
+        let theirs = folder.path().join("my camera_path.json");
+        write(&theirs, &path, 30.0, (64, 48)).unwrap();
+        assert_eq!(read(&theirs, &survey(), &Options::default()).unwrap().keys().len(), 61);
         let missing = read(&folder.path().join("no.json"), &survey(), &Options::default()).unwrap_err();
         assert!(missing.to_string().ends_with("no.json: no such file or folder; check the path"));
     }

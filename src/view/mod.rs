@@ -7,13 +7,14 @@
 //! - [`choose`]: a good view of any scene. It looks about in [`space`] and at small renders, which
 //!   [`rate`] judges.
 
-mod candidates;
+pub mod candidates;
 pub mod choose;
+mod foreign;
 mod json;
 pub mod moves;
 pub mod path;
 mod rate;
-mod space;
+pub mod space;
 pub mod spec;
 #[cfg(test)]
 mod testing;

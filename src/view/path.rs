@@ -100,12 +100,13 @@ impl Path {
         json::read(file, survey, options)
     }
 
-    /// Writes the path to a JSON file, whole or not at all.
+    /// Writes the path to a JSON file, whole or not at all; with the name `camera_path.json` as nerfstudio does, for
+    /// pictures of `size` at `fps` frames a second.
     ///
     /// # Errors
     /// [`ViewError`] if the file cannot be written.
-    pub fn write(&self, file: &std::path::Path) -> Result<(), ViewError> {
-        json::write(file, self)
+    pub fn write(&self, file: &std::path::Path, fps: f64, size: (u32, u32)) -> Result<(), ViewError> {
+        json::write(file, self, fps, size)
     }
 
     /// The keyframes, in the order of their times; at least one.

@@ -46,10 +46,10 @@ impl FromStr for CameraSpec {
         match text.split_once(':') {
             // Names may have a colon in them, points have commas.
             Some((eye, target)) if eye.contains(',') && target.contains(',') => {
-                let point = |part| vector(part).map_err(|problem| fault(&problem));
+                let point = |part| parse_point(part).map_err(|problem| fault(&problem));
                 Ok(Self::LookAt { eye: point(eye)?, target: point(target)? })
             }
-            None if text.split(',').count() == 3 && vector(text).is_ok() => {
+            None if text.split(',').count() == 3 && parse_point(text).is_ok() => {
                 Err(fault("this is the eye alone; add the point it looks at: X,Y,Z:X,Y,Z"))
             }
             _ => Ok(Self::View(text.into())),
@@ -177,12 +177,15 @@ pub fn parse_size(text: &str) -> Result<(u32, u32), ViewError> {
 /// [`ViewError::Text`] if it is none.
 pub fn parse_direction(text: &str) -> Result<DVec3, ViewError> {
     let fault = |problem: String| ViewError::text("up", text, problem);
-    let direction = vector(text).map_err(fault)?;
+    let direction = parse_point(text).map_err(fault)?;
     direction.try_normalize().ok_or_else(|| fault("it has no length".into()))
 }
 
 /// Three numbers between commas.
-fn vector(text: &str) -> Result<DVec3, String> {
+///
+/// # Errors
+/// What is wrong with the text.
+pub fn parse_point(text: &str) -> Result<DVec3, String> {
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
     let [x, y, z] = parts[..] else {
         return Err(format!("\"{}\" has {} numbers, a point has three: X,Y,Z", text.trim(), parts.len()));

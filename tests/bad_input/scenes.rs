@@ -27,7 +27,7 @@ fn what_is_no_scene() {
         ("folder", "a folder with no point_cloud/iteration_*/point_cloud.ply in it; give a scene file"),
         ("empty.ply", "the file is empty; copy or export it again"),
         ("text.ply", "no PLY file, although its name says so: it begins with \"hello world\\n\"; convert"),
-        ("text.txt", "of none of the formats that are read (PLY)"),
+        ("text.txt", "of none of the formats that are read (PLY, "),
         ("picture.ply", "no PLY file, although its name says so: it begins with \"\\x89PNG"),
         ("page.ply", "download the file itself"),
     ] {
@@ -224,8 +224,14 @@ fn views_that_are_none() {
     place.put("radial/images.txt", "");
     for (folder, says) in [
         ("missing", "missing: no such file or folder; check the path"),
-        ("good.ply", "good.ply: no COLMAP model and no transforms.json here"),
-        ("empty", "empty: no COLMAP model and no transforms.json here"),
+        (
+            "good.ply",
+            "good.ply: no COLMAP model, transforms.json, reconstruction.json (OpenSfM) or bundle.out here",
+        ),
+        (
+            "empty",
+            "empty: no COLMAP model, transforms.json, reconstruction.json (OpenSfM) or bundle.out here",
+        ),
         ("half", "half/cameras.bin: cut off in the number of cameras; copy the file"),
         ("cut", "cut/cameras.bin: cut off in the number of cameras; copy the file"),
         ("huge", "huge/cameras.bin, byte 8: camera 4294967295 has the model number -1"),

@@ -1,5 +1,5 @@
-//! Reading and writing scene files: megabytes a second, best of several. The first reading is told
-//! apart, since it alone pays for fresh pages of memory.
+//! Reading and writing scene files of every format: splats and megabytes a second, best of several. The first reading is told
+//! apart, since it alone pays for fresh pages of memory. `tests/peers/formats.py` has the times of others.
 //!
 //! `cargo bench -p wm-scene --bench formats [-- scene.ply ...]`; without a file, random scenes of SH
 //! degree 0 and 3 are made. Run as a test it uses small ones.
@@ -10,7 +10,7 @@ use std::{
 };
 use wm_scene::{
     Group, Scene, Splats,
-    formats::{ReadOptions, read_scene, write_scene},
+    formats::{FORMATS, ReadOptions, read_scene, write_scene},
     splats::Splat,
 };
 
@@ -28,32 +28,49 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             files.push(path);
         }
     }
-    let rounds = if measured { 10 } else { 1 };
+    let rounds = if measured { 5 } else { 1 };
     for file in &files {
-        measure(file, &folder.join("written.ply"), rounds)?;
+        let scene = read_scene(file, &ReadOptions::default())?;
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        println!("{name}: {} splats, SH degree {}", scene.splats.len(), scene.splats.sh_degree);
+        for ending in FORMATS.iter().filter_map(|format| format.extensions.first()) {
+            let written = if ending.contains(".json") {
+                folder.join("sog").join(ending)
+            } else {
+                folder.join(format!("a.{ending}"))
+            };
+            // Packing takes longer than reading.
+            measure(&scene, &written, ending, rounds)?;
+        }
     }
     Ok(())
 }
 
-fn measure(file: &Path, output: &Path, rounds: u32) -> Result<(), Box<dyn std::error::Error>> {
-    let megabytes = std::fs::metadata(file)?.len() as f64 / 1e6;
+fn measure(scene: &Scene, file: &Path, ending: &str, rounds: u32) -> Result<(), Box<dyn std::error::Error>> {
     let (mut reading, mut writing) = (f64::INFINITY, f64::INFINITY);
     let mut first = None;
     for _ in 0..rounds {
         let start = Instant::now();
-        let scene = read_scene(file, &ReadOptions::default())?;
+        write_scene(file, scene)?;
+        writing = writing.min(start.elapsed().as_secs_f64());
+        let start = Instant::now();
+        read_scene(file, &ReadOptions::default())?;
         let seconds = start.elapsed().as_secs_f64();
         first.get_or_insert(seconds);
         reading = reading.min(seconds);
-        let start = Instant::now();
-        write_scene(output, &scene)?;
-        writing = writing.min(start.elapsed().as_secs_f64());
     }
-    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let folder = file.parent().filter(|_| ending.contains(".json"));
+    let files = folder.map_or(Ok(vec![file.to_owned()]), |folder| {
+        std::fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()
+    })?;
+    let bytes = files.iter().map(|file| Ok(std::fs::metadata(file)?.len())).sum::<std::io::Result<u64>>()?;
+    let (megabytes, millions) = (bytes as f64 / 1e6, scene.splats.len() as f64 / 1e6);
     println!(
-        "{name}: {megabytes:.0} MB, read {:.0} MB/s (first {:.0}), write {:.0} MB/s",
+        "  {ending:15} {megabytes:6.1} MB, read {:5.2} M splats/s, {:5.0} MB/s (first {:.0}), write {:5.2} M splats/s, {:5.0} MB/s",
+        millions / reading,
         megabytes / reading,
         megabytes / first.unwrap_or(reading),
+        millions / writing,
         megabytes / writing
     );
     Ok(())

@@ -55,8 +55,8 @@ pub enum Problem {
     Missing,
     /// The folder is not one that a 3DGS training wrote.
     #[error(
-        "a folder with no point_cloud/iteration_*/point_cloud.ply in it; give a scene file or the folder that \
-         a 3DGS training wrote"
+        "a folder with no point_cloud/iteration_*/point_cloud.ply, meta.json or lod-meta.json in it; give a scene \
+         file, the folder that a 3DGS training wrote, or one of SOG"
     )]
     NotASceneFolder,
     /// The file has no byte.
@@ -93,6 +93,9 @@ pub enum Problem {
     /// A line of the header cannot be understood.
     #[error("{0}; export the file again")]
     Header(String),
+    /// The file ends too early.
+    #[error("cut off in {0}; copy or download the file again")]
+    Cut(String),
     /// The file ends before its last splat.
     #[error(
         "cut off: the header promises {promised} splats, at least {missing} bytes are missing; copy or \
@@ -143,7 +146,7 @@ pub enum Problem {
     Splats(#[from] SplatsError),
     /// The folder has no capture.
     #[error(
-        "no COLMAP model and no transforms.json here: cameras.bin and images.bin (or both as .txt) are needed \
+        "no COLMAP model, transforms.json, reconstruction.json (OpenSfM) or bundle.out here: of COLMAP cameras.bin and images.bin (or both as .txt) are needed \
          in the folder itself, in sparse/0, sparse, 0, colmap/sparse/0 or sparse_txt"
     )]
     NoCapture,

@@ -137,6 +137,23 @@ impl<'a> Source<'a> {
         Ok(taken)
     }
 
+    /// All bytes from here on.
+    ///
+    /// # Errors
+    /// If reading fails or they do not fit into memory.
+    pub fn rest(&mut self) -> Result<Vec<u8>, FormatError> {
+        let mut rest = Vec::new();
+        // A length is that of a file: its bytes are there, unless it changes at this moment.
+        let length = usize::try_from(self.remaining().unwrap_or(0)).unwrap_or(usize::MAX);
+        rest.try_reserve_exact(length)
+            .map_err(|_| self.whole(Problem::Value(format!("its {length} bytes do not fit into memory"))))?;
+        rest.extend_from_slice(self.bytes());
+        self.consume(rest.len());
+        let count = self.reader.read_to_end(&mut rest).map_err(|e| self.whole(Problem::Read(e)))?;
+        self.offset += count as u64;
+        Ok(rest)
+    }
+
     /// The next line without its LF or CRLF; `None` at the end. The last line may lack its ending.
     ///
     /// # Errors

@@ -82,6 +82,36 @@ impl Splats {
         }
     }
 
+    /// `count` splats with all values 0.
+    ///
+    /// # Panics
+    /// If `sh_degree` is above 3.
+    #[must_use]
+    pub fn zeroed(count: usize, sh_degree: u8) -> Self {
+        assert!(sh_degree <= sh::MAX_DEGREE, "SH degree {sh_degree}");
+        // `vec!` of zeros takes pages that the system has cleared already; pushing would write them twice.
+        Self {
+            means: vec![[0.0; 3]; count],
+            quats: vec![[0.0; 4]; count],
+            log_scales: vec![[0.0; 3]; count],
+            logit_opacities: vec![0.0; count],
+            sh: vec![0.0; count * sh::coefficients(sh_degree) * 3],
+            sh_degree,
+            groups: vec![Group::default(); count],
+        }
+    }
+
+    /// Makes it `count` splats, new ones with all values 0.
+    pub fn resize(&mut self, count: usize) {
+        let sh_size = count * self.sh_stride();
+        self.means.resize(count, [0.0; 3]);
+        self.quats.resize(count, [0.0; 4]);
+        self.log_scales.resize(count, [0.0; 3]);
+        self.logit_opacities.resize(count, 0.0);
+        self.sh.resize(sh_size, 0.0);
+        self.groups.resize(count, Group::default());
+    }
+
     /// Number of splats, N.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -140,6 +170,34 @@ impl Splats {
             self.sh.extend_from_slice(&own[..own.len().min(stride)]);
             self.sh.resize(end, 0.0);
         }
+    }
+
+    /// The splats of both sets, with the higher of their SH degrees.
+    #[must_use]
+    pub fn joined(mut a: Self, b: Self) -> Self {
+        if a.is_empty() {
+            return b;
+        }
+        if a.sh_degree < b.sh_degree {
+            let mut wide = Self::with_capacity(a.len() + b.len(), b.sh_degree);
+            wide.append(&a);
+            a = wide;
+        }
+        a.append(&b);
+        a
+    }
+
+    /// Leaves out SH above `degree`.
+    pub fn limit_sh(&mut self, degree: u8) {
+        if degree >= self.sh_degree {
+            return;
+        }
+        let (old, new) = (self.sh_stride(), sh::coefficients(degree) * 3);
+        for index in 0..self.len() {
+            self.sh.copy_within(index * old..index * old + new, index * new);
+        }
+        self.sh.truncate(self.len() * new);
+        self.sh_degree = degree;
     }
 
     /// Adds one splat; its higher SH coefficients are 0.

@@ -116,7 +116,7 @@ fn made_up(args: &BenchArgs) -> Result<(Loaded, Camera)> {
 }
 
 fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
-    let read = SceneArgs { scene: path.to_owned(), repair: true, facts: FactArgs::default() };
+    let read = SceneArgs { scene: path.to_owned(), repair: true, level: None, facts: FactArgs::default() };
     let mut loaded = if args.drop_sky {
         let mut scene = read_scene(path, &ReadOptions::default())?;
         wm_scene::survey::label_sky(&mut scene.splats);

@@ -28,7 +28,8 @@ pub struct CameraArgs {
     /// [default: chosen by looking at the scene]
     #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true, help_heading = "Camera")]
     pub camera: Option<CameraSpec>,
-    /// Move the camera: orbit, dolly, capture (along the photos), or a JSON file of keyframes
+    /// Move the camera: orbit, dolly, capture (along the photos), or a JSON file of keyframes, ours, nerfstudio's or
+    /// SuperSplat's
     #[arg(short, long, value_name = "PATH", help_heading = "Camera")]
     pub path: Option<PathSpec>,
     /// How far a dolly goes, metres [default: as far as nothing is in the way]
@@ -49,7 +50,7 @@ pub struct CameraArgs {
     /// Speed of a camera that stands on no path, metres a second ahead, as of a car: rain and snow come towards it
     #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Camera")]
     pub camera_speed: Option<f64>,
-    /// Write the camera's path as keyframes to this JSON file
+    /// Write the camera's path to this JSON file: as keyframes, or as nerfstudio does in a ...camera_path.json
     #[arg(long, value_name = "FILE", help_heading = "Camera")]
     pub save_path: Option<PathBuf>,
 }
@@ -165,10 +166,11 @@ impl Shot {
                 (Way::Still(Box::new(camera)), (camera.width, camera.height), 0.0)
             }
         };
+        let fps = 1.0 / output.fps.seconds(1);
         if let (Some(file), Way::Along(path)) = (&args.save_path, &way) {
-            path.write(file)?;
+            path.write(file, fps, size)?;
         } else if let (Some(file), Way::Still(camera)) = (&args.save_path, &way) {
-            Path::new(vec![Key::of(camera, 0.0)], camera.near)?.write(file)?;
+            Path::new(vec![Key::of(camera, 0.0)], camera.near)?.write(file, fps, size)?;
         }
         let seconds = length.unwrap_or(if duration > 0.0 { duration } else { DEFAULT_SECONDS });
         let frames = if still { 1 } else { output.fps.frames_within(seconds).max(1) };

@@ -3,7 +3,7 @@
 use crate::hooks::GROUP;
 use crate::renderer::{MAX_SPLATS, RenderError};
 use rayon::prelude::*;
-use wm_scene::{Group, Splats, sh, splats::sigmoid};
+use wm_scene::{Group, Splats, morton, sh, splats::sigmoid};
 
 /// Splats that are culled and shaded together: neighbours in space.
 pub const CLUSTER: usize = GROUPS * GROUP;
@@ -192,25 +192,15 @@ pub fn morton_order(means: &[[f32; 3]]) -> Vec<u32> {
         .par_iter()
         .enumerate()
         .map(|(index, mean)| {
-            let code = (0..3).map(|k| {
+            let cell = std::array::from_fn(|k| {
                 let side = (f64::from(high[k]) - f64::from(low[k])).max(1e-30);
-                let cell = ((f64::from(mean[k]) - f64::from(low[k])) / side * cells) as u64;
-                spread(cell) << k
+                ((f64::from(mean[k]) - f64::from(low[k])) / side * cells) as u64
             });
-            (code.sum(), index as u32)
+            (morton::code(cell), index as u32)
         })
         .collect();
     order.par_sort_unstable();
     order.into_par_iter().map(|(_, index)| index).collect()
-}
-
-/// Puts two zero bits between the 21 low bits of `x`.
-fn spread(x: u64) -> u64 {
-    let x = (x | x << 32) & 0x001f_0000_0000_ffff;
-    let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
-    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-    (x | x << 2) & 0x1249_2492_4924_9249
 }
 
 #[cfg(test)]

@@ -34,7 +34,7 @@ macro_rules! captures {
     };
 }
 
-captures! { colmap, transforms }
+captures! { colmap, opensfm, bundler, transforms }
 
 /// A capture format.
 pub struct Format {

@@ -1,5 +1,6 @@
-//! The folder that the reference 3DGS training writes.
+//! Scenes that are folders: what the reference 3DGS training writes, and SOG.
 //!
+//! In SOG, `lod-meta.json` or `meta.json` is the scene file. Of a training,
 //! `point_cloud/iteration_<n>/point_cloud.ply` are the splats, of which the highest n counts, and
 //! `cameras.json` are the photographed views, if it is there.
 
@@ -23,6 +24,11 @@ pub fn scene_file(path: &Path) -> Result<PathBuf, FormatError> {
     let about = fs::metadata(path).map_err(|e| FormatError::reading(path, e))?;
     if !about.is_dir() {
         return Ok(path.into());
+    }
+    for name in ["lod-meta.json", "meta.json"] {
+        if path.join(name).is_file() {
+            return Ok(path.join(name));
+        }
     }
     let no_scene = || FormatError::whole(path, Problem::NotASceneFolder);
     let entries = match fs::read_dir(path.join("point_cloud")) {

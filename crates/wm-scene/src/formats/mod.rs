@@ -1,13 +1,23 @@
 //! Scene files: one module a format, one line a format in the list below.
 //!
-//! A format is told by the first bytes of a file; its extension only matters for writing. A format
-//! converts activations, quantisation and axes itself, so that a [`Scene`] is the same whatever it
-//! came from. To add one: a module with a `FORMAT`, and its name in the list.
+//! A format is told by the first bytes of a file, and by its name where it has no mark of its own; when writing, by the
+//! name alone. A format converts activations and quantisation itself and says which [`Axes`] it has, so that a [`Scene`] is the same
+//! whatever it came from. To add one: a module with a `FORMAT`, and its name in the list.
 //!
-//! A scene may also be a folder that a 3DGS training wrote ([`folder`]), and any scene file may have
+//! What a format cannot hold it says in [`Format::loses`]; metadata for which it has no room is put beside it.
+//!
+//! A scene may also be a folder that a 3DGS training wrote, or of SOG images ([`folder`]), and any scene file may have
 //! a TOML file of metadata beside it ([`sidecar`]) and the photographed views in a JSON file.
+//!
+//! # Memory
+//! A reader allocates by what it has read, or by a count that the length of the file has confirmed. What is packed may unpack to
+//! a hundred times its length at most.
 
+pub mod axes;
+mod bytes;
 pub mod folder;
+pub mod loss;
+mod pack;
 pub mod sidecar;
 
 use crate::{
@@ -16,6 +26,8 @@ use crate::{
     files::write_atomically,
     source::Source,
 };
+pub use axes::Axes;
+pub use loss::{ANY_SCALE, Kept, Loses, lost};
 pub use sidecar::{sidecar_path, write_sidecar};
 use std::{
     io::{Read, Write},
@@ -23,28 +35,62 @@ use std::{
 };
 
 macro_rules! formats {
-    ($($name:ident),+ $(,)?) => {
-        $(pub mod $name;)+
-
+    ($($($name:ident)::+),+ $(,)?) => {
         /// Every scene format, in the order in which they are tried.
-        pub const FORMATS: &[Format] = &[$($name::FORMAT),+];
+        pub const FORMATS: &[Format] = &[$($($name)::+::FORMAT),+];
     };
 }
 
-formats! { ply }
+pub mod gltf;
+pub mod ksplat;
+pub mod ply;
+pub mod sog;
+pub mod splat;
+pub mod spz;
+
+formats! { ply, ply::compressed, spz, sog::bundle, sog::folder, sog::levels, gltf, splat, ksplat }
 
 /// A scene format.
 pub struct Format {
     /// Its name in messages.
     pub name: &'static str,
-    /// Its extensions without dot, lower case, the one for new files first.
+    /// How names of its files end, without dot, lower case, the ending for new files first. An ending that is a whole name, such as
+    /// `meta.json`, names a folder's main file.
     pub extensions: &'static [&'static str],
     /// What it is, in one line.
     pub about: &'static str,
-    /// Whether the first bytes of a file are of this format; at most [`SNIFFED`] of them are given.
-    sniff: fn(&[u8]) -> bool,
-    read: fn(&mut Source) -> Result<Scene, FormatError>,
-    write: fn(&mut dyn Write, &Scene) -> Result<(), Problem>,
+    /// The axes of its files.
+    pub axes: Axes,
+    /// What it cannot hold.
+    pub loses: Loses,
+    /// Whether a file is of this format.
+    sniff: fn(&Start) -> bool,
+    read: fn(&mut Source, &ReadOptions) -> Result<Scene, FormatError>,
+    write: Writer,
+}
+
+/// How a format is written. Writers see the scene in the axes of a PLY, and turn what they write.
+enum Writer {
+    /// Into one file.
+    Stream(fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<(), Problem>),
+    /// Into several, beside each other; the one that is named comes last.
+    Files(fn(&Scene, &WriteOptions) -> Result<Vec<NamedFile>, Problem>),
+    /// Not at all.
+    Nothing,
+}
+
+/// A file of a scene that has several.
+pub(crate) struct NamedFile {
+    pub name: &'static str,
+    pub bytes: Vec<u8>,
+}
+
+/// What is known of a file before it is read.
+pub(crate) struct Start<'a> {
+    /// Its first bytes, at most [`SNIFFED`].
+    pub bytes: &'a [u8],
+    /// Its name, or that of the stream.
+    pub path: &'a Path,
 }
 
 /// Bytes at the start of a file that tell its format.
@@ -57,6 +103,49 @@ pub struct ReadOptions {
     pub sidecar: Sidecar,
     /// The cameras in the folder of a training.
     pub views: Views,
+    /// Which level, where a scene has several.
+    pub level: Level,
+}
+
+/// A level of detail of a scene that has several; others have one and do not look at it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Level {
+    /// All splats.
+    #[default]
+    Finest,
+    /// Level n; 0 is the finest.
+    Number(u32),
+    /// The finest with no more splats than this; the coarsest if all have more.
+    Budget(u64),
+}
+
+/// How to write where a format leaves a choice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WriteOptions {
+    /// The version of SPZ.
+    pub spz: SpzVersion,
+    /// How splats lie in a glTF.
+    pub gltf: GltfSplats,
+}
+
+/// A version of SPZ that is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SpzVersion {
+    /// 3, gzip: what most programs read.
+    #[default]
+    V3,
+    /// 4, Zstandard.
+    V4,
+}
+
+/// How splats lie in a glTF.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GltfSplats {
+    /// As floats: nothing is lost.
+    #[default]
+    Floats,
+    /// As SPZ in `KHR_gaussian_splatting_compression_spz_2`.
+    Spz,
 }
 
 /// Whether the TOML file beside a scene file counts.
@@ -95,7 +184,7 @@ pub fn read_scene(path: &Path, options: &ReadOptions) -> Result<Scene, FormatErr
         Views::Read => folder::read_cameras(&folder::cameras_path(&file))?,
         Views::Ignore => Vec::new(),
     };
-    let mut scene = read_source(&mut Source::open(&file)?)?;
+    let mut scene = read_source(&mut Source::open(&file)?, options)?;
     scene.metadata = sidecar.unwrap_or_default().or(scene.metadata);
     scene.views.extend(views);
     Ok(scene)
@@ -107,33 +196,78 @@ pub fn read_scene(path: &Path, options: &ReadOptions) -> Result<Scene, FormatErr
 /// # Errors
 /// [`FormatError`] if the content cannot be used.
 pub fn read_scene_from(name: &Path, reader: impl Read, length: Option<u64>) -> Result<Scene, FormatError> {
-    read_source(&mut Source::new(name, Box::new(reader), length))
+    read_source(&mut Source::new(name, Box::new(reader), length), &ReadOptions::default())
 }
 
-fn read_source(source: &mut Source) -> Result<Scene, FormatError> {
+fn read_source(source: &mut Source, options: &ReadOptions) -> Result<Scene, FormatError> {
+    let format = sniff(source)?;
+    let mut scene = (format.read)(source, options)?;
+    if scene.splats.is_empty() {
+        return Err(source.whole(Problem::NoSplats));
+    }
+    format.axes.turn(&mut scene);
+    Ok(scene)
+}
+
+fn sniff(source: &mut Source) -> Result<&'static Format, FormatError> {
     source.fill(SNIFFED)?;
-    let start = &source.bytes()[..source.bytes().len().min(SNIFFED)];
-    if start.is_empty() {
+    let bytes = &source.bytes()[..source.bytes().len().min(SNIFFED)];
+    if bytes.is_empty() {
         return Err(source.whole(Problem::Empty));
     }
-    let Some(format) = FORMATS.iter().find(|format| (format.sniff)(start)) else {
-        return Err(source.whole(unknown_format(source.path(), start)));
-    };
-    (format.read)(source)
+    let start = Start { bytes, path: source.path() };
+    let format = FORMATS.iter().find(|format| (format.sniff)(&start));
+    format.ok_or_else(|| source.whole(unknown_format(source.path(), bytes)))
 }
 
-/// Writes a scene in the format of the extension of `path`, whole or not at all.
+/// The format of a scene file, without reading more than its start; of the folder of a training, that of the file in it.
 ///
-/// What a format has no room for is left out: a PLY keeps no views ([`folder::write_cameras`] puts them
-/// beside it). A sidecar beside `path` is left
-/// as it is, and wins when the scene is read.
+/// # Errors
+/// [`FormatError`] if the path cannot be read or the content is of no known format.
+pub fn format_of(path: &Path) -> Result<&'static Format, FormatError> {
+    sniff(&mut Source::open(&folder::scene_file(path)?)?)
+}
+
+/// [`write_scene_with`] the usual options.
+///
+/// # Errors
+/// As there.
+pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), FormatError> {
+    write_scene_with(path, scene, &WriteOptions::default())
+}
+
+/// Writes a scene in the format of the name of `path`, whole or not at all.
+///
+/// Metadata for which the format has no room goes into a sidecar beside it; otherwise a sidecar beside `path` is left as
+/// it is, and wins when the scene is read. Views have no room in any format ([`folder::write_cameras`] puts them beside it).
 ///
 /// # Errors
 /// [`FormatError`] if no format has the extension, the scene cannot be stored, or the output cannot
 /// be written; then `path` is as it was.
-pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), FormatError> {
+pub fn write_scene_with(path: &Path, scene: &Scene, options: &WriteOptions) -> Result<(), FormatError> {
     let format = format_for(path)?;
-    write_atomically(path, |out| (format.write)(out, scene))
+    let fault = |problem| FormatError::whole(path, problem);
+    scene.splats.check().map_err(|error| fault(error.into()))?;
+    if scene.splats.is_empty() {
+        return Err(fault(Problem::NoSplats));
+    }
+    match format.write {
+        Writer::Stream(write) => write_atomically(path, |out| write(out, scene, options))?,
+        // No name leads here: such a format has no extension.
+        Writer::Nothing => {}
+        Writer::Files(write) => {
+            if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+                std::fs::create_dir_all(folder).map_err(|error| fault(error.into()))?;
+            }
+            for file in write(scene, options).map_err(fault)? {
+                write_atomically(&path.with_file_name(file.name), |out| Ok(out.write_all(&file.bytes)?))?;
+            }
+        }
+    }
+    if format.loses.metadata == Kept::Beside && scene.metadata != Default::default() {
+        write_sidecar(path, &scene.metadata)?;
+    }
+    Ok(())
 }
 
 /// The format that a file with the name `path` is written in: that of its extension.
@@ -143,16 +277,40 @@ pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), FormatError> {
 pub fn format_for(path: &Path) -> Result<&'static Format, FormatError> {
     by_extension(path).ok_or_else(|| {
         let extension = path.extension().map(|e| format!(".{}", excerpt(e.as_encoded_bytes())));
-        let known: Vec<String> = FORMATS.iter().map(|f| format!(".{}", f.extensions[0])).collect();
         let problem =
-            Problem::UnknownExtension { extension: extension.unwrap_or_default(), known: known.join(", ") };
+            Problem::UnknownExtension { extension: extension.unwrap_or_default(), known: endings() };
         FormatError::whole(path, problem)
     })
 }
 
+/// The ending for new files of each format, for messages and help.
+#[must_use]
+pub fn endings() -> String {
+    let written = |f: &Format| {
+        let ending = f.extensions.first()?;
+        Some(if ending.contains(".json") { (*ending).to_owned() } else { format!(".{ending}") })
+    };
+    FORMATS.iter().filter_map(written).collect::<Vec<_>>().join(", ")
+}
+
+/// The format whose ending the name of `path` has; of several the longest, so that `a.compressed.ply` is no plain PLY.
 fn by_extension(path: &Path) -> Option<&'static Format> {
-    let extension = path.extension()?;
-    FORMATS.iter().find(|f| f.extensions.iter().any(|e| extension.eq_ignore_ascii_case(e)))
+    let endings = FORMATS.iter().flat_map(|f| f.extensions.iter().map(move |e| (f, *e)));
+    let fitting = endings.filter(|(_, ending)| has_ending(path, ending));
+    fitting.max_by_key(|(_, ending)| ending.len()).map(|(format, _)| format)
+}
+
+/// Whether the name of `path` ends in a dot and `ending`, or is `ending`.
+pub(crate) fn has_ending(path: &Path, ending: &str) -> bool {
+    let name = path.file_name().unwrap_or_default().as_encoded_bytes();
+    let Some(at) = name.len().checked_sub(ending.len()) else { return false };
+    let (before, end) = name.split_at(at);
+    end.eq_ignore_ascii_case(ending.as_bytes())
+        && if ending.contains(".json") {
+            before.is_empty()
+        } else {
+            before.ends_with(b".") && before.len() > 1
+        }
 }
 
 /// What to say of content that no format knows.

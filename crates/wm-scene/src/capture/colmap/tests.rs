@@ -155,7 +155,7 @@ fn folders_without_a_model_are_told() {
         let message = read_views(&path).unwrap_err().to_string();
         message.replace(&folder.path().display().to_string(), "DIR")
     };
-    let expected = "DIR: no COLMAP model and no transforms.json here: cameras.bin and images.bin (or both as .txt) \
+    let expected = "DIR: no COLMAP model, transforms.json, reconstruction.json (OpenSfM) or bundle.out here: of COLMAP cameras.bin and images.bin (or both as .txt) \
                     are needed in the folder itself, in sparse/0, sparse, 0, colmap/sparse/0 or sparse_txt";
     assert_eq!(say(folder.path().into()), expected);
     assert_eq!(say(folder.path().join("no")), "DIR/no: no such file or folder; check the path");

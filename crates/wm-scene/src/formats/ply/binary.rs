@@ -2,7 +2,7 @@
 
 use super::{
     header::{Element, Header, Kind, Scalar},
-    layout::{Endian, Layout, grow, zeroed},
+    layout::{Endian, Layout, grow},
 };
 use crate::{
     Splats,
@@ -43,7 +43,7 @@ pub(super) fn read(
 
     // The count is believed only where the length of the file has confirmed it.
     let known = if source.remaining().is_some() { promised } else { promised.min(FIRST) };
-    let mut splats = zeroed(known as usize, layout.sh_degree);
+    let mut splats = Splats::zeroed(known as usize, layout.sh_degree);
     let mut repacked = Vec::new();
     let mut done = 0;
     while done < promised {

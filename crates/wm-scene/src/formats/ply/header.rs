@@ -163,14 +163,16 @@ fn parse_line(
                 return Err(Problem::Header(format!("PLY version \"{version}\" is not read, 1.0 is")));
             }
             let found = Encoding::ALL.into_iter().find(|e| e.keyword().as_bytes() == keyword);
-            *encoding = Some(found.ok_or_else(|| {
-                Problem::Header(format!("\"{}\" is no encoding of PLY", excerpt(keyword)))
-            })?);
+            *encoding =
+                Some(found.ok_or_else(|| {
+                    Problem::Header(format!("\"{}\" is no encoding of PLY", excerpt(keyword)))
+                })?);
         }
         [b"element", name, count] => {
-            let count = std::str::from_utf8(count).ok().and_then(|text| text.parse().ok()).ok_or_else(|| {
-                Problem::Header(format!("\"{}\" is no number of elements", excerpt(count)))
-            })?;
+            let count = std::str::from_utf8(count)
+                .ok()
+                .and_then(|text| text.parse().ok())
+                .ok_or_else(|| Problem::Header(format!("\"{}\" is no number of elements", excerpt(count))))?;
             elements.push(Element { name: text_of(name), count, properties: Vec::new() });
         }
         [b"property", ref rest @ ..] => {
@@ -193,9 +195,7 @@ fn parse_property(line: &[u8], words: &[&[u8]]) -> Result<Property, Problem> {
             }
             Ok(Property { name: text_of(name), kind: Kind::List { count, item } })
         }
-        [kind, name] => {
-            Ok(Property { name: text_of(name), kind: Kind::Scalar(Scalar::from_keyword(kind)?) })
-        }
+        [kind, name] => Ok(Property { name: text_of(name), kind: Kind::Scalar(Scalar::from_keyword(kind)?) }),
         _ => Err(unknown(line)),
     }
 }

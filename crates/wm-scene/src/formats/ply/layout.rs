@@ -58,8 +58,11 @@ impl Layout {
             .ok_or_else(|| property("there is no vertex element"))?;
         let vertex = &header.elements[element];
         let rest = vertex.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
-        let sh_degree =
-            rest.is_multiple_of(3).then(|| sh::degree_of(rest / 3 + 1)).flatten().ok_or(Problem::ShCount(rest))?;
+        let sh_degree = rest
+            .is_multiple_of(3)
+            .then(|| sh::degree_of(rest / 3 + 1))
+            .flatten()
+            .ok_or(Problem::ShCount(rest))?;
 
         let mut wanted: Vec<(String, Array, usize)> = Vec::new();
         let mut want = |names: &[&str], array| {
@@ -78,7 +81,7 @@ impl Layout {
         let mut columns = Vec::with_capacity(wanted.len() + 1);
         for (name, array, lane) in wanted {
             let column = find(vertex, &name, array, lane)?;
-            columns.push(column.ok_or_else(|| missing(vertex, &name))?);
+            columns.push(column.ok_or_else(|| missing(&name))?);
         }
         columns.extend(find(vertex, "group", Array::Groups, 0)?);
         Ok(Self { element, columns, row_size: offset_of(vertex, vertex.properties.len()), sh_degree })
@@ -129,33 +132,13 @@ pub(super) fn values(splats: &mut Splats, array: Array) -> (&mut [f32], usize) {
     }
 }
 
-/// `count` splats with all values 0.
-pub(super) fn zeroed(count: usize, sh_degree: u8) -> Splats {
-    // `vec!` of zeros takes pages that the system has cleared already; pushing would write them twice.
-    Splats {
-        means: vec![[0.0; 3]; count],
-        quats: vec![[0.0; 4]; count],
-        log_scales: vec![[0.0; 3]; count],
-        logit_opacities: vec![0.0; count],
-        sh: vec![0.0; count * sh::coefficients(sh_degree) * 3],
-        sh_degree,
-        groups: vec![Group::default(); count],
-    }
-}
-
 /// Makes room for `count` splats, doubling, but for no more than `promised`.
 pub(super) fn grow(splats: &mut Splats, count: u64, promised: u64) {
     if count <= splats.len() as u64 {
         return;
     }
     let size = promised.min(count.max(2 * splats.len() as u64)) as usize;
-    let sh_size = size * splats.sh_stride();
-    splats.means.resize(size, [0.0; 3]);
-    splats.quats.resize(size, [0.0; 4]);
-    splats.log_scales.resize(size, [0.0; 3]);
-    splats.logit_opacities.resize(size, 0.0);
-    splats.sh.resize(sh_size, 0.0);
-    splats.groups.resize(size, Group::default());
+    splats.resize(size);
 }
 
 /// The group of a number in a file; a number that no group has is the scene.
@@ -170,8 +153,12 @@ impl Column {
         macro_rules! gather {
             ($number:ty) => {
                 match endian {
-                    Endian::Little => self.each(rows, row_size, out, stride, |b| <$number>::from_le_bytes(b) as f32),
-                    Endian::Big => self.each(rows, row_size, out, stride, |b| <$number>::from_be_bytes(b) as f32),
+                    Endian::Little => {
+                        self.each(rows, row_size, out, stride, |b| <$number>::from_le_bytes(b) as f32)
+                    }
+                    Endian::Big => {
+                        self.each(rows, row_size, out, stride, |b| <$number>::from_be_bytes(b) as f32)
+                    }
                 }
             };
         }
@@ -228,10 +215,7 @@ fn offset_of(element: &Element, index: usize) -> usize {
     scalars.sum()
 }
 
-fn missing(element: &Element, name: &str) -> Problem {
-    if element.properties.iter().any(|p| p.name == "packed_position") {
-        return Problem::Value("a compressed PLY (packed_position) is not read; convert it to a plain one".into());
-    }
+fn missing(name: &str) -> Problem {
     property(&format!("the vertex element has no property {name}"))
 }
 

@@ -19,6 +19,7 @@
 //! what was read.
 
 mod binary;
+pub(super) mod compressed;
 mod header;
 mod layout;
 mod points;
@@ -27,7 +28,7 @@ mod tests;
 mod text;
 mod write;
 
-use super::Format;
+use super::{Axes, Format, Loses, ReadOptions, Writer};
 use crate::{
     Scene,
     error::{FormatError, Problem},
@@ -43,9 +44,13 @@ pub const FORMAT: Format = Format {
     name: "PLY",
     extensions: &["ply"],
     about: "3D Gaussian splatting PLY, binary or ASCII, SH degree 0 to 3",
-    sniff: |start| start.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_none_or(u8::is_ascii_whitespace)),
+    axes: Axes::Ply,
+    loses: Loses::NOTHING,
+    sniff: |start| {
+        start.bytes.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_none_or(u8::is_ascii_whitespace))
+    },
     read,
-    write: |out, scene| write(out, scene, Encoding::default()),
+    write: Writer::Stream(|out, scene, _| write(out, scene, Encoding::default())),
 };
 
 /// How the numbers of a PLY are stored.
@@ -75,8 +80,11 @@ impl Encoding {
     }
 }
 
-fn read(source: &mut Source) -> Result<Scene, FormatError> {
+fn read(source: &mut Source, _: &ReadOptions) -> Result<Scene, FormatError> {
     let header = Header::parse(source)?;
+    if compressed::is_compressed(&header) {
+        return compressed::read(source, header);
+    }
     let layout = Layout::of(&header).map_err(|problem| source.whole(problem))?;
     if header.elements[layout.element].count == 0 {
         return Err(source.whole(Problem::NoSplats));

@@ -4,12 +4,7 @@ use super::{
     Encoding,
     header::{Element, Header, Kind, Scalar},
 };
-use crate::{
-    FormatError, Problem,
-    capture::Points,
-    error::number,
-    source::Source,
-};
+use crate::{FormatError, Problem, capture::Points, error::number, source::Source};
 use std::path::Path;
 
 /// Colour of points that have none.
@@ -89,7 +84,9 @@ fn columns(vertex: &Element) -> Result<Columns, Problem> {
     let has = |lane| lanes.contains(&Some(lane));
     if let Some(missing) = (0..3).find(|lane| !has(*lane)) {
         let name = ["x", "y", "z"][missing];
-        return Err(Problem::Value(format!("the vertex element has no property {name}; export the points again")));
+        return Err(Problem::Value(format!(
+            "the vertex element has no property {name}; export the points again"
+        )));
     }
     let is_float = vertex.properties.iter().zip(&lanes).any(|(property, lane)| {
         *lane == Some(3) && matches!(property.kind, Kind::Scalar(Scalar::F32 | Scalar::F64))
@@ -240,10 +237,13 @@ mod tests {
 
     #[test]
     fn colours_are_optional_and_may_be_shares() {
-        let start = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
+        let start =
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
         let plain = format!("{start}end_header\n1 2 3\n");
         assert_eq!(read(plain.as_bytes()).unwrap().colors, [GREY]);
-        let shares = format!("{start}property float r\nproperty float g\nproperty float b\nend_header\n1 2 3 0 .5 2\n");
+        let shares = format!(
+            "{start}property float r\nproperty float g\nproperty float b\nend_header\n1 2 3 0 .5 2\n"
+        );
         assert_eq!(read(shares.as_bytes()).unwrap().colors, [[0, 128, 255]]);
         let faces = "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int i\nend_header\n";
         let error = read(faces.as_bytes()).unwrap_err().to_string();

@@ -2,7 +2,7 @@
 
 use super::{
     header::{Element, Header, Kind},
-    layout::{Array, Layout, group_of, grow, values, zeroed},
+    layout::{Array, Layout, group_of, grow, values},
 };
 use crate::{
     Splats,
@@ -32,7 +32,7 @@ pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Res
         kept[column.property] = Some(index);
     }
     let mut numbers = vec![0.0; layout.columns.len()];
-    let mut splats = zeroed(0, layout.sh_degree);
+    let mut splats = Splats::zeroed(0, layout.sh_degree);
     let mut done: u64 = 0;
     while done < promised {
         let Some(line) = source.line()? else {

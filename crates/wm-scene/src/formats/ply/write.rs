@@ -1,7 +1,7 @@
 //! Writing: the property order of the reference 3DGS writer, so that other programs read it.
 
 use super::Encoding;
-use crate::{Group, Scene, error::Problem};
+use crate::{Group, Metadata, Scene, error::Problem};
 use std::{fmt::Write as _, io::Write};
 
 /// Bytes gathered before they are written.
@@ -68,13 +68,16 @@ pub fn write(out: &mut dyn Write, scene: &Scene, encoding: Encoding) -> Result<(
     Ok(out.write_all(&bytes)?)
 }
 
+/// Comment lines of a header that hold metadata.
+pub(super) fn metadata_lines(metadata: &Metadata) -> Result<String, Problem> {
+    let entries = metadata.entries().map_err(|fault| Problem::Value(format!("not written: {fault}")))?;
+    Ok(entries.iter().map(|(key, value)| format!("comment wm.{key} {value}\n")).collect())
+}
+
 fn header(scene: &Scene, encoding: Encoding, grouped: bool) -> Result<String, Problem> {
     let mut text = format!("ply\nformat {} 1.0\n", encoding.keyword());
-    let entries = scene.metadata.entries();
-    for (key, value) in entries.map_err(|fault| Problem::Value(format!("not written: {fault}")))? {
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "comment wm.{key} {value}");
-    }
+    text.push_str(&metadata_lines(&scene.metadata)?);
+    // Writing to a string cannot fail.
     let _ = writeln!(text, "element vertex {}", scene.splats.len());
     let mut float = |name: &str| {
         let _ = writeln!(text, "property float {name}");

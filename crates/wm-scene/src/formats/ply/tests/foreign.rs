@@ -68,9 +68,9 @@ fn other_table(name: &'static str) -> impl Strategy<Value = Option<Table>> {
     (prop::option::of(0..LISTS.len()), any::<bool>(), cells).prop_map(move |(list, some, cells)| {
         let kind = list.map_or("short", |i| LISTS[i]);
         let properties = vec![("a".into(), "double"), ("b".into(), kind), ("c".into(), "uchar")];
-        let rows = cells.into_iter().map(|(items, v)| {
-            vec![vec![v], if list.is_some() { items } else { vec![v] }, vec![v]]
-        });
+        let rows = cells
+            .into_iter()
+            .map(|(items, v)| vec![vec![v], if list.is_some() { items } else { vec![v] }, vec![v]]);
         some.then(|| Table { name, properties, rows: rows.collect() })
     })
 }
@@ -105,8 +105,7 @@ fn splat_table() -> impl Strategy<Value = (Table, Splats)> {
         let order: Vec<usize> = (0..width + 3).collect();
         (rows, types, Just(order).prop_shuffle(), prop::option::of(0..LISTS.len())).prop_map(
             move |(rows, types, order, list)| {
-                let mut properties: Vec<(String, &'static str)> =
-                    names.iter().cloned().zip(types).collect();
+                let mut properties: Vec<(String, &'static str)> = names.iter().cloned().zip(types).collect();
                 properties.extend([("nx".into(), "float"), ("red".into(), "uchar")]);
                 properties.push(("extra".into(), list.map_or("int", |i| LISTS[i])));
                 let mut splats = Splats::with_capacity(rows.len(), degree);

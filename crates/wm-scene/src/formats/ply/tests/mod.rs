@@ -37,7 +37,8 @@ fn small_scene() -> Scene {
         splats.push(&Splat { mean, quat, log_scale, logit_opacity: 2.5, rgb: [0.2, 0.4, 0.8], group });
     }
     splats.sh.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
-    let metadata = Metadata { up: Some(DVec3::Z), provenance: Some("a \"test\"".into()), ..Metadata::default() };
+    let metadata =
+        Metadata { up: Some(DVec3::Z), provenance: Some("a \"test\"".into()), ..Metadata::default() };
     Scene { splats, metadata, views: Vec::new() }
 }
 
@@ -95,8 +96,11 @@ fn the_order_is_that_of_the_reference_writer() {
     );
     assert_eq!(header, expected);
     // Coefficient by coefficient in memory, channel by channel in the file.
-    let row: Vec<f32> =
-        bytes[end + 11..].chunks_exact(4).take(26).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+    let row: Vec<f32> = bytes[end + 11..]
+        .chunks_exact(4)
+        .take(26)
+        .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+        .collect();
     assert_eq!(row[6..18], [0., 1., 2., 3., 6., 9., 4., 7., 10., 5., 8., 11.]);
     // The second axis is the shortest; the rotation is about x.
     let normal = small_scene().splats.normal(0).map(|v| v as f32);

@@ -1,3 +1,7 @@
+mod faults;
+mod foreign;
+mod round_trip;
+
 use super::*;
 use crate::{Camera, Metadata, Splats, splats::Splat, testing::bits};
 use glam::DVec3;
@@ -42,14 +46,14 @@ fn what_is_no_scene_is_told() {
         (folder.path().join("no.ply"), "DIR/no.ply: no such file or folder; check the path"),
         (
             folder.path().into(),
-            "DIR: a folder with no point_cloud/iteration_*/point_cloud.ply in it; give a scene file or the \
-             folder that a 3DGS training wrote",
+            "DIR: a folder with no point_cloud/iteration_*/point_cloud.ply, meta.json or lod-meta.json in it; give a \
+             scene file, the folder that a 3DGS training wrote, or one of SOG",
         ),
         (file("empty.ply", b""), "DIR/empty.ply: the file is empty; copy or export it again"),
         (
-            file("a.zip", b"PK\x03\x04\x14\0"),
-            "DIR/a.zip: of none of the formats that are read (PLY): it begins with \
-             \"PK\\x03\\x04\\x14\\x00\"; convert or export the scene again",
+            file("a.rar", b"Rar!\x1a\x07"),
+            "DIR/a.rar: of none of the formats that are read (PLY, compressed PLY, SPZ, SOG, SOG folder, streamed SOG, \
+             glTF, splat, ksplat): it begins with \"Rar!\\x1a\\x07\"; convert or export the scene again",
         ),
         (
             file("b.PLY", b"plywood is no scene"),
@@ -81,11 +85,21 @@ fn the_content_counts_when_reading_and_the_extension_when_writing() {
     assert_eq!(read(&other).unwrap(), scene(2.0));
     for (name, extension) in [("b.dat", ".dat"), ("b", ""), ("b.ply.gz", ".gz")] {
         let expected = format!(
-            "DIR/{name}: no scene format is written to a name that ends in \"{extension}\"; use .ply"
+            "DIR/{name}: no scene format is written to a name that ends in \"{extension}\"; use .ply, .compressed.ply, \
+             .spz, .sog, meta.json, .glb, .splat, .ksplat"
         );
         assert_eq!(say(&folder, write_scene(&folder.path().join(name), &scene(2.0))), expected);
     }
-    assert_eq!(format_for(Path::new("x.Ply")).unwrap().name, "PLY");
+    for (name, format) in [
+        ("x.Ply", "PLY"),
+        ("x.compressed.ply", "compressed PLY"),
+        ("compressed.ply", "PLY"),
+        ("x/meta.json", "SOG folder"),
+        ("x.SPZ", "SPZ"),
+    ] {
+        assert_eq!(format_for(Path::new(name)).unwrap().name, format, "{name}");
+    }
+    assert!(format_for(Path::new("lod-meta.json")).is_err() && format_for(Path::new("x.meta.json")).is_err());
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 

@@ -1,0 +1,55 @@
+//! glTF 2.0 with `KHR_gaussian_splatting`: splats as a primitive of points, in activated form.
+//!
+//! # Layout
+//! Accessors of a primitive of mode POINTS: `POSITION`, and with the prefix `KHR_gaussian_splatting:` `ROTATION` (xyzw), `SCALE`
+//! (standard deviations), `OPACITY` (0-1) and `SH_DEGREE_l_COEF_n`. Drafts of the extension had logarithms in `SCALE`: they are told by a negative one.
+//! Nodes may turn, move and scale what they hold, alike in all directions.
+//!
+//! With `KHR_gaussian_splatting_compression_spz_2` (a draft) the primitive has an SPZ instead, whose axes are turned as SPZ's library does
+//! for the axes LUF.
+//!
+//! Read are `.glb` and `.gltf` with buffers inside or in files below its folder; a `.glb` is written, as floats or with SPZ. It keeps the
+//! metadata in `asset.extras.wm` and groups in an attribute `_GROUP`.
+
+mod read;
+mod write;
+
+use super::{Axes, Format, Loses, Writer, has_ending};
+
+/// The entry of [`FORMATS`](super::FORMATS).
+pub const FORMAT: Format = Format {
+    name: "glTF",
+    extensions: &["glb"],
+    about: "glTF 2.0 with KHR_gaussian_splatting (.glb, .gltf), as floats or SPZ",
+    axes: Axes::YUpZForward,
+    loses: Loses { rounding: "opacities and scales 1e-7 of their value", ..Loses::NOTHING },
+    sniff: |start| start.bytes.starts_with(MAGIC) || has_ending(start.path, "gltf"),
+    read: |source, _| {
+        let folder = source.path().parent().unwrap_or(source.path()).to_owned();
+        let bytes = source.rest()?;
+        read::read(&bytes, &folder).map_err(|problem| source.whole(problem))
+    },
+    write: Writer::Stream(write::write),
+};
+
+const MAGIC: &[u8] = b"glTF";
+/// Types of chunks.
+const JSON: u32 = 0x4e4f_534a;
+const BIN: u32 = 0x004e_4942;
+const SPLATTING: &str = "KHR_gaussian_splatting";
+const SPZ: &str = "KHR_gaussian_splatting_compression_spz_2";
+/// Component type `FLOAT`.
+const FLOAT: u32 = 5126;
+/// Component type `UNSIGNED_BYTE`.
+const UNSIGNED_BYTE: u32 = 5121;
+
+/// The name of an attribute of the extension.
+fn attribute(name: &str) -> String {
+    format!("{SPLATTING}:{name}")
+}
+
+/// The name of the attribute of an SH coefficient.
+fn sh_attribute(coefficient: usize) -> String {
+    let degree = (0..4).rfind(|d| d * d <= coefficient).unwrap_or(0);
+    attribute(&format!("SH_DEGREE_{degree}_COEF_{}", coefficient - degree * degree))
+}

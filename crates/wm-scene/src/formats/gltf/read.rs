@@ -1,0 +1,437 @@
+//! Reading: JSON, buffers, nodes, accessors.
+
+use super::{BIN, FORMAT, JSON, MAGIC, SPLATTING, SPZ, attribute, sh_attribute};
+use crate::{
+    Group, Metadata, Scene, Splats,
+    error::{Problem, excerpt, one_line},
+    formats::{
+        bytes::{Bytes, check_unpacked},
+        spz,
+    },
+    sh,
+    similarity::Similarity,
+    splats::logit,
+};
+use base64::prelude::{BASE64_STANDARD, Engine as _};
+use glam::{DMat3, DMat4, DQuat, DVec3};
+use serde::Deserialize;
+use serde_json::Value;
+use std::{
+    borrow::Cow,
+    collections::BTreeMap,
+    fs,
+    path::{Component, Path},
+};
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Gltf {
+    asset: Asset,
+    #[serde(default)]
+    extensions_required: Vec<String>,
+    #[serde(default)]
+    scene: usize,
+    #[serde(default)]
+    scenes: Vec<Root>,
+    #[serde(default)]
+    nodes: Vec<Node>,
+    #[serde(default)]
+    meshes: Vec<Mesh>,
+    #[serde(default)]
+    accessors: Vec<Accessor>,
+    #[serde(default)]
+    buffer_views: Vec<BufferView>,
+    #[serde(default)]
+    buffers: Vec<Buffer>,
+}
+
+#[derive(Deserialize)]
+struct Asset {
+    #[serde(default)]
+    extras: Extras,
+}
+
+#[derive(Default, Deserialize)]
+struct Extras {
+    /// What this program knows of the place.
+    #[serde(default)]
+    wm: Metadata,
+}
+
+#[derive(Deserialize)]
+struct Root {
+    #[serde(default)]
+    nodes: Vec<usize>,
+}
+
+#[derive(Deserialize)]
+struct Node {
+    #[serde(default)]
+    mesh: Option<usize>,
+    #[serde(default)]
+    children: Vec<usize>,
+    #[serde(default)]
+    matrix: Option<[f64; 16]>,
+    #[serde(default)]
+    translation: [f64; 3],
+    #[serde(default = "no_rotation")]
+    rotation: [f64; 4],
+    #[serde(default = "no_scale")]
+    scale: [f64; 3],
+}
+
+fn no_rotation() -> [f64; 4] {
+    [0.0, 0.0, 0.0, 1.0]
+}
+
+fn no_scale() -> [f64; 3] {
+    [1.0; 3]
+}
+
+#[derive(Deserialize)]
+struct Mesh {
+    primitives: Vec<Primitive>,
+}
+
+#[derive(Deserialize)]
+struct Primitive {
+    #[serde(default)]
+    attributes: BTreeMap<String, usize>,
+    #[serde(default)]
+    extensions: BTreeMap<String, Value>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Accessor {
+    #[serde(default)]
+    buffer_view: Option<usize>,
+    #[serde(default)]
+    byte_offset: u64,
+    component_type: u32,
+    #[serde(default)]
+    normalized: bool,
+    count: u64,
+    #[serde(rename = "type")]
+    kind: String,
+    #[serde(default)]
+    sparse: Option<Value>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct BufferView {
+    buffer: usize,
+    #[serde(default)]
+    byte_offset: u64,
+    byte_length: u64,
+    #[serde(default)]
+    byte_stride: Option<u64>,
+}
+
+#[derive(Deserialize)]
+struct Buffer {
+    #[serde(default)]
+    uri: Option<String>,
+}
+
+fn fault(what: impl Into<String>) -> Problem {
+    Problem::Header(format!("glTF: {}", what.into()))
+}
+
+/// Reads a file in memory; buffers in other files are below `folder`. The scene has the axes of glTF.
+pub(super) fn read(file: &[u8], folder: &Path) -> Result<Scene, Problem> {
+    let (json, bin) = if file.starts_with(MAGIC) { chunks(file)? } else { (file, None) };
+    let gltf: Gltf = serde_json::from_slice(json).map_err(|error| fault(one_line(&error.to_string())))?;
+    let known = [SPLATTING, SPZ, "KHR_mesh_quantization"];
+    if let Some(unknown) = gltf.extensions_required.iter().find(|name| !known.contains(&name.as_str())) {
+        return Err(fault(format!(
+            "it requires the extension {}, which is not read",
+            excerpt(unknown.as_bytes())
+        )));
+    }
+    if let Some(fault_of) = gltf.asset.extras.wm.fault() {
+        return Err(fault(format!("asset.extras.wm: {fault_of}")));
+    }
+    let buffers = gltf.buffers.iter().map(|buffer| read_buffer(buffer, bin, folder));
+    let buffers = buffers.collect::<Result<Vec<_>, _>>()?;
+    let size = buffers.iter().map(|buffer| buffer.len() as u64).sum();
+    let reader = Reader { gltf: &gltf, buffers, size };
+    let mut scene = Scene { metadata: gltf.asset.extras.wm.clone(), ..Scene::default() };
+    if let Some(root) = gltf.scenes.get(gltf.scene) {
+        // A node may stand at one place of the tree only, so that none is met twice.
+        let mut met = vec![false; gltf.nodes.len()];
+        for node in &root.nodes {
+            reader.node(*node, &Similarity::IDENTITY, &mut met, &mut scene)?;
+        }
+    } else {
+        for mesh in &gltf.meshes {
+            reader.mesh(mesh, &Similarity::IDENTITY, &mut scene)?;
+        }
+    }
+    if scene.splats.is_empty() {
+        return Err(fault(format!("no primitive with {SPLATTING} is in its scene")));
+    }
+    Ok(scene)
+}
+
+/// JSON and binary chunk of a GLB.
+fn chunks(file: &[u8]) -> Result<(&[u8], Option<&[u8]>), Problem> {
+    let mut bytes = Bytes::new(file, "the GLB");
+    let (_, version, _) = (bytes.u32()?, bytes.u32()?, bytes.u32()?);
+    if version != 2 {
+        return Err(fault(format!("version {version} is not read, 2 is")));
+    }
+    let (JSON, json) = chunk(&mut bytes)? else { return Err(fault("the first chunk of the GLB is no JSON")) };
+    let bin = if bytes.rest().is_empty() { None } else { Some(chunk(&mut bytes)?) };
+    Ok((json, bin.filter(|(kind, _)| *kind == BIN).map(|(_, bin)| bin)))
+}
+
+/// Type and content of the next chunk of a GLB.
+fn chunk<'a>(bytes: &mut Bytes<'a>) -> Result<(u32, &'a [u8]), Problem> {
+    let (length, kind) = (bytes.u32()?, bytes.u32()?);
+    Ok((kind, bytes.take(u64::from(length))?))
+}
+
+fn read_buffer<'a>(buffer: &Buffer, bin: Option<&'a [u8]>, folder: &Path) -> Result<Cow<'a, [u8]>, Problem> {
+    let Some(uri) = &buffer.uri else {
+        return bin.map(Cow::Borrowed).ok_or_else(|| fault("a buffer has no content"));
+    };
+    if let Some(data) = uri.strip_prefix("data:") {
+        let text = data.split_once(";base64,").map(|(_, text)| text);
+        let bytes = text.and_then(|text| BASE64_STANDARD.decode(text).ok());
+        return bytes.map(Cow::Owned).ok_or_else(|| fault("a buffer's data is no base64"));
+    }
+    let name = excerpt(uri.as_bytes());
+    let path = Path::new(uri);
+    if uri.is_empty()
+        || !path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+    {
+        return Err(fault(format!("the buffer \"{name}\" is no file below its folder")));
+    }
+    let read = fs::metadata(folder.join(path)).and_then(|about| {
+        if about.is_file() {
+            fs::read(folder.join(path))
+        } else {
+            Err(std::io::ErrorKind::InvalidInput.into())
+        }
+    });
+    read.map(Cow::Owned).map_err(|error| fault(format!("the buffer \"{name}\" cannot be read: {error}")))
+}
+
+/// Fewest bytes of a splat in memory.
+const SPLAT_SIZE: u64 = 56;
+
+struct Reader<'a> {
+    gltf: &'a Gltf,
+    buffers: Vec<Cow<'a, [u8]>>,
+    /// Bytes of the buffers.
+    size: u64,
+}
+
+impl Reader<'_> {
+    fn node(
+        &self,
+        index: usize,
+        above: &Similarity,
+        met: &mut [bool],
+        scene: &mut Scene,
+    ) -> Result<(), Problem> {
+        // Each node is met once, so that what is below is a tree; deeper ones than the stack holds are refused.
+        let mut waiting = vec![(index, *above)];
+        while let Some((index, above)) = waiting.pop() {
+            let node =
+                self.gltf.nodes.get(index).ok_or_else(|| fault(format!("there is no node {index}")))?;
+            if std::mem::replace(&mut met[index], true) {
+                return Err(fault(format!("node {index} stands at two places")));
+            }
+            let here = above.after(&similarity(node).ok_or_else(|| {
+                fault(format!("node {index} is not scaled alike in all directions, or mirrored"))
+            })?);
+            if let Some(mesh) = node.mesh {
+                let mesh =
+                    self.gltf.meshes.get(mesh).ok_or_else(|| fault(format!("there is no mesh {mesh}")))?;
+                self.mesh(mesh, &here, scene)?;
+            }
+            waiting.extend(node.children.iter().rev().map(|child| (*child, here)));
+        }
+        Ok(())
+    }
+
+    fn mesh(&self, mesh: &Mesh, place: &Similarity, scene: &mut Scene) -> Result<(), Problem> {
+        for primitive in &mesh.primitives {
+            let Some(extension) = primitive.extensions.get(SPLATTING) else { continue };
+            for (key, known) in [("kernel", "ellipse"), ("colorSpace", "srgb_rec709_display")] {
+                if let Some(other) =
+                    extension.get(key).and_then(Value::as_str).filter(|value| *value != known)
+                {
+                    return Err(fault(format!(
+                        "the {key} {} is not read, {known} is",
+                        excerpt(other.as_bytes())
+                    )));
+                }
+            }
+            let mut splats = match extension
+                .get("extensions")
+                .and_then(|e| e.get(SPZ))
+                .and_then(|e| e.get("bufferView"))
+            {
+                Some(view) => {
+                    let view = view.as_u64().ok_or_else(|| fault("the SPZ's bufferView is no number"))?;
+                    let mut inner = spz::read(self.view(view as usize)?.1)?;
+                    spz::FORMAT.axes.turn(&mut inner);
+                    FORMAT.axes.turn(&mut inner);
+                    scene.metadata = std::mem::take(&mut scene.metadata).or(inner.metadata);
+                    inner.splats
+                }
+                None => self.splats(primitive)?,
+            };
+            place.apply_to(&mut splats);
+            // Nodes may share a mesh, and meshes values: as many splats as a bomb wants.
+            let together = (scene.splats.len() + splats.len()) as u64 * SPLAT_SIZE;
+            check_unpacked(together, self.size, "a glTF whose nodes share splats")?;
+            scene.splats = Splats::joined(std::mem::take(&mut scene.splats), splats);
+        }
+        Ok(())
+    }
+
+    fn splats(&self, primitive: &Primitive) -> Result<Splats, Problem> {
+        let get = |name: &str| primitive.attributes.get(name).copied();
+        let needed =
+            |name: &str| get(name).ok_or_else(|| fault(format!("the splats have no attribute {name}")));
+        let degree = (1..=sh::MAX_DEGREE)
+            .rfind(|d| get(&sh_attribute(sh::coefficients(*d) - 1)).is_some())
+            .unwrap_or(0);
+        let position = needed("POSITION")?;
+        // The other attributes have as many values, or `fill` says so.
+        let count = self.accessor(position)?.count;
+        self.numbers::<3>(position, count, |_, _| ())?;
+        let mut splats = Splats::zeroed(count as usize, degree);
+        self.numbers::<3>(position, count, |i, v| splats.means[i] = v)?;
+        self.numbers::<4>(needed(&attribute("ROTATION"))?, count, |i, [x, y, z, w]| {
+            splats.quats[i] = [w, x, y, z];
+        })?;
+        let mut least = f32::INFINITY;
+        self.numbers::<3>(needed(&attribute("SCALE"))?, count, |i, v| {
+            least = v.iter().fold(least, |least, v| least.min(*v));
+            splats.log_scales[i] = v;
+        })?;
+        if least >= 0.0 {
+            splats.log_scales.as_flattened_mut().iter_mut().for_each(|v| *v = v.ln());
+        }
+        self.numbers::<1>(needed(&attribute("OPACITY"))?, count, |i, [v]| {
+            splats.logit_opacities[i] = logit(f64::from(v)) as f32;
+        })?;
+        let stride = splats.sh_stride();
+        for coefficient in 0..sh::coefficients(degree) {
+            let name = sh_attribute(coefficient);
+            self.numbers::<3>(needed(&name)?, count, |i, v| {
+                splats.sh[i * stride + coefficient * 3..][..3].copy_from_slice(&v);
+            })?;
+        }
+        if let Some(groups) = get("_GROUP") {
+            self.numbers::<1>(groups, count, |i, [v]| {
+                splats.groups[i] = Group::from_number(v as u8).unwrap_or_default();
+            })?;
+        }
+        Ok(splats)
+    }
+
+    fn accessor(&self, index: usize) -> Result<&Accessor, Problem> {
+        self.gltf.accessors.get(index).ok_or_else(|| fault(format!("there is no accessor {index}")))
+    }
+
+    /// A buffer view and its bytes.
+    fn view(&self, index: usize) -> Result<(&BufferView, &[u8]), Problem> {
+        let view = self
+            .gltf
+            .buffer_views
+            .get(index)
+            .ok_or_else(|| fault(format!("there is no buffer view {index}")))?;
+        let buffer = self
+            .buffers
+            .get(view.buffer)
+            .ok_or_else(|| fault(format!("there is no buffer {}", view.buffer)))?;
+        let mut bytes = Bytes::new(buffer, "a buffer of the glTF");
+        bytes.take(view.byte_offset)?;
+        Ok((view, bytes.take(view.byte_length)?))
+    }
+
+    /// Calls `each` with the values of an accessor of `count` elements of `N` numbers.
+    fn numbers<const N: usize>(
+        &self,
+        index: usize,
+        count: u64,
+        mut each: impl FnMut(usize, [f32; N]),
+    ) -> Result<(), Problem> {
+        let accessor = self.accessor(index)?;
+        let kind = ["", "SCALAR", "VEC2", "VEC3", "VEC4"][N];
+        if accessor.kind != kind || accessor.count != count {
+            let Accessor { kind: found, count: other, .. } = accessor;
+            let found = excerpt(found.as_bytes());
+            return Err(fault(format!("accessor {index} has {other} {found}, {count} {kind} are needed")));
+        }
+        let Some(view) = accessor.buffer_view.filter(|_| accessor.sparse.is_none()) else {
+            return Err(fault(format!(
+                "accessor {index} is sparse or has no buffer view, which is not read"
+            )));
+        };
+        let (view, bytes) = self.view(view)?;
+        // Component size, and what normalised integers are divided by.
+        let (size, divisor): (u64, f32) = match accessor.component_type {
+            5120 => (1, 127.0),
+            5121 => (1, 255.0),
+            5122 => (2, 32_767.0),
+            5123 => (2, 65_535.0),
+            5126 => (4, 1.0),
+            other => {
+                return Err(fault(format!(
+                    "accessor {index} has the component type {other}, which no splat has"
+                )));
+            }
+        };
+        let divisor = if accessor.normalized { divisor } else { 1.0 };
+        let row = size * N as u64;
+        let stride = view.byte_stride.unwrap_or(row).max(row);
+        let mut bytes = Bytes::new(bytes, "an accessor of the glTF");
+        bytes.take(accessor.byte_offset)?;
+        let needed = count.checked_sub(1).map_or(Some(0), |gaps| gaps.checked_mul(stride)?.checked_add(row));
+        let bytes = bytes.take(needed.ok_or_else(|| fault(format!("accessor {index} is too long")))?)?;
+        let component = accessor.component_type;
+        for (i, row) in bytes.chunks(stride as usize).enumerate() {
+            let value = |k: usize| {
+                let at = &row[k * size as usize..];
+                let (byte, short) = (at[0], at.first_chunk().copied().unwrap_or_default());
+                match component {
+                    5120 => f32::from(byte as i8) / divisor,
+                    5121 => f32::from(byte) / divisor,
+                    5122 => f32::from(i16::from_le_bytes(short)) / divisor,
+                    5123 => f32::from(u16::from_le_bytes(short)) / divisor,
+                    _ => at.first_chunk().map_or(0.0, |b| f32::from_le_bytes(*b)),
+                }
+            };
+            each(i, std::array::from_fn(value));
+        }
+        Ok(())
+    }
+}
+
+/// What a node does; `None` if it stretches or mirrors.
+fn similarity(node: &Node) -> Option<Similarity> {
+    let matrix = match &node.matrix {
+        Some(matrix) => DMat4::from_cols_array(matrix),
+        None => DMat4::from_scale_rotation_translation(
+            DVec3::from_array(node.scale),
+            DQuat::from_array(node.rotation).normalize(),
+            DVec3::from_array(node.translation),
+        ),
+    };
+    let linear = DMat3::from_mat4(matrix);
+    let scale = linear.determinant().cbrt();
+    let rotation = linear * (1.0 / scale);
+    let is_rotation = (rotation * rotation.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-4);
+    let sound = scale > 0.0 && scale.is_finite() && is_rotation && matrix.w_axis.is_finite();
+    // What is a rotation up to rounding of the file's text need not be touched.
+    let rotation = if rotation.abs_diff_eq(DMat3::IDENTITY, 1e-12) { DMat3::IDENTITY } else { rotation };
+    sound.then(|| Similarity { scale, rotation, translation: matrix.w_axis.truncate() })
+}

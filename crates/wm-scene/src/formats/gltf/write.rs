@@ -1,0 +1,223 @@
+//! Writing a GLB.
+
+use super::{BIN, FLOAT, FORMAT, JSON, MAGIC, SPLATTING, SPZ, UNSIGNED_BYTE, attribute, sh_attribute};
+use crate::{
+    Group, Scene, Splats,
+    error::Problem,
+    formats::{
+        GltfSplats, SpzVersion, WriteOptions,
+        pack::{byte_of_dc, byte_of_logit, unit},
+        spz,
+    },
+    splats::sigmoid,
+};
+use serde_json::{Map, Value, json};
+use std::io::Write;
+
+/// A value of a splat that is an attribute.
+struct Attribute {
+    name: String,
+    what: What,
+}
+
+enum What {
+    Position,
+    /// Bytes, for programs that know no splats.
+    Color,
+    Rotation,
+    Scale,
+    Opacity,
+    Sh(usize),
+    Group,
+}
+
+impl Attribute {
+    /// Type, component type and bytes of the accessor.
+    fn kind(&self) -> (&'static str, u32, u64) {
+        match self.what {
+            What::Position | What::Scale | What::Sh(_) => ("VEC3", FLOAT, 12),
+            What::Rotation => ("VEC4", FLOAT, 16),
+            What::Opacity | What::Group => ("SCALAR", FLOAT, 4),
+            What::Color => ("VEC4", UNSIGNED_BYTE, 4),
+        }
+    }
+
+    fn write(&self, splats: &Splats, index: usize, signs: &[f32; 16], out: &mut Vec<u8>) {
+        let axes = FORMAT.axes;
+        let mut floats = |values: &[f32]| out.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+        match self.what {
+            What::Position => floats(&axes.vector(splats.means[index])),
+            What::Rotation => {
+                let [w, x, y, z] = unit(axes.quat(splats.quats[index]));
+                floats(&[x, y, z, w]);
+            }
+            What::Scale => floats(&splats.log_scales[index].map(f32::exp)),
+            What::Opacity => floats(&[sigmoid(f64::from(splats.logit_opacities[index])) as f32]),
+            What::Sh(k) => {
+                let sh = &splats.sh_of(index)[k * 3..];
+                floats(&[sh[0] * signs[k], sh[1] * signs[k], sh[2] * signs[k]]);
+            }
+            What::Group => floats(&[f32::from(splats.groups[index] as u8)]),
+            What::Color => {
+                out.extend(splats.sh_of(index)[..3].iter().map(|v| byte_of_dc(*v)));
+                out.push(byte_of_logit(splats.logit_opacities[index]));
+            }
+        }
+    }
+}
+
+fn attributes(splats: &Splats) -> Vec<Attribute> {
+    let own = |name: &str, what| Attribute { name: attribute(name), what };
+    let plain = |name: &str, what| Attribute { name: name.into(), what };
+    let mut all = vec![
+        plain("POSITION", What::Position),
+        plain("COLOR_0", What::Color),
+        own("ROTATION", What::Rotation),
+        own("SCALE", What::Scale),
+        own("OPACITY", What::Opacity),
+    ];
+    all.extend((0..splats.sh_stride() / 3).map(|k| Attribute { name: sh_attribute(k), what: What::Sh(k) }));
+    if splats.groups.iter().any(|group| *group != Group::Scene) {
+        all.push(plain("_GROUP", What::Group));
+    }
+    all
+}
+
+pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) -> Result<(), Problem> {
+    let splats = &scene.splats;
+    if let Some(fault) = scene.metadata.fault() {
+        return Err(Problem::Value(format!("not written: {fault}")));
+    }
+    let mut all = attributes(splats);
+    match options.gltf {
+        GltfSplats::Floats => {
+            let sizes: Vec<u64> = all.iter().map(|a| a.kind().2 * splats.len() as u64).collect();
+            let binary = sizes.iter().sum();
+            head(out, &document(scene, &all, &sizes, false), binary)?;
+            let signs = FORMAT.axes.sh_signs();
+            let mut bytes = Vec::new();
+            for attribute in &all {
+                for index in 0..splats.len() {
+                    attribute.write(splats, index, &signs, &mut bytes);
+                    if bytes.len() >= PART {
+                        out.write_all(&bytes)?;
+                        bytes.clear();
+                    }
+                }
+            }
+            Ok(out.write_all(&bytes)?)
+        }
+        GltfSplats::Spz => {
+            all.retain(|a| !matches!(a.what, What::Group));
+            let mut packed = Vec::new();
+            spz::write(&mut packed, scene, &WriteOptions { spz: SpzVersion::V3, ..*options })?;
+            let length = packed.len() as u64;
+            packed.resize(packed.len().next_multiple_of(4), 0);
+            head(out, &document(scene, &all, &[length], true), packed.len() as u64)?;
+            Ok(out.write_all(&packed)?)
+        }
+    }
+}
+
+/// Bytes gathered before they are written.
+const PART: usize = 1 << 18;
+
+/// Writes everything before the binary chunk's `length` bytes.
+fn head(out: &mut dyn Write, document: &Value, length: u64) -> Result<(), Problem> {
+    let mut json = document.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let total = 12 + 8 + json.len() as u64 + 8 + length;
+    let [total, binary] = [total, length].map(u32::try_from);
+    let (Ok(total), Ok(binary)) = (total, binary) else {
+        return Err(Problem::Value("too many splats for one .glb, which ends at 4 GiB; reduce them".into()));
+    };
+    out.write_all(MAGIC)?;
+    for word in [2, total, json.len() as u32, JSON] {
+        out.write_all(&word.to_le_bytes())?;
+    }
+    out.write_all(&json)?;
+    out.write_all(&binary.to_le_bytes())?;
+    Ok(out.write_all(&BIN.to_le_bytes())?)
+}
+
+/// The JSON. A buffer view of each of `sizes`; accessors have one each, or none where an SPZ has all values.
+fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], is_packed: bool) -> Value {
+    let splats = &scene.splats;
+    let mut at = 0;
+    let views: Vec<Value> = sizes
+        .iter()
+        .map(|size| {
+            let mut view = json!({ "buffer": 0, "byteOffset": at, "byteLength": size });
+            if !is_packed {
+                view["target"] = json!(34_962);
+            }
+            at += size;
+            view
+        })
+        .collect();
+    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for mean in splats.means.iter().map(|mean| FORMAT.axes.vector(*mean)) {
+        for k in 0..3 {
+            low[k] = low[k].min(mean[k]);
+            high[k] = high[k].max(mean[k]);
+        }
+    }
+    let mut names = Map::new();
+    let mut accessors = Vec::new();
+    for (index, attribute) in all.iter().enumerate() {
+        let (kind, component, _) = attribute.kind();
+        let mut accessor = json!({ "componentType": component, "count": splats.len(), "type": kind });
+        if !is_packed {
+            accessor["bufferView"] = json!(index);
+        }
+        match attribute.what {
+            What::Position => {
+                accessor["min"] = json!(low);
+                accessor["max"] = json!(high);
+            }
+            What::Color => accessor["normalized"] = json!(true),
+            _ => {}
+        }
+        names.insert(attribute.name.clone(), json!(index));
+        accessors.push(accessor);
+    }
+    let mut extension = json!({
+        "kernel": "ellipse",
+        "colorSpace": "srgb_rec709_display",
+        "sortingMethod": "cameraDistance",
+        "projection": "perspective",
+    });
+    let mut used = vec![SPLATTING];
+    if is_packed {
+        extension["extensions"] = json!({ SPZ: { "bufferView": 0 } });
+        used.push(SPZ);
+    }
+    let mut metadata = scene.metadata.clone();
+    metadata.up = metadata.up.map(|up| FORMAT.axes.direction(up));
+    let mut asset = json!({
+        "version": "2.0",
+        "generator": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
+    });
+    if metadata != Default::default() {
+        asset["extras"] = json!({ "wm": metadata });
+    }
+    let mut document = json!({
+        "asset": asset,
+        "extensionsUsed": used,
+        "scene": 0,
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{
+            "attributes": names,
+            "mode": 0,
+            "extensions": { SPLATTING: extension },
+        }] }],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{ "byteLength": at }],
+    });
+    if is_packed {
+        document["extensionsRequired"] = json!(used);
+    }
+    document
+}

@@ -1,0 +1,106 @@
+//! SOG of PlayCanvas: splats as pixels of lossless WebP pictures beside a `meta.json`; as files of a folder or in one ZIP.
+//!
+//! # Layout
+//! Pixel i of every picture is splat i, row by row.
+//!
+//! | picture | channels | version 2 | version 1 |
+//! |---|---|---|---|
+//! | `means` low, high | rgb | 16 bits of a range; the value v means sign(v) (exp\|v\| - 1) | the same |
+//! | `scales` | rgb | index into 256 logarithms | of a range an axis |
+//! | `quats` | rgba | alpha - 252 is the place (wxyz) of the largest, rgb the others over +-1/sqrt(2) | the same |
+//! | `sh0` | rgba | index into 256 coefficients; alpha is the opacity | of a range a channel; alpha is the logit |
+//! | `shN` labels | rg | 16-bit index into a palette | the same |
+//! | `shN` centroids | rgb | the palette, 64 entries a row, a pixel a coefficient: index into 256 values | of one range |
+//!
+//! The levels of a `lod-meta.json` are runs of splats in several SOG folders below it; what is chosen is one level everywhere, with
+//! the splats of its environment.
+//!
+//! Version 2 is written. Tables of 256 values minimise the squared error (`palette.rs`), as the palette of SH does.
+
+mod palette;
+mod read;
+mod write;
+mod zip;
+
+use super::{ANY_SCALE, Axes, Format, Kept, Level, Loses, ReadOptions, Writer, has_ending};
+use crate::{
+    Scene,
+    error::{FormatError, Problem},
+    source::Source,
+};
+
+/// What SOG cannot hold.
+const LOSES: Loses = Loses {
+    sh_degree: 3,
+    groups: Kept::Not,
+    metadata: Kept::Inside,
+    rounding: "positions 1/131070 of the scene's extent in logarithm (1 + their value), scales and colours to 256 values, rotations 1 \
+               degree, opacities 1/510, SH to a palette of 65536",
+    order: Kept::Not,
+    log_scales: ANY_SCALE,
+};
+
+/// The bundle, one ZIP.
+pub mod bundle {
+    use super::*;
+
+    /// The entry of [`FORMATS`](crate::formats::FORMATS).
+    pub const FORMAT: Format = Format {
+        name: "SOG",
+        extensions: &["sog"],
+        about: "PlayCanvas SOG, versions 1 and 2, in one file",
+        axes: Axes::Ply,
+        loses: LOSES,
+        sniff: |start| start.bytes.starts_with(b"PK\x03\x04"),
+        read: |source, _| {
+            let bytes = source.rest()?;
+            let archive = zip::Archive::new(&bytes).map_err(|problem| source.whole(problem))?;
+            read::read(&|name| archive.file(name)).map_err(|problem| source.whole(problem))
+        },
+        write: Writer::Stream(|out, scene, _| zip::write(out, &write::files(scene)?)),
+    };
+}
+
+/// The folder, read and written by its `meta.json`.
+pub mod folder {
+    use super::*;
+
+    /// The entry of [`FORMATS`](crate::formats::FORMATS).
+    pub const FORMAT: Format = Format {
+        name: "SOG folder",
+        extensions: &["meta.json"],
+        about: "PlayCanvas SOG, versions 1 and 2, as a folder: its meta.json",
+        axes: Axes::Ply,
+        loses: LOSES,
+        sniff: |start| has_ending(start.path, "meta.json"),
+        read: |source, _| {
+            let folder = source.path().parent().unwrap_or(source.path()).to_owned();
+            let meta = source.rest()?;
+            read::read_folder(&folder, &meta).map_err(|problem| source.whole(problem))
+        },
+        write: Writer::Files(|scene, _| write::files(scene)),
+    };
+}
+
+/// Several levels of detail, read by their `lod-meta.json`.
+pub mod levels {
+    use super::*;
+
+    /// The entry of [`FORMATS`](crate::formats::FORMATS).
+    pub const FORMAT: Format = Format {
+        name: "streamed SOG",
+        extensions: &[],
+        about: "PlayCanvas SOG with several levels of detail, as a folder: its lod-meta.json",
+        axes: Axes::Ply,
+        loses: LOSES,
+        sniff: |start| has_ending(start.path, "lod-meta.json"),
+        read,
+        write: Writer::Nothing,
+    };
+
+    fn read(source: &mut Source, options: &ReadOptions) -> Result<Scene, FormatError> {
+        let folder = source.path().parent().unwrap_or(source.path()).to_owned();
+        let meta = source.rest()?;
+        read::read_levels(&folder, &meta, options.level).map_err(|problem| source.whole(problem))
+    }
+}

@@ -1,0 +1,420 @@
+//! Reading: `meta.json` and the pictures that it names.
+
+use super::{Level, Problem};
+use crate::{
+    Metadata, Rasterization, Scene, Splats,
+    error::{excerpt, one_line},
+    formats::{
+        bytes::{check_unpacked, unpacked_limit},
+        pack::{from_smallest_three, logit_of_byte},
+    },
+    sh,
+};
+use image_webp::WebPDecoder;
+use serde::Deserialize;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    io::{Cursor, Read},
+    path::{Component, Path, PathBuf},
+};
+
+/// The content of the file with a name, `None` if there is none.
+type Files<'a> = &'a dyn Fn(&str) -> Result<Option<Vec<u8>>, Problem>;
+
+#[derive(Deserialize)]
+struct Meta {
+    #[serde(default)]
+    version: Option<u32>,
+    #[serde(default)]
+    count: Option<u64>,
+    #[serde(default)]
+    antialias: bool,
+    means: Ranged,
+    scales: Coded,
+    quats: Plain,
+    sh0: Coded,
+    #[serde(rename = "shN", default)]
+    sh_n: Option<Palette>,
+    /// What this program knows of the place.
+    #[serde(rename = "wm", default)]
+    metadata: Metadata,
+}
+
+#[derive(Deserialize)]
+struct Ranged {
+    mins: [f32; 3],
+    maxs: [f32; 3],
+    files: [String; 2],
+    /// Version 1: splats and channels.
+    #[serde(default)]
+    shape: Vec<u64>,
+}
+
+#[derive(Deserialize)]
+struct Coded {
+    #[serde(default)]
+    codebook: Vec<f32>,
+    #[serde(default)]
+    mins: Vec<f32>,
+    #[serde(default)]
+    maxs: Vec<f32>,
+    files: [String; 1],
+}
+
+#[derive(Deserialize)]
+struct Plain {
+    files: [String; 1],
+}
+
+#[derive(Deserialize)]
+struct Palette {
+    #[serde(default)]
+    codebook: Vec<f32>,
+    #[serde(default)]
+    mins: f32,
+    #[serde(default)]
+    maxs: f32,
+    files: [String; 2],
+}
+
+fn fault(what: impl Into<String>) -> Problem {
+    Problem::Header(format!("SOG: {}", what.into()))
+}
+
+fn parse<'a, T: Deserialize<'a>>(text: &'a [u8], name: &str) -> Result<T, Problem> {
+    serde_json::from_slice(text).map_err(|error| fault(format!("{name}: {}", one_line(&error.to_string()))))
+}
+
+/// What the bytes of a channel mean.
+struct Table([f32; 256]);
+
+impl Coded {
+    /// The table of `channel`: that of the file, or of version 1, made of a range.
+    fn table(&self, channel: usize) -> Result<Table, Problem> {
+        let range = self.mins.get(channel).zip(self.maxs.get(channel));
+        Table::of(&self.codebook, range.map(|(a, b)| (*a, *b)))
+    }
+}
+
+impl Table {
+    fn of(codebook: &[f32], range: Option<(f32, f32)>) -> Result<Self, Problem> {
+        match range {
+            _ if !codebook.is_empty() => {
+                // Of fewer values the last stands for all that is missing.
+                let last = codebook.len() - 1;
+                Ok(Self(std::array::from_fn(|i| codebook[i.min(last)])))
+            }
+            Some((low, high)) => Ok(Self(std::array::from_fn(|i| low + (high - low) * i as f32 / 255.0))),
+            None => Err(fault("meta.json has neither a codebook nor a range")),
+        }
+    }
+
+    fn get(&self, byte: u8) -> f32 {
+        self.0[usize::from(byte)]
+    }
+}
+
+/// A picture of 8-bit RGBA.
+struct Picture {
+    width: usize,
+    rgba: Vec<[u8; 4]>,
+}
+
+impl Picture {
+    fn read(files: Files, name: &str, least: u64) -> Result<Self, Problem> {
+        let Some(bytes) = files(name)? else {
+            let name = excerpt(name.as_bytes());
+            return Err(Problem::Header(format!(
+                "SOG: the picture \"{name}\" that meta.json names is not there"
+            )));
+        };
+        let webp = |error: image_webp::DecodingError| {
+            let name = excerpt(name.as_bytes());
+            fault(format!(
+                "the picture \"{name}\" is no WebP that can be read ({})",
+                one_line(&error.to_string())
+            ))
+        };
+        let mut decoder = WebPDecoder::new(Cursor::new(&bytes)).map_err(webp)?;
+        let limit = unpacked_limit(bytes.len() as u64);
+        decoder.set_memory_limit(usize::try_from(limit).unwrap_or(usize::MAX));
+        let (width, height) = decoder.dimensions();
+        let pixels = u64::from(width) * u64::from(height);
+        if pixels < least {
+            return Err(fault(format!(
+                "the picture \"{}\" has {pixels} pixels, {least} are needed",
+                excerpt(name.as_bytes())
+            )));
+        }
+        let channels = if decoder.has_alpha() { 4 } else { 3 };
+        check_unpacked(pixels * channels, bytes.len() as u64, name)?;
+        let mut flat = vec![0; (pixels * channels) as usize];
+        decoder.read_image(&mut flat).map_err(webp)?;
+        let rgba = if channels == 4 {
+            flat.as_chunks().0.to_vec()
+        } else {
+            flat.as_chunks().0.iter().map(|[r, g, b]| [*r, *g, *b, 255]).collect()
+        };
+        Ok(Self { width: width as usize, rgba })
+    }
+}
+
+/// Reads a scene out of files by their names.
+pub(super) fn read(files: Files) -> Result<Scene, Problem> {
+    let meta = files("meta.json")?.ok_or_else(|| fault("there is no meta.json in it"))?;
+    read_with(files, &meta)
+}
+
+/// Reads a scene out of a folder of which the `meta.json` is read already.
+pub(super) fn read_folder(folder: &Path, meta: &[u8]) -> Result<Scene, Problem> {
+    read_with(&|name| Ok(Some(read_file(&below(folder, name)?)?)), meta)
+}
+
+/// A path below a folder; what leads out of it is refused.
+fn below(folder: &Path, name: &str) -> Result<PathBuf, Problem> {
+    let inside =
+        Path::new(name).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    if !inside || name.is_empty() {
+        return Err(fault(format!("\"{}\" is no file below its folder", excerpt(name.as_bytes()))));
+    }
+    Ok(folder.join(name))
+}
+
+fn read_file(path: &Path) -> Result<Vec<u8>, Problem> {
+    let name = excerpt(path.file_name().unwrap_or_default().as_encoded_bytes());
+    let refused = |error: std::io::Error| fault(format!("\"{name}\" cannot be read: {error}"));
+    let about = fs::metadata(path).map_err(refused)?;
+    if !about.is_file() {
+        return Err(fault(format!("\"{name}\" is no file")));
+    }
+    let mut bytes = Vec::new();
+    fs::File::open(path).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(refused)?;
+    Ok(bytes)
+}
+
+fn read_with(files: Files, meta: &[u8]) -> Result<Scene, Problem> {
+    let meta: Meta = parse(meta, "meta.json")?;
+    if let Some(version) = meta.version.filter(|version| !(1..=2).contains(version)) {
+        return Err(fault(format!("version {version} is not read, 1 and 2 are")));
+    }
+    if let Some(fault_of) = meta.metadata.fault() {
+        return Err(fault(format!("meta.json: {fault_of}")));
+    }
+    let count = meta.count.or_else(|| meta.means.shape.first().copied());
+    let count = count.ok_or_else(|| fault("meta.json has no count of splats"))?;
+    // The pictures bound it: nothing is allocated before one of that size is there.
+    let [low, high] = [0, 1].map(|i| Picture::read(files, &meta.means.files[i], count));
+    let (low, high) = (low?.rgba, high?.rgba);
+    let scales = Picture::read(files, &meta.scales.files[0], count)?.rgba;
+    let quats = Picture::read(files, &meta.quats.files[0], count)?.rgba;
+    let colors = Picture::read(files, &meta.sh0.files[0], count)?.rgba;
+    let sh = meta.sh_n.as_ref().map(|palette| Shading::read(files, palette, count)).transpose()?;
+    let degree = sh.as_ref().map_or(0, |sh| sh.degree);
+    let mut splats = Splats::zeroed(count as usize, degree);
+
+    let Ranged { mins, maxs, .. } = meta.means;
+    for ((mean, low), high) in splats.means.iter_mut().zip(&low).zip(&high) {
+        *mean = std::array::from_fn(|k| {
+            let share = f32::from(u16::from_le_bytes([low[k], high[k]])) / 65535.0;
+            let curved = mins[k] + (maxs[k] - mins[k]) * share;
+            curved.signum() * curved.abs().exp_m1()
+        });
+    }
+    let tables = [meta.scales.table(0)?, meta.scales.table(1)?, meta.scales.table(2)?];
+    for (log_scale, bytes) in splats.log_scales.iter_mut().zip(&scales) {
+        *log_scale = std::array::from_fn(|k| tables[k].get(bytes[k]));
+    }
+    for (quat, [a, b, c, mode]) in splats.quats.iter_mut().zip(&quats) {
+        let rest = [a, b, c].map(|v| (f32::from(*v) / 255.0 - 0.5) * std::f32::consts::SQRT_2);
+        let largest = usize::from(mode.checked_sub(252).ok_or_else(|| {
+            fault(format!("a pixel of the rotations has alpha {mode}, 252 to 255 are known"))
+        })?);
+        *quat = from_smallest_three(largest, rest);
+    }
+    let tables = [meta.sh0.table(0)?, meta.sh0.table(1)?, meta.sh0.table(2)?];
+    let opacities = if meta.sh0.codebook.is_empty() { Some(meta.sh0.table(3)?) } else { None };
+    let stride = splats.sh_stride();
+    for (index, bytes) in colors.iter().take(count as usize).enumerate() {
+        for k in 0..3 {
+            splats.sh[index * stride + k] = tables[k].get(bytes[k]);
+        }
+        splats.logit_opacities[index] = match &opacities {
+            Some(logits) => logits.get(bytes[3]),
+            None => logit_of_byte(bytes[3]),
+        };
+    }
+    if let Some(sh) = sh {
+        for (index, out) in splats.sh.chunks_exact_mut(stride).enumerate() {
+            sh.write(index, &mut out[3..])?;
+        }
+    }
+    let antialiased = meta.antialias.then_some(Rasterization::Antialiased);
+    let metadata = Metadata { rasterization: meta.metadata.rasterization.or(antialiased), ..meta.metadata };
+    Ok(Scene { splats, metadata, views: Vec::new() })
+}
+
+/// SH above degree 0: a palette, and which entry each splat has.
+struct Shading {
+    degree: u8,
+    /// Coefficients of an entry.
+    coefficients: usize,
+    palette: Picture,
+    labels: Vec<[u8; 4]>,
+    table: Table,
+}
+
+/// Entries of a row of the palette.
+const ENTRIES: usize = 64;
+
+impl Shading {
+    fn read(files: Files, meta: &Palette, count: u64) -> Result<Self, Problem> {
+        let palette = Picture::read(files, &meta.files[0], 1)?;
+        let labels = Picture::read(files, &meta.files[1], count)?.rgba;
+        // The width says the degree, in both versions.
+        let coefficients = palette.width / ENTRIES;
+        let degree =
+            sh::degree_of(coefficients + 1).filter(|degree| *degree > 0 && palette.width % ENTRIES == 0);
+        let degree = degree.ok_or_else(|| {
+            fault(format!(
+                "a palette of SH that is {} pixels wide; 192, 512 and 960 are known",
+                palette.width
+            ))
+        })?;
+        let table = Table::of(&meta.codebook, Some((meta.mins, meta.maxs)))?;
+        Ok(Self { degree, coefficients, palette, labels, table })
+    }
+
+    /// The coefficients of a splat above degree 0.
+    fn write(&self, index: usize, out: &mut [f32]) -> Result<(), Problem> {
+        let [low, high, ..] = self.labels[index];
+        let entry = usize::from(u16::from_le_bytes([low, high]));
+        let first = entry / ENTRIES * self.palette.width + entry % ENTRIES * self.coefficients;
+        let pixels = self.palette.rgba.get(first..first + self.coefficients);
+        let pixels = pixels.ok_or_else(|| {
+            fault(format!("a splat has entry {entry} of the palette of SH, which is shorter"))
+        })?;
+        for (value, byte) in out.iter_mut().zip(pixels.iter().flat_map(|p| &p[..3])) {
+            *value = self.table.get(*byte);
+        }
+        Ok(())
+    }
+}
+
+#[derive(Deserialize)]
+struct Levels {
+    #[serde(default)]
+    version: Option<u32>,
+    #[serde(rename = "lodLevels")]
+    levels: u32,
+    #[serde(default)]
+    environment: Option<String>,
+    filenames: Vec<String>,
+    tree: Node,
+}
+
+#[derive(Deserialize)]
+struct Node {
+    #[serde(default)]
+    children: Vec<Node>,
+    #[serde(default)]
+    lods: BTreeMap<String, Run>,
+}
+
+/// Splats of a leaf at a level.
+#[derive(Clone, Copy, Deserialize)]
+struct Run {
+    file: usize,
+    offset: u64,
+    count: u64,
+}
+
+impl Node {
+    /// Every run of a level; of a leaf that lacks it, that of the finest coarser level, else of the coarsest.
+    fn runs(&self, level: u32, out: &mut Vec<Run>) {
+        self.children.iter().for_each(|child| child.runs(level, out));
+        let numbered = || self.lods.iter().filter_map(|(key, run)| Some((key.parse::<u32>().ok()?, *run)));
+        let coarser = numbered().filter(|(number, _)| *number >= level).min_by_key(|(number, _)| *number);
+        out.extend(coarser.or_else(|| numbered().max_by_key(|(number, _)| *number)).map(|(_, run)| run));
+    }
+}
+
+/// Reads one level of a scene with several.
+pub(super) fn read_levels(folder: &Path, meta: &[u8], level: Level) -> Result<Scene, Problem> {
+    let meta: Levels = parse(meta, "lod-meta.json")?;
+    if let Some(version) = meta.version.filter(|version| *version != 1) {
+        return Err(fault(format!("lod-meta.json of version {version} is not read, 1 is")));
+    }
+    let runs_of = |level| {
+        let mut runs = Vec::new();
+        meta.tree.runs(level, &mut runs);
+        runs
+    };
+    let coarsest = meta.levels.clamp(1, MAX_LEVELS) - 1;
+    let number = match level {
+        Level::Finest => 0,
+        Level::Number(number) if number > coarsest => {
+            return Err(Problem::Value(format!("there is no level {number}: it has 0 to {coarsest}")));
+        }
+        Level::Number(number) => number,
+        Level::Budget(most) => {
+            let fits = |level: &u32| {
+                runs_of(*level).iter().map(|run| u128::from(run.count)).sum::<u128>() <= u128::from(most)
+            };
+            (0..=coarsest).find(fits).unwrap_or(coarsest)
+        }
+    };
+    let mut runs = runs_of(number);
+    runs.sort_by_key(|run| (run.file, run.offset));
+    let mut all: Option<Scene> = None;
+    let mut met = BTreeSet::new();
+    let mut add = |name: &str, runs: Option<&[Run]>| {
+        // A file that has several names would be read as often.
+        if !met.insert(name.to_owned()) {
+            return Err(fault("lod-meta.json names a file twice"));
+        }
+        let path = below(folder, name)?;
+        let scene = read_folder(path.parent().unwrap_or(folder), &read_file(&path)?)?;
+        let scene = match runs {
+            None => scene,
+            Some(runs) => Scene { splats: select(&scene.splats, runs)?, ..scene },
+        };
+        match &mut all {
+            None => all = Some(scene),
+            Some(all) => {
+                all.splats = Splats::joined(std::mem::take(&mut all.splats), scene.splats);
+                all.metadata = std::mem::take(&mut all.metadata).or(scene.metadata);
+            }
+        }
+        Ok::<(), Problem>(())
+    };
+    for runs in runs.chunk_by(|a, b| a.file == b.file) {
+        let name = meta.filenames.get(runs[0].file);
+        let name = name.ok_or_else(|| fault(format!("lod-meta.json has no file {}", runs[0].file)))?;
+        add(name, Some(runs))?;
+    }
+    if let Some(name) = &meta.environment {
+        add(name, None)?;
+    }
+    all.ok_or(Problem::NoSplats)
+}
+
+/// Levels that a scene may have.
+const MAX_LEVELS: u32 = 64;
+
+/// The splats of runs that do not overlap, in their order.
+fn select(splats: &Splats, runs: &[Run]) -> Result<Splats, Problem> {
+    let mut indices = Vec::new();
+    let mut end = 0;
+    for run in runs {
+        let last = run.offset.checked_add(run.count).filter(|last| *last <= splats.len() as u64);
+        let Some(last) = last.filter(|_| run.offset >= end) else {
+            return Err(fault(
+                "a leaf of lod-meta.json has splats that its file lacks, or that another has too",
+            ));
+        };
+        indices.extend(run.offset as usize..last as usize);
+        end = last;
+    }
+    Ok(splats.select(&indices))
+}

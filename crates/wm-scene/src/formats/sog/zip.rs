@@ -1,0 +1,168 @@
+//! The little of ZIP that SOG needs: entries stored or deflated, found by the directory at the end.
+//!
+//! No ZIP64, encryption or several disks. What is written is stored: WebP does not shrink further.
+
+use crate::{
+    error::Problem,
+    formats::{
+        NamedFile,
+        bytes::{check_unpacked, unpack_exact},
+    },
+};
+use flate2::{Crc, bufread::DeflateDecoder};
+use std::io::Write;
+
+const LOCAL: u32 = 0x0403_4b50;
+const CENTRAL: u32 = 0x0201_4b50;
+const END: u32 = 0x0605_4b50;
+/// Bytes of the end of the directory, and most of a comment behind it.
+const END_SIZE: usize = 22;
+const MAX_COMMENT: usize = 65_535;
+/// Files that an archive may have.
+const MAX_ENTRIES: usize = 4096;
+
+/// An archive in memory.
+pub(super) struct Archive<'a> {
+    bytes: &'a [u8],
+    entries: Vec<Entry<'a>>,
+}
+
+struct Entry<'a> {
+    name: &'a [u8],
+    method: u16,
+    crc: u32,
+    packed: u32,
+    unpacked: u32,
+    /// Where its local header begins.
+    at: u32,
+}
+
+fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {
+    Some(u16::from_le_bytes(*bytes.get(at..)?.first_chunk()?))
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
+    Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?))
+}
+
+impl<'a> Archive<'a> {
+    /// Reads the directory.
+    ///
+    /// # Errors
+    /// If there is none, as at the end of a cut file.
+    pub fn new(bytes: &'a [u8]) -> Result<Self, Problem> {
+        let entries = directory(bytes)
+            .ok_or_else(|| Problem::Cut("the ZIP: its directory is not at the end".into()))?;
+        Ok(Self { bytes, entries })
+    }
+
+    /// The content of the file called `name`, `None` if there is none.
+    ///
+    /// # Errors
+    /// If it is packed in another way, cut or damaged.
+    pub fn file(&self, name: &str) -> Result<Option<Vec<u8>>, Problem> {
+        let Some(entry) = self.entries.iter().find(|entry| entry.name == name.as_bytes()) else {
+            return Ok(None);
+        };
+        let damaged = |what: &str| Problem::Header(format!("{name} in the ZIP {what}"));
+        let packed = self.packed(entry).ok_or_else(|| Problem::Cut(format!("{name} in the ZIP")))?;
+        let content = match entry.method {
+            0 => packed.to_vec(),
+            8 => {
+                check_unpacked(u64::from(entry.unpacked), packed.len() as u64, name)?;
+                let mut content = vec![0; entry.unpacked as usize];
+                unpack_exact(&mut DeflateDecoder::new(packed), &mut content, name)?;
+                content
+            }
+            method => {
+                return Err(damaged(&format!("is packed by method {method}; stored and deflated are read")));
+            }
+        };
+        let mut crc = Crc::new();
+        crc.update(&content);
+        if crc.sum() != entry.crc {
+            return Err(damaged("is damaged: its checksum does not fit"));
+        }
+        Ok(Some(content))
+    }
+
+    /// The packed bytes of an entry.
+    fn packed(&self, entry: &Entry) -> Option<&'a [u8]> {
+        let local = self.bytes.get(entry.at as usize..)?;
+        if u32_at(local, 0)? != LOCAL {
+            return None;
+        }
+        let names = usize::from(u16_at(local, 26)?) + usize::from(u16_at(local, 28)?);
+        local.get(30 + names..)?.get(..entry.packed as usize)
+    }
+}
+
+fn directory(bytes: &[u8]) -> Option<Vec<Entry<'_>>> {
+    let last = bytes.len().checked_sub(END_SIZE)?;
+    let first = last.saturating_sub(MAX_COMMENT);
+    let end = (first..=last).rev().find(|at| u32_at(bytes, *at) == Some(END))?;
+    let (count, mut at) = (usize::from(u16_at(bytes, end + 10)?), u32_at(bytes, end + 16)? as usize);
+    let mut entries = Vec::new();
+    for _ in 0..count.min(MAX_ENTRIES) {
+        let header = bytes.get(at..)?;
+        if u32_at(header, 0)? != CENTRAL {
+            return None;
+        }
+        let name = usize::from(u16_at(header, 28)?);
+        entries.push(Entry {
+            name: header.get(46..46 + name)?,
+            method: u16_at(header, 10)?,
+            crc: u32_at(header, 16)?,
+            packed: u32_at(header, 20)?,
+            unpacked: u32_at(header, 24)?,
+            at: u32_at(header, 42)?,
+        });
+        at += 46 + name + usize::from(u16_at(header, 30)?) + usize::from(u16_at(header, 32)?);
+    }
+    Some(entries)
+}
+
+/// Writes files as an archive. Their time is the first that ZIP knows, so that equal scenes give equal bytes.
+///
+/// # Errors
+/// If `out` fails or an archive cannot hold so much.
+pub(super) fn write(out: &mut dyn Write, files: &[NamedFile]) -> Result<(), Problem> {
+    /// 1980-01-01 00:00.
+    const TIME: [u8; 4] = [0, 0, 0x21, 0];
+    let mut central = Vec::new();
+    let mut at = 0u64;
+    for file in files {
+        let size = file.bytes.len() as u64;
+        if at + size > u64::from(u32::MAX) {
+            return Err(Problem::Value("too many splats for one .sog: write a folder, OUT/meta.json".into()));
+        }
+        let mut crc = Crc::new();
+        crc.update(&file.bytes);
+        // Version 2.0, no flags, stored.
+        let mut shared = vec![20, 0, 0, 0, 0, 0];
+        shared.extend(TIME);
+        shared.extend([crc.sum(), size as u32, size as u32].into_iter().flat_map(u32::to_le_bytes));
+        shared.extend((file.name.len() as u16).to_le_bytes());
+        shared.extend([0, 0]);
+        out.write_all(&LOCAL.to_le_bytes())?;
+        out.write_all(&shared)?;
+        out.write_all(file.name.as_bytes())?;
+        out.write_all(&file.bytes)?;
+        central.extend(CENTRAL.to_le_bytes());
+        central.extend([20, 0]);
+        central.extend(shared);
+        // No comment, disk 0, no attributes.
+        central.extend([0; 10]);
+        central.extend((at as u32).to_le_bytes());
+        central.extend(file.name.as_bytes());
+        at += 30 + file.name.len() as u64 + size;
+    }
+    out.write_all(&central)?;
+    let count = (files.len() as u16).to_le_bytes();
+    let mut end = END.to_le_bytes().to_vec();
+    end.extend([0, 0, 0, 0, count[0], count[1], count[0], count[1]]);
+    end.extend((central.len() as u32).to_le_bytes());
+    end.extend((at as u32).to_le_bytes());
+    end.extend([0, 0]);
+    Ok(out.write_all(&end)?)
+}

@@ -1,0 +1,308 @@
+//! `convert`: scenes in another format; turned, scaled, cropped, reduced on the way.
+
+use crate::interrupt::{self, Interrupted};
+use crate::names::stem_of;
+use crate::progress;
+use crate::reduce::{self, Reduced};
+use crate::scene::{RunArgs, check};
+use crate::view::spec;
+use anyhow::{Context, Result, bail};
+use clap::{Args, ValueEnum};
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use wm_scene::files::check_writable;
+use wm_scene::formats::folder::{cameras_path, write_cameras};
+use wm_scene::formats::{
+    GltfSplats, Level, ReadOptions, SpzVersion, WriteOptions, format_for, lost, read_scene, write_scene_with,
+};
+use wm_scene::similarity::Similarity;
+use wm_scene::survey::{Survey, label_sky};
+use wm_scene::{Metadata, Scene};
+
+/// Options of `convert`.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Formats: .ply, .compressed.ply, .spz, .sog, FOLDER/meta.json (SOG), .glb, .splat, .ksplat. \
+                        docs/formats.md says what each loses.\n\n\
+                        weather-magician convert garden.ply garden.spz\n\
+                        weather-magician convert scans/*.ply --to sog --folder web/\n\
+                        weather-magician convert town.sog small.glb --max-splats 500000 --up 0,1,0"
+)]
+pub struct ConvertArgs {
+    /// A scene and what it becomes, IN OUT; with --to any number of scenes
+    #[arg(required = true, value_name = "PATH")]
+    paths: Vec<PathBuf>,
+    /// Take every path for a scene, and write each with this ending, such as spz
+    #[arg(long, value_name = "ENDING")]
+    to: Option<String>,
+    /// Where to, with --to [default: beside each scene]
+    #[arg(long, value_name = "FOLDER", requires = "to")]
+    folder: Option<PathBuf>,
+    /// Leave out splats that hold NaN or infinite numbers, and go on
+    #[arg(long)]
+    repair: bool,
+    /// Which level of a scene with several levels of detail; 0 is the finest [default: the finest, or what fits
+    /// --max-splats]
+    #[arg(long, value_name = "N")]
+    level: Option<u32>,
+    #[command(flatten)]
+    change: ChangeArgs,
+    /// Version of SPZ: 3 (gzip, read by most programs) or 4 (Zstandard)
+    #[arg(long, value_name = "N", default_value = "3", help_heading = "Format")]
+    spz_version: Version,
+    /// How splats lie in a glTF: as floats, or as SPZ
+    #[arg(long, value_name = "HOW", default_value = "floats", help_heading = "Format")]
+    gltf: InGltf,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// What is changed on the way, in this order.
+#[derive(Args, Debug)]
+struct ChangeArgs {
+    /// Keep what is in a box, in the axes of the scene as it is: two corners
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true, help_heading = "Change")]
+    crop: Option<Box3>,
+    /// Turn the scene so that its up becomes this direction, such as 0,1,0
+    #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Change")]
+    up: Option<DVec3>,
+    /// Up in the axes of the scene as it is, for --up [default: from the file, the photos or the splats]
+    #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Change")]
+    up_now: Option<DVec3>,
+    /// Make all lengths this many times as long; `metres` makes a unit a metre where the scene knows its scale
+    #[arg(long, value_name = "FACTOR", help_heading = "Change")]
+    scale: Option<Scale>,
+    /// Leave out SH above this degree, 0 to 3
+    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Change")]
+    sh_degree: Option<u8>,
+    /// Reduce to this many splats, by what is seen of each from places about the scene
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Change")]
+    max_splats: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Version {
+    #[value(name = "3")]
+    Three,
+    #[value(name = "4")]
+    Four,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum InGltf {
+    Floats,
+    Spz,
+}
+
+/// A box between two corners.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Box3 {
+    low: DVec3,
+    high: DVec3,
+}
+
+impl FromStr for Box3 {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (a, b) = text.split_once(':').ok_or("write two corners, such as -5,-5,0:5,5,3")?;
+        let (a, b) = (spec::parse_point(a)?, spec::parse_point(b)?);
+        Ok(Self { low: a.min(b), high: a.max(b) })
+    }
+}
+
+impl Box3 {
+    fn holds(&self, mean: [f32; 3]) -> bool {
+        let mean = DVec3::from_array(mean.map(f64::from));
+        mean.cmpge(self.low).all() && mean.cmple(self.high).all()
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Scale {
+    Factor(f64),
+    Metres,
+}
+
+impl FromStr for Scale {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "metres" {
+            return Ok(Self::Metres);
+        }
+        let factor = text.parse().ok().filter(|f: &f64| f.is_finite() && *f > 0.0);
+        factor.map(Self::Factor).ok_or_else(|| "give a number above 0, or metres".into())
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &ConvertArgs) -> Result<()> {
+    let jobs = jobs(args)?;
+    for (_, out) in &jobs {
+        format_for(out)?;
+        // A folder for the files of a SOG is made; any other must be there.
+        if out.extension().is_none_or(|extension| extension != "json") {
+            check_writable(out)?;
+        }
+    }
+    let bar = (jobs.len() > 1).then(|| progress::bar(jobs.len() as u64, "scenes"));
+    for (done, (scene, out)) in jobs.iter().enumerate() {
+        if interrupt::asked() {
+            bail!(Interrupted(format!("{done} of {} scenes are written", jobs.len())));
+        }
+        let line = convert(scene, out, args)?;
+        match &bar {
+            Some(bar) => bar.suspend(|| println!("{line}")),
+            None => println!("{line}"),
+        }
+        bar.iter().for_each(|bar| bar.inc(1));
+    }
+    Ok(())
+}
+
+/// Which scene goes where.
+fn jobs(args: &ConvertArgs) -> Result<Vec<(&Path, PathBuf)>> {
+    let Some(ending) = &args.to else {
+        let [scene, out] = &args.paths[..] else {
+            bail!(
+                "{} paths: give a scene and what it becomes, or --to and any number of scenes",
+                args.paths.len()
+            );
+        };
+        return Ok(vec![(scene, out.clone())]);
+    };
+    let ending = ending.trim_start_matches('.');
+    let mut jobs: Vec<(&Path, PathBuf)> = Vec::new();
+    for scene in &args.paths {
+        let beside = scene.parent().unwrap_or(Path::new(""));
+        let folder = args.folder.as_deref().unwrap_or(beside);
+        let stem = stem_of(scene);
+        let out = if ending == "meta.json" {
+            folder.join(stem).join("meta.json")
+        } else {
+            folder.join(format!("{stem}.{ending}"))
+        };
+        if let Some((other, _)) = jobs.iter().find(|(_, other)| *other == out) {
+            bail!("{} and {} would both be {}", other.display(), scene.display(), out.display());
+        }
+        if out.exists() && out.canonicalize().ok() == scene.canonicalize().ok() {
+            bail!("{} has that ending already", scene.display());
+        }
+        jobs.push((scene, out));
+    }
+    Ok(jobs)
+}
+
+/// Converts one; returns what to say of it.
+fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
+    let change = &args.change;
+    let level = match (args.level, change.max_splats) {
+        (Some(level), _) => Level::Number(level),
+        (None, Some(most)) => Level::Budget(most),
+        (None, None) => Level::Finest,
+    };
+    let mut scene = read_scene(path, &ReadOptions { level, ..ReadOptions::default() })?;
+    if args.repair {
+        check(&mut scene, path, true)?;
+    }
+    let mut notes = apply(&mut scene, change, &args.run).with_context(|| path.display().to_string())?;
+    let format = format_for(out)?;
+    notes.extend(lost(&format.loses, &scene).into_iter().map(|line| format!("lost: {line}")));
+    let options = WriteOptions {
+        spz: match args.spz_version {
+            Version::Three => SpzVersion::V3,
+            Version::Four => SpzVersion::V4,
+        },
+        gltf: match args.gltf {
+            InGltf::Floats => GltfSplats::Floats,
+            InGltf::Spz => GltfSplats::Spz,
+        },
+    };
+    write_scene_with(out, &scene, &options)?;
+    if !scene.views.is_empty() {
+        write_cameras(&cameras_path(out), &scene.views)?;
+    }
+    let bytes: u64 = if format.extensions[0] == "meta.json" { folder_size(out) } else { file_size(out) };
+    let (count, megabytes) = (scene.splats.len(), bytes as f64 / 1e6);
+    let mut lines = vec![format!("{}: {count} splats, {megabytes:.1} MB, {}", out.display(), format.name)];
+    lines.extend(notes.into_iter().map(|note| format!("  {note}")));
+    Ok(lines.join("\n"))
+}
+
+fn file_size(path: &Path) -> u64 {
+    std::fs::metadata(path).map_or(0, |about| about.len())
+}
+
+/// Bytes of the pictures and the JSON beside each other.
+fn folder_size(main: &Path) -> u64 {
+    let entries = main.parent().and_then(|folder| std::fs::read_dir(folder).ok());
+    let paths = entries.into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
+    paths
+        .filter(|path| path == main || path.extension().is_some_and(|e| e == "webp"))
+        .map(|path| file_size(&path))
+        .sum()
+}
+
+/// Changes a scene; returns notes.
+fn apply(scene: &mut Scene, change: &ChangeArgs, run: &RunArgs) -> Result<Vec<String>> {
+    let mut notes = Vec::new();
+    if let Some(kept) = change.crop {
+        let indices: Vec<usize> =
+            (0..scene.splats.len()).filter(|i| kept.holds(scene.splats.means[*i])).collect();
+        if indices.is_empty() {
+            bail!("--crop: no splat is in the box from {} to {}", kept.low, kept.high);
+        }
+        scene.splats = scene.splats.select(&indices);
+    }
+    if let Some(up) = change.up {
+        let given = Metadata { up: change.up_now, ..Metadata::default() };
+        let now = Survey::of(scene, &given).up;
+        notes.push(format!("up was {:.3} ({})", now.value, now.source));
+        scene.metadata.up = Some(now.value);
+        Similarity::turning(now.value, up).apply(scene);
+    }
+    match change.scale {
+        None => {}
+        Some(Scale::Factor(scale)) => Similarity { scale, ..Similarity::IDENTITY }.apply(scene),
+        Some(Scale::Metres) => {
+            let Some(scale) = scene.metadata.metres_per_unit else {
+                bail!(
+                    "--scale metres: its scale is not known; give a factor, or `inspect --save-metadata` first"
+                );
+            };
+            Similarity { scale, ..Similarity::IDENTITY }.apply(scene);
+        }
+    }
+    if let Some(degree) = change.sh_degree {
+        scene.splats.limit_sh(degree);
+    }
+    if let Some(most) = change.max_splats.filter(|most| *most < scene.splats.len() as u64) {
+        label_sky(&mut scene.splats);
+        let Reduced { splats, note } = reduce::reduce(scene, most as usize, run)?;
+        scene.splats = splats;
+        notes.push(note);
+    }
+    Ok(notes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_and_scales_are_read() {
+        let kept: Box3 = "1,2,3:-1,0,5".parse().unwrap();
+        assert!(
+            kept.holds([0.0, 1.0, 4.0]) && !kept.holds([0.0, 1.0, 5.5]) && !kept.holds([f32::NAN, 1.0, 4.0])
+        );
+        for bad in ["", "1,2,3", "1,2:3,4", "a,b,c:1,2,3"] {
+            assert!(bad.parse::<Box3>().is_err(), "{bad}");
+        }
+        assert_eq!("metres".parse(), Ok(Scale::Metres));
+        assert!(
+            "0".parse::<Scale>().is_err() && "-1".parse::<Scale>().is_err() && "m".parse::<Scale>().is_err()
+        );
+    }
+}

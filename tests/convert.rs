@@ -1,0 +1,189 @@
+//! `convert` and `inspect` on every format, by running the binary: what was there is there again, and what is lost is said.
+
+#[path = "common/process.rs"]
+mod process;
+
+use glam::DVec3;
+use process::{finish, printed, refuses, said};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
+use wm_scene::formats::{FORMATS, ReadOptions, read_scene, write_scene};
+use wm_scene::splats::Splat;
+use wm_scene::{Camera, Group, Metadata, Scene, Splats, View};
+
+/// A folder with a scene `a.ply` in it: a floor and a wall of 600 splats of SH degree 1, up -y, two units a metre.
+struct Desk {
+    folder: TempDir,
+}
+
+impl Desk {
+    fn new() -> Self {
+        let mut splats = Splats::with_capacity(600, 1);
+        for i in 0..600 {
+            let (x, along) = ((i % 30) as f32 * 0.1 - 1.5, (i / 30) as f32 * 0.15);
+            let mean = if i < 300 { [x, 0.0, along] } else { [x, -along + 1.5, 1.5] };
+            splats.push(&Splat {
+                mean,
+                quat: [1.0, 0.0, 0.0, 0.0],
+                log_scale: [-2.5; 3],
+                logit_opacity: 2.0,
+                rgb: [(i % 7) as f32 / 7.0, 0.5, 0.25],
+                group: Group::Scene,
+            });
+        }
+        let metadata = Metadata {
+            up: Some(DVec3::NEG_Y),
+            metres_per_unit: Some(0.5),
+            ground: Some(0.0),
+            ..Metadata::default()
+        };
+        let desk = Self { folder: tempfile::tempdir().unwrap() };
+        write_scene(&desk.at("a.ply"), &Scene { splats, metadata, views: Vec::new() }).unwrap();
+        desk
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn command(&self, words: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_weather-magician"));
+        command.args(words.split(' ')).current_dir(self.folder.path()).stdin(Stdio::null());
+        command
+    }
+
+    fn run(&self, words: &str) -> String {
+        let output = finish(&mut self.command(words));
+        assert!(output.status.success(), "{words}: {}", said(&output));
+        printed(&output)
+    }
+
+    fn refused(&self, words: &str, says: &[&str]) {
+        refuses(&mut self.command(words), self.folder.path(), says, &["warning: "]);
+    }
+
+    fn read(&self, name: &str) -> Scene {
+        read_scene(&self.at(name), &ReadOptions::default()).unwrap()
+    }
+}
+
+#[test]
+fn every_format_becomes_every_other() {
+    let desk = Desk::new();
+    let endings: Vec<&str> = FORMATS.iter().filter_map(|f| f.extensions.first().copied()).collect();
+    for from in &endings {
+        let from = if from.contains(".json") { format!("from/{from}") } else { format!("from.{from}") };
+        desk.run(&format!("convert a.ply {from}"));
+        for to in &endings {
+            let to = if to.contains(".json") { format!("to/{to}") } else { format!("to.{to}") };
+            let line = desk.run(&format!("convert {from} {to}"));
+            assert!(line.starts_with(&format!("{to}: 600 splats, ")), "{line}");
+            let metadata = desk.read(&to).metadata;
+            assert!((metadata.up.unwrap() - DVec3::NEG_Y).length() < 1e-6, "{from} {to}");
+            assert_eq!(metadata.metres_per_unit, Some(0.5), "{from} {to}");
+        }
+        let report: serde_json::Value =
+            serde_json::from_str(&desk.run(&format!("inspect --json {from}"))).unwrap();
+        assert_eq!(report["health"]["splats"], 600);
+        let loses = report["format"]["loses"].as_array().unwrap();
+        assert_eq!(
+            loses.is_empty(),
+            from.ends_with(".ply") && !from.contains("compressed"),
+            "{from}: {loses:?}"
+        );
+    }
+    let lines = desk.run("convert a.ply b.splat");
+    assert!(lines.contains("lost: colour by direction: SH degree 1 becomes 0"), "{lines}");
+    assert!(desk.run("inspect b.splat").contains("not in it: SH above degree 0"));
+}
+
+#[test]
+fn scenes_are_turned_scaled_cropped_and_reduced() {
+    let desk = Desk::new();
+    let before = desk.read("a.ply");
+    desk.run("convert a.ply up.ply --up 0,0,1 --scale metres --sh-degree 0");
+    let after = desk.read("up.ply");
+    assert_eq!((after.splats.sh_degree, after.metadata.metres_per_unit), (0, Some(1.0)));
+    assert!((after.metadata.up.unwrap() - DVec3::Z).length() < 1e-6);
+    for (a, b) in before.splats.means.iter().zip(&after.splats.means) {
+        // Heights, half as many units as before.
+        assert!((b[2] + 0.5 * a[1]).abs() < 1e-5, "{a:?} {b:?}");
+    }
+    let line = desk.run("convert a.ply box.ply --crop -0.5,-9,-9:0.5,9,9");
+    assert!(line.starts_with("box.ply: 200 splats"), "{line}");
+    let line = desk.run("convert a.ply few.ply --max-splats 250 --threads 2");
+    assert!(
+        line.starts_with("few.ply: 250 splats") && line.contains("reduced from 600 to 250 splats: PSNR "),
+        "{line}"
+    );
+    assert!((0..250).all(|i| desk.read("few.ply").splats.is_sound(i)));
+    // What is small enough is left alone.
+    desk.run("convert a.ply all.ply --max-splats 600");
+    assert_eq!(desk.read("all.ply"), before);
+}
+
+#[test]
+fn many_at_once_go_into_a_folder() {
+    let desk = Desk::new();
+    fs::copy(desk.at("a.ply"), desk.at("b.ply")).unwrap();
+    fs::create_dir(desk.at("web")).unwrap();
+    let lines = desk.run("convert a.ply b.ply --to spz --folder web");
+    assert!(lines.contains("web/a.spz: 600 splats") && lines.contains("web/b.spz: 600 splats"), "{lines}");
+    desk.run("convert a.ply b.ply --to meta.json --folder web");
+    assert_eq!(desk.read("web/b").splats.len(), 600);
+    desk.run("convert web/a.spz --to glb");
+    assert!(desk.at("web/a.glb").is_file());
+}
+
+#[test]
+fn views_and_baked_snow_go_along() {
+    let desk = Desk::new();
+    let eye = DVec3::new(0.0, -1.0, -2.0);
+    let camera = Camera::look_at((64, 48), 50.0, eye, DVec3::new(0.0, 0.0, 1.0), DVec3::NEG_Y).unwrap();
+    let view = View { name: "one.jpg".into(), camera };
+    wm_scene::formats::folder::write_cameras(&desk.at("a.ply.cameras.json"), &[view]).unwrap();
+    desk.run("convert a.ply b.spz --scale 2");
+    let [view] = &desk.read("b.spz").views[..] else { panic!("one view") };
+    assert!((view.camera.center() - 2.0 * eye).length() < 1e-9);
+    let output = finish(
+        &mut desk.command("bake a.ply --set snow_cover.depth=0.2 -o snowy.spz --device cpu --threads 2"),
+    );
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(said(&output).contains("snowy.spz: lost: the label of "), "{}", said(&output));
+    assert!(desk.read("snowy.spz").splats.len() > 600);
+}
+
+#[test]
+fn what_cannot_be_is_refused_and_nothing_is_written() {
+    let desk = Desk::new();
+    fs::create_dir(desk.at("other")).unwrap();
+    fs::copy(desk.at("a.ply"), desk.at("other/a.ply")).unwrap();
+    for (words, says) in [
+        ("convert a.ply", "1 paths: give a scene and what it becomes, or --to"),
+        ("convert a.ply other/a.ply c.ply", "3 paths: give a scene"),
+        (
+            "convert a.ply b.obj",
+            "b.obj: no scene format is written to a name that ends in \".obj\"; use .ply",
+        ),
+        ("convert a.ply lod-meta.json", "lod-meta.json: no scene format is written"),
+        ("convert a.ply no/b.spz", "the folder \"no\" does not exist"),
+        ("convert no.ply b.spz", "no.ply: no such file"),
+        ("convert a.ply --to ply", "a.ply has that ending already"),
+        ("convert a.ply other/a.ply --to spz --folder other", "would both be other/a.spz"),
+        ("convert a.ply b.ply --crop 5,5,5:6,6,6", "--crop: no splat is in the box"),
+        ("convert a.ply b.ply --crop 5,5:6,6,6", "a point has three"),
+        ("convert a.ply b.ply --scale 0", "give a number above 0, or metres"),
+        ("convert a.ply b.ply --max-splats 0", "0 is not in 1.."),
+    ] {
+        desk.refused(words, &[says]);
+    }
+    let mut scene = desk.read("a.ply");
+    scene.splats.means[3][0] = f32::NAN;
+    scene.metadata.metres_per_unit = None;
+    write_scene(Path::new(&desk.at("a.ply")), &scene).unwrap();
+    desk.refused("convert a.ply b.ply --scale metres", &["its scale is not known"]);
+    let line = desk.run("convert a.ply b.ply --repair");
+    assert!(line.starts_with("b.ply: 599 splats"), "{line}");
+}
