@@ -94,7 +94,7 @@ pub(crate) struct Start<'a> {
 }
 
 /// Bytes at the start of a file that tell its format.
-pub const SNIFFED: usize = 64;
+pub const SNIFFED: usize = 4096;
 
 /// What to read beside the splats.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

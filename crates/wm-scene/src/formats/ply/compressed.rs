@@ -32,7 +32,7 @@ use crate::{
 };
 use std::fmt::Write as _;
 
-/// The entry of [`FORMATS`](crate::formats::FORMATS); it is read by the entry of the plain PLY, which shares its header.
+/// The entry of [`FORMATS`](crate::formats::FORMATS); the entry of the plain PLY reads it too, where comments hide what it is.
 pub const FORMAT: Format = Format {
     name: "compressed PLY",
     extensions: &["compressed.ply"],
@@ -47,7 +47,7 @@ pub const FORMAT: Format = Format {
         order: Kept::Not,
         log_scales: [-MAX_LOG_SCALE, MAX_LOG_SCALE],
     },
-    sniff: |_| false,
+    sniff: |start| super::is_ply(start.bytes) && is_named(start.bytes),
     read: |source, options| super::read(source, options),
     write: Writer::Stream(|out, scene, _| write(out, scene)),
 };
@@ -81,6 +81,11 @@ const WORDS: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", 
 
 /// Largest scale that is written, logarithm: one splat of a broken scene must not coarsen its chunk.
 const MAX_LOG_SCALE: f32 = 20.0;
+
+/// Whether the first bytes name what only a compressed PLY has.
+pub(super) fn is_named(start: &[u8]) -> bool {
+    start.windows(WORDS[0].len()).any(|word| word == WORDS[0].as_bytes())
+}
 
 /// Whether the header is that of a compressed PLY.
 pub(super) fn is_compressed(header: &Header) -> bool {

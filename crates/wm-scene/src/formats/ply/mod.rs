@@ -46,12 +46,15 @@ pub const FORMAT: Format = Format {
     about: "3D Gaussian splatting PLY, binary or ASCII, SH degree 0 to 3",
     axes: Axes::Ply,
     loses: Loses::NOTHING,
-    sniff: |start| {
-        start.bytes.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_none_or(u8::is_ascii_whitespace))
-    },
+    sniff: |start| is_ply(start.bytes) && !compressed::is_named(start.bytes),
     read,
     write: Writer::Stream(|out, scene, _| write(out, scene, Encoding::default())),
 };
+
+/// Whether these first bytes are those of a PLY.
+fn is_ply(start: &[u8]) -> bool {
+    start.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_none_or(u8::is_ascii_whitespace))
+}
 
 /// How the numbers of a PLY are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
