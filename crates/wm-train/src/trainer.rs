@@ -14,8 +14,7 @@ use crate::schedule;
 use std::time::Instant;
 use wm_render::simd::SimdPath;
 use wm_render::{
-    Channels, CpuConfig, DepthAlpha, Differentiable, Drawn, ForwardConfig, Frame, Gradients, Learn, Opacity,
-    RenderError,
+    Channels, DepthAlpha, Differentiable, Drawn, ForwardConfig, Frame, Gradients, Learn, Opacity, RenderError,
 };
 use wm_scene::{Camera, Group, Splats};
 
@@ -23,7 +22,7 @@ use wm_scene::{Camera, Group, Splats};
 pub struct Trainer {
     config: TrainConfig,
     terms: Vec<Box<dyn LossTerm>>,
-    renderer: Differentiable,
+    renderer: Box<dyn Differentiable>,
     state: TrainState,
     extent: f64,
     /// Photos that teach.
@@ -114,40 +113,35 @@ impl StepTimes {
 }
 
 impl Trainer {
-    /// Begins with `splats` in a scene of `extent` units that `photos` photos show.
-    ///
-    /// # Errors
-    /// [`RenderError`] if threads or the SIMD path cannot be had.
+    /// Begins with `splats` in a scene of `extent` units that `photos` photos show, on the back end `renderer`.
+    #[must_use]
     pub fn new(
         config: TrainConfig,
-        run: CpuConfig,
+        renderer: Box<dyn Differentiable>,
         splats: Splats,
         extent: f64,
         photos: usize,
-    ) -> Result<Self, RenderError> {
+    ) -> Self {
         let exposures = match config.exposure {
             Exposure::Shared => Exposures::default(),
             Exposure::Photo => Exposures::new(photos),
         };
         let state = TrainState { step: 0, population: Population::new(splats), exposures };
-        Self::resumed(config, run, state, extent, photos)
+        Self::resumed(config, renderer, state, extent, photos)
     }
 
     /// Goes on from `state`; `extent` and `photos` as at the beginning.
-    ///
-    /// # Errors
-    /// [`RenderError`] if threads or the SIMD path cannot be had.
+    #[must_use]
     pub fn resumed(
         config: TrainConfig,
-        run: CpuConfig,
+        renderer: Box<dyn Differentiable>,
         state: TrainState,
         extent: f64,
         photos: usize,
-    ) -> Result<Self, RenderError> {
-        let renderer = Differentiable::new(run)?;
+    ) -> Self {
         let terms = losses::terms(&config, renderer.path());
         let (work, orders) = (Work::default(), Default::default());
-        Ok(Self { config, terms, renderer, state, extent, photos, work, orders })
+        Self { config, terms, renderer, state, extent, photos, work, orders }
     }
 
     /// Adds a term to those that the configuration names.
@@ -177,6 +171,12 @@ impl Trainer {
     #[must_use]
     pub fn path(&self) -> SimdPath {
         self.renderer.path()
+    }
+
+    /// What runs, for reports.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        self.renderer.describe()
     }
 
     /// Threads in use.
@@ -214,7 +214,8 @@ impl Trainer {
     /// One step, on photo `photo` of `truth`.
     ///
     /// # Errors
-    /// [`RenderError`] if the camera cannot be rendered with or memory is short.
+    /// [`RenderError`] if the camera cannot be rendered with, memory is short or the
+    /// device fails: then the step is not done.
     pub fn step(&mut self, truth: &Truth<'_>, photo: usize) -> Result<StepReport, RenderError> {
         let pool = std::sync::Arc::clone(self.renderer.pool());
         pool.install(|| self.step_on_pool(truth, photo))
@@ -274,7 +275,7 @@ impl Trainer {
         report.times.loss = lap();
 
         let upstream = work.loss.upstream(DepthAlpha::Learns);
-        self.renderer.backward(splats, &upstream, Learn::ALL, &mut work.gradients);
+        self.renderer.backward(splats, &upstream, Learn::ALL, &mut work.gradients)?;
         report.times.backward = lap();
         self.add_own_renders(truth, &forward, &mut report)?;
         report.times.own = lap();
@@ -354,7 +355,7 @@ impl Trainer {
                 }
             }
             let upstream = work.loss.upstream(own.depth_alpha);
-            self.renderer.backward(splats, &upstream, own.learn, &mut work.own);
+            self.renderer.backward(splats, &upstream, own.learn, &mut work.own)?;
             work.gradients.add_parameters(&work.own);
         }
         Ok(())
@@ -386,6 +387,7 @@ mod tests {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering};
     use wm_render::testing::{random_splats, uniform};
+    use wm_render::{CpuConfig, CpuDifferentiable};
 
     const SIZE: (u32, u32) = (48, 32);
 
@@ -416,7 +418,7 @@ mod tests {
 
     fn trainer(config: TrainConfig, splats: Splats) -> Trainer {
         let run = CpuConfig { threads: Some(1), ..CpuConfig::default() };
-        Trainer::new(config, run, splats, 3.0, 4).unwrap()
+        Trainer::new(config, Box::new(CpuDifferentiable::new(run).unwrap()), splats, 3.0, 4)
     }
 
     /// What each camera sees of the truth.

@@ -15,7 +15,7 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-use wm_render::{CpuConfig, Frame};
+use wm_render::{Frame, RenderError};
 use wm_scene::capture::gps;
 use wm_scene::capture::ground::{Ground, HELD_AT, NoGround, ground};
 use wm_scene::formats::{folder as scene_folder, write_scene};
@@ -120,12 +120,12 @@ impl<'a> Run<'a> {
         args: &'a ReconstructArgs,
         lpips: Option<Lpips>,
     ) -> Result<Self> {
-        let run = CpuConfig { threads: args.run.threads.map(usize::from), simd: args.run.simd };
+        let renderer = args.run.differentiable()?;
         let cameras = data.cameras();
         let extent = start::extent(&cameras);
         let trainer = match folder.resumed()? {
             Some((head, state)) => {
-                let trainer = Trainer::resumed(config, run, state, extent, data.teaching.len())?;
+                let trainer = Trainer::resumed(config, renderer, state, extent, data.teaching.len());
                 let same = head.config == *trainer.config()
                     && head.photos == taught(data)
                     && head.simd == trainer.path().to_string();
@@ -156,7 +156,7 @@ impl<'a> Run<'a> {
                     bail!("{}: no point of the model is finite; make it again", args.dataset.display());
                 }
                 add_sky(&mut splats, data, priors, extent, config.sky_splats)?;
-                Trainer::new(config, run, splats, extent, data.teaching.len())?
+                Trainer::new(config, renderer, splats, extent, data.teaching.len())
             }
         };
         folder.write_config(trainer.config())?;
@@ -241,7 +241,10 @@ impl<'a> Run<'a> {
         let (index, photo) = self.taught_at(step, level)?;
         let prior = self.prior(self.data.teaching[index])?;
         let truth = Truth { prior: prior.as_deref(), ..self.truths.of(&photo) };
-        let report = self.trainer.step(&truth, index)?;
+        let report = match self.trainer.step(&truth, index) {
+            Err(error) if error.is_of_gpu() => return Err(self.without_gpu(&error)),
+            done => done?,
+        };
         if !report.loss.is_finite() {
             bail!(
                 "the training came to numbers that are not finite at step {step}: report this with the photos"
@@ -288,6 +291,18 @@ impl<'a> Run<'a> {
                 "{error}; {step} of {} steps are done, the same command with --resume goes on, and with --skip-bad \
                  without such photos",
                 self.trainer.config().steps
+            ),
+            Err(also) => anyhow::anyhow!("{error}; and what was learnt is lost: {also:#}"),
+        }
+    }
+
+    /// Ends the run, since the GPU failed, but for what was learnt.
+    fn without_gpu(&self, error: &RenderError) -> anyhow::Error {
+        let (step, steps) = (self.trainer.state().step, self.trainer.config().steps);
+        match self.save() {
+            Ok(()) => anyhow::anyhow!(
+                "{error}; {step} of {steps} steps are done, the same command with --resume goes on, and with --device \
+                 cpu on the CPU"
             ),
             Err(also) => anyhow::anyhow!("{error}; and what was learnt is lost: {also:#}"),
         }
@@ -356,8 +371,9 @@ impl<'a> Run<'a> {
             let ms = |part: f64| part * 1e3 / f64::from(steps);
             let StepTimes { forward, loss, backward, own, optimizer, densify } = sum.times;
             println!(
-                "{steps} steps in {seconds:.1} s, {:.1} ms each: forward {:.1}, loss {:.1}, backward {:.1}, renders of terms {:.1}, optimiser {:.1}, \
+                "{steps} steps in {seconds:.1} s on {}, {:.1} ms each: forward {:.1}, loss {:.1}, backward {:.1}, renders of terms {:.1}, optimiser {:.1}, \
                  densify {:.1}, photos and the rest {:.1}",
+                self.trainer.describe(),
                 ms(seconds),
                 ms(forward),
                 ms(loss),

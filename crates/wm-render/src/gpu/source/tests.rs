@@ -12,7 +12,7 @@ fn some_air() -> [Program; 2] {
     let air = "fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> {
         return srgb_encode(srgb_decode(rgb) * exp(-air[0] * min(distance, FAR_AWAY)) + direction.x);
     }";
-    [Program::Project(Some(air.into())), Program::Air(air.into())]
+    [Program::Project(Form::Activated, Some(air.into())), Program::Air(air.into())]
 }
 
 fn every() -> Vec<Program> {
@@ -73,7 +73,7 @@ fn no_program_writes_the_splats() {
 /// `Record` is the CPU's, number for number.
 #[test]
 fn records_are_as_long_as_the_cpus() {
-    let module = parsed(&Program::Project(None));
+    let module = parsed(&Program::Project(Form::Activated, None));
     let mut layouter = Layouter::default();
     layouter.update(module.to_ctx()).unwrap();
     let (handle, record) =
@@ -91,7 +91,7 @@ fn records_are_as_long_as_the_cpus() {
 
 #[test]
 fn sizes_of_counted_structures_are_what_rust_says() {
-    let module = parsed(&Program::Cull);
+    let module = parsed(&Program::Cull(Form::Activated));
     let mut layouter = Layouter::default();
     layouter.update(module.to_ctx()).unwrap();
     let size = |name: &str| {
