@@ -1,7 +1,9 @@
 //! Where to render and to train: one back end for the CPU and for GPUs.
 
 use crate::cpu::{CpuDifferentiable, CpuRenderer};
-use crate::differentiable::{BackwardStats, Differentiable, ForwardConfig, Gradients, Learn, Upstream};
+use crate::differentiable::{
+    BackwardStats, Differentiable, ForwardConfig, Gradients, Learn, Resident, Upstream,
+};
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
 use crate::gpu::{self, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
@@ -267,6 +269,17 @@ impl AnyDifferentiable {
         Ok(Self { config, body, warn: (*device == Device::Auto).then_some(warn), last: None })
     }
 
+    /// On a GPU of one's own, as `auto` makes it: for tests.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn fallible(
+        gpu: Arc<Gpu>,
+        config: CpuConfig,
+        warn: fn(&RenderError),
+    ) -> Result<Self, RenderError> {
+        let body = Box::new(GpuDifferentiable::new(gpu, config)?);
+        Ok(Self { config, body, warn: Some(warn), last: None })
+    }
+
     /// Goes on with the CPU, if `error` is the GPU's and it may be given up.
     fn fall_back(&mut self, error: RenderError) -> Result<(), RenderError> {
         let (true, Some(warn)) = (error.is_of_gpu(), self.warn.take()) else { return Err(error) };
@@ -321,6 +334,14 @@ impl Differentiable for AnyDifferentiable {
             }
             (done, _) => done,
         }
+    }
+
+    fn resident(&mut self) -> Option<&mut dyn Resident> {
+        self.body.resident()
+    }
+
+    fn give_up(&mut self, error: RenderError) -> Result<(), RenderError> {
+        self.fall_back(error)
     }
 }
 

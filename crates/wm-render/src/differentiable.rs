@@ -6,6 +6,7 @@
 use crate::frame::{Arrays, Frame};
 use crate::renderer::{MAX_SPLATS, RenderError, Stats};
 use crate::simd::SimdPath;
+use crate::stages::optimize::{Learnt, LearntMut, Noise, Step};
 use std::sync::Arc;
 use wm_scene::{Camera, Rasterization, Splats, sh};
 
@@ -56,6 +57,88 @@ pub trait Differentiable: Send {
         learn: Learn,
         gradients: &mut Gradients,
     ) -> Result<BackwardStats, RenderError>;
+
+    /// The same with splats that stay where they learn; `None` of the CPU, in whose memory they are anyway.
+    fn resident(&mut self) -> Option<&mut dyn Resident> {
+        None
+    }
+
+    /// Goes on with another device after `error`, if there is one to go on with.
+    ///
+    /// # Errors
+    /// `error`, if there is none.
+    fn give_up(&mut self, error: RenderError) -> Result<(), RenderError> {
+        Err(error)
+    }
+}
+
+/// Splats that stay on the device where they learn, with what the optimiser remembers of them. What is done is queued:
+/// a failure may be told by a later call.
+///
+/// A step is [`forward`](Self::forward), [`backward`](Self::backward) for the step and for other renders of the same view,
+/// and [`optimize`](Self::optimize).
+pub trait Resident {
+    /// Takes splats with what is known of them, in place of those that were there.
+    ///
+    /// # Errors
+    /// [`RenderError`] if arrays do not fit each other, memory is short or the device fails.
+    fn load(&mut self, learnt: Learnt<'_>) -> Result<(), RenderError>;
+
+    /// Gives back what was learnt.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device fails.
+    ///
+    /// # Panics
+    /// If none were loaded, or others in number.
+    fn read(&mut self, learnt: LearntMut<'_>) -> Result<(), RenderError>;
+
+    /// As [`Differentiable::forward`], of what was loaded.
+    ///
+    /// # Errors
+    /// As there.
+    ///
+    /// # Panics
+    /// As there, and if none were loaded.
+    fn forward(
+        &mut self,
+        camera: &Camera,
+        config: &ForwardConfig,
+        frame: &mut Frame,
+    ) -> Result<Stats, RenderError>;
+
+    /// As [`Differentiable::backward`]; gradients stay on the device.
+    ///
+    /// # Errors
+    /// As there.
+    ///
+    /// # Panics
+    /// As there, if a step is not of everything, and if it is added to one that is not there.
+    fn backward(&mut self, upstream: &Upstream<'_>, target: Target) -> Result<(), RenderError>;
+
+    /// Moves the splats along the step's gradients.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device fails.
+    ///
+    /// # Panics
+    /// If there are no gradients of a step.
+    fn optimize(&mut self, step: &Step) -> Result<(), RenderError>;
+
+    /// Moves what is nearly transparent at random.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device fails.
+    fn explore(&mut self, noise: &Noise) -> Result<(), RenderError>;
+}
+
+/// What becomes of gradients on the device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target {
+    /// They are those of the step: of everything, in a render with colours and stored opacities.
+    Step,
+    /// They are added to those of the step, as far as they learn, for the splats that it has in view.
+    Added(Learn),
 }
 
 /// What a backward pass took, in seconds summed over threads; 0 where only the whole is known.
@@ -107,13 +190,22 @@ impl ForwardConfig {
         camera: &Camera,
         frame: &mut Frame,
     ) -> Result<(), RenderError> {
-        let degree = self.sh_degree;
-        assert!(degree <= splats.sh_degree, "SH degree {degree} of splats with {}", splats.sh_degree);
-        camera.check()?;
         splats.check()?;
         if splats.len() > MAX_SPLATS {
             return Err(RenderError::TooMany(splats.len()));
         }
+        self.check_view(splats.sh_degree, camera, frame)
+    }
+
+    /// The same for splats that were checked, whose colours are of `degree`.
+    pub(crate) fn check_view(
+        &self,
+        degree: u8,
+        camera: &Camera,
+        frame: &mut Frame,
+    ) -> Result<(), RenderError> {
+        assert!(self.sh_degree <= degree, "SH degree {} of splats with {degree}", self.sh_degree);
+        camera.check()?;
         let arrays = Arrays {
             rgb: self.channels.has_color(),
             depth: self.channels.depth().is_some(),

@@ -22,7 +22,8 @@ pub mod testing;
 pub use cpu::{CpuDifferentiable, CpuRenderer};
 pub use device::{AnyDifferentiable, AnyRenderer, Device};
 pub use differentiable::{
-    Channels, DepthAlpha, Differentiable, Drawn, ForwardConfig, Gradients, Learn, Opacity, Upstream,
+    Channels, DepthAlpha, Differentiable, Drawn, ForwardConfig, Gradients, Learn, Opacity, Resident, Target,
+    Upstream,
 };
 pub use frame::{Encoding, Frame};
 #[cfg(feature = "gpu")]

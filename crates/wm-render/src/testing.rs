@@ -1,5 +1,7 @@
 //! Scenes, back ends and comparisons for tests and benches.
 
+#[cfg(feature = "gpu")]
+use crate::device::AnyDifferentiable;
 use crate::differentiable::{Channels, ForwardConfig, Gradients, Learn, Upstream};
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
@@ -12,6 +14,8 @@ use crate::hooks::Twin;
 use crate::hooks::{Medium, ShadeGroup};
 use crate::reference::ReferenceFrame;
 use crate::reference_backward::{self, Parameters, ReferenceGradients};
+#[cfg(feature = "gpu")]
+use crate::renderer::RenderError;
 use crate::renderer::{CpuConfig, Renderer};
 use crate::simd::{SimdChoice, SimdPath};
 use crate::stages::intersect::TILE;
@@ -137,6 +141,18 @@ pub fn gpu_differentiable() -> GpuDifferentiable {
     let gpu = shared_gpu().clone().expect("a GPU");
     GpuDifferentiable::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() })
         .expect("threads start")
+}
+
+/// A back end of training as `auto` makes it where there is a GPU, on one of its own, which may be taken away from it.
+///
+/// # Panics
+/// If there is none; see [`Backend::gpu`].
+#[cfg(feature = "gpu")]
+#[must_use]
+pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Arc<Gpu>) {
+    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, most_binding: None }).expect("a GPU");
+    let config = CpuConfig { threads: Some(2), ..CpuConfig::default() };
+    (AnyDifferentiable::fallible(Arc::clone(&gpu), config, warn).expect("threads start"), gpu)
 }
 
 /// The GPU of all tests of a program, started once: any that there is.

@@ -85,11 +85,10 @@ mod with_gpu {
         cpu.backward(&splats, &loss.upstream(), Learn::ALL, &mut want).unwrap();
         for (place, lost_before) in [true, false].into_iter().enumerate() {
             let gpu = Gpu::open(&GpuConfig { choice: gpu::Choice::Any, most_binding: None }).unwrap();
-            let body = Box::new(GpuDifferentiable::new(gpu.clone(), run).unwrap());
             let warn: fn(&RenderError) = |_| {
                 WARNINGS.fetch_add(1, Ordering::Relaxed);
             };
-            let mut any = AnyDifferentiable { config: run, body, warn: Some(warn), last: None };
+            let mut any = AnyDifferentiable::fallible(gpu.clone(), run, warn).unwrap();
             if lost_before {
                 gpu.lose();
             }

@@ -17,17 +17,19 @@ use super::error::GpuError;
 use super::lists::{self, CHUNKS, Entries};
 use super::readback::{Part, copy};
 use super::recorder::{Recorder, Stage};
+use super::resident::StepRows;
 use super::source::{COUNTER_WORDS, Falls};
 use super::stored::StoredModel;
 use super::uniforms::{self, Capacity, Each, SLOT, Sight, bytes_of};
 use crate::cpu;
 use crate::differentiable::{
-    BackwardStats, DepthAlpha, Differentiable, ForwardConfig, Gradients, Learn, Upstream,
+    BackwardStats, DepthAlpha, Differentiable, ForwardConfig, Gradients, Learn, Resident, Upstream,
 };
 use crate::frame::Frame;
 use crate::renderer::{CpuConfig, RenderError, Stats};
 use crate::simd::SimdPath;
 use crate::stages::composite::gpu::Finish;
+use crate::stages::optimize::gpu::Rows;
 use crate::stages::project_backward::gpu::{self as rows, Gather, ProjectBackward};
 use crate::stages::rasterize::gpu::Rasterize;
 use crate::stages::rasterize_backward::Slot;
@@ -41,24 +43,25 @@ const SLOT_WORDS: u64 = Slot::LEN as u64;
 
 /// The GPU back end of training. It keeps its working memory from step to step.
 pub struct GpuDifferentiable {
-    gpu: Arc<Gpu>,
+    pub(super) gpu: Arc<Gpu>,
     /// For what the CPU does of a step.
     path: SimdPath,
-    pool: Arc<rayon::ThreadPool>,
-    model: StoredModel,
-    memory: Memory,
+    pub(super) pool: Arc<rayon::ThreadPool>,
+    pub(super) model: StoredModel,
+    pub(super) memory: Memory,
     kept: [Growing; 10],
-    capacity: Capacity,
-    last: Option<View>,
+    pub(super) capacity: Capacity,
+    pub(super) last: Option<View>,
+    /// Of splats that learn here.
+    pub(super) rows: StepRows,
 }
 
 /// The last forward pass, with what it left on the GPU.
-struct View {
-    camera: Camera,
-    config: ForwardConfig,
-    splats: usize,
+pub(super) struct View {
+    pub camera: Camera,
+    pub config: ForwardConfig,
     visible: u32,
-    room: Room,
+    pub room: Room,
     own: OwnRoom,
 }
 
@@ -102,6 +105,7 @@ impl GpuDifferentiable {
             kept: Default::default(),
             capacity: Capacity::default(),
             last: None,
+            rows: StepRows::default(),
         })
     }
 
@@ -109,6 +113,11 @@ impl GpuDifferentiable {
     #[must_use]
     pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
+    }
+
+    /// Forgets the last forward pass.
+    pub(super) fn forget(&mut self) {
+        self.last = None;
     }
 
     fn own_room(&mut self, camera: &Camera, config: &ForwardConfig) -> Result<OwnRoom, GpuError> {
@@ -137,26 +146,25 @@ impl GpuDifferentiable {
         })
     }
 
-    fn forward_on_pool(
+    pub(super) fn forward_on_pool(
         &mut self,
-        splats: &Splats,
         camera: &Camera,
         config: &ForwardConfig,
         frame: &mut Frame,
     ) -> Result<Stats, RenderError> {
         let started = Instant::now();
         let gpu = Arc::clone(&self.gpu);
-        self.last = None;
+        self.forget();
         gpu.check()?;
-        self.model.write(&gpu, splats)?;
         let (each, most) = (each(config), gpu.most_binding());
-        self.capacity.start(splats.len(), most, each);
+        self.capacity.start(self.model.len(), most, each);
         let sight = Sight::of_training(camera, config);
         let channels = config.channels;
         loop {
             let pieces = self.model.uniforms(config);
             let extent = Extent {
-                slots: CHUNKS + pieces.len() + 1,
+                // Two more behind: `Training` and `Learn`.
+                slots: CHUNKS + pieces.len() + 2,
                 blocks: self.model.blocks(),
                 capacity: self.capacity,
                 tiles: sight.tile_count(),
@@ -187,8 +195,8 @@ impl GpuDifferentiable {
             copy(&gpu, recorder, &mut self.memory.staging, &mut parts)?;
             let [_, _, visible, entries, _] = counters;
             if !self.capacity.grow(visible, entries, most, each) {
-                let (camera, config, splats) = (*camera, *config, splats.len());
-                self.last = Some(View { camera, config, splats, visible, room, own });
+                let (camera, config) = (*camera, *config);
+                self.last = Some(View { camera, config, visible, room, own });
                 return Ok(Stats {
                     visible: visible.into(),
                     intersections: entries.into(),
@@ -207,14 +215,56 @@ impl GpuDifferentiable {
     ) -> Result<BackwardStats, RenderError> {
         let started = Instant::now();
         let Some(view) = &self.last else { unreachable!("a backward pass follows a forward pass") };
-        let View { camera, config, visible, room, own, .. } = view;
-        let (gpu, channels) = (&*self.gpu, config.channels);
-        gpu.check()?;
+        self.gpu.check()?;
+        let View { config, visible, own, .. } = view;
+        let recorder = view.record_backward(&self.gpu, &self.model, upstream, (&own.gradients, &own.by_sh));
+        gradients.resize(*visible as usize, learn, config.sh_degree);
+        let mut found = vec![0.0f32; *visible as usize * rows::ROW as usize];
+        let mut parts: Vec<Part<'_>> = vec![
+            (&own.gradients, 0, bytemuck::cast_slice_mut(&mut found)),
+            (&own.by_sh, 0, bytemuck::cast_slice_mut(&mut gradients.sh)),
+        ];
+        parts.retain(|(.., array)| !array.is_empty());
+        copy(&self.gpu, recorder, &mut self.memory.staging, &mut parts)?;
+        for (row, numbers) in found.as_chunks::<{ rows::ROW as usize }>().0.iter().enumerate() {
+            write_row(gradients, row, numbers);
+        }
+        Ok(BackwardStats { wall: started.elapsed().as_secs_f64(), ..BackwardStats::default() })
+    }
+}
+
+impl View {
+    /// Bytes of rows of gradients, and of those of colours.
+    pub fn row_bytes(&self, capacity: Capacity) -> (u64, u64) {
+        let coefficients = 3 * sh::coefficients(self.config.sh_degree) as u64;
+        let visible = 4 * u64::from(capacity.visible);
+        (u64::from(rows::ROW) * visible, coefficients * visible)
+    }
+
+    /// The rows of gradients that go with it.
+    pub fn rows(&self) -> Rows<'_> {
+        Rows { gradients: &self.own.gradients, by_sh: &self.own.by_sh, blocks: &self.room.blocks }
+    }
+
+    /// The slot of the structure `Learn`.
+    pub fn learn_slot(&self, model: &StoredModel) -> usize {
+        CHUNKS + model.piece_count() + 1
+    }
+
+    /// The commands of a backward pass, whose rows go to these buffers, without the way back.
+    pub fn record_backward<'a>(
+        &'a self,
+        gpu: &'a Gpu,
+        model: &'a StoredModel,
+        upstream: &Upstream<'_>,
+        (gradients, of_colors): (&'a wgpu::Buffer, &'a wgpu::Buffer),
+    ) -> Recorder<'a> {
+        let Self { camera, config, room, own, .. } = self;
+        let channels = config.channels;
         let sight = Sight::of_training(camera, config);
         let (pixels, tiles) = (camera.width * camera.height, sight.tile_count());
-
         let mut recorder = Recorder::new(gpu, &room.uniforms, None);
-        let pieces = self.model.pieces(&recorder);
+        let pieces = model.pieces(&recorder, CHUNKS);
         let slot = CHUNKS + pieces.len();
         let training = uniforms::training(config.background, upstream.depth_alpha);
         gpu.queue.write_buffer(&room.uniforms, SLOT * slot as u64, &bytes_of(&[training]));
@@ -256,23 +306,11 @@ impl GpuDifferentiable {
             blocks: &room.blocks,
             records: &room.records,
             pulls: &own.pulls,
-            gradients: &own.gradients,
-            by_sh: &own.by_sh,
+            gradients,
+            by_sh: of_colors,
         };
         pieces.iter().for_each(|piece| project.record(&mut recorder, piece, channels));
-
-        gradients.resize(*visible as usize, learn, config.sh_degree);
-        let mut found = vec![0.0f32; *visible as usize * rows::ROW as usize];
-        let mut parts: Vec<Part<'_>> = vec![
-            (&own.gradients, 0, bytemuck::cast_slice_mut(&mut found)),
-            (&own.by_sh, 0, bytemuck::cast_slice_mut(&mut gradients.sh)),
-        ];
-        parts.retain(|(.., array)| !array.is_empty());
-        copy(gpu, recorder, &mut self.memory.staging, &mut parts)?;
-        for (row, numbers) in found.as_chunks::<{ rows::ROW as usize }>().0.iter().enumerate() {
-            write_row(gradients, row, numbers);
-        }
-        Ok(BackwardStats { wall: started.elapsed().as_secs_f64(), ..BackwardStats::default() })
+        recorder
     }
 }
 
@@ -286,7 +324,7 @@ fn record_forward<'a>(
 ) -> Recorder<'a> {
     let mut recorder = Recorder::new(gpu, &room.uniforms, None);
     recorder.encoder().clear_buffer(&room.counters, 0, None);
-    let pieces = model.pieces(&recorder);
+    let pieces = model.pieces(&recorder, CHUNKS);
     lists::front(&mut recorder, room, &pieces, None);
     let tiles = sight.tile_count();
     let (_, pairs) = lists::lists(&mut recorder, room, tiles, Entries::Pairs(&own.names));
@@ -357,8 +395,12 @@ impl Differentiable for GpuDifferentiable {
         frame: &mut Frame,
     ) -> Result<Stats, RenderError> {
         config.check(splats, camera, frame)?;
-        let pool = Arc::clone(&self.pool);
-        pool.install(|| self.forward_on_pool(splats, camera, config, frame))
+        let (pool, gpu) = (Arc::clone(&self.pool), Arc::clone(&self.gpu));
+        pool.install(|| {
+            gpu.check()?;
+            self.model.write(&gpu, splats)?;
+            self.forward_on_pool(camera, config, frame)
+        })
     }
 
     fn backward(
@@ -369,10 +411,14 @@ impl Differentiable for GpuDifferentiable {
         gradients: &mut Gradients,
     ) -> Result<BackwardStats, RenderError> {
         let view = self.last.as_ref().expect("a backward pass follows a forward pass");
-        assert_eq!(view.splats, splats.len(), "the splats are not those of the forward pass");
+        assert_eq!(self.model.len(), splats.len(), "the splats are not those of the forward pass");
         upstream.check(view.camera.width as usize * view.camera.height as usize, view.config.channels);
         let learn = view.config.learns(learn);
         let pool = Arc::clone(&self.pool);
         pool.install(|| self.backward_on_pool(upstream, learn, gradients))
+    }
+
+    fn resident(&mut self) -> Option<&mut dyn Resident> {
+        Some(self)
     }
 }

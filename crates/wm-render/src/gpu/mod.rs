@@ -35,6 +35,7 @@ pub(crate) mod probe;
 mod readback;
 pub(crate) mod recorder;
 mod renderer;
+mod resident;
 pub mod source;
 mod stored;
 pub mod uniforms;

@@ -7,7 +7,7 @@ use crate::renderer::{Geometry, MedianDepth};
 use crate::stages::project::{self, gpu as splats};
 use crate::stages::project_backward::gpu as gradients;
 use crate::stages::rasterize_backward::Slot;
-use crate::stages::{particles, rasterize};
+use crate::stages::{optimize, particles, rasterize};
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use wm_scene::sh;
@@ -92,6 +92,12 @@ pub enum Program {
     Gather,
     /// From there to gradients.
     ProjectBackward(Channels),
+    /// Gradients of another render to those of a step.
+    AddGradients,
+    /// The splats along them.
+    Optimize,
+    /// Nearly transparent splats at random.
+    Explore,
 }
 
 /// What form the parameters of splats are in.
@@ -132,6 +138,8 @@ pub enum Falls {
     Apart,
 }
 
+/// What all programs over splats begin with.
+const PIECES: &str = file!("stages/project/pieces.wgsl");
 /// What does nothing to the light of a splat.
 const CLEAR_AIR: &str =
     "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
@@ -148,6 +156,9 @@ impl Program {
             Self::Project(Form::Activated, None),
             Self::Project(Form::Stored, None),
             Self::Gather,
+            Self::AddGradients,
+            Self::Optimize,
+            Self::Explore,
             Self::SpineVisible,
             Self::SpineEntries,
             Self::SortCount,
@@ -193,6 +204,9 @@ impl Program {
             Self::RasterizeBackward(_) => "rasterize_backward",
             Self::Gather => "gather",
             Self::ProjectBackward(_) => "project_backward",
+            Self::AddGradients => "add_gradients",
+            Self::Optimize => "optimize",
+            Self::Explore => "explore",
         }
     }
 
@@ -209,10 +223,12 @@ impl Program {
         add(&[file!("gpu/common.wgsl")]);
         match self {
             Self::Cull(form) => {
-                add(&[form.text(), file!("stages/project/geometry.wgsl"), file!("stages/project/cull.wgsl")]);
+                add(&[PIECES, form.text(), file!("stages/project/geometry.wgsl")]);
+                add(&[file!("stages/project/cull.wgsl")]);
             }
             Self::Project(form, air) => {
-                add(&[form.text(), file!("stages/project/geometry.wgsl"), file!("stages/shade/shade.wgsl")]);
+                add(&[PIECES, form.text(), file!("stages/project/geometry.wgsl")]);
+                add(&[file!("stages/shade/shade.wgsl")]);
                 add(&[file!("stages/project/project.wgsl")]);
                 match air {
                     None => add(&[CLEAR_AIR]),
@@ -278,10 +294,14 @@ impl Program {
             }
             Self::Gather => add(&[file!("stages/project_backward/gather.wgsl")]),
             Self::ProjectBackward(channels) => {
-                add(&[&switches(*channels), Form::Stored.text(), file!("stages/project/geometry.wgsl")]);
+                add(&[&switches(*channels), PIECES, Form::Stored.text()]);
+                add(&[file!("stages/project/geometry.wgsl")]);
                 add(&[file!("stages/shade/shade.wgsl"), file!("stages/shade_backward/shade_backward.wgsl")]);
                 add(&[file!("stages/project_backward/project_backward.wgsl")]);
             }
+            Self::AddGradients => add(&[PIECES, file!("stages/optimize/add.wgsl")]),
+            Self::Optimize => add(&[PIECES, file!("stages/optimize/optimize.wgsl")]),
+            Self::Explore => add(&[PIECES, file!("stages/optimize/explore.wgsl")]),
         }
         text
     }
@@ -361,6 +381,11 @@ pub fn constants() -> String {
         FRAME_MIN_ALPHA = frame::MIN_ALPHA;
         STEPS = particles::STEPS;
         LOG2E = std::f32::consts::LOG2_E;
+        PI = std::f32::consts::PI;
+        BETA1 = optimize::BETA1;
+        BETA2 = optimize::BETA2;
+        ADAM_EPS = optimize::EPS;
+        FLAT = optimize::FLAT;
         C0 = sh::C0;
         C1 = sh::C1;
     }

@@ -1,10 +1,13 @@
 //! Small structures for the GPU, laid out as WGSL does; a test holds them against the WGSL.
 
 use super::source::{TILE_SIDE, WORKGROUP};
-use crate::differentiable::{DepthAlpha, Drawn, ForwardConfig, Opacity};
+use crate::differentiable::{DepthAlpha, Drawn, ForwardConfig, Learn, Opacity};
 use crate::hooks::SkySplats;
 use crate::renderer::Job;
+use crate::stages::optimize::{BETA1, BETA2, Noise, Step};
 use crate::stages::project::ProjectCamera;
+use wm_scene::splats::logit;
+use wm_scene::synthetic::SEED_FACTOR;
 use wm_scene::{Camera, Rasterization};
 
 /// Bytes from one structure to the next: the largest alignment that an adapter may ask for.
@@ -233,6 +236,52 @@ pub fn sort_pass(shift: u32, of_entries: bool, numbered: bool) -> Uniform {
 #[must_use]
 pub fn intersect_task(emits: bool) -> Uniform {
     Uniform::default().whole("emits", u32::from(emits))
+}
+
+/// `Step` of `optimize.wgsl`, for `splats` splats.
+#[must_use]
+pub fn optimize_step(step: &Step, splats: usize) -> Uniform {
+    let Step { number, rates, terms, size } = step;
+    let correction = |beta: f32| (1.0 - f64::from(beta).powf(f64::from(*number))) as f32;
+    let each = |weight: f64| (weight / splats.max(1) as f64) as f32;
+    Uniform::default()
+        .real("rate_means", rates.means as f32)
+        .real("rate_quats", rates.quats as f32)
+        .real("rate_log_scales", rates.log_scales as f32)
+        .real("rate_opacities", rates.logit_opacities as f32)
+        .real("rate_dc", rates.sh_dc as f32)
+        .real("rate_rest", rates.sh_rest as f32)
+        .real("correction1", correction(BETA1))
+        .real("correction2", correction(BETA2))
+        .real("opacity", each(terms.opacity))
+        .real("scale", each(terms.scale / 3.0))
+        .real("flatness", each(terms.flatness))
+        .whole("number", *number)
+        .vector("half_size", [size.0 as f32 / 2.0, size.1 as f32 / 2.0])
+}
+
+/// `Learn` of `add.wgsl`.
+#[must_use]
+pub fn learn(learn: Learn) -> Uniform {
+    let share = |learns: bool| if learns { 1.0 } else { 0.0 };
+    Uniform::default()
+        .real("means", share(learn.means))
+        .real("quats", share(learn.quats))
+        .real("log_scales", share(learn.log_scales))
+        .real("opacities", share(learn.logit_opacities))
+        .real("sh", share(learn.sh))
+}
+
+/// `Noise` of `explore.wgsl`.
+#[must_use]
+pub fn noise(noise: &Noise) -> Uniform {
+    // What `wm_scene::synthetic::uniform` multiplies a seed with.
+    let seed = noise.seed.wrapping_mul(SEED_FACTOR);
+    Uniform::default()
+        .whole("seed", seed as u32)
+        .whole("seed_high", (seed >> 32) as u32)
+        .real("size", noise.size as f32)
+        .real("most", logit(noise.most) as f32)
 }
 
 /// Structures as they lie in a buffer, one a slot.

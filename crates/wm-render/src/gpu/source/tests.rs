@@ -59,7 +59,9 @@ fn every_program_fits_small_adapters() {
 /// Nothing that is only read may be written, and the other way round: stages that run side by side rely on it.
 #[test]
 fn no_program_writes_the_splats() {
-    for program in every() {
+    // But those by which they learn.
+    let learn = [Program::Optimize, Program::Explore];
+    for program in every().into_iter().filter(|program| !learn.contains(program)) {
         for (_, variable) in parsed(&program).global_variables.iter() {
             let AddressSpace::Storage { access } = variable.space else { continue };
             let name = variable.name.as_deref().unwrap_or_default();

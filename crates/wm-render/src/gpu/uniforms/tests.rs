@@ -5,6 +5,7 @@ use crate::differentiable::Channels;
 use crate::gpu::source::{Form, Program};
 use crate::hooks::Hooks;
 use crate::renderer::RenderConfig;
+use crate::stages::optimize::{Rates, SplatTerms};
 use crate::testing::camera;
 use wgpu::naga::front::wgsl;
 use wgpu::naga::{Module, TypeInner};
@@ -22,10 +23,16 @@ fn members(module: &Module, name: &str) -> (Vec<(String, u32)>, u32) {
 fn names_offsets_and_sizes_are_those_of_wgsl() {
     let (camera, config) = (camera(64, 48), RenderConfig::default());
     let job = Job { sets: &[], camera: &camera, config: &config, hooks: Hooks::default() };
+    let rates =
+        Rates { means: 0.1, quats: 0.2, log_scales: 0.3, logit_opacities: 0.4, sh_dc: 0.5, sh_rest: 0.6 };
+    let step = Step { number: 7, rates, terms: SplatTerms::default(), size: (64, 48) };
     for (program, name, uniform) in [
         (Program::Cull(Form::Activated), "View", view(&Sight::of(&job), 0, 0, Capacity::default())),
         (Program::Cull(Form::Activated), "Chunk", chunk(Piece::default(), true)),
         (Program::Finish(Channels::Color), "Training", training([0.5; 3], DepthAlpha::Learns)),
+        (Program::Optimize, "Step", optimize_step(&step, 5)),
+        (Program::AddGradients, "Learn", learn(Learn::ALL)),
+        (Program::Explore, "Noise", noise(&Noise { seed: 3, size: 0.5, most: 0.1 })),
         (Program::SortCount, "Pass", sort_pass(8, true, false)),
         (Program::Intersect, "Task", intersect_task(true)),
     ] {

@@ -1,36 +1,9 @@
 // A splat in the picture, as `cpu.rs` has it; see the contract in `mod.rs`.
 
-// A part of a set that one binding holds: whole blocks of 256 splats.
-struct Chunk {
-    // Its first block among all blocks of the frame.
-    first_block: u32,
-    blocks: u32,
-    // Its first splat among its set's, and in `visibility`.
-    first_splat: u32,
-    // Its splats; the last block may be padded.
-    splats: u32,
-    // Rows of `sh_rest` a group of sixteen, and how many of them are in use.
-    sh_rows: u32,
-    sh_used: u32,
-    // 1 where `visibility` holds a factor a splat.
-    faded: u32,
-    // 1 where all splats in stored form have one opacity, and its log2.
-    fixed: u32,
-    fixed_log2_opacity: f32,
-}
-
-// What a block of 256 splats shows: how many, and after the scan how many are before it; a bit for each splat.
-struct Block {
-    count: u32,
-    mask: array<u32, 8>,
-}
-
 @group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<uniform> chunk: Chunk;
 // `[groups][SPLAT_ROWS][16]`: mean 3, quat 4, scale 3, opacity, coefficient 0 of the colour 3, 1 for sky. What form they
 // are in, `activated.wgsl` or `stored.wgsl` say.
 @group(0) @binding(2) var<storage, read> splats: array<f32>;
-@group(0) @binding(4) var<storage, read_write> blocks: array<Block>;
 
 fn number(splat: u32, row: u32) -> f32 {
     return splats[(splat / GROUP * SPLAT_ROWS + row) * GROUP + splat % GROUP];
@@ -42,23 +15,6 @@ fn numbers(splat: u32, row: u32) -> vec3<f32> {
 
 fn is_sky(splat: u32) -> bool {
     return number(splat, ROW_SKY) > 0.5;
-}
-
-// Before the scan: in which place no splat is.
-const NOT_IN_VIEW: u32 = 0xffffffffu;
-
-// The place among all splats in view of the one of thread `local` in block `at`, after the scan.
-fn place_of(at: u32, local: u32) -> u32 {
-    let own = blocks[at].mask[local / 32u];
-    let bit = local % 32u;
-    if ((own >> bit) & 1u) == 0u {
-        return NOT_IN_VIEW;
-    }
-    var place = blocks[at].count + countOneBits(own & ((1u << bit) - 1u));
-    for (var word = 0u; word < local / 32u; word++) {
-        place += countOneBits(blocks[at].mask[word]);
-    }
-    return place;
 }
 
 struct Projected {
