@@ -13,7 +13,9 @@ use wm_render::stages::rasterize::cpu as forward;
 use wm_render::stages::rasterize_backward::cpu::{Pictures, Scratch, blend_tile_backward, prepare_patch};
 use wm_render::stages::rasterize_backward::{NO_SLOT, Slot};
 use wm_render::testing::{RandomLoss, shell_camera, shell_splats, tile_records};
-use wm_render::{Channels, CpuConfig, Differentiable, ForwardConfig, Frame, Gradients, Learn};
+use wm_render::{
+    Channels, CpuConfig, CpuDifferentiable, Differentiable, ForwardConfig, Frame, Gradients, Learn,
+};
 
 struct Tile {
     records: Vec<Record>,
@@ -89,13 +91,15 @@ fn steps(criterion: &mut Criterion) {
         let splats = sorted(count);
         for channels in [Channels::Color, Channels::ColorDepthNormal] {
             let config = ForwardConfig { channels, ..ForwardConfig::default() };
-            let mut renderer = Differentiable::new(CpuConfig::default()).expect("threads start");
+            let mut renderer = CpuDifferentiable::new(CpuConfig::default()).expect("threads start");
             let (mut frame, mut gradients) = (Frame::default(), Gradients::default());
             let loss = RandomLoss::new(channels, 600 * 444, 3, |_| true);
             group.bench_function(BenchmarkId::new(format!("{channels:?}"), count), |bench| {
                 bench.iter(|| {
                     renderer.forward(&splats, &camera, &config, &mut frame).expect("it renders");
-                    renderer.backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients)
+                    renderer
+                        .backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients)
+                        .expect("it derives")
                 });
             });
         }

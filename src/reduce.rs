@@ -18,7 +18,7 @@ use anyhow::{Result, bail};
 use glam::{DMat3, DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::num::NonZero;
-use wm_render::{CpuConfig, Differentiable, ForwardConfig, Frame, Gradients, Learn, Upstream};
+use wm_render::{AnyDifferentiable, Differentiable, ForwardConfig, Frame, Gradients, Learn, Upstream};
 use wm_scene::jacobi::jacobi;
 use wm_scene::splats::logit;
 use wm_scene::survey::Survey;
@@ -56,9 +56,8 @@ pub fn reduce(scene: &Scene, most: usize, run: &RunArgs) -> Result<Reduced> {
     let survey = Survey::of(scene, &Metadata::default());
     let cameras = cameras(scene, &survey);
     let (measured, tried): (Vec<_>, Vec<_>) = cameras.into_iter().enumerate().partition(|(i, _)| i % 3 == 1);
-    let config = CpuConfig { threads: run.threads.map(usize::from), simd: run.simd };
     let mut eye = Eye {
-        renderer: Differentiable::new(config)?,
+        renderer: run.differentiable()?,
         config: ForwardConfig {
             rasterization: scene.metadata.rasterization.unwrap_or_default(),
             background: [0.5; 3],
@@ -128,7 +127,7 @@ fn small(camera: &Camera) -> Camera {
 
 /// What looks at splats.
 struct Eye {
-    renderer: Differentiable,
+    renderer: Box<AnyDifferentiable>,
     config: ForwardConfig,
     frame: Frame,
 }
@@ -152,7 +151,7 @@ impl Eye {
         let mut gradients = Gradients::default();
         for (_, camera) in cameras {
             self.look(splats, camera)?;
-            self.renderer.backward(splats, &Upstream::default(), Learn::NONE, &mut gradients);
+            self.renderer.backward(splats, &Upstream::default(), Learn::NONE, &mut gradients)?;
             for (index, weight) in gradients.visible.iter().zip(&gradients.weights) {
                 worth[*index as usize] += f64::from(*weight);
             }

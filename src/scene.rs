@@ -6,7 +6,9 @@ use clap::Args;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use wm_render::simd::SimdChoice;
-use wm_render::{AnyRenderer, Background, CpuConfig, Device, Renderer, SetId, SkyGradient};
+use wm_render::{
+    AnyDifferentiable, AnyRenderer, Background, CpuConfig, Device, Renderer, SetId, SkyGradient,
+};
 use wm_scene::formats::{Level, ReadOptions, read_scene};
 use wm_scene::survey::{Source, Survey, known_distance, label_sky};
 use wm_scene::{Metadata, Scene, capture, splats::Faults};
@@ -53,7 +55,7 @@ pub struct FactArgs {
 /// How to run.
 #[derive(Args, Clone, Debug, Default)]
 pub struct RunArgs {
-    /// Where to render: auto (a GPU where there is one), cpu, gpu, or gpu: and a part of its name
+    /// Where to render and train: auto (a real GPU where there is one), cpu, gpu, or gpu: and a part of its name
     #[arg(long, value_name = "DEVICE", default_value = "auto", help_heading = "Run")]
     pub device: Device,
     /// Threads [default: one a core]
@@ -67,11 +69,20 @@ pub struct RunArgs {
 impl RunArgs {
     /// Starts the renderer.
     pub fn renderer(&self) -> Result<AnyRenderer> {
-        let threads = self.threads.map(usize::from);
-        let config = CpuConfig { threads, simd: self.simd };
-        Ok(AnyRenderer::new(&self.device, config, |error| {
+        Ok(AnyRenderer::new(&self.device, self.cpu(), |error| {
             eprintln!("warning: {error}; the CPU renders instead");
         })?)
+    }
+
+    /// Starts the back end of training.
+    pub fn differentiable(&self) -> Result<Box<AnyDifferentiable>> {
+        Ok(Box::new(AnyDifferentiable::new(&self.device, self.cpu(), |error| {
+            eprintln!("warning: {error}; the CPU goes on instead");
+        })?))
+    }
+
+    fn cpu(&self) -> CpuConfig {
+        CpuConfig { threads: self.threads.map(usize::from), simd: self.simd }
     }
 }
 

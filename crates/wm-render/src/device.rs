@@ -1,14 +1,18 @@
-//! Where to render: one renderer for the CPU and for GPUs.
+//! Where to render and to train: one back end for the CPU and for GPUs.
 
-use crate::cpu::CpuRenderer;
+use crate::cpu::{CpuDifferentiable, CpuRenderer};
+use crate::differentiable::{
+    BackwardStats, Differentiable, ForwardConfig, Gradients, Learn, Resident, Upstream,
+};
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
-use crate::gpu::{self, Gpu, GpuConfig, GpuRenderer};
+use crate::gpu::{self, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
 use crate::renderer::{CpuConfig, Job, RenderError, Renderer, SetId, Stats};
 use crate::simd::SimdPath;
 use std::fmt;
 use std::str::FromStr;
-use wm_scene::Splats;
+use std::sync::Arc;
+use wm_scene::{Camera, Splats};
 
 /// Where to render.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -73,29 +77,14 @@ impl AnyRenderer {
     /// [`RenderError`] if the device cannot be had.
     pub fn new(device: &Device, config: CpuConfig, warn: fn(&RenderError)) -> Result<Self, RenderError> {
         let path = SimdPath::select(config.simd).ok_or(RenderError::NoSimd(config.simd.name()))?;
-        let body = match device {
-            Device::Cpu => None,
+        let body = match open(device, warn)? {
+            Opened::Cpu => Body::Cpu(Box::new(CpuRenderer::new(config)?)),
             #[cfg(feature = "gpu")]
-            Device::Auto => on_gpu(gpu::Choice::Auto, config)
-                .inspect_err(|error| {
-                    // That there is none is no news.
-                    if !matches!(error, RenderError::Gpu(gpu::GpuError::NoAdapter { .. })) {
-                        warn(error);
-                    }
-                })
-                .ok()
-                .map(|gpu| Body::Gpu { gpu, kept: Some(Vec::new()) }),
-            #[cfg(feature = "gpu")]
-            Device::Gpu(name) => {
-                let choice = name.clone().map_or(gpu::Choice::Auto, gpu::Choice::Named);
-                Some(Body::Gpu { gpu: on_gpu(choice, config)?, kept: None })
+            Opened::Gpu(gpu) => {
+                let gpu = Box::new(GpuRenderer::new(gpu, config)?);
+                Body::Gpu { gpu, kept: (*device == Device::Auto).then(Vec::new) }
             }
-            #[cfg(not(feature = "gpu"))]
-            Device::Auto => None,
-            #[cfg(not(feature = "gpu"))]
-            Device::Gpu(_) => return Err(RenderError::NoGpu),
         };
-        let body = body.map_or_else(|| CpuRenderer::new(config).map(|cpu| Body::Cpu(Box::new(cpu))), Ok)?;
         Ok(Self { config, path, body, warn })
     }
 
@@ -172,10 +161,41 @@ impl AnyRenderer {
     }
 }
 
+/// What a choice came to.
+enum Opened {
+    Cpu,
+    #[cfg(feature = "gpu")]
+    Gpu(Arc<Gpu>),
+}
+
+/// Starts what was chosen; `warn` is told why a GPU is there and not taken.
 #[cfg(feature = "gpu")]
-fn on_gpu(choice: gpu::Choice, config: CpuConfig) -> Result<Box<GpuRenderer>, RenderError> {
-    let gpu = Gpu::open(&GpuConfig { choice, most_binding: None })?;
-    Ok(Box::new(GpuRenderer::new(gpu, config)?))
+fn open(device: &Device, warn: fn(&RenderError)) -> Result<Opened, RenderError> {
+    let start = |choice| Gpu::open(&GpuConfig { choice, most_binding: None });
+    match device {
+        Device::Cpu => Ok(Opened::Cpu),
+        Device::Auto => match start(gpu::Choice::Auto) {
+            Ok(gpu) => Ok(Opened::Gpu(gpu)),
+            // That there is none is no news.
+            Err(gpu::GpuError::NoAdapter { .. }) => Ok(Opened::Cpu),
+            Err(error) => {
+                warn(&error.into());
+                Ok(Opened::Cpu)
+            }
+        },
+        Device::Gpu(name) => {
+            let choice = name.clone().map_or(gpu::Choice::Auto, gpu::Choice::Named);
+            Ok(Opened::Gpu(start(choice)?))
+        }
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+fn open(device: &Device, _: fn(&RenderError)) -> Result<Opened, RenderError> {
+    match device {
+        Device::Cpu | Device::Auto => Ok(Opened::Cpu),
+        Device::Gpu(_) => Err(RenderError::NoGpu),
+    }
 }
 
 impl Renderer for AnyRenderer {
@@ -221,6 +241,107 @@ impl Renderer for AnyRenderer {
             }
             done => done,
         }
+    }
+}
+
+/// A back end of training on the device that was chosen. One that was chosen by itself goes on with the CPU where the GPU
+/// fails.
+pub struct AnyDifferentiable {
+    config: CpuConfig,
+    body: Box<dyn Differentiable>,
+    /// Told why the GPU is given up; `None` where it is not.
+    warn: Option<fn(&RenderError)>,
+    /// The view of the last forward pass.
+    last: Option<(Camera, ForwardConfig)>,
+}
+
+impl AnyDifferentiable {
+    /// As [`AnyRenderer::new`].
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device cannot be had.
+    pub fn new(device: &Device, config: CpuConfig, warn: fn(&RenderError)) -> Result<Self, RenderError> {
+        let body: Box<dyn Differentiable> = match open(device, warn)? {
+            Opened::Cpu => Box::new(CpuDifferentiable::new(config)?),
+            #[cfg(feature = "gpu")]
+            Opened::Gpu(gpu) => Box::new(GpuDifferentiable::new(gpu, config)?),
+        };
+        Ok(Self { config, body, warn: (*device == Device::Auto).then_some(warn), last: None })
+    }
+
+    /// On a GPU of one's own, as `auto` makes it: for tests.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn fallible(
+        gpu: Arc<Gpu>,
+        config: CpuConfig,
+        warn: fn(&RenderError),
+    ) -> Result<Self, RenderError> {
+        let body = Box::new(GpuDifferentiable::new(gpu, config)?);
+        Ok(Self { config, body, warn: Some(warn), last: None })
+    }
+
+    /// Goes on with the CPU, if `error` is the GPU's and it may be given up.
+    fn fall_back(&mut self, error: RenderError) -> Result<(), RenderError> {
+        let (true, Some(warn)) = (error.is_of_gpu(), self.warn.take()) else { return Err(error) };
+        warn(&error);
+        self.body = Box::new(CpuDifferentiable::new(self.config)?);
+        Ok(())
+    }
+}
+
+impl Differentiable for AnyDifferentiable {
+    fn describe(&self) -> String {
+        self.body.describe()
+    }
+
+    fn path(&self) -> SimdPath {
+        self.body.path()
+    }
+
+    fn pool(&self) -> &Arc<rayon::ThreadPool> {
+        self.body.pool()
+    }
+
+    fn forward(
+        &mut self,
+        splats: &Splats,
+        camera: &Camera,
+        config: &ForwardConfig,
+        frame: &mut Frame,
+    ) -> Result<Stats, RenderError> {
+        self.last = Some((*camera, *config));
+        match self.body.forward(splats, camera, config, frame) {
+            Err(error) => {
+                self.fall_back(error)?;
+                self.body.forward(splats, camera, config, frame)
+            }
+            done => done,
+        }
+    }
+
+    fn backward(
+        &mut self,
+        splats: &Splats,
+        upstream: &Upstream<'_>,
+        learn: Learn,
+        gradients: &mut Gradients,
+    ) -> Result<BackwardStats, RenderError> {
+        match (self.body.backward(splats, upstream, learn, gradients), self.last) {
+            (Err(error), Some((camera, config))) => {
+                self.fall_back(error)?;
+                self.body.forward(splats, &camera, &config, &mut Frame::default())?;
+                self.body.backward(splats, upstream, learn, gradients)
+            }
+            (done, _) => done,
+        }
+    }
+
+    fn resident(&mut self) -> Option<&mut dyn Resident> {
+        self.body.resident()
+    }
+
+    fn give_up(&mut self, error: RenderError) -> Result<(), RenderError> {
+        self.fall_back(error)
     }
 }
 

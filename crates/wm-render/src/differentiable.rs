@@ -1,9 +1,156 @@
 //! What training asks of a render, and the gradients that it gets back.
 //!
-//! A step is [`forward`](crate::cpu::Differentiable::forward), a loss on the frame, and
-//! [`backward`](crate::cpu::Differentiable::backward) with the loss's derivative by each picture.
+//! A step is [`forward`](Differentiable::forward), a loss on the frame, and [`backward`](Differentiable::backward) with
+//! the loss's derivative by each picture.
 
-use wm_scene::{Rasterization, sh};
+use crate::frame::{Arrays, Frame};
+use crate::renderer::{MAX_SPLATS, RenderError, Stats};
+use crate::simd::SimdPath;
+use crate::stages::optimize::{Learnt, LearntMut, Noise, Step};
+use std::sync::Arc;
+use wm_scene::{Camera, Rasterization, Splats, sh};
+
+/// A back end of training: renders splats in stored form, and derives.
+///
+/// Splats should be in an order in which neighbours are near in space (a Morton curve): runs of 256 are worked on
+/// together. Unlike a [`Renderer`](crate::Renderer), which checks a set once, this does not check parameters: a splat
+/// whose position, rotation, scale or opacity is NaN is not drawn, and a NaN colour shows.
+pub trait Differentiable: Send {
+    /// What runs, for reports.
+    fn describe(&self) -> String;
+
+    /// The SIMD path of the CPU's work, its share of a step or all of it.
+    fn path(&self) -> SimdPath;
+
+    /// The threads of that, for the rest of a step too: losses, the optimiser.
+    fn pool(&self) -> &Arc<rayon::ThreadPool>;
+
+    /// Renders `splats` into `frame`, and keeps what [`Self::backward`] needs.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the camera cannot be rendered with, arrays do not fit each other, memory is short or the
+    /// device fails.
+    ///
+    /// # Panics
+    /// If `config.sh_degree` is above that of the splats.
+    fn forward(
+        &mut self,
+        splats: &Splats,
+        camera: &Camera,
+        config: &ForwardConfig,
+        frame: &mut Frame,
+    ) -> Result<Stats, RenderError>;
+
+    /// The gradients of the loss whose derivative by each pixel of the last frame is `upstream`. `splats` must be those
+    /// of that [`Self::forward`], not changed since. It may be called again, with another loss.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device fails.
+    ///
+    /// # Panics
+    /// If there was no forward pass, if `splats` are others in number, or if a picture has the wrong size or was not
+    /// rendered.
+    fn backward(
+        &mut self,
+        splats: &Splats,
+        upstream: &Upstream<'_>,
+        learn: Learn,
+        gradients: &mut Gradients,
+    ) -> Result<BackwardStats, RenderError>;
+
+    /// The same with splats that stay where they learn; `None` of the CPU, in whose memory they are anyway.
+    fn resident(&mut self) -> Option<&mut dyn Resident> {
+        None
+    }
+
+    /// Goes on with another device after `error`, if there is one to go on with.
+    ///
+    /// # Errors
+    /// `error`, if there is none.
+    fn give_up(&mut self, error: RenderError) -> Result<(), RenderError> {
+        Err(error)
+    }
+}
+
+/// Splats that stay on the device where they learn, with what the optimiser remembers of them. What is done is queued:
+/// a failure may be told by a later call.
+///
+/// A step is [`forward`](Self::forward), [`backward`](Self::backward) for the step and for other renders of the same view,
+/// and [`optimize`](Self::optimize).
+pub trait Resident {
+    /// Takes splats with what is known of them, in place of those that were there.
+    ///
+    /// # Errors
+    /// [`RenderError`] if arrays do not fit each other, memory is short or the device fails.
+    fn load(&mut self, learnt: Learnt<'_>) -> Result<(), RenderError>;
+
+    /// Gives back what was learnt.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device fails.
+    ///
+    /// # Panics
+    /// If none were loaded, or others in number.
+    fn read(&mut self, learnt: LearntMut<'_>) -> Result<(), RenderError>;
+
+    /// As [`Differentiable::forward`], of what was loaded.
+    ///
+    /// # Errors
+    /// As there.
+    ///
+    /// # Panics
+    /// As there, and if none were loaded.
+    fn forward(
+        &mut self,
+        camera: &Camera,
+        config: &ForwardConfig,
+        frame: &mut Frame,
+    ) -> Result<Stats, RenderError>;
+
+    /// As [`Differentiable::backward`]; gradients stay on the device.
+    ///
+    /// # Errors
+    /// As there.
+    ///
+    /// # Panics
+    /// As there, if a step is not of everything, and if it is added to one that is not there.
+    fn backward(&mut self, upstream: &Upstream<'_>, target: Target) -> Result<(), RenderError>;
+
+    /// Moves the splats along the step's gradients.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device fails.
+    ///
+    /// # Panics
+    /// If there are no gradients of a step.
+    fn optimize(&mut self, step: &Step) -> Result<(), RenderError>;
+
+    /// Moves what is nearly transparent at random.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device fails.
+    fn explore(&mut self, noise: &Noise) -> Result<(), RenderError>;
+}
+
+/// What becomes of gradients on the device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target {
+    /// They are those of the step: of everything, in a render with colours and stored opacities.
+    Step,
+    /// They are added to those of the step, as far as they learn, for the splats that it has in view.
+    Added(Learn),
+}
+
+/// What a backward pass took, in seconds summed over threads; 0 where only the whole is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BackwardStats {
+    /// From pixels to slots.
+    pub rasterize: f64,
+    /// From slots to gradients.
+    pub project: f64,
+    /// Wall time of it all.
+    pub wall: f64,
+}
 
 /// What to render for a step of training.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,8 +182,49 @@ impl Default for ForwardConfig {
     }
 }
 
+impl ForwardConfig {
+    /// Checks what is to be rendered, and sizes the frame.
+    pub(crate) fn check(
+        &self,
+        splats: &Splats,
+        camera: &Camera,
+        frame: &mut Frame,
+    ) -> Result<(), RenderError> {
+        splats.check()?;
+        if splats.len() > MAX_SPLATS {
+            return Err(RenderError::TooMany(splats.len()));
+        }
+        self.check_view(splats.sh_degree, camera, frame)
+    }
+
+    /// The same for splats that were checked, whose colours are of `degree`.
+    pub(crate) fn check_view(
+        &self,
+        degree: u8,
+        camera: &Camera,
+        frame: &mut Frame,
+    ) -> Result<(), RenderError> {
+        assert!(self.sh_degree <= degree, "SH degree {} of splats with {degree}", self.sh_degree);
+        camera.check()?;
+        let arrays = Arrays {
+            rgb: self.channels.has_color(),
+            depth: self.channels.depth().is_some(),
+            median_depth: false,
+            normal: self.channels.has_normal(),
+            particles: false,
+        };
+        frame.prepare((camera.width, camera.height), arrays)
+    }
+
+    /// What of `learn` there is anything to learn of.
+    pub(crate) fn learns(&self, learn: Learn) -> Learn {
+        let logit_opacities = learn.logit_opacities && self.opacity == Opacity::Stored;
+        Learn { logit_opacities, sh: learn.sh && self.channels.has_color(), ..learn }
+    }
+}
+
 /// The pictures of a training render; alpha is always there.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Channels {
     /// Colour.
     #[default]
@@ -50,6 +238,9 @@ pub enum Channels {
 }
 
 impl Channels {
+    /// Every one.
+    pub const ALL: [Self; 4] = [Self::Color, Self::ColorDepth, Self::ColorDepthNormal, Self::Depth];
+
     /// Number of sums blended.
     #[must_use]
     pub const fn count(self) -> usize {
@@ -281,28 +472,4 @@ fn add_row<const N: usize>(to: &mut [[f32; N]], row: usize, from: &[[f32; N]], t
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rows_are_added_where_both_see_the_splat() {
-        let rows = |visible: &[u32], learn: Learn, value: f32| {
-            let mut gradients = Gradients::default();
-            gradients.resize(visible.len(), learn, 1);
-            gradients.visible.copy_from_slice(visible);
-            gradients.means.fill([value; 3]);
-            gradients.logit_opacities.fill(value);
-            gradients.sh.fill(value);
-            gradients
-        };
-        let mut sum = rows(&[1, 4, 6, 9], Learn::ALL, 1.0);
-        sum.add_parameters(&rows(&[0, 4, 5, 9, 12], Learn::ALL, 2.0));
-        assert_eq!(sum.means, [[1.0; 3], [3.0; 3], [1.0; 3], [3.0; 3]]);
-        assert_eq!(
-            (sum.logit_opacities.clone(), sum.sh[12], sum.sh[35]),
-            (vec![1.0, 3.0, 1.0, 3.0], 3.0, 1.0)
-        );
-        sum.add_parameters(&rows(&[1, 4], Learn::MEANS, 5.0));
-        assert_eq!((sum.means[0], sum.logit_opacities[0]), ([6.0; 3], 1.0));
-    }
-}
+mod tests;

@@ -19,12 +19,15 @@ pub mod simd;
 pub mod stages;
 pub mod testing;
 
-pub use cpu::{CpuRenderer, Differentiable};
-pub use device::{AnyRenderer, Device};
-pub use differentiable::{Channels, DepthAlpha, Drawn, ForwardConfig, Gradients, Learn, Opacity, Upstream};
+pub use cpu::{CpuDifferentiable, CpuRenderer};
+pub use device::{AnyDifferentiable, AnyRenderer, Device};
+pub use differentiable::{
+    Channels, DepthAlpha, Differentiable, Drawn, ForwardConfig, Gradients, Learn, Opacity, Resident, Target,
+    Upstream,
+};
 pub use frame::{Encoding, Frame};
 #[cfg(feature = "gpu")]
-pub use gpu::{Choice, Gpu, GpuConfig, GpuRenderer};
+pub use gpu::{Choice, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
 pub use renderer::{
     Background, CpuConfig, Geometry, Job, MedianDepth, Outputs, ParticlePass, RenderConfig, RenderError,
     Renderer, SetId, SetView, SkyGradient, Stats,

@@ -366,6 +366,17 @@ pub enum RenderError {
     Gpu(#[from] crate::gpu::GpuError),
 }
 
+impl RenderError {
+    /// Whether another device may do what this one could not.
+    #[must_use]
+    pub fn is_of_gpu(&self) -> bool {
+        #[cfg(feature = "gpu")]
+        return matches!(self, Self::Gpu(_));
+        #[cfg(not(feature = "gpu"))]
+        return false;
+    }
+}
+
 /// Most splats in one frame: what a key of the tile lists can name.
 pub const MAX_SPLATS: usize = 1 << crate::stages::intersect::RECORD_BITS;
 

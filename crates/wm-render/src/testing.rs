@@ -1,19 +1,26 @@
 //! Scenes, back ends and comparisons for tests and benches.
 
+#[cfg(feature = "gpu")]
+use crate::device::AnyDifferentiable;
 use crate::differentiable::{Channels, ForwardConfig, Gradients, Learn, Upstream};
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
-use crate::gpu::{Choice, Gpu, GpuConfig, GpuError, GpuRenderer, source::Program};
+use crate::gpu::{
+    Choice, Gpu, GpuConfig, GpuDifferentiable, GpuError, GpuRenderer,
+    source::{Form, Program},
+};
 #[cfg(feature = "gpu")]
 use crate::hooks::Twin;
 use crate::hooks::{Medium, ShadeGroup};
 use crate::reference::ReferenceFrame;
 use crate::reference_backward::{self, Parameters, ReferenceGradients};
+#[cfg(feature = "gpu")]
+use crate::renderer::RenderError;
 use crate::renderer::{CpuConfig, Renderer};
 use crate::simd::{SimdChoice, SimdPath};
 use crate::stages::intersect::TILE;
 use crate::stages::project::{Record, SQRT_HALF_LOG2E};
-use crate::{CpuRenderer, Differentiable, Geometry, MedianDepth, Outputs, ParticlePass};
+use crate::{CpuDifferentiable, CpuRenderer, Differentiable, Geometry, MedianDepth, Outputs, ParticlePass};
 use glam::DVec3;
 #[cfg(feature = "gpu")]
 use std::sync::{Arc, OnceLock};
@@ -104,6 +111,48 @@ impl Backend {
             Self::Gpu => panic!("built without the GPU back end"),
         }
     }
+
+    /// The same for training.
+    ///
+    /// # Panics
+    /// If it cannot be started.
+    #[must_use]
+    pub fn differentiable(self) -> Box<dyn Differentiable> {
+        match self {
+            Self::Cpu(path) => {
+                let config = CpuConfig { threads: Some(2), simd: path.choice() };
+                Box::new(CpuDifferentiable::new(config).expect("threads start"))
+            }
+            #[cfg(feature = "gpu")]
+            Self::Gpu => Box::new(gpu_differentiable()),
+            #[cfg(not(feature = "gpu"))]
+            Self::Gpu => panic!("built without the GPU back end"),
+        }
+    }
+}
+
+/// As [`gpu_renderer`], of training.
+///
+/// # Panics
+/// If there is none; see [`Backend::gpu`].
+#[cfg(feature = "gpu")]
+#[must_use]
+pub fn gpu_differentiable() -> GpuDifferentiable {
+    let gpu = shared_gpu().clone().expect("a GPU");
+    GpuDifferentiable::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() })
+        .expect("threads start")
+}
+
+/// A back end of training as `auto` makes it where there is a GPU, on one of its own, which may be taken away from it.
+///
+/// # Panics
+/// If there is none; see [`Backend::gpu`].
+#[cfg(feature = "gpu")]
+#[must_use]
+pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Arc<Gpu>) {
+    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, most_binding: None }).expect("a GPU");
+    let config = CpuConfig { threads: Some(2), ..CpuConfig::default() };
+    (AnyDifferentiable::fallible(Arc::clone(&gpu), config, warn).expect("threads start"), gpu)
 }
 
 /// The GPU of all tests of a program, started once: any that there is.
@@ -131,7 +180,9 @@ pub fn gpu_renderer() -> GpuRenderer {
 #[cfg(feature = "gpu")]
 pub fn check_air(twin: &Twin) -> Result<(), String> {
     use wgpu::naga::{front::wgsl, valid};
-    for program in [Program::Project(Some(twin.wgsl.clone())), Program::Air(twin.wgsl.clone())] {
+    for program in
+        [Program::Project(Form::Activated, Some(twin.wgsl.clone())), Program::Air(twin.wgsl.clone())]
+    {
         let text = program.text();
         let module = wgsl::parse_str(&text).map_err(|error| error.emit_to_string(&text))?;
         let mut validator =
@@ -490,16 +541,14 @@ pub fn gradients_of(
     config: &ForwardConfig,
     seed: u64,
 ) -> (Gradients, ReferenceGradients) {
-    let path = backend.path();
     let parameters = Parameters::of(splats);
     let decisions = reference_backward::decide(&parameters, camera, config);
     let pixels = decisions.steady.len();
     let loss = RandomLoss::new(config.channels, pixels, seed, |i| decisions.steady[i]);
-    let threads = CpuConfig { threads: Some(2), simd: path.choice() };
-    let mut renderer = Differentiable::new(threads).expect("threads start");
+    let mut renderer = backend.differentiable();
     let (mut frame, mut gradients) = (Frame::default(), Gradients::default());
     renderer.forward(splats, camera, config, &mut frame).expect("it renders");
-    renderer.backward(splats, &loss.upstream(), Learn::ALL, &mut gradients);
+    renderer.backward(splats, &loss.upstream(), Learn::ALL, &mut gradients).expect("it derives");
     let want = reference_backward::gradients(&parameters, camera, config, &decisions, &loss.upstream());
     (gradients, want)
 }

@@ -7,12 +7,12 @@
 use crate::config::TrainConfig;
 use crate::densify::{Population, Pulls};
 use crate::exposure::{Exposures, NUMBERS};
-use crate::optimizer::Moments;
 use crate::trainer::TrainState;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
+use wm_render::stages::optimize::Moments;
 use wm_scene::files::write_atomically;
 use wm_scene::{FormatError, Group, Splats, sh};
 

@@ -4,7 +4,7 @@
 //! - [`colmap`]: a capture from a plain folder of photos, by the COLMAP that is installed.
 //! - [`builtin`]: made-up captures of the built-in place, with exact depth, normals and sky.
 //! - [`start`]: the splats to begin with.
-//! - [`trainer`]: steps of training, with [`losses`], [`optimizer`], [`densify`], [`schedule`] and
+//! - [`trainer`]: steps of training, with [`losses`], [`densify`], [`schedule`] and
 //!   [`exposure`] for their parts, and [`config`] (and its [`check`]) for what they depend on.
 //! - [`checkpoint`]: a training on disk.
 //! - [`maps`]: depth, normals and masks of photos, out of files.
@@ -19,10 +19,10 @@ pub mod colmap;
 pub mod config;
 pub mod densify;
 pub mod exposure;
+mod learner;
 pub mod losses;
 pub mod maps;
 pub mod metrics;
-pub mod optimizer;
 pub mod photos;
 pub mod priors;
 pub mod random;

@@ -32,6 +32,12 @@ impl Random {
         Self(uniform(mixed, 0x5ca1_ab1e).to_bits() ^ mixed.rotate_left(23))
     }
 
+    /// What [`wm_scene::synthetic::uniform`] is given.
+    #[must_use]
+    pub fn seed(self) -> u64 {
+        self.0
+    }
+
     /// Number `index`, uniform in [0, 1).
     #[must_use]
     pub fn uniform(self, index: u64) -> f64 {

@@ -1,7 +1,7 @@
 //! What changes over a training.
 
 use crate::config::{RateConfig, Resolution, TrainConfig};
-use crate::optimizer::Rates;
+use wm_render::stages::optimize::Rates;
 
 /// Step lengths at a step, for a scene of `extent` units.
 #[must_use]

@@ -7,24 +7,24 @@
 use crate::config::{BackgroundKind, Densify, Exposure, TrainConfig};
 use crate::densify::{Densified, Population};
 use crate::exposure::Exposures;
+use crate::learner::{Learner, Pulled};
 use crate::losses::{self, LossGradients, LossInput, LossTerm, Truth};
-use crate::optimizer;
 use crate::random::{Purpose, Random};
 use crate::schedule;
 use std::time::Instant;
 use wm_render::simd::SimdPath;
-use wm_render::{
-    Channels, CpuConfig, DepthAlpha, Differentiable, Drawn, ForwardConfig, Frame, Gradients, Learn, Opacity,
-    RenderError,
-};
-use wm_scene::{Camera, Group, Splats};
+use wm_render::stages::optimize::{SplatTerms, Step};
+use wm_render::{Channels, DepthAlpha, Differentiable, Drawn, ForwardConfig, Frame, Opacity, RenderError};
+use wm_scene::{Camera, Splats};
 
 /// A training under way.
 pub struct Trainer {
     config: TrainConfig,
     terms: Vec<Box<dyn LossTerm>>,
-    renderer: Differentiable,
+    learner: Learner,
     state: TrainState,
+    /// The steps that the state here knows, where a device is ahead.
+    known: u32,
     extent: f64,
     /// Photos that teach.
     photos: usize,
@@ -58,9 +58,6 @@ struct Work {
     /// What the scene's colours were before they became those of the photo.
     rendered: Vec<f32>,
     loss: LossGradients,
-    gradients: Gradients,
-    /// Those of terms that have a render of their own.
-    own: Gradients,
 }
 
 /// What a step did.
@@ -74,11 +71,14 @@ pub struct StepReport {
     pub densified: Densified,
     /// Splats in view.
     pub visible: usize,
+    /// Steps that were lost with a device: the training goes on without it after those that are left.
+    pub lost: u32,
     /// Where the time went.
     pub times: StepTimes,
 }
 
-/// Wall time of the parts of a step, seconds.
+/// Wall time of the parts of a step, seconds. A GPU is told what to do and waited for where pictures are read: most of
+/// its time for a step is in the forward passes that follow.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepTimes {
     /// Rendering.
@@ -114,40 +114,36 @@ impl StepTimes {
 }
 
 impl Trainer {
-    /// Begins with `splats` in a scene of `extent` units that `photos` photos show.
-    ///
-    /// # Errors
-    /// [`RenderError`] if threads or the SIMD path cannot be had.
+    /// Begins with `splats` in a scene of `extent` units that `photos` photos show, on the back end `renderer`.
+    #[must_use]
     pub fn new(
         config: TrainConfig,
-        run: CpuConfig,
+        renderer: Box<dyn Differentiable>,
         splats: Splats,
         extent: f64,
         photos: usize,
-    ) -> Result<Self, RenderError> {
+    ) -> Self {
         let exposures = match config.exposure {
             Exposure::Shared => Exposures::default(),
             Exposure::Photo => Exposures::new(photos),
         };
         let state = TrainState { step: 0, population: Population::new(splats), exposures };
-        Self::resumed(config, run, state, extent, photos)
+        Self::resumed(config, renderer, state, extent, photos)
     }
 
     /// Goes on from `state`; `extent` and `photos` as at the beginning.
-    ///
-    /// # Errors
-    /// [`RenderError`] if threads or the SIMD path cannot be had.
+    #[must_use]
     pub fn resumed(
         config: TrainConfig,
-        run: CpuConfig,
+        renderer: Box<dyn Differentiable>,
         state: TrainState,
         extent: f64,
         photos: usize,
-    ) -> Result<Self, RenderError> {
-        let renderer = Differentiable::new(run)?;
+    ) -> Self {
         let terms = losses::terms(&config, renderer.path());
+        let (learner, known) = (Learner::new(renderer), state.step);
         let (work, orders) = (Work::default(), Default::default());
-        Ok(Self { config, terms, renderer, state, extent, photos, work, orders })
+        Self { config, terms, learner, state, known, extent, photos, work, orders }
     }
 
     /// Adds a term to those that the configuration names.
@@ -161,28 +157,71 @@ impl Trainer {
         &self.config
     }
 
-    /// The state after the steps so far.
+    /// Steps that are done.
     #[must_use]
-    pub fn state(&self) -> &TrainState {
-        &self.state
+    pub fn steps_done(&self) -> u32 {
+        self.state.step
     }
 
-    /// The splats so far.
+    /// Number of splats.
     #[must_use]
-    pub fn splats(&self) -> &Splats {
-        &self.state.population.splats
+    pub fn len(&self) -> usize {
+        self.state.population.len()
+    }
+
+    /// Whether there are no splats.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The state after the steps so far. Where the device on which it is fails and there is another to go on with, these
+    /// are fewer steps than before.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device fails.
+    pub fn state(&mut self) -> Result<&TrainState, RenderError> {
+        match self.learner.sync(&mut self.state.population) {
+            Err(error) => _ = self.go_back(error)?,
+            Ok(_) => self.known = self.state.step,
+        }
+        Ok(&self.state)
+    }
+
+    /// Goes on with another device after `error`, from what is known here; gives the number of steps that are lost.
+    fn go_back(&mut self, error: RenderError) -> Result<u32, RenderError> {
+        if !error.is_of_gpu() {
+            return Err(error);
+        }
+        self.learner.give_up(error)?;
+        // A step that failed after splats came and went is done.
+        let lost = self.state.step.saturating_sub(self.known);
+        self.state.step = self.known;
+        Ok(lost)
+    }
+
+    /// The state as it is known here, after the steps before a device went ahead: what is left where it fails.
+    pub fn known_state(&mut self) -> &TrainState {
+        self.state.step = self.known;
+        &self.state
     }
 
     /// The SIMD path in use.
     #[must_use]
     pub fn path(&self) -> SimdPath {
-        self.renderer.path()
+        self.learner.renderer().path()
+    }
+
+    /// What runs, for reports.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        self.learner.renderer().describe()
     }
 
     /// Threads in use.
     #[must_use]
     pub fn threads(&self) -> usize {
-        self.renderer.pool().current_num_threads()
+        self.learner.renderer().pool().current_num_threads()
     }
 
     /// Whether all steps are done.
@@ -211,13 +250,17 @@ impl Trainer {
         schedule::level(&self.config, step, last_level)
     }
 
-    /// One step, on photo `photo` of `truth`.
+    /// One step, on photo `photo` of `truth`. Where a device fails and there is another to go on with, it is no step, and
+    /// says what was lost.
     ///
     /// # Errors
-    /// [`RenderError`] if the camera cannot be rendered with or memory is short.
+    /// [`RenderError`] if the camera cannot be rendered with, memory is short or the device fails.
     pub fn step(&mut self, truth: &Truth<'_>, photo: usize) -> Result<StepReport, RenderError> {
-        let pool = std::sync::Arc::clone(self.renderer.pool());
-        pool.install(|| self.step_on_pool(truth, photo))
+        let pool = std::sync::Arc::clone(self.learner.renderer().pool());
+        match pool.install(|| self.step_on_pool(truth, photo)) {
+            Err(error) => Ok(StepReport { lost: self.go_back(error)?, ..StepReport::default() }),
+            done => done,
+        }
     }
 
     fn step_on_pool(&mut self, truth: &Truth<'_>, photo: usize) -> Result<StepReport, RenderError> {
@@ -247,20 +290,19 @@ impl Trainer {
             drawn: Drawn::All,
             sh_degree: schedule::sh_degree(&self.config, step),
         };
-        let work = &mut self.work;
-        let splats = &self.state.population.splats;
-        let stats = self.renderer.forward(splats, truth.camera, &forward, &mut work.frame)?;
-        report.visible = stats.visible as usize;
+        let path = self.learner.renderer().path();
+        let (work, population) = (&mut self.work, &mut self.state.population);
+        report.visible = self.learner.forward(population, truth.camera, &forward, &mut work.frame)?;
         report.times.forward = lap();
 
         let exposed = !self.state.exposures.changes.is_empty();
         if exposed {
             std::mem::swap(&mut work.rendered, &mut work.frame.rgb);
             work.frame.rgb.resize(work.rendered.len(), 0.0);
-            self.state.exposures.apply(self.renderer.path(), photo, &work.rendered, &mut work.frame.rgb);
+            self.state.exposures.apply(path, photo, &work.rendered, &mut work.frame.rgb);
         }
         work.loss.clear(&work.frame);
-        let input = LossInput { frame: &work.frame, truth, step, path: self.renderer.path() };
+        let input = LossInput { frame: &work.frame, truth, step, path };
         for term in self.terms.iter_mut().filter(|term| common(term.as_ref())) {
             let weight = term.weight(step, truth);
             let value = term.add(&input, weight, &mut work.loss);
@@ -268,55 +310,56 @@ impl Trainer {
             report.terms.push((term.name(), value));
         }
         if exposed {
-            let (path, rate) = (self.renderer.path(), self.config.rates.exposure);
+            let rate = self.config.rates.exposure;
             self.state.exposures.learn(path, photo, &work.rendered, &mut work.loss.rgb, rate);
         }
         report.times.loss = lap();
 
-        let upstream = work.loss.upstream(DepthAlpha::Learns);
-        self.renderer.backward(splats, &upstream, Learn::ALL, &mut work.gradients);
+        self.learner.backward(population, &work.loss.upstream(DepthAlpha::Learns))?;
         report.times.backward = lap();
         self.add_own_renders(truth, &forward, &mut report)?;
         report.times.own = lap();
 
-        let (population, gradients) = (&mut self.state.population, &mut self.work.gradients);
-        population.see(&gradients.visible, step + 1);
-        for term in self.terms.iter_mut() {
+        let mut terms = SplatTerms::default();
+        for term in &self.terms {
             let weight = term.weight(step, truth);
             if weight != 0.0 {
-                term.pull(&population.splats, weight, gradients);
+                term.splat_terms(weight, &mut terms);
             }
         }
+        let mut pulled = Pulled::Ignored;
         match &self.config.densify {
             Densify::Fixed => {}
-            Densify::Adaptive(_) => {
-                population.pulls.add(gradients, truth.camera.width, truth.camera.height);
-            }
-            Densify::Mcmc(chain) => chain.regularise(population, gradients),
-        }
-        // The sky stays where it is, and looks the same from everywhere.
-        let stride = gradients.sh_stride();
-        for (row, index) in gradients.visible.iter().enumerate() {
-            if population.splats.groups[*index as usize] == Group::Sky {
-                gradients.means[row] = [0.0; 3];
-                gradients.sh[row * stride + 3..(row + 1) * stride].fill(0.0);
+            Densify::Adaptive(_) => pulled = Pulled::Counted,
+            Densify::Mcmc(chain) => {
+                let SplatTerms { opacity, scale, .. } = chain.terms();
+                (terms.opacity, terms.scale) = (terms.opacity + opacity, terms.scale + scale);
             }
         }
-        let (splats, moments) = (&mut population.splats, &mut population.moments);
-        optimizer::step(self.renderer.path(), splats, moments, gradients, &rates, step + 1);
+        let population = &mut self.state.population;
+        let size = (truth.camera.width, truth.camera.height);
+        self.learner.optimize(population, &Step { number: step + 1, rates, terms, size }, pulled)?;
         report.times.optimizer = lap();
 
-        let population = &mut self.state.population;
-        match &self.config.densify {
-            Densify::Fixed => {}
-            Densify::Adaptive(control) => {
-                report.densified = control.after(step + 1, population, self.extent, random(Purpose::Sample));
-            }
-            Densify::Mcmc(chain) => {
-                let samples = random(Purpose::Sample);
-                report.densified = chain.after(step + 1, self.photos, population, samples);
-                chain.explore(population, rates.means, self.extent, random(Purpose::Noise));
-            }
+        let is_due = match &self.config.densify {
+            Densify::Fixed => false,
+            Densify::Adaptive(control) => control.is_due(step + 1),
+            Densify::Mcmc(chain) => chain.is_due(step + 1),
+        };
+        if is_due {
+            self.learner.sync(population)?;
+            let samples = random(Purpose::Sample);
+            report.densified = match &self.config.densify {
+                Densify::Fixed => Densified::default(),
+                Densify::Adaptive(control) => control.after(step + 1, population, self.extent, samples),
+                Densify::Mcmc(chain) => chain.after(step + 1, self.photos, population, samples),
+            };
+            self.learner.changed();
+            self.known = step + 1;
+        }
+        if let Densify::Mcmc(chain) = &self.config.densify {
+            let of = (rates.means, self.extent);
+            self.learner.explore(population, chain, of, random(Purpose::Noise))?;
         }
         report.times.densify = lap();
         self.state.step += 1;
@@ -330,7 +373,8 @@ impl Trainer {
         common: &ForwardConfig,
         report: &mut StepReport,
     ) -> Result<(), RenderError> {
-        let (step, work, splats) = (self.state.step, &mut self.work, &self.state.population.splats);
+        let (step, work, population) = (self.state.step, &mut self.work, &self.state.population);
+        let path = self.learner.renderer().path();
         let mut renders = Vec::new();
         for term in &self.terms {
             if let Some(own) = term.own_render().filter(|own| !renders.contains(own))
@@ -342,9 +386,9 @@ impl Trainer {
         for own in renders {
             let config =
                 ForwardConfig { channels: own.channels, opacity: own.opacity, drawn: own.drawn, ..*common };
-            self.renderer.forward(splats, truth.camera, &config, &mut work.frame)?;
+            self.learner.forward(population, truth.camera, &config, &mut work.frame)?;
             work.loss.clear(&work.frame);
-            let input = LossInput { frame: &work.frame, truth, step, path: self.renderer.path() };
+            let input = LossInput { frame: &work.frame, truth, step, path };
             for term in self.terms.iter_mut().filter(|term| term.own_render() == Some(own)) {
                 let weight = term.weight(step, truth);
                 if weight != 0.0 {
@@ -353,9 +397,7 @@ impl Trainer {
                     report.terms.push((term.name(), value));
                 }
             }
-            let upstream = work.loss.upstream(own.depth_alpha);
-            self.renderer.backward(splats, &upstream, own.learn, &mut work.own);
-            work.gradients.add_parameters(&work.own);
+            self.learner.add_backward(population, &work.loss.upstream(own.depth_alpha), own.learn)?;
         }
         Ok(())
     }
@@ -363,7 +405,7 @@ impl Trainer {
     /// Renders what has been learnt, over black, without any photo's exposure.
     ///
     /// # Errors
-    /// [`RenderError`] if the camera cannot be rendered with or memory is short.
+    /// [`RenderError`] if the camera cannot be rendered with, memory is short or the device fails.
     pub fn render(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
         let config = ForwardConfig {
             channels: Channels::Color,
@@ -373,7 +415,11 @@ impl Trainer {
             drawn: Drawn::All,
             sh_degree: self.config.sh_degree,
         };
-        self.renderer.forward(&self.state.population.splats, camera, &config, frame).map(|_| ())
+        if let Err(error) = self.learner.forward(&self.state.population, camera, &config, frame) {
+            self.go_back(error)?;
+            self.learner.forward(&self.state.population, camera, &config, frame)?;
+        }
+        Ok(())
     }
 }
 
@@ -381,11 +427,13 @@ impl Trainer {
 mod tests {
     use super::*;
     use crate::config::{GeometryConfig, LossConfig, Preset};
+    use crate::densify::mcmc::McmcConfig;
     use crate::losses::OwnRender;
     use glam::DVec3;
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering};
-    use wm_render::testing::{random_splats, uniform};
+    use wm_render::testing::{Backend, fallible_differentiable, random_splats, uniform};
+    use wm_render::{CpuConfig, CpuDifferentiable, Learn};
 
     const SIZE: (u32, u32) = (48, 32);
 
@@ -416,7 +464,7 @@ mod tests {
 
     fn trainer(config: TrainConfig, splats: Splats) -> Trainer {
         let run = CpuConfig { threads: Some(1), ..CpuConfig::default() };
-        Trainer::new(config, run, splats, 3.0, 4).unwrap()
+        Trainer::new(config, Box::new(CpuDifferentiable::new(run).unwrap()), splats, 3.0, 4)
     }
 
     /// What each camera sees of the truth.
@@ -449,7 +497,7 @@ mod tests {
         while !trainer.is_done() {
             let mut sum = 0.0;
             for _ in 0..4 {
-                let step = trainer.state().step;
+                let step = trainer.steps_done();
                 let index = trainer.photo_at(step);
                 let truth = Truth { rgb: &photos[index], mask: None, camera: &cameras[index], prior: None };
                 sum += trainer.step(&truth, index).unwrap().loss;
@@ -495,10 +543,10 @@ mod tests {
         let calls = Arc::new(AtomicU32::new(0));
         trainer.add_term(Box::new(Pull { weight, own, calls: Arc::clone(&calls) }));
         let (cameras, photos) = (cameras(), photos());
-        let before = trainer.splats().clone();
+        let before = trainer.state().unwrap().population.splats.clone();
         let truth = Truth { rgb: &photos[0], mask: None, camera: &cameras[0], prior: None };
         let report = trainer.step(&truth, 0).unwrap();
-        (before, trainer.splats().clone(), calls.load(Ordering::Relaxed), report)
+        (before, trainer.state().unwrap().population.splats.clone(), calls.load(Ordering::Relaxed), report)
     }
 
     const OWN: OwnRender = OwnRender {
@@ -542,8 +590,58 @@ mod tests {
                 trainer.add_term(Box::new(Pull { weight: 1.0, own, calls: Arc::default() }));
             }
             trainer.step(&truth, 0).unwrap();
-            trainer.state().population.pulls.clone()
+            trainer.state().unwrap().population.pulls.clone()
         });
         assert_eq!(pulls[0], pulls[1]);
+    }
+
+    /// Trains on a GPU that is lost on the way, and says after how many steps what was lost.
+    fn losing(gpu_at: u32, config: &TrainConfig) -> (Trainer, Vec<(u32, u32)>) {
+        let (renderer, gpu) = fallible_differentiable(|_| {});
+        let mut trainer = Trainer::new(config.clone(), Box::new(renderer), perturbed(), 3.0, 4);
+        let (cameras, photos) = (cameras(), photos());
+        let mut lost = Vec::new();
+        let mut taken = 0;
+        while !trainer.is_done() {
+            if taken == gpu_at {
+                gpu.lose();
+            }
+            taken += 1;
+            let step = trainer.steps_done();
+            let index = trainer.photo_at(step);
+            let truth = Truth { rgb: &photos[index], mask: None, camera: &cameras[index], prior: None };
+            let report = trainer.step(&truth, index).unwrap();
+            if trainer.steps_done() <= step {
+                lost.push((step, report.lost));
+            }
+        }
+        (trainer, lost)
+    }
+
+    /// Splats come at steps 10 and 20: after 26 the six since are taken again.
+    #[test]
+    fn a_training_goes_on_without_its_gpu() {
+        if Backend::gpu().is_none() {
+            return;
+        }
+        let mut config = config(40);
+        let chain = McmcConfig { from: 1, until: 30, every: 10, ..McmcConfig::for_steps(40, 40) };
+        config.densify = Densify::Mcmc(chain);
+        let (mut trainer, lost) = losing(26, &config);
+        assert_eq!(lost, [(26, 6)]);
+        assert!(trainer.describe().starts_with("cpu, "));
+        assert_eq!((trainer.steps_done(), trainer.state().unwrap().step), (40, 40));
+        let (mut whole, lost) = losing(u32::MAX, &config);
+        assert!(lost.is_empty() && whole.describe().starts_with("gpu, "));
+        assert_eq!(whole.len(), trainer.len());
+        let [one, two] = [&mut whole, &mut trainer].map(|trainer| {
+            let mut frame = Frame::default();
+            trainer.render(&cameras()[0], &mut frame).unwrap();
+            frame.rgb
+        });
+        let off = one.iter().zip(&two).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+        let psnr = -10.0 * (off / one.len() as f64).log10();
+        eprintln!("{psnr:.1} dB");
+        assert!(psnr > 30.0, "{psnr}");
     }
 }

@@ -4,10 +4,11 @@ use super::BenchArgs;
 use super::measure::{WARM_UP, cpu_seconds, median};
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
+use crate::scene::RunArgs;
 use anyhow::Result;
 use serde::Serialize;
 use std::time::Instant;
-use wm_render::{CpuConfig, Frame};
+use wm_render::{Device, Frame};
 use wm_scene::{Camera, Splats};
 use wm_train::config::{Densify, RateConfig};
 use wm_train::densify::Population;
@@ -45,7 +46,7 @@ struct Step {
 }
 
 /// A trainer that stays where it is: its steps are as long as nothing.
-fn standing(splats: &Splats, threads: Option<usize>, args: &BenchArgs) -> Result<Trainer> {
+fn standing(splats: &Splats, run: &RunArgs) -> Result<Trainer> {
     let least = 1e-15;
     let config = TrainConfig {
         steps: u32::MAX,
@@ -70,13 +71,13 @@ fn standing(splats: &Splats, threads: Option<usize>, args: &BenchArgs) -> Result
         population: Population::new(splats.clone()),
         exposures: Exposures::new(1),
     };
-    Ok(Trainer::resumed(config, CpuConfig { threads, simd: args.run.simd }, state, 1.0, 1)?)
+    Ok(Trainer::resumed(config, run.differentiable()?, state, 1.0, 1))
 }
 
 /// Measures steps on one photo: the scene itself from `camera`, a fifth darker.
 pub fn measure(name: &str, splats: &Splats, camera: &Camera, args: &BenchArgs) -> Result<TrainingReport> {
-    let threads = args.run.threads.map(usize::from);
-    let mut trainers = [standing(splats, threads, args)?, standing(splats, Some(1), args)?];
+    let one = RunArgs { device: Device::Cpu, threads: Some(1), simd: args.run.simd };
+    let mut trainers = [standing(splats, &args.run)?, standing(splats, &one)?];
     let mut frame = Frame::default();
     trainers[0].render(camera, &mut frame)?;
     let rgb: Vec<f32> = frame.rgb.iter().map(|v| 0.8 * v).collect();

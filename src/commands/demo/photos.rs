@@ -7,7 +7,6 @@ use crate::scene::RunArgs;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, ValueEnum};
 use std::path::Path;
-use wm_render::Device;
 use wm_scene::Place;
 use wm_train::builtin::{self, BuiltinOptions};
 
@@ -130,8 +129,7 @@ pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: &RunArgs) -> Re
     words.extend(TRAINING.map(Into::into));
     words.extend(["--steps".into(), steps.to_string().into()]);
     let Words { mut args } = Words::try_parse_from(words).context("the demo's own options")?;
-    // The device is for what is rendered afterwards.
-    args.run = RunArgs { device: Device::Auto, ..run.clone() };
+    args.run = run.clone();
     reconstruct::run(&args)
 }
 

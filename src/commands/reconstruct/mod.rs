@@ -14,7 +14,6 @@ use crate::scene::RunArgs;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
-use wm_render::Device;
 use wm_scene::files::check_writable;
 use wm_scene::{Rasterization, formats};
 use wm_train::config::{BackgroundKind, Densify, Exposure, Resolution};
@@ -247,9 +246,6 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         && !(height.is_finite() && height > 0.0)
     {
         bail!("--camera-height is {height}: it must be finite and above 0");
-    }
-    if let Device::Gpu(_) = &args.run.device {
-        bail!("--device {}: training runs on the CPU as yet", args.run.device);
     }
     let facts = args.facts.metadata()?;
     let lpips = lpips::Lpips::read(args)?;

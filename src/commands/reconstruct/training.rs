@@ -15,7 +15,7 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-use wm_render::{CpuConfig, Frame};
+use wm_render::{Frame, RenderError};
 use wm_scene::capture::gps;
 use wm_scene::capture::ground::{Ground, HELD_AT, NoGround, ground};
 use wm_scene::formats::{folder as scene_folder, write_scene};
@@ -120,12 +120,12 @@ impl<'a> Run<'a> {
         args: &'a ReconstructArgs,
         lpips: Option<Lpips>,
     ) -> Result<Self> {
-        let run = CpuConfig { threads: args.run.threads.map(usize::from), simd: args.run.simd };
+        let renderer = args.run.differentiable()?;
         let cameras = data.cameras();
         let extent = start::extent(&cameras);
         let trainer = match folder.resumed()? {
             Some((head, state)) => {
-                let trainer = Trainer::resumed(config, run, state, extent, data.teaching.len())?;
+                let trainer = Trainer::resumed(config, renderer, state, extent, data.teaching.len());
                 let same = head.config == *trainer.config()
                     && head.photos == taught(data)
                     && head.simd == trainer.path().to_string();
@@ -156,11 +156,11 @@ impl<'a> Run<'a> {
                     bail!("{}: no point of the model is finite; make it again", args.dataset.display());
                 }
                 add_sky(&mut splats, data, priors, extent, config.sky_splats)?;
-                Trainer::new(config, run, splats, extent, data.teaching.len())?
+                Trainer::new(config, renderer, splats, extent, data.teaching.len())
             }
         };
         folder.write_config(trainer.config())?;
-        let metrics = folder.metrics(trainer.state().step, trainer.config().steps)?;
+        let metrics = folder.metrics(trainer.steps_done(), trainer.config().steps)?;
         let last_level = data.photos.last_level(SHORTEST);
         Ok(Self {
             trainer,
@@ -179,7 +179,7 @@ impl<'a> Run<'a> {
     /// Trains to the end and writes the scene.
     pub fn go(mut self, out: &Path, facts: &Metadata) -> Result<()> {
         let steps = self.trainer.config().steps;
-        let done = self.trainer.state().step;
+        let done = self.trainer.steps_done();
         let (line_every, preview_every) = ((steps / LINES).max(1), (steps / PREVIEWS).max(1));
         let bar = progress::bar(u64::from(steps), "steps");
         bar.set_position(u64::from(done));
@@ -192,29 +192,25 @@ impl<'a> Run<'a> {
             if interrupt::asked() {
                 bar.finish_and_clear();
                 self.save()?;
-                let step = self.trainer.state().step;
+                let step = self.trainer.steps_done();
                 let advice = "the same command with --resume goes on";
                 return Err(Interrupted(format!("{step} of {steps} steps are done, {advice}")).into());
             }
             self.step(&mut sum)?;
-            let step = self.trainer.state().step;
-            bar.inc(1);
+            let step = self.trainer.steps_done();
+            bar.set_position(u64::from(step));
             if step.is_multiple_of(preview_every) && step < steps {
                 score = self.evaluate()?;
                 self.preview()?;
                 if let Some(score) = score {
-                    self.metrics.add(&score.json(step, self.trainer.splats().len()))?;
+                    self.metrics.add(&score.json(step, self.trainer.len()))?;
                 }
             }
             if step.is_multiple_of(line_every) {
                 let held_out =
                     score.map_or_else(String::new, |score: Score| format!(", held-out {:.2} dB", score.psnr));
-                bar.set_message(format!(
-                    "loss {:.4}, {} splats{held_out}",
-                    sum.loss(),
-                    self.trainer.splats().len()
-                ));
-                let line = sum.json(step, self.trainer.splats().len());
+                bar.set_message(format!("loss {:.4}, {} splats{held_out}", sum.loss(), self.trainer.len()));
+                let line = sum.json(step, self.trainer.len());
                 self.metrics.add(&line)?;
                 sum.begin_line();
             }
@@ -232,7 +228,7 @@ impl<'a> Run<'a> {
     }
 
     fn step(&mut self, sum: &mut Sum) -> Result<()> {
-        let step = self.trainer.state().step;
+        let step = self.trainer.steps_done();
         for ahead in step + 1..=(step + AHEAD).min(self.trainer.config().steps.saturating_sub(1)) {
             let place = self.data.teaching[self.trainer.photo_at(ahead)];
             self.data.photos.prefetch(place, self.trainer.level_at(ahead, self.last_level));
@@ -241,7 +237,13 @@ impl<'a> Run<'a> {
         let (index, photo) = self.taught_at(step, level)?;
         let prior = self.prior(self.data.teaching[index])?;
         let truth = Truth { prior: prior.as_deref(), ..self.truths.of(&photo) };
-        let report = self.trainer.step(&truth, index)?;
+        let report = match self.trainer.step(&truth, index) {
+            Err(error) if error.is_of_gpu() => return Err(self.without_gpu(&error)),
+            done => done?,
+        };
+        if report.lost > 0 {
+            eprintln!("warning: {} steps were lost with the GPU and are taken again", report.lost);
+        }
         if !report.loss.is_finite() {
             bail!(
                 "the training came to numbers that are not finite at step {step}: report this with the photos"
@@ -281,12 +283,25 @@ impl<'a> Run<'a> {
     }
 
     /// Ends the run, since a photo is missing, but for what was learnt.
-    fn without(&self, error: PhotoError) -> anyhow::Error {
-        let step = self.trainer.state().step;
+    fn without(&mut self, error: PhotoError) -> anyhow::Error {
+        let step = self.trainer.steps_done();
         match self.save() {
             Ok(()) => anyhow::anyhow!(
                 "{error}; {step} of {} steps are done, the same command with --resume goes on, and with --skip-bad \
                  without such photos",
+                self.trainer.config().steps
+            ),
+            Err(also) => anyhow::anyhow!("{error}; and what was learnt is lost: {also:#}"),
+        }
+    }
+
+    /// Ends the run, since the GPU failed, but for what was learnt.
+    fn without_gpu(&mut self, error: &RenderError) -> anyhow::Error {
+        match self.save() {
+            Ok(()) => anyhow::anyhow!(
+                "{error}; {} of {} steps are done, the same command with --resume goes on, and with --device \
+                 cpu on the CPU",
+                self.trainer.steps_done(),
                 self.trainer.config().steps
             ),
             Err(also) => anyhow::anyhow!("{error}; and what was learnt is lost: {also:#}"),
@@ -338,16 +353,21 @@ impl<'a> Run<'a> {
         let camera = self.data.photos.camera(place, 0);
         let mut frame = Frame::default();
         self.trainer.render(&camera, &mut frame)?;
-        let path = self.folder.path().join(format!("preview-{:06}.png", self.trainer.state().step));
+        let path = self.folder.path().join(format!("preview-{:06}.png", self.trainer.steps_done()));
         let tags = [("photo".to_owned(), self.data.name(place).to_owned())];
         png::write_rgb(&path, &frame.rgb, Size::new(camera.width, camera.height), Dither::Ordered, &tags)?;
         Ok(())
     }
 
-    fn save(&self) -> Result<()> {
-        let state = self.trainer.state();
-        let simd = self.trainer.path().to_string();
-        let head = Head::new(self.trainer.config(), taught(self.data), simd, state);
+    fn save(&mut self) -> Result<()> {
+        match self.trainer.state().map(|_| ()) {
+            // What was known before the GPU failed.
+            Err(error) if error.is_of_gpu() => {}
+            done => done?,
+        }
+        let (config, simd) = (self.trainer.config().clone(), self.trainer.path().to_string());
+        let state = self.trainer.known_state();
+        let head = Head::new(&config, taught(self.data), simd, state);
         checkpoint::write(&self.folder.checkpoint(), &head, state).context("what was learnt cannot be kept")
     }
 
@@ -356,8 +376,9 @@ impl<'a> Run<'a> {
             let ms = |part: f64| part * 1e3 / f64::from(steps);
             let StepTimes { forward, loss, backward, own, optimizer, densify } = sum.times;
             println!(
-                "{steps} steps in {seconds:.1} s, {:.1} ms each: forward {:.1}, loss {:.1}, backward {:.1}, renders of terms {:.1}, optimiser {:.1}, \
+                "{steps} steps in {seconds:.1} s on {}, {:.1} ms each: forward {:.1}, loss {:.1}, backward {:.1}, renders of terms {:.1}, optimiser {:.1}, \
                  densify {:.1}, photos and the rest {:.1}",
+                self.trainer.describe(),
                 ms(seconds),
                 ms(forward),
                 ms(loss),
@@ -375,15 +396,15 @@ impl<'a> Run<'a> {
         }
         if let Some(score) = Score::mean(&scores) {
             println!("held-out mean of {}: {score}", scores.len());
-            let line = score.json(self.trainer.state().step, self.trainer.splats().len());
+            let line = score.json(self.trainer.steps_done(), self.trainer.len());
             self.metrics.add(&line)?;
         }
         Ok(())
     }
 
     /// Writes the scene with what cameras tell of the place.
-    fn write(&self, out: &Path, facts: &Metadata) -> Result<()> {
-        let mut splats = self.trainer.state().population.drawn();
+    fn write(&mut self, out: &Path, facts: &Metadata) -> Result<()> {
+        let mut splats = self.trainer.state()?.population.drawn();
         label_sky(&mut splats);
         let metadata = Metadata {
             rasterization: Some(self.trainer.config().rasterization),

@@ -10,7 +10,7 @@ mod differentiable;
 mod front;
 pub mod model;
 
-pub use differentiable::{BackwardStats, Differentiable};
+pub use differentiable::CpuDifferentiable;
 
 use crate::frame::Frame;
 use crate::hooks::ParticleView;

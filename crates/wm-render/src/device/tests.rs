@@ -16,7 +16,7 @@ mod with_gpu {
     use super::*;
     use crate::hooks::{Hooks, Medium, ShadeGroup};
     use crate::renderer::{RenderConfig, SetView};
-    use crate::testing::{Backend, camera, gpu_renderer, random_splats};
+    use crate::testing::{Backend, RandomLoss, camera, gpu_renderer, random_splats};
     use std::sync::atomic::{AtomicU32, Ordering};
 
     /// As `auto` makes it where there is a GPU; counts the warnings.
@@ -66,5 +66,39 @@ mod with_gpu {
         // The name of the set that is gone is free.
         assert_eq!(renderer.load(&Splats::default()).unwrap(), sets[1]);
         assert_eq!(WARNINGS.load(Ordering::Relaxed), 1);
+    }
+
+    /// A GPU that is lost between the passes of a step, and one that is lost before.
+    #[test]
+    fn what_a_lost_gpu_leaves_the_cpu_derives_with_one_warning() {
+        static WARNINGS: AtomicU32 = AtomicU32::new(0);
+        if Backend::gpu().is_none() {
+            return;
+        }
+        let run = CpuConfig { threads: Some(2), ..CpuConfig::default() };
+        let (splats, camera) = (random_splats(300, 1, 4), camera(64, 48));
+        let config = ForwardConfig { sh_degree: 1, ..ForwardConfig::default() };
+        let loss = RandomLoss::new(config.channels, 64 * 48, 5, |_| true);
+        let (mut frame, mut want) = (Frame::default(), Gradients::default());
+        let mut cpu = CpuDifferentiable::new(run).unwrap();
+        cpu.forward(&splats, &camera, &config, &mut frame).unwrap();
+        cpu.backward(&splats, &loss.upstream(), Learn::ALL, &mut want).unwrap();
+        for (place, lost_before) in [true, false].into_iter().enumerate() {
+            let gpu = Gpu::open(&GpuConfig { choice: gpu::Choice::Any, most_binding: None }).unwrap();
+            let warn: fn(&RenderError) = |_| {
+                WARNINGS.fetch_add(1, Ordering::Relaxed);
+            };
+            let mut any = AnyDifferentiable::fallible(gpu.clone(), run, warn).unwrap();
+            if lost_before {
+                gpu.lose();
+            }
+            any.forward(&splats, &camera, &config, &mut frame).unwrap();
+            gpu.lose();
+            let mut gradients = Gradients::default();
+            any.backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients).unwrap();
+            assert!(gradients == want);
+            assert_eq!(WARNINGS.load(Ordering::Relaxed) as usize, place + 1);
+            assert!(any.describe().starts_with("cpu, "));
+        }
     }
 }

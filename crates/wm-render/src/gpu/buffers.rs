@@ -7,8 +7,8 @@ use super::source::{BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, Falls, S
 use super::uniforms::{Capacity, SLOT};
 use wgpu::BufferUsages;
 
-const WRITTEN: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_DST);
-const READ_BACK: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC);
+pub(crate) const WRITTEN: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_DST);
+pub(crate) const READ_BACK: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC);
 
 /// A buffer that is made anew when more is asked of it.
 #[derive(Default)]
@@ -114,7 +114,7 @@ pub(crate) struct Extent {
 /// All that is kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct Memory {
-    kept: [Growing; 24],
+    kept: [Growing; 26],
     /// The factors of each set's splats: a set may be there twice.
     visibility: Vec<Growing>,
     air: Growing,

@@ -24,8 +24,10 @@
 mod air;
 mod buffers;
 pub mod device;
+mod differentiable;
 pub mod error;
 mod hosted;
+mod lists;
 pub mod model;
 mod plan;
 #[cfg(test)]
@@ -33,10 +35,13 @@ pub(crate) mod probe;
 mod readback;
 pub(crate) mod recorder;
 mod renderer;
+mod resident;
 pub mod source;
+mod stored;
 pub mod uniforms;
 
 pub use device::{Choice, Gpu, GpuConfig, Kind, Listed, adapters};
+pub use differentiable::GpuDifferentiable;
 pub use error::GpuError;
 pub use renderer::GpuRenderer;
 

@@ -2,10 +2,11 @@
 
 use super::buffers::Growing;
 use super::device::Gpu;
+use super::lists::listed;
 use super::recorder::Recorder;
 use super::renderer::GpuRenderer;
 use super::source::{DIGITS, DISPATCH_ROW, Program, SORT_BLOCK, WORKGROUP};
-use super::uniforms::{Capacity, SLOT, sort_pass};
+use super::uniforms::{Capacity, SLOT, Sight, sort_pass};
 use crate::frame::Frame;
 use crate::renderer::{Job, Renderer};
 use crate::stages::project::Record;
@@ -31,12 +32,10 @@ impl Probe {
         let numbers = words.as_chunks::<16>().0.iter().take(stats.visible as usize);
         let records = numbers.map(|words| Record::of(words.map(f32::from_bits))).collect();
         let offsets = read(&gpu, &room.tile_offsets);
-        let (columns, rows) = super::uniforms::tiles(job);
-        let tiles = (columns * rows) as usize;
-        let passes = passes(u32::BITS - (columns * rows).leading_zeros()) as usize;
-        let names = read(&gpu, &room.entry_pairs[passes % 2][1]);
+        let tiles = Sight::of(job).tile_count();
+        let names = read(&gpu, listed(room, tiles));
         let list = |ends: &[u32]| names[ends[0] as usize..ends[1] as usize].to_vec();
-        Self { records, lists: offsets[..=tiles].windows(2).map(list).collect() }
+        Self { records, lists: offsets[..=tiles as usize].windows(2).map(list).collect() }
     }
 }
 
@@ -66,7 +65,7 @@ pub fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
     let camera = crate::testing::camera(64, 48);
     let config = crate::renderer::RenderConfig::default();
     let job = Job { sets: &[], camera: &camera, config: &config, hooks: crate::hooks::Hooks::default() };
-    let view = super::uniforms::view(&job, 0, 0, Capacity { visible: 0, entries: room });
+    let view = super::uniforms::view(&Sight::of(&job), 0, 0, Capacity { visible: 0, entries: room });
     let mut slot = view.words;
     slot.resize(SLOT as usize / 4, 0);
     let uniforms = filled(gpu, &slot, BufferUsages::UNIFORM);

@@ -9,7 +9,7 @@ use super::plan::Plan;
 use super::readback::{Counted, submit};
 use super::recorder::Stage;
 use super::source::{Behind, Falls, WORKGROUP};
-use super::uniforms::{Capacity, SLOT, Uniform};
+use super::uniforms::{Capacity, Each, bytes_of};
 use crate::cpu::{self, Features};
 use crate::frame::Frame;
 use crate::hooks::{ParticleView, Twin};
@@ -119,7 +119,7 @@ impl GpuRenderer {
             },
             drops: (memory.drops(gpu, &falling.words())?, falling.len() as u32),
         };
-        capacity.start(total, gpu.most_binding());
+        capacity.start(total, gpu.most_binding(), Each::FRAME);
         // The depth that effects on the CPU need and the frame does not hold.
         let mut hidden = Vec::new();
         if !job.hooks.pixels.is_empty() && !arrays.depth {
@@ -145,7 +145,7 @@ impl GpuRenderer {
             let recorder = plan.record(gpu, &room, queries.as_ref());
             let pictures = (&mut *frame, &mut hidden);
             let counted = submit(gpu, recorder, (&room, memory), queries.as_ref(), pictures, &mut stats)?;
-            if !capacity.grow(counted.visible, counted.entries, gpu.most_binding()) {
+            if !capacity.grow(counted.visible, counted.entries, gpu.most_binding(), Each::FRAME) {
                 *last = Some(room);
                 break counted;
             }
@@ -167,16 +167,6 @@ fn air(gpu: &Gpu, memory: &mut Memory, job: &Job<'_>) -> Result<Option<(Twin, wg
     let twin = medium.twin(origin).ok_or(GpuError::Effect(medium.name()))?;
     let buffer = memory.air(gpu, &twin.parameters)?;
     Ok(Some((twin, buffer)))
-}
-
-/// Structures, one a slot.
-fn bytes_of(uniforms: &[Uniform]) -> Vec<u8> {
-    let mut bytes = vec![0; SLOT as usize * uniforms.len()];
-    for (slot, uniform) in bytes.chunks_exact_mut(SLOT as usize).zip(uniforms) {
-        let words: &[u8] = bytemuck::cast_slice(&uniform.words);
-        slot[..words.len()].copy_from_slice(words);
-    }
-    bytes
 }
 
 impl Renderer for GpuRenderer {

@@ -1,10 +1,13 @@
 //! The programs of the GPU: WGSL texts put together, with the constants of the Rust code before them.
 
+use crate::differentiable::Channels;
 use crate::frame;
 use crate::hooks::GROUP;
 use crate::renderer::{Geometry, MedianDepth};
 use crate::stages::project::{self, gpu as splats};
-use crate::stages::{particles, rasterize};
+use crate::stages::project_backward::gpu as gradients;
+use crate::stages::rasterize_backward::Slot;
+use crate::stages::{optimize, particles, rasterize};
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use wm_scene::sh;
@@ -42,13 +45,19 @@ pub const DISPATCH_WORDS: u64 = 9;
 /// Distance of the sky, scene units: WGSL promises no infinity.
 pub const FAR_AWAY: f32 = 1e30;
 
+macro_rules! file {
+    ($path:literal) => {
+        include_str!(concat!("../", $path))
+    };
+}
+
 /// A program of the GPU.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Program {
     /// Which splats are in view.
-    Cull,
+    Cull(Form),
     /// Their records, seen through air whose text this is.
-    Project(Option<Cow<'static, str>>),
+    Project(Form, Option<Cow<'static, str>>),
     /// The air alone, whose text this is.
     Air(Cow<'static, str>),
     /// Prefix sums over the blocks of splats.
@@ -71,6 +80,42 @@ pub enum Program {
     Composite(Behind, Falls),
     /// Adds up what falls.
     Fall,
+    /// Blends what training asks for, and keeps the sums.
+    BlendSums(Channels),
+    /// The pictures of these sums.
+    Finish(Channels),
+    /// Derivatives by sums out of those by pictures.
+    BySums(Channels),
+    /// From pixels to what they pull on each splat of their tile.
+    RasterizeBackward(Channels),
+    /// The pulls of all tiles together.
+    Gather,
+    /// From there to gradients.
+    ProjectBackward(Channels),
+    /// Gradients of another render to those of a step.
+    AddGradients,
+    /// The splats along them.
+    Optimize,
+    /// Nearly transparent splats at random.
+    Explore,
+}
+
+/// What form the parameters of splats are in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Form {
+    /// Made ready once, to be rendered often.
+    Activated,
+    /// As they are stored, and learn.
+    Stored,
+}
+
+impl Form {
+    fn text(self) -> &'static str {
+        match self {
+            Self::Activated => file!("stages/project/activated.wgsl"),
+            Self::Stored => file!("stages/project/stored.wgsl"),
+        }
+    }
 }
 
 /// What is behind the splats.
@@ -93,12 +138,8 @@ pub enum Falls {
     Apart,
 }
 
-macro_rules! file {
-    ($path:literal) => {
-        include_str!(concat!("../", $path))
-    };
-}
-
+/// What all programs over splats begin with.
+const PIECES: &str = file!("stages/project/pieces.wgsl");
 /// What does nothing to the light of a splat.
 const CLEAR_AIR: &str =
     "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
@@ -110,8 +151,14 @@ impl Program {
     #[must_use]
     pub fn all() -> Vec<Self> {
         let mut all = vec![
-            Self::Cull,
-            Self::Project(None),
+            Self::Cull(Form::Activated),
+            Self::Cull(Form::Stored),
+            Self::Project(Form::Activated, None),
+            Self::Project(Form::Stored, None),
+            Self::Gather,
+            Self::AddGradients,
+            Self::Optimize,
+            Self::Explore,
             Self::SpineVisible,
             Self::SpineEntries,
             Self::SortCount,
@@ -127,6 +174,11 @@ impl Program {
         for geometry in [Geometry::None, Geometry::Depth, Geometry::DepthNormal] {
             all.extend([MedianDepth::Off, MedianDepth::On].map(|median| Self::Rasterize(geometry, median)));
         }
+        for channels in Channels::ALL {
+            let of =
+                [Self::BlendSums, Self::Finish, Self::BySums, Self::RasterizeBackward, Self::ProjectBackward];
+            all.extend(of.map(|program| program(channels)));
+        }
         all
     }
 
@@ -134,8 +186,8 @@ impl Program {
     #[must_use]
     pub fn entry(&self) -> &'static str {
         match self {
-            Self::Cull => "cull",
-            Self::Project(_) => "project_visible",
+            Self::Cull(_) => "cull",
+            Self::Project(..) => "project_visible",
             Self::Air(_) => "shade_groups",
             Self::SpineVisible => "spine_visible",
             Self::SpineEntries => "spine_entries",
@@ -144,9 +196,17 @@ impl Program {
             Self::SortScatter => "scatter",
             Self::Intersect => "intersect",
             Self::Ranges => "ranges",
-            Self::Rasterize(..) => "rasterize",
+            Self::Rasterize(..) | Self::BlendSums(_) => "rasterize",
             Self::Composite(..) => "composite",
             Self::Fall => "fall",
+            Self::Finish(_) => "finish",
+            Self::BySums(_) => "by_sums",
+            Self::RasterizeBackward(_) => "rasterize_backward",
+            Self::Gather => "gather",
+            Self::ProjectBackward(_) => "project_backward",
+            Self::AddGradients => "add_gradients",
+            Self::Optimize => "optimize",
+            Self::Explore => "explore",
         }
     }
 
@@ -162,9 +222,13 @@ impl Program {
         };
         add(&[file!("gpu/common.wgsl")]);
         match self {
-            Self::Cull => add(&[file!("stages/project/geometry.wgsl"), file!("stages/project/cull.wgsl")]),
-            Self::Project(air) => {
-                add(&[file!("stages/project/geometry.wgsl"), file!("stages/shade/shade.wgsl")]);
+            Self::Cull(form) => {
+                add(&[PIECES, form.text(), file!("stages/project/geometry.wgsl")]);
+                add(&[file!("stages/project/cull.wgsl")]);
+            }
+            Self::Project(form, air) => {
+                add(&[PIECES, form.text(), file!("stages/project/geometry.wgsl")]);
+                add(&[file!("stages/shade/shade.wgsl")]);
                 add(&[file!("stages/project/project.wgsl")]);
                 match air {
                     None => add(&[CLEAR_AIR]),
@@ -184,14 +248,21 @@ impl Program {
             Self::Intersect => add(&[file!("gpu/scan.wgsl"), file!("stages/intersect/intersect.wgsl")]),
             Self::Ranges => add(&[file!("stages/intersect/ranges.wgsl")]),
             Self::Rasterize(geometry, median) => {
-                let geometry = match geometry {
-                    Geometry::None => 0,
-                    Geometry::Depth => 1,
-                    Geometry::DepthNormal => 2,
+                let channels = match geometry {
+                    Geometry::None => Channels::Color,
+                    Geometry::Depth => Channels::ColorDepth,
+                    Geometry::DepthNormal => Channels::ColorDepthNormal,
                 };
                 let is_median = *median == MedianDepth::On;
-                add(&[&format!("const GEOMETRY: u32 = {geometry}u;\nconst MEDIAN: bool = {is_median};")]);
-                add(&[file!("stages/rasterize/rasterize.wgsl")]);
+                add(&[
+                    &switches(channels),
+                    &format!("const KEEPS_SUMS = false;\nconst MEDIAN = {is_median};"),
+                ]);
+                add(&[file!("stages/rasterize/records.wgsl"), file!("stages/rasterize/rasterize.wgsl")]);
+            }
+            Self::BlendSums(channels) => {
+                add(&[&switches(*channels), "const KEEPS_SUMS = true;\nconst MEDIAN = false;"]);
+                add(&[file!("stages/rasterize/pairs.wgsl"), file!("stages/rasterize/rasterize.wgsl")]);
             }
             Self::Composite(behind, falls) => {
                 let is_uniform = *behind == Behind::Color;
@@ -207,9 +278,39 @@ impl Program {
                 add(&[file!("stages/composite/composite.wgsl")]);
             }
             Self::Fall => add(&[file!("stages/particles/fall.wgsl")]),
+            Self::Finish(channels) => {
+                add(&[
+                    &switches(*channels),
+                    file!("gpu/training.wgsl"),
+                    file!("stages/composite/finish.wgsl"),
+                ]);
+            }
+            Self::BySums(channels) => {
+                add(&[&switches(*channels), file!("gpu/training.wgsl")]);
+                add(&[file!("stages/rasterize_backward/upstream.wgsl")]);
+            }
+            Self::RasterizeBackward(channels) => {
+                add(&[&switches(*channels), file!("stages/rasterize_backward/rasterize_backward.wgsl")]);
+            }
+            Self::Gather => add(&[file!("stages/project_backward/gather.wgsl")]),
+            Self::ProjectBackward(channels) => {
+                add(&[&switches(*channels), PIECES, Form::Stored.text()]);
+                add(&[file!("stages/project/geometry.wgsl")]);
+                add(&[file!("stages/shade/shade.wgsl"), file!("stages/shade_backward/shade_backward.wgsl")]);
+                add(&[file!("stages/project_backward/project_backward.wgsl")]);
+            }
+            Self::AddGradients => add(&[PIECES, file!("stages/optimize/add.wgsl")]),
+            Self::Optimize => add(&[PIECES, file!("stages/optimize/optimize.wgsl")]),
+            Self::Explore => add(&[PIECES, file!("stages/optimize/explore.wgsl")]),
         }
         text
     }
+}
+
+/// Which sums are blended, as WGSL.
+fn switches(channels: Channels) -> String {
+    let (color, depth, normal) = (channels.has_color(), channels.depth().is_some(), channels.has_normal());
+    format!("const COLOR = {color};\nconst DEPTH = {depth};\nconst NORMAL = {normal};")
 }
 
 /// The constants that Rust and WGSL share, as WGSL.
@@ -243,9 +344,27 @@ pub fn constants() -> String {
         ROW_MEAN = splats::ROW_MEAN;
         ROW_QUAT = splats::ROW_QUAT;
         ROW_SCALE = splats::ROW_SCALE;
-        ROW_LOG2_OPACITY = splats::ROW_LOG2_OPACITY;
+        ROW_OPACITY = splats::ROW_OPACITY;
         ROW_DC = splats::ROW_DC;
         ROW_SKY = splats::ROW_SKY;
+        SLOT_S = Slot::S;
+        SLOT_SU = Slot::SU;
+        SLOT_SV = Slot::SV;
+        SLOT_SUU = Slot::SUU;
+        SLOT_ABS_X = Slot::ABS_X;
+        SLOT_ABS_Y = Slot::ABS_Y;
+        SLOT_WEIGHT = Slot::WEIGHT;
+        SLOT_FEATURES = Slot::FEATURES;
+        GRADIENT_ROW = gradients::ROW;
+        GRADIENT_MEAN = gradients::MEAN;
+        GRADIENT_QUAT = gradients::QUAT;
+        GRADIENT_SCALE = gradients::SCALE;
+        GRADIENT_OPACITY = gradients::OPACITY;
+        GRADIENT_MEAN2D = gradients::MEAN2D;
+        GRADIENT_ABSGRAD = gradients::ABSGRAD;
+        GRADIENT_WEIGHT = gradients::WEIGHT;
+        GRADIENT_RADIUS = gradients::RADIUS;
+        GRADIENT_INDEX = gradients::INDEX;
     }
     real! {
         TILE_SIDE = f64::from(TILE_SIDE);
@@ -262,6 +381,11 @@ pub fn constants() -> String {
         FRAME_MIN_ALPHA = frame::MIN_ALPHA;
         STEPS = particles::STEPS;
         LOG2E = std::f32::consts::LOG2_E;
+        PI = std::f32::consts::PI;
+        BETA1 = optimize::BETA1;
+        BETA2 = optimize::BETA2;
+        ADAM_EPS = optimize::EPS;
+        FLAT = optimize::FLAT;
         C0 = sh::C0;
         C1 = sh::C1;
     }

@@ -1,13 +1,15 @@
 //! What is of the GPU back end as a whole: room, pieces, repetition, and what goes wrong.
 
 use super::*;
+use crate::differentiable::{Channels, Differentiable, ForwardConfig, Gradients, Learn, Upstream};
 use crate::frame::Frame;
 use crate::hooks::{Hooks, Medium, ShadeGroup};
 use crate::reference;
 use crate::renderer::{CpuConfig, Job, RenderConfig, RenderError, Renderer, SetView};
 use crate::simd::SimdPath;
 use crate::testing::{
-    ALL_OUTPUTS, Backend, Hard, camera, compare, gpu_renderer, random_splats, shell_camera, shell_splats,
+    ALL_OUTPUTS, Backend, Hard, RandomLoss, camera, compare, gpu_differentiable, gpu_renderer, random_splats,
+    shell_camera, shell_splats,
 };
 use wm_scene::{Camera, Splats};
 
@@ -217,4 +219,89 @@ fn an_air_without_a_twin_is_refused_by_name() {
     let job = Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks };
     let error = renderer.render(&job, &mut Frame::default()).unwrap_err();
     assert_eq!(error.to_string(), "heavy air has no form for the GPU yet: render with the CPU");
+}
+
+/// A step of training: the picture, and gradients of a random loss.
+fn learn(
+    trainer: &mut GpuDifferentiable,
+    splats: &Splats,
+    camera: &Camera,
+) -> Result<(Frame, Gradients), RenderError> {
+    let channels = Channels::ColorDepthNormal;
+    let config = ForwardConfig { channels, sh_degree: splats.sh_degree, ..ForwardConfig::default() };
+    let (mut frame, mut gradients) = (Frame::default(), Gradients::default());
+    trainer.forward(splats, camera, &config, &mut frame)?;
+    let loss = RandomLoss::new(channels, frame.pixels(), 5, |_| true);
+    trainer.backward(splats, &loss.upstream(), Learn::ALL, &mut gradients)?;
+    Ok((frame, gradients))
+}
+
+fn own_trainer(most_binding: Option<u64>) -> GpuDifferentiable {
+    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, most_binding }).unwrap();
+    GpuDifferentiable::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).unwrap()
+}
+
+/// With splats about which all threads of a workgroup search the tiles, and others.
+#[test]
+fn gradients_are_the_same_each_time() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let mut splats = Hard::Huge.splats(60, 4);
+    splats.append(&random_splats(8000, 0, 5));
+    let camera = camera(333, 217);
+    let mut trainer = gpu_differentiable();
+    let first = learn(&mut trainer, &splats, &camera).unwrap();
+    assert!(first.1.len() > 1000 && first.1.means.iter().flatten().all(|v| v.is_finite()));
+    // What lay there before does not show.
+    learn(&mut trainer, &random_splats(3000, 2, 6), &shell_camera(90, 70)).unwrap();
+    for _ in 0..3 {
+        assert!(learn(&mut trainer, &splats, &camera).unwrap() == first);
+    }
+}
+
+/// Room that grows, and splats in many pieces, change no bit.
+#[test]
+fn gradients_do_not_depend_on_room_or_pieces() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let (camera, splats) = (camera(600, 400), Hard::Huge.splats(150, 4));
+    let mut trainer = own_trainer(None);
+    let grown = learn(&mut trainer, &splats, &camera).unwrap();
+    assert!(grown == learn(&mut trainer, &splats, &camera).unwrap());
+    let (camera, splats) = (shell_camera(75, 53), random_splats(5000, 3, 6));
+    let whole = learn(&mut trainer, &splats, &camera).unwrap();
+    // 256 splats of degree 3 take 46 kB, 4096 in view 786 kB, 65,536 entries 4.2 MB.
+    let pieces = learn(&mut own_trainer(Some(800_000)), &splats, &camera).unwrap();
+    assert!(whole == pieces && whole.1.len() > 100);
+}
+
+#[test]
+fn a_training_that_does_not_fit_or_loses_its_gpu_is_told_so() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let (camera, splats) = (camera(200, 100), Hard::Huge.splats(2000, 4));
+    let error = learn(&mut own_trainer(Some(3_000_000)), &splats, &camera).unwrap_err().to_string();
+    assert!(error.starts_with("no room on the GPU for what pixels pull: "), "{error}");
+    let mut trainer = own_trainer(None);
+    let few = random_splats(500, 1, 6);
+    learn(&mut trainer, &few, &camera).unwrap();
+    trainer.gpu().lose();
+    let error = learn(&mut trainer, &few, &camera).unwrap_err().to_string();
+    assert!(error.starts_with("the GPU was lost") && !error.contains('\n'), "{error}");
+    let none = vec![0.0; 20_000];
+    let upstream = Upstream { alpha: &none, ..Upstream::default() };
+    let mut trainer = own_trainer(None);
+    trainer
+        .forward(
+            &few,
+            &camera,
+            &ForwardConfig { sh_degree: 1, ..ForwardConfig::default() },
+            &mut Frame::default(),
+        )
+        .unwrap();
+    trainer.gpu().lose();
+    assert!(trainer.backward(&few, &upstream, Learn::ALL, &mut Gradients::default()).is_err());
 }

@@ -1,10 +1,14 @@
 //! Small structures for the GPU, laid out as WGSL does; a test holds them against the WGSL.
 
-use super::source::TILE_SIDE;
+use super::source::{TILE_SIDE, WORKGROUP};
+use crate::differentiable::{DepthAlpha, Drawn, ForwardConfig, Learn, Opacity};
 use crate::hooks::SkySplats;
 use crate::renderer::Job;
+use crate::stages::optimize::{BETA1, BETA2, Noise, Step};
 use crate::stages::project::ProjectCamera;
-use wm_scene::Rasterization;
+use wm_scene::splats::logit;
+use wm_scene::synthetic::SEED_FACTOR;
+use wm_scene::{Camera, Rasterization};
 
 /// Bytes from one structure to the next: the largest alignment that an adapter may ask for.
 pub const SLOT: u64 = 256;
@@ -48,24 +52,38 @@ pub struct Capacity {
     pub entries: u32,
 }
 
+/// Bytes of the largest array over each.
+#[derive(Clone, Copy, Debug)]
+pub struct Each {
+    /// Splats in view.
+    pub visible: u64,
+    /// Entries of tile lists.
+    pub entries: u64,
+}
+
+impl Each {
+    /// Of a frame: records, and names.
+    pub const FRAME: Self = Self { visible: 64, entries: 4 };
+}
+
 impl Capacity {
-    /// Most of both that arrays of `most_binding` bytes hold: records take 64 bytes, entries 4.
-    fn limit(most_binding: u64) -> Self {
+    /// Most of both that arrays of `most_binding` bytes hold.
+    fn limit(most_binding: u64, each: Each) -> Self {
         let of = |bytes: u64| u32::try_from(most_binding / bytes).unwrap_or(u32::MAX);
-        Self { visible: of(64), entries: of(4) }
+        Self { visible: of(each.visible), entries: of(each.entries) }
     }
 
     /// A first guess for `total` splats: half of them in view, two tiles each.
-    pub fn start(&mut self, total: usize, most_binding: u64) {
-        let (total, limit) = (u32::try_from(total).unwrap_or(u32::MAX), Self::limit(most_binding));
+    pub fn start(&mut self, total: usize, most_binding: u64, each: Each) {
+        let (total, limit) = (u32::try_from(total).unwrap_or(u32::MAX), Self::limit(most_binding, each));
         self.visible = self.visible.max((total / 2).max(4096).min(limit.visible));
         self.entries = self.entries.max(total.max(65_536).min(limit.entries));
     }
 
     /// Grows to what a frame needed, and a quarter more where that fits; whether it had to. Entries are counted of the
     /// splats that had room, so both may have to grow one after the other.
-    pub fn grow(&mut self, visible: u32, entries: u32, most_binding: u64) -> bool {
-        let (before, limit) = (*self, Self::limit(most_binding));
+    pub fn grow(&mut self, visible: u32, entries: u32, most_binding: u64, each: Each) -> bool {
+        let (before, limit) = (*self, Self::limit(most_binding, each));
         let more = |has: u32, needs: u32, limit: u32| {
             if needs > has { needs.saturating_add(needs / 4).min(limit.max(needs)) } else { has }
         };
@@ -75,50 +93,134 @@ impl Capacity {
     }
 }
 
+/// How a camera sees splats.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight<'a> {
+    /// From where.
+    pub camera: &'a Camera,
+    /// How splats smaller than a pixel are drawn.
+    pub rasterization: Rasterization,
+    /// Whether the scene's own sky is drawn.
+    pub sky: SkySplats,
+}
+
+impl<'a> Sight<'a> {
+    /// Of a frame.
+    #[must_use]
+    pub fn of(job: &Job<'a>) -> Self {
+        Self { camera: job.camera, rasterization: job.config.rasterization, sky: job.hooks.sky_splats() }
+    }
+
+    /// Of a step of training.
+    #[must_use]
+    pub fn of_training(camera: &'a Camera, config: &ForwardConfig) -> Self {
+        let sky = match config.drawn {
+            Drawn::All => SkySplats::Kept,
+            Drawn::WithoutSky => SkySplats::LeftOut,
+        };
+        Self { camera, rasterization: config.rasterization, sky }
+    }
+
+    /// Columns and rows of tiles.
+    #[must_use]
+    pub fn tiles(&self) -> (u32, u32) {
+        (self.camera.width.div_ceil(TILE_SIDE), self.camera.height.div_ceil(TILE_SIDE))
+    }
+
+    /// Their number.
+    #[must_use]
+    pub fn tile_count(&self) -> u32 {
+        let (columns, rows) = self.tiles();
+        columns * rows
+    }
+}
+
 /// `View` of `common.wgsl`; `blocks` are those of all sets, `drops` what falls.
 #[must_use]
-pub fn view(job: &Job<'_>, blocks: u32, drops: u32, capacity: Capacity) -> Uniform {
-    let camera = ProjectCamera::new(job.camera);
+pub fn view(sight: &Sight<'_>, blocks: u32, drops: u32, capacity: Capacity) -> Uniform {
+    let camera = ProjectCamera::new(sight.camera);
     let [rotation_x, rotation_y, rotation_z] = camera.rotation;
-    let (columns, rows) = tiles(job);
     Uniform::default()
         .vector("rotation_x", rotation_x)
         .real("near", camera.near)
         .vector("rotation_y", rotation_y)
-        .whole("antialiased", u32::from(job.config.rasterization == Rasterization::Antialiased))
+        .whole("antialiased", u32::from(sight.rasterization == Rasterization::Antialiased))
         .vector("rotation_z", rotation_z)
-        .whole("sky_left_out", u32::from(job.hooks.sky_splats() == SkySplats::LeftOut))
+        .whole("sky_left_out", u32::from(sight.sky == SkySplats::LeftOut))
         .vector("center", camera.center)
-        .whole("tile_columns", columns)
+        .whole("tile_columns", sight.tiles().0)
         .vector("focal", camera.focal)
         .vector("principal", camera.principal)
         .vector("size", camera.size)
         .vector("low", camera.low)
         .vector("high", camera.high)
-        .whole("width", job.camera.width)
-        .whole("height", job.camera.height)
-        .whole("tiles", columns * rows)
+        .whole("width", sight.camera.width)
+        .whole("height", sight.camera.height)
+        .whole("tiles", sight.tile_count())
         .whole("blocks", blocks)
         .whole("visible_capacity", capacity.visible)
         .whole("entry_capacity", capacity.entries)
         .whole("drops", drops)
 }
 
-/// Columns and rows of tiles.
-#[must_use]
-pub fn tiles(job: &Job<'_>) -> (u32, u32) {
-    (job.camera.width.div_ceil(TILE_SIDE), job.camera.height.div_ceil(TILE_SIDE))
+/// A piece of a set, for [`chunk`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Piece {
+    /// Its first block among those of all sets.
+    pub first_block: u32,
+    /// Its blocks of 256 splats.
+    pub blocks: u32,
+    /// Its first splat among those of its set.
+    pub first_splat: u32,
+    /// Its splats, padding or not.
+    pub splats: u32,
+    /// Rows of the coefficients of colour a group.
+    pub sh_rows: u32,
 }
 
-/// `Chunk` of `geometry.wgsl`.
+impl Piece {
+    /// Whole blocks of splats that are padded with what is never drawn.
+    #[must_use]
+    pub fn whole(first_block: u32, blocks: u32, first_splat: u32, sh_rows: u32) -> Self {
+        Self { first_block, blocks, first_splat, splats: WORKGROUP * blocks, sh_rows }
+    }
+}
+
+/// `Chunk` of `geometry.wgsl`, for rendering: whether splats have factors of visibility.
 #[must_use]
-pub fn chunk(first_block: u32, blocks: u32, first_splat: u32, sh_rows: u32, faded: bool) -> Uniform {
+pub fn chunk(piece: Piece, faded: bool) -> Uniform {
+    any_chunk(piece, piece.sh_rows, faded, Opacity::Stored)
+}
+
+/// The same for training: how many rows of coefficients are in use, and where opacities come from.
+#[must_use]
+pub fn training_chunk(piece: Piece, sh_used: u32, opacity: Opacity) -> Uniform {
+    any_chunk(piece, sh_used, false, opacity)
+}
+
+fn any_chunk(piece: Piece, sh_used: u32, faded: bool, opacity: Opacity) -> Uniform {
+    let fixed = match opacity {
+        Opacity::Stored => None,
+        Opacity::Fixed(value) => Some(value.max(1e-30).log2()),
+    };
     Uniform::default()
-        .whole("first_block", first_block)
-        .whole("blocks", blocks)
-        .whole("first_splat", first_splat)
-        .whole("sh_rows", sh_rows)
+        .whole("first_block", piece.first_block)
+        .whole("blocks", piece.blocks)
+        .whole("first_splat", piece.first_splat)
+        .whole("splats", piece.splats)
+        .whole("sh_rows", piece.sh_rows)
+        .whole("sh_used", sh_used)
         .whole("faded", u32::from(faded))
+        .whole("fixed", u32::from(fixed.is_some()))
+        .real("fixed_log2_opacity", fixed.unwrap_or(0.0))
+}
+
+/// `Training` of `training.wgsl`.
+#[must_use]
+pub fn training(background: [f32; 3], depth_alpha: DepthAlpha) -> Uniform {
+    Uniform::default()
+        .vector("background", background)
+        .whole("depth_detached", u32::from(depth_alpha == DepthAlpha::Detached))
 }
 
 /// `Pass` of `sort.wgsl`.
@@ -134,6 +236,63 @@ pub fn sort_pass(shift: u32, of_entries: bool, numbered: bool) -> Uniform {
 #[must_use]
 pub fn intersect_task(emits: bool) -> Uniform {
     Uniform::default().whole("emits", u32::from(emits))
+}
+
+/// `Step` of `optimize.wgsl`, for `splats` splats.
+#[must_use]
+pub fn optimize_step(step: &Step, splats: usize) -> Uniform {
+    let Step { number, rates, terms, size } = step;
+    let correction = |beta: f32| (1.0 - f64::from(beta).powf(f64::from(*number))) as f32;
+    let each = |weight: f64| (weight / splats.max(1) as f64) as f32;
+    Uniform::default()
+        .real("rate_means", rates.means as f32)
+        .real("rate_quats", rates.quats as f32)
+        .real("rate_log_scales", rates.log_scales as f32)
+        .real("rate_opacities", rates.logit_opacities as f32)
+        .real("rate_dc", rates.sh_dc as f32)
+        .real("rate_rest", rates.sh_rest as f32)
+        .real("correction1", correction(BETA1))
+        .real("correction2", correction(BETA2))
+        .real("opacity", each(terms.opacity))
+        .real("scale", each(terms.scale / 3.0))
+        .real("flatness", each(terms.flatness))
+        .whole("number", *number)
+        .vector("half_size", [size.0 as f32 / 2.0, size.1 as f32 / 2.0])
+}
+
+/// `Learn` of `add.wgsl`.
+#[must_use]
+pub fn learn(learn: Learn) -> Uniform {
+    let share = |learns: bool| if learns { 1.0 } else { 0.0 };
+    Uniform::default()
+        .real("means", share(learn.means))
+        .real("quats", share(learn.quats))
+        .real("log_scales", share(learn.log_scales))
+        .real("opacities", share(learn.logit_opacities))
+        .real("sh", share(learn.sh))
+}
+
+/// `Noise` of `explore.wgsl`.
+#[must_use]
+pub fn noise(noise: &Noise) -> Uniform {
+    // What `wm_scene::synthetic::uniform` multiplies a seed with.
+    let seed = noise.seed.wrapping_mul(SEED_FACTOR);
+    Uniform::default()
+        .whole("seed", seed as u32)
+        .whole("seed_high", (seed >> 32) as u32)
+        .real("size", noise.size as f32)
+        .real("most", logit(noise.most) as f32)
+}
+
+/// Structures as they lie in a buffer, one a slot.
+#[must_use]
+pub fn bytes_of(uniforms: &[Uniform]) -> Vec<u8> {
+    let mut bytes = vec![0; SLOT as usize * uniforms.len()];
+    for (slot, uniform) in bytes.chunks_exact_mut(SLOT as usize).zip(uniforms) {
+        let words: &[u8] = bytemuck::cast_slice(&uniform.words);
+        slot[..words.len()].copy_from_slice(words);
+    }
+    bytes
 }
 
 #[cfg(test)]

@@ -63,6 +63,13 @@ impl AdaptiveConfig {
         }
     }
 
+    /// Whether `step` (from 1) changes splats.
+    #[must_use]
+    pub fn is_due(&self, step: u32) -> bool {
+        let changes = step >= self.from && step.is_multiple_of(self.every);
+        step < self.until && (changes || step.is_multiple_of(self.reset_every))
+    }
+
     /// What happens after `step` (from 1).
     pub fn after(&self, step: u32, population: &mut Population, extent: f64, random: Random) -> Densified {
         let mut done = Densified::default();

@@ -15,7 +15,7 @@ use super::{Densified, Population, Pulls};
 use crate::random::Random;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use wm_render::Gradients;
+use wm_render::stages::optimize::{Noise, SplatTerms};
 use wm_scene::splats::{logit, sigmoid};
 use wm_scene::{Group, quat};
 
@@ -72,18 +72,22 @@ impl McmcConfig {
         }
     }
 
-    /// Adds what the weights of opacity and scale pull, for the splats in view, to their gradients.
-    pub fn regularise(&self, population: &Population, gradients: &mut Gradients) {
-        let splats = &population.splats;
-        let per_splat = 1.0 / splats.len().max(1) as f64;
-        for (row, index) in gradients.visible.iter().enumerate() {
-            let index = *index as usize;
-            let opacity = splats.opacity(index);
-            gradients.logit_opacities[row] += (self.opacity * per_splat * opacity * (1.0 - opacity)) as f32;
-            for (gradient, scale) in gradients.log_scales[row].iter_mut().zip(splats.scales(index)) {
-                *gradient += (self.scale * per_splat / 3.0 * scale) as f32;
-            }
-        }
+    /// What pulls on opacities and scales.
+    #[must_use]
+    pub fn terms(&self) -> SplatTerms {
+        SplatTerms { opacity: self.opacity, scale: self.scale, ..SplatTerms::default() }
+    }
+
+    /// The noise of a step whose length of means is `rate`, in a scene of `extent`, both in scene units.
+    #[must_use]
+    pub fn noise_at(&self, rate: f64, extent: f64, random: Random) -> Noise {
+        Noise { seed: random.seed(), size: self.noise * rate * (USUAL_EXTENT / extent).powi(2), most: NOISY }
+    }
+
+    /// Whether `step` (from 1) changes splats.
+    #[must_use]
+    pub fn is_due(&self, step: u32) -> bool {
+        step >= self.from && step < self.until && step.is_multiple_of(self.every)
     }
 
     /// Moves nearly transparent splats at random; `rate` is the step length of means in a scene of `extent`,
@@ -91,7 +95,7 @@ impl McmcConfig {
     pub fn explore(&self, population: &mut Population, rate: f64, extent: f64, random: Random) {
         let splats = &mut population.splats;
         let noisy = logit(NOISY) as f32;
-        let noise = self.noise * rate * (USUAL_EXTENT / extent).powi(2);
+        let noise = self.noise_at(rate, extent, random).size;
         let (quats, scales, opacities) = (&splats.quats, &splats.log_scales, &splats.logit_opacities);
         let groups = &splats.groups;
         splats.means.par_iter_mut().enumerate().with_min_len(1024).for_each(|(i, mean)| {
@@ -115,7 +119,7 @@ impl McmcConfig {
 
     /// What happens after `step` (from 1) of a training on `photos` photos.
     pub fn after(&self, step: u32, photos: usize, population: &mut Population, random: Random) -> Densified {
-        if step < self.from || step >= self.until || !step.is_multiple_of(self.every) {
+        if !self.is_due(step) {
             return Densified::default();
         }
         let count = population.len();

@@ -3,9 +3,9 @@
 pub mod adaptive;
 pub mod mcmc;
 
-use crate::optimizer::Moments;
-use wm_render::Gradients;
 use wm_render::cpu::model::morton_order;
+pub use wm_render::stages::optimize::Pulls;
+use wm_render::stages::optimize::{Learnt, LearntMut, Moments};
 use wm_render::stages::project::MIN_ALPHA;
 use wm_scene::Splats;
 
@@ -20,37 +20,6 @@ pub struct Population {
     pub pulls: Pulls,
     /// The last step that had each in view, or that made it, `[N]`.
     pub seen: Vec<u32>,
-}
-
-/// What pulled on each splat; empty where the strategy does not ask.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Pulls {
-    /// Sum of the lengths of screen-space gradients, in units of half a picture, `[N]`.
-    pub sums: Vec<f32>,
-    /// Steps that saw the splat, `[N]`.
-    pub counts: Vec<f32>,
-    /// Largest radius in a picture, px, `[N]`.
-    pub radii: Vec<f32>,
-}
-
-impl Pulls {
-    /// Zeros for `count` splats.
-    #[must_use]
-    pub fn new(count: usize) -> Self {
-        Self { sums: vec![0.0; count], counts: vec![0.0; count], radii: vec![0.0; count] }
-    }
-
-    /// Adds one step's gradients, of a picture of `width` x `height` px.
-    pub fn add(&mut self, gradients: &Gradients, width: u32, height: u32) {
-        let half = [width as f32 / 2.0, height as f32 / 2.0];
-        for (row, index) in gradients.visible.iter().enumerate() {
-            let index = *index as usize;
-            let [x, y] = gradients.means2d[row];
-            self.sums[index] += (x * half[0]).hypot(y * half[1]);
-            self.counts[index] += 1.0;
-            self.radii[index] = self.radii[index].max(gradients.radii[row]);
-        }
-    }
 }
 
 impl Population {
@@ -73,6 +42,18 @@ impl Population {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.splats.is_empty()
+    }
+
+    /// All of it, for a device.
+    #[must_use]
+    pub fn learnt(&self) -> Learnt<'_> {
+        Learnt { splats: &self.splats, moments: &self.moments, pulls: &self.pulls, seen: &self.seen }
+    }
+
+    /// The same, to be written.
+    pub fn learnt_mut(&mut self) -> LearntMut<'_> {
+        let Self { splats, moments, pulls, seen } = self;
+        LearntMut { splats, moments, pulls, seen }
     }
 
     /// Marks the splats that step `step` had in view.

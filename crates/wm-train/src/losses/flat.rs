@@ -7,11 +7,7 @@
 
 use super::{LossGradients, LossInput, LossTerm, Truth};
 use crate::config::TrainConfig;
-use wm_render::Gradients;
-use wm_scene::{Group, Splats};
-
-/// The ratio that is flat enough.
-const FLAT: f32 = 0.1;
+use wm_render::stages::optimize::SplatTerms;
 
 /// The term `flat`.
 #[derive(Clone, Debug)]
@@ -41,22 +37,7 @@ impl LossTerm for Flat {
         0.0
     }
 
-    fn pull(&mut self, splats: &Splats, weight: f64, gradients: &mut Gradients) {
-        let scale = (weight / splats.len().max(1) as f64) as f32;
-        for (row, index) in gradients.visible.iter().enumerate() {
-            let index = *index as usize;
-            if splats.groups[index] == Group::Sky {
-                continue;
-            }
-            let scales = splats.log_scales[index];
-            let mut order = [0, 1, 2];
-            // As the renderer: of equal ones the first is the shortest.
-            order.sort_by(|a, b| scales[*a].total_cmp(&scales[*b]));
-            let ratio = (scales[order[0]] - scales[order[1]]).exp();
-            if ratio > FLAT {
-                gradients.log_scales[row][order[0]] += scale * ratio;
-                gradients.log_scales[row][order[1]] -= scale * ratio;
-            }
-        }
+    fn splat_terms(&self, weight: f64, terms: &mut SplatTerms) {
+        terms.flatness += weight;
     }
 }

@@ -25,8 +25,9 @@ pub use surface::Surface;
 use crate::config::TrainConfig;
 use crate::priors::Prior;
 use wm_render::simd::SimdPath;
-use wm_render::{Channels, DepthAlpha, Drawn, Frame, Gradients, Learn, Opacity, Upstream};
-use wm_scene::{Camera, Splats};
+use wm_render::stages::optimize::SplatTerms;
+use wm_render::{Channels, DepthAlpha, Drawn, Frame, Learn, Opacity, Upstream};
+use wm_scene::Camera;
 
 /// The terms of a configuration.
 #[must_use]
@@ -141,9 +142,8 @@ pub trait LossTerm: Send {
     /// Its value before weighting; adds `weight` times its derivative to `out`.
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64;
 
-    /// What it takes from the splats themselves, whatever the picture shows: adds `weight` times its
-    /// derivative to the rows of those in view.
-    fn pull(&mut self, _: &Splats, _: f64, _: &mut Gradients) {}
+    /// Adds its weight to those of what pulls on the splats themselves, whatever the picture shows.
+    fn splat_terms(&self, _: f64, _: &mut SplatTerms) {}
 }
 
 #[cfg(test)]
@@ -273,19 +273,5 @@ mod tests {
         let truth = Truth { rgb: &rgb, mask: None, camera: &camera, prior: Some(&believed) };
         let on = terms(&config, path()).iter().filter(|term| term.weight(500, &truth) > 0.0).count();
         assert_eq!(on, 2);
-    }
-
-    #[test]
-    fn the_shortest_axis_is_made_shorter_and_kept() {
-        let mut splats = wm_render::testing::random_splats(3, 0, 4);
-        splats.log_scales = vec![[0.0, -0.1, 0.5], [-3.0, 0.0, 0.0], [0.0, -0.1, 0.5]];
-        splats.groups[2] = wm_scene::Group::Sky;
-        let mut config = TrainConfig::preset(Preset::Quick);
-        config.loss.geometry.flat = 3.0;
-        let mut gradients = Gradients { visible: vec![0, 1, 2], ..Gradients::default() };
-        gradients.log_scales = vec![[0.0; 3]; 3];
-        Flat::new(&config).pull(&splats, 3.0, &mut gradients);
-        let ratio = (-0.1f32).exp();
-        assert_eq!(gradients.log_scales, [[-ratio, ratio, 0.0], [0.0; 3], [0.0; 3]]);
     }
 }

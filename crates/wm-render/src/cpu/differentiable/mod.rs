@@ -11,10 +11,10 @@ mod front;
 mod gather;
 
 use super::back::Worker;
-use crate::differentiable::{ForwardConfig, Gradients, Learn, Opacity, Upstream};
-use crate::frame::{Arrays, Frame};
+use crate::differentiable::{BackwardStats, Differentiable, ForwardConfig, Gradients, Learn, Upstream};
+use crate::frame::Frame;
 use crate::hooks::PATCH_PIXELS;
-use crate::renderer::{CpuConfig, MAX_SPLATS, RenderError, Stats};
+use crate::renderer::{CpuConfig, RenderError, Stats};
 use crate::simd::SimdPath;
 use crate::stages::intersect::{PATCHES, TileGrid, cpu as intersect};
 use crate::stages::project::{ProjectCamera, Record};
@@ -27,14 +27,9 @@ use std::sync::{Arc, Mutex};
 use std::time::Instant;
 use wm_scene::{Camera, Splats};
 
-/// Renders splats in stored form, and derives. It holds no copy of the parameters, only its working
-/// memory and what the backward pass needs of the last forward pass.
-///
-/// Splats should be in an order in which neighbours are near in space (a Morton curve): clusters of 256
-/// are culled together. Unlike a [`CpuRenderer`](super::CpuRenderer), which checks a set once, this
-/// does not check parameters: a splat whose position, rotation, scale or opacity is NaN is not drawn,
-/// and a NaN colour shows.
-pub struct Differentiable {
+/// The CPU back end of training. It holds no copy of the parameters, only its working memory and what the backward pass
+/// needs of the last forward pass.
+pub struct CpuDifferentiable {
     path: SimdPath,
     pool: Arc<rayon::ThreadPool>,
     records: Vec<Record>,
@@ -71,18 +66,7 @@ struct View {
     visible: usize,
 }
 
-/// What a backward pass took, in seconds summed over threads.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BackwardStats {
-    /// From pixels to slots.
-    pub rasterize: f64,
-    /// From slots to gradients.
-    pub project: f64,
-    /// Wall time of it all.
-    pub wall: f64,
-}
-
-impl Differentiable {
+impl CpuDifferentiable {
     /// Starts the threads.
     ///
     /// # Errors
@@ -105,77 +89,6 @@ impl Differentiable {
             backward_workers: (0..threads).map(|_| Mutex::default()).collect(),
             last: None,
         })
-    }
-
-    /// The SIMD path in use.
-    #[must_use]
-    pub fn path(&self) -> SimdPath {
-        self.path
-    }
-
-    /// The threads, for the rest of a step: losses, the optimiser.
-    #[must_use]
-    pub fn pool(&self) -> &Arc<rayon::ThreadPool> {
-        &self.pool
-    }
-
-    /// Renders `splats` into `frame`, and keeps what [`Self::backward`] needs.
-    ///
-    /// # Errors
-    /// [`RenderError`] if the camera cannot be rendered with, arrays do not fit each other or memory is
-    /// short.
-    ///
-    /// # Panics
-    /// If `config.sh_degree` is above that of the splats.
-    pub fn forward(
-        &mut self,
-        splats: &Splats,
-        camera: &Camera,
-        config: &ForwardConfig,
-        frame: &mut Frame,
-    ) -> Result<Stats, RenderError> {
-        let degree = config.sh_degree;
-        assert!(degree <= splats.sh_degree, "SH degree {degree} of splats with {}", splats.sh_degree);
-        camera.check()?;
-        splats.check()?;
-        if splats.len() > MAX_SPLATS {
-            return Err(RenderError::TooMany(splats.len()));
-        }
-        let channels = config.channels;
-        let arrays = Arrays {
-            rgb: channels.has_color(),
-            depth: channels.depth().is_some(),
-            median_depth: false,
-            normal: channels.has_normal(),
-            particles: false,
-        };
-        frame.prepare((camera.width, camera.height), arrays)?;
-        let pool = Arc::clone(&self.pool);
-        Ok(pool.install(|| self.forward_on_pool(splats, camera, config, frame)))
-    }
-
-    /// The gradients of the loss whose derivative by each pixel of the last frame is `upstream`. `splats`
-    /// must be those of that [`Self::forward`], not changed since. It may be called again, with another
-    /// loss.
-    ///
-    /// # Panics
-    /// If there was no forward pass, if `splats` are others in number, or if a picture has the wrong size
-    /// or was not rendered.
-    pub fn backward(
-        &mut self,
-        splats: &Splats,
-        upstream: &Upstream<'_>,
-        learn: Learn,
-        gradients: &mut Gradients,
-    ) -> BackwardStats {
-        let view = self.last.expect("a backward pass follows a forward pass");
-        assert_eq!(view.splats, splats.len(), "the splats are not those of the forward pass");
-        upstream.check(view.camera.width as usize * view.camera.height as usize, view.config.channels);
-        let opacities = learn.logit_opacities && view.config.opacity == Opacity::Stored;
-        let sh = learn.sh && view.config.channels.has_color();
-        let learn = Learn { logit_opacities: opacities, sh, ..learn };
-        let pool = Arc::clone(&self.pool);
-        pool.install(|| self.backward_on_pool(view, splats, upstream, learn, gradients))
     }
 
     fn forward_on_pool(
@@ -267,6 +180,47 @@ impl Differentiable {
         };
         let project = gather.run(&self.parts, gradients);
         BackwardStats { rasterize, project, wall: started.elapsed().as_secs_f64() }
+    }
+}
+
+impl Differentiable for CpuDifferentiable {
+    fn describe(&self) -> String {
+        format!("cpu, {}, {} threads", self.path, self.pool.current_num_threads())
+    }
+
+    fn path(&self) -> SimdPath {
+        self.path
+    }
+
+    fn pool(&self) -> &Arc<rayon::ThreadPool> {
+        &self.pool
+    }
+
+    fn forward(
+        &mut self,
+        splats: &Splats,
+        camera: &Camera,
+        config: &ForwardConfig,
+        frame: &mut Frame,
+    ) -> Result<Stats, RenderError> {
+        config.check(splats, camera, frame)?;
+        let pool = Arc::clone(&self.pool);
+        Ok(pool.install(|| self.forward_on_pool(splats, camera, config, frame)))
+    }
+
+    fn backward(
+        &mut self,
+        splats: &Splats,
+        upstream: &Upstream<'_>,
+        learn: Learn,
+        gradients: &mut Gradients,
+    ) -> Result<BackwardStats, RenderError> {
+        let view = self.last.expect("a backward pass follows a forward pass");
+        assert_eq!(view.splats, splats.len(), "the splats are not those of the forward pass");
+        upstream.check(view.camera.width as usize * view.camera.height as usize, view.config.channels);
+        let learn = view.config.learns(learn);
+        let pool = Arc::clone(&self.pool);
+        Ok(pool.install(|| self.backward_on_pool(view, splats, upstream, learn, gradients)))
     }
 }
 

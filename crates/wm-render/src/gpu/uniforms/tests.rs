@@ -1,9 +1,11 @@
 //! The structures are laid out as WGSL has them.
 
 use super::*;
-use crate::gpu::source::Program;
+use crate::differentiable::Channels;
+use crate::gpu::source::{Form, Program};
 use crate::hooks::Hooks;
 use crate::renderer::RenderConfig;
+use crate::stages::optimize::{Rates, SplatTerms};
 use crate::testing::camera;
 use wgpu::naga::front::wgsl;
 use wgpu::naga::{Module, TypeInner};
@@ -21,9 +23,16 @@ fn members(module: &Module, name: &str) -> (Vec<(String, u32)>, u32) {
 fn names_offsets_and_sizes_are_those_of_wgsl() {
     let (camera, config) = (camera(64, 48), RenderConfig::default());
     let job = Job { sets: &[], camera: &camera, config: &config, hooks: Hooks::default() };
+    let rates =
+        Rates { means: 0.1, quats: 0.2, log_scales: 0.3, logit_opacities: 0.4, sh_dc: 0.5, sh_rest: 0.6 };
+    let step = Step { number: 7, rates, terms: SplatTerms::default(), size: (64, 48) };
     for (program, name, uniform) in [
-        (Program::Cull, "View", view(&job, 0, 0, Capacity::default())),
-        (Program::Cull, "Chunk", chunk(1, 2, 3, 4, true)),
+        (Program::Cull(Form::Activated), "View", view(&Sight::of(&job), 0, 0, Capacity::default())),
+        (Program::Cull(Form::Activated), "Chunk", chunk(Piece::default(), true)),
+        (Program::Finish(Channels::Color), "Training", training([0.5; 3], DepthAlpha::Learns)),
+        (Program::Optimize, "Step", optimize_step(&step, 5)),
+        (Program::AddGradients, "Learn", learn(Learn::ALL)),
+        (Program::Explore, "Noise", noise(&Noise { seed: 3, size: 0.5, most: 0.1 })),
         (Program::SortCount, "Pass", sort_pass(8, true, false)),
         (Program::Intersect, "Task", intersect_task(true)),
     ] {
@@ -41,19 +50,19 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
 fn room_grows_by_need_and_a_quarter() {
     const MUCH: u64 = 1 << 40;
     let mut capacity = Capacity::default();
-    capacity.start(1_000_000, MUCH);
+    capacity.start(1_000_000, MUCH, Each::FRAME);
     assert_eq!(capacity, Capacity { visible: 500_000, entries: 1_000_000 });
-    assert!(!capacity.grow(400_000, 1_000_000, MUCH));
-    assert!(capacity.grow(600_000, 2_000_000, MUCH));
+    assert!(!capacity.grow(400_000, 1_000_000, MUCH, Each::FRAME));
+    assert!(capacity.grow(600_000, 2_000_000, MUCH, Each::FRAME));
     assert_eq!(capacity, Capacity { visible: 750_000, entries: 2_500_000 });
-    capacity.start(10, MUCH);
+    capacity.start(10, MUCH, Each::FRAME);
     assert_eq!(capacity.visible, 750_000);
     // No guess is beyond what fits; a need may be, and is refused later.
     let mut small = Capacity::default();
-    small.start(1_000_000, 6_400_000);
+    small.start(1_000_000, 6_400_000, Each::FRAME);
     assert_eq!(small, Capacity { visible: 100_000, entries: 1_000_000 });
-    assert!(small.grow(90_000, 1_500_000, 6_400_000));
+    assert!(small.grow(90_000, 1_500_000, 6_400_000, Each::FRAME));
     assert_eq!(small, Capacity { visible: 100_000, entries: 1_600_000 });
-    assert!(small.grow(200_000, 0, 6_400_000));
+    assert!(small.grow(200_000, 0, 6_400_000, Each::FRAME));
     assert_eq!(small.visible, 200_000);
 }

@@ -1,8 +1,10 @@
 //! The background on the GPU. It is one colour, or a picture that the CPU paints and uploads: skies and panoramas have no
 //! form for the GPU yet. Pixel effects run on the CPU, on the picture that came back.
 
+use crate::differentiable::Channels;
 use crate::gpu::recorder::{Groups, Recorder};
 use crate::gpu::source::{Behind, Falls, Program, WORKGROUP};
+use crate::stages::rasterize_backward::gpu::Kept;
 
 /// What the composite reads and writes, see `composite.wgsl`.
 pub(crate) struct Composite<'a> {
@@ -29,5 +31,36 @@ impl Composite<'_> {
         }
         let groups = Groups::Direct(pixels.div_ceil(WORKGROUP));
         recorder.dispatch(&Program::Composite(behind, falls), groups, bindings);
+    }
+}
+
+/// What the pictures of a step of training are made from and written to, see `finish.wgsl`.
+pub(crate) struct Finish<'a> {
+    pub kept: Kept<'a>,
+    pub rgb: &'a wgpu::Buffer,
+    pub depths: &'a wgpu::Buffer,
+    pub normal: &'a wgpu::Buffer,
+}
+
+impl Finish<'_> {
+    /// Finishes `pixels` pixels; `training` is the structure of that name.
+    pub fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        (pixels, channels): (u32, Channels),
+        training: wgpu::BindingResource<'_>,
+    ) {
+        let bindings = vec![
+            (0, recorder.view()),
+            (1, training),
+            (2, self.kept.rgb.as_entire_binding()),
+            (3, self.kept.alpha.as_entire_binding()),
+            (4, self.kept.depths.as_entire_binding()),
+            (5, self.kept.normal.as_entire_binding()),
+            (6, self.rgb.as_entire_binding()),
+            (7, self.depths.as_entire_binding()),
+            (8, self.normal.as_entire_binding()),
+        ];
+        recorder.dispatch(&Program::Finish(channels), Groups::Direct(pixels.div_ceil(WORKGROUP)), bindings);
     }
 }

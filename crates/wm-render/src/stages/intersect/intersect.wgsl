@@ -1,5 +1,5 @@
 // Which tiles each splat touches. One entry point counts them and then writes them: two would be compiled apart, and
-// might round apart.
+// might round apart. A splat's entries are row by row, so that what is summed over them is summed in one order.
 
 struct Task {
     // 0 to count, 1 to write.
@@ -12,7 +12,7 @@ struct Task {
 @group(0) @binding(3) var<storage, read> records: array<Record>;
 // Records by depth.
 @group(0) @binding(4) var<storage, read> order: array<u32>;
-// How many tiles each touches, by depth.
+// How many tiles each touches, by depth; once they are written, where its entries end.
 @group(0) @binding(5) var<storage, read_write> counts: array<u32>;
 // The same of 256 at a time; after the scan, of those before.
 @group(0) @binding(6) var<storage, read_write> sums: array<u32>;
@@ -55,24 +55,62 @@ fn box_of(splat: Record) -> Box {
     return Box(low, high - low + 1u);
 }
 
-// What each thread's splat has: where its entries go, how many there is room for, how many tiles it touches.
+// What each thread's splat has: where its entries go, how many there is room for.
 var<workgroup> firsts: array<u32, WORKGROUP>;
 var<workgroup> rooms: array<u32, WORKGROUP>;
-var<workgroup> found: array<atomic<u32>, WORKGROUP>;
-// Threads whose splats have more tiles about them than FEW.
+// Threads whose splats have more tiles about them than FEW, and how many tiles these touch.
 var<workgroup> large: array<u32, WORKGROUP>;
 var<workgroup> large_count: atomic<u32>;
+var<workgroup> large_found: array<u32, WORKGROUP>;
+// Of 256 tiles a bit for each that is touched.
+var<workgroup> touched: array<atomic<u32>, WORKGROUP / 32u>;
 
-// Adds tile number `i` of a box to a thread's splat, if it is touched. In which order does not count: a splat's tiles
-// are all different, and the sort by tile keeps only the order of splats.
-fn add(thread: u32, name: u32, splat: Record, around: Box, i: u32) {
-    let tile = around.first + vec2<u32>(i % around.size.x, i / around.size.x);
-    if touches(splat, reach_of(splat), vec2<f32>(tile)) {
-        let place = atomicAdd(&found[thread], 1u);
-        if place < rooms[thread] {
-            tiles[firsts[thread] + place] = tile.y * view.tile_columns + tile.x;
-            entries[firsts[thread] + place] = name;
+// Tile number `i` of a box.
+fn tile_of(around: Box, i: u32) -> vec2<u32> {
+    return around.first + vec2<u32>(i % around.size.x, i / around.size.x);
+}
+
+// Writes entry number `place` of a thread's splat, if there is room.
+fn write(thread: u32, name: u32, tile: vec2<u32>, place: u32) {
+    if place < rooms[thread] {
+        tiles[firsts[thread] + place] = tile.y * view.tile_columns + tile.x;
+        entries[firsts[thread] + place] = name;
+    }
+}
+
+// The work of all threads: one alone would keep the others waiting.
+fn all_tiles_of(thread: u32, name: u32, local: u32) {
+    let splat = records[name];
+    let around = box_of(splat);
+    var found = 0u;
+    for (var first = 0u; first < around.size.x * around.size.y; first += WORKGROUP) {
+        if local < WORKGROUP / 32u {
+            atomicStore(&touched[local], 0u);
         }
+        workgroupBarrier();
+        let tile = tile_of(around, first + local);
+        let is_there = first + local < around.size.x * around.size.y;
+        let is_touched = is_there && touches(splat, reach_of(splat), vec2<f32>(tile));
+        if is_touched {
+            atomicOr(&touched[local / 32u], 1u << (local % 32u));
+        }
+        workgroupBarrier();
+        var before = 0u;
+        var all = 0u;
+        for (var word = 0u; word < WORKGROUP / 32u; word++) {
+            let bits = atomicLoad(&touched[word]);
+            let own = select(0u, (1u << (local % 32u)) - 1u, word == local / 32u);
+            before += countOneBits(bits & select(own, 0xffffffffu, word < local / 32u));
+            all += countOneBits(bits);
+        }
+        if is_touched {
+            write(thread, name, tile, found + before);
+        }
+        found += all;
+        workgroupBarrier();
+    }
+    if local == 0u {
+        large_found[thread] = found;
     }
 }
 
@@ -97,38 +135,40 @@ fn intersect(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
     }
     firsts[local] = first;
     rooms[local] = room;
-    atomicStore(&found[local], 0u);
     if local == 0u {
         atomicStore(&large_count, 0u);
     }
     workgroupBarrier();
 
+    var own = 0u;
+    var is_large = false;
     if there {
         let name = order[i];
         let splat = records[name];
         let around = box_of(splat);
         let count = around.size.x * around.size.y;
-        if count > FEW_TILES {
+        is_large = count > FEW_TILES;
+        if is_large {
             large[atomicAdd(&large_count, 1u)] = local;
         } else {
-            for (var tile = 0u; tile < count; tile++) {
-                add(local, name, splat, around, tile);
+            for (var k = 0u; k < count; k++) {
+                let tile = tile_of(around, k);
+                if touches(splat, reach_of(splat), vec2<f32>(tile)) {
+                    write(local, name, tile, own);
+                    own++;
+                }
             }
         }
     }
-    // Large ones are the work of all threads: one alone would keep the others waiting.
     let many = workgroupUniformLoad(&large_count);
     for (var k = 0u; k < many; k++) {
-        let thread = large[k];
-        let name = order[group * WORKGROUP + thread];
-        let splat = records[name];
-        let around = box_of(splat);
-        for (var tile = local; tile < around.size.x * around.size.y; tile += WORKGROUP) {
-            add(thread, name, splat, around, tile);
-        }
+        let thread = workgroupUniformLoad(&large[k]);
+        all_tiles_of(thread, order[group * WORKGROUP + thread], local);
     }
     workgroupBarrier();
-    let own = atomicLoad(&found[local]);
+    if is_large {
+        own = large_found[local];
+    }
     let total = scan(local, own).y;
     if task.emits == 0u {
         if there {
@@ -137,5 +177,7 @@ fn intersect(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
         if local == 0u {
             sums[group] = total;
         }
+    } else if there {
+        counts[i] = first + room;
     }
 }

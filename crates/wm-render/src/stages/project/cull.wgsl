@@ -23,7 +23,7 @@ fn cull(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_i
     }
     workgroupBarrier();
     let splat = block * WORKGROUP + local;
-    let hidden = view.sky_left_out != 0u && is_sky(splat);
+    let hidden = splat >= chunk.splats || (view.sky_left_out != 0u && is_sky(splat));
     if !hidden && is_in_view(project(splat)) {
         atomicOr(&in_view[local / 32u], 1u << (local % 32u));
     }

@@ -12,17 +12,8 @@ fn project_visible(
     if block >= chunk.blocks {
         return;
     }
-    let at = chunk.first_block + block;
-    let own = blocks[at].mask[local / 32u];
-    let bit = local % 32u;
-    if ((own >> bit) & 1u) == 0u {
-        return;
-    }
-    var slot = blocks[at].count + countOneBits(own & ((1u << bit) - 1u));
-    for (var word = 0u; word < local / 32u; word++) {
-        slot += countOneBits(blocks[at].mask[word]);
-    }
-    if slot >= view.visible_capacity {
+    let place = place_of(chunk.first_block + block, local);
+    if place >= view.visible_capacity {
         return;
     }
 
@@ -32,26 +23,18 @@ fn project_visible(
     let direction = p.offset / distance;
     let seen = through_air(direction, select(distance, FAR_AWAY, is_sky(splat)), shade(splat, direction));
 
-    // The shortest axis, the first of equal ones, towards the camera.
-    var normal = p.axes[0];
-    if p.scales.z < min(p.scales.x, p.scales.y) {
-        normal = p.axes[2];
-    } else if p.scales.y < p.scales.x {
-        normal = p.axes[1];
-    }
-    normal = select(normal, -normal, dot(normal, p.offset) > 0.0);
-
-    let vy = sqrt(p.cov.x / p.det) * SQRT_HALF_LOG2E;
-    let ux = SQRT_HALF_LOG2E / sqrt(p.cov.x);
+    let axis = p.axes * shortest_of(p);
+    let normal = facing(p, axis) * axis;
+    let factor = factor_of(p);
     let slope_y = p.cov.y / p.cov.x;
     let slope_x = p.cov.y / p.cov.z;
     let index = bitcast<f32>(chunk.first_splat + splat);
-    records[slot] = Record(
-        vec4<f32>(p.mean2d, ux, -(vy * slope_y)),
-        vec4<f32>(vy, p.log2_opacity, seen.xy),
+    records[place] = Record(
+        vec4<f32>(p.mean2d, factor.xy),
+        vec4<f32>(factor.z, p.log2_opacity, seen.xy),
         vec4<f32>(seen.z, p.z, normal.xy),
         vec4<f32>(normal.z, slope_y, slope_x, index),
     );
     // Positive floats are in the order of their bits.
-    depths[slot] = bitcast<u32>(p.z);
+    depths[place] = bitcast<u32>(p.z);
 }

@@ -3,7 +3,7 @@ use crate::simd::SimdChoice;
 use crate::testing::{Backend, Hard, camera, gradient_errors, gradients_of, random_splats};
 use wm_scene::{Rasterization, Splats};
 
-crate::cpu_parity! {
+crate::parity! {
     random_splats_learn_alike => |backend| {
         for sh_degree in 0..=3 {
             for rasterization in [Rasterization::Classic, Rasterization::Antialiased] {
@@ -46,19 +46,18 @@ crate::cpu_parity! {
 }
 
 fn check(backend: Backend, what: &str, splats: &Splats, config: &ForwardConfig, tolerance: f64) {
-    let path = backend.path();
     let (got, want) = gradients_of(backend, splats, &camera(75, 53), config, 83);
     for (name, error) in gradient_errors(&got, &want) {
         // Weights count pixels that are not steady too. What is no parameter's gradient may err twice as
         // much, and the portable path, which rounds products before sums, five times.
-        let bound = match (name, path.choice()) {
+        let bound = match (name, backend) {
             ("weights", _) => 1e-3,
-            (_, SimdChoice::Portable) => 5.0 * tolerance,
+            (_, Backend::Cpu(path)) if path.choice() == SimdChoice::Portable => 5.0 * tolerance,
             ("means2d" | "absgrads", _) => 2.0 * tolerance,
             _ => tolerance,
         };
         let mode = config.rasterization;
-        eprintln!("{path} {what}, {mode:?}, degree {}: {name} {error:.1e}", config.sh_degree);
+        eprintln!("{backend:?} {what}, {mode:?}, degree {}: {name} {error:.1e}", config.sh_degree);
         assert!(error < bound, "{backend:?}, {what}, {mode:?}: {name} is off by {error:.1e}");
     }
 }

@@ -1,5 +1,5 @@
 // Front-to-back blending: a workgroup a tile, a thread a pixel. See the contract in `mod.rs`; depth and normal are
-// finished here, by the contract of the composite.
+// finished here, by the contract of the composite, but where training keeps the sums.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> tile_offsets: array<u32>;
@@ -11,7 +11,6 @@
 // Expected depths, and after them median depths: portable adapters have eight storage buffers and no more.
 @group(0) @binding(6) var<storage, read_write> depths: array<f32>;
 @group(0) @binding(7) var<storage, read_write> normal: array<f32>;
-@group(0) @binding(8) var<storage, read_write> counters: Counters;
 
 var<workgroup> batch: array<array<vec4<f32>, 4>, BATCH>;
 // Pixels that still take light.
@@ -43,7 +42,7 @@ fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
         let size = min(BATCH, end - first);
         // Four threads a record, each a quarter.
         if local / 4u < size {
-            batch[local / 4u][local % 4u] = records[4u * entries[first + local / 4u] + local % 4u];
+            batch[local / 4u][local % 4u] = records[4u * listed(first + local / 4u) + local % 4u];
         }
         if local == 0u {
             atomicStore(&open, 0u);
@@ -70,11 +69,13 @@ fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
                         median = c.y;
                     }
                     coverage += weight;
-                    color += weight * vec3<f32>(b.zw, c.x);
-                    if GEOMETRY >= 1u {
+                    if COLOR {
+                        color += weight * vec3<f32>(b.zw, c.x);
+                    }
+                    if DEPTH {
                         depth_sum += weight * c.y;
                     }
-                    if GEOMETRY >= 2u {
+                    if NORMAL {
                         normal_sum += weight * vec3<f32>(c.zw, batch[k][3].x);
                     }
                     transmittance = next;
@@ -85,7 +86,7 @@ fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
             atomicStore(&open, 1u);
         }
         if local == 0u {
-            atomicAdd(&counters.walked, size);
+            walk(size);
         }
         if workgroupUniformLoad(&open) == 0u {
             break;
@@ -96,20 +97,25 @@ fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
         return;
     }
     let at = pixel.y * view.width + pixel.x;
-    rgb[3u * at] = color.x;
-    rgb[3u * at + 1u] = color.y;
-    rgb[3u * at + 2u] = color.z;
     alpha[at] = coverage;
     let covered = coverage >= FRAME_MIN_ALPHA;
-    if GEOMETRY >= 1u {
-        depths[at] = select(0.0, depth_sum / max(coverage, FRAME_MIN_ALPHA), covered);
+    let squared = dot(normal_sum, normal_sum);
+    var depth = depth_sum;
+    var unit = normal_sum;
+    if !KEEPS_SUMS {
+        depth = select(0.0, depth_sum / max(coverage, FRAME_MIN_ALPHA), covered);
+        unit = normal_sum * select(0.0, inverseSqrt(max(squared, 1e-20)), covered && squared > 1e-20);
     }
-    if GEOMETRY >= 2u {
-        let squared = dot(normal_sum, normal_sum);
-        let scale = select(0.0, inverseSqrt(max(squared, 1e-20)), covered && squared > 1e-20);
-        normal[3u * at] = normal_sum.x * scale;
-        normal[3u * at + 1u] = normal_sum.y * scale;
-        normal[3u * at + 2u] = normal_sum.z * scale;
+    for (var k = 0u; k < 3u; k++) {
+        if COLOR {
+            rgb[3u * at + k] = color[k];
+        }
+        if NORMAL {
+            normal[3u * at + k] = unit[k];
+        }
+    }
+    if DEPTH {
+        depths[at] = depth;
     }
     if MEDIAN {
         depths[view.width * view.height + at] = select(0.0, median, coverage >= 0.5);

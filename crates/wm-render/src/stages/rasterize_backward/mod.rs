@@ -21,6 +21,8 @@
 //! few hundred pixels by a few ulp. Relative L2 over the splats of a scene below 1e-5.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 #[cfg(test)]
 mod tests;
 

@@ -2,7 +2,7 @@ use crate::differentiable::{Channels, ForwardConfig};
 use crate::testing::{Backend, camera, gradient_errors, gradients_of, random_splats};
 use wm_scene::Splats;
 
-crate::cpu_parity! {
+crate::parity! {
     every_picture_pulls_as_the_referee_says => |backend| {
         let channels =
             [Channels::Color, Channels::ColorDepth, Channels::ColorDepthNormal, Channels::Depth];
@@ -20,7 +20,7 @@ fn check(backend: Backend, splats: &Splats, config: &ForwardConfig) {
         let (got, want) = gradients_of(backend, splats, &camera(width, height), config, 71);
         assert!(got.visible.is_sorted() && !got.is_empty());
         for (name, error) in gradient_errors(&got, &want) {
-            eprintln!("{:?} {width}x{height}: {name} {error:.1e}", config.channels);
+            eprintln!("{backend:?} {:?} {width}x{height}: {name} {error:.1e}", config.channels);
             // Where the whole scene is three pixels wide, the rounding of the centres in px tells; and
             // weights count pixels that are not steady too.
             let bound = if width == 3 { 5e-4 } else { 1e-5 };

@@ -1,105 +1,51 @@
-//! Adam over the splats in view.
-//!
-//! As published (Kingma and Ba 2014), with betas 0.9 and 0.999 and eps 1e-15. Only the rows of splats that
-//! a step saw are touched, moments included: what is out of view neither moves nor forgets. The bias
-//! correction goes by the step of training.
+//! Rows of splats on all threads.
 
+use super::{BETA1, BETA2, EPS, FLAT, Moments, Pair, Rates, SplatTerms};
+use crate::differentiable::Gradients;
+use crate::dispatch;
+use crate::simd::SimdPath;
 use rayon::prelude::*;
-use wm_render::Gradients;
-use wm_render::dispatch;
-use wm_render::simd::SimdPath;
-use wm_scene::{Splats, sh};
+use wm_scene::{Group, Splats};
 
-const BETA1: f32 = 0.9;
-const BETA2: f32 = 0.999;
-const EPS: f32 = 1e-15;
 /// Rows of one task.
 const CHUNK: usize = 2048;
 
-/// Step lengths of one step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rates {
-    /// Of means, scene units.
-    pub means: f64,
-    /// Of quaternions.
-    pub quats: f64,
-    /// Of the logarithms of scales.
-    pub log_scales: f64,
-    /// Of the logits of opacities.
-    pub logit_opacities: f64,
-    /// Of the first SH coefficient.
-    pub sh_dc: f64,
-    /// Of the others.
-    pub sh_rest: f64,
-}
-
-/// First and second moments of one parameter, flat like the parameter itself.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Pair {
-    /// Mean of the gradient.
-    pub first: Vec<f32>,
-    /// Mean of its square.
-    pub second: Vec<f32>,
-}
-
-/// Moments of all parameters, in the order of [`Moments::arrays`].
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Moments {
-    /// `[N, 3]`.
-    pub means: Pair,
-    /// `[N, 4]`.
-    pub quats: Pair,
-    /// `[N, 3]`.
-    pub log_scales: Pair,
-    /// `[N]`.
-    pub logit_opacities: Pair,
-    /// `[N, K, 3]`.
-    pub sh: Pair,
-}
-
-impl Moments {
-    /// Zeros for `splats`.
-    #[must_use]
-    pub fn new(splats: &Splats) -> Self {
-        let mut moments = Self::default();
-        moments.resize(splats);
-        moments
-    }
-
-    /// Each parameter's moments with the number of its values a splat.
-    pub fn arrays(&mut self, sh_degree: u8) -> [(&mut Pair, usize); 5] {
-        [
-            (&mut self.means, 3),
-            (&mut self.quats, 4),
-            (&mut self.log_scales, 3),
-            (&mut self.logit_opacities, 1),
-            (&mut self.sh, 3 * sh::coefficients(sh_degree)),
-        ]
-    }
-
-    /// As many rows as `splats` has: new ones are zeros.
-    pub fn resize(&mut self, splats: &Splats) {
-        for (pair, width) in self.arrays(splats.sh_degree) {
-            pair.first.resize(splats.len() * width, 0.0);
-            pair.second.resize(splats.len() * width, 0.0);
-        }
-    }
-
-    /// Forgets what was learnt about one splat.
-    pub fn clear_row(&mut self, index: usize, sh_degree: u8) {
-        for (pair, width) in self.arrays(sh_degree) {
-            pair.first[index * width..(index + 1) * width].fill(0.0);
-            pair.second[index * width..(index + 1) * width].fill(0.0);
-        }
-    }
-
-    /// Keeps the rows `indices`, in that order.
-    pub fn select(&mut self, indices: &[usize], sh_degree: u8) {
-        for (pair, width) in self.arrays(sh_degree) {
-            for array in [&mut pair.first, &mut pair.second] {
-                let rows = indices.iter().flat_map(|i| &array[i * width..(i + 1) * width]);
-                *array = rows.copied().collect();
+/// Adds to the gradients what `terms` pull.
+pub fn add_terms(splats: &Splats, terms: &SplatTerms, gradients: &mut Gradients) {
+    let count = splats.len().max(1) as f64;
+    let (per_splat, flatness) = (1.0 / count, (terms.flatness / count) as f32);
+    for (row, index) in gradients.visible.iter().enumerate() {
+        let index = *index as usize;
+        if flatness != 0.0 && splats.groups[index] != Group::Sky {
+            let scales = splats.log_scales[index];
+            let mut order = [0, 1, 2];
+            // As the renderer: of equal ones the first is the shortest.
+            order.sort_by(|a, b| scales[*a].total_cmp(&scales[*b]));
+            let ratio = (scales[order[0]] - scales[order[1]]).exp();
+            if ratio > FLAT {
+                gradients.log_scales[row][order[0]] += flatness * ratio;
+                gradients.log_scales[row][order[1]] -= flatness * ratio;
             }
+        }
+        if terms.opacity != 0.0 {
+            let opacity = splats.opacity(index);
+            gradients.logit_opacities[row] += (terms.opacity * per_splat * opacity * (1.0 - opacity)) as f32;
+        }
+        if terms.scale != 0.0 {
+            for (gradient, scale) in gradients.log_scales[row].iter_mut().zip(splats.scales(index)) {
+                *gradient += (terms.scale * per_splat / 3.0 * scale) as f32;
+            }
+        }
+    }
+}
+
+/// Takes from the gradients what does not learn of the sky.
+pub fn hold_sky(splats: &Splats, gradients: &mut Gradients) {
+    let stride = gradients.sh_stride();
+    for (row, index) in gradients.visible.iter().enumerate() {
+        if splats.groups[*index as usize] == Group::Sky {
+            gradients.means[row] = [0.0; 3];
+            gradients.sh[row * stride + 3..(row + 1) * stride].fill(0.0);
         }
     }
 }
@@ -244,7 +190,7 @@ mod tests {
             splats.log_scales.push([-1.0; 3]);
             splats.logit_opacities.push(0.5);
             splats.sh.extend([0.25; 12]);
-            splats.groups.push(wm_scene::Group::Scene);
+            splats.groups.push(Group::Scene);
         }
         splats
     }
@@ -300,5 +246,17 @@ mod tests {
         moments.clear_row(0, 1);
         assert_eq!(moments.quats.first[..5], [0.0, 0.0, 0.0, 0.0, 0.0]);
         assert_eq!(moments.sh.second.len(), 24);
+    }
+
+    #[test]
+    fn the_shortest_axis_is_made_shorter_and_kept() {
+        let mut splats = crate::testing::random_splats(3, 0, 4);
+        splats.log_scales = vec![[0.0, -0.1, 0.5], [-3.0, 0.0, 0.0], [0.0, -0.1, 0.5]];
+        splats.groups[2] = Group::Sky;
+        let mut gradients = Gradients { visible: vec![0, 1, 2], ..Gradients::default() };
+        gradients.log_scales = vec![[0.0; 3]; 3];
+        add_terms(&splats, &SplatTerms { flatness: 3.0, ..SplatTerms::default() }, &mut gradients);
+        let ratio = (-0.1f32).exp();
+        assert_eq!(gradients.log_scales, [[-ratio, ratio, 0.0], [0.0; 3], [0.0; 3]]);
     }
 }

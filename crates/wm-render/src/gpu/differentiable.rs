@@ -1,0 +1,424 @@
+//! The GPU back end of training: stored parameters to pictures, and from a loss's derivative by these to gradients.
+//!
+//! | pass | stage | programs |
+//! |---|---|---|
+//! | project to intersect | as of a frame, from stored parameters | entries are pairs of splat and tile |
+//! | rasterize | [`rasterize`](crate::stages::rasterize) | sums, which are kept |
+//! | composite | [`composite`](crate::stages::composite) | pictures of the sums |
+//! | back | [`rasterize_backward`](crate::stages::rasterize_backward) | by sums, by tiles: a slot a pair |
+//! | gather | [`project_backward`](crate::stages::project_backward) | slots of a splat, in the order of its tiles |
+//! | project back | the same, [`shade_backward`](crate::stages::shade_backward) | a thread a splat in view |
+//!
+//! No number is added by atomics, so gradients are the same, bit by bit, each time on one adapter.
+
+use super::buffers::{Extent, Growing, Memory, READ_BACK, Room, WRITTEN};
+use super::device::Gpu;
+use super::error::GpuError;
+use super::lists::{self, CHUNKS, Entries};
+use super::readback::{Part, copy};
+use super::recorder::{Recorder, Stage};
+use super::resident::StepRows;
+use super::source::{COUNTER_WORDS, Falls};
+use super::stored::StoredModel;
+use super::uniforms::{self, Capacity, Each, SLOT, Sight, bytes_of};
+use crate::cpu;
+use crate::differentiable::{
+    BackwardStats, DepthAlpha, Differentiable, ForwardConfig, Gradients, Learn, Resident, Upstream,
+};
+use crate::frame::Frame;
+use crate::renderer::{CpuConfig, RenderError, Stats};
+use crate::simd::SimdPath;
+use crate::stages::composite::gpu::Finish;
+use crate::stages::optimize::gpu::Rows;
+use crate::stages::project_backward::gpu::{self as rows, Gather, ProjectBackward};
+use crate::stages::rasterize::gpu::Rasterize;
+use crate::stages::rasterize_backward::Slot;
+use crate::stages::rasterize_backward::gpu::{Kept, RasterizeBackward, by_sums};
+use std::sync::Arc;
+use std::time::Instant;
+use wm_scene::{Camera, Splats, sh};
+
+/// Words of a slot.
+const SLOT_WORDS: u64 = Slot::LEN as u64;
+
+/// The GPU back end of training. It keeps its working memory from step to step.
+pub struct GpuDifferentiable {
+    pub(super) gpu: Arc<Gpu>,
+    /// For what the CPU does of a step.
+    path: SimdPath,
+    pub(super) pool: Arc<rayon::ThreadPool>,
+    pub(super) model: StoredModel,
+    pub(super) memory: Memory,
+    kept: [Growing; 10],
+    pub(super) capacity: Capacity,
+    pub(super) last: Option<View>,
+    /// Of splats that learn here.
+    pub(super) rows: StepRows,
+}
+
+/// The last forward pass, with what it left on the GPU.
+pub(super) struct View {
+    pub camera: Camera,
+    pub config: ForwardConfig,
+    visible: u32,
+    pub room: Room,
+    own: OwnRoom,
+}
+
+/// What training has beside the room of a frame.
+struct OwnRoom {
+    /// The record of each pair of splat and tile.
+    names: wgpu::Buffer,
+    rgb: wgpu::Buffer,
+    depths: wgpu::Buffer,
+    normal: wgpu::Buffer,
+    /// See `upstream.wgsl`.
+    upstream: wgpu::Buffer,
+    states: wgpu::Buffer,
+    slots: wgpu::Buffer,
+    pulls: wgpu::Buffer,
+    /// See `project_backward.wgsl`.
+    gradients: wgpu::Buffer,
+    by_sh: wgpu::Buffer,
+}
+
+/// Bytes of a splat in view and of an entry in the largest array over each.
+fn each(config: &ForwardConfig) -> Each {
+    let coefficients = 3 * sh::coefficients(config.sh_degree) as u64;
+    let numbers = [SLOT_WORDS, u64::from(rows::ROW), coefficients];
+    Each { visible: 4 * numbers.into_iter().fold(0, u64::max), entries: 4 * SLOT_WORDS }
+}
+
+impl GpuDifferentiable {
+    /// On `gpu`; `host` says how the CPU does its part.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the processor lacks the SIMD path or threads cannot be started.
+    pub fn new(gpu: Arc<Gpu>, host: CpuConfig) -> Result<Self, RenderError> {
+        let (path, pool) = cpu::start(host)?;
+        Ok(Self {
+            gpu,
+            path,
+            pool,
+            model: StoredModel::default(),
+            memory: Memory::default(),
+            kept: Default::default(),
+            capacity: Capacity::default(),
+            last: None,
+            rows: StepRows::default(),
+        })
+    }
+
+    /// The GPU.
+    #[must_use]
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    /// Forgets the last forward pass.
+    pub(super) fn forget(&mut self) {
+        self.last = None;
+    }
+
+    fn own_room(&mut self, camera: &Camera, config: &ForwardConfig) -> Result<OwnRoom, GpuError> {
+        let (gpu, Capacity { visible, entries }) = (&self.gpu, self.capacity);
+        let (visible, entries) = (u64::from(visible), u64::from(entries));
+        let pixels = u64::from(camera.width) * u64::from(camera.height);
+        let channels = config.channels;
+        let picture = |there: bool, numbers: u64| if there { 4 * numbers * pixels } else { 0 };
+        let mut kept = self.kept.iter_mut();
+        let mut fit = |what: &'static str, bytes: u64, usage| match kept.next() {
+            Some(growing) => growing.fit(gpu, what, bytes, usage),
+            None => gpu.buffer(what, bytes, usage),
+        };
+        let coefficients = 3 * sh::coefficients(config.sh_degree) as u64;
+        Ok(OwnRoom {
+            names: fit("tile lists", 4 * entries, READ_BACK)?,
+            rgb: fit("the picture", picture(channels.has_color(), 3), READ_BACK)?,
+            depths: fit("the picture's depths", picture(channels.depth().is_some(), 1), READ_BACK)?,
+            normal: fit("the picture's normals", picture(channels.has_normal(), 3), READ_BACK)?,
+            upstream: fit("the loss's derivative", picture(true, 8), WRITTEN)?,
+            states: fit("the loss's derivative", picture(true, 8), READ_BACK)?,
+            slots: fit("what pixels pull", 4 * SLOT_WORDS * entries, READ_BACK)?,
+            pulls: fit("what pixels pull on splats", 4 * SLOT_WORDS * visible, READ_BACK)?,
+            gradients: fit("gradients", 4 * u64::from(rows::ROW) * visible, READ_BACK)?,
+            by_sh: fit("gradients of colours", 4 * coefficients * visible, READ_BACK)?,
+        })
+    }
+
+    pub(super) fn forward_on_pool(
+        &mut self,
+        camera: &Camera,
+        config: &ForwardConfig,
+        frame: &mut Frame,
+    ) -> Result<Stats, RenderError> {
+        let started = Instant::now();
+        let gpu = Arc::clone(&self.gpu);
+        self.forget();
+        gpu.check()?;
+        let (each, most) = (each(config), gpu.most_binding());
+        self.capacity.start(self.model.len(), most, each);
+        let sight = Sight::of_training(camera, config);
+        let channels = config.channels;
+        loop {
+            let pieces = self.model.uniforms(config);
+            let extent = Extent {
+                // Two more behind: `Training` and `Learn`.
+                slots: CHUNKS + pieces.len() + 2,
+                blocks: self.model.blocks(),
+                capacity: self.capacity,
+                tiles: sight.tile_count(),
+                pixels: u64::from(camera.width) * u64::from(camera.height),
+                planes: u64::from(channels.depth().is_some()),
+                normal: channels.has_normal(),
+                falls: Falls::Nothing,
+                background: 0,
+            };
+            let room = self.memory.room(&gpu, &extent)?;
+            let own = self.own_room(camera, config)?;
+            let view = uniforms::view(&sight, self.model.blocks(), 0, self.capacity);
+            let mut structures = lists::uniforms(view, Entries::Pairs(&own.names));
+            structures.extend(pieces);
+            structures.push(uniforms::training(config.background, DepthAlpha::Learns));
+            gpu.queue.write_buffer(&room.uniforms, 0, &bytes_of(&structures));
+
+            let recorder = record_forward(&gpu, &self.model, (&room, &own), &sight, config);
+            let mut counters = [0u32; COUNTER_WORDS as usize];
+            let mut parts: Vec<Part<'_>> = vec![
+                (&room.counters, 0, bytemuck::cast_slice_mut(&mut counters)),
+                (&own.rgb, 0, bytemuck::cast_slice_mut(&mut frame.rgb)),
+                (&room.alpha, 0, bytemuck::cast_slice_mut(&mut frame.alpha)),
+                (&own.depths, 0, bytemuck::cast_slice_mut(&mut frame.depth)),
+                (&own.normal, 0, bytemuck::cast_slice_mut(&mut frame.normal)),
+            ];
+            parts.retain(|(.., array)| !array.is_empty());
+            copy(&gpu, recorder, &mut self.memory.staging, &mut parts)?;
+            let [_, _, visible, entries, _] = counters;
+            if !self.capacity.grow(visible, entries, most, each) {
+                let (camera, config) = (*camera, *config);
+                self.last = Some(View { camera, config, visible, room, own });
+                return Ok(Stats {
+                    visible: visible.into(),
+                    intersections: entries.into(),
+                    wall: started.elapsed().as_secs_f64(),
+                    ..Stats::default()
+                });
+            }
+        }
+    }
+
+    fn backward_on_pool(
+        &mut self,
+        upstream: &Upstream<'_>,
+        learn: Learn,
+        gradients: &mut Gradients,
+    ) -> Result<BackwardStats, RenderError> {
+        let started = Instant::now();
+        let Some(view) = &self.last else { unreachable!("a backward pass follows a forward pass") };
+        self.gpu.check()?;
+        let View { config, visible, own, .. } = view;
+        let recorder = view.record_backward(&self.gpu, &self.model, upstream, (&own.gradients, &own.by_sh));
+        gradients.resize(*visible as usize, learn, config.sh_degree);
+        let mut found = vec![0.0f32; *visible as usize * rows::ROW as usize];
+        let mut parts: Vec<Part<'_>> = vec![
+            (&own.gradients, 0, bytemuck::cast_slice_mut(&mut found)),
+            (&own.by_sh, 0, bytemuck::cast_slice_mut(&mut gradients.sh)),
+        ];
+        parts.retain(|(.., array)| !array.is_empty());
+        copy(&self.gpu, recorder, &mut self.memory.staging, &mut parts)?;
+        for (row, numbers) in found.as_chunks::<{ rows::ROW as usize }>().0.iter().enumerate() {
+            write_row(gradients, row, numbers);
+        }
+        Ok(BackwardStats { wall: started.elapsed().as_secs_f64(), ..BackwardStats::default() })
+    }
+}
+
+impl View {
+    /// Bytes of rows of gradients, and of those of colours.
+    pub fn row_bytes(&self, capacity: Capacity) -> (u64, u64) {
+        let coefficients = 3 * sh::coefficients(self.config.sh_degree) as u64;
+        let visible = 4 * u64::from(capacity.visible);
+        (u64::from(rows::ROW) * visible, coefficients * visible)
+    }
+
+    /// The rows of gradients that go with it.
+    pub fn rows(&self) -> Rows<'_> {
+        Rows { gradients: &self.own.gradients, by_sh: &self.own.by_sh, blocks: &self.room.blocks }
+    }
+
+    /// The slot of the structure `Learn`.
+    pub fn learn_slot(&self, model: &StoredModel) -> usize {
+        CHUNKS + model.piece_count() + 1
+    }
+
+    /// The commands of a backward pass, whose rows go to these buffers, without the way back.
+    pub fn record_backward<'a>(
+        &'a self,
+        gpu: &'a Gpu,
+        model: &'a StoredModel,
+        upstream: &Upstream<'_>,
+        (gradients, of_colors): (&'a wgpu::Buffer, &'a wgpu::Buffer),
+    ) -> Recorder<'a> {
+        let Self { camera, config, room, own, .. } = self;
+        let channels = config.channels;
+        let sight = Sight::of_training(camera, config);
+        let (pixels, tiles) = (camera.width * camera.height, sight.tile_count());
+        let mut recorder = Recorder::new(gpu, &room.uniforms, None);
+        let pieces = model.pieces(&recorder, CHUNKS);
+        let slot = CHUNKS + pieces.len();
+        let training = uniforms::training(config.background, upstream.depth_alpha);
+        gpu.queue.write_buffer(&room.uniforms, SLOT * slot as u64, &bytes_of(&[training]));
+        let mut at = 0;
+        for (array, numbers) in
+            [(upstream.rgb, 3), (upstream.alpha, 1), (upstream.depth, 1), (upstream.normal, 3)]
+        {
+            let bytes = 4 * numbers * u64::from(pixels);
+            if array.is_empty() {
+                recorder.encoder().clear_buffer(&own.upstream, at, Some(bytes));
+            } else {
+                gpu.queue.write_buffer(&own.upstream, at, bytemuck::cast_slice(array));
+            }
+            at += bytes;
+        }
+        recorder.begin(Stage::Rasterize);
+        let training = recorder.uniform(slot);
+        by_sums(&mut recorder, (pixels, channels), training, kept(room), (&own.upstream, &own.states));
+        let rasterize = RasterizeBackward {
+            tile_offsets: &room.tile_offsets,
+            pairs: lists::listed(room, tiles),
+            names: &own.names,
+            records: &room.records,
+            states: &own.states,
+            slots: &own.slots,
+        };
+        rasterize.record(&mut recorder, tiles, channels);
+        recorder.begin(Stage::Project);
+        let gather = Gather {
+            counters: &room.counters,
+            dispatches: &room.dispatches,
+            order: lists::order(room),
+            ends: &room.counts,
+            slots: &own.slots,
+            pulls: &own.pulls,
+        };
+        gather.record(&mut recorder);
+        let project = ProjectBackward {
+            blocks: &room.blocks,
+            records: &room.records,
+            pulls: &own.pulls,
+            gradients,
+            by_sh: of_colors,
+        };
+        pieces.iter().for_each(|piece| project.record(&mut recorder, piece, channels));
+        recorder
+    }
+}
+
+/// The commands of a forward pass, without the way back.
+fn record_forward<'a>(
+    gpu: &'a Gpu,
+    model: &'a StoredModel,
+    (room, own): (&'a Room, &'a OwnRoom),
+    sight: &Sight<'_>,
+    config: &ForwardConfig,
+) -> Recorder<'a> {
+    let mut recorder = Recorder::new(gpu, &room.uniforms, None);
+    recorder.encoder().clear_buffer(&room.counters, 0, None);
+    let pieces = model.pieces(&recorder, CHUNKS);
+    lists::front(&mut recorder, room, &pieces, None);
+    let tiles = sight.tile_count();
+    let (_, pairs) = lists::lists(&mut recorder, room, tiles, Entries::Pairs(&own.names));
+    recorder.begin(Stage::Rasterize);
+    let rasterize = Rasterize {
+        tile_offsets: &room.tile_offsets,
+        entries: pairs,
+        records: &room.records,
+        rgb: &room.rgb,
+        alpha: &room.alpha,
+        depths: &room.depths,
+        normal: &room.normal,
+    };
+    rasterize.record_sums(&mut recorder, tiles, config.channels, &own.names);
+    recorder.begin(Stage::Composite);
+    let finish = Finish { kept: kept(room), rgb: &own.rgb, depths: &own.depths, normal: &own.normal };
+    let pixels = sight.camera.width * sight.camera.height;
+    let training = recorder.uniform(CHUNKS + pieces.len());
+    finish.record(&mut recorder, (pixels, config.channels), training);
+    recorder
+}
+
+fn kept(room: &Room) -> Kept<'_> {
+    Kept { rgb: &room.rgb, alpha: &room.alpha, depths: &room.depths, normal: &room.normal }
+}
+
+/// Numbers of a row from `first` on.
+fn numbers<const N: usize>(row: &[f32; rows::ROW as usize], first: u32) -> [f32; N] {
+    std::array::from_fn(|k| row[first as usize + k])
+}
+
+/// One row of gradients, as far as they learn.
+fn write_row(to: &mut Gradients, row: usize, from: &[f32; rows::ROW as usize]) {
+    fn set<T>(array: &mut [T], row: usize, value: T) {
+        if let Some(place) = array.get_mut(row) {
+            *place = value;
+        }
+    }
+    to.visible[row] = from[rows::INDEX as usize].to_bits();
+    set(&mut to.means, row, numbers(from, rows::MEAN));
+    set(&mut to.quats, row, numbers(from, rows::QUAT));
+    set(&mut to.log_scales, row, numbers(from, rows::SCALE));
+    set(&mut to.logit_opacities, row, from[rows::OPACITY as usize]);
+    to.means2d[row] = numbers(from, rows::MEAN2D);
+    to.absgrads[row] = numbers(from, rows::ABSGRAD);
+    to.weights[row] = from[rows::WEIGHT as usize];
+    to.radii[row] = from[rows::RADIUS as usize];
+}
+
+impl Differentiable for GpuDifferentiable {
+    fn describe(&self) -> String {
+        self.gpu.describe()
+    }
+
+    fn path(&self) -> SimdPath {
+        self.path
+    }
+
+    fn pool(&self) -> &Arc<rayon::ThreadPool> {
+        &self.pool
+    }
+
+    fn forward(
+        &mut self,
+        splats: &Splats,
+        camera: &Camera,
+        config: &ForwardConfig,
+        frame: &mut Frame,
+    ) -> Result<Stats, RenderError> {
+        config.check(splats, camera, frame)?;
+        let (pool, gpu) = (Arc::clone(&self.pool), Arc::clone(&self.gpu));
+        pool.install(|| {
+            gpu.check()?;
+            self.model.write(&gpu, splats)?;
+            self.forward_on_pool(camera, config, frame)
+        })
+    }
+
+    fn backward(
+        &mut self,
+        splats: &Splats,
+        upstream: &Upstream<'_>,
+        learn: Learn,
+        gradients: &mut Gradients,
+    ) -> Result<BackwardStats, RenderError> {
+        let view = self.last.as_ref().expect("a backward pass follows a forward pass");
+        assert_eq!(self.model.len(), splats.len(), "the splats are not those of the forward pass");
+        upstream.check(view.camera.width as usize * view.camera.height as usize, view.config.channels);
+        let learn = view.config.learns(learn);
+        let pool = Arc::clone(&self.pool);
+        pool.install(|| self.backward_on_pool(upstream, learn, gradients))
+    }
+
+    fn resident(&mut self) -> Option<&mut dyn Resident> {
+        Some(self)
+    }
+}

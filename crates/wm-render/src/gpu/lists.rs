@@ -1,0 +1,108 @@
+//! Splats to tile lists: what a frame and a step of training have in common.
+
+use super::buffers::Room;
+use super::recorder::{Recorder, Stage};
+use super::source::{ENTRY_SORT, Program, VISIBLE_SORT};
+use super::uniforms::{self, Uniform};
+use crate::hooks::Twin;
+use crate::stages::intersect::gpu::{Intersect, ranges};
+use crate::stages::project::gpu::{Piece, cull, project};
+use crate::stages::scan::gpu::spine;
+use crate::stages::sort::gpu::{Pairs, Sort, passes};
+
+/// Bits of a depth.
+const DEPTH_BITS: u32 = 32;
+// Slots of the structures; the first is `View`.
+const DEPTH_PASSES: usize = 1;
+const TILE_PASSES: usize = 5;
+const COUNT_TASK: usize = 9;
+const WRITE_TASK: usize = 10;
+/// The first slot behind them: of the pieces of splats.
+pub(crate) const CHUNKS: usize = 11;
+
+/// What the entries of the tile lists are.
+#[derive(Clone, Copy)]
+pub(crate) enum Entries<'a> {
+    /// Records.
+    Records,
+    /// Pairs of splat and tile, by number, splat by splat; here the record of each is kept.
+    Pairs(&'a wgpu::Buffer),
+}
+
+/// The structures of the slots before [`CHUNKS`].
+pub(crate) fn uniforms(view: Uniform, entries: Entries<'_>) -> Vec<Uniform> {
+    let are_pairs = matches!(entries, Entries::Pairs(_));
+    let pass = |of_entries: bool| {
+        let numbered = !of_entries || are_pairs;
+        (0..4).map(move |i| uniforms::sort_pass(8 * i, of_entries, numbered && i == 0))
+    };
+    let mut all = vec![view];
+    all.extend(pass(false));
+    all.extend(pass(true));
+    all.extend([false, true].map(uniforms::intersect_task));
+    all
+}
+
+/// Splats to records, through the air.
+pub(crate) fn front(
+    recorder: &mut Recorder<'_>,
+    room: &Room,
+    pieces: &[Piece<'_>],
+    air: Option<(&Twin, &wgpu::Buffer)>,
+) {
+    recorder.begin(Stage::Project);
+    for piece in pieces {
+        cull(recorder, piece, &room.blocks);
+    }
+    spine(recorder, &Program::SpineVisible, &room.blocks, (&room.counters, &room.dispatches));
+    for piece in pieces {
+        project(recorder, piece, &room.blocks, (&room.records, &room.depth_pairs[0][0]), air);
+    }
+}
+
+/// Records to the lists of `tiles` tiles: tiles and what they list, sorted. The order by depth stays in `room`, see
+/// [`order`].
+pub(crate) fn lists<'r>(
+    recorder: &mut Recorder<'_>,
+    room: &'r Room,
+    tiles: u32,
+    entries: Entries<'r>,
+) -> Pairs<'r> {
+    let (counters, dispatches) = (&room.counters, &room.dispatches);
+    let sort = |pairs: &'r [[wgpu::Buffer; 2]; 2], size: u32| Sort {
+        pairs: pairs.each_ref().map(|[keys, values]| (keys, values)),
+        counters,
+        dispatches,
+        size,
+        histogram: &room.histogram,
+        totals: &room.totals,
+    };
+    recorder.begin(Stage::Sort);
+    let slots = DEPTH_PASSES..DEPTH_PASSES + passes(DEPTH_BITS) as usize;
+    let (_, order) = sort(&room.depth_pairs, VISIBLE_SORT).record(recorder, slots);
+    recorder.begin(Stage::Intersect);
+    let [keys, values] = &room.entry_pairs[0];
+    let entries = match entries {
+        Entries::Records => values,
+        Entries::Pairs(names) => names,
+    };
+    let (records, counts, sums) = (&room.records, &room.counts, &room.sums);
+    let intersect = Intersect { counters, dispatches, records, order, counts, sums, tiles: keys, entries };
+    intersect.record(recorder, COUNT_TASK);
+    spine(recorder, &Program::SpineEntries, sums, (counters, dispatches));
+    intersect.record(recorder, WRITE_TASK);
+    let slots = TILE_PASSES..TILE_PASSES + passes(u32::BITS - tiles.leading_zeros()) as usize;
+    let lists = sort(&room.entry_pairs, ENTRY_SORT).record(recorder, slots);
+    ranges(recorder, tiles, (counters, lists.0), &room.tile_offsets);
+    lists
+}
+
+/// Where [`lists`] leaves the records in the order of their depth.
+pub(crate) fn order(room: &Room) -> &wgpu::Buffer {
+    &room.depth_pairs[passes(DEPTH_BITS) as usize % 2][1]
+}
+
+/// Where it leaves what `tiles` tiles list.
+pub(crate) fn listed(room: &Room, tiles: u32) -> &wgpu::Buffer {
+    &room.entry_pairs[passes(u32::BITS - tiles.leading_zeros()) as usize % 2][1]
+}

@@ -1,0 +1,160 @@
+//! Splats that learn on the GPU: they stay there with what the optimiser remembers, and only pictures and a loss's
+//! derivatives by these cross over.
+
+use super::buffers::{Growing, READ_BACK, WRITTEN};
+use super::device::Gpu;
+use super::differentiable::GpuDifferentiable;
+use super::error::GpuError;
+use super::recorder::{Recorder, Stage};
+use super::uniforms::{self, SLOT, Uniform, bytes_of};
+use crate::differentiable::{ForwardConfig, Opacity, Resident, Target, Upstream};
+use crate::frame::Frame;
+use crate::renderer::{RenderError, Stats};
+use crate::stages::optimize::gpu::{Rows, add, explore, optimize};
+use crate::stages::optimize::{Learnt, LearntMut, Noise, Step};
+use std::sync::Arc;
+use wgpu::BufferUsages;
+use wm_scene::Camera;
+
+/// The gradients of the step under way, beside which other renders are derived.
+#[derive(Default)]
+pub(crate) struct StepRows {
+    kept: [Growing; 3],
+    uniforms: Growing,
+    last: Option<Last>,
+}
+
+struct Last {
+    config: ForwardConfig,
+    gradients: wgpu::Buffer,
+    by_sh: wgpu::Buffer,
+    /// What the step had in view.
+    blocks: wgpu::Buffer,
+}
+
+impl Last {
+    fn rows(&self) -> Rows<'_> {
+        Rows { gradients: &self.gradients, by_sh: &self.by_sh, blocks: &self.blocks }
+    }
+}
+
+impl StepRows {
+    /// Structures in a buffer of their own.
+    fn structures(&mut self, gpu: &Gpu, uniforms: &[Uniform]) -> Result<wgpu::Buffer, GpuError> {
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let buffer = self.uniforms.fit_unbound(gpu, "structures", SLOT * uniforms.len() as u64, usage)?;
+        gpu.queue.write_buffer(&buffer, 0, &bytes_of(uniforms));
+        Ok(buffer)
+    }
+}
+
+impl GpuDifferentiable {
+    /// Submits what `record` does with the pieces of the splats; `structure` is in slot 0.
+    fn submit_over_pieces(
+        &mut self,
+        structure: Uniform,
+        config: &ForwardConfig,
+        record: impl Fn(&Self, &mut Recorder<'_>),
+    ) -> Result<(), RenderError> {
+        let gpu = Arc::clone(&self.gpu);
+        let mut structures = vec![structure];
+        structures.extend(self.model.uniforms(config));
+        let uniforms = self.rows.structures(&gpu, &structures)?;
+        let mut recorder = Recorder::new(&gpu, &uniforms, None);
+        recorder.begin(Stage::Project);
+        record(self, &mut recorder);
+        gpu.queue.submit([recorder.finish()]);
+        Ok(gpu.check()?)
+    }
+}
+
+impl Resident for GpuDifferentiable {
+    fn load(&mut self, learnt: Learnt<'_>) -> Result<(), RenderError> {
+        learnt.splats.check()?;
+        self.gpu.check()?;
+        self.forget();
+        self.rows.last = None;
+        let (pool, gpu) = (Arc::clone(&self.pool), Arc::clone(&self.gpu));
+        Ok(pool.install(|| self.model.write_learnt(&gpu, learnt))?)
+    }
+
+    fn read(&mut self, learnt: LearntMut<'_>) -> Result<(), RenderError> {
+        self.gpu.check()?;
+        Ok(self.model.read_learnt(&self.gpu, &mut self.memory.staging, learnt)?)
+    }
+
+    fn forward(
+        &mut self,
+        camera: &Camera,
+        config: &ForwardConfig,
+        frame: &mut Frame,
+    ) -> Result<Stats, RenderError> {
+        assert!(self.model.learns(), "splats are loaded first");
+        config.check_view(self.model.sh_degree(), camera, frame)?;
+        let pool = Arc::clone(&self.pool);
+        pool.install(|| self.forward_on_pool(camera, config, frame))
+    }
+
+    fn backward(&mut self, upstream: &Upstream<'_>, target: Target) -> Result<(), RenderError> {
+        let gpu = Arc::clone(&self.gpu);
+        gpu.check()?;
+        let capacity = self.capacity;
+        let view = self.last.as_ref().expect("a backward pass follows a forward pass");
+        upstream.check(view.camera.width as usize * view.camera.height as usize, view.config.channels);
+        match target {
+            Target::Step => {
+                let ForwardConfig { channels, opacity, .. } = view.config;
+                assert!(channels.has_color() && opacity == Opacity::Stored, "a step is of everything");
+                let [gradients, by_sh, blocks] = &mut self.rows.kept;
+                let bytes = view.row_bytes(capacity);
+                let last = Last {
+                    config: view.config,
+                    gradients: gradients.fit(&gpu, "gradients", bytes.0, READ_BACK)?,
+                    by_sh: by_sh.fit(&gpu, "gradients of colours", bytes.1, READ_BACK)?,
+                    blocks: blocks.fit(&gpu, "blocks of splats", view.room.blocks.size(), WRITTEN)?,
+                };
+                let to = (&last.gradients, &last.by_sh);
+                let mut recorder = view.record_backward(&gpu, &self.model, upstream, to);
+                let size = view.room.blocks.size();
+                recorder.encoder().copy_buffer_to_buffer(&view.room.blocks, 0, &last.blocks, 0, size);
+                gpu.queue.submit([recorder.finish()]);
+                self.rows.last = Some(last);
+            }
+            Target::Added(learn) => {
+                let last = self.rows.last.as_ref().expect("it is added to the gradients of a step");
+                let learn = uniforms::learn(view.config.learns(learn));
+                let (slot, other) = (view.learn_slot(&self.model), view.rows());
+                gpu.queue.write_buffer(&view.room.uniforms, SLOT * slot as u64, &bytes_of(&[learn]));
+                let to = (other.gradients, other.by_sh);
+                let mut recorder = view.record_backward(&gpu, &self.model, upstream, to);
+                let learn = recorder.uniform(slot);
+                for piece in self.model.pieces(&recorder, super::lists::CHUNKS) {
+                    add(&mut recorder, &piece, other, last.rows(), learn.clone());
+                }
+                gpu.queue.submit([recorder.finish()]);
+            }
+        }
+        Ok(gpu.check()?)
+    }
+
+    fn optimize(&mut self, step: &Step) -> Result<(), RenderError> {
+        let last = self.rows.last.take().expect("it moves along the gradients of a step");
+        let structure = uniforms::optimize_step(step, self.model.len());
+        self.submit_over_pieces(structure, &last.config, |this, recorder| {
+            let pieces = this.model.pieces(recorder, 1);
+            for (piece, remembered) in pieces.iter().zip(this.model.remembered()) {
+                let step = recorder.uniform(0);
+                optimize(recorder, piece, last.rows(), remembered, step);
+            }
+        })
+    }
+
+    fn explore(&mut self, noise: &Noise) -> Result<(), RenderError> {
+        self.submit_over_pieces(uniforms::noise(noise), &ForwardConfig::default(), |this, recorder| {
+            for piece in this.model.pieces(recorder, 1) {
+                let noise = recorder.uniform(0);
+                explore(recorder, &piece, noise);
+            }
+        })
+    }
+}

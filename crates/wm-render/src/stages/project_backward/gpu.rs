@@ -1,0 +1,77 @@
+//! Gradients on the GPU: the slots of each splat are added in the order of its tiles, and derived by a thread a splat,
+//! with the colours ([`shade_backward`](crate::stages::shade_backward)) in the same program.
+
+use crate::differentiable::Channels;
+use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::source::{Program, VISIBLE_GROUPS};
+use crate::stages::project::gpu::Piece;
+
+/// Numbers of a splat in view, see `project_backward.wgsl`.
+pub const ROW: u32 = 18;
+/// By the mean, three.
+pub const MEAN: u32 = 0;
+/// By the stored quaternion, four.
+pub const QUAT: u32 = 3;
+/// By the logarithms of the scales, three.
+pub const SCALE: u32 = 7;
+/// By the logit of the opacity.
+pub const OPACITY: u32 = 10;
+/// By the centre in the picture, px, two.
+pub const MEAN2D: u32 = 11;
+/// The same from absolute values, two.
+pub const ABSGRAD: u32 = 13;
+/// Sum of weights, px.
+pub const WEIGHT: u32 = 15;
+/// Three standard deviations along the longest axis, px.
+pub const RADIUS: u32 = 16;
+/// Index of the splat, as bits.
+pub const INDEX: u32 = 17;
+
+/// What gathering reads and writes, see `gather.wgsl`.
+pub(crate) struct Gather<'a> {
+    pub counters: &'a wgpu::Buffer,
+    pub dispatches: &'a wgpu::Buffer,
+    pub order: &'a wgpu::Buffer,
+    /// `counts` of `intersect.wgsl`, after entries were written.
+    pub ends: &'a wgpu::Buffer,
+    pub slots: &'a wgpu::Buffer,
+    pub pulls: &'a wgpu::Buffer,
+}
+
+impl Gather<'_> {
+    /// Adds the slots of all splats in view.
+    pub fn record(&self, recorder: &mut Recorder<'_>) {
+        let bindings = vec![
+            (0, self.counters.as_entire_binding()),
+            (1, self.order.as_entire_binding()),
+            (2, self.ends.as_entire_binding()),
+            (3, self.slots.as_entire_binding()),
+            (4, self.pulls.as_entire_binding()),
+        ];
+        recorder.dispatch(&Program::Gather, Groups::Indirect(self.dispatches, VISIBLE_GROUPS), bindings);
+    }
+}
+
+/// What the splats' derivative reads and writes, see `project_backward.wgsl` and `shade_backward.wgsl`.
+pub(crate) struct ProjectBackward<'a> {
+    pub blocks: &'a wgpu::Buffer,
+    pub records: &'a wgpu::Buffer,
+    pub pulls: &'a wgpu::Buffer,
+    pub gradients: &'a wgpu::Buffer,
+    pub by_sh: &'a wgpu::Buffer,
+}
+
+impl ProjectBackward<'_> {
+    /// Derives the splats of one piece.
+    pub fn record(&self, recorder: &mut Recorder<'_>, piece: &Piece<'_>, channels: Channels) {
+        let mut bindings = piece.bindings(recorder, self.blocks);
+        bindings.extend([
+            (5, piece.sh_rest.as_entire_binding()),
+            (6, self.records.as_entire_binding()),
+            (7, self.pulls.as_entire_binding()),
+            (8, self.gradients.as_entire_binding()),
+            (9, self.by_sh.as_entire_binding()),
+        ]);
+        recorder.dispatch(&Program::ProjectBackward(channels), Groups::Direct(piece.blocks), bindings);
+    }
+}

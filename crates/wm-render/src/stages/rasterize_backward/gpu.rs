@@ -1,0 +1,65 @@
+//! The derivative of blending on the GPU: a workgroup a tile. Each pair of splat and tile has its own slot, whose number
+//! the tile lists carry through their sort.
+
+use crate::differentiable::Channels;
+use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::source::{Program, WORKGROUP};
+
+/// The sums of a step of training.
+#[derive(Clone, Copy)]
+pub(crate) struct Kept<'a> {
+    pub rgb: &'a wgpu::Buffer,
+    pub alpha: &'a wgpu::Buffer,
+    pub depths: &'a wgpu::Buffer,
+    pub normal: &'a wgpu::Buffer,
+}
+
+/// Turns the derivatives by the pictures to those by the sums, see `upstream.wgsl`; `training` is the structure of that
+/// name.
+pub(crate) fn by_sums(
+    recorder: &mut Recorder<'_>,
+    (pixels, channels): (u32, Channels),
+    training: wgpu::BindingResource<'_>,
+    kept: Kept<'_>,
+    (upstream, states): (&wgpu::Buffer, &wgpu::Buffer),
+) {
+    let bindings = vec![
+        (0, recorder.view()),
+        (1, training),
+        (2, kept.rgb.as_entire_binding()),
+        (3, kept.alpha.as_entire_binding()),
+        (4, kept.depths.as_entire_binding()),
+        (5, kept.normal.as_entire_binding()),
+        (6, upstream.as_entire_binding()),
+        (7, states.as_entire_binding()),
+    ];
+    recorder.dispatch(&Program::BySums(channels), Groups::Direct(pixels.div_ceil(WORKGROUP)), bindings);
+}
+
+/// What the derivative reads and writes, see `rasterize_backward.wgsl`.
+pub(crate) struct RasterizeBackward<'a> {
+    pub tile_offsets: &'a wgpu::Buffer,
+    /// Of each entry.
+    pub pairs: &'a wgpu::Buffer,
+    /// Of each pair.
+    pub names: &'a wgpu::Buffer,
+    pub records: &'a wgpu::Buffer,
+    pub states: &'a wgpu::Buffer,
+    pub slots: &'a wgpu::Buffer,
+}
+
+impl RasterizeBackward<'_> {
+    /// Sums what the pixels of all tiles pull.
+    pub fn record(&self, recorder: &mut Recorder<'_>, tiles: u32, channels: Channels) {
+        let bindings = vec![
+            (0, recorder.view()),
+            (1, self.tile_offsets.as_entire_binding()),
+            (2, self.pairs.as_entire_binding()),
+            (3, self.names.as_entire_binding()),
+            (4, self.records.as_entire_binding()),
+            (5, self.states.as_entire_binding()),
+            (6, self.slots.as_entire_binding()),
+        ];
+        recorder.dispatch(&Program::RasterizeBackward(channels), Groups::Direct(tiles), bindings);
+    }
+}
