@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 use wm_scene::Group;
-use wm_scene::formats::{Format, format_of, read_scene, write_sidecar};
+use wm_scene::formats::{Format, read_scene_and_format, write_sidecar};
 use wm_scene::health::{Bounds, FaultCounts, Health, Histogram};
 use wm_scene::survey::{Sourced, Survey, label_sky};
 
@@ -32,8 +32,7 @@ pub struct InspectArgs {
 /// Runs the command.
 pub fn run(args: &InspectArgs) -> Result<()> {
     let given = args.facts.metadata()?;
-    let mut scene = read_scene(&args.scene, &read_options(args.level))?;
-    let format = format_of(&args.scene)?;
+    let (mut scene, format) = read_scene_and_format(&args.scene, &read_options(args.level))?;
     let labelled = scene.splats.groups.contains(&Group::Sky);
     label_sky(&mut scene.splats);
     let health = Health::of(&scene.splats);

@@ -24,7 +24,10 @@ fn what_is_no_scene() {
         ("missing.ply", "no such file or folder; check the path"),
         ("missing/a.ply", "no such file or folder; check the path"),
         ("good.ply/a.ply", "cannot be read"),
-        ("folder", "a folder with no point_cloud/iteration_*/point_cloud.ply in it; give a scene file"),
+        (
+            "folder",
+            "a folder with no point_cloud/iteration_*/point_cloud.ply, meta.json or lod-meta.json in it; give",
+        ),
         ("empty.ply", "the file is empty; copy or export it again"),
         ("text.ply", "no PLY file, although its name says so: it begins with \"hello world\\n\"; convert"),
         ("text.txt", "of none of the formats that are read (PLY, "),

@@ -173,6 +173,17 @@ pub enum Views {
 /// # Errors
 /// [`FormatError`] if the path, the content, the sidecar or the cameras cannot be used.
 pub fn read_scene(path: &Path, options: &ReadOptions) -> Result<Scene, FormatError> {
+    Ok(read_scene_and_format(path, options)?.0)
+}
+
+/// The same, with the format that it is in.
+///
+/// # Errors
+/// As there.
+pub fn read_scene_and_format(
+    path: &Path,
+    options: &ReadOptions,
+) -> Result<(Scene, &'static Format), FormatError> {
     // What is small and may be wrong comes before what is large.
     let file = folder::scene_file(path)?;
     let sidecar = match options.sidecar {
@@ -184,10 +195,10 @@ pub fn read_scene(path: &Path, options: &ReadOptions) -> Result<Scene, FormatErr
         Views::Read => folder::read_cameras(&folder::cameras_path(&file))?,
         Views::Ignore => Vec::new(),
     };
-    let mut scene = read_source(&mut Source::open(&file)?, options)?;
+    let (mut scene, format) = read_source(&mut Source::open(&file)?, options)?;
     scene.metadata = sidecar.unwrap_or_default().or(scene.metadata);
     scene.views.extend(views);
-    Ok(scene)
+    Ok((scene, format))
 }
 
 /// Reads a scene from a stream: bytes in memory, a pipe. `name` is its name in messages, `length` its
@@ -196,17 +207,17 @@ pub fn read_scene(path: &Path, options: &ReadOptions) -> Result<Scene, FormatErr
 /// # Errors
 /// [`FormatError`] if the content cannot be used.
 pub fn read_scene_from(name: &Path, reader: impl Read, length: Option<u64>) -> Result<Scene, FormatError> {
-    read_source(&mut Source::new(name, Box::new(reader), length), &ReadOptions::default())
+    Ok(read_source(&mut Source::new(name, Box::new(reader), length), &ReadOptions::default())?.0)
 }
 
-fn read_source(source: &mut Source, options: &ReadOptions) -> Result<Scene, FormatError> {
+fn read_source(source: &mut Source, options: &ReadOptions) -> Result<(Scene, &'static Format), FormatError> {
     let format = sniff(source)?;
     let mut scene = (format.read)(source, options)?;
     if scene.splats.is_empty() {
         return Err(source.whole(Problem::NoSplats));
     }
     format.axes.turn(&mut scene);
-    Ok(scene)
+    Ok((scene, format))
 }
 
 fn sniff(source: &mut Source) -> Result<&'static Format, FormatError> {
@@ -218,14 +229,6 @@ fn sniff(source: &mut Source) -> Result<&'static Format, FormatError> {
     let start = Start { bytes, path: source.path() };
     let format = FORMATS.iter().find(|format| (format.sniff)(&start));
     format.ok_or_else(|| source.whole(unknown_format(source.path(), bytes)))
-}
-
-/// The format of a scene file, without reading more than its start; of the folder of a training, that of the file in it.
-///
-/// # Errors
-/// [`FormatError`] if the path cannot be read or the content is of no known format.
-pub fn format_of(path: &Path) -> Result<&'static Format, FormatError> {
-    sniff(&mut Source::open(&folder::scene_file(path)?)?)
 }
 
 /// [`write_scene_with`] the usual options.

@@ -149,7 +149,7 @@ fn every_format_gives_back_what_it_states() {
                 format!("a.{ending}")
             });
             write_scene(&path, &scene).unwrap();
-            let back = read(&path).unwrap();
+            let (back, found) = read_scene_and_format(&path, &ReadOptions::default()).unwrap();
             assert_eq!(back.metadata, scene.metadata, "{}", format.name);
             assert_eq!(back.splats.len(), 700);
             assert_eq!(back.splats.sh_degree, degree.min(format.loses.sh_degree));
@@ -160,7 +160,7 @@ fn every_format_gives_back_what_it_states() {
             };
             let errors = Errors::of(&scene.splats, &back.splats, &order);
             assert!(errors.within(&rounding(format.name)), "{} degree {degree}: {errors:?}", format.name);
-            assert_eq!(format_of(&path).unwrap().name, format.name);
+            assert_eq!(found.name, format.name);
         }
     }
 }
@@ -189,8 +189,9 @@ fn groups_are_kept_or_named_as_lost() {
     for (ending, kept) in [("glb", true), ("ply", true), ("spz", false)] {
         let path = folder.path().join(format!("a.{ending}"));
         write_scene(&path, &scene).unwrap();
-        assert_eq!(read(&path).unwrap().splats.groups[3] == Group::Sky, kept);
-        let lines = lost(&format_of(&path).unwrap().loses, &scene);
+        let (back, format) = read_scene_and_format(&path, &ReadOptions::default()).unwrap();
+        assert_eq!(back.splats.groups[3] == Group::Sky, kept);
+        let lines = lost(&format.loses, &scene);
         assert_eq!(lines.iter().any(|line| line.starts_with("the label of 1 splats")), !kept, "{lines:?}");
     }
     let lines = lost(&splat::FORMAT.loses, &scene);
