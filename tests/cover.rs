@@ -107,7 +107,7 @@ fn there_must_be_something_to_bake() {
     };
     refused("none.ply", &[], "nothing lies under the weather clear at 0 s");
     refused("none.ply", &["--set", "snow_cover.depth=0"], "nothing lies under the weather");
-    refused("none.splat", &["--set", "snow_cover=on"], "give a name that ends in .ply");
+    refused("none.obj", &["--set", "snow_cover=on"], "use .ply, .compressed.ply, .spz,");
 
     // Deeper than all, and before the start.
     let deep = workshop.path("deep.ply");
