@@ -9,9 +9,9 @@ use std::{
     time::Instant,
 };
 use wm_scene::{
-    Group, Scene, Splats,
+    Scene,
     formats::{FORMATS, ReadOptions, read_scene, write_scene},
-    splats::Splat,
+    synthetic::rippled,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -24,7 +24,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if files.is_empty() {
         for degree in [0, 3] {
             let path = folder.join(format!("random-degree-{degree}.ply"));
-            write_scene(&path, &random_scene(if measured { 300_000 } else { 1000 }, degree))?;
+            let splats = rippled(if measured { 300_000 } else { 1000 }, degree);
+            write_scene(&path, &Scene { splats, ..Scene::default() })?;
             files.push(path);
         }
     }
@@ -74,21 +75,4 @@ fn measure(scene: &Scene, file: &Path, ending: &str, rounds: u32) -> Result<(), 
         megabytes / writing
     );
     Ok(())
-}
-
-/// Splats of values that do not repeat; the speed does not depend on them.
-fn random_scene(count: usize, degree: u8) -> Scene {
-    let mut splats = Splats::with_capacity(count, degree);
-    for index in 0..count {
-        let value = (index as f32).sin();
-        splats.push(&Splat {
-            mean: [value, 2.0 * value, -value],
-            quat: [1.0, value, 0.0, 0.5],
-            log_scale: [-3.0, value, -2.0],
-            logit_opacity: value,
-            rgb: [0.2, 0.5, value],
-            group: Group::Scene,
-        });
-    }
-    Scene { splats, ..Scene::default() }
 }

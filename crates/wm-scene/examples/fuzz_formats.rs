@@ -13,9 +13,9 @@ use std::{
     time::Instant,
 };
 use wm_scene::{
-    Group, Scene, Splats,
+    Scene,
     formats::{FORMATS, GltfSplats, SpzVersion, WriteOptions, read_scene, read_scene_from, write_scene_with},
-    splats::Splat,
+    synthetic::{rippled, uniform},
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         let name = if ending.contains(".json") { (*ending).to_owned() } else { format!("a.{ending}") };
         let path = folder.path().join(&name);
-        write_scene_with(&path, &scene(12), &options)?;
+        write_scene_with(&path, &Scene { splats: rippled(12, 1), ..Scene::default() }, &options)?;
         let start = Instant::now();
         let (found, read) =
             if ending.contains(".json") { fuzz_folder(&path, runs)? } else { fuzz_file(&path, runs)? };
@@ -107,14 +107,10 @@ fn fuzz_folder(main: &Path, runs: u64) -> Result<(u64, u64), Box<dyn std::error:
 
 /// A copy of `bytes` with something wrong, the same for the same run.
 fn damage(bytes: &[u8], run: u64) -> Vec<u8> {
-    let mut state = run;
+    let mut drawn = 0;
     let mut next = |most: usize| {
-        // SplitMix64.
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = state;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ z >> 31) % most.max(1) as u64) as usize
+        drawn += 1;
+        (uniform(run, drawn) * most as f64) as usize % most.max(1)
     };
     let mut damaged = bytes.to_vec();
     match next(8) {
@@ -138,22 +134,6 @@ fn damage(bytes: &[u8], run: u64) -> Vec<u8> {
         }
     }
     damaged
-}
-
-fn scene(count: usize) -> Scene {
-    let mut splats = Splats::with_capacity(count, 1);
-    for index in 0..count {
-        let value = (index as f32).sin();
-        splats.push(&Splat {
-            mean: [value, 2.0 * value, -value],
-            quat: [1.0, value, 0.0, 0.5],
-            log_scale: [-3.0, value, -2.0],
-            logit_opacity: value,
-            rgb: [0.2, 0.5, value],
-            group: Group::Scene,
-        });
-    }
-    Scene { splats, ..Scene::default() }
 }
 
 /// Peak of resident memory, where the system says it.

@@ -52,6 +52,7 @@ impl Similarity {
             let rotation = view.camera.rotation() * self.rotation.transpose();
             let center = self.point(view.camera.center());
             view.camera.viewmat = viewmat_of(rotation, -(rotation * center));
+            view.camera.near *= self.scale;
         }
     }
 
@@ -133,7 +134,7 @@ fn rotate_sh(matrix: &[[f64; 16]; 16], degree: u8, sh: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Metadata;
+    use crate::{Camera, Metadata, View};
     use proptest::prelude::*;
 
     fn similarity() -> impl Strategy<Value = Similarity> {
@@ -189,7 +190,9 @@ mod tests {
             metres_per_unit: Some(4.0),
             ..Metadata::default()
         };
-        let mut scene = Scene { splats, metadata, views: Vec::new() };
+        let camera = Camera::look_at((4, 3), 60.0, DVec3::ONE, DVec3::ZERO, DVec3::NEG_Y).unwrap();
+        let views = vec![View { name: "a".into(), camera: Camera { near: 0.25, ..camera } }];
+        let mut scene = Scene { splats, metadata, views };
         let turn = Similarity {
             scale: 2.0,
             translation: DVec3::new(7.0, 8.0, 9.0),
@@ -203,5 +206,6 @@ mod tests {
         // Half a unit above the ground before, twice as large now.
         assert!((height - 1.0).abs() < 1e-6, "{height}");
         assert_eq!(scene.metadata.metres_per_unit, Some(2.0));
+        assert_eq!(scene.views[0].camera.near, 0.5);
     }
 }

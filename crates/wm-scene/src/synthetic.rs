@@ -3,8 +3,8 @@
 //! They have what makes real scenes hard to judge: walls as large as the ground, normals that
 //! scatter, strays above and below, and surfaces only where a camera could have seen them.
 
-use crate::{Group, Splats, quat, splats::Splat, splats::logit};
-use glam::{DQuat, DVec3};
+use crate::{Group, Splats, quat, similarity::Similarity, splats::Splat, splats::logit};
+use glam::{DMat3, DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 
 /// What [`uniform`] multiplies seeds with; its twin on a GPU is told the product.
@@ -237,19 +237,30 @@ pub fn aerial(seed: u64) -> Builder {
     place
 }
 
-/// The same place turned, scaled and moved: `p -> rotation * (scale p) + shift`. For SH degree 0.
+/// The same place turned, scaled and moved: `p -> rotation * (scale p) + shift`.
 #[must_use]
 pub fn moved(splats: &Splats, rotation: DQuat, scale: f64, shift: DVec3) -> Splats {
     let mut out = splats.clone();
-    for index in 0..out.len() {
-        let mean = DVec3::from_array(out.means[index].map(f64::from));
-        out.means[index] = (rotation * (mean * scale) + shift).to_array().map(|v| v as f32);
-        let [w, x, y, z] = out.quats[index].map(f64::from);
-        let turned = rotation * DQuat::from_xyzw(x, y, z, w);
-        out.quats[index] = [turned.w, turned.x, turned.y, turned.z].map(|v| v as f32);
-        out.log_scales[index] = out.log_scales[index].map(|v| v + scale.ln() as f32);
-    }
+    Similarity { scale, rotation: DMat3::from_quat(rotation), translation: shift }.apply_to(&mut out);
     out
+}
+
+/// Splats of values that do not repeat, for what does not look at them: files, and how fast they are read.
+#[must_use]
+pub fn rippled(count: usize, sh_degree: u8) -> Splats {
+    let mut splats = Splats::with_capacity(count, sh_degree);
+    for index in 0..count {
+        let value = (index as f32).sin();
+        splats.push(&Splat {
+            mean: [value, 2.0 * value, -value],
+            quat: [1.0, value, 0.0, 0.5],
+            log_scale: [-3.0, value, -2.0],
+            logit_opacity: value,
+            rgb: [0.2, 0.5, value],
+            group: Group::Scene,
+        });
+    }
+    splats
 }
 
 /// The `index`-th of the random rotations of `seed`, uniform over all.

@@ -4,7 +4,7 @@ use super::*;
 use crate::hooks::Hooks;
 use crate::renderer::{Background, CpuConfig, Job, RenderConfig, Renderer, SetView};
 use crate::testing::{Backend, RandomLoss, camera, random_splats};
-use crate::{CpuRenderer, Geometry, Outputs};
+use crate::{CpuDifferentiable, CpuRenderer, Geometry, Outputs};
 
 crate::parity! {
     a_frame_is_the_one_that_rendering_gives => frames_are_alike;
@@ -34,6 +34,20 @@ fn step(
     let loss = RandomLoss::new(config.channels, frame.pixels(), 5, |_| true);
     renderer.backward(splats, &loss.upstream(), learn, &mut gradients).unwrap();
     (frame, gradients)
+}
+
+#[test]
+fn bytes_are_the_same_for_any_number_of_threads() {
+    let splats = random_splats(20_000, 2, 90);
+    let of = |threads| {
+        let config = CpuConfig { threads: Some(threads), ..CpuConfig::default() };
+        step(&mut CpuDifferentiable::new(config).unwrap(), &splats, &CONFIG, Learn::ALL)
+    };
+    let one = of(1);
+    assert!(one.1.len() > 5000 && one.1.means.iter().flatten().any(|v| *v != 0.0));
+    for threads in [2, 7] {
+        assert!(of(threads) == one, "{threads} threads");
+    }
 }
 
 fn frames_are_alike(backend: Backend) {

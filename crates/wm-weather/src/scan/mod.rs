@@ -127,12 +127,13 @@ struct Said {
 
 impl Said {
     fn add(&mut self, word: Word) {
-        match word {
-            Word::Seen { floor } | Word::Through { floor } => self.floor += u32::from(floor),
-            Word::Nothing => {}
-        }
-        self.seen += u32::from(matches!(word, Word::Seen { .. }));
-        self.through += u32::from(matches!(word, Word::Through { .. }));
+        let (count, floor) = match word {
+            Word::Seen { floor } => (&mut self.seen, floor),
+            Word::Through { floor } => (&mut self.through, floor),
+            Word::Nothing => return,
+        };
+        *count += 1;
+        self.floor += u32::from(floor);
     }
 
     /// Whether nothing is there.

@@ -223,6 +223,3 @@ impl Differentiable for CpuDifferentiable {
         Ok(pool.install(|| self.backward_on_pool(view, splats, upstream, learn, gradients)))
     }
 }
-
-#[cfg(test)]
-mod tests;

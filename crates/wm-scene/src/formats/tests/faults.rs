@@ -64,9 +64,9 @@ fn flipped_bytes_do_no_harm() {
         let mut noise = Noise::new(1);
         for _ in 0..1500 {
             let mut damaged = bytes.clone();
-            for _ in 0..=noise.bits() % 4 {
-                let at = (noise.bits() % damaged.len() as u64) as usize;
-                damaged[at] = noise.bits() as u8;
+            for _ in 0..=noise.below(4) {
+                let at = noise.below(damaged.len());
+                damaged[at] = noise.below(256) as u8;
             }
             survives(&name, &damaged);
         }
@@ -150,8 +150,8 @@ fn pictures_of_sog_that_are_damaged_or_missing_are_named() {
         let mut noise = Noise::new(2);
         for round in 0..300 {
             let mut damaged = bytes.clone();
-            let at = (noise.bits() % damaged.len() as u64) as usize;
-            damaged[at] = noise.bits() as u8;
+            let at = noise.below(damaged.len());
+            damaged[at] = noise.below(256) as u8;
             if round % 3 == 0 {
                 damaged.truncate(at);
             }

@@ -1,27 +1,31 @@
 //! What is written comes back, within the rounding that each format states.
 
 use super::*;
-use crate::{Group, Rasterization, formats::pack::unit, morton, sh, splats::sigmoid};
+use crate::{Group, Rasterization, formats::pack::unit, morton, sh, splats::sigmoid, synthetic::uniform};
 
 /// Numbers of `-1..1` that follow from their place.
-pub struct Noise(u64);
+pub struct Noise {
+    seed: u64,
+    drawn: u64,
+}
 
 impl Noise {
     pub fn new(seed: u64) -> Self {
-        Self(seed)
+        Self { seed, drawn: 0 }
     }
 
-    pub fn bits(&mut self) -> u64 {
-        // SplitMix64.
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
+    fn unit(&mut self) -> f64 {
+        self.drawn += 1;
+        uniform(self.seed, self.drawn)
+    }
+
+    /// A whole number below `most`.
+    pub fn below(&mut self, most: usize) -> usize {
+        (self.unit() * most as f64) as usize % most
     }
 
     fn next(&mut self) -> f32 {
-        (self.bits() >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+        (2.0 * self.unit() - 1.0) as f32
     }
 
     fn array<const N: usize>(&mut self, scale: f32) -> [f32; N] {
