@@ -38,6 +38,11 @@ fn gpus() {
             listed.workgroup_storage / 1024,
             if listed.timestamps { "can" } else { "cannot" },
         );
+        match listed.subgroups {
+            Some((least, most)) if least == most => println!("  subgroups of {least} threads, made use of"),
+            Some((least, most)) => println!("  subgroups of {least} to {most} threads, made use of"),
+            None => println!("  no subgroups that can be made use of"),
+        }
         if let Some(unfit) = listed.unfit {
             println!("  cannot be used: {unfit}");
         } else if listed.kind == wm_render::gpu::Kind::Software {

@@ -116,6 +116,16 @@ impl AnyRenderer {
         !matches!(self.body, Body::Cpu(_))
     }
 
+    /// Memory that is taken on a GPU, bytes; `None` on the CPU, and where the GPU's interface does not tell.
+    #[must_use]
+    pub fn device_memory(&self) -> Option<u64> {
+        match &self.body {
+            Body::Cpu(_) => None,
+            #[cfg(feature = "gpu")]
+            Body::Gpu { gpu, .. } => gpu.gpu().memory(),
+        }
+    }
+
     /// What the bytes of a picture depend on: not the number of threads.
     #[must_use]
     pub fn arithmetic(&self) -> String {
@@ -171,7 +181,7 @@ enum Opened {
 /// Starts what was chosen; `warn` is told why a GPU is there and not taken.
 #[cfg(feature = "gpu")]
 fn open(device: &Device, warn: fn(&RenderError)) -> Result<Opened, RenderError> {
-    let start = |choice| Gpu::open(&GpuConfig { choice, most_binding: None });
+    let start = |choice| Gpu::open(&GpuConfig { choice, ..GpuConfig::default() });
     match device {
         Device::Cpu => Ok(Opened::Cpu),
         Device::Auto => match start(gpu::Choice::Auto) {

@@ -6,6 +6,7 @@
 use crate::frame::{Arrays, Frame};
 use crate::renderer::{MAX_SPLATS, RenderError, Stats};
 use crate::simd::SimdPath;
+use crate::stages::compare::{Compared, Comparison};
 use crate::stages::optimize::{Learnt, LearntMut, Noise, Step};
 use std::sync::Arc;
 use wm_scene::{Camera, Rasterization, Splats, sh};
@@ -107,6 +108,23 @@ pub trait Resident {
         frame: &mut Frame,
     ) -> Result<Stats, RenderError>;
 
+    /// As [`Self::forward`], with the colours compared where they are. They do not come back, nor does anything beside
+    /// them if `config` asks for colour alone; the [`Self::backward`] that follows takes their derivative from here, and
+    /// `upstream.rgb` is empty.
+    ///
+    /// # Errors
+    /// As there.
+    ///
+    /// # Panics
+    /// As there, and if the photo has another size.
+    fn compare(
+        &mut self,
+        camera: &Camera,
+        config: &ForwardConfig,
+        comparison: &Comparison<'_>,
+        frame: &mut Frame,
+    ) -> Result<(Stats, Compared), RenderError>;
+
     /// As [`Differentiable::backward`]; gradients stay on the device.
     ///
     /// # Errors
@@ -130,6 +148,27 @@ pub trait Resident {
     /// # Errors
     /// [`RenderError`] if the device fails.
     fn explore(&mut self, noise: &Noise) -> Result<(), RenderError>;
+
+    /// How long the stages took the last time that they had run before the last forward pass came back, if the device has
+    /// a clock.
+    fn clock(&self) -> Option<StepClock>;
+}
+
+/// Times of a step by the device's own clock, seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepClock {
+    /// From splats to tile lists.
+    pub lists: f64,
+    /// From there to pictures.
+    pub rasterize: f64,
+    /// Colours against the photo.
+    pub compare: f64,
+    /// From pixels to slots.
+    pub rasterize_backward: f64,
+    /// From slots to gradients.
+    pub project_backward: f64,
+    /// From gradients to parameters, and their noise.
+    pub optimize: f64,
 }
 
 /// What becomes of gradients on the device.
@@ -204,10 +243,21 @@ impl ForwardConfig {
         camera: &Camera,
         frame: &mut Frame,
     ) -> Result<(), RenderError> {
+        self.check_pictures(degree, camera, frame, self.channels.has_color())
+    }
+
+    /// The same, with colours in the frame or not.
+    pub(crate) fn check_pictures(
+        &self,
+        degree: u8,
+        camera: &Camera,
+        frame: &mut Frame,
+        rgb: bool,
+    ) -> Result<(), RenderError> {
         assert!(self.sh_degree <= degree, "SH degree {} of splats with {degree}", self.sh_degree);
         camera.check()?;
         let arrays = Arrays {
-            rgb: self.channels.has_color(),
+            rgb,
             depth: self.channels.depth().is_some(),
             median_depth: false,
             normal: self.channels.has_normal(),

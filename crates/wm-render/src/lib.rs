@@ -22,13 +22,13 @@ pub mod testing;
 pub use cpu::{CpuDifferentiable, CpuRenderer};
 pub use device::{AnyDifferentiable, AnyRenderer, Device};
 pub use differentiable::{
-    Channels, DepthAlpha, Differentiable, Drawn, ForwardConfig, Gradients, Learn, Opacity, Resident, Target,
-    Upstream,
+    Channels, DepthAlpha, Differentiable, Drawn, ForwardConfig, Gradients, Learn, Opacity, Resident,
+    StepClock, Target, Upstream,
 };
 pub use frame::{Encoding, Frame};
 #[cfg(feature = "gpu")]
 pub use gpu::{Choice, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
 pub use renderer::{
-    Background, CpuConfig, Geometry, Job, MedianDepth, Outputs, ParticlePass, RenderConfig, RenderError,
-    Renderer, SetId, SetView, SkyGradient, Stats,
+    Background, CpuConfig, DeviceWork, Geometry, Job, MedianDepth, Outputs, ParticlePass, RenderConfig,
+    RenderError, Renderer, SetId, SetView, SkyGradient, Stats,
 };

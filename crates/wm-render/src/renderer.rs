@@ -271,6 +271,44 @@ pub struct Stats {
     pub composite: f64,
     /// Wall time of the whole frame.
     pub wall: f64,
+    /// What a GPU was asked to do for it; nothing on the CPU.
+    pub device: DeviceWork,
+}
+
+/// What a GPU is asked to do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct DeviceWork {
+    /// Programs that were started.
+    pub dispatches: u64,
+    /// Lists of commands that were handed over.
+    pub submissions: u64,
+    /// Bytes that were sent to it.
+    pub sent: u64,
+    /// Bytes that were read back.
+    pub returned: u64,
+}
+
+impl DeviceWork {
+    /// What came since `before`.
+    #[must_use]
+    pub fn since(self, before: Self) -> Self {
+        Self {
+            dispatches: self.dispatches - before.dispatches,
+            submissions: self.submissions - before.submissions,
+            sent: self.sent - before.sent,
+            returned: self.returned - before.returned,
+        }
+    }
+}
+
+impl AddAssign for DeviceWork {
+    fn add_assign(&mut self, other: Self) {
+        let Self { dispatches, submissions, sent, returned } = other;
+        self.dispatches += dispatches;
+        self.submissions += submissions;
+        self.sent += sent;
+        self.returned += returned;
+    }
 }
 
 impl AddAssign for Stats {
@@ -289,6 +327,7 @@ impl AddAssign for Stats {
             fall,
             composite,
             wall,
+            device,
         } = other;
         self.visible += visible;
         self.intersections += intersections;
@@ -302,6 +341,7 @@ impl AddAssign for Stats {
         self.fall += fall;
         self.composite += composite;
         self.wall += wall;
+        self.device += device;
     }
 }
 

@@ -150,7 +150,7 @@ pub fn gpu_differentiable() -> GpuDifferentiable {
 #[cfg(feature = "gpu")]
 #[must_use]
 pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Arc<Gpu>) {
-    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, most_binding: None }).expect("a GPU");
+    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, ..GpuConfig::default() }).expect("a GPU");
     let config = CpuConfig { threads: Some(2), ..CpuConfig::default() };
     (AnyDifferentiable::fallible(Arc::clone(&gpu), config, warn).expect("threads start"), gpu)
 }
@@ -159,7 +159,7 @@ pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Ar
 #[cfg(feature = "gpu")]
 fn shared_gpu() -> &'static Result<Arc<Gpu>, GpuError> {
     static SHARED: OnceLock<Result<Arc<Gpu>, GpuError>> = OnceLock::new();
-    SHARED.get_or_init(|| Gpu::open(&GpuConfig { choice: Choice::Any, most_binding: None }))
+    SHARED.get_or_init(|| Gpu::open(&GpuConfig { choice: Choice::Any, ..GpuConfig::default() }))
 }
 
 /// A renderer on it.

@@ -8,17 +8,16 @@
 use rayon::prelude::*;
 use wm_render::dispatch;
 use wm_render::simd::SimdPath;
+use wm_render::stages::compare::{Exposure, NO_EXPOSURE};
 
 /// Numbers of one change: the rows of M, each with its b behind it.
-pub const NUMBERS: usize = 12;
-/// No change.
-const NONE: [f32; NUMBERS] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+pub const NUMBERS: usize = NO_EXPOSURE.len();
 
 /// The changes of all photos.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Exposures {
     /// `[P]`.
-    pub changes: Vec<[f32; NUMBERS]>,
+    pub changes: Vec<Exposure>,
     /// What the optimiser remembers: means of gradients and of their squares.
     pub moments: Vec<[[f32; NUMBERS]; 2]>,
     /// How often each photo has learnt.
@@ -30,10 +29,16 @@ impl Exposures {
     #[must_use]
     pub fn new(photos: usize) -> Self {
         Self {
-            changes: vec![NONE; photos],
+            changes: vec![NO_EXPOSURE; photos],
             moments: vec![[[0.0; NUMBERS]; 2]; photos],
             steps: vec![0; photos],
         }
+    }
+
+    /// The change of photo `photo`.
+    #[must_use]
+    pub fn of(&self, photo: usize) -> Exposure {
+        self.changes.get(photo).copied().unwrap_or(NO_EXPOSURE)
     }
 
     /// Colours as photo `photo` would have them, `[H, W, 3]`.
@@ -61,11 +66,16 @@ impl Exposures {
                 *total += part;
             }
         }
+        self.step(photo, &total, rate);
+    }
+
+    /// One step of Adam for the photo along the derivative by its change.
+    pub fn step(&mut self, photo: usize, gradient: &[f64; NUMBERS], rate: f64) {
         self.steps[photo] += 1;
         let corrections = [0.9f64, 0.999].map(|beta| 1.0 - beta.powi(self.steps[photo].min(100_000) as i32));
         let [first, second] = &mut self.moments[photo];
         for k in 0..NUMBERS {
-            let g = total[k];
+            let g = gradient[k];
             let (m, v) = (0.9 * f64::from(first[k]) + 0.1 * g, 0.999 * f64::from(second[k]) + 0.001 * g * g);
             (first[k], second[k]) = (m as f32, v as f32);
             let moved = rate * (m / corrections[0]) / ((v / corrections[1]).sqrt() + 1e-15);
@@ -192,7 +202,7 @@ mod tests {
         }
         assert!(off[0] < 0.01 && off[1] < 0.01, "{off:?}");
         for k in 0..NUMBERS {
-            assert!((exposures.changes[0][k] + exposures.changes[1][k] - 2.0 * NONE[k]).abs() < 1e-4);
+            assert!((exposures.changes[0][k] + exposures.changes[1][k] - 2.0 * NO_EXPOSURE[k]).abs() < 1e-4);
         }
     }
 

@@ -6,8 +6,12 @@
 use crate::densify::Population;
 use crate::densify::mcmc::McmcConfig;
 use crate::random::Random;
+use wm_render::stages::compare::{Compared, Comparison};
 use wm_render::stages::optimize::{Step, cpu};
-use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, RenderError, Target, Upstream};
+use wm_render::{
+    Differentiable, ForwardConfig, Frame, Gradients, Learn, RenderError, Resident, StepClock, Target,
+    Upstream,
+};
 use wm_scene::Camera;
 
 /// Whether pulls are added up.
@@ -56,6 +60,11 @@ impl Learner {
         self.renderer.give_up(error)
     }
 
+    /// Times by the device's clock.
+    pub fn clock(&mut self) -> Option<StepClock> {
+        self.renderer.resident()?.clock()
+    }
+
     /// Brings the population up to date; whether it was behind.
     pub fn sync(&mut self, population: &mut Population) -> Result<bool, RenderError> {
         let (Device::Ahead, Some(device)) = (self.device, self.renderer.resident()) else { return Ok(false) };
@@ -77,17 +86,30 @@ impl Learner {
         config: &ForwardConfig,
         frame: &mut Frame,
     ) -> Result<usize, RenderError> {
-        let stats = match self.renderer.resident() {
-            Some(device) => {
-                if self.device == Device::Other {
-                    device.load(population.learnt())?;
-                    self.device = Device::Same;
-                }
-                device.forward(camera, config, frame)?
-            }
+        let stats = match resident(&mut *self.renderer, &mut self.device, population)? {
+            Some(device) => device.forward(camera, config, frame)?,
             None => self.renderer.forward(&population.splats, camera, config, frame)?,
         };
         Ok(stats.visible as usize)
+    }
+
+    /// Whether [`Self::compare`] is there.
+    pub fn compares(&mut self) -> bool {
+        self.renderer.resident().is_some()
+    }
+
+    /// Renders what was learnt so far and compares its colours where they are, on a device.
+    pub fn compare(
+        &mut self,
+        population: &Population,
+        camera: &Camera,
+        config: &ForwardConfig,
+        comparison: &Comparison<'_>,
+        frame: &mut Frame,
+    ) -> Result<(usize, Compared), RenderError> {
+        let device = resident(&mut *self.renderer, &mut self.device, population)?.expect("there is a device");
+        let (stats, compared) = device.compare(camera, config, comparison, frame)?;
+        Ok((stats.visible as usize, compared))
     }
 
     /// Derives the last frame for the step.
@@ -149,14 +171,25 @@ impl Learner {
         (rate, extent): (f64, f64),
         random: Random,
     ) -> Result<(), RenderError> {
-        let Some(device) = self.renderer.resident() else {
+        let Some(device) = resident(&mut *self.renderer, &mut self.device, population)? else {
             chain.explore(population, rate, extent, random);
             return Ok(());
         };
-        if self.device == Device::Other {
-            device.load(population.learnt())?;
-        }
         self.device = Device::Ahead;
         device.explore(&chain.noise_at(rate, extent, random))
     }
+}
+
+/// The device, if there is one, with the population on it.
+fn resident<'a>(
+    renderer: &'a mut dyn Differentiable,
+    state: &mut Device,
+    population: &Population,
+) -> Result<Option<&'a mut dyn Resident>, RenderError> {
+    let Some(device) = renderer.resident() else { return Ok(None) };
+    if *state == Device::Other {
+        device.load(population.learnt())?;
+        *state = Device::Same;
+    }
+    Ok(Some(device))
 }

@@ -18,9 +18,8 @@ use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use wm_render::dispatch;
 use wm_render::simd::{Lanes, SimdPath};
+use wm_render::stages::compare::{C1, C2, RADIUS, WINDOW};
 
-/// Radius of the window, px.
-const RADIUS: usize = 5;
 /// Pixels of the window along a side.
 const TAPS: usize = 2 * RADIUS + 1;
 /// Channels of a pixel.
@@ -39,23 +38,6 @@ const BAND: usize = 64;
 const REACHED: usize = TOGETHER + 2 * RADIUS;
 /// Rows of slopes that are kept: those, and those made meanwhile.
 const KEPT: usize = REACHED + TOGETHER;
-const C1: f32 = 0.01 * 0.01;
-const C2: f32 = 0.03 * 0.03;
-
-/// The window: Gaussian of standard deviation 1.5 px, sum 1.
-const WINDOW: [f32; TAPS] = [
-    0.001_028_38,
-    0.007_598_76,
-    0.036_000_77,
-    0.109_360_69,
-    0.213_005_53,
-    0.266_011_72,
-    0.213_005_53,
-    0.109_360_69,
-    0.036_000_77,
-    0.007_598_76,
-    0.001_028_38,
-];
 
 /// Structural similarity with its working memory.
 #[derive(Clone, Debug)]

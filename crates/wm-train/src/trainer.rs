@@ -8,13 +8,16 @@ use crate::config::{BackgroundKind, Densify, Exposure, TrainConfig};
 use crate::densify::{Densified, Population};
 use crate::exposure::Exposures;
 use crate::learner::{Learner, Pulled};
-use crate::losses::{self, LossGradients, LossInput, LossTerm, Truth};
+use crate::losses::{self, Colors, LossGradients, LossInput, LossTerm, Truth};
 use crate::random::{Purpose, Random};
 use crate::schedule;
 use std::time::Instant;
 use wm_render::simd::SimdPath;
+use wm_render::stages::compare::{ColorTerm, Comparison};
 use wm_render::stages::optimize::{SplatTerms, Step};
-use wm_render::{Channels, DepthAlpha, Differentiable, Drawn, ForwardConfig, Frame, Opacity, RenderError};
+use wm_render::{
+    Channels, DepthAlpha, Differentiable, Drawn, ForwardConfig, Frame, Opacity, RenderError, StepClock,
+};
 use wm_scene::{Camera, Splats};
 
 /// A training under way.
@@ -218,6 +221,11 @@ impl Trainer {
         self.learner.renderer().describe()
     }
 
+    /// Times of steps by the clock of the device on which splats learn, if it has one.
+    pub fn clock(&mut self) -> Option<StepClock> {
+        self.learner.clock()
+    }
+
     /// Threads in use.
     #[must_use]
     pub fn threads(&self) -> usize {
@@ -291,12 +299,31 @@ impl Trainer {
             sh_degree: schedule::sh_degree(&self.config, step),
         };
         let path = self.learner.renderer().path();
+        // Where nothing but what the device can compute looks at colours they stay there.
+        let mut weights = [0.0; ColorTerm::COUNT];
+        let mut compares = self.learner.compares();
+        for term in self.terms.iter().filter(|term| common(term.as_ref())) {
+            match term.colors() {
+                Colors::Ignored => {}
+                Colors::Read => compares = false,
+                Colors::Compared(which) => weights[which as usize] += term.weight(step, truth),
+            }
+        }
         let (work, population) = (&mut self.work, &mut self.state.population);
-        report.visible = self.learner.forward(population, truth.camera, &forward, &mut work.frame)?;
+        let mut compared = None;
+        if compares {
+            let exposure = self.state.exposures.of(photo);
+            let comparison = Comparison { photo, rgb: truth.rgb, mask: truth.mask, exposure, weights };
+            let (camera, frame) = (truth.camera, &mut work.frame);
+            let (visible, found) = self.learner.compare(population, camera, &forward, &comparison, frame)?;
+            (report.visible, compared) = (visible, Some(found));
+        } else {
+            report.visible = self.learner.forward(population, truth.camera, &forward, &mut work.frame)?;
+        }
         report.times.forward = lap();
 
         let exposed = !self.state.exposures.changes.is_empty();
-        if exposed {
+        if exposed && compared.is_none() {
             std::mem::swap(&mut work.rendered, &mut work.frame.rgb);
             work.frame.rgb.resize(work.rendered.len(), 0.0);
             self.state.exposures.apply(path, photo, &work.rendered, &mut work.frame.rgb);
@@ -305,13 +332,19 @@ impl Trainer {
         let input = LossInput { frame: &work.frame, truth, step, path };
         for term in self.terms.iter_mut().filter(|term| common(term.as_ref())) {
             let weight = term.weight(step, truth);
-            let value = term.add(&input, weight, &mut work.loss);
+            let value = match (&compared, term.colors()) {
+                (Some(compared), Colors::Compared(which)) => compared.values[which as usize],
+                _ => term.add(&input, weight, &mut work.loss),
+            };
             report.loss += weight * value;
             report.terms.push((term.name(), value));
         }
         if exposed {
-            let rate = self.config.rates.exposure;
-            self.state.exposures.learn(path, photo, &work.rendered, &mut work.loss.rgb, rate);
+            let (exposures, rate) = (&mut self.state.exposures, self.config.rates.exposure);
+            match &compared {
+                Some(compared) => exposures.step(photo, &compared.by_exposure, rate),
+                None => exposures.learn(path, photo, &work.rendered, &mut work.loss.rgb, rate),
+            }
         }
         report.times.loss = lap();
 

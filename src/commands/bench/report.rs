@@ -4,7 +4,7 @@ use super::measure::{Case, Measured, Sample};
 use crate::scene::Loaded;
 use crate::view::spec;
 use serde::Serialize;
-use wm_render::Renderer;
+use wm_render::{DeviceWork, Renderer};
 use wm_scene::Camera;
 
 /// Everything measured of one scene. Times are milliseconds.
@@ -23,6 +23,9 @@ pub struct SceneReport {
     /// Pairs of a splat and a pixel that were evaluated, a pixel of the picture.
     pairs_per_pixel: f64,
     peak_memory_mb: Option<f64>,
+    /// Memory taken on a GPU, where its interface tells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    device_memory_mb: Option<f64>,
     cases: Vec<CaseReport>,
     threads: Option<ThreadsReport>,
     paths: Vec<PathSpeed>,
@@ -40,6 +43,9 @@ struct CaseReport {
     particles: u64,
     /// Time of each stage, summed over threads.
     stages_ms: Stages,
+    /// What a GPU was asked to do for a frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    device: Option<DeviceWork>,
 }
 
 #[derive(Clone, Copy, Serialize)]
@@ -129,6 +135,7 @@ impl SceneReport {
                 fall: frames.median(|s| s.stats.fall * 1e3),
                 composite: frames.median(|s| s.stats.composite * 1e3),
             },
+            device: frames.0.last().map(|s| s.stats.device).filter(|work| work.submissions > 0),
         });
         Self {
             scene: scene.to_owned(),
@@ -142,6 +149,7 @@ impl SceneReport {
             intersections: stats.intersections,
             pairs_per_pixel: stats.evaluated_pairs as f64 / pixels,
             peak_memory_mb: peak_memory.map(|bytes| bytes as f64 * 1e-6),
+            device_memory_mb: loaded.renderer.device_memory().map(|bytes| bytes as f64 * 1e-6),
             cases: cases.collect(),
             threads: threads.map(|threads| ThreadsReport {
                 threads: threads.threads,
@@ -166,13 +174,33 @@ impl SceneReport {
             "ms a frame", "wall", "best", "CPU", "ratio"
         );
         for case in &self.cases {
-            let CaseReport { name, wall_ms, best_wall_ms, cpu_ms, cpu_ratio, particles, stages_ms: stages } =
-                case;
+            let CaseReport {
+                name,
+                wall_ms,
+                best_wall_ms,
+                cpu_ms,
+                cpu_ratio,
+                particles,
+                stages_ms: stages,
+                ..
+            } = case;
             let Stages { project, medium, intersect, sort, rasterize, fall, composite } = stages;
             println!(
                 "  {name:<26} {wall_ms:>8.1} {best_wall_ms:>8.1} {cpu_ms:>8.1} {cpu_ratio:>7.3}   {project:>7.1} \
                  {medium:>6.1} {intersect:>9.1} {sort:>5.1} {rasterize:>9.1} {fall:>6.1} {composite:>9.1} {particles:>10}"
             );
+        }
+        for case in &self.cases {
+            if let Some(DeviceWork { dispatches, submissions, sent, returned }) = case.device {
+                println!(
+                    "  {:<26} {dispatches} programs in {submissions} submissions; {sent} bytes to the GPU, {returned} back",
+                    case.name
+                );
+            }
+        }
+        if let Some(memory) = self.device_memory_mb {
+            let each = memory * 1e6 / self.splats.max(1) as f64;
+            println!("  memory taken on the GPU: {memory:.0} MB, {each:.0} bytes a splat of the scene");
         }
         if let Some(ThreadsReport { threads, one_wall_ms, all_wall_ms, speedup, cpu_ratio }) = &self.threads {
             println!(

@@ -8,7 +8,7 @@ use crate::scene::RunArgs;
 use anyhow::Result;
 use serde::Serialize;
 use std::time::Instant;
-use wm_render::{Device, Frame};
+use wm_render::{Device, Frame, StepClock};
 use wm_scene::{Camera, Splats};
 use wm_train::config::{Densify, RateConfig};
 use wm_train::densify::Population;
@@ -35,6 +35,37 @@ pub struct TrainingReport {
     one_thread_wall_ms: f64,
     /// Median over the rounds of one thread's wall time by that of all.
     speedup: f64,
+    /// By the device's own clock, where splats learn on one that has it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    device_ms: Option<DeviceTimes>,
+}
+
+/// Parts of a step on a device, ms; medians.
+#[derive(Serialize)]
+struct DeviceTimes {
+    lists: f64,
+    rasterize: f64,
+    compare: f64,
+    rasterize_backward: f64,
+    project_backward: f64,
+    optimize: f64,
+}
+
+impl DeviceTimes {
+    /// Of steps that all have been timed.
+    fn of(steps: &[Step]) -> Option<Self> {
+        let clocks: Option<Vec<StepClock>> = steps.iter().map(|step| step.clock).collect();
+        let clocks = clocks.filter(|clocks| !clocks.is_empty())?;
+        let of = |value: fn(&StepClock) -> f64| 1e3 * median(clocks.iter().map(value).collect());
+        Some(Self {
+            lists: of(|clock| clock.lists),
+            rasterize: of(|clock| clock.rasterize),
+            compare: of(|clock| clock.compare),
+            rasterize_backward: of(|clock| clock.rasterize_backward),
+            project_backward: of(|clock| clock.project_backward),
+            optimize: of(|clock| clock.optimize),
+        })
+    }
 }
 
 /// One step.
@@ -43,6 +74,7 @@ struct Step {
     cpu: f64,
     times: StepTimes,
     visible: usize,
+    clock: Option<StepClock>,
 }
 
 /// A trainer that stays where it is: its steps are as long as nothing.
@@ -94,7 +126,8 @@ pub fn measure(name: &str, splats: &Splats, camera: &Camera, args: &BenchArgs) -
             let wall = started.elapsed().as_secs_f64();
             let cpu = cpu.and_then(|before| Some(cpu_seconds()? - before)).unwrap_or(wall);
             if round >= WARM_UP {
-                steps.push(Step { wall, cpu, times: report.times, visible: report.visible });
+                let clock = trainer.clock();
+                steps.push(Step { wall, cpu, times: report.times, visible: report.visible, clock });
             }
         }
         if round >= WARM_UP {
@@ -120,6 +153,7 @@ pub fn measure(name: &str, splats: &Splats, camera: &Camera, args: &BenchArgs) -
         optimizer_ms: of(|step| step.times.optimizer),
         one_thread_wall_ms: 1e3 * median(one.iter().map(|step| step.wall).collect()),
         speedup: median(one.iter().zip(all).map(|(one, all)| one.wall / all.wall).collect()),
+        device_ms: DeviceTimes::of(all),
     })
 }
 
@@ -159,5 +193,15 @@ pub fn print(reports: &[TrainingReport]) {
             report.speedup,
             report.cpu_ms / reports[0].cpu_ms,
         );
+    }
+    for TrainingReport { scene, device_ms, .. } in reports {
+        if let Some(times) = device_ms {
+            let DeviceTimes { lists, rasterize, compare, rasterize_backward, project_backward, optimize } =
+                times;
+            println!(
+                "{scene}, by the GPU's clock: tile lists {lists:.2}, pictures {rasterize:.2}, compared {compare:.2}, back \
+                 to slots {rasterize_backward:.2}, to gradients {project_backward:.2}, moved {optimize:.2}"
+            );
+        }
     }
 }

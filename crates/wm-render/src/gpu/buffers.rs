@@ -2,7 +2,6 @@
 
 use super::device::Gpu;
 use super::error::GpuError;
-use super::recorder::Stage;
 use super::source::{BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, Falls, SORT_BLOCK, WORKGROUP};
 use super::uniforms::{Capacity, SLOT};
 use wgpu::BufferUsages;
@@ -59,7 +58,7 @@ impl Growing {
     ) -> Result<wgpu::Buffer, GpuError> {
         let bytes: &[u8] = bytemuck::cast_slice(numbers);
         let buffer = self.fit(gpu, what, bytes.len() as u64, usage)?;
-        gpu.queue.write_buffer(&buffer, 0, bytes);
+        gpu.write(&buffer, 0, bytes);
         Ok(buffer)
     }
 }
@@ -91,8 +90,6 @@ pub(crate) struct Room {
     pub falling: wgpu::Buffer,
     /// [`crate::Frame::particles`].
     pub apart: wgpu::Buffer,
-    /// Ticks at which stages began and ended.
-    pub times: wgpu::Buffer,
 }
 
 /// How large a frame is.
@@ -114,7 +111,7 @@ pub(crate) struct Extent {
 /// All that is kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct Memory {
-    kept: [Growing; 26],
+    kept: [Growing; 25],
     /// The factors of each set's splats: a set may be there twice.
     visibility: Vec<Growing>,
     air: Growing,
@@ -186,11 +183,6 @@ impl Memory {
             background: fit("the background", 4 * extent.background as u64, WRITTEN)?,
             falling: fit("what falls in the picture", picture(extent.falls != Falls::Nothing, 4), WRITTEN)?,
             apart: fit("the picture of what falls", picture(extent.falls == Falls::Apart, 4), READ_BACK)?,
-            times: fit(
-                "times of stages",
-                16 * u64::from(Stage::COUNT),
-                BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC,
-            )?,
         })
     }
 }

@@ -1,7 +1,8 @@
 //! Which GPU, and the device on it.
 
 use super::error::GpuError;
-use super::source::{Program, WORKGROUP};
+use super::source::{MIN_SUBGROUP, Program, Subgroups, WORKGROUP};
+use crate::renderer::DeviceWork;
 use std::collections::HashMap;
 use std::future::Future;
 use std::path::Path;
@@ -29,6 +30,8 @@ pub struct GpuConfig {
     pub choice: Choice,
     /// Most bytes of one array; `None` for the adapter's own limit.
     pub most_binding: Option<u64>,
+    /// Whether subgroups are made use of.
+    pub subgroups: Subgroups,
 }
 
 /// What kind of GPU an adapter is.
@@ -79,6 +82,8 @@ pub struct Listed {
     pub workgroup_storage: u32,
     /// Whether stages can be timed.
     pub timestamps: bool,
+    /// Threads of its subgroups, fewest and most, where programs may use them.
+    pub subgroups: Option<(u32, u32)>,
     /// Why it cannot be used, if so.
     pub unfit: Option<GpuError>,
 }
@@ -103,6 +108,9 @@ fn list(adapter: &Adapter) -> Listed {
         most_buffer: limits.max_buffer_size,
         workgroup_storage: limits.max_compute_workgroup_storage_size,
         timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+        subgroups: (adapter.features().contains(wgpu::Features::SUBGROUP)
+            && info.subgroup_min_size >= MIN_SUBGROUP)
+            .then_some((info.subgroup_min_size, info.subgroup_max_size)),
         unfit: fits(&info.name, &limits).err(),
         name: info.name,
     }
@@ -170,11 +178,13 @@ pub struct Gpu {
     pub(crate) queue: wgpu::Queue,
     most_binding: u64,
     most_buffer: u64,
+    subgroups: Subgroups,
     /// Nanoseconds of a tick, where stages can be timed.
     tick: Option<f32>,
     faults: Arc<Mutex<Option<String>>>,
     lost: Arc<OnceLock<String>>,
     pipelines: Mutex<HashMap<Program, wgpu::ComputePipeline>>,
+    work: Mutex<DeviceWork>,
 }
 
 impl Gpu {
@@ -208,16 +218,17 @@ impl Gpu {
         if let Some(unfit) = &listed[at].unfit {
             return Err(unfit.clone());
         }
-        Self::start(&ranked[at], &listed[at], config.most_binding)
+        Self::start(&ranked[at], &listed[at], config)
     }
 
-    fn start(adapter: &Adapter, listed: &Listed, most_binding: Option<u64>) -> Result<Arc<Self>, GpuError> {
+    fn start(adapter: &Adapter, listed: &Listed, config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
         let failed = |reason: String| GpuError::Start { adapter: listed.name.clone(), reason };
         let limits = adapter.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("weather-magician"),
-            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_features: adapter.features()
+                & (wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SUBGROUP),
             required_limits: limits.clone(),
             ..wgpu::DeviceDescriptor::default()
         };
@@ -242,12 +253,14 @@ impl Gpu {
             kind: listed.kind,
             device,
             queue,
-            most_binding: most.min(most_binding.unwrap_or(u64::MAX)),
+            most_binding: most.min(config.most_binding.unwrap_or(u64::MAX)),
+            subgroups: if listed.subgroups.is_some() { config.subgroups } else { Subgroups::Unused },
             most_buffer: limits.max_buffer_size,
             tick,
             faults,
             lost,
             pipelines: Mutex::default(),
+            work: Mutex::default(),
         }))
     }
 
@@ -267,6 +280,12 @@ impl Gpu {
     #[must_use]
     pub fn most_binding(&self) -> u64 {
         self.most_binding
+    }
+
+    /// Whether its subgroups are made use of.
+    #[must_use]
+    pub fn subgroups(&self) -> Subgroups {
+        self.subgroups
     }
 
     /// Nanoseconds of a tick of its clock, where stages can be timed.
@@ -289,6 +308,28 @@ impl Gpu {
             return Err(GpuError::Lost(reason.clone()));
         }
         fault.map_or(Ok(()), |fault| Err(GpuError::Refused(fault)))
+    }
+
+    /// What was asked of it so far, by all who share it.
+    #[must_use]
+    pub fn work(&self) -> DeviceWork {
+        *held(&self.work)
+    }
+
+    pub(crate) fn count(&self, add: impl FnOnce(&mut DeviceWork)) {
+        add(&mut held(&self.work));
+    }
+
+    /// Memory that is taken on the device, bytes, where its interface tells.
+    #[must_use]
+    pub fn memory(&self) -> Option<u64> {
+        self.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
+    }
+
+    /// Sends bytes to a buffer, before what is submitted next.
+    pub(crate) fn write(&self, buffer: &wgpu::Buffer, offset: u64, bytes: &[u8]) {
+        self.count(|work| work.sent += bytes.len() as u64);
+        self.queue.write_buffer(buffer, offset, bytes);
     }
 
     /// A program made ready, once.

@@ -16,18 +16,21 @@ use super::device::Gpu;
 use super::error::GpuError;
 use super::lists::{self, CHUNKS, Entries};
 use super::readback::{Part, copy};
-use super::recorder::{Recorder, Stage};
+use super::recorder::{Clock, Recorder, Stage, Ticks};
 use super::resident::StepRows;
 use super::source::{COUNTER_WORDS, Falls};
 use super::stored::StoredModel;
 use super::uniforms::{self, Capacity, Each, SLOT, Sight, bytes_of};
 use crate::cpu;
 use crate::differentiable::{
-    BackwardStats, DepthAlpha, Differentiable, ForwardConfig, Gradients, Learn, Resident, Upstream,
+    BackwardStats, Channels, DepthAlpha, Differentiable, ForwardConfig, Gradients, Learn, Resident,
+    StepClock, Upstream,
 };
 use crate::frame::Frame;
 use crate::renderer::{CpuConfig, RenderError, Stats};
 use crate::simd::SimdPath;
+use crate::stages::compare::gpu::{self as compare, Comparer};
+use crate::stages::compare::{Compared, Comparison};
 use crate::stages::composite::gpu::Finish;
 use crate::stages::optimize::gpu::Rows;
 use crate::stages::project_backward::gpu::{self as rows, Gather, ProjectBackward};
@@ -51,6 +54,9 @@ pub struct GpuDifferentiable {
     pub(super) memory: Memory,
     kept: [Growing; 10],
     pub(super) capacity: Capacity,
+    comparer: Comparer,
+    pub(super) clock: Option<Clock>,
+    ticks: Ticks,
     pub(super) last: Option<View>,
     /// Of splats that learn here.
     pub(super) rows: StepRows,
@@ -63,6 +69,8 @@ pub(super) struct View {
     visible: u32,
     pub room: Room,
     own: OwnRoom,
+    /// Whether the derivative by colour is there already.
+    compared: bool,
 }
 
 /// What training has beside the room of a frame.
@@ -96,6 +104,7 @@ impl GpuDifferentiable {
     /// [`RenderError`] if the processor lacks the SIMD path or threads cannot be started.
     pub fn new(gpu: Arc<Gpu>, host: CpuConfig) -> Result<Self, RenderError> {
         let (path, pool) = cpu::start(host)?;
+        let clock = Clock::new(&gpu)?;
         Ok(Self {
             gpu,
             path,
@@ -104,6 +113,9 @@ impl GpuDifferentiable {
             memory: Memory::default(),
             kept: Default::default(),
             capacity: Capacity::default(),
+            comparer: Comparer::default(),
+            clock,
+            ticks: Clock::ticks(),
             last: None,
             rows: StepRows::default(),
         })
@@ -113,6 +125,26 @@ impl GpuDifferentiable {
     #[must_use]
     pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
+    }
+
+    /// What the last step took by the GPU's clock: of backward passes and moves those before the last forward pass.
+    pub(super) fn step_clock(&self) -> Option<StepClock> {
+        let seconds = |stage| self.clock.as_ref().map_or(0.0, |clock| clock.seconds(&self.ticks, stage));
+        let lists = [Stage::Project, Stage::Sort, Stage::Intersect];
+        self.clock.as_ref().map(|_| StepClock {
+            lists: lists.into_iter().map(seconds).sum(),
+            rasterize: seconds(Stage::Rasterize) + seconds(Stage::Composite),
+            compare: seconds(Stage::Compare),
+            rasterize_backward: seconds(Stage::RasterizeBackward),
+            project_backward: seconds(Stage::ProjectBackward),
+            optimize: seconds(Stage::Optimize) + seconds(Stage::Explore),
+        })
+    }
+
+    /// The loss's derivative by the pictures of the last forward pass.
+    #[cfg(test)]
+    pub(crate) fn upstream(&self) -> Option<&wgpu::Buffer> {
+        self.last.as_ref().map(|view| &view.own.upstream)
     }
 
     /// Forgets the last forward pass.
@@ -137,7 +169,7 @@ impl GpuDifferentiable {
             rgb: fit("the picture", picture(channels.has_color(), 3), READ_BACK)?,
             depths: fit("the picture's depths", picture(channels.depth().is_some(), 1), READ_BACK)?,
             normal: fit("the picture's normals", picture(channels.has_normal(), 3), READ_BACK)?,
-            upstream: fit("the loss's derivative", picture(true, 8), WRITTEN)?,
+            upstream: fit("the loss's derivative", picture(true, 8), READ_BACK | WRITTEN)?,
             states: fit("the loss's derivative", picture(true, 8), READ_BACK)?,
             slots: fit("what pixels pull", 4 * SLOT_WORDS * entries, READ_BACK)?,
             pulls: fit("what pixels pull on splats", 4 * SLOT_WORDS * visible, READ_BACK)?,
@@ -146,12 +178,14 @@ impl GpuDifferentiable {
         })
     }
 
+    /// Renders, and compares if there is something to compare with.
     pub(super) fn forward_on_pool(
         &mut self,
         camera: &Camera,
         config: &ForwardConfig,
+        comparison: Option<&Comparison<'_>>,
         frame: &mut Frame,
-    ) -> Result<Stats, RenderError> {
+    ) -> Result<(Stats, Compared), RenderError> {
         let started = Instant::now();
         let gpu = Arc::clone(&self.gpu);
         self.forget();
@@ -160,15 +194,24 @@ impl GpuDifferentiable {
         self.capacity.start(self.model.len(), most, each);
         let sight = Sight::of_training(camera, config);
         let channels = config.channels;
+        let pixels = camera.width * camera.height;
         loop {
             let pieces = self.model.uniforms(config);
+            let compare = match comparison {
+                Some(wanted) => {
+                    let size = (camera.width, camera.height);
+                    Some((wanted, self.comparer.room(&gpu, wanted, size, sight.tile_count())?))
+                }
+                None => None,
+            };
+            let compare_slot = CHUNKS + pieces.len() + 2;
             let extent = Extent {
-                // Two more behind: `Training` and `Learn`.
-                slots: CHUNKS + pieces.len() + 2,
+                // Two more behind, `Training` and `Learn`, and those of a comparison.
+                slots: compare_slot + compare::SLOTS,
                 blocks: self.model.blocks(),
                 capacity: self.capacity,
                 tiles: sight.tile_count(),
-                pixels: u64::from(camera.width) * u64::from(camera.height),
+                pixels: pixels.into(),
                 planes: u64::from(channels.depth().is_some()),
                 normal: channels.has_normal(),
                 falls: Falls::Nothing,
@@ -180,10 +223,22 @@ impl GpuDifferentiable {
             let mut structures = lists::uniforms(view, Entries::Pairs(&own.names));
             structures.extend(pieces);
             structures.push(uniforms::training(config.background, DepthAlpha::Learns));
-            gpu.queue.write_buffer(&room.uniforms, 0, &bytes_of(&structures));
+            if let Some((wanted, room)) = &compare {
+                structures.push(uniforms::learn(Learn::NONE));
+                let of = |channel| uniforms::comparison(wanted, pixels, room.counted, channel);
+                structures.extend((0..compare::SLOTS as u32).map(of));
+            }
+            gpu.write(&room.uniforms, 0, &bytes_of(&structures));
 
-            let recorder = record_forward(&gpu, &self.model, (&room, &own), &sight, config);
+            let mut recorder =
+                record_forward(&gpu, self.clock.as_ref(), &self.model, (&room, &own), &sight, config);
             let mut counters = [0u32; COUNTER_WORDS as usize];
+            let mut totals = Vec::new();
+            // No one looks at coverage alone.
+            let is_looked_at = compare.is_none() || channels != Channels::Color;
+            if !is_looked_at {
+                frame.alpha.clear();
+            }
             let mut parts: Vec<Part<'_>> = vec![
                 (&room.counters, 0, bytemuck::cast_slice_mut(&mut counters)),
                 (&own.rgb, 0, bytemuck::cast_slice_mut(&mut frame.rgb)),
@@ -191,18 +246,31 @@ impl GpuDifferentiable {
                 (&own.depths, 0, bytemuck::cast_slice_mut(&mut frame.depth)),
                 (&own.normal, 0, bytemuck::cast_slice_mut(&mut frame.normal)),
             ];
+            if let Some(clock) = &self.clock {
+                parts.push((&clock.times, 0, bytemuck::cast_slice_mut(&mut self.ticks)));
+            }
+            if let Some((_, room)) = &compare {
+                recorder.begin(Stage::Compare);
+                room.record(&mut recorder, compare_slot, sight.tile_count(), (&own.rgb, &own.upstream));
+                totals.resize(compare::TOTALS, 0.0f32);
+                parts.push((&room.totals, 0, bytemuck::cast_slice_mut(&mut totals)));
+            }
             parts.retain(|(.., array)| !array.is_empty());
             copy(&gpu, recorder, &mut self.memory.staging, &mut parts)?;
             let [_, _, visible, entries, _] = counters;
             if !self.capacity.grow(visible, entries, most, each) {
                 let (camera, config) = (*camera, *config);
-                self.last = Some(View { camera, config, visible, room, own });
-                return Ok(Stats {
+                let compared = compare
+                    .map(|(_, room)| compare::compared(&totals, pixels, room.counted))
+                    .unwrap_or_default();
+                self.last = Some(View { camera, config, visible, room, own, compared: comparison.is_some() });
+                let stats = Stats {
                     visible: visible.into(),
                     intersections: entries.into(),
                     wall: started.elapsed().as_secs_f64(),
                     ..Stats::default()
-                });
+                };
+                return Ok((stats, compared));
             }
         }
     }
@@ -217,7 +285,8 @@ impl GpuDifferentiable {
         let Some(view) = &self.last else { unreachable!("a backward pass follows a forward pass") };
         self.gpu.check()?;
         let View { config, visible, own, .. } = view;
-        let recorder = view.record_backward(&self.gpu, &self.model, upstream, (&own.gradients, &own.by_sh));
+        let recorder =
+            view.record_backward(&self.gpu, None, &self.model, upstream, (&own.gradients, &own.by_sh));
         gradients.resize(*visible as usize, learn, config.sh_degree);
         let mut found = vec![0.0f32; *visible as usize * rows::ROW as usize];
         let mut parts: Vec<Part<'_>> = vec![
@@ -255,32 +324,35 @@ impl View {
     pub fn record_backward<'a>(
         &'a self,
         gpu: &'a Gpu,
+        clock: Option<&'a Clock>,
         model: &'a StoredModel,
         upstream: &Upstream<'_>,
         (gradients, of_colors): (&'a wgpu::Buffer, &'a wgpu::Buffer),
     ) -> Recorder<'a> {
-        let Self { camera, config, room, own, .. } = self;
+        let Self { camera, config, room, own, compared, .. } = self;
         let channels = config.channels;
         let sight = Sight::of_training(camera, config);
         let (pixels, tiles) = (camera.width * camera.height, sight.tile_count());
-        let mut recorder = Recorder::new(gpu, &room.uniforms, None);
+        let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
         let pieces = model.pieces(&recorder, CHUNKS);
         let slot = CHUNKS + pieces.len();
         let training = uniforms::training(config.background, upstream.depth_alpha);
-        gpu.queue.write_buffer(&room.uniforms, SLOT * slot as u64, &bytes_of(&[training]));
+        gpu.write(&room.uniforms, SLOT * slot as u64, &bytes_of(&[training]));
         let mut at = 0;
         for (array, numbers) in
             [(upstream.rgb, 3), (upstream.alpha, 1), (upstream.depth, 1), (upstream.normal, 3)]
         {
             let bytes = 4 * numbers * u64::from(pixels);
-            if array.is_empty() {
+            let is_there = *compared && at == 0;
+            if !array.is_empty() {
+                assert!(!is_there, "colours were compared on the device");
+                gpu.write(&own.upstream, at, bytemuck::cast_slice(array));
+            } else if !is_there {
                 recorder.encoder().clear_buffer(&own.upstream, at, Some(bytes));
-            } else {
-                gpu.queue.write_buffer(&own.upstream, at, bytemuck::cast_slice(array));
             }
             at += bytes;
         }
-        recorder.begin(Stage::Rasterize);
+        recorder.begin(Stage::RasterizeBackward);
         let training = recorder.uniform(slot);
         by_sums(&mut recorder, (pixels, channels), training, kept(room), (&own.upstream, &own.states));
         let rasterize = RasterizeBackward {
@@ -292,7 +364,7 @@ impl View {
             slots: &own.slots,
         };
         rasterize.record(&mut recorder, tiles, channels);
-        recorder.begin(Stage::Project);
+        recorder.begin(Stage::ProjectBackward);
         let gather = Gather {
             counters: &room.counters,
             dispatches: &room.dispatches,
@@ -317,12 +389,13 @@ impl View {
 /// The commands of a forward pass, without the way back.
 fn record_forward<'a>(
     gpu: &'a Gpu,
+    clock: Option<&'a Clock>,
     model: &'a StoredModel,
     (room, own): (&'a Room, &'a OwnRoom),
     sight: &Sight<'_>,
     config: &ForwardConfig,
 ) -> Recorder<'a> {
-    let mut recorder = Recorder::new(gpu, &room.uniforms, None);
+    let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
     recorder.encoder().clear_buffer(&room.counters, 0, None);
     let pieces = model.pieces(&recorder, CHUNKS);
     lists::front(&mut recorder, room, &pieces, None);
@@ -399,7 +472,7 @@ impl Differentiable for GpuDifferentiable {
         pool.install(|| {
             gpu.check()?;
             self.model.write(&gpu, splats)?;
-            self.forward_on_pool(camera, config, frame)
+            self.forward_on_pool(camera, config, None, frame).map(|(stats, _)| stats)
         })
     }
 

@@ -1,6 +1,7 @@
 //! What the CPU does of a GPU's frame: factors of visibility, backgrounds that are no single colour, gathering what
 //! falls, and pixel effects on the picture that came back.
 
+use super::source::{Behind, TILE_SIDE};
 use crate::frame::Frame;
 use crate::hooks::{PATCH, PATCH_PIXELS, PixelBatch, Visibility};
 use crate::renderer::Job;
@@ -17,28 +18,55 @@ pub(crate) fn factors(visibility: &dyn Visibility, source: &[u32]) -> Vec<f32> {
     factors
 }
 
-/// What stands behind the splats, through the air: one colour, or `[H, W, 3]`.
-pub(crate) fn background(path: SimdPath, job: &Job<'_>) -> Vec<f32> {
-    let backdrop = job.hooks.background.unwrap_or(&job.config.background);
-    let view = BackgroundView::new(backdrop, job.hooks.medium, job.camera, path);
-    if let Some(color) = view.uniform() {
-        return color.to_vec();
-    }
-    let (width, height) = (job.camera.width as usize, job.camera.height as usize);
-    let mut picture = vec![0.0; 3 * width * height];
-    picture.par_chunks_mut(3 * width * PATCH).enumerate().for_each(|(row, pixels)| {
-        let (mut scratch, mut patch) = (BackgroundScratch::default(), [[0.0; PATCH_PIXELS]; 3]);
-        for column in 0..width.div_ceil(PATCH) {
-            view.fill((column, row), &mut scratch, &mut patch);
-            for (y, line) in pixels.chunks_exact_mut(3 * width).enumerate() {
-                let line = &mut line.as_chunks_mut::<3>().0[column * PATCH..];
-                for (x, pixel) in line.iter_mut().take(PATCH).enumerate() {
-                    *pixel = patch.each_ref().map(|channel| channel[y * PATCH + x]);
-                }
-            }
+const _: () = assert!(PATCH == TILE_SIDE as usize, "patches are those of `nodes.wgsl`");
+
+/// In which form what stands behind the splats goes to the GPU, and how many numbers that are.
+pub(crate) fn behind(view: &BackgroundView<'_>, (width, height): (u32, u32)) -> (Behind, usize) {
+    let (width, height) = (width as usize, height as usize);
+    match (view.uniform(), view.nodes()) {
+        (Some(_), _) => (Behind::Color, 3),
+        (None, Some(nodes)) => {
+            let patches = width.div_ceil(PATCH) * height.div_ceil(PATCH);
+            (Behind::Nodes(nodes as u32), 3 * nodes * nodes * patches)
         }
-    });
-    picture
+        (None, None) => (Behind::Picture, 3 * width * height),
+    }
+}
+
+/// What stands behind the splats, through the air, in the form of [`behind`].
+pub(crate) fn background(view: &BackgroundView<'_>, size: (u32, u32)) -> Vec<f32> {
+    let (behind, numbers) = behind(view, size);
+    let mut background = vec![0.0; numbers];
+    let width = size.0 as usize;
+    match behind {
+        Behind::Color => background.copy_from_slice(&view.uniform().unwrap_or_default()),
+        Behind::Nodes(nodes) => {
+            let of_patch = (nodes * nodes) as usize;
+            let columns = width.div_ceil(PATCH);
+            let (nodes, _) = background.as_chunks_mut::<3>();
+            nodes.par_chunks_mut(of_patch * columns).enumerate().for_each(|(row, nodes)| {
+                let mut scratch = BackgroundScratch::default();
+                for (column, nodes) in nodes.chunks_exact_mut(of_patch).enumerate() {
+                    view.fill_nodes((column, row), &mut scratch, nodes);
+                }
+            });
+        }
+        Behind::Picture => {
+            background.par_chunks_mut(3 * width * PATCH).enumerate().for_each(|(row, pixels)| {
+                let (mut scratch, mut patch) = (BackgroundScratch::default(), [[0.0; PATCH_PIXELS]; 3]);
+                for column in 0..width.div_ceil(PATCH) {
+                    view.fill((column, row), &mut scratch, &mut patch);
+                    for (y, line) in pixels.chunks_exact_mut(3 * width).enumerate() {
+                        let line = &mut line.as_chunks_mut::<3>().0[column * PATCH..];
+                        for (x, pixel) in line.iter_mut().take(PATCH).enumerate() {
+                            *pixel = patch.each_ref().map(|channel| channel[y * PATCH + x]);
+                        }
+                    }
+                }
+            });
+        }
+    }
+    background
 }
 
 /// Applies the pixel effects to a finished picture; `hidden` is the depth where the frame has none.

@@ -22,7 +22,7 @@
 //! applied to the picture that came back.
 
 mod air;
-mod buffers;
+pub(crate) mod buffers;
 pub mod device;
 mod differentiable;
 pub mod error;
@@ -44,6 +44,7 @@ pub use device::{Choice, Gpu, GpuConfig, Kind, Listed, adapters};
 pub use differentiable::GpuDifferentiable;
 pub use error::GpuError;
 pub use renderer::GpuRenderer;
+pub use source::Subgroups;
 
 #[cfg(test)]
 mod tests;

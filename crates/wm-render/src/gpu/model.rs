@@ -88,6 +88,6 @@ fn rows(model: &CpuModel, groups: std::ops::Range<usize>) -> Vec<f32> {
 fn upload(gpu: &Gpu, what: &'static str, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
     let bytes: &[u8] = bytemuck::cast_slice(numbers);
     let buffer = gpu.buffer(what, bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
-    gpu.queue.write_buffer(&buffer, 0, bytes);
+    gpu.write(&buffer, 0, bytes);
     Ok(buffer)
 }

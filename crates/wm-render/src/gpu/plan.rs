@@ -4,7 +4,7 @@ use super::buffers::Room;
 use super::device::Gpu;
 use super::lists::{self, CHUNKS, Entries};
 use super::model::GpuModel;
-use super::recorder::{Recorder, Stage};
+use super::recorder::{Clock, Recorder, Stage};
 use super::source::{Behind, Falls};
 use super::uniforms::{self, Capacity, Sight, Uniform};
 use crate::cpu::Features;
@@ -22,6 +22,10 @@ pub(crate) struct Plan<'a> {
     pub sets: Vec<(&'a GpuModel, wgpu::Buffer, bool)>,
     pub features: Features,
     pub air: Option<(Twin, wgpu::Buffer)>,
+}
+
+/// What comes before and behind the splats.
+pub(crate) struct Around {
     pub behind: Behind,
     pub falls: Falls,
     /// What falls, and how many.
@@ -42,10 +46,14 @@ impl Plan<'_> {
         self.job.camera.width * self.job.camera.height
     }
 
-    /// All structures, in the order of their slots.
+    /// The structure `View`, where so many drops fall.
+    pub fn view(&self, drops: u32, capacity: Capacity) -> Uniform {
+        uniforms::view(&Sight::of(self.job), self.blocks(), drops, capacity)
+    }
+
+    /// All structures, in the order of their slots; nothing falls yet.
     pub fn uniforms(&self, capacity: Capacity) -> Vec<Uniform> {
-        let view = uniforms::view(&Sight::of(self.job), self.blocks(), self.drops.1, capacity);
-        let mut uniforms = lists::uniforms(view, Entries::Records);
+        let mut uniforms = lists::uniforms(self.view(0, capacity), Entries::Records);
         let mut first_block = 0;
         for (model, _, faded) in &self.sets {
             for chunk in &model.chunks {
@@ -63,18 +71,10 @@ impl Plan<'_> {
         CHUNKS + self.sets.iter().map(|(model, ..)| model.chunks.len()).sum::<usize>()
     }
 
-    /// The commands of the whole frame, without the way back.
-    pub fn record<'a>(
-        &self,
-        gpu: &'a Gpu,
-        room: &'a Room,
-        queries: Option<&'a wgpu::QuerySet>,
-    ) -> Recorder<'a> {
-        let mut recorder = Recorder::new(gpu, &room.uniforms, queries);
+    /// The commands up to the picture of the splats.
+    pub fn record_splats<'a>(&self, gpu: &'a Gpu, room: &'a Room, clock: Option<&'a Clock>) -> Recorder<'a> {
+        let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
         recorder.encoder().clear_buffer(&room.counters, 0, None);
-        if self.falls != Falls::Nothing {
-            recorder.encoder().clear_buffer(&room.falling, 0, None);
-        }
         let air = self.air.as_ref().map(|(twin, parameters)| (twin, parameters));
         let pieces = self.pieces(&recorder);
         lists::front(&mut recorder, room, &pieces, air);
@@ -91,9 +91,18 @@ impl Plan<'_> {
         };
         let sums = (self.features.geometry, self.features.median);
         rasterize.record(&mut recorder, self.tiles(), sums, &room.counters);
+        recorder
+    }
+
+    /// The commands of what is around them, without the way back.
+    pub fn record_around<'a>(&self, recorder: &mut Recorder<'a>, room: &'a Room, around: &'a Around) {
+        if around.falls != Falls::Nothing {
+            recorder.encoder().clear_buffer(&room.falling, 0, None);
+        }
         recorder.begin(Stage::Fall);
-        if self.falls != Falls::Nothing {
-            fall(&mut recorder, (&self.drops.0, self.drops.1), (&room.alpha, &room.depths), &room.falling);
+        if around.falls != Falls::Nothing {
+            let (drops, count) = &around.drops;
+            fall(recorder, (drops, *count), (&room.alpha, &room.depths), &room.falling);
         }
         recorder.begin(Stage::Composite);
         let composite = Composite {
@@ -103,8 +112,7 @@ impl Plan<'_> {
             falling: &room.falling,
             apart: &room.apart,
         };
-        composite.record(&mut recorder, self.pixels(), self.behind, self.falls);
-        recorder
+        composite.record(recorder, self.pixels(), around.behind, around.falls);
     }
 
     /// The pieces of all sets.

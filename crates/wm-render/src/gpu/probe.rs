@@ -75,7 +75,7 @@ pub fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
     let mut recorder = Recorder::new(gpu, &uniforms, None);
     recorder.begin(super::recorder::Stage::Intersect);
     spine(&mut recorder, &Program::SpineEntries, &buffer, (&counters, &dispatches));
-    gpu.queue.submit([recorder.finish()]);
+    recorder.submit();
     gpu.check().unwrap();
     let counters = read(gpu, &counters);
     (read(gpu, &buffer)[..sums.len()].to_vec(), [counters[1], counters[3]])
@@ -110,7 +110,7 @@ pub fn sorted(gpu: &Gpu, keys: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
         totals: &totals,
     };
     let (keys, values) = sort.record(&mut recorder, 0..passes(bits) as usize);
-    gpu.queue.submit([recorder.finish()]);
+    recorder.submit();
     gpu.check().unwrap();
     let first = |buffer| read(gpu, buffer)[..count as usize].to_vec();
     (first(keys), first(values))

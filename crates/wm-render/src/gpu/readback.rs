@@ -3,7 +3,7 @@
 use super::buffers::{Growing, Memory, Room};
 use super::device::Gpu;
 use super::error::GpuError;
-use super::recorder::{Recorder, Stage};
+use super::recorder::{Clock, Recorder, Stage};
 use super::source::COUNTER_WORDS;
 use crate::frame::Frame;
 use crate::renderer::{RenderError, Stats};
@@ -26,20 +26,19 @@ pub(crate) struct Counted {
 /// something on the CPU needs it.
 pub(crate) fn submit(
     gpu: &Gpu,
-    mut recorder: Recorder<'_>,
+    recorder: Recorder<'_>,
     (room, memory): (&Room, &mut Memory),
-    queries: Option<&wgpu::QuerySet>,
+    clock: Option<&Clock>,
     (frame, hidden): (&mut Frame, &mut Vec<f32>),
     stats: &mut Stats,
 ) -> Result<Counted, RenderError> {
     let depth = if frame.depth.is_empty() { hidden } else { &mut frame.depth };
     let pixels = (4 * frame.alpha.len()) as u64;
     let mut counters = [0u32; COUNTER_WORDS as usize];
-    let mut ticks = [0u64; 2 * Stage::COUNT as usize];
+    let mut ticks = Clock::ticks();
     let mut parts: Vec<Part<'_>> = vec![(&room.counters, 0, bytemuck::cast_slice_mut(&mut counters))];
-    if let Some(queries) = queries {
-        recorder.encoder().resolve_query_set(queries, 0..2 * Stage::COUNT, &room.times, 0);
-        parts.push((&room.times, 0, bytemuck::cast_slice_mut(&mut ticks)));
+    if let Some(clock) = clock {
+        parts.push((&clock.times, 0, bytemuck::cast_slice_mut(&mut ticks)));
     }
     for (buffer, offset, array) in [
         (&room.rgb, 0, &mut frame.rgb),
@@ -54,11 +53,8 @@ pub(crate) fn submit(
         }
     }
     copy(gpu, recorder, &mut memory.staging, &mut parts)?;
-    if let Some(tick) = gpu.tick() {
-        let seconds = |stage: Stage| {
-            let at = 2 * stage as usize;
-            ticks[at + 1].saturating_sub(ticks[at]) as f64 * f64::from(tick) * 1e-9
-        };
+    if let Some(clock) = clock {
+        let seconds = |stage| clock.seconds(&ticks, stage);
         stats.project += seconds(Stage::Project);
         stats.sort += seconds(Stage::Sort);
         stats.intersect += seconds(Stage::Intersect);
@@ -84,11 +80,13 @@ pub(crate) fn copy(
     let staging =
         staging.fit_unbound(gpu, "the way back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
     let mut at = 0;
+    recorder.tell_times();
     for (buffer, offset, array) in &*parts {
         recorder.encoder().copy_buffer_to_buffer(buffer, *offset, &staging, at, array.len() as u64);
         at += array.len() as u64;
     }
-    gpu.queue.submit([recorder.finish()]);
+    recorder.submit();
+    gpu.count(|work| work.returned += bytes);
     wait(gpu, &staging, bytes)?;
     let slice = staging.slice(..bytes);
     let view = slice.get_mapped_range().map_err(|error| GpuError::Refused(error.to_string()))?;

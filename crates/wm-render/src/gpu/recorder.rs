@@ -1,9 +1,10 @@
 //! Writes down the dispatches of a frame, stage by stage.
 
 use super::device::Gpu;
-use super::source::{DISPATCH_ROW, Program};
+use super::error::GpuError;
+use super::source::{DISPATCH_ROW, Program, Subgroups};
 use super::uniforms::SLOT;
-use wgpu::{BindGroupDescriptor, BindGroupEntry, BindingResource, BufferBinding, BufferSize};
+use wgpu::{BindGroupDescriptor, BindGroupEntry, BindingResource, BufferBinding, BufferSize, BufferUsages};
 
 /// How many workgroups a dispatch has.
 #[derive(Clone, Copy)]
@@ -23,11 +24,71 @@ pub(crate) enum Stage {
     Rasterize,
     Fall,
     Composite,
+    Compare,
+    RasterizeBackward,
+    ProjectBackward,
+    Optimize,
+    Explore,
 }
 
 impl Stage {
+    const ALL: [Self; 11] = [
+        Self::Project,
+        Self::Sort,
+        Self::Intersect,
+        Self::Rasterize,
+        Self::Fall,
+        Self::Composite,
+        Self::Compare,
+        Self::RasterizeBackward,
+        Self::ProjectBackward,
+        Self::Optimize,
+        Self::Explore,
+    ];
     /// Number of stages.
-    pub const COUNT: u32 = 6;
+    const COUNT: usize = Self::ALL.len();
+}
+
+/// When stages began and ended, by the GPU's clock.
+pub(crate) struct Clock {
+    queries: wgpu::QuerySet,
+    /// A beginning and an end every [`Self::APART`] bytes.
+    pub times: wgpu::Buffer,
+    /// Seconds of a tick.
+    tick: f64,
+}
+
+/// What a [`Clock`] has counted.
+pub(crate) type Ticks = [u64; Clock::NUMBERS];
+
+impl Clock {
+    /// As far apart as what is resolved must begin.
+    const APART: usize = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT as usize;
+    const NUMBERS: usize = Self::APART / 8 * Stage::COUNT;
+
+    /// A clock, where the adapter has one.
+    pub fn new(gpu: &Gpu) -> Result<Option<Self>, GpuError> {
+        let Some(tick) = gpu.tick() else { return Ok(None) };
+        let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+            label: Some("times of stages"),
+            ty: wgpu::QueryType::Timestamp,
+            count: 2 * Stage::COUNT as u32,
+        });
+        let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
+        let times = gpu.buffer("times of stages", 8 * Self::NUMBERS as u64, usage)?;
+        Ok(Some(Self { queries, times, tick: 1e-9 * f64::from(tick) }))
+    }
+
+    /// The place for what it has counted.
+    pub fn ticks() -> Ticks {
+        [0; Self::NUMBERS]
+    }
+
+    /// How long a stage took the last time, seconds.
+    pub fn seconds(&self, ticks: &Ticks, stage: Stage) -> f64 {
+        let at = Self::APART / 8 * stage as usize;
+        self.tick * ticks[at + 1].saturating_sub(ticks[at]) as f64
+    }
 }
 
 /// Number and resource of each binding.
@@ -38,29 +99,38 @@ pub(crate) struct Recorder<'a> {
     gpu: &'a Gpu,
     /// A structure every [`SLOT`] bytes, the first of them `View`.
     uniforms: &'a wgpu::Buffer,
-    queries: Option<&'a wgpu::QuerySet>,
+    clock: Option<&'a Clock>,
     encoder: wgpu::CommandEncoder,
     pass: Option<wgpu::ComputePass<'static>>,
+    /// Those that have begun.
+    stages: Vec<Stage>,
+    dispatches: u64,
 }
 
 impl<'a> Recorder<'a> {
-    pub fn new(gpu: &'a Gpu, uniforms: &'a wgpu::Buffer, queries: Option<&'a wgpu::QuerySet>) -> Self {
+    pub fn new(gpu: &'a Gpu, uniforms: &'a wgpu::Buffer, clock: Option<&'a Clock>) -> Self {
         let encoder =
             gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
-        Self { gpu, uniforms, queries, encoder, pass: None }
+        Self { gpu, uniforms, clock, encoder, pass: None, stages: Vec::new(), dispatches: 0 }
     }
 
     /// The dispatches that follow are of this stage; each stage begins once.
     pub fn begin(&mut self, stage: Stage) {
         self.pass = None;
+        self.stages.push(stage);
         let at = 2 * stage as u32;
-        let timestamp_writes = self.queries.map(|query_set| wgpu::ComputePassTimestampWrites {
-            query_set,
+        let timestamp_writes = self.clock.map(|clock| wgpu::ComputePassTimestampWrites {
+            query_set: &clock.queries,
             beginning_of_pass_write_index: Some(at),
             end_of_pass_write_index: Some(at + 1),
         });
         let descriptor = wgpu::ComputePassDescriptor { label: None, timestamp_writes };
         self.pass = Some(self.encoder.begin_compute_pass(&descriptor).forget_lifetime());
+    }
+
+    /// Whether programs may make use of subgroups.
+    pub fn subgroups(&self) -> Subgroups {
+        self.gpu.subgroups()
     }
 
     /// The structure `View`.
@@ -91,6 +161,7 @@ impl<'a> Recorder<'a> {
             layout: &pipeline.get_bind_group_layout(0),
             entries: &entries,
         });
+        self.dispatches += 1;
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &bind_group, &[]);
         match groups {
@@ -107,9 +178,24 @@ impl<'a> Recorder<'a> {
         &mut self.encoder
     }
 
-    /// All commands.
-    pub fn finish(mut self) -> wgpu::CommandBuffer {
+    /// Copies what the clock has counted to where it can be read from, behind the stages so far.
+    pub fn tell_times(&mut self) {
         self.pass = None;
-        self.encoder.finish()
+        if let Some(clock) = self.clock {
+            for stage in self.stages.drain(..) {
+                let (first, at) = (2 * stage as u32, Clock::APART * stage as usize);
+                self.encoder.resolve_query_set(&clock.queries, first..first + 2, &clock.times, at as u64);
+            }
+        }
+    }
+
+    /// Hands everything to the GPU.
+    pub fn submit(mut self) {
+        self.tell_times();
+        self.gpu.count(|work| {
+            work.dispatches += self.dispatches;
+            work.submissions += 1;
+        });
+        self.gpu.queue.submit([self.encoder.finish()]);
     }
 }

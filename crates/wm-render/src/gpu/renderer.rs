@@ -5,9 +5,9 @@ use super::device::Gpu;
 use super::error::GpuError;
 use super::hosted;
 use super::model::GpuModel;
-use super::plan::Plan;
+use super::plan::{Around, Plan};
 use super::readback::{Counted, submit};
-use super::recorder::Stage;
+use super::recorder::{Clock, Recorder};
 use super::source::{Behind, Falls, WORKGROUP};
 use super::uniforms::{Capacity, Each, bytes_of};
 use crate::cpu::{self, Features};
@@ -16,6 +16,7 @@ use crate::hooks::{ParticleView, Twin};
 use crate::renderer::Models;
 use crate::renderer::{CpuConfig, Geometry, Job, MAX_SPLATS, RenderError, Renderer, SetId, Stats};
 use crate::simd::SimdPath;
+use crate::stages::composite::background::BackgroundView;
 use crate::stages::particles::cpu::Falling;
 use std::sync::Arc;
 use std::time::Instant;
@@ -32,7 +33,7 @@ pub struct GpuRenderer {
     /// That of the last frame.
     room: Option<Room>,
     capacity: Capacity,
-    queries: Option<wgpu::QuerySet>,
+    clock: Option<Clock>,
     falling: Falling,
 }
 
@@ -43,13 +44,7 @@ impl GpuRenderer {
     /// [`RenderError`] if the processor lacks the SIMD path or threads cannot be started.
     pub fn new(gpu: Arc<Gpu>, host: CpuConfig) -> Result<Self, RenderError> {
         let (path, pool) = cpu::start(host)?;
-        let queries = gpu.tick().map(|_| {
-            gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
-                label: Some("times of stages"),
-                ty: wgpu::QueryType::Timestamp,
-                count: 2 * Stage::COUNT,
-            })
-        });
+        let clock = Clock::new(&gpu)?;
         Ok(Self {
             gpu,
             path,
@@ -58,7 +53,7 @@ impl GpuRenderer {
             memory: Memory::default(),
             room: None,
             capacity: Capacity::default(),
-            queries,
+            clock,
             falling: Falling::default(),
         })
     }
@@ -91,7 +86,8 @@ impl GpuRenderer {
         frame.prepare(size, arrays)?;
         let mut stats = Stats::default();
 
-        let Self { gpu, path, models, memory, room: last, capacity, queries, falling, .. } = self;
+        let Self { gpu, path, models, memory, room: last, capacity, clock, falling, .. } = self;
+        let before = gpu.work();
         let mut sets = Vec::with_capacity(job.sets.len());
         for (i, view) in job.sets.iter().enumerate() {
             let model = models.get(view.set)?;
@@ -103,22 +99,14 @@ impl GpuRenderer {
         if total > MAX_SPLATS {
             return Err(RenderError::TooMany(total));
         }
-        let background = hosted::background(*path, job);
-        stats.fall = falling.fill(*path, job.hooks.particles, &ParticleView::new(job.camera));
-        stats.particles = falling.len() as u64;
-        let plan = Plan {
-            job,
-            sets,
-            features,
-            air: air(gpu, memory, job)?,
-            behind: if background.len() == 3 { Behind::Color } else { Behind::Picture },
-            falls: match (falling.is_empty(), arrays.particles) {
-                (true, false) => Falls::Nothing,
-                (false, false) => Falls::InColor,
-                (_, true) => Falls::Apart,
-            },
-            drops: (memory.drops(gpu, &falling.words())?, falling.len() as u32),
-        };
+        let plan = Plan { job, sets, features, air: air(gpu, memory, job)? };
+        let backdrop = job.hooks.background.unwrap_or(&job.config.background);
+        let backdrop = BackgroundView::new(backdrop, job.hooks.medium, job.camera, *path);
+        let (behind, behind_numbers) = hosted::behind(&backdrop, size);
+        // What the CPU does of the rest of the frame, while the GPU draws the splats.
+        let is_apart = behind != Behind::Color || !job.hooks.particles.is_empty();
+        let mut found: Option<Around> = None;
+        let mut background = Vec::new();
         capacity.start(total, gpu.most_binding(), Each::FRAME);
         // The depth that effects on the CPU need and the frame does not hold.
         let mut hidden = Vec::new();
@@ -134,27 +122,51 @@ impl GpuRenderer {
                 pixels: plan.pixels().into(),
                 planes: if arrays.median_depth { 2 } else { u64::from(features.geometry != Geometry::None) },
                 normal: arrays.normal,
-                falls: plan.falls,
-                background: background.len(),
+                falls: match (job.hooks.particles.is_empty(), arrays.particles) {
+                    (true, false) => Falls::Nothing,
+                    (false, false) => Falls::InColor,
+                    (_, true) => Falls::Apart,
+                },
+                background: behind_numbers,
             };
             // Let go of first, or nothing that grows is freed.
             *last = None;
             let room = memory.room(gpu, &extent)?;
-            gpu.queue.write_buffer(&room.uniforms, 0, &bytes_of(&plan.uniforms(*capacity)));
-            gpu.queue.write_buffer(&room.background, 0, bytemuck::cast_slice(&background));
-            let recorder = plan.record(gpu, &room, queries.as_ref());
+            gpu.write(&room.uniforms, 0, &bytes_of(&plan.uniforms(*capacity)));
+            let mut recorder = plan.record_splats(gpu, &room, clock.as_ref());
+            if is_apart {
+                recorder.submit();
+                recorder = Recorder::new(gpu, &room.uniforms, clock.as_ref());
+            }
+            let around = match found.take() {
+                Some(around) => around,
+                None => {
+                    background = hosted::background(&backdrop, size);
+                    stats.fall = falling.fill(*path, job.hooks.particles, &ParticleView::new(job.camera));
+                    let drops = (memory.drops(gpu, &falling.words())?, falling.len() as u32);
+                    Around { behind, falls: extent.falls, drops }
+                }
+            };
+            gpu.write(&room.background, 0, bytemuck::cast_slice(&background));
+            if around.drops.1 > 0 {
+                gpu.write(&room.uniforms, 0, &bytes_of(&[plan.view(around.drops.1, *capacity)]));
+            }
+            plan.record_around(&mut recorder, &room, &around);
             let pictures = (&mut *frame, &mut hidden);
-            let counted = submit(gpu, recorder, (&room, memory), queries.as_ref(), pictures, &mut stats)?;
+            let counted = submit(gpu, recorder, (&room, memory), clock.as_ref(), pictures, &mut stats)?;
             if !capacity.grow(counted.visible, counted.entries, gpu.most_binding(), Each::FRAME) {
                 *last = Some(room);
                 break counted;
             }
+            found = Some(around);
         };
         let Counted { visible, entries, walked } = counted;
         stats.visible = visible.into();
         stats.intersections = entries.into();
         stats.evaluated_pairs = u64::from(walked) * u64::from(WORKGROUP);
         hosted::pixel_effects(*path, job, frame, &hidden);
+        stats.particles = falling.len() as u64;
+        stats.device = gpu.work().since(before);
         stats.wall = started.elapsed().as_secs_f64();
         Ok(stats)
     }

@@ -7,9 +7,10 @@ use super::differentiable::GpuDifferentiable;
 use super::error::GpuError;
 use super::recorder::{Recorder, Stage};
 use super::uniforms::{self, SLOT, Uniform, bytes_of};
-use crate::differentiable::{ForwardConfig, Opacity, Resident, Target, Upstream};
+use crate::differentiable::{ForwardConfig, Opacity, Resident, StepClock, Target, Upstream};
 use crate::frame::Frame;
 use crate::renderer::{RenderError, Stats};
+use crate::stages::compare::{Compared, Comparison};
 use crate::stages::optimize::gpu::{Rows, add, explore, optimize};
 use crate::stages::optimize::{Learnt, LearntMut, Noise, Step};
 use std::sync::Arc;
@@ -43,7 +44,7 @@ impl StepRows {
     fn structures(&mut self, gpu: &Gpu, uniforms: &[Uniform]) -> Result<wgpu::Buffer, GpuError> {
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let buffer = self.uniforms.fit_unbound(gpu, "structures", SLOT * uniforms.len() as u64, usage)?;
-        gpu.queue.write_buffer(&buffer, 0, &bytes_of(uniforms));
+        gpu.write(&buffer, 0, &bytes_of(uniforms));
         Ok(buffer)
     }
 }
@@ -52,6 +53,7 @@ impl GpuDifferentiable {
     /// Submits what `record` does with the pieces of the splats; `structure` is in slot 0.
     fn submit_over_pieces(
         &mut self,
+        stage: Stage,
         structure: Uniform,
         config: &ForwardConfig,
         record: impl Fn(&Self, &mut Recorder<'_>),
@@ -60,10 +62,10 @@ impl GpuDifferentiable {
         let mut structures = vec![structure];
         structures.extend(self.model.uniforms(config));
         let uniforms = self.rows.structures(&gpu, &structures)?;
-        let mut recorder = Recorder::new(&gpu, &uniforms, None);
-        recorder.begin(Stage::Project);
+        let mut recorder = Recorder::new(&gpu, &uniforms, self.clock.as_ref());
+        recorder.begin(stage);
         record(self, &mut recorder);
-        gpu.queue.submit([recorder.finish()]);
+        recorder.submit();
         Ok(gpu.check()?)
     }
 }
@@ -92,7 +94,22 @@ impl Resident for GpuDifferentiable {
         assert!(self.model.learns(), "splats are loaded first");
         config.check_view(self.model.sh_degree(), camera, frame)?;
         let pool = Arc::clone(&self.pool);
-        pool.install(|| self.forward_on_pool(camera, config, frame))
+        pool.install(|| self.forward_on_pool(camera, config, None, frame)).map(|(stats, _)| stats)
+    }
+
+    fn compare(
+        &mut self,
+        camera: &Camera,
+        config: &ForwardConfig,
+        comparison: &Comparison<'_>,
+        frame: &mut Frame,
+    ) -> Result<(Stats, Compared), RenderError> {
+        assert!(self.model.learns(), "splats are loaded first");
+        let values = 3 * camera.width as usize * camera.height as usize;
+        assert!(config.channels.has_color() && comparison.rgb.len() == values, "a photo of one size");
+        config.check_pictures(self.model.sh_degree(), camera, frame, false)?;
+        let pool = Arc::clone(&self.pool);
+        pool.install(|| self.forward_on_pool(camera, config, Some(comparison), frame))
     }
 
     fn backward(&mut self, upstream: &Upstream<'_>, target: Target) -> Result<(), RenderError> {
@@ -114,24 +131,24 @@ impl Resident for GpuDifferentiable {
                     blocks: blocks.fit(&gpu, "blocks of splats", view.room.blocks.size(), WRITTEN)?,
                 };
                 let to = (&last.gradients, &last.by_sh);
-                let mut recorder = view.record_backward(&gpu, &self.model, upstream, to);
+                let mut recorder = view.record_backward(&gpu, self.clock.as_ref(), &self.model, upstream, to);
                 let size = view.room.blocks.size();
                 recorder.encoder().copy_buffer_to_buffer(&view.room.blocks, 0, &last.blocks, 0, size);
-                gpu.queue.submit([recorder.finish()]);
+                recorder.submit();
                 self.rows.last = Some(last);
             }
             Target::Added(learn) => {
                 let last = self.rows.last.as_ref().expect("it is added to the gradients of a step");
                 let learn = uniforms::learn(view.config.learns(learn));
                 let (slot, other) = (view.learn_slot(&self.model), view.rows());
-                gpu.queue.write_buffer(&view.room.uniforms, SLOT * slot as u64, &bytes_of(&[learn]));
+                gpu.write(&view.room.uniforms, SLOT * slot as u64, &bytes_of(&[learn]));
                 let to = (other.gradients, other.by_sh);
-                let mut recorder = view.record_backward(&gpu, &self.model, upstream, to);
+                let mut recorder = view.record_backward(&gpu, None, &self.model, upstream, to);
                 let learn = recorder.uniform(slot);
                 for piece in self.model.pieces(&recorder, super::lists::CHUNKS) {
                     add(&mut recorder, &piece, other, last.rows(), learn.clone());
                 }
-                gpu.queue.submit([recorder.finish()]);
+                recorder.submit();
             }
         }
         Ok(gpu.check()?)
@@ -140,7 +157,7 @@ impl Resident for GpuDifferentiable {
     fn optimize(&mut self, step: &Step) -> Result<(), RenderError> {
         let last = self.rows.last.take().expect("it moves along the gradients of a step");
         let structure = uniforms::optimize_step(step, self.model.len());
-        self.submit_over_pieces(structure, &last.config, |this, recorder| {
+        self.submit_over_pieces(Stage::Optimize, structure, &last.config, |this, recorder| {
             let pieces = this.model.pieces(recorder, 1);
             for (piece, remembered) in pieces.iter().zip(this.model.remembered()) {
                 let step = recorder.uniform(0);
@@ -149,8 +166,13 @@ impl Resident for GpuDifferentiable {
         })
     }
 
+    fn clock(&self) -> Option<StepClock> {
+        self.step_clock()
+    }
+
     fn explore(&mut self, noise: &Noise) -> Result<(), RenderError> {
-        self.submit_over_pieces(uniforms::noise(noise), &ForwardConfig::default(), |this, recorder| {
+        let config = ForwardConfig::default();
+        self.submit_over_pieces(Stage::Explore, uniforms::noise(noise), &config, |this, recorder| {
             for piece in this.model.pieces(recorder, 1) {
                 let noise = recorder.uniform(0);
                 explore(recorder, &piece, noise);

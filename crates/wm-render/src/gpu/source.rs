@@ -7,7 +7,7 @@ use crate::renderer::{Geometry, MedianDepth};
 use crate::stages::project::{self, gpu as splats};
 use crate::stages::project_backward::gpu as gradients;
 use crate::stages::rasterize_backward::Slot;
-use crate::stages::{optimize, particles, rasterize};
+use crate::stages::{compare, optimize, particles, rasterize};
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use wm_scene::sh;
@@ -22,6 +22,8 @@ pub const TILE_SIDE: u32 = 16;
 pub const BATCH: u32 = 64;
 /// Tiles about a splat up to which one thread tests them.
 pub const FEW_TILES: u32 = 32;
+/// Fewest threads of a subgroup that is made use of.
+pub const MIN_SUBGROUP: u32 = 4;
 /// Values of a digit of the sort.
 pub const DIGITS: u32 = 256;
 /// Bits of one.
@@ -87,7 +89,13 @@ pub enum Program {
     /// Derivatives by sums out of those by pictures.
     BySums(Channels),
     /// From pixels to what they pull on each splat of their tile.
-    RasterizeBackward(Channels),
+    RasterizeBackward(Channels, Subgroups),
+    /// How like a photo one channel is.
+    Similarity,
+    /// The derivative of that.
+    SimilarityBackward,
+    /// That of all that is compared, added up and back through the exposure.
+    ColorsBackward,
     /// The pulls of all tiles together.
     Gather,
     /// From there to gradients.
@@ -98,6 +106,16 @@ pub enum Program {
     Optimize,
     /// Nearly transparent splats at random.
     Explore,
+}
+
+/// Whether threads of a subgroup work together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Subgroups {
+    /// Where the adapter has subgroups of at least [`MIN_SUBGROUP`] threads.
+    #[default]
+    Used,
+    /// Not even there.
+    Unused,
 }
 
 /// What form the parameters of splats are in.
@@ -123,8 +141,15 @@ impl Form {
 pub enum Behind {
     /// One colour.
     Color,
+    /// What is mixed between so many nodes along a side of each patch.
+    Nodes(u32),
     /// A picture.
     Picture,
+}
+
+impl Behind {
+    /// Every kind.
+    pub const ALL: [Self; 4] = [Self::Color, Self::Nodes(4), Self::Nodes(8), Self::Picture];
 }
 
 /// What becomes of what falls.
@@ -143,6 +168,13 @@ const PIECES: &str = file!("stages/project/pieces.wgsl");
 /// What does nothing to the light of a splat.
 const CLEAR_AIR: &str =
     "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
+/// One colour behind everything.
+const ONE_COLOR: &str =
+    "fn behind(at: u32) -> vec3<f32> { return vec3<f32>(background[0], background[1], background[2]); }";
+/// A picture behind it, `[H, W, 3]`.
+const PICTURE: &str = "fn behind(at: u32) -> vec3<f32> {
+    return vec3<f32>(background[3u * at], background[3u * at + 1u], background[3u * at + 2u]);
+}";
 /// What draws nothing over a pixel.
 const NOTHING_FALLS: &str = "fn with_falling(at: u32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
 
@@ -155,6 +187,9 @@ impl Program {
             Self::Cull(Form::Stored),
             Self::Project(Form::Activated, None),
             Self::Project(Form::Stored, None),
+            Self::Similarity,
+            Self::SimilarityBackward,
+            Self::ColorsBackward,
             Self::Gather,
             Self::AddGradients,
             Self::Optimize,
@@ -169,15 +204,16 @@ impl Program {
             Self::Fall,
         ];
         for falls in [Falls::Nothing, Falls::InColor, Falls::Apart] {
-            all.extend([Behind::Color, Behind::Picture].map(|behind| Self::Composite(behind, falls)));
+            all.extend(Behind::ALL.map(|behind| Self::Composite(behind, falls)));
         }
         for geometry in [Geometry::None, Geometry::Depth, Geometry::DepthNormal] {
             all.extend([MedianDepth::Off, MedianDepth::On].map(|median| Self::Rasterize(geometry, median)));
         }
         for channels in Channels::ALL {
-            let of =
-                [Self::BlendSums, Self::Finish, Self::BySums, Self::RasterizeBackward, Self::ProjectBackward];
+            let of = [Self::BlendSums, Self::Finish, Self::BySums, Self::ProjectBackward];
             all.extend(of.map(|program| program(channels)));
+            let by = [Subgroups::Used, Subgroups::Unused];
+            all.extend(by.map(|subgroups| Self::RasterizeBackward(channels, subgroups)));
         }
         all
     }
@@ -201,7 +237,10 @@ impl Program {
             Self::Fall => "fall",
             Self::Finish(_) => "finish",
             Self::BySums(_) => "by_sums",
-            Self::RasterizeBackward(_) => "rasterize_backward",
+            Self::RasterizeBackward(..) => "rasterize_backward",
+            Self::Similarity => "similarity",
+            Self::SimilarityBackward => "similarity_backward",
+            Self::ColorsBackward => "colors_backward",
             Self::Gather => "gather",
             Self::ProjectBackward(_) => "project_backward",
             Self::AddGradients => "add_gradients",
@@ -265,8 +304,13 @@ impl Program {
                 add(&[file!("stages/rasterize/pairs.wgsl"), file!("stages/rasterize/rasterize.wgsl")]);
             }
             Self::Composite(behind, falls) => {
-                let is_uniform = *behind == Behind::Color;
-                add(&[&format!("const UNIFORM_BACKGROUND: bool = {is_uniform};")]);
+                match behind {
+                    Behind::Color => add(&[ONE_COLOR]),
+                    Behind::Nodes(nodes) => {
+                        add(&[&format!("const NODES = {nodes}u;"), file!("stages/composite/nodes.wgsl")]);
+                    }
+                    Behind::Picture => add(&[PICTURE]),
+                }
                 match falls {
                     Falls::Nothing => add(&[NOTHING_FALLS]),
                     Falls::InColor | Falls::Apart => {
@@ -289,8 +333,23 @@ impl Program {
                 add(&[&switches(*channels), file!("gpu/training.wgsl")]);
                 add(&[file!("stages/rasterize_backward/upstream.wgsl")]);
             }
-            Self::RasterizeBackward(channels) => {
+            Self::RasterizeBackward(channels, subgroups) => {
                 add(&[&switches(*channels), file!("stages/rasterize_backward/rasterize_backward.wgsl")]);
+                add(&[match subgroups {
+                    Subgroups::Used => file!("stages/rasterize_backward/subgroups.wgsl"),
+                    Subgroups::Unused => file!("stages/rasterize_backward/shared.wgsl"),
+                }]);
+            }
+            Self::Similarity => {
+                add(&[file!("stages/compare/photo.wgsl"), file!("stages/compare/windows.wgsl")]);
+                add(&[file!("stages/compare/similarity.wgsl")]);
+            }
+            Self::SimilarityBackward => {
+                add(&[file!("stages/compare/photo.wgsl"), file!("stages/compare/windows.wgsl")]);
+                add(&[file!("stages/compare/similarity_backward.wgsl")]);
+            }
+            Self::ColorsBackward => {
+                add(&[file!("stages/compare/photo.wgsl"), file!("stages/compare/colors_backward.wgsl")]);
             }
             Self::Gather => add(&[file!("stages/project_backward/gather.wgsl")]),
             Self::ProjectBackward(channels) => {
@@ -333,6 +392,7 @@ pub fn constants() -> String {
         GROUP = GROUP;
         BATCH = BATCH;
         FEW_TILES = FEW_TILES;
+        MIN_SUBGROUP = MIN_SUBGROUP;
         DIGITS = DIGITS;
         SORT_ROUNDS = SORT_ROUNDS;
         SORT_BLOCK = SORT_BLOCK;
@@ -355,6 +415,8 @@ pub fn constants() -> String {
         SLOT_ABS_Y = Slot::ABS_Y;
         SLOT_WEIGHT = Slot::WEIGHT;
         SLOT_FEATURES = Slot::FEATURES;
+        WINDOW_RADIUS = compare::RADIUS;
+        COMPARE_GROUPS = compare::gpu::GROUPS;
         GRADIENT_ROW = gradients::ROW;
         GRADIENT_MEAN = gradients::MEAN;
         GRADIENT_QUAT = gradients::QUAT;
@@ -384,12 +446,15 @@ pub fn constants() -> String {
         PI = std::f32::consts::PI;
         BETA1 = optimize::BETA1;
         BETA2 = optimize::BETA2;
+        SIMILARITY_C1 = compare::C1;
+        SIMILARITY_C2 = compare::C2;
         ADAM_EPS = optimize::EPS;
         FLAT = optimize::FLAT;
         C0 = sh::C0;
         C1 = sh::C1;
     }
-    for (name, values) in [("C2", &sh::C2[..]), ("C3", &sh::C3[..])] {
+    let window = compare::WINDOW.map(f64::from);
+    for (name, values) in [("C2", &sh::C2[..]), ("C3", &sh::C3[..]), ("WINDOW", &window[..])] {
         let numbers: Vec<String> = values.iter().map(|v| format!("{v:e}")).collect();
         let (count, numbers) = (values.len(), numbers.join(", "));
         let _ = writeln!(text, "const {name} = array<f32, {count}>({numbers});");

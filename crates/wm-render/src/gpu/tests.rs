@@ -15,7 +15,7 @@ use wm_scene::{Camera, Splats};
 
 /// A GPU of a test's own, whose bindings hold no more than that.
 fn own(most_binding: Option<u64>) -> GpuRenderer {
-    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, most_binding }).unwrap();
+    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, most_binding, ..GpuConfig::default() }).unwrap();
     GpuRenderer::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).unwrap()
 }
 
@@ -184,7 +184,7 @@ fn a_lost_device_is_an_error_and_no_panic() {
 #[test]
 fn a_gpu_that_is_not_there_is_named() {
     let choice = Choice::Named("no such GPU".to_owned());
-    let error = Gpu::open(&GpuConfig { choice, most_binding: None }).err().unwrap().to_string();
+    let error = Gpu::open(&GpuConfig { choice, ..GpuConfig::default() }).err().unwrap().to_string();
     assert!(error.contains("`no such GPU`") && !error.contains('\n'), "{error}");
     // One in software is never taken unasked.
     if let Ok(gpu) = Gpu::open(&GpuConfig::default()) {
@@ -237,7 +237,7 @@ fn learn(
 }
 
 fn own_trainer(most_binding: Option<u64>) -> GpuDifferentiable {
-    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, most_binding }).unwrap();
+    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, most_binding, ..GpuConfig::default() }).unwrap();
     GpuDifferentiable::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).unwrap()
 }
 

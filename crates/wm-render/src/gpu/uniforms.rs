@@ -4,6 +4,7 @@ use super::source::{TILE_SIDE, WORKGROUP};
 use crate::differentiable::{DepthAlpha, Drawn, ForwardConfig, Learn, Opacity};
 use crate::hooks::SkySplats;
 use crate::renderer::Job;
+use crate::stages::compare::Comparison;
 use crate::stages::optimize::{BETA1, BETA2, Noise, Step};
 use crate::stages::project::ProjectCamera;
 use wm_scene::splats::logit;
@@ -33,7 +34,7 @@ impl Uniform {
         self.whole(name, value.to_bits())
     }
 
-    /// A vector of two or three numbers: they begin at multiples of 8 and 16 bytes.
+    /// A vector: those of two numbers begin at multiples of 8 bytes, longer ones of 16.
     fn vector<const N: usize>(mut self, name: &'static str, values: [f32; N]) -> Self {
         let align = if N == 2 { 2 } else { 4 };
         self.words.resize(self.words.len().next_multiple_of(align), 0);
@@ -221,6 +222,20 @@ pub fn training(background: [f32; 3], depth_alpha: DepthAlpha) -> Uniform {
     Uniform::default()
         .vector("background", background)
         .whole("depth_detached", u32::from(depth_alpha == DepthAlpha::Detached))
+}
+
+/// `Comparison` of `photo.wgsl`, one a channel: `pixels` are those of the picture, `counted` what they count together.
+#[must_use]
+pub fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64, channel: u32) -> Uniform {
+    let row = |row: usize| [0, 1, 2, 3].map(|k| comparison.exposure[4 * row + k]);
+    let [l1, dssim] = comparison.weights;
+    Uniform::default()
+        .vector("red", row(0))
+        .vector("green", row(1))
+        .vector("blue", row(2))
+        .real("l1", (l1 / (3.0 * counted.max(1.0))) as f32)
+        .real("dssim", (dssim / (3.0 * f64::from(pixels))) as f32)
+        .whole("channel", channel)
 }
 
 /// `Pass` of `sort.wgsl`.

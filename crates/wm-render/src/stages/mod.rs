@@ -15,11 +15,13 @@
 //!
 //! | stage | takes | gives |
 //! |---|---|---|
+//! | [`compare`] | a picture and its photo | losses of colour, and their derivative |
 //! | [`rasterize_backward`] | a loss's derivative by one tile's pixels | what they pull on its splats |
 //! | [`shade_backward`] | pulls on colours | gradients by coefficients and directions |
 //! | [`project_backward`] | pulls on 2D Gaussians | gradients by the stored parameters |
 //! | [`optimize`] | gradients | parameters, moved |
 
+pub mod compare;
 pub mod composite;
 pub mod intersect;
 pub mod optimize;

@@ -7,7 +7,7 @@
 //! does not lower it. Pixels of the sky, and those covered by less than half, do not count.
 
 use super::grid::Grid;
-use super::{LossGradients, LossInput, LossTerm, Truth};
+use super::{Colors, LossGradients, LossInput, LossTerm, Truth};
 use crate::config::TrainConfig;
 use wm_render::Channels;
 
@@ -44,6 +44,10 @@ impl LossTerm for Depth {
 
     fn channels(&self) -> Channels {
         Channels::ColorDepth
+    }
+
+    fn colors(&self) -> Colors {
+        Colors::Ignored
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

@@ -5,7 +5,7 @@
 //! shortest gets shorter and the middle one longer. So the axis that is shortest once is kept apart from the
 //! others: before another takes its place, loss has to push against this.
 
-use super::{LossGradients, LossInput, LossTerm, Truth};
+use super::{Colors, LossGradients, LossInput, LossTerm, Truth};
 use crate::config::TrainConfig;
 use wm_render::stages::optimize::SplatTerms;
 
@@ -31,6 +31,10 @@ impl LossTerm for Flat {
     fn weight(&self, _: u32, truth: &Truth<'_>) -> f64 {
         // Without anything believed a training is a plain one.
         if truth.prior.is_some() { self.weight } else { 0.0 }
+    }
+
+    fn colors(&self) -> Colors {
+        Colors::Ignored
     }
 
     fn add(&mut self, _: &LossInput<'_>, _: f64, _: &mut LossGradients) -> f64 {

@@ -1,8 +1,9 @@
 //! Mean absolute difference of colours.
 
-use super::{LossGradients, LossInput, LossTerm, Truth};
+use super::{Colors, LossGradients, LossInput, LossTerm, Truth};
 use rayon::prelude::*;
 use wm_render::dispatch;
+use wm_render::stages::compare::ColorTerm;
 
 /// `mean |x - y|` over the pixels that count and their channels.
 #[derive(Clone, Debug)]
@@ -18,6 +19,10 @@ impl LossTerm for L1 {
 
     fn weight(&self, _: u32, _: &Truth<'_>) -> f64 {
         self.weight
+    }
+
+    fn colors(&self) -> Colors {
+        Colors::Compared(ColorTerm::L1)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

@@ -25,6 +25,7 @@ pub use surface::Surface;
 use crate::config::TrainConfig;
 use crate::priors::Prior;
 use wm_render::simd::SimdPath;
+use wm_render::stages::compare::ColorTerm;
 use wm_render::stages::optimize::SplatTerms;
 use wm_render::{Channels, DepthAlpha, Drawn, Frame, Learn, Opacity, Upstream};
 use wm_scene::Camera;
@@ -121,6 +122,17 @@ pub struct OwnRender {
     pub depth_alpha: DepthAlpha,
 }
 
+/// What a term makes of rendered colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Colors {
+    /// Nothing.
+    Ignored,
+    /// It looks at them.
+    Read,
+    /// What a device on which they are can compute too, so that they need not leave it.
+    Compared(ColorTerm),
+}
+
 /// A term of the loss.
 pub trait LossTerm: Send {
     /// Its name in reports.
@@ -132,6 +144,11 @@ pub trait LossTerm: Send {
     /// What it reads of the step's common render.
     fn channels(&self) -> Channels {
         Channels::Color
+    }
+
+    /// What it makes of the colours of the step's common render.
+    fn colors(&self) -> Colors {
+        Colors::Read
     }
 
     /// The render that it has for itself instead of the common one.

@@ -6,7 +6,7 @@
 
 use super::depth::COVERED;
 use super::grid::Grid;
-use super::{LossGradients, LossInput, LossTerm, Truth};
+use super::{Colors, LossGradients, LossInput, LossTerm, Truth};
 use crate::config::TrainConfig;
 use wm_render::Channels;
 
@@ -38,6 +38,10 @@ impl LossTerm for Normal {
 
     fn channels(&self) -> Channels {
         Channels::ColorDepthNormal
+    }
+
+    fn colors(&self) -> Colors {
+        Colors::Ignored
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

@@ -4,7 +4,7 @@
 //! rounds what is there, and helps where nothing else says anything.
 
 use super::depth::COVERED;
-use super::{LossGradients, LossInput, LossTerm, Truth};
+use super::{Colors, LossGradients, LossInput, LossTerm, Truth};
 use crate::config::TrainConfig;
 use wm_render::Channels;
 
@@ -38,6 +38,10 @@ impl LossTerm for Smooth {
 
     fn channels(&self) -> Channels {
         Channels::ColorDepth
+    }
+
+    fn colors(&self) -> Colors {
+        Colors::Ignored
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

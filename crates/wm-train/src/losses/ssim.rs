@@ -1,8 +1,9 @@
 //! Structural dissimilarity of colours: 1 minus their structural similarity.
 
-use super::{LossGradients, LossInput, LossTerm, Truth};
+use super::{Colors, LossGradients, LossInput, LossTerm, Truth};
 use crate::ssim::{Ssim, within};
 use wm_render::simd::SimdPath;
+use wm_render::stages::compare::ColorTerm;
 
 /// `1 - SSIM`; see [`crate::ssim`]. Where the photo does not count both pictures are black.
 #[derive(Clone, Debug)]
@@ -27,6 +28,10 @@ impl LossTerm for Dssim {
 
     fn weight(&self, _: u32, _: &Truth<'_>) -> f64 {
         self.weight
+    }
+
+    fn colors(&self) -> Colors {
+        Colors::Compared(ColorTerm::Dssim)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

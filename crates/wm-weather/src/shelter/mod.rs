@@ -207,12 +207,13 @@ impl Shelter {
     /// half a cell asks for the point's own cell. Visits about `4 (radius / cell)^2` cells.
     #[must_use]
     pub fn exposure(&self, point: [f32; 3], radius: f32) -> f32 {
+        let own = || if self.is_exposed(point) { 1.0 } else { 0.0 };
         let reach = (radius * self.query.cells_per_metre).min(MOST_RADIUS);
         let [u, v, t] = self.locate(point);
         let [width, height] = self.query.size;
         let is_near = u > -reach && v > -reach && u < width + reach && v < height + reach;
         if reach.is_nan() || reach < 0.5 || !is_near {
-            return if self.is_exposed(point) { 1.0 } else { 0.0 };
+            return own();
         }
         let [columns, rows] = [self.grid.columns, self.grid.rows].map(|v| v as i32);
         let within = |at: f32| ((at - reach - 0.5).ceil() as i32, (at + reach - 0.5).floor() as i32);
@@ -236,7 +237,8 @@ impl Shelter {
                 open += if is_shelter { 0.0 } else { weight };
             }
         }
-        open / all
+        // A small circle about a corner of cells reaches none of their middles.
+        if all > 0.0 { open / all } else { own() }
     }
 
     /// Whether the map still serves for another direction of fall (world axes, of any length).

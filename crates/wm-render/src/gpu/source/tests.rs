@@ -30,7 +30,11 @@ fn parsed(program: &Program) -> Module {
 fn every_program_is_valid() {
     for program in every() {
         let module = parsed(&program);
-        Validator::new(ValidationFlags::all(), Capabilities::empty())
+        let capabilities = match program {
+            Program::RasterizeBackward(_, Subgroups::Used) => Capabilities::SUBGROUP,
+            _ => Capabilities::empty(),
+        };
+        Validator::new(ValidationFlags::all(), capabilities)
             .validate(&module)
             .unwrap_or_else(|error| panic!("{program:?}: {}", error.emit_to_string(&program.text())));
         assert!(module.entry_points.iter().any(|point| point.name == program.entry()), "{program:?}");

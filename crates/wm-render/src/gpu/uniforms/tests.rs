@@ -5,6 +5,7 @@ use crate::differentiable::Channels;
 use crate::gpu::source::{Form, Program};
 use crate::hooks::Hooks;
 use crate::renderer::RenderConfig;
+use crate::stages::compare::NO_EXPOSURE;
 use crate::stages::optimize::{Rates, SplatTerms};
 use crate::testing::camera;
 use wgpu::naga::front::wgsl;
@@ -25,11 +26,13 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
     let job = Job { sets: &[], camera: &camera, config: &config, hooks: Hooks::default() };
     let rates =
         Rates { means: 0.1, quats: 0.2, log_scales: 0.3, logit_opacities: 0.4, sh_dc: 0.5, sh_rest: 0.6 };
+    let photo = Comparison { photo: 0, rgb: &[], mask: None, exposure: NO_EXPOSURE, weights: [0.5, 0.6] };
     let step = Step { number: 7, rates, terms: SplatTerms::default(), size: (64, 48) };
     for (program, name, uniform) in [
         (Program::Cull(Form::Activated), "View", view(&Sight::of(&job), 0, 0, Capacity::default())),
         (Program::Cull(Form::Activated), "Chunk", chunk(Piece::default(), true)),
         (Program::Finish(Channels::Color), "Training", training([0.5; 3], DepthAlpha::Learns)),
+        (Program::ColorsBackward, "Comparison", comparison(&photo, 5, 4.0, 2)),
         (Program::Optimize, "Step", optimize_step(&step, 5)),
         (Program::AddGradients, "Learn", learn(Learn::ALL)),
         (Program::Explore, "Noise", noise(&Noise { seed: 3, size: 0.5, most: 0.1 })),

@@ -109,12 +109,7 @@ impl<'a> BackgroundView<'a> {
         scratch: &mut BackgroundScratch,
         out: &mut [[f32; PATCH_PIXELS]; 3],
     ) {
-        let step = PATCH as f32 / (NODES - 1) as f32;
-        let groups = &mut scratch.groups[..NODES * NODES / GROUP];
-        for (i, group) in groups.iter_mut().enumerate() {
-            self.rays::<NODES>(corner, step, i * GROUP, group);
-        }
-        self.seen(groups);
+        let groups = self.seen_nodes::<NODES>(corner, scratch);
         for k in 0..3 {
             // Along the rows of nodes first, then down the columns of pixels.
             let mut rows = [[0.0; PATCH]; NODES];
@@ -131,6 +126,47 @@ impl<'a> BackgroundView<'a> {
                     line[x] = rows[first][x] + (rows[first + 1][x] - rows[first][x]) * share;
                 }
             }
+        }
+    }
+
+    /// The nodes of a patch, row by row.
+    #[inline(always)]
+    fn seen_nodes<'s, const NODES: usize>(
+        &self,
+        corner: [f32; 2],
+        scratch: &'s mut BackgroundScratch,
+    ) -> &'s [ShadeGroup] {
+        let step = PATCH as f32 / (NODES - 1) as f32;
+        let groups = &mut scratch.groups[..NODES * NODES / GROUP];
+        for (i, group) in groups.iter_mut().enumerate() {
+            self.rays::<NODES>(corner, step, i * GROUP, group);
+        }
+        self.seen(groups);
+        groups
+    }
+
+    /// Nodes along a side of a patch, between which the background is mixed; `None` where there is one a pixel or more.
+    #[cfg(feature = "gpu")]
+    #[must_use]
+    pub fn nodes(&self) -> Option<usize> {
+        (self.detail == Detail::Smooth && self.nodes < PATCH).then_some(self.nodes)
+    }
+
+    /// Writes the colours of the nodes of one patch, `[nodes, nodes, 3]`.
+    #[cfg(feature = "gpu")]
+    pub fn fill_nodes(
+        &self,
+        (patch_x, patch_y): (usize, usize),
+        scratch: &mut BackgroundScratch,
+        out: &mut [[f32; 3]],
+    ) {
+        let corner = [(patch_x * PATCH) as f32, (patch_y * PATCH) as f32];
+        let groups = match self.nodes {
+            4 => self.seen_nodes::<4>(corner, scratch),
+            _ => self.seen_nodes::<8>(corner, scratch),
+        };
+        for (i, node) in out.iter_mut().enumerate() {
+            *node = [0, 1, 2].map(|k| groups[i / GROUP].rgb[k][i % GROUP]);
         }
     }
 

@@ -13,6 +13,7 @@ use wm_scene::{Camera, Group};
 crate::parity! {
     a_backdrop_is_behind_all_and_seen_through_the_air => backdrop;
     effects_see_every_pixel_once => effects;
+    a_sky_stands_behind_every_pixel => sky;
     what_is_empty_is_zero => empty;
 }
 
@@ -35,6 +36,34 @@ fn the_background_follows_the_sky() {
                 let tolerance = if ray.y.abs() < 0.03 { 2.0 } else { 0.1 } / 255.0;
                 for k in 0..3 {
                     assert!((f64::from(out[k][i]) - want[k]).abs() < tolerance, "{x} {y} {}", ray.y);
+                }
+            }
+        }
+    }
+}
+
+/// What each pixel of an empty picture has behind it, of nodes four, eight and a whole patch along its side: mixed of
+/// numbers about 1 by seven roundings.
+fn sky(backend: Backend) {
+    let background = Background::Sky(SkyGradient::daylight([0.0, -1.0, 0.0]));
+    let config = RenderConfig { background, ..RenderConfig::default() };
+    let mut renderer = backend.renderer();
+    for (width, height) in [(900, 601), (322, 200), (70, 50)] {
+        let camera = camera(width, height);
+        let mut frame = Frame::default();
+        let job = Job { sets: &[], camera: &camera, config: &config, hooks: Hooks::default() };
+        renderer.render(&job, &mut frame).unwrap();
+        let grid = BackgroundView::new(&background, None, &camera, SimdPath::available()[0]);
+        let mut out = [[0.0; PATCH_PIXELS]; 3];
+        for row in 0..(height as usize).div_ceil(PATCH) {
+            for column in 0..(width as usize).div_ceil(PATCH) {
+                grid.fill((column, row), &mut BackgroundScratch::default(), &mut out);
+                for i in 0..PATCH_PIXELS {
+                    let (x, y) = (column * PATCH + i % PATCH, row * PATCH + i / PATCH);
+                    if x < width as usize && y < height as usize {
+                        let got = &frame.rgb[3 * (y * width as usize + x)..][..3];
+                        (0..3).for_each(|k| assert!((got[k] - out[k][i]).abs() < 2e-6, "{x} {y}"));
+                    }
                 }
             }
         }

@@ -19,7 +19,7 @@ pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 #[cfg(all(test, feature = "gpu"))]
-mod tests;
+pub(crate) mod tests;
 
 use crate::differentiable::Gradients;
 use wm_scene::{Splats, sh};

@@ -17,20 +17,20 @@ const RATES: Rates =
 
 /// Splats that learn, in the computer's memory.
 #[derive(Clone, Debug, PartialEq)]
-struct Kept {
-    splats: Splats,
+pub(crate) struct Kept {
+    pub splats: Splats,
     moments: Moments,
     pulls: Pulls,
     seen: Vec<u32>,
 }
 
 impl Kept {
-    fn new(splats: Splats) -> Self {
+    pub(crate) fn new(splats: Splats) -> Self {
         let (moments, pulls, seen) = (Moments::new(&splats), Pulls::new(splats.len()), vec![0; splats.len()]);
         Self { splats, moments, pulls, seen }
     }
 
-    fn learnt(&self) -> Learnt<'_> {
+    pub(crate) fn learnt(&self) -> Learnt<'_> {
         Learnt { splats: &self.splats, moments: &self.moments, pulls: &self.pulls, seen: &self.seen }
     }
 
@@ -149,7 +149,7 @@ fn what_learns_on_a_gpu_learns_the_same() {
         assert_ne!(got.splats.means, start.splats.means);
         assert_alike(&got, &want);
         // In many pieces, bit by bit.
-        let config = GpuConfig { choice: Choice::Any, most_binding: Some(900_000) };
+        let config = GpuConfig { choice: Choice::Any, most_binding: Some(900_000), ..GpuConfig::default() };
         let run = CpuConfig { threads: Some(2), ..CpuConfig::default() };
         let mut gpu = GpuDifferentiable::new(Gpu::open(&config).unwrap(), run).unwrap();
         let mut pieces = start.clone();

@@ -60,6 +60,7 @@ impl RasterizeBackward<'_> {
             (5, self.states.as_entire_binding()),
             (6, self.slots.as_entire_binding()),
         ];
-        recorder.dispatch(&Program::RasterizeBackward(channels), Groups::Direct(tiles), bindings);
+        let program = Program::RasterizeBackward(channels, recorder.subgroups());
+        recorder.dispatch(&program, Groups::Direct(tiles), bindings);
     }
 }

@@ -1,9 +1,8 @@
 // The derivative of blending: a workgroup of 64 threads a tile, a block of 2x2 px a thread; see the contract in `mod.rs`.
-// Sums over pixels are added in a fixed order: four in the thread, then eight threads, then eight of these.
+// Sums over pixels are added in a fixed order: four in the thread, then those of the threads, by `shared.wgsl` or
+// `subgroups.wgsl`, which have the entry point, and by `TOGETHER` splats at a time.
 
 const THREADS: u32 = 64u;
-// Splats whose sums are added together.
-const TOGETHER: u32 = 2u;
 // A slot as vectors.
 const QUARTERS: u32 = 4u;
 
@@ -21,10 +20,6 @@ const QUARTERS: u32 = 4u;
 
 var<workgroup> batch: array<array<vec4<f32>, 4>, BATCH>;
 var<workgroup> batch_pairs: array<u32, BATCH>;
-// `[TOGETHER, QUARTERS, THREADS]`
-var<workgroup> of_threads: array<vec4<f32>, 512>;
-// `[TOGETHER, QUARTERS, 8]`
-var<workgroup> of_eight: array<vec4<f32>, THREADS>;
 // Pixels that still take light.
 var<workgroup> open: atomic<u32>;
 
@@ -47,6 +42,8 @@ fn sum(values: vec4<f32>) -> f32 {
 
 // The numbers of a slot.
 struct Sums {
+    // Whether one of the pixels sees the splat; else all are 0.
+    seen: bool,
     numbers: array<vec4<f32>, 4>,
 }
 
@@ -64,6 +61,7 @@ fn replay(block: ptr<function, Block>, splat: array<vec4<f32>, 4>) -> Sums {
     if !any(seen) {
         return sums;
     }
+    sums.seen = true;
     let alpha = select(vec4<f32>(0.0), exp2(min(q, vec4<f32>(LOG2_MAX_ALPHA))), seen);
     let before = (*block).transmittance;
     let next = before - alpha * before;
@@ -108,9 +106,7 @@ fn replay(block: ptr<function, Block>, splat: array<vec4<f32>, 4>) -> Sums {
     return sums;
 }
 
-@compute @workgroup_size(THREADS)
-fn rasterize_backward(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let tile = group_index(workgroup);
+fn replay_tile(tile: u32, local: u32) {
     if tile >= view.tiles {
         return;
     }
@@ -159,25 +155,9 @@ fn rasterize_backward(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(loca
                 if i + j < size {
                     sums = replay(&block, batch[i + j]);
                 }
-                for (var k = 0u; k < QUARTERS; k++) {
-                    of_threads[(j * QUARTERS + k) * THREADS + local] = sums.numbers[k];
-                }
+                keep(local, j, sums);
             }
-            workgroupBarrier();
-            var total = vec4<f32>(0.0);
-            for (var k = 0u; k < 8u; k++) {
-                total += of_threads[local / 8u * THREADS + 8u * k + local % 8u];
-            }
-            of_eight[local] = total;
-            workgroupBarrier();
-            let own = i + local / QUARTERS;
-            if local < TOGETHER * QUARTERS && own < size {
-                total = vec4<f32>(0.0);
-                for (var k = 0u; k < 8u; k++) {
-                    total += of_eight[8u * local + k];
-                }
-                slots[QUARTERS * batch_pairs[own] + local % QUARTERS] = total;
-            }
+            add_up(local, i, size);
         }
         if any(block.transmittance > vec4<f32>(0.0)) {
             atomicStore(&open, 1u);

@@ -29,3 +29,43 @@ fn check(backend: Backend, splats: &Splats, config: &ForwardConfig) {
         }
     }
 }
+
+/// By subgroups and without the same splats are pulled alike, but for the order in which threads are added.
+#[cfg(feature = "gpu")]
+#[test]
+fn subgroups_add_up_the_same() {
+    use crate::differentiable::{Differentiable, Learn};
+    use crate::gpu::{Choice, Gpu, GpuConfig, GpuDifferentiable, Subgroups};
+    use crate::testing::RandomLoss;
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let splats = random_splats(900, 1, 77);
+    let camera = camera(75, 53);
+    let config =
+        ForwardConfig { channels: Channels::ColorDepthNormal, sh_degree: 1, ..ForwardConfig::default() };
+    let [with, without] = [Subgroups::Used, Subgroups::Unused].map(|subgroups| {
+        let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, subgroups, ..GpuConfig::default() }).unwrap();
+        if gpu.subgroups() != subgroups {
+            eprintln!("skipped: {} has no subgroups", gpu.describe());
+        }
+        let mut device = GpuDifferentiable::new(gpu, crate::CpuConfig::default()).unwrap();
+        let (mut frame, mut gradients) = (crate::Frame::default(), crate::Gradients::default());
+        device.forward(&splats, &camera, &config, &mut frame).unwrap();
+        let loss = RandomLoss::new(config.channels, frame.pixels(), 9, |_| true);
+        device.backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients).unwrap();
+        gradients
+    });
+    assert!(!with.is_empty() && with.visible == without.visible);
+    for (name, a, b) in [
+        ("means", with.means.as_flattened(), without.means.as_flattened()),
+        ("scales", with.log_scales.as_flattened(), without.log_scales.as_flattened()),
+        ("opacities", &with.logit_opacities[..], &without.logit_opacities[..]),
+        ("sh", &with.sh[..], &without.sh[..]),
+        ("absgrads", with.absgrads.as_flattened(), without.absgrads.as_flattened()),
+    ] {
+        let square = |values: &mut dyn Iterator<Item = f32>| values.map(|v| f64::from(v * v)).sum::<f64>();
+        let off = square(&mut a.iter().zip(b).map(|(a, b)| a - b)) / square(&mut b.iter().copied());
+        assert!(off.sqrt() < 1e-5, "{name} differs by {:.1e}", off.sqrt());
+    }
+}
