@@ -254,7 +254,7 @@ def measure(scene, number, args, work, lines):
     if theirs:
         picture = work / f"picture-{number}.npy"
         run(args.program, "render", folder, "--camera", 0, "--size", f"{SIZE[0]}x{SIZE[1]}", "--near", 0.2, "--device", args.device,
-            "--metres-per-unit", 1, "--background", "0,0,0", "-o", picture)
+            "--metres-per-unit", 1, "--background", "black", "-o", picture)
         found = psnr(display_referred(np.load(picture)[..., :3]), theirs.picture())
         print(f"{scene}: pictures agree to {found:.1f} dB", file=sys.stderr)
         differs = found < 35
