@@ -5,14 +5,15 @@ use crate::scene::Loaded;
 use crate::view::spec;
 use anyhow::Result;
 use glam::DVec3;
-use std::time::Instant;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 use wm_render::hooks::{Hooks, Slot, Visibility};
 use wm_render::{
     AnyRenderer, Background, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId,
     SetView, Stats,
 };
-use wm_scene::survey::Source;
-use wm_scene::{Camera, Group};
+use wm_scene::survey::{Source, Survey};
+use wm_scene::{Camera, Group, Scene, Splats};
 use wm_weather::cover::{Airflow, Asked, Buried, Cover};
 use wm_weather::paper::{PaperCover, Stages, composite};
 use wm_weather::scan::{Floor, Scan, Sight};
@@ -21,6 +22,10 @@ use wm_weather::{Fidelity, Seen, Site, Sky, Weather};
 
 /// Maps of shelter that are kept, one for each direction of fall: enough for a wind that turns.
 const MAPS: usize = 6;
+/// Covers that are kept, one for each way in which the air carries what lies.
+const COVERS: usize = 2;
+/// Share of the time that may go into laying out what lies while frames do not wait for it.
+const LAYING: f64 = 0.2;
 
 /// Where frames are made.
 pub struct Studio {
@@ -30,19 +35,128 @@ pub struct Studio {
     pub site: Site,
     /// What is rendered, and over what.
     pub config: RenderConfig,
+    /// Whether frames wait for what is not made yet.
+    pub patience: Patience,
+    needs: Needs,
     /// What may stop what falls, until it is asked for.
-    occluders: Option<Occluders>,
+    occluders: Option<Arc<Occluders>>,
     /// Directions of fall with what they leave dry, the last used at the end.
     shelters: Vec<([f64; 3], Shelter)>,
-    /// What something may lie on.
-    cover: Option<Cover>,
+    /// What something may lie on, the last used at the end.
+    covers: Vec<(Airflow, Cover)>,
     lying: Option<Laid>,
+    /// When what lies was last laid out, and how long that took.
+    laid: Option<(Instant, Duration)>,
+}
+
+/// Whether frames wait for what is not made yet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Patience {
+    /// Every frame is as it must be.
+    #[default]
+    Whole,
+    /// Frames are drawn with what there is, for a camera that moves: snow may be missing or of another instant, and
+    /// roofs may not stop the rain.
+    Draft,
+}
+
+/// What is not made yet of what a picture needs. It takes seconds for a large scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Lack {
+    occluders: bool,
+    shelter: Option<[f64; 3]>,
+    cover: Option<Airflow>,
+    paper_cover: Option<PaperCover>,
+}
+
+impl Lack {
+    /// Whether nothing is missing.
+    pub fn is_nothing(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// What it is, in words.
+    pub fn what(&self) -> &'static str {
+        match (&self.cover, &self.paper_cover) {
+            (None, None) => "finding where roofs keep the rain off",
+            _ => "finding what snow can lie on",
+        }
+    }
+
+    /// Whether it is found in what the photos' cameras see.
+    pub fn takes_sights(&self) -> bool {
+        self.occluders || self.cover.is_some()
+    }
+
+    /// Makes it, of a whole scene and what its photos' cameras see.
+    pub fn make(&self, of: &Place<'_>) -> Made {
+        let scan = (self.occluders || self.cover.is_some()).then(|| of.scan());
+        let occluders = scan.as_ref().filter(|_| self.occluders);
+        let occluders =
+            occluders.map(|scan| Arc::new(Occluders::of(&scan.splats, of.site, &ShelterOptions::default())));
+        let from = occluders.as_ref().or(of.occluders);
+        let shelter = self.shelter.zip(from);
+        Made {
+            shelter: shelter.map(|(fall, from)| (fall, from.shelter(fall, Some(of.threads)))),
+            cover: self.cover.zip(scan.as_ref()).map(|(air, scan)| (air, of.cover(scan, &air))),
+            paper_cover: self
+                .paper_cover
+                .as_ref()
+                .map(|paper| (paper.clone(), paper.snow(&of.scene.splats, of.site))),
+            occluders,
+        }
+    }
+}
+
+/// What was missing.
+pub struct Made {
+    occluders: Option<Arc<Occluders>>,
+    shelter: Option<([f64; 3], Shelter)>,
+    cover: Option<(Airflow, Cover)>,
+    paper_cover: Option<(PaperCover, Splats)>,
+}
+
+/// A place as what lies and what stops rain are found in it.
+pub struct Place<'a> {
+    /// The whole scene.
+    pub scene: &'a Scene,
+    /// What its photos' cameras see.
+    pub sights: &'a [Sight],
+    /// What weather knows of it.
+    pub site: &'a Site,
+    /// What may stop what falls, if that is known.
+    pub occluders: Option<&'a Arc<Occluders>>,
+    /// Of the work.
+    pub threads: usize,
+}
+
+impl<'a> Place<'a> {
+    /// The surfaces of the place, as its photos' cameras see them.
+    fn scan(&self) -> Scan<'a> {
+        let waiting = progress::spinner("finding the surfaces that the photos show");
+        let scan = Scan::of(&self.scene.splats, self.sights, self.site, self.threads);
+        waiting.finish_and_clear();
+        scan
+    }
+
+    /// What something may lie on.
+    fn cover(&self, scan: &Scan<'_>, airflow: &Airflow) -> Cover {
+        let waiting = progress::spinner("finding what can be covered");
+        let cover = Cover::of(&self.scene.splats, scan, self.site, airflow, path(self.scene), self.threads);
+        waiting.finish_and_clear();
+        if cover.is_bare() {
+            eprintln!(
+                "warning: nothing can lie here: no surface looks up at the sky; give --up if up is wrong"
+            );
+        }
+        cover
+    }
 }
 
 /// What lies, in the renderer.
 struct Laid {
-    /// Empty for the paper's.
-    asked: Vec<Asked>,
+    /// On what, and what; `None` for the paper's.
+    asked: Option<(Airflow, Vec<Asked>)>,
     set: SetId,
     buried: Buried,
 }
@@ -83,7 +197,7 @@ impl Needs {
 }
 
 /// Where the photos of a place were taken: the line along most of them; without photos the middle of the place.
-fn path(loaded: &Loaded) -> [[f64; 3]; 2] {
+fn path(scene: &Scene) -> [[f64; 3]; 2] {
     let middle = |points: &[DVec3]| {
         DVec3::from_array(std::array::from_fn(|k| {
             let mut values: Vec<f64> = points.iter().map(|point| point[k]).collect();
@@ -91,9 +205,9 @@ fn path(loaded: &Loaded) -> [[f64; 3]; 2] {
             values.get(values.len() / 2).copied().unwrap_or(0.0)
         }))
     };
-    let views: Vec<DVec3> = loaded.scene.views.iter().map(|view| view.camera.center()).collect();
+    let views: Vec<DVec3> = scene.views.iter().map(|view| view.camera.center()).collect();
     if views.is_empty() {
-        let means = &loaded.scene.splats.means;
+        let means = &scene.splats.means;
         let means: Vec<DVec3> = means.iter().map(|mean| DVec3::from_array(mean.map(f64::from))).collect();
         return [middle(&means).to_array(); 2];
     }
@@ -114,28 +228,13 @@ pub fn airflow(weather: &Weather, site: &Site) -> Airflow {
 
 /// What something may lie on.
 pub fn cover(loaded: &mut Loaded, site: &Site, airflow: &Airflow) -> Result<Cover> {
-    let sights = sights(loaded)?;
-    Ok(cover_of(loaded, &scan(loaded, &sights, site), site, airflow))
+    let sights = sights_of(loaded)?;
+    let place = place(loaded, &sights, site);
+    Ok(place.cover(&place.scan(), airflow))
 }
 
-/// The same of a scan.
-fn cover_of(loaded: &Loaded, scan: &Scan<'_>, site: &Site, airflow: &Airflow) -> Cover {
-    let threads = loaded.renderer.threads();
-    let waiting = progress::spinner("finding what can be covered");
-    let cover = Cover::of(&loaded.scene.splats, scan, site, airflow, path(loaded), threads);
-    waiting.finish_and_clear();
-    if cover.is_bare() {
-        eprintln!("warning: nothing can lie here: no surface looks up at the sky; give --up if up is wrong");
-    }
-    cover
-}
-
-/// The surfaces of the place, as its photos' cameras see them.
-fn scan<'a>(loaded: &'a Loaded, sights: &[Sight], site: &Site) -> Scan<'a> {
-    let waiting = progress::spinner("finding the surfaces that the photos show");
-    let scan = Scan::of(&loaded.scene.splats, sights, site, loaded.renderer.threads());
-    waiting.finish_and_clear();
-    scan
+fn place<'a>(loaded: &'a Loaded, sights: &'a [Sight], site: &'a Site) -> Place<'a> {
+    Place { scene: &loaded.scene, sights, site, occluders: None, threads: loaded.renderer.threads() }
 }
 
 /// Photos that say what is free, at most, and their longest side, px.
@@ -153,13 +252,13 @@ impl Visibility for WithoutSky<'_> {
     }
 }
 
-/// What the cameras of the photos see, of some of them.
-fn sights(loaded: &mut Loaded) -> Result<Vec<Sight>> {
+/// What the cameras of the photos see, of some of them, in a renderer that holds the scene as `set`.
+pub fn sights(renderer: &mut AnyRenderer, set: SetId, scene: &Scene, survey: &Survey) -> Result<Vec<Sight>> {
     let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
     let config = RenderConfig { outputs, ..RenderConfig::default() };
-    let views = &loaded.scene.views;
-    let without_sky = WithoutSky(&loaded.scene.splats.groups);
-    let sets = [SetView { set: loaded.set, visibility: Some(&without_sky) }];
+    let views = &scene.views;
+    let without_sky = WithoutSky(&scene.splats.groups);
+    let sets = [SetView { set, visibility: Some(&without_sky) }];
     let mut frame = Frame::default();
     let mut sights = Vec::new();
     for view in views.iter().step_by(views.len().div_ceil(SIGHTS).max(1)) {
@@ -169,25 +268,38 @@ fn sights(loaded: &mut Loaded) -> Result<Vec<Sight>> {
             [camera.width, camera.height].map(|side| (f64::from(side) * small).round().max(1.0) as u32);
         let camera = camera.resized(width, height);
         let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
-        loaded.renderer.render(&job, &mut frame)?;
+        renderer.render(&job, &mut frame)?;
         sights.push(Sight::new(camera, frame.median_depth.clone(), frame.rgb.clone()));
     }
-    let floors = floors(loaded, &sights);
+    let floors = floors(scene, survey, &sights);
     sights.iter_mut().for_each(|sight| sight.stop_at(&floors));
     Ok(sights)
 }
 
+/// [`sights`] of a scene that is whole.
+fn sights_of(loaded: &mut Loaded) -> Result<Vec<Sight>> {
+    sights(&mut loaded.renderer, loaded.set, &loaded.scene, &loaded.survey)
+}
+
 /// The ground that the photos' cameras were carried over, where it is known or missed.
-fn floors(loaded: &Loaded, sights: &[Sight]) -> Vec<Floor> {
-    let cameras: Vec<Camera> = loaded.scene.views.iter().map(|view| view.camera).collect();
-    let (up, ground) = (loaded.survey.up.value, loaded.survey.ground);
-    if let Some(height) = loaded.scene.metadata.camera_height {
+fn floors(scene: &Scene, survey: &Survey, sights: &[Sight]) -> Vec<Floor> {
+    let cameras: Vec<Camera> = scene.views.iter().map(|view| view.camera).collect();
+    let (up, ground) = (survey.up.value, survey.ground);
+    if let Some(height) = scene.metadata.camera_height {
         let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
         return centers.iter().map(|center| Floor::below(*center, &centers, up, height)).collect();
     }
     let is_known = ground.source != Source::Assumed;
     let whole = is_known.then(|| Floor::under(&cameras, up, ground.value)).flatten();
     whole.filter(|floor| floor.is_lost(sights)).into_iter().collect()
+}
+
+/// Adds to what is kept, and drops the first where it is too much.
+fn keep<T>(kept: &mut Vec<T>, new: Option<T>, most: usize) {
+    kept.extend(new);
+    if kept.len() > most {
+        kept.remove(0);
+    }
 }
 
 /// A camera and how it moves.
@@ -211,41 +323,137 @@ impl Studio {
     ///
     /// # Errors
     /// If there is more lying snow than the renderer holds.
-    pub fn new(mut loaded: Loaded, config: RenderConfig, needs: impl FnOnce(&Site) -> Needs) -> Result<Self> {
-        let site = loaded.weather_site();
-        let needs = needs(&site);
-        let is_asked = needs.fall || needs.cover.is_some();
-        let sights = if is_asked { sights(&mut loaded)? } else { Vec::new() };
-        let scan = is_asked.then(|| scan(&loaded, &sights, &site));
-        let on = needs.cover.zip(scan.as_ref());
-        let cover = on.map(|(airflow, scan)| cover_of(&loaded, scan, &site, &airflow));
-        let falls = scan.filter(|_| needs.fall);
-        let occluders = falls.map(|scan| Occluders::of(&scan.splats, &site, &ShelterOptions::default()));
-        let mut lying = None;
-        if let Some(paper) = &needs.paper_cover {
-            let set = loaded.renderer.load(&paper.snow(&loaded.scene.splats, &site))?;
-            lying = Some(Laid { asked: Vec::new(), set, buried: Buried::default() });
+    pub fn new(loaded: Loaded, config: RenderConfig, needs: impl FnOnce(&Site) -> Needs) -> Result<Self> {
+        let mut studio = Self::open(loaded, config);
+        let needs = needs(&studio.site);
+        let lack = studio.lack_of(&needs);
+        if !lack.is_nothing() {
+            let sights = if lack.takes_sights() { sights_of(&mut studio.loaded)? } else { Vec::new() };
+            let made = lack.make(&place(&studio.loaded, &sights, &studio.site));
+            studio.take(made)?;
         }
-        loaded.release();
-        Ok(Self { site, loaded, config, occluders, shelters: Vec::new(), cover, lying })
+        studio.needs = needs;
+        studio.loaded.release();
+        Ok(studio)
+    }
+
+    /// Opens it for weathers that are not known yet: what they need is made and taken later.
+    pub fn open(loaded: Loaded, config: RenderConfig) -> Self {
+        Self {
+            site: loaded.weather_site(),
+            loaded,
+            config,
+            patience: Patience::default(),
+            needs: Needs::default(),
+            occluders: None,
+            shelters: Vec::new(),
+            covers: Vec::new(),
+            lying: None,
+            laid: None,
+        }
+    }
+
+    /// What is missing for all frames of a weather, but for where a fall leaves the ground dry.
+    fn lack_of(&self, needs: &Needs) -> Lack {
+        let has = |airflow: &Airflow| self.covers.iter().any(|(known, _)| known == airflow);
+        let is_laid = self.needs.paper_cover == needs.paper_cover;
+        Lack {
+            occluders: needs.fall && self.occluders.is_none(),
+            shelter: None,
+            cover: needs.cover.filter(|airflow| !has(airflow)),
+            paper_cover: needs.paper_cover.clone().filter(|_| !is_laid),
+        }
+    }
+
+    /// What is missing for the instant `time` of a weather.
+    pub fn lack(&self, weather: &Weather, time: f64) -> Lack {
+        let needs = Needs::of(weather, &self.site);
+        let fall = weather.at(time).over(&self.site).fall().filter(|_| needs.fall);
+        let has = |fall: &[f64; 3]| self.shelters.iter().any(|(known, _)| known == fall);
+        Lack { shelter: fall.filter(|fall| !has(fall)), ..self.lack_of(&needs) }
+    }
+
+    /// Whether a small picture does without what is missing, since there is something like it.
+    pub fn has_like(&self, lack: &Lack) -> bool {
+        let Lack { occluders, shelter, cover, paper_cover } = lack;
+        let is_sheltered = shelter.is_none() || !self.shelters.is_empty();
+        let is_covered = cover.is_none() || !self.covers.is_empty();
+        !occluders && paper_cover.is_none() && is_sheltered && is_covered
+    }
+
+    /// What may stop what falls, if that is known.
+    pub fn occluders(&self) -> Option<&Arc<Occluders>> {
+        self.occluders.as_ref()
+    }
+
+    /// Takes what was missing.
+    ///
+    /// # Errors
+    /// If there is more lying snow than the renderer holds.
+    pub fn take(&mut self, made: Made) -> Result<()> {
+        self.occluders = made.occluders.or(self.occluders.take());
+        keep(&mut self.shelters, made.shelter, MAPS);
+        keep(&mut self.covers, made.cover, COVERS);
+        if let Some((paper, snow)) = made.paper_cover {
+            self.clear();
+            let set = self.loaded.renderer.load(&snow)?;
+            self.lying = Some(Laid { asked: None, set, buried: Buried::default() });
+            self.needs.paper_cover = Some(paper);
+        }
+        Ok(())
+    }
+
+    /// Gets ready for a weather with what there is.
+    pub fn turn_to(&mut self, weather: &Weather) {
+        let mut needs = Needs::of(weather, &self.site);
+        if needs.paper_cover.is_none() && self.needs.paper_cover.is_some() {
+            self.clear();
+        } else if needs.paper_cover != self.needs.paper_cover {
+            // Still to be made.
+            needs.paper_cover = self.needs.paper_cover.take();
+        }
+        if let Some(place) = self.covers.iter().position(|(airflow, _)| needs.cover == Some(*airflow)) {
+            let known = self.covers.remove(place);
+            self.covers.push(known);
+        }
+        self.needs = needs;
+    }
+
+    /// Takes away what lies.
+    fn clear(&mut self) {
+        if let Some(old) = self.lying.take() {
+            self.loaded.renderer.unload(old.set);
+        }
     }
 
     /// Lays out what lies under `sky`, if it is not there.
     fn lay(&mut self, sky: &Sky) -> Result<()> {
-        // The paper's snow lies there from the start.
-        let Some(cover) = &mut self.cover else { return Ok(()) };
-        let asked = sky.cover();
-        if self.lying.as_ref().map_or(&[][..], |lying| &lying.asked) == asked {
+        if self.needs.paper_cover.is_some() {
+            // It lies there from the start.
             return Ok(());
         }
-        if let Some(old) = self.lying.take() {
-            self.loaded.renderer.unload(old.set);
+        let asked = if self.needs.cover.is_some() { sky.cover() } else { &[] };
+        let Some((airflow, cover)) = self.covers.last_mut().filter(|_| !asked.is_empty()) else {
+            self.clear();
+            return Ok(());
+        };
+        let asked = Some((*airflow, asked.to_vec()));
+        if self.lying.as_ref().is_some_and(|lying| lying.asked == asked) {
+            return Ok(());
         }
-        if !asked.is_empty() {
-            let lying = cover.lying_on_each_other(asked);
-            let set = self.loaded.renderer.load(&lying.splats)?;
-            self.lying = Some(Laid { asked: asked.to_vec(), set, buried: lying.buried });
+        if self.patience == Patience::Draft
+            && let Some((when, took)) = self.laid
+            && self.lying.is_some()
+            && when.elapsed().as_secs_f64() * LAYING < took.as_secs_f64()
+        {
+            return Ok(());
         }
+        let started = Instant::now();
+        let lying = cover.lying_on_each_other(sky.cover());
+        self.clear();
+        let set = self.loaded.renderer.load(&lying.splats)?;
+        self.lying = Some(Laid { asked, set, buried: lying.buried });
+        self.laid = Some((Instant::now(), started.elapsed()));
         Ok(())
     }
 
@@ -262,13 +470,10 @@ impl Studio {
         if let Some(place) = self.shelters.iter().position(|(known, _)| *known == fall) {
             let known = self.shelters.remove(place);
             self.shelters.push(known);
-            return;
+        } else if self.patience == Patience::Whole {
+            let shelter = occluders.shelter(fall, Some(self.loaded.renderer.threads()));
+            keep(&mut self.shelters, Some((fall, shelter)), MAPS);
         }
-        let shelter = occluders.shelter(fall, Some(self.loaded.renderer.threads()));
-        if self.shelters.len() == MAPS {
-            self.shelters.remove(0);
-        }
-        self.shelters.push((fall, shelter));
     }
 
     /// Renders the instant `time` of a weather, alone: nothing depends on other frames.
@@ -313,6 +518,13 @@ impl Studio {
             let job = Job { sets: &sets, camera: &camera, config: &self.config, hooks };
             work(&mut self.loaded.renderer, &job)
         })
+    }
+
+    /// Renders the scene without any weather, and without what lies.
+    pub fn render_clear(&mut self, camera: &Camera, frame: &mut Frame) -> Result<Stats> {
+        let sets = [SetView::plain(self.loaded.set)];
+        let job = Job { sets: &sets, camera, config: &self.config, hooks: Hooks::default() };
+        Ok(self.loaded.renderer.render(&job, frame)?)
     }
 
     /// The same in the paper's fidelity with rain or snow, and what lies between the clear picture and the last; where

@@ -1,0 +1,290 @@
+//! The viewer as a process, and the least of an HTTP and a WebSocket client to talk to it.
+
+use crate::common::{binary, run};
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Longest that anything may take.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A viewer that runs; it ends with the value.
+pub struct Viewer {
+    child: Child,
+    /// `127.0.0.1:PORT`.
+    pub address: String,
+}
+
+impl Viewer {
+    /// Shows a scene of the yard.
+    pub fn of(scene: &Path, options: &[&str]) -> Self {
+        let mut command = binary();
+        command.arg("view").arg(scene).args(["--device=cpu", "--size=96x64"]).args(options);
+        Self::run(command)
+    }
+
+    /// Runs a command that prints an address.
+    pub fn run(mut command: Command) -> Self {
+        let mut child = command.stdout(Stdio::piped()).spawn().expect("the binary starts");
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let address = line.trim().strip_prefix("http://").unwrap_or_else(|| panic!("no address: {line}"));
+        let address = address.split('/').next().unwrap().to_owned();
+        Self { child, address }
+    }
+
+    /// Waits until the scene is read.
+    pub fn loaded(self) -> Self {
+        until("the scene is read", || self.get("/state").0 == 200);
+        self
+    }
+
+    /// Its number of the system.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// How it ended, within the patience of the tests.
+    pub fn ended(&mut self) -> std::process::ExitStatus {
+        until("it ends", || self.child.try_wait().unwrap().is_some());
+        self.child.wait().unwrap()
+    }
+
+    /// Status and body of a request.
+    pub fn ask(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> (u16, Vec<u8>) {
+        let (status, _, body) = ask(&self.address, method, path, headers, body);
+        (status, body)
+    }
+
+    /// The same without a body.
+    pub fn get(&self, path: &str) -> (u16, Vec<u8>) {
+        self.ask("GET", path, &[], b"")
+    }
+
+    /// A request that is answered with JSON.
+    pub fn json(&self, method: &str, path: &str, body: &Value) -> Value {
+        let (status, answer) = self.ask(method, path, &[], body.to_string().as_bytes());
+        assert_eq!(status, 200, "{method} {path}: {}", String::from_utf8_lossy(&answer));
+        serde_json::from_slice(&answer).unwrap()
+    }
+
+    /// Saves a kind of file of a state.
+    pub fn file(&self, kind: &str, state: &Value) -> Vec<u8> {
+        let (status, answer) = self.ask("POST", &format!("/files/{kind}"), &[], state.to_string().as_bytes());
+        assert_eq!(status, 200, "{kind}: {}", String::from_utf8_lossy(&answer));
+        answer
+    }
+
+    /// What `render` makes of the files that are saved of a state, by the command that is printed.
+    pub fn rendered(&self, state: &Value, folder: &Path) -> std::path::PathBuf {
+        let command = String::from_utf8(self.file("command", state)).unwrap();
+        let words: Vec<&str> = command.split_whitespace().collect();
+        let option = |name: &str| words.iter().find_map(|word| word.strip_prefix(&format!("--{name}=")).map(str::to_owned));
+        std::fs::write(folder.join(option("weather").unwrap()), self.file("weather", state)).unwrap();
+        let camera = option("camera").or(option("path")).unwrap();
+        std::fs::write(folder.join(camera), self.file("camera", state)).unwrap();
+        rendered(&command, folder)
+    }
+
+    /// Memory that it has, MB.
+    pub fn memory(&self) -> f64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.id())).unwrap();
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+        line.trim().trim_end_matches(" kB").parse::<f64>().unwrap() / 1024.0
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Runs a command that the viewer printed on files in a folder; returns the picture or video.
+pub fn rendered(command: &str, folder: &Path) -> std::path::PathBuf {
+    let mut out = None;
+    let mut words = Vec::new();
+    for word in command.split_whitespace().skip(1) {
+        let is_file = |name: &str| word.starts_with(&format!("--{name}="));
+        if ["weather", "camera", "path", "out"].iter().any(|name| is_file(name)) {
+            let (option, name) = word.split_once('=').unwrap();
+            words.push(format!("{option}={}", folder.join(name).display()));
+            out = (option == "--out").then(|| folder.join(name)).or(out);
+        } else {
+            words.push(word.to_owned());
+        }
+    }
+    run(&words);
+    out.unwrap()
+}
+
+/// Waits until something holds.
+pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
+    let end = Instant::now() + PATIENCE;
+    while !holds() {
+        assert!(Instant::now() < end, "too long until {what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// Status, head and body of a request over a connection of its own. `Host` is the address unless it is among the headers.
+pub fn ask(address: &str, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> (u16, String, Vec<u8>) {
+    let mut stream = connect(address);
+    let mut head = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n", body.len());
+    if !headers.iter().any(|(name, _)| *name == "Host") {
+        head += &format!("Host: {address}\r\n");
+    }
+    headers.iter().for_each(|(name, value)| head += &format!("{name}: {value}\r\n"));
+    stream.write_all((head + "\r\n").as_bytes()).unwrap();
+    // A server that has had enough closes before it has read all.
+    let _ = stream.write_all(body);
+    let mut answer = Vec::new();
+    let _ = stream.read_to_end(&mut answer);
+    parts(&answer)
+}
+
+/// An answer in its parts; status 0 for none.
+pub fn parts(answer: &[u8]) -> (u16, String, Vec<u8>) {
+    let Some(end) = answer.windows(4).position(|four| four == b"\r\n\r\n") else { return (0, String::new(), Vec::new()) };
+    let head = String::from_utf8_lossy(&answer[..end]).into_owned();
+    let status = head.split(' ').nth(1).and_then(|code| code.parse().ok()).unwrap_or(0);
+    let body = answer[end + 4..].to_vec();
+    let is_chunked = head.to_ascii_lowercase().contains("transfer-encoding: chunked");
+    (status, head, if is_chunked { dechunked(&body) } else { body })
+}
+
+fn dechunked(mut rest: &[u8]) -> Vec<u8> {
+    let mut whole = Vec::new();
+    while let Some(end) = rest.windows(2).position(|two| two == b"\r\n") {
+        let size = usize::from_str_radix(std::str::from_utf8(&rest[..end]).unwrap().trim(), 16).unwrap();
+        whole.extend(&rest[end + 2..][..size]);
+        rest = &rest[end + 2 + size + 2..];
+    }
+    whole
+}
+
+pub fn connect(address: &str) -> TcpStream {
+    let stream = TcpStream::connect(address).expect("the viewer listens");
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream.set_write_timeout(Some(PATIENCE)).unwrap();
+    stream
+}
+
+/// A WebSocket.
+pub struct Socket {
+    pub stream: TcpStream,
+}
+
+/// What came over it.
+#[derive(Debug)]
+pub enum Came {
+    Word(Value),
+    /// Head and JPEG.
+    Picture(Value, Vec<u8>),
+    Closed,
+}
+
+impl Socket {
+    /// Opens one; the status that it was refused with otherwise.
+    pub fn open(address: &str, headers: &[(&str, &str)]) -> Result<Self, u16> {
+        let mut stream = connect(address);
+        let mut head = format!(
+            "GET /ws HTTP/1.1\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
+             Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nHost: {address}\r\n"
+        );
+        headers.iter().for_each(|(name, value)| head += &format!("{name}: {value}\r\n"));
+        stream.write_all((head + "\r\n").as_bytes()).unwrap();
+        let (mut answer, mut byte) = (Vec::new(), [0]);
+        while !answer.ends_with(b"\r\n\r\n") && stream.read_exact(&mut byte).is_ok() {
+            answer.push(byte[0]);
+        }
+        match parts(&answer).0 {
+            101 => Ok(Self { stream }),
+            status => Err(status),
+        }
+    }
+
+    /// Sends a frame with an opcode; the mask is zeros, which masks nothing.
+    pub fn send(&mut self, opcode: u8, payload: &[u8]) -> std::io::Result<()> {
+        let mut frame = vec![0x80 | opcode];
+        match payload.len() {
+            length @ 0..126 => frame.push(0x80 | length as u8),
+            length @ 126..65536 => frame.extend([&[0xfe][..], &(length as u16).to_be_bytes()].concat()),
+            length => frame.extend([&[0xff][..], &(length as u64).to_be_bytes()].concat()),
+        }
+        frame.extend([0; 4]);
+        frame.extend(payload);
+        self.stream.write_all(&frame)
+    }
+
+    /// Says something.
+    pub fn say(&mut self, word: &Value) {
+        self.send(1, word.to_string().as_bytes()).expect("it is listened to");
+    }
+
+    /// Asks for a view.
+    pub fn view(&mut self, seq: u64, moving: bool, state: &Value) {
+        self.say(&json!({ "type": "view", "seq": seq, "moving": moving, "state": state }));
+    }
+
+    /// The next that comes; pings are left aside.
+    pub fn next(&mut self) -> Came {
+        loop {
+            let mut head = [0; 2];
+            if self.stream.read_exact(&mut head).is_err() {
+                return Came::Closed;
+            }
+            let mut length = u64::from(head[1] & 0x7f);
+            let mut more = |bytes: usize| {
+                let mut buffer = [0; 8];
+                self.stream.read_exact(&mut buffer[8 - bytes..]).unwrap();
+                u64::from_be_bytes(buffer)
+            };
+            match length {
+                126 => length = more(2),
+                127 => length = more(8),
+                _ => {}
+            }
+            let mut payload = vec![0; length as usize];
+            if self.stream.read_exact(&mut payload).is_err() {
+                return Came::Closed;
+            }
+            match head[0] & 0xf {
+                1 => return Came::Word(serde_json::from_slice(&payload).unwrap()),
+                2 => {
+                    let length = u32::from_le_bytes(payload[..4].try_into().unwrap()) as usize;
+                    let head = serde_json::from_slice(&payload[4..4 + length]).unwrap();
+                    return Came::Picture(head, payload[4 + length..].to_vec());
+                }
+                8 => return Came::Closed,
+                _ => {}
+            }
+        }
+    }
+
+    /// The next picture, with those words left aside that come before.
+    pub fn picture(&mut self) -> (Value, Vec<u8>) {
+        loop {
+            match self.next() {
+                Came::Picture(head, jpeg) => return (head, jpeg),
+                Came::Word(_) => {}
+                Came::Closed => panic!("closed before a picture came"),
+            }
+        }
+    }
+
+    /// The next whole picture.
+    pub fn whole(&mut self) -> (Value, Vec<u8>) {
+        loop {
+            let (head, jpeg) = self.picture();
+            self.say(&json!({ "type": "seen", "seq": head["seq"] }));
+            if head["whole"] == true {
+                return (head, jpeg);
+            }
+        }
+    }
+}
