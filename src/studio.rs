@@ -6,7 +6,7 @@ use crate::view::spec;
 use anyhow::Result;
 use glam::DVec3;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use wm_render::hooks::{Hooks, Slot, Visibility};
 use wm_render::{
     AnyRenderer, Background, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId,
@@ -14,7 +14,7 @@ use wm_render::{
 };
 use wm_scene::survey::{Source, Survey};
 use wm_scene::{Camera, Group, Scene, Splats};
-use wm_weather::cover::{Airflow, Asked, Buried, Cover};
+use wm_weather::cover::{Airflow, Asked, Buried, Cover, Lying};
 use wm_weather::paper::{PaperCover, Stages, composite};
 use wm_weather::scan::{Floor, Scan, Sight};
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
@@ -24,8 +24,6 @@ use wm_weather::{Fidelity, Seen, Site, Sky, Weather};
 const MAPS: usize = 6;
 /// Covers that are kept, one for each way in which the air carries what lies.
 const COVERS: usize = 2;
-/// Share of the time that may go into laying out what lies while frames do not wait for it.
-const LAYING: f64 = 0.2;
 
 /// Where frames are made.
 pub struct Studio {
@@ -45,8 +43,6 @@ pub struct Studio {
     /// What something may lie on, the last used at the end.
     covers: Vec<(Airflow, Cover)>,
     lying: Option<Laid>,
-    /// When what lies was last laid out, and how long that took.
-    laid: Option<(Instant, Duration)>,
 }
 
 /// Whether frames wait for what is not made yet.
@@ -66,6 +62,8 @@ pub struct Lack {
     occluders: bool,
     shelter: Option<[f64; 3]>,
     cover: Option<Airflow>,
+    /// On what, and what.
+    lying: Option<(Airflow, Vec<Asked>)>,
     paper_cover: Option<PaperCover>,
 }
 
@@ -77,10 +75,18 @@ impl Lack {
 
     /// What it is, in words.
     pub fn what(&self) -> &'static str {
-        match (&self.cover, &self.paper_cover) {
-            (None, None) => "finding where roofs keep the rain off",
+        match (&self.cover, &self.paper_cover, &self.lying) {
+            (None, None, None) => "finding where roofs keep the rain off",
+            (None, None, _) => "laying out the snow",
             _ => "finding what snow can lie on",
         }
+    }
+
+    /// Whether something is missing and takes no more than a second, for most scenes.
+    pub fn is_quick(&self) -> bool {
+        let Self { occluders, shelter, cover, lying, paper_cover } = self;
+        let is_slow = *occluders || cover.is_some() || paper_cover.is_some();
+        !is_slow && (shelter.is_some() || lying.is_some())
     }
 
     /// Whether it is found in what the photos' cameras see.
@@ -88,21 +94,23 @@ impl Lack {
         self.occluders || self.cover.is_some()
     }
 
-    /// Makes it, of a whole scene and what its photos' cameras see.
-    pub fn make(&self, of: &Place<'_>) -> Made {
+    /// Makes it, of a whole scene, what its photos' cameras see, and the cover that [`Studio::lend`] gave.
+    pub fn make(&self, of: &Place<'_>, lent: Option<Cover>) -> Made {
         let scan = (self.occluders || self.cover.is_some()).then(|| of.scan());
         let occluders = scan.as_ref().filter(|_| self.occluders);
         let occluders =
             occluders.map(|scan| Arc::new(Occluders::of(&scan.splats, of.site, &ShelterOptions::default())));
         let from = occluders.as_ref().or(of.occluders);
         let shelter = self.shelter.zip(from);
+        let new = self.cover.zip(scan.as_ref()).map(|(air, scan)| (air, of.cover(scan, &air)));
+        let mut cover = new.or_else(|| self.lying.as_ref().map(|(air, _)| *air).zip(lent));
+        let asked = self.lying.clone().zip(cover.as_mut());
+        let snow = |paper: &PaperCover| (paper.clone(), paper.snow(&of.scene.splats, of.site));
         Made {
             shelter: shelter.map(|(fall, from)| (fall, from.shelter(fall, Some(of.threads)))),
-            cover: self.cover.zip(scan.as_ref()).map(|(air, scan)| (air, of.cover(scan, &air))),
-            paper_cover: self
-                .paper_cover
-                .as_ref()
-                .map(|paper| (paper.clone(), paper.snow(&of.scene.splats, of.site))),
+            lying: asked.map(|(asked, (_, cover))| (cover.lying_on_each_other(&asked.1), asked)),
+            cover,
+            paper_cover: self.paper_cover.as_ref().map(snow),
             occluders,
         }
     }
@@ -113,6 +121,7 @@ pub struct Made {
     occluders: Option<Arc<Occluders>>,
     shelter: Option<([f64; 3], Shelter)>,
     cover: Option<(Airflow, Cover)>,
+    lying: Option<(Lying, (Airflow, Vec<Asked>))>,
     paper_cover: Option<(PaperCover, Splats)>,
 }
 
@@ -329,7 +338,7 @@ impl Studio {
         let lack = studio.lack_of(&needs);
         if !lack.is_nothing() {
             let sights = if lack.takes_sights() { sights_of(&mut studio.loaded)? } else { Vec::new() };
-            let made = lack.make(&place(&studio.loaded, &sights, &studio.site));
+            let made = lack.make(&place(&studio.loaded, &sights, &studio.site), None);
             studio.take(made)?;
         }
         studio.needs = needs;
@@ -349,7 +358,6 @@ impl Studio {
             shelters: Vec::new(),
             covers: Vec::new(),
             lying: None,
-            laid: None,
         }
     }
 
@@ -361,6 +369,7 @@ impl Studio {
             occluders: needs.fall && self.occluders.is_none(),
             shelter: None,
             cover: needs.cover.filter(|airflow| !has(airflow)),
+            lying: None,
             paper_cover: needs.paper_cover.clone().filter(|_| !is_laid),
         }
     }
@@ -368,17 +377,27 @@ impl Studio {
     /// What is missing for the instant `time` of a weather.
     pub fn lack(&self, weather: &Weather, time: f64) -> Lack {
         let needs = Needs::of(weather, &self.site);
-        let fall = weather.at(time).over(&self.site).fall().filter(|_| needs.fall);
+        let sky = weather.at(time).over(&self.site);
         let has = |fall: &[f64; 3]| self.shelters.iter().any(|(known, _)| known == fall);
-        Lack { shelter: fall.filter(|fall| !has(fall)), ..self.lack_of(&needs) }
+        let shelter = sky.fall().filter(|fall| needs.fall && !has(fall));
+        let asked = needs.cover.filter(|_| !sky.cover().is_empty()).map(|air| (air, sky.cover().to_vec()));
+        let is_laid =
+            |asked: &_| self.lying.as_ref().is_some_and(|lying| lying.asked.as_ref() == Some(asked));
+        Lack { shelter, lying: asked.filter(|asked| !is_laid(asked)), ..self.lack_of(&needs) }
     }
 
     /// Whether a small picture does without what is missing, since there is something like it.
     pub fn has_like(&self, lack: &Lack) -> bool {
-        let Lack { occluders, shelter, cover, paper_cover } = lack;
+        let Lack { occluders, shelter, cover, lying, paper_cover } = lack;
         let is_sheltered = shelter.is_none() || !self.shelters.is_empty();
-        let is_covered = cover.is_none() || !self.covers.is_empty();
-        !occluders && paper_cover.is_none() && is_sheltered && is_covered
+        !occluders && is_sheltered && cover.is_none() && lying.is_none() && paper_cover.is_none()
+    }
+
+    /// Gives the cover away that something is to be laid on; [`Self::take`] takes it back.
+    pub fn lend(&mut self, lack: &Lack) -> Option<Cover> {
+        let (wanted, _) = lack.lying.as_ref()?;
+        let place = self.covers.iter().position(|(airflow, _)| airflow == wanted)?;
+        Some(self.covers.remove(place).1)
     }
 
     /// What may stop what falls, if that is known.
@@ -394,12 +413,22 @@ impl Studio {
         self.occluders = made.occluders.or(self.occluders.take());
         keep(&mut self.shelters, made.shelter, MAPS);
         keep(&mut self.covers, made.cover, COVERS);
+        if let Some((lying, asked)) = made.lying {
+            self.put(&lying.splats, Some(asked), lying.buried)?;
+            self.needs.paper_cover = None;
+        }
         if let Some((paper, snow)) = made.paper_cover {
-            self.clear();
-            let set = self.loaded.renderer.load(&snow)?;
-            self.lying = Some(Laid { asked: None, set, buried: Buried::default() });
+            self.put(&snow, None, Buried::default())?;
             self.needs.paper_cover = Some(paper);
         }
+        Ok(())
+    }
+
+    /// Puts something in the place of what lies.
+    fn put(&mut self, splats: &Splats, asked: Option<(Airflow, Vec<Asked>)>, buried: Buried) -> Result<()> {
+        self.clear();
+        let set = self.loaded.renderer.load(splats)?;
+        self.lying = Some(Laid { asked, set, buried });
         Ok(())
     }
 
@@ -433,28 +462,20 @@ impl Studio {
             return Ok(());
         }
         let asked = if self.needs.cover.is_some() { sky.cover() } else { &[] };
-        let Some((airflow, cover)) = self.covers.last_mut().filter(|_| !asked.is_empty()) else {
+        if asked.is_empty() {
             self.clear();
             return Ok(());
-        };
-        let asked = Some((*airflow, asked.to_vec()));
-        if self.lying.as_ref().is_some_and(|lying| lying.asked == asked) {
+        }
+        let is_laid =
+            |(airflow, known): &(Airflow, Vec<Asked>)| Some(*airflow) == self.needs.cover && known == asked;
+        let is_there = self.lying.as_ref().is_some_and(|lying| lying.asked.as_ref().is_some_and(is_laid));
+        let Some((airflow, cover)) = self.covers.last_mut() else { return Ok(()) };
+        if is_there || self.patience == Patience::Draft {
             return Ok(());
         }
-        if self.patience == Patience::Draft
-            && let Some((when, took)) = self.laid
-            && self.lying.is_some()
-            && when.elapsed().as_secs_f64() * LAYING < took.as_secs_f64()
-        {
-            return Ok(());
-        }
-        let started = Instant::now();
-        let lying = cover.lying_on_each_other(sky.cover());
-        self.clear();
-        let set = self.loaded.renderer.load(&lying.splats)?;
-        self.lying = Some(Laid { asked, set, buried: lying.buried });
-        self.laid = Some((Instant::now(), started.elapsed()));
-        Ok(())
+        let lying = cover.lying_on_each_other(asked);
+        let asked = (*airflow, asked.to_vec());
+        self.put(&lying.splats, Some(asked), lying.buried)
     }
 
     /// The renderer with the scene and what lies on it under `sky`, and how it is to be drawn.

@@ -254,9 +254,14 @@ impl Desk {
         self.bell.notify_all();
     }
 
-    /// What was being made is there.
-    pub fn go_on(&self) {
-        locked(&self.inside).clients.iter_mut().for_each(|client| client.waits = false);
+    /// What was being made is there, for a client: its turn is next, before others want something else made.
+    pub fn go_on(&self, client: Option<u64>) {
+        let mut inside = locked(&self.inside);
+        inside.clients.iter_mut().for_each(|client| client.waits = false);
+        if let Some(id) = client {
+            inside.served = id.saturating_sub(1);
+        }
+        drop(inside);
         self.bell.notify_all();
     }
 

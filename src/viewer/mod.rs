@@ -17,6 +17,7 @@ mod routes;
 pub mod server;
 mod session;
 mod state;
+pub mod training;
 mod videos;
 
 use crate::commands::render::camera::LookArgs;

@@ -21,6 +21,7 @@ use serde_json::json;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
+use wm_render::hooks::Slot;
 use wm_render::{Frame, Stats};
 use wm_scene::{Camera, Scene};
 use wm_weather::particles::Kind as Falling;
@@ -45,12 +46,19 @@ pub struct Painter {
     /// The whole scene, which the studio does not keep.
     scene: Arc<Scene>,
     sights: Option<Arc<Vec<Sight>>>,
-    making: Option<Receiver<Made>>,
+    making: Option<Making>,
     /// Orders until what they take is made.
     waiting: Vec<Order>,
     film: Option<Film>,
     picture: Picture,
     clear: Frame,
+}
+
+/// What is missing, while it is made.
+struct Making {
+    receive: Receiver<Made>,
+    /// The page that wants it, if one does.
+    client: Option<u64>,
 }
 
 /// A video that is being rendered.
@@ -117,16 +125,16 @@ impl Painter {
     /// Takes what was made meanwhile.
     fn take_made(&mut self) -> Result<()> {
         let Some(making) = &self.making else { return Ok(()) };
-        match making.try_recv() {
+        match making.receive.try_recv() {
             Err(TryRecvError::Empty) => return Ok(()),
             Err(TryRecvError::Disconnected) => {
                 bail!("what the weather needs to know of the place could not be found")
             }
             Ok(made) => self.studio.take(made)?,
         }
-        self.making = None;
+        let client = self.making.take().and_then(|making| making.client);
         self.room.desk.tell_all(&json!({ "type": "status", "text": "" }).to_string());
-        self.room.desk.go_on();
+        self.room.desk.go_on(client);
         for order in std::mem::take(&mut self.waiting) {
             self.fill(order)?;
         }
@@ -134,16 +142,16 @@ impl Painter {
     }
 
     /// Whether all is there for an instant of a weather; else it is made from now on, and said.
-    fn is_ready(&mut self, weather: &Weather, time: f64) -> Result<bool> {
+    fn is_ready(&mut self, weather: &Weather, time: f64, client: Option<u64>) -> Result<bool> {
         let lack = self.studio.lack(weather, time);
         let is_ready = lack.is_nothing();
         if !is_ready && self.making.is_none() {
-            self.make(lack)?;
+            self.make(lack, client)?;
         }
         Ok(is_ready)
     }
 
-    fn make(&mut self, lack: Lack) -> Result<()> {
+    fn make(&mut self, lack: Lack, client: Option<u64>) -> Result<()> {
         self.room.desk.tell_all(&json!({ "type": "status", "text": lack.what() }).to_string());
         let sights = match &self.sights {
             Some(sights) => Arc::clone(sights),
@@ -155,16 +163,17 @@ impl Painter {
             None => Arc::default(),
         };
         let (send, receive) = channel();
+        let lent = self.studio.lend(&lack);
         let (scene, site, room) = (Arc::clone(&self.scene), self.studio.site, Arc::clone(&self.room));
         let (occluders, threads) = (self.studio.occluders().cloned(), self.studio.loaded.renderer.threads());
         std::thread::Builder::new().name("prepare".into()).spawn(move || {
             let place =
                 Place { scene: &scene, sights: &sights, site: &site, occluders: occluders.as_ref(), threads };
             // The painter may be gone.
-            let _ = send.send(lack.make(&place));
+            let _ = send.send(lack.make(&place, lent));
             room.desk.wake();
         })?;
-        self.making = Some(receive);
+        self.making = Some(Making { receive, client });
         Ok(())
     }
 
@@ -172,7 +181,17 @@ impl Painter {
     fn serve(&mut self, turn: Turn) -> Result<()> {
         let Turn { client, wish, outbox, small } = turn;
         let (view, started) = (&wish.view, Instant::now());
-        let is_ready = !wish.is_moving && self.is_ready(&view.weather, view.state.time)?;
+        let (weather, time) = (&view.weather, view.state.time);
+        let is_ready = if wish.is_moving {
+            // What is made quickly follows what moves, a little later.
+            let lack = self.studio.lack(weather, time);
+            if lack.is_quick() && self.making.is_none() {
+                self.make(lack, None)?;
+            }
+            false
+        } else {
+            self.is_ready(weather, time, Some(client))?
+        };
         let full = (view.state.size[0], view.state.size[1]);
         let (size, patience, quality, dither) = match (wish.is_moving, is_ready) {
             (true, _) => (small, Patience::Draft, DRAFT_QUALITY, Dither::Off),
@@ -267,7 +286,7 @@ impl Painter {
     /// Fills an order, now or when what it takes is there.
     fn fill(&mut self, order: Order) -> Result<()> {
         let waits = match &order {
-            Order::Picture { view, .. } => !self.is_ready(&view.weather, view.state.time)?,
+            Order::Picture { view, .. } => !self.is_ready(&view.weather, view.state.time, None)?,
             Order::Pick { .. } | Order::Video { .. } | Order::Thumbnail(_) => false,
         };
         if waits {
@@ -357,14 +376,19 @@ impl Painter {
     }
 
     fn thumbnail(&mut self, name: String) -> Result<()> {
-        let Some(weather) = Weather::preset(&name) else { return Ok(()) };
+        let Some(mut weather) = Weather::preset(&name) else { return Ok(()) };
+        if weather.effects().any(|(effect, _)| effect.slot == Slot::Surface) {
+            // What lies in still air serves them all.
+            weather.set("wind=off").context("wind is an effect")?;
+        }
         let breaks = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::breaks);
         // Where most of it has happened.
         let time = 0.8 * breaks.fold(0.0, f64::max);
         let lack = self.studio.lack(&weather, time);
-        if !lack.is_nothing() && !self.studio.has_like(&lack) {
+        let is_whole = lack.is_nothing();
+        if !is_whole && !self.studio.has_like(&lack) {
             if self.making.is_none() {
-                self.make(lack)?;
+                self.make(lack, None)?;
             }
             self.waiting.push(Order::Thumbnail(name));
             return Ok(());
@@ -376,7 +400,8 @@ impl Painter {
         let state = ViewState { weather: weather_json, time, divider: None, ..state };
         let view = View::new(state, self.room.catalog(), None).map_err(|error| anyhow!(error))?;
         let size = (THUMBNAIL.0, height);
-        let (rgb, _) = self.draw(&view, size, Patience::Draft, Dither::Ordered)?;
+        let patience = if is_whole { Patience::Whole } else { Patience::Draft };
+        let (rgb, _) = self.draw(&view, size, patience, Dither::Ordered)?;
         let bytes = jpeg(&rgb, size, THUMBNAIL.1).map_err(|error| anyhow!(error))?;
         self.room.keep_thumbnail(name.clone(), bytes.into());
         self.room.desk.tell_all(&json!({ "type": "thumbnail", "name": name }).to_string());
@@ -412,7 +437,7 @@ impl Painter {
     /// Whether the video goes on.
     fn film_frame(&mut self, film: &mut Film) -> Result<bool> {
         let time = film.video.rate.seconds(u64::from(film.next));
-        if !self.is_ready(&film.view.weather, time)? {
+        if !self.is_ready(&film.view.weather, time, None)? {
             return Ok(true);
         }
         self.begin_exact(&film.view, Output::Rgb);

@@ -82,7 +82,9 @@ impl Viewer {
     pub fn rendered(&self, state: &Value, folder: &Path) -> std::path::PathBuf {
         let command = String::from_utf8(self.file("command", state)).unwrap();
         let words: Vec<&str> = command.split_whitespace().collect();
-        let option = |name: &str| words.iter().find_map(|word| word.strip_prefix(&format!("--{name}=")).map(str::to_owned));
+        let option = |name: &str| {
+            words.iter().find_map(|word| word.strip_prefix(&format!("--{name}=")).map(str::to_owned))
+        };
         std::fs::write(folder.join(option("weather").unwrap()), self.file("weather", state)).unwrap();
         let camera = option("camera").or(option("path")).unwrap();
         std::fs::write(folder.join(camera), self.file("camera", state)).unwrap();
@@ -132,9 +134,16 @@ pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
 }
 
 /// Status, head and body of a request over a connection of its own. `Host` is the address unless it is among the headers.
-pub fn ask(address: &str, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> (u16, String, Vec<u8>) {
+pub fn ask(
+    address: &str,
+    method: &str,
+    path: &str,
+    headers: &[(&str, &str)],
+    body: &[u8],
+) -> (u16, String, Vec<u8>) {
     let mut stream = connect(address);
-    let mut head = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n", body.len());
+    let mut head =
+        format!("{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n", body.len());
     if !headers.iter().any(|(name, _)| *name == "Host") {
         head += &format!("Host: {address}\r\n");
     }
@@ -142,14 +151,31 @@ pub fn ask(address: &str, method: &str, path: &str, headers: &[(&str, &str)], bo
     stream.write_all((head + "\r\n").as_bytes()).unwrap();
     // A server that has had enough closes before it has read all.
     let _ = stream.write_all(body);
-    let mut answer = Vec::new();
-    let _ = stream.read_to_end(&mut answer);
+    // Not until the end of the connection, which some servers leave open.
+    let (mut answer, mut part) = (Vec::new(), [0; 1 << 16]);
+    while !is_whole(&answer) {
+        match stream.read(&mut part) {
+            Ok(length @ 1..) => answer.extend(&part[..length]),
+            _ => break,
+        }
+    }
     parts(&answer)
+}
+
+/// Whether an answer has all the bytes that it says it has.
+fn is_whole(answer: &[u8]) -> bool {
+    let Some(end) = answer.windows(4).position(|four| four == b"\r\n\r\n") else { return false };
+    let head = String::from_utf8_lossy(&answer[..end]).to_ascii_lowercase();
+    let length =
+        head.lines().find_map(|line| line.strip_prefix("content-length:")?.trim().parse::<usize>().ok());
+    length.is_some_and(|length| answer.len() >= end + 4 + length) || answer.ends_with(b"\r\n0\r\n\r\n")
 }
 
 /// An answer in its parts; status 0 for none.
 pub fn parts(answer: &[u8]) -> (u16, String, Vec<u8>) {
-    let Some(end) = answer.windows(4).position(|four| four == b"\r\n\r\n") else { return (0, String::new(), Vec::new()) };
+    let Some(end) = answer.windows(4).position(|four| four == b"\r\n\r\n") else {
+        return (0, String::new(), Vec::new());
+    };
     let head = String::from_utf8_lossy(&answer[..end]).into_owned();
     let status = head.split(' ').nth(1).and_then(|code| code.parse().ok()).unwrap_or(0);
     let body = answer[end + 4..].to_vec();

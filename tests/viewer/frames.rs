@@ -18,11 +18,26 @@ fn saved_files_render_to_the_same_bytes() {
         key
     };
     for (name, patch) in [
-        ("fog", json!({ "weather": { "name": "a fog", "fog": { "mor": { "keys": [[0, 200, "smooth"], [3, 40.7]] }, "scale_height": "inf", "airlight": [0.7, 0.71, 0.123456] } }, "time": 1.3 })),
-        ("rain", json!({ "weather": { "name": "rain", "rain": { "rate": 25 }, "wind": { "speed": 4 }, "sky": { "model": "overcast" } }, "time": 2.0, "camera": camera })),
-        ("snow", json!({ "weather": { "name": "snow", "snow_cover": { "depth": 0.2 }, "snowfall": {} }, "time": 0.4 })),
-        ("paper", json!({ "weather": { "name": "paper", "fidelity": "paper", "rain": {}, "snow_cover": {} } })),
-        ("path", json!({ "weather": { "name": "way", "rain": {} }, "follow": "path", "time": 0.7, "path": [keyed(0.0, &camera), keyed(2.0, &further)] })),
+        (
+            "fog",
+            json!({ "weather": { "name": "a fog", "fog": { "mor": { "keys": [[0, 200, "smooth"], [3, 40.7]] }, "scale_height": "inf", "airlight": [0.7, 0.71, 0.123456] } }, "time": 1.3 }),
+        ),
+        (
+            "rain",
+            json!({ "weather": { "name": "rain", "rain": { "rate": 25 }, "wind": { "speed": 4 }, "sky": { "model": "overcast" } }, "time": 2.0, "camera": camera }),
+        ),
+        (
+            "snow",
+            json!({ "weather": { "name": "snow", "snow_cover": { "depth": 0.2 }, "snowfall": {} }, "time": 0.4 }),
+        ),
+        (
+            "paper",
+            json!({ "weather": { "name": "paper", "fidelity": "paper", "rain": {}, "snow_cover": {} } }),
+        ),
+        (
+            "path",
+            json!({ "weather": { "name": "way", "rain": {} }, "follow": "path", "time": 0.7, "path": [keyed(0.0, &camera), keyed(2.0, &further)] }),
+        ),
         // The divider and the quality are the screen's.
         ("clear", json!({ "weather": { "name": "clear" }, "divider": 0.5, "quality": 3 })),
     ] {
@@ -58,7 +73,16 @@ fn pictures_are_functions_of_their_state() {
     assert!(rain("1") != first, "time does nothing");
     assert!(rain("2") == first, "the same instant is another picture");
     let clear = frame("");
-    for query in ["set=fog.mor=20", "output=depth", "output=normal", "output=alpha", "camera=0,-8,2:0,4,2", "fov=30", "quality=20", "size=90x64"] {
+    for query in [
+        "set=fog.mor=20",
+        "output=depth",
+        "output=normal",
+        "output=alpha",
+        "camera=0,-8,2:0,4,2",
+        "fov=30",
+        "quality=20",
+        "size=90x64",
+    ] {
         assert!(frame(query) != clear, "{query} does nothing");
         assert!(frame(query) == frame(query), "{query}");
     }
@@ -78,7 +102,11 @@ fn a_state_that_is_put_reaches_every_page() {
     let (head, clear) = page.whole();
     assert_eq!((head["width"].as_u64(), head["height"].as_u64()), (Some(96), Some(64)));
     assert!(head["mor"].is_null() && head["splats"].as_u64().unwrap() > 100);
-    let put = viewer.json("PUT", "/state", &json!({ "weather": { "name": "thick", "fog": { "mor": 15 } }, "time": 3 }));
+    let put = viewer.json(
+        "PUT",
+        "/state",
+        &json!({ "weather": { "name": "thick", "fog": { "mor": 15 } }, "time": 3 }),
+    );
     assert_eq!(viewer.json("GET", "/state", &json!({})), put);
     let told = loop {
         match page.next() {
@@ -109,7 +137,10 @@ fn only_the_last_wish_counts_and_what_moves_is_smaller() {
         pictures += 1;
         page.say(&json!({ "type": "seen", "seq": head["seq"] }));
         if head["whole"] == true {
-            assert_eq!((head["seq"].as_u64(), head["time"].as_f64(), head["width"].as_u64()), (Some(51), Some(50.0), Some(480)));
+            assert_eq!(
+                (head["seq"].as_u64(), head["time"].as_f64(), head["width"].as_u64()),
+                (Some(51), Some(50.0), Some(480))
+            );
             break;
         }
         assert!(head["width"].as_u64().unwrap() < 480, "{head}");
@@ -187,7 +218,9 @@ fn parameters_are_those_of_the_effects() {
         assert_eq!(effect["name"], known.name);
         for (param, known) in effect["params"].as_array().unwrap().iter().zip(known.params) {
             assert_eq!((&param["name"], &param["unit"]), (&json!(known.name), &json!(known.unit)));
-            assert!(param["meaning"].as_str().is_some_and(|text| !text.is_empty()) && !param["default"].is_null());
+            assert!(
+                param["meaning"].as_str().is_some_and(|text| !text.is_empty()) && !param["default"].is_null()
+            );
         }
     }
     // A preset is a state's weather as it stands; a file is made into one.
@@ -195,9 +228,16 @@ fn parameters_are_those_of_the_effects() {
         viewer.json("PUT", "/state", &json!({ "weather": preset["weather"] }));
     }
     let (status, read) = viewer.ask("POST", "/weather", &[], b"name = \"v\"\n[fog]\nmor = 80");
-    assert_eq!((status, serde_json::from_slice::<Value>(&read).unwrap()), (200, json!({ "name": "v", "fog": { "mor": 80.0 } })));
+    assert_eq!(
+        (status, serde_json::from_slice::<Value>(&read).unwrap()),
+        (200, json!({ "name": "v", "fog": { "mor": 80.0 } }))
+    );
     let (status, said) = viewer.ask("POST", "/weather", &[], b"[fog]\nmoor = 80");
-    assert!(status == 400 && String::from_utf8_lossy(&said).contains("weather.toml:2:1: "), "{}", String::from_utf8_lossy(&said));
+    assert!(
+        status == 400 && String::from_utf8_lossy(&said).contains("weather.toml:2:1: "),
+        "{}",
+        String::from_utf8_lossy(&said)
+    );
 }
 
 #[test]

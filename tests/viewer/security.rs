@@ -33,7 +33,9 @@ fn foreign_pages_and_names_are_refused() {
     assert!(Socket::open(&viewer.address, &[("Origin", &own)]).is_ok());
     // The page says what it may load, and nobody may frame it.
     let (_, head, _) = crate::client::ask(&viewer.address, "GET", "/", &[], b"");
-    for header in ["content-security-policy: default-src 'self'", "x-frame-options: DENY", "nosniff", "no-referrer"] {
+    for header in
+        ["content-security-policy: default-src 'self'", "x-frame-options: DENY", "nosniff", "no-referrer"]
+    {
         assert!(head.contains(header), "{header}: {head}");
     }
     is_well(&viewer);
@@ -42,8 +44,8 @@ fn foreign_pages_and_names_are_refused() {
 #[test]
 fn other_addresses_need_the_token() {
     let (_workshop, scene) = yard_scene();
-    let viewer = Viewer::of(&scene, &["--port=0", "--host=0.0.0.0", "--token=0123456789abcdef"]);
-    let viewer = Viewer { address: viewer.address.replace("0.0.0.0", "127.0.0.1"), ..viewer };
+    let mut viewer = Viewer::of(&scene, &["--port=0", "--host=0.0.0.0", "--token=0123456789abcdef"]);
+    viewer.address = viewer.address.replace("0.0.0.0", "127.0.0.1");
     let bearer = [("Authorization", "Bearer 0123456789abcdef")];
     until("the scene is read", || viewer.ask("GET", "/state", &bearer, b"").0 == 200);
     for path in ["/", "/state", "/frame", "/main.js", "/?token=", "/?token=0123456789abcdeF", "/ws"] {
@@ -62,7 +64,14 @@ fn no_name_reaches_the_file_system() {
     let (workshop, scene) = yard_scene();
     std::fs::write(workshop.path("cam.json"), "{}").unwrap();
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
-    for path in ["/../Cargo.toml", "/..%2fCargo.toml", "/thumbnails/..%2f..%2fetc%2fpasswd", "/files/..%2fsecret", "/videos/1/file", "/%00"] {
+    for path in [
+        "/../Cargo.toml",
+        "/..%2fCargo.toml",
+        "/thumbnails/..%2f..%2fetc%2fpasswd",
+        "/files/..%2fsecret",
+        "/videos/1/file",
+        "/%00",
+    ] {
         assert!(matches!(viewer.get(path).0, 400 | 404 | 405), "{path}");
     }
     let cam = workshop.path("cam.json").display().to_string();
@@ -75,8 +84,13 @@ fn no_name_reaches_the_file_system() {
         let said = String::from_utf8(said).unwrap();
         assert!(status == 400 && said.lines().count() == 1 && !said.contains("root:"), "{query}: {said}");
     }
-    let (status, said) = viewer.ask("PUT", "/state", &[], br#"{"weather": {"sky": {"panorama": "/etc/passwd"}}}"#);
-    assert!(status == 400 && String::from_utf8_lossy(&said).contains("--panorama"), "{}", String::from_utf8_lossy(&said));
+    let (status, said) =
+        viewer.ask("PUT", "/state", &[], br#"{"weather": {"sky": {"panorama": "/etc/passwd"}}}"#);
+    assert!(
+        status == 400 && String::from_utf8_lossy(&said).contains("--panorama"),
+        "{}",
+        String::from_utf8_lossy(&said)
+    );
     is_well(&viewer);
 }
 
@@ -87,18 +101,46 @@ fn huge_and_malformed_requests_are_refused_in_a_line() {
     let huge = vec![b' '; 2 << 20];
     assert_eq!(viewer.ask("PUT", "/state", &[], &huge).0, 413);
     for body in [
-        "", "{", "3", "null", r#"{"time": "now"}"#, r#"{"time": 1e999}"#, r#"{"tiem": 1}"#, r#"{"size": [0, 5]}"#,
-        r#"{"size": [100000, 100000]}"#, r#"{"size": [4096, 4096]}"#, r#"{"quality": 0}"#, r#"{"divider": 2}"#,
+        "",
+        "{",
+        "3",
+        "null",
+        r#"{"time": "now"}"#,
+        r#"{"time": 1e999}"#,
+        r#"{"tiem": 1}"#,
+        r#"{"size": [0, 5]}"#,
+        r#"{"size": [100000, 100000]}"#,
+        r#"{"size": [4096, 4096]}"#,
+        r#"{"quality": 0}"#,
+        r#"{"divider": 2}"#,
         r#"{"camera": {"eye": [0, 0, 0], "rotation": [0, 0, 0, 0], "fov": 50}}"#,
         r#"{"camera": {"eye": [1e300, 0, 0], "rotation": [1, 0, 0, 0], "fov": 500}}"#,
-        r#"{"follow": "path"}"#, r#"{"weather": {"rain": {"rate": -1}}}"#, r#"{"weather": []}"#,
-        r#"{"weather": {"fog": {"mor": {"keys": []}}}}"#, &format!("{}1{}", "[".repeat(5000), "]".repeat(5000)),
+        r#"{"follow": "path"}"#,
+        r#"{"weather": {"rain": {"rate": -1}}}"#,
+        r#"{"weather": []}"#,
+        r#"{"weather": {"fog": {"mor": {"keys": []}}}}"#,
+        &format!("{}1{}", "[".repeat(5000), "]".repeat(5000)),
     ] {
         let (status, said) = viewer.ask("PUT", "/state", &[], body.as_bytes());
         let said = String::from_utf8(said).unwrap();
-        assert!(status == 400 && said.lines().count() == 1 && said.len() < 600, "{body:.80}: {status} {said}");
+        assert!(
+            status == 400 && said.lines().count() == 1 && said.len() < 600,
+            "{body:.80}: {status} {said}"
+        );
     }
-    for query in ["time=x", "size=3", "size=99999x99999", "output=heat", "set=", "set=fog.mor", "what=1", "fov=400", "camera=1", "time=%", "weather=fgo"] {
+    for query in [
+        "time=x",
+        "size=3",
+        "size=99999x99999",
+        "output=heat",
+        "set=",
+        "set=fog.mor",
+        "what=1",
+        "fov=400",
+        "camera=1",
+        "time=%",
+        "weather=fgo",
+    ] {
         let (status, said) = viewer.get(&format!("/frame?{query}"));
         let said = String::from_utf8(said).unwrap();
         assert!(status == 400 && said.lines().count() == 1, "{query}: {status} {said}");
@@ -117,12 +159,22 @@ fn huge_and_malformed_messages_are_refused_in_a_line() {
     let (_workshop, scene) = yard_scene();
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
     let mut socket = Socket::open(&viewer.address, &[]).unwrap();
-    for text in ["", "{", "[]", r#"{"type": "fly"}"#, r#"{"type": "view"}"#, r#"{"type": "pick", "x": 9, "y": 0}"#,
-        r#"{"type": "view", "seq": 1, "moving": true, "state": {"size": [-1, 2]}}"#, r#"{"type": "view", "seq": -1, "moving": 1, "state": 0}"#] {
+    for text in [
+        "",
+        "{",
+        "[]",
+        r#"{"type": "fly"}"#,
+        r#"{"type": "view"}"#,
+        r#"{"type": "pick", "x": 9, "y": 0}"#,
+        r#"{"type": "view", "seq": 1, "moving": true, "state": {"size": [-1, 2]}}"#,
+        r#"{"type": "view", "seq": -1, "moving": 1, "state": 0}"#,
+    ] {
         socket.send(1, text.as_bytes()).unwrap();
         let said = loop {
             match socket.next() {
-                Came::Word(word) if word["type"] == "error" => break word["text"].as_str().unwrap().to_owned(),
+                Came::Word(word) if word["type"] == "error" => {
+                    break word["text"].as_str().unwrap().to_owned();
+                }
                 Came::Word(_) => {}
                 other => panic!("{text}: {other:?}"),
             }
@@ -133,13 +185,18 @@ fn huge_and_malformed_messages_are_refused_in_a_line() {
     socket.view(1, false, &json!({}));
     assert_eq!(socket.whole().0["seq"], 1);
     // What is no words ends it: bytes, no UTF-8, more than may be, a length that is a lie.
-    for (opcode, payload) in [(2, vec![0; 10]), (1, vec![0xff; 10]), (1, vec![b' '; 1 << 20]), (7, vec![]), (9, vec![0; 200])] {
+    for (opcode, payload) in
+        [(2, vec![0; 10]), (1, vec![0xff; 10]), (1, vec![b' '; 1 << 20]), (7, vec![]), (9, vec![0; 200])]
+    {
         let mut socket = Socket::open(&viewer.address, &[]).unwrap();
         let _ = socket.send(opcode, &payload);
         while !matches!(socket.next(), Came::Closed) {}
     }
     let mut socket = Socket::open(&viewer.address, &[]).unwrap();
-    socket.stream.write_all(&[0x81, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0]).unwrap();
+    socket
+        .stream
+        .write_all(&[0x81, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0])
+        .unwrap();
     while !matches!(socket.next(), Came::Closed) {}
     is_well(&viewer);
 }

@@ -75,6 +75,11 @@ export class Connection {
     this.dirty = true;
   }
 
+  /** Whether something is to be told yet. */
+  isDue() {
+    return this.dirty || this.wasMoving;
+  }
+
   /** Tells what is wanted, once a picture of the screen. */
   send() {
     if (!this.socket || !this.store.state) return;

@@ -46,17 +46,17 @@ export class FilesPanel {
       this.command,
       h("div", { className: "buttons" }, h("button", { id: "copy-command", onclick: () => this.copy() }, "Copy command"), h("button", { onclick: () => this.file.click() }, "Load weather…"), this.file),
       h("h2", {}, "Video"),
-      store.parameters.video ? null : h("p", { className: "quiet" }, "This build has no video encoder."),
+      h("p", { className: "quiet", hidden: store.parameters.video }, "This build has no video encoder."),
       h("div", { className: "param" }, h("label", {}, "Size"), this.filmSize),
-      h("div", { className: "row" }, h("label", {}, "Seconds"), this.seconds, h("label", {}, "Frames a second"), this.fps),
-      h("p", { className: "quiet", id: "video-camera" }),
+      h("div", { className: "row" }, h("label", {}, "Seconds"), this.seconds, h("label", {}, "Frames/s"), this.fps),
+      h("p", { className: "quiet" }, "From time 0, along the path where it is looked along."),
       h("div", { className: "buttons" }, this.begin, this.stop, this.link),
       this.bar, this.note,
     );
     this.timer = 0;
     store.listen((changed) => {
       if (changed.has("duration")) this.seconds.value = short(store.duration, 5);
-      if (["playing", "divider"].every((what) => !changed.has(what))) this.soon();
+      if ([...changed].some((what) => what !== "playing" && what !== "divider")) this.soon();
     });
     this.soon();
   }

@@ -35,6 +35,18 @@ function veil(text, isBad = false) {
   $("veil-text").textContent = text;
 }
 
+let statusTimer = 0;
+
+/** What the program prepares; what is done at once is not said. @param {string} text */
+function status(text) {
+  clearTimeout(statusTimer);
+  if (!text) return ($("status").hidden = true);
+  statusTimer = window.setTimeout(() => {
+    $("status").textContent = `${titled(text)} …`;
+    $("status").hidden = false;
+  }, 400);
+}
+
 /** @param {any} word */
 async function hear(word) {
   switch (word.type) {
@@ -46,8 +58,7 @@ async function hear(word) {
     case "ready":
       return begin();
     case "status":
-      $("status").hidden = !word.text;
-      return ($("status").textContent = word.text ? `${titled(word.text)} …` : "");
+      return status(word.text);
     case "error":
       return toast(word.text, "bad");
     case "state":
@@ -93,7 +104,9 @@ function build() {
   outputs();
   compare();
   store.listen((changed) => {
-    if (["playing", "duration"].some((what) => !changed.has(what))) connection.touch();
+    if ([...changed].every((what) => what === "playing" || what === "duration")) return;
+    canvas.dataset.settled = "false";
+    connection.touch();
   });
   new ResizeObserver(() => store.set({ size: shownSize() })).observe($("stage"));
   keys(parts.controls, parts.timeline);
@@ -118,7 +131,7 @@ function show(head, picture) {
     [canvas.width, canvas.height] = [picture.width, picture.height];
   }
   canvas.getContext("2d")?.drawImage(picture, 0, 0);
-  Object.assign(canvas.dataset, { seq: head.seq, whole: head.whole, time: head.time, camera: JSON.stringify(head.camera) });
+  Object.assign(canvas.dataset, { seq: head.seq, whole: head.whole, settled: head.seq === connection.seq && !connection.isDue(), time: head.time, camera: JSON.stringify(head.camera) });
   // On a path the camera is the program's; from there the next drag goes on.
   if (store.state.follow === "path") store.state.camera = head.camera;
   rate.frames += 1;
@@ -134,10 +147,10 @@ function show(head, picture) {
 function stats(head) {
   const figure = (/** @type {string} */ name, /** @type {string} */ value, /** @type {string} */ title) =>
     h("span", { title, "data-stat": name }, h("b", {}, value), ` ${name}`);
-  const isStill = head.whole;
+  const isStill = head.whole || (!store.isPlaying && performance.now() - store.changedAt > 1000);
   $("stats").replaceChildren(
-    figure("fps", isStill ? "still" : short(rate.shown, 3), "Pictures a second that this page shows"),
-    figure("ms", short(head.draw_ms + head.encode_ms, 3), `Drawing ${short(head.draw_ms)} ms, JPEG ${short(head.encode_ms)} ms`),
+    isStill ? h("span", { title: "Pictures come when something moves" }, h("b", {}, head.whole ? "still" : "draft")) : figure("fps", short(rate.shown, 2), "Pictures a second that this page shows"),
+    figure("ms", String(Math.round(head.draw_ms + head.encode_ms)), `Drawing ${short(head.draw_ms)} ms, JPEG ${short(head.encode_ms)} ms`),
     figure("px", `${head.width}×${head.height}`, "Size of the picture: smaller while something moves"),
     figure("splats", count(head.splats), "Splats in view"),
     ...(head.drops ? [figure("drops", count(head.drops), "Drops or flakes in the picture")] : []),
@@ -182,12 +195,12 @@ function compare() {
 /** @param {Controls} controls */
 function cameraPanel(controls) {
   const { scene, state: start } = store.parameters;
-  const slider = (/** @type {string} */ label, /** @type {string} */ unit, /** @type {any} */ range, /** @type {() => number} */ get, /** @type {(v: number) => void} */ set) => {
+  const slider = (/** @type {string} */ label, /** @type {string} */ unit, /** @type {any} */ range, /** @type {() => number} */ get, /** @type {(v: number) => void} */ set, /** @type {(v: number) => string} */ text = (v) => short(v)) => {
     const box = h("output", { className: "number" });
-    const input = h("input", { type: "range", ...range, ariaLabel: label, oninput: () => set(Number(input.value)) });
+    const input = h("input", { type: "range", ...range, ariaLabel: label, oninput: () => { set(Number(input.value)); refresh(); } });
     const refresh = () => {
       input.value = String(get());
-      box.textContent = short(get());
+      box.textContent = text(get());
     };
     store.listen(refresh);
     refresh();
@@ -219,7 +232,7 @@ function cameraPanel(controls) {
   $("tab-camera").replaceChildren(
     where,
     slider("Field of view", "°", { min: "10", max: "110", step: "1" }, () => store.state.camera.fov, (fov) => controls.set({ ...store.state.camera, fov })),
-    slider("Speed", "×", { min: "-2", max: "2", step: "0.1" }, () => Math.log10(controls.speed), (s) => (controls.speed = 10 ** s)),
+    slider("Speed of walking", "×", { min: "-2", max: "2", step: "0.1" }, () => Math.log10(controls.speed), (s) => (controls.speed = 10 ** s), (s) => short(10 ** s, 2)),
     h("div", { className: "buttons" }, h("button", { id: "home", title: "Back to the start (R)", onclick: () => controls.flyTo(start.camera) }, "Start view")),
     h("h2", {}, "Path"),
     h("p", { className: "quiet" }, "◆ Camera beside the time keeps the camera of this instant. Two and more make a path."),

@@ -21,6 +21,9 @@ const FIRST = {
   look: ["exposure", "contrast", "saturation", "temperature"],
 };
 
+/** Effects by where in the render they act.  @type {[string, string[]][]} */
+const GROUPS = [["Air", ["medium"]], ["Falling", ["particles"]], ["Lying", ["surface"]], ["Light", ["background", "light", "lens"]]];
+
 /** A name as people write it. @param {string} name */
 export const titled = (name) => name.charAt(0).toUpperCase() + name.slice(1).replaceAll(/[_-]/g, " ");
 
@@ -32,7 +35,8 @@ export class WeatherPanel {
     this.refreshers = new Map();
     this.name = h("input", { id: "weather-name", value: "", spellcheck: false, maxLength: 60, ariaLabel: "Name of the weather", onchange: () => this.rename() });
     this.presets = h("div", { id: "presets", role: "group", ariaLabel: "Presets" }, ...store.parameters.presets.map((preset) => this.preset(preset)));
-    this.effects = h("div", { id: "effects" }, ...store.parameters.effects.map((effect) => this.effect(effect)));
+    const groups = GROUPS.map(([title, slots]) => /** @type {[string, Effect[]]} */ ([title, store.parameters.effects.filter((effect) => slots.includes(effect.slot))]));
+    this.effects = h("div", { id: "effects" }, ...groups.flatMap(([title, effects]) => [h("h2", {}, title), ...effects.map((effect) => this.effect(effect))]));
     this.fidelity = this.choice("fidelity", ["physical", "paper"], () => store.state.weather.fidelity ?? "physical", (word) => {
       const { fidelity: _, ...others } = store.state.weather;
       store.setWeather(word === "paper" ? { ...others, fidelity: "paper" } : others);
