@@ -377,3 +377,120 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     // Nothing that is held here is left half done by a panic.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::state::testing::view;
+    use super::*;
+
+    fn desk(pages: usize) -> (Desk, Vec<u64>) {
+        let desk = Desk::default();
+        let ids = (0..pages).map(|_| desk.join(Arc::default()).unwrap()).collect();
+        (desk, ids)
+    }
+
+    fn wish(desk: &Desk, id: u64, seq: u64, is_moving: bool) {
+        desk.wish(id, Wish { view: view(), seq, is_moving });
+    }
+
+    /// Who is served with what.
+    fn next(desk: &Desk) -> Option<(u64, u64)> {
+        match desk.next(Duration::ZERO)? {
+            Task::Turn(turn) => Some((turn.client, turn.wish.seq)),
+            Task::Order(_) => Some((0, 0)),
+        }
+    }
+
+    fn order(desk: &Desk) {
+        let (reply, _) = oneshot::channel();
+        desk.order(Order::Picture { view: view(), form: Form::Jpeg, reply }).ok().unwrap();
+    }
+
+    #[test]
+    fn pages_take_turns_and_only_their_last_wish_counts() {
+        let (desk, ids) = desk(3);
+        for seq in 1..=5 {
+            ids.iter().for_each(|id| wish(&desk, *id, seq, true));
+        }
+        for id in &ids {
+            assert_eq!(next(&desk), Some((*id, 5)));
+            desk.drawn(*id, 5, Drawn::Moving(0.01));
+        }
+        assert_eq!(next(&desk), None);
+        // The one that was just served comes last.
+        for id in [ids[2], ids[0]] {
+            wish(&desk, id, 6, true);
+        }
+        assert_eq!(next(&desk), Some((ids[0], 6)));
+    }
+
+    #[test]
+    fn a_wish_that_came_meanwhile_is_kept() {
+        let (desk, ids) = desk(1);
+        wish(&desk, ids[0], 1, true);
+        assert_eq!(next(&desk), Some((ids[0], 1)));
+        wish(&desk, ids[0], 2, false);
+        desk.drawn(ids[0], 1, Drawn::Moving(0.01));
+        assert_eq!(next(&desk), Some((ids[0], 2)));
+        desk.drawn(ids[0], 2, Drawn::Whole);
+        assert_eq!(next(&desk), None);
+    }
+
+    #[test]
+    fn who_does_not_look_gets_no_more() {
+        let (desk, ids) = desk(1);
+        for seq in 1..=MOST_UNSEEN as u64 {
+            wish(&desk, ids[0], seq, true);
+            assert_eq!(next(&desk), Some((ids[0], seq)));
+            desk.drawn(ids[0], seq, Drawn::Moving(0.01));
+        }
+        wish(&desk, ids[0], 9, true);
+        assert_eq!(next(&desk), None);
+        desk.seen(ids[0], 1);
+        assert_eq!(next(&desk), Some((ids[0], 9)));
+        desk.leave(ids[0]);
+        assert_eq!(next(&desk), None);
+    }
+
+    #[test]
+    fn what_waits_is_drawn_when_it_can_be() {
+        let (desk, ids) = desk(2);
+        ids.iter().for_each(|id| wish(&desk, *id, 1, false));
+        for id in &ids {
+            assert_eq!(next(&desk), Some((*id, 1)));
+            desk.drawn(*id, 1, Drawn::Waiting);
+            desk.seen(*id, 1);
+        }
+        assert_eq!(next(&desk), None);
+        // First the one that it was made for.
+        desk.go_on(Some(ids[1]));
+        assert_eq!(next(&desk), Some((ids[1], 1)));
+    }
+
+    #[test]
+    fn what_moves_comes_first_and_orders_take_turns_with_the_rest() {
+        let (desk, ids) = desk(2);
+        (0..2).for_each(|_| order(&desk));
+        wish(&desk, ids[0], 1, false);
+        wish(&desk, ids[1], 1, true);
+        assert_eq!(next(&desk), Some((ids[1], 1)));
+        desk.drawn(ids[1], 1, Drawn::Moving(0.01));
+        assert_eq!(next(&desk), Some((ids[0], 1)));
+        desk.drawn(ids[0], 1, Drawn::Whole);
+        wish(&desk, ids[0], 2, false);
+        assert_eq!(next(&desk), Some((0, 0)));
+        assert_eq!(next(&desk), Some((ids[0], 2)));
+    }
+
+    #[test]
+    fn there_is_an_end_to_pages_and_orders() {
+        let (desk, _) = desk(MOST_CLIENTS);
+        assert_eq!(desk.join(Arc::default()), None);
+        (0..MOST_ORDERS).for_each(|_| order(&desk));
+        let (reply, _) = oneshot::channel();
+        assert!(desk.order(Order::Picture { view: view(), form: Form::Png, reply }).is_err());
+        let outbox = Outbox::default();
+        (0..1000).for_each(|i| outbox.note(i.to_string()));
+        assert_eq!(outbox.take().0.len(), MOST_NOTES);
+    }
+}

@@ -27,6 +27,9 @@ impl Default for Pace {
 impl Pace {
     /// The size of the next picture, for one of `full`, px.
     pub fn size(&self, [width, height]: [u32; 2]) -> (u32, u32) {
+        if self.scale == 1.0 {
+            return (width, height);
+        }
         let (width, height) = (f64::from(width), f64::from(height));
         let shown = ((width * self.scale / GRAIN).round() * GRAIN).clamp(GRAIN.min(width), width);
         (shown as u32, (height * shown / width).round().max(1.0) as u32)

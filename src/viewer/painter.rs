@@ -151,8 +151,13 @@ impl Painter {
         Ok(is_ready)
     }
 
+    /// Makes what is missing, and says so.
     fn make(&mut self, lack: Lack, client: Option<u64>) -> Result<()> {
         self.room.desk.tell_all(&json!({ "type": "status", "text": lack.what() }).to_string());
+        self.make_silently(lack, client)
+    }
+
+    fn make_silently(&mut self, lack: Lack, client: Option<u64>) -> Result<()> {
         let sights = match &self.sights {
             Some(sights) => Arc::clone(sights),
             None if lack.takes_sights() => {
@@ -388,7 +393,7 @@ impl Painter {
         let is_whole = lack.is_nothing();
         if !is_whole && !self.studio.has_like(&lack) {
             if self.making.is_none() {
-                self.make(lack, None)?;
+                self.make_silently(lack, None)?;
             }
             self.waiting.push(Order::Thumbnail(name));
             return Ok(());

@@ -222,7 +222,41 @@ pub fn weather_of_json(value: &Value) -> Result<Weather, String> {
 }
 
 #[cfg(test)]
+pub(super) mod testing {
+    use super::*;
+    use wm_scene::survey::Survey;
+    use wm_scene::{Metadata, Scene};
+
+    /// What there is without a scene.
+    pub fn catalog() -> Catalog {
+        Catalog {
+            stem: "nothing".into(),
+            words: vec!["nothing.ply".into()],
+            run_words: Vec::new(),
+            survey: Survey::of(&Scene::default(), &Metadata::default()),
+            near: 0.1,
+            splats: 0,
+            renderer: String::new(),
+            views: Vec::new(),
+            weather: Weather::clear(),
+            panoramas: Default::default(),
+        }
+    }
+
+    /// A state of a camera that is not turned.
+    pub fn state() -> ViewState {
+        catalog().start(&Camera::posed((60, 40), 50.0, glam::DVec3::ZERO, glam::DMat3::IDENTITY))
+    }
+
+    /// The same, checked.
+    pub fn view() -> Arc<View> {
+        Arc::new(View::new(state(), &catalog(), None).unwrap())
+    }
+}
+
+#[cfg(test)]
 mod tests {
+    use super::testing::{catalog, state};
     use super::*;
     use wm_weather::presets::PRESETS;
 
@@ -238,6 +272,32 @@ mod tests {
             odd.set(set).unwrap();
         }
         assert_eq!(weather_of_json(&weather_to_json(&odd)), Ok(odd));
+    }
+
+    #[test]
+    fn a_camera_is_the_one_of_its_file() {
+        let mut state = state();
+        // Not of length 1, and not of few digits.
+        state.camera.rotation = [0.7123, 0.31, -0.6000000000000001, 1.0 / 3.0];
+        let view = View::new(state.clone(), &catalog(), None).unwrap();
+        let survey = catalog().survey;
+        let read = Path::parse(&view.camera_file, &survey, &crate::view::Options::default()).unwrap();
+        assert_eq!(read.at(0.0, (60, 40)), view.shot().camera(0.0));
+        // And of a path at an instant of it.
+        let key =
+            |time: f64| PoseKey { time, eye: [time, 0.1, 0.2], rotation: state.camera.rotation, fov: 50.0 };
+        (state.path, state.follow, state.time) = (vec![key(1.0), key(2.7)], Follow::Path, 0.9);
+        let view = View::new(state, &catalog(), None).unwrap();
+        let read = Path::parse(&view.camera_file, &survey, &crate::view::Options::default()).unwrap();
+        assert_eq!(read.at(read.start() + 0.9, (60, 40)), view.shot().camera(0.9));
+    }
+
+    #[test]
+    fn patches_change_what_they_name() {
+        let patched = state().patched(json!({ "time": 2, "divider": 0.25 })).unwrap();
+        assert_eq!(patched, ViewState { time: 2.0, divider: Some(0.25), ..state() });
+        assert!(state().patched(json!({ "tiem": 2 })).unwrap_err().contains("tiem"));
+        assert!(state().patched(json!(2)).is_err());
     }
 
     #[test]

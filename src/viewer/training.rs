@@ -95,7 +95,7 @@ impl Board {
             .route("/training/picture", get(picture))
             .route("/training/camera", put(set_camera))
             .with_state(board.clone());
-        eprintln!("the training is shown at {}", server::serve(args, router)?);
+        println!("the training is shown at {}", server::serve(args, router)?);
         Ok(board)
     }
 

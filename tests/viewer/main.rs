@@ -7,6 +7,8 @@ mod client;
 mod frames;
 mod page;
 mod security;
+mod socket;
+mod training;
 mod webdriver;
 
 use common::{Workshop, yard, yard_metadata};

@@ -1,6 +1,7 @@
 //! What must not be done to the viewer: each is refused in a line, and it goes on.
 
-use crate::client::{Came, Socket, Viewer, connect, parts, until};
+use crate::client::{Viewer, until};
+use crate::socket::{Came, Socket, ask, connect, parts};
 use crate::yard_scene;
 use serde_json::json;
 use std::io::{Read, Write};
@@ -32,7 +33,7 @@ fn foreign_pages_and_names_are_refused() {
     assert_eq!(Socket::open(&viewer.address, &[("Origin", "http://evil.example")]).err(), Some(403));
     assert!(Socket::open(&viewer.address, &[("Origin", &own)]).is_ok());
     // The page says what it may load, and nobody may frame it.
-    let (_, head, _) = crate::client::ask(&viewer.address, "GET", "/", &[], b"");
+    let (_, head, _) = ask(&viewer.address, "GET", "/", &[], b"");
     for header in
         ["content-security-policy: default-src 'self'", "x-frame-options: DENY", "nosniff", "no-referrer"]
     {
@@ -52,7 +53,7 @@ fn other_addresses_need_the_token() {
         assert_eq!(viewer.get(path).0, 401, "{path}");
     }
     assert_eq!(Socket::open(&viewer.address, &[]).err(), Some(401));
-    let (status, head, _) = crate::client::ask(&viewer.address, "GET", "/?token=0123456789abcdef", &[], b"");
+    let (status, head, _) = ask(&viewer.address, "GET", "/?token=0123456789abcdef", &[], b"");
     assert!(status == 303 && head.contains("location: /\r\n"), "{head}");
     let cookie = head.split("set-cookie: ").nth(1).unwrap().split(';').next().unwrap();
     assert_eq!(viewer.ask("GET", "/", &[("Cookie", cookie)], b"").0, 200);

@@ -1,6 +1,7 @@
 //! A browser without a window, driven by WebDriver (W3C): chromedriver and Chromium, if they are installed.
 
-use crate::client::{PATIENCE, ask, until};
+use crate::client::until;
+use crate::socket::{PATIENCE, ask};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
 use std::path::Path;

@@ -129,7 +129,7 @@ export class WeatherPanel {
     const track = () => store.state.weather[effect.name]?.[param.name];
     const now = () => valueAt(track() ?? param.default, store.state.time);
     const set = (/** @type {any} */ value) => {
-      const isKeyed = keysOf(track()).length > 1;
+      const isKeyed = keysOf(track()).length > 0;
       store.setParam(effect.name, param.name, isKeyed && value !== "auto" ? withKey(track(), store.state.time, value) : value);
     };
     const takesAuto = param.kind.endsWith("-or-auto");

@@ -50,11 +50,10 @@ export function withKey(track, time, value) {
   return { keys: /** @type {any} */ ([...keys, key].sort((a, b) => a[0] - b[0])) };
 }
 
-/** A track without its key at a time; the last one stays as the value. @param {any} track @param {number} time @returns {Track} */
+/** A track without its key at a time; the last one leaves its value. @param {any} track @param {number} time @returns {Track} */
 export function withoutKey(track, time) {
   const keys = keysOf(track).filter((key) => Math.abs(key[0] - time) >= SAME);
-  if (keys.length > 1) return { keys: /** @type {any} */ (keys) };
-  return keys.length === 1 ? keys[0][1] : valueAt(track, time);
+  return keys.length > 0 ? { keys: /** @type {any} */ (keys) } : valueAt(track, time);
 }
 
 /** Whether there is a key at a time. @param {any} track @param {number} time */
