@@ -130,7 +130,7 @@ fn change(state: &mut ViewState, form: &mut Form, key: &str, value: &str, room: 
         "time" => state.time = number()?,
         "fov" => state.camera.fov = number()?,
         "quality" => {
-            state.quality = value.parse().map_err(|_| format!("quality: `{value}` is not 1 to 100"))?
+            state.quality = value.parse().map_err(|_| format!("quality: `{value}` is not 1 to 100"))?;
         }
         "divider" => state.divider = if value == "off" { None } else { Some(number()?) },
         "size" => {

@@ -203,6 +203,7 @@ impl Shot {
     }
 
     /// A camera that stands still, at the instant `start` and for no longer.
+    #[cfg(feature = "viewer")]
     pub fn still(camera: Camera, start: f64) -> Self {
         let size = (camera.width, camera.height);
         Self {
@@ -216,6 +217,7 @@ impl Shot {
     }
 
     /// A camera on a path, for pictures of `size`, at the instant `start` and for no longer.
+    #[cfg(feature = "viewer")]
     pub fn along(path: Path, size: (u32, u32), start: f64) -> Self {
         Self { path: Way::Along(path), size, start, speed: 0.0, rate: FrameRate::default(), frames: 1 }
     }

@@ -102,7 +102,8 @@ mod tests {
             let weather = Weather::preset(name).unwrap();
             assert_eq!(again(&weather), weather, "{}", weather.to_toml());
         }
-        let mut weather = Weather { name: "a \"b\" \\ \u{1}ä".into(), ..Weather::clear() };
+        let mut weather = Weather::clear();
+        weather.name = "a \"b\" \\ \u{1}ä".into();
         for set in [
             "fidelity=paper",
             "fog.mor=0:2000:smooth,5:60.1234567890123,7:1e-0:ease-in",
@@ -121,7 +122,8 @@ mod tests {
 
     #[test]
     fn it_is_as_short_as_written_by_hand() {
-        let mut weather = Weather { name: "mine".into(), ..Weather::default() };
+        let mut weather = Weather::default();
+        weather.name = "mine".into();
         weather.set("fog.mor=120").unwrap();
         weather.set("sky=overcast").unwrap();
         assert_eq!(
