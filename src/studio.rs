@@ -54,10 +54,6 @@ pub enum Patience {
     /// Every frame is as it must be.
     #[default]
     Whole,
-    #[cfg_attr(
-        not(feature = "viewer"),
-        expect(dead_code, reason = "what is watched is drawn by the viewer alone")
-    )]
     /// Frames are drawn with what there is, for a camera that moves: snow may be missing or of another instant, and
     /// roofs may not stop the rain.
     Draft,

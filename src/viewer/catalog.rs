@@ -141,8 +141,8 @@ impl Catalog {
     }
 }
 
-/// The options that name a scene and what is known of it.
-pub fn scene_words(args: &SceneArgs) -> Vec<String> {
+/// The options that name a scene and what is known of it; the cameras of its photos tell where snow lies.
+pub fn scene_words(args: &SceneArgs, views: Option<&std::path::PathBuf>) -> Vec<String> {
     let mut words = vec![args.scene.display().to_string()];
     let mut add =
         |option: &str, value: Option<String>| words.extend(value.map(|value| format!("--{option}={value}")));
@@ -151,6 +151,7 @@ pub fn scene_words(args: &SceneArgs) -> Vec<String> {
     add("up", facts.up.map(|up| up.to_array().map(|v| v.to_string()).join(",")));
     add("ground", facts.ground.map(|v| v.to_string()));
     add("metres-per-unit", facts.metres_per_unit.or(facts.known_distance).map(|v| v.to_string()));
+    add("views", views.map(|folder| folder.display().to_string()));
     words.extend(args.repair.then(|| "--repair".into()));
     words
 }

@@ -136,10 +136,11 @@ pub fn run(asked: Asked<'_>, server: &server::ServerArgs) -> Result<()> {
     let address = server::serve(server, routes::routes(Arc::clone(&room)))?;
     println!("{address}");
     eprintln!("open this address in a browser; Ctrl-C ends");
-    let stage = open(asked, &room);
-    room.desk.tell_all(&room.greeting());
-    let (studio, scene) = match stage {
-        Ok(stage) => stage,
+    let (studio, scene) = match open(asked, &room) {
+        Ok(stage) => {
+            room.desk.tell_all(&room.greeting());
+            stage
+        }
         Err(error) => {
             let _ = room.failed.set(format!("{error:#}"));
             room.desk.tell_all(&room.greeting());
@@ -174,7 +175,7 @@ fn open(asked: Asked<'_>, room: &Room) -> Result<(Studio, Arc<Scene>)> {
     panoramas.extend(shown(&asked.weather));
     let catalog = Catalog {
         stem: stem_of(&asked.scene.scene),
-        words: catalog::scene_words(asked.scene),
+        words: catalog::scene_words(asked.scene, asked.look.views.as_ref()),
         run_words: catalog::run_words(asked.run),
         survey: studio.loaded.survey.clone(),
         near: camera.near,

@@ -256,3 +256,26 @@ fn who_does_not_read_costs_nothing() {
     let grown = viewer.memory() - before;
     assert!(grown < 60.0, "{grown} MB for {seq} wishes of 8 pages");
 }
+
+#[test]
+fn bad_options_are_told_before_anything_is_served() {
+    let (workshop, scene) = yard_scene();
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = format!("--port={}", taken.local_addr().unwrap().port());
+    let scene = scene.to_str().unwrap();
+    let missing = workshop.path("missing.ply").display().to_string();
+    for (words, expected) in [
+        (vec![missing.as_str()], "no such file"),
+        (vec![scene, port.as_str()], "give another --port or --host"),
+        (vec![scene, "--token=short"], "--token: must be 16 to 256 letters"),
+        (vec![scene, "--panorama=none.png"], "none.png"),
+        (vec![scene, "--weather=fgo"], "did you mean `fog`"),
+        (vec![scene, "--fov=200"], "--fov 200"),
+    ] {
+        let output = crate::common::binary().arg("view").args(&words).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{words:?}: {said}");
+        assert!(said.starts_with("error: ") && said.lines().count() == 1, "{words:?}: {said}");
+        assert!(said.contains(expected) && output.stdout.is_empty(), "{words:?}: {said}");
+    }
+}

@@ -286,6 +286,9 @@ function keys(controls, timeline) {
       return $("save-picture").click();
     }
     if (isTyping(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+    // Space presses what has the focus.
+    const isPressed = /** @type {HTMLElement} */ (event.target).matches?.("button, summary, a, input[type=checkbox]");
+    if (event.key === " " && isPressed) return;
     const isSlider = /** @type {HTMLElement} */ (event.target).matches?.("input[type=range]");
     if (Controls.moves(event.code) && !(isSlider && event.code.startsWith("Arrow"))) {
       event.preventDefault();

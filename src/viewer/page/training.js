@@ -68,7 +68,7 @@ function show(told) {
     ...(Number.isFinite(left) && !told.end ? [figure(clock(left), "left")] : []));
   draw($("loss"), [{ name: "a", points: told.loss }], told.steps, true);
   draw($("psnr"), [{ name: "a", points: told.shown }, { name: "b", points: told.held_out }], told.steps, false);
-  $("psnr-legend").replaceChildren(h("i", { className: "a" }), `${told.photo} `, ...(told.held_out.length ? [h("i", { className: "b" }), "held-out photos, mean"] : []));
+  $("psnr-legend").replaceChildren("dB: ", h("i", { className: "a" }), `${told.photo} `, ...(told.held_out.length ? [h("i", { className: "b" }), "held-out photos, mean"] : []));
   for (const name of ["photo", "orbit"]) $(`camera-${name}`).setAttribute("aria-pressed", String(name === told.camera));
   document.title = `${Math.floor((100 * told.step) / Math.max(told.steps, 1))} % – ${told.dataset}`;
   const key = told.picture === null ? null : told.picture;
