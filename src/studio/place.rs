@@ -38,7 +38,7 @@ impl Lack {
         self.occluders || self.cover.is_some()
     }
 
-    /// Makes it, of a whole scene, what its photos' cameras see, and the cover that [`Studio::lend`] gave.
+    /// Makes it, of a whole scene, what its photos' cameras see, and the cover that `Studio::lend` gave.
     pub fn make(&self, of: &Place<'_>, lent: Option<Cover>) -> Made {
         let scan = (self.occluders || self.cover.is_some()).then(|| of.scan());
         let occluders = scan.as_ref().filter(|_| self.occluders);

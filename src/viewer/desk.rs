@@ -165,6 +165,8 @@ struct Inside {
     was_client: bool,
     /// When somebody last wanted something.
     asked: Option<Instant>,
+    /// Whether who waits for a task has something else to look after.
+    is_woken: bool,
 }
 
 /// See above.
@@ -265,8 +267,9 @@ impl Desk {
         self.bell.notify_all();
     }
 
-    /// Wakes who waits for a task.
+    /// Lets who waits for a task, or will, look after something else first.
     pub fn wake(&self) {
+        locked(&self.inside).is_woken = true;
         self.bell.notify_all();
     }
 
@@ -306,11 +309,14 @@ impl Desk {
         }
     }
 
-    /// What is to be done; `None` if nothing is within `patience`.
+    /// What is to be done; `None` if nothing is within `patience`, or after [`Self::wake`].
     pub fn next(&self, patience: Duration) -> Option<Task> {
         let mut inside = locked(&self.inside);
         let end = Instant::now() + patience;
         loop {
+            if std::mem::take(&mut inside.is_woken) {
+                return None;
+            }
             if let Some(task) = inside.next() {
                 return Some(task);
             }
@@ -480,6 +486,15 @@ mod tests {
         wish(&desk, ids[0], 2, false);
         assert_eq!(next(&desk), Some((0, 0)));
         assert_eq!(next(&desk), Some((ids[0], 2)));
+    }
+
+    #[test]
+    fn who_is_woken_comes_back_at_once() {
+        let (desk, ids) = desk(1);
+        wish(&desk, ids[0], 1, true);
+        desk.wake();
+        assert_eq!(next(&desk), None);
+        assert_eq!(next(&desk), Some((ids[0], 1)));
     }
 
     #[test]

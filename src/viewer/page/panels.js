@@ -25,7 +25,7 @@ const FIRST = {
 const GROUPS = [["Air", ["medium"]], ["Falling", ["particles"]], ["Lying", ["surface"]], ["Light", ["background", "light", "lens"]]];
 
 /** A name as people write it. @param {string} name */
-export const titled = (name) => name.charAt(0).toUpperCase() + name.slice(1).replaceAll(/[_-]/g, " ");
+export const titled = (name) => (name === "mor" ? "Visibility (MOR)" : name.charAt(0).toUpperCase() + name.slice(1).replaceAll(/[_-]/g, " "));
 
 export class WeatherPanel {
   /** @param {HTMLElement} root @param {Store} store */
