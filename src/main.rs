@@ -21,6 +21,8 @@ mod reduce;
 mod scene;
 mod studio;
 mod view;
+#[cfg(feature = "viewer")]
+mod viewer;
 mod weather;
 
 use clap::Parser;

@@ -1,26 +1,32 @@
 //! A loaded scene and how it is drawn: all that a frame needs but the weather and the camera.
 
-use crate::progress;
+#[cfg(feature = "viewer")]
+mod draft;
+mod place;
+
+pub use place::{Lack, Made, cover};
+#[cfg(feature = "viewer")]
+pub use place::{Place, sights};
+
 use crate::scene::Loaded;
 use crate::view::spec;
 use anyhow::Result;
-use glam::DVec3;
+use std::sync::Arc;
 use std::time::Instant;
 use wm_render::hooks::{Hooks, Slot, Visibility};
 use wm_render::{
-    AnyRenderer, Background, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId,
-    SetView, Stats,
+    AnyRenderer, Background, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetId, SetView, Stats,
 };
-use wm_scene::survey::Source;
-use wm_scene::{Camera, Group};
+use wm_scene::{Camera, Splats};
 use wm_weather::cover::{Airflow, Asked, Buried, Cover};
 use wm_weather::paper::{PaperCover, Stages, composite};
-use wm_weather::scan::{Floor, Scan, Sight};
-use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
+use wm_weather::shelter::{Occluders, Shelter};
 use wm_weather::{Fidelity, Seen, Site, Sky, Weather};
 
 /// Maps of shelter that are kept, one for each direction of fall: enough for a wind that turns.
 const MAPS: usize = 6;
+/// Covers that are kept, one for each way in which the air carries what lies.
+const COVERS: usize = 2;
 
 /// Where frames are made.
 pub struct Studio {
@@ -30,19 +36,33 @@ pub struct Studio {
     pub site: Site,
     /// What is rendered, and over what.
     pub config: RenderConfig,
+    /// Whether frames wait for what is not made yet.
+    pub patience: Patience,
+    needs: Needs,
     /// What may stop what falls, until it is asked for.
-    occluders: Option<Occluders>,
+    occluders: Option<Arc<Occluders>>,
     /// Directions of fall with what they leave dry, the last used at the end.
     shelters: Vec<([f64; 3], Shelter)>,
-    /// What something may lie on.
-    cover: Option<Cover>,
+    /// What something may lie on, the last used at the end.
+    covers: Vec<(Airflow, Cover)>,
     lying: Option<Laid>,
+}
+
+/// Whether frames wait for what is not made yet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Patience {
+    /// Every frame is as it must be.
+    #[default]
+    Whole,
+    /// Frames are drawn with what there is, for a camera that moves: snow may be missing or of another instant, and
+    /// roofs may not stop the rain.
+    Draft,
 }
 
 /// What lies, in the renderer.
 struct Laid {
-    /// Empty for the paper's.
-    asked: Vec<Asked>,
+    /// On what, and what; `None` for the paper's.
+    asked: Option<(Airflow, Vec<Asked>)>,
     set: SetId,
     buried: Buried,
 }
@@ -82,112 +102,17 @@ impl Needs {
     }
 }
 
-/// Where the photos of a place were taken: the line along most of them; without photos the middle of the place.
-fn path(loaded: &Loaded) -> [[f64; 3]; 2] {
-    let middle = |points: &[DVec3]| {
-        DVec3::from_array(std::array::from_fn(|k| {
-            let mut values: Vec<f64> = points.iter().map(|point| point[k]).collect();
-            values.sort_by(f64::total_cmp);
-            values.get(values.len() / 2).copied().unwrap_or(0.0)
-        }))
-    };
-    let views: Vec<DVec3> = loaded.scene.views.iter().map(|view| view.camera.center()).collect();
-    if views.is_empty() {
-        let means = &loaded.scene.splats.means;
-        let means: Vec<DVec3> = means.iter().map(|mean| DVec3::from_array(mean.map(f64::from))).collect();
-        return [middle(&means).to_array(); 2];
-    }
-    let middle = middle(&views);
-    let far = |a: &&DVec3, b: &&DVec3| a.distance(middle).total_cmp(&b.distance(middle));
-    let along = views.iter().max_by(far).map_or(DVec3::X, |far| (far - middle).normalize_or(DVec3::X));
-    let mut ways: Vec<f64> = views.iter().map(|view| (view - middle).dot(along)).collect();
-    ways.sort_by(f64::total_cmp);
-    // Without a twentieth at each end: a stray photo is no path.
-    let stray = ways.len() / 20;
-    [ways[stray], ways[ways.len() - 1 - stray]].map(|way| (middle + way * along).to_array())
-}
-
 /// How the air carries what lies: the mean wind at the start.
 pub fn airflow(weather: &Weather, site: &Site) -> Airflow {
     weather.at(0.0).over(site).airflow()
 }
 
-/// What something may lie on.
-pub fn cover(loaded: &mut Loaded, site: &Site, airflow: &Airflow) -> Result<Cover> {
-    let sights = sights(loaded)?;
-    Ok(cover_of(loaded, &scan(loaded, &sights, site), site, airflow))
-}
-
-/// The same of a scan.
-fn cover_of(loaded: &Loaded, scan: &Scan<'_>, site: &Site, airflow: &Airflow) -> Cover {
-    let threads = loaded.renderer.threads();
-    let waiting = progress::spinner("finding what can be covered");
-    let cover = Cover::of(&loaded.scene.splats, scan, site, airflow, path(loaded), threads);
-    waiting.finish_and_clear();
-    if cover.is_bare() {
-        eprintln!("warning: nothing can lie here: no surface looks up at the sky; give --up if up is wrong");
+/// Adds to what is kept, and drops the first where it is too much.
+fn keep<T>(kept: &mut Vec<T>, new: Option<T>, most: usize) {
+    kept.extend(new);
+    if kept.len() > most {
+        kept.remove(0);
     }
-    cover
-}
-
-/// The surfaces of the place, as its photos' cameras see them.
-fn scan<'a>(loaded: &'a Loaded, sights: &[Sight], site: &Site) -> Scan<'a> {
-    let waiting = progress::spinner("finding the surfaces that the photos show");
-    let scan = Scan::of(&loaded.scene.splats, sights, site, loaded.renderer.threads());
-    waiting.finish_and_clear();
-    scan
-}
-
-/// Photos that say what is free, at most, and their longest side, px.
-const SIGHTS: usize = 40;
-const SIGHT: f64 = 480.0;
-
-/// All of a scene but its sky.
-struct WithoutSky<'a>(&'a [Group]);
-
-impl Visibility for WithoutSky<'_> {
-    fn factors(&self, indices: &[u32], out: &mut [f32]) {
-        for (index, factor) in indices.iter().zip(out) {
-            *factor = if self.0[*index as usize] == Group::Sky { 0.0 } else { 1.0 };
-        }
-    }
-}
-
-/// What the cameras of the photos see, of some of them.
-fn sights(loaded: &mut Loaded) -> Result<Vec<Sight>> {
-    let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
-    let config = RenderConfig { outputs, ..RenderConfig::default() };
-    let views = &loaded.scene.views;
-    let without_sky = WithoutSky(&loaded.scene.splats.groups);
-    let sets = [SetView { set: loaded.set, visibility: Some(&without_sky) }];
-    let mut frame = Frame::default();
-    let mut sights = Vec::new();
-    for view in views.iter().step_by(views.len().div_ceil(SIGHTS).max(1)) {
-        let camera = &view.camera;
-        let small = (SIGHT / f64::from(camera.width.max(camera.height))).min(1.0);
-        let [width, height] =
-            [camera.width, camera.height].map(|side| (f64::from(side) * small).round().max(1.0) as u32);
-        let camera = camera.resized(width, height);
-        let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
-        loaded.renderer.render(&job, &mut frame)?;
-        sights.push(Sight::new(camera, frame.median_depth.clone(), frame.rgb.clone()));
-    }
-    let floors = floors(loaded, &sights);
-    sights.iter_mut().for_each(|sight| sight.stop_at(&floors));
-    Ok(sights)
-}
-
-/// The ground that the photos' cameras were carried over, where it is known or missed.
-fn floors(loaded: &Loaded, sights: &[Sight]) -> Vec<Floor> {
-    let cameras: Vec<Camera> = loaded.scene.views.iter().map(|view| view.camera).collect();
-    let (up, ground) = (loaded.survey.up.value, loaded.survey.ground);
-    if let Some(height) = loaded.scene.metadata.camera_height {
-        let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
-        return centers.iter().map(|center| Floor::below(*center, &centers, up, height)).collect();
-    }
-    let is_known = ground.source != Source::Assumed;
-    let whole = is_known.then(|| Floor::under(&cameras, up, ground.value)).flatten();
-    whole.filter(|floor| floor.is_lost(sights)).into_iter().collect()
 }
 
 /// A camera and how it moves.
@@ -211,42 +136,103 @@ impl Studio {
     ///
     /// # Errors
     /// If there is more lying snow than the renderer holds.
-    pub fn new(mut loaded: Loaded, config: RenderConfig, needs: impl FnOnce(&Site) -> Needs) -> Result<Self> {
-        let site = loaded.weather_site();
-        let needs = needs(&site);
-        let is_asked = needs.fall || needs.cover.is_some();
-        let sights = if is_asked { sights(&mut loaded)? } else { Vec::new() };
-        let scan = is_asked.then(|| scan(&loaded, &sights, &site));
-        let on = needs.cover.zip(scan.as_ref());
-        let cover = on.map(|(airflow, scan)| cover_of(&loaded, scan, &site, &airflow));
-        let falls = scan.filter(|_| needs.fall);
-        let occluders = falls.map(|scan| Occluders::of(&scan.splats, &site, &ShelterOptions::default()));
-        let mut lying = None;
-        if let Some(paper) = &needs.paper_cover {
-            let set = loaded.renderer.load(&paper.snow(&loaded.scene.splats, &site))?;
-            lying = Some(Laid { asked: Vec::new(), set, buried: Buried::default() });
+    pub fn new(loaded: Loaded, config: RenderConfig, needs: impl FnOnce(&Site) -> Needs) -> Result<Self> {
+        let mut studio = Self::open(loaded, config);
+        let needs = needs(&studio.site);
+        let lack = studio.lack_of(&needs);
+        if !lack.is_nothing() {
+            let sights = if lack.takes_sights() { place::sights_of(&mut studio.loaded)? } else { Vec::new() };
+            let made = lack.make(&place::place(&studio.loaded, &sights, &studio.site), None);
+            studio.take(made)?;
         }
-        loaded.release();
-        Ok(Self { site, loaded, config, occluders, shelters: Vec::new(), cover, lying })
+        studio.needs = needs;
+        studio.loaded.release();
+        Ok(studio)
+    }
+
+    /// Opens it for weathers that are not known yet: what they need is made and taken later.
+    pub fn open(loaded: Loaded, config: RenderConfig) -> Self {
+        Self {
+            site: loaded.weather_site(),
+            loaded,
+            config,
+            patience: Patience::default(),
+            needs: Needs::default(),
+            occluders: None,
+            shelters: Vec::new(),
+            covers: Vec::new(),
+            lying: None,
+        }
+    }
+
+    /// What is missing for all frames of a weather, but for where a fall leaves the ground dry.
+    fn lack_of(&self, needs: &Needs) -> Lack {
+        let has = |airflow: &Airflow| self.covers.iter().any(|(known, _)| known == airflow);
+        let is_laid = self.needs.paper_cover == needs.paper_cover;
+        Lack {
+            occluders: needs.fall && self.occluders.is_none(),
+            shelter: None,
+            cover: needs.cover.filter(|airflow| !has(airflow)),
+            lying: None,
+            paper_cover: needs.paper_cover.clone().filter(|_| !is_laid),
+        }
+    }
+
+    /// Takes what was missing.
+    ///
+    /// # Errors
+    /// If there is more lying snow than the renderer holds.
+    pub fn take(&mut self, made: Made) -> Result<()> {
+        self.occluders = made.occluders.or(self.occluders.take());
+        keep(&mut self.shelters, made.shelter, MAPS);
+        keep(&mut self.covers, made.cover, COVERS);
+        if let Some((lying, asked)) = made.lying {
+            self.put(&lying.splats, Some(asked), lying.buried)?;
+            self.needs.paper_cover = None;
+        }
+        if let Some((paper, snow)) = made.paper_cover {
+            self.put(&snow, None, Buried::default())?;
+            self.needs.paper_cover = Some(paper);
+        }
+        Ok(())
+    }
+
+    /// Puts something in the place of what lies.
+    fn put(&mut self, splats: &Splats, asked: Option<(Airflow, Vec<Asked>)>, buried: Buried) -> Result<()> {
+        self.clear();
+        let set = self.loaded.renderer.load(splats)?;
+        self.lying = Some(Laid { asked, set, buried });
+        Ok(())
+    }
+
+    /// Takes away what lies.
+    fn clear(&mut self) {
+        if let Some(old) = self.lying.take() {
+            self.loaded.renderer.unload(old.set);
+        }
     }
 
     /// Lays out what lies under `sky`, if it is not there.
     fn lay(&mut self, sky: &Sky) -> Result<()> {
-        // The paper's snow lies there from the start.
-        let Some(cover) = &mut self.cover else { return Ok(()) };
-        let asked = sky.cover();
-        if self.lying.as_ref().map_or(&[][..], |lying| &lying.asked) == asked {
+        if self.needs.paper_cover.is_some() {
+            // It lies there from the start.
             return Ok(());
         }
-        if let Some(old) = self.lying.take() {
-            self.loaded.renderer.unload(old.set);
+        let asked = if self.needs.cover.is_some() { sky.cover() } else { &[] };
+        if asked.is_empty() {
+            self.clear();
+            return Ok(());
         }
-        if !asked.is_empty() {
-            let lying = cover.lying_on_each_other(asked);
-            let set = self.loaded.renderer.load(&lying.splats)?;
-            self.lying = Some(Laid { asked: asked.to_vec(), set, buried: lying.buried });
+        let is_laid =
+            |(airflow, known): &(Airflow, Vec<Asked>)| Some(*airflow) == self.needs.cover && known == asked;
+        let is_there = self.lying.as_ref().is_some_and(|lying| lying.asked.as_ref().is_some_and(is_laid));
+        let Some((airflow, cover)) = self.covers.last_mut() else { return Ok(()) };
+        if is_there || self.patience == Patience::Draft {
+            return Ok(());
         }
-        Ok(())
+        let lying = cover.lying_on_each_other(asked);
+        let asked = (*airflow, asked.to_vec());
+        self.put(&lying.splats, Some(asked), lying.buried)
     }
 
     /// The renderer with the scene and what lies on it under `sky`, and how it is to be drawn.
@@ -262,13 +248,10 @@ impl Studio {
         if let Some(place) = self.shelters.iter().position(|(known, _)| *known == fall) {
             let known = self.shelters.remove(place);
             self.shelters.push(known);
-            return;
+        } else if self.patience == Patience::Whole {
+            let shelter = occluders.shelter(fall, Some(self.loaded.renderer.threads()));
+            keep(&mut self.shelters, Some((fall, shelter)), MAPS);
         }
-        let shelter = occluders.shelter(fall, Some(self.loaded.renderer.threads()));
-        if self.shelters.len() == MAPS {
-            self.shelters.remove(0);
-        }
-        self.shelters.push((fall, shelter));
     }
 
     /// Renders the instant `time` of a weather, alone: nothing depends on other frames.

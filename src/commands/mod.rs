@@ -9,9 +9,11 @@ mod evaluate;
 mod inspect;
 mod priors;
 mod reconstruct;
-mod render;
+pub mod render;
 mod sky;
 mod stereo;
+#[cfg(feature = "viewer")]
+mod view;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
@@ -32,6 +34,9 @@ enum Verb {
     Priors(Box<priors::PriorsArgs>),
     /// Render a scene under a weather: a picture, a video or a folder of frames
     Render(Box<render::RenderArgs>),
+    /// Show a scene in a browser: fly through it, turn weather on, save what is seen
+    #[cfg(feature = "viewer")]
+    View(Box<view::ViewArgs>),
     /// Write a scene with what lies on it under a weather as an ordinary scene file
     Bake(Box<bake::BakeArgs>),
     /// Write scenes in another format, turned, scaled, cropped or reduced
@@ -57,6 +62,8 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Priors(args) => priors::run(&args),
         Verb::Render(args) => render::run(&args),
+        #[cfg(feature = "viewer")]
+        Verb::View(args) => view::run(&args),
         Verb::Bake(args) => bake::run(&args),
         Verb::Convert(args) => convert::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),

@@ -4,6 +4,7 @@ use anyhow::{Result, bail};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
+use std::sync::Arc;
 use wm_scene::color::srgb_encode;
 use wm_train::maps::{MapFault, Stored, read_map};
 use wm_train::photos::{Fault, read_picture};
@@ -11,7 +12,7 @@ use wm_weather::Panorama;
 use wm_weather::panorama::check_size;
 
 /// Reads the panorama of a path.
-pub fn read_panorama(path: &Path) -> Result<Panorama> {
+pub fn read_panorama(path: &Path) -> Result<Arc<Panorama>> {
     let name = path.display();
     let cannot = |error: std::io::Error| match error.kind() {
         std::io::ErrorKind::NotFound => "there is no such panorama; check sky.panorama".into(),
@@ -28,7 +29,7 @@ pub fn read_panorama(path: &Path) -> Result<Panorama> {
         _ => {}
     }
     let panorama = if start == [0xff, 0xd8, 0xff] { jpeg(path) } else { map(path) };
-    panorama.map_err(|problem| anyhow::anyhow!("{name}: {problem}"))
+    panorama.map(Arc::new).map_err(|problem| anyhow::anyhow!("{name}: {problem}"))
 }
 
 fn damaged(what: &str) -> String {

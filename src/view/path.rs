@@ -100,6 +100,23 @@ impl Path {
         json::read(file, survey, options)
     }
 
+    /// The path of a text in our own or another's format.
+    ///
+    /// # Errors
+    /// [`ViewError::Path`] if it makes no path.
+    #[cfg(feature = "viewer")]
+    pub fn parse(text: &str, survey: &Survey, options: &Options) -> Result<Self, ViewError> {
+        json::parse(text, survey, options)
+            .map_err(|(location, message)| ViewError::Path(format!("{message}{location}")))
+    }
+
+    /// The text of the file that [`Self::write`] writes.
+    #[cfg(feature = "viewer")]
+    #[must_use]
+    pub fn text(&self) -> String {
+        json::text_of(self)
+    }
+
     /// Writes the path to a JSON file, whole or not at all; with the name `camera_path.json` as nerfstudio does, for
     /// pictures of `size` at `fps` frames a second.
     ///

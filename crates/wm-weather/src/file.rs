@@ -27,6 +27,8 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 use wm_scene::nearest;
 
+mod write;
+
 /// Why a weather cannot be used.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum WeatherError {
@@ -100,7 +102,7 @@ impl Weather {
         })?;
         let mut weather = Self::parse(&text, &path.display().to_string())?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        weather.pictures().for_each(|picture| picture.move_to(folder));
+        weather.move_pictures(folder);
         if weather.name.is_empty() {
             weather.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         }

@@ -145,6 +145,17 @@ impl Atmosphere {
         (metres * density * mean).min(LONGEST)
     }
 
+    /// Meteorological optical range of green light at a point (world axes, scene units), m; infinite in clear air.
+    #[must_use]
+    pub fn mor_at(&self, point: [f64; 3]) -> f64 {
+        let height = self.height(point);
+        let density =
+            |layer: &Layer| (-(height - layer.base_height) / layer.scale_height).clamp(-80.0, 80.0).exp();
+        let sigma: f64 = self.layers.iter().map(|layer| layer.sigma_t[1] * density(layer)).sum();
+        // The same law both ways.
+        sigma_of_mor(sigma)
+    }
+
     /// The air as seen from `origin` (world axes, scene units).
     #[must_use]
     pub fn seen_from(&self, origin: [f32; 3]) -> AirView<'_> {

@@ -97,15 +97,23 @@ impl Weather {
         self.active.iter_mut().flat_map(|(_, tracks)| tracks.iter_mut().flat_map(Track::pictures))
     }
 
+    /// Takes the relative paths of its pictures as from `folder`.
+    pub fn move_pictures(&mut self, folder: &Path) {
+        self.pictures().for_each(|picture| picture.move_to(folder));
+    }
+
     /// Reads the pictures that its parameters name, each by `read`; to be called before anything is
     /// rendered. What is not read is not shown.
     ///
     /// # Errors
     /// The first of `read`.
-    pub fn load_pictures<E>(&mut self, mut read: impl FnMut(&Path) -> Result<Panorama, E>) -> Result<(), E> {
+    pub fn load_pictures<E>(
+        &mut self,
+        mut read: impl FnMut(&Path) -> Result<Arc<Panorama>, E>,
+    ) -> Result<(), E> {
         for picture in self.pictures() {
             let panorama = read(picture.path())?;
-            picture.fill(Arc::new(panorama));
+            picture.fill(panorama);
         }
         Ok(())
     }

@@ -5,6 +5,7 @@ mod folder;
 mod lpips;
 mod priors;
 mod training;
+mod watch;
 
 pub use folder::CHECKPOINT;
 
@@ -50,6 +51,8 @@ pub struct ReconstructArgs {
     /// before GPS if it is given. It takes level photos that show the ground [default: 1.6]
     #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Scene")]
     camera_height: Option<f64>,
+    #[command(flatten)]
+    watch: watch::WatchArgs,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,
@@ -247,6 +250,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     {
         bail!("--camera-height is {height}: it must be finite and above 0");
     }
+    args.watch.check()?;
     let facts = args.facts.metadata()?;
     let lpips = lpips::Lpips::read(args)?;
     let given = args.training.config.as_deref().map(folder::read_config).transpose()?;

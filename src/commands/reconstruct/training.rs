@@ -4,6 +4,7 @@ use super::ReconstructArgs;
 use super::data::Data;
 use super::folder::{Metrics, RunFolder};
 use super::lpips::Lpips;
+use super::watch::Watch;
 use crate::interrupt::{self, Interrupted};
 use crate::media::{Size, color::Dither, png};
 use crate::progress;
@@ -54,6 +55,7 @@ pub struct Run<'a> {
     truths: Truths,
     /// Photos that turned out to be damaged.
     damaged: BTreeSet<usize>,
+    watch: Watch,
 }
 
 /// Photos as the losses read them, from one size to the next.
@@ -162,6 +164,9 @@ impl<'a> Run<'a> {
         folder.write_config(trainer.config())?;
         let metrics = folder.metrics(trainer.steps_done(), trainer.config().steps)?;
         let last_level = data.photos.last_level(SHORTEST);
+        let dataset = args.dataset.display().to_string();
+        let photo = data.name(shown_place(data));
+        let watch = Watch::new(&args.watch, dataset, photo, trainer.config().steps, extent)?;
         Ok(Self {
             trainer,
             data,
@@ -173,6 +178,7 @@ impl<'a> Run<'a> {
             last_level,
             truths: Truths::default(),
             damaged: BTreeSet::new(),
+            watch,
         })
     }
 
@@ -199,14 +205,18 @@ impl<'a> Run<'a> {
             self.step(&mut sum)?;
             let step = self.trainer.steps_done();
             bar.set_position(u64::from(step));
+            self.watch.step(step, self.trainer.len());
+            self.show()?;
             if step.is_multiple_of(preview_every) && step < steps {
                 score = self.evaluate()?;
                 self.preview()?;
                 if let Some(score) = score {
                     self.metrics.add(&score.json(step, self.trainer.len()))?;
+                    self.watch.held_out(step, score.psnr);
                 }
             }
             if step.is_multiple_of(line_every) {
+                self.watch.loss(step, sum.loss());
                 let held_out =
                     score.map_or_else(String::new, |score: Score| format!(", held-out {:.2} dB", score.psnr));
                 bar.set_message(format!("loss {:.4}, {} splats{held_out}", sum.loss(), self.trainer.len()));
@@ -224,7 +234,9 @@ impl<'a> Run<'a> {
         self.save()?;
         self.preview()?;
         self.report(&sum, seconds, steps - done)?;
-        self.write(out, facts)
+        self.write(out, facts)?;
+        self.watch.end(format!("Done: {}, {} splats", out.display(), self.trainer.len()));
+        Ok(())
     }
 
     fn step(&mut self, sum: &mut Sum) -> Result<()> {
@@ -349,7 +361,7 @@ impl<'a> Run<'a> {
 
     /// A picture of one view, the same all the time.
     fn preview(&mut self) -> Result<()> {
-        let place = self.data.held_out.first().or(self.data.teaching.first()).copied().unwrap_or(0);
+        let place = shown_place(self.data);
         let camera = self.data.photos.camera(place, 0);
         let mut frame = Frame::default();
         self.trainer.render(&camera, &mut frame)?;
@@ -357,6 +369,23 @@ impl<'a> Run<'a> {
         let tags = [("photo".to_owned(), self.data.name(place).to_owned())];
         png::write_rgb(&path, &frame.rgb, Size::new(camera.width, camera.height), Dither::Ordered, &tags)?;
         Ok(())
+    }
+
+    /// A picture for who looks on, if one is due.
+    fn show(&mut self) -> Result<()> {
+        let place = shown_place(self.data);
+        let Some((camera, is_photo)) = self.watch.wants(&self.data.photos.camera(place, 0)) else {
+            return Ok(());
+        };
+        let mut frame = Frame::default();
+        self.trainer.render(&camera, &mut frame)?;
+        let photo = if is_photo { self.photo(place, 0)? } else { None };
+        let score = photo.map(|photo| {
+            let truth = self.truths.of(&photo);
+            let shown: Vec<f32> = frame.rgb.iter().map(|v| v.clamp(0.0, 1.0)).collect();
+            psnr(&shown, truth.rgb, truth.mask)
+        });
+        self.watch.picture(self.trainer.steps_done(), &frame, score)
     }
 
     fn save(&mut self) -> Result<()> {
@@ -473,6 +502,11 @@ impl<'a> Run<'a> {
             None => by_height(HELD_AT),
         })
     }
+}
+
+/// The photo whose view is shown while the training goes on.
+fn shown_place(data: &Data) -> usize {
+    data.held_out.first().or(data.teaching.first()).copied().unwrap_or(0)
 }
 
 /// How large the place is, and what says so.

@@ -21,20 +21,13 @@ const MOMENT: f64 = 0.01;
 /// Longest sequence, frames: keeps names at six digits.
 const MAX_FRAMES: u32 = 1_000_000;
 
-/// Which camera.
+/// From where, without a path.
 #[derive(Args, Clone, Debug)]
-pub struct CameraArgs {
+pub struct LookArgs {
     /// From where: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or number, or a JSON file of keyframes
     /// [default: chosen by looking at the scene]
     #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true, help_heading = "Camera")]
     pub camera: Option<CameraSpec>,
-    /// Move the camera: orbit, dolly, capture (along the photos), or a JSON file of keyframes, ours, nerfstudio's or
-    /// SuperSplat's
-    #[arg(short, long, value_name = "PATH", help_heading = "Camera")]
-    pub path: Option<PathSpec>,
-    /// How far a dolly goes, metres [default: as far as nothing is in the way]
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Camera")]
-    pub distance: Option<f64>,
     /// A COLMAP model whose photos' cameras --camera may name
     #[arg(long, value_name = "FOLDER", help_heading = "Camera")]
     pub views: Option<PathBuf>,
@@ -47,6 +40,20 @@ pub struct CameraArgs {
     /// Splats nearer than this are not drawn, scene units [default: 0.2, less in small scenes]
     #[arg(long, value_name = "UNITS", allow_negative_numbers = true, help_heading = "Camera")]
     pub near: Option<f64>,
+}
+
+/// Which camera.
+#[derive(Args, Clone, Debug)]
+pub struct CameraArgs {
+    #[command(flatten)]
+    pub look: LookArgs,
+    /// Move the camera: orbit, dolly, capture (along the photos), or a JSON file of keyframes, ours, nerfstudio's or
+    /// SuperSplat's
+    #[arg(short, long, value_name = "PATH", help_heading = "Camera")]
+    pub path: Option<PathSpec>,
+    /// How far a dolly goes, metres [default: as far as nothing is in the way]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Camera")]
+    pub distance: Option<f64>,
     /// Speed of a camera that stands on no path, metres a second ahead, as of a car: rain and snow come towards it
     #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Camera")]
     pub camera_speed: Option<f64>,
@@ -55,17 +62,9 @@ pub struct CameraArgs {
     pub save_path: Option<PathBuf>,
 }
 
-impl CameraArgs {
+impl LookArgs {
     /// What can be wrong without a scene.
     pub fn check(&self) -> Result<()> {
-        if let Some(distance) = self.distance
-            && !(distance.is_finite() && distance > 0.0)
-        {
-            bail!("--distance {distance}: must be finite and above 0");
-        }
-        if self.distance.is_some() && self.path != Some(PathSpec::Dolly) {
-            bail!("--distance is that of --path dolly");
-        }
         if let Some(fov) = self.fov
             && !(fov > 0.0 && fov < 180.0)
         {
@@ -76,23 +75,8 @@ impl CameraArgs {
         {
             bail!("--near {near}: must be finite and above 0");
         }
-        if let Some(speed) = self.camera_speed {
-            if !speed.is_finite() || speed.abs() > 1000.0 {
-                bail!("--camera-speed {speed}: must be a number from -1000 to 1000 m/s");
-            }
-            if self.path.is_some() {
-                bail!("--camera-speed: a camera on a --path has the speed of it; leave one of them out");
-            }
-        }
-        let files = [
-            if let Some(CameraSpec::File(file)) = &self.camera { Some(file) } else { None },
-            if let Some(PathSpec::File(file)) = &self.path { Some(file) } else { None },
-        ];
-        for file in files.into_iter().flatten() {
+        if let Some(CameraSpec::File(file)) = &self.camera {
             std::fs::metadata(file).map_err(|error| FormatError::reading(file, error))?;
-        }
-        if let Some(file) = &self.save_path {
-            check_writable(file)?;
         }
         Ok(())
     }
@@ -111,6 +95,36 @@ impl CameraArgs {
         let chosen = choose::choose(&mut loaded.site(options))?;
         eprintln!("camera: {} ({})", spec::text_of(&chosen.camera), chosen.how);
         Ok(chosen.camera)
+    }
+}
+
+impl CameraArgs {
+    /// What can be wrong without a scene.
+    pub fn check(&self) -> Result<()> {
+        if let Some(distance) = self.distance
+            && !(distance.is_finite() && distance > 0.0)
+        {
+            bail!("--distance {distance}: must be finite and above 0");
+        }
+        if self.distance.is_some() && self.path != Some(PathSpec::Dolly) {
+            bail!("--distance is that of --path dolly");
+        }
+        if let Some(speed) = self.camera_speed {
+            if !speed.is_finite() || speed.abs() > 1000.0 {
+                bail!("--camera-speed {speed}: must be a number from -1000 to 1000 m/s");
+            }
+            if self.path.is_some() {
+                bail!("--camera-speed: a camera on a --path has the speed of it; leave one of them out");
+            }
+        }
+        self.look.check()?;
+        if let Some(PathSpec::File(file)) = &self.path {
+            std::fs::metadata(file).map_err(|error| FormatError::reading(file, error))?;
+        }
+        if let Some(file) = &self.save_path {
+            check_writable(file)?;
+        }
+        Ok(())
     }
 }
 
@@ -134,8 +148,13 @@ enum Way {
 
 impl Shot {
     /// Plans what the options ask for.
-    pub fn plan(args: &CameraArgs, output: &OutputArgs, loaded: &mut Loaded, still: bool) -> Result<Self> {
-        let options = args.options();
+    pub(super) fn plan(
+        args: &CameraArgs,
+        output: &OutputArgs,
+        loaded: &mut Loaded,
+        still: bool,
+    ) -> Result<Self> {
+        let options = args.look.options();
         let length = output.seconds;
         let path = match &args.path {
             None => None,
@@ -145,7 +164,7 @@ impl Shot {
                 Some(moves::capture(&loaded.scene.views, &loaded.survey, &options, seconds)?)
             }
             Some(moving) => {
-                let start = args.start(loaded)?;
+                let start = args.look.start(loaded)?;
                 let units = args.distance.map(|metres| metres / loaded.survey.metres_per_unit.value);
                 let mut site =
                     loaded.site(view::Options { size: Some((start.width, start.height)), ..options });
@@ -162,7 +181,7 @@ impl Shot {
                 (Way::Along(path), options.size(), duration)
             }
             None => {
-                let camera = args.start(loaded)?;
+                let camera = args.look.start(loaded)?;
                 (Way::Still(Box::new(camera)), (camera.width, camera.height), 0.0)
             }
         };
@@ -181,6 +200,26 @@ impl Shot {
         let shot = Self { path: way, size, start: output.time, speed, rate: output.fps, frames };
         shot.camera(shot.start).check()?;
         Ok(shot)
+    }
+
+    /// A camera that stands still, at the instant `start` and for no longer.
+    #[cfg(feature = "viewer")]
+    pub fn still(camera: Camera, start: f64) -> Self {
+        let size = (camera.width, camera.height);
+        Self {
+            path: Way::Still(Box::new(camera)),
+            size,
+            start,
+            speed: 0.0,
+            rate: FrameRate::default(),
+            frames: 1,
+        }
+    }
+
+    /// A camera on a path, for pictures of `size`, at the instant `start` and for no longer.
+    #[cfg(feature = "viewer")]
+    pub fn along(path: Path, size: (u32, u32), start: f64) -> Self {
+        Self { path: Way::Along(path), size, start, speed: 0.0, rate: FrameRate::default(), frames: 1 }
     }
 
     /// The camera at `time`.

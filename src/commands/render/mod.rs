@@ -1,6 +1,6 @@
 //! `render`: a scene under a weather, as a picture, a video or a folder of frames.
 
-mod camera;
+pub mod camera;
 mod pairs;
 mod range;
 mod sequence;
@@ -201,7 +201,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
     args.camera.check()?;
 
-    let mut loaded = Loaded::new(&args.scene, &args.run, args.camera.views.as_ref())?;
+    let mut loaded = Loaded::new(&args.scene, &args.run, args.camera.look.views.as_ref())?;
     let shot = Shot::plan(&args.camera, &args.output, &mut loaded, matches!(target, Target::Picture(_)))?;
     let wanted = range::wanted(args.output.frames, args.output.frame_step, shot.frames)?;
     let config = RenderConfig {

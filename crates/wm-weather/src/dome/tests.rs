@@ -2,6 +2,7 @@ use super::*;
 use crate::optics::{Atmosphere, Daylight, Layer, Site, sigma_of_mor};
 use crate::weather::Weather;
 use proptest::prelude::*;
+use std::sync::Arc;
 use wm_render::hooks::Medium;
 use wm_render::simd::{SimdChoice, SimdPath};
 
@@ -25,7 +26,7 @@ fn site(daylight: Daylight) -> Site {
 fn dome(words: &[&str], picture: fn(usize) -> [f32; 3]) -> Dome {
     let mut weather = Weather::clear();
     words.iter().for_each(|word| weather.set(word).unwrap());
-    weather.load_pictures(|_| Panorama::new(256, 128, picture)).unwrap();
+    weather.load_pictures(|_| Panorama::new(256, 128, picture).map(Arc::new)).unwrap();
     weather.at(0.0).over(&site(Daylight::Known)).dome().unwrap().clone()
 }
 
@@ -171,7 +172,7 @@ fn the_airlight_is_the_skys_where_nothing_better_is_known() {
     let airlight = |words: &[&str], daylight| {
         let mut weather = Weather::clear();
         words.iter().for_each(|word| weather.set(word).unwrap());
-        weather.load_pictures(|_| Panorama::new(256, 128, waves)).unwrap();
+        weather.load_pictures(|_| Panorama::new(256, 128, waves).map(Arc::new)).unwrap();
         let over = weather.at(0.0).over(&site(daylight));
         // What is seen where nothing is left of anything else.
         over.air.reference([0.0; 3], UP, 1e30, [0.0; 3]).map(srgb_decode)

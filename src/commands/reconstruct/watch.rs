@@ -1,0 +1,163 @@
+//! `--view`: the training in a browser, where the program has the viewer.
+
+#[cfg(feature = "viewer")]
+mod with_viewer {
+    use crate::viewer::server::ServerArgs;
+    use crate::viewer::training::{Board, Camera as Seen};
+    use anyhow::Result;
+    use clap::Args;
+    use glam::{DMat3, DVec3};
+    use std::time::Instant;
+    use wm_render::Frame;
+    use wm_scene::Camera;
+
+    /// Whether and where it is shown.
+    #[derive(Args, Clone, Debug)]
+    pub struct WatchArgs {
+        /// Show the training in a browser: loss, PSNR and a picture every few seconds
+        #[arg(long, help_heading = "Server")]
+        view: bool,
+        #[command(flatten)]
+        server: ServerArgs,
+    }
+
+    impl WatchArgs {
+        /// What can be wrong before the work.
+        pub fn check(&self) -> Result<()> {
+            self.server.guard().map(drop)
+        }
+    }
+
+    /// Who looks on.
+    pub struct Watch {
+        board: Option<Board>,
+        started: Instant,
+        /// How far ahead is what the camera swings about, scene units.
+        reach: f64,
+    }
+
+    /// Time of a swing, s, and how far it goes, radians.
+    const SWING: f64 = 60.0;
+    const WIDTH: f64 = 0.35;
+
+    impl Watch {
+        /// Begins to show a training of a data set by the camera of a photo.
+        pub fn new(args: &WatchArgs, dataset: String, photo: &str, steps: u32, reach: f64) -> Result<Self> {
+            let serve = || Board::serve(&args.server, dataset, photo.to_owned(), steps);
+            let board = args.view.then(serve).transpose()?;
+            Ok(Self { board, started: Instant::now(), reach })
+        }
+
+        /// After a step.
+        pub fn step(&self, step: u32, splats: usize) {
+            if let Some(board) = &self.board {
+                board.step(step, splats, self.started.elapsed().as_secs_f64());
+            }
+        }
+
+        /// The mean loss until a step.
+        pub fn loss(&self, step: u32, loss: f64) {
+            self.board.iter().for_each(|board| board.loss(step, loss));
+        }
+
+        /// PSNR of the held-out photos, dB.
+        pub fn held_out(&self, step: u32, psnr: f64) {
+            self.board.iter().for_each(|board| board.held_out(step, psnr));
+        }
+
+        /// The camera of a picture that is wanted now, for that of the photo, and whether it is the photo's own.
+        pub fn wants(&self, photo: &Camera) -> Option<(Camera, bool)> {
+            match self.board.as_ref()?.wants()? {
+                Seen::Photo => Some((*photo, true)),
+                Seen::Orbit => {
+                    let phase = self.started.elapsed().as_secs_f64() / SWING * std::f64::consts::TAU;
+                    Some((swung(photo, self.reach, WIDTH * phase.sin()), false))
+                }
+            }
+        }
+
+        /// The picture, with its PSNR where it is of the photo.
+        pub fn picture(&self, step: u32, frame: &Frame, psnr: Option<f64>) -> Result<()> {
+            self.board.as_ref().map_or(Ok(()), |board| board.picture(step, frame, psnr))
+        }
+
+        /// The training is over.
+        pub fn end(&self, text: String) {
+            self.board.iter().for_each(|board| board.end(text.clone()));
+        }
+    }
+
+    /// A camera gone round what is `reach` ahead of it, about its own up, by an angle.
+    fn swung(camera: &Camera, reach: f64, angle: f64) -> Camera {
+        let pivot = camera.center() + camera.forward() * reach;
+        let turn = DMat3::from_axis_angle(camera.up(), angle);
+        let eye: DVec3 = pivot + turn * (camera.center() - pivot);
+        let rotation = camera.rotation() * turn.transpose();
+        Camera { viewmat: wm_scene::camera::viewmat_of(rotation, -(rotation * eye)), ..*camera }
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn a_swing_keeps_what_it_is_about_in_place() {
+            let camera =
+                Camera::look_at((60, 40), 50.0, DVec3::new(1.0, -4.0, 2.0), DVec3::Z, DVec3::Z).unwrap();
+            let pivot = camera.center() + camera.forward() * 3.0;
+            let other = swung(&camera, 3.0, 0.4);
+            let [a, b] = [&camera, &other].map(|camera| camera.project(pivot).unwrap());
+            assert!((a.0 - b.0).abs() < 1e-9 && (a.1 - b.1).abs() < 1e-9 && (a.2 - b.2).abs() < 1e-9);
+            assert!((other.center().distance(camera.center()) - 6.0 * (0.2f64).sin()).abs() < 1e-9);
+            assert_eq!(other.check(), Ok(()));
+        }
+    }
+}
+
+#[cfg(not(feature = "viewer"))]
+mod without_viewer {
+    use anyhow::Result;
+    use clap::Args;
+    use wm_render::Frame;
+    use wm_scene::Camera;
+
+    /// Nothing: this program has no viewer.
+    #[derive(Args, Clone, Debug)]
+    pub struct WatchArgs {}
+
+    impl WatchArgs {
+        pub fn check(&self) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    /// Nobody looks on.
+    pub struct Watch;
+
+    impl Watch {
+        pub fn new(_: &WatchArgs, _: String, _: &str, _: u32, _: f64) -> Result<Self> {
+            Ok(Self)
+        }
+
+        pub fn step(&self, _: u32, _: usize) {}
+
+        pub fn loss(&self, _: u32, _: f64) {}
+
+        pub fn held_out(&self, _: u32, _: f64) {}
+
+        pub fn wants(&self, _: &Camera) -> Option<(Camera, bool)> {
+            None
+        }
+
+        pub fn picture(&self, _: u32, _: &Frame, _: Option<f64>) -> Result<()> {
+            Ok(())
+        }
+
+        pub fn end(&self, _: String) {}
+    }
+}
+
+#[cfg(feature = "viewer")]
+pub use with_viewer::{Watch, WatchArgs};
+#[cfg(not(feature = "viewer"))]
+pub use without_viewer::{Watch, WatchArgs};

@@ -1,0 +1,46 @@
+//! `view`: a scene and its weather in a browser.
+
+use super::render::camera::LookArgs;
+use crate::media::panorama::read_panorama;
+use crate::scene::{RunArgs, SceneArgs};
+use crate::viewer::{Asked, run as serve, server::ServerArgs};
+use crate::weather::WeatherArgs;
+use anyhow::{Context, Result};
+use clap::Args;
+use std::path::PathBuf;
+use wm_scene::FormatError;
+
+/// Options of `view`.
+#[derive(Args, Debug)]
+#[command(after_long_help = wm_weather::reference_page::help())]
+pub struct ViewArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    #[command(flatten)]
+    weather: WeatherArgs,
+    /// A panorama that the page offers as a sky, beside that of the weather; may be given several times
+    #[arg(long, value_name = "FILE", help_heading = "Weather")]
+    panorama: Vec<PathBuf>,
+    #[command(flatten)]
+    look: LookArgs,
+    #[command(flatten)]
+    server: ServerArgs,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// Runs the command.
+pub fn run(args: &ViewArgs) -> Result<()> {
+    args.look.check()?;
+    args.server.guard()?;
+    let mut weather = args.weather.read()?;
+    // Saved files lie elsewhere than the weather that was read.
+    let here = std::env::current_dir().context("this folder is gone")?;
+    weather.move_pictures(&here);
+    let panorama =
+        |path: &PathBuf| -> Result<_> { Ok((here.join(path).display().to_string(), read_panorama(path)?)) };
+    let panoramas = args.panorama.iter().map(panorama).collect::<Result<_>>()?;
+    std::fs::metadata(&args.scene.scene).map_err(|error| FormatError::reading(&args.scene.scene, error))?;
+    let asked = Asked { scene: &args.scene, look: &args.look, run: &args.run, weather, panoramas };
+    serve(asked, &args.server)
+}

@@ -1,0 +1,210 @@
+//! What there is to choose from: parameters, weathers, cameras. A name from a client is looked up here and nowhere else, so that
+//! none reaches the file system.
+
+use super::state::{Follow, Output, Pose, ViewState, weather_of_json, weather_to_json};
+use crate::scene::{RunArgs, SceneArgs};
+use crate::view::Options;
+use crate::view::path::{Key, Path};
+use glam::{DQuat, DVec3};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use wm_scene::Camera;
+use wm_scene::survey::{Source, Survey};
+use wm_weather::param::{Kind, Param};
+use wm_weather::presets::PRESETS;
+use wm_weather::{EFFECTS, Easing, Panorama, Weather};
+
+/// Cameras of photos that the page is told of, at most: evenly out of all.
+const MOST_VIEWS: usize = 400;
+
+/// What there is.
+pub struct Catalog {
+    /// The name of the scene, to name files after.
+    pub stem: String,
+    /// The scene and what is known of it as words of a command.
+    pub words: Vec<String>,
+    /// How it runs, as far as bytes depend on it, as words of a command.
+    pub run_words: Vec<String>,
+    /// What is known of the place.
+    pub survey: Survey,
+    /// Near plane, scene units.
+    pub near: f64,
+    /// Splats of the scene.
+    pub splats: usize,
+    /// What draws.
+    pub renderer: String,
+    /// The photos' cameras.
+    pub views: Vec<(String, Camera)>,
+    /// The weather at the start, and the panoramas that it may show.
+    pub weather: Weather,
+    /// Panoramas by the paths that files name them by.
+    pub panoramas: BTreeMap<String, Arc<Panorama>>,
+}
+
+impl Catalog {
+    /// The weather of some JSON, with its pictures.
+    ///
+    /// # Errors
+    /// What is wrong, in one line.
+    pub fn weather(&self, value: &Value) -> Result<Weather, String> {
+        let mut weather = weather_of_json(value)?;
+        self.load(&mut weather)?;
+        Ok(weather)
+    }
+
+    /// Gives a weather its pictures.
+    ///
+    /// # Errors
+    /// There is none of that name.
+    pub fn load(&self, weather: &mut Weather) -> Result<(), String> {
+        weather.load_pictures(|path| {
+            let known = path.to_str().and_then(|name| self.panoramas.get(name));
+            known.cloned().ok_or_else(|| {
+                let known: Vec<&str> = self.panoramas.keys().map(String::as_str).collect();
+                let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+                format!("sky.panorama: the program was started with {known}; give --panorama FILE to `view`")
+            })
+        })
+    }
+
+    /// The text of the file of a state's camera or path, and what `render` reads from it, to the last bit.
+    ///
+    /// # Errors
+    /// What is wrong, in one line.
+    pub fn path(&self, state: &ViewState) -> Result<(String, Path), String> {
+        let key = |time, eye, [w, x, y, z]: [f64; 4], fov| {
+            let rotation = DQuat::from_xyzw(x, y, z, w);
+            let is_turn = rotation.is_finite() && rotation.length() > 1e-9;
+            let rotation = if is_turn { rotation.normalize() } else { rotation };
+            Key { time, eye: DVec3::from_array(eye), rotation, fov }
+        };
+        let keys: Vec<Key> = match state.follow {
+            Follow::Camera => {
+                let Pose { eye, rotation, fov } = state.camera;
+                vec![key(0.0, eye, rotation, fov)]
+            }
+            Follow::Path => state.path.iter().map(|k| key(k.time, k.eye, k.rotation, k.fov)).collect(),
+        };
+        let said = |error: crate::view::ViewError| error.to_string();
+        let text = Path::new(keys, self.near).map_err(said)?.text();
+        let path = Path::parse(&text, &self.survey, &Options::default()).map_err(said)?;
+        Ok((text, path))
+    }
+
+    /// The state at the start, from a camera.
+    pub fn start(&self, camera: &Camera) -> ViewState {
+        ViewState {
+            camera: Pose::of(camera),
+            path: Vec::new(),
+            follow: Follow::Camera,
+            weather: weather_to_json(&self.weather),
+            time: 0.0,
+            output: Output::Rgb,
+            size: [camera.width, camera.height],
+            quality: 90,
+            divider: None,
+        }
+    }
+
+    /// All of it for the page and for scripts.
+    pub fn json(&self, start: &ViewState) -> Value {
+        let survey = &self.survey;
+        let every = self.views.len().div_ceil(MOST_VIEWS).max(1);
+        let view = |(name, camera): &(String, Camera)| json!({ "name": name, "camera": Pose::of(camera) });
+        let preset = |(name, _): &(&str, &str)| {
+            let weather = Weather::preset(name).unwrap_or_default();
+            json!({ "name": name, "about": weather.about, "weather": weather_to_json(&weather) })
+        };
+        json!({
+            "program": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
+            "scene": {
+                "name": self.stem,
+                "splats": self.splats,
+                "up": survey.up.value.to_array(),
+                "center": survey.center.to_array(),
+                "radius": survey.radius,
+                "ground": survey.ground.value,
+                "metres_per_unit": survey.metres_per_unit.value,
+                "has_scale": survey.metres_per_unit.source != Source::Assumed,
+                "renderer": self.renderer,
+                "views": self.views.iter().step_by(every).map(view).collect::<Value>(),
+            },
+            "state": start,
+            "outputs": Output::ALL.map(|(_, name)| name),
+            "easings": Easing::ALL.map(Easing::name),
+            "effects": effects(),
+            "presets": PRESETS.iter().map(preset).collect::<Value>(),
+            "panoramas": self.panoramas.keys().collect::<Vec<_>>(),
+            "video": cfg!(feature = "h264"),
+        })
+    }
+}
+
+/// The options that name a scene and what is known of it; the cameras of its photos tell where snow lies.
+pub fn scene_words(args: &SceneArgs, views: Option<&std::path::PathBuf>) -> Vec<String> {
+    let mut words = vec![args.scene.display().to_string()];
+    let mut add =
+        |option: &str, value: Option<String>| words.extend(value.map(|value| format!("--{option}={value}")));
+    let facts = &args.facts;
+    add("level", args.level.map(|level| level.to_string()));
+    add("up", facts.up.map(|up| up.to_array().map(|v| v.to_string()).join(",")));
+    add("ground", facts.ground.map(|v| v.to_string()));
+    add("metres-per-unit", facts.metres_per_unit.or(facts.known_distance).map(|v| v.to_string()));
+    add("views", views.map(|folder| folder.display().to_string()));
+    words.extend(args.repair.then(|| "--repair".into()));
+    words
+}
+
+/// The options of a run that bytes depend on.
+pub fn run_words(args: &RunArgs) -> Vec<String> {
+    let default = RunArgs::default();
+    let mut words = Vec::new();
+    if args.device != default.device {
+        words.push(format!("--device={}", args.device));
+    }
+    if args.simd != default.simd {
+        words.push(format!("--simd={}", args.simd.name()));
+    }
+    words
+}
+
+/// Every effect with its table.
+fn effects() -> Value {
+    let effect = |effect: &wm_weather::Effect| {
+        json!({
+            "name": effect.name,
+            "about": effect.about,
+            "slot": format!("{:?}", effect.slot).to_lowercase(),
+            "params": effect.params.iter().map(param).collect::<Value>(),
+        })
+    };
+    EFFECTS.iter().map(effect).collect()
+}
+
+fn param(param: &Param) -> Value {
+    let (kind, words): (_, &[&str]) = match param.kind {
+        Kind::Number => ("number", &[]),
+        Kind::NumberOrAuto => ("number-or-auto", &[]),
+        Kind::ColorOrAuto => ("color-or-auto", &[]),
+        Kind::Word(words) => ("word", words),
+        Kind::PictureOrAuto => ("picture-or-auto", &[]),
+    };
+    // JSON has no infinity.
+    let number = |number: f64| if number.is_finite() { json!(number) } else { json!(number.to_string()) };
+    let default = match &param.default {
+        wm_weather::Value::Number(value) => number(*value),
+        wm_weather::Value::Color(rgb) => json!(rgb),
+        other => json!(other.to_string()),
+    };
+    json!({
+        "name": param.name,
+        "kind": kind,
+        "words": words,
+        "default": default,
+        "least": number(param.range.0),
+        "greatest": number(param.range.1),
+        "unit": param.unit,
+        "meaning": param.meaning.trim(),
+    })
+}

@@ -1,0 +1,106 @@
+//! Frames as pictures for a screen.
+
+use super::state::Output;
+use crate::media::Size;
+use crate::media::color::{Dither, quantize_rgb8};
+use crate::media::ramps::turbo;
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use std::sync::LazyLock;
+use wm_render::Frame;
+
+/// From this quality on colours have all their pixels.
+const WHOLE_COLORS: u8 = 85;
+
+/// Depth as colours, near things warm.
+static DEPTHS: LazyLock<[[u8; 3]; 256]> =
+    LazyLock::new(|| std::array::from_fn(|step| turbo(step as f64 / 255.0)));
+
+/// A frame as bytes `[H, W, 3]`. `half` is the depth, scene units, that has the colour in the middle: the same for all frames, so that
+/// nothing flickers.
+pub fn shown(frame: &Frame, output: Output, half: f64, dither: Dither) -> Vec<u8> {
+    let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+    let half = half as f32;
+    match output {
+        Output::Rgb => quantize_rgb8(&frame.rgb, Size::new(frame.width, frame.height), dither),
+        Output::Depth => {
+            let color = |depth: &f32| {
+                if *depth > 0.0 { DEPTHS[usize::from(byte(depth / (depth + half)))] } else { [0; 3] }
+            };
+            frame.depth.iter().flat_map(color).collect()
+        }
+        Output::Normal => frame.normal.iter().map(|n| byte(0.5 + 0.5 * n)).collect(),
+        Output::Alpha => frame.alpha.iter().flat_map(|alpha| [byte(*alpha); 3]).collect(),
+    }
+}
+
+/// `left` and `right`, `[H, W, 3]` each of its width, beside each other.
+pub fn beside(left: (&[u8], u32), right: (&[u8], u32)) -> Vec<u8> {
+    let ((left, left_width), (right, right_width)) = (left, right);
+    let rows = |bytes: &[u8], width: u32| {
+        bytes.chunks_exact(3 * width as usize).map(<[u8]>::to_vec).collect::<Vec<_>>()
+    };
+    match (left_width, right_width) {
+        (0, _) => right.to_vec(),
+        (_, 0) => left.to_vec(),
+        _ => rows(left, left_width)
+            .into_iter()
+            .zip(rows(right, right_width))
+            .flat_map(|(l, r)| [l, r].concat())
+            .collect(),
+    }
+}
+
+/// Bytes `[H, W, 3]` as a JPEG.
+///
+/// # Errors
+/// The picture is too large for one.
+pub fn jpeg(rgb: &[u8], (width, height): (u32, u32), quality: u8) -> Result<Vec<u8>, String> {
+    let side =
+        |side: u32| u16::try_from(side).map_err(|_| format!("{width}x{height} px are too many for a JPEG"));
+    let mut out = Vec::with_capacity(rgb.len() / 8);
+    let mut encoder = Encoder::new(&mut out, quality);
+    let sampling = if quality >= WHOLE_COLORS { SamplingFactor::F_1_1 } else { SamplingFactor::F_2_2 };
+    encoder.set_sampling_factor(sampling);
+    encoder.encode(rgb, side(width)?, side(height)?, ColorType::Rgb).map_err(|error| error.to_string())?;
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_output_is_shown() {
+        let frame = Frame {
+            width: 2,
+            height: 1,
+            rgb: vec![0.0, 0.5, 1.0, 2.0, -1.0, f32::NAN],
+            alpha: vec![0.0, 1.0],
+            depth: vec![0.0, 10.0],
+            normal: vec![-1.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+            ..Frame::default()
+        };
+        let of = |output| shown(&frame, output, 10.0, Dither::Off);
+        assert_eq!(of(Output::Rgb), [0, 128, 255, 255, 0, 0]);
+        assert_eq!(of(Output::Alpha), [0, 0, 0, 255, 255, 255]);
+        assert_eq!(of(Output::Normal), [0, 128, 255, 128, 128, 128]);
+        assert_eq!(of(Output::Depth)[..3], [0; 3]);
+        assert_eq!(of(Output::Depth)[3..], turbo(128.0 / 255.0));
+    }
+
+    #[test]
+    fn halves_make_a_whole() {
+        assert_eq!(
+            beside((&[1, 1, 1, 4, 4, 4], 1), (&[2, 2, 2, 3, 3, 3, 5, 5, 5, 6, 6, 6], 2)),
+            [1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 5, 5, 5, 6, 6, 6]
+        );
+        assert_eq!(beside((&[], 0), (&[2, 2, 2], 1)), [2, 2, 2]);
+    }
+
+    #[test]
+    fn jpegs_are_jpegs() {
+        for quality in [40, 95] {
+            assert!(jpeg(&[90; 3 * 33 * 17], (33, 17), quality).unwrap().starts_with(&[0xff, 0xd8, 0xff]));
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! How large pictures are while they change: as large as keeps them coming.
+
+/// Pictures a second while something moves, at least.
+pub const LEAST_RATE: f64 = 15.0;
+/// Share of a picture's time that is aimed at: the rest is for what varies.
+const AIM: f64 = 0.75;
+/// Least share of the full width and height.
+const LEAST: f64 = 0.16;
+/// How far a single picture may change the scale.
+const STEP: (f64, f64) = (0.6, 1.12);
+/// Sides are multiples of this, so that pictures do not change their size all the time, px.
+const GRAIN: f64 = 16.0;
+
+/// The scale of a client's pictures while they change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// Share of the full width and height.
+    scale: f64,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Self { scale: 0.5 }
+    }
+}
+
+impl Pace {
+    /// The size of the next picture, for one of `full`, px.
+    pub fn size(&self, [width, height]: [u32; 2]) -> (u32, u32) {
+        if self.scale == 1.0 {
+            return (width, height);
+        }
+        let (width, height) = (f64::from(width), f64::from(height));
+        let shown = ((width * self.scale / GRAIN).round() * GRAIN).clamp(GRAIN.min(width), width);
+        (shown as u32, (height * shown / width).round().max(1.0) as u32)
+    }
+
+    /// Learns from a picture that took `seconds`, where `sharing` clients take turns, and from how long the last one was on its way.
+    ///
+    /// Most of what a picture takes goes with its pixels, the rest with the splats, so that the scale goes with a root of the time.
+    pub fn learn(&mut self, seconds: f64, sharing: usize, on_its_way: f64) {
+        let took = (seconds * sharing.max(1) as f64).max(on_its_way);
+        let factor = (AIM / LEAST_RATE / took.max(1e-4)).sqrt();
+        // Around the aim nothing changes.
+        if !(0.9..1.1).contains(&factor) {
+            self.scale = (self.scale * factor.clamp(STEP.0, STEP.1)).clamp(LEAST, 1.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where the pace ends for a renderer that takes so many seconds for the splats and for all pixels.
+    fn settled(splats: f64, pixels: f64, sharing: usize) -> (f64, f64) {
+        let mut pace = Pace::default();
+        let time = |pace: Pace| splats + pixels * pace.scale * pace.scale;
+        for _ in 0..100 {
+            pace.learn(time(pace), sharing, 0.0);
+        }
+        (pace.scale, time(pace) * sharing as f64)
+    }
+
+    #[test]
+    fn pictures_keep_coming() {
+        for (splats, pixels) in [(0.0, 0.001), (0.01, 0.1), (0.03, 0.4), (0.005, 3.0)] {
+            for sharing in [1, 2] {
+                let (scale, time) = settled(splats, pixels, sharing);
+                let is_least = scale <= LEAST;
+                assert!(time < 1.0 / LEAST_RATE || is_least, "{splats} {pixels} {sharing}: {scale} {time}");
+                assert!(
+                    time > 0.5 / LEAST_RATE || scale == 1.0 || is_least,
+                    "{splats} {pixels}: {scale} {time}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_slow_line_makes_pictures_smaller() {
+        let mut pace = Pace::default();
+        for _ in 0..50 {
+            pace.learn(0.001, 1, 0.4);
+        }
+        assert_eq!(pace.scale, LEAST);
+    }
+
+    #[test]
+    fn sizes_keep_their_form() {
+        for scale in [0.16, 0.3, 0.5, 0.77, 1.0] {
+            let (width, height) = Pace { scale }.size([1200, 800]);
+            assert!(width.is_multiple_of(16) && (f64::from(width) / f64::from(height) - 1.5).abs() < 0.01);
+        }
+        assert_eq!(Pace { scale: 1.0 }.size([1201, 801]), (1201, 801));
+        assert_eq!(Pace { scale: 0.16 }.size([3, 2]), (3, 2));
+    }
+}

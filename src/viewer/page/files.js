@@ -1,0 +1,151 @@
+// Saving: pictures, weathers, cameras, commands, videos. And loading a weather.
+
+import { h, short, toast } from "./dom.js";
+import { Store } from "./store.js";
+
+/** Sizes of pictures and videos beside that of the window, px. */
+const SIZES = [[1280, 720], [1920, 1080], [2560, 1440], [3840, 2160]];
+
+/** What was wrong, in the program's words. @param {Response} response */
+async function problem(response) {
+  const text = (await response.text()).trim();
+  return text || `the program answers ${response.status}`;
+}
+
+/** Gives a file to the browser. @param {Blob} blob @param {string} name */
+function download(blob, name) {
+  const link = h("a", { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
+
+export class FilesPanel {
+  /** @param {HTMLElement} root @param {Store} store */
+  constructor(root, store) {
+    this.store = store;
+    this.size = this.sizes("size-picture");
+    this.filmSize = this.sizes("size-video");
+    this.command = h("pre", { id: "command", tabIndex: 0, ariaLabel: "Command that renders the same" });
+    this.file = h("input", { type: "file", accept: ".toml", hidden: true, onchange: () => this.load() });
+    this.fps = h("input", { id: "fps", className: "number", value: "30", inputMode: "decimal", ariaLabel: "Frames a second" });
+    this.seconds = h("input", { id: "seconds", className: "number", value: short(store.duration, 5), inputMode: "decimal", ariaLabel: "Seconds" });
+    this.bar = h("progress", { id: "video-progress", max: 1, value: 0, hidden: true });
+    this.note = h("p", { id: "video-note", className: "quiet" });
+    this.begin = h("button", { id: "video-begin", className: "main", onclick: () => this.film() }, "Render video");
+    this.stop = h("button", { id: "video-stop", hidden: true, onclick: () => this.end() }, "Stop");
+    this.link = h("a", { id: "video-file", className: "button main", hidden: true }, "Download");
+    const button = (/** @type {string} */ id, /** @type {string} */ text, /** @type {string} */ kind) =>
+      h("button", { id, onclick: () => this.save([kind]) }, text);
+    root.replaceChildren(
+      h("h2", {}, "Picture"),
+      h("div", { className: "param" }, h("label", {}, "Size"), this.size),
+      h("div", { className: "buttons" },
+        h("button", { id: "save-all", className: "main", title: "Picture, weather and camera: what the command below needs", onclick: () => this.save(["picture", "weather", "camera"]) }, "Save all"),
+        button("save-picture", "PNG", "picture"), button("save-weather", "Weather", "weather"), button("save-camera", "Camera", "camera")),
+      h("p", { className: "quiet" }, "The command gives the same picture, byte for byte, from the saved files."),
+      this.command,
+      h("div", { className: "buttons" }, h("button", { id: "copy-command", onclick: () => this.copy() }, "Copy command"), h("button", { onclick: () => this.file.click() }, "Load weather…"), this.file),
+      h("h2", {}, "Video"),
+      h("p", { className: "quiet", hidden: store.parameters.video }, "This build has no video encoder."),
+      h("div", { className: "param" }, h("label", {}, "Size"), this.filmSize),
+      h("div", { className: "row" }, h("label", {}, "Seconds"), this.seconds, h("label", {}, "Frames/s"), this.fps),
+      h("p", { className: "quiet" }, "From time 0, along the path where it is looked along."),
+      h("div", { className: "buttons" }, this.begin, this.stop, this.link),
+      this.bar, this.note,
+    );
+    this.timer = 0;
+    store.listen((changed) => {
+      if (changed.has("duration")) this.seconds.value = short(store.duration, 5);
+      if ([...changed].some((what) => what !== "playing" && what !== "divider")) this.soon();
+    });
+    this.soon();
+  }
+
+  /** @param {string} id */
+  sizes(id) {
+    return h("select", { id, ariaLabel: "Size", onchange: () => this.soon() }, h("option", { value: "" }, "as shown"), ...SIZES.map(([w, hgt]) => h("option", { value: `${w}x${hgt}` }, `${w} × ${hgt}`)));
+  }
+
+  /** The state with the size that is chosen; sides are even. @param {HTMLSelectElement} box */
+  stateFor(box) {
+    const size = box.value ? box.value.split("x").map(Number) : this.store.state.size;
+    return { ...this.store.state, size: size.map((side) => side - (side % 2)) };
+  }
+
+  /** Asks for the command a little later: not for every step of a slider. */
+  soon() {
+    clearTimeout(this.timer);
+    if (this.store.isPlaying) return;
+    this.timer = window.setTimeout(async () => {
+      const response = await this.post("command");
+      if (response?.ok) this.command.textContent = (await response.text()).trim();
+    }, 400);
+  }
+
+  /** @param {string} kind */
+  async post(kind) {
+    try {
+      return await fetch(`/files/${kind}`, { method: "POST", body: JSON.stringify(this.stateFor(this.size)) });
+    } catch {
+      return null;
+    }
+  }
+
+  /** @param {string[]} kinds */
+  async save(kinds) {
+    for (const kind of kinds) {
+      const response = await this.post(kind);
+      if (!response) return toast("The program does not answer", "bad");
+      if (!response.ok) return toast(await problem(response), "bad");
+      const name = /filename="([^"]+)"/.exec(response.headers.get("content-disposition") ?? "")?.[1] ?? kind;
+      download(await response.blob(), name);
+      toast(`Saved ${name}`);
+    }
+  }
+
+  async copy() {
+    try {
+      await navigator.clipboard.writeText(this.command.textContent);
+      toast("Copied");
+    } catch {
+      getSelection()?.selectAllChildren(this.command);
+      toast("Press Ctrl+C to copy");
+    }
+  }
+
+  async load() {
+    const file = this.file.files?.[0];
+    if (!file) return;
+    const response = await fetch("/weather", { method: "POST", body: await file.text() });
+    this.file.value = "";
+    if (!response.ok) return toast(await problem(response), "bad");
+    this.store.set({ weather: await response.json() });
+    toast(`Loaded ${file.name}`);
+  }
+
+  async film() {
+    const asked = { state: this.stateFor(this.filmSize), fps: Number(this.fps.value), seconds: Number(this.seconds.value) };
+    const response = await fetch("/videos", { method: "POST", body: JSON.stringify(asked) });
+    if (!response.ok) return toast(await problem(response), "bad");
+    const video = await response.json();
+    this.id = video.id;
+    [this.begin.hidden, this.stop.hidden, this.link.hidden, this.bar.hidden] = [true, false, true, false];
+    this.watch();
+  }
+
+  async watch() {
+    const response = await fetch(`/videos/${this.id}`).catch(() => null);
+    const video = response?.ok ? await response.json() : { state: "failed", error: "the program is gone" };
+    this.bar.value = video.frames ? video.done / video.frames : 0;
+    this.note.textContent = video.state === "running" ? `${video.done} of ${video.frames} frames` : video.state === "done" ? `${video.frames} frames` : video.error;
+    if (video.state === "running") return setTimeout(() => this.watch(), 400);
+    [this.begin.hidden, this.stop.hidden, this.bar.hidden] = [false, true, true];
+    if (video.state === "done") {
+      [this.link.href, this.link.download, this.link.hidden] = [`/videos/${this.id}/file`, video.name, false];
+    }
+  }
+
+  async end() {
+    await fetch(`/videos/${this.id}`, { method: "DELETE" });
+  }
+}

@@ -1,0 +1,167 @@
+//! The HTTP server: one thread that hands out what others make.
+
+use super::guard::{Guard, Verdict};
+use super::listener::Capped;
+use anyhow::{Context, Result, anyhow};
+use axum::Router;
+use axum::extract::{DefaultBodyLimit, Request};
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::middleware::{Next, from_fn};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use clap::Args;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
+
+/// Longest body of a request, and longest message of a WebSocket, bytes.
+pub const MOST_BYTES: usize = 1 << 18;
+/// The port that is tried first, and how many after it.
+const PORT: u16 = 8787;
+const PORTS: u16 = 20;
+/// Shortest token that a user may choose.
+const SHORTEST: usize = 16;
+
+/// Where the page is served.
+#[derive(Args, Clone, Debug)]
+pub struct ServerArgs {
+    /// Port of the page; 0 for any that is free [default: 8787, or the next that is free]
+    #[arg(long, value_name = "PORT", help_heading = "Server")]
+    pub port: Option<u16>,
+    /// Address to listen on. Other than this computer's own (127.0.0.1) everybody who reaches it needs the token that is printed;
+    /// nothing is encrypted, so prefer forwarding the port by ssh
+    #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST), help_heading = "Server")]
+    pub host: IpAddr,
+    /// The token, 16 letters or digits and more [default: a new one where one is needed]
+    #[arg(long, value_name = "TOKEN", help_heading = "Server")]
+    pub token: Option<String>,
+}
+
+impl ServerArgs {
+    /// Who is let in.
+    ///
+    /// # Errors
+    /// The token is too short, or of other characters.
+    pub fn guard(&self) -> Result<Guard> {
+        if let Some(token) = &self.token {
+            let is_plain = token.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_.~".contains(&byte));
+            if token.len() < SHORTEST || token.len() > 256 || !is_plain {
+                return Err(anyhow!("--token: must be {SHORTEST} to 256 letters, digits and -_.~"));
+            }
+        }
+        let is_needed = self.token.is_none() && !self.host.is_loopback();
+        let new =
+            if is_needed { Some(super::guard::new_token().context("cannot make a token")?) } else { None };
+        Ok(Guard { token: self.token.clone().or(new) })
+    }
+
+    fn listen(&self) -> Result<TcpListener> {
+        let at = |port: u16| TcpListener::bind(SocketAddr::new(self.host, port));
+        let ports = match self.port {
+            Some(port) => port..=port,
+            None => PORT..=PORT + PORTS,
+        };
+        let first = *ports.start();
+        let mut tried = ports.map(at);
+        let bound = tried.find(Result::is_ok).unwrap_or_else(|| at(first));
+        bound.with_context(|| {
+            format!("cannot listen on {}; give another --port or --host", SocketAddr::new(self.host, first))
+        })
+    }
+}
+
+/// Serves `router` on a thread of its own until the program ends; returns the address of the page.
+///
+/// # Errors
+/// Nothing can be listened on.
+pub fn serve(args: &ServerArgs, router: Router) -> Result<String> {
+    let guard = args.guard()?;
+    let listener = args.listen()?;
+    listener.set_nonblocking(true)?;
+    let address = listener.local_addr()?;
+    let query = guard.token.as_ref().map_or_else(String::new, |token| format!("?token={token}"));
+    let router = guarded(router, guard);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    std::thread::Builder::new().name("server".into()).spawn(move || {
+        runtime.block_on(async {
+            match tokio::net::TcpListener::from_std(listener) {
+                // Serving never ends by itself.
+                Ok(listener) => _ = axum::serve(Capped::new(listener), router).await,
+                Err(error) => eprintln!("error: cannot serve the page: {error}"),
+            }
+        });
+    })?;
+    Ok(format!("http://{address}/{query}"))
+}
+
+/// The routes behind the guard, with what every answer says.
+fn guarded(router: Router, guard: Guard) -> Router {
+    let router = router.fallback(get(|| async { refusal(StatusCode::NOT_FOUND, "there is no such page") }));
+    router.layer(DefaultBodyLimit::max(MOST_BYTES)).layer(from_fn(move |request: Request, next: Next| {
+        let verdict = guard.check(request.method(), request.uri(), request.headers());
+        async move {
+            let mut response = match verdict {
+                Verdict::Pass => next.run(request).await,
+                Verdict::Welcome(cookie) => {
+                    let headers = [(header::SET_COOKIE, cookie), (header::LOCATION, "/".to_owned())];
+                    (StatusCode::SEE_OTHER, headers).into_response()
+                }
+                Verdict::Refuse(status, why) => refusal(status, why),
+            };
+            let headers = response.headers_mut();
+            for (name, value) in HEADERS {
+                headers.insert(name, HeaderValue::from_static(value));
+            }
+            response
+        }
+    }))
+}
+
+/// Nothing from elsewhere is loaded, nothing is kept, nobody else frames the page or learns its address.
+const HEADERS: [(header::HeaderName, &str); 5] = [
+    (
+        header::CONTENT_SECURITY_POLICY,
+        "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    ),
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (header::REFERRER_POLICY, "no-referrer"),
+    (header::CACHE_CONTROL, "no-store"),
+    (header::X_FRAME_OPTIONS, "DENY"),
+];
+
+/// An answer of one line.
+pub fn refusal(status: StatusCode, why: impl AsRef<str>) -> Response {
+    (status, [(header::CONTENT_TYPE, "text/plain; charset=utf-8")], format!("{}\n", why.as_ref()))
+        .into_response()
+}
+
+/// A file of the page.
+pub fn asset(kind: &'static str, text: &'static str) -> Response {
+    ([(header::CONTENT_TYPE, kind)], text).into_response()
+}
+
+/// The routes of files that are built into the program.
+macro_rules! assets {
+    ($router:expr, $($path:literal => $file:literal, $kind:literal;)+) => {
+        $router$(.route($path, axum::routing::get(|| async { $crate::viewer::server::asset($kind, include_str!(concat!("page/", $file))) })))+
+    };
+}
+pub(super) use assets;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn args(host: &str, token: Option<&str>) -> ServerArgs {
+        ServerArgs { port: Some(0), host: host.parse().unwrap(), token: token.map(str::to_owned) }
+    }
+
+    #[test]
+    fn addresses_of_others_need_a_token() {
+        assert_eq!(args("127.0.0.1", None).guard().unwrap().token, None);
+        assert_eq!(args("::1", None).guard().unwrap().token, None);
+        assert_eq!(args("0.0.0.0", None).guard().unwrap().token.unwrap().len(), 32);
+        assert_eq!(args("127.0.0.1", Some("0123456789abcdef")).guard().unwrap().token.unwrap().len(), 16);
+        for bad in ["", "short", "0123456789abcde\"", "0123456789abcdef;"] {
+            assert!(args("0.0.0.0", Some(bad)).guard().is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,318 @@
+//! What is looked at: all that a picture depends on but the scene, in one value that goes over the wire.
+
+use super::catalog::Catalog;
+use crate::commands::render::camera::Shot;
+use crate::view::path::Path;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+use std::sync::Arc;
+use wm_scene::Camera;
+use wm_weather::Weather;
+
+/// Longest side and most pixels of a picture.
+const MOST_SIDE: u32 = 4096;
+const MOST_PIXELS: u64 = 3840 * 2160;
+/// Farthest instant from 0, s.
+const MOST_TIME: f64 = 1e6;
+
+/// A camera's place.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pose {
+    /// The camera centre, world axes, scene units.
+    pub eye: [f64; 3],
+    /// `camera_from_world` as a quaternion wxyz, OpenCV axes.
+    pub rotation: [f64; 4],
+    /// Vertical field of view, degrees.
+    pub fov: f64,
+}
+
+impl Pose {
+    /// Of a camera.
+    pub fn of(camera: &Camera) -> Self {
+        let key = crate::view::path::Key::of(camera, 0.0);
+        let r = key.rotation;
+        Self { eye: key.eye.to_array(), rotation: [r.w, r.x, r.y, r.z], fov: key.fov }
+    }
+}
+
+/// A camera's place at an instant.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PoseKey {
+    /// Seconds.
+    pub time: f64,
+    /// As of [`Pose`].
+    pub eye: [f64; 3],
+    /// As of [`Pose`].
+    pub rotation: [f64; 4],
+    /// As of [`Pose`].
+    pub fov: f64,
+}
+
+/// Which picture is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Output {
+    /// The colour.
+    #[default]
+    Rgb,
+    /// Expected depth, near things warm.
+    Depth,
+    /// Normals, `0.5 + 0.5 n`.
+    Normal,
+    /// Coverage by splats.
+    Alpha,
+}
+
+impl Output {
+    /// All of them, with what the page calls them.
+    pub const ALL: [(Self, &str); 4] =
+        [(Self::Rgb, "rgb"), (Self::Depth, "depth"), (Self::Normal, "normal"), (Self::Alpha, "alpha")];
+
+    /// The name on the wire, and behind `--also`.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(output, _)| *output == self).map_or("rgb", |(_, name)| name)
+    }
+}
+
+/// Whose camera is looked through.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Follow {
+    /// That of `camera`.
+    #[default]
+    Camera,
+    /// The one on `path` at `time`.
+    Path,
+}
+
+/// All that a picture depends on but the scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ViewState {
+    /// From where.
+    pub camera: Pose,
+    /// Keyframes of a camera, times ascending; may be empty.
+    pub path: Vec<PoseKey>,
+    /// Whose camera is looked through.
+    pub follow: Follow,
+    /// As in its file, but as JSON; infinite numbers are the text `inf`.
+    pub weather: Value,
+    /// Seconds.
+    pub time: f64,
+    /// Which picture.
+    pub output: Output,
+    /// Width and height, px.
+    pub size: [u32; 2],
+    /// Of JPEG, 1-100.
+    pub quality: u8,
+    /// Share of the width, 0-1, left of which there is no weather; `null` for weather everywhere.
+    pub divider: Option<f64>,
+}
+
+impl ViewState {
+    /// The same with the fields that `patch`, an object, has.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn patched(&self, patch: Value) -> Result<Self, String> {
+        let Value::Object(patch) = patch else { return Err("a state is an object".into()) };
+        let Ok(Value::Object(mut whole)) = serde_json::to_value(self) else {
+            return Err("the state cannot be written".into());
+        };
+        whole.extend(patch);
+        serde_json::from_value(Value::Object(whole)).map_err(|error| format!("state: {error}"))
+    }
+}
+
+/// A state that is checked and ready to be drawn.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// As it came.
+    pub state: ViewState,
+    /// Its weather.
+    pub weather: Arc<Weather>,
+    /// The text of the file that `--camera` or `--path` is given.
+    pub camera_file: String,
+    path: Path,
+}
+
+impl View {
+    /// Checks a state; `before` is one whose weather may be the same.
+    ///
+    /// # Errors
+    /// What is wrong with it, in one line.
+    pub fn new(state: ViewState, catalog: &Catalog, before: Option<&Self>) -> Result<Self, String> {
+        let [width, height] = state.size;
+        let pixels = u64::from(width) * u64::from(height);
+        if width == 0 || height == 0 || width > MOST_SIDE || height > MOST_SIDE || pixels > MOST_PIXELS {
+            return Err(format!(
+                "size {width}x{height}: sides are 1 to {MOST_SIDE} px, {MOST_PIXELS} px in all"
+            ));
+        }
+        if state.time.is_nan() || state.time.abs() > MOST_TIME {
+            return Err(format!("time {}: must be a number of seconds within {MOST_TIME}", state.time));
+        }
+        if !(1..=100).contains(&state.quality) {
+            return Err(format!("quality {}: must be 1 to 100", state.quality));
+        }
+        if state.divider.is_some_and(|share| !(0.0..=1.0).contains(&share)) {
+            return Err("divider: must be a share of the width, 0 to 1, or null".into());
+        }
+        let weather = match before.filter(|before| before.state.weather == state.weather) {
+            Some(before) => Arc::clone(&before.weather),
+            None => Arc::new(catalog.weather(&state.weather)?),
+        };
+        let (camera_file, path) = catalog.path(&state)?;
+        let view = Self { state, weather, camera_file, path };
+        view.shot().camera(view.state.time).check().map_err(|error| error.to_string())?;
+        Ok(view)
+    }
+
+    /// The camera of the instant, as `render` has it by `--camera FILE` or `--path FILE`.
+    pub fn shot(&self) -> Shot {
+        self.shot_of((self.state.size[0], self.state.size[1]))
+    }
+
+    /// The same for a picture of another size.
+    pub fn shot_of(&self, size: (u32, u32)) -> Shot {
+        match self.state.follow {
+            Follow::Camera => Shot::still(self.path.at(self.path.start(), size), self.state.time),
+            Follow::Path => Shot::along(self.path.clone(), size, self.state.time),
+        }
+    }
+}
+
+/// A weather as JSON.
+pub fn weather_to_json(weather: &Weather) -> Value {
+    let table: toml::Table = toml::from_str(&weather.to_toml()).expect("what is written is read");
+    json_of(toml::Value::Table(table))
+}
+
+fn json_of(value: toml::Value) -> Value {
+    match value {
+        toml::Value::Float(number) if number.is_finite() => json!(number),
+        toml::Value::Float(number) => json!(number.to_string()),
+        toml::Value::Integer(number) => json!(number),
+        toml::Value::Boolean(value) => json!(value),
+        toml::Value::String(text) => json!(text),
+        toml::Value::Datetime(time) => json!(time.to_string()),
+        toml::Value::Array(list) => list.into_iter().map(json_of).collect(),
+        toml::Value::Table(table) => {
+            Value::Object(table.into_iter().map(|(key, value)| (key, json_of(value))).collect::<Map<_, _>>())
+        }
+    }
+}
+
+/// A weather of JSON, without its pictures.
+///
+/// # Errors
+/// What is wrong with it, in one line.
+pub fn weather_of_json(value: &Value) -> Result<Weather, String> {
+    if !value.is_object() {
+        return Err("weather: must be an object, as a weather file is a table".into());
+    }
+    let text = toml::to_string(value).map_err(|error| format!("weather: {error}"))?;
+    let mut weather = Weather::parse(&text, "weather").map_err(|error| error.to_string())?;
+    if weather.name.is_empty() {
+        weather.name = "mine".into();
+    }
+    Ok(weather)
+}
+
+#[cfg(test)]
+pub(super) mod testing {
+    use super::*;
+    use wm_scene::survey::Survey;
+    use wm_scene::{Metadata, Scene};
+
+    /// What there is without a scene.
+    pub fn catalog() -> Catalog {
+        Catalog {
+            stem: "nothing".into(),
+            words: vec!["nothing.ply".into()],
+            run_words: Vec::new(),
+            survey: Survey::of(&Scene::default(), &Metadata::default()),
+            near: 0.1,
+            splats: 0,
+            renderer: String::new(),
+            views: Vec::new(),
+            weather: Weather::clear(),
+            panoramas: Default::default(),
+        }
+    }
+
+    /// A state of a camera that is not turned.
+    pub fn state() -> ViewState {
+        catalog().start(&Camera::posed((60, 40), 50.0, glam::DVec3::ZERO, glam::DMat3::IDENTITY))
+    }
+
+    /// The same, checked.
+    pub fn view() -> Arc<View> {
+        Arc::new(View::new(state(), &catalog(), None).unwrap())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::testing::{catalog, state};
+    use super::*;
+    use wm_weather::presets::PRESETS;
+
+    #[test]
+    fn weathers_are_the_same_after_the_way_through_json() {
+        for (name, _) in PRESETS {
+            let weather = Weather::preset(name).unwrap();
+            let json = serde_json::to_string(&weather_to_json(&weather)).unwrap();
+            assert_eq!(weather_of_json(&serde_json::from_str(&json).unwrap()), Ok(weather));
+        }
+        let mut odd = Weather::preset("fog").unwrap();
+        for set in ["fog.scale_height=inf", "fog.mor=0:2000:smooth,5:60.123", "fog.tint=0.1,0.2,0.3"] {
+            odd.set(set).unwrap();
+        }
+        assert_eq!(weather_of_json(&weather_to_json(&odd)), Ok(odd));
+    }
+
+    #[test]
+    fn a_camera_is_the_one_of_its_file() {
+        let mut state = state();
+        // Not of length 1, and not of few digits.
+        state.camera.rotation = [0.7123, 0.31, -0.6000000000000001, 1.0 / 3.0];
+        let view = View::new(state.clone(), &catalog(), None).unwrap();
+        let survey = catalog().survey;
+        let read = Path::parse(&view.camera_file, &survey, &crate::view::Options::default()).unwrap();
+        assert_eq!(read.at(0.0, (60, 40)), view.shot().camera(0.0));
+        // And of a path at an instant of it.
+        let key =
+            |time: f64| PoseKey { time, eye: [time, 0.1, 0.2], rotation: state.camera.rotation, fov: 50.0 };
+        (state.path, state.follow, state.time) = (vec![key(1.0), key(2.7)], Follow::Path, 0.9);
+        let view = View::new(state, &catalog(), None).unwrap();
+        let read = Path::parse(&view.camera_file, &survey, &crate::view::Options::default()).unwrap();
+        assert_eq!(read.at(read.start() + 0.9, (60, 40)), view.shot().camera(0.9));
+    }
+
+    #[test]
+    fn patches_change_what_they_name() {
+        let patched = state().patched(json!({ "time": 2, "divider": 0.25 })).unwrap();
+        assert_eq!(patched, ViewState { time: 2.0, divider: Some(0.25), ..state() });
+        assert!(state().patched(json!({ "tiem": 2 })).unwrap_err().contains("tiem"));
+        assert!(state().patched(json!(2)).is_err());
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_in_a_line() {
+        for (text, expected) in [
+            ("3", "weather: must be an object"),
+            (r#"{"fog": {"mor": -5}}"#, "fog.mor is -5: must be"),
+            (r#"{"fog": {"moor": 5}}"#, "did you mean `mor`"),
+            (r#"{"fog": null}"#, "weather: "),
+            (r#"{"fgo": {}}"#, "did you mean `fog`"),
+            (r#"{"fog": {"mor": {"keys": [[1, 2], [0, 3]]}}}"#, "times must rise"),
+            (r#"{"fog": {"mor": {"keys": [[1, 2, "bounce"], [2, 3]]}}}"#, "the easings are"),
+        ] {
+            let error = weather_of_json(&serde_json::from_str(text).unwrap()).unwrap_err();
+            assert!(error.contains(expected) && !error.contains('\n'), "{text}: {error}");
+        }
+    }
+}

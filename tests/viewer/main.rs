@@ -1,0 +1,22 @@
+//! The viewer: its pictures, what it refuses, and its page in a real browser.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod client;
+mod frames;
+mod page;
+mod security;
+mod socket;
+mod training;
+mod webdriver;
+
+use common::{Workshop, yard, yard_metadata};
+use std::path::PathBuf;
+
+/// The yard as a scene file.
+fn yard_scene() -> (Workshop, PathBuf) {
+    let workshop = Workshop::new();
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    (workshop, scene)
+}
