@@ -22,6 +22,7 @@ mod scene;
 mod studio;
 mod view;
 mod weather;
+mod weights;
 
 use clap::Parser;
 use clap::error::ErrorKind;
