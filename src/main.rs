@@ -24,6 +24,7 @@ mod view;
 #[cfg(feature = "viewer")]
 mod viewer;
 mod weather;
+mod weights;
 
 use clap::Parser;
 use clap::error::ErrorKind;

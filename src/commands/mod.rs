@@ -41,7 +41,8 @@ enum Verb {
     Bake(Box<bake::BakeArgs>),
     /// Write scenes in another format, turned, scaled, cropped or reduced
     Convert(convert::ConvertArgs),
-    /// Compare a scene with photos, and with true depth, normals and sky where there are maps
+    /// Compare a scene with photos, and with true depth, normals and sky where there are maps; or pictures with photographs
+    /// of real weather
     Evaluate(Box<evaluate::EvaluateArgs>),
     /// Make a panorama of the sky out of photos, for the sky of a weather
     Sky(sky::SkyArgs),

@@ -12,15 +12,14 @@
 //! further apart.
 
 mod network;
-mod ops;
 mod photo;
 mod tensors;
 #[cfg(test)]
 mod tests;
 
-use crate::weights::{Fault, Weights, WeightsError};
+use crate::ops;
+use crate::weights::{Fault, Licence, Weights, WeightsError};
 use network::Network;
-use std::fmt;
 use std::path::PathBuf;
 use tensors::{ADVICE, Architecture, Config, Reader};
 use thiserror::Error;
@@ -48,36 +47,6 @@ pub enum Size {
     Base,
     /// 335 million weights, ViT-L.
     Large,
-}
-
-/// Under what the weights may be used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Licence {
-    /// Any use.
-    Apache2,
-    /// No commercial use, and the authors are to be named.
-    CcByNc4,
-}
-
-impl Licence {
-    /// Its SPDX identifier.
-    #[must_use]
-    pub const fn spdx(self) -> &'static str {
-        match self {
-            Self::Apache2 => "Apache-2.0",
-            Self::CcByNc4 => "CC-BY-NC-4.0",
-        }
-    }
-}
-
-impl fmt::Display for Licence {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let says = match self {
-            Self::Apache2 => "any use",
-            Self::CcByNc4 => "no commercial use; the authors are to be named",
-        };
-        write!(f, "{} ({says})", self.spdx())
-    }
 }
 
 /// How near what a photo shows is.

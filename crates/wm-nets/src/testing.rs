@@ -1,5 +1,10 @@
-//! Made-up weights and pictures, and files of them.
+//! Made-up weights and pictures, files of them, and what fixtures hold.
 
+use crate::ops::numbers;
+use crate::weights::{Weights, WeightsError};
+use ::safetensors::SafeTensors;
+use ::safetensors::tensor::TensorView;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 /// A tensor: name, shape, numbers.
@@ -24,7 +29,7 @@ impl Files {
 
     pub fn put(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
         let path = self.0.path().join(name);
-        std::fs::write(&path, content).unwrap();
+        fs::write(&path, content).unwrap();
         path
     }
 
@@ -116,4 +121,55 @@ fn tuple(pickle: &mut Vec<u8>, sides: &[usize]) {
         number(pickle, *side);
     }
     pickle.push(b't');
+}
+
+/// An array of f32 and its shape.
+pub fn npy(path: &Path) -> (Vec<usize>, Vec<f32>) {
+    let bytes = fs::read(path).unwrap();
+    let end = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let header = String::from_utf8_lossy(&bytes[10..end]).into_owned();
+    assert!(header.contains("'<f4'") && header.contains("'fortran_order': False"), "{header}");
+    let sides = header.split(['(', ')']).nth(1).unwrap().split(',');
+    let shape = sides.filter_map(|side| side.trim().parse().ok()).collect();
+    (shape, bytes[end..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect())
+}
+
+/// The levels of an RGB PNG, and its width.
+pub fn picture(path: &Path) -> (Vec<u8>, usize) {
+    let mut reader =
+        png::Decoder::new(std::io::BufReader::new(File::open(path).unwrap())).read_info().unwrap();
+    let mut levels = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut levels).unwrap();
+    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgb, png::BitDepth::Eight));
+    (levels, info.width as usize)
+}
+
+/// The tensors of a safetensors file, by name.
+pub fn tensors(path: &Path) -> Vec<Named> {
+    let bytes = fs::read(path).unwrap();
+    let mut weights = Weights::open(&[path.into()], "").unwrap();
+    let all = SafeTensors::deserialize(&bytes).unwrap().tensors();
+    let mut value = |name: &str, shape: &[usize]| numbers(&weights.tensor(name, shape).unwrap());
+    let of = |(name, view): (String, TensorView<'_>)| {
+        let values = value(&name, view.shape());
+        (name, view.shape().to_vec(), values)
+    };
+    let mut named: Vec<Named> = all.into_iter().map(of).collect();
+    named.sort_by(|a, b| a.0.cmp(&b.0));
+    named
+}
+
+/// The one line with which something is refused.
+pub fn said<T>(result: Result<T, WeightsError>) -> String {
+    let line = result.err().expect("refused").to_string();
+    assert!(!line.contains('\n'), "{line}");
+    line
+}
+
+/// The largest difference, and the range of what is expected.
+pub fn gap(found: &[f32], expected: &[f32]) -> (f32, f32) {
+    assert_eq!(found.len(), expected.len());
+    let largest = found.iter().zip(expected).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
+    let range = |f: fn(f32, f32) -> f32| expected.iter().copied().reduce(f).unwrap();
+    (largest, range(f32::max) - range(f32::min))
 }

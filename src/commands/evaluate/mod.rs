@@ -1,7 +1,8 @@
 //! `evaluate`: how near a scene is to the photos of a data set, and to the true depth, normals and sky where
-//! there are maps of them.
+//! there are maps of them; or how near pictures are to photographs of real weather.
 
 mod page;
+mod realism;
 mod scores;
 mod text;
 mod truth;
@@ -15,22 +16,28 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use scores::Report;
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use wm_scene::files::{check_writable, write_atomically};
 use wm_train::photos::Check;
 
 /// Options of `evaluate`.
 #[derive(Args, Clone, Debug)]
+// The scene is left out where pictures are compared; its group says whether it is there, and derive leaves that empty.
+#[command(mut_arg("scene", |scene| {
+    scene.required(false).required_unless_present_any(["pictures", "paper"]).group("SceneArgs")
+}))]
 pub struct EvaluateArgs {
     #[command(flatten)]
-    scene: SceneArgs,
+    scene: Option<SceneArgs>,
     /// The data set: a folder with a COLMAP model or a transforms.json, in the axes of the scene
-    #[arg(short, long, value_name = "FOLDER")]
-    dataset: PathBuf,
+    #[arg(short, long, value_name = "FOLDER", required_unless_present_any = ["pictures", "paper"])]
+    dataset: Option<PathBuf>,
     #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
     truth: truth::TruthArgs,
+    #[command(flatten)]
+    realism: realism::RealismArgs,
     /// Write all numbers to this JSON file (docs/evaluate.md says what they are)
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     json: Option<PathBuf>,
@@ -43,6 +50,18 @@ pub struct EvaluateArgs {
     report_photos: u32,
     #[command(flatten)]
     run: RunArgs,
+}
+
+impl EvaluateArgs {
+    /// The scene that is compared.
+    fn scene(&self) -> &SceneArgs {
+        self.scene.as_ref().expect("required but for pictures, which are compared without")
+    }
+
+    /// What it is compared with.
+    fn dataset(&self) -> &Path {
+        self.dataset.as_deref().expect("required but for pictures, which are compared without")
+    }
 }
 
 /// Which photos, and how they are compared.
@@ -76,14 +95,14 @@ enum ExposureFit {
 /// Opens the photos that are compared.
 fn open(args: &EvaluateArgs) -> Result<Dataset> {
     let PhotoArgs { set, eval_every: every, eval_from: from, .. } = &args.photos;
-    let capture = set.capture(&args.dataset)?;
-    let photos = set.photos(&args.dataset, &capture, Check::default())?;
+    let capture = set.capture(args.dataset())?;
+    let photos = set.photos(args.dataset(), &capture, Check::default())?;
     let (held_out, others) = HeldOut { every: *every, from: *from }.split(&photos);
     let places = if *every == 0 { others } else { held_out };
     if places.is_empty() {
         bail!(
             "{}: --eval-every {every} from {from} takes none of {} photos; give smaller numbers",
-            args.dataset.display(),
+            args.dataset().display(),
             capture.views.len()
         );
     }
@@ -92,11 +111,20 @@ fn open(args: &EvaluateArgs) -> Result<Dataset> {
 
 /// Runs the command.
 pub fn run(args: &EvaluateArgs) -> Result<()> {
+    if args.realism.asked() {
+        let work = realism::Work {
+            json: args.json.as_deref(),
+            skip_bad: args.photos.set.skip_bad,
+            threads: args.run.threads,
+        };
+        return realism::run(&args.realism, &work);
+    }
+    args.realism.check_idle()?;
     for out in [&args.json, &args.report].into_iter().flatten() {
         check_writable(out)?;
     }
     let data = open(args)?;
-    let loaded = Loaded::new(&args.scene, &args.run, None)?;
+    let loaded = Loaded::new(args.scene(), &args.run, None)?;
     let truth = truth::Truth::open(&args.truth, &data, &loaded.survey)?;
     let pictures = if args.report.is_some() { args.report_photos as usize } else { 0 };
     let bar = progress::bar(data.places.len() as u64, "photos");
@@ -117,6 +145,6 @@ pub fn run(args: &EvaluateArgs) -> Result<()> {
 }
 
 /// What a scene or a data set is called in a report.
-fn name_of(path: &std::path::Path) -> String {
+fn name_of(path: &Path) -> String {
     path.file_name().map_or_else(|| stem_of(path), |name| name.to_string_lossy().into_owned())
 }

@@ -169,7 +169,7 @@ impl Report {
             ),
             every => format!("{count} of {all} photos, every {every} from {}", args.photos.eval_from % every),
         };
-        let (scene, dataset) = (name_of(&args.scene.scene), name_of(&args.dataset));
+        let (scene, dataset) = (name_of(&args.scene().scene), name_of(args.dataset()));
         Self { scene, dataset, selection, truth, views, floaters, args: args.clone() }
     }
 
@@ -235,8 +235,8 @@ impl Report {
         });
         let Truth { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
         json!({
-            "scene": self.args.scene.scene.display().to_string(),
-            "dataset": self.args.dataset.display().to_string(),
+            "scene": self.args.scene().scene.display().to_string(),
+            "dataset": self.args.dataset().display().to_string(),
             "selection": { "every": self.args.photos.eval_every, "from": self.args.photos.eval_from },
             "exposure_fit": self.args.photos.exposure_fit,
             "metres_per_unit": metres_per_unit,

@@ -102,13 +102,13 @@ pub fn measure(
         bar.inc(1);
     }
     if views.is_empty() {
-        bail!("{}: no photo is left to compare with; copy them again", args.dataset.display());
+        bail!("{}: no photo is left to compare with; copy them again", args.dataset().display());
     }
     if !is_seen {
         bail!(
             "{}: no splat of it is seen by any camera of {}; give the data set that it was made from",
-            args.scene.scene.display(),
-            args.dataset.display()
+            args.scene().scene.display(),
+            args.dataset().display()
         );
     }
     Ok((views, floaters.and_then(|floaters| floaters.share()), shown))

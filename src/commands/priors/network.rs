@@ -10,8 +10,8 @@ pub use with_networks::open;
 #[cfg(not(feature = "nets"))]
 pub use without_networks::open;
 
+use crate::weights::WeightsArgs;
 use clap::{Args, ValueEnum};
-use std::path::PathBuf;
 
 /// Which network, and where its weights are from.
 #[derive(Args, Clone, Debug)]
@@ -29,16 +29,8 @@ pub struct NetworkArgs {
         help_heading = "Network"
     )]
     version: VersionArg,
-    /// File of its weights (safetensors, or .pth of PyTorch), several if they lie in several; without it they are
-    /// downloaded once, after what they are is said
-    #[arg(long, value_name = "FILE", help_heading = "Network")]
-    weights: Vec<PathBuf>,
-    /// SHA-256 that the file of weights must have
-    #[arg(long, value_name = "SHA256", help_heading = "Network")]
-    checksum: Option<String>,
-    /// Download nothing: weights must be given, or there from an earlier time
-    #[arg(long, help_heading = "Network")]
-    offline: bool,
+    #[command(flatten)]
+    weights: WeightsArgs,
 }
 
 /// A network's size.
@@ -64,12 +56,6 @@ enum VersionArg {
 impl NetworkArgs {
     /// The first option that asks for a network.
     pub fn given(&self) -> Option<&'static str> {
-        let all = [
-            (!self.weights.is_empty(), "--weights"),
-            (self.network.is_some(), "--network"),
-            (self.checksum.is_some(), "--checksum"),
-            (self.offline, "--offline"),
-        ];
-        all.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+        self.weights.given().or(self.network.map(|_| "--network"))
     }
 }

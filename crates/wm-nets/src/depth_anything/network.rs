@@ -1,7 +1,8 @@
 //! From a normalised photo to disparity: DINOv2's blocks, four of whose outputs the head puts together (DPT).
 
-use super::ops::{Convolution, Enlarge, Image, Linear, Norm, Then, add_scaled, attention};
 use super::photo::PATCH;
+use crate::ops::{Convolution, Enlarge, Image, Linear, Norm, Then};
+use crate::transformer::{Block, Embedding};
 
 /// All weights.
 #[derive(Debug)]
@@ -13,31 +14,12 @@ pub struct Network {
 /// The vision transformer.
 #[derive(Debug)]
 pub struct Backbone {
-    /// From a patch's pixels, row by row.
-    pub patches: Linear,
-    /// What stands before the patches, `[channels]`.
-    pub class: Vec<f32>,
-    /// What is added to it.
-    pub class_position: Vec<f32>,
-    /// What is added to each patch of a square photo.
-    pub positions: Image,
+    pub embedding: Embedding,
     pub blocks: Vec<Block>,
     pub norm: Norm,
     pub heads: usize,
     /// After how many blocks the head takes the features.
     pub taps: [usize; 4],
-}
-
-/// A block: attention, then a perceptron a patch, each added with a scale a channel.
-#[derive(Debug)]
-pub struct Block {
-    pub norms: [Norm; 2],
-    /// Queries, keys, values.
-    pub attend: Linear,
-    pub project: Linear,
-    pub widen: Linear,
-    pub narrow: Linear,
-    pub scales: [Vec<f32>; 2],
 }
 
 /// What makes disparity of features.
@@ -80,8 +62,8 @@ impl Network {
 impl Backbone {
     /// Of each tap the features of the patches.
     fn features(&self, photo: &Image, columns: usize, rows: usize) -> [Image; 4] {
-        let mut x = self.embedded(photo, columns, rows);
-        let channels = self.class.len();
+        let mut x = self.embedding.apply(photo);
+        let channels = self.embedding.class.len();
         let mut features = Vec::new();
         for (index, block) in self.blocks.iter().enumerate() {
             block.apply(&mut x, self.heads);
@@ -92,41 +74,6 @@ impl Backbone {
             }
         }
         features.try_into().expect("four taps, each within the blocks")
-    }
-
-    /// What the first block takes: the class, then the patches, row by row.
-    fn embedded(&self, photo: &Image, columns: usize, rows: usize) -> Vec<f32> {
-        let line = PATCH * photo.channels;
-        let mut pixels = Vec::with_capacity(photo.values.len());
-        for row in 0..rows {
-            for column in 0..columns {
-                for y in row * PATCH..(row + 1) * PATCH {
-                    let start = (y * columns + column) * line;
-                    pixels.extend_from_slice(&photo.values[start..start + line]);
-                }
-            }
-        }
-        let patches = Image {
-            values: self.patches.apply(pixels, Then::Nothing),
-            width: columns,
-            height: rows,
-            channels: self.class.len(),
-        };
-        let mut positions = self.positions.bicubic(columns, rows);
-        positions.add(&patches);
-        let class = self.class.iter().zip(&self.class_position).map(|(value, position)| value + position);
-        class.chain(positions.values).collect()
-    }
-}
-
-impl Block {
-    fn apply(&self, x: &mut [f32], heads: usize) {
-        let channels = self.scales[0].len();
-        let attended = self.attend.apply(self.norms[0].apply(x), Then::Nothing);
-        let attended = self.project.apply(attention(attended, channels, heads), Then::Nothing);
-        add_scaled(x, &self.scales[0], &attended);
-        let wide = self.widen.apply(self.norms[1].apply(x), Then::Gelu);
-        add_scaled(x, &self.scales[1], &self.narrow.apply(wide, Then::Nothing));
     }
 }
 

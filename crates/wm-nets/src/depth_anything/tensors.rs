@@ -1,9 +1,10 @@
 //! The published files: their networks' sizes, the names of their tensors, and what is made of them.
 
-use super::network::{Backbone, Block, Fusion, Head, Network, Residual};
-use super::ops::{Convolution, Enlarge, Image, Linear, Norm, numbers};
+use super::network::{Backbone, Fusion, Head, Network, Residual};
 use super::photo::PATCH;
 use super::{Size, Version};
+use crate::ops::{Convolution, Enlarge, Image, Linear, Norm, Then, numbers};
+use crate::transformer::{Block, BlockKind, Embedding};
 use crate::weights::{Weights, WeightsError};
 use serde_json::Value;
 use std::fs::File;
@@ -14,6 +15,9 @@ use std::path::Path;
 pub const ADVICE: &str = "give model.safetensors of depth-anything/Depth-Anything-V2-{Small,Base,Large}-hf \
                           or LiheYoung/depth-anything-{small,base,large}-hf on Hugging Face, or a .pth of the \
                           same networks";
+
+/// Of the norms of DINOv2.
+const EPSILON: f64 = 1e-6;
 
 /// Numbers of channels and blocks.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -271,64 +275,45 @@ impl Reader<'_> {
         let Architecture { channels, grid, heads, .. } = *self.architecture;
         let weight = self.exact(&self.architecture.naming.patches("weight"), &[channels, 3, PATCH, PATCH])?;
         let bias = self.exact(&self.architecture.naming.patches("bias"), &[channels])?;
-        // The photo's pixels have their channels together.
-        let square = PATCH * PATCH;
-        let mut sorted = Vec::with_capacity(weight.len());
-        for filter in weight.chunks_exact(3 * square) {
-            sorted.extend((0..3 * square).map(|place| filter[place % 3 * square + place / 3]));
-        }
         let class = self.tensor("backbone.embeddings.cls_token", &[1, 1, channels])?;
         let name = "backbone.embeddings.position_embeddings";
         let mut class_position = self.tensor(name, &[1, 1 + grid * grid, channels])?;
         let positions = class_position.split_off(channels);
         let blocks = (0..self.architecture.blocks).map(|index| self.block(index)).collect::<Read<_>>()?;
-        let norm = Norm {
-            scale: self.tensor("backbone.layernorm.weight", &[channels])?,
-            shift: self.tensor("backbone.layernorm.bias", &[channels])?,
-        };
-        Ok(Backbone {
-            patches: Linear::new(sorted, Some(bias), 3 * square),
+        let norm =
+            Norm::read("backbone.layernorm", channels, EPSILON, &mut |name, shape| self.tensor(name, shape))?;
+        let embedding = Embedding {
+            patches: Linear::new(Embedding::filters(&weight, PATCH), Some(bias), 3 * PATCH * PATCH),
+            side: PATCH,
             class,
             class_position,
             positions: Image { values: positions, width: grid, height: grid, channels },
-            blocks,
-            norm,
-            heads,
-            taps: self.architecture.taps(version),
-        })
+        };
+        Ok(Backbone { embedding, blocks, norm, heads, taps: self.architecture.taps(version) })
     }
 
     fn block(&mut self, index: usize) -> Read<Block> {
         let (channels, naming) = (self.architecture.channels, self.architecture.naming);
-        let mut tensor = |what: &str, shape: &[usize]| self.exact(&naming.block(index, what), shape);
-        let mut norm = |which: usize| {
-            let scale = tensor(&format!("norm{which}.weight"), &[channels])?;
-            Ok(Norm { scale, shift: tensor(&format!("norm{which}.bias"), &[channels])? })
-        };
-        let norms = [norm(1)?, norm(2)?];
-        let mut linear = |what: &str, to: usize, from: usize| {
-            let weight = tensor(&format!("{what}.weight"), &[to, from])?;
-            Ok(Linear::new(weight, Some(tensor(&format!("{what}.bias"), &[to])?), from))
-        };
-        let project = linear("attention.output.dense", channels, channels)?;
-        // The perceptron is four times as wide in all of DINOv2's networks.
-        let widen = linear("mlp.fc1", 4 * channels, channels)?;
-        let narrow = linear("mlp.fc2", channels, 4 * channels)?;
-        let attend = match naming {
-            Naming::Original => linear("attn.qkv", 3 * channels, channels)?,
+        let attend: &[&str] = match naming {
+            Naming::Original => &["attn.qkv"],
             Naming::Transformers => {
-                let (mut weight, mut bias) = (Vec::new(), Vec::new());
-                for part in ["query", "key", "value"] {
-                    let name = format!("attention.attention.{part}");
-                    weight.extend(tensor(&format!("{name}.weight"), &[channels, channels])?);
-                    bias.extend(tensor(&format!("{name}.bias"), &[channels])?);
-                }
-                Linear::new(weight, Some(bias), channels)
+                &["attention.attention.query", "attention.attention.key", "attention.attention.value"]
             }
         };
-        let scales =
-            [tensor("layer_scale1.lambda1", &[channels])?, tensor("layer_scale2.lambda1", &[channels])?];
-        Ok(Block { norms, attend, project, widen, narrow, scales })
+        let kind = BlockKind {
+            norms: ["norm1", "norm2"],
+            attend,
+            project: "attention.output.dense",
+            widen: "mlp.fc1",
+            narrow: "mlp.fc2",
+            scales: Some(["layer_scale1.lambda1", "layer_scale2.lambda1"]),
+            channels,
+            // In all of DINOv2's networks.
+            wide: 4 * channels,
+            epsilon: EPSILON,
+            activation: Then::Gelu,
+        };
+        Block::read(&kind, &mut |what, shape| self.exact(&naming.block(index, what), shape))
     }
 
     fn head(&mut self) -> Read<Head> {

@@ -1,7 +1,6 @@
 use super::*;
-use crate::testing::{Files, Named, noise, pth, safetensors, with_header};
-use ::safetensors::SafeTensors;
-use std::fs::{self, File};
+use crate::testing::{self, Files, Named, gap, noise, pth, safetensors, said, with_header};
+use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
@@ -14,25 +13,14 @@ fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/depth_anything").join(name)
 }
 
-/// An array of f32 and its shape.
 fn npy(name: &str) -> (Vec<usize>, Vec<f32>) {
-    let bytes = fs::read(fixture(name)).unwrap();
-    let end = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
-    let header = String::from_utf8_lossy(&bytes[10..end]).into_owned();
-    assert!(header.contains("'<f4'") && header.contains("'fortran_order': False"), "{header}");
-    let sides = header.split(['(', ')']).nth(1).unwrap().split(',');
-    let shape = sides.filter_map(|side| side.trim().parse().ok()).collect();
-    (shape, bytes[end..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect())
+    testing::npy(&fixture(name))
 }
 
 /// A photo, 0-1, and its width.
 fn photo(name: &str) -> (Vec<f32>, usize) {
-    let file = std::io::BufReader::new(File::open(fixture(&format!("{name}.png"))).unwrap());
-    let mut reader = png::Decoder::new(file).read_info().unwrap();
-    let mut levels = vec![0; reader.output_buffer_size().unwrap()];
-    let info = reader.next_frame(&mut levels).unwrap();
-    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgb, png::BitDepth::Eight));
-    (levels.iter().map(|level| f32::from(*level) / 255.0).collect(), info.width as usize)
+    let (levels, width) = testing::picture(&fixture(&format!("{name}.png")));
+    (levels.iter().map(|level| f32::from(*level) / 255.0).collect(), width)
 }
 
 static NETWORKS: LazyLock<[DepthAnything; 2]> = LazyLock::new(|| {
@@ -40,17 +28,8 @@ static NETWORKS: LazyLock<[DepthAnything; 2]> = LazyLock::new(|| {
     VERSIONS.map(|(version, name)| DepthAnything::read(&[file(name)], version).unwrap())
 });
 
-/// The tensors of the V2 fixture.
 fn tensors_of_v2() -> Vec<Named> {
-    let bytes = fs::read(fixture("v2/model.safetensors")).unwrap();
-    let number = |b: &[u8]| f32::from_le_bytes(b.try_into().unwrap());
-    let tensors = SafeTensors::deserialize(&bytes).unwrap().tensors();
-    let named = tensors
-        .into_iter()
-        .map(|(name, view)| (name, view.shape().to_vec(), view.data().chunks_exact(4).map(number).collect()));
-    let mut named: Vec<Named> = named.collect();
-    named.sort_by(|a, b| a.0.cmp(&b.0));
-    named
+    testing::tensors(&fixture("v2/model.safetensors"))
 }
 
 /// A folder with the V2 fixture's config.json.
@@ -58,20 +37,6 @@ fn folder() -> Files {
     let files = Files::new();
     files.put("config.json", fs::read(fixture("v2/config.json")).unwrap());
     files
-}
-
-fn said<T>(result: Result<T, WeightsError>) -> String {
-    let line = result.err().expect("refused").to_string();
-    assert!(!line.contains('\n'), "{line}");
-    line
-}
-
-/// The largest difference and the range of what is expected.
-fn gap(found: &[f32], expected: &[f32]) -> (f32, f32) {
-    assert_eq!(found.len(), expected.len());
-    let largest = found.iter().zip(expected).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
-    let range = |f: fn(f32, f32) -> f32| expected.iter().copied().reduce(f).unwrap();
-    (largest, range(f32::max) - range(f32::min))
 }
 
 /// Levels are exact; what follows are a product, a difference and a quotient in f32.

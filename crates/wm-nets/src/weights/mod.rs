@@ -6,11 +6,14 @@
 
 #[cfg(feature = "fetch")]
 pub mod fetch;
+mod licence;
 mod pth;
 mod safetensors;
 #[cfg(test)]
 mod tests;
 mod zip;
+
+pub use licence::Licence;
 
 use candle_core::{DType, Device, Tensor};
 use std::collections::HashMap;

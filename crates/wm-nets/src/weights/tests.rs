@@ -1,5 +1,5 @@
 use super::*;
-use crate::testing::{Files, Named, pth, safetensors, with_header, zip};
+use crate::testing::{Files, Named, pth, safetensors, said, with_header, zip};
 
 fn two() -> Vec<Named> {
     vec![
@@ -18,12 +18,6 @@ fn both(path: &Path) -> Result<Vec<f32>, WeightsError> {
     let (a, b) = (weights.tensor("a", &[2, 3])?, weights.tensor("b.weight", &[2])?);
     let values = |tensor: &Tensor| tensor.flatten_all().unwrap().to_vec1::<f32>().unwrap();
     Ok([values(&a), values(&b)].concat())
-}
-
-fn said<T>(result: Result<T, WeightsError>) -> String {
-    let line = result.err().expect("refused").to_string();
-    assert!(!line.contains('\n'), "{line}");
-    line
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod tests;
 
 pub use progress::Progress;
 
+use crate::photos::photos_in;
 use rayon::prelude::*;
 use std::{
     fs::{self, File, OpenOptions},
@@ -24,6 +25,7 @@ use std::{
     time::Duration,
 };
 use thiserror::Error;
+use wm_scene::FormatError;
 use wm_scene::capture::header::read_header;
 
 /// How COLMAP is used.
@@ -116,6 +118,9 @@ pub enum ColmapError {
         /// What there is.
         found: String,
     },
+    /// The folder, or one in it, cannot be read.
+    #[error(transparent)]
+    Folder(#[from] FormatError),
     /// Something lies where the run would write.
     #[error("{}: it is there already and no run of COLMAP; choose another folder", .0.display())]
     Occupied(PathBuf),
@@ -204,7 +209,7 @@ pub fn reconstruct(
     is_stopped: &dyn Fn() -> bool,
 ) -> Result<Reconstruction, ColmapError> {
     // First, since nobody should install a program for an empty folder.
-    let files = photos_in(photos)?;
+    let files = enough_photos_in(photos)?;
     let program = options.program.clone().or_else(find).ok_or(ColmapError::NotInstalled)?;
     let photos = absolute(photos)?;
     let folder = absolute(run)?;
@@ -372,28 +377,9 @@ fn line_of(command: &Command) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-/// Photos in a folder and those below it, as COLMAP will find them.
-fn photos_in(folder: &Path) -> Result<Vec<PathBuf>, ColmapError> {
-    /// Deeper folders are no photo collection, but may be a link to themselves.
-    const DEEPEST: usize = 16;
-    let (mut found, mut others) = (Vec::new(), 0usize);
-    let mut open = vec![(folder.to_path_buf(), 0)];
-    while let Some((place, depth)) = open.pop() {
-        for entry in fs::read_dir(&place).map_err(|e| file_error(&place, e))? {
-            let path = entry.map_err(|e| file_error(&place, e))?.path();
-            let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-            if path.is_dir() {
-                if depth < DEEPEST {
-                    open.push((path, depth + 1));
-                }
-            } else if matches!(extension.as_str(), "jpg" | "jpeg" | "png") {
-                found.push(path);
-            } else {
-                others += 1;
-            }
-        }
-    }
-    found.sort();
+/// Photos in a folder and those below it, as COLMAP will find them: three or more.
+fn enough_photos_in(folder: &Path) -> Result<Vec<PathBuf>, ColmapError> {
+    let (found, others) = photos_in(folder)?;
     if found.len() >= 3 {
         return Ok(found);
     }

@@ -1,6 +1,7 @@
-//! How near a picture is to a photo, and a scene to the place, one metric a file.
+//! How near a picture is to a photo, a scene to the place, and the look of many pictures to that of others, one metric a file.
 
 mod affine;
+mod cmmd;
 pub mod coverage;
 mod depth;
 mod floaters;
@@ -9,6 +10,7 @@ mod psnr;
 
 pub use crate::ssim::Ssim;
 pub use affine::fit_exposure;
+pub use cmmd::{Cmmd, Collection, EmbeddingError, EmbeddingFault, Embeddings};
 pub use coverage::{SurfaceLost, sky_covered, surface_lost};
 pub use depth::{DELTA, DepthErrors, depth_errors};
 pub use floaters::{FAINTEST, FloaterShare, Floaters};

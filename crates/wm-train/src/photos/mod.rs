@@ -22,6 +22,7 @@
 pub(crate) mod cache;
 mod decode;
 mod error;
+mod folder;
 mod picture;
 mod resize;
 #[cfg(test)]
@@ -29,6 +30,7 @@ mod tests;
 mod undistort;
 
 pub use error::{Fault, PhotoError, PhotoErrors};
+pub use folder::photos_in;
 pub use picture::{Photo, read_picture};
 
 use crate::maps::{Filter, Map, MapFault};

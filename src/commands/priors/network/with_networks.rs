@@ -2,14 +2,12 @@
 
 use super::super::PriorsArgs;
 use super::super::work::{Answer, Source};
-use super::{NetworkArgs, SizeArg, VersionArg};
+use super::{SizeArg, VersionArg};
 use crate::dataset::Dataset;
-use crate::progress;
+use crate::weights::Published;
 use anyhow::{Result, bail};
-use std::path::PathBuf;
 use wm_nets::DepthAnything;
-use wm_nets::depth_anything::{Licence, PhotoError, Size, Version};
-use wm_nets::weights::fetch::{self, Checksum};
+use wm_nets::depth_anything::{PhotoError, Size, Version};
 use wm_train::maps::{Filter, Map};
 use wm_train::priors::files::shrunk;
 use wm_train::priors::fit::Freedom;
@@ -30,19 +28,13 @@ pub fn open(args: &PriorsArgs) -> Result<Box<dyn Source>> {
         VersionArg::V1 => Version::V1,
         VersionArg::V2 => Version::V2,
     };
-    let checksum: Option<Checksum> = given
-        .checksum
-        .as_deref()
-        .map(str::parse)
-        .transpose()
-        .map_err(|error| anyhow::anyhow!("--checksum: {error}"))?;
-    let files = match given.weights.is_empty() {
-        true => vec![fetched(given, version, checksum)?],
-        false => {
-            check(given, checksum)?;
-            given.weights.clone()
-        }
-    };
+    let size = given.network.map_or(Size::Small, size_of);
+    let files = given.weights.files(Published {
+        name: format!("Depth Anything {version:?} {}", word(size)),
+        bytes: bytes(size),
+        licence: DepthAnything::licence(size, version),
+        source: DepthAnything::source(size, version),
+    })?;
     let network = DepthAnything::read(&files, version)?;
     let found = network.size();
     if let Some(wanted) = given.network.map(size_of)
@@ -51,7 +43,7 @@ pub fn open(args: &PriorsArgs) -> Result<Box<dyn Source>> {
         let found = found.map_or("of no published size", word);
         let file = files[0].display();
         bail!(
-            "{file}: the network is {found}, not {}; leave out --model, or give other weights",
+            "{file}: the network is {found}, not {}; leave out --network, or give other weights",
             word(wanted)
         );
     }
@@ -84,66 +76,6 @@ const fn bytes(size: Size) -> u64 {
         Size::Base => 390_000_000,
         Size::Large => 1_341_000_000,
     }
-}
-
-/// Compares the one file of weights with its checksum.
-fn check(given: &NetworkArgs, checksum: Option<Checksum>) -> Result<()> {
-    let Some(expected) = checksum else { return Ok(()) };
-    let [file] = &given.weights[..] else {
-        bail!("--checksum is that of one file, and --weights names {}; leave it out", given.weights.len());
-    };
-    let found = fetch::checksum_of(file)
-        .map_err(|error| anyhow::anyhow!("{}: cannot be read: {error}", file.display()))?;
-    if found != expected {
-        bail!("{}: has SHA-256 {found}, not {expected}; get it again, or correct --checksum", file.display());
-    }
-    Ok(())
-}
-
-/// The file of published weights, from the cache or the network.
-fn fetched(given: &NetworkArgs, version: Version, checksum: Option<Checksum>) -> Result<PathBuf> {
-    let size = given.network.map_or(Size::Small, size_of);
-    let mut source = DepthAnything::source(size, version);
-    source.checksum = checksum;
-    let Some(folder) = fetch::cache_folder() else {
-        bail!(
-            "there is no folder for weights, since no home is known; give --weights FILE, or set XDG_CACHE_HOME"
-        );
-    };
-    let file = folder.join(&source.file_name);
-    let is_there = file.is_file();
-    if !is_there && given.offline {
-        bail!(
-            "{}: is not there, and --offline forbids to download it; get {} in another way and give it with --weights",
-            file.display(),
-            source.url
-        );
-    }
-    if !is_there {
-        let licence = DepthAnything::licence(size, version);
-        let megabytes = bytes(size) as f64 * 1e-6;
-        eprintln!(
-            "weights: Depth Anything {version:?} {}, about {megabytes:.0} MB, {}",
-            word(size),
-            source.url
-        );
-        eprintln!("licence of the weights: {licence}");
-        if licence == Licence::CcByNc4 {
-            eprintln!(
-                "licence of the weights: commercial use is forbidden, of what is made with them too perhaps"
-            );
-        }
-        eprintln!("weights: they go to {}; Ctrl-C stops it", file.display());
-    }
-    let bar = progress::bar(bytes(size), "bytes");
-    let found = fetch::fetch(&source, &folder, &mut |progress| {
-        if let Some(total) = progress.total {
-            bar.set_length(total);
-        }
-        bar.set_position(progress.done);
-    });
-    bar.finish_and_clear();
-    Ok(found?)
 }
 
 impl Source for Network {

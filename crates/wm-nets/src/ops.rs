@@ -1,4 +1,4 @@
-//! What the network is made of, over numbers `[pixels, channels]`: one pixel's channels lie together.
+//! What networks are made of, over numbers `[pixels, channels]`: one pixel's channels lie together.
 //!
 //! Everything with many products is one of candle's matrix products. A convolution is one over the neighbours of
 //! each pixel, for a bounded number of pixels at a time. All sums are in an order of their own, whoever adds
@@ -35,12 +35,14 @@ pub struct Linear {
 }
 
 /// What follows a product.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Then {
     Nothing,
     Relu,
     /// `x / 2 (1 + erf(x / sqrt 2))`
     Gelu,
+    /// `x / (1 + exp(-1.702 x))`
+    QuickGelu,
 }
 
 /// A tensor's numbers, which are f32 on the CPU in all of this crate.
@@ -87,6 +89,7 @@ impl Linear {
                 Then::Nothing => {}
                 Then::Relu => row.iter_mut().for_each(|value| *value = relu(*value)),
                 Then::Gelu => row.iter_mut().for_each(|value| *value = gelu(*value)),
+                Then::QuickGelu => row.iter_mut().for_each(|value| *value = quick_gelu(*value)),
             }
         })
     }
@@ -110,6 +113,10 @@ fn relu(x: f32) -> f32 {
 
 fn gelu(x: f32) -> f32 {
     0.5 * x * (1.0 + candle_core::cpu::erf::erf_f32(x * std::f32::consts::FRAC_1_SQRT_2))
+}
+
+fn quick_gelu(x: f32) -> f32 {
+    x / (1.0 + (-1.702 * x).exp())
 }
 
 /// A convolution of 3x3 px with one pixel of zeros around the image.
@@ -294,12 +301,11 @@ fn cubic_taps(at: usize, from: usize, to: usize) -> [Tap; 4] {
 pub struct Norm {
     pub scale: Vec<f32>,
     pub shift: Vec<f32>,
+    /// Keeps rows that are all alike from dividing by 0.
+    pub epsilon: f64,
 }
 
 impl Norm {
-    /// Keeps rows that are all alike from dividing by 0, as DINOv2 has it.
-    const EPSILON: f64 = 1e-6;
-
     /// `[rows, channels]`, each row with mean 0 and variance 1 before scale and shift.
     pub fn apply(&self, x: &[f32]) -> Vec<f32> {
         let channels = self.scale.len();
@@ -308,7 +314,7 @@ impl Norm {
             for row in rows.chunks_exact_mut(channels) {
                 let mean = row.iter().map(|v| f64::from(*v)).sum::<f64>() / channels as f64;
                 let squares = row.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>();
-                let inverse = 1.0 / (squares / channels as f64 + Self::EPSILON).sqrt();
+                let inverse = 1.0 / (squares / channels as f64 + self.epsilon).sqrt();
                 let scaled = self.scale.iter().zip(&self.shift);
                 for (value, (scale, shift)) in row.iter_mut().zip(scaled) {
                     *value = ((f64::from(*value) - mean) * inverse) as f32 * scale + shift;

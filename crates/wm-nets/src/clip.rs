@@ -1,0 +1,263 @@
+//! CLIP's image embeddings: what a picture shows, as a vector of length 1 (Radford et al. 2021, "Learning transferable
+//! visual models from natural language supervision"). CMMD compares pictures by those of ViT-L/14 at 336 px.
+//!
+//! The square in the middle of a picture is resized in 8 bit to the network's size as Pillow does it, its channels
+//! normalised, cut into patches and embedded; a class stands before the patches. After a norm and the blocks, what has
+//! become of the class goes through another norm and a projection, and is divided by its length.
+//!
+//! That is how the published CMMD prepares pictures (`io_util.py` and `embedding.py` of google-research/cmmd; its
+//! `jax.image.resize` has nothing left to do), and numbers are those of CLIP in Hugging Face's transformers, up to f32's
+//! rounding.
+
+#[cfg(test)]
+mod tests;
+
+use crate::ops::{Image, Linear, Norm, Then, numbers};
+use crate::pillow;
+use crate::transformer::{Block, BlockKind, Embedding};
+use crate::weights::{Licence, Weights, WeightsError};
+use rayon::prelude::*;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Mean and deviation of the pictures that CLIP learnt from, red, green, blue.
+const MEAN: [f32; 3] = [0.481_454_66, 0.457_827_5, 0.408_210_73];
+const DEVIATION: [f32; 3] = [0.268_629_54, 0.261_302_6, 0.275_777_1];
+/// Channels of an attention head in all of OpenAI's networks.
+const HEAD: usize = 64;
+/// Of the norms.
+const EPSILON: f64 = 1e-5;
+/// Most blocks, channels and pixels of a side that are taken; the largest published ones have 24, 1024 and 336.
+const MOST_BLOCKS: usize = 64;
+const MOST_CHANNELS: usize = 1 << 13;
+const LONGEST_SIDE: usize = 1 << 11;
+/// What is said where a file is of another network.
+const ADVICE: &str = "give the weights of openai/clip-vit-large-patch14-336 on Hugging Face, pytorch_model.bin or \
+                      converted to safetensors";
+
+/// The network's numbers overflow.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[error("CLIP's numbers overflow; its weights are not those of CLIP, so get them again")]
+pub struct NotFinite;
+
+/// Numbers of channels, blocks and patches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Architecture {
+    /// Channels of a patch.
+    channels: usize,
+    /// Channels in a block's perceptron.
+    wide: usize,
+    blocks: usize,
+    /// Side of a patch, px.
+    patch: usize,
+    /// Patches along a side of a picture.
+    grid: usize,
+    /// Numbers of an embedding.
+    width: usize,
+}
+
+impl Architecture {
+    /// ViT-L/14 at 336 px.
+    const PUBLISHED: Self = Self { channels: 1024, wide: 4096, blocks: 24, patch: 14, grid: 24, width: 768 };
+
+    /// Finds out from tensors' shapes.
+    fn of(weights: &Weights) -> Result<Self, WeightsError> {
+        let filters = weights.shape("vision_model.embeddings.patch_embedding.weight");
+        let Some([channels, 3, patch, other]) = filters else {
+            let found = if filters.is_some() {
+                "patches of another kind than CLIP's"
+            } else {
+                "no tensors of CLIP's"
+            };
+            return Err(weights.refuse(format!("{found} vision_model")));
+        };
+        let (channels, patch) = (*channels, *patch);
+        let length = |name: &str| {
+            let shape = weights.shape(name).ok_or_else(|| weights.refuse(format!("no tensor {name}")))?;
+            // An empty tensor may claim any side.
+            let length = shape.first().filter(|length| (1..=1 << 20).contains(*length)).copied();
+            length.ok_or_else(|| weights.refuse(format!("tensor {name} has shape {shape:?}")))
+        };
+        let positions = length("vision_model.embeddings.position_embedding.weight")?;
+        let grid = (positions - 1).isqrt();
+        let is_there = |block: &usize| weights.shape(&of_block(*block, "layer_norm1.weight")).is_some();
+        // One that is missing between others is named when it is read.
+        let blocks = (0..MOST_BLOCKS).rev().find(is_there).map_or(0, |last| last + 1);
+        let is_known = channels % HEAD == 0
+            && (HEAD..=MOST_CHANNELS).contains(&channels)
+            && patch == *other
+            && (1..=LONGEST_SIDE).contains(&patch)
+            && (1..=LONGEST_SIDE / patch).contains(&grid)
+            && positions == 1 + grid * grid
+            && blocks > 0;
+        if !is_known {
+            return Err(weights.refuse(format!(
+                "a network of {channels} channels, {blocks} blocks, {positions} positions and patches of {patch}x{other} \
+                 px, where CLIP ViT-L/14 at 336 px has 1024, 24, 577 and 14x14"
+            )));
+        }
+        let wide = length(&of_block(0, "mlp.fc1.weight"))?;
+        Ok(Self { channels, wide, blocks, patch, grid, width: length("visual_projection.weight")? })
+    }
+}
+
+/// The name of a tensor of a block.
+fn of_block(index: usize, what: &str) -> String {
+    format!("vision_model.encoder.layers.{index}.{what}")
+}
+
+/// The network with its weights.
+#[derive(Debug)]
+pub struct Clip {
+    architecture: Architecture,
+    embedding: Embedding,
+    before: Norm,
+    blocks: Vec<Block>,
+    after: Norm,
+    project: Linear,
+    identity: u64,
+}
+
+impl Clip {
+    /// Reads published weights, safetensors or PyTorch's, from one file or several, with the names of Hugging Face's
+    /// transformers (`vision_model.*`, `visual_projection.weight`); the text's part may be there or not. Sizes are those of
+    /// the tensors, heads of attention have 64 channels.
+    ///
+    /// # Errors
+    /// [`WeightsError`] if a file is no such file or damaged, a tensor is missing, of another shape or not finite, or the
+    /// network is another one.
+    pub fn read(files: &[PathBuf]) -> Result<Self, WeightsError> {
+        let mut weights = Weights::open(files, ADVICE)?;
+        let architecture = Architecture::of(&weights)?;
+        let Architecture { channels, wide, blocks, patch, grid, width } = architecture;
+        let mut tensor = |name: &str, shape: &[usize]| Ok(numbers(&weights.tensor(name, shape)?));
+        let filters = tensor("vision_model.embeddings.patch_embedding.weight", &[channels, 3, patch, patch])?;
+        let class = tensor("vision_model.embeddings.class_embedding", &[channels])?;
+        let name = "vision_model.embeddings.position_embedding.weight";
+        let mut class_position = tensor(name, &[1 + grid * grid, channels])?;
+        let positions = class_position.split_off(channels);
+        let before = Norm::read("vision_model.pre_layrnorm", channels, EPSILON, &mut tensor)?;
+        let kind = BlockKind {
+            norms: ["layer_norm1", "layer_norm2"],
+            attend: &["self_attn.q_proj", "self_attn.k_proj", "self_attn.v_proj"],
+            project: "self_attn.out_proj",
+            widen: "mlp.fc1",
+            narrow: "mlp.fc2",
+            scales: None,
+            channels,
+            wide,
+            epsilon: EPSILON,
+            activation: Then::QuickGelu,
+        };
+        let block = |index| Block::read(&kind, &mut |what, shape| tensor(&of_block(index, what), shape));
+        let blocks = (0..blocks).map(block).collect::<Result<_, _>>()?;
+        let after = Norm::read("vision_model.post_layernorm", channels, EPSILON, &mut tensor)?;
+        let projection = tensor("visual_projection.weight", &[width, channels])?;
+        Ok(Self {
+            architecture,
+            before,
+            blocks,
+            after,
+            identity: identity([&class, &class_position, &positions, &projection]),
+            embedding: Embedding {
+                patches: Linear::new(Embedding::filters(&filters, patch), None, 3 * patch * patch),
+                side: patch,
+                class,
+                class_position,
+                positions: Image { values: positions, width: grid, height: grid, channels },
+            },
+            project: Linear::new(projection, None, channels),
+        })
+    }
+
+    /// Numbers of an embedding: 768 of the published network.
+    #[must_use]
+    pub const fn width(&self) -> usize {
+        self.architecture.width
+    }
+
+    /// Whether it has the sizes of ViT-L/14 at 336 px, which CMMD is defined by.
+    #[must_use]
+    pub fn is_published(&self) -> bool {
+        self.architecture == Architecture::PUBLISHED
+    }
+
+    /// A number that tells its weights from others.
+    #[must_use]
+    pub const fn identity(&self) -> u64 {
+        self.identity
+    }
+
+    /// What a picture shows, `[H, W, 3]`, display-referred, 8 bit, as a vector of length 1.
+    ///
+    /// Runs on the threads of the current rayon pool; their number does not change the result.
+    ///
+    /// # Errors
+    /// [`NotFinite`] if its numbers overflow.
+    ///
+    /// # Panics
+    /// If the picture is empty or no whole rows of `width`.
+    pub fn embed(&self, rgb: &[u8], width: usize) -> Result<Vec<f32>, NotFinite> {
+        let Architecture { channels, patch, grid, .. } = self.architecture;
+        let levels = square(rgb, width, patch * grid);
+        let mut x = self.before.apply(&self.embedding.apply(&normalized(&levels, patch * grid)));
+        for block in &self.blocks {
+            block.apply(&mut x, channels / HEAD);
+        }
+        let mut embedding = self.project.apply(self.after.apply(&x[..channels]), Then::Nothing);
+        let length = embedding.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
+        embedding.iter_mut().for_each(|value| *value = (f64::from(*value) / length) as f32);
+        if embedding.iter().all(|value| value.is_finite()) { Ok(embedding) } else { Err(NotFinite) }
+    }
+
+    /// Under what the published weights may be used: LICENSE of <https://github.com/openai/CLIP>. Its model card asks not
+    /// to deploy them.
+    #[must_use]
+    pub const fn licence() -> Licence {
+        Licence::Mit
+    }
+
+    /// Bytes of the published file, about: the text's part is in it too.
+    pub const BYTES: u64 = 1_712_000_000;
+
+    /// What [`fetch`](crate::weights::fetch::fetch) takes to get the published weights. Their checksum is not known here.
+    #[cfg(feature = "fetch")]
+    #[must_use]
+    pub fn source() -> crate::weights::fetch::Source {
+        crate::weights::fetch::Source {
+            url: "https://huggingface.co/openai/clip-vit-large-patch14-336/resolve/main/pytorch_model.bin"
+                .into(),
+            file_name: "clip-vit-large-patch14-336.bin".into(),
+            checksum: None,
+        }
+    }
+}
+
+/// The square in the middle of a picture, `[side, side, 3]`.
+fn square(rgb: &[u8], width: usize, side: usize) -> Vec<u8> {
+    let height = if width == 0 { 0 } else { rgb.len() / (3 * width) };
+    assert!(height > 0 && rgb.len() == 3 * width * height, "whole rows of pixels");
+    let length = width.min(height);
+    let (left, top) = ((width - length) / 2, (height - length) / 2);
+    let row = |y: usize| &rgb[3 * (y * width + left)..3 * (y * width + left + length)];
+    pillow::resized((top..top + length).flat_map(row).copied().collect(), (length, length), (side, side))
+}
+
+fn normalized(levels: &[u8], side: usize) -> Image {
+    let tables: [[f32; 256]; 3] = std::array::from_fn(|lane| {
+        std::array::from_fn(|level| (level as f32 / 255.0 - MEAN[lane]) / DEVIATION[lane])
+    });
+    let value = |(index, level): (usize, &u8)| tables[index % 3][usize::from(*level)];
+    Image {
+        values: levels.par_iter().enumerate().map(value).collect(),
+        width: side,
+        height: side,
+        channels: 3,
+    }
+}
+
+/// FNV-1a of numbers' bits.
+fn identity<const N: usize>(tensors: [&Vec<f32>; N]) -> u64 {
+    let step = |hash: u64, value: &f32| (hash ^ u64::from(value.to_bits())).wrapping_mul(0x0100_0000_01b3);
+    tensors.into_iter().flatten().fold(0xcbf2_9ce4_8422_2325, step)
+}

@@ -1,0 +1,153 @@
+//! Vision transformers: patches of a picture with a class before them, and blocks that each network has its own number
+//! of.
+
+use crate::ops::{Image, Linear, Norm, Then, add_scaled, attention};
+use crate::weights::WeightsError;
+
+/// Reads a tensor by its name and shape.
+pub type Tensors<'a> = dyn FnMut(&str, &[usize]) -> Result<Vec<f32>, WeightsError> + 'a;
+
+/// What comes before the blocks.
+#[derive(Debug)]
+pub struct Embedding {
+    /// From a patch's pixels, row by row.
+    pub patches: Linear,
+    /// Side of a patch, px.
+    pub side: usize,
+    /// What stands before the patches, `[channels]`.
+    pub class: Vec<f32>,
+    /// What is added to it.
+    pub class_position: Vec<f32>,
+    /// What is added to each patch of a square picture.
+    pub positions: Image,
+}
+
+impl Embedding {
+    /// Filters `[channels, 3, side, side]` for pixels that have their channels together.
+    pub fn filters(weight: &[f32], side: usize) -> Vec<f32> {
+        let square = side * side;
+        let mut sorted = Vec::with_capacity(weight.len());
+        for filter in weight.chunks_exact(3 * square) {
+            sorted.extend((0..3 * square).map(|place| filter[place % 3 * square + place / 3]));
+        }
+        sorted
+    }
+
+    /// What the first block takes of a picture of whole patches: the class, then the patches, row by row.
+    pub fn apply(&self, picture: &Image) -> Vec<f32> {
+        let (columns, rows) = (picture.width / self.side, picture.height / self.side);
+        let line = self.side * picture.channels;
+        let mut pixels = Vec::with_capacity(picture.values.len());
+        for row in 0..rows {
+            for column in 0..columns {
+                for y in row * self.side..(row + 1) * self.side {
+                    let start = (y * columns + column) * line;
+                    pixels.extend_from_slice(&picture.values[start..start + line]);
+                }
+            }
+        }
+        let patches = Image {
+            values: self.patches.apply(pixels, Then::Nothing),
+            width: columns,
+            height: rows,
+            channels: self.class.len(),
+        };
+        // Exactly the same where the picture is of the size that the network learnt from.
+        let mut positions = self.positions.bicubic(columns, rows);
+        positions.add(&patches);
+        let class = self.class.iter().zip(&self.class_position).map(|(value, position)| value + position);
+        class.chain(positions.values).collect()
+    }
+}
+
+/// A block: attention, then a perceptron a patch, each added with a scale a channel.
+#[derive(Debug)]
+pub struct Block {
+    norms: [Norm; 2],
+    /// Queries, keys, values.
+    attend: Linear,
+    project: Linear,
+    widen: Linear,
+    /// What follows it.
+    activation: Then,
+    narrow: Linear,
+    scales: [Vec<f32>; 2],
+}
+
+/// What differs between the blocks of networks.
+pub struct BlockKind<'a> {
+    /// Names of the tensors, without what comes before them and `weight` or `bias`.
+    pub norms: [&'a str; 2],
+    /// One tensor for each of queries, keys and values, or one of all three.
+    pub attend: &'a [&'a str],
+    pub project: &'a str,
+    pub widen: &'a str,
+    pub narrow: &'a str,
+    /// Full names; `None` where all is added as it is.
+    pub scales: Option<[&'a str; 2]>,
+    /// Channels of a patch.
+    pub channels: usize,
+    /// Channels in the perceptron.
+    pub wide: usize,
+    pub epsilon: f64,
+    pub activation: Then,
+}
+
+impl Block {
+    /// Reads a block.
+    ///
+    /// # Errors
+    /// Those of `tensor`.
+    pub fn read(kind: &BlockKind<'_>, tensor: &mut Tensors<'_>) -> Result<Self, WeightsError> {
+        let (channels, wide) = (kind.channels, kind.wide);
+        let norms = [
+            Norm::read(kind.norms[0], channels, kind.epsilon, tensor)?,
+            Norm::read(kind.norms[1], channels, kind.epsilon, tensor)?,
+        ];
+        let (mut weight, mut bias) = (Vec::new(), Vec::new());
+        let rows = 3 * channels / kind.attend.len();
+        for name in kind.attend {
+            weight.extend(tensor(&format!("{name}.weight"), &[rows, channels])?);
+            bias.extend(tensor(&format!("{name}.bias"), &[rows])?);
+        }
+        let attend = Linear::new(weight, Some(bias), channels);
+        let mut linear = |name: &str, to: usize, from: usize| {
+            let weight = tensor(&format!("{name}.weight"), &[to, from])?;
+            Ok(Linear::new(weight, Some(tensor(&format!("{name}.bias"), &[to])?), from))
+        };
+        let project = linear(kind.project, channels, channels)?;
+        let widen = linear(kind.widen, wide, channels)?;
+        let narrow = linear(kind.narrow, channels, wide)?;
+        let scales = match kind.scales {
+            Some([first, second]) => [tensor(first, &[channels])?, tensor(second, &[channels])?],
+            None => [vec![1.0; channels], vec![1.0; channels]],
+        };
+        Ok(Self { norms, attend, project, widen, activation: kind.activation, narrow, scales })
+    }
+
+    /// Applies it to `[rows, channels]`.
+    pub fn apply(&self, x: &mut [f32], heads: usize) {
+        let channels = self.scales[0].len();
+        let attended = self.attend.apply(self.norms[0].apply(x), Then::Nothing);
+        let attended = self.project.apply(attention(attended, channels, heads), Then::Nothing);
+        add_scaled(x, &self.scales[0], &attended);
+        let wide = self.widen.apply(self.norms[1].apply(x), self.activation);
+        add_scaled(x, &self.scales[1], &self.narrow.apply(wide, Then::Nothing));
+    }
+}
+
+impl Norm {
+    /// Reads `name.weight` and `name.bias`.
+    ///
+    /// # Errors
+    /// Those of `tensor`.
+    pub fn read(
+        name: &str,
+        channels: usize,
+        epsilon: f64,
+        tensor: &mut Tensors<'_>,
+    ) -> Result<Self, WeightsError> {
+        let scale = tensor(&format!("{name}.weight"), &[channels])?;
+        Ok(Self { scale, shift: tensor(&format!("{name}.bias"), &[channels])?, epsilon })
+    }
+}

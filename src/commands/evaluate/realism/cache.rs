@@ -1,0 +1,166 @@
+//! Embeddings that are kept: an NPY file that any program reads, and beside it, in JSON, of which pictures its rows are. A
+//! row is taken again if the network, and the picture's name, length and time are the same.
+
+use anyhow::{Context, Result};
+use serde::{Deserialize, Serialize};
+use std::collections::{HashMap, HashSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, UNIX_EPOCH};
+use wm_scene::files::write_atomically;
+use wm_scene::npy;
+
+/// How long embeddings are held before they are written.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Of which pictures the rows are.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Index {
+    /// The network's.
+    identity: u64,
+    /// Of the array's numbers: a row belongs to a picture only if both files are of one moment.
+    checksum: u64,
+    pictures: Vec<Picture>,
+}
+
+/// What a picture is known by.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Picture {
+    file: PathBuf,
+    bytes: u64,
+    /// Nanoseconds since 1970.
+    modified: u64,
+}
+
+impl Picture {
+    fn of(file: &Path) -> Result<Self> {
+        let about = fs::metadata(file).with_context(|| format!("{}: cannot be read", file.display()))?;
+        let modified = about.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+        let modified = modified.map_or(0, |time| time.as_nanos() as u64);
+        Ok(Self { file: std::path::absolute(file)?, bytes: about.len(), modified })
+    }
+}
+
+/// Embeddings of one part.
+pub struct Cache {
+    /// Without an extension; `None` where nothing is kept.
+    path: Option<PathBuf>,
+    identity: u64,
+    width: usize,
+    /// What was there before, by picture.
+    before: HashMap<Picture, Vec<f32>>,
+    /// What is there of this part, in its order.
+    pictures: Vec<Picture>,
+    values: Vec<f32>,
+    /// Whether all of that is on disk.
+    is_kept: bool,
+    written: Instant,
+}
+
+/// What files of a part that is not finished have in their names.
+pub const UNFINISHED: &str = "unfinished";
+
+impl Cache {
+    /// Reads what is there. What does not fit is left alone until it is written over.
+    pub fn open(path: Option<PathBuf>, identity: u64, width: usize) -> Result<Self> {
+        let mut before = HashMap::new();
+        if let Some(path) = &path {
+            for path in [path.clone(), named(path, UNFINISHED)] {
+                before.extend(read(&path, identity, width).unwrap_or_default());
+            }
+            let folder = path.parent().unwrap_or(path);
+            fs::create_dir_all(folder).with_context(|| format!("{}: cannot be created", folder.display()))?;
+        }
+        Ok(Self {
+            path,
+            identity,
+            width,
+            before,
+            pictures: Vec::new(),
+            values: Vec::new(),
+            is_kept: true,
+            written: Instant::now(),
+        })
+    }
+
+    /// Adds the embedding of a file, which is made if it is not there.
+    pub fn add(&mut self, file: &Path, make: impl FnOnce() -> Result<Vec<f32>>) -> Result<()> {
+        let picture = Picture::of(file)?;
+        match self.before.get(&picture) {
+            Some(row) => self.values.extend(row),
+            None => {
+                self.values.extend(make()?);
+                self.is_kept = false;
+            }
+        }
+        self.pictures.push(picture);
+        if self.written.elapsed() > PATIENCE {
+            self.keep()?;
+        }
+        Ok(())
+    }
+
+    /// Writes what is there so far, and says where.
+    pub fn keep(&mut self) -> Result<Option<PathBuf>> {
+        let Some(path) = &self.path else { return Ok(None) };
+        let path = named(path, UNFINISHED);
+        if !self.is_kept {
+            let (mut pictures, mut values) = (self.pictures.clone(), self.values.clone());
+            // What was there of pictures that were not come to.
+            let added: HashSet<&Picture> = self.pictures.iter().collect();
+            for (picture, row) in self.before.iter().filter(|(picture, _)| !added.contains(picture)) {
+                pictures.push(picture.clone());
+                values.extend(row);
+            }
+            self.write(&path, pictures, &values)?;
+        }
+        (self.is_kept, self.written) = (true, Instant::now());
+        Ok(Some(named(&path, "npy")))
+    }
+
+    /// Writes them all, and gives them, `[pictures, width]`.
+    pub fn finish(self) -> Result<Vec<f32>> {
+        if let Some(path) = &self.path {
+            self.write(path, self.pictures.clone(), &self.values)?;
+            for extension in ["npy", "json"] {
+                // There may be none.
+                let _ = fs::remove_file(named(&named(path, UNFINISHED), extension));
+            }
+        }
+        Ok(self.values)
+    }
+
+    fn write(&self, path: &Path, pictures: Vec<Picture>, values: &[f32]) -> Result<()> {
+        npy::write(&named(path, "npy"), values, &[pictures.len(), self.width])?;
+        let index = Index { identity: self.identity, checksum: checksum(values), pictures };
+        let text = serde_json::to_string(&index)?;
+        Ok(write_atomically(&named(path, "json"), |out| Ok(writeln!(out, "{text}")?))?)
+    }
+}
+
+/// The rows that are kept, if they are of this network and whole.
+fn read(path: &Path, identity: u64, width: usize) -> Option<HashMap<Picture, Vec<f32>>> {
+    let index: Index = serde_json::from_slice(&fs::read(named(path, "json")).ok()?).ok()?;
+    let (values, shape) = npy::read(&named(path, "npy")).ok()?;
+    let fits = shape == [index.pictures.len(), width]
+        && index.identity == identity
+        && index.checksum == checksum(&values);
+    let rows = values.chunks_exact(width).map(<[f32]>::to_vec);
+    fits.then(|| index.pictures.into_iter().zip(rows).collect())
+}
+
+/// A file beside others of that name, which may have dots in it.
+fn named(path: &Path, extension: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".");
+    name.push(extension);
+    name.into()
+}
+
+/// FNV-1a of numbers' bits.
+fn checksum(values: &[f32]) -> u64 {
+    let step = |hash: u64, value: &f32| (hash ^ u64::from(value.to_bits())).wrapping_mul(0x0100_0000_01b3);
+    values.iter().fold(0xcbf2_9ce4_8422_2325, step)
+}

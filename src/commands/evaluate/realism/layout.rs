@@ -1,0 +1,164 @@
+//! Where pictures lie: a folder or an array of embeddings by itself, or a folder of a method with weathers and scenes.
+
+use super::cache::UNFINISHED;
+use super::entries;
+use crate::names::stem_of;
+use anyhow::{Result, bail};
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use wm_train::photos::photos_in;
+
+/// A column of the paper's tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Weather {
+    /// And haze and smog.
+    Fog,
+    Rain,
+    /// What falls and what lies: photographs of it have both.
+    Snow,
+}
+
+impl Weather {
+    pub const ALL: [Self; 3] = [Self::Fog, Self::Rain, Self::Snow];
+
+    /// Its folder and its name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Fog => "fog",
+            Self::Rain => "rain",
+            Self::Snow => "snow",
+        }
+    }
+
+    /// Its column in the paper.
+    pub const fn title(self) -> &'static str {
+        match self {
+            Self::Fog => "Fog / Haze / Smog",
+            Self::Rain => "Rainfall",
+            Self::Snow => "Snow",
+        }
+    }
+
+    /// By the name of a folder.
+    pub fn of(name: &str) -> Option<Self> {
+        match name.to_lowercase().as_str() {
+            "fog" | "haze" | "smog" => Some(Self::Fog),
+            "rain" | "rainfall" => Some(Self::Rain),
+            "snow" | "snowfall" | "snow-cover" => Some(Self::Snow),
+            _ => None,
+        }
+    }
+}
+
+/// Pictures that belong together.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// What it is called.
+    pub name: String,
+    /// The folder or the array.
+    pub path: PathBuf,
+    /// Its place in the folder of its method, without an extension.
+    pub place: PathBuf,
+    pub scene: Option<String>,
+    pub source: Source,
+}
+
+/// What a part consists of.
+#[derive(Clone, Debug)]
+pub enum Source {
+    /// Files, sorted.
+    Pictures(Vec<PathBuf>),
+    /// Embeddings.
+    Array,
+}
+
+/// What a folder of pictures is called.
+pub fn name_of(path: &Path) -> String {
+    stem_of(path)
+}
+
+/// Embeddings, but no part of them that was kept when work was stopped.
+fn is_array(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let is_whole = !name.ends_with(&format!(".{UNFINISHED}.npy"));
+    name.ends_with(".npy") && is_whole && path.is_file()
+}
+
+impl Part {
+    /// A folder with all pictures below it, or an array.
+    pub fn whole(path: &Path) -> Result<Self> {
+        let source = if is_array(path) {
+            Source::Array
+        } else if path.is_file() {
+            bail!(
+                "{}: is a single file; give a folder of pictures, or an NPY file of embeddings",
+                path.display()
+            );
+        } else {
+            let (files, others) = photos_in(path)?;
+            if files.is_empty() {
+                let others = if others > 0 { format!(" among {others} files") } else { String::new() };
+                bail!(
+                    "{}: there is no picture (JPEG or PNG) in it{others}; name another folder",
+                    path.display()
+                );
+            }
+            Source::Pictures(files)
+        };
+        let name = name_of(path);
+        Ok(Self { place: PathBuf::from(&name), name, path: path.into(), scene: None, source })
+    }
+}
+
+/// The parts of a method's folder: `fog.npy`, or a folder `fog` with pictures, folders of them, and arrays, each of
+/// those a scene.
+pub fn parts(folder: &Path) -> Result<Vec<(Weather, Part)>> {
+    let mut found = Vec::new();
+    for path in entries(folder)? {
+        let Some(weather) = path.file_stem().and_then(OsStr::to_str).and_then(Weather::of) else { continue };
+        let place = |path: &Path| path.strip_prefix(folder).unwrap_or(path).with_extension("");
+        if is_array(&path) {
+            found.push((weather, Part { place: place(&path), ..Part::whole(&path)? }));
+        } else if path.is_dir() {
+            let inside = entries(&path)?;
+            let before = found.len();
+            let files: Vec<PathBuf> = photos_in(&path)?.0;
+            let direct: Vec<PathBuf> =
+                files.iter().filter(|file| file.parent() == Some(&path)).cloned().collect();
+            if !direct.is_empty() {
+                let (name, source) = (name_of(&path), Source::Pictures(direct));
+                found.push((
+                    weather,
+                    Part { name, path: path.clone(), place: place(&path), scene: None, source },
+                ));
+            }
+            let holds_pictures = |scene: &Path| files.iter().any(|file| file.starts_with(scene));
+            for scene in
+                inside.iter().filter(|scene| is_array(scene) || scene.is_dir() && holds_pictures(scene))
+            {
+                let part = Part::whole(scene)?;
+                // Names of folders may have dots in them.
+                let inner = if scene.is_dir() {
+                    scene.strip_prefix(folder).unwrap_or(scene).into()
+                } else {
+                    place(scene)
+                };
+                found.push((weather, Part { place: inner, scene: Some(part.name.clone()), ..part }));
+            }
+            if found.len() == before {
+                bail!(
+                    "{}: there is no picture (JPEG or PNG) and no NPY file in it; put some there",
+                    path.display()
+                );
+            }
+        }
+    }
+    if found.is_empty() {
+        bail!(
+            "{}: there is no folder fog, rain or snow in it, nor an NPY file of one of these names; sort the pictures into \
+             such folders",
+            folder.display()
+        );
+    }
+    Ok(found)
+}

@@ -1,0 +1,285 @@
+//! `evaluate --pictures` and `--paper`: how near the look of pictures is to that of photographs of real weather (CMMD), and
+//! the tables of the paper.
+
+mod cache;
+mod collect;
+mod layout;
+mod published;
+mod tables;
+mod uvq;
+#[cfg(feature = "nets")]
+mod with_networks;
+#[cfg(not(feature = "nets"))]
+mod without_networks;
+
+#[cfg(feature = "nets")]
+use with_networks as network;
+#[cfg(not(feature = "nets"))]
+use without_networks as network;
+
+use crate::progress;
+use crate::weights::WeightsArgs;
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use collect::{Collected, Collector};
+use layout::{Part, Weather};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use tables::{Distance, Tables};
+use wm_scene::files::{check_writable, write_atomically};
+use wm_train::metrics::{Collection, Embeddings};
+
+/// Options that mean nothing where pictures are compared.
+const OF_SCENES: [&str; 10] = [
+    "scene",
+    "level",
+    "repair",
+    "FactArgs",
+    "dataset",
+    "eval_every",
+    "eval_from",
+    "exposure_fit",
+    "TruthArgs",
+    "report",
+];
+
+/// What is compared with what.
+#[derive(Args, Clone, Debug)]
+pub struct RealismArgs {
+    /// Compare pictures with photographs in place of a scene with its photos, by CMMD: folders of pictures (JPEG, PNG) or
+    /// NPY files of embeddings, each by itself with those of --real
+    #[arg(
+        long,
+        value_name = "PICTURES",
+        num_args = 1..,
+        requires = "real",
+        conflicts_with = "paper",
+        conflicts_with_all = OF_SCENES,
+        help_heading = "Realism"
+    )]
+    pub pictures: Vec<PathBuf>,
+    /// Make the paper's tables of CMMD and UVQ out of these folders, one a method, beside the paper's own figures; in each
+    /// are folders fog, rain and snow of pictures, or of folders of them, one a scene (docs/evaluate.md)
+    #[arg(
+        long,
+        value_name = "FOLDER",
+        num_args = 0..,
+        conflicts_with_all = OF_SCENES,
+        help_heading = "Realism"
+    )]
+    pub paper: Option<Vec<PathBuf>>,
+    /// Photographs of real weather: a folder or an NPY file; for --paper a folder with fog, rain and snow in it
+    #[arg(long, value_name = "PICTURES", help_heading = "Realism")]
+    real: Option<PathBuf>,
+    /// Scores of UVQ that its own program gave: CSV or JSON (docs/evaluate.md)
+    #[arg(long, value_name = "FILE", requires = "paper", help_heading = "Realism")]
+    uvq: Vec<PathBuf>,
+    /// Keep embeddings in this folder, as NPY files: work that was stopped goes on from there, and nothing is embedded
+    /// twice
+    #[arg(long, value_name = "FOLDER", requires = "real", help_heading = "Realism")]
+    embeddings: Option<PathBuf>,
+    /// Write the numbers to this CSV file
+    #[arg(long, value_name = "FILE", help_heading = "Realism")]
+    csv: Option<PathBuf>,
+    /// Write the tables to this Markdown file
+    #[arg(long, value_name = "FILE", help_heading = "Realism")]
+    markdown: Option<PathBuf>,
+    #[command(flatten)]
+    weights: WeightsArgs,
+}
+
+/// How the work is done.
+pub struct Work<'a> {
+    /// Where all numbers are written to.
+    pub json: Option<&'a Path>,
+    /// Whether pictures that cannot be read are left out.
+    pub skip_bad: bool,
+    /// `None` for one a core.
+    pub threads: Option<u16>,
+}
+
+impl RealismArgs {
+    /// Whether pictures are compared, not a scene.
+    pub fn asked(&self) -> bool {
+        !self.pictures.is_empty() || self.paper.is_some()
+    }
+
+    /// An option that means nothing without pictures.
+    fn idle(&self) -> Option<&'static str> {
+        let all = [
+            (self.real.is_some(), "--real"),
+            (self.csv.is_some(), "--csv"),
+            (self.markdown.is_some(), "--markdown"),
+        ];
+        let own = all.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name);
+        own.or(self.weights.given())
+    }
+
+    /// Refuses options that mean nothing for a scene.
+    pub fn check_idle(&self) -> Result<()> {
+        if let Some(option) = self.idle() {
+            bail!("{option} goes with --pictures or --paper; give one of them, or leave it out");
+        }
+        Ok(())
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &RealismArgs, work: &Work<'_>) -> Result<()> {
+    for out in [work.json, args.csv.as_deref(), args.markdown.as_deref()].into_iter().flatten() {
+        check_writable(out)?;
+    }
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(work.threads.map_or(0, usize::from)).build();
+    let threads = threads.context("cannot start threads")?;
+    let tables = threads.install(|| match &args.paper {
+        Some(methods) => of_paper(args, methods, work),
+        None => of_pictures(args, work),
+    })?;
+    let markdown = tables.markdown();
+    print!("{markdown}");
+    let write = |path: Option<&Path>, text: &str| -> Result<()> {
+        let Some(path) = path else { return Ok(()) };
+        Ok(write_atomically(path, |out| Ok(out.write_all(text.as_bytes())?))?)
+    };
+    write(args.markdown.as_deref(), &markdown)?;
+    write(args.csv.as_deref(), &tables.csv())?;
+    write(work.json, &format!("{}\n", serde_json::to_string_pretty(&tables.json())?))
+}
+
+/// Each of the collections against the real one.
+fn of_pictures(args: &RealismArgs, work: &Work<'_>) -> Result<Tables> {
+    let real = args.real.as_deref().expect("--pictures requires it");
+    let mut parts = Vec::new();
+    for path in args.pictures.iter().map(PathBuf::as_path).chain([real]) {
+        parts.push(Part::whole(path)?);
+    }
+    let mut collector = Collector::new(args, work);
+    for (index, part) in parts.iter().enumerate() {
+        if let Some(other) = parts[..index].iter().find(|other| other.name == part.name) {
+            collector.forbid_one_name(&other.path, &part.path)?;
+        }
+        collector.add(part.clone(), part.place.clone())?;
+    }
+    let mut collected = collector.run()?;
+    let _busy = Busy::new();
+    let real = Collection::new(collected.pop().expect("the last one").embeddings);
+    let distance = |Collected { name, embeddings }: Collected| {
+        Distance::new(name, None, None, &Collection::new(embeddings), &real)
+    };
+    Ok(Tables { distances: collected.into_iter().map(distance).collect(), ..Tables::default() })
+}
+
+/// The tables of the paper.
+fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &Work<'_>) -> Result<Tables> {
+    let scores = args.uvq.iter().map(|file| uvq::read(file)).collect::<Result<Vec<_>>>()?.concat();
+    let Some(real) = &args.real else {
+        if !methods.is_empty() || scores.is_empty() {
+            bail!(
+                "--paper: there is nothing to compare with; give --real FOLDER with photographs of fog, rain and snow, or \
+                 --paper --uvq FILE for that table alone"
+            );
+        }
+        return Ok(Tables { scores, paper: true, ..Tables::default() });
+    };
+    let names = names_of(methods)?;
+    let mut collector = Collector::new(args, work);
+    let mut places = Vec::new();
+    let methods = methods.iter().enumerate().map(|(index, folder)| (Some(index), folder));
+    for (method, folder) in methods.chain([(None, real)]) {
+        let name = method.map_or(REAL, |index| &names[index]);
+        for (weather, part) in layout::parts(folder)? {
+            places.push((method, weather, part.scene.clone()));
+            let place = Path::new(name).join(&part.place);
+            collector.add(part, place)?;
+        }
+    }
+    let has_photographs =
+        |weather: Weather| places.iter().any(|(method, of, _)| method.is_none() && *of == weather);
+    for (method, weather, _) in &places {
+        if let Some(method) = method.filter(|_| !has_photographs(*weather)) {
+            bail!(
+                "{}: there are no photographs of {} to compare {}'s pictures with; put them there",
+                real.display(),
+                weather.name(),
+                names[method]
+            );
+        }
+    }
+    let mut parts: BTreeMap<(Option<usize>, Weather), Vec<_>> = BTreeMap::new();
+    for ((method, weather, scene), collected) in places.into_iter().zip(collector.run()?) {
+        parts.entry((method, weather)).or_default().push((scene, collected.embeddings));
+    }
+    let _busy = Busy::new();
+    let (mut reals, mut distances) = (BTreeMap::new(), Vec::new());
+    // The photographs come first.
+    for ((method, weather), parts) in parts {
+        let all = joined(parts.iter().map(|(_, part)| part));
+        let Some(method) = method else {
+            reals.insert(weather, all);
+            continue;
+        };
+        // Snow that falls and snow that lies may have the same scene.
+        let scenes: BTreeSet<&String> = parts.iter().filter_map(|(scene, _)| scene.as_ref()).collect();
+        let of_scene = |name| parts.iter().filter(move |(scene, _)| scene.as_ref() == Some(name));
+        let scenes =
+            scenes.into_iter().map(|name| (Some(name.clone()), joined(of_scene(name).map(|(_, part)| part))));
+        for (scene, collection) in [(None, all)].into_iter().chain(scenes) {
+            let (real, method, weather) = (&reals[&weather], names[method].clone(), Some(weather));
+            distances.push(Distance::new(method, weather, scene, &collection, real));
+        }
+    }
+    Ok(Tables { distances, scores, paper: true })
+}
+
+/// One collection of several, of which there is at least one.
+fn joined<'a>(mut parts: impl Iterator<Item = &'a Embeddings>) -> Collection {
+    let mut all = parts.next().expect("no group without a part").clone();
+    parts.for_each(|more| all.extend(more));
+    Collection::new(all)
+}
+
+/// Says that all pairs of pictures are gone through, which takes a while where there are thousands, as long as it lives.
+struct Busy(indicatif::ProgressBar);
+
+impl Busy {
+    fn new() -> Self {
+        Self(progress::spinner("comparing collections"))
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// What embeddings of photographs are kept as.
+const REAL: &str = "real";
+
+/// Methods are called as their folders.
+fn names_of(methods: &[PathBuf]) -> Result<Vec<String>> {
+    if methods.is_empty() {
+        bail!("--paper: no folder of a method is named; give at least one");
+    }
+    let mut names: Vec<String> = Vec::new();
+    for folder in methods {
+        let name = layout::name_of(folder);
+        if name == REAL || names.contains(&name) {
+            bail!(
+                "--paper {}: the name {name} is taken, and methods are called as their folders; rename it",
+                folder.display()
+            );
+        }
+        names.push(name);
+    }
+    Ok(names)
+}
+
+/// What lies in a folder, by name.
+fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
+    let listed = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
+    let mut listed: Vec<PathBuf> = listed.with_context(|| format!("{}: cannot be read", folder.display()))?;
+    listed.sort();
+    Ok(listed)
+}

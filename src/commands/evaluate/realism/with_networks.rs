@@ -1,0 +1,27 @@
+//! In a build with networks: CLIP.
+
+use crate::weights::{Published, WeightsArgs};
+use anyhow::Result;
+use std::path::Path;
+use wm_nets::Clip;
+
+/// Makes embeddings.
+pub type Embedder = Clip;
+
+/// Gets and reads the weights. What is downloaded is said before.
+pub fn open(weights: &WeightsArgs, _: &Path) -> Result<Box<Embedder>> {
+    let files = weights.files(Published {
+        name: "CLIP ViT-L/14 at 336 px".into(),
+        bytes: Clip::BYTES,
+        licence: Clip::licence(),
+        source: Clip::source(),
+    })?;
+    let network = Clip::read(&files)?;
+    if !network.is_published() {
+        eprintln!(
+            "warning: {}: is not CLIP ViT-L/14 at 336 px, which CMMD is defined by; the numbers are not comparable with others",
+            files[0].display()
+        );
+    }
+    Ok(Box::new(network))
+}

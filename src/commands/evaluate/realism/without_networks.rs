@@ -1,0 +1,31 @@
+//! In a build without networks.
+
+use crate::weights::WeightsArgs;
+use anyhow::{Result, bail};
+use std::path::Path;
+
+/// There is none.
+pub enum Embedder {}
+
+/// Says what to do.
+pub fn open(_: &WeightsArgs, pictures: &Path) -> Result<Box<Embedder>> {
+    bail!(
+        "{}: this build has no neural networks to embed pictures with; build it with `--features nets`, or give an NPY file \
+         of embeddings that another program made",
+        pictures.display()
+    )
+}
+
+impl Embedder {
+    pub fn width(&self) -> usize {
+        match *self {}
+    }
+
+    pub fn identity(&self) -> u64 {
+        match *self {}
+    }
+
+    pub fn embed(&self, _: &[u8], _: usize) -> Result<Vec<f32>> {
+        match *self {}
+    }
+}

@@ -1,0 +1,133 @@
+//! Weights of neural networks: files that the user gives, or published ones that are downloaded after what they are was
+//! said.
+
+use clap::Args;
+use std::path::PathBuf;
+
+/// Where a network's weights are from.
+#[derive(Args, Clone, Debug)]
+pub struct WeightsArgs {
+    /// File of the network's weights (safetensors, or PyTorch's), several if they lie in several; without it they are
+    /// downloaded once, after what they are is said
+    #[arg(long, value_name = "FILE", help_heading = "Network")]
+    pub weights: Vec<PathBuf>,
+    /// SHA-256 that the file of weights must have
+    #[arg(long, value_name = "SHA256", help_heading = "Network")]
+    pub checksum: Option<String>,
+    /// Download nothing: weights must be given, or there from an earlier time
+    #[arg(long, help_heading = "Network")]
+    pub offline: bool,
+}
+
+impl WeightsArgs {
+    /// The first option that asks for a network.
+    pub fn given(&self) -> Option<&'static str> {
+        let all = [
+            (!self.weights.is_empty(), "--weights"),
+            (self.checksum.is_some(), "--checksum"),
+            (self.offline, "--offline"),
+        ];
+        all.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+    }
+}
+
+#[cfg(feature = "nets")]
+pub use with_networks::Published;
+
+#[cfg(feature = "nets")]
+mod with_networks {
+    use super::WeightsArgs;
+    use crate::progress;
+    use anyhow::{Result, anyhow, bail};
+    use std::path::PathBuf;
+    use wm_nets::weights::Licence;
+    use wm_nets::weights::fetch::{self, Checksum, Source};
+
+    /// A network whose weights are published.
+    pub struct Published {
+        /// What it is called.
+        pub name: String,
+        /// Length of the file, about.
+        pub bytes: u64,
+        pub licence: Licence,
+        pub source: Source,
+    }
+
+    impl WeightsArgs {
+        /// The files of weights: those that are given, or the published one from the cache or the network.
+        pub fn files(&self, published: Published) -> Result<Vec<PathBuf>> {
+            let checksum: Option<Checksum> = self
+                .checksum
+                .as_deref()
+                .map(str::parse)
+                .transpose()
+                .map_err(|error| anyhow!("--checksum: {error}"))?;
+            if self.weights.is_empty() {
+                let Published { source, .. } = published;
+                let published = Published { source: Source { checksum, ..source }, ..published };
+                return Ok(vec![self.fetched(&published)?]);
+            }
+            self.check(checksum)?;
+            Ok(self.weights.clone())
+        }
+
+        /// Compares the one file of weights with its checksum.
+        fn check(&self, checksum: Option<Checksum>) -> Result<()> {
+            let Some(expected) = checksum else { return Ok(()) };
+            let [file] = &self.weights[..] else {
+                bail!(
+                    "--checksum is that of one file, and --weights names {}; leave it out",
+                    self.weights.len()
+                );
+            };
+            let found = fetch::checksum_of(file)
+                .map_err(|error| anyhow!("{}: cannot be read: {error}", file.display()))?;
+            if found != expected {
+                bail!(
+                    "{}: has SHA-256 {found}, not {expected}; get it again, or correct --checksum",
+                    file.display()
+                );
+            }
+            Ok(())
+        }
+
+        fn fetched(&self, published: &Published) -> Result<PathBuf> {
+            let Published { name, bytes, licence, source } = published;
+            let Some(folder) = fetch::cache_folder() else {
+                bail!(
+                    "there is no folder for weights, since no home is known; give --weights FILE, or set XDG_CACHE_HOME"
+                );
+            };
+            let file = folder.join(&source.file_name);
+            let is_there = file.is_file();
+            if !is_there && self.offline {
+                bail!(
+                    "{}: is not there, and --offline forbids to download it; get {} in another way and give it with \
+                     --weights",
+                    file.display(),
+                    source.url
+                );
+            }
+            if !is_there {
+                let megabytes = *bytes as f64 * 1e-6;
+                eprintln!("weights: {name}, about {megabytes:.0} MB, {}", source.url);
+                eprintln!("licence of the weights: {licence}");
+                if *licence == Licence::CcByNc4 {
+                    eprintln!(
+                        "licence of the weights: commercial use is forbidden, of what is made with them too perhaps"
+                    );
+                }
+                eprintln!("weights: they go to {}; Ctrl-C stops it", file.display());
+            }
+            let bar = progress::bar(*bytes, "bytes");
+            let found = fetch::fetch(source, &folder, &mut |progress| {
+                if let Some(total) = progress.total {
+                    bar.set_length(total);
+                }
+                bar.set_position(progress.done);
+            });
+            bar.finish_and_clear();
+            Ok(found?)
+        }
+    }
+}
