@@ -143,6 +143,11 @@ impl Embeddings {
         &self.values[index * self.width..(index + 1) * self.width]
     }
 
+    /// Rows as threads take them, with the number of the block.
+    fn blocks(&self) -> impl IndexedParallelIterator<Item = (usize, &[f32])> {
+        self.values.par_chunks(ROWS * self.width).enumerate()
+    }
+
     /// Adds those of other pictures.
     ///
     /// # Panics
@@ -172,10 +177,10 @@ pub struct Cmmd {
 }
 
 impl Collection {
-    /// Takes N^2 D multiplications.
+    /// Takes N^2 D / 2 multiplications.
     #[must_use]
     pub fn new(embeddings: Embeddings) -> Self {
-        Self { spread: mean_gap(&embeddings, &embeddings), embeddings }
+        Self { spread: own_gap(&embeddings), embeddings }
     }
 
     /// Its embeddings.
@@ -204,27 +209,38 @@ impl Collection {
     }
 }
 
-/// The mean of `1 - k` over all pairs.
+/// The mean of `1 - k` over all pairs of two collections.
 fn mean_gap(x: &Embeddings, y: &Embeddings) -> f64 {
+    let sums = x
+        .blocks()
+        .map(|(_, rows)| y.values.chunks(ROWS * y.width).map(|others| gaps(rows, others, x.width)).sum());
+    total(sums) / (x.count() as f64 * y.count() as f64)
+}
+
+/// The mean of `1 - k` over all pairs of one collection. Blocks of rows meet each other once and count twice.
+fn own_gap(x: &Embeddings) -> f64 {
+    let sums = x.blocks().map(|(index, rows)| {
+        let later = x.values.chunks(ROWS * x.width).skip(index + 1);
+        gaps(rows, rows, x.width) + 2.0 * later.map(|others| gaps(rows, others, x.width)).sum::<f64>()
+    });
+    total(sums) / (x.count() as f64).powi(2)
+}
+
+/// Adds up in order, however many threads there are.
+fn total(sums: impl IndexedParallelIterator<Item = f64>) -> f64 {
+    sums.collect::<Vec<f64>>().iter().sum()
+}
+
+/// The sum of `1 - k` over all pairs of some rows with others.
+fn gaps(rows: &[f32], others: &[f32], width: usize) -> f64 {
     let gamma = 1.0 / (2.0 * SIGMA * SIGMA);
-    let block = ROWS * x.width;
-    // A sum a block of rows, added up in their order.
-    let sums: Vec<f64> = x
-        .values
-        .par_chunks(block)
-        .map(|x_rows| {
-            let mut sum = 0.0;
-            for y_rows in y.values.chunks(block) {
-                for x_row in x_rows.chunks_exact(x.width) {
-                    for y_row in y_rows.chunks_exact(x.width) {
-                        sum -= (-gamma * squared_distance(x_row, y_row)).exp_m1();
-                    }
-                }
-            }
-            sum
-        })
-        .collect();
-    sums.iter().sum::<f64>() / (x.count() as f64 * y.count() as f64)
+    let mut sum = 0.0;
+    for row in rows.chunks_exact(width) {
+        for other in others.chunks_exact(width) {
+            sum -= (-gamma * squared_distance(row, other)).exp_m1();
+        }
+    }
+    sum
 }
 
 fn squared_distance(x: &[f32], y: &[f32]) -> f64 {
