@@ -19,7 +19,7 @@ const BANK: usize = 40;
 
 /// Paints fog: the frame's own colours `rgb` in linear light.
 pub fn fog(rgb: &[f32], (width, height): (usize, usize), seed: u64) -> Painted {
-    let mut brightness: Vec<f32> = rgb.iter().copied().collect();
+    let mut brightness: Vec<f32> = rgb.to_vec();
     brightness.sort_by(f32::total_cmp);
     let light = brightness[brightness.len() * 95 / 100];
     let columns = width / BANK + 2;

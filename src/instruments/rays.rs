@@ -59,7 +59,8 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         for x in (0..camera.width as usize).step_by(STEP) {
             let at = y * camera.width as usize + x;
             let (z, other) = (f64::from(frame.depth[at]), f64::from(frame.median_depth[at]));
-            if frame.alpha[at] < 0.99 || !((other / z - 1.0).abs() < SHARP) {
+            let is_sharp = (other / z - 1.0).abs() < SHARP;
+            if frame.alpha[at] < 0.99 || !is_sharp {
                 continue;
             }
             let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);
