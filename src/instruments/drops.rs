@@ -44,6 +44,8 @@ pub struct Slab {
     pub margin: [f64; 2],
     /// Time between two pictures, s.
     pub apart: f64,
+    /// Faster than any falls, m/s.
+    pub fastest: f64,
     /// Every so many-th picture has a second one, a moment later.
     pub pairs: usize,
 }
@@ -98,6 +100,9 @@ impl Slab {
         beside.contains(&x) && y > self.margin[0] && y < side - self.margin[1]
     }
 }
+
+/// Side of the part of a picture that is shown, px.
+const PART: u32 = 240;
 
 /// One drop.
 #[derive(Clone, Copy, Debug)]
@@ -163,20 +168,24 @@ pub fn catch(
         }
         caught.volume += slab.volume();
     }
-    let coverage = picture.frame.particles.iter().skip(3).step_by(4).copied();
-    caught.shown = Some(Shown::grey(String::new(), coverage, (slab.size, slab.size)));
+    // A part of the last picture, with faint drops to be seen.
+    let (side, first) = (slab.size as usize, (slab.size.saturating_sub(PART) / 2) as usize);
+    let part = PART.min(slab.size);
+    let pixel =
+        |x: usize, y: usize| picture.frame.particles[4 * ((first + y) * side + first + x) + 3].powf(0.45);
+    let pixels = (0..part as usize).flat_map(|y| (0..part as usize).map(move |x| (x, y)));
+    caught.shown = Some(Shown::grey(String::new(), pixels.map(|(x, y)| pixel(x, y)), (part, part)));
     Ok(caught)
 }
 
 /// How fast a drop goes, with the wind and down, m/s: the only one of its size in the second picture where it can be.
 fn again(slab: &Slab, wind: f64, blob: &Blob, second: &[Blob]) -> Option<[f64; 2]> {
-    /// Faster than any falls, and sways and drifts, m/s.
-    const FASTEST: f64 = 12.0;
+    /// How much faster or slower than the wind one may sway, m/s.
     const ASIDE: f64 = 1.5;
     let pixels = slab.scale * slab.apart;
     let is_it = |other: &&Blob| {
         let [dx, dy] = [0, 1].map(|k| (other.at[k] - blob.at[k]) / pixels);
-        (0.0..FASTEST).contains(&dy)
+        (0.0..slab.fastest).contains(&dy)
             && (dx - wind).abs() < ASIDE + 0.3 * wind
             && (other.cover / blob.cover - 1.0).abs() < 0.03
     };

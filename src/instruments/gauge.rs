@@ -9,7 +9,7 @@
 //! formula, which the program goes by, is within 4 % of the measurements.
 
 use super::drops::{Catch, Drop, Slab, catch, effect, main_kind};
-use super::{Finding, Instrument, Probe, Reading, Rig, Tolerance, asked, mean};
+use super::{Finding, Instrument, Probe, Reading, Rig, Tolerance, asked, mean, median};
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
 use wm_weather::particles::Kind;
@@ -80,6 +80,7 @@ fn look(rig: &mut dyn Rig, probe: &Probe<'_>, kind: Kind, rate: f64) -> Result<C
             scale: 750.0,
             margin: [12.0 + 2.0 * wind, 30.0],
             apart: 0.002,
+            fastest: 12.0,
             pairs: 3,
         },
         Kind::Snow => Slab {
@@ -89,6 +90,7 @@ fn look(rig: &mut dyn Rig, probe: &Probe<'_>, kind: Kind, rate: f64) -> Result<C
             scale: 600.0,
             margin: [24.0 + 8.0 * wind, 40.0],
             apart: 0.01,
+            fastest: 3.0,
             pairs: 3,
         },
     };
@@ -147,7 +149,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         if let Some(mut shown) = caught.shown.take() {
             let (count, volume) = (caught.drops.len(), caught.volume);
             shown.caption = format!(
-                "{}: coverage in one of the slabs; {count} caught in {volume:.0} m\u{b3} of air",
+                "{}: a part of one of the slabs; {count} caught in {volume:.0} m\u{b3} of air",
                 probe.setting
             );
             finding.pictures.push(shown);
@@ -176,6 +178,8 @@ const LEAST: f64 = 0.7;
 const CLASS: f64 = 0.25;
 /// Drops that make a class.
 const MEMBERS: usize = 40;
+/// Farther than this from the median of its class a speed is that of two drops taken for one, as a share.
+const STRAY: f64 = 0.4;
 
 /// Classes of diameter that have enough members: mean diameter, mm, mean speed, m/s, and that over the mean by the law.
 fn classes(kind: Kind, caught: &Catch) -> Vec<[f64; 3]> {
@@ -185,6 +189,10 @@ fn classes(kind: Kind, caught: &Catch) -> Vec<[f64; 3]> {
         if let (Some([_, down]), 0.0..48.0) = (velocity, class) {
             classes[class as usize].push([*diameter, *down]);
         }
+    }
+    for class in &mut classes {
+        let middle = median(class.iter().map(|p| p[1]).collect());
+        class.retain(|p| (p[1] / middle - 1.0).abs() < STRAY);
     }
     let full = classes.iter().filter(|class| class.len() >= MEMBERS);
     let means = full.map(|class| {

@@ -2,13 +2,16 @@
 //!
 //! A view of the place gives, a pixel, the depth of what it shows and the share of its light that the air lets through. The
 //! logarithm of that share must be the extinction that is asked for, integrated along the ray to that depth: numerically, since the air may
-//! thin with height. Pixels on edges, where a pixel shows two depths, are left out: expected and median depth must agree.
+//! thin with height. Pixels on edges, where a pixel shows two depths, are left out: expected and median depth must agree; and so is the
+//! sky, whose splats stand for what is endlessly far: it is what even the thinnest fog hides.
 //!
 //! Tolerance 3 %: of the median of measured over asked optical depth, over all rays between 0.03 and 4, and of how far single rays are
 //! off. A splat is dimmed by the
 //! length of its own ray; on slanted surfaces the splats of a pixel are nearer and farther than its depth.
 
-use super::{Finding, Instrument, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked, median};
+use super::{
+    Finding, Instrument, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked, clear, median,
+};
 use crate::parts::Picture;
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
@@ -38,6 +41,8 @@ pub const INSTRUMENT: Instrument = Instrument {
 const RANGE: std::ops::Range<f64> = 0.03..4.0;
 /// How far expected and median depth may be apart, as a share.
 const SHARP: f64 = 0.02;
+/// Range of the thin air that tells the sky, in sizes of the place.
+const THIN: f64 = 100.0;
 /// Every so many-th pixel is taken.
 const STEP: usize = 3;
 
@@ -51,6 +56,11 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let (subject, time) = (Subject::Place, probe.time);
     rig.draw(&Shot { subject, camera: &camera, weather: &weather, time, outputs, passes }, &mut picture)?;
     let (frame, shares) = (&picture.frame, &picture.passes.transmittance);
+    // Air that is as good as clear as far as the place goes, and takes all light from what is endlessly far.
+    let (mut thin, mut sky) = (clear(), Picture::default());
+    thin.set(&format!("fog.mor={}", (THIN * site.far).max(1.0)))?;
+    rig.draw(&Shot { subject, camera: &camera, weather: &thin, time, outputs, passes }, &mut sky)?;
+    let nearness = &sky.passes.transmittance;
     let airs = asked::airs(&weather, probe.time);
     let up = DVec3::from_array(site.up);
     let height = (camera.center().dot(up) - site.ground) * site.metres_per_unit;
@@ -60,7 +70,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
             let at = y * camera.width as usize + x;
             let (z, other) = (f64::from(frame.depth[at]), f64::from(frame.median_depth[at]));
             let is_sharp = (other / z - 1.0).abs() < SHARP;
-            if frame.alpha[at] < 0.99 || !is_sharp {
+            if frame.alpha[at] < 0.99 || !is_sharp || nearness[3 * at + 1] < 0.8 {
                 continue;
             }
             let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);
@@ -73,7 +83,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
             }
         }
     }
-    // The median: depths of a sky of splats are no distances, and edges slip through.
+    // The median: some edges slip through.
     let ratio = median(points.iter().map(|p| p[1] / p[0]).collect());
     let off = median(points.iter().map(|p| (p[1] / p[0] - 1.0).abs()).collect());
     let mut finding = Finding::default();
@@ -104,8 +114,8 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         x: Axis::linear("asked: integral along the ray"),
         y: Axis::linear("measured: -ln of the transmittance"),
         series: vec![
-            Series::points("rays of one view", few),
             Series::line("equal", vec![[0.0; 2], [RANGE.end; 2]]),
+            Series::points("rays of one view", few),
         ],
     });
     let size = (camera.width, camera.height);

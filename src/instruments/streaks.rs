@@ -48,6 +48,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         scale,
         margin: [aside, 12.0 * scale * apart + 130.0],
         apart,
+        fastest: 12.0,
         pairs: 1,
     };
     let set = |param: &str, value: &str| format!("{}.{param}={value}", effect(Kind::Rain));
@@ -101,7 +102,8 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         tolerance,
     ));
     if let Some(mut shown) = caught.shown {
-        shown.caption = format!("{}: coverage of marked drops, {:.1} ms", probe.setting, 1e3 * exposure);
+        shown.caption =
+            format!("{}: a part of one of the slabs, drops marked, {:.1} ms", probe.setting, 1e3 * exposure);
         finding.pictures.push(shown);
     }
     Ok(finding)

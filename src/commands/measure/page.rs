@@ -82,7 +82,12 @@ fn share(reading: &Reading) -> f64 {
         Tolerance::Above(most) => reading.error().max(0.0) / most,
         Tolerance::None => 0.0,
     };
-    if share.is_finite() { share } else { 99.0 }
+    match reading.passes() {
+        // Nothing off is none of nothing allowed.
+        true if share.is_nan() => 0.0,
+        _ if share.is_finite() => share,
+        _ => 99.0,
+    }
 }
 
 fn write_section(out: &mut String, section: &Section) -> Result<()> {
@@ -130,7 +135,7 @@ fn write_section(out: &mut String, section: &Section) -> Result<()> {
     let findings = &section.findings;
     let plots = findings.iter().flat_map(|finding| &finding.plots).filter(|plot| !plot.is_empty());
     figures.extend(plots.map(|plot| format!("<figure class=\"plot\">{}</figure>", plot.svg())));
-    folded(out, "figures two", &figures, first.max(2), "plots");
+    folded(out, "figures two", &figures, (first + 2).next_multiple_of(2), "plots");
     let mut pictures = Vec::new();
     for shown in findings.iter().flat_map(|Finding { pictures, .. }| pictures) {
         // Sheets have the whole page.
