@@ -10,6 +10,7 @@ mod say;
 
 mod commands;
 mod dataset;
+mod instruments;
 mod interrupt;
 mod media;
 mod names;
@@ -18,6 +19,7 @@ mod parts;
 mod pipeline;
 mod progress;
 mod reduce;
+mod report;
 mod scene;
 mod studio;
 mod view;

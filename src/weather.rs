@@ -17,6 +17,11 @@ pub struct WeatherArgs {
 }
 
 impl WeatherArgs {
+    /// Whether any was given.
+    pub fn is_given(&self) -> bool {
+        self.weather.is_some() || !self.set.is_empty()
+    }
+
     /// Reads it, and the pictures that it names.
     pub fn read(&self) -> Result<Weather> {
         let mut weather = match &self.weather {

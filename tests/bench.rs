@@ -30,3 +30,16 @@ fn frames_and_steps_are_measured() {
     let whole = scene["wall_ms"].as_f64().unwrap();
     assert!(parts.iter().all(|part| *part > 0.0) && whole > 0.0, "{scene}");
 }
+
+#[test]
+fn the_table_of_the_paper_has_its_figures_and_ours() {
+    let table = bench(&["--paper"]);
+    let rows = table["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 6);
+    assert_eq!(rows[3]["fps"], serde_json::json!([83.30, 31.27, 10.42, 58.24]));
+    for row in &rows[4..] {
+        let fps = row["fps"].as_array().unwrap();
+        assert!(fps.len() == 4 && fps.iter().all(|fps| fps.as_f64().unwrap() > 0.0), "{row}");
+    }
+    assert_eq!(table["by_pixels"][0]["points"].as_array().unwrap().len(), 4);
+}

@@ -3,10 +3,11 @@
 mod bake;
 mod bench;
 mod convert;
-mod demo;
+pub mod demo;
 mod devices;
 mod evaluate;
 mod inspect;
+mod measure;
 mod priors;
 mod reconstruct;
 pub mod render;
@@ -44,6 +45,8 @@ enum Verb {
     /// Compare a scene with photos, and with true depth, normals and sky where there are maps; or pictures with photographs
     /// of real weather
     Evaluate(Box<evaluate::EvaluateArgs>),
+    /// Measure a weather from its pictures: visibility, mm/h, drops, streaks, snow depth, mass and consistency
+    Measure(Box<measure::MeasureArgs>),
     /// Make a panorama of the sky out of photos, for the sky of a weather
     Sky(sky::SkyArgs),
     /// Say what a scene holds, and what is wrong with it
@@ -68,6 +71,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Bake(args) => bake::run(&args),
         Verb::Convert(args) => convert::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
+        Verb::Measure(args) => measure::run(&args),
         Verb::Sky(args) => sky::run(&args),
         Verb::Inspect(args) => inspect::run(&args),
         Verb::Bench(args) => bench::run(&args),

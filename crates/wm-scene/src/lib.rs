@@ -13,6 +13,7 @@
 
 pub mod camera;
 pub mod capture;
+pub mod card;
 pub mod color;
 pub mod error;
 pub mod files;

@@ -8,10 +8,15 @@ use std::time::Instant;
 use wm_render::{Frame, Geometry, MedianDepth, Outputs, RenderConfig, Stats};
 use wm_scene::Camera;
 use wm_weather::cover::Asked;
+use wm_weather::paper::PaperCover;
 use wm_weather::{Site, Sky, Weather};
 
 /// Rounds before those that count: memory is touched, clocks go up.
 pub const WARM_UP: u32 = 2;
+
+/// Cases of the paper's table alone.
+const PAPER_FOG: &str = "rgb, fog, paper";
+const PAPER_COVER: &str = "rgb, snow cover, paper";
 
 /// Something to render.
 pub struct Case {
@@ -37,6 +42,8 @@ impl Case {
         let snow = weather("clear", &["snowfall.rate=2.5"])?;
         let paper = weather("clear", &["rain.rate=25", "fidelity=paper"])?;
         let cover = weather("clear", &["snow_cover.depth=0.1"])?;
+        let paper_fog = weather("fog", &["fidelity=paper"])?;
+        let paper_cover = weather("clear", &["snow_cover=on", "fidelity=paper"])?;
         let mut cases: Vec<Self> = [
             ("rgb", None, Off, "clear"),
             ("rgb+depth", Depth, Off, "clear"),
@@ -59,6 +66,8 @@ impl Case {
             ("rgb, snow 2.5 mm/h", snow),
             ("rgb, rain, paper, k = 4", paper),
             ("rgb, snow cover 10 cm", cover),
+            (PAPER_FOG, paper_fog),
+            (PAPER_COVER, paper_cover),
         ] {
             let outputs = Outputs::default();
             cases.push(Self { name, config: config(outputs), sky: weather.at(1.0).over(site) });
@@ -77,6 +86,16 @@ impl Case {
         let first = cases[0].name;
         cases.retain(|case| case.name == first || case.name.contains(text));
         Ok(cases)
+    }
+
+    /// Whether it is there for the paper's table alone.
+    pub fn is_of_table(&self) -> bool {
+        [PAPER_FOG, PAPER_COVER].contains(&self.name)
+    }
+
+    /// What lies under it as in the paper.
+    pub fn paper_cover(&self) -> Option<&PaperCover> {
+        self.sky.paper_cover()
     }
 
     /// What is to lie under it.

@@ -5,6 +5,7 @@
 //! With `--training` it is steps of training that are measured, on all threads and on one in turns.
 
 mod measure;
+pub mod paper;
 mod report;
 mod training;
 
@@ -17,7 +18,8 @@ use crate::view::spec::{self, CameraSpec};
 use crate::view::{self, choose};
 use anyhow::Result;
 use clap::Args;
-use measure::{Case, peak_memory, turns};
+use indicatif::ProgressBar;
+use measure::{Case, Measured, peak_memory, turns};
 use report::{PathSpeed, SceneReport, Threads};
 use std::path::{Path, PathBuf};
 use wm_render::simd::SimdPath;
@@ -25,10 +27,10 @@ use wm_render::testing::{shell_camera, shell_splats};
 use wm_render::{AnyRenderer, Device, RenderConfig, Renderer, SetId, SetView};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::{Camera, Group, Metadata, Scene};
-use wm_weather::cover::{Airflow, Asked, Buried};
+use wm_weather::cover::{Airflow, Buried, Lying};
 
 /// Options of `bench`.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub struct BenchArgs {
     /// Scenes to render, each by itself [default: a made-up one of --splats]
     scenes: Vec<PathBuf>,
@@ -60,6 +62,15 @@ pub struct BenchArgs {
     /// Measure steps of training instead of frames
     #[arg(long)]
     training: bool,
+    /// The paper's Table I, frames a second in clear air, fog, rain or snowfall and under snow, beside the paper's figures, as Markdown
+    #[arg(long, conflicts_with_all = ["training", "cases"])]
+    paper: bool,
+    /// Devices of that table, as for --device, such as cpu,gpu [default: that of --device]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', requires = "paper")]
+    devices: Vec<Device>,
+    /// Write that table as speed.md, .csv and .json into this folder, with plots as SVG
+    #[arg(long, value_name = "FOLDER", requires = "paper")]
+    report: Option<PathBuf>,
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
@@ -69,6 +80,9 @@ pub struct BenchArgs {
 
 /// Runs the command.
 pub fn run(args: &BenchArgs) -> Result<()> {
+    if args.paper {
+        return paper::run(args);
+    }
     if args.training {
         let reports =
             each(args, |name, loaded, camera| training::measure(name, &loaded.scene.splats, &camera, args))?;
@@ -144,23 +158,56 @@ struct Snowy {
 }
 
 impl Snowy {
-    fn new(loaded: &mut Loaded, asked: &[Asked], args: &BenchArgs) -> Result<Self> {
+    fn new(loaded: &mut Loaded, case: &Case, run: &RunArgs) -> Result<Self> {
         let site = loaded.weather_site();
-        let lying = studio::cover(loaded, &site, &Airflow::default())?.lying_on_each_other(asked);
-        let mut renderer = args.run.renderer()?;
+        let lying = match case.paper_cover() {
+            Some(paper) => Lying::on_top(paper.snow(&loaded.scene.splats, &site)),
+            None => studio::cover(loaded, &site, &Airflow::default())?.lying_on_each_other(case.cover()),
+        };
+        let mut renderer = run.renderer()?;
         let sets = [renderer.load(&loaded.scene.splats)?, renderer.load(&lying.splats)?];
         Ok(Self { renderer, sets, buried: lying.buried })
     }
 }
 
-/// Everything about one scene.
-fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchArgs) -> Result<SceneReport> {
+/// Everything that is measured of a scene.
+fn cases(loaded: &Loaded) -> Result<Vec<Case>> {
     let (background, rasterization) =
         (loaded.background(), loaded.scene.metadata.rasterization.unwrap_or_default());
-    let config = |outputs| RenderConfig { outputs, background, rasterization };
-    let mut cases = Case::all(&loaded.weather_site(), config)?;
-    if let Some(text) = &args.cases {
-        cases = Case::named(cases, text)?;
+    Case::all(&loaded.weather_site(), |outputs| RenderConfig { outputs, background, rasterization })
+}
+
+/// Renders cases in turns, each on the scene with what lies on it under that case.
+fn in_turns(
+    loaded: &mut Loaded,
+    camera: &Camera,
+    cases: &[Case],
+    (run, rounds): (&RunArgs, u32),
+    bar: &ProgressBar,
+) -> Result<Vec<Measured>> {
+    let mut snowy = Vec::new();
+    let mut plan: Vec<(usize, &Case)> = Vec::new();
+    for case in cases {
+        let is_bare = case.cover().is_empty() && case.paper_cover().is_none();
+        if !is_bare {
+            snowy.push(Snowy::new(loaded, case, run)?);
+        }
+        plan.push((if is_bare { 0 } else { snowy.len() }, case));
+    }
+    let mut stands = vec![Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] }];
+    for Snowy { renderer, sets: [scene, snow], buried } in &mut snowy {
+        stands.push(Stand { renderer, sets: studio::sets(*scene, Some((*snow, buried))) });
+    }
+    turns(&mut stands, camera, &plan, rounds, bar)
+}
+
+/// Everything about one scene.
+fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchArgs) -> Result<SceneReport> {
+    let mut cases = cases(loaded)?;
+    match &args.cases {
+        Some(text) => cases = Case::named(cases, text)?,
+        // Those of the paper's table alone.
+        None => cases.retain(|case| !case.is_of_table()),
     }
     let rounds = args.frames;
     let (full, rgb) = (Case::position(&cases, "rgb+depth+normal"), Case::position(&cases, "rgb"));
@@ -172,19 +219,7 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     let alone = Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] };
     turns(&mut [alone], &camera, &plain, 0, &bar)?;
     let memory = peak_memory();
-    let mut snowy = cases
-        .iter()
-        .map(Case::cover)
-        .find(|asked| !asked.is_empty())
-        .map(|asked| Snowy::new(loaded, asked, args))
-        .transpose()?;
-    let mut stands = vec![Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] }];
-    if let Some(Snowy { renderer, sets: [scene, snow], buried }) = &mut snowy {
-        stands.push(Stand { renderer, sets: studio::sets(*scene, Some((*snow, buried))) });
-    }
-    let plan: Vec<(usize, &Case)> =
-        cases.iter().map(|case| (usize::from(!case.cover().is_empty()), case)).collect();
-    let measured = turns(&mut stands, &camera, &plan, rounds, &bar)?;
+    let measured = in_turns(loaded, &camera, &cases, (&args.run, rounds), &bar)?;
     bar.finish_and_clear();
     // Threads and SIMD paths are the CPU's.
     if (args.cases.is_some() || loaded.renderer.is_gpu()) && !interrupt::asked() {

@@ -5,7 +5,7 @@
 
 mod film;
 mod photos;
-mod street;
+pub mod street;
 
 use crate::interrupt::{self, Interrupted};
 use crate::media::{Size, color::Dither, png, sheet, video};

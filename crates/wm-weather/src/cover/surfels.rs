@@ -19,12 +19,16 @@ const THICKNESS: f64 = 0.004;
 pub(super) const OPAQUE: f64 = 0.985;
 /// Least depth that is drawn, m.
 const LEAST: f32 = 0.000_5;
-/// How far above what it lies on it is drawn where it covers it, m.
+/// How far above what it lies on thin cover is drawn where it covers it, m, and the depth from which on it is drawn as deep as
+/// it is: it then hides what it lies on, however rough that is.
 const LIFT: f32 = 0.012;
+const LIFTED: f32 = 0.05;
 /// From which cover on nothing is seen of what lies below.
 const HIDES: f32 = 0.995;
-/// Unevenness of the surface, m and as a slope, at most.
+/// Unevenness of the surface, m and as a slope, at most; and how far above the mean of it what is seen lies, as a share: of
+/// splats that overlap the uppermost.
 const ROUGH: f64 = 0.004;
+const SEEN: f64 = 0.55;
 const TILT: f64 = 0.06;
 
 /// Nodes that one thread draws at a time.
@@ -69,7 +73,12 @@ pub struct Layer<'a> {
 /// Height, m, that what lies is drawn up to: what lies on it is drawn above that.
 #[must_use]
 pub fn drawn(top: f32, depth: f32) -> f32 {
-    top + LIFT * coverage(depth)
+    top + lift(depth)
+}
+
+/// How much higher than it is what lies is drawn, m.
+fn lift(depth: f32) -> f32 {
+    LIFT * coverage(depth) * (1.0 - depth / LIFTED).max(0.0)
 }
 
 /// The surface of what lies on heights `base`: height of its top at each node, m; smoother than those the deeper it is.
@@ -158,10 +167,10 @@ impl Painter<'_> {
         let dy = slope(level(1), level(3)).clamp(-1.7, 1.7) + off(TILT);
         let is_edge = usize::from((0..4).any(|way| level(way).is_none()));
         let place = [column, row].map(|v| v as f64 + 0.5 + off(ASIDE[is_edge]));
-        let lift = off(ROUGH);
+        let lift = off(ROUGH) - SEEN * ROUGH;
         let cover = f64::from(coverage(depth[node]));
         // Splats are rough: what covers the ground must be above what they show of it.
-        let lift = lift.min(f64::from(depth[node]) * 0.3) + f64::from(LIFT) * cover;
+        let lift = lift.min(f64::from(depth[node]) * 0.3) + f64::from(self::lift(depth[node]));
         let normal = (axes[2] - axes[0] * dx - axes[1] * dy).normalize();
         let shade = f64::from(ground.shade[node]) * (0.7 + 0.3 * normal.dot(axes[2]));
         let color: [f64; 3] =

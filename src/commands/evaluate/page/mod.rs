@@ -2,27 +2,21 @@
 //! reader has it.
 
 mod panels;
-mod picture;
 
 pub use panels::{Rendered, Shown};
 
 use super::scores::{Column, Place, Report};
+use crate::report::{escaped, foot, head, picture};
 use std::fmt::Write;
-
-const STYLE: &str = include_str!("page.css");
 
 /// The whole page; pictures are those of `shown`.
 pub fn page(report: &Report, shown: &[Shown]) -> String {
-    let title = escaped(&format!("{} against {}", report.scene, report.dataset));
-    let mut out = format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{title}</title>\n<style>\n{STYLE}"
-    );
+    let mut style = String::new();
     for (class, ramp) in panels::RAMPS {
-        let _ = writeln!(out, ".{class} {{ background: {}; }}", picture::gradient(ramp));
+        let _ = writeln!(style, ".{class} {{ background: {}; }}", picture::gradient(ramp));
     }
-    let _ = write!(out, "</style>\n</head>\n<body>\n<h1>{title}</h1>\n<ul class=\"notes\">\n");
+    let mut out = head(&format!("{} against {}", report.scene, report.dataset), &style);
+    out.push_str("<ul class=\"notes\">\n");
     // The first says which scene and data set, which the title does.
     let mut notes = report.notes();
     notes[0] = report.selection.clone();
@@ -45,9 +39,7 @@ pub fn page(report: &Report, shown: &[Shown]) -> String {
         shown.write(&mut out);
         out.push_str("</section>\n");
     }
-    let _ =
-        writeln!(out, "<h2>About</h2>\n<p>Written by weather-magician {}.</p>", env!("CARGO_PKG_VERSION"));
-    out.push_str("</body>\n</html>\n");
+    out.push_str(&foot());
     out
 }
 
@@ -98,28 +90,4 @@ fn row(out: &mut String, name: &str, cells: impl Iterator<Item = String>) {
         let _ = write!(out, "<td>{cell}</td>");
     });
     out.push_str("</tr>\n");
-}
-
-/// Text that is no markup, whatever is in it.
-fn escaped(text: &str) -> String {
-    text.chars().fold(String::with_capacity(text.len()), |mut out, c| {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            c => out.push(c),
-        }
-        out
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_no_markup() {
-        assert_eq!(escaped("<b>\"a\" & b"), "&lt;b&gt;&quot;a&quot; &amp; b");
-    }
 }

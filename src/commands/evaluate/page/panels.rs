@@ -1,8 +1,9 @@
 //! The pictures of a photo: photo, render and error; depth, normals and surfaces against the truth.
 
-use super::picture::{self, Cell};
-use super::{super::truth::TrueMaps, escaped};
+use super::super::truth::TrueMaps;
 use crate::media::ramps::{self, Ramp};
+use crate::report::escaped;
+use crate::report::picture::{self, Cell};
 use anyhow::Result;
 use std::fmt::Write;
 use wm_render::Frame;
@@ -93,8 +94,8 @@ impl Shown {
         let mut add = |what: &str, picture: String, key: Key, width: Width| {
             figures.push(Figure { what: what.to_owned(), picture, key, width });
         };
-        add("photo", picture::color(photo, full)?, Key::None, Width::Half);
-        add("render", picture::color(rendered.picture, full)?, Key::None, Width::Half);
+        add("photo", picture::color(photo, full, picture::WIDEST)?, Key::None, Width::Half);
+        add("render", picture::color(rendered.picture, full, picture::WIDEST)?, Key::None, Width::Half);
         let size = picture::shown_size(full);
         let places = picture::nearest(full);
         let map = |of: &dyn Fn(usize) -> Cell, ramp: Ramp| -> Result<String> {
@@ -145,7 +146,7 @@ impl Shown {
                     normal => normal.map(|v| 0.5 + 0.5 * v),
                 };
                 let rgb: Vec<f32> = places.iter().flat_map(|place| shade(of(normals, *place))).collect();
-                picture::color(&rgb, size)
+                picture::color(&rgb, size, picture::WIDEST)
             };
             add(
                 "true normals, x y z of the world as red green blue",

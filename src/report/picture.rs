@@ -6,8 +6,8 @@ use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use std::fmt::Write;
 use wm_train::maps::{Filter, Map};
 
-/// Widest picture, px.
-const WIDEST: u32 = 480;
+/// Widest picture beside others, px.
+pub const WIDEST: u32 = 480;
 /// Of JPEG: below it edges begin to ring visibly.
 const QUALITY: u8 = 88;
 /// Colours of a ramp; the two behind them are [`MISSING`] and [`UNKNOWN`].
@@ -25,17 +25,21 @@ pub enum Cell {
 }
 
 /// The size that a picture is shown in, px.
-pub fn shown_size((width, height): (u32, u32)) -> (u32, u32) {
-    if width <= WIDEST {
-        return (width, height);
-    }
-    let scaled = f64::from(height) * f64::from(WIDEST) / f64::from(width);
-    (WIDEST, (scaled.round() as u32).max(1))
+pub fn shown_size(size: (u32, u32)) -> (u32, u32) {
+    at_most(size, WIDEST)
 }
 
-/// Colours, `[H, W, 3]`, 0-1, made smaller by area: a data URI of a JPEG.
-pub fn color(rgb: &[f32], size: (u32, u32)) -> Result<String> {
-    let (width, height) = shown_size(size);
+fn at_most((width, height): (u32, u32), widest: u32) -> (u32, u32) {
+    if width <= widest {
+        return (width, height);
+    }
+    let scaled = f64::from(height) * f64::from(widest) / f64::from(width);
+    (widest, (scaled.round() as u32).max(1))
+}
+
+/// Colours, `[H, W, 3]`, 0-1, made smaller by area where they are wider than `widest` px: a data URI of a JPEG.
+pub fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String> {
+    let (width, height) = at_most(size, widest);
     let small = Map::new(size.0, size.1, 3, rgb.to_vec()).resampled(width, height, Filter::Area);
     let bytes: Vec<u8> = small.values.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
     let sides = |side: u32| u16::try_from(side).context("a picture is too high for the report");
@@ -140,7 +144,9 @@ mod tests {
         assert_eq!(shown_size((1200, 887)), (480, 355));
         assert_eq!(nearest((960, 2)).len(), 480);
         assert_eq!(nearest((3, 2)), [0, 1, 2, 3, 4, 5]);
-        assert!(color(&[0.5; 3 * 600 * 4], (600, 4)).unwrap().starts_with("data:image/jpeg;base64,/9j/"));
+        assert!(
+            color(&[0.5; 3 * 600 * 4], (600, 4), WIDEST).unwrap().starts_with("data:image/jpeg;base64,/9j/")
+        );
         let cells = [Cell::At(0.0), Cell::At(9.0), Cell::Missing, Cell::Unknown];
         assert!(
             numbers(&cells, (4, 1), crate::media::ramps::heat)

@@ -1,0 +1,270 @@
+//! `bench --paper`: the paper's Table I, frames a second by weather, beside its own figures.
+//!
+//! The paper (Sang et al., Table I) renders scenes of Mip-NeRF 360 at 1200x800 px on an RTX 4090: clear 83.30, fog, smog and haze 31.27,
+//! rain and snowfall 10.42, snow cover 58.24 frames a second. Here the same four columns are measured for each scene on each
+//! device, with this program's weather and with the paper's own formulas (fidelity `paper`), and for the clear picture how the
+//! time grows with pixels and splats. Figures of other machines are no comparison of programs: the table says which machine.
+
+use super::BenchArgs;
+use super::measure::{Case, turns};
+use crate::interrupt::{self, Interrupted};
+use crate::progress;
+use crate::report::plot::{Axis, Plot, Series};
+use crate::scene::{Loaded, RunArgs};
+use crate::studio::Stand;
+use anyhow::{Context, Result};
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::Path;
+use wm_render::{Renderer, SetView};
+use wm_scene::Camera;
+use wm_scene::files::write_atomically;
+
+/// The columns, with their keys in CSV.
+const COLUMNS: [(&str, &str); 4] = [
+    ("clear", "Clear weather"),
+    ("fog", "Fog / smog / haze"),
+    ("fall", "Rain / snowfall"),
+    ("cover", "Snow cover"),
+];
+
+/// What the paper prints; `None` where it has no figure.
+const PAPER: [(&str, [Option<f64>; 4]); 4] = [
+    ("ClimateGAN, in the paper (RTX 4090)", [None, Some(0.11), None, None]),
+    ("Stable Diffusion, in the paper (RTX 4090)", [Some(0.12), Some(0.12), Some(0.12), Some(0.12)]),
+    ("ClimateNeRF, in the paper (RTX 4090)", [Some(2.26), Some(1.33), None, Some(0.09)]),
+    ("the paper's own (RTX 4090)", [Some(83.30), Some(31.27), Some(10.42), Some(58.24)]),
+];
+
+/// What is measured: this program's weather, then the paper's formulas. The fall of a row is the mean of the times of its cases.
+const ROWS: [(&str, [&[&str]; 4]); 2] = [
+    (
+        "physical",
+        [&["rgb"], &["rgb, fog"], &["rgb, rain 25 mm/h", "rgb, snow 2.5 mm/h"], &["rgb, snow cover 10 cm"]],
+    ),
+    (
+        "paper's formulas",
+        [&["rgb"], &["rgb, fog, paper"], &["rgb, rain, paper, k = 4"], &["rgb, snow cover, paper"]],
+    ),
+];
+
+/// Shares of the sides of the picture at which the clear scene is measured.
+const SIDES: [f64; 4] = [0.35, 0.5, 0.7, 1.0];
+
+/// A row of the table.
+#[derive(Serialize)]
+struct Row {
+    method: String,
+    scene: Option<String>,
+    device: Option<String>,
+    splats: Option<usize>,
+    /// Frames a second, in the order of [`COLUMNS`].
+    fps: [Option<f64>; 4],
+}
+
+/// Clear frames by picture size.
+#[derive(Serialize)]
+struct BySize {
+    scene: String,
+    device: String,
+    /// Pixels and milliseconds of a frame.
+    points: Vec<[f64; 2]>,
+}
+
+/// The table, and what is plotted beside it.
+#[derive(Serialize)]
+pub struct Table {
+    size: [u32; 2],
+    rows: Vec<Row>,
+    by_pixels: Vec<BySize>,
+}
+
+/// Whether a case is of the table.
+fn is_in_table(name: &str) -> bool {
+    ROWS.iter().any(|(_, columns)| columns.iter().any(|cases| cases.contains(&name)))
+}
+
+/// Measures all scenes on all devices, prints the table and writes it with its plots.
+pub fn run(args: &BenchArgs) -> Result<()> {
+    let mut table = Table::new(args.size);
+    let devices =
+        if args.devices.is_empty() { std::slice::from_ref(&args.run.device) } else { &args.devices };
+    for device in devices {
+        let run = RunArgs { device: device.clone(), ..args.run.clone() };
+        let args = BenchArgs { run, ..args.clone() };
+        super::each(&args, |name, loaded, camera| {
+            table.add(name, loaded, &camera, (&args.run, args.frames))
+        })?;
+    }
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&table)?);
+    } else {
+        print!("{}", table.markdown());
+    }
+    args.report.as_deref().map_or(Ok(()), |folder| write(&table, folder))
+}
+
+impl Table {
+    /// The paper's rows, for pictures of a size.
+    pub fn new(size: (u32, u32)) -> Self {
+        let row = |(method, fps): (&str, _)| Row {
+            method: method.into(),
+            scene: None,
+            device: None,
+            splats: None,
+            fps,
+        };
+        Self { size: [size.0, size.1], rows: PAPER.map(row).into(), by_pixels: Vec::new() }
+    }
+
+    /// Measures a scene.
+    pub fn add(
+        &mut self,
+        name: &str,
+        loaded: &mut Loaded,
+        camera: &Camera,
+        (run, rounds): (&RunArgs, u32),
+    ) -> Result<()> {
+        let cases: Vec<Case> =
+            super::cases(loaded)?.into_iter().filter(|case| is_in_table(case.name)).collect();
+        let bar = progress::bar(u64::from(rounds), "rounds");
+        let measured = super::in_turns(loaded, camera, &cases, (run, rounds), &bar)?;
+        if interrupt::asked() {
+            return Err(Interrupted("the measurement is not complete".into()).into());
+        }
+        let device = loaded.renderer.describe();
+        let seconds = |case: &&str| -> Option<f64> {
+            let place = cases.iter().position(|known| known.name == *case)?;
+            Some(measured[place].median(|sample| sample.wall))
+        };
+        for (method, columns) in ROWS {
+            let fps = columns.map(|cases| {
+                let times: Option<Vec<f64>> = cases.iter().map(seconds).collect();
+                times.map(|times| times.len() as f64 / times.iter().sum::<f64>())
+            });
+            self.rows.push(Row {
+                method: format!("this program, {method}"),
+                scene: Some(name.to_owned()),
+                device: Some(device.clone()),
+                splats: Some(loaded.scene.splats.len()),
+                fps,
+            });
+        }
+        let mut points = Vec::new();
+        for share in SIDES {
+            let side = |side: u32| (f64::from(side) * share).round().max(1.0) as u32;
+            let small = camera.resized(side(camera.width), side(camera.height));
+            let clear = &cases[Case::position(&cases, "rgb")];
+            let sets = vec![SetView::plain(loaded.set)];
+            let stand = Stand { renderer: &mut loaded.renderer, sets };
+            let frames = turns(&mut [stand], &small, &[(0, clear)], rounds.min(8), &bar)?;
+            let pixels = f64::from(small.width) * f64::from(small.height);
+            points.push([pixels * 1e-6, 1e3 * frames[0].median(|sample| sample.wall)]);
+        }
+        bar.finish_and_clear();
+        self.by_pixels.push(BySize { scene: name.to_owned(), device, points });
+        Ok(())
+    }
+
+    /// The cells of all rows, and of their head.
+    pub fn cells(&self) -> ([&'static str; 8], Vec<[String; 8]>) {
+        let [clear, fog, fall, cover] = COLUMNS.map(|(_, name)| name);
+        let row = |row: &Row| {
+            let text = |text: &Option<String>| text.clone().unwrap_or_default();
+            let splats = row.splats.map(|splats| splats.to_string()).unwrap_or_default();
+            let [a, b, c, d] = row.fps.map(cell);
+            [row.method.clone(), text(&row.scene), splats, text(&row.device), a, b, c, d]
+        };
+        (
+            ["method", "scene", "splats", "device", clear, fog, fall, cover],
+            self.rows.iter().map(row).collect(),
+        )
+    }
+
+    /// What stands above it.
+    pub fn caption(&self) -> String {
+        let [width, height] = self.size;
+        format!("Frames a second at {width}x{height} px, by the median time of a frame on the clock.")
+    }
+
+    fn markdown(&self) -> String {
+        let (head, rows) = self.cells();
+        let mut out = format!("{}\n\n| {} |\n", self.caption(), head.join(" | "));
+        out.push_str("|---|---|---:|---|---:|---:|---:|---:|\n");
+        for row in rows {
+            let _ = writeln!(out, "| {} |", row.join(" | "));
+        }
+        out
+    }
+}
+
+fn cell(fps: Option<f64>) -> String {
+    fps.map_or_else(|| "-".into(), |fps| format!("{fps:.2}"))
+}
+
+fn csv(table: &Table) -> String {
+    let mut out =
+        format!("method,scene,splats,device,{}\r\n", COLUMNS.map(|(key, _)| format!("{key}_fps")).join(","));
+    for row in &table.rows {
+        let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+        let text = |text: &Option<String>| quoted(text.as_deref().unwrap_or_default());
+        let splats = row.splats.map(|splats| splats.to_string()).unwrap_or_default();
+        let fps = row.fps.map(|fps| fps.map(|fps| format!("{fps:.3}")).unwrap_or_default()).join(",");
+        let _ = write!(
+            out,
+            "{},{},{splats},{},{fps}\r\n",
+            quoted(&row.method),
+            text(&row.scene),
+            text(&row.device)
+        );
+    }
+    out
+}
+
+/// Time of a clear frame over pixels, and over splats where there are several scenes.
+pub fn plots(table: &Table) -> Vec<(&'static str, Plot)> {
+    let by_pixels = table
+        .by_pixels
+        .iter()
+        .map(|by| Series::line(format!("{}, {}", by.scene, by.device), by.points.clone()));
+    let mut plots = vec![(
+        "speed-pixels.svg",
+        Plot {
+            title: "Clear frame by picture size".into(),
+            x: Axis::linear("picture, million pixels"),
+            y: Axis::linear("time of a frame, ms"),
+            series: by_pixels.collect(),
+        },
+    )];
+    let by_splats: Vec<[f64; 2]> = table
+        .rows
+        .iter()
+        .filter(|row| row.method.ends_with("physical"))
+        .filter_map(|row| Some([row.splats? as f64 * 1e-6, 1e3 / row.fps[0]?]))
+        .collect();
+    if by_splats.len() > 1 {
+        plots.push((
+            "speed-splats.svg",
+            Plot {
+                title: "Clear frame by size of the scene".into(),
+                x: Axis::linear("splats, millions"),
+                y: Axis::linear("time of a frame, ms"),
+                series: vec![Series::points("scenes", by_splats)],
+            },
+        ));
+    }
+    plots
+}
+
+fn write(table: &Table, folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    let json = serde_json::to_string_pretty(table)? + "\n";
+    let mut files = vec![("speed.md", table.markdown()), ("speed.csv", csv(table)), ("speed.json", json)];
+    files.extend(plots(table).into_iter().map(|(name, plot)| (name, plot.svg())));
+    for (name, text) in files {
+        write_atomically(&folder.join(name), |out| Ok(out.write_all(text.as_bytes())?))?;
+    }
+    eprintln!("{}: speed.md, .csv, .json and plots", folder.display());
+    Ok(())
+}

@@ -1,0 +1,167 @@
+//! The numbers as text, JSON, CSV and Markdown.
+
+use super::Report;
+use crate::instruments::{Reading, Tolerance};
+use serde_json::{Value, json};
+use std::fmt::Write;
+
+/// A number with as many digits as tell something.
+pub fn number(value: f64) -> String {
+    let size = value.abs();
+    match size {
+        _ if !value.is_finite() => "-".into(),
+        _ if size >= 1000.0 => format!("{value:.0}"),
+        _ if size >= 100.0 => format!("{value:.1}"),
+        _ if size >= 10.0 => format!("{value:.2}"),
+        _ => format!("{value:.3}"),
+    }
+}
+
+/// How far a reading is off, with its unit.
+pub fn error(reading: &Reading) -> String {
+    let error = reading.error();
+    match reading.tolerance {
+        _ if !error.is_finite() => "-".into(),
+        Tolerance::Relative(_) => format!("{:+.2} %", 100.0 * error),
+        _ => format!("{error:+.4}"),
+    }
+}
+
+/// How far it may be.
+pub fn tolerance(reading: &Reading) -> String {
+    match reading.tolerance {
+        Tolerance::Relative(most) => format!("{} %", 100.0 * most),
+        Tolerance::Absolute(most) => number(most),
+        Tolerance::Above(most) => format!("{} above", number(most)),
+        Tolerance::None => String::new(),
+    }
+}
+
+/// Whether it is as asked, in a word.
+pub fn verdict(reading: &Reading) -> &'static str {
+    match (reading.tolerance, reading.passes()) {
+        (Tolerance::None, _) => "",
+        (_, true) => "pass",
+        (_, false) => "FAIL",
+    }
+}
+
+/// A unit behind a number.
+pub fn unit(reading: &Reading) -> String {
+    if reading.unit.is_empty() { String::new() } else { format!(" {}", reading.unit) }
+}
+
+/// For people.
+pub fn text(report: &Report) -> String {
+    let mut out = format!("{}, {}\n", report.place, report.renderer);
+    for section in &report.sections {
+        let _ = writeln!(out, "\n{}", section.instrument.title);
+        let cells: Vec<[String; 6]> = section
+            .readings()
+            .map(|reading| {
+                let unit = unit(reading);
+                [
+                    reading.setting.clone(),
+                    reading.quantity.clone(),
+                    number(reading.asked),
+                    number(reading.measured) + &unit,
+                    error(reading),
+                    verdict(reading).to_owned(),
+                ]
+            })
+            .collect();
+        let wide = |k: usize| cells.iter().map(|row| row[k].chars().count()).max().unwrap_or(0).max(8);
+        let widths: [usize; 5] = std::array::from_fn(wide);
+        let [a, b, c, d, e] = widths;
+        let _ = writeln!(
+            out,
+            "  {:<a$}  {:<b$}  {:>c$}  {:>d$}  {:>e$}",
+            "weather", "quantity", "asked", "measured", "error"
+        );
+        for [setting, quantity, asked, measured, error, verdict] in &cells {
+            let _ = writeln!(
+                out,
+                "  {setting:<a$}  {quantity:<b$}  {asked:>c$}  {measured:>d$}  {error:>e$}  {verdict}"
+            );
+        }
+    }
+    let [right, off] = report.verdict();
+    let _ = writeln!(out, "\n{right} readings as asked, {off} not, in {:.0} s", report.seconds);
+    out
+}
+
+/// For programs.
+pub fn json(report: &Report) -> Value {
+    let reading = |reading: &Reading| {
+        let mut value = json!(reading);
+        value["error"] = json!(reading.error());
+        value["pass"] = json!(reading.passes());
+        value
+    };
+    let sections: Vec<Value> = report
+        .sections
+        .iter()
+        .map(|section| {
+            json!({
+                "name": section.instrument.name,
+                "title": section.instrument.title,
+                "readings": section.readings().map(reading).collect::<Vec<_>>(),
+            })
+        })
+        .collect();
+    let [right, off] = report.verdict();
+    json!({
+        "program": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
+        "place": report.place,
+        "about": report.about,
+        "renderer": report.renderer,
+        "seconds": report.seconds,
+        "passed": right,
+        "failed": off,
+        "instruments": sections,
+    })
+}
+
+const HEAD: [&str; 9] =
+    ["instrument", "weather", "quantity", "unit", "asked", "measured", "error", "tolerance", "verdict"];
+
+fn rows(report: &Report) -> impl Iterator<Item = [String; 9]> {
+    report.sections.iter().flat_map(|section| {
+        section.readings().map(|reading| {
+            [
+                section.instrument.name.to_owned(),
+                reading.setting.clone(),
+                reading.quantity.clone(),
+                reading.unit.to_owned(),
+                number(reading.asked),
+                number(reading.measured),
+                error(reading),
+                tolerance(reading),
+                verdict(reading).to_owned(),
+            ]
+        })
+    })
+}
+
+/// For spreadsheets: RFC 4180.
+pub fn csv(report: &Report) -> String {
+    let quoted = |cell: &str| match cell.contains([',', '"', '\n']) {
+        true => format!("\"{}\"", cell.replace('"', "\"\"")),
+        false => cell.to_owned(),
+    };
+    let mut out = HEAD.join(",") + "\r\n";
+    for row in rows(report) {
+        out += &row.each_ref().map(|cell| quoted(cell)).join(",");
+        out += "\r\n";
+    }
+    out
+}
+
+/// For documents.
+pub fn markdown(report: &Report) -> String {
+    let mut out = format!("| {} |\n|{}\n", HEAD.join(" | "), "---|".repeat(HEAD.len()));
+    for row in rows(report) {
+        let _ = writeln!(out, "| {} |", row.each_ref().map(|cell| cell.replace('|', "\\|")).join(" | "));
+    }
+    out
+}

@@ -1,0 +1,204 @@
+//! Controllability: each control of the paper's sheet, turned up step by step, and what of it is seen.
+//!
+//! Counts say nothing of a picture (fewer, larger flakes may cover more), so what is measured is what is seen: the share of light that
+//! fog takes, the coverage of what falls, the ground that snow whitens, how red dust is, how far streaks lean. Every
+//! step must move it the same way.
+
+use super::{
+    Finding, Instrument, PARTICLES, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, clear, mean,
+};
+use crate::media::Size;
+use crate::media::sheet::{Layout, Panel, sheet};
+use crate::parts::Picture;
+use crate::report::plot::{Axis, Plot, Series};
+use anyhow::Result;
+use wm_render::Frame;
+use wm_render::frame::srgb_decode;
+use wm_render::passes::Pass;
+use wm_scene::Camera;
+use wm_weather::Weather;
+
+/// The instrument.
+pub const INSTRUMENT: Instrument = Instrument {
+    name: "controls",
+    title: "Controllability",
+    about: "The paper's controls, each turned up in five steps on the place itself: fog intensity, opacity, size and number of what falls, \
+            snowfall, depth of the cover, colour of dust, direction and speed of the wind. What is measured is what is seen - \
+            light lost, coverage, whitened ground, colour, lean of the streaks - and every step must move it the same way.",
+    // A sheet is of no weather but its own.
+    applies: |_, _| false,
+    read,
+    sweep: &[&[]],
+};
+
+/// A row of the sheet.
+struct Control {
+    name: &'static str,
+    /// What all of its pictures have.
+    base: &'static [&'static str],
+    /// Its parameter and the values that it takes.
+    key: &'static str,
+    values: [&'static str; STEPS],
+    /// What is seen of it.
+    seen: Seen,
+}
+
+const STEPS: usize = 5;
+
+/// What is measured in a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Seen {
+    /// Light that the air takes, share.
+    Lost,
+    /// Coverage of what falls, share of the picture.
+    Coverage,
+    /// Share of the picture that cover makes another colour.
+    Whitened,
+    /// Red less blue, of what cover makes another colour.
+    Redness,
+    /// Lean of the streaks from upright, degrees.
+    Lean,
+}
+
+impl Seen {
+    fn label(self) -> &'static str {
+        match self {
+            Self::Lost => "light lost, share",
+            Self::Coverage => "coverage, share of the picture",
+            Self::Whitened => "covered, share of the picture",
+            Self::Redness => "red less blue of what is covered",
+            Self::Lean => "lean of the streaks, degrees",
+        }
+    }
+}
+
+/// Streaks that show their way: many drops, in a short exposure.
+const STREAKS: &[&str] =
+    &["rain.rate=60", "rain.exposure=0.006", "rain.size=2", "rain.opacity=4", "wind.gusts=0", "wind.speed=6"];
+
+#[rustfmt::skip]
+const CONTROLS: [Control; 9] = [
+    Control { name: "fog intensity", base: &[], key: "fog.mor", values: ["1000", "400", "150", "60", "25"], seen: Seen::Lost },
+    Control { name: "particle opacity", base: &["rain.rate=25", "rain.exposure=0.004", "rain.size=2"], key: "rain.opacity",
+        values: ["0.5", "1", "2", "4", "8"], seen: Seen::Coverage },
+    Control { name: "particle size", base: &["rain.rate=25", "rain.exposure=0.004", "rain.opacity=4"], key: "rain.size",
+        values: ["0.5", "1", "1.5", "2", "3"], seen: Seen::Coverage },
+    Control { name: "particle density", base: &["rain.exposure=0.004", "rain.size=2", "rain.opacity=4"], key: "rain.rate",
+        values: ["2", "10", "25", "60", "120"], seen: Seen::Coverage },
+    Control { name: "snowfall", base: &[], key: "snowfall.rate", values: ["0.5", "1", "2", "4", "8"], seen: Seen::Coverage },
+    Control { name: "cover depth", base: &[], key: "snow_cover.depth", values: ["0.002", "0.006", "0.02", "0.08", "0.3"], seen: Seen::Whitened },
+    Control { name: "dust colour", base: &["dust_cover.depth=0.05", "haze.mor=800", "haze.airlight=#d8b888"], key: "dust_cover.color",
+        values: ["#b8b4ae", "#b8a890", "#b89c74", "#b89058", "#b8803c"], seen: Seen::Redness },
+    Control { name: "wind direction", base: STREAKS, key: "wind.direction", values: ["180", "135", "90", "45", "0"], seen: Seen::Lean },
+    Control { name: "wind speed", 
+        base: &["rain.rate=60", "rain.exposure=0.006", "rain.size=2", "rain.opacity=4", "wind.gusts=0", "wind.direction=0"], key: "wind.speed",
+        values: ["0", "2", "4", "8", "14"], seen: Seen::Lean },
+];
+
+/// Width of a picture of the sheet, px.
+const WIDTH: u32 = 320;
+/// Change of linear light that tells cover.
+const WHITENED: f64 = 0.02;
+
+fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
+    let [camera, _] = rig.views()?;
+    let height = (f64::from(WIDTH) * f64::from(camera.height) / f64::from(camera.width)).round().max(1.0);
+    let camera = camera.resized(WIDTH, height as u32);
+    let bare = draw(rig, &camera, (&clear(), probe.time), &[])?;
+    let mut finding = Finding::default();
+    let mut rows: Vec<(Frame, String)> = Vec::new();
+    for control in &CONTROLS {
+        let mut points = Vec::new();
+        for (step, value) in control.values.iter().enumerate() {
+            let mut weather = probe.with(control.base)?;
+            weather.set(&format!("{}={value}", control.key))?;
+            let passes: &[Pass] = if control.seen == Seen::Lost { &[Pass::Transmittance] } else { &[] };
+            let picture = draw(rig, &camera, (&weather, probe.time), passes)?;
+            points.push([(step + 1) as f64, measured(control.seen, &picture, &bare)]);
+            rows.push((picture.frame, format!("{}={value}", control.key)));
+        }
+        let rising = points.windows(2).filter(|pair| pair[1][1] > pair[0][1]).count();
+        let falling = points.windows(2).filter(|pair| pair[1][1] < pair[0][1]).count();
+        finding.readings.push(Reading {
+            quantity: format!(
+                "steps that raise the {}: {} to {}",
+                control.seen.label().split(',').next().unwrap_or_default(),
+                short(points[0][1]),
+                short(points[STEPS - 1][1])
+            ),
+            setting: control.name.to_owned(),
+            unit: "",
+            asked: (STEPS - 1) as f64,
+            // A lean is counted from one side, whichever the view has.
+            measured: if control.seen == Seen::Lean { rising.max(falling) } else { rising } as f64,
+            tolerance: Tolerance::Absolute(0.0),
+        });
+        finding.plots.push(Plot {
+            title: format!("{}: {} = {}", control.name, control.key, control.values.join(", ")),
+            x: Axis::linear("step"),
+            y: Axis::linear(control.seen.label()),
+            series: vec![Series::points("seen", points.clone())],
+        });
+    }
+    let panels: Vec<Panel<'_>> = rows.iter().map(|(frame, label)| Panel { rgb: &frame.rgb, label }).collect();
+    let layout = Layout::new(Size::new(camera.width, camera.height), panels.len() as u32, STEPS as u32);
+    let size = layout.size();
+    finding.pictures.push(Shown {
+        caption: SHEET.to_owned(),
+        rgb: sheet(&layout, &panels),
+        size: (size.width, size.height),
+    });
+    Ok(finding)
+}
+
+/// What the sheet is called in a report.
+pub const SHEET: &str = "The sheet: a control a row, turned up from left to right";
+
+fn short(value: f64) -> String {
+    if value.abs() < 1.0 { format!("{value:.4}") } else { format!("{value:.1}") }
+}
+
+fn draw(
+    rig: &mut dyn Rig,
+    camera: &Camera,
+    (weather, time): (&Weather, f64),
+    passes: &[Pass],
+) -> Result<Picture> {
+    let mut picture = Picture::default();
+    rig.draw(
+        &Shot { subject: Subject::Place, camera, weather, time, outputs: PARTICLES, passes },
+        &mut picture,
+    )?;
+    Ok(picture)
+}
+
+/// What is seen in a picture, beside the same in clear air.
+fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> f64 {
+    let pixels = picture.frame.pixels();
+    let coverage = || picture.frame.particles.iter().skip(3).step_by(4).map(|v| f64::from(*v));
+    let light = |picture: &Picture, at: usize| -> [f64; 3] {
+        std::array::from_fn(|k| srgb_decode(f64::from(picture.frame.rgb[3 * at + k])))
+    };
+    let change = |at: usize| mean((0..3).map(|k| (light(picture, at)[k] - light(bare, at)[k]).abs()));
+    match seen {
+        Seen::Lost => 1.0 - mean(picture.passes.transmittance.iter().map(|v| f64::from(*v))),
+        Seen::Coverage => mean(coverage()),
+        Seen::Whitened => mean((0..pixels).map(change).map(|change| f64::from(u8::from(change > WHITENED)))),
+        Seen::Redness => {
+            let covered = (0..pixels).filter(|at| change(*at) > WHITENED).map(|at| light(picture, at));
+            mean(covered.map(|[r, _, b]| r - b))
+        }
+        Seen::Lean => lean(&coverage().collect::<Vec<_>>(), picture.frame.width as usize),
+    }
+}
+
+/// The lean of what a picture's gradients stand across, degrees from upright: its structure tensor.
+fn lean(coverage: &[f64], width: usize) -> f64 {
+    let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
+    for at in width + 1..coverage.len().saturating_sub(width + 1) {
+        let dx = coverage[at + 1] - coverage[at - 1];
+        let dy = coverage[at + width] - coverage[at - width];
+        (xx, yy, xy) = (xx + dx * dx, yy + dy * dy, xy + dx * dy);
+    }
+    (0.5 * f64::atan2(2.0 * xy, xx - yy)).to_degrees()
+}

@@ -1,0 +1,110 @@
+//! Streaks: as long as the way in the exposure, and along it.
+//!
+//! Two pictures of a slab of air, a moment apart. Drops are drawn more opaque than they are, like marked ones, so that a streak
+//! shows as far as it goes and does not end where it covers less than 1/256. Its length is that of a line with its second moment; how fast the drop goes the two
+//! pictures say, not a law.
+//!
+//! Tolerance: 5 % of the length and of the wind, 1.5 degrees of the angle. What lies below 1/256 is
+//! added to a streak's second moment, 2 to 5 % of a length, right within a fifth of that; a slab of a tenth of the depth makes single lengths 5 % uncertain and medians 0.1 %.
+
+use super::drops::{Slab, catch, effect, main_kind};
+use super::{Finding, Instrument, Probe, Reading, Rig, Tolerance, asked, median};
+use anyhow::Result;
+use wm_weather::particles::Kind;
+
+/// The instrument.
+pub const INSTRUMENT: Instrument = Instrument {
+    name: "streaks",
+    title: "Streak geometry",
+    about: "A slab of air, as for the gauge, at the exposure that is asked for, drops marked to show as far as they go. Two pictures a \
+            moment apart say how fast each goes; its streak must be as long as that speed times the exposure, and lie along its way. How \
+            fast they go sideways is the wind.",
+    applies: |weather, time| main_kind(weather, time) == Some(Kind::Rain),
+    read,
+    sweep: &[
+        &["rain.rate=2.5", "rain.exposure=0.002"],
+        &["rain.rate=2.5", "rain.exposure=0.004", "wind.speed=2"],
+        &["rain.rate=2.5", "rain.exposure=0.008", "wind.speed=5"],
+        &["rain.rate=2.5", "rain.exposure=0.0125", "wind.speed=10"],
+        &["rain.rate=2.5", "rain.exposure=0.0166", "wind.speed=15"],
+    ],
+};
+
+/// Streaks shorter than this many pixels say little of their length.
+const SHORTEST: f64 = 6.0;
+
+fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
+    let number = |effect: &str, param: &str| asked::number(probe.weather, probe.time, effect, param);
+    let exposure = number("rain", "exposure").unwrap_or(1.0 / 60.0);
+    let wind = number("wind", "speed").unwrap_or(0.0);
+    let apart = exposure.clamp(0.001, 0.006);
+    // The longest streaks are some 250 px.
+    let scale = (250.0 / (9.0f64.hypot(wind) * exposure)).min(1000.0);
+    let aside = scale * (1.3 * wind * apart + 0.5 * wind * exposure) + 24.0;
+    let slab = Slab {
+        size: 1200,
+        depth: 10.0,
+        thickness: 0.6,
+        scale,
+        margin: [aside, 12.0 * scale * apart + 130.0],
+        apart,
+        fastest: 12.0,
+        pairs: 1,
+    };
+    let set = |param: &str, value: &str| format!("{}.{param}={value}", effect(Kind::Rain));
+    // So opaque that a common drop has an optical depth of about 1 in its middle.
+    let pixels = (5.5f64.hypot(wind) * exposure * scale).max(1.0);
+    let wide = (0.14 * (1e-3 * scale).powi(2) + 0.3f64).sqrt();
+    let long = (wide * wide + pixels * pixels / 12.0).sqrt();
+    let opacity = std::f64::consts::TAU * wide * long / (1.8 * (1e-3 * scale).powi(2));
+    let opacity = opacity.min(100.0);
+    let changes = [set("size", "1"), set("opacity", &opacity.to_string())];
+    let changes = changes.each_ref().map(String::as_str);
+    let caught = catch(rig, probe, Kind::Rain, (&slab, 16, &changes, opacity))?;
+    let (mut lengths, mut angles, mut drifts) = (Vec::new(), Vec::new(), Vec::new());
+    for drop in caught.drops.iter().filter(|drop| drop.blob.length > SHORTEST) {
+        let Some([across, down]) = drop.velocity else { continue };
+        lengths.push(drop.blob.length / (across.hypot(down) * exposure * scale));
+        angles.push((drop.blob.angle - f64::atan2(across, down)).to_degrees());
+        drifts.push(across);
+    }
+    let count = lengths.len();
+    let reading = |quantity: String, unit, asked, measured, tolerance| Reading {
+        quantity,
+        setting: probe.setting.to_owned(),
+        unit,
+        asked,
+        measured,
+        tolerance,
+    };
+    let mut finding = Finding::default();
+    let five = Tolerance::Relative(0.05);
+    finding.readings.push(reading(
+        format!("length over speed times exposure, median of {count}"),
+        "",
+        1.0,
+        median(lengths),
+        five,
+    ));
+    finding.readings.push(reading(
+        "angle off the drops' way, median".into(),
+        "deg",
+        0.0,
+        median(angles),
+        Tolerance::Absolute(1.5),
+    ));
+    let tolerance = if wind > 0.0 { five } else { Tolerance::Absolute(0.05) };
+    finding.readings.push(reading(
+        "drift with the wind, median".into(),
+        "m/s",
+        wind,
+        median(drifts),
+        tolerance,
+    ));
+    if let Some(mut shown) = caught.shown {
+        shown.caption =
+            format!("{}: a part of one of the slabs, drops marked, {:.1} ms", probe.setting, 1e3 * exposure);
+        finding.pictures.push(shown);
+    }
+    Ok(finding)
+}
