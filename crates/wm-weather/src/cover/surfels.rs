@@ -23,6 +23,8 @@ const LEAST: f32 = 0.000_5;
 /// it is: it then hides what it lies on, however rough that is.
 const LIFT: f32 = 0.012;
 const LIFTED: f32 = 0.05;
+/// The same at its edges, however deep: leaves and ridges are roughest, and stand out of it.
+const RIM: f32 = 0.018;
 /// From which cover on nothing is seen of what lies below.
 const HIDES: f32 = 0.995;
 /// Unevenness of the surface, m and as a slope, at most; and how far above the mean of it what is seen lies, as a share: of
@@ -169,8 +171,9 @@ impl Painter<'_> {
         let place = [column, row].map(|v| v as f64 + 0.5 + off(ASIDE[is_edge]));
         let lift = off(ROUGH) - SEEN * ROUGH;
         let cover = f64::from(coverage(depth[node]));
+        let rim = if is_edge == 1 { f64::from(RIM) * cover } else { 0.0 };
         // Splats are rough: what covers the ground must be above what they show of it.
-        let lift = lift.min(f64::from(depth[node]) * 0.3) + f64::from(self::lift(depth[node]));
+        let lift = lift.min(f64::from(depth[node]) * 0.3) + f64::from(self::lift(depth[node])).max(rim);
         let normal = (axes[2] - axes[0] * dx - axes[1] * dy).normalize();
         let shade = f64::from(ground.shade[node]) * (0.7 + 0.3 * normal.dot(axes[2]));
         let color: [f64; 3] =
