@@ -8,7 +8,7 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use wm_scene::{Metadata, Splats};
+use wm_scene::{Metadata, Splats, npy};
 
 const SIZE: (u32, u32) = (480, 320);
 const EYE: DVec3 = DVec3::new(0.0, 0.0, 2.0);
@@ -84,7 +84,7 @@ fn a_frame_of_rain_and_snow_is_the_same_alone_and_with_any_threads() {
     }
 }
 
-/// White drops before a black board: which way their streaks lie. How long they are `measure` tells (tests/measure.rs).
+/// White drops before a black board: which way their streaks lie. How long they are it does not tell.
 #[test]
 fn speed_ahead_streaks_away_from_where_it_goes() {
     let workshop = Workshop::new();
@@ -116,4 +116,158 @@ fn speed_ahead_streaks_away_from_where_it_goes() {
     // 50 km/h ahead: at the left border they lie flatter, away from the middle.
     let fast = slant("--camera-speed 13.9");
     assert!(fast.abs() > 25.0, "at 50 km/h: {fast}");
+}
+
+/// One streak in a picture: optical depths added up.
+struct Streak {
+    /// Sum of coverage, px.
+    cover: f64,
+    /// Centre, px.
+    at: [f64; 2],
+    /// Length of its motion, px.
+    length: f64,
+    /// Angle from upright, radians.
+    angle: f64,
+}
+
+/// The streaks of a picture's coverage that touch neither each other nor the border.
+fn streaks(coverage: &[f64], width: usize) -> Vec<Streak> {
+    let tau: Vec<f64> = coverage.iter().map(|a| -(1.0 - a).ln()).collect();
+    let mut seen = vec![false; tau.len()];
+    let mut found = Vec::new();
+    for first in 0..tau.len() {
+        if seen[first] || tau[first] <= 0.0 {
+            continue;
+        }
+        let (mut open, mut pixels, mut is_whole) = (vec![first], Vec::new(), true);
+        seen[first] = true;
+        while let Some(at) = open.pop() {
+            pixels.push(at);
+            let (x, y) = (at % width, at / width);
+            if x == 0 || y == 0 || x + 1 == width || at + width >= tau.len() {
+                is_whole = false;
+                continue;
+            }
+            for near in (0..9).map(|k| at + k % 3 + k / 3 * width - width - 1) {
+                if !seen[near] && tau[near] > 0.0 {
+                    seen[near] = true;
+                    open.push(near);
+                }
+            }
+        }
+        if !is_whole || pixels.len() < 12 {
+            continue;
+        }
+        let sum = |of: &dyn Fn(f64, f64) -> f64| {
+            let each = |at: &usize| tau[*at] * of((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
+            pixels.iter().map(each).sum::<f64>()
+        };
+        let all = sum(&|_, _| 1.0);
+        let at = [sum(&|x, _| x) / all, sum(&|_, y| y) / all];
+        let xx = sum(&|x, _| (x - at[0]).powi(2)) / all;
+        let yy = sum(&|_, y| (y - at[1]).powi(2)) / all;
+        let xy = sum(&|x, y| (x - at[0]) * (y - at[1])) / all;
+        // A way of length l has the variance l^2 / 12; across there is none of it.
+        let spread = ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt();
+        let cover = pixels.iter().map(|at| coverage[*at]).sum();
+        let angle = 0.5 * f64::atan2(2.0 * xy, yy - xx);
+        found.push(Streak { cover, at, length: (12.0 * spread).sqrt(), angle });
+    }
+    found
+}
+
+/// Two pictures a shutter's time apart: the same drops, each where its streak ends in the first and begins in the second.
+/// The wind across is known, and so from how far a drop went across how far away it is, how fast it falls, and from
+/// its cover how large it is.
+#[test]
+fn streaks_are_as_long_as_drops_of_their_size_fall() {
+    const SHUTTER: f64 = 0.004;
+    const WIND: f64 = 4.0;
+    // So that they stand out as far as they go: a streak ends where it covers less than 1/256.
+    const OPACITY: f64 = 50.0;
+    let workshop = Workshop::new();
+    let (scene, view) = board(&workshop, "black", 60.0, [0.0; 3]);
+    let (camera, _) = look(SIZE, 50.0, EYE, EYE + DVec3::Y, DVec3::Z);
+    let picture = |time: f64| {
+        let options = format!(
+            "--time {time} --also particles.npy --set rain.rate=1 --set rain.exposure={SHUTTER} \
+             --set rain.opacity={OPACITY} --set wind.speed={WIND} --set wind.direction=0 --set wind.gusts=0"
+        );
+        workshop.render(&scene, &view, "s.exr", &options);
+        let (values, shape) = npy::read(&workshop.path("s.particles.npy")).unwrap();
+        assert_eq!(shape, [SIZE.1 as usize, SIZE.0 as usize, 4]);
+        let coverage: Vec<f64> = values.as_chunks::<4>().0.iter().map(|rgba| f64::from(rgba[3])).collect();
+        streaks(&coverage, SIZE.0 as usize)
+    };
+    let (mut lengths, mut angles, mut speeds) = (Vec::new(), Vec::new(), Vec::new());
+    for time in 0..6 {
+        let time = f64::from(time);
+        let (first, second) = (picture(time), picture(time + SHUTTER));
+        for streak in first.iter().filter(|streak| streak.length > 4.0) {
+            // The next picture has one of the same cover where this one ends.
+            let is_next = |other: &&Streak| {
+                let [dx, dy] = [0, 1].map(|k| other.at[k] - streak.at[k]);
+                let away =
+                    (dx - streak.angle.sin() * streak.length).hypot(dy - streak.angle.cos() * streak.length);
+                away < 0.25 * streak.length && (other.cover / streak.cover - 1.0).abs() < 0.05
+            };
+            let mut next = second.iter().filter(is_next);
+            let (Some(other), None) = (next.next(), next.next()) else { continue };
+            let [dx, dy] = [0, 1].map(|k| other.at[k] - streak.at[k]);
+            let away = WIND * SHUTTER * camera.fx / dx.abs();
+            // Away from the middle pixels are narrower angles.
+            let ray = camera.ray(streak.at[0], streak.at[1]);
+            let area = streak.cover / OPACITY * away * away / (camera.fx * camera.fy) * ray.y;
+            let diameter = 1e3 * (area * 4.0 / std::f64::consts::PI).sqrt();
+            // Those that are fading out where drawing ends look smaller than they are.
+            if 1e-3 * diameter * camera.fx / away < 0.37 {
+                continue;
+            }
+            lengths.push(streak.length / dx.hypot(dy));
+            angles.push((streak.angle - f64::atan2(dx, dy)).to_degrees());
+            let speed = dy * away / (camera.fy * SHUTTER);
+            println!("{diameter:.2} mm at {away:.2} m: {speed:.2} m/s");
+            speeds.push(speed / gunn_kinzer(diameter));
+        }
+    }
+    let median = |values: &mut Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    let count = lengths.len();
+    let within = |values: &[f64], around: f64, off: f64| {
+        values.iter().filter(|v| (**v - around).abs() < off).count() as f64 / values.len() as f64
+    };
+    let (all, near, right) =
+        (within(&lengths, 1.0, 0.05), within(&angles, 0.0, 2.0), within(&speeds, 1.0, 0.05));
+    let (length, angle, speed) = (median(&mut lengths), median(&mut angles), median(&mut speeds));
+    println!(
+        "{count} streaks: length {length:.4} ({all:.2} within 5 %), angle off {angle:.3} degrees ({near:.2} within 2), speed {speed:.4} ({right:.2} within 5 %)"
+    );
+    assert!(count > 50);
+    assert!((length - 1.0).abs() < 0.05 && all > 0.9);
+    assert!(angle.abs() < 1.0 && near > 0.9);
+    assert!((speed - 1.0).abs() < 0.05 && right > 0.8);
+}
+
+/// Fall speed of drops, mm and m/s, as measured by Gunn and Kinzer (1949), straight between their sizes.
+fn gunn_kinzer(diameter: f64) -> f64 {
+    const MEASURED: [[f64; 2]; 14] = [
+        [0.4, 1.62],
+        [0.6, 2.47],
+        [0.8, 3.27],
+        [1.0, 4.03],
+        [1.2, 4.64],
+        [1.4, 5.17],
+        [1.6, 5.65],
+        [1.8, 6.09],
+        [2.0, 6.49],
+        [2.4, 7.27],
+        [2.8, 7.82],
+        [3.2, 8.26],
+        [4.0, 8.83],
+        [5.8, 9.17],
+    ];
+    let pair = MEASURED.windows(2).find(|pair| diameter < pair[1][0]).unwrap_or(&MEASURED[12..]);
+    pair[0][1] + (pair[1][1] - pair[0][1]) * (diameter - pair[0][0]) / (pair[1][0] - pair[0][0])
 }

@@ -1,8 +1,11 @@
 //! Pictures as text that a page can hold.
 
+use crate::media::jpeg;
 use crate::media::ramps::{MISSING, Ramp, UNKNOWN};
-use anyhow::{Context, Result};
-use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use anyhow::Result;
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use jpeg_encoder::SamplingFactor;
 use std::fmt::Write;
 use wm_train::maps::{Filter, Map};
 
@@ -42,11 +45,7 @@ pub fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String> {
     let (width, height) = at_most(size, widest);
     let small = Map::new(size.0, size.1, 3, rgb.to_vec()).resampled(width, height, Filter::Area);
     let bytes: Vec<u8> = small.values.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
-    let sides = |side: u32| u16::try_from(side).context("a picture is too high for the report");
-    let mut out = Vec::new();
-    let mut encoder = Encoder::new(&mut out, QUALITY);
-    encoder.set_sampling_factor(SamplingFactor::F_1_1);
-    encoder.encode(&bytes, sides(width)?, sides(height)?, ColorType::Rgb)?;
+    let out = jpeg::encode(&bytes, (width, height), QUALITY, SamplingFactor::F_1_1)?;
     Ok(data_uri("image/jpeg", &out))
 }
 
@@ -92,19 +91,8 @@ fn data_uri(kind: &str, bytes: &[u8]) -> String {
     format!("data:{kind};base64,{}", base64(bytes))
 }
 
-/// RFC 4648, section 4.
 fn base64(bytes: &[u8]) -> String {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for part in bytes.chunks(3) {
-        let byte = |at: usize| u32::from(part.get(at).copied().unwrap_or(0));
-        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for at in 0..4 {
-            let letter = char::from(LETTERS[(bits >> (18 - 6 * at) & 63) as usize]);
-            out.push(if at <= part.len() { letter } else { '=' });
-        }
-    }
-    out
+    BASE64_STANDARD.encode(bytes)
 }
 
 /// Stops of a CSS gradient from left to right.

@@ -1,10 +1,11 @@
 //! Frames as pictures for a screen.
 
 use super::state::Output;
-use crate::media::Size;
 use crate::media::color::{Dither, quantize_rgb8};
 use crate::media::ramps::turbo;
-use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use crate::media::{self, Size};
+use anyhow::Result;
+use jpeg_encoder::SamplingFactor;
 use std::sync::LazyLock;
 use wm_render::Frame;
 
@@ -36,33 +37,29 @@ pub fn shown(frame: &Frame, output: Output, half: f64, dither: Dither) -> Vec<u8
 /// `left` and `right`, `[H, W, 3]` each of its width, beside each other.
 pub fn beside(left: (&[u8], u32), right: (&[u8], u32)) -> Vec<u8> {
     let ((left, left_width), (right, right_width)) = (left, right);
-    let rows = |bytes: &[u8], width: u32| {
-        bytes.chunks_exact(3 * width as usize).map(<[u8]>::to_vec).collect::<Vec<_>>()
-    };
     match (left_width, right_width) {
         (0, _) => right.to_vec(),
         (_, 0) => left.to_vec(),
-        _ => rows(left, left_width)
-            .into_iter()
-            .zip(rows(right, right_width))
-            .flat_map(|(l, r)| [l, r].concat())
-            .collect(),
+        _ => {
+            let mut whole = Vec::with_capacity(left.len() + right.len());
+            for (left, right) in
+                left.chunks_exact(3 * left_width as usize).zip(right.chunks_exact(3 * right_width as usize))
+            {
+                whole.extend_from_slice(left);
+                whole.extend_from_slice(right);
+            }
+            whole
+        }
     }
 }
 
-/// Bytes `[H, W, 3]` as a JPEG.
+/// Bytes `[H, W, 3]` as a JPEG; of low quality colours have a quarter of their pixels.
 ///
 /// # Errors
 /// The picture is too large for one.
-pub fn jpeg(rgb: &[u8], (width, height): (u32, u32), quality: u8) -> Result<Vec<u8>, String> {
-    let side =
-        |side: u32| u16::try_from(side).map_err(|_| format!("{width}x{height} px are too many for a JPEG"));
-    let mut out = Vec::with_capacity(rgb.len() / 8);
-    let mut encoder = Encoder::new(&mut out, quality);
+pub fn jpeg(rgb: &[u8], size: (u32, u32), quality: u8) -> Result<Vec<u8>> {
     let sampling = if quality >= WHOLE_COLORS { SamplingFactor::F_1_1 } else { SamplingFactor::F_2_2 };
-    encoder.set_sampling_factor(sampling);
-    encoder.encode(rgb, side(width)?, side(height)?, ColorType::Rgb).map_err(|error| error.to_string())?;
-    Ok(out)
+    media::jpeg::encode(rgb, size, quality, sampling)
 }
 
 #[cfg(test)]

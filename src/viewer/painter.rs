@@ -206,7 +206,7 @@ impl Painter {
         let drawn = self.draw(view, size, patience, dither);
         let message = drawn.and_then(|(rgb, stats)| {
             let drew = started.elapsed().as_secs_f64();
-            let jpeg = jpeg(&rgb, size, quality).map_err(|error| anyhow!(error))?;
+            let jpeg = jpeg(&rgb, size, quality)?;
             let took = started.elapsed().as_secs_f64();
             let head = self.head(&wish.view, wish.seq, size, is_ready, &stats, [drew, took - drew]);
             Ok(framed(&head, &jpeg))
@@ -324,7 +324,7 @@ impl Painter {
     fn jpeg(&mut self, view: &View) -> Result<Vec<u8>> {
         let size = (view.state.size[0], view.state.size[1]);
         let (rgb, _) = self.draw(view, size, Patience::Whole, Dither::Ordered)?;
-        jpeg(&rgb, size, view.state.quality).map_err(|error| anyhow!(error))
+        jpeg(&rgb, size, view.state.quality)
     }
 
     /// The file that `render` writes.
@@ -407,7 +407,7 @@ impl Painter {
         let size = (THUMBNAIL.0, height);
         let patience = if is_whole { Patience::Whole } else { Patience::Draft };
         let (rgb, _) = self.draw(&view, size, patience, Dither::Ordered)?;
-        let bytes = jpeg(&rgb, size, THUMBNAIL.1).map_err(|error| anyhow!(error))?;
+        let bytes = jpeg(&rgb, size, THUMBNAIL.1)?;
         self.room.keep_thumbnail(name.clone(), bytes.into());
         self.room.desk.tell_all(&json!({ "type": "thumbnail", "name": name }).to_string());
         Ok(())

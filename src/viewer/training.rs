@@ -135,7 +135,7 @@ impl Board {
     pub fn picture(&self, step: u32, frame: &Frame, psnr: Option<f64>) -> Result<()> {
         let size = (frame.width, frame.height);
         let bytes = quantize_rgb8(&frame.rgb, Size::new(size.0, size.1), Dither::Ordered);
-        let bytes = jpeg(&bytes, size, QUALITY).map_err(|error| anyhow::anyhow!(error))?;
+        let bytes = jpeg(&bytes, size, QUALITY)?;
         let mut inside = self.inside();
         (inside.picture, inside.drawn) = (Some(bytes.into()), Some(Instant::now()));
         inside.told.picture = Some(step);
