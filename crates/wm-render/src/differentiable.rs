@@ -7,7 +7,7 @@ use crate::frame::{Arrays, Frame};
 use crate::renderer::{MAX_SPLATS, RenderError, Stats};
 use crate::simd::SimdPath;
 use crate::stages::compare::{Compared, Comparison};
-use crate::stages::optimize::{Learnt, LearntMut, Noise, Step};
+use crate::stages::optimize::{Changed, Learnt, LearntMut, Noise, Shapes, Step};
 use std::sync::Arc;
 use wm_scene::{Camera, Rasterization, Splats, sh};
 
@@ -85,6 +85,27 @@ pub trait Resident {
     /// [`RenderError`] if arrays do not fit each other, memory is short or the device fails.
     fn load(&mut self, learnt: Learnt<'_>) -> Result<(), RenderError>;
 
+    /// Number of splats.
+    fn count(&self) -> usize;
+
+    /// Gives back what decides which splats come and go.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device fails.
+    ///
+    /// # Panics
+    /// If none were loaded.
+    fn shapes(&mut self) -> Result<Shapes, RenderError>;
+
+    /// Takes splats that came of those that are there, in place of them.
+    ///
+    /// # Errors
+    /// [`RenderError`] if arrays do not fit each other, memory is short or the device fails.
+    ///
+    /// # Panics
+    /// If none were loaded, or one comes from a splat that was not there.
+    fn rearrange(&mut self, changed: &Changed<'_>) -> Result<(), RenderError>;
+
     /// Gives back what was learnt.
     ///
     /// # Errors
@@ -108,9 +129,8 @@ pub trait Resident {
         frame: &mut Frame,
     ) -> Result<Stats, RenderError>;
 
-    /// As [`Self::forward`], with the colours compared where they are. They do not come back, nor does anything beside
-    /// them if `config` asks for colour alone; the [`Self::backward`] that follows takes their derivative from here, and
-    /// `upstream.rgb` is empty.
+    /// As [`Self::forward`], with pictures compared where they are. They do not come back; the [`Self::backward`] that
+    /// follows has their derivative from here, and those in `upstream` are empty.
     ///
     /// # Errors
     /// As there.
@@ -122,7 +142,6 @@ pub trait Resident {
         camera: &Camera,
         config: &ForwardConfig,
         comparison: &Comparison<'_>,
-        frame: &mut Frame,
     ) -> Result<(Stats, Compared), RenderError>;
 
     /// As [`Differentiable::backward`]; gradients stay on the device.
@@ -243,27 +262,21 @@ impl ForwardConfig {
         camera: &Camera,
         frame: &mut Frame,
     ) -> Result<(), RenderError> {
-        self.check_pictures(degree, camera, frame, self.channels.has_color())
-    }
-
-    /// The same, with colours in the frame or not.
-    pub(crate) fn check_pictures(
-        &self,
-        degree: u8,
-        camera: &Camera,
-        frame: &mut Frame,
-        rgb: bool,
-    ) -> Result<(), RenderError> {
-        assert!(self.sh_degree <= degree, "SH degree {} of splats with {degree}", self.sh_degree);
-        camera.check()?;
+        self.check_camera(degree, camera)?;
         let arrays = Arrays {
-            rgb,
+            rgb: self.channels.has_color(),
             depth: self.channels.depth().is_some(),
             median_depth: false,
             normal: self.channels.has_normal(),
             particles: false,
         };
         frame.prepare((camera.width, camera.height), arrays)
+    }
+
+    /// The same without a frame.
+    pub(crate) fn check_camera(&self, degree: u8, camera: &Camera) -> Result<(), RenderError> {
+        assert!(self.sh_degree <= degree, "SH degree {} of splats with {degree}", self.sh_degree);
+        Ok(camera.check()?)
     }
 
     /// What of `learn` there is anything to learn of.

@@ -5,7 +5,7 @@
 //! file is whole or not there: it is written beside and renamed.
 
 use crate::config::TrainConfig;
-use crate::densify::{Population, Pulls};
+use crate::densify::Population;
 use crate::exposure::{Exposures, NUMBERS};
 use crate::trainer::TrainState;
 use serde::{Deserialize, Serialize};
@@ -203,8 +203,7 @@ fn parse(bytes: &[u8]) -> Result<(Head, TrainState), Fault> {
         sh_degree: degree,
         groups,
     };
-    let (moments, pulls) = (Moments::new(&splats), Pulls::new(head.splats));
-    let population = Population { splats, moments, pulls, seen: vec![0; head.splats] };
+    let population = Population::unsorted(splats);
     let mut state = TrainState { step: head.step, population, exposures: Exposures::new(head.exposures) };
     for array in arrays!(state, as_flattened_mut, mut) {
         let (own, after) = rest.split_at(4 * array.len());
@@ -224,7 +223,7 @@ fn parse(bytes: &[u8]) -> Result<(Head, TrainState), Fault> {
 /// `arrays!(state, as_flattened_mut, mut)` to fill.
 macro_rules! arrays {
     ($state:expr, $flat:ident $(, $mutable:tt)?) => {{
-        let Population { splats, moments, pulls, seen: _ } = & $($mutable)? $state.population;
+        let Population { splats, moments, pulls, .. } = & $($mutable)? $state.population;
         let Moments { means, quats, log_scales, logit_opacities, sh } = moments;
         [
             splats.means.$flat(),

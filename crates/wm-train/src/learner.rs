@@ -1,7 +1,7 @@
 //! Where the splats of a training learn: in the computer's memory, or on a device on which they stay.
 //!
 //! On a device the population here falls behind, and is brought up to date ([`Learner::sync`]) when something asks for
-//! it: splats that come and go, checkpoints, the end.
+//! it: checkpoints, the end. Splats that come and go do not: what decides about them is read, the rest is moved there.
 
 use crate::densify::Population;
 use crate::densify::mcmc::McmcConfig;
@@ -30,6 +30,8 @@ pub struct Learner {
     gradients: Gradients,
     own: Gradients,
     device: Device,
+    /// Splats on the device, where it is ahead.
+    count: Option<usize>,
 }
 
 /// What the device has, where there is one.
@@ -46,7 +48,8 @@ enum Device {
 impl Learner {
     /// On a back end.
     pub fn new(renderer: Box<dyn Differentiable>) -> Self {
-        Self { renderer, gradients: Gradients::default(), own: Gradients::default(), device: Device::Other }
+        let (gradients, own) = (Gradients::default(), Gradients::default());
+        Self { renderer, gradients, own, device: Device::Other, count: None }
     }
 
     /// The back end.
@@ -56,7 +59,7 @@ impl Learner {
 
     /// Goes on with another device after `error`, if there is one: with the population as it was last known here.
     pub fn give_up(&mut self, error: RenderError) -> Result<(), RenderError> {
-        self.device = Device::Other;
+        (self.device, self.count) = (Device::Other, None);
         self.renderer.give_up(error)
     }
 
@@ -68,14 +71,32 @@ impl Learner {
     /// Brings the population up to date; whether it was behind.
     pub fn sync(&mut self, population: &mut Population) -> Result<bool, RenderError> {
         let (Device::Ahead, Some(device)) = (self.device, self.renderer.resident()) else { return Ok(false) };
+        population.resize(device.count());
         device.read(population.learnt_mut())?;
-        self.device = Device::Same;
+        (self.device, self.count) = (Device::Same, None);
         Ok(true)
     }
 
-    /// Tells that the population was changed here.
-    pub fn changed(&mut self) {
-        self.device = Device::Other;
+    /// Number of splats.
+    pub fn count(&self, population: &Population) -> usize {
+        self.count.unwrap_or(population.len())
+    }
+
+    /// Lets splats come and go. On a device `change` sees their shapes, and what it does with these is done there with
+    /// the rest.
+    pub fn change<T>(
+        &mut self,
+        population: &mut Population,
+        change: impl FnOnce(&mut Population) -> T,
+    ) -> Result<T, RenderError> {
+        let Some(device) = resident(&mut *self.renderer, &mut self.device, population)? else {
+            return Ok(change(population));
+        };
+        let mut shapes = Population::of_shapes(device.shapes()?);
+        let done = change(&mut shapes);
+        device.rearrange(&shapes.changed())?;
+        (self.device, self.count) = (Device::Ahead, Some(shapes.len()));
+        Ok(done)
     }
 
     /// Renders what was learnt so far.
@@ -98,17 +119,16 @@ impl Learner {
         self.renderer.resident().is_some()
     }
 
-    /// Renders what was learnt so far and compares its colours where they are, on a device.
+    /// Renders what was learnt so far and compares it where it is, on a device.
     pub fn compare(
         &mut self,
         population: &Population,
         camera: &Camera,
         config: &ForwardConfig,
         comparison: &Comparison<'_>,
-        frame: &mut Frame,
     ) -> Result<(usize, Compared), RenderError> {
         let device = resident(&mut *self.renderer, &mut self.device, population)?.expect("there is a device");
-        let (stats, compared) = device.compare(camera, config, comparison, frame)?;
+        let (stats, compared) = device.compare(camera, config, comparison)?;
         Ok((stats.visible as usize, compared))
     }
 
@@ -192,4 +212,73 @@ fn resident<'a>(
         *state = Device::Same;
     }
     Ok(Some(device))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::densify::adaptive::AdaptiveConfig;
+    use crate::random::Purpose;
+    use wm_render::testing::{Backend, random_splats, uniform};
+    use wm_render::{Choice, CpuConfig, Gpu, GpuConfig, GpuDifferentiable};
+    use wm_scene::Group;
+
+    /// Splats with something known of each number of theirs.
+    fn population(degree: u8) -> Population {
+        let mut population = Population::new(random_splats(900, degree, 5));
+        let count = population.len();
+        let number = |seed: u64, i: usize| uniform(seed, i as u64) as f32;
+        for (pair, width) in population.moments.arrays(degree) {
+            for (seed, array) in [(7, &mut pair.first), (8, &mut pair.second)] {
+                array.iter_mut().enumerate().for_each(|(i, value)| *value = number(seed, i * 5 + width));
+            }
+        }
+        let logits = population.splats.logit_opacities.iter_mut().enumerate();
+        logits.for_each(|(i, logit)| *logit = 12.0 * number(9, i) - 8.0);
+        population.splats.groups.iter_mut().step_by(11).for_each(|group| *group = Group::Sky);
+        population.pulls.sums = (0..count).map(|i| 2e-3 * number(10, i)).collect();
+        population.pulls.counts.fill(3.0);
+        population.seen = (0..count).map(|i| 80 + (i % 20) as u32).collect();
+        population
+    }
+
+    /// Bit by bit, in one piece and in many.
+    #[test]
+    fn splats_come_and_go_on_a_device_as_here() {
+        if Backend::gpu().is_none() {
+            return;
+        }
+        let random = |step| Random::new(3, Purpose::Sample, step);
+        let chain = McmcConfig { from: 1, until: 900, every: 10, ..McmcConfig::for_steps(900, 2000) };
+        let control = AdaptiveConfig::for_steps(30_000, 2000);
+        let changes: [(&str, &dyn Fn(&mut Population) -> usize); 2] = [
+            ("chain", &|population| {
+                let done = chain.after(100, 4, population, random(100));
+                done.moved + done.born
+            }),
+            // With a reset of opacities.
+            ("control", &|population| control.after(3000, population, 5.0, random(3000)).born),
+        ];
+        for (degree, most_binding) in [(2, None), (2, Some(300_000)), (0, Some(90_000))] {
+            let config = GpuConfig { choice: Choice::Any, most_binding, ..GpuConfig::default() };
+            let run = CpuConfig { threads: Some(2), ..CpuConfig::default() };
+            let gpu = Gpu::open(&config).unwrap();
+            for (name, change) in &changes {
+                let mut wanted = population(degree);
+                let mut found = wanted.clone();
+                let renderer = GpuDifferentiable::new(gpu.clone(), run).unwrap();
+                let mut learner = Learner::new(Box::new(renderer));
+                // Twice: the second time of what was moved.
+                for round in 0..2 {
+                    let here = change(&mut wanted);
+                    assert!(round > 0 || here > 30, "{name}: {here}");
+                    assert_eq!(learner.change(&mut found, change).unwrap(), here);
+                    assert_eq!(learner.count(&found), wanted.len());
+                }
+                assert_ne!(found.len(), wanted.len());
+                assert!(learner.sync(&mut found).unwrap());
+                assert!(found == wanted, "{name}, degree {degree}, {most_binding:?}");
+            }
+        }
+    }
 }

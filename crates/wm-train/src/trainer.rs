@@ -8,17 +8,20 @@ use crate::config::{BackgroundKind, Densify, Exposure, TrainConfig};
 use crate::densify::{Densified, Population};
 use crate::exposure::Exposures;
 use crate::learner::{Learner, Pulled};
-use crate::losses::{self, Colors, LossGradients, LossInput, LossTerm, Truth};
+use crate::losses::{self, LossGradients, LossInput, LossTerm, OwnRender, Reads, Truth};
 use crate::random::{Purpose, Random};
 use crate::schedule;
 use std::time::Instant;
 use wm_render::simd::SimdPath;
-use wm_render::stages::compare::{ColorTerm, Comparison};
+use wm_render::stages::compare::{Compared, Comparison, NO_EXPOSURE};
 use wm_render::stages::optimize::{SplatTerms, Step};
 use wm_render::{
     Channels, DepthAlpha, Differentiable, Drawn, ForwardConfig, Frame, Opacity, RenderError, StepClock,
 };
 use wm_scene::{Camera, Splats};
+
+/// Steps after which what a device has learnt is read back, to go on with should it be lost.
+const KNOWN_EVERY: u32 = 500;
 
 /// A training under way.
 pub struct Trainer {
@@ -61,6 +64,21 @@ struct Work {
     /// What the scene's colours were before they became those of the photo.
     rendered: Vec<f32>,
     loss: LossGradients,
+}
+
+/// What came of a render.
+struct Seen {
+    /// Splats in view.
+    visible: usize,
+    /// What a device made of it, if it did.
+    compared: Option<Compared>,
+    /// Seconds up to its pictures.
+    forward: f64,
+}
+
+/// Whether a term says something at a step, of its own render `own` or of the common one.
+fn is_active(term: &dyn LossTerm, own: Option<OwnRender>, step: u32, truth: &Truth<'_>) -> bool {
+    term.own_render() == own && term.weight(step, truth) != 0.0
 }
 
 /// What a step did.
@@ -169,7 +187,7 @@ impl Trainer {
     /// Number of splats.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.state.population.len()
+        self.learner.count(&self.state.population)
     }
 
     /// Whether there are no splats.
@@ -288,69 +306,36 @@ impl Trainer {
             BackgroundKind::Black => [0.0; 3],
             BackgroundKind::Random => [0, 1, 2].map(|k| random(Purpose::Background).uniform(k) as f32),
         };
-        let common = |term: &dyn LossTerm| term.own_render().is_none() && term.weight(step, truth) != 0.0;
-        let channels = self.terms.iter().filter(|term| common(term.as_ref())).map(|term| term.channels());
+        let common = self.terms.iter().filter(|term| is_active(term.as_ref(), None, step, truth));
+        let channels = common.map(|term| term.channels()).max_by_key(|channels| channels.count());
         let forward = ForwardConfig {
-            channels: channels.max_by_key(|channels| channels.count()).unwrap_or(Channels::Color),
+            channels: channels.unwrap_or(Channels::Color),
             background,
             rasterization: self.config.rasterization,
             opacity: Opacity::Stored,
             drawn: Drawn::All,
             sh_degree: schedule::sh_degree(&self.config, step),
         };
-        let path = self.learner.renderer().path();
-        // Where nothing but what the device can compute looks at colours they stay there.
-        let mut weights = [0.0; ColorTerm::COUNT];
-        let mut compares = self.learner.compares();
-        for term in self.terms.iter().filter(|term| common(term.as_ref())) {
-            match term.colors() {
-                Colors::Ignored => {}
-                Colors::Read => compares = false,
-                Colors::Compared(which) => weights[which as usize] += term.weight(step, truth),
-            }
-        }
-        let (work, population) = (&mut self.work, &mut self.state.population);
-        let mut compared = None;
-        if compares {
-            let exposure = self.state.exposures.of(photo);
-            let comparison = Comparison { photo, rgb: truth.rgb, mask: truth.mask, exposure, weights };
-            let (camera, frame) = (truth.camera, &mut work.frame);
-            let (visible, found) = self.learner.compare(population, camera, &forward, &comparison, frame)?;
-            (report.visible, compared) = (visible, Some(found));
-        } else {
-            report.visible = self.learner.forward(population, truth.camera, &forward, &mut work.frame)?;
-        }
-        report.times.forward = lap();
-
-        let exposed = !self.state.exposures.changes.is_empty();
-        if exposed && compared.is_none() {
-            std::mem::swap(&mut work.rendered, &mut work.frame.rgb);
-            work.frame.rgb.resize(work.rendered.len(), 0.0);
-            self.state.exposures.apply(path, photo, &work.rendered, &mut work.frame.rgb);
-        }
-        work.loss.clear(&work.frame);
-        let input = LossInput { frame: &work.frame, truth, step, path };
-        for term in self.terms.iter_mut().filter(|term| common(term.as_ref())) {
-            let weight = term.weight(step, truth);
-            let value = match (&compared, term.colors()) {
-                (Some(compared), Colors::Compared(which)) => compared.values[which as usize],
-                _ => term.add(&input, weight, &mut work.loss),
-            };
-            report.loss += weight * value;
-            report.terms.push((term.name(), value));
-        }
-        if exposed {
-            let (exposures, rate) = (&mut self.state.exposures, self.config.rates.exposure);
-            match &compared {
+        let seen = self.see(truth, photo, None, &forward, &mut report)?;
+        report.visible = seen.visible;
+        if !self.state.exposures.changes.is_empty() {
+            let (work, exposures, rate) =
+                (&mut self.work, &mut self.state.exposures, self.config.rates.exposure);
+            match &seen.compared {
                 Some(compared) => exposures.step(photo, &compared.by_exposure, rate),
-                None => exposures.learn(path, photo, &work.rendered, &mut work.loss.rgb, rate),
+                None => {
+                    let path = self.learner.renderer().path();
+                    exposures.learn(path, photo, &work.rendered, &mut work.loss.rgb, rate);
+                }
             }
         }
-        report.times.loss = lap();
+        report.times.forward = seen.forward;
+        report.times.loss = lap() - seen.forward;
 
+        let (work, population) = (&self.work, &self.state.population);
         self.learner.backward(population, &work.loss.upstream(DepthAlpha::Learns))?;
         report.times.backward = lap();
-        self.add_own_renders(truth, &forward, &mut report)?;
+        self.add_own_renders(truth, photo, &forward, &mut report)?;
         report.times.own = lap();
 
         let mut terms = SplatTerms::default();
@@ -380,15 +365,13 @@ impl Trainer {
             Densify::Mcmc(chain) => chain.is_due(step + 1),
         };
         if is_due {
-            self.learner.sync(population)?;
             let samples = random(Purpose::Sample);
-            report.densified = match &self.config.densify {
+            let (densify, extent, photos) = (&self.config.densify, self.extent, self.photos);
+            report.densified = self.learner.change(population, |population| match densify {
                 Densify::Fixed => Densified::default(),
-                Densify::Adaptive(control) => control.after(step + 1, population, self.extent, samples),
-                Densify::Mcmc(chain) => chain.after(step + 1, self.photos, population, samples),
-            };
-            self.learner.changed();
-            self.known = step + 1;
+                Densify::Adaptive(control) => control.after(step + 1, population, extent, samples),
+                Densify::Mcmc(chain) => chain.after(step + 1, photos, population, samples),
+            })?;
         }
         if let Densify::Mcmc(chain) = &self.config.densify {
             let of = (rates.means, self.extent);
@@ -396,18 +379,84 @@ impl Trainer {
         }
         report.times.densify = lap();
         self.state.step += 1;
+        if self.state.step - self.known >= KNOWN_EVERY {
+            self.learner.sync(population)?;
+            self.known = self.state.step;
+        }
         Ok(report)
+    }
+
+    /// Renders for the terms of `own`, or of the common render, and adds up what they say; the derivative is in the work,
+    /// or on the device where all of them can be found out there.
+    fn see(
+        &mut self,
+        truth: &Truth<'_>,
+        photo: usize,
+        own: Option<OwnRender>,
+        config: &ForwardConfig,
+        report: &mut StepReport,
+    ) -> Result<Seen, RenderError> {
+        let (started, step, path) = (Instant::now(), self.state.step, self.learner.renderer().path());
+        // Only common renders have the photo's exposure.
+        let exposed = own.is_none() && !self.state.exposures.changes.is_empty();
+        let beliefs = || losses::beliefs(truth);
+        let mut comparison = Comparison {
+            photo,
+            rgb: truth.rgb,
+            mask: truth.mask,
+            exposure: if exposed { self.state.exposures.of(photo) } else { NO_EXPOSURE },
+            believed: truth.prior.map(|prior| losses::believed(truth, prior, &beliefs)),
+            ..Comparison::default()
+        };
+        let mut on_device = self.learner.compares();
+        for term in self.terms.iter().filter(|term| is_active(term.as_ref(), own, step, truth)) {
+            match term.reads(step, truth, &mut comparison) {
+                Reads::Frame => on_device = false,
+                Reads::Device(which) => comparison.weights[which as usize] += term.weight(step, truth),
+                Reads::Nothing => {}
+            }
+        }
+        let (work, population, camera) = (&mut self.work, &self.state.population, truth.camera);
+        let (visible, compared) = if on_device {
+            let (visible, compared) = self.learner.compare(population, camera, config, &comparison)?;
+            work.loss.forget();
+            (visible, Some(compared))
+        } else {
+            let visible = self.learner.forward(population, camera, config, &mut work.frame)?;
+            work.loss.clear(&work.frame);
+            (visible, None)
+        };
+        let forward = started.elapsed().as_secs_f64();
+        if exposed && compared.is_none() {
+            std::mem::swap(&mut work.rendered, &mut work.frame.rgb);
+            work.frame.rgb.resize(work.rendered.len(), 0.0);
+            self.state.exposures.apply(path, photo, &work.rendered, &mut work.frame.rgb);
+        }
+        let input = LossInput { frame: &work.frame, truth, step, path };
+        for term in self.terms.iter_mut().filter(|term| is_active(term.as_ref(), own, step, truth)) {
+            let weight = term.weight(step, truth);
+            let value = match &compared {
+                None => term.add(&input, weight, &mut work.loss),
+                Some(compared) => match term.reads(step, truth, &mut comparison) {
+                    Reads::Device(which) => compared.values[which as usize],
+                    Reads::Frame | Reads::Nothing => 0.0,
+                },
+            };
+            report.loss += weight * value;
+            report.terms.push((term.name(), value));
+        }
+        Ok(Seen { visible, compared, forward })
     }
 
     /// Adds to the gradients what terms take from renders of their own; equal renders are made once.
     fn add_own_renders(
         &mut self,
         truth: &Truth<'_>,
+        photo: usize,
         common: &ForwardConfig,
         report: &mut StepReport,
     ) -> Result<(), RenderError> {
-        let (step, work, population) = (self.state.step, &mut self.work, &self.state.population);
-        let path = self.learner.renderer().path();
+        let step = self.state.step;
         let mut renders = Vec::new();
         for term in &self.terms {
             if let Some(own) = term.own_render().filter(|own| !renders.contains(own))
@@ -419,18 +468,9 @@ impl Trainer {
         for own in renders {
             let config =
                 ForwardConfig { channels: own.channels, opacity: own.opacity, drawn: own.drawn, ..*common };
-            self.learner.forward(population, truth.camera, &config, &mut work.frame)?;
-            work.loss.clear(&work.frame);
-            let input = LossInput { frame: &work.frame, truth, step, path };
-            for term in self.terms.iter_mut().filter(|term| term.own_render() == Some(own)) {
-                let weight = term.weight(step, truth);
-                if weight != 0.0 {
-                    let value = term.add(&input, weight, &mut work.loss);
-                    report.loss += weight * value;
-                    report.terms.push((term.name(), value));
-                }
-            }
-            self.learner.add_backward(population, &work.loss.upstream(own.depth_alpha), own.learn)?;
+            self.see(truth, photo, Some(own), &config, report)?;
+            let upstream = self.work.loss.upstream(own.depth_alpha);
+            self.learner.add_backward(&self.state.population, &upstream, own.learn)?;
         }
         Ok(())
     }
@@ -636,8 +676,10 @@ mod tests {
         let mut lost = Vec::new();
         let mut taken = 0;
         while !trainer.is_done() {
-            if taken == gpu_at {
-                gpu.lose();
+            match taken {
+                20 => assert_eq!(trainer.state().unwrap().step, 20),
+                _ if taken == gpu_at => gpu.lose(),
+                _ => {}
             }
             taken += 1;
             let step = trainer.steps_done();
@@ -651,14 +693,14 @@ mod tests {
         (trainer, lost)
     }
 
-    /// Splats come at steps 10 and 20: after 26 the six since are taken again.
+    /// Splats come every five steps. After 20 the state is asked for: at 26 the six since are taken again.
     #[test]
     fn a_training_goes_on_without_its_gpu() {
         if Backend::gpu().is_none() {
             return;
         }
         let mut config = config(40);
-        let chain = McmcConfig { from: 1, until: 30, every: 10, ..McmcConfig::for_steps(40, 40) };
+        let chain = McmcConfig { from: 1, until: 30, every: 5, ..McmcConfig::for_steps(40, 40) };
         config.densify = Densify::Mcmc(chain);
         let (mut trainer, lost) = losing(26, &config);
         assert_eq!(lost, [(26, 6)]);

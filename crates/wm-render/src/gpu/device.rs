@@ -326,6 +326,13 @@ impl Gpu {
         self.device.generate_allocator_report().map(|report| report.total_allocated_bytes)
     }
 
+    /// Waits until all that was submitted is done.
+    pub(crate) fn finish(&self) -> Result<(), GpuError> {
+        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.check()?;
+        waited.map(|_| ()).map_err(|error| GpuError::Refused(error.to_string()))
+    }
+
     /// Sends bytes to a buffer, before what is submitted next.
     pub(crate) fn write(&self, buffer: &wgpu::Buffer, offset: u64, bytes: &[u8]) {
         self.count(|work| work.sent += bytes.len() as u64);

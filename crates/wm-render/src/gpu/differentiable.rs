@@ -29,7 +29,7 @@ use crate::differentiable::{
 use crate::frame::Frame;
 use crate::renderer::{CpuConfig, RenderError, Stats};
 use crate::simd::SimdPath;
-use crate::stages::compare::gpu::{self as compare, Comparer};
+use crate::stages::compare::gpu::{self as compare, Comparer, Pictures};
 use crate::stages::compare::{Compared, Comparison};
 use crate::stages::composite::gpu::Finish;
 use crate::stages::optimize::gpu::Rows;
@@ -62,6 +62,14 @@ pub struct GpuDifferentiable {
     pub(super) rows: StepRows,
 }
 
+/// What becomes of the pictures of a forward pass.
+pub(super) enum Seen<'a> {
+    /// They come back.
+    Read(&'a mut Frame),
+    /// They are compared where they are.
+    Compared(&'a Comparison<'a>),
+}
+
 /// The last forward pass, with what it left on the GPU.
 pub(super) struct View {
     pub camera: Camera,
@@ -69,7 +77,7 @@ pub(super) struct View {
     visible: u32,
     pub room: Room,
     own: OwnRoom,
-    /// Whether the derivative by colour is there already.
+    /// Whether the loss's derivative is there already.
     compared: bool,
 }
 
@@ -141,10 +149,21 @@ impl GpuDifferentiable {
         })
     }
 
-    /// The loss's derivative by the pictures of the last forward pass.
-    #[cfg(test)]
-    pub(crate) fn upstream(&self) -> Option<&wgpu::Buffer> {
-        self.last.as_ref().map(|view| &view.own.upstream)
+    /// Reads back the derivative that the last comparison left: by colour `[H, W, 3]`, coverage `[H, W]`, depth `[H, W]`
+    /// and normal `[H, W, 3]`, one after another. Steps have no need of it; tests look at it.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the device fails.
+    ///
+    /// # Panics
+    /// If nothing was compared since splats were loaded.
+    pub fn upstream(&mut self) -> Result<Vec<f32>, RenderError> {
+        let view = self.last.as_ref().filter(|view| view.compared).expect("a comparison");
+        let mut found = vec![0.0f32; 8 * view.camera.width as usize * view.camera.height as usize];
+        let recorder = Recorder::new(&self.gpu, &view.room.uniforms, None);
+        let mut parts = [(&view.own.upstream, 0, bytemuck::cast_slice_mut(&mut found))];
+        copy(&self.gpu, recorder, &mut self.memory.staging, &mut parts)?;
+        Ok(found)
     }
 
     /// Forgets the last forward pass.
@@ -178,13 +197,12 @@ impl GpuDifferentiable {
         })
     }
 
-    /// Renders, and compares if there is something to compare with.
+    /// Renders, and reads pictures back or compares them.
     pub(super) fn forward_on_pool(
         &mut self,
         camera: &Camera,
         config: &ForwardConfig,
-        comparison: Option<&Comparison<'_>>,
-        frame: &mut Frame,
+        mut seen: Seen<'_>,
     ) -> Result<(Stats, Compared), RenderError> {
         let started = Instant::now();
         let gpu = Arc::clone(&self.gpu);
@@ -194,15 +212,14 @@ impl GpuDifferentiable {
         self.capacity.start(self.model.len(), most, each);
         let sight = Sight::of_training(camera, config);
         let channels = config.channels;
-        let pixels = camera.width * camera.height;
+        let size = (camera.width, camera.height);
         loop {
             let pieces = self.model.uniforms(config);
-            let compare = match comparison {
-                Some(wanted) => {
-                    let size = (camera.width, camera.height);
-                    Some((wanted, self.comparer.room(&gpu, wanted, size, sight.tile_count())?))
+            let compare = match &seen {
+                Seen::Read(_) => None,
+                Seen::Compared(wanted) => {
+                    Some((*wanted, self.comparer.room(&gpu, wanted, size, sight.tile_count())?))
                 }
-                None => None,
             };
             let compare_slot = CHUNKS + pieces.len() + 2;
             let extent = Extent {
@@ -211,7 +228,7 @@ impl GpuDifferentiable {
                 blocks: self.model.blocks(),
                 capacity: self.capacity,
                 tiles: sight.tile_count(),
-                pixels: pixels.into(),
+                pixels: u64::from(size.0) * u64::from(size.1),
                 planes: u64::from(channels.depth().is_some()),
                 normal: channels.has_normal(),
                 falls: Falls::Nothing,
@@ -223,54 +240,48 @@ impl GpuDifferentiable {
             let mut structures = lists::uniforms(view, Entries::Pairs(&own.names));
             structures.extend(pieces);
             structures.push(uniforms::training(config.background, DepthAlpha::Learns));
+            structures.push(uniforms::learn(Learn::NONE));
             if let Some((wanted, room)) = &compare {
-                structures.push(uniforms::learn(Learn::NONE));
-                let of = |channel| uniforms::comparison(wanted, pixels, room.counted, channel);
-                structures.extend((0..compare::SLOTS as u32).map(of));
+                structures.extend(room.structures(wanted));
             }
             gpu.write(&room.uniforms, 0, &bytes_of(&structures));
 
             let mut recorder =
                 record_forward(&gpu, self.clock.as_ref(), &self.model, (&room, &own), &sight, config);
             let mut counters = [0u32; COUNTER_WORDS as usize];
-            let mut totals = Vec::new();
-            // No one looks at coverage alone.
-            let is_looked_at = compare.is_none() || channels != Channels::Color;
-            if !is_looked_at {
-                frame.alpha.clear();
-            }
-            let mut parts: Vec<Part<'_>> = vec![
-                (&room.counters, 0, bytemuck::cast_slice_mut(&mut counters)),
-                (&own.rgb, 0, bytemuck::cast_slice_mut(&mut frame.rgb)),
-                (&room.alpha, 0, bytemuck::cast_slice_mut(&mut frame.alpha)),
-                (&own.depths, 0, bytemuck::cast_slice_mut(&mut frame.depth)),
-                (&own.normal, 0, bytemuck::cast_slice_mut(&mut frame.normal)),
-            ];
+            let mut totals = compare::Room::totals();
+            let mut parts: Vec<Part<'_>> = vec![(&room.counters, 0, bytemuck::cast_slice_mut(&mut counters))];
             if let Some(clock) = &self.clock {
                 parts.push((&clock.times, 0, bytemuck::cast_slice_mut(&mut self.ticks)));
             }
-            if let Some((_, room)) = &compare {
-                recorder.begin(Stage::Compare);
-                room.record(&mut recorder, compare_slot, sight.tile_count(), (&own.rgb, &own.upstream));
-                totals.resize(compare::TOTALS, 0.0f32);
-                parts.push((&room.totals, 0, bytemuck::cast_slice_mut(&mut totals)));
+            match (&mut seen, &compare) {
+                (Seen::Read(frame), _) => parts.extend::<[Part<'_>; 4]>([
+                    (&own.rgb, 0, bytemuck::cast_slice_mut(&mut frame.rgb)),
+                    (&room.alpha, 0, bytemuck::cast_slice_mut(&mut frame.alpha)),
+                    (&own.depths, 0, bytemuck::cast_slice_mut(&mut frame.depth)),
+                    (&own.normal, 0, bytemuck::cast_slice_mut(&mut frame.normal)),
+                ]),
+                (Seen::Compared(_), None) => {}
+                (Seen::Compared(_), Some((_, compare))) => {
+                    compare.record(&mut recorder, compare_slot, own.pictures(channels, &room));
+                    parts.push((&compare.totals, 0, bytemuck::cast_slice_mut(&mut totals)));
+                }
             }
             parts.retain(|(.., array)| !array.is_empty());
             copy(&gpu, recorder, &mut self.memory.staging, &mut parts)?;
             let [_, _, visible, entries, _] = counters;
             if !self.capacity.grow(visible, entries, most, each) {
                 let (camera, config) = (*camera, *config);
-                let compared = compare
-                    .map(|(_, room)| compare::compared(&totals, pixels, room.counted))
-                    .unwrap_or_default();
-                self.last = Some(View { camera, config, visible, room, own, compared: comparison.is_some() });
+                let compared = compare.map(|(wanted, room)| room.compared(wanted, &totals));
+                let is_compared = compared.is_some();
+                self.last = Some(View { camera, config, visible, room, own, compared: is_compared });
                 let stats = Stats {
                     visible: visible.into(),
                     intersections: entries.into(),
                     wall: started.elapsed().as_secs_f64(),
                     ..Stats::default()
                 };
-                return Ok((stats, compared));
+                return Ok((stats, compared.unwrap_or_default()));
             }
         }
     }
@@ -299,6 +310,14 @@ impl GpuDifferentiable {
             write_row(gradients, row, numbers);
         }
         Ok(BackwardStats { wall: started.elapsed().as_secs_f64(), ..BackwardStats::default() })
+    }
+}
+
+impl OwnRoom {
+    /// What there is to compare.
+    fn pictures<'a>(&'a self, channels: Channels, room: &'a Room) -> Pictures<'a> {
+        let Self { rgb, depths, normal, upstream, .. } = self;
+        Pictures { channels, rgb, alpha: &room.alpha, depths, normal, upstream }
     }
 }
 
@@ -343,11 +362,10 @@ impl View {
             [(upstream.rgb, 3), (upstream.alpha, 1), (upstream.depth, 1), (upstream.normal, 3)]
         {
             let bytes = 4 * numbers * u64::from(pixels);
-            let is_there = *compared && at == 0;
             if !array.is_empty() {
-                assert!(!is_there, "colours were compared on the device");
+                assert!(!compared, "pictures were compared on the device");
                 gpu.write(&own.upstream, at, bytemuck::cast_slice(array));
-            } else if !is_there {
+            } else if !compared {
                 recorder.encoder().clear_buffer(&own.upstream, at, Some(bytes));
             }
             at += bytes;
@@ -472,7 +490,7 @@ impl Differentiable for GpuDifferentiable {
         pool.install(|| {
             gpu.check()?;
             self.model.write(&gpu, splats)?;
-            self.forward_on_pool(camera, config, None, frame).map(|(stats, _)| stats)
+            self.forward_on_pool(camera, config, Seen::Read(frame)).map(|(stats, _)| stats)
         })
     }
 

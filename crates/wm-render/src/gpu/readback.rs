@@ -106,9 +106,7 @@ pub(crate) fn wait(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), G
     buffer.slice(..bytes).map_async(wgpu::MapMode::Read, move |result| {
         let _ = told.send(result);
     });
-    let waited = gpu.device.poll(wgpu::PollType::wait_indefinitely());
-    gpu.check()?;
-    waited.map_err(|error| GpuError::Refused(error.to_string()))?;
+    gpu.finish()?;
     // Another thread that polls the same device may have taken it upon itself to tell, and be about to.
     match mapped.recv_timeout(Duration::from_secs(10)) {
         Ok(Ok(())) => Ok(()),

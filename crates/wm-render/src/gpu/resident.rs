@@ -3,7 +3,7 @@
 
 use super::buffers::{Growing, READ_BACK, WRITTEN};
 use super::device::Gpu;
-use super::differentiable::GpuDifferentiable;
+use super::differentiable::{GpuDifferentiable, Seen};
 use super::error::GpuError;
 use super::recorder::{Recorder, Stage};
 use super::uniforms::{self, SLOT, Uniform, bytes_of};
@@ -12,7 +12,7 @@ use crate::frame::Frame;
 use crate::renderer::{RenderError, Stats};
 use crate::stages::compare::{Compared, Comparison};
 use crate::stages::optimize::gpu::{Rows, add, explore, optimize};
-use crate::stages::optimize::{Learnt, LearntMut, Noise, Step};
+use crate::stages::optimize::{Changed, Learnt, LearntMut, Noise, Shapes, Step};
 use std::sync::Arc;
 use wgpu::BufferUsages;
 use wm_scene::Camera;
@@ -80,6 +80,25 @@ impl Resident for GpuDifferentiable {
         Ok(pool.install(|| self.model.write_learnt(&gpu, learnt))?)
     }
 
+    fn count(&self) -> usize {
+        self.model.len()
+    }
+
+    fn shapes(&mut self) -> Result<Shapes, RenderError> {
+        self.gpu.check()?;
+        let (pool, gpu) = (Arc::clone(&self.pool), Arc::clone(&self.gpu));
+        Ok(pool.install(|| self.model.read_shapes(&gpu, &mut self.memory.staging))?)
+    }
+
+    fn rearrange(&mut self, changed: &Changed<'_>) -> Result<(), RenderError> {
+        changed.splats.check()?;
+        self.gpu.check()?;
+        self.forget();
+        self.rows.last = None;
+        let (pool, gpu) = (Arc::clone(&self.pool), Arc::clone(&self.gpu));
+        Ok(pool.install(|| self.model.rearrange(&gpu, changed))?)
+    }
+
     fn read(&mut self, learnt: LearntMut<'_>) -> Result<(), RenderError> {
         self.gpu.check()?;
         Ok(self.model.read_learnt(&self.gpu, &mut self.memory.staging, learnt)?)
@@ -94,7 +113,7 @@ impl Resident for GpuDifferentiable {
         assert!(self.model.learns(), "splats are loaded first");
         config.check_view(self.model.sh_degree(), camera, frame)?;
         let pool = Arc::clone(&self.pool);
-        pool.install(|| self.forward_on_pool(camera, config, None, frame)).map(|(stats, _)| stats)
+        pool.install(|| self.forward_on_pool(camera, config, Seen::Read(frame))).map(|(stats, _)| stats)
     }
 
     fn compare(
@@ -102,14 +121,13 @@ impl Resident for GpuDifferentiable {
         camera: &Camera,
         config: &ForwardConfig,
         comparison: &Comparison<'_>,
-        frame: &mut Frame,
     ) -> Result<(Stats, Compared), RenderError> {
         assert!(self.model.learns(), "splats are loaded first");
-        let values = 3 * camera.width as usize * camera.height as usize;
-        assert!(config.channels.has_color() && comparison.rgb.len() == values, "a photo of one size");
-        config.check_pictures(self.model.sh_degree(), camera, frame, false)?;
+        let pixels = camera.width as usize * camera.height as usize;
+        assert_eq!(comparison.rgb.len(), 3 * pixels, "a photo of the picture's size");
+        config.check_camera(self.model.sh_degree(), camera)?;
         let pool = Arc::clone(&self.pool);
-        pool.install(|| self.forward_on_pool(camera, config, Some(comparison), frame))
+        pool.install(|| self.forward_on_pool(camera, config, Seen::Compared(comparison)))
     }
 
     fn backward(&mut self, upstream: &Upstream<'_>, target: Target) -> Result<(), RenderError> {

@@ -96,6 +96,20 @@ pub enum Program {
     SimilarityBackward,
     /// That of all that is compared, added up and back through the exposure.
     ColorsBackward,
+    /// Depth, normals and coverage against what is believed of each pixel.
+    PixelsBackward(Channels),
+    /// Mean and spread of inverse depths.
+    GridMoments,
+    /// The same of patches, and how far they are off.
+    Patches,
+    /// All of them together.
+    PatchTotals,
+    /// The derivative of that.
+    PatchesBackward,
+    /// The sum of inverse depths.
+    InverseDepths,
+    /// Differences of inverse depths of neighbours.
+    SmoothBackward,
     /// The pulls of all tiles together.
     Gather,
     /// From there to gradients.
@@ -106,6 +120,8 @@ pub enum Program {
     Optimize,
     /// Nearly transparent splats at random.
     Explore,
+    /// What is known of splats to where they are now.
+    Rearrange,
 }
 
 /// Whether threads of a subgroup work together.
@@ -165,6 +181,10 @@ pub enum Falls {
 
 /// What all programs over splats begin with.
 const PIECES: &str = file!("stages/project/pieces.wgsl");
+/// What programs that compare geometry begin with.
+const GEOMETRY: &str = file!("stages/compare/geometry.wgsl");
+/// Sums over a workgroup.
+const SUMS: &str = file!("stages/compare/sums.wgsl");
 /// What does nothing to the light of a splat.
 const CLEAR_AIR: &str =
     "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
@@ -190,10 +210,17 @@ impl Program {
             Self::Similarity,
             Self::SimilarityBackward,
             Self::ColorsBackward,
+            Self::GridMoments,
+            Self::Patches,
+            Self::PatchTotals,
+            Self::PatchesBackward,
+            Self::InverseDepths,
+            Self::SmoothBackward,
             Self::Gather,
             Self::AddGradients,
             Self::Optimize,
             Self::Explore,
+            Self::Rearrange,
             Self::SpineVisible,
             Self::SpineEntries,
             Self::SortCount,
@@ -210,7 +237,8 @@ impl Program {
             all.extend([MedianDepth::Off, MedianDepth::On].map(|median| Self::Rasterize(geometry, median)));
         }
         for channels in Channels::ALL {
-            let of = [Self::BlendSums, Self::Finish, Self::BySums, Self::ProjectBackward];
+            let of =
+                [Self::BlendSums, Self::Finish, Self::PixelsBackward, Self::BySums, Self::ProjectBackward];
             all.extend(of.map(|program| program(channels)));
             let by = [Subgroups::Used, Subgroups::Unused];
             all.extend(by.map(|subgroups| Self::RasterizeBackward(channels, subgroups)));
@@ -241,11 +269,19 @@ impl Program {
             Self::Similarity => "similarity",
             Self::SimilarityBackward => "similarity_backward",
             Self::ColorsBackward => "colors_backward",
+            Self::PixelsBackward(_) => "pixels_backward",
+            Self::GridMoments => "grid_moments",
+            Self::Patches => "patches",
+            Self::PatchTotals => "patch_totals",
+            Self::PatchesBackward => "patches_backward",
+            Self::InverseDepths => "inverse_depths",
+            Self::SmoothBackward => "smooth_backward",
             Self::Gather => "gather",
             Self::ProjectBackward(_) => "project_backward",
             Self::AddGradients => "add_gradients",
             Self::Optimize => "optimize",
             Self::Explore => "explore",
+            Self::Rearrange => "rearrange",
         }
     }
 
@@ -349,8 +385,30 @@ impl Program {
                 add(&[file!("stages/compare/similarity_backward.wgsl")]);
             }
             Self::ColorsBackward => {
-                add(&[file!("stages/compare/photo.wgsl"), file!("stages/compare/colors_backward.wgsl")]);
+                add(&[file!("stages/compare/photo.wgsl"), SUMS]);
+                add(&[file!("stages/compare/colors_backward.wgsl")]);
             }
+            Self::PixelsBackward(channels) => {
+                add(&[&switches(*channels), GEOMETRY, file!("stages/compare/beliefs.wgsl")]);
+                add(&[SUMS, file!("stages/compare/pixels_backward.wgsl")]);
+            }
+            Self::GridMoments => {
+                add(&[GEOMETRY, file!("stages/compare/beliefs.wgsl"), file!("stages/compare/grid.wgsl")]);
+                add(&[file!("stages/compare/moments.wgsl"), file!("stages/compare/grid_moments.wgsl")]);
+            }
+            Self::Patches => {
+                add(&[GEOMETRY, file!("stages/compare/beliefs.wgsl"), file!("stages/compare/grid.wgsl")]);
+                add(&[file!("stages/compare/moments.wgsl"), file!("stages/compare/patch.wgsl")]);
+                add(&[SUMS, file!("stages/compare/patches.wgsl")]);
+            }
+            Self::PatchTotals => add(&[GEOMETRY, SUMS, file!("stages/compare/patch_totals.wgsl")]),
+            Self::PatchesBackward => {
+                add(&[GEOMETRY, file!("stages/compare/beliefs.wgsl"), file!("stages/compare/grid.wgsl")]);
+                add(&[file!("stages/compare/patch.wgsl"), SUMS]);
+                add(&[file!("stages/compare/patches_backward.wgsl")]);
+            }
+            Self::InverseDepths => add(&[GEOMETRY, SUMS, file!("stages/compare/inverse_depths.wgsl")]),
+            Self::SmoothBackward => add(&[GEOMETRY, SUMS, file!("stages/compare/smooth_backward.wgsl")]),
             Self::Gather => add(&[file!("stages/project_backward/gather.wgsl")]),
             Self::ProjectBackward(channels) => {
                 add(&[&switches(*channels), PIECES, Form::Stored.text()]);
@@ -361,6 +419,7 @@ impl Program {
             Self::AddGradients => add(&[PIECES, file!("stages/optimize/add.wgsl")]),
             Self::Optimize => add(&[PIECES, file!("stages/optimize/optimize.wgsl")]),
             Self::Explore => add(&[PIECES, file!("stages/optimize/explore.wgsl")]),
+            Self::Rearrange => add(&[file!("stages/optimize/rearrange.wgsl")]),
         }
         text
     }
@@ -417,6 +476,7 @@ pub fn constants() -> String {
         SLOT_FEATURES = Slot::FEATURES;
         WINDOW_RADIUS = compare::RADIUS;
         COMPARE_GROUPS = compare::gpu::GROUPS;
+        PATCH_FEWEST = compare::FEWEST;
         GRADIENT_ROW = gradients::ROW;
         GRADIENT_MEAN = gradients::MEAN;
         GRADIENT_QUAT = gradients::QUAT;
@@ -448,6 +508,10 @@ pub fn constants() -> String {
         BETA2 = optimize::BETA2;
         SIMILARITY_C1 = compare::C1;
         SIMILARITY_C2 = compare::C2;
+        COVERED = compare::COVERED;
+        EXACT = compare::EXACT;
+        PATCH_FLOOR = compare::FLOOR;
+        EDGE = compare::EDGE;
         ADAM_EPS = optimize::EPS;
         FLAT = optimize::FLAT;
         C0 = sh::C0;

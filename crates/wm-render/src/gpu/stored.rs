@@ -11,7 +11,7 @@ use super::uniforms::{self, Uniform};
 use crate::differentiable::{Channels, ForwardConfig};
 use crate::hooks::GROUP;
 use crate::stages::optimize::gpu::Remembered;
-use crate::stages::optimize::{Learnt, LearntMut, Moments, Pair};
+use crate::stages::optimize::{Learnt, LearntMut, Moments, Pair, Pulls};
 use crate::stages::project::gpu::{Piece, ROW_DC, ROW_MEAN, ROW_OPACITY, ROW_QUAT, ROW_SCALE, ROW_SKY, ROWS};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -41,6 +41,8 @@ pub(crate) struct StoredModel {
     len: usize,
     sh_degree: u8,
 }
+
+mod rearranged;
 
 /// Numbers of splats in an array of theirs, and the rows in which the GPU has them.
 struct Field<A> {
@@ -135,6 +137,51 @@ fn ungroup(numbers: &[f32], range: Range<usize>, rows: usize, fields: &mut [Fiel
     }
 }
 
+/// 1 where a splat is of the sky.
+fn skies(splats: &Splats) -> Vec<f32> {
+    splats.groups.iter().map(|group| f32::from(u8::from(*group == Group::Sky))).collect()
+}
+
+/// The rows of `geometry.wgsl` of the splats `range`, by groups.
+fn shapes(splats: &Splats, sky: &[f32], range: Range<usize>) -> Vec<f32> {
+    let mut fields = Vec::from(geometry(arrays(splats), splats.sh_stride()));
+    fields.push(Field { array: sky, stride: 1, at: 0, count: 1, row: ROW_SKY as usize });
+    grouped(range, ROWS as usize, &fields)
+}
+
+/// Most splats in a part, whose coefficients above degree 0 have `rest` rows.
+fn most_in_part(gpu: &Gpu, rest: usize, learns: bool) -> Result<usize, GpuError> {
+    // Of moments there are two.
+    let largest = (ROWS as usize).max(rest) * if learns { 2 } else { 1 };
+    let block_bytes = 4 * u64::from(WORKGROUP) * largest as u64;
+    let most = (gpu.most_binding() / block_bytes).min(u64::from(u32::MAX / WORKGROUP)) as usize;
+    if most == 0 {
+        let (what, most) = ("256 splats", gpu.most_binding());
+        return Err(GpuError::TooLarge { what, bytes: block_bytes, most });
+    }
+    Ok(most * WORKGROUP as usize)
+}
+
+fn piece(range: Range<usize>, rest: usize) -> uniforms::Piece {
+    uniforms::Piece {
+        first_block: (range.start / WORKGROUP as usize) as u32,
+        blocks: (range.len() as u32).div_ceil(WORKGROUP),
+        first_splat: range.start as u32,
+        splats: range.len() as u32,
+        sh_rows: rest as u32,
+    }
+}
+
+/// The splats `range` out of the rows of `geometry.wgsl`.
+fn ungroup_shapes(numbers: &[f32], range: Range<usize>, splats: &mut Splats) {
+    let stride = splats.sh_stride();
+    ungroup(numbers, range.clone(), ROWS as usize, &mut geometry(arrays_mut(splats), stride));
+    for (i, group) in splats.groups[range].iter_mut().enumerate() {
+        let is_sky = numbers[(i / GROUP * ROWS as usize + ROW_SKY as usize) * GROUP + i % GROUP] > 0.5;
+        *group = if is_sky { Group::Sky } else { Group::Scene };
+    }
+}
+
 impl StoredModel {
     /// Number of splats.
     pub fn len(&self) -> usize {
@@ -161,39 +208,47 @@ impl StoredModel {
     pub fn write_learnt(&mut self, gpu: &Gpu, learnt: Learnt<'_>) -> Result<(), GpuError> {
         self.known = None;
         self.write_parts(gpu, learnt.splats, Some(learnt.moments))?;
-        let Learnt { pulls, seen, .. } = learnt;
+        self.write_known(gpu, learnt.pulls, learnt.seen)
+    }
+
+    fn write_known(&mut self, gpu: &Gpu, pulls: &Pulls, seen: &[u32]) -> Result<(), GpuError> {
         let of = |i: usize| [pulls.sums[i], pulls.counts[i], pulls.radii[i], seen[i] as f32];
         let known: Vec<f32> = (0..self.len).flat_map(of).collect();
         self.known = Some(self.kept_known.write(gpu, "what is known of splats", &known, USAGE)?);
         Ok(())
     }
 
+    fn read_known(
+        &self,
+        gpu: &Gpu,
+        staging: &mut Growing,
+        pulls: &mut Pulls,
+        seen: &mut [u32],
+    ) -> Result<(), GpuError> {
+        let buffer = self.known.as_ref().expect("splats that learn on the GPU");
+        let mut known = vec![0.0f32; KNOWN * self.len];
+        back(gpu, staging, &mut [(buffer, &mut known)])?;
+        for (i, own) in known.as_chunks::<KNOWN>().0.iter().enumerate() {
+            (pulls.sums[i], pulls.counts[i], pulls.radii[i]) = (own[0], own[1], own[2]);
+            seen[i] = own[3] as u32;
+        }
+        Ok(())
+    }
+
     fn write_parts(&mut self, gpu: &Gpu, splats: &Splats, moments: Option<&Moments>) -> Result<(), GpuError> {
         let stride = splats.sh_stride();
         let rest = stride - 3;
-        // Of moments there are two.
-        let largest = (ROWS as usize).max(rest) * if moments.is_some() { 2 } else { 1 };
-        let block_bytes = 4 * u64::from(WORKGROUP) * largest as u64;
-        let most = (gpu.most_binding() / block_bytes).min(u64::from(u32::MAX / WORKGROUP)) as usize;
-        if most == 0 {
-            let (what, most) = ("256 splats", gpu.most_binding());
-            return Err(GpuError::TooLarge { what, bytes: block_bytes, most });
-        }
-        let most = most * WORKGROUP as usize;
+        let most = most_in_part(gpu, rest, moments.is_some())?;
         // Let go of first, or what grows would be there twice.
         self.parts.clear();
         self.kept.resize_with(splats.len().div_ceil(most), Default::default);
         (self.len, self.sh_degree) = (splats.len(), splats.sh_degree);
-        let sky: Vec<f32> =
-            splats.groups.iter().map(|group| f32::from(u8::from(*group == Group::Sky))).collect();
+        let sky = skies(splats);
         let all_rows = ROWS as usize;
         for (first, kept) in (0..splats.len()).step_by(most).zip(&mut self.kept) {
             let range = first..(first + most).min(splats.len());
-            let count = range.len();
             let [kept_splats, kept_rest, kept_moments, kept_rest_moments] = kept;
-            let mut fields = Vec::from(geometry(arrays(splats), stride));
-            fields.push(Field { array: &sky, stride: 1, at: 0, count: 1, row: ROW_SKY as usize });
-            let numbers = grouped(range.clone(), all_rows, &fields);
+            let numbers = shapes(splats, &sky, range.clone());
             let of_colors = grouped(range.clone(), rest, &coefficients(&*splats.sh, stride));
             let moments = moments.map(|moments| {
                 let pair = moment_arrays(moments);
@@ -216,13 +271,7 @@ impl StoredModel {
                         kept_rest_moments.write(gpu, what, &of_colors, USAGE)?,
                     ]),
                 },
-                piece: uniforms::Piece {
-                    first_block: (first / WORKGROUP as usize) as u32,
-                    blocks: (count as u32).div_ceil(WORKGROUP),
-                    first_splat: first as u32,
-                    splats: count as u32,
-                    sh_rows: rest as u32,
-                },
+                piece: piece(range, rest),
             });
             // What waits to be copied goes with the first submission: not all of a large scene at once.
             gpu.queue.submit([]);
@@ -241,16 +290,10 @@ impl StoredModel {
         learnt: LearntMut<'_>,
     ) -> Result<(), GpuError> {
         let LearntMut { splats, moments, pulls, seen } = learnt;
-        let buffer = self.known.as_ref().expect("splats that learn on the GPU");
         assert_eq!((splats.len(), splats.sh_degree), (self.len, self.sh_degree), "the splats are others");
         let stride = splats.sh_stride();
         let rest = stride - 3;
-        let mut known = vec![0.0f32; KNOWN * self.len];
-        back(gpu, staging, &mut [(buffer, &mut known)])?;
-        for (i, own) in known.as_chunks::<KNOWN>().0.iter().enumerate() {
-            (pulls.sums[i], pulls.counts[i], pulls.radii[i]) = (own[0], own[1], own[2]);
-            seen[i] = own[3] as u32;
-        }
+        self.read_known(gpu, staging, pulls, seen)?;
         for part in &self.parts {
             let Some([part_moments, part_sh_moments]) = &part.moments else { continue };
             let padded = (part.piece.blocks * WORKGROUP) as usize;
@@ -270,7 +313,7 @@ impl StoredModel {
             )?;
             let first = part.piece.first_splat as usize;
             let range = first..first + part.piece.splats as usize;
-            ungroup(&numbers, range.clone(), all_rows, &mut geometry(arrays_mut(splats), stride));
+            ungroup_shapes(&numbers, range.clone(), splats);
             ungroup(&of_colors, range.clone(), rest, &mut coefficients(&mut *splats.sh, stride));
             for (place, of) in moment_arrays_mut(moments).into_iter().enumerate() {
                 let mut fields = behind(geometry(of, stride), place * all_rows);

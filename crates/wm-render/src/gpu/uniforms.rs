@@ -4,9 +4,10 @@ use super::source::{TILE_SIDE, WORKGROUP};
 use crate::differentiable::{DepthAlpha, Drawn, ForwardConfig, Learn, Opacity};
 use crate::hooks::SkySplats;
 use crate::renderer::Job;
-use crate::stages::compare::Comparison;
+use crate::stages::compare::{Comparison, Term};
 use crate::stages::optimize::{BETA1, BETA2, Noise, Step};
 use crate::stages::project::ProjectCamera;
+use std::ops::Range;
 use wm_scene::splats::logit;
 use wm_scene::synthetic::SEED_FACTOR;
 use wm_scene::{Camera, Rasterization};
@@ -228,7 +229,7 @@ pub fn training(background: [f32; 3], depth_alpha: DepthAlpha) -> Uniform {
 #[must_use]
 pub fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64, channel: u32) -> Uniform {
     let row = |row: usize| [0, 1, 2, 3].map(|k| comparison.exposure[4 * row + k]);
-    let [l1, dssim] = comparison.weights;
+    let [l1, dssim] = [Term::L1, Term::Dssim].map(|term| comparison.weight(term));
     Uniform::default()
         .vector("red", row(0))
         .vector("green", row(1))
@@ -236,6 +237,29 @@ pub fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64, channe
         .real("l1", (l1 / (3.0 * counted.max(1.0))) as f32)
         .real("dssim", (dssim / (3.0 * f64::from(pixels))) as f32)
         .whole("channel", channel)
+}
+
+/// `Geometry` of `geometry.wgsl`: `pixels` are those of the picture; columns and number of the patches.
+#[must_use]
+pub fn geometry(comparison: &Comparison<'_>, pixels: u32, patches: (u32, u32)) -> Uniform {
+    let Comparison { believed, patches: plan, .. } = comparison;
+    let (columns, rows) = believed.map_or((0, 0), |believed| believed.grid);
+    let over = |term: Term, count: f64| (comparison.weight(term) / count.max(1.0)) as f32;
+    let grid = f64::from(columns) * f64::from(rows);
+    Uniform::default()
+        .real("depth", over(Term::Depth, grid))
+        .real("normal", over(Term::Normal, grid))
+        .real("coverage", over(Term::Coverage, f64::from(pixels)))
+        .real("patches", over(Term::Patches, 1.0))
+        .real("smooth_depth", over(Term::Smooth, 1.0))
+        .real("sigma", believed.map_or(0.0, |believed| believed.sigma))
+        .real("local", plan.local)
+        .real("margin", plan.margin)
+        .whole("columns", columns)
+        .whole("rows", rows)
+        .whole("side", plan.side.max(1))
+        .whole("patch_columns", patches.0)
+        .whole("patch_count", patches.1)
 }
 
 /// `Pass` of `sort.wgsl`.
@@ -297,6 +321,35 @@ pub fn noise(noise: &Noise) -> Uniform {
         .whole("seed_high", (seed >> 32) as u32)
         .real("size", noise.size as f32)
         .real("most", logit(noise.most) as f32)
+}
+
+/// `Move` of `rearrange.wgsl`: from splats `before` to splats `now` of all, in so many rows.
+#[must_use]
+pub fn rearrangement(before: Range<u32>, now: Range<u32>, rows: u32, forgets: Forgets) -> Uniform {
+    let (row, period) = match forgets {
+        Forgets::Row(row, period) => (row, period),
+        Forgets::Nothing | Forgets::Splats => (0, 0),
+    };
+    Uniform::default()
+        .whole("first_before", before.start)
+        .whole("count_before", before.end - before.start)
+        .whole("first", now.start)
+        .whole("count", now.end - now.start)
+        .whole("rows", rows)
+        .whole("forgets", u32::from(forgets != Forgets::Nothing))
+        .whole("forgotten_row", row)
+        .whole("period", period)
+}
+
+/// What is forgotten of rows that are moved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Forgets {
+    /// Nothing.
+    Nothing,
+    /// All rows of splats that forget.
+    Splats,
+    /// These and one row of all splats, in each so many.
+    Row(u32, u32),
 }
 
 /// Structures as they lie in a buffer, one a slot.

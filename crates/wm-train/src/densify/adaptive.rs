@@ -81,8 +81,7 @@ impl AdaptiveConfig {
             for value in &mut population.splats.logit_opacities {
                 *value = value.min(most);
             }
-            population.moments.logit_opacities.first.fill(0.0);
-            population.moments.logit_opacities.second.fill(0.0);
+            population.forget_opacities();
         }
         done
     }
@@ -118,7 +117,7 @@ impl AdaptiveConfig {
                     for value in &mut population.splats.log_scales[place] {
                         *value -= SHRINK.ln() as f32;
                     }
-                    population.moments.clear_row(place, population.splats.sh_degree);
+                    population.forget(place);
                 }
                 gone[*index] = false;
             }

@@ -187,7 +187,7 @@ impl Population {
             for value in &mut self.splats.log_scales[host] {
                 *value += factor.ln() as f32;
             }
-            self.moments.clear_row(host, self.splats.sh_degree);
+            self.forget(host);
         }
     }
 
@@ -200,9 +200,8 @@ impl Population {
         splats.logit_opacities[index] = splats.logit_opacities[host];
         splats.groups[index] = splats.groups[host];
         self.seen[index] = self.seen[host];
-        let stride = splats.sh_stride();
-        splats.sh.copy_within(host * stride..(host + 1) * stride, index * stride);
-        self.moments.clear_row(index, splats.sh_degree);
+        self.copy_colors(index, host);
+        self.forget(index);
     }
 }
 

@@ -5,31 +5,83 @@ pub mod mcmc;
 
 use wm_render::cpu::model::morton_order;
 pub use wm_render::stages::optimize::Pulls;
-use wm_render::stages::optimize::{Learnt, LearntMut, Moments};
+use wm_render::stages::optimize::{Changed, Learnt, LearntMut, Moments, Origin, Shapes};
 use wm_render::stages::project::MIN_ALPHA;
-use wm_scene::Splats;
+use wm_scene::{Group, Splats, sh};
 
 /// The splats of a training and everything that is known of each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Population {
     /// The splats.
     pub splats: Splats,
-    /// What the optimiser remembers of them.
+    /// What the optimiser remembers of them; empty where that stays on a device.
     pub moments: Moments,
     /// What pulled on them since splats last came or went.
     pub pulls: Pulls,
     /// The last step that had each in view, or that made it, `[N]`.
     pub seen: Vec<u32>,
+    /// Where they come from, of a population whose moments and coefficients above degree 0 stay on a device.
+    origins: Option<Origins>,
+}
+
+/// Where splats come from.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Origins {
+    rows: Vec<Origin>,
+    /// Whether the moments of all opacities are forgotten.
+    forgets_opacities: bool,
 }
 
 impl Population {
     /// A population that begins.
     #[must_use]
     pub fn new(splats: Splats) -> Self {
-        let (moments, pulls, seen) = (Moments::new(&splats), Pulls::new(splats.len()), vec![0; splats.len()]);
-        let mut population = Self { splats, moments, pulls, seen };
+        let mut population = Self::unsorted(splats);
         population.sort();
         population
+    }
+
+    /// One whose splats stay in their order.
+    #[must_use]
+    pub fn unsorted(splats: Splats) -> Self {
+        let (moments, pulls, seen) = (Moments::new(&splats), Pulls::new(splats.len()), vec![0; splats.len()]);
+        Self { splats, moments, pulls, seen, origins: None }
+    }
+
+    /// One whose moments and coefficients above degree 0 stay on a device.
+    #[must_use]
+    pub fn of_shapes(shapes: Shapes) -> Self {
+        let Shapes { splats, pulls, seen } = shapes;
+        let rows = (0..splats.len() as u32).map(|row| Origin { row, forgotten: false }).collect();
+        let origins = Some(Origins { rows, forgets_opacities: false });
+        Self { splats, moments: Moments::default(), pulls, seen, origins }
+    }
+
+    /// What became of it, for the device.
+    ///
+    /// # Panics
+    /// If it is not one of shapes.
+    #[must_use]
+    pub fn changed(&self) -> Changed<'_> {
+        let Origins { rows, forgets_opacities } = self.origins.as_ref().expect("a population of shapes");
+        let Self { splats, pulls, seen, .. } = self;
+        Changed { splats, pulls, seen, origins: rows, forgets_opacities: *forgets_opacities }
+    }
+
+    /// As many splats as `count`, to be written to.
+    pub fn resize(&mut self, count: usize) {
+        let Self { splats, moments, pulls, seen, .. } = self;
+        splats.means.resize(count, [0.0; 3]);
+        splats.quats.resize(count, [0.0; 4]);
+        splats.log_scales.resize(count, [0.0; 3]);
+        splats.logit_opacities.resize(count, 0.0);
+        splats.sh.resize(3 * sh::coefficients(splats.sh_degree) * count, 0.0);
+        splats.groups.resize(count, Group::Scene);
+        moments.resize(splats);
+        for array in [&mut pulls.sums, &mut pulls.counts, &mut pulls.radii] {
+            array.resize(count, 0.0);
+        }
+        seen.resize(count, 0);
     }
 
     /// Number of splats.
@@ -52,7 +104,7 @@ impl Population {
 
     /// The same, to be written.
     pub fn learnt_mut(&mut self) -> LearntMut<'_> {
-        let Self { splats, moments, pulls, seen } = self;
+        let Self { splats, moments, pulls, seen, .. } = self;
         LearntMut { splats, moments, pulls, seen }
     }
 
@@ -75,7 +127,10 @@ impl Population {
     /// Keeps the splats `indices`, in that order.
     pub fn select(&mut self, indices: &[usize]) {
         self.splats = self.splats.select(indices);
-        self.moments.select(indices, self.splats.sh_degree);
+        match &mut self.origins {
+            None => self.moments.select(indices, self.splats.sh_degree),
+            Some(Origins { rows, .. }) => *rows = indices.iter().map(|i| rows[*i]).collect(),
+        }
         for array in [&mut self.pulls.sums, &mut self.pulls.counts, &mut self.pulls.radii] {
             *array = indices.iter().map(|i| array[*i]).collect();
         }
@@ -89,9 +144,44 @@ impl Population {
         self.seen.extend(seen);
         let splats = &mut self.splats;
         splats.append(&copies);
-        self.moments.resize(&self.splats);
+        match &mut self.origins {
+            None => self.moments.resize(&self.splats),
+            Some(Origins { rows, .. }) => {
+                let copies: Vec<Origin> =
+                    indices.iter().map(|i| Origin { forgotten: true, ..rows[*i] }).collect();
+                rows.extend(copies);
+            }
+        }
         for array in [&mut self.pulls.sums, &mut self.pulls.counts, &mut self.pulls.radii] {
             array.resize(self.splats.len(), 0.0);
+        }
+    }
+
+    /// Forgets what was learnt about one splat.
+    pub fn forget(&mut self, index: usize) {
+        match &mut self.origins {
+            None => self.moments.clear_row(index, self.splats.sh_degree),
+            Some(Origins { rows, .. }) => rows[index].forgotten = true,
+        }
+    }
+
+    /// Forgets what was learnt about opacities.
+    pub fn forget_opacities(&mut self) {
+        match &mut self.origins {
+            None => {
+                let pair = &mut self.moments.logit_opacities;
+                [&mut pair.first, &mut pair.second].into_iter().for_each(|moments| moments.fill(0.0));
+            }
+            Some(origins) => origins.forgets_opacities = true,
+        }
+    }
+
+    /// Makes the colours of splat `index` those of `from`.
+    fn copy_colors(&mut self, index: usize, from: usize) {
+        let stride = self.splats.sh_stride();
+        self.splats.sh.copy_within(from * stride..(from + 1) * stride, index * stride);
+        if let Some(Origins { rows, .. }) = &mut self.origins {
+            rows[index].row = rows[from].row;
         }
     }
 

@@ -7,14 +7,10 @@
 //! does not lower it. Pixels of the sky, and those covered by less than half, do not count.
 
 use super::grid::Grid;
-use super::{Colors, LossGradients, LossInput, LossTerm, Truth};
+use super::{LossGradients, LossInput, LossTerm, Reads, Truth};
 use crate::config::TrainConfig;
 use wm_render::Channels;
-
-/// Smallest `tau`.
-const EXACT: f32 = 0.01;
-/// Least coverage of a pixel that counts.
-pub const COVERED: f32 = 0.5;
+use wm_render::stages::compare::{COVERED, Comparison, EXACT, Term};
 
 /// The term `depth`.
 #[derive(Clone, Debug)]
@@ -46,13 +42,13 @@ impl LossTerm for Depth {
         Channels::ColorDepth
     }
 
-    fn colors(&self) -> Colors {
-        Colors::Ignored
+    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+        Reads::Device(Term::Depth)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {
         let (Some(prior), frame) = (input.truth.prior, input.frame) else { return 0.0 };
-        let grid = Grid::new(frame, prior);
+        let grid = Grid::new(input.truth.size(), prior);
         let mut sum = 0.0;
         // Over all pixels, so that a photo of which little is known pulls little.
         let scale = (weight / grid.len() as f64) as f32;

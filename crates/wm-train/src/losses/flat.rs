@@ -5,8 +5,9 @@
 //! shortest gets shorter and the middle one longer. So the axis that is shortest once is kept apart from the
 //! others: before another takes its place, loss has to push against this.
 
-use super::{Colors, LossGradients, LossInput, LossTerm, Truth};
+use super::{LossGradients, LossInput, LossTerm, Reads, Truth};
 use crate::config::TrainConfig;
+use wm_render::stages::compare::Comparison;
 use wm_render::stages::optimize::SplatTerms;
 
 /// The term `flat`.
@@ -33,8 +34,8 @@ impl LossTerm for Flat {
         if truth.prior.is_some() { self.weight } else { 0.0 }
     }
 
-    fn colors(&self) -> Colors {
-        Colors::Ignored
+    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+        Reads::Nothing
     }
 
     fn add(&mut self, _: &LossInput<'_>, _: f64, _: &mut LossGradients) -> f64 {

@@ -1,7 +1,6 @@
 //! The pixels in which a frame and a prior are compared: those of the coarser of the two.
 
 use crate::priors::Prior;
-use wm_render::Frame;
 
 /// Pairs of pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,9 +14,9 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// For a frame and a prior of the same view.
+    /// For frames of `size` and a prior of the same view.
     #[must_use]
-    pub fn new(frame: &Frame, prior: &Prior) -> Self {
+    pub fn new(size: (u32, u32), prior: &Prior) -> Self {
         let pairs = |frame: u32, prior: u32| -> Vec<(u32, u32)> {
             let count = frame.min(prior);
             let at = |i: u32, of: u32| {
@@ -25,9 +24,9 @@ impl Grid {
             };
             (0..count).map(|i| (at(i, frame), at(i, prior))).collect()
         };
-        let (columns, rows) = (pairs(frame.width, prior.width), pairs(frame.height, prior.height));
+        let (columns, rows) = (pairs(size.0, prior.width), pairs(size.1, prior.height));
         let columns: Vec<_> = columns;
-        let rows = rows.into_iter().map(|(f, p)| (f * frame.width, p * prior.width)).collect::<Vec<_>>();
+        let rows = rows.into_iter().map(|(f, p)| (f * size.0, p * prior.width)).collect::<Vec<_>>();
         Self { width: columns.len(), height: rows.len(), columns, rows }
     }
 
@@ -57,13 +56,13 @@ mod tests {
 
     #[test]
     fn the_coarser_of_the_two_is_asked() {
-        let frame = Frame { width: 6, height: 4, ..Frame::default() };
+        let frame = (6, 4);
         let prior = Prior { width: 3, height: 2, ..Prior::default() };
-        let grid = Grid::new(&frame, &prior);
+        let grid = Grid::new(frame, &prior);
         assert_eq!((grid.width, grid.height, grid.len()), (3, 2, 6));
         // The middle of a pixel of the prior is the corner of four of the frame's.
         assert_eq!(grid.pairs().collect::<Vec<_>>(), [(7, 0), (9, 1), (11, 2), (19, 3), (21, 4), (23, 5)]);
         let fine = Prior { width: 12, height: 8, ..Prior::default() };
-        assert_eq!(Grid::new(&frame, &fine).at(1, 1), (7, 39));
+        assert_eq!(Grid::new(frame, &fine).at(1, 1), (7, 39));
     }
 }

@@ -1,9 +1,9 @@
 //! Mean absolute difference of colours.
 
-use super::{Colors, LossGradients, LossInput, LossTerm, Truth};
+use super::{LossGradients, LossInput, LossTerm, Reads, Truth};
 use rayon::prelude::*;
 use wm_render::dispatch;
-use wm_render::stages::compare::ColorTerm;
+use wm_render::stages::compare::{Comparison, Term};
 
 /// `mean |x - y|` over the pixels that count and their channels.
 #[derive(Clone, Debug)]
@@ -21,8 +21,8 @@ impl LossTerm for L1 {
         self.weight
     }
 
-    fn colors(&self) -> Colors {
-        Colors::Compared(ColorTerm::L1)
+    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+        Reads::Device(Term::L1)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

@@ -3,6 +3,7 @@
 //! The trainer names no term. It renders what the terms read, adds up what they say, and goes one step.
 //! A term may ask for a render of its own, with other opacities and only some parameters learning.
 
+mod beliefs;
 mod depth;
 mod flat;
 mod grid;
@@ -13,6 +14,7 @@ mod smooth;
 mod ssim;
 mod surface;
 
+pub use beliefs::{beliefs, believed};
 pub use depth::Depth;
 pub use flat::Flat;
 pub use l1::L1;
@@ -25,7 +27,7 @@ pub use surface::Surface;
 use crate::config::TrainConfig;
 use crate::priors::Prior;
 use wm_render::simd::SimdPath;
-use wm_render::stages::compare::ColorTerm;
+use wm_render::stages::compare::{Comparison, Term};
 use wm_render::stages::optimize::SplatTerms;
 use wm_render::{Channels, DepthAlpha, Drawn, Frame, Learn, Opacity, Upstream};
 use wm_scene::Camera;
@@ -59,6 +61,14 @@ pub struct Truth<'a> {
     pub prior: Option<&'a Prior>,
 }
 
+impl Truth<'_> {
+    /// Columns and rows.
+    #[must_use]
+    pub fn size(&self) -> (u32, u32) {
+        (self.camera.width, self.camera.height)
+    }
+}
+
 /// What a term reads.
 #[derive(Clone, Copy, Debug)]
 pub struct LossInput<'a> {
@@ -72,7 +82,7 @@ pub struct LossInput<'a> {
     pub path: SimdPath,
 }
 
-/// Derivatives of the loss by the pixels of a frame; empty where nothing was rendered.
+/// Derivatives of the loss by the pixels of a frame; empty where nothing was rendered, or a device has them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LossGradients {
     /// `[H, W, 3]`.
@@ -86,6 +96,13 @@ pub struct LossGradients {
 }
 
 impl LossGradients {
+    /// None.
+    pub fn forget(&mut self) {
+        for array in [&mut self.rgb, &mut self.alpha, &mut self.depth, &mut self.normal] {
+            array.clear();
+        }
+    }
+
     /// Zeros for every picture of `frame`.
     pub fn clear(&mut self, frame: &Frame) {
         let arrays = [
@@ -122,15 +139,15 @@ pub struct OwnRender {
     pub depth_alpha: DepthAlpha,
 }
 
-/// What a term makes of rendered colours.
+/// Who can find out a term.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Colors {
-    /// Nothing.
-    Ignored,
-    /// It looks at them.
-    Read,
-    /// What a device on which they are can compute too, so that they need not leave it.
-    Compared(ColorTerm),
+pub enum Reads {
+    /// Who has the pictures in the computer's memory.
+    Frame,
+    /// A device on which they are, so that they need not leave it.
+    Device(Term),
+    /// It does not look at pictures.
+    Nothing,
 }
 
 /// A term of the loss.
@@ -146,9 +163,9 @@ pub trait LossTerm: Send {
         Channels::Color
     }
 
-    /// What it makes of the colours of the step's common render.
-    fn colors(&self) -> Colors {
-        Colors::Read
+    /// Who can find it out; puts into `comparison` what a device needs to know beside weights.
+    fn reads(&self, _step: u32, _truth: &Truth<'_>, _comparison: &mut Comparison<'_>) -> Reads {
+        Reads::Frame
     }
 
     /// The render that it has for itself instead of the common one.
@@ -167,8 +184,12 @@ pub trait LossTerm: Send {
 mod tests {
     use super::*;
     use crate::config::{GeometryConfig, Preset};
+    use crate::densify::Population;
     use crate::priors::SkyClass;
     use glam::DVec3;
+    use wm_render::stages::compare::NO_EXPOSURE;
+    use wm_render::testing::{Backend, gpu_differentiable, shell_camera, shell_splats};
+    use wm_render::{ForwardConfig, Resident};
     use wm_scene::synthetic::uniform;
 
     const SIZE: (u32, u32) = (12, 8);
@@ -268,6 +289,100 @@ mod tests {
 
     fn term_name(array: usize) -> &'static str {
         ["alpha", "depth", "normal"][array]
+    }
+
+    /// What a device makes of pictures where they are is what the terms make of the same pictures here.
+    fn check_device(render: Option<OwnRender>, prior: &Prior, only: &[&str]) {
+        let mut config = TrainConfig::preset(Preset::Quick);
+        config.loss.geometry = GeometryConfig { depth_local: 0.4, depth_margin: 0.2, ..geometry() };
+        let mut gpu = gpu_differentiable();
+        let population = Population::new(shell_splats(3000, 3.0, 1, 5));
+        gpu.load(population.learnt()).unwrap();
+        let camera = shell_camera(61, 45);
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let rgb = numbers(7, 3 * width * height, 0.2, 0.8);
+        let mask: Vec<f32> = (0..width * height).map(|i| if i % 7 == 3 { 0.0 } else { 1.0 }).collect();
+        let truth = Truth { rgb: &rgb, mask: Some(&mask), camera: &camera, prior: Some(prior) };
+
+        let channels = render.map_or(Channels::ColorDepthNormal, |own| own.channels);
+        let opacity = render.map_or(Opacity::Stored, |own| own.opacity);
+        let view = ForwardConfig { channels, opacity, sh_degree: 1, ..ForwardConfig::default() };
+        let mut frame = Frame::default();
+        Resident::forward(&mut gpu, &camera, &view, &mut frame).unwrap();
+        let mut out = LossGradients::default();
+        out.clear(&frame);
+        let beliefs = || beliefs(&truth);
+        let mut comparison = Comparison {
+            rgb: &rgb,
+            mask: Some(&mask),
+            exposure: NO_EXPOSURE,
+            believed: Some(believed(&truth, prior, &beliefs)),
+            ..Comparison::default()
+        };
+        let mut wanted = Vec::new();
+        for mut term in terms(&config, path()).into_iter().filter(|term| only.contains(&term.name())) {
+            assert_eq!(term.own_render(), render, "{}", term.name());
+            let input = LossInput { frame: &frame, truth: &truth, step: 400, path: path() };
+            let Reads::Device(which) = term.reads(400, &truth, &mut comparison) else { panic!("no device") };
+            // Of different sizes, so that no term hides another.
+            let weight = 1.0 + wanted.len() as f64;
+            comparison.weights[which as usize] = weight;
+            wanted.push((term.name(), which, term.add(&input, weight, &mut out)));
+        }
+        assert_eq!(wanted.len(), only.len());
+        // Twice: the second time everything is there already.
+        for _ in 0..2 {
+            let (_, found) = gpu.compare(&camera, &view, &comparison).unwrap();
+            for (name, which, wanted) in &wanted {
+                let found = found.values[*which as usize];
+                assert!((found - wanted).abs() < 1e-4 * wanted, "{name}: {found} instead of {wanted}");
+            }
+            let derived = gpu.upstream().unwrap();
+            let (colors, rest) = derived.split_at(3 * width * height);
+            let (alpha, rest) = rest.split_at(width * height);
+            let (depth, normal) = rest.split_at(width * height);
+            for (name, found, wanted) in [
+                ("colour", colors, &out.rgb),
+                ("coverage", alpha, &out.alpha),
+                ("depth", depth, &out.depth),
+                ("normal", normal, &out.normal),
+            ] {
+                let squares =
+                    |of: &mut dyn Iterator<Item = f32>| of.map(|v| f64::from(v).powi(2)).sum::<f64>();
+                let all = squares(&mut wanted.iter().copied());
+                let off = squares(&mut wanted.iter().zip(found).map(|(a, b)| a - b));
+                if all > 0.0 {
+                    eprintln!("{only:?}, by {name}: {:.1e}", (off / all).sqrt());
+                }
+                assert!(off <= 1e-8 * all, "{only:?}, by {name}: {off:e} of {all:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_device_compares_as_terms_do() {
+        if Backend::gpu().is_none() {
+            return;
+        }
+        let config = TrainConfig::preset(Preset::Quick);
+        let of = |pass| PatchDepth::new(&config, pass).own_render();
+        // Coarser than the picture one way and finer the other, as no prior is, and as most are.
+        for (width, height) in [(40, 60), (24, 18)] {
+            let cells = width as usize * height as usize;
+            let mut disparity = numbers(5, cells, 0.0, 0.3);
+            (disparity[3], disparity[4]) = (0.0, f32::NAN);
+            let unit = |n: [f32; 3]| n.map(|v| v / (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt());
+            let mut normal: Vec<_> =
+                numbers(6, 3 * cells, -1.0, 1.0).as_chunks().0.iter().map(|n| unit(*n)).collect();
+            normal[5] = [0.0; 3];
+            let class = |i: usize| [SkyClass::Place, SkyClass::Sky, SkyClass::Unknown][i / 5 % 3];
+            let prior =
+                Prior { width, height, disparity, sigma: 0.01, normal, sky: (0..cells).map(class).collect() };
+            check_device(None, &prior, &["l1", "dssim", "depth", "normal", "smooth"]);
+            check_device(Surface::new(&config).own_render(), &prior, &["surface"]);
+            check_device(of(Pass::Hard), &prior, &["depth-hard"]);
+            check_device(of(Pass::Soft), &prior, &["depth-soft"]);
+        }
     }
 
     #[test]

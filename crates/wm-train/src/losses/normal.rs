@@ -4,11 +4,11 @@
 //! length 1, and the prior's M, over pixels where M is known and at least half is covered. It begins late, so that
 //! depth has made surfaces before: on clouds of splats it would rather make them transparent than turn them.
 
-use super::depth::COVERED;
 use super::grid::Grid;
-use super::{Colors, LossGradients, LossInput, LossTerm, Truth};
+use super::{LossGradients, LossInput, LossTerm, Reads, Truth};
 use crate::config::TrainConfig;
 use wm_render::Channels;
+use wm_render::stages::compare::{COVERED, Comparison, Term};
 
 /// The term `normal`.
 #[derive(Clone, Debug)]
@@ -40,13 +40,13 @@ impl LossTerm for Normal {
         Channels::ColorDepthNormal
     }
 
-    fn colors(&self) -> Colors {
-        Colors::Ignored
+    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+        Reads::Device(Term::Normal)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {
         let (Some(prior), frame) = (input.truth.prior, input.frame) else { return 0.0 };
-        let grid = Grid::new(frame, prior);
+        let grid = Grid::new(input.truth.size(), prior);
         let mut sum = 0.0;
         let scale = (2.0 * weight / grid.len() as f64) as f32;
         for (at, theirs) in grid.pairs() {

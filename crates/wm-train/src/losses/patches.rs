@@ -9,22 +9,18 @@
 //! The hard pass gives every splat the same high opacity and moves means alone; the soft one changes opacities alone.
 //! Each is a render of its own, with alpha taken for a constant. Where less than half is covered nothing counts.
 
-use super::depth::COVERED;
 use super::grid::Grid;
-use super::{LossGradients, LossInput, LossTerm, OwnRender, Truth};
+use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, Truth};
 use crate::config::TrainConfig;
 use crate::random::{Purpose, Random};
+use wm_render::stages::compare::{self, COVERED, Comparison, FEWEST, FLOOR, Term};
 use wm_render::{Channels, DepthAlpha, Drawn, Learn, Opacity};
 
 /// Opacity of all splats in the hard pass.
 const HARD: f32 = 0.95;
-/// Share of the photo's deviation that is added to every one, so that flat patches do not explode.
-const FLOOR: f64 = 0.01;
 /// Sides of patches, px of a photo 378 px high.
 const SIDES: [f64; 2] = [5.0, 17.0];
 const AT_HEIGHT: f64 = 378.0;
-/// Fewest pixels of a patch that says something.
-const FEWEST: usize = 6;
 
 /// What learns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,6 +67,14 @@ impl PatchDepth {
         let (local, margin, every) = (geometry.depth_local, geometry.depth_margin, geometry.every.max(1));
         Self { pass, weight, local, margin, every, from, seed: config.seed, work: Work::default() }
     }
+
+    /// The side of a step's patches, of a grid of so many rows.
+    fn side(&self, step: u32, rows: usize) -> usize {
+        let random = Random::new(self.seed, Purpose::Patch, step);
+        let scale = rows as f64 / AT_HEIGHT;
+        let side = SIDES[0] + random.uniform(self.pass as u64) * (SIDES[1] - SIDES[0]);
+        (scale * side).round().max(3.0) as usize
+    }
 }
 
 impl LossTerm for PatchDepth {
@@ -97,9 +101,20 @@ impl LossTerm for PatchDepth {
         Some(OwnRender { channels, opacity, drawn, learn, depth_alpha })
     }
 
+    fn reads(&self, step: u32, _: &Truth<'_>, comparison: &mut Comparison<'_>) -> Reads {
+        let rows = comparison.believed.map_or(0, |believed| believed.grid.1 as usize);
+        comparison.patches = compare::Patches {
+            side: self.side(step, rows) as u32,
+            local: self.local as f32,
+            margin: self.margin as f32,
+        };
+        Reads::Device(Term::Patches)
+    }
+
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {
         let (Some(prior), frame) = (input.truth.prior, input.frame) else { return 0.0 };
-        let grid = Grid::new(frame, prior);
+        let grid = Grid::new(input.truth.size(), prior);
+        let side = self.side(input.step, grid.height);
         let Work { x, y, slope } = &mut self.work;
         x.clear();
         y.clear();
@@ -109,10 +124,7 @@ impl LossTerm for PatchDepth {
             x.push(if counts { 1.0 / f64::from(depth) } else { f64::NAN });
             y.push(f64::from(believed));
         }
-        let random = Random::new(self.seed, Purpose::Patch, input.step);
-        let scale = grid.height as f64 / AT_HEIGHT;
-        let side = (scale * (SIDES[0] + random.uniform(self.pass as u64) * (SIDES[1] - SIDES[0]))).round();
-        let patches = Patches { width: grid.width, height: grid.height, side: side.max(3.0) as usize };
+        let patches = Patches { width: grid.width, height: grid.height, side };
         let value = normalised(x, y, patches, self.local, self.margin, slope);
         for (i, (at, _)) in grid.pairs().enumerate() {
             if slope[i] != 0.0 {

@@ -3,13 +3,10 @@
 //! The mean over neighbouring pixels of `|r_i - r_j| / mean(r) exp(-|I_i - I_j| / 0.1)` with `r = 1 / D`. An option: it
 //! rounds what is there, and helps where nothing else says anything.
 
-use super::depth::COVERED;
-use super::{Colors, LossGradients, LossInput, LossTerm, Truth};
+use super::{LossGradients, LossInput, LossTerm, Reads, Truth};
 use crate::config::TrainConfig;
 use wm_render::Channels;
-
-/// Difference of brightness that parts surfaces, 0-1.
-const EDGE: f32 = 0.1;
+use wm_render::stages::compare::{COVERED, Comparison, EDGE, Term};
 
 /// The term `smooth`.
 #[derive(Clone, Debug)]
@@ -40,8 +37,8 @@ impl LossTerm for Smooth {
         Channels::ColorDepth
     }
 
-    fn colors(&self) -> Colors {
-        Colors::Ignored
+    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+        Reads::Device(Term::Smooth)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

@@ -1,9 +1,9 @@
 //! Structural dissimilarity of colours: 1 minus their structural similarity.
 
-use super::{Colors, LossGradients, LossInput, LossTerm, Truth};
+use super::{LossGradients, LossInput, LossTerm, Reads, Truth};
 use crate::ssim::{Ssim, within};
 use wm_render::simd::SimdPath;
-use wm_render::stages::compare::ColorTerm;
+use wm_render::stages::compare::{Comparison, Term};
 
 /// `1 - SSIM`; see [`crate::ssim`]. Where the photo does not count both pictures are black.
 #[derive(Clone, Debug)]
@@ -30,8 +30,8 @@ impl LossTerm for Dssim {
         self.weight
     }
 
-    fn colors(&self) -> Colors {
-        Colors::Compared(ColorTerm::Dssim)
+    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+        Reads::Device(Term::Dssim)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

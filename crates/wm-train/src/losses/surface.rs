@@ -6,10 +6,11 @@
 //! other pixels that it does not know do not count. Without it the sky is painted on splats that drift before it, or
 //! stand out over roofs, which fog lights up, and shines through walls.
 
-use super::{LossGradients, LossInput, LossTerm, OwnRender, Truth};
+use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, Truth};
 use crate::config::TrainConfig;
 use crate::priors::{Prior, SkyClass};
-use wm_render::{Channels, DepthAlpha, Drawn, Frame, Learn, Opacity};
+use wm_render::stages::compare::{Comparison, Term};
+use wm_render::{Channels, DepthAlpha, Drawn, Learn, Opacity};
 
 /// The term `surface`.
 #[derive(Clone, Debug)]
@@ -48,36 +49,46 @@ impl LossTerm for Surface {
         })
     }
 
+    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+        Reads::Device(Term::Coverage)
+    }
+
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {
-        let (Some(prior), frame) = (input.truth.prior, input.frame) else { return 0.0 };
-        let (width, height) = (frame.width as usize, frame.height as usize);
-        let colors = cell_colors(frame, prior, input.truth.rgb);
-        let mut mattes = vec![Matte::Unasked; prior.sky.len()];
+        let (Some(prior), alpha) = (input.truth.prior, &input.frame.alpha) else { return 0.0 };
         let mut sum = 0.0;
-        let scale = (weight / (width * height) as f64) as f32;
-        for y in 0..height {
-            let row = y * prior.height as usize / height * prior.width as usize;
-            for x in 0..width {
-                let (at, cell) = (y * width + x, row + x * prior.width as usize / width);
-                let wanted = if prior.sky[cell] == SkyClass::Place {
-                    1.0
-                } else {
-                    if mattes[cell] == Matte::Unasked {
-                        mattes[cell] = Matte::beside(prior, &colors, cell);
-                    }
-                    let rgb = [0, 1, 2].map(|c| input.truth.rgb[3 * at + c]);
-                    let Some(share) = mattes[cell].share(rgb) else { continue };
-                    share
-                };
-                if input.truth.mask.is_some_and(|mask| mask[at] == 0.0) {
-                    continue;
+        let scale = (weight / alpha.len() as f64) as f32;
+        shares(input.truth, prior, |at, wanted| {
+            let off = alpha[at] - wanted;
+            sum += f64::from(off.abs());
+            out.alpha[at] += if off > 0.0 { scale } else { -scale };
+        });
+        sum / alpha.len() as f64
+    }
+}
+
+/// Gives each pixel of the photo that counts, and S in it.
+pub fn shares(truth: &Truth<'_>, prior: &Prior, mut give: impl FnMut(usize, f32)) {
+    let (width, height) = (truth.camera.width as usize, truth.camera.height as usize);
+    let colors = cell_colors(truth, prior);
+    let mut mattes = vec![Matte::Unasked; prior.sky.len()];
+    for y in 0..height {
+        let row = y * prior.height as usize / height * prior.width as usize;
+        for x in 0..width {
+            let (at, cell) = (y * width + x, row + x * prior.width as usize / width);
+            let wanted = if prior.sky[cell] == SkyClass::Place {
+                1.0
+            } else {
+                if mattes[cell] == Matte::Unasked {
+                    mattes[cell] = Matte::beside(prior, &colors, cell);
                 }
-                let off = frame.alpha[at] - wanted;
-                sum += f64::from(off.abs());
-                out.alpha[at] += if off > 0.0 { scale } else { -scale };
+                let rgb = [0, 1, 2].map(|c| truth.rgb[3 * at + c]);
+                let Some(share) = mattes[cell].share(rgb) else { continue };
+                share
+            };
+            if truth.mask.is_none_or(|mask| mask[at] != 0.0) {
+                give(at, wanted);
             }
         }
-        sum / (width * height) as f64
     }
 }
 
@@ -148,14 +159,15 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 }
 
 /// The photo's colour in the middle of each cell of the prior, `[H, W]` of the prior.
-fn cell_colors(frame: &Frame, prior: &Prior, rgb: &[f32]) -> Vec<[f32; 3]> {
+fn cell_colors(truth: &Truth<'_>, prior: &Prior) -> Vec<[f32; 3]> {
+    let (width, height) = truth.size();
     let middle = |i: usize, cells: u32, pixels: u32| (2 * i + 1) * pixels as usize / (2 * cells as usize);
     let cells = 0..prior.width as usize * prior.height as usize;
     let color = |cell: usize| {
-        let x = middle(cell % prior.width as usize, prior.width, frame.width);
-        let y = middle(cell / prior.width as usize, prior.height, frame.height);
-        let at = y * frame.width as usize + x;
-        [0, 1, 2].map(|c| rgb[3 * at + c])
+        let x = middle(cell % prior.width as usize, prior.width, width);
+        let y = middle(cell / prior.width as usize, prior.height, height);
+        let at = y * width as usize + x;
+        [0, 1, 2].map(|c| truth.rgb[3 * at + c])
     };
     cells.map(color).collect()
 }
@@ -166,6 +178,7 @@ mod tests {
     use crate::config::Preset;
     use crate::losses::LossInput;
     use glam::DVec3;
+    use wm_render::Frame;
     use wm_render::simd::SimdPath;
     use wm_scene::Camera;
 

@@ -26,16 +26,18 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
     let job = Job { sets: &[], camera: &camera, config: &config, hooks: Hooks::default() };
     let rates =
         Rates { means: 0.1, quats: 0.2, log_scales: 0.3, logit_opacities: 0.4, sh_dc: 0.5, sh_rest: 0.6 };
-    let photo = Comparison { photo: 0, rgb: &[], mask: None, exposure: NO_EXPOSURE, weights: [0.5, 0.6] };
+    let photo = Comparison { exposure: NO_EXPOSURE, weights: [0.5; Term::COUNT], ..Comparison::default() };
     let step = Step { number: 7, rates, terms: SplatTerms::default(), size: (64, 48) };
     for (program, name, uniform) in [
         (Program::Cull(Form::Activated), "View", view(&Sight::of(&job), 0, 0, Capacity::default())),
         (Program::Cull(Form::Activated), "Chunk", chunk(Piece::default(), true)),
         (Program::Finish(Channels::Color), "Training", training([0.5; 3], DepthAlpha::Learns)),
         (Program::ColorsBackward, "Comparison", comparison(&photo, 5, 4.0, 2)),
+        (Program::PatchTotals, "Geometry", geometry(&photo, 5, (2, 6))),
         (Program::Optimize, "Step", optimize_step(&step, 5)),
         (Program::AddGradients, "Learn", learn(Learn::ALL)),
         (Program::Explore, "Noise", noise(&Noise { seed: 3, size: 0.5, most: 0.1 })),
+        (Program::Rearrange, "Move", rearrangement(3..5, 0..7, 14, Forgets::Row(10, 14))),
         (Program::SortCount, "Pass", sort_pass(8, true, false)),
         (Program::Intersect, "Task", intersect_task(true)),
     ] {

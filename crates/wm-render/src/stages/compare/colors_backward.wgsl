@@ -6,8 +6,6 @@
 // `[COMPARE_GROUPS, 4]`: absolute differences and similarity; rows of the derivative by the exposure.
 @group(0) @binding(7) var<storage, read_write> totals: array<vec4<f32>>;
 
-var<workgroup> of_threads: array<vec4<f32>, WORKGROUP>;
-
 @compute @workgroup_size(WORKGROUP)
 fn colors_backward(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let group = group_index(workgroup);
@@ -33,16 +31,9 @@ fn colors_backward(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_i
         own[0].y += sums[i];
     }
     for (var k = 0u; k < 4u; k++) {
-        of_threads[local] = own[k];
-        for (var half = WORKGROUP / 2u; half > 0u; half /= 2u) {
-            workgroupBarrier();
-            if local < half {
-                of_threads[local] += of_threads[local + half];
-            }
-        }
+        let all = summed(local, own[k]);
         if local == 0u {
-            totals[4u * group + k] = of_threads[0];
+            totals[4u * group + k] = all;
         }
-        workgroupBarrier();
     }
 }

@@ -1,23 +1,67 @@
-//! Colours against a photo on a GPU, which keeps the photos.
+//! Pictures against a photo and what is believed of it on a GPU, which keeps both.
 
-use super::{ColorTerm, Compared, Comparison};
+use super::{Belief, Compared, Comparison, Term};
+use crate::differentiable::Channels;
 use crate::gpu::buffers::{Growing, READ_BACK, WRITTEN};
 use crate::gpu::device::Gpu;
 use crate::gpu::error::GpuError;
-use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::recorder::{Bindings, Groups, Recorder, Stage};
 use crate::gpu::source::{Program, WORKGROUP};
+use crate::gpu::uniforms::{self, Uniform};
 use std::collections::HashMap;
+use wgpu::{BindingResource, BufferBinding, BufferSize};
 
 /// Workgroups that add up a picture.
 pub const GROUPS: u32 = 64;
-/// Numbers of the sums of each.
-pub const GROUP_SUMS: usize = 16;
-/// Numbers of all sums.
-pub(crate) const TOTALS: usize = GROUPS as usize * GROUP_SUMS;
-/// Structures that a comparison has: one a channel.
-pub(crate) const SLOTS: usize = 3;
-/// Most bytes of photos that stay.
+/// Structures that a comparison has: one a channel of colour, and that of geometry.
+pub(crate) const SLOTS: usize = 4;
+/// Most bytes of photos that stay, and of what is believed of them.
 const KEPT_BYTES: u64 = 1 << 30;
+
+/// Sums that come back: those of each workgroup, and where they begin.
+#[derive(Clone, Copy)]
+struct Sums {
+    /// Numbers a workgroup.
+    each: usize,
+    groups: usize,
+    /// The first, in numbers; a multiple of 64, as far apart as bindings may have to begin.
+    first: usize,
+}
+
+impl Sums {
+    /// Of `colors_backward.wgsl`.
+    const COLORS: Self = Self { each: 16, groups: GROUPS as usize, first: 0 };
+    /// Of `pixels_backward.wgsl`.
+    const PIXELS: Self = Self::COLORS.then(4, GROUPS as usize);
+    /// Of `smooth_backward.wgsl`.
+    const SMOOTH: Self = Self::PIXELS.then(4, GROUPS as usize);
+    /// Of `patch_totals.wgsl`.
+    const PATCHES: Self = Self::SMOOTH.then(4, 1);
+    /// Numbers of all.
+    const ALL: usize = Self::PATCHES.first + Self::PATCHES.each;
+
+    const fn then(self, each: usize, groups: usize) -> Self {
+        Self { each, groups, first: (self.first + self.each * self.groups).next_multiple_of(64) }
+    }
+
+    /// Added up, in order.
+    fn of<const N: usize>(self, totals: &[f32]) -> [f64; N] {
+        let mut sums = [0.0; N];
+        for group in totals[self.first..][..self.each * self.groups].chunks_exact(self.each) {
+            sums.iter_mut().zip(group).for_each(|(sum, value)| *sum += f64::from(*value));
+        }
+        sums
+    }
+
+    /// Where they are in the buffer of all.
+    fn within(self, totals: &wgpu::Buffer) -> BindingResource<'_> {
+        BindingResource::Buffer(BufferBinding {
+            buffer: totals,
+            offset: 4 * self.first as u64,
+            size: BufferSize::new(4 * (self.each * self.groups) as u64),
+        })
+    }
+}
 
 /// Photos that were there before, and working memory.
 #[derive(Default)]
@@ -25,24 +69,62 @@ pub(crate) struct Comparer {
     photos: HashMap<(usize, u32, u32), Photo>,
     /// Counts comparisons.
     clock: u64,
-    kept: [Growing; 3],
+    kept: [Growing; 5],
 }
 
+/// A photo on the device.
 struct Photo {
-    buffer: wgpu::Buffer,
+    colors: wgpu::Buffer,
+    beliefs: Option<wgpu::Buffer>,
+    /// The sum of the mask.
     counted: f64,
     used: u64,
+}
+
+impl Photo {
+    fn bytes(&self) -> u64 {
+        self.colors.size() + self.beliefs.as_ref().map_or(0, wgpu::Buffer::size)
+    }
 }
 
 /// Room for one comparison.
 pub(crate) struct Room {
     photo: wgpu::Buffer,
-    /// The sum of the mask.
-    pub counted: f64,
+    beliefs: Option<wgpu::Buffer>,
+    counted: f64,
     slopes: wgpu::Buffer,
     sums: wgpu::Buffer,
-    /// What [`compared`] reads.
+    /// Of each workgroup over the picture.
+    groups: wgpu::Buffer,
+    patches: wgpu::Buffer,
+    /// What [`Room::compared`] reads.
     pub totals: wgpu::Buffer,
+    pixels: u32,
+    tiles: u32,
+    patch_count: u32,
+    has_patches: bool,
+    is_smooth: bool,
+}
+
+/// Pictures to compare, and where derivatives by them go.
+#[derive(Clone, Copy)]
+pub(crate) struct Pictures<'a> {
+    pub channels: Channels,
+    pub rgb: &'a wgpu::Buffer,
+    pub alpha: &'a wgpu::Buffer,
+    pub depths: &'a wgpu::Buffer,
+    pub normal: &'a wgpu::Buffer,
+    /// See `upstream.wgsl`.
+    pub upstream: &'a wgpu::Buffer,
+}
+
+/// Columns and number of a grid's patches.
+fn cut(comparison: &Comparison<'_>) -> (u32, u32) {
+    let side = comparison.patches.side.max(1);
+    let [columns, rows] = comparison
+        .believed
+        .map_or([0; 2], |believed| [believed.grid.0, believed.grid.1].map(|pixels| pixels.div_ceil(side)));
+    (columns, columns * rows)
 }
 
 impl Comparer {
@@ -54,44 +136,72 @@ impl Comparer {
         size: (u32, u32),
         tiles: u32,
     ) -> Result<Room, GpuError> {
-        let (photo, counted) = self.photo(gpu, comparison, size)?;
-        let pixels = u64::from(size.0) * u64::from(size.1);
-        let [slopes, sums, totals] = &mut self.kept;
+        self.clock += 1;
+        let (photo, beliefs, counted) = self.photo(gpu, comparison, size)?;
+        let pixels = size.0 * size.1;
+        let has_patches = beliefs.is_some() && comparison.weight(Term::Patches) != 0.0;
+        let patch_count = if has_patches { cut(comparison).1 } else { 0 };
+        let bytes = 12 * u64::from(pixels);
+        let [slopes, sums, groups, patches, totals] = &mut self.kept;
         Ok(Room {
             photo,
+            beliefs,
             counted,
-            slopes: slopes.fit(gpu, "slopes of similarity", 12 * pixels, WRITTEN)?,
+            slopes: slopes.fit(gpu, "slopes of similarity", bytes, WRITTEN)?,
             sums: sums.fit(gpu, "sums of similarity", 12 * u64::from(tiles), WRITTEN)?,
-            totals: totals.fit(gpu, "sums of a picture", 4 * TOTALS as u64, READ_BACK)?,
+            groups: groups.fit(gpu, "sums of depth", 32 * u64::from(GROUPS), WRITTEN)?,
+            patches: patches.fit(gpu, "sums of patches", 48 * u64::from(patch_count), WRITTEN)?,
+            totals: totals.fit(gpu, "sums of a picture", 4 * Sums::ALL as u64, READ_BACK)?,
+            pixels,
+            tiles,
+            patch_count,
+            has_patches,
+            is_smooth: comparison.weight(Term::Smooth) != 0.0,
         })
     }
 
-    /// The photo on the device, and what its pixels count together.
+    /// The photo on the device, what is believed of it, and what its pixels count together.
     fn photo(
         &mut self,
         gpu: &Gpu,
         comparison: &Comparison<'_>,
         (width, height): (u32, u32),
-    ) -> Result<(wgpu::Buffer, f64), GpuError> {
-        self.clock += 1;
+    ) -> Result<(wgpu::Buffer, Option<wgpu::Buffer>, f64), GpuError> {
+        let pixels = u64::from(width) * u64::from(height);
         let name = (comparison.photo, width, height);
-        if let Some(photo) = self.photos.get_mut(&name) {
-            photo.used = self.clock;
-            return Ok((photo.buffer.clone(), photo.counted));
+        if !self.photos.contains_key(&name) {
+            let bytes = 8 * pixels;
+            gpu.check_binding("a photo", bytes)?;
+            self.make_room(bytes);
+            let colors = gpu.buffer("a photo", bytes, WRITTEN)?;
+            gpu.write(&colors, 0, bytemuck::cast_slice(&packed(comparison)));
+            let sum = |mask: &[f32]| mask.iter().map(|share| f64::from(*share)).sum();
+            let counted = comparison.mask.map_or(pixels as f64, sum);
+            self.photos.insert(name, Photo { colors, beliefs: None, counted, used: self.clock });
         }
-        let bytes = 8 * u64::from(width) * u64::from(height);
-        gpu.check_binding("a photo", bytes)?;
-        while self.photos.values().map(|photo| photo.buffer.size()).sum::<u64>() + bytes > KEPT_BYTES {
+        let missing = self.photos.get(&name).is_some_and(|photo| photo.beliefs.is_none());
+        if let Some(believed) = comparison.believed.filter(|_| missing) {
+            let bytes = 12 * pixels;
+            gpu.check_binding("what is believed of a photo", bytes)?;
+            let kept = self.photos.remove(&name);
+            self.make_room(bytes + kept.as_ref().map_or(0, Photo::bytes));
+            let beliefs = gpu.buffer("what is believed of a photo", bytes, WRITTEN)?;
+            gpu.write(&beliefs, 0, bytemuck::cast_slice(&packed_beliefs(&(believed.pixels)())));
+            self.photos.extend(kept.map(|photo| (name, Photo { beliefs: Some(beliefs), ..photo })));
+        }
+        let photo = self.photos.get_mut(&name).expect("it was put there");
+        photo.used = self.clock;
+        let beliefs = photo.beliefs.clone().filter(|_| comparison.believed.is_some());
+        Ok((photo.colors.clone(), beliefs, photo.counted))
+    }
+
+    /// Lets go of photos that were not asked for the longest, so that there is room for so many bytes.
+    fn make_room(&mut self, bytes: u64) {
+        while self.photos.values().map(Photo::bytes).sum::<u64>() + bytes > KEPT_BYTES {
             let Some(oldest) = self.photos.iter().min_by_key(|(_, photo)| photo.used) else { break };
             let name = *oldest.0;
             self.photos.remove(&name);
         }
-        let buffer = gpu.buffer("a photo", bytes, WRITTEN)?;
-        gpu.write(&buffer, 0, bytemuck::cast_slice(&packed(comparison)));
-        let pixels = f64::from(width) * f64::from(height);
-        let counted = comparison.mask.map_or(pixels, |mask| mask.iter().map(|share| f64::from(*share)).sum());
-        self.photos.insert(name, Photo { buffer: buffer.clone(), counted, used: self.clock });
-        Ok((buffer, counted))
     }
 }
 
@@ -103,17 +213,42 @@ fn packed(comparison: &Comparison<'_>) -> Vec<[u16; 4]> {
     pixels.map(|(at, rgb)| [rgb[0], rgb[1], rgb[2], share(at)].map(fraction)).collect()
 }
 
+/// As `beliefs.wgsl` reads them.
+fn packed_beliefs(beliefs: &[Belief]) -> Vec<[u32; 3]> {
+    let fraction = |value: f32| u32::from((value.clamp(-1.0, 1.0) * 32_767.0).round() as i16 as u16);
+    let pair = |low: f32, high: f32| fraction(low) | fraction(high) << 16;
+    let of = |Belief { disparity, normal: [x, y, z], coverage }: &Belief| {
+        [disparity.to_bits(), pair(*x, *y), pair(*z, *coverage)]
+    };
+    beliefs.iter().map(of).collect()
+}
+
 impl Room {
-    /// Compares `rgb`, whose structures begin at `slot`, and writes the derivative to the first numbers of `upstream`.
-    pub fn record<'a>(
-        &'a self,
-        recorder: &mut Recorder<'a>,
-        slot: usize,
-        tiles: u32,
-        (rgb, upstream): (&'a wgpu::Buffer, &'a wgpu::Buffer),
-    ) {
+    /// The structures of a comparison.
+    pub fn structures(&self, comparison: &Comparison<'_>) -> [Uniform; SLOTS] {
+        let color = |channel| uniforms::comparison(comparison, self.pixels, self.counted, channel);
+        [color(0), color(1), color(2), uniforms::geometry(comparison, self.pixels, cut(comparison))]
+    }
+
+    /// Compares pictures, with structures that begin at `slot`, and writes all derivatives by them.
+    pub fn record<'a>(&'a self, recorder: &mut Recorder<'a>, slot: usize, pictures: Pictures<'a>) {
+        if self.beliefs.is_none() {
+            // No program writes these.
+            let first = 12 * u64::from(self.pixels);
+            let bytes = 20 * u64::from(self.pixels);
+            recorder.encoder().clear_buffer(pictures.upstream, first, Some(bytes));
+        }
+        recorder.begin(Stage::Compare);
+        if pictures.channels.has_color() {
+            self.record_colors(recorder, slot, pictures);
+        }
+        self.record_geometry(recorder, slot + 3, pictures);
+    }
+
+    fn record_colors<'a>(&'a self, recorder: &mut Recorder<'a>, slot: usize, pictures: Pictures<'a>) {
+        let Pictures { rgb, upstream, .. } = pictures;
         let (view, structures) =
-            (recorder.view(), std::array::from_fn::<_, SLOTS, _>(|channel| recorder.uniform(slot + channel)));
+            (recorder.view(), std::array::from_fn::<_, 3, _>(|channel| recorder.uniform(slot + channel)));
         let shared = |channel: usize| {
             vec![
                 (0, view.clone()),
@@ -122,37 +257,115 @@ impl Room {
                 (3, self.photo.as_entire_binding()),
             ]
         };
-        for channel in 0..SLOTS {
+        for channel in 0..3 {
             let mut bindings = shared(channel);
             bindings.extend([(4, self.slopes.as_entire_binding()), (5, self.sums.as_entire_binding())]);
-            recorder.dispatch(&Program::Similarity, Groups::Direct(tiles), bindings);
+            recorder.dispatch(&Program::Similarity, Groups::Direct(self.tiles), bindings);
             let mut bindings = shared(channel);
             bindings.extend([(4, self.slopes.as_entire_binding()), (6, upstream.as_entire_binding())]);
-            recorder.dispatch(&Program::SimilarityBackward, Groups::Direct(tiles), bindings);
+            recorder.dispatch(&Program::SimilarityBackward, Groups::Direct(self.tiles), bindings);
         }
         let mut bindings = shared(0);
         bindings.extend([
             (5, self.sums.as_entire_binding()),
             (6, upstream.as_entire_binding()),
-            (7, self.totals.as_entire_binding()),
+            (7, Sums::COLORS.within(&self.totals)),
         ]);
         recorder.dispatch(&Program::ColorsBackward, Groups::Direct(GROUPS), bindings);
     }
-}
 
-/// What came of a comparison over `pixels` pixels, of which `counted` count.
-pub(crate) fn compared(totals: &[f32], pixels: u32, counted: f64) -> Compared {
-    let mut sums = [0.0f64; GROUP_SUMS];
-    for group in totals.as_chunks::<GROUP_SUMS>().0 {
-        for (sum, value) in sums.iter_mut().zip(group) {
-            *sum += f64::from(*value);
+    fn record_geometry<'a>(&'a self, recorder: &mut Recorder<'a>, slot: usize, pictures: Pictures<'a>) {
+        let Pictures { channels, alpha, depths, normal, upstream, .. } = pictures;
+        let (view, structure) = (recorder.view(), recorder.uniform(slot));
+        let with = |bindings: Bindings<'a>| {
+            let mut all = vec![
+                (0, view.clone()),
+                (1, structure.clone()),
+                (2, alpha.as_entire_binding()),
+                (3, depths.as_entire_binding()),
+            ];
+            all.extend(bindings);
+            all
+        };
+        if let Some(beliefs) = &self.beliefs {
+            let beliefs = || beliefs.as_entire_binding();
+            let bindings = with(vec![
+                (4, normal.as_entire_binding()),
+                (5, beliefs()),
+                (6, upstream.as_entire_binding()),
+                (7, Sums::PIXELS.within(&self.totals)),
+            ]);
+            recorder.dispatch(&Program::PixelsBackward(channels), Groups::Direct(GROUPS), bindings);
+            if self.has_patches {
+                let each = Groups::Direct(self.patch_count);
+                let (groups, patches) = (&self.groups, &self.patches);
+                let totals = || Sums::PATCHES.within(&self.totals);
+                let bindings = with(vec![(5, beliefs()), (7, groups.as_entire_binding())]);
+                recorder.dispatch(&Program::GridMoments, Groups::Direct(GROUPS), bindings);
+                let bindings = with(vec![
+                    (4, groups.as_entire_binding()),
+                    (5, beliefs()),
+                    (7, patches.as_entire_binding()),
+                ]);
+                recorder.dispatch(&Program::Patches, each, bindings);
+                let bindings = vec![(1, structure.clone()), (4, patches.as_entire_binding()), (7, totals())];
+                recorder.dispatch(&Program::PatchTotals, Groups::Direct(1), bindings);
+                let bindings = with(vec![
+                    (4, patches.as_entire_binding()),
+                    (5, beliefs()),
+                    (6, upstream.as_entire_binding()),
+                    (7, totals()),
+                ]);
+                recorder.dispatch(&Program::PatchesBackward, each, bindings);
+            }
+        }
+        if self.is_smooth {
+            let bindings = vec![
+                (0, view.clone()),
+                (2, alpha.as_entire_binding()),
+                (3, depths.as_entire_binding()),
+                (7, self.groups.as_entire_binding()),
+            ];
+            recorder.dispatch(&Program::InverseDepths, Groups::Direct(GROUPS), bindings);
+            let bindings = with(vec![
+                (4, self.groups.as_entire_binding()),
+                (5, self.photo.as_entire_binding()),
+                (6, upstream.as_entire_binding()),
+                (7, Sums::SMOOTH.within(&self.totals)),
+            ]);
+            recorder.dispatch(&Program::SmoothBackward, Groups::Direct(GROUPS), bindings);
         }
     }
-    let mut found = Compared::default();
-    found.values[ColorTerm::L1 as usize] = sums[0] / (3.0 * counted.max(1.0));
-    found.values[ColorTerm::Dssim as usize] = 1.0 - sums[1] / (3.0 * f64::from(pixels));
-    found.by_exposure.copy_from_slice(&sums[4..]);
-    found
+
+    /// Room for what comes back.
+    pub fn totals() -> Vec<f32> {
+        vec![0.0; Sums::ALL]
+    }
+
+    /// What came of a comparison, by what came back.
+    pub fn compared(&self, comparison: &Comparison<'_>, totals: &[f32]) -> Compared {
+        let mut found = Compared::default();
+        let mut set = |term: Term, value: f64| {
+            if comparison.weight(term) != 0.0 {
+                found.values[term as usize] = value;
+            }
+        };
+        let [off, similarity, _, _, by_exposure @ ..] = Sums::COLORS.of::<16>(totals);
+        set(Term::L1, off / (3.0 * self.counted.max(1.0)));
+        set(Term::Dssim, 1.0 - similarity / (3.0 * f64::from(self.pixels)));
+        let [depth, normal, coverage] = Sums::PIXELS.of(totals);
+        let over = comparison.believed.map_or(1.0, |b| f64::from(b.grid.0) * f64::from(b.grid.1));
+        set(Term::Depth, depth / over);
+        set(Term::Normal, normal / over);
+        set(Term::Coverage, coverage / f64::from(self.pixels));
+        let [squares, count, own_squares, own_count] = Sums::PATCHES.of(totals);
+        let own = f64::from(comparison.patches.local) * own_squares / own_count.max(1.0);
+        set(Term::Patches, squares / count.max(1.0) + own);
+        let [smooth] = Sums::SMOOTH.of(totals);
+        set(Term::Smooth, smooth);
+        found.by_exposure = by_exposure;
+        found
+    }
 }
 
 const _: () = assert!(WORKGROUP == 256, "a thread a pixel of a tile");

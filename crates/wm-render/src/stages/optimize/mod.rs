@@ -11,7 +11,8 @@
 //! - [`Pulls`] grow by what the step pulled, and it is noted which step saw a splat last.
 //!
 //! On a GPU splats and moments stay where they learn ([`Resident`](crate::differentiable::Resident)), and what explores
-//! by noise does so there (`explore.wgsl`), by the same random numbers.
+//! by noise does so there (`explore.wgsl`), by the same random numbers. Which splats come and go is decided by their
+//! [`Shapes`], which are read back; the rest of them, nine tenths, is moved where it is (`rearrange.wgsl`).
 //!
 //! Tolerance: some ulp of the step. Where a gradient is within its own error of 0 the first step may go either way.
 
@@ -201,7 +202,42 @@ pub struct Learnt<'a> {
     pub seen: &'a [u32],
 }
 
-/// The same, to be written: of as many splats.
+/// What decides which splats come and go, of splats that learn on a device: their shapes, and what pulled on them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shapes {
+    /// Of degree 0: without the coefficients above, which stay there as moments do.
+    pub splats: Splats,
+    /// What pulled on them.
+    pub pulls: Pulls,
+    /// The last step that had each in view.
+    pub seen: Vec<u32>,
+}
+
+/// Where a splat comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Origin {
+    /// The splat before whose coefficients above degree 0 it has, below 2^31.
+    pub row: u32,
+    /// Whether its moments are 0, and not those of that splat.
+    pub forgotten: bool,
+}
+
+/// Splats that came of those on a device.
+#[derive(Clone, Copy, Debug)]
+pub struct Changed<'a> {
+    /// What they are now, of degree 0.
+    pub splats: &'a Splats,
+    /// What pulled on them.
+    pub pulls: &'a Pulls,
+    /// The last step that had each in view.
+    pub seen: &'a [u32],
+    /// Where each comes from.
+    pub origins: &'a [Origin],
+    /// Whether the moments of all opacities are 0.
+    pub forgets_opacities: bool,
+}
+
+/// As [`Learnt`], to be written: of as many splats.
 #[derive(Debug)]
 pub struct LearntMut<'a> {
     /// The splats.

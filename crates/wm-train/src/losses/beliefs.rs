@@ -1,0 +1,38 @@
+//! What a prior says of each pixel of a photo, for a device that compares pictures where they are.
+
+use super::grid::Grid;
+use super::{Truth, surface};
+use crate::priors::Prior;
+use wm_render::stages::compare::{Belief, Believed};
+
+/// `prior` as a device takes it; `pixels` are [`beliefs`].
+#[must_use]
+pub fn believed<'a>(
+    truth: &Truth<'_>,
+    prior: &Prior,
+    pixels: &'a (dyn Fn() -> Vec<Belief> + Sync),
+) -> Believed<'a> {
+    let grid = Grid::new(truth.size(), prior);
+    Believed { sigma: prior.sigma, grid: (grid.width as u32, grid.height as u32), pixels }
+}
+
+/// Of each pixel of the photo, `[H, W]`.
+#[must_use]
+pub fn beliefs(truth: &Truth<'_>) -> Vec<Belief> {
+    let (width, height) = truth.size();
+    let mut beliefs = vec![Belief::NONE; width as usize * height as usize];
+    let Some(prior) = truth.prior else { return beliefs };
+    for (at, theirs) in Grid::new(truth.size(), prior).pairs() {
+        // NaN is not known.
+        if let Some(disparity) = prior.disparity.get(theirs).filter(|disparity| **disparity >= 0.0) {
+            beliefs[at].disparity = *disparity;
+        }
+        if let Some(normal) = prior.normal.get(theirs) {
+            beliefs[at].normal = *normal;
+        }
+    }
+    if !prior.sky.is_empty() {
+        surface::shares(truth, prior, |at, share| beliefs[at].coverage = share);
+    }
+    beliefs
+}
