@@ -155,6 +155,18 @@ pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Ar
     (AnyDifferentiable::fallible(Arc::clone(&gpu), config, warn).expect("threads start"), gpu)
 }
 
+/// A GPU of its own with the limits that every browser's has, and bindings of at most so many bytes.
+///
+/// # Panics
+/// If there is none; see [`Backend::gpu`].
+#[cfg(feature = "gpu")]
+#[must_use]
+pub fn small_gpu(most_binding: u64) -> Arc<Gpu> {
+    let limits = wgpu::Limits { max_storage_buffer_binding_size: most_binding, ..wgpu::Limits::default() };
+    let config = GpuConfig { choice: Choice::Any, limits: Some(limits), ..GpuConfig::default() };
+    Gpu::open(&config).expect("a GPU")
+}
+
 /// The GPU of all tests of a program, started once: any that there is.
 #[cfg(feature = "gpu")]
 fn shared_gpu() -> &'static Result<Arc<Gpu>, GpuError> {

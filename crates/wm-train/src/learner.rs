@@ -219,8 +219,8 @@ mod tests {
     use super::*;
     use crate::densify::adaptive::AdaptiveConfig;
     use crate::random::Purpose;
-    use wm_render::testing::{Backend, random_splats, uniform};
-    use wm_render::{Choice, CpuConfig, Gpu, GpuConfig, GpuDifferentiable};
+    use wm_render::testing::{Backend, random_splats, small_gpu, uniform};
+    use wm_render::{CpuConfig, GpuDifferentiable};
     use wm_scene::Group;
 
     /// Splats with something known of each number of theirs.
@@ -259,10 +259,9 @@ mod tests {
             // With a reset of opacities.
             ("control", &|population| control.after(3000, population, 5.0, random(3000)).born),
         ];
-        for (degree, most_binding) in [(2, None), (2, Some(300_000)), (0, Some(90_000))] {
-            let config = GpuConfig { choice: Choice::Any, most_binding, ..GpuConfig::default() };
+        for (degree, most_binding) in [(2, 100_000_000), (2, 300_000), (0, 90_000)] {
             let run = CpuConfig { threads: Some(2), ..CpuConfig::default() };
-            let gpu = Gpu::open(&config).unwrap();
+            let gpu = small_gpu(most_binding);
             for (name, change) in &changes {
                 let mut wanted = population(degree);
                 let mut found = wanted.clone();
@@ -277,7 +276,7 @@ mod tests {
                 }
                 assert_ne!(found.len(), wanted.len());
                 assert!(learner.sync(&mut found).unwrap());
-                assert!(found == wanted, "{name}, degree {degree}, {most_binding:?}");
+                assert!(found == wanted, "{name}, degree {degree}, {most_binding}");
             }
         }
     }

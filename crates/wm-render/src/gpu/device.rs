@@ -28,8 +28,8 @@ pub enum Choice {
 pub struct GpuConfig {
     /// Which GPU.
     pub choice: Choice,
-    /// Most bytes of one array; `None` for the adapter's own limit.
-    pub most_binding: Option<u64>,
+    /// What is asked of the adapter and kept to; `None` for all that it has.
+    pub limits: Option<Limits>,
     /// Whether subgroups are made use of.
     pub subgroups: Subgroups,
 }
@@ -223,7 +223,8 @@ impl Gpu {
 
     fn start(adapter: &Adapter, listed: &Listed, config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
         let failed = |reason: String| GpuError::Start { adapter: listed.name.clone(), reason };
-        let limits = adapter.limits();
+        let limits = config.limits.clone().unwrap_or_else(|| adapter.limits());
+        fits(&listed.name, &limits)?;
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("weather-magician"),
@@ -253,7 +254,7 @@ impl Gpu {
             kind: listed.kind,
             device,
             queue,
-            most_binding: most.min(config.most_binding.unwrap_or(u64::MAX)),
+            most_binding: most,
             subgroups: if listed.subgroups.is_some() { config.subgroups } else { Subgroups::Unused },
             most_buffer: limits.max_buffer_size,
             tick,

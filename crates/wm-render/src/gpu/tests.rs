@@ -9,13 +9,19 @@ use crate::renderer::{CpuConfig, Job, RenderConfig, RenderError, Renderer, SetVi
 use crate::simd::SimdPath;
 use crate::testing::{
     ALL_OUTPUTS, Backend, Hard, RandomLoss, camera, compare, gpu_differentiable, gpu_renderer, random_splats,
-    shell_camera, shell_splats,
+    shell_camera, shell_splats, small_gpu,
 };
+use std::sync::Arc;
 use wm_scene::{Camera, Splats};
 
-/// A GPU of a test's own, whose bindings hold no more than that.
+/// A GPU of a test's own with all that the adapter has, or with little, and bindings that hold no more than that.
+fn own_gpu(most_binding: Option<u64>) -> Arc<Gpu> {
+    let all = || Gpu::open(&GpuConfig { choice: Choice::Any, ..GpuConfig::default() }).unwrap();
+    most_binding.map_or_else(all, small_gpu)
+}
+
 fn own(most_binding: Option<u64>) -> GpuRenderer {
-    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, most_binding, ..GpuConfig::default() }).unwrap();
+    let gpu = own_gpu(most_binding);
     GpuRenderer::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).unwrap()
 }
 
@@ -181,6 +187,25 @@ fn a_lost_device_is_an_error_and_no_panic() {
     assert!(renderer.load(&splats).is_err());
 }
 
+/// What WebGL has of compute is not enough; what WebGPU has everywhere is, by the tests above.
+#[test]
+fn an_adapter_that_lacks_something_is_told_so() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let webgl = wgpu::Limits::downlevel_defaults();
+    let storage = wgpu::Limits { max_compute_workgroup_storage_size: 16_384, ..webgl.clone() };
+    for (limits, lack) in [
+        (webgl, "max_compute_workgroup_storage_size is 16352, and 16384 is needed"),
+        (storage, "max_storage_buffers_per_shader_stage is 4, and 8 is needed"),
+    ] {
+        let config = GpuConfig { choice: Choice::Any, limits: Some(limits), ..GpuConfig::default() };
+        let Err(error) = Gpu::open(&config) else { panic!("{lack}") };
+        let said = error.to_string();
+        assert!(said.ends_with(lack) && !said.contains('\n'), "{said}");
+    }
+}
+
 #[test]
 fn a_gpu_that_is_not_there_is_named() {
     let choice = Choice::Named("no such GPU".to_owned());
@@ -237,7 +262,7 @@ fn learn(
 }
 
 fn own_trainer(most_binding: Option<u64>) -> GpuDifferentiable {
-    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, most_binding, ..GpuConfig::default() }).unwrap();
+    let gpu = own_gpu(most_binding);
     GpuDifferentiable::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).unwrap()
 }
 

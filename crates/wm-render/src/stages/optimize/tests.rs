@@ -6,10 +6,10 @@ use crate::differentiable::{
     Channels, Differentiable, Drawn, ForwardConfig, Learn, Opacity, Resident, Target,
 };
 use crate::frame::Frame;
-use crate::gpu::{Choice, Gpu, GpuConfig, GpuDifferentiable};
+use crate::gpu::GpuDifferentiable;
 use crate::renderer::CpuConfig;
 use crate::simd::SimdPath;
-use crate::testing::{Backend, RandomLoss, camera, gpu_differentiable, random_splats};
+use crate::testing::{Backend, RandomLoss, camera, gpu_differentiable, random_splats, small_gpu};
 use wm_scene::{Group, quat};
 
 const RATES: Rates =
@@ -149,9 +149,8 @@ fn what_learns_on_a_gpu_learns_the_same() {
         assert_ne!(got.splats.means, start.splats.means);
         assert_alike(&got, &want);
         // In many pieces, bit by bit.
-        let config = GpuConfig { choice: Choice::Any, most_binding: Some(900_000), ..GpuConfig::default() };
         let run = CpuConfig { threads: Some(2), ..CpuConfig::default() };
-        let mut gpu = GpuDifferentiable::new(Gpu::open(&config).unwrap(), run).unwrap();
+        let mut gpu = GpuDifferentiable::new(small_gpu(900_000), run).unwrap();
         let mut pieces = start.clone();
         gpu.load(start.learnt()).unwrap();
         learn_on(&mut gpu, degree);
