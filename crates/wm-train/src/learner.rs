@@ -251,7 +251,8 @@ mod tests {
         let random = |step| Random::new(3, Purpose::Sample, step);
         let chain = McmcConfig { from: 1, until: 900, every: 10, ..McmcConfig::for_steps(900, 2000) };
         let control = AdaptiveConfig::for_steps(30_000, 2000);
-        let changes: [(&str, &dyn Fn(&mut Population) -> usize); 2] = [
+        type Change<'a> = (&'a str, &'a dyn Fn(&mut Population) -> usize);
+        let changes: [Change<'_>; 2] = [
             ("chain", &|population| {
                 let done = chain.after(100, 4, population, random(100));
                 done.moved + done.born
