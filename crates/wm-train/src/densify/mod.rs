@@ -7,7 +7,7 @@ use wm_render::cpu::model::morton_order;
 pub use wm_render::stages::optimize::Pulls;
 use wm_render::stages::optimize::{Changed, Learnt, LearntMut, Moments, Origin, Shapes};
 use wm_render::stages::project::MIN_ALPHA;
-use wm_scene::{Group, Splats, sh};
+use wm_scene::Splats;
 
 /// The splats of a training and everything that is known of each.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -71,12 +71,7 @@ impl Population {
     /// As many splats as `count`, to be written to.
     pub fn resize(&mut self, count: usize) {
         let Self { splats, moments, pulls, seen, .. } = self;
-        splats.means.resize(count, [0.0; 3]);
-        splats.quats.resize(count, [0.0; 4]);
-        splats.log_scales.resize(count, [0.0; 3]);
-        splats.logit_opacities.resize(count, 0.0);
-        splats.sh.resize(3 * sh::coefficients(splats.sh_degree) * count, 0.0);
-        splats.groups.resize(count, Group::Scene);
+        splats.resize(count);
         moments.resize(splats);
         for array in [&mut pulls.sums, &mut pulls.counts, &mut pulls.radii] {
             array.resize(count, 0.0);

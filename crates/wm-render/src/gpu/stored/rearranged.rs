@@ -11,7 +11,7 @@ use crate::stages::optimize::{Changed, Origin, Pulls, Shapes};
 use crate::stages::project::gpu::{ROW_OPACITY, ROWS};
 use std::ops::Range;
 use wgpu::BufferUsages;
-use wm_scene::{Group, Splats};
+use wm_scene::Splats;
 
 /// Of an origin, whether it forgets; the rest is the row.
 const FORGOTTEN: u32 = 1 << 31;
@@ -22,8 +22,8 @@ impl StoredModel {
     /// # Panics
     /// If nothing learns here.
     pub fn read_shapes(&self, gpu: &Gpu, staging: &mut Growing) -> Result<Shapes, GpuError> {
-        let (pulls, seen) = (Pulls::new(self.len), vec![0; self.len]);
-        let mut read = Shapes { splats: zeros(self.len), pulls, seen };
+        let (splats, pulls) = (Splats::zeroed(self.len, 0), Pulls::new(self.len));
+        let mut read = Shapes { splats, pulls, seen: vec![0; self.len] };
         self.read_known(gpu, staging, &mut read.pulls, &mut read.seen)?;
         for part in &self.parts {
             let mut numbers = vec![0.0f32; (part.piece.blocks * WORKGROUP * ROWS) as usize];
@@ -147,18 +147,5 @@ impl Moving<'_> {
         drop(before);
         gpu.finish()?;
         Ok(after)
-    }
-}
-
-/// Splats of degree 0, to be written to.
-fn zeros(count: usize) -> Splats {
-    Splats {
-        means: vec![[0.0; 3]; count],
-        quats: vec![[0.0; 4]; count],
-        log_scales: vec![[0.0; 3]; count],
-        logit_opacities: vec![0.0; count],
-        sh: vec![0.0; 3 * count],
-        groups: vec![Group::Scene; count],
-        ..Splats::with_capacity(0, 0)
     }
 }
