@@ -19,6 +19,8 @@
 
 mod palette;
 mod read;
+mod rotation;
+mod webp;
 mod write;
 mod zip;
 
@@ -27,6 +29,12 @@ use crate::{
     Scene,
     error::{FormatError, Problem},
     source::Source,
+};
+
+#[cfg(test)]
+pub(super) use {
+    rotation::{NAMINGS, product},
+    write::{Steps, order},
 };
 
 /// What SOG cannot hold.
@@ -57,7 +65,11 @@ pub mod bundle {
             let archive = zip::Archive::new(&bytes).map_err(|problem| source.whole(problem))?;
             read::read(&|name| archive.file(name)).map_err(|problem| source.whole(problem))
         },
-        write: Writer::Stream(|out, scene, _| zip::write(out, &write::files(scene)?)),
+        write: Writer::Stream(|out, scene, _| {
+            let mut archive = zip::Writer::new(out);
+            write::files(scene, &mut |file| archive.add(&file))?;
+            archive.finish()
+        }),
     };
 }
 
@@ -78,7 +90,7 @@ pub mod folder {
             let meta = source.rest()?;
             read::read_folder(&folder, &meta).map_err(|problem| source.whole(problem))
         },
-        write: Writer::Files(|scene, _| write::files(scene)),
+        write: Writer::Files(write::files),
     };
 }
 
