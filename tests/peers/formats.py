@@ -255,15 +255,25 @@ def main():
                 values.append(psnr(shown(out / "now.npy"), shown(out / f"view{number}.npy")))
             print(f"  {name:18} " + "  ".join(f"{v:.1f}" for v in values))
 
-    print("seconds of processor for PLY -> format and format -> PLY, here and splat-transform; ratio; splats/s here; MB")
-    for row in times:
-        for way in ("write", "read"):
-            wall, cpu = row[way]
-            their = row.get(f"their {way}")
-            beside = f"{their[1]:7.2f} ({their[1] / cpu:5.1f}x, {their[0] / wall:5.1f}x by the clock)" if their else "      -"
-            print(f"  {row['name']:18} {way:5} {cpu:6.2f} {beside}  {count / wall / 1e6:5.2f} M/s  {row['size'] / 1e6:.1f} MB, theirs {row.get('their size', 0) / 1e6:.1f}")
+    speeds(times, count)
     print(f"{len(failures)} differences" + "".join(f"\n  {failure}" for failure in failures))
     return 1 if failures else 0
+
+
+def speeds(times, count):
+    """Prints a table of the processor's time for PLY -> format and format -> PLY by whole programs: splats and megabytes of the format a second."""
+    print("| format | | s | M splats/s | MB/s | theirs: s | M splats/s | MB/s | ratio |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for row in times:
+        for way in ("write", "read"):
+            cells = []
+            # What they read is ours.
+            sides = [(row[way], row["size"]), (row.get(f"their {way}"), row.get("their size", 0) if way == "write" else row["size"])]
+            for side, size in sides:
+                cells += [f"{side[1]:.2f}", f"{count / side[1] / 1e6:.1f}", f"{size / side[1] / 1e6:.0f}"] if side else ["-"] * 3
+            ratio = f"{sides[1][0][1] / sides[0][0][1]:.1f}" if sides[1][0] else "-"
+            print(f"| `{row['name']}` | {way} | " + " | ".join(cells) + f" | {ratio} |")
+    print("MB: " + ", ".join(f"{row['name']} {row['size'] / 1e6:.1f} (theirs {row.get('their size', 0) / 1e6:.1f})" for row in times))
 
 
 def files_of(path):
