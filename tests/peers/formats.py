@@ -51,8 +51,11 @@ def check(name, good, what):
         failures.append(f"{name}: {what}")
 
 
-def run(command, cwd=None):
-    """Runs a command; gives its output, wall and CPU seconds."""
+def run(command, cwd=None, rounds=1):
+    """Runs a command; gives its output, wall and CPU seconds, the least of some rounds."""
+    if rounds > 1:
+        results = [run(command, cwd) for _ in range(rounds)]
+        return results[0][0], min(r[1] for r in results), min(r[2] for r in results)
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.time()
     done = subprocess.run([str(c) for c in command], cwd=cwd, capture_output=True, text=True)
     wall, after = time.time() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -167,6 +170,7 @@ def main():
     parser.add_argument("scene", type=Path)
     parser.add_argument("--camera", action="append", default=[])
     parser.add_argument("--work", type=Path)
+    parser.add_argument("--rounds", type=int, default=1, help="how often to run what is timed; the least counts")
     parser.add_argument("--skip", action="append", default=[], help="what splat-transform need not write, such as a.sog: it takes minutes for SH")
     arguments = parser.parse_args()
     work = (arguments.work or Path(tempfile.mkdtemp(prefix="peers-"))).resolve()
@@ -199,18 +203,18 @@ def main():
     for name, our_options, their_options, they_write, they_read in kinds:
         print(name)
         ours, other = out / "ours" / name, out / "theirs" / name
-        _, wall, cpu = run([program, "convert", scene, ours, *our_options])
+        _, wall, cpu = run([program, "convert", scene, ours, *our_options], rounds=arguments.rounds)
         row = {"name": name, "write": (wall, cpu), "size": sum(f.stat().st_size for f in files_of(ours))}
         back = out / "back.ply"
-        _, wall, cpu = run([program, "convert", ours, back])
+        _, wall, cpu = run([program, "convert", ours, back], rounds=arguments.rounds)
         row["read"] = (wall, cpu)
         here = read_ply(back)
         if they_read:
-            _, wall, cpu = run([*theirs, ours, out / "their-back.ply"])
+            _, wall, cpu = run([*theirs, ours, out / "their-back.ply"], rounds=arguments.rounds)
             row["their read"] = (wall, cpu)
             same("written here, read by splat-transform", here, read_ply(out / "their-back.ply"))
         if they_write and name not in arguments.skip:
-            _, wall, cpu = run([*theirs, *their_options, scene, other])
+            _, wall, cpu = run([*theirs, *their_options, scene, other], rounds=arguments.rounds)
             row["their write"] = (wall, cpu)
             row["their size"] = sum(f.stat().st_size for f in files_of(other))
             run([program, "convert", other, back])

@@ -15,7 +15,8 @@
 //! The levels of a `lod-meta.json` are runs of splats in several SOG folders below it; what is chosen is one level everywhere, with
 //! the splats of its environment.
 //!
-//! Version 2 is written. Tables of 256 values minimise the squared error (`palette.rs`), as the palette of SH does.
+//! Version 2 is written. What is left to a writer is in `write.rs`: order, tables and the palette of SH (`palette.rs`), which axis is
+//! called which (`rotation.rs`), and how pictures are packed (`webp.rs`).
 
 mod palette;
 mod read;

@@ -51,11 +51,9 @@ impl Rounded {
             let (largest, rest) = smallest_three(named);
             let bytes = rest.map(|v| unorm(v * FRAC_1_SQRT_2 + 0.5, 255) as u8);
             let back = from_bytes(largest, bytes);
-            // The vector of the small turn between them, half its angle.
-            let [w, a, b, c] = named;
-            let [s, p, q, r] = back;
-            let off =
-                [w * p - a * s - b * r + c * q, w * q - b * s - c * p + a * r, w * r - c * s - a * q + b * p];
+            // The vector of the small turn between them, half its angle long.
+            let [w, x, y, z] = named;
+            let [_, off @ ..] = product([w, -x, -y, -z], back);
             let error: f32 = off.iter().zip(axes).map(|(off, axis)| off * off * counts[*axis]).sum();
             if error < best.0 {
                 let [p, q, r] = bytes;

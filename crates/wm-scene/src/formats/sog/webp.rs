@@ -7,8 +7,8 @@
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
-/// Most pixels of a side.
-pub const MAX_SIDE: usize = 1 << 14;
+/// Most pixels of a side: one less than 14 bits say, since libwebp reads no more.
+pub const MAX_SIDE: usize = 16_383;
 
 type Pixel = [u8; 4];
 

@@ -68,7 +68,7 @@ pub(super) fn files(scene: &Scene, file: &mut FileSink) -> Result<(), Problem> {
     let width = ((count as f64).sqrt().ceil() as usize).next_multiple_of(4);
     if width > MAX_SIDE {
         return Err(Problem::Value(
-            "too many splats for one SOG, whose pictures are at most 16384 pixels wide".into(),
+            "too many splats for one SOG, whose pictures are at most 16383 pixels wide".into(),
         ));
     }
     let range = Steps::for_means(&splats.means);
