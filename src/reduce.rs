@@ -186,11 +186,7 @@ fn merged(splats: &Splats, worth: &[f64], target: usize) -> Splats {
         let Some(near) = found.first() else { continue };
         let keeper = kept[near.item as usize];
         let alike = splats.groups[keeper] == splats.groups[index] && splats.groups[index] != Group::Sky;
-        if alike
-            && near.distance.sqrt()
-                <= std::env::var("WM_REACH").map_or(REACH, |v| v.parse().unwrap())
-                    * (longest(index) + longest(keeper))
-        {
+        if alike && near.distance.sqrt() <= REACH * (longest(index) + longest(keeper)) {
             taken[near.item as usize].push(index);
         }
     }

@@ -47,19 +47,22 @@ pub fn read(file: &std::path::Path, survey: &Survey, options: &Options) -> Resul
         .map_err(|(location, message)| FormatError::at(file, location, Problem::Value(message)).into())
 }
 
-/// Writes a path to a file, whole or not at all; as nerfstudio does, at `fps` frames a second and for pictures of `size`, if that is how the
-/// file is called.
+/// Writes a path to a file, whole or not at all; as another program does, at `fps` frames a second and for pictures of `size`, if the file is
+/// called as its are.
 ///
 /// # Errors
 /// [`ViewError`] if the file cannot be written.
 pub fn write(file: &std::path::Path, path: &Path, fps: f64, size: (u32, u32)) -> Result<(), ViewError> {
-    let is_nerfstudio = file.file_name().is_some_and(|name| name.as_encoded_bytes().ends_with(NERFSTUDIO));
-    let text = if is_nerfstudio { foreign::nerfstudio_text(path, fps, size) } else { text_of(path) };
+    let name = file.file_name().unwrap_or_default().as_encoded_bytes();
+    let other = OTHERS.iter().find(|(ending, _)| name.ends_with(ending.as_bytes()));
+    let text = other.map_or_else(|| text_of(path), |(_, text)| text(path, fps, size));
     Ok(write_atomically(file, |out| Ok(out.write_all(text.as_bytes())?))?)
 }
 
-/// How the names of nerfstudio's files end.
-const NERFSTUDIO: &[u8] = b"camera_path.json";
+/// How the names of other programs' files end, and what is in them.
+const OTHERS: [(&str, TextOf); 2] =
+    [("camera_path.json", foreign::nerfstudio_text), ("settings.json", foreign::supersplat_text)];
+type TextOf = fn(&Path, f64, (u32, u32)) -> String;
 
 /// A path as text: one keyframe a line.
 pub fn text_of(path: &Path) -> String {
@@ -181,9 +184,13 @@ mod tests {
             assert!(a.rotation.angle_between(b.rotation) < 1e-7);
         }
         assert_eq!(again.near(), 0.125);
-        let theirs = folder.path().join("my camera_path.json");
-        write(&theirs, &path, 30.0, (64, 48)).unwrap();
-        assert_eq!(read(&theirs, &survey(), &Options::default()).unwrap().keys().len(), 61);
+        // A target does not say which way is up, and the path must not look there.
+        let options = Options { up: Some(DVec3::NEG_Y), ..Options::default() };
+        for name in ["my camera_path.json", "settings.json"] {
+            let theirs = folder.path().join(name);
+            write(&theirs, &path, 30.0, (64, 48)).unwrap();
+            assert_eq!(read(&theirs, &survey(), &options).unwrap().keys().len(), 61);
+        }
         let missing = read(&folder.path().join("no.json"), &survey(), &Options::default()).unwrap_err();
         assert!(missing.to_string().ends_with("no.json: no such file or folder; check the path"));
     }

@@ -117,8 +117,8 @@ impl Path {
         json::text_of(self)
     }
 
-    /// Writes the path to a JSON file, whole or not at all; with the name `camera_path.json` as nerfstudio does, for
-    /// pictures of `size` at `fps` frames a second.
+    /// Writes the path to a JSON file, whole or not at all; with the name `camera_path.json` as nerfstudio does, with
+    /// `settings.json` as SuperSplat, for pictures of `size` at `fps` frames a second.
     ///
     /// # Errors
     /// [`ViewError`] if the file cannot be written.

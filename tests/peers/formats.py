@@ -51,8 +51,11 @@ def check(name, good, what):
         failures.append(f"{name}: {what}")
 
 
-def run(command, cwd=None):
-    """Runs a command; gives its output, wall and CPU seconds."""
+def run(command, cwd=None, rounds=1):
+    """Runs a command; gives its output, wall and CPU seconds, the least of some rounds."""
+    if rounds > 1:
+        results = [run(command, cwd) for _ in range(rounds)]
+        return results[0][0], min(r[1] for r in results), min(r[2] for r in results)
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.time()
     done = subprocess.run([str(c) for c in command], cwd=cwd, capture_output=True, text=True)
     wall, after = time.time() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -167,6 +170,7 @@ def main():
     parser.add_argument("scene", type=Path)
     parser.add_argument("--camera", action="append", default=[])
     parser.add_argument("--work", type=Path)
+    parser.add_argument("--rounds", type=int, default=1, help="how often to run what is timed; the least counts")
     parser.add_argument("--skip", action="append", default=[], help="what splat-transform need not write, such as a.sog: it takes minutes for SH")
     arguments = parser.parse_args()
     work = (arguments.work or Path(tempfile.mkdtemp(prefix="peers-"))).resolve()
@@ -199,18 +203,18 @@ def main():
     for name, our_options, their_options, they_write, they_read in kinds:
         print(name)
         ours, other = out / "ours" / name, out / "theirs" / name
-        _, wall, cpu = run([program, "convert", scene, ours, *our_options])
+        _, wall, cpu = run([program, "convert", scene, ours, *our_options], rounds=arguments.rounds)
         row = {"name": name, "write": (wall, cpu), "size": sum(f.stat().st_size for f in files_of(ours))}
         back = out / "back.ply"
-        _, wall, cpu = run([program, "convert", ours, back])
+        _, wall, cpu = run([program, "convert", ours, back], rounds=arguments.rounds)
         row["read"] = (wall, cpu)
         here = read_ply(back)
         if they_read:
-            _, wall, cpu = run([*theirs, ours, out / "their-back.ply"])
+            _, wall, cpu = run([*theirs, ours, out / "their-back.ply"], rounds=arguments.rounds)
             row["their read"] = (wall, cpu)
             same("written here, read by splat-transform", here, read_ply(out / "their-back.ply"))
         if they_write and name not in arguments.skip:
-            _, wall, cpu = run([*theirs, *their_options, scene, other])
+            _, wall, cpu = run([*theirs, *their_options, scene, other], rounds=arguments.rounds)
             row["their write"] = (wall, cpu)
             row["their size"] = sum(f.stat().st_size for f in files_of(other))
             run([program, "convert", other, back])
@@ -255,15 +259,25 @@ def main():
                 values.append(psnr(shown(out / "now.npy"), shown(out / f"view{number}.npy")))
             print(f"  {name:18} " + "  ".join(f"{v:.1f}" for v in values))
 
-    print("seconds of processor for PLY -> format and format -> PLY, here and splat-transform; ratio; splats/s here; MB")
-    for row in times:
-        for way in ("write", "read"):
-            wall, cpu = row[way]
-            their = row.get(f"their {way}")
-            beside = f"{their[1]:7.2f} ({their[1] / cpu:5.1f}x, {their[0] / wall:5.1f}x by the clock)" if their else "      -"
-            print(f"  {row['name']:18} {way:5} {cpu:6.2f} {beside}  {count / wall / 1e6:5.2f} M/s  {row['size'] / 1e6:.1f} MB, theirs {row.get('their size', 0) / 1e6:.1f}")
+    speeds(times, count)
     print(f"{len(failures)} differences" + "".join(f"\n  {failure}" for failure in failures))
     return 1 if failures else 0
+
+
+def speeds(times, count):
+    """Prints a table of the processor's time for PLY -> format and format -> PLY by whole programs: splats and megabytes of the format a second."""
+    print("| format | | s | M splats/s | MB/s | theirs: s | M splats/s | MB/s | ratio |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for row in times:
+        for way in ("write", "read"):
+            cells = []
+            # What they read is ours.
+            sides = [(row[way], row["size"]), (row.get(f"their {way}"), row.get("their size", 0) if way == "write" else row["size"])]
+            for side, size in sides:
+                cells += [f"{side[1]:.2f}", f"{count / side[1] / 1e6:.1f}", f"{size / side[1] / 1e6:.0f}"] if side else ["-"] * 3
+            ratio = f"{sides[1][0][1] / sides[0][0][1]:.1f}" if sides[1][0] else "-"
+            print(f"| `{row['name']}` | {way} | " + " | ".join(cells) + f" | {ratio} |")
+    print("MB: " + ", ".join(f"{row['name']} {row['size'] / 1e6:.1f} (theirs {row.get('their size', 0) / 1e6:.1f})" for row in times))
 
 
 def files_of(path):

@@ -5,9 +5,10 @@
 //! otherwise. A run changes one to eight bytes, cuts the file or moves a part of it; run n of a format is the same every time. Of a
 //! gzip every other run damages what is in it; the pictures of a SOG are damaged in a folder too, where no checksum guards them.
 
+use sirocco::{Format, deflate, inflate};
 use std::{
     fs,
-    io::{Read, Write},
+    io::Read,
     panic::catch_unwind,
     path::{Path, PathBuf},
     time::Instant,
@@ -74,10 +75,8 @@ fn fuzz_file(path: &Path, runs: u64) -> Result<(u64, u64), Box<dyn std::error::E
 /// A gzip with other content.
 fn repacked(gzip: &[u8], change: impl FnOnce(&[u8]) -> Vec<u8>) -> std::io::Result<Vec<u8>> {
     let mut inside = Vec::new();
-    flate2::read::GzDecoder::new(gzip).read_to_end(&mut inside)?;
-    let mut out = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    out.write_all(&change(&inside))?;
-    out.finish()
+    inflate::Reader::new(Format::Gzip, gzip).read_to_end(&mut inside)?;
+    Ok(sirocco::compress(Format::Gzip, deflate::Level::FASTEST, &change(&inside)))
 }
 
 /// Damages one file of a folder a run.

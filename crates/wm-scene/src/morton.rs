@@ -42,8 +42,12 @@ pub fn order(means: &[[f32; 3]]) -> Vec<u32> {
         });
         code(cell)
     };
-    let mut keyed: Vec<(u64, u32)> =
-        means.iter().enumerate().map(|(i, mean)| (key(mean), i as u32)).collect();
+    sorted(means.iter().map(key))
+}
+
+/// Indices of splats by their numbers on a curve, of equals in their order.
+pub fn sorted(codes: impl Iterator<Item = u64>) -> Vec<u32> {
+    let mut keyed: Vec<(u64, u32)> = codes.zip(0..).collect();
     keyed.sort_unstable();
     keyed.into_iter().map(|(_, index)| index).collect()
 }

@@ -57,7 +57,7 @@ pub struct CameraArgs {
     /// Speed of a camera that stands on no path, metres a second ahead, as of a car: rain and snow come towards it
     #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Camera")]
     pub camera_speed: Option<f64>,
-    /// Write the camera's path to this JSON file: as keyframes, or as nerfstudio does in a ...camera_path.json
+    /// Write the camera's path to this JSON file: as keyframes, as nerfstudio does in a ...camera_path.json, or as SuperSplat in a ...settings.json
     #[arg(long, value_name = "FILE", help_heading = "Camera")]
     pub save_path: Option<PathBuf>,
 }

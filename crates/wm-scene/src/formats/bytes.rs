@@ -1,6 +1,8 @@
 //! A file in memory, read from front to back, and what may be unpacked from it.
 
 use crate::error::Problem;
+use sirocco::inflate;
+use std::io::{self, Read};
 
 /// Bytes that are taken from the front.
 #[derive(Clone, Copy, Debug)]
@@ -65,6 +67,28 @@ pub fn floats<const N: usize>(row: &[u8]) -> [f32; N] {
     std::array::from_fn(|_| numbers.next().unwrap_or_default())
 }
 
+/// What is in a gzip, member after member.
+pub struct Gunzip<'a>(inflate::Reader<&'a [u8]>);
+
+impl<'a> Gunzip<'a> {
+    /// Reads the first member of `packed`.
+    pub fn new(packed: &'a [u8]) -> Self {
+        Self(inflate::Reader::new(sirocco::Format::Gzip, packed))
+    }
+}
+
+impl Read for Gunzip<'_> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        loop {
+            let (count, rest) = (self.0.read(out)?, *self.0.get_ref());
+            if count > 0 || out.is_empty() || rest.is_empty() {
+                return Ok(count);
+            }
+            *self = Self::new(rest);
+        }
+    }
+}
+
 /// Bytes that may be unpacked where `packed` are given: scenes shrink two to twenty times, bombs a thousand times.
 pub fn unpacked_limit(packed: u64) -> u64 {
     (64 << 20) + packed.saturating_mul(100)
@@ -74,9 +98,9 @@ pub fn unpacked_limit(packed: u64) -> u64 {
 ///
 /// # Errors
 /// If there are fewer or they cannot be unpacked.
-pub fn unpack_exact(reader: &mut dyn std::io::Read, out: &mut [u8], what: &str) -> Result<(), Problem> {
+pub fn unpack_exact(reader: &mut dyn Read, out: &mut [u8], what: &str) -> Result<(), Problem> {
     reader.read_exact(out).map_err(|error| match error.kind() {
-        std::io::ErrorKind::UnexpectedEof => {
+        io::ErrorKind::UnexpectedEof => {
             Problem::Cut(format!("{what}: it unpacks to less than its header says"))
         }
         _ => Problem::Header(format!(

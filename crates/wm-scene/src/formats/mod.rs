@@ -74,7 +74,7 @@ enum Writer {
     /// Into one file.
     Stream(fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<(), Problem>),
     /// Into several, beside each other; the one that is named comes last.
-    Files(fn(&Scene, &WriteOptions) -> Result<Vec<NamedFile>, Problem>),
+    Files(fn(&Scene, &mut FileSink) -> Result<(), Problem>),
     /// Not at all.
     Nothing,
 }
@@ -84,6 +84,9 @@ pub(crate) struct NamedFile {
     pub name: &'static str,
     pub bytes: Vec<u8>,
 }
+
+/// What takes such files one after the other.
+type FileSink<'a> = dyn FnMut(NamedFile) -> Result<(), Problem> + 'a;
 
 /// What is known of a file before it is read.
 pub(crate) struct Start<'a> {
@@ -262,9 +265,12 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: &WriteOptions) -> R
             if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
                 std::fs::create_dir_all(folder).map_err(|error| fault(error.into()))?;
             }
-            for file in write(scene, options).map_err(fault)? {
-                write_atomically(&path.with_file_name(file.name), |out| Ok(out.write_all(&file.bytes)?))?;
-            }
+            let mut sink = |file: NamedFile| {
+                let written =
+                    write_atomically(&path.with_file_name(file.name), |out| Ok(out.write_all(&file.bytes)?));
+                written.map_err(|error| error.problem)
+            };
+            write(scene, &mut sink).map_err(fault)?;
         }
     }
     if format.loses.metadata == Kept::Beside && scene.metadata != Default::default() {

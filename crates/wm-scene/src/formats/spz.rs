@@ -20,17 +20,17 @@
 
 use super::{
     Axes, Format, Kept, Loses, SpzVersion, WriteOptions, Writer,
-    bytes::{Bytes, check_unpacked, rows, unpack_exact},
+    bytes::{Bytes, Gunzip, check_unpacked, rows, unpack_exact},
     pack::{byte_of_logit, from_smallest_three, logit_of_byte, smallest_three, unit, unorm},
 };
 use crate::{Metadata, Rasterization, Scene, Splats, error::Problem, sh};
-use flate2::{Compression, bufread::MultiGzDecoder, write::GzEncoder};
 use half::f16;
 use ruzstd::{
     decoding::StreamingDecoder,
-    encoding::{CompressionLevel, compress_to_vec},
+    encoding::{CompressionLevel, FrameCompressor, Matcher, Sequence, compress_to_vec},
 };
-use std::io::Write;
+use sirocco::deflate;
+use std::io::{self, Read, Write};
 
 /// The entry of [`FORMATS`](super::FORMATS).
 pub const FORMAT: Format = Format {
@@ -101,11 +101,16 @@ impl Header {
     }
 
     /// Bytes a splat of each column.
-    fn columns(&self) -> [u64; 6] {
-        let means = if self.version == 1 { 6 } else { 9 };
-        let quats = if self.version < 3 { 3 } else { 4 };
-        [means, 1, 3, 3, quats, 3 * (sh::coefficients(self.sh_degree) as u64 - 1)]
+    fn columns(&self) -> [u64; COLUMNS] {
+        sizes(self.version, self.sh_degree)
     }
+}
+
+/// Bytes a splat of each column in a version.
+fn sizes(version: u32, sh_degree: u8) -> [u64; COLUMNS] {
+    let means = if version == 1 { 6 } else { 9 };
+    let quats = if version < 3 { 3 } else { 4 };
+    [means, 1, 3, 3, quats, 3 * (sh::coefficients(sh_degree) as u64 - 1)]
 }
 
 /// Reads a file in memory; the scene has the axes of SPZ.
@@ -134,7 +139,7 @@ pub(super) fn read(file: &[u8]) -> Result<Scene, Problem> {
 }
 
 fn read_gzip(file: &[u8]) -> Result<(Header, Vec<u8>), Problem> {
-    let mut reader = MultiGzDecoder::new(file);
+    let mut reader = Gunzip::new(file);
     let mut start = [0; 16];
     unpack_exact(&mut reader, &mut start, "the SPZ's header")?;
     let header = Header::parse(&mut Bytes::new(&start, "the SPZ's header"))?;
@@ -289,28 +294,44 @@ fn sh_byte(value: f32, bits: u32) -> u8 {
     level.clamp(0.0, 255.0) as u8
 }
 
-/// Gives the bytes of a column, some splats at a time.
-fn column(
-    splats: &Splats,
+/// The bytes of a column, some splats at a time.
+struct Column<'a> {
+    splats: &'a Splats,
+    /// Which, in the order of the format.
     number: usize,
-    bits: u8,
-    out: &mut dyn FnMut(&[u8]) -> std::io::Result<()>,
-) -> std::io::Result<()> {
+    fractional_bits: u8,
+    /// The first splat that is not in `bytes` yet.
+    next: usize,
+    bytes: Vec<u8>,
+    /// Those of `bytes` that are read.
+    read: usize,
+}
+
+impl<'a> Column<'a> {
     /// Splats at a time.
     const PART: usize = 1 << 14;
-    let axes = FORMAT.axes;
-    let steps = 2f32.powi(i32::from(bits));
-    let signs = axes.sh_signs();
-    let mut bytes = Vec::new();
-    for first in (0..splats.len()).step_by(PART) {
-        let part = first..splats.len().min(first + PART);
+
+    fn new(splats: &'a Splats, number: usize, fractional_bits: u8) -> Self {
+        Self { splats, number, fractional_bits, next: 0, bytes: Vec::new(), read: 0 }
+    }
+
+    /// Packs the next splats.
+    fn fill(&mut self) {
+        let (splats, bytes, axes) = (self.splats, &mut self.bytes, FORMAT.axes);
+        let part = self.next..splats.len().min(self.next + Self::PART);
+        self.next = part.end;
+        self.read = 0;
         bytes.clear();
-        match number {
-            0 => bytes.extend(splats.means[part].iter().flat_map(|mean| axes.vector(*mean)).flat_map(|v| {
-                let [a, b, c, _] =
-                    ((v * steps).round().clamp(-8_388_608.0, 8_388_607.0) as i32).to_le_bytes();
-                [a, b, c]
-            })),
+        match self.number {
+            0 => {
+                let steps = 2f32.powi(i32::from(self.fractional_bits));
+                let values = splats.means[part].iter().flat_map(|mean| axes.vector(*mean));
+                bytes.extend(values.flat_map(|v| {
+                    let [a, b, c, _] =
+                        ((v * steps).round().clamp(-8_388_608.0, 8_388_607.0) as i32).to_le_bytes();
+                    [a, b, c]
+                }));
+            }
             1 => bytes.extend(splats.logit_opacities[part].iter().map(|logit| byte_of_logit(*logit))),
             2 => {
                 let colors = part.flat_map(|i| splats.sh_of(i)[..3].iter());
@@ -322,6 +343,7 @@ fn column(
             }
             4 => bytes.extend(splats.quats[part].iter().flat_map(|q| pack_quat(axes.quat(*q)).to_le_bytes())),
             _ => {
+                let signs = axes.sh_signs();
                 for sh in part.map(|i| splats.sh_of(i)) {
                     let coefficients = sh.chunks_exact(3).zip(signs).enumerate().skip(1);
                     bytes.extend(coefficients.flat_map(|(k, (rgb, sign))| {
@@ -331,9 +353,66 @@ fn column(
                 }
             }
         }
-        out(&bytes)?;
     }
-    Ok(())
+}
+
+impl Read for Column<'_> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        if self.read == self.bytes.len() {
+            self.fill();
+        }
+        let count = (&self.bytes[self.read..]).read(out)?;
+        self.read += count;
+        Ok(count)
+    }
+}
+
+/// A Zstandard frame. Only SH repeat themselves: in other columns looking for matches saves 3 % and takes two thirds of the time.
+fn zstd(column: Column) -> Vec<u8> {
+    if column.number == SH_COLUMN {
+        return compress_to_vec(column, CompressionLevel::Fastest);
+    }
+    let mut stream = Vec::new();
+    let mut frame = FrameCompressor::new_with_matcher(NoMatches::default(), CompressionLevel::Fastest);
+    frame.set_source(column);
+    frame.set_drain(&mut stream);
+    frame.compress();
+    drop(frame);
+    stream
+}
+
+/// Bytes of a block of Zstandard, the most that it may have.
+const BLOCK: usize = 128 << 10;
+
+/// Finds no match in its block.
+#[derive(Default)]
+struct NoMatches(Vec<u8>);
+
+impl Matcher for NoMatches {
+    fn get_next_space(&mut self) -> Vec<u8> {
+        self.0.resize(BLOCK, 0);
+        std::mem::take(&mut self.0)
+    }
+
+    fn get_last_space(&mut self) -> &[u8] {
+        &self.0
+    }
+
+    fn commit_space(&mut self, space: Vec<u8>) {
+        self.0 = space;
+    }
+
+    fn skip_matching(&mut self) {}
+
+    fn start_matching(&mut self, mut handle: impl for<'a> FnMut(Sequence<'a>)) {
+        handle(Sequence::Literals { literals: &self.0 });
+    }
+
+    fn reset(&mut self, _level: CompressionLevel) {}
+
+    fn window_size(&self) -> u64 {
+        BLOCK as u64
+    }
 }
 
 /// Writes a scene.
@@ -353,10 +432,10 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
     header.extend(count.to_le_bytes());
     header.extend([splats.sh_degree, bits, flags, 0]);
     if options.spz == SpzVersion::V3 {
-        let mut packed = GzEncoder::new(out, Compression::new(LEVEL));
+        let mut packed = deflate::Writer::new(sirocco::Format::Gzip, deflate::Level::new(LEVEL), out);
         packed.write_all(&header)?;
         for number in 0..COLUMNS {
-            column(splats, number, bits, &mut |bytes| packed.write_all(bytes))?;
+            io::copy(&mut Column::new(splats, number, bits), &mut packed)?;
         }
         packed.finish()?;
         return Ok(());
@@ -367,15 +446,11 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
     header.extend(HEADER_SIZE.to_le_bytes());
     header.resize(HEADER_SIZE as usize, 0);
     let mut streams = Vec::new();
-    for number in 0..columns {
-        let mut bytes = Vec::new();
-        column(splats, number, bits, &mut |part| {
-            bytes.extend_from_slice(part);
-            Ok(())
-        })?;
-        let stream = compress_to_vec(&bytes[..], CompressionLevel::Fastest);
+    for (number, size) in (0..columns).zip(sizes(version, splats.sh_degree)) {
+        // Their lengths come before them.
+        let stream = zstd(Column::new(splats, number, bits));
         header.extend((stream.len() as u64).to_le_bytes());
-        header.extend((bytes.len() as u64).to_le_bytes());
+        header.extend((splats.len() as u64 * size).to_le_bytes());
         streams.push(stream);
     }
     out.write_all(&header)?;
@@ -385,9 +460,10 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
     Ok(())
 }
 
-/// Level of gzip: the columns are too noisy for more, which takes longer and saves nothing.
-const LEVEL: u32 = 3;
-/// Columns of a file.
+/// Level of gzip: the columns are too noisy for more, which takes half as long again and saves 1 to 3 %.
+const LEVEL: u8 = 4;
+/// Columns of a file, of which the last is that of SH.
 const COLUMNS: usize = 6;
+const SH_COLUMN: usize = COLUMNS - 1;
 /// Bytes of the header of version 4.
 const HEADER_SIZE: u32 = 32;

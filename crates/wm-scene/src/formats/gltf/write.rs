@@ -44,7 +44,7 @@ impl Attribute {
 
     fn write(&self, splats: &Splats, index: usize, signs: &[f32; 16], out: &mut Vec<u8>) {
         let axes = FORMAT.axes;
-        let mut floats = |values: &[f32]| out.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+        let mut floats = |values: &[f32]| values.iter().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
         match self.what {
             What::Position => floats(&axes.vector(splats.means[index])),
             What::Rotation => {

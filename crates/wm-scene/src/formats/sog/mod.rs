@@ -15,10 +15,13 @@
 //! The levels of a `lod-meta.json` are runs of splats in several SOG folders below it; what is chosen is one level everywhere, with
 //! the splats of its environment.
 //!
-//! Version 2 is written. Tables of 256 values minimise the squared error (`palette.rs`), as the palette of SH does.
+//! Version 2 is written. What is left to a writer is in `write.rs`: order, tables and the palette of SH (`palette.rs`), which axis is
+//! called which (`rotation.rs`), and how pictures are packed (`webp.rs`).
 
 mod palette;
 mod read;
+mod rotation;
+mod webp;
 mod write;
 mod zip;
 
@@ -27,6 +30,12 @@ use crate::{
     Scene,
     error::{FormatError, Problem},
     source::Source,
+};
+
+#[cfg(test)]
+pub(super) use {
+    rotation::{NAMINGS, product},
+    write::{Steps, order},
 };
 
 /// What SOG cannot hold.
@@ -57,7 +66,11 @@ pub mod bundle {
             let archive = zip::Archive::new(&bytes).map_err(|problem| source.whole(problem))?;
             read::read(&|name| archive.file(name)).map_err(|problem| source.whole(problem))
         },
-        write: Writer::Stream(|out, scene, _| zip::write(out, &write::files(scene)?)),
+        write: Writer::Stream(|out, scene, _| {
+            let mut archive = zip::Writer::new(out);
+            write::files(scene, &mut |file| archive.add(&file))?;
+            archive.finish()
+        }),
     };
 }
 
@@ -78,7 +91,7 @@ pub mod folder {
             let meta = source.rest()?;
             read::read_folder(&folder, &meta).map_err(|problem| source.whole(problem))
         },
-        write: Writer::Files(|scene, _| write::files(scene)),
+        write: Writer::Files(write::files),
     };
 }
 

@@ -1,12 +1,12 @@
 //! Reading: `meta.json` and the pictures that it names.
 
-use super::{Level, Problem};
+use super::{Level, Problem, rotation::from_bytes};
 use crate::{
     Metadata, Rasterization, Scene, Splats,
     error::{excerpt, one_line},
     formats::{
         bytes::{check_unpacked, unpacked_limit},
-        pack::{from_smallest_three, logit_of_byte},
+        pack::logit_of_byte,
     },
     sh,
 };
@@ -214,11 +214,17 @@ fn read_with(files: Files, meta: &[u8]) -> Result<Scene, Problem> {
     let mut splats = Splats::zeroed(count as usize, degree);
 
     let Ranged { mins, maxs, .. } = meta.means;
+    let place = |k: usize, step: u16| {
+        let curved = mins[k] + (maxs[k] - mins[k]) * (f32::from(step) / 65535.0);
+        curved.signum() * curved.abs().exp_m1()
+    };
+    // Each step once, where there are more splats than steps.
+    let places: Option<[Vec<f32>; 3]> = (count > 1 << 16)
+        .then(|| std::array::from_fn(|k| (0..=u16::MAX).map(|step| place(k, step)).collect()));
     for ((mean, low), high) in splats.means.iter_mut().zip(&low).zip(&high) {
         *mean = std::array::from_fn(|k| {
-            let share = f32::from(u16::from_le_bytes([low[k], high[k]])) / 65535.0;
-            let curved = mins[k] + (maxs[k] - mins[k]) * share;
-            curved.signum() * curved.abs().exp_m1()
+            let step = u16::from_le_bytes([low[k], high[k]]);
+            places.as_ref().map_or_else(|| place(k, step), |places| places[k][usize::from(step)])
         });
     }
     let tables = [meta.scales.table(0)?, meta.scales.table(1)?, meta.scales.table(2)?];
@@ -226,11 +232,10 @@ fn read_with(files: Files, meta: &[u8]) -> Result<Scene, Problem> {
         *log_scale = std::array::from_fn(|k| tables[k].get(bytes[k]));
     }
     for (quat, [a, b, c, mode]) in splats.quats.iter_mut().zip(&quats) {
-        let rest = [a, b, c].map(|v| (f32::from(*v) / 255.0 - 0.5) * std::f32::consts::SQRT_2);
         let largest = usize::from(mode.checked_sub(252).ok_or_else(|| {
             fault(format!("a pixel of the rotations has alpha {mode}, 252 to 255 are known"))
         })?);
-        *quat = from_smallest_three(largest, rest);
+        *quat = from_bytes(largest, [*a, *b, *c]);
     }
     let tables = [meta.sh0.table(0)?, meta.sh0.table(1)?, meta.sh0.table(2)?];
     let opacities = if meta.sh0.codebook.is_empty() { Some(meta.sh0.table(3)?) } else { None };

@@ -1,29 +1,65 @@
-//! Writing, version 2.
+//! Writing, version 2: what a writer may choose.
+//!
+//! - **Order**: along a Morton curve through the positions as they are stored, so that pixels beside each other have the same upper bytes.
+//! - **Tables**: of scales, errors count by the scale, since what is large is seen (7 dB of a street's pictures against equal weights).
+//! - **Axes**: an ellipsoid has six quaternions that differ by which axis is called which. The one is written whose rounding to bytes moves
+//!   the ellipsoid least (`rotation.rs`; 5 dB).
 
 use super::{
     Problem,
     palette::{Codebook, Palette},
+    rotation::Rounded,
+    webp::{self, MAX_SIDE},
 };
 use crate::{
     Rasterization, Scene,
     formats::{
-        NamedFile,
-        pack::{byte_of_logit, ranged, smallest_three, unit, unorm},
+        FileSink, NamedFile,
+        pack::{byte_of_logit, ranged},
     },
     morton,
 };
-use image_webp::{ColorType, WebPEncoder};
 use serde_json::json;
 
-/// Most pixels of a side of a WebP.
-const MAX_SIDE: usize = 16_383;
 /// Entries of a row of the palette of SH.
 const ENTRIES: usize = 64;
 /// Most entries of the palette.
 const MAX_ENTRIES: usize = 1 << 16;
 
-/// The files of a scene, `meta.json` last.
-pub(super) fn files(scene: &Scene) -> Result<Vec<NamedFile>, Problem> {
+/// How means are stored: in 16 bits of the range of each coordinate's curve.
+pub(in crate::formats) struct Steps {
+    mins: [f32; 3],
+    maxs: [f32; 3],
+}
+
+impl Steps {
+    pub fn for_means(means: &[[f32; 3]]) -> Self {
+        let (mut mins, mut maxs) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for mean in means {
+            for k in 0..3 {
+                let curved = Self::curved(mean[k]);
+                (mins[k], maxs[k]) = (mins[k].min(curved), maxs[k].max(curved));
+            }
+        }
+        Self { mins, maxs }
+    }
+
+    fn curved(v: f32) -> f32 {
+        if v.is_finite() { v.signum() * v.abs().ln_1p() } else { 0.0 }
+    }
+
+    pub fn of(&self, mean: [f32; 3]) -> [u16; 3] {
+        std::array::from_fn(|k| ranged(Self::curved(mean[k]), self.mins[k], self.maxs[k], 65_535) as u16)
+    }
+}
+
+/// Indices of splats, of which these are the steps, in the order in which they are written.
+pub(in crate::formats) fn order(steps: &[[u16; 3]]) -> Vec<u32> {
+    morton::sorted(steps.iter().map(|step| morton::code(step.map(u64::from))))
+}
+
+/// Gives `file` the files of a scene, `meta.json` last.
+pub(super) fn files(scene: &Scene, file: &mut FileSink) -> Result<(), Problem> {
     let splats = &scene.splats;
     if let Some(fault) = scene.metadata.fault() {
         return Err(Problem::Value(format!("not written: {fault}")));
@@ -35,45 +71,35 @@ pub(super) fn files(scene: &Scene) -> Result<Vec<NamedFile>, Problem> {
             "too many splats for one SOG, whose pictures are at most 16383 pixels wide".into(),
         ));
     }
-    let order = morton::order(&splats.means);
-    let mut files = Vec::new();
-    // The writer says how each splat's pixel looks.
+    let range = Steps::for_means(&splats.means);
+    let steps: Vec<[u16; 3]> = splats.means.iter().map(|mean| range.of(*mean)).collect();
+    let order = order(&steps);
+    // Of each splat the writer says how its pixel looks.
     let mut picture = |name, pixel: &dyn Fn(usize) -> [u8; 4]| {
         let pixels = order.iter().map(|index| pixel(*index as usize));
-        files.push(NamedFile { name, bytes: webp(pixels, count, width)? });
-        Ok::<(), Problem>(())
+        file(NamedFile { name, bytes: encoded(pixels, width) })
     };
 
-    let curved = |v: f32| if v.is_finite() { v.signum() * v.abs().ln_1p() } else { 0.0 };
-    let (mut mins, mut maxs) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for mean in &splats.means {
-        for k in 0..3 {
-            mins[k] = mins[k].min(curved(mean[k]));
-            maxs[k] = maxs[k].max(curved(mean[k]));
-        }
-    }
-    let position = |index: usize| -> [[u8; 2]; 3] {
-        let mean = splats.means[index];
-        std::array::from_fn(|k| (ranged(curved(mean[k]), mins[k], maxs[k], 65_535) as u16).to_le_bytes())
-    };
     for (name, byte) in [("means_l.webp", 0), ("means_u.webp", 1)] {
         picture(name, &|index| {
-            let [x, y, z] = position(index).map(|bytes| bytes[byte]);
+            let [x, y, z] = steps[index].map(|step| step.to_le_bytes()[byte]);
             [x, y, z, 255]
         })?;
     }
-    let scales = Codebook::of(splats.log_scales.as_flattened().iter().copied());
+    drop(steps);
+    let ellipsoids = splats.quats.iter().zip(&splats.log_scales);
+    let rotations: Vec<Rounded> =
+        ellipsoids.map(|(quat, log_scale)| Rounded::best(*quat, *log_scale)).collect();
+    let scales = Codebook::of(splats.log_scales.as_flattened().iter().copied(), f64::exp);
     picture("scales.webp", &|index| {
-        let [x, y, z] = splats.log_scales[index].map(|v| scales.index(v));
+        let [x, y, z] = rotations[index].axes().map(|axis| scales.index(splats.log_scales[index][axis]));
         [x, y, z, 255]
     })?;
-    picture("quats.webp", &|index| {
-        let (largest, rest) = smallest_three(unit(splats.quats[index]));
-        let [x, y, z] = rest.map(|v| unorm(v * std::f32::consts::FRAC_1_SQRT_2 + 0.5, 255) as u8);
-        [x, y, z, 252 + largest as u8]
-    })?;
+    picture("quats.webp", &|index| rotations[index].pixel)?;
+    drop(rotations);
     let stride = splats.sh_stride();
-    let colors = Codebook::of(splats.sh.chunks_exact(stride).flat_map(|sh| sh[..3].iter().copied()));
+    let even = |_| 1.0;
+    let colors = Codebook::of(splats.sh.chunks_exact(stride).flat_map(|sh| sh[..3].iter().copied()), even);
     picture("sh0.webp", &|index| {
         let [r, g, b] = [0, 1, 2].map(|k| colors.index(splats.sh_of(index)[k]));
         [r, g, b, byte_of_logit(splats.logit_opacities[index])]
@@ -83,7 +109,7 @@ pub(super) fn files(scene: &Scene) -> Result<Vec<NamedFile>, Problem> {
         "asset": { "generator": concat!("weather-magician ", env!("CARGO_PKG_VERSION")) },
         "count": count,
         "antialias": scene.metadata.rasterization == Some(Rasterization::Antialiased),
-        "means": { "mins": mins, "maxs": maxs, "files": ["means_l.webp", "means_u.webp"] },
+        "means": { "mins": range.mins, "maxs": range.maxs, "files": ["means_l.webp", "means_u.webp"] },
         "scales": { "codebook": &scales.values[..], "files": ["scales.webp"] },
         "quats": { "files": ["quats.webp"] },
         "sh0": { "codebook": &colors.values[..], "files": ["sh0.webp"] },
@@ -101,14 +127,13 @@ pub(super) fn files(scene: &Scene) -> Result<Vec<NamedFile>, Problem> {
             let [low, high] = palette.labels[index].to_le_bytes();
             [low, high, 0, 255]
         })?;
-        let values = Codebook::of(palette.entries.iter().copied());
+        let values = Codebook::of(palette.entries.iter().copied(), even);
         let pixels = palette.entries.chunks_exact(3).map(|rgb| {
             let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(|v| values.index(v));
             [r, g, b, 255]
         });
         let (entries, coefficients) = (palette.entries.len() / size, size / 3);
-        let bytes = webp(pixels, entries * coefficients, ENTRIES * coefficients)?;
-        files.push(NamedFile { name: "shN_centroids.webp", bytes });
+        file(NamedFile { name: "shN_centroids.webp", bytes: encoded(pixels, ENTRIES * coefficients) })?;
         meta["shN"] = json!({
             "count": entries,
             "bands": splats.sh_degree,
@@ -116,26 +141,13 @@ pub(super) fn files(scene: &Scene) -> Result<Vec<NamedFile>, Problem> {
             "files": ["shN_centroids.webp", "shN_labels.webp"],
         });
     }
-    files.push(NamedFile { name: "meta.json", bytes: meta.to_string().into_bytes() });
-    Ok(files)
+    file(NamedFile { name: "meta.json", bytes: meta.to_string().into_bytes() })
 }
 
-/// A lossless picture of `width` for `count` pixels, the rest of its last rows empty.
-fn webp(pixels: impl Iterator<Item = [u8; 4]>, count: usize, width: usize) -> Result<Vec<u8>, Problem> {
-    let height = count.div_ceil(width).max(1);
-    let mut rgba = Vec::with_capacity(width * height * 4);
-    rgba.extend(pixels.flatten());
-    rgba.resize(width * height * 4, 255);
-    let opaque = rgba.as_chunks::<4>().0.iter().all(|pixel| pixel[3] == 255);
-    let mut bytes = Vec::new();
-    let encoder = WebPEncoder::new(&mut bytes);
-    let (data, kind) = if opaque {
-        let rgb = rgba.as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
-        (rgb, ColorType::Rgb8)
-    } else {
-        (rgba, ColorType::Rgba8)
-    };
-    let encoded = encoder.encode(&data, width as u32, height as u32, kind);
-    encoded.map_err(|error| Problem::Value(format!("not written: {error}")))?;
-    Ok(bytes)
+/// A picture of `width`; the last pixel fills its last row.
+fn encoded(pixels: impl Iterator<Item = [u8; 4]>, width: usize) -> Vec<u8> {
+    let mut pixels: Vec<_> = pixels.collect();
+    let last = pixels.last().copied().unwrap_or_default();
+    pixels.resize(pixels.len().next_multiple_of(width), last);
+    webp::encode(&pixels, width)
 }

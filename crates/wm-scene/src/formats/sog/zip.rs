@@ -9,7 +9,7 @@ use crate::{
         bytes::{check_unpacked, unpack_exact},
     },
 };
-use flate2::{Crc, bufread::DeflateDecoder};
+use sirocco::inflate;
 use std::io::Write;
 
 const LOCAL: u32 = 0x0403_4b50;
@@ -71,16 +71,18 @@ impl<'a> Archive<'a> {
             8 => {
                 check_unpacked(u64::from(entry.unpacked), packed.len() as u64, name)?;
                 let mut content = vec![0; entry.unpacked as usize];
-                unpack_exact(&mut DeflateDecoder::new(packed), &mut content, name)?;
+                unpack_exact(
+                    &mut inflate::Reader::new(sirocco::Format::Deflate, packed),
+                    &mut content,
+                    name,
+                )?;
                 content
             }
             method => {
                 return Err(damaged(&format!("is packed by method {method}; stored and deflated are read")));
             }
         };
-        let mut crc = Crc::new();
-        crc.update(&content);
-        if crc.sum() != entry.crc {
+        if crc32fast::hash(&content) != entry.crc {
             return Err(damaged("is damaged: its checksum does not fit"));
         }
         Ok(Some(content))
@@ -122,47 +124,68 @@ fn directory(bytes: &[u8]) -> Option<Vec<Entry<'_>>> {
     Some(entries)
 }
 
-/// Writes files as an archive. Their time is the first that ZIP knows, so that equal scenes give equal bytes.
-///
-/// # Errors
-/// If `out` fails or an archive cannot hold so much.
-pub(super) fn write(out: &mut dyn Write, files: &[NamedFile]) -> Result<(), Problem> {
-    /// 1980-01-01 00:00.
-    const TIME: [u8; 4] = [0, 0, 0x21, 0];
-    let mut central = Vec::new();
-    let mut at = 0u64;
-    for file in files {
+/// Writes an archive, file after file. Their time is the first that ZIP knows, so that equal scenes give equal bytes.
+pub(super) struct Writer<'a> {
+    out: &'a mut dyn Write,
+    central: Vec<u8>,
+    /// Bytes written.
+    at: u64,
+    count: u16,
+}
+
+impl<'a> Writer<'a> {
+    /// Begins an archive.
+    pub fn new(out: &'a mut dyn Write) -> Self {
+        Self { out, central: Vec::new(), at: 0, count: 0 }
+    }
+
+    /// Adds a file.
+    ///
+    /// # Errors
+    /// If `out` fails or an archive cannot hold so much.
+    pub fn add(&mut self, file: &NamedFile) -> Result<(), Problem> {
+        /// 1980-01-01 00:00.
+        const TIME: [u8; 4] = [0, 0, 0x21, 0];
         let size = file.bytes.len() as u64;
-        if at + size > u64::from(u32::MAX) {
+        if self.at + size > u64::from(u32::MAX) {
             return Err(Problem::Value("too many splats for one .sog: write a folder, OUT/meta.json".into()));
         }
-        let mut crc = Crc::new();
-        crc.update(&file.bytes);
         // Version 2.0, no flags, stored.
         let mut shared = vec![20, 0, 0, 0, 0, 0];
         shared.extend(TIME);
-        shared.extend([crc.sum(), size as u32, size as u32].into_iter().flat_map(u32::to_le_bytes));
+        shared.extend(
+            [crc32fast::hash(&file.bytes), size as u32, size as u32].into_iter().flat_map(u32::to_le_bytes),
+        );
         shared.extend((file.name.len() as u16).to_le_bytes());
         shared.extend([0, 0]);
-        out.write_all(&LOCAL.to_le_bytes())?;
-        out.write_all(&shared)?;
-        out.write_all(file.name.as_bytes())?;
-        out.write_all(&file.bytes)?;
-        central.extend(CENTRAL.to_le_bytes());
-        central.extend([20, 0]);
-        central.extend(shared);
+        self.out.write_all(&LOCAL.to_le_bytes())?;
+        self.out.write_all(&shared)?;
+        self.out.write_all(file.name.as_bytes())?;
+        self.out.write_all(&file.bytes)?;
+        self.central.extend(CENTRAL.to_le_bytes());
+        self.central.extend([20, 0]);
+        self.central.extend(shared);
         // No comment, disk 0, no attributes.
-        central.extend([0; 10]);
-        central.extend((at as u32).to_le_bytes());
-        central.extend(file.name.as_bytes());
-        at += 30 + file.name.len() as u64 + size;
+        self.central.extend([0; 10]);
+        self.central.extend((self.at as u32).to_le_bytes());
+        self.central.extend(file.name.as_bytes());
+        self.at += 30 + file.name.len() as u64 + size;
+        self.count += 1;
+        Ok(())
     }
-    out.write_all(&central)?;
-    let count = (files.len() as u16).to_le_bytes();
-    let mut end = END.to_le_bytes().to_vec();
-    end.extend([0, 0, 0, 0, count[0], count[1], count[0], count[1]]);
-    end.extend((central.len() as u32).to_le_bytes());
-    end.extend((at as u32).to_le_bytes());
-    end.extend([0, 0]);
-    Ok(out.write_all(&end)?)
+
+    /// Ends the archive.
+    ///
+    /// # Errors
+    /// If `out` fails.
+    pub fn finish(self) -> Result<(), Problem> {
+        self.out.write_all(&self.central)?;
+        let count = self.count.to_le_bytes();
+        let mut end = END.to_le_bytes().to_vec();
+        end.extend([0, 0, 0, 0, count[0], count[1], count[0], count[1]]);
+        end.extend((self.central.len() as u32).to_le_bytes());
+        end.extend((self.at as u32).to_le_bytes());
+        end.extend([0, 0]);
+        Ok(self.out.write_all(&end)?)
+    }
 }
