@@ -129,6 +129,11 @@ pub fn water(kind: Kind, diameter: f64) -> f64 {
     }
 }
 
+/// Diameter when melted, mm, of a flake by the diameter that is seen, mm.
+pub fn melted(diameter: f64) -> f64 {
+    (water(Kind::Snow, diameter) * 6.0 / std::f64::consts::PI).cbrt()
+}
+
 /// Slope of the spectrum by diameter (of flakes when melted), 1/mm: Marshall and Palmer (1948), Sekhon and Srivastava (1970).
 pub fn slope(kind: Kind, rate: f64) -> f64 {
     match kind {

@@ -155,7 +155,12 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         shown = picture;
     }
     let mut finding = Finding::default();
-    let mut series = Vec::new();
+    let farthest = boards.metres.iter().copied().fold(0.0, f64::max);
+    let law = (0..=60).map(|k| farthest * f64::from(k) / 60.0);
+    let mut series = vec![Series::line(
+        "5 % at the range asked for green",
+        law.map(|s| [s, (-MOR_DEPTH * s / asked[1]).exp()]).collect(),
+    )];
     for (channel, name) in ["red", "green", "blue"].into_iter().enumerate() {
         let points: Vec<[f64; 2]> = boards
             .metres
@@ -171,16 +176,11 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
             unit: "m",
             asked: asked[channel],
             measured,
+            standard_error: None,
             tolerance: Tolerance::Relative(0.03),
         });
         series.push(Series::points(name, points.iter().map(|[x, y]| [*x, (-y).exp()]).collect()));
     }
-    let farthest = boards.metres.iter().copied().fold(0.0, f64::max);
-    let law = (0..=60).map(|k| farthest * f64::from(k) / 60.0);
-    series.push(Series::line(
-        "5 % at the range asked",
-        law.map(|s| [s, (-MOR_DEPTH * s / asked[1]).exp()]).collect(),
-    ));
     finding.plots.push(Plot {
         title: format!("Contrast left, {}", probe.setting),
         x: Axis::linear("distance of the board, m"),

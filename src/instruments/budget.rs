@@ -141,6 +141,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         unit: "mm",
         asked: came - melted,
         measured: volume / area * SETTLED,
+        standard_error: None,
         tolerance: Tolerance::Absolute(0.01 * came),
     });
     let camera = level.camera((480, 320), 45.0, [-8.0, -6.5, 4.5], [0.0, 0.0, 0.4])?;

@@ -180,7 +180,15 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let mut finding = Finding::default();
     let mut add = |quantity: String, unit, asked, measured, tolerance| {
         let setting = probe.setting.to_owned();
-        finding.readings.push(Reading { quantity, setting, unit, asked, measured, tolerance });
+        finding.readings.push(Reading {
+            quantity,
+            setting,
+            unit,
+            asked,
+            measured,
+            standard_error: None,
+            tolerance,
+        });
     };
     let (bare_pairs, pairs) = (bare[0].pairs(&bare[1]), seen[0].pairs(&seen[1]));
     let size = seen[0].size();

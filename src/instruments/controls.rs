@@ -2,10 +2,13 @@
 //!
 //! Counts say nothing of a picture (fewer, larger flakes may cover more), so what is measured is what is seen: the share of light that
 //! fog takes, the coverage of what falls, the ground that snow whitens, how red dust is, how far streaks lean. Every
-//! step must move it the same way.
+//! step must move it the same way. A lean is measured in the open beside the place, as by the streaks' instrument, to each side
+//! with its standard error: a place may lie in the lee of what stands there.
 
+use super::drops::{Catch, Drop};
 use super::{
-    Finding, Instrument, PARTICLES, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, clear, mean,
+    Finding, Instrument, Level, PARTICLES, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked,
+    clear, mean, median, streaks,
 };
 use crate::media::Size;
 use crate::media::sheet::{Layout, Panel, sheet};
@@ -24,7 +27,8 @@ pub const INSTRUMENT: Instrument = Instrument {
     title: "Controllability",
     about: "The paper's controls, each turned up in five steps on the place itself: fog intensity, opacity, size and number of what falls, \
             snowfall, depth of the cover, colour of dust, direction and speed of the wind. What is measured is what is seen - \
-            light lost, coverage, whitened ground, colour, lean of the streaks - and every step must move it the same way.",
+            light lost, coverage, whitened ground, colour, lean of the streaks, from the left of the picture to its right, in the open beside \
+            the place - and every step must move it the same way. A place in the lee of a tower may be dry all the same.",
     // A sheet is of no weather but its own.
     applies: |_, _| false,
     read,
@@ -76,6 +80,9 @@ impl Seen {
 const STREAKS: &[&str] =
     &["rain.rate=60", "rain.exposure=0.006", "rain.size=2", "rain.opacity=4", "wind.gusts=0", "wind.speed=6"];
 
+/// The direction of the wind. It is turned from the right of the picture, so that streaks lean alike in any view.
+const TURN: &str = "wind.direction";
+
 #[rustfmt::skip]
 const CONTROLS: [Control; 9] = [
     Control { name: "fog intensity", base: &[], key: "fog.mor", values: ["1000", "400", "150", "60", "25"], seen: Seen::Lost },
@@ -89,36 +96,57 @@ const CONTROLS: [Control; 9] = [
     Control { name: "cover depth", base: &[], key: "snow_cover.depth", values: ["0.002", "0.006", "0.02", "0.08", "0.3"], seen: Seen::Whitened },
     Control { name: "dust colour", base: &["dust_cover.depth=0.05", "haze.mor=800", "haze.airlight=#d8b888"], key: "dust_cover.color",
         values: ["#b8b4ae", "#b8a890", "#b89c74", "#b89058", "#b8803c"], seen: Seen::Redness },
-    Control { name: "wind direction", base: STREAKS, key: "wind.direction", values: ["180", "135", "90", "45", "0"], seen: Seen::Lean },
-    Control { name: "wind speed", 
-        base: &["rain.rate=60", "rain.exposure=0.006", "rain.size=2", "rain.opacity=4", "wind.gusts=0", "wind.direction=0"], key: "wind.speed",
-        values: ["0", "2", "4", "8", "14"], seen: Seen::Lean },
+    Control { name: "wind direction", base: STREAKS, key: TURN, values: ["180", "135", "90", "45", "0"], seen: Seen::Lean },
+    Control { name: "wind speed", base: STREAKS, key: "wind.speed", values: ["0", "2", "4", "8", "14"], seen: Seen::Lean },
 ];
 
 /// Width of a picture of the sheet, px.
 const WIDTH: u32 = 320;
 /// Change of linear light that tells cover.
 const WHITENED: f64 = 0.02;
+/// Slabs of air in which a lean is measured.
+const SLABS: usize = 2;
+/// How far the lean may be off that of drops of their size in this wind, degrees: as for the streaks.
+const OFF: f64 = 1.5;
+/// Standard errors by which a step must be seen.
+const SIGNIFICANT: f64 = 3.0;
 
 fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let [camera, _] = rig.views()?;
+    let heading = Level::of(&rig.site()).heading(camera.rotation().row(0));
     let height = (f64::from(WIDTH) * f64::from(camera.height) / f64::from(camera.width)).round().max(1.0);
     let camera = camera.resized(WIDTH, height as u32);
     let bare = draw(rig, &camera, (&clear(), probe.time), &[])?;
     let mut finding = Finding::default();
     let mut rows: Vec<(Frame, String)> = Vec::new();
     for control in &CONTROLS {
-        let mut points = Vec::new();
+        let (mut points, mut errors) = (Vec::new(), Vec::new());
         for (step, value) in control.values.iter().enumerate() {
             let mut weather = probe.with(control.base)?;
-            weather.set(&format!("{}={value}", control.key))?;
+            let turn = if control.key == TURN { value.parse()? } else { 0.0 };
+            let direction = format!("{TURN}={:.0}", (heading + turn).rem_euclid(360.0));
+            let change = match control.key {
+                TURN => direction.clone(),
+                key => format!("{key}={value}"),
+            };
+            if control.seen == Seen::Lean {
+                weather.set(&direction)?;
+            }
+            weather.set(&change)?;
             let passes: &[Pass] = if control.seen == Seen::Lost { &[Pass::Transmittance] } else { &[] };
             let picture = draw(rig, &camera, (&weather, probe.time), passes)?;
-            points.push([(step + 1) as f64, measured(control.seen, &picture, &bare)]);
-            rows.push((picture.frame, format!("{}={value}", control.key)));
+            let [value, error] = match measured(control.seen, &picture, &bare) {
+                Some(value) => [value, 0.0],
+                None => lean(rig, (&weather, probe.time), heading)?,
+            };
+            points.push([(step + 1) as f64, value]);
+            errors.push(error);
+            rows.push((picture.frame, change));
         }
-        let rising = points.windows(2).filter(|pair| pair[1][1] > pair[0][1]).count();
-        let falling = points.windows(2).filter(|pair| pair[1][1] < pair[0][1]).count();
+        let rising = (1..STEPS).filter(|k| {
+            let chance = SIGNIFICANT * f64::hypot(errors[k - 1], errors[*k]);
+            points[*k][1] - points[k - 1][1] > chance
+        });
         finding.readings.push(Reading {
             quantity: format!(
                 "steps that raise the {}: {} to {}",
@@ -129,8 +157,8 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
             setting: control.name.to_owned(),
             unit: "",
             asked: (STEPS - 1) as f64,
-            // A lean is counted from one side, whichever the view has.
-            measured: if control.seen == Seen::Lean { rising.max(falling) } else { rising } as f64,
+            measured: rising.count() as f64,
+            standard_error: None,
             tolerance: Tolerance::Absolute(0.0),
         });
         finding.plots.push(Plot {
@@ -152,7 +180,8 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
 }
 
 /// What the sheet is called in a report.
-pub const SHEET: &str = "The sheet: a control a row, turned up from left to right";
+pub const SHEET: &str = "The sheet: a control a row, turned up from left to right. Where wind shows no rain, the view lies in the lee of what \
+                         stands there";
 
 fn short(value: f64) -> String {
     if value.abs() < 1.0 { format!("{value:.4}") } else { format!("{value:.1}") }
@@ -172,33 +201,42 @@ fn draw(
     Ok(picture)
 }
 
-/// What is seen in a picture, beside the same in clear air.
-fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> f64 {
+/// What is seen in a picture, beside the same in clear air; `None` for a lean, which is measured in the open.
+fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> Option<f64> {
     let pixels = picture.frame.pixels();
-    let coverage = || picture.frame.particles.iter().skip(3).step_by(4).map(|v| f64::from(*v));
     let light = |picture: &Picture, at: usize| -> [f64; 3] {
         std::array::from_fn(|k| srgb_decode(f64::from(picture.frame.rgb[3 * at + k])))
     };
     let change = |at: usize| mean((0..3).map(|k| (light(picture, at)[k] - light(bare, at)[k]).abs()));
     match seen {
-        Seen::Lost => 1.0 - mean(picture.passes.transmittance.iter().map(|v| f64::from(*v))),
-        Seen::Coverage => mean(coverage()),
-        Seen::Whitened => mean((0..pixels).map(change).map(|change| f64::from(u8::from(change > WHITENED)))),
+        Seen::Lost => Some(1.0 - mean(picture.passes.transmittance.iter().map(|v| f64::from(*v)))),
+        Seen::Coverage => {
+            Some(mean(picture.frame.particles.iter().skip(3).step_by(4).map(|v| f64::from(*v))))
+        }
+        Seen::Whitened => Some(mean((0..pixels).map(|at| f64::from(u8::from(change(at) > WHITENED))))),
         Seen::Redness => {
             let covered = (0..pixels).filter(|at| change(*at) > WHITENED).map(|at| light(picture, at));
-            mean(covered.map(|[r, _, b]| r - b))
+            Some(mean(covered.map(|[r, _, b]| r - b)))
         }
-        Seen::Lean => lean(&coverage().collect::<Vec<_>>(), picture.frame.width as usize),
+        Seen::Lean => None,
     }
 }
 
-/// The lean of what a picture's gradients stand across, degrees from upright: its structure tensor.
-fn lean(coverage: &[f64], width: usize) -> f64 {
-    let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
-    for at in width + 1..coverage.len().saturating_sub(width + 1) {
-        let dx = coverage[at + 1] - coverage[at - 1];
-        let dy = coverage[at + width] - coverage[at - width];
-        (xx, yy, xy) = (xx + dx * dx, yy + dy * dy, xy + dx * dy);
-    }
-    (0.5 * f64::atan2(2.0 * xy, xx - yy)).to_degrees()
+/// How streaks lean in the open, degrees, and its standard error; not a number where the law says that they lean otherwise.
+///
+/// In the air as it is at the place, but for what shelters it: in the lee of a tower no rain is to be seen, and says nothing of its
+/// lean.
+fn lean(rig: &mut dyn Rig, (weather, time): (&Weather, f64), heading: f64) -> Result<[f64; 2]> {
+    let look = streaks::look(weather, time)?.turned(heading);
+    let mut caught = Catch::default();
+    look.take(rig, time, SLABS, &mut caught)?;
+    let degrees = |drop: &Drop| drop.blob.angle.to_degrees();
+    let law = |drop: &Drop| f64::atan2(look.across, asked::gunn_kinzer(drop.diameter)).to_degrees();
+    let off = median(streaks::long(&caught).map(|drop| degrees(drop) - law(drop)).collect());
+    let leans: Vec<f64> = streaks::long(&caught).map(degrees).collect();
+    let middle = median(leans.clone());
+    // Of a median of n that are spread as a normal distribution is.
+    let spread = 1.483 * median(leans.iter().map(|lean| (lean - middle).abs()).collect());
+    let error = 1.253 * spread / (leans.len() as f64).sqrt();
+    Ok(if off.abs() < OFF { [middle, error] } else { [f64::NAN; 2] })
 }

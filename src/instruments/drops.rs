@@ -3,10 +3,10 @@
 //! The slab lies between the camera's near plane and a black board, so that each drop in a picture is at a known depth, and
 //! the air of each pixel has a known volume. The shutter is open for 10 us: drops stand still. What one hides, the sum of
 //! its coverage, is its area and so its diameter; a second picture a moment later tells how fast it goes. Nothing is taken from the
-//! lists of drops of the renderer: two drops that touch in a picture count as one, 1 % of them.
+//! lists of drops of the renderer.
 
-use super::blobs::{Blob, blobs};
-use super::{Level, PARTICLES, Probe, Rig, Shot, Shown, asked};
+use super::blobs::{Blob, Parting, blobs};
+use super::{Level, PARTICLES, Rig, Shot, Shown, asked};
 use crate::parts::Picture;
 use anyhow::Result;
 use std::f64::consts::PI;
@@ -48,6 +48,8 @@ pub struct Slab {
     pub fastest: f64,
     /// Every so many-th picture has a second one, a moment later.
     pub pairs: usize,
+    /// What makes one drop.
+    pub parting: Parting,
 }
 
 impl Slab {
@@ -64,10 +66,9 @@ impl Slab {
         [self.depth - 0.5 * self.thickness, self.depth + 0.5 * self.thickness]
     }
 
-    /// The camera that stands at a place, level coordinates, and looks across the wind, and the board behind the slab.
+    /// The camera that stands at a place, level coordinates, its right along a heading.
     fn camera(&self, level: &Level, eye: [f64; 3], heading: f64) -> Result<Camera> {
         let (sin, cos) = heading.to_radians().sin_cos();
-        // Its right is where the wind blows to.
         let hand = level.hand();
         let target = [eye[0] - hand * sin, eye[1] + hand * cos, eye[2]];
         let fov = 2.0 * (0.5 * f64::from(self.size) / (self.scale * self.depth)).atan().to_degrees();
@@ -113,6 +114,8 @@ pub struct Drop {
     pub velocity: Option<[f64; 2]>,
     /// In the first picture.
     pub blob: Blob,
+    /// Which picture.
+    pub picture: usize,
 }
 
 /// The drops of several pictures.
@@ -121,61 +124,101 @@ pub struct Catch {
     pub drops: Vec<Drop>,
     /// Air that was looked at, m^3.
     pub volume: f64,
+    /// Pictures that were taken, without second ones.
+    pub pictures: usize,
     /// The last picture.
     pub shown: Option<Shown>,
 }
 
-/// Looks at a slab from `pictures` places, in the weather as it is but for gusts and `changes`, among them the opacity of what
-/// falls.
-pub fn catch(
-    rig: &mut dyn Rig,
-    probe: &Probe<'_>,
-    kind: Kind,
-    (slab, pictures, changes, opacity): (&Slab, usize, &[&str], f64),
-) -> Result<Catch> {
-    let other = match kind {
-        Kind::Rain => "snowfall=off",
-        Kind::Snow => "rain=off",
-    };
-    let mut weather = probe.with(changes)?;
-    weather.set(other)?;
-    let number = |param: &str| asked::number(&weather, probe.time, "wind", param);
-    let (wind, heading) = (number("speed").unwrap_or(0.0), number("direction").unwrap_or(0.0));
-    if wind > 0.0 {
-        weather.set("wind.gusts=0")?;
-    }
-    let level = Level::of(&rig.site());
-    let (mut caught, mut picture) = (Catch::default(), Picture::default());
-    for index in 0..pictures {
-        // Places so far apart that none shows a drop of another.
-        let eye = [40.0 * (index % 8) as f64, 40.0 * (index / 8) as f64, 2.0];
-        let camera = slab.camera(&level, eye, heading)?;
-        let board = rig.set_up(slab.board(&level, &camera))?;
-        let mut seen = |time: f64, picture: &mut Picture| {
-            let outputs = PARTICLES;
-            rig.draw(
-                &Shot { subject: board, camera: &camera, weather: &weather, time, outputs, passes: &[] },
-                picture,
-            )?;
-            anyhow::Ok(blobs(&picture.frame.particles, slab.size as usize))
+/// How slabs are looked at.
+#[derive(Clone, Debug)]
+pub struct Look {
+    pub slab: Slab,
+    weather: Weather,
+    /// Factor on what a drop hides.
+    opacity: f64,
+    /// Where the right of a picture is, as a direction of the wind, degrees.
+    heading: f64,
+    /// The wind along it, m/s.
+    pub across: f64,
+    /// The first of the places to look from.
+    first: usize,
+}
+
+impl Look {
+    /// Across the wind, in a weather as it is but for gusts, other kinds that fall and the size and opacity of what falls.
+    pub fn new(weather: &Weather, time: f64, kind: Kind, slab: Slab, opacity: f64) -> Result<Self> {
+        let other = match kind {
+            Kind::Rain => Kind::Snow,
+            Kind::Snow => Kind::Rain,
         };
-        let is_pair = index % slab.pairs == 0;
-        let second = if is_pair { seen(probe.time + slab.apart, &mut picture)? } else { Vec::new() };
-        let first = seen(probe.time, &mut picture)?;
-        for blob in first.into_iter().filter(|blob| slab.holds(blob)) {
-            let diameter = 2e3 * (blob.cover / opacity / PI).sqrt() / slab.scale;
-            caught.drops.push(Drop { diameter, velocity: again(slab, wind, &blob, &second), blob });
+        let mut weather = weather.clone();
+        weather.set(&format!("{}=off", effect(other)))?;
+        weather.set(&format!("{}.size=1", effect(kind)))?;
+        weather.set(&format!("{}.opacity={opacity}", effect(kind)))?;
+        let number = |param: &str| asked::number(&weather, time, "wind", param);
+        let (across, heading) = (number("speed").unwrap_or(0.0), number("direction").unwrap_or(0.0));
+        if across > 0.0 {
+            weather.set("wind.gusts=0")?;
         }
-        caught.volume += slab.volume();
+        Ok(Self { slab, weather, opacity, heading, across, first: 0 })
     }
-    // A part of the last picture, with faint drops to be seen.
-    let (side, first) = (slab.size as usize, (slab.size.saturating_sub(PART) / 2) as usize);
-    let part = PART.min(slab.size);
-    let pixel =
-        |x: usize, y: usize| picture.frame.particles[4 * ((first + y) * side + first + x) + 3].powf(0.45);
-    let pixels = (0..part as usize).flat_map(|y| (0..part as usize).map(move |x| (x, y)));
-    caught.shown = Some(Shown::grey(String::new(), pixels.map(|(x, y)| pixel(x, y)), (part, part)));
-    Ok(caught)
+
+    /// With the right of the pictures another way.
+    pub fn turned(self, heading: f64) -> Self {
+        let across = self.across * (self.heading - heading).to_radians().cos();
+        Self { heading, across, ..self }
+    }
+
+    /// From other places.
+    pub fn beginning_at(self, first: usize) -> Self {
+        Self { first, ..self }
+    }
+
+    /// Takes pictures at so many more places.
+    pub fn take(&self, rig: &mut dyn Rig, time: f64, pictures: usize, caught: &mut Catch) -> Result<()> {
+        let (slab, level) = (&self.slab, Level::of(&rig.site()));
+        let mut picture = Picture::default();
+        for index in caught.pictures..caught.pictures + pictures {
+            // Places so far apart that none shows a drop of another.
+            let place = self.first + index;
+            let eye = [40.0 * (place % 8) as f64, 40.0 * (place / 8) as f64, 2.0];
+            let camera = slab.camera(&level, eye, self.heading)?;
+            let board = rig.set_up(slab.board(&level, &camera))?;
+            let mut seen = |time: f64, picture: &mut Picture| {
+                let (weather, outputs) = (&self.weather, PARTICLES);
+                let shot = Shot { subject: board, camera: &camera, weather, time, outputs, passes: &[] };
+                rig.draw(&shot, picture)?;
+                anyhow::Ok(blobs(&picture.frame.particles, slab.size as usize, self.opacity, slab.parting))
+            };
+            let is_pair = index % slab.pairs == 0;
+            let second = if is_pair { seen(time + slab.apart, &mut picture)? } else { Vec::new() };
+            let first = seen(time, &mut picture)?;
+            for blob in first.into_iter().filter(|blob| slab.holds(blob)) {
+                let diameter = 2e3 * (blob.cover / self.opacity / PI).sqrt() / slab.scale;
+                let velocity = again(slab, self.across, &blob, &second);
+                caught.drops.push(Drop { diameter, velocity, blob, picture: index });
+            }
+            caught.volume += slab.volume();
+            rig.clear_away();
+        }
+        caught.pictures += pictures;
+        caught.shown = Some(self.part(&picture.frame.particles));
+        Ok(())
+    }
+
+    /// The middle of a picture, with faint drops to be seen.
+    fn part(&self, particles: &[f32]) -> Shown {
+        let (size, part) = (self.slab.size as usize, PART.min(self.slab.size));
+        let first = (size - part as usize) / 2;
+        let whole = self.opacity.min(1.0) as f32;
+        let pixel = |x: usize, y: usize| {
+            let coverage = particles[4 * ((first + y) * size + first + x) + 3];
+            (coverage / whole).min(1.0).powf(0.45)
+        };
+        let pixels = (0..part as usize).flat_map(|y| (0..part as usize).map(move |x| (x, y)));
+        Shown::grey(String::new(), pixels.map(|(x, y)| pixel(x, y)), (part, part))
+    }
 }
 
 /// How fast a drop goes, with the wind and down, m/s: the only one of its size in the second picture where it can be.

@@ -3,22 +3,30 @@
 //! Both look through slabs of air ([`super::drops`]). Water through a level plane is the sum over drops of volume times fall
 //! speed, over the air that was looked at. Of flakes the volume is that of their water, by the density of Fabry and Szyrmer.
 //!
-//! Tolerance 5 %. Chance: a few large drops carry the water, so that `n` drops of a Marshall-Palmer spectrum tell it like 0.022
-//! times as many equal ones; pictures are taken until that is 2,500, 2 %. Drops that touch in the picture are one: below 1 %.
-//! The slab's thickness makes 5 % of a diameter uncertain at most, without a bias above 0.5 % of the sum. Speeds: Brandes'
-//! formula, which the program goes by, is within 4 % of the measurements.
+//! Two lenses: a close one for what is small and many, one of half its scale for what is large and rare, which carries the
+//! water. They take pictures until the rate's standard error, by how far pictures are apart, is 1.2 %; the next pictures are
+//! those of the lens that tells least.
+//!
+//! Tolerance 5 %. What touches in a picture is parted by its peaks: left together, drops are 3 % too much, since volumes grow
+//! faster than areas, and small flakes pass for large ones, which the close lens counts already. The slab's thickness makes 5 % of
+//! a diameter uncertain at most, without a bias above 0.5 % of the sum. Flakes are drawn a hundredth as opaque as they are: their
+//! three arms lie over each other, and what one hides of another is 5 % of the water at a tenth, 1 % at a hundredth. Speeds:
+//! Brandes' formula, which the program goes by, is within 4 % of the measurements.
 
-use super::drops::{Catch, Drop, Slab, catch, effect, main_kind};
+use super::blobs::Parting;
+use super::drops::{Catch, Drop, Look, Slab, effect, main_kind};
 use super::{Finding, Instrument, Probe, Reading, Rig, Tolerance, asked, mean, median};
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
+use std::ops::Range;
 use wm_weather::particles::Kind;
 
 /// The instrument.
 pub const INSTRUMENT: Instrument = Instrument {
     name: "gauge",
     title: "Rain gauge and disdrometer",
-    about: "A probe camera looks through slabs of air of known volume, 10 m away, with a shutter of 10 us. What a drop hides is its \
+    about: "A probe camera looks through slabs of air of known volume, 10 m away, with a shutter of 10 us: through a close lens at what is \
+            small, through a wide one at what is large and rare. What a drop hides is its \
             area and so its diameter and its water; where it is a moment later is its speed. Gauge: the sum of water times speed over the \
             volume of air; of snow with the water that a flake of its width holds. Disdrometer: by how much drops above 0.7 mm are wider than that in the mean, \
             against the spectrum of Marshall and Palmer; and in classes of a quarter of a millimetre speed over what Gunn and Kinzer measured, \
@@ -42,67 +50,134 @@ const SWEEP: &[&[&str]] = &[
     &["snowfall.rate=5"],
 ];
 
-/// Equal drops that tell the rate as well as all that are looked at.
-const ENOUGH: f64 = 2500.0;
-/// Share of the drops of a spectrum that are as many equal ones: `Gamma(4.67)^2 / (Gamma(8.34))` of the volume flux `D^3.67`.
-const WEIGHT: f64 = 0.022;
-/// Drops in front of a square metre of board, so that few touch.
-const CROWD: f64 = 500.0;
+/// Standard error of a rate at which pictures are enough, as a share.
+const ENOUGH: f64 = 0.012;
+/// Pictures that a lens takes at once, and most of both.
+const ROUND: usize = 9;
+const MOST: usize = 300;
+/// Drops in front of a pixel of board, so that few touch.
+const CROWD: f64 = 9e-4;
 /// How opaque flakes are drawn.
-const THIN: f64 = 0.1;
-/// Width from which flakes are told one by one, mm: fewer stand for all that are smaller in a picture.
+const THIN: f64 = 0.01;
+/// Least diameters of the two lenses, mm: drops are drawn whole (0.3 px and more), and flakes by themselves in the wide
+/// lens (1.25 px).
+const RAIN: [f64; 2] = [0.5, 1.0];
+const SNOW: [f64; 2] = [0.25, 5.0];
+/// Diameter from which the close lens sees flakes by themselves, mm: fewer stand for all that are smaller.
 const SINGLE: f64 = 2.5;
-/// Most and fewest pictures.
-const PICTURES: [f64; 2] = [18.0, 120.0];
+/// Where the places of the wide lens begin.
+const FAR: usize = 8 * 64;
+/// What slabs have in common.
+const SLAB: Slab = Slab {
+    size: 960,
+    depth: 10.0,
+    thickness: 0.0,
+    scale: 0.0,
+    margin: [0.0; 2],
+    apart: 0.0,
+    fastest: 0.0,
+    pairs: 3,
+    parting: Parting::Peaks,
+};
 
-/// Drops at a rate, mm/h, a m^3, by the published spectrum.
-fn density(kind: Kind, rate: f64) -> f64 {
-    let most = match kind {
-        Kind::Rain => 8000.0,
-        Kind::Snow => 2500.0 * rate.powf(-0.94),
+/// Drops from a diameter on, mm, at a rate, mm/h, a m^3, by the published spectrum.
+fn density(kind: Kind, rate: f64, least: f64) -> f64 {
+    let (most, least) = match kind {
+        Kind::Rain => (8000.0, least),
+        Kind::Snow => (2500.0 * rate.powf(-0.94), asked::melted(least)),
     };
-    most / asked::slope(kind, rate)
+    let slope = asked::slope(kind, rate);
+    most / slope * (-slope * least).exp()
 }
 
-/// Looks at as much air as it takes.
-fn look(rig: &mut dyn Rig, probe: &Probe<'_>, kind: Kind, rate: f64) -> Result<Catch> {
-    let all = density(kind, rate);
-    // Of rain those below 0.5 mm are no drops of the program's.
-    let there = if kind == Kind::Rain { all * (-0.5 * asked::slope(kind, rate)).exp() } else { all };
-    let thickness = (CROWD / there).clamp(0.1, 1.0);
-    let wind = asked::number(probe.weather, probe.time, "wind", "speed").unwrap_or(0.0);
-    let slab = match kind {
-        Kind::Rain => Slab {
-            size: 960,
-            depth: 10.0,
-            thickness,
-            // Drops of 0.5 mm are just drawn whole: 0.3 px and some.
-            scale: 750.0,
-            margin: [12.0 + 2.0 * wind, 30.0],
-            apart: 0.002,
-            fastest: 12.0,
-            pairs: 3,
-        },
-        Kind::Snow => Slab {
-            size: 960,
-            depth: 10.0,
-            thickness: 0.6 * thickness,
-            scale: 600.0,
-            margin: [24.0 + 8.0 * wind, 40.0],
-            apart: 0.01,
-            fastest: 3.0,
-            pairs: 3,
-        },
-    };
-    let side = f64::from(slab.size) / slab.scale;
-    let pictures = ENOUGH / (WEIGHT * all * 0.9 * side * side * slab.thickness);
-    let pictures = pictures.clamp(PICTURES[0], PICTURES[1]).round() as usize;
-    let set = |param: &str, value: &str| format!("{}.{param}={value}", effect(kind));
-    // The arms of flakes hide each other, unless they hide little.
-    let opacity = if kind == Kind::Snow { THIN } else { 1.0 };
-    let changes = [set("exposure", "0.00001"), set("size", "1"), set("opacity", &opacity.to_string())];
-    let changes = changes.each_ref().map(String::as_str);
-    catch(rig, probe, kind, (&slab, pictures, &changes, opacity))
+/// A look at the drops of some diameters, and what is seen of them.
+struct Lens {
+    look: Look,
+    /// mm.
+    diameters: Range<f64>,
+    caught: Catch,
+}
+
+impl Lens {
+    /// The close one and the wide one.
+    fn both(probe: &Probe<'_>, kind: Kind, rate: f64) -> Result<[Self; 2]> {
+        let wind = asked::number(probe.weather, probe.time, "wind", "speed").unwrap_or(0.0);
+        let mut weather = probe.weather.clone();
+        weather.set(&format!("{}.exposure=0.00001", effect(kind)))?;
+        let (opacity, [least, large], close) = match kind {
+            Kind::Rain => {
+                let margin = [12.0 + 2.0 * wind, 30.0];
+                (
+                    1.0,
+                    RAIN,
+                    Slab { scale: 750.0, thickness: 1.0, margin, apart: 0.002, fastest: 12.0, ..SLAB },
+                )
+            }
+            Kind::Snow => {
+                let margin = [24.0 + 8.0 * wind, 40.0];
+                (THIN, SNOW, Slab { scale: 600.0, thickness: 0.6, margin, apart: 0.01, fastest: 3.0, ..SLAB })
+            }
+        };
+        let lens = |least: f64, diameters: Range<f64>, wider: f64, first: usize| {
+            let scale = close.scale / wider;
+            // Those that are a little smaller are there, too, drawn in part.
+            let most = CROWD * scale * scale / density(kind, rate, 0.85 * least);
+            let thickness = most.clamp(0.1, close.thickness);
+            // Between two pictures drops go the same way in pixels.
+            let slab = Slab { scale, thickness, apart: close.apart * wider, ..close };
+            let look = Look::new(&weather, probe.time, kind, slab, opacity)?.beginning_at(first);
+            anyhow::Ok(Self { look, diameters, caught: Catch::default() })
+        };
+        Ok([lens(least, 0.0..large, 1.0, 0)?, lens(large, large..f64::INFINITY, 2.0, FAR)?])
+    }
+
+    fn take(&mut self, rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<()> {
+        self.look.take(rig, probe.time, ROUND, &mut self.caught)
+    }
+
+    fn drops(&self) -> impl Iterator<Item = &Drop> {
+        self.caught.drops.iter().filter(|drop| self.diameters.contains(&drop.diameter))
+    }
+
+    /// Water through a level plane, mm/h, and its variance by what the pictures are apart.
+    fn flux(&self, kind: Kind) -> [f64; 2] {
+        let (mut tracked, mut speed) = (0.0, 0.0);
+        for Drop { diameter, velocity, .. } in self.drops() {
+            if let Some([_, down]) = velocity {
+                let own = asked::water(kind, *diameter);
+                tracked += own;
+                speed += own * down;
+            }
+        }
+        // Those of which there is no second picture fall like the others. mm^3 a m^2 and second are 3.6e-3 mm/h.
+        let fall = if tracked > 0.0 { 3.6e-3 * speed / tracked } else { 0.0 };
+        let count = self.caught.pictures as f64;
+        let mut fluxes = vec![0.0; self.caught.pictures];
+        for drop in self.drops() {
+            fluxes[drop.picture] += fall * asked::water(kind, drop.diameter) * count / self.caught.volume;
+        }
+        let flux = mean(fluxes.iter().copied());
+        let squares: f64 = fluxes.iter().map(|own| (own - flux).powi(2)).sum();
+        [flux, squares / (count * (count - 1.0))]
+    }
+}
+
+/// Looks until the rate is told well enough; gives it with its standard error, mm/h.
+fn look(rig: &mut dyn Rig, probe: &Probe<'_>, kind: Kind, lenses: &mut [Lens; 2]) -> Result<[f64; 2]> {
+    for lens in lenses.iter_mut() {
+        lens.take(rig, probe)?;
+    }
+    loop {
+        let fluxes = lenses.each_ref().map(|lens| lens.flux(kind));
+        let [rate, variance] = [0, 1].map(|k| fluxes[0][k] + fluxes[1][k]);
+        let pictures = lenses.each_ref().map(|lens| lens.caught.pictures);
+        if variance.sqrt() <= ENOUGH * rate || pictures[0] + pictures[1] >= MOST {
+            return Ok([rate, variance.sqrt()]);
+        }
+        // What another picture would take of the variance.
+        let [close, wide] = [0, 1].map(|k| fluxes[k][1] / pictures[k] as f64);
+        lenses[usize::from(wide > close)].take(rig, probe)?;
+    }
 }
 
 /// Fall speed by diameter, as published.
@@ -120,57 +195,58 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         if rate <= 0.0 {
             continue;
         }
-        let mut caught = look(rig, probe, kind, rate)?;
+        let mut lenses = Lens::both(probe, kind, rate)?;
+        let [measured, error] = look(rig, probe, kind, &mut lenses)?;
         let reading = |quantity: &str, unit, asked, measured| Reading {
             quantity: quantity.to_owned(),
             setting: probe.setting.to_owned(),
             unit,
             asked,
             measured,
+            standard_error: None,
             tolerance: Tolerance::Relative(0.05),
         };
         let name = if kind == Kind::Rain { "rain rate" } else { "snow rate" };
-        finding.readings.push(reading(name, "mm/h", rate, flux(kind, &caught)));
-        let speeds = classes(kind, &caught);
+        finding
+            .readings
+            .push(Reading { standard_error: Some(error), ..reading(name, "mm/h", rate, measured) });
+        let speeds = classes(kind, &lenses);
         let farthest =
             speeds.iter().map(|class| class[2]).max_by(|a, b| (a - 1.0).abs().total_cmp(&(b - 1.0).abs()));
         let law = if kind == Kind::Rain { "Gunn-Kinzer's" } else { "0.8 D^0.16" };
         let quantity = format!("fall speed over {law}, farthest of {} sizes", speeds.len());
         if kind == Kind::Rain {
-            let above = caught.drops.iter().map(|drop| drop.diameter).filter(|d| *d > LEAST);
             // Of an exponential spectrum the same beyond any diameter.
             let wanted = 1.0 / asked::slope(kind, rate);
-            let beyond = mean(above.map(|d| d - LEAST));
-            finding.readings.push(reading("mean diameter beyond 0.7 mm", "mm", wanted, beyond));
-            finding.plots.push(sizes(probe, rate, &caught));
+            finding.readings.push(reading("mean diameter beyond 0.7 mm", "mm", wanted, beyond(&lenses)));
+            finding.plots.push(sizes(probe, rate, &lenses));
         }
         finding.readings.push(reading(&quantity, "", 1.0, farthest.unwrap_or(f64::NAN)));
         finding.plots.push(speeds_plot(probe, kind, &speeds));
-        if let Some(mut shown) = caught.shown.take() {
-            let (count, volume) = (caught.drops.len(), caught.volume);
-            shown.caption = format!(
-                "{}: a part of one of the slabs; {count} caught in {volume:.0} m\u{b3} of air",
-                probe.setting
-            );
-            finding.pictures.push(shown);
+        for (lens, what) in lenses.iter_mut().zip(["close", "wide"]) {
+            let (count, volume, scale) = (lens.drops().count(), lens.caught.volume, lens.look.slab.scale);
+            if let Some(mut shown) = lens.caught.shown.take() {
+                shown.caption = format!(
+                    "{}: a part of a slab in the {what} lens, {scale} px to a metre; {count} caught in {volume:.0} m\u{b3} of air",
+                    probe.setting
+                );
+                finding.pictures.push(shown);
+            }
         }
     }
     Ok(finding)
 }
 
-/// Water through a level plane, mm/h.
-fn flux(kind: Kind, Catch { drops, volume, .. }: &Catch) -> f64 {
-    let (mut tracked, mut water, mut flux) = (0.0, 0.0, 0.0);
-    for drop in drops {
-        let own = asked::water(kind, drop.diameter);
-        water += own;
-        if let Some([_, down]) = drop.velocity {
-            tracked += own;
-            flux += own * down;
+/// By how much drops above [`LEAST`] are wider than that in the mean, mm.
+fn beyond(lenses: &[Lens; 2]) -> f64 {
+    let mut sums = [0.0; 2];
+    for lens in lenses {
+        for drop in lens.drops().filter(|drop| drop.diameter > LEAST) {
+            sums[0] += (drop.diameter - LEAST) / lens.caught.volume;
+            sums[1] += 1.0 / lens.caught.volume;
         }
     }
-    // Those of which there is no second picture fall like the others. mm^3 a m^2 and second are 3.6e-3 mm/h.
-    3.6e-3 * flux / volume * water / tracked
+    sums[0] / sums[1]
 }
 
 /// Drops that sizes are told from, mm, and the width of a class of speeds.
@@ -182,9 +258,9 @@ const MEMBERS: usize = 40;
 const STRAY: f64 = 0.4;
 
 /// Classes of diameter that have enough members: mean diameter, mm, mean speed, m/s, and that over the mean by the law.
-fn classes(kind: Kind, caught: &Catch) -> Vec<[f64; 3]> {
+fn classes(kind: Kind, lenses: &[Lens; 2]) -> Vec<[f64; 3]> {
     let mut classes: Vec<Vec<[f64; 2]>> = vec![Vec::new(); 48];
-    for Drop { diameter, velocity, .. } in &caught.drops {
+    for Drop { diameter, velocity, .. } in lenses.iter().flat_map(Lens::drops) {
         let class = ((diameter - if kind == Kind::Snow { SINGLE } else { 0.5 }) / CLASS).floor();
         if let (Some([_, down]), 0.0..48.0) = (velocity, class) {
             classes[class as usize].push([*diameter, *down]);
@@ -222,14 +298,18 @@ fn speeds_plot(probe: &Probe<'_>, kind: Kind, classes: &[[f64; 3]]) -> Plot {
     }
 }
 
-fn sizes(probe: &Probe<'_>, rate: f64, caught: &Catch) -> Plot {
+fn sizes(probe: &Probe<'_>, rate: f64, lenses: &[Lens; 2]) -> Plot {
     let slope = asked::slope(Kind::Rain, rate);
-    let mut counts = [0usize; 24];
-    for drop in &caught.drops {
-        counts[(((drop.diameter - 0.5) / CLASS).floor().max(0.0) as usize).min(23)] += 1;
+    let mut numbers = [(0usize, 0.0); 24];
+    for lens in lenses {
+        for drop in lens.drops() {
+            let class = (((drop.diameter - 0.5) / CLASS).floor().max(0.0) as usize).min(23);
+            numbers[class].0 += 1;
+            numbers[class].1 += 1.0 / lens.caught.volume / CLASS;
+        }
     }
-    let full = counts.iter().enumerate().filter(|(_, count)| **count > 3);
-    let numbers = full.map(|(k, n)| [0.5 + CLASS * (k as f64 + 0.5), *n as f64 / caught.volume / CLASS]);
+    let full = numbers.iter().enumerate().filter(|(_, (count, _))| *count > 3);
+    let numbers = full.map(|(k, (_, number))| [0.5 + CLASS * (k as f64 + 0.5), *number]);
     let spectrum = law(|d| 8000.0 * (-slope * d).exp()).into_iter().filter(|p| p[1] > 0.05);
     Plot {
         title: format!("Sizes, {}", probe.setting),

@@ -111,6 +111,8 @@ pub struct Reading {
     pub asked: f64,
     /// From pictures.
     pub measured: f64,
+    /// Chance in it, in its own unit, where it is told by counting.
+    pub standard_error: Option<f64>,
     /// How far they may be apart.
     pub tolerance: Tolerance,
 }
@@ -239,6 +241,11 @@ impl Level {
     /// 1 where the second axis is a quarter turn to the left of the first, seen from above; -1 where it is to the right.
     pub fn hand(&self) -> f64 {
         self.axes[0].cross(self.axes[1]).dot(self.axes[2]).signum()
+    }
+
+    /// The heading of a direction, as the wind's, degrees.
+    pub fn heading(&self, direction: DVec3) -> f64 {
+        f64::atan2(direction.dot(self.axes[1]), direction.dot(self.axes[0])).to_degrees()
     }
 
     /// Metres in scene units.

@@ -93,6 +93,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         unit: "",
         asked,
         measured,
+        standard_error: None,
         tolerance,
     };
     let count = points.len();

@@ -95,6 +95,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
             unit: "m",
             asked,
             measured,
+            standard_error: None,
             tolerance,
         });
     }

@@ -2,14 +2,17 @@
 //!
 //! Two pictures of a slab of air, a moment apart. Drops are drawn more opaque than they are, like marked ones, so that a streak
 //! shows as far as it goes and does not end where it covers less than 1/256. Its length is that of a line with its second moment; how fast the drop goes the two
-//! pictures say, not a law.
+//! pictures say. How far it reaches down is held against published speeds for the drop's
+//! diameter, too, since both pictures and streaks could be wrong together.
 //!
 //! Tolerance: 5 % of the length and of the wind, 1.5 degrees of the angle. What lies below 1/256 is
 //! added to a streak's second moment, 2 to 5 % of a length, right within a fifth of that; a slab of a tenth of the depth makes single lengths 5 % uncertain and medians 0.1 %.
 
-use super::drops::{Slab, catch, effect, main_kind};
+use super::blobs::Parting;
+use super::drops::{Catch, Drop, Look, Slab, main_kind};
 use super::{Finding, Instrument, Probe, Reading, Rig, Tolerance, asked, median};
 use anyhow::Result;
+use wm_weather::Weather;
 use wm_weather::particles::Kind;
 
 /// The instrument.
@@ -17,8 +20,8 @@ pub const INSTRUMENT: Instrument = Instrument {
     name: "streaks",
     title: "Streak geometry",
     about: "A slab of air, as for the gauge, at the exposure that is asked for, drops marked to show as far as they go. Two pictures a \
-            moment apart say how fast each goes; its streak must be as long as that speed times the exposure, and lie along its way. How \
-            fast they go sideways is the wind.",
+            moment apart say how fast each goes; its streak must be as long as that speed times the exposure, as high as a drop of its size falls in it by Gunn and \
+            Kinzer, and lie along its way. How fast they go sideways is the wind.",
     applies: |weather, time| main_kind(weather, time) == Some(Kind::Rain),
     read,
     sweep: &[
@@ -32,11 +35,20 @@ pub const INSTRUMENT: Instrument = Instrument {
 
 /// Streaks shorter than this many pixels say little of their length.
 const SHORTEST: f64 = 6.0;
+/// Pictures, each with a second one.
+const PICTURES: usize = 16;
 
-fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
-    let number = |effect: &str, param: &str| asked::number(probe.weather, probe.time, effect, param);
-    let exposure = number("rain", "exposure").unwrap_or(1.0 / 60.0);
+/// Drops in front of a square metre of board.
+const CROWD: f64 = 260.0;
+/// Drops a m^3 at 1 mm/h, and how they grow with its power: of Marshall and Palmer those of 0.5 mm and more.
+const DENSITY: [f64; 2] = [250.0, 0.54];
+
+/// Looks at streaks as long as they are, of marked drops.
+pub fn look(weather: &Weather, time: f64) -> Result<Look> {
+    let number = |effect: &str, param: &str| asked::number(weather, time, effect, param);
+    let exposure = exposure(weather, time);
     let wind = number("wind", "speed").unwrap_or(0.0);
+    let rate = number("rain", "rate").unwrap_or(0.0);
     let apart = exposure.clamp(0.001, 0.006);
     // The longest streaks are some 250 px.
     let scale = (250.0 / (9.0f64.hypot(wind) * exposure)).min(1000.0);
@@ -44,26 +56,41 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let slab = Slab {
         size: 1200,
         depth: 10.0,
-        thickness: 0.6,
+        thickness: (CROWD / (DENSITY[0] * rate.powf(DENSITY[1]))).clamp(0.05, 0.6),
         scale,
         margin: [aside, 12.0 * scale * apart + 130.0],
         apart,
         fastest: 12.0,
         pairs: 1,
+        parting: Parting::Touching,
     };
-    let set = |param: &str, value: &str| format!("{}.{param}={value}", effect(Kind::Rain));
     // So opaque that a common drop has an optical depth of about 1 in its middle.
     let pixels = (5.5f64.hypot(wind) * exposure * scale).max(1.0);
     let wide = (0.14 * (1e-3 * scale).powi(2) + 0.3f64).sqrt();
     let long = (wide * wide + pixels * pixels / 12.0).sqrt();
     let opacity = std::f64::consts::TAU * wide * long / (1.8 * (1e-3 * scale).powi(2));
-    let opacity = opacity.min(100.0);
-    let changes = [set("size", "1"), set("opacity", &opacity.to_string())];
-    let changes = changes.each_ref().map(String::as_str);
-    let caught = catch(rig, probe, Kind::Rain, (&slab, 16, &changes, opacity))?;
-    let (mut lengths, mut angles, mut drifts) = (Vec::new(), Vec::new(), Vec::new());
-    for drop in caught.drops.iter().filter(|drop| drop.blob.length > SHORTEST) {
+    Look::new(weather, time, Kind::Rain, slab, opacity.min(100.0))
+}
+
+fn exposure(weather: &Weather, time: f64) -> f64 {
+    asked::number(weather, time, "rain", "exposure").unwrap_or(1.0 / 60.0)
+}
+
+/// Drops whose streaks are long enough to say something.
+pub fn long(caught: &Catch) -> impl Iterator<Item = &Drop> {
+    caught.drops.iter().filter(|drop| drop.blob.length > SHORTEST)
+}
+
+fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
+    let (exposure, look) = (exposure(probe.weather, probe.time), look(probe.weather, probe.time)?);
+    let (scale, wind) = (look.slab.scale, look.across);
+    let mut caught = Catch::default();
+    look.take(rig, probe.time, PICTURES, &mut caught)?;
+    let (mut lengths, mut laws, mut angles, mut drifts) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for drop in long(&caught) {
         let Some([across, down]) = drop.velocity else { continue };
+        let fall = drop.blob.length * drop.blob.angle.cos();
+        laws.push(fall / (asked::gunn_kinzer(drop.diameter) * exposure * scale));
         lengths.push(drop.blob.length / (across.hypot(down) * exposure * scale));
         angles.push((drop.blob.angle - f64::atan2(across, down)).to_degrees());
         drifts.push(across);
@@ -75,6 +102,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         unit,
         asked,
         measured,
+        standard_error: None,
         tolerance,
     };
     let mut finding = Finding::default();
@@ -84,6 +112,13 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         "",
         1.0,
         median(lengths),
+        five,
+    ));
+    finding.readings.push(reading(
+        "its fall over Gunn-Kinzer's speed times exposure, median".into(),
+        "",
+        1.0,
+        median(laws),
         five,
     ));
     finding.readings.push(reading(

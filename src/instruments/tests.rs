@@ -23,8 +23,10 @@ enum Fault {
     Extinction,
     /// A tenth more falls, at its own sizes and speeds.
     Rate,
-    /// Drops fall and drift a tenth faster, and streak as they fall.
+    /// Drops fall a tenth faster, and streak as they fall.
     Speed,
+    /// Drops fall and drift a tenth faster than their streaks are long.
+    Pace,
     /// Drops are a tenth wider.
     Diameter,
     /// The shutter is open a tenth longer.
@@ -42,16 +44,20 @@ enum Fault {
 }
 
 /// Each fault, and which readings find it: the instrument and a part of the quantity.
-const FINDS: [(Fault, &[[&str; 2]]); 11] = [
+const FINDS: [(Fault, &[[&str; 2]]); 12] = [
     (Fault::None, &[]),
     // The same air, seen on boards and on the place.
     (Fault::Extinction, &[["visibility", "MOR"], ["rays", "optical depth"], ["rays", "single rays"]]),
     (Fault::Rate, &[["gauge", "rate"]]),
     // What falls faster fills a gauge faster.
-    (Fault::Speed, &[["gauge", "rate"], ["gauge", "fall speed"]]),
+    (Fault::Speed, &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "fall"]]),
+    (Fault::Pace, &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "length"], ["streaks", "drift"]]),
     // Wider drops are more water, and are too slow for their size.
-    (Fault::Diameter, &[["gauge", "rate"], ["gauge", "diameter"], ["gauge", "fall speed"]]),
-    (Fault::Exposure, &[["streaks", "length"]]),
+    (
+        Fault::Diameter,
+        &[["gauge", "rate"], ["gauge", "diameter"], ["gauge", "fall speed"], ["streaks", "fall"]],
+    ),
+    (Fault::Exposure, &[["streaks", "length"], ["streaks", "fall"]]),
     (Fault::Drift, &[["streaks", "drift"]]),
     (Fault::Depth, &[["stake", "in the open"], ["stake", "on the roof"]]),
     (Fault::Shelter, &[["stake", ""]]),
@@ -99,8 +105,10 @@ impl Fault {
             Self::Speed => {
                 // Time runs faster; what is not to goes slower in it.
                 scale("rain", "exposure", 1.1);
+                scale("wind", "speed", 1.0 / 1.1);
                 drawn.time *= 1.1;
             }
+            Self::Pace => drawn.time *= 1.1,
             Self::Diameter => scale("rain", "size", 1.1),
             Self::Exposure => scale("rain", "exposure", 1.1),
             Self::Drift => scale("wind", "speed", 1.1),
@@ -123,14 +131,9 @@ impl Fault {
         drawn
     }
 
-    /// The instruments that this is about: drift is not drawn alike where speed is told, and so on.
+    /// The instruments that this is about.
     fn is_for(self, instrument: &str) -> bool {
-        match self {
-            // Its wind would go along with the time.
-            Self::Speed => instrument != "streaks",
-            Self::Shelter => instrument == "stake",
-            _ => true,
-        }
+        self != Self::Shelter || instrument == "stake"
     }
 }
 

@@ -11,8 +11,8 @@ const LEFT: f64 = 66.0;
 const RIGHT: f64 = 14.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 50.0;
-/// Colours of series that are told apart by all eyes (Okabe and Ito 2008, without yellow).
-const COLORS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"];
+/// Colours of series that are told apart by all eyes (Okabe and Ito 2008, without yellow): after a law channels have their own.
+const COLORS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#56b4e9", "#cc79a7", "#e69f00"];
 /// Ticks of an axis, about.
 const TICKS: f64 = 6.0;
 

@@ -75,6 +75,8 @@ struct BySize {
 #[derive(Serialize)]
 pub struct Table {
     size: [u32; 2],
+    /// Of each row's frames a second.
+    columns: [&'static str; COLUMNS.len()],
     rows: Vec<Row>,
     by_pixels: Vec<BySize>,
 }
@@ -114,7 +116,8 @@ impl Table {
             splats: None,
             fps,
         };
-        Self { size: [size.0, size.1], rows: PAPER.map(row).into(), by_pixels: Vec::new() }
+        let columns = COLUMNS.map(|(key, _)| key);
+        Self { size: [size.0, size.1], columns, rows: PAPER.map(row).into(), by_pixels: Vec::new() }
     }
 
     /// Measures a scene.

@@ -1,6 +1,6 @@
 //! The report for a browser.
 
-use super::tables::{error, number, tolerance, unit, verdict};
+use super::tables::{error, measured, number, tolerance, unit, verdict};
 use super::{Report, Section};
 use crate::commands::bench::paper::{self, Table};
 use crate::instruments::{Finding, Reading, Tolerance};
@@ -33,7 +33,7 @@ pub fn page(report: &Report) -> Result<String> {
         "{verdict}\n<p>What a weather asks for, in metres, millimetres an hour and metres a second, measured from rendered \
          pictures: instruments look at targets of their own in this place's air, and at the place. Asked values come from the \
          weather's parameters and published laws, measured ones from pixels.</p>\n\
-         <ul class=\"notes\"><li>{}</li><li>{}</li><li>{:.0} s</li></ul>\n",
+         <ul class=\"notes\"><li>{}</li><li>{}</li><li>measured in {:.0} s</li></ul>\n",
         escaped(&report.about),
         escaped(&report.renderer),
         report.seconds
@@ -120,7 +120,7 @@ fn write_section(out: &mut String, section: &Section) -> Result<()> {
             escaped(setting),
             escaped(&reading.quantity),
             number(reading.asked),
-            number(reading.measured),
+            measured(reading),
             escaped(&unit(reading)),
             error(reading),
             tolerance(reading)
@@ -201,9 +201,9 @@ fn folded(out: &mut String, class: &str, figures: &[String], first: usize, what:
 fn against(section: &Section) -> Vec<Plot> {
     let mut groups: Vec<(&str, &str, Vec<[f64; 2]>)> = Vec::new();
     for reading in section.readings() {
-        // Where all ask for the same there is nothing to plot.
+        // Shares ask for 1 throughout, and there is nothing to plot.
         let is_swept = matches!(reading.tolerance, Tolerance::Relative(_)) || reading.unit == "mm";
-        if !is_swept || reading.asked == 1.0 || !reading.measured.is_finite() {
+        if !is_swept || reading.unit.is_empty() || !reading.measured.is_finite() {
             continue;
         }
         let name = reading.quantity.split(", of").next().unwrap_or_default();

@@ -7,7 +7,8 @@ use std::fmt::Write;
 
 /// A number with as many digits as tell something.
 pub fn number(value: f64) -> String {
-    let size = value.abs();
+    // What is rounded to nothing has no sign.
+    let (size, value) = (value.abs(), if value.abs() < 5e-4 { 0.0 } else { value });
     match size {
         _ if !value.is_finite() => "-".into(),
         _ if size >= 1000.0 => format!("{value:.0}"),
@@ -15,6 +16,12 @@ pub fn number(value: f64) -> String {
         _ if size >= 10.0 => format!("{value:.2}"),
         _ => format!("{value:.3}"),
     }
+}
+
+/// The same without zeros at its end.
+fn short(value: f64) -> String {
+    let text = number(value);
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 /// How far a reading is off, with its unit.
@@ -31,8 +38,8 @@ pub fn error(reading: &Reading) -> String {
 pub fn tolerance(reading: &Reading) -> String {
     match reading.tolerance {
         Tolerance::Relative(most) => format!("{} %", 100.0 * most),
-        Tolerance::Absolute(most) => number(most),
-        Tolerance::Above(most) => format!("{} above", number(most)),
+        Tolerance::Absolute(most) => short(most) + &unit(reading),
+        Tolerance::Above(most) => format!("{}{} above", short(most), unit(reading)),
         Tolerance::None => String::new(),
     }
 }
@@ -44,6 +51,12 @@ pub fn verdict(reading: &Reading) -> &'static str {
         (_, true) => "pass",
         (_, false) => "FAIL",
     }
+}
+
+/// What was measured, with its standard error.
+pub fn measured(reading: &Reading) -> String {
+    let error = reading.standard_error.map(|error| format!(" \u{b1} {}", number(error))).unwrap_or_default();
+    number(reading.measured) + &error
 }
 
 /// A unit behind a number.
@@ -64,7 +77,7 @@ pub fn text(report: &Report) -> String {
                     reading.setting.clone(),
                     reading.quantity.clone(),
                     number(reading.asked),
-                    number(reading.measured) + &unit,
+                    measured(reading) + &unit,
                     error(reading),
                     verdict(reading).to_owned(),
                 ]
@@ -122,10 +135,20 @@ pub fn json(report: &Report) -> Value {
     })
 }
 
-const HEAD: [&str; 9] =
-    ["instrument", "weather", "quantity", "unit", "asked", "measured", "error", "tolerance", "verdict"];
+const HEAD: [&str; 10] = [
+    "instrument",
+    "weather",
+    "quantity",
+    "unit",
+    "asked",
+    "measured",
+    "standard error",
+    "error",
+    "tolerance",
+    "verdict",
+];
 
-fn rows(report: &Report) -> impl Iterator<Item = [String; 9]> {
+fn rows(report: &Report) -> impl Iterator<Item = [String; 10]> {
     report.sections.iter().flat_map(|section| {
         section.readings().map(|reading| {
             [
@@ -135,6 +158,7 @@ fn rows(report: &Report) -> impl Iterator<Item = [String; 9]> {
                 reading.unit.to_owned(),
                 number(reading.asked),
                 number(reading.measured),
+                reading.standard_error.map(number).unwrap_or_default(),
                 error(reading),
                 tolerance(reading),
                 verdict(reading).to_owned(),
