@@ -301,8 +301,8 @@ fn measure(args: &MeasureArgs, field: &mut Field, tasks: Vec<Task>, started: Ins
     }
     bar.finish_and_clear();
     let survey = &field.studio.loaded.survey;
-    let about =
-        format!("1 scene unit is {} m ({})", survey.metres_per_unit.value, survey.metres_per_unit.source);
+    let unit = &survey.metres_per_unit;
+    let about = format!("1 scene unit is {} m ({})", tables::short(unit.value), unit.source);
     Ok(Report {
         place: name(args),
         about,

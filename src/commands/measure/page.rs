@@ -214,8 +214,12 @@ fn against(section: &Section) -> Vec<Plot> {
         }
     }
     groups.retain(|(_, _, points)| points.len() >= 3);
-    let mut units: Vec<&str> = groups.iter().map(|(_, unit, _)| *unit).collect();
-    units.dedup();
+    let mut units: Vec<&str> = Vec::new();
+    for (_, unit, _) in &groups {
+        if !units.contains(unit) {
+            units.push(unit);
+        }
+    }
     let plot = |unit: &&str| {
         let own = groups.iter().filter(|(_, other, _)| other == unit);
         let all: Vec<f64> = own.clone().flat_map(|(_, _, points)| points.iter().map(|p| p[0])).collect();
