@@ -12,7 +12,7 @@ use wm_render::{
     Differentiable, ForwardConfig, Frame, Gradients, Learn, RenderError, Resident, StepClock, Target,
     Upstream,
 };
-use wm_scene::Camera;
+use wm_scene::{Camera, Splats};
 
 /// Whether pulls are added up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,8 +71,10 @@ impl Learner {
     /// Brings the population up to date; whether it was behind.
     pub fn sync(&mut self, population: &mut Population) -> Result<bool, RenderError> {
         let (Device::Ahead, Some(device)) = (self.device, self.renderer.resident()) else { return Ok(false) };
-        population.resize(device.count());
-        device.read(population.learnt_mut())?;
+        // Beside what is known, which is all there is where the device fails on the way.
+        let mut now = Population::unsorted(Splats::zeroed(device.count(), population.splats.sh_degree));
+        device.read(now.learnt_mut())?;
+        *population = now;
         (self.device, self.count) = (Device::Same, None);
         Ok(true)
     }
@@ -219,7 +221,7 @@ mod tests {
     use super::*;
     use crate::densify::adaptive::AdaptiveConfig;
     use crate::random::Purpose;
-    use wm_render::testing::{Backend, random_splats, small_gpu, uniform};
+    use wm_render::testing::{Backend, fallible_differentiable, random_splats, small_gpu, uniform};
     use wm_render::{CpuConfig, GpuDifferentiable};
     use wm_scene::Group;
 
@@ -240,6 +242,22 @@ mod tests {
         population.pulls.counts.fill(3.0);
         population.seen = (0..count).map(|i| 80 + (i % 20) as u32).collect();
         population
+    }
+
+    #[test]
+    fn what_is_known_outlives_the_device() {
+        if Backend::gpu().is_none() {
+            return;
+        }
+        let (renderer, gpu) = fallible_differentiable(|_| {});
+        let mut learner = Learner::new(Box::new(renderer));
+        let known = population(1);
+        let mut left = known.clone();
+        learner.change(&mut left, |population| population.copy(&[3, 5])).unwrap();
+        assert_eq!(learner.count(&left), known.len() + 2);
+        gpu.lose();
+        assert!(learner.sync(&mut left).is_err());
+        assert!(left == known);
     }
 
     /// Bit by bit, in one piece and in many.

@@ -302,7 +302,9 @@ fn measure(args: &MeasureArgs, field: &mut Field, tasks: Vec<Task>, started: Ins
     bar.finish_and_clear();
     let survey = &field.studio.loaded.survey;
     let unit = &survey.metres_per_unit;
-    let about = format!("1 scene unit is {} m ({})", tables::short(unit.value), unit.source);
+    // Four digits of whatever size.
+    let metres: f64 = format!("{:.3e}", unit.value).parse()?;
+    let about = format!("1 scene unit is {metres} m ({})", unit.source);
     Ok(Report {
         place: name(args),
         about,

@@ -19,7 +19,7 @@ pub fn number(value: f64) -> String {
 }
 
 /// The same without zeros at its end.
-pub fn short(value: f64) -> String {
+fn short(value: f64) -> String {
     let text = number(value);
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }

@@ -254,18 +254,17 @@ impl GpuDifferentiable {
             if let Some(clock) = &self.clock {
                 parts.push((&clock.times, 0, bytemuck::cast_slice_mut(&mut self.ticks)));
             }
-            match (&mut seen, &compare) {
-                (Seen::Read(frame), _) => parts.extend::<[Part<'_>; 4]>([
+            if let Seen::Read(frame) = &mut seen {
+                parts.extend::<[Part<'_>; 4]>([
                     (&own.rgb, 0, bytemuck::cast_slice_mut(&mut frame.rgb)),
                     (&room.alpha, 0, bytemuck::cast_slice_mut(&mut frame.alpha)),
                     (&own.depths, 0, bytemuck::cast_slice_mut(&mut frame.depth)),
                     (&own.normal, 0, bytemuck::cast_slice_mut(&mut frame.normal)),
-                ]),
-                (Seen::Compared(_), None) => {}
-                (Seen::Compared(_), Some((_, compare))) => {
-                    compare.record(&mut recorder, compare_slot, own.pictures(channels, &room));
-                    parts.push((&compare.totals, 0, bytemuck::cast_slice_mut(&mut totals)));
-                }
+                ]);
+            }
+            if let Some((_, compare)) = &compare {
+                compare.record(&mut recorder, compare_slot, own.pictures(channels, &room));
+                parts.push((&compare.totals, 0, bytemuck::cast_slice_mut(&mut totals)));
             }
             parts.retain(|(.., array)| !array.is_empty());
             copy(&gpu, recorder, &mut self.memory.staging, &mut parts)?;

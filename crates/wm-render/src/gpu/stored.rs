@@ -1,6 +1,8 @@
 //! Splats in stored form on the GPU: as they learn, in their own order, in pieces that one binding holds, with what is
 //! remembered of them where they learn there.
 
+mod rearranged;
+
 use super::buffers::{Growing, READ_BACK};
 use super::device::Gpu;
 use super::error::GpuError;
@@ -41,8 +43,6 @@ pub(crate) struct StoredModel {
     len: usize,
     sh_degree: u8,
 }
-
-mod rearranged;
 
 /// Numbers of splats in an array of theirs, and the rows in which the GPU has them.
 struct Field<A> {

@@ -68,17 +68,6 @@ impl Population {
         Changed { splats, pulls, seen, origins: rows, forgets_opacities: *forgets_opacities }
     }
 
-    /// As many splats as `count`, to be written to.
-    pub fn resize(&mut self, count: usize) {
-        let Self { splats, moments, pulls, seen, .. } = self;
-        splats.resize(count);
-        moments.resize(splats);
-        for array in [&mut pulls.sums, &mut pulls.counts, &mut pulls.radii] {
-            array.resize(count, 0.0);
-        }
-        seen.resize(count, 0);
-    }
-
     /// Number of splats.
     #[must_use]
     pub fn len(&self) -> usize {

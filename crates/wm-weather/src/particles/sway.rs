@@ -166,6 +166,7 @@ mod tests {
         }
         assert!(farthest_seen < farthest() && most > 0.5, "{farthest_seen} {most}");
     }
+
     #[test]
     fn flakes_do_not_crowd() {
         let (mut draws, path) = (Draws::new(2), SimdPath::available()[0]);
