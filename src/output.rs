@@ -1,13 +1,13 @@
 //! Frames to files: which pictures, in which formats, under which names.
 
-use crate::media::color::Dither;
-use crate::media::{MediaError, Size, exr, png};
 use crate::names::beside;
 use crate::parts::Picture;
 use anyhow::{Result, bail};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use wm_media::color::Dither;
+use wm_media::{MediaError, Size, exr, png};
 use wm_render::frame::srgb_encode;
 use wm_render::passes::Pass;
 use wm_render::{Geometry, MedianDepth, Outputs, ParticlePass};

@@ -1,10 +1,10 @@
 //! A scene made ready to render: read, checked, surveyed and loaded.
 
-use crate::view::{self, spec};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
+use weather_magician::view::{self, spec};
 use wm_render::simd::SimdChoice;
 use wm_render::{
     AnyDifferentiable, AnyRenderer, Background, CpuConfig, Device, Renderer, SetId, SkyGradient,

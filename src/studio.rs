@@ -9,10 +9,10 @@ pub use place::{Lack, Made, cover};
 pub use place::{Place, sights};
 
 use crate::scene::Loaded;
-use crate::view::spec;
 use anyhow::Result;
 use std::sync::Arc;
 use std::time::Instant;
+use weather_magician::view::spec;
 use wm_render::hooks::{Hooks, Slot, Visibility};
 use wm_render::{
     AnyRenderer, Background, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetId, SetView, Stats,

@@ -5,14 +5,14 @@
 //! shows takes the mean colour of its elevation, plus what its seen neighbours differ from theirs: from coarser
 //! and coarser means ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
 
-use crate::media::{Size, color::Dither, png::write_rgb};
-use crate::view::spec;
 use anyhow::{Result, bail};
 use clap::Args;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::path::PathBuf;
+use weather_magician::view::spec;
+use wm_media::{Size, color::Dither, png::write_rgb};
 use wm_scene::capture::{self, CaptureOptions};
 use wm_scene::color::{luminance, srgb_decode};
 use wm_scene::files::check_writable;

@@ -10,11 +10,11 @@ use super::{
     Finding, Instrument, Level, PARTICLES, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked,
     clear, mean, median, streaks,
 };
-use crate::media::Size;
-use crate::media::sheet::{Layout, Panel, sheet};
 use crate::parts::Picture;
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
+use wm_media::Size;
+use wm_media::sheet::{Layout, Panel, sheet};
 use wm_render::Frame;
 use wm_render::frame::srgb_decode;
 use wm_render::passes::Pass;

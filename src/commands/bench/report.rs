@@ -2,8 +2,8 @@
 
 use super::measure::{Case, Measured, Sample};
 use crate::scene::Loaded;
-use crate::view::spec;
 use serde::Serialize;
+use weather_magician::view::spec;
 use wm_render::{DeviceWork, Renderer};
 use wm_scene::Camera;
 

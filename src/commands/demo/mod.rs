@@ -7,19 +7,20 @@ mod film;
 mod photos;
 pub mod street;
 
+use crate::choices::EncoderChoice;
 use crate::interrupt::{self, Interrupted};
-use crate::media::{Size, color::Dither, png, sheet, video};
 use crate::pipeline::pipeline;
 use crate::progress;
 use crate::scene::{Loaded, RunArgs};
 use crate::studio::{Needs, Studio};
-use crate::view::spec;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use film::Film;
 use photos::{Route, Session, Truth};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use weather_magician::view::spec;
+use wm_media::{Size, color::Dither, png, sheet, video};
 use wm_render::{Frame, RenderConfig};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::place::Viewpoint;
@@ -91,7 +92,7 @@ pub struct DemoArgs {
     only: Vec<Part>,
     /// Who encodes the film
     #[arg(long, value_enum, default_value = "builtin")]
-    encoder: video::Encoder,
+    encoder: EncoderChoice,
     #[command(flatten)]
     run: RunArgs,
 }
@@ -133,7 +134,7 @@ impl DemoArgs {
     fn video(&self) -> Result<video::VideoSettings> {
         let rate = video::FrameRate::new(FPS, 1).context("no such frame rate")?;
         let settings = video::VideoSettings::new(Size::new(self.size().0, self.size().1), rate);
-        Ok(video::VideoSettings { encoder: self.encoder, ..settings })
+        Ok(video::VideoSettings { encoder: self.encoder.into(), ..settings })
     }
 
     fn check(&self) -> Result<()> {

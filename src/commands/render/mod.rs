@@ -6,7 +6,7 @@ mod range;
 mod sequence;
 mod stages;
 
-use crate::media::{color::Dither, png::DepthScale, video};
+use crate::choices::{DitherChoice, EncoderChoice};
 use crate::names::stem_of;
 use crate::output::{Also, Format, Place, Style, outputs, passes};
 use crate::parts::Picture;
@@ -19,6 +19,7 @@ use clap::Args;
 use range::FrameRange;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
+use wm_media::png::DepthScale;
 use wm_render::passes::Pass;
 use wm_render::{Background, RenderConfig, Stats};
 use wm_scene::Rasterization;
@@ -103,10 +104,10 @@ struct OutputArgs {
     rasterization: Option<Rasterization>,
     /// How 8-bit pictures are quantised
     #[arg(long, value_enum, default_value = "ordered", help_heading = "Output")]
-    dither: Dither,
+    dither: DitherChoice,
     /// Who encodes videos
     #[arg(long, value_enum, default_value = "builtin", help_heading = "Output")]
-    encoder: video::Encoder,
+    encoder: EncoderChoice,
     /// Bits a second of a video [default: the same good quality, whatever it takes]
     #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Output")]
     bitrate: Option<u32>,
@@ -270,7 +271,7 @@ impl Take {
         Style {
             also: args.output.also.clone(),
             place: if args.output.layers { Place::Layers } else { Place::Beside },
-            dither: args.output.dither,
+            dither: args.output.dither.into(),
             metres_per_unit: self.studio.site.metres_per_unit,
             depth_scale,
             tags: self.studio.tags(&scene, &self.weather, time, &self.shot.camera(time)),

@@ -2,20 +2,20 @@
 
 use super::{RenderArgs, background};
 use crate::interrupt::Interrupted;
-use crate::media::{Size, png::DepthScale};
 use crate::names::stem_of;
 use crate::output::{Format, Kind, Place, Style};
 use crate::parts::Picture;
 use crate::pipeline::pipeline;
 use crate::scene::Loaded;
 use crate::studio::{Moving, Needs, Studio};
-use crate::view::spec;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use serde_json::{Map, Value as Json, json};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::time::Instant;
+use weather_magician::view::spec;
+use wm_media::{Size, png::DepthScale};
 use wm_render::passes::Pass;
 use wm_render::{Frame, Geometry, Job, Outputs, ParticlePass, RenderConfig, Renderer};
 use wm_scene::files::write_atomically;
@@ -117,7 +117,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let style = |weather: &Weather, camera: &Camera| Style {
         also: Vec::new(),
         place: Place::Beside,
-        dither: args.output.dither,
+        dither: args.output.dither.into(),
         metres_per_unit: studio.site.metres_per_unit,
         depth_scale: DepthScale::Auto,
         tags: studio.tags(&scene, weather, time, camera),
@@ -262,7 +262,7 @@ fn write_pair(folder: &Path, shot: &Shot, [clear, style]: &[Style; 2], pair: &Pa
             .with_context(|| format!("cannot make the folder {}", parent.display()))?;
     }
     let [clean, weather, depth, transmittance, particles] = paths;
-    crate::media::png::write_rgb(&clean, &pair.clean.rgb, size, clear.dither, &clear.tags)?;
+    wm_media::png::write_rgb(&clean, &pair.clean.rgb, size, clear.dither, &clear.tags)?;
     style.write(&pair.weather, &weather)?;
     style.write_one(Kind::Depth, Format::Npy, &pair.weather, size, &depth)?;
     style.write_one(Kind::Transmittance, Format::Npy, &pair.weather, size, &transmittance)?;

@@ -4,7 +4,7 @@ use super::Size;
 use super::dither;
 
 /// How floats become bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Dither {
     /// To the nearest: slow gradients show contours.
     Off,

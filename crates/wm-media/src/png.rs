@@ -17,13 +17,11 @@ pub const DEPTH_SCALE_KEY: &str = "depth_metres_per_count";
 const NORMAL_KEY: &str = "normal_encoding";
 
 /// Bits of one channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bits {
     /// 0-255.
-    #[value(name = "8")]
     Eight,
     /// 0-65535.
-    #[value(name = "16")]
     Sixteen,
 }
 

@@ -1,35 +1,49 @@
-//! Panoramas of a weather's sky: PNG and JPEG as they are shown, EXR in linear light.
-
-use anyhow::{Result, bail};
+//! Reads the panorama that a weather's sky names: PNG and JPEG hold display colours, EXR linear light.
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use thiserror::Error;
 use wm_scene::color::srgb_encode;
 use wm_train::maps::{MapFault, Stored, read_map};
 use wm_train::photos::{Fault, read_picture};
 use wm_weather::Panorama;
 use wm_weather::panorama::check_size;
 
-/// Reads the panorama of a path.
-pub fn read_panorama(path: &Path) -> Result<Arc<Panorama>> {
-    let name = path.display();
+/// A panorama that cannot be read.
+#[derive(Debug, Error)]
+#[error("{}: {problem}", path.display())]
+pub struct PanoramaFileError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong and what to do.
+    pub problem: String,
+}
+
+/// Reads a panorama from a PNG, JPEG or EXR file.
+///
+/// # Errors
+/// [`PanoramaFileError`] if there is no such file, it is damaged, or it is too large.
+pub fn read_panorama(path: &Path) -> Result<Arc<Panorama>, PanoramaFileError> {
+    read(path).map(Arc::new).map_err(|problem| PanoramaFileError { path: path.into(), problem })
+}
+
+fn read(path: &Path) -> Result<Panorama, String> {
     let cannot = |error: std::io::Error| match error.kind() {
-        std::io::ErrorKind::NotFound => "there is no such panorama; check sky.panorama".into(),
+        std::io::ErrorKind::NotFound => "there is no such panorama; check sky.panorama".to_owned(),
         _ => format!("cannot read the panorama: {error}"),
     };
-    let about = std::fs::metadata(path).map_err(|error| anyhow::anyhow!("{name}: {}", cannot(error)))?;
+    let about = std::fs::metadata(path).map_err(cannot)?;
     if !about.is_file() {
-        bail!("{name}: is no file; sky.panorama is the path of a PNG, JPEG or EXR");
+        return Err("is no file; sky.panorama is the path of a PNG, JPEG or EXR".into());
     }
     let mut start = [0; 3];
     let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
     match read {
-        Err(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => bail!("{name}: {}", cannot(error)),
+        Err(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => return Err(cannot(error)),
         _ => {}
     }
-    let panorama = if start == [0xff, 0xd8, 0xff] { jpeg(path) } else { map(path) };
-    panorama.map(Arc::new).map_err(|problem| anyhow::anyhow!("{name}: {problem}"))
+    if start == [0xff, 0xd8, 0xff] { jpeg(path) } else { map(path) }
 }
 
 fn damaged(what: &str) -> String {
@@ -68,10 +82,10 @@ fn map(path: &Path) -> Result<Panorama, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::media::Size;
-    use crate::media::color::Dither;
-    use crate::media::exr::{Planes, write_exr};
-    use crate::media::png::write_rgb;
+    use wm_media::Size;
+    use wm_media::color::Dither;
+    use wm_media::exr::{Planes, write_exr};
+    use wm_media::png::write_rgb;
     use wm_weather::Weather;
 
     /// Red ahead, green to the right, blue behind, white to the left; darker below the horizon.

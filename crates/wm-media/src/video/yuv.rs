@@ -20,8 +20,8 @@
 //! that is one step brighter is one coefficient, the first, of four steps: it costs least and is lost
 //! last.
 
-use crate::media::Size;
-use crate::media::color::{Dither, byte, unit};
+use crate::Size;
+use crate::color::{Dither, byte, unit};
 
 const KR: f32 = 0.2126;
 const KG: f32 = 0.7152;

@@ -13,7 +13,7 @@ use wm_scene::files::TempFile;
 
 use super::yuv::Yuv420;
 use super::{VideoReport, VideoSettings, VideoSink, temporary};
-use crate::media::{MediaError, Size};
+use crate::{MediaError, Size};
 
 /// Bytes of its messages that are kept.
 const MESSAGES: u64 = 1 << 16;

@@ -26,7 +26,7 @@ use super::{MediaError, Size, Tags};
 const KEYFRAME_SECONDS: f64 = 2.0;
 
 /// Who makes H.264 of the frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Encoder {
     /// OpenH264, built into this program: Constrained Baseline profile. The same frames give the same
     /// bytes.

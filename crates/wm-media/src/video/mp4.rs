@@ -25,7 +25,7 @@ use shiguredo_mp4::{
 use wm_scene::files::TempFile;
 
 use super::{FrameRate, temporary};
-use crate::media::{MediaError, Size, Tags};
+use crate::{MediaError, Size, Tags};
 
 /// Collects samples and becomes the file.
 #[derive(Debug)]

@@ -110,7 +110,7 @@ pub enum MediaError {
 
 impl MediaError {
     /// The error for what the system refuses of `path`.
-    pub(super) fn write(path: &Path, fault: impl Into<WriteFault>) -> Self {
+    pub(crate) fn write(path: &Path, fault: impl Into<WriteFault>) -> Self {
         Self::Write { path: path.to_path_buf(), fault: fault.into() }
     }
 }

@@ -8,17 +8,14 @@
 //! mean, covariance and colours of the two, weighted by worth, and so much opacity that what they cover together stays (moment matching, as in
 //! Kerbl et al. 2024, "A Hierarchical 3D Gaussian Representation"). One that has no neighbour near is dropped.
 
-use crate::interrupt::{self, Interrupted};
-use crate::progress;
-use crate::scene::RunArgs;
-use crate::view::candidates::candidates;
-use crate::view::space::Space;
-use crate::view::{DEFAULT_FOV, Options};
-use anyhow::{Result, bail};
+use crate::{Error, Progress, Result};
 use glam::{DMat3, DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::num::NonZero;
-use wm_render::{AnyDifferentiable, Differentiable, ForwardConfig, Frame, Gradients, Learn, Upstream};
+use weather_magician::view::candidates::candidates;
+use weather_magician::view::space::Space;
+use weather_magician::view::{DEFAULT_FOV, Options};
+use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, Upstream};
 use wm_scene::jacobi::jacobi;
 use wm_scene::splats::logit;
 use wm_scene::survey::Survey;
@@ -51,13 +48,19 @@ pub struct Reduced {
 /// Reduces a scene, whose sky should be labelled, to `most` splats.
 ///
 /// # Errors
-/// If it cannot be rendered, or Ctrl-C was pressed.
-pub fn reduce(scene: &Scene, most: usize, run: &RunArgs) -> Result<Reduced> {
+/// If it cannot be rendered, or `progress` asks to stop.
+pub fn reduce(
+    scene: &Scene,
+    most: usize,
+    renderer: &mut dyn Differentiable,
+    progress: &mut dyn Progress,
+) -> Result<Reduced> {
     let survey = Survey::of(scene, &Metadata::default());
     let cameras = cameras(scene, &survey);
     let (measured, tried): (Vec<_>, Vec<_>) = cameras.into_iter().enumerate().partition(|(i, _)| i % 3 == 1);
     let mut eye = Eye {
-        renderer: run.differentiable()?,
+        renderer,
+        progress,
         config: ForwardConfig {
             rasterization: scene.metadata.rasterization.unwrap_or_default(),
             background: [0.5; 3],
@@ -65,13 +68,13 @@ pub fn reduce(scene: &Scene, most: usize, run: &RunArgs) -> Result<Reduced> {
         },
         frame: Frame::default(),
     };
-    let bar = progress::spinner("reducing");
+    eye.progress.begin("reducing", None);
     let mut splats = scene.splats.clone();
     while splats.len() > most {
         let worth = eye.worth(&splats, &tried, survey.radius)?;
         let target = most.max(splats.len() / 2);
         splats = merged(&splats, &worth, target);
-        bar.inc(1);
+        eye.progress.advance(1);
     }
     let mut sum = 0.0;
     let measured = if measured.is_empty() { &tried } else { &measured };
@@ -80,7 +83,7 @@ pub fn reduce(scene: &Scene, most: usize, run: &RunArgs) -> Result<Reduced> {
         let after = eye.look(&splats, camera)?;
         sum += psnr(&after, &before, None);
     }
-    bar.finish_and_clear();
+    eye.progress.end();
     let quality = sum / measured.len() as f64;
     let (from, to) = (scene.splats.len(), splats.len());
     let note = format!(
@@ -126,16 +129,17 @@ fn small(camera: &Camera) -> Camera {
 }
 
 /// What looks at splats.
-struct Eye {
-    renderer: Box<AnyDifferentiable>,
+struct Eye<'a> {
+    renderer: &'a mut dyn Differentiable,
+    progress: &'a mut dyn Progress,
     config: ForwardConfig,
     frame: Frame,
 }
 
-impl Eye {
+impl Eye<'_> {
     fn look(&mut self, splats: &Splats, camera: &Camera) -> Result<Vec<f32>> {
-        if interrupt::asked() {
-            bail!(Interrupted("nothing is written".into()));
+        if self.progress.is_stopped() {
+            return Err(Error::Stopped);
         }
         let config = ForwardConfig { sh_degree: splats.sh_degree, ..self.config };
         self.renderer.forward(splats, camera, &config, &mut self.frame)?;

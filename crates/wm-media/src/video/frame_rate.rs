@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::media::MediaError;
+use crate::MediaError;
 
 /// Ticks of the MP4 clock a second, at least: coarse clocks make some players round.
 #[cfg(any(feature = "h264", test))]

@@ -21,7 +21,6 @@ mod dither;
 mod error;
 pub mod exr;
 pub mod jpeg;
-pub mod panorama;
 pub mod png;
 pub mod ramps;
 pub mod sheet;

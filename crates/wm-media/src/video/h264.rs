@@ -21,7 +21,7 @@ use openh264::{OpenH264API, Timestamp};
 use super::mp4::{Mp4Writer, ParameterSets};
 use super::yuv::Yuv420;
 use super::{VideoReport, VideoSettings, VideoSink};
-use crate::media::{MediaError, Size};
+use crate::{MediaError, Size};
 
 /// Quantisation parameter without a bitrate. At 14 a coefficient's step is 3.25, and the dither's 4
 /// (one step of brightness in 4x4 pixels) survives it; from 18 on it does not, and contours appear.
