@@ -24,7 +24,7 @@ use report::{PathSpeed, SceneReport, Threads};
 use std::path::{Path, PathBuf};
 use wm_render::simd::SimdPath;
 use wm_render::testing::{shell_camera, shell_splats};
-use wm_render::{AnyRenderer, Device, RenderConfig, Renderer, SetId, SetView};
+use wm_render::{AnyRenderer, Device, RenderBackend, RenderConfig, SetId, SetView};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::{Camera, Group, Metadata, Scene};
 use wm_weather::cover::{Airflow, Buried, Lying};

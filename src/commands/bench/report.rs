@@ -4,7 +4,7 @@ use super::measure::{Case, Measured, Sample};
 use crate::scene::Loaded;
 use crate::view::spec;
 use serde::Serialize;
-use wm_render::{DeviceWork, Renderer};
+use wm_render::{DeviceWork, RenderBackend};
 use wm_scene::Camera;
 
 /// Everything measured of one scene. Times are milliseconds.

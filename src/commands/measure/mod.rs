@@ -20,7 +20,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use wm_render::hooks::Slot;
-use wm_render::{RenderConfig, Renderer};
+use wm_render::{RenderBackend, RenderConfig};
 use wm_scene::files::{check_writable, write_atomically};
 use wm_scene::{Camera, Metadata, Place};
 use wm_weather::cover::Airflow;
