@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use weather_magician::view::{self, spec};
 use wm_render::simd::SimdChoice;
 use wm_render::{
-    AnyDifferentiable, AnyRenderer, Background, CpuConfig, Device, Renderer, SetId, SkyGradient,
+    AnyDifferentiable, AnyRenderer, Background, CpuConfig, Device, RenderBackend, SetId, SkyGradient,
 };
 use wm_scene::formats::{Level, ReadOptions, read_scene};
 use wm_scene::survey::{Source, Survey, known_distance, label_sky};

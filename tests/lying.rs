@@ -4,7 +4,8 @@ use glam::DVec3;
 use std::sync::OnceLock;
 use wm_render::hooks::Hooks;
 use wm_render::{
-    CpuConfig, CpuRenderer, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetView,
+    CpuConfig, CpuRenderer, DrawPass, Frame, Geometry, MedianDepth, Outputs, RenderBackend, RenderConfig,
+    SetView,
 };
 use wm_scene::place::Place;
 use wm_scene::{Camera, Group, Splats, sh};
@@ -80,7 +81,7 @@ impl Street {
         let config = RenderConfig { outputs, ..RenderConfig::default() };
         let mut frame = Frame::default();
         let sets = [SetView::plain(set)];
-        let job = Job { sets: &sets, camera, config: &config, hooks: Hooks::default() };
+        let job = DrawPass::new(&sets, camera, &config);
         renderer.render(&job, &mut frame).unwrap();
         let pixel = |index: usize| {
             let (x, y) = (index as u32 % SIZE.0, index as u32 / SIZE.0);

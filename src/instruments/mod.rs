@@ -28,7 +28,7 @@ use crate::report::plot::Plot;
 use anyhow::Result;
 use glam::DVec3;
 use serde::Serialize;
-use wm_render::passes::Pass;
+use wm_render::parts::PicturePart;
 use wm_render::{Frame, Geometry, MedianDepth, Outputs, ParticlePass};
 use wm_scene::{Camera, Splats};
 use wm_weather::dome::level_axes;
@@ -193,7 +193,7 @@ pub struct Shot<'a> {
     /// What beside the colour.
     pub outputs: Outputs,
     /// Which parts.
-    pub passes: &'a [Pass],
+    pub parts: &'a [PicturePart],
 }
 
 /// What instruments draw with.

@@ -6,8 +6,10 @@ use crate::scene::Loaded;
 use anyhow::Result;
 use glam::DVec3;
 use std::sync::Arc;
-use wm_render::hooks::{Hooks, Visibility};
-use wm_render::{AnyRenderer, Frame, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId, SetView};
+use wm_render::hooks::{Attribute, AttributeBlock, SplatAttributes};
+use wm_render::{
+    AnyRenderer, DrawPass, Frame, MedianDepth, Outputs, RenderBackend, RenderConfig, SetId, SetView,
+};
 use wm_scene::survey::{Source, Survey};
 use wm_scene::{Camera, Group, Scene, Splats};
 use wm_weather::Site;
@@ -150,9 +152,9 @@ const SIGHT: f64 = 480.0;
 /// All of a scene but its sky.
 struct WithoutSky<'a>(&'a [Group]);
 
-impl Visibility for WithoutSky<'_> {
-    fn factors(&self, indices: &[u32], out: &mut [f32]) {
-        for (index, factor) in indices.iter().zip(out) {
+impl SplatAttributes for WithoutSky<'_> {
+    fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
+        for (index, factor) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
             *factor = if self.0[*index as usize] == Group::Sky { 0.0 } else { 1.0 };
         }
     }
@@ -164,7 +166,7 @@ pub fn sights(renderer: &mut AnyRenderer, set: SetId, scene: &Scene, survey: &Su
     let config = RenderConfig { outputs, ..RenderConfig::default() };
     let views = &scene.views;
     let without_sky = WithoutSky(&scene.splats.groups);
-    let sets = [SetView { set, visibility: Some(&without_sky) }];
+    let sets = [SetView::plain(set).with_attributes(Some(&without_sky))];
     let mut frame = Frame::default();
     let mut sights = Vec::new();
     for view in views.iter().step_by(views.len().div_ceil(SIGHTS).max(1)) {
@@ -173,7 +175,7 @@ pub fn sights(renderer: &mut AnyRenderer, set: SetId, scene: &Scene, survey: &Su
         let [width, height] =
             [camera.width, camera.height].map(|side| (f64::from(side) * small).round().max(1.0) as u32);
         let camera = camera.resized(width, height);
-        let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
+        let job = DrawPass::new(&sets, &camera, &config);
         renderer.render(&job, &mut frame)?;
         sights.push(Sight::new(camera, frame.median_depth.clone(), frame.rgb.clone()));
     }

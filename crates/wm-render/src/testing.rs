@@ -7,16 +7,16 @@ use crate::frame::Frame;
 #[cfg(feature = "gpu")]
 use crate::gpu::{
     Choice, Gpu, GpuConfig, GpuDifferentiable, GpuError, GpuRenderer,
-    source::{Form, Program},
+    source::{AirText, Form, Program},
 };
 #[cfg(feature = "gpu")]
-use crate::hooks::Twin;
+use crate::hooks::WgslSource;
 use crate::hooks::{Medium, ShadeGroup};
 use crate::reference::ReferenceFrame;
 use crate::reference_backward::{self, Parameters, ReferenceGradients};
 #[cfg(feature = "gpu")]
 use crate::renderer::RenderError;
-use crate::renderer::{CpuConfig, Renderer};
+use crate::renderer::{CpuConfig, RenderBackend};
 use crate::simd::{SimdChoice, SimdPath};
 use crate::stages::intersect::TILE;
 use crate::stages::project::{Record, SQRT_HALF_LOG2E};
@@ -99,7 +99,7 @@ impl Backend {
     /// # Panics
     /// If it cannot be started.
     #[must_use]
-    pub fn renderer(self) -> Box<dyn Renderer> {
+    pub fn renderer(self) -> Box<dyn RenderBackend> {
         match self {
             Self::Cpu(path) => {
                 let config = CpuConfig { threads: Some(2), simd: path.choice() };
@@ -190,11 +190,14 @@ pub fn gpu_renderer() -> GpuRenderer {
 /// # Errors
 /// What is wrong, with the place.
 #[cfg(feature = "gpu")]
-pub fn check_air(twin: &Twin) -> Result<(), String> {
+pub fn check_air(air: &WgslSource) -> Result<(), String> {
     use wgpu::naga::{front::wgsl, valid};
-    for program in
-        [Program::Project(Form::Activated, Some(twin.wgsl.clone())), Program::Air(twin.wgsl.clone())]
-    {
+    let project = |text| Program::Project(Form::Activated, text);
+    for program in [
+        project(AirText::Color(air.wgsl.clone())),
+        project(AirText::Share(air.wgsl.clone())),
+        Program::Air(air.wgsl.clone()),
+    ] {
         let text = program.text();
         let module = wgsl::parse_str(&text).map_err(|error| error.emit_to_string(&text))?;
         let mut validator =

@@ -9,8 +9,8 @@ use crate::interrupt::{self, Interrupted};
 use crate::scene::Loaded;
 use anyhow::{Result, bail};
 use indicatif::ProgressBar;
-use wm_render::hooks::{Hooks, Visibility};
-use wm_render::{Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetView};
+use wm_render::hooks::{Attribute, AttributeBlock, SplatAttributes};
+use wm_render::{DrawPass, Frame, Geometry, MedianDepth, Outputs, RenderBackend, RenderConfig, SetView};
 use wm_scene::{Camera, Group};
 use wm_train::metrics::{
     FloaterShare, Floaters, Ssim, depth_errors, fit_exposure, normal_errors, psnr, sky_covered, surface_lost,
@@ -62,11 +62,12 @@ pub fn measure(
         let name = data.name(*place);
         let (rgb, mask) = floats(&photo);
         let maps = truth.read(name, &photo.camera, mask.as_deref())?;
-        let mut render = |visibility: Option<&dyn Visibility>, config: &RenderConfig, frame: &mut Frame| {
-            let sets = [SetView { set, visibility }];
-            let job = Job { sets: &sets, camera: &photo.camera, config, hooks: Hooks::default() };
-            renderer.render(&job, frame).map(drop)
-        };
+        let mut render =
+            |attributes: Option<&dyn SplatAttributes>, config: &RenderConfig, frame: &mut Frame| {
+                let sets = [SetView::plain(set).with_attributes(attributes)];
+                let job = DrawPass::new(&sets, &photo.camera, config);
+                renderer.render(&job, frame).map(drop)
+            };
         render(None, &config, &mut frame)?;
         is_seen |= frame.alpha.iter().any(|alpha| *alpha > 0.0);
         if has_sky {
@@ -117,9 +118,9 @@ pub fn measure(
 /// All splats but the sky's.
 struct NotSky<'a>(&'a [Group]);
 
-impl Visibility for NotSky<'_> {
-    fn factors(&self, indices: &[u32], out: &mut [f32]) {
-        for (index, out) in indices.iter().zip(out) {
+impl SplatAttributes for NotSky<'_> {
+    fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
+        for (index, out) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
             *out = f32::from(u8::from(self.0[*index as usize] != Group::Sky));
         }
     }

@@ -20,7 +20,7 @@ use std::time::Instant;
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
 use wm_render::hooks::Slot;
-use wm_render::{RenderConfig, Renderer};
+use wm_render::{RenderBackend, RenderConfig};
 use wm_scene::files::{check_writable, write_atomically};
 use wm_scene::{Camera, Metadata, Place};
 use wm_weather::cover::Airflow;

@@ -8,7 +8,7 @@ mod stages;
 
 use crate::choices::{DitherChoice, EncoderChoice};
 use crate::names::stem_of;
-use crate::output::{Also, Format, Place, Style, outputs, passes};
+use crate::output::{Also, Format, Place, Style, outputs, parts};
 use crate::parts::Picture;
 use crate::scene::{Loaded, RunArgs, SceneArgs};
 use crate::studio::{Needs, Studio};
@@ -20,7 +20,7 @@ use range::FrameRange;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use wm_media::png::DepthScale;
-use wm_render::passes::Pass;
+use wm_render::parts::PicturePart;
 use wm_render::{Background, RenderConfig, Stats};
 use wm_scene::Rasterization;
 use wm_scene::files::check_writable;
@@ -196,7 +196,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     if args.output.layers && !is_exr {
         bail!("--layers are those of an .exr: give --out a name that ends in .exr, or --frame-format exr");
     }
-    let asks_for_air = !passes(&args.output.also).is_empty();
+    let asks_for_air = !parts(&args.output.also).is_empty();
     if asks_for_air && weather.fidelity == wm_weather::Fidelity::Paper {
         bail!("--also transmittance, clean or airlight: {}", pairs::NO_AIR);
     }
@@ -210,13 +210,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         background: background(args.output.background, &loaded),
         rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
     };
-    let passes = passes(&args.output.also);
-    let mut take = Take {
-        studio: Studio::new(loaded, config, |site| Needs::of(&weather, site))?,
-        weather,
-        shot,
-        passes,
-    };
+    let parts = parts(&args.output.also);
+    let mut take =
+        Take { studio: Studio::new(loaded, config, |site| Needs::of(&weather, site))?, weather, shot, parts };
     match target {
         Target::Picture(path) => take.picture(&path, args),
         Target::Video(path) => sequence::video(&mut take, &wanted, &path, args),
@@ -230,14 +226,14 @@ struct Take {
     weather: Weather,
     shot: Shot,
     /// Parts of the picture that take renders of their own.
-    passes: Vec<Pass>,
+    parts: Vec<PicturePart>,
 }
 
 impl Take {
     /// Renders the instant `time`.
     fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
         let moving = self.shot.moving(time, self.studio.site.metres_per_unit);
-        self.studio.render_parts(&self.weather, time, moving, &self.passes, picture)
+        self.studio.render_parts(&self.weather, time, moving, &self.parts, picture)
     }
 
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {

@@ -16,8 +16,8 @@ use std::path::{Component, Path, PathBuf};
 use std::time::Instant;
 use weather_magician::view::spec;
 use wm_media::{Size, png::DepthScale};
-use wm_render::passes::Pass;
-use wm_render::{Frame, Geometry, Job, Outputs, ParticlePass, RenderConfig, Renderer};
+use wm_render::parts::PicturePart;
+use wm_render::{DrawPass, Frame, Geometry, Outputs, ParticlePass, RenderBackend, RenderConfig};
 use wm_scene::files::write_atomically;
 use wm_scene::{Camera, View};
 use wm_weather::{Fidelity, Value, Weather};
@@ -129,10 +129,10 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         let speed = args.camera.camera_speed.unwrap_or(0.0);
         let moving = Moving { camera, velocity: (camera.forward() * speed).to_array() };
         studio.with_job(&clear, time, moving, |renderer, job| {
-            let config = RenderConfig { outputs: Outputs::default(), ..job.config.clone() };
-            Ok(renderer.render(&Job { config: &config, ..*job }, &mut pair.clean)?)
+            let config = RenderConfig { outputs: Outputs::default(), ..job.config };
+            Ok(renderer.render(&DrawPass { config, ..job.clone() }, &mut pair.clean)?)
         })?;
-        studio.render_parts(weather, time, moving, &[Pass::Transmittance], &mut pair.weather)?;
+        studio.render_parts(weather, time, moving, &[PicturePart::Transmittance], &mut pair.weather)?;
         Ok(())
     };
     let mut write = |index: u32, pair: &Pair| {

@@ -21,7 +21,9 @@ mod testing;
 
 use glam::DVec3;
 use thiserror::Error;
-use wm_render::{Frame, Geometry, Job, Outputs, RenderConfig, RenderError, Renderer, SetId, SetView};
+use wm_render::{
+    DrawPass, Frame, Geometry, Outputs, RenderBackend, RenderConfig, RenderError, SetId, SetView,
+};
 use wm_scene::{Camera, CameraError, FormatError, Scene, survey::Survey};
 
 /// Vertical field of view where nothing else is said, degrees.
@@ -76,7 +78,7 @@ impl Options {
 /// A scene to look for views in: its splats are loaded, and what is known of it is known.
 pub struct Site<'a> {
     /// Where the splats are loaded.
-    pub renderer: &'a mut dyn Renderer,
+    pub renderer: &'a mut dyn RenderBackend,
     /// As what.
     pub set: SetId,
     /// The scene; its sky should be labelled.
@@ -94,7 +96,7 @@ impl Site<'_> {
         let rasterization = self.scene.metadata.rasterization.unwrap_or_default();
         let config = RenderConfig { outputs, rasterization, ..RenderConfig::default() };
         let sets = [SetView::plain(self.set)];
-        let job = Job { sets: &sets, camera, config: &config, hooks: Default::default() };
+        let job = DrawPass::new(&sets, camera, &config);
         self.renderer.render(&job, frame)?;
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use super::{Options, Site};
 use glam::DVec3;
-use wm_render::{CpuConfig, CpuRenderer, Renderer, SetId};
+use wm_render::{CpuConfig, CpuRenderer, RenderBackend, SetId};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::survey::{Source, Sourced, Survey, label_sky};
 use wm_scene::testing::data;

@@ -3,11 +3,11 @@ use super::{ProjectCamera, Record, SQRT_HALF_LOG2E, TEST_SLACK};
 use crate::cpu::model::{CLUSTER, CpuModel};
 use crate::dispatch;
 #[cfg(feature = "gpu")]
-use crate::hooks::Hooks;
 use crate::hooks::{GROUP, ShadeGroup};
-use crate::reference;
 #[cfg(feature = "gpu")]
-use crate::renderer::{Job, RenderConfig, Renderer, SetView};
+use crate::plan::{DrawPass, SetView};
+use crate::reference;
+use crate::renderer::{RenderBackend, RenderConfig};
 use crate::simd::SimdPath;
 use crate::testing::{Backend, Hard, camera, random_splats, uniform};
 use glam::DVec3;
@@ -71,8 +71,8 @@ fn run_on_gpu(splats: &Splats, model: &CpuModel, camera: &Camera, mode: Rasteriz
     let mut renderer = crate::testing::gpu_renderer();
     let set = renderer.load(splats).unwrap();
     let config = RenderConfig { rasterization: mode, ..RenderConfig::default() };
-    let job = Job { sets: &[SetView::plain(set)], camera, config: &config, hooks: Hooks::default() };
-    let probe = crate::gpu::probe::Probe::of(&mut renderer, &job);
+    let pass = DrawPass::new(&[SetView::plain(set)], camera, &config);
+    let probe = crate::gpu::probe::Probe::of(&mut renderer, &pass);
     let mut all: Vec<Option<Seen>> = (0..model.source.len()).map(|_| None).collect();
     assert!(probe.records.is_sorted_by_key(|record| record.index));
     for record in probe.records {

@@ -2,7 +2,7 @@ use super::*;
 use glam::DVec3;
 use wm_render::hooks::Hooks;
 use wm_render::simd::SimdChoice;
-use wm_render::{CpuConfig, CpuRenderer, Geometry, Job, Outputs, RenderConfig, Renderer, SetView};
+use wm_render::{CpuConfig, CpuRenderer, DrawPass, Geometry, Outputs, RenderBackend, RenderConfig, SetView};
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 
@@ -138,7 +138,7 @@ fn one_cloud_loses_a_near_drop_before_a_far_one() {
             let set = renderer.load(cloud).unwrap();
             let mut noise = Frame::default();
             let sets = [SetView::plain(set)];
-            let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
+            let job = DrawPass::new(&sets, &camera, &config);
             renderer.render(&job, &mut noise).unwrap();
             add(&RAIN, &mut picture, &noise, None);
         }

@@ -1,7 +1,12 @@
 use super::*;
-use crate::frame::srgb_encode;
-use crate::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles, PixelBatch, PixelEffect, Twin};
-use crate::renderer::{Background, CpuConfig, ParticlePass, SetView, SkyGradient};
+use crate::frame::Frame;
+use crate::hooks::{
+    AirGroup, AirOnRay, GROUP, Medium, Particle, ParticleGroup, ParticleView, Particles, PixelBatch,
+    PixelEffect, ShadeGroup, WgslSource,
+};
+use crate::plan::SetView;
+use crate::renderer::{Background, CpuConfig, ParticlePass, RenderBackend, SkyGradient};
+use crate::simd::SimdPath;
 use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats};
 use crate::{CpuRenderer, reference};
 use wm_scene::synthetic::uniform;
@@ -21,31 +26,30 @@ struct Air {
 const AIR: Air = Air { sigma: [0.3, 0.4, 0.55], light: [0.5, 0.6, 0.7] };
 
 impl Medium for Air {
-    fn shade(&self, _: SimdPath, origin: [f32; 3], groups: &mut [ShadeGroup]) {
-        for group in groups {
+    fn evaluate(&self, _: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]) {
+        for (rays, out) in rays.iter().zip(out) {
             for lane in 0..GROUP {
-                let distance = f64::from(group.distance[lane]);
-                let rgb = [0, 1, 2].map(|k| f64::from(group.rgb[k][lane]));
-                let seen = self.reference(origin.map(f64::from), [0.0; 3], distance, rgb);
-                (0..3).for_each(|k| group.rgb[k][lane] = seen[k] as f32);
+                let distance = f64::from(rays.distance[lane]);
+                let air = self.evaluate_reference(origin.map(f64::from), [0.0; 3], distance);
+                for k in 0..3 {
+                    out.transmittance[k][lane] = air.transmittance[k] as f32;
+                    out.airlight[k][lane] = air.airlight[k] as f32;
+                }
             }
         }
     }
 
-    fn reference(&self, _: [f64; 3], _: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|k| {
-            let kept = (-self.sigma[k] * distance).exp();
-            srgb_encode(srgb_decode(rgb[k]) * kept + self.light[k] * (1.0 - kept))
-        })
+    fn evaluate_reference(&self, _: [f64; 3], _: [f64; 3], distance: f64) -> AirOnRay {
+        let kept = self.sigma.map(|sigma| (-sigma * distance).exp());
+        AirOnRay { transmittance: kept, airlight: [0, 1, 2].map(|k| self.light[k] * (1.0 - kept[k])) }
     }
 
-    fn twin(&self, _: [f32; 3]) -> Option<Twin> {
-        let wgsl = "fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> {
+    fn wgsl(&self, _: [f32; 3]) -> Option<WgslSource> {
+        let wgsl = "fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
             let kept = exp(-vec3<f32>(air[0], air[1], air[2]) * min(distance, 1e6));
-            let light = vec3<f32>(air[3], air[4], air[5]);
-            return srgb_encode(srgb_decode(rgb) * kept + light * (1.0 - kept));
+            return AirOnRay(kept, vec3<f32>(air[3], air[4], air[5]) * (1.0 - kept));
         }";
-        Some(Twin {
+        Some(WgslSource {
             wgsl: wgsl.into(),
             parameters: self.sigma.iter().chain(&self.light).map(|v| *v as f32).collect(),
         })
@@ -86,7 +90,7 @@ impl PixelEffect for Red {
     }
 }
 
-const ALL: [Pass; 3] = [Pass::Clean, Pass::Transmittance, Pass::Airlight];
+const ALL: [PicturePart; 3] = [PicturePart::Clean, PicturePart::Transmittance, PicturePart::Airlight];
 
 fn config() -> RenderConfig {
     RenderConfig {
@@ -96,20 +100,25 @@ fn config() -> RenderConfig {
     }
 }
 
-fn parts(renderer: &mut dyn Renderer, medium: Option<&dyn Medium>, wanted: &[Pass]) -> (Frame, Passes) {
+fn parts(
+    renderer: &mut dyn RenderBackend,
+    medium: Option<&dyn Medium>,
+    wanted: &[PicturePart],
+) -> (Frame, PictureParts) {
     let set = renderer.load(&random_splats(300, 1, 5)).unwrap();
-    let (sets, camera, config) = ([SetView::plain(set)], camera(77, 52), config());
     let hooks = Hooks { medium, particles: &[&Drops], ..Hooks::default() };
-    let job = Job { sets: &sets, camera: &camera, config: &config, hooks };
-    let (mut frame, mut passes) = (Frame::default(), Passes::default());
-    renderer.render(&job, &mut frame).unwrap();
-    let job = Job { hooks: Hooks { pixels: &[&Red], ..hooks }, ..job };
-    passes.render(renderer, &job, wanted).unwrap();
-    (frame, passes)
+    let pass = DrawPass::new(&[SetView::plain(set)], &camera(77, 52), &config());
+    let mut plan = FramePlan::new();
+    let picture = plan.draw(pass.clone().with_hooks(hooks));
+    let red = plan.draw(pass.with_hooks(Hooks { pixels: &[&Red], ..hooks }));
+    let passes = PartPasses::append(&mut plan, red, wanted);
+    let mut pictures = Pictures::default();
+    renderer.execute(&plan, &mut pictures).unwrap();
+    (pictures.take(picture), passes.finish(&pictures))
 }
 
 /// What the parts say that the picture is, linear light, and the picture.
-fn sums(frame: &Frame, passes: &Passes) -> Vec<(f32, f32)> {
+fn sums(frame: &Frame, passes: &PictureParts) -> Vec<(f32, f32)> {
     let colors = frame.rgb_linear();
     let pixel = |i: usize| {
         let [.., coverage] = frame.particles.as_chunks::<4>().0[i / 3];
@@ -137,17 +146,17 @@ fn recombination(backend: Backend) {
 /// The referee's picture of an air that colours by its share is blended like any other.
 fn transmittance(backend: Backend) {
     let mut renderer = backend.renderer();
-    let (_, passes) = parts(&mut *renderer, Some(&AIR), &[Pass::Transmittance]);
+    let (_, passes) = parts(&mut *renderer, Some(&AIR), &[PicturePart::Transmittance]);
     assert!(passes.clean.is_empty() && passes.airlight.is_empty());
     let (camera, splats) = (camera(77, 52), random_splats(300, 1, 5));
-    let (white, air) = (White(SkySplats::Kept), Transmitting(&AIR));
-    let hooks = Hooks { background: Some(&white), medium: Some(&air), ..Hooks::default() };
+    let hooks = Hooks { medium: Some(&AIR), ..Hooks::default() };
     let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
-    let want = reference::render(&[(&splats, None)], &camera, &config, hooks);
+    let want = reference::render_shaded(&[(&splats, None)], &camera, &config, hooks, Shading::Transmittance);
     let set = renderer.load(&splats).unwrap();
-    let job = Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks };
+    let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
+    let pass = DrawPass { shading: Shading::Transmittance, ..pass };
     let mut frame = Frame::default();
-    renderer.render(&job, &mut frame).unwrap();
+    renderer.render(&pass, &mut frame).unwrap();
     compare(&frame, &want, 2.0).unwrap();
     let clamped: Vec<f32> = frame.rgb.iter().map(|share| share.clamp(0.0, 1.0)).collect();
     assert!(clamped == passes.transmittance);
@@ -166,13 +175,13 @@ fn clear(backend: Backend) {
 
 #[test]
 fn no_bit_depends_on_threads_or_on_what_else_is_wanted() {
-    let with = |threads: usize, wanted: &[Pass]| {
+    let with = |threads: usize, wanted: &[PicturePart]| {
         let config = CpuConfig { threads: Some(threads), ..CpuConfig::default() };
         parts(&mut CpuRenderer::new(config).unwrap(), Some(&AIR), wanted)
     };
     let one = with(1, &ALL);
     assert!(with(3, &ALL) == one);
-    let (frame, alone) = with(2, &[Pass::Airlight]);
+    let (frame, alone) = with(2, &[PicturePart::Airlight]);
     assert!(frame == one.0 && alone.airlight == one.1.airlight && alone.clean.is_empty());
 }
 
@@ -184,9 +193,9 @@ fn asking_for_what_falls_changes_no_color() {
     let plain = RenderConfig { outputs: Outputs::default(), ..apart.clone() };
     let [apart, plain] = [apart, plain].map(|config| {
         let hooks = Hooks { particles: &[&Drops], ..Hooks::default() };
-        let job = Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks };
+        let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
         let mut frame = Frame::default();
-        renderer.render(&job, &mut frame).unwrap();
+        renderer.render(&pass, &mut frame).unwrap();
         frame
     });
     assert!(apart.rgb == plain.rgb && plain.particles.is_empty());
