@@ -4,7 +4,7 @@ use crate::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles, Pixe
 use crate::renderer::{Background, CpuConfig, ParticlePass, SetView, SkyGradient};
 use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats};
 use crate::{CpuRenderer, reference};
-use wm_scene::synthetic::uniform;
+use wm_scene::random::uniform;
 
 crate::parity! {
     the_parts_make_up_the_picture => recombination;
