@@ -14,7 +14,8 @@ use weather_magician::view::spec;
 use wm_scene::files::check_writable;
 use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_scene::formats::{
-    GltfSplats, Level, ReadOptions, SpzVersion, WriteOptions, format_for, lost, read_scene, write_scene_with,
+    DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost, read_scene,
+    write_scene_with,
 };
 use wm_scene::similarity::Similarity;
 use wm_scene::survey::{Survey, label_sky};
@@ -199,9 +200,9 @@ fn jobs(args: &ConvertArgs) -> Result<Vec<(&Path, PathBuf)>> {
 fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
     let change = &args.change;
     let level = match (args.level, change.max_splats) {
-        (Some(level), _) => Level::Number(level),
-        (None, Some(most)) => Level::Budget(most),
-        (None, None) => Level::Finest,
+        (Some(level), _) => DetailLevel::Number(level),
+        (None, Some(most)) => DetailLevel::Budget(most),
+        (None, None) => DetailLevel::Finest,
     };
     let mut scene = read_scene(path, &ReadOptions { level, ..ReadOptions::default() })?;
     if args.repair {

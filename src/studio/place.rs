@@ -6,11 +6,9 @@ use crate::scene::Loaded;
 use anyhow::Result;
 use glam::DVec3;
 use std::sync::Arc;
-use wm_render::hooks::{Attribute, AttributeBlock, SplatAttributes};
-use wm_render::{
-    AnyRenderer, DrawPass, Frame, MedianDepth, Outputs, RenderBackend, RenderConfig, SetId, SetView,
-};
-use wm_scene::survey::{Source, Survey};
+use wm_render::hooks::{Hooks, Visibility};
+use wm_render::{AnyRenderer, Frame, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId, SetView};
+use wm_scene::survey::{FactSource, Survey};
 use wm_scene::{Camera, Group, Scene, Splats};
 use wm_weather::Site;
 use wm_weather::cover::{Airflow, Asked, Cover, Lying};
@@ -197,7 +195,7 @@ fn floors(scene: &Scene, survey: &Survey, sights: &[Sight]) -> Vec<Floor> {
         let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
         return centers.iter().map(|center| Floor::below(*center, &centers, up, height)).collect();
     }
-    let is_known = ground.source != Source::Assumed;
+    let is_known = ground.source != FactSource::Assumed;
     let whole = is_known.then(|| Floor::under(&cameras, up, ground.value)).flatten();
     whole.filter(|floor| floor.is_lost(sights)).into_iter().collect()
 }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use weather_magician::view::Options;
 use weather_magician::view::path::{Key, Path};
 use wm_scene::Camera;
-use wm_scene::survey::{Source, Survey};
+use wm_scene::survey::{FactSource, Survey};
 use wm_weather::param::{Kind, Param};
 use wm_weather::presets::PRESETS;
 use wm_weather::{EFFECTS, Easing, Panorama, Weather};
@@ -126,7 +126,7 @@ impl Catalog {
                 "radius": survey.radius,
                 "ground": survey.ground.value,
                 "metres_per_unit": survey.metres_per_unit.value,
-                "has_scale": survey.metres_per_unit.source != Source::Assumed,
+                "has_scale": survey.metres_per_unit.source != FactSource::Assumed,
                 "renderer": self.renderer,
                 "views": self.views.iter().step_by(every).map(view).collect::<Value>(),
             },

@@ -110,7 +110,7 @@ mod tests {
             far: 100.0,
         };
         let camera =
-            wm_scene::Camera::look_at((4, 4), 50.0, glam::DVec3::ZERO, glam::DVec3::Y, glam::DVec3::Z);
+            wm_scene::Camera::looking((4, 4), 50.0, glam::DVec3::ZERO, glam::DVec3::Y, glam::DVec3::Z);
         let seen = wm_weather::Seen::by(camera.as_ref().unwrap());
         let sky = weather.at(0.0).over(&site);
         sky.with_hooks(&seen, |hooks| hooks.background.unwrap().reference(1e-3, direction))

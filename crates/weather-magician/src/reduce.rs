@@ -102,7 +102,7 @@ fn cameras(scene: &Scene, survey: &Survey) -> Vec<Camera> {
     }
     let options = Options { size: Some((LONGEST, LONGEST * 9 / 16)), ..Options::default() };
     let at = |eye: DVec3, target: DVec3| {
-        let camera = Camera::look_at(options.size(), DEFAULT_FOV, eye, target, options.up(survey)).ok()?;
+        let camera = Camera::looking(options.size(), DEFAULT_FOV, eye, target, options.up(survey)).ok()?;
         Some(Camera { near: options.near(survey), ..camera })
     };
     let mut cameras: Vec<Camera> = candidates(&Space::of(&scene.splats, survey), survey)

@@ -276,7 +276,7 @@ macro_rules! tests_of_paths {
     };
 }
 
-pub use wm_scene::synthetic::uniform;
+pub use wm_scene::random::uniform;
 
 /// `count` random splats in a box of side 4 about the origin.
 #[must_use]
@@ -335,7 +335,7 @@ pub fn shell_splats(count: usize, cover: f64, sh_degree: u8, seed: u64) -> Splat
 #[must_use]
 pub fn shell_camera(width: u32, height: u32) -> Camera {
     let focal = 0.9 * f64::from(width);
-    let camera = Camera::look_at((width, height), 50.0, DVec3::ZERO, DVec3::X, DVec3::Z).expect("a camera");
+    let camera = Camera::looking((width, height), 50.0, DVec3::ZERO, DVec3::X, DVec3::Z).expect("a camera");
     Camera { fx: focal, fy: focal, ..camera }
 }
 
@@ -438,7 +438,7 @@ impl Hard {
 #[must_use]
 pub fn camera(width: u32, height: u32) -> Camera {
     let eye = DVec3::new(0.0, 0.0, -6.0);
-    let camera = Camera::look_at((width, height), 45.0, eye, DVec3::new(0.3, 0.2, 0.0), DVec3::NEG_Y);
+    let camera = Camera::looking((width, height), 45.0, eye, DVec3::new(0.3, 0.2, 0.0), DVec3::NEG_Y);
     let camera = camera.expect("a camera");
     Camera { cx: camera.cx + 0.11 * f64::from(width), cy: camera.cy - 0.07 * f64::from(height), ..camera }
 }

@@ -23,8 +23,8 @@ use weather_magician::view::spec;
 use wm_media::{Size, color::Dither, png, sheet, video};
 use wm_render::{Frame, RenderConfig};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
-use wm_scene::place::Viewpoint;
-use wm_scene::{Camera, Metadata, Place, Scene};
+use wm_scene::{Camera, Metadata, Scene};
+use wm_street::{Street, Viewpoint};
 use wm_weather::{Value, Weather};
 
 /// Frames a second of the film, as in cinemas.
@@ -111,7 +111,7 @@ enum Part {
 impl DemoArgs {
     /// Where the sheet is drawn from: where the scene is good.
     fn view(&self) -> Viewpoint {
-        if self.sampled { Place::views()[0] } else { Place::dolly(SHEET_AT) }
+        if self.sampled { Street::views()[0] } else { Street::dolly(SHEET_AT) }
     }
 
     fn size(&self) -> (u32, u32) {
@@ -357,7 +357,7 @@ mod tests {
 
     #[test]
     fn what_is_printed_can_be_typed() {
-        let view = Place::views()[0];
+        let view = Street::views()[0];
         let spec: spec::CameraSpec = camera_text(&view).parse().unwrap();
         assert_eq!(spec, spec::CameraSpec::LookAt { eye: view.eye, target: view.target });
         assert_eq!(quoted(Path::new("a/b.ply")), "a/b.ply");

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use wm_scene::Camera;
 use wm_scene::capture::Distortion;
-use wm_scene::survey::{Source, Survey};
+use wm_scene::survey::{FactSource, Survey};
 use wm_train::maps::{
     DepthForm, DepthKind, DepthScale, DepthUnit, Filter, Map, MapError, MapFault, NormalAxes, find_map,
     read_map,
@@ -76,7 +76,7 @@ pub struct Truth {
     /// Metres a scene unit.
     pub metres_per_unit: f64,
     /// Where that is from.
-    pub scale_source: Source,
+    pub scale_source: FactSource,
     unit: Option<DepthUnit>,
     form: DepthForm,
     axes: NormalAxes,

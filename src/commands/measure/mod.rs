@@ -22,7 +22,8 @@ use weather_magician::view::{self, choose};
 use wm_render::hooks::Slot;
 use wm_render::{RenderBackend, RenderConfig};
 use wm_scene::files::{check_writable, write_atomically};
-use wm_scene::{Camera, Metadata, Place};
+use wm_scene::{Camera, Metadata};
+use wm_street::Street;
 use wm_weather::cover::Airflow;
 use wm_weather::{Fidelity, Site, Weather};
 
@@ -276,7 +277,7 @@ fn camera(args: &MeasureArgs, loaded: &mut Loaded) -> Result<Camera> {
     Ok(match (&args.camera, &args.scene) {
         (Some(spec), _) => spec.camera(&loaded.scene.views, &loaded.survey, &options)?,
         (None, Some(_)) => choose::choose(&mut loaded.site(options))?.camera,
-        (None, None) => Place::views()[0].camera(args.size)?,
+        (None, None) => Street::views()[0].camera(args.size)?,
     })
 }
 

@@ -7,7 +7,7 @@ use crate::interrupt;
 use anyhow::{Result, bail};
 use std::path::{Path, PathBuf};
 use wm_scene::capture::{self, Capture, CaptureOptions};
-use wm_scene::{Camera, FormatError, Problem, View};
+use wm_scene::{Camera, FormatError, Problem, SceneView};
 use wm_train::colmap::{self, ColmapOptions};
 use wm_train::photos::{Check, Photos};
 
@@ -71,8 +71,9 @@ impl Data {
     }
 
     /// Every photo's camera with its name.
-    pub fn views(&self) -> Vec<View> {
-        let view = |place| View { name: self.name(place).to_owned(), camera: self.photos.camera(place, 0) };
+    pub fn views(&self) -> Vec<SceneView> {
+        let view =
+            |place| SceneView { name: self.name(place).to_owned(), camera: self.photos.camera(place, 0) };
         (0..self.photos.len()).map(view).collect()
     }
 

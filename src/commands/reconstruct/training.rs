@@ -18,7 +18,7 @@ use std::time::Instant;
 use wm_media::{Size, color::Dither, png};
 use wm_render::{Frame, RenderError};
 use wm_scene::capture::gps;
-use wm_scene::capture::ground::{Ground, HELD_AT, NoGround, ground};
+use wm_scene::capture::ground::{CaptureGround, CaptureGroundError, HELD_AT, ground};
 use wm_scene::formats::{folder as scene_folder, write_scene};
 use wm_scene::survey::{Survey, label_sky};
 use wm_scene::{Metadata, Scene, Splats};
@@ -482,7 +482,7 @@ impl<'a> Run<'a> {
 
     /// Metres a unit: by the height of the cameras if that is given, else by where photos say that they were
     /// taken, else by the height at which people hold cameras.
-    fn scale(&self, ground: &Result<Ground, NoGround>) -> Option<Scale> {
+    fn scale(&self, ground: &Result<CaptureGround, CaptureGroundError>) -> Option<Scale> {
         let by_height = |metres: f64| {
             let metres_per_unit = metres / ground.as_ref().ok()?.height;
             let source = format!("the camera height of {metres} m above the ground");

@@ -103,7 +103,7 @@ mod with_viewer {
         #[test]
         fn a_swing_keeps_what_it_is_about_in_place() {
             let camera =
-                Camera::look_at((60, 40), 50.0, DVec3::new(1.0, -4.0, 2.0), DVec3::Z, DVec3::Z).unwrap();
+                Camera::looking((60, 40), 50.0, DVec3::new(1.0, -4.0, 2.0), DVec3::Z, DVec3::Z).unwrap();
             let pivot = camera.center() + camera.forward() * 3.0;
             let other = swung(&camera, 3.0, 0.4);
             let [a, b] = [&camera, &other].map(|camera| camera.project(pivot).unwrap());

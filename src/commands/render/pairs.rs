@@ -19,7 +19,7 @@ use wm_media::{Size, png::DepthScale};
 use wm_render::parts::PicturePart;
 use wm_render::{DrawPass, Frame, Geometry, Outputs, ParticlePass, RenderBackend, RenderConfig};
 use wm_scene::files::write_atomically;
-use wm_scene::{Camera, View};
+use wm_scene::{Camera, SceneView};
 use wm_weather::{Fidelity, Value, Weather};
 
 /// The file that says what the pictures of the folder are.
@@ -216,8 +216,8 @@ fn shots(loaded: &mut Loaded, args: &RenderArgs) -> Result<Vec<Shot>> {
 }
 
 /// Names of files: those of the photos without extension, or with it where two are alike without.
-fn names(views: &[View]) -> Result<Vec<String>> {
-    let whole = |view: &View| -> String {
+fn names(views: &[SceneView]) -> Result<Vec<String>> {
+    let whole = |view: &SceneView| -> String {
         // Names come from files of others, which may name places outside of the folder.
         let parts = Path::new(&view.name).components().filter_map(|part| match part {
             Component::Normal(part) => part.to_str(),
@@ -225,7 +225,7 @@ fn names(views: &[View]) -> Result<Vec<String>> {
         });
         parts.collect::<Vec<_>>().join("/")
     };
-    let short = |view: &View| -> String {
+    let short = |view: &SceneView| -> String {
         let whole = whole(view);
         match whole.rsplit_once('.') {
             Some((stem, extension))
@@ -383,8 +383,9 @@ mod tests {
     use glam::DVec3;
 
     fn named(all: &[&str]) -> Result<Vec<String>> {
-        let camera = Camera::look_at((4, 3), 50.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
-        let views: Vec<View> = all.iter().map(|name| View { name: (*name).to_owned(), camera }).collect();
+        let camera = Camera::looking((4, 3), 50.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
+        let views: Vec<SceneView> =
+            all.iter().map(|name| SceneView { name: (*name).to_owned(), camera }).collect();
         names(&views)
     }
 

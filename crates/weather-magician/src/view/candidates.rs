@@ -3,7 +3,7 @@
 use super::space::Space;
 use glam::DVec3;
 use std::f64::consts::TAU;
-use wm_scene::survey::{Source, Survey};
+use wm_scene::survey::{FactSource, Survey};
 
 /// A place and a direction to look from it.
 #[derive(Clone, Copy, Debug)]
@@ -74,7 +74,7 @@ fn heights(survey: &Survey) -> Vec<(Kind, f64, f64)> {
     // Should a unit be something else than a metre: most places are walked about in within 50 m.
     let likely = 0.035 * radius;
     let fits = (0.01 * radius..=0.1 * radius).contains(&person);
-    let (kind, lowest) = if fits || survey.metres_per_unit.source != Source::Assumed {
+    let (kind, lowest) = if fits || survey.metres_per_unit.source != FactSource::Assumed {
         (Kind::EyeLevel, person)
     } else if survey.sky_splats > 0 {
         (Kind::EyeLevel, likely)

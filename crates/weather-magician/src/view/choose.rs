@@ -13,7 +13,7 @@ use super::{DEFAULT_FOV, Site, ViewError};
 use glam::{DQuat, DVec3};
 use wm_render::{Frame, RenderError};
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, View};
+use wm_scene::{Camera, SceneView};
 
 /// A view and how it was found.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,15 +44,15 @@ pub fn choose(site: &mut Site<'_>) -> Result<Chosen, ViewError> {
     let best = Critic { site, grain: Grain::of(&scene.splats), frame: Frame::default() }.best(&space)?;
     let (eye, forward) = best.map_or_else(|| from_afar(survey), |view| (view.eye, view.forward));
     let fov = options.fov.unwrap_or(DEFAULT_FOV);
-    let camera = Camera::look_at(options.size(), fov, eye, eye + forward, options.up(survey))?;
+    let camera = Camera::looking(options.size(), fov, eye, eye + forward, options.up(survey))?;
     let how = "chosen among views of the scene".into();
     Ok(Chosen { camera: Camera { near: options.near(survey), ..camera }, how })
 }
 
 /// The view whose camera is nearest to the middle of all.
-pub fn middle_view(views: &[View]) -> Option<&View> {
+pub fn middle_view(views: &[SceneView]) -> Option<&SceneView> {
     let middle = views.iter().map(|v| v.camera.center()).sum::<DVec3>() / views.len().max(1) as f64;
-    let distance = |view: &&View| view.camera.center().distance(middle);
+    let distance = |view: &&SceneView| view.camera.center().distance(middle);
     views.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
@@ -86,7 +86,7 @@ impl Critic<'_, '_> {
     /// The rated view; `None` where the directions make no camera.
     fn rated(&mut self, kind: Kind, eye: DVec3, forward: DVec3) -> Result<Option<Rated>, RenderError> {
         let survey = self.site.survey;
-        let camera = Camera::look_at(SIZE, DEFAULT_FOV, eye, eye + forward, survey.up.value);
+        let camera = Camera::looking(SIZE, DEFAULT_FOV, eye, eye + forward, survey.up.value);
         let Ok(camera) = camera else { return Ok(None) };
         let camera = Camera { near: self.site.options.near(survey), ..camera };
         self.site.look(&camera, &mut self.frame)?;

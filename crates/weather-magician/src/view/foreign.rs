@@ -194,7 +194,7 @@ fn supersplat(file: &SuperSplat, up: DVec3, fov: Option<f64>) -> Result<Vec<Key>
     let usual = file.camera.as_ref().and_then(|camera| camera.fov).unwrap_or(DEFAULT_FOV);
     let key = |i: usize| {
         let (eye, target) = (point(&values.position, i), point(&values.target, i));
-        let camera = Camera::look_at((1, 1), DEFAULT_FOV, eye, target, up);
+        let camera = Camera::looking((1, 1), DEFAULT_FOV, eye, target, up);
         let camera = camera.map_err(|error| format!("keyframe {}: {error}", i + 1))?;
         let fov = fov.or(values.fov.get(i).copied()).unwrap_or(usual);
         Ok(Key { time: times[i] / rate, eye, rotation: DQuat::from_mat3(&camera.rotation()), fov })

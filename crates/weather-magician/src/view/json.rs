@@ -100,7 +100,7 @@ pub fn parse(text: &str, survey: &Survey, options: &Options) -> Result<Path, (Lo
         let rotation = match (keyframe.target, keyframe.rotation) {
             (Some(target), None) => {
                 let target = DVec3::from_array(target);
-                let camera = Camera::look_at((1, 1), DEFAULT_FOV, eye, target, up);
+                let camera = Camera::looking((1, 1), DEFAULT_FOV, eye, target, up);
                 let camera = camera.map_err(|error| fault(&error.to_string()))?;
                 DQuat::from_mat3(&camera.rotation())
             }

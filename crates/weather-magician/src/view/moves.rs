@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use wm_render::Frame;
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, View, nearest};
+use wm_scene::{Camera, SceneView, nearest};
 
 /// What `--path` says.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -92,7 +92,7 @@ pub fn orbit(site: &Site<'_>, start: &Camera, duration: f64) -> Result<Path, Vie
         let rotation = match free {
             Some(distance) => {
                 let eye = on_circle(angle, distance);
-                Camera::look_at((1, 1), fov, eye, survey.center, up)?.rotation()
+                Camera::looking((1, 1), fov, eye, survey.center, up)?.rotation()
             }
             // camera_from_world turns the other way.
             None => start.rotation() * DMat3::from_axis_angle(up, -angle),
@@ -195,7 +195,12 @@ fn room_ahead(site: &mut Site<'_>, start: &Camera, ahead: DVec3) -> Result<f64, 
 ///
 /// # Errors
 /// [`ViewError`] if there are no views or they make no path.
-pub fn capture(views: &[View], survey: &Survey, options: &Options, duration: f64) -> Result<Path, ViewError> {
+pub fn capture(
+    views: &[SceneView],
+    survey: &Survey,
+    options: &Options,
+    duration: f64,
+) -> Result<Path, ViewError> {
     if views.is_empty() {
         return Err(ViewError::Scene(
             "the scene has no views of photos to go along; give orbit, dolly or a JSON file".into(),
@@ -237,7 +242,7 @@ mod tests {
     const SIZE: (u32, u32) = (60, 40);
 
     fn look(eye: [f64; 3], target: [f64; 3]) -> Camera {
-        Camera::look_at(SIZE, 50.0, eye.into(), target.into(), DVec3::Z).unwrap()
+        Camera::looking(SIZE, 50.0, eye.into(), target.into(), DVec3::Z).unwrap()
     }
 
     #[test]
@@ -336,7 +341,7 @@ mod tests {
         let up = loaded.survey.up.value;
         let ground = |x: f64| 0.15 * (x + 20.0);
         let eye = DVec3::new(-10.0, 0.0, ground(-10.0) + 1.6);
-        let start = Camera::look_at(SIZE, 50.0, eye, eye + DVec3::X, up).unwrap();
+        let start = Camera::looking(SIZE, 50.0, eye, eye + DVec3::X, up).unwrap();
         let path = dolly(&mut loaded.site(Options::default()), &start, Some(18.0), 6.0).unwrap();
         for i in 0..=60 {
             let at = path.at(0.1 * f64::from(i), SIZE).center();
@@ -347,7 +352,7 @@ mod tests {
     #[test]
     fn straight_down_there_is_no_way_forward() {
         let mut loaded = court(0.0);
-        let start = Camera::look_at(SIZE, 50.0, DVec3::Z * 20.0, DVec3::ZERO, DVec3::X).unwrap();
+        let start = Camera::looking(SIZE, 50.0, DVec3::Z * 20.0, DVec3::ZERO, DVec3::X).unwrap();
         let error = dolly(&mut loaded.site(Options::default()), &start, None, 6.0).unwrap_err();
         assert_eq!(error.to_string(), "the view looks straight up or down: there is no way forward");
     }

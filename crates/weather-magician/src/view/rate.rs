@@ -207,7 +207,7 @@ mod tests {
     use super::*;
 
     fn rating(loaded: &mut Loaded, eye: [f64; 3], target: [f64; 3]) -> Rating {
-        let camera = Camera::look_at(SIZE, 50.0, eye.into(), target.into(), DVec3::Z).unwrap();
+        let camera = Camera::looking(SIZE, 50.0, eye.into(), target.into(), DVec3::Z).unwrap();
         let mut frame = Frame::default();
         loaded.site(Options::default()).look(&camera, &mut frame).unwrap();
         rate(&frame, &camera, &loaded.survey, &Grain::of(&loaded.scene.splats))

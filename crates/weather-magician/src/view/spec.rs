@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use wm_scene::camera::{MAX_PIXELS, MAX_SIDE};
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, View, nearest};
+use wm_scene::{Camera, SceneView, nearest};
 
 /// What `--camera` says.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,7 +28,7 @@ pub enum CameraSpec {
     /// The first keyframe of a file.
     File(PathBuf),
     /// A view of the scene.
-    View(String),
+    SceneView(String),
 }
 
 impl FromStr for CameraSpec {
@@ -52,7 +52,7 @@ impl FromStr for CameraSpec {
             None if text.split(',').count() == 3 && parse_point(text).is_ok() => {
                 Err(fault("this is the eye alone; add the point it looks at: X,Y,Z:X,Y,Z"))
             }
-            _ => Ok(Self::View(text.into())),
+            _ => Ok(Self::SceneView(text.into())),
         }
     }
 }
@@ -62,18 +62,23 @@ impl CameraSpec {
     ///
     /// # Errors
     /// [`ViewError`] if there is no such view, the file cannot be read, or the numbers make no camera.
-    pub fn camera(&self, views: &[View], survey: &Survey, options: &Options) -> Result<Camera, ViewError> {
+    pub fn camera(
+        &self,
+        views: &[SceneView],
+        survey: &Survey,
+        options: &Options,
+    ) -> Result<Camera, ViewError> {
         let camera = match self {
             Self::LookAt { eye, target } => {
                 let fov = options.fov.unwrap_or(DEFAULT_FOV);
-                let camera = Camera::look_at(options.size(), fov, *eye, *target, options.up(survey))?;
+                let camera = Camera::looking(options.size(), fov, *eye, *target, options.up(survey))?;
                 Camera { near: options.near(survey), ..camera }
             }
             Self::File(path) => {
                 let path = Path::read(path, survey, options)?;
                 path.at(path.start(), options.size())
             }
-            Self::View(name) => of_view(find(views, name)?, survey, options)?,
+            Self::SceneView(name) => of_view(find(views, name)?, survey, options)?,
         };
         camera.check()?;
         Ok(camera)
@@ -84,7 +89,7 @@ impl CameraSpec {
 ///
 /// # Errors
 /// [`ViewError`] if the numbers make no camera.
-pub fn of_view(view: &View, survey: &Survey, options: &Options) -> Result<Camera, ViewError> {
+pub fn of_view(view: &SceneView, survey: &Survey, options: &Options) -> Result<Camera, ViewError> {
     let mut camera = view.camera;
     if let Some((width, height)) = options.size {
         camera = camera.refitted(width, height);
@@ -93,7 +98,7 @@ pub fn of_view(view: &View, survey: &Survey, options: &Options) -> Result<Camera
         // By way of look_at for its check of the angle.
         let eye = camera.center();
         let size = (camera.width, camera.height);
-        let focal = Camera::look_at(size, fov, eye, eye + camera.forward(), camera.up())?.fy;
+        let focal = Camera::looking(size, fov, eye, eye + camera.forward(), camera.up())?.fy;
         (camera.fx, camera.fy) = (camera.fx * focal / camera.fy, focal);
     }
     camera.near = options.near(survey);
@@ -102,7 +107,7 @@ pub fn of_view(view: &View, survey: &Survey, options: &Options) -> Result<Camera
 }
 
 /// The view that `name` names.
-fn find<'a>(views: &'a [View], name: &str) -> Result<&'a View, ViewError> {
+fn find<'a>(views: &'a [SceneView], name: &str) -> Result<&'a SceneView, ViewError> {
     let fault = |problem: String| ViewError::text("camera", name, problem);
     if views.is_empty() {
         return Err(fault("the scene has no views of photos; give X,Y,Z:X,Y,Z or a JSON file".into()));
@@ -110,7 +115,7 @@ fn find<'a>(views: &'a [View], name: &str) -> Result<&'a View, ViewError> {
     // The exact name first, then less and less of it.
     let parts: [fn(&str) -> &str; 3] = [|whole| whole, file_name, stem];
     for part in parts {
-        let found: Vec<&View> = views.iter().filter(|view| part(&view.name) == name).collect();
+        let found: Vec<&SceneView> = views.iter().filter(|view| part(&view.name) == name).collect();
         match found[..] {
             [] => {}
             [view] => return Ok(view),
@@ -216,7 +221,7 @@ mod tests {
         let (eye, target) = (DVec3::new(4.0, -60.0, 3.0), DVec3::new(4.0, -31.0, 2.5));
         assert_eq!(spec, CameraSpec::LookAt { eye, target });
         assert_eq!("way/Path.JSON".parse::<CameraSpec>().unwrap(), CameraSpec::File("way/Path.JSON".into()));
-        assert_eq!("IMG:7".parse::<CameraSpec>().unwrap(), CameraSpec::View("IMG:7".into()));
+        assert_eq!("IMG:7".parse::<CameraSpec>().unwrap(), CameraSpec::SceneView("IMG:7".into()));
     }
 
     #[test]
@@ -264,7 +269,8 @@ mod tests {
         ] {
             assert_eq!(say(text), expected, "{text}");
         }
-        let error = CameraSpec::View("1".into()).camera(&[], &survey(), &Options::default()).unwrap_err();
+        let error =
+            CameraSpec::SceneView("1".into()).camera(&[], &survey(), &Options::default()).unwrap_err();
         let expected = "camera \"1\": the scene has no views of photos; give X,Y,Z:X,Y,Z or a JSON file";
         assert_eq!(error.to_string(), expected);
     }
@@ -273,13 +279,13 @@ mod tests {
     fn what_is_given_wins() {
         let views = views(&["a.jpg"]);
         let options = Options { size: Some((200, 200)), fov: Some(30.0), near: Some(0.5), up: None };
-        let camera = CameraSpec::View("a".into()).camera(&views, &survey(), &options).unwrap();
+        let camera = CameraSpec::SceneView("a".into()).camera(&views, &survey(), &options).unwrap();
         assert!((camera.fov_y() - 30.0).abs() < 1e-9);
         assert_eq!((camera.width, camera.near, camera.viewmat), (200, 0.5, views[0].camera.viewmat));
-        let plain = CameraSpec::View("a".into()).camera(&views, &survey(), &Options::default()).unwrap();
+        let plain = CameraSpec::SceneView("a".into()).camera(&views, &survey(), &Options::default()).unwrap();
         assert_eq!(plain, Camera { near: 0.1, ..views[0].camera });
         let wide = Options { fov: Some(200.0), ..options };
-        assert!(CameraSpec::View("a".into()).camera(&views, &survey(), &wide).is_err());
+        assert!(CameraSpec::SceneView("a".into()).camera(&views, &survey(), &wide).is_err());
         // Up along the view has no picture.
         let up = Options { up: Some(DVec3::X), ..options };
         assert!("0,0,0:1,0,0".parse::<CameraSpec>().unwrap().camera(&[], &survey(), &up).is_err());

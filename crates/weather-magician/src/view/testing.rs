@@ -4,14 +4,14 @@ use super::{Options, Site};
 use glam::DVec3;
 use wm_render::{CpuConfig, CpuRenderer, RenderBackend, SetId};
 use wm_scene::formats::{ReadOptions, read_scene};
-use wm_scene::survey::{Source, Sourced, Survey, label_sky};
+use wm_scene::survey::{FactSource, Sourced, Survey, label_sky};
 use wm_scene::testing::data;
-use wm_scene::{Camera, Metadata, Scene, View, synthetic};
+use wm_scene::{Camera, Metadata, Scene, SceneView, synthetic};
 
 /// A place with z up, the ground at 0, 10 units in radius.
 pub fn survey() -> Survey {
     fn known<T>(value: T) -> Sourced<T> {
-        Sourced { value, source: Source::Given }
+        Sourced { value, source: FactSource::Given }
     }
     Survey {
         up: known(DVec3::Z),
@@ -27,15 +27,15 @@ pub fn survey() -> Survey {
 }
 
 /// Views of these names at x = 0, 1, 2, ... that look along y.
-pub fn views(names: &[&str]) -> Vec<View> {
+pub fn views(names: &[&str]) -> Vec<SceneView> {
     let camera = |x: f64| {
         let eye = DVec3::new(x, 0.0, 1.6);
-        Camera::look_at((300, 200), 60.0, eye, eye + DVec3::Y, DVec3::Z).unwrap()
+        Camera::looking((300, 200), 60.0, eye, eye + DVec3::Y, DVec3::Z).unwrap()
     };
     names
         .iter()
         .enumerate()
-        .map(|(i, name)| View { name: (*name).into(), camera: camera(i as f64) })
+        .map(|(i, name)| SceneView { name: (*name).into(), camera: camera(i as f64) })
         .collect()
 }
 

@@ -8,8 +8,8 @@ use crate::stages::compare::{Comparison, Term};
 use crate::stages::optimize::{BETA1, BETA2, Noise, Step};
 use crate::stages::project::ProjectCamera;
 use std::ops::Range;
+use wm_scene::random::SEED_FACTOR;
 use wm_scene::splats::logit;
-use wm_scene::synthetic::SEED_FACTOR;
 use wm_scene::{Camera, Rasterization};
 
 /// Bytes from one structure to the next: the largest alignment that an adapter may ask for.
@@ -314,7 +314,7 @@ pub fn learn(learn: Learn) -> Uniform {
 /// `Noise` of `explore.wgsl`.
 #[must_use]
 pub fn noise(noise: &Noise) -> Uniform {
-    // What `wm_scene::synthetic::uniform` multiplies a seed with.
+    // What `wm_scene::random::uniform` multiplies a seed with.
     let seed = noise.seed.wrapping_mul(SEED_FACTOR);
     Uniform::default()
         .whole("seed", seed as u32)

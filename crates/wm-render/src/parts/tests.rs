@@ -9,7 +9,7 @@ use crate::renderer::{Background, CpuConfig, ParticlePass, RenderBackend, SkyGra
 use crate::simd::SimdPath;
 use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats};
 use crate::{CpuRenderer, reference};
-use wm_scene::synthetic::uniform;
+use wm_scene::random::uniform;
 
 crate::parity! {
     the_parts_make_up_the_picture => recombination;

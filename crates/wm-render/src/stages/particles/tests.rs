@@ -9,7 +9,7 @@ use crate::simd::SimdPath;
 use crate::testing::{Backend, random_splats};
 use crate::{CpuRenderer, Frame};
 use glam::DVec3;
-use wm_scene::synthetic::uniform;
+use wm_scene::random::uniform;
 use wm_scene::{Camera, Splats};
 
 /// A list, in parts of a given length.
@@ -28,7 +28,7 @@ impl Particles for List {
 }
 
 fn camera() -> Camera {
-    Camera::look_at((75, 52), 60.0, DVec3::new(0.0, 0.0, -4.0), DVec3::ZERO, DVec3::Y).unwrap()
+    Camera::looking((75, 52), 60.0, DVec3::new(0.0, 0.0, -4.0), DVec3::ZERO, DVec3::Y).unwrap()
 }
 
 /// Drops, streaks and needles from far to very near, some behind, some beside.

@@ -179,7 +179,7 @@ fn culling_loses_no_splat() {
             let u = |k: u64| uniform(70 + kind as u64, view * 8 + k) * 2.0 - 1.0;
             let eye = DVec3::new(u(0), u(1), u(2)) * 6.0;
             let fov = 20.0 + 40.0 * (u(6) + 1.0);
-            let Ok(camera) = Camera::look_at((300, 200), fov, eye, DVec3::new(u(3), u(4), u(5)), DVec3::Y)
+            let Ok(camera) = Camera::looking((300, 200), fov, eye, DVec3::new(u(3), u(4), u(5)), DVec3::Y)
             else {
                 continue;
             };

@@ -94,7 +94,7 @@ fn layers_are_added_to_the_running_composite() {
 /// both together hides the near one too.
 #[test]
 fn one_cloud_loses_a_near_drop_before_a_far_one() {
-    let camera = Camera::look_at((32, 32), 40.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
+    let camera = Camera::looking((32, 32), 40.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
     let drop = |depth: f64, opacity: f64| {
         let mut splats = Splats::with_capacity(1, 0);
         splats.push(&Splat {

@@ -6,7 +6,7 @@
 //! position. A gathered ray that hits something takes that surface's light from a coarse map made
 //! once (sun and sky a cell): so sunny walls and ground brighten the shade across the street.
 
-use super::Place;
+use super::Street;
 use super::hash::{key_of, unit};
 use super::paint::Material;
 use super::shape::{Shape, Spot, around};
@@ -81,7 +81,7 @@ impl LightMap {
     }
 
     /// Makes the map of `scene`, whose own map is still empty.
-    pub(super) fn of(scene: &Place) -> Self {
+    pub(super) fn of(scene: &Street) -> Self {
         let mut map = Self::default();
         for primitive in &scene.primitives {
             let first = map.cells.len() as u32;
@@ -116,7 +116,7 @@ fn grid_of(shape: &Shape) -> (u16, u16) {
     }
 }
 
-impl Place {
+impl Street {
     /// Mean irradiance of the cell at `corner` with `size`, both in surface coordinates.
     fn cell_light(&self, shape: &Shape, corner: DVec2, size: DVec2) -> [f32; 3] {
         let (mut sun, mut found) = (DVec3::ZERO, 0.0);
@@ -290,7 +290,7 @@ impl Place {
     }
 }
 
-/// What [`Place::gather`] found.
+/// What [`Street::gather`] found.
 pub(super) struct Gathered {
     /// Irradiance without the sun.
     pub irradiance: DVec3,

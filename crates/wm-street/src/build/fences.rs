@@ -1,7 +1,7 @@
 //! Fences, low walls, pillars, railings.
 
 use super::{Builder, Frame, faces};
-use crate::place::paint::PaintId;
+use crate::paint::PaintId;
 use glam::DVec3;
 
 /// A picket fence along x from 0 to `length`, with a gap for a gate.

@@ -11,24 +11,24 @@
 //! Cameras, points and where they are seen are exact, so that whatever differs later is not theirs.
 //! Everything is the same for any number of threads.
 
+use crate::{PhotoPixel, Street, display_of};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use std::{fs, io, path::Path};
 use wm_scene::{
-    Camera, CameraError, FormatError, Place, Problem,
+    Camera, CameraError, FormatError, Problem,
     capture::{
-        Capture, CaptureView, Distortion, Observation, Points,
-        colmap::write::{self, Storage},
+        Capture, CaptureView, Distortion, Observation, SparsePoints,
+        colmap::write::{self, ColmapStorage},
     },
     files::write_atomically,
     npy,
-    place::{Pixel, display_of},
-    synthetic::uniform,
+    random::uniform,
 };
 
 /// Where the photos are taken from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Route {
+pub enum CameraRoute {
     /// Forward along the street, in three lanes in turn: a single line of cameras that look where they go
     /// sees what is ahead from one side alone.
     #[default]
@@ -39,7 +39,7 @@ pub enum Route {
 
 /// Whether exact depth, normals and sky are written too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Truth {
+pub enum GroundTruth {
     /// They are.
     #[default]
     Write,
@@ -49,9 +49,9 @@ pub enum Truth {
 
 /// What is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BuiltinOptions {
+pub struct DatasetOptions {
     /// Where the photos are taken from.
-    pub route: Route,
+    pub route: CameraRoute,
     /// How many, 1 and above.
     pub count: u32,
     /// Their width and height, px.
@@ -61,21 +61,21 @@ pub struct BuiltinOptions {
     /// Most points.
     pub points: u32,
     /// How the model is stored.
-    pub storage: Storage,
+    pub storage: ColmapStorage,
     /// Whether the truth is written too.
-    pub truth: Truth,
+    pub truth: GroundTruth,
 }
 
-impl Default for BuiltinOptions {
+impl Default for DatasetOptions {
     fn default() -> Self {
         Self {
-            route: Route::Walk,
+            route: CameraRoute::Walk,
             count: 40,
             size: (600, 400),
             samples: 2,
             points: 20_000,
-            storage: Storage::Binary,
-            truth: Truth::Write,
+            storage: ColmapStorage::Binary,
+            truth: GroundTruth::Write,
         }
     }
 }
@@ -94,11 +94,11 @@ const SLACK: f64 = 0.02;
 ///
 /// # Errors
 /// [`CameraError`] if the size makes no camera.
-pub fn cameras(options: &BuiltinOptions) -> Result<Vec<Camera>, CameraError> {
+pub fn cameras(options: &DatasetOptions) -> Result<Vec<Camera>, CameraError> {
     let count = options.count.max(1);
     let camera = |index: u32| match options.route {
-        Route::Walk => {
-            let mut view = Place::dolly(f64::from(index) / f64::from((count - 1).max(1)));
+        CameraRoute::Walk => {
+            let mut view = Street::dolly(f64::from(index) / f64::from((count - 1).max(1)));
             let (right, above, turn) = LANES[index as usize % LANES.len()];
             let ahead = view.target - view.eye;
             view.eye += ahead.cross(DVec3::Z).normalize() * right + DVec3::Z * above;
@@ -106,13 +106,13 @@ pub fn cameras(options: &BuiltinOptions) -> Result<Vec<Camera>, CameraError> {
             view.target = view.eye + DQuat::from_rotation_z(-turn.to_radians()) * ahead;
             view.camera(options.size)
         }
-        Route::Orbit => {
+        CameraRoute::Orbit => {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(index) / f64::from(count)).sin_cos();
             // Two heights in turn: one ring of cameras alone leaves heights uncertain.
             let height = if index.is_multiple_of(2) { 24.0 } else { 34.0 };
             let target = DVec3::new(0.0, 28.0, 2.0);
             let eye = target + DVec3::new(42.0 * cos, 42.0 * sin, height);
-            Camera::look_at(options.size, 50.0, eye, target, DVec3::Z)
+            Camera::looking(options.size, 50.0, eye, target, DVec3::Z)
         }
     };
     (0..count).map(camera).collect()
@@ -126,16 +126,16 @@ pub fn cameras(options: &BuiltinOptions) -> Result<Vec<Camera>, CameraError> {
 /// # Errors
 /// [`FormatError`] if a file cannot be written or the size makes no camera.
 pub fn write(
-    place: &Place,
+    street: &Street,
     folder: &Path,
-    options: &BuiltinOptions,
+    options: &DatasetOptions,
     progress: &mut dyn FnMut(usize) -> bool,
 ) -> Result<Option<Capture>, FormatError> {
     let cameras = cameras(options);
     let cameras = cameras.map_err(|e| FormatError::whole(folder, Problem::Value(e.to_string())))?;
     let images = folder.join("images");
     let mut folders = vec![images.clone()];
-    if options.truth == Truth::Write {
+    if options.truth == GroundTruth::Write {
         folders.extend(["depth", "normal", "sky"].map(|name| folder.join("truth").join(name)));
     }
     for folder in folders {
@@ -145,12 +145,12 @@ pub fn write(
     let mut views = Vec::with_capacity(cameras.len());
     for (index, camera) in cameras.iter().enumerate() {
         let rows = (0..camera.height).into_par_iter();
-        let pixels: Vec<Pixel> =
-            rows.flat_map_iter(|y| place.photo_row(camera, y, options.samples)).collect();
+        let pixels: Vec<PhotoPixel> =
+            rows.flat_map_iter(|y| street.photo_row(camera, y, options.samples)).collect();
         let stem = format!("{index:05}");
         let name = format!("{stem}.png");
         write_photo(&images.join(&name), camera, &pixels)?;
-        if options.truth == Truth::Write {
+        if options.truth == GroundTruth::Write {
             write_truth(&folder.join("truth"), &stem, camera, &pixels)?;
         }
         let file = name.clone().into();
@@ -166,14 +166,14 @@ pub fn write(
             return Ok(None);
         }
     }
-    let (points, observations) = points(place, &cameras, options.points as usize);
+    let (points, observations) = points(street, &cameras, options.points as usize);
     let capture = Capture { source: folder.into(), images, masks: None, views, points, observations };
     write::write(&capture, &folder.join("sparse/0"), options.storage)?;
     Ok(Some(capture))
 }
 
 /// Points on surfaces that two cameras see at least, and where each sees which.
-fn points(place: &Place, cameras: &[Camera], most: usize) -> (Points, Vec<Vec<Observation>>) {
+fn points(street: &Street, cameras: &[Camera], most: usize) -> (SparsePoints, Vec<Vec<Observation>>) {
     const SEED: u64 = 31;
     // A ray from some pixel of some camera; one in two or so ends in the sky or is seen once.
     let candidate = |index: u64| {
@@ -181,16 +181,16 @@ fn points(place: &Place, cameras: &[Camera], most: usize) -> (Points, Vec<Vec<Ob
         let camera = &cameras[(random(0) * cameras.len() as f64) as usize % cameras.len()];
         let (x, y) = (random(1) * f64::from(camera.width), random(2) * f64::from(camera.height));
         let (eye, direction) = (camera.center(), camera.ray(x, y));
-        let hit = place.cast(eye, direction)?;
+        let hit = street.cast(eye, direction)?;
         let seen: Vec<(usize, [f32; 2])> = cameras
             .iter()
             .enumerate()
-            .filter_map(|(index, camera)| Some((index, seen_at(place, camera, hit.point)?)))
+            .filter_map(|(index, camera)| Some((index, seen_at(street, camera, hit.point)?)))
             .collect();
         let color = display_of(hit.radiance).map(to_byte);
         (seen.len() >= 2).then_some((hit.point, color, seen))
     };
-    let mut points = Points::default();
+    let mut points = SparsePoints::default();
     let mut observations = vec![Vec::new(); cameras.len()];
     let found: Vec<_> = (0..3 * most as u64).into_par_iter().filter_map(candidate).collect();
     for (point, color, seen) in found.into_iter().take(most) {
@@ -203,14 +203,14 @@ fn points(place: &Place, cameras: &[Camera], most: usize) -> (Points, Vec<Vec<Ob
 }
 
 /// Where a camera sees a point, px; `None` if it does not.
-fn seen_at(place: &Place, camera: &Camera, point: DVec3) -> Option<[f32; 2]> {
+fn seen_at(street: &Street, camera: &Camera, point: DVec3) -> Option<[f32; 2]> {
     let (x, y, _) = camera.project(point)?;
     let is_inside = x > 0.0 && y > 0.0 && x < f64::from(camera.width) && y < f64::from(camera.height);
     if !is_inside {
         return None;
     }
     let eye = camera.center();
-    let first = place.first(eye, point - eye)?;
+    let first = street.first(eye, point - eye)?;
     (first.t > eye.distance(point) - SLACK).then_some([x as f32, y as f32])
 }
 
@@ -218,7 +218,7 @@ fn to_byte(value: f64) -> u8 {
     (value * 255.0).round() as u8
 }
 
-fn write_photo(path: &Path, camera: &Camera, pixels: &[Pixel]) -> Result<(), FormatError> {
+fn write_photo(path: &Path, camera: &Camera, pixels: &[PhotoPixel]) -> Result<(), FormatError> {
     let rgb: Vec<u8> = pixels.iter().flat_map(|pixel| pixel.rgb.map(to_byte)).collect();
     write_atomically(path, |out| {
         let mut encoder = png::Encoder::new(out, camera.width, camera.height);
@@ -230,7 +230,7 @@ fn write_photo(path: &Path, camera: &Camera, pixels: &[Pixel]) -> Result<(), For
     })
 }
 
-fn write_truth(folder: &Path, stem: &str, camera: &Camera, pixels: &[Pixel]) -> Result<(), FormatError> {
+fn write_truth(folder: &Path, stem: &str, camera: &Camera, pixels: &[PhotoPixel]) -> Result<(), FormatError> {
     let (height, width) = (camera.height as usize, camera.width as usize);
     let file = |kind: &str| folder.join(kind).join(format!("{stem}.npy"));
     let depth: Vec<f32> = pixels.iter().map(|pixel| pixel.depth as f32).collect();
@@ -244,40 +244,48 @@ fn write_truth(folder: &Path, stem: &str, camera: &Camera, pixels: &[Pixel]) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::photos::{PhotoOptions, Photos};
     use tempfile::tempdir;
     use wm_scene::capture::{CaptureOptions, read};
 
+    /// Width and height of a PNG file, px, and the number of bytes of its pixels.
+    fn decoded(path: &Path) -> (u32, u32, usize) {
+        let file = io::BufReader::new(fs::File::open(path).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let frame = reader.next_frame(&mut pixels).unwrap();
+        (frame.width, frame.height, frame.buffer_size())
+    }
+
     #[test]
     fn what_is_written_is_a_capture_with_its_truth() {
-        let place = Place::street();
-        for (route, storage) in [(Route::Walk, Storage::Binary), (Route::Orbit, Storage::Text)] {
+        let street = Street::builtin();
+        for (route, storage) in
+            [(CameraRoute::Walk, ColmapStorage::Binary), (CameraRoute::Orbit, ColmapStorage::Text)]
+        {
             let folder = tempdir().unwrap();
-            let options = BuiltinOptions {
+            let options = DatasetOptions {
                 route,
                 count: 6,
                 size: (60, 40),
                 samples: 1,
                 points: 200,
                 storage,
-                truth: Truth::Write,
+                truth: GroundTruth::Write,
             };
             let mut done = 0;
             let mut progress = |count| {
                 done = count;
                 true
             };
-            let written = write(&place, folder.path(), &options, &mut progress).unwrap().unwrap();
+            let written = write(&street, folder.path(), &options, &mut progress).unwrap().unwrap();
             assert_eq!(done, 6);
             let capture = read(folder.path(), &CaptureOptions::default()).unwrap();
             assert_eq!((&capture.points, &capture.observations), (&written.points, &written.observations));
             assert_eq!(capture.points.len(), 200);
             capture.check_trainable().unwrap();
 
-            let photos = Photos::open(&capture, &PhotoOptions::default()).unwrap();
             for (index, (view, seen)) in capture.views.iter().zip(&capture.observations).enumerate() {
-                let photo = photos.get(index, 0).unwrap();
-                assert_eq!((photo.width, photo.height), (60, 40));
+                assert_eq!(decoded(&capture.images.join(&view.file)), (60, 40, 60 * 40 * 3));
                 let truth = |kind: &str| {
                     npy::read(&folder.path().join(format!("truth/{kind}/{index:05}.npy"))).unwrap()
                 };

@@ -2,7 +2,7 @@
 
 use super::Builder;
 use super::facade::Finish;
-use crate::place::paint::{Material, PaintId};
+use crate::paint::{Material, PaintId};
 
 /// Paints that many things share.
 #[derive(Clone, Copy, Debug)]

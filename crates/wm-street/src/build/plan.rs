@@ -7,7 +7,7 @@
 use super::houses::{PORCH, porch_frame};
 use super::palette::Palette;
 use super::{Builder, Frame, far, furniture as f, gardens, growth as g, houses, props};
-use crate::place::paint::{Material, PaintId};
+use crate::paint::{Material, PaintId};
 use glam::DVec3;
 
 /// Half the width of the asphalt, m.
@@ -32,7 +32,7 @@ pub(super) fn right(y: f64) -> Frame {
 }
 
 /// Builds the street.
-pub(in crate::place) fn build(b: &mut Builder) {
+pub(crate) fn build(b: &mut Builder) {
     let p = Palette::new(b);
     ground(b, &p);
     houses::build(b, &p);

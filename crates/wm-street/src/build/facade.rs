@@ -1,7 +1,7 @@
 //! Walls with openings: windows with reveals, frames and sills, doors, a shop front.
 
 use super::{Builder, Frame, faces};
-use crate::place::paint::PaintId;
+use crate::paint::PaintId;
 use glam::DVec3;
 
 /// How far panes and doors lie behind the wall's face, m.

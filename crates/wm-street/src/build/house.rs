@@ -3,7 +3,7 @@
 use super::facade::{Filling, Finish, Opening, shutters, wall};
 use super::roof::Roof;
 use super::{Builder, Frame, faces};
-use crate::place::paint::PaintId;
+use crate::paint::PaintId;
 
 /// Which way the ridge runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

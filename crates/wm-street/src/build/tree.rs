@@ -5,9 +5,9 @@
 //! bent branch, so boughs fork as they reach out. Thickness follows from what a branch carries.
 
 use super::Builder;
-use crate::place::hash::{Dice, noise3};
-use crate::place::paint::PaintId;
-use crate::place::shape::{Outline, Shape};
+use crate::hash::{Dice, noise3};
+use crate::paint::PaintId;
+use crate::shape::{Outline, Shape};
 use glam::DVec3;
 
 /// What kind of tree it is.

@@ -2,7 +2,7 @@
 
 use super::facade::{Filling, Finish, window};
 use super::{Builder, Frame, faces};
-use crate::place::paint::PaintId;
+use crate::paint::PaintId;
 use glam::DVec3;
 
 /// A roof of two slopes. In its frame the ridge runs along x from 0 to `length`, the slopes rise over

@@ -2,7 +2,7 @@
 
 use super::palette::Palette;
 use super::{Builder, Frame, faces};
-use crate::place::paint::PaintId;
+use crate::paint::PaintId;
 use glam::DVec3;
 
 /// The part of the porch that its roof shelters, in its frame: from and to along x, depth, m.

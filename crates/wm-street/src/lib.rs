@@ -1,19 +1,34 @@
-//! The built-in place: a procedural street that needs no download.
+//! The built-in street: a scene that needs no download, and photos of it with exact ground truth.
 //!
-//! A village street of about 150 m runs along +y between houses, gardens and trees; fields, a church
-//! and hills lie beyond, so that fog has depth to act on and haze shows. It is analytic geometry with
-//! procedural textures and baked light, and serves twice: [`Sampling`] turns it into Gaussians, and
-//! [`Place::photo`] into pictures with exact depth, normals, materials and sky, as a camera would
-//! have taken them. Metres, z up, the carriageway at z = 0.
+//! A village street about 150 m long runs along +y between houses, gardens and trees, with fields, a
+//! church and hills beyond, so that fog has depth to act on. It is analytic geometry with procedural
+//! textures and baked light. [`SplatSampling`] turns it into Gaussians; [`Street::photo`] ray-casts
+//! pictures of it with exact depth, normals, materials and sky. Units are metres, z is up and the
+//! carriageway lies at z = 0.
 //!
-//! Everything is a function of the seed alone; nothing depends on the order or the number of threads.
+//! The street depends on its seed alone, never on the order of calls or the number of threads.
 //!
-//! - [`Place::cast`] and [`Place::sky`]: linear radiance along a ray; [`display_of`] makes it a colour.
-//! - [`Place::sampling`]: the splats, any range of them.
-//! - [`Place::views`], [`Place::dolly`]: where to look from.
+//! - [`Street`]: the street itself; [`Street::cast`] and [`Street::sky`] give linear radiance along a ray.
+//! - [`SplatSampling`]: its splats, any range of them.
+//! - [`Viewpoint`]: a good position to look from; [`Street::dolly`] is a walk.
+//! - [`PhotoPixel`]: one pixel of a photo, with its ground truth.
+//! - [`dataset`]: photos, cameras and points as a COLMAP data set, with the ground truth beside them.
+//!
+//! ```
+//! use wm_street::Street;
+//!
+//! let street = Street::builtin();
+//! let camera = Street::views()[0].camera((300, 200))?;
+//! let pixel = street.photo(&camera, 150, 190, 1);
+//! assert!(pixel.depth > 1.0 && !pixel.is_sky);
+//! let splats = street.sampling(0.5).splats_in(0..1000);
+//! assert!(splats.len() <= 1000);
+//! # Ok::<(), wm_scene::CameraError>(())
+//! ```
 
 mod build;
 mod bvh;
+pub mod dataset;
 mod gaussian;
 mod hash;
 mod light;
@@ -27,20 +42,20 @@ mod tone;
 mod views;
 
 pub use paint::Material;
-pub use photo::Pixel;
-pub use sampling::Sampling;
+pub use photo::PhotoPixel;
+pub use sampling::SplatSampling;
 pub use tone::{display_of, exposed};
 pub use views::Viewpoint;
 
-use crate::Metadata;
 use build::{Builder, Primitive};
 use bvh::Bvh;
 use glam::{DVec2, DVec3};
 use light::{Budget, LightMap};
 use paint::Paint;
 use shape::Crossing;
+use wm_scene::Metadata;
 
-/// Rays that [`Place::cast`] spends on the light of a point.
+/// Rays that [`Street::cast`] spends on the light of a point.
 const CAST: Budget = Budget { sun: 2, sky: 12 };
 /// The same where several rays make a pixel: they share the work, and the mean is as smooth.
 const SHARED: Budget = Budget { sun: 1, sky: 3 };
@@ -49,7 +64,7 @@ const FOOTPRINT: f64 = 0.0012;
 
 /// A street with everything in it.
 #[derive(Clone, Debug)]
-pub struct Place {
+pub struct Street {
     seed: u64,
     /// In the order of the tree.
     primitives: Vec<Primitive>,
@@ -60,7 +75,7 @@ pub struct Place {
 
 /// A surface that a ray meets, without light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Surface {
+pub struct SurfaceHit {
     /// Distance along the ray, m.
     pub t: f64,
     /// Normal of the geometry on the side that the ray comes from, length 1.
@@ -71,7 +86,7 @@ pub struct Surface {
 
 /// What a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hit {
+pub struct LitHit {
     /// Distance along the ray, m.
     pub t: f64,
     /// Where, world axes, m.
@@ -84,7 +99,7 @@ pub struct Hit {
     pub radiance: [f64; 3],
 }
 
-impl Place {
+impl Street {
     /// The street of `seed`: trees, textures and clouds differ, the plan is the same.
     #[must_use]
     pub fn new(seed: u64) -> Self {
@@ -95,7 +110,7 @@ impl Place {
 
     /// The street as the project's pictures show it.
     #[must_use]
-    pub fn street() -> Self {
+    pub fn builtin() -> Self {
         Self::new(1)
     }
 
@@ -112,18 +127,18 @@ impl Place {
     ///
     /// `direction` need not have length 1; `t` is in metres all the same.
     #[must_use]
-    pub fn cast(&self, origin: DVec3, direction: DVec3) -> Option<Hit> {
+    pub fn cast(&self, origin: DVec3, direction: DVec3) -> Option<LitHit> {
         self.cast_with(origin, direction, CAST)
     }
 
     /// The first surface along a ray without its light: what depth and normals need, and quicker.
     #[must_use]
-    pub fn first(&self, origin: DVec3, direction: DVec3) -> Option<Surface> {
+    pub fn first(&self, origin: DVec3, direction: DVec3) -> Option<SurfaceHit> {
         let direction = direction.try_normalize()?;
         let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
         let outward = self.primitives[which].shape.spot_anywhere(crossing.a, crossing.b).normal;
         let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
-        Some(Surface { t: crossing.t, normal, material: self.material(which) })
+        Some(SurfaceHit { t: crossing.t, normal, material: self.material(which) })
     }
 
     /// Linear radiance of the sky in a direction (any length but 0).
@@ -174,7 +189,7 @@ impl Place {
         self.tree.any(|which| &self.primitives[which].shape, (origin, direction), 1e-9, high)
     }
 
-    fn cast_with(&self, origin: DVec3, direction: DVec3, budget: Budget) -> Option<Hit> {
+    fn cast_with(&self, origin: DVec3, direction: DVec3, budget: Budget) -> Option<LitHit> {
         let direction = direction.try_normalize()?;
         let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
         Some(self.hit(which, &crossing, (origin, direction), budget))
@@ -186,7 +201,7 @@ impl Place {
         crossing: &Crossing,
         (origin, direction): (DVec3, DVec3),
         budget: Budget,
-    ) -> Hit {
+    ) -> LitHit {
         let point = origin + direction * crossing.t;
         let unit = DVec2::new(crossing.a, crossing.b);
         let spot = shape::Spot { point, ..self.primitives[which].shape.spot_anywhere(unit.x, unit.y) };
@@ -194,7 +209,7 @@ impl Place {
         let slant = normal.dot(direction).abs().max(0.1);
         let width = (FOOTPRINT * crossing.t / slant.sqrt()).max(1e-3);
         let radiance = self.shade(which, &spot, (unit, direction), width, budget).to_array();
-        Hit { t: crossing.t, point, normal, material: self.material(which), radiance }
+        LitHit { t: crossing.t, point, normal, material: self.material(which), radiance }
     }
 }
 

@@ -2,9 +2,9 @@
 
 use super::tree::card;
 use super::{Builder, Frame, faces};
-use crate::place::hash::{Dice, noise3};
-use crate::place::paint::PaintId;
-use crate::place::shape::{Outline, Shape};
+use crate::hash::{Dice, noise3};
+use crate::paint::PaintId;
+use crate::shape::{Outline, Shape};
 use glam::DVec3;
 
 /// A clipped hedge: a dark core under a skin of leaves. `size` is length, depth, height, m.

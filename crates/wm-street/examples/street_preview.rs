@@ -1,14 +1,15 @@
 //! Draws the built-in street into PNG files, to look at.
 //!
-//! `cargo run --release -p wm-scene --example place_preview -- <folder> [view] [width] [samples]`
-//! ray-casts one view of `Place::views` (or `all`, or `dolly:<time>`); `splats` or `splats:<detail>`
+//! `cargo run --release -p wm-street --example street_preview -- <folder> [view] [width] [samples]`
+//! ray-casts one view of `Street::views` (or `all`, or `dolly:<time>`); `splats` or `splats:<detail>`
 //! before the view draws the splats instead, crudely: sorted by depth, front to back, no tiles.
 
 use glam::{DMat3, DVec3};
 use std::io::Write as _;
 use std::path::Path;
 use std::time::Instant;
-use wm_scene::{Camera, Place, Splats, quat, sh};
+use wm_scene::{Camera, Splats, quat, sh};
+use wm_street::Street;
 
 fn main() -> std::io::Result<()> {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -21,12 +22,12 @@ fn main() -> std::io::Result<()> {
     let width: u32 = text(2, "600").parse().expect("the width in pixels");
     let samples: u32 = text(3, "2").parse().expect("the samples a side");
     let start = Instant::now();
-    let place = Place::street();
+    let place = Street::builtin();
     println!("built in {:.2} s", start.elapsed().as_secs_f64());
     let splats = detail.map(|detail| splats_of(&place, detail));
     let views = match which.strip_prefix("dolly:") {
-        Some(time) => vec![Place::dolly(time.parse().expect("a time from 0 to 1"))],
-        None => Place::views().into_iter().filter(|view| which == "all" || view.name == which).collect(),
+        Some(time) => vec![Street::dolly(time.parse().expect("a time from 0 to 1"))],
+        None => Street::views().into_iter().filter(|view| which == "all" || view.name == which).collect(),
     };
     for view in views {
         let camera = view.camera((width, width * 2 / 3)).expect("the views are sound");
@@ -69,12 +70,12 @@ fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T
     done.into_iter().map(|(_, value)| value).collect()
 }
 
-fn cast(place: &Place, camera: &Camera, samples: u32) -> Vec<[f64; 3]> {
+fn cast(place: &Street, camera: &Camera, samples: u32) -> Vec<[f64; 3]> {
     let rows = in_parallel(camera.height as usize, |y| place.photo_row(camera, y as u32, samples));
     rows.into_iter().flatten().map(|pixel| pixel.rgb).collect()
 }
 
-fn splats_of(place: &Place, detail: f64) -> Splats {
+fn splats_of(place: &Street, detail: f64) -> Splats {
     let sampling = place.sampling(detail);
     let (start, chunk) = (Instant::now(), 4096);
     let parts = in_parallel(sampling.len().div_ceil(chunk), |part| {

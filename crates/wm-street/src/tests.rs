@@ -1,18 +1,18 @@
 //! The place as a whole.
 
 use super::*;
-use crate::{Camera, Group, Splats};
 use hash::Dice;
 use std::sync::OnceLock;
+use wm_scene::{Camera, Group, Splats};
 
-fn street() -> &'static Place {
-    static STREET: OnceLock<Place> = OnceLock::new();
-    STREET.get_or_init(Place::street)
+fn street() -> &'static Street {
+    static STREET: OnceLock<Street> = OnceLock::new();
+    STREET.get_or_init(Street::builtin)
 }
 
 /// Every `step`-th splat of the default detail.
-fn some_splats(place: &Place, step: usize) -> Splats {
-    let sampling = place.sampling(1.0);
+fn some_splats(street: &Street, step: usize) -> Splats {
+    let sampling = street.sampling(1.0);
     let mut splats = Splats::with_capacity(sampling.len() / step, 0);
     (0..sampling.len()).step_by(step).filter_map(|index| sampling.splat(index)).for_each(|s| splats.push(&s));
     splats
@@ -20,7 +20,7 @@ fn some_splats(place: &Place, step: usize) -> Splats {
 
 #[test]
 fn a_seed_makes_one_place() {
-    let again = Place::street();
+    let again = Street::builtin();
     assert_eq!(some_splats(street(), 1999), some_splats(&again, 1999));
     let mut other = Builder::new(2);
     build::build(&mut other);
@@ -59,7 +59,7 @@ fn splats_are_sound_grouped_and_above_ground() {
             Group::Scene => assert!(mean.z > -0.01 && mean.length() < 999.0, "{mean}"),
             Group::Snow => panic!("nothing made snow"),
         }
-        let rgb = crate::sh::color(splats.sh_of(index), [0.0, 0.0, 1.0]);
+        let rgb = wm_scene::sh::color(splats.sh_of(index), [0.0, 0.0, 1.0]);
         assert!(rgb.iter().all(|v| (-1e-6..1.0).contains(v)), "{rgb:?}");
     }
     // Every 61st of about 580,000, 16,000 of them sky.
@@ -105,7 +105,7 @@ fn normals_face_the_ray_and_points_lie_on_it() {
 
 #[test]
 fn the_porch_shelters_and_the_street_does_not() {
-    let (low, high) = Place::porch();
+    let (low, high) = Street::porch();
     for i in 0..20 {
         for j in 0..10 {
             let share = DVec3::new((f64::from(j) + 0.5) / 10.0, (f64::from(i) + 0.5) / 20.0, 0.0);
@@ -125,7 +125,7 @@ fn the_porch_shelters_and_the_street_does_not() {
 
 #[test]
 fn photos_have_the_depth_of_their_rays() {
-    let camera: Camera = Place::views()[0].camera((60, 40)).unwrap();
+    let camera: Camera = Street::views()[0].camera((60, 40)).unwrap();
     let (mut sky, mut ground) = (0, 0);
     for (x, y) in [(5, 5), (30, 3), (30, 36), (50, 20), (10, 25), (29, 19)] {
         let pixel = street().photo(&camera, x, y, 2);
@@ -168,8 +168,8 @@ fn the_sun_lights_one_side_of_the_street() {
 
 #[test]
 fn views_stand_free_and_metadata_is_sound() {
-    let eyes = Place::views().into_iter().map(|view| view.eye);
-    let walk = (0..=20).map(|i| Place::dolly(f64::from(i) / 20.0).eye);
+    let eyes = Street::views().into_iter().map(|view| view.eye);
+    let walk = (0..=20).map(|i| Street::dolly(f64::from(i) / 20.0).eye);
     let mut dice = Dice::new(10, 0);
     for eye in eyes.chain(walk) {
         for _ in 0..40 {

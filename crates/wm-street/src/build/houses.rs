@@ -3,10 +3,10 @@
 use super::facade::Filling;
 use super::house::{Dress, House, Ridge};
 use super::palette::Palette;
+use super::plan::{left, right};
 use super::porch::Porch;
-use super::street::{left, right};
 use super::{Builder, Frame, furniture, props};
-use crate::place::paint::Material;
+use crate::paint::Material;
 use glam::DVec3;
 
 pub(super) fn build(b: &mut Builder, p: &Palette) {
@@ -259,7 +259,7 @@ pub(super) fn porch_frame() -> Frame {
 pub(super) const PORCH: Porch = Porch { from: 0.6, to: 6.4, depth: 2.3, floor: 0.34 };
 
 /// The corners of the floor that the porch's roof shelters, world axes, m.
-pub(in crate::place) fn porch() -> (DVec3, DVec3) {
+pub(crate) fn porch() -> (DVec3, DVec3) {
     let frame = porch_frame();
     let (one, two) = (frame.at(PORCH.from, -PORCH.depth, PORCH.floor), frame.at(PORCH.to, 0.0, PORCH.floor));
     (one.min(two), one.max(two))

@@ -4,8 +4,8 @@ use super::facade::Opening;
 use super::growth;
 use super::palette::Palette;
 use super::{Builder, Frame, faces};
-use crate::place::hash::Dice;
-use crate::place::paint::PaintId;
+use crate::hash::Dice;
+use crate::paint::PaintId;
 use glam::DVec3;
 
 /// A cover in the carriageway: a rim, a plate and its ribs.

@@ -1,12 +1,12 @@
 //! Pictures of the place, pixel by pixel; the caller brings the threads.
 
-use super::{CAST, Material, Place, SHARED, display_of};
-use crate::Camera;
+use super::{CAST, Material, SHARED, Street, display_of};
 use glam::DVec3;
+use wm_scene::Camera;
 
 /// What a camera sees in one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pixel {
+pub struct PhotoPixel {
     /// Mean linear radiance over the pixel.
     pub radiance: [f64; 3],
     /// [`display_of`] that: sRGB, 0-1.
@@ -21,10 +21,10 @@ pub struct Pixel {
     pub is_sky: bool,
 }
 
-impl Place {
+impl Street {
     /// The pixel in column `x` and row `y`, averaged over `samples` x `samples` rays (1 and above).
     #[must_use]
-    pub fn photo(&self, camera: &Camera, x: u32, y: u32, samples: u32) -> Pixel {
+    pub fn photo(&self, camera: &Camera, x: u32, y: u32, samples: u32) -> PhotoPixel {
         let eye = camera.center();
         let (left, top) = (f64::from(x), f64::from(y));
         let samples = samples.max(1);
@@ -42,7 +42,7 @@ impl Place {
         let radiance = (sum * size * size).to_array();
         let direction = camera.ray(left + 0.5, top + 0.5);
         let middle = self.first(eye, direction);
-        Pixel {
+        PhotoPixel {
             radiance,
             rgb: display_of(radiance),
             depth: middle.map_or(0.0, |surface| surface.t * direction.dot(camera.forward())),
@@ -54,7 +54,7 @@ impl Place {
 
     /// Row `y` of a picture, left to right; see [`Self::photo`].
     #[must_use]
-    pub fn photo_row(&self, camera: &Camera, y: u32, samples: u32) -> Vec<Pixel> {
+    pub fn photo_row(&self, camera: &Camera, y: u32, samples: u32) -> Vec<PhotoPixel> {
         (0..camera.width).map(|x| self.photo(camera, x, y, samples)).collect()
     }
 }

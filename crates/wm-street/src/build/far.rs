@@ -5,9 +5,9 @@ use super::house::{Dress, House, Ridge};
 use super::palette::Palette;
 use super::roof::Roof;
 use super::{Builder, Frame, faces};
-use crate::place::hash::{Dice, noise2};
-use crate::place::paint::{Material, PaintId};
-use crate::place::shape::{Outline, Shape};
+use crate::hash::{Dice, noise2};
+use crate::paint::{Material, PaintId};
+use crate::shape::{Outline, Shape};
 use glam::{DVec2, DVec3};
 
 /// Height of the fields, m.
@@ -166,7 +166,7 @@ fn far_tree(b: &mut Builder, foot: DVec3, (height, fine): (f64, f64), leaf: Pain
         let way = lump + out * 0.55;
         let at = middle + DVec3::new(way.x * radius, way.y * radius, way.z * 0.48 * height);
         let normal = (out + DVec3::Z * 0.5 + dice.direction() * 0.4).normalize_or(DVec3::Z);
-        let (x, y) = crate::place::shape::around(normal);
+        let (x, y) = crate::shape::around(normal);
         let length = size * dice.range(0.7, 1.2);
         let (u, v) = (x * length, y * length * 0.8);
         let corner = at - (u + v) * 0.5;

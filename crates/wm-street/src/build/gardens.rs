@@ -2,10 +2,10 @@
 
 use super::houses::PORCH;
 use super::palette::Palette;
-use super::street::{EDGE, PLOT, left, right};
+use super::plan::{EDGE, PLOT, left, right};
 use super::tree::{Kind, tree};
 use super::{Builder, Frame, faces, fences as f, growth as g};
-use crate::place::paint::PaintId;
+use crate::paint::PaintId;
 use glam::DVec3;
 
 /// Gardens, from the near to the far ones.

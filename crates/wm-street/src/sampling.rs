@@ -8,13 +8,13 @@
 //!
 //! Splat `index` is a function of the place's seed, the detail and `index` alone.
 
-use super::Place;
+use super::Street;
 use super::shape::{Shape, Spot};
-use crate::Splats;
-use crate::splats::Splat;
 use glam::DVec3;
 use std::f64::consts::TAU;
 use std::ops::Range;
+use wm_scene::Splats;
+use wm_scene::splats::Splat;
 
 /// Size of a cell per metre of distance, at detail 1.
 const ANGLE: f64 = 0.0068;
@@ -57,22 +57,22 @@ pub(super) enum Cell {
 
 /// The splats of a place at one detail.
 #[derive(Clone, Debug)]
-pub struct Sampling<'a> {
-    pub(super) place: &'a Place,
+pub struct SplatSampling<'a> {
+    pub(super) street: &'a Street,
     patches: Vec<Patch>,
     surface: usize,
     pub(super) sky: usize,
 }
 
-impl Place {
+impl Street {
     /// Plans the splats; `detail` 1 is the default, 2 halves the spacing (4 times the splats).
     ///
     /// # Panics
     /// If `detail` is not between 0.05 and 10.
     #[must_use]
-    pub fn sampling(&self, detail: f64) -> Sampling<'_> {
+    pub fn sampling(&self, detail: f64) -> SplatSampling<'_> {
         assert!((0.05..=10.0).contains(&detail), "detail {detail} is not between 0.05 and 10");
-        let mut sampling = Sampling { place: self, patches: Vec::new(), surface: 0, sky: 0 };
+        let mut sampling = SplatSampling { street: self, patches: Vec::new(), surface: 0, sky: 0 };
         for which in 0..self.primitives.len() {
             sampling.cover(which, [0.0; 2], [1.0; 2], detail);
         }
@@ -81,7 +81,7 @@ impl Place {
     }
 }
 
-impl Sampling<'_> {
+impl SplatSampling<'_> {
     /// Number of indices; some of them give no splat.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -117,8 +117,8 @@ impl Sampling<'_> {
 
     /// Adds patches for the part of a primitive from `low` over `size`, halving what is large.
     fn cover(&mut self, which: usize, low: [f64; 2], size: [f64; 2], detail: f64) {
-        let primitive = &self.place.primitives[which];
-        let material = self.place.material(which);
+        let primitive = &self.street.primitives[which];
+        let material = self.street.material(which);
         let spot = primitive.shape.spot_anywhere(low[0] + 0.5 * size[0], low[1] + 0.5 * size[1]);
         let mut patch = Patch {
             which: which as u32,
@@ -161,7 +161,7 @@ impl Sampling<'_> {
                 }
                 // Bars look the same all along, and much is never seen from the street.
                 let bar = if gap.least < 1.0 && lu.min(lv) < 0.9 * gu.min(gv) { 2.4 } else { 1.0 };
-                let unseen = lu * lv > 4.0 * gu * gv && !self.place.is_seen(&patch);
+                let unseen = lu * lv > 4.0 * gu * gv && !self.street.is_seen(&patch);
                 let far = if unseen { 2.4 } else { bar };
                 // Coarse cells behind an edge would show around it; grounds go on in their neighbours.
                 patch.reserve = if unseen || gap.away {
@@ -180,7 +180,7 @@ impl Sampling<'_> {
     }
 }
 
-impl Place {
+impl Street {
     /// Whether any part of a patch is seen from the walk.
     fn is_seen(&self, patch: &Patch) -> bool {
         let shape = &self.primitives[patch.which as usize].shape;

@@ -1,8 +1,8 @@
 //! Where to look from: viewpoints and a walk along the street.
 
-use super::{Place, build};
-use crate::{Camera, CameraError};
+use super::{Street, build};
 use glam::DVec3;
+use wm_scene::{Camera, CameraError};
 
 /// A named eye and what it looks at, metres, world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +23,7 @@ impl Viewpoint {
     /// # Errors
     /// [`CameraError`] if the size makes no camera.
     pub fn camera(&self, size: (u32, u32)) -> Result<Camera, CameraError> {
-        Camera::look_at(size, self.fov_y, self.eye, self.target, DVec3::Z)
+        Camera::looking(size, self.fov_y, self.eye, self.target, DVec3::Z)
     }
 }
 
@@ -36,7 +36,7 @@ const WALK: [(f64, DVec3, DVec3); 5] = [
     (1.0, DVec3::new(-0.9, 34.5, 1.60), DVec3::new(-9.5, 48.5, 2.3)),
 ];
 
-impl Place {
+impl Street {
     /// Views that look good, the best first.
     #[must_use]
     pub fn views() -> Vec<Viewpoint> {
@@ -101,8 +101,8 @@ mod tests {
     fn the_walk_is_smooth_level_and_at_walking_speed() {
         let steps = 500;
         let views: Vec<Viewpoint> =
-            (0..=steps).map(|i| Place::dolly(f64::from(i) / f64::from(steps))).collect();
-        let second = Place::WALK_SECONDS / f64::from(steps);
+            (0..=steps).map(|i| Street::dolly(f64::from(i) / f64::from(steps))).collect();
+        let second = Street::WALK_SECONDS / f64::from(steps);
         for pair in views.windows(2) {
             let speed = pair[0].eye.distance(pair[1].eye) / second;
             assert!((0.5..2.2).contains(&speed), "{speed}");
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn views_make_cameras_and_have_names_of_their_own() {
-        let views = Place::views();
+        let views = Street::views();
         for (index, view) in views.iter().enumerate() {
             assert!(view.camera((300, 200)).is_ok());
             assert!(views[index + 1..].iter().all(|other| other.name != view.name));

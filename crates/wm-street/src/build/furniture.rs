@@ -2,7 +2,7 @@
 
 use super::palette::Palette;
 use super::{Builder, Frame, faces};
-use crate::place::paint::PaintId;
+use crate::paint::PaintId;
 use glam::DVec3;
 
 /// A lamp with a lantern on a short arm; it faces along the frame's `back`.
