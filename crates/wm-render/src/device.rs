@@ -78,7 +78,7 @@ impl AnyRenderer {
     /// [`RenderError`] if the device cannot be had.
     pub fn new(device: &Device, config: CpuConfig, warn: fn(&RenderError)) -> Result<Self, RenderError> {
         let path = SimdPath::select(config.simd).ok_or(RenderError::NoSimd(config.simd.name()))?;
-        let body = match open(device, warn)? {
+        let body = match open(device, &mut { warn })? {
             Opened::Cpu => Body::Cpu(Box::new(CpuRenderer::new(config)?)),
             #[cfg(feature = "gpu")]
             Opened::Gpu(gpu) => {
@@ -181,7 +181,7 @@ enum Opened {
 
 /// Starts what was chosen; `warn` is told why a GPU is there and not taken.
 #[cfg(feature = "gpu")]
-fn open(device: &Device, warn: fn(&RenderError)) -> Result<Opened, RenderError> {
+fn open(device: &Device, warn: &mut dyn FnMut(&RenderError)) -> Result<Opened, RenderError> {
     let start = |choice| Gpu::open(&GpuConfig { choice, ..GpuConfig::default() });
     match device {
         Device::Cpu => Ok(Opened::Cpu),
@@ -202,7 +202,7 @@ fn open(device: &Device, warn: fn(&RenderError)) -> Result<Opened, RenderError> 
 }
 
 #[cfg(not(feature = "gpu"))]
-fn open(device: &Device, _: fn(&RenderError)) -> Result<Opened, RenderError> {
+fn open(device: &Device, _: &mut dyn FnMut(&RenderError)) -> Result<Opened, RenderError> {
     match device {
         Device::Cpu | Device::Auto => Ok(Opened::Cpu),
         Device::Gpu(_) => Err(RenderError::NoGpu),
@@ -261,23 +261,31 @@ pub struct AnyDifferentiable {
     config: CpuConfig,
     body: Box<dyn Differentiable>,
     /// Told why the GPU is given up; `None` where it is not.
-    warn: Option<fn(&RenderError)>,
+    warn: Option<Box<dyn FnMut(&RenderError) + Send>>,
     /// The view of the last forward pass.
     last: Option<(Camera, ForwardConfig)>,
 }
 
 impl AnyDifferentiable {
-    /// As [`AnyRenderer::new`].
+    /// A back end of training on `device`; `config` and `warn` as in [`AnyRenderer::new`].
     ///
     /// # Errors
     /// [`RenderError`] if the device cannot be had.
-    pub fn new(device: &Device, config: CpuConfig, warn: fn(&RenderError)) -> Result<Self, RenderError> {
-        let body: Box<dyn Differentiable> = match open(device, warn)? {
+    pub fn new(
+        device: &Device,
+        config: CpuConfig,
+        mut warn: impl FnMut(&RenderError) + Send + 'static,
+    ) -> Result<Self, RenderError> {
+        let body: Box<dyn Differentiable> = match open(device, &mut warn)? {
             Opened::Cpu => Box::new(CpuDifferentiable::new(config)?),
             #[cfg(feature = "gpu")]
             Opened::Gpu(gpu) => Box::new(GpuDifferentiable::new(gpu, config)?),
         };
-        Ok(Self { config, body, warn: (*device == Device::Auto).then_some(warn), last: None })
+        let warn: Option<Box<dyn FnMut(&RenderError) + Send>> = match device {
+            Device::Auto => Some(Box::new(warn)),
+            Device::Cpu | Device::Gpu(_) => None,
+        };
+        Ok(Self { config, body, warn, last: None })
     }
 
     /// On a GPU of one's own, as `auto` makes it: for tests.
@@ -288,12 +296,12 @@ impl AnyDifferentiable {
         warn: fn(&RenderError),
     ) -> Result<Self, RenderError> {
         let body = Box::new(GpuDifferentiable::new(gpu, config)?);
-        Ok(Self { config, body, warn: Some(warn), last: None })
+        Ok(Self { config, body, warn: Some(Box::new(warn)), last: None })
     }
 
     /// Goes on with the CPU, if `error` is the GPU's and it may be given up.
     fn fall_back(&mut self, error: RenderError) -> Result<(), RenderError> {
-        let (true, Some(warn)) = (error.is_of_gpu(), self.warn.take()) else { return Err(error) };
+        let (true, Some(mut warn)) = (error.is_of_gpu(), self.warn.take()) else { return Err(error) };
         warn(&error);
         self.body = Box::new(CpuDifferentiable::new(self.config)?);
         Ok(())

@@ -1,6 +1,6 @@
 //! Whether a configuration makes a training: files are written by hand too.
 
-use crate::config::{Densify, TrainConfig};
+use crate::config::TrainConfig;
 use std::ops::RangeInclusive;
 use thiserror::Error;
 use wm_scene::sh;
@@ -11,8 +11,28 @@ const MOST_STEPS: u32 = 1_000_000;
 const MOST_SKY: f64 = 1e6;
 /// Largest weight and step length; above that nothing stays finite.
 const LARGE: f64 = 1e9;
+/// Shares that are neither none nor all: the logits of both ends are infinite.
+pub(crate) const SHARE: RangeInclusive<f64> = 1e-6..=1.0 - 1e-6;
+pub(crate) const WEIGHT: RangeInclusive<f64> = 0.0..=LARGE;
+pub(crate) const COUNT: RangeInclusive<f64> = 1.0..=u32::MAX as f64;
 
-/// A value that makes no training.
+/// A value of a configuration and the range in which it must lie.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConfigValue {
+    name: &'static str,
+    value: f64,
+    range: RangeInclusive<f64>,
+}
+
+impl ConfigValue {
+    /// Returns `value` under its name in the configuration file, such as `densify.every`.
+    #[must_use]
+    pub fn new(name: &'static str, value: impl Into<f64>, range: RangeInclusive<f64>) -> Self {
+        Self { name, value: value.into(), range }
+    }
+}
+
+/// A value outside of its range.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{name} is {value}; it must be {least} to {most}")]
 pub struct ConfigError {
@@ -28,13 +48,9 @@ impl TrainConfig {
     /// # Errors
     /// [`ConfigError`] names the first value that makes no training, and what it may be.
     pub fn check(&self) -> Result<(), ConfigError> {
-        // A share that is neither none nor all: logits of both are infinite.
-        const SHARE: RangeInclusive<f64> = 1e-6..=1.0 - 1e-6;
-        const WEIGHT: RangeInclusive<f64> = 0.0..=LARGE;
-        const COUNT: RangeInclusive<f64> = 1.0..=u32::MAX as f64;
         let (loss, rates) = (&self.loss, &self.rates);
         let geometry = &loss.geometry;
-        let mut values = vec![
+        let values = [
             ("steps", f64::from(self.steps), 1.0..=f64::from(MOST_STEPS)),
             ("sh_degree", f64::from(self.sh_degree), 0.0..=f64::from(sh::MAX_DEGREE)),
             ("sh_every", f64::from(self.sh_every), COUNT),
@@ -64,32 +80,11 @@ impl TrainConfig {
             ("rates.sh_rest", rates.sh_rest, WEIGHT),
             ("rates.exposure", rates.exposure, WEIGHT),
         ];
-        match &self.densify {
-            Densify::Fixed => {}
-            Densify::Adaptive(control) => values.extend([
-                ("densify.every", f64::from(control.every), COUNT),
-                ("densify.reset_every", f64::from(control.reset_every), COUNT),
-                ("densify.max_splats", control.max_splats as f64, COUNT),
-                ("densify.pull", control.pull, WEIGHT),
-                ("densify.small", control.small, WEIGHT),
-                // Opacities are reset to twice this.
-                ("densify.faint", control.faint, 1e-6..=0.4),
-                ("densify.huge", control.huge, WEIGHT),
-                ("densify.huge_radius", control.huge_radius, WEIGHT),
-            ]),
-            Densify::Mcmc(chain) => values.extend([
-                ("densify.every", f64::from(chain.every), COUNT),
-                ("densify.max_splats", chain.max_splats as f64, COUNT),
-                ("densify.growth", chain.growth, 0.0..=10.0),
-                ("densify.dead", chain.dead, SHARE),
-                ("densify.noise", chain.noise, WEIGHT),
-                ("densify.opacity", chain.opacity, WEIGHT),
-                ("densify.scale", chain.scale, WEIGHT),
-            ]),
-        }
-        match values.into_iter().find(|(_, value, range)| !range.contains(value)) {
+        let values = values.map(|(name, value, range)| ConfigValue { name, value, range });
+        let mut values = values.into_iter().chain(self.densify.strategy().values());
+        match values.find(|value| !value.range.contains(&value.value)) {
             None => Ok(()),
-            Some((name, value, range)) => {
+            Some(ConfigValue { name, value, range }) => {
                 Err(ConfigError { name, value, least: *range.start(), most: *range.end() })
             }
         }
@@ -99,7 +94,7 @@ impl TrainConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Preset;
+    use crate::config::{Densify, Preset};
     use crate::densify::adaptive::AdaptiveConfig;
 
     #[test]

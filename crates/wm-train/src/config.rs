@@ -1,5 +1,6 @@
 //! What a training is: everything that its result depends on, beside the photos.
 
+pub use crate::densify::Densify;
 use serde::{Deserialize, Serialize};
 use wm_scene::Rasterization;
 
@@ -180,20 +181,6 @@ pub struct RateConfig {
     pub exposure: f64,
 }
 
-/// How splats come and go.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase", tag = "strategy")]
-pub enum Densify {
-    /// As many as at the start.
-    Fixed,
-    /// Published adaptive control (Kerbl et al. 2023): clone and split where the picture pulls, prune what
-    /// is transparent, reset opacities.
-    Adaptive(crate::densify::adaptive::AdaptiveConfig),
-    /// Splats as samples (Kheradmand et al. 2024): a fixed budget, dead ones move to where they are
-    /// needed, noise explores.
-    Mcmc(crate::densify::mcmc::McmcConfig),
-}
-
 /// How much time a training may take.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Preset {
@@ -286,18 +273,6 @@ impl Preset {
             Self::Quick => 100_000,
             Self::Standard => 300_000,
             Self::Best => 1_000_000,
-        }
-    }
-}
-
-impl Densify {
-    /// Most splats, where there is a limit.
-    #[must_use]
-    pub fn max_splats(&self) -> Option<usize> {
-        match self {
-            Self::Fixed => None,
-            Self::Adaptive(control) => Some(control.max_splats),
-            Self::Mcmc(chain) => Some(chain.max_splats),
         }
     }
 }

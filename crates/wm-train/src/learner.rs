@@ -3,25 +3,15 @@
 //! On a device the population here falls behind, and is brought up to date ([`Learner::sync`]) when something asks for
 //! it: checkpoints, the end. Splats that come and go do not: what decides about them is read, the rest is moved there.
 
-use crate::densify::Population;
-use crate::densify::mcmc::McmcConfig;
+use crate::densify::{self, Population, ScreenGradients};
 use crate::random::Random;
 use wm_render::stages::compare::{Compared, Comparison};
-use wm_render::stages::optimize::{Step, cpu};
+use wm_render::stages::optimize::{Noise, Step, cpu};
 use wm_render::{
     Differentiable, ForwardConfig, Frame, Gradients, Learn, RenderError, Resident, StepClock, Target,
     Upstream,
 };
 use wm_scene::{Camera, Splats};
-
-/// Whether pulls are added up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pulled {
-    /// For who asks for them.
-    Counted,
-    /// No one asks.
-    Ignored,
-}
 
 /// A back end, and what it knows of the population.
 pub struct Learner {
@@ -167,16 +157,17 @@ impl Learner {
         &mut self,
         population: &mut Population,
         step: &Step,
-        pulled: Pulled,
+        gradients: ScreenGradients,
     ) -> Result<(), RenderError> {
         if let Some(device) = self.renderer.resident() {
             self.device = Device::Ahead;
             return device.optimize(step);
         }
+        let summed = gradients;
         let gradients = &mut self.gradients;
         population.see(&gradients.visible, step.number);
         cpu::add_terms(&population.splats, &step.terms, gradients);
-        if pulled == Pulled::Counted {
+        if summed == ScreenGradients::Sum {
             population.pulls.add(gradients, step.size.0, step.size.1);
         }
         cpu::hold_sky(&population.splats, gradients);
@@ -185,20 +176,19 @@ impl Learner {
         Ok(())
     }
 
-    /// Moves what is nearly transparent at random: by `rate`, the step length of means, in a scene of `extent`.
+    /// Adds noise to the means of nearly transparent splats.
     pub fn explore(
         &mut self,
         population: &mut Population,
-        chain: &McmcConfig,
-        (rate, extent): (f64, f64),
+        noise: &Noise,
         random: Random,
     ) -> Result<(), RenderError> {
         let Some(device) = resident(&mut *self.renderer, &mut self.device, population)? else {
-            chain.explore(population, rate, extent, random);
+            densify::explore(population, noise, random);
             return Ok(());
         };
         self.device = Device::Ahead;
-        device.explore(&chain.noise_at(rate, extent, random))
+        device.explore(noise)
     }
 }
 
@@ -220,6 +210,8 @@ fn resident<'a>(
 mod tests {
     use super::*;
     use crate::densify::adaptive::AdaptiveConfig;
+    use crate::densify::mcmc::McmcConfig;
+    use crate::densify::{DensifyStrategy, DensifyTime};
     use crate::random::Purpose;
     use wm_render::testing::{Backend, fallible_differentiable, random_splats, small_gpu, uniform};
     use wm_render::{CpuConfig, GpuDifferentiable};
@@ -266,17 +258,20 @@ mod tests {
         if Backend::gpu().is_none() {
             return;
         }
-        let random = |step| Random::new(3, Purpose::Sample, step);
+        let at = |step, extent| {
+            let random = Random::new(3, Purpose::Sample, step);
+            DensifyTime { step, photos: 4, extent, random }
+        };
         let chain = McmcConfig { from: 1, until: 900, every: 10, ..McmcConfig::for_steps(900, 2000) };
         let control = AdaptiveConfig::for_steps(30_000, 2000);
         type Change<'a> = (&'a str, &'a dyn Fn(&mut Population) -> usize);
         let changes: [Change<'_>; 2] = [
             ("chain", &|population| {
-                let done = chain.after(100, 4, population, random(100));
+                let done = chain.apply(&at(100, 5.0), population);
                 done.moved + done.born
             }),
             // With a reset of opacities.
-            ("control", &|population| control.after(3000, population, 5.0, random(3000)).born),
+            ("control", &|population| control.apply(&at(3000, 5.0), population).born),
         ];
         for (degree, most_binding) in [(2, 100_000_000), (2, 300_000), (0, 90_000)] {
             let run = CpuConfig { threads: Some(2), ..CpuConfig::default() };

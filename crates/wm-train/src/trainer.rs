@@ -4,10 +4,10 @@
 //! configuration, photos and starting splats: random numbers are keyed by the step, no sum depends on
 //! threads. So a training that is broken off and gone on with ends in the same bytes.
 
-use crate::config::{BackgroundKind, Densify, Exposure, TrainConfig};
-use crate::densify::{Densified, Population};
+use crate::config::{BackgroundKind, Exposure, TrainConfig};
+use crate::densify::{Densified, DensifyTime, Population};
 use crate::exposure::Exposures;
-use crate::learner::{Learner, Pulled};
+use crate::learner::Learner;
 use crate::losses::{self, LossGradients, LossInput, LossTerm, OwnRender, Reads, Truth};
 use crate::random::{Purpose, Random};
 use crate::schedule;
@@ -345,37 +345,24 @@ impl Trainer {
                 term.splat_terms(weight, &mut terms);
             }
         }
-        let mut pulled = Pulled::Ignored;
-        match &self.config.densify {
-            Densify::Fixed => {}
-            Densify::Adaptive(_) => pulled = Pulled::Counted,
-            Densify::Mcmc(chain) => {
-                let SplatTerms { opacity, scale, .. } = chain.terms();
-                (terms.opacity, terms.scale) = (terms.opacity + opacity, terms.scale + scale);
-            }
-        }
+        let strategy = self.config.densify.strategy();
+        let SplatTerms { opacity, scale, .. } = strategy.terms();
+        (terms.opacity, terms.scale) = (terms.opacity + opacity, terms.scale + scale);
         let population = &mut self.state.population;
         let size = (truth.camera.width, truth.camera.height);
-        self.learner.optimize(population, &Step { number: step + 1, rates, terms, size }, pulled)?;
+        let moved = Step { number: step + 1, rates, terms, size };
+        self.learner.optimize(population, &moved, strategy.gradients())?;
         report.times.optimizer = lap();
 
-        let is_due = match &self.config.densify {
-            Densify::Fixed => false,
-            Densify::Adaptive(control) => control.is_due(step + 1),
-            Densify::Mcmc(chain) => chain.is_due(step + 1),
-        };
-        if is_due {
-            let samples = random(Purpose::Sample);
-            let (densify, extent, photos) = (&self.config.densify, self.extent, self.photos);
-            report.densified = self.learner.change(population, |population| match densify {
-                Densify::Fixed => Densified::default(),
-                Densify::Adaptive(control) => control.after(step + 1, population, extent, samples),
-                Densify::Mcmc(chain) => chain.after(step + 1, photos, population, samples),
-            })?;
+        if strategy.is_due(step + 1) {
+            let random = random(Purpose::Sample);
+            let time = DensifyTime { step: step + 1, photos: self.photos, extent: self.extent, random };
+            report.densified =
+                self.learner.change(population, |population| strategy.apply(&time, population))?;
         }
-        if let Densify::Mcmc(chain) = &self.config.densify {
-            let of = (rates.means, self.extent);
-            self.learner.explore(population, chain, of, random(Purpose::Noise))?;
+        let noise = random(Purpose::Noise);
+        if let Some(size) = strategy.noise(rates.means, self.extent, noise) {
+            self.learner.explore(population, &size, noise)?;
         }
         report.times.densify = lap();
         self.state.step += 1;
@@ -499,7 +486,8 @@ impl Trainer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{GeometryConfig, LossConfig, Preset};
+    use crate::config::{Densify, GeometryConfig, LossConfig, Preset};
+    use crate::densify::fixed::FixedConfig;
     use crate::densify::mcmc::McmcConfig;
     use crate::losses::OwnRender;
     use glam::DVec3;
@@ -531,7 +519,7 @@ mod tests {
         config.sh_degree = 0;
         // Photos of the truth are over black.
         config.background = BackgroundKind::Black;
-        config.densify = Densify::Fixed;
+        config.densify = Densify::Fixed(FixedConfig {});
         config
     }
 

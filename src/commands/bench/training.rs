@@ -12,6 +12,7 @@ use wm_render::{Device, Frame, StepClock};
 use wm_scene::{Camera, Splats};
 use wm_train::config::{Densify, RateConfig};
 use wm_train::densify::Population;
+use wm_train::densify::fixed::FixedConfig;
 use wm_train::exposure::Exposures;
 use wm_train::losses::Truth;
 use wm_train::{Preset, StepTimes, TrainConfig, TrainState, Trainer};
@@ -84,7 +85,7 @@ fn standing(splats: &Splats, run: &RunArgs) -> Result<Trainer> {
         steps: u32::MAX,
         sh_degree: splats.sh_degree,
         sh_every: 1,
-        densify: Densify::Fixed,
+        densify: Densify::Fixed(FixedConfig {}),
         rates: RateConfig {
             means_first: least,
             means_last: least,

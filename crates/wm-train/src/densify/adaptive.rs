@@ -7,7 +7,8 @@
 //!
 //! Departure: a hard limit on the number of splats; those that are pulled most come first.
 
-use super::{Densified, Population, Pulls};
+use super::{Densified, DensifyStrategy, DensifyTime, Population, Pulls, ScreenGradients};
+use crate::check::{COUNT, ConfigValue, WEIGHT};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
 use wm_scene::quat;
@@ -63,29 +64,6 @@ impl AdaptiveConfig {
         }
     }
 
-    /// Whether `step` (from 1) changes splats.
-    #[must_use]
-    pub fn is_due(&self, step: u32) -> bool {
-        let changes = step >= self.from && step.is_multiple_of(self.every);
-        step < self.until && (changes || step.is_multiple_of(self.reset_every))
-    }
-
-    /// What happens after `step` (from 1).
-    pub fn after(&self, step: u32, population: &mut Population, extent: f64, random: Random) -> Densified {
-        let mut done = Densified::default();
-        if step < self.until && step >= self.from && step.is_multiple_of(self.every) {
-            done = self.densify(step, population, extent, random);
-        }
-        if step < self.until && step.is_multiple_of(self.reset_every) {
-            let most = logit(2.0 * self.faint) as f32;
-            for value in &mut population.splats.logit_opacities {
-                *value = value.min(most);
-            }
-            population.forget_opacities();
-        }
-        done
-    }
-
     fn densify(&self, step: u32, population: &mut Population, extent: f64, random: Random) -> Densified {
         let count = population.len();
         let pulls = &population.pulls;
@@ -132,6 +110,51 @@ impl AdaptiveConfig {
     }
 }
 
+impl DensifyStrategy for AdaptiveConfig {
+    fn max_splats(&self) -> Option<usize> {
+        Some(self.max_splats)
+    }
+
+    fn values(&self) -> Vec<ConfigValue> {
+        vec![
+            ConfigValue::new("densify.every", self.every, COUNT),
+            ConfigValue::new("densify.reset_every", self.reset_every, COUNT),
+            ConfigValue::new("densify.max_splats", self.max_splats as f64, COUNT),
+            ConfigValue::new("densify.pull", self.pull, WEIGHT),
+            ConfigValue::new("densify.small", self.small, WEIGHT),
+            // Opacities are reset to twice this.
+            ConfigValue::new("densify.faint", self.faint, 1e-6..=0.4),
+            ConfigValue::new("densify.huge", self.huge, WEIGHT),
+            ConfigValue::new("densify.huge_radius", self.huge_radius, WEIGHT),
+        ]
+    }
+
+    fn gradients(&self) -> ScreenGradients {
+        ScreenGradients::Sum
+    }
+
+    fn is_due(&self, step: u32) -> bool {
+        let changes = step >= self.from && step.is_multiple_of(self.every);
+        step < self.until && (changes || step.is_multiple_of(self.reset_every))
+    }
+
+    fn apply(&self, time: &DensifyTime, population: &mut Population) -> Densified {
+        let DensifyTime { step, extent, random, .. } = *time;
+        let mut done = Densified::default();
+        if step < self.until && step >= self.from && step.is_multiple_of(self.every) {
+            done = self.densify(step, population, extent, random);
+        }
+        if step < self.until && step.is_multiple_of(self.reset_every) {
+            let most = logit(2.0 * self.faint) as f32;
+            for value in &mut population.splats.logit_opacities {
+                *value = value.min(most);
+            }
+            population.forget_opacities();
+        }
+        done
+    }
+}
+
 impl Population {
     /// Puts the centre of splat `place` where splat `from` says, `normal` standard deviations off.
     fn draw_part(&mut self, from: usize, place: usize, normal: [f64; 3]) {
@@ -165,8 +188,9 @@ mod tests {
         population.pulls.counts.fill(2.0);
         let before = population.clone();
         let random = Random::new(0, Purpose::Sample, 600);
-        assert_eq!(config.after(550, &mut population, 10.0, random), Densified::default());
-        let done = config.after(600, &mut population, 10.0, random);
+        let at = |step| DensifyTime { step, photos: 1, extent: 10.0, random };
+        assert_eq!(config.apply(&at(550), &mut population), Densified::default());
+        let done = config.apply(&at(600), &mut population);
         assert_eq!(done, Densified { born: 2, moved: 0, gone: 1 });
         assert_eq!(population.len(), 101);
         let halves =
@@ -175,8 +199,8 @@ mod tests {
         assert_eq!((halves, clones), (2, 2));
         config.max_splats = 100;
         let mut full = before;
-        assert_eq!(config.after(600, &mut full, 10.0, random).born, 0);
-        config.after(3000, &mut full, 10.0, random);
+        assert_eq!(config.apply(&at(600), &mut full).born, 0);
+        config.apply(&at(3000), &mut full);
         assert!((0..full.len()).all(|i| full.splats.opacity(i) < 0.0101));
     }
 }

@@ -11,13 +11,13 @@
 //! most, or large ones would leave the scene for good; splats that no photo has in view any more are dead,
 //! since nothing pulls on their opacity; the sky's splats take no part.
 
-use super::{Densified, Population, Pulls};
+use super::{Densified, DensifyStrategy, DensifyTime, Population, Pulls};
+use crate::check::{COUNT, ConfigValue, SHARE, WEIGHT};
 use crate::random::Random;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use wm_render::stages::optimize::{Noise, SplatTerms};
-use wm_scene::splats::{logit, sigmoid};
-use wm_scene::{Group, quat};
+use wm_scene::Group;
+use wm_scene::splats::logit;
 
 /// Most splats that come to one place at once.
 const MOST_AT_ONE: usize = 51;
@@ -71,54 +71,40 @@ impl McmcConfig {
             scale: 0.01,
         }
     }
+}
 
-    /// What pulls on opacities and scales.
-    #[must_use]
-    pub fn terms(&self) -> SplatTerms {
+impl DensifyStrategy for McmcConfig {
+    fn max_splats(&self) -> Option<usize> {
+        Some(self.max_splats)
+    }
+
+    fn values(&self) -> Vec<ConfigValue> {
+        vec![
+            ConfigValue::new("densify.every", self.every, COUNT),
+            ConfigValue::new("densify.max_splats", self.max_splats as f64, COUNT),
+            ConfigValue::new("densify.growth", self.growth, 0.0..=10.0),
+            ConfigValue::new("densify.dead", self.dead, SHARE),
+            ConfigValue::new("densify.noise", self.noise, WEIGHT),
+            ConfigValue::new("densify.opacity", self.opacity, WEIGHT),
+            ConfigValue::new("densify.scale", self.scale, WEIGHT),
+        ]
+    }
+
+    fn terms(&self) -> SplatTerms {
         SplatTerms { opacity: self.opacity, scale: self.scale, ..SplatTerms::default() }
     }
 
-    /// The noise of a step whose length of means is `rate`, in a scene of `extent`, both in scene units.
-    #[must_use]
-    pub fn noise_at(&self, rate: f64, extent: f64, random: Random) -> Noise {
-        Noise { seed: random.seed(), size: self.noise * rate * (USUAL_EXTENT / extent).powi(2), most: NOISY }
+    fn noise(&self, rate: f64, extent: f64, random: Random) -> Option<Noise> {
+        let size = self.noise * rate * (USUAL_EXTENT / extent).powi(2);
+        Some(Noise { seed: random.seed(), size, most: NOISY })
     }
 
-    /// Whether `step` (from 1) changes splats.
-    #[must_use]
-    pub fn is_due(&self, step: u32) -> bool {
+    fn is_due(&self, step: u32) -> bool {
         step >= self.from && step < self.until && step.is_multiple_of(self.every)
     }
 
-    /// Moves nearly transparent splats at random; `rate` is the step length of means in a scene of `extent`,
-    /// both in scene units.
-    pub fn explore(&self, population: &mut Population, rate: f64, extent: f64, random: Random) {
-        let splats = &mut population.splats;
-        let noisy = logit(NOISY) as f32;
-        let noise = self.noise_at(rate, extent, random).size;
-        let (quats, scales, opacities) = (&splats.quats, &splats.log_scales, &splats.logit_opacities);
-        let groups = &splats.groups;
-        splats.means.par_iter_mut().enumerate().with_min_len(1024).for_each(|(i, mean)| {
-            if opacities[i] > noisy || groups[i] == Group::Sky {
-                return;
-            }
-            let gate = sigmoid(-100.0 * (sigmoid(f64::from(opacities[i])) - 0.005));
-            let matrix = quat::to_matrix(quats[i].map(f64::from));
-            let normal = random.normal3(i as u64);
-            let turned: [f64; 3] = std::array::from_fn(|k| {
-                let size = f64::from(scales[i][k]).exp();
-                size * (noise * gate * size).min(1.0)
-                    * (0..3).map(|row| matrix[row][k] * normal[row]).sum::<f64>()
-            });
-            for row in 0..3 {
-                let off: f64 = (0..3).map(|k| matrix[row][k] * turned[k]).sum();
-                mean[row] += off as f32;
-            }
-        });
-    }
-
-    /// What happens after `step` (from 1) of a training on `photos` photos.
-    pub fn after(&self, step: u32, photos: usize, population: &mut Population, random: Random) -> Densified {
+    fn apply(&self, time: &DensifyTime, population: &mut Population) -> Densified {
+        let DensifyTime { step, photos, random, .. } = *time;
         if !self.is_due(step) {
             return Densified::default();
         }
@@ -226,8 +212,19 @@ fn shared(opacity: f64, many: usize) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::densify::explore;
     use crate::random::Purpose;
     use wm_render::testing::random_splats;
+
+    /// A step of a training on ten photos.
+    fn at(step: u32) -> DensifyTime {
+        DensifyTime { step, photos: 10, extent: 5.0, random: Random::new(0, Purpose::Sample, step) }
+    }
+
+    fn explore_with(config: &McmcConfig, population: &mut Population, rate: f64, extent: f64) {
+        let random = Random::new(1, Purpose::Noise, 9);
+        explore(population, &config.noise(rate, extent, random).unwrap(), random);
+    }
 
     /// n splats of the shared form, blended, have the alpha of the one at the centre, and nearly its
     /// integral: the formula makes the integrals over the picture's plane equal in one dimension.
@@ -256,15 +253,12 @@ mod tests {
         population.splats.logit_opacities[..40].fill(-9.0);
         population.seen.fill(595);
         let config = McmcConfig { max_splats: 410, ..McmcConfig::for_steps(30_000, 410) };
-        let done = config.after(600, 10, &mut population, Random::new(0, Purpose::Sample, 600));
+        let done = config.apply(&at(600), &mut population);
         assert_eq!(done, Densified { born: 10, moved: 40, gone: 0 });
         assert_eq!(population.len(), 410);
         assert!((0..410).all(|i| population.splats.opacity(i) > 0.01));
-        assert_eq!(
-            config.after(601, 10, &mut population, Random::new(0, Purpose::Sample, 601)),
-            Densified::default()
-        );
-        let done = config.after(700, 10, &mut population, Random::new(0, Purpose::Sample, 700));
+        assert_eq!(config.apply(&at(601), &mut population), Densified::default());
+        let done = config.apply(&at(700), &mut population);
         assert_eq!(done.born, 0);
     }
 
@@ -274,12 +268,7 @@ mod tests {
         population.splats.logit_opacities.fill(2.0);
         population.splats.logit_opacities[3] = -6.0;
         let before = population.splats.means.clone();
-        McmcConfig::for_steps(30_000, 50).explore(
-            &mut population,
-            1e-4,
-            5.0,
-            Random::new(1, Purpose::Noise, 9),
-        );
+        explore_with(&McmcConfig::for_steps(30_000, 50), &mut population, 1e-4, 5.0);
         let moved: Vec<usize> = (0..50).filter(|i| population.splats.means[*i] != before[*i]).collect();
         assert_eq!(moved, [3]);
     }
@@ -295,7 +284,7 @@ mod tests {
             population.splats.log_scales.iter_mut().flatten().for_each(|v| *v += add);
             population.splats.means.iter_mut().flatten().for_each(|v| *v *= unit as f32);
             let before = population.clone();
-            config.explore(&mut population, 1e-6 * unit, 5.0 * unit, Random::new(1, Purpose::Noise, 9));
+            explore_with(&config, &mut population, 1e-6 * unit, 5.0 * unit);
             let pairs = population.splats.means.iter().zip(&before.splats.means);
             let off = pairs.map(|(a, b)| (0..3).map(|k| f64::from(a[k] - b[k]).powi(2)).sum::<f64>().sqrt());
             off.map(|off| off / unit).collect()
@@ -324,7 +313,7 @@ mod tests {
             population.splats.groups.iter().filter(|group| **group == Group::Sky).count()
         };
         let config = McmcConfig::for_steps(30_000, 80);
-        let done = config.after(600, 10, &mut population, Random::new(0, Purpose::Sample, 600));
+        let done = config.apply(&at(600), &mut population);
         assert_eq!(done, Densified { born: 3, moved: 1, gone: 0 });
         assert!(population.splats.means.iter().flatten().all(|v| v.abs() < 1e5));
         assert_eq!((population.len(), skies(&population)), (63, 30));
@@ -335,12 +324,7 @@ mod tests {
         let mut population = Population::new(random_splats(20, 0, 4));
         population.splats.logit_opacities.fill(-9.0);
         let before = population.splats.clone();
-        let done = McmcConfig::for_steps(30_000, 80).after(
-            600,
-            10,
-            &mut population,
-            Random::new(0, Purpose::Sample, 600),
-        );
+        let done = McmcConfig::for_steps(30_000, 80).apply(&at(600), &mut population);
         assert_eq!((done, population.splats), (Densified::default(), before));
     }
 }

@@ -1,13 +1,153 @@
-//! How splats come and go, one strategy a file.
+//! Densification: the strategies that add, move and remove splats during a training, one per file.
+//!
+//! A strategy is a serialisable struct of parameters that implements [`DensifyStrategy`]. To add one, write its file
+//! and one line in the list `strategies!` below; configuration files, checks, `--densify` and the trainer follow.
 
 pub mod adaptive;
+pub mod fixed;
 pub mod mcmc;
 
+use crate::check::ConfigValue;
+use crate::random::Random;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use wm_render::cpu::model::morton_order;
 pub use wm_render::stages::optimize::Pulls;
-use wm_render::stages::optimize::{Changed, Learnt, LearntMut, Moments, Origin, Shapes};
+use wm_render::stages::optimize::{Changed, Learnt, LearntMut, Moments, Noise, Origin, Shapes, SplatTerms};
 use wm_render::stages::project::MIN_ALPHA;
-use wm_scene::Splats;
+use wm_scene::splats::{logit, sigmoid};
+use wm_scene::{Group, Splats, quat};
+
+/// A strategy that adds, moves and removes splats. Every method has a default that does nothing.
+pub trait DensifyStrategy {
+    /// Returns the largest number of splats, if there is a limit.
+    fn max_splats(&self) -> Option<usize> {
+        None
+    }
+
+    /// Lists the parameters that a configuration file can set, with the range of each.
+    fn values(&self) -> Vec<ConfigValue> {
+        Vec::new()
+    }
+
+    /// Says whether screen-space gradients are summed in [`Population::pulls`] for this strategy.
+    fn gradients(&self) -> ScreenGradients {
+        ScreenGradients::Ignore
+    }
+
+    /// Returns weights on opacities and scales that are added to the loss.
+    fn terms(&self) -> SplatTerms {
+        SplatTerms::default()
+    }
+
+    /// Returns true if [`Self::apply`] changes splats after `step` (from 1).
+    fn is_due(&self, _step: u32) -> bool {
+        false
+    }
+
+    /// Adds, moves and removes splats after a step; called only where [`Self::is_due`] returns true.
+    fn apply(&self, _time: &DensifyTime, _population: &mut Population) -> Densified {
+        Densified::default()
+    }
+
+    /// Returns the noise that is added to means after every step, if any. `rate` is the step length of means and
+    /// `extent` the size of the scene, both in scene units.
+    fn noise(&self, _rate: f64, _extent: f64, _random: Random) -> Option<Noise> {
+        None
+    }
+}
+
+/// The point in a training at which a strategy is applied.
+#[derive(Clone, Copy, Debug)]
+pub struct DensifyTime {
+    /// The number of the step, from 1.
+    pub step: u32,
+    /// The number of training photos.
+    pub photos: usize,
+    /// The size of the scene, scene units.
+    pub extent: f64,
+    /// Random numbers for this step.
+    pub random: Random,
+}
+
+/// Whether screen-space gradients of splats are summed between two changes of the population.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ScreenGradients {
+    /// They are summed.
+    Sum,
+    /// They are not.
+    Ignore,
+}
+
+macro_rules! strategies {
+    ($($(#[$doc:meta])* $variant:ident($config:ty) = $name:literal,)+) => {
+        /// The densification strategy of a training with its parameters. In JSON the key `strategy` holds its name.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(tag = "strategy")]
+        pub enum Densify {
+            $($(#[$doc])* #[serde(rename = $name)] $variant($config),)+
+        }
+
+        impl Densify {
+            /// The names of all strategies.
+            pub const NAMES: &[&str] = &[$($name),+];
+
+            /// Returns the strategy called `name` with its usual parameters for a training of `steps` steps and at
+            /// most `max_splats` splats; `None` if there is no such strategy.
+            #[must_use]
+            pub fn named(name: &str, steps: u32, max_splats: usize) -> Option<Self> {
+                match name {
+                    $($name => Some(Self::$variant(<$config>::for_steps(steps, max_splats))),)+
+                    _ => None,
+                }
+            }
+
+            /// Returns the strategy.
+            #[must_use]
+            pub fn strategy(&self) -> &dyn DensifyStrategy {
+                match self {
+                    $(Self::$variant(config) => config,)+
+                }
+            }
+        }
+    };
+}
+
+strategies! {
+    /// As many splats as at the start.
+    Fixed(fixed::FixedConfig) = "fixed",
+    /// Adaptive density control (Kerbl et al. 2023): clones and splits splats with large screen-space gradients, prunes
+    /// transparent ones, resets opacities.
+    Adaptive(adaptive::AdaptiveConfig) = "adaptive",
+    /// Splats as samples (Kheradmand et al. 2024): a fixed budget, dead splats move to where they are needed, noise
+    /// explores.
+    Mcmc(mcmc::McmcConfig) = "mcmc",
+}
+
+/// Moves nearly transparent splats at random, by at most their own size.
+pub(crate) fn explore(population: &mut Population, noise: &Noise, random: Random) {
+    let splats = &mut population.splats;
+    let noisy = logit(noise.most) as f32;
+    let (quats, scales, opacities) = (&splats.quats, &splats.log_scales, &splats.logit_opacities);
+    let groups = &splats.groups;
+    splats.means.par_iter_mut().enumerate().with_min_len(1024).for_each(|(i, mean)| {
+        if opacities[i] > noisy || groups[i] == Group::Sky {
+            return;
+        }
+        let gate = sigmoid(-100.0 * (sigmoid(f64::from(opacities[i])) - 0.005));
+        let matrix = quat::to_matrix(quats[i].map(f64::from));
+        let normal = random.normal3(i as u64);
+        let turned: [f64; 3] = std::array::from_fn(|k| {
+            let size = f64::from(scales[i][k]).exp();
+            size * (noise.size * gate * size).min(1.0)
+                * (0..3).map(|row| matrix[row][k] * normal[row]).sum::<f64>()
+        });
+        for row in 0..3 {
+            let off: f64 = (0..3).map(|k| matrix[row][k] * turned[k]).sum();
+            mean[row] += off as f32;
+        }
+    });
+}
 
 /// The splats of a training and everything that is known of each.
 #[derive(Clone, Debug, Default, PartialEq)]

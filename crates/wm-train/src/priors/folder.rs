@@ -6,9 +6,9 @@ use super::{Prior, SkyClass};
 use crate::photos::cache::{Cache, Weigh};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
+use std::{fmt, fs};
 use thiserror::Error;
 use wm_scene::files::write_atomically;
 use wm_scene::{Camera, FormatError, Problem, npy};
@@ -36,6 +36,44 @@ pub struct Index {
     pub photos: BTreeMap<String, Entry>,
     /// Photos without, and why.
     pub left_out: BTreeMap<String, String>,
+}
+
+/// Means over the photos of a folder of priors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PriorsSummary {
+    /// Photos with priors.
+    pub photos: usize,
+    /// Mean share of the pixels whose depth is known, 0-1.
+    pub known: f64,
+    /// Mean share of the pixels that are the sky, 0-1.
+    pub sky: f64,
+}
+
+impl fmt::Display for PriorsSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { photos, known, sky } = self;
+        write!(
+            f,
+            "depth of {:.0} % of the pixels from {photos} photos, {:.0} % are sky",
+            100.0 * known,
+            100.0 * sky
+        )
+    }
+}
+
+impl Index {
+    /// Returns means over the photos.
+    #[must_use]
+    pub fn summary(&self) -> PriorsSummary {
+        let mean = |of: fn(&Entry) -> f32| {
+            f64::from(self.photos.values().map(of).sum::<f32>() / self.photos.len().max(1) as f32)
+        };
+        PriorsSummary {
+            photos: self.photos.len(),
+            known: mean(|entry| entry.known),
+            sky: mean(|entry| entry.sky_share),
+        }
+    }
 }
 
 /// What there is of one photo.

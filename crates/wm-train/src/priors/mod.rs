@@ -19,6 +19,9 @@ pub mod stereo;
 
 pub use folder::{Priors, PriorsWriter};
 
+/// The name of the folder of priors in a data set and in a run folder.
+pub const FOLDER: &str = "priors";
+
 use serde::{Deserialize, Serialize};
 
 /// What is believed of one photo; arrays `[H, W]` of a size of its own, over the whole photo, or empty where nothing is

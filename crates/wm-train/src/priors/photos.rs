@@ -1,11 +1,17 @@
 //! Priors from nothing but the photos and their cameras: stereo, and the sky by its look.
 
 use super::fit::Fit;
+use super::folder::Index;
 use super::points::{has_tracks, inside, seen_points};
 use super::sky::{SkyInput, classify};
 use super::stereo::{self, StereoMap, StereoOptions};
 use super::{Prior, PriorsWriter, SkyClass};
 use crate::photos::{PhotoError, Photos};
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+use std::time::Duration;
 use thiserror::Error;
 use wm_scene::FormatError;
 use wm_scene::capture::Capture;
@@ -80,6 +86,57 @@ pub fn write(
         writer.add(name, &prior, None::<Fit>)?;
     }
     Ok(Some(()))
+}
+
+/// How often [`write_folder`] asks whether to continue while no pass ends.
+const POLL: Duration = Duration::from_millis(100);
+
+/// Estimates the priors of the photos `places` on the threads of `pool` and writes them as a folder of priors.
+///
+/// `progress` is called on the calling thread with the number of passes that are done, of two a photo. If it returns
+/// [`ControlFlow::Break`], the work stops, no index is written, and the result is `None`.
+///
+/// # Errors
+/// [`PhotoPriorsError`] if a photo is damaged or a file cannot be written.
+pub fn write_folder(
+    capture: &Capture,
+    photos: &Photos,
+    places: &[usize],
+    pool: &rayon::ThreadPool,
+    folder: &Path,
+    progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
+) -> Result<Option<Index>, PhotoPriorsError> {
+    let mut writer = PriorsWriter::new(folder, SOURCE.into())?;
+    let is_stopped = AtomicBool::new(false);
+    let (sender, passes) = mpsc::channel();
+    let written = std::thread::scope(|scope| {
+        let (writer, is_stopped) = (&mut writer, &is_stopped);
+        let worker = scope.spawn(move || {
+            let told = |done: usize| {
+                // Nobody listens any more only after a panic.
+                let _ = sender.send(done);
+                !is_stopped.load(Ordering::Relaxed)
+            };
+            pool.install(|| write(capture, photos, places, &StereoOptions::default(), writer, &told))
+        });
+        let mut done = 0;
+        loop {
+            match passes.recv_timeout(POLL) {
+                Ok(passed) => done = done.max(passed),
+                Err(mpsc::RecvTimeoutError::Timeout) => {}
+                Err(mpsc::RecvTimeoutError::Disconnected) => break,
+            }
+            if progress(done).is_break() {
+                is_stopped.store(true, Ordering::Relaxed);
+            }
+        }
+        worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })?;
+    if written.is_none() {
+        writer.abandon();
+        return Ok(None);
+    }
+    Ok(Some(writer.finish()?))
 }
 
 /// Fills unknown inverse depth in and beside the pixels of points: `(x, y)` px and view z, nearer ones first.

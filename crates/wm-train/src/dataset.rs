@@ -1,0 +1,120 @@
+//! A data set: a capture, its photos, and the choice of those that are used.
+
+use crate::photos::{BadPhotos, Check, PhotoErrors, PhotoOptions, PhotoSize, Photos};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+use wm_scene::FormatError;
+use wm_scene::capture::{self, Capture, CaptureOptions};
+
+/// Where the parts of a data set are, and how its photos are read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DatasetOptions {
+    /// Folder of the photos in the data set; `None` looks in the usual places.
+    pub images: Option<PathBuf>,
+    /// Folder of masks in the data set; `None` takes `masks` if it exists.
+    pub masks: Option<PathBuf>,
+    /// Folder of the COLMAP model in the data set; `None` looks in the usual places.
+    pub model: Option<PathBuf>,
+    /// The size at which photos are used.
+    pub size: PhotoSize,
+    /// How photos that cannot be used are treated.
+    pub bad: BadPhotos,
+    /// Memory for decoded photos, bytes.
+    pub cache_bytes: usize,
+}
+
+impl Default for DatasetOptions {
+    fn default() -> Self {
+        Self {
+            images: None,
+            masks: None,
+            model: None,
+            size: PhotoSize::Longest(1600),
+            bad: BadPhotos::Refuse,
+            cache_bytes: 512 << 20,
+        }
+    }
+}
+
+/// Why the photos of a data set cannot be opened.
+#[derive(Debug, Error)]
+pub enum DatasetError {
+    /// The capture has no photos.
+    #[error("{}: there are no photos in it; choose another data set", .0.display())]
+    NoPhotos(PathBuf),
+    /// Photos are missing or damaged.
+    #[error(transparent)]
+    Photos(#[from] PhotoErrors),
+}
+
+impl DatasetOptions {
+    /// Reads the cameras and points of the data set in a folder.
+    ///
+    /// # Errors
+    /// Those of [`capture::read`].
+    pub fn capture(&self, dataset: &Path) -> Result<Capture, FormatError> {
+        let Self { images, masks, model, .. } = self.clone();
+        capture::read(dataset, &CaptureOptions { images, model, masks })
+    }
+
+    /// Opens the photos of `capture`; [`Photos::skipped`] lists those that were left out.
+    ///
+    /// # Errors
+    /// [`DatasetError`] if there are no photos, or one is damaged and [`Self::bad`] refuses it.
+    pub fn photos(&self, dataset: &Path, capture: &Capture, check: Check) -> Result<Photos, DatasetError> {
+        if capture.views.is_empty() {
+            return Err(DatasetError::NoPhotos(dataset.to_owned()));
+        }
+        let options = PhotoOptions {
+            size: self.size,
+            cache_bytes: self.cache_bytes,
+            bad: self.bad,
+            check,
+            ..PhotoOptions::default()
+        };
+        Ok(Photos::open(capture, &options)?)
+    }
+}
+
+/// Which photos are held out: every N-th one, in the order of names.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct HeldOut {
+    /// One of so many photos is held out; 0 holds out none.
+    pub every: u32,
+    /// The first photo that is held out, from 0.
+    pub from: u32,
+}
+
+impl HeldOut {
+    /// Returns the indices in `photos` of those that are held out, and of the others. They are counted by their
+    /// indices in the capture, so that leaving out a damaged photo does not change the choice.
+    #[must_use]
+    pub fn split(self, photos: &Photos) -> (Vec<usize>, Vec<usize>) {
+        let is_held = |place: &usize| {
+            let view = photos.view(*place) as u32;
+            self.every > 0 && view % self.every == self.from % self.every
+        };
+        (0..photos.len()).partition(is_held)
+    }
+}
+
+/// An open data set and the photos of it that are used.
+pub struct Dataset {
+    /// Cameras and points.
+    pub capture: Capture,
+    /// The photos.
+    pub photos: Photos,
+    /// Indices in `photos` of those that are used.
+    pub places: Vec<usize>,
+}
+
+impl Dataset {
+    /// Returns the name of the photo with index `place` in [`Self::photos`].
+    ///
+    /// # Panics
+    /// If there is no such photo.
+    #[must_use]
+    pub fn name(&self, place: usize) -> &str {
+        &self.capture.views[self.photos.view(place)].name
+    }
+}

@@ -1,0 +1,19 @@
+//! A fixed number of splats: nothing is added, moved or removed.
+
+use super::DensifyStrategy;
+use serde::{Deserialize, Serialize};
+
+/// The strategy without parameters that keeps the splats a training starts with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FixedConfig {}
+
+impl FixedConfig {
+    /// Returns the strategy; the number of steps and the limit do not matter.
+    #[must_use]
+    pub fn for_steps(_steps: u32, _max_splats: usize) -> Self {
+        Self {}
+    }
+}
+
+impl DensifyStrategy for FixedConfig {}

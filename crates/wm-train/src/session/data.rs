@@ -1,0 +1,116 @@
+//! Opens the data set of a session, with COLMAP's help if there are only photos.
+
+use super::SessionOptions;
+use super::error::SessionError;
+use super::folder::RunFolder;
+use super::observer::{Preparation, TrainNotice, TrainObserver, TrainWarning};
+use crate::checkpoint::Taught;
+use crate::colmap::{self, ColmapOptions};
+use crate::dataset::{Dataset, DatasetOptions};
+use crate::photos::Check;
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use wm_scene::{Camera, FormatError, Problem, View};
+
+/// A data set that is open, and which photos it trains on.
+pub(super) struct TrainData {
+    /// The training photos.
+    pub set: Dataset,
+    /// Indices in the photos of those that are held out.
+    pub held_out: Vec<usize>,
+}
+
+impl TrainData {
+    /// Opens the data set.
+    pub fn open(
+        dataset: &Path,
+        options: &SessionOptions,
+        folder: &RunFolder,
+        observer: &mut dyn TrainObserver,
+    ) -> Result<Self, SessionError> {
+        let wanted = &options.dataset;
+        let capture = match wanted.capture(dataset) {
+            Ok(capture) => capture,
+            Err(FormatError { problem: Problem::NoCapture, .. }) => {
+                if let Some(model) = &wanted.model {
+                    return Err(SessionError::NoModel { model: dataset.join(model) });
+                }
+                let registered = register(dataset, folder, observer)?;
+                DatasetOptions::default().capture(&registered)?
+            }
+            Err(error) => return Err(error.into()),
+        };
+        if capture.views.len() < 3 {
+            capture.check_trainable()?;
+        }
+        // Damaged photos should be found now and not after hours.
+        let photos = wanted.photos(dataset, &capture, Check::PixelsThatFit)?;
+        for skipped in photos.skipped() {
+            observer.on_warning(&TrainWarning::LeftOut(skipped.clone()));
+        }
+        let (held_out, places) = options.held_out.split(&photos);
+        if places.len() < 3 {
+            return Err(SessionError::TooFewPhotos {
+                dataset: dataset.to_owned(),
+                left: places.len(),
+                photos: capture.views.len(),
+            });
+        }
+        if capture.points.is_empty() {
+            observer.on_warning(&TrainWarning::NoPoints(dataset.to_owned()));
+        }
+        Ok(Self { set: Dataset { capture, photos, places }, held_out })
+    }
+
+    /// Returns the cameras of the training photos, in their order.
+    pub fn cameras(&self) -> Vec<Camera> {
+        self.set.places.iter().map(|place| self.set.photos.camera(*place, 0)).collect()
+    }
+
+    /// Returns the number of pixels of all training photos.
+    pub fn pixels(&self) -> u64 {
+        self.cameras().iter().map(|camera| u64::from(camera.width) * u64::from(camera.height)).sum()
+    }
+
+    /// Returns every photo's camera with its name.
+    pub fn views(&self) -> Vec<View> {
+        let photos = &self.set.photos;
+        let view = |place| View { name: self.set.name(place).to_owned(), camera: photos.camera(place, 0) };
+        (0..photos.len()).map(view).collect()
+    }
+
+    /// Returns what a checkpoint says of the training photos.
+    pub fn taught(&self) -> Vec<Taught> {
+        let taught = |place: &usize| {
+            let camera = self.set.photos.camera(*place, 0);
+            Taught { name: self.set.name(*place).to_owned(), size: (camera.width, camera.height) }
+        };
+        self.set.places.iter().map(taught).collect()
+    }
+
+    /// Returns the index of the photo whose view is offered as an image.
+    pub fn shown(&self) -> usize {
+        self.held_out.first().or(self.set.places.first()).copied().unwrap_or(0)
+    }
+}
+
+/// Finds the cameras of plain photos with COLMAP; returns the folder of the data set that it makes.
+fn register(
+    dataset: &Path,
+    folder: &RunFolder,
+    observer: &mut dyn TrainObserver,
+) -> Result<PathBuf, SessionError> {
+    let shared = RefCell::new(observer);
+    let mut progress = |progress| shared.borrow_mut().on_preparation(&Preparation::Colmap(progress));
+    let done = colmap::reconstruct(
+        dataset,
+        &folder.path().join("colmap"),
+        &ColmapOptions::default(),
+        &mut progress,
+        &|| shared.borrow_mut().proceed().is_break(),
+    )?;
+    shared
+        .into_inner()
+        .on_notice(&TrainNotice::Registered { registered: done.registered, photos: done.photos });
+    Ok(done.dataset)
+}

@@ -1,0 +1,302 @@
+//! A training from photos to a scene, in one call.
+//!
+//! [`Session`] takes a data set and options, opens the photos (with COLMAP's help if there are no cameras), estimates
+//! priors, trains, and returns a [`Scene`]. What happens on the way goes to a [`TrainObserver`]: progress, warnings,
+//! scores of held-out photos, images. With a run folder the session writes checkpoints and metrics and can be resumed.
+//!
+//! ```no_run
+//! use wm_train::{Preset, Session};
+//!
+//! let session = Session::new("photos").preset(Preset::Quick).steps(1000).run_folder("photos.run");
+//! let scene = session.run(&mut ())?;
+//! wm_scene::formats::write_scene("place.ply".as_ref(), &scene)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! An observer implements the methods that it needs:
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//! use wm_train::session::{StepProgress, TrainObserver, TrainWarning};
+//!
+//! /// Prints warnings and stops after a number of steps.
+//! struct Limit(u32);
+//!
+//! impl TrainObserver for Limit {
+//!     fn proceed(&mut self) -> ControlFlow<()> {
+//!         if self.0 == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+//!     }
+//!
+//!     fn on_step(&mut self, _: &StepProgress) {
+//!         self.0 -= 1;
+//!     }
+//!
+//!     fn on_warning(&mut self, warning: &TrainWarning) {
+//!         eprintln!("warning: {warning}");
+//!     }
+//! }
+//! ```
+
+mod data;
+mod error;
+mod folder;
+mod observer;
+mod priors;
+mod scene;
+mod score;
+#[cfg(test)]
+mod tests;
+mod training;
+
+pub use error::SessionError;
+pub use folder::{CHECKPOINT, ConfigFileError, Resume};
+pub use observer::{
+    ImageMoment, ObserverError, Preparation, StepProgress, StepSummary, TrainImage, TrainNotice,
+    TrainObserver, TrainStart, TrainWarning,
+};
+pub use score::{HeldOutScore, HeldOutScores, PerceptualMetric, TrainReport};
+pub use training::Training;
+
+use crate::config::{Preset, TrainConfig};
+use crate::dataset::{DatasetOptions, HeldOut};
+use crate::plan::{PlanError, TrainPlan};
+use data::TrainData;
+use folder::RunFolder;
+use std::path::PathBuf;
+use std::sync::mpsc;
+use std::time::Duration;
+use training::{Backend, Parts};
+use wm_render::{AnyDifferentiable, CpuConfig, Device, Differentiable};
+use wm_scene::{Metadata, Scene};
+
+/// The priors of a training: depth, normals and sky of its photos.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum PriorSource {
+    /// The folder `priors` in the data set if it exists, else they are estimated from the photos, if these are not
+    /// very many.
+    #[default]
+    Auto,
+    /// They are estimated from the photos.
+    Photos,
+    /// This folder.
+    Folder(PathBuf),
+    /// There are none.
+    None,
+}
+
+/// Everything about a session but its data set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SessionOptions {
+    /// Where photos, masks and cameras are, and how large photos are used.
+    pub dataset: DatasetOptions,
+    /// Which photos are held out for evaluation.
+    pub held_out: HeldOut,
+    /// The preset and what is changed of it.
+    pub plan: TrainPlan,
+    /// A whole configuration, in place of `plan`.
+    pub config: Option<TrainConfig>,
+    /// The priors.
+    pub priors: PriorSource,
+    /// Facts about the place that are known: up, ground, scale.
+    pub facts: Metadata,
+    /// The height of the cameras above the ground, metres: gives the scale where `facts` does not.
+    pub camera_height: Option<f64>,
+    /// The folder for configuration, checkpoint and metrics; without it none of these are written.
+    pub run_folder: Option<PathBuf>,
+    /// Whether the training in the run folder is continued.
+    pub resume: Resume,
+    /// The longest time between two checkpoints.
+    pub checkpoint_every: Duration,
+    /// Where to train.
+    pub device: Device,
+    /// Threads and SIMD path of the CPU's work.
+    pub cpu: CpuConfig,
+}
+
+impl Default for SessionOptions {
+    fn default() -> Self {
+        Self {
+            dataset: DatasetOptions::default(),
+            held_out: HeldOut::default(),
+            plan: TrainPlan::default(),
+            config: None,
+            priors: PriorSource::Auto,
+            facts: Metadata::default(),
+            camera_height: None,
+            run_folder: None,
+            resume: Resume::Never,
+            checkpoint_every: Duration::from_secs(45),
+            device: Device::Auto,
+            cpu: CpuConfig::default(),
+        }
+    }
+}
+
+/// A training from photos to a scene.
+///
+/// Equal photos, options and SIMD path give the same scene, byte for byte, also if the training was stopped and resumed.
+pub struct Session {
+    dataset: PathBuf,
+    options: SessionOptions,
+    metric: Option<Box<dyn PerceptualMetric>>,
+    backend: Option<Box<dyn Differentiable>>,
+}
+
+impl Session {
+    /// Returns a session with the usual options for a data set: a folder with a COLMAP model, a `transforms.json` or
+    /// another capture, or a folder of photos where COLMAP is installed. Nothing is read yet.
+    #[must_use]
+    pub fn new(dataset: impl Into<PathBuf>) -> Self {
+        Self { dataset: dataset.into(), options: SessionOptions::default(), metric: None, backend: None }
+    }
+
+    /// Sets all options.
+    #[must_use]
+    pub fn options(mut self, options: SessionOptions) -> Self {
+        self.options = options;
+        self
+    }
+
+    /// Sets the preset: how much time the training may take.
+    #[must_use]
+    pub fn preset(mut self, preset: Preset) -> Self {
+        self.options.plan.preset = preset;
+        self
+    }
+
+    /// Sets the number of steps.
+    #[must_use]
+    pub fn steps(mut self, steps: u32) -> Self {
+        self.options.plan.steps = Some(steps);
+        self
+    }
+
+    /// Sets the largest number of splats.
+    #[must_use]
+    pub fn max_splats(mut self, most: usize) -> Self {
+        self.options.plan.max_splats = Some(most);
+        self
+    }
+
+    /// Sets the scale of the scene, metres per scene unit.
+    #[must_use]
+    pub fn metres_per_unit(mut self, metres: f64) -> Self {
+        self.options.facts.metres_per_unit = Some(metres);
+        self
+    }
+
+    /// Holds out every N-th photo and evaluates on it.
+    #[must_use]
+    pub fn hold_out(mut self, every: u32) -> Self {
+        self.options.held_out.every = every;
+        self
+    }
+
+    /// Sets the folder for configuration, checkpoint and metrics.
+    #[must_use]
+    pub fn run_folder(mut self, folder: impl Into<PathBuf>) -> Self {
+        self.options.run_folder = Some(folder.into());
+        self
+    }
+
+    /// Continues the training in the run folder.
+    #[must_use]
+    pub fn resume(mut self) -> Self {
+        self.options.resume = Resume::Always;
+        self
+    }
+
+    /// Sets the device to train on.
+    #[must_use]
+    pub fn device(mut self, device: Device) -> Self {
+        self.options.device = device;
+        self
+    }
+
+    /// Sets a back end of the caller's, in place of that of [`SessionOptions::device`].
+    #[must_use]
+    pub fn backend(mut self, backend: Box<dyn Differentiable>) -> Self {
+        self.backend = Some(backend);
+        self
+    }
+
+    /// Sets a metric that is measured on the held-out photos at the end.
+    #[must_use]
+    pub fn metric(mut self, metric: Box<dyn PerceptualMetric>) -> Self {
+        self.metric = Some(metric);
+        self
+    }
+
+    /// Trains to the end and returns the scene.
+    ///
+    /// # Errors
+    /// [`SessionError`] says what is wrong with the data set, the options or the run folder, or why the training ended
+    /// early.
+    pub fn run(self, observer: &mut dyn TrainObserver) -> Result<Scene, SessionError> {
+        self.prepare(observer)?.run(observer)
+    }
+
+    /// Does everything before the first step: opens the data set and the run folder, opens or estimates priors, and
+    /// makes the splats to start with.
+    ///
+    /// # Errors
+    /// [`SessionError`] as for [`Self::run`].
+    pub fn prepare(self, observer: &mut dyn TrainObserver) -> Result<Training, SessionError> {
+        let Self { dataset, options, metric, backend } = self;
+        if let Some(height) = options.camera_height.filter(|height| !(height.is_finite() && *height > 0.0)) {
+            return Err(SessionError::CameraHeight(height));
+        }
+        if let Some(config) = &options.config {
+            config.check().map_err(PlanError::from)?;
+        }
+        if metric.is_some() && options.held_out.every == 0 {
+            return Err(SessionError::NothingHeldOut);
+        }
+        let folder = RunFolder::open(options.run_folder.as_deref(), options.resume)?;
+        let data = TrainData::open(&dataset, &options, &folder, observer)?;
+        if let Some(metric) = &metric {
+            check_sizes(&data, metric.smallest_side())?;
+        }
+        folder.make()?;
+        let config = match options.config.clone() {
+            Some(config) => config,
+            None => options.plan.config(data.pixels())?,
+        };
+        if !folder.resumes() {
+            // A folder that cannot be written should be found before the photos are compared.
+            folder.write_config(&config)?;
+        }
+        let priors = priors::open(&dataset, &options, &data, &folder, observer)?;
+        let backend = match backend {
+            Some(renderer) => Backend { renderer, failures: mpsc::channel().1 },
+            None => open_backend(&options)?,
+        };
+        Training::new(Parts { config, dataset, data, priors, folder, options, metric, backend }, observer)
+    }
+}
+
+/// Starts the back end that the options choose.
+fn open_backend(options: &SessionOptions) -> Result<Backend, SessionError> {
+    let (sender, failures) = mpsc::channel();
+    let renderer = AnyDifferentiable::new(&options.device, options.cpu, move |error| {
+        // The receiver lives as long as the back end.
+        let _ = sender.send(error.to_string());
+    })?;
+    Ok(Backend { renderer: Box::new(renderer), failures })
+}
+
+/// Refuses held-out photos that are too small for the metric.
+fn check_sizes(data: &TrainData, smallest: u32) -> Result<(), SessionError> {
+    for place in &data.held_out {
+        let camera = data.set.photos.camera(*place, 0);
+        if camera.width.min(camera.height) < smallest {
+            return Err(SessionError::SmallPhoto {
+                photo: data.set.name(*place).to_owned(),
+                width: camera.width,
+                height: camera.height,
+                smallest,
+            });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,229 @@
+//! What a session tells its caller while it runs.
+
+use super::score::{HeldOutScores, TrainReport};
+use crate::colmap;
+use crate::photos::PhotoError;
+use crate::priors::folder::PriorsSummary;
+use std::error::Error;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use thiserror::Error as Display;
+use wm_render::Frame;
+use wm_scene::Camera;
+use wm_scene::capture::ground::NoGround;
+
+/// An error of an observer, which ends the session.
+pub type ObserverError = Box<dyn Error + Send + Sync>;
+
+/// Receives the progress of a [`Session`](super::Session) and can stop it.
+///
+/// Every method has a default that does nothing, so an observer implements only what it needs; `()` is the silent
+/// observer. All calls come from the thread that runs the session.
+pub trait TrainObserver {
+    /// Called between two pieces of work. [`ControlFlow::Break`] saves what was learnt and ends the session with
+    /// [`SessionError::Stopped`](super::SessionError::Stopped).
+    fn proceed(&mut self) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    /// Called for what the user should know and can usually do something about.
+    fn on_warning(&mut self, _warning: &TrainWarning) {}
+
+    /// Called for facts that the session found out.
+    fn on_notice(&mut self, _notice: &TrainNotice) {}
+
+    /// Called often while cameras are registered and priors are estimated, before the first step.
+    fn on_preparation(&mut self, _preparation: &Preparation) {}
+
+    /// Called once, before the first step.
+    ///
+    /// # Errors
+    /// An error ends the session; nothing was written then but priors and configuration.
+    fn on_start(&mut self, _start: &TrainStart<'_>) -> Result<(), ObserverError> {
+        Ok(())
+    }
+
+    /// Called after every step.
+    fn on_step(&mut self, _step: &StepProgress) {}
+
+    /// Called about 200 times a training, with means over the steps since the last call.
+    fn on_summary(&mut self, _summary: &StepSummary) {}
+
+    /// Called about ten times a training, where photos are held out.
+    fn on_evaluation(&mut self, _scores: &HeldOutScores) {}
+
+    /// Called after a checkpoint was written.
+    fn on_checkpoint(&mut self, _path: &Path, _step: u32) {}
+
+    /// Returns the camera of an image that the observer wants now. `photo` is the camera of the photo that
+    /// [`TrainStart::photo`] names.
+    fn wants_image(&mut self, _moment: ImageMoment, _photo: &Camera) -> Option<Camera> {
+        None
+    }
+
+    /// Called with an image that [`Self::wants_image`] asked for.
+    ///
+    /// # Errors
+    /// An error ends the session.
+    fn on_image(&mut self, _image: &TrainImage<'_>) -> Result<(), ObserverError> {
+        Ok(())
+    }
+
+    /// Called after the last step and the last evaluation.
+    fn on_finish(&mut self, _report: &TrainReport) {}
+}
+
+/// The observer that ignores everything and never stops.
+impl TrainObserver for () {}
+
+/// Something the user should know.
+#[derive(Clone, Debug, Display, PartialEq)]
+pub enum TrainWarning {
+    /// The model has no points.
+    #[error(
+        "{}: the model has no points; splats begin anywhere in view, which takes longer and gives less", .0.display()
+    )]
+    NoPoints(PathBuf),
+    /// A photo is missing or damaged and is left out.
+    #[error("{0}; it is left out")]
+    LeftOut(PhotoError),
+    /// The GPU cannot be used or failed; the training continues on the CPU.
+    #[error("{0}; the CPU goes on instead")]
+    Gpu(String),
+    /// Steps were lost with the GPU and are repeated.
+    #[error("{0} steps were lost with the GPU and are taken again")]
+    StepsLost(u32),
+    /// Estimating priors for this many photos takes long, so it is not done unless asked for.
+    #[error("no priors are estimated for {photos} photos, since they are more than {most}")]
+    ManyPhotos {
+        /// Training photos.
+        photos: usize,
+        /// The most for which priors are estimated unasked.
+        most: usize,
+    },
+    /// The scale of the scene is not known.
+    #[error("{0}")]
+    NoScale(String),
+}
+
+/// A fact that the session found out.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TrainNotice {
+    /// COLMAP found the cameras of some of the photos.
+    Registered {
+        /// Photos whose camera was found.
+        registered: usize,
+        /// Photos in all.
+        photos: usize,
+    },
+    /// Priors were estimated from the photos.
+    PriorsMade(PriorsSummary),
+    /// Not every photo has priors.
+    PriorsIncomplete {
+        /// The folder of the priors.
+        folder: PathBuf,
+        /// Training photos with priors.
+        found: usize,
+        /// Training photos in all.
+        photos: usize,
+    },
+    /// The training continues from a checkpoint.
+    Resumed {
+        /// The run folder.
+        folder: PathBuf,
+        /// Steps that are done.
+        step: u32,
+    },
+    /// The height of the cameras gives no scale.
+    NoScaleFromHeight(NoGround),
+    /// The scale of the scene was found.
+    Scale {
+        /// Metres per scene unit.
+        metres_per_unit: f64,
+        /// Where the scale is from, in words.
+        source: String,
+    },
+}
+
+/// Progress before the first step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preparation {
+    /// COLMAP is finding cameras.
+    Colmap(colmap::Progress),
+    /// Priors are being estimated: passes done and in all.
+    Priors {
+        /// Passes that are done.
+        done: usize,
+        /// Passes in all.
+        total: usize,
+    },
+}
+
+/// What is known when the steps begin.
+#[derive(Clone, Copy, Debug)]
+pub struct TrainStart<'a> {
+    /// Steps that are done already; above 0 after resuming.
+    pub step: u32,
+    /// Steps in all.
+    pub steps: u32,
+    /// The name of the photo whose view [`TrainObserver::wants_image`] is offered.
+    pub photo: &'a str,
+    /// The size of the scene, scene units.
+    pub extent: f64,
+}
+
+/// The state after a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepProgress {
+    /// Steps that are done.
+    pub step: u32,
+    /// Steps in all.
+    pub steps: u32,
+    /// The number of splats.
+    pub splats: usize,
+    /// The loss of this step.
+    pub loss: f64,
+}
+
+/// Means over the steps since the last summary.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepSummary {
+    /// Steps that are done.
+    pub step: u32,
+    /// Mean loss.
+    pub loss: f64,
+    /// Mean values of the loss terms before weighting, by name.
+    pub terms: Vec<(&'static str, f64)>,
+    /// Mean time of a step, seconds.
+    pub step_seconds: f64,
+    /// The number of splats.
+    pub splats: usize,
+    /// PSNR of the held-out photos at the last evaluation, dB.
+    pub held_out_psnr: Option<f64>,
+}
+
+/// When an image is offered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageMoment {
+    /// After any step.
+    Step,
+    /// About ten times a training, and at the end.
+    Milestone,
+}
+
+/// A rendered image of the training.
+#[derive(Clone, Copy, Debug)]
+pub struct TrainImage<'a> {
+    /// Steps that are done.
+    pub step: u32,
+    /// When it was asked for.
+    pub moment: ImageMoment,
+    /// The name of the photo whose view was offered.
+    pub photo: &'a str,
+    /// The camera that was asked for.
+    pub camera: Camera,
+    /// The image.
+    pub frame: &'a Frame,
+    /// PSNR against the photo, dB; `None` for another camera than the photo's.
+    pub psnr: Option<f64>,
+}

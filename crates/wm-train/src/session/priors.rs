@@ -1,0 +1,86 @@
+//! Opens the priors of a session, or estimates them from the photos.
+
+use super::data::TrainData;
+use super::error::SessionError;
+use super::folder::RunFolder;
+use super::observer::{Preparation, TrainNotice, TrainObserver, TrainWarning};
+use super::{PriorSource, SessionOptions};
+use crate::photos::BadPhotos;
+use crate::priors::stereo::{self, StereoOptions};
+use crate::priors::{self, FOLDER, Priors};
+use std::path::Path;
+
+/// The largest number of photos whose priors are estimated unasked: two minutes on two cores.
+const MOST_UNASKED: usize = 300;
+
+/// Opens or estimates the priors; `None` if the training is to have none.
+pub(super) fn open(
+    dataset: &Path,
+    options: &SessionOptions,
+    data: &TrainData,
+    folder: &RunFolder,
+    observer: &mut dyn TrainObserver,
+) -> Result<Option<Priors>, SessionError> {
+    let made = folder.path().join(FOLDER);
+    match &options.priors {
+        PriorSource::None => return Ok(None),
+        PriorSource::Photos => {}
+        PriorSource::Folder(path) => {
+            let priors = Priors::open(path)?.ok_or_else(|| SessionError::NoPriors(path.clone()))?;
+            check(&priors, data, observer)?;
+            return Ok(Some(priors));
+        }
+        PriorSource::Auto => {
+            if let Some(priors) = Priors::open(&dataset.join(FOLDER))? {
+                check(&priors, data, observer)?;
+                return Ok(Some(priors));
+            }
+        }
+    }
+    // A training that is resumed keeps its priors.
+    if folder.resumes()
+        && let Some(priors) = Priors::open(&made)?
+    {
+        return Ok(Some(priors));
+    }
+    let mut places = data.set.places.clone();
+    if places.len() > MOST_UNASKED && options.priors == PriorSource::Auto {
+        observer.on_warning(&TrainWarning::ManyPhotos { photos: places.len(), most: MOST_UNASKED });
+        return Ok(None);
+    }
+    let photos = &data.set.photos;
+    if options.dataset.bad == BadPhotos::Skip {
+        // The training names them when it meets them. Stereo takes them from the cache in this size.
+        let level = stereo::level(photos, &places, &StereoOptions::default());
+        places.retain(|place| photos.get(*place, level).is_ok());
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.cpu.threads.unwrap_or(0)).build();
+    let pool = pool.map_err(|error| SessionError::Threads(error.to_string()))?;
+    let total = 2 * places.len();
+    let index =
+        priors::photos::write_folder(&data.set.capture, photos, &places, &pool, &made, &mut |done| {
+            observer.on_preparation(&Preparation::Priors { done, total });
+            observer.proceed()
+        })?;
+    let Some(index) = index else { return Err(SessionError::StoppedEarly) };
+    observer.on_notice(&TrainNotice::PriorsMade(index.summary()));
+    Ok(Priors::open(&made)?)
+}
+
+/// Refuses priors that are not of these photos.
+fn check(priors: &Priors, data: &TrainData, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
+    let mut found = 0;
+    let places = &data.set.places;
+    for place in places {
+        found += usize::from(priors.index().photos.contains_key(data.set.name(*place)));
+        priors.get(data.set.name(*place), &data.set.photos.camera(*place, 0))?;
+    }
+    let folder = priors.folder().to_owned();
+    if found == 0 {
+        return Err(SessionError::OtherPriors(folder));
+    }
+    if found < places.len() {
+        observer.on_notice(&TrainNotice::PriorsIncomplete { folder, found, photos: places.len() });
+    }
+    Ok(())
+}

@@ -1,0 +1,164 @@
+//! Makes the scene of a training: splats of the sky at the start, and at the end what cameras tell of the place.
+
+use super::SessionOptions;
+use super::data::TrainData;
+use super::error::SessionError;
+use super::observer::{TrainNotice, TrainObserver, TrainWarning};
+use crate::config::TrainConfig;
+use crate::priors::Priors;
+use crate::start::{self, SkyPhotos, StartConfig};
+use glam::DVec3;
+use std::path::Path;
+use wm_scene::capture::gps;
+use wm_scene::capture::ground::{Ground, HELD_AT, NoGround, ground};
+use wm_scene::survey::{Survey, label_sky};
+use wm_scene::{Metadata, Scene, Splats};
+
+/// The ground under a walk and the scene's up belong together if their cosine is above this: 15 degrees, so that steep
+/// streets pass.
+const SAME_GROUND: f64 = 0.966;
+/// The number of photos from which the sky takes its colours, about.
+const SKY_PHOTOS: usize = 200;
+
+/// Returns the splats that a training starts with.
+pub(super) fn start(
+    dataset: &Path,
+    config: &TrainConfig,
+    data: &TrainData,
+    priors: Option<&Priors>,
+    extent: f64,
+) -> Result<Splats, SessionError> {
+    let begin = StartConfig {
+        opacity: config.start_opacity,
+        scale: config.start_scale,
+        most: config.densify.strategy().max_splats().unwrap_or(usize::MAX),
+        sh_degree: config.sh_degree,
+        seed: config.seed,
+    };
+    let points = &data.set.capture.points;
+    let mut splats = match points.is_empty() {
+        true => start::blind(&data.cameras(), extent, &begin),
+        false => start::from_points(points, extent, &begin),
+    };
+    if splats.is_empty() {
+        return Err(SessionError::NoFinitePoint(dataset.to_owned()));
+    }
+    if let Some(priors) = priors.filter(|priors| config.sky_splats > 0 && priors.has_sky()) {
+        add_sky(&mut splats, data, priors, extent, config.sky_splats)?;
+    }
+    Ok(splats)
+}
+
+/// Adds the sky where the priors say that photos show it.
+fn add_sky(
+    splats: &mut Splats,
+    data: &TrainData,
+    priors: &Priors,
+    extent: f64,
+    count: u32,
+) -> Result<(), SessionError> {
+    let (mut cameras, mut maps) = (Vec::new(), Vec::new());
+    let places = &data.set.places;
+    // Of thousands of photos some hundred show all of the sky that can be seen.
+    for place in places.iter().step_by(places.len().div_ceil(SKY_PHOTOS)) {
+        let camera = data.set.photos.camera(*place, 0);
+        let Some(prior) = priors.get(data.set.name(*place), &camera)? else { continue };
+        if prior.sky.is_empty() {
+            continue;
+        }
+        // Colours of photos as small as the maps: means of their pixels.
+        let level = (0..6).take_while(|level| camera.width >> level >= prior.width).last().unwrap_or(0);
+        let photo = data.set.photos.get(*place, level)?;
+        cameras.push(camera);
+        maps.push((prior.width as usize, prior.height as usize, prior.sky.clone(), photo));
+    }
+    let look = |index: usize, [x, y]: [f64; 2]| {
+        let (width, height, sky, photo) = &maps[index];
+        let class = sky[(y * *height as f64) as usize * width + (x * *width as f64) as usize];
+        let (column, row) = ((x * f64::from(photo.width)) as usize, (y * f64::from(photo.height)) as usize);
+        let at = 3 * (row * photo.width as usize + column);
+        (class, [photo.rgb[at], photo.rgb[at + 1], photo.rgb[at + 2]])
+    };
+    let photos = SkyPhotos { cameras: &cameras, look: &look };
+    start::add_sky(splats, &photos, &data.set.capture.points, extent, count as usize);
+    Ok(())
+}
+
+/// Returns the scene of trained splats: with the sky labelled, the photos' cameras, and in its metadata what they and
+/// the splats tell of up, ground and scale.
+pub(super) fn finish(
+    mut splats: Splats,
+    config: &TrainConfig,
+    data: &TrainData,
+    options: &SessionOptions,
+    observer: &mut dyn TrainObserver,
+) -> Scene {
+    let facts = &options.facts;
+    label_sky(&mut splats);
+    let metadata = Metadata {
+        rasterization: Some(config.rasterization),
+        provenance: Some(format!(
+            "weather-magician {}, {} photos, {} steps",
+            env!("CARGO_PKG_VERSION"),
+            data.set.places.len(),
+            config.steps
+        )),
+        ..Metadata::default()
+    };
+    let mut scene = Scene { splats, metadata, views: data.views() };
+    let survey = Survey::of(&scene, facts);
+    let mut known = survey.metadata();
+    let ground = ground(&data.set.capture);
+    if facts.ground.is_none()
+        && let Ok(ground) = &ground
+        && ground.up.dot(survey.up.value) > SAME_GROUND
+    {
+        // Seen in many photos: better than what training left of a street.
+        known.ground = Some(ground.under.dot(survey.up.value));
+        known.camera_height = Some(ground.height);
+    }
+    if known.metres_per_unit.is_none() {
+        let found = scale(data, options.camera_height, &ground);
+        if let (Err(reason), true) = (&ground, found.is_none() || options.camera_height.is_some()) {
+            observer.on_notice(&TrainNotice::NoScaleFromHeight(*reason));
+        }
+        if let Some((metres_per_unit, source)) = found {
+            observer.on_notice(&TrainNotice::Scale { metres_per_unit, source: source.clone() });
+            known.metres_per_unit = Some(metres_per_unit);
+            known.scale_source = Some(source);
+        }
+    }
+    scene.metadata = known.or(std::mem::take(&mut scene.metadata));
+    if scene.metadata.metres_per_unit.is_none()
+        && let Some(warning) = survey.warning()
+    {
+        observer.on_warning(&TrainWarning::NoScale(warning));
+    }
+    scene
+}
+
+/// Returns metres per scene unit and where they are from: the height of the cameras if that is given, else where photos
+/// say that they were taken, else the height at which people hold cameras.
+fn scale(
+    data: &TrainData,
+    camera_height: Option<f64>,
+    ground: &Result<Ground, NoGround>,
+) -> Option<(f64, String)> {
+    let by_height = |metres: f64| {
+        let metres_per_unit = metres / ground.as_ref().ok()?.height;
+        let source = format!("the camera height of {metres} m above the ground");
+        (metres_per_unit.is_finite() && metres_per_unit > 0.0).then_some((metres_per_unit, source))
+    };
+    let by_places = || {
+        let views = &data.set.capture.views;
+        let centers: Vec<DVec3> = views.iter().map(|view| view.camera.center()).collect();
+        let scale = gps::metres_per_unit(&centers, data.set.photos.gps())?;
+        let source = format!("the places of {} photos, met within {:.1} m", scale.photos, scale.residual);
+        Some((scale.metres_per_unit, source))
+    };
+    let given = camera_height.and_then(by_height);
+    given.or_else(by_places).or_else(|| match camera_height {
+        Some(_) => None,
+        None => by_height(HELD_AT),
+    })
+}

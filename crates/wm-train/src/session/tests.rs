@@ -1,0 +1,128 @@
+//! Sessions on the built-in street.
+
+use super::*;
+use crate::builtin::{self, BuiltinOptions};
+use std::ops::ControlFlow;
+use wm_scene::Place;
+use wm_scene::capture::colmap::write::Storage;
+
+const PHOTOS: BuiltinOptions = BuiltinOptions {
+    route: builtin::Route::Orbit,
+    count: 6,
+    size: (72, 48),
+    samples: 1,
+    points: 250,
+    storage: Storage::Binary,
+    truth: builtin::Truth::Omit,
+};
+
+/// Counts what it is told, and stops after some steps.
+#[derive(Default)]
+struct Counter {
+    steps: u32,
+    stop_after: Option<u32>,
+    evaluations: usize,
+    checkpoints: usize,
+    images: usize,
+    warnings: Vec<TrainWarning>,
+    report: Option<TrainReport>,
+}
+
+impl TrainObserver for Counter {
+    fn proceed(&mut self) -> ControlFlow<()> {
+        match self.stop_after {
+            Some(steps) if self.steps >= steps => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    }
+
+    fn on_warning(&mut self, warning: &TrainWarning) {
+        self.warnings.push(warning.clone());
+    }
+
+    fn on_step(&mut self, progress: &StepProgress) {
+        self.steps = progress.step;
+    }
+
+    fn on_evaluation(&mut self, scores: &HeldOutScores) {
+        assert!(scores.mean().unwrap().psnr > 0.0);
+        self.evaluations += 1;
+    }
+
+    fn on_checkpoint(&mut self, path: &std::path::Path, step: u32) {
+        assert!(path.is_file() && step == self.steps);
+        self.checkpoints += 1;
+    }
+
+    fn wants_image(&mut self, moment: ImageMoment, photo: &wm_scene::Camera) -> Option<wm_scene::Camera> {
+        (moment == ImageMoment::Milestone).then_some(*photo)
+    }
+
+    fn on_image(&mut self, image: &TrainImage<'_>) -> Result<(), ObserverError> {
+        assert_eq!(image.frame.rgb.len(), 3 * 72 * 48);
+        self.images += 1;
+        Ok(())
+    }
+
+    fn on_finish(&mut self, report: &TrainReport) {
+        self.report = Some(report.clone());
+    }
+}
+
+fn session(dataset: &std::path::Path) -> Session {
+    let mut options = SessionOptions { device: Device::Cpu, ..SessionOptions::default() };
+    options.cpu.threads = Some(1);
+    options.priors = PriorSource::None;
+    options.held_out.every = 3;
+    Session::new(dataset).options(options).steps(20).max_splats(300)
+}
+
+#[test]
+fn a_session_that_was_stopped_ends_in_the_same_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = folder.path().join("set");
+    builtin::write(&Place::street(), &set, &PHOTOS, &mut |_| true).unwrap();
+    let mut whole = Counter::default();
+    let scene = session(&set).run(&mut whole).unwrap();
+    assert_eq!((whole.steps, whole.evaluations, whole.checkpoints, whole.images), (20, 9, 0, 10));
+    let report = whole.report.unwrap();
+    assert_eq!((report.steps, report.held_out.photos.len()), (20, 2));
+    assert!(matches!(whole.warnings[..], [TrainWarning::NoScale(_)]), "{:?}", whole.warnings);
+
+    let run = folder.path().join("run");
+    let mut stopped = Counter { stop_after: Some(7), ..Counter::default() };
+    let error = session(&set).run_folder(&run).run(&mut stopped).unwrap_err();
+    assert!(matches!(error, SessionError::Stopped { step: 7, steps: 20 }), "{error}");
+    assert_eq!(stopped.checkpoints, 1);
+    let error = session(&set).run_folder(&run).run(&mut ()).unwrap_err();
+    assert!(matches!(error, SessionError::Unfinished(_)), "{error}");
+    let again = session(&set).run_folder(&run).resume().run(&mut ()).unwrap();
+    assert_eq!((again.splats, again.metadata), (scene.splats, scene.metadata));
+}
+
+#[test]
+fn plans_and_folders_that_cannot_be_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let say = |session: Session| session.run(&mut ()).unwrap_err().to_string();
+    assert!(say(session(folder.path()).resume().run_folder(folder.path())).contains("there is no training"));
+    let mut options = SessionOptions::default();
+    options.camera_height = Some(f64::NAN);
+    assert!(say(Session::new("none").options(options)).starts_with("the camera height is NaN"));
+    let mut plan = TrainPlan::default();
+    plan.densify = "mcmd".into();
+    assert!(plan.config(1000).unwrap_err().to_string().ends_with("choose one of fixed, adaptive, mcmc"));
+    plan.densify = "fixed".into();
+    for (name, value, says) in [
+        ("dept", 1.0, "dept: no term of that name; there are l1, ssim and "),
+        ("depth", f64::NAN, "depth is NaN; it must be finite"),
+        ("depth", -1.0, "loss.geometry.depth is -1; it must be 0 to "),
+        ("every", 1.5, "every=1.5: must be a whole number of steps"),
+    ] {
+        plan.loss = vec![(name.into(), value)];
+        let said = plan.config(1000).unwrap_err().to_string();
+        assert!(said.starts_with(says), "{said}");
+    }
+    plan.loss = vec![("depth".into(), 0.25), ("every".into(), 3.0), ("l1".into(), 0.5)];
+    let loss = plan.config(1000).unwrap().loss;
+    assert_eq!((loss.geometry.depth, loss.geometry.every, loss.l1), (0.25, 3, 0.5));
+}

@@ -1,0 +1,425 @@
+//! A training that is under way: steps, checkpoints, metrics and evaluations.
+
+use super::data::TrainData;
+use super::error::SessionError;
+use super::folder::{Metrics, RunFolder};
+use super::observer::{
+    ImageMoment, StepProgress, TrainImage, TrainNotice, TrainObserver, TrainStart, TrainWarning,
+};
+use super::score::{HeldOutScore, HeldOutScores, PerceptualMetric, StepSums, TrainReport};
+use super::{SessionOptions, scene};
+use crate::checkpoint::{self, Head};
+use crate::config::TrainConfig;
+use crate::losses::Truth;
+use crate::metrics::{Ssim, psnr};
+use crate::photos::{BadPhotos, Photo};
+use crate::priors::{Prior, Priors};
+use crate::start;
+use crate::trainer::Trainer;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::Receiver;
+use std::time::Instant;
+use wm_render::{Differentiable, Frame, RenderError};
+use wm_scene::{Camera, Scene};
+
+/// Photos that are decoded ahead of their step.
+const AHEAD: u32 = 4;
+/// Shortest side of a photo in coarse steps, px.
+const SHORTEST: u32 = 100;
+/// Summaries and milestones in a training.
+const SUMMARIES: u32 = 200;
+const MILESTONES: u32 = 10;
+
+/// A back end and the messages of why its GPU was given up.
+pub(super) struct Backend {
+    pub renderer: Box<dyn Differentiable>,
+    pub failures: Receiver<String>,
+}
+
+/// A training that is ready to run or under way; [`Session::prepare`](super::Session::prepare) makes it.
+///
+/// [`Self::run`] does everything; the other methods are its parts, for programs with a loop of their own.
+pub struct Training {
+    trainer: Trainer,
+    failures: Receiver<String>,
+    dataset: PathBuf,
+    data: TrainData,
+    priors: Option<Priors>,
+    folder: RunFolder,
+    options: SessionOptions,
+    metrics: Metrics,
+    /// Takes a second a photo, so it is only used at the end.
+    metric: Option<Box<dyn PerceptualMetric>>,
+    /// The number of halvings that leave photos large enough.
+    last_level: u8,
+    pixels: PhotoPixels,
+    /// Indices of photos that turned out to be damaged.
+    damaged: BTreeSet<usize>,
+    sums: StepSums,
+    /// Steps that were done before.
+    begun: u32,
+    held_out_psnr: Option<f64>,
+    saved: Instant,
+}
+
+/// Memory for photos as the losses read them.
+#[derive(Default)]
+struct PhotoPixels {
+    rgb: Vec<f32>,
+    mask: Option<Vec<f32>>,
+}
+
+impl PhotoPixels {
+    fn truth<'b>(&'b mut self, photo: &'b Photo) -> Truth<'b> {
+        self.rgb.clear();
+        self.rgb.extend(photo.rgb.iter().map(|v| f32::from(*v) / 255.0));
+        self.mask = photo.mask.as_ref().map(|mask| mask.iter().map(|v| f32::from(*v) / 255.0).collect());
+        Truth { rgb: &self.rgb, mask: self.mask.as_deref(), camera: &photo.camera, prior: None }
+    }
+}
+
+/// What a training is made of.
+pub(super) struct Parts {
+    pub config: TrainConfig,
+    pub dataset: PathBuf,
+    pub data: TrainData,
+    pub priors: Option<Priors>,
+    pub folder: RunFolder,
+    pub options: SessionOptions,
+    pub metric: Option<Box<dyn PerceptualMetric>>,
+    pub backend: Backend,
+}
+
+impl Training {
+    /// Starts a training, or continues the one in the run folder.
+    pub(super) fn new(parts: Parts, observer: &mut dyn TrainObserver) -> Result<Self, SessionError> {
+        let Parts { config, dataset, data, priors, folder, options, metric, backend } = parts;
+        let Backend { renderer, failures } = backend;
+        failures.try_iter().for_each(|error| observer.on_warning(&TrainWarning::Gpu(error)));
+        let extent = start::extent(&data.cameras());
+        let photos = data.set.places.len();
+        let trainer = match folder.resumed()? {
+            Some((head, state)) => {
+                let trainer = Trainer::resumed(config, renderer, state, extent, photos);
+                let same = head.config == *trainer.config()
+                    && head.photos == data.taught()
+                    && head.simd == trainer.path().to_string();
+                if !same {
+                    return Err(SessionError::OtherTraining(folder.path().to_owned()));
+                }
+                let folder = folder.path().to_owned();
+                observer.on_notice(&TrainNotice::Resumed { folder, step: head.step() });
+                trainer
+            }
+            None => {
+                let splats = scene::start(&dataset, &config, &data, priors.as_ref(), extent)?;
+                Trainer::new(config, renderer, splats, extent, photos)
+            }
+        };
+        let (step, steps) = (trainer.steps_done(), trainer.config().steps);
+        folder.write_config(trainer.config())?;
+        let metrics = folder.metrics(step, steps)?;
+        let last_level = data.set.photos.last_level(SHORTEST);
+        let photo = data.set.name(data.shown());
+        let start = TrainStart { step, steps, photo, extent };
+        observer.on_start(&start).map_err(SessionError::Observer)?;
+        Ok(Self {
+            trainer,
+            failures,
+            dataset,
+            data,
+            priors,
+            folder,
+            options,
+            metrics,
+            metric,
+            last_level,
+            pixels: PhotoPixels::default(),
+            damaged: BTreeSet::new(),
+            sums: StepSums::default(),
+            begun: step,
+            held_out_psnr: None,
+            saved: Instant::now(),
+        })
+    }
+
+    /// Trains to the end and returns the scene.
+    ///
+    /// # Errors
+    /// [`SessionError`]; where a checkpoint can be written, what was learnt is saved first.
+    pub fn run(mut self, observer: &mut dyn TrainObserver) -> Result<Scene, SessionError> {
+        let started = Instant::now();
+        self.saved = started;
+        let steps = self.trainer.config().steps;
+        while !self.trainer.is_done() {
+            if observer.proceed().is_break() {
+                self.save(observer)?;
+                return Err(SessionError::Stopped { step: self.trainer.steps_done(), steps });
+            }
+            self.step(observer)?;
+        }
+        let seconds = started.elapsed().as_secs_f64();
+        self.save(observer)?;
+        self.show(ImageMoment::Milestone, observer)?;
+        self.report(seconds, observer)?;
+        self.scene(observer)
+    }
+
+    /// Takes one step, with the summary, evaluation, images and checkpoint that are due after it.
+    ///
+    /// # Errors
+    /// [`SessionError`]; where a checkpoint can be written, what was learnt is saved first.
+    pub fn step(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
+        let steps = self.trainer.config().steps;
+        let loss = self.train(observer)?;
+        let (step, splats) = (self.trainer.steps_done(), self.trainer.len());
+        observer.on_step(&StepProgress { step, steps, splats, loss });
+        self.show(ImageMoment::Step, observer)?;
+        if step.is_multiple_of((steps / MILESTONES).max(1)) && step < steps {
+            let scores = self.evaluate(observer)?;
+            self.show(ImageMoment::Milestone, observer)?;
+            if let (Some(line), Some(mean)) = (scores.json(), scores.mean()) {
+                self.metrics.add(&line)?;
+                self.held_out_psnr = Some(mean.psnr);
+                observer.on_evaluation(&scores);
+            }
+        }
+        if step.is_multiple_of((steps / SUMMARIES).max(1)) {
+            let summary = self.sums.summary(step, self.trainer.len(), self.held_out_psnr);
+            observer.on_summary(&summary);
+            self.metrics.add(&summary.json())?;
+        }
+        if self.saved.elapsed() > self.options.checkpoint_every {
+            self.save(observer)?;
+            self.saved = Instant::now();
+        }
+        Ok(())
+    }
+
+    /// Returns the trainer: its configuration, its splats and their number.
+    #[must_use]
+    pub fn trainer(&self) -> &Trainer {
+        &self.trainer
+    }
+
+    /// Returns true after the last step.
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.trainer.is_done()
+    }
+
+    /// Renders what has been learnt, over black.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the camera cannot be rendered with, memory is short or the device fails.
+    pub fn render(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
+        self.trainer.render(camera, frame)
+    }
+
+    /// Scores the held-out photos, without the perceptual metric.
+    ///
+    /// # Errors
+    /// [`SessionError`] if a photo is damaged or the device fails.
+    pub fn evaluate(&mut self, observer: &mut dyn TrainObserver) -> Result<HeldOutScores, SessionError> {
+        self.scores(None, observer)
+    }
+
+    /// Writes a checkpoint, if the session has a run folder.
+    ///
+    /// # Errors
+    /// [`SessionError`] if the file cannot be written or the device fails.
+    pub fn save(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
+        let Some(path) = self.folder.checkpoint() else { return Ok(()) };
+        match self.trainer.state().map(|_| ()) {
+            // The state before the GPU failed is kept.
+            Err(error) if error.is_of_gpu() => {}
+            done => done?,
+        }
+        let (config, simd) = (self.trainer.config().clone(), self.trainer.path().to_string());
+        let state = self.trainer.known_state();
+        let head = Head::new(&config, self.data.taught(), simd, state);
+        checkpoint::write(&path, &head, state)?;
+        observer.on_checkpoint(&path, head.step());
+        Ok(())
+    }
+
+    /// Returns the scene as it is now, with the metadata that photos and splats tell.
+    ///
+    /// # Errors
+    /// [`SessionError`] if the device fails.
+    pub fn scene(&mut self, observer: &mut dyn TrainObserver) -> Result<Scene, SessionError> {
+        let splats = self.trainer.state()?.population.drawn();
+        Ok(scene::finish(splats, self.trainer.config(), &self.data, &self.options, observer))
+    }
+
+    /// Takes one step and returns its loss.
+    fn train(&mut self, observer: &mut dyn TrainObserver) -> Result<f64, SessionError> {
+        let step = self.trainer.steps_done();
+        let last = self.trainer.config().steps.saturating_sub(1);
+        for ahead in step + 1..=(step + AHEAD).min(last) {
+            let place = self.data.set.places[self.trainer.photo_at(ahead)];
+            self.data.set.photos.prefetch(place, self.trainer.level_at(ahead, self.last_level));
+        }
+        let level = self.trainer.level_at(step, self.last_level);
+        let (index, photo) = self.photo_at(step, level, observer)?;
+        let prior = self.prior(self.data.set.places[index])?;
+        let truth = Truth { prior: prior.as_deref(), ..self.pixels.truth(&photo) };
+        let done = self.trainer.step(&truth, index);
+        self.failures.try_iter().for_each(|error| observer.on_warning(&TrainWarning::Gpu(error)));
+        let report = match done {
+            Err(error) if error.is_of_gpu() => {
+                return Err(self.saved_before(observer, |step, steps| SessionError::GpuLost {
+                    error,
+                    step,
+                    steps,
+                }));
+            }
+            done => done?,
+        };
+        if report.lost > 0 {
+            observer.on_warning(&TrainWarning::StepsLost(report.lost));
+        }
+        if !report.loss.is_finite() {
+            return Err(SessionError::NotFinite { step });
+        }
+        self.sums.add(&report);
+        Ok(report.loss)
+    }
+
+    /// Returns the photo of a step and its index among the training photos: in place of a damaged one the next that
+    /// is not, so that a training that is resumed takes the same way.
+    fn photo_at(
+        &mut self,
+        step: u32,
+        level: u8,
+        observer: &mut dyn TrainObserver,
+    ) -> Result<(usize, Arc<Photo>), SessionError> {
+        let count = self.data.set.places.len();
+        let first = self.trainer.photo_at(step);
+        for index in (0..count).map(|further| (first + further) % count) {
+            if let Some(photo) = self.photo(self.data.set.places[index], level, observer)? {
+                return Ok((index, photo));
+            }
+        }
+        Err(SessionError::NoPhotoLeft(self.dataset.clone()))
+    }
+
+    /// Reads a photo; `None` if it is damaged and may be left out.
+    fn photo(
+        &mut self,
+        place: usize,
+        level: u8,
+        observer: &mut dyn TrainObserver,
+    ) -> Result<Option<Arc<Photo>>, SessionError> {
+        if self.damaged.contains(&place) {
+            return Ok(None);
+        }
+        match self.data.set.photos.get(place, level) {
+            Ok(photo) => Ok(Some(photo)),
+            Err(error) if self.options.dataset.bad == BadPhotos::Skip => {
+                observer.on_warning(&TrainWarning::LeftOut(error));
+                self.damaged.insert(place);
+                Ok(None)
+            }
+            Err(error) => Err(self.saved_before(observer, |step, steps| SessionError::DamagedPhoto {
+                error,
+                step,
+                steps,
+            })),
+        }
+    }
+
+    /// Saves what was learnt before the session ends with an error.
+    fn saved_before(
+        &mut self,
+        observer: &mut dyn TrainObserver,
+        error: impl FnOnce(u32, u32) -> SessionError,
+    ) -> SessionError {
+        let saved = self.save(observer);
+        let error = error(self.trainer.steps_done(), self.trainer.config().steps);
+        match saved {
+            Ok(()) => error,
+            Err(checkpoint) => {
+                SessionError::NotSaved { error: error.to_string(), checkpoint: Box::new(checkpoint) }
+            }
+        }
+    }
+
+    fn prior(&self, place: usize) -> Result<Option<Arc<Prior>>, SessionError> {
+        let Some(priors) = &self.priors else { return Ok(None) };
+        Ok(priors.get(self.data.set.name(place), &self.data.set.photos.camera(place, 0))?)
+    }
+
+    fn scores(
+        &mut self,
+        metric: Option<&dyn PerceptualMetric>,
+        observer: &mut dyn TrainObserver,
+    ) -> Result<HeldOutScores, SessionError> {
+        let (mut photos, mut ssim) = (Vec::new(), Ssim::new(self.trainer.path()));
+        for place in self.data.held_out.clone() {
+            let Some(photo) = self.photo(place, 0, observer)? else { continue };
+            let mut frame = Frame::default();
+            self.trainer.render(&photo.camera, &mut frame)?;
+            let truth = self.pixels.truth(&photo);
+            let width = photo.width as usize;
+            let shown = displayed(&frame);
+            let ssim = match truth.mask {
+                Some(mask) => ssim.masked_value(&shown, truth.rgb, mask, width),
+                None => ssim.value(&shown, truth.rgb, width),
+            };
+            let lpips = metric.map(|metric| metric.distance(&shown, truth.rgb, truth.mask, width));
+            let score = HeldOutScore { psnr: psnr(&shown, truth.rgb, truth.mask), ssim, lpips };
+            photos.push((self.data.set.name(place).to_owned(), score));
+        }
+        Ok(HeldOutScores { step: self.trainer.steps_done(), splats: self.trainer.len(), photos })
+    }
+
+    /// Renders an image, if the observer wants one.
+    fn show(&mut self, moment: ImageMoment, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
+        let place = self.data.shown();
+        let photo_camera = self.data.set.photos.camera(place, 0);
+        let Some(camera) = observer.wants_image(moment, &photo_camera) else { return Ok(()) };
+        let mut frame = Frame::default();
+        self.trainer.render(&camera, &mut frame)?;
+        // Milestones are kept as files, which have no score.
+        let is_scored = moment == ImageMoment::Step && camera == photo_camera;
+        let photo = if is_scored { self.photo(place, 0, observer)? } else { None };
+        let psnr = photo.map(|photo| {
+            let truth = self.pixels.truth(&photo);
+            psnr(&displayed(&frame), truth.rgb, truth.mask)
+        });
+        let step = self.trainer.steps_done();
+        let image =
+            TrainImage { step, moment, photo: self.data.set.name(place), camera, frame: &frame, psnr };
+        observer.on_image(&image).map_err(SessionError::Observer)
+    }
+
+    fn report(&mut self, seconds: f64, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
+        let metric = self.metric.take();
+        let held_out = self.scores(metric.as_deref(), observer)?;
+        if let Some(line) = held_out.json() {
+            self.metrics.add(&line)?;
+        }
+        observer.on_finish(&TrainReport {
+            steps: self.trainer.config().steps - self.begun,
+            seconds,
+            times: self.sums.times,
+            backend: self.trainer.describe(),
+            held_out,
+        });
+        Ok(())
+    }
+
+    /// Returns the folder that the session keeps its files in.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+}
+
+/// Returns the colours as a screen shows them: 0 to 1.
+fn displayed(frame: &Frame) -> Vec<f32> {
+    frame.rgb.iter().map(|v| v.clamp(0.0, 1.0)).collect()
+}
