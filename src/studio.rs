@@ -18,10 +18,10 @@ use wm_render::{
     AnyRenderer, Background, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetId, SetView, Stats,
 };
 use wm_scene::{Camera, Splats};
-use wm_weather::cover::{Airflow, Asked, Buried, Cover};
-use wm_weather::paper::{PaperCover, Stages, composite};
+use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest};
+use wm_weather::paper::{PaperCover, PaperStages, composite};
 use wm_weather::shelter::{Occluders, Shelter};
-use wm_weather::{Fidelity, Seen, Site, Sky, Weather};
+use wm_weather::{Fidelity, Observer, PreparedWeather, Site, Weather};
 
 /// Maps of shelter that are kept, one for each direction of fall: enough for a wind that turns.
 const MAPS: usize = 6;
@@ -62,7 +62,7 @@ pub enum Patience {
 /// What lies, in the renderer.
 struct Laid {
     /// On what, and what; `None` for the paper's.
-    asked: Option<(Airflow, Vec<Asked>)>,
+    asked: Option<(Airflow, Vec<CoverRequest>)>,
     set: SetId,
     buried: Buried,
 }
@@ -96,7 +96,7 @@ impl Needs {
     pub fn of(weather: &Weather, site: &Site) -> Self {
         // The paper's rain falls through roofs.
         let fall = weather.has_fall() && weather.fidelity == Fidelity::Physical;
-        let paper_cover = weather.at(0.0).over(site).paper_cover().cloned();
+        let paper_cover = weather.at(0.0).prepare(site).paper_cover().cloned();
         let lies = weather.effects().any(|(effect, _)| effect.slot == Slot::Surface) && paper_cover.is_none();
         Self { fall, cover: lies.then(|| airflow(weather, site)), paper_cover }
     }
@@ -104,7 +104,7 @@ impl Needs {
 
 /// How the air carries what lies: the mean wind at the start.
 pub fn airflow(weather: &Weather, site: &Site) -> Airflow {
-    weather.at(0.0).over(site).airflow()
+    weather.at(0.0).prepare(site).airflow()
 }
 
 /// Adds to what is kept, and drops the first where it is too much.
@@ -198,7 +198,12 @@ impl Studio {
     }
 
     /// Puts something in the place of what lies.
-    fn put(&mut self, splats: &Splats, asked: Option<(Airflow, Vec<Asked>)>, buried: Buried) -> Result<()> {
+    fn put(
+        &mut self,
+        splats: &Splats,
+        asked: Option<(Airflow, Vec<CoverRequest>)>,
+        buried: Buried,
+    ) -> Result<()> {
         self.clear();
         let set = self.loaded.renderer.load(splats)?;
         self.lying = Some(Laid { asked, set, buried });
@@ -213,7 +218,7 @@ impl Studio {
     }
 
     /// Lays out what lies under `sky`, if it is not there.
-    fn lay(&mut self, sky: &Sky) -> Result<()> {
+    fn lay(&mut self, sky: &PreparedWeather) -> Result<()> {
         if self.needs.paper_cover.is_some() {
             // It lies there from the start.
             return Ok(());
@@ -223,27 +228,28 @@ impl Studio {
             self.clear();
             return Ok(());
         }
-        let is_laid =
-            |(airflow, known): &(Airflow, Vec<Asked>)| Some(*airflow) == self.needs.cover && known == asked;
+        let is_laid = |(airflow, known): &(Airflow, Vec<CoverRequest>)| {
+            Some(*airflow) == self.needs.cover && known == asked
+        };
         let is_there = self.lying.as_ref().is_some_and(|lying| lying.asked.as_ref().is_some_and(is_laid));
         let Some((airflow, cover)) = self.covers.last_mut() else { return Ok(()) };
         if is_there || self.patience == Patience::Draft {
             return Ok(());
         }
-        let lying = cover.lying_on_each_other(asked);
+        let lying = cover.lay_all(asked);
         let asked = (*airflow, asked.to_vec());
         self.put(&lying.splats, Some(asked), lying.buried)
     }
 
     /// The renderer with the scene and what lies on it under `sky`, and how it is to be drawn.
-    fn stand(&mut self, sky: &Sky) -> Result<(Stand<'_>, &RenderConfig)> {
+    fn stand(&mut self, sky: &PreparedWeather) -> Result<(Stand<'_>, &RenderConfig)> {
         self.lay(sky)?;
         let sets = sets(self.loaded.set, self.lying.as_ref().map(Laid::set));
         Ok((Stand { renderer: &mut self.loaded.renderer, sets }, &self.config))
     }
 
     /// Makes the map of where what falls under `sky` does not, the last of the list, if it is not there.
-    fn prepare(&mut self, sky: &Sky) {
+    fn prepare(&mut self, sky: &PreparedWeather) {
         let (Some(fall), Some(occluders)) = (sky.fall(), &self.occluders) else { return };
         if let Some(place) = self.shelters.iter().position(|(known, _)| *known == fall) {
             let known = self.shelters.remove(place);
@@ -262,7 +268,7 @@ impl Studio {
         moving: Moving,
         frame: &mut Frame,
     ) -> Result<Stats> {
-        let sky = weather.at(time).over(&self.site);
+        let sky = weather.at(time).prepare(&self.site);
         if !sky.paper_falls().is_empty() {
             let (mut stand, config) = self.stand(&sky)?;
             return stand.render_as_paper(&sky, config, moving, frame, None);
@@ -279,12 +285,12 @@ impl Studio {
         moving: Moving,
         work: impl FnOnce(&mut AnyRenderer, &Job<'_>) -> Result<R>,
     ) -> Result<R> {
-        self.with_sky(&weather.at(time).over(&self.site), moving, work)
+        self.with_sky(&weather.at(time).prepare(&self.site), moving, work)
     }
 
     fn with_sky<R>(
         &mut self,
-        sky: &Sky,
+        sky: &PreparedWeather,
         Moving { camera, velocity }: Moving,
         work: impl FnOnce(&mut AnyRenderer, &Job<'_>) -> Result<R>,
     ) -> Result<R> {
@@ -292,7 +298,7 @@ impl Studio {
         self.lay(sky)?;
         let sets = sets(self.loaded.set, self.lying.as_ref().map(Laid::set));
         let shelter = sky.fall().and(self.shelters.last().map(|(_, shelter)| shelter));
-        sky.with_hooks(&Seen { camera: &camera, velocity, shelter }, |hooks| {
+        sky.with_hooks(&Observer { camera: &camera, velocity, shelter }, |hooks| {
             let job = Job { sets: &sets, camera: &camera, config: &self.config, hooks };
             work(&mut self.loaded.renderer, &job)
         })
@@ -305,9 +311,9 @@ impl Studio {
         weather: &Weather,
         time: f64,
         moving: Moving,
-        (frame, stages): (&mut Frame, &mut Stages),
+        (frame, stages): (&mut Frame, &mut PaperStages),
     ) -> Result<Stats> {
-        let sky = weather.at(time).over(&self.site);
+        let sky = weather.at(time).prepare(&self.site);
         let (mut stand, config) = self.stand(&sky)?;
         stand.render_as_paper(&sky, config, moving, frame, Some(stages))
     }
@@ -344,7 +350,7 @@ impl Stand<'_> {
     /// Renders what is under a sky, without shelter.
     pub fn render(
         &mut self,
-        sky: &Sky,
+        sky: &PreparedWeather,
         config: &RenderConfig,
         moving: Moving,
         frame: &mut Frame,
@@ -353,7 +359,7 @@ impl Stand<'_> {
             return self.render_as_paper(sky, config, moving, frame, None);
         }
         let camera = &moving.camera;
-        let seen = Seen { camera, velocity: moving.velocity, shelter: None };
+        let seen = Observer { camera, velocity: moving.velocity, shelter: None };
         sky.with_hooks(&seen, |hooks| {
             Ok(self.renderer.render(&Job { sets: &self.sets, camera, config, hooks }, frame)?)
         })
@@ -362,15 +368,15 @@ impl Stand<'_> {
     /// Draws the scene, then each sub-cloud of what falls by itself, and lays them over it.
     fn render_as_paper(
         &mut self,
-        sky: &Sky,
+        sky: &PreparedWeather,
         asked: &RenderConfig,
         Moving { camera, velocity }: Moving,
         frame: &mut Frame,
-        mut stages: Option<&mut Stages>,
+        mut stages: Option<&mut PaperStages>,
     ) -> Result<Stats> {
         let started = Instant::now();
         let camera = &camera;
-        let seen = Seen { camera, velocity, shelter: None };
+        let seen = Observer { camera, velocity, shelter: None };
         let geometry = match asked.outputs.geometry {
             Geometry::None => Geometry::Depth,
             other => other,

@@ -6,9 +6,9 @@ use crate::studio::{Studio, sets};
 use anyhow::Result;
 use wm_render::{Background, Job, RenderConfig, Renderer, SetId};
 use wm_scene::{Camera, Splats};
-use wm_weather::cover::{Airflow, Asked, Buried, Cover};
-use wm_weather::scan::Scan;
-use wm_weather::{Seen, Site, Sky};
+use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest};
+use wm_weather::fused_surfaces::FusedSurfaces;
+use wm_weather::{Observer, PreparedWeather, Site};
 
 /// How far the second view is aside of the first, m: not ahead, so that the air between it and the place is as long.
 const STEP: f64 = 0.3;
@@ -27,7 +27,7 @@ struct Target {
     set: SetId,
     /// What may lie on it, by how the air carries it.
     cover: Option<(Airflow, Cover)>,
-    lying: Option<(Vec<Asked>, SetId, Buried)>,
+    lying: Option<(Vec<CoverRequest>, SetId, Buried)>,
 }
 
 impl Field {
@@ -37,7 +37,7 @@ impl Field {
     }
 
     /// Lays out what lies on a target.
-    fn lay(&mut self, index: usize, sky: &Sky) -> Result<()> {
+    fn lay(&mut self, index: usize, sky: &PreparedWeather) -> Result<()> {
         let (site, renderer) = (self.studio.site, &mut self.studio.loaded.renderer);
         let Target { splats, cover, lying, .. } = &mut self.targets[index];
         let asked = sky.cover();
@@ -56,11 +56,11 @@ impl Field {
             let middle = Level::of(&site).point([0.0; 3]).to_array();
             *cover = Some((
                 airflow,
-                Cover::of(splats, &Scan::plain(splats), &site, &airflow, [middle; 2], threads),
+                Cover::of(splats, &FusedSurfaces::from_splats(splats), &site, &airflow, [middle; 2], threads),
             ));
         }
         if let Some((_, cover)) = cover {
-            let lies = cover.lying_on_each_other(asked);
+            let lies = cover.lay_all(asked);
             *lying = Some((asked.to_vec(), renderer.load(&lies.splats)?, lies.buried));
         }
         Ok(())
@@ -110,14 +110,14 @@ impl Rig for Field {
             }
             Subject::Target(index) => index,
         };
-        let sky = shot.weather.at(shot.time).over(&self.studio.site);
+        let sky = shot.weather.at(shot.time).prepare(&self.studio.site);
         self.lay(index, &sky)?;
         let Target { set, lying, .. } = &self.targets[index];
         let sets = sets(*set, lying.as_ref().map(|(_, set, buried)| (*set, buried)));
         let background = Background::Color([0.0; 3]);
         let config = RenderConfig { outputs: shot.outputs, background, ..RenderConfig::default() };
         let renderer = &mut self.studio.loaded.renderer;
-        sky.with_hooks(&Seen::by(shot.camera), |hooks| {
+        sky.with_hooks(&Observer::at_rest(shot.camera), |hooks| {
             let job = Job { sets: &sets, camera: shot.camera, config: &config, hooks };
             renderer.render(&job, &mut picture.frame)?;
             if !shot.passes.is_empty() {

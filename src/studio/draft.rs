@@ -32,7 +32,7 @@ impl Studio {
     /// What is missing for the instant `time` of a weather.
     pub fn lack(&self, weather: &Weather, time: f64) -> Lack {
         let needs = Needs::of(weather, &self.site);
-        let sky = weather.at(time).over(&self.site);
+        let sky = weather.at(time).prepare(&self.site);
         let has = |fall: &[f64; 3]| self.shelters.iter().any(|(known, _)| known == fall);
         let shelter = sky.fall().filter(|fall| needs.fall && !has(fall));
         let asked = needs.cover.filter(|_| !sky.cover().is_empty()).map(|air| (air, sky.cover().to_vec()));

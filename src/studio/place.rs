@@ -11,9 +11,9 @@ use wm_render::{AnyRenderer, Frame, Job, MedianDepth, Outputs, RenderConfig, Ren
 use wm_scene::survey::{Source, Survey};
 use wm_scene::{Camera, Group, Scene, Splats};
 use wm_weather::Site;
-use wm_weather::cover::{Airflow, Asked, Cover, Lying};
+use wm_weather::cover::{Airflow, Cover, CoverRequest, LyingCover};
+use wm_weather::fused_surfaces::{FloorPlane, FusedSurfaces, PhotoView};
 use wm_weather::paper::PaperCover;
-use wm_weather::scan::{Floor, Scan, Sight};
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
 
 /// What is not made yet of what a picture needs. It takes seconds for a large scene.
@@ -23,7 +23,7 @@ pub struct Lack {
     pub(super) shelter: Option<[f64; 3]>,
     pub(super) cover: Option<Airflow>,
     /// On what, and what.
-    pub(super) lying: Option<(Airflow, Vec<Asked>)>,
+    pub(super) lying: Option<(Airflow, Vec<CoverRequest>)>,
     pub(super) paper_cover: Option<PaperCover>,
 }
 
@@ -52,7 +52,7 @@ impl Lack {
         let snow = |paper: &PaperCover| (paper.clone(), paper.snow(&of.scene.splats, of.site));
         Made {
             shelter: shelter.map(|(fall, from)| (fall, from.shelter(fall, Some(of.threads)))),
-            lying: asked.map(|(asked, (_, cover))| (cover.lying_on_each_other(&asked.1), asked)),
+            lying: asked.map(|(asked, (_, cover))| (cover.lay_all(&asked.1), asked)),
             cover,
             paper_cover: self.paper_cover.as_ref().map(snow),
             occluders,
@@ -65,7 +65,7 @@ pub struct Made {
     pub(super) occluders: Option<Arc<Occluders>>,
     pub(super) shelter: Option<([f64; 3], Shelter)>,
     pub(super) cover: Option<(Airflow, Cover)>,
-    pub(super) lying: Option<(Lying, (Airflow, Vec<Asked>))>,
+    pub(super) lying: Option<(LyingCover, (Airflow, Vec<CoverRequest>))>,
     pub(super) paper_cover: Option<(PaperCover, Splats)>,
 }
 
@@ -74,7 +74,7 @@ pub struct Place<'a> {
     /// The whole scene.
     pub scene: &'a Scene,
     /// What its photos' cameras see.
-    pub sights: &'a [Sight],
+    pub sights: &'a [PhotoView],
     /// What weather knows of it.
     pub site: &'a Site,
     /// What may stop what falls, if that is known.
@@ -85,15 +85,15 @@ pub struct Place<'a> {
 
 impl<'a> Place<'a> {
     /// The surfaces of the place, as its photos' cameras see them.
-    fn scan(&self) -> Scan<'a> {
+    fn scan(&self) -> FusedSurfaces<'a> {
         let waiting = progress::spinner("finding the surfaces that the photos show");
-        let scan = Scan::of(&self.scene.splats, self.sights, self.site, self.threads);
+        let scan = FusedSurfaces::from_views(&self.scene.splats, self.sights, self.site, self.threads);
         waiting.finish_and_clear();
         scan
     }
 
     /// What something may lie on.
-    fn cover(&self, scan: &Scan<'_>, airflow: &Airflow) -> Cover {
+    fn cover(&self, scan: &FusedSurfaces<'_>, airflow: &Airflow) -> Cover {
         let waiting = progress::spinner("finding what can be covered");
         let cover = Cover::of(&self.scene.splats, scan, self.site, airflow, path(self.scene), self.threads);
         waiting.finish_and_clear();
@@ -139,7 +139,7 @@ pub fn cover(loaded: &mut Loaded, site: &Site, airflow: &Airflow) -> Result<Cove
 }
 
 /// A place whose scene is whole.
-pub(super) fn place<'a>(loaded: &'a Loaded, sights: &'a [Sight], site: &'a Site) -> Place<'a> {
+pub(super) fn place<'a>(loaded: &'a Loaded, sights: &'a [PhotoView], site: &'a Site) -> Place<'a> {
     Place { scene: &loaded.scene, sights, site, occluders: None, threads: loaded.renderer.threads() }
 }
 
@@ -159,7 +159,12 @@ impl Visibility for WithoutSky<'_> {
 }
 
 /// What the cameras of the photos see, of some of them, in a renderer that holds the scene as `set`.
-pub fn sights(renderer: &mut AnyRenderer, set: SetId, scene: &Scene, survey: &Survey) -> Result<Vec<Sight>> {
+pub fn sights(
+    renderer: &mut AnyRenderer,
+    set: SetId,
+    scene: &Scene,
+    survey: &Survey,
+) -> Result<Vec<PhotoView>> {
     let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
     let config = RenderConfig { outputs, ..RenderConfig::default() };
     let views = &scene.views;
@@ -175,7 +180,7 @@ pub fn sights(renderer: &mut AnyRenderer, set: SetId, scene: &Scene, survey: &Su
         let camera = camera.resized(width, height);
         let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
         renderer.render(&job, &mut frame)?;
-        sights.push(Sight::new(camera, frame.median_depth.clone(), frame.rgb.clone()));
+        sights.push(PhotoView::new(camera, frame.median_depth.clone(), frame.rgb.clone()));
     }
     let floors = floors(scene, survey, &sights);
     sights.iter_mut().for_each(|sight| sight.stop_at(&floors));
@@ -183,19 +188,19 @@ pub fn sights(renderer: &mut AnyRenderer, set: SetId, scene: &Scene, survey: &Su
 }
 
 /// [`sights`] of a scene that is whole.
-pub(super) fn sights_of(loaded: &mut Loaded) -> Result<Vec<Sight>> {
+pub(super) fn sights_of(loaded: &mut Loaded) -> Result<Vec<PhotoView>> {
     sights(&mut loaded.renderer, loaded.set, &loaded.scene, &loaded.survey)
 }
 
 /// The ground that the photos' cameras were carried over, where it is known or missed.
-fn floors(scene: &Scene, survey: &Survey, sights: &[Sight]) -> Vec<Floor> {
+fn floors(scene: &Scene, survey: &Survey, sights: &[PhotoView]) -> Vec<FloorPlane> {
     let cameras: Vec<Camera> = scene.views.iter().map(|view| view.camera).collect();
     let (up, ground) = (survey.up.value, survey.ground);
     if let Some(height) = scene.metadata.camera_height {
         let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
-        return centers.iter().map(|center| Floor::below(*center, &centers, up, height)).collect();
+        return centers.iter().map(|center| FloorPlane::below(*center, &centers, up, height)).collect();
     }
     let is_known = ground.source != Source::Assumed;
-    let whole = is_known.then(|| Floor::under(&cameras, up, ground.value)).flatten();
+    let whole = is_known.then(|| FloorPlane::under(&cameras, up, ground.value)).flatten();
     whole.filter(|floor| floor.is_lost(sights)).into_iter().collect()
 }

@@ -24,9 +24,9 @@ use std::time::{Duration, Instant};
 use wm_render::hooks::Slot;
 use wm_render::{Frame, Stats};
 use wm_scene::{Camera, Scene};
-use wm_weather::particles::Kind as Falling;
-use wm_weather::scan::Sight;
-use wm_weather::{Sky, Weather};
+use wm_weather::fused_surfaces::PhotoView;
+use wm_weather::particles::PrecipitationKind as Falling;
+use wm_weather::{PreparedWeather, Weather};
 
 /// How long it waits for a task before it looks whether it should end, or whether something is made.
 const LOOK: Duration = Duration::from_millis(100);
@@ -45,7 +45,7 @@ pub struct Painter {
     studio: Studio,
     /// The whole scene, which the studio does not keep.
     scene: Arc<Scene>,
-    sights: Option<Arc<Vec<Sight>>>,
+    sights: Option<Arc<Vec<PhotoView>>>,
     making: Option<Making>,
     /// Orders until what they take is made.
     waiting: Vec<Order>,
@@ -268,7 +268,7 @@ impl Painter {
         [draw, encode]: [f64; 2],
     ) -> String {
         let time = view.state.time;
-        let sky: Sky = view.weather.at(time).over(&self.studio.site);
+        let sky: PreparedWeather = view.weather.at(time).prepare(&self.studio.site);
         let camera = view.shot().camera(time);
         let mor = sky.air.mor_at(camera.center().to_array());
         let rate = |rain: bool| -> f64 {

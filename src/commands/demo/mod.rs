@@ -24,7 +24,7 @@ use wm_render::{Frame, RenderConfig};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::place::Viewpoint;
 use wm_scene::{Camera, Metadata, Place, Scene};
-use wm_weather::{Value, Weather};
+use wm_weather::{ParamValue, Weather};
 
 /// Frames a second of the film, as in cinemas.
 const FPS: u32 = 24;
@@ -298,7 +298,7 @@ fn label(weather: &Weather) -> String {
     let instant = weather.at(0.0);
     let first = |param: &str| {
         instant.effects().find_map(|(effect, values)| match values[effect.param(param)?] {
-            Value::Number(number) => Some(number),
+            ParamValue::Number(number) => Some(number),
             _ => None,
         })
     };

@@ -5,9 +5,9 @@ use wm_render::simd::Lanes;
 
 /// A sequence of random numbers as a pure function of its key.
 #[derive(Clone, Copy, Debug)]
-pub struct Draws(u64);
+pub struct SplitMix64(u64);
 
-impl Draws {
+impl SplitMix64 {
     /// The numbers of a key.
     #[inline]
     #[must_use]
