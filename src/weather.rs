@@ -31,7 +31,7 @@ impl WeatherArgs {
         for text in &self.set {
             weather.set(text)?;
         }
-        weather.load_pictures(read_panorama)?;
+        weather.load_images(read_panorama)?;
         if weather.effects().next().is_some() && self.weather.is_none() {
             weather.name = weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>().join("-");
         }

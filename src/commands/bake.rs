@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use wm_scene::files::check_writable;
 use wm_scene::formats::{format_for, lost, write_scene};
 use wm_scene::{Metadata, Scene};
-use wm_weather::cover::Lying;
+use wm_weather::cover::LyingCover;
 
 /// Options of `bake`.
 #[derive(Args, Debug)]
@@ -43,9 +43,9 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     }
     let mut loaded = Loaded::new(&args.scene, &args.run, None)?;
     let site = loaded.weather_site();
-    let sky = weather.at(args.time).over(&site);
+    let sky = weather.at(args.time).prepare(&site);
     let lying = match (sky.cover(), sky.paper_cover()) {
-        (_, Some(paper)) => Lying::on_top(paper.snow(&loaded.scene.splats, &site)),
+        (_, Some(paper)) => LyingCover::on_top(paper.snow(&loaded.scene.splats, &site)),
         ([], None) => bail!(
             "nothing lies under the weather {} at {} s: ask for it, such as --set snow_cover.depth=0.1",
             weather.name,
@@ -53,7 +53,7 @@ pub fn run(args: &BakeArgs) -> Result<()> {
         ),
         (asked, None) => {
             let airflow = studio::airflow(&weather, &site);
-            studio::cover(&mut loaded, &site, &airflow)?.lying_on_each_other(asked)
+            studio::cover(&mut loaded, &site, &airflow)?.lay_all(asked)
         }
     };
     let added = lying.splats.len();

@@ -2,7 +2,7 @@
 //! them from what it measures.
 
 use wm_weather::Weather;
-use wm_weather::particles::Kind;
+use wm_weather::particles::PrecipitationKind;
 
 /// `-ln 0.05`: optical depth at the meteorological optical range (WMO No. 8).
 pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
@@ -77,7 +77,8 @@ pub fn airs(weather: &Weather, time: f64) -> Vec<Air> {
 /// are apart by a factor of 3 and more.
 pub fn fall_extinction(weather: &Weather, time: f64) -> f64 {
     let rate = |effect: &str| number(weather, time, effect, "rate").unwrap_or(0.0);
-    0.365e-3 * rate("rain").powf(0.63) + Kind::Snow.sigma_t(&Kind::Snow.classes(), rate("snowfall"))
+    0.365e-3 * rate("rain").powf(0.63)
+        + PrecipitationKind::Snow.sigma_t(&PrecipitationKind::Snow.classes(), rate("snowfall"))
 }
 
 /// Extinction of the whole air at a height above the ground, 1/m.
@@ -120,24 +121,24 @@ pub fn flake_speed(diameter: f64) -> f64 {
 }
 
 /// Water of one, mm^3, by the diameter that is seen, mm.
-pub fn water(kind: Kind, diameter: f64) -> f64 {
+pub fn water(kind: PrecipitationKind, diameter: f64) -> f64 {
     let sphere = std::f64::consts::PI / 6.0 * diameter.powi(3);
     match kind {
-        Kind::Rain => sphere,
+        PrecipitationKind::Rain => sphere,
         // Fabry and Szyrmer (1999): 0.178 D^-0.922 g/cm^3.
-        Kind::Snow => sphere * 0.178 * diameter.powf(-0.922),
+        PrecipitationKind::Snow => sphere * 0.178 * diameter.powf(-0.922),
     }
 }
 
 /// Diameter when melted, mm, of a flake by the diameter that is seen, mm.
 pub fn melted(diameter: f64) -> f64 {
-    (water(Kind::Snow, diameter) * 6.0 / std::f64::consts::PI).cbrt()
+    (water(PrecipitationKind::Snow, diameter) * 6.0 / std::f64::consts::PI).cbrt()
 }
 
 /// Slope of the spectrum by diameter (of flakes when melted), 1/mm: Marshall and Palmer (1948), Sekhon and Srivastava (1970).
-pub fn slope(kind: Kind, rate: f64) -> f64 {
+pub fn slope(kind: PrecipitationKind, rate: f64) -> f64 {
     match kind {
-        Kind::Rain => 4.1 * rate.powf(-0.21),
-        Kind::Snow => 2.29 * rate.powf(-0.45),
+        PrecipitationKind::Rain => 4.1 * rate.powf(-0.21),
+        PrecipitationKind::Snow => 2.29 * rate.powf(-0.45),
     }
 }

@@ -13,21 +13,25 @@ use std::f64::consts::PI;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 use wm_weather::Weather;
-use wm_weather::particles::Kind;
+use wm_weather::particles::PrecipitationKind;
 
 /// The name of the effect.
-pub fn effect(kind: Kind) -> &'static str {
+pub fn effect(kind: PrecipitationKind) -> &'static str {
     match kind {
-        Kind::Rain => "rain",
-        Kind::Snow => "snowfall",
+        PrecipitationKind::Rain => "rain",
+        PrecipitationKind::Snow => "snowfall",
     }
 }
 
 /// What falls more of at an instant.
-pub fn main_kind(weather: &Weather, time: f64) -> Option<Kind> {
-    let rate = |kind: Kind| asked::number(weather, time, effect(kind), "rate").unwrap_or(0.0);
-    let (rain, snow) = (rate(Kind::Rain), rate(Kind::Snow));
-    (rain.max(snow) > 0.0).then_some(if rain >= snow { Kind::Rain } else { Kind::Snow })
+pub fn main_kind(weather: &Weather, time: f64) -> Option<PrecipitationKind> {
+    let rate = |kind: PrecipitationKind| asked::number(weather, time, effect(kind), "rate").unwrap_or(0.0);
+    let (rain, snow) = (rate(PrecipitationKind::Rain), rate(PrecipitationKind::Snow));
+    (rain.max(snow) > 0.0).then_some(if rain >= snow {
+        PrecipitationKind::Rain
+    } else {
+        PrecipitationKind::Snow
+    })
 }
 
 /// Picture of a slab of air.
@@ -147,10 +151,16 @@ pub struct Look {
 
 impl Look {
     /// Across the wind, in a weather as it is but for gusts, other kinds that fall and the size and opacity of what falls.
-    pub fn new(weather: &Weather, time: f64, kind: Kind, slab: Slab, opacity: f64) -> Result<Self> {
+    pub fn new(
+        weather: &Weather,
+        time: f64,
+        kind: PrecipitationKind,
+        slab: Slab,
+        opacity: f64,
+    ) -> Result<Self> {
         let other = match kind {
-            Kind::Rain => Kind::Snow,
-            Kind::Snow => Kind::Rain,
+            PrecipitationKind::Rain => PrecipitationKind::Snow,
+            PrecipitationKind::Snow => PrecipitationKind::Rain,
         };
         let mut weather = weather.clone();
         weather.set(&format!("{}=off", effect(other)))?;

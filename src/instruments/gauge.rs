@@ -19,7 +19,7 @@ use super::{Finding, Instrument, Probe, Reading, Rig, Tolerance, asked, mean, me
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
 use std::ops::Range;
-use wm_weather::particles::Kind;
+use wm_weather::particles::PrecipitationKind;
 
 /// The instrument.
 pub const INSTRUMENT: Instrument = Instrument {
@@ -81,10 +81,10 @@ const SLAB: Slab = Slab {
 };
 
 /// Drops from a diameter on, mm, at a rate, mm/h, a m^3, by the published spectrum.
-fn density(kind: Kind, rate: f64, least: f64) -> f64 {
+fn density(kind: PrecipitationKind, rate: f64, least: f64) -> f64 {
     let (most, least) = match kind {
-        Kind::Rain => (8000.0, least),
-        Kind::Snow => (2500.0 * rate.powf(-0.94), asked::melted(least)),
+        PrecipitationKind::Rain => (8000.0, least),
+        PrecipitationKind::Snow => (2500.0 * rate.powf(-0.94), asked::melted(least)),
     };
     let slope = asked::slope(kind, rate);
     most / slope * (-slope * least).exp()
@@ -100,12 +100,12 @@ struct Lens {
 
 impl Lens {
     /// The close one and the wide one.
-    fn both(probe: &Probe<'_>, kind: Kind, rate: f64) -> Result<[Self; 2]> {
+    fn both(probe: &Probe<'_>, kind: PrecipitationKind, rate: f64) -> Result<[Self; 2]> {
         let wind = asked::number(probe.weather, probe.time, "wind", "speed").unwrap_or(0.0);
         let mut weather = probe.weather.clone();
         weather.set(&format!("{}.exposure=0.00001", effect(kind)))?;
         let (opacity, [least, large], close) = match kind {
-            Kind::Rain => {
+            PrecipitationKind::Rain => {
                 let margin = [12.0 + 2.0 * wind, 30.0];
                 (
                     1.0,
@@ -113,7 +113,7 @@ impl Lens {
                     Slab { scale: 750.0, thickness: 1.0, margin, apart: 0.002, fastest: 12.0, ..SLAB },
                 )
             }
-            Kind::Snow => {
+            PrecipitationKind::Snow => {
                 let margin = [24.0 + 8.0 * wind, 40.0];
                 (THIN, SNOW, Slab { scale: 600.0, thickness: 0.6, margin, apart: 0.01, fastest: 3.0, ..SLAB })
             }
@@ -140,7 +140,7 @@ impl Lens {
     }
 
     /// Water through a level plane, mm/h, and its variance by what the pictures are apart.
-    fn flux(&self, kind: Kind) -> [f64; 2] {
+    fn flux(&self, kind: PrecipitationKind) -> [f64; 2] {
         let (mut tracked, mut speed) = (0.0, 0.0);
         for Drop { diameter, velocity, .. } in self.drops() {
             if let Some([_, down]) = velocity {
@@ -163,7 +163,12 @@ impl Lens {
 }
 
 /// Looks until the rate is told well enough; gives it with its standard error, mm/h.
-fn look(rig: &mut dyn Rig, probe: &Probe<'_>, kind: Kind, lenses: &mut [Lens; 2]) -> Result<[f64; 2]> {
+fn look(
+    rig: &mut dyn Rig,
+    probe: &Probe<'_>,
+    kind: PrecipitationKind,
+    lenses: &mut [Lens; 2],
+) -> Result<[f64; 2]> {
     for lens in lenses.iter_mut() {
         lens.take(rig, probe)?;
     }
@@ -181,16 +186,16 @@ fn look(rig: &mut dyn Rig, probe: &Probe<'_>, kind: Kind, lenses: &mut [Lens; 2]
 }
 
 /// Fall speed by diameter, as published.
-fn speed(kind: Kind, diameter: f64) -> f64 {
+fn speed(kind: PrecipitationKind, diameter: f64) -> f64 {
     match kind {
-        Kind::Rain => asked::gunn_kinzer(diameter),
-        Kind::Snow => asked::flake_speed(diameter),
+        PrecipitationKind::Rain => asked::gunn_kinzer(diameter),
+        PrecipitationKind::Snow => asked::flake_speed(diameter),
     }
 }
 
 fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let mut finding = Finding::default();
-    for kind in [Kind::Rain, Kind::Snow] {
+    for kind in [PrecipitationKind::Rain, PrecipitationKind::Snow] {
         let rate = asked::number(probe.weather, probe.time, effect(kind), "rate").unwrap_or(0.0);
         if rate <= 0.0 {
             continue;
@@ -206,16 +211,16 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
             standard_error: None,
             tolerance: Tolerance::Relative(0.05),
         };
-        let name = if kind == Kind::Rain { "rain rate" } else { "snow rate" };
+        let name = if kind == PrecipitationKind::Rain { "rain rate" } else { "snow rate" };
         finding
             .readings
             .push(Reading { standard_error: Some(error), ..reading(name, "mm/h", rate, measured) });
         let speeds = classes(kind, &lenses);
         let farthest =
             speeds.iter().map(|class| class[2]).max_by(|a, b| (a - 1.0).abs().total_cmp(&(b - 1.0).abs()));
-        let law = if kind == Kind::Rain { "Gunn-Kinzer's" } else { "0.8 D^0.16" };
+        let law = if kind == PrecipitationKind::Rain { "Gunn-Kinzer's" } else { "0.8 D^0.16" };
         let quantity = format!("fall speed over {law}, farthest of {} sizes", speeds.len());
-        if kind == Kind::Rain {
+        if kind == PrecipitationKind::Rain {
             // Of an exponential spectrum the same beyond any diameter.
             let wanted = 1.0 / asked::slope(kind, rate);
             finding.readings.push(reading("mean diameter beyond 0.7 mm", "mm", wanted, beyond(&lenses)));
@@ -258,10 +263,10 @@ const MEMBERS: usize = 40;
 const STRAY: f64 = 0.4;
 
 /// Classes of diameter that have enough members: mean diameter, mm, mean speed, m/s, and that over the mean by the law.
-fn classes(kind: Kind, lenses: &[Lens; 2]) -> Vec<[f64; 3]> {
+fn classes(kind: PrecipitationKind, lenses: &[Lens; 2]) -> Vec<[f64; 3]> {
     let mut classes: Vec<Vec<[f64; 2]>> = vec![Vec::new(); 48];
     for Drop { diameter, velocity, .. } in lenses.iter().flat_map(Lens::drops) {
-        let class = ((diameter - if kind == Kind::Snow { SINGLE } else { 0.5 }) / CLASS).floor();
+        let class = ((diameter - if kind == PrecipitationKind::Snow { SINGLE } else { 0.5 }) / CLASS).floor();
         if let (Some([_, down]), 0.0..48.0) = (velocity, class) {
             classes[class as usize].push([*diameter, *down]);
         }
@@ -282,8 +287,9 @@ fn law(f: impl Fn(f64) -> f64) -> Vec<[f64; 2]> {
     (5..=60).map(|k| f64::from(k) * 0.1).map(|d| [d, f(d)]).collect()
 }
 
-fn speeds_plot(probe: &Probe<'_>, kind: Kind, classes: &[[f64; 3]]) -> Plot {
-    let name = if kind == Kind::Rain { "Gunn and Kinzer 1949" } else { "aggregates, 0.8 D^0.16" };
+fn speeds_plot(probe: &Probe<'_>, kind: PrecipitationKind, classes: &[[f64; 3]]) -> Plot {
+    let name =
+        if kind == PrecipitationKind::Rain { "Gunn and Kinzer 1949" } else { "aggregates, 0.8 D^0.16" };
     Plot {
         title: format!("Fall speed, {}", probe.setting),
         x: Axis::linear("diameter, mm"),
@@ -299,7 +305,7 @@ fn speeds_plot(probe: &Probe<'_>, kind: Kind, classes: &[[f64; 3]]) -> Plot {
 }
 
 fn sizes(probe: &Probe<'_>, rate: f64, lenses: &[Lens; 2]) -> Plot {
-    let slope = asked::slope(Kind::Rain, rate);
+    let slope = asked::slope(PrecipitationKind::Rain, rate);
     let mut numbers = [(0usize, 0.0); 24];
     for lens in lenses {
         for drop in lens.drops() {

@@ -210,7 +210,7 @@ pub trait Rig {
     /// Takes all targets down.
     fn clear_away(&mut self);
 
-    /// Draws.
+    /// RandomSequence.
     fn draw(&mut self, shot: &Shot<'_>, picture: &mut Picture) -> Result<()>;
 }
 

@@ -38,7 +38,7 @@ use std::time::{Duration, Instant};
 use videos::Videos;
 use wm_render::RenderConfig;
 use wm_scene::Scene;
-use wm_weather::{Panorama, Value, Weather};
+use wm_weather::{Panorama, ParamValue, Weather};
 
 /// How long the page of a scene that cannot be read stays, for who opens it to be told.
 const FAREWELL: Duration = Duration::from_secs(10);
@@ -193,8 +193,8 @@ fn open(asked: Asked<'_>, room: &Room) -> Result<(Studio, Arc<Scene>)> {
 /// The panoramas that a weather shows.
 fn shown(weather: &Weather) -> BTreeMap<String, Arc<Panorama>> {
     let keys = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::keys);
-    let picture = |key: &wm_weather::Key| match &key.value {
-        Value::Picture(picture) => {
+    let picture = |key: &wm_weather::Keyframe| match &key.value {
+        ParamValue::Image(picture) => {
             Some((picture.path().to_str()?.to_owned(), Arc::clone(picture.panorama()?)))
         }
         _ => None,

@@ -24,9 +24,9 @@ use wm_media::{Size, video};
 use wm_render::hooks::Slot;
 use wm_render::{Frame, Stats};
 use wm_scene::{Camera, Scene};
-use wm_weather::particles::Kind as Falling;
-use wm_weather::scan::Sight;
-use wm_weather::{Sky, Weather};
+use wm_weather::fused_surfaces::PhotoView;
+use wm_weather::particles::PrecipitationKind as Falling;
+use wm_weather::{PreparedWeather, Weather};
 
 /// How long it waits for a task before it looks whether it should end, or whether something is made.
 const LOOK: Duration = Duration::from_millis(100);
@@ -45,7 +45,7 @@ pub struct Painter {
     studio: Studio,
     /// The whole scene, which the studio does not keep.
     scene: Arc<Scene>,
-    sights: Option<Arc<Vec<Sight>>>,
+    sights: Option<Arc<Vec<PhotoView>>>,
     making: Option<Making>,
     /// Orders until what they take is made.
     waiting: Vec<Order>,
@@ -100,7 +100,7 @@ impl Painter {
         }
     }
 
-    /// Draws until Ctrl-C.
+    /// RandomSequence until Ctrl-C.
     ///
     /// # Errors
     /// What leaves nothing to draw with.
@@ -182,7 +182,7 @@ impl Painter {
         Ok(())
     }
 
-    /// Draws what a client wants.
+    /// RandomSequence what a client wants.
     fn serve(&mut self, turn: Turn) -> Result<()> {
         let Turn { client, wish, outbox, small } = turn;
         let (view, started) = (&wish.view, Instant::now());
@@ -224,7 +224,7 @@ impl Painter {
         Ok(())
     }
 
-    /// Draws a view as bytes `[H, W, 3]`, with the part left of its divider clear.
+    /// RandomSequence a view as bytes `[H, W, 3]`, with the part left of its divider clear.
     fn draw(
         &mut self,
         view: &View,
@@ -268,7 +268,7 @@ impl Painter {
         [draw, encode]: [f64; 2],
     ) -> String {
         let time = view.state.time;
-        let sky: Sky = view.weather.at(time).over(&self.studio.site);
+        let sky: PreparedWeather = view.weather.at(time).prepare(&self.studio.site);
         let camera = view.shot().camera(time);
         let mor = sky.air.mor_at(camera.center().to_array());
         let rate = |rain: bool| -> f64 {

@@ -48,7 +48,7 @@ pub struct FrameRequest<'a> {
 }
 
 impl FrameRequest<'_> {
-    /// Draws the frame into `picture`.
+    /// RandomSequence the frame into `picture`.
     ///
     /// # Errors
     /// [`RenderError`] of the back end.
@@ -61,7 +61,7 @@ impl FrameRequest<'_> {
         self.draw_stages(backend, memory, picture, None)
     }
 
-    /// Draws the frame, and keeps what lies between the clear picture and the last in the paper's rain and snow; with
+    /// RandomSequence the frame, and keeps what lies between the clear picture and the last in the paper's rain and snow; with
     /// neither, `stages` holds the picture itself.
     ///
     /// # Errors
@@ -90,7 +90,7 @@ impl FrameRequest<'_> {
         })
     }
 
-    /// Draws the scene, then each sub-cloud of what falls by itself, and lays them over it.
+    /// RandomSequence the scene, then each sub-cloud of what falls by itself, and lays them over it.
     fn draw_as_paper(
         &self,
         backend: &mut dyn RenderBackend,

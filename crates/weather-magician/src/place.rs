@@ -372,7 +372,7 @@ impl PreparedPlace {
         self.prepare(backend, MissingAssets { occluders: turns, cover, ..MissingAssets::default() }, progress)
     }
 
-    /// Draws an instant of a weather.
+    /// RandomSequence an instant of a weather.
     pub(crate) fn draw(
         &mut self,
         backend: &mut AnyRenderer,
@@ -422,7 +422,7 @@ impl PreparedPlace {
         }
     }
 
-    /// Draws the scene without any weather, and without what lies.
+    /// RandomSequence the scene without any weather, and without what lies.
     pub(crate) fn draw_clear(
         &self,
         backend: &mut AnyRenderer,

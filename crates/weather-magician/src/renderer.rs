@@ -144,7 +144,7 @@ impl Renderer {
         place.draw(&mut self.backend, &mut self.memory, weather, options, target, progress)
     }
 
-    /// Draws a frame of splat sets of your own in a weather, by the same plan as [`Self::render`].
+    /// RandomSequence a frame of splat sets of your own in a weather, by the same plan as [`Self::render`].
     ///
     /// # Errors
     /// [`crate::Error::Render`].

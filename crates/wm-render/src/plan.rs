@@ -53,7 +53,7 @@ pub struct FramePlan<'a> {
 /// One pass of a [`FramePlan`].
 #[derive(Clone)]
 pub enum FramePass<'a> {
-    /// Draws splats.
+    /// RandomSequence splats.
     Draw {
         /// The picture that is overwritten.
         target: PictureId,

@@ -17,8 +17,8 @@
 
 use crate::easing::Easing;
 use crate::effects::{EFFECTS, Effect};
-use crate::param::{Param, Value};
-use crate::track::{Key, Track};
+use crate::param::{Param, ParamValue};
+use crate::track::{Keyframe, Track};
 use crate::weather::{Fidelity, Weather};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -102,7 +102,7 @@ impl Weather {
         })?;
         let mut weather = Self::parse(&text, &path.display().to_string())?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        weather.move_pictures(folder);
+        weather.resolve_images(folder);
         if weather.name.is_empty() {
             weather.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         }
@@ -221,7 +221,7 @@ fn track(param: &Param, value: &Spanned<DeValue<'_>>) -> Result<Track, Fault> {
             Some([time, at, easing]) => (time, at, Some(easing)),
             _ => return Err((item.span(), form())),
         };
-        keys.push(Key {
+        keys.push(Keyframe {
             time: number(time.get_ref()).ok_or_else(|| (time.span(), form()))?,
             value: read_value(param, at.get_ref()).map_err(|problem| (at.span(), problem))?,
             easing: easing.map_or(Ok(Easing::default()), read_easing)?,
@@ -236,15 +236,15 @@ fn read_easing(value: &Spanned<DeValue<'_>>) -> Result<Easing, Fault> {
     Easing::parse(text).map_err(|problem| (value.span(), problem))
 }
 
-fn read_value(param: &Param, value: &DeValue<'_>) -> Result<Value, String> {
+fn read_value(param: &Param, value: &DeValue<'_>) -> Result<ParamValue, String> {
     let wrong = || format!("must be {}", param.expected());
     let read = match value {
         DeValue::String(text) => return param.parse(text),
         DeValue::Array(list) => {
             let parts: Option<Vec<f64>> = list.iter().map(|part| number(part.get_ref())).collect();
-            Value::Color(parts.and_then(|parts| parts.try_into().ok()).ok_or_else(wrong)?)
+            ParamValue::Color(parts.and_then(|parts| parts.try_into().ok()).ok_or_else(wrong)?)
         }
-        other => Value::Number(number(other).filter(|number| !number.is_nan()).ok_or_else(wrong)?),
+        other => ParamValue::Number(number(other).filter(|number| !number.is_nan()).ok_or_else(wrong)?),
     };
     param.check(read)
 }

@@ -7,9 +7,9 @@ use indicatif::ProgressBar;
 use std::time::Instant;
 use wm_render::{Frame, Geometry, MedianDepth, Outputs, RenderConfig, Stats};
 use wm_scene::Camera;
-use wm_weather::cover::Asked;
+use wm_weather::cover::CoverRequest;
 use wm_weather::paper::PaperCover;
-use wm_weather::{Site, Sky, Weather};
+use wm_weather::{PreparedWeather, Site, Weather};
 
 /// Rounds before those that count: memory is touched, clocks go up.
 pub const WARM_UP: u32 = 2;
@@ -23,7 +23,7 @@ pub struct Case {
     /// What is rendered under which weather.
     pub name: &'static str,
     config: RenderConfig,
-    sky: Sky,
+    sky: PreparedWeather,
 }
 
 impl Case {
@@ -56,7 +56,7 @@ impl Case {
         ]
         .into_iter()
         .map(|(name, geometry, median_depth, weather)| {
-            let sky = Weather::find(weather)?.at(0.0).over(site);
+            let sky = Weather::find(weather)?.at(0.0).prepare(site);
             Ok(Self { name, config: config(Outputs { geometry, median_depth, ..Outputs::default() }), sky })
         })
         .collect::<Result<_>>()?;
@@ -70,7 +70,7 @@ impl Case {
             (PAPER_COVER, paper_cover),
         ] {
             let outputs = Outputs::default();
-            cases.push(Self { name, config: config(outputs), sky: weather.at(1.0).over(site) });
+            cases.push(Self { name, config: config(outputs), sky: weather.at(1.0).prepare(site) });
         }
         Ok(cases)
     }
@@ -99,7 +99,7 @@ impl Case {
     }
 
     /// What is to lie under it.
-    pub fn cover(&self) -> &[Asked] {
+    pub fn cover(&self) -> &[CoverRequest] {
         self.sky.cover()
     }
 

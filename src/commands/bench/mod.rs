@@ -27,7 +27,7 @@ use wm_render::testing::{shell_camera, shell_splats};
 use wm_render::{AnyRenderer, Device, RenderBackend, RenderConfig, SetId, SetView};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::{Camera, Group, Metadata, Scene};
-use wm_weather::cover::{Airflow, Buried, Lying};
+use wm_weather::cover::{Airflow, Buried, LyingCover};
 
 /// Options of `bench`.
 #[derive(Args, Clone, Debug)]
@@ -161,8 +161,8 @@ impl Snowy {
     fn new(loaded: &mut Loaded, case: &Case, run: &RunArgs) -> Result<Self> {
         let site = loaded.weather_site();
         let lying = match case.paper_cover() {
-            Some(paper) => Lying::on_top(paper.snow(&loaded.scene.splats, &site)),
-            None => studio::cover(loaded, &site, &Airflow::default())?.lying_on_each_other(case.cover()),
+            Some(paper) => LyingCover::on_top(paper.snow(&loaded.scene.splats, &site)),
+            None => studio::cover(loaded, &site, &Airflow::default())?.lay_all(case.cover()),
         };
         let mut renderer = run.renderer()?;
         let sets = [renderer.load(&loaded.scene.splats)?, renderer.load(&lying.splats)?];

@@ -23,9 +23,9 @@ use weather_magician::view::spec;
 use wm_media::{Size, color::Dither, png, sheet, video};
 use wm_render::{Frame, RenderConfig};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
-use wm_scene::{Camera, Metadata, Scene};
-use wm_street::{Street, Viewpoint};
-use wm_weather::{Value, Weather};
+use wm_scene::place::Viewpoint;
+use wm_scene::{Camera, Metadata, Place, Scene};
+use wm_weather::{ParamValue, Weather};
 
 /// Frames a second of the film, as in cinemas.
 const FPS: u32 = 24;
@@ -214,7 +214,7 @@ fn sampled(args: &DemoArgs, path: &Path) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Draws the sheet and the film.
+/// RandomSequence the sheet and the film.
 fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
     let loaded = Loaded::of(scene, &Metadata::default(), &args.run)?;
     let config = RenderConfig { background: loaded.background(), ..RenderConfig::default() };
@@ -299,7 +299,7 @@ fn label(weather: &Weather) -> String {
     let instant = weather.at(0.0);
     let first = |param: &str| {
         instant.effects().find_map(|(effect, values)| match values[effect.param(param)?] {
-            Value::Number(number) => Some(number),
+            ParamValue::Number(number) => Some(number),
             _ => None,
         })
     };

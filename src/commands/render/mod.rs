@@ -137,7 +137,9 @@ impl std::str::FromStr for BackgroundChoice {
             "sky" => Ok(Self::Sky),
             "black" => Ok(Self::Color([0.0; 3])),
             _ => match text.parse() {
-                Ok(wm_weather::Value::Color(rgb)) => Ok(Self::Color(rgb.map(|v| v.clamp(0.0, 1.0) as f32))),
+                Ok(wm_weather::ParamValue::Color(rgb)) => {
+                    Ok(Self::Color(rgb.map(|v| v.clamp(0.0, 1.0) as f32)))
+                }
                 _ => Err(format!("`{text}` is no background: use auto, sky, black or #rrggbb")),
             },
         }

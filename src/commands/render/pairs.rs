@@ -19,8 +19,8 @@ use wm_media::{Size, png::DepthScale};
 use wm_render::parts::PicturePart;
 use wm_render::{DrawPass, Frame, Geometry, Outputs, ParticlePass, RenderBackend, RenderConfig};
 use wm_scene::files::write_atomically;
-use wm_scene::{Camera, SceneView};
-use wm_weather::{Fidelity, Value, Weather};
+use wm_scene::{Camera, View};
+use wm_weather::{Fidelity, ParamValue, Weather};
 
 /// The file that says what the pictures of the folder are.
 const MANIFEST: &str = "manifest.json";
@@ -298,7 +298,7 @@ fn manifest(studio: &Studio, shots: &[Shot], args: &RenderArgs, weather: &Weathe
         .effects()
         .map(|(effect, values)| {
             let values = effect.params.iter().zip(values);
-            let entry = |param: &wm_weather::Param, value: &Value| match param.unit {
+            let entry = |param: &wm_weather::Param, value: &ParamValue| match param.unit {
                 "" => json!({ "value": number(value) }),
                 unit => json!({ "value": number(value), "unit": unit }),
             };
@@ -370,9 +370,9 @@ fn manifest(studio: &Studio, shots: &[Shot], args: &RenderArgs, weather: &Weathe
 }
 
 /// A value for JSON, which has no infinite numbers.
-fn number(value: &Value) -> Json {
+fn number(value: &ParamValue) -> Json {
     match value {
-        Value::Number(number) if number.is_finite() => json!(number),
+        ParamValue::Number(number) if number.is_finite() => json!(number),
         other => Json::String(other.to_string()),
     }
 }

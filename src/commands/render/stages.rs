@@ -8,7 +8,7 @@ use anyhow::{Result, bail};
 use std::path::Path;
 use wm_media::{Size, png};
 use wm_render::Stats;
-use wm_weather::paper::Stages;
+use wm_weather::paper::PaperStages;
 use wm_weather::{Fidelity, Weather};
 
 /// Refuses what has no such steps.
@@ -35,7 +35,7 @@ pub fn picture(
     picture: &mut Picture,
 ) -> Result<(Stats, Vec<String>)> {
     let moving = take.shot.moving(time, take.studio.site.metres_per_unit);
-    let mut stages = Stages::default();
+    let mut stages = PaperStages::default();
     let stats = take.studio.render_stages(&take.weather, time, moving, (&mut picture.frame, &mut stages))?;
     let mut lines = style.write(picture, path)?;
     let frame = &picture.frame;

@@ -1,6 +1,6 @@
 //! Snow slides off what is too steep for it, down to where it can lie.
 
-use super::ground::Ground;
+use super::ground::GroundGrid;
 
 /// Most rounds over all cells.
 const ROUNDS: usize = 120;
@@ -20,7 +20,7 @@ pub struct Settled {
 
 /// Lets `fell` (m of depth a node) slide until no slope of its surface is steeper than `repose` (a tangent).
 #[must_use]
-pub fn settle(ground: &Ground, fell: &[f32], repose: f32) -> Settled {
+pub fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
     let mut depth = fell.to_vec();
     let mut lost = 0.0;
     let total: f64 = fell.iter().map(|d| f64::from(*d)).sum();

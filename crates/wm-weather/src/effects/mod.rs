@@ -4,15 +4,15 @@
 //! of its parameters at one instant it makes what the renderer needs. It keeps no state: any instant
 //! can be asked for alone.
 
-use crate::cover::Asked;
+use crate::cover::CoverRequest;
 use crate::dome::Dome;
-use crate::effects::look::Grade;
+use crate::effects::look::ColorGrade;
 use crate::optics::{Layer, Site};
 use crate::paper::{PaperCover, PaperFall, PaperFog};
-use crate::param::{Kind, Param, Value};
+use crate::param::{Param, ParamKind, ParamValue};
 use crate::particles::Precipitation;
 use crate::track::Track;
-use crate::weather::Instant;
+use crate::weather::WeatherSample;
 use crate::wind::Wind;
 use wm_render::hooks::Slot;
 
@@ -30,22 +30,22 @@ pub struct Effect {
     /// Its parameters.
     pub params: &'static [Param],
     /// What it does.
-    pub act: fn(&Now<'_>, &Site) -> Action,
+    pub act: fn(&EffectContext<'_>, &Site) -> Action,
     /// What it does in the paper's formulation; `None` if the paper does not have it.
-    pub act_as_paper: Option<fn(&Now<'_>, &Site) -> Action>,
+    pub act_as_paper: Option<fn(&EffectContext<'_>, &Site) -> Action>,
 }
 
 /// The parameters of an effect at one instant, in the order of its table.
 #[derive(Clone, Copy, Debug)]
-pub struct Now<'a> {
+pub struct EffectContext<'a> {
     /// Their values, each checked by its entry.
-    pub values: &'a [Value],
+    pub values: &'a [ParamValue],
     /// The same over all time: what adds up over time needs it.
     pub tracks: &'a [Track],
     /// The instant, seconds.
     pub time: f64,
     /// The whole weather: what one effect leaves may depend on another.
-    pub weather: &'a Instant,
+    pub weather: &'a WeatherSample,
 }
 
 /// What an effect gives to the renderer.
@@ -64,11 +64,11 @@ pub enum Action {
     /// Something that falls, as in the paper.
     PaperFall(Box<PaperFall>),
     /// Something that lies.
-    Cover(Asked),
+    Cover(CoverRequest),
     /// Something that lies, as in the paper.
     PaperCover(Box<PaperCover>),
     /// Exposure and colour of the finished picture.
-    Grade(Grade),
+    Grade(ColorGrade),
 }
 
 macro_rules! effects {
@@ -93,7 +93,7 @@ impl Effect {
     #[must_use]
     pub fn words(&self) -> &'static [&'static str] {
         match self.params.first().map(|param| param.kind) {
-            Some(Kind::Word(words)) => words,
+            Some(ParamKind::Word(words)) => words,
             _ => &[],
         }
     }

@@ -12,7 +12,7 @@ use wm_render::simd::Lanes;
 
 /// What falls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum PrecipitationKind {
     /// Drops.
     Rain,
     /// Flakes.
@@ -28,7 +28,7 @@ const TYPICAL_SLOPE: f64 = 2.4;
 
 /// Drops of about one size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Class {
+pub struct SizeClass {
     /// Least and greatest diameter, mm; of flakes when melted.
     pub diameters: [f64; 2],
     /// How fast they fall in still air, m/s.
@@ -45,7 +45,7 @@ pub struct Class {
     falls: f64,
 }
 
-impl Class {
+impl SizeClass {
     /// The diameter, mm, of the drop with this share of the class below it.
     #[inline]
     #[must_use]
@@ -76,7 +76,7 @@ impl Class {
     }
 }
 
-impl Kind {
+impl PrecipitationKind {
     /// Range of diameters, mm; of flakes when melted.
     #[must_use]
     pub fn range(self) -> [f64; 2] {
@@ -130,7 +130,7 @@ impl Kind {
 
     /// The classes, by diameter.
     #[must_use]
-    pub fn classes(self) -> Vec<Class> {
+    pub fn classes(self) -> Vec<SizeClass> {
         let [least, greatest] = self.range();
         // Equally wide for rain; for snow, whose flakes grow faster than their water, by powers.
         let count = self.count();
@@ -144,7 +144,7 @@ impl Kind {
         let class = |i: usize| {
             let diameters = [edge(i), edge(i + 1)];
             let middle = 0.5 * (diameters[0] + diameters[1]);
-            let mut class = Class {
+            let mut class = SizeClass {
                 diameters,
                 fall_speed: self.fall_speed(middle),
                 water: 0.0,
@@ -164,7 +164,7 @@ impl Kind {
 
     /// Drops a m^3 of each of `classes` at `rate` mm/h of water: exactly that falls.
     #[must_use]
-    pub fn densities(self, classes: &[Class], rate: f64) -> Vec<f64> {
+    pub fn densities(self, classes: &[SizeClass], rate: f64) -> Vec<f64> {
         if rate <= 0.0 {
             return vec![0.0; classes.len()];
         }
@@ -172,7 +172,7 @@ impl Kind {
             Self::Rain => (8000.0, 4.1 * rate.powf(-0.21)),
             Self::Snow => (2500.0 * rate.powf(-0.94), 2.29 * rate.powf(-0.45)),
         };
-        let number = |class: &Class| {
+        let number = |class: &SizeClass| {
             let [low, high] = class.diameters;
             most / slope * ((-slope * low).exp() - (-slope * high).exp())
         };
@@ -183,7 +183,7 @@ impl Kind {
 
     /// Drops a m^3 of each of `classes` up to a threshold of 1.
     #[must_use]
-    pub fn reference(self, classes: &[Class]) -> Vec<f64> {
+    pub fn reference(self, classes: &[SizeClass]) -> Vec<f64> {
         match self {
             Self::Rain => self.densities(classes, REFERENCE_RAIN),
             Self::Snow => self.densities(classes, REFERENCE_SNOW),
@@ -194,7 +194,7 @@ impl Kind {
     /// waves. Of rain `0.365e-3 R^0.63`, the same sum over Marshall and Palmer's law with its smaller drops; of snow the
     /// sum over `classes`.
     #[must_use]
-    pub fn sigma_t(self, classes: &[Class], rate: f64) -> f64 {
+    pub fn sigma_t(self, classes: &[SizeClass], rate: f64) -> f64 {
         if self == Self::Rain {
             return 0.365e-3 * rate.max(0.0).powf(0.63);
         }
@@ -204,7 +204,7 @@ impl Kind {
 
 /// What falls through a level plane, mm/h, with `numbers` a m^3 of each class.
 #[must_use]
-pub fn flux(classes: &[Class], numbers: &[f64]) -> f64 {
+pub fn flux(classes: &[SizeClass], numbers: &[f64]) -> f64 {
     // mm^3 a m^2 and second are 1e-6 mm/s.
     3.6e-3 * classes.iter().zip(numbers).map(|(class, n)| n * class.fall_speed * class.water).sum::<f64>()
 }
@@ -217,18 +217,18 @@ mod tests {
     fn rain_falls_as_it_was_measured() {
         // Gunn and Kinzer 1949, mm and m/s.
         for (d, speed) in [(0.5, 2.06), (1.0, 4.03), (2.0, 6.49), (3.0, 8.06), (4.0, 8.83), (5.0, 9.09)] {
-            assert!((Kind::Rain.fall_speed(d) / speed - 1.0).abs() < 0.05, "{d}");
+            assert!((PrecipitationKind::Rain.fall_speed(d) / speed - 1.0).abs() < 0.05, "{d}");
         }
-        let classes = Kind::Rain.classes();
+        let classes = PrecipitationKind::Rain.classes();
         assert!(classes.windows(2).all(|pair| pair[0].diameters[1] == pair[1].diameters[0]));
         for (rate, number, law) in [(1.0, 251.0, 0.365), (10.0, 894.0, 1.56), (50.0, 1801.0, 4.29)] {
-            let numbers = Kind::Rain.densities(&classes, rate);
+            let numbers = PrecipitationKind::Rain.densities(&classes, rate);
             assert!((flux(&classes, &numbers) / rate - 1.0).abs() < 1e-12);
             // Marshall and Palmer's own numbers, before they are scaled.
             let count = numbers.iter().sum::<f64>();
             println!("{rate} mm/h: {count:.0} drops a m^3 for {number}");
             assert!((count / number - 1.0).abs() < 0.25, "{rate}: {count}");
-            let sigma = 1e3 * Kind::Rain.sigma_t(&classes, rate);
+            let sigma = 1e3 * PrecipitationKind::Rain.sigma_t(&classes, rate);
             assert!((sigma / law - 1.0).abs() < 0.01, "{rate}: {sigma} a km");
             // Those that may be drawn hide less than half of it.
             let drawn: f64 = classes.iter().zip(&numbers).map(|(class, n)| 1e3 * n * class.area).sum();
@@ -238,17 +238,20 @@ mod tests {
 
     #[test]
     fn snow_falls_slowly_and_dims_more() {
-        let classes = Kind::Snow.classes();
+        let classes = PrecipitationKind::Snow.classes();
         for (rate, dims) in [(1.0, 4.3), (2.5, 9.0), (5.0, 15.8)] {
-            let numbers = Kind::Snow.densities(&classes, rate);
+            let numbers = PrecipitationKind::Snow.densities(&classes, rate);
             assert!((flux(&classes, &numbers) / rate - 1.0).abs() < 1e-12);
             let mean = classes.iter().zip(&numbers).map(|(c, n)| c.fall_speed * n).sum::<f64>()
                 / numbers.iter().sum::<f64>();
             assert!((0.7..1.2).contains(&mean), "{mean} m/s");
-            println!("{rate} mm/h: {:.2} a km for {dims}", 1e3 * Kind::Snow.sigma_t(&classes, rate));
-            let sigma = 1e3 * Kind::Snow.sigma_t(&classes, rate);
+            println!(
+                "{rate} mm/h: {:.2} a km for {dims}",
+                1e3 * PrecipitationKind::Snow.sigma_t(&classes, rate)
+            );
+            let sigma = 1e3 * PrecipitationKind::Snow.sigma_t(&classes, rate);
             assert!((sigma / dims - 1.0).abs() < 0.35, "{rate}: {sigma} a km");
         }
-        assert!(Kind::Snow.densities(&classes, 0.0).iter().all(|n| *n == 0.0));
+        assert!(PrecipitationKind::Snow.densities(&classes, 0.0).iter().all(|n| *n == 0.0));
     }
 }

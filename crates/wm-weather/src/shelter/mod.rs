@@ -38,7 +38,7 @@ use crate::dome::level_axes;
 use crate::optics::Site;
 use wm_scene::Splats;
 
-pub use layers::Layers;
+pub use layers::HeightLayers;
 pub use occluders::Occluders;
 
 /// Margin in cells, at least: half a cell on a surface of slope 3.

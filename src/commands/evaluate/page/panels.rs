@@ -80,7 +80,7 @@ enum Key {
 }
 
 impl Shown {
-    /// Draws the pictures.
+    /// RandomSequence the pictures.
     pub fn new(
         name: &str,
         photo: &[f32],
