@@ -18,7 +18,7 @@ pub fn spinner(what: &'static str) -> ProgressBar {
     bar
 }
 
-/// RandomSequence the progress of the library's work on the terminal, and stops it on Ctrl-C.
+/// Draws the progress of the library's work on the terminal, and stops it on Ctrl-C.
 #[derive(Default)]
 pub struct Reporter(Option<ProgressBar>);
 

@@ -11,8 +11,8 @@
 
 use super::stake::{level_card, shown};
 use super::{DEPTH, Finding, Instrument, Level, Probe, Reading, Rig, Shot, Tolerance, asked, clear};
-use crate::parts::Picture;
 use anyhow::Result;
+use weather_magician::Picture;
 use wm_scene::Splats;
 use wm_weather::Weather;
 

@@ -15,8 +15,8 @@ use super::{
     Finding, Instrument, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked, clear, mean, median,
     painted,
 };
-use crate::parts::Picture;
 use anyhow::Result;
+use weather_magician::Picture;
 use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs};
 use wm_scene::Camera;

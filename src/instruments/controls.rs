@@ -10,9 +10,9 @@ use super::{
     Finding, Instrument, Level, PARTICLES, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked,
     clear, mean, median, streaks,
 };
-use crate::parts::Picture;
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
+use weather_magician::Picture;
 use wm_media::Size;
 use wm_media::sheet::{Layout, Panel, sheet};
 use wm_render::Frame;

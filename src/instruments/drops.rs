@@ -7,9 +7,9 @@
 
 use super::blobs::{Blob, Parting, blobs};
 use super::{Level, PARTICLES, Rig, Shot, Shown, asked};
-use crate::parts::Picture;
 use anyhow::Result;
 use std::f64::consts::PI;
+use weather_magician::Picture;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 use wm_weather::Weather;

@@ -57,10 +57,7 @@ impl Field {
             let threads = backend.threads();
             let middle = Level::of(&site).point([0.0; 3]).to_array();
             let surfaces = FusedSurfaces::from_splats(splats);
-            *cover = Some((
-                airflow,
-                Cover::of(splats, &surfaces, &site, &airflow, [middle; 2], threads),
-            ));
+            *cover = Some((airflow, Cover::of(splats, &surfaces, &site, &airflow, [middle; 2], threads)));
         }
         if let Some((_, cover)) = cover {
             let lies = cover.lay_all(requests);
@@ -102,7 +99,8 @@ impl Rig for Field {
         let index = match shot.subject {
             Subject::Place => {
                 self.place.config.outputs = shot.outputs;
-                let options = FrameOptions { parts: shot.parts, ..FrameOptions::new(shot.time, *shot.camera) };
+                let options =
+                    FrameOptions { parts: shot.parts, ..FrameOptions::new(shot.time, *shot.camera) };
                 self.renderer.render_into(&mut self.place, shot.weather, &options, picture, &mut ())?;
                 return Ok(());
             }

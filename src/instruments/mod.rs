@@ -34,7 +34,7 @@ use wm_scene::{Camera, Splats};
 use wm_weather::dome::level_axes;
 use wm_weather::{Site, Weather};
 
-use crate::parts::Picture;
+use weather_magician::Picture;
 
 /// An instrument.
 pub struct Instrument {

@@ -12,10 +12,10 @@
 use super::{
     Finding, Instrument, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked, clear, median,
 };
-use crate::parts::Picture;
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
 use glam::DVec3;
+use weather_magician::Picture;
 use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs};
 

@@ -6,10 +6,9 @@
 use super::field::Field;
 use super::{Finding, INSTRUMENTS, Probe, Rig, Shot, Subject, asked};
 use crate::commands::demo::street;
-use crate::parts::Picture;
 use crate::scene::{Loaded, RunArgs};
-use crate::studio::{Needs, Studio};
 use anyhow::Result;
+use weather_magician::Picture;
 use wm_render::{Device, RenderConfig};
 use wm_scene::{Camera, Metadata, Splats};
 use wm_street::Street;
@@ -176,10 +175,8 @@ fn rig() -> Faulty {
     let run = RunArgs { device: Device::Cpu, ..RunArgs::default() };
     let scene = street::scene(0.5, None).unwrap();
     let loaded = Loaded::of(scene, &Metadata::default(), &run).unwrap();
-    let config = RenderConfig { background: loaded.background(), ..RenderConfig::default() };
-    let needs = |_: &Site| Needs { cover: Some(Airflow::default()), ..Needs::default() };
     let camera = Street::views()[0].camera((240, 160)).unwrap();
-    let field = Field::new(Studio::new(loaded, config, needs).unwrap(), camera);
+    let field = Field::new(loaded.renderer, loaded.place, camera);
     Faulty { field, fault: Fault::None, shots: Vec::new() }
 }
 

@@ -48,7 +48,7 @@ pub struct FrameRequest<'a> {
 }
 
 impl FrameRequest<'_> {
-    /// RandomSequence the frame into `picture`.
+    /// Draws the frame into `picture`.
     ///
     /// # Errors
     /// [`RenderError`] of the back end.
@@ -61,7 +61,7 @@ impl FrameRequest<'_> {
         self.draw_stages(backend, memory, picture, None)
     }
 
-    /// RandomSequence the frame, and keeps what lies between the clear picture and the last in the paper's rain and snow; with
+    /// Draws the frame, and keeps what lies between the clear picture and the last in the paper's rain and snow; with
     /// neither, `stages` holds the picture itself.
     ///
     /// # Errors
@@ -79,9 +79,9 @@ impl FrameRequest<'_> {
         }
         self.weather.with_hooks(&self.observer(), |hooks| {
             let mut plan = FramePlan::new();
-            let color = plan.draw(DrawPass::new(self.sets, &self.camera.camera, self.config).with_hooks(hooks));
-            let parts =
-                (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
+            let color =
+                plan.draw(DrawPass::new(self.sets, &self.camera.camera, self.config).with_hooks(hooks));
+            let parts = (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
             memory.put(color, std::mem::take(&mut picture.frame));
             let stats = backend.execute(&plan, memory)?;
             picture.parts = parts.map(|parts| parts.finish(memory)).unwrap_or_default();
@@ -90,7 +90,7 @@ impl FrameRequest<'_> {
         })
     }
 
-    /// RandomSequence the scene, then each sub-cloud of what falls by itself, and lays them over it.
+    /// Draws the scene, then each sub-cloud of what falls by itself, and lays them over it.
     fn draw_as_paper(
         &self,
         backend: &mut dyn RenderBackend,

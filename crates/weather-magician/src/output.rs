@@ -313,7 +313,9 @@ impl PictureStyle {
             (PictureFormat::Png, PictureLayer::Alpha) => {
                 png::write_alpha(path, &values, size, png::Bits::Sixteen, tags)?;
             }
-            (PictureFormat::Png, PictureLayer::Transmittance) => png::write_shares(path, &values, size, tags)?,
+            (PictureFormat::Png, PictureLayer::Transmittance) => {
+                png::write_shares(path, &values, size, tags)?
+            }
             (PictureFormat::Png, PictureLayer::Particles) => {
                 let coverage: Vec<f32> = values.iter().skip(3).step_by(4).copied().collect();
                 png::write_alpha(path, &coverage, size, png::Bits::Eight, tags)?;
@@ -346,7 +348,10 @@ mod tests {
     #[test]
     fn pictures_are_asked_for_with_or_without_format() {
         assert_eq!("depth".parse(), Ok(ExtraPicture { kind: PictureLayer::Depth, format: None }));
-        assert_eq!("normal.exr".parse(), Ok(ExtraPicture { kind: PictureLayer::Normal, format: Some(PictureFormat::Exr) }));
+        assert_eq!(
+            "normal.exr".parse(),
+            Ok(ExtraPicture { kind: PictureLayer::Normal, format: Some(PictureFormat::Exr) })
+        );
         assert!("depht".parse::<ExtraPicture>().is_err() && "depth.jpg".parse::<ExtraPicture>().is_err());
     }
 
@@ -359,7 +364,8 @@ mod tests {
         assert_eq!(ask("median-depth").median_depth, MedianDepth::On);
         assert_eq!(ask("transmittance,alpha").particles, ParticlePass::Off);
         assert_eq!(ask("particles").particles, ParticlePass::On);
-        let also: Vec<ExtraPicture> = ["depth", "clean", "transmittance.npy"].map(|a| a.parse().unwrap()).into();
+        let also: Vec<ExtraPicture> =
+            ["depth", "clean", "transmittance.npy"].map(|a| a.parse().unwrap()).into();
         assert_eq!(parts(&also), [PicturePart::Clean, PicturePart::Transmittance]);
     }
 }

@@ -142,8 +142,7 @@ impl PreparedPlace {
         let survey = Survey::of(&scene, &options.facts);
         let set = backend.load(&scene.splats)?;
         let site = site_of(&survey);
-        let digest =
-            options.assets.as_ref().map(|_| scene_digest(&scene, &survey, &backend.arithmetic()));
+        let digest = options.assets.as_ref().map(|_| scene_digest(&scene, &survey, &backend.arithmetic()));
         let mut place = Self {
             renderer,
             set,
@@ -236,7 +235,8 @@ impl PreparedPlace {
         let fall = prepared.fall().filter(|fall| needs.shelter && !self.store.has_shelter(*fall));
         let requests = prepared.cover();
         let lying = needs.cover.filter(|_| !requests.is_empty()).map(|air| (air, requests.to_vec()));
-        let lying = lying.filter(|(air, requests)| !self.is_laid(&LyingKey::Physical(*air, requests.clone())));
+        let lying =
+            lying.filter(|(air, requests)| !self.is_laid(&LyingKey::Physical(*air, requests.clone())));
         MissingAssets {
             occluders: fall.is_some() && self.store.occluders.is_none(),
             shelter: fall,
@@ -372,7 +372,7 @@ impl PreparedPlace {
         self.prepare(backend, MissingAssets { occluders: turns, cover, ..MissingAssets::default() }, progress)
     }
 
-    /// RandomSequence an instant of a weather.
+    /// Draws an instant of a weather.
     pub(crate) fn draw(
         &mut self,
         backend: &mut AnyRenderer,
@@ -390,7 +390,9 @@ impl PreparedPlace {
         self.clear_foreign_cover(backend, &prepared);
         let shelter = prepared.fall().and_then(|fall| match options.patience {
             Patience::Whole => self.store.shelter(fall).cloned(),
-            Patience::Draft => self.store.shelter(fall).cloned().or_else(|| self.store.any_shelter().cloned()),
+            Patience::Draft => {
+                self.store.shelter(fall).cloned().or_else(|| self.store.any_shelter().cloned())
+            }
         });
         let sets = with_cover(self.set, self.lying.as_ref().map(|lying| (lying.set, &lying.buried)));
         let request = FrameRequest {
@@ -406,11 +408,7 @@ impl PreparedPlace {
     }
 
     /// Takes away what lies where nothing does under this weather.
-    fn clear_foreign_cover(
-        &mut self,
-        backend: &mut AnyRenderer,
-        prepared: &PreparedWeather,
-    ) {
+    fn clear_foreign_cover(&mut self, backend: &mut AnyRenderer, prepared: &PreparedWeather) {
         let Some(lying) = &self.lying else { return };
         // Of a draft it may be another snow than the one that is asked for.
         let is_wanted = match &lying.what {
@@ -422,7 +420,7 @@ impl PreparedPlace {
         }
     }
 
-    /// RandomSequence the scene without any weather, and without what lies.
+    /// Draws the scene without any weather, and without what lies.
     pub(crate) fn draw_clear(
         &self,
         backend: &mut AnyRenderer,

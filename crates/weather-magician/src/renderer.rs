@@ -144,7 +144,7 @@ impl Renderer {
         place.draw(&mut self.backend, &mut self.memory, weather, options, target, progress)
     }
 
-    /// RandomSequence a frame of splat sets of your own in a weather, by the same plan as [`Self::render`].
+    /// Draws a frame of splat sets of your own in a weather, by the same plan as [`Self::render`].
     ///
     /// # Errors
     /// [`crate::Error::Render`].
@@ -219,11 +219,7 @@ impl Renderer {
     }
 
     /// A place to look for cameras in.
-    pub fn view_site<'a>(
-        &'a mut self,
-        place: &'a PreparedPlace,
-        options: view::Options,
-    ) -> view::Site<'a> {
+    pub fn view_site<'a>(&'a mut self, place: &'a PreparedPlace, options: view::Options) -> view::Site<'a> {
         place.view_site(&mut self.backend, options)
     }
 }

@@ -62,7 +62,7 @@ impl Layout {
     }
 }
 
-/// RandomSequence the sheet, `[H, W, 3]` of [`Layout::size`], sRGB-encoded. Panics if a picture is not of the
+/// Draws the sheet, `[H, W, 3]` of [`Layout::size`], sRGB-encoded. Panics if a picture is not of the
 /// layout's size, or there are more than it has places for.
 #[must_use]
 pub fn sheet(layout: &Layout, panels: &[Panel<'_>]) -> Vec<f32> {
@@ -81,7 +81,7 @@ pub fn sheet(layout: &Layout, panels: &[Panel<'_>]) -> Vec<f32> {
     rgb
 }
 
-/// RandomSequence a label into the lower left corner of a picture; letters that do not fit are left out.
+/// Draws a label into the lower left corner of a picture; letters that do not fit are left out.
 fn label(rgb: &mut [f32], sheet: Size, (left, top): (u32, u32), panel: Size, text: &str) {
     let letters = LETTERS.iter().find(|(least, _)| panel.height >= *least);
     let height = letters.map_or(RasterHeight::Size16, |(_, height)| *height);

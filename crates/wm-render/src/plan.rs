@@ -15,7 +15,7 @@
 //! #         picture.rgb.iter_mut().zip(&inputs[0].rgb).for_each(|(a, b)| *a = 0.5 * (*a + *b));
 //! #     }
 //! # }
-//! # let camera = Camera::look_at((32, 24), 50.0, glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z)?;
+//! # let camera = Camera::looking((32, 24), 50.0, glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z)?;
 //! # let (splats, other) = (Splats::default(), Splats::default());
 //! let mut renderer = CpuRenderer::new(CpuConfig::default())?;
 //! let set = renderer.load(&splats)?;
@@ -53,7 +53,7 @@ pub struct FramePlan<'a> {
 /// One pass of a [`FramePlan`].
 #[derive(Clone)]
 pub enum FramePass<'a> {
-    /// RandomSequence splats.
+    /// Draws splats.
     Draw {
         /// The picture that is overwritten.
         target: PictureId,

@@ -138,14 +138,14 @@ impl RandomSequence {
         Self(key)
     }
 
-    /// RandomSequence the next 64 bits.
+    /// Draws the next 64 bits.
     #[inline]
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(SEED_FACTOR);
         mix(self.0)
     }
 
-    /// RandomSequence the next number, uniform in [0, 1), from the upper 53 bits.
+    /// Draws the next number, uniform in [0, 1), from the upper 53 bits.
     #[inline]
     pub fn uniform(&mut self) -> f64 {
         (self.bits() >> 11) as f64 * 2f64.powi(-53)

@@ -27,8 +27,9 @@ pub fn measure(
     pictures: usize,
     bar: &ProgressBar,
 ) -> Result<(Vec<ViewScores>, Option<FloaterShare>, Vec<Shown>)> {
-    let rasterization = loaded.scene.metadata.rasterization.unwrap_or_default();
-    let Loaded { scene, mut renderer, set, .. } = loaded;
+    let Loaded { mut renderer, place } = loaded;
+    let (scene, set, rasterization) = (place.scene(), place.set(), place.config.rasterization);
+    let renderer = renderer.backend_mut();
     let not_sky = NotSky(&scene.splats.groups);
     let has_sky = scene.splats.groups.contains(&Group::Sky);
     let outputs = Outputs {

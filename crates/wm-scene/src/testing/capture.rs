@@ -19,7 +19,7 @@ impl Dice {
         Self { seed, drawn: 0 }
     }
 
-    /// RandomSequence the next number between `low` and `high`.
+    /// Draws the next number between `low` and `high`.
     pub fn draw(&mut self, low: f64, high: f64) -> f64 {
         self.drawn += 1;
         low + (high - low) * uniform(self.seed, self.drawn)

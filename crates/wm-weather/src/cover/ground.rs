@@ -10,6 +10,7 @@ use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::Site;
 use crate::shelter::{HeightLayers, Occluders};
 use crate::threads::map;
+use serde::{Deserialize, Serialize};
 use wm_scene::{Group, Splats};
 
 /// Surfaces below each other that are looked for, and how far apart they are at least, m and cells: more than an edge.
@@ -59,7 +60,7 @@ pub(super) const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 const NONE: u32 = u32::MAX;
 
 /// Nodes, cell by cell in rows, the uppermost of a cell first.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct GroundGrid {
     pub(super) places: HeightLayers,
     /// Columns and rows.

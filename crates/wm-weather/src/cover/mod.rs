@@ -44,6 +44,7 @@ use crate::threads::map;
 pub use exposure::Airflow;
 use glam::DVec3;
 use ground::GroundGrid;
+use serde::{Deserialize, Serialize};
 pub use settle::Settled;
 pub use snowpack::Snowpack;
 pub(crate) use surfels::surfel;
@@ -103,7 +104,7 @@ impl CoverRequest {
 }
 
 /// A place that something can lie on.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Cover {
     /// Around where the photos were taken, and farther out in wider cells.
     rings: Vec<GroundGrid>,
@@ -117,7 +118,7 @@ pub struct Cover {
 }
 
 /// What lies where at a depth of the ladder.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Rung {
     depth: f64,
     repose: f64,
@@ -134,7 +135,7 @@ struct Layer {
 }
 
 /// Where a splat is on the ground.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Spot {
     ring: u8,
     /// The nodes under its middle and its ends.

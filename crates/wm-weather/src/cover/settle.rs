@@ -1,6 +1,7 @@
 //! Snow slides off what is too steep for it, down to where it can lie.
 
 use super::ground::GroundGrid;
+use serde::{Deserialize, Serialize};
 
 /// Most rounds over all cells.
 const ROUNDS: usize = 120;
@@ -10,7 +11,7 @@ const LEAST: f64 = 2e-5;
 const HOLDS: f32 = 1.3;
 
 /// What lies where after it has slid.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Settled {
     /// Depth, m, one a node of the ground.
     pub depth: Vec<f32>,

@@ -12,6 +12,7 @@ use crate::particles::random::RandomSequence;
 use crate::shelter::Occluders;
 use crate::threads::map;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use wm_scene::{Group, Splats};
 
 /// Least slant of the fall that reaches walls.
@@ -35,7 +36,7 @@ const LEAST: f64 = 0.000_5;
 const LIT: f64 = 0.75;
 
 /// A splat of the scene that wet snow can stick to.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Wall {
     mean: [f32; 3],
     /// Towards the wind, length 1.

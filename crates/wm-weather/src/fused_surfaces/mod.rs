@@ -25,6 +25,7 @@ pub use floor::FloorPlane;
 use glam::{DVec3, I64Vec3};
 pub use photo_view::PhotoView;
 use photo_view::{Spot, Word};
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use wm_scene::splats::Splat;
 use wm_scene::{Group, Splats};
@@ -44,7 +45,7 @@ const FLAT: f64 = 0.1;
 const OPAQUE: f64 = 0.95;
 
 /// The surfaces of a scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FusedSurfaces<'a> {
     /// They as splats.
     pub splats: Cow<'a, Splats>,
@@ -55,7 +56,7 @@ pub struct FusedSurfaces<'a> {
 }
 
 /// What stands for a splat of the scene in its scan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum StandIn {
     /// It is still there.
     Itself,

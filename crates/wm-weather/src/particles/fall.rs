@@ -312,7 +312,7 @@ fn turned<S: Lanes>(simd: S, row: [f32; 3], vectors: &[[f32; GROUP]; 3], first: 
     sum
 }
 
-/// RandomSequence the drops of one class.
+/// Draws the drops of one class.
 struct Brush<'a> {
     fall: &'a FallingParticles<'a>,
     view: &'a ParticleView,

@@ -2,12 +2,13 @@
 
 use super::occluders::count as thread_count;
 use super::{Grid, Occluders, cast, dot};
+use serde::{Deserialize, Serialize};
 
 /// A surface is where less of what comes from above is left: near the top of leaves and of what is not quite dense.
 const TOP: f32 = 0.75;
 
 /// Surfaces straight below each other on a level grid, the uppermost first.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeightLayers {
     grid: Grid,
     metres_per_unit: f64,

@@ -80,7 +80,7 @@ enum Key {
 }
 
 impl Shown {
-    /// RandomSequence the pictures.
+    /// Draws the pictures.
     pub fn new(
         name: &str,
         photo: &[f32],

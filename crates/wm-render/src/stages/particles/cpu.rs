@@ -363,7 +363,7 @@ impl Falling {
         parts.iter().map(|part| part.seconds).sum::<f64>() + laying.elapsed().as_secs_f64()
     }
 
-    /// RandomSequence what falls in patch `(column, row)` over its pixels: display-referred colour, row by row. `behind`: coverage
+    /// Draws what falls in patch `(column, row)` over its pixels: display-referred colour, row by row. `behind`: coverage
     /// and sum of weight times view z, block by block as `path` blends. `apart`, if given, holds zeros, and takes the
     /// linear light of what falls and its coverage, row by row.
     pub fn draw(
