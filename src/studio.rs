@@ -13,7 +13,7 @@ use crate::view::spec;
 use anyhow::Result;
 use std::sync::Arc;
 use std::time::Instant;
-use wm_render::hooks::{Hooks, Slot, Visibility};
+use wm_render::hooks::{Hooks, Visibility};
 use wm_render::{
     AnyRenderer, Background, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetId, SetView, Stats,
 };
@@ -21,7 +21,7 @@ use wm_scene::{Camera, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest};
 use wm_weather::paper::{PaperCover, PaperStages, composite};
 use wm_weather::shelter::{Occluders, Shelter};
-use wm_weather::{Fidelity, Observer, PreparedWeather, Site, Weather};
+use wm_weather::{Need, Observer, PreparedWeather, Site, Weather};
 
 /// Maps of shelter that are kept, one for each direction of fall: enough for a wind that turns.
 const MAPS: usize = 6;
@@ -95,9 +95,9 @@ impl Needs {
     /// Of a weather at a place.
     pub fn of(weather: &Weather, site: &Site) -> Self {
         // The paper's rain falls through roofs.
-        let fall = weather.has_fall() && weather.fidelity == Fidelity::Physical;
+        let fall = weather.needs(Need::Shelter);
         let paper_cover = weather.at(0.0).prepare(site).paper_cover().cloned();
-        let lies = weather.effects().any(|(effect, _)| effect.slot == Slot::Surface) && paper_cover.is_none();
+        let lies = weather.needs(Need::Cover) && paper_cover.is_none();
         Self { fall, cover: lies.then(|| airflow(weather, site)), paper_cover }
     }
 }

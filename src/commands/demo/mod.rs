@@ -238,7 +238,7 @@ fn draw_sheet(studio: &mut Studio, camera: &Camera, path: &Path) -> Result<()> {
             return Err(Interrupted(format!("{} is not written", path.display())).into());
         }
         let mut weather = Weather::find(name)?;
-        change.map_or(Ok(()), |change| weather.set(change))?;
+        change.map_or(Ok(()), |change| weather.set_text(change))?;
         let mut frame = Frame::default();
         studio.render(&weather, 0.0, (*camera).into(), &mut frame)?;
         pictures.push((frame.rgb, label(&weather)));
@@ -338,7 +338,7 @@ mod tests {
     fn labels_give_name_and_visibility() {
         let label_of = |(name, change): (&str, Option<&str>)| {
             let mut weather = Weather::find(name).unwrap();
-            change.iter().for_each(|change| weather.set(change).unwrap());
+            change.iter().for_each(|change| weather.set_text(change).unwrap());
             label(&weather)
         };
         assert_eq!(

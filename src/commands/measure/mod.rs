@@ -19,12 +19,11 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use wm_render::hooks::Slot;
 use wm_render::{RenderConfig, Renderer};
 use wm_scene::files::{check_writable, write_atomically};
 use wm_scene::{Camera, Metadata, Place};
 use wm_weather::cover::Airflow;
-use wm_weather::{Fidelity, Site, Weather};
+use wm_weather::{EffectRole, Fidelity, Site, Weather};
 
 /// Options of `measure`.
 #[derive(Args, Debug)]
@@ -213,7 +212,7 @@ fn tasks(args: &MeasureArgs) -> Result<Vec<Task>> {
     for instrument in instruments {
         for changes in instrument.sweep {
             let mut weather = Weather::clear();
-            changes.iter().try_for_each(|change| weather.set(change))?;
+            changes.iter().try_for_each(|change| weather.set_text(change))?;
             let setting = if changes.is_empty() { weather.name.clone() } else { changes.join(", ") };
             tasks.push(Task { instrument, weather, setting });
         }
@@ -257,8 +256,7 @@ fn field(loaded: Loaded, camera: Camera, tasks: &[Task]) -> Result<Field> {
     let asks = |name: &str| tasks.iter().find(|task| task.instrument.name == name);
     let is_sheet = asks("controls").is_some();
     let lies = tasks.iter().filter(|task| task.instrument.name == "consistency").map(|task| &task.weather);
-    let lies =
-        lies.into_iter().find(|weather| weather.effects().any(|(effect, _)| effect.slot == Slot::Surface));
+    let lies = lies.into_iter().find(|weather| weather.has(EffectRole::Lies));
     let needs = |site: &Site| Needs {
         cover: match lies {
             Some(weather) => Some(studio::airflow(weather, site)),
