@@ -29,7 +29,7 @@ impl WeatherArgs {
             None => Weather::clear(),
         };
         for text in &self.set {
-            weather.set(text)?;
+            weather.set_text(text)?;
         }
         weather.load_images(read_panorama)?;
         if weather.effects().next().is_some() && self.weather.is_none() {

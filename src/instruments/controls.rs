@@ -130,9 +130,9 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
                 key => format!("{key}={value}"),
             };
             if control.seen == Seen::Lean {
-                weather.set(&direction)?;
+                weather.set_text(&direction)?;
             }
-            weather.set(&change)?;
+            weather.set_text(&change)?;
             let parts: &[PicturePart] =
                 if control.seen == Seen::Lost { &[PicturePart::Transmittance] } else { &[] };
             let picture = draw(rig, &camera, (&weather, probe.time), parts)?;

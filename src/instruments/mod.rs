@@ -79,7 +79,7 @@ impl Probe<'_> {
     /// The weather with changes.
     pub fn with(&self, changes: &[&str]) -> Result<Weather> {
         let mut weather = self.weather.clone();
-        changes.iter().try_for_each(|change| weather.set(change))?;
+        changes.iter().try_for_each(|change| weather.set_text(change))?;
         Ok(weather)
     }
 }

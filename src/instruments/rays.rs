@@ -58,7 +58,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let (frame, shares) = (&picture.frame, &picture.parts.transmittance);
     // Air that is as good as clear as far as the place goes, and takes all light from what is endlessly far.
     let (mut thin, mut sky) = (clear(), Picture::default());
-    thin.set(&format!("fog.mor={}", (THIN * site.far).max(1.0)))?;
+    thin.set_text(&format!("fog.mor={}", (THIN * site.far).max(1.0)))?;
     rig.draw(&Shot { subject, camera: &camera, weather: &thin, time, outputs, parts }, &mut sky)?;
     let nearness = &sky.parts.transmittance;
     let airs = asked::airs(&weather, probe.time);

@@ -76,7 +76,7 @@ fn weather(instrument: &str) -> Weather {
         _ => &["fog.mor=150", "snow_cover.depth=0.1"],
     };
     let mut weather = Weather::clear();
-    sets.iter().for_each(|set| weather.set(set).unwrap());
+    sets.iter().for_each(|set| weather.set_text(set).unwrap());
     weather
 }
 
@@ -95,7 +95,7 @@ impl Fault {
         let mut drawn = shot.clone();
         let mut scale = |effect: &str, param: &str, factor: f64| {
             if let Some(value) = asked::number(&shot.weather, shot.time, effect, param) {
-                drawn.weather.set(&format!("{effect}.{param}={}", value * factor)).unwrap();
+                drawn.weather.set_text(&format!("{effect}.{param}={}", value * factor)).unwrap();
             }
         };
         match self {
@@ -117,7 +117,7 @@ impl Fault {
                 if asked::is_on(&shot.weather, "snow_cover")
                     && asked::number(&shot.weather, 0.0, "snow_cover", "depth").is_some()
                 {
-                    drawn.weather.set("wind.speed=20").unwrap();
+                    drawn.weather.set_text("wind.speed=20").unwrap();
                 }
             }
             Self::Fallen => scale("snow_cover", "hours", 1.1),

@@ -175,6 +175,7 @@ fn effects() -> Value {
         json!({
             "name": effect.name,
             "about": effect.about,
+            "role": effect.role.name(),
             "slot": format!("{:?}", effect.slot).to_lowercase(),
             "params": effect.params.iter().map(param).collect::<Value>(),
         })

@@ -17,16 +17,13 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 use weather_magician::assets::{Assets, MissingAssets};
 use weather_magician::output::{ExtraPicture, PictureFormat, PictureLayer, PictureStyle, outputs};
-use weather_magician::{
-    FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, picture_tags,
-};
+use weather_magician::{     FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, picture_tags, };
 use wm_media::color::Dither;
 use wm_media::{Size, video};
-use wm_render::hooks::Slot;
 use wm_render::{Frame, Stats};
-use wm_scene::Camera;
-use wm_weather::particles::PrecipitationKind as Falling;
-use wm_weather::{PreparedWeather, Weather};
+use wm_scene::{Camera, Scene};
+use wm_weather::fused_surfaces::PhotoView;
+use wm_weather::{EffectRole, PreparedWeather, Weather};
 
 /// How long it waits for a task before it looks whether it should end, or whether something is made.
 const LOOK: Duration = Duration::from_millis(100);
@@ -260,18 +257,16 @@ impl Painter {
         let sky: PreparedWeather = view.weather.at(time).prepare(self.place.site());
         let camera = view.shot().camera(time);
         let mor = sky.air.mor_at(camera.center().to_array());
-        let rate = |rain: bool| -> f64 {
-            sky.falling()
-                .iter()
-                .filter(|fall| (fall.kind == Falling::Rain) == rain)
-                .map(|fall| fall.rate)
-                .sum()
+        let rate = |name: &str| -> f64 {
+            sky.falling().iter().filter(|fall| fall.kind.name == name).map(|fall| fall.rate).sum()
         };
+        let falls: serde_json::Map<String, serde_json::Value> =
+            sky.falling().iter().map(|fall| (fall.kind.name.to_owned(), fall.rate.into())).collect();
         json!({
             "seq": seq, "width": size.0, "height": size.1, "whole": is_whole, "time": time,
             "draw_ms": draw * 1e3, "encode_ms": encode * 1e3,
             "splats": stats.visible, "drops": stats.particles,
-            "mor": mor.is_finite().then_some(mor), "rain": rate(true), "snow": rate(false),
+            "mor": mor.is_finite().then_some(mor), "rain": rate("rain"), "snow": rate("snow"), "falls": falls,
             "camera": super::state::Pose::of(&camera),
         })
         .to_string()
@@ -361,10 +356,10 @@ impl Painter {
     }
 
     fn thumbnail(&mut self, name: String) -> Result<()> {
-        let Some(mut weather) = Weather::preset(&name) else { return Ok(()) };
-        if weather.effects().any(|(effect, _)| effect.slot == Slot::Surface) {
+        let Ok(mut weather) = Weather::preset(&name) else { return Ok(()) };
+        if weather.has(EffectRole::Lies) {
             // What lies in still air serves them all.
-            weather.set("wind=off").context("wind is an effect")?;
+            weather.set_text("wind=off").context("wind is an effect")?;
         }
         let breaks = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::breaks);
         // Where most of it has happened.

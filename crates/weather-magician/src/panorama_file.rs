@@ -98,8 +98,8 @@ mod tests {
     /// What is behind all splats in a direction.
     fn seen(path: &Path, direction: [f64; 3]) -> [f64; 3] {
         let mut weather = Weather::clear();
-        weather.set(&format!("sky.panorama={}", path.display())).unwrap();
-        weather.set("sky.below=picture").unwrap();
+        weather.set_text(&format!("sky.panorama={}", path.display())).unwrap();
+        weather.set_text("sky.below=picture").unwrap();
         weather.load_images(read_panorama).unwrap();
         let site = wm_weather::Site {
             metres_per_unit: 1.0,

@@ -33,12 +33,12 @@ pub mod wind;
 
 pub use dome::Dome;
 pub use easing::Easing;
-pub use effects::{EFFECTS, Effect};
+pub use effects::{EFFECTS, Effect, EffectRole, Need};
 pub use file::WeatherError;
 pub use image_file::ImageFile;
 pub use optics::{Atmosphere, Daylight, Site};
 pub use panorama::{Panorama, PanoramaError};
-pub use param::{Param, ParamValue};
+pub use param::{Param, ParamInput, ParamKind, ParamValue};
 pub use track::{Keyframe, Track};
 pub use weather::{Fidelity, Observer, PreparedWeather, Weather, WeatherSample};
 pub use wind::Wind;

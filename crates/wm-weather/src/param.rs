@@ -29,6 +29,51 @@ impl ParamValue {
     }
 }
 
+/// A value that a program gives to a parameter ([`crate::Weather::set`]).
+#[derive(Clone, Debug, PartialEq)]
+pub enum ParamInput {
+    /// A value.
+    Value(ParamValue),
+    /// A value or keyframes as they are written on the command line.
+    Text(String),
+}
+
+impl From<f64> for ParamInput {
+    fn from(number: f64) -> Self {
+        Self::Value(ParamValue::Number(number))
+    }
+}
+
+impl From<f32> for ParamInput {
+    fn from(number: f32) -> Self {
+        f64::from(number).into()
+    }
+}
+
+impl From<i32> for ParamInput {
+    fn from(number: i32) -> Self {
+        f64::from(number).into()
+    }
+}
+
+impl From<[f64; 3]> for ParamInput {
+    fn from(color: [f64; 3]) -> Self {
+        Self::Value(ParamValue::Color(color))
+    }
+}
+
+impl From<&str> for ParamInput {
+    fn from(text: &str) -> Self {
+        Self::Text(text.into())
+    }
+}
+
+impl From<String> for ParamInput {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
 /// What values a parameter takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParamKind {

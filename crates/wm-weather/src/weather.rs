@@ -4,7 +4,7 @@ use crate::cover::{Airflow, CoverRequest};
 use crate::dome::Dome;
 use crate::dome::{from_level, level_axes};
 use crate::effects::look::ColorGrade;
-use crate::effects::{Action, EFFECTS, Effect, EffectContext};
+use crate::effects::{Action, EFFECTS, Effect, EffectContext, EffectRole, Need};
 use crate::image_file::ImageFile;
 use crate::optics::{Atmosphere, Daylight, Site};
 use crate::panorama::Panorama;
@@ -18,7 +18,7 @@ use crate::track::Track;
 use std::path::Path;
 use std::sync::Arc;
 use wm_render::Frame;
-use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect, SkySplats, Slot};
+use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect, SkySplats};
 use wm_render::simd::SimdPath;
 use wm_scene::{Camera, Splats};
 
@@ -71,10 +71,19 @@ impl Weather {
         self.active.iter().map(|(effect, tracks)| (&EFFECTS[*effect], &tracks[..]))
     }
 
-    /// Whether something may fall at some time, in either fidelity.
+    /// Returns true if an effect of a role is on.
     #[must_use]
-    pub fn has_fall(&self) -> bool {
-        self.effects().any(|(effect, _)| effect.slot == Slot::Particles && effect.param("rate").is_some())
+    pub fn has(&self, role: EffectRole) -> bool {
+        self.effects().any(|(effect, _)| effect.role == role)
+    }
+
+    /// Returns true if an effect that is on needs this of a place, in this weather's fidelity: effects in the paper's own
+    /// form need nothing.
+    #[must_use]
+    pub fn needs(&self, need: Need) -> bool {
+        let is_physical =
+            |effect: &Effect| self.fidelity == Fidelity::Physical || effect.act_as_paper.is_none();
+        self.effects().any(|(effect, _)| is_physical(effect) && effect.needs.contains(&need))
     }
 
     /// Turns an effect on with its defaults; leaves it as it is if it is on.

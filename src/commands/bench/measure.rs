@@ -36,7 +36,7 @@ impl Case {
         use MedianDepth::{Off, On};
         let weather = |name: &str, sets: &[&str]| -> Result<Weather> {
             let mut weather = Weather::find(name)?;
-            sets.iter().try_for_each(|set| weather.set(set))?;
+            sets.iter().try_for_each(|set| weather.set_text(set))?;
             Ok(weather)
         };
         let rain = weather("clear", &["rain.rate=25"])?;

@@ -236,7 +236,7 @@ fn draw_sheet(studio: &mut Loaded, camera: &Camera, path: &Path) -> Result<()> {
             return Err(Interrupted(format!("{} is not written", path.display())).into());
         }
         let mut weather = Weather::find(name)?;
-        change.map_or(Ok(()), |change| weather.set(change))?;
+        change.map_or(Ok(()), |change| weather.set_text(change))?;
         let picture = studio.renderer.render(&mut studio.place, &weather, camera, 0.0)?;
         pictures.push((picture.frame.rgb, label(&weather)));
         bar.inc(1);
@@ -341,7 +341,7 @@ mod tests {
     fn labels_give_name_and_visibility() {
         let label_of = |(name, change): (&str, Option<&str>)| {
             let mut weather = Weather::find(name).unwrap();
-            change.iter().for_each(|change| weather.set(change).unwrap());
+            change.iter().for_each(|change| weather.set_text(change).unwrap());
             label(&weather)
         };
         assert_eq!(

@@ -18,13 +18,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
-use wm_render::hooks::Slot;
-use wm_render::{RenderBackend, RenderConfig};
+
 use wm_scene::files::{check_writable, write_atomically};
 use wm_scene::{Camera, Metadata};
 use wm_street::Street;
 use wm_weather::cover::Airflow;
-use wm_weather::{Fidelity, Site, Weather};
+use wm_weather::{Fidelity, Weather};
 
 /// Options of `measure`.
 #[derive(Args, Debug)]
@@ -213,7 +212,7 @@ fn tasks(args: &MeasureArgs) -> Result<Vec<Task>> {
     for instrument in instruments {
         for changes in instrument.sweep {
             let mut weather = Weather::clear();
-            changes.iter().try_for_each(|change| weather.set(change))?;
+            changes.iter().try_for_each(|change| weather.set_text(change))?;
             let setting = if changes.is_empty() { weather.name.clone() } else { changes.join(", ") };
             tasks.push(Task { instrument, weather, setting });
         }

@@ -9,11 +9,11 @@ use weather_magician::{FrameOptions, Picture};
 use wm_media::{Size, png};
 use wm_render::Stats;
 use wm_weather::paper::PaperStages;
-use wm_weather::{Fidelity, Weather};
+use wm_weather::{EffectRole, Fidelity, Weather};
 
 /// Refuses what has no such steps.
 pub fn check(weather: &Weather, target: &Target) -> Result<()> {
-    if weather.fidelity != Fidelity::Paper || !weather.has_fall() {
+    if weather.fidelity != Fidelity::Paper || !weather.has(EffectRole::Falls) {
         bail!(
             "--stages: shows the steps of the paper's rain and snow; add --set fidelity=paper and --set rain.rate=10, or \
              --set snowfall.rate=1"

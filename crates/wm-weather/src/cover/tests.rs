@@ -353,7 +353,7 @@ fn water_is_kept_over_time() {
         "snow_cover.lapse=3600",
         "snow_cover.hours=2",
     ] {
-        weather.set(text).unwrap();
+        weather.set_text(text).unwrap();
     }
     // 2 h of 2 mm before, then up to 4 and down to 0, by hand.
     for (time, fell) in [(-1.0, 2.0), (0.0, 4.0), (4.0, 16.0), (6.0, 20.0), (9.0, 20.0)] {
@@ -421,7 +421,7 @@ fn half_shaded() -> Splats {
 fn hours(sets: &[&str]) -> crate::Weather {
     let mut weather = crate::Weather::clear();
     for text in sets.iter().chain(&["snow_cover.lapse=3600"]) {
-        weather.set(text).unwrap();
+        weather.set_text(text).unwrap();
     }
     weather
 }
@@ -544,7 +544,7 @@ fn snow_lies_on_sand() {
     let weather = |snow: f64| {
         let mut weather = crate::Weather::clear();
         for text in [format!("snow_cover.depth={snow}"), "dust_cover.depth=0.03".into()] {
-            weather.set(&text).unwrap();
+            weather.set_text(&text).unwrap();
         }
         weather
     };

@@ -25,7 +25,7 @@ fn site(daylight: Daylight) -> Site {
 /// A sky as the words of `--set` make it; `picture` is what every panorama shows.
 fn dome(words: &[&str], picture: fn(usize) -> [f32; 3]) -> Dome {
     let mut weather = Weather::clear();
-    words.iter().for_each(|word| weather.set(word).unwrap());
+    words.iter().for_each(|word| weather.set_text(word).unwrap());
     weather.load_images(|_| Panorama::new(256, 128, picture).map(Arc::new)).unwrap();
     weather.at(0.0).prepare(&site(Daylight::Known)).dome().unwrap().clone()
 }
@@ -171,7 +171,7 @@ fn headings_turn_clockwise_from_the_x_axis() {
 fn the_airlight_is_the_skys_where_nothing_better_is_known() {
     let airlight = |words: &[&str], daylight| {
         let mut weather = Weather::clear();
-        words.iter().for_each(|word| weather.set(word).unwrap());
+        words.iter().for_each(|word| weather.set_text(word).unwrap());
         weather.load_images(|_| Panorama::new(256, 128, waves).map(Arc::new)).unwrap();
         let over = weather.at(0.0).prepare(&site(daylight));
         // What is seen where nothing is left of anything else.
@@ -214,7 +214,7 @@ fn a_sky_runs_between_keyframes() {
         ("sky.panorama=", "sky.panorama is ``: must be the path of a picture, or \"auto\""),
         ("sky.scene_sky=drop", "sky.scene_sky is `drop`: must be one of keep, replace"),
     ] {
-        let error = weather.set(text).unwrap_err().to_string();
+        let error = weather.set_text(text).unwrap_err().to_string();
         assert!(error.starts_with(&format!("--set {text}: {want}")), "{error}");
     }
     for (text, want) in [
@@ -239,7 +239,7 @@ fn a_sky_runs_between_keyframes() {
     assert_eq!(Weather::read(&folder.join("w.toml")).unwrap().effects().count(), 1);
     std::fs::write(folder.join("w.toml"), "[sky]\npanorama = \"a/b:c.png\"\n").unwrap();
     let mut read = Weather::read(&folder.join("w.toml")).unwrap();
-    assert_eq!(read.pictures().next().unwrap().path(), folder.join("a/b:c.png"));
+    assert_eq!(read.images().next().unwrap().path(), folder.join("a/b:c.png"));
     std::fs::remove_dir_all(&folder).unwrap();
 }
 

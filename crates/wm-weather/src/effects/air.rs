@@ -48,6 +48,9 @@ macro_rules! air {
         pub const EFFECT: Effect = Effect {
             name: $name,
             about: $about,
+            role: EffectRole::Air,
+            needs: &[],
+            precipitation: None,
             slot: Slot::Medium,
             params: Params::PARAMS,
             act: |now, site| Action::Layer(Params::of(now.values).layer(site)),
@@ -94,7 +97,7 @@ macro_rules! air {
 
 /// What [`air!`] needs in scope.
 pub(super) mod prelude {
-    pub(in crate::effects) use crate::effects::{Action, Effect};
+    pub(in crate::effects) use crate::effects::{Action, Effect, EffectRole};
     pub(in crate::effects) use crate::optics::{Layer, Site, sigma_of_mor, sigma_of_visual_range, spectrum};
     pub(in crate::effects) use crate::paper::PaperFog;
     pub(in crate::effects) use crate::param::ParamValue;

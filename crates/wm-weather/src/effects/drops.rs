@@ -92,6 +92,9 @@ macro_rules! drops {
         pub const EFFECT: Effect = Effect {
             name: $name,
             about: $about,
+            role: EffectRole::Falls,
+            needs: &[Need::Shelter],
+            precipitation: Some(&$kind),
             slot: Slot::Particles,
             params: Params::PARAMS,
             act: |now, site| {
@@ -105,7 +108,7 @@ macro_rules! drops {
                     brightness: own.brightness,
                     radiance: own.color.map(|color| color.map(srgb_decode)),
                 };
-                Action::Precipitation(Box::new(Precipitation::new($kind, own.rate, airlight, look)))
+                Action::Precipitation(Box::new(Precipitation::new(&$kind, own.rate, airlight, look)))
             },
             act_as_paper: Some(|now, site| {
                 let own = Params::of(now.values);
@@ -119,7 +122,7 @@ macro_rules! drops {
                 let d_max = self.paper_d_max.unwrap_or(site.far) / site.metres_per_unit;
                 let fallen = EFFECT.param("paper_speed").map(|track| tracks[track].integral(0.0, time));
                 PaperFall {
-                    kind: $kind,
+                    kind: &$kind,
                     seed: self.seed as u64,
                     number: self.paper_number.unwrap_or_else(|| $number * (self.rate / $usual).sqrt()),
                     edge: self.paper_box,
@@ -155,11 +158,11 @@ macro_rules! drops {
 /// What [`drops!`] needs in scope.
 pub(super) mod prelude {
     pub(in crate::effects) use crate::effects::look::{ColorGrade, balance};
-    pub(in crate::effects) use crate::effects::{Action, Effect};
+    pub(in crate::effects) use crate::effects::{Action, Effect, EffectRole, Need};
     pub(in crate::effects) use crate::optics::Site;
     pub(in crate::effects) use crate::paper::{PaperFall, PaperFog};
     pub(in crate::effects) use crate::param::ParamValue;
-    pub(in crate::effects) use crate::particles::{ParticleAppearance, Precipitation, PrecipitationKind};
+    pub(in crate::effects) use crate::particles::{ParticleAppearance, Precipitation};
     pub(in crate::effects) use crate::track::Track;
     pub(in crate::effects) use wm_render::frame::{srgb_decode, srgb_encode};
     pub(in crate::effects) use wm_render::hooks::Slot;

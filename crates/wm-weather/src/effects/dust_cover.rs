@@ -4,7 +4,7 @@
 //! ash at 35 to 40. Where both are asked for the snow lies on it, and it is seen where there is none.
 
 use crate::cover::{CoverRequest, CoverMaterial};
-use crate::effects::{Action, Effect};
+use crate::effects::{Action, Effect, EffectRole, Need};
 use crate::param::ParamValue;
 use wm_render::hooks::Slot;
 use wm_scene::color::srgb_decode;
@@ -32,6 +32,9 @@ crate::params! {
 pub const EFFECT: Effect = Effect {
     name: "dust_cover",
     about: "Sand, dust or ash that lies: on what is open to the sky, sliding off what is steep",
+    role: EffectRole::Lies,
+    needs: &[Need::Cover],
+    precipitation: None,
     slot: Slot::Surface,
     params: Params::PARAMS,
     act: |now, site| {

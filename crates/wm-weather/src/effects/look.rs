@@ -14,7 +14,7 @@
 //! slightly cooler (temperature -0.2): part of them in fidelity `paper` ([`crate::paper::composite`]), else to be asked
 //! for.
 
-use crate::effects::{Action, Effect};
+use crate::effects::{Action, Effect, EffectRole};
 use crate::param::ParamValue;
 use fearless_simd::{Select, SimdBase, SimdFloat};
 use wm_render::dispatch;
@@ -43,6 +43,9 @@ crate::params! {
 pub const EFFECT: Effect = Effect {
     name: "look",
     about: "Exposure, white balance, saturation and contrast of the finished picture",
+    role: EffectRole::Lens,
+    needs: &[],
+    precipitation: None,
     slot: Slot::Lens,
     params: Params::PARAMS,
     act: |now, _| Action::Grade(Params::of(now.values).grade()),

@@ -10,7 +10,7 @@ use crate::effects::look::ColorGrade;
 use crate::optics::{Layer, Site};
 use crate::paper::{PaperCover, PaperFall, PaperFog};
 use crate::param::{Param, ParamKind, ParamValue};
-use crate::particles::Precipitation;
+use crate::particles::{Precipitation, PrecipitationKind};
 use crate::track::Track;
 use crate::weather::WeatherSample;
 use crate::wind::Wind;
@@ -25,6 +25,13 @@ pub struct Effect {
     pub name: &'static str,
     /// What it is, in one line.
     pub about: &'static str,
+    /// The kind of effect.
+    pub role: EffectRole,
+    /// What must be prepared of a place before the effect is rendered in physical units.
+    pub needs: &'static [Need],
+    /// The laws of what falls; `Some` for every effect whose role is [`EffectRole::Falls`], whose parameter `rate` is
+    /// then in mm/h of water, and for no other.
+    pub precipitation: Option<&'static PrecipitationKind>,
     /// Where in the render it acts.
     pub slot: Slot,
     /// Its parameters.
@@ -33,6 +40,47 @@ pub struct Effect {
     pub act: fn(&EffectContext<'_>, &Site) -> Action,
     /// What it does in the paper's formulation; `None` if the paper does not have it.
     pub act_as_paper: Option<fn(&EffectContext<'_>, &Site) -> Action>,
+}
+
+/// The kind of an effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EffectRole {
+    /// Changes what stands behind the scene.
+    Sky,
+    /// Fills the air with particles too small to be seen.
+    Air,
+    /// Falls through the air.
+    Falls,
+    /// Lies on the ground.
+    Lies,
+    /// Moves the air.
+    Wind,
+    /// Changes the finished picture.
+    Lens,
+}
+
+impl EffectRole {
+    /// The name in documentation and JSON.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sky => "sky",
+            Self::Air => "air",
+            Self::Falls => "falls",
+            Self::Lies => "lies",
+            Self::Wind => "wind",
+            Self::Lens => "lens",
+        }
+    }
+}
+
+/// What an effect needs to know of a place, beside its [`Site`], before the first frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// Where roofs and trees keep the ground dry ([`crate::shelter`]).
+    Shelter,
+    /// The surfaces that something can lie on ([`crate::cover`]).
+    Cover,
 }
 
 /// The parameters of an effect at one instant, in the order of its table.
@@ -98,6 +146,12 @@ impl Effect {
         }
     }
 
+    /// The effect of a kind of precipitation.
+    #[must_use]
+    pub fn of_precipitation(kind: &PrecipitationKind) -> Option<&'static Self> {
+        EFFECTS.iter().find(|effect| effect.precipitation == Some(kind))
+    }
+
     /// The position of a parameter in the table.
     #[must_use]
     pub fn param(&self, name: &str) -> Option<usize> {
@@ -124,6 +178,13 @@ mod tests {
                 );
                 assert!(!param.meaning.trim().is_empty());
             }
+            assert_eq!(effect.precipitation.is_some(), effect.role == EffectRole::Falls, "{}", effect.name);
+            let rate = effect.param("rate").map(|rate| effect.params[rate].unit);
+            assert!(
+                effect.role != EffectRole::Falls || rate == Some("mm/h"),
+                "{} falls at a rate",
+                effect.name
+            );
         }
     }
 }

@@ -6,11 +6,12 @@
 //! opacity and brightness are there for pictures that are to show more than a camera would.
 
 use super::drops::{drops, prelude::*};
+use crate::particles::RAIN;
 
 drops! {
     name: "rain",
     about: "Streaks of drops in their true number",
-    kind: PrecipitationKind::Rain,
+    kind: RAIN,
     /// Water that falls through a level plane. Drizzle 0.5, moderate rain 5, heavy 25, violent 100.
     rate: 10.0, 300.0,
     paper: {

@@ -9,7 +9,7 @@
 //! The paper has no such thing.
 
 use crate::dome::{Dome, SkyAppearance};
-use crate::effects::{Action, Effect};
+use crate::effects::{Action, Effect, EffectRole};
 use crate::optics::Site;
 use crate::panorama::LowerHemisphere;
 use crate::param::ParamValue;
@@ -89,6 +89,9 @@ crate::params! {
 pub const EFFECT: Effect = Effect {
     name: "sky",
     about: "What stands behind everything: clear, overcast, a colour or a panorama",
+    role: EffectRole::Sky,
+    needs: &[],
+    precipitation: None,
     slot: Slot::Background,
     params: Params::PARAMS,
     act: |now, site| Action::Sky(Params::of(now.values).dome(site)),

@@ -4,7 +4,7 @@
 //! [`crate::cover::snowpack`]. In fidelity `paper` it is [`PaperCover`]: no depth, and snow on all that looks up.
 
 use crate::cover::{CoverRequest, CoverMaterial, Snowpack};
-use crate::effects::{Action, Effect};
+use crate::effects::{Action, Effect, EffectRole, Need};
 use crate::paper::PaperCover;
 use crate::param::ParamValue;
 use wm_render::hooks::Slot;
@@ -67,6 +67,9 @@ crate::params! {
 pub const EFFECT: Effect = Effect {
     name: "snow_cover",
     about: "Snow that lies: on what is open to the sky, sliding off what is steep",
+    role: EffectRole::Lies,
+    needs: &[Need::Cover],
+    precipitation: None,
     slot: Slot::Surface,
     params: Params::PARAMS,
     act: |now, site| {

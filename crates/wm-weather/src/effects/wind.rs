@@ -3,7 +3,7 @@
 //! Formulas: [`crate::wind`]. One wind for all heights: drops take some metres to follow a change of wind, and those
 //! that are seen are near the ground. The paper moves its drops by hand.
 
-use crate::effects::{Action, Effect};
+use crate::effects::{Action, Effect, EffectRole};
 use crate::param::ParamValue;
 use crate::wind::Wind;
 use wm_render::hooks::Slot;
@@ -28,6 +28,9 @@ crate::params! {
 pub const EFFECT: Effect = Effect {
     name: "wind",
     about: "Wind: carries rain and snow along, with gusts",
+    role: EffectRole::Wind,
+    needs: &[],
+    precipitation: None,
     slot: Slot::Particles,
     params: Params::PARAMS,
     act: |now, _| {

@@ -115,7 +115,7 @@ mod tests {
             "haze.visual_range=auto",
             "rain=on",
         ] {
-            weather.set(set).unwrap();
+            weather.set_text(set).unwrap();
         }
         assert_eq!(again(&weather), weather, "{}", weather.to_toml());
     }
@@ -124,8 +124,8 @@ mod tests {
     fn it_is_as_short_as_written_by_hand() {
         let mut weather = Weather::default();
         weather.name = "mine".into();
-        weather.set("fog.mor=120").unwrap();
-        weather.set("sky=overcast").unwrap();
+        weather.set_text("fog.mor=120").unwrap();
+        weather.set_text("sky=overcast").unwrap();
         assert_eq!(
             weather.to_toml(),
             "name = \"mine\"\n\n[sky]\nmodel = \"overcast\"\n\n[fog]\nmor = 120.0\n"

@@ -19,9 +19,9 @@ use super::fog::PaperFog;
 use crate::dome::{from_level, level_axes, to_level};
 use crate::effects::look::ColorGrade;
 use crate::optics::Site;
-use crate::particles::PrecipitationKind;
 use crate::particles::fall::WindSample;
 use crate::particles::random::RandomSequence;
+use crate::particles::{ParticleShape, PrecipitationKind};
 use glam::{DQuat, DVec3};
 use std::f64::consts::{FRAC_PI_3, TAU};
 use wm_render::hooks::ParticleView;
@@ -43,7 +43,7 @@ const ARMS: usize = 3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct PaperFall {
     /// Drops or flakes.
-    pub kind: PrecipitationKind,
+    pub kind: &'static PrecipitationKind,
     /// Which of the equally likely ones.
     pub seed: u64,
     /// How many there are in the box; a part of one is none.
@@ -112,18 +112,17 @@ impl PaperFall {
     /// t_D in metres before a camera.
     #[must_use]
     pub fn reach(&self, camera: &Camera) -> f64 {
-        let seen = match self.kind {
-            PrecipitationKind::Rain => self.width,
-            PrecipitationKind::Snow => self.length,
+        let seen = match self.kind.shape {
+            ParticleShape::Ball => self.width,
+            ParticleShape::Flake => self.length,
         };
         self.t_d.unwrap_or_else(|| f64::from(ParticleView::new(camera).pixels()) * seen / CUT)
     }
 
     /// The numbers of thing `index`.
     fn draws(&self, index: u64) -> RandomSequence {
-        let kind = if self.kind == PrecipitationKind::Snow { 0x5110_9a9e } else { 0x4a11_9a9e };
-        let own =
-            RandomSequence::new(self.seed ^ kind << 20).bits() ^ index.wrapping_mul(0xd1b5_4a32_d192_ed03);
+        let kind = self.kind.key | 0x9a9e;
+        let own = RandomSequence::new(self.seed ^ kind << 20).bits() ^ index.wrapping_mul(0xd1b5_4a32_d192_ed03);
         // Twice, since sequences whose keys are near may run into each other.
         RandomSequence::new(RandomSequence::new(own).bits())
     }
@@ -166,7 +165,7 @@ impl PaperFall {
 
     /// Things as Gaussians.
     fn splats(&self, things: &[PaperParticle], before: &PaperFallContext<'_>) -> Splats {
-        let each = if self.kind == PrecipitationKind::Snow { ARMS } else { 1 };
+        let each = if self.kind.shape == ParticleShape::Flake { ARMS } else { 1 };
         let mut splats = Splats::with_capacity(each * things.len(), 0);
         let metres = before.site.metres_per_unit;
         let [x, y, up] = level_axes(before.site.up).map(DVec3::from_array);
@@ -186,13 +185,13 @@ impl PaperFall {
                     group: Group::Scene,
                 });
             };
-            match self.kind {
-                PrecipitationKind::Rain => {
+            match self.kind.shape {
+                ParticleShape::Ball => {
                     // Down, where it stands still before the camera.
                     let way = (air - up * thing.speed).try_normalize().unwrap_or(-up);
                     add(DQuat::from_rotation_arc(DVec3::X, way));
                 }
-                PrecipitationKind::Snow => {
+                ParticleShape::Flake => {
                     let turn = any_turn(&mut self.draws(thing.index ^ 1 << 63));
                     (0..ARMS).for_each(|arm| add(turn * DQuat::from_rotation_z(FRAC_PI_3 * arm as f64)));
                 }

@@ -9,7 +9,7 @@ use super::field::{Cells, Points, ViewFrustum};
 use super::precipitation::{CUT, Precipitation};
 use super::random::{RandomSequence, uniform};
 use super::residual::{FADE, NEAREST};
-use super::spectrum::PrecipitationKind;
+use super::spectrum::ParticleShape;
 use super::sway::{self, Sway};
 use crate::dome::{from_level, level_axes, to_level};
 use crate::optics::{AirView, Atmosphere, Site};
@@ -28,8 +28,6 @@ const ARMS: f64 = 4.0;
 const SOFT: f64 = 0.1;
 /// Share of the airlight that surroundings shine with: half of them sky, half ground of half its light.
 const SURROUNDINGS: f64 = 0.75;
-/// Share of its light that a flake throws back.
-const FLAKE: f64 = 0.95;
 /// Standard deviation of a disc and of a line of length 1.
 const DISC: f64 = 0.25;
 const LINE: f64 = 0.288_675_134_594_812_9;
@@ -77,11 +75,7 @@ impl<'a> FallingParticles<'a> {
     ) -> Self {
         let axes = level_axes(site.up);
         let natural = || {
-            let share = if precipitation.kind == PrecipitationKind::Snow {
-                SURROUNDINGS * FLAKE
-            } else {
-                SURROUNDINGS
-            };
+            let share = SURROUNDINGS * precipitation.kind.reflectance;
             precipitation.airlight.map(|v| v * share)
         };
         let radiance = precipitation.look.radiance.unwrap_or_else(natural);
@@ -100,9 +94,8 @@ impl<'a> FallingParticles<'a> {
 
     /// A tier of a class.
     fn cells(&self, class: usize, tier: usize) -> Cells {
-        let kind = if self.precipitation.kind == PrecipitationKind::Snow { 0x5110_0000 } else { 0x4a11_0000 };
         let own = (class as u64) << 40 ^ (tier as u64) << 52;
-        let mut draws = RandomSequence::new(self.precipitation.look.seed ^ kind ^ own);
+        let mut draws = RandomSequence::new(self.precipitation.look.seed ^ self.precipitation.kind.key ^ own);
         Cells::new(
             draws.bits() as u32,
             self.precipitation.reference[class],
@@ -114,9 +107,9 @@ impl<'a> FallingParticles<'a> {
     fn density(&self, class: usize, view: &ParticleView) -> Density {
         let this = self.precipitation;
         let range = this.range(&this.classes[class], f64::from(view.pixels()));
-        let merge = match this.kind {
-            PrecipitationKind::Rain => f64::INFINITY,
-            PrecipitationKind::Snow => range * CUT / MERGE,
+        let merge = match this.kind.shape {
+            ParticleShape::Ball => f64::INFINITY,
+            ParticleShape::Flake => range * CUT / MERGE,
         };
         Density { share: this.numbers[class] / this.reference[class], range, merge }
     }
@@ -128,9 +121,9 @@ impl<'a> FallingParticles<'a> {
         let [x, y] = self.wind_now.drift;
         let come = [x, y, -kind.fall_speed * self.time];
         let speed = self.relative(kind.fall_speed).iter().map(|v| v * v).sum::<f64>().sqrt();
-        let sway = match self.precipitation.kind {
-            PrecipitationKind::Rain => 0.0,
-            PrecipitationKind::Snow => sway::farthest(),
+        let sway = match self.precipitation.kind.shape {
+            ParticleShape::Ball => 0.0,
+            ParticleShape::Flake => sway::farthest(),
         };
         // As far as its Gaussian reaches: three standard deviations of a streak are less than its length.
         let margin =
@@ -356,7 +349,7 @@ impl<'a> Brush<'a> {
             planes: cone.planes.map(|plane| plane.map(|v| v as f32)),
             margin: cone.margin as f32,
             air: fall.air.seen_from(view.center.map(|v| v as f32)),
-            sway: (this.kind == PrecipitationKind::Snow).then(|| Sway::new(fall.time)),
+            sway: (this.kind.shape == ParticleShape::Flake).then(|| Sway::new(fall.time)),
             relative: fall.relative(this.classes[class].fall_speed).map(|v| v as f32),
             units: fall.axes.map(|axis| axis.map(|v| (v / fall.metres_per_unit) as f32)),
             fall,
@@ -473,7 +466,7 @@ impl<'a> Brush<'a> {
                 }
             }
         }
-        if this.kind == PrecipitationKind::Snow {
+        if this.kind.shape == ParticleShape::Flake {
             for lane in 0..self.count {
                 let width = f64::from(self.batch.width[lane]) * look.size;
                 if width * f64::from(view.pixels()) >= ARMS * f64::from(self.batch.distance[lane]) {

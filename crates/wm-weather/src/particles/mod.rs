@@ -34,4 +34,4 @@ pub mod sway;
 pub use fall::FallingParticles;
 pub use precipitation::{ParticleAppearance, Precipitation};
 pub use residual::Residual;
-pub use spectrum::{PrecipitationKind, SizeClass};
+pub use spectrum::{ClassSpacing, ParticleShape, PrecipitationKind, RAIN, SNOW, SizeClass};

@@ -35,7 +35,7 @@ impl Default for ParticleAppearance {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Precipitation {
     /// What falls.
-    pub kind: PrecipitationKind,
+    pub kind: &'static PrecipitationKind,
     /// Water, mm/h.
     pub rate: f64,
     /// How it looks.
@@ -51,7 +51,12 @@ pub struct Precipitation {
 impl Precipitation {
     /// A kind at a rate, mm/h of water, under an airlight (linear RGB).
     #[must_use]
-    pub fn new(kind: PrecipitationKind, rate: f64, airlight: [f64; 3], look: ParticleAppearance) -> Self {
+    pub fn new(
+        kind: &'static PrecipitationKind,
+        rate: f64,
+        airlight: [f64; 3],
+        look: ParticleAppearance,
+    ) -> Self {
         let classes = kind.classes();
         Self {
             kind,

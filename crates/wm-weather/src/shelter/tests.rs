@@ -490,13 +490,13 @@ fn roofs_of_the_street_shelter() {
 #[test]
 #[ignore = "measures time"]
 fn time_of_a_real_scene() {
-    use std::time::WeatherSample;
+    use std::time::Instant;
     let Some(path) = data("scenes/headquarter-garden.ply") else { return };
     let mut scene = wm_scene::formats::read_scene(&path, &Default::default()).unwrap();
     wm_scene::survey::label_sky(&mut scene.splats);
     let site = metres();
     for fall in [DOWN, [0.3, 0.2, -1.0], [1.0, 0.0, -1.0]] {
-        let start = WeatherSample::now();
+        let start = Instant::now();
         let occluders = Occluders::of(&scene.splats, &site, &ShelterOptions::default());
         let prepared = start.elapsed();
         let shelter = occluders.shelter(fall, None);
@@ -517,10 +517,10 @@ fn time_of_a_real_scene() {
                 )
             })
             .collect();
-        let start = WeatherSample::now();
+        let start = Instant::now();
         let exposed = points.iter().filter(|at| shelter.is_exposed(**at)).count();
         let hard = start.elapsed() / 100_000;
-        let start = WeatherSample::now();
+        let start = Instant::now();
         let soft: f32 = points.iter().map(|at| shelter.exposure(*at, 0.5)).sum();
         println!(
             "  {exposed} of 100,000 exposed, {hard:?} each; softly {soft}, {:?} each",

@@ -128,7 +128,7 @@ fn a_value_without_keys_has_integrals_too() {
 }
 
 /// Tracks of one to six keys at uneven times, with any easings.
-fn tracks() -> impl Strategy<ParamValue = Track> {
+fn tracks() -> impl Strategy<Value = Track> {
     prop::collection::vec((0.05..3.0f64, 0.0..100.0f64, 0..Easing::ALL.len()), 1..6).prop_map(|parts| {
         let mut time = -2.0;
         let keys = parts.into_iter().map(|(gap, value, easing)| {

@@ -87,15 +87,15 @@ fn camera() -> Camera {
 #[test]
 fn the_defaults_are_no_effect() {
     let mut weather = Weather::clear();
-    weather.set("look=on").unwrap();
+    weather.set_text("look=on").unwrap();
     let pixels = |weather: &Weather| weather.at(0.0).prepare(&SITE).with_hooks(&Observer::at_rest(&camera()), |hooks| hooks.pixels.len());
     assert_eq!((weather.effects().count(), pixels(&weather)), (1, 0));
     for text in ["exposure=0.1", "saturation=0.9", "contrast=1.1", "temperature=-0.1"] {
         let mut weather = weather.clone();
-        weather.set(&format!("look.{text}")).unwrap();
+        weather.set_text(&format!("look.{text}")).unwrap();
         assert_eq!(pixels(&weather), 1, "{text}");
     }
-    weather.set("look.exposure=0:0,2:-1").unwrap();
+    weather.set_text("look.exposure=0:0,2:-1").unwrap();
     let light = |time: f64| {
         weather.at(time).prepare(&SITE).with_hooks(&Observer::at_rest(&camera()), |hooks| {
             let mut rgb = [[0.5f32; PATCH_PIXELS]; 3];
@@ -139,7 +139,7 @@ fn each_parameter_does_what_it_says() {
 fn it_acts_after_fog_over_pixels() {
     let mut weather = Weather::clear();
     for text in ["look.exposure=-1", "fog.paper_intensity=1", "fog.paper_color=#ffffff", "fidelity=paper"] {
-        weather.set(text).unwrap();
+        weather.set_text(text).unwrap();
     }
     let mut rgb = [[0.0f32; PATCH_PIXELS]; 3];
     weather.at(0.0).prepare(&SITE).with_hooks(&Observer::at_rest(&camera()), |hooks| {

@@ -8,7 +8,7 @@ const SITE: Site = Site { metres_per_unit: 0.5, airlight: [0.7; 3], far: 60.0, .
 fn sky(texts: &[&str], time: f64) -> PreparedWeather {
     let mut weather = Weather::clear();
     for text in ["fidelity=paper"].iter().chain(texts) {
-        weather.set(text).unwrap();
+        weather.set_text(text).unwrap();
     }
     weather.at(time).prepare(&SITE)
 }
