@@ -26,7 +26,7 @@ use wm_scene::{
     synthetic::uniform,
 };
 
-/// Where the photos are taken from.
+/// The route along which photos are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Route {
     /// Forward along the street, in three lanes in turn: a single line of cameras that look where they go
@@ -37,7 +37,7 @@ pub enum Route {
     Orbit,
 }
 
-/// Whether exact depth, normals and sky are written too.
+/// The choice of whether exact depth, normals and sky are written too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Truth {
     /// They are.
@@ -47,12 +47,12 @@ pub enum Truth {
     Omit,
 }
 
-/// What is made.
+/// Options of a made-up data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuiltinOptions {
-    /// Where the photos are taken from.
+    /// The route along which photos are taken.
     pub route: Route,
-    /// How many, 1 and above.
+    /// The number of photos, 1 or more.
     pub count: u32,
     /// Their width and height, px.
     pub size: (u32, u32),
@@ -60,9 +60,9 @@ pub struct BuiltinOptions {
     pub samples: u32,
     /// Most points.
     pub points: u32,
-    /// How the model is stored.
+    /// The form in which the model is stored.
     pub storage: Storage,
-    /// Whether the truth is written too.
+    /// The choice of whether the truth is written too.
     pub truth: Truth,
 }
 
@@ -202,7 +202,7 @@ fn points(place: &Place, cameras: &[Camera], most: usize) -> (Points, Vec<Vec<Ob
     (points, observations)
 }
 
-/// Where a camera sees a point, px; `None` if it does not.
+/// Returns the image point at which a camera sees a point, px; `None` if it does not.
 fn seen_at(place: &Place, camera: &Camera, point: DVec3) -> Option<[f32; 2]> {
     let (x, y, _) = camera.project(point)?;
     let is_inside = x > 0.0 && y > 0.0 && x < f64::from(camera.width) && y < f64::from(camera.height);

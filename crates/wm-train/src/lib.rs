@@ -19,6 +19,7 @@ pub mod colmap;
 pub mod config;
 pub mod dataset;
 pub mod densify;
+pub mod evaluation;
 pub mod exposure;
 mod learner;
 pub mod losses;

@@ -3,14 +3,14 @@
 
 use wm_scene::synthetic::uniform;
 
-/// What random numbers are drawn for.
+/// The purpose of random numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// The order of the photos.
     Order = 1,
-    /// Where splats begin.
+    /// Starting positions of splats.
     Start = 2,
-    /// Which splats are copied.
+    /// The choice of splats that are copied.
     Sample = 3,
     /// Exploring.
     Noise = 4,
@@ -32,7 +32,7 @@ impl Random {
         Self(uniform(mixed, 0x5ca1_ab1e).to_bits() ^ mixed.rotate_left(23))
     }
 
-    /// What [`wm_scene::synthetic::uniform`] is given.
+    /// Returns the seed for [`wm_scene::synthetic::uniform`].
     #[must_use]
     pub fn seed(self) -> u64 {
         self.0

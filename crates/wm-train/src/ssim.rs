@@ -1,6 +1,6 @@
 //! Structural similarity of pictures, and its derivative.
 //!
-//! As published (Wang et al. 2004): a Gaussian window of 11 px and standard deviation 1.5, applied as
+//! SSIM as published (Wang et al. 2004): a Gaussian window of 11 px and standard deviation 1.5, applied as
 //! rows and columns, zero beyond the border; constants 0.01^2 and 0.03^2 for values 0-1; the mean over
 //! all pixels and channels. With the windowed means `m`, and `e` of products,
 //! `S = (2 mx my + c1)(2 (exy - mx my) + c2) / ((mx^2 + my^2 + c1)(exx - mx^2 + eyy - my^2 + c2))`.
@@ -52,7 +52,7 @@ pub struct Ssim {
 struct Pictures<'a> {
     x: &'a [f32],
     y: &'a [f32],
-    /// What each pixel counts, where they do not all count alike.
+    /// The weight of each pixel, where not all are equal.
     counts: Option<&'a [f32]>,
     /// Values of a row that are of the picture.
     line: usize,
@@ -179,7 +179,7 @@ struct Band {
     zeros: Vec<f32>,
 }
 
-/// Where vectors of `lanes` begin that cover `wide` values: the last one ends where they end. With the
+/// Returns the starts of vectors of `lanes` that cover `wide` values: the last one ends where they end. With the
 /// lanes that are new in it.
 #[inline(always)]
 fn groups(wide: usize, lanes: usize) -> impl Iterator<Item = (usize, usize)> {

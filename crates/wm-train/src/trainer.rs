@@ -4,11 +4,11 @@
 //! configuration, photos and starting splats: random numbers are keyed by the step, no sum depends on
 //! threads. So a training that is broken off and gone on with ends in the same bytes.
 
-use crate::config::{BackgroundKind, Exposure, TrainConfig};
+use crate::config::{BackgroundKind, ExposureMode, TrainConfig};
 use crate::densify::{Densified, DensifyTime, Population};
 use crate::exposure::Exposures;
 use crate::learner::Learner;
-use crate::losses::{self, LossGradients, LossInput, LossTerm, OwnRender, Reads, Truth};
+use crate::losses::{self, LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::random::{Purpose, Random};
 use crate::schedule;
 use std::time::Instant;
@@ -39,7 +39,7 @@ pub struct Trainer {
     orders: [Order; 2],
 }
 
-/// In which order an epoch sees the photos.
+/// The order in which an epoch sees the photos.
 #[derive(Default)]
 struct Order {
     epoch: u32,
@@ -61,27 +61,27 @@ pub struct TrainState {
 #[derive(Default)]
 struct Work {
     frame: Frame,
-    /// What the scene's colours were before they became those of the photo.
+    /// The colours of the scene before the photo's exposure.
     rendered: Vec<f32>,
     loss: LossGradients,
 }
 
-/// What came of a render.
+/// The result of a render.
 struct Seen {
     /// Splats in view.
     visible: usize,
-    /// What a device made of it, if it did.
+    /// The result of the device's comparison, if it compared.
     compared: Option<Compared>,
     /// Seconds up to its pictures.
     forward: f64,
 }
 
-/// Whether a term says something at a step, of its own render `own` or of the common one.
-fn is_active(term: &dyn LossTerm, own: Option<OwnRender>, step: u32, truth: &Truth<'_>) -> bool {
+/// Returns true if a term has a weight at a step, for its own render `own` or the common one.
+fn is_active(term: &dyn LossTerm, own: Option<OwnRender>, step: u32, truth: &TrainPhoto<'_>) -> bool {
     term.own_render() == own && term.weight(step, truth) != 0.0
 }
 
-/// What a step did.
+/// The report of a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// The sum of the terms with their weights.
@@ -94,7 +94,7 @@ pub struct StepReport {
     pub visible: usize,
     /// Steps that were lost with a device: the training goes on without it after those that are left.
     pub lost: u32,
-    /// Where the time went.
+    /// The times of its parts.
     pub times: StepTimes,
 }
 
@@ -145,8 +145,8 @@ impl Trainer {
         photos: usize,
     ) -> Self {
         let exposures = match config.exposure {
-            Exposure::Shared => Exposures::default(),
-            Exposure::Photo => Exposures::new(photos),
+            ExposureMode::Shared => Exposures::default(),
+            ExposureMode::Photo => Exposures::new(photos),
         };
         let state = TrainState { step: 0, population: Population::new(splats), exposures };
         Self::resumed(config, renderer, state, extent, photos)
@@ -190,7 +190,7 @@ impl Trainer {
         self.learner.count(&self.state.population)
     }
 
-    /// Whether there are no splats.
+    /// Returns true if there are no splats.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -233,7 +233,7 @@ impl Trainer {
         self.learner.renderer().path()
     }
 
-    /// What runs, for reports.
+    /// Returns the back end in words.
     #[must_use]
     pub fn describe(&self) -> String {
         self.learner.renderer().describe()
@@ -250,7 +250,7 @@ impl Trainer {
         self.learner.renderer().pool().current_num_threads()
     }
 
-    /// Whether all steps are done.
+    /// Returns true if all steps are done.
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.state.step >= self.config.steps
@@ -270,7 +270,7 @@ impl Trainer {
         order.places[(step % count) as usize]
     }
 
-    /// How often the sides of photos are halved for step `step`.
+    /// Returns how often the sides of photos are halved for step `step`.
     #[must_use]
     pub fn level_at(&self, step: u32, last_level: u8) -> u8 {
         schedule::level(&self.config, step, last_level)
@@ -281,7 +281,7 @@ impl Trainer {
     ///
     /// # Errors
     /// [`RenderError`] if the camera cannot be rendered with, memory is short or the device fails.
-    pub fn step(&mut self, truth: &Truth<'_>, photo: usize) -> Result<StepReport, RenderError> {
+    pub fn step(&mut self, truth: &TrainPhoto<'_>, photo: usize) -> Result<StepReport, RenderError> {
         let pool = std::sync::Arc::clone(self.learner.renderer().pool());
         match pool.install(|| self.step_on_pool(truth, photo)) {
             Err(error) => Ok(StepReport { lost: self.go_back(error)?, ..StepReport::default() }),
@@ -289,7 +289,7 @@ impl Trainer {
         }
     }
 
-    fn step_on_pool(&mut self, truth: &Truth<'_>, photo: usize) -> Result<StepReport, RenderError> {
+    fn step_on_pool(&mut self, truth: &TrainPhoto<'_>, photo: usize) -> Result<StepReport, RenderError> {
         let step = self.state.step;
         let rates = schedule::rates(&self.config.rates, step, self.config.steps, self.extent);
         let seed = self.config.seed;
@@ -377,7 +377,7 @@ impl Trainer {
     /// or on the device where all of them can be found out there.
     fn see(
         &mut self,
-        truth: &Truth<'_>,
+        truth: &TrainPhoto<'_>,
         photo: usize,
         own: Option<OwnRender>,
         config: &ForwardConfig,
@@ -438,7 +438,7 @@ impl Trainer {
     /// Adds to the gradients what terms take from renders of their own; equal renders are made once.
     fn add_own_renders(
         &mut self,
-        truth: &Truth<'_>,
+        truth: &TrainPhoto<'_>,
         photo: usize,
         common: &ForwardConfig,
         report: &mut StepReport,
@@ -528,7 +528,7 @@ mod tests {
         Trainer::new(config, Box::new(CpuDifferentiable::new(run).unwrap()), splats, 3.0, 4)
     }
 
-    /// What each camera sees of the truth.
+    /// Returns what each camera sees of the truth.
     fn photos() -> Vec<Vec<f32>> {
         let mut truth = trainer(config(1), truth_splats());
         let mut frame = Frame::default();
@@ -560,7 +560,8 @@ mod tests {
             for _ in 0..4 {
                 let step = trainer.steps_done();
                 let index = trainer.photo_at(step);
-                let truth = Truth { rgb: &photos[index], mask: None, camera: &cameras[index], prior: None };
+                let truth =
+                    TrainPhoto { rgb: &photos[index], mask: None, camera: &cameras[index], prior: None };
                 sum += trainer.step(&truth, index).unwrap().loss;
             }
             losses.push(sum / 4.0);
@@ -581,7 +582,7 @@ mod tests {
             "pull"
         }
 
-        fn weight(&self, _: u32, _: &Truth<'_>) -> f64 {
+        fn weight(&self, _: u32, _: &TrainPhoto<'_>) -> f64 {
             self.weight
         }
 
@@ -605,7 +606,7 @@ mod tests {
         trainer.add_term(Box::new(Pull { weight, own, calls: Arc::clone(&calls) }));
         let (cameras, photos) = (cameras(), photos());
         let before = trainer.state().unwrap().population.splats.clone();
-        let truth = Truth { rgb: &photos[0], mask: None, camera: &cameras[0], prior: None };
+        let truth = TrainPhoto { rgb: &photos[0], mask: None, camera: &cameras[0], prior: None };
         let report = trainer.step(&truth, 0).unwrap();
         (before, trainer.state().unwrap().population.splats.clone(), calls.load(Ordering::Relaxed), report)
     }
@@ -644,7 +645,7 @@ mod tests {
         let mut config = config(1000);
         config.densify = Densify::Adaptive(crate::densify::adaptive::AdaptiveConfig::for_steps(1000, 100));
         let (cameras, photos) = (cameras(), photos());
-        let truth = Truth { rgb: &photos[0], mask: None, camera: &cameras[0], prior: None };
+        let truth = TrainPhoto { rgb: &photos[0], mask: None, camera: &cameras[0], prior: None };
         let pulls = [None, Some(OWN)].map(|own| {
             let mut trainer = trainer(config.clone(), perturbed());
             if own.is_some() {
@@ -672,7 +673,7 @@ mod tests {
             taken += 1;
             let step = trainer.steps_done();
             let index = trainer.photo_at(step);
-            let truth = Truth { rgb: &photos[index], mask: None, camera: &cameras[index], prior: None };
+            let truth = TrainPhoto { rgb: &photos[index], mask: None, camera: &cameras[index], prior: None };
             let report = trainer.step(&truth, index).unwrap();
             if trainer.steps_done() <= step {
                 lost.push((step, report.lost));
