@@ -5,7 +5,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use wm_scene::capture::Capture;
 use wm_train::photos::{BadPhotos, Check, PhotoSize, Photos};
-pub use wm_train::{Dataset, DatasetOptions, HeldOut};
+pub use wm_train::{Dataset, DatasetReadOptions, HeldOut};
 
 /// Where the photos are, and how large they are used.
 #[derive(Args, Clone, Debug)]
@@ -33,8 +33,8 @@ pub struct DatasetArgs {
 impl DatasetArgs {
     /// Returns the options of the library.
     #[must_use]
-    pub fn options(&self) -> DatasetOptions {
-        DatasetOptions {
+    pub fn options(&self) -> DatasetReadOptions {
+        DatasetReadOptions {
             images: self.images.clone(),
             masks: self.masks.clone(),
             model: self.model.clone(),

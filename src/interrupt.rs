@@ -13,6 +13,11 @@ static HEEDED: AtomicBool = AtomicBool::new(false);
 #[error("stopped: {0}")]
 pub struct Interrupted(pub String);
 
+/// Returns true if an error says that the work was stopped, here or in the library.
+pub fn is_stop(error: &anyhow::Error) -> bool {
+    error.is::<Interrupted>() || matches!(error.downcast_ref(), Some(weather_magician::Error::Stopped))
+}
+
 /// Starts to listen. The first Ctrl-C waits for work that calls [`asked`]; where there is none, and
 /// the second time, it ends the program at once.
 pub fn listen() {

@@ -8,21 +8,19 @@
 #[macro_use]
 mod say;
 
+mod choices;
 mod commands;
 mod dataset;
 mod instruments;
 mod interrupt;
-mod media;
 mod names;
 mod output;
 mod parts;
 mod pipeline;
 mod progress;
-mod reduce;
 mod report;
 mod scene;
 mod studio;
-mod view;
 #[cfg(feature = "viewer")]
 mod viewer;
 mod weather;
@@ -39,7 +37,7 @@ fn main() -> ExitCode {
     };
     match commands::run(cli) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) if error.is::<interrupt::Interrupted>() => {
+        Err(error) if interrupt::is_stop(&error) => {
             eprintln!("{error}");
             ExitCode::from(130)
         }

@@ -1,15 +1,15 @@
 //! Frames to files: which pictures, in which formats, under which names.
 
-use crate::media::color::Dither;
-use crate::media::{MediaError, Size, exr, png};
 use crate::names::beside;
 use crate::parts::Picture;
 use anyhow::{Result, bail};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use wm_media::color::Dither;
+use wm_media::{MediaError, Size, exr, png};
 use wm_render::frame::srgb_encode;
-use wm_render::passes::Pass;
+use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs, ParticlePass};
 use wm_scene::npy;
 
@@ -62,11 +62,11 @@ impl Kind {
     }
 
     /// The part of a picture that it is, where that takes renders of its own.
-    fn pass(self) -> Option<Pass> {
+    fn part(self) -> Option<PicturePart> {
         match self {
-            Self::Transmittance => Some(Pass::Transmittance),
-            Self::Clean => Some(Pass::Clean),
-            Self::Airlight => Some(Pass::Airlight),
+            Self::Transmittance => Some(PicturePart::Transmittance),
+            Self::Clean => Some(PicturePart::Clean),
+            Self::Airlight => Some(PicturePart::Airlight),
             _ => None,
         }
     }
@@ -156,8 +156,8 @@ pub fn outputs(also: &[Also]) -> Outputs {
 }
 
 /// The parts of a picture that are asked for and take renders of their own.
-pub fn passes(also: &[Also]) -> Vec<Pass> {
-    also.iter().filter_map(|also| also.kind.pass()).collect()
+pub fn parts(also: &[Also]) -> Vec<PicturePart> {
+    also.iter().filter_map(|also| also.kind.part()).collect()
 }
 
 /// Where pictures go that are asked for without a format of their own.
@@ -230,7 +230,7 @@ impl Style {
     }
 
     /// The values of a picture, `[H, W, C]`: metres, world axes, shares and linear light.
-    fn values<'a>(&self, kind: Kind, Picture { frame, passes }: &'a Picture) -> Cow<'a, [f32]> {
+    fn values<'a>(&self, kind: Kind, Picture { frame, parts }: &'a Picture) -> Cow<'a, [f32]> {
         let metres = |depth: &[f32]| -> Vec<f32> {
             depth.iter().map(|v| (f64::from(*v) * self.metres_per_unit) as f32).collect()
         };
@@ -240,9 +240,9 @@ impl Style {
             Kind::Normal => &frame.normal,
             Kind::Alpha => &frame.alpha,
             Kind::Particles => &frame.particles,
-            Kind::Transmittance => &passes.transmittance,
-            Kind::Clean => &passes.clean,
-            Kind::Airlight => &passes.airlight,
+            Kind::Transmittance => &parts.transmittance,
+            Kind::Clean => &parts.clean,
+            Kind::Airlight => &parts.airlight,
         })
     }
 
@@ -350,6 +350,6 @@ mod tests {
         assert_eq!(ask("transmittance,alpha").particles, ParticlePass::Off);
         assert_eq!(ask("particles").particles, ParticlePass::On);
         let also: Vec<Also> = ["depth", "clean", "transmittance.npy"].map(|a| a.parse().unwrap()).into();
-        assert_eq!(passes(&also), [Pass::Clean, Pass::Transmittance]);
+        assert_eq!(parts(&also), [PicturePart::Clean, PicturePart::Transmittance]);
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::studio::{Moving, Studio};
 use anyhow::Result;
-use wm_render::passes::{Pass, Passes};
-use wm_render::{Frame, Renderer, Stats};
+use wm_render::parts::{PicturePart, PictureParts, render_with_parts};
+use wm_render::{Frame, Stats};
 use wm_weather::Weather;
 
 /// A frame and its parts.
@@ -12,7 +12,7 @@ pub struct Picture {
     /// Colour, geometry and what falls.
     pub frame: Frame,
     /// What takes renders of its own.
-    pub passes: Passes,
+    pub parts: PictureParts,
 }
 
 impl Studio {
@@ -22,15 +22,16 @@ impl Studio {
         weather: &Weather,
         time: f64,
         moving: Moving,
-        wanted: &[Pass],
+        wanted: &[PicturePart],
         picture: &mut Picture,
     ) -> Result<Stats> {
         if wanted.is_empty() {
             return self.render(weather, time, moving, &mut picture.frame);
         }
         self.with_job(weather, time, moving, |renderer, job| {
-            let stats = renderer.render(job, &mut picture.frame)?;
-            Ok(stats + picture.passes.render(renderer, job, wanted)?)
+            let (stats, parts) = render_with_parts(renderer, job, wanted, &mut picture.frame)?;
+            picture.parts = parts;
+            Ok(stats)
         })
     }
 }

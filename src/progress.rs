@@ -1,6 +1,8 @@
 //! Progress of long work, on the error stream, where it is a terminal.
 
+use crate::interrupt;
 use indicatif::{ProgressBar, ProgressStyle};
+use weather_magician::Progress;
 
 /// A bar for `count` steps called `what`, with rate and time left.
 pub fn bar(count: u64, what: &'static str) -> ProgressBar {
@@ -14,4 +16,26 @@ pub fn spinner(what: &'static str) -> ProgressBar {
     let bar = ProgressBar::new_spinner().with_message(what);
     bar.enable_steady_tick(std::time::Duration::from_millis(120));
     bar
+}
+
+/// Draws the progress of the library's work on the terminal, and stops it on Ctrl-C.
+#[derive(Default)]
+pub struct Reporter(Option<ProgressBar>);
+
+impl Progress for Reporter {
+    fn begin(&mut self, task: &'static str, steps: Option<u64>) {
+        self.0 = Some(steps.map_or_else(|| spinner(task), |steps| bar(steps, task)));
+    }
+
+    fn advance(&mut self, steps: u64) {
+        self.0.iter().for_each(|bar| bar.inc(steps));
+    }
+
+    fn end(&mut self) {
+        self.0.take().iter().for_each(ProgressBar::finish_and_clear);
+    }
+
+    fn is_stopped(&mut self) -> bool {
+        interrupt::asked()
+    }
 }

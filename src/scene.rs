@@ -1,17 +1,17 @@
 //! A scene made ready to render: read, checked, surveyed and loaded.
 
-use crate::view::{self, spec};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
+use weather_magician::view::{self, spec};
 use wm_render::simd::SimdChoice;
 use wm_render::{
-    AnyDifferentiable, AnyRenderer, Background, CpuConfig, Device, Renderer, SetId, SkyGradient,
+    AnyDifferentiable, AnyRenderer, Background, CpuConfig, Device, RenderBackend, SetId, SkyGradient,
 };
-use wm_scene::formats::{Level, ReadOptions, read_scene};
-use wm_scene::survey::{Source, Survey, known_distance, label_sky};
-use wm_scene::{Metadata, Scene, capture, splats::Faults};
+use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
+use wm_scene::survey::{FactSource, Survey, known_distance, label_sky};
+use wm_scene::{Metadata, Scene, capture};
 use wm_weather::{Daylight, Site};
 
 /// Which scene, and what is known of it.
@@ -182,7 +182,7 @@ impl Loaded {
             ground: survey.ground.value,
             airlight: survey.airlight.value,
             daylight: match survey.airlight.source {
-                Source::Estimated | Source::Assumed if survey.sky_splats == 0 => Daylight::Guessed,
+                FactSource::Estimated | FactSource::Assumed if survey.sky_splats == 0 => Daylight::Guessed,
                 _ => Daylight::Known,
             },
             far: 3.0 * survey.radius.max(1e-6) * survey.metres_per_unit.value,
@@ -192,33 +192,13 @@ impl Loaded {
 
 /// How a scene is read of which a level may be asked for.
 pub fn read_options(level: Option<u32>) -> ReadOptions {
-    ReadOptions { level: level.map_or(Level::Finest, Level::Number), ..ReadOptions::default() }
+    ReadOptions { level: level.map_or(DetailLevel::Finest, DetailLevel::Number), ..ReadOptions::default() }
 }
 
 /// Refuses splats that cannot be rendered, with their counts, or drops them where they may be repaired.
 pub fn check(scene: &mut Scene, path: &Path, repair: bool) -> Result<()> {
-    let splats = &scene.splats;
-    let mut counts = [0usize; 5];
-    let mut faulty = 0;
-    for index in 0..splats.len() {
-        let Faults { mean, scale, opacity, quat, sh, .. } = splats.faults(index);
-        let faults = [mean, scale, opacity, quat, sh];
-        for (count, fault) in counts.iter_mut().zip(faults) {
-            *count += usize::from(fault);
-        }
-        faulty += usize::from(faults.contains(&true));
-    }
-    if faulty == 0 {
-        return Ok(());
-    }
-    let named = counts.iter().zip(["positions", "scales", "opacities", "rotations", "colours"]);
-    let named = named.filter(|(count, _)| **count > 0).map(|(count, name)| format!("{count} in {name}"));
-    let what = format!(
-        "{}: {faulty} of {} splats hold NaN or infinite numbers ({})",
-        path.display(),
-        splats.len(),
-        named.collect::<Vec<_>>().join(", ")
-    );
+    let Err(found) = scene.check_finite() else { return Ok(()) };
+    let what = format!("{}: {found}", path.display());
     if !repair {
         bail!("{what}; --repair leaves them out");
     }

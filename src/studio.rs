@@ -9,13 +9,14 @@ pub use place::{Lack, Made, cover};
 pub use place::{Place, sights};
 
 use crate::scene::Loaded;
-use crate::view::spec;
 use anyhow::Result;
 use std::sync::Arc;
 use std::time::Instant;
-use wm_render::hooks::{Hooks, Slot, Visibility};
+use weather_magician::view::spec;
+use wm_render::hooks::{Slot, SplatAttributes};
 use wm_render::{
-    AnyRenderer, Background, Frame, Geometry, Job, Outputs, RenderConfig, Renderer, SetId, SetView, Stats,
+    AnyRenderer, Background, DrawPass, Frame, Geometry, Outputs, RenderBackend, RenderConfig, SetId, SetView,
+    Stats,
 };
 use wm_scene::{Camera, Splats};
 use wm_weather::cover::{Airflow, Asked, Buried, Cover};
@@ -75,8 +76,8 @@ impl Laid {
 
 /// A scene and what lies on it, which hides some of it.
 pub fn sets(scene: SetId, lying: Option<(SetId, &Buried)>) -> Vec<SetView<'_>> {
-    let visibility = lying.map(|(_, buried)| buried as &dyn Visibility);
-    let scene = SetView { set: scene, visibility };
+    let attributes = lying.map(|(_, buried)| buried as &dyn SplatAttributes);
+    let scene = SetView::plain(scene).with_attributes(attributes);
     [scene].into_iter().chain(lying.map(|(set, _)| SetView::plain(set))).collect()
 }
 
@@ -277,7 +278,7 @@ impl Studio {
         weather: &Weather,
         time: f64,
         moving: Moving,
-        work: impl FnOnce(&mut AnyRenderer, &Job<'_>) -> Result<R>,
+        work: impl FnOnce(&mut AnyRenderer, &DrawPass<'_>) -> Result<R>,
     ) -> Result<R> {
         self.with_sky(&weather.at(time).over(&self.site), moving, work)
     }
@@ -286,14 +287,14 @@ impl Studio {
         &mut self,
         sky: &Sky,
         Moving { camera, velocity }: Moving,
-        work: impl FnOnce(&mut AnyRenderer, &Job<'_>) -> Result<R>,
+        work: impl FnOnce(&mut AnyRenderer, &DrawPass<'_>) -> Result<R>,
     ) -> Result<R> {
         self.prepare(sky);
         self.lay(sky)?;
         let sets = sets(self.loaded.set, self.lying.as_ref().map(Laid::set));
         let shelter = sky.fall().and(self.shelters.last().map(|(_, shelter)| shelter));
         sky.with_hooks(&Seen { camera: &camera, velocity, shelter }, |hooks| {
-            let job = Job { sets: &sets, camera: &camera, config: &self.config, hooks };
+            let job = DrawPass::new(&sets, &camera, &self.config).with_hooks(hooks);
             work(&mut self.loaded.renderer, &job)
         })
     }
@@ -355,7 +356,7 @@ impl Stand<'_> {
         let camera = &moving.camera;
         let seen = Seen { camera, velocity: moving.velocity, shelter: None };
         sky.with_hooks(&seen, |hooks| {
-            Ok(self.renderer.render(&Job { sets: &self.sets, camera, config, hooks }, frame)?)
+            Ok(self.renderer.render(&DrawPass::new(&self.sets, camera, config).with_hooks(hooks), frame)?)
         })
     }
 
@@ -377,7 +378,7 @@ impl Stand<'_> {
         };
         let config = RenderConfig { outputs: Outputs { geometry, ..asked.outputs }, ..asked.clone() };
         let mut stats = sky.with_hooks(&seen, |hooks| {
-            self.renderer.render(&Job { sets: &self.sets, camera, config: &config, hooks }, frame)
+            self.renderer.render(&DrawPass::new(&self.sets, camera, &config).with_hooks(hooks), frame)
         })?;
         if let Some(stages) = &mut stages {
             stages.begin(frame);
@@ -393,7 +394,7 @@ impl Stand<'_> {
             for cloud in sky.sub_clouds(fall, &seen) {
                 let set = self.renderer.load(&cloud)?;
                 let sets = [SetView::plain(set)];
-                let job = Job { sets: &sets, camera, config: &config, hooks: Hooks::default() };
+                let job = DrawPass::new(&sets, camera, &config);
                 let drawn = self.renderer.render(&job, &mut noise);
                 self.renderer.unload(set);
                 stats += drawn?;

@@ -1,8 +1,8 @@
 //! Which weather, by options.
 
-use crate::media::panorama::read_panorama;
 use anyhow::Result;
 use clap::Args;
+use weather_magician::panorama_file::read_panorama;
 use wm_weather::Weather;
 
 /// Which weather.

@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use tempfile::TempDir;
 use wm_scene::formats::{FORMATS, ReadOptions, read_scene, write_scene};
 use wm_scene::splats::Splat;
-use wm_scene::{Camera, Group, Metadata, Scene, Splats, View};
+use wm_scene::{Camera, Group, Metadata, Scene, SceneView, Splats};
 
 /// A folder with a scene `a.ply` in it: a floor and a wall of 600 splats of SH degree 1, up -y, two units a metre.
 struct Desk {
@@ -141,8 +141,8 @@ fn many_at_once_go_into_a_folder() {
 fn views_and_baked_snow_go_along() {
     let desk = Desk::new();
     let eye = DVec3::new(0.0, -1.0, -2.0);
-    let camera = Camera::look_at((64, 48), 50.0, eye, DVec3::new(0.0, 0.0, 1.0), DVec3::NEG_Y).unwrap();
-    let view = View { name: "one.jpg".into(), camera };
+    let camera = Camera::looking((64, 48), 50.0, eye, DVec3::new(0.0, 0.0, 1.0), DVec3::NEG_Y).unwrap();
+    let view = SceneView { name: "one.jpg".into(), camera };
     wm_scene::formats::folder::write_cameras(&desk.at("a.ply.cameras.json"), &[view]).unwrap();
     desk.run("convert a.ply b.spz --scale 2");
     let [view] = &desk.read("b.spz").views[..] else { panic!("one view") };

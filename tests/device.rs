@@ -7,9 +7,11 @@ mod common;
 use common::*;
 use wm_render::gpu::adapters;
 use wm_render::testing::Backend;
-use wm_scene::Place;
-use wm_scene::capture::colmap::write::Storage;
-use wm_train::builtin::{self, BuiltinOptions, Route, Truth};
+use wm_scene::capture::colmap::write::ColmapStorage;
+use wm_street::{
+    Street,
+    dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
+};
 
 const SIZE: (u32, u32) = (120, 80);
 
@@ -42,16 +44,16 @@ fn a_training_ends_as_near_as_the_cpus() {
     }
     let name = adapters().into_iter().find(|listed| listed.unfit.is_none()).unwrap().name;
     let workshop = Workshop::new();
-    let options = BuiltinOptions {
-        route: Route::Orbit,
+    let options = DatasetOptions {
+        route: CameraRoute::Orbit,
         count: 9,
         size: (48, 32),
         samples: 1,
         points: 300,
-        storage: Storage::Binary,
-        truth: Truth::Omit,
+        storage: ColmapStorage::Binary,
+        truth: GroundTruth::Omit,
     };
-    builtin::write(&Place::street(), &workshop.path("set"), &options, &mut |_| true).unwrap();
+    dataset::write(&Street::builtin(), &workshop.path("set"), &options, &mut |_| true).unwrap();
     let psnr = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
         let [set, out] = ["set", "scene.ply"].map(|name| workshop.path(name).display().to_string());
         // Few steps: with more of them so few photos are learnt by heart, and no two ways of rounding end alike.

@@ -11,19 +11,22 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 use tempfile::TempDir;
-use wm_scene::capture::colmap::write::Storage;
+use wm_scene::capture::colmap::write::ColmapStorage;
 use wm_scene::formats::write_scene;
-use wm_scene::{Place as Street, Scene, Splats, npy};
-use wm_train::builtin::{self, BuiltinOptions, Route, Truth};
+use wm_scene::{Scene, Splats, npy};
+use wm_street::{
+    Street,
+    dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
+};
 
-const PHOTOS: BuiltinOptions = BuiltinOptions {
-    route: Route::Walk,
+const PHOTOS: DatasetOptions = DatasetOptions {
+    route: CameraRoute::Walk,
     count: 3,
     size: (120, 80),
     samples: 1,
     points: 50,
-    storage: Storage::Binary,
-    truth: Truth::Write,
+    storage: ColmapStorage::Binary,
+    truth: GroundTruth::Write,
 };
 
 /// The street and photos of it; tests read it and write elsewhere.
@@ -31,8 +34,8 @@ fn shared() -> &'static Path {
     static MADE: OnceLock<TempDir> = OnceLock::new();
     let made = MADE.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
-        let street = Street::street();
-        builtin::write(&street, &folder.path().join("set"), &PHOTOS, &mut |_| true).unwrap();
+        let street = Street::builtin();
+        dataset::write(&street, &folder.path().join("set"), &PHOTOS, &mut |_| true).unwrap();
         let sampling = street.sampling(0.2);
         let mut splats = Splats::with_capacity(sampling.len(), 0);
         (0..sampling.len()).filter_map(|index| sampling.splat(index)).for_each(|splat| splats.push(&splat));
@@ -230,7 +233,7 @@ fn bad_input_is_told_in_one_line() {
     desk.refused(&["--depth", "photo"], &["00000.png: lies beside 00000.npy, a map of the same photo"]);
 
     // A scene that lies elsewhere, and data sets that are none.
-    let street = Street::street();
+    let street = Street::builtin();
     let sampling = street.sampling(0.1);
     let mut away = Splats::with_capacity(1, 0);
     let splat = (0..).find_map(|index| sampling.splat(index)).unwrap();

@@ -4,10 +4,11 @@ use glam::DVec3;
 use std::sync::OnceLock;
 use wm_render::hooks::Hooks;
 use wm_render::{
-    CpuConfig, CpuRenderer, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetView,
+    CpuConfig, CpuRenderer, DrawPass, Frame, Geometry, MedianDepth, Outputs, RenderBackend, RenderConfig,
+    SetView,
 };
-use wm_scene::place::Place;
 use wm_scene::{Camera, Group, Splats, sh};
+use wm_street::Street as StreetGeometry;
 use wm_weather::cover::{Airflow, Asked, Cover, Matter};
 use wm_weather::scan::Scan;
 use wm_weather::{Daylight, Site};
@@ -18,7 +19,7 @@ const DEPTH: f64 = 0.1;
 
 /// The street with its snow, snow white and all else black.
 struct Street {
-    place: Place,
+    place: StreetGeometry,
     baked: Splats,
 }
 
@@ -35,7 +36,7 @@ impl Street {
     fn get() -> &'static Self {
         static MADE: OnceLock<Street> = OnceLock::new();
         MADE.get_or_init(|| {
-            let place = Place::street();
+            let place = StreetGeometry::builtin();
             let sampling = place.sampling(1.0);
             let scene = sampling.splats_in(0..sampling.len());
             let site = Site {
@@ -67,7 +68,7 @@ impl Street {
     }
 
     fn view(name: &str) -> Camera {
-        let views = Place::views();
+        let views = StreetGeometry::views();
         views.iter().find(|view| view.name == name).unwrap().camera(SIZE).unwrap()
     }
 
@@ -80,7 +81,7 @@ impl Street {
         let config = RenderConfig { outputs, ..RenderConfig::default() };
         let mut frame = Frame::default();
         let sets = [SetView::plain(set)];
-        let job = Job { sets: &sets, camera, config: &config, hooks: Hooks::default() };
+        let job = DrawPass::new(&sets, camera, &config);
         renderer.render(&job, &mut frame).unwrap();
         let pixel = |index: usize| {
             let (x, y) = (index as u32 % SIZE.0, index as u32 / SIZE.0);
@@ -165,7 +166,7 @@ fn what_is_open_is_white_and_what_is_not_is_bare() {
 #[test]
 fn two_views_see_the_same_snow() {
     let street = Street::get();
-    let walk = |time: f64| Place::dolly(time).camera(SIZE).unwrap();
+    let walk = |time: f64| StreetGeometry::dolly(time).camera(SIZE).unwrap();
     let pairs = [
         ("street, high", [Street::view("street"), Street::view("high")]),
         ("walk at 0.0 and 0.1", [walk(0.0), walk(0.1)]),

@@ -10,7 +10,7 @@ use process::{refuses, said};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use wm_scene::formats::folder::{cameras_path, write_cameras};
-use wm_scene::{Camera, Splats, View, npy};
+use wm_scene::{Camera, SceneView, Splats, npy};
 
 const SIZE: (u32, u32) = (96, 64);
 const WEATHER: &str = "--set fog.mor=60 --set rain.rate=60 --set snowfall.rate=4 --set rain.seed=5";
@@ -20,8 +20,8 @@ fn place(workshop: &Workshop) -> PathBuf {
     let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
     let view = |name: &str, x: f64, size: (u32, u32)| {
         let (eye, target) = (DVec3::new(x, -12.0, 1.8), DVec3::new(0.0, 4.0, 2.2));
-        let camera = Camera::look_at(size, 50.0, eye, target, DVec3::Z).unwrap();
-        View { name: name.into(), camera: Camera { cx: camera.cx + 3.0, ..camera } }
+        let camera = Camera::looking(size, 50.0, eye, target, DVec3::Z).unwrap();
+        SceneView { name: name.into(), camera: Camera { cx: camera.cx + 3.0, ..camera } }
     };
     let views =
         [view("one.jpg", 0.5, SIZE), view("left/two.png", -2.0, (80, 60)), view("three.JPG", 3.0, SIZE)];

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tempfile::TempDir;
 use wm_scene::npy;
-use wm_scene::synthetic::uniform;
+use wm_scene::random::uniform;
 use wm_train::metrics::{Collection, Embeddings};
 
 /// Numbers an embedding.

@@ -2,19 +2,20 @@
 
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
-use crate::progress;
-use crate::reduce::{self, Reduced};
+use crate::progress::{self, Reporter};
 use crate::scene::{RunArgs, check};
-use crate::view::spec;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use weather_magician::reduce::{self, Reduced};
+use weather_magician::view::spec;
 use wm_scene::files::check_writable;
 use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_scene::formats::{
-    GltfSplats, Level, ReadOptions, SpzVersion, WriteOptions, format_for, lost, read_scene, write_scene_with,
+    DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost, read_scene,
+    write_scene_with,
 };
 use wm_scene::similarity::Similarity;
 use wm_scene::survey::{Survey, label_sky};
@@ -199,9 +200,9 @@ fn jobs(args: &ConvertArgs) -> Result<Vec<(&Path, PathBuf)>> {
 fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
     let change = &args.change;
     let level = match (args.level, change.max_splats) {
-        (Some(level), _) => Level::Number(level),
-        (None, Some(most)) => Level::Budget(most),
-        (None, None) => Level::Finest,
+        (Some(level), _) => DetailLevel::Number(level),
+        (None, Some(most)) => DetailLevel::Budget(most),
+        (None, None) => DetailLevel::Finest,
     };
     let mut scene = read_scene(path, &ReadOptions { level, ..ReadOptions::default() })?;
     if args.repair {
@@ -280,7 +281,8 @@ fn apply(scene: &mut Scene, change: &ChangeArgs, run: &RunArgs) -> Result<Vec<St
     }
     if let Some(most) = change.max_splats.filter(|most| *most < scene.splats.len() as u64) {
         label_sky(&mut scene.splats);
-        let Reduced { splats, note } = reduce::reduce(scene, most as usize, run)?;
+        let Reduced { splats, note } =
+            reduce::reduce(scene, most as usize, run.differentiable()?.as_mut(), &mut Reporter::default())?;
         scene.splats = splats;
         notes.push(note);
     }

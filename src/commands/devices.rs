@@ -3,7 +3,7 @@
 use crate::scene::RunArgs;
 use anyhow::Result;
 use clap::Args;
-use wm_render::Renderer;
+use wm_render::RenderBackend;
 
 /// Options of `devices`.
 #[derive(Args, Debug)]

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 use wm_scene::Group;
-use wm_scene::formats::{Format, read_scene_and_format, write_sidecar};
+use wm_scene::formats::{SceneFormat, read_scene_and_format, write_sidecar};
 use wm_scene::health::{Bounds, FaultCounts, Health, Histogram};
 use wm_scene::survey::{Sourced, Survey, label_sky};
 
@@ -53,7 +53,7 @@ pub fn run(args: &InspectArgs) -> Result<()> {
 
 fn report(
     args: &InspectArgs,
-    format: &Format,
+    format: &SceneFormat,
     scene: &wm_scene::Scene,
     health: &Health,
     survey: &Survey,
@@ -83,7 +83,7 @@ fn report(
 
 fn print(
     args: &InspectArgs,
-    format: &Format,
+    format: &SceneFormat,
     scene: &wm_scene::Scene,
     health: &Health,
     survey: &Survey,

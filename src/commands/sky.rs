@@ -5,19 +5,19 @@
 //! shows takes the mean colour of its elevation, plus what its seen neighbours differ from theirs: from coarser
 //! and coarser means ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
 
-use crate::media::{Size, color::Dither, png::write_rgb};
-use crate::view::spec;
 use anyhow::{Result, bail};
 use clap::Args;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::path::PathBuf;
+use weather_magician::view::spec;
+use wm_media::{Size, color::Dither, png::write_rgb};
 use wm_scene::capture::{self, CaptureOptions};
 use wm_scene::color::{luminance, srgb_decode};
 use wm_scene::files::check_writable;
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, Metadata, Scene, View};
+use wm_scene::{Camera, Metadata, Scene, SceneView};
 use wm_train::photos::{PhotoOptions, PhotoSize, Photos};
 use wm_train::priors::SkyClass;
 use wm_train::priors::points::{inside, seen_points};
@@ -64,7 +64,7 @@ pub fn run(args: &SkyArgs) -> Result<()> {
     let photo_options = PhotoOptions { size: PhotoSize::Longest(LONGEST), ..PhotoOptions::default() };
     let photos = Photos::open(&capture, &photo_options)?;
     let places: Vec<usize> = (0..photos.len()).collect();
-    let view = |place: &usize| View { name: String::new(), camera: photos.camera(*place, 0) };
+    let view = |place: &usize| SceneView { name: String::new(), camera: photos.camera(*place, 0) };
     let scene = Scene { views: places.iter().map(view).collect(), ..Scene::default() };
     let up = Survey::of(&scene, &given).up;
 
@@ -249,7 +249,7 @@ mod tests {
     #[test]
     fn what_photos_show_is_where_it_was_and_the_rest_is_near_it() {
         let photo = |toward: DVec3, rgb: [u8; 3]| {
-            let camera = Camera::look_at(
+            let camera = Camera::looking(
                 (80, 60),
                 60.0,
                 DVec3::new(3.0, 1.0, 2.0),

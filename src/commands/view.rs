@@ -1,13 +1,13 @@
 //! `view`: a scene and its weather in a browser.
 
 use super::render::camera::LookArgs;
-use crate::media::panorama::read_panorama;
 use crate::scene::{RunArgs, SceneArgs};
-use crate::viewer::{Asked, run as serve, server::ServerArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::PathBuf;
+use weather_magician::panorama_file::read_panorama;
+use weather_magician::viewer::{Asked, run as serve, server::ServerArgs};
 use wm_scene::FormatError;
 
 /// Options of `view`.

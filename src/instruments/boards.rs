@@ -107,7 +107,7 @@ impl Boards {
     fn seen(&self, rig: &mut dyn Rig, weather: &Weather, time: f64) -> Result<(Light, Picture)> {
         let mut pictures = [Picture::default(), Picture::default()];
         for (subject, picture) in [self.white, self.black].into_iter().zip(&mut pictures) {
-            let shot = Shot { subject, camera: &self.camera, weather, time, outputs: COLOR, passes: &[] };
+            let shot = Shot { subject, camera: &self.camera, weather, time, outputs: COLOR, parts: &[] };
             rig.draw(&shot, picture)?;
         }
         let [white, black] = pictures.each_ref().map(|picture| patches(&picture.frame.rgb_linear()));

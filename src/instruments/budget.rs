@@ -120,7 +120,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let camera = level.camera((400, 400), fov, [0.0, 0.0, HIGH], [0.0; 3])?;
     let mut depths = |weather: &Weather| {
         let mut picture = Picture::default();
-        let shot = Shot { subject, camera: &camera, weather, time: probe.time, outputs: DEPTH, passes: &[] };
+        let shot = Shot { subject, camera: &camera, weather, time: probe.time, outputs: DEPTH, parts: &[] };
         rig.draw(&shot, &mut picture)?;
         anyhow::Ok(picture.frame.median_depth)
     };

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::parts::Picture;
 use anyhow::Result;
-use wm_render::passes::Pass;
+use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs};
 use wm_scene::Camera;
 use wm_weather::Weather;
@@ -78,9 +78,9 @@ impl View {
         let outputs =
             Outputs { geometry: Geometry::Depth, median_depth: MedianDepth::On, ..Outputs::default() };
         let mut picture = Picture::default();
-        let passes = &[Pass::Transmittance];
+        let parts = &[PicturePart::Transmittance];
         rig.draw(
-            &Shot { subject: Subject::Place, camera: &camera, weather, time, outputs, passes },
+            &Shot { subject: Subject::Place, camera: &camera, weather, time, outputs, parts },
             &mut picture,
         )?;
         let frame = &picture.frame;
@@ -89,7 +89,7 @@ impl View {
             if frame.alpha[at] > 0.98 && (other / z - 1.0).abs() < SAME { other } else { 0.0 }
         };
         let depth = (0..frame.pixels()).map(sharp).collect();
-        let share = picture.passes.transmittance.iter().skip(1).step_by(3).copied().collect();
+        let share = picture.parts.transmittance.iter().skip(1).step_by(3).copied().collect();
         Ok(Self { camera, rgb: frame.rgb_linear(), depth, share, picture })
     }
 

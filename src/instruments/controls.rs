@@ -10,14 +10,14 @@ use super::{
     Finding, Instrument, Level, PARTICLES, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked,
     clear, mean, median, streaks,
 };
-use crate::media::Size;
-use crate::media::sheet::{Layout, Panel, sheet};
 use crate::parts::Picture;
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
+use wm_media::Size;
+use wm_media::sheet::{Layout, Panel, sheet};
 use wm_render::Frame;
 use wm_render::frame::srgb_decode;
-use wm_render::passes::Pass;
+use wm_render::parts::PicturePart;
 use wm_scene::Camera;
 use wm_weather::Weather;
 
@@ -133,8 +133,9 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
                 weather.set(&direction)?;
             }
             weather.set(&change)?;
-            let passes: &[Pass] = if control.seen == Seen::Lost { &[Pass::Transmittance] } else { &[] };
-            let picture = draw(rig, &camera, (&weather, probe.time), passes)?;
+            let parts: &[PicturePart] =
+                if control.seen == Seen::Lost { &[PicturePart::Transmittance] } else { &[] };
+            let picture = draw(rig, &camera, (&weather, probe.time), parts)?;
             let [value, error] = match measured(control.seen, &picture, &bare) {
                 Some(value) => [value, 0.0],
                 None => lean(rig, (&weather, probe.time), heading)?,
@@ -191,11 +192,11 @@ fn draw(
     rig: &mut dyn Rig,
     camera: &Camera,
     (weather, time): (&Weather, f64),
-    passes: &[Pass],
+    parts: &[PicturePart],
 ) -> Result<Picture> {
     let mut picture = Picture::default();
     rig.draw(
-        &Shot { subject: Subject::Place, camera, weather, time, outputs: PARTICLES, passes },
+        &Shot { subject: Subject::Place, camera, weather, time, outputs: PARTICLES, parts },
         &mut picture,
     )?;
     Ok(picture)
@@ -209,7 +210,7 @@ fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> Option<f64> {
     };
     let change = |at: usize| mean((0..3).map(|k| (light(picture, at)[k] - light(bare, at)[k]).abs()));
     match seen {
-        Seen::Lost => Some(1.0 - mean(picture.passes.transmittance.iter().map(|v| f64::from(*v)))),
+        Seen::Lost => Some(1.0 - mean(picture.parts.transmittance.iter().map(|v| f64::from(*v)))),
         Seen::Coverage => {
             Some(mean(picture.frame.particles.iter().skip(3).step_by(4).map(|v| f64::from(*v))))
         }

@@ -187,7 +187,7 @@ impl Look {
             let board = rig.set_up(slab.board(&level, &camera))?;
             let mut seen = |time: f64, picture: &mut Picture| {
                 let (weather, outputs) = (&self.weather, PARTICLES);
-                let shot = Shot { subject: board, camera: &camera, weather, time, outputs, passes: &[] };
+                let shot = Shot { subject: board, camera: &camera, weather, time, outputs, parts: &[] };
                 rig.draw(&shot, picture)?;
                 anyhow::Ok(blobs(&picture.frame.particles, slab.size as usize, self.opacity, slab.parting))
             };

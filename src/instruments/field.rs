@@ -4,7 +4,7 @@ use super::{Level, Rig, Shot, Subject};
 use crate::parts::Picture;
 use crate::studio::{Studio, sets};
 use anyhow::Result;
-use wm_render::{Background, Job, RenderConfig, Renderer, SetId};
+use wm_render::{Background, DrawPass, RenderBackend, RenderConfig, SetId};
 use wm_scene::{Camera, Splats};
 use wm_weather::cover::{Airflow, Asked, Buried, Cover};
 use wm_weather::scan::Scan;
@@ -103,7 +103,7 @@ impl Rig for Field {
                     shot.weather,
                     shot.time,
                     (*shot.camera).into(),
-                    shot.passes,
+                    shot.parts,
                     picture,
                 )?;
                 return Ok(());
@@ -118,11 +118,8 @@ impl Rig for Field {
         let config = RenderConfig { outputs: shot.outputs, background, ..RenderConfig::default() };
         let renderer = &mut self.studio.loaded.renderer;
         sky.with_hooks(&Seen::by(shot.camera), |hooks| {
-            let job = Job { sets: &sets, camera: shot.camera, config: &config, hooks };
-            renderer.render(&job, &mut picture.frame)?;
-            if !shot.passes.is_empty() {
-                picture.passes.render(renderer, &job, shot.passes)?;
-            }
+            let job = DrawPass::new(&sets, shot.camera, &config).with_hooks(hooks);
+            (_, picture.parts) = render_with_parts(renderer, &job, shot.parts, &mut picture.frame)?;
             Ok(())
         })
     }

@@ -28,7 +28,7 @@ use crate::report::plot::Plot;
 use anyhow::Result;
 use glam::DVec3;
 use serde::Serialize;
-use wm_render::passes::Pass;
+use wm_render::parts::PicturePart;
 use wm_render::{Frame, Geometry, MedianDepth, Outputs, ParticlePass};
 use wm_scene::{Camera, Splats};
 use wm_weather::dome::level_axes;
@@ -193,7 +193,7 @@ pub struct Shot<'a> {
     /// What beside the colour.
     pub outputs: Outputs,
     /// Which parts.
-    pub passes: &'a [Pass],
+    pub parts: &'a [PicturePart],
 }
 
 /// What instruments draw with.
@@ -263,7 +263,7 @@ impl Level {
     pub fn camera(&self, size: (u32, u32), fov: f64, eye: [f64; 3], target: [f64; 3]) -> Result<Camera> {
         let is_level = eye[0] != target[0] || eye[1] != target[1];
         let up = if is_level { self.axes[2] } else { self.axes[1] };
-        let mut camera = Camera::look_at(size, fov, self.point(eye), self.point(target), up)?;
+        let mut camera = Camera::looking(size, fov, self.point(eye), self.point(target), up)?;
         camera.near = self.units(0.01);
         Ok(camera)
     }

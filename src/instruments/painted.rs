@@ -4,7 +4,7 @@
 //! picture is bright and gets brighter upwards; flakes are dots at random places. Noise and flakes are drawn anew for each frame,
 //! as a generator draws them. It stands for no program in particular: it is what is left without depth, pose and time.
 
-use wm_scene::synthetic::uniform;
+use wm_scene::random::uniform;
 
 /// A frame, linear light, `[H, W, 3]`.
 pub struct Painted {

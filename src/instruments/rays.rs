@@ -16,7 +16,7 @@ use crate::parts::Picture;
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
 use glam::DVec3;
-use wm_render::passes::Pass;
+use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs};
 
 /// The instrument.
@@ -51,16 +51,16 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let [camera, _] = rig.views()?;
     let weather = probe.with(&["rain=off", "snowfall=off", "snow_cover=off", "dust_cover=off"])?;
     let outputs = Outputs { geometry: Geometry::Depth, median_depth: MedianDepth::On, ..Outputs::default() };
-    let passes = &[Pass::Transmittance];
+    let parts = &[PicturePart::Transmittance];
     let mut picture = Picture::default();
     let (subject, time) = (Subject::Place, probe.time);
-    rig.draw(&Shot { subject, camera: &camera, weather: &weather, time, outputs, passes }, &mut picture)?;
-    let (frame, shares) = (&picture.frame, &picture.passes.transmittance);
+    rig.draw(&Shot { subject, camera: &camera, weather: &weather, time, outputs, parts }, &mut picture)?;
+    let (frame, shares) = (&picture.frame, &picture.parts.transmittance);
     // Air that is as good as clear as far as the place goes, and takes all light from what is endlessly far.
     let (mut thin, mut sky) = (clear(), Picture::default());
     thin.set(&format!("fog.mor={}", (THIN * site.far).max(1.0)))?;
-    rig.draw(&Shot { subject, camera: &camera, weather: &thin, time, outputs, passes }, &mut sky)?;
-    let nearness = &sky.passes.transmittance;
+    rig.draw(&Shot { subject, camera: &camera, weather: &thin, time, outputs, parts }, &mut sky)?;
+    let nearness = &sky.parts.transmittance;
     let airs = asked::airs(&weather, probe.time);
     let up = DVec3::from_array(site.up);
     let height = (camera.center().dot(up) - site.ground) * site.metres_per_unit;

@@ -84,7 +84,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         let mut z = |weather| {
             let mut picture = Picture::default();
             let shot =
-                Shot { subject, camera: &camera, weather, time: probe.time, outputs: DEPTH, passes: &[] };
+                Shot { subject, camera: &camera, weather, time: probe.time, outputs: DEPTH, parts: &[] };
             rig.draw(&shot, &mut picture)?;
             anyhow::Ok(middle_depth(&level, &picture))
         };
@@ -113,9 +113,6 @@ pub fn shown(
     what: &str,
 ) -> Result<Shown> {
     let mut picture = Picture::default();
-    rig.draw(
-        &Shot { subject, camera, weather, time: probe.time, outputs: COLOR, passes: &[] },
-        &mut picture,
-    )?;
+    rig.draw(&Shot { subject, camera, weather, time: probe.time, outputs: COLOR, parts: &[] }, &mut picture)?;
     Ok(Shown::of(format!("{}: {what}", probe.setting), &picture.frame))
 }

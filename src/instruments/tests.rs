@@ -11,7 +11,8 @@ use crate::scene::{Loaded, RunArgs};
 use crate::studio::{Needs, Studio};
 use anyhow::Result;
 use wm_render::{Device, RenderConfig};
-use wm_scene::{Camera, Metadata, Place, Splats};
+use wm_scene::{Camera, Metadata, Splats};
+use wm_street::Street;
 use wm_weather::cover::Airflow;
 use wm_weather::{Site, Weather};
 
@@ -177,7 +178,7 @@ fn rig() -> Faulty {
     let loaded = Loaded::of(scene, &Metadata::default(), &run).unwrap();
     let config = RenderConfig { background: loaded.background(), ..RenderConfig::default() };
     let needs = |_: &Site| Needs { cover: Some(Airflow::default()), ..Needs::default() };
-    let camera = Place::views()[0].camera((240, 160)).unwrap();
+    let camera = Street::views()[0].camera((240, 160)).unwrap();
     let field = Field::new(Studio::new(loaded, config, needs).unwrap(), camera);
     Faulty { field, fault: Fault::None, shots: Vec::new() }
 }

@@ -1,12 +1,12 @@
 //! Pictures as text that a page can hold.
 
-use crate::media::jpeg;
-use crate::media::ramps::{MISSING, Ramp, UNKNOWN};
 use anyhow::Result;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use jpeg_encoder::SamplingFactor;
 use std::fmt::Write;
+use wm_media::jpeg;
+use wm_media::jpeg::SamplingFactor;
+use wm_media::ramps::{MISSING, Ramp, UNKNOWN};
 use wm_train::maps::{Filter, Map};
 
 /// Widest picture beside others, px.
@@ -137,7 +137,7 @@ mod tests {
         );
         let cells = [Cell::At(0.0), Cell::At(9.0), Cell::Missing, Cell::Unknown];
         assert!(
-            numbers(&cells, (4, 1), crate::media::ramps::heat)
+            numbers(&cells, (4, 1), wm_media::ramps::heat)
                 .unwrap()
                 .starts_with("data:image/png;base64,iVBOR")
         );

@@ -4,7 +4,7 @@ use super::{Lack, Needs, Studio};
 use anyhow::Result;
 use std::sync::Arc;
 use wm_render::hooks::Hooks;
-use wm_render::{Frame, Job, Renderer, SetView, Stats};
+use wm_render::{DrawPass, Frame, RenderBackend, SetView, Stats};
 use wm_scene::Camera;
 use wm_weather::Weather;
 use wm_weather::cover::Cover;
@@ -79,7 +79,7 @@ impl Studio {
     /// Renders the scene without any weather, and without what lies.
     pub fn render_clear(&mut self, camera: &Camera, frame: &mut Frame) -> Result<Stats> {
         let sets = [SetView::plain(self.loaded.set)];
-        let job = Job { sets: &sets, camera, config: &self.config, hooks: Hooks::default() };
+        let job = DrawPass::new(&sets, camera, &self.config);
         Ok(self.loaded.renderer.render(&job, frame)?)
     }
 }

@@ -8,7 +8,7 @@ use glam::DVec3;
 use std::sync::Arc;
 use wm_render::hooks::{Hooks, Visibility};
 use wm_render::{AnyRenderer, Frame, Job, MedianDepth, Outputs, RenderConfig, Renderer, SetId, SetView};
-use wm_scene::survey::{Source, Survey};
+use wm_scene::survey::{FactSource, Survey};
 use wm_scene::{Camera, Group, Scene, Splats};
 use wm_weather::Site;
 use wm_weather::cover::{Airflow, Asked, Cover, Lying};
@@ -150,9 +150,9 @@ const SIGHT: f64 = 480.0;
 /// All of a scene but its sky.
 struct WithoutSky<'a>(&'a [Group]);
 
-impl Visibility for WithoutSky<'_> {
-    fn factors(&self, indices: &[u32], out: &mut [f32]) {
-        for (index, factor) in indices.iter().zip(out) {
+impl SplatAttributes for WithoutSky<'_> {
+    fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
+        for (index, factor) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
             *factor = if self.0[*index as usize] == Group::Sky { 0.0 } else { 1.0 };
         }
     }
@@ -164,7 +164,7 @@ pub fn sights(renderer: &mut AnyRenderer, set: SetId, scene: &Scene, survey: &Su
     let config = RenderConfig { outputs, ..RenderConfig::default() };
     let views = &scene.views;
     let without_sky = WithoutSky(&scene.splats.groups);
-    let sets = [SetView { set, visibility: Some(&without_sky) }];
+    let sets = [SetView::plain(set).with_attributes(Some(&without_sky))];
     let mut frame = Frame::default();
     let mut sights = Vec::new();
     for view in views.iter().step_by(views.len().div_ceil(SIGHTS).max(1)) {
@@ -173,7 +173,7 @@ pub fn sights(renderer: &mut AnyRenderer, set: SetId, scene: &Scene, survey: &Su
         let [width, height] =
             [camera.width, camera.height].map(|side| (f64::from(side) * small).round().max(1.0) as u32);
         let camera = camera.resized(width, height);
-        let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
+        let job = DrawPass::new(&sets, &camera, &config);
         renderer.render(&job, &mut frame)?;
         sights.push(Sight::new(camera, frame.median_depth.clone(), frame.rgb.clone()));
     }
@@ -195,7 +195,7 @@ fn floors(scene: &Scene, survey: &Survey, sights: &[Sight]) -> Vec<Floor> {
         let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
         return centers.iter().map(|center| Floor::below(*center, &centers, up, height)).collect();
     }
-    let is_known = ground.source != Source::Assumed;
+    let is_known = ground.source != FactSource::Assumed;
     let whole = is_known.then(|| Floor::under(&cameras, up, ground.value)).flatten();
     whole.filter(|floor| floor.is_lost(sights)).into_iter().collect()
 }

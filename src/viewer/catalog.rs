@@ -3,14 +3,14 @@
 
 use super::state::{Follow, Output, Pose, ViewState, weather_of_json, weather_to_json};
 use crate::scene::{RunArgs, SceneArgs};
-use crate::view::Options;
-use crate::view::path::{Key, Path};
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use weather_magician::view::Options;
+use weather_magician::view::path::{Key, Path};
 use wm_scene::Camera;
-use wm_scene::survey::{Source, Survey};
+use wm_scene::survey::{FactSource, Survey};
 use wm_weather::param::{Kind, Param};
 use wm_weather::presets::PRESETS;
 use wm_weather::{EFFECTS, Easing, Panorama, Weather};
@@ -86,7 +86,7 @@ impl Catalog {
             }
             Follow::Path => state.path.iter().map(|k| key(k.time, k.eye, k.rotation, k.fov)).collect(),
         };
-        let said = |error: crate::view::ViewError| error.to_string();
+        let said = |error: weather_magician::view::ViewError| error.to_string();
         let text = Path::new(keys, self.near).map_err(said)?.text();
         let path = Path::parse(&text, &self.survey, &Options::default()).map_err(said)?;
         Ok((text, path))
@@ -126,7 +126,7 @@ impl Catalog {
                 "radius": survey.radius,
                 "ground": survey.ground.value,
                 "metres_per_unit": survey.metres_per_unit.value,
-                "has_scale": survey.metres_per_unit.source != Source::Assumed,
+                "has_scale": survey.metres_per_unit.source != FactSource::Assumed,
                 "renderer": self.renderer,
                 "views": self.views.iter().step_by(every).map(view).collect::<Value>(),
             },

@@ -1,12 +1,12 @@
 //! Frames as pictures for a screen.
 
 use super::state::Output;
-use crate::media::color::{Dither, quantize_rgb8};
-use crate::media::ramps::turbo;
-use crate::media::{self, Size};
 use anyhow::Result;
-use jpeg_encoder::SamplingFactor;
 use std::sync::LazyLock;
+use wm_media::color::{Dither, quantize_rgb8};
+use wm_media::jpeg::SamplingFactor;
+use wm_media::ramps::turbo;
+use wm_media::{self, Size};
 use wm_render::Frame;
 
 /// From this quality on colours have all their pixels.

@@ -2,10 +2,10 @@
 
 use super::catalog::Catalog;
 use crate::commands::render::camera::Shot;
-use crate::view::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
+use weather_magician::view::path::Path;
 use wm_scene::Camera;
 use wm_weather::Weather;
 
@@ -30,7 +30,7 @@ pub struct Pose {
 impl Pose {
     /// Of a camera.
     pub fn of(camera: &Camera) -> Self {
-        let key = crate::view::path::Key::of(camera, 0.0);
+        let key = weather_magician::view::path::Key::of(camera, 0.0);
         let r = key.rotation;
         Self { eye: key.eye.to_array(), rotation: [r.w, r.x, r.y, r.z], fov: key.fov }
     }
@@ -281,14 +281,16 @@ mod tests {
         state.camera.rotation = [0.7123, 0.31, -0.6000000000000001, 1.0 / 3.0];
         let view = View::new(state.clone(), &catalog(), None).unwrap();
         let survey = catalog().survey;
-        let read = Path::parse(&view.camera_file, &survey, &crate::view::Options::default()).unwrap();
+        let read =
+            Path::parse(&view.camera_file, &survey, &weather_magician::view::Options::default()).unwrap();
         assert_eq!(read.at(0.0, (60, 40)), view.shot().camera(0.0));
         // And of a path at an instant of it.
         let key =
             |time: f64| PoseKey { time, eye: [time, 0.1, 0.2], rotation: state.camera.rotation, fov: 50.0 };
         (state.path, state.follow, state.time) = (vec![key(1.0), key(2.7)], Follow::Path, 0.9);
         let view = View::new(state, &catalog(), None).unwrap();
-        let read = Path::parse(&view.camera_file, &survey, &crate::view::Options::default()).unwrap();
+        let read =
+            Path::parse(&view.camera_file, &survey, &weather_magician::view::Options::default()).unwrap();
         assert_eq!(read.at(read.start() + 0.9, (60, 40)), view.shot().camera(0.9));
     }
 

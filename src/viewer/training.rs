@@ -2,8 +2,6 @@
 
 use super::encode::jpeg;
 use super::server::{self, ServerArgs, assets, refusal};
-use crate::media::Size;
-use crate::media::color::{Dither, quantize_rgb8};
 use anyhow::Result;
 use axum::Router;
 use axum::body::Bytes;
@@ -14,6 +12,8 @@ use axum::routing::{get, put};
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use wm_media::Size;
+use wm_media::color::{Dither, quantize_rgb8};
 use wm_render::Frame;
 
 /// Time between pictures, and how long after its last question a page counts as gone.

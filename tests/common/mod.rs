@@ -94,7 +94,7 @@ impl ViewArgs {
 
 /// A look from `eye` at `target`, as a camera and as the options that ask for it.
 pub fn look(size: (u32, u32), fov: f64, eye: DVec3, target: DVec3, up: DVec3) -> (Camera, ViewArgs) {
-    let camera = Camera::look_at(size, fov, eye, target, up).expect("a camera");
+    let camera = Camera::looking(size, fov, eye, target, up).expect("a camera");
     let point = |p: DVec3| format!("{},{},{}", p.x, p.y, p.z);
     // Equal signs keep clap from reading a minus as an option.
     let arguments = vec![

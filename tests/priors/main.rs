@@ -13,23 +13,26 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::{Arc, OnceLock};
 use tempfile::TempDir;
-use wm_scene::capture::colmap::write::Storage;
+use wm_scene::capture::colmap::write::ColmapStorage;
 use wm_scene::capture::{Capture, CaptureOptions};
-use wm_scene::{Place as Street, npy};
-use wm_train::builtin::{self, BuiltinOptions, Route, Truth};
+use wm_scene::npy;
+use wm_street::{
+    Street,
+    dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
+};
 use wm_train::priors::{Prior, Priors};
 
 /// What may be said beside the one line of error.
 const REMARKS: [&str; 3] = ["warning: ", "left out: ", "depth: 1 scene unit is "];
 
-const PHOTOS: BuiltinOptions = BuiltinOptions {
-    route: Route::Walk,
+const PHOTOS: DatasetOptions = DatasetOptions {
+    route: CameraRoute::Walk,
     count: 4,
     size: (120, 80),
     samples: 1,
     points: 800,
-    storage: Storage::Binary,
-    truth: Truth::Write,
+    storage: ColmapStorage::Binary,
+    truth: GroundTruth::Write,
 };
 
 /// Photos of the street with their truth; tests read it and write elsewhere.
@@ -37,7 +40,7 @@ fn shared() -> &'static Path {
     static MADE: OnceLock<TempDir> = OnceLock::new();
     let made = MADE.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
-        builtin::write(&Street::street(), &folder.path().join("set"), &PHOTOS, &mut |_| true).unwrap();
+        dataset::write(&Street::builtin(), &folder.path().join("set"), &PHOTOS, &mut |_| true).unwrap();
         folder
     });
     made.path()
@@ -118,8 +121,8 @@ const SHAPE: [usize; 2] = [80, 120];
 #[test]
 fn stereo_is_made_once_and_found_by_reconstruct() {
     let desk = Desk::new();
-    let options = BuiltinOptions { route: Route::Orbit, count: 14, size: (96, 64), ..PHOTOS };
-    builtin::write(&Street::street(), &desk.at("set"), &options, &mut |_| true).unwrap();
+    let options = DatasetOptions { route: CameraRoute::Orbit, count: 14, size: (96, 64), ..PHOTOS };
+    dataset::write(&Street::builtin(), &desk.at("set"), &options, &mut |_| true).unwrap();
     let output = finish(&mut desk.command_on(Path::new("set"), ""));
     assert!(output.status.success(), "{}", said(&output));
     let text = printed(&output);

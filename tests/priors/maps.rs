@@ -149,12 +149,12 @@ fn what_ended_goes_on_and_any_number_of_threads_gives_the_same() {
 #[test]
 fn maps_of_a_bent_photo_are_bent_back() {
     let desk = Desk::new();
-    let options = BuiltinOptions { count: 3, ..PHOTOS };
-    builtin::write(&Street::street(), &desk.at("set"), &options, &mut |_| true).unwrap();
+    let options = DatasetOptions { count: 3, ..PHOTOS };
+    dataset::write(&Street::builtin(), &desk.at("set"), &options, &mut |_| true).unwrap();
     let mut made = capture(&desk.at("set"));
     let lens = Distortion::of([-0.2, 0.03, 0.0, 0.0]);
     made.views.iter_mut().for_each(|view| view.distortion = lens);
-    write::write(&made, &desk.at("set/sparse/0"), Storage::Binary).unwrap();
+    write::write(&made, &desk.at("set/sparse/0"), ColmapStorage::Binary).unwrap();
     // White left of a stored column.
     let white: Vec<f32> = (0..9600).map(|pixel| if pixel % 120 < 30 { 1.0 } else { 0.0 }).collect();
     for photo in 0..3 {

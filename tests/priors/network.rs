@@ -17,7 +17,7 @@ mod with_networks {
     use wm_nets::DepthAnything;
     use wm_nets::depth_anything::Version;
     use wm_scene::capture::colmap::write;
-    use wm_scene::capture::{Observation, Points};
+    use wm_scene::capture::{Observation, SparsePoints};
     use wm_train::photos::{PhotoOptions, Photos};
     use wm_train::priors::SkyClass;
 
@@ -86,12 +86,12 @@ mod with_networks {
     fn what_the_network_says_is_fitted_to_points() {
         const FIT: (f64, f64) = (0.3, 1.0);
         let desk = Desk::new();
-        let options = BuiltinOptions { size: (84, 84), count: 3, ..PHOTOS };
-        builtin::write(&Street::street(), &desk.at("set"), &options, &mut |_| true).unwrap();
+        let options = DatasetOptions { size: (84, 84), count: 3, ..PHOTOS };
+        dataset::write(&Street::builtin(), &desk.at("set"), &options, &mut |_| true).unwrap();
         let mut made = capture(&desk.at("set"));
         let photos = Photos::open(&made, &PhotoOptions::default()).unwrap();
         let network = DepthAnything::read(&[weights()], Version::V2).unwrap();
-        (made.points, made.observations) = (Points::default(), vec![Vec::new(); 3]);
+        (made.points, made.observations) = (SparsePoints::default(), vec![Vec::new(); 3]);
         let mut largest = 0.0f64;
         for place in 0..3 {
             let photo = photos.get(place, 0).unwrap();
@@ -114,7 +114,7 @@ mod with_networks {
             largest = largest.max(f64::from(most));
         }
         assert!(largest > 0.0 && made.points.len() > 100, "{largest} {}", made.points.len());
-        write::write(&made, &desk.at("set/sparse/0"), Storage::Binary).unwrap();
+        write::write(&made, &desk.at("set/sparse/0"), ColmapStorage::Binary).unwrap();
         let output = finish(&mut desk.command_on(Path::new("set"), &with(&weights(), "")));
         assert!(output.status.success(), "{}", said(&output));
         let priors = Priors::open(&desk.at("set/priors")).unwrap().unwrap();

@@ -64,8 +64,8 @@ fn maps_that_do_not_fit() {
 #[test]
 fn too_few_points() {
     let desk = Desk::new();
-    let options = BuiltinOptions { points: 15, count: 3, ..PHOTOS };
-    builtin::write(&Street::street(), &desk.at("set"), &options, &mut |_| true).unwrap();
+    let options = DatasetOptions { points: 15, count: 3, ..PHOTOS };
+    dataset::write(&Street::builtin(), &desk.at("set"), &options, &mut |_| true).unwrap();
     let depth = "--depth set/truth/depth";
     for (options, says) in [
         ("--depth-scale relative", "points fall on known depth, 20 are needed"),
@@ -82,8 +82,10 @@ fn too_few_points() {
 #[test]
 fn a_data_set_that_cannot_be_written_to() {
     let desk = Desk::new();
-    builtin::write(&Street::street(), &desk.at("set"), &BuiltinOptions { count: 3, ..PHOTOS }, &mut |_| true)
-        .unwrap();
+    dataset::write(&Street::builtin(), &desk.at("set"), &DatasetOptions { count: 3, ..PHOTOS }, &mut |_| {
+        true
+    })
+    .unwrap();
     // Whoever may write everywhere cannot make a folder of a file either.
     desk.put("set/priors", "a file");
     let sky = "--sky set/truth/sky";

@@ -8,7 +8,7 @@ fn spoilt(place: &Place) -> Vec<(&'static str, Option<Vec<u8>>, &'static str)> {
     let mut corrupt = sound.clone();
     let middle = corrupt.len() / 2;
     corrupt[middle..middle + 40].fill(0x55);
-    let other = Place::with(&BuiltinOptions { size: (50, 48), count: 1, points: 0, ..PHOTOS });
+    let other = Place::with(&DatasetOptions { size: (50, 48), count: 1, points: 0, ..PHOTOS });
     vec![
         ("missing", None, "the photo is missing"),
         ("empty", Some(Vec::new()), "the file is empty"),
@@ -61,7 +61,7 @@ fn they_are_refused_at_the_start_or_left_out() {
 /// Where the photos are more than the cache holds, damage is met on the way.
 #[test]
 fn damage_that_is_met_on_the_way() {
-    let place = Place::with(&BuiltinOptions { size: (330, 220), count: 5, ..PHOTOS });
+    let place = Place::with(&DatasetOptions { size: (330, 220), count: 5, ..PHOTOS });
     let sound = place.read("set/images/00002.png");
     place.put("set/images/00002.png", &sound[..sound.len() / 2]);
     // Without priors, for which all photos are looked at before.

@@ -17,9 +17,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
-use wm_scene::Place as Street;
-use wm_scene::capture::colmap::write::Storage;
-use wm_train::builtin::{self, BuiltinOptions, Route, Truth};
+use wm_scene::capture::colmap::write::ColmapStorage;
+use wm_street::{
+    Street,
+    dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
+};
 use wm_train::densify::{adaptive::AdaptiveConfig, mcmc::McmcConfig};
 use wm_train::{Preset, TrainConfig, config::Densify};
 
@@ -36,14 +38,14 @@ const USUAL: [(&str, &str); 5] = [
 ];
 
 /// Photos from around the street, as small as the loss can see.
-const PHOTOS: BuiltinOptions = BuiltinOptions {
-    route: Route::Orbit,
+const PHOTOS: DatasetOptions = DatasetOptions {
+    route: CameraRoute::Orbit,
     count: 6,
     size: (72, 48),
     samples: 1,
     points: 250,
-    storage: Storage::Binary,
-    truth: Truth::Omit,
+    storage: ColmapStorage::Binary,
+    truth: GroundTruth::Omit,
 };
 
 /// A folder with a sound data set `set` in it, where the program runs.
@@ -56,9 +58,9 @@ impl Place {
         Self::with(&PHOTOS)
     }
 
-    fn with(options: &BuiltinOptions) -> Self {
+    fn with(options: &DatasetOptions) -> Self {
         let place = Self { folder: tempfile::tempdir().unwrap() };
-        builtin::write(&Street::street(), &place.at("set"), options, &mut |_| true).unwrap();
+        dataset::write(&Street::builtin(), &place.at("set"), options, &mut |_| true).unwrap();
         place
     }
 

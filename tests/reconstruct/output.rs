@@ -69,7 +69,7 @@ fn a_walk_tells_how_large_its_place_is() {
         let report = place.succeeds(&mut place.command(["inspect", "--json", "scene.ply"]));
         serde_json::from_slice(&report.stdout).unwrap()
     };
-    let walk = BuiltinOptions { route: Route::Walk, count: 8, points: 1500, ..PHOTOS };
+    let walk = DatasetOptions { route: CameraRoute::Walk, count: 8, points: 1500, ..PHOTOS };
     let place = Place::with(&walk);
     let output = place.trained(&["--steps", "2"]);
     let from = "from the camera height of 1.6 m above the ground";
@@ -99,7 +99,7 @@ fn a_walk_tells_how_large_its_place_is() {
     assert_eq!(report["metadata"]["metres_per_unit"], 7.0);
     assert!(report["metadata"]["scale_source"].is_null(), "{report}");
 
-    let place = Place::with(&BuiltinOptions { points: 1500, ..PHOTOS });
+    let place = Place::with(&DatasetOptions { points: 1500, ..PHOTOS });
     let said = said(&place.trained(&["--steps", "2"]));
     for says in
         ["the photos were not taken level: their middle looks down 30 degrees", "warning: scale is not known"]
@@ -113,7 +113,7 @@ fn a_walk_tells_how_large_its_place_is() {
 /// the variance of the photo.
 #[test]
 fn photos_that_were_held_out_are_met_ever_better() {
-    let place = Place::with(&BuiltinOptions { count: 24, points: 1500, ..PHOTOS });
+    let place = Place::with(&DatasetOptions { count: 24, points: 1500, ..PHOTOS });
     let more = ["--steps", "240", "--max-splats", "3000", "--eval-every", "8", "--eval-from", "3"];
     place.trained(&[&more[..], &["--resolution", "full", "--threads", "2"]].concat());
     let text = String::from_utf8(place.read("scene.ply.run/metrics.jsonl")).unwrap();

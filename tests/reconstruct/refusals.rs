@@ -32,13 +32,13 @@ fn models_that_are_too_little() {
     place.put("set/sparse/0/images.bin", &images[..images.len() / 2]);
     place.refused("set", &[], &["set/sparse/0/images.bin: cut off"]);
     for (count, says) in [(1, "1 of the photos is registered"), (2, "2 of the photos are registered")] {
-        Place::with(&BuiltinOptions { count, ..PHOTOS }).refused("set", &[], &["set: ", says]);
+        Place::with(&DatasetOptions { count, ..PHOTOS }).refused("set", &[], &["set: ", says]);
     }
 }
 
 #[test]
 fn a_model_without_points_is_enough() {
-    let place = Place::with(&BuiltinOptions { points: 0, ..PHOTOS });
+    let place = Place::with(&DatasetOptions { points: 0, ..PHOTOS });
     let output = place.trained(&[]);
     assert!(said(&output).contains("warning: set: the model has no points"), "{}", said(&output));
     assert!(place.at("scene.ply").is_file());
@@ -46,7 +46,7 @@ fn a_model_without_points_is_enough() {
 
 #[test]
 fn lenses_that_are_not_read() {
-    let place = Place::with(&BuiltinOptions { storage: Storage::Text, ..PHOTOS });
+    let place = Place::with(&DatasetOptions { storage: ColmapStorage::Text, ..PHOTOS });
     let cameras = String::from_utf8(place.read("set/sparse/0/cameras.txt")).unwrap();
     let line = cameras.lines().find(|line| line.contains("PINHOLE")).unwrap();
     let fisheye = format!("{} 0 0 0 0\n", line.replace("SIMPLE_", "").replace("PINHOLE", "OPENCV_FISHEYE"));

@@ -36,7 +36,7 @@ fn the_options_and_the_configuration_they_make() {
 /// Photos come and go in a cache that holds few of them.
 #[test]
 fn any_size_of_the_cache() {
-    let place = Place::with(&BuiltinOptions { size: (330, 220), count: 5, ..PHOTOS });
+    let place = Place::with(&DatasetOptions { size: (330, 220), count: 5, ..PHOTOS });
     for (cache, out) in [("1", "small.ply"), ("64", "large.ply")] {
         place.trained(&["--cache", cache, "--steps", "8", "--out", out]);
     }

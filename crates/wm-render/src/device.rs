@@ -7,7 +7,8 @@ use crate::differentiable::{
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
 use crate::gpu::{self, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
-use crate::renderer::{CpuConfig, Job, RenderError, Renderer, SetId, Stats};
+use crate::plan::{FramePlan, Pictures};
+use crate::renderer::{CpuConfig, RenderBackend, RenderError, SetId, Stats};
 use crate::simd::SimdPath;
 use std::fmt;
 use std::str::FromStr;
@@ -136,7 +137,7 @@ impl AnyRenderer {
         }
     }
 
-    fn renderer(&mut self) -> &mut dyn Renderer {
+    fn renderer(&mut self) -> &mut dyn RenderBackend {
         match &mut self.body {
             Body::Cpu(cpu) => &mut **cpu,
             #[cfg(feature = "gpu")]
@@ -208,7 +209,7 @@ fn open(device: &Device, _: &mut dyn FnMut(&RenderError)) -> Result<Opened, Rend
     }
 }
 
-impl Renderer for AnyRenderer {
+impl RenderBackend for AnyRenderer {
     fn describe(&self) -> String {
         match &self.body {
             Body::Cpu(cpu) => cpu.describe(),
@@ -243,11 +244,11 @@ impl Renderer for AnyRenderer {
         }
     }
 
-    fn render(&mut self, job: &Job<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
-        match self.renderer().render(job, frame) {
+    fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError> {
+        match self.renderer().execute(plan, pictures) {
             Err(error) => {
                 self.fall_back(error)?;
-                self.renderer().render(job, frame)
+                self.renderer().execute(plan, pictures)
             }
             done => done,
         }

@@ -3,7 +3,7 @@
 //! A step is [`forward`](Differentiable::forward), a loss on the frame, and [`backward`](Differentiable::backward) with
 //! the loss's derivative by each picture.
 
-use crate::frame::{Arrays, Frame};
+use crate::frame::{Arrays, Encoding, Frame};
 use crate::renderer::{MAX_SPLATS, RenderError, Stats};
 use crate::simd::SimdPath;
 use crate::stages::compare::{Compared, Comparison};
@@ -14,7 +14,7 @@ use wm_scene::{Camera, Rasterization, Splats, sh};
 /// A back end of training: renders splats in stored form, and derives.
 ///
 /// Splats should be in an order in which neighbours are near in space (a Morton curve): runs of 256 are worked on
-/// together. Unlike a [`Renderer`](crate::Renderer), which checks a set once, this does not check parameters: a splat
+/// together. Unlike a [`RenderBackend`](crate::RenderBackend), which checks a set once, this does not check parameters: a splat
 /// whose position, rotation, scale or opacity is NaN is not drawn, and a NaN colour shows.
 pub trait Differentiable: Send {
     /// What runs, for reports.
@@ -270,7 +270,7 @@ impl ForwardConfig {
             normal: self.channels.has_normal(),
             particles: false,
         };
-        frame.prepare((camera.width, camera.height), arrays)
+        frame.prepare((camera.width, camera.height), Encoding::Srgb, arrays)
     }
 
     /// The same without a frame.

@@ -56,11 +56,16 @@ pub(crate) struct Arrays {
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 
 impl Frame {
-    /// Sizes the arrays for a picture, sRGB-encoded; memory that fits is kept with what is in it.
+    /// Sizes the arrays for a picture; memory that fits is kept with what is in it.
     ///
     /// # Errors
     /// [`RenderError::Memory`] if there is too little.
-    pub(crate) fn prepare(&mut self, (width, height): (u32, u32), arrays: Arrays) -> Result<(), RenderError> {
+    pub(crate) fn prepare(
+        &mut self,
+        (width, height): (u32, u32),
+        encoding: Encoding,
+        arrays: Arrays,
+    ) -> Result<(), RenderError> {
         let pixels = width as usize * height as usize;
         for (array, wanted, channels) in [
             (&mut self.rgb, arrays.rgb, 3),
@@ -77,7 +82,7 @@ impl Frame {
                 array.resize(length, 0.0);
             }
         }
-        (self.width, self.height, self.encoding) = (width, height, Encoding::Srgb);
+        (self.width, self.height, self.encoding) = (width, height, encoding);
         Ok(())
     }
 

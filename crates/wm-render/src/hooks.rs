@@ -2,7 +2,7 @@
 //!
 //! | slot | acts on | when | hook |
 //! |---|---|---|---|
-//! | Surface | splats: wet, snow cover | before projection | [`Visibility`] of a splat set |
+//! | Surface | splats: wet, snow cover | before projection | [`SplatAttributes`] of a splat set |
 //! | Light | splats: relight | when shaded | (none yet) |
 //! | Background | what stands behind all splats | after blending, before the air | [`Backdrop`] |
 //! | Medium | splats and background: extinction, airlight | when shaded | [`Medium`] |
@@ -12,7 +12,11 @@
 //! A hook is a pure function of its own parameters: it has the weather of one instant in it, and is
 //! called from many threads in any order.
 
-use crate::simd::SimdPath;
+pub use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
+use crate::dispatch;
+use crate::frame::{srgb_decode, srgb_encode};
+use crate::simd::{self, Lanes, SimdPath};
+use fearless_simd::{SimdBase, SimdFloat};
 use std::borrow::Cow;
 use wm_scene::Camera;
 
@@ -136,49 +140,150 @@ pub enum SkySplats {
     LeftOut,
 }
 
-/// The air between the camera and what it sees.
+/// The air along sixteen rays, one array a channel: what arrives of light `L` at the far end is `L transmittance +
+/// airlight`, in linear light.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct AirGroup {
+    /// The share of light that the air lets through, 0-1.
+    pub transmittance: [[f32; GROUP]; 3],
+    /// The light that the air adds, linear RGB, 0 or more.
+    pub airlight: [[f32; GROUP]; 3],
+}
+
+impl Default for AirGroup {
+    fn default() -> Self {
+        Self { transmittance: [[1.0; GROUP]; 3], airlight: [[0.0; GROUP]; 3] }
+    }
+}
+
+/// The air along one ray in f64; see [`AirGroup`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AirOnRay {
+    /// The share of light that the air lets through, 0-1.
+    pub transmittance: [f64; 3],
+    /// The light that the air adds, linear RGB, 0 or more.
+    pub airlight: [f64; 3],
+}
+
+impl AirOnRay {
+    /// Air that does nothing.
+    pub const CLEAR: Self = Self { transmittance: [1.0; 3], airlight: [0.0; 3] };
+}
+
+/// The air between the camera and the scene.
+///
+/// It answers two questions about a ray, how much light it lets through and how much it adds; colours seen through it
+/// follow from both. `origin` is where rays begin, in world axes, scene units.
 pub trait Medium: Sync {
-    /// Changes the colours to what is seen through the air.
-    ///
-    /// `origin` is the camera centre in world axes, scene units.
-    fn shade(&self, path: SimdPath, origin: [f32; 3], groups: &mut [ShadeGroup]);
+    /// Writes the transmittance and the airlight along the rays of `rays`, whose colours are not read.
+    fn evaluate(&self, path: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]);
+
+    /// Writes the transmittance along the rays of `rays`.
+    fn transmittance(
+        &self,
+        path: SimdPath,
+        origin: [f32; 3],
+        rays: &[ShadeGroup],
+        out: &mut [[[f32; GROUP]; 3]],
+    ) {
+        evaluate_each(self, (path, origin), rays, out, |air| air.transmittance);
+    }
+
+    /// Writes the airlight along the rays of `rays`, linear RGB.
+    fn airlight(&self, path: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [[[f32; GROUP]; 3]]) {
+        evaluate_each(self, (path, origin), rays, out, |air| air.airlight);
+    }
+
+    /// Changes the colours of `groups` to those seen through the air: `encode(decode(rgb) transmittance + airlight)`.
+    /// An air that evaluates both in registers may do so in one go.
+    fn shade(&self, path: SimdPath, origin: [f32; 3], groups: &mut [ShadeGroup]) {
+        let mut air = [AirGroup::default(); GROUP];
+        for groups in groups.chunks_mut(air.len()) {
+            let air = &mut air[..groups.len()];
+            self.evaluate(path, origin, groups, air);
+            dispatch!(path, s => seen_through(s, air, groups));
+        }
+    }
 
     /// The colour of everything at infinity, if it is one in all directions.
     fn far_color(&self) -> Option<[f32; 3]> {
         None
     }
 
-    /// The same for one ray in f64: the referee.
-    fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3];
+    /// The transmittance and the airlight along one ray in f64: the reference.
+    fn evaluate_reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64) -> AirOnRay;
 
-    /// The same as WGSL, seen from `origin`; `None` where there is no such form, and the GPU back end refuses.
-    fn twin(&self, origin: [f32; 3]) -> Option<Twin> {
+    /// A display-referred colour as seen through the air, in f64.
+    fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
+        let AirOnRay { transmittance, airlight } = self.evaluate_reference(origin, direction, distance);
+        std::array::from_fn(|k| match (transmittance[k], airlight[k]) {
+            // Exactly, whatever the encoding rounds.
+            (1.0, 0.0) => rgb[k],
+            (kept, added) => srgb_encode(srgb_decode(rgb[k]) * kept + added),
+        })
+    }
+
+    /// The air as WGSL, seen from `origin`; `None` where it has no such form, and the GPU back end refuses.
+    fn wgsl(&self, origin: [f32; 3]) -> Option<WgslSource> {
         let _ = origin;
         None
     }
 
-    /// What to call it in messages.
+    /// The name in messages.
     fn name(&self) -> &'static str {
         "this air"
     }
 }
 
-/// The body of a hook for the GPU back end.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Twin {
-    /// Its WGSL. Of a [`Medium`]: a function
-    /// `seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32>` that does what
-    /// [`Medium::shade`] does to one splat; what is at infinity has the distance `FAR_AWAY`. `srgb_decode` and
-    /// `srgb_encode` are there, and the parameters as `air: array<f32>`.
-    pub wgsl: Cow<'static, str>,
-    /// What changes from frame to frame.
-    pub parameters: Vec<f32>,
+/// Evaluates the air a few groups at a time, and keeps one of its answers.
+fn evaluate_each<M: Medium + ?Sized>(
+    medium: &M,
+    (path, origin): (SimdPath, [f32; 3]),
+    rays: &[ShadeGroup],
+    out: &mut [[[f32; GROUP]; 3]],
+    answer: impl Fn(&AirGroup) -> [[f32; GROUP]; 3],
+) {
+    let mut air = [AirGroup::default(); GROUP];
+    for (rays, out) in rays.chunks(air.len()).zip(out.chunks_mut(GROUP)) {
+        medium.evaluate(path, origin, rays, &mut air[..rays.len()]);
+        out.iter_mut().zip(&air).for_each(|(out, air)| *out = answer(air));
+    }
 }
 
-/// How much of a splat is there, 0-1, as a factor on its opacity: growing snow costs no rebuild.
-pub trait Visibility: Sync {
-    /// Writes the factor of each splat `indices[i]` (index in the loaded set) to `out[i]`.
-    fn factors(&self, indices: &[u32], out: &mut [f32]);
+/// Colours through the air.
+#[inline(always)]
+fn seen_through<S: Lanes>(simd: S, air: &[AirGroup], groups: &mut [ShadeGroup]) {
+    for (group, air) in groups.iter_mut().zip(air) {
+        for first in (0..GROUP).step_by(S::N) {
+            let mut light = [simd.set(0.0); 3];
+            for k in 0..3 {
+                light[k] = simd.load(&group.rgb[k][first..]);
+            }
+            light = simd::srgb_decode(simd, light);
+            for k in 0..3 {
+                let kept = simd.load(&air.transmittance[k][first..]);
+                light[k] = light[k].mul_add(kept, simd.load(&air.airlight[k][first..]));
+            }
+            let shown = simd::srgb_encode(simd, light);
+            for k in 0..3 {
+                shown[k].store_slice(&mut group.rgb[k][first..first + S::N]);
+            }
+        }
+    }
+}
+
+/// A [`Medium`] as WGSL.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WgslSource {
+    /// Its text, which defines `fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay`: what
+    /// [`Medium::evaluate`] says about one ray, where `struct AirOnRay { transmittance: vec3<f32>, airlight: vec3<f32> }`
+    /// is declared before the text. A distance of `FAR_AWAY` is infinity. The text may use the parameters as
+    /// `air: array<f32>`. Functions `transmittance(direction, distance)` and `airlight(direction, distance)` are made
+    /// from it.
+    pub wgsl: Cow<'static, str>,
+    /// Numbers that change from frame to frame.
+    pub parameters: Vec<f32>,
 }
 
 /// Something small that falls: a 3D Gaussian of which a picture sees the cover, averaged over the exposure.

@@ -3,6 +3,7 @@
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
+pub mod attributes;
 pub mod cpu;
 pub mod device;
 pub mod differentiable;
@@ -10,7 +11,8 @@ pub mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod hooks;
-pub mod passes;
+pub mod parts;
+pub mod plan;
 pub mod reference;
 pub mod reference_backward;
 pub mod reference_particles;
@@ -28,7 +30,11 @@ pub use differentiable::{
 pub use frame::{Encoding, Frame};
 #[cfg(feature = "gpu")]
 pub use gpu::{Choice, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
+pub use plan::{
+    DrawPass, FramePass, FramePlan, PictureEffect, PictureId, PicturePass, Pictures, SetView, Shading,
+    SplatSource,
+};
 pub use renderer::{
-    Background, CpuConfig, DeviceWork, Geometry, Job, MedianDepth, Outputs, ParticlePass, RenderConfig,
-    RenderError, Renderer, SetId, SetView, SkyGradient, Stats,
+    Background, CpuConfig, DeviceWork, Geometry, MedianDepth, Outputs, ParticlePass, RenderBackend,
+    RenderConfig, RenderError, SetId, SkyGradient, Stats,
 };

@@ -3,7 +3,9 @@
 //! It follows the contracts of the stages and nothing else, and says for each pixel how far a correct
 //! f32 back end may be away: see [`ReferenceFrame::slack`].
 
-use crate::hooks::{Hooks, SkySplats, Visibility};
+use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
+use crate::hooks::{AirOnRay, Hooks, SkySplats};
+use crate::plan::Shading;
 use crate::renderer::RenderConfig;
 use crate::stages::project::{DILATION, MAX_DET, MIN_COMPENSATION};
 use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
@@ -132,33 +134,52 @@ pub const STOP_BAND: f64 = 0.02;
 /// Relative difference in view z within which either order is right: a few ulp of f32 sums.
 pub const ORDER_BAND: f64 = 2e-6;
 
-/// Renders `sets` (splats and visibility) in f64.
+/// Renders `sets` (splats and their attributes) in f64.
 #[must_use]
 pub fn render(
-    sets: &[(&Splats, Option<&dyn Visibility>)],
+    sets: &[(&Splats, Option<&dyn SplatAttributes>)],
     camera: &Camera,
     config: &RenderConfig,
     hooks: Hooks<'_>,
+) -> ReferenceFrame {
+    render_shaded(sets, camera, config, hooks, Shading::Color)
+}
+
+/// Renders `sets` in f64 with colours of one kind.
+#[must_use]
+pub fn render_shaded(
+    sets: &[(&Splats, Option<&dyn SplatAttributes>)],
+    camera: &Camera,
+    config: &RenderConfig,
+    hooks: Hooks<'_>,
+    shading: Shading,
 ) -> ReferenceFrame {
     let origin = camera.center().to_array();
     let backdrop = hooks.background.unwrap_or(&config.background);
     let pixel_angle = camera.widest_pixel();
     let is_drawn = |group: Group| group != Group::Sky || hooks.sky_splats() == SkySplats::Kept;
     let mut drawn = Vec::new();
-    for (splats, visibility) in sets {
+    let shade = |direction: [f64; 3], distance: f64, rgb: [f64; 3]| match (shading, hooks.medium) {
+        (Shading::Color, None) => rgb,
+        (Shading::Color, Some(medium)) => medium.reference(origin, direction, distance, rgb),
+        (Shading::Transmittance, medium) => {
+            let air = medium.map(|medium| medium.evaluate_reference(origin, direction, distance));
+            air.unwrap_or(AirOnRay::CLEAR).transmittance
+        }
+    };
+    for (splats, attributes) in sets {
+        let mut block = AttributeBlock::default();
         for index in (0..splats.len()).filter(|index| is_drawn(splats.groups[*index])) {
-            let mut factor = [1.0];
-            if let Some(visibility) = visibility {
-                visibility.factors(&[index as u32], &mut factor);
+            if let Some(attributes) = attributes {
+                block.read(*attributes, &[index as u32]);
             }
-            let Some(p) = project(splats, index, camera, config.rasterization, f64::from(factor[0])) else {
+            let visibility = f64::from(block.column(Attribute::Visibility)[0]);
+            let Some(p) = project(splats, index, camera, config.rasterization, visibility) else {
                 continue;
             };
-            let mut rgb = sh::color(splats.sh_of(index), p.direction).map(|v| v.max(0.0));
-            if let Some(medium) = hooks.medium {
-                let distance = if splats.groups[index] == Group::Sky { f64::INFINITY } else { p.distance };
-                rgb = medium.reference(origin, p.direction, distance, rgb);
-            }
+            let rgb = sh::color(splats.sh_of(index), p.direction).map(|v| v.max(0.0));
+            let distance = if splats.groups[index] == Group::Sky { f64::INFINITY } else { p.distance };
+            let rgb = shade(p.direction, distance, rgb);
             drawn.push((p, rgb));
         }
     }
@@ -169,10 +190,7 @@ pub fn render(
         for x in 0..camera.width {
             pixel(&drawn, (f64::from(x) + 0.5, f64::from(y) + 0.5), &mut frame);
             let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5).to_array();
-            let mut behind = backdrop.reference(pixel_angle, ray);
-            if let Some(medium) = hooks.medium {
-                behind = medium.reference(origin, ray, f64::INFINITY, behind);
-            }
+            let behind = shade(ray, f64::INFINITY, backdrop.reference(pixel_angle, ray));
             let (Some(rgb), Some(alpha)) = (frame.rgb.last_mut(), frame.alpha.last()) else { continue };
             for k in 0..3 {
                 rgb[k] += (1.0 - alpha) * behind[k];

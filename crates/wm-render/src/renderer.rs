@@ -1,15 +1,16 @@
 //! What to render and how to run it: the coarse interface that every back end offers.
 
 use crate::frame::Frame;
-use crate::hooks::{Backdrop, GROUP, Hooks, ShadeGroup, Visibility};
+use crate::hooks::{Backdrop, GROUP, ShadeGroup};
+use crate::plan::{DrawPass, FramePlan, Pictures};
 use crate::simd::SimdChoice;
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, AddAssign};
 use thiserror::Error;
-use wm_scene::{Camera, CameraError, Rasterization, Splats, SplatsError};
+use wm_scene::{CameraError, Rasterization, Splats, SplatsError};
 
 /// A back end. Splat sets are loaded once and drawn many times.
-pub trait Renderer {
+pub trait RenderBackend {
     /// What runs, for reports: back end, SIMD path, threads.
     fn describe(&self) -> String;
 
@@ -22,11 +23,25 @@ pub trait Renderer {
     /// Forgets a set. Its id is not used again.
     fn unload(&mut self, set: SetId);
 
-    /// Renders one view into `frame`, whose arrays are re-used where they fit.
+    /// Carries out a plan; its pictures are in `pictures` afterwards, whose memory is re-used where it fits.
     ///
     /// # Errors
-    /// [`RenderError`] if the camera cannot be rendered with, a set is not loaded or memory is short.
-    fn render(&mut self, job: &Job<'_>, frame: &mut Frame) -> Result<Stats, RenderError>;
+    /// [`RenderError`] if a camera cannot be rendered with, a set is not loaded or memory is short. What `pictures`
+    /// holds then is of no use.
+    fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError>;
+
+    /// Carries out a plan of one draw pass: renders one view into `frame`, whose arrays are re-used where they fit.
+    ///
+    /// # Errors
+    /// As of [`Self::execute`].
+    fn render(&mut self, pass: &DrawPass<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
+        let (mut plan, mut pictures) = (FramePlan::new(), Pictures::default());
+        let picture = plan.draw(pass.clone());
+        pictures.put(picture, std::mem::take(frame));
+        let done = self.execute(&plan, &mut pictures);
+        *frame = pictures.take(picture);
+        done
+    }
 }
 
 /// Names a loaded set of splats.
@@ -66,38 +81,8 @@ impl<M> Models<M> {
     }
 }
 
-/// One view to render.
-#[derive(Clone, Copy)]
-pub struct Job<'a> {
-    /// The sets to draw together.
-    pub sets: &'a [SetView<'a>],
-    /// From where.
-    pub camera: &'a Camera,
-    /// What to draw.
-    pub config: &'a RenderConfig,
-    /// The weather of this instant.
-    pub hooks: Hooks<'a>,
-}
-
-/// A loaded set and what changes of it from frame to frame.
-#[derive(Clone, Copy)]
-pub struct SetView<'a> {
-    /// The set.
-    pub set: SetId,
-    /// How much of each splat is there; `None` for all of it.
-    pub visibility: Option<&'a dyn Visibility>,
-}
-
-impl SetView<'_> {
-    /// A set as it was loaded.
-    #[must_use]
-    pub fn plain(set: SetId) -> Self {
-        Self { set, visibility: None }
-    }
-}
-
 /// What to render.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RenderConfig {
     /// Which arrays of the frame to fill beside the colour.
     pub outputs: Outputs,

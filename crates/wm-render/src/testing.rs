@@ -7,16 +7,16 @@ use crate::frame::Frame;
 #[cfg(feature = "gpu")]
 use crate::gpu::{
     Choice, Gpu, GpuConfig, GpuDifferentiable, GpuError, GpuRenderer,
-    source::{Form, Program},
+    source::{AirText, Form, Program},
 };
 #[cfg(feature = "gpu")]
-use crate::hooks::Twin;
+use crate::hooks::WgslSource;
 use crate::hooks::{Medium, ShadeGroup};
 use crate::reference::ReferenceFrame;
 use crate::reference_backward::{self, Parameters, ReferenceGradients};
 #[cfg(feature = "gpu")]
 use crate::renderer::RenderError;
-use crate::renderer::{CpuConfig, Renderer};
+use crate::renderer::{CpuConfig, RenderBackend};
 use crate::simd::{SimdChoice, SimdPath};
 use crate::stages::intersect::TILE;
 use crate::stages::project::{Record, SQRT_HALF_LOG2E};
@@ -99,7 +99,7 @@ impl Backend {
     /// # Panics
     /// If it cannot be started.
     #[must_use]
-    pub fn renderer(self) -> Box<dyn Renderer> {
+    pub fn renderer(self) -> Box<dyn RenderBackend> {
         match self {
             Self::Cpu(path) => {
                 let config = CpuConfig { threads: Some(2), simd: path.choice() };
@@ -190,11 +190,14 @@ pub fn gpu_renderer() -> GpuRenderer {
 /// # Errors
 /// What is wrong, with the place.
 #[cfg(feature = "gpu")]
-pub fn check_air(twin: &Twin) -> Result<(), String> {
+pub fn check_air(air: &WgslSource) -> Result<(), String> {
     use wgpu::naga::{front::wgsl, valid};
-    for program in
-        [Program::Project(Form::Activated, Some(twin.wgsl.clone())), Program::Air(twin.wgsl.clone())]
-    {
+    let project = |text| Program::Project(Form::Activated, text);
+    for program in [
+        project(AirText::Color(air.wgsl.clone())),
+        project(AirText::Share(air.wgsl.clone())),
+        Program::Air(air.wgsl.clone()),
+    ] {
         let text = program.text();
         let module = wgsl::parse_str(&text).map_err(|error| error.emit_to_string(&text))?;
         let mut validator =
@@ -273,7 +276,7 @@ macro_rules! tests_of_paths {
     };
 }
 
-pub use wm_scene::synthetic::uniform;
+pub use wm_scene::random::uniform;
 
 /// `count` random splats in a box of side 4 about the origin.
 #[must_use]
@@ -332,7 +335,7 @@ pub fn shell_splats(count: usize, cover: f64, sh_degree: u8, seed: u64) -> Splat
 #[must_use]
 pub fn shell_camera(width: u32, height: u32) -> Camera {
     let focal = 0.9 * f64::from(width);
-    let camera = Camera::look_at((width, height), 50.0, DVec3::ZERO, DVec3::X, DVec3::Z).expect("a camera");
+    let camera = Camera::looking((width, height), 50.0, DVec3::ZERO, DVec3::X, DVec3::Z).expect("a camera");
     Camera { fx: focal, fy: focal, ..camera }
 }
 
@@ -435,7 +438,7 @@ impl Hard {
 #[must_use]
 pub fn camera(width: u32, height: u32) -> Camera {
     let eye = DVec3::new(0.0, 0.0, -6.0);
-    let camera = Camera::look_at((width, height), 45.0, eye, DVec3::new(0.3, 0.2, 0.0), DVec3::NEG_Y);
+    let camera = Camera::looking((width, height), 45.0, eye, DVec3::new(0.3, 0.2, 0.0), DVec3::NEG_Y);
     let camera = camera.expect("a camera");
     Camera { cx: camera.cx + 0.11 * f64::from(width), cy: camera.cy - 0.07 * f64::from(height), ..camera }
 }

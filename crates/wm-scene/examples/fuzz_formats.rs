@@ -16,7 +16,8 @@ use std::{
 use wm_scene::{
     Scene,
     formats::{FORMATS, GltfSplats, SpzVersion, WriteOptions, read_scene, read_scene_from, write_scene_with},
-    synthetic::{rippled, uniform},
+    random::uniform,
+    synthetic::rippled,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

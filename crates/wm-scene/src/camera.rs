@@ -1,5 +1,12 @@
 //! A pinhole camera: intrinsics, pose and near plane.
 
+mod look_at;
+mod rigid;
+
+pub use look_at::LookAt;
+pub(crate) use rigid::viewmat_at;
+pub use rigid::{PoseFault, RIGID_TOLERANCE, check_rigid, rotation_of};
+
 use glam::{DMat3, DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -28,13 +35,13 @@ pub struct Camera {
     pub cx: f64,
     /// Principal point, px from the top edge.
     pub cy: f64,
-    /// `camera_from_world`, rigid.
+    /// `camera_from_world`: a rotation and a translation, within [`RIGID_TOLERANCE`].
     pub viewmat: DMat4,
     /// Splats whose centre is nearer than this (view z, scene units) are not drawn.
     pub near: f64,
 }
 
-/// Why numbers do not make a camera.
+/// The reason why numbers do not make a camera.
 #[derive(Debug, Error, PartialEq)]
 pub enum CameraError {
     /// A side is 0 or too long, or there are too many pixels.
@@ -48,13 +55,16 @@ pub enum CameraError {
     /// A focal length is not positive, or a number is not finite.
     #[error("camera {field} is {value}: {expected}")]
     Value {
-        /// Which number.
+        /// Name of the number.
         field: &'static str,
         /// Its value.
         value: f64,
-        /// What it must be.
+        /// The condition that it does not meet.
         expected: &'static str,
     },
+    /// The pose is not a rotation with a translation.
+    #[error("camera viewmat (camera_from_world) is not a rotation with a translation: {0}")]
+    Pose(#[from] PoseFault),
     /// The eye is at the target, or up is along the view.
     #[error(
         "camera from {} to {} with up {} has no direction or no up; look from one point to another, not along up",
@@ -82,7 +92,7 @@ impl Camera {
     ///
     /// # Errors
     /// [`CameraError`] if the size, the field of view or the directions make no camera.
-    pub fn look_at(
+    pub fn looking(
         size: (u32, u32),
         fov_y: f64,
         eye: DVec3,
@@ -111,7 +121,7 @@ impl Camera {
     /// A camera at `eye` with the rotation `camera_from_world`, the principal point in the middle, square
     /// pixels and the default near plane. `fov_y` is the vertical field of view in degrees.
     ///
-    /// Whether the numbers make a camera is left to [`Camera::check`].
+    /// The numbers are not checked; [`Camera::check`] does that.
     #[must_use]
     pub fn posed(size: (u32, u32), fov_y: f64, eye: DVec3, rotation: DMat3) -> Self {
         let focal = 0.5 * f64::from(size.1) / (0.5 * fov_y.to_radians()).tan();
@@ -122,7 +132,7 @@ impl Camera {
             fy: focal,
             cx: 0.5 * f64::from(size.0),
             cy: 0.5 * f64::from(size.1),
-            viewmat: viewmat_of(rotation, -(rotation * eye)),
+            viewmat: viewmat_at(rotation, eye),
             near: Self::DEFAULT_NEAR,
         }
     }
@@ -134,7 +144,7 @@ impl Camera {
         1.0 / self.fx.min(self.fy)
     }
 
-    /// Checks that every number can be rendered with.
+    /// Checks that the camera can be rendered with: sizes, numbers and a rigid pose.
     ///
     /// # Errors
     /// [`CameraError`] names the first that cannot.
@@ -154,12 +164,7 @@ impl Camera {
                 return Err(CameraError::Value { field, value, expected: "must be finite" });
             }
         }
-        for value in self.viewmat.to_cols_array() {
-            if !value.is_finite() {
-                return Err(CameraError::Value { field: "viewmat", value, expected: "must be finite" });
-            }
-        }
-        Ok(())
+        Ok(check_rigid(&self.viewmat)?)
     }
 
     /// The rotation of `viewmat`.
@@ -258,11 +263,11 @@ mod tests {
 
     fn camera() -> Camera {
         let (eye, target) = (DVec3::new(4.0, -60.0, 3.0), DVec3::new(4.0, -31.0, 2.5));
-        Camera::look_at((1200, 800), 50.0, eye, target, DVec3::Z).unwrap()
+        Camera::looking((1200, 800), 50.0, eye, target, DVec3::Z).unwrap()
     }
 
     #[test]
-    fn look_at_sees_its_target_in_the_middle() {
+    fn a_camera_sees_its_target_in_the_middle() {
         let camera = camera();
         let (x, y, z) = camera.project(DVec3::new(4.0, -31.0, 2.5)).unwrap();
         assert!((x - 600.0).abs() < 1e-9 && (y - 400.0).abs() < 1e-9);
@@ -301,7 +306,7 @@ mod tests {
             ((1200, 800), 50.0, eye),
             ((1200, 800), 50.0, DVec3::Z),
         ] {
-            assert!(Camera::look_at(size, fov, eye, target, up).is_err());
+            assert!(Camera::looking(size, fov, eye, target, up).is_err());
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What can be wrong with a file: where, what, and what to do, in one line.
 
-use crate::{SplatsError, files::WriteFault};
+use crate::{SplatsError, files::WriteFault, health::NonFiniteSplats};
 use std::{
     fmt, io,
     path::{Path, PathBuf},
@@ -127,6 +127,9 @@ pub enum Problem {
     /// The number of SH coefficients belongs to no degree.
     #[error("{0} f_rest properties fit no SH degree: 0, 9, 24 or 45 do; export the file again")]
     ShCount(usize),
+    /// Splats hold numbers that are not finite.
+    #[error("{0}; export the scene again, or repair it, which leaves them out")]
+    NonFinite(NonFiniteSplats),
     /// There is no splat.
     #[error("there are no splats in it; nothing can be shown")]
     NoSplats,

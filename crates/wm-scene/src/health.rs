@@ -6,6 +6,7 @@ use crate::{
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use thiserror::Error;
 
 /// A splat below this opacity is never drawn: it changes no 8 bit picture.
 pub const LEAST_OPACITY: f64 = 1.0 / 255.0;
@@ -166,7 +167,29 @@ impl FaultCounts {
     }
 }
 
-/// What [`Splats::repaired`] did.
+/// Splats that hold NaN or infinite numbers, which cannot be drawn: how many, and in which arrays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("{faulty} of {splats} splats hold NaN or infinite numbers ({})", self.arrays())]
+pub struct NonFiniteSplats {
+    /// Number of all splats.
+    pub splats: usize,
+    /// Splats with at least one such number.
+    pub faulty: usize,
+    /// Splats with each fault; zero quaternions are not counted, for they can be repaired in place.
+    pub counts: FaultCounts,
+}
+
+impl NonFiniteSplats {
+    fn arrays(&self) -> String {
+        let FaultCounts { mean, scale, opacity, quat, sh, .. } = self.counts;
+        let counts = [mean, scale, opacity, quat, sh];
+        let named = counts.into_iter().zip(["positions", "scales", "opacities", "rotations", "colours"]);
+        let named = named.filter(|(count, _)| *count > 0).map(|(count, name)| format!("{count} in {name}"));
+        named.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The changes that [`Splats::repaired`] made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Repairs {
     /// Splats that were left out.
@@ -176,6 +199,20 @@ pub struct Repairs {
 }
 
 impl Splats {
+    /// Checks that no splat holds a NaN or infinite number. Zero quaternions pass.
+    ///
+    /// # Errors
+    /// [`NonFiniteSplats`] counts the splats that do.
+    pub fn check_finite(&self) -> Result<(), NonFiniteSplats> {
+        let mut found = NonFiniteSplats { splats: self.len(), faulty: 0, counts: FaultCounts::default() };
+        for index in 0..self.len() {
+            let faults = Faults { zero_quat: false, ..self.faults(index) };
+            found.faulty += usize::from(faults != Faults::default());
+            found.counts.add(faults);
+        }
+        if found.faulty == 0 { Ok(()) } else { Err(found) }
+    }
+
     /// The splats that can be drawn, in their order: a zero quaternion becomes the identity, splats
     /// with any other fault are left out.
     #[must_use]
@@ -298,8 +335,13 @@ mod tests {
         let expected = FaultCounts { mean: 1, scale: 1, opacity: 1, quat: 1, zero_quat: 2, sh: 1 };
         assert_eq!((health.faulty, health.faults), (6, expected));
         assert_eq!(health.bounds.unwrap().min, [1.0; 3]);
+        let found = splats.check_finite().unwrap_err();
+        assert_eq!((found.faulty, found.counts), (5, FaultCounts { zero_quat: 0, ..expected }));
+        let says = "5 of 200 splats hold NaN or infinite numbers (1 in positions, 1 in scales, 1 in opacities, \
+                    1 in rotations, 1 in colours)";
+        assert_eq!(found.to_string(), says);
         let (repaired, repairs) = splats.clone().repaired();
-        assert_eq!(repairs, Repairs { dropped: 5, turned: 1 });
+        assert_eq!((repairs, repaired.check_finite()), (Repairs { dropped: 5, turned: 1 }, Ok(())));
         assert_eq!(repaired.means[0], [4.0; 3]);
         assert_eq!(repaired.quats[0], [1.0, 0.0, 0.0, 0.0]);
         assert_eq!(Health::of(&repaired).faulty, 0);

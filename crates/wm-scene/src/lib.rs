@@ -7,7 +7,7 @@
 //! - [`Camera`]: pinhole intrinsics and pose, OpenCV axes.
 //! - [`Metadata`]: what weather must know of a scene: metres per unit, up, ground, sky.
 //! - [`Scene`]: the three together, read and written by [`formats`].
-//! - [`View`]: a photographed view, of a scene or a [`capture`].
+//! - [`SceneView`]: a photographed view, of a scene or a [`capture`].
 //! - [`npy`]: arrays of numbers on disk.
 //! - [`survey::Survey`]: what the splats and views say of the place where the metadata does not.
 
@@ -25,15 +25,17 @@ pub mod metadata;
 pub mod morton;
 mod nearest;
 pub mod npy;
-pub mod place;
 pub mod quat;
+pub mod random;
 pub mod scene;
 pub mod sh;
 pub mod similarity;
 mod source;
 pub mod splats;
 pub mod survey;
+#[cfg(any(test, feature = "testing"))]
 pub mod synthetic;
+#[cfg(any(test, feature = "testing"))]
 pub mod testing;
 
 pub use camera::{Camera, CameraError};
@@ -42,6 +44,5 @@ pub use group::Group;
 pub use health::Health;
 pub use metadata::{Metadata, Rasterization};
 pub use nearest::nearest;
-pub use place::Place;
-pub use scene::{Scene, View};
+pub use scene::{Scene, SceneView};
 pub use splats::{Splats, SplatsError};

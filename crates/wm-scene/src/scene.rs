@@ -1,23 +1,111 @@
-//! A scene: splats, what is known of the place, and the views that came with it.
+//! A scene: splats, metadata, and the views that came with it.
 
-use crate::{Camera, Metadata, Splats};
+use crate::formats::{ReadOptions, read_scene, write_scene};
+use crate::health::{NonFiniteSplats, Repairs};
+use crate::{Camera, FormatError, Metadata, Problem, Splats};
+use glam::DVec3;
+use std::path::Path;
 
-/// What one scene file (or folder) holds.
+/// The content of a scene file or folder.
+///
+/// ```
+/// use wm_scene::Scene;
+/// # use wm_scene::{Group, splats::Splat};
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("garden.ply");
+/// # let mut scene = Scene::default();
+/// # scene.splats.push(&Splat {
+/// #     mean: [0.0; 3], quat: [1.0, 0.0, 0.0, 0.0], log_scale: [-3.0; 3], logit_opacity: 2.0,
+/// #     rgb: [0.5; 3], group: Group::Scene,
+/// # });
+/// # scene.save(&path)?;
+/// let scene = Scene::open(&path)?.metres_per_unit(0.4).up([0.0, 0.0, 1.0]).ground(-0.2);
+/// scene.save(path.with_extension("spz"))?;
+/// assert_eq!(Scene::open(path.with_extension("spz"))?.metadata.metres_per_unit, Some(0.4));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
     /// The Gaussians.
     pub splats: Splats,
-    /// What is known of the place.
+    /// Facts about the place: scale, up, ground, sky.
     pub metadata: Metadata,
     /// The photographed views, if the file or folder has them, in their order.
-    pub views: Vec<View>,
+    pub views: Vec<SceneView>,
 }
 
 /// A named camera, such as that of a photo.
 #[derive(Clone, Debug, PartialEq)]
-pub struct View {
+pub struct SceneView {
     /// The photo's file name.
     pub name: String,
     /// Its camera.
     pub camera: Camera,
+}
+
+impl Scene {
+    /// Reads a scene: a file of any of the [`crate::formats`], or the folder of a 3DGS training.
+    ///
+    /// [`read_scene`] has options, and also reads scenes with broken splats, which [`Scene::repaired`]
+    /// removes.
+    ///
+    /// # Errors
+    /// [`FormatError`] if the path, the content, the sidecar or the cameras cannot be used, or a splat holds
+    /// a number that is not finite ([`Problem::NonFinite`]).
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, FormatError> {
+        let path = path.as_ref();
+        let scene = read_scene(path, &ReadOptions::default())?;
+        scene.splats.check_finite().map_err(|e| FormatError::whole(path, Problem::NonFinite(e)))?;
+        Ok(scene)
+    }
+
+    /// Writes the scene in the format that the name of `path` ends in, whole or not at all.
+    ///
+    /// Metadata goes into the file, or into a sidecar beside it if the format has no room. Views are not
+    /// written: see [`crate::formats::folder::write_cameras`].
+    ///
+    /// # Errors
+    /// [`FormatError`] if no format has the extension, the scene cannot be stored, or the file cannot be
+    /// written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FormatError> {
+        write_scene(path.as_ref(), self)
+    }
+
+    /// The scene without the splats that cannot be drawn, and a count of what was removed; see
+    /// [`Splats::repaired`].
+    #[must_use]
+    pub fn repaired(self) -> (Self, Repairs) {
+        let (splats, repairs) = self.splats.repaired();
+        (Self { splats, ..self }, repairs)
+    }
+
+    /// Checks that every splat can be drawn; see [`Splats::check_finite`].
+    ///
+    /// # Errors
+    /// [`NonFiniteSplats`] counts the splats that cannot.
+    pub fn check_finite(&self) -> Result<(), NonFiniteSplats> {
+        self.splats.check_finite()
+    }
+
+    /// Sets the scale, metres per scene unit, finite and above 0 ([`Metadata::fault`] says if it is not).
+    #[must_use]
+    pub fn metres_per_unit(mut self, metres: f64) -> Self {
+        self.metadata.metres_per_unit = Some(metres);
+        self.metadata.scale_source = None;
+        self
+    }
+
+    /// Sets the direction against gravity, world axes, of any length but 0.
+    #[must_use]
+    pub fn up(mut self, up: impl Into<DVec3>) -> Self {
+        self.metadata.up = Some(up.into().normalize_or_zero());
+        self
+    }
+
+    /// Sets the height of the ground along up, scene units: points `p` with `up . p = height` are on it.
+    #[must_use]
+    pub fn ground(mut self, height: f64) -> Self {
+        self.metadata.ground = Some(height);
+        self
+    }
 }

@@ -134,7 +134,7 @@ fn rotate_sh(matrix: &[[f64; 16]; 16], degree: u8, sh: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Camera, Metadata, View};
+    use crate::{Camera, Metadata, SceneView};
     use proptest::prelude::*;
 
     fn similarity() -> impl Strategy<Value = Similarity> {
@@ -190,8 +190,8 @@ mod tests {
             metres_per_unit: Some(4.0),
             ..Metadata::default()
         };
-        let camera = Camera::look_at((4, 3), 60.0, DVec3::ONE, DVec3::ZERO, DVec3::NEG_Y).unwrap();
-        let views = vec![View { name: "a".into(), camera: Camera { near: 0.25, ..camera } }];
+        let camera = Camera::looking((4, 3), 60.0, DVec3::ONE, DVec3::ZERO, DVec3::NEG_Y).unwrap();
+        let views = vec![SceneView { name: "a".into(), camera: Camera { near: 0.25, ..camera } }];
         let mut scene = Scene { splats, metadata, views };
         let turn = Similarity {
             scale: 2.0,

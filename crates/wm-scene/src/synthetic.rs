@@ -3,22 +3,9 @@
 //! They have what makes real scenes hard to judge: walls as large as the ground, normals that
 //! scatter, strays above and below, and surfaces only where a camera could have seen them.
 
-use crate::{Group, Splats, quat, similarity::Similarity, splats::Splat, splats::logit};
+use crate::{Group, Splats, quat, random::uniform, similarity::Similarity, splats::Splat, splats::logit};
 use glam::{DMat3, DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
-
-/// What [`uniform`] multiplies seeds with; its twin on a GPU is told the product.
-pub const SEED_FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
-
-/// The `index`-th of the numbers of `seed`, uniform in [0, 1).
-#[must_use]
-pub fn uniform(seed: u64, index: u64) -> f64 {
-    // SplitMix64's finaliser over a Weyl sequence.
-    let mut z = seed.wrapping_mul(SEED_FACTOR) ^ index.wrapping_mul(0xd1b5_4a32_d192_ed03);
-    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (z ^ z >> 31) as f64 / 2f64.powi(64)
-}
 
 /// Builds a place out of surfaces.
 #[derive(Clone, Debug)]

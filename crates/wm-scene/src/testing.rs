@@ -1,10 +1,13 @@
-//! What tests share, of this crate and of those above it.
+//! Helpers of the tests of this crate and of those that depend on it; feature `testing`.
 
 #[cfg(test)]
 mod any;
+mod capture;
 
 #[cfg(test)]
 pub use any::{any_scene, bits};
+
+pub use capture::{Dice, rolled, taken_if};
 
 use std::path::PathBuf;
 

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::f64::consts::{LN_10, TAU};
 use std::path::{Path, PathBuf};
 use wm_scene::npy;
-use wm_scene::synthetic::uniform;
+use wm_scene::random::uniform;
 
 /// Parts of the picture's width over which the smooth error is alike.
 const PARTS: f64 = 6.0;

@@ -8,7 +8,7 @@ use wm_scene::capture::{self, Capture, CaptureOptions};
 
 /// Options for opening a data set: the places of its parts, and how its photos are read.
 #[derive(Clone, Debug, PartialEq)]
-pub struct DatasetOptions {
+pub struct DatasetReadOptions {
     /// Folder of the photos in the data set; `None` looks in the usual places.
     pub images: Option<PathBuf>,
     /// Folder of masks in the data set; `None` takes `masks` if it exists.
@@ -23,7 +23,7 @@ pub struct DatasetOptions {
     pub cache_bytes: usize,
 }
 
-impl Default for DatasetOptions {
+impl Default for DatasetReadOptions {
     fn default() -> Self {
         Self {
             images: None,
@@ -47,7 +47,7 @@ pub enum DatasetError {
     Photos(#[from] PhotoErrors),
 }
 
-impl DatasetOptions {
+impl DatasetReadOptions {
     /// Reads the cameras and points of the data set in a folder.
     ///
     /// # Errors

@@ -171,7 +171,7 @@ impl Mix {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_scene::synthetic::uniform;
+    use wm_scene::random::uniform;
 
     /// Of two photos one is brighter and bluer than the scene, and the other darker by as much.
     #[test]

@@ -2,7 +2,6 @@
 //!
 //! - [`photos`]: the photos of a capture, decoded, resized and undistorted when they are needed.
 //! - [`colmap`]: a capture from a plain folder of photos, by the COLMAP that is installed.
-//! - [`builtin`]: made-up captures of the built-in place, with exact depth, normals and sky.
 //! - [`start`]: the splats to begin with.
 //! - [`trainer`]: steps of training, with [`losses`], [`densify`], [`schedule`] and
 //!   [`exposure`] for their parts, and [`config`] (and its [`check`]) for what they depend on.
@@ -12,7 +11,6 @@
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
-pub mod builtin;
 pub mod check;
 pub mod checkpoint;
 pub mod colmap;
@@ -36,7 +34,7 @@ pub mod start;
 pub mod trainer;
 
 pub use config::{Preset, TrainConfig};
-pub use dataset::{Dataset, DatasetOptions, HeldOut};
+pub use dataset::{Dataset, DatasetReadOptions, HeldOut};
 pub use plan::TrainPlan;
 pub use session::{Session, SessionError, SessionOptions, TrainObserver};
 pub use trainer::{StepReport, StepTimes, TrainState, Trainer};

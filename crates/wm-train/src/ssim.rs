@@ -413,7 +413,7 @@ fn along<S: Lanes, const N: usize>(simd: S, columns: &[f32], padded: usize, at: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_scene::synthetic::uniform;
+    use wm_scene::random::uniform;
 
     fn picture(width: usize, height: usize, seed: u64) -> Vec<f32> {
         (0..width * height * 3).map(|i| uniform(seed, i as u64) as f32).collect()

@@ -10,7 +10,7 @@ use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZero;
-use wm_scene::capture::Points;
+use wm_scene::capture::SparsePoints;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 
@@ -56,7 +56,7 @@ pub fn extent(cameras: &[Camera]) -> f64 {
 
 /// Splats at the points; equal points once.
 #[must_use]
-pub fn from_points(points: &Points, extent: f64, config: &StartConfig) -> Splats {
+pub fn from_points(points: &SparsePoints, extent: f64, config: &StartConfig) -> Splats {
     let mut kept: Vec<([f32; 3], [u8; 3])> = points
         .positions
         .iter()
@@ -106,7 +106,7 @@ pub struct SkyPhotos<'a> {
 pub fn add_sky(
     splats: &mut Splats,
     photos: &SkyPhotos<'_>,
-    points: &Points,
+    points: &SparsePoints,
     extent: f64,
     count: usize,
 ) -> usize {
@@ -206,7 +206,7 @@ impl ByHeight {
 #[must_use]
 pub fn blind(cameras: &[Camera], extent: f64, config: &StartConfig) -> Splats {
     let random = Random::new(config.seed, Purpose::Start, 0);
-    let mut points = Points::default();
+    let mut points = SparsePoints::default();
     for i in 0..BLIND.min(config.most) as u64 {
         let u = |k: u64| random.uniform(4 * i + k);
         let camera = &cameras[random.below(4 * i + 3, cameras.len())];
@@ -244,7 +244,7 @@ mod tests {
 
     #[test]
     fn splats_fill_the_gaps_between_points() {
-        let mut points = Points::default();
+        let mut points = SparsePoints::default();
         for x in 0..5 {
             for y in 0..5 {
                 points.push([f64::from(x), f64::from(y), 0.0], [255, 0, 128], 0.5, 3);
@@ -258,13 +258,13 @@ mod tests {
         assert!((splats.scales(middle)[0] - 1.0).abs() < 1e-6 && (splats.opacity(middle) - 0.1).abs() < 1e-6);
         let few = from_points(&points, 100.0, &StartConfig { most: 7, ..CONFIG });
         assert_eq!(few.len(), 7);
-        assert_eq!(from_points(&Points::default(), 1.0, &CONFIG).len(), 0);
+        assert_eq!(from_points(&SparsePoints::default(), 1.0, &CONFIG).len(), 0);
     }
 
     #[test]
     fn the_sky_is_far_and_of_the_colours_of_photos() {
-        let camera = Camera::look_at((80, 60), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
-        let mut points = Points::default();
+        let camera = Camera::looking((80, 60), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
+        let mut points = SparsePoints::default();
         points.push([0.0, 30.0, 0.0], [9; 3], 0.5, 3);
         let sky = |is_seen: bool| {
             let mut splats = Splats::with_capacity(0, 1);
@@ -303,7 +303,7 @@ mod tests {
     #[test]
     fn without_points_all_is_in_view() {
         let eye = DVec3::new(0.0, -3.0, 1.0);
-        let camera = Camera::look_at((80, 60), 50.0, eye, DVec3::ZERO, DVec3::Z).unwrap();
+        let camera = Camera::looking((80, 60), 50.0, eye, DVec3::ZERO, DVec3::Z).unwrap();
         let splats = blind(&[camera], 20.0, &CONFIG);
         assert_eq!(splats.len(), 1000);
         for mean in &splats.means {

@@ -508,7 +508,7 @@ mod tests {
     fn cameras() -> Vec<Camera> {
         let eyes = [[0.0, 0.0, -7.0], [6.0, 1.0, -3.0], [-6.0, -1.0, -3.0], [1.0, 5.0, -5.0]];
         let look = |eye: [f64; 3]| {
-            Camera::look_at(SIZE, 45.0, DVec3::from_array(eye), DVec3::ZERO, DVec3::NEG_Y).unwrap()
+            Camera::looking(SIZE, 45.0, DVec3::from_array(eye), DVec3::ZERO, DVec3::NEG_Y).unwrap()
         };
         eyes.map(look).into()
     }

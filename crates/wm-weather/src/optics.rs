@@ -23,8 +23,7 @@ use std::borrow::Cow;
 use std::f32::consts::LOG2_E;
 use std::sync::LazyLock;
 use wm_render::dispatch;
-use wm_render::frame::{srgb_decode, srgb_encode};
-use wm_render::hooks::{GROUP, Medium, ShadeGroup, Twin};
+use wm_render::hooks::{AirGroup, AirOnRay, GROUP, Medium, ShadeGroup, WgslSource};
 use wm_render::simd::{self, Lanes, SimdPath, exp2};
 
 /// `-ln(0.05)`: optical depth of the meteorological optical range.
@@ -171,11 +170,10 @@ impl Atmosphere {
         let metres_per_unit = self.site.metres_per_unit as f32;
         for group in groups {
             for first in (0..GROUP).step_by(S::N) {
-                let metres = simd.load(&group.distance[first..]) * metres_per_unit;
-                let (mut color, mut direction) = ([simd.set(0.0); 3], [simd.set(0.0); 3]);
+                let (metres, direction) = ray(simd, group, first, metres_per_unit);
+                let mut color = [simd.set(0.0); 3];
                 for k in 0..3 {
                     color[k] = simd.load(&group.rgb[k][first..]);
-                    direction[k] = simd.load(&group.direction[k][first..]);
                 }
                 let seen = view.through(simd, metres, &direction, simd::srgb_decode(simd, color));
                 let shown = simd::srgb_encode(simd, seen);
@@ -185,6 +183,40 @@ impl Atmosphere {
             }
         }
     }
+
+    #[inline(always)]
+    fn evaluate_groups<S: Lanes>(
+        &self,
+        simd: S,
+        origin: [f32; 3],
+        rays: &[ShadeGroup],
+        out: &mut [AirGroup],
+    ) {
+        let view = self.seen_from(origin);
+        let metres_per_unit = self.site.metres_per_unit as f32;
+        for (group, out) in rays.iter().zip(out) {
+            for first in (0..GROUP).step_by(S::N) {
+                let (metres, direction) = ray(simd, group, first, metres_per_unit);
+                let (kept, endless) = view.along(simd, metres, &direction);
+                for k in 0..3 {
+                    let added = endless[k] * (simd.set(1.0) - kept[k]);
+                    kept[k].store_slice(&mut out.transmittance[k][first..first + S::N]);
+                    added.store_slice(&mut out.airlight[k][first..first + S::N]);
+                }
+            }
+        }
+    }
+}
+
+/// Lengths (m) and directions of a vector of rays of a group.
+#[inline(always)]
+fn ray<S: Lanes>(simd: S, group: &ShadeGroup, first: usize, metres_per_unit: f32) -> (S::F, [S::F; 3]) {
+    let metres = simd.load(&group.distance[first..]) * metres_per_unit;
+    let mut direction = [simd.set(0.0); 3];
+    for k in 0..3 {
+        direction[k] = simd.load(&group.direction[k][first..]);
+    }
+    (metres, direction)
 }
 
 /// The air as seen from one point.
@@ -205,6 +237,18 @@ impl AirView<'_> {
         direction: &[S::F; 3],
         light: [S::F; 3],
     ) -> [S::F; 3] {
+        let (kept, airlight) = self.along(simd, metres, direction);
+        let mut seen = light;
+        for k in 0..3 {
+            seen[k] = (light[k] - airlight[k]).mul_add(kept[k], airlight[k]);
+        }
+        seen
+    }
+
+    /// The transmittance over `metres` along unit directions (world axes), and the radiance (linear RGB) of an endless
+    /// path through the same air: the airlight is that times `1 - transmittance`.
+    #[inline(always)]
+    pub fn along<S: Lanes>(&self, simd: S, metres: S::F, direction: &[S::F; 3]) -> ([S::F; 3], [S::F; 3]) {
         let Self { layers, drawn, up, is_grey } = self;
         let metres = metres.min(simd.set(FAR as f32));
         let (mut depth, mut added) = ([simd.set(0.0); 3], [simd.set(0.0); 3]);
@@ -235,15 +279,14 @@ impl AirView<'_> {
             exponent[k] = (-depth[k]).max(simd.set(-126.0)).min(simd.set(0.0));
         }
         let kept = if *is_grey { [exp2(simd, [exponent[0]])[0]; 3] } else { exp2(simd, exponent) };
-        let mut seen = light;
+        let mut endless = added;
         for k in 0..3 {
-            let airlight = match &layers[..] {
+            endless[k] = match &layers[..] {
                 [only] if drawn.is_empty() => simd.set(only.airlight[k]),
                 _ => added[k] / depth[k].max(simd.set(1e-30)),
             };
-            seen[k] = (light[k] - airlight).mul_add(kept[k], airlight);
         }
-        seen
+        (kept, endless)
     }
 }
 
@@ -275,6 +318,10 @@ impl Seen {
 }
 
 impl Medium for Atmosphere {
+    fn evaluate(&self, path: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]) {
+        dispatch!(path, s => self.evaluate_groups(s, origin, rays, out));
+    }
+
     fn shade(&self, path: SimdPath, origin: [f32; 3], groups: &mut [ShadeGroup]) {
         dispatch!(path, s => self.shade_groups(s, origin, groups));
     }
@@ -288,7 +335,7 @@ impl Medium for Atmosphere {
         Some(self.reference([0.0; 3], self.site.up, f64::INFINITY, [0.0; 3]).map(|v| v as f32))
     }
 
-    fn twin(&self, origin: [f32; 3]) -> Option<Twin> {
+    fn wgsl(&self, origin: [f32; 3]) -> Option<WgslSource> {
         static WGSL: LazyLock<String> = LazyLock::new(|| {
             let mut constants = format!("const NODES: u32 = {NODES}u;\n");
             for (name, metres) in [
@@ -312,28 +359,30 @@ impl Medium for Atmosphere {
             parameters.extend(drawn.airlight().map(|v| v as f32));
             parameters.extend(drawn.table().as_flattened());
         }
-        Some(Twin { wgsl: Cow::Borrowed(&WGSL), parameters })
+        Some(WgslSource { wgsl: Cow::Borrowed(&WGSL), parameters })
     }
 
-    fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
+    fn evaluate_reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64) -> AirOnRay {
         let height = self.height(origin);
         let rise: f64 = (0..3).map(|k| direction[k] * self.site.up[k]).sum();
         let metres = distance * self.site.metres_per_unit;
         let paths: Vec<f64> =
             self.layers.iter().map(|layer| Self::path_length(layer, height, rise, metres)).collect();
-        std::array::from_fn(|k| {
+        let mut air = AirOnRay::CLEAR;
+        for k in 0..3 {
             let layers = self.layers.iter().zip(&paths);
             let layers = layers.map(|(layer, path)| (layer.sigma_t[k] * path, layer.airlight[k]));
             let drawn = self.drawn.iter().map(|drawn| (-drawn.depth(metres.min(FAR)), drawn.airlight()[k]));
             let parts = layers.chain(drawn);
             let total: f64 = parts.clone().map(|(depth, _)| depth).sum();
-            if total <= 0.0 {
-                return rgb[k];
+            if total > 0.0 {
+                let light: f64 = parts.map(|(depth, airlight)| depth * airlight).sum();
+                let (kept, endless) = ((-total).exp(), light / total);
+                air.transmittance[k] = kept;
+                air.airlight[k] = endless - endless * kept;
             }
-            let light: f64 = parts.map(|(depth, airlight)| depth * airlight).sum();
-            let (kept, airlight) = ((-total).exp(), light / total);
-            srgb_encode(airlight + (srgb_decode(rgb[k]) - airlight) * kept)
-        })
+        }
+        air
     }
 }
 

@@ -1,4 +1,4 @@
-// Light in air, the twin of `optics.rs`: layers that thin upwards, less what of them is drawn drop by drop.
+// Light in air, as `optics.rs` has it: layers that thin upwards, less what of them is drawn drop by drop.
 //
 // `air`: number of layers and of tables; metres a scene unit; up, three numbers. Then of each layer: extinction a metre
 // times log2(e), three; airlight, three; density at the camera; 1 / scale height, 0 for none. Then of each table:
@@ -32,7 +32,7 @@ fn air_vector(at: u32) -> vec3<f32> {
     return vec3<f32>(air[at], air[at + 1u], air[at + 2u]);
 }
 
-fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> {
+fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
     let layers = u32(air[0]);
     let tables = u32(air[1]);
     var metres = FAR_METRES;
@@ -60,9 +60,10 @@ fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32
         added += own * air_vector(at);
     }
     let kept = exp2(clamp(-depth, vec3<f32>(-126.0), vec3<f32>(0.0)));
-    var airlight = added / max(depth, vec3<f32>(1e-30));
+    // The radiance of an endless path.
+    var endless = added / max(depth, vec3<f32>(1e-30));
     if layers == 1u && tables == 0u {
-        airlight = air_vector(AIR_HEAD + 3u);
+        endless = air_vector(AIR_HEAD + 3u);
     }
-    return srgb_encode(airlight + (srgb_decode(rgb) - airlight) * kept);
+    return AirOnRay(kept, endless * (1.0 - kept));
 }

@@ -8,7 +8,7 @@
 use crate::param::Value;
 use crate::track::Track;
 use std::f64::consts::TAU;
-use wm_scene::synthetic::uniform;
+use wm_scene::random::uniform;
 
 /// Waves in each direction.
 const WAVES: usize = 12;

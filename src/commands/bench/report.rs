@@ -2,9 +2,9 @@
 
 use super::measure::{Case, Measured, Sample};
 use crate::scene::Loaded;
-use crate::view::spec;
 use serde::Serialize;
-use wm_render::{DeviceWork, Renderer};
+use weather_magician::view::spec;
+use wm_render::{DeviceWork, RenderBackend};
 use wm_scene::Camera;
 
 /// Everything measured of one scene. Times are milliseconds.

@@ -1,6 +1,6 @@
 //! The demo's film: a walk down the street while fog closes in and begins to lift.
 
-use wm_scene::{Place, place::Viewpoint};
+use wm_street::{Street, Viewpoint};
 use wm_weather::{Weather, WeatherError};
 
 /// How much faster than a walker the camera goes: a short film should get somewhere.
@@ -27,8 +27,8 @@ impl Film {
     /// Where the camera is at `time`, seconds.
     pub fn view(&self, time: f64) -> Viewpoint {
         // A long film takes the whole way, however slowly.
-        let share = (self.seconds * HASTE / Place::WALK_SECONDS).min(1.0);
-        Place::dolly(share * time / self.seconds)
+        let share = (self.seconds * HASTE / Street::WALK_SECONDS).min(1.0);
+        Street::dolly(share * time / self.seconds)
     }
 
     /// The weather over its length.
@@ -91,8 +91,8 @@ mod tests {
     #[test]
     fn short_films_go_part_of_the_way_and_long_ones_all_of_it() {
         let film = Film { seconds: 8.0 };
-        assert_eq!(film.view(0.0), Place::dolly(0.0));
-        assert_eq!(film.view(8.0), Place::dolly(8.0 * HASTE / Place::WALK_SECONDS));
-        assert_eq!(Film { seconds: 100.0 }.view(100.0), Place::dolly(1.0));
+        assert_eq!(film.view(0.0), Street::dolly(0.0));
+        assert_eq!(film.view(8.0), Street::dolly(8.0 * HASTE / Street::WALK_SECONDS));
+        assert_eq!(Film { seconds: 100.0 }.view(100.0), Street::dolly(1.0));
     }
 }

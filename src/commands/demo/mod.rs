@@ -7,23 +7,24 @@ mod film;
 mod photos;
 pub mod street;
 
+use crate::choices::EncoderChoice;
 use crate::interrupt::{self, Interrupted};
-use crate::media::{Size, color::Dither, png, sheet, video};
 use crate::pipeline::pipeline;
 use crate::progress;
 use crate::scene::{Loaded, RunArgs};
 use crate::studio::{Needs, Studio};
-use crate::view::spec;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use film::Film;
 use photos::{Route, Session, Truth};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use weather_magician::view::spec;
+use wm_media::{Size, color::Dither, png, sheet, video};
 use wm_render::{Frame, RenderConfig};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
-use wm_scene::place::Viewpoint;
-use wm_scene::{Camera, Metadata, Place, Scene};
+use wm_scene::{Camera, Metadata, Scene};
+use wm_street::{Street, Viewpoint};
 use wm_weather::{Value, Weather};
 
 /// Frames a second of the film, as in cinemas.
@@ -91,7 +92,7 @@ pub struct DemoArgs {
     only: Vec<Part>,
     /// Who encodes the film
     #[arg(long, value_enum, default_value = "builtin")]
-    encoder: video::Encoder,
+    encoder: EncoderChoice,
     #[command(flatten)]
     run: RunArgs,
 }
@@ -110,7 +111,7 @@ enum Part {
 impl DemoArgs {
     /// Where the sheet is drawn from: where the scene is good.
     fn view(&self) -> Viewpoint {
-        if self.sampled { Place::views()[0] } else { Place::dolly(SHEET_AT) }
+        if self.sampled { Street::views()[0] } else { Street::dolly(SHEET_AT) }
     }
 
     fn size(&self) -> (u32, u32) {
@@ -133,7 +134,7 @@ impl DemoArgs {
     fn video(&self) -> Result<video::VideoSettings> {
         let rate = video::FrameRate::new(FPS, 1).context("no such frame rate")?;
         let settings = video::VideoSettings::new(Size::new(self.size().0, self.size().1), rate);
-        Ok(video::VideoSettings { encoder: self.encoder, ..settings })
+        Ok(video::VideoSettings { encoder: self.encoder.into(), ..settings })
     }
 
     fn check(&self) -> Result<()> {
@@ -356,7 +357,7 @@ mod tests {
 
     #[test]
     fn what_is_printed_can_be_typed() {
-        let view = Place::views()[0];
+        let view = Street::views()[0];
         let spec: spec::CameraSpec = camera_text(&view).parse().unwrap();
         assert_eq!(spec, spec::CameraSpec::LookAt { eye: view.eye, target: view.target });
         assert_eq!(quoted(Path::new("a/b.ply")), "a/b.ply");

@@ -7,8 +7,10 @@ use crate::scene::RunArgs;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, ValueEnum};
 use std::path::Path;
-use wm_scene::Place;
-use wm_train::builtin::{self, BuiltinOptions};
+use wm_street::{
+    Street,
+    dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
+};
 
 /// Where photos are taken from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -44,19 +46,19 @@ pub struct Session {
 }
 
 impl Session {
-    fn options(&self) -> BuiltinOptions {
-        BuiltinOptions {
+    fn options(&self) -> DatasetOptions {
+        DatasetOptions {
             route: match self.route {
-                Route::Walk => builtin::Route::Walk,
-                Route::Orbit => builtin::Route::Orbit,
+                Route::Walk => CameraRoute::Walk,
+                Route::Orbit => CameraRoute::Orbit,
             },
             count: self.count,
             size: self.size,
             truth: match self.truth {
-                Truth::Write => builtin::Truth::Write,
-                Truth::Omit => builtin::Truth::Omit,
+                Truth::Write => GroundTruth::Write,
+                Truth::Omit => GroundTruth::Omit,
             },
-            ..BuiltinOptions::default()
+            ..DatasetOptions::default()
         }
     }
 
@@ -67,13 +69,13 @@ impl Session {
     pub fn shoot(&self, folder: &Path, run: &RunArgs) -> Result<()> {
         clear(folder)?;
         let spinner = progress::spinner("building the street");
-        let place = Place::street();
+        let place = Street::builtin();
         spinner.finish_and_clear();
         let threads = rayon::ThreadPoolBuilder::new().num_threads(run.threads.map_or(0, usize::from)).build();
         let threads = threads.context("cannot start threads")?;
         let bar = progress::bar(u64::from(self.count), "photos");
         let taken = threads.install(|| {
-            builtin::write(&place, folder, &self.options(), &mut |done| {
+            dataset::write(&place, folder, &self.options(), &mut |done| {
                 bar.set_position(done as u64);
                 !interrupt::asked()
             })
@@ -94,7 +96,7 @@ fn clear(folder: &Path) -> Result<()> {
     if !images.exists() && !model.exists() {
         return Ok(());
     }
-    if !folder.join(builtin::MARK).is_file() {
+    if !folder.join(dataset::MARK).is_file() {
         bail!("{}: holds a data set that is not the demo's; name another folder", folder.display());
     }
     for part in [images, model, folder.join("truth")] {
@@ -146,7 +148,7 @@ mod tests {
         clear(folder.path()).unwrap();
         std::fs::create_dir(folder.path().join("images")).unwrap();
         assert!(clear(folder.path()).unwrap_err().to_string().contains("not the demo's"));
-        std::fs::write(folder.path().join(builtin::MARK), "").unwrap();
+        std::fs::write(folder.path().join(dataset::MARK), "").unwrap();
         clear(folder.path()).unwrap();
         assert!(!folder.path().join("images").exists());
     }

@@ -5,7 +5,8 @@ use crate::progress;
 use anyhow::{Context, Result};
 use rayon::prelude::*;
 use wm_scene::splats::Splat;
-use wm_scene::{Place, Scene, Splats};
+use wm_scene::{Scene, Splats};
+use wm_street::Street;
 
 /// Splats that one thread makes at a time: enough to be worth the hand-over, few enough to stop soon.
 const CHUNK: usize = 2048;
@@ -16,7 +17,7 @@ const CHUNK: usize = 2048;
 /// Ctrl-C was pressed, or there are no threads to be had.
 pub fn scene(detail: f64, threads: Option<usize>) -> Result<Scene> {
     let spinner = progress::spinner("building the street");
-    let place = Place::street();
+    let place = Street::builtin();
     let sampling = place.sampling(detail);
     spinner.finish_and_clear();
 

@@ -3,7 +3,7 @@
 use super::{EvaluateArgs, ExposureFitArg, name_of};
 use crate::dataset::Dataset;
 use serde_json::{Map, Value, json};
-use wm_train::evaluation::{Evaluation, GroundTruth, PhotoScores, TruthFolder, ViewScores};
+use wm_train::evaluation::{Evaluation, PhotoScores, TruthFolder, TruthMaps, ViewScores};
 use wm_train::metrics::FloaterShare;
 
 /// A number of a photo.
@@ -124,7 +124,7 @@ pub struct Report {
     /// The choice of photos, in words.
     pub selection: String,
     /// The ground truth.
-    pub truth: GroundTruth,
+    pub truth: TruthMaps,
     /// The scores of each photo.
     pub views: Vec<PhotoScores>,
     /// Splats in front of true surfaces.
@@ -133,7 +133,7 @@ pub struct Report {
 }
 
 impl Report {
-    pub fn new(args: &EvaluateArgs, data: &Dataset, truth: GroundTruth, evaluation: Evaluation) -> Self {
+    pub fn new(args: &EvaluateArgs, data: &Dataset, truth: TruthMaps, evaluation: Evaluation) -> Self {
         let Evaluation { photos: views, floaters } = evaluation;
         let (count, all) = (views.len(), data.capture.views.len());
         let selection = match args.photos.held_out.eval_every {
@@ -167,7 +167,7 @@ impl Report {
         if self.args.photos.exposure_fit == ExposureFitArg::Affine {
             notes.push("Renders have the change of colour that brings them nearest to their photo.".into());
         }
-        let GroundTruth { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
+        let TruthMaps { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
         for (kind, folder) in [("depth", depth), ("normals", normal), ("sky", sky)] {
             if let Some(TruthFolder { folder, holds, photos, missing }) = folder {
                 let of = if missing.is_empty() { String::new() } else { format!(", of {photos} photos") };
@@ -209,7 +209,7 @@ impl Report {
                 "splats": found.splats, "floaters": found.floaters, "share": found.share(), "weighted": found.weighted
             })
         });
-        let GroundTruth { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
+        let TruthMaps { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
         json!({
             "scene": self.args.scene().scene.display().to_string(),
             "dataset": self.args.dataset().display().to_string(),

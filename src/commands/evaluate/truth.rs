@@ -5,7 +5,7 @@ use anyhow::{Result, anyhow};
 use clap::Args;
 use std::path::PathBuf;
 use wm_scene::survey::Survey;
-use wm_train::evaluation::{GroundTruth, TruthError, TruthOptions};
+use wm_train::evaluation::{TruthError, TruthMaps, TruthOptions};
 use wm_train::maps::{DepthForm, DepthUnit, NormalAxes};
 
 /// The folders of ground-truth maps, and the meaning of their numbers.
@@ -37,7 +37,7 @@ pub struct TruthArgs {
 
 impl TruthArgs {
     /// Finds the maps of the photos. Warns on the error stream of photos without one.
-    pub fn open(&self, data: &Dataset, survey: &Survey) -> Result<GroundTruth> {
+    pub fn open(&self, data: &Dataset, survey: &Survey) -> Result<TruthMaps> {
         let options = TruthOptions {
             depth: self.depth.clone(),
             normal: self.normal.clone(),
@@ -46,7 +46,7 @@ impl TruthArgs {
             depth_form: self.depth_kind,
             normal_axes: self.normal_axes,
         };
-        let (truth, warnings) = GroundTruth::open(&options, data, survey).map_err(explain)?;
+        let (truth, warnings) = TruthMaps::open(&options, data, survey).map_err(explain)?;
         for warning in warnings {
             eprintln!("warning: {warning}");
         }

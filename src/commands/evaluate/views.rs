@@ -12,7 +12,7 @@ use std::ops::ControlFlow;
 use wm_render::Geometry;
 use wm_train::evaluation::{
     EvaluatedPhoto, Evaluation, EvaluationError, EvaluationObserver, EvaluationOptions, ExposureFit,
-    GroundTruth, evaluate,
+    TruthMaps, evaluate,
 };
 use wm_train::photos::PhotoError;
 use wm_train::session::ObserverError;
@@ -21,7 +21,7 @@ use wm_train::session::ObserverError;
 pub fn measure(
     mut loaded: Loaded,
     data: &Dataset,
-    truth: &GroundTruth,
+    truth: &TruthMaps,
     args: &EvaluateArgs,
     pictures: usize,
     bar: &ProgressBar,

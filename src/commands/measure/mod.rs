@@ -12,17 +12,18 @@ use crate::names::stem_of;
 use crate::progress;
 use crate::scene::{FactArgs, Loaded, RunArgs, SceneArgs};
 use crate::studio::{self, Needs, Studio};
-use crate::view::spec::{self, CameraSpec};
-use crate::view::{self, choose};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use weather_magician::view::spec::{self, CameraSpec};
+use weather_magician::view::{self, choose};
 use wm_render::hooks::Slot;
-use wm_render::{RenderConfig, Renderer};
+use wm_render::{RenderBackend, RenderConfig};
 use wm_scene::files::{check_writable, write_atomically};
-use wm_scene::{Camera, Metadata, Place};
+use wm_scene::{Camera, Metadata};
+use wm_street::Street;
 use wm_weather::cover::Airflow;
 use wm_weather::{Fidelity, Site, Weather};
 
@@ -276,7 +277,7 @@ fn camera(args: &MeasureArgs, loaded: &mut Loaded) -> Result<Camera> {
     Ok(match (&args.camera, &args.scene) {
         (Some(spec), _) => spec.camera(&loaded.scene.views, &loaded.survey, &options)?,
         (None, Some(_)) => choose::choose(&mut loaded.site(options))?.camera,
-        (None, None) => Place::views()[0].camera(args.size)?,
+        (None, None) => Street::views()[0].camera(args.size)?,
     })
 }
 

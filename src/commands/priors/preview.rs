@@ -2,11 +2,11 @@
 
 use super::PriorsArgs;
 use crate::dataset::Dataset;
-use crate::media::sheet::{Layout, Panel, sheet};
-use crate::media::{Size, color::Dither, png, ramps};
 use anyhow::Result;
 use glam::DVec3;
 use std::fs;
+use wm_media::sheet::{Layout, Panel, sheet};
+use wm_media::{Size, color::Dither, png, ramps};
 use wm_scene::{Camera, FormatError, Problem};
 use wm_train::photos::Photo;
 use wm_train::priors::{Prior, Priors, SkyClass};

@@ -3,11 +3,11 @@
 use super::ReconstructArgs;
 use super::watch::Watch;
 use crate::interrupt;
-use crate::media::{Size, color::Dither, png};
 use crate::progress;
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use wm_media::{Size, color::Dither, png};
 use wm_scene::Camera;
 use wm_train::StepTimes;
 use wm_train::colmap;

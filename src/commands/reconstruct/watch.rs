@@ -2,12 +2,12 @@
 
 #[cfg(feature = "viewer")]
 mod with_viewer {
-    use crate::viewer::server::ServerArgs;
-    use crate::viewer::training::{Board, Camera as Seen};
     use anyhow::Result;
     use clap::Args;
     use glam::{DMat3, DVec3};
     use std::time::Instant;
+    use weather_magician::viewer::server::ServerArgs;
+    use weather_magician::viewer::training::{Board, Camera as Seen};
     use wm_render::Frame;
     use wm_scene::Camera;
 
@@ -103,7 +103,7 @@ mod with_viewer {
         #[test]
         fn a_swing_keeps_what_it_is_about_in_place() {
             let camera =
-                Camera::look_at((60, 40), 50.0, DVec3::new(1.0, -4.0, 2.0), DVec3::Z, DVec3::Z).unwrap();
+                Camera::looking((60, 40), 50.0, DVec3::new(1.0, -4.0, 2.0), DVec3::Z, DVec3::Z).unwrap();
             let pivot = camera.center() + camera.forward() * 3.0;
             let other = swung(&camera, 3.0, 0.4);
             let [a, b] = [&camera, &other].map(|camera| camera.project(pivot).unwrap());

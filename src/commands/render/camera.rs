@@ -1,16 +1,16 @@
 //! From where: a camera or a path, and the instants of the frames.
 
 use super::OutputArgs;
-use crate::media::video::FrameRate;
 use crate::scene::Loaded;
 use crate::studio::Moving;
-use crate::view::moves::{self, PathSpec};
-use crate::view::path::{Key, Path};
-use crate::view::spec::{self, CameraSpec};
-use crate::view::{self, choose};
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
+use weather_magician::view::moves::{self, PathSpec};
+use weather_magician::view::path::{Key, Path};
+use weather_magician::view::spec::{self, CameraSpec};
+use weather_magician::view::{self, choose};
+use wm_media::video::FrameRate;
 use wm_scene::files::check_writable;
 use wm_scene::{Camera, FormatError};
 

@@ -6,9 +6,9 @@ mod range;
 mod sequence;
 mod stages;
 
-use crate::media::{color::Dither, png::DepthScale, video};
+use crate::choices::{DitherChoice, EncoderChoice};
 use crate::names::stem_of;
-use crate::output::{Also, Format, Place, Style, outputs, passes};
+use crate::output::{Also, Format, Place, Style, outputs, parts};
 use crate::parts::Picture;
 use crate::scene::{Loaded, RunArgs, SceneArgs};
 use crate::studio::{Needs, Studio};
@@ -19,7 +19,8 @@ use clap::Args;
 use range::FrameRange;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
-use wm_render::passes::Pass;
+use wm_media::png::DepthScale;
+use wm_render::parts::PicturePart;
 use wm_render::{Background, RenderConfig, Stats};
 use wm_scene::Rasterization;
 use wm_scene::files::check_writable;
@@ -103,10 +104,10 @@ struct OutputArgs {
     rasterization: Option<Rasterization>,
     /// How 8-bit pictures are quantised
     #[arg(long, value_enum, default_value = "ordered", help_heading = "Output")]
-    dither: Dither,
+    dither: DitherChoice,
     /// Who encodes videos
     #[arg(long, value_enum, default_value = "builtin", help_heading = "Output")]
-    encoder: video::Encoder,
+    encoder: EncoderChoice,
     /// Bits a second of a video [default: the same good quality, whatever it takes]
     #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Output")]
     bitrate: Option<u32>,
@@ -195,7 +196,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     if args.output.layers && !is_exr {
         bail!("--layers are those of an .exr: give --out a name that ends in .exr, or --frame-format exr");
     }
-    let asks_for_air = !passes(&args.output.also).is_empty();
+    let asks_for_air = !parts(&args.output.also).is_empty();
     if asks_for_air && weather.fidelity == wm_weather::Fidelity::Paper {
         bail!("--also transmittance, clean or airlight: {}", pairs::NO_AIR);
     }
@@ -209,13 +210,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         background: background(args.output.background, &loaded),
         rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
     };
-    let passes = passes(&args.output.also);
-    let mut take = Take {
-        studio: Studio::new(loaded, config, |site| Needs::of(&weather, site))?,
-        weather,
-        shot,
-        passes,
-    };
+    let parts = parts(&args.output.also);
+    let mut take =
+        Take { studio: Studio::new(loaded, config, |site| Needs::of(&weather, site))?, weather, shot, parts };
     match target {
         Target::Picture(path) => take.picture(&path, args),
         Target::Video(path) => sequence::video(&mut take, &wanted, &path, args),
@@ -229,14 +226,14 @@ struct Take {
     weather: Weather,
     shot: Shot,
     /// Parts of the picture that take renders of their own.
-    passes: Vec<Pass>,
+    parts: Vec<PicturePart>,
 }
 
 impl Take {
     /// Renders the instant `time`.
     fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
         let moving = self.shot.moving(time, self.studio.site.metres_per_unit);
-        self.studio.render_parts(&self.weather, time, moving, &self.passes, picture)
+        self.studio.render_parts(&self.weather, time, moving, &self.parts, picture)
     }
 
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
@@ -270,7 +267,7 @@ impl Take {
         Style {
             also: args.output.also.clone(),
             place: if args.output.layers { Place::Layers } else { Place::Beside },
-            dither: args.output.dither,
+            dither: args.output.dither.into(),
             metres_per_unit: self.studio.site.metres_per_unit,
             depth_scale,
             tags: self.studio.tags(&scene, &self.weather, time, &self.shot.camera(time)),

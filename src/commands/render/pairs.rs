@@ -2,24 +2,24 @@
 
 use super::{RenderArgs, background};
 use crate::interrupt::Interrupted;
-use crate::media::{Size, png::DepthScale};
 use crate::names::stem_of;
 use crate::output::{Format, Kind, Place, Style};
 use crate::parts::Picture;
 use crate::pipeline::pipeline;
 use crate::scene::Loaded;
 use crate::studio::{Moving, Needs, Studio};
-use crate::view::spec;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use serde_json::{Map, Value as Json, json};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::time::Instant;
-use wm_render::passes::Pass;
-use wm_render::{Frame, Geometry, Job, Outputs, ParticlePass, RenderConfig, Renderer};
+use weather_magician::view::spec;
+use wm_media::{Size, png::DepthScale};
+use wm_render::parts::PicturePart;
+use wm_render::{DrawPass, Frame, Geometry, Outputs, ParticlePass, RenderBackend, RenderConfig};
 use wm_scene::files::write_atomically;
-use wm_scene::{Camera, View};
+use wm_scene::{Camera, SceneView};
 use wm_weather::{Fidelity, Value, Weather};
 
 /// The file that says what the pictures of the folder are.
@@ -117,7 +117,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let style = |weather: &Weather, camera: &Camera| Style {
         also: Vec::new(),
         place: Place::Beside,
-        dither: args.output.dither,
+        dither: args.output.dither.into(),
         metres_per_unit: studio.site.metres_per_unit,
         depth_scale: DepthScale::Auto,
         tags: studio.tags(&scene, weather, time, camera),
@@ -129,10 +129,10 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         let speed = args.camera.camera_speed.unwrap_or(0.0);
         let moving = Moving { camera, velocity: (camera.forward() * speed).to_array() };
         studio.with_job(&clear, time, moving, |renderer, job| {
-            let config = RenderConfig { outputs: Outputs::default(), ..job.config.clone() };
-            Ok(renderer.render(&Job { config: &config, ..*job }, &mut pair.clean)?)
+            let config = RenderConfig { outputs: Outputs::default(), ..job.config };
+            Ok(renderer.render(&DrawPass { config, ..job.clone() }, &mut pair.clean)?)
         })?;
-        studio.render_parts(weather, time, moving, &[Pass::Transmittance], &mut pair.weather)?;
+        studio.render_parts(weather, time, moving, &[PicturePart::Transmittance], &mut pair.weather)?;
         Ok(())
     };
     let mut write = |index: u32, pair: &Pair| {
@@ -216,8 +216,8 @@ fn shots(loaded: &mut Loaded, args: &RenderArgs) -> Result<Vec<Shot>> {
 }
 
 /// Names of files: those of the photos without extension, or with it where two are alike without.
-fn names(views: &[View]) -> Result<Vec<String>> {
-    let whole = |view: &View| -> String {
+fn names(views: &[SceneView]) -> Result<Vec<String>> {
+    let whole = |view: &SceneView| -> String {
         // Names come from files of others, which may name places outside of the folder.
         let parts = Path::new(&view.name).components().filter_map(|part| match part {
             Component::Normal(part) => part.to_str(),
@@ -225,7 +225,7 @@ fn names(views: &[View]) -> Result<Vec<String>> {
         });
         parts.collect::<Vec<_>>().join("/")
     };
-    let short = |view: &View| -> String {
+    let short = |view: &SceneView| -> String {
         let whole = whole(view);
         match whole.rsplit_once('.') {
             Some((stem, extension))
@@ -262,7 +262,7 @@ fn write_pair(folder: &Path, shot: &Shot, [clear, style]: &[Style; 2], pair: &Pa
             .with_context(|| format!("cannot make the folder {}", parent.display()))?;
     }
     let [clean, weather, depth, transmittance, particles] = paths;
-    crate::media::png::write_rgb(&clean, &pair.clean.rgb, size, clear.dither, &clear.tags)?;
+    wm_media::png::write_rgb(&clean, &pair.clean.rgb, size, clear.dither, &clear.tags)?;
     style.write(&pair.weather, &weather)?;
     style.write_one(Kind::Depth, Format::Npy, &pair.weather, size, &depth)?;
     style.write_one(Kind::Transmittance, Format::Npy, &pair.weather, size, &transmittance)?;
@@ -383,8 +383,9 @@ mod tests {
     use glam::DVec3;
 
     fn named(all: &[&str]) -> Result<Vec<String>> {
-        let camera = Camera::look_at((4, 3), 50.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
-        let views: Vec<View> = all.iter().map(|name| View { name: (*name).to_owned(), camera }).collect();
+        let camera = Camera::looking((4, 3), 50.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
+        let views: Vec<SceneView> =
+            all.iter().map(|name| SceneView { name: (*name).to_owned(), camera }).collect();
         names(&views)
     }
 

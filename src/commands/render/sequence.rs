@@ -2,7 +2,6 @@
 
 use super::{RenderArgs, Take};
 use crate::interrupt::Interrupted;
-use crate::media::{Size, png::DepthScale, video};
 use crate::output::{Also, Place, Style};
 use crate::parts::Picture;
 use crate::pipeline::pipeline;
@@ -10,6 +9,7 @@ use anyhow::{Context, Result, bail};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
+use wm_media::{Size, png::DepthScale, video};
 use wm_scene::files::write_atomically;
 
 /// The file in a folder of frames that says what they are frames of.
@@ -23,9 +23,9 @@ pub fn video(take: &mut Take, wanted: &[u32], path: &Path, args: &RenderArgs) ->
     let start = take.shot.time(wanted[0]);
     let camera = take.shot.camera(start);
     let mut settings = video::VideoSettings::new(Size::new(camera.width, camera.height), take.shot.rate);
-    settings.encoder = args.output.encoder;
+    settings.encoder = args.output.encoder.into();
     settings.bitrate = args.output.bitrate;
-    settings.dither = args.output.dither;
+    settings.dither = args.output.dither.into();
     settings.tags = take.style(args, DepthScale::Auto, start).tags;
     let mut sink = video::create_video(path, settings)?;
 

@@ -1,12 +1,12 @@
 //! The steps of the paper's rain and snow, as pictures beside the last one.
 
 use super::{Take, Target};
-use crate::media::{Size, png};
 use crate::names::beside;
 use crate::output::Style;
 use crate::parts::Picture;
 use anyhow::{Result, bail};
 use std::path::Path;
+use wm_media::{Size, png};
 use wm_render::Stats;
 use wm_weather::paper::Stages;
 use wm_weather::{Fidelity, Weather};

@@ -3,7 +3,8 @@
 use crate::dispatch;
 use crate::frame::{Arrays, Frame};
 use crate::hooks::PATCH;
-use crate::renderer::{Geometry, Job, MedianDepth, ParticlePass, Stats};
+use crate::plan::DrawPass;
+use crate::renderer::{Geometry, MedianDepth, ParticlePass, Stats};
 use crate::simd::SimdPath;
 use crate::stages::composite::cpu::{Composite, OutputRows, PatchPixels, finish_patch};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
@@ -27,10 +28,10 @@ pub struct Features {
 }
 
 impl Features {
-    /// What a job needs: what it asks for, and depth where particles or a pixel effect read it.
-    pub fn of(job: &Job<'_>) -> Self {
-        let asked = job.config.outputs;
-        let effects = !(job.hooks.pixels.is_empty() && job.hooks.particles.is_empty());
+    /// What a pass needs: what it asks for, and depth where particles or a pixel effect read it.
+    pub fn of(pass: &DrawPass<'_>) -> Self {
+        let asked = pass.config.outputs;
+        let effects = !(pass.hooks.pixels.is_empty() && pass.particles().is_empty());
         let geometry =
             if effects && asked.geometry == Geometry::None { Geometry::Depth } else { asked.geometry };
         Self { geometry, median: asked.median_depth }
@@ -46,9 +47,9 @@ impl Features {
     }
 }
 
-/// The arrays that `job` asks for.
-pub fn arrays(job: &Job<'_>) -> Arrays {
-    let outputs = job.config.outputs;
+/// The arrays that `pass` asks for.
+pub fn arrays(pass: &DrawPass<'_>) -> Arrays {
+    let outputs = pass.config.outputs;
     Arrays {
         rgb: true,
         depth: outputs.geometry != Geometry::None,

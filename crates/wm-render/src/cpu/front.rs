@@ -1,15 +1,17 @@
 //! The first sweep: clusters of splats to records and windows of tiles.
 
 use super::model::{CLUSTER, CpuModel, GROUPS};
+use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::dispatch;
-use crate::hooks::{GROUP, Medium, ShadeGroup, SkySplats, Visibility};
-use crate::renderer::{Job, Stats};
+use crate::hooks::{GROUP, Medium, ShadeGroup, SkySplats};
+use crate::plan::{DrawPass, Shading};
+use crate::renderer::Stats;
 use crate::simd::{Lanes, SimdPath};
 use crate::stages::intersect::TileGrid;
 use crate::stages::intersect::cpu::{Pairs, PatchBox};
 use crate::stages::project::cpu::{ClusterCull, Projected, project_group};
 use crate::stages::project::{ProjectCamera, Record};
-use crate::stages::shade::cpu::shade_group;
+use crate::stages::shade::cpu::{shade_group, through_air};
 use std::ops::Range;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
@@ -18,7 +20,7 @@ use wm_scene::Rasterization;
 /// A run of clusters of one set, with the records that it may fill.
 pub struct Unit<'a> {
     model: &'a CpuModel,
-    visibility: Option<&'a dyn Visibility>,
+    attributes: Option<&'a dyn SplatAttributes>,
     clusters: Range<usize>,
     first_record: u32,
     records: &'a mut [Record],
@@ -27,7 +29,7 @@ pub struct Unit<'a> {
 impl<'a> Unit<'a> {
     /// Cuts the sets in about `wanted` runs of equal size, none across sets.
     pub fn split(
-        sets: &[(&'a CpuModel, Option<&'a dyn Visibility>)],
+        sets: &[(&'a CpuModel, Option<&'a dyn SplatAttributes>)],
         wanted: usize,
         mut records: &'a mut [Record],
     ) -> Vec<Self> {
@@ -35,13 +37,13 @@ impl<'a> Unit<'a> {
         let size = clusters.div_ceil(wanted).max(1);
         let mut units = Vec::new();
         let mut first_record = 0;
-        for (model, visibility) in sets {
+        for (model, attributes) in sets {
             for first in (0..model.clusters.len()).step_by(size) {
                 let clusters = first..(first + size).min(model.clusters.len());
                 let (own, rest) = records.split_at_mut(clusters.len() * CLUSTER);
                 records = rest;
                 let count = own.len() as u32;
-                units.push(Self { model, visibility: *visibility, clusters, first_record, records: own });
+                units.push(Self { model, attributes: *attributes, clusters, first_record, records: own });
                 first_record += count;
             }
         }
@@ -88,27 +90,29 @@ pub struct Front<'a> {
     cull: ClusterCull,
     rasterization: Rasterization,
     medium: Option<&'a dyn Medium>,
+    shading: Shading,
     sky_splats: SkySplats,
     grid: TileGrid,
 }
 
 impl<'a> Front<'a> {
     /// The sweep of one frame.
-    pub fn new(path: SimdPath, camera: &'a ProjectCamera, job: &Job<'a>, grid: TileGrid) -> Self {
+    pub fn new(path: SimdPath, camera: &'a ProjectCamera, pass: &DrawPass<'a>, grid: TileGrid) -> Self {
         Self {
             path,
             camera,
             cull: ClusterCull::new(camera),
-            rasterization: job.config.rasterization,
-            medium: job.hooks.medium,
-            sky_splats: job.hooks.sky_splats(),
+            rasterization: pass.config.rasterization,
+            medium: pass.hooks.medium,
+            shading: pass.shading,
+            sky_splats: pass.hooks.sky_splats(),
             grid,
         }
     }
 
     /// Runs one unit.
     pub fn run(&self, unit: Unit<'_>, part: &mut Part) {
-        let Unit { model, visibility, clusters, first_record, records } = unit;
+        let Unit { model, attributes, clusters, first_record, records } = unit;
         part.pairs.clear(self.grid);
         (part.visible, part.project, part.medium, part.intersect) = (0, 0.0, 0.0, 0.0);
         let mut scratch = Box::<ClusterScratch>::default();
@@ -118,16 +122,15 @@ impl<'a> Front<'a> {
                 continue;
             }
             let begun = Instant::now();
-            if let Some(visibility) = visibility {
+            if let Some(attributes) = attributes {
                 let source = &model.source[cluster * CLUSTER..(cluster + 1) * CLUSTER];
-                visibility.factors(source, scratch.factors.as_flattened_mut());
+                scratch.attributes.read(attributes, source);
             }
-            let groups = dispatch!(self.path, s => self.project_cluster(s, model, visibility.is_some(), cluster, &mut scratch));
+            let groups = dispatch!(self.path, s => self.project_cluster(s, model, attributes.is_some(), cluster, &mut scratch));
             let projected = Instant::now();
-            if let Some(medium) = self.medium
-                && groups > 0
-            {
-                medium.shade(self.path, self.camera.center, &mut scratch.shade[..groups]);
+            if groups > 0 {
+                let shade = &mut scratch.shade[..groups];
+                through_air(self.path, self.medium, self.shading, self.camera.center, shade);
             }
             let seen = Instant::now();
             let visible =
@@ -149,7 +152,7 @@ impl<'a> Front<'a> {
         &self,
         simd: S,
         model: &CpuModel,
-        faded: bool,
+        has_attributes: bool,
         cluster: usize,
         scratch: &mut ClusterScratch,
     ) -> usize {
@@ -158,7 +161,7 @@ impl<'a> Front<'a> {
         for i in 0..GROUPS {
             let index = cluster * GROUPS + i;
             let group = &model.groups[index];
-            let factors = faded.then_some(&scratch.factors[i]);
+            let factors = has_attributes.then(|| scratch.attributes.group(i, Attribute::Visibility));
             let (out, shade) = (&mut scratch.projected[used], &mut scratch.shade[used]);
             project_group(simd, group, self.camera, self.rasterization, factors, out, shade);
             let sky = model.sky[index];
@@ -199,7 +202,7 @@ pub struct ClusterScratch {
     pub shade: [ShadeGroup; GROUPS],
     /// Position of each group in its cluster.
     pub names: [usize; GROUPS],
-    factors: [[f32; GROUP]; GROUPS],
+    attributes: AttributeBlock,
     pub boxes: [PatchBox; CLUSTER],
 }
 
@@ -209,7 +212,7 @@ impl Default for ClusterScratch {
             projected: std::array::from_fn(|_| Projected::default()),
             shade: [ShadeGroup::default(); GROUPS],
             names: [0; GROUPS],
-            factors: [[1.0; GROUP]; GROUPS],
+            attributes: AttributeBlock::default(),
             boxes: [PatchBox::default(); CLUSTER],
         }
     }

@@ -14,8 +14,9 @@ pub use differentiable::CpuDifferentiable;
 
 use crate::frame::Frame;
 use crate::hooks::ParticleView;
+use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
 use crate::renderer::Models;
-use crate::renderer::{CpuConfig, Job, MAX_SPLATS, RenderError, Renderer, SetId, Stats};
+use crate::renderer::{CpuConfig, MAX_SPLATS, RenderBackend, RenderError, SetId, Stats};
 use crate::simd::SimdPath;
 use crate::stages::composite::{background::BackgroundView, cpu::Composite};
 use crate::stages::intersect::{TileGrid, cpu as intersect};
@@ -94,15 +95,24 @@ impl CpuRenderer {
         &self.pool
     }
 
-    fn render_on_pool(&mut self, job: &Job<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
+    fn draw(&mut self, pass: &DrawPass<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
         let started = Instant::now();
-        job.camera.check()?;
-        let features = Features::of(job);
-        frame.prepare((job.camera.width, job.camera.height), arrays(job))?;
+        pass.camera.check()?;
+        let features = Features::of(pass);
+        frame.prepare((pass.camera.width, pass.camera.height), pass.encoding(), arrays(pass))?;
 
-        let mut sets = Vec::with_capacity(job.sets.len());
-        for view in job.sets {
-            sets.push((self.models.get(view.set)?, view.visibility));
+        let transient = pass.sets.iter().map(|view| match view.splats {
+            SplatSource::Loaded(_) => Ok(None),
+            SplatSource::Transient(splats) => CpuModel::new(splats).map(Some),
+        });
+        let transient = transient.collect::<Result<Vec<_>, _>>()?;
+        let mut sets = Vec::with_capacity(pass.sets.len());
+        for (view, own) in pass.sets.iter().zip(&transient) {
+            let model = match (view.splats, own) {
+                (SplatSource::Loaded(set), _) => self.models.get(set)?,
+                (SplatSource::Transient(_), own) => own.as_ref().expect("it was loaded for this pass"),
+            };
+            sets.push((model, view.attributes));
         }
         let total: usize = sets.iter().map(|(model, _)| model.source.len()).sum();
         if total > MAX_SPLATS {
@@ -111,11 +121,11 @@ impl CpuRenderer {
         if self.records.len() < total {
             self.records.resize(total, Record::default());
         }
-        let grid = TileGrid::new(job.camera.width, job.camera.height);
-        let camera = ProjectCamera::new(job.camera);
+        let grid = TileGrid::new(pass.camera.width, pass.camera.height);
+        let camera = ProjectCamera::new(&pass.camera);
         let units = Unit::split(&sets, (8 * self.threads()).max(32), &mut self.records);
         self.parts.resize_with(units.len(), Part::default);
-        let front = Front::new(self.path, &camera, job, grid);
+        let front = Front::new(self.path, &camera, pass, grid);
         units.into_par_iter().zip(&mut self.parts).for_each(|(unit, part)| front.run(unit, part));
 
         let mut stats = Stats::default();
@@ -133,11 +143,10 @@ impl CpuRenderer {
         let keys = &self.keys[..];
         stats.intersect += self.parts.par_iter_mut().map(|part| part.scatter(keys)).sum::<f64>();
 
-        stats.fall = self.falling.fill(self.path, job.hooks.particles, &ParticleView::new(job.camera));
+        stats.fall = self.falling.fill(self.path, pass.particles(), &ParticleView::new(&pass.camera));
         stats.particles = self.falling.len() as u64;
 
-        let backdrop = job.hooks.background.unwrap_or(&job.config.background);
-        let background = BackgroundView::new(backdrop, job.hooks.medium, job.camera, self.path);
+        let background = BackgroundView::of(pass, self.path);
         let back = Back {
             path: self.path,
             narrow: self.path.narrow(),
@@ -145,14 +154,14 @@ impl CpuRenderer {
             keys,
             bounds: &self.bounds,
             grid,
-            size: (job.camera.width as usize, job.camera.height as usize),
+            size: (pass.camera.width as usize, pass.camera.height as usize),
             features,
             composite: Composite {
                 path: self.path,
                 features: features.count(),
                 background: &background,
                 falling: &self.falling,
-                effects: job.hooks.pixels,
+                effects: pass.hooks.pixels,
             },
             workers: &self.workers,
         };
@@ -162,7 +171,7 @@ impl CpuRenderer {
     }
 }
 
-impl Renderer for CpuRenderer {
+impl RenderBackend for CpuRenderer {
     fn describe(&self) -> String {
         format!("cpu, {}, {} threads", self.path, self.threads())
     }
@@ -176,8 +185,20 @@ impl Renderer for CpuRenderer {
         self.models.remove(set);
     }
 
-    fn render(&mut self, job: &Job<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
+    fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError> {
         let pool = Arc::clone(&self.pool);
-        pool.install(|| self.render_on_pool(job, frame))
+        pool.install(|| {
+            let started = Instant::now();
+            let mut stats = Stats::default();
+            pictures.fit(plan.pictures());
+            for pass in plan.passes() {
+                match pass {
+                    FramePass::Draw { target, pass } => stats += self.draw(pass, &mut pictures[*target])?,
+                    FramePass::Picture(pass) => pass.run(self.path, pictures),
+                }
+            }
+            stats.wall = started.elapsed().as_secs_f64();
+            Ok(stats)
+        })
     }
 }

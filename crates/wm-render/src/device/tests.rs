@@ -14,8 +14,10 @@ fn devices_are_read_as_they_are_written() {
 #[cfg(feature = "gpu")]
 mod with_gpu {
     use super::*;
-    use crate::hooks::{Hooks, Medium, ShadeGroup};
-    use crate::renderer::{RenderConfig, SetView};
+    use crate::frame::srgb_decode;
+    use crate::hooks::{AirGroup, AirOnRay, Hooks, Medium, ShadeGroup};
+    use crate::plan::{DrawPass, SetView};
+    use crate::renderer::RenderConfig;
     use crate::testing::{Backend, RandomLoss, camera, gpu_renderer, random_splats};
     use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -26,15 +28,16 @@ mod with_gpu {
         AnyRenderer { config, path: SimdPath::select(config.simd).unwrap(), body, warn }
     }
 
-    struct NoTwin;
+    struct NoWgsl;
 
-    impl Medium for NoTwin {
-        fn shade(&self, _: SimdPath, _: [f32; 3], groups: &mut [ShadeGroup]) {
-            groups.iter_mut().for_each(|group| group.rgb = [[0.25; 16]; 3]);
+    impl Medium for NoWgsl {
+        fn evaluate(&self, _: SimdPath, _: [f32; 3], _: &[ShadeGroup], out: &mut [AirGroup]) {
+            let airlight = [[srgb_decode(0.25) as f32; 16]; 3];
+            out.fill(AirGroup { transmittance: [[0.0; 16]; 3], airlight });
         }
 
-        fn reference(&self, _: [f64; 3], _: [f64; 3], _: f64, _: [f64; 3]) -> [f64; 3] {
-            [0.25; 3]
+        fn evaluate_reference(&self, _: [f64; 3], _: [f64; 3], _: f64) -> AirOnRay {
+            AirOnRay { transmittance: [0.0; 3], airlight: [srgb_decode(0.25); 3] }
         }
     }
 
@@ -51,8 +54,8 @@ mod with_gpu {
         renderer.unload(sets[1]);
         let (camera, config) = (camera(64, 48), RenderConfig::default());
         let views = [SetView::plain(sets[0]), SetView::plain(sets[2])];
-        let plain = Job { sets: &views, camera: &camera, config: &config, hooks: Hooks::default() };
-        let air = Job { hooks: Hooks { medium: Some(&NoTwin), ..Hooks::default() }, ..plain };
+        let plain = DrawPass::new(&views, &camera, &config);
+        let air = plain.clone().with_hooks(Hooks { medium: Some(&NoWgsl), ..Hooks::default() });
         let [mut before, mut through, mut after] = [Frame::default(), Frame::default(), Frame::default()];
         renderer.render(&plain, &mut before).unwrap();
         assert!(renderer.is_gpu());

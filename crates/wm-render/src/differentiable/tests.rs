@@ -1,8 +1,8 @@
 //! What every back end of training does alike.
 
 use super::*;
-use crate::hooks::Hooks;
-use crate::renderer::{Background, CpuConfig, Job, RenderConfig, Renderer, SetView};
+use crate::plan::{DrawPass, SetView};
+use crate::renderer::{Background, CpuConfig, RenderBackend, RenderConfig};
 use crate::testing::{Backend, RandomLoss, camera, random_splats};
 use crate::{CpuDifferentiable, CpuRenderer, Geometry, Outputs};
 
@@ -63,9 +63,7 @@ fn frames_are_alike(backend: Backend) {
     let mut want = Frame::default();
     let camera = camera(333, 217);
     let sets = [SetView::plain(set)];
-    plain
-        .render(&Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() }, &mut want)
-        .unwrap();
+    plain.render(&DrawPass::new(&sets, &camera, &config), &mut want).unwrap();
     let near = |got: &[f32], want: &[f32], scale: f32| {
         // Scales are activated in another precision: the odd splat falls on the other side of a cut.
         let off = got.iter().zip(want).filter(|(a, b)| (*a - *b).abs() > 1e-4 * scale).count();

@@ -23,7 +23,7 @@ impl GpuRenderer {
         groups: &mut [ShadeGroup],
     ) -> Result<(), RenderError> {
         let gpu = self.gpu();
-        let twin = medium.twin(origin).ok_or(GpuError::Effect(medium.name()))?;
+        let source = medium.wgsl(origin).ok_or(GpuError::Effect(medium.name()))?;
         let mut words = Vec::new();
         for group in &*groups {
             words.extend(group.distance.map(|distance| distance.min(FAR_AWAY)));
@@ -31,12 +31,12 @@ impl GpuRenderer {
             words.extend_from_slice(group.rgb.as_flattened());
         }
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-        let [parameters, buffer] = [&twin.parameters, &words]
+        let [parameters, buffer] = [&source.parameters, &words]
             .map(|numbers| Growing::default().write(gpu, "the air", numbers, usage));
         let (parameters, buffer) = (parameters?, buffer?);
         let mut recorder = Recorder::new(gpu, &parameters, None);
         recorder.begin(Stage::Project);
-        shade_groups(&mut recorder, (&twin, &parameters), (&buffer, groups.len() as u32));
+        shade_groups(&mut recorder, (&source, &parameters), (&buffer, groups.len() as u32));
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut words);
         readback::copy(gpu, recorder, &mut Growing::default(), &mut [(&buffer, 0, bytes)])?;
         let rows = words.chunks_exact(size_of::<ShadeGroup>() / 4);

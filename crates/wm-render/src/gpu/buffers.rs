@@ -112,20 +112,20 @@ pub(crate) struct Extent {
 #[derive(Default)]
 pub(crate) struct Memory {
     kept: [Growing; 25],
-    /// The factors of each set's splats: a set may be there twice.
-    visibility: Vec<Growing>,
+    /// The attributes of each set's splats: a set may be there twice.
+    attributes: Vec<Growing>,
     air: Growing,
     drops: Growing,
     pub staging: Growing,
 }
 
 impl Memory {
-    /// The factors of the splats of set number `set` of a frame.
-    pub fn visibility(&mut self, gpu: &Gpu, set: usize, factors: &[f32]) -> Result<wgpu::Buffer, GpuError> {
-        if self.visibility.len() <= set {
-            self.visibility.resize_with(set + 1, Growing::default);
+    /// The attributes of the splats of set number `set` of a frame.
+    pub fn attributes(&mut self, gpu: &Gpu, set: usize, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+        if self.attributes.len() <= set {
+            self.attributes.resize_with(set + 1, Growing::default);
         }
-        self.visibility[set].write(gpu, "visibilities", factors, WRITTEN)
+        self.attributes[set].write(gpu, "attributes of splats", numbers, WRITTEN)
     }
 
     /// The parameters of the air.

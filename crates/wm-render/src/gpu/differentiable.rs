@@ -27,6 +27,7 @@ use crate::differentiable::{
     StepClock, Upstream,
 };
 use crate::frame::Frame;
+use crate::plan::Shading;
 use crate::renderer::{CpuConfig, RenderError, Stats};
 use crate::simd::SimdPath;
 use crate::stages::compare::gpu::{self as compare, Comparer, Pictures};
@@ -415,7 +416,7 @@ fn record_forward<'a>(
     let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
     recorder.encoder().clear_buffer(&room.counters, 0, None);
     let pieces = model.pieces(&recorder, CHUNKS);
-    lists::front(&mut recorder, room, &pieces, None);
+    lists::front(&mut recorder, room, &pieces, Shading::Color, None);
     let tiles = sight.tile_count();
     let (_, pairs) = lists::lists(&mut recorder, room, tiles, Entries::Pairs(&own.names));
     recorder.begin(Stage::Rasterize);

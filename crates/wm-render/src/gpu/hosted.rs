@@ -1,21 +1,34 @@
-//! What the CPU does of a GPU's frame: factors of visibility, backgrounds that are no single colour, gathering what
+//! What the CPU does of a GPU's frame: attributes of splats, backgrounds that are no single colour, gathering what
 //! falls, and pixel effects on the picture that came back.
 
 use super::source::{Behind, TILE_SIDE};
+use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::frame::Frame;
-use crate::hooks::{PATCH, PATCH_PIXELS, PixelBatch, Visibility};
-use crate::renderer::Job;
+use crate::hooks::{GROUP, PATCH, PATCH_PIXELS, PixelBatch};
+use crate::plan::DrawPass;
 use crate::simd::SimdPath;
 use crate::stages::composite::background::{BackgroundScratch, BackgroundView};
 use rayon::prelude::*;
 
-/// The factors of splats with these indices in the loaded set.
-pub(crate) fn factors(visibility: &dyn Visibility, source: &[u32]) -> Vec<f32> {
-    const PART: usize = 4096;
-    let mut factors = vec![1.0; source.len()];
-    let parts = factors.par_chunks_mut(PART).zip(source.par_chunks(PART));
-    parts.for_each(|(factors, source)| visibility.factors(source, factors));
-    factors
+/// The attributes of splats with these indices in the loaded set, whole groups of sixteen, as `activated.wgsl` has them.
+pub(crate) fn attributes(attributes: &dyn SplatAttributes, source: &[u32]) -> Vec<f32> {
+    const BLOCKS: usize = 16;
+    const SPLATS: usize = AttributeBlock::SPLATS;
+    let mut numbers = vec![0.0; Attribute::COUNT * source.len()];
+    let parts = numbers.par_chunks_mut(BLOCKS * SPLATS * Attribute::COUNT);
+    parts.zip(source.par_chunks(BLOCKS * SPLATS)).for_each(|(numbers, source)| {
+        let mut block = AttributeBlock::default();
+        for (numbers, source) in numbers.chunks_mut(SPLATS * Attribute::COUNT).zip(source.chunks(SPLATS)) {
+            block.read(attributes, source);
+            let (rows, _) = numbers.as_chunks_mut::<GROUP>();
+            for (group, rows) in rows.chunks_exact_mut(Attribute::COUNT).enumerate() {
+                for (row, attribute) in rows.iter_mut().zip(Attribute::ALL) {
+                    *row = *block.group(group, attribute);
+                }
+            }
+        }
+    });
+    numbers
 }
 
 const _: () = assert!(PATCH == TILE_SIDE as usize, "patches are those of `nodes.wgsl`");
@@ -70,8 +83,8 @@ pub(crate) fn background(view: &BackgroundView<'_>, size: (u32, u32)) -> Vec<f32
 }
 
 /// Applies the pixel effects to a finished picture; `hidden` is the depth where the frame has none.
-pub(crate) fn pixel_effects(path: SimdPath, job: &Job<'_>, frame: &mut Frame, hidden: &[f32]) {
-    if job.hooks.pixels.is_empty() {
+pub(crate) fn pixel_effects(path: SimdPath, pass: &DrawPass<'_>, frame: &mut Frame, hidden: &[f32]) {
+    if pass.hooks.pixels.is_empty() {
         return;
     }
     let width = frame.width as usize;
@@ -93,7 +106,7 @@ pub(crate) fn pixel_effects(path: SimdPath, job: &Job<'_>, frame: &mut Frame, hi
                     (patch.1[at], patch.2[at]) = (*alpha, depth * alpha);
                 }
             }
-            for effect in job.hooks.pixels {
+            for effect in pass.hooks.pixels {
                 let (x, y) = (left as u32, (row * PATCH) as u32);
                 let (rgb, alpha, depth_sum) = (&mut patch.0, &patch.1, &patch.2);
                 effect.apply(path, &mut PixelBatch { x, y, rgb, alpha, depth_sum });

@@ -4,7 +4,8 @@ use super::buffers::Room;
 use super::recorder::{Recorder, Stage};
 use super::source::{ENTRY_SORT, Program, VISIBLE_SORT};
 use super::uniforms::{self, Uniform};
-use crate::hooks::Twin;
+use crate::hooks::WgslSource;
+use crate::plan::Shading;
 use crate::stages::intersect::gpu::{Intersect, ranges};
 use crate::stages::project::gpu::{Piece, cull, project};
 use crate::stages::scan::gpu::spine;
@@ -48,7 +49,8 @@ pub(crate) fn front(
     recorder: &mut Recorder<'_>,
     room: &Room,
     pieces: &[Piece<'_>],
-    air: Option<(&Twin, &wgpu::Buffer)>,
+    shading: Shading,
+    air: Option<(&WgslSource, &wgpu::Buffer)>,
 ) {
     recorder.begin(Stage::Project);
     for piece in pieces {
@@ -56,7 +58,7 @@ pub(crate) fn front(
     }
     spine(recorder, &Program::SpineVisible, &room.blocks, (&room.counters, &room.dispatches));
     for piece in pieces {
-        project(recorder, piece, &room.blocks, (&room.records, &room.depth_pairs[0][0]), air);
+        project(recorder, piece, &room.blocks, (&room.records, &room.depth_pairs[0][0]), shading, air);
     }
 }
 

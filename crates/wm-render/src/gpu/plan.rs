@@ -8,8 +8,8 @@ use super::recorder::{Clock, Recorder, Stage};
 use super::source::{Behind, Falls};
 use super::uniforms::{self, Capacity, Sight, Uniform};
 use crate::cpu::Features;
-use crate::hooks::Twin;
-use crate::renderer::Job;
+use crate::hooks::WgslSource;
+use crate::plan::DrawPass;
 use crate::stages::composite::gpu::Composite;
 use crate::stages::particles::gpu::fall;
 use crate::stages::project::gpu::Piece;
@@ -17,11 +17,11 @@ use crate::stages::rasterize::gpu::Rasterize;
 
 /// A frame to draw.
 pub(crate) struct Plan<'a> {
-    pub job: &'a Job<'a>,
+    pub pass: &'a DrawPass<'a>,
     /// The sets, each with the factors of its splats and whether there are any.
     pub sets: Vec<(&'a GpuModel, wgpu::Buffer, bool)>,
     pub features: Features,
-    pub air: Option<(Twin, wgpu::Buffer)>,
+    pub air: Option<(WgslSource, wgpu::Buffer)>,
 }
 
 /// What comes before and behind the splats.
@@ -39,27 +39,27 @@ impl Plan<'_> {
     }
 
     pub fn tiles(&self) -> u32 {
-        Sight::of(self.job).tile_count()
+        Sight::of(self.pass).tile_count()
     }
 
     pub fn pixels(&self) -> u32 {
-        self.job.camera.width * self.job.camera.height
+        self.pass.camera.width * self.pass.camera.height
     }
 
     /// The structure `View`, where so many drops fall.
     pub fn view(&self, drops: u32, capacity: Capacity) -> Uniform {
-        uniforms::view(&Sight::of(self.job), self.blocks(), drops, capacity)
+        uniforms::view(&Sight::of(self.pass), self.blocks(), drops, capacity)
     }
 
     /// All structures, in the order of their slots; nothing falls yet.
     pub fn uniforms(&self, capacity: Capacity) -> Vec<Uniform> {
         let mut uniforms = lists::uniforms(self.view(0, capacity), Entries::Records);
         let mut first_block = 0;
-        for (model, _, faded) in &self.sets {
+        for (model, _, has_attributes) in &self.sets {
             for chunk in &model.chunks {
                 let (blocks, first_splat) = (chunk.blocks, chunk.first_splat);
                 let piece = uniforms::Piece::whole(first_block, blocks, first_splat, model.sh_rows);
-                uniforms.push(uniforms::chunk(piece, *faded));
+                uniforms.push(uniforms::chunk(piece, *has_attributes));
                 first_block += blocks;
             }
         }
@@ -75,9 +75,9 @@ impl Plan<'_> {
     pub fn record_splats<'a>(&self, gpu: &'a Gpu, room: &'a Room, clock: Option<&'a Clock>) -> Recorder<'a> {
         let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
         recorder.encoder().clear_buffer(&room.counters, 0, None);
-        let air = self.air.as_ref().map(|(twin, parameters)| (twin, parameters));
+        let air = self.air.as_ref().map(|(source, parameters)| (source, parameters));
         let pieces = self.pieces(&recorder);
-        lists::front(&mut recorder, room, &pieces, air);
+        lists::front(&mut recorder, room, &pieces, self.pass.shading, air);
         let listed = lists::lists(&mut recorder, room, self.tiles(), Entries::Records);
         recorder.begin(Stage::Rasterize);
         let rasterize = Rasterize {
@@ -118,13 +118,13 @@ impl Plan<'_> {
     /// The pieces of all sets.
     fn pieces<'r>(&'r self, recorder: &Recorder<'r>) -> Vec<Piece<'r>> {
         let mut pieces = Vec::new();
-        for (model, visibility, _) in &self.sets {
+        for (model, attributes, _) in &self.sets {
             for chunk in &model.chunks {
                 pieces.push(Piece {
                     uniform: recorder.uniform(CHUNKS + pieces.len()),
                     splats: &chunk.splats,
                     sh_rest: &chunk.sh_rest,
-                    visibility: Some(visibility),
+                    attributes: Some(attributes),
                     blocks: chunk.blocks,
                 });
             }

@@ -8,7 +8,8 @@ use super::renderer::GpuRenderer;
 use super::source::{DIGITS, DISPATCH_ROW, Program, SORT_BLOCK, WORKGROUP};
 use super::uniforms::{Capacity, SLOT, Sight, sort_pass};
 use crate::frame::Frame;
-use crate::renderer::{Job, Renderer};
+use crate::plan::DrawPass;
+use crate::renderer::RenderBackend;
 use crate::stages::project::Record;
 use crate::stages::scan::gpu::spine;
 use crate::stages::sort::gpu::{Sort, passes};
@@ -23,16 +24,16 @@ pub struct Probe {
 }
 
 impl Probe {
-    /// Renders `job` and looks.
-    pub fn of(renderer: &mut GpuRenderer, job: &Job<'_>) -> Self {
-        let stats = renderer.render(job, &mut Frame::default()).unwrap();
+    /// Renders `pass` and looks.
+    pub fn of(renderer: &mut GpuRenderer, pass: &DrawPass<'_>) -> Self {
+        let stats = renderer.render(pass, &mut Frame::default()).unwrap();
         let gpu = renderer.gpu().clone();
         let room = renderer.room().expect("a frame was drawn");
         let words = read(&gpu, &room.records);
         let numbers = words.as_chunks::<16>().0.iter().take(stats.visible as usize);
         let records = numbers.map(|words| Record::of(words.map(f32::from_bits))).collect();
         let offsets = read(&gpu, &room.tile_offsets);
-        let tiles = Sight::of(job).tile_count();
+        let tiles = Sight::of(pass).tile_count();
         let names = read(&gpu, listed(room, tiles));
         let list = |ends: &[u32]| names[ends[0] as usize..ends[1] as usize].to_vec();
         Self { records, lists: offsets[..=tiles as usize].windows(2).map(list).collect() }
@@ -64,8 +65,8 @@ fn filled(gpu: &Gpu, words: &[u32], more: BufferUsages) -> wgpu::Buffer {
 pub fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
     let camera = crate::testing::camera(64, 48);
     let config = crate::renderer::RenderConfig::default();
-    let job = Job { sets: &[], camera: &camera, config: &config, hooks: crate::hooks::Hooks::default() };
-    let view = super::uniforms::view(&Sight::of(&job), 0, 0, Capacity { visible: 0, entries: room });
+    let pass = DrawPass::new(&[], &camera, &config);
+    let view = super::uniforms::view(&Sight::of(&pass), 0, 0, Capacity { visible: 0, entries: room });
     let mut slot = view.words;
     slot.resize(SLOT as usize / 4, 0);
     let uniforms = filled(gpu, &slot, BufferUsages::UNIFORM);

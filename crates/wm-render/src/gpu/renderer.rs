@@ -12,9 +12,10 @@ use super::source::{Behind, Falls, WORKGROUP};
 use super::uniforms::{Capacity, Each, bytes_of};
 use crate::cpu::{self, Features};
 use crate::frame::Frame;
-use crate::hooks::{ParticleView, Twin};
+use crate::hooks::{ParticleView, WgslSource};
+use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
 use crate::renderer::Models;
-use crate::renderer::{CpuConfig, Geometry, Job, MAX_SPLATS, RenderError, Renderer, SetId, Stats};
+use crate::renderer::{CpuConfig, Geometry, MAX_SPLATS, RenderBackend, RenderError, SetId, Stats};
 use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
 use crate::stages::particles::cpu::Falling;
@@ -76,41 +77,48 @@ impl GpuRenderer {
         self.room.as_ref()
     }
 
-    fn render_on_pool(&mut self, job: &Job<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
+    fn draw(&mut self, pass: &DrawPass<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
         let started = Instant::now();
-        job.camera.check()?;
+        pass.camera.check()?;
         self.gpu.check()?;
-        let features = Features::of(job);
-        let arrays = cpu::arrays(job);
-        let size = (job.camera.width, job.camera.height);
-        frame.prepare(size, arrays)?;
+        let features = Features::of(pass);
+        let arrays = cpu::arrays(pass);
+        let size = (pass.camera.width, pass.camera.height);
+        frame.prepare(size, pass.encoding(), arrays)?;
         let mut stats = Stats::default();
 
         let Self { gpu, path, models, memory, room: last, capacity, clock, falling, .. } = self;
         let before = gpu.work();
-        let mut sets = Vec::with_capacity(job.sets.len());
-        for (i, view) in job.sets.iter().enumerate() {
-            let model = models.get(view.set)?;
-            let factors = view.visibility.map(|visibility| hosted::factors(visibility, &model.source));
-            let buffer = memory.visibility(gpu, i, factors.as_deref().unwrap_or_default())?;
-            sets.push((model, buffer, factors.is_some()));
+        let transient = pass.sets.iter().map(|view| match view.splats {
+            SplatSource::Loaded(_) => Ok(None),
+            SplatSource::Transient(splats) => GpuModel::new(gpu, splats).map(Some),
+        });
+        let transient = transient.collect::<Result<Vec<_>, _>>()?;
+        let mut sets = Vec::with_capacity(pass.sets.len());
+        for (i, (view, own)) in pass.sets.iter().zip(&transient).enumerate() {
+            let model = match (view.splats, own) {
+                (SplatSource::Loaded(set), _) => models.get(set)?,
+                (SplatSource::Transient(_), own) => own.as_ref().expect("it was loaded for this pass"),
+            };
+            let numbers = view.attributes.map(|attributes| hosted::attributes(attributes, &model.source));
+            let buffer = memory.attributes(gpu, i, numbers.as_deref().unwrap_or_default())?;
+            sets.push((model, buffer, numbers.is_some()));
         }
         let total = sets.iter().map(|(model, ..)| model.source.len()).sum();
         if total > MAX_SPLATS {
             return Err(RenderError::TooMany(total));
         }
-        let plan = Plan { job, sets, features, air: air(gpu, memory, job)? };
-        let backdrop = job.hooks.background.unwrap_or(&job.config.background);
-        let backdrop = BackgroundView::new(backdrop, job.hooks.medium, job.camera, *path);
+        let plan = Plan { pass, sets, features, air: air(gpu, memory, pass)? };
+        let backdrop = BackgroundView::of(pass, *path);
         let (behind, behind_numbers) = hosted::behind(&backdrop, size);
         // What the CPU does of the rest of the frame, while the GPU draws the splats.
-        let is_apart = behind != Behind::Color || !job.hooks.particles.is_empty();
+        let is_apart = behind != Behind::Color || !pass.particles().is_empty();
         let mut found: Option<Around> = None;
         let mut background = Vec::new();
         capacity.start(total, gpu.most_binding(), Each::FRAME);
         // The depth that effects on the CPU need and the frame does not hold.
         let mut hidden = Vec::new();
-        if !job.hooks.pixels.is_empty() && !arrays.depth {
+        if !pass.hooks.pixels.is_empty() && !arrays.depth {
             hidden.resize(frame.pixels(), 0.0);
         }
         let counted = loop {
@@ -122,7 +130,7 @@ impl GpuRenderer {
                 pixels: plan.pixels().into(),
                 planes: if arrays.median_depth { 2 } else { u64::from(features.geometry != Geometry::None) },
                 normal: arrays.normal,
-                falls: match (job.hooks.particles.is_empty(), arrays.particles) {
+                falls: match (pass.particles().is_empty(), arrays.particles) {
                     (true, false) => Falls::Nothing,
                     (false, false) => Falls::InColor,
                     (_, true) => Falls::Apart,
@@ -142,7 +150,7 @@ impl GpuRenderer {
                 Some(around) => around,
                 None => {
                     background = hosted::background(&backdrop, size);
-                    stats.fall = falling.fill(*path, job.hooks.particles, &ParticleView::new(job.camera));
+                    stats.fall = falling.fill(*path, pass.particles(), &ParticleView::new(&pass.camera));
                     let drops = (memory.drops(gpu, &falling.words())?, falling.len() as u32);
                     Around { behind, falls: extent.falls, drops }
                 }
@@ -164,7 +172,7 @@ impl GpuRenderer {
         stats.visible = visible.into();
         stats.intersections = entries.into();
         stats.evaluated_pairs = u64::from(walked) * u64::from(WORKGROUP);
-        hosted::pixel_effects(*path, job, frame, &hidden);
+        hosted::pixel_effects(*path, pass, frame, &hidden);
         stats.particles = falling.len() as u64;
         stats.device = gpu.work().since(before);
         stats.wall = started.elapsed().as_secs_f64();
@@ -173,15 +181,19 @@ impl GpuRenderer {
 }
 
 /// The air's text and its parameters on the GPU.
-fn air(gpu: &Gpu, memory: &mut Memory, job: &Job<'_>) -> Result<Option<(Twin, wgpu::Buffer)>, GpuError> {
-    let Some(medium) = job.hooks.medium else { return Ok(None) };
-    let origin = job.camera.center().to_array().map(|v| v as f32);
-    let twin = medium.twin(origin).ok_or(GpuError::Effect(medium.name()))?;
-    let buffer = memory.air(gpu, &twin.parameters)?;
-    Ok(Some((twin, buffer)))
+fn air(
+    gpu: &Gpu,
+    memory: &mut Memory,
+    pass: &DrawPass<'_>,
+) -> Result<Option<(WgslSource, wgpu::Buffer)>, GpuError> {
+    let Some(medium) = pass.hooks.medium else { return Ok(None) };
+    let origin = pass.camera.center().to_array().map(|v| v as f32);
+    let source = medium.wgsl(origin).ok_or(GpuError::Effect(medium.name()))?;
+    let buffer = memory.air(gpu, &source.parameters)?;
+    Ok(Some((source, buffer)))
 }
 
-impl Renderer for GpuRenderer {
+impl RenderBackend for GpuRenderer {
     fn describe(&self) -> String {
         self.gpu.describe()
     }
@@ -196,8 +208,20 @@ impl Renderer for GpuRenderer {
         self.models.remove(set);
     }
 
-    fn render(&mut self, job: &Job<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
+    fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError> {
         let pool = Arc::clone(&self.pool);
-        pool.install(|| self.render_on_pool(job, frame))
+        pool.install(|| {
+            let started = Instant::now();
+            let mut stats = Stats::default();
+            pictures.fit(plan.pictures());
+            for pass in plan.passes() {
+                match pass {
+                    FramePass::Draw { target, pass } => stats += self.draw(pass, &mut pictures[*target])?,
+                    FramePass::Picture(pass) => pass.run(self.path, pictures),
+                }
+            }
+            stats.wall = started.elapsed().as_secs_f64();
+            Ok(stats)
+        })
     }
 }

@@ -1,8 +1,10 @@
 //! The programs of the GPU: WGSL texts put together, with the constants of the Rust code before them.
 
+use crate::attributes::Attribute;
 use crate::differentiable::Channels;
 use crate::frame;
-use crate::hooks::GROUP;
+use crate::hooks::{GROUP, WgslSource};
+use crate::plan::Shading;
 use crate::renderer::{Geometry, MedianDepth};
 use crate::stages::project::{self, gpu as splats};
 use crate::stages::project_backward::gpu as gradients;
@@ -58,8 +60,8 @@ macro_rules! file {
 pub enum Program {
     /// Which splats are in view.
     Cull(Form),
-    /// Their records, seen through air whose text this is.
-    Project(Form, Option<Cow<'static, str>>),
+    /// Their records, with colours through the air.
+    Project(Form, AirText),
     /// The air alone, whose text this is.
     Air(Cow<'static, str>),
     /// Prefix sums over the blocks of splats.
@@ -152,6 +154,32 @@ impl Form {
     }
 }
 
+/// What the air makes of the colour of a splat.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum AirText {
+    /// The colour itself: clear air.
+    Clear,
+    /// The colour through the air of this text.
+    Color(Cow<'static, str>),
+    /// A share of 1: clear air.
+    FullShare,
+    /// The share of light that the air of this text lets through.
+    Share(Cow<'static, str>),
+}
+
+impl AirText {
+    /// The program's part for an air.
+    #[must_use]
+    pub fn new(shading: Shading, air: Option<&WgslSource>) -> Self {
+        match (shading, air.map(|air| air.wgsl.clone())) {
+            (Shading::Color, None) => Self::Clear,
+            (Shading::Color, Some(text)) => Self::Color(text),
+            (Shading::Transmittance, None) => Self::FullShare,
+            (Shading::Transmittance, Some(text)) => Self::Share(text),
+        }
+    }
+}
+
 /// What is behind the splats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Behind {
@@ -185,6 +213,8 @@ const PIECES: &str = file!("stages/project/pieces.wgsl");
 const GEOMETRY: &str = file!("stages/compare/geometry.wgsl");
 /// Sums over a workgroup.
 const SUMS: &str = file!("stages/compare/sums.wgsl");
+/// Every share of light is 1.
+const FULL_SHARE: &str = "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return vec3<f32>(1.0); }";
 /// What does nothing to the light of a splat.
 const CLEAR_AIR: &str =
     "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
@@ -205,8 +235,9 @@ impl Program {
         let mut all = vec![
             Self::Cull(Form::Activated),
             Self::Cull(Form::Stored),
-            Self::Project(Form::Activated, None),
-            Self::Project(Form::Stored, None),
+            Self::Project(Form::Activated, AirText::Clear),
+            Self::Project(Form::Activated, AirText::FullShare),
+            Self::Project(Form::Stored, AirText::Clear),
             Self::Similarity,
             Self::SimilarityBackward,
             Self::ColorsBackward,
@@ -306,13 +337,21 @@ impl Program {
                 add(&[file!("stages/shade/shade.wgsl")]);
                 add(&[file!("stages/project/project.wgsl")]);
                 match air {
-                    None => add(&[CLEAR_AIR]),
-                    Some(air) => add(&[file!("gpu/color.wgsl"), file!("stages/shade/air.wgsl"), air]),
+                    AirText::Clear => add(&[CLEAR_AIR]),
+                    AirText::FullShare => add(&[FULL_SHARE]),
+                    AirText::Color(air) => {
+                        add(&[file!("gpu/color.wgsl"), file!("stages/shade/air.wgsl"), air]);
+                        add(&[file!("stages/shade/color_through_air.wgsl")]);
+                    }
+                    AirText::Share(air) => {
+                        add(&[file!("stages/shade/air.wgsl"), air]);
+                        add(&[file!("stages/shade/share_through_air.wgsl")]);
+                    }
                 }
             }
             Self::Air(air) => {
                 add(&[file!("gpu/color.wgsl"), file!("stages/shade/air.wgsl"), air]);
-                add(&[file!("stages/shade/groups.wgsl")]);
+                add(&[file!("stages/shade/color_through_air.wgsl"), file!("stages/shade/groups.wgsl")]);
             }
             Self::SpineVisible | Self::SpineEntries => {
                 add(&[file!("gpu/scan.wgsl"), file!("stages/scan/spine.wgsl")]);
@@ -459,6 +498,7 @@ pub fn constants() -> String {
         VISIBLE_GROUPS = VISIBLE_GROUPS;
         VISIBLE_SORT = VISIBLE_SORT;
         ENTRY_SORT = ENTRY_SORT;
+        ATTRIBUTE_COLUMNS = Attribute::COUNT;
         SPLAT_ROWS = splats::ROWS;
         ROW_MEAN = splats::ROW_MEAN;
         ROW_QUAT = splats::ROW_QUAT;
@@ -516,6 +556,9 @@ pub fn constants() -> String {
         FLAT = optimize::FLAT;
         C0 = sh::C0;
         C1 = sh::C1;
+    }
+    for (column, attribute) in Attribute::ALL.iter().enumerate() {
+        let _ = writeln!(text, "const {}: u32 = {column}u;", attribute.wgsl_name());
     }
     let window = compare::WINDOW.map(f64::from);
     for (name, values) in [("C2", &sh::C2[..]), ("C3", &sh::C3[..]), ("WINDOW", &window[..])] {

@@ -353,7 +353,7 @@ impl StoredModel {
             uniform: recorder.uniform(first + i),
             splats: &part.splats,
             sh_rest: &part.sh_rest,
-            visibility: None,
+            attributes: None,
             blocks: part.piece.blocks,
         };
         self.parts.iter().enumerate().map(piece).collect()

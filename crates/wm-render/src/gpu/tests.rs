@@ -3,9 +3,10 @@
 use super::*;
 use crate::differentiable::{Channels, Differentiable, ForwardConfig, Gradients, Learn, Upstream};
 use crate::frame::Frame;
-use crate::hooks::{Hooks, Medium, ShadeGroup};
+use crate::hooks::{AirGroup, AirOnRay, Hooks, Medium, ShadeGroup};
+use crate::plan::{DrawPass, SetView};
 use crate::reference;
-use crate::renderer::{CpuConfig, Job, RenderConfig, RenderError, Renderer, SetView};
+use crate::renderer::{CpuConfig, RenderBackend, RenderConfig, RenderError};
 use crate::simd::SimdPath;
 use crate::testing::{
     ALL_OUTPUTS, Backend, Hard, RandomLoss, camera, compare, gpu_differentiable, gpu_renderer, random_splats,
@@ -28,9 +29,9 @@ fn own(most_binding: Option<u64>) -> GpuRenderer {
 fn render(renderer: &mut GpuRenderer, splats: &Splats, camera: &Camera) -> Result<Frame, RenderError> {
     let set = renderer.load(splats)?;
     let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
-    let job = Job { sets: &[SetView::plain(set)], camera, config: &config, hooks: Hooks::default() };
+    let pass = DrawPass::new(&[SetView::plain(set)], camera, &config);
     let mut frame = Frame::default();
-    let stats = renderer.render(&job, &mut frame)?;
+    let stats = renderer.render(&pass, &mut frame)?;
     assert!(stats.visible > 0 && stats.intersections >= stats.visible / 2 && stats.evaluated_pairs > 0);
     renderer.unload(set);
     Ok(frame)
@@ -47,11 +48,11 @@ fn room_that_is_too_small_grows_and_the_frame_is_whole() {
     let mut renderer = gpu_renderer();
     let set = renderer.load(&splats).unwrap();
     let config = RenderConfig::default();
-    let job = Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks: Hooks::default() };
+    let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config);
     let mut frames = [Frame::default(), Frame::default()];
     let mut entries = 0;
     for frame in &mut frames {
-        entries = renderer.render(&job, frame).unwrap().intersections;
+        entries = renderer.render(&pass, frame).unwrap().intersections;
     }
     assert!(entries > 65_536, "{entries} entries ask for no more room");
     // The second had room from the start.
@@ -59,10 +60,10 @@ fn room_that_is_too_small_grows_and_the_frame_is_whole() {
     let many = random_splats(30_000, 0, 5);
     let cpu = Backend::of(crate::simd::SimdChoice::Auto).unwrap();
     let mut other = cpu.renderer();
-    let [one, two] = [&mut renderer as &mut dyn Renderer, &mut *other].map(|renderer| {
+    let [one, two] = [&mut renderer as &mut dyn RenderBackend, &mut *other].map(|renderer| {
         let set = renderer.load(&many).unwrap();
         let mut frame = Frame::default();
-        renderer.render(&Job { sets: &[SetView::plain(set)], ..job }, &mut frame).unwrap();
+        renderer.render(&DrawPass { sets: vec![SetView::plain(set)], ..pass.clone() }, &mut frame).unwrap();
         frame
     });
     assert_alike(&one, &two);
@@ -107,9 +108,9 @@ fn pictures_are_the_cpus() {
             let mut renderer = backend.renderer();
             let set = renderer.load(&splats).unwrap();
             let hooks = Hooks::default();
-            let job = Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks };
+            let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
             let mut frame = Frame::default();
-            let stats = renderer.render(&job, &mut frame).unwrap();
+            let stats = renderer.render(&pass, &mut frame).unwrap();
             eprintln!("{}: {stats:?}", renderer.describe());
             frame
         });
@@ -221,10 +222,10 @@ fn a_gpu_that_is_not_there_is_named() {
 struct Heavy;
 
 impl Medium for Heavy {
-    fn shade(&self, _: SimdPath, _: [f32; 3], _: &mut [ShadeGroup]) {}
+    fn evaluate(&self, _: SimdPath, _: [f32; 3], _: &[ShadeGroup], _: &mut [AirGroup]) {}
 
-    fn reference(&self, _: [f64; 3], _: [f64; 3], _: f64, rgb: [f64; 3]) -> [f64; 3] {
-        rgb
+    fn evaluate_reference(&self, _: [f64; 3], _: [f64; 3], _: f64) -> AirOnRay {
+        AirOnRay::CLEAR
     }
 
     fn name(&self) -> &'static str {
@@ -233,7 +234,7 @@ impl Medium for Heavy {
 }
 
 #[test]
-fn an_air_without_a_twin_is_refused_by_name() {
+fn an_air_without_wgsl_is_refused_by_name() {
     if Backend::gpu().is_none() {
         return;
     }
@@ -241,8 +242,8 @@ fn an_air_without_a_twin_is_refused_by_name() {
     let set = renderer.load(&random_splats(50, 0, 1)).unwrap();
     let (camera, config) = (camera(32, 32), RenderConfig::default());
     let hooks = Hooks { medium: Some(&Heavy), ..Hooks::default() };
-    let job = Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks };
-    let error = renderer.render(&job, &mut Frame::default()).unwrap_err();
+    let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
+    let error = renderer.render(&pass, &mut Frame::default()).unwrap_err();
     assert_eq!(error.to_string(), "heavy air has no form for the GPU yet: render with the CPU");
 }
 

@@ -3,13 +3,13 @@
 use super::source::{TILE_SIDE, WORKGROUP};
 use crate::differentiable::{DepthAlpha, Drawn, ForwardConfig, Learn, Opacity};
 use crate::hooks::SkySplats;
-use crate::renderer::Job;
+use crate::plan::DrawPass;
 use crate::stages::compare::{Comparison, Term};
 use crate::stages::optimize::{BETA1, BETA2, Noise, Step};
 use crate::stages::project::ProjectCamera;
 use std::ops::Range;
+use wm_scene::random::SEED_FACTOR;
 use wm_scene::splats::logit;
-use wm_scene::synthetic::SEED_FACTOR;
 use wm_scene::{Camera, Rasterization};
 
 /// Bytes from one structure to the next: the largest alignment that an adapter may ask for.
@@ -109,8 +109,8 @@ pub struct Sight<'a> {
 impl<'a> Sight<'a> {
     /// Of a frame.
     #[must_use]
-    pub fn of(job: &Job<'a>) -> Self {
-        Self { camera: job.camera, rasterization: job.config.rasterization, sky: job.hooks.sky_splats() }
+    pub fn of(pass: &'a DrawPass<'_>) -> Self {
+        Self { camera: &pass.camera, rasterization: pass.config.rasterization, sky: pass.hooks.sky_splats() }
     }
 
     /// Of a step of training.
@@ -188,10 +188,10 @@ impl Piece {
     }
 }
 
-/// `Chunk` of `geometry.wgsl`, for rendering: whether splats have factors of visibility.
+/// `Chunk` of `geometry.wgsl`, for rendering; `has_attributes` if the splats have some of their own.
 #[must_use]
-pub fn chunk(piece: Piece, faded: bool) -> Uniform {
-    any_chunk(piece, piece.sh_rows, faded, Opacity::Stored)
+pub fn chunk(piece: Piece, has_attributes: bool) -> Uniform {
+    any_chunk(piece, piece.sh_rows, has_attributes, Opacity::Stored)
 }
 
 /// The same for training: how many rows of coefficients are in use, and where opacities come from.
@@ -200,7 +200,7 @@ pub fn training_chunk(piece: Piece, sh_used: u32, opacity: Opacity) -> Uniform {
     any_chunk(piece, sh_used, false, opacity)
 }
 
-fn any_chunk(piece: Piece, sh_used: u32, faded: bool, opacity: Opacity) -> Uniform {
+fn any_chunk(piece: Piece, sh_used: u32, has_attributes: bool, opacity: Opacity) -> Uniform {
     let fixed = match opacity {
         Opacity::Stored => None,
         Opacity::Fixed(value) => Some(value.max(1e-30).log2()),
@@ -212,7 +212,7 @@ fn any_chunk(piece: Piece, sh_used: u32, faded: bool, opacity: Opacity) -> Unifo
         .whole("splats", piece.splats)
         .whole("sh_rows", piece.sh_rows)
         .whole("sh_used", sh_used)
-        .whole("faded", u32::from(faded))
+        .whole("has_attributes", u32::from(has_attributes))
         .whole("fixed", u32::from(fixed.is_some()))
         .real("fixed_log2_opacity", fixed.unwrap_or(0.0))
 }
@@ -314,7 +314,7 @@ pub fn learn(learn: Learn) -> Uniform {
 /// `Noise` of `explore.wgsl`.
 #[must_use]
 pub fn noise(noise: &Noise) -> Uniform {
-    // What `wm_scene::synthetic::uniform` multiplies a seed with.
+    // What `wm_scene::random::uniform` multiplies a seed with.
     let seed = noise.seed.wrapping_mul(SEED_FACTOR);
     Uniform::default()
         .whole("seed", seed as u32)

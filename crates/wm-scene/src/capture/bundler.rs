@@ -4,14 +4,14 @@
 //! principal point is the middle of the photo, whose size is read from its header. A camera with a focal length of 0 was not
 //! registered. Points have a place, a colour, and where they were seen, from the middle of the photo with y up.
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, Format, Observation, Points, Want, header, places};
-use crate::{Camera, FormatError, Problem, camera::viewmat_of, error::number, source::Source};
-use glam::{DMat3, DMat4, DQuat, DVec3};
+use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, Observation, SparsePoints, Want, header, places};
+use crate::{Camera, FormatError, Problem, camera::{rotation_of, viewmat_of}, error::{number, one_line}, source::Source};
+use glam::{DMat3, DMat4, DVec3};
 use std::path::{Path, PathBuf};
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: Format =
-    Format { name: "Bundler", about: "bundle.out of Bundler with its list of photos", read };
+pub const FORMAT: CaptureFormat =
+    CaptureFormat { name: "Bundler", about: "bundle.out of Bundler with its list of photos", read };
 
 /// Where the file may lie in a data set.
 const FILES: [&str; 3] = ["bundle.out", "bundle/bundle.out", "bundle.rd.out"];
@@ -40,7 +40,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     let point_count: u64 = words.next("the number of points")?;
     if count != names.len() {
         let what = format!("it has {count} cameras, {} names {} photos", list.display(), names.len());
-        return Err(FormatError::whole(&path, Problem::Value(crate::error::one_line(&what))));
+        return Err(FormatError::whole(&path, Problem::Value(one_line(&what))));
     }
     // Photos are looked for before their cameras are known: their size is part of those.
     let unsized_view = |name: &String| CaptureView {
@@ -79,13 +79,13 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         };
         view.distortion = distortion;
         view.camera_id = index as u32 + 1;
-        let fault = |e: crate::CameraError| FormatError::whole(&path, Problem::Value(format!("camera {index}: {e}")));
+        let fault = |e: crate::CameraError| FormatError::whole(&path, Problem::Value(format!("camera {index}, {}: {e}", one_line(&view.name))));
         view.camera.check().map_err(fault)?;
         places_of.push(Some(views.len()));
         views.push(view);
     }
     let mut observations = vec![Vec::new(); views.len()];
-    let mut points = Points::default();
+    let mut points = SparsePoints::default();
     if want == Want::Everything {
         for _ in 0..point_count {
             words.point(&places_of, &views, &mut points, &mut observations)?;
@@ -153,12 +153,14 @@ impl Words<'_, '_> {
         // y and z of the camera change their signs.
         let flip = DVec3::new(1.0, -1.0, -1.0);
         let rotation = DMat3::from_cols(rows[0], -rows[1], -rows[2]).transpose();
-        let product = rotation * rotation.transpose();
-        if !product.abs_diff_eq(DMat3::IDENTITY, 1e-3) || rotation.determinant() < 0.0 || !k1.is_finite() || !k2.is_finite() {
-            let what = "a camera that is no rotation, or has a distortion that is no number; export it again";
-            return Err(self.source.in_line(Problem::Value(what.into())));
+        let fault = |what: String| {
+            self.source.in_line(Problem::Value(format!("{what}; export it again")))
+        };
+        if let Some(bad) = [k1, k2].into_iter().find(|v| !v.is_finite()) {
+            return Err(fault(format!("the distortion of a camera is {bad}: it must be finite")));
         }
-        let rotation = DMat3::from_quat(DQuat::from_mat3(&rotation).normalize());
+        let rotation = rotation_of(&rotation)
+            .map_err(|e| fault(format!("the rotation of a camera is not a rotation matrix: {e}")))?;
         Ok(Some((focal, Distortion::of([k1, k2, 0.0, 0.0]), viewmat_of(rotation, translation * flip))))
     }
 
@@ -166,7 +168,7 @@ impl Words<'_, '_> {
         &mut self,
         places_of: &[Option<usize>],
         views: &[CaptureView],
-        points: &mut Points,
+        points: &mut SparsePoints,
         observations: &mut [Vec<Observation>],
     ) -> Result<(), FormatError> {
         const WHAT: &str = "a point";
@@ -234,7 +236,7 @@ mod tests {
         }
         let folder = folder_with(&WHOLE.replace("0 0 1\n0 0 -5", "0 0 2\n0 0 -5"));
         let say = |folder: &TempDir| capture::read(folder.path(), &CaptureOptions::default()).unwrap_err().to_string();
-        assert!(say(&folder).contains("a camera that is no rotation"));
+        assert!(say(&folder).contains("the rotation of a camera is not a rotation matrix: row 3 has the length 2.0"));
         let folder = folder_with(WHOLE);
         fs::remove_file(folder.path().join("a.png")).unwrap();
         assert!(say(&folder).contains("the photo is missing, whose size is needed"));

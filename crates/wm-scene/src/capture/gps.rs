@@ -110,7 +110,7 @@ pub fn metres_per_unit(centers: &[DVec3], places: &[Option<Gps>]) -> Option<GpsS
     let mut best: Option<(f64, Similarity)> = None;
     for trial in 0..TRIALS {
         let pick = |turn: u64| {
-            (crate::synthetic::uniform(trial as u64, turn) * pairs.len() as f64) as usize % pairs.len()
+            (crate::random::uniform(trial as u64, turn) * pairs.len() as f64) as usize % pairs.len()
         };
         let triple = [pick(0), pick(1), pick(2)];
         if triple[0] == triple[1] || triple[1] == triple[2] || triple[0] == triple[2] {
@@ -168,7 +168,7 @@ impl Similarity {
             }
             square += weight * a.iter().map(|v| v * v).sum::<f64>();
         }
-        let rotation = rotation_of(product);
+        let rotation = horn_rotation(product);
         let mut along = 0.0;
         for (a, b, weight) in pairs {
             along += weight * (b - to).dot(rotation * (a - from));
@@ -190,7 +190,7 @@ impl Similarity {
 }
 
 /// Horn's rotation: the largest eigenvector of a symmetric 4 x 4 matrix of `sum a b^T`.
-fn rotation_of([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]: [[f64; 3]; 3]) -> DMat3 {
+fn horn_rotation([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]: [[f64; 3]; 3]) -> DMat3 {
     let matrix = [
         [xx + yy + zz, yz - zy, zx - xz, xy - yx],
         [yz - zy, xx - yy - zz, xy + yx, zx + xz],
@@ -206,7 +206,7 @@ fn rotation_of([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]: [[f64; 3]; 3]) -> DMa
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synthetic::uniform;
+    use crate::random::uniform;
 
     const LUND: Gps = Gps { latitude: 55.7047, longitude: 13.191, altitude: Some(50.0) };
 

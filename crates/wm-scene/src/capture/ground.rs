@@ -75,7 +75,7 @@ const MOST: [usize; 3] = [40_000, 400, 60_000];
 
 /// The ground that the cameras of a walk stand over.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ground {
+pub struct CaptureGround {
     /// Its normal, away from it, world axes, length 1: up as the path has it, along slopes too.
     pub up: DVec3,
     /// Mean height of the cameras above it, scene units, above 0.
@@ -88,7 +88,7 @@ pub struct Ground {
 
 /// Why nothing is said.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
-pub enum NoGround {
+pub enum CaptureGroundError {
     /// Too few cameras, or all in one place.
     #[error("{0} photos from different places are too few")]
     Few(usize),
@@ -130,8 +130,8 @@ struct Seen {
 /// Finds the ground under the cameras of a capture.
 ///
 /// # Errors
-/// [`NoGround`] if the evidence is thin, in the words of a half sentence.
-pub fn ground(capture: &Capture) -> Result<Ground, NoGround> {
+/// [`CaptureGroundError`] if the evidence is thin, in the words of a half sentence.
+pub fn ground(capture: &Capture) -> Result<CaptureGround, CaptureGroundError> {
     let poses: Vec<Pose> = capture
         .views
         .iter()
@@ -143,11 +143,11 @@ pub fn ground(capture: &Capture) -> Result<Ground, NoGround> {
         .collect();
     let are_finite = poses.iter().all(|p| (p.center + p.right + p.up + p.forward).is_finite());
     if poses.len() < MIN_CAMERAS || !are_finite {
-        return Err(NoGround::Few(poses.len()));
+        return Err(CaptureGroundError::Few(poses.len()));
     }
     let seen = Seen::of(capture);
     if seen.lines.is_empty() {
-        return Err(NoGround::Blind);
+        return Err(CaptureGroundError::Blind);
     }
     let found = under(&poses, &seen)?;
     let turned = |turn: fn(&Pose) -> Pose| poses.iter().map(turn).collect::<Vec<_>>();
@@ -157,7 +157,7 @@ pub fn ground(capture: &Capture) -> Result<Ground, NoGround> {
         turned(|p| Pose { right: -p.right, up: -p.up, ..*p }),
     ] {
         if under(&side, &seen).is_ok_and(|other| other.height < APART * found.height) {
-            return Err(NoGround::Sides);
+            return Err(CaptureGroundError::Sides);
         }
     }
     Ok(found)
@@ -189,23 +189,23 @@ impl Seen {
 }
 
 /// The same if the cameras were held upright.
-fn under(poses: &[Pose], seen: &Seen) -> Result<Ground, NoGround> {
+fn under(poses: &[Pose], seen: &Seen) -> Result<CaptureGround, CaptureGroundError> {
     let (up, tilt) = upright(poses)?;
     let mut pitches: Vec<f64> =
         poses.iter().map(|p| p.forward.dot(up).clamp(-1.0, 1.0).asin().to_degrees()).collect();
     let middle = quantile(&mut pitches, 0.5);
     let mut sizes: Vec<f64> = pitches.iter().map(|pitch| pitch.abs()).collect();
     if middle.abs() > MAX_PITCH || quantile(&mut sizes, 0.9) > MAX_PITCHES {
-        return Err(NoGround::Pitched(middle));
+        return Err(CaptureGroundError::Pitched(middle));
     }
     let walk = Walk::of(poses, up);
     let depths = |reach: f64| -> Vec<Depth> {
         seen.points.iter().map(|point| walk.depth(*point, tilt, reach)).collect()
     };
     // How far cameras are taken together is told by the height, which is roughly known without.
-    let rough = lowest(&depths(0.0)).ok_or(NoGround::Unclear)?;
+    let rough = lowest(&depths(0.0)).ok_or(CaptureGroundError::Unclear)?;
     let depths = depths(TOGETHER * rough);
-    let candidate = lowest(&depths).ok_or(NoGround::Unclear)?;
+    let candidate = lowest(&depths).ok_or(CaptureGroundError::Unclear)?;
     let mut slab: Vec<usize> = (0..depths.len())
         .filter(|i| depths[*i].counts(candidate) && depths[*i].is_within(2.0 * SLAB, candidate))
         .collect();
@@ -230,17 +230,17 @@ fn under(poses: &[Pose], seen: &Seen) -> Result<Ground, NoGround> {
     // Higher than the ground and lower than a hand: what is stood on, if the surface lies deeper than that.
     let is_stood_on = in_column(0.1, 0.75) > FEW + in_column(1.0 - SLAB, 1.0 + SLAB) / 5;
     if !is_clear || is_stood_on {
-        return Err(NoGround::Unclear);
+        return Err(CaptureGroundError::Unclear);
     }
     if walk.uneven() > MAX_UNEVEN * height {
-        return Err(NoGround::Uneven);
+        return Err(CaptureGroundError::Uneven);
     }
     let center = poses.iter().map(|pose| pose.center).sum::<DVec3>() / poses.len() as f64;
-    Ok(Ground { up, height, under: center - up * height, points: clear.len() })
+    Ok(CaptureGround { up, height, under: center - up * height, points: clear.len() })
 }
 
 /// Up, and the covariance of its error along the axes of [`horizontals`], square radians.
-fn upright(poses: &[Pose]) -> Result<(DVec3, DMat2), NoGround> {
+fn upright(poses: &[Pose]) -> Result<(DVec3, DMat2), CaptureGroundError> {
     let count = poses.len() as f64;
     let center = poses.iter().map(|pose| pose.center).sum::<DVec3>() / count;
     let (mut held, mut level, mut path) = (DVec3::ZERO, DMat3::ZERO, DMat3::ZERO);
@@ -252,11 +252,11 @@ fn upright(poses: &[Pose]) -> Result<(DVec3, DMat2), NoGround> {
     let square = path.col(0).x + path.col(1).y + path.col(2).z;
     // Cameras in one place differ by rounding.
     if !(square > 1e-20 * center.length_squared() && square.is_finite()) {
-        return Err(NoGround::Few(1));
+        return Err(CaptureGroundError::Few(1));
     }
     // Cameras that are held every way have no common up.
     if held.length() < 0.5 {
-        return Err(NoGround::Askew);
+        return Err(CaptureGroundError::Askew);
     }
     let held = held.normalize();
     let (mut up, mut covariance) = (held, DMat2::IDENTITY);
@@ -278,7 +278,7 @@ fn upright(poses: &[Pose]) -> Result<(DVec3, DMat2), NoGround> {
         up = (up - x * step.x - y * step.y).normalize();
     }
     let is_sound = up.is_finite() && covariance.is_finite() && up.dot(held) > 0.9;
-    if is_sound { Ok((up, covariance)) } else { Err(NoGround::Askew) }
+    if is_sound { Ok((up, covariance)) } else { Err(CaptureGroundError::Askew) }
 }
 
 /// Where a point lies as seen from the path.

@@ -14,7 +14,7 @@ mod places;
 #[cfg(test)]
 mod tests;
 
-use crate::{Camera, FormatError, Problem, View};
+use crate::{Camera, FormatError, Problem, SceneView};
 use glam::DVec3;
 use std::{
     fs,
@@ -23,21 +23,21 @@ use std::{
 
 pub use distortion::Distortion;
 pub use gps::Gps;
-pub use ground::{Ground, NoGround};
+pub use ground::{CaptureGround, CaptureGroundError};
 
 macro_rules! captures {
     ($($name:ident),+ $(,)?) => {
         $(pub mod $name;)+
 
         /// Every capture format, in the order in which they are tried.
-        pub const FORMATS: &[Format] = &[$($name::FORMAT),+];
+        pub const FORMATS: &[CaptureFormat] = &[$($name::FORMAT),+];
     };
 }
 
 captures! { colmap, opensfm, bundler, transforms }
 
 /// A capture format.
-pub struct Format {
+pub struct CaptureFormat {
     /// Its name in messages.
     pub name: &'static str,
     /// What it is, in one line.
@@ -77,7 +77,7 @@ pub struct Capture {
     /// `[V]`, sorted by name.
     pub views: Vec<CaptureView>,
     /// The points of the reconstruction; none if there are none.
-    pub points: Points,
+    pub points: SparsePoints,
     /// `[V]`: which points each photo shows and where; empty lists where that is not known.
     pub observations: Vec<Vec<Observation>>,
 }
@@ -102,7 +102,7 @@ pub struct CaptureView {
 
 /// The points of a reconstruction, structure of arrays, all of equal length N.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Points {
+pub struct SparsePoints {
     /// `[N, 3]`, world axes, scene units.
     pub positions: Vec<[f64; 3]>,
     /// `[N, 3]`, sRGB.
@@ -116,13 +116,13 @@ pub struct Points {
 /// A point in a photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
-    /// Index into [`Points`].
+    /// Index into [`SparsePoints`].
     pub point: u32,
     /// Where it was seen, px of [`CaptureView::camera`], distortion included.
     pub xy: [f32; 2],
 }
 
-impl Points {
+impl SparsePoints {
     /// How many there are.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -255,10 +255,10 @@ pub fn read(dataset: &Path, options: &CaptureOptions) -> Result<Capture, FormatE
 ///
 /// # Errors
 /// As [`read`], and if the distortion of a camera cannot be undone.
-pub fn read_views(dataset: &Path) -> Result<Vec<View>, FormatError> {
+pub fn read_views(dataset: &Path) -> Result<Vec<SceneView>, FormatError> {
     let capture = read_as(dataset, &CaptureOptions::default(), Want::Views)?;
     let ideal = capture.views.into_iter().map(|view| match view.undistorted() {
-        Some(camera) => Ok(View { name: view.name, camera }),
+        Some(camera) => Ok(SceneView { name: view.name, camera }),
         None => Err(FormatError::whole(dataset, Problem::Value(folds(&view.name)))),
     });
     ideal.collect()

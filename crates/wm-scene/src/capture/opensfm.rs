@@ -4,7 +4,7 @@
 //! the axes of [`Camera`]: a rotation as axis times angle, and a translation. Lengths of a camera are in units of the longer side
 //! of the photo, its principal point is measured from the middle. Of the projections perspective, simple_radial, radial and brown (without k3) are read.
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, Format, Points, Want, places};
+use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, SparsePoints, Want, places};
 use crate::{
     Camera, FormatError, Problem,
     camera::viewmat_of,
@@ -20,8 +20,8 @@ use std::{
 };
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: Format =
-    Format { name: "OpenSfM", about: "reconstruction.json of OpenSfM or OpenDroneMap", read };
+pub const FORMAT: CaptureFormat =
+    CaptureFormat { name: "OpenSfM", about: "reconstruction.json of OpenSfM or OpenDroneMap", read };
 
 /// Where the file may lie in a data set.
 const FILES: [&str; 2] = ["reconstruction.json", "opensfm/reconstruction.json"];
@@ -139,7 +139,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         let (name, file) = (name.clone(), PathBuf::from(name));
         views.push(CaptureView { name, camera, distortion, camera_id, file, mask: None });
     }
-    let mut points = Points::default();
+    let mut points = SparsePoints::default();
     if want == Want::Everything {
         for point in one.points.values() {
             points.push(point.coordinates, point.color.map(|v| v.clamp(0.0, 255.0) as u8), f32::NAN, 0);

@@ -99,7 +99,7 @@ impl Axes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Camera, View, testing::any_scene};
+    use crate::{Camera, SceneView, testing::any_scene};
     use proptest::prelude::*;
 
     proptest! {
@@ -147,10 +147,10 @@ mod tests {
     #[test]
     fn views_turn_with_the_splats() {
         let eye = DVec3::new(1.0, 2.0, 3.0);
-        let camera = Camera::look_at((40, 30), 1.0, eye, DVec3::new(4.0, 0.0, 1.0), DVec3::NEG_Y).unwrap();
+        let camera = Camera::looking((40, 30), 1.0, eye, DVec3::new(4.0, 0.0, 1.0), DVec3::NEG_Y).unwrap();
         let point = DVec3::new(3.0, 0.5, 1.5);
         let before = camera.viewmat.transform_point3(point);
-        let mut scene = Scene { views: vec![View { name: "a".into(), camera }], ..Scene::default() };
+        let mut scene = Scene { views: vec![SceneView { name: "a".into(), camera }], ..Scene::default() };
         Axes::YUpZBack.turn(&mut scene);
         let after = scene.views[0].camera.viewmat.transform_point3(point * DVec3::new(1.0, -1.0, -1.0));
         assert!((before - after).length() < 1e-12);

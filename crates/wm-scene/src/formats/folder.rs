@@ -5,9 +5,12 @@
 //! `cameras.json` are the photographed views, if it is there.
 
 use crate::{
-    Camera, FormatError, Problem, View, camera::viewmat_of, error::json_fault, files::write_atomically,
+    Camera, FormatError, Problem, SceneView,
+    camera::{rotation_of, viewmat_at},
+    error::json_fault,
+    files::write_atomically,
 };
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DVec3};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use std::{
@@ -61,7 +64,7 @@ pub fn scene_file(path: &Path) -> Result<PathBuf, FormatError> {
 ///
 /// # Errors
 /// [`FormatError`] with line and column, if it is no JSON or a camera cannot be used.
-pub fn read_views(folder: &Path) -> Result<Vec<View>, FormatError> {
+pub fn read_views(folder: &Path) -> Result<Vec<SceneView>, FormatError> {
     read_cameras(&folder.join("cameras.json"))
 }
 
@@ -77,7 +80,7 @@ pub fn cameras_path(scene_file: &Path) -> PathBuf {
 ///
 /// # Errors
 /// [`FormatError`] if the file cannot be written; then it is as it was.
-pub fn write_cameras(path: &Path, views: &[View]) -> Result<(), FormatError> {
+pub fn write_cameras(path: &Path, views: &[SceneView]) -> Result<(), FormatError> {
     let entries: Vec<serde_json::Value> =
         views.iter().enumerate().map(|(id, view)| entry(id, view)).collect();
     let text = serde_json::to_string_pretty(&entries)
@@ -85,7 +88,7 @@ pub fn write_cameras(path: &Path, views: &[View]) -> Result<(), FormatError> {
     write_atomically(path, |out| Ok(writeln!(out, "{text}")?))
 }
 
-fn entry(id: usize, view: &View) -> serde_json::Value {
+fn entry(id: usize, view: &SceneView) -> serde_json::Value {
     let Camera { width, height, fx, fy, cx, cy, .. } = view.camera;
     let rotation = view.camera.rotation();
     serde_json::json!({
@@ -107,7 +110,7 @@ fn entry(id: usize, view: &View) -> serde_json::Value {
 ///
 /// # Errors
 /// [`FormatError`] with line and column, if it is no JSON or a camera cannot be used.
-pub fn read_cameras(path: &Path) -> Result<Vec<View>, FormatError> {
+pub fn read_cameras(path: &Path) -> Result<Vec<SceneView>, FormatError> {
     let file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
@@ -121,7 +124,7 @@ pub fn read_cameras(path: &Path) -> Result<Vec<View>, FormatError> {
 /// A view that is checked while it is parsed, so that the error of the parser has its place.
 #[derive(Deserialize)]
 #[serde(try_from = "Raw")]
-struct Entry(View);
+struct Entry(SceneView);
 
 /// One camera as the file has it; other keys are left alone.
 #[derive(Deserialize)]
@@ -160,12 +163,8 @@ impl TryFrom<Raw> for Entry {
         // The rows of world_from_camera are the columns of camera_from_world.
         let [x, y, z] = raw.rotation.map(DVec3::from);
         let rotation = DMat3::from_cols(x, y, z);
-        let product = rotation * rotation.transpose();
-        // Files hold six digits at least; what differs more is no rotation.
-        if !product.abs_diff_eq(DMat3::IDENTITY, 1e-3) || rotation.determinant() < 0.0 {
-            return Err(fault("its rotation is no rotation matrix"));
-        }
-        let rotation = DMat3::from_quat(DQuat::from_mat3(&rotation).normalize());
+        let rotation = rotation_of(&rotation)
+            .map_err(|e| fault(&format!("its rotation is not a rotation matrix: {e}")))?;
         let camera = Camera {
             width: raw.width,
             height: raw.height,
@@ -173,10 +172,10 @@ impl TryFrom<Raw> for Entry {
             fy: raw.fy,
             cx: raw.cx.unwrap_or(0.5 * f64::from(raw.width)),
             cy: raw.cy.unwrap_or(0.5 * f64::from(raw.height)),
-            viewmat: viewmat_of(rotation, -(rotation * raw.position)),
+            viewmat: viewmat_at(rotation, raw.position),
             near: Camera::DEFAULT_NEAR,
         };
         camera.check().map_err(|e| fault(&e.to_string()))?;
-        Ok(Self(View { name: raw.img_name, camera }))
+        Ok(Self(SceneView { name: raw.img_name, camera }))
     }
 }

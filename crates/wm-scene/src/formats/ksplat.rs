@@ -14,7 +14,7 @@
 //! each power of two in the widths of its buckets, so that a sky does not coarsen what is near.
 
 use super::{
-    Axes, Format, Kept, Loses, Writer,
+    Axes, Kept, Loses, SceneFormat, Writer,
     bytes::{Bytes, floats, rows},
     has_ending,
     pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit},
@@ -24,7 +24,7 @@ use half::f16;
 use std::io::Write;
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: Format = Format {
+pub const FORMAT: SceneFormat = SceneFormat {
     name: "ksplat",
     extensions: &["ksplat"],
     about: "GaussianSplats3D's .ksplat, levels 0 to 2, SH degree 0 to 2",
@@ -64,13 +64,13 @@ fn word(bytes: &[u8], at: usize) -> u32 {
 
 /// Sizes of what a splat has.
 #[derive(Clone, Copy)]
-enum Level {
+enum Packing {
     Floats,
     Halves,
     Bytes { low: f32, high: f32 },
 }
 
-impl Level {
+impl Packing {
     fn splat_size(self, degree: u8) -> u64 {
         let sh = (sh::coefficients(degree) as u64 - 1) * 3;
         match self {
@@ -91,9 +91,9 @@ fn read(file: &[u8]) -> Result<Scene, Problem> {
     let [low, high] = floats(&header[36..44]);
     let or = |value: f32, otherwise| if value == 0.0 { otherwise } else { value };
     let level = match level {
-        0 => Level::Floats,
-        1 => Level::Halves,
-        2 => Level::Bytes { low: or(low, -SH_RANGE), high: or(high, SH_RANGE) },
+        0 => Packing::Floats,
+        1 => Packing::Halves,
+        2 => Packing::Bytes { low: or(low, -SH_RANGE), high: or(high, SH_RANGE) },
         _ => return Err(Problem::Header(format!(".ksplat level {level} is not read, 0 to 2 are"))),
     };
     let sections: Vec<&[u8]> = bytes
@@ -112,7 +112,12 @@ fn read(file: &[u8]) -> Result<Scene, Problem> {
     Ok(Scene { splats, ..Scene::default() })
 }
 
-fn read_section(bytes: &mut Bytes, header: &[u8], level: Level, splats: &mut Splats) -> Result<(), Problem> {
+fn read_section(
+    bytes: &mut Bytes,
+    header: &[u8],
+    level: Packing,
+    splats: &mut Splats,
+) -> Result<(), Problem> {
     let (count, room) = (word(header, 0), word(header, 4));
     let (bucket_size, bucket_count) = (word(header, 8), word(header, 12));
     let [block] = floats(&header[16..20]);
@@ -129,7 +134,7 @@ fn read_section(bytes: &mut Bytes, header: &[u8], level: Level, splats: &mut Spl
     let centers = bytes.take(u64::from(bucket_count) * u64::from(center_size))?;
     let size = level.splat_size(degree);
     let rows = bytes.take(u64::from(room) * size)?.chunks_exact(size as usize).take(count as usize);
-    let is_bucketed = !matches!(level, Level::Floats);
+    let is_bucketed = !matches!(level, Packing::Floats);
     if is_bucketed && count > 0 && (center_size < 12 || bucket_size == 0) {
         return Err(Problem::Header("a section has splats but no buckets".into()));
     }
@@ -158,14 +163,14 @@ fn read_section(bytes: &mut Bytes, header: &[u8], level: Level, splats: &mut Spl
         left = left.saturating_sub(1);
         let half = |at: usize| f16::from_le_bytes([row[at], row[at + 1]]).to_f32();
         let (color, sh_at) = match level {
-            Level::Floats => {
+            Packing::Floats => {
                 let [x, y, z, a, b, c, q @ ..] = floats::<10>(row);
                 splats.means.push([x, y, z]);
                 splats.log_scales.push([a, b, c].map(f32::ln));
                 splats.quats.push(q);
                 (&row[40..44], 44)
             }
-            Level::Halves | Level::Bytes { .. } => {
+            Packing::Halves | Packing::Bytes { .. } => {
                 let step = |at: usize| f32::from(u16::from_le_bytes([row[at], row[at + 1]])) - offset;
                 splats.means.push([0, 1, 2].map(|k| step(2 * k) * scale + center[k]));
                 splats.log_scales.push([6, 8, 10].map(|at| half(at).ln()));
@@ -176,9 +181,9 @@ fn read_section(bytes: &mut Bytes, header: &[u8], level: Level, splats: &mut Spl
         splats.logit_opacities.push(logit_of_byte(color[3]));
         splats.sh.extend(color[..3].iter().map(|byte| dc_of_byte(*byte)));
         let number = |i: usize| match level {
-            Level::Floats => floats::<1>(&row[sh_at + 4 * i..])[0],
-            Level::Halves => half(sh_at + 2 * i),
-            Level::Bytes { low, high } => low + (high - low) * f32::from(row[sh_at + i]) / 255.0,
+            Packing::Floats => floats::<1>(&row[sh_at + 4 * i..])[0],
+            Packing::Halves => half(sh_at + 2 * i),
+            Packing::Bytes { low, high } => low + (high - low) * f32::from(row[sh_at + i]) / 255.0,
         };
         for d in 1..=usize::from(degree) {
             let (first, width) = ((d * d - 1) * 3, 2 * d + 1);
@@ -246,7 +251,7 @@ fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Problem> {
     for (number, section) in sections.iter().enumerate() {
         let room: usize = section.iter().map(|bucket| bucket.indices.len()).sum();
         let partial = room % BUCKET;
-        let data = room as u64 * Level::Halves.splat_size(degree);
+        let data = room as u64 * Packing::Halves.splat_size(degree);
         let stored = data + section.len() as u64 * 12 + u64::from(partial > 0) * 4;
         let words = [
             room as u32,

@@ -4,7 +4,7 @@
 //! name alone. A format converts activations and quantisation itself and says which [`Axes`] it has, so that a [`Scene`] is the same
 //! whatever it came from. To add one: a module with a `FORMAT`, and its name in the list.
 //!
-//! What a format cannot hold it says in [`Format::loses`]; metadata for which it has no room is put beside it.
+//! What a format cannot hold it says in [`SceneFormat::loses`]; metadata for which it has no room is put beside it.
 //!
 //! A scene may also be a folder that a 3DGS training wrote, or of SOG images ([`folder`]), and any scene file may have
 //! a TOML file of metadata beside it ([`sidecar`]) and the photographed views in a JSON file.
@@ -37,7 +37,7 @@ use std::{
 macro_rules! formats {
     ($($($name:ident)::+),+ $(,)?) => {
         /// Every scene format, in the order in which they are tried.
-        pub const FORMATS: &[Format] = &[$($($name)::+::FORMAT),+];
+        pub const FORMATS: &[SceneFormat] = &[$($($name)::+::FORMAT),+];
     };
 }
 
@@ -51,7 +51,7 @@ pub mod spz;
 formats! { ply, ply::compressed, spz, sog::bundle, sog::folder, sog::levels, gltf, splat, ksplat }
 
 /// A scene format.
-pub struct Format {
+pub struct SceneFormat {
     /// Its name in messages.
     pub name: &'static str,
     /// How names of its files end, without dot, lower case, the ending for new files first. An ending that is a whole name, such as
@@ -107,12 +107,12 @@ pub struct ReadOptions {
     /// The cameras in the folder of a training.
     pub views: Views,
     /// Which level, where a scene has several.
-    pub level: Level,
+    pub level: DetailLevel,
 }
 
 /// A level of detail of a scene that has several; others have one and do not look at it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Level {
+pub enum DetailLevel {
     /// All splats.
     #[default]
     Finest,
@@ -186,7 +186,7 @@ pub fn read_scene(path: &Path, options: &ReadOptions) -> Result<Scene, FormatErr
 pub fn read_scene_and_format(
     path: &Path,
     options: &ReadOptions,
-) -> Result<(Scene, &'static Format), FormatError> {
+) -> Result<(Scene, &'static SceneFormat), FormatError> {
     // What is small and may be wrong comes before what is large.
     let file = folder::scene_file(path)?;
     let sidecar = match options.sidecar {
@@ -213,7 +213,10 @@ pub fn read_scene_from(name: &Path, reader: impl Read, length: Option<u64>) -> R
     Ok(read_source(&mut Source::new(name, Box::new(reader), length), &ReadOptions::default())?.0)
 }
 
-fn read_source(source: &mut Source, options: &ReadOptions) -> Result<(Scene, &'static Format), FormatError> {
+fn read_source(
+    source: &mut Source,
+    options: &ReadOptions,
+) -> Result<(Scene, &'static SceneFormat), FormatError> {
     let format = sniff(source)?;
     let mut scene = (format.read)(source, options)?;
     if scene.splats.is_empty() {
@@ -223,7 +226,7 @@ fn read_source(source: &mut Source, options: &ReadOptions) -> Result<(Scene, &'s
     Ok((scene, format))
 }
 
-fn sniff(source: &mut Source) -> Result<&'static Format, FormatError> {
+fn sniff(source: &mut Source) -> Result<&'static SceneFormat, FormatError> {
     source.fill(SNIFFED)?;
     let bytes = &source.bytes()[..source.bytes().len().min(SNIFFED)];
     if bytes.is_empty() {
@@ -283,7 +286,7 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: &WriteOptions) -> R
 ///
 /// # Errors
 /// [`FormatError`] if no format has the extension.
-pub fn format_for(path: &Path) -> Result<&'static Format, FormatError> {
+pub fn format_for(path: &Path) -> Result<&'static SceneFormat, FormatError> {
     by_extension(path).ok_or_else(|| {
         let extension = path.extension().map(|e| format!(".{}", excerpt(e.as_encoded_bytes())));
         let problem =
@@ -295,7 +298,7 @@ pub fn format_for(path: &Path) -> Result<&'static Format, FormatError> {
 /// The ending for new files of each format, for messages and help.
 #[must_use]
 pub fn endings() -> String {
-    let written = |f: &Format| {
+    let written = |f: &SceneFormat| {
         let ending = f.extensions.first()?;
         Some(if ending.contains(".json") { (*ending).to_owned() } else { format!(".{ending}") })
     };
@@ -303,7 +306,7 @@ pub fn endings() -> String {
 }
 
 /// The format whose ending the name of `path` has; of several the longest, so that `a.compressed.ply` is no plain PLY.
-fn by_extension(path: &Path) -> Option<&'static Format> {
+fn by_extension(path: &Path) -> Option<&'static SceneFormat> {
     let endings = FORMATS.iter().flat_map(|f| f.extensions.iter().map(move |e| (f, *e)));
     let fitting = endings.filter(|(_, ending)| has_ending(path, ending));
     fitting.max_by_key(|(_, ending)| ending.len()).map(|(format, _)| format)

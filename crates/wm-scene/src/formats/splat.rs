@@ -6,7 +6,7 @@
 //! writers put what counts most first.
 
 use super::{
-    ANY_SCALE, Axes, Format, Kept, Loses, Writer,
+    ANY_SCALE, Axes, Kept, Loses, SceneFormat, Writer,
     bytes::{floats, rows},
     has_ending,
     pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit},
@@ -19,7 +19,7 @@ use crate::{
 use std::io::Write;
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: Format = Format {
+pub const FORMAT: SceneFormat = SceneFormat {
     name: "splat",
     extensions: &["splat"],
     about: "antimatter15's .splat, 32 bytes a splat, one colour from everywhere",

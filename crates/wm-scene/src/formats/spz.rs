@@ -19,7 +19,7 @@
 //! The axes are y up, z back (RUB), unless a record of Adobe's extension names others.
 
 use super::{
-    Axes, Format, Kept, Loses, SpzVersion, WriteOptions, Writer,
+    Axes, Kept, Loses, SceneFormat, SpzVersion, WriteOptions, Writer,
     bytes::{Bytes, Gunzip, check_unpacked, rows, unpack_exact},
     pack::{byte_of_logit, from_smallest_three, logit_of_byte, smallest_three, unit, unorm},
 };
@@ -33,7 +33,7 @@ use sirocco::deflate;
 use std::io::{self, Read, Write};
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: Format = Format {
+pub const FORMAT: SceneFormat = SceneFormat {
     name: "SPZ",
     extensions: &["spz"],
     about: "Niantic's SPZ, versions 1 to 4, gzip or Zstandard",

@@ -4,8 +4,8 @@
 //! splats say it; where not, the brightest surfaces give a measure of the daylight.
 
 use super::linear::quantile;
-use super::sample::Sample;
-use super::sky::Sky;
+use super::sample::SurveySample;
+use super::sky::SkyRegion;
 use crate::color::{luminance, srgb_decode};
 use crate::{Splats, sh};
 use glam::DVec3;
@@ -25,7 +25,7 @@ const BANDS: [f64; 3] = [0.342, 0.643, 1.0];
 const ENOUGH: f64 = 0.04;
 
 /// The airlight, linear RGB, 1 = display white.
-pub fn estimate(splats: &Splats, sample: &Sample, sky: &Sky, up: DVec3) -> [f64; 3] {
+pub fn estimate(splats: &Splats, sample: &SurveySample, sky: &SkyRegion, up: DVec3) -> [f64; 3] {
     let surfaces = from_surfaces(splats, sample);
     from_sky(splats, sample, sky, up, luminance(surfaces)).unwrap_or(surfaces)
 }
@@ -41,7 +41,13 @@ pub struct SkyPatch {
     pub rgb: [f64; 3],
 }
 
-fn from_sky(splats: &Splats, sample: &Sample, sky: &Sky, up: DVec3, sunlit: f64) -> Option<[f64; 3]> {
+fn from_sky(
+    splats: &Splats,
+    sample: &SurveySample,
+    sky: &SkyRegion,
+    up: DVec3,
+    sunlit: f64,
+) -> Option<[f64; 3]> {
     let indices = sky.indices(splats).into_iter().filter(|index| splats.is_sound(*index));
     let mut patches: Vec<SkyPatch> = indices.map(|index| patch(splats, index, sample.center, up)).collect();
     let mut weights: Vec<f64> = patches.iter().map(|p| p.weight).collect();
@@ -128,7 +134,7 @@ fn mean<'a>(patches: impl Iterator<Item = &'a SkyPatch>, least: f64) -> Option<[
     (weight > 0.0 && weight >= least).then(|| mean.map(|v| v * scale))
 }
 
-fn from_surfaces(splats: &Splats, sample: &Sample) -> [f64; 3] {
+fn from_surfaces(splats: &Splats, sample: &SurveySample) -> [f64; 3] {
     let displayed = |index: usize, at: DVec3| {
         let direction = (at - sample.center).normalize_or_zero().to_array();
         luminance(sh::color(splats.sh_of(index), direction).map(|v| v.clamp(0.0, 1.0)))

@@ -6,8 +6,8 @@
 //! floaters below it have no surface, a cellar or a pond has few cells.
 
 use super::linear::{eigen, horizontals, outer, quantile};
-use super::sample::{Point, Sample};
-use crate::View;
+use super::sample::{SurveyPoint, SurveySample};
+use crate::SceneView;
 use glam::{DMat3, DVec3};
 
 /// Layers of height a scene radius.
@@ -24,7 +24,7 @@ const FAIR: f64 = 0.4;
 /// Height of the ground along `up`, scene units; `None` if nothing is level.
 ///
 /// `ceiling` bounds it from above, such as by cameras.
-pub fn level(sample: &Sample, up: DVec3, ceiling: Option<f64>) -> Option<f64> {
+pub fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> Option<f64> {
     let (x, y) = horizontals(up);
     let mut heights: Vec<f64> = sample.points.iter().map(|p| p.at.dot(up)).collect();
     let low = quantile(&mut heights, 0.002);
@@ -69,13 +69,13 @@ pub fn level(sample: &Sample, up: DVec3, ceiling: Option<f64>) -> Option<f64> {
 }
 
 /// Height above which the ground cannot be: that of the lower cameras; `None` without any.
-pub fn ceiling(views: &[View], up: DVec3) -> Option<f64> {
+pub fn ceiling(views: &[SceneView], up: DVec3) -> Option<f64> {
     let mut heights: Vec<f64> = views.iter().map(|view| view.camera.center().dot(up)).collect();
     (!heights.is_empty()).then(|| quantile(&mut heights, 0.1))
 }
 
 /// Height of the lowest points, where nothing is level; 0 if there are none.
-pub fn lowest(sample: &Sample, up: DVec3) -> f64 {
+pub fn lowest(sample: &SurveySample, up: DVec3) -> f64 {
     let mut heights: Vec<f64> = sample.points.iter().map(|p| p.at.dot(up)).collect();
     quantile(&mut heights, 0.02)
 }
@@ -102,7 +102,7 @@ fn cover(cells: &mut Vec<(usize, i32, i32)>, count: usize) -> Vec<f64> {
 
 /// Weighted median height of the level points within `reach` of `height`, the middle of the scene
 /// counting most.
-fn median_height(sample: &Sample, up: DVec3, height: f64, reach: f64) -> f64 {
+fn median_height(sample: &SurveySample, up: DVec3, height: f64, reach: f64) -> f64 {
     let mut near: Vec<(f64, f64)> = sample
         .points
         .iter()
@@ -125,9 +125,9 @@ fn median_height(sample: &Sample, up: DVec3, height: f64, reach: f64) -> f64 {
 /// The plane of the ground about `height`, as its normal on the side of `up`.
 ///
 /// `None` where it is not reliable: too few points, too narrow, or too rough.
-pub fn plane(sample: &Sample, up: DVec3, height: f64) -> Option<DVec3> {
+pub fn plane(sample: &SurveySample, up: DVec3, height: f64) -> Option<DVec3> {
     let mut normal = up;
-    let level: Vec<&Point> = sample.points.iter().filter(|p| p.normal.dot(up).abs() >= LEVEL).collect();
+    let level: Vec<&SurveyPoint> = sample.points.iter().filter(|p| p.normal.dot(up).abs() >= LEVEL).collect();
     let mut origin = sample.center + up * (height - sample.center.dot(up));
     // From thick to thin: what is a step at first, a kerb or a hedge, drops out.
     for thickness in [0.04, 0.03, 0.02, 0.02, 0.015, 0.015] {

@@ -17,8 +17,8 @@ mod up;
 
 use crate::{Metadata, Scene};
 use glam::DVec3;
-use sample::Sample;
-use sky::Sky;
+use sample::SurveySample;
+use sky::SkyRegion;
 use std::fmt;
 use thiserror::Error;
 
@@ -56,12 +56,12 @@ pub struct Sourced<T> {
     /// The value.
     pub value: T,
     /// Where it is from.
-    pub source: Source,
+    pub source: FactSource,
 }
 
 /// Where a value is from, the best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Source {
+pub enum FactSource {
     /// Given by hand.
     Given,
     /// The scene's metadata.
@@ -74,7 +74,7 @@ pub enum Source {
     Assumed,
 }
 
-impl fmt::Display for Source {
+impl fmt::Display for FactSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Given => "given",
@@ -90,8 +90,8 @@ impl<T> Sourced<T> {
     /// The given value, else that of the file, else what `otherwise` finds.
     fn first(given: Option<T>, file: Option<T>, otherwise: impl FnOnce() -> Self) -> Self {
         match (given, file) {
-            (Some(value), _) => Self { value, source: Source::Given },
-            (None, Some(value)) => Self { value, source: Source::File },
+            (Some(value), _) => Self { value, source: FactSource::Given },
+            (None, Some(value)) => Self { value, source: FactSource::File },
             (None, None) => otherwise(),
         }
     }
@@ -112,13 +112,13 @@ impl Survey {
             Some(_) => Metadata::default(),
         };
         let (given, mut file) = (usable(given), usable(&scene.metadata));
-        let sky = Sky::of(&scene.splats);
-        let sample = Sample::of(&scene.splats, &sky);
+        let sky = SkyRegion::of(&scene.splats);
+        let sample = SurveySample::of(&scene.splats, &sky);
         let is_empty = sample.points.is_empty();
-        let estimated = if is_empty { Source::Assumed } else { Source::Estimated };
+        let estimated = if is_empty { FactSource::Assumed } else { FactSource::Estimated };
         let mut up = Sourced::first(given.up, file.up, || {
             let estimate = up::estimate(&scene.splats, &sample, &sky, &scene.views);
-            let (value, source) = estimate.unwrap_or((DVec3::Z, Source::Assumed));
+            let (value, source) = estimate.unwrap_or((DVec3::Z, FactSource::Assumed));
             Sourced { value, source }
         });
         up.value = up.value.normalize();
@@ -129,8 +129,8 @@ impl Survey {
         let ground = Sourced::first(given.ground, file.ground, || {
             let level = ground::level(&sample, up.value, ground::ceiling(&scene.views, up.value));
             let (value, source) = match level {
-                Some(height) => (height, Source::Estimated),
-                None => (ground::lowest(&sample, up.value), Source::Assumed),
+                Some(height) => (height, FactSource::Estimated),
+                None => (ground::lowest(&sample, up.value), FactSource::Assumed),
             };
             Sourced { value, source }
         });
@@ -138,10 +138,10 @@ impl Survey {
             value: airlight::estimate(&scene.splats, &sample, &sky, up.value),
             source: estimated,
         });
-        let one = || Sourced { value: 1.0, source: Source::Assumed };
+        let one = || Sourced { value: 1.0, source: FactSource::Assumed };
         let metres_per_unit = Sourced::first(given.metres_per_unit, file.metres_per_unit, one);
         Self {
-            scale_source: file.scale_source.filter(|_| metres_per_unit.source == Source::File),
+            scale_source: file.scale_source.filter(|_| metres_per_unit.source == FactSource::File),
             metres_per_unit,
             center: sample.center,
             radius: sample.radius,
@@ -157,7 +157,7 @@ impl Survey {
     #[must_use]
     pub fn metadata(&self) -> Metadata {
         fn known<T: Copy>(sourced: &Sourced<T>) -> Option<T> {
-            (sourced.source != Source::Assumed).then_some(sourced.value)
+            (sourced.source != FactSource::Assumed).then_some(sourced.value)
         }
         Metadata {
             metres_per_unit: known(&self.metres_per_unit),

@@ -1,6 +1,6 @@
 //! A survey in words, one line a value.
 
-use super::{Source, Survey};
+use super::{FactSource, Survey};
 use std::fmt;
 
 impl Survey {
@@ -11,8 +11,8 @@ impl Survey {
         let scale = self.metres_per_unit;
         let [r, g, b] = self.airlight.value.map(|v| Short(v, 2));
         let light = match (self.airlight.source, self.sky_splats) {
-            (Source::Estimated, 0) => "estimated from the brightest splats, as there is no sky".into(),
-            (Source::Estimated, _) => "estimated from the sky near the horizon".into(),
+            (FactSource::Estimated, 0) => "estimated from the brightest splats, as there is no sky".into(),
+            (FactSource::Estimated, _) => "estimated from the sky near the horizon".into(),
             (source, _) => source.to_string(),
         };
         let sky = match self.sky_splats {
@@ -33,7 +33,7 @@ impl Survey {
     /// What to warn of: the scale, if nothing says it.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
-        (self.metres_per_unit.source == Source::Assumed).then(|| {
+        (self.metres_per_unit.source == FactSource::Assumed).then(|| {
             format!(
                 "scale is not known: 1 unit is taken as 1 m, which makes the scene {} m; give \
                  --metres-per-unit or --known-distance",

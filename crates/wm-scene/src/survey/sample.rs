@@ -1,7 +1,7 @@
 //! A fair sample of the splats: enough for every estimate of a survey, few enough to be quick.
 
 use super::linear::{horizontals, quantile};
-use super::sky::Sky;
+use super::sky::SkyRegion;
 use crate::Splats;
 use glam::DVec3;
 
@@ -14,7 +14,7 @@ const LEAST_OPACITY: f64 = 0.1;
 
 /// One splat that is no sky.
 #[derive(Clone, Copy, Debug)]
-pub struct Point {
+pub struct SurveyPoint {
     /// Its index in the splats.
     pub index: usize,
     /// Its centre, scene units.
@@ -28,19 +28,19 @@ pub struct Point {
 
 /// The sampled splats and where their middle is.
 #[derive(Clone, Debug)]
-pub struct Sample {
+pub struct SurveySample {
     /// The sampled splats, in their order.
-    pub points: Vec<Point>,
+    pub points: Vec<SurveyPoint>,
     /// The middle, scene units: see [`center_of`].
     pub center: DVec3,
     /// Distance from the middle within which 95 % of the points are, scene units.
     pub radius: f64,
 }
 
-impl Sample {
+impl SurveySample {
     /// Takes splats that can be seen and are no sky, at even steps of their index.
-    pub fn of(splats: &Splats, sky: &Sky) -> Self {
-        let mut points: Vec<Point> = strided(splats.len(), MOST)
+    pub fn of(splats: &Splats, sky: &SkyRegion) -> Self {
+        let mut points: Vec<SurveyPoint> = strided(splats.len(), MOST)
             .filter(|index| splats.is_sound(*index) && !sky.holds(splats, *index))
             .filter_map(|index| point(splats, index))
             .collect();
@@ -75,7 +75,7 @@ pub fn strided(count: usize, most: usize) -> impl Iterator<Item = usize> {
     (0..count).step_by(count.div_ceil(most).max(1))
 }
 
-fn point(splats: &Splats, index: usize) -> Option<Point> {
+fn point(splats: &Splats, index: usize) -> Option<SurveyPoint> {
     let opacity = splats.opacity(index);
     if opacity < LEAST_OPACITY {
         return None;
@@ -87,7 +87,7 @@ fn point(splats: &Splats, index: usize) -> Option<Point> {
     let flatness = if middle > 0.0 { 1.0 - thin / middle } else { 0.0 };
     let at = DVec3::from_array(splats.means[index].map(f64::from));
     let normal = DVec3::from_array(splats.normal(index));
-    Some(Point { index, at, normal, area: middle * long * opacity * flatness })
+    Some(SurveyPoint { index, at, normal, area: middle * long * opacity * flatness })
 }
 
 /// The middle of most of `points`, whatever the rest does: the geometric median, then that of the

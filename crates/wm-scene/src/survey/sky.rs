@@ -43,7 +43,7 @@ const LEAST_MOMENT: f64 = 0.05;
 
 /// Where the sky is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Sky {
+pub enum SkyRegion {
     /// There is none, or none that can be told.
     None,
     /// The splats of the sky's group.
@@ -57,7 +57,7 @@ pub enum Sky {
     },
 }
 
-impl Sky {
+impl SkyRegion {
     /// Looks for the sky. Groups that are there already are believed.
     pub fn of(splats: &Splats) -> Self {
         if splats.groups.contains(&Group::Sky) { Self::Labelled } else { find(splats) }
@@ -90,8 +90,8 @@ impl Sky {
 /// A sky is a shell of large splats far outside the rest, above or all around; distant buildings
 /// are not taken for it. About 40 ns a splat.
 pub fn label_sky(splats: &mut Splats) -> usize {
-    let sky = Sky::of(splats);
-    if sky == Sky::Labelled {
+    let sky = SkyRegion::of(splats);
+    if sky == SkyRegion::Labelled {
         return 0;
     }
     let indices = sky.indices(splats);
@@ -105,14 +105,14 @@ fn mean(splats: &Splats, index: usize) -> DVec3 {
     DVec3::from_array(splats.means[index].map(f64::from))
 }
 
-fn find(splats: &Splats) -> Sky {
+fn find(splats: &Splats) -> SkyRegion {
     let finite = |p: &DVec3| p.is_finite();
     let few: Vec<DVec3> = strided(splats.len(), 20_000).map(|i| mean(splats, i)).filter(finite).collect();
     let center = center_of(&few);
     let mut distances: Vec<f64> = few.iter().map(|p| p.distance(center)).collect();
     let unit = quantile(&mut distances, 0.5);
     if !(unit > 0.0 && unit.is_finite()) {
-        return Sky::None;
+        return SkyRegion::None;
     }
     let layers = Layers::of(splats, center, unit);
     // From outside in, each shell on its own: a row of far houses stays with the scene where the sky is
@@ -126,7 +126,7 @@ fn find(splats: &Splats) -> Sky {
             break;
         }
     }
-    sky.map_or(Sky::None, |radius| Sky::Beyond { center, radius })
+    sky.map_or(SkyRegion::None, |radius| SkyRegion::Beyond { center, radius })
 }
 
 /// Number of splats by distance from the middle, in layers of equal ratio.

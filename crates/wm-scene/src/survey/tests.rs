@@ -1,7 +1,7 @@
-use super::{sky::Sky, *};
+use super::{sky::SkyRegion, *};
 use crate::synthetic::{Builder, aerial, moved, rotation, street, table};
 use crate::testing::data;
-use crate::{Camera, Group, Splats, View};
+use crate::{Camera, Group, SceneView, Splats};
 use glam::DQuat;
 use proptest::prelude::*;
 
@@ -28,9 +28,9 @@ fn off(survey: &Survey, truth: DVec3) -> f64 {
     survey.up.value.angle_between(truth).to_degrees()
 }
 
-fn views(eyes: &[(DVec3, DVec3)]) -> Vec<View> {
-    let camera = |(eye, target): &(DVec3, DVec3)| Camera::look_at((300, 200), 50.0, *eye, *target, DVec3::Z);
-    let view = |(i, c)| View { name: format!("{i}.jpg"), camera: c };
+fn views(eyes: &[(DVec3, DVec3)]) -> Vec<SceneView> {
+    let camera = |(eye, target): &(DVec3, DVec3)| Camera::looking((300, 200), 50.0, *eye, *target, DVec3::Z);
+    let view = |(i, c)| SceneView { name: format!("{i}.jpg"), camera: c };
     eyes.iter().map(camera).map(Result::unwrap).enumerate().map(view).collect()
 }
 
@@ -42,7 +42,7 @@ fn the_garden_has_a_sky_shell() {
     let found = Survey::of(&scene, &Metadata::default());
     let labelled = survey(splats.clone());
     assert_eq!((found.sky_splats, labelled.sky_splats, label_sky(&mut splats)), (8688, 8688, 0));
-    assert_eq!(found.up, Sourced { value: DVec3::Z, source: Source::Estimated });
+    assert_eq!(found.up, Sourced { value: DVec3::Z, source: FactSource::Estimated });
     // The paving falls from -0.3 to -1.4 over the courtyard; in the middle it is at -0.85.
     assert!((found.ground.value + 0.85).abs() < 0.2, "{}", found.ground.value);
     assert!(found.center.distance(DVec3::new(4.0, -31.0, 0.0)) < 5.0 && found.radius < 60.0);
@@ -54,7 +54,7 @@ fn the_garden_has_a_sky_shell() {
 fn the_camp_from_a_drone_has_none() {
     let Some(mut scene) = read("taebak") else { return };
     let found = Survey::of(&scene, &Metadata::default());
-    assert_eq!(found.up, Sourced { value: DVec3::NEG_Y, source: Source::Estimated });
+    assert_eq!(found.up, Sourced { value: DVec3::NEG_Y, source: FactSource::Estimated });
     assert!((found.ground.value - 0.08).abs() < 0.05, "{}", found.ground.value);
     assert_eq!((found.sky_splats, label_sky(&mut scene.splats)), (0, 0));
     assert!(found.extent[0] > 45.0 && found.extent[2] < 4.0);
@@ -157,7 +157,7 @@ fn cameras_decide_where_there_are_any() {
         .collect();
     let scene = Scene { views: views(&eyes), ..bare(place.build()) };
     let found = Survey::of(&scene, &Metadata::default());
-    assert_eq!(found.up, Sourced { value: DVec3::Z, source: Source::Cameras });
+    assert_eq!(found.up, Sourced { value: DVec3::Z, source: FactSource::Cameras });
     assert!(found.ground.value.abs() < 0.1);
     // A drone that looks down one way: the cameras are 50 degrees off, the village is not.
     let slanted: Vec<_> = (0..8)
@@ -166,7 +166,7 @@ fn cameras_decide_where_there_are_any() {
         .collect();
     let scene = Scene { views: views(&slanted), ..bare(aerial(5).build()) };
     let found = Survey::of(&scene, &Metadata::default());
-    assert!(off(&found, DVec3::Z) < 1.0 && found.up.source == Source::Estimated);
+    assert!(off(&found, DVec3::Z) < 1.0 && found.up.source == FactSource::Estimated);
     // Straight down from a drone: the cameras do not know, the splats do.
     let down: Vec<_> = (0..8)
         .map(|i| DVec3::new(f64::from(i) * 7.0 - 24.0, (f64::from(i) * 2.4).sin() * 20.0, 60.0))
@@ -187,7 +187,7 @@ fn photographers_hold_their_cameras_level() {
         Some(Survey::of(&Scene { views, ..Scene::default() }, &Metadata::default()).up)
     };
     let Some(street) = found("lund-street") else { return };
-    assert!(street.value.angle_between(road).to_degrees() < 3.0 && street.source == Source::Cameras);
+    assert!(street.value.angle_between(road).to_degrees() < 3.0 && street.source == FactSource::Cameras);
     let Some(castle) = found("sceaux-castle") else { return };
     assert!((castle.value.angle_between(facade).to_degrees() - 90.0).abs() < 4.0, "{castle:?}");
 }
@@ -215,18 +215,18 @@ fn what_is_given_wins() {
     let scene = Scene { metadata: file, ..bare(street(5).build()) };
     let found = Survey::of(&scene, &Metadata::default());
     let sources = [found.up.source, found.ground.source, found.airlight.source];
-    assert_eq!(sources, [Source::File; 3]);
+    assert_eq!(sources, [FactSource::File; 3]);
     assert_eq!(found.metadata(), scene.metadata);
     // The file's ground is along its own up, and goes with it.
     let given = Metadata { up: Some(DVec3::Z), metres_per_unit: Some(2.0), ..Metadata::default() };
     let found = Survey::of(&scene, &given);
-    assert_eq!((found.up.source, found.ground.source), (Source::Given, Source::Estimated));
+    assert_eq!((found.up.source, found.ground.source), (FactSource::Given, FactSource::Estimated));
     assert!(found.ground.value.abs() < 0.1);
     assert_eq!((found.warning(), found.metadata().metres_per_unit), (None, Some(2.0)));
     assert!((found.height(DVec3::new(3.0, 4.0, 7.0)) - 7.0).abs() < 0.1);
     // What cannot be used is as good as missing.
     let broken = Metadata { up: Some(DVec3::ZERO), ..Metadata::default() };
-    assert_eq!(Survey::of(&scene, &broken).up.source, Source::File);
+    assert_eq!(Survey::of(&scene, &broken).up.source, FactSource::File);
 }
 
 #[test]
@@ -286,7 +286,7 @@ fn airlight_is_that_of_the_horizon() {
 #[test]
 fn nothing_and_next_to_nothing_can_be_surveyed() {
     let nothing = survey(Splats::default());
-    assert_eq!((nothing.up, nothing.radius), (Sourced { value: DVec3::Z, source: Source::Assumed }, 0.0));
+    assert_eq!((nothing.up, nothing.radius), (Sourced { value: DVec3::Z, source: FactSource::Assumed }, 0.0));
     assert_eq!(nothing.metadata(), Metadata::default());
     let some = street(8).build();
     for count in [1, 2, 3, 10] {
@@ -322,7 +322,7 @@ proptest! {
         prop_assert!(found.up.value.is_normalized());
         prop_assert!(found.metadata().fault().is_none(), "{found:?}");
         prop_assert!(found.lines().iter().all(|line| !line.contains('\n')));
-        let sky = Sky::of(&scene.splats);
+        let sky = SkyRegion::of(&scene.splats);
         prop_assert_eq!(found.sky_splats, sky.indices(&scene.splats).len());
     }
 }

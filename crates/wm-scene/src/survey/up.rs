@@ -16,10 +16,10 @@
 //! it.
 
 use super::linear::{direction, eigen, horizontals, outer, quantile};
-use super::sample::{Point, Sample, strided};
-use super::sky::Sky;
-use super::{Source, ground};
-use crate::{Splats, View};
+use super::sample::{SurveyPoint, SurveySample, strided};
+use super::sky::SkyRegion;
+use super::{FactSource, ground};
+use crate::{SceneView, Splats};
 use glam::{DMat3, DVec3};
 
 /// Directions over the half sphere in which surfaces are counted: 7 degrees apart.
@@ -36,10 +36,15 @@ const AGREE: f64 = 0.94;
 const LAYERS: usize = 64;
 
 /// Up, length 1, and whether the cameras or the splats alone tell it; `None` if nothing does.
-pub fn estimate(splats: &Splats, sample: &Sample, sky: &Sky, views: &[View]) -> Option<(DVec3, Source)> {
+pub fn estimate(
+    splats: &Splats,
+    sample: &SurveySample,
+    sky: &SkyRegion,
+    views: &[SceneView],
+) -> Option<(DVec3, FactSource)> {
     let held = held(views);
     if sample.points.is_empty() || sample.radius <= 0.0 {
-        return held.map(|up| (snapped(up), Source::Cameras));
+        return held.map(|up| (snapped(up), FactSource::Cameras));
     }
     let clues = Clues { heaven: heaven(splats, sample, sky), held };
     let rated = rated(sample);
@@ -50,12 +55,12 @@ pub fn estimate(splats: &Splats, sample: &Sample, sky: &Sky, views: &[View]) -> 
         .reduce(|best, other| if other.0 > best.0 { other } else { best });
     let up = snapped(refined(sample, &rated, best?.1, 0.97));
     let agree = held.is_some_and(|held| held.dot(up) > AGREE);
-    Some((up, if agree { Source::Cameras } else { Source::Estimated }))
+    Some((up, if agree { FactSource::Cameras } else { FactSource::Estimated }))
 }
 
 /// Points by which directions are rated: each stands for the same area, so that strays, which are faint,
 /// count little.
-fn rated(sample: &Sample) -> Vec<Point> {
+fn rated(sample: &SurveySample) -> Vec<SurveyPoint> {
     let total: f64 = sample.points.iter().map(|p| p.area).sum();
     if total <= 0.0 {
         return sample.points.clone();
@@ -84,7 +89,7 @@ struct Clues {
 /// Two things are known of people with cameras: on the mean they hold them upright, to about 6 degrees
 /// in pitch, and they do not roll them, to about 1.5 degrees. The mean of the ups is the first; the
 /// direction that all x axes are level to is the second, and the better the more ways they look.
-fn held(views: &[View]) -> Option<DVec3> {
+fn held(views: &[SceneView]) -> Option<DVec3> {
     let count = views.len() as f64;
     let (mut mean, mut moments) = (DVec3::ZERO, DMat3::ZERO);
     for view in views {
@@ -108,7 +113,7 @@ fn held(views: &[View]) -> Option<DVec3> {
 
 /// `up` turned to the surfaces that face it, to the plane of the ground and to the walls, if they are
 /// within `limit` (a cosine) of it.
-fn refined(sample: &Sample, rated: &[Point], up: DVec3, limit: f64) -> DVec3 {
+fn refined(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, limit: f64) -> DVec3 {
     let facing = peak(rated, up, limit.max(PEAK));
     let start = if facing.dot(up) > limit { facing } else { up };
     let plane = ground::level(sample, start, None).and_then(|height| ground::plane(sample, start, height));
@@ -118,7 +123,7 @@ fn refined(sample: &Sample, rated: &[Point], up: DVec3, limit: f64) -> DVec3 {
 }
 
 /// The direction that walls have in them, near `up`; `None` where there are few, or all are parallel.
-fn walls(sample: &Sample, up: DVec3) -> Option<DVec3> {
+fn walls(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
     let mut plumb = up;
     let total: f64 = sample.points.iter().map(|p| p.area).sum();
     if total <= 0.0 {
@@ -158,7 +163,7 @@ fn snapped(up: DVec3) -> DVec3 {
 
 /// The middle of the sky's splats as seen from the scene's: length 0 if it is all around or there is
 /// none, 0.5 for a half sphere.
-fn heaven(splats: &Splats, sample: &Sample, sky: &Sky) -> DVec3 {
+fn heaven(splats: &Splats, sample: &SurveySample, sky: &SkyRegion) -> DVec3 {
     let mut indices = sky.indices(splats);
     indices = strided(indices.len(), 5000).map(|i| indices[i]).collect();
     let mut cells = vec![false; DIRECTIONS];
@@ -178,7 +183,7 @@ fn nearest(directions: &[DVec3], closeness: impl Fn(DVec3) -> f64) -> usize {
 }
 
 /// Axes that could be vertical, the sign open, those that surfaces face first.
-fn candidates(sample: &Sample, rated: &[Point], clues: Clues) -> Vec<DVec3> {
+fn candidates(sample: &SurveySample, rated: &[SurveyPoint], clues: Clues) -> Vec<DVec3> {
     // The first half of the spiral is the upper half sphere.
     let directions: Vec<DVec3> = (0..DIRECTIONS).map(|i| direction(i, 2 * DIRECTIONS)).collect();
     let mut surface = vec![0.0; DIRECTIONS];
@@ -219,7 +224,7 @@ fn candidates(sample: &Sample, rated: &[Point], clues: Clues) -> Vec<DVec3> {
 }
 
 /// The mean of the normals about `axis`, followed to where they are densest; on the side of `axis`.
-fn peak(rated: &[Point], axis: DVec3, width: f64) -> DVec3 {
+fn peak(rated: &[SurveyPoint], axis: DVec3, width: f64) -> DVec3 {
     let mut middle = axis;
     for _ in 0..6 {
         let mut sum = DVec3::ZERO;
@@ -252,7 +257,7 @@ impl Evidence {
     }
 }
 
-fn evidence(sample: &Sample, rated: &[Point], up: DVec3, clues: Clues) -> Evidence {
+fn evidence(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, clues: Clues) -> Evidence {
     let (x, y) = horizontals(up);
     let extent = |axis: DVec3| {
         let mut along: Vec<f64> = rated.iter().map(|p| p.at.dot(axis)).collect();
@@ -282,7 +287,7 @@ fn evidence(sample: &Sample, rated: &[Point], up: DVec3, clues: Clues) -> Eviden
 /// Share of all surface that faces `up` at one height, less the more lies below that height.
 ///
 /// Heights are counted in layers of `step` from `low` on.
-fn surface(rated: &[Point], up: DVec3, low: f64, step: f64) -> f64 {
+fn surface(rated: &[SurveyPoint], up: DVec3, low: f64, step: f64) -> f64 {
     let (mut level, mut mass) = ([0.0; LAYERS + 1], [0.0; LAYERS + 1]);
     for point in rated {
         let layer = ((point.at.dot(up) - low) / step).clamp(0.0, LAYERS as f64) as usize;

@@ -1,11 +1,11 @@
 //! Compares a scene with the photos of a data set, and with ground-truth maps where there are some.
 //!
-//! [`evaluate`] renders every photo's view in clear weather over black and scores it; [`GroundTruth`] finds and reads
+//! [`evaluate`] renders every photo's view in clear weather over black and scores it; [`TruthMaps`] finds and reads
 //! maps of depth, normals and sky.
 
 mod truth;
 
-pub use truth::{GroundTruth, TrueMaps, TruthError, TruthFolder, TruthOptions, TruthWarning};
+pub use truth::{TrueMaps, TruthError, TruthFolder, TruthMaps, TruthOptions, TruthWarning};
 
 use crate::dataset::Dataset;
 use crate::metrics::{
@@ -17,10 +17,10 @@ use crate::session::ObserverError;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use thiserror::Error;
-use wm_render::hooks::{Hooks, Visibility};
+use wm_render::hooks::{Attribute, AttributeBlock, SplatAttributes};
 use wm_render::{
-    AnyRenderer, Frame, Geometry, Job, MedianDepth, Outputs, RenderConfig, RenderError, Renderer, SetId,
-    SetView,
+    AnyRenderer, DrawPass, Frame, Geometry, MedianDepth, Outputs, RenderBackend, RenderConfig, RenderError,
+    SetId, SetView,
 };
 use wm_scene::{Camera, Group, Scene};
 
@@ -172,7 +172,7 @@ pub fn evaluate(
     set: SetId,
     scene: &Scene,
     data: &Dataset,
-    truth: &GroundTruth,
+    truth: &TruthMaps,
     options: &EvaluationOptions,
     observer: &mut dyn EvaluationObserver,
 ) -> Result<Evaluation, EvaluationError> {
@@ -253,7 +253,7 @@ impl<'a> Views<'a> {
         set: SetId,
         scene: &'a Scene,
         options: &EvaluationOptions,
-        truth: &GroundTruth,
+        truth: &TruthMaps,
     ) -> Self {
         let geometry = if truth.is_empty() { options.geometry } else { Geometry::DepthNormal };
         let outputs = Outputs { geometry, median_depth: MedianDepth::On, ..Outputs::default() };
@@ -267,11 +267,11 @@ impl<'a> Views<'a> {
     fn render(&mut self, camera: &Camera) -> Result<(), RenderError> {
         let not_sky = NotSky(self.groups);
         let (renderer, set) = (&mut *self.renderer, self.set);
-        let mut render = |visibility: Option<&dyn Visibility>, config: &RenderConfig, frame: &mut Frame| {
-            let sets = [SetView { set, visibility }];
-            let job = Job { sets: &sets, camera, config, hooks: Hooks::default() };
-            renderer.render(&job, frame).map(drop)
-        };
+        let mut render =
+            |attributes: Option<&dyn SplatAttributes>, config: &RenderConfig, frame: &mut Frame| {
+                let sets = [SetView::plain(set).with_attributes(attributes)];
+                renderer.render(&DrawPass::new(&sets, camera, config), frame).map(drop)
+            };
         render(None, &self.config, &mut self.frame)?;
         if !self.groups.contains(&Group::Sky) {
             self.solid.clone_from(&self.frame);
@@ -285,9 +285,9 @@ impl<'a> Views<'a> {
 /// Shows all splats but the sky's.
 struct NotSky<'a>(&'a [Group]);
 
-impl Visibility for NotSky<'_> {
-    fn factors(&self, indices: &[u32], out: &mut [f32]) {
-        for (index, out) in indices.iter().zip(out) {
+impl SplatAttributes for NotSky<'_> {
+    fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
+        for (index, out) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
             *out = f32::from(u8::from(self.0[*index as usize] != Group::Sky));
         }
     }

@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use wm_scene::Camera;
-use wm_scene::survey::{Source, Survey};
+use wm_scene::survey::{FactSource, Survey};
 
 /// The folders of ground-truth maps and the meaning of their numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -133,7 +133,7 @@ pub struct TrueMaps {
 
 /// The ground-truth maps of a data set.
 #[derive(Clone, Debug)]
-pub struct GroundTruth {
+pub struct TruthMaps {
     /// Depth.
     pub depth: Option<TruthFolder>,
     /// Normals.
@@ -143,13 +143,13 @@ pub struct GroundTruth {
     /// Metres per scene unit.
     pub metres_per_unit: f64,
     /// The origin of the scale.
-    pub scale_source: Source,
+    pub scale_source: FactSource,
     unit: Option<DepthUnit>,
     form: DepthForm,
     axes: NormalAxes,
 }
 
-impl GroundTruth {
+impl TruthMaps {
     /// Finds the maps of the photos of `data`; the second value is what the user should know.
     ///
     /// # Errors

@@ -190,7 +190,7 @@ mod tests {
     use wm_render::stages::compare::NO_EXPOSURE;
     use wm_render::testing::{Backend, gpu_differentiable, shell_camera, shell_splats};
     use wm_render::{ForwardConfig, Resident};
-    use wm_scene::synthetic::uniform;
+    use wm_scene::random::uniform;
 
     const SIZE: (u32, u32) = (12, 8);
 
@@ -240,7 +240,7 @@ mod tests {
     fn derivatives_are_those_of_the_values() {
         let mut config = TrainConfig::preset(Preset::Quick);
         config.loss.geometry = geometry();
-        let camera = Camera::look_at(SIZE, 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
+        let camera = Camera::looking(SIZE, 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
         let (rgb, prior) = (numbers(7, 288, 0.0, 1.0), prior());
         let truth = TrainPhoto { rgb: &rgb, mask: None, camera: &camera, prior: Some(&prior) };
         let terms: Vec<Box<dyn LossTerm>> = vec![
@@ -389,7 +389,7 @@ mod tests {
     fn where_nothing_is_believed_nothing_is_asked() {
         let mut config = TrainConfig::preset(Preset::Quick);
         config.loss.geometry = geometry();
-        let camera = Camera::look_at(SIZE, 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
+        let camera = Camera::looking(SIZE, 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
         let rgb = numbers(7, 288, 0.0, 1.0);
         let empty = Prior { width: 6, height: 4, ..Prior::default() };
         for prior in [None, Some(&empty)] {

@@ -31,7 +31,7 @@ impl LossTerm for SsimTerm {
     }
 
     fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
-        Reads::Device(Term::SsimTerm)
+        Reads::Device(Term::Dssim)
     }
 
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64 {

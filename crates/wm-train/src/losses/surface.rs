@@ -205,7 +205,7 @@ mod tests {
         let prior = Prior { width: 4, height: 8, sky: classes, ..Prior::default() };
         let alpha = vec![0.25; (width * height) as usize];
         let frame = Frame { width, height, alpha, ..Frame::default() };
-        let camera = Camera::look_at((width, height), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
+        let camera = Camera::looking((width, height), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
         let truth = TrainPhoto { rgb: &rgb, mask: None, camera: &camera, prior: Some(&prior) };
         let input = LossInput { frame: &frame, truth: &truth, step: 0, path: SimdPath::available()[0] };
         let mut out = LossGradients::default();

@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn every_form_gives_the_same_surface() {
-        let camera = Camera::look_at((8, 6), 60.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
+        let camera = Camera::looking((8, 6), 60.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
         // A wall 5 units ahead; the map is half as large.
         let small = camera.resized(4, 3);
         let point = |x: u32, y: u32| {
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn holes_are_unknown_and_the_sky_is_far() {
-        let camera = Camera::look_at((4, 1), 60.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
+        let camera = Camera::looking((4, 1), 60.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
         let map = Map::new(4, 1, 1, HOLES.into());
         let found = |form| kind(form, 1.0).to_view_z(&map, &camera).unwrap();
         for form in [DepthForm::Z, DepthForm::Ray] {

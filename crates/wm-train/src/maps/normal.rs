@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn axes_are_turned_into_those_of_the_world() {
-        let camera = Camera::look_at((4, 1), 60.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
+        let camera = Camera::looking((4, 1), 60.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
         // Up, in each kind of axes.
         for (axes, up) in [
             (NormalAxes::World, [0.0, 0.0, 2.0]),

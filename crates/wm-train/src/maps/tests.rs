@@ -116,7 +116,7 @@ fn counts_keep_their_steps() {
     let bits = shelf.read(&png(ColorType::Grayscale, BitDepth::One, (8, 1), &[0b1010_0001])).unwrap();
     assert_eq!(bits.to_mask(), [1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
     let normal = png(ColorType::Rgb, BitDepth::Eight, (1, 1), &[128, 128, 255]);
-    let camera = wm_scene::Camera::look_at((1, 1), 60.0, glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z);
+    let camera = wm_scene::Camera::looking((1, 1), 60.0, glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z);
     let found = NormalAxes::World.to_world(&shelf.read(&normal).unwrap(), &camera.unwrap()).unwrap();
     assert!((found[2] - 1.0).abs() < 1e-4 && found[0] < 0.005, "{found:?}");
 }

@@ -260,7 +260,7 @@ fn squared_distance(x: &[f32], y: &[f32]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_scene::synthetic::uniform;
+    use wm_scene::random::uniform;
 
     /// Rows of noise about `center` in all numbers, of length 1.
     fn made_up(count: usize, width: usize, seed: u64, center: f64) -> Embeddings {

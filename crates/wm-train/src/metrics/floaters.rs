@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn what_hangs_in_front_of_the_surface_floats() {
-        let camera = Camera::look_at((9, 5), 60.0, DVec3::ZERO, DVec3::Z, DVec3::NEG_Y).unwrap();
+        let camera = Camera::looking((9, 5), 60.0, DVec3::ZERO, DVec3::Z, DVec3::NEG_Y).unwrap();
         let mut splats = Splats::with_capacity(8, 0);
         // In front, on the surface, behind it; too faint; sky; outside; unknown; against the sky.
         for (x, z, opacity, group) in [

@@ -177,7 +177,7 @@ fn line(pairs: &[[f64; 2]], freedom: Freedom, middle: f64, seed: u64) -> Result<
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use wm_scene::synthetic::uniform;
+    use wm_scene::random::uniform;
 
     /// Points 3 to 60 units away under a relative depth of `scale` and `shift`, a share of them anywhere.
     fn pairs(count: u64, scale: f64, shift: f64, strays: f64, noise: f64) -> Vec<[f64; 2]> {

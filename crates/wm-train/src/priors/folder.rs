@@ -452,7 +452,7 @@ mod tests {
     }
 
     fn camera(size: (u32, u32)) -> Camera {
-        Camera::look_at(size, 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap()
+        Camera::looking(size, 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap()
     }
 
     #[test]

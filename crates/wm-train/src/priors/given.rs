@@ -158,7 +158,7 @@ mod tests {
 
     /// Grey ground below a blue sky, a wall 4 units ahead; the lower half of a photo of 40x20 px.
     fn photo() -> Photo {
-        let camera = Camera::look_at((40, 20), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
+        let camera = Camera::looking((40, 20), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
         let rgb = (0..800).flat_map(|i| if i < 400 { [100, 150, 230] } else { [90, 60, 40] }).collect();
         Photo { width: 40, height: 20, rgb, mask: None, camera }
     }

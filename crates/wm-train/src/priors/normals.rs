@@ -65,12 +65,12 @@ pub fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f32; 3]>
 mod tests {
     use super::*;
     use glam::DVec3;
-    use wm_scene::synthetic::uniform;
+    use wm_scene::random::uniform;
 
     #[test]
     fn the_normal_of_a_noisy_plane_is_found() {
         let camera =
-            Camera::look_at((60, 40), 50.0, DVec3::new(1.0, -9.0, 2.0), DVec3::ZERO, DVec3::Z).unwrap();
+            Camera::looking((60, 40), 50.0, DVec3::new(1.0, -9.0, 2.0), DVec3::ZERO, DVec3::Z).unwrap();
         for normal in
             [DVec3::Z, DVec3::new(0.3, -0.8, 0.5).normalize(), DVec3::new(-0.5, -0.5, 0.1).normalize()]
         {

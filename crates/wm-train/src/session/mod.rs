@@ -58,7 +58,7 @@ pub use score::{HeldOutScore, HeldOutScores, PerceptualMetric, TrainReport};
 pub use training::Training;
 
 use crate::config::{Preset, TrainConfig};
-use crate::dataset::{DatasetOptions, HeldOut};
+use crate::dataset::{DatasetReadOptions, HeldOut};
 use crate::plan::{PlanError, TrainPlan};
 use data::TrainData;
 use folder::RunFolder;
@@ -88,7 +88,7 @@ pub enum PriorSource {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SessionOptions {
     /// The places of photos, masks and cameras, and the size of photos.
-    pub dataset: DatasetOptions,
+    pub dataset: DatasetReadOptions,
     /// The photos that are held out for evaluation.
     pub held_out: HeldOut,
     /// The preset and what is changed of it.
@@ -116,7 +116,7 @@ pub struct SessionOptions {
 impl Default for SessionOptions {
     fn default() -> Self {
         Self {
-            dataset: DatasetOptions::default(),
+            dataset: DatasetReadOptions::default(),
             held_out: HeldOut::default(),
             plan: TrainPlan::default(),
             config: None,

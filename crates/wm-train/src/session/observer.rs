@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error as Display;
 use wm_render::Frame;
 use wm_scene::Camera;
-use wm_scene::capture::ground::NoGround;
+use wm_scene::capture::ground::CaptureGroundError;
 
 /// An error of an observer, which ends the session.
 pub type ObserverError = Box<dyn Error + Send + Sync>;
@@ -135,7 +135,7 @@ pub enum TrainNotice {
         step: u32,
     },
     /// The height of the cameras gives no scale.
-    NoScaleFromHeight(NoGround),
+    NoScaleFromHeight(CaptureGroundError),
     /// The scale of the scene was found.
     Scale {
         /// Metres per scene unit.

@@ -51,7 +51,7 @@ pub use surfels::{Matter, coverage};
 use thaw::Left;
 pub use thaw::Thaw;
 use walls::Wall;
-use wm_render::hooks::Visibility;
+use wm_render::hooks::{Attribute, AttributeBlock, SplatAttributes};
 use wm_scene::{Group, Splats};
 
 /// How far below its ground a splat is buried with it, m: splats are that rough.
@@ -163,9 +163,9 @@ pub struct Lying {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Buried(Vec<f32>);
 
-impl Visibility for Buried {
-    fn factors(&self, indices: &[u32], out: &mut [f32]) {
-        for (index, factor) in indices.iter().zip(out) {
+impl SplatAttributes for Buried {
+    fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
+        for (index, factor) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
             *factor = self.0.get(*index as usize).copied().unwrap_or(1.0);
         }
     }

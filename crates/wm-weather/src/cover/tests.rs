@@ -3,9 +3,9 @@
 use super::*;
 use crate::testing::SITE;
 use glam::DVec3;
-use wm_scene::place::Place;
 use wm_scene::splats::Splat;
 use wm_scene::synthetic::Builder;
+use wm_street::Street;
 
 const SNOW: Matter = Matter { color: [0.8; 3], shade: [0.2, 0.22, 0.28] };
 
@@ -73,7 +73,7 @@ fn roofs_are_covered_and_what_is_below_is_bare() {
 }
 
 /// Flat splats on the exact surfaces of the built-in street, as far as rays from above and from its views see them.
-fn street(place: &Place) -> Splats {
+fn street(place: &Street) -> Splats {
     let mut splats = Splats::with_capacity(0, 0);
     let mut add = |origin: DVec3, direction: DVec3, sigma: f64| {
         let Some(surface) = place.first(origin, direction) else { return };
@@ -105,14 +105,14 @@ fn street(place: &Place) -> Splats {
         }
     }
     // The floor of the porch, which those do not reach.
-    let (low, high) = Place::porch();
+    let (low, high) = Street::porch();
     for y in 0..100 {
         for x in 0..50 {
             let share = DVec3::new(f64::from(x) / 50.0, f64::from(y) / 100.0, 0.0);
             add(low + share * (high - low) + DVec3::Z * 1.5, -DVec3::Z, 0.045);
         }
     }
-    for view in Place::views() {
+    for view in Street::views() {
         let camera = view.camera((160, 120)).unwrap();
         for (x, y) in (0..120).flat_map(|y| (0..160).map(move |x| (x, y))) {
             let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -125,7 +125,7 @@ fn street(place: &Place) -> Splats {
 /// What rays say of the street and what lies there.
 #[test]
 fn the_street_is_covered_where_it_is_open() {
-    let place = Place::street();
+    let place = Street::builtin();
     let splats = street(&place);
     let mut cover =
         Cover::of(&splats, &Scan::plain(&splats), &SITE, &Airflow::default(), [[-5.0, 37.0, 0.0]; 2], 2);
@@ -139,7 +139,7 @@ fn the_street_is_covered_where_it_is_open() {
         Some(ground.nodes_of(cell).find(near).map_or(0.0, |node| lying.settled[0].depth[node]))
     };
     let (mut open, mut covered, mut sum) = (0, 0, 0.0);
-    for view in &Place::views() {
+    for view in &Street::views() {
         let camera = view.camera((240, 180)).unwrap();
         for (x, y) in (0..180).flat_map(|y| (0..240).map(move |x| (x, y))) {
             let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -162,7 +162,7 @@ fn the_street_is_covered_where_it_is_open() {
     println!("{} splats: {open} open points, {recall:.4} covered, {mean:.4} m deep", splats.len());
     assert!(open > 2000 && recall > 0.97 && (mean / 0.1 - 1.0).abs() < 0.03);
     // A metre inside the porch.
-    let (low, high) = Place::porch();
+    let (low, high) = Street::porch();
     let inside = |at: DVec3| {
         // Its back is the house.
         at.x > low.x + 0.1 && at.x < high.x - 1.0 && at.y > low.y + 1.0 && at.y < high.y - 1.0

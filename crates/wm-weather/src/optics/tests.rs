@@ -1,5 +1,6 @@
 use super::*;
 use proptest::prelude::*;
+use wm_render::frame::srgb_encode;
 use wm_render::testing::Backend;
 
 wm_render::parity! {
@@ -14,9 +15,9 @@ wm_render::parity! {
 #[test]
 fn the_gpus_form_is_valid() {
     for atmosphere in atmospheres() {
-        let twin = atmosphere.twin([1.0, 2.0, 3.0]).unwrap();
-        wm_render::testing::check_air(&twin).unwrap();
-        assert_eq!(twin.parameters.len(), 6 + 8 * atmosphere.layers.len());
+        let source = atmosphere.wgsl([1.0, 2.0, 3.0]).unwrap();
+        wm_render::testing::check_air(&source).unwrap();
+        assert_eq!(source.parameters.len(), 6 + 8 * atmosphere.layers.len());
     }
 }
 

@@ -242,7 +242,7 @@ mod tests {
     fn every_point_in_view_is_in_a_visited_cube() {
         for (eye, towards) in [(DVec3::new(0.3, 0.2, 1.0), DVec3::new(9.0, 4.0, -2.0)), (DVec3::Z, -DVec3::X)]
         {
-            let camera = Camera::look_at((90, 60), 55.0, eye, eye + towards, DVec3::Z).unwrap();
+            let camera = Camera::looking((90, 60), 55.0, eye, eye + towards, DVec3::Z).unwrap();
             let view = ParticleView::new(&camera);
             let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
             let cone = Cone {
@@ -261,7 +261,7 @@ mod tests {
             }
             let (mut seen, mut all) = (0, 0);
             for i in 0..60_000u64 {
-                let p = [0, 1, 2].map(|k| 14.0 * wm_scene::synthetic::uniform(k, i) - 7.0);
+                let p = [0, 1, 2].map(|k| 14.0 * wm_scene::random::uniform(k, i) - 7.0);
                 all += 1;
                 let is_near = p.iter().map(|v| v * v).sum::<f64>() < 36.0;
                 let Some((x, y, _)) = camera.project(eye + DVec3::from_array(p)).filter(|_| is_near) else {

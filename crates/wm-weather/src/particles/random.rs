@@ -1,42 +1,16 @@
-//! Random numbers as pure functions of what they are for, one by one and sixteen at a time.
+//! Random numbers of particles, on vector lanes: the SIMD form of [`wm_scene::random::pcg4d`].
 
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::simd::Lanes;
+use wm_scene::random::PCG;
 
-/// A sequence of random numbers as a pure function of its key.
-#[derive(Clone, Copy, Debug)]
-pub struct Draws(u64);
+pub use wm_scene::random::RandomSequence as Draws;
 
-impl Draws {
-    /// The numbers of a key.
-    #[inline]
-    #[must_use]
-    pub fn new(key: u64) -> Self {
-        Self(key)
-    }
-
-    /// The next 64 bits: SplitMix64 (Steele, Lea and Flood 2014).
-    #[inline]
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    /// The next number, uniform in [0, 1).
-    #[inline]
-    pub fn uniform(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 * 2f64.powi(-53)
-    }
-}
-
-/// Four numbers of 32 bits as a function of four: PCG4D (Jarzynski and Olano 2020), which any GPU has too.
+/// [`wm_scene::random::pcg4d`] on every lane.
 #[inline(always)]
 pub fn pcg4d<S: Lanes>(simd: S, mut v: [S::U; 4]) -> [S::U; 4] {
     for k in 0..4 {
-        v[k] = v[k] * S::U::splat(simd, 1_664_525) + S::U::splat(simd, 1_013_904_223);
+        v[k] = v[k] * S::U::splat(simd, PCG[0]) + S::U::splat(simd, PCG[1]);
     }
     for round in 0..2 {
         if round == 1 {
@@ -126,6 +100,7 @@ mod tests {
             for i in 0..512u32 {
                 let from = [i % 8, i / 8 % 8, i / 64, 77];
                 let before = dispatch!(path, s => hashed(s, from));
+                assert_eq!(before, wm_scene::random::pcg4d(from), "{path}");
                 for bit in 0..128 {
                     let mut other = from;
                     other[bit / 32] ^= 1 << (bit % 32);

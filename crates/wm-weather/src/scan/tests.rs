@@ -7,7 +7,7 @@ use wm_scene::Camera;
 use wm_scene::synthetic::Builder;
 
 fn camera(eye: DVec3, target: DVec3) -> Camera {
-    Camera::look_at((160, 120), 60.0, eye, target, DVec3::Z).unwrap()
+    Camera::looking((160, 120), 60.0, eye, target, DVec3::Z).unwrap()
 }
 
 /// A camera's sight of whatever is first along a ray: how far along it, with a direction of length 1.
@@ -92,7 +92,7 @@ fn what_cameras_see_through_stops_nothing() {
     splats.append(&place.build());
     // At a wall 10 m ahead, whatever is before it.
     let sight = |eye: DVec3, depth: f32| {
-        let camera = Camera::look_at((40, 30), 60.0, eye, DVec3::new(4.0, 4.0, 1.2), DVec3::Z).unwrap();
+        let camera = Camera::looking((40, 30), 60.0, eye, DVec3::new(4.0, 4.0, 1.2), DVec3::Z).unwrap();
         Sight::new(camera, vec![depth; 40 * 30], Vec::new())
     };
     let eyes = [DVec3::new(-1.0, 4.0, 1.2), DVec3::new(4.0, -1.0, 1.2), DVec3::new(9.0, 4.0, 1.2)];

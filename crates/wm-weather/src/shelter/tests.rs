@@ -3,8 +3,9 @@ use super::*;
 use crate::optics::Daylight;
 use glam::DVec3;
 use proptest::prelude::*;
+use wm_scene::random::uniform;
 use wm_scene::splats::{Splat, logit};
-use wm_scene::synthetic::{Builder, moved, rotation, uniform};
+use wm_scene::synthetic::{Builder, moved, rotation};
 use wm_scene::{Group, testing::data};
 
 const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
@@ -461,7 +462,7 @@ proptest! {
 /// scatter otherwise, and under backs that nobody sees, which have no splats.
 #[test]
 fn roofs_of_the_street_shelter() {
-    let place = wm_scene::Place::street();
+    let place = wm_street::Street::builtin();
     let sampling = place.sampling(0.5);
     let splats = sampling.splats_in(0..sampling.len());
     let fall = DVec3::new(0.3, 0.4, -1.0).normalize();

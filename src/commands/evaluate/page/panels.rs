@@ -1,10 +1,10 @@
 //! The pictures of a photo: photo, render and error; depth, normals and surfaces against the truth.
 
-use crate::media::ramps::{self, Ramp};
 use crate::report::escaped;
 use crate::report::picture::{self, Cell};
 use anyhow::Result;
 use std::fmt::Write;
+use wm_media::ramps::{self, Ramp};
 use wm_render::Frame;
 use wm_train::evaluation::{EvaluatedPhoto, TrueMaps};
 use wm_train::metrics::{

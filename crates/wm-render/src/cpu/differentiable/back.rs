@@ -6,6 +6,7 @@ use crate::differentiable::{Channels, ForwardConfig, Upstream};
 use crate::dispatch;
 use crate::frame::Frame;
 use crate::hooks::{PATCH, PATCH_PIXELS};
+use crate::plan::Shading;
 use crate::renderer::{Background, MedianDepth, Stats};
 use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
@@ -92,7 +93,7 @@ impl<'a> Tiles<'a> {
         stats: &mut Stats,
     ) {
         let background = Background::Color(self.config.background);
-        let background = BackgroundView::new(&background, None, self.camera, self.path);
+        let background = BackgroundView::new(&background, (None, Shading::Color), self.camera, self.path);
         let falling = Falling::default();
         let composite = Composite {
             path: self.path,

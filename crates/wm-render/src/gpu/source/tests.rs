@@ -8,11 +8,12 @@ use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
 use wgpu::naga::{AddressSpace, Module, ScalarKind, StorageAccess, TypeInner};
 
 /// An air as weather brings one.
-fn some_air() -> [Program; 2] {
-    let air = "fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> {
-        return srgb_encode(srgb_decode(rgb) * exp(-air[0] * min(distance, FAR_AWAY)) + direction.x);
+fn some_air() -> [Program; 3] {
+    let air = "fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
+        return AirOnRay(vec3<f32>(exp(-air[0] * min(distance, FAR_AWAY))), direction);
     }";
-    [Program::Project(Form::Activated, Some(air.into())), Program::Air(air.into())]
+    let project = |text| Program::Project(Form::Activated, text);
+    [project(AirText::Color(air.into())), project(AirText::Share(air.into())), Program::Air(air.into())]
 }
 
 fn every() -> Vec<Program> {
@@ -69,7 +70,7 @@ fn no_program_writes_the_splats() {
         for (_, variable) in parsed(&program).global_variables.iter() {
             let AddressSpace::Storage { access } = variable.space else { continue };
             let name = variable.name.as_deref().unwrap_or_default();
-            if ["splats", "sh_rest", "visibility", "air", "drops", "background"].contains(&name) {
+            if ["splats", "sh_rest", "attributes", "air", "drops", "background"].contains(&name) {
                 assert!(!access.contains(StorageAccess::STORE), "{program:?} writes {name}");
             }
         }
@@ -79,7 +80,7 @@ fn no_program_writes_the_splats() {
 /// `Record` is the CPU's, number for number.
 #[test]
 fn records_are_as_long_as_the_cpus() {
-    let module = parsed(&Program::Project(Form::Activated, None));
+    let module = parsed(&Program::Project(Form::Activated, AirText::Clear));
     let mut layouter = Layouter::default();
     layouter.update(module.to_ctx()).unwrap();
     let (handle, record) =

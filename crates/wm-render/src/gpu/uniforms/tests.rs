@@ -3,7 +3,6 @@
 use super::*;
 use crate::differentiable::Channels;
 use crate::gpu::source::{Form, Program};
-use crate::hooks::Hooks;
 use crate::renderer::RenderConfig;
 use crate::stages::compare::NO_EXPOSURE;
 use crate::stages::optimize::{Rates, SplatTerms};
@@ -23,13 +22,13 @@ fn members(module: &Module, name: &str) -> (Vec<(String, u32)>, u32) {
 #[test]
 fn names_offsets_and_sizes_are_those_of_wgsl() {
     let (camera, config) = (camera(64, 48), RenderConfig::default());
-    let job = Job { sets: &[], camera: &camera, config: &config, hooks: Hooks::default() };
+    let pass = DrawPass::new(&[], &camera, &config);
     let rates =
         Rates { means: 0.1, quats: 0.2, log_scales: 0.3, logit_opacities: 0.4, sh_dc: 0.5, sh_rest: 0.6 };
     let photo = Comparison { exposure: NO_EXPOSURE, weights: [0.5; Term::COUNT], ..Comparison::default() };
     let step = Step { number: 7, rates, terms: SplatTerms::default(), size: (64, 48) };
     for (program, name, uniform) in [
-        (Program::Cull(Form::Activated), "View", view(&Sight::of(&job), 0, 0, Capacity::default())),
+        (Program::Cull(Form::Activated), "View", view(&Sight::of(&pass), 0, 0, Capacity::default())),
         (Program::Cull(Form::Activated), "Chunk", chunk(Piece::default(), true)),
         (Program::Finish(Channels::Color), "Training", training([0.5; 3], DepthAlpha::Learns)),
         (Program::ColorsBackward, "Comparison", comparison(&photo, 5, 4.0, 2)),

@@ -1,7 +1,9 @@
 //! The background seen through the air: on coarse nodes of its own in each patch, or pixel by pixel.
 
 use crate::hooks::{Backdrop, Detail, GROUP, Medium, PATCH, PATCH_PIXELS, ShadeGroup};
+use crate::plan::{DrawPass, Shading};
 use crate::simd::SimdPath;
+use crate::stages::shade::cpu::through_air;
 use wm_scene::Camera;
 
 /// Largest distance of nodes, degrees.
@@ -11,6 +13,7 @@ const MAX_STEP: f64 = 0.5;
 pub struct BackgroundView<'a> {
     backdrop: &'a dyn Backdrop,
     medium: Option<&'a dyn Medium>,
+    shading: Shading,
     /// The colour where it is the same everywhere.
     uniform: Option<[f32; 3]>,
     origin: [f32; 3],
@@ -38,17 +41,25 @@ impl Default for BackgroundScratch {
 }
 
 impl<'a> BackgroundView<'a> {
+    /// The background of a pass.
+    #[must_use]
+    pub fn of(pass: &'a DrawPass<'_>, path: SimdPath) -> Self {
+        Self::new(pass.backdrop(), (pass.hooks.medium, pass.shading), &pass.camera, path)
+    }
+
     /// `backdrop` behind `medium` for one view.
     #[must_use]
     pub fn new(
         backdrop: &'a dyn Backdrop,
-        medium: Option<&'a dyn Medium>,
+        (medium, shading): (Option<&'a dyn Medium>, Shading),
         camera: &Camera,
         path: SimdPath,
     ) -> Self {
-        let uniform = match medium {
-            None => backdrop.uniform(),
-            Some(medium) => medium.far_color(),
+        let (uniform, detail) = match (shading, medium) {
+            (Shading::Color, None) => (backdrop.uniform(), backdrop.detail()),
+            (Shading::Color, Some(medium)) => (medium.far_color(), backdrop.detail()),
+            (Shading::Transmittance, None) => (Some([1.0; 3]), Detail::Smooth),
+            (Shading::Transmittance, Some(_)) => (None, Detail::Smooth),
         };
         let pixel = camera.widest_pixel();
         let degrees = pixel.to_degrees();
@@ -60,11 +71,12 @@ impl<'a> BackgroundView<'a> {
         Self {
             backdrop,
             medium,
+            shading,
             uniform,
             origin: camera.center().to_array().map(|v| v as f32),
             axes: [right, down, corner].map(|axis| axis.to_array().map(|v| v as f32)),
             pixel,
-            detail: backdrop.detail(),
+            detail,
             nodes,
             path,
         }
@@ -194,10 +206,10 @@ impl<'a> BackgroundView<'a> {
     /// Colours the rays, through the air.
     #[inline(always)]
     fn seen(&self, groups: &mut [ShadeGroup]) {
-        self.backdrop.paint(self.pixel, groups);
-        if let Some(medium) = self.medium {
-            medium.shade(self.path, self.origin, groups);
+        if self.shading == Shading::Color {
+            self.backdrop.paint(self.pixel, groups);
         }
+        through_air(self.path, self.medium, self.shading, self.origin, groups);
     }
 
     /// The rays of nodes `first..first + GROUP` of a patch, row by row.

@@ -1,10 +1,11 @@
 use super::background::{BackgroundScratch, BackgroundView};
 use crate::hooks::{
-    Backdrop, Detail, GROUP, Hooks, Medium, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect, ShadeGroup,
-    SkySplats, Twin,
+    AirGroup, AirOnRay, Backdrop, Detail, GROUP, Hooks, Medium, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect,
+    ShadeGroup, SkySplats, WgslSource,
 };
+use crate::plan::{DrawPass, SetView, Shading};
 use crate::reference;
-use crate::renderer::{Background, Job, RenderConfig, SetView, SkyGradient};
+use crate::renderer::{Background, RenderConfig, SkyGradient};
 use crate::simd::SimdPath;
 use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats};
 use crate::{Frame, Geometry, Outputs};
@@ -25,7 +26,7 @@ fn the_background_follows_the_sky() {
     let background = Background::Sky(SkyGradient::daylight([0.0, -1.0, 0.0]));
     for (width, height) in [(320, 200), (900, 600)] {
         let camera = camera(width, height);
-        let grid = BackgroundView::new(&background, None, &camera, path);
+        let grid = BackgroundView::new(&background, (None, Shading::Color), &camera, path);
         for (patch_x, patch_y) in [(0, 0), (2, 1), (3, 2)] {
             let mut out = [[0.0; PATCH_PIXELS]; 3];
             grid.fill((patch_x, patch_y), &mut BackgroundScratch::default(), &mut out);
@@ -51,9 +52,10 @@ fn sky(backend: Backend) {
     for (width, height) in [(900, 601), (322, 200), (70, 50)] {
         let camera = camera(width, height);
         let mut frame = Frame::default();
-        let job = Job { sets: &[], camera: &camera, config: &config, hooks: Hooks::default() };
-        renderer.render(&job, &mut frame).unwrap();
-        let grid = BackgroundView::new(&background, None, &camera, SimdPath::available()[0]);
+        let pass = DrawPass::new(&[], &camera, &config);
+        renderer.render(&pass, &mut frame).unwrap();
+        let grid =
+            BackgroundView::new(&background, (None, Shading::Color), &camera, SimdPath::available()[0]);
         let mut out = [[0.0; PATCH_PIXELS]; 3];
         for row in 0..(height as usize).div_ceil(PATCH) {
             for column in 0..(width as usize).div_ceil(PATCH) {
@@ -91,7 +93,7 @@ fn frame(backend: Backend, camera: &Camera, effects: &[&dyn PixelEffect]) -> Fra
     let hooks = Hooks { pixels: effects, ..Hooks::default() };
     let mut frame = Frame::default();
     renderer
-        .render(&Job { sets: &[SetView::plain(set)], camera, config: &config, hooks }, &mut frame)
+        .render(&DrawPass::new(&[SetView::plain(set)], camera, &config).with_hooks(hooks), &mut frame)
         .unwrap();
     frame
 }
@@ -162,23 +164,23 @@ impl Backdrop for Stripes {
 struct Half;
 
 impl Medium for Half {
-    fn shade(&self, _: SimdPath, _: [f32; 3], groups: &mut [ShadeGroup]) {
-        for group in groups {
-            for lane in (0..GROUP).filter(|lane| group.distance[*lane].is_infinite()) {
-                (0..3).for_each(|k| group.rgb[k][lane] *= 0.5);
-            }
+    fn evaluate(&self, _: SimdPath, _: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]) {
+        for (rays, out) in rays.iter().zip(out) {
+            let kept = rays.distance.map(|distance| if distance.is_infinite() { 0.5 } else { 1.0 });
+            *out = AirGroup { transmittance: [kept; 3], ..AirGroup::default() };
         }
     }
 
-    fn reference(&self, _: [f64; 3], _: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
-        rgb.map(|v| if distance.is_infinite() { 0.5 * v } else { v })
+    fn evaluate_reference(&self, _: [f64; 3], _: [f64; 3], distance: f64) -> AirOnRay {
+        let kept = if distance.is_infinite() { 0.5 } else { 1.0 };
+        AirOnRay { transmittance: [kept; 3], ..AirOnRay::CLEAR }
     }
 
-    fn twin(&self, _: [f32; 3]) -> Option<Twin> {
-        let wgsl = "fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> {
-            return select(1.0, air[0], distance >= FAR_AWAY) * rgb;
+    fn wgsl(&self, _: [f32; 3]) -> Option<WgslSource> {
+        let wgsl = "fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
+            return AirOnRay(vec3<f32>(select(1.0, air[0], distance >= FAR_AWAY)), vec3<f32>(0.0));
         }";
-        Some(Twin { wgsl: wgsl.into(), parameters: vec![0.5] })
+        Some(WgslSource { wgsl: wgsl.into(), parameters: vec![0.5] })
     }
 }
 
@@ -200,7 +202,7 @@ fn backdrop(backend: Backend) {
             let mut frame = Frame::default();
             renderer
                 .render(
-                    &Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks },
+                    &DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks),
                     &mut frame,
                 )
                 .unwrap();

@@ -5,10 +5,10 @@ use crate::dispatch;
 #[cfg(feature = "gpu")]
 use crate::gpu::probe::Probe;
 #[cfg(feature = "gpu")]
-use crate::hooks::Hooks;
 use crate::hooks::{GROUP, PATCH, ShadeGroup};
 #[cfg(feature = "gpu")]
-use crate::renderer::{Job, RenderConfig, Renderer, SetView};
+use crate::plan::{DrawPass, SetView};
+use crate::renderer::{RenderBackend, RenderConfig};
 use crate::simd::SimdPath;
 use crate::stages::project::cpu::{Projected, project_group};
 use crate::stages::project::{LOG2_MIN_ALPHA, ProjectCamera, Record};
@@ -128,8 +128,8 @@ fn lists_of_gpu(splats: &Splats) -> (Vec<Record>, Vec<bool>) {
     let mut renderer = crate::testing::gpu_renderer();
     let set = renderer.load(splats).unwrap();
     let (sets, camera, config) = ([SetView::plain(set)], camera(SIZE.0, SIZE.1), RenderConfig::default());
-    let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
-    let Probe { records, lists } = Probe::of(&mut renderer, &job);
+    let pass = DrawPass::new(&sets, &camera, &config);
+    let Probe { records, lists } = Probe::of(&mut renderer, &pass);
     assert_eq!(lists.len(), COLUMNS * ROWS);
     let mut listed = vec![false; records.len() * lists.len()];
     for (tile, list) in lists.iter().enumerate() {

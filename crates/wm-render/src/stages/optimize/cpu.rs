@@ -180,7 +180,7 @@ impl Piece<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_scene::synthetic::uniform;
+    use wm_scene::random::uniform;
 
     fn splats(count: usize) -> Splats {
         let mut splats = Splats::with_capacity(count, 1);

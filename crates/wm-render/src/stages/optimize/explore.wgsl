@@ -37,7 +37,7 @@ fn folded(a: vec2<u32>, by: u32) -> vec2<u32> {
     return a ^ vec2<u32>((a.x >> by) | (a.y << (32u - by)), a.y >> by);
 }
 
-// `wm_scene::synthetic::uniform`: number `index` of the seed, in [0, 1), and 1 less it.
+// `wm_scene::random::uniform`: number `index` of the seed, in [0, 1), and 1 less it.
 fn uniform_at(index: u32) -> vec2<f32> {
     var z = vec2<u32>(noise.seed, noise.seed_high) ^ times(vec2<u32>(index, 0u), vec2<u32>(0xd192ed03u, 0xd1b54a32u));
     z = times(folded(z, 30u), vec2<u32>(0x1ce4e5b9u, 0xbf58476du));

@@ -181,7 +181,7 @@ pub struct Step {
 /// Noise by which splats that are nearly transparent explore.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// The seed of its random numbers, three normal ones a splat: see [`wm_scene::synthetic::uniform`].
+    /// The seed of its random numbers, three normal ones a splat: see [`wm_scene::random::uniform`].
     pub seed: u64,
     /// In units of a splat's variance.
     pub size: f64,

@@ -2,13 +2,14 @@
 
 use super::cpu::Drop;
 use crate::hooks::{GROUP, Hooks, Particle, ParticleGroup, ParticleView, Particles};
+use crate::plan::{DrawPass, SetView};
 use crate::reference_particles::cover;
-use crate::renderer::{Background, CpuConfig, Geometry, Job, Outputs, RenderConfig, Renderer, SetView};
+use crate::renderer::{Background, CpuConfig, Geometry, Outputs, RenderBackend, RenderConfig};
 use crate::simd::SimdPath;
 use crate::testing::{Backend, random_splats};
 use crate::{CpuRenderer, Frame};
 use glam::DVec3;
-use wm_scene::synthetic::uniform;
+use wm_scene::random::uniform;
 use wm_scene::{Camera, Splats};
 
 /// A list, in parts of a given length.
@@ -27,7 +28,7 @@ impl Particles for List {
 }
 
 fn camera() -> Camera {
-    Camera::look_at((75, 52), 60.0, DVec3::new(0.0, 0.0, -4.0), DVec3::ZERO, DVec3::Y).unwrap()
+    Camera::looking((75, 52), 60.0, DVec3::new(0.0, 0.0, -4.0), DVec3::ZERO, DVec3::Y).unwrap()
 }
 
 /// Drops, streaks and needles from far to very near, some behind, some beside.
@@ -52,7 +53,7 @@ fn on_cpu(path: SimdPath, threads: usize) -> CpuRenderer {
     CpuRenderer::new(CpuConfig { simd: path.choice(), threads: Some(threads) }).unwrap()
 }
 
-fn render(splats: &Splats, list: &List, renderer: &mut dyn Renderer) -> Frame {
+fn render(splats: &Splats, list: &List, renderer: &mut dyn RenderBackend) -> Frame {
     let set = renderer.load(splats).unwrap();
     let sources: [&dyn Particles; 1] = [list];
     let config = RenderConfig {
@@ -62,8 +63,8 @@ fn render(splats: &Splats, list: &List, renderer: &mut dyn Renderer) -> Frame {
     };
     let hooks = Hooks { particles: &sources, ..Hooks::default() };
     let mut frame = Frame::default();
-    let job = Job { sets: &[SetView::plain(set)], camera: &camera(), config: &config, hooks };
-    renderer.render(&job, &mut frame).unwrap();
+    let pass = DrawPass::new(&[SetView::plain(set)], &camera(), &config).with_hooks(hooks);
+    renderer.render(&pass, &mut frame).unwrap();
     frame
 }
 

@@ -1,5 +1,11 @@
 // Splats as renders keep them: activated.
-@group(0) @binding(3) var<storage, read> visibility: array<f32>;
+// Their attributes in this pass, `[groups][ATTRIBUTE_COLUMNS][16]`.
+@group(0) @binding(3) var<storage, read> attributes: array<f32>;
+
+fn attribute(splat: u32, column: u32) -> f32 {
+    let at = chunk.first_splat + splat;
+    return attributes[(at / GROUP * ATTRIBUTE_COLUMNS + column) * GROUP + at % GROUP];
+}
 
 // wxyz, of length 1.
 fn quat_of(splat: u32) -> vec4<f32> {
@@ -13,8 +19,8 @@ fn scales_of(splat: u32) -> vec3<f32> {
 
 fn log2_opacity_of(splat: u32) -> f32 {
     let own = number(splat, ROW_OPACITY);
-    if chunk.faded == 0u {
+    if chunk.has_attributes == 0u {
         return own;
     }
-    return own + log2(max(visibility[chunk.first_splat + splat], 1e-30));
+    return own + log2(max(attribute(splat, ATTRIBUTE_VISIBILITY), 1e-30));
 }

@@ -2,8 +2,9 @@
 //! one writes their records in the order of the splats, so that nothing depends on which workgroup came first.
 
 use crate::gpu::recorder::{Bindings, Groups, Recorder};
-use crate::gpu::source::{Form, Program};
-use crate::hooks::Twin;
+use crate::gpu::source::{AirText, Form, Program};
+use crate::hooks::WgslSource;
+use crate::plan::Shading;
 
 /// Rows of sixteen numbers of a group of splats on the GPU, see `geometry.wgsl`.
 pub const ROWS: u32 = 15;
@@ -29,14 +30,14 @@ pub(crate) struct Piece<'a> {
     /// See `shade.wgsl`.
     pub sh_rest: &'a wgpu::Buffer,
     /// See `activated.wgsl`; `None` of splats in stored form.
-    pub visibility: Option<&'a wgpu::Buffer>,
+    pub attributes: Option<&'a wgpu::Buffer>,
     /// Blocks of 256 splats.
     pub blocks: u32,
 }
 
 impl Piece<'_> {
     fn form(&self) -> Form {
-        if self.visibility.is_some() { Form::Activated } else { Form::Stored }
+        if self.attributes.is_some() { Form::Activated } else { Form::Stored }
     }
 
     /// What all programs over splats bind.
@@ -47,7 +48,7 @@ impl Piece<'_> {
             (2, self.splats.as_entire_binding()),
             (4, blocks.as_entire_binding()),
         ];
-        bindings.extend(self.visibility.map(|visibility| (3, visibility.as_entire_binding())));
+        bindings.extend(self.attributes.map(|attributes| (3, attributes.as_entire_binding())));
         bindings
     }
 }
@@ -64,7 +65,8 @@ pub(crate) fn project(
     piece: &Piece<'_>,
     blocks: &wgpu::Buffer,
     (records, depths): (&wgpu::Buffer, &wgpu::Buffer),
-    air: Option<(&Twin, &wgpu::Buffer)>,
+    shading: Shading,
+    air: Option<(&WgslSource, &wgpu::Buffer)>,
 ) {
     let mut bindings = piece.bindings(recorder, blocks);
     bindings.extend([
@@ -73,6 +75,6 @@ pub(crate) fn project(
         (7, depths.as_entire_binding()),
     ]);
     bindings.extend(air.map(|(_, parameters)| (8, parameters.as_entire_binding())));
-    let program = Program::Project(piece.form(), air.map(|(twin, _)| twin.wgsl.clone()));
+    let program = Program::Project(piece.form(), AirText::new(shading, air.map(|(air, _)| air)));
     recorder.dispatch(&program, Groups::Direct(piece.blocks), bindings);
 }

@@ -5,15 +5,15 @@ struct Chunk {
     // Its first block among all blocks of the frame.
     first_block: u32,
     blocks: u32,
-    // Its first splat among its set's, and in `visibility`.
+    // Its first splat among its set's, and in `attributes`.
     first_splat: u32,
     // Its splats; the last block may be padded.
     splats: u32,
     // Rows of `sh_rest` a group of sixteen, and how many of them are in use.
     sh_rows: u32,
     sh_used: u32,
-    // 1 where `visibility` holds a factor a splat.
-    faded: u32,
+    // 1 where `attributes` holds those of each splat.
+    has_attributes: u32,
     // 1 where all splats in stored form have one opacity, and its log2.
     fixed: u32,
     fixed_log2_opacity: f32,

@@ -3,11 +3,11 @@ use super::{ProjectCamera, Record, SQRT_HALF_LOG2E, TEST_SLACK};
 use crate::cpu::model::{CLUSTER, CpuModel};
 use crate::dispatch;
 #[cfg(feature = "gpu")]
-use crate::hooks::Hooks;
 use crate::hooks::{GROUP, ShadeGroup};
-use crate::reference;
 #[cfg(feature = "gpu")]
-use crate::renderer::{Job, RenderConfig, Renderer, SetView};
+use crate::plan::{DrawPass, SetView};
+use crate::reference;
+use crate::renderer::{RenderBackend, RenderConfig};
 use crate::simd::SimdPath;
 use crate::testing::{Backend, Hard, camera, random_splats, uniform};
 use glam::DVec3;
@@ -71,8 +71,8 @@ fn run_on_gpu(splats: &Splats, model: &CpuModel, camera: &Camera, mode: Rasteriz
     let mut renderer = crate::testing::gpu_renderer();
     let set = renderer.load(splats).unwrap();
     let config = RenderConfig { rasterization: mode, ..RenderConfig::default() };
-    let job = Job { sets: &[SetView::plain(set)], camera, config: &config, hooks: Hooks::default() };
-    let probe = crate::gpu::probe::Probe::of(&mut renderer, &job);
+    let pass = DrawPass::new(&[SetView::plain(set)], camera, &config);
+    let probe = crate::gpu::probe::Probe::of(&mut renderer, &pass);
     let mut all: Vec<Option<Seen>> = (0..model.source.len()).map(|_| None).collect();
     assert!(probe.records.is_sorted_by_key(|record| record.index));
     for record in probe.records {
@@ -179,7 +179,7 @@ fn culling_loses_no_splat() {
             let u = |k: u64| uniform(70 + kind as u64, view * 8 + k) * 2.0 - 1.0;
             let eye = DVec3::new(u(0), u(1), u(2)) * 6.0;
             let fov = 20.0 + 40.0 * (u(6) + 1.0);
-            let Ok(camera) = Camera::look_at((300, 200), fov, eye, DVec3::new(u(3), u(4), u(5)), DVec3::Y)
+            let Ok(camera) = Camera::looking((300, 200), fov, eye, DVec3::new(u(3), u(4), u(5)), DVec3::Y)
             else {
                 continue;
             };

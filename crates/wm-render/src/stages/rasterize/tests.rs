@@ -1,8 +1,10 @@
-use crate::hooks::{Hooks, Visibility};
+use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
+use crate::hooks::Hooks;
+use crate::plan::{DrawPass, SetView};
 use crate::reference;
-use crate::renderer::{Background, Job, RenderConfig, SetView};
+use crate::renderer::{Background, RenderConfig};
 use crate::testing::{ALL_OUTPUTS, Backend, Hard, camera, compare, random_splats};
-use crate::{CpuConfig, CpuRenderer, Frame, Geometry, Outputs, Renderer};
+use crate::{CpuConfig, CpuRenderer, Frame, Geometry, Outputs, RenderBackend};
 use wm_scene::{Camera, Rasterization, Splats};
 
 crate::parity! {
@@ -32,9 +34,9 @@ crate::parity! {
 /// Splats fade by their index, so that a wrong index shows.
 struct Fade;
 
-impl Visibility for Fade {
-    fn factors(&self, indices: &[u32], out: &mut [f32]) {
-        for (index, factor) in indices.iter().zip(out) {
+impl SplatAttributes for Fade {
+    fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
+        for (index, factor) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
             *factor = (index % 7) as f32 / 6.0;
         }
     }
@@ -43,18 +45,20 @@ impl Visibility for Fade {
 fn check(backend: Backend, sets: &[Splats], rasterization: Rasterization) {
     // Sides that no tile, patch or block divides, and one narrower than a block.
     for (width, height, faded) in [(75, 53, false), (34, 18, true), (3, 1, false)] {
-        let visibility: Option<&dyn Visibility> = faded.then_some(&Fade);
+        let attributes: Option<&dyn SplatAttributes> = faded.then_some(&Fade);
         let camera = camera(width, height);
         let background = Background::Color([0.2, 0.4, 0.6]);
         let config = RenderConfig { outputs: ALL_OUTPUTS, background, rasterization };
         let mut renderer = backend.renderer();
-        let views: Vec<SetView<'_>> =
-            sets.iter().map(|set| SetView { set: renderer.load(set).unwrap(), visibility }).collect();
-        let job = Job { sets: &views, camera: &camera, config: &config, hooks: Hooks::default() };
+        let views: Vec<SetView<'_>> = sets
+            .iter()
+            .map(|set| SetView::plain(renderer.load(set).unwrap()).with_attributes(attributes))
+            .collect();
+        let pass = DrawPass::new(&views, &camera, &config);
         let mut frame = Frame::default();
-        renderer.render(&job, &mut frame).unwrap();
-        let referee: Vec<(&Splats, Option<&dyn Visibility>)> =
-            sets.iter().map(|set| (set, visibility)).collect();
+        renderer.render(&pass, &mut frame).unwrap();
+        let referee: Vec<(&Splats, Option<&dyn SplatAttributes>)> =
+            sets.iter().map(|set| (set, attributes)).collect();
         let want = reference::render(&referee, &camera, &config, Hooks::default());
         compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{backend:?}, {width}x{height}: {error}"));
     }
@@ -66,8 +70,8 @@ fn render(splats: &Splats, camera: &Camera, threads: usize, outputs: Outputs) ->
     let set = renderer.load(splats).unwrap();
     let config = RenderConfig { outputs, ..RenderConfig::default() };
     let mut frame = Frame::default();
-    let job = Job { sets: &[SetView::plain(set)], camera, config: &config, hooks: Hooks::default() };
-    renderer.render(&job, &mut frame).unwrap();
+    let pass = DrawPass::new(&[SetView::plain(set)], camera, &config);
+    renderer.render(&pass, &mut frame).unwrap();
     frame
 }
 
@@ -107,9 +111,8 @@ fn a_frame_is_reused_for_other_sizes_and_outputs() {
     {
         let camera = camera(width, height);
         let config = RenderConfig { outputs, ..RenderConfig::default() };
-        let job =
-            Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks: Hooks::default() };
-        renderer.render(&job, &mut frame).unwrap();
+        let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config);
+        renderer.render(&pass, &mut frame).unwrap();
         assert_eq!(frame, render(&splats, &camera, 2, outputs));
     }
 }
@@ -120,7 +123,7 @@ fn an_unloaded_set_is_named() {
     let set = renderer.load(&random_splats(5, 0, 63)).unwrap();
     renderer.unload(set);
     let (camera, config) = (camera(8, 8), RenderConfig::default());
-    let job = Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks: Hooks::default() };
-    let error = renderer.render(&job, &mut Frame::default()).unwrap_err();
+    let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config);
+    let error = renderer.render(&pass, &mut Frame::default()).unwrap_err();
     assert_eq!(error.to_string(), "splat set 0 is not loaded");
 }

@@ -1,8 +1,9 @@
 //! Spherical harmonics of sixteen splats at a time.
 
 use crate::cpu::model::SplatGroup;
-use crate::hooks::{GROUP, ShadeGroup};
-use crate::simd::{Lanes, transpose};
+use crate::hooks::{AirGroup, GROUP, Medium, ShadeGroup};
+use crate::plan::Shading;
+use crate::simd::{Lanes, SimdPath, transpose};
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_scene::sh::{C0, C1, C2, C3};
 
@@ -76,6 +77,31 @@ pub fn gather_rows<S: Lanes>(
             }
         }
         transpose(simd, block);
+    }
+}
+
+/// What of the colours of `groups` comes through the air to `origin`, or what share of light does.
+#[inline]
+pub fn through_air(
+    path: SimdPath,
+    medium: Option<&dyn Medium>,
+    shading: Shading,
+    origin: [f32; 3],
+    groups: &mut [ShadeGroup],
+) {
+    match (shading, medium) {
+        (Shading::Color, None) => {}
+        (Shading::Color, Some(medium)) => medium.shade(path, origin, groups),
+        (Shading::Transmittance, None) => groups.iter_mut().for_each(|group| group.rgb = [[1.0; GROUP]; 3]),
+        (Shading::Transmittance, Some(medium)) => {
+            let mut air = [AirGroup::default(); GROUP];
+            for groups in groups.chunks_mut(air.len()) {
+                medium.evaluate(path, origin, groups, &mut air[..groups.len()]);
+                for (group, air) in groups.iter_mut().zip(&air) {
+                    group.rgb = air.transmittance;
+                }
+            }
+        }
     }
 }
 

@@ -2,15 +2,15 @@
 
 use crate::gpu::recorder::{Groups, Recorder};
 use crate::gpu::source::{Program, WORKGROUP};
-use crate::hooks::{GROUP, Twin};
+use crate::hooks::{GROUP, WgslSource};
 
 /// Changes the colours of `count` groups; see `groups.wgsl`.
 pub(crate) fn shade_groups(
     recorder: &mut Recorder<'_>,
-    (twin, parameters): (&Twin, &wgpu::Buffer),
+    (air, parameters): (&WgslSource, &wgpu::Buffer),
     (groups, count): (&wgpu::Buffer, u32),
 ) {
     let bindings = vec![(0, groups.as_entire_binding()), (8, parameters.as_entire_binding())];
     let size = Groups::Direct((count * GROUP as u32).div_ceil(WORKGROUP));
-    recorder.dispatch(&Program::Air(twin.wgsl.clone()), size, bindings);
+    recorder.dispatch(&Program::Air(air.wgsl.clone()), size, bindings);
 }

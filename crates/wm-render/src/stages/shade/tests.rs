@@ -2,11 +2,12 @@ use super::cpu::shade_group;
 use crate::Frame;
 use crate::cpu::model::CpuModel;
 use crate::dispatch;
-use crate::hooks::{GROUP, Hooks, Medium, ShadeGroup, Twin};
+use crate::hooks::{AirGroup, AirOnRay, GROUP, Hooks, Medium, ShadeGroup, WgslSource};
+use crate::plan::{DrawPass, SetView};
 use crate::reference;
 #[cfg(feature = "gpu")]
-use crate::renderer::Renderer;
-use crate::renderer::{Background, Job, RenderConfig, SetView, SkyGradient};
+use crate::renderer::RenderBackend;
+use crate::renderer::{Background, RenderConfig, SkyGradient};
 use crate::simd::SimdPath;
 use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats, uniform};
 use wm_scene::{Group, sh};
@@ -58,8 +59,8 @@ fn colors_on_gpu() {
         let mut renderer = crate::testing::gpu_renderer();
         let set = renderer.load(&splats).unwrap();
         let (sets, config) = ([SetView::plain(set)], RenderConfig::default());
-        let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
-        let records = crate::gpu::probe::Probe::of(&mut renderer, &job).records;
+        let pass = DrawPass::new(&sets, &camera, &config);
+        let records = crate::gpu::probe::Probe::of(&mut renderer, &pass).records;
         assert!(records.len() > 200);
         for record in records {
             let index = model.source[record.index as usize] as usize;
@@ -77,32 +78,33 @@ fn colors_on_gpu() {
 struct Tint;
 
 impl Medium for Tint {
-    fn shade(&self, _: SimdPath, origin: [f32; 3], groups: &mut [ShadeGroup]) {
-        for group in groups {
+    fn evaluate(&self, _: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]) {
+        for (rays, out) in rays.iter().zip(out) {
             for i in 0..GROUP {
-                let direction = [0, 1, 2].map(|k| f64::from(group.direction[k][i]));
-                let rgb = [0, 1, 2].map(|k| f64::from(group.rgb[k][i]));
-                let distance = f64::from(group.distance[i]);
-                let out = self.reference(origin.map(f64::from), direction, distance, rgb);
+                let direction = [0, 1, 2].map(|k| f64::from(rays.direction[k][i]));
+                let distance = f64::from(rays.distance[i]);
+                let air = self.evaluate_reference(origin.map(f64::from), direction, distance);
                 for k in 0..3 {
-                    group.rgb[k][i] = out[k] as f32;
+                    out.transmittance[k][i] = air.transmittance[k] as f32;
+                    out.airlight[k][i] = air.airlight[k] as f32;
                 }
             }
         }
     }
 
-    fn reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64, rgb: [f64; 3]) -> [f64; 3] {
-        let kept = (-0.2 * distance).exp();
-        [0, 1, 2].map(|k| rgb[k] * kept + (1.0 - kept) * (0.5 + 0.3 * direction[k] + 0.01 * origin[k]))
+    fn evaluate_reference(&self, origin: [f64; 3], direction: [f64; 3], distance: f64) -> AirOnRay {
+        let kept = [0.2, 0.25, 0.3].map(|sigma: f64| (-sigma * distance).exp());
+        let light = [0, 1, 2].map(|k| 0.5 + 0.3 * direction[k] + 0.01 * origin[k]);
+        AirOnRay { transmittance: kept, airlight: [0, 1, 2].map(|k| (1.0 - kept[k]) * light[k]) }
     }
 
-    fn twin(&self, origin: [f32; 3]) -> Option<Twin> {
-        let wgsl = "fn seen_through(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> {
-            let kept = exp(-0.2 * min(distance, 1e6));
+    fn wgsl(&self, origin: [f32; 3]) -> Option<WgslSource> {
+        let wgsl = "fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
+            let kept = exp(-vec3<f32>(0.2, 0.25, 0.3) * min(distance, 1e6));
             let origin = vec3<f32>(air[0], air[1], air[2]);
-            return rgb * kept + (1.0 - kept) * (0.5 + 0.3 * direction + 0.01 * origin);
+            return AirOnRay(kept, (1.0 - kept) * (0.5 + 0.3 * direction + 0.01 * origin));
         }";
-        Some(Twin { wgsl: wgsl.into(), parameters: origin.to_vec() })
+        Some(WgslSource { wgsl: wgsl.into(), parameters: origin.to_vec() })
     }
 }
 
@@ -123,7 +125,7 @@ fn air(backend: Backend) {
     let set = renderer.load(&splats).unwrap();
     let mut frame = Frame::default();
     renderer
-        .render(&Job { sets: &[SetView::plain(set)], camera: &camera, config: &config, hooks }, &mut frame)
+        .render(&DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks), &mut frame)
         .unwrap();
     let want = reference::render(&[(&splats, None)], &camera, &config, hooks);
     compare(&frame, &want, 2.0).unwrap();

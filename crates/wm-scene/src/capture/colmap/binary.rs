@@ -1,7 +1,7 @@
 //! `cameras.bin`, `images.bin` and `points3D.bin`: little endian, no padding, a count first.
 
 use super::{
-    Cameras, Images, MODELS, NumberedPoints, Places, Points, add_camera, add_point, cut, observation, parameters, value, view,
+    Cameras, Images, MODELS, NumberedPoints, Places, SparsePoints, add_camera, add_point, cut, observation, parameters, value, view,
 };
 use crate::{FormatError, Problem, error::excerpt, source::Source};
 use std::collections::HashMap;
@@ -77,7 +77,7 @@ pub(super) fn read_images(
 /// A 3D point: u64 number, f64 x y z, u8 r g b, f64 error, u64 length of the track, the track.
 pub(super) fn read_points(source: &mut Source) -> Result<NumberedPoints, FormatError> {
     let count = read_count(source, "points")?;
-    let (mut points, mut places) = (Points::default(), HashMap::new());
+    let (mut points, mut places) = (SparsePoints::default(), HashMap::new());
     for index in 1..=count {
         let at = source.offset();
         let mut record = Record { source, what: "point", index, count };

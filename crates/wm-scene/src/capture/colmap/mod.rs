@@ -13,7 +13,7 @@ mod text;
 pub mod write;
 
 use super::{
-    Capture, CaptureOptions, CaptureView, Distortion, Format, Observation, Points, Want, places,
+    Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, Observation, SparsePoints, Want, places,
 };
 use crate::{Camera, FormatError, Problem, camera::viewmat_of, source::Source};
 use glam::{DMat3, DMat4, DQuat, DVec3};
@@ -23,8 +23,8 @@ use std::{
 };
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: Format =
-    Format { name: "COLMAP", about: "COLMAP model, binary or text", read };
+pub const FORMAT: CaptureFormat =
+    CaptureFormat { name: "COLMAP", about: "COLMAP model, binary or text", read };
 
 /// Where a model may lie in the folder that is given.
 const FOLDERS: [&str; 7] = ["", "sparse/0", "sparse", "0", "colmap/sparse/0", "colmap/sparse", "sparse_txt"];
@@ -63,7 +63,7 @@ struct Intrinsics {
 type Cameras = BTreeMap<u32, Intrinsics>;
 
 /// Points, and where each number of the file stands among them.
-type NumberedPoints = (Points, HashMap<u64, u32>);
+type NumberedPoints = (SparsePoints, HashMap<u64, u32>);
 
 /// The second of [`NumberedPoints`]; `None` where 2D points are not wanted.
 type Places = Option<HashMap<u64, u32>>;
@@ -121,7 +121,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         let (points, indices) = (kind.read_points)(&mut Source::open(&file)?)?;
         (points, Some(indices))
     } else {
-        (Points::default(), None)
+        (SparsePoints::default(), None)
     };
     let mut images = Source::open(&place.join(kind.images))?;
     let (views, observations) = (kind.read_images)(&mut images, &cameras, &indices)?;
@@ -217,7 +217,7 @@ fn view(cameras: &Cameras, name: &str, camera_id: u32, pose: [f64; 7]) -> Result
 
 /// Adds a 3D point of number `id`.
 fn add_point(
-    points: &mut Points,
+    points: &mut SparsePoints,
     places: &mut HashMap<u64, u32>,
     id: u64,
     position: [f64; 3],

@@ -105,7 +105,7 @@ fn folder_with(place: &str, extension: &str, files: &[Vec<u8>; 3]) -> TempDir {
 }
 
 /// The files in memory, without a folder; without the third one 2D points are stepped over.
-fn read_model(kind: &Kind, files: &[&[u8]]) -> Result<(Images, Points), FormatError> {
+fn read_model(kind: &Kind, files: &[&[u8]]) -> Result<(Images, SparsePoints), FormatError> {
     let open = |name, bytes| Source::new(Path::new(name), Box::new(bytes), Some((bytes as &[u8]).len() as u64));
     let cameras = (kind.read_cameras)(&mut open(kind.cameras, files[0]))?;
     let (points, places) = match files.get(2) {
@@ -113,7 +113,7 @@ fn read_model(kind: &Kind, files: &[&[u8]]) -> Result<(Images, Points), FormatEr
             let (points, places) = (kind.read_points)(&mut open(kind.points, bytes))?;
             (points, Some(places))
         }
-        None => (Points::default(), None),
+        None => (SparsePoints::default(), None),
     };
     Ok(((kind.read_images)(&mut open(kind.images, files[1]), &cameras, &places)?, points))
 }
@@ -553,7 +553,7 @@ fn capture_of(model: &Model, lens: [f64; 4]) -> Capture {
 fn what_is_written_comes_back() {
     for lens in [[0.0; 4], [0.1, -0.02, 0.0, 0.0], [0.1, 0.0, 0.01, 0.02]] {
         let capture = capture_of(&small_model(), lens);
-        for storage in [write::Storage::Binary, write::Storage::Text] {
+        for storage in [write::ColmapStorage::Binary, write::ColmapStorage::Text] {
             let folder = tempdir().unwrap();
             write::write(&capture, &folder.path().join("sparse/0"), storage).unwrap();
             let read = capture::read(folder.path(), &CaptureOptions::default()).unwrap();

@@ -2,7 +2,7 @@
 //! image two lines.
 
 use super::{
-    CaptureView, Cameras, Images, NumberedPoints, Observation, Places, Points, add_camera, add_point, cut, observation,
+    CaptureView, Cameras, Images, NumberedPoints, Observation, Places, SparsePoints, add_camera, add_point, cut, observation,
     parameters, value, view,
 };
 use crate::{
@@ -100,7 +100,7 @@ fn no_observations() -> Problem {
 
 /// A point: number, x y z, r g b, error, then image and 2D point any number of times.
 pub(super) fn read_points(source: &mut Source) -> Result<NumberedPoints, FormatError> {
-    let (mut points, mut places) = (Points::default(), HashMap::new());
+    let (mut points, mut places) = (SparsePoints::default(), HashMap::new());
     while source.fill(1)? {
         if source.bytes().first() == Some(&b'#') {
             source.skip_line()?;

@@ -7,7 +7,7 @@ use std::{fs, io::Write, path::Path};
 
 /// How a model is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Storage {
+pub enum ColmapStorage {
     /// `.bin`.
     #[default]
     Binary,
@@ -29,7 +29,7 @@ type Track = Vec<(u32, u32)>;
 ///
 /// # Panics
 /// If the lists of the capture are of unequal length or an observation is of no point.
-pub fn write(capture: &Capture, folder: &Path, storage: Storage) -> Result<(), FormatError> {
+pub fn write(capture: &Capture, folder: &Path, storage: ColmapStorage) -> Result<(), FormatError> {
     let (views, points) = (capture.views.len(), capture.points.len());
     assert_eq!(capture.observations.len(), views, "a list of observations a view");
     fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))?;
@@ -40,8 +40,8 @@ pub fn write(capture: &Capture, folder: &Path, storage: Storage) -> Result<(), F
         }
     }
     let extension = match storage {
-        Storage::Binary => "bin",
-        Storage::Text => "txt",
+        ColmapStorage::Binary => "bin",
+        ColmapStorage::Text => "txt",
     };
     let file = |name: &str| folder.join(format!("{name}.{extension}"));
     write_atomically(&file("cameras"), |out| cameras(out, capture, storage))?;
@@ -49,13 +49,13 @@ pub fn write(capture: &Capture, folder: &Path, storage: Storage) -> Result<(), F
     write_atomically(&file("points3D"), |out| points3d(out, capture, &tracks, storage))
 }
 
-fn cameras(out: &mut dyn Write, capture: &Capture, storage: Storage) -> Result<(), Problem> {
+fn cameras(out: &mut dyn Write, capture: &Capture, storage: ColmapStorage) -> Result<(), Problem> {
     let mut views: Vec<_> = capture.views.iter().collect();
     views.sort_by_key(|view| view.camera_id);
     views.dedup_by_key(|view| view.camera_id);
     match storage {
-        Storage::Binary => out.write_all(&(views.len() as u64).to_le_bytes())?,
-        Storage::Text => writeln!(out, "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]")?,
+        ColmapStorage::Binary => out.write_all(&(views.len() as u64).to_le_bytes())?,
+        ColmapStorage::Text => writeln!(out, "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]")?,
     }
     for view in views {
         let camera = &view.camera;
@@ -66,14 +66,14 @@ fn cameras(out: &mut dyn Write, capture: &Capture, storage: Storage) -> Result<(
             lens => (4, "OPENCV", [vec![fx, fy, cx, cy], lens.coefficients().to_vec()].concat()),
         };
         match storage {
-            Storage::Binary => {
+            ColmapStorage::Binary => {
                 out.write_all(&view.camera_id.to_le_bytes())?;
                 out.write_all(&model.to_le_bytes())?;
                 out.write_all(&u64::from(camera.width).to_le_bytes())?;
                 out.write_all(&u64::from(camera.height).to_le_bytes())?;
                 parameters.iter().try_for_each(|v| out.write_all(&v.to_le_bytes()))?;
             }
-            Storage::Text => {
+            ColmapStorage::Text => {
                 write!(out, "{} {name} {} {}", view.camera_id, camera.width, camera.height)?;
                 parameters.iter().try_for_each(|v| write!(out, " {v}"))?;
                 writeln!(out)?;
@@ -83,10 +83,10 @@ fn cameras(out: &mut dyn Write, capture: &Capture, storage: Storage) -> Result<(
     Ok(())
 }
 
-fn images(out: &mut dyn Write, capture: &Capture, storage: Storage) -> Result<(), Problem> {
+fn images(out: &mut dyn Write, capture: &Capture, storage: ColmapStorage) -> Result<(), Problem> {
     match storage {
-        Storage::Binary => out.write_all(&(capture.views.len() as u64).to_le_bytes())?,
-        Storage::Text => {
+        ColmapStorage::Binary => out.write_all(&(capture.views.len() as u64).to_le_bytes())?,
+        ColmapStorage::Text => {
             writeln!(out, "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME")?;
             writeln!(out, "# POINTS2D[] as X, Y, POINT3D_ID")?;
         }
@@ -97,7 +97,7 @@ fn images(out: &mut dyn Write, capture: &Capture, storage: Storage) -> Result<()
         let pose = [quat.w, quat.x, quat.y, quat.z, tx, ty, tz];
         let id = index as u32 + 1;
         match storage {
-            Storage::Binary => {
+            ColmapStorage::Binary => {
                 out.write_all(&id.to_le_bytes())?;
                 pose.iter().try_for_each(|v| out.write_all(&v.to_le_bytes()))?;
                 out.write_all(&view.camera_id.to_le_bytes())?;
@@ -109,7 +109,7 @@ fn images(out: &mut dyn Write, capture: &Capture, storage: Storage) -> Result<()
                     out.write_all(&(u64::from(observation.point) + 1).to_le_bytes())?;
                 }
             }
-            Storage::Text => {
+            ColmapStorage::Text => {
                 write!(out, "{id}")?;
                 pose.iter().try_for_each(|v| write!(out, " {v}"))?;
                 writeln!(out, " {} {}", view.camera_id, view.name)?;
@@ -125,11 +125,11 @@ fn images(out: &mut dyn Write, capture: &Capture, storage: Storage) -> Result<()
     Ok(())
 }
 
-fn points3d(out: &mut dyn Write, capture: &Capture, tracks: &[Track], storage: Storage) -> Result<(), Problem> {
+fn points3d(out: &mut dyn Write, capture: &Capture, tracks: &[Track], storage: ColmapStorage) -> Result<(), Problem> {
     let points = &capture.points;
     match storage {
-        Storage::Binary => out.write_all(&(points.len() as u64).to_le_bytes())?,
-        Storage::Text => writeln!(out, "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)")?,
+        ColmapStorage::Binary => out.write_all(&(points.len() as u64).to_le_bytes())?,
+        ColmapStorage::Text => writeln!(out, "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)")?,
     }
     for (index, track) in tracks.iter().enumerate() {
         let id = index as u64 + 1;
@@ -138,7 +138,7 @@ fn points3d(out: &mut dyn Write, capture: &Capture, tracks: &[Track], storage: S
         let error = points.errors[index];
         let error = if error.is_nan() { -1.0 } else { f64::from(error) };
         match storage {
-            Storage::Binary => {
+            ColmapStorage::Binary => {
                 out.write_all(&id.to_le_bytes())?;
                 position.iter().try_for_each(|v| out.write_all(&v.to_le_bytes()))?;
                 out.write_all(&color)?;
@@ -149,7 +149,7 @@ fn points3d(out: &mut dyn Write, capture: &Capture, tracks: &[Track], storage: S
                     out.write_all(&place.to_le_bytes())?;
                 }
             }
-            Storage::Text => {
+            ColmapStorage::Text => {
                 let ([x, y, z], [r, g, b]) = (position, color);
                 write!(out, "{id} {x} {y} {z} {r} {g} {b} {error}")?;
                 track.iter().try_for_each(|(image, place)| write!(out, " {image} {place}"))?;

@@ -10,11 +10,11 @@
 #[cfg(test)]
 mod tests;
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, Format, Points, Want, header, places};
+use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, SparsePoints, Want, header, places};
 use crate::{
-    Camera, FormatError, Problem, camera::viewmat_of, error::{json_fault, one_line}, formats::ply::read_points,
+    Camera, FormatError, Problem, camera::{rotation_of, viewmat_at}, error::{json_fault, one_line}, formats::ply::read_points,
 };
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use std::{
     fs::File,
@@ -23,8 +23,8 @@ use std::{
 };
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: Format =
-    Format { name: "transforms.json", about: "nerfstudio or instant-ngp transforms.json", read };
+pub const FORMAT: CaptureFormat =
+    CaptureFormat { name: "transforms.json", about: "nerfstudio or instant-ngp transforms.json", read };
 
 /// Names of the file, the likeliest first.
 const FILES: [&str; 2] = ["transforms.json", "transforms_train.json"];
@@ -159,7 +159,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         views.push(view);
     }
     let points = match want {
-        Want::Views => Points::default(),
+        Want::Views => SparsePoints::default(),
         Want::Everything => points_of(&transforms, &folder, &path)?,
     };
     let roots = [folder.as_path()];
@@ -231,13 +231,9 @@ fn viewmat(rows: &[[f64; 4]]) -> Result<glam::DMat4, String> {
     };
     let column = |k: usize| DVec3::new(a[k], b[k], c[k]);
     let world_from_camera = DMat3::from_cols(column(0), -column(1), -column(2));
-    let product = world_from_camera.transpose() * world_from_camera;
-    // Files hold six digits at least; what differs more is no rotation.
-    if !product.abs_diff_eq(DMat3::IDENTITY, 1e-3) || world_from_camera.determinant() < 0.0 {
-        return Err("its transform_matrix is no rotation with a translation".into());
-    }
-    let rotation = DMat3::from_quat(DQuat::from_mat3(&world_from_camera).normalize()).transpose();
-    Ok(viewmat_of(rotation, -(rotation * column(3))))
+    let world_from_camera = rotation_of(&world_from_camera)
+        .map_err(|e| format!("its transform_matrix is not a rotation with a translation: {e}"))?;
+    Ok(viewmat_at(world_from_camera.transpose(), column(3)))
 }
 
 /// The path of a file without `.` and with this system's separators.
@@ -258,13 +254,13 @@ fn moved(path: &str, images: Option<&Path>) -> PathBuf {
     images.join(rest)
 }
 
-fn points_of(transforms: &Transforms, folder: &Path, path: &Path) -> Result<Points, FormatError> {
+fn points_of(transforms: &Transforms, folder: &Path, path: &Path) -> Result<SparsePoints, FormatError> {
     if let Some(name) = &transforms.ply_file_path {
         return read_points(&folder.join(plain(name)));
     }
     let model = folder.join("colmap");
     if !model.join("sparse").is_dir() {
-        return Ok(Points::default());
+        return Ok(SparsePoints::default());
     }
     let mut points = super::read(&model, &CaptureOptions::default())?.points;
     if let Some(rows) = &transforms.applied_transform {

@@ -143,7 +143,7 @@ fn faults_are_told() {
         ),
         (
             frames(r#""fl_x": 500,"#, "[[2,0,0,1],[0,1,0,2],[0,0,1,3]]"),
-            format!("{start} its transform_matrix is no rotation with a translation"),
+            format!("{start} its transform_matrix is not a rotation with a translation: row 1 has the length 2.000000, not 1"),
         ),
         (frames(r#""fl_x": -1,"#, POSE), format!("{start} camera fx is -1: must be finite and above 0")),
         (

@@ -14,10 +14,10 @@
 mod read;
 mod write;
 
-use super::{Axes, Format, Loses, Writer, has_ending};
+use super::{Axes, Loses, SceneFormat, Writer, has_ending};
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: Format = Format {
+pub const FORMAT: SceneFormat = SceneFormat {
     name: "glTF",
     extensions: &["glb"],
     about: "glTF 2.0 with KHR_gaussian_splatting (.glb, .gltf), as floats or SPZ",

@@ -15,7 +15,7 @@
 //! A byte b of `sh` is 8 ((b + 1/2) / 256 - 1/2); bytes 0 and 255 are -4 and 4.
 
 use super::{
-    Encoding,
+    PlyEncoding,
     header::{Header, Kind, Scalar},
     write::metadata_lines,
 };
@@ -23,7 +23,7 @@ use crate::{
     Scene, Splats,
     error::{FormatError, Problem},
     formats::{
-        Axes, Format, Kept, Loses, Writer,
+        Axes, Kept, Loses, SceneFormat, Writer,
         bytes::rows,
         pack::{byte_of_logit, from_smallest_three, logit_of_byte, ranged, smallest_three, unit, unorm},
     },
@@ -33,7 +33,7 @@ use crate::{
 use std::fmt::Write as _;
 
 /// The entry of [`FORMATS`](crate::formats::FORMATS); the entry of the plain PLY reads it too, where comments hide what it is.
-pub const FORMAT: Format = Format {
+pub const FORMAT: SceneFormat = SceneFormat {
     name: "compressed PLY",
     extensions: &["compressed.ply"],
     about: "PlayCanvas compressed PLY, 16 bytes a splat",
@@ -106,7 +106,7 @@ struct Chunk {
 pub(super) fn read(source: &mut Source, header: Header) -> Result<Scene, FormatError> {
     let fault =
         |source: &Source, what: &str| source.whole(Problem::Header(format!("compressed PLY: {what}")));
-    if header.encoding != Encoding::BinaryLittleEndian {
+    if header.encoding != PlyEncoding::BinaryLittleEndian {
         return Err(fault(source, "only binary_little_endian is read"));
     }
     let promised = header.elements.iter().find(|e| e.name == "vertex").map_or(0, |e| e.count);

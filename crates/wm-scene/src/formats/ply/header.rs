@@ -1,6 +1,6 @@
 //! The PLY header: elements, properties and the metadata in its comments.
 
-use super::Encoding;
+use super::PlyEncoding;
 use crate::{
     Metadata,
     error::{FormatError, Problem, excerpt, one_line},
@@ -13,7 +13,7 @@ const MAX_HEADER: u64 = 1 << 20;
 /// What the header says.
 #[derive(Debug)]
 pub(super) struct Header {
-    pub encoding: Encoding,
+    pub encoding: PlyEncoding,
     pub elements: Vec<Element>,
     pub metadata: Metadata,
 }
@@ -142,7 +142,7 @@ enum Step {
 
 fn parse_line(
     line: &[u8],
-    encoding: &mut Option<Encoding>,
+    encoding: &mut Option<PlyEncoding>,
     elements: &mut Vec<Element>,
     metadata: &mut Metadata,
 ) -> Result<Step, Problem> {
@@ -162,7 +162,7 @@ fn parse_line(
                 let version = excerpt(version);
                 return Err(Problem::Header(format!("PLY version \"{version}\" is not read, 1.0 is")));
             }
-            let found = Encoding::ALL.into_iter().find(|e| e.keyword().as_bytes() == keyword);
+            let found = PlyEncoding::ALL.into_iter().find(|e| e.keyword().as_bytes() == keyword);
             *encoding =
                 Some(found.ok_or_else(|| {
                     Problem::Header(format!("\"{}\" is no encoding of PLY", excerpt(keyword)))

@@ -28,7 +28,7 @@ mod tests;
 mod text;
 mod write;
 
-use super::{Axes, Format, Loses, ReadOptions, Writer};
+use super::{Axes, Loses, ReadOptions, SceneFormat, Writer};
 use crate::{
     Scene,
     error::{FormatError, Problem},
@@ -40,7 +40,7 @@ pub use points::read_points;
 pub use write::write;
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: Format = Format {
+pub const FORMAT: SceneFormat = SceneFormat {
     name: "PLY",
     extensions: &["ply"],
     about: "3D Gaussian splatting PLY, binary or ASCII, SH degree 0 to 3",
@@ -48,7 +48,7 @@ pub const FORMAT: Format = Format {
     loses: Loses::NOTHING,
     sniff: |start| is_ply(start.bytes) && !compressed::is_named(start.bytes),
     read,
-    write: Writer::Stream(|out, scene, _| write(out, scene, Encoding::default())),
+    write: Writer::Stream(|out, scene, _| write(out, scene, PlyEncoding::default())),
 };
 
 /// Whether these first bytes are those of a PLY.
@@ -58,7 +58,7 @@ fn is_ply(start: &[u8]) -> bool {
 
 /// How the numbers of a PLY are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Encoding {
+pub enum PlyEncoding {
     /// Binary, least significant byte first.
     #[default]
     BinaryLittleEndian,
@@ -68,7 +68,7 @@ pub enum Encoding {
     Ascii,
 }
 
-impl Encoding {
+impl PlyEncoding {
     /// Every encoding.
     pub const ALL: [Self; 3] = [Self::BinaryLittleEndian, Self::BinaryBigEndian, Self::Ascii];
 
@@ -93,9 +93,9 @@ fn read(source: &mut Source, _: &ReadOptions) -> Result<Scene, FormatError> {
         return Err(source.whole(Problem::NoSplats));
     }
     let splats = match header.encoding {
-        Encoding::BinaryLittleEndian => binary::read(source, &header, &layout, Endian::Little),
-        Encoding::BinaryBigEndian => binary::read(source, &header, &layout, Endian::Big),
-        Encoding::Ascii => text::read(source, &header, &layout),
+        PlyEncoding::BinaryLittleEndian => binary::read(source, &header, &layout, Endian::Little),
+        PlyEncoding::BinaryBigEndian => binary::read(source, &header, &layout, Endian::Big),
+        PlyEncoding::Ascii => text::read(source, &header, &layout),
     }?;
     Ok(Scene { splats, metadata: header.metadata, views: Vec::new() })
 }

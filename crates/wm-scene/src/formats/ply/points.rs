@@ -1,10 +1,10 @@
 //! PLY files of points: x y z and, if they are there, red green blue of each vertex.
 
 use super::{
-    Encoding,
+    PlyEncoding,
     header::{Element, Header, Kind, Scalar},
 };
-use crate::{FormatError, Problem, capture::Points, error::number, source::Source};
+use crate::{FormatError, Problem, capture::SparsePoints, error::number, source::Source};
 use std::path::Path;
 
 /// Colour of points that have none.
@@ -15,11 +15,11 @@ const GREY: [u8; 3] = [128; 3];
 ///
 /// # Errors
 /// [`FormatError`] if the file is missing, cut off, or no PLY with points.
-pub fn read_points(path: &Path) -> Result<Points, FormatError> {
+pub fn read_points(path: &Path) -> Result<SparsePoints, FormatError> {
     read_points_from(&mut Source::open(path)?)
 }
 
-fn read_points_from(source: &mut Source) -> Result<Points, FormatError> {
+fn read_points_from(source: &mut Source) -> Result<SparsePoints, FormatError> {
     if !source.fill(3)? || source.bytes().get(..3) != Some(b"ply") {
         let problem = "no PLY: it does not begin with \"ply\"; give the file of the points";
         return Err(source.whole(Problem::Value(problem.into())));
@@ -31,13 +31,13 @@ fn read_points_from(source: &mut Source) -> Result<Points, FormatError> {
         return Err(source.whole(Problem::Value(problem.into())));
     };
     let columns = columns(vertex).map_err(|problem| source.whole(problem))?;
-    let mut points = Points::default();
+    let mut points = SparsePoints::default();
     let mut row = [0.0; 6];
     for done in 0..vertex.count {
         let is_there = match header.encoding {
-            Encoding::Ascii => text_row(source, vertex, &columns, &mut row)?,
-            Encoding::BinaryLittleEndian => binary_row(source, vertex, &columns, true, &mut row)?,
-            Encoding::BinaryBigEndian => binary_row(source, vertex, &columns, false, &mut row)?,
+            PlyEncoding::Ascii => text_row(source, vertex, &columns, &mut row)?,
+            PlyEncoding::BinaryLittleEndian => binary_row(source, vertex, &columns, true, &mut row)?,
+            PlyEncoding::BinaryBigEndian => binary_row(source, vertex, &columns, false, &mut row)?,
         };
         if !is_there {
             let what = format!("point {} of {}", done + 1, vertex.count);
@@ -180,7 +180,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn read(bytes: &[u8]) -> Result<Points, FormatError> {
+    fn read(bytes: &[u8]) -> Result<SparsePoints, FormatError> {
         read_points_from(&mut Source::new(Path::new("p.ply"), Box::new(bytes), Some(bytes.len() as u64)))
     }
 

@@ -1,6 +1,6 @@
 //! Writing: the property order of the reference 3DGS writer, so that other programs read it.
 
-use super::Encoding;
+use super::PlyEncoding;
 use crate::{Group, Metadata, Scene, error::Problem};
 use std::{fmt::Write as _, io::Write};
 
@@ -15,7 +15,7 @@ const BLOCK: usize = 1 << 20;
 ///
 /// # Errors
 /// If the arrays do not fit each other, there is no splat, the metadata has a fault, or `out` fails.
-pub fn write(out: &mut dyn Write, scene: &Scene, encoding: Encoding) -> Result<(), Problem> {
+pub fn write(out: &mut dyn Write, scene: &Scene, encoding: PlyEncoding) -> Result<(), Problem> {
     let splats = &scene.splats;
     splats.check()?;
     if splats.is_empty() {
@@ -41,15 +41,15 @@ pub fn write(out: &mut dyn Write, scene: &Scene, encoding: Encoding) -> Result<(
         row.extend(splats.quats[index]);
         let group = grouped.then_some(splats.groups[index] as u8);
         match encoding {
-            Encoding::BinaryLittleEndian => {
+            PlyEncoding::BinaryLittleEndian => {
                 row.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
                 bytes.extend(group);
             }
-            Encoding::BinaryBigEndian => {
+            PlyEncoding::BinaryBigEndian => {
                 row.iter().for_each(|v| bytes.extend(v.to_be_bytes()));
                 bytes.extend(group);
             }
-            Encoding::Ascii => {
+            PlyEncoding::Ascii => {
                 // `{:?}` gives the fewest digits that read back to the same value.
                 for (column, value) in row.iter().enumerate() {
                     write!(bytes, "{}{value:?}", if column == 0 { "" } else { " " })?;
@@ -74,7 +74,7 @@ pub(super) fn metadata_lines(metadata: &Metadata) -> Result<String, Problem> {
     Ok(entries.iter().map(|(key, value)| format!("comment wm.{key} {value}\n")).collect())
 }
 
-fn header(scene: &Scene, encoding: Encoding, grouped: bool) -> Result<String, Problem> {
+fn header(scene: &Scene, encoding: PlyEncoding, grouped: bool) -> Result<String, Problem> {
     let mut text = format!("ply\nformat {} 1.0\n", encoding.keyword());
     text.push_str(&metadata_lines(&scene.metadata)?);
     // Writing to a string cannot fail.

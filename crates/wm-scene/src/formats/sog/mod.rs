@@ -25,7 +25,7 @@ mod webp;
 mod write;
 mod zip;
 
-use super::{ANY_SCALE, Axes, Format, Kept, Level, Loses, ReadOptions, Writer, has_ending};
+use super::{ANY_SCALE, Axes, DetailLevel, Kept, Loses, ReadOptions, SceneFormat, Writer, has_ending};
 use crate::{
     Scene,
     error::{FormatError, Problem},
@@ -54,7 +54,7 @@ pub mod bundle {
     use super::*;
 
     /// The entry of [`FORMATS`](crate::formats::FORMATS).
-    pub const FORMAT: Format = Format {
+    pub const FORMAT: SceneFormat = SceneFormat {
         name: "SOG",
         extensions: &["sog"],
         about: "PlayCanvas SOG, versions 1 and 2, in one file",
@@ -79,7 +79,7 @@ pub mod folder {
     use super::*;
 
     /// The entry of [`FORMATS`](crate::formats::FORMATS).
-    pub const FORMAT: Format = Format {
+    pub const FORMAT: SceneFormat = SceneFormat {
         name: "SOG folder",
         extensions: &["meta.json"],
         about: "PlayCanvas SOG, versions 1 and 2, as a folder: its meta.json",
@@ -100,7 +100,7 @@ pub mod levels {
     use super::*;
 
     /// The entry of [`FORMATS`](crate::formats::FORMATS).
-    pub const FORMAT: Format = Format {
+    pub const FORMAT: SceneFormat = SceneFormat {
         name: "streamed SOG",
         extensions: &[],
         about: "PlayCanvas SOG with several levels of detail, as a folder: its lod-meta.json",

@@ -1,6 +1,6 @@
 //! Reading: `meta.json` and the pictures that it names.
 
-use super::{Level, Problem, rotation::from_bytes};
+use super::{DetailLevel, Problem, rotation::from_bytes};
 use crate::{
     Metadata, Rasterization, Scene, Splats,
     error::{excerpt, one_line},
@@ -345,7 +345,7 @@ impl Node {
 }
 
 /// Reads one level of a scene with several.
-pub(super) fn read_levels(folder: &Path, meta: &[u8], level: Level) -> Result<Scene, Problem> {
+pub(super) fn read_levels(folder: &Path, meta: &[u8], level: DetailLevel) -> Result<Scene, Problem> {
     let meta: Levels = parse(meta, "lod-meta.json")?;
     if let Some(version) = meta.version.filter(|version| *version != 1) {
         return Err(fault(format!("lod-meta.json of version {version} is not read, 1 is")));
@@ -357,12 +357,12 @@ pub(super) fn read_levels(folder: &Path, meta: &[u8], level: Level) -> Result<Sc
     };
     let coarsest = meta.levels.clamp(1, MAX_LEVELS) - 1;
     let number = match level {
-        Level::Finest => 0,
-        Level::Number(number) if number > coarsest => {
+        DetailLevel::Finest => 0,
+        DetailLevel::Number(number) if number > coarsest => {
             return Err(Problem::Value(format!("there is no level {number}: it has 0 to {coarsest}")));
         }
-        Level::Number(number) => number,
-        Level::Budget(most) => {
+        DetailLevel::Number(number) => number,
+        DetailLevel::Budget(most) => {
             let fits = |level: &u32| {
                 runs_of(*level).iter().map(|run| u128::from(run.count)).sum::<u128>() <= u128::from(most)
             };

@@ -3,7 +3,7 @@
 use super::{round_trip::Noise, round_trip::plausible, *};
 
 /// Bytes of a small scene in a format that is one file, and its name.
-fn small(format: &Format) -> Option<(PathBuf, Vec<u8>, Scene)> {
+fn small(format: &SceneFormat) -> Option<(PathBuf, Vec<u8>, Scene)> {
     let ending = format.extensions.first().filter(|ending| !ending.contains(".json"))?;
     let folder = tempdir().unwrap();
     let path = folder.path().join(format!("a.{ending}"));

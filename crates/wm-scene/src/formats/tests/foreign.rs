@@ -89,16 +89,16 @@ fn a_level_or_a_budget_is_chosen() {
         read_scene(folder.path(), &ReadOptions { level, ..Default::default() })
             .map(|scene| scene.splats.len())
     };
-    assert_eq!(count(Level::Finest).unwrap(), 105);
+    assert_eq!(count(DetailLevel::Finest).unwrap(), 105);
     // A leaf without the level keeps its own.
-    assert_eq!(count(Level::Number(1)).unwrap(), 30 + 60 + 5);
-    assert_eq!(count(Level::Budget(99)).unwrap(), 95);
-    assert_eq!(count(Level::Budget(1)).unwrap(), 95);
-    let message = say(&folder, count(Level::Number(2)));
+    assert_eq!(count(DetailLevel::Number(1)).unwrap(), 30 + 60 + 5);
+    assert_eq!(count(DetailLevel::Budget(99)).unwrap(), 95);
+    assert_eq!(count(DetailLevel::Budget(1)).unwrap(), 95);
+    let message = say(&folder, count(DetailLevel::Number(2)));
     assert_eq!(message, "DIR/lod-meta.json: there is no level 2: it has 0 to 1");
     meta["tree"]["children"][1]["lods"]["0"]["count"] = 61.into();
     fs::write(&path, meta.to_string()).unwrap();
-    assert!(say(&folder, count(Level::Finest)).contains("a leaf of lod-meta.json has splats"));
+    assert!(say(&folder, count(DetailLevel::Finest)).contains("a leaf of lod-meta.json has splats"));
 }
 
 #[test]

@@ -197,7 +197,11 @@ fn broken_views_have_line_and_column() {
         say(&folder, read(folder.path()))
     };
     for (from, to, expected) in [
-        ("[0.0, 1.0, 0.0]]", "[0.0, 1.0, 1.0]]", "its rotation is no rotation matrix"),
+        (
+            "[0.0, 1.0, 0.0]]",
+            "[0.0, 1.0, 1.0]]",
+            "its rotation is not a rotation matrix: row 3 has the length 1.414214, not 1",
+        ),
         ("\"fy\": 900.0", "\"fy\": 00.1", ""),
         ("\"fy\": 900.0", "\"fy\": 0e+00", "camera fy is 0: must be finite and above 0"),
     ] {
@@ -222,7 +226,7 @@ fn broken_views_have_line_and_column() {
 #[test]
 fn a_stream_is_read() {
     let mut bytes = Vec::new();
-    ply::write(&mut bytes, &scene(4.0), ply::Encoding::Ascii).unwrap();
+    ply::write(&mut bytes, &scene(4.0), ply::PlyEncoding::Ascii).unwrap();
     assert_eq!(read_scene_from(Path::new("stdin"), &bytes[..], None).unwrap(), scene(4.0));
 }
 

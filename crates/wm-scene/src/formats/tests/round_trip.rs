@@ -1,7 +1,7 @@
 //! What is written comes back, within the rounding that each format states.
 
 use super::*;
-use crate::{Group, Rasterization, formats::pack::unit, morton, sh, splats::sigmoid, synthetic::uniform};
+use crate::{Group, Rasterization, formats::pack::unit, morton, random::uniform, sh, splats::sigmoid};
 
 /// Numbers of `-1..1` that follow from their place.
 pub struct Noise {

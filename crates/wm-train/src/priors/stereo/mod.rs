@@ -296,8 +296,8 @@ mod tests {
     use super::*;
     use crate::photos::PhotoOptions;
     use std::path::Path;
-    use wm_scene::capture::{CaptureView, Distortion, Observation, Points};
-    use wm_scene::synthetic::uniform;
+    use wm_scene::capture::{CaptureView, Distortion, Observation, SparsePoints};
+    use wm_scene::random::uniform;
 
     const SIZE: (u32, u32) = (120, 90);
 
@@ -326,7 +326,7 @@ mod tests {
             images: folder.into(),
             masks: None,
             views: Vec::new(),
-            points: Points::default(),
+            points: SparsePoints::default(),
             observations: Vec::new(),
         };
         for index in 0..60 {
@@ -335,7 +335,7 @@ mod tests {
         }
         for index in 0..5 {
             let eye = DVec3::new(0.5 * f64::from(index) - 1.0, -3.0, 1.0);
-            let camera = Camera::look_at(SIZE, 50.0, eye, DVec3::new(0.0, 1.5, 0.3), DVec3::Z).unwrap();
+            let camera = Camera::looking(SIZE, 50.0, eye, DVec3::new(0.0, 1.5, 0.3), DVec3::Z).unwrap();
             let mut rgb = Vec::new();
             for pixel in 0..SIZE.0 * SIZE.1 {
                 let ray = camera.ray(f64::from(pixel % SIZE.0) + 0.5, f64::from(pixel / SIZE.0) + 0.5);

@@ -1,7 +1,7 @@
 //! Planes for all pixels of one photo: good ones spread to their neighbours and are varied (PatchMatch).
 
 use super::matching::{Picture, Plane, Source, WORST, Window, inverse_depth};
-use wm_scene::synthetic::uniform;
+use wm_scene::random::uniform;
 
 /// Neighbours that a pixel tries the planes of: of the other colour of a chessboard.
 const NEIGHBOURS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-5, 0), (5, 0), (0, -5), (0, 5)];

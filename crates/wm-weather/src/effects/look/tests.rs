@@ -81,7 +81,7 @@ fn agree(path: SimdPath, grade: &Grade, seed: u64) {
 }
 
 fn camera() -> Camera {
-    Camera::look_at((16, 16), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap()
+    Camera::looking((16, 16), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap()
 }
 
 #[test]

@@ -2,7 +2,7 @@ use super::*;
 use glam::DVec3;
 use wm_render::hooks::Hooks;
 use wm_render::simd::SimdChoice;
-use wm_render::{CpuConfig, CpuRenderer, Geometry, Job, Outputs, RenderConfig, Renderer, SetView};
+use wm_render::{CpuConfig, CpuRenderer, DrawPass, Geometry, Outputs, RenderBackend, RenderConfig, SetView};
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 
@@ -94,7 +94,7 @@ fn layers_are_added_to_the_running_composite() {
 /// both together hides the near one too.
 #[test]
 fn one_cloud_loses_a_near_drop_before_a_far_one() {
-    let camera = Camera::look_at((32, 32), 40.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
+    let camera = Camera::looking((32, 32), 40.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
     let drop = |depth: f64, opacity: f64| {
         let mut splats = Splats::with_capacity(1, 0);
         splats.push(&Splat {
@@ -138,7 +138,7 @@ fn one_cloud_loses_a_near_drop_before_a_far_one() {
             let set = renderer.load(cloud).unwrap();
             let mut noise = Frame::default();
             let sets = [SetView::plain(set)];
-            let job = Job { sets: &sets, camera: &camera, config: &config, hooks: Hooks::default() };
+            let job = DrawPass::new(&sets, &camera, &config);
             renderer.render(&job, &mut noise).unwrap();
             add(&RAIN, &mut picture, &noise, None);
         }

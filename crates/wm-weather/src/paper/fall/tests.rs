@@ -14,7 +14,7 @@ fn sky(texts: &[&str], time: f64) -> Sky {
 }
 
 fn camera() -> Camera {
-    Camera::look_at((160, 90), 50.0, DVec3::new(31.0, -7.0, 4.0), DVec3::new(31.5, 9.0, 5.0), DVec3::Z)
+    Camera::looking((160, 90), 50.0, DVec3::new(31.0, -7.0, 4.0), DVec3::new(31.5, 9.0, 5.0), DVec3::Z)
         .unwrap()
 }
 
@@ -111,7 +111,7 @@ fn things_fall_as_a_function_of_time() {
 fn things_stand_in_the_world() {
     let camera = camera();
     let step = DVec3::new(0.3, 0.6, 0.0);
-    let other = Camera::look_at(
+    let other = Camera::looking(
         (160, 90),
         50.0,
         camera.center() + step,

@@ -20,7 +20,7 @@ fn air() -> Atmosphere {
 fn camera(size: (u32, u32)) -> Camera {
     // Metres 3, 4 and 2.
     let eye = DVec3::new(6.0, 8.0, 4.0);
-    Camera::look_at(size, 50.0, eye, eye + DVec3::new(1.0, 0.3, 0.05), DVec3::Z).unwrap()
+    Camera::looking(size, 50.0, eye, eye + DVec3::new(1.0, 0.3, 0.05), DVec3::Z).unwrap()
 }
 
 /// The points of a cube below a threshold: where in it, 0-1, and the number that their size goes by.

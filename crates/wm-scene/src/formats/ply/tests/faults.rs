@@ -24,7 +24,7 @@ proptest! {
     #[test]
     fn mutated_files_never_panic_nor_take_memory(
         scene in any_scene(4),
-        encoding in prop::sample::select(&Encoding::ALL[..]),
+        encoding in prop::sample::select(&PlyEncoding::ALL[..]),
         edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0..3u8), 1..8),
     ) {
         let mut bytes = written(&scene, encoding);
@@ -97,10 +97,10 @@ fn check_bounded(bytes: &[u8]) -> Result<(), TestCaseError> {
 
 #[test]
 fn a_cut_at_any_byte_is_an_error() {
-    for encoding in Encoding::ALL {
+    for encoding in PlyEncoding::ALL {
         let bytes = written(&small_scene(), encoding);
         // In ASCII the last group is one digit and its line end may be missing.
-        let whole = if encoding == Encoding::Ascii { bytes.len() - 1 } else { bytes.len() };
+        let whole = if encoding == PlyEncoding::Ascii { bytes.len() - 1 } else { bytes.len() };
         for end in 0..whole {
             for read in [read_bytes(&bytes[..end]), read_pipe(&bytes[..end])] {
                 let message = read.unwrap_err().to_string();
@@ -114,13 +114,13 @@ fn a_cut_at_any_byte_is_an_error() {
 
 #[test]
 fn missing_bytes_are_counted() {
-    let bytes = written(&small_scene(), Encoding::BinaryLittleEndian);
+    let bytes = written(&small_scene(), PlyEncoding::BinaryLittleEndian);
     let cut = &bytes[..bytes.len() - 100];
     let expected = "a.ply: cut off: the header promises 3 splats, at least 100 bytes are missing; copy or \
                     download the file again";
     assert_eq!(say(cut), expected);
     assert_eq!(read_pipe(cut).unwrap_err().to_string(), expected);
-    let bytes = written(&small_scene(), Encoding::Ascii);
+    let bytes = written(&small_scene(), PlyEncoding::Ascii);
     let last_line = bytes[..bytes.len() - 1].iter().rposition(|b| *b == b'\n').unwrap() + 1;
     assert_eq!(
         say(&bytes[..last_line]),
@@ -135,12 +135,12 @@ fn missing_bytes_are_counted() {
 
 #[test]
 fn a_promise_of_10_to_the_12_splats_takes_no_memory() {
-    for encoding in Encoding::ALL {
+    for encoding in PlyEncoding::ALL {
         let bytes = written(&small_scene(), encoding);
         let at = bytes.windows(9).position(|w| w == b"vertex 3\n").unwrap() + 7;
         let large = [&bytes[..at], b"1000000000000", &bytes[at + 1..]].concat();
         let messages = [say(&large), read_pipe(&large).unwrap_err().to_string()];
-        let expected = if encoding == Encoding::Ascii {
+        let expected = if encoding == PlyEncoding::Ascii {
             "the file ends after 3;"
         } else {
             // 26 floats and the group, for all but 3 splats.

@@ -15,7 +15,7 @@ const TYPES: [&str; 16] = [
     "int32", "uint32", "float32", "float64",
 ];
 
-fn number(kind: &str, encoding: Encoding, value: u8) -> Vec<u8> {
+fn number(kind: &str, encoding: PlyEncoding, value: u8) -> Vec<u8> {
     let value = f64::from(value);
     let bytes = match kind {
         "char" | "int8" | "uchar" | "uint8" => vec![value as u8],
@@ -25,13 +25,13 @@ fn number(kind: &str, encoding: Encoding, value: u8) -> Vec<u8> {
         _ => value.to_le_bytes().to_vec(),
     };
     match encoding {
-        Encoding::BinaryLittleEndian => bytes,
-        Encoding::BinaryBigEndian => bytes.into_iter().rev().collect(),
-        Encoding::Ascii => format!("{value} ").into_bytes(),
+        PlyEncoding::BinaryLittleEndian => bytes,
+        PlyEncoding::BinaryBigEndian => bytes.into_iter().rev().collect(),
+        PlyEncoding::Ascii => format!("{value} ").into_bytes(),
     }
 }
 
-fn assemble(tables: &[Table], encoding: Encoding, ending: &str) -> Vec<u8> {
+fn assemble(tables: &[Table], encoding: PlyEncoding, ending: &str) -> Vec<u8> {
     let mut text = format!("ply{ending}comment \u{e9}{ending}format {} 1.0{ending}", encoding.keyword());
     for table in tables {
         text += &format!("element {} {}{ending}", table.name, table.rows.len());
@@ -52,7 +52,7 @@ fn assemble(tables: &[Table], encoding: Encoding, ending: &str) -> Vec<u8> {
                     bytes.extend(number(kind, encoding, cell[0]));
                 }
             }
-            if encoding == Encoding::Ascii && !table.properties.is_empty() {
+            if encoding == PlyEncoding::Ascii && !table.properties.is_empty() {
                 bytes.extend(ending.as_bytes());
             }
         }
@@ -138,7 +138,7 @@ proptest! {
         before in other_table("camera"),
         after in other_table("face"),
         empty in any::<bool>(),
-        encoding in prop::sample::select(&Encoding::ALL[..]),
+        encoding in prop::sample::select(&PlyEncoding::ALL[..]),
         ending in prop::sample::select(&["\n", "\r\n"][..]),
     ) {
         let nothing = Table { name: "nothing", properties: vec![], rows: vec![vec![]; 9] };

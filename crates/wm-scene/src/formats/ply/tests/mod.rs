@@ -14,7 +14,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use std::path::Path;
 
-fn written(scene: &Scene, encoding: Encoding) -> Vec<u8> {
+fn written(scene: &Scene, encoding: PlyEncoding) -> Vec<u8> {
     let mut bytes = Vec::new();
     write(&mut bytes, scene, encoding).unwrap();
     bytes
@@ -47,7 +47,7 @@ proptest! {
 
     #[test]
     fn every_encoding_gives_everything_back(scene in any_scene(12)) {
-        for encoding in Encoding::ALL {
+        for encoding in PlyEncoding::ALL {
             let bytes = written(&scene, encoding);
             for read in [read_bytes(&bytes), read_pipe(&bytes)] {
                 let read = read.unwrap();
@@ -73,7 +73,7 @@ fn many_rows_cross_the_blocks() {
         splats.groups.push(Group::ALL[index as usize % 3]);
     }
     let scene = Scene { splats, ..Scene::default() };
-    for encoding in Encoding::ALL {
+    for encoding in PlyEncoding::ALL {
         let bytes = written(&scene, encoding);
         assert!(read_bytes(&bytes).unwrap() == scene, "{encoding:?}");
         assert!(read_pipe(&bytes).unwrap() == scene, "{encoding:?}");
@@ -82,7 +82,7 @@ fn many_rows_cross_the_blocks() {
 
 #[test]
 fn the_order_is_that_of_the_reference_writer() {
-    let bytes = written(&small_scene(), Encoding::BinaryLittleEndian);
+    let bytes = written(&small_scene(), PlyEncoding::BinaryLittleEndian);
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
     let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
     let rest: String = (0..9).map(|i| format!("property float f_rest_{i}\n")).collect();
@@ -109,13 +109,13 @@ fn the_order_is_that_of_the_reference_writer() {
 
     let mut plain = small_scene();
     plain.splats.groups.fill(Group::Scene);
-    let bytes = written(&plain, Encoding::BinaryLittleEndian);
+    let bytes = written(&plain, PlyEncoding::BinaryLittleEndian);
     assert!(!bytes.windows(5).any(|w| w == b"group"));
 }
 
 #[test]
 fn metadata_of_later_versions_is_left_alone() {
-    let mut bytes = written(&small_scene(), Encoding::Ascii);
+    let mut bytes = written(&small_scene(), PlyEncoding::Ascii);
     let extra = b"comment wm.weather \"fine\"\ncomment wm.up [0, -1, 0]\ncomment wm.\ncomment wm\n";
     let at = bytes.windows(14).position(|w| w == b"element vertex").unwrap();
     bytes.splice(at..at, extra.iter().copied());
@@ -125,7 +125,7 @@ fn metadata_of_later_versions_is_left_alone() {
 
 #[test]
 fn what_cannot_be_read_back_is_not_written() {
-    let fail = |scene: &Scene| write(&mut Vec::new(), scene, Encoding::Ascii).unwrap_err().to_string();
+    let fail = |scene: &Scene| write(&mut Vec::new(), scene, PlyEncoding::Ascii).unwrap_err().to_string();
     let mut scene = small_scene();
     scene.metadata.ground = Some(f64::NAN);
     assert_eq!(fail(&scene), "not written: ground is NaN: it must be finite");
@@ -153,7 +153,7 @@ fn real_scenes_come_back() {
         assert_eq!(scene.splats.logit_opacities[end], last[9]);
         assert_eq!(scene.splats.log_scales[end][..], last[10..13]);
         assert_eq!(scene.splats.quats[end][..], last[13..]);
-        let again = read_bytes(&written(&scene, Encoding::BinaryLittleEndian)).unwrap();
+        let again = read_bytes(&written(&scene, PlyEncoding::BinaryLittleEndian)).unwrap();
         assert!(bits(&again.splats) == bits(&scene.splats));
     }
 }

@@ -1,0 +1,57 @@
+//! Errors and warnings of the library.
+
+use crate::panorama_file::PanoramaFileError;
+use crate::view::ViewError;
+use std::path::PathBuf;
+use thiserror::Error;
+use wm_media::MediaError;
+use wm_render::RenderError;
+use wm_scene::{CameraError, FormatError};
+use wm_weather::WeatherError;
+
+/// Why the library could not do what was asked. Each message is one line that names the file, field or value.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A scene, capture or camera file cannot be read or written.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// A weather or one of its parameters is wrong.
+    #[error(transparent)]
+    Weather(#[from] WeatherError),
+    /// The picture of a sky cannot be read.
+    #[error(transparent)]
+    Panorama(#[from] PanoramaFileError),
+    /// A camera cannot be rendered with.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// A camera path or a view of the scene cannot be found.
+    #[error(transparent)]
+    View(#[from] ViewError),
+    /// The renderer failed.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// A picture or video cannot be written.
+    #[error(transparent)]
+    Media(#[from] MediaError),
+    /// A file of numbers cannot be written.
+    #[error("{}: {reason}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        reason: String,
+    },
+    /// What was asked for cannot be done with this scene or weather.
+    #[error("{0}")]
+    Unsupported(String),
+    /// The place was loaded by another renderer.
+    #[error("this place was loaded by another renderer: load the scene with the renderer that draws it")]
+    OtherRenderer,
+    /// The caller stopped the work.
+    #[error("stopped: nothing is written")]
+    Stopped,
+}
+
+/// The result of this library's functions.
+pub type Result<T, E = Error> = std::result::Result<T, E>;

@@ -1,0 +1,288 @@
+//! A scene with fewer splats: what is seen least goes into its neighbours.
+//!
+//! What a splat is worth is the sum of its weights (alpha times transmittance) over pictures from places about the scene: of its photos
+//! where it has them, else from where a photographer would stand. What no picture shows counts by its size, at a small share, so that a
+//! place that was not looked at thins out instead of vanishing.
+//!
+//! Those that are worth least are taken away, at most half of all at a time. Each goes into the nearest that stays: that one takes
+//! mean, covariance and colours of the two, weighted by worth, and so much opacity that what they cover together stays (moment matching, as in
+//! Kerbl et al. 2024, "A Hierarchical 3D Gaussian Representation"). One that has no neighbour near is dropped.
+
+use crate::{Error, Progress, Result};
+use glam::{DMat3, DQuat, DVec3};
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use std::num::NonZero;
+use weather_magician::view::candidates::candidates;
+use weather_magician::view::space::Space;
+use weather_magician::view::{DEFAULT_FOV, Options};
+use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, Upstream};
+use wm_scene::jacobi::jacobi;
+use wm_scene::splats::logit;
+use wm_scene::survey::Survey;
+use wm_scene::{Camera, Group, Metadata, Scene, Splats, quat};
+use wm_train::metrics::psnr;
+
+/// Longest side of the pictures, px.
+const LONGEST: u32 = 720;
+/// Pictures of a scene with photos: two of three say what splats are worth, the third what was lost.
+const VIEWS: usize = 48;
+/// What a splat that no picture shows is worth, as a share of its pixels in a picture from near.
+const UNSEEN: f64 = 0.02;
+/// How far near is, in radii of the scene.
+const NEAR: f64 = 0.1;
+/// Focal length of the pictures, px, about.
+const FOCAL: f64 = 400.0;
+/// Most pixels that an unseen splat counts with.
+const LARGEST: f64 = 400.0;
+/// How far a splat may be from the one that it goes into, in standard deviations of both along their longest axes.
+const REACH: f64 = 2.0;
+
+/// What is left.
+pub struct Reduced {
+    /// The splats.
+    pub splats: Splats,
+    /// What was done and what it cost, in one line.
+    pub note: String,
+}
+
+/// Reduces a scene, whose sky should be labelled, to `most` splats.
+///
+/// # Errors
+/// If it cannot be rendered, or `progress` asks to stop.
+pub fn reduce(
+    scene: &Scene,
+    most: usize,
+    renderer: &mut dyn Differentiable,
+    progress: &mut dyn Progress,
+) -> Result<Reduced> {
+    let survey = Survey::of(scene, &Metadata::default());
+    let cameras = cameras(scene, &survey);
+    let (measured, tried): (Vec<_>, Vec<_>) = cameras.into_iter().enumerate().partition(|(i, _)| i % 3 == 1);
+    let mut eye = Eye {
+        renderer,
+        progress,
+        config: ForwardConfig {
+            rasterization: scene.metadata.rasterization.unwrap_or_default(),
+            background: [0.5; 3],
+            ..ForwardConfig::default()
+        },
+        frame: Frame::default(),
+    };
+    eye.progress.begin("reducing", None);
+    let mut splats = scene.splats.clone();
+    while splats.len() > most {
+        let worth = eye.worth(&splats, &tried, survey.radius)?;
+        let target = most.max(splats.len() / 2);
+        splats = merged(&splats, &worth, target);
+        eye.progress.advance(1);
+    }
+    let mut sum = 0.0;
+    let measured = if measured.is_empty() { &tried } else { &measured };
+    for (_, camera) in measured {
+        let before = eye.look(&scene.splats, camera)?;
+        let after = eye.look(&splats, camera)?;
+        sum += psnr(&after, &before, None);
+    }
+    eye.progress.end();
+    let quality = sum / measured.len() as f64;
+    let (from, to) = (scene.splats.len(), splats.len());
+    let note = format!(
+        "reduced from {from} to {to} splats: PSNR {quality:.1} dB against all, mean of {} views",
+        measured.len()
+    );
+    Ok(Reduced { splats, note })
+}
+
+/// Places to look from; neighbours in the list are mostly alike.
+fn cameras(scene: &Scene, survey: &Survey) -> Vec<Camera> {
+    if !scene.views.is_empty() {
+        let step = (scene.views.len() as f64 / VIEWS as f64).max(1.0);
+        let count = scene.views.len().min(VIEWS);
+        return (0..count).map(|i| small(&scene.views[(i as f64 * step) as usize].camera)).collect();
+    }
+    let options = Options { size: Some((LONGEST, LONGEST * 9 / 16)), ..Options::default() };
+    let at = |eye: DVec3, target: DVec3| {
+        let camera = Camera::looking(options.size(), DEFAULT_FOV, eye, target, options.up(survey)).ok()?;
+        Some(Camera { near: options.near(survey), ..camera })
+    };
+    let mut cameras: Vec<Camera> = candidates(&Space::of(&scene.splats, survey), survey)
+        .into_iter()
+        .filter_map(|view| at(view.eye, view.eye + view.forward))
+        .collect();
+    // From outside all about, for what stands free, and where no place inside was found.
+    let up = survey.up.value;
+    let (side, distance) = (up.any_orthonormal_vector(), 2.0 * survey.radius.max(1e-6));
+    for step in 0..12 {
+        let around = DQuat::from_axis_angle(up, f64::from(step) * std::f64::consts::TAU / 12.0) * side;
+        cameras.extend(at(survey.center + distance * (around + 0.5 * up).normalize(), survey.center));
+    }
+    cameras
+}
+
+fn small(camera: &Camera) -> Camera {
+    let scale = f64::from(LONGEST) / f64::from(camera.width.max(camera.height));
+    if scale >= 1.0 {
+        return *camera;
+    }
+    let side = |length: u32| ((f64::from(length) * scale).round() as u32).max(1);
+    camera.resized(side(camera.width), side(camera.height))
+}
+
+/// What looks at splats.
+struct Eye<'a> {
+    renderer: &'a mut dyn Differentiable,
+    progress: &'a mut dyn Progress,
+    config: ForwardConfig,
+    frame: Frame,
+}
+
+impl Eye<'_> {
+    fn look(&mut self, splats: &Splats, camera: &Camera) -> Result<Vec<f32>> {
+        if self.progress.is_stopped() {
+            return Err(Error::Stopped);
+        }
+        let config = ForwardConfig { sh_degree: splats.sh_degree, ..self.config };
+        self.renderer.forward(splats, camera, &config, &mut self.frame)?;
+        Ok(self.frame.rgb.iter().map(|v| v.clamp(0.0, 1.0)).collect())
+    }
+
+    /// What each splat is worth, px.
+    fn worth(&mut self, splats: &Splats, cameras: &[(usize, Camera)], radius: f64) -> Result<Vec<f64>> {
+        let pixels = (FOCAL / (NEAR * radius.max(1e-6))).powi(2);
+        let unseen =
+            |i: usize| UNSEEN * (splats.opacity(i) * cover(splats.log_scales[i]) * pixels).min(LARGEST);
+        let mut worth: Vec<f64> = (0..splats.len()).map(unseen).collect();
+        let mut gradients = Gradients::default();
+        for (_, camera) in cameras {
+            self.look(splats, camera)?;
+            self.renderer.backward(splats, &Upstream::default(), Learn::NONE, &mut gradients)?;
+            for (index, weight) in gradients.visible.iter().zip(&gradients.weights) {
+                worth[*index as usize] += f64::from(*weight);
+            }
+        }
+        Ok(worth)
+    }
+}
+
+/// What a splat covers seen from its broad side, squared units but for a constant.
+fn cover(log_scale: [f32; 3]) -> f64 {
+    let mut sorted = log_scale.map(f64::from);
+    sorted.sort_by(f64::total_cmp);
+    (sorted[1] + sorted[2]).exp()
+}
+
+/// The `target` splats that are worth most, with the others in them.
+fn merged(splats: &Splats, worth: &[f64], target: usize) -> Splats {
+    let mut order: Vec<usize> = (0..splats.len()).collect();
+    order.sort_by(|a, b| worth[*b].total_cmp(&worth[*a]).then(a.cmp(b)));
+    let (kept, gone) = order.split_at_mut(target);
+    // They stay in the order of the scene.
+    kept.sort_unstable();
+    gone.sort_unstable();
+    let places: Vec<[f64; 3]> = kept.iter().map(|i| splats.means[*i].map(f64::from)).collect();
+    let Ok(tree) = ImmutableKdTree::<f64, 3>::new_from_slice(&places) else { return splats.select(kept) };
+    let mut taken: Vec<Vec<usize>> = vec![Vec::new(); kept.len()];
+    for index in gone.iter().copied() {
+        let at = splats.means[index].map(f64::from);
+        let longest =
+            |i: usize| f64::from(splats.log_scales[i].iter().fold(f32::MIN, |a, b| a.max(*b))).exp();
+        let found = tree.query(&at).nearest_n::<SquaredEuclidean<f64>>(NonZero::<usize>::MIN).execute();
+        let Some(near) = found.first() else { continue };
+        let keeper = kept[near.item as usize];
+        let alike = splats.groups[keeper] == splats.groups[index] && splats.groups[index] != Group::Sky;
+        if alike && near.distance.sqrt() <= REACH * (longest(index) + longest(keeper)) {
+            taken[near.item as usize].push(index);
+        }
+    }
+    let mut out = splats.select(kept);
+    for (slot, (keeper, others)) in kept.iter().zip(&taken).enumerate() {
+        if !others.is_empty() {
+            put(&mut out, slot, splats, worth, *keeper, others);
+        }
+    }
+    out
+}
+
+/// Writes a splat and those that go into it as one.
+fn put(out: &mut Splats, slot: usize, splats: &Splats, worth: &[f64], keeper: usize, others: &[usize]) {
+    let all = || others.iter().copied().chain([keeper]);
+    let total: f64 = all().map(|i| worth[i]).sum();
+    if total <= 0.0 {
+        return;
+    }
+    let share = |i: usize| worth[i] / total;
+    let mean = |i: usize| DVec3::from_array(splats.means[i].map(f64::from));
+    let center: DVec3 = all().map(|i| share(i) * mean(i)).sum();
+    let mut covariance = DMat3::ZERO;
+    for i in all() {
+        let rows = quat::to_matrix(splats.quats[i].map(f64::from));
+        let rotation = DMat3::from_cols_array_2d(&rows).transpose();
+        let scaled = rotation * DMat3::from_diagonal(DVec3::from_array(splats.scales(i)));
+        let offset = mean(i) - center;
+        let outer = DMat3::from_cols(offset * offset.x, offset * offset.y, offset * offset.z);
+        covariance += (scaled * scaled.transpose() + outer) * share(i);
+    }
+    let (variances, vectors) = jacobi(covariance.to_cols_array_2d());
+    if !variances.iter().all(|v| v.is_finite()) {
+        return;
+    }
+    let mut rotation = DMat3::from_cols_array_2d(&vectors);
+    if rotation.determinant() < 0.0 {
+        rotation.z_axis = -rotation.z_axis;
+    }
+    let turn = DQuat::from_mat3(&rotation);
+    out.means[slot] = center.to_array().map(|v| v as f32);
+    out.quats[slot] = [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32);
+    out.log_scales[slot] = variances.map(|v| (0.5 * v.max(1e-20).ln()) as f32);
+    let covered = |i: usize| splats.opacity(i) * cover(splats.log_scales[i]);
+    // One that is hidden more than the keeper covers less of what is seen.
+    let seen = |i: usize| {
+        (worth[i] / covered(i).max(1e-30)) / (worth[keeper] / covered(keeper).max(1e-30)).max(1e-30)
+    };
+    let together = covered(keeper) + others.iter().map(|i| covered(*i) * seen(*i).min(1.0)).sum::<f64>();
+    let opacity = (together / cover(out.log_scales[slot])).min(splats.opacity(keeper).max(0.99));
+    out.logit_opacities[slot] = logit(opacity) as f32;
+    let stride = splats.sh_stride();
+    let sh = &mut out.sh[slot * stride..][..stride];
+    sh.fill(0.0);
+    for i in all() {
+        sh.iter_mut().zip(splats.sh_of(i)).for_each(|(sum, v)| *sum += share(i) as f32 * v);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wm_scene::splats::Splat;
+
+    /// Two halves of a splat beside each other become one as wide as both, and as opaque.
+    #[test]
+    fn halves_become_a_whole() {
+        let mut splats = Splats::with_capacity(3, 0);
+        let half = |x: f32, red: f32| Splat {
+            mean: [x, 0.0, 0.0],
+            quat: [1.0, 0.0, 0.0, 0.0],
+            log_scale: [0.0, 0.0, -3.0],
+            logit_opacity: 0.0,
+            rgb: [red, 0.5, 0.5],
+            group: Group::Scene,
+        };
+        splats.push(&half(-1.0, 0.25));
+        splats.push(&half(1.0, 0.75));
+        splats.push(&half(50.0, 0.5));
+        let one = merged(&splats, &[5.0, 5.0, 9.0], 2);
+        assert_eq!(one.len(), 2);
+        assert!(one.means[0][0].abs() < 1e-6);
+        // Variance 1 of each and 1 of their distance from the middle.
+        let mut scales = one.scales(0);
+        scales.sort_by(f64::total_cmp);
+        assert!((scales[2] - 2f64.sqrt()).abs() < 1e-6 && (scales[1] - 1.0).abs() < 1e-6);
+        assert!((one.opacity(0) - 2.0 * 0.5 / 2f64.sqrt()).abs() < 1e-5, "{}", one.opacity(0));
+        let grey = wm_scene::sh::color(one.sh_of(0), [0.0, 0.0, 1.0]);
+        assert!(grey.iter().all(|v| (v - 0.5).abs() < 1e-6));
+        assert_eq!(one.means[1], [50.0, 0.0, 0.0]);
+        // What has no neighbour near is dropped, and nothing else changes.
+        let two = merged(&splats, &[5.0, 5.0, 1.0], 2);
+        assert_eq!(two, splats.select(&[0, 1]));
+    }
+}

@@ -1,0 +1,182 @@
+//! Places that a photographer would try, with what the grid of the scene promises of them.
+
+use super::space::Space;
+use glam::DVec3;
+use std::f64::consts::TAU;
+use wm_scene::survey::{FactSource, Survey};
+
+/// A place and a direction to look from it.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate {
+    /// What kind of view it is.
+    pub kind: Kind,
+    /// The camera centre, scene units.
+    pub eye: DVec3,
+    /// The viewing direction, length 1.
+    pub forward: DVec3,
+    /// How good it looks in the grid; comparable within a kind.
+    pub promise: f64,
+}
+
+/// Kinds of views.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// As a person on the ground sees it.
+    EyeLevel,
+    /// From a ladder, a window or a drone, down into the scene.
+    Raised,
+    /// From outside and above, the whole or a part of it: for objects and scenes from the air.
+    Outside,
+}
+
+impl Kind {
+    /// How many of a kind are rendered.
+    fn share(self) -> usize {
+        match self {
+            Self::EyeLevel => 18,
+            Self::Raised => 8,
+            Self::Outside => 10,
+        }
+    }
+}
+
+/// Directions that a place is looked about in.
+const AZIMUTHS: usize = 36;
+/// Rays above and below each direction, degrees; those below come first.
+const ELEVATIONS: [f64; 7] = [-20.0, -12.0, -6.0, 0.0, 6.0, 12.0, 20.0];
+/// Rays that look down.
+const LOW: usize = 3;
+/// Azimuths in a picture, to each side of its middle: 30 degrees.
+const HALF: usize = 3;
+/// Places to each side of the middle.
+const STEPS: i32 = 9;
+
+/// The most promising places of each kind; empty for a scene without size.
+pub fn candidates(space: &Space, survey: &Survey) -> Vec<Candidate> {
+    if survey.radius <= 0.0 {
+        return Vec::new();
+    }
+    let mut all = within(space, survey);
+    all.extend(outside(space, survey));
+    let mut best: Vec<Candidate> = Vec::new();
+    for kind in [Kind::EyeLevel, Kind::Raised, Kind::Outside] {
+        let mut of_kind: Vec<&Candidate> = all.iter().filter(|c| c.kind == kind).collect();
+        of_kind.sort_by(|a, b| b.promise.total_cmp(&a.promise));
+        best.extend(of_kind.into_iter().take(kind.share()));
+    }
+    best
+}
+
+/// Heights above the ground to look from, and how far down, degrees.
+fn heights(survey: &Survey) -> Vec<(Kind, f64, f64)> {
+    let radius = survey.radius;
+    let person = 1.6 / survey.metres_per_unit.value;
+    // Should a unit be something else than a metre: most places are walked about in within 50 m.
+    let likely = 0.035 * radius;
+    let fits = (0.01 * radius..=0.1 * radius).contains(&person);
+    let (kind, lowest) = if fits || survey.metres_per_unit.source != FactSource::Assumed {
+        (Kind::EyeLevel, person)
+    } else if survey.sky_splats > 0 {
+        (Kind::EyeLevel, likely)
+    } else {
+        // A table, a room or a street: nobody knows what eye level is, and the floor is no place for a lens.
+        (Kind::Raised, 0.1 * radius)
+    };
+    let high = (0.2 * radius).max(4.0 * lowest);
+    vec![
+        (kind, lowest, 0.0),
+        (Kind::Raised, 2.5 * lowest, -10.0),
+        (Kind::Raised, high, -12.0),
+        (Kind::Raised, high, -20.0),
+    ]
+}
+
+/// Views from places above the seen ground.
+fn within(space: &Space, survey: &Survey) -> Vec<Candidate> {
+    let (radius, heights) = (survey.radius, heights(survey));
+    let [x, y, up] = space.axes();
+    let mut all = Vec::new();
+    for i in -STEPS..=STEPS {
+        for j in -STEPS..=STEPS {
+            let offset = (x * f64::from(i) + y * f64::from(j)) * (radius / f64::from(STEPS + 1));
+            let below = survey.center + offset;
+            let Some(ground) = space.ground(below) else { continue };
+            for (kind, height, pitch) in &heights {
+                let eye = below + up * (ground + height - below.dot(up));
+                // Nobody crouches under a table for a view of the place.
+                let headroom = space.hit(eye, up, 2.5 * height).is_none();
+                if headroom && space.is_clear(eye, (0.5 * height).min(0.03 * radius)) {
+                    all.extend(look_about(space, *kind, eye, *pitch, radius));
+                }
+            }
+        }
+    }
+    all
+}
+
+/// The two best directions from a place.
+fn look_about(space: &Space, kind: Kind, eye: DVec3, pitch: f64, radius: f64) -> Vec<Candidate> {
+    let azimuth = |i: usize| TAU * i as f64 / AZIMUTHS as f64;
+    let look = |i: usize| {
+        let ray = |e: f64| space.direction(azimuth(i), (e + pitch).to_radians());
+        ELEVATIONS.map(|e| space.hit(eye, ray(e), 2.0 * radius))
+    };
+    let seen: Vec<[Option<f64>; 7]> = (0..AZIMUTHS).map(look).collect();
+    let mut views: Vec<Candidate> = (0..AZIMUTHS)
+        .step_by(HALF)
+        .map(|i| {
+            let picture: Vec<[Option<f64>; 7]> =
+                (0..=2 * HALF).map(|k| seen[(i + AZIMUTHS + k - HALF) % AZIMUTHS]).collect();
+            let forward = space.direction(azimuth(i), pitch.to_radians());
+            Candidate { kind, eye, forward, promise: promise(&picture, radius) }
+        })
+        .collect();
+    views.sort_by(|a, b| b.promise.total_cmp(&a.promise));
+    views.truncate(2);
+    views
+}
+
+/// What the rays of a picture promise: ground throughout, near and far things, room before the lens, and
+/// some but not only sky.
+fn promise(picture: &[[Option<f64>; 7]], radius: f64) -> f64 {
+    let part = |rays: std::ops::Range<usize>| {
+        let part: Vec<Option<f64>> =
+            picture.iter().flat_map(|column| column[rays.clone()].to_vec()).collect();
+        part.iter().flatten().count() as f64 / part.len() as f64
+    };
+    let (cover, things) = (part(0..LOW), part(LOW..ELEVATIONS.len()));
+    let mut distances: Vec<f64> = picture.iter().flatten().flatten().copied().collect();
+    distances.sort_by(f64::total_cmp);
+    let quantile = |q: f64| {
+        let rank = (q * distances.len() as f64) as usize;
+        distances.get(rank).copied().unwrap_or(0.01 * radius)
+    };
+    let too_near = |limit: f64, q: f64| (limit * radius / quantile(q)).ln().clamp(0.0, 2.0);
+    -4.0 * (1.0 - cover) + 0.7 * (quantile(0.85) / quantile(0.15)).ln().clamp(0.0, 2.0)
+        - too_near(0.2, 0.5)
+        - too_near(0.04, 0.02)
+        - 2.0 * (0.35 - things).max(0.0)
+        - 2.0 * (things - 0.8).max(0.0)
+}
+
+/// Three-quarter views from outside, from near for a part to far for the whole.
+fn outside(space: &Space, survey: &Survey) -> Vec<Candidate> {
+    let radius = survey.radius;
+    let target = survey.center;
+    let mut all = Vec::new();
+    for i in 0..12 {
+        for elevation in [20.0f64, 32.0] {
+            for distance in [0.45, 0.8, 1.3, 1.9] {
+                let back = space.direction(TAU * f64::from(i) / 12.0, elevation.to_radians());
+                let eye = target + back * (distance * radius);
+                if space.is_clear(eye, 0.05 * radius) {
+                    // The middle of the scene should be in sight, not behind a wall.
+                    let seen = space.hit(eye, -back, distance * radius).unwrap_or(distance * radius);
+                    let promise = (seen / (distance * radius)).ln().max(-3.0) - 0.2 * distance;
+                    all.push(Candidate { kind: Kind::Outside, eye, forward: -back, promise });
+                }
+            }
+        }
+    }
+    all
+}

@@ -1,0 +1,133 @@
+//! Cameras: what is asked for on the command line, paths through time, and a good view of a scene
+//! when nothing is asked for.
+//!
+//! - [`spec`]: `--camera` and the options beside it.
+//! - [`path`]: a camera as a function of time, from a file of keyframes.
+//! - [`moves`]: the built-in paths: orbit, dolly, along the photos.
+//! - [`choose`]: a good view of any scene. It looks about in [`space`] and at small renders, which
+//!   [`rate`] judges.
+
+pub mod candidates;
+pub mod choose;
+mod foreign;
+mod json;
+pub mod moves;
+pub mod path;
+mod rate;
+pub mod space;
+pub mod spec;
+#[cfg(test)]
+mod testing;
+
+use glam::DVec3;
+use thiserror::Error;
+use wm_render::{
+    DrawPass, Frame, Geometry, Outputs, RenderBackend, RenderConfig, RenderError, SetId, SetView,
+};
+use wm_scene::{Camera, CameraError, FormatError, Scene, survey::Survey};
+
+/// Vertical field of view where nothing else is said, degrees.
+pub const DEFAULT_FOV: f64 = 50.0;
+
+/// Picture size where nothing else is said, px.
+pub const DEFAULT_SIZE: (u32, u32) = (1280, 720);
+
+/// What is given by hand beside the place of a camera. It wins over files and photos.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Options {
+    /// Up in world axes, of any length but 0; else the survey's.
+    pub up: Option<DVec3>,
+    /// Vertical field of view, degrees; else that of the photo or file, or [`DEFAULT_FOV`].
+    pub fov: Option<f64>,
+    /// Near plane, scene units; else the file's, or what suits the scene's size.
+    pub near: Option<f64>,
+    /// Picture width and height, px; else the photo's, or [`DEFAULT_SIZE`].
+    pub size: Option<(u32, u32)>,
+}
+
+impl ViewError {
+    /// A text that cannot be understood, on one line.
+    fn text(what: &'static str, text: &str, problem: impl Into<String>) -> Self {
+        let escape = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+        Self::Text { what, text: text.chars().map(escape).collect(), problem: problem.into() }
+    }
+}
+
+impl Options {
+    /// Up in world axes, length 1.
+    #[must_use]
+    pub fn up(&self, survey: &Survey) -> DVec3 {
+        self.up.and_then(DVec3::try_normalize).unwrap_or(survey.up.value)
+    }
+
+    /// Near plane, scene units: that of the reference 3DGS viewers, less in small scenes.
+    #[must_use]
+    pub fn near(&self, survey: &Survey) -> f64 {
+        let usual = Camera::DEFAULT_NEAR;
+        let suits = if survey.radius > 0.0 { usual.min(0.01 * survey.radius) } else { usual };
+        self.near.unwrap_or(suits)
+    }
+
+    /// Picture width and height, px.
+    #[must_use]
+    pub fn size(&self) -> (u32, u32) {
+        self.size.unwrap_or(DEFAULT_SIZE)
+    }
+}
+
+/// A scene to look for views in: its splats are loaded, and what is known of it is known.
+pub struct Site<'a> {
+    /// Where the splats are loaded.
+    pub renderer: &'a mut dyn RenderBackend,
+    /// As what.
+    pub set: SetId,
+    /// The scene; its sky should be labelled.
+    pub scene: &'a Scene,
+    /// What is known of it.
+    pub survey: &'a Survey,
+    /// What is given by hand.
+    pub options: Options,
+}
+
+impl Site<'_> {
+    /// What a camera sees: colour before black, alpha and depth.
+    fn look(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
+        let outputs = Outputs { geometry: Geometry::Depth, ..Outputs::default() };
+        let rasterization = self.scene.metadata.rasterization.unwrap_or_default();
+        let config = RenderConfig { outputs, rasterization, ..RenderConfig::default() };
+        let sets = [SetView::plain(self.set)];
+        let job = DrawPass::new(&sets, camera, &config);
+        self.renderer.render(&job, frame)?;
+        Ok(())
+    }
+}
+
+/// Why there is no camera.
+#[derive(Debug, Error)]
+pub enum ViewError {
+    /// A text on the command line cannot be understood.
+    #[error("{what} \"{text}\": {problem}")]
+    Text {
+        /// Which option.
+        what: &'static str,
+        /// Its text.
+        text: String,
+        /// What is wrong, and what is expected.
+        problem: String,
+    },
+    /// A camera file cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FormatError),
+    /// Keyframes that make no path.
+    #[error("camera path: {0}")]
+    Path(String),
+    /// Numbers that make no camera.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// The views to choose from could not be rendered.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// The scene cannot have what is asked for.
+    #[error("{0}")]
+    Scene(String),
+}

@@ -1,0 +1,83 @@
+//! What tests of cameras share.
+
+use super::{Options, Site};
+use glam::DVec3;
+use wm_render::{CpuConfig, CpuRenderer, RenderBackend, SetId};
+use wm_scene::formats::{ReadOptions, read_scene};
+use wm_scene::survey::{FactSource, Sourced, Survey, label_sky};
+use wm_scene::testing::data;
+use wm_scene::{Camera, Metadata, Scene, SceneView, synthetic};
+
+/// A place with z up, the ground at 0, 10 units in radius.
+pub fn survey() -> Survey {
+    fn known<T>(value: T) -> Sourced<T> {
+        Sourced { value, source: FactSource::Given }
+    }
+    Survey {
+        up: known(DVec3::Z),
+        ground: known(0.0),
+        metres_per_unit: known(1.0),
+        scale_source: None,
+        airlight: known([0.8; 3]),
+        center: DVec3::new(0.0, 0.0, 2.0),
+        radius: 10.0,
+        extent: [20.0, 15.0, 8.0],
+        sky_splats: 0,
+    }
+}
+
+/// Views of these names at x = 0, 1, 2, ... that look along y.
+pub fn views(names: &[&str]) -> Vec<SceneView> {
+    let camera = |x: f64| {
+        let eye = DVec3::new(x, 0.0, 1.6);
+        Camera::looking((300, 200), 60.0, eye, eye + DVec3::Y, DVec3::Z).unwrap()
+    };
+    names
+        .iter()
+        .enumerate()
+        .map(|(i, name)| SceneView { name: (*name).into(), camera: camera(i as f64) })
+        .collect()
+}
+
+/// A real scene by its file's name; `None`, said on stderr, where the data is not there.
+pub fn real(name: &str) -> Option<Scene> {
+    let path = data(&format!("scenes/{name}.ply"))?;
+    Some(read_scene(&path, &ReadOptions::default()).unwrap())
+}
+
+/// A made-up place: `street`, `street-sky`, `table` or `village`.
+pub fn place(name: &str) -> Scene {
+    let mut place = match name {
+        "table" => synthetic::table(1),
+        "village" => synthetic::aerial(1),
+        _ => synthetic::street(1),
+    };
+    if name.ends_with("-sky") {
+        place.sky(DVec3::ZERO, 400.0, 8000);
+    }
+    Scene { splats: place.build(), ..Scene::default() }
+}
+
+/// A scene that is ready to be looked at.
+pub struct Loaded {
+    pub renderer: CpuRenderer,
+    pub set: SetId,
+    pub scene: Scene,
+    pub survey: Survey,
+}
+
+impl Loaded {
+    /// Labels the sky, surveys and loads; rendered on so many threads.
+    pub fn new(mut scene: Scene, threads: Option<usize>) -> Self {
+        label_sky(&mut scene.splats);
+        let survey = Survey::of(&scene, &Metadata::default());
+        let mut renderer = CpuRenderer::new(CpuConfig { threads, ..CpuConfig::default() }).unwrap();
+        let set = renderer.load(&scene.splats).unwrap();
+        Self { renderer, set, scene, survey }
+    }
+
+    pub fn site(&mut self, options: Options) -> Site<'_> {
+        let Self { renderer, set, scene, survey } = self;
+        Site { renderer, set: *set, scene, survey, options }
+    }
+}

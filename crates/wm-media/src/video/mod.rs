@@ -1,0 +1,142 @@
+//! Videos: frames in, one MP4 out, frame by frame.
+//!
+//! Two encoders behind one trait: OpenH264, built in (feature `h264`), and ffmpeg, a program of the
+//! user. Both get the same planes from [`yuv`]: BT.709, limited range, dithered so that fog does not
+//! band. Memory does not grow with the length of the video, but for a few bytes a frame.
+
+mod ffmpeg;
+mod frame_rate;
+#[cfg(feature = "h264")]
+mod h264;
+#[cfg(feature = "h264")]
+mod mp4;
+#[cfg(test)]
+mod tests;
+mod yuv;
+
+use std::path::{Path, PathBuf};
+
+pub use frame_rate::FrameRate;
+use wm_scene::files::TempFile;
+
+use super::color::Dither;
+use super::{MediaError, Size, Tags};
+
+/// Time between keyframes, which are where a player can jump to, at most; seconds.
+const KEYFRAME_SECONDS: f64 = 2.0;
+
+/// Who makes H.264 of the frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Encoder {
+    /// OpenH264, built into this program: Constrained Baseline profile. The same frames give the same
+    /// bytes.
+    #[default]
+    Builtin,
+    /// The program `ffmpeg` with libx264, from PATH: High profile, files about a third the size.
+    Ffmpeg,
+}
+
+/// What a video is, apart from its frames.
+#[derive(Clone, Debug)]
+pub struct VideoSettings {
+    /// Of every frame; both sides even.
+    pub size: Size,
+    /// Frames per second.
+    pub frame_rate: FrameRate,
+    /// Who encodes.
+    pub encoder: Encoder,
+    /// Bits per second to aim at; `None` for the same good quality whatever it takes, which is what
+    /// suits fog: see the encoders.
+    pub bitrate: Option<u32>,
+    /// How planes are quantised.
+    pub dither: Dither,
+    /// Written as the file's comment.
+    pub tags: Vec<(String, String)>,
+}
+
+impl VideoSettings {
+    /// Settings with the built-in encoder, constant quality, dither and no tags.
+    #[must_use]
+    pub fn new(size: Size, frame_rate: FrameRate) -> Self {
+        Self {
+            size,
+            frame_rate,
+            encoder: Encoder::default(),
+            bitrate: None,
+            dither: Dither::default(),
+            tags: Vec::new(),
+        }
+    }
+}
+
+/// A video being written. Dropping it before [`VideoSink::finish`] leaves no file.
+pub trait VideoSink: Send {
+    /// Adds a frame: `rgb [H, W, 3]`, sRGB-encoded 0-1; what lies outside is clipped. Panics if the
+    /// length does not fit the size in the settings.
+    ///
+    /// # Errors
+    /// The encoder or the disk refuses; the sink is of no use then.
+    fn frame(&mut self, rgb: &[f32]) -> Result<(), MediaError>;
+
+    /// Completes the file and puts it under its name.
+    ///
+    /// # Errors
+    /// No frame was added; the encoder or the disk refuses. No file is left then.
+    fn finish(self: Box<Self>) -> Result<VideoReport, MediaError>;
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VideoReport {
+    /// The file.
+    pub path: PathBuf,
+    /// Who encoded.
+    pub encoder: Encoder,
+    /// Frames.
+    pub frames: u64,
+    /// Frames over frames per second.
+    pub seconds: f64,
+    /// Bytes of the file.
+    pub bytes: u64,
+}
+
+/// Starts the video `path` (`.mp4`).
+///
+/// # Errors
+/// A side is odd or too large for the encoder; the encoder is not there; the file cannot be made.
+pub fn create_video(path: &Path, settings: VideoSettings) -> Result<Box<dyn VideoSink>, MediaError> {
+    let Size { width, height } = settings.size;
+    if !width.is_multiple_of(2) || !height.is_multiple_of(2) {
+        return Err(MediaError::OddSize { path: path.to_path_buf(), width, height });
+    }
+    match settings.encoder {
+        #[cfg(feature = "h264")]
+        Encoder::Builtin => Ok(Box::new(h264::H264Sink::create(path, settings)?)),
+        #[cfg(not(feature = "h264"))]
+        Encoder::Builtin => Err(MediaError::NoBuiltinEncoder { path: path.to_path_buf() }),
+        Encoder::Ffmpeg => Ok(Box::new(ffmpeg::FfmpegSink::create(path, settings)?)),
+    }
+}
+
+/// A file for a video that is being written.
+fn temporary(path: &Path) -> Result<TempFile, MediaError> {
+    TempFile::beside(path).map_err(|fault| MediaError::write(path, fault))
+}
+
+/// `key = value`, a line each: what players show as the comment.
+fn comment(tags: &Tags) -> String {
+    let lines: Vec<_> = tags.iter().map(|(key, text)| format!("{key} = {text}")).collect();
+    lines.join("\n")
+}
+
+/// What an encoder said, as one line of bearable length.
+fn one_line(text: &str) -> String {
+    const MOST: usize = 400;
+    let lines: Vec<_> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+    let line = lines.join("; ");
+    match line.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{} ...", &line[..end]),
+        None if line.is_empty() => "it did not say why".to_owned(),
+        None => line,
+    }
+}

@@ -1,0 +1,116 @@
+//! Numbers that each splat has in one pass alone: weather changes them from frame to frame without a rebuild of the set.
+//!
+//! [`Attribute`] lists the columns, once for both back ends: a block holds one array a column, and WGSL gets the number
+//! of columns and their places from here ([`crate::gpu`]). A new column is a variant of [`Attribute`], its neutral value,
+//! and the stage that reads it. Sets without attributes pay nothing.
+
+use crate::cpu::model::CLUSTER;
+use crate::hooks::GROUP;
+
+/// A number that each splat has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Attribute {
+    /// A factor on the opacity, 0-1.
+    Visibility,
+}
+
+impl Attribute {
+    /// Every attribute, in the order of the columns.
+    pub const ALL: [Self; 1] = [Self::Visibility];
+    /// The number of columns.
+    pub const COUNT: usize = Self::ALL.len();
+
+    /// The value that changes nothing.
+    #[must_use]
+    pub const fn neutral(self) -> f32 {
+        match self {
+            Self::Visibility => 1.0,
+        }
+    }
+
+    /// The name of the column's number in WGSL.
+    #[must_use]
+    pub const fn wgsl_name(self) -> &'static str {
+        match self {
+            Self::Visibility => "ATTRIBUTE_VISIBILITY",
+        }
+    }
+}
+
+/// The attributes of the splats of one set.
+pub trait SplatAttributes: Sync {
+    /// Writes the attributes of splat `indices[i]` (index in the loaded splats) to row `i` of the columns that it
+    /// changes; the others are neutral already. There are at most [`AttributeBlock::SPLATS`] indices.
+    fn fill(&self, indices: &[u32], block: &mut AttributeBlock);
+}
+
+/// The attributes of up to 256 splats, one array a column.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub struct AttributeBlock {
+    columns: [[[f32; GROUP]; CLUSTER / GROUP]; Attribute::COUNT],
+}
+
+impl Default for AttributeBlock {
+    fn default() -> Self {
+        Self { columns: Attribute::ALL.map(|attribute| [[attribute.neutral(); GROUP]; CLUSTER / GROUP]) }
+    }
+}
+
+impl AttributeBlock {
+    /// Most splats of a block.
+    pub const SPLATS: usize = CLUSTER;
+
+    /// One column, a number a splat.
+    #[inline]
+    #[must_use]
+    pub fn column(&self, attribute: Attribute) -> &[f32] {
+        self.columns[attribute as usize].as_flattened()
+    }
+
+    /// One column, to be written.
+    #[inline]
+    pub fn column_mut(&mut self, attribute: Attribute) -> &mut [f32] {
+        self.columns[attribute as usize].as_flattened_mut()
+    }
+
+    /// One column of sixteen splats.
+    #[inline(always)]
+    pub(crate) fn group(&self, group: usize, attribute: Attribute) -> &[f32; GROUP] {
+        &self.columns[attribute as usize][group]
+    }
+
+    /// The attributes of these splats.
+    #[inline]
+    pub(crate) fn read(&mut self, attributes: &dyn SplatAttributes, indices: &[u32]) {
+        for attribute in Attribute::ALL {
+            self.column_mut(attribute).fill(attribute.neutral());
+        }
+        attributes.fill(indices, self);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Odd;
+
+    impl SplatAttributes for Odd {
+        fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
+            for (index, factor) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
+                *factor = (index % 2) as f32;
+            }
+        }
+    }
+
+    #[test]
+    fn a_block_is_neutral_where_nothing_is_written() {
+        let mut block = AttributeBlock::default();
+        block.read(&Odd, &[3; 256]);
+        block.read(&Odd, &[0, 1, 4]);
+        let column = block.column(Attribute::Visibility);
+        assert_eq!(column[..4], [0.0, 1.0, 0.0, Attribute::Visibility.neutral()]);
+        assert_eq!(block.group(0, Attribute::Visibility)[..], column[..GROUP]);
+    }
+}

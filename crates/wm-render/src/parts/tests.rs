@@ -1,0 +1,202 @@
+use super::*;
+use crate::frame::Frame;
+use crate::hooks::{
+    AirGroup, AirOnRay, GROUP, Medium, Particle, ParticleGroup, ParticleView, Particles, PixelBatch,
+    PixelEffect, ShadeGroup, WgslSource,
+};
+use crate::plan::SetView;
+use crate::renderer::{Background, CpuConfig, ParticlePass, RenderBackend, SkyGradient};
+use crate::simd::SimdPath;
+use crate::testing::{ALL_OUTPUTS, Backend, camera, compare, random_splats};
+use crate::{CpuRenderer, reference};
+use wm_scene::random::uniform;
+
+crate::parity! {
+    the_parts_make_up_the_picture => recombination;
+    transmittance_is_the_referees => transmittance;
+    clear_air_takes_nothing => clear;
+}
+
+/// Coloured air, the same everywhere.
+struct Air {
+    sigma: [f64; 3],
+    light: [f64; 3],
+}
+
+const AIR: Air = Air { sigma: [0.3, 0.4, 0.55], light: [0.5, 0.6, 0.7] };
+
+impl Medium for Air {
+    fn evaluate(&self, _: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]) {
+        for (rays, out) in rays.iter().zip(out) {
+            for lane in 0..GROUP {
+                let distance = f64::from(rays.distance[lane]);
+                let air = self.evaluate_reference(origin.map(f64::from), [0.0; 3], distance);
+                for k in 0..3 {
+                    out.transmittance[k][lane] = air.transmittance[k] as f32;
+                    out.airlight[k][lane] = air.airlight[k] as f32;
+                }
+            }
+        }
+    }
+
+    fn evaluate_reference(&self, _: [f64; 3], _: [f64; 3], distance: f64) -> AirOnRay {
+        let kept = self.sigma.map(|sigma| (-sigma * distance).exp());
+        AirOnRay { transmittance: kept, airlight: [0, 1, 2].map(|k| self.light[k] * (1.0 - kept[k])) }
+    }
+
+    fn wgsl(&self, _: [f32; 3]) -> Option<WgslSource> {
+        let wgsl = "fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
+            let kept = exp(-vec3<f32>(air[0], air[1], air[2]) * min(distance, 1e6));
+            return AirOnRay(kept, vec3<f32>(air[3], air[4], air[5]) * (1.0 - kept));
+        }";
+        Some(WgslSource {
+            wgsl: wgsl.into(),
+            parameters: self.sigma.iter().chain(&self.light).map(|v| *v as f32).collect(),
+        })
+    }
+}
+
+/// Some thousand drops before, between and behind the splats.
+struct Drops;
+
+impl Particles for Drops {
+    fn parts(&self, _: &ParticleView) -> Vec<[i32; 4]> {
+        (0..20).map(|part| [part, 0, 0, 0]).collect()
+    }
+
+    fn gather(&self, _: SimdPath, view: &ParticleView, part: [i32; 4], take: &mut dyn FnMut(&ParticleGroup)) {
+        let drops = (0..100u64).map(|i| {
+            let draw = |k: u64, low: f64, high: f64| low + (high - low) * uniform(part[0] as u64, 20 * i + k);
+            let at = [draw(0, -3.0, 3.0), draw(1, -3.0, 3.0), draw(2, -3.0, 3.0)];
+            Particle {
+                offset: [0, 1, 2].map(|k| (at[k] - view.center[k]) as f32),
+                sigma: 0.01,
+                reach: [[0.0, draw(3, 0.0, 0.3) as f32, 0.02], [0.0; 3]],
+                area: draw(4, 1e-4, 5e-3) as f32,
+                rgb: [5, 6, 7].map(|k| draw(k, 0.0, 1.5) as f32),
+            }
+        });
+        let drops: Vec<Particle> = drops.collect();
+        drops.chunks(GROUP).for_each(|group| take(&ParticleGroup::of(group)));
+    }
+}
+
+/// What the pixel effects do is in no part.
+struct Red;
+
+impl PixelEffect for Red {
+    fn apply(&self, _: SimdPath, pixels: &mut PixelBatch<'_>) {
+        pixels.rgb[0].iter_mut().for_each(|red| *red += 1.0);
+    }
+}
+
+const ALL: [PicturePart; 3] = [PicturePart::Clean, PicturePart::Transmittance, PicturePart::Airlight];
+
+fn config() -> RenderConfig {
+    RenderConfig {
+        outputs: Outputs { particles: ParticlePass::On, ..Outputs::default() },
+        background: Background::Sky(SkyGradient::daylight([0.0, -1.0, 0.0])),
+        ..RenderConfig::default()
+    }
+}
+
+fn parts(
+    renderer: &mut dyn RenderBackend,
+    medium: Option<&dyn Medium>,
+    wanted: &[PicturePart],
+) -> (Frame, PictureParts) {
+    let set = renderer.load(&random_splats(300, 1, 5)).unwrap();
+    let hooks = Hooks { medium, particles: &[&Drops], ..Hooks::default() };
+    let pass = DrawPass::new(&[SetView::plain(set)], &camera(77, 52), &config());
+    let mut plan = FramePlan::new();
+    let picture = plan.draw(pass.clone().with_hooks(hooks));
+    let red = plan.draw(pass.with_hooks(Hooks { pixels: &[&Red], ..hooks }));
+    let passes = PartPasses::append(&mut plan, red, wanted);
+    let mut pictures = Pictures::default();
+    renderer.execute(&plan, &mut pictures).unwrap();
+    (pictures.take(picture), passes.finish(&pictures))
+}
+
+/// What the parts say that the picture is, linear light, and the picture.
+fn sums(frame: &Frame, passes: &PictureParts) -> Vec<(f32, f32)> {
+    let colors = frame.rgb_linear();
+    let pixel = |i: usize| {
+        let [.., coverage] = frame.particles.as_chunks::<4>().0[i / 3];
+        let light = frame.particles[4 * (i / 3) + i % 3];
+        let through = passes.clean[i] * passes.transmittance[i] + passes.airlight[i];
+        (through * (1.0 - coverage) + light, colors[i])
+    };
+    (0..colors.len()).map(pixel).collect()
+}
+
+fn recombination(backend: Backend) {
+    let (frame, passes) = parts(&mut *backend.renderer(), Some(&AIR), &ALL);
+    let worst = sums(&frame, &passes).iter().map(|(sum, color)| (sum - color).abs()).fold(0.0, f32::max);
+    // f32 and the encoding, 1e-6 of light each time.
+    assert!(worst < 2e-5, "{worst}");
+    let coverage: Vec<f32> = frame.particles.iter().skip(3).step_by(4).copied().collect();
+    let covered = coverage.iter().filter(|c| **c > 0.05).count();
+    assert!(covered > 300 && coverage.iter().all(|c| (0.0..=1.0).contains(c)), "{covered}");
+    assert!(frame.particles.iter().all(|v| *v >= 0.0));
+    // The rest is light of the air, but where a pixel shows several distances.
+    let [low, high] = [-0.05, 0.75];
+    assert!(passes.airlight.iter().all(|light| (low..high).contains(light)));
+}
+
+/// The referee's picture of an air that colours by its share is blended like any other.
+fn transmittance(backend: Backend) {
+    let mut renderer = backend.renderer();
+    let (_, passes) = parts(&mut *renderer, Some(&AIR), &[PicturePart::Transmittance]);
+    assert!(passes.clean.is_empty() && passes.airlight.is_empty());
+    let (camera, splats) = (camera(77, 52), random_splats(300, 1, 5));
+    let hooks = Hooks { medium: Some(&AIR), ..Hooks::default() };
+    let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
+    let want = reference::render_shaded(&[(&splats, None)], &camera, &config, hooks, Shading::Transmittance);
+    let set = renderer.load(&splats).unwrap();
+    let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
+    let pass = DrawPass { shading: Shading::Transmittance, ..pass };
+    let mut frame = Frame::default();
+    renderer.render(&pass, &mut frame).unwrap();
+    compare(&frame, &want, 2.0).unwrap();
+    let clamped: Vec<f32> = frame.rgb.iter().map(|share| share.clamp(0.0, 1.0)).collect();
+    assert!(clamped == passes.transmittance);
+    // Blue is lost first.
+    let shares = passes.transmittance.as_chunks::<3>().0;
+    assert!(shares.iter().all(|[red, green, blue]| red >= green && green >= blue && *red < 0.6));
+    assert!(shares.iter().filter(|[red, ..]| *red > 0.05).count() > 1000);
+}
+
+fn clear(backend: Backend) {
+    let (frame, passes) = parts(&mut *backend.renderer(), None, &ALL);
+    assert!(passes.transmittance.iter().all(|share| *share == 1.0));
+    assert!(passes.airlight.iter().all(|light| *light == 0.0));
+    assert!(sums(&frame, &passes).iter().all(|(sum, color)| (sum - color).abs() < 2e-5));
+}
+
+#[test]
+fn no_bit_depends_on_threads_or_on_what_else_is_wanted() {
+    let with = |threads: usize, wanted: &[PicturePart]| {
+        let config = CpuConfig { threads: Some(threads), ..CpuConfig::default() };
+        parts(&mut CpuRenderer::new(config).unwrap(), Some(&AIR), wanted)
+    };
+    let one = with(1, &ALL);
+    assert!(with(3, &ALL) == one);
+    let (frame, alone) = with(2, &[PicturePart::Airlight]);
+    assert!(frame == one.0 && alone.airlight == one.1.airlight && alone.clean.is_empty());
+}
+
+#[test]
+fn asking_for_what_falls_changes_no_color() {
+    let mut renderer = CpuRenderer::new(CpuConfig::default()).unwrap();
+    let set = renderer.load(&random_splats(300, 1, 5)).unwrap();
+    let (apart, camera) = (config(), camera(77, 52));
+    let plain = RenderConfig { outputs: Outputs::default(), ..apart.clone() };
+    let [apart, plain] = [apart, plain].map(|config| {
+        let hooks = Hooks { particles: &[&Drops], ..Hooks::default() };
+        let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
+        let mut frame = Frame::default();
+        renderer.render(&pass, &mut frame).unwrap();
+        frame
+    });
+    assert!(apart.rgb == plain.rgb && plain.particles.is_empty());
+}

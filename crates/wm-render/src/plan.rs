@@ -1,0 +1,330 @@
+//! A frame as a list of passes, which a back end carries out in order.
+//!
+//! A [`DrawPass`] draws splats with a camera. A [`PicturePass`] works on whole finished pictures: it sees colour, depth
+//! and normals of every pixel, and other pictures of the same plan. Most frames are one draw pass; the paper's rain
+//! draws each sub-cloud by itself and lays it over the scene, and the parts of a picture ([`crate::parts`]) are three
+//! draw passes.
+//!
+//! ```
+//! use wm_render::{CpuConfig, CpuRenderer, DrawPass, FramePlan, Pictures, RenderBackend, RenderConfig, SetView};
+//! # use wm_render::{Frame, PictureEffect, simd::SimdPath};
+//! # use wm_scene::{Camera, Splats};
+//! # struct Mean;
+//! # impl PictureEffect for Mean {
+//! #     fn apply(&self, _: SimdPath, picture: &mut Frame, inputs: &[&Frame]) {
+//! #         picture.rgb.iter_mut().zip(&inputs[0].rgb).for_each(|(a, b)| *a = 0.5 * (*a + *b));
+//! #     }
+//! # }
+//! # let camera = Camera::look_at((32, 24), 50.0, glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z)?;
+//! # let (splats, other) = (Splats::default(), Splats::default());
+//! let mut renderer = CpuRenderer::new(CpuConfig::default())?;
+//! let set = renderer.load(&splats)?;
+//! let config = RenderConfig::default();
+//!
+//! let mut plan = FramePlan::new();
+//! let scene = plan.draw(DrawPass::new(&[SetView::plain(set)], &camera, &config));
+//! let noise = plan.draw(DrawPass::new(&[SetView::transient(&other)], &camera, &config));
+//! plan.apply(&Mean, scene, &[noise]);
+//!
+//! let mut pictures = Pictures::default();
+//! renderer.execute(&plan, &mut pictures)?;
+//! assert_eq!(pictures[scene].width, 32);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use crate::frame::{Encoding, Frame};
+use crate::hooks::{Backdrop, Hooks, Particles, SplatAttributes};
+use crate::renderer::{RenderConfig, SetId};
+use crate::simd::SimdPath;
+use std::ops::{Index, IndexMut};
+use wm_scene::{Camera, Splats};
+
+/// Passes in the order in which they are carried out.
+///
+/// Passes write to pictures, which [`Pictures`] holds after [`crate::RenderBackend::execute`]. Several passes may write
+/// to one picture: a draw pass overwrites it, an effect changes it. A plan starts from nothing: what pictures hold from
+/// the frame before is memory, not input.
+#[derive(Clone, Default)]
+pub struct FramePlan<'a> {
+    passes: Vec<FramePass<'a>>,
+    pictures: usize,
+}
+
+/// One pass of a [`FramePlan`].
+#[derive(Clone)]
+pub enum FramePass<'a> {
+    /// Draws splats.
+    Draw {
+        /// The picture that is overwritten.
+        target: PictureId,
+        /// The view.
+        pass: DrawPass<'a>,
+    },
+    /// Works on a finished picture.
+    Picture(PicturePass<'a>),
+}
+
+impl<'a> FramePlan<'a> {
+    /// A plan without passes.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a draw pass into a new picture.
+    pub fn draw(&mut self, pass: DrawPass<'a>) -> PictureId {
+        let target = self.new_picture();
+        self.draw_into(target, pass);
+        target
+    }
+
+    /// Adds a draw pass that overwrites a picture which earlier passes are done with: this saves memory.
+    ///
+    /// # Panics
+    /// If `target` or a picture that the pass reads is not of this plan.
+    pub fn draw_into(&mut self, target: PictureId, pass: DrawPass<'a>) {
+        self.check(target);
+        pass.reads.iter().for_each(|id| self.check(*id));
+        self.passes.push(FramePass::Draw { target, pass });
+    }
+
+    /// Adds an effect that makes a new picture of others. The frame that it is given may hold an old picture.
+    ///
+    /// # Panics
+    /// If an input is not of this plan.
+    pub fn derive(&mut self, effect: &'a dyn PictureEffect, inputs: &[PictureId]) -> PictureId {
+        let target = self.new_picture();
+        self.apply(effect, target, inputs);
+        target
+    }
+
+    /// Adds an effect that changes `picture`.
+    ///
+    /// # Panics
+    /// If `picture` or an input is not of this plan, or `picture` is among its own inputs.
+    pub fn apply(&mut self, effect: &'a dyn PictureEffect, picture: PictureId, inputs: &[PictureId]) {
+        self.check(picture);
+        inputs.iter().for_each(|id| self.check(*id));
+        assert!(!inputs.contains(&picture), "a picture pass reads the picture that it changes");
+        self.passes.push(FramePass::Picture(PicturePass {
+            target: picture,
+            inputs: inputs.to_vec(),
+            effect,
+        }));
+    }
+
+    /// The passes in order.
+    #[must_use]
+    pub fn passes(&self) -> &[FramePass<'a>] {
+        &self.passes
+    }
+
+    /// The last draw pass into a picture.
+    #[must_use]
+    pub fn draw_of(&self, picture: PictureId) -> Option<&DrawPass<'a>> {
+        self.passes.iter().rev().find_map(|pass| match pass {
+            FramePass::Draw { target, pass } if *target == picture => Some(pass),
+            _ => None,
+        })
+    }
+
+    /// The number of pictures that the passes write to.
+    #[must_use]
+    pub fn pictures(&self) -> usize {
+        self.pictures
+    }
+
+    fn new_picture(&mut self) -> PictureId {
+        self.pictures += 1;
+        PictureId(self.pictures - 1)
+    }
+
+    fn check(&self, id: PictureId) {
+        assert!(id.0 < self.pictures, "picture {} is not of this plan, which has {}", id.0, self.pictures);
+    }
+}
+
+/// One view of splats.
+#[derive(Clone)]
+pub struct DrawPass<'a> {
+    /// The splat sets, drawn together.
+    pub sets: Vec<SetView<'a>>,
+    /// The camera.
+    pub camera: Camera,
+    /// The outputs, the background and the rasterization.
+    pub config: RenderConfig,
+    /// The air, the background, the particles and the pixel effects of the weather.
+    pub hooks: Hooks<'a>,
+    /// What the colours of the picture are.
+    pub shading: Shading,
+    /// Results of earlier passes that this one looks up. No stage reads any yet.
+    pub reads: Vec<PictureId>,
+}
+
+impl<'a> DrawPass<'a> {
+    /// The view of `sets` in clear air.
+    #[must_use]
+    pub fn new(sets: &[SetView<'a>], camera: &Camera, config: &RenderConfig) -> Self {
+        Self {
+            sets: sets.to_vec(),
+            camera: *camera,
+            config: *config,
+            hooks: Hooks::default(),
+            shading: Shading::default(),
+            reads: Vec::new(),
+        }
+    }
+
+    /// The particles that are drawn: none where shares of light are.
+    pub(crate) fn particles(&self) -> &'a [&'a dyn Particles] {
+        match self.shading {
+            Shading::Color => self.hooks.particles,
+            Shading::Transmittance => &[],
+        }
+    }
+
+    /// How the colours of the picture are encoded.
+    pub(crate) fn encoding(&self) -> Encoding {
+        match self.shading {
+            Shading::Color => Encoding::Srgb,
+            Shading::Transmittance => Encoding::Linear,
+        }
+    }
+
+    /// What stands behind the splats.
+    pub(crate) fn backdrop(&self) -> &dyn Backdrop {
+        self.hooks.background.unwrap_or(&self.config.background)
+    }
+
+    /// The same view in this weather.
+    #[must_use]
+    pub fn with_hooks(self, hooks: Hooks<'a>) -> Self {
+        Self { hooks, ..self }
+    }
+}
+
+/// What the colours of a drawn picture are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shading {
+    /// Colours as seen through the air, display-referred.
+    #[default]
+    Color,
+    /// The share of light that the air lets through from each splat and from the background, by channel, 0-1. Splats
+    /// have no other colour, and particles are not drawn.
+    Transmittance,
+}
+
+/// The splats of a [`SetView`].
+#[derive(Clone, Copy)]
+pub enum SplatSource<'a> {
+    /// A set that the renderer holds.
+    Loaded(SetId),
+    /// Splats that the renderer loads for one plan and forgets afterwards.
+    Transient(&'a Splats),
+}
+
+/// A splat set of a draw pass, and what changes of it from frame to frame.
+#[derive(Clone, Copy)]
+pub struct SetView<'a> {
+    /// The splats.
+    pub splats: SplatSource<'a>,
+    /// Attributes that each splat has in this pass alone; `None` if all are neutral.
+    pub attributes: Option<&'a dyn SplatAttributes>,
+}
+
+impl<'a> SetView<'a> {
+    /// A loaded set as it is.
+    #[must_use]
+    pub fn plain(set: SetId) -> Self {
+        Self { splats: SplatSource::Loaded(set), attributes: None }
+    }
+
+    /// Splats for one plan, as they are.
+    #[must_use]
+    pub fn transient(splats: &'a Splats) -> Self {
+        Self { splats: SplatSource::Transient(splats), attributes: None }
+    }
+
+    /// The same splats with these attributes.
+    #[must_use]
+    pub fn with_attributes(self, attributes: Option<&'a dyn SplatAttributes>) -> Self {
+        Self { attributes, ..self }
+    }
+}
+
+/// A change of a whole finished picture.
+pub trait PictureEffect: Sync {
+    /// Changes `picture`; `inputs` are the pictures that the pass was given, in that order. Runs on the threads of the
+    /// back end.
+    fn apply(&self, path: SimdPath, picture: &mut Frame, inputs: &[&Frame]);
+}
+
+/// A pass over whole pictures.
+#[derive(Clone)]
+pub struct PicturePass<'a> {
+    /// The picture that is changed.
+    pub target: PictureId,
+    /// Other pictures that are read.
+    pub inputs: Vec<PictureId>,
+    /// The change.
+    pub effect: &'a dyn PictureEffect,
+}
+
+impl PicturePass<'_> {
+    /// Carries it out.
+    pub(crate) fn run(&self, path: SimdPath, pictures: &mut Pictures) {
+        let mut picture = pictures.take(self.target);
+        let inputs: Vec<&Frame> = self.inputs.iter().map(|id| &pictures[*id]).collect();
+        self.effect.apply(path, &mut picture, &inputs);
+        pictures.put(self.target, picture);
+    }
+}
+
+/// Names a picture of a [`FramePlan`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PictureId(usize);
+
+/// The pictures that a plan made. Keep it from frame to frame: memory that fits is used again.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pictures {
+    frames: Vec<Frame>,
+}
+
+impl Pictures {
+    /// Takes a picture out; an empty frame stays in its place.
+    pub fn take(&mut self, id: PictureId) -> Frame {
+        self.frames.get_mut(id.0).map(std::mem::take).unwrap_or_default()
+    }
+
+    /// Puts a frame in a picture's place, for its memory or as the result of work outside of a plan.
+    pub fn put(&mut self, id: PictureId, frame: Frame) {
+        self.fit(id.0 + 1);
+        self.frames[id.0] = frame;
+    }
+
+    /// Makes room for the pictures of a plan.
+    pub(crate) fn fit(&mut self, count: usize) {
+        if self.frames.len() < count {
+            self.frames.resize_with(count, Frame::default);
+        }
+    }
+}
+
+impl Index<PictureId> for Pictures {
+    type Output = Frame;
+
+    /// # Panics
+    /// If no plan with this picture was carried out.
+    fn index(&self, id: PictureId) -> &Frame {
+        &self.frames[id.0]
+    }
+}
+
+impl IndexMut<PictureId> for Pictures {
+    fn index_mut(&mut self, id: PictureId) -> &mut Frame {
+        &mut self.frames[id.0]
+    }
+}
+
+#[cfg(test)]
+mod tests;

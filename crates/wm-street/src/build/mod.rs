@@ -1,0 +1,165 @@
+//! Builds the street out of primitives.
+//!
+//! Here are the tools: frames of reference, blocks, posts. `plan` says what stands where and calls the rest;
+//! nearly every file builds one kind of thing, in a frame of its own.
+
+mod facade;
+mod far;
+mod fences;
+mod furniture;
+mod gardens;
+mod growth;
+mod house;
+mod houses;
+mod palette;
+mod plan;
+mod porch;
+mod props;
+mod roof;
+mod tree;
+
+pub(crate) use houses::porch;
+pub(crate) use plan::build;
+
+use crate::hash;
+use crate::paint::{Material, Paint, PaintId, rgb};
+use crate::shape::{Outline, Shape};
+use glam::DVec3;
+
+/// One surface of the place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Primitive {
+    pub shape: Shape,
+    pub paint: PaintId,
+    /// For what differs between primitives of one paint.
+    pub key: u64,
+}
+
+/// Axes to build in: x to the right and y away as seen from in front, z up.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Frame {
+    pub origin: DVec3,
+    pub right: DVec3,
+    pub back: DVec3,
+}
+
+impl Frame {
+    /// The frame at `origin` of somebody who looks along `back` (level, length 1).
+    pub(crate) fn facing(origin: DVec3, back: DVec3) -> Self {
+        Self { origin, right: back.cross(DVec3::Z), back }
+    }
+
+    /// World position of a local point.
+    pub(crate) fn at(&self, x: f64, y: f64, z: f64) -> DVec3 {
+        self.origin + self.along(x, y, z)
+    }
+
+    /// World vector of a local one.
+    pub(crate) fn along(&self, x: f64, y: f64, z: f64) -> DVec3 {
+        self.right * x + self.back * y + DVec3::Z * z
+    }
+
+    /// The same axes at a local point.
+    pub(crate) fn moved(&self, x: f64, y: f64, z: f64) -> Self {
+        Self { origin: self.at(x, y, z), ..*self }
+    }
+
+    /// At a local point, turned left (seen from above) by `degrees`.
+    pub(crate) fn turned(&self, x: f64, y: f64, z: f64, degrees: f64) -> Self {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let back = self.back * cos - self.right * sin;
+        Self::facing(self.at(x, y, z), back)
+    }
+}
+
+/// Which faces of a block there are.
+mod faces {
+    pub(super) const LEFT: u8 = 1;
+    pub(super) const RIGHT: u8 = 2;
+    pub(super) const FRONT: u8 = 4;
+    pub(super) const BACK: u8 = 8;
+    pub(super) const BOTTOM: u8 = 16;
+    pub(super) const TOP: u8 = 32;
+    pub(super) const ALL: u8 = 63;
+    /// For what stands on the ground.
+    pub(super) const STANDING: u8 = ALL & !BOTTOM;
+    /// For what is fixed to a wall behind it.
+    pub(super) const FIXED: u8 = ALL & !BACK;
+}
+
+/// Collects primitives and paints.
+#[derive(Debug)]
+pub(crate) struct Builder {
+    pub primitives: Vec<Primitive>,
+    pub paints: Vec<Paint>,
+    pub seed: u64,
+}
+
+impl Builder {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self { primitives: Vec::new(), paints: Vec::new(), seed }
+    }
+
+    /// A paint of two sRGB colours.
+    pub(crate) fn paint(&mut self, material: Material, color: u32, accent: u32) -> PaintId {
+        let id = self.paints.len();
+        let seed = hash::bits(self.seed, 1000 + id as u64) as u32;
+        self.paints.push(Paint { material, color: rgb(color), accent: rgb(accent), seed });
+        id as PaintId
+    }
+
+    pub(crate) fn add(&mut self, shape: Shape, paint: PaintId) {
+        let key = hash::bits(self.seed ^ 0x5EED, self.primitives.len() as u64);
+        self.primitives.push(Primitive { shape, paint, key });
+    }
+
+    /// A parallelogram; its outside is where `u x v` points.
+    pub(crate) fn quad(&mut self, corner: DVec3, u: DVec3, v: DVec3, paint: PaintId) {
+        self.add(Shape::Flat { corner, u, v, outline: Outline::Parallelogram }, paint);
+    }
+
+    pub(crate) fn triangle(&mut self, corner: DVec3, u: DVec3, v: DVec3, paint: PaintId) {
+        self.add(Shape::Flat { corner, u, v, outline: Outline::Triangle }, paint);
+    }
+
+    /// A disc about `center`; `normal` is its outside.
+    pub(crate) fn disc(&mut self, center: DVec3, normal: DVec3, radius: f64, paint: PaintId) {
+        let (x, y) = crate::shape::around(normal);
+        let (u, v) = (x * (2.0 * radius), y * (2.0 * radius));
+        self.add(Shape::Flat { corner: center - (u + v) * 0.5, u, v, outline: Outline::Ellipse }, paint);
+    }
+
+    pub(crate) fn stump(&mut self, from: DVec3, to: DVec3, radii: [f64; 2], paint: PaintId) {
+        self.add(Shape::Stump { from, to, radii }, paint);
+    }
+
+    /// An upright post with a cap on top.
+    pub(crate) fn post(&mut self, foot: DVec3, height: f64, radii: [f64; 2], paint: PaintId) {
+        let top = foot + DVec3::Z * height;
+        self.stump(foot, top, radii, paint);
+        self.disc(top, DVec3::Z, radii[1], paint);
+    }
+
+    pub(crate) fn ball(&mut self, center: DVec3, radii: DVec3, paint: PaintId) {
+        self.add(Shape::Ellipsoid { center, radii }, paint);
+    }
+
+    /// A block between two corners of `frame`, with the chosen faces.
+    pub(crate) fn block(&mut self, frame: &Frame, low: [f64; 3], high: [f64; 3], paint: PaintId, which: u8) {
+        let [x, y, z] = low;
+        let (w, d, h) = (high[0] - x, high[1] - y, high[2] - z);
+        let (right, back, up) = (frame.along(w, 0.0, 0.0), frame.along(0.0, d, 0.0), DVec3::Z * h);
+        for (face, corner, u, v) in [
+            (faces::FRONT, [x, y, z], right, up),
+            (faces::BACK, [x + w, y + d, z], -right, up),
+            (faces::LEFT, [x, y + d, z], -back, up),
+            (faces::RIGHT, [x + w, y, z], back, up),
+            (faces::TOP, [x, y, z + h], right, back),
+            (faces::BOTTOM, [x, y + d, z], right, -back),
+        ] {
+            if which & face != 0 {
+                self.quad(frame.at(corner[0], corner[1], corner[2]), u, v, paint);
+            }
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! Made-up captures of the built-in place: a data set as COLMAP leaves it, and the truth beside it.
+//!
+//! ```text
+//! made-up.txt                 what it is
+//! images/00000.png ...        photos
+//! sparse/0/                   cameras, poses, and points on the surfaces with their tracks
+//! truth/depth/00000.npy ...   view z of the first surface at each pixel's centre, m; 0 in the sky
+//! truth/normal/00000.npy ...  its normal, world axes, towards the camera; 0 in the sky
+//! truth/sky/00000.npy ...     1 in the sky, else 0
+//! ```
+//! Cameras, points and where they are seen are exact, so that whatever differs later is not theirs.
+//! Everything is the same for any number of threads.
+
+use crate::{PhotoPixel, Street, display_of};
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+use std::{fs, io, path::Path};
+use wm_scene::{
+    Camera, CameraError, FormatError, Problem,
+    capture::{
+        Capture, CaptureView, Distortion, Observation, SparsePoints,
+        colmap::write::{self, ColmapStorage},
+    },
+    files::write_atomically,
+    npy,
+    random::uniform,
+};
+
+/// The route along which photos are taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CameraRoute {
+    /// Forward along the street, in three lanes in turn: a single line of cameras that look where they go
+    /// sees what is ahead from one side alone.
+    #[default]
+    Walk,
+    /// Around the middle of the street, from above.
+    Orbit,
+}
+
+/// The choice of whether exact depth, normals and sky are written too.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GroundTruth {
+    /// They are.
+    #[default]
+    Write,
+    /// They are not.
+    Omit,
+}
+
+/// Options of a made-up data set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DatasetOptions {
+    /// The route along which photos are taken.
+    pub route: CameraRoute,
+    /// The number of photos, 1 or more.
+    pub count: u32,
+    /// Their width and height, px.
+    pub size: (u32, u32),
+    /// A pixel is the mean of this squared rays.
+    pub samples: u32,
+    /// Most points.
+    pub points: u32,
+    /// The form in which the model is stored.
+    pub storage: ColmapStorage,
+    /// The choice of whether the truth is written too.
+    pub truth: GroundTruth,
+}
+
+impl Default for DatasetOptions {
+    fn default() -> Self {
+        Self {
+            route: CameraRoute::Walk,
+            count: 40,
+            size: (600, 400),
+            samples: 2,
+            points: 20_000,
+            storage: ColmapStorage::Binary,
+            truth: GroundTruth::Write,
+        }
+    }
+}
+
+/// The file that says what the folder holds.
+pub const MARK: &str = "made-up.txt";
+const ABOUT: &str = "Photos of Weather-Magician's built-in street, ray-cast; poses and points are exact, in metres.\n\
+    truth/, where it is: depth (view z, m), normal (world axes) and sky of each pixel's centre.\n";
+
+/// The lanes of the walk: to the right of its middle, m; above eye level, m; turned to the right, degrees.
+const LANES: [(f64, f64, f64); 3] = [(0.0, 0.0, 0.0), (-0.9, 0.5, 10.0), (0.9, -0.3, -10.0)];
+/// Of surfaces that lie this much farther than a point, m, the point is in front.
+const SLACK: f64 = 0.02;
+
+/// The cameras of a route, in their order.
+///
+/// # Errors
+/// [`CameraError`] if the size makes no camera.
+pub fn cameras(options: &DatasetOptions) -> Result<Vec<Camera>, CameraError> {
+    let count = options.count.max(1);
+    let camera = |index: u32| match options.route {
+        CameraRoute::Walk => {
+            let mut view = Street::dolly(f64::from(index) / f64::from((count - 1).max(1)));
+            let (right, above, turn) = LANES[index as usize % LANES.len()];
+            let ahead = view.target - view.eye;
+            view.eye += ahead.cross(DVec3::Z).normalize() * right + DVec3::Z * above;
+            // Towards the middle of the street from both sides, so that much is seen from all lanes.
+            view.target = view.eye + DQuat::from_rotation_z(-turn.to_radians()) * ahead;
+            view.camera(options.size)
+        }
+        CameraRoute::Orbit => {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(index) / f64::from(count)).sin_cos();
+            // Two heights in turn: one ring of cameras alone leaves heights uncertain.
+            let height = if index.is_multiple_of(2) { 24.0 } else { 34.0 };
+            let target = DVec3::new(0.0, 28.0, 2.0);
+            let eye = target + DVec3::new(42.0 * cos, 42.0 * sin, height);
+            Camera::looking(options.size, 50.0, eye, target, DVec3::Z)
+        }
+    };
+    (0..count).map(camera).collect()
+}
+
+/// Writes a data set to a folder, which is made if it is not there, and gives it as it is read.
+///
+/// `progress` is told the number of photos that are done, and says whether to go on: `None` if not. Rows are
+/// drawn on all threads.
+///
+/// # Errors
+/// [`FormatError`] if a file cannot be written or the size makes no camera.
+pub fn write(
+    street: &Street,
+    folder: &Path,
+    options: &DatasetOptions,
+    progress: &mut dyn FnMut(usize) -> bool,
+) -> Result<Option<Capture>, FormatError> {
+    let cameras = cameras(options);
+    let cameras = cameras.map_err(|e| FormatError::whole(folder, Problem::Value(e.to_string())))?;
+    let images = folder.join("images");
+    let mut folders = vec![images.clone()];
+    if options.truth == GroundTruth::Write {
+        folders.extend(["depth", "normal", "sky"].map(|name| folder.join("truth").join(name)));
+    }
+    for folder in folders {
+        fs::create_dir_all(&folder).map_err(|e| FormatError::whole(&folder, Problem::Write(e.into())))?;
+    }
+    write_atomically(&folder.join(MARK), |out| Ok(out.write_all(ABOUT.as_bytes())?))?;
+    let mut views = Vec::with_capacity(cameras.len());
+    for (index, camera) in cameras.iter().enumerate() {
+        let rows = (0..camera.height).into_par_iter();
+        let pixels: Vec<PhotoPixel> =
+            rows.flat_map_iter(|y| street.photo_row(camera, y, options.samples)).collect();
+        let stem = format!("{index:05}");
+        let name = format!("{stem}.png");
+        write_photo(&images.join(&name), camera, &pixels)?;
+        if options.truth == GroundTruth::Write {
+            write_truth(&folder.join("truth"), &stem, camera, &pixels)?;
+        }
+        let file = name.clone().into();
+        views.push(CaptureView {
+            name,
+            camera: *camera,
+            distortion: Distortion::None,
+            camera_id: 1,
+            file,
+            mask: None,
+        });
+        if !progress(index + 1) {
+            return Ok(None);
+        }
+    }
+    let (points, observations) = points(street, &cameras, options.points as usize);
+    let capture = Capture { source: folder.into(), images, masks: None, views, points, observations };
+    write::write(&capture, &folder.join("sparse/0"), options.storage)?;
+    Ok(Some(capture))
+}
+
+/// Points on surfaces that two cameras see at least, and where each sees which.
+fn points(street: &Street, cameras: &[Camera], most: usize) -> (SparsePoints, Vec<Vec<Observation>>) {
+    const SEED: u64 = 31;
+    // A ray from some pixel of some camera; one in two or so ends in the sky or is seen once.
+    let candidate = |index: u64| {
+        let random = |lane: u64| uniform(SEED, 4 * index + lane);
+        let camera = &cameras[(random(0) * cameras.len() as f64) as usize % cameras.len()];
+        let (x, y) = (random(1) * f64::from(camera.width), random(2) * f64::from(camera.height));
+        let (eye, direction) = (camera.center(), camera.ray(x, y));
+        let hit = street.cast(eye, direction)?;
+        let seen: Vec<(usize, [f32; 2])> = cameras
+            .iter()
+            .enumerate()
+            .filter_map(|(index, camera)| Some((index, seen_at(street, camera, hit.point)?)))
+            .collect();
+        let color = display_of(hit.radiance).map(to_byte);
+        (seen.len() >= 2).then_some((hit.point, color, seen))
+    };
+    let mut points = SparsePoints::default();
+    let mut observations = vec![Vec::new(); cameras.len()];
+    let found: Vec<_> = (0..3 * most as u64).into_par_iter().filter_map(candidate).collect();
+    for (point, color, seen) in found.into_iter().take(most) {
+        for (camera, xy) in &seen {
+            observations[*camera].push(Observation { point: points.len() as u32, xy: *xy });
+        }
+        points.push(point.to_array(), color, 0.0, seen.len() as u32);
+    }
+    (points, observations)
+}
+
+/// Returns the image point at which a camera sees a point, px; `None` if it does not.
+fn seen_at(street: &Street, camera: &Camera, point: DVec3) -> Option<[f32; 2]> {
+    let (x, y, _) = camera.project(point)?;
+    let is_inside = x > 0.0 && y > 0.0 && x < f64::from(camera.width) && y < f64::from(camera.height);
+    if !is_inside {
+        return None;
+    }
+    let eye = camera.center();
+    let first = street.first(eye, point - eye)?;
+    (first.t > eye.distance(point) - SLACK).then_some([x as f32, y as f32])
+}
+
+fn to_byte(value: f64) -> u8 {
+    (value * 255.0).round() as u8
+}
+
+fn write_photo(path: &Path, camera: &Camera, pixels: &[PhotoPixel]) -> Result<(), FormatError> {
+    let rgb: Vec<u8> = pixels.iter().flat_map(|pixel| pixel.rgb.map(to_byte)).collect();
+    write_atomically(path, |out| {
+        let mut encoder = png::Encoder::new(out, camera.width, camera.height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&rgb));
+        Ok(written.map_err(io::Error::from)?)
+    })
+}
+
+fn write_truth(folder: &Path, stem: &str, camera: &Camera, pixels: &[PhotoPixel]) -> Result<(), FormatError> {
+    let (height, width) = (camera.height as usize, camera.width as usize);
+    let file = |kind: &str| folder.join(kind).join(format!("{stem}.npy"));
+    let depth: Vec<f32> = pixels.iter().map(|pixel| pixel.depth as f32).collect();
+    npy::write(&file("depth"), &depth, &[height, width])?;
+    let normal: Vec<f32> = pixels.iter().flat_map(|pixel| pixel.normal.as_vec3().to_array()).collect();
+    npy::write(&file("normal"), &normal, &[height, width, 3])?;
+    let sky: Vec<f32> = pixels.iter().map(|pixel| f32::from(u8::from(pixel.is_sky))).collect();
+    npy::write(&file("sky"), &sky, &[height, width])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tempfile::tempdir;
+    use wm_scene::capture::{CaptureOptions, read};
+
+    /// Width and height of a PNG file, px, and the number of bytes of its pixels.
+    fn decoded(path: &Path) -> (u32, u32, usize) {
+        let file = io::BufReader::new(fs::File::open(path).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let frame = reader.next_frame(&mut pixels).unwrap();
+        (frame.width, frame.height, frame.buffer_size())
+    }
+
+    #[test]
+    fn what_is_written_is_a_capture_with_its_truth() {
+        let street = Street::builtin();
+        for (route, storage) in
+            [(CameraRoute::Walk, ColmapStorage::Binary), (CameraRoute::Orbit, ColmapStorage::Text)]
+        {
+            let folder = tempdir().unwrap();
+            let options = DatasetOptions {
+                route,
+                count: 6,
+                size: (60, 40),
+                samples: 1,
+                points: 200,
+                storage,
+                truth: GroundTruth::Write,
+            };
+            let mut done = 0;
+            let mut progress = |count| {
+                done = count;
+                true
+            };
+            let written = write(&street, folder.path(), &options, &mut progress).unwrap().unwrap();
+            assert_eq!(done, 6);
+            let capture = read(folder.path(), &CaptureOptions::default()).unwrap();
+            assert_eq!((&capture.points, &capture.observations), (&written.points, &written.observations));
+            assert_eq!(capture.points.len(), 200);
+            capture.check_trainable().unwrap();
+
+            for (index, (view, seen)) in capture.views.iter().zip(&capture.observations).enumerate() {
+                assert_eq!(decoded(&capture.images.join(&view.file)), (60, 40, 60 * 40 * 3));
+                let truth = |kind: &str| {
+                    npy::read(&folder.path().join(format!("truth/{kind}/{index:05}.npy"))).unwrap()
+                };
+                let ((depth, shape), (normal, _), (sky, _)) = (truth("depth"), truth("normal"), truth("sky"));
+                assert_eq!(shape, [40, 60]);
+                for ((depth, sky), normal) in depth.iter().zip(&sky).zip(normal.chunks(3)) {
+                    let length = normal.iter().map(|v| v * v).sum::<f32>();
+                    assert!((*depth > 0.0) == (*sky == 0.0) && (length - (1.0 - sky)).abs() < 1e-5);
+                }
+                for observation in seen {
+                    let point = DVec3::from(capture.points.positions[observation.point as usize]);
+                    let (x, y) = view.project(point).unwrap();
+                    let [seen_x, seen_y] = observation.xy.map(f64::from);
+                    // f32 keeps 60 px to 4e-6.
+                    assert!((x - seen_x).hypot(y - seen_y) < 1e-5);
+                }
+            }
+            // Neighbours along the route share points.
+            assert!(!capture.neighbours(2, 1).is_empty());
+        }
+    }
+}

@@ -1,0 +1,320 @@
+//! Light: the sun with soft shadows, light gathered from the sky and from what it shines on.
+//!
+//! A surface of albedo `rho` and irradiance `E` sends out `rho E / pi`; all surfaces are matt but
+//! panes, which mirror by Schlick's formula. The sun is a disc three times as wide as the real one.
+//! Sky light is a cosine-weighted average over stratified directions turned by a hash of the
+//! position. A gathered ray that hits something takes that surface's light from a coarse map made
+//! once (sun and sky a cell): so sunny walls and ground brighten the shade across the street.
+
+use super::Street;
+use super::hash::{key_of, unit};
+use super::paint::Material;
+use super::shape::{Shape, Spot, around};
+use super::sky;
+use super::texture::{self, Site};
+use glam::{DVec2, DVec3};
+use std::f64::consts::{PI, TAU};
+
+/// Half the sun's apparent width, radians.
+const SUN_RADIUS: f64 = 0.014;
+/// How far rays start off their surface, m.
+const OFF: f64 = 1.5e-3;
+/// Irradiance of leaves and small things, which have no cells in the map.
+const NO_CELLS: DVec3 = DVec3::new(1.55, 1.60, 1.60);
+/// What lies nearer than this, m, covers a point as if it were inside.
+const COVERED: f64 = 0.018;
+/// Primitives of less area, m^2, have no cells: little light comes off them.
+const SMALL: f64 = 0.25;
+/// Light that gathered rays bring from surfaces while the map is being made: albedo 0.3 of this.
+const FIRST_GUESS: DVec3 = DVec3::new(2.0, 1.95, 1.85);
+
+/// How many rays a point may cost.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Budget {
+    pub sun: u32,
+    pub sky: u32,
+}
+
+/// How a point's set of rays is turned and shifted against that of its neighbours, both 0-1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turn {
+    pub angle: f64,
+    pub shift: f64,
+}
+
+impl Turn {
+    /// By a hash of the position: neighbours differ at random.
+    pub(super) fn at(point: DVec3) -> Self {
+        let key = key_of(point);
+        Self { angle: unit(key, 3), shift: unit(key, 4) }
+    }
+
+    /// By the place in a grid: neighbours differ as much as can be, so that their mean is as good as
+    /// many more rays (steps from the plastic number's powers).
+    pub(super) fn of_cell(column: usize, row: usize, key: u64) -> Self {
+        let (x, y) = (column as f64, row as f64);
+        Self {
+            angle: (unit(key, 3) + 0.754_877_67 * x + 0.569_840_29 * y).fract(),
+            shift: (unit(key, 4) + 0.819_172_51 * x + 0.671_043_61 * y).fract(),
+        }
+    }
+}
+
+/// Irradiance of every larger surface, cell by cell.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LightMap {
+    /// First cell and cells along `a` and `b`, for each primitive; 0 by 0 for foliage and
+    /// what is small.
+    grids: Vec<(u32, u16, u16)>,
+    cells: Vec<[f32; 3]>,
+}
+
+impl LightMap {
+    fn at(&self, which: usize, a: f64, b: f64) -> Option<DVec3> {
+        let &(first, nu, nv) = self.grids.get(which)?;
+        if nu == 0 {
+            return None;
+        }
+        let cell = |value: f64, n: u16| ((value * f64::from(n)) as usize).min(usize::from(n) - 1);
+        let index = first as usize + cell(b, nv) * usize::from(nu) + cell(a, nu);
+        Some(DVec3::from_array(self.cells[index].map(f64::from)))
+    }
+
+    /// Makes the map of `scene`, whose own map is still empty.
+    pub(super) fn of(scene: &Street) -> Self {
+        let mut map = Self::default();
+        for primitive in &scene.primitives {
+            let first = map.cells.len() as u32;
+            let foliage = scene.paints[usize::from(primitive.paint)].material.is_foliage();
+            if foliage || primitive.shape.area() < SMALL {
+                map.grids.push((first, 0, 0));
+                continue;
+            }
+            let (nu, nv) = grid_of(&primitive.shape);
+            map.grids.push((first, nu, nv));
+            for row in 0..nv {
+                for column in 0..nu {
+                    let (a, b) = (f64::from(column) / f64::from(nu), f64::from(row) / f64::from(nv));
+                    let size = DVec2::new(1.0 / f64::from(nu), 1.0 / f64::from(nv));
+                    map.cells.push(scene.cell_light(&primitive.shape, DVec2::new(a, b), size));
+                }
+            }
+        }
+        map
+    }
+}
+
+/// Cells of about a metre, more than that where it would take too many.
+fn grid_of(shape: &Shape) -> (u16, u16) {
+    match shape {
+        Shape::Flat { u, v, .. } => {
+            let size = (u.length() * v.length() / 1500.0).sqrt().max(1.0);
+            (((u.length() / size).ceil() as u16).max(1), ((v.length() / size).ceil() as u16).max(1))
+        }
+        Shape::Stump { .. } => (4, 1),
+        Shape::Ellipsoid { .. } => (4, 3),
+    }
+}
+
+impl Street {
+    /// Mean irradiance of the cell at `corner` with `size`, both in surface coordinates.
+    fn cell_light(&self, shape: &Shape, corner: DVec2, size: DVec2) -> [f32; 3] {
+        let (mut sun, mut found) = (DVec3::ZERO, 0.0);
+        let mut sky = DVec3::ZERO;
+        for (x, y) in [(0.25, 0.3), (0.7, 0.2), (0.35, 0.75), (0.8, 0.7)] {
+            let Some(spot) = shape.spot(corner.x + x * size.x, corner.y + y * size.y) else { continue };
+            let turn = Turn::at(spot.point);
+            found += 1.0;
+            let cosine = spot.normal.dot(sky::sun()).max(0.0);
+            if cosine > 0.0 {
+                sun += sky::SUN * (cosine * self.sun_share(spot.point, spot.normal, turn, 1));
+            }
+            if found == 2.0 || shape.spot(corner.x + 0.7 * size.x, corner.y + 0.2 * size.y).is_none() {
+                sky = self.gather(spot.point, spot.normal, turn, 9).irradiance;
+            }
+        }
+        let total = if found > 0.0 { sun / found + sky } else { FIRST_GUESS };
+        total.as_vec3().to_array()
+    }
+
+    /// The share of the sun's disc that is seen from `point`, by `rays` rays.
+    fn sun_share(&self, point: DVec3, normal: DVec3, turn: Turn, rays: u32) -> f64 {
+        let toward = sky::sun();
+        let (x, y) = around(toward);
+        let origin = point + normal * (OFF * normal.dot(toward).signum());
+        let mut seen = 0.0;
+        for ray in 0..rays {
+            let radius = SUN_RADIUS * ((f64::from(ray) + turn.shift) / f64::from(rays)).sqrt();
+            let (sin, cos) = (TAU * (turn.angle + 0.618_034 * f64::from(ray))).sin_cos();
+            let direction = (toward + (x * cos + y * sin) * radius).normalize();
+            if !self.blocked(origin, direction, f64::INFINITY) {
+                seen += 1.0;
+            }
+        }
+        seen / f64::from(rays)
+    }
+
+    /// Whether one ray to somewhere on the sun's disc is free: 1 or 0.
+    pub(super) fn sun_at(&self, point: DVec3, normal: DVec3) -> f64 {
+        self.sun_share(point, normal, Turn::at(point), 1)
+    }
+
+    /// Light from all sides but the sun, gathered by `rays` rays over the side of `normal`.
+    pub(super) fn gather(&self, point: DVec3, normal: DVec3, turn: Turn, rays: u32) -> Gathered {
+        let (x, y) = around(normal);
+        let origin = point + normal * OFF;
+        let mut gathered = Gathered { irradiance: DVec3::ZERO, buried: 0.0 };
+        let share = 1.0 / f64::from(rays);
+        for ray in 0..rays {
+            let square = (f64::from(ray) + turn.shift) * share;
+            let (sin, cos) = (TAU * (turn.angle + 0.618_034 * f64::from(ray))).sin_cos();
+            let r = square.sqrt();
+            let direction = x * (r * cos) + y * (r * sin) + normal * (1.0 - square).sqrt();
+            match self.bounce(origin, direction) {
+                Some(radiance) => gathered.irradiance += radiance * (PI * share),
+                None => gathered.buried += share,
+            }
+        }
+        gathered
+    }
+
+    /// Radiance that comes in along a ray, coarsely; `None` from the inside of something solid or right
+    /// under it.
+    fn bounce(&self, origin: DVec3, direction: DVec3) -> Option<DVec3> {
+        let Some((which, crossing)) = self.nearest(origin, direction, f64::INFINITY) else {
+            return Some(sky::smooth(direction));
+        };
+        let primitive = &self.primitives[which];
+        let paint = &self.paints[usize::from(primitive.paint)];
+        let outward = primitive.shape.spot_anywhere(crossing.a, crossing.b).normal;
+        let inside = outward.dot(direction) > 0.0 || crossing.t < COVERED;
+        if inside && !paint.material.is_sheet() {
+            return None;
+        }
+        if self.light.grids.is_empty() {
+            return Some(FIRST_GUESS * (0.3 / PI));
+        }
+        let light = self.light.at(which, crossing.a, crossing.b).unwrap_or(NO_CELLS);
+        Some(texture::mean(paint) * light / PI)
+    }
+
+    /// Linear radiance that primitive `which` sends from `spot` against `direction`.
+    ///
+    /// `width` is the footprint, m; `unit` the surface coordinates of the spot.
+    pub(super) fn shade(
+        &self,
+        which: usize,
+        spot: &Spot,
+        (unit_at, direction): (DVec2, DVec3),
+        width: f64,
+        budget: Budget,
+    ) -> DVec3 {
+        let (light, skin) = (
+            self.incident(which, spot, direction, Turn::at(spot.point), budget),
+            self.skin(which, spot, unit_at, width),
+        );
+        self.reflect(which, spot, direction, &light, &skin)
+    }
+
+    /// The light that arrives at a spot, seen along `direction`.
+    pub(super) fn incident(
+        &self,
+        which: usize,
+        spot: &Spot,
+        direction: DVec3,
+        turn: Turn,
+        budget: Budget,
+    ) -> Incident {
+        let material = self.material(which);
+        let facing = if spot.normal.dot(direction) > 0.0 { -spot.normal } else { spot.normal };
+        let sun = if material.is_foliage() || facing.dot(sky::sun()) > 0.0 {
+            self.sun_share(spot.point, facing, turn, budget.sun)
+        } else {
+            0.0
+        };
+        // Leaves shine through, so light from above counts on both their sides.
+        let toward = if material.is_foliage() { (facing + DVec3::Z * 0.7).normalize() } else { facing };
+        let gathered = self.gather(spot.point, toward, turn, budget.sky);
+        Incident { facing, sun, sky: gathered.irradiance, buried: gathered.buried }
+    }
+
+    /// The texture at a spot.
+    pub(super) fn skin(&self, which: usize, spot: &Spot, unit: DVec2, width: f64) -> texture::Skin {
+        let primitive = &self.primitives[which];
+        let paint = &self.paints[usize::from(primitive.paint)];
+        let local = match primitive.shape {
+            Shape::Stump { .. } => DVec2::new(unit.x * spot.along_a.length(), unit.y * spot.along_b.length()),
+            _ => {
+                let (across, up) = tangents(spot.normal);
+                DVec2::new(spot.point.dot(across), spot.point.dot(up))
+            }
+        };
+        let at = Site { point: spot.point, local, unit, width, key: primitive.key };
+        texture::skin(paint, &at)
+    }
+
+    /// What a spot of the given texture makes of the light.
+    pub(super) fn reflect(
+        &self,
+        which: usize,
+        spot: &Spot,
+        direction: DVec3,
+        light: &Incident,
+        skin: &texture::Skin,
+    ) -> DVec3 {
+        let (material, facing, sun) = (self.material(which), light.facing, sky::sun());
+        if material.is_foliage() {
+            let cosine = facing.dot(sun);
+            // Light through a leaf is weaker and more yellow than light off it.
+            let through = DVec3::new(0.80, 0.85, 0.35) * (-cosine).max(0.0);
+            let direct = sky::SUN * (light.sun * 0.95) * (DVec3::splat(cosine.max(0.0)) + through);
+            return skin.albedo * (direct + light.sky * 1.1) / PI;
+        }
+        let (across, up) = tangents(spot.normal);
+        let bumped = (facing - across * skin.slope.x - up * skin.slope.y).normalize();
+        let cosine = bumped.dot(sun).max(0.0) * f64::from(u8::from(facing.dot(sun) > 0.0));
+        // Relief also turns a face to or from the brighter upper half of the surroundings.
+        let tilt = 1.0 + 0.5 * (bumped.z - facing.z);
+        let matt = skin.albedo * (sky::SUN * (cosine * light.sun) + light.sky * tilt) / PI;
+        if material != Material::Glass {
+            return matt;
+        }
+        let mirrored = direction - facing * (2.0 * direction.dot(facing));
+        let cosine = -direction.dot(facing);
+        let share = 0.07 + 0.93 * (1.0 - cosine.clamp(0.0, 1.0)).powi(5);
+        let seen = match self.nearest(spot.point + facing * OFF, mirrored, f64::INFINITY) {
+            None => self.sky_in(mirrored),
+            Some(_) => self.bounce(spot.point + facing * OFF, mirrored).unwrap_or(DVec3::ZERO),
+        };
+        matt * (1.0 - share) + seen * share
+    }
+}
+
+/// What [`Street::gather`] found.
+pub(super) struct Gathered {
+    /// Irradiance without the sun.
+    pub irradiance: DVec3,
+    /// The share of rays that met the inside of something: a buried point has a large one.
+    pub buried: f64,
+}
+
+/// The light at a spot.
+pub(super) struct Incident {
+    /// The normal on the side that is seen.
+    pub facing: DVec3,
+    /// The share of the sun that is seen.
+    pub sun: f64,
+    /// Irradiance from all else.
+    pub sky: DVec3,
+    /// See [`Gathered::buried`].
+    pub buried: f64,
+}
+
+/// Unit vectors across and up a surface of the given normal; x and y on level ground.
+pub(super) fn tangents(normal: DVec3) -> (DVec3, DVec3) {
+    if normal.z.abs() > 0.98 {
+        return (DVec3::X, DVec3::Y);
+    }
+    let across = DVec3::new(-normal.y, normal.x, 0.0).normalize();
+    (across, normal.cross(across))
+}
