@@ -69,7 +69,7 @@ fn means(out: &mut String, report: &Report) {
 
 /// A line a photo.
 fn photos(out: &mut String, report: &Report) {
-    let columns: Vec<&Column> = report.columns(Some(Placement::Table)).collect();
+    let columns: Vec<&ScoreColumn> = report.columns(Some(Placement::Table)).collect();
     out.push_str("<h2>Photos</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>photo</th>");
     for column in &columns {
         let _ = write!(out, "<th>{}</th>", escaped(&column.head.join("\n")).replace('\n', "<br>"));
