@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! cargo run --release --example profile_scene -- POINTS_DIR GRID OUT_DIR
-//! weather-magician bench OUT_DIR --camera 0
+//! weather-magician bench OUT_DIR --camera 1
 //! ```
 //!
 //! POINTS_DIR holds `garden_points.ply` (binary, x y z red green blue) and `garden_cameras.json`; GRID

@@ -88,7 +88,8 @@ impl RunArgs {
         })?))
     }
 
-    fn cpu(&self) -> CpuConfig {
+    /// Returns how the CPU does its work.
+    pub fn cpu(&self) -> CpuConfig {
         CpuConfig { threads: self.threads.map(usize::from), simd: self.simd }
     }
 }

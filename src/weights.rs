@@ -41,7 +41,7 @@ mod with_networks {
     use anyhow::{Result, anyhow, bail};
     use std::path::PathBuf;
     use wm_nets::weights::Licence;
-    use wm_nets::weights::fetch::{self, Checksum, Source};
+    use wm_nets::weights::fetch::{self, Checksum, DownloadSource};
 
     /// A network whose weights are published.
     pub struct Published {
@@ -50,7 +50,7 @@ mod with_networks {
         /// Length of the file, about.
         pub bytes: u64,
         pub licence: Licence,
-        pub source: Source,
+        pub source: DownloadSource,
     }
 
     impl WeightsArgs {
@@ -64,7 +64,7 @@ mod with_networks {
                 .map_err(|error| anyhow!("--checksum: {error}"))?;
             if self.weights.is_empty() {
                 let Published { source, .. } = published;
-                let published = Published { source: Source { checksum, ..source }, ..published };
+                let published = Published { source: DownloadSource { checksum, ..source }, ..published };
                 return Ok(vec![self.fetched(&published)?]);
             }
             self.check(checksum)?;

@@ -12,7 +12,6 @@ mod priors;
 mod reconstruct;
 pub mod render;
 mod sky;
-mod stereo;
 #[cfg(feature = "viewer")]
 mod view;
 

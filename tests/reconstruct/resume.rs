@@ -38,7 +38,7 @@ fn what_is_broken_off_ends_in_the_same_bytes() {
     let place = Place::new();
     for strategy in ["mcmc", "adaptive"] {
         let mut config = restless(strategy, STEPS);
-        config.exposure = wm_train::config::Exposure::Photo;
+        config.exposure = wm_train::config::ExposureMode::Photo;
         place.configure("config.json", &config);
         let hold_out = ["--eval-every", "4"];
         place.trained(&[&["--config", "config.json", "--out", "a.ply"], &hold_out[..]].concat());

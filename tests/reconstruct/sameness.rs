@@ -7,7 +7,7 @@ fn any_number_of_threads() {
     let place = Place::new();
     for strategy in ["mcmc", "adaptive"] {
         let mut config = restless(strategy, 40);
-        config.exposure = wm_train::config::Exposure::Photo;
+        config.exposure = wm_train::config::ExposureMode::Photo;
         place.configure("a.json", &config);
         for threads in ["1", "2", "7"] {
             let out = format!("{strategy}-{threads}.ply");

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use thiserror::Error;
 use wm_scene::color::srgb_encode;
 use wm_train::maps::{MapFault, Stored, read_map};
-use wm_train::photos::{Fault, read_picture};
+use wm_train::photos::{PhotoFault, read_picture};
 use wm_weather::Panorama;
 use wm_weather::panorama::check_size;
 
@@ -53,7 +53,7 @@ fn damaged(what: &str) -> String {
 fn jpeg(path: &Path) -> Result<Panorama, String> {
     let picture = read_picture(path, &|width, height| check_size(width, height).map_err(|e| e.to_string()));
     let (width, height, rgb) = picture.map_err(|error| match error.fault {
-        Fault::Damaged(what) => damaged(&what),
+        PhotoFault::Damaged(what) => damaged(&what),
         fault => fault.to_string(),
     })?;
     let byte = |value: u8| f32::from(value) / 255.0;

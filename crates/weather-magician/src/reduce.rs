@@ -8,13 +8,13 @@
 //! mean, covariance and colours of the two, weighted by worth, and so much opacity that what they cover together stays (moment matching, as in
 //! Kerbl et al. 2024, "A Hierarchical 3D Gaussian Representation"). One that has no neighbour near is dropped.
 
+use crate::view::candidates::candidates;
+use crate::view::space::Space;
+use crate::view::{DEFAULT_FOV, Options};
 use crate::{Error, Progress, Result};
 use glam::{DMat3, DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::num::NonZero;
-use weather_magician::view::candidates::candidates;
-use weather_magician::view::space::Space;
-use weather_magician::view::{DEFAULT_FOV, Options};
 use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, Upstream};
 use wm_scene::jacobi::jacobi;
 use wm_scene::splats::logit;

@@ -1,4 +1,4 @@
-//! How long a network takes, and how much memory: `depth_anything` or `clip`, the file of its weights, then sizes of pictures
+//! Measures time and memory of a network: `depth_anything` or `clip`, the file of its weights, then sizes of images
 //! such as 518x700. Threads are those of `RAYON_NUM_THREADS`. Depth Anything's weights are of V2.
 
 use std::process::ExitCode;

@@ -31,7 +31,7 @@ const EPSILON: f64 = 1e-5;
 const MOST_BLOCKS: usize = 64;
 const MOST_CHANNELS: usize = 1 << 13;
 const LONGEST_SIDE: usize = 1 << 11;
-/// What is said where a file is of another network.
+/// The advice where a file is of another network.
 const ADVICE: &str = "give the weights of openai/clip-vit-large-patch14-336 on Hugging Face, pytorch_model.bin or \
                       converted to safetensors";
 
@@ -176,7 +176,7 @@ impl Clip {
         self.architecture.width
     }
 
-    /// Whether it has the sizes of ViT-L/14 at 336 px, which CMMD is defined by.
+    /// Returns true if it has the sizes of ViT-L/14 at 336 px, which CMMD is defined by.
     #[must_use]
     pub fn is_published(&self) -> bool {
         self.architecture == Architecture::PUBLISHED
@@ -188,7 +188,7 @@ impl Clip {
         self.identity
     }
 
-    /// What a picture shows, `[H, W, 3]`, display-referred, 8 bit, as a vector of length 1.
+    /// Returns the embedding of an image, `[H, W, 3]`, display-referred, 8 bit: a vector of length 1.
     ///
     /// Runs on the threads of the current rayon pool; their number does not change the result.
     ///
@@ -220,11 +220,12 @@ impl Clip {
     /// Bytes of the published file, about: the text's part is in it too.
     pub const BYTES: u64 = 1_712_000_000;
 
-    /// What [`fetch`](crate::weights::fetch::fetch) takes to get the published weights. Their checksum is not known here.
+    /// Returns the source of the published weights for [`fetch`](crate::weights::fetch::fetch). Their checksum is not
+    /// known here.
     #[cfg(feature = "fetch")]
     #[must_use]
-    pub fn source() -> crate::weights::fetch::Source {
-        crate::weights::fetch::Source {
+    pub fn source() -> crate::weights::fetch::DownloadSource {
+        crate::weights::fetch::DownloadSource {
             url: "https://huggingface.co/openai/clip-vit-large-patch14-336/resolve/main/pytorch_model.bin"
                 .into(),
             file_name: "clip-vit-large-patch14-336.bin".into(),

@@ -18,7 +18,7 @@ mod tensors;
 mod tests;
 
 use crate::ops;
-use crate::weights::{Fault, Licence, Weights, WeightsError};
+use crate::weights::{Licence, Weights, WeightsError, WeightsFault};
 use network::Network;
 use std::path::PathBuf;
 use tensors::{ADVICE, Architecture, Config, Reader};
@@ -27,7 +27,7 @@ use thiserror::Error;
 /// A photo's longer side may be this many times the shorter one. Attention's work grows with its square.
 pub const LONGEST: usize = 4;
 
-/// Which of the two the weights are of. Their tensors do not tell.
+/// The family of the weights. Their tensors do not tell it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Version {
     /// January 2024: taught on real photos with measured depth.
@@ -37,9 +37,9 @@ pub enum Version {
     V2,
 }
 
-/// How large the network is.
+/// The size of the network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Size {
+pub enum ModelSize {
     /// 25 million weights, ViT-S.
     #[default]
     Small,
@@ -49,7 +49,7 @@ pub enum Size {
     Large,
 }
 
-/// How near what a photo shows is.
+/// The relative disparity of a photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Disparity {
     /// `[height, width]`, larger is nearer, without unit.
@@ -60,9 +60,9 @@ pub struct Disparity {
     pub height: usize,
 }
 
-/// Why a photo has no disparity, in one line.
+/// A reason why a photo has no disparity.
 #[derive(Debug, Error, PartialEq, Eq)]
-pub enum PhotoError {
+pub enum DisparityError {
     /// Less than a patch.
     #[error(
         "a photo of {width}x{height} px is too small; the depth network takes {0}x{0} px and more",
@@ -84,7 +84,7 @@ pub enum PhotoError {
         /// px.
         height: usize,
     },
-    /// What came out is no number.
+    /// The result is not finite.
     #[error(
         "the depth network's numbers overflow; its weights are not those of Depth Anything, so get them again"
     )]
@@ -98,7 +98,7 @@ pub struct DepthAnything {
     /// Side of the photos that it learnt from, px.
     side: usize,
     version: Version,
-    size: Option<Size>,
+    size: Option<ModelSize>,
 }
 
 impl DepthAnything {
@@ -119,7 +119,7 @@ impl DepthAnything {
         let architecture = &Architecture::of(&weights, &config)?;
         for file in files {
             if let Some(what) = config.contradiction(file, architecture, version) {
-                let fault = Fault::Network { what, advice: ADVICE };
+                let fault = WeightsFault::Network { what, advice: ADVICE };
                 return Err(WeightsError { files: vec![file.clone()], fault });
             }
         }
@@ -133,9 +133,9 @@ impl DepthAnything {
         self.version
     }
 
-    /// Which of the published sizes it has, if any.
+    /// Returns the published size that the network has, if any.
     #[must_use]
-    pub const fn size(&self) -> Option<Size> {
+    pub const fn size(&self) -> Option<ModelSize> {
         self.size
     }
 
@@ -144,33 +144,33 @@ impl DepthAnything {
     /// license. Base/Large/Giant models are under the CC-BY-NC-4.0 license") and for both on the models' pages at
     /// Hugging Face, for V1 `license: apache-2.0`.
     #[must_use]
-    pub const fn licence(size: Size, version: Version) -> Licence {
+    pub const fn licence(size: ModelSize, version: Version) -> Licence {
         match (version, size) {
-            (Version::V1, _) | (Version::V2, Size::Small) => Licence::Apache2,
-            (Version::V2, Size::Base | Size::Large) => Licence::CcByNc4,
+            (Version::V1, _) | (Version::V2, ModelSize::Small) => Licence::Apache2,
+            (Version::V2, ModelSize::Base | ModelSize::Large) => Licence::CcByNc4,
         }
     }
 
-    /// Where the weights are published, as safetensors.
+    /// Returns the address of the weights, as safetensors.
     #[must_use]
-    pub const fn url(size: Size, version: Version) -> &'static str {
+    pub const fn url(size: ModelSize, version: Version) -> &'static str {
         match (version, size) {
-            (Version::V1, Size::Small) => {
+            (Version::V1, ModelSize::Small) => {
                 "https://huggingface.co/LiheYoung/depth-anything-small-hf/resolve/main/model.safetensors"
             }
-            (Version::V1, Size::Base) => {
+            (Version::V1, ModelSize::Base) => {
                 "https://huggingface.co/LiheYoung/depth-anything-base-hf/resolve/main/model.safetensors"
             }
-            (Version::V1, Size::Large) => {
+            (Version::V1, ModelSize::Large) => {
                 "https://huggingface.co/LiheYoung/depth-anything-large-hf/resolve/main/model.safetensors"
             }
-            (Version::V2, Size::Small) => {
+            (Version::V2, ModelSize::Small) => {
                 "https://huggingface.co/depth-anything/Depth-Anything-V2-Small-hf/resolve/main/model.safetensors"
             }
-            (Version::V2, Size::Base) => {
+            (Version::V2, ModelSize::Base) => {
                 "https://huggingface.co/depth-anything/Depth-Anything-V2-Base-hf/resolve/main/model.safetensors"
             }
-            (Version::V2, Size::Large) => {
+            (Version::V2, ModelSize::Large) => {
                 "https://huggingface.co/depth-anything/Depth-Anything-V2-Large-hf/resolve/main/model.safetensors"
             }
         }
@@ -178,22 +178,23 @@ impl DepthAnything {
 
     /// A file name for those weights, different for each.
     #[must_use]
-    pub const fn file_name(size: Size, version: Version) -> &'static str {
+    pub const fn file_name(size: ModelSize, version: Version) -> &'static str {
         match (version, size) {
-            (Version::V1, Size::Small) => "depth-anything-v1-small.safetensors",
-            (Version::V1, Size::Base) => "depth-anything-v1-base.safetensors",
-            (Version::V1, Size::Large) => "depth-anything-v1-large.safetensors",
-            (Version::V2, Size::Small) => "depth-anything-v2-small.safetensors",
-            (Version::V2, Size::Base) => "depth-anything-v2-base.safetensors",
-            (Version::V2, Size::Large) => "depth-anything-v2-large.safetensors",
+            (Version::V1, ModelSize::Small) => "depth-anything-v1-small.safetensors",
+            (Version::V1, ModelSize::Base) => "depth-anything-v1-base.safetensors",
+            (Version::V1, ModelSize::Large) => "depth-anything-v1-large.safetensors",
+            (Version::V2, ModelSize::Small) => "depth-anything-v2-small.safetensors",
+            (Version::V2, ModelSize::Base) => "depth-anything-v2-base.safetensors",
+            (Version::V2, ModelSize::Large) => "depth-anything-v2-large.safetensors",
         }
     }
 
-    /// What [`fetch`](crate::weights::fetch::fetch) takes to get those weights. Their checksum is not known here.
+    /// Returns the source of these weights for [`fetch`](crate::weights::fetch::fetch). Their checksum is not known
+    /// here.
     #[cfg(feature = "fetch")]
     #[must_use]
-    pub fn source(size: Size, version: Version) -> crate::weights::fetch::Source {
-        crate::weights::fetch::Source {
+    pub fn source(size: ModelSize, version: Version) -> crate::weights::fetch::DownloadSource {
+        crate::weights::fetch::DownloadSource {
             url: Self::url(size, version).into(),
             file_name: Self::file_name(size, version).into(),
             checksum: None,
@@ -205,8 +206,8 @@ impl DepthAnything {
     /// photo, the longer one of a smaller.
     ///
     /// # Errors
-    /// [`PhotoError`] if a side is below 14 px or the longer one over [`LONGEST`] times the other.
-    pub fn network_size(&self, width: usize, height: usize) -> Result<(usize, usize), PhotoError> {
+    /// [`DisparityError`] if a side is below 14 px or the longer one over [`LONGEST`] times the other.
+    pub fn network_size(&self, width: usize, height: usize) -> Result<(usize, usize), DisparityError> {
         photo::size(width, height, self.side)
     }
 
@@ -216,11 +217,11 @@ impl DepthAnything {
     /// Runs on the threads of the current rayon pool; their number does not change the result.
     ///
     /// # Errors
-    /// [`PhotoError`] if the photo's size is none for the network, or its numbers overflow.
+    /// [`DisparityError`] if the photo's size is none for the network, or its numbers overflow.
     ///
     /// # Panics
     /// If the photo is not whole rows of `width`.
-    pub fn predict(&self, rgb: &[f32], width: usize) -> Result<Disparity, PhotoError> {
+    pub fn predict(&self, rgb: &[f32], width: usize) -> Result<Disparity, DisparityError> {
         self.image(rgb, width).map(Disparity::from)
     }
 
@@ -232,18 +233,18 @@ impl DepthAnything {
     ///
     /// # Panics
     /// As there.
-    pub fn predict_at_photo_size(&self, rgb: &[f32], width: usize) -> Result<Disparity, PhotoError> {
+    pub fn predict_at_photo_size(&self, rgb: &[f32], width: usize) -> Result<Disparity, DisparityError> {
         let image = self.image(rgb, width)?;
         Ok(image.bicubic(width, rgb.len() / (3 * width)).into())
     }
 
-    fn image(&self, rgb: &[f32], width: usize) -> Result<ops::Image, PhotoError> {
+    fn image(&self, rgb: &[f32], width: usize) -> Result<ops::Image, DisparityError> {
         let height = if width == 0 { 0 } else { rgb.len() / (3 * width) };
         assert_eq!(rgb.len(), 3 * width * height, "whole rows of pixels");
         let to = self.network_size(width, height)?;
         let image = self.network.disparity(&photo::normalized(rgb, (width, height), to));
         if !image.values.iter().all(|value| value.is_finite()) {
-            return Err(PhotoError::NotFinite);
+            return Err(DisparityError::NotFinite);
         }
         Ok(image)
     }

@@ -1,9 +1,34 @@
-//! Neural networks, a file each, with weights that the user gives or has fetched: none are in the program.
+//! Neural networks on the CPU: depth from one photo, perceptual distance, image embeddings.
 //!
-//! - [`clip`]: what a picture shows, as an embedding.
-//! - [`depth_anything`]: how near what a photo shows is.
-//! - [`lpips`]: how alike two pictures look to people.
-//! - [`weights`]: files of weights, safetensors and PyTorch's; with the feature `fetch` also from the network.
+//! Every network is one file; weights are never part of the program. The user gives files, or downloads them with the
+//! feature `fetch`. Files are read with limits on what their headers may claim, and a wrong file is named with advice.
+//!
+//! The types to know:
+//! - [`DepthAnything`]: relative depth of a photo.
+//! - [`Lpips`]: the distance of two images as people see it.
+//! - [`Clip`]: the embedding of an image.
+//! - [`WeightsError`]: a file of weights that cannot be used, and why.
+//! - [`weights::Licence`]: what the licence of published weights allows.
+//!
+//! ```
+//! use wm_nets::Lpips;
+//!
+//! // The tensors that a file of weights must hold.
+//! let (name, shape) = &wm_nets::lpips::tensors()[0];
+//! assert_eq!((name.as_str(), &shape[..]), ("features.0.weight", &[64, 3, 11, 11][..]));
+//!
+//! let error = Lpips::read(&["missing.safetensors".into()]).unwrap_err();
+//! assert!(error.to_string().starts_with("missing.safetensors: cannot be read"));
+//! ```
+//!
+//! ```no_run
+//! use wm_nets::Lpips;
+//!
+//! let network = Lpips::read(&["alexnet.pth".into(), "alex.pth".into()])?;
+//! let (width, black, grey) = (64, vec![0.0; 64 * 64 * 3], vec![0.5; 64 * 64 * 3]);
+//! println!("{:.3}", network.distance(&black, &grey, None, width));
+//! # Ok::<(), wm_nets::WeightsError>(())
+//! ```
 
 pub mod clip;
 pub mod depth_anything;

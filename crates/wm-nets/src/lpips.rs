@@ -27,7 +27,7 @@ struct Layer {
     kernel: usize,
     stride: usize,
     padding: usize,
-    /// Whether a maximum is taken before it.
+    /// A maximum that is taken before it.
     pool: Pool,
 }
 
@@ -47,12 +47,12 @@ const LAYERS: [Layer; 5] = [
 ];
 /// Side and stride of the pools, px.
 const POOL: (usize, usize) = (3, 2);
-/// What the published network's pictures were shifted and scaled by, red, green, blue.
+/// Shift and scale of the published network's images, red, green, blue.
 const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
 const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
 /// Keeps the length of features that are all 0 from dividing by 0.
 const EPSILON: f64 = 1e-10;
-/// What is said where a tensor is missing or of another shape.
+/// The advice where a tensor is missing or of another shape.
 const ADVICE: &str =
     "LPIPS takes torchvision's AlexNet and the heads of lpips v0.1 (alex), in one file or in two";
 
@@ -95,7 +95,7 @@ struct Convolution {
     head: Vec<f32>,
 }
 
-/// What comes out of a ReLU, `[C, H W]`.
+/// The output of a ReLU, `[C, H W]`.
 struct Features {
     values: Vec<f32>,
     pixels: usize,

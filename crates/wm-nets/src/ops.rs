@@ -1,4 +1,4 @@
-//! What networks are made of, over numbers `[pixels, channels]`: one pixel's channels lie together.
+//! The operations of networks, over numbers `[pixels, channels]`: the channels of a pixel lie together.
 //!
 //! Everything with many products is one of candle's matrix products. A convolution is one over the neighbours of
 //! each pixel, for a bounded number of pixels at a time. All sums are in an order of their own, whoever adds
@@ -34,7 +34,7 @@ pub struct Linear {
     bias: Option<Vec<f32>>,
 }
 
-/// What follows a product.
+/// The function that follows a product.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Then {
     Nothing,
@@ -99,7 +99,7 @@ impl Linear {
         self.weight.dims()[0]
     }
 
-    /// As a convolution of 1x1 px.
+    /// Applies the layer to every pixel of an image: a convolution of 1x1 px.
     pub fn over(&self, image: Image) -> Image {
         let values = self.apply(image.values, Then::Nothing);
         Image { values, channels: self.to(), ..image }

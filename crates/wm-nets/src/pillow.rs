@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// Bits behind the point of the weights.
 const BITS: u32 = 22;
 
-/// What one value takes of a row or column: from `first` on, each with a weight times 2^[`BITS`].
+/// The part of a row or column that makes one value: from `first` on, each with a weight times 2^[`BITS`].
 struct Weights {
     first: usize,
     weights: Vec<i32>,

@@ -57,7 +57,7 @@ pub fn with_header(header: &str, numbers: &[u8]) -> Vec<u8> {
     [&(header.len() as u64).to_le_bytes(), header.as_bytes(), numbers].concat()
 }
 
-/// What `torch.save` writes of a dictionary of f32 tensors, in the order of its instructions.
+/// The bytes that `torch.save` writes of a dictionary of f32 tensors, in the order of its instructions.
 pub fn pth(tensors: &[Named]) -> Vec<u8> {
     let mut pickle = b"\x80\x02}q\x00(".to_vec();
     let mut entries = Vec::new();

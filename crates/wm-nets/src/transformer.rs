@@ -7,18 +7,18 @@ use crate::weights::WeightsError;
 /// Reads a tensor by its name and shape.
 pub type Tensors<'a> = dyn FnMut(&str, &[usize]) -> Result<Vec<f32>, WeightsError> + 'a;
 
-/// What comes before the blocks.
+/// The layers before the blocks.
 #[derive(Debug)]
 pub struct Embedding {
     /// From a patch's pixels, row by row.
     pub patches: Linear,
     /// Side of a patch, px.
     pub side: usize,
-    /// What stands before the patches, `[channels]`.
+    /// The class token before the patches, `[channels]`.
     pub class: Vec<f32>,
-    /// What is added to it.
+    /// The position embedding of the class token.
     pub class_position: Vec<f32>,
-    /// What is added to each patch of a square picture.
+    /// The position embeddings of the patches of a square image.
     pub positions: Image,
 }
 
@@ -33,7 +33,8 @@ impl Embedding {
         sorted
     }
 
-    /// What the first block takes of a picture of whole patches: the class, then the patches, row by row.
+    /// Returns the input of the first block for an image of whole patches: the class token, then the patches, row by
+    /// row.
     pub fn apply(&self, picture: &Image) -> Vec<f32> {
         let (columns, rows) = (picture.width / self.side, picture.height / self.side);
         let line = self.side * picture.channels;
@@ -68,13 +69,13 @@ pub struct Block {
     attend: Linear,
     project: Linear,
     widen: Linear,
-    /// What follows it.
+    /// The function after it.
     activation: Then,
     narrow: Linear,
     scales: [Vec<f32>; 2],
 }
 
-/// What differs between the blocks of networks.
+/// The differences between the blocks of networks.
 pub struct BlockKind<'a> {
     /// Names of the tensors, without what comes before them and `weight` or `bias`.
     pub norms: [&'a str; 2],

@@ -1,4 +1,4 @@
-//! How long the photos of a capture take to open and to decode, and how much memory stays taken.
+//! Measures how long the photos of a capture take to open and to decode, and how much memory stays in use.
 //!
 //! `cargo run --release -p wm-train --example photo_times -- DATASET [LONGEST_SIDE]`
 

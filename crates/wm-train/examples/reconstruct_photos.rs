@@ -16,7 +16,7 @@ fn main() {
 fn run() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [photos, run] = &arguments[..] else { return Err("which photos, and into which folder?".into()) };
-    let mut progress = |at: wm_train::colmap::Progress| {
+    let mut progress = |at: wm_train::colmap::ColmapProgress| {
         let total = at.total.map(|total| format!(" of {total}")).unwrap_or_default();
         println!("{}: {}{total}", at.step.name(), at.done);
     };

@@ -1,4 +1,4 @@
-//! Whether a configuration makes a training: files are written by hand too.
+//! Checks configurations, which are also written by hand.
 
 use crate::config::TrainConfig;
 use std::ops::RangeInclusive;

@@ -20,29 +20,29 @@ const MAGIC: &[u8; 8] = b"WMTRAIN3";
 /// Longest head, bytes.
 const MAX_HEAD: u64 = 1 << 24;
 
-/// Why a checkpoint cannot be used.
+/// A reason why a checkpoint cannot be used.
 #[derive(Debug, Error)]
 pub enum CheckpointError {
     /// It cannot be read.
     #[error("{}: cannot read the checkpoint: {source}", path.display())]
     Read {
-        /// Which.
+        /// The checkpoint.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
     /// It is none, or another program's.
     #[error("{}: no checkpoint of this version; start anew with another --out", path.display())]
     Version {
-        /// Which.
+        /// The file.
         path: PathBuf,
     },
     /// It is not whole.
     #[error("{}: the checkpoint is damaged ({reason}); start anew, or use a copy", path.display())]
     Damaged {
-        /// Which.
+        /// The checkpoint.
         path: PathBuf,
-        /// How.
+        /// The damage.
         reason: String,
     },
     /// It cannot be written.
@@ -50,9 +50,9 @@ pub enum CheckpointError {
     Write(#[from] FormatError),
 }
 
-/// What belongs to a training beside its state.
+/// The part of a checkpoint that is not the state: configuration, photos, counts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Head {
+pub struct CheckpointHead {
     /// The configuration.
     pub config: TrainConfig,
     /// The photos that teach, in their order.
@@ -74,7 +74,7 @@ pub struct Taught {
     pub size: (u32, u32),
 }
 
-impl Head {
+impl CheckpointHead {
     /// For the state of a training.
     #[must_use]
     pub fn new(config: &TrainConfig, photos: Vec<Taught>, simd: String, state: &TrainState) -> Self {
@@ -107,7 +107,7 @@ impl Head {
 ///
 /// # Errors
 /// [`CheckpointError::Write`]; what was there before is there still.
-pub fn write(path: &Path, head: &Head, state: &TrainState) -> Result<(), CheckpointError> {
+pub fn write(path: &Path, head: &CheckpointHead, state: &TrainState) -> Result<(), CheckpointError> {
     let text = serde_json::to_vec(head).map_err(|error| damaged(path, &error.to_string()))?;
     write_atomically(path, |out| {
         let mut out = Summed { inner: out, sum: FNV_START };
@@ -136,7 +136,7 @@ pub fn write(path: &Path, head: &Head, state: &TrainState) -> Result<(), Checkpo
 ///
 /// # Errors
 /// [`CheckpointError`] if it cannot be read, is of another version or damaged.
-pub fn read(path: &Path) -> Result<(Head, TrainState), CheckpointError> {
+pub fn read(path: &Path) -> Result<(CheckpointHead, TrainState), CheckpointError> {
     let bytes =
         std::fs::read(path).map_err(|source| CheckpointError::Read { path: path.to_owned(), source })?;
     parse(&bytes).map_err(|fault| match fault {
@@ -154,7 +154,7 @@ fn damaged(path: &Path, reason: &str) -> CheckpointError {
     CheckpointError::Damaged { path: path.to_owned(), reason: reason.to_owned() }
 }
 
-fn parse(bytes: &[u8]) -> Result<(Head, TrainState), Fault> {
+fn parse(bytes: &[u8]) -> Result<(CheckpointHead, TrainState), Fault> {
     let cut = || Fault::Damaged("it is cut off".into());
     if bytes.get(..MAGIC.len()) != Some(MAGIC) {
         return Err(Fault::Version);
@@ -172,7 +172,7 @@ fn parse(bytes: &[u8]) -> Result<(Head, TrainState), Fault> {
         return Err(Fault::Damaged("its checksum is wrong, or it is cut off".into()));
     }
     // A head that cannot be read under a right checksum is another version's.
-    let head: Head = serde_json::from_slice(text).map_err(|_| Fault::Version)?;
+    let head: CheckpointHead = serde_json::from_slice(text).map_err(|_| Fault::Version)?;
     let degree = head.config.sh_degree;
     if degree > sh::MAX_DEGREE {
         return Err(Fault::Version);
@@ -282,7 +282,7 @@ mod tests {
     use crate::config::Preset;
     use wm_render::testing::random_splats;
 
-    fn state() -> (Head, TrainState) {
+    fn state() -> (CheckpointHead, TrainState) {
         let mut population = Population::new(random_splats(40, 3, 1));
         population.splats.groups[3] = Group::Sky;
         population.moments.sh.first[7] = 0.25;
@@ -294,7 +294,7 @@ mod tests {
         let state = TrainState { step: 1234, population, exposures };
         let config = TrainConfig::preset(Preset::Quick);
         let photos = vec![Taught { name: "a.jpg".into(), size: (60, 40) }];
-        (Head::new(&config, photos, "portable".into(), &state), state)
+        (CheckpointHead::new(&config, photos, "portable".into(), &state), state)
     }
 
     #[test]

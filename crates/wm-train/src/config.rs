@@ -1,4 +1,4 @@
-//! What a training is: everything that its result depends on, beside the photos.
+//! The configuration of a training: everything that its result depends on, beside the photos.
 
 pub use crate::densify::Densify;
 use serde::{Deserialize, Serialize};
@@ -10,25 +10,25 @@ use wm_scene::Rasterization;
 pub struct TrainConfig {
     /// Steps; each sees one photo.
     pub steps: u32,
-    /// Which of the equally good orders, samples and starting points.
+    /// The seed of the order of photos, of samples and of starting points.
     pub seed: u64,
     /// Highest degree of the spherical harmonics.
     pub sh_degree: u8,
     /// Steps from one degree to the next.
     pub sh_every: u32,
-    /// How splats smaller than a pixel are drawn.
+    /// The way in which splats smaller than a pixel are drawn.
     pub rasterization: Rasterization,
-    /// What stands behind the splats while they learn.
+    /// The background behind the splats during training.
     pub background: BackgroundKind,
     /// Coarse to fine, or not.
     pub resolution: Resolution,
-    /// Whether photos may be brighter or darker than the scene, each for itself.
-    pub exposure: Exposure,
+    /// The exposures of photos: one each, or one for all.
+    pub exposure: ExposureMode,
     /// Weights of the loss.
     pub loss: LossConfig,
     /// Step lengths.
     pub rates: RateConfig,
-    /// How splats come and go.
+    /// The densification strategy.
     pub densify: Densify,
     /// Opacity that splats begin with, 0-1.
     pub start_opacity: f64,
@@ -38,7 +38,7 @@ pub struct TrainConfig {
     pub sky_splats: u32,
 }
 
-/// What stands behind the splats while they learn.
+/// The background behind the splats during training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BackgroundKind {
@@ -53,16 +53,16 @@ pub enum BackgroundKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Resolution {
-    /// As they are.
+    /// Photos have their full size from the start.
     Full,
     /// A quarter, then half, then as they are; see [`crate::schedule::level`].
     Coarse,
 }
 
-/// Whether each photo has an exposure of its own.
+/// The exposures of photos: one each, or one for all.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Exposure {
+pub enum ExposureMode {
     /// All photos are alike.
     Shared,
     /// An affine change of colour a photo, learnt with the scene and left out of it.
@@ -86,9 +86,9 @@ pub struct LossConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GeometryConfig {
-    /// Of depth in the scene's units; see [`crate::losses::Depth`].
+    /// Of depth in the scene's units; see [`crate::losses::DepthTerm`].
     pub depth: f64,
-    /// Of the relative depth of patches, moving means; see [`crate::losses::PatchDepth`].
+    /// Of the relative depth of patches, moving means; see [`crate::losses::PatchDepthTerm`].
     pub depth_hard: f64,
     /// Of the same, changing opacities.
     pub depth_soft: f64,
@@ -100,15 +100,15 @@ pub struct GeometryConfig {
     pub depth_from: f64,
     /// Steps between two that have renders of their own for `depth_hard`, `depth_soft` and `surface`.
     pub every: u32,
-    /// Of coverage in front of the sky; see [`crate::losses::Surface`].
+    /// Of coverage in front of the sky; see [`crate::losses::SurfaceTerm`].
     pub surface: f64,
-    /// Of normals; see [`crate::losses::Normal`].
+    /// Of normals; see [`crate::losses::NormalTerm`].
     pub normal: f64,
     /// Share of the steps after which normals count: 6,000 of 30,000 in the paper.
     pub normal_from: f64,
-    /// Of flatness; see [`crate::losses::Flat`].
+    /// Of flatness; see [`crate::losses::FlatTerm`].
     pub flat: f64,
-    /// Of smooth depth where the photo is smooth; see [`crate::losses::Smooth`].
+    /// Of smooth depth where the photo is smooth; see [`crate::losses::SmoothTerm`].
     pub smooth: f64,
 }
 
@@ -181,7 +181,7 @@ pub struct RateConfig {
     pub exposure: f64,
 }
 
-/// How much time a training may take.
+/// A choice between speed and quality.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Preset {
     /// 2,000 steps, 100,000 splats at most, coarse to fine.
@@ -211,7 +211,7 @@ impl TrainConfig {
             rasterization: Rasterization::Classic,
             background: BackgroundKind::Random,
             resolution: if preset == Preset::Best { Resolution::Full } else { Resolution::Coarse },
-            exposure: Exposure::Photo,
+            exposure: ExposureMode::Photo,
             loss: LossConfig { l1: 0.8, ssim: 0.2, geometry: GeometryConfig::default() },
             rates: RateConfig::for_steps(steps),
             densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),
@@ -229,7 +229,8 @@ impl TrainConfig {
     }
 }
 
-/// As published, one degree each 1,000 of 30,000 steps, but all of them in a short training too.
+/// Returns the steps from one degree to the next: one each 1,000 of 30,000 as published, but all degrees in a short
+/// training too.
 fn sh_every(steps: u32) -> u32 {
     (steps / 8).clamp(1, 1000)
 }

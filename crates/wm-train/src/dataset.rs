@@ -6,9 +6,9 @@ use thiserror::Error;
 use wm_scene::FormatError;
 use wm_scene::capture::{self, Capture, CaptureOptions};
 
-/// Where the parts of a data set are, and how its photos are read.
+/// Options for opening a data set: the places of its parts, and how its photos are read.
 #[derive(Clone, Debug, PartialEq)]
-pub struct DatasetOptions {
+pub struct DatasetReadOptions {
     /// Folder of the photos in the data set; `None` looks in the usual places.
     pub images: Option<PathBuf>,
     /// Folder of masks in the data set; `None` takes `masks` if it exists.
@@ -17,13 +17,13 @@ pub struct DatasetOptions {
     pub model: Option<PathBuf>,
     /// The size at which photos are used.
     pub size: PhotoSize,
-    /// How photos that cannot be used are treated.
+    /// The treatment of photos that cannot be used.
     pub bad: BadPhotos,
     /// Memory for decoded photos, bytes.
     pub cache_bytes: usize,
 }
 
-impl Default for DatasetOptions {
+impl Default for DatasetReadOptions {
     fn default() -> Self {
         Self {
             images: None,
@@ -36,7 +36,7 @@ impl Default for DatasetOptions {
     }
 }
 
-/// Why the photos of a data set cannot be opened.
+/// A reason why the photos of a data set cannot be opened.
 #[derive(Debug, Error)]
 pub enum DatasetError {
     /// The capture has no photos.
@@ -47,7 +47,7 @@ pub enum DatasetError {
     Photos(#[from] PhotoErrors),
 }
 
-impl DatasetOptions {
+impl DatasetReadOptions {
     /// Reads the cameras and points of the data set in a folder.
     ///
     /// # Errors
@@ -76,7 +76,7 @@ impl DatasetOptions {
     }
 }
 
-/// Which photos are held out: every N-th one, in the order of names.
+/// The choice of photos that are held out: every N-th one, in the order of names.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HeldOut {
     /// One of so many photos is held out; 0 holds out none.

@@ -18,9 +18,9 @@ pub const NUMBERS: usize = NO_EXPOSURE.len();
 pub struct Exposures {
     /// `[P]`.
     pub changes: Vec<Exposure>,
-    /// What the optimiser remembers: means of gradients and of their squares.
+    /// The optimiser's moments: means of gradients and of their squares.
     pub moments: Vec<[[f32; NUMBERS]; 2]>,
-    /// How often each photo has learnt.
+    /// The number of steps that each photo has learnt.
     pub steps: Vec<u32>,
 }
 

@@ -1,4 +1,4 @@
-//! Where the splats of a training learn: in the computer's memory, or on a device on which they stay.
+//! The splats of a training and the device that holds them: the computer's memory, or a GPU on which they stay.
 //!
 //! On a device the population here falls behind, and is brought up to date ([`Learner::sync`]) when something asks for
 //! it: checkpoints, the end. Splats that come and go do not: what decides about them is read, the rest is moved there.
@@ -24,7 +24,7 @@ pub struct Learner {
     count: Option<usize>,
 }
 
-/// What the device has, where there is one.
+/// The contents of the device, relative to the population here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Device {
     /// Something else than the population.
@@ -106,7 +106,7 @@ impl Learner {
         Ok(stats.visible as usize)
     }
 
-    /// Whether [`Self::compare`] is there.
+    /// Returns true if [`Self::compare`] can be called.
     pub fn compares(&mut self) -> bool {
         self.renderer.resident().is_some()
     }

@@ -1,13 +1,42 @@
-//! From photos to splats.
+//! Training: from photos to a scene of Gaussian splats.
 //!
-//! - [`photos`]: the photos of a capture, decoded, resized and undistorted when they are needed.
-//! - [`colmap`]: a capture from a plain folder of photos, by the COLMAP that is installed.
-//! - [`start`]: the splats to begin with.
-//! - [`trainer`]: steps of training, with [`losses`], [`densify`], [`schedule`] and
-//!   [`exposure`] for their parts, and [`config`] (and its [`check`]) for what they depend on.
-//! - [`checkpoint`]: a training on disk.
-//! - [`maps`]: depth, normals and masks of photos, out of files.
-//! - [`metrics`]: how near a picture is to a photo.
+//! [`Session`] does everything: it opens a data set, finds cameras with COLMAP where there are none, estimates depth,
+//! normals and sky of the photos, trains, and returns a scene with its scale and its ground.
+//!
+//! ```no_run
+//! let scene = wm_train::Session::new("photos").steps(2000).run(&mut ())?;
+//! wm_scene::formats::write_scene("place.ply".as_ref(), &scene)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! The types to know:
+//! - [`Session`]: a training in one call, with [`SessionOptions`] for everything that can be chosen.
+//! - [`TrainObserver`]: receives progress, warnings, scores and images, and can stop the training.
+//! - [`TrainPlan`]: a preset with changes; it makes a [`TrainConfig`], on which the result depends.
+//! - [`Trainer`]: single steps, for programs with a loop and photos of their own.
+//! - [`Dataset`]: an open data set, for [`priors`] and [`evaluation`].
+//!
+//! ```
+//! use wm_train::{Preset, TrainPlan};
+//!
+//! let plan = TrainPlan {
+//!     preset: Preset::Quick,
+//!     steps: Some(500),
+//!     loss: vec![("depth".into(), 0.1)],
+//!     ..TrainPlan::default()
+//! };
+//! let config = plan.config(24 * 1600 * 1200)?; // 24 photos
+//! assert_eq!(config.densify.strategy().max_splats(), Some(100_000));
+//! assert_eq!(config.loss.geometry.depth, 0.1);
+//! # Ok::<(), wm_train::plan::PlanError>(())
+//! ```
+//!
+//! Modules, from photos to scores:
+//! - [`photos`]: the photos of a capture, decoded, resized and undistorted on demand; [`colmap`]: cameras of plain photos.
+//! - [`maps`]: depth, normals and masks of photos in files; [`priors`]: what is known of these before a training.
+//! - [`start`]: the first splats; [`trainer`]: steps, made of [`losses`], [`densify`], [`schedule`] and [`exposure`].
+//! - [`config`], [`plan`], [`check`]: the configuration; [`checkpoint`]: a training on disk.
+//! - [`evaluation`], [`metrics`]: scores against photos and ground truth.
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
@@ -17,6 +46,7 @@ pub mod colmap;
 pub mod config;
 pub mod dataset;
 pub mod densify;
+pub mod evaluation;
 pub mod exposure;
 mod learner;
 pub mod losses;
@@ -33,7 +63,7 @@ pub mod start;
 pub mod trainer;
 
 pub use config::{Preset, TrainConfig};
-pub use dataset::{Dataset, DatasetOptions, HeldOut};
+pub use dataset::{Dataset, DatasetReadOptions, HeldOut};
 pub use plan::TrainPlan;
 pub use session::{Session, SessionError, SessionOptions, TrainObserver};
 pub use trainer::{StepReport, StepTimes, TrainState, Trainer};

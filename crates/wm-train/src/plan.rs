@@ -1,7 +1,7 @@
 //! A preset with changes: the short way to a [`TrainConfig`].
 
 use crate::check::ConfigError;
-use crate::config::{BackgroundKind, Densify, Exposure, LossConfig, Preset, Resolution, TrainConfig};
+use crate::config::{BackgroundKind, Densify, ExposureMode, LossConfig, Preset, Resolution, TrainConfig};
 use serde_json::Value;
 use thiserror::Error;
 use wm_scene::Rasterization;
@@ -22,11 +22,11 @@ pub struct TrainPlan {
     pub sh_degree: u8,
     /// Sizes of photos over time; `None` keeps the preset's.
     pub resolution: Option<Resolution>,
-    /// Whether each photo has an exposure of its own.
-    pub exposure: Exposure,
+    /// The exposures of photos: one each, or one for all.
+    pub exposure: ExposureMode,
     /// The background behind the splats during training.
     pub background: BackgroundKind,
-    /// How splats smaller than a pixel are drawn.
+    /// The way in which splats smaller than a pixel are drawn.
     pub rasterization: Rasterization,
     /// The number of splats on the sky's half sphere; 0 for no sky.
     pub sky_splats: u32,
@@ -46,7 +46,7 @@ impl Default for TrainPlan {
             densify: "mcmc".into(),
             sh_degree: 3,
             resolution: None,
-            exposure: Exposure::Photo,
+            exposure: ExposureMode::Photo,
             background: BackgroundKind::Random,
             rasterization: Rasterization::Classic,
             sky_splats: 20_000,
@@ -56,7 +56,7 @@ impl Default for TrainPlan {
     }
 }
 
-/// Why a plan makes no configuration.
+/// A reason why a plan makes no configuration.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum PlanError {
     /// There is no such strategy.

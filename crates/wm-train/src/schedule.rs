@@ -1,4 +1,4 @@
-//! What changes over a training.
+//! Values that change over a training.
 
 use crate::config::{RateConfig, Resolution, TrainConfig};
 use wm_render::stages::optimize::Rates;
@@ -25,7 +25,7 @@ pub fn sh_degree(config: &TrainConfig, step: u32) -> u8 {
     config.sh_degree.min(u8::try_from(grown).unwrap_or(u8::MAX))
 }
 
-/// How often the sides of photos are halved at a step: twice in the first tenth of the steps, once in
+/// Returns how often the sides of photos are halved at a step: twice in the first tenth of the steps, once in
 /// the next two, but never below `last_level`.
 #[must_use]
 pub fn level(config: &TrainConfig, step: u32, last_level: u8) -> u8 {

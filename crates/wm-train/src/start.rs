@@ -1,6 +1,7 @@
-//! Where splats begin: at the points of the reconstruction, or anywhere in view where there are none.
+//! The splats that a training starts with: at the points of the reconstruction, or anywhere in view where there are
+//! none.
 //!
-//! As published (Kerbl et al. 2023): round, of the mean distance (root mean square) to the three nearest
+//! They are made as published (Kerbl et al. 2023): round, of the mean distance (root mean square) to the three nearest
 //! neighbours, of the point's colour.
 
 use crate::priors::SkyClass;
@@ -17,7 +18,7 @@ use wm_scene::{Camera, Group, Splats};
 const NEIGHBOURS: usize = 3;
 /// Splats to begin with where there are no points.
 const BLIND: usize = 20_000;
-/// How large a splat may be, in units of the extent: a stray point is no wall.
+/// The largest size of a splat, in units of the extent: a stray point is no wall.
 const LARGEST: f64 = 0.2;
 
 /// Radius of the sky in extents, at least.
@@ -28,7 +29,7 @@ const BELOW: f64 = -0.09;
 const SKY_SCALE: f64 = 0.7;
 const SKY_OPACITY: f64 = 0.9;
 
-/// How splats begin.
+/// Options for starting splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StartConfig {
     /// Opacity, 0-1.
@@ -88,7 +89,7 @@ pub fn from_points(points: &SparsePoints, extent: f64, config: &StartConfig) -> 
     splats
 }
 
-/// What tells the sky from the place in the photos.
+/// The photos from which the sky is made.
 pub struct SkyPhotos<'a> {
     /// Cameras, those of `maps` in the same order.
     pub cameras: &'a [Camera],

@@ -14,7 +14,7 @@ use wm_train::config::{Densify, RateConfig};
 use wm_train::densify::Population;
 use wm_train::densify::fixed::FixedConfig;
 use wm_train::exposure::Exposures;
-use wm_train::losses::Truth;
+use wm_train::losses::TrainPhoto;
 use wm_train::{Preset, StepTimes, TrainConfig, TrainState, Trainer};
 
 /// Steps of one scene. Times are milliseconds, medians.
@@ -114,7 +114,7 @@ pub fn measure(name: &str, splats: &Splats, camera: &Camera, args: &BenchArgs) -
     let mut frame = Frame::default();
     trainers[0].render(camera, &mut frame)?;
     let rgb: Vec<f32> = frame.rgb.iter().map(|v| 0.8 * v).collect();
-    let truth = Truth { rgb: &rgb, mask: None, camera, prior: None };
+    let truth = TrainPhoto { rgb: &rgb, mask: None, camera, prior: None };
     let bar = progress::bar(u64::from(args.frames), "steps");
     let mut steps: [Vec<Step>; 2] = Default::default();
     for round in 0..args.frames + WARM_UP {

@@ -8,7 +8,7 @@ mod text;
 mod truth;
 mod views;
 
-use crate::dataset::{Dataset, DatasetArgs, HeldOut};
+use crate::dataset::{Dataset, DatasetArgs, HeldOutArgs};
 use crate::names::stem_of;
 use crate::progress;
 use crate::scene::{Loaded, RunArgs, SceneArgs};
@@ -18,7 +18,6 @@ use scores::Report;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use wm_scene::files::{check_writable, write_atomically};
-use wm_train::photos::Check;
 
 /// Options of `evaluate`.
 #[derive(Args, Clone, Debug)]
@@ -58,34 +57,34 @@ impl EvaluateArgs {
         self.scene.as_ref().expect("required but for pictures, which are compared without")
     }
 
-    /// What it is compared with.
+    /// Returns the data set that it is compared with.
     fn dataset(&self) -> &Path {
         self.dataset.as_deref().expect("required but for pictures, which are compared without")
     }
 }
 
-/// Which photos, and how they are compared.
+/// The photos, and how they are compared.
 #[derive(Args, Clone, Debug)]
+#[command(mut_arg("eval_every", |arg| {
+    arg.help("Compare every N-th photo (in the order of names): those that `reconstruct` held out with the same number; \
+              0 compares all photos, including those used for training")
+}))]
+#[command(mut_arg("eval_from", |arg| arg.help("The first photo that is compared, from 0")))]
 struct PhotoArgs {
     #[command(flatten)]
     set: DatasetArgs,
-    /// Take every N-th photo (in the order of names): those that `reconstruct` held out with the same number;
-    /// 0 takes all of them, those that it learnt from included
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Photos")]
-    eval_every: u32,
-    /// The first photo that is taken, from 0
-    #[arg(long, value_name = "K", default_value_t = 0, help_heading = "Photos")]
-    eval_from: u32,
-    /// What is undone before colours are compared: none, or affine (the change of colour, one for each
+    #[command(flatten)]
+    held_out: HeldOutArgs,
+    /// Correction of the render before colours are compared: none, or affine (the change of colour, one for each
     /// photo, that brings the render nearest to it)
     #[arg(long, value_name = "FIT", default_value = "none", help_heading = "Photos")]
-    exposure_fit: ExposureFit,
+    exposure_fit: ExposureFitArg,
 }
 
-/// What is undone before colours are compared.
+/// The correction of the render before colours are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
-enum ExposureFit {
+enum ExposureFitArg {
     /// Nothing.
     None,
     /// An affine change of colour a photo.
@@ -94,11 +93,10 @@ enum ExposureFit {
 
 /// Opens the photos that are compared.
 fn open(args: &EvaluateArgs) -> Result<Dataset> {
-    let PhotoArgs { set, eval_every: every, eval_from: from, .. } = &args.photos;
-    let capture = set.capture(args.dataset())?;
-    let photos = set.photos(args.dataset(), &capture, Check::default())?;
-    let (held_out, others) = HeldOut { every: *every, from: *from }.split(&photos);
-    let places = if *every == 0 { others } else { held_out };
+    let HeldOutArgs { eval_every: every, eval_from: from } = args.photos.held_out;
+    let (capture, photos) = args.photos.set.open(args.dataset())?;
+    let (held_out, others) = args.photos.held_out.held_out().split(&photos);
+    let places = if every == 0 { others } else { held_out };
     if places.is_empty() {
         bail!(
             "{}: --eval-every {every} from {from} takes none of {} photos; give smaller numbers",
@@ -125,12 +123,12 @@ pub fn run(args: &EvaluateArgs) -> Result<()> {
     }
     let data = open(args)?;
     let loaded = Loaded::new(args.scene(), &args.run, None)?;
-    let truth = truth::Truth::open(&args.truth, &data, loaded.place.survey())?;
+    let truth = args.truth.open(&data, loaded.place.survey())?;
     let pictures = if args.report.is_some() { args.report_photos as usize } else { 0 };
     let bar = progress::bar(data.places.len() as u64, "photos");
-    let (views, floaters, shown) = views::measure(loaded, &data, &truth, args, pictures, &bar)?;
+    let (evaluation, shown) = views::measure(loaded, &data, &truth, args, pictures, &bar)?;
     bar.finish_and_clear();
-    let report = Report::new(args, &data, truth, views, floaters);
+    let report = Report::new(args, &data, truth, evaluation);
     text::print(&report);
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&report.json())?;
@@ -144,7 +142,7 @@ pub fn run(args: &EvaluateArgs) -> Result<()> {
     Ok(())
 }
 
-/// What a scene or a data set is called in a report.
+/// Returns the name of a scene or a data set in a report.
 fn name_of(path: &Path) -> String {
     path.file_name().map_or_else(|| stem_of(path), |name| name.to_string_lossy().into_owned())
 }

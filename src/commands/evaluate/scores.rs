@@ -1,48 +1,32 @@
-//! What is measured: one list that the table, the JSON file and the page are made from.
+//! The scores of a report: one list that the table, the JSON file and the page are made from.
 
-use super::truth::{Folder, Truth};
-use super::{EvaluateArgs, name_of};
+use super::{EvaluateArgs, ExposureFitArg, name_of};
 use crate::dataset::Dataset;
 use serde_json::{Map, Value, json};
-use wm_train::metrics::{DepthErrors, FloaterShare, NormalErrors, SurfaceLost};
-
-/// What was measured of a photo.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Scores {
-    /// dB.
-    pub psnr: f64,
-    pub ssim: f64,
-    /// Of expected depth.
-    pub expected: Option<DepthErrors>,
-    /// Of median depth.
-    pub median: Option<DepthErrors>,
-    pub normal: Option<NormalErrors>,
-    /// Share of the sky, 0-1.
-    pub sky_covered: Option<f64>,
-    pub lost: Option<SurfaceLost>,
-}
+use wm_train::evaluation::{Evaluation, PhotoScores, TruthFolder, TruthMaps, ViewScores};
+use wm_train::metrics::FloaterShare;
 
 /// A number of a photo.
-pub struct Column {
+pub struct ScoreColumn {
     /// Its name in JSON.
     pub key: &'static str,
     /// Its name in one line.
     pub name: &'static str,
     /// Its name in tables, in two lines.
     pub head: [&'static str; 2],
-    /// How it is written.
-    pub unit: Unit,
-    /// Where it is shown.
-    pub place: Place,
-    /// What it is.
+    /// The form in which it is written.
+    pub unit: ScoreUnit,
+    /// The tables in which it is shown.
+    pub place: Placement,
+    /// Its definition, in words.
     pub what: &'static str,
-    of: fn(&Scores) -> Option<f64>,
+    of: fn(&ViewScores) -> Option<f64>,
 }
 
-/// How a number is written.
+/// The form in which a score is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unit {
-    /// As it is, four digits behind the point.
+pub enum ScoreUnit {
+    /// The number itself, with four digits after the point.
     Plain,
     /// dB.
     Decibels,
@@ -52,60 +36,60 @@ pub enum Unit {
     Percent,
 }
 
-/// Where a number is shown.
+/// The tables in which a score is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum Placement {
     /// In the tables, too.
     Table,
     /// Only in the means and the JSON file.
     Means,
 }
 
-use Place::{Means, Table};
-use Unit::{Decibels, Degrees, Percent, Plain};
+use Placement::{Means, Table};
+use ScoreUnit::{Decibels, Degrees, Percent, Plain};
 
 /// All numbers of a photo, in their order.
 #[rustfmt::skip]
-pub const COLUMNS: [Column; 17] = [
-    Column { key: "psnr", name: "PSNR", head: ["PSNR", "dB"], unit: Decibels, place: Table, of: |s| Some(s.psnr),
+pub const COLUMNS: [ScoreColumn; 17] = [
+    ScoreColumn { key: "psnr", name: "PSNR", head: ["PSNR", "dB"], unit: Decibels, place: Table, of: |s| Some(s.psnr),
         what: "peak signal-to-noise ratio of the render against the photo, dB; higher is better" },
-    Column { key: "ssim", name: "SSIM", head: ["", "SSIM"], unit: Plain, place: Table, of: |s| Some(s.ssim),
+    ScoreColumn { key: "ssim", name: "SSIM", head: ["", "SSIM"], unit: Plain, place: Table, of: |s| Some(s.ssim),
         what: "structural similarity, 1 for equal pictures" },
-    Column { key: "depth_abs_rel", name: "depth AbsRel", head: ["depth", "AbsRel"], unit: Plain, place: Table, of: |s| Some(s.expected?.abs_rel),
+    ScoreColumn { key: "depth_abs_rel", name: "depth AbsRel", head: ["depth", "AbsRel"], unit: Plain, place: Table, of: |s| Some(s.expected_depth?.abs_rel),
         what: "mean of |depth - truth| / truth over true surfaces, expected depth; a pixel without depth counts as 1" },
-    Column { key: "depth_delta", name: "depth < 1.25", head: ["<1.25", "%"], unit: Percent, place: Table, of: |s| Some(s.expected?.delta),
+    ScoreColumn { key: "depth_delta", name: "depth < 1.25", head: ["<1.25", "%"], unit: Percent, place: Table, of: |s| Some(s.expected_depth?.delta),
         what: "share of true surfaces whose expected depth is within a factor of 1.25" },
-    Column { key: "depth_median_rel", name: "depth, median error", head: ["", "median"], unit: Plain, place: Table, of: |s| Some(s.expected?.median_rel),
+    ScoreColumn { key: "depth_median_rel", name: "depth, median error", head: ["", "median"], unit: Plain, place: Table, of: |s| Some(s.expected_depth?.median_rel),
         what: "median of |depth - truth| / truth, expected depth" },
-    Column { key: "depth_missing", name: "no depth", head: ["none", "%"], unit: Percent, place: Means, of: |s| Some(s.expected?.missing),
+    ScoreColumn { key: "depth_missing", name: "no depth", head: ["none", "%"], unit: Percent, place: Means, of: |s| Some(s.expected_depth?.missing),
         what: "share of true surfaces without expected depth" },
-    Column { key: "median_depth_abs_rel", name: "median depth AbsRel", head: ["median depth", "AbsRel"], unit: Plain, place: Table, of: |s| Some(s.median?.abs_rel),
+    ScoreColumn { key: "median_depth_abs_rel", name: "median depth AbsRel", head: ["median depth", "AbsRel"], unit: Plain, place: Table, of: |s| Some(s.median_depth?.abs_rel),
         what: "as above, of median depth: that of the splat at which the coverage passes one half" },
-    Column { key: "median_depth_delta", name: "median depth < 1.25", head: ["<1.25", "%"], unit: Percent, place: Table, of: |s| Some(s.median?.delta),
+    ScoreColumn { key: "median_depth_delta", name: "median depth < 1.25", head: ["<1.25", "%"], unit: Percent, place: Table, of: |s| Some(s.median_depth?.delta),
         what: "share within a factor of 1.25, median depth" },
-    Column { key: "median_depth_median_rel", name: "median depth, median error", head: ["", "median"], unit: Plain, place: Table, of: |s| Some(s.median?.median_rel),
+    ScoreColumn { key: "median_depth_median_rel", name: "median depth, median error", head: ["", "median"], unit: Plain, place: Table, of: |s| Some(s.median_depth?.median_rel),
         what: "median of |depth - truth| / truth, median depth" },
-    Column { key: "median_depth_missing", name: "no median depth", head: ["none", "%"], unit: Percent, place: Means, of: |s| Some(s.median?.missing),
+    ScoreColumn { key: "median_depth_missing", name: "no median depth", head: ["none", "%"], unit: Percent, place: Means, of: |s| Some(s.median_depth?.missing),
         what: "share of true surfaces without median depth" },
-    Column { key: "normal_mean", name: "normals, mean angle", head: ["normal", "mean deg"], unit: Degrees, place: Table, of: |s| Some(s.normal?.mean),
+    ScoreColumn { key: "normal_mean", name: "normals, mean angle", head: ["normal", "mean deg"], unit: Degrees, place: Table, of: |s| Some(s.normal?.mean),
         what: "mean angle between rendered and true normal, degrees; a pixel without normal counts as 90" },
-    Column { key: "normal_median", name: "normals, median angle", head: ["", "median"], unit: Degrees, place: Table, of: |s| Some(s.normal?.median),
+    ScoreColumn { key: "normal_median", name: "normals, median angle", head: ["", "median"], unit: Degrees, place: Table, of: |s| Some(s.normal?.median),
         what: "median angle between rendered and true normal, degrees" },
-    Column { key: "normal_missing", name: "no normal", head: ["none", "%"], unit: Percent, place: Means, of: |s| Some(s.normal?.missing),
+    ScoreColumn { key: "normal_missing", name: "no normal", head: ["none", "%"], unit: Percent, place: Means, of: |s| Some(s.normal?.missing),
         what: "share of true surfaces without normal" },
-    Column { key: "sky_covered", name: "sky covered", head: ["sky", "covered %"], unit: Percent, place: Table, of: |s| s.sky_covered,
+    ScoreColumn { key: "sky_covered", name: "sky covered", head: ["sky", "covered %"], unit: Percent, place: Table, of: |s| s.sky_covered,
         what: "share of the true sky that splats other than the sky's cover by more than a half" },
-    Column { key: "surface_lost", name: "surface lost", head: ["surface", "lost %"], unit: Percent, place: Table, of: |s| Some(s.lost?.lost()),
+    ScoreColumn { key: "surface_lost", name: "surface lost", head: ["surface", "lost %"], unit: Percent, place: Table, of: |s| Some(s.surface_lost?.lost()),
         what: "share of true surfaces that are open or behind, without the sky's splats" },
-    Column { key: "surface_open", name: "surface open", head: ["open", "%"], unit: Percent, place: Means, of: |s| Some(s.lost?.open),
+    ScoreColumn { key: "surface_open", name: "surface open", head: ["open", "%"], unit: Percent, place: Means, of: |s| Some(s.surface_lost?.open),
         what: "share of true surfaces that are covered by less than a half" },
-    Column { key: "surface_behind", name: "surface behind", head: ["behind", "%"], unit: Percent, place: Means, of: |s| Some(s.lost?.behind),
+    ScoreColumn { key: "surface_behind", name: "surface behind", head: ["behind", "%"], unit: Percent, place: Means, of: |s| Some(s.surface_lost?.behind),
         what: "share of true surfaces whose median depth lies more than 5 % behind them" },
 ];
 
-impl Column {
+impl ScoreColumn {
     /// The number of a photo; `None` where it is not known, or infinite.
-    pub fn of(&self, scores: &Scores) -> Option<f64> {
+    pub fn of(&self, scores: &ViewScores) -> Option<f64> {
         (self.of)(scores).filter(|value| value.is_finite())
     }
 
@@ -133,67 +117,59 @@ impl Column {
     }
 }
 
-/// A photo and its scores.
-pub struct ViewScores {
-    pub name: String,
-    /// Of the photo as it was compared, px.
-    pub width: u32,
-    pub height: u32,
-    pub scores: Scores,
-}
-
 /// Everything that was measured.
 pub struct Report {
     pub scene: String,
     pub dataset: String,
-    /// Which photos, in words.
+    /// The choice of photos, in words.
     pub selection: String,
-    pub truth: Truth,
-    pub views: Vec<ViewScores>,
+    /// The ground truth.
+    pub truth: TruthMaps,
+    /// The scores of each photo.
+    pub views: Vec<PhotoScores>,
+    /// Splats in front of true surfaces.
     pub floaters: Option<FloaterShare>,
     args: EvaluateArgs,
 }
 
 impl Report {
-    pub fn new(
-        args: &EvaluateArgs,
-        data: &Dataset,
-        truth: Truth,
-        views: Vec<ViewScores>,
-        floaters: Option<FloaterShare>,
-    ) -> Self {
+    pub fn new(args: &EvaluateArgs, data: &Dataset, truth: TruthMaps, evaluation: Evaluation) -> Self {
+        let Evaluation { photos: views, floaters } = evaluation;
         let (count, all) = (views.len(), data.capture.views.len());
-        let selection = match args.photos.eval_every {
+        let selection = match args.photos.held_out.eval_every {
             0 => format!(
                 "all {count} photos, those that the scene learnt from included (--eval-every takes the held-out ones)"
             ),
-            every => format!("{count} of {all} photos, every {every} from {}", args.photos.eval_from % every),
+            every => format!(
+                "{count} of {all} photos, every {every} from {}",
+                args.photos.held_out.eval_from % every
+            ),
         };
         let (scene, dataset) = (name_of(&args.scene().scene), name_of(args.dataset()));
         Self { scene, dataset, selection, truth, views, floaters, args: args.clone() }
     }
 
     /// The mean of a column over the photos that have it.
-    pub fn mean(&self, column: &Column) -> Option<f64> {
+    pub fn mean(&self, column: &ScoreColumn) -> Option<f64> {
         let values: Vec<f64> = self.views.iter().filter_map(|view| column.of(&view.scores)).collect();
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     }
 
     /// The columns that any photo has.
-    pub fn columns(&self, place: Option<Place>) -> impl Iterator<Item = &'static Column> {
-        let is_shown = move |column: &&Column| place.is_none_or(|place| column.place == place);
+    pub fn columns(&self, place: Option<Placement>) -> impl Iterator<Item = &'static ScoreColumn> {
+        let is_shown = move |column: &&ScoreColumn| place.is_none_or(|place| column.place == place);
         COLUMNS.iter().filter(is_shown).filter(|column| self.mean(column).is_some())
     }
 
-    /// What stands above the numbers, a line each.
+    /// Returns the notes above the scores, one per line.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = vec![format!("{} against {}: {}", self.scene, self.dataset, self.selection)];
-        if self.args.photos.exposure_fit == super::ExposureFit::Affine {
+        if self.args.photos.exposure_fit == ExposureFitArg::Affine {
             notes.push("Renders have the change of colour that brings them nearest to their photo.".into());
         }
-        let Truth { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
+        let TruthMaps { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
         for (kind, folder) in [("depth", depth), ("normals", normal), ("sky", sky)] {
-            if let Some(Folder { folder, holds, photos, missing }) = folder {
+            if let Some(TruthFolder { folder, holds, photos, missing }) = folder {
                 let of = if missing.is_empty() { String::new() } else { format!(", of {photos} photos") };
                 notes.push(format!("True {kind}: {} ({holds}){of}", folder.display()));
             }
@@ -218,10 +194,10 @@ impl Report {
 
     /// Everything, as `docs/evaluate.md` has it.
     pub fn json(&self) -> Value {
-        let numbers = |of: &dyn Fn(&Column) -> Option<f64>| -> Map<String, Value> {
+        let numbers = |of: &dyn Fn(&ScoreColumn) -> Option<f64>| -> Map<String, Value> {
             COLUMNS.iter().filter_map(|column| Some((column.key.to_owned(), json!(of(column)?)))).collect()
         };
-        let view = |view: &ViewScores| {
+        let view = |view: &PhotoScores| {
             let mut object = json!({ "name": view.name, "width": view.width, "height": view.height });
             if let Value::Object(object) = &mut object {
                 object.extend(numbers(&|column| column.of(&view.scores)));
@@ -233,11 +209,11 @@ impl Report {
                 "splats": found.splats, "floaters": found.floaters, "share": found.share(), "weighted": found.weighted
             })
         });
-        let Truth { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
+        let TruthMaps { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
         json!({
             "scene": self.args.scene().scene.display().to_string(),
             "dataset": self.args.dataset().display().to_string(),
-            "selection": { "every": self.args.photos.eval_every, "from": self.args.photos.eval_from },
+            "selection": { "every": self.args.photos.held_out.eval_every, "from": self.args.photos.held_out.eval_from },
             "exposure_fit": self.args.photos.exposure_fit,
             "metres_per_unit": metres_per_unit,
             "scale_source": scale_source.to_string(),
@@ -267,7 +243,7 @@ mod tests {
 
     #[test]
     fn an_infinite_ratio_is_left_out() {
-        let scores = Scores { psnr: f64::INFINITY, ..Scores::default() };
+        let scores = ViewScores { psnr: f64::INFINITY, ..ViewScores::default() };
         assert_eq!((COLUMNS[0].of(&scores), COLUMNS[2].of(&scores)), (None, None));
         assert_eq!(COLUMNS[0].full_text(Some(20.0)), "20.00\u{a0}dB");
         assert_eq!(COLUMNS[3].text(Some(0.5)), "50.00");

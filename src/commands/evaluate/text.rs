@@ -1,6 +1,6 @@
 //! The table on the terminal.
 
-use super::scores::{Column, Place, Report};
+use super::scores::{Placement, Report, ScoreColumn};
 
 /// Prints a line a photo, and the means.
 pub fn print(report: &Report) {
@@ -8,11 +8,11 @@ pub fn print(report: &Report) {
         println!("{note}");
     }
     println!();
-    let columns: Vec<&Column> = report.columns(Some(Place::Table)).collect();
+    let columns: Vec<&ScoreColumn> = report.columns(Some(Placement::Table)).collect();
     let names = report.views.iter().map(|view| view.name.chars().count());
     let first = names.chain([5]).max().unwrap_or(5);
-    let width = |column: &Column| column.head.map(str::len).into_iter().max().unwrap_or(0).max(6);
-    let line = |name: &str, of: &dyn Fn(&Column) -> String| {
+    let width = |column: &ScoreColumn| column.head.map(str::len).into_iter().max().unwrap_or(0).max(6);
+    let line = |name: &str, of: &dyn Fn(&ScoreColumn) -> String| {
         let cells = columns.iter().map(|column| format!("  {:>1$}", of(column), width(column)));
         // Names are padded by characters, as they were counted.
         let blanks = " ".repeat(first.saturating_sub(name.chars().count()));
@@ -24,8 +24,8 @@ pub fn print(report: &Report) {
         line(&shown(&view.name), &|column| column.text(column.of(&view.scores)));
     }
     line("mean", &|column| column.text(report.mean(column)));
-    let more = |column: &Column| format!("{} {} %", column.name, column.text(report.mean(column)));
-    let more: Vec<String> = report.columns(Some(Place::Means)).map(more).collect();
+    let more = |column: &ScoreColumn| format!("{} {} %", column.name, column.text(report.mean(column)));
+    let more: Vec<String> = report.columns(Some(Placement::Means)).map(more).collect();
     if !more.is_empty() {
         println!("\nmeans: {}", more.join(", "));
     }

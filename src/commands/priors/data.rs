@@ -1,36 +1,35 @@
 //! The photos that priors are made of.
 
-use crate::dataset::{Dataset, DatasetArgs, HeldOut};
+use crate::dataset::{Dataset, DatasetArgs, HeldOutArgs};
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::Path;
-use wm_train::photos::Check;
 
-/// Which photos, and how large.
+/// The photos of which priors are made, and their size.
 #[derive(Args, Clone, Debug)]
+#[command(mut_arg("eval_every", |arg| {
+    arg.help("Make no priors of every N-th photo (in the order of names): those that `reconstruct` holds out with the same \
+              number; 0 uses all photos")
+}))]
+#[command(mut_arg("eval_from", |arg| arg.help("The first photo that is left out, from 0")))]
 pub struct PhotoArgs {
-    /// Where they are.
+    /// The data set.
     #[command(flatten)]
     pub set: DatasetArgs,
-    /// Do not look at every N-th photo (in the order of names): those that `reconstruct` holds out with the same
-    /// number; 0 looks at all
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Photos")]
-    eval_every: u32,
-    /// The first photo that is not looked at, from 0
-    #[arg(long, value_name = "K", default_value_t = 0, help_heading = "Photos")]
-    eval_from: u32,
+    /// The photos without priors.
+    #[command(flatten)]
+    held_out: HeldOutArgs,
 }
 
 /// Opens a data set. Warns on the error stream.
 pub fn open(dataset: &Path, args: &PhotoArgs) -> Result<Dataset> {
-    let capture = args.set.capture(dataset)?;
-    let photos = args.set.photos(dataset, &capture, Check::default())?;
-    let (_, places) = HeldOut { every: args.eval_every, from: args.eval_from }.split(&photos);
+    let (capture, photos) = args.set.open(dataset)?;
+    let (_, places) = args.held_out.held_out().split(&photos);
     if places.is_empty() {
         bail!(
             "{}: --eval-every {} leaves no photo to look at; give a larger number",
             dataset.display(),
-            args.eval_every
+            args.held_out.eval_every
         );
     }
     Ok(Dataset { capture, photos, places })

@@ -15,14 +15,14 @@ use wm_train::priors::fit::{Freedom, fit};
 use wm_train::priors::points::{placed, seen_points};
 use wm_train::priors::relative::{Relative, pairs};
 
-/// Where maps lie, and what they hold.
+/// The folders of maps, and the meaning of their numbers.
 #[derive(Args, Clone, Debug)]
 pub struct FileArgs {
     /// Folder of depth maps, a file a photo with its name: .png, .tiff, .exr or .npy; of any size with the photo's
     /// aspect ratio
     #[arg(long, value_name = "FOLDER", help_heading = "Maps")]
     depth: Option<PathBuf>,
-    /// What the depth maps hold: z (distance from the camera's plane), ray (from its centre) or disparity (1 / z)
+    /// Quantity in the depth maps: z (distance from the camera's plane), ray (from its centre) or disparity (1 / z)
     #[arg(
         long,
         value_name = "FORM",
@@ -32,7 +32,7 @@ pub struct FileArgs {
         hide_default_value = true
     )]
     depth_form: DepthForm,
-    /// What is known of their scale: metric (metres), scaled (but for a factor of each map) or relative (but for a
+    /// Known part of their scale: metric (metres), scaled (up to a factor for each map) or relative (up to a
     /// factor and an offset of each map's 1 / z, as most networks leave it). Factors and offsets are fitted to the
     /// points [default: relative for disparity, else metric]
     #[arg(long, value_name = "SCALE", requires = "depth", help_heading = "Maps")]
@@ -61,13 +61,13 @@ pub struct FileArgs {
     /// photo's colours
     #[arg(long, value_name = "FOLDER", help_heading = "Maps")]
     sky: Option<PathBuf>,
-    /// Which picture the maps are of, where the lens bends it: photo (as it is stored) or pinhole (without its
+    /// Picture that the maps are of, where the lens distorts: photo (as it is stored) or pinhole (without its
     /// lens, as COLMAP's undistorter and this program make it)
     #[arg(long, value_name = "PICTURE", default_value = "photo", help_heading = "Maps")]
     maps_of: MapsOfArg,
 }
 
-/// What is known of the scale of depth.
+/// The known part of the scale of depth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ScaleArg {
     /// All.
@@ -78,7 +78,7 @@ enum ScaleArg {
     Relative,
 }
 
-/// What maps are of.
+/// The picture that maps are of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum MapsOfArg {
     /// The photo.

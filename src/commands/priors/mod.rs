@@ -6,14 +6,15 @@ mod network;
 mod preview;
 mod work;
 
-use super::stereo;
-use crate::interrupt::Interrupted;
+use crate::interrupt::{self, Interrupted};
+use crate::progress;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use wm_scene::FormatError;
 use wm_train::priors::folder::{Index, PriorsError};
-use wm_train::priors::{PriorsWriter, photos};
+use wm_train::priors::{FOLDER, PriorsWriter, photos};
 
 /// Options of `priors`.
 #[derive(Args, Clone, Debug)]
@@ -33,7 +34,7 @@ pub struct PriorsArgs {
     /// Most pixels of a map that is kept
     #[arg(long, value_name = "N", default_value_t = 300_000, value_parser = clap::value_parser!(u32).range(64..=64_000_000), help_heading = "Output")]
     map_pixels: u32,
-    /// What the priors are from: photos (stereo between them, and their colours), network (relative depth of each
+    /// Source of the priors: photos (stereo between them, and their colours), network (relative depth of each
     /// photo, fitted to the points) or files (maps that you have) [default: files if --depth, --normal or --sky is
     /// given, network if --weights or --network is, else photos]
     #[arg(long, value_name = "SOURCE")]
@@ -49,7 +50,7 @@ pub struct PriorsArgs {
     files: files::FileArgs,
 }
 
-/// What priors are from.
+/// The source of priors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum SourceArg {
     /// The photos.
@@ -86,10 +87,10 @@ impl PriorsArgs {
     }
 
     fn out(&self) -> PathBuf {
-        self.out.clone().unwrap_or_else(|| self.dataset.join(stereo::FOLDER))
+        self.out.clone().unwrap_or_else(|| self.dataset.join(FOLDER))
     }
 
-    /// Where the writer goes to, said so that what cannot be written has a way out.
+    /// Returns the writer; its errors advise another folder if the folder is the default.
     fn writer(&self, source: String) -> Result<PriorsWriter> {
         let folder = self.out();
         let writer = match self.resume {
@@ -111,34 +112,38 @@ pub fn run(args: &PriorsArgs) -> Result<()> {
     let source = args.source()?;
     let threads = rayon::ThreadPoolBuilder::new().num_threads(args.threads.map_or(0, usize::from)).build();
     let threads = threads.context("cannot start threads")?;
-    threads.install(|| {
-        let index = match source {
-            SourceArg::Photos => from_photos(args)?,
-            SourceArg::Network => {
-                // What may be wrong with weights is said before photos are looked at.
-                let network = network::open(args)?;
-                let data = data::open(&args.dataset, &args.photos)?;
-                work::run(args, &data, network.as_ref())?
-            }
-            SourceArg::Files => {
-                let data = data::open(&args.dataset, &args.photos)?;
-                work::run(args, &data, &files::open(args, &data)?)?
-            }
-        };
-        report(&args.out(), &index);
-        Ok(())
-    })
+    let index = match source {
+        SourceArg::Photos => from_photos(args, &threads)?,
+        SourceArg::Network => threads.install(|| -> Result<Index> {
+            // What may be wrong with weights is found before photos are read.
+            let network = network::open(args)?;
+            let data = data::open(&args.dataset, &args.photos)?;
+            work::run(args, &data, network.as_ref())
+        })?,
+        SourceArg::Files => threads.install(|| -> Result<Index> {
+            let data = data::open(&args.dataset, &args.photos)?;
+            work::run(args, &data, &files::open(args, &data)?)
+        })?,
+    };
+    report(&args.out(), &index);
+    Ok(())
 }
 
-fn from_photos(args: &PriorsArgs) -> Result<Index> {
+fn from_photos(args: &PriorsArgs, threads: &rayon::ThreadPool) -> Result<Index> {
     if args.resume {
         bail!("--resume: stereo is done for all photos at once; leave it out to begin anew");
     }
-    let data = data::open(&args.dataset, &args.photos)?;
+    let data = threads.install(|| data::open(&args.dataset, &args.photos))?;
     // Whether the folder can be written is said before the work; stereo has a writer of its own.
     args.writer(photos::SOURCE.into())?.abandon();
     let out = args.out();
-    let written = stereo::write(&data.capture, &data.photos, &data.places, args.threads, &out)?;
+    let bar = progress::bar(2 * data.places.len() as u64, "passes of stereo");
+    let written =
+        photos::write_folder(&data.capture, &data.photos, &data.places, threads, &out, &mut |done| {
+            bar.set_position(done as u64);
+            if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })?;
+    bar.finish_and_clear();
     let Some(index) = written else {
         return Err(Interrupted(format!("{} holds no priors yet", out.display())).into());
     };
@@ -174,5 +179,5 @@ fn report(folder: &Path, index: &Index) {
     let residual = residuals
         .get(residuals.len() / 2)
         .map(|median| format!(", off the points by {:.2} % (the median photo's residual)", 100.0 * median));
-    println!("{}: {}{}", folder.display(), stereo::known(index), residual.unwrap_or_default());
+    println!("{}: {}{}", folder.display(), index.summary(), residual.unwrap_or_default());
 }

@@ -13,7 +13,7 @@ pub use without_networks::open;
 use crate::weights::WeightsArgs;
 use clap::{Args, ValueEnum};
 
-/// Which network, and where its weights are from.
+/// The network, and the source of its weights.
 #[derive(Args, Clone, Debug)]
 pub struct NetworkArgs {
     /// Size of the network, Depth Anything: small (25 million weights), base (97) or large (335) [default: that of

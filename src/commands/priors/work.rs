@@ -18,7 +18,7 @@ const NOTE: Duration = Duration::from_secs(20);
 /// Photos that are left out of which the reason is told; the index has it of all.
 const TOLD: usize = 10;
 
-/// What a source says of a photo.
+/// The answer of a source for a photo.
 pub enum Answer {
     /// This.
     Given(Given),
@@ -26,9 +26,9 @@ pub enum Answer {
     Nothing(String),
 }
 
-/// Where priors come from.
+/// A source of priors.
 pub trait Source: Sync {
-    /// What it is, with all that changes what it says: for the index, and for going on later.
+    /// Returns its name, with all that changes its answers: for the index, and for resuming later.
     fn name(&self) -> String;
 
     /// Photos that are looked at side by side.
@@ -41,7 +41,7 @@ pub trait Source: Sync {
     fn look(&self, data: &Dataset, place: usize) -> Result<Answer>;
 }
 
-/// What comes of a photo: a prior, or why there is none.
+/// The result for a photo: a prior, or the reason why there is none.
 type Made = Result<(Prior, Option<Fit>), String>;
 
 /// Makes the priors of all photos.

@@ -11,7 +11,7 @@ mod with_viewer {
     use wm_render::Frame;
     use wm_scene::Camera;
 
-    /// Whether and where it is shown.
+    /// The choice of whether and where a training is shown.
     #[derive(Args, Clone, Debug)]
     pub struct WatchArgs {
         /// Show the training in a browser: loss, PSNR and a picture every few seconds
@@ -22,17 +22,17 @@ mod with_viewer {
     }
 
     impl WatchArgs {
-        /// What can be wrong before the work.
+        /// Checks the options before the work.
         pub fn check(&self) -> Result<()> {
             self.server.guard().map(drop)
         }
     }
 
-    /// Who looks on.
+    /// A training that is shown in a browser.
     pub struct Watch {
         board: Option<Board>,
         started: Instant,
-        /// How far ahead is what the camera swings about, scene units.
+        /// The distance to the point about which the camera swings, scene units.
         reach: f64,
     }
 
@@ -65,13 +65,13 @@ mod with_viewer {
             self.board.iter().for_each(|board| board.held_out(step, psnr));
         }
 
-        /// The camera of a picture that is wanted now, for that of the photo, and whether it is the photo's own.
-        pub fn wants(&self, photo: &Camera) -> Option<(Camera, bool)> {
+        /// Returns the camera of a picture that is wanted now; `photo` is the camera of the photo.
+        pub fn wants(&self, photo: &Camera) -> Option<Camera> {
             match self.board.as_ref()?.wants()? {
-                Seen::Photo => Some((*photo, true)),
+                Seen::Photo => Some(*photo),
                 Seen::Orbit => {
                     let phase = self.started.elapsed().as_secs_f64() / SWING * std::f64::consts::TAU;
-                    Some((swung(photo, self.reach, WIDTH * phase.sin()), false))
+                    Some(swung(photo, self.reach, WIDTH * phase.sin()))
                 }
             }
         }
@@ -145,7 +145,7 @@ mod without_viewer {
 
         pub fn held_out(&self, _: u32, _: f64) {}
 
-        pub fn wants(&self, _: &Camera) -> Option<(Camera, bool)> {
+        pub fn wants(&self, _: &Camera) -> Option<Camera> {
             None
         }
 

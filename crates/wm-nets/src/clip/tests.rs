@@ -3,7 +3,7 @@ use crate::testing::{self, Files, Named, gap, noise, npy, pth, safetensors, said
 use std::path::Path;
 use std::sync::LazyLock;
 
-/// What `fixtures/make_clip.py` makes: a network that takes squares of 84 px and gives 48 numbers.
+/// The photos of `fixtures/make_clip.py`, whose network takes squares of 84 px and gives 48 numbers.
 const PHOTOS: [&str; 2] = ["wide", "tall"];
 const SIDE: usize = 84;
 

@@ -22,7 +22,7 @@ pub struct Backbone {
     pub taps: [usize; 4],
 }
 
-/// What makes disparity of features.
+/// The head that makes disparity of features.
 #[derive(Debug)]
 pub struct Head {
     /// 1x1 px, of each tap.

@@ -4,7 +4,7 @@
 //! Newer versions of transformers resize by torchvision where it is installed, which differs from Pillow by one level of
 //! 255 in about one value of 250.
 
-use super::PhotoError;
+use super::DisparityError;
 use crate::ops::Image;
 use crate::pillow::resized;
 use rayon::prelude::*;
@@ -19,14 +19,14 @@ const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 /// `side`, so the longer one of a small photo; both are rounded to whole patches, halves to the even one.
 ///
 /// # Errors
-/// [`PhotoError`] if the photo is below a patch, or so long that the network would see it out of proportion or need
+/// [`DisparityError`] if the photo is below a patch, or so long that the network would see it out of proportion or need
 /// more memory than [`LONGEST`](super::LONGEST) allows.
-pub fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), PhotoError> {
+pub fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), DisparityError> {
     if width.min(height) < PATCH {
-        return Err(PhotoError::Small { width, height });
+        return Err(DisparityError::Small { width, height });
     }
     if width.max(height) > super::LONGEST * width.min(height) {
-        return Err(PhotoError::Long { width, height });
+        return Err(DisparityError::Long { width, height });
     }
     let scales = [width, height].map(|length| side as f64 / length as f64);
     let least = if (1.0 - scales[0]).abs() < (1.0 - scales[1]).abs() { scales[0] } else { scales[1] };

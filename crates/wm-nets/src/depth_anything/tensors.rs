@@ -2,7 +2,7 @@
 
 use super::network::{Backbone, Fusion, Head, Network, Residual};
 use super::photo::PATCH;
-use super::{Size, Version};
+use super::{ModelSize, Version};
 use crate::ops::{Convolution, Enlarge, Image, Linear, Norm, Then, numbers};
 use crate::transformer::{Block, BlockKind, Embedding};
 use crate::weights::{Weights, WeightsError};
@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
 
-/// What is said where a file is of another network.
+/// The advice where a file is of another network.
 pub const ADVICE: &str = "give model.safetensors of depth-anything/Depth-Anything-V2-{Small,Base,Large}-hf \
                           or LiheYoung/depth-anything-{small,base,large}-hf on Hugging Face, or a .pth of the \
                           same networks";
@@ -87,12 +87,12 @@ impl Architecture {
         Ok(Self { naming, channels, blocks, heads, grid, neck, fusion, last })
     }
 
-    /// Which of the published ones it is.
-    pub fn size(&self) -> Option<Size> {
+    /// Returns the published size that these are.
+    pub fn size(&self) -> Option<ModelSize> {
         match (self.channels, self.blocks) {
-            (384, 12) => Some(Size::Small),
-            (768, 12) => Some(Size::Base),
-            (1024, 24) => Some(Size::Large),
+            (384, 12) => Some(ModelSize::Small),
+            (768, 12) => Some(ModelSize::Base),
+            (1024, 24) => Some(ModelSize::Large),
             _ => None,
         }
     }
@@ -109,7 +109,7 @@ impl Architecture {
     }
 }
 
-/// What `config.json` beside a file says that tensors do not.
+/// The facts in `config.json` beside a file that tensors do not tell.
 #[derive(Debug, Default)]
 pub struct Config {
     heads: Option<usize>,
@@ -139,7 +139,7 @@ impl Config {
         })
     }
 
-    /// What it, or the file's name, says against the use of a file.
+    /// Returns the reason in the file's name or its `config.json` against the use of a file, if there is one.
     pub fn contradiction(
         &self,
         file: &Path,
@@ -165,7 +165,7 @@ impl Config {
     }
 }
 
-/// Who named the tensors.
+/// The naming scheme of the tensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Naming {
     /// Hugging Face's transformers.
@@ -258,7 +258,7 @@ impl Reader<'_> {
         self.exact(&self.architecture.naming.name(name), shape)
     }
 
-    /// What is multiplied, by its name and the shape of its weight.
+    /// Reads a linear layer by its name and the shape of its weight.
     fn linear(&mut self, name: &str, shape: &[usize]) -> Read<Linear> {
         let weight = self.tensor(&format!("{name}.weight"), shape)?;
         let bias = self.tensor(&format!("{name}.bias"), &shape[..1])?;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
-/// What `fixtures/make_depth_anything.py` makes.
+/// The side of the photos of `fixtures/make_depth_anything.py`, px.
 const SIDE: usize = 84;
 const VERSIONS: [(Version, &str); 2] = [(Version::V1, "v1"), (Version::V2, "v2")];
 const PHOTOS: [&str; 2] = ["wide", "tall"];
@@ -197,11 +197,11 @@ fn photos_that_are_refused() {
         assert!(line.contains(&format!("{width}x{height} px is too")), "{line}");
         error
     };
-    assert!(matches!(of(0, 0), PhotoError::Small { .. }));
-    assert!(matches!(of(1, 1), PhotoError::Small { .. }));
-    assert!(matches!(of(13, 20), PhotoError::Small { .. }));
-    assert!(matches!(of(57, 14), PhotoError::Long { .. }));
-    assert!(matches!(of(100, 401), PhotoError::Long { .. }));
+    assert!(matches!(of(0, 0), DisparityError::Small { .. }));
+    assert!(matches!(of(1, 1), DisparityError::Small { .. }));
+    assert!(matches!(of(13, 20), DisparityError::Small { .. }));
+    assert!(matches!(of(57, 14), DisparityError::Long { .. }));
+    assert!(matches!(of(100, 401), DisparityError::Long { .. }));
     // Not refused: what is not in 0-1.
     let mut rgb: Vec<f32> = (0..3 * 20 * 16).map(|i| noise(0, i) as f32 * 5.0).collect();
     rgb[7] = f32::NAN;
@@ -264,7 +264,7 @@ fn weights_that_are_refused() {
     let at = index(&tensors, "neck.convs.0.weight");
     tensors[at].2.fill(f32::MAX);
     let network = DepthAnything::read(&[files.put("x", safetensors(&tensors))], Version::V2).unwrap();
-    assert_eq!(network.predict(&vec![0.5; 3 * 20 * 16], 20), Err(PhotoError::NotFinite));
+    assert_eq!(network.predict(&vec![0.5; 3 * 20 * 16], 20), Err(DisparityError::NotFinite));
 
     // Sides that no tensor has, of empty ones.
     for side in ["18446744073709551615", "9223372036854775808", "0"] {
@@ -326,13 +326,13 @@ fn published_networks() {
     };
     assert_eq!(
         [of(384, 12), of(768, 12), of(1024, 24), of(1536, 40)].map(|network| network.size()),
-        [Some(Size::Small), Some(Size::Base), Some(Size::Large), None]
+        [Some(ModelSize::Small), Some(ModelSize::Base), Some(ModelSize::Large), None]
     );
     let taps = |version| [12, 24].map(|blocks| of(384, blocks).taps(version));
     assert_eq!(taps(Version::V1), [[9, 10, 11, 12], [21, 22, 23, 24]]);
     assert_eq!(taps(Version::V2), [[3, 6, 9, 12], [5, 12, 18, 24]]);
     let licence = |size, version| DepthAnything::licence(size, version).to_string();
-    assert_eq!(licence(Size::Small, Version::V2), "Apache-2.0 (any use)");
-    assert!(licence(Size::Base, Version::V2).starts_with("CC-BY-NC-4.0 (no commercial use"));
-    assert_eq!(DepthAnything::licence(Size::Large, Version::V1), Licence::Apache2);
+    assert_eq!(licence(ModelSize::Small, Version::V2), "Apache-2.0 (any use)");
+    assert!(licence(ModelSize::Base, Version::V2).starts_with("CC-BY-NC-4.0 (no commercial use"));
+    assert_eq!(DepthAnything::licence(ModelSize::Large, Version::V1), Licence::Apache2);
 }

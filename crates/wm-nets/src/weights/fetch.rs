@@ -1,6 +1,6 @@
 //! Published weights from the network, into a folder where they are found again.
 //!
-//! What arrives is kept in `NAME.part` until it is whole: as long as the server said, with the expected checksum if
+//! A download is kept in `NAME.part` until it is whole: as long as the server said, with the expected checksum if
 //! there is one, and a file of weights by its header. Only then it gets its name. A download that broke off
 //! goes on where it ended, if the server still has the same file (its `ETag`, kept in `NAME.part.etag`).
 //!
@@ -9,7 +9,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::Fault;
+use super::WeightsFault;
 use sha2::{Digest, Sha256};
 use std::fmt;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -29,17 +29,17 @@ const MAX: u64 = 1 << 34;
 const MAX_ETAG: u64 = 1 << 10;
 /// Bytes that are read at a time.
 const BLOCK: usize = 1 << 18;
-/// How long a server may say nothing.
+/// The longest silence of a server.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A published file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Source {
-    /// Where it is, `https://` or `http://`.
+pub struct DownloadSource {
+    /// The address, `https://` or `http://`.
     pub url: String,
     /// Its name in the folder.
     pub file_name: String,
-    /// What it has to be, if that is known.
+    /// The expected checksum, if it is known.
     pub checksum: Option<Checksum>,
 }
 
@@ -47,7 +47,7 @@ pub struct Source {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Checksum(pub [u8; 32]);
 
-/// Why a text is no [`Checksum`].
+/// A text that is no [`Checksum`].
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("{0:?} is no SHA-256; give its 64 hexadecimal digits, as sha256sum prints them")]
 pub struct NoChecksum(String);
@@ -69,31 +69,31 @@ impl fmt::Display for Checksum {
     }
 }
 
-/// How much of a file is there.
+/// The progress of a download.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Progress {
+pub struct FetchProgress {
     /// Bytes that are there, those of an earlier run too.
     pub done: u64,
     /// Bytes of the whole file, if the server says.
     pub total: Option<u64>,
 }
 
-/// Why a file was not fetched, in one line.
+/// A file that could not be fetched.
 #[derive(Debug, Error)]
 #[error("{url}: {why}")]
 pub struct FetchError {
-    /// What was to be fetched.
+    /// The address.
     pub url: String,
-    /// What is wrong.
-    pub why: Why,
+    /// The fault.
+    pub why: FetchFault,
 }
 
-/// What is said where fetching does not help.
+/// The advice where fetching does not help.
 const INSTEAD: &str = "or get the file in another way and give its path";
 
-/// What is wrong with a download.
+/// A fault of a download.
 #[derive(Debug, Error)]
-pub enum Why {
+pub enum FetchFault {
     /// There is no way to the server.
     #[error("cannot be reached ({0}); try again with a connection, {INSTEAD}")]
     Unreachable(String),
@@ -108,7 +108,7 @@ pub enum Why {
     BrokeOff {
         /// Bytes that are kept.
         done: u64,
-        /// How it ended.
+        /// The reason of the server or the connection.
         what: String,
     },
     /// It is another file.
@@ -131,7 +131,7 @@ pub enum Why {
     },
     /// It is something else, say a page that asks to log in.
     #[error("what arrived holds no weights ({0}); nothing is kept; try again later, {INSTEAD}")]
-    NoWeights(Fault),
+    NoWeights(WeightsFault),
     /// Somebody else fetches it.
     #[error("{} is being written by another program; wait for it", .0.display())]
     Busy(PathBuf),
@@ -140,7 +140,7 @@ pub enum Why {
     Disk {
         /// The file or folder.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         error: io::Error,
     },
 }
@@ -170,9 +170,9 @@ pub fn cache_folder() -> Option<PathBuf> {
 /// [`FetchError`] if it cannot be fetched or written, or is not what was expected. There is no file of
 /// its name then, but for one that was there.
 pub fn fetch(
-    source: &Source,
+    source: &DownloadSource,
     folder: &Path,
-    progress: &mut dyn FnMut(Progress),
+    progress: &mut dyn FnMut(FetchProgress),
 ) -> Result<PathBuf, FetchError> {
     let tls = TlsConfig::builder()
         .root_certs(RootCerts::PlatformVerifier)
@@ -188,9 +188,9 @@ pub fn fetch(
 /// [`fetch`] by a way of one's own.
 fn fetch_by(
     agent: &Agent,
-    source: &Source,
+    source: &DownloadSource,
     folder: &Path,
-    progress: &mut dyn FnMut(Progress),
+    progress: &mut dyn FnMut(FetchProgress),
 ) -> Result<PathBuf, FetchError> {
     let part = |end: &str| folder.join(format!("{}.part{end}", source.file_name));
     let download =
@@ -204,14 +204,14 @@ fn fetch_by(
 }
 
 struct Download<'a> {
-    source: &'a Source,
+    source: &'a DownloadSource,
     target: PathBuf,
     part: PathBuf,
     /// The server's name for what the part is of.
     etag: PathBuf,
 }
 
-/// What of a file a server sends.
+/// The part of a file that a server sends.
 struct Answer {
     response: ureq::http::Response<ureq::Body>,
     /// The first byte that it sends.
@@ -220,8 +220,8 @@ struct Answer {
 }
 
 impl Download<'_> {
-    /// Whether the file is there already.
-    fn there(&self) -> Result<bool, Why> {
+    /// Returns true if the file exists already.
+    fn there(&self) -> Result<bool, FetchFault> {
         let path = &self.target;
         if !path.is_file() {
             return Ok(false);
@@ -229,18 +229,23 @@ impl Download<'_> {
         if let Some(expected) = self.source.checksum {
             let found = File::open(path).and_then(|mut file| checksum(&mut file)).map_err(disk(path))?;
             if found != expected {
-                return Err(Why::Other { path: path.clone(), found, expected });
+                return Err(FetchFault::Other { path: path.clone(), found, expected });
             }
         }
         Ok(true)
     }
 
-    fn run(&self, agent: &Agent, folder: &Path, progress: &mut dyn FnMut(Progress)) -> Result<(), Why> {
+    fn run(
+        &self,
+        agent: &Agent,
+        folder: &Path,
+        progress: &mut dyn FnMut(FetchProgress),
+    ) -> Result<(), FetchFault> {
         fs::create_dir_all(folder).map_err(disk(folder))?;
         let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&self.part);
         let mut file = options.map_err(disk(&self.part))?;
         match file.try_lock() {
-            Err(TryLockError::WouldBlock) => return Err(Why::Busy(self.part.clone())),
+            Err(TryLockError::WouldBlock) => return Err(FetchFault::Busy(self.part.clone())),
             // Some network drives know no locks.
             Err(TryLockError::Error(_)) | Ok(()) => {}
         }
@@ -276,7 +281,12 @@ impl Download<'_> {
     }
 
     /// Fetches what is missing of the part.
-    fn receive(&self, agent: &Agent, file: &mut File, progress: &mut dyn FnMut(Progress)) -> Result<(), Why> {
+    fn receive(
+        &self,
+        agent: &Agent,
+        file: &mut File,
+        progress: &mut dyn FnMut(FetchProgress),
+    ) -> Result<(), FetchFault> {
         let disk = || disk(&self.part);
         let kept = file.metadata().map_err(disk())?.len();
         let Answer { mut response, from, total } = self.ask(agent, kept)?;
@@ -285,8 +295,8 @@ impl Download<'_> {
         let mut reader = response.body_mut().as_reader();
         let mut block = vec![0; BLOCK];
         loop {
-            progress(Progress { done, total });
-            let broke_off = |what: String| Why::BrokeOff { done, what };
+            progress(FetchProgress { done, total });
+            let broke_off = |what: String| FetchFault::BrokeOff { done, what };
             let count = match reader.read(&mut block) {
                 Ok(0) if total.is_some_and(|total| done < total) => {
                     return Err(broke_off("the connection ended".into()));
@@ -298,14 +308,14 @@ impl Download<'_> {
             };
             done += count as u64;
             if done > total.unwrap_or(MAX) {
-                return Err(Why::Odd("more than the file's length".into()));
+                return Err(FetchFault::Odd("more than the file's length".into()));
             }
             file.write_all(&block[..count]).map_err(disk())?;
         }
     }
 
     /// Asks for a file from a byte on, or all of it where the part is of another file or none.
-    fn ask(&self, agent: &Agent, kept: u64) -> Result<Answer, Why> {
+    fn ask(&self, agent: &Agent, kept: u64) -> Result<Answer, FetchFault> {
         let etag = match kept {
             0 => None,
             _ => self.kept_etag(),
@@ -322,20 +332,20 @@ impl Download<'_> {
         if let Some(etag) = &etag {
             request = request.header(RANGE, format!("bytes={kept}-")).header(IF_RANGE, etag);
         }
-        let response = request.call().map_err(|error| Why::Unreachable(error.to_string()))?;
+        let response = request.call().map_err(|error| FetchFault::Unreachable(error.to_string()))?;
         let header = |name: HeaderName| response.headers().get(name).and_then(|value| value.to_str().ok());
         let (from, total) = match response.status().as_u16() {
             200 => (0, header(CONTENT_LENGTH).and_then(|length| length.parse().ok())),
             206 if etag.is_some() => match header(CONTENT_RANGE).and_then(range) {
                 Some((from, total)) if from == kept => (from, Some(total)),
-                _ => return Err(Why::Odd("another part than was asked for".into())),
+                _ => return Err(FetchFault::Odd("another part than was asked for".into())),
             },
             // What is kept is no part of it.
             416 if etag.is_some() => return self.ask(agent, 0),
-            _ => return Err(Why::Refused(response.status().to_string())),
+            _ => return Err(FetchFault::Refused(response.status().to_string())),
         };
         if total.is_some_and(|total| total > MAX) {
-            return Err(Why::Odd(format!("a file of more than {MAX} bytes")));
+            return Err(FetchFault::Odd(format!("a file of more than {MAX} bytes")));
         }
         if from == 0 {
             // A weak one does not say that the bytes are the same.
@@ -355,22 +365,22 @@ impl Download<'_> {
         etag.bytes().all(|byte| (b' '..=b'~').contains(&byte)).then_some(etag).filter(|etag| !etag.is_empty())
     }
 
-    /// Whether what arrived is what was wanted.
-    fn check(&self, file: &mut File) -> Result<(), Why> {
+    /// Checks the file that arrived.
+    fn check(&self, file: &mut File) -> Result<(), FetchFault> {
         if let Some(expected) = self.source.checksum {
             let found = checksum(file).map_err(disk(&self.part))?;
             if found != expected {
-                return Err(Why::Checksum { found, expected });
+                return Err(FetchFault::Checksum { found, expected });
             }
         }
         file.seek(SeekFrom::Start(0)).map_err(disk(&self.part))?;
-        super::entries(file, &self.part).map(drop).map_err(Why::NoWeights)
+        super::entries(file, &self.part).map(drop).map_err(FetchFault::NoWeights)
     }
 }
 
-fn disk(path: &Path) -> impl FnOnce(io::Error) -> Why {
+fn disk(path: &Path) -> impl FnOnce(io::Error) -> FetchFault {
     let path = path.to_owned();
-    |error| Why::Disk { path, error }
+    |error| FetchFault::Disk { path, error }
 }
 
 /// The first byte and the length of `bytes FIRST-LAST/LENGTH`.

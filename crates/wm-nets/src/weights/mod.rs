@@ -25,23 +25,23 @@ use thiserror::Error;
 /// Longest header that is read, bytes. Those of large language models have a tenth of it.
 const MAX_HEADER: u64 = 1 << 24;
 
-/// Why weights cannot be used, in one line.
+/// Weights that cannot be used.
 #[derive(Debug, Error)]
 #[error("{}: {fault}", names(files))]
 pub struct WeightsError {
     /// The file, or all of them where any might have what is missing.
     pub files: Vec<PathBuf>,
-    /// What is wrong.
-    pub fault: Fault,
+    /// The fault.
+    pub fault: WeightsFault,
 }
 
 fn names(files: &[PathBuf]) -> String {
     files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ")
 }
 
-/// What is wrong with weights.
+/// A fault of weights.
 #[derive(Debug, Error)]
-pub enum Fault {
+pub enum WeightsFault {
     /// The system does not give it.
     #[error("cannot be read: {0}")]
     Unreadable(#[from] io::Error),
@@ -70,7 +70,7 @@ pub enum Fault {
         name: String,
         /// Its shape.
         shape: Vec<usize>,
-        /// Which files would have it.
+        /// The files that would have it.
         advice: &'static str,
     },
     /// A tensor has another shape.
@@ -82,7 +82,7 @@ pub enum Fault {
         found: Vec<usize>,
         /// The shape that is needed.
         shape: Vec<usize>,
-        /// Which files would have it.
+        /// The files that would have it.
         advice: &'static str,
     },
     /// A tensor's numbers are of a kind that no network here has.
@@ -90,15 +90,15 @@ pub enum Fault {
     Kind {
         /// Its name.
         name: String,
-        /// As what it is stored.
+        /// The number type in the file.
         kind: String,
     },
     /// Tensors whose shapes are of another network.
     #[error("{what}; {advice}")]
     Network {
-        /// What was found.
+        /// The contents that were found.
         what: String,
-        /// Which files would do.
+        /// The files that would do.
         advice: &'static str,
     },
     /// A tensor holds NaN or infinity.
@@ -162,7 +162,7 @@ impl Weights {
     /// An error about all files together: tensors whose shapes are of another network.
     pub(crate) fn refuse(&self, what: String) -> WeightsError {
         let files = self.files.iter().map(|file| file.path.clone()).collect();
-        WeightsError { files, fault: Fault::Network { what, advice: self.advice } }
+        WeightsError { files, fault: WeightsFault::Network { what, advice: self.advice } }
     }
 
     /// A tensor as f32, from the first file that has it. Half and double precision are converted.
@@ -173,7 +173,7 @@ impl Weights {
         let Some(weighed) = self.files.iter_mut().find(|file| file.entries.contains_key(name)) else {
             return Err(WeightsError {
                 files: self.files.iter().map(|file| file.path.clone()).collect(),
-                fault: Fault::Missing { name: name.into(), shape: shape.into(), advice: self.advice },
+                fault: WeightsFault::Missing { name: name.into(), shape: shape.into(), advice: self.advice },
             });
         };
         let (entry, file) = (&weighed.entries[name], &mut weighed.file);
@@ -182,7 +182,7 @@ impl Weights {
     }
 }
 
-fn open(path: &Path) -> Result<Weighed, Fault> {
+fn open(path: &Path) -> Result<Weighed, WeightsFault> {
     let mut file = File::open(path)?;
     if !file.metadata()?.is_file() {
         return Err(io::Error::other("it is no file").into());
@@ -192,17 +192,17 @@ fn open(path: &Path) -> Result<Weighed, Fault> {
 }
 
 /// The tensors of a file, which is at its start.
-fn entries(file: &mut File, path: &Path) -> Result<HashMap<String, Entry>, Fault> {
+fn entries(file: &mut File, path: &Path) -> Result<HashMap<String, Entry>, WeightsFault> {
     let length = file.metadata()?.len();
     let mut first = Vec::new();
     Read::by_ref(file).take(9).read_to_end(&mut first)?;
     match first[..] {
-        [] => Err(Fault::Empty),
+        [] => Err(WeightsFault::Empty),
         [b'P', b'K', 3, 4, ..] => pth::entries(file, length),
         // A pickle that is not in a zip archive.
-        [0x80, 1..=5, ..] => Err(Fault::Old(path.display().to_string())),
+        [0x80, 1..=5, ..] => Err(WeightsFault::Old(path.display().to_string())),
         [_, _, _, _, _, _, _, _, b'{'] => safetensors::entries(file, length),
-        _ => Err(Fault::Unknown),
+        _ => Err(WeightsFault::Unknown),
     }
 }
 
@@ -212,19 +212,19 @@ fn load(
     name: &str,
     shape: &[usize],
     advice: &'static str,
-) -> Result<Tensor, Fault> {
+) -> Result<Tensor, WeightsFault> {
     if entry.shape != shape {
         let found = entry.shape.clone();
-        return Err(Fault::Shape { name: name.into(), found, shape: shape.into(), advice });
+        return Err(WeightsFault::Shape { name: name.into(), found, shape: shape.into(), advice });
     }
-    let dtype = entry.kind.clone().map_err(|kind| Fault::Kind { name: name.into(), kind })?;
+    let dtype = entry.kind.clone().map_err(|kind| WeightsFault::Kind { name: name.into(), kind })?;
     let bytes = zip::read(file, entry.offset, entry.bytes)?;
     let tensor = Tensor::from_raw_buffer(&bytes, dtype, shape, &Device::Cpu)
         .and_then(|tensor| tensor.to_dtype(DType::F32))
         .expect("as many bytes as the shape takes");
     let values = tensor.flatten_all().and_then(|flat| flat.to_vec1::<f32>()).expect("numbers that are f32");
     if !values.iter().all(|value| value.is_finite()) {
-        return Err(Fault::NotFinite(name.into()));
+        return Err(WeightsFault::NotFinite(name.into()));
     }
     Ok(tensor)
 }

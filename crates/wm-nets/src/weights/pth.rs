@@ -1,30 +1,31 @@
-//! What `torch.save` writes of a `state_dict()` since PyTorch 1.6: a zip archive, uncompressed, with a pickle
+//! Reads the files that `torch.save` writes of a `state_dict()` since PyTorch 1.6: a zip archive, uncompressed, with a
+//! pickle
 //! that says which part of which entry is which tensor.
 //!
 //! A pickle is a program for a stack machine. Here it can build tuples, dictionaries and names, and nothing
 //! that it names is ever called. Values are kept once and meant by their number, so that the memory is
 //! bounded by the pickle's length, whatever refers to what.
 
-use super::{Entry, Fault, MAX_HEADER, zip};
+use super::{Entry, MAX_HEADER, WeightsFault, zip};
 use candle_core::DType;
 use std::collections::HashMap;
 use std::fs::File;
 
 /// The tensors of a file of `length` bytes.
-pub fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, Fault> {
+pub fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, WeightsFault> {
     let parts = zip::directory(file, length)?;
     let (table, part) = parts
         .iter()
         .find(|(name, _)| name.ends_with("/data.pkl"))
-        .ok_or(Fault::NoTensors("a zip archive without data.pkl, so none of PyTorch"))?;
+        .ok_or(WeightsFault::NoTensors("a zip archive without data.pkl, so none of PyTorch"))?;
     let folder = table.trim_end_matches("data.pkl");
     if let Some(order) = parts.get(&format!("{folder}byteorder"))
         && (order.size > 16 || zip::read(file, order.start, order.size)? != b"little")
     {
-        return Err(Fault::NoTensors("its numbers have the highest byte first"));
+        return Err(WeightsFault::NoTensors("its numbers have the highest byte first"));
     }
     if part.size > MAX_HEADER {
-        return Err(Fault::NoTensors("its data.pkl holds more than tensors by name"));
+        return Err(WeightsFault::NoTensors("its data.pkl holds more than tensors by name"));
     }
     let pickle = zip::read(file, part.start, part.size)?;
     let mut entries = HashMap::new();
@@ -36,19 +37,19 @@ pub fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, F
             let bytes = Entry::bytes_of(&stored.shape, size)?;
             (from.checked_add(bytes)? <= part.size).then_some((part.start + from, bytes))
         };
-        let (offset, bytes) = part
-            .and_then(place)
-            .ok_or_else(|| Fault::Damaged(format!("tensor {name} is larger than what is stored of it")))?;
+        let (offset, bytes) = part.and_then(place).ok_or_else(|| {
+            WeightsFault::Damaged(format!("tensor {name} is larger than what is stored of it"))
+        })?;
         entries.insert(name, Entry { kind: stored.kind, shape: stored.shape, offset, bytes });
     }
     if entries.is_empty() {
-        return Err(Fault::NoTensors("its data.pkl holds no tensors by name"));
+        return Err(WeightsFault::NoTensors("its data.pkl holds no tensors by name"));
     }
     Ok(entries)
 }
 
-fn damaged(error: impl std::fmt::Display) -> Fault {
-    Fault::Damaged(error.to_string())
+fn damaged(error: impl std::fmt::Display) -> WeightsFault {
+    WeightsFault::Damaged(error.to_string())
 }
 
 /// A tensor as the pickle tells of it.
@@ -73,7 +74,7 @@ enum Value {
     },
     Tuple(Vec<Id>),
     Dict(Vec<(Id, Id)>),
-    /// What is kept outside the pickle.
+    /// An object outside of the pickle.
     Outside(Id),
     /// A call that is not made.
     Call {
@@ -93,7 +94,7 @@ struct Machine {
     memo: HashMap<u32, Id>,
 }
 
-/// What is wrong with a pickle that ends early or takes what is not there.
+/// The fault of a pickle that ends early or takes what does not exist.
 const BROKEN: &str = "its data.pkl breaks off";
 
 /// The bytes that are left.
@@ -119,7 +120,7 @@ impl<'a> Bytes<'a> {
 
 impl Machine {
     /// Runs a pickle; gives the tensors of the dictionary that it builds.
-    fn run(mut self, pickle: &[u8]) -> Result<Vec<(String, Stored)>, Fault> {
+    fn run(mut self, pickle: &[u8]) -> Result<Vec<(String, Stored)>, WeightsFault> {
         let mut bytes = Bytes(pickle);
         let top = loop {
             let code = bytes.take(1).ok_or_else(|| damaged(BROKEN))?[0];
@@ -128,11 +129,11 @@ impl Machine {
             }
             let known = self.step(code, &mut bytes).ok_or_else(|| damaged(BROKEN))?;
             if !known {
-                return Err(Fault::NoTensors("its data.pkl holds more than tensors by name"));
+                return Err(WeightsFault::NoTensors("its data.pkl holds more than tensors by name"));
             }
         };
         let Value::Dict(items) = &self.values[top] else {
-            return Err(Fault::NoTensors("its data.pkl holds no tensors by name"));
+            return Err(WeightsFault::NoTensors("its data.pkl holds no tensors by name"));
         };
         let tensor = |(key, value): &(Id, Id)| match &self.values[*key] {
             Value::Text(name) => Some((name.clone(), self.tensor(*value)?)),
@@ -294,7 +295,7 @@ impl Machine {
     }
 }
 
-/// Whether the last side runs fastest, without gaps.
+/// Returns true if the last side runs fastest, without gaps.
 fn is_contiguous(shape: &[usize], strides: &[usize]) -> bool {
     let mut expected = 1usize;
     let mut sides = shape.iter().zip(strides).rev();

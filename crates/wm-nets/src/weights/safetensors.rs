@@ -1,6 +1,6 @@
 //! Headers of safetensors: 8 bytes of length, JSON, then the numbers without gaps.
 
-use super::{Entry, Fault, MAX_HEADER};
+use super::{Entry, MAX_HEADER, WeightsFault};
 use candle_core::DType;
 use safetensors::tensor::{Dtype, Metadata};
 use std::collections::HashMap;
@@ -8,8 +8,8 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
 /// The tensors of a file of `length` bytes.
-pub fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, Fault> {
-    let damaged = |what: &dyn std::fmt::Display| Fault::Damaged(what.to_string());
+pub fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, WeightsFault> {
+    let damaged = |what: &dyn std::fmt::Display| WeightsFault::Damaged(what.to_string());
     let mut claimed = [0; 8];
     file.seek(SeekFrom::Start(0))?;
     file.read_exact(&mut claimed)?;

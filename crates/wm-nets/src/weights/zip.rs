@@ -2,7 +2,7 @@
 //!
 //! Read here since the crate `zip` allocates what the archive's end claims.
 
-use super::{Fault, MAX_HEADER};
+use super::{MAX_HEADER, WeightsFault};
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -14,7 +14,7 @@ const ENTRY: usize = 46;
 /// Bytes of the header before an entry's content, without its name.
 const LOCAL: usize = 30;
 
-/// Where an entry's content lies, bytes from the start of the file; its end is within the file.
+/// The bytes of an entry's content, from the start of the file; the end is within the file.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
     pub start: u64,
@@ -22,7 +22,7 @@ pub struct Part {
 }
 
 /// The entries of an archive of `length` bytes by name.
-pub fn directory(file: &mut File, length: u64) -> Result<HashMap<String, Part>, Fault> {
+pub fn directory(file: &mut File, length: u64) -> Result<HashMap<String, Part>, WeightsFault> {
     // A comment of at most 65535 bytes stands behind the end.
     let tail = read(file, length.saturating_sub(END as u64 + 0xffff), length.min(END as u64 + 0xffff))?;
     let is_end = |at: &usize| {
@@ -33,7 +33,7 @@ pub fn directory(file: &mut File, length: u64) -> Result<HashMap<String, Part>, 
     let end = &tail[last.ok_or_else(|| damaged("a zip archive without its end"))?..];
     let (size, start) = (u64::from(u32_at(end, 12)), u64::from(u32_at(end, 16)));
     if size == u64::from(u32::MAX) || start == u64::from(u32::MAX) {
-        return Err(Fault::NoTensors("a zip archive beyond 4 GiB"));
+        return Err(WeightsFault::NoTensors("a zip archive beyond 4 GiB"));
     }
     if start + size > length || size > MAX_HEADER {
         return Err(damaged("a zip archive's directory that is larger than the file"));
@@ -53,7 +53,9 @@ pub fn directory(file: &mut File, length: u64) -> Result<HashMap<String, Part>, 
         let (flags, method) = (u16_at(entry, 8), u16_at(entry, 10));
         let (packed, size) = (u64::from(u32_at(entry, 20)), u64::from(u32_at(entry, 24)));
         if flags & 1 != 0 || method != 0 || packed != size {
-            return Err(Fault::NoTensors("a zip archive that is compressed or locked, so none of PyTorch"));
+            return Err(WeightsFault::NoTensors(
+                "a zip archive that is compressed or locked, so none of PyTorch",
+            ));
         }
         let at = u64::from(u32_at(entry, 42));
         let local = read(file, at, LOCAL as u64)?;
@@ -70,7 +72,7 @@ pub fn directory(file: &mut File, length: u64) -> Result<HashMap<String, Part>, 
 }
 
 /// A part of a file; the caller has compared `size` with the file's or with a limit.
-pub fn read(file: &mut File, start: u64, size: u64) -> Result<Vec<u8>, Fault> {
+pub fn read(file: &mut File, start: u64, size: u64) -> Result<Vec<u8>, WeightsFault> {
     let mut bytes = Vec::new();
     file.seek(SeekFrom::Start(start))?;
     file.take(size).read_to_end(&mut bytes)?;
@@ -80,8 +82,8 @@ pub fn read(file: &mut File, start: u64, size: u64) -> Result<Vec<u8>, Fault> {
     Ok(bytes)
 }
 
-fn damaged(what: &str) -> Fault {
-    Fault::Damaged(what.into())
+fn damaged(what: &str) -> WeightsFault {
+    WeightsFault::Damaged(what.into())
 }
 
 fn u16_at(bytes: &[u8], at: usize) -> u16 {

@@ -13,7 +13,7 @@ mod progress;
 #[cfg(all(test, unix))]
 mod tests;
 
-pub use progress::Progress;
+pub use progress::ColmapProgress;
 
 use crate::photos::photos_in;
 use rayon::prelude::*;
@@ -28,18 +28,18 @@ use thiserror::Error;
 use wm_scene::FormatError;
 use wm_scene::capture::header::read_header;
 
-/// How COLMAP is used.
+/// Options of COLMAP.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ColmapOptions {
     /// The program; `None` looks for it, see [`find`].
     pub program: Option<PathBuf>,
-    /// Which photos are compared.
+    /// The pairs of photos that are compared.
     pub matching: Matching,
-    /// Where features are found and compared.
-    pub device: Device,
+    /// The device that finds and compares features.
+    pub device: ColmapDevice,
 }
 
-/// Which photos are compared with which.
+/// The pairs of photos that are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Matching {
     /// Each with each up to [`MOST_EXHAUSTIVE`] photos, else each with those that follow it.
@@ -51,9 +51,9 @@ pub enum Matching {
     Sequential,
 }
 
-/// Where COLMAP finds and compares features.
+/// The device on which COLMAP finds and compares features.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Device {
+pub enum ColmapDevice {
     /// On the CPU, which works without a display and with every build of COLMAP.
     #[default]
     Cpu,
@@ -64,7 +64,7 @@ pub enum Device {
 /// Most photos of which each is compared with each.
 pub const MOST_EXHAUSTIVE: usize = 300;
 
-/// What COLMAP made.
+/// The result of a run of COLMAP.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reconstruction {
     /// The data set: undistorted photos and their model.
@@ -77,7 +77,7 @@ pub struct Reconstruction {
 
 /// One of the four commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
+pub enum ColmapStep {
     /// Finds features in each photo.
     Features,
     /// Finds them again in other photos.
@@ -88,8 +88,8 @@ pub enum Step {
     Undistortion,
 }
 
-impl Step {
-    /// What it does, for people.
+impl ColmapStep {
+    /// Returns the name of the step for people, such as "matching photos".
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -101,7 +101,7 @@ impl Step {
     }
 }
 
-/// Why there is no capture.
+/// A reason why COLMAP makes no capture.
 #[derive(Debug, Error)]
 pub enum ColmapError {
     /// There is no COLMAP.
@@ -115,7 +115,7 @@ pub enum ColmapError {
     FewPhotos {
         /// The folder.
         folder: PathBuf,
-        /// What there is.
+        /// The number of photos that were found, in words.
         found: String,
     },
     /// The folder, or one in it, cannot be read.
@@ -127,29 +127,29 @@ pub enum ColmapError {
     /// A file or folder cannot be used.
     #[error("{}: {reason}", path.display())]
     File {
-        /// Which.
+        /// The file or folder.
         path: PathBuf,
-        /// Why.
+        /// The error of the system.
         reason: std::io::Error,
     },
     /// The program does not start.
     #[error("{}: cannot be started: {reason}", program.display())]
     Start {
-        /// Which.
+        /// The program.
         program: PathBuf,
-        /// Why.
+        /// The error of the system.
         reason: std::io::Error,
     },
     /// A command failed.
     #[error("COLMAP failed while {} ({status}{said}); all it said is in {}", step.name(), log.display())]
     Failed {
-        /// Which.
-        step: Step,
-        /// How it ended.
+        /// The step that failed.
+        step: ColmapStep,
+        /// The exit status of the command.
         status: ExitStatus,
         /// Its last error, after `: `, if it named one.
         said: String,
-        /// Where the rest is.
+        /// The log with the rest of its output.
         log: PathBuf,
     },
     /// No model came out.
@@ -161,8 +161,8 @@ pub enum ColmapError {
     /// Whoever asked for it wants it no more.
     #[error("stopped while {}; started again it goes on with what is in {}", step.name(), folder.display())]
     Stopped {
-        /// In which step.
-        step: Step,
+        /// The step that was stopped.
+        step: ColmapStep,
         /// The folder of the run.
         folder: PathBuf,
     },
@@ -179,7 +179,7 @@ const INSTALL: &str = if cfg!(target_os = "macos") {
 /// The file that says what was run.
 const LOG: &str = "colmap.log";
 
-/// How often a command that runs is looked at.
+/// The time between two looks at a running command.
 const PAUSE: Duration = Duration::from_millis(50);
 
 /// The COLMAP to use: what the environment variable `COLMAP` says, else the first on `PATH`.
@@ -205,7 +205,7 @@ pub fn reconstruct(
     photos: &Path,
     run: &Path,
     options: &ColmapOptions,
-    progress: &mut dyn FnMut(Progress),
+    progress: &mut dyn FnMut(ColmapProgress),
     is_stopped: &dyn Fn() -> bool,
 ) -> Result<Reconstruction, ColmapError> {
     // First, since nobody should install a program for an empty folder.
@@ -217,8 +217,8 @@ pub fn reconstruct(
     let (features, matches) = gpu_options(&program)?;
     let mut runner = Runner::new(program, folder, &photos, files.len(), progress, is_stopped)?;
     let use_gpu = match options.device {
-        Device::Cpu => "0",
-        Device::Gpu => "1",
+        ColmapDevice::Cpu => "0",
+        ColmapDevice::Gpu => "1",
     };
     let (database, models, dataset) =
         (runner.folder.join("database.db"), runner.folder.join("models"), runner.folder.join("dataset"));
@@ -235,7 +235,7 @@ pub fn reconstruct(
     let is_one_camera = if have_one_size(&files) { "1" } else { "0" };
     extract.args(["--ImageReader.camera_model", "OPENCV", "--ImageReader.single_camera", is_one_camera]);
     extract.args([&features, use_gpu]);
-    runner.run(Step::Features, extract)?;
+    runner.run(ColmapStep::Features, extract)?;
 
     let is_exhaustive = match options.matching {
         Matching::Exhaustive => true,
@@ -245,13 +245,13 @@ pub fn reconstruct(
     let mut compare = Command::new(&runner.program);
     compare.arg(if is_exhaustive { "exhaustive_matcher" } else { "sequential_matcher" });
     compare.arg("--database_path").arg(&database).args([&matches, use_gpu]);
-    runner.run(Step::Matches, compare)?;
+    runner.run(ColmapStep::Matches, compare)?;
 
     make_folder(&models)?;
     let mut map = Command::new(&runner.program);
     map.arg("mapper").arg("--database_path").arg(&database).arg("--image_path").arg(image_path);
     map.arg("--output_path").arg(&models);
-    runner.run(Step::Cameras, map)?;
+    runner.run(ColmapStep::Cameras, map)?;
     let (model, registered) =
         largest_model(&models).ok_or_else(|| ColmapError::NothingRegistered(runner.folder.join(LOG)))?;
 
@@ -259,11 +259,11 @@ pub fn reconstruct(
     let mut undistort = Command::new(&runner.program);
     undistort.arg("image_undistorter").arg("--image_path").arg(image_path).arg("--input_path").arg(&model);
     undistort.arg("--output_path").arg(&dataset).args(["--output_type", "COLMAP"]);
-    runner.run(Step::Undistortion, undistort)?;
+    runner.run(ColmapStep::Undistortion, undistort)?;
     Ok(Reconstruction { dataset, photos: files.len(), registered })
 }
 
-/// What the options are called that say whether the GPU is used: their names changed with
+/// Returns the names of the options that say whether the GPU is used: they changed with
 /// COLMAP 3.13, and a name that is not known ends a command.
 fn gpu_options(program: &Path) -> Result<(String, String), ColmapError> {
     let output = Command::new(program).args(["feature_extractor", "-h"]).stdin(Stdio::null()).output();
@@ -281,7 +281,7 @@ struct Runner<'a> {
     program: PathBuf,
     folder: PathBuf,
     photos: usize,
-    progress: &'a mut dyn FnMut(Progress),
+    progress: &'a mut dyn FnMut(ColmapProgress),
     is_stopped: &'a dyn Fn() -> bool,
 }
 
@@ -291,7 +291,7 @@ impl<'a> Runner<'a> {
         folder: PathBuf,
         photos: &Path,
         count: usize,
-        progress: &'a mut dyn FnMut(Progress),
+        progress: &'a mut dyn FnMut(ColmapProgress),
         is_stopped: &'a dyn Fn() -> bool,
     ) -> Result<Self, ColmapError> {
         let log = folder.join(LOG);
@@ -315,7 +315,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Runs a command to its end; all it says goes to the log, from where progress is read.
-    fn run(&mut self, step: Step, mut command: Command) -> Result<(), ColmapError> {
+    fn run(&mut self, step: ColmapStep, mut command: Command) -> Result<(), ColmapError> {
         let log = self.folder.join(LOG);
         let fault = |e| file_error(&log, e);
         let mut out = OpenOptions::new().append(true).open(&log).map_err(fault)?;
@@ -328,7 +328,7 @@ impl<'a> Runner<'a> {
         let child = child.map_err(|reason| ColmapError::Start { program: self.program.clone(), reason })?;
         let mut child = Running(child);
         let mut lines = progress::Lines::default();
-        (self.progress)(Progress { step, done: 0, total: None });
+        (self.progress)(ColmapProgress { step, done: 0, total: None });
         let status = loop {
             let ended = child.0.try_wait().map_err(fault)?;
             let mut said = Vec::new();

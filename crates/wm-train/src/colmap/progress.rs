@@ -1,16 +1,16 @@
-//! How far a command is, from what it says.
+//! Reads the progress of a command from its output.
 //!
 //! The wording differs between versions, so that little of it is relied on: a count in brackets, or
 //! the number of photos whose cameras are found. Where nothing is understood there is no progress,
 //! and nothing else is lost.
 
-use super::Step;
+use super::ColmapStep;
 
-/// How far a step is.
+/// The progress of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Progress {
-    /// Which.
-    pub step: Step,
+pub struct ColmapProgress {
+    /// The step.
+    pub step: ColmapStep,
     /// Photos (or blocks of them) that are done.
     pub done: usize,
     /// Of how many, once that is known.
@@ -18,11 +18,13 @@ pub struct Progress {
 }
 
 /// Progress that a line of output tells.
-pub(super) fn of(step: Step, line: &str, photos: usize) -> Option<Progress> {
+pub(super) fn of(step: ColmapStep, line: &str, photos: usize) -> Option<ColmapProgress> {
     let (done, total) = match step {
-        Step::Features => bracketed(line.split("Processed file").nth(1)?)?,
-        Step::Matches => bracketed(line.split_once("ing block").or_else(|| line.split_once("ing image"))?.1)?,
-        Step::Cameras => {
+        ColmapStep::Features => bracketed(line.split("Processed file").nth(1)?)?,
+        ColmapStep::Matches => {
+            bracketed(line.split_once("ing block").or_else(|| line.split_once("ing image"))?.1)?
+        }
+        ColmapStep::Cameras => {
             // "Registering image #12 (35)" or "(num_reg_frames=35)": the 35th.
             let rest = line.split("Registering image").nth(1)?;
             let digits = |c: char| c.is_ascii_digit();
@@ -31,9 +33,9 @@ pub(super) fn of(step: Step, line: &str, photos: usize) -> Option<Progress> {
                 counted.chars().skip_while(|c| !digits(*c)).take_while(|c| digits(*c)).collect();
             (number.parse().ok()?, photos)
         }
-        Step::Undistortion => bracketed(line.split("Undistorting image").nth(1)?)?,
+        ColmapStep::Undistortion => bracketed(line.split("Undistorting image").nth(1)?)?,
     };
-    (total > 0 && done <= total).then_some(Progress { step, done, total: Some(total) })
+    (total > 0 && done <= total).then_some(ColmapProgress { step, done, total: Some(total) })
 }
 
 /// The counts of `[3/45]`, and of `[2/4, 3/5]`, which is 8 of 20.
@@ -83,7 +85,7 @@ impl Lines {
     }
 }
 
-/// Whether a line is one: glog's begin with E or F and the date; older versions write ERROR.
+/// Returns true for an error line: glog's begin with E or F and the date; older versions write ERROR.
 fn is_error(line: &str) -> bool {
     let mut start = line.chars();
     let is_logged =
@@ -98,26 +100,29 @@ mod tests {
     #[test]
     fn lines_of_many_versions_are_understood() {
         let progress = |step, line: &str| of(step, line, 50).map(|p| (p.done, p.total.unwrap()));
-        assert_eq!(progress(Step::Features, "Processed file [12/345]"), Some((12, 345)));
+        assert_eq!(progress(ColmapStep::Features, "Processed file [12/345]"), Some((12, 345)));
         let logged = "I20241107 16:06:57.981905  2136 feature_extraction.cc:258] Processed file [1/301]";
-        assert_eq!(progress(Step::Features, logged), Some((1, 301)));
-        assert_eq!(progress(Step::Features, "  Features:        3114"), None);
-        assert_eq!(progress(Step::Matches, "Matching block [1/1, 1/1] in 0.5s"), Some((1, 1)));
-        assert_eq!(progress(Step::Matches, "I2 x.cc:1] Processing block [2/4, 3/5]"), Some((8, 20)));
-        assert_eq!(progress(Step::Matches, "Matching image [3/29] in 0.1s"), Some((3, 29)));
-        assert_eq!(progress(Step::Cameras, "Registering image #12 (35)"), Some((35, 50)));
+        assert_eq!(progress(ColmapStep::Features, logged), Some((1, 301)));
+        assert_eq!(progress(ColmapStep::Features, "  Features:        3114"), None);
+        assert_eq!(progress(ColmapStep::Matches, "Matching block [1/1, 1/1] in 0.5s"), Some((1, 1)));
+        assert_eq!(progress(ColmapStep::Matches, "I2 x.cc:1] Processing block [2/4, 3/5]"), Some((8, 20)));
+        assert_eq!(progress(ColmapStep::Matches, "Matching image [3/29] in 0.1s"), Some((3, 29)));
+        assert_eq!(progress(ColmapStep::Cameras, "Registering image #12 (35)"), Some((35, 50)));
         assert_eq!(
-            progress(Step::Cameras, "I2 a.cc:3] Registering image #12 (num_reg_frames=7)"),
+            progress(ColmapStep::Cameras, "I2 a.cc:3] Registering image #12 (num_reg_frames=7)"),
             Some((7, 50))
         );
-        assert_eq!(progress(Step::Cameras, "Registering image #12 (99)"), None);
-        assert_eq!(progress(Step::Undistortion, "Undistorting image [3/45]"), Some((3, 45)));
+        assert_eq!(progress(ColmapStep::Cameras, "Registering image #12 (99)"), None);
+        assert_eq!(progress(ColmapStep::Undistortion, "Undistorting image [3/45]"), Some((3, 45)));
         for odd in
             ["Processed file [", "Processed file [0/3]", "Processed file [3/x]", "Processed file 3/4]", ""]
         {
-            assert_eq!(progress(Step::Features, odd), None, "{odd}");
+            assert_eq!(progress(ColmapStep::Features, odd), None, "{odd}");
         }
-        assert_eq!(progress(Step::Matches, &format!("Matching block [{0}/{0}, {0}/{0}]", usize::MAX)), None);
+        assert_eq!(
+            progress(ColmapStep::Matches, &format!("Matching block [{0}/{0}, {0}/{0}]", usize::MAX)),
+            None
+        );
     }
 
     #[test]

@@ -125,10 +125,13 @@ fn the_four_commands_make_a_capture() {
              DIR/run/dataset --output_type COLMAP",
         ]
     );
-    for (step, total) in
-        [(Step::Features, 3), (Step::Matches, 1), (Step::Cameras, 3), (Step::Undistortion, 3)]
-    {
-        assert!(told.contains(&Progress { step, done: total, total: Some(total) }), "{told:?}");
+    for (step, total) in [
+        (ColmapStep::Features, 3),
+        (ColmapStep::Matches, 1),
+        (ColmapStep::Cameras, 3),
+        (ColmapStep::Undistortion, 3),
+    ] {
+        assert!(told.contains(&ColmapProgress { step, done: total, total: Some(total) }), "{told:?}");
     }
     let capture = capture::read(&made.dataset, &CaptureOptions::default()).unwrap();
     assert_eq!(capture.views.len(), 3);
@@ -142,7 +145,8 @@ fn the_four_commands_make_a_capture() {
 #[test]
 fn newer_versions_and_other_wishes() {
     let place = Place::new("FeatureExtraction");
-    let options = ColmapOptions { matching: Matching::Sequential, device: Device::Gpu, ..place.options() };
+    let options =
+        ColmapOptions { matching: Matching::Sequential, device: ColmapDevice::Gpu, ..place.options() };
     place.run(&options).unwrap();
     let calls = place.calls();
     assert!(calls[0].ends_with("--FeatureExtraction.use_gpu 1"), "{}", calls[0]);
@@ -185,13 +189,16 @@ fn a_run_that_is_stopped_leaves_no_command_behind() {
     let place = Place::new("SiftExtraction");
     fs::write(place.photos().join("SLOW"), "").unwrap();
     let is_last = AtomicBool::new(false);
-    let mut watch = |p: Progress| is_last.store(p.step == Step::Undistortion, Ordering::Relaxed);
+    let mut watch = |p: ColmapProgress| is_last.store(p.step == ColmapStep::Undistortion, Ordering::Relaxed);
     let start = std::time::Instant::now();
     let run = place.folder.path().join("run");
     let stopped = reconstruct(&place.photos(), &run, &place.options(), &mut watch, &|| {
         is_last.load(Ordering::Relaxed) && start.elapsed() > Duration::from_millis(200)
     });
-    assert!(matches!(stopped, Err(ColmapError::Stopped { step: Step::Undistortion, .. })), "{stopped:?}");
+    assert!(
+        matches!(stopped, Err(ColmapError::Stopped { step: ColmapStep::Undistortion, .. })),
+        "{stopped:?}"
+    );
     assert!(start.elapsed() < Duration::from_secs(30));
     // Started again, it goes on: the database is still there.
     assert!(run.join("database.db").is_file());

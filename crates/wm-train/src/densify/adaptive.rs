@@ -1,11 +1,11 @@
-//! Adaptive control as published (Kerbl et al. 2023).
+//! Adaptive density control as published (Kerbl et al. 2023).
 //!
-//! Where the picture pulls on a splat's centre by more than a threshold in the mean of the steps that saw
-//! it, there is too little: a small splat is cloned, a large one is split in two, drawn from itself and
-//! smaller by 1.6. What is transparent goes; later also what is huge, in the picture or in space.
-//! Opacities are brought down now and then, so that only what is needed comes back.
+//! Splats whose mean screen-space gradient, over the steps that saw them, is above a threshold mark places with too
+//! little detail: a small splat is cloned, a large one is split in two, sampled from itself and smaller by 1.6.
+//! Transparent splats are removed, later also huge ones, in the image or in space. Opacities are reset now and then,
+//! so that only splats that are needed recover.
 //!
-//! Departure: a hard limit on the number of splats; those that are pulled most come first.
+//! Departure: a hard limit on the number of splats; those with the largest gradients come first.
 
 use super::{Densified, DensifyStrategy, DensifyTime, Population, Pulls, ScreenGradients};
 use crate::check::{COUNT, ConfigValue, WEIGHT};
@@ -16,7 +16,7 @@ use wm_scene::splats::logit;
 
 /// Parts that a split splat falls into.
 const PARTS: u64 = 2;
-/// How much smaller they are.
+/// The factor by which they are smaller.
 const SHRINK: f64 = 1.6;
 
 /// Constants of adaptive control; lengths in units of the scene's extent.

@@ -70,7 +70,7 @@ pub struct DensifyTime {
     pub random: Random,
 }
 
-/// Whether screen-space gradients of splats are summed between two changes of the population.
+/// The choice of whether screen-space gradients of splats are summed between two changes of the population.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ScreenGradients {
     /// They are summed.
@@ -114,7 +114,7 @@ macro_rules! strategies {
 }
 
 strategies! {
-    /// As many splats as at the start.
+    /// The number of splats stays as it was at the start.
     Fixed(fixed::FixedConfig) = "fixed",
     /// Adaptive density control (Kerbl et al. 2023): clones and splits splats with large screen-space gradients, prunes
     /// transparent ones, resets opacities.
@@ -154,21 +154,21 @@ pub(crate) fn explore(population: &mut Population, noise: &Noise, random: Random
 pub struct Population {
     /// The splats.
     pub splats: Splats,
-    /// What the optimiser remembers of them; empty where that stays on a device.
+    /// The optimiser's moments; empty where these stay on a device.
     pub moments: Moments,
-    /// What pulled on them since splats last came or went.
+    /// Screen-space gradients since splats were last added or removed.
     pub pulls: Pulls,
     /// The last step that had each in view, or that made it, `[N]`.
     pub seen: Vec<u32>,
-    /// Where they come from, of a population whose moments and coefficients above degree 0 stay on a device.
+    /// The origin of each splat, of a population whose moments and coefficients above degree 0 stay on a device.
     origins: Option<Origins>,
 }
 
-/// Where splats come from.
+/// The origins of splats on a device.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Origins {
     rows: Vec<Origin>,
-    /// Whether the moments of all opacities are forgotten.
+    /// True if the moments of all opacities are reset.
     forgets_opacities: bool,
 }
 
@@ -197,7 +197,7 @@ impl Population {
         Self { splats, moments: Moments::default(), pulls, seen, origins }
     }
 
-    /// What became of it, for the device.
+    /// Returns the changes of the population, for the device.
     ///
     /// # Panics
     /// If it is not one of shapes.
@@ -214,7 +214,7 @@ impl Population {
         self.splats.len()
     }
 
-    /// Whether there is none.
+    /// Returns true if there are no splats.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.splats.is_empty()
@@ -316,7 +316,7 @@ impl Population {
     }
 }
 
-/// What a strategy did at a step.
+/// The changes that a strategy made at a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Densified {
     /// Splats that came.

@@ -1,14 +1,14 @@
-//! What a prior says of each pixel of a photo, for a device that compares pictures where they are.
+//! Turns the prior of a photo into the arrays that a device compares pictures with.
 
 use super::grid::Grid;
-use super::{Truth, surface};
+use super::{TrainPhoto, surface};
 use crate::priors::Prior;
 use wm_render::stages::compare::{Belief, Believed};
 
 /// `prior` as a device takes it; `pixels` are [`beliefs`].
 #[must_use]
 pub fn believed<'a>(
-    truth: &Truth<'_>,
+    truth: &TrainPhoto<'_>,
     prior: &Prior,
     pixels: &'a (dyn Fn() -> Vec<Belief> + Sync),
 ) -> Believed<'a> {
@@ -18,7 +18,7 @@ pub fn believed<'a>(
 
 /// Of each pixel of the photo, `[H, W]`.
 #[must_use]
-pub fn beliefs(truth: &Truth<'_>) -> Vec<Belief> {
+pub fn beliefs(truth: &TrainPhoto<'_>) -> Vec<Belief> {
     let (width, height) = truth.size();
     let mut beliefs = vec![Belief::NONE; width as usize * height as usize];
     let Some(prior) = truth.prior else { return beliefs };

@@ -7,20 +7,20 @@
 //! does not lower it. Pixels of the sky, and those covered by less than half, do not count.
 
 use super::grid::Grid;
-use super::{LossGradients, LossInput, LossTerm, Reads, Truth};
+use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use wm_render::Channels;
 use wm_render::stages::compare::{COVERED, Comparison, EXACT, Term};
 
 /// The term `depth`.
 #[derive(Clone, Debug)]
-pub struct Depth {
+pub struct DepthTerm {
     weight: f64,
     from: u32,
 }
 
-impl Depth {
-    /// As configured.
+impl DepthTerm {
+    /// Returns the term with its weight in `config`.
     #[must_use]
     pub fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
@@ -28,12 +28,12 @@ impl Depth {
     }
 }
 
-impl LossTerm for Depth {
+impl LossTerm for DepthTerm {
     fn name(&self) -> &'static str {
         "depth"
     }
 
-    fn weight(&self, step: u32, truth: &Truth<'_>) -> f64 {
+    fn weight(&self, step: u32, truth: &TrainPhoto<'_>) -> f64 {
         let is_on = step >= self.from && truth.prior.is_some_and(|prior| !prior.disparity.is_empty());
         if is_on { self.weight } else { 0.0 }
     }
@@ -42,7 +42,7 @@ impl LossTerm for Depth {
         Channels::ColorDepth
     }
 
-    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
         Reads::Device(Term::Depth)
     }
 

@@ -5,36 +5,36 @@
 //! shortest gets shorter and the middle one longer. So the axis that is shortest once is kept apart from the
 //! others: before another takes its place, loss has to push against this.
 
-use super::{LossGradients, LossInput, LossTerm, Reads, Truth};
+use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use wm_render::stages::compare::Comparison;
 use wm_render::stages::optimize::SplatTerms;
 
 /// The term `flat`.
 #[derive(Clone, Debug)]
-pub struct Flat {
+pub struct FlatTerm {
     weight: f64,
 }
 
-impl Flat {
-    /// As configured.
+impl FlatTerm {
+    /// Returns the term with its weight in `config`.
     #[must_use]
     pub fn new(config: &TrainConfig) -> Self {
         Self { weight: config.loss.geometry.flat }
     }
 }
 
-impl LossTerm for Flat {
+impl LossTerm for FlatTerm {
     fn name(&self) -> &'static str {
         "flat"
     }
 
-    fn weight(&self, _: u32, truth: &Truth<'_>) -> f64 {
+    fn weight(&self, _: u32, truth: &TrainPhoto<'_>) -> f64 {
         // Without anything believed a training is a plain one.
         if truth.prior.is_some() { self.weight } else { 0.0 }
     }
 
-    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
         Reads::Nothing
     }
 

@@ -1,27 +1,27 @@
 //! Mean absolute difference of colours.
 
-use super::{LossGradients, LossInput, LossTerm, Reads, Truth};
+use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use rayon::prelude::*;
 use wm_render::dispatch;
 use wm_render::stages::compare::{Comparison, Term};
 
 /// `mean |x - y|` over the pixels that count and their channels.
 #[derive(Clone, Debug)]
-pub struct L1 {
+pub struct L1Term {
     /// Its weight at all steps.
     pub weight: f64,
 }
 
-impl LossTerm for L1 {
+impl LossTerm for L1Term {
     fn name(&self) -> &'static str {
         "l1"
     }
 
-    fn weight(&self, _: u32, _: &Truth<'_>) -> f64 {
+    fn weight(&self, _: u32, _: &TrainPhoto<'_>) -> f64 {
         self.weight
     }
 
-    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
         Reads::Device(Term::L1)
     }
 

@@ -1,4 +1,4 @@
-//! What training makes small: terms, one a file, that read what is rendered and say which way to go.
+//! The loss: terms, one per file, that compare renders with photos and priors.
 //!
 //! The trainer names no term. It renders what the terms read, adds up what they say, and goes one step.
 //! A term may ask for a render of its own, with other opacities and only some parameters learning.
@@ -15,14 +15,14 @@ mod ssim;
 mod surface;
 
 pub use beliefs::{beliefs, believed};
-pub use depth::Depth;
-pub use flat::Flat;
-pub use l1::L1;
-pub use normal::Normal;
-pub use patches::{Pass, PatchDepth};
-pub use smooth::Smooth;
-pub use ssim::Dssim;
-pub use surface::Surface;
+pub use depth::DepthTerm;
+pub use flat::FlatTerm;
+pub use l1::L1Term;
+pub use normal::NormalTerm;
+pub use patches::{PatchDepthTerm, PatchPass};
+pub use smooth::SmoothTerm;
+pub use ssim::SsimTerm;
+pub use surface::SurfaceTerm;
 
 use crate::config::TrainConfig;
 use crate::priors::Prior;
@@ -36,32 +36,32 @@ use wm_scene::Camera;
 #[must_use]
 pub fn terms(config: &TrainConfig, path: SimdPath) -> Vec<Box<dyn LossTerm>> {
     vec![
-        Box::new(L1 { weight: config.loss.l1 }),
-        Box::new(Dssim::new(config.loss.ssim, path)),
-        Box::new(Depth::new(config)),
-        Box::new(PatchDepth::new(config, Pass::Hard)),
-        Box::new(PatchDepth::new(config, Pass::Soft)),
-        Box::new(Surface::new(config)),
-        Box::new(Normal::new(config)),
-        Box::new(Flat::new(config)),
-        Box::new(Smooth::new(config)),
+        Box::new(L1Term { weight: config.loss.l1 }),
+        Box::new(SsimTerm::new(config.loss.ssim, path)),
+        Box::new(DepthTerm::new(config)),
+        Box::new(PatchDepthTerm::new(config, PatchPass::Hard)),
+        Box::new(PatchDepthTerm::new(config, PatchPass::Soft)),
+        Box::new(SurfaceTerm::new(config)),
+        Box::new(NormalTerm::new(config)),
+        Box::new(FlatTerm::new(config)),
+        Box::new(SmoothTerm::new(config)),
     ]
 }
 
 /// The photo that a frame is compared with.
 #[derive(Clone, Copy, Debug)]
-pub struct Truth<'a> {
+pub struct TrainPhoto<'a> {
     /// `[H, W, 3]`, 0-1, display-referred.
     pub rgb: &'a [f32],
     /// `[H, W]`, 1 where the photo counts and 0 where it does not; `None` where all of it does.
     pub mask: Option<&'a [f32]>,
     /// From where.
     pub camera: &'a Camera,
-    /// What is believed of its depth, normals and sky; `None` where nothing is.
+    /// The prior of its depth, normals and sky; `None` if there is none.
     pub prior: Option<&'a Prior>,
 }
 
-impl Truth<'_> {
+impl TrainPhoto<'_> {
     /// Columns and rows.
     #[must_use]
     pub fn size(&self) -> (u32, u32) {
@@ -69,14 +69,14 @@ impl Truth<'_> {
     }
 }
 
-/// What a term reads.
+/// The input of a loss term.
 #[derive(Clone, Copy, Debug)]
 pub struct LossInput<'a> {
-    /// What was rendered; its colours are those of the photo's exposure.
+    /// The render; its colours have the photo's exposure.
     pub frame: &'a Frame,
-    /// What should have been.
-    pub truth: &'a Truth<'a>,
-    /// Which step of training.
+    /// The photo and its prior.
+    pub truth: &'a TrainPhoto<'a>,
+    /// The step of the training, from 0.
     pub step: u32,
     /// For loops over pixels.
     pub path: SimdPath,
@@ -117,7 +117,7 @@ impl LossGradients {
         }
     }
 
-    /// As the renderer takes them.
+    /// Returns the derivatives in the form that the renderer takes.
     #[must_use]
     pub fn upstream(&self, depth_alpha: DepthAlpha) -> Upstream<'_> {
         Upstream { rgb: &self.rgb, alpha: &self.alpha, depth: &self.depth, normal: &self.normal, depth_alpha }
@@ -127,56 +127,56 @@ impl LossGradients {
 /// A render for one term alone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OwnRender {
-    /// Which pictures.
+    /// The pictures that are rendered.
     pub channels: Channels,
-    /// Where opacities come from.
+    /// The opacities that are used.
     pub opacity: Opacity,
-    /// Which splats are drawn.
+    /// The splats that are drawn.
     pub drawn: Drawn,
-    /// What learns from it.
+    /// The parameters that learn from it.
     pub learn: Learn,
-    /// Whether coverage learns from depth.
+    /// The choice of whether coverage learns from depth.
     pub depth_alpha: DepthAlpha,
 }
 
-/// Who can find out a term.
+/// The place where a term can be computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reads {
-    /// Who has the pictures in the computer's memory.
+    /// Only where the pictures are in the computer's memory.
     Frame,
-    /// A device on which they are, so that they need not leave it.
+    /// Also on the device that holds the pictures.
     Device(Term),
-    /// It does not look at pictures.
+    /// Anywhere: the term does not look at pictures.
     Nothing,
 }
 
 /// A term of the loss.
 pub trait LossTerm: Send {
-    /// Its name in reports.
+    /// Returns the name of the term in reports.
     fn name(&self) -> &'static str;
 
-    /// Its weight at a step on a photo; where it is 0 the term is not called.
-    fn weight(&self, step: u32, truth: &Truth<'_>) -> f64;
+    /// Returns the weight of the term at a step on a photo; where it is 0 the term is not called.
+    fn weight(&self, step: u32, truth: &TrainPhoto<'_>) -> f64;
 
-    /// What it reads of the step's common render.
+    /// Returns the pictures that the term reads of the step's common render.
     fn channels(&self) -> Channels {
         Channels::Color
     }
 
-    /// Who can find it out; puts into `comparison` what a device needs to know beside weights.
-    fn reads(&self, _step: u32, _truth: &Truth<'_>, _comparison: &mut Comparison<'_>) -> Reads {
+    /// Returns where the term can be computed; adds to `comparison` what a device needs beside weights.
+    fn reads(&self, _step: u32, _truth: &TrainPhoto<'_>, _comparison: &mut Comparison<'_>) -> Reads {
         Reads::Frame
     }
 
-    /// The render that it has for itself instead of the common one.
+    /// Returns the render that the term has for itself instead of the common one.
     fn own_render(&self) -> Option<OwnRender> {
         None
     }
 
-    /// Its value before weighting; adds `weight` times its derivative to `out`.
+    /// Returns the value of the term before weighting, and adds `weight` times its derivative to `out`.
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64;
 
-    /// Adds its weight to those of what pulls on the splats themselves, whatever the picture shows.
+    /// Adds the weight of the term to those that act on the splats themselves, whatever the picture shows.
     fn splat_terms(&self, _: f64, _: &mut SplatTerms) {}
 }
 
@@ -242,12 +242,12 @@ mod tests {
         config.loss.geometry = geometry();
         let camera = Camera::looking(SIZE, 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
         let (rgb, prior) = (numbers(7, 288, 0.0, 1.0), prior());
-        let truth = Truth { rgb: &rgb, mask: None, camera: &camera, prior: Some(&prior) };
+        let truth = TrainPhoto { rgb: &rgb, mask: None, camera: &camera, prior: Some(&prior) };
         let terms: Vec<Box<dyn LossTerm>> = vec![
-            Box::new(Depth::new(&config)),
-            Box::new(Surface::new(&config)),
-            Box::new(Normal::new(&config)),
-            Box::new(Smooth::new(&config)),
+            Box::new(DepthTerm::new(&config)),
+            Box::new(SurfaceTerm::new(&config)),
+            Box::new(NormalTerm::new(&config)),
+            Box::new(SmoothTerm::new(&config)),
         ];
         for mut term in terms {
             let mut value = |frame: &Frame, out: &mut LossGradients| {
@@ -291,7 +291,7 @@ mod tests {
         ["alpha", "depth", "normal"][array]
     }
 
-    /// What a device makes of pictures where they are is what the terms make of the same pictures here.
+    /// The terms give the same values and derivatives on a device as here.
     fn check_device(render: Option<OwnRender>, prior: &Prior, only: &[&str]) {
         let mut config = TrainConfig::preset(Preset::Quick);
         config.loss.geometry = GeometryConfig { depth_local: 0.4, depth_margin: 0.2, ..geometry() };
@@ -302,7 +302,7 @@ mod tests {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let rgb = numbers(7, 3 * width * height, 0.2, 0.8);
         let mask: Vec<f32> = (0..width * height).map(|i| if i % 7 == 3 { 0.0 } else { 1.0 }).collect();
-        let truth = Truth { rgb: &rgb, mask: Some(&mask), camera: &camera, prior: Some(prior) };
+        let truth = TrainPhoto { rgb: &rgb, mask: Some(&mask), camera: &camera, prior: Some(prior) };
 
         let channels = render.map_or(Channels::ColorDepthNormal, |own| own.channels);
         let opacity = render.map_or(Opacity::Stored, |own| own.opacity);
@@ -365,7 +365,7 @@ mod tests {
             return;
         }
         let config = TrainConfig::preset(Preset::Quick);
-        let of = |pass| PatchDepth::new(&config, pass).own_render();
+        let of = |pass| PatchDepthTerm::new(&config, pass).own_render();
         // Coarser than the picture one way and finer the other, as no prior is, and as most are.
         for (width, height) in [(40, 60), (24, 18)] {
             let cells = width as usize * height as usize;
@@ -379,9 +379,9 @@ mod tests {
             let prior =
                 Prior { width, height, disparity, sigma: 0.01, normal, sky: (0..cells).map(class).collect() };
             check_device(None, &prior, &["l1", "dssim", "depth", "normal", "smooth"]);
-            check_device(Surface::new(&config).own_render(), &prior, &["surface"]);
-            check_device(of(Pass::Hard), &prior, &["depth-hard"]);
-            check_device(of(Pass::Soft), &prior, &["depth-soft"]);
+            check_device(SurfaceTerm::new(&config).own_render(), &prior, &["surface"]);
+            check_device(of(PatchPass::Hard), &prior, &["depth-hard"]);
+            check_device(of(PatchPass::Soft), &prior, &["depth-soft"]);
         }
     }
 
@@ -393,7 +393,7 @@ mod tests {
         let rgb = numbers(7, 288, 0.0, 1.0);
         let empty = Prior { width: 6, height: 4, ..Prior::default() };
         for prior in [None, Some(&empty)] {
-            let truth = Truth { rgb: &rgb, mask: None, camera: &camera, prior };
+            let truth = TrainPhoto { rgb: &rgb, mask: None, camera: &camera, prior };
             for term in terms(&config, path()) {
                 let is_free = ["l1", "dssim", "smooth"].contains(&term.name())
                     || term.name() == "flat" && prior.is_some();
@@ -402,7 +402,7 @@ mod tests {
         }
         config.loss.geometry = GeometryConfig::NONE;
         let believed = prior();
-        let truth = Truth { rgb: &rgb, mask: None, camera: &camera, prior: Some(&believed) };
+        let truth = TrainPhoto { rgb: &rgb, mask: None, camera: &camera, prior: Some(&believed) };
         let on = terms(&config, path()).iter().filter(|term| term.weight(500, &truth) > 0.0).count();
         assert_eq!(on, 2);
     }

@@ -5,20 +5,20 @@
 //! depth has made surfaces before: on clouds of splats it would rather make them transparent than turn them.
 
 use super::grid::Grid;
-use super::{LossGradients, LossInput, LossTerm, Reads, Truth};
+use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use wm_render::Channels;
 use wm_render::stages::compare::{COVERED, Comparison, Term};
 
 /// The term `normal`.
 #[derive(Clone, Debug)]
-pub struct Normal {
+pub struct NormalTerm {
     weight: f64,
     from: u32,
 }
 
-impl Normal {
-    /// As configured.
+impl NormalTerm {
+    /// Returns the term with its weight in `config`.
     #[must_use]
     pub fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
@@ -26,12 +26,12 @@ impl Normal {
     }
 }
 
-impl LossTerm for Normal {
+impl LossTerm for NormalTerm {
     fn name(&self) -> &'static str {
         "normal"
     }
 
-    fn weight(&self, step: u32, truth: &Truth<'_>) -> f64 {
+    fn weight(&self, step: u32, truth: &TrainPhoto<'_>) -> f64 {
         let is_on = step >= self.from && truth.prior.is_some_and(|prior| !prior.normal.is_empty());
         if is_on { self.weight } else { 0.0 }
     }
@@ -40,7 +40,7 @@ impl LossTerm for Normal {
         Channels::ColorDepthNormal
     }
 
-    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
         Reads::Device(Term::Normal)
     }
 

@@ -10,7 +10,7 @@
 //! Each is a render of its own, with alpha taken for a constant. Where less than half is covered nothing counts.
 
 use super::grid::Grid;
-use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, Truth};
+use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use crate::random::{Purpose, Random};
 use wm_render::stages::compare::{self, COVERED, Comparison, FEWEST, FLOOR, Term};
@@ -22,9 +22,9 @@ const HARD: f32 = 0.95;
 const SIDES: [f64; 2] = [5.0, 17.0];
 const AT_HEIGHT: f64 = 378.0;
 
-/// What learns.
+/// The parameters that a patch term changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pass {
+pub enum PatchPass {
     /// Means.
     Hard,
     /// Opacities.
@@ -33,8 +33,8 @@ pub enum Pass {
 
 /// The terms `depth-hard` and `depth-soft`.
 #[derive(Clone, Debug)]
-pub struct PatchDepth {
-    pass: Pass,
+pub struct PatchDepthTerm {
+    pass: PatchPass,
     weight: f64,
     local: f64,
     margin: f64,
@@ -55,14 +55,14 @@ struct Work {
     slope: Vec<f64>,
 }
 
-impl PatchDepth {
-    /// As configured.
+impl PatchDepthTerm {
+    /// Returns the term with its weight in `config`.
     #[must_use]
-    pub fn new(config: &TrainConfig, pass: Pass) -> Self {
+    pub fn new(config: &TrainConfig, pass: PatchPass) -> Self {
         let geometry = &config.loss.geometry;
         let (weight, from) = match pass {
-            Pass::Hard => (geometry.depth_hard, 0),
-            Pass::Soft => (geometry.depth_soft, geometry.depth_from(config.steps)),
+            PatchPass::Hard => (geometry.depth_hard, 0),
+            PatchPass::Soft => (geometry.depth_soft, geometry.depth_from(config.steps)),
         };
         let (local, margin, every) = (geometry.depth_local, geometry.depth_margin, geometry.every.max(1));
         Self { pass, weight, local, margin, every, from, seed: config.seed, work: Work::default() }
@@ -77,15 +77,15 @@ impl PatchDepth {
     }
 }
 
-impl LossTerm for PatchDepth {
+impl LossTerm for PatchDepthTerm {
     fn name(&self) -> &'static str {
         match self.pass {
-            Pass::Hard => "depth-hard",
-            Pass::Soft => "depth-soft",
+            PatchPass::Hard => "depth-hard",
+            PatchPass::Soft => "depth-soft",
         }
     }
 
-    fn weight(&self, step: u32, truth: &Truth<'_>) -> f64 {
+    fn weight(&self, step: u32, truth: &TrainPhoto<'_>) -> f64 {
         let is_on = step >= self.from
             && step.is_multiple_of(self.every)
             && truth.prior.is_some_and(|prior| !prior.disparity.is_empty());
@@ -94,14 +94,14 @@ impl LossTerm for PatchDepth {
 
     fn own_render(&self) -> Option<OwnRender> {
         let (opacity, learn) = match self.pass {
-            Pass::Hard => (Opacity::Fixed(HARD), Learn::MEANS),
-            Pass::Soft => (Opacity::Stored, Learn::OPACITIES),
+            PatchPass::Hard => (Opacity::Fixed(HARD), Learn::MEANS),
+            PatchPass::Soft => (Opacity::Stored, Learn::OPACITIES),
         };
         let (channels, drawn, depth_alpha) = (Channels::Depth, Drawn::All, DepthAlpha::Detached);
         Some(OwnRender { channels, opacity, drawn, learn, depth_alpha })
     }
 
-    fn reads(&self, step: u32, _: &Truth<'_>, comparison: &mut Comparison<'_>) -> Reads {
+    fn reads(&self, step: u32, _: &TrainPhoto<'_>, comparison: &mut Comparison<'_>) -> Reads {
         let rows = comparison.believed.map_or(0, |believed| believed.grid.1 as usize);
         comparison.patches = compare::Patches {
             side: self.side(step, rows) as u32,
@@ -136,7 +136,7 @@ impl LossTerm for PatchDepth {
     }
 }
 
-/// How a picture is cut.
+/// The grid of patches of an image.
 #[derive(Clone, Copy, Debug)]
 struct Patches {
     width: usize,

@@ -3,20 +3,20 @@
 //! The mean over neighbouring pixels of `|r_i - r_j| / mean(r) exp(-|I_i - I_j| / 0.1)` with `r = 1 / D`. An option: it
 //! rounds what is there, and helps where nothing else says anything.
 
-use super::{LossGradients, LossInput, LossTerm, Reads, Truth};
+use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use wm_render::Channels;
 use wm_render::stages::compare::{COVERED, Comparison, EDGE, Term};
 
 /// The term `smooth`.
 #[derive(Clone, Debug)]
-pub struct Smooth {
+pub struct SmoothTerm {
     weight: f64,
     from: u32,
 }
 
-impl Smooth {
-    /// As configured.
+impl SmoothTerm {
+    /// Returns the term with its weight in `config`.
     #[must_use]
     pub fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
@@ -24,12 +24,12 @@ impl Smooth {
     }
 }
 
-impl LossTerm for Smooth {
+impl LossTerm for SmoothTerm {
     fn name(&self) -> &'static str {
         "smooth"
     }
 
-    fn weight(&self, step: u32, _: &Truth<'_>) -> f64 {
+    fn weight(&self, step: u32, _: &TrainPhoto<'_>) -> f64 {
         if step >= self.from { self.weight } else { 0.0 }
     }
 
@@ -37,7 +37,7 @@ impl LossTerm for Smooth {
         Channels::ColorDepth
     }
 
-    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
         Reads::Device(Term::Smooth)
     }
 

@@ -1,19 +1,19 @@
 //! Structural dissimilarity of colours: 1 minus their structural similarity.
 
-use super::{LossGradients, LossInput, LossTerm, Reads, Truth};
+use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::ssim::{Ssim, within};
 use wm_render::simd::SimdPath;
 use wm_render::stages::compare::{Comparison, Term};
 
 /// `1 - SSIM`; see [`crate::ssim`]. Where the photo does not count both pictures are black.
 #[derive(Clone, Debug)]
-pub struct Dssim {
+pub struct SsimTerm {
     /// Its weight at all steps.
     pub weight: f64,
     ssim: Ssim,
 }
 
-impl Dssim {
+impl SsimTerm {
     /// With a weight, on a SIMD path.
     #[must_use]
     pub fn new(weight: f64, path: SimdPath) -> Self {
@@ -21,16 +21,16 @@ impl Dssim {
     }
 }
 
-impl LossTerm for Dssim {
+impl LossTerm for SsimTerm {
     fn name(&self) -> &'static str {
         "dssim"
     }
 
-    fn weight(&self, _: u32, _: &Truth<'_>) -> f64 {
+    fn weight(&self, _: u32, _: &TrainPhoto<'_>) -> f64 {
         self.weight
     }
 
-    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
         Reads::Device(Term::Dssim)
     }
 

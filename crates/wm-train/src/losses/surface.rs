@@ -6,7 +6,7 @@
 //! other pixels that it does not know do not count. Without it the sky is painted on splats that drift before it, or
 //! stand out over roofs, which fog lights up, and shines through walls.
 
-use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, Truth};
+use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use crate::priors::{Prior, SkyClass};
 use wm_render::stages::compare::{Comparison, Term};
@@ -14,13 +14,13 @@ use wm_render::{Channels, DepthAlpha, Drawn, Learn, Opacity};
 
 /// The term `surface`.
 #[derive(Clone, Debug)]
-pub struct Surface {
+pub struct SurfaceTerm {
     weight: f64,
     every: u32,
 }
 
-impl Surface {
-    /// As configured.
+impl SurfaceTerm {
+    /// Returns the term with its weight in `config`.
     #[must_use]
     pub fn new(config: &TrainConfig) -> Self {
         let geometry = &config.loss.geometry;
@@ -28,12 +28,12 @@ impl Surface {
     }
 }
 
-impl LossTerm for Surface {
+impl LossTerm for SurfaceTerm {
     fn name(&self) -> &'static str {
         "surface"
     }
 
-    fn weight(&self, step: u32, truth: &Truth<'_>) -> f64 {
+    fn weight(&self, step: u32, truth: &TrainPhoto<'_>) -> f64 {
         let is_on = step.is_multiple_of(self.every) && truth.prior.is_some_and(|prior| !prior.sky.is_empty());
         // What comes more rarely pulls as much in all.
         if is_on { self.weight * f64::from(self.every) } else { 0.0 }
@@ -49,7 +49,7 @@ impl LossTerm for Surface {
         })
     }
 
-    fn reads(&self, _: u32, _: &Truth<'_>, _: &mut Comparison<'_>) -> Reads {
+    fn reads(&self, _: u32, _: &TrainPhoto<'_>, _: &mut Comparison<'_>) -> Reads {
         Reads::Device(Term::Coverage)
     }
 
@@ -67,7 +67,7 @@ impl LossTerm for Surface {
 }
 
 /// Gives each pixel of the photo that counts, and S in it.
-pub fn shares(truth: &Truth<'_>, prior: &Prior, mut give: impl FnMut(usize, f32)) {
+pub fn shares(truth: &TrainPhoto<'_>, prior: &Prior, mut give: impl FnMut(usize, f32)) {
     let (width, height) = (truth.camera.width as usize, truth.camera.height as usize);
     let colors = cell_colors(truth, prior);
     let mut mattes = vec![Matte::Unasked; prior.sky.len()];
@@ -104,7 +104,7 @@ enum Matte {
     Between([f32; 3], [f32; 3]),
 }
 
-/// How far off a cell its neighbours may lie, cells of the prior: as far as a border is wide.
+/// The distance up to which neighbours of a cell count, cells of the prior: the width of a border.
 const BESIDE: usize = 2;
 /// Least distance of the colours of sky and place, and how far off the line between them a pixel's may lie as a share
 /// of it.
@@ -159,7 +159,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 }
 
 /// The photo's colour in the middle of each cell of the prior, `[H, W]` of the prior.
-fn cell_colors(truth: &Truth<'_>, prior: &Prior) -> Vec<[f32; 3]> {
+fn cell_colors(truth: &TrainPhoto<'_>, prior: &Prior) -> Vec<[f32; 3]> {
     let (width, height) = truth.size();
     let middle = |i: usize, cells: u32, pixels: u32| (2 * i + 1) * pixels as usize / (2 * cells as usize);
     let cells = 0..prior.width as usize * prior.height as usize;
@@ -206,11 +206,11 @@ mod tests {
         let alpha = vec![0.25; (width * height) as usize];
         let frame = Frame { width, height, alpha, ..Frame::default() };
         let camera = Camera::looking((width, height), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
-        let truth = Truth { rgb: &rgb, mask: None, camera: &camera, prior: Some(&prior) };
+        let truth = TrainPhoto { rgb: &rgb, mask: None, camera: &camera, prior: Some(&prior) };
         let input = LossInput { frame: &frame, truth: &truth, step: 0, path: SimdPath::available()[0] };
         let mut out = LossGradients::default();
         out.clear(&frame);
-        let value = Surface::new(&TrainConfig::preset(Preset::Quick)).add(&input, 128.0, &mut out);
+        let value = SurfaceTerm::new(&TrainConfig::preset(Preset::Quick)).add(&input, 128.0, &mut out);
         // A wire, six rows of sky, half a pixel, one that is neither, seven of roof.
         let wanted = (6.0 * 0.25 + 0.25 + 7.0 * 0.75) / 16.0;
         assert!((value - wanted).abs() < 1e-6, "{value} {wanted}");

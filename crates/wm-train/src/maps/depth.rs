@@ -1,10 +1,10 @@
-//! What the numbers of a depth map mean.
+//! The meaning of the numbers in a depth map.
 
 use super::{Map, MapFault};
 use std::str::FromStr;
 use wm_scene::Camera;
 
-/// What a depth map holds, for one pixel.
+/// The quantity that a depth map holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DepthForm {
     /// View z: the distance from the camera's plane.
@@ -16,7 +16,7 @@ pub enum DepthForm {
     Disparity,
 }
 
-/// What one step of a depth map stands for.
+/// The scale of a depth map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DepthScale {
     /// So many scene units (of [`DepthForm::Disparity`], so many 1 / scene units), above 0.
@@ -25,12 +25,12 @@ pub enum DepthScale {
     Relative,
 }
 
-/// What the numbers of a depth map mean.
+/// The quantity and scale of a depth map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthKind {
-    /// Of which quantity.
+    /// The quantity.
     pub form: DepthForm,
-    /// In which unit.
+    /// The scale.
     pub scale: DepthScale,
 }
 

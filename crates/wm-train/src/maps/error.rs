@@ -1,19 +1,19 @@
-//! What can be wrong with maps, in one line.
+//! Errors of maps, in one line each.
 
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// Why a map cannot be used.
+/// A map that cannot be used.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{}: {fault}", path.display())]
 pub struct MapError {
     /// Its file, or the folder that it should be in.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// The fault.
     pub fault: MapFault,
 }
 
-/// What is wrong with a map.
+/// A fault of a map.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum MapFault {
     /// The system refuses it.
@@ -34,9 +34,9 @@ pub enum MapFault {
     /// Too few or too many numbers a pixel.
     #[error("{found} different channels, but {wanted} expected; choose another file or save it anew")]
     Channels {
-        /// How many there are.
+        /// The number of channels.
         found: u32,
-        /// How many there should be.
+        /// The number that is needed.
         wanted: &'static str,
     },
     /// Its shape is not that of its photo.

@@ -58,7 +58,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Map, MapFault> {
     Ok(Map::new(layer.size.width() as u32, layer.size.height() as u32, planes.len() as u32, values))
 }
 
-/// Which channels are the map.
+/// Returns the channels that hold the map.
 fn chosen(names: &[String]) -> Vec<usize> {
     let place = |wanted: &str| names.iter().position(|name| name.eq_ignore_ascii_case(wanted));
     let all = |wanted: [&str; 3]| -> Option<Vec<usize>> { wanted.into_iter().map(place).collect() };

@@ -1,4 +1,4 @@
-//! Which file is the map of a photo.
+//! Finds the map of a photo in a folder.
 
 use super::{MapError, MapFault};
 use std::path::{Component, Path, PathBuf};

@@ -51,7 +51,7 @@ const SMALL: u64 = 1 << 20;
 /// Largest difference of the aspect ratios of a map and its photo.
 const ASPECT: f64 = 0.01;
 
-/// What the numbers of a map were in its file.
+/// The number type of a map in its file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Stored {
     /// Floats.
@@ -72,7 +72,7 @@ pub struct Map {
     pub channels: u32,
     /// `[H, W, C]`, not scaled; may be NaN or infinite.
     pub values: Vec<f32>,
-    /// What they were in the file.
+    /// The number type in the file.
     pub stored: Stored,
     /// Metres that one step of a depth map stands for, where the file says it: the text
     /// `depth_metres_per_count` of PNG files that `render --also depth.png` writes.
@@ -109,7 +109,7 @@ impl Map {
         Ok(self.resampled(width, height, filter))
     }
 
-    /// Whether it has the shape of a photo of this size, px.
+    /// Checks that the map has the aspect ratio of a photo of this size, px.
     ///
     /// # Errors
     /// [`MapFault::Aspect`] if the aspect ratios differ by more than 1 %.

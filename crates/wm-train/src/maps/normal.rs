@@ -1,4 +1,4 @@
-//! What the numbers of a normal map mean.
+//! The meaning of the numbers in a normal map.
 
 use super::{Map, MapFault, Stored};
 use glam::DVec3;
@@ -8,7 +8,7 @@ use wm_scene::Camera;
 /// Vectors shorter than this are no normals: those of 8 bits are off by up to 0.007.
 const SHORTEST: f64 = 0.05;
 
-/// In which axes normals are.
+/// The axes of normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NormalAxes {
     /// Those of the scene.

@@ -20,7 +20,7 @@ pub(super) fn decode(path: &Path) -> Result<Map, MapFault> {
     Ok(Map::new(width as u32, height as u32, channels as u32, values))
 }
 
-/// What the reader says, which ends in its own advice.
+/// Returns the error of the reader, without the advice at its end.
 fn words(problem: &wm_scene::Problem) -> MapFault {
     let text = problem.to_string();
     MapFault::Unsupported(text.split(';').next().unwrap_or_default().to_owned())

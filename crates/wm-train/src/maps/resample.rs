@@ -6,7 +6,7 @@
 
 use super::Map;
 
-/// How a pixel is made of those around it.
+/// The filter with which pixels are made of those around them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Filter {
     /// The one whose middle is nearest.

@@ -1,10 +1,10 @@
-//! What one step of a depth map is, in words.
+//! Units of depth maps, in words.
 
 use super::{Map, Stored};
 use std::fmt;
 use std::str::FromStr;
 
-/// What one step of a depth map is.
+/// The unit of a depth map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DepthUnit {
     /// So many metres, above 0.

@@ -21,10 +21,10 @@ const SIGMA: f64 = 10.0;
 const SCALE: f64 = 1000.0;
 /// Rows that a thread takes at a time, and rows that they are compared with while those are in the cache.
 const ROWS: usize = 32;
-/// How far the length of an embedding may be from 1: half precision leaves 1e-3.
+/// The largest deviation of an embedding's length from 1: half precision leaves 1e-3.
 const SLACK: f64 = 5e-3;
 
-/// What pictures show, a row a picture.
+/// Embeddings of images, one per row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Embeddings {
     /// `[N, D]`
@@ -33,7 +33,7 @@ pub struct Embeddings {
     width: usize,
 }
 
-/// Why numbers are no embeddings.
+/// A reason why numbers are no embeddings.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum EmbeddingFault {
     /// No rows of numbers.
@@ -60,7 +60,7 @@ pub enum EmbeddingFault {
     },
 }
 
-/// Why a file of embeddings cannot be used, in one line.
+/// A file of embeddings that cannot be used.
 #[derive(Debug, Error)]
 pub enum EmbeddingError {
     /// It is no array, or cannot be read.
@@ -71,7 +71,7 @@ pub enum EmbeddingError {
     Fault {
         /// The file.
         path: String,
-        /// What is wrong.
+        /// The fault.
         fault: EmbeddingFault,
     },
 }
@@ -122,7 +122,7 @@ impl Embeddings {
         npy::write(path, &self.values, &[self.count(), self.width])
     }
 
-    /// How many pictures.
+    /// The number of images.
     #[must_use]
     pub fn count(&self) -> usize {
         self.values.len() / self.width
@@ -166,12 +166,12 @@ pub struct Collection {
     spread: f64,
 }
 
-/// How far one collection is from another.
+/// The distance between two collections.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cmmd {
-    /// As published.
+    /// The distance as published.
     pub value: f64,
-    /// How much of it is there since the collections are small: what the pairs of a picture with itself add, in the mean
+    /// The part that comes from the collections being small: what the pairs of an image with itself add, in the mean
     /// the distance of two collections of these sizes that show the same.
     pub bias: f64,
 }

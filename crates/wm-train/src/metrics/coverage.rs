@@ -1,4 +1,4 @@
-//! Whether splats are where surfaces are, and not where the sky is.
+//! Measures whether splats cover surfaces, and leave the sky open.
 
 use super::depth::is_known;
 
@@ -7,7 +7,7 @@ pub const COVERED: f32 = 0.5;
 /// A depth is in front of another or behind it if it differs by more than this share of the true one.
 pub const SLACK: f32 = 0.05;
 
-/// Where surfaces are lost, over the pixels whose true depth is known; shares are 0-1.
+/// Lost surfaces, over the pixels whose true depth is known; shares are 0-1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceLost {
     /// Pixels whose true depth is known.
@@ -26,7 +26,8 @@ impl SurfaceLost {
     }
 }
 
-/// Where surfaces of `truth` are lost, given the `coverage` and `median_depth` of all splats but the sky's,
+/// Returns the shares of surfaces in `truth` that are lost, given the `coverage` and `median_depth` of all splats but
+/// the sky's,
 /// each `[H, W]`, in the unit of `truth`. `None` where no truth is known.
 ///
 /// # Panics

@@ -1,4 +1,4 @@
-//! How far rendered depth is from the truth.
+//! Errors of rendered depth.
 
 /// Errors of depth over the pixels whose truth is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,7 +47,7 @@ pub fn depth_errors(depth: &[f32], truth: &[f32]) -> Option<DepthErrors> {
     })
 }
 
-/// Whether a true depth is that of a surface.
+/// Returns true if a true depth is that of a surface.
 pub(super) fn is_known(truth: f32) -> bool {
     truth > 0.0 && truth.is_finite()
 }

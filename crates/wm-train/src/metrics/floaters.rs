@@ -15,14 +15,14 @@ use wm_scene::{Camera, Group, Rasterization, Splats};
 /// Splats fainter than this are not looked at: opacity.
 pub const FAINTEST: f64 = 0.1;
 
-/// What was found; see [`Floaters`].
+/// The numbers of floaters; see [`Floaters`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloaterShare {
     /// Splats that any view has in it, where its truth is known.
     pub splats: usize,
     /// Those of them that are in front of a surface in any view.
     pub floaters: usize,
-    /// What of the splats in view is in front, each weighted by opacity times its area in the picture and
+    /// The share of the splats in view that is in front, each weighted by opacity times its area in the image and
     /// without those behind the surface, over all views, 0-1.
     pub weighted: f64,
 }
@@ -45,7 +45,7 @@ pub struct Floaters<'a> {
     weights: [f64; 2],
 }
 
-/// Where a splat was seen so far.
+/// The position of a splat relative to true surfaces, in the views so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 enum Seen {
     /// In no view.
@@ -105,7 +105,7 @@ impl<'a> Floaters<'a> {
         }
     }
 
-    /// What was found; `None` if no splat is in any view.
+    /// Returns the numbers; `None` if no splat is in any view.
     #[must_use]
     pub fn share(&self) -> Option<FloaterShare> {
         let count = |least: Seen| self.seen.iter().filter(|seen| **seen >= least).count();

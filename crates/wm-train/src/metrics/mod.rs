@@ -1,4 +1,4 @@
-//! How near a picture is to a photo, a scene to the place, and the look of many pictures to that of others, one metric a file.
+//! Metrics of images against photos, of geometry against ground truth, and of collections of images, one per file.
 
 mod affine;
 mod cmmd;

@@ -1,4 +1,4 @@
-//! How far rendered normals are from the truth.
+//! Errors of rendered normals.
 
 use super::depth::median;
 

@@ -28,7 +28,7 @@ enum Slot<T> {
     Ready { thing: Arc<T>, bytes: usize, used: u64 },
 }
 
-/// What can say how much memory it takes.
+/// A value that knows how much memory it takes.
 pub(crate) trait Weigh {
     /// Bytes.
     fn bytes(&self) -> usize;
@@ -51,7 +51,7 @@ impl<K: Copy + Eq + Hash, T: Weigh> Cache<K, T> {
         self.lock().used(key)
     }
 
-    /// Whether the thing of `key` is there or is being made.
+    /// Returns true if the value of `key` exists or is being made.
     pub fn is_under_way(&self, key: K) -> bool {
         self.lock().slots.contains_key(&key)
     }

@@ -65,7 +65,7 @@ fn jpeg(bytes: &[u8]) -> Result<Decoded, String> {
     Ok(Decoded { width: width as u32, height: height as u32, rgb, alpha: None })
 }
 
-/// Whether a JPEG has its end marker. Decoders fill up what is missing with grey, so that half a photo
+/// Returns true if a JPEG has its end marker. Decoders fill up what is missing with grey, so that half a photo
 /// would be taken for a whole one.
 ///
 /// It is looked for behind the header, which may hold a whole JPEG as a preview, and backwards, since

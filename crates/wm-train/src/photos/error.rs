@@ -1,22 +1,22 @@
-//! What can be wrong with photos, in one line.
+//! Errors of photos, in one line each.
 
 use std::{fmt, path::PathBuf};
 use thiserror::Error;
 use wm_scene::FormatError;
 
-/// Why a photo cannot be used.
+/// A photo that cannot be used.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("{}: {fault}", path.display())]
 pub struct PhotoError {
     /// Its file, or where it should be.
     pub path: PathBuf,
-    /// What is wrong with it.
-    pub fault: Fault,
+    /// The fault.
+    pub fault: PhotoFault,
 }
 
-/// What is wrong with a photo.
+/// A fault of a photo.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-pub enum Fault {
+pub enum PhotoFault {
     /// There is no file.
     #[error("the photo is missing; --images names the folder of the photos")]
     Missing,
@@ -89,6 +89,6 @@ impl fmt::Display for PhotoErrors {
 impl PhotoError {
     /// The fault of a file that could not be read.
     pub(super) fn reading(error: &FormatError) -> Self {
-        Self { path: error.path.clone(), fault: Fault::Unreadable(error.problem.to_string()) }
+        Self { path: error.path.clone(), fault: PhotoFault::Unreadable(error.problem.to_string()) }
     }
 }

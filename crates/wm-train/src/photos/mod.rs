@@ -29,7 +29,7 @@ mod resize;
 mod tests;
 mod undistort;
 
-pub use error::{Fault, PhotoError, PhotoErrors};
+pub use error::{PhotoError, PhotoErrors, PhotoFault};
 pub use folder::photos_in;
 pub use picture::{Photo, read_picture};
 
@@ -51,10 +51,10 @@ use wm_scene::{
     },
 };
 
-/// How large photos are used.
+/// The size at which photos are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum PhotoSize {
-    /// As they are.
+    /// Photos keep their size.
     #[default]
     Full,
     /// Sides divided by this, 1 or above, and rounded.
@@ -78,7 +78,7 @@ impl PhotoSize {
     }
 }
 
-/// What to do with photos that cannot be used.
+/// The treatment of photos that cannot be used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BadPhotos {
     /// Refuse the capture.
@@ -88,7 +88,7 @@ pub enum BadPhotos {
     Skip,
 }
 
-/// Whether masks count.
+/// The use of masks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Masks {
     /// They do, where there are any.
@@ -98,7 +98,7 @@ pub enum Masks {
     Ignore,
 }
 
-/// How far photos are checked when they are opened.
+/// The extent to which photos are checked when they are opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Check {
     /// File and header; a damaged photo is found when it is decoded.
@@ -111,18 +111,18 @@ pub enum Check {
     PixelsThatFit,
 }
 
-/// How photos are read.
+/// Options for opening photos.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotoOptions {
-    /// How large they are used.
+    /// The size at which they are used.
     pub size: PhotoSize,
     /// Most bytes of decoded photos that are kept.
     pub cache_bytes: usize,
-    /// What to do with those that cannot be used.
+    /// The treatment of photos that cannot be used.
     pub bad: BadPhotos,
-    /// Whether masks count.
+    /// The use of masks.
     pub masks: Masks,
-    /// How far they are checked.
+    /// The extent to which they are checked.
     pub check: Check,
     /// Threads that decode what [`Photos::prefetch`] asks for; 0 for none.
     pub loaders: usize,
@@ -141,7 +141,7 @@ impl Default for PhotoOptions {
     }
 }
 
-/// Which photo, and how often its sides are halved.
+/// The index of a photo, and the number of times its sides are halved.
 type Key = (usize, u8);
 
 /// Photos that wait to be prefetched; more than that are forgotten.
@@ -225,13 +225,13 @@ impl Photos {
         Ok(Self { shared, loaders, skipped: errors, gps })
     }
 
-    /// How many there are, without those that were skipped.
+    /// Returns the number of photos, without those that were skipped.
     #[must_use]
     pub fn len(&self) -> usize {
         self.shared.entries.len()
     }
 
-    /// Whether there are none, which [`Self::open`] does not allow.
+    /// Returns true if there are none, which [`Self::open`] does not allow.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.shared.entries.is_empty()
@@ -255,7 +255,7 @@ impl Photos {
         reduced_camera(&self.shared.entries[index].lens.ideal, level)
     }
 
-    /// Whether the lens of photo `index` bends what it shows.
+    /// Returns true if the lens of photo `index` distorts.
     ///
     /// # Panics
     /// If there is no such photo.
@@ -329,7 +329,7 @@ impl Photos {
         &self.skipped
     }
 
-    /// Where each view of the capture was taken, `[V]`, as its photo says; see
+    /// Returns the position of each view of the capture, `[V]`, as its photo says; see
     /// [`wm_scene::capture::gps::metres_per_unit`].
     #[must_use]
     pub fn gps(&self) -> &[Option<Gps>] {
@@ -393,11 +393,11 @@ impl Shared {
     }
 }
 
-/// What the header of a photo says, and whether it fits its camera.
+/// Reads the header of a photo and checks that it fits its camera.
 fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entry, Option<Gps>), PhotoError> {
     let view = &capture.views[index];
     let Some(file) = capture.photo(index) else {
-        return Err(PhotoError { path: capture.images.join(&view.file), fault: Fault::Missing });
+        return Err(PhotoError { path: capture.images.join(&view.file), fault: PhotoFault::Missing });
     };
     let PhotoHeader { kind, width, height, orientation, gps } =
         read_header(&file).map_err(|e| PhotoError::reading(&e))?;
@@ -409,13 +409,13 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
     } else if is_scaled(turned, camera) {
         (turned, orientation)
     } else {
-        let fault = Fault::Size { width, height, camera_width: camera.0, camera_height: camera.1 };
+        let fault = PhotoFault::Size { width, height, camera_width: camera.0, camera_height: camera.1 };
         return Err(PhotoError { path: file, fault });
     };
     let size = options.size.of(upright);
     let photo = view.camera.resized(size.0, size.1);
     let Some(ideal) = view.distortion.undistorted(&photo) else {
-        return Err(PhotoError { path: file, fault: Fault::Lens });
+        return Err(PhotoError { path: file, fault: PhotoFault::Lens });
     };
     let mask = match options.masks {
         Masks::Use => capture.mask(index),

@@ -3,7 +3,7 @@
 use super::{
     cache::Weigh,
     decode::{Decoded, decode},
-    error::{Fault, PhotoError},
+    error::{PhotoError, PhotoFault},
     resize::{reduce, resize},
     undistort::undistort,
 };
@@ -91,7 +91,7 @@ pub(super) fn reduced_camera(camera: &Camera, level: u8) -> Camera {
 /// `fits` may refuse its size before it is decoded.
 ///
 /// # Errors
-/// [`PhotoError`] if it cannot be read, does not decode, or is refused ([`Fault::Unreadable`] with the words of
+/// [`PhotoError`] if it cannot be read, does not decode, or is refused ([`PhotoFault::Unreadable`] with the words of
 /// `fits`).
 pub fn read_picture(
     path: &Path,
@@ -99,13 +99,13 @@ pub fn read_picture(
 ) -> Result<(u32, u32, Vec<u8>), PhotoError> {
     let fault = |fault| PhotoError { path: path.into(), fault };
     let header = read_header(path).map_err(|e| PhotoError::reading(&e))?;
-    fits(header.width, header.height).map_err(|why| fault(Fault::Unreadable(why)))?;
-    let bytes = fs::read(path).map_err(|e| fault(Fault::Unreadable(format!("cannot be read: {e}"))))?;
-    let decoded = decode(&bytes, header.kind).map_err(|what| fault(Fault::Damaged(what)))?;
+    fits(header.width, header.height).map_err(|why| fault(PhotoFault::Unreadable(why)))?;
+    let bytes = fs::read(path).map_err(|e| fault(PhotoFault::Unreadable(format!("cannot be read: {e}"))))?;
+    let decoded = decode(&bytes, header.kind).map_err(|what| fault(PhotoFault::Damaged(what)))?;
     Ok((decoded.width, decoded.height, decoded.rgb))
 }
 
-/// What a lens makes of a picture.
+/// The cameras before and after a lens is undone.
 #[derive(Clone, Debug)]
 pub(super) struct Lens {
     /// The camera of the photo at the size that it is resized to; it has the distortion.
@@ -123,9 +123,9 @@ pub(super) struct Entry {
     pub file: PathBuf,
     pub mask: Option<PathBuf>,
     pub kind: PhotoKind,
-    /// As the file has it, px.
+    /// The size in the file, px.
     pub stored: (u32, u32),
-    /// How it is turned.
+    /// The orientation in the file.
     pub orientation: Orientation,
     pub lens: Lens,
 }
@@ -171,7 +171,7 @@ impl Entry {
         let upright = turned.upright();
         if !is_scaled(upright, self.upright()) {
             let (photo_width, photo_height) = self.upright();
-            let fault = Fault::Mask { width: size.0, height: size.1, photo_width, photo_height };
+            let fault = PhotoFault::Mask { width: size.0, height: size.1, photo_width, photo_height };
             return Err(PhotoError { path: path.into(), fault });
         }
         let Decoded { rgb, alpha, .. } = turned.decoded(path, header.kind)?;
@@ -190,10 +190,11 @@ impl Entry {
     /// The picture of a file, upright.
     fn decoded(&self, path: &Path, kind: PhotoKind) -> Result<Decoded, PhotoError> {
         let fault = |fault| PhotoError { path: path.into(), fault };
-        let bytes = fs::read(path).map_err(|e| fault(Fault::Unreadable(format!("cannot be read: {e}"))))?;
-        let decoded = decode(&bytes, kind).map_err(|what| fault(Fault::Damaged(what)))?;
+        let bytes =
+            fs::read(path).map_err(|e| fault(PhotoFault::Unreadable(format!("cannot be read: {e}"))))?;
+        let decoded = decode(&bytes, kind).map_err(|what| fault(PhotoFault::Damaged(what)))?;
         if (decoded.width, decoded.height) != self.stored {
-            return Err(fault(Fault::Damaged("its size is not that of its header".into())));
+            return Err(fault(PhotoFault::Damaged("its size is not that of its header".into())));
         }
         Ok(if self.orientation == Orientation::Upright {
             decoded
@@ -213,7 +214,7 @@ impl Entry {
     }
 }
 
-/// Whether `size` is `camera` made smaller or larger as a whole, to whole pixels.
+/// Returns true if `size` is `camera` made smaller or larger as a whole, to whole pixels.
 pub(super) fn is_scaled(size: (u32, u32), camera: (u32, u32)) -> bool {
     // Each side may be off by one pixel: tools round, cut off or round up.
     let scales = |side: u32, full: u32| {

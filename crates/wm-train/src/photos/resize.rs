@@ -68,7 +68,7 @@ fn narrow_row<const N: usize>(row: &[u8], columns: &Spans, out: &mut [f32]) {
     }
 }
 
-/// Which old pixels lie under a new one.
+/// The old pixels that lie under a new one.
 #[derive(Debug)]
 struct Span {
     first: usize,

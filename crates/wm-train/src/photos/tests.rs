@@ -115,7 +115,7 @@ fn bad_photos_are_named_or_skipped() {
     fs::write(images.join("c.png"), &whole[..whole.len() / 2]).unwrap();
     let photos = open(&folder, &PhotoOptions::default()).unwrap();
     let error = photos.get(2, 0).unwrap_err();
-    assert!(matches!(error.fault, Fault::Damaged(_)) && error.path.ends_with("c.png"));
+    assert!(matches!(error.fault, PhotoFault::Damaged(_)) && error.path.ends_with("c.png"));
     assert!(photos.get(3, 0).is_ok());
     let checked = PhotoOptions { check: Check::Pixels, ..PhotoOptions::default() };
     assert_eq!(open(&folder, &checked).err().unwrap().errors, std::slice::from_ref(&error));

@@ -1,50 +1,75 @@
-//! Photos as a pinhole would have taken them.
+//! Removes the distortion of lenses from photos and maps.
 
 use super::picture::Lens;
 use crate::maps::{Filter, Map};
+use wm_scene::{Camera, capture::Distortion};
 
-/// The undistorted picture of a photo of `N` channels, `[H, W, N]` of [`Lens::ideal`].
-///
-/// For the centre of each new pixel the photo is sampled where the lens shows that ray, linearly
-/// between the four pixels around. A photo that is made smaller is made so before: where the lens
-/// changes the scale by some per cent nothing aliases then.
-pub(super) fn undistort<const N: usize>(pixels: &[u8], lens: &Lens) -> Vec<u8> {
-    let (photo, ideal) = (&lens.photo, &lens.ideal);
+/// The four pixels around a point of an image, and how far between them the point is.
+struct Corners {
+    left: usize,
+    right: usize,
+    upper: usize,
+    lower: usize,
+    /// 0 at `left`, 1 at `right`.
+    dx: f32,
+    /// 0 at `upper`, 1 at `lower`.
+    dy: f32,
+}
+
+/// Calls `take` for every pixel of `ideal`, row by row, with the point of `photo` at which the lens shows the ray of its
+/// centre. Pixel centres are at halves; beyond the outer ones the border is continued.
+#[inline(always)]
+fn for_each_pixel(ideal: &Camera, photo: &Camera, distortion: &Distortion, mut take: impl FnMut(Corners)) {
     let (width, height) = (photo.width as usize, photo.height as usize);
-    let (pixels, _) = pixels.as_chunks::<N>();
-    assert_eq!(pixels.len(), width * height, "a picture of the size of its camera");
-    let (right, below) = (width as f64 - 1.0, height as f64 - 1.0);
-    let mut out = Vec::with_capacity(ideal.width as usize * ideal.height as usize * N);
+    let (last_x, last_y) = (f64::from(photo.width) - 1.0, f64::from(photo.height) - 1.0);
     for row in 0..ideal.height {
         let y = (f64::from(row) + 0.5 - ideal.cy) / ideal.fy;
         for column in 0..ideal.width {
             let x = (f64::from(column) + 0.5 - ideal.cx) / ideal.fx;
-            let (u, v) = lens.distortion.distort(x, y);
-            // Pixel centres are at halves; beyond the outer ones the border is continued.
-            let px = (photo.fx * u + photo.cx - 0.5).clamp(0.0, right);
-            let py = (photo.fy * v + photo.cy - 0.5).clamp(0.0, below);
-            let (left, top) = (px as usize, py as usize);
-            let (next, under) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
-            let (dx, dy) = ((px - left as f64) as f32, (py - top as f64) as f32);
-            let (a, b) = (&pixels[top * width + left], &pixels[top * width + next]);
-            let (c, d) = (&pixels[under * width + left], &pixels[under * width + next]);
-            for lane in 0..N {
-                let [a, b, c, d] = [a[lane], b[lane], c[lane], d[lane]].map(f32::from);
-                let (upper, lower) = (a + dx * (b - a), c + dx * (d - c));
-                out.push((upper + dy * (lower - upper) + 0.5) as u8);
-            }
+            let (u, v) = distortion.distort(x, y);
+            let px = (photo.fx * u + photo.cx - 0.5).clamp(0.0, last_x);
+            let py = (photo.fy * v + photo.cy - 0.5).clamp(0.0, last_y);
+            let (left, upper) = (px as usize, py as usize);
+            take(Corners {
+                left,
+                right: (left + 1).min(width - 1),
+                upper,
+                lower: (upper + 1).min(height - 1),
+                dx: (px - left as f64) as f32,
+                dy: (py - upper as f64) as f32,
+            });
         }
     }
+}
+
+/// Returns the undistorted image of a photo of `N` channels, `[H, W, N]` of [`Lens::ideal`].
+///
+/// The photo is sampled linearly between four pixels. A photo that is reduced is reduced before this: where the lens
+/// changes the scale by some per cent nothing aliases then.
+pub(super) fn undistort<const N: usize>(pixels: &[u8], lens: &Lens) -> Vec<u8> {
+    let Lens { photo, ideal, distortion } = lens;
+    let width = photo.width as usize;
+    let (pixels, _) = pixels.as_chunks::<N>();
+    assert_eq!(pixels.len(), width * photo.height as usize, "an image of the size of its camera");
+    let mut out = Vec::with_capacity(ideal.width as usize * ideal.height as usize * N);
+    for_each_pixel(ideal, photo, distortion, |Corners { left, right, upper, lower, dx, dy }| {
+        let (a, b) = (&pixels[upper * width + left], &pixels[upper * width + right]);
+        let (c, d) = (&pixels[lower * width + left], &pixels[lower * width + right]);
+        for lane in 0..N {
+            let corners = [a[lane], b[lane], c[lane], d[lane]].map(f32::from);
+            out.push((bilinear(corners, dx, dy) + 0.5) as u8);
+        }
+    });
     out
 }
 
-/// A map over the photo of [`Lens::photo`], of any size, as one over the picture of [`Lens::ideal`] of `size`.
+/// Returns a map over the photo of [`Lens::photo`], of any size, as one over the image of [`Lens::ideal`] of `size`.
 ///
-/// Between four finite values it is linear, unless `filter` is [`Filter::Nearest`]; beside holes the nearest one is
-/// taken. Where the map is made smaller by means, a pixel with a part of a hole is a hole.
+/// Between four finite values it is linear, unless `filter` is [`Filter::Nearest`]; beside holes the nearest value is
+/// taken. Where the map is reduced by means, a pixel with a part of a hole is a hole.
 pub(super) fn undistort_map(map: &Map, lens: &Lens, size: (u32, u32), filter: Filter) -> Map {
     let ideal = lens.ideal.resized(size.0, size.1);
-    // Made smaller before, as photos are, but as large as the pinhole's pixels.
+    // Reduced before, as photos are, but to pixels as large as the pinhole's.
     let scaled = |side: u32, new: u32, old: u32| {
         ((f64::from(side) * f64::from(new) / f64::from(old)).round() as u32).max(1)
     };
@@ -58,40 +83,32 @@ pub(super) fn undistort_map(map: &Map, lens: &Lens, size: (u32, u32), filter: Fi
     };
     let photo = lens.photo.resized(map.width, map.height);
     let (width, channels) = (map.width as usize, map.channels as usize);
-    let (right, below) = (f64::from(map.width) - 1.0, f64::from(map.height) - 1.0);
     let mut values = Vec::with_capacity(size.0 as usize * size.1 as usize * channels);
-    for row in 0..size.1 {
-        for column in 0..size.0 {
-            let x = (f64::from(column) + 0.5 - ideal.cx) / ideal.fx;
-            let y = (f64::from(row) + 0.5 - ideal.cy) / ideal.fy;
-            let (u, v) = lens.distortion.distort(x, y);
-            let px = (photo.fx * u + photo.cx - 0.5).clamp(0.0, right);
-            let py = (photo.fy * v + photo.cy - 0.5).clamp(0.0, below);
-            let (left, top) = (px as usize, py as usize);
-            let (next, under) = ((left + 1).min(width - 1), (top + 1).min(map.height as usize - 1));
-            let (dx, dy) = ((px - left as f64) as f32, (py - top as f64) as f32);
-            for lane in 0..channels {
-                let at = |x: usize, y: usize| map.values[(y * width + x) * channels + lane];
-                let corners = [at(left, top), at(next, top), at(left, under), at(next, under)];
-                let is_linear = filter != Filter::Nearest && corners.iter().all(|v| v.is_finite());
-                values.push(if is_linear {
-                    let [a, b, c, d] = corners;
-                    let (upper, lower) = (a + dx * (b - a), c + dx * (d - c));
-                    upper + dy * (lower - upper)
-                } else {
-                    corners[usize::from(dx > 0.5) + 2 * usize::from(dy > 0.5)]
-                });
-            }
+    for_each_pixel(&ideal, &photo, &lens.distortion, |Corners { left, right, upper, lower, dx, dy }| {
+        for lane in 0..channels {
+            let at = |x: usize, y: usize| map.values[(y * width + x) * channels + lane];
+            let corners = [at(left, upper), at(right, upper), at(left, lower), at(right, lower)];
+            let is_linear = filter != Filter::Nearest && corners.iter().all(|v| v.is_finite());
+            values.push(match is_linear {
+                true => bilinear(corners, dx, dy),
+                false => corners[usize::from(dx > 0.5) + 2 * usize::from(dy > 0.5)],
+            });
         }
-    }
+    });
     Map { width: size.0, height: size.1, values, ..map }
+}
+
+/// Returns the value between four corners: upper left, upper right, lower left, lower right.
+#[inline(always)]
+fn bilinear([a, b, c, d]: [f32; 4], dx: f32, dy: f32) -> f32 {
+    let (upper, lower) = (a + dx * (b - a), c + dx * (d - c));
+    upper + dy * (lower - upper)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use glam::DMat4;
-    use wm_scene::{Camera, capture::Distortion};
 
     /// A smooth picture of the plane z = 1, as a function of the ray: what the lens bends.
     fn scene(x: f64, y: f64) -> [f64; 3] {

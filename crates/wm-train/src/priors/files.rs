@@ -1,4 +1,4 @@
-//! What maps in files say of photos.
+//! Priors from maps in files.
 
 use super::SkyClass;
 use super::fit::Freedom;
@@ -11,7 +11,7 @@ use crate::photos::Photos;
 use std::path::PathBuf;
 use wm_scene::Camera;
 
-/// What `source` in the index begins with.
+/// The start of `source` in the index.
 pub const SOURCE: &str = "files";
 /// Shares of white from which, and up to which, a mask says sky and place.
 const WHITE: f32 = 0.75;
@@ -30,13 +30,13 @@ pub enum MapsOf {
 /// A folder of depth maps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DepthFiles {
-    /// Where they are, by the photos' names.
+    /// The folder; maps are named after the photos.
     pub folder: PathBuf,
-    /// What they hold.
+    /// The quantity that they hold.
     pub form: DepthForm,
-    /// What one step is, where the files do not say it; it only counts where the scale is known.
+    /// The unit, where the files do not say it; it only matters where the scale is known.
     pub unit: Option<DepthUnit>,
-    /// What is free in it; of [`Freedom::Known`], metres a scene unit.
+    /// The unknowns of the fit; for [`Freedom::Known`], metres per scene unit.
     pub freedom: Freedom,
 }
 
@@ -56,7 +56,7 @@ pub struct FileMaps {
 }
 
 impl FileMaps {
-    /// What the maps say of photo `place` with this name; `None` if there is none of it.
+    /// Reads the maps of photo `place` with this name; `None` if it has none.
     ///
     /// # Errors
     /// [`MapError`] if a map cannot be read, is of another shape than the photo, or holds what it should not.

@@ -15,10 +15,10 @@ const NEAR: f64 = 0.1;
 /// Least share of points that follow, and largest residual, of a fit that is believed.
 const FOLLOW: f64 = 0.5;
 const RESIDUAL: f64 = 0.15;
-/// What a fit with a shift leaves of the spread about one depth, at most: noise leaves all of it.
+/// The largest share of the spread about one depth that a fit with a shift may leave: noise leaves all of it.
 const LEFT: f64 = 0.8;
 
-/// What may be fitted.
+/// The unknowns of a fit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Freedom {
     /// Scale and shift, as networks leave them open.
@@ -47,7 +47,7 @@ pub struct Fit {
     pub follow: f64,
 }
 
-/// Why there is no fit.
+/// A reason why there is no fit.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum FitError {
     /// Too few points are seen.
@@ -110,12 +110,12 @@ pub fn fit(pairs: &[[f64; 2]], freedom: Freedom, seed: u64) -> Result<Fit, FitEr
     Ok(Fit { scale: line.0, shift: line.1, residual, sigma, points: pairs.len(), follow })
 }
 
-/// How far a pair is off `1 / z = line.0 d + line.1`, 1 / scene unit.
+/// Returns the distance of a pair from `1 / z = line.0 d + line.1`, 1 / scene unit.
 fn off(line: (f64, f64), [d, w]: [f64; 2]) -> f64 {
     (line.0 * d + line.1 - w).abs()
 }
 
-/// Whether a pair follows the line; `middle` is the median inverse depth.
+/// Returns true if a pair follows the line; `middle` is the median inverse depth.
 fn follows(line: (f64, f64), pair: [f64; 2], middle: f64) -> bool {
     // Absolute noise of inverse depth beside the relative one: far points count as far as they can.
     off(line, pair) < NEAR * (0.3 * middle + 0.7 * pair[1])

@@ -15,22 +15,22 @@ use wm_scene::{Camera, FormatError, Problem, npy};
 
 /// The file that says what the folder holds.
 pub const INDEX: &str = "priors.json";
-/// What takes its place until the work is done.
+/// The file that takes its place until the work is done.
 pub const UNFINISHED: &str = "unfinished.json";
 const VERSION: u32 = 1;
 /// Memory for priors that are in use, bytes.
 const KEPT: usize = 256 << 20;
 /// Longest index, bytes: 10,000 photos take 3 MB.
 const MOST_INDEX: u64 = 256 << 20;
-/// How far the shape of a map may be from that of the photo.
+/// The largest relative difference between the aspect ratios of a map and its photo.
 const SHAPE: f64 = 0.02;
 
-/// What the folder holds.
+/// The index of a folder of priors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Index {
     version: u32,
-    /// What the priors are from.
+    /// The source of the priors, in words.
     pub source: String,
     /// By the name of the photo.
     pub photos: BTreeMap<String, Entry>,
@@ -76,7 +76,7 @@ impl Index {
     }
 }
 
-/// What there is of one photo.
+/// The entry of one photo.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
@@ -84,23 +84,23 @@ pub struct Entry {
     pub width: u32,
     /// Their height, px.
     pub height: u32,
-    /// Whether there is inverse depth.
+    /// True if there is inverse depth.
     pub disparity: bool,
-    /// Whether there are normals.
+    /// True if there are normals.
     pub normal: bool,
-    /// Whether there is a sky map.
+    /// True if there is a sky map.
     pub sky: bool,
-    /// How far inverse depth is off, 1 / scene unit.
+    /// The error of inverse depth, 1 / scene unit.
     pub sigma: f32,
     /// Share of the pixels whose depth is known, without the sky.
     pub known: f32,
     /// Share of the pixels that are the sky.
     pub sky_share: f32,
-    /// How relative depth was fitted to points, where it was.
+    /// The fit of relative depth to points, if there was one.
     pub fit: Option<Fit>,
 }
 
-/// Why priors cannot be used.
+/// A reason why priors cannot be used.
 #[derive(Debug, Error)]
 pub enum PriorsError {
     /// A file cannot be read or written.
@@ -109,25 +109,25 @@ pub enum PriorsError {
     /// The index is none.
     #[error("{}: no index of priors ({reason}); make them again", path.display())]
     Index {
-        /// Which file.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The fault.
         reason: String,
     },
-    /// What was begun is of something else.
+    /// The folder holds unfinished priors of another source.
     #[error("{}: {reason}; leave out --resume to begin anew", path.display())]
     Other {
-        /// Which folder.
+        /// The folder.
         path: PathBuf,
-        /// How it differs.
+        /// The difference.
         reason: String,
     },
     /// A map does not fit.
     #[error("{}: {reason}; make the priors again", path.display())]
     Map {
-        /// Which file.
+        /// The file.
         path: PathBuf,
-        /// How.
+        /// The fault.
         reason: String,
     },
 }
@@ -150,7 +150,7 @@ pub struct Priors {
 pub struct PriorsWriter {
     folder: PathBuf,
     index: Index,
-    /// Whether an index of before may be there, which stands until the first map changes.
+    /// True if an index of an earlier run may exist, which stays until the first map changes.
     has_former: bool,
 }
 
@@ -200,7 +200,7 @@ impl Priors {
         Ok(index.map(|index| Self { folder: folder.into(), index, cache: Cache::new(KEPT) }))
     }
 
-    /// What there is.
+    /// Returns the index.
     #[must_use]
     pub fn index(&self) -> &Index {
         &self.index
@@ -212,7 +212,7 @@ impl Priors {
         &self.folder
     }
 
-    /// Whether any photo has the sky in it.
+    /// Returns true if any photo shows the sky.
     #[must_use]
     pub fn has_sky(&self) -> bool {
         self.index.photos.values().any(|entry| entry.sky && entry.sky_share > 0.0)
@@ -327,13 +327,13 @@ impl PriorsWriter {
         Ok(writer)
     }
 
-    /// Whether a photo is done, or left out.
+    /// Returns true if a photo is done, or left out.
     #[must_use]
     pub fn is_done(&self, name: &str) -> bool {
         self.index.photos.contains_key(name) || self.index.left_out.contains_key(name)
     }
 
-    /// What there is so far.
+    /// Returns the index so far.
     #[must_use]
     pub fn index(&self) -> &Index {
         &self.index

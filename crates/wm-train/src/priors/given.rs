@@ -1,4 +1,4 @@
-//! What a source says of a photo, made a prior.
+//! Turns what a source says of a photo into a prior.
 
 use super::fit::{Fit, FitError, Freedom};
 use super::relative::{self, Relative, SeenPoint};
@@ -15,7 +15,7 @@ const MOST_SKY: f64 = 0.99;
 /// Most that given normals may be off those of the depth in the median, degrees.
 const ASKEW: f64 = 45.0;
 
-/// How depth tells the sky, where no map does.
+/// The way in which depth tells the sky, where no map does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SkyBy {
     /// Its least values are the sky's, as networks have it.
@@ -29,13 +29,13 @@ pub enum SkyBy {
 pub struct GivenDepth {
     /// Inverse view z but for what is free, near is large, `[H, W]`, NaN where it is not known.
     pub values: Vec<f32>,
-    /// What is free in it.
+    /// The unknowns of its scale.
     pub freedom: Freedom,
-    /// How it tells the sky.
+    /// The way in which it tells the sky.
     pub sky_by: SkyBy,
 }
 
-/// What a source says of one photo, as far as it says anything; arrays of a size of their own over the whole photo.
+/// The maps that a source gives of one photo; arrays of a size of their own over the whole photo.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Given {
     /// Width, px.
@@ -50,7 +50,7 @@ pub struct Given {
     pub sky: Option<Vec<SkyClass>>,
 }
 
-/// Why a photo has no prior.
+/// A reason why a photo has no prior.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum NoPrior {
     /// Its depth does not fit the points.
@@ -108,7 +108,7 @@ impl Given {
 }
 
 impl GivenDepth {
-    /// What it tells of the sky, with the photo's colours where it does not, `[H, W]`.
+    /// Returns the sky as depth tells it, and by the photo's colours where it does not, `[H, W]`.
     fn sky(&self, rgb: &[u8], width: usize, points: &[SeenPoint]) -> Vec<SkyClass> {
         let height = self.values.len() / width;
         let points: Vec<[f32; 2]> = points.iter().map(|point| point.pixel(width, height)).collect();

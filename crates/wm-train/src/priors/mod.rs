@@ -1,4 +1,4 @@
-//! What is believed of photos before training: depth, normals, sky; one file a source.
+//! Priors: depth, normals and sky of photos that are known or estimated before training, one source per file.
 //!
 //! - [`photos`]: from the photos themselves, by [`stereo`].
 //! - [`files`]: from maps in files.
@@ -24,8 +24,8 @@ pub const FOLDER: &str = "priors";
 
 use serde::{Deserialize, Serialize};
 
-/// What is believed of one photo; arrays `[H, W]` of a size of its own, over the whole photo, or empty where nothing is
-/// believed.
+/// Depth, normals and sky of one photo; arrays `[H, W]` of a size of their own, over the whole photo, or empty where there
+/// is no prior.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Prior {
     /// Width, px.
@@ -34,20 +34,20 @@ pub struct Prior {
     pub height: u32,
     /// Inverse view z, 1 / scene unit; 0 in the sky, NaN where it is not known.
     pub disparity: Vec<f32>,
-    /// How far `disparity` is off: the median of its absolute differences from the points, 1 / scene unit.
+    /// The error of `disparity`: the median of its absolute differences from the points, 1 / scene unit.
     pub sigma: f32,
     /// World axes, towards the camera, length 1; 0 where it is not known.
     pub normal: Vec<[f32; 3]>,
-    /// What each pixel shows.
+    /// The class of each pixel.
     pub sky: Vec<SkyClass>,
 }
 
-/// Whether a pixel shows the sky.
+/// The class of a pixel: sky or not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[repr(u8)]
 pub enum SkyClass {
-    /// What stands in front of it.
+    /// Something in front of the sky.
     Place = 0,
     /// It cannot be told.
     #[default]

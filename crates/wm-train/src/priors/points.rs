@@ -7,15 +7,15 @@ use rayon::prelude::*;
 use wm_scene::Camera;
 use wm_scene::capture::Capture;
 
-/// Whether the capture says which photo shows which point.
+/// Returns true if the capture says which photo shows which point.
 #[must_use]
 pub fn has_tracks(capture: &Capture) -> bool {
     capture.observations.iter().any(|seen| !seen.is_empty())
 }
 
-/// For each of `places` (places in `photos`) the points that it shows: indices into the capture's.
+/// Returns, for each of `places` (indices in `photos`), the points that the photo shows, as indices into the capture's.
 ///
-/// Where the capture does not say, all points that fall into the picture, those behind walls too.
+/// Where the capture does not say, these are all points in its image, including those behind walls.
 #[must_use]
 pub fn seen_points(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<Vec<u32>> {
     let has_tracks = has_tracks(capture);
@@ -29,7 +29,7 @@ pub fn seen_points(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<
     places.par_iter().map(of).collect()
 }
 
-/// Where a camera sees a point, px, and its view z; `None` outside of the picture.
+/// Returns the image point of a point, px, and its view z; `None` outside of the image.
 #[must_use]
 pub fn inside(capture: &Capture, camera: &Camera, point: u32) -> Option<(f64, f64, f64)> {
     let at = DVec3::from_array(capture.points.positions[point as usize]);
@@ -38,7 +38,7 @@ pub fn inside(capture: &Capture, camera: &Camera, point: u32) -> Option<(f64, f6
     (is_inside && z.is_finite() && z > 0.0).then_some((x, y, z))
 }
 
-/// Where `camera` sees the points `seen`, those that fall into its picture.
+/// Returns the image points of the points `seen`, of those inside the image.
 #[must_use]
 pub fn placed(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<SeenPoint> {
     let at = |point: &u32| {

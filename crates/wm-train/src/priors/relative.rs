@@ -14,23 +14,23 @@ pub struct Relative {
     pub height: usize,
     /// Relative inverse depth, near is large, `[H, W]`, NaN where it is not known.
     pub values: Vec<f32>,
-    /// What is free in it.
+    /// The unknowns of its scale.
     pub freedom: Freedom,
-    /// What each pixel shows, `[H, W]`, or empty.
+    /// The class of each pixel, `[H, W]`, or empty.
     pub sky: Vec<SkyClass>,
 }
 
 /// A point of the reconstruction in a photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeenPoint {
-    /// Where, as a share of the photo's width and height.
+    /// The image point, as shares of the photo's width and height.
     pub at: [f64; 2],
     /// View z, scene units.
     pub z: f64,
 }
 
 impl SeenPoint {
-    /// Where it is in a picture of this size, px.
+    /// Returns the image point in an image of this size, px.
     #[must_use]
     pub fn pixel(&self, width: usize, height: usize) -> [f32; 2] {
         [(self.at[0] * width as f64) as f32, (self.at[1] * height as f64) as f32]
@@ -45,7 +45,7 @@ const FAR_MEDIAN: f64 = 10.0;
 const WINDOW: f64 = 0.012;
 const FEWEST_PIXELS: usize = 2;
 
-/// How far depth of a known scale is off where no points say it, as a share.
+/// The error of depth of a known scale where there are no points, as a share.
 const OFF: f64 = 0.02;
 
 /// Fits `relative` to `points` and finds normals. `camera` is the photo's at any size. Without a fit where the scale is known
@@ -106,7 +106,7 @@ pub fn pairs(relative: &Relative, points: &[SeenPoint]) -> Vec<[f64; 2]> {
     points.iter().map(pair).collect()
 }
 
-/// How far anything but the sky may be, scene units.
+/// Returns the largest distance that anything but the sky may have, scene units.
 fn farthest(points: &[SeenPoint]) -> f64 {
     let mut distances: Vec<f64> = points.iter().map(|point| point.z).collect();
     distances.sort_by(f64::total_cmp);

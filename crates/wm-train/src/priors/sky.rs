@@ -1,4 +1,4 @@
-//! Which pixels of a photo are the sky: surely, surely not, or not to be told.
+//! Classifies the pixels of a photo: surely sky, surely not, or unknown.
 //!
 //! From a photo alone: what is connected with the top border through smooth pixels of a sky's colours (blue, or pale and
 //! bright), has no depth and no point of the reconstruction. Depth from windows reaches over the edges of what is near, so
@@ -17,12 +17,12 @@ const FAR: f32 = 0.02;
 const BORDER: usize = 1;
 /// Smallest share of a photo that is taken for a sky.
 const LEAST: f64 = 0.003;
-/// How far depth reaches over edges, px: the half window of stereo, and its spread.
+/// The reach of depth over edges, px: the half window of stereo, and its spread.
 const OVER: usize = 6;
 /// About a point of the reconstruction there is no sky, px.
 const AROUND: usize = 2;
 
-/// What tells the sky.
+/// The input of the classification.
 #[derive(Clone, Copy, Debug)]
 pub struct SkyInput<'a> {
     /// `[H, W, 3]`, sRGB.
@@ -33,7 +33,7 @@ pub struct SkyInput<'a> {
     pub far: Option<&'a [f32]>,
     /// Pixels with a depth, `[H, W]`: no sky. Empty where none is known.
     pub has_depth: &'a [bool],
-    /// Where points of the reconstruction are seen, px.
+    /// The image points of points of the reconstruction, px.
     pub points: &'a [[f32; 2]],
 }
 

@@ -6,11 +6,11 @@ use super::folder::RunFolder;
 use super::observer::{Preparation, TrainNotice, TrainObserver, TrainWarning};
 use crate::checkpoint::Taught;
 use crate::colmap::{self, ColmapOptions};
-use crate::dataset::{Dataset, DatasetOptions};
+use crate::dataset::{Dataset, DatasetReadOptions};
 use crate::photos::Check;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
-use wm_scene::{Camera, FormatError, Problem, View};
+use wm_scene::{Camera, FormatError, Problem, SceneView};
 
 /// A data set that is open, and which photos it trains on.
 pub(super) struct TrainData {
@@ -36,7 +36,7 @@ impl TrainData {
                     return Err(SessionError::NoModel { model: dataset.join(model) });
                 }
                 let registered = register(dataset, folder, observer)?;
-                DatasetOptions::default().capture(&registered)?
+                DatasetReadOptions::default().capture(&registered)?
             }
             Err(error) => return Err(error.into()),
         };
@@ -73,9 +73,10 @@ impl TrainData {
     }
 
     /// Returns every photo's camera with its name.
-    pub fn views(&self) -> Vec<View> {
+    pub fn views(&self) -> Vec<SceneView> {
         let photos = &self.set.photos;
-        let view = |place| View { name: self.set.name(place).to_owned(), camera: photos.camera(place, 0) };
+        let view =
+            |place| SceneView { name: self.set.name(place).to_owned(), camera: photos.camera(place, 0) };
         (0..photos.len()).map(view).collect()
     }
 

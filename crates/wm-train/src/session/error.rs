@@ -1,4 +1,4 @@
-//! Why a session ends without a scene.
+//! The error of a session.
 
 use super::observer::ObserverError;
 use crate::checkpoint::CheckpointError;
@@ -14,7 +14,7 @@ use thiserror::Error;
 use wm_render::RenderError;
 use wm_scene::FormatError;
 
-/// Why a session ends without a scene.
+/// A reason why a session ends without a scene.
 #[derive(Debug, Error)]
 pub enum SessionError {
     /// The capture, the scene or another file cannot be read or written.
@@ -82,7 +82,7 @@ pub enum SessionError {
     BadCheckpoint {
         /// The run folder.
         folder: PathBuf,
-        /// Why the checkpoint cannot be read.
+        /// The fault of the checkpoint.
         reason: CheckpointError,
     },
     /// The checkpoint cannot be read or written.
@@ -128,7 +128,7 @@ pub enum SessionError {
     /// A photo turned out to be damaged after some steps; what was learnt is saved.
     #[error("{error}; {step} of {steps} steps are done")]
     DamagedPhoto {
-        /// What is wrong with it.
+        /// The fault of the photo.
         error: PhotoError,
         /// Steps that are done.
         step: u32,
@@ -138,7 +138,7 @@ pub enum SessionError {
     /// The GPU failed after some steps; what was learnt is saved.
     #[error("{error}; {step} of {steps} steps are done")]
     GpuLost {
-        /// What the GPU said.
+        /// The error of the GPU.
         error: RenderError,
         /// Steps that are done.
         step: u32,
@@ -148,9 +148,9 @@ pub enum SessionError {
     /// The training ended early, and what was learnt could not be saved.
     #[error("{error}; and what was learnt is lost: {checkpoint}")]
     NotSaved {
-        /// Why it ended.
+        /// The reason why it ended.
         error: String,
-        /// Why the checkpoint could not be written.
+        /// The reason why the checkpoint could not be written.
         checkpoint: Box<SessionError>,
     },
     /// The back end failed.

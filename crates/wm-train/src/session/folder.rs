@@ -1,7 +1,7 @@
 //! The run folder: configuration, checkpoint, metrics, priors and registered photos of a session.
 
 use super::error::SessionError;
-use crate::checkpoint::{self, Head};
+use crate::checkpoint::{self, CheckpointHead};
 use crate::config::TrainConfig;
 use crate::trainer::TrainState;
 use serde_json::Value;
@@ -15,7 +15,7 @@ use wm_scene::files::write_atomically;
 /// The name of the checkpoint in a run folder.
 pub const CHECKPOINT: &str = "checkpoint.wmtrain";
 
-/// Whether a session starts anew or continues a training in its run folder.
+/// The choice between starting anew and continuing the training in the run folder.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Resume {
     /// It starts anew; an unfinished training in the folder is refused.
@@ -25,7 +25,7 @@ pub enum Resume {
     Always,
 }
 
-/// Where a session keeps its files.
+/// The place where a session keeps its files.
 pub(super) enum RunFolder {
     /// In a folder of the user's.
     Kept { path: PathBuf, resume: Resume },
@@ -81,7 +81,7 @@ impl RunFolder {
     }
 
     /// Reads the checkpoint to resume from.
-    pub fn resumed(&self) -> Result<Option<(Head, TrainState)>, SessionError> {
+    pub fn resumed(&self) -> Result<Option<(CheckpointHead, TrainState)>, SessionError> {
         match self.checkpoint().filter(|_| self.resumes()) {
             Some(path) => Ok(Some(checkpoint::read(&path)?)),
             None => Ok(None),
@@ -139,7 +139,7 @@ impl Metrics {
     }
 }
 
-/// Why a configuration file cannot be used.
+/// A configuration file that cannot be used.
 #[derive(Debug, Error)]
 pub enum ConfigFileError {
     /// It cannot be read.
@@ -155,7 +155,7 @@ pub enum ConfigFileError {
     Json {
         /// The file.
         path: PathBuf,
-        /// Where and why.
+        /// The place and the fault.
         reason: serde_json::Error,
     },
     /// A value is out of range.

@@ -58,7 +58,7 @@ pub use score::{HeldOutScore, HeldOutScores, PerceptualMetric, TrainReport};
 pub use training::Training;
 
 use crate::config::{Preset, TrainConfig};
-use crate::dataset::{DatasetOptions, HeldOut};
+use crate::dataset::{DatasetReadOptions, HeldOut};
 use crate::plan::{PlanError, TrainPlan};
 use data::TrainData;
 use folder::RunFolder;
@@ -87,9 +87,9 @@ pub enum PriorSource {
 /// Everything about a session but its data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SessionOptions {
-    /// Where photos, masks and cameras are, and how large photos are used.
-    pub dataset: DatasetOptions,
-    /// Which photos are held out for evaluation.
+    /// The places of photos, masks and cameras, and the size of photos.
+    pub dataset: DatasetReadOptions,
+    /// The photos that are held out for evaluation.
     pub held_out: HeldOut,
     /// The preset and what is changed of it.
     pub plan: TrainPlan,
@@ -103,11 +103,11 @@ pub struct SessionOptions {
     pub camera_height: Option<f64>,
     /// The folder for configuration, checkpoint and metrics; without it none of these are written.
     pub run_folder: Option<PathBuf>,
-    /// Whether the training in the run folder is continued.
+    /// The choice of whether the training in the run folder is continued.
     pub resume: Resume,
     /// The longest time between two checkpoints.
     pub checkpoint_every: Duration,
-    /// Where to train.
+    /// The device to train on.
     pub device: Device,
     /// Threads and SIMD path of the CPU's work.
     pub cpu: CpuConfig,
@@ -116,7 +116,7 @@ pub struct SessionOptions {
 impl Default for SessionOptions {
     fn default() -> Self {
         Self {
-            dataset: DatasetOptions::default(),
+            dataset: DatasetReadOptions::default(),
             held_out: HeldOut::default(),
             plan: TrainPlan::default(),
             config: None,

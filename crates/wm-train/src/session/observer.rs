@@ -1,4 +1,4 @@
-//! What a session tells its caller while it runs.
+//! The messages of a session to its caller.
 
 use super::score::{HeldOutScores, TrainReport};
 use crate::colmap;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error as Display;
 use wm_render::Frame;
 use wm_scene::Camera;
-use wm_scene::capture::ground::NoGround;
+use wm_scene::capture::ground::CaptureGroundError;
 
 /// An error of an observer, which ends the session.
 pub type ObserverError = Box<dyn Error + Send + Sync>;
@@ -135,12 +135,12 @@ pub enum TrainNotice {
         step: u32,
     },
     /// The height of the cameras gives no scale.
-    NoScaleFromHeight(NoGround),
+    NoScaleFromHeight(CaptureGroundError),
     /// The scale of the scene was found.
     Scale {
         /// Metres per scene unit.
         metres_per_unit: f64,
-        /// Where the scale is from, in words.
+        /// The origin of the scale, in words.
         source: String,
     },
 }
@@ -149,7 +149,7 @@ pub enum TrainNotice {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preparation {
     /// COLMAP is finding cameras.
-    Colmap(colmap::Progress),
+    Colmap(colmap::ColmapProgress),
     /// Priors are being estimated: passes done and in all.
     Priors {
         /// Passes that are done.
@@ -159,7 +159,7 @@ pub enum Preparation {
     },
 }
 
-/// What is known when the steps begin.
+/// The state before the first step.
 #[derive(Clone, Copy, Debug)]
 pub struct TrainStart<'a> {
     /// Steps that are done already; above 0 after resuming.
@@ -202,7 +202,7 @@ pub struct StepSummary {
     pub held_out_psnr: Option<f64>,
 }
 
-/// When an image is offered.
+/// The moment at which an image is offered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageMoment {
     /// After any step.
@@ -216,7 +216,7 @@ pub enum ImageMoment {
 pub struct TrainImage<'a> {
     /// Steps that are done.
     pub step: u32,
-    /// When it was asked for.
+    /// The moment at which it was offered.
     pub moment: ImageMoment,
     /// The name of the photo whose view was offered.
     pub photo: &'a str,

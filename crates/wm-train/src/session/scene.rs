@@ -10,7 +10,7 @@ use crate::start::{self, SkyPhotos, StartConfig};
 use glam::DVec3;
 use std::path::Path;
 use wm_scene::capture::gps;
-use wm_scene::capture::ground::{Ground, HELD_AT, NoGround, ground};
+use wm_scene::capture::ground::{CaptureGround, CaptureGroundError, HELD_AT, ground};
 use wm_scene::survey::{Survey, label_sky};
 use wm_scene::{Metadata, Scene, Splats};
 
@@ -142,7 +142,7 @@ pub(super) fn finish(
 fn scale(
     data: &TrainData,
     camera_height: Option<f64>,
-    ground: &Result<Ground, NoGround>,
+    ground: &Result<CaptureGround, CaptureGroundError>,
 ) -> Option<(f64, String)> {
     let by_height = |metres: f64| {
         let metres_per_unit = metres / ground.as_ref().ok()?.height;

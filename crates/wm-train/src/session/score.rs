@@ -15,7 +15,7 @@ pub trait PerceptualMetric {
     fn distance(&self, image: &[f32], photo: &[f32], mask: Option<&[f32]>, width: usize) -> f64;
 }
 
-/// How near renders come to held-out photos.
+/// The scores of one held-out photo.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HeldOutScore {
     /// Peak signal-to-noise ratio, dB.
@@ -67,14 +67,14 @@ impl HeldOutScores {
     }
 }
 
-/// What a training came to.
+/// The result of a training beside its scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainReport {
     /// Steps of this session, without those before it was resumed.
     pub steps: u32,
     /// Wall time of these steps, seconds.
     pub seconds: f64,
-    /// Where the time went, summed over these steps.
+    /// The times of the parts of a step, summed over these steps.
     pub times: StepTimes,
     /// The back end, in words.
     pub backend: String,

@@ -1,19 +1,19 @@
 //! Sessions on the built-in street.
 
 use super::*;
-use crate::builtin::{self, BuiltinOptions};
 use std::ops::ControlFlow;
-use wm_scene::Place;
-use wm_scene::capture::colmap::write::Storage;
+use wm_scene::capture::colmap::write::ColmapStorage;
+use wm_street::Street;
+use wm_street::dataset::{self, CameraRoute, DatasetOptions, GroundTruth};
 
-const PHOTOS: BuiltinOptions = BuiltinOptions {
-    route: builtin::Route::Orbit,
+const PHOTOS: DatasetOptions = DatasetOptions {
+    route: CameraRoute::Orbit,
     count: 6,
     size: (72, 48),
     samples: 1,
     points: 250,
-    storage: Storage::Binary,
-    truth: builtin::Truth::Omit,
+    storage: ColmapStorage::Binary,
+    truth: GroundTruth::Omit,
 };
 
 /// Counts what it is told, and stops after some steps.
@@ -81,7 +81,7 @@ fn session(dataset: &std::path::Path) -> Session {
 fn a_session_that_was_stopped_ends_in_the_same_scene() {
     let folder = tempfile::tempdir().unwrap();
     let set = folder.path().join("set");
-    builtin::write(&Place::street(), &set, &PHOTOS, &mut |_| true).unwrap();
+    dataset::write(&Street::builtin(), &set, &PHOTOS, &mut |_| true).unwrap();
     let mut whole = Counter::default();
     let scene = session(&set).run(&mut whole).unwrap();
     assert_eq!((whole.steps, whole.evaluations, whole.checkpoints, whole.images), (20, 9, 0, 10));

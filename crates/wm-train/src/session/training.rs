@@ -8,9 +8,9 @@ use super::observer::{
 };
 use super::score::{HeldOutScore, HeldOutScores, PerceptualMetric, StepSums, TrainReport};
 use super::{SessionOptions, scene};
-use crate::checkpoint::{self, Head};
+use crate::checkpoint::{self, CheckpointHead};
 use crate::config::TrainConfig;
-use crate::losses::Truth;
+use crate::losses::TrainPhoto;
 use crate::metrics::{Ssim, psnr};
 use crate::photos::{BadPhotos, Photo};
 use crate::priors::{Prior, Priors};
@@ -72,15 +72,15 @@ struct PhotoPixels {
 }
 
 impl PhotoPixels {
-    fn truth<'b>(&'b mut self, photo: &'b Photo) -> Truth<'b> {
+    fn truth<'b>(&'b mut self, photo: &'b Photo) -> TrainPhoto<'b> {
         self.rgb.clear();
         self.rgb.extend(photo.rgb.iter().map(|v| f32::from(*v) / 255.0));
         self.mask = photo.mask.as_ref().map(|mask| mask.iter().map(|v| f32::from(*v) / 255.0).collect());
-        Truth { rgb: &self.rgb, mask: self.mask.as_deref(), camera: &photo.camera, prior: None }
+        TrainPhoto { rgb: &self.rgb, mask: self.mask.as_deref(), camera: &photo.camera, prior: None }
     }
 }
 
-/// What a training is made of.
+/// The parts of a training.
 pub(super) struct Parts {
     pub config: TrainConfig,
     pub dataset: PathBuf,
@@ -239,7 +239,7 @@ impl Training {
         }
         let (config, simd) = (self.trainer.config().clone(), self.trainer.path().to_string());
         let state = self.trainer.known_state();
-        let head = Head::new(&config, self.data.taught(), simd, state);
+        let head = CheckpointHead::new(&config, self.data.taught(), simd, state);
         checkpoint::write(&path, &head, state)?;
         observer.on_checkpoint(&path, head.step());
         Ok(())
@@ -265,7 +265,7 @@ impl Training {
         let level = self.trainer.level_at(step, self.last_level);
         let (index, photo) = self.photo_at(step, level, observer)?;
         let prior = self.prior(self.data.set.places[index])?;
-        let truth = Truth { prior: prior.as_deref(), ..self.pixels.truth(&photo) };
+        let truth = TrainPhoto { prior: prior.as_deref(), ..self.pixels.truth(&photo) };
         let done = self.trainer.step(&truth, index);
         self.failures.try_iter().for_each(|error| observer.on_warning(&TrainWarning::Gpu(error)));
         let report = match done {

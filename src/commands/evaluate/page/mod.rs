@@ -3,9 +3,9 @@
 
 mod panels;
 
-pub use panels::{Rendered, Shown};
+pub use panels::Shown;
 
-use super::scores::{Column, Place, Report};
+use super::scores::{Placement, Report, ScoreColumn};
 use crate::report::{escaped, foot, head, picture};
 use std::fmt::Write;
 
@@ -29,11 +29,11 @@ pub fn page(report: &Report, shown: &[Shown]) -> String {
     for shown in shown {
         let _ = writeln!(out, "<section>\n<h2>{}</h2>", escaped(&shown.name));
         if let Some(view) = report.views.iter().find(|view| view.name == shown.name) {
-            let number = |column: &Column| {
+            let number = |column: &ScoreColumn| {
                 let value = column.of(&view.scores)?;
                 Some(escaped(&format!("{} {}", column.name, column.full_text(Some(value)))))
             };
-            let numbers: Vec<String> = report.columns(Some(Place::Table)).filter_map(number).collect();
+            let numbers: Vec<String> = report.columns(Some(Placement::Table)).filter_map(number).collect();
             let _ = writeln!(out, "<p class=\"numbers\">{}</p>", numbers.join(" · "));
         }
         shown.write(&mut out);
@@ -69,7 +69,7 @@ fn means(out: &mut String, report: &Report) {
 
 /// A line a photo.
 fn photos(out: &mut String, report: &Report) {
-    let columns: Vec<&Column> = report.columns(Some(Place::Table)).collect();
+    let columns: Vec<&ScoreColumn> = report.columns(Some(Placement::Table)).collect();
     out.push_str("<h2>Photos</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>photo</th>");
     for column in &columns {
         let _ = write!(out, "<th>{}</th>", escaped(&column.head.join("\n")).replace('\n', "<br>"));

@@ -1,12 +1,12 @@
 //! The pictures of a photo: photo, render and error; depth, normals and surfaces against the truth.
 
-use super::super::truth::TrueMaps;
 use crate::report::escaped;
 use crate::report::picture::{self, Cell};
 use anyhow::Result;
 use std::fmt::Write;
 use wm_media::ramps::{self, Ramp};
 use wm_render::Frame;
+use wm_train::evaluation::{EvaluatedPhoto, TrueMaps};
 use wm_train::metrics::{
     angle,
     coverage::{COVERED, SLACK},
@@ -25,7 +25,7 @@ const TAIL: f64 = 0.02;
 pub const RAMPS: [(&str, Ramp); 3] =
     [("depth", ramps::turbo), ("error", ramps::heat), ("signed", ramps::signed)];
 
-/// Where surfaces and sky are kept or lost: colours and what they are.
+/// The colours of kept and lost surfaces and sky, with their meaning.
 const FATES: [([u8; 3], &str); 6] = [
     ([190, 196, 202], "surface kept"),
     ([224, 60, 49], "open"),
@@ -34,16 +34,6 @@ const FATES: [([u8; 3], &str); 6] = [
     ([110, 60, 170], "sky covered"),
     (ramps::UNKNOWN, "not known"),
 ];
-
-/// What was rendered of a photo.
-pub struct Rendered<'a> {
-    /// As it is compared, `[H, W, 3]`, 0-1.
-    pub picture: &'a [f32],
-    /// With all splats.
-    pub frame: &'a Frame,
-    /// Without the sky's.
-    pub solid: &'a Frame,
-}
 
 /// The pictures of a photo, ready to be written.
 pub struct Shown {
@@ -60,7 +50,7 @@ struct Figure {
     width: Width,
 }
 
-/// How a figure stands on a narrow screen.
+/// The place of a figure on a narrow screen.
 #[derive(Clone, Copy, PartialEq)]
 enum Width {
     /// Beside another.
@@ -69,7 +59,7 @@ enum Width {
     Whole,
 }
 
-/// What colours mean.
+/// The meaning of colours.
 enum Key {
     /// They are colours.
     None,
@@ -81,21 +71,15 @@ enum Key {
 
 impl Shown {
     /// Draws the pictures.
-    pub fn new(
-        name: &str,
-        photo: &[f32],
-        rendered: &Rendered<'_>,
-        maps: &TrueMaps,
-        metres_per_unit: f64,
-    ) -> Result<Self> {
-        let frame = rendered.frame;
+    pub fn new(shown: &EvaluatedPhoto<'_>, metres_per_unit: f64) -> Result<Self> {
+        let EvaluatedPhoto { name, photo, image, frame, solid, truth: maps, .. } = *shown;
         let full = (frame.width, frame.height);
         let mut figures = Vec::new();
         let mut add = |what: &str, picture: String, key: Key, width: Width| {
             figures.push(Figure { what: what.to_owned(), picture, key, width });
         };
         add("photo", picture::color(photo, full, picture::WIDEST)?, Key::None, Width::Half);
-        add("render", picture::color(rendered.picture, full, picture::WIDEST)?, Key::None, Width::Half);
+        add("render", picture::color(image, full, picture::WIDEST)?, Key::None, Width::Half);
         let size = picture::shown_size(full);
         let places = picture::nearest(full);
         let map = |of: &dyn Fn(usize) -> Cell, ramp: Ramp| -> Result<String> {
@@ -104,7 +88,7 @@ impl Shown {
         };
         let difference = |place: usize| {
             let channels = 3 * place..3 * place + 3;
-            let sum: f32 = channels.map(|at| (rendered.picture[at] - photo[at]).abs()).sum();
+            let sum: f32 = channels.map(|at| (image[at] - photo[at]).abs()).sum();
             Cell::At(f64::from(sum) / 3.0 / COLOR_RANGE)
         };
         let key = Key::Bar("error", ticks(0.0, COLOR_RANGE, |v| format!("{v:.2}")));
@@ -167,7 +151,7 @@ impl Shown {
             add("angle between normals", map(&error, ramps::heat)?, key, Width::Whole);
         }
         if maps.depth.is_some() || maps.sky.is_some() {
-            let indices: Vec<u8> = places.iter().map(|place| fate(*place, rendered.solid, maps)).collect();
+            let indices: Vec<u8> = places.iter().map(|place| fate(*place, solid, maps)).collect();
             let palette = FATES.map(|(color, _)| color);
             let drawn = picture::indexed(&indices, size, &palette)?;
             add("surfaces and sky, without the sky's splats", drawn, Key::Fates, Width::Whole);
@@ -210,7 +194,7 @@ impl Shown {
     }
 }
 
-/// Which of [`FATES`] a pixel is.
+/// Returns the index in [`FATES`] of a pixel.
 fn fate(place: usize, solid: &Frame, maps: &TrueMaps) -> u8 {
     let (coverage, depth) = (solid.alpha[place], solid.median_depth[place]);
     if maps.sky.as_ref().is_some_and(|sky| sky[place] > 0.5) {

@@ -10,10 +10,10 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 use wm_scene::files::write_atomically;
 use wm_scene::npy;
 
-/// How long embeddings are held before they are written.
+/// The longest time that embeddings are held before they are written.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// Of which pictures the rows are.
+/// The index of an array of embeddings: the pictures of its rows.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Index {
@@ -24,7 +24,7 @@ struct Index {
     pictures: Vec<Picture>,
 }
 
-/// What a picture is known by.
+/// The identity of a picture.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Picture {
@@ -49,17 +49,17 @@ pub struct Cache {
     path: Option<PathBuf>,
     identity: u64,
     width: usize,
-    /// What was there before, by picture.
+    /// Embeddings of an earlier run, by picture.
     before: HashMap<Picture, Vec<f32>>,
-    /// What is there of this part, in its order.
+    /// Embeddings of this part, in its order.
     pictures: Vec<Picture>,
     values: Vec<f32>,
-    /// Whether all of that is on disk.
+    /// True if all of them are on disk.
     is_kept: bool,
     written: Instant,
 }
 
-/// What files of a part that is not finished have in their names.
+/// The suffix of the files of an unfinished part.
 pub const UNFINISHED: &str = "unfinished";
 
 impl Cache {

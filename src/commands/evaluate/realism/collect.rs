@@ -18,14 +18,14 @@ pub struct Collected {
     pub embeddings: Embeddings,
 }
 
-/// What is to be embedded. Whatever can be wrong with it is said before the first picture is.
+/// The parts that are to be embedded. All that can be wrong with them is reported before the first picture is.
 pub struct Collector<'a> {
     args: &'a RealismArgs,
     work: &'a Work<'a>,
     parts: Vec<(Part, Wanted)>,
 }
 
-/// What becomes of a part.
+/// The treatment of a part.
 enum Wanted {
     /// They are there.
     Read(Embeddings),

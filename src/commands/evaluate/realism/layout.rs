@@ -1,4 +1,5 @@
-//! Where pictures lie: a folder or an array of embeddings by itself, or a folder of a method with weathers and scenes.
+//! The layout of pictures: a folder or an array of embeddings by itself, or a folder of a method with weathers and
+//! scenes.
 
 use super::cache::UNFINISHED;
 use super::entries;
@@ -14,7 +15,7 @@ pub enum Weather {
     /// And haze and smog.
     Fog,
     Rain,
-    /// What falls and what lies: photographs of it have both.
+    /// Falling and lying snow: photographs show both.
     Snow,
 }
 
@@ -53,7 +54,7 @@ impl Weather {
 /// Pictures that belong together.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// What it is called.
+    /// The name.
     pub name: String,
     /// The folder or the array.
     pub path: PathBuf,
@@ -63,7 +64,7 @@ pub struct Part {
     pub source: Source,
 }
 
-/// What a part consists of.
+/// The contents of a part.
 #[derive(Clone, Debug)]
 pub enum Source {
     /// Files, sorted.
@@ -72,7 +73,7 @@ pub enum Source {
     Array,
 }
 
-/// What a folder of pictures is called.
+/// Returns the name of a folder of pictures.
 pub fn name_of(path: &Path) -> String {
     stem_of(path)
 }

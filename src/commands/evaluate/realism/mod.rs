@@ -44,7 +44,7 @@ const OF_SCENES: [&str; 10] = [
     "report",
 ];
 
-/// What is compared with what.
+/// The pictures that are compared.
 #[derive(Args, Clone, Debug)]
 pub struct RealismArgs {
     /// Compare pictures with photographs in place of a scene with its photos, by CMMD: folders of pictures (JPEG, PNG) or
@@ -89,18 +89,18 @@ pub struct RealismArgs {
     weights: WeightsArgs,
 }
 
-/// How the work is done.
+/// The options of the work.
 pub struct Work<'a> {
-    /// Where all numbers are written to.
+    /// The file for all numbers.
     pub json: Option<&'a Path>,
-    /// Whether pictures that cannot be read are left out.
+    /// True if pictures that cannot be read are left out.
     pub skip_bad: bool,
     /// `None` for one a core.
     pub threads: Option<u16>,
 }
 
 impl RealismArgs {
-    /// Whether pictures are compared, not a scene.
+    /// Returns true if pictures are compared, not a scene.
     pub fn asked(&self) -> bool {
         !self.pictures.is_empty() || self.paper.is_some()
     }
@@ -254,7 +254,7 @@ impl Drop for Busy {
     }
 }
 
-/// What embeddings of photographs are kept as.
+/// The name under which embeddings of photographs are kept.
 const REAL: &str = "real";
 
 /// Methods are called as their folders.
@@ -276,7 +276,7 @@ fn names_of(methods: &[PathBuf]) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// What lies in a folder, by name.
+/// Returns the entries of a folder, by name.
 fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
     let listed = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
     let mut listed: Vec<PathBuf> = listed.with_context(|| format!("{}: cannot be read", folder.display()))?;

@@ -3,7 +3,7 @@
 use super::layout::Weather;
 use Weather::{Fog, Rain, Snow};
 
-/// What the paper calls itself.
+/// The name of the paper's own method.
 pub const OURS: &str = "Weather-Magician";
 
 /// Table II: CMMD against photographs of real weather; lower is nearer.

@@ -41,7 +41,7 @@ impl Distance {
 pub struct Tables {
     pub distances: Vec<Distance>,
     pub scores: Vec<Score>,
-    /// Whether the paper's tables are made.
+    /// True if the paper's tables are made.
     pub paper: bool,
 }
 
@@ -61,7 +61,7 @@ impl Uvq {
     }
 }
 
-/// What stands where there is no number.
+/// The text in place of a missing number.
 const NONE: &str = "-";
 
 impl Tables {

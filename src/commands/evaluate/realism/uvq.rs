@@ -12,10 +12,10 @@ use std::path::Path;
 const MAX: u64 = 1 << 24;
 /// The columns of a CSV file; the last one may be left out.
 const COLUMNS: [&str; 5] = ["method", "weather", "scene", "uvq_1_0", "uvq_1_5"];
-/// Where scores lie.
+/// The range of scores.
 const RANGE: std::ops::RangeInclusive<f64> = 1.0..=5.0;
 
-/// What a video was given.
+/// The scores of a video.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Score {
     pub method: String,
@@ -27,7 +27,7 @@ pub struct Score {
     pub v1_5: Option<f64>,
 }
 
-/// What the published program writes of a video; it writes more, which is not looked at.
+/// The columns that are read of those that the published program writes of a video.
 #[derive(Deserialize)]
 struct Published {
     video_name: String,

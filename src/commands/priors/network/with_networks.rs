@@ -7,7 +7,7 @@ use crate::dataset::Dataset;
 use crate::weights::Published;
 use anyhow::{Result, bail};
 use wm_nets::DepthAnything;
-use wm_nets::depth_anything::{PhotoError, Size, Version};
+use wm_nets::depth_anything::{DisparityError, ModelSize, Version};
 use wm_train::maps::{Filter, Map};
 use wm_train::priors::files::shrunk;
 use wm_train::priors::fit::Freedom;
@@ -28,7 +28,7 @@ pub fn open(args: &PriorsArgs) -> Result<Box<dyn Source>> {
         VersionArg::V1 => Version::V1,
         VersionArg::V2 => Version::V2,
     };
-    let size = given.network.map_or(Size::Small, size_of);
+    let size = given.network.map_or(ModelSize::Small, size_of);
     let files = given.weights.files(Published {
         name: format!("Depth Anything {version:?} {}", word(size)),
         bytes: bytes(size),
@@ -53,28 +53,28 @@ pub fn open(args: &PriorsArgs) -> Result<Box<dyn Source>> {
     Ok(Box::new(Network { network, pixels: args.map_pixels, name }))
 }
 
-fn size_of(model: SizeArg) -> Size {
+fn size_of(model: SizeArg) -> ModelSize {
     match model {
-        SizeArg::Small => Size::Small,
-        SizeArg::Base => Size::Base,
-        SizeArg::Large => Size::Large,
+        SizeArg::Small => ModelSize::Small,
+        SizeArg::Base => ModelSize::Base,
+        SizeArg::Large => ModelSize::Large,
     }
 }
 
-const fn word(size: Size) -> &'static str {
+const fn word(size: ModelSize) -> &'static str {
     match size {
-        Size::Small => "small",
-        Size::Base => "base",
-        Size::Large => "large",
+        ModelSize::Small => "small",
+        ModelSize::Base => "base",
+        ModelSize::Large => "large",
     }
 }
 
 /// Bytes of published weights, 4 each.
-const fn bytes(size: Size) -> u64 {
+const fn bytes(size: ModelSize) -> u64 {
     match size {
-        Size::Small => 99_000_000,
-        Size::Base => 390_000_000,
-        Size::Large => 1_341_000_000,
+        ModelSize::Small => 99_000_000,
+        ModelSize::Base => 390_000_000,
+        ModelSize::Large => 1_341_000_000,
     }
 }
 
@@ -93,7 +93,7 @@ impl Source for Network {
         let found = match self.network.predict(&photo.rgb_f32(), photo.width as usize) {
             Ok(found) => found,
             // Every photo would have that.
-            Err(error @ PhotoError::NotFinite) => bail!("{}: {error}", data.name(place)),
+            Err(error @ DisparityError::NotFinite) => bail!("{}: {error}", data.name(place)),
             Err(error) => return Ok(Answer::Nothing(error.to_string())),
         };
         let map = Map::new(found.width as u32, found.height as u32, 1, found.values);

@@ -38,12 +38,12 @@ fn weights() -> Vec<u8> {
     safetensors(&[("a".into(), vec![10_000], (0..10_000).map(|i| noise(1, i) as f32).collect())])
 }
 
-fn source(address: SocketAddr, checksum: Option<Checksum>) -> Source {
-    Source { url: format!("http://{address}/file"), file_name: "x.safetensors".into(), checksum }
+fn source(address: SocketAddr, checksum: Option<Checksum>) -> DownloadSource {
+    DownloadSource { url: format!("http://{address}/file"), file_name: "x.safetensors".into(), checksum }
 }
 
 /// Without the proxies of whoever runs the tests.
-fn direct(source: &Source, folder: &Path) -> Result<PathBuf, FetchError> {
+fn direct(source: &DownloadSource, folder: &Path) -> Result<PathBuf, FetchError> {
     let agent = Agent::config_builder().proxy(None).build().into();
     fetch_by(&agent, source, folder, &mut |_| {})
 }
@@ -77,12 +77,12 @@ fn a_file_is_fetched_once() {
     assert_eq!(fs::read(&path).unwrap(), body);
     assert_eq!(names(&folder), ["x.safetensors"]);
     let total = Some(body.len() as u64);
-    assert_eq!(seen.first(), Some(&Progress { done: 0, total }));
-    assert_eq!(seen.last(), Some(&Progress { done: body.len() as u64, total }));
+    assert_eq!(seen.first(), Some(&FetchProgress { done: 0, total }));
+    assert_eq!(seen.last(), Some(&FetchProgress { done: body.len() as u64, total }));
     assert!(!asked.recv().unwrap().contains("range:"));
     // There is no second answer.
     assert_eq!(direct(&source, &folder).unwrap(), path);
-    let other = Source { checksum: Some(checksum_of(b"")), ..source };
+    let other = DownloadSource { checksum: Some(checksum_of(b"")), ..source };
     let line = said(direct(&other, &folder));
     assert!(line.contains("was there already and has SHA-256 "), "{line}");
     assert_eq!(fs::read(&path).unwrap(), body);
@@ -192,7 +192,7 @@ fn servers_that_refuse_or_are_not_there() {
     );
     assert!(said(direct(&source, files.path())).contains("a file of more than 17179869184 bytes"));
     assert!(said(direct(&source, files.path())).contains("cannot be reached ("));
-    let nobody = Source { url: format!("http://{}/file", closed()), ..source };
+    let nobody = DownloadSource { url: format!("http://{}/file", closed()), ..source };
     let line = said(direct(&nobody, files.path()));
     assert!(line.contains("cannot be reached (") && line.ends_with("give its path"), "{line}");
     assert!(names(files.path()).is_empty());
@@ -200,7 +200,7 @@ fn servers_that_refuse_or_are_not_there() {
     assert!(said(direct(&nobody, &blocked)).contains("cannot be written"));
 }
 
-/// Where nobody listens.
+/// An address where no server listens.
 fn closed() -> SocketAddr {
     TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap()
 }

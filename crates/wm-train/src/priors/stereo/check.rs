@@ -1,13 +1,13 @@
-//! What the planes of one photo say that those of others say too.
+//! Checks the planes of one photo against those of others.
 
 use super::matching::{Source, inverse_depth};
 use super::sweep::{Planes, Reference};
 
 /// Cost above which nothing is believed: a correlation of 0.5.
 const DEAREST: f32 = 0.7;
-/// How far a point may come back from where it started after a visit to another photo, px.
+/// The largest distance at which a point may come back after a visit to another photo, px.
 const BACK: f32 = 1.5;
-/// How much the distances of two photos may differ.
+/// The largest relative difference between the distances in two photos.
 const DEPTH: f32 = 0.02;
 /// Photos that must agree, where there are so many.
 const AGREE: usize = 2;

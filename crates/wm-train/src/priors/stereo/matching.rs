@@ -1,4 +1,4 @@
-//! How well a plane through a pixel's surroundings explains what other photos show there.
+//! Costs of planes: how well a plane through a pixel's surroundings explains what other photos show there.
 
 /// Window offsets along one axis, px: 9x9 px, every second one.
 const OFFSETS: [f32; 5] = [-4.0, -2.0, 0.0, 2.0, 4.0];
@@ -38,7 +38,7 @@ impl Picture {
         Self { width, height: values.len() / width, values }
     }
 
-    /// Whether a picture point, px, has four pixels around it.
+    /// Returns true if an image point, px, has four pixels around it.
     #[inline(always)]
     fn holds(&self, x: f32, y: f32) -> bool {
         // Written so that NaN is outside.
@@ -65,16 +65,16 @@ const ROUNDING: f32 = 0.01;
 /// A photo to compare with, and how points of the first photo fall into it.
 #[derive(Clone, Debug)]
 pub struct Source<'a> {
-    /// What it shows.
+    /// The image.
     pub picture: &'a Picture,
     /// Picture points at infinite distance: `base (x, y, 1)`, homogeneous.
     pub base: [[f32; 3]; 3],
-    /// What is added for each unit of inverse depth.
+    /// The vector that is added for each unit of inverse depth.
     pub lift: [f32; 3],
 }
 
 impl Source<'_> {
-    /// Where the point with inverse depth `inverse` behind picture point (x, y) falls, px.
+    /// Returns the image point of the point with inverse depth `inverse` behind image point (x, y), px.
     #[inline(always)]
     #[must_use]
     pub fn place(&self, x: f32, y: f32, inverse: f32) -> Option<[f32; 2]> {

@@ -23,7 +23,7 @@ use sweep::{Ask, MOST_SOURCES, Planes, Reference, doubled};
 use wm_scene::Camera;
 use wm_scene::capture::Capture;
 
-/// How photos are compared.
+/// Options of stereo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StereoOptions {
     /// Most pixels of a photo; sides are halved until it has no more.
@@ -32,7 +32,7 @@ pub struct StereoOptions {
     pub sources: usize,
     /// Rounds at half the size and at the whole.
     pub rounds: (u32, u32),
-    /// Which of the equally good runs.
+    /// The seed of its random numbers.
     pub seed: u64,
 }
 
@@ -42,7 +42,7 @@ impl Default for StereoOptions {
     }
 }
 
-/// What is found out of one photo.
+/// The depth and normals of one photo.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StereoMap {
     /// Width, px.
@@ -71,7 +71,8 @@ const WINDOW: usize = 3;
 /// Within how many pixels a point of the reconstruction starts planes.
 const AROUND: isize = 12;
 
-/// How often the sides of photos are halved for it: until the largest has no more pixels than asked for, or the smallest
+/// Returns how often the sides of photos are halved: until the largest has no more pixels than the options allow, or
+/// the smallest
 /// would have sides too short.
 #[must_use]
 pub fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
@@ -263,7 +264,7 @@ fn reference_of<'a>(
     })
 }
 
-/// How points that `from` sees fall into what `to` shows.
+/// Returns the map from image points of `from` to those of `to`.
 fn source_of<'a>(picture: &'a Picture, from: &Camera, to: &Camera) -> Source<'a> {
     let relative = to.viewmat * from.viewmat.inverse();
     let matrix = |camera: &Camera| {

@@ -13,7 +13,7 @@ pub const MOST_SOURCES: usize = 16;
 /// Least cosine between a plane's normal and the ray: 80 degrees.
 const GRAZING: f32 = 0.17;
 
-/// Which sources are asked about a plane.
+/// The sources with which a plane is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ask {
     /// All: nothing is right yet.
@@ -25,7 +25,7 @@ pub enum Ask {
 /// The camera and range of one photo.
 #[derive(Clone, Debug)]
 pub struct Reference<'a> {
-    /// What it shows.
+    /// The image.
     pub picture: &'a Picture,
     /// Focal lengths and principal point, px.
     pub intrinsics: [f32; 4],
@@ -40,7 +40,7 @@ pub struct Reference<'a> {
 /// The planes of one photo, `[H, W]`, and how badly they match.
 #[derive(Clone, Debug, Default)]
 pub struct Planes {
-    /// As inverse depth over the picture.
+    /// Planes as inverse depth over the image.
     pub planes: Vec<Plane>,
     /// 0 to 2.
     pub costs: Vec<f32>,
@@ -78,7 +78,7 @@ impl Reference<'_> {
         q.map(|v| -v / length)
     }
 
-    /// Whether a plane is in range and not seen from its edge at (x, y).
+    /// Returns true if a plane is in range and not seen from its edge at (x, y).
     fn allows(&self, plane: &Plane, x: f32, y: f32) -> bool {
         let inverse = inverse_depth(plane, x, y);
         let ray = self.ray(x, y);

@@ -1,0 +1,248 @@
+//! The windows of a band of rows, and the derivative under them.
+
+use super::{CHANNELS, KEPT, MARGIN, Pictures, REACH, REACHED, TAPS, TOGETHER, WIDEST};
+use fearless_simd::{SimdBase, SimdFloat};
+use wm_render::simd::Lanes;
+use wm_render::stages::compare::{C1, C2, RADIUS, WINDOW};
+
+/// Working memory of a band.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Band {
+    /// Rows windowed down the columns, margins zero, `[TOGETHER, 4, P]`.
+    columns: Vec<f32>,
+    /// dS/dmx, dS/dexx, dS/dexy of the last rows, `[KEPT, 3, wide]`; row `r` lies at `r % KEPT`.
+    slopes: Vec<f32>,
+    /// Stands for rows beyond the picture.
+    zeros: Vec<f32>,
+}
+
+/// Returns the starts of vectors of `lanes` that cover `wide` values: the last one ends where they end. With the
+/// lanes that are new in it.
+#[inline(always)]
+fn groups(wide: usize, lanes: usize) -> impl Iterator<Item = (usize, usize)> {
+    let whole = wide / lanes * lanes;
+    let last = (whole < wide).then(|| (wide - lanes, lanes - (wide - whole)));
+    (0..whole).step_by(lanes).map(|at| (at, 0)).chain(last)
+}
+
+/// The rows that the windows of [`TOGETHER`] rows from `first` on read; zeros for those beyond the picture.
+#[inline(always)]
+fn reached<'a>(picture: &'a [f32], first: usize, rows: usize, zeros: &'a [f32]) -> [&'a [f32]; REACHED] {
+    let wide = zeros.len();
+    std::array::from_fn(|i| match (first + i).checked_sub(RADIUS) {
+        Some(at) if at < rows => &picture[at * wide..(at + 1) * wide],
+        _ => zeros,
+    })
+}
+
+impl Band {
+    fn prepare(&mut self, wide: usize) {
+        let padded = wide + 2 * MARGIN;
+        // Margins are written once: the windows write between them.
+        if self.zeros.len() != wide {
+            *self = Self {
+                columns: vec![0.0; TOGETHER * 4 * padded],
+                slopes: vec![0.0; KEPT * 3 * wide],
+                zeros: vec![0.0; wide],
+            };
+        }
+    }
+
+    /// Sums of similarity of the rows from `first` on.
+    #[inline(always)]
+    pub fn forward<S: Lanes>(&mut self, simd: S, pictures: Pictures<'_>, first: usize, sums: &mut [f64]) {
+        self.prepare(pictures.wide);
+        for (index, sums) in sums.chunks_mut(TOGETHER).enumerate() {
+            let from = first + index * TOGETHER;
+            let mut all = [0.0; TOGETHER];
+            self.slopes(simd, pictures, from, &mut all);
+            sums.copy_from_slice(&all[..sums.len()]);
+        }
+    }
+
+    /// The same, and `scale` times the derivative added to `gradient`, the same rows.
+    #[inline(always)]
+    pub fn both<S: Lanes>(
+        &mut self,
+        simd: S,
+        pictures: Pictures<'_>,
+        first: usize,
+        sums: &mut [f64],
+        scale: f32,
+        gradient: &mut [f32],
+    ) {
+        self.prepare(pictures.wide);
+        let end = first + sums.len();
+        let mut made = first.saturating_sub(RADIUS);
+        for (index, gradient) in gradient.chunks_mut(TOGETHER * pictures.line).enumerate() {
+            let from = first + index * TOGETHER;
+            while made < (from + TOGETHER + RADIUS).min(pictures.rows) {
+                let mut all = [0.0; TOGETHER];
+                self.slopes(simd, pictures, made, &mut all);
+                for (row, sum) in (made..).zip(all) {
+                    if (first..end).contains(&row) {
+                        sums[row - first] = sum;
+                    }
+                }
+                made += TOGETHER;
+            }
+            self.gradient(simd, pictures, from, scale, gradient);
+        }
+    }
+
+    /// Slopes of the [`TOGETHER`] rows from `first` on, as far as there are any, and their sums of `S`.
+    #[inline(always)]
+    fn slopes<S: Lanes>(
+        &mut self,
+        simd: S,
+        pictures: Pictures<'_>,
+        first: usize,
+        sums: &mut [f64; TOGETHER],
+    ) {
+        let Pictures { x, y, counts, line, wide, rows } = pictures;
+        let padded = wide + 2 * MARGIN;
+        let (x, y) = (reached(x, first, rows, &self.zeros), reached(y, first, rows, &self.zeros));
+        // The windowed means of x, y, x^2 + y^2 and x y: down the columns, then along the row.
+        // Plain loops over memory that is there: closures are not inlined where vectors are.
+        let mut column = [[simd.set(0.0); 4]; REACHED];
+        for (at, _) in groups(wide, S::N) {
+            for (i, column) in column.iter_mut().enumerate() {
+                let (x, y) = (simd.load(&x[i][at..]), simd.load(&y[i][at..]));
+                *column = [x, y, x.mul_add(x, y * y), x * y];
+            }
+            let sums = down(simd, &column);
+            for (k, sum) in sums.as_flattened().iter().enumerate() {
+                sum.store_slice(&mut self.columns[k * padded + MARGIN + at..][..S::N]);
+            }
+        }
+        let (one, two) = (simd.set(1.0), simd.set(2.0));
+        let columns = self.columns.chunks_exact(4 * padded);
+        for ((row, columns), sum) in (first..rows).zip(columns).zip(sums) {
+            let slopes = &mut self.slopes[row % KEPT * 3 * wide..][..3 * wide];
+            let (mean, rest) = slopes.split_at_mut(wide);
+            let (square, product) = rest.split_at_mut(wide);
+            let mut total = simd.set(0.0);
+            for (at, seen) in groups(wide, S::N) {
+                let [mx, my, squares, xy] = along(simd, columns, padded, at);
+                let (means, cross) = (mx.mul_add(mx, my * my), mx * my);
+                let (a1, a2) = (two.mul_add(cross, simd.set(C1)), two.mul_add(xy - cross, simd.set(C2)));
+                // Variances are not below 0 but for rounding.
+                let b1 = means + simd.set(C1);
+                let b2 = (squares - means).max(simd.set(0.0)) + simd.set(C2);
+                let over = one / (b1 * b2);
+                let (over1, over2) = (over * b2, over * b1);
+                let s = a1 * a2 * over;
+                (two * (my * (a2 - a1)).mul_add(over, -(mx * s * (over1 - over2))))
+                    .store_slice(&mut mean[at..at + S::N]);
+                (-(s * over2)).store_slice(&mut square[at..at + S::N]);
+                (two * a1 * over).store_slice(&mut product[at..at + S::N]);
+                if seen == 0 && at + S::N <= line && counts.is_none() {
+                    total += s;
+                } else {
+                    let mut values = [0.0; WIDEST];
+                    s.store_slice(&mut values[..S::N]);
+                    let inside = line.saturating_sub(at).min(S::N);
+                    if let Some(counts) = counts {
+                        let counts = &counts[row * line / CHANNELS..];
+                        for (i, value) in values[..inside].iter_mut().enumerate() {
+                            *value *= counts[(at + i) / CHANNELS];
+                        }
+                    }
+                    *sum += values[seen.min(inside)..inside].iter().map(|v| f64::from(*v)).sum::<f64>();
+                }
+            }
+            let mut values = [0.0; WIDEST];
+            total.store_slice(&mut values[..S::N]);
+            *sum += values[..S::N].iter().map(|v| f64::from(*v)).sum::<f64>();
+            // Beyond the picture nothing is compared.
+            for part in [mean, square, product] {
+                part[line..].fill(0.0);
+            }
+        }
+    }
+
+    /// Adds the derivative of the rows from `first` on, [`TOGETHER`] of them or as many as `gradient` has.
+    #[inline(always)]
+    fn gradient<S: Lanes>(
+        &mut self,
+        simd: S,
+        pictures: Pictures<'_>,
+        first: usize,
+        scale: f32,
+        gradient: &mut [f32],
+    ) {
+        let Pictures { x, y, line, wide, rows, .. } = pictures;
+        let padded = wide + 2 * MARGIN;
+        let slopes = &self.slopes;
+        let nothing = [&self.zeros[..]; 3];
+        let reached: [[&[f32]; 3]; REACHED] =
+            std::array::from_fn(|i| match (first + i).checked_sub(RADIUS) {
+                Some(at) if at < rows => {
+                    std::array::from_fn(|k| &slopes[(at % KEPT * 3 + k) * wide..][..wide])
+                }
+                _ => nothing,
+            });
+        let mut column = [[simd.set(0.0); 3]; REACHED];
+        for (at, _) in groups(wide, S::N) {
+            for (column, rows) in column.iter_mut().zip(&reached) {
+                for (value, row) in column.iter_mut().zip(rows) {
+                    *value = simd.load(&row[at..]);
+                }
+            }
+            let sums = down(simd, &column);
+            for (row, sums) in sums.iter().enumerate() {
+                for (k, sum) in sums.iter().enumerate() {
+                    sum.store_slice(&mut self.columns[(4 * row + k) * padded + MARGIN + at..][..S::N]);
+                }
+            }
+        }
+        let (scale, two) = (simd.set(scale), simd.set(2.0));
+        let columns = self.columns.chunks_exact(4 * padded);
+        for ((row, columns), gradient) in (first..).zip(columns).zip(gradient.chunks_exact_mut(line)) {
+            let (x, y) = (&x[row * wide..], &y[row * wide..]);
+            for (at, seen) in groups(wide, S::N) {
+                let [mean, square, product] = along(simd, columns, padded, at);
+                let (x, y) = (simd.load(&x[at..]), simd.load(&y[at..]));
+                let slope = scale * (two * x).mul_add(square, y.mul_add(product, mean));
+                if seen == 0 && at + S::N <= line {
+                    let gradient = &mut gradient[at..at + S::N];
+                    (simd.load(gradient) + slope).store_slice(gradient);
+                } else {
+                    let mut added = [0.0; WIDEST];
+                    slope.store_slice(&mut added[..S::N]);
+                    for (gradient, added) in gradient[at..].iter_mut().zip(&added[..S::N]).skip(seen) {
+                        *gradient += added;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The windows down the rows of N quantities, for each of the rows together.
+#[inline(always)]
+fn down<S: Lanes, const N: usize>(simd: S, column: &[[S::F; N]; REACHED]) -> [[S::F; N]; TOGETHER] {
+    let mut sums = [[simd.set(0.0); N]; TOGETHER];
+    for (row, sums) in sums.iter_mut().enumerate() {
+        for (weight, values) in WINDOW.iter().zip(&column[row..row + TAPS]) {
+            for (sum, value) in sums.iter_mut().zip(values) {
+                *sum = simd.set(*weight).mul_add(*value, *sum);
+            }
+        }
+    }
+    sums
+}
+
+/// The windows along the first N rows of `columns` for the vector at `at`.
+#[inline(always)]
+fn along<S: Lanes, const N: usize>(simd: S, columns: &[f32], padded: usize, at: usize) -> [S::F; N] {
+    let mut sums = [simd.set(0.0); N];
+    let from = MARGIN - REACH + at;
+    for (k, sum) in sums.iter_mut().enumerate() {
+        let row = &columns[k * padded + from..][..2 * REACH + S::N];
+        for (tap, weight) in WINDOW.iter().enumerate() {
+            *sum = simd.set(*weight).mul_add(simd.load(&row[CHANNELS * tap..]), *sum);
+        }
+    }
+    sums
+}

@@ -1,0 +1,189 @@
+//! The observer of `reconstruct`: draws progress, prints, writes previews and feeds the page in a browser.
+
+use super::ReconstructArgs;
+use super::watch::Watch;
+use crate::interrupt;
+use crate::progress;
+use indicatif::ProgressBar;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use wm_media::{Size, color::Dither, png};
+use wm_scene::Camera;
+use wm_train::StepTimes;
+use wm_train::colmap;
+use wm_train::session::{
+    HeldOutScores, ImageMoment, ObserverError, Preparation, StepProgress, StepSummary, TrainImage,
+    TrainNotice, TrainObserver, TrainReport, TrainStart, TrainWarning,
+};
+
+/// Shows a training on the terminal, in the run folder and in a browser.
+pub struct Console<'a> {
+    args: &'a ReconstructArgs,
+    folder: PathBuf,
+    colmap: Option<colmap::ColmapStep>,
+    bar: Option<ProgressBar>,
+    watch: Option<Watch>,
+    splats: usize,
+}
+
+impl<'a> Console<'a> {
+    pub fn new(args: &'a ReconstructArgs, folder: &Path) -> Self {
+        Self { args, folder: folder.to_owned(), colmap: None, bar: None, watch: None, splats: 0 }
+    }
+
+    /// Takes the progress bar away.
+    pub fn clear(&mut self) {
+        if let Some(bar) = self.bar.take() {
+            bar.finish_and_clear();
+        }
+    }
+
+    /// Tells the page in the browser that the training is done.
+    pub fn end(&self, out: &Path) {
+        if let Some(watch) = &self.watch {
+            watch.end(format!("Done: {}, {} splats", out.display(), self.splats));
+        }
+    }
+}
+
+impl TrainObserver for Console<'_> {
+    fn proceed(&mut self) -> ControlFlow<()> {
+        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn on_warning(&mut self, warning: &TrainWarning) {
+        match warning {
+            TrainWarning::ManyPhotos { photos, most } => eprintln!(
+                "geometry: {photos} photos are more than depth is estimated for by default ({most}); --priors photos \
+                 does it, in about a second a photo, or `weather-magician priors` once for all trainings"
+            ),
+            warning => eprintln!("warning: {warning}"),
+        }
+    }
+
+    fn on_notice(&mut self, notice: &TrainNotice) {
+        match notice {
+            TrainNotice::Registered { registered, photos } => {
+                eprintln!("colmap: the cameras of {registered} of {photos} photos were found");
+            }
+            TrainNotice::PriorsMade(summary) => {
+                self.clear();
+                eprintln!("geometry: {summary}");
+            }
+            TrainNotice::PriorsIncomplete { folder, found, photos } => {
+                eprintln!("{}: {found} of {photos} photos have priors", folder.display());
+            }
+            TrainNotice::Resumed { folder, step } => {
+                eprintln!("{}: going on after step {step}", folder.display());
+            }
+            TrainNotice::NoScaleFromHeight(reason) => {
+                eprintln!("scale: none from the height of the cameras: {reason}");
+            }
+            TrainNotice::Scale { metres_per_unit, source } => {
+                eprintln!("scale: {metres_per_unit:.4} m per unit, from {source}");
+            }
+        }
+    }
+
+    fn on_preparation(&mut self, preparation: &Preparation) {
+        match preparation {
+            Preparation::Colmap(progress) => {
+                if self.colmap.replace(progress.step) != Some(progress.step) {
+                    eprintln!("colmap: {}", progress.step.name());
+                }
+            }
+            Preparation::Priors { done, total } => {
+                let bar = self.bar.get_or_insert_with(|| progress::bar(*total as u64, "passes of stereo"));
+                bar.set_position(*done as u64);
+            }
+        }
+    }
+
+    fn on_start(&mut self, start: &TrainStart<'_>) -> Result<(), ObserverError> {
+        self.clear();
+        let dataset = self.args.dataset.display().to_string();
+        self.watch = Some(Watch::new(&self.args.watch, dataset, start.photo, start.steps, start.extent)?);
+        let bar = progress::bar(u64::from(start.steps), "steps");
+        bar.set_position(u64::from(start.step));
+        bar.reset_eta();
+        self.bar = Some(bar);
+        Ok(())
+    }
+
+    fn on_step(&mut self, progress: &StepProgress) {
+        self.splats = progress.splats;
+        if let Some(bar) = &self.bar {
+            bar.set_position(u64::from(progress.step));
+        }
+        if let Some(watch) = &self.watch {
+            watch.step(progress.step, progress.splats);
+        }
+    }
+
+    fn on_summary(&mut self, summary: &StepSummary) {
+        let StepSummary { step, loss, splats, held_out_psnr, .. } = summary;
+        if let Some(watch) = &self.watch {
+            watch.loss(*step, *loss);
+        }
+        if let Some(bar) = &self.bar {
+            let held_out = held_out_psnr.map_or_else(String::new, |psnr| format!(", held-out {psnr:.2} dB"));
+            bar.set_message(format!("loss {loss:.4}, {splats} splats{held_out}"));
+        }
+    }
+
+    fn on_evaluation(&mut self, scores: &HeldOutScores) {
+        if let (Some(watch), Some(mean)) = (&self.watch, scores.mean()) {
+            watch.held_out(scores.step, mean.psnr);
+        }
+    }
+
+    fn wants_image(&mut self, moment: ImageMoment, photo: &Camera) -> Option<Camera> {
+        match moment {
+            ImageMoment::Step => self.watch.as_ref()?.wants(photo),
+            ImageMoment::Milestone => Some(*photo),
+        }
+    }
+
+    fn on_image(&mut self, image: &TrainImage<'_>) -> Result<(), ObserverError> {
+        match (image.moment, &self.watch) {
+            (ImageMoment::Step, Some(watch)) => watch.picture(image.step, image.frame, image.psnr)?,
+            (ImageMoment::Step, None) => {}
+            (ImageMoment::Milestone, _) => {
+                let path = self.folder.join(format!("preview-{:06}.png", image.step));
+                let tags = [("photo".to_owned(), image.photo.to_owned())];
+                let size = Size::new(image.camera.width, image.camera.height);
+                png::write_rgb(&path, &image.frame.rgb, size, Dither::Ordered, &tags)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn on_finish(&mut self, report: &TrainReport) {
+        self.clear();
+        if report.steps > 0 {
+            let ms = |part: f64| part * 1e3 / f64::from(report.steps);
+            let StepTimes { forward, loss, backward, own, optimizer, densify } = report.times;
+            println!(
+                "{} steps in {:.1} s on {}, {:.1} ms each: forward {:.1}, loss {:.1}, backward {:.1}, renders of terms {:.1}, \
+                 optimiser {:.1}, densify {:.1}, photos and the rest {:.1}",
+                report.steps,
+                report.seconds,
+                report.backend,
+                ms(report.seconds),
+                ms(forward),
+                ms(loss),
+                ms(backward),
+                ms(own),
+                ms(optimizer),
+                ms(densify),
+                ms(report.seconds - report.times.total()),
+            );
+        }
+        for (photo, score) in &report.held_out.photos {
+            println!("held-out {photo}: {score}");
+        }
+        if let Some(mean) = report.held_out.mean() {
+            println!("held-out mean of {}: {mean}", report.held_out.photos.len());
+        }
+    }
+}
