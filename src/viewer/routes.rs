@@ -20,7 +20,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use tokio::sync::oneshot;
-use wm_scene::View as Photo;
+use wm_scene::SceneView as Photo;
 use wm_weather::Weather;
 
 type Shared = State<Arc<Room>>;

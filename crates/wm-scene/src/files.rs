@@ -30,7 +30,7 @@ pub enum WriteFault {
     #[error("cannot be written: it is a folder; name a file in it")]
     IsFolder,
     /// A device, pipe or socket is in the place of the file: it cannot be replaced by renaming.
-    #[error("cannot be written: it is no regular file; choose another name")]
+    #[error("cannot be written: it is not a regular file; choose another name")]
     NotRegular,
     /// There is a file that its owner protected.
     #[error("cannot be written: it is write-protected; choose another name")]
@@ -73,10 +73,11 @@ pub fn write_atomically(
     write_whole(path, |f| fault(f.into()), |out| write(out).map_err(fault))
 }
 
-/// [`write_atomically`] with errors of another type, which `fault` makes of what the system refuses.
+/// Writes a file whole or not at all, as [`write_atomically`] does, with errors of another type; `fault` converts
+/// those of the system.
 ///
 /// # Errors
-/// As there.
+/// Those of `write`, and those of the system; then `path` is as it was.
 pub fn write_whole<E>(
     path: &Path,
     fault: impl Fn(WriteFault) -> E,
@@ -90,10 +91,10 @@ pub fn write_whole<E>(
     temporary.persist().map_err(&fault)
 }
 
-/// Whether `path` can be written, for who wants to know before long work.
+/// Checks that `path` can be written, before long work.
 ///
 /// # Errors
-/// What [`TempFile::beside`] meets.
+/// [`FormatError`] if no file can be made beside it, or it is not a regular file.
 pub fn check_writable(path: &Path) -> Result<(), FormatError> {
     TempFile::beside(path).map(drop).map_err(|fault| FormatError::whole(path, fault.into()))
 }
@@ -169,7 +170,7 @@ impl TempFile {
         self.file.as_ref().expect("open until it is closed, renamed or dropped")
     }
 
-    /// Where it lies now, for another program to write into.
+    /// Its present path, for another program to write to.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.path.as_deref().expect("there until it is renamed or dropped")
@@ -192,7 +193,7 @@ impl TempFile {
     /// [`TempFile::persist`] for an owner that is dropped itself; only once.
     ///
     /// # Errors
-    /// As there.
+    /// The system's refusals; the temporary file is removed then.
     pub fn rename(&mut self) -> Result<(), WriteFault> {
         self.file = None;
         let mut pending = pending();
@@ -349,6 +350,6 @@ mod tests {
         assert_eq!(fs::read_to_string(&real).unwrap(), "new");
         assert!(link.is_symlink());
         let error = write_atomically(Path::new("/dev/null"), |_| Ok(())).unwrap_err().to_string();
-        assert_eq!(error, "/dev/null: cannot be written: it is no regular file; choose another name");
+        assert_eq!(error, "/dev/null: cannot be written: it is not a regular file; choose another name");
     }
 }

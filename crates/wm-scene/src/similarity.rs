@@ -15,7 +15,7 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// What changes nothing.
+    /// The identity.
     pub const IDENTITY: Self = Self { scale: 1.0, rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
 
     /// The rotation that takes the unit vector `from` to `to` by the shortest way.
@@ -85,7 +85,7 @@ impl Similarity {
     }
 }
 
-/// How a rotation mixes SH coefficients, `[new][old]`; between degrees it is 0.
+/// The matrix by which a rotation mixes SH coefficients, `[new][old]`; between degrees it is 0.
 ///
 /// The rotated function is f(R' d), whose coefficients are integrals over the sphere of basis j times the turned basis k: polynomials of
 /// degree 6, which four Gauss-Legendre nodes in z and eight even ones around integrate exactly.

@@ -26,7 +26,7 @@ use wm_scene::{
     random::uniform,
 };
 
-/// Where the photos are taken from.
+/// The positions from which the photos are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CameraRoute {
     /// Forward along the street, in three lanes in turn: a single line of cameras that look where they go
@@ -37,22 +37,22 @@ pub enum CameraRoute {
     Orbit,
 }
 
-/// Whether exact depth, normals and sky are written too.
+/// The choice whether exact depth, normals and sky are written too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GroundTruth {
-    /// They are.
+    /// Writes them.
     #[default]
     Write,
-    /// They are not.
+    /// Omits them.
     Omit,
 }
 
-/// What is made.
+/// The options of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DatasetOptions {
-    /// Where the photos are taken from.
+    /// The positions from which the photos are taken.
     pub route: CameraRoute,
-    /// How many, 1 and above.
+    /// The number of photos, 1 and above.
     pub count: u32,
     /// Their width and height, px.
     pub size: (u32, u32),
@@ -60,9 +60,9 @@ pub struct DatasetOptions {
     pub samples: u32,
     /// Most points.
     pub points: u32,
-    /// How the model is stored.
+    /// The encoding of the COLMAP model.
     pub storage: ColmapStorage,
-    /// Whether the truth is written too.
+    /// The ground truth that is written too.
     pub truth: GroundTruth,
 }
 
@@ -202,7 +202,7 @@ fn points(street: &Street, cameras: &[Camera], most: usize) -> (SparsePoints, Ve
     (points, observations)
 }
 
-/// Where a camera sees a point, px; `None` if it does not.
+/// The position at which a camera sees a point, px; `None` if it does not.
 fn seen_at(street: &Street, camera: &Camera, point: DVec3) -> Option<[f32; 2]> {
     let (x, y, _) = camera.project(point)?;
     let is_inside = x > 0.0 && y > 0.0 && x < f64::from(camera.width) && y < f64::from(camera.height);

@@ -20,7 +20,7 @@ use wm_scene::splats::Splat;
 const ANGLE: f64 = 0.0068;
 /// The finest cell at detail 1, m.
 const FINEST: f64 = 0.03;
-/// Where the walk along the street begins and ends, and its height, m.
+/// The ends of the walk along the street, and its height, m.
 const WALK: (f64, f64, f64) = (-2.0, 36.0, 1.6);
 /// Splats of the sky at detail 1.
 const SKY: f64 = 16_000.0;
@@ -42,7 +42,7 @@ pub(super) struct Patch {
     pub reserve: f32,
 }
 
-/// What a cell becomes.
+/// The form of the Gaussian of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cell {
     /// A disc on the surface.
@@ -88,7 +88,7 @@ impl SplatSampling<'_> {
         self.surface + self.sky
     }
 
-    /// Whether there is no index at all.
+    /// Returns true if there is no index at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -181,7 +181,7 @@ impl SplatSampling<'_> {
 }
 
 impl Street {
-    /// Whether any part of a patch is seen from the walk.
+    /// Returns true if any part of a patch is seen from the walk.
     fn is_seen(&self, patch: &Patch) -> bool {
         let shape = &self.primitives[patch.which as usize].shape;
         let (low, size) = (patch.low.map(f64::from), patch.size.map(f64::from));
@@ -201,17 +201,17 @@ impl Street {
     }
 }
 
-/// How far apart splats may be at a spot.
+/// The largest distances between splats at a spot.
 struct Gap {
     /// Cell size across the view, m.
     size: f64,
-    /// How far the spot is from where it is looked at, m.
+    /// The distance of the spot from its viewer, m.
     distance: f64,
     /// From the viewer to the spot, length 1.
     direction: DVec3,
     /// Least foreshortening that is made use of.
     least: f64,
-    /// Whether the whole walk lies behind the surface.
+    /// True if the whole walk lies behind the surface.
     away: bool,
 }
 

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub const FORMAT: CaptureFormat =
     CaptureFormat { name: "Bundler", about: "bundle.out of Bundler with its list of photos", read };
 
-/// Where the file may lie in a data set.
+/// The paths of the file within a data set, in the order in which they are tried.
 const FILES: [&str; 3] = ["bundle.out", "bundle/bundle.out", "bundle.rd.out"];
 /// The list of photos, beside it or in the data set.
 const LISTS: [&str; 3] = ["list.txt", "bundle.list.txt", "bundle.out.list.txt"];

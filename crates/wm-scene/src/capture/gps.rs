@@ -35,7 +35,7 @@ pub struct GpsScale {
 /// Cameras within this extent say nothing: it is the error of a good receiver, m.
 const MIN_EXTENT: f64 = 10.0;
 
-/// How many times the residual the extent must be.
+/// The least ratio of the extent to the residual.
 const MIN_RATIO: f64 = 4.0;
 
 /// Triples that are tried.

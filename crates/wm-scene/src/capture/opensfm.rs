@@ -23,7 +23,7 @@ use std::{
 pub const FORMAT: CaptureFormat =
     CaptureFormat { name: "OpenSfM", about: "reconstruction.json of OpenSfM or OpenDroneMap", read };
 
-/// Where the file may lie in a data set.
+/// The paths of the file within a data set, in the order in which they are tried.
 const FILES: [&str; 2] = ["reconstruction.json", "opensfm/reconstruction.json"];
 
 #[derive(Deserialize)]
@@ -102,7 +102,7 @@ impl Lens {
     }
 }
 
-/// What to do about a lens that is not read.
+/// The advice for a lens that is not read.
 const UNDISTORT: &str = "run `opensfm undistort` and give its folder, or reconstruct with the camera model radial";
 
 fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {

@@ -1,10 +1,10 @@
-//! Where data sets keep their photos and masks.
+//! The folders in which data sets keep their photos and masks.
 
 use super::{CaptureOptions, CaptureView};
 use crate::{FormatError, Problem};
 use std::path::{Path, PathBuf};
 
-/// Where photos usually lie in a data set, the likeliest first; the last is the data set itself.
+/// The usual folders of photos in a data set, the likeliest first; the last is the data set itself.
 const IMAGES: [&str; 8] = ["images", "input", "rgb", "images_2", "images_4", "images_8", "photos", ""];
 
 /// Extensions that a photo or a mask may have instead of the one in its name.

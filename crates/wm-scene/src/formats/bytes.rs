@@ -8,7 +8,7 @@ use std::io::{self, Read};
 #[derive(Clone, Copy, Debug)]
 pub struct Bytes<'a> {
     left: &'a [u8],
-    /// What it is a part of, for messages.
+    /// The name of the part of the file, for messages.
     what: &'static str,
 }
 
@@ -67,7 +67,7 @@ pub fn floats<const N: usize>(row: &[u8]) -> [f32; N] {
     std::array::from_fn(|_| numbers.next().unwrap_or_default())
 }
 
-/// What is in a gzip, member after member.
+/// A reader of a gzip file, member after member.
 pub struct Gunzip<'a>(inflate::Reader<&'a [u8]>);
 
 impl<'a> Gunzip<'a> {

@@ -68,7 +68,7 @@ pub fn read_views(folder: &Path) -> Result<Vec<SceneView>, FormatError> {
     read_cameras(&folder.join("cameras.json"))
 }
 
-/// Where the views of a scene file lie: beside it, `<scene file>.cameras.json`.
+/// The path of the views of a scene file, beside it: `<scene file>.cameras.json`.
 #[must_use]
 pub fn cameras_path(scene_file: &Path) -> PathBuf {
     let mut name = scene_file.as_os_str().to_owned();
@@ -152,7 +152,7 @@ fn pixels<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
     if number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number) {
         return Ok(number as u32);
     }
-    Err(D::Error::custom(format!("{number} is no number of pixels")))
+    Err(D::Error::custom(format!("{number} is not a number of pixels")))
 }
 
 impl TryFrom<Raw> for Entry {

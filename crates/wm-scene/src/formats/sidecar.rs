@@ -15,7 +15,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Where the metadata beside a scene file lies.
+/// The path of the metadata beside a scene file.
 #[must_use]
 pub fn sidecar_path(scene_file: &Path) -> PathBuf {
     let mut name = scene_file.as_os_str().to_owned();

@@ -1,4 +1,4 @@
-//! What a bare splat file does not say of its place: up, ground, scale, the light of the air, its
+//! Facts about a place that a bare splat file does not state: up, ground, scale, the light of the air, its
 //! middle and size, and which splats are the sky.
 //!
 //! For each value the best source wins: given by hand, the scene's own metadata, the photographed
@@ -25,7 +25,7 @@ use thiserror::Error;
 pub use airlight::{SkyPatch, airlight_of_sky};
 pub use sky::label_sky;
 
-/// What is known of a place.
+/// The facts about a place, each with its source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Survey {
     /// The direction against gravity, world axes, length 1.
@@ -34,7 +34,7 @@ pub struct Survey {
     pub ground: Sourced<f64>,
     /// Metres per scene unit; never estimated, 1 where nothing says it.
     pub metres_per_unit: Sourced<f64>,
-    /// What the scale is from, where the scene's metadata says the scale and that.
+    /// The origin of the scale, where the scene's metadata states both.
     pub scale_source: Option<String>,
     /// Mean radiance of the sky near the horizon, linear RGB, 1 = display white.
     pub airlight: Sourced<[f64; 3]>,
@@ -55,11 +55,11 @@ pub struct Survey {
 pub struct Sourced<T> {
     /// The value.
     pub value: T,
-    /// Where it is from.
+    /// Its source.
     pub source: FactSource,
 }
 
-/// Where a value is from, the best first.
+/// The source of a value, the best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FactSource {
     /// Given by hand.

@@ -30,7 +30,7 @@ impl Survey {
         ]
     }
 
-    /// What to warn of: the scale, if nothing says it.
+    /// A warning if nothing states the scale.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
         (self.metres_per_unit.source == FactSource::Assumed).then(|| {

@@ -127,7 +127,7 @@ impl Intrinsics {
     }
 }
 
-/// What to do about a lens that is not read.
+/// The advice for a lens that is not read.
 const UNDISTORT: &str = "undistort the photos with `colmap image_undistorter` and give its output";
 
 fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {

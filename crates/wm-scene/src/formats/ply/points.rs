@@ -56,7 +56,7 @@ fn read_points_from(source: &mut Source) -> Result<SparsePoints, FormatError> {
     Ok(points)
 }
 
-/// How colours are stored.
+/// The encoding of colours.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Color {
     None,
