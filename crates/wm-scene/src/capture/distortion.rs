@@ -54,6 +54,17 @@ impl Distortion {
         }
     }
 
+    /// The distortion that a file gives as k1, k2, p1, p2.
+    ///
+    /// # Errors
+    /// A message, if a coefficient is not finite.
+    pub(super) fn from_file(lens: [f64; 4]) -> Result<Self, String> {
+        match lens.iter().find(|v| !v.is_finite()) {
+            Some(bad) => Err(format!("a coefficient of its distortion is {bad}: must be finite")),
+            None => Ok(Self::of(lens)),
+        }
+    }
+
     /// k1, k2, p1, p2.
     #[must_use]
     pub fn coefficients(self) -> [f64; 4] {

@@ -95,10 +95,7 @@ impl Lens {
         };
         camera.check().map_err(|e| e.to_string())?;
         let lens = [self.k1, self.k2, self.p1, self.p2];
-        if let Some(bad) = lens.iter().find(|v| !v.is_finite()) {
-            return Err(format!("a coefficient of its distortion is {bad}: must be finite"));
-        }
-        Ok((camera, Distortion::of(lens)))
+        Ok((camera, Distortion::from_file(lens)?))
     }
 }
 

@@ -185,10 +185,8 @@ fn add_camera(
         near: Camera::DEFAULT_NEAR,
     };
     camera.check().map_err(|error| value(format!("camera {id}: {error}")))?;
-    if let Some(bad) = lens.iter().find(|v| !v.is_finite()) {
-        return Err(value(format!("camera {id}: a coefficient of its distortion is {bad}: must be finite")));
-    }
-    let intrinsics = Intrinsics { camera, distortion: Distortion::of(lens) };
+    let distortion = Distortion::from_file(lens).map_err(|what| value(format!("camera {id}: {what}")))?;
+    let intrinsics = Intrinsics { camera, distortion };
     if cameras.insert(id, intrinsics).is_some() {
         return Err(value(format!("camera {id} appears twice")));
     }
