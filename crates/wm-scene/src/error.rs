@@ -8,7 +8,7 @@ use std::{
 };
 use thiserror::Error;
 
-/// Why a scene, a sidecar or a capture was not read or written.
+/// The error of reading or writing a scene, a sidecar or a capture.
 ///
 /// Prints as one line: path, location, what is wrong, what to do.
 #[derive(Debug, Error)]
@@ -163,7 +163,7 @@ pub enum Problem {
         camera: u32,
         /// COLMAP's name of the model.
         model: String,
-        /// Why it cannot be used and what to do.
+        /// The reason why it cannot be used, and the remedy.
         advice: &'static str,
     },
     /// A capture file ends too early.
@@ -219,7 +219,7 @@ pub(crate) fn json_fault(path: &Path, error: &serde_json::Error, advice: &str) -
     }
     let place = Location::LineColumn(error.line() as u64, error.column() as u64);
     let message = one_line(&error.to_string());
-    // The place is said before the message.
+    // The place is printed before the message.
     let message = message.split(" at line ").next().unwrap_or_default();
     FormatError::at(path, place, Problem::Value(format!("{message}; {advice}")))
 }

@@ -20,7 +20,7 @@ use thiserror::Error;
 /// Buffer of a file that is written in small pieces, bytes.
 const BUFFER: usize = 1 << 18;
 
-/// Why a file cannot be written, and what to do; printed behind its path.
+/// The reason why a file cannot be written, and the remedy; printed after its path.
 #[derive(Debug, Error)]
 pub enum WriteFault {
     /// The folder to write into is not there.

@@ -3,12 +3,12 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// Facts about a scene that are written with it. Each may be missing: then it is estimated from the
-/// splats, given by hand, or assumed, by whoever needs it.
+/// Facts about a scene that are written with it. A fact that is missing is given by hand, estimated from
+/// the splats or assumed; see [`crate::survey`].
 ///
 /// In a PLY it is kept in comment lines `comment wm.<key> <value>`; for formats that have no room in
-/// a TOML file beside the scene, `<scene file>.wm.toml`, whose keys are the fields below. Where both
-/// are there, the TOML file wins key by key.
+/// a TOML file beside the scene, `<scene file>.wm.toml`, whose keys are the fields below. If both
+/// exist, the TOML file wins key by key.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Metadata {

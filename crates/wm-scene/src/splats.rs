@@ -26,7 +26,7 @@ pub struct Splats {
     pub groups: Vec<Group>,
 }
 
-/// Why arrays do not make a set of splats.
+/// The reason why arrays do not make a set of splats.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum SplatsError {
     /// An array has another length than `means`.

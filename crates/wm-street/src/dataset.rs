@@ -118,10 +118,10 @@ pub fn cameras(options: &DatasetOptions) -> Result<Vec<Camera>, CameraError> {
     (0..count).map(camera).collect()
 }
 
-/// Writes a data set to a folder, which is made if it is not there, and gives it as it is read.
+/// Writes a data set to a folder, which is created if needed, and returns the capture that it holds.
 ///
-/// `progress` is told the number of photos that are done, and says whether to go on: `None` if not. Rows are
-/// drawn on all threads.
+/// `progress` receives the number of finished photos and returns false to stop; then the result is `None`. Rows
+/// are cast on all threads.
 ///
 /// # Errors
 /// [`FormatError`] if a file cannot be written or the size makes no camera.

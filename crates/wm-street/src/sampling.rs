@@ -11,10 +11,11 @@
 use super::Street;
 use super::shape::{Shape, Spot};
 use glam::DVec3;
+use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::ops::Range;
-use wm_scene::Splats;
 use wm_scene::splats::Splat;
+use wm_scene::{Scene, Splats};
 
 /// Size of a cell per metre of distance, at detail 1.
 const ANGLE: f64 = 0.0068;
@@ -22,6 +23,8 @@ const ANGLE: f64 = 0.0068;
 const FINEST: f64 = 0.03;
 /// The ends of the walk along the street, and its height, m.
 const WALK: (f64, f64, f64) = (-2.0, 36.0, 1.6);
+/// Splats that a thread makes at a time: enough to be worth the hand-over, few enough to stop soon.
+const CHUNK: usize = 2048;
 /// Splats of the sky at detail 1.
 const SKY: f64 = 16_000.0;
 /// A rectangle of a primitive's surface, cut into `nu` x `nv` cells.
@@ -102,6 +105,28 @@ impl SplatSampling<'_> {
         }
         let patch = &self.patches[self.patches.partition_point(|patch| patch.first <= index) - 1];
         self.surface_splat(patch, index - patch.first)
+    }
+
+    /// The street as a scene, with its metadata. The splats are made on all threads of the current rayon
+    /// pool, and are the same for any number of them.
+    ///
+    /// `progress` receives the number of indices that were finished since its last call, and returns false
+    /// to stop; then the result is `None`.
+    #[must_use]
+    pub fn scene(&self, progress: &(dyn Fn(usize) -> bool + Sync)) -> Option<Scene> {
+        let chunks = (0..self.len().div_ceil(CHUNK)).into_par_iter();
+        let parts: Option<Vec<Vec<Splat>>> = chunks
+            .map(|chunk| {
+                let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(self.len());
+                let count = range.len();
+                let part = range.filter_map(|index| self.splat(index)).collect();
+                progress(count).then_some(part)
+            })
+            .collect();
+        let parts = parts?;
+        let mut splats = Splats::with_capacity(parts.iter().map(Vec::len).sum(), 0);
+        parts.iter().flatten().for_each(|splat| splats.push(splat));
+        Some(Scene { splats, metadata: self.street.metadata(), views: Vec::new() })
     }
 
     /// The splats of `range` (cut off at [`Self::len`]), SH degree 0.

@@ -29,7 +29,7 @@ impl Outline {
         }
     }
 
-    /// The part of the unit square that is there.
+    /// The area of the covered part of the unit square.
     fn area(self) -> f64 {
         match self {
             Self::Parallelogram => 1.0,

@@ -32,7 +32,7 @@ pub struct GpsScale {
     pub photos: usize,
 }
 
-/// Cameras within this extent say nothing: it is the error of a good receiver, m.
+/// The least extent of the cameras, m: the error of a good receiver.
 const MIN_EXTENT: f64 = 10.0;
 
 /// The least ratio of the extent to the residual.

@@ -9,10 +9,10 @@
 //! A row of window sills or the lower edge of what is seen of a wall is such a height too. So a point
 //! only counts as ground if it was seen past: lines of sight to things behind it run low over it, which
 //! none does through a wall. And where the cameras may have lain on their side (COLMAP keeps photos as
-//! they are stored), a wall may be taken for the ground: nothing is said where another side is as near.
+//! they are stored), a wall may be taken for the ground: there is no result where another side is as near.
 //!
-//! It is right or says nothing: every limit below is a reason to say nothing. It cannot tell a person
-//! from a drone that flies level and looks ahead.
+//! A result is reliable or absent: every limit below is a reason for no result. The method cannot tell
+//! a person from a drone that flies level and looks ahead.
 
 use super::Capture;
 use crate::survey::linear::{horizontals, outer, quantile};
@@ -22,7 +22,7 @@ use thiserror::Error;
 /// Height above the ground at which people hold cameras, m: that of the eyes of an adult.
 pub const HELD_AT: f64 = 1.6;
 
-/// Fewest cameras; a plane through three says nothing of how flat the path is.
+/// Fewest cameras; a plane through three does not tell how flat the path is.
 const MIN_CAMERAS: usize = 5;
 /// Median of the pitch up or down, degrees: facades are taken from below at some 12, what looks down more
 /// than this is a drone, or walks around a thing.
@@ -86,7 +86,7 @@ pub struct CaptureGround {
     pub points: usize,
 }
 
-/// Why nothing is said.
+/// The reason why no ground is found.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum CaptureGroundError {
     /// Too few cameras, or all in one place.
@@ -112,7 +112,7 @@ pub enum CaptureGroundError {
     Sides,
 }
 
-/// A camera as far as it is needed; one on its side has `right` and `up` exchanged.
+/// The pose of a camera; one on its side has `right` and `up` exchanged.
 #[derive(Clone, Copy)]
 struct Pose {
     center: DVec3,

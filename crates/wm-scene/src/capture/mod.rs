@@ -1,9 +1,9 @@
 //! Captures: photographed views from a folder, one module a format, one line a format in the list
 //! below.
 //!
-//! A format looks whether a folder is one of its own and gives a [`Capture`]: cameras with OpenCV
-//! axes, the distortion of their lenses, the points of the reconstruction, and where the photos lie.
-//! The photos themselves are not opened, but where a format does not say how large they are. To add
+//! A format recognises its folders and reads a [`Capture`] from them: cameras with OpenCV axes, the
+//! distortion of their lenses, the points of the reconstruction, and the folder of the photos. The
+//! photos are opened only where a format does not state their size. To add
 //! a format: a module with a `FORMAT`, and its name in the list.
 
 mod distortion;

@@ -13,7 +13,7 @@ pub struct Bytes<'a> {
 }
 
 impl<'a> Bytes<'a> {
-    /// `what` is said in messages about its end.
+    /// `what` names the part in messages about its end.
     pub fn new(bytes: &'a [u8], what: &'static str) -> Self {
         Self { left: bytes, what }
     }

@@ -2,7 +2,7 @@
 //!
 //! In SOG, `lod-meta.json` or `meta.json` is the scene file. Of a training,
 //! `point_cloud/iteration_<n>/point_cloud.ply` are the splats, of which the highest n counts, and
-//! `cameras.json` are the photographed views, if it is there.
+//! `cameras.json` holds the photographed views, if it exists.
 
 use crate::{
     Camera, FormatError, Problem, SceneView,

@@ -1,10 +1,10 @@
 //! Scene files: one module a format, one line a format in the list below.
 //!
-//! A format is told by the first bytes of a file, and by its name where it has no mark of its own; when writing, by the
-//! name alone. A format converts activations and quantisation itself and says which [`Axes`] it has, so that a [`Scene`] is the same
+//! Readers recognise a format by the first bytes of a file, and by its name where it has no mark of its own; writers
+//! choose it by the name alone. A format converts activations and quantisation itself and says which [`Axes`] it has, so that a [`Scene`] is the same
 //! whatever it came from. To add one: a module with a `FORMAT`, and its name in the list.
 //!
-//! What a format cannot hold it says in [`SceneFormat::loses`]; metadata for which it has no room is put beside it.
+//! [`SceneFormat::loses`] states the losses of a format; metadata for which it has no room is put beside it.
 //!
 //! A scene may also be a folder that a 3DGS training wrote, or of SOG images ([`folder`]), and any scene file may have
 //! a TOML file of metadata beside it ([`sidecar`]) and the photographed views in a JSON file.

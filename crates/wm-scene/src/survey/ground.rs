@@ -152,7 +152,7 @@ pub fn plane(sample: &SurveySample, up: DVec3, height: f64) -> Option<DVec3> {
         let mean = sum / weights;
         let [(thin, axis), (narrow, _), _] = eigen(moments * (1.0 / weights) - outer(mean, 1.0));
         let wide = narrow.sqrt();
-        // A strip says nothing of the slope across it.
+        // A strip does not determine the slope across it.
         if wide < 0.08 * sample.radius || thin.sqrt() > 0.1 * wide {
             return None;
         }

@@ -2,8 +2,8 @@
 //! middle and size, and which splats are the sky.
 //!
 //! For each value the best source wins: given by hand, the scene's own metadata, the photographed
-//! views, an estimate from the splats, and in the end an assumption. Which one it was is kept with the
-//! value. All estimates are of a sample of the splats, without threads and without chance.
+//! views, an estimate from the splats, and last an assumption. The source is kept with the value. All
+//! estimates come from a fixed sample of the splats, so they are the same every time.
 
 mod airlight;
 mod ground;
@@ -32,7 +32,7 @@ pub struct Survey {
     pub up: Sourced<DVec3>,
     /// Height of the ground along `up`, scene units, near the middle of the scene.
     pub ground: Sourced<f64>,
-    /// Metres per scene unit; never estimated, 1 where nothing says it.
+    /// Metres per scene unit; never estimated, 1 if no source states it.
     pub metres_per_unit: Sourced<f64>,
     /// The origin of the scale, where the scene's metadata states both.
     pub scale_source: Option<String>,
@@ -70,7 +70,7 @@ pub enum FactSource {
     Cameras,
     /// Estimated from the splats.
     Estimated,
-    /// Nothing says it.
+    /// Assumed, because no source states it.
     Assumed,
 }
 
@@ -101,9 +101,9 @@ impl<T> Sourced<T> {
 const SAME_UP: f64 = 0.999_85;
 
 impl Survey {
-    /// Finds out what there is to know of a scene; what is `given` is believed.
+    /// Surveys a scene; the values in `given` take precedence.
     ///
-    /// Values that [`Metadata::fault`] refuses are as good as missing. About 80 ms for 850,000 splats
+    /// Values that [`Metadata::fault`] refuses are ignored. About 80 ms for 850,000 splats
     /// on one core.
     #[must_use]
     pub fn of(scene: &Scene, given: &Metadata) -> Self {
@@ -122,7 +122,7 @@ impl Survey {
             Sourced { value, source }
         });
         up.value = up.value.normalize();
-        // A height along another direction says nothing.
+        // A height along another direction is of no use.
         if file.up.is_some_and(|other| other.normalize().dot(up.value) < SAME_UP) {
             file.ground = None;
         }
@@ -176,7 +176,7 @@ impl Survey {
     }
 }
 
-/// Why two points and a distance give no scale.
+/// The reason why two points and a distance give no scale.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum ScaleError {
     /// The distance is no length.

@@ -53,7 +53,7 @@ impl Survey {
     }
 }
 
-/// A number with at most so many decimals, no trailing zeros, no -0.
+/// A number and the largest number of its decimals; prints without trailing zeros and without -0.
 struct Short(f64, usize);
 
 impl fmt::Display for Short {

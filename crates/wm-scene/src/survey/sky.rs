@@ -58,7 +58,7 @@ pub enum SkyRegion {
 }
 
 impl SkyRegion {
-    /// Looks for the sky. Groups that are there already are believed.
+    /// Looks for the sky. Groups that the file labels are kept.
     pub fn of(splats: &Splats) -> Self {
         if splats.groups.contains(&Group::Sky) { Self::Labelled } else { find(splats) }
     }

@@ -239,7 +239,7 @@ fn plain(path: &str) -> PathBuf {
     path.components().filter(|part| *part != Component::CurDir).collect()
 }
 
-/// The path of a photo, its first folder replaced by the one that was asked for.
+/// The path of a photo, its first folder replaced by that of the options.
 fn moved(path: &str, images: Option<&Path>) -> PathBuf {
     let path = plain(path);
     let Some(images) = images else { return path };

@@ -1,4 +1,4 @@
-//! PLY files of points: x y z and, if they are there, red green blue of each vertex.
+//! PLY files of points: x y z and, if present, red green blue of each vertex.
 
 use super::{
     PlyEncoding,
