@@ -129,7 +129,7 @@ pub enum Problem {
     ShCount(usize),
     /// Splats hold numbers that are not finite.
     #[error("{0}; export the scene again, or repair it, which leaves them out")]
-    NonFinite(NonFiniteSplats),
+    NonFinite(Box<NonFiniteSplats>),
     /// There is no splat.
     #[error("there are no splats in it; nothing can be shown")]
     NoSplats,
