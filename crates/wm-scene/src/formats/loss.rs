@@ -86,7 +86,7 @@ pub fn lost(loses: &Loses, scene: &Scene) -> Vec<String> {
     if count > 0 {
         let (least, most) = (least.exp(), most.exp());
         lines.push(format!(
-            "the size of {count} splats with an axis outside of {least:.1e} to {most:.0} units: another --scale may fit better"
+            "the size of {count} splats with an axis outside of {least:.1e} to {most:.0} units: another scale may fit better (--scale)"
         ));
     }
     if loses.order == Kept::Not {

@@ -36,7 +36,7 @@ impl Survey {
         (self.metres_per_unit.source == FactSource::Assumed).then(|| {
             format!(
                 "scale is not known: 1 unit is taken as 1 m, which makes the scene {} m; give \
-                 --metres-per-unit or --known-distance",
+                 the metres per unit or a known distance (--metres-per-unit, --known-distance)",
                 self.size()
             )
         })
