@@ -23,7 +23,7 @@ const BUFFER: usize = 1 << 18;
 /// The reason why a file cannot be written, and the remedy; printed after its path.
 #[derive(Debug, Error)]
 pub enum WriteFault {
-    /// The folder to write into is not there.
+    /// The folder to write into does not exist.
     #[error("cannot be written: the folder \"{}\" does not exist; create it first", .0.display())]
     NoFolder(PathBuf),
     /// A folder is in the place of the file.
@@ -99,16 +99,16 @@ pub fn check_writable(path: &Path) -> Result<(), FormatError> {
     TempFile::beside(path).map(drop).map_err(|fault| FormatError::whole(path, fault.into()))
 }
 
-/// Temporary files that are there now.
+/// The temporary files that exist now.
 static PENDING: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// The list stays right whatever panicked while it was held.
+/// Locks the list, which stays valid if a thread panicked while it held the lock.
 fn pending() -> MutexGuard<'static, Vec<PathBuf>> {
     PENDING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes every temporary file of this process, for who ends it at once: other threads wait from then
-/// on when they begin or complete a file.
+/// Removes every temporary file of this process before it is ended at once. From then on other threads
+/// wait when they begin or complete a file.
 pub fn abandon_temporaries() {
     let mut pending = pending();
     for path in pending.drain(..) {
@@ -127,12 +127,12 @@ pub struct TempFile {
     file: Option<File>,
     /// The name it is meant for, as it was given: what errors show.
     target: PathBuf,
-    /// The same behind symbolic links: what is renamed to.
+    /// The name behind symbolic links, to which the file is renamed.
     resolved: PathBuf,
 }
 
 impl TempFile {
-    /// Creates it.
+    /// Creates the file.
     ///
     /// # Errors
     /// `target` is a folder, a device or a pipe, or protected; its folder is missing or refuses; the
@@ -182,7 +182,7 @@ impl TempFile {
         &self.target
     }
 
-    /// Gives it its final name, replacing what was there.
+    /// Gives the file its final name, replacing an existing one.
     ///
     /// # Errors
     /// The system's refusals; the temporary file is removed then.

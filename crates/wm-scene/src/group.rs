@@ -1,4 +1,4 @@
-//! The small per-splat label that says what a splat is part of.
+//! The label of a splat: scene, sky or snow.
 
 use serde::{Deserialize, Serialize};
 

@@ -107,7 +107,7 @@ pub enum CaptureGroundError {
     /// The cameras' heights differ among neighbours.
     #[error("the photos were taken at too different heights")]
     Uneven,
-    /// On another side a surface is as near.
+    /// A surface on another side is as near.
     #[error("a surface to another side of the cameras is as near as the ground, so that it could be that")]
     Sides,
 }

@@ -14,7 +14,7 @@ use std::{
 /// The facts about a photo that its first bytes tell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotoHeader {
-    /// Of which format it is.
+    /// The format of the file.
     pub kind: PhotoKind,
     /// Width as stored, px.
     pub width: u32,
@@ -105,7 +105,7 @@ const MAX_PARTS: usize = 4096;
 /// Reads the header of a photo.
 ///
 /// # Errors
-/// [`FormatError`] if it cannot be read or is no JPEG or PNG.
+/// [`FormatError`] if it cannot be read or is not a JPEG or PNG.
 pub fn read_header(path: &Path) -> Result<PhotoHeader, FormatError> {
     let file = File::open(path).map_err(|e| FormatError::reading(path, e))?;
     if file.metadata().is_ok_and(|about| about.is_dir()) {
@@ -265,7 +265,7 @@ struct Tags {
     gps: Option<Gps>,
 }
 
-/// A TIFF structure in memory; offsets are from its start and none is believed.
+/// A TIFF structure in memory; offsets are from its start and are checked.
 struct Tiff<'a> {
     bytes: &'a [u8],
     is_little: bool,

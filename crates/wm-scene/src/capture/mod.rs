@@ -42,8 +42,8 @@ pub struct CaptureFormat {
     pub name: &'static str,
     /// A description in one line.
     pub about: &'static str,
-    /// The capture in a folder (or a file, for formats that are one); `None` if it is none of this
-    /// format.
+    /// The capture in a folder (or a file, for formats that are one); `None` if it is not of
+    /// this format.
     read: fn(&Path, &CaptureOptions, Want) -> Result<Option<Capture>, FormatError>,
 }
 
@@ -76,7 +76,7 @@ pub struct Capture {
     pub masks: Option<PathBuf>,
     /// `[V]`, sorted by name.
     pub views: Vec<CaptureView>,
-    /// The points of the reconstruction; none if there are none.
+    /// The points of the reconstruction; may be empty.
     pub points: SparsePoints,
     /// `[V]`: which points each photo shows and where; empty lists where that is not known.
     pub observations: Vec<Vec<Observation>>,
@@ -109,7 +109,7 @@ pub struct SparsePoints {
     pub colors: Vec<[u8; 3]>,
     /// Mean distance between where a point was seen and where it falls, px; NaN where not known.
     pub errors: Vec<f32>,
-    /// In how many photos a point was seen; 0 where not known.
+    /// The number of photos in which a point was seen; 0 where not known.
     pub track_lengths: Vec<u32>,
 }
 

@@ -63,7 +63,7 @@ pub fn scene_file(path: &Path) -> Result<PathBuf, FormatError> {
 /// some programs write.
 ///
 /// # Errors
-/// [`FormatError`] with line and column, if it is no JSON or a camera cannot be used.
+/// [`FormatError`] with line and column, if it is not JSON or a camera cannot be used.
 pub fn read_views(folder: &Path) -> Result<Vec<SceneView>, FormatError> {
     read_cameras(&folder.join("cameras.json"))
 }
@@ -109,7 +109,7 @@ fn entry(id: usize, view: &SceneView) -> serde_json::Value {
 /// The views of a `cameras.json`; none if it is not there.
 ///
 /// # Errors
-/// [`FormatError`] with line and column, if it is no JSON or a camera cannot be used.
+/// [`FormatError`] with line and column, if it is not JSON or a camera cannot be used.
 pub fn read_cameras(path: &Path) -> Result<Vec<SceneView>, FormatError> {
     let file = match File::open(path) {
         Ok(file) => file,

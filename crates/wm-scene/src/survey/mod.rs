@@ -50,7 +50,7 @@ pub struct Survey {
     pub sky_splats: usize,
 }
 
-/// A value and where it is from.
+/// A value and its source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sourced<T> {
     /// The value.
@@ -179,7 +179,7 @@ impl Survey {
 /// The reason why two points and a distance give no scale.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum ScaleError {
-    /// The distance is no length.
+    /// The distance is not finite and above 0.
     #[error("a known distance of {0} m gives no scale: it must be finite and above 0")]
     Metres(f64),
     /// A point is not finite, or both are the same.

@@ -44,7 +44,7 @@ const LEAST_MOMENT: f64 = 0.05;
 /// The region of the sky's splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SkyRegion {
-    /// There is none, or none that can be told.
+    /// No sky was found.
     None,
     /// The splats of the sky's group.
     Labelled,

@@ -14,7 +14,7 @@ const GREY: [u8; 3] = [128; 3];
 /// over. Colours of a float type are 0 to 1. Points that are not finite are left out.
 ///
 /// # Errors
-/// [`FormatError`] if the file is missing, cut off, or no PLY with points.
+/// [`FormatError`] if the file is missing, cut off, or not a PLY with points.
 pub fn read_points(path: &Path) -> Result<SparsePoints, FormatError> {
     read_points_from(&mut Source::open(path)?)
 }
