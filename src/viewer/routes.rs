@@ -20,7 +20,7 @@ use tokio::sync::oneshot;
 use weather_magician::view::Options;
 use weather_magician::view::spec::{CameraSpec, parse_size};
 use wm_media::video::FrameRate;
-use wm_scene::View as Photo;
+use wm_scene::SceneView as Photo;
 use wm_weather::Weather;
 
 type Shared = State<Arc<Room>>;

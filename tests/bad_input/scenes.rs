@@ -29,9 +29,9 @@ fn what_is_no_scene() {
             "a folder with no point_cloud/iteration_*/point_cloud.ply, meta.json or lod-meta.json in it; give",
         ),
         ("empty.ply", "the file is empty; copy or export it again"),
-        ("text.ply", "no PLY file, although its name says so: it begins with \"hello world\\n\"; convert"),
+        ("text.ply", "not a PLY file, although its name says so: it begins with \"hello world\\n\"; convert"),
         ("text.txt", "of none of the formats that are read (PLY, "),
-        ("picture.ply", "no PLY file, although its name says so: it begins with \"\\x89PNG"),
+        ("picture.ply", "not a PLY file, although its name says so: it begins with \"\\x89PNG"),
         ("page.ply", "download the file itself"),
     ] {
         both_refuse(&place, scene, &[says]);
@@ -64,9 +64,9 @@ fn promises_take_neither_memory_nor_time() {
         ("1000000000000", "cut off: the header promises 1000000000000 splats, at least"),
         (nine, "cut off: the header promises 9223372036854775808 splats, at least"),
         ("18446744073709551615", "cut off: the header promises 18446744073709551615 splats, at least"),
-        ("18446744073709551616", "line 3: \"18446744073709551616\" is no number of elements"),
-        ("-5", "line 3: \"-5\" is no number of elements"),
-        ("many", "line 3: \"many\" is no number of elements"),
+        ("18446744073709551616", "line 3: \"18446744073709551616\" is not a number of elements"),
+        ("-5", "line 3: \"-5\" is not a number of elements"),
+        ("many", "line 3: \"many\" is not a number of elements"),
     ] {
         let ply = Ply { count: count.into(), ..Ply::sound() }.bytes();
         let text = String::from_utf8_lossy(&ply[..600]).replace("binary_little_endian", "ascii");
@@ -106,7 +106,7 @@ fn properties_that_are_not_there() {
     both_refuse(&place, "a.ply", &["the property x is a list, not one number a splat"]);
     ply.properties[0] = "quaternion x".into();
     place.put("a.ply", ply.bytes());
-    both_refuse(&place, "a.ply", &["line 4: \"quaternion\" is no number type of PLY"]);
+    both_refuse(&place, "a.ply", &["line 4: \"quaternion\" is not a number type of PLY"]);
     for rest in [1, 7, 27, 46] {
         let mut ply = Ply::sound();
         ply.properties.extend((0..rest).map(|i| format!("float f_rest_{i}")));
@@ -238,7 +238,7 @@ fn views_that_are_none() {
         ("half", "half/cameras.bin: cut off in the number of cameras; copy the file"),
         ("cut", "cut/cameras.bin: cut off in the number of cameras; copy the file"),
         ("huge", "huge/cameras.bin, byte 8: camera 4294967295 has the model number -1"),
-        ("text", "text/sparse/0/images.txt, line 2: \"x\" is no number for a pose"),
+        ("text", "text/sparse/0/images.txt, line 2: \"x\" is not a number for a pose"),
         ("radial", "radial/cameras.txt, line 1: camera 1 has the model OPENCV_FISHEYE"),
     ] {
         place.render_refused("good.ply", &["--views", folder], &[says]);

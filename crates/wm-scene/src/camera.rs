@@ -164,7 +164,12 @@ impl Camera {
                 return Err(CameraError::Value { field, value, expected: "must be finite" });
             }
         }
-        Ok(check_rigid(&self.viewmat)?)
+        check_rigid(&self.viewmat).map_err(|fault| match fault {
+            PoseFault::NotFinite(value) => {
+                CameraError::Value { field: "viewmat", value, expected: "must be finite" }
+            }
+            fault => fault.into(),
+        })
     }
 
     /// The rotation of `viewmat`.

@@ -1,4 +1,4 @@
-//! Flat cards of one colour: targets for whatever measures rendered pictures.
+//! Flat cards of one colour: targets for measurements on rendered pictures.
 
 use crate::splats::{Splat, logit};
 use crate::{Camera, Group, Splats};
@@ -40,7 +40,7 @@ impl Card {
         (self.center - camera.center()).dot(normal) / camera.ray(x, y).dot(normal)
     }
 
-    /// Adds it as a dense grid of `columns` by `rows` flat splats of a display-referred colour, several sheets of them in
+    /// Adds the card to `splats` as a dense grid of `columns` by `rows` flat splats of a display-referred colour, several sheets of them in
     /// one plane.
     ///
     /// Blending stops before the transmittance falls to 1e-4. Splats of opacity 1/2 halve it at most, so

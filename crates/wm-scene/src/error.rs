@@ -1,4 +1,4 @@
-//! What can be wrong with a file: where, what, and what to do, in one line.
+//! Errors of files, printed in one line: the place, the problem and the remedy.
 
 use crate::{SplatsError, files::WriteFault, health::NonFiniteSplats};
 use std::{
@@ -8,7 +8,7 @@ use std::{
 };
 use thiserror::Error;
 
-/// Why a scene, a sidecar or a capture was not read or written.
+/// The error of reading or writing a scene, a sidecar or a capture.
 ///
 /// Prints as one line: path, location, what is wrong, what to do.
 #[derive(Debug, Error)]
@@ -16,9 +16,9 @@ use thiserror::Error;
 pub struct FormatError {
     /// The file or folder.
     pub path: PathBuf,
-    /// Where in the file.
+    /// The place in the file.
     pub location: Location,
-    /// What is wrong there.
+    /// The problem at that place.
     pub problem: Problem,
 }
 
@@ -47,7 +47,7 @@ impl fmt::Display for Location {
     }
 }
 
-/// What is wrong with a file, and what to do about it.
+/// A problem with a file, and its remedy.
 #[derive(Debug, Error)]
 pub enum Problem {
     /// There is nothing at the path.
@@ -65,9 +65,9 @@ pub enum Problem {
     /// The content is of no known format.
     #[error("{found}; {advice}")]
     UnknownFormat {
-        /// What it is not, and the first bytes, escaped.
+        /// The formats that it does not have, and its first bytes, escaped.
         found: String,
-        /// What to do.
+        /// The remedy.
         advice: &'static str,
     },
     /// No format that can be written has the extension.
@@ -88,7 +88,7 @@ pub enum Problem {
     #[error("cut off in the header: there is no end_header line; copy or download the file again")]
     HeaderTruncated,
     /// The header never ends.
-    #[error("the header has no end_header line in its first {0} bytes; this is no PLY that can be read")]
+    #[error("the header has no end_header line in its first {0} bytes; this is not a PLY that can be read")]
     HeaderTooLong(u64),
     /// A line of the header cannot be understood.
     #[error("{0}; export the file again")]
@@ -121,7 +121,7 @@ pub enum Problem {
     /// A property that every splat needs is not there.
     #[error("{reason}; a 3DGS file has x y z f_dc_0..2 opacity scale_0..2 rot_0..3")]
     Property {
-        /// Which property, and what is wrong with it.
+        /// The name of the property, and what is wrong with it.
         reason: String,
     },
     /// The number of SH coefficients belongs to no degree.
@@ -129,16 +129,16 @@ pub enum Problem {
     ShCount(usize),
     /// Splats hold numbers that are not finite.
     #[error("{0}; export the scene again, or repair it, which leaves them out")]
-    NonFinite(NonFiniteSplats),
+    NonFinite(Box<NonFiniteSplats>),
     /// There is no splat.
     #[error("there are no splats in it; nothing can be shown")]
     NoSplats,
     /// A number cannot be read.
-    #[error("\"{text}\" is no number for {what}; correct it or export the file again")]
+    #[error("\"{text}\" is not a number for {what}; correct it or export the file again")]
     Number {
         /// The text, escaped and shortened.
         text: String,
-        /// What it should give.
+        /// The name of the number.
         what: String,
     },
     /// A value has a form or size that cannot be used.
@@ -163,13 +163,13 @@ pub enum Problem {
         camera: u32,
         /// COLMAP's name of the model.
         model: String,
-        /// Why it cannot be used and what to do.
+        /// The reason why it cannot be used, and the remedy.
         advice: &'static str,
     },
     /// A capture file ends too early.
     #[error("cut off in {what}; copy the file or export the model again")]
     CaptureTruncated {
-        /// Which camera, image or line.
+        /// The camera, image or line.
         what: String,
     },
 }
@@ -194,7 +194,7 @@ impl FormatError {
         Self { path: path.into(), location, problem }
     }
 
-    /// What reading `path` met: a missing file is told apart.
+    /// The error of reading `path`; a missing file has a problem of its own.
     #[must_use]
     pub fn reading(path: &Path, error: io::Error) -> Self {
         let problem = match error.kind() {
@@ -212,14 +212,14 @@ pub(crate) fn excerpt(bytes: &[u8]) -> String {
     format!("{}{more}", cut.escape_ascii())
 }
 
-/// What reading JSON from `path` met; `advice` says what to do about what is written there.
+/// The error of reading JSON from `path`; `advice` says how to correct its content.
 pub(crate) fn json_fault(path: &Path, error: &serde_json::Error, advice: &str) -> FormatError {
     if let Some(kind) = error.io_error_kind() {
         return FormatError::reading(path, kind.into());
     }
     let place = Location::LineColumn(error.line() as u64, error.column() as u64);
     let message = one_line(&error.to_string());
-    // The place is said before the message.
+    // The place is printed before the message.
     let message = message.split(" at line ").next().unwrap_or_default();
     FormatError::at(path, place, Problem::Value(format!("{message}; {advice}")))
 }

@@ -20,17 +20,17 @@ use thiserror::Error;
 /// Buffer of a file that is written in small pieces, bytes.
 const BUFFER: usize = 1 << 18;
 
-/// Why a file cannot be written, and what to do; printed behind its path.
+/// The reason why a file cannot be written, and the remedy; printed after its path.
 #[derive(Debug, Error)]
 pub enum WriteFault {
-    /// The folder to write into is not there.
+    /// The folder to write into does not exist.
     #[error("cannot be written: the folder \"{}\" does not exist; create it first", .0.display())]
     NoFolder(PathBuf),
     /// A folder is in the place of the file.
     #[error("cannot be written: it is a folder; name a file in it")]
     IsFolder,
     /// A device, pipe or socket is in the place of the file: it cannot be replaced by renaming.
-    #[error("cannot be written: it is no regular file; choose another name")]
+    #[error("cannot be written: it is not a regular file; choose another name")]
     NotRegular,
     /// There is a file that its owner protected.
     #[error("cannot be written: it is write-protected; choose another name")]
@@ -73,10 +73,11 @@ pub fn write_atomically(
     write_whole(path, |f| fault(f.into()), |out| write(out).map_err(fault))
 }
 
-/// [`write_atomically`] with errors of another type, which `fault` makes of what the system refuses.
+/// Writes a file whole or not at all, as [`write_atomically`] does, with errors of another type; `fault` converts
+/// those of the system.
 ///
 /// # Errors
-/// As there.
+/// Those of `write`, and those of the system; then `path` is as it was.
 pub fn write_whole<E>(
     path: &Path,
     fault: impl Fn(WriteFault) -> E,
@@ -90,24 +91,24 @@ pub fn write_whole<E>(
     temporary.persist().map_err(&fault)
 }
 
-/// Whether `path` can be written, for who wants to know before long work.
+/// Checks that `path` can be written, before long work.
 ///
 /// # Errors
-/// What [`TempFile::beside`] meets.
+/// [`FormatError`] if no file can be made beside it, or it is not a regular file.
 pub fn check_writable(path: &Path) -> Result<(), FormatError> {
     TempFile::beside(path).map(drop).map_err(|fault| FormatError::whole(path, fault.into()))
 }
 
-/// Temporary files that are there now.
+/// The temporary files that exist now.
 static PENDING: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// The list stays right whatever panicked while it was held.
+/// Locks the list, which stays valid if a thread panicked while it held the lock.
 fn pending() -> MutexGuard<'static, Vec<PathBuf>> {
     PENDING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes every temporary file of this process, for who ends it at once: other threads wait from then
-/// on when they begin or complete a file.
+/// Removes every temporary file of this process before it is ended at once. From then on other threads
+/// wait when they begin or complete a file.
 pub fn abandon_temporaries() {
     let mut pending = pending();
     for path in pending.drain(..) {
@@ -126,12 +127,12 @@ pub struct TempFile {
     file: Option<File>,
     /// The name it is meant for, as it was given: what errors show.
     target: PathBuf,
-    /// The same behind symbolic links: what is renamed to.
+    /// The name behind symbolic links, to which the file is renamed.
     resolved: PathBuf,
 }
 
 impl TempFile {
-    /// Creates it.
+    /// Creates the file.
     ///
     /// # Errors
     /// `target` is a folder, a device or a pipe, or protected; its folder is missing or refuses; the
@@ -169,7 +170,7 @@ impl TempFile {
         self.file.as_ref().expect("open until it is closed, renamed or dropped")
     }
 
-    /// Where it lies now, for another program to write into.
+    /// Its present path, for another program to write to.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.path.as_deref().expect("there until it is renamed or dropped")
@@ -181,7 +182,7 @@ impl TempFile {
         &self.target
     }
 
-    /// Gives it its final name, replacing what was there.
+    /// Gives the file its final name, replacing an existing one.
     ///
     /// # Errors
     /// The system's refusals; the temporary file is removed then.
@@ -192,7 +193,7 @@ impl TempFile {
     /// [`TempFile::persist`] for an owner that is dropped itself; only once.
     ///
     /// # Errors
-    /// As there.
+    /// The system's refusals; the temporary file is removed then.
     pub fn rename(&mut self) -> Result<(), WriteFault> {
         self.file = None;
         let mut pending = pending();
@@ -349,6 +350,6 @@ mod tests {
         assert_eq!(fs::read_to_string(&real).unwrap(), "new");
         assert!(link.is_symlink());
         let error = write_atomically(Path::new("/dev/null"), |_| Ok(())).unwrap_err().to_string();
-        assert_eq!(error, "/dev/null: cannot be written: it is no regular file; choose another name");
+        assert_eq!(error, "/dev/null: cannot be written: it is not a regular file; choose another name");
     }
 }

@@ -1,8 +1,8 @@
-//! The small per-splat label that says what a splat is part of.
+//! The label of a splat: scene, sky or snow.
 
 use serde::{Deserialize, Serialize};
 
-/// What a splat is part of. Kept through files, re-ordering and edits, one byte a splat.
+/// The part of the scene that a splat belongs to. Kept through files, re-ordering and edits, one byte a splat.
 ///
 /// Weather reads it: sky splats stand behind everything, collect no snow and take no part in the
 /// estimation of up and ground.

@@ -1,4 +1,4 @@
-//! What is wrong with a set of splats, how its values are spread, and the repair.
+//! The health of a set of splats: faults, the spread of its values, and the repair.
 
 use crate::{
     Group, Splats,

@@ -1,21 +1,21 @@
-//! What weather must know of a scene and a splat file has no field for.
+//! Facts about a scene that weather needs and that splat files have no field for.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// Facts about a scene that are written with it. Each may be missing: then it is estimated from the
-/// splats, given by hand, or assumed, by whoever needs it.
+/// Facts about a scene that are written with it. A fact that is missing is given by hand, estimated from
+/// the splats or assumed; see [`crate::survey`].
 ///
 /// In a PLY it is kept in comment lines `comment wm.<key> <value>`; for formats that have no room in
-/// a TOML file beside the scene, `<scene file>.wm.toml`, whose keys are the fields below. Where both
-/// are there, the TOML file wins key by key.
+/// a TOML file beside the scene, `<scene file>.wm.toml`, whose keys are the fields below. If both
+/// exist, the TOML file wins key by key.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Metadata {
     /// Metres per scene unit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metres_per_unit: Option<f64>,
-    /// What `metres_per_unit` is from, such as "the camera height of 1.6 m above the ground"; free text, one
+    /// The source of `metres_per_unit`, such as "the camera height of 1.6 m above the ground"; free text, one
     /// line, at most [`Metadata::MAX_PROVENANCE`] bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale_source: Option<String>,
@@ -33,16 +33,16 @@ pub struct Metadata {
     /// weather that is given no colour of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub airlight: Option<[f64; 3]>,
-    /// How the scene was rasterised when it was trained.
+    /// The rasterisation with which the scene was trained.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rasterization: Option<Rasterization>,
-    /// Where the scene came from: file, program, capture; free text, one line, at most
+    /// The origin of the scene: file, program, capture; free text, one line, at most
     /// [`Metadata::MAX_PROVENANCE`] bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub provenance: Option<String>,
 }
 
-/// How splats smaller than a pixel are drawn. It belongs to the scene: mixing modes changes the
+/// The treatment of splats smaller than a pixel. It belongs to the scene: mixing modes changes the
 /// opacity of thin splats visibly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -75,7 +75,7 @@ impl Metadata {
     /// Each key that has a value, with the value in TOML on one line.
     ///
     /// # Errors
-    /// What [`Self::fault`] says: such values would not be read back.
+    /// The text of [`Self::fault`]: such values would not be read back.
     pub fn entries(&self) -> Result<Vec<(&'static str, String)>, String> {
         if let Some(fault) = self.fault() {
             return Err(fault);
@@ -112,7 +112,7 @@ impl Metadata {
         }
     }
 
-    /// What is wrong with a value, in one line; `None` if all can be used.
+    /// The first fault of a value, in one line; `None` if all can be used.
     #[must_use]
     pub fn fault(&self) -> Option<String> {
         if let Some(value) = self.metres_per_unit

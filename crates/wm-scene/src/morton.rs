@@ -20,7 +20,7 @@ fn spread(x: u64) -> u64 {
 const CELLS: f32 = ((1 << 20) - 1) as f32;
 
 /// Indices of splats along a Morton curve through their means: neighbours in space become neighbours in the file. Means that
-/// are no numbers come last.
+/// are NaN come last.
 pub fn order(means: &[[f32; 3]]) -> Vec<u32> {
     let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     for mean in means.iter().filter(|mean| mean.iter().all(|v| v.is_finite())) {

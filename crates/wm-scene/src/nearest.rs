@@ -1,4 +1,4 @@
-//! What was probably meant: names by their distance in typing errors.
+//! Suggestions for misspelt names, by their distance in typing errors.
 
 /// The names nearest to `text`, at most `most`, the nearest first; those too far off are left out.
 #[must_use]

@@ -58,7 +58,7 @@ fn header(shape: &[usize]) -> Vec<u8> {
 /// Reads an array of little-endian f32 in C order: its values and its shape.
 ///
 /// # Errors
-/// [`FormatError`] if it is none, or cut off.
+/// [`FormatError`] if the file is not such an array, or is cut off.
 pub fn read(path: &Path) -> Result<(Vec<f32>, Vec<usize>), FormatError> {
     let file = File::open(path).map_err(|e| FormatError::reading(path, e))?;
     let length = file.metadata().map_err(|e| FormatError::reading(path, e))?.len();

@@ -55,7 +55,7 @@ impl Scene {
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FormatError> {
         let path = path.as_ref();
         let scene = read_scene(path, &ReadOptions::default())?;
-        scene.splats.check_finite().map_err(|e| FormatError::whole(path, Problem::NonFinite(e)))?;
+        scene.splats.check_finite().map_err(|e| FormatError::whole(path, Problem::NonFinite(e.into())))?;
         Ok(scene)
     }
 
@@ -107,5 +107,43 @@ impl Scene {
     pub fn ground(mut self, height: f64) -> Self {
         self.metadata.ground = Some(height);
         self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::rippled;
+    use tempfile::tempdir;
+
+    #[test]
+    fn broken_splats_are_refused_by_name_and_can_be_repaired() {
+        let folder = tempdir().unwrap();
+        let path = folder.path().join("a.ply");
+        let mut scene = Scene { splats: rippled(10, 0), ..Scene::default() };
+        scene.splats.means[3][1] = f32::NAN;
+        scene.splats.quats[5] = [0.0; 4];
+        scene.save(&path).unwrap();
+        let error = Scene::open(&path).unwrap_err();
+        assert_eq!(error.path, path);
+        let Problem::NonFinite(found) = &error.problem else { panic!("{error}") };
+        assert_eq!((found.faulty, found.splats, found.counts.mean), (1, 10, 1));
+        assert!(error.to_string().contains("1 of 10 splats hold NaN or infinite numbers (1 in positions)"));
+        let (repaired, repairs) = read_scene(&path, &ReadOptions::default()).unwrap().repaired();
+        assert_eq!((repaired.splats.len(), repairs.dropped, repairs.turned), (9, 1, 1));
+        assert_eq!(repaired.check_finite(), Ok(()));
+    }
+
+    #[test]
+    fn facts_are_set_and_written() {
+        let folder = tempdir().unwrap();
+        let path = folder.path().join("a.ply");
+        let scene = Scene { splats: rippled(4, 0), ..Scene::default() };
+        let scene = scene.metres_per_unit(0.4).up([0.0, 0.0, 2.0]).ground(-1.5);
+        assert_eq!(scene.metadata.up, Some(DVec3::Z));
+        scene.save(&path).unwrap();
+        assert_eq!(Scene::open(&path).unwrap().metadata, scene.metadata);
+        assert!(scene.clone().up([0.0; 3]).save(&path).is_err());
+        assert!(scene.metres_per_unit(-1.0).save(&path).is_err());
     }
 }

@@ -6,16 +6,16 @@ use glam::{DMat3, DQuat, DVec3};
 /// `p -> scale * rotation * p + translation`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Similarity {
-    /// Above 0.
+    /// The scale, above 0.
     pub scale: f64,
-    /// A rotation.
+    /// The rotation.
     pub rotation: DMat3,
-    /// Scene units, after the rotation.
+    /// The translation after the rotation, scene units.
     pub translation: DVec3,
 }
 
 impl Similarity {
-    /// What changes nothing.
+    /// The identity.
     pub const IDENTITY: Self = Self { scale: 1.0, rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
 
     /// The rotation that takes the unit vector `from` to `to` by the shortest way.
@@ -24,7 +24,7 @@ impl Similarity {
         Self { rotation: DMat3::from_quat(DQuat::from_rotation_arc(from, to)), ..Self::IDENTITY }
     }
 
-    /// First `other`, then this.
+    /// The transform that applies `other` first, then this one.
     #[must_use]
     pub fn after(&self, other: &Self) -> Self {
         Self {
@@ -38,7 +38,7 @@ impl Similarity {
         self.scale * (self.rotation * p) + self.translation
     }
 
-    /// Changes a scene: splats, what is known of the place, and views.
+    /// Transforms a scene: splats, metadata and views.
     pub fn apply(&self, scene: &mut Scene) {
         self.apply_to(&mut scene.splats);
         let metadata = &mut scene.metadata;
@@ -56,7 +56,7 @@ impl Similarity {
         }
     }
 
-    /// Changes splats.
+    /// Transforms splats.
     pub fn apply_to(&self, splats: &mut Splats) {
         if *self == Self::IDENTITY {
             return;
@@ -85,7 +85,7 @@ impl Similarity {
     }
 }
 
-/// How a rotation mixes SH coefficients, `[new][old]`; between degrees it is 0.
+/// The matrix by which a rotation mixes SH coefficients, `[new][old]`; between degrees it is 0.
 ///
 /// The rotated function is f(R' d), whose coefficients are integrals over the sphere of basis j times the turned basis k: polynomials of
 /// degree 6, which four Gauss-Legendre nodes in z and eight even ones around integrate exactly.

@@ -26,11 +26,11 @@ pub(crate) struct Source<'a> {
     offset: u64,
     /// Lines taken so far.
     lines: u64,
-    /// How the line taken last ended.
+    /// The ending of the line taken last.
     ending: Ending,
 }
 
-/// What ends a line.
+/// The ending of a line.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Ending {
     Newline,
@@ -186,7 +186,7 @@ impl<'a> Source<'a> {
         Ok(Some(line.strip_suffix(b"\r").unwrap_or(line)))
     }
 
-    /// Whether the line taken last has no ending: it may be a part of one.
+    /// Returns true if the line taken last has no ending: it may be a part of one.
     pub fn is_cut(&self) -> bool {
         self.ending == Ending::EndOfFile
     }

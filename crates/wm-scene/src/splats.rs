@@ -23,11 +23,11 @@ pub struct Splats {
     pub sh: Vec<f32>,
     /// Degree of `sh`, 0 to 3.
     pub sh_degree: u8,
-    /// What each splat is part of, `[N]`.
+    /// The part of the scene that each splat belongs to, `[N]`.
     pub groups: Vec<Group>,
 }
 
-/// Why arrays do not make a set of splats.
+/// The reason why arrays do not make a set of splats.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum SplatsError {
     /// An array has another length than `means`.
@@ -60,7 +60,7 @@ pub struct Splat {
     pub logit_opacity: f32,
     /// Display-referred colour, 0-1, the same from everywhere.
     pub rgb: [f32; 3],
-    /// What it is part of.
+    /// The part of the scene that it belongs to.
     pub group: Group,
 }
 
@@ -119,7 +119,7 @@ impl Splats {
         self.means.len()
     }
 
-    /// Whether there is no splat.
+    /// Returns true if there is no splat.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.means.is_empty()
@@ -253,7 +253,7 @@ impl Splats {
         out
     }
 
-    /// Whether every number of splat `index` is finite and its quaternion is not zero.
+    /// Returns true if every number of splat `index` is finite and its quaternion is not zero.
     ///
     /// An opacity logit of plus or minus infinity is fine: it means 1 or 0.
     #[must_use]
@@ -261,7 +261,7 @@ impl Splats {
         self.faults(index) == Faults::default()
     }
 
-    /// What is wrong with splat `index`.
+    /// The faults of splat `index`.
     #[must_use]
     pub fn faults(&self, index: usize) -> Faults {
         let mut faults = Faults {
@@ -281,7 +281,7 @@ impl Splats {
 /// Largest stored scale that is taken for a number: its square still fits f32 with room for a camera.
 pub const MAX_LOG_SCALE: f32 = 30.0;
 
-/// What is wrong with one splat, field by field.
+/// The faults of one splat, array by array.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Faults {
     /// The mean is NaN or infinite.

@@ -25,7 +25,7 @@ impl Builder {
         Self { splats: Splats::with_capacity(0, 0), seed, drawn: 0 }
     }
 
-    /// What was built.
+    /// Returns the splats that were built.
     #[must_use]
     pub fn build(self) -> Splats {
         self.splats

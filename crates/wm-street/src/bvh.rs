@@ -158,7 +158,7 @@ impl Bvh {
         found
     }
 
-    /// Whether anything is crossed with `low < t < high`.
+    /// Returns true if anything is crossed with `low < t < high`.
     pub(super) fn any<'a>(
         &self,
         shape: impl Fn(usize) -> &'a Shape,
@@ -175,7 +175,7 @@ impl Bvh {
     }
 }
 
-/// Where a ray enters a node's box; `None` if it misses it or enters beyond `limit`.
+/// The distance at which a ray enters a node's box; `None` if it misses it or enters beyond `limit`.
 fn enter(node: &Node, from: [f32; 3], inverse: [f32; 3], limit: f32) -> Option<f32> {
     let (mut near, mut far) = (0f32, limit);
     for axis in 0..3 {

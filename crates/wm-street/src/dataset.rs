@@ -26,7 +26,7 @@ use wm_scene::{
     random::uniform,
 };
 
-/// The route along which photos are taken.
+/// The positions from which the photos are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CameraRoute {
     /// Forward along the street, in three lanes in turn: a single line of cameras that look where they go
@@ -37,22 +37,22 @@ pub enum CameraRoute {
     Orbit,
 }
 
-/// The choice of whether exact depth, normals and sky are written too.
+/// The choice whether exact depth, normals and sky are written too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GroundTruth {
-    /// They are.
+    /// Writes them.
     #[default]
     Write,
-    /// They are not.
+    /// Omits them.
     Omit,
 }
 
-/// Options of a made-up data set.
+/// The options of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DatasetOptions {
-    /// The route along which photos are taken.
+    /// The positions from which the photos are taken.
     pub route: CameraRoute,
-    /// The number of photos, 1 or more.
+    /// The number of photos, 1 and above.
     pub count: u32,
     /// Their width and height, px.
     pub size: (u32, u32),
@@ -60,9 +60,9 @@ pub struct DatasetOptions {
     pub samples: u32,
     /// Most points.
     pub points: u32,
-    /// The form in which the model is stored.
+    /// The encoding of the COLMAP model.
     pub storage: ColmapStorage,
-    /// The choice of whether the truth is written too.
+    /// The ground truth that is written too.
     pub truth: GroundTruth,
 }
 
@@ -118,10 +118,10 @@ pub fn cameras(options: &DatasetOptions) -> Result<Vec<Camera>, CameraError> {
     (0..count).map(camera).collect()
 }
 
-/// Writes a data set to a folder, which is made if it is not there, and gives it as it is read.
+/// Writes a data set to a folder, which is created if needed, and returns the capture that it holds.
 ///
-/// `progress` is told the number of photos that are done, and says whether to go on: `None` if not. Rows are
-/// drawn on all threads.
+/// `progress` receives the number of finished photos and returns false to stop; then the result is `None`. Rows
+/// are cast on all threads.
 ///
 /// # Errors
 /// [`FormatError`] if a file cannot be written or the size makes no camera.
@@ -202,7 +202,7 @@ fn points(street: &Street, cameras: &[Camera], most: usize) -> (SparsePoints, Ve
     (points, observations)
 }
 
-/// Returns the image point at which a camera sees a point, px; `None` if it does not.
+/// The position at which a camera sees a point, px; `None` if it does not.
 fn seen_at(street: &Street, camera: &Camera, point: DVec3) -> Option<[f32; 2]> {
     let (x, y, _) = camera.project(point)?;
     let is_inside = x > 0.0 && y > 0.0 && x < f64::from(camera.width) && y < f64::from(camera.height);

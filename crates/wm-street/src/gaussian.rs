@@ -12,7 +12,7 @@ use wm_scene::{Group, quat, splats};
 
 /// Standard deviation of a splat, cells.
 const SPREAD: f64 = 0.66;
-/// How much a cell's colour is pushed away from that around it.
+/// The sharpening: the share by which a cell's colour is pushed away from that around it.
 const SHARPEN: f64 = 0.55;
 /// Radius of the sky, m.
 const SKY_RADIUS: f64 = 1000.0;

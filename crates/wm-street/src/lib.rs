@@ -80,20 +80,20 @@ pub struct SurfaceHit {
     pub t: f64,
     /// Normal of the geometry on the side that the ray comes from, length 1.
     pub normal: DVec3,
-    /// What it is made of.
+    /// The material of the surface.
     pub material: Material,
 }
 
-/// What a ray meets.
+/// A surface that a ray meets, with its light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LitHit {
     /// Distance along the ray, m.
     pub t: f64,
-    /// Where, world axes, m.
+    /// The point, world axes, m.
     pub point: DVec3,
     /// Normal of the geometry on the side that the ray comes from, length 1.
     pub normal: DVec3,
-    /// What it is made of.
+    /// The material of the surface.
     pub material: Material,
     /// Linear radiance towards the ray's origin; see [`display_of`].
     pub radiance: [f64; 3],
@@ -153,7 +153,7 @@ impl Street {
         sky::sun()
     }
 
-    /// What weather must know: metres, up, ground at 0, the light of the horizon.
+    /// The facts that weather needs: metres, up, ground at 0, the light of the horizon.
     #[must_use]
     pub fn metadata(&self) -> Metadata {
         let mut airlight = DVec3::ZERO;

@@ -17,25 +17,25 @@ use std::f64::consts::{PI, TAU};
 
 /// Half the sun's apparent width, radians.
 const SUN_RADIUS: f64 = 0.014;
-/// How far rays start off their surface, m.
+/// The distance from their surface at which rays start, m.
 const OFF: f64 = 1.5e-3;
 /// Irradiance of leaves and small things, which have no cells in the map.
 const NO_CELLS: DVec3 = DVec3::new(1.55, 1.60, 1.60);
-/// What lies nearer than this, m, covers a point as if it were inside.
+/// Surfaces nearer than this, m, cover a point as if it were inside.
 const COVERED: f64 = 0.018;
 /// Primitives of less area, m^2, have no cells: little light comes off them.
 const SMALL: f64 = 0.25;
 /// Light that gathered rays bring from surfaces while the map is being made: albedo 0.3 of this.
 const FIRST_GUESS: DVec3 = DVec3::new(2.0, 1.95, 1.85);
 
-/// How many rays a point may cost.
+/// The number of rays of a point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
     pub sun: u32,
     pub sky: u32,
 }
 
-/// How a point's set of rays is turned and shifted against that of its neighbours, both 0-1.
+/// The turn and shift of a point's set of rays against that of its neighbours, both 0-1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turn {
     pub angle: f64,
@@ -154,7 +154,7 @@ impl Street {
         seen / f64::from(rays)
     }
 
-    /// Whether one ray to somewhere on the sun's disc is free: 1 or 0.
+    /// Returns 1 if one ray to a random point of the sun's disc is free, else 0.
     pub(super) fn sun_at(&self, point: DVec3, normal: DVec3) -> f64 {
         self.sun_share(point, normal, Turn::at(point), 1)
     }
@@ -253,7 +253,7 @@ impl Street {
         texture::skin(paint, &at)
     }
 
-    /// What a spot of the given texture makes of the light.
+    /// The radiance of a spot of the given texture under its light.
     pub(super) fn reflect(
         &self,
         which: usize,
@@ -290,7 +290,7 @@ impl Street {
     }
 }
 
-/// What [`Street::gather`] found.
+/// The light that [`Street::gather`] found.
 pub(super) struct Gathered {
     /// Irradiance without the sun.
     pub irradiance: DVec3,
@@ -306,7 +306,7 @@ pub(super) struct Incident {
     pub sun: f64,
     /// Irradiance from all else.
     pub sky: DVec3,
-    /// See [`Gathered::buried`].
+    /// The share of rays that are buried, as [`Gathered::buried`].
     pub buried: f64,
 }
 

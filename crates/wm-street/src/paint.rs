@@ -1,8 +1,8 @@
-//! What surfaces are made of.
+//! The materials of surfaces.
 
 use glam::DVec3;
 
-/// What a surface is made of; weather and masks may ask for it.
+/// The material of a surface, for weather and masks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Material {
     /// The carriageway.
@@ -87,7 +87,7 @@ impl Material {
         matches!(self, Self::Leaf | Self::Blade | Self::Petal | Self::Wood)
     }
 
-    /// Whether its primitives are sheets without an inside.
+    /// Returns true if its primitives are sheets without an inside.
     pub(super) fn is_sheet(self) -> bool {
         self.is_foliage() || self == Self::Cloth
     }
@@ -96,7 +96,7 @@ impl Material {
         matches!(self, Self::Bark | Self::Birch)
     }
 
-    /// How much farther apart its splats may lie than those of the finest texture.
+    /// The largest distance between its splats, relative to the finest texture.
     pub(super) fn grain(self) -> f64 {
         match self {
             Self::Asphalt | Self::Field => 1.8,

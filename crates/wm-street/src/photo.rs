@@ -4,7 +4,7 @@ use super::{CAST, Material, SHARED, Street, display_of};
 use glam::DVec3;
 use wm_scene::Camera;
 
-/// What a camera sees in one pixel.
+/// One pixel of a photo with its ground truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotoPixel {
     /// Mean linear radiance over the pixel.
@@ -17,7 +17,7 @@ pub struct PhotoPixel {
     pub normal: DVec3,
     /// Its material; none in the sky.
     pub material: Option<Material>,
-    /// Whether the ray through the pixel's centre ends in the sky.
+    /// True if the ray through the pixel's centre ends in the sky.
     pub is_sky: bool,
 }
 

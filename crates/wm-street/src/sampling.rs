@@ -11,17 +11,20 @@
 use super::Street;
 use super::shape::{Shape, Spot};
 use glam::DVec3;
+use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::ops::Range;
-use wm_scene::Splats;
 use wm_scene::splats::Splat;
+use wm_scene::{Scene, Splats};
 
 /// Size of a cell per metre of distance, at detail 1.
 const ANGLE: f64 = 0.0068;
 /// The finest cell at detail 1, m.
 const FINEST: f64 = 0.03;
-/// Where the walk along the street begins and ends, and its height, m.
+/// The ends of the walk along the street, and its height, m.
 const WALK: (f64, f64, f64) = (-2.0, 36.0, 1.6);
+/// Splats that a thread makes at a time: enough to be worth the hand-over, few enough to stop soon.
+const CHUNK: usize = 2048;
 /// Splats of the sky at detail 1.
 const SKY: f64 = 16_000.0;
 /// A rectangle of a primitive's surface, cut into `nu` x `nv` cells.
@@ -42,7 +45,7 @@ pub(super) struct Patch {
     pub reserve: f32,
 }
 
-/// What a cell becomes.
+/// The form of the Gaussian of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cell {
     /// A disc on the surface.
@@ -88,7 +91,7 @@ impl SplatSampling<'_> {
         self.surface + self.sky
     }
 
-    /// Whether there is no index at all.
+    /// Returns true if there is no index at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -102,6 +105,28 @@ impl SplatSampling<'_> {
         }
         let patch = &self.patches[self.patches.partition_point(|patch| patch.first <= index) - 1];
         self.surface_splat(patch, index - patch.first)
+    }
+
+    /// The street as a scene, with its metadata. The splats are made on all threads of the current rayon
+    /// pool, and are the same for any number of them.
+    ///
+    /// `progress` receives the number of indices that were finished since its last call, and returns false
+    /// to stop; then the result is `None`.
+    #[must_use]
+    pub fn scene(&self, progress: &(dyn Fn(usize) -> bool + Sync)) -> Option<Scene> {
+        let chunks = (0..self.len().div_ceil(CHUNK)).into_par_iter();
+        let parts: Option<Vec<Vec<Splat>>> = chunks
+            .map(|chunk| {
+                let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(self.len());
+                let count = range.len();
+                let part = range.filter_map(|index| self.splat(index)).collect();
+                progress(count).then_some(part)
+            })
+            .collect();
+        let parts = parts?;
+        let mut splats = Splats::with_capacity(parts.iter().map(Vec::len).sum(), 0);
+        parts.iter().flatten().for_each(|splat| splats.push(splat));
+        Some(Scene { splats, metadata: self.street.metadata(), views: Vec::new() })
     }
 
     /// The splats of `range` (cut off at [`Self::len`]), SH degree 0.
@@ -181,7 +206,7 @@ impl SplatSampling<'_> {
 }
 
 impl Street {
-    /// Whether any part of a patch is seen from the walk.
+    /// Returns true if any part of a patch is seen from the walk.
     fn is_seen(&self, patch: &Patch) -> bool {
         let shape = &self.primitives[patch.which as usize].shape;
         let (low, size) = (patch.low.map(f64::from), patch.size.map(f64::from));
@@ -201,17 +226,17 @@ impl Street {
     }
 }
 
-/// How far apart splats may be at a spot.
+/// The largest distances between splats at a spot.
 struct Gap {
     /// Cell size across the view, m.
     size: f64,
-    /// How far the spot is from where it is looked at, m.
+    /// The distance of the spot from its viewer, m.
     distance: f64,
     /// From the viewer to the spot, length 1.
     direction: DVec3,
     /// Least foreshortening that is made use of.
     least: f64,
-    /// Whether the whole walk lies behind the surface.
+    /// True if the whole walk lies behind the surface.
     away: bool,
 }
 

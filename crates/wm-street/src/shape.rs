@@ -3,7 +3,7 @@
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// What part of a [`Shape::Flat`]'s unit square `(a, b)` is there.
+/// The part of a [`Shape::Flat`]'s unit square `(a, b)` that is covered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Outline {
     /// All of it.
@@ -29,7 +29,7 @@ impl Outline {
         }
     }
 
-    /// The part of the unit square that is there.
+    /// The area of the covered part of the unit square.
     fn area(self) -> f64 {
         match self {
             Self::Parallelogram => 1.0,
@@ -51,7 +51,7 @@ pub(super) enum Shape {
     Ellipsoid { center: DVec3, radii: DVec3 },
 }
 
-/// Where a ray meets a shape: `a`, `b` are the surface coordinates, both 0 to 1.
+/// The crossing of a ray with a shape: `a`, `b` are the surface coordinates, both 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Crossing {
     pub t: f64,
@@ -166,7 +166,7 @@ impl Shape {
         }
     }
 
-    /// How far `(a, b)` is from the outline's edges, along `a` and along `b`, in their units.
+    /// The distance of `(a, b)` from the outline's edges, along `a` and along `b`, in their units.
     pub(super) fn room(&self, a: f64, b: f64) -> (f64, f64) {
         let Self::Flat { outline, .. } = self else { return (1.0, 1.0) };
         let beside = |a: f64, b: f64| match outline {

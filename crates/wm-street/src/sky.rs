@@ -54,7 +54,7 @@ pub(super) fn radiance(direction: DVec3, seed: u32) -> DVec3 {
     clear.lerp(cloud, amount * 0.94)
 }
 
-/// How much cloud there is over a point of the deck: lumps, warped, gathered into fields.
+/// The density of the clouds over a point of the deck: lumps, warped, gathered into fields.
 fn density(flat: DVec2, octaves: u32, seed: u32) -> f64 {
     let p = flat * DVec2::new(0.85, 1.15) + DVec2::new(3.1, 1.7);
     let warp = DVec2::new(octaves2(p, 0.9, 2, 0.01, seed ^ 11), octaves2(p, 0.9, 2, 0.01, seed ^ 23));

@@ -1,13 +1,13 @@
 //! Procedural textures: colour and relief of a point of a surface.
 //!
 //! Every pattern is a function of the position in metres. Patterns finer than `width`, the footprint
-//! that is asked for, fade into their mean, so that neither a far pixel nor a coarse splat aliases.
+//! of the query, fade into their mean, so that neither a far pixel nor a coarse splat aliases.
 
 use super::hash::{cell, noise3, octaves3, smoothstep};
 use super::paint::{Material, Paint, rgb};
 use glam::{DVec2, DVec3};
 
-/// Where a texture is asked for.
+/// The spot at which a texture is evaluated.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Site {
     /// World position, m.
@@ -22,7 +22,7 @@ pub(super) struct Site {
     pub key: u64,
 }
 
-/// What a texture gives.
+/// The result of a texture.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Skin {
     /// Linear albedo.

@@ -4,9 +4,9 @@
 //! to 0.55 and bends from there towards 1 as `1 - exp` does, with equal value and slope where the
 //! two meet: nothing clips, and what lies below keeps its contrast. `encode` is the sRGB curve.
 
-/// What radiance is multiplied by.
+/// The factor of radiance.
 const EXPOSURE: f64 = 0.84;
-/// Where the shoulder begins.
+/// The value at which the shoulder begins.
 const KNEE: f64 = 0.55;
 
 /// Display-referred sRGB, 0 to 1, of linear radiance (0 and above).

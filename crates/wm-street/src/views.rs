@@ -1,4 +1,4 @@
-//! Where to look from: viewpoints and a walk along the street.
+//! Viewpoints, and a walk along the street.
 
 use super::{Street, build};
 use glam::DVec3;
@@ -9,7 +9,7 @@ use wm_scene::{Camera, CameraError};
 pub struct Viewpoint {
     /// A short name, as on a command line.
     pub name: &'static str,
-    /// Where the camera stands.
+    /// The position of the camera.
     pub eye: DVec3,
     /// The point in the middle of the picture.
     pub target: DVec3,
@@ -83,7 +83,7 @@ impl Street {
         Viewpoint { name: "dolly", eye: curve(|k| k.1), target: curve(|k| k.2), fov_y: 50.0 }
     }
 
-    /// How long the walk takes at 1.4 m/s, s.
+    /// The duration of the walk at 1.4 m/s, s.
     pub const WALK_SECONDS: f64 = 25.0;
 
     /// Lowest and highest corner of the porch's floor, m: all of it lies under the porch's roof.

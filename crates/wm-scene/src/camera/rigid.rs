@@ -16,7 +16,7 @@ pub const RIGID_TOLERANCE: f64 = 1e-5;
 /// matrix is replaced by the nearest rotation.
 const FILE_TOLERANCE: f64 = 1e-3;
 
-/// Why a matrix is not a rotation, or a pose is not rigid. Rows are numbered from 1.
+/// The reason why a matrix is not a rotation, or a pose is not rigid. Rows are numbered from 1.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum PoseFault {
     /// An element is NaN or infinite.

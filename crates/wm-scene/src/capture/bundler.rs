@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub const FORMAT: CaptureFormat =
     CaptureFormat { name: "Bundler", about: "bundle.out of Bundler with its list of photos", read };
 
-/// Where the file may lie in a data set.
+/// The paths of the file within a data set, in the order in which they are tried.
 const FILES: [&str; 3] = ["bundle.out", "bundle/bundle.out", "bundle.rd.out"];
 /// The list of photos, beside it or in the data set.
 const LISTS: [&str; 3] = ["list.txt", "bundle.list.txt", "bundle.out.list.txt"];
@@ -156,12 +156,11 @@ impl Words<'_, '_> {
         let fault = |what: String| {
             self.source.in_line(Problem::Value(format!("{what}; export it again")))
         };
-        if let Some(bad) = [k1, k2].into_iter().find(|v| !v.is_finite()) {
-            return Err(fault(format!("the distortion of a camera is {bad}: it must be finite")));
-        }
+        let distortion =
+            Distortion::from_file([k1, k2, 0.0, 0.0]).map_err(|what| fault(format!("a camera: {what}")))?;
         let rotation = rotation_of(&rotation)
             .map_err(|e| fault(format!("the rotation of a camera is not a rotation matrix: {e}")))?;
-        Ok(Some((focal, Distortion::of([k1, k2, 0.0, 0.0]), viewmat_of(rotation, translation * flip))))
+        Ok(Some((focal, distortion, viewmat_of(rotation, translation * flip))))
     }
 
     fn point(

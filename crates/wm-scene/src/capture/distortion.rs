@@ -9,7 +9,7 @@
 
 use crate::Camera;
 
-/// How a lens bends what a pinhole would show.
+/// The distortion of a lens, relative to a pinhole camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Distortion {
     /// A pinhole.
@@ -38,7 +38,7 @@ pub enum Distortion {
 /// Points looked at along each edge of a photo.
 const EDGE: u32 = 128;
 
-/// How much longer or shorter than the photo's a side of the undistorted picture may be.
+/// The largest ratio between a side of the undistorted picture and that of the photo, either way.
 const MOST: f64 = 2.0;
 
 impl Distortion {
@@ -54,6 +54,17 @@ impl Distortion {
         }
     }
 
+    /// The distortion that a file gives as k1, k2, p1, p2.
+    ///
+    /// # Errors
+    /// A message, if a coefficient is not finite.
+    pub(super) fn from_file(lens: [f64; 4]) -> Result<Self, String> {
+        match lens.iter().find(|v| !v.is_finite()) {
+            Some(bad) => Err(format!("a coefficient of its distortion is {bad}: must be finite")),
+            None => Ok(Self::of(lens)),
+        }
+    }
+
     /// k1, k2, p1, p2.
     #[must_use]
     pub fn coefficients(self) -> [f64; 4] {
@@ -64,7 +75,7 @@ impl Distortion {
         }
     }
 
-    /// Where the ideal point `(x, y)` of the plane z = 1 is seen, on the same plane.
+    /// The distorted position of the ideal point `(x, y)`, both on the plane z = 1.
     #[must_use]
     pub fn distort(self, x: f64, y: f64) -> (f64, f64) {
         let [k1, k2, p1, p2] = self.coefficients();

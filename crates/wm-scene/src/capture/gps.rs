@@ -1,4 +1,4 @@
-//! Metres a scene unit from where the photos say they were taken.
+//! Metres per scene unit from the positions that the photos state.
 //!
 //! Places on the ellipsoid become east, north and up in metres around the first of them; then the
 //! similarity `enu = s R x + t` is found that takes the cameras there (Horn 1987, the closed form
@@ -19,12 +19,12 @@ pub struct Gps {
     pub altitude: Option<f64>,
 }
 
-/// The scale that the places give.
+/// A scale from the positions of photos.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GpsScale {
-    /// Metres a scene unit.
+    /// Metres per scene unit.
     pub metres_per_unit: f64,
-    /// Median distance between where a camera is and where its place says, m.
+    /// Median distance between the cameras and the positions of their photos, m.
     pub residual: f64,
     /// Greatest distance between two places along an axis, m.
     pub extent: f64,
@@ -32,10 +32,10 @@ pub struct GpsScale {
     pub photos: usize,
 }
 
-/// Cameras within this extent say nothing: it is the error of a good receiver, m.
+/// The least extent of the cameras, m: the error of a good receiver.
 const MIN_EXTENT: f64 = 10.0;
 
-/// How many times the residual the extent must be.
+/// The least ratio of the extent to the residual.
 const MIN_RATIO: f64 = 4.0;
 
 /// Triples that are tried.
@@ -80,7 +80,7 @@ impl Gps {
     }
 }
 
-/// Metres a scene unit from camera centres `[V, 3]` and the places of their photos `[V]`.
+/// Metres per scene unit from camera centres `[V, 3]` and the places of their photos `[V]`.
 ///
 /// `None` with fewer than 3 places, or where they lie too close together for their error to tell.
 ///

@@ -9,10 +9,10 @@
 //! A row of window sills or the lower edge of what is seen of a wall is such a height too. So a point
 //! only counts as ground if it was seen past: lines of sight to things behind it run low over it, which
 //! none does through a wall. And where the cameras may have lain on their side (COLMAP keeps photos as
-//! they are stored), a wall may be taken for the ground: nothing is said where another side is as near.
+//! they are stored), a wall may be taken for the ground: there is no result where another side is as near.
 //!
-//! It is right or says nothing: every limit below is a reason to say nothing. It cannot tell a person
-//! from a drone that flies level and looks ahead.
+//! A result is reliable or absent: every limit below is a reason for no result. The method cannot tell
+//! a person from a drone that flies level and looks ahead.
 
 use super::Capture;
 use crate::survey::linear::{horizontals, outer, quantile};
@@ -22,7 +22,7 @@ use thiserror::Error;
 /// Height above the ground at which people hold cameras, m: that of the eyes of an adult.
 pub const HELD_AT: f64 = 1.6;
 
-/// Fewest cameras; a plane through three says nothing of how flat the path is.
+/// Fewest cameras; a plane through three does not tell how flat the path is.
 const MIN_CAMERAS: usize = 5;
 /// Median of the pitch up or down, degrees: facades are taken from below at some 12, what looks down more
 /// than this is a drone, or walks around a thing.
@@ -32,17 +32,17 @@ const MAX_PITCHES: f64 = 30.0;
 /// Deviation of camera heights among neighbours, camera heights: arms up and down are within it, cranes
 /// and stairs are not.
 const MAX_UNEVEN: f64 = 0.3;
-/// How far off the path points count, camera heights: a fall of two in a hundred, as yards have for the
+/// The largest distance of points from the path, camera heights: a fall of two in a hundred, as yards have for the
 /// rain, is an eighth of the height by then; nearer than 3 level pictures may show no ground.
 const REACH: f64 = 6.0;
-/// How uncertain up may make a point's height, camera heights.
+/// The largest error of a point's height from the uncertainty of up, camera heights.
 const MAX_TILT: f64 = 0.1;
 /// Half thickness of the ground, camera heights: kerbs and cobbles, and what up is off by. Once it is found,
 /// twice that is looked at, for its middle.
 const SLAB: f64 = 0.15;
 /// Points below the ground for each on it: mismatches and mirrors; cellars and quays have more.
 const MAX_BELOW: f64 = 0.05;
-/// How far off the path that counts, camera heights: beyond its ends the ground may fall.
+/// The largest distance from the path for that, camera heights: beyond its ends the ground may fall.
 const BESIDE: f64 = 4.0;
 /// Fewest points that were seen past; by chance there are a few.
 const MIN_POINTS: usize = 20;
@@ -86,7 +86,7 @@ pub struct CaptureGround {
     pub points: usize,
 }
 
-/// Why nothing is said.
+/// The reason why no ground is found.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum CaptureGroundError {
     /// Too few cameras, or all in one place.
@@ -102,17 +102,17 @@ pub enum CaptureGroundError {
     #[error("the photos do not tell which way is up")]
     Askew,
     /// No surface that could be the ground.
-    #[error("no ground is to be seen that is clear enough")]
+    #[error("no ground is clearly visible")]
     Unclear,
     /// The cameras' heights differ among neighbours.
     #[error("the photos were taken at too different heights")]
     Uneven,
-    /// On another side a surface is as near.
+    /// A surface on another side is as near.
     #[error("a surface to another side of the cameras is as near as the ground, so that it could be that")]
     Sides,
 }
 
-/// A camera as far as it is needed; one on its side has `right` and `up` exchanged.
+/// The pose of a camera; one on its side has `right` and `up` exchanged.
 #[derive(Clone, Copy)]
 struct Pose {
     center: DVec3,
@@ -121,7 +121,7 @@ struct Pose {
     forward: DVec3,
 }
 
-/// What was seen: points, and for each line of sight its camera and point.
+/// The points that were seen, and the camera and point of each line of sight.
 struct Seen {
     points: Vec<DVec3>,
     lines: Vec<(usize, usize)>,
@@ -281,26 +281,26 @@ fn upright(poses: &[Pose]) -> Result<(DVec3, DMat2), CaptureGroundError> {
     if is_sound { Ok((up, covariance)) } else { Err(CaptureGroundError::Askew) }
 }
 
-/// Where a point lies as seen from the path.
+/// The position of a point relative to the path.
 #[derive(Clone, Copy)]
 struct Depth {
-    /// How far below the cameras around it, scene units.
+    /// Its depth below the cameras around it, scene units.
     down: f64,
     /// Horizontal distance to the nearest camera, scene units.
     aside: f64,
-    /// Which that is.
+    /// The index of that camera.
     camera: usize,
-    /// What the uncertainty of up makes of `down`, scene units.
+    /// The standard deviation of `down` from the uncertainty of up, scene units.
     error: f64,
 }
 
 impl Depth {
-    /// Whether it is near enough to count if the ground is `height` below the cameras.
+    /// Returns true if it is near enough to count when the ground is `height` below the cameras.
     fn counts(&self, height: f64) -> bool {
         self.aside <= REACH * height && self.error <= MAX_TILT * height
     }
 
-    /// Whether it is on a ground `height` below, to a share `slab` of that.
+    /// Returns true if it is on a ground `height` below the cameras, within the share `slab` of that.
     fn is_within(&self, slab: f64, height: f64) -> bool {
         (self.down - height).abs() <= slab * height
     }

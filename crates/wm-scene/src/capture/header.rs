@@ -1,4 +1,4 @@
-//! What the first bytes of a photo say: its size, which side is up, where it was taken.
+//! The headers of photos: size, orientation and position, read without decoding the picture.
 //!
 //! JPEG and PNG, with the few tags of EXIF that matter here. Nothing is decoded: a block or two of
 //! the file are read, whatever its size.
@@ -11,18 +11,18 @@ use std::{
     path::Path,
 };
 
-/// What is known of a photo before it is decoded.
+/// The facts about a photo that its first bytes tell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotoHeader {
-    /// Of which format it is.
+    /// The format of the file.
     pub kind: PhotoKind,
     /// Width as stored, px.
     pub width: u32,
     /// Height as stored, px.
     pub height: u32,
-    /// How to turn it to stand upright.
+    /// The turn that makes it upright.
     pub orientation: Orientation,
-    /// Where it was taken.
+    /// The position at which it was taken.
     pub gps: Option<Gps>,
 }
 
@@ -73,13 +73,13 @@ impl Orientation {
         }
     }
 
-    /// Whether width and height change places.
+    /// Returns true if width and height change places.
     #[must_use]
     pub fn swaps_sides(self) -> bool {
         matches!(self, Self::Transposed | Self::Turned90 | Self::Transversed | Self::Turned270)
     }
 
-    /// Where the upright pixel `(x, y)` lies in the stored picture of `width` x `height` px.
+    /// The position of the upright pixel `(x, y)` in the stored picture of `width` x `height` px.
     #[must_use]
     pub fn stored_from_upright(self, x: u32, y: u32, width: u32, height: u32) -> (u32, u32) {
         let (right, below) = (width.saturating_sub(1), height.saturating_sub(1));
@@ -105,7 +105,7 @@ const MAX_PARTS: usize = 4096;
 /// Reads the header of a photo.
 ///
 /// # Errors
-/// [`FormatError`] if it cannot be read or is no JPEG or PNG.
+/// [`FormatError`] if it cannot be read or is not a JPEG or PNG.
 pub fn read_header(path: &Path) -> Result<PhotoHeader, FormatError> {
     let file = File::open(path).map_err(|e| FormatError::reading(path, e))?;
     if file.metadata().is_ok_and(|about| about.is_dir()) {
@@ -265,14 +265,14 @@ struct Tags {
     gps: Option<Gps>,
 }
 
-/// A TIFF structure in memory; offsets are from its start and none is believed.
+/// A TIFF structure in memory; offsets are from its start and are checked.
 struct Tiff<'a> {
     bytes: &'a [u8],
     is_little: bool,
 }
 
 impl Tags {
-    /// What can be understood of an EXIF block; broken ones give as little as they hold.
+    /// Reads orientation and position from an EXIF block; broken blocks give what can be read of them.
     fn parse(bytes: &[u8]) -> Self {
         let is_little = match bytes {
             [b'I', b'I', 42, 0, ..] => true,
@@ -306,7 +306,7 @@ impl Tiff<'_> {
         Some(if self.is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
     }
 
-    /// Where the entry of a tag lies in a directory.
+    /// The offset of the entry of a tag in a directory.
     fn entry(&self, directory: u32, tag: u16) -> Option<usize> {
         let start = directory as usize;
         let count = usize::from(self.u16(start)?);

@@ -1,9 +1,9 @@
 //! Captures: photographed views from a folder, one module a format, one line a format in the list
 //! below.
 //!
-//! A format looks whether a folder is one of its own and gives a [`Capture`]: cameras with OpenCV
-//! axes, the distortion of their lenses, the points of the reconstruction, and where the photos lie.
-//! The photos themselves are not opened, but where a format does not say how large they are. To add
+//! A format recognises its folders and reads a [`Capture`] from them: cameras with OpenCV axes, the
+//! distortion of their lenses, the points of the reconstruction, and the folder of the photos. The
+//! photos are opened only where a format does not state their size. To add
 //! a format: a module with a `FORMAT`, and its name in the list.
 
 mod distortion;
@@ -40,21 +40,21 @@ captures! { colmap, opensfm, bundler, transforms }
 pub struct CaptureFormat {
     /// Its name in messages.
     pub name: &'static str,
-    /// What it is, in one line.
+    /// A description in one line.
     pub about: &'static str,
-    /// The capture in a folder (or a file, for formats that are one); `None` if it is none of this
-    /// format.
+    /// The capture in a folder (or a file, for formats that are one); `None` if it is not of
+    /// this format.
     read: fn(&Path, &CaptureOptions, Want) -> Result<Option<Capture>, FormatError>,
 }
 
-/// How much of a capture is read.
+/// The part of a capture that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Want {
     Views,
     Everything,
 }
 
-/// Where to look within a data set; `None` looks in the usual places.
+/// Folders within a data set; `None` stands for the usual ones.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CaptureOptions {
     /// The folder of the photos, relative to the data set, such as `images_4`.
@@ -68,7 +68,7 @@ pub struct CaptureOptions {
 /// Photographs of a place, with their cameras and the points that both were found with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Capture {
-    /// What was read, for messages: the folder that was given.
+    /// The folder that was read, for messages.
     pub source: PathBuf,
     /// The folder that the photos lie in.
     pub images: PathBuf,
@@ -76,7 +76,7 @@ pub struct Capture {
     pub masks: Option<PathBuf>,
     /// `[V]`, sorted by name.
     pub views: Vec<CaptureView>,
-    /// The points of the reconstruction; none if there are none.
+    /// The points of the reconstruction; may be empty.
     pub points: SparsePoints,
     /// `[V]`: which points each photo shows and where; empty lists where that is not known.
     pub observations: Vec<Vec<Observation>>,
@@ -90,11 +90,11 @@ pub struct CaptureView {
     /// The camera as it took the photo: the size of the photo that the model was made from, pose, and
     /// what a pinhole of these intrinsics would show before the lens bends it.
     pub camera: Camera,
-    /// What the lens does to it.
+    /// The distortion of its lens.
     pub distortion: Distortion,
     /// Views of equal number share intrinsics.
     pub camera_id: u32,
-    /// Where the photo lies in [`Capture::images`]; see [`Capture::photo`].
+    /// The path of the photo below [`Capture::images`]; see [`Capture::photo`].
     pub file: PathBuf,
     /// Its mask, where the capture names one.
     pub mask: Option<PathBuf>,
@@ -109,7 +109,7 @@ pub struct SparsePoints {
     pub colors: Vec<[u8; 3]>,
     /// Mean distance between where a point was seen and where it falls, px; NaN where not known.
     pub errors: Vec<f32>,
-    /// In how many photos a point was seen; 0 where not known.
+    /// The number of photos in which a point was seen; 0 where not known.
     pub track_lengths: Vec<u32>,
 }
 
@@ -118,18 +118,18 @@ pub struct SparsePoints {
 pub struct Observation {
     /// Index into [`SparsePoints`].
     pub point: u32,
-    /// Where it was seen, px of [`CaptureView::camera`], distortion included.
+    /// Its position in the photo, px of [`CaptureView::camera`], distortion included.
     pub xy: [f32; 2],
 }
 
 impl SparsePoints {
-    /// How many there are.
+    /// The number of points.
     #[must_use]
     pub fn len(&self) -> usize {
         self.positions.len()
     }
 
-    /// Whether there are none.
+    /// Returns true if there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
@@ -254,7 +254,7 @@ pub fn read(dataset: &Path, options: &CaptureOptions) -> Result<Capture, FormatE
 /// Reads only the cameras of a capture, sorted by name, as photos without distortion have them.
 ///
 /// # Errors
-/// As [`read`], and if the distortion of a camera cannot be undone.
+/// [`FormatError`] as for [`read`], and if the distortion of a camera cannot be undone.
 pub fn read_views(dataset: &Path) -> Result<Vec<SceneView>, FormatError> {
     let capture = read_as(dataset, &CaptureOptions::default(), Want::Views)?;
     let ideal = capture.views.into_iter().map(|view| match view.undistorted() {
@@ -264,7 +264,7 @@ pub fn read_views(dataset: &Path) -> Result<Vec<SceneView>, FormatError> {
     ideal.collect()
 }
 
-/// What is said of a lens that folds over within the photo.
+/// The problem of a lens whose distortion folds over within the photo.
 pub(crate) fn folds(name: &str) -> String {
     format!(
         "the distortion of the camera of {name:?} folds over within the photo; reconstruct the capture again with \

@@ -23,7 +23,7 @@ use std::{
 pub const FORMAT: CaptureFormat =
     CaptureFormat { name: "OpenSfM", about: "reconstruction.json of OpenSfM or OpenDroneMap", read };
 
-/// Where the file may lie in a data set.
+/// The paths of the file within a data set, in the order in which they are tried.
 const FILES: [&str; 2] = ["reconstruction.json", "opensfm/reconstruction.json"];
 
 #[derive(Deserialize)]
@@ -95,14 +95,11 @@ impl Lens {
         };
         camera.check().map_err(|e| e.to_string())?;
         let lens = [self.k1, self.k2, self.p1, self.p2];
-        if let Some(bad) = lens.iter().find(|v| !v.is_finite()) {
-            return Err(format!("a coefficient of its distortion is {bad}: must be finite"));
-        }
-        Ok((camera, Distortion::of(lens)))
+        Ok((camera, Distortion::from_file(lens)?))
     }
 }
 
-/// What to do about a lens that is not read.
+/// The advice for a lens that is not read.
 const UNDISTORT: &str = "run `opensfm undistort` and give its folder, or reconstruct with the camera model radial";
 
 fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {

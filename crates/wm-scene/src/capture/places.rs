@@ -1,16 +1,16 @@
-//! Where data sets keep their photos and masks.
+//! The folders in which data sets keep their photos and masks.
 
 use super::{CaptureOptions, CaptureView};
 use crate::{FormatError, Problem};
 use std::path::{Path, PathBuf};
 
-/// Where photos usually lie in a data set, the likeliest first; the last is the data set itself.
+/// The usual folders of photos in a data set, the likeliest first; the last is the data set itself.
 const IMAGES: [&str; 8] = ["images", "input", "rgb", "images_2", "images_4", "images_8", "photos", ""];
 
 /// Extensions that a photo or a mask may have instead of the one in its name.
 const EXTENSIONS: [&str; 6] = ["jpg", "JPG", "png", "PNG", "jpeg", "JPEG"];
 
-/// The file itself if it is there, else the same with another extension of pictures.
+/// The file itself if it exists, else the same with another extension of pictures.
 pub(super) fn with_any_extension(path: &Path) -> Option<PathBuf> {
     if path.is_file() {
         return Some(path.into());
@@ -32,7 +32,7 @@ pub(super) fn with_any_extension(path: &Path) -> Option<PathBuf> {
 /// there, so that the message about a missing photo names a sensible place.
 ///
 /// # Errors
-/// If a folder that was asked for is not there.
+/// [`FormatError`] if a folder in the options does not exist.
 pub(super) fn find(
     roots: &[&Path],
     options: &CaptureOptions,

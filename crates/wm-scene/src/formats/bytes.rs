@@ -8,12 +8,12 @@ use std::io::{self, Read};
 #[derive(Clone, Copy, Debug)]
 pub struct Bytes<'a> {
     left: &'a [u8],
-    /// What it is a part of, for messages.
+    /// The name of the part of the file, for messages.
     what: &'static str,
 }
 
 impl<'a> Bytes<'a> {
-    /// `what` is said in messages about its end.
+    /// `what` names the part in messages about its end.
     pub fn new(bytes: &'a [u8], what: &'static str) -> Self {
         Self { left: bytes, what }
     }
@@ -67,7 +67,7 @@ pub fn floats<const N: usize>(row: &[u8]) -> [f32; N] {
     std::array::from_fn(|_| numbers.next().unwrap_or_default())
 }
 
-/// What is in a gzip, member after member.
+/// A reader of a gzip file, member after member.
 pub struct Gunzip<'a>(inflate::Reader<&'a [u8]>);
 
 impl<'a> Gunzip<'a> {

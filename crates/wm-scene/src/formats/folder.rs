@@ -2,7 +2,7 @@
 //!
 //! In SOG, `lod-meta.json` or `meta.json` is the scene file. Of a training,
 //! `point_cloud/iteration_<n>/point_cloud.ply` are the splats, of which the highest n counts, and
-//! `cameras.json` are the photographed views, if it is there.
+//! `cameras.json` holds the photographed views, if it exists.
 
 use crate::{
     Camera, FormatError, Problem, SceneView,
@@ -63,12 +63,12 @@ pub fn scene_file(path: &Path) -> Result<PathBuf, FormatError> {
 /// some programs write.
 ///
 /// # Errors
-/// [`FormatError`] with line and column, if it is no JSON or a camera cannot be used.
+/// [`FormatError`] with line and column, if it is not JSON or a camera cannot be used.
 pub fn read_views(folder: &Path) -> Result<Vec<SceneView>, FormatError> {
     read_cameras(&folder.join("cameras.json"))
 }
 
-/// Where the views of a scene file lie: beside it, `<scene file>.cameras.json`.
+/// The path of the views of a scene file, beside it: `<scene file>.cameras.json`.
 #[must_use]
 pub fn cameras_path(scene_file: &Path) -> PathBuf {
     let mut name = scene_file.as_os_str().to_owned();
@@ -109,7 +109,7 @@ fn entry(id: usize, view: &SceneView) -> serde_json::Value {
 /// The views of a `cameras.json`; none if it is not there.
 ///
 /// # Errors
-/// [`FormatError`] with line and column, if it is no JSON or a camera cannot be used.
+/// [`FormatError`] with line and column, if it is not JSON or a camera cannot be used.
 pub fn read_cameras(path: &Path) -> Result<Vec<SceneView>, FormatError> {
     let file = match File::open(path) {
         Ok(file) => file,
@@ -152,7 +152,7 @@ fn pixels<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
     if number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number) {
         return Ok(number as u32);
     }
-    Err(D::Error::custom(format!("{number} is no number of pixels")))
+    Err(D::Error::custom(format!("{number} is not a number of pixels")))
 }
 
 impl TryFrom<Raw> for Entry {

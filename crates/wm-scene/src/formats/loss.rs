@@ -1,40 +1,40 @@
-//! What formats cannot hold: said before something is converted, and by `inspect`.
+//! The losses of formats, told before a conversion and by `inspect`.
 
 use crate::{Group, Metadata, Scene, sh};
 
-/// What a format cannot hold.
+/// The parts of a scene that a format keeps or loses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loses {
     /// Highest SH degree that is kept.
     pub sh_degree: u8,
-    /// What is part of the sky, of lying snow: [`Group`].
+    /// The group of each splat, such as sky and lying snow: [`Group`].
     pub groups: Kept,
     /// [`Metadata`].
     pub metadata: Kept,
-    /// How numbers are rounded, with the largest error of each; empty if they are not.
+    /// The rounding of numbers in words, with the largest error of each; empty if there is none.
     pub rounding: &'static str,
-    /// Whether splats keep their order.
+    /// The order of the splats.
     pub order: Kept,
     /// Logarithms of scales that fit: smaller and larger ones become these.
     pub log_scales: [f32; 2],
 }
 
-/// Where a scale of any size fits.
+/// The range of a format that holds scales of any size.
 pub const ANY_SCALE: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
 
-/// Whether something comes back from a file.
+/// The place where a format keeps something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kept {
-    /// It does.
+    /// In the file itself.
     Inside,
-    /// From a file beside it.
+    /// In a file beside it.
     Beside,
-    /// It does not.
+    /// Nowhere: it is lost.
     Not,
 }
 
 impl Loses {
-    /// What every value comes back from.
+    /// A format that loses nothing.
     pub const NOTHING: Self = Self {
         sh_degree: 3,
         groups: Kept::Inside,
@@ -44,7 +44,7 @@ impl Loses {
         log_scales: ANY_SCALE,
     };
 
-    /// What no file of the format holds, a line each.
+    /// The losses of every file of the format, a line each.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
         let mut lines = Vec::new();
@@ -52,7 +52,7 @@ impl Loses {
             lines.push(format!("SH above degree {}", self.sh_degree));
         }
         if self.groups == Kept::Not {
-            lines.push("what is sky or snow".into());
+            lines.push("which splats are sky or snow".into());
         }
         if self.metadata != Kept::Inside {
             lines.push("metadata (a .wm.toml beside it has it)".into());
@@ -64,7 +64,7 @@ impl Loses {
     }
 }
 
-/// What of `scene` is lost in a format, a line each.
+/// The losses of `scene` in a format, a line each.
 #[must_use]
 pub fn lost(loses: &Loses, scene: &Scene) -> Vec<String> {
     let mut lines = Vec::new();
@@ -86,7 +86,7 @@ pub fn lost(loses: &Loses, scene: &Scene) -> Vec<String> {
     if count > 0 {
         let (least, most) = (least.exp(), most.exp());
         lines.push(format!(
-            "the size of {count} splats with an axis outside of {least:.1e} to {most:.0} units: another --scale may fit better"
+            "the size of {count} splats with an axis outside of {least:.1e} to {most:.0} units: another scale may fit better (--scale)"
         ));
     }
     if loses.order == Kept::Not {

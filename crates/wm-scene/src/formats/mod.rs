@@ -1,10 +1,10 @@
 //! Scene files: one module a format, one line a format in the list below.
 //!
-//! A format is told by the first bytes of a file, and by its name where it has no mark of its own; when writing, by the
-//! name alone. A format converts activations and quantisation itself and says which [`Axes`] it has, so that a [`Scene`] is the same
+//! Readers recognise a format by the first bytes of a file, and by its name where it has no mark of its own; writers
+//! choose it by the name alone. A format converts activations and quantisation itself and says which [`Axes`] it has, so that a [`Scene`] is the same
 //! whatever it came from. To add one: a module with a `FORMAT`, and its name in the list.
 //!
-//! What a format cannot hold it says in [`SceneFormat::loses`]; metadata for which it has no room is put beside it.
+//! [`SceneFormat::loses`] states the losses of a format; metadata for which it has no room is put beside it.
 //!
 //! A scene may also be a folder that a 3DGS training wrote, or of SOG images ([`folder`]), and any scene file may have
 //! a TOML file of metadata beside it ([`sidecar`]) and the photographed views in a JSON file.
@@ -54,22 +54,22 @@ formats! { ply, ply::compressed, spz, sog::bundle, sog::folder, sog::levels, glt
 pub struct SceneFormat {
     /// Its name in messages.
     pub name: &'static str,
-    /// How names of its files end, without dot, lower case, the ending for new files first. An ending that is a whole name, such as
+    /// The extensions of its files, without dot, lower case, that of new files first. An extension that is a whole name, such as
     /// `meta.json`, names a folder's main file.
     pub extensions: &'static [&'static str],
-    /// What it is, in one line.
+    /// A description in one line.
     pub about: &'static str,
     /// The axes of its files.
     pub axes: Axes,
-    /// What it cannot hold.
+    /// The parts of a scene that it loses.
     pub loses: Loses,
-    /// Whether a file is of this format.
+    /// Recognises a file of this format by its first bytes.
     sniff: fn(&Start) -> bool,
     read: fn(&mut Source, &ReadOptions) -> Result<Scene, FormatError>,
     write: Writer,
 }
 
-/// How a format is written. Writers see the scene in the axes of a PLY, and turn what they write.
+/// The writer of a format. Writers get the scene in the axes of a PLY, and turn what they write.
 enum Writer {
     /// Into one file.
     Stream(fn(&mut dyn Write, &Scene, &WriteOptions) -> Result<(), Problem>),
@@ -85,10 +85,10 @@ pub(crate) struct NamedFile {
     pub bytes: Vec<u8>,
 }
 
-/// What takes such files one after the other.
+/// The receiver of such files, one after the other.
 type FileSink<'a> = dyn FnMut(NamedFile) -> Result<(), Problem> + 'a;
 
-/// What is known of a file before it is read.
+/// The facts about a file by which its format is recognised.
 pub(crate) struct Start<'a> {
     /// Its first bytes, at most [`SNIFFED`].
     pub bytes: &'a [u8],
@@ -99,18 +99,18 @@ pub(crate) struct Start<'a> {
 /// Bytes at the start of a file that tell its format.
 pub const SNIFFED: usize = 4096;
 
-/// What to read beside the splats.
+/// Options of reading a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReadOptions {
     /// The TOML file of metadata beside the scene file.
     pub sidecar: Sidecar,
     /// The cameras in the folder of a training.
     pub views: Views,
-    /// Which level, where a scene has several.
+    /// The level of detail, where a scene has several.
     pub level: DetailLevel,
 }
 
-/// A level of detail of a scene that has several; others have one and do not look at it.
+/// A level of detail of a scene that has several; scenes with one ignore it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DetailLevel {
     /// All splats.
@@ -122,12 +122,12 @@ pub enum DetailLevel {
     Budget(u64),
 }
 
-/// How to write where a format leaves a choice.
+/// Options of writing a scene, where a format leaves a choice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WriteOptions {
     /// The version of SPZ.
     pub spz: SpzVersion,
-    /// How splats lie in a glTF.
+    /// The encoding of splats in a glTF.
     pub gltf: GltfSplats,
 }
 
@@ -141,7 +141,7 @@ pub enum SpzVersion {
     V4,
 }
 
-/// How splats lie in a glTF.
+/// The encoding of splats in a glTF.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GltfSplats {
     /// As floats: nothing is lost.
@@ -151,23 +151,23 @@ pub enum GltfSplats {
     Spz,
 }
 
-/// Whether the TOML file beside a scene file counts.
+/// The treatment of the TOML file beside a scene file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sidecar {
-    /// Its values win over those in the scene file, key by key.
+    /// Reads it; its values win over those in the scene file, key by key.
     #[default]
     Merge,
-    /// It is not looked at.
+    /// Ignores it.
     Ignore,
 }
 
-/// Whether the cameras in the folder of a training, or beside a scene file, are read.
+/// The treatment of the cameras in the folder of a training, or beside a scene file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Views {
-    /// They are, if they are there.
+    /// Reads them if there are any.
     #[default]
     Read,
-    /// They are not looked at.
+    /// Ignores them.
     Ignore,
 }
 
@@ -179,10 +179,10 @@ pub fn read_scene(path: &Path, options: &ReadOptions) -> Result<Scene, FormatErr
     Ok(read_scene_and_format(path, options)?.0)
 }
 
-/// The same, with the format that it is in.
+/// Reads a scene and tells its format.
 ///
 /// # Errors
-/// As there.
+/// [`FormatError`] if the path, the content, the sidecar or the cameras cannot be used.
 pub fn read_scene_and_format(
     path: &Path,
     options: &ReadOptions,
@@ -237,10 +237,11 @@ fn sniff(source: &mut Source) -> Result<&'static SceneFormat, FormatError> {
     format.ok_or_else(|| source.whole(unknown_format(source.path(), bytes)))
 }
 
-/// [`write_scene_with`] the usual options.
+/// Writes a scene with the default options; see [`write_scene_with`].
 ///
 /// # Errors
-/// As there.
+/// [`FormatError`] if no format has the extension, the scene cannot be stored, or the output cannot
+/// be written; then `path` is as it was.
 pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), FormatError> {
     write_scene_with(path, scene, &WriteOptions::default())
 }
@@ -312,7 +313,7 @@ fn by_extension(path: &Path) -> Option<&'static SceneFormat> {
     fitting.max_by_key(|(_, ending)| ending.len()).map(|(format, _)| format)
 }
 
-/// Whether the name of `path` ends in a dot and `ending`, or is `ending`.
+/// Returns true if the name of `path` ends in a dot and `ending`, or is `ending`.
 pub(crate) fn has_ending(path: &Path, ending: &str) -> bool {
     let name = path.file_name().unwrap_or_default().as_encoded_bytes();
     let Some(at) = name.len().checked_sub(ending.len()) else { return false };
@@ -325,10 +326,10 @@ pub(crate) fn has_ending(path: &Path, ending: &str) -> bool {
         }
 }
 
-/// What to say of content that no format knows.
+/// The problem of content that no format recognises.
 fn unknown_format(path: &Path, start: &[u8]) -> Problem {
     let claim = match by_extension(path) {
-        Some(format) => format!("no {} file, although its name says so", format.name),
+        Some(format) => format!("not a {} file, although its name says so", format.name),
         None => {
             let names: Vec<&str> = FORMATS.iter().map(|f| f.name).collect();
             format!("of none of the formats that are read ({})", names.join(", "))

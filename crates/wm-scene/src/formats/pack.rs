@@ -1,4 +1,4 @@
-//! What the packed formats share: rounding, quaternions by their smallest three, colours and opacities in bytes.
+//! Packing that several formats share: rounding, quaternions by their smallest three, colours and opacities in bytes.
 
 use crate::{sh, splats::logit};
 use std::sync::LazyLock;

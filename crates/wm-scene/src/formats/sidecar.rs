@@ -15,7 +15,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Where the metadata beside a scene file lies.
+/// The path of the metadata beside a scene file.
 #[must_use]
 pub fn sidecar_path(scene_file: &Path) -> PathBuf {
     let mut name = scene_file.as_os_str().to_owned();
@@ -26,7 +26,7 @@ pub fn sidecar_path(scene_file: &Path) -> PathBuf {
 /// Reads the metadata beside a scene file; `None` if there is none.
 ///
 /// # Errors
-/// [`FormatError`] with line and column, if it is no TOML, has unknown keys or values that cannot be
+/// [`FormatError`] with line and column, if it is not TOML, has unknown keys or values that cannot be
 /// used.
 pub fn read(scene_file: &Path) -> Result<Option<Metadata>, FormatError> {
     let path = sidecar_path(scene_file);

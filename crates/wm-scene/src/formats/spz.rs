@@ -62,14 +62,14 @@ const ANTIALIASED: u8 = 1;
 const EXTENDED: u8 = 2;
 /// The record `SPZ_ADOBE_coordinate_system`.
 const AXES_EXTENSION: u32 = 0xADBE_0003;
-/// What a byte of a colour is scaled by.
+/// The scale of the bytes of a colour.
 const COLOR: f32 = 0.15;
 /// Bits kept of SH of degree 1 to 3.
 const SH_BITS: [u32; 3] = [7, 6, 6];
 /// Fractional bits of Niantic's writer.
 const USUAL_BITS: u32 = 12;
 
-/// What both headers say.
+/// The content of both headers.
 struct Header {
     version: u32,
     count: u64,
@@ -82,7 +82,7 @@ struct Header {
 impl Header {
     fn parse(bytes: &mut Bytes) -> Result<Self, Problem> {
         if bytes.array::<4>()? != MAGIC {
-            return Err(Problem::Header("it unpacks to something that is no SPZ".into()));
+            return Err(Problem::Header("it unpacks to something that is not an SPZ".into()));
         }
         let (version, count) = (bytes.u32()?, u64::from(bytes.u32()?));
         let [sh_degree, fractional_bits, flags, _] = bytes.array()?;
@@ -297,7 +297,7 @@ fn sh_byte(value: f32, bits: u32) -> u8 {
 /// The bytes of a column, some splats at a time.
 struct Column<'a> {
     splats: &'a Splats,
-    /// Which, in the order of the format.
+    /// Its index in the order of the format.
     number: usize,
     fractional_bits: u8,
     /// The first splat that is not in `bytes` yet.

@@ -16,7 +16,7 @@ const LAYERS: f64 = 200.0;
 const HALF: usize = 2;
 /// Cells of the grid a scene radius.
 const CELLS: f64 = 12.0;
-/// How near a normal must be to up: 25 degrees. Slopes and rough ground are wanted.
+/// The largest angle between a normal and up: 25 degrees. Slopes and rough ground are wanted.
 const LEVEL: f64 = 0.906;
 /// Share of the best surface, and of the best cells, that the ground has.
 const FAIR: f64 = 0.4;
@@ -152,7 +152,7 @@ pub fn plane(sample: &SurveySample, up: DVec3, height: f64) -> Option<DVec3> {
         let mean = sum / weights;
         let [(thin, axis), (narrow, _), _] = eigen(moments * (1.0 / weights) - outer(mean, 1.0));
         let wide = narrow.sqrt();
-        // A strip says nothing of the slope across it.
+        // A strip does not determine the slope across it.
         if wide < 0.08 * sample.radius || thin.sqrt() > 0.1 * wide {
             return None;
         }

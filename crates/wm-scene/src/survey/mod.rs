@@ -1,9 +1,9 @@
-//! What a bare splat file does not say of its place: up, ground, scale, the light of the air, its
+//! Facts about a place that a bare splat file does not state: up, ground, scale, the light of the air, its
 //! middle and size, and which splats are the sky.
 //!
 //! For each value the best source wins: given by hand, the scene's own metadata, the photographed
-//! views, an estimate from the splats, and in the end an assumption. Which one it was is kept with the
-//! value. All estimates are of a sample of the splats, without threads and without chance.
+//! views, an estimate from the splats, and last an assumption. The source is kept with the value. All
+//! estimates come from a fixed sample of the splats, so they are the same every time.
 
 mod airlight;
 mod ground;
@@ -25,16 +25,16 @@ use thiserror::Error;
 pub use airlight::{SkyPatch, airlight_of_sky};
 pub use sky::label_sky;
 
-/// What is known of a place.
+/// The facts about a place, each with its source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Survey {
     /// The direction against gravity, world axes, length 1.
     pub up: Sourced<DVec3>,
     /// Height of the ground along `up`, scene units, near the middle of the scene.
     pub ground: Sourced<f64>,
-    /// Metres per scene unit; never estimated, 1 where nothing says it.
+    /// Metres per scene unit; never estimated, 1 if no source states it.
     pub metres_per_unit: Sourced<f64>,
-    /// What the scale is from, where the scene's metadata says the scale and that.
+    /// The origin of the scale, where the scene's metadata states both.
     pub scale_source: Option<String>,
     /// Mean radiance of the sky near the horizon, linear RGB, 1 = display white.
     pub airlight: Sourced<[f64; 3]>,
@@ -50,16 +50,16 @@ pub struct Survey {
     pub sky_splats: usize,
 }
 
-/// A value and where it is from.
+/// A value and its source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sourced<T> {
     /// The value.
     pub value: T,
-    /// Where it is from.
+    /// Its source.
     pub source: FactSource,
 }
 
-/// Where a value is from, the best first.
+/// The source of a value, the best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FactSource {
     /// Given by hand.
@@ -70,7 +70,7 @@ pub enum FactSource {
     Cameras,
     /// Estimated from the splats.
     Estimated,
-    /// Nothing says it.
+    /// Assumed, because no source states it.
     Assumed,
 }
 
@@ -101,9 +101,9 @@ impl<T> Sourced<T> {
 const SAME_UP: f64 = 0.999_85;
 
 impl Survey {
-    /// Finds out what there is to know of a scene; what is `given` is believed.
+    /// Surveys a scene; the values in `given` take precedence.
     ///
-    /// Values that [`Metadata::fault`] refuses are as good as missing. About 80 ms for 850,000 splats
+    /// Values that [`Metadata::fault`] refuses are ignored. About 80 ms for 850,000 splats
     /// on one core.
     #[must_use]
     pub fn of(scene: &Scene, given: &Metadata) -> Self {
@@ -122,7 +122,7 @@ impl Survey {
             Sourced { value, source }
         });
         up.value = up.value.normalize();
-        // A height along another direction says nothing.
+        // A height along another direction is of no use.
         if file.up.is_some_and(|other| other.normalize().dot(up.value) < SAME_UP) {
             file.ground = None;
         }
@@ -176,10 +176,10 @@ impl Survey {
     }
 }
 
-/// Why two points and a distance give no scale.
+/// The reason why two points and a distance give no scale.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum ScaleError {
-    /// The distance is no length.
+    /// The distance is not finite and above 0.
     #[error("a known distance of {0} m gives no scale: it must be finite and above 0")]
     Metres(f64),
     /// A point is not finite, or both are the same.

@@ -30,13 +30,13 @@ impl Survey {
         ]
     }
 
-    /// What to warn of: the scale, if nothing says it.
+    /// A warning if nothing states the scale.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
         (self.metres_per_unit.source == FactSource::Assumed).then(|| {
             format!(
                 "scale is not known: 1 unit is taken as 1 m, which makes the scene {} m; give \
-                 --metres-per-unit or --known-distance",
+                 the metres per unit or a known distance (--metres-per-unit, --known-distance)",
                 self.size()
             )
         })
@@ -53,7 +53,7 @@ impl Survey {
     }
 }
 
-/// A number with at most so many decimals, no trailing zeros, no -0.
+/// A number and the largest number of its decimals; prints without trailing zeros and without -0.
 struct Short(f64, usize);
 
 impl fmt::Display for Short {

@@ -21,7 +21,7 @@ pub struct SurveyPoint {
     pub at: DVec3,
     /// Its shortest axis, length 1, sign free.
     pub normal: DVec3,
-    /// How much surface it stands for: its area times opacity times flatness, square units. Large
+    /// The surface that it stands for: its area times opacity times flatness, square units. Large
     /// ones are cut to the 95 % quantile, so that no single splat outvotes a surface.
     pub area: f64,
 }

@@ -1,4 +1,4 @@
-//! Which splats are the sky, for files that do not say.
+//! Finds the splats of the sky, for files that do not mark them.
 //!
 //! Reconstructions put the sky on a shell far outside everything else. A shell is taken for the sky
 //! where all of this holds, and nothing is labelled otherwise:
@@ -25,9 +25,9 @@ const FLOATERS: f64 = 0.01;
 const MOST: f64 = 0.5;
 /// Fewest splats of a sky.
 const FEWEST: usize = 24;
-/// Where a sky begins, in radii that hold 90 % of what is inside.
+/// The inner radius of a sky, in radii that hold 90 % of what is inside.
 const BEGINS: f64 = 3.0;
-/// How much larger the splats of a sky are than those inside, at least.
+/// The least ratio of the size of sky splats to that of the splats inside.
 const LARGER: f64 = 3.0;
 /// Cells of the heavens in which a sky is looked for.
 const CELLS: usize = 256;
@@ -41,10 +41,10 @@ const ONE: f64 = 0.2;
 /// half sphere, 0.01 for a ring 10 degrees high, 0.04 for one of 20 degrees.
 const LEAST_MOMENT: f64 = 0.05;
 
-/// Where the sky is.
+/// The region of the sky's splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SkyRegion {
-    /// There is none, or none that can be told.
+    /// No sky was found.
     None,
     /// The splats of the sky's group.
     Labelled,
@@ -58,12 +58,12 @@ pub enum SkyRegion {
 }
 
 impl SkyRegion {
-    /// Looks for the sky. Groups that are there already are believed.
+    /// Looks for the sky. Groups that the file labels are kept.
     pub fn of(splats: &Splats) -> Self {
         if splats.groups.contains(&Group::Sky) { Self::Labelled } else { find(splats) }
     }
 
-    /// Whether splat `index` is part of it.
+    /// Returns true if splat `index` is part of it.
     pub fn holds(&self, splats: &Splats, index: usize) -> bool {
         match *self {
             Self::None => false,
@@ -183,7 +183,7 @@ impl Layers {
     }
 }
 
-/// Whether what is at the distances `shell` has the size and the spread of a sky.
+/// Returns true if the splats at the distances `shell` have the size and the spread of a sky.
 fn is_sky(splats: &Splats, center: DVec3, shell: Range<f64>) -> bool {
     let (mut near, mut far) = (Vec::new(), Vec::new());
     let mut filled = [0.0; CELLS];

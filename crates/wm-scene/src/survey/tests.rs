@@ -245,7 +245,7 @@ fn it_is_told_in_lines() {
     ];
     assert_eq!(found.lines(), lines);
     let warning = "scale is not known: 1 unit is taken as 1 m, which makes the scene 126 x 93 x 40 m; give \
-                   --metres-per-unit or --known-distance";
+                   the metres per unit or a known distance (--metres-per-unit, --known-distance)";
     assert_eq!(found.warning().unwrap(), warning);
     found.extent = [0.51, 0.26, 0.033];
     assert_eq!(found.lines()[3], "size: 0.510 x 0.260 x 0.033 m");

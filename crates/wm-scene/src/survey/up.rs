@@ -1,4 +1,4 @@
-//! Which direction is up.
+//! Finds the direction that is up.
 //!
 //! Directions that could be up are collected: the world axes, those that much surface faces, the axes
 //! of the scene's extent, the middle of the sky. Each is rated by a sum of evidence in nats (natural
@@ -75,12 +75,12 @@ fn rated(sample: &SurveySample) -> Vec<SurveyPoint> {
     rated
 }
 
-/// What is known of up apart from the splats of the scene.
+/// The evidence for up apart from the splats of the scene.
 #[derive(Clone, Copy, Debug)]
 struct Clues {
     /// The middle of the sky, see [`heaven`].
     heaven: DVec3,
-    /// How the cameras were held, see [`held`].
+    /// The way the cameras were held, see [`held`].
     held: Option<DVec3>,
 }
 
@@ -239,7 +239,7 @@ fn peak(rated: &[SurveyPoint], axis: DVec3, width: f64) -> DVec3 {
     middle
 }
 
-/// What speaks for a direction, in nats.
+/// The evidence for a direction, in nats.
 #[derive(Clone, Copy, Debug)]
 struct Evidence {
     ground: f64,
@@ -314,7 +314,7 @@ fn cameras(up: DVec3, held: DVec3) -> f64 {
     -(0.5 * off * off).min(5.0)
 }
 
-/// What is known of `up` before the scene is looked at.
+/// The prior probability of `up`, before the scene is looked at.
 fn prior(up: DVec3) -> f64 {
     // Nearness to an axis: 1 at it, 1/2 at 4 degrees.
     let near = |axis: DVec3| 1.0 / (1.0 + ((1.0 - up.dot(axis)).max(0.0) / 0.0024));

@@ -4,7 +4,7 @@ use super::{Builder, Frame, faces};
 use crate::paint::PaintId;
 use glam::DVec3;
 
-/// How far panes and doors lie behind the wall's face, m.
+/// The depth of panes and doors behind the wall's face, m.
 const REVEAL: f64 = 0.13;
 
 /// Paints of a facade.
@@ -19,7 +19,7 @@ pub(super) struct Finish {
     pub metal: PaintId,
 }
 
-/// What fills an opening.
+/// The filling of an opening.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Filling {
     /// Two casements and a light above.

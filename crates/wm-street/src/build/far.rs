@@ -1,4 +1,4 @@
-//! What lies beyond the street: fields, hedgerows, a village with a church, wooded hills.
+//! The surroundings of the street: fields, hedgerows, a village with a church, wooded hills.
 
 use super::facade::{Filling, Finish};
 use super::house::{Dress, House, Ridge};

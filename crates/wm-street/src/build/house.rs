@@ -5,7 +5,7 @@ use super::roof::Roof;
 use super::{Builder, Frame, faces};
 use crate::paint::PaintId;
 
-/// Which way the ridge runs.
+/// The direction of the ridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ridge {
     /// Along the street: eaves to the front.
@@ -14,7 +14,7 @@ pub(super) enum Ridge {
     Across,
 }
 
-/// What the front is dressed with.
+/// The decoration of the front.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Dress {
     Plain,

@@ -72,7 +72,7 @@ impl Frame {
     }
 }
 
-/// Which faces of a block there are.
+/// The faces that a block has, as bits.
 mod faces {
     pub(super) const LEFT: u8 = 1;
     pub(super) const RIGHT: u8 = 2;

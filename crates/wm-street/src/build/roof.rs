@@ -14,9 +14,9 @@ pub(super) struct Roof {
     pub eaves: f64,
     /// Degrees.
     pub pitch: f64,
-    /// How far it reaches beyond the walls below the slopes, m.
+    /// The overhang beyond the walls below the slopes, m.
     pub overhang: f64,
-    /// How far it reaches beyond the gables, m.
+    /// The overhang beyond the gables, m.
     pub verge: f64,
     pub paint: PaintId,
     /// Boards along its edges.

@@ -10,15 +10,15 @@ use crate::paint::PaintId;
 use crate::shape::{Outline, Shape};
 use glam::DVec3;
 
-/// What kind of tree it is.
+/// The kind of tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kind {
     pub height: f64,
-    /// Where the crown begins, m above the foot.
+    /// The height of the crown's lower end above the foot, m.
     pub base: f64,
     /// Largest radius of the crown, m.
     pub radius: f64,
-    /// Where along the crown it is widest, 0-1.
+    /// The share of the crown's height at which it is widest, 0-1.
     pub widest: f64,
     /// Radius of the trunk at breast height, m.
     pub trunk: f64,
@@ -27,7 +27,7 @@ pub(super) struct Kind {
     pub leaves: u32,
     /// Length of a leaf, m.
     pub leaf: f64,
-    /// How much twigs and leaves hang, 0-1.
+    /// The droop of twigs and leaves, 0-1.
     pub droop: f64,
     pub bark: PaintId,
     pub foliage: PaintId,

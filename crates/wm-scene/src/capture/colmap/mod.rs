@@ -26,7 +26,7 @@ use std::{
 pub const FORMAT: CaptureFormat =
     CaptureFormat { name: "COLMAP", about: "COLMAP model, binary or text", read };
 
-/// Where a model may lie in the folder that is given.
+/// The folders below the given one that may hold a model, in the order in which they are tried.
 const FOLDERS: [&str; 7] = ["", "sparse/0", "sparse", "0", "colmap/sparse/0", "colmap/sparse", "sparse_txt"];
 
 /// COLMAP's camera models in the order of their numbers.
@@ -136,7 +136,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     Ok(Some(Capture { source: dataset.into(), images, masks, views, points, observations }))
 }
 
-/// How many parameters a model that can be used has.
+/// The number of parameters of a camera model that is read.
 ///
 /// # Errors
 /// [`Problem::CameraModel`] for every other model.
@@ -185,12 +185,10 @@ fn add_camera(
         near: Camera::DEFAULT_NEAR,
     };
     camera.check().map_err(|error| value(format!("camera {id}: {error}")))?;
-    if let Some(bad) = lens.iter().find(|v| !v.is_finite()) {
-        return Err(value(format!("camera {id}: a coefficient of its distortion is {bad}: must be finite")));
-    }
-    let intrinsics = Intrinsics { camera, distortion: Distortion::of(lens) };
+    let distortion = Distortion::from_file(lens).map_err(|what| value(format!("camera {id}: {what}")))?;
+    let intrinsics = Intrinsics { camera, distortion };
     if cameras.insert(id, intrinsics).is_some() {
-        return Err(value(format!("camera {id} is there twice")));
+        return Err(value(format!("camera {id} appears twice")));
     }
     Ok(())
 }
@@ -200,7 +198,7 @@ fn view(cameras: &Cameras, name: &str, camera_id: u32, pose: [f64; 7]) -> Result
     let [w, x, y, z, tx, ty, tz] = pose;
     let quat = DQuat::from_xyzw(x, y, z, w);
     if !(quat.is_finite() && quat.length() > 1e-6) {
-        return Err(value(format!("the rotation of {name:?} is no quaternion")));
+        return Err(value(format!("the rotation of {name:?} is not a quaternion")));
     }
     let Some(Intrinsics { camera, distortion }) = cameras.get(&camera_id) else {
         let what = format!("the image {name:?} has camera {camera_id}, which is not in the list of cameras");
@@ -229,7 +227,7 @@ fn add_point(
     }
     let place = u32::try_from(points.len()).map_err(|_| value("there are more than 2^32 points".into()))?;
     if places.insert(id, place).is_some() {
-        return Err(value(format!("point {id} is there twice")));
+        return Err(value(format!("point {id} appears twice")));
     }
     // COLMAP writes -1 where it has not computed the error.
     let error = if error >= 0.0 { error as f32 } else { f32::NAN };

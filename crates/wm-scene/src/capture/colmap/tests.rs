@@ -209,8 +209,8 @@ fn broken_binary_models_are_told() {
             |m| m.cameras[1].4[0] = f64::NAN,
             "cameras.bin, byte 64: camera 2: camera fx is NaN: must be finite and above 0",
         ),
-        (|m| m.cameras[1].0 = 7, "cameras.bin, byte 64: camera 7 is there twice"),
-        (|m| m.images[0].1[..4].fill(0.0), "images.bin, byte 8: the rotation of \"b two.jpg\" is no quaternion"),
+        (|m| m.cameras[1].0 = 7, "cameras.bin, byte 64: camera 7 appears twice"),
+        (|m| m.images[0].1[..4].fill(0.0), "images.bin, byte 8: the rotation of \"b two.jpg\" is not a quaternion"),
         (
             |m| m.images[1].1[4] = f64::INFINITY,
             "images.bin, byte 162: the image \"a.jpg\": camera viewmat is inf: must be finite",
@@ -283,8 +283,8 @@ fn broken_text_models_have_their_line() {
     for (line, expected) in [
         ("1 PINHOLE 1200 800 1000 1000 600", format!("the camera has no further parameter; {again}")),
         ("1 PINHOLE 1200 800 1 1 1 1 1", format!("camera 1 has more than 4 parameters; {again}")),
-        ("x PINHOLE 1200 800 1 1 1 1", format!("\"x\" is no number for the number of a camera; {correct}")),
-        ("1 PINHOLE 1200 8e2 1 1 1 1", format!("\"8e2\" is no number for the height; {correct}")),
+        ("x PINHOLE 1200 800 1 1 1 1", format!("\"x\" is not a number for the number of a camera; {correct}")),
+        ("1 PINHOLE 1200 8e2 1 1 1 1", format!("\"8e2\" is not a number for the height; {correct}")),
         ("1", format!("the camera has no model; {again}")),
     ] {
         let text = format!("# one\n\n{line}\n");
@@ -293,7 +293,7 @@ fn broken_text_models_have_their_line() {
     for (line, expected) in [
         ("2 1 0 0 0 0 0 0 1", format!("the image has no name; {again}")),
         ("2 1 0 0 0 0 0", format!("the image has no complete pose; {again}")),
-        ("2 1 0 0 zero 0 0 0 1 b.jpg", format!("\"zero\" is no number for a pose; {correct}")),
+        ("2 1 0 0 zero 0 0 0 1 b.jpg", format!("\"zero\" is not a number for a pose; {correct}")),
         ("2 1 0 0 0 0 0 0 9 b.jpg", {
             format!("the image \"b.jpg\" has camera 9, which is not in the list of cameras; {again}")
         }),
@@ -305,7 +305,7 @@ fn broken_text_models_have_their_line() {
     assert_eq!(
         say(&KINDS[1], [cameras, packed.as_bytes()]),
         format!(
-            "images.txt, line 2: the line after an image is no list of 2D points (x y number), empty if there \
+            "images.txt, line 2: the line after an image is not a list of 2D points (x y number), empty if there \
              are none; {again}"
         )
     );
@@ -519,7 +519,7 @@ fn broken_points_have_their_line() {
     );
     assert_eq!(
         say("1 0 0 0 1 1 1 0.5\n1 0 0 0 1 1 1 0.5\n"),
-        format!("points3D.txt, line 2: point 1 is there twice; {again}")
+        format!("points3D.txt, line 2: point 1 appears twice; {again}")
     );
     assert_eq!(
         say("1 0 inf 0 1 1 1 0.5\n"),
@@ -527,7 +527,7 @@ fn broken_points_have_their_line() {
     );
     assert_eq!(
         say("1 0 0 0 1 1 256 0.5\n"),
-        "points3D.txt, line 1: \"256\" is no number for a colour; correct it or export the file again"
+        "points3D.txt, line 1: \"256\" is not a number for a colour; correct it or export the file again"
     );
     assert_eq!(
         say("1 0 0 0 1 1"),

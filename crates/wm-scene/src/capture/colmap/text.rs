@@ -95,7 +95,7 @@ fn read_observations(
 }
 
 fn no_observations() -> Problem {
-    value("the line after an image is no list of 2D points (x y number), empty if there are none".into())
+    value("the line after an image is not a list of 2D points (x y number), empty if there are none".into())
 }
 
 /// A point: number, x y z, r g b, error, then image and 2D point any number of times.

@@ -5,7 +5,7 @@ use crate::{FormatError, Problem, files::write_atomically};
 use glam::DQuat;
 use std::{fs, io::Write, path::Path};
 
-/// How a model is stored.
+/// The encoding of the files of a model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColmapStorage {
     /// `.bin`.

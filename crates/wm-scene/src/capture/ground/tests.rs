@@ -19,7 +19,7 @@ fn street(dice: &mut Dice, ground: usize, foot: f64) -> Vec<DVec3> {
     points
 }
 
-/// How a person walks and looks; angles in degrees, each one's deviation.
+/// The way a person walks and looks; angles are standard deviations in degrees.
 #[derive(Clone, Copy)]
 struct Walker {
     count: usize,
@@ -200,7 +200,7 @@ fn rooms_are_right_or_nothing_is_said() {
     }
 }
 
-/// What is stood on hides what lies below beside it; but it is seen, and the water too.
+/// A platform hides what lies below beside it; but the platform is seen, and the water too.
 #[test]
 fn a_quay_is_not_taken_for_the_water() {
     for seed in 0..8 {

@@ -120,14 +120,11 @@ impl Intrinsics {
         };
         camera.check().map_err(|e| e.to_string())?;
         let lens = [self.k1, self.k2, self.p1, self.p2].map(|v| v.unwrap_or(0.0));
-        if let Some(bad) = lens.iter().find(|v| !v.is_finite()) {
-            return Err(format!("a coefficient of its distortion is {bad}: must be finite"));
-        }
-        Ok((camera, Distortion::of(lens)))
+        Ok((camera, Distortion::from_file(lens)?))
     }
 }
 
-/// What to do about a lens that is not read.
+/// The advice for a lens that is not read.
 const UNDISTORT: &str = "undistort the photos with `colmap image_undistorter` and give its output";
 
 fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
@@ -242,7 +239,7 @@ fn plain(path: &str) -> PathBuf {
     path.components().filter(|part| *part != Component::CurDir).collect()
 }
 
-/// The path of a photo, its first folder replaced by the one that was asked for.
+/// The path of a photo, its first folder replaced by that of the options.
 fn moved(path: &str, images: Option<&Path>) -> PathBuf {
     let path = plain(path);
     let Some(images) = images else { return path };

@@ -53,7 +53,7 @@ struct Asset {
 
 #[derive(Default, Deserialize)]
 struct Extras {
-    /// What this program knows of the place.
+    /// The metadata of this program, in the file's extras.
     #[serde(default)]
     wm: Metadata,
 }
@@ -182,7 +182,9 @@ fn chunks(file: &[u8]) -> Result<(&[u8], Option<&[u8]>), Problem> {
     if version != 2 {
         return Err(fault(format!("version {version} is not read, 2 is")));
     }
-    let (JSON, json) = chunk(&mut bytes)? else { return Err(fault("the first chunk of the GLB is no JSON")) };
+    let (JSON, json) = chunk(&mut bytes)? else {
+        return Err(fault("the first chunk of the GLB is not JSON"));
+    };
     let bin = if bytes.rest().is_empty() { None } else { Some(chunk(&mut bytes)?) };
     Ok((json, bin.filter(|(kind, _)| *kind == BIN).map(|(_, bin)| bin)))
 }
@@ -200,14 +202,14 @@ fn read_buffer<'a>(buffer: &Buffer, bin: Option<&'a [u8]>, folder: &Path) -> Res
     if let Some(data) = uri.strip_prefix("data:") {
         let text = data.split_once(";base64,").map(|(_, text)| text);
         let bytes = text.and_then(|text| BASE64_STANDARD.decode(text).ok());
-        return bytes.map(Cow::Owned).ok_or_else(|| fault("a buffer's data is no base64"));
+        return bytes.map(Cow::Owned).ok_or_else(|| fault("a buffer's data is not base64"));
     }
     let name = excerpt(uri.as_bytes());
     let path = Path::new(uri);
     if uri.is_empty()
         || !path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
     {
-        return Err(fault(format!("the buffer \"{name}\" is no file below its folder")));
+        return Err(fault(format!("the buffer \"{name}\" is not a file below its folder")));
     }
     let read = fs::metadata(folder.join(path)).and_then(|about| {
         if about.is_file() {
@@ -277,7 +279,7 @@ impl Reader<'_> {
                 .and_then(|e| e.get("bufferView"))
             {
                 Some(view) => {
-                    let view = view.as_u64().ok_or_else(|| fault("the SPZ's bufferView is no number"))?;
+                    let view = view.as_u64().ok_or_else(|| fault("the SPZ's bufferView is not a number"))?;
                     let mut inner = spz::read(self.view(view as usize)?.1)?;
                     spz::FORMAT.axes.turn(&mut inner);
                     FORMAT.axes.turn(&mut inner);
@@ -416,7 +418,7 @@ impl Reader<'_> {
     }
 }
 
-/// What a node does; `None` if it stretches or mirrors.
+/// The transform of a node; `None` if it stretches or mirrors.
 fn similarity(node: &Node) -> Option<Similarity> {
     let matrix = match &node.matrix {
         Some(matrix) => DMat4::from_cols_array(matrix),

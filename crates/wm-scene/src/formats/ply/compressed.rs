@@ -82,12 +82,12 @@ const WORDS: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", 
 /// Largest scale that is written, logarithm: one splat of a broken scene must not coarsen its chunk.
 const MAX_LOG_SCALE: f32 = 20.0;
 
-/// Whether the first bytes name what only a compressed PLY has.
+/// Returns true if the first bytes name a property that only a compressed PLY has.
 pub(super) fn is_named(start: &[u8]) -> bool {
     start.windows(WORDS[0].len()).any(|word| word == WORDS[0].as_bytes())
 }
 
-/// Whether the header is that of a compressed PLY.
+/// Returns true if the header is that of a compressed PLY.
 pub(super) fn is_compressed(header: &Header) -> bool {
     header.elements.iter().any(|e| e.name == "vertex" && e.properties.iter().any(|p| p.name == WORDS[0]))
 }

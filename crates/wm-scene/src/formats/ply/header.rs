@@ -10,7 +10,7 @@ use crate::{
 /// Longest header, bytes: what it declares is kept in memory.
 const MAX_HEADER: u64 = 1 << 20;
 
-/// What the header says.
+/// The content of a header.
 #[derive(Debug)]
 pub(super) struct Header {
     pub encoding: PlyEncoding,
@@ -64,7 +64,7 @@ impl Scalar {
             b"uint" | b"uint32" => Self::U32,
             b"float" | b"float32" => Self::F32,
             b"double" | b"float64" => Self::F64,
-            _ => return Err(Problem::Header(format!("\"{}\" is no number type of PLY", excerpt(word)))),
+            _ => return Err(Problem::Header(format!("\"{}\" is not a number type of PLY", excerpt(word)))),
         })
     }
 
@@ -95,7 +95,7 @@ impl Element {
         self.properties.iter().map(|p| p.kind.min_size()).sum()
     }
 
-    /// Whether a row can have any length.
+    /// Returns true if a row can have any length.
     pub fn has_lists(&self) -> bool {
         self.properties.iter().any(|p| matches!(p.kind, Kind::List { .. }))
     }
@@ -163,16 +163,15 @@ fn parse_line(
                 return Err(Problem::Header(format!("PLY version \"{version}\" is not read, 1.0 is")));
             }
             let found = PlyEncoding::ALL.into_iter().find(|e| e.keyword().as_bytes() == keyword);
-            *encoding =
-                Some(found.ok_or_else(|| {
-                    Problem::Header(format!("\"{}\" is no encoding of PLY", excerpt(keyword)))
-                })?);
+            *encoding = Some(found.ok_or_else(|| {
+                Problem::Header(format!("\"{}\" is not an encoding of PLY", excerpt(keyword)))
+            })?);
         }
         [b"element", name, count] => {
-            let count = std::str::from_utf8(count)
-                .ok()
-                .and_then(|text| text.parse().ok())
-                .ok_or_else(|| Problem::Header(format!("\"{}\" is no number of elements", excerpt(count))))?;
+            let count =
+                std::str::from_utf8(count).ok().and_then(|text| text.parse().ok()).ok_or_else(|| {
+                    Problem::Header(format!("\"{}\" is not a number of elements", excerpt(count)))
+                })?;
             elements.push(Element { name: text_of(name), count, properties: Vec::new() });
         }
         [b"property", ref rest @ ..] => {
@@ -191,7 +190,7 @@ fn parse_property(line: &[u8], words: &[&[u8]]) -> Result<Property, Problem> {
         [b"list", count, item, name] => {
             let (count, item) = (Scalar::from_keyword(count)?, Scalar::from_keyword(item)?);
             if matches!(count, Scalar::F32 | Scalar::F64) {
-                return Err(Problem::Header("a list cannot have a length that is no integer".into()));
+                return Err(Problem::Header("a list cannot have a length that is not an integer".into()));
             }
             Ok(Property { name: text_of(name), kind: Kind::List { count, item } })
         }

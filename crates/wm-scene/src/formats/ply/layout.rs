@@ -1,4 +1,4 @@
-//! Which property of a file goes where in [`Splats`].
+//! The map from the properties of a file to the arrays of [`Splats`].
 
 use super::header::{Element, Header, Kind, Scalar};
 use crate::{Group, Splats, error::Problem, sh};

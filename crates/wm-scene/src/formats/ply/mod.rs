@@ -51,12 +51,12 @@ pub const FORMAT: SceneFormat = SceneFormat {
     write: Writer::Stream(|out, scene, _| write(out, scene, PlyEncoding::default())),
 };
 
-/// Whether these first bytes are those of a PLY.
+/// Returns true if these first bytes are those of a PLY.
 fn is_ply(start: &[u8]) -> bool {
     start.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_none_or(u8::is_ascii_whitespace))
 }
 
-/// How the numbers of a PLY are stored.
+/// The encoding of the numbers in a PLY.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PlyEncoding {
     /// Binary, least significant byte first.

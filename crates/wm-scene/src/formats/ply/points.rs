@@ -1,4 +1,4 @@
-//! PLY files of points: x y z and, if they are there, red green blue of each vertex.
+//! PLY files of points: x y z and, if present, red green blue of each vertex.
 
 use super::{
     PlyEncoding,
@@ -14,7 +14,7 @@ const GREY: [u8; 3] = [128; 3];
 /// over. Colours of a float type are 0 to 1. Points that are not finite are left out.
 ///
 /// # Errors
-/// [`FormatError`] if the file is missing, cut off, or no PLY with points.
+/// [`FormatError`] if the file is missing, cut off, or not a PLY with points.
 pub fn read_points(path: &Path) -> Result<SparsePoints, FormatError> {
     read_points_from(&mut Source::open(path)?)
 }
@@ -56,7 +56,7 @@ fn read_points_from(source: &mut Source) -> Result<SparsePoints, FormatError> {
     Ok(points)
 }
 
-/// How colours are stored.
+/// The encoding of colours.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Color {
     None,

@@ -38,7 +38,7 @@ pub(super) use {
     write::{Steps, order},
 };
 
-/// What SOG cannot hold.
+/// The losses of SOG.
 const LOSES: Loses = Loses {
     sh_degree: 3,
     groups: Kept::Not,

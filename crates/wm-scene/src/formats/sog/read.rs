@@ -36,7 +36,7 @@ struct Meta {
     sh0: Coded,
     #[serde(rename = "shN", default)]
     sh_n: Option<Palette>,
-    /// What this program knows of the place.
+    /// The metadata of this program.
     #[serde(rename = "wm", default)]
     metadata: Metadata,
 }
@@ -86,7 +86,7 @@ fn parse<'a, T: Deserialize<'a>>(text: &'a [u8], name: &str) -> Result<T, Proble
     serde_json::from_slice(text).map_err(|error| fault(format!("{name}: {}", one_line(&error.to_string()))))
 }
 
-/// What the bytes of a channel mean.
+/// The values that the bytes of a channel stand for.
 struct Table([f32; 256]);
 
 impl Coded {
@@ -132,7 +132,7 @@ impl Picture {
         let webp = |error: image_webp::DecodingError| {
             let name = excerpt(name.as_bytes());
             fault(format!(
-                "the picture \"{name}\" is no WebP that can be read ({})",
+                "the picture \"{name}\" is not a WebP that can be read ({})",
                 one_line(&error.to_string())
             ))
         };
@@ -176,7 +176,7 @@ fn below(folder: &Path, name: &str) -> Result<PathBuf, Problem> {
     let inside =
         Path::new(name).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     if !inside || name.is_empty() {
-        return Err(fault(format!("\"{}\" is no file below its folder", excerpt(name.as_bytes()))));
+        return Err(fault(format!("\"{}\" is not a file below its folder", excerpt(name.as_bytes()))));
     }
     Ok(folder.join(name))
 }
@@ -186,7 +186,7 @@ fn read_file(path: &Path) -> Result<Vec<u8>, Problem> {
     let refused = |error: std::io::Error| fault(format!("\"{name}\" cannot be read: {error}"));
     let about = fs::metadata(path).map_err(refused)?;
     if !about.is_file() {
-        return Err(fault(format!("\"{name}\" is no file")));
+        return Err(fault(format!("\"{name}\" is not a file")));
     }
     let mut bytes = Vec::new();
     fs::File::open(path).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(refused)?;

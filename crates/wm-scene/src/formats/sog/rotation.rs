@@ -31,7 +31,7 @@ pub(super) struct Rounded {
 }
 
 impl Rounded {
-    /// Which axis each of its axes was.
+    /// The former axis of each of its axes.
     pub fn axes(self) -> [usize; 3] {
         NAMINGS[usize::from(self.naming)].1
     }

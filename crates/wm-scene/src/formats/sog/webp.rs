@@ -82,7 +82,7 @@ fn container(stream: &[u8]) -> Vec<u8> {
     file
 }
 
-/// What is subtracted from pixels.
+/// The prediction that is subtracted from pixels.
 #[derive(Clone, Copy, Debug)]
 struct Change {
     /// Green, from red and blue.
@@ -177,9 +177,9 @@ struct Symbol {
 #[derive(Default)]
 struct Bits {
     bytes: Vec<u8>,
-    /// What is not written yet, the first lowest.
+    /// The bits that are not written yet, the first lowest.
     pending: u64,
-    /// How many they are, below 32.
+    /// The number of those bits, below 32.
     count: u8,
 }
 

@@ -26,7 +26,7 @@ const ENTRIES: usize = 64;
 /// Most entries of the palette.
 const MAX_ENTRIES: usize = 1 << 16;
 
-/// How means are stored: in 16 bits of the range of each coordinate's curve.
+/// The rounding of means to 16 bits of the range of each coordinate's curve.
 pub(in crate::formats) struct Steps {
     mins: [f32; 3],
     maxs: [f32; 3],

@@ -33,7 +33,7 @@ struct Entry<'a> {
     crc: u32,
     packed: u32,
     unpacked: u32,
-    /// Where its local header begins.
+    /// The offset of its local header.
     at: u32,
 }
 

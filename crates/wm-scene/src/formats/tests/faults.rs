@@ -168,5 +168,5 @@ fn pictures_of_sog_that_are_damaged_or_missing_are_named() {
     let meta = fs::read_to_string(&path).unwrap().replace("quats.webp", "../quats.webp");
     fs::write(&path, meta).unwrap();
     let message = say(&folder, read(&path));
-    assert!(message.contains("SOG: \"../quats.webp\" is no file below its folder"), "{message}");
+    assert!(message.contains("SOG: \"../quats.webp\" is not a file below its folder"), "{message}");
 }

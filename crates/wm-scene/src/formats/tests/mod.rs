@@ -57,17 +57,17 @@ fn what_is_no_scene_is_told() {
         ),
         (
             file("b.PLY", b"plywood is no scene"),
-            "DIR/b.PLY: no PLY file, although its name says so: it begins with \"plywood is no sc\"; convert \
+            "DIR/b.PLY: not a PLY file, although its name says so: it begins with \"plywood is no sc\"; convert \
              or export the scene again",
         ),
         (
             file("c.ply", b"\n<!doctype html>"),
-            "DIR/c.ply: no PLY file, although its name says so: it begins with \"\\n<!doctype html>\"; this \
+            "DIR/c.ply: not a PLY file, although its name says so: it begins with \"\\n<!doctype html>\"; this \
              looks like a web page, download the file itself",
         ),
         (
             file("d.ply", b"version https://git-lfs.github.com/spec/v1\n"),
-            "DIR/d.ply: no PLY file, although its name says so: it begins with \"version https://\"; this is a \
+            "DIR/d.ply: not a PLY file, although its name says so: it begins with \"version https://\"; this is a \
              Git LFS pointer, get the file itself with `git lfs pull`",
         ),
     ] {
@@ -230,7 +230,7 @@ fn a_stream_is_read() {
     assert_eq!(read_scene_from(Path::new("stdin"), &bytes[..], None).unwrap(), scene(4.0));
 }
 
-/// What changes a text: where, by what, and whether to replace, insert or remove.
+/// A change to a text: its place, the new text, and whether to replace, insert or remove.
 type Edit = (prop::sample::Index, char, u8);
 
 fn edits() -> impl Strategy<Value = Vec<Edit>> {

@@ -1,4 +1,4 @@
-//! What is written comes back, within the rounding that each format states.
+//! Scenes come back from every format within the rounding that it states.
 
 use super::*;
 use crate::{Group, Rasterization, formats::pack::unit, morton, random::uniform, sh, splats::sigmoid};
@@ -97,7 +97,7 @@ impl Errors {
     }
 }
 
-/// Whether a format keeps which axis of an ellipsoid is called which.
+/// The order of an ellipsoid's axes in a format: kept, or lost.
 #[derive(Clone, Copy, PartialEq)]
 enum Names {
     Kept,

@@ -1,4 +1,4 @@
-//! What is wrong with a file is told in one line, and never costs more memory than the file allows.
+//! Faults of a file are told in one line, and never cost more memory than the file allows.
 
 use super::*;
 
@@ -104,7 +104,7 @@ fn a_cut_at_any_byte_is_an_error() {
         for end in 0..whole {
             for read in [read_bytes(&bytes[..end]), read_pipe(&bytes[..end])] {
                 let message = read.unwrap_err().to_string();
-                let cut = ["cut off", "the file is empty", "no PLY file"];
+                let cut = ["cut off", "the file is empty", "not a PLY file"];
                 assert!(cut.iter().any(|c| message.contains(c)), "{encoding:?} {end}: {message}");
             }
         }
@@ -220,9 +220,9 @@ fn headers_that_are_not_understood_are_named() {
     let start = "ply\nformat ascii 1.0\n";
     for (line, expected) in [
         ("elephant 1", "the header line \"elephant 1\" is not understood; export the file again"),
-        ("format text 1.0", "\"text\" is no encoding of PLY; export the file again"),
+        ("format text 1.0", "\"text\" is not an encoding of PLY; export the file again"),
         ("format ascii 2.0", "PLY version \"2.0\" is not read, 1.0 is; export the file again"),
-        ("element vertex -1", "\"-1\" is no number of elements; export the file again"),
+        ("element vertex -1", "\"-1\" is not a number of elements; export the file again"),
         ("element vertex", "the header line \"element vertex\" is not understood; export the file again"),
         ("property float x", "a property stands before the first element; export the file again"),
         ("comment wm.up \"\u{7}\u{e9}", "METADATA"),
@@ -244,8 +244,8 @@ fn headers_that_are_not_understood_are_named() {
         }
     }
     for (property, expected) in [
-        ("half x", "\"half\" is no number type of PLY; export the file again"),
-        ("list float int x", "a list cannot have a length that is no integer; export the file again"),
+        ("half x", "\"half\" is not a number type of PLY; export the file again"),
+        ("list float int x", "a list cannot have a length that is not an integer; export the file again"),
         ("float", "the header line \"property float\" is not understood; export the file again"),
     ] {
         assert_eq!(say(&header(&[property])), format!("a.ply, line 4: {expected}"));
@@ -257,7 +257,7 @@ fn headers_that_are_not_understood_are_named() {
     let long = [&b"ply\n"[..], &b"comment\n".repeat(200_000)].concat();
     assert_eq!(
         say(&long),
-        "a.ply: the header has no end_header line in its first 1048576 bytes; this is no PLY that can be read"
+        "a.ply: the header has no end_header line in its first 1048576 bytes; this is not a PLY that can be read"
     );
 }
 
@@ -276,7 +276,7 @@ fn bad_rows_of_ascii_have_their_line() {
     bad[6] = "1,5";
     assert_eq!(
         say(&text(&bad.join(" "))),
-        "a.ply, line 20: \"1,5\" is no number for opacity; correct it or export the file again"
+        "a.ply, line 20: \"1,5\" is not a number for opacity; correct it or export the file again"
     );
     assert_eq!(
         say(&text(&row[1..].join(" "))),
