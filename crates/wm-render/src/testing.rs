@@ -7,7 +7,7 @@ use crate::frame::Frame;
 #[cfg(feature = "gpu")]
 use crate::gpu::{
     Choice, Gpu, GpuConfig, GpuDifferentiable, GpuError, GpuRenderer,
-    source::{AirText, Form, Program},
+    source::{AirText, ParameterForm, Program},
 };
 #[cfg(feature = "gpu")]
 use crate::hooks::WgslSource;
@@ -192,7 +192,7 @@ pub fn gpu_renderer() -> GpuRenderer {
 #[cfg(feature = "gpu")]
 pub fn check_air(air: &WgslSource) -> Result<(), String> {
     use wgpu::naga::{front::wgsl, valid};
-    let project = |text| Program::Project(Form::Activated, text);
+    let project = |text| Program::Project(ParameterForm::Activated, text);
     for program in [
         project(AirText::Color(air.wgsl.clone())),
         project(AirText::Share(air.wgsl.clone())),

@@ -18,9 +18,9 @@ use super::lists::{self, CHUNKS, Entries};
 use super::readback::{Part, copy};
 use super::recorder::{Clock, Recorder, Stage, Ticks};
 use super::resident::StepRows;
-use super::source::{COUNTER_WORDS, Falls};
+use super::source::{COUNTER_WORDS, ParticleBlend};
 use super::stored::StoredModel;
-use super::uniforms::{self, Capacity, Each, SLOT, Sight, bytes_of};
+use super::uniforms::{self, Capacity, ItemBytes, SLOT, ViewParameters, bytes_of};
 use crate::cpu;
 use crate::differentiable::{
     BackwardStats, Channels, DepthAlpha, Differentiable, ForwardConfig, Gradients, Learn, Resident,
@@ -100,10 +100,10 @@ struct OwnRoom {
 }
 
 /// Bytes of a splat in view and of an entry in the largest array over each.
-fn each(config: &ForwardConfig) -> Each {
+fn each(config: &ForwardConfig) -> ItemBytes {
     let coefficients = 3 * sh::coefficients(config.sh_degree) as u64;
     let numbers = [SLOT_WORDS, u64::from(rows::ROW), coefficients];
-    Each { visible: 4 * numbers.into_iter().fold(0, u64::max), entries: 4 * SLOT_WORDS }
+    ItemBytes { visible: 4 * numbers.into_iter().fold(0, u64::max), entries: 4 * SLOT_WORDS }
 }
 
 impl GpuDifferentiable {
@@ -211,7 +211,7 @@ impl GpuDifferentiable {
         gpu.check()?;
         let (each, most) = (each(config), gpu.most_binding());
         self.capacity.start(self.model.len(), most, each);
-        let sight = Sight::of_training(camera, config);
+        let sight = ViewParameters::of_training(camera, config);
         let channels = config.channels;
         let size = (camera.width, camera.height);
         loop {
@@ -232,8 +232,7 @@ impl GpuDifferentiable {
                 pixels: u64::from(size.0) * u64::from(size.1),
                 planes: u64::from(channels.depth().is_some()),
                 normal: channels.has_normal(),
-                falls: Falls::Nothing,
-                background: 0,
+                particles: ParticleBlend::None,
             };
             let room = self.memory.room(&gpu, &extent)?;
             let own = self.own_room(camera, config)?;
@@ -350,7 +349,7 @@ impl View {
     ) -> Recorder<'a> {
         let Self { camera, config, room, own, compared, .. } = self;
         let channels = config.channels;
-        let sight = Sight::of_training(camera, config);
+        let sight = ViewParameters::of_training(camera, config);
         let (pixels, tiles) = (camera.width * camera.height, sight.tile_count());
         let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
         let pieces = model.pieces(&recorder, CHUNKS);
@@ -410,7 +409,7 @@ fn record_forward<'a>(
     clock: Option<&'a Clock>,
     model: &'a StoredModel,
     (room, own): (&'a Room, &'a OwnRoom),
-    sight: &Sight<'_>,
+    sight: &ViewParameters<'_>,
     config: &ForwardConfig,
 ) -> Recorder<'a> {
     let mut recorder = Recorder::new(gpu, &room.uniforms, clock);

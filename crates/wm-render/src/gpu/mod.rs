@@ -29,7 +29,7 @@ pub mod error;
 mod hosted;
 mod lists;
 pub mod model;
-mod plan;
+mod pass;
 #[cfg(test)]
 pub(crate) mod probe;
 mod readback;

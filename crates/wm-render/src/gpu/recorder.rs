@@ -97,9 +97,11 @@ pub(crate) type Bindings<'a> = Vec<(u32, BindingResource<'a>)>;
 /// The commands of one frame.
 pub(crate) struct Recorder<'a> {
     gpu: &'a Gpu,
-    /// A structure every [`SLOT`] bytes, the first of them `View`.
+    /// A structure every [`SLOT`] bytes, the first of each pass `View`.
     uniforms: &'a wgpu::Buffer,
     clock: Option<&'a Clock>,
+    /// The slot of the pass's first structure.
+    first_slot: usize,
     encoder: wgpu::CommandEncoder,
     pass: Option<wgpu::ComputePass<'static>>,
     /// Those that have begun.
@@ -111,10 +113,20 @@ impl<'a> Recorder<'a> {
     pub fn new(gpu: &'a Gpu, uniforms: &'a wgpu::Buffer, clock: Option<&'a Clock>) -> Self {
         let encoder =
             gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
-        Self { gpu, uniforms, clock, encoder, pass: None, stages: Vec::new(), dispatches: 0 }
+        Self { gpu, uniforms, clock, first_slot: 0, encoder, pass: None, stages: Vec::new(), dispatches: 0 }
     }
 
-    /// The dispatches that follow are of this stage; each stage begins once.
+    /// The slots that follow are counted from this one: that of the first structure of a pass.
+    pub fn set_first_slot(&mut self, slot: usize) {
+        self.first_slot = slot;
+    }
+
+    /// Where [`Self::tell_times`] writes.
+    pub fn times(&self) -> Option<&'a wgpu::Buffer> {
+        self.clock.map(|clock| &clock.times)
+    }
+
+    /// The dispatches that follow are of this stage; each stage begins once before [`Self::tell_times`].
     pub fn begin(&mut self, stage: Stage) {
         self.pass = None;
         self.stages.push(stage);
@@ -138,11 +150,11 @@ impl<'a> Recorder<'a> {
         self.uniform(0)
     }
 
-    /// The structure in a slot.
+    /// The structure in a slot of this pass.
     pub fn uniform(&self, slot: usize) -> BindingResource<'a> {
         BindingResource::Buffer(BufferBinding {
             buffer: self.uniforms,
-            offset: slot as u64 * SLOT,
+            offset: (self.first_slot + slot) as u64 * SLOT,
             size: BufferSize::new(SLOT),
         })
     }

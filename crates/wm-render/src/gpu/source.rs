@@ -59,9 +59,9 @@ macro_rules! file {
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Program {
     /// Which splats are in view.
-    Cull(Form),
+    Cull(ParameterForm),
     /// Their records, with colours through the air.
-    Project(Form, AirText),
+    Project(ParameterForm, AirText),
     /// The air alone, whose text this is.
     Air(Cow<'static, str>),
     /// Prefix sums over the blocks of splats.
@@ -81,7 +81,7 @@ pub enum Program {
     /// Blends colour, and what is asked for beside it.
     Rasterize(Geometry, MedianDepth),
     /// Puts the background behind.
-    Composite(Behind, Falls),
+    Composite(BackgroundForm, ParticleBlend),
     /// Adds up what falls.
     Fall,
     /// Blends what training asks for, and keeps the sums.
@@ -138,14 +138,14 @@ pub enum Subgroups {
 
 /// What form the parameters of splats are in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Form {
+pub enum ParameterForm {
     /// Made ready once, to be rendered often.
     Activated,
     /// As they are stored, and learn.
     Stored,
 }
 
-impl Form {
+impl ParameterForm {
     fn text(self) -> &'static str {
         match self {
             Self::Activated => file!("stages/project/activated.wgsl"),
@@ -182,7 +182,7 @@ impl AirText {
 
 /// What is behind the splats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Behind {
+pub enum BackgroundForm {
     /// One colour.
     Color,
     /// What is mixed between so many nodes along a side of each patch.
@@ -191,20 +191,21 @@ pub enum Behind {
     Picture,
 }
 
-impl Behind {
+impl BackgroundForm {
     /// Every kind.
     pub const ALL: [Self; 4] = [Self::Color, Self::Nodes(4), Self::Nodes(8), Self::Picture];
 }
 
-/// What becomes of what falls.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Falls {
-    /// There is nothing.
-    Nothing,
-    /// It is drawn over the colour.
+/// Where particles are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum ParticleBlend {
+    /// There are none.
+    #[default]
+    None,
+    /// Over the colour.
     InColor,
-    /// It is written apart as well.
-    Apart,
+    /// Over the colour, and into a picture of their own.
+    Separate,
 }
 
 /// What all programs over splats begin with.
@@ -233,11 +234,11 @@ impl Program {
     #[must_use]
     pub fn all() -> Vec<Self> {
         let mut all = vec![
-            Self::Cull(Form::Activated),
-            Self::Cull(Form::Stored),
-            Self::Project(Form::Activated, AirText::Clear),
-            Self::Project(Form::Activated, AirText::FullShare),
-            Self::Project(Form::Stored, AirText::Clear),
+            Self::Cull(ParameterForm::Activated),
+            Self::Cull(ParameterForm::Stored),
+            Self::Project(ParameterForm::Activated, AirText::Clear),
+            Self::Project(ParameterForm::Activated, AirText::FullShare),
+            Self::Project(ParameterForm::Stored, AirText::Clear),
             Self::Similarity,
             Self::SimilarityBackward,
             Self::ColorsBackward,
@@ -261,8 +262,8 @@ impl Program {
             Self::Ranges,
             Self::Fall,
         ];
-        for falls in [Falls::Nothing, Falls::InColor, Falls::Apart] {
-            all.extend(Behind::ALL.map(|behind| Self::Composite(behind, falls)));
+        for falls in [ParticleBlend::None, ParticleBlend::InColor, ParticleBlend::Separate] {
+            all.extend(BackgroundForm::ALL.map(|behind| Self::Composite(behind, falls)));
         }
         for geometry in [Geometry::None, Geometry::Depth, Geometry::DepthNormal] {
             all.extend([MedianDepth::Off, MedianDepth::On].map(|median| Self::Rasterize(geometry, median)));
@@ -380,16 +381,16 @@ impl Program {
             }
             Self::Composite(behind, falls) => {
                 match behind {
-                    Behind::Color => add(&[ONE_COLOR]),
-                    Behind::Nodes(nodes) => {
+                    BackgroundForm::Color => add(&[ONE_COLOR]),
+                    BackgroundForm::Nodes(nodes) => {
                         add(&[&format!("const NODES = {nodes}u;"), file!("stages/composite/nodes.wgsl")]);
                     }
-                    Behind::Picture => add(&[PICTURE]),
+                    BackgroundForm::Picture => add(&[PICTURE]),
                 }
                 match falls {
-                    Falls::Nothing => add(&[NOTHING_FALLS]),
-                    Falls::InColor | Falls::Apart => {
-                        let is_apart = *falls == Falls::Apart;
+                    ParticleBlend::None => add(&[NOTHING_FALLS]),
+                    ParticleBlend::InColor | ParticleBlend::Separate => {
+                        let is_apart = *falls == ParticleBlend::Separate;
                         add(&[&format!("const APART: bool = {is_apart};"), file!("gpu/color.wgsl")]);
                         add(&[file!("stages/particles/over.wgsl")]);
                     }
@@ -450,7 +451,7 @@ impl Program {
             Self::SmoothBackward => add(&[GEOMETRY, SUMS, file!("stages/compare/smooth_backward.wgsl")]),
             Self::Gather => add(&[file!("stages/project_backward/gather.wgsl")]),
             Self::ProjectBackward(channels) => {
-                add(&[&switches(*channels), PIECES, Form::Stored.text()]);
+                add(&[&switches(*channels), PIECES, ParameterForm::Stored.text()]);
                 add(&[file!("stages/project/geometry.wgsl")]);
                 add(&[file!("stages/shade/shade.wgsl"), file!("stages/shade_backward/shade_backward.wgsl")]);
                 add(&[file!("stages/project_backward/project_backward.wgsl")]);

@@ -12,7 +12,7 @@ fn some_air() -> [Program; 3] {
     let air = "fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
         return AirOnRay(vec3<f32>(exp(-air[0] * min(distance, FAR_AWAY))), direction);
     }";
-    let project = |text| Program::Project(Form::Activated, text);
+    let project = |text| Program::Project(ParameterForm::Activated, text);
     [project(AirText::Color(air.into())), project(AirText::Share(air.into())), Program::Air(air.into())]
 }
 
@@ -80,7 +80,7 @@ fn no_program_writes_the_splats() {
 /// `Record` is the CPU's, number for number.
 #[test]
 fn records_are_as_long_as_the_cpus() {
-    let module = parsed(&Program::Project(Form::Activated, AirText::Clear));
+    let module = parsed(&Program::Project(ParameterForm::Activated, AirText::Clear));
     let mut layouter = Layouter::default();
     layouter.update(module.to_ctx()).unwrap();
     let (handle, record) =
@@ -98,7 +98,7 @@ fn records_are_as_long_as_the_cpus() {
 
 #[test]
 fn sizes_of_counted_structures_are_what_rust_says() {
-    let module = parsed(&Program::Cull(Form::Activated));
+    let module = parsed(&Program::Cull(ParameterForm::Activated));
     let mut layouter = Layouter::default();
     layouter.update(module.to_ctx()).unwrap();
     let size = |name: &str| {

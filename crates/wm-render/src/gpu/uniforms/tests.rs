@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::differentiable::Channels;
-use crate::gpu::source::{Form, Program};
+use crate::gpu::source::{ParameterForm, Program};
 use crate::renderer::RenderConfig;
 use crate::stages::compare::NO_EXPOSURE;
 use crate::stages::optimize::{Rates, SplatTerms};
@@ -28,8 +28,12 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
     let photo = Comparison { exposure: NO_EXPOSURE, weights: [0.5; Term::COUNT], ..Comparison::default() };
     let step = Step { number: 7, rates, terms: SplatTerms::default(), size: (64, 48) };
     for (program, name, uniform) in [
-        (Program::Cull(Form::Activated), "View", view(&Sight::of(&pass), 0, 0, Capacity::default())),
-        (Program::Cull(Form::Activated), "Chunk", chunk(Piece::default(), true)),
+        (
+            Program::Cull(ParameterForm::Activated),
+            "View",
+            view(&ViewParameters::of(&pass), 0, 0, Capacity::default()),
+        ),
+        (Program::Cull(ParameterForm::Activated), "Chunk", chunk(Piece::default(), true)),
         (Program::Finish(Channels::Color), "Training", training([0.5; 3], DepthAlpha::Learns)),
         (Program::ColorsBackward, "Comparison", comparison(&photo, 5, 4.0, 2)),
         (Program::PatchTotals, "Geometry", geometry(&photo, 5, (2, 6))),
@@ -54,19 +58,19 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
 fn room_grows_by_need_and_a_quarter() {
     const MUCH: u64 = 1 << 40;
     let mut capacity = Capacity::default();
-    capacity.start(1_000_000, MUCH, Each::FRAME);
+    capacity.start(1_000_000, MUCH, ItemBytes::FRAME);
     assert_eq!(capacity, Capacity { visible: 500_000, entries: 1_000_000 });
-    assert!(!capacity.grow(400_000, 1_000_000, MUCH, Each::FRAME));
-    assert!(capacity.grow(600_000, 2_000_000, MUCH, Each::FRAME));
+    assert!(!capacity.grow(400_000, 1_000_000, MUCH, ItemBytes::FRAME));
+    assert!(capacity.grow(600_000, 2_000_000, MUCH, ItemBytes::FRAME));
     assert_eq!(capacity, Capacity { visible: 750_000, entries: 2_500_000 });
-    capacity.start(10, MUCH, Each::FRAME);
+    capacity.start(10, MUCH, ItemBytes::FRAME);
     assert_eq!(capacity.visible, 750_000);
     // No guess is beyond what fits; a need may be, and is refused later.
     let mut small = Capacity::default();
-    small.start(1_000_000, 6_400_000, Each::FRAME);
+    small.start(1_000_000, 6_400_000, ItemBytes::FRAME);
     assert_eq!(small, Capacity { visible: 100_000, entries: 1_000_000 });
-    assert!(small.grow(90_000, 1_500_000, 6_400_000, Each::FRAME));
+    assert!(small.grow(90_000, 1_500_000, 6_400_000, ItemBytes::FRAME));
     assert_eq!(small, Capacity { visible: 100_000, entries: 1_600_000 });
-    assert!(small.grow(200_000, 0, 6_400_000, Each::FRAME));
+    assert!(small.grow(200_000, 0, 6_400_000, ItemBytes::FRAME));
     assert_eq!(small.visible, 200_000);
 }

@@ -3,7 +3,7 @@
 
 use crate::differentiable::Channels;
 use crate::gpu::recorder::{Groups, Recorder};
-use crate::gpu::source::{Behind, Falls, Program, WORKGROUP};
+use crate::gpu::source::{BackgroundForm, ParticleBlend, Program, WORKGROUP};
 use crate::stages::rasterize_backward::gpu::Kept;
 
 /// What the composite reads and writes, see `composite.wgsl`.
@@ -19,14 +19,20 @@ pub(crate) struct Composite<'a> {
 
 impl Composite<'_> {
     /// Finishes `pixels` pixels.
-    pub fn record(&self, recorder: &mut Recorder<'_>, pixels: u32, behind: Behind, falls: Falls) {
+    pub fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        pixels: u32,
+        behind: BackgroundForm,
+        falls: ParticleBlend,
+    ) {
         let mut bindings = vec![
             (0, recorder.view()),
             (1, self.rgb.as_entire_binding()),
             (2, self.alpha.as_entire_binding()),
             (3, self.background.as_entire_binding()),
         ];
-        if falls != Falls::Nothing {
+        if falls != ParticleBlend::None {
             bindings.extend([(4, self.falling.as_entire_binding()), (5, self.apart.as_entire_binding())]);
         }
         let groups = Groups::Direct(pixels.div_ceil(WORKGROUP));

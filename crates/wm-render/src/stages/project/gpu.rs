@@ -2,7 +2,7 @@
 //! one writes their records in the order of the splats, so that nothing depends on which workgroup came first.
 
 use crate::gpu::recorder::{Bindings, Groups, Recorder};
-use crate::gpu::source::{AirText, Form, Program};
+use crate::gpu::source::{AirText, ParameterForm, Program};
 use crate::hooks::WgslSource;
 use crate::plan::Shading;
 
@@ -36,8 +36,8 @@ pub(crate) struct Piece<'a> {
 }
 
 impl Piece<'_> {
-    fn form(&self) -> Form {
-        if self.attributes.is_some() { Form::Activated } else { Form::Stored }
+    fn form(&self) -> ParameterForm {
+        if self.attributes.is_some() { ParameterForm::Activated } else { ParameterForm::Stored }
     }
 
     /// What all programs over splats bind.
