@@ -4,6 +4,7 @@ use super::{Level, Rig, Shot, Subject};
 use crate::parts::Picture;
 use crate::studio::{Studio, sets};
 use anyhow::Result;
+use wm_render::parts::render_with_parts;
 use wm_render::{Background, DrawPass, RenderBackend, RenderConfig, SetId};
 use wm_scene::{Camera, Splats};
 use wm_weather::cover::{Airflow, Asked, Buried, Cover};

@@ -3,7 +3,6 @@
 use super::{Lack, Needs, Studio};
 use anyhow::Result;
 use std::sync::Arc;
-use wm_render::hooks::Hooks;
 use wm_render::{DrawPass, Frame, RenderBackend, SetView, Stats};
 use wm_scene::Camera;
 use wm_weather::Weather;

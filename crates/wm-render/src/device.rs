@@ -1,4 +1,4 @@
-//! Where to render and to train: one back end for the CPU and for GPUs.
+//! The choice of a device: one back end for the CPU and for GPUs.
 
 use crate::cpu::{CpuDifferentiable, CpuRenderer};
 use crate::differentiable::{
@@ -15,7 +15,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 use wm_scene::{Camera, Splats};
 
-/// Where to render.
+/// The device that renders.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Device {
     /// On a real GPU where there is one, else on the CPU; never on a GPU in software.
@@ -111,7 +111,7 @@ impl AnyRenderer {
         self.pool().current_num_threads()
     }
 
-    /// Whether frames are drawn on a GPU.
+    /// Returns true if frames are drawn on a GPU.
     #[must_use]
     pub fn is_gpu(&self) -> bool {
         !matches!(self.body, Body::Cpu(_))
@@ -127,7 +127,7 @@ impl AnyRenderer {
         }
     }
 
-    /// What the bytes of a picture depend on: not the number of threads.
+    /// Names all that the bytes of a picture depend on, which the number of threads is not.
     #[must_use]
     pub fn arithmetic(&self) -> String {
         match &self.body {
@@ -172,7 +172,7 @@ impl AnyRenderer {
     }
 }
 
-/// What a choice came to.
+/// A device that was opened.
 enum Opened {
     Cpu,
     #[cfg(feature = "gpu")]
@@ -281,7 +281,7 @@ impl AnyDifferentiable {
     }
 
     /// On a GPU of one's own, as `auto` makes it: for tests.
-    #[cfg(feature = "gpu")]
+    #[cfg(all(feature = "gpu", any(test, feature = "testing")))]
     pub(crate) fn fallible(
         gpu: Arc<Gpu>,
         config: CpuConfig,

@@ -155,7 +155,7 @@ pub struct DrawPass<'a> {
     pub config: RenderConfig,
     /// The air, the background, the particles and the pixel effects of the weather.
     pub hooks: Hooks<'a>,
-    /// What the colours of the picture are.
+    /// The meaning of the picture's colours.
     pub shading: Shading,
     /// Results of earlier passes that this one looks up. No stage reads any yet.
     pub reads: Vec<PictureId>,
@@ -183,7 +183,7 @@ impl<'a> DrawPass<'a> {
         }
     }
 
-    /// How the colours of the picture are encoded.
+    /// The encoding of the picture's colours.
     pub(crate) fn encoding(&self) -> Encoding {
         match self.shading {
             Shading::Color => Encoding::Srgb,
@@ -191,7 +191,7 @@ impl<'a> DrawPass<'a> {
         }
     }
 
-    /// What stands behind the splats.
+    /// The background behind the splats.
     pub(crate) fn backdrop(&self) -> &dyn Backdrop {
         self.hooks.background.unwrap_or(&self.config.background)
     }
@@ -203,7 +203,7 @@ impl<'a> DrawPass<'a> {
     }
 }
 
-/// What the colours of a drawn picture are.
+/// The meaning of a drawn picture's colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shading {
     /// Colours as seen through the air, display-referred.

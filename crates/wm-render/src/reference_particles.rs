@@ -14,7 +14,7 @@ pub struct Cover {
     pub tau: f64,
     /// Sum of optical depth times radiance.
     pub light: [f64; 3],
-    /// How far `tau` may be off in f32, see [`crate::stages::particles`].
+    /// The error that `tau` may have in f32, see [`crate::stages::particles`].
     pub slack: f64,
 }
 
@@ -31,7 +31,7 @@ impl Cover {
     }
 }
 
-/// What covers the middle of pixel `(x, y)` before a scene of that coverage and sum of weight times view z.
+/// The cover of the middle of pixel `(x, y)` before a scene of that coverage and sum of weight times view z.
 #[must_use]
 pub fn cover(
     particles: &[Particle],

@@ -20,7 +20,7 @@ use std::time::Instant;
 /// Tiles of one task: small enough to share out, large enough to write whole lines.
 pub const RUN: usize = 4;
 
-/// What is blended beside the colour.
+/// The sums that are blended beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Features {
     pub geometry: Geometry,
@@ -28,7 +28,7 @@ pub struct Features {
 }
 
 impl Features {
-    /// What a pass needs: what it asks for, and depth where particles or a pixel effect read it.
+    /// The sums that a pass needs: its outputs, and depth where particles or a pixel effect read it.
     pub fn of(pass: &DrawPass<'_>) -> Self {
         let asked = pass.config.outputs;
         let effects = !(pass.hooks.pixels.is_empty() && pass.particles().is_empty());
@@ -59,7 +59,7 @@ pub fn arrays(pass: &DrawPass<'_>) -> Arrays {
     }
 }
 
-/// What all tiles of one frame share.
+/// The inputs that all tiles of one frame share.
 pub struct Back<'a> {
     pub path: SimdPath,
     /// The path that moves pixels.

@@ -51,7 +51,7 @@ impl<'a> Unit<'a> {
     }
 }
 
-/// What the first sweep gives for one unit; kept from frame to frame for its memory.
+/// The results of the first sweep for one unit; kept from frame to frame for its memory.
 #[derive(Debug, Default)]
 pub struct Part {
     pairs: Pairs,
@@ -83,7 +83,7 @@ impl Part {
     }
 }
 
-/// What all units of one frame share.
+/// The inputs that all units of one frame share.
 pub struct Front<'a> {
     path: SimdPath,
     camera: &'a ProjectCamera,

@@ -93,7 +93,7 @@ pub(crate) struct Room {
     pub apart: wgpu::Buffer,
 }
 
-/// How large a frame is.
+/// The size of a frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Extent {
     pub slots: usize,

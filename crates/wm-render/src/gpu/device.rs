@@ -1,4 +1,4 @@
-//! Which GPU, and the device on it.
+//! The choice of a GPU, and the device on it.
 
 use super::error::GpuError;
 use super::source::{MIN_SUBGROUP, Program, Subgroups, WORKGROUP};
@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::task::{Context, Poll, Waker};
 use wgpu::{Adapter, DeviceType, Limits};
 
-/// Which GPU to take.
+/// The choice of a GPU.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Choice {
     /// A real one, the strongest kind first; never one in software.
@@ -23,18 +23,18 @@ pub enum Choice {
     Any,
 }
 
-/// How to run the GPU back end.
+/// The settings of the GPU back end.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GpuConfig {
-    /// Which GPU.
+    /// The GPU.
     pub choice: Choice,
-    /// What is asked of the adapter and kept to; `None` for all that it has.
+    /// The limits that are requested and kept; `None` for all that the adapter has.
     pub limits: Option<Limits>,
-    /// Whether subgroups are made use of.
+    /// The use of subgroups.
     pub subgroups: Subgroups,
 }
 
-/// What kind of GPU an adapter is.
+/// The kind of a GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
     /// A card of its own.
@@ -43,7 +43,7 @@ pub enum Kind {
     Integrated,
     /// A part of a card, lent to a virtual machine.
     Virtual,
-    /// What the driver does not say.
+    /// A kind that the driver does not tell.
     Other,
     /// The processor, behind a GPU's interface: for tests.
     Software,
@@ -72,7 +72,7 @@ pub struct Listed {
     pub backend: String,
     /// The driver and its version.
     pub driver: String,
-    /// What it is.
+    /// Its kind.
     pub kind: Kind,
     /// Most bytes of one array.
     pub most_binding: u64,
@@ -80,7 +80,7 @@ pub struct Listed {
     pub most_buffer: u64,
     /// Bytes that a workgroup shares.
     pub workgroup_storage: u32,
-    /// Whether stages can be timed.
+    /// True if stages can be timed.
     pub timestamps: bool,
     /// Threads of its subgroups, fewest and most, where programs may use them.
     pub subgroups: Option<(u32, u32)>,
@@ -144,14 +144,14 @@ pub(crate) fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
     }
 }
 
-/// Whether there may be a real GPU. Asking every driver takes time, and some of them talk on the error stream.
+/// Returns true if there may be a real GPU. Asking every driver takes time, and some of them print to stderr.
 fn may_have_hardware() -> bool {
     // Linux has a file for each: of the kernel's own drivers, NVIDIA's, Windows' below it, Adreno's, Mali's.
     let files = ["dri", "nvidiactl", "dxg", "kgsl-3d0", "mali0"];
     !cfg!(target_os = "linux") || files.iter().any(|file| Path::new("/dev").join(file).exists())
 }
 
-/// What every stage takes for granted.
+/// The limits that every stage needs.
 fn fits(name: &str, limits: &Limits) -> Result<(), GpuError> {
     let least = [
         ("max_compute_invocations_per_workgroup", limits.max_compute_invocations_per_workgroup, WORKGROUP),
@@ -271,7 +271,7 @@ impl Gpu {
         format!("gpu, {} ({})", self.name, self.backend)
     }
 
-    /// What it is.
+    /// Its kind.
     #[must_use]
     pub fn kind(&self) -> Kind {
         self.kind
@@ -283,7 +283,7 @@ impl Gpu {
         self.most_binding
     }
 
-    /// Whether its subgroups are made use of.
+    /// The use of its subgroups.
     #[must_use]
     pub fn subgroups(&self) -> Subgroups {
         self.subgroups
@@ -295,7 +295,7 @@ impl Gpu {
         self.tick
     }
 
-    /// What went wrong since the last call.
+    /// The error since the last call.
     ///
     /// # Errors
     /// [`GpuError::Lost`] from the loss of the device on, else the first refusal.
@@ -311,7 +311,7 @@ impl Gpu {
         fault.map_or(Ok(()), |fault| Err(GpuError::Refused(fault)))
     }
 
-    /// What was asked of it so far, by all who share it.
+    /// The work that it was given so far, by all who share it.
     #[must_use]
     pub fn work(&self) -> DeviceWork {
         *held(&self.work)
@@ -366,7 +366,7 @@ impl Gpu {
         pipeline
     }
 
-    /// Whether a program could see so many bytes at once.
+    /// Checks that a program can bind so many bytes at once.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] if not.

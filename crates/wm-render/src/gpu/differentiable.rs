@@ -63,7 +63,7 @@ pub struct GpuDifferentiable {
     pub(super) rows: StepRows,
 }
 
-/// What becomes of the pictures of a forward pass.
+/// The destination of the pictures of a forward pass.
 pub(super) enum Seen<'a> {
     /// They come back.
     Read(&'a mut Frame),
@@ -78,11 +78,11 @@ pub(super) struct View {
     visible: u32,
     pub room: Room,
     own: OwnRoom,
-    /// Whether the loss's derivative is there already.
+    /// True if the derivative of the loss is on the GPU already.
     compared: bool,
 }
 
-/// What training has beside the room of a frame.
+/// The buffers of training beside the room of a frame.
 struct OwnRoom {
     /// The record of each pair of splat and tile.
     names: wgpu::Buffer,
@@ -136,7 +136,7 @@ impl GpuDifferentiable {
         &self.gpu
     }
 
-    /// What the last step took by the GPU's clock: of backward passes and moves those before the last forward pass.
+    /// The times of the last step by the GPU's clock: of backward passes and moves those before the last forward pass.
     pub(super) fn step_clock(&self) -> Option<StepClock> {
         let seconds = |stage| self.clock.as_ref().map_or(0.0, |clock| clock.seconds(&self.ticks, stage));
         let lists = [Stage::Project, Stage::Sort, Stage::Intersect];
@@ -313,7 +313,7 @@ impl GpuDifferentiable {
 }
 
 impl OwnRoom {
-    /// What there is to compare.
+    /// The pictures to compare.
     fn pictures<'a>(&'a self, channels: Channels, room: &'a Room) -> Pictures<'a> {
         let Self { rgb, depths, normal, upstream, .. } = self;
         Pictures { channels, rgb, alpha: &room.alpha, depths, normal, upstream }

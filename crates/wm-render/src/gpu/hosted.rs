@@ -1,5 +1,5 @@
-//! What the CPU does of a GPU's frame: attributes of splats, backgrounds that are no single colour, gathering what
-//! falls, and pixel effects on the picture that came back.
+//! The CPU's part of a GPU's frame: attributes of splats, backgrounds that are no single colour, gathering particles,
+//! and pixel effects on the picture that came back.
 
 use super::source::{BackgroundForm, TILE_SIDE};
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};

@@ -21,7 +21,7 @@ const WRITE_TASK: usize = 10;
 /// The first slot behind them: of the pieces of splats.
 pub(crate) const CHUNKS: usize = 11;
 
-/// What the entries of the tile lists are.
+/// The kind of the entries of tile lists.
 #[derive(Clone, Copy)]
 pub(crate) enum Entries<'a> {
     /// Records.
@@ -99,12 +99,12 @@ pub(crate) fn lists<'r>(
     lists
 }
 
-/// Where [`lists`] leaves the records in the order of their depth.
+/// The buffer in which [`lists`] leaves the records in the order of their depth.
 pub(crate) fn order(room: &Room) -> &wgpu::Buffer {
     &room.depth_pairs[passes(DEPTH_BITS) as usize % 2][1]
 }
 
-/// Where it leaves what `tiles` tiles list.
+/// The buffer in which it leaves the entries of `tiles` tiles.
 pub(crate) fn listed(room: &Room, tiles: u32) -> &wgpu::Buffer {
     &room.entry_pairs[passes(u32::BITS - tiles.leading_zeros()) as usize % 2][1]
 }

@@ -21,6 +21,7 @@
 //! Visibilities, backgrounds that are no single colour and pixel effects are still computed by the CPU, and uploaded or
 //! applied to the picture that came back.
 
+#[cfg(any(test, feature = "testing"))]
 mod air;
 pub(crate) mod buffers;
 pub mod device;

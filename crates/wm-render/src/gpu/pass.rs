@@ -168,7 +168,7 @@ impl<'a> GpuPass<'a> {
         CHUNKS + self.sets.iter().map(|(model, ..)| model.chunks.len()).sum::<usize>()
     }
 
-    /// What it needs room for, but for the slots.
+    /// The room that it needs, but for the slots.
     pub fn extent(&self, capacity: Capacity) -> Extent {
         let planes =
             if self.arrays.median_depth { 2 } else { u64::from(self.features.geometry != Geometry::None) };

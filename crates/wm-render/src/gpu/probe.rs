@@ -15,7 +15,7 @@ use crate::stages::scan::gpu::spine;
 use crate::stages::sort::gpu::{Sort, passes};
 use wgpu::BufferUsages;
 
-/// What the stages of one frame made.
+/// The results of the stages of one frame.
 pub struct Probe {
     /// Of the splats in view, in the order of the splats.
     pub records: Vec<Record>,

@@ -12,7 +12,7 @@ use std::sync::mpsc::channel;
 use std::time::Duration;
 use wgpu::BufferUsages;
 
-/// What the GPU counted in one pass.
+/// The counts of one pass on the GPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counted {
     /// Splats in view, also those without room.
@@ -26,10 +26,10 @@ pub(crate) struct Counted {
 /// A part of a buffer: from an offset on, so many bytes.
 pub(crate) type Source<'a> = (&'a wgpu::Buffer, u64, u64);
 
-/// What several passes send back together: of each its counts, its times and its pictures.
+/// The results that several passes send back together: of each its counts, its times and its pictures.
 pub(crate) struct WayBack {
     staging: wgpu::Buffer,
-    /// Where those of each pass begin, and the end of all.
+    /// The start of those of each pass, and the end of all.
     starts: Vec<u64>,
     /// Passes that are recorded.
     recorded: usize,
@@ -86,7 +86,7 @@ impl WayBack {
     }
 }
 
-/// What came back; it is let go of when this is dropped.
+/// The results that came back; their memory is unmapped when this is dropped.
 pub(crate) struct Returned {
     /// `None` only while it is dropped.
     view: Option<wgpu::BufferView>,
@@ -108,7 +108,7 @@ impl Returned {
         self.view.as_deref().unwrap_or_default()
     }
 
-    /// What was counted in each pass.
+    /// The counts of each pass.
     pub fn counted(&self) -> impl Iterator<Item = Counted> {
         let passes = self.starts.len() - 1;
         (0..passes).map(|pass| self.counted_in(pass))

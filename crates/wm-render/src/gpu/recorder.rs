@@ -6,7 +6,7 @@ use super::source::{DISPATCH_ROW, Program, Subgroups};
 use super::uniforms::SLOT;
 use wgpu::{BindGroupDescriptor, BindGroupEntry, BindingResource, BufferBinding, BufferSize, BufferUsages};
 
-/// How many workgroups a dispatch has.
+/// The number of workgroups of a dispatch.
 #[derive(Clone, Copy)]
 pub(crate) enum Groups<'a> {
     /// As many.
@@ -58,7 +58,7 @@ pub(crate) struct Clock {
     tick: f64,
 }
 
-/// What a [`Clock`] has counted.
+/// The numbers that a [`Clock`] has counted.
 pub(crate) type Ticks = [u64; Clock::NUMBERS];
 
 impl Clock {
@@ -84,7 +84,7 @@ impl Clock {
         [0; Self::NUMBERS]
     }
 
-    /// How long a stage took the last time, seconds.
+    /// The time that a stage took the last time, seconds.
     pub fn seconds(&self, ticks: &Ticks, stage: Stage) -> f64 {
         let at = Self::APART / 8 * stage as usize;
         self.tick * ticks[at + 1].saturating_sub(ticks[at]) as f64
@@ -121,7 +121,7 @@ impl<'a> Recorder<'a> {
         self.first_slot = slot;
     }
 
-    /// Where [`Self::tell_times`] writes.
+    /// The buffer that [`Self::tell_times`] writes.
     pub fn times(&self) -> Option<&'a wgpu::Buffer> {
         self.clock.map(|clock| &clock.times)
     }
@@ -140,7 +140,7 @@ impl<'a> Recorder<'a> {
         self.pass = Some(self.encoder.begin_compute_pass(&descriptor).forget_lifetime());
     }
 
-    /// Whether programs may make use of subgroups.
+    /// The use of subgroups by programs.
     pub fn subgroups(&self) -> Subgroups {
         self.gpu.subgroups()
     }

@@ -38,7 +38,7 @@ pub const SORT_BLOCK: u32 = WORKGROUP * SORT_ROUNDS;
 pub const BLOCK_WORDS: u32 = 1 + WORKGROUP / 32;
 /// Words of the counters, see `Counters` in `common.wgsl`.
 pub const COUNTER_WORDS: u64 = 5;
-/// Where the sizes of a dispatch over the splats in view stand among those that the GPU finds, in words.
+/// The first word of the sizes of a dispatch over the splats in view, among those that the GPU finds.
 pub const VISIBLE_GROUPS: u32 = 0;
 /// Of their sort.
 pub const VISIBLE_SORT: u32 = 3;
@@ -58,7 +58,7 @@ macro_rules! file {
 /// A program of the GPU.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Program {
-    /// Which splats are in view.
+    /// Finds the splats in view.
     Cull(ParameterForm),
     /// Their records, with colours through the air.
     Project(ParameterForm, AirText),
@@ -68,7 +68,7 @@ pub enum Program {
     SpineVisible,
     /// Prefix sums over the splats in view, 256 at a time.
     SpineEntries,
-    /// How often each digit is in each block of pairs.
+    /// Counts each digit in each block of pairs.
     SortCount,
     /// Prefix sums of that.
     SortScan,
@@ -76,7 +76,7 @@ pub enum Program {
     SortScatter,
     /// Counts or writes the entries of the tile lists.
     Intersect,
-    /// Where each tile's list begins.
+    /// Finds the start of each tile's list.
     Ranges,
     /// Blends colour, and what is asked for beside it.
     Rasterize(Geometry, MedianDepth),
@@ -92,7 +92,7 @@ pub enum Program {
     BySums(Channels),
     /// From pixels to what they pull on each splat of their tile.
     RasterizeBackward(Channels, Subgroups),
-    /// How like a photo one channel is.
+    /// Compares one channel with a photo.
     Similarity,
     /// The derivative of that.
     SimilarityBackward,
@@ -122,21 +122,21 @@ pub enum Program {
     Optimize,
     /// Nearly transparent splats at random.
     Explore,
-    /// What is known of splats to where they are now.
+    /// Moves the optimiser's memory to where splats are now.
     Rearrange,
 }
 
-/// Whether threads of a subgroup work together.
+/// The use of subgroups.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Subgroups {
-    /// Where the adapter has subgroups of at least [`MIN_SUBGROUP`] threads.
+    /// Used if the adapter has subgroups of at least [`MIN_SUBGROUP`] threads.
     #[default]
     Used,
     /// Not even there.
     Unused,
 }
 
-/// What form the parameters of splats are in.
+/// The form of the parameters of splats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ParameterForm {
     /// Made ready once, to be rendered often.
@@ -154,7 +154,7 @@ impl ParameterForm {
     }
 }
 
-/// What the air makes of the colour of a splat.
+/// The effect of the air on the colour of a splat.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum AirText {
     /// The colour itself: clear air.
@@ -180,12 +180,12 @@ impl AirText {
     }
 }
 
-/// What is behind the splats.
+/// The form of the background behind the splats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BackgroundForm {
     /// One colour.
     Color,
-    /// What is mixed between so many nodes along a side of each patch.
+    /// Colours mixed between so many nodes along a side of each patch.
     Nodes(u32),
     /// A picture.
     Picture,
@@ -196,7 +196,7 @@ impl BackgroundForm {
     pub const ALL: [Self; 4] = [Self::Color, Self::Nodes(4), Self::Nodes(8), Self::Picture];
 }
 
-/// Where particles are drawn.
+/// The pictures that particles are drawn into.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ParticleBlend {
     /// There are none.
@@ -208,15 +208,15 @@ pub enum ParticleBlend {
     Separate,
 }
 
-/// What all programs over splats begin with.
+/// The first text of all programs over splats.
 const PIECES: &str = file!("stages/project/pieces.wgsl");
-/// What programs that compare geometry begin with.
+/// The first text of programs that compare geometry.
 const GEOMETRY: &str = file!("stages/compare/geometry.wgsl");
 /// Sums over a workgroup.
 const SUMS: &str = file!("stages/compare/sums.wgsl");
 /// Every share of light is 1.
 const FULL_SHARE: &str = "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return vec3<f32>(1.0); }";
-/// What does nothing to the light of a splat.
+/// Clear air: colours stay as they are.
 const CLEAR_AIR: &str =
     "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
 /// One colour behind everything.
@@ -226,7 +226,7 @@ const ONE_COLOR: &str =
 const PICTURE: &str = "fn behind(at: u32) -> vec3<f32> {
     return vec3<f32>(background[3u * at], background[3u * at + 1u], background[3u * at + 2u]);
 }";
-/// What draws nothing over a pixel.
+/// No particles.
 const NOTHING_FALLS: &str = "fn with_falling(at: u32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
 
 impl Program {
@@ -465,7 +465,7 @@ impl Program {
     }
 }
 
-/// Which sums are blended, as WGSL.
+/// The switches of the blended sums, as WGSL.
 fn switches(channels: Channels) -> String {
     let (color, depth, normal) = (channels.has_color(), channels.depth().is_some(), channels.has_normal());
     format!("const COLOR = {color};\nconst DEPTH = {depth};\nconst NORMAL = {normal};")

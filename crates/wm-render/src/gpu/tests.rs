@@ -1,4 +1,4 @@
-//! What is of the GPU back end as a whole: room, pieces, repetition, and what goes wrong.
+//! The GPU back end as a whole: room, pieces, repetition, and errors.
 
 use super::*;
 use crate::differentiable::{Channels, Differentiable, ForwardConfig, Gradients, Learn, Upstream};
@@ -188,7 +188,7 @@ fn a_lost_device_is_an_error_and_no_panic() {
     assert!(renderer.load(&splats).is_err());
 }
 
-/// What WebGL has of compute is not enough; what WebGPU has everywhere is, by the tests above.
+/// WebGL's limits of compute are too low; WebGPU's default limits suffice, by the tests above.
 #[test]
 fn an_adapter_that_lacks_something_is_told_so() {
     if Backend::gpu().is_none() {

@@ -45,7 +45,7 @@ impl Uniform {
     }
 }
 
-/// What the GPU has room for.
+/// The numbers of items that the GPU has room for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capacity {
     /// Splats in view.
@@ -95,14 +95,14 @@ impl Capacity {
     }
 }
 
-/// How a camera sees splats.
+/// A camera, and the settings of the projection.
 #[derive(Clone, Copy, Debug)]
 pub struct ViewParameters<'a> {
     /// From where.
     pub camera: &'a Camera,
-    /// How splats smaller than a pixel are drawn.
+    /// The drawing of splats smaller than a pixel.
     pub rasterization: Rasterization,
-    /// Whether the scene's own sky is drawn.
+    /// The treatment of the scene's own sky.
     pub sky: SkySplats,
 }
 
@@ -341,7 +341,7 @@ pub fn rearrangement(before: Range<u32>, now: Range<u32>, rows: u32, forgets: Fo
         .whole("period", period)
 }
 
-/// What is forgotten of rows that are moved.
+/// The numbers that are set to 0 when rows are moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Forgets {
     /// Nothing.

@@ -81,7 +81,7 @@ impl Particles for Drops {
     }
 }
 
-/// What the pixel effects do is in no part.
+/// A pixel effect, which shows in no part.
 struct Red;
 
 impl PixelEffect for Red {
@@ -117,7 +117,7 @@ fn parts(
     (pictures.take(picture), passes.finish(&pictures))
 }
 
-/// What the parts say that the picture is, linear light, and the picture.
+/// The picture that the parts add up to, linear light, and the picture.
 fn sums(frame: &Frame, passes: &PictureParts) -> Vec<(f32, f32)> {
     let colors = frame.rgb_linear();
     let pixel = |i: usize| {

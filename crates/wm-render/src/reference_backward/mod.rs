@@ -55,7 +55,7 @@ impl Parameters {
         self.logit_opacities.len()
     }
 
-    /// Whether there is none.
+    /// Returns true if there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -89,9 +89,9 @@ pub struct Decisions {
     splats: Vec<Option<SplatDecisions>>,
     /// For each pixel the splats that it holds, and whether their alpha is clamped.
     pixels: Vec<Vec<(usize, bool)>>,
-    /// Whether a pixel has depth and normal.
+    /// True if a pixel has depth and normal.
     covered: Vec<bool>,
-    /// Whether no decision of a pixel is so close that f32 may take it otherwise, `[H, W]`.
+    /// True if no decision of a pixel is so close that f32 may take it otherwise, `[H, W]`.
     pub steady: Vec<bool>,
 }
 
@@ -122,7 +122,7 @@ impl Pictures {
     }
 }
 
-/// What [`gradients`] gives.
+/// The result of [`gradients`].
 #[derive(Clone, Debug)]
 pub struct ReferenceGradients {
     /// By the stored parameters.

@@ -7,17 +7,17 @@ use glam::{DMat3, DVec3};
 use std::f64::consts::{LN_2, LOG2_E};
 use wm_scene::{Camera, Rasterization, quat, sh, splats::sigmoid};
 
-/// What of a splat is decided and not computed.
+/// The discrete decisions about a splat.
 #[derive(Clone, Copy, Debug)]
 pub struct SplatDecisions {
     /// The values at which the Jacobian's X / z and Y / z are held, where they are.
     tangents: [Option<f64>; 2],
-    /// Whether the compensation of the antialiased mode is at its floor.
+    /// True if the compensation of the antialiased mode is at its floor.
     floored: bool,
     /// The shortest axis, and its sign towards the camera.
     axis: usize,
     sign: f64,
-    /// Which colours are above 0.
+    /// The colours that are above 0.
     lit: [bool; 3],
 }
 

@@ -23,7 +23,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::Instant;
 use wm_scene::Camera;
 
-/// What all tiles of one pass share.
+/// The inputs that all tiles of one pass share.
 pub struct Tiles<'a> {
     path: SimdPath,
     records: &'a [Record],

@@ -40,7 +40,7 @@ impl<'a> Unit<'a> {
     }
 }
 
-/// What the first sweep gives for one unit; kept from step to step for its memory.
+/// The results of the first sweep for one unit; kept from step to step for its memory.
 #[derive(Debug, Default)]
 pub struct Part {
     /// The pairs of tiles and splats.
@@ -54,7 +54,7 @@ pub struct Part {
     pub intersect: f64,
 }
 
-/// What all units of one forward pass share.
+/// The inputs that all units of one forward pass share.
 pub struct Front<'a> {
     path: SimdPath,
     splats: &'a Splats,

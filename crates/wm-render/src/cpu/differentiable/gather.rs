@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Instant;
 use wm_scene::{Splats, sh};
 
-/// What all parts share.
+/// The inputs that all parts share.
 pub struct Gather<'a> {
     pub path: SimdPath,
     pub splats: &'a Splats,

@@ -53,7 +53,7 @@ impl Sums {
         sums
     }
 
-    /// Where they are in the buffer of all.
+    /// Their place in the buffer of all.
     fn within(self, totals: &wgpu::Buffer) -> BindingResource<'_> {
         BindingResource::Buffer(BufferBinding {
             buffer: totals,
@@ -97,7 +97,7 @@ pub(crate) struct Room {
     /// Of each workgroup over the picture.
     groups: wgpu::Buffer,
     patches: wgpu::Buffer,
-    /// What [`Room::compared`] reads.
+    /// The room for the totals that [`Room::compared`] reads.
     pub totals: wgpu::Buffer,
     pixels: u32,
     tiles: u32,
@@ -342,7 +342,7 @@ impl Room {
         vec![0.0; Sums::ALL]
     }
 
-    /// What came of a comparison, by what came back.
+    /// The result of a comparison, from the totals that came back.
     pub fn compared(&self, comparison: &Comparison<'_>, totals: &[f32]) -> Compared {
         let mut found = Compared::default();
         let mut set = |term: Term, value: f64| {

@@ -6,7 +6,7 @@ use crate::gpu::recorder::{Groups, Recorder};
 use crate::gpu::source::{BackgroundForm, ParticleBlend, Program, WORKGROUP};
 use crate::stages::rasterize_backward::gpu::Kept;
 
-/// What the composite reads and writes, see `composite.wgsl`.
+/// The buffers that `composite.wgsl` reads and writes.
 pub(crate) struct Composite<'a> {
     pub rgb: &'a wgpu::Buffer,
     pub alpha: &'a wgpu::Buffer,
@@ -40,7 +40,7 @@ impl Composite<'_> {
     }
 }
 
-/// What the pictures of a step of training are made from and written to, see `finish.wgsl`.
+/// The buffers that `finish.wgsl` reads and writes: the pictures of a step of training.
 pub(crate) struct Finish<'a> {
     pub kept: Kept<'a>,
     pub rgb: &'a wgpu::Buffer,

@@ -4,7 +4,7 @@
 use crate::gpu::recorder::{Groups, Recorder};
 use crate::gpu::source::{Program, VISIBLE_GROUPS, WORKGROUP};
 
-/// What finding the tiles reads and writes, see `intersect.wgsl`.
+/// The buffers that `intersect.wgsl` reads and writes.
 pub(crate) struct Intersect<'a> {
     pub counters: &'a wgpu::Buffer,
     pub dispatches: &'a wgpu::Buffer,

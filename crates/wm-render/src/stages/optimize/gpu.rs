@@ -4,7 +4,7 @@ use crate::gpu::recorder::{Bindings, Groups, Recorder};
 use crate::gpu::source::Program;
 use crate::stages::project::gpu::Piece;
 
-/// What is remembered of the splats of a piece, see `optimize.wgsl`.
+/// The optimiser's memory of the splats of a piece, see `optimize.wgsl`.
 #[derive(Clone, Copy)]
 pub(crate) struct Remembered<'a> {
     pub moments: &'a wgpu::Buffer,

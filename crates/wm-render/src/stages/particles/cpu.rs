@@ -25,7 +25,7 @@ pub struct Drop {
     vy: f32,
     slope_y: f32,
     slope_x: f32,
-    /// How far below its peak it ends, log2.
+    /// The distance from its peak to its end, log2.
     reach: f32,
     /// log2 of the optical depth at its centre.
     peak: f32,
@@ -223,13 +223,13 @@ fn project<S: Lanes>(simd: S, group: &ParticleGroup, view: &ParticleView, out: &
     seen
 }
 
-/// What one piece of work finds.
+/// The particles that one piece of work finds.
 #[derive(Debug, Default)]
 struct Part {
     drops: Vec<Drop>,
     /// The patches of the first drop, of the second and so on: one at least of each.
     patches: Vec<u32>,
-    /// How many each drop has.
+    /// The number that each drop has.
     counts: Vec<u32>,
     seconds: f64,
 }
@@ -276,7 +276,7 @@ pub struct Falling {
     /// The first `count` are this frame's.
     drops: Vec<Drop>,
     count: usize,
-    /// Where the list of each patch begins, and the end of the last.
+    /// The start of the list of each patch, and the end of the last.
     bounds: Vec<u32>,
     lists: Vec<u32>,
     parts: Vec<Part>,
@@ -284,7 +284,7 @@ pub struct Falling {
 }
 
 impl Falling {
-    /// Whether nothing falls.
+    /// Returns true if there are no particles.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.count == 0
@@ -390,7 +390,7 @@ impl Falling {
 /// Most blocks of a patch: of 8 pixels.
 const BLOCKS: usize = PATCH_PIXELS / 8;
 
-/// What falls in one patch, in whole numbers of an optical depth, block by block: a vector is four columns of some rows, as in
+/// The particles of one patch, in whole numbers of an optical depth, block by block: a vector is four columns of some rows, as in
 /// [`crate::stages::rasterize`], since streaks are thin.
 #[repr(C, align(64))]
 struct Sums {

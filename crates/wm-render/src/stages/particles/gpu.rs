@@ -1,5 +1,5 @@
-//! What falls, on the GPU: the CPU gathers it and projects it, a workgroup adds up each drop's cover in whole numbers
-//! by atomics, so that no order counts.
+//! Particles on the GPU: the CPU gathers and projects them, a workgroup adds up each drop's cover in whole numbers by
+//! atomics, so that no order counts.
 
 use crate::gpu::recorder::{Groups, Recorder};
 use crate::gpu::source::Program;

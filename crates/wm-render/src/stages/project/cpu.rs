@@ -10,7 +10,7 @@ use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use std::f32::consts::LN_2;
 use wm_scene::Rasterization;
 
-/// What projection says of sixteen splats, one array a number; see [`super::Record`].
+/// The projections of sixteen splats, one array a number; see [`super::Record`].
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct Projected {
@@ -63,7 +63,7 @@ impl Default for Projected {
     }
 }
 
-/// Where splats are and what shape they have in the picture: one vector a number.
+/// The places and shapes of splats in the picture: one vector a number.
 #[derive(Clone, Copy)]
 pub struct Geometry<S: Lanes> {
     /// Mean less camera centre, world axes.
@@ -410,7 +410,7 @@ impl ClusterCull {
         Self { planes, reach, forward: camera.rotation[2], center: camera.center, near: camera.near }
     }
 
-    /// Whether no splat of the cluster can be in view.
+    /// Returns true if no splat of the cluster can be in view.
     #[inline]
     #[must_use]
     pub fn culls(&self, cluster: &Cluster) -> bool {

@@ -40,7 +40,7 @@ impl Piece<'_> {
         if self.attributes.is_some() { ParameterForm::Activated } else { ParameterForm::Stored }
     }
 
-    /// What all programs over splats bind.
+    /// The bindings that all programs over splats share.
     pub fn bindings<'a>(&'a self, recorder: &Recorder<'a>, blocks: &'a wgpu::Buffer) -> Bindings<'a> {
         let mut bindings = vec![
             (0, recorder.view()),

@@ -23,7 +23,7 @@ crate::parity! {
     };
 }
 
-/// What a back end says of a splat in view; boxes and rays are the CPU's alone.
+/// A splat in view as a back end projects it; only the CPU has boxes and rays.
 struct Seen {
     record: Record,
     /// Columns and rows of patches.

@@ -163,7 +163,7 @@ pub fn project_backward_group<S: Lanes>(
     }
 }
 
-/// What the pixels pull on the shape of the 2D Gaussian.
+/// The derivative of the loss by the shape of the 2D Gaussian.
 struct Shape<S: Lanes> {
     /// ux, vx, vy.
     factor: [S::F; 3],

@@ -27,7 +27,7 @@ pub const RADIUS: u32 = 16;
 /// Index of the splat, as bits.
 pub const INDEX: u32 = 17;
 
-/// What gathering reads and writes, see `gather.wgsl`.
+/// The buffers that `gather.wgsl` reads and writes.
 pub(crate) struct Gather<'a> {
     pub counters: &'a wgpu::Buffer,
     pub dispatches: &'a wgpu::Buffer,
@@ -52,7 +52,7 @@ impl Gather<'_> {
     }
 }
 
-/// What the splats' derivative reads and writes, see `project_backward.wgsl` and `shade_backward.wgsl`.
+/// The buffers that `project_backward.wgsl` and `shade_backward.wgsl` read and write.
 pub(crate) struct ProjectBackward<'a> {
     pub blocks: &'a wgpu::Buffer,
     pub records: &'a wgpu::Buffer,

@@ -51,7 +51,7 @@ pub struct Scratch {
     lists: Lists,
 }
 
-/// Which splats of the batch touch the patch at hand, and which each of its blocks.
+/// The splats of the batch that touch the current patch, and those that touch each of its blocks.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Lists {
@@ -74,7 +74,7 @@ pub(crate) struct Batch {
     pub records: [Record; 256],
     /// u and v of each at the tile's corner.
     pub origins: [(f32, f32); 256],
-    /// Which patches each touches.
+    /// The patches that each touches.
     pub touched: [u8; 256],
 }
 

@@ -5,8 +5,7 @@ use crate::gpu::recorder::{Groups, Recorder};
 use crate::gpu::source::Program;
 use crate::renderer::{Geometry, MedianDepth};
 
-/// What blending reads and writes, see `rasterize.wgsl`. Pictures that are not asked for are not
-/// written, and may be small.
+/// The buffers that `rasterize.wgsl` reads and writes. Pictures that are not wanted are not written, and may be small.
 pub(crate) struct Rasterize<'a> {
     pub tile_offsets: &'a wgpu::Buffer,
     pub entries: &'a wgpu::Buffer,

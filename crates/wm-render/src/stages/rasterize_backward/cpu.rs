@@ -100,7 +100,7 @@ impl Default for Scratch {
 /// The pictures of a view, and what the loss says of them.
 #[derive(Clone, Copy)]
 pub struct Pictures<'a> {
-    /// What was rendered.
+    /// The channels that were rendered.
     pub config: &'a ForwardConfig,
     /// The loss's derivative by each pixel.
     pub upstream: &'a Upstream<'a>,

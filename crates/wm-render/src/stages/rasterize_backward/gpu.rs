@@ -36,7 +36,7 @@ pub(crate) fn by_sums(
     recorder.dispatch(&Program::BySums(channels), Groups::Direct(pixels.div_ceil(WORKGROUP)), bindings);
 }
 
-/// What the derivative reads and writes, see `rasterize_backward.wgsl`.
+/// The buffers that `rasterize_backward.wgsl` reads and writes.
 pub(crate) struct RasterizeBackward<'a> {
     pub tile_offsets: &'a wgpu::Buffer,
     /// Of each entry.

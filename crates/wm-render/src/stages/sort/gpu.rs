@@ -8,13 +8,13 @@ use crate::gpu::source::{DIGIT_BITS, DIGITS, Program};
 /// Pairs to sort: keys, values.
 pub(crate) type Pairs<'a> = (&'a wgpu::Buffer, &'a wgpu::Buffer);
 
-/// What a sort works with.
+/// The buffers of a sort.
 pub(crate) struct Sort<'a> {
     /// The pairs, and room for as many.
     pub pairs: [Pairs<'a>; 2],
-    /// How many there are.
+    /// Their number.
     pub counters: &'a wgpu::Buffer,
-    /// Where the sizes of the dispatches are.
+    /// The sizes of the dispatches.
     pub dispatches: &'a wgpu::Buffer,
     /// The word of them that counts.
     pub size: u32,
