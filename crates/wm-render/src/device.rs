@@ -185,7 +185,7 @@ fn open(device: &Device, warn: fn(&RenderError)) -> Result<Opened, RenderError> 
     let start = |choice| Gpu::open(&GpuConfig { choice, ..GpuConfig::default() });
     match device {
         Device::Cpu => Ok(Opened::Cpu),
-        Device::Auto => match start(gpu::Choice::Auto) {
+        Device::Auto => match start(gpu::AdapterChoice::Auto) {
             Ok(gpu) => Ok(Opened::Gpu(gpu)),
             // That there is none is no news.
             Err(gpu::GpuError::NoAdapter { .. }) => Ok(Opened::Cpu),
@@ -195,7 +195,7 @@ fn open(device: &Device, warn: fn(&RenderError)) -> Result<Opened, RenderError> 
             }
         },
         Device::Gpu(name) => {
-            let choice = name.clone().map_or(gpu::Choice::Auto, gpu::Choice::Named);
+            let choice = name.clone().map_or(gpu::AdapterChoice::Auto, gpu::AdapterChoice::Named);
             Ok(Opened::Gpu(start(choice)?))
         }
     }

@@ -3,7 +3,7 @@
 //! A step is [`forward`](Differentiable::forward), a loss on the frame, and [`backward`](Differentiable::backward) with
 //! the loss's derivative by each picture.
 
-use crate::frame::{Arrays, Encoding, Frame};
+use crate::frame::{Arrays, ColorEncoding, Frame};
 use crate::renderer::{MAX_SPLATS, RenderError, Stats};
 use crate::simd::SimdPath;
 use crate::stages::compare::{Compared, Comparison};
@@ -270,7 +270,7 @@ impl ForwardConfig {
             normal: self.channels.has_normal(),
             particles: false,
         };
-        frame.prepare((camera.width, camera.height), Encoding::Srgb, arrays)
+        frame.prepare((camera.width, camera.height), ColorEncoding::Srgb, arrays)
     }
 
     /// The same without a frame.

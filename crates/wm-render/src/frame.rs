@@ -5,7 +5,7 @@ pub use wm_scene::color::{srgb_decode, srgb_encode};
 
 /// The encoding of `Frame::rgb`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Encoding {
+pub enum ColorEncoding {
     /// sRGB-encoded, display-referred: what scenes are trained on and screens show.
     #[default]
     Srgb,
@@ -22,7 +22,7 @@ pub struct Frame {
     /// Height, px.
     pub height: u32,
     /// The encoding of `rgb`.
-    pub encoding: Encoding,
+    pub encoding: ColorEncoding,
     /// Colour with the background behind it, `[H, W, 3]`, nominally 0-1, not clamped.
     pub rgb: Vec<f32>,
     /// Coverage by splats, 1 - transmittance, 0-1, `[H, W]`.
@@ -63,7 +63,7 @@ impl Frame {
     pub(crate) fn prepare(
         &mut self,
         (width, height): (u32, u32),
-        encoding: Encoding,
+        encoding: ColorEncoding,
         arrays: Arrays,
     ) -> Result<(), RenderError> {
         let pixels = width as usize * height as usize;
@@ -109,8 +109,8 @@ impl Frame {
     #[must_use]
     pub fn rgb_linear(&self) -> Vec<f32> {
         match self.encoding {
-            Encoding::Linear => self.rgb.clone(),
-            Encoding::Srgb => self.rgb.iter().map(|v| srgb_decode(f64::from(*v)) as f32).collect(),
+            ColorEncoding::Linear => self.rgb.clone(),
+            ColorEncoding::Srgb => self.rgb.iter().map(|v| srgb_decode(f64::from(*v)) as f32).collect(),
         }
     }
 }

@@ -65,9 +65,9 @@ pub use differentiable::{
     Channels, DepthAlpha, Differentiable, Drawn, ForwardConfig, Gradients, Learn, Opacity, Resident,
     StepClock, Target, Upstream,
 };
-pub use frame::{Encoding, Frame};
+pub use frame::{ColorEncoding, Frame};
 #[cfg(feature = "gpu")]
-pub use gpu::{Choice, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
+pub use gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
 pub use plan::{
     DrawPass, FramePass, FramePlan, PictureEffect, PictureId, PicturePass, Pictures, SetView, Shading,
     SplatSource,

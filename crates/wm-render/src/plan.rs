@@ -32,7 +32,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::frame::{Encoding, Frame};
+use crate::frame::{ColorEncoding, Frame};
 use crate::hooks::{Backdrop, Hooks, Particles, SplatAttributes};
 use crate::renderer::{RenderConfig, SetId};
 use crate::simd::SimdPath;
@@ -184,10 +184,10 @@ impl<'a> DrawPass<'a> {
     }
 
     /// The encoding of the picture's colours.
-    pub(crate) fn encoding(&self) -> Encoding {
+    pub(crate) fn encoding(&self) -> ColorEncoding {
         match self.shading {
-            Shading::Color => Encoding::Srgb,
-            Shading::Transmittance => Encoding::Linear,
+            Shading::Color => ColorEncoding::Srgb,
+            Shading::Transmittance => ColorEncoding::Linear,
         }
     }
 

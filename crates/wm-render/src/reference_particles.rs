@@ -9,7 +9,7 @@ use wm_scene::Camera;
 
 /// One pixel's particles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Cover {
+pub struct ParticleCover {
     /// Optical depth.
     pub tau: f64,
     /// Sum of optical depth times radiance.
@@ -18,7 +18,7 @@ pub struct Cover {
     pub slack: f64,
 }
 
-impl Cover {
+impl ParticleCover {
     /// A display-referred colour behind it.
     #[must_use]
     pub fn over(&self, rgb: [f64; 3]) -> [f64; 3] {
@@ -38,10 +38,10 @@ pub fn cover(
     camera: &Camera,
     (x, y): (u32, u32),
     (alpha, depth_sum): (f64, f64),
-) -> Cover {
+) -> ParticleCover {
     let rotation = camera.rotation();
     let behind = if alpha >= f64::from(MIN_ALPHA) { depth_sum / alpha } else { f64::INFINITY };
-    let mut sum = Cover::default();
+    let mut sum = ParticleCover::default();
     for particle in particles {
         let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
         let at = rotation * vector(particle.offset);

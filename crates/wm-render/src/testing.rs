@@ -5,10 +5,7 @@ use crate::device::AnyDifferentiable;
 use crate::differentiable::{Channels, ForwardConfig, Gradients, Learn, Upstream};
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
-use crate::gpu::{
-    Choice, Gpu, GpuConfig, GpuDifferentiable, GpuError, GpuRenderer,
-    source::{AirText, ParameterForm, Program},
-};
+use crate::gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuError, GpuRenderer, source::Program};
 #[cfg(feature = "gpu")]
 use crate::hooks::WgslSource;
 use crate::hooks::{Medium, ShadeGroup};
@@ -150,7 +147,7 @@ pub fn gpu_differentiable() -> GpuDifferentiable {
 #[cfg(feature = "gpu")]
 #[must_use]
 pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Arc<Gpu>) {
-    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, ..GpuConfig::default() }).expect("a GPU");
+    let gpu = Gpu::open(&GpuConfig { choice: AdapterChoice::Any, ..GpuConfig::default() }).expect("a GPU");
     let config = CpuConfig { threads: Some(2), ..CpuConfig::default() };
     (AnyDifferentiable::fallible(Arc::clone(&gpu), config, warn).expect("threads start"), gpu)
 }
@@ -163,7 +160,7 @@ pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Ar
 #[must_use]
 pub fn small_gpu(most_binding: u64) -> Arc<Gpu> {
     let limits = wgpu::Limits { max_storage_buffer_binding_size: most_binding, ..wgpu::Limits::default() };
-    let config = GpuConfig { choice: Choice::Any, limits: Some(limits), ..GpuConfig::default() };
+    let config = GpuConfig { choice: AdapterChoice::Any, limits: Some(limits), ..GpuConfig::default() };
     Gpu::open(&config).expect("a GPU")
 }
 
@@ -171,7 +168,7 @@ pub fn small_gpu(most_binding: u64) -> Arc<Gpu> {
 #[cfg(feature = "gpu")]
 fn shared_gpu() -> &'static Result<Arc<Gpu>, GpuError> {
     static SHARED: OnceLock<Result<Arc<Gpu>, GpuError>> = OnceLock::new();
-    SHARED.get_or_init(|| Gpu::open(&GpuConfig { choice: Choice::Any, ..GpuConfig::default() }))
+    SHARED.get_or_init(|| Gpu::open(&GpuConfig { choice: AdapterChoice::Any, ..GpuConfig::default() }))
 }
 
 /// A renderer on it.
@@ -191,12 +188,14 @@ pub fn gpu_renderer() -> GpuRenderer {
 /// A message with the place in the text.
 #[cfg(feature = "gpu")]
 pub fn check_air(air: &WgslSource) -> Result<(), String> {
+    use crate::stages::project::gpu::{ParameterForm, ProjectProgram};
+    use crate::stages::shade::gpu::{AirText, ShadeProgram};
     use wgpu::naga::{front::wgsl, valid};
-    let project = |text| Program::Project(ParameterForm::Activated, text);
+    let project = |text| Program::from(ProjectProgram::Project(ParameterForm::Activated, text));
     for program in [
         project(AirText::Color(air.wgsl.clone())),
         project(AirText::Share(air.wgsl.clone())),
-        Program::Air(air.wgsl.clone()),
+        ShadeProgram::Groups(air.wgsl.clone()).into(),
     ] {
         let text = program.text();
         let module = wgsl::parse_str(&text).map_err(|error| error.emit_to_string(&text))?;

@@ -2,10 +2,9 @@
 
 use super::device::Gpu;
 use super::error::GpuError;
-use super::source::{
-    BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, ParticleBlend, SORT_BLOCK, WORKGROUP,
-};
+use super::source::{BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, SORT_BLOCK, WORKGROUP};
 use super::uniforms::{Capacity, SLOT};
+use crate::stages::composite::gpu::ParticleBlend;
 use wgpu::BufferUsages;
 
 pub(crate) const WRITTEN: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_DST);

@@ -13,7 +13,7 @@ use wgpu::{Adapter, DeviceType, Limits};
 
 /// The choice of a GPU.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Choice {
+pub enum AdapterChoice {
     /// A real one, the strongest kind first; never one in software.
     #[default]
     Auto,
@@ -27,7 +27,7 @@ pub enum Choice {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GpuConfig {
     /// The GPU.
-    pub choice: Choice,
+    pub choice: AdapterChoice,
     /// The limits that are requested and kept; `None` for all that the adapter has.
     pub limits: Option<Limits>,
     /// The use of subgroups.
@@ -36,7 +36,7 @@ pub struct GpuConfig {
 
 /// The kind of a GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
+pub enum AdapterKind {
     /// A card of its own.
     Discrete,
     /// Part of the processor.
@@ -49,7 +49,7 @@ pub enum Kind {
     Software,
 }
 
-impl Kind {
+impl AdapterKind {
     /// In a word.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -65,7 +65,7 @@ impl Kind {
 
 /// An adapter, for lists.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Listed {
+pub struct ListedAdapter {
     /// Its name.
     pub name: String,
     /// Its interface: Vulkan, Metal, DirectX 12.
@@ -73,7 +73,7 @@ pub struct Listed {
     /// The driver and its version.
     pub driver: String,
     /// Its kind.
-    pub kind: Kind,
+    pub kind: AdapterKind,
     /// Most bytes of one array.
     pub most_binding: u64,
     /// Most bytes of one buffer.
@@ -88,19 +88,19 @@ pub struct Listed {
     pub unfit: Option<GpuError>,
 }
 
-/// All adapters, in the order in which [`Choice::Any`] would take them.
+/// All adapters, in the order in which [`AdapterChoice::Any`] would take them.
 #[must_use]
-pub fn adapters() -> Vec<Listed> {
+pub fn adapters() -> Vec<ListedAdapter> {
     ranked().iter().map(list).collect()
 }
 
-fn is_for_auto(listed: &Listed) -> bool {
-    listed.kind != Kind::Software && listed.unfit.is_none()
+fn is_for_auto(listed: &ListedAdapter) -> bool {
+    listed.kind != AdapterKind::Software && listed.unfit.is_none()
 }
 
-fn list(adapter: &Adapter) -> Listed {
+fn list(adapter: &Adapter) -> ListedAdapter {
     let (info, limits) = (adapter.get_info(), adapter.limits());
-    Listed {
+    ListedAdapter {
         kind: kind_of(&info),
         backend: info.backend.to_string(),
         driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
@@ -116,13 +116,13 @@ fn list(adapter: &Adapter) -> Listed {
     }
 }
 
-fn kind_of(info: &wgpu::AdapterInfo) -> Kind {
+fn kind_of(info: &wgpu::AdapterInfo) -> AdapterKind {
     match info.device_type {
-        DeviceType::DiscreteGpu => Kind::Discrete,
-        DeviceType::IntegratedGpu => Kind::Integrated,
-        DeviceType::VirtualGpu => Kind::Virtual,
-        DeviceType::Cpu => Kind::Software,
-        DeviceType::Other => Kind::Other,
+        DeviceType::DiscreteGpu => AdapterKind::Discrete,
+        DeviceType::IntegratedGpu => AdapterKind::Integrated,
+        DeviceType::VirtualGpu => AdapterKind::Virtual,
+        DeviceType::Cpu => AdapterKind::Software,
+        DeviceType::Other => AdapterKind::Other,
     }
 }
 
@@ -173,7 +173,7 @@ fn fits(name: &str, limits: &Limits) -> Result<(), GpuError> {
 pub struct Gpu {
     name: String,
     backend: String,
-    kind: Kind,
+    kind: AdapterKind,
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     most_binding: u64,
@@ -194,17 +194,17 @@ impl Gpu {
     /// [`GpuError`] if there is none to the choice, or it cannot be started.
     pub fn open(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
         let ranked =
-            if config.choice == Choice::Auto && !may_have_hardware() { Vec::new() } else { ranked() };
-        let listed: Vec<Listed> = ranked.iter().map(list).collect();
-        let is_wanted = |listed: &Listed| match &config.choice {
-            Choice::Auto => is_for_auto(listed),
-            Choice::Named(name) => listed.name.to_lowercase().contains(&name.to_lowercase()),
-            Choice::Any => true,
+            if config.choice == AdapterChoice::Auto && !may_have_hardware() { Vec::new() } else { ranked() };
+        let listed: Vec<ListedAdapter> = ranked.iter().map(list).collect();
+        let is_wanted = |listed: &ListedAdapter| match &config.choice {
+            AdapterChoice::Auto => is_for_auto(listed),
+            AdapterChoice::Named(name) => listed.name.to_lowercase().contains(&name.to_lowercase()),
+            AdapterChoice::Any => true,
         };
         let Some(at) = listed.iter().position(is_wanted) else {
             let wanted = match &config.choice {
-                Choice::Named(name) => format!("is called `{name}`"),
-                Choice::Auto | Choice::Any => "can be used".to_owned(),
+                AdapterChoice::Named(name) => format!("is called `{name}`"),
+                AdapterChoice::Auto | AdapterChoice::Any => "can be used".to_owned(),
             };
             let names: Vec<String> =
                 listed.iter().map(|listed| format!("`{}` ({})", listed.name, listed.kind.name())).collect();
@@ -221,7 +221,7 @@ impl Gpu {
         Self::start(&ranked[at], &listed[at], config)
     }
 
-    fn start(adapter: &Adapter, listed: &Listed, config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
+    fn start(adapter: &Adapter, listed: &ListedAdapter, config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
         let failed = |reason: String| GpuError::Start { adapter: listed.name.clone(), reason };
         let limits = config.limits.clone().unwrap_or_else(|| adapter.limits());
         fits(&listed.name, &limits)?;
@@ -273,7 +273,7 @@ impl Gpu {
 
     /// Its kind.
     #[must_use]
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> AdapterKind {
         self.kind
     }
 

@@ -18,7 +18,7 @@ use super::lists::{self, CHUNKS, Entries};
 use super::readback::{Part, copy};
 use super::recorder::{Clock, Recorder, Stage, Ticks};
 use super::resident::StepRows;
-use super::source::{COUNTER_WORDS, ParticleBlend};
+use super::source::COUNTER_WORDS;
 use super::stored::StoredModel;
 use super::uniforms::{self, Capacity, ItemBytes, SLOT, ViewParameters, bytes_of};
 use crate::cpu;
@@ -32,18 +32,18 @@ use crate::renderer::{CpuConfig, RenderError, Stats};
 use crate::simd::SimdPath;
 use crate::stages::compare::gpu::{self as compare, Comparer, Pictures};
 use crate::stages::compare::{Compared, Comparison};
-use crate::stages::composite::gpu::Finish;
+use crate::stages::composite::gpu::{Finish, ParticleBlend};
 use crate::stages::optimize::gpu::Rows;
 use crate::stages::project_backward::gpu::{self as rows, Gather, ProjectBackward};
 use crate::stages::rasterize::gpu::Rasterize;
-use crate::stages::rasterize_backward::Slot;
+use crate::stages::rasterize_backward::GradientSlot;
 use crate::stages::rasterize_backward::gpu::{Kept, RasterizeBackward, by_sums};
 use std::sync::Arc;
 use std::time::Instant;
 use wm_scene::{Camera, Splats, sh};
 
 /// Words of a slot.
-const SLOT_WORDS: u64 = Slot::LEN as u64;
+const SLOT_WORDS: u64 = GradientSlot::LEN as u64;
 
 /// The GPU back end of training. It keeps its working memory from step to step.
 pub struct GpuDifferentiable {

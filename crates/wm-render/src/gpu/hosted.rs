@@ -1,13 +1,14 @@
 //! The CPU's part of a GPU's frame: attributes of splats, backgrounds that are no single colour, gathering particles,
 //! and pixel effects on the picture that came back.
 
-use super::source::{BackgroundForm, TILE_SIDE};
+use super::source::TILE_SIDE;
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::frame::Frame;
 use crate::hooks::{GROUP, PATCH, PATCH_PIXELS, PixelBatch};
 use crate::plan::DrawPass;
 use crate::simd::SimdPath;
 use crate::stages::composite::background::{BackgroundScratch, BackgroundView};
+use crate::stages::composite::gpu::BackgroundForm;
 use rayon::prelude::*;
 
 /// The attributes of splats with these indices in the loaded set, whole groups of sixteen, as `activated.wgsl` has them.

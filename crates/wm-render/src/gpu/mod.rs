@@ -7,7 +7,7 @@
 //!
 //! | pass | stage | programs |
 //! |---|---|---|
-//! | project | [`project`](crate::stages::project), [`shade`](crate::stages::shade), [`scan`](crate::stages::scan) | cull, spine, project with the air |
+//! | project | [`project`](crate::stages::project), [`shade`](crate::stages::shade), [`prefix_sum`](crate::stages::prefix_sum) | cull, spine, project with the air |
 //! | sort | [`sort`](crate::stages::sort) | four radix passes over depths |
 //! | intersect | [`intersect`](crate::stages::intersect) | count, spine, write, radix passes over tiles, ranges |
 //! | rasterize | [`rasterize`](crate::stages::rasterize) | a workgroup a tile |
@@ -41,7 +41,7 @@ pub mod source;
 mod stored;
 pub mod uniforms;
 
-pub use device::{Choice, Gpu, GpuConfig, Kind, Listed, adapters};
+pub use device::{AdapterChoice, AdapterKind, Gpu, GpuConfig, ListedAdapter, adapters};
 pub use differentiable::GpuDifferentiable;
 pub use error::GpuError;
 pub use renderer::GpuRenderer;

@@ -5,18 +5,18 @@ use super::device::Gpu;
 use super::lists::listed;
 use super::recorder::Recorder;
 use super::renderer::GpuRenderer;
-use super::source::{DIGITS, DISPATCH_ROW, Program, SORT_BLOCK, WORKGROUP};
+use super::source::{DIGITS, DISPATCH_ROW, SORT_BLOCK, WORKGROUP};
 use super::uniforms::{Capacity, SLOT, ViewParameters, sort_pass};
 use crate::frame::Frame;
 use crate::plan::DrawPass;
 use crate::renderer::RenderBackend;
+use crate::stages::prefix_sum::gpu::{PrefixSumProgram, spine};
 use crate::stages::project::Record;
-use crate::stages::scan::gpu::spine;
 use crate::stages::sort::gpu::{Sort, passes};
 use wgpu::BufferUsages;
 
 /// The results of the stages of one frame.
-pub struct Probe {
+pub(crate) struct Probe {
     /// Of the splats in view, in the order of the splats.
     pub records: Vec<Record>,
     /// For each tile, row by row, the records that touch it, front to back.
@@ -76,7 +76,7 @@ pub fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
     let buffer = filled(gpu, sums, BufferUsages::STORAGE);
     let mut recorder = Recorder::new(gpu, &uniforms, None);
     recorder.begin(super::recorder::Stage::Intersect);
-    spine(&mut recorder, &Program::SpineEntries, &buffer, (&counters, &dispatches));
+    spine(&mut recorder, PrefixSumProgram::Entries, &buffer, (&counters, &dispatches));
     recorder.submit();
     gpu.check().unwrap();
     let counters = read(gpu, &counters);

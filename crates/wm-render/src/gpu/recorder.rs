@@ -160,12 +160,13 @@ impl<'a> Recorder<'a> {
     }
 
     /// One dispatch; none of no workgroups.
-    pub fn dispatch(&mut self, program: &Program, groups: Groups<'_>, bindings: Bindings<'_>) {
+    pub fn dispatch(&mut self, program: impl Into<Program>, groups: Groups<'_>, bindings: Bindings<'_>) {
         if let Groups::Direct(0) = groups {
             return;
         }
         let Some(pass) = &mut self.pass else { return };
-        let pipeline = self.gpu.pipeline(program);
+        let program = program.into();
+        let pipeline = self.gpu.pipeline(&program);
         let entries: Vec<BindGroupEntry<'_>> =
             bindings.into_iter().map(|(binding, resource)| BindGroupEntry { binding, resource }).collect();
         let bind_group = self.gpu.device.create_bind_group(&BindGroupDescriptor {

@@ -2,10 +2,16 @@
 
 use super::*;
 use crate::differentiable::Channels;
-use crate::gpu::source::{ParameterForm, Program};
+use crate::gpu::source::Program;
 use crate::renderer::RenderConfig;
 use crate::stages::compare::NO_EXPOSURE;
+use crate::stages::compare::gpu::CompareProgram;
+use crate::stages::composite::gpu::CompositeProgram;
+use crate::stages::intersect::gpu::IntersectProgram;
+use crate::stages::optimize::gpu::OptimizeProgram;
 use crate::stages::optimize::{Rates, SplatTerms};
+use crate::stages::project::gpu::{ParameterForm, ProjectProgram};
+use crate::stages::sort::gpu::SortProgram;
 use crate::testing::camera;
 use wgpu::naga::front::wgsl;
 use wgpu::naga::{Module, TypeInner};
@@ -29,20 +35,28 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
     let step = Step { number: 7, rates, terms: SplatTerms::default(), size: (64, 48) };
     for (program, name, uniform) in [
         (
-            Program::Cull(ParameterForm::Activated),
+            Program::Project(ProjectProgram::Cull(ParameterForm::Activated)),
             "View",
             view(&ViewParameters::of(&pass), 0, 0, Capacity::default()),
         ),
-        (Program::Cull(ParameterForm::Activated), "Chunk", chunk(Piece::default(), true)),
-        (Program::Finish(Channels::Color), "Training", training([0.5; 3], DepthAlpha::Learns)),
-        (Program::ColorsBackward, "Comparison", comparison(&photo, 5, 4.0, 2)),
-        (Program::PatchTotals, "Geometry", geometry(&photo, 5, (2, 6))),
-        (Program::Optimize, "Step", optimize_step(&step, 5)),
-        (Program::AddGradients, "Learn", learn(Learn::ALL)),
-        (Program::Explore, "Noise", noise(&Noise { seed: 3, size: 0.5, most: 0.1 })),
-        (Program::Rearrange, "Move", rearrangement(3..5, 0..7, 14, Forgets::Row(10, 14))),
-        (Program::SortCount, "Pass", sort_pass(8, true, false)),
-        (Program::Intersect, "Task", intersect_task(true)),
+        (
+            Program::Project(ProjectProgram::Cull(ParameterForm::Activated)),
+            "Chunk",
+            chunk(Piece::default(), true),
+        ),
+        (
+            CompositeProgram::Finish(Channels::Color).into(),
+            "Training",
+            training([0.5; 3], DepthAlpha::Learns),
+        ),
+        (CompareProgram::ColorsBackward.into(), "Comparison", comparison(&photo, 5, 4.0, 2)),
+        (CompareProgram::PatchTotals.into(), "Geometry", geometry(&photo, 5, (2, 6))),
+        (OptimizeProgram::Optimize.into(), "Step", optimize_step(&step, 5)),
+        (OptimizeProgram::AddGradients.into(), "Learn", learn(Learn::ALL)),
+        (OptimizeProgram::Explore.into(), "Noise", noise(&Noise { seed: 3, size: 0.5, most: 0.1 })),
+        (OptimizeProgram::Rearrange.into(), "Move", rearrangement(3..5, 0..7, 14, Forgets::Row(10, 14))),
+        (SortProgram::Count.into(), "Pass", sort_pass(8, true, false)),
+        (IntersectProgram::Entries.into(), "Task", intersect_task(true)),
     ] {
         let module = wgsl::parse_str(&program.text()).unwrap();
         let (wanted, span) = members(&module, name);

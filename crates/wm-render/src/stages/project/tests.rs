@@ -1,4 +1,4 @@
-use super::cpu::{ClusterCull, Projected, project_group};
+use super::cpu::{ClusterCull, ProjectedGroup, project_group};
 use super::{ProjectCamera, Record, SQRT_HALF_LOG2E, TEST_SLACK};
 use crate::cpu::model::{CLUSTER, CpuModel};
 use crate::dispatch;
@@ -53,7 +53,7 @@ fn run_on_cpu(path: SimdPath, model: &CpuModel, camera: &Camera, mode: Rasteriza
     let project_camera = ProjectCamera::new(camera);
     let mut all = Vec::new();
     for group in &model.groups {
-        let (mut out, mut shade) = (Projected::default(), ShadeGroup::default());
+        let (mut out, mut shade) = (ProjectedGroup::default(), ShadeGroup::default());
         dispatch!(path, s => project_group(s, group, &project_camera, mode, None, &mut out, &mut shade));
         let records = dispatch!(path, s => Record::transposed(s, &out, &shade, all.len() as u32));
         all.extend((0..GROUP).map(|lane| {

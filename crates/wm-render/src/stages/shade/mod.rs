@@ -11,7 +11,7 @@
 //! Tolerance: up to 16 products of like magnitude, relative 2e-6 of the largest.
 
 pub mod cpu;
-#[cfg(all(feature = "gpu", any(test, feature = "testing")))]
+#[cfg(feature = "gpu")]
 pub mod gpu;
 #[cfg(test)]
 mod tests;
