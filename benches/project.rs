@@ -6,20 +6,25 @@ use wm_render::dispatch;
 use wm_render::hooks::{GROUP, ShadeGroup};
 use wm_render::simd::{Lanes, SimdPath};
 use wm_render::stages::project::ProjectCamera;
-use wm_render::stages::project::cpu::{Projected, project_group};
+use wm_render::stages::project::cpu::{ProjectedGroup, project_group};
 use wm_render::stages::shade::cpu::shade_group;
 use wm_render::testing::{camera, random_splats};
 use wm_scene::Rasterization;
 
 #[inline(always)]
-fn project<S: Lanes>(simd: S, model: &CpuModel, camera: &ProjectCamera, out: &mut (Projected, ShadeGroup)) {
+fn project<S: Lanes>(
+    simd: S,
+    model: &CpuModel,
+    camera: &ProjectCamera,
+    out: &mut (ProjectedGroup, ShadeGroup),
+) {
     for group in &model.groups {
         project_group(simd, group, camera, Rasterization::Classic, None, &mut out.0, &mut out.1);
     }
 }
 
 #[inline(always)]
-fn shade<S: Lanes>(simd: S, model: &CpuModel, out: &mut (Projected, ShadeGroup)) {
+fn shade<S: Lanes>(simd: S, model: &CpuModel, out: &mut (ProjectedGroup, ShadeGroup)) {
     let rows = model.sh_rows();
     for (i, group) in model.groups.iter().enumerate() {
         shade_group(simd, group, &model.sh_rest[i * rows..(i + 1) * rows], &mut out.1);
@@ -30,7 +35,7 @@ fn run(criterion: &mut Criterion) {
     let camera = ProjectCamera::new(&camera(1200, 800));
     for degree in [0, 3] {
         let model = CpuModel::new(&random_splats(16_384, degree, 1)).expect("random splats are sound");
-        let mut out = (Projected::default(), ShadeGroup::default());
+        let mut out = (ProjectedGroup::default(), ShadeGroup::default());
         let mut group = criterion.benchmark_group(format!("degree {degree}"));
         group.throughput(Throughput::Elements((model.groups.len() * GROUP) as u64));
         for path in SimdPath::available() {

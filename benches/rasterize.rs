@@ -6,11 +6,16 @@ use wm_render::dispatch;
 use wm_render::simd::{Lanes, SimdPath};
 use wm_render::stages::intersect::key;
 use wm_render::stages::project::Record;
-use wm_render::stages::rasterize::cpu::{Scratch, blend_tile};
+use wm_render::stages::rasterize::cpu::{BlendScratch, blend_tile};
 use wm_render::testing::tile_records;
 
 #[inline(always)]
-fn blend<S: Lanes, const C: usize>(simd: S, records: &[Record], keys: &[u64], scratch: &mut Scratch) -> u64 {
+fn blend<S: Lanes, const C: usize>(
+    simd: S,
+    records: &[Record],
+    keys: &[u64],
+    scratch: &mut BlendScratch,
+) -> u64 {
     blend_tile::<S, C, false>(simd, records, keys, (0.0, 0.0), 15, scratch)
 }
 
@@ -19,7 +24,7 @@ fn rasterize(criterion: &mut Criterion) {
         let mut group = criterion.benchmark_group(format!("rasterize/sigma {sigma} px"));
         let records = tile_records(sigma);
         let keys: Vec<u64> = (0..512).map(|i| key(i, i, 15)).collect();
-        let mut scratch = Box::<Scratch>::default();
+        let mut scratch = Box::<BlendScratch>::default();
         for path in SimdPath::available() {
             let pairs = dispatch!(path, s => blend::<_, 7>(s, &records, &keys, &mut scratch));
             group.throughput(Throughput::Elements(pairs));

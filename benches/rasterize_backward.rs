@@ -10,8 +10,10 @@ use wm_render::simd::{Lanes, SimdPath};
 use wm_render::stages::intersect::key;
 use wm_render::stages::project::Record;
 use wm_render::stages::rasterize::cpu as forward;
-use wm_render::stages::rasterize_backward::cpu::{Pictures, Scratch, blend_tile_backward, prepare_patch};
-use wm_render::stages::rasterize_backward::{NO_SLOT, Slot};
+use wm_render::stages::rasterize_backward::cpu::{
+    BackwardScratch, RenderedPictures, blend_tile_backward, prepare_patch,
+};
+use wm_render::stages::rasterize_backward::{GradientSlot, NO_SLOT};
 use wm_render::testing::{RandomLoss, shell_camera, shell_splats, tile_records};
 use wm_render::{
     Channels, CpuConfig, CpuDifferentiable, Differentiable, ForwardConfig, Frame, Gradients, Learn,
@@ -20,13 +22,13 @@ use wm_render::{
 struct Tile {
     records: Vec<Record>,
     keys: Vec<u64>,
-    scratch: Box<Scratch>,
-    slots: Vec<Slot>,
+    scratch: Box<BackwardScratch>,
+    slots: Vec<GradientSlot>,
     places: Vec<u32>,
 }
 
 #[inline(always)]
-fn blend<S: Lanes, const C: usize>(simd: S, tile: &Tile, scratch: &mut forward::Scratch) -> u64 {
+fn blend<S: Lanes, const C: usize>(simd: S, tile: &Tile, scratch: &mut forward::BlendScratch) -> u64 {
     forward::blend_tile::<S, C, false>(simd, &tile.records, &tile.keys, (0.0, 0.0), 15, scratch)
 }
 
@@ -38,9 +40,9 @@ fn back<S: Lanes, const C: usize>(simd: S, tile: &mut Tile) -> usize {
 }
 
 #[inline(always)]
-fn prepare<S: Lanes>(simd: S, config: &ForwardConfig, loss: &RandomLoss, scratch: &mut Scratch) {
+fn prepare<S: Lanes>(simd: S, config: &ForwardConfig, loss: &RandomLoss, scratch: &mut BackwardScratch) {
     let upstream = loss.upstream();
-    let pictures = Pictures { config, upstream: &upstream, size: (32, 32) };
+    let pictures = RenderedPictures { config, upstream: &upstream, size: (32, 32) };
     let kept = [[0.5; PATCH_PIXELS]; 8];
     for patch in 0..4 {
         let corner = (patch % 2 * 16, patch / 2 * 16);
@@ -57,10 +59,10 @@ fn kernels(criterion: &mut Criterion) {
             records: tile_records(sigma),
             keys: (0..512).map(|i| key(i, i, 15)).collect(),
             scratch: Box::default(),
-            slots: vec![Slot::default(); 512],
+            slots: vec![GradientSlot::default(); 512],
             places: vec![NO_SLOT; 512],
         };
-        let mut scratch = Box::<forward::Scratch>::default();
+        let mut scratch = Box::<forward::BlendScratch>::default();
         for path in SimdPath::available() {
             let pairs = dispatch!(path, s => blend::<_, 7>(s, &tile, &mut scratch));
             group.throughput(Throughput::Elements(pairs));

@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 use std::sync::OnceLock;
-use wm_render::hooks::Hooks;
 use wm_render::{
     CpuConfig, CpuRenderer, DrawPass, Frame, Geometry, MedianDepth, Outputs, RenderBackend, RenderConfig,
     SetView,

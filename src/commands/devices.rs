@@ -45,7 +45,7 @@ fn gpus() {
         }
         if let Some(unfit) = listed.unfit {
             println!("  cannot be used: {unfit}");
-        } else if listed.kind == wm_render::gpu::Kind::Software {
+        } else if listed.kind == wm_render::gpu::AdapterKind::Software {
             println!("  runs on the processor: only when asked for by name");
         }
     }

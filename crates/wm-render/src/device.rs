@@ -1,4 +1,4 @@
-//! Where to render and to train: one back end for the CPU and for GPUs.
+//! The choice of a device: one back end for the CPU and for GPUs.
 
 use crate::cpu::{CpuDifferentiable, CpuRenderer};
 use crate::differentiable::{
@@ -15,7 +15,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 use wm_scene::{Camera, Splats};
 
-/// Where to render.
+/// The device that renders.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Device {
     /// On a real GPU where there is one, else on the CPU; never on a GPU in software.
@@ -111,7 +111,7 @@ impl AnyRenderer {
         self.pool().current_num_threads()
     }
 
-    /// Whether frames are drawn on a GPU.
+    /// Returns true if frames are drawn on a GPU.
     #[must_use]
     pub fn is_gpu(&self) -> bool {
         !matches!(self.body, Body::Cpu(_))
@@ -127,7 +127,7 @@ impl AnyRenderer {
         }
     }
 
-    /// What the bytes of a picture depend on: not the number of threads.
+    /// Names all that the bytes of a picture depend on, which the number of threads is not.
     #[must_use]
     pub fn arithmetic(&self) -> String {
         match &self.body {
@@ -172,7 +172,7 @@ impl AnyRenderer {
     }
 }
 
-/// What a choice came to.
+/// A device that was opened.
 enum Opened {
     Cpu,
     #[cfg(feature = "gpu")]
@@ -185,7 +185,7 @@ fn open(device: &Device, warn: &mut dyn FnMut(&RenderError)) -> Result<Opened, R
     let start = |choice| Gpu::open(&GpuConfig { choice, ..GpuConfig::default() });
     match device {
         Device::Cpu => Ok(Opened::Cpu),
-        Device::Auto => match start(gpu::Choice::Auto) {
+        Device::Auto => match start(gpu::AdapterChoice::Auto) {
             Ok(gpu) => Ok(Opened::Gpu(gpu)),
             // That there is none is no news.
             Err(gpu::GpuError::NoAdapter { .. }) => Ok(Opened::Cpu),
@@ -195,7 +195,7 @@ fn open(device: &Device, warn: &mut dyn FnMut(&RenderError)) -> Result<Opened, R
             }
         },
         Device::Gpu(name) => {
-            let choice = name.clone().map_or(gpu::Choice::Auto, gpu::Choice::Named);
+            let choice = name.clone().map_or(gpu::AdapterChoice::Auto, gpu::AdapterChoice::Named);
             Ok(Opened::Gpu(start(choice)?))
         }
     }
@@ -289,7 +289,7 @@ impl AnyDifferentiable {
     }
 
     /// On a GPU of one's own, as `auto` makes it: for tests.
-    #[cfg(feature = "gpu")]
+    #[cfg(all(feature = "gpu", any(test, feature = "testing")))]
     pub(crate) fn fallible(
         gpu: Arc<Gpu>,
         config: CpuConfig,

@@ -1,9 +1,9 @@
-//! What training asks of a render, and the gradients that it gets back.
+//! The interface of differentiable back ends: renders for training, and their gradients.
 //!
 //! A step is [`forward`](Differentiable::forward), a loss on the frame, and [`backward`](Differentiable::backward) with
 //! the loss's derivative by each picture.
 
-use crate::frame::{Arrays, Encoding, Frame};
+use crate::frame::{Arrays, ColorEncoding, Frame};
 use crate::renderer::{MAX_SPLATS, RenderError, Stats};
 use crate::simd::SimdPath;
 use crate::stages::compare::{Compared, Comparison};
@@ -17,7 +17,7 @@ use wm_scene::{Camera, Rasterization, Splats, sh};
 /// together. Unlike a [`RenderBackend`](crate::RenderBackend), which checks a set once, this does not check parameters: a splat
 /// whose position, rotation, scale or opacity is NaN is not drawn, and a NaN colour shows.
 pub trait Differentiable: Send {
-    /// What runs, for reports.
+    /// Names the back end for reports.
     fn describe(&self) -> String;
 
     /// The SIMD path of the CPU's work, its share of a step or all of it.
@@ -168,7 +168,7 @@ pub trait Resident {
     /// [`RenderError`] if the device fails.
     fn explore(&mut self, noise: &Noise) -> Result<(), RenderError>;
 
-    /// How long the stages took the last time that they had run before the last forward pass came back, if the device has
+    /// The times of the stages the last time that they had run before the last forward pass came back, if the device has
     /// a clock.
     fn clock(&self) -> Option<StepClock>;
 }
@@ -190,7 +190,7 @@ pub struct StepClock {
     pub optimize: f64,
 }
 
-/// What becomes of gradients on the device.
+/// The destination of gradients on the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
     /// They are those of the step: of everything, in a render with colours and stored opacities.
@@ -199,7 +199,7 @@ pub enum Target {
     Added(Learn),
 }
 
-/// What a backward pass took, in seconds summed over threads; 0 where only the whole is known.
+/// The times of a backward pass, in seconds summed over threads; 0 where only the whole is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BackwardStats {
     /// From pixels to slots.
@@ -210,18 +210,18 @@ pub struct BackwardStats {
     pub wall: f64,
 }
 
-/// What to render for a step of training.
+/// The settings of a render for a step of training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForwardConfig {
-    /// Which pictures.
+    /// The pictures.
     pub channels: Channels,
     /// The colour behind all splats, display-referred.
     pub background: [f32; 3],
-    /// How splats smaller than a pixel are drawn.
+    /// The drawing of splats smaller than a pixel.
     pub rasterization: Rasterization,
-    /// Where opacities come from.
+    /// The source of opacities.
     pub opacity: Opacity,
-    /// Which splats are drawn.
+    /// The splats that are drawn.
     pub drawn: Drawn,
     /// Degree of the spherical harmonics in use, at most that of the splats: it grows in training.
     pub sh_degree: u8,
@@ -270,7 +270,7 @@ impl ForwardConfig {
             normal: self.channels.has_normal(),
             particles: false,
         };
-        frame.prepare((camera.width, camera.height), Encoding::Srgb, arrays)
+        frame.prepare((camera.width, camera.height), ColorEncoding::Srgb, arrays)
     }
 
     /// The same without a frame.
@@ -279,7 +279,7 @@ impl ForwardConfig {
         Ok(camera.check()?)
     }
 
-    /// What of `learn` there is anything to learn of.
+    /// The parameters of `learn` that this render has gradients for.
     pub(crate) fn learns(&self, learn: Learn) -> Learn {
         let logit_opacities = learn.logit_opacities && self.opacity == Opacity::Stored;
         Learn { logit_opacities, sh: learn.sh && self.channels.has_color(), ..learn }
@@ -315,13 +315,13 @@ impl Channels {
         }
     }
 
-    /// Whether there is colour.
+    /// Returns true if there is colour.
     #[must_use]
     pub const fn has_color(self) -> bool {
         !matches!(self, Self::Depth)
     }
 
-    /// Which of the blended sums is view z.
+    /// The index of view z among the blended sums.
     #[must_use]
     pub const fn depth(self) -> Option<usize> {
         match self {
@@ -331,14 +331,14 @@ impl Channels {
         }
     }
 
-    /// Whether there are normals.
+    /// Returns true if there are normals.
     #[must_use]
     pub const fn has_normal(self) -> bool {
         matches!(self, Self::ColorDepthNormal)
     }
 }
 
-/// Where the opacity of a splat comes from.
+/// The source of a splat's opacity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Opacity {
     /// Its own.
@@ -348,7 +348,7 @@ pub enum Opacity {
     Fixed(f32),
 }
 
-/// Which splats are drawn.
+/// The splats that are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Drawn {
     /// All.
@@ -358,7 +358,7 @@ pub enum Drawn {
     WithoutSky,
 }
 
-/// Which parameters learn; what does not is neither computed nor filled.
+/// The parameters that learn; gradients of the others are neither computed nor filled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Learn {
     /// Centres.
@@ -392,7 +392,7 @@ impl Default for Learn {
     }
 }
 
-/// Whether expected depth passes its gradient to the coverage that it was divided by.
+/// The gradient of expected depth by the coverage that it was divided by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DepthAlpha {
     /// The exact derivative of `sum w z / alpha`.
@@ -413,7 +413,7 @@ pub struct Upstream<'a> {
     pub depth: &'a [f32],
     /// By [`Frame::normal`](crate::Frame::normal), `[H, W, 3]`.
     pub normal: &'a [f32],
-    /// How far the gradient of depth goes.
+    /// The reach of the gradient of depth.
     pub depth_alpha: DepthAlpha,
 }
 
@@ -469,7 +469,7 @@ impl Gradients {
         self.visible.len()
     }
 
-    /// Whether none is in view.
+    /// Returns true if no splat is in view.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.visible.is_empty()

@@ -1,11 +1,11 @@
-//! What a render gives: pictures of one view, each in its own array.
+//! The pictures of one view, each in its own array.
 
 use crate::renderer::RenderError;
 pub use wm_scene::color::{srgb_decode, srgb_encode};
 
-/// How the numbers of `Frame::rgb` stand for light.
+/// The encoding of `Frame::rgb`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Encoding {
+pub enum ColorEncoding {
     /// sRGB-encoded, display-referred: what scenes are trained on and screens show.
     #[default]
     Srgb,
@@ -21,8 +21,8 @@ pub struct Frame {
     pub width: u32,
     /// Height, px.
     pub height: u32,
-    /// How `rgb` is encoded.
-    pub encoding: Encoding,
+    /// The encoding of `rgb`.
+    pub encoding: ColorEncoding,
     /// Colour with the background behind it, `[H, W, 3]`, nominally 0-1, not clamped.
     pub rgb: Vec<f32>,
     /// Coverage by splats, 1 - transmittance, 0-1, `[H, W]`.
@@ -36,13 +36,13 @@ pub struct Frame {
     /// Mean normal (shortest axis, towards the camera) in world axes, weighted, at length 1,
     /// `[H, W, 3]`; 0 where `alpha` is below [`MIN_ALPHA`].
     pub normal: Vec<f32>,
-    /// What falls before the scene: linear light that comes from it, not below 0, and its coverage `1 - e^-tau`, 0-1,
+    /// The particles before the scene: linear light that comes from them, not below 0, and their coverage `1 - e^-tau`, 0-1,
     /// `[H, W, 4]`. With it the colour before the pixel effects is, in linear light, `c (1 - coverage) + light`, where
     /// `c` is the colour of the scene without what falls.
     pub particles: Vec<f32>,
 }
 
-/// Which arrays of a [`Frame`] are filled, beside alpha, which always is.
+/// The arrays of a [`Frame`] that are filled, beside alpha, which always is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Arrays {
     pub rgb: bool,
@@ -63,7 +63,7 @@ impl Frame {
     pub(crate) fn prepare(
         &mut self,
         (width, height): (u32, u32),
-        encoding: Encoding,
+        encoding: ColorEncoding,
         arrays: Arrays,
     ) -> Result<(), RenderError> {
         let pixels = width as usize * height as usize;
@@ -109,8 +109,8 @@ impl Frame {
     #[must_use]
     pub fn rgb_linear(&self) -> Vec<f32> {
         match self.encoding {
-            Encoding::Linear => self.rgb.clone(),
-            Encoding::Srgb => self.rgb.iter().map(|v| srgb_decode(f64::from(*v)) as f32).collect(),
+            ColorEncoding::Linear => self.rgb.clone(),
+            ColorEncoding::Srgb => self.rgb.iter().map(|v| srgb_decode(f64::from(*v)) as f32).collect(),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Where weather touches a render: the slots, in the physical order in which they act.
+//! The slots in which weather acts on a render, in the physical order in which they act.
 //!
 //! | slot | acts on | when | hook |
 //! |---|---|---|---|
@@ -29,11 +29,11 @@ pub enum Slot {
     Light,
     /// Stands behind them.
     Background,
-    /// What the air does between them and the camera.
+    /// The air between them and the camera.
     Medium,
     /// Falling particles.
     Particles,
-    /// What happens at and behind the lens.
+    /// Effects at and behind the lens.
     Lens,
 }
 
@@ -52,21 +52,21 @@ impl Slot {
     }
 }
 
-/// What weather does to one render.
+/// The weather of one draw pass.
 #[derive(Clone, Copy, Default)]
 pub struct Hooks<'a> {
-    /// What stands behind all splats, instead of the background of the render's configuration.
+    /// The background behind all splats, instead of that of the render's configuration.
     pub background: Option<&'a dyn Backdrop>,
     /// The air: applied to each splat when it is shaded, and to the background.
     pub medium: Option<&'a dyn Medium>,
-    /// What falls, in any order.
+    /// The particles, in any order.
     pub particles: &'a [&'a dyn Particles],
     /// Applied to finished pixels, in order.
     pub pixels: &'a [&'a dyn PixelEffect],
 }
 
 impl Hooks<'_> {
-    /// What becomes of a scene's own sky.
+    /// The treatment of the splats of a scene's own sky.
     #[must_use]
     pub fn sky_splats(&self) -> SkySplats {
         self.background.map_or(SkySplats::Kept, Backdrop::sky_splats)
@@ -95,7 +95,7 @@ impl Default for ShadeGroup {
     }
 }
 
-/// What stands behind all splats, at infinity.
+/// A background behind all splats, at infinity.
 pub trait Backdrop: Sync {
     /// Writes the colour in the directions of `groups`, display-referred, not below 0.
     ///
@@ -110,18 +110,18 @@ pub trait Backdrop: Sync {
         None
     }
 
-    /// How fine its detail is.
+    /// The fineness of its detail.
     fn detail(&self) -> Detail {
         Detail::Smooth
     }
 
-    /// What becomes of the splats of [`wm_scene::Group::Sky`].
+    /// The treatment of the splats of [`wm_scene::Group::Sky`].
     fn sky_splats(&self) -> SkySplats {
         SkySplats::Kept
     }
 }
 
-/// How fine the detail of a backdrop is.
+/// The fineness of a backdrop's detail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Detail {
     /// Half a degree shows it.
@@ -130,7 +130,7 @@ pub enum Detail {
     Fine,
 }
 
-/// What becomes of a scene's own sky.
+/// The treatment of the splats of a scene's own sky.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SkySplats {
     /// It is drawn, in front of the backdrop.
@@ -295,7 +295,7 @@ pub struct Particle {
     pub offset: [f32; 3],
     /// Standard deviation in all directions, scene units.
     pub sigma: f32,
-    /// How far it reaches further along two directions, standard deviations, world axes, scene units: its shape,
+    /// Its further reach along two directions, standard deviations, world axes, scene units: its shape,
     /// and its motion during the exposure.
     pub reach: [[f32; 3]; 2],
     /// Area that it hides, scene units^2; motion spreads it and does not change it.
@@ -312,7 +312,7 @@ pub struct ParticleGroup {
     pub offset: [[f32; GROUP]; 3],
     /// Standard deviation in all directions, scene units.
     pub sigma: [f32; GROUP],
-    /// How far it reaches further along two directions, scene units, one array an axis.
+    /// Its further reach along two directions, scene units, one array an axis.
     pub reach: [[[f32; GROUP]; 3]; 2],
     /// Area that it hides, scene units^2.
     pub area: [f32; GROUP],
@@ -405,7 +405,7 @@ impl ParticleView {
         (self.focal[0] * self.focal[1]).sqrt()
     }
 
-    /// Whether a ball about `offset` (from the centre, world axes, scene units) may be in the picture.
+    /// Returns true if a ball about `offset` (from the centre, world axes, scene units) may be in the picture.
     #[inline]
     #[must_use]
     pub fn may_see(&self, offset: [f32; 3], radius: f32) -> bool {

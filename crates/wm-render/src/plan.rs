@@ -32,7 +32,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::frame::{Encoding, Frame};
+use crate::frame::{ColorEncoding, Frame};
 use crate::hooks::{Backdrop, Hooks, Particles, SplatAttributes};
 use crate::renderer::{RenderConfig, SetId};
 use crate::simd::SimdPath;
@@ -155,7 +155,7 @@ pub struct DrawPass<'a> {
     pub config: RenderConfig,
     /// The air, the background, the particles and the pixel effects of the weather.
     pub hooks: Hooks<'a>,
-    /// What the colours of the picture are.
+    /// The meaning of the picture's colours.
     pub shading: Shading,
     /// Results of earlier passes that this one looks up. No stage reads any yet.
     pub reads: Vec<PictureId>,
@@ -183,15 +183,15 @@ impl<'a> DrawPass<'a> {
         }
     }
 
-    /// How the colours of the picture are encoded.
-    pub(crate) fn encoding(&self) -> Encoding {
+    /// The encoding of the picture's colours.
+    pub(crate) fn encoding(&self) -> ColorEncoding {
         match self.shading {
-            Shading::Color => Encoding::Srgb,
-            Shading::Transmittance => Encoding::Linear,
+            Shading::Color => ColorEncoding::Srgb,
+            Shading::Transmittance => ColorEncoding::Linear,
         }
     }
 
-    /// What stands behind the splats.
+    /// The background behind the splats.
     pub(crate) fn backdrop(&self) -> &dyn Backdrop {
         self.hooks.background.unwrap_or(&self.config.background)
     }
@@ -203,7 +203,7 @@ impl<'a> DrawPass<'a> {
     }
 }
 
-/// What the colours of a drawn picture are.
+/// The meaning of a drawn picture's colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shading {
     /// Colours as seen through the air, display-referred.

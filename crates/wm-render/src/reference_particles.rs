@@ -9,16 +9,16 @@ use wm_scene::Camera;
 
 /// One pixel's particles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Cover {
+pub struct ParticleCover {
     /// Optical depth.
     pub tau: f64,
     /// Sum of optical depth times radiance.
     pub light: [f64; 3],
-    /// How far `tau` may be off in f32, see [`crate::stages::particles`].
+    /// The error that `tau` may have in f32, see [`crate::stages::particles`].
     pub slack: f64,
 }
 
-impl Cover {
+impl ParticleCover {
     /// A display-referred colour behind it.
     #[must_use]
     pub fn over(&self, rgb: [f64; 3]) -> [f64; 3] {
@@ -31,17 +31,17 @@ impl Cover {
     }
 }
 
-/// What covers the middle of pixel `(x, y)` before a scene of that coverage and sum of weight times view z.
+/// The cover of the middle of pixel `(x, y)` before a scene of that coverage and sum of weight times view z.
 #[must_use]
 pub fn cover(
     particles: &[Particle],
     camera: &Camera,
     (x, y): (u32, u32),
     (alpha, depth_sum): (f64, f64),
-) -> Cover {
+) -> ParticleCover {
     let rotation = camera.rotation();
     let behind = if alpha >= f64::from(MIN_ALPHA) { depth_sum / alpha } else { f64::INFINITY };
-    let mut sum = Cover::default();
+    let mut sum = ParticleCover::default();
     for particle in particles {
         let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
         let at = rotation * vector(particle.offset);

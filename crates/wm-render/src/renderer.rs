@@ -1,4 +1,4 @@
-//! What to render and how to run it: the coarse interface that every back end offers.
+//! The interface that every back end offers: sets of splats, plans, and the settings of a render.
 
 use crate::frame::Frame;
 use crate::hooks::{Backdrop, GROUP, ShadeGroup};
@@ -11,7 +11,7 @@ use wm_scene::{CameraError, Rasterization, Splats, SplatsError};
 
 /// A back end. Splat sets are loaded once and drawn many times.
 pub trait RenderBackend {
-    /// What runs, for reports: back end, SIMD path, threads.
+    /// Describes the back end for reports: device, SIMD path, threads.
     fn describe(&self) -> String;
 
     /// Prepares splats for drawing and keeps them.
@@ -81,25 +81,25 @@ impl<M> Models<M> {
     }
 }
 
-/// What to render.
+/// The settings of a render.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RenderConfig {
-    /// Which arrays of the frame to fill beside the colour.
+    /// The arrays of the frame that are filled beside the colour.
     pub outputs: Outputs,
-    /// What stands behind all splats.
+    /// The background behind all splats.
     pub background: Background,
-    /// How splats smaller than a pixel are drawn.
+    /// The drawing of splats smaller than a pixel.
     pub rasterization: Rasterization,
 }
 
-/// Which geometry to render beside the colour. Alpha is always there.
+/// The outputs beside the colour. Alpha is always rendered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Outputs {
     /// Expected depth and normals.
     pub geometry: Geometry,
     /// Median depth.
     pub median_depth: MedianDepth,
-    /// What falls, apart from what it falls before.
+    /// Particles as a picture of their own.
     #[serde(default)]
     pub particles: ParticlePass,
 }
@@ -116,7 +116,7 @@ pub enum Geometry {
     DepthNormal,
 }
 
-/// Whether the median depth is rendered; it costs two more operations a pixel and splat.
+/// The output of median depth; it costs two more operations a pixel and splat.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum MedianDepth {
     /// Not rendered.
@@ -126,7 +126,7 @@ pub enum MedianDepth {
     On,
 }
 
-/// Whether what falls is kept as a picture of its own beside the colour, see [`Frame::particles`].
+/// The output of particles as a picture of their own beside the colour, see [`Frame::particles`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ParticlePass {
     /// In the colour alone.
@@ -136,7 +136,7 @@ pub enum ParticlePass {
     On,
 }
 
-/// What stands behind all splats, at infinity. Weather acts on it as on everything else.
+/// A background behind all splats, at infinity. Weather acts on it as on everything else.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Background {
     /// One colour, display-referred, 0-1.
@@ -220,7 +220,7 @@ impl Backdrop for Background {
     }
 }
 
-/// How to run the CPU back end.
+/// The settings of the CPU back end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CpuConfig {
     /// Number of threads; `None` for one a core.
@@ -229,7 +229,7 @@ pub struct CpuConfig {
     pub simd: SimdChoice,
 }
 
-/// What one render did. Times are summed over threads, in seconds.
+/// The counts and times of one or more renders. Times are summed over threads, in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Stats {
     /// Splats that passed culling.
@@ -256,11 +256,11 @@ pub struct Stats {
     pub composite: f64,
     /// Wall time of the whole frame.
     pub wall: f64,
-    /// What a GPU was asked to do for it; nothing on the CPU.
+    /// The work of a GPU; nothing on the CPU.
     pub device: DeviceWork,
 }
 
-/// What a GPU is asked to do.
+/// The work that a GPU is given.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct DeviceWork {
     /// Programs that were started.
@@ -274,7 +274,7 @@ pub struct DeviceWork {
 }
 
 impl DeviceWork {
-    /// What came since `before`.
+    /// The work since `before`.
     #[must_use]
     pub fn since(self, before: Self) -> Self {
         Self {
@@ -351,9 +351,9 @@ pub enum RenderError {
     /// A splat holds a number that cannot be rendered.
     #[error("splat {index} holds {value}, which is no finite number: repair the scene first")]
     NotFinite {
-        /// Which splat.
+        /// The index of the splat.
         index: usize,
-        /// Which field.
+        /// The name of the field.
         value: &'static str,
     },
     /// More splats than indices.
@@ -376,7 +376,7 @@ pub enum RenderError {
     /// The thread pool could not be started.
     #[error("cannot start {threads} threads: {reason}")]
     Threads {
-        /// How many.
+        /// The number of threads.
         threads: usize,
         /// The system's words.
         reason: String,
@@ -392,7 +392,7 @@ pub enum RenderError {
 }
 
 impl RenderError {
-    /// Whether another device may do what this one could not.
+    /// Returns true if the GPU failed: another device may succeed.
     #[must_use]
     pub fn is_of_gpu(&self) -> bool {
         #[cfg(feature = "gpu")]

@@ -16,7 +16,7 @@ use fearless_simd::Neon;
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
 use fearless_simd::{Avx2, Avx512, f32x16, mask32x16, u32x16};
 
-/// Which SIMD path to take.
+/// The choice of a SIMD path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SimdChoice {
@@ -160,9 +160,9 @@ pub trait Lanes: Simd {
     type M: SimdMask<Self, Element = i32> + Select<Self::F> + Select<Self::U>;
     /// Number of lanes: 8 or 16.
     const N: usize;
-    /// Whether the path packs the selected lanes of a vector in one instruction.
+    /// True if the path packs the selected lanes of a vector in one instruction.
     const PACKS: bool;
-    /// Whether vectors are plain arrays: shuffles are then nothing but much code.
+    /// True if vectors are plain arrays: shuffles then cost much code and gain nothing.
     const PLAIN: bool;
 
     /// `value` in every lane.

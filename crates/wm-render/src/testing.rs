@@ -5,10 +5,7 @@ use crate::device::AnyDifferentiable;
 use crate::differentiable::{Channels, ForwardConfig, Gradients, Learn, Upstream};
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
-use crate::gpu::{
-    Choice, Gpu, GpuConfig, GpuDifferentiable, GpuError, GpuRenderer,
-    source::{AirText, Form, Program},
-};
+use crate::gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuError, GpuRenderer, source::Program};
 #[cfg(feature = "gpu")]
 use crate::hooks::WgslSource;
 use crate::hooks::{Medium, ShadeGroup};
@@ -150,7 +147,7 @@ pub fn gpu_differentiable() -> GpuDifferentiable {
 #[cfg(feature = "gpu")]
 #[must_use]
 pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Arc<Gpu>) {
-    let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, ..GpuConfig::default() }).expect("a GPU");
+    let gpu = Gpu::open(&GpuConfig { choice: AdapterChoice::Any, ..GpuConfig::default() }).expect("a GPU");
     let config = CpuConfig { threads: Some(2), ..CpuConfig::default() };
     (AnyDifferentiable::fallible(Arc::clone(&gpu), config, warn).expect("threads start"), gpu)
 }
@@ -163,7 +160,7 @@ pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Ar
 #[must_use]
 pub fn small_gpu(most_binding: u64) -> Arc<Gpu> {
     let limits = wgpu::Limits { max_storage_buffer_binding_size: most_binding, ..wgpu::Limits::default() };
-    let config = GpuConfig { choice: Choice::Any, limits: Some(limits), ..GpuConfig::default() };
+    let config = GpuConfig { choice: AdapterChoice::Any, limits: Some(limits), ..GpuConfig::default() };
     Gpu::open(&config).expect("a GPU")
 }
 
@@ -171,7 +168,7 @@ pub fn small_gpu(most_binding: u64) -> Arc<Gpu> {
 #[cfg(feature = "gpu")]
 fn shared_gpu() -> &'static Result<Arc<Gpu>, GpuError> {
     static SHARED: OnceLock<Result<Arc<Gpu>, GpuError>> = OnceLock::new();
-    SHARED.get_or_init(|| Gpu::open(&GpuConfig { choice: Choice::Any, ..GpuConfig::default() }))
+    SHARED.get_or_init(|| Gpu::open(&GpuConfig { choice: AdapterChoice::Any, ..GpuConfig::default() }))
 }
 
 /// A renderer on it.
@@ -185,18 +182,20 @@ pub fn gpu_renderer() -> GpuRenderer {
     GpuRenderer::new(gpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }).expect("threads start")
 }
 
-/// Whether an air's WGSL is valid where the renderer puts it; needs no GPU.
+/// Checks that an air's WGSL is valid where the renderer puts it; needs no GPU.
 ///
 /// # Errors
-/// What is wrong, with the place.
+/// A message with the place in the text.
 #[cfg(feature = "gpu")]
 pub fn check_air(air: &WgslSource) -> Result<(), String> {
+    use crate::stages::project::gpu::{ParameterForm, ProjectProgram};
+    use crate::stages::shade::gpu::{AirText, ShadeProgram};
     use wgpu::naga::{front::wgsl, valid};
-    let project = |text| Program::Project(Form::Activated, text);
+    let project = |text| Program::from(ProjectProgram::Project(ParameterForm::Activated, text));
     for program in [
         project(AirText::Color(air.wgsl.clone())),
         project(AirText::Share(air.wgsl.clone())),
-        Program::Air(air.wgsl.clone()),
+        ShadeProgram::Groups(air.wgsl.clone()).into(),
     ] {
         let text = program.text();
         let module = wgsl::parse_str(&text).map_err(|error| error.emit_to_string(&text))?;
@@ -276,7 +275,8 @@ macro_rules! tests_of_paths {
     };
 }
 
-pub use wm_scene::random::uniform;
+pub use crate::bench_scene::{shell_camera, shell_splats};
+pub use wm_scene::synthetic::uniform;
 
 /// `count` random splats in a box of side 4 about the origin.
 #[must_use]
@@ -295,48 +295,6 @@ pub fn random_splats(count: usize, sh_degree: u8, seed: u64) -> Splats {
         splats.groups.push(Group::Scene);
     }
     splats
-}
-
-/// A scene like a trained one of any size: flat splats on surfaces all round the origin, 2 to 40 units
-/// away, about `cover` of them over each direction, opacities many and few, sizes log-normal. About a
-/// tenth is in the view of [`shell_camera`].
-#[must_use]
-pub fn shell_splats(count: usize, cover: f64, sh_degree: u8, seed: u64) -> Splats {
-    let mut splats = Splats::with_capacity(count, sh_degree);
-    // Solid angle of the ring, shared out among the splats; 2.6 standard deviations count as their rim.
-    let side = (cover * 7.1 / count as f64 / std::f64::consts::PI).sqrt() / 2.6;
-    for i in 0..count as u64 {
-        let u = |k: u64| uniform(seed, i * 64 + k);
-        let normal = |k: u64| (-2.0 * u(k).max(1e-12).ln()).sqrt() * (std::f64::consts::TAU * u(k + 1)).cos();
-        let (azimuth, elevation) = (u(0) * std::f64::consts::TAU, (u(1) - 0.5) * 1.2);
-        let distance = 2.0 * 20f64.powf(u(2));
-        let (sin, cos) = azimuth.sin_cos();
-        let direction = [cos * elevation.cos(), sin * elevation.cos(), elevation.sin()];
-        let size = side * distance * (0.45 * normal(3)).exp();
-        let stretch = (0.4 * normal(5)).exp();
-        let opacity = if u(7) < 0.45 { 0.03 + 0.3 * u(8) } else { 0.35 + 0.64 * u(8) };
-        splats.means.push(direction.map(|v| (v * distance) as f32));
-        splats.log_scales.push([size * stretch, size / stretch, 0.15 * size].map(|v| v.ln() as f32));
-        splats.quats.push([9, 11, 13, 15].map(|k| normal(k) as f32));
-        splats.logit_opacities.push(logit(opacity) as f32);
-        splats.sh.extend((0..splats.sh_stride() as u64).map(|k| {
-            let size = if k < 3 { 3.4 } else { 0.2 };
-            ((u(17 + k % 46) - 0.5) * size) as f32
-        }));
-        splats.groups.push(Group::Scene);
-    }
-    splats
-}
-
-/// The camera for [`shell_splats`]: at the origin, along x.
-///
-/// # Panics
-/// Never for a size that a picture can have.
-#[must_use]
-pub fn shell_camera(width: u32, height: u32) -> Camera {
-    let focal = 0.9 * f64::from(width);
-    let camera = Camera::looking((width, height), 50.0, DVec3::ZERO, DVec3::X, DVec3::Z).expect("a camera");
-    Camera { fx: focal, fy: focal, ..camera }
 }
 
 /// 512 splats in view order with a standard deviation of about `sigma` px, spread over the tile at the

@@ -71,6 +71,12 @@ impl Weather {
         self.active.iter().map(|(effect, tracks)| (&EFFECTS[*effect], &tracks[..]))
     }
 
+    /// Returns true if no parameter changes over time.
+    #[must_use]
+    pub fn is_constant(&self) -> bool {
+        self.effects().all(|(_, tracks)| tracks.iter().all(|track| track.keys().len() == 1))
+    }
+
     /// Returns true if an effect of a role is on.
     #[must_use]
     pub fn has(&self, role: EffectRole) -> bool {

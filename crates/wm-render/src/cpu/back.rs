@@ -9,7 +9,7 @@ use crate::simd::SimdPath;
 use crate::stages::composite::cpu::{Composite, OutputRows, PatchPixels, finish_patch};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
 use crate::stages::project::Record;
-use crate::stages::rasterize::cpu::{PatchSums, Scratch, blend_tile};
+use crate::stages::rasterize::cpu::{BlendScratch, PatchSums, blend_tile};
 use crate::stages::sort::cpu::sort;
 use rayon::prelude::*;
 use std::ops::Add;
@@ -20,15 +20,15 @@ use std::time::Instant;
 /// Tiles of one task: small enough to share out, large enough to write whole lines.
 pub const RUN: usize = 4;
 
-/// What is blended beside the colour.
+/// The sums that are blended beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Features {
+pub(crate) struct Features {
     pub geometry: Geometry,
     pub median: MedianDepth,
 }
 
 impl Features {
-    /// What a pass needs: what it asks for, and depth where particles or a pixel effect read it.
+    /// The sums that a pass needs: its outputs, and depth where particles or a pixel effect read it.
     pub fn of(pass: &DrawPass<'_>) -> Self {
         let asked = pass.config.outputs;
         let effects = !(pass.hooks.pixels.is_empty() && pass.particles().is_empty());
@@ -59,8 +59,8 @@ pub fn arrays(pass: &DrawPass<'_>) -> Arrays {
     }
 }
 
-/// What all tiles of one frame share.
-pub struct Back<'a> {
+/// The inputs that all tiles of one frame share.
+pub(crate) struct Back<'a> {
     pub path: SimdPath,
     /// The path that moves pixels.
     pub narrow: SimdPath,
@@ -77,8 +77,8 @@ pub struct Back<'a> {
 
 /// Working memory of one thread, kept from frame to frame.
 #[derive(Default)]
-pub struct Worker {
-    pub scratch: Scratch,
+pub(crate) struct Worker {
+    pub scratch: BlendScratch,
     pub pixels: PatchPixels,
     pub keys: Vec<u64>,
     pub sort_scratch: Vec<u64>,
@@ -160,7 +160,7 @@ pub fn blend(
     keys: &[u64],
     tile: (usize, usize),
     inside: u32,
-    scratch: &mut Scratch,
+    scratch: &mut BlendScratch,
 ) -> u64 {
     let corner = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
     macro_rules! blend {

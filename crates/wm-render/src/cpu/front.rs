@@ -9,7 +9,7 @@ use crate::renderer::Stats;
 use crate::simd::{Lanes, SimdPath};
 use crate::stages::intersect::TileGrid;
 use crate::stages::intersect::cpu::{Pairs, PatchBox};
-use crate::stages::project::cpu::{ClusterCull, Projected, project_group};
+use crate::stages::project::cpu::{ClusterCull, ProjectedGroup, project_group};
 use crate::stages::project::{ProjectCamera, Record};
 use crate::stages::shade::cpu::{shade_group, through_air};
 use std::ops::Range;
@@ -18,7 +18,7 @@ use std::time::Instant;
 use wm_scene::Rasterization;
 
 /// A run of clusters of one set, with the records that it may fill.
-pub struct Unit<'a> {
+pub(crate) struct Unit<'a> {
     model: &'a CpuModel,
     attributes: Option<&'a dyn SplatAttributes>,
     clusters: Range<usize>,
@@ -51,9 +51,9 @@ impl<'a> Unit<'a> {
     }
 }
 
-/// What the first sweep gives for one unit; kept from frame to frame for its memory.
+/// The results of the first sweep for one unit; kept from frame to frame for its memory.
 #[derive(Debug, Default)]
-pub struct Part {
+pub(crate) struct Part {
     pairs: Pairs,
     visible: u64,
     project: f64,
@@ -83,8 +83,8 @@ impl Part {
     }
 }
 
-/// What all units of one frame share.
-pub struct Front<'a> {
+/// The inputs that all units of one frame share.
+pub(crate) struct Front<'a> {
     path: SimdPath,
     camera: &'a ProjectCamera,
     cull: ClusterCull,
@@ -197,8 +197,8 @@ impl<'a> Front<'a> {
 }
 
 /// Working memory of one unit: the groups of one cluster that have splats in view.
-pub struct ClusterScratch {
-    pub projected: [Projected; GROUPS],
+pub(crate) struct ClusterScratch {
+    pub projected: [ProjectedGroup; GROUPS],
     pub shade: [ShadeGroup; GROUPS],
     /// Position of each group in its cluster.
     pub names: [usize; GROUPS],
@@ -209,7 +209,7 @@ pub struct ClusterScratch {
 impl Default for ClusterScratch {
     fn default() -> Self {
         Self {
-            projected: std::array::from_fn(|_| Projected::default()),
+            projected: std::array::from_fn(|_| ProjectedGroup::default()),
             shade: [ShadeGroup::default(); GROUPS],
             names: [0; GROUPS],
             attributes: AttributeBlock::default(),

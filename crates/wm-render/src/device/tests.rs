@@ -87,7 +87,8 @@ mod with_gpu {
         cpu.forward(&splats, &camera, &config, &mut frame).unwrap();
         cpu.backward(&splats, &loss.upstream(), Learn::ALL, &mut want).unwrap();
         for (place, lost_before) in [true, false].into_iter().enumerate() {
-            let gpu = Gpu::open(&GpuConfig { choice: gpu::Choice::Any, ..GpuConfig::default() }).unwrap();
+            let gpu =
+                Gpu::open(&GpuConfig { choice: gpu::AdapterChoice::Any, ..GpuConfig::default() }).unwrap();
             let warn: fn(&RenderError) = |_| {
                 WARNINGS.fetch_add(1, Ordering::Relaxed);
             };

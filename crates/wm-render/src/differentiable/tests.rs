@@ -1,4 +1,4 @@
-//! What every back end of training does alike.
+//! The properties that all back ends of training share.
 
 use super::*;
 use crate::plan::{DrawPass, SetView};

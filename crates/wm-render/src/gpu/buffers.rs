@@ -2,8 +2,9 @@
 
 use super::device::Gpu;
 use super::error::GpuError;
-use super::source::{BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, Falls, SORT_BLOCK, WORKGROUP};
+use super::source::{BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, SORT_BLOCK, WORKGROUP};
 use super::uniforms::{Capacity, SLOT};
+use crate::stages::composite::gpu::ParticleBlend;
 use wgpu::BufferUsages;
 
 pub(crate) const WRITTEN: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_DST);
@@ -85,15 +86,14 @@ pub(crate) struct Room {
     pub alpha: wgpu::Buffer,
     pub depths: wgpu::Buffer,
     pub normal: wgpu::Buffer,
-    pub background: wgpu::Buffer,
     /// Optical depth of what falls and its light, whole numbers, `[H, W, 4]`.
     pub falling: wgpu::Buffer,
     /// [`crate::Frame::particles`].
     pub apart: wgpu::Buffer,
 }
 
-/// How large a frame is.
-#[derive(Clone, Copy, Debug)]
+/// The size of a frame.
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Extent {
     pub slots: usize,
     pub blocks: u32,
@@ -103,39 +103,80 @@ pub(crate) struct Extent {
     /// Pictures of depths.
     pub planes: u64,
     pub normal: bool,
-    pub falls: Falls,
-    /// Numbers of the background.
-    pub background: usize,
+    pub particles: ParticleBlend,
+}
+
+impl Extent {
+    /// Room for either of two frames, one after the other.
+    pub fn max(self, other: Self) -> Self {
+        Self {
+            slots: self.slots.max(other.slots),
+            blocks: self.blocks.max(other.blocks),
+            capacity: other.capacity,
+            tiles: self.tiles.max(other.tiles),
+            pixels: self.pixels.max(other.pixels),
+            planes: self.planes.max(other.planes),
+            normal: self.normal | other.normal,
+            particles: self.particles.max(other.particles),
+        }
+    }
 }
 
 /// All that is kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct Memory {
-    kept: [Growing; 25],
-    /// The attributes of each set's splats: a set may be there twice.
-    attributes: Vec<Growing>,
-    air: Growing,
-    drops: Growing,
+    kept: [Growing; 24],
+    /// Each of these holds numbers for one pass, or for one set of one pass.
+    attributes: InTurn,
+    air: InTurn,
+    drops: InTurn,
+    backgrounds: InTurn,
     pub staging: Growing,
 }
 
-impl Memory {
-    /// The attributes of the splats of set number `set` of a frame.
-    pub fn attributes(&mut self, gpu: &Gpu, set: usize, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
-        if self.attributes.len() <= set {
-            self.attributes.resize_with(set + 1, Growing::default);
+/// Buffers of one kind, handed out one after the other.
+#[derive(Default)]
+struct InTurn {
+    buffers: Vec<Growing>,
+    used: usize,
+}
+
+impl InTurn {
+    fn write(&mut self, gpu: &Gpu, what: &'static str, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+        if self.used == self.buffers.len() {
+            self.buffers.push(Growing::default());
         }
-        self.attributes[set].write(gpu, "attributes of splats", numbers, WRITTEN)
+        self.used += 1;
+        self.buffers[self.used - 1].write(gpu, what, numbers, WRITTEN)
+    }
+}
+
+impl Memory {
+    /// Starts with the first buffers again, when nothing reads what they hold any more.
+    pub fn start_batch(&mut self) {
+        for buffers in [&mut self.attributes, &mut self.air, &mut self.drops, &mut self.backgrounds] {
+            buffers.used = 0;
+        }
     }
 
-    /// The parameters of the air.
+    /// Uploads the attributes of the splats of one set.
+    pub fn attributes(&mut self, gpu: &Gpu, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+        self.attributes.write(gpu, "attributes of splats", numbers)
+    }
+
+    /// Uploads the parameters of the air.
     pub fn air(&mut self, gpu: &Gpu, parameters: &[f32]) -> Result<wgpu::Buffer, GpuError> {
-        self.air.write(gpu, "the air", parameters, WRITTEN)
+        self.air.write(gpu, "the air", parameters)
     }
 
-    /// What falls.
+    /// Uploads particles.
     pub fn drops(&mut self, gpu: &Gpu, drops: &[f32]) -> Result<wgpu::Buffer, GpuError> {
-        self.drops.write(gpu, "what falls", drops, WRITTEN)
+        self.drops.write(gpu, "particles", drops)
+    }
+
+    /// Uploads a background.
+    pub fn background(&mut self, gpu: &Gpu, numbers: &[f32]) -> Result<wgpu::Buffer, GpuError> {
+        self.backgrounds.write(gpu, "the background", numbers)
     }
 
     /// Room for a frame of this extent.
@@ -180,9 +221,16 @@ impl Memory {
             alpha: fit("the picture's coverage", picture(true, 1), READ_BACK)?,
             depths: fit("the picture's depths", picture(true, extent.planes), READ_BACK)?,
             normal: fit("the picture's normals", picture(extent.normal, 3), READ_BACK)?,
-            background: fit("the background", 4 * extent.background as u64, WRITTEN)?,
-            falling: fit("what falls in the picture", picture(extent.falls != Falls::Nothing, 4), WRITTEN)?,
-            apart: fit("the picture of what falls", picture(extent.falls == Falls::Apart, 4), READ_BACK)?,
+            falling: fit(
+                "what falls in the picture",
+                picture(extent.particles != ParticleBlend::None, 4),
+                WRITTEN,
+            )?,
+            apart: fit(
+                "the picture of what falls",
+                picture(extent.particles == ParticleBlend::Separate, 4),
+                READ_BACK,
+            )?,
         })
     }
 }

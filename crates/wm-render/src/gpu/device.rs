@@ -1,4 +1,4 @@
-//! Which GPU, and the device on it.
+//! The choice of a GPU, and the device on it.
 
 use super::error::GpuError;
 use super::source::{MIN_SUBGROUP, Program, Subgroups, WORKGROUP};
@@ -11,9 +11,9 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::task::{Context, Poll, Waker};
 use wgpu::{Adapter, DeviceType, Limits};
 
-/// Which GPU to take.
+/// The choice of a GPU.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Choice {
+pub enum AdapterChoice {
     /// A real one, the strongest kind first; never one in software.
     #[default]
     Auto,
@@ -23,33 +23,33 @@ pub enum Choice {
     Any,
 }
 
-/// How to run the GPU back end.
+/// The settings of the GPU back end.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GpuConfig {
-    /// Which GPU.
-    pub choice: Choice,
-    /// What is asked of the adapter and kept to; `None` for all that it has.
+    /// The GPU.
+    pub choice: AdapterChoice,
+    /// The limits that are requested and kept; `None` for all that the adapter has.
     pub limits: Option<Limits>,
-    /// Whether subgroups are made use of.
+    /// The use of subgroups.
     pub subgroups: Subgroups,
 }
 
-/// What kind of GPU an adapter is.
+/// The kind of a GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
+pub enum AdapterKind {
     /// A card of its own.
     Discrete,
     /// Part of the processor.
     Integrated,
     /// A part of a card, lent to a virtual machine.
     Virtual,
-    /// What the driver does not say.
+    /// A kind that the driver does not tell.
     Other,
     /// The processor, behind a GPU's interface: for tests.
     Software,
 }
 
-impl Kind {
+impl AdapterKind {
     /// In a word.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -65,22 +65,22 @@ impl Kind {
 
 /// An adapter, for lists.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Listed {
+pub struct ListedAdapter {
     /// Its name.
     pub name: String,
     /// Its interface: Vulkan, Metal, DirectX 12.
     pub backend: String,
     /// The driver and its version.
     pub driver: String,
-    /// What it is.
-    pub kind: Kind,
+    /// Its kind.
+    pub kind: AdapterKind,
     /// Most bytes of one array.
     pub most_binding: u64,
     /// Most bytes of one buffer.
     pub most_buffer: u64,
     /// Bytes that a workgroup shares.
     pub workgroup_storage: u32,
-    /// Whether stages can be timed.
+    /// True if stages can be timed.
     pub timestamps: bool,
     /// Threads of its subgroups, fewest and most, where programs may use them.
     pub subgroups: Option<(u32, u32)>,
@@ -88,19 +88,19 @@ pub struct Listed {
     pub unfit: Option<GpuError>,
 }
 
-/// All adapters, in the order in which [`Choice::Any`] would take them.
+/// All adapters, in the order in which [`AdapterChoice::Any`] would take them.
 #[must_use]
-pub fn adapters() -> Vec<Listed> {
+pub fn adapters() -> Vec<ListedAdapter> {
     ranked().iter().map(list).collect()
 }
 
-fn is_for_auto(listed: &Listed) -> bool {
-    listed.kind != Kind::Software && listed.unfit.is_none()
+fn is_for_auto(listed: &ListedAdapter) -> bool {
+    listed.kind != AdapterKind::Software && listed.unfit.is_none()
 }
 
-fn list(adapter: &Adapter) -> Listed {
+fn list(adapter: &Adapter) -> ListedAdapter {
     let (info, limits) = (adapter.get_info(), adapter.limits());
-    Listed {
+    ListedAdapter {
         kind: kind_of(&info),
         backend: info.backend.to_string(),
         driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
@@ -116,13 +116,13 @@ fn list(adapter: &Adapter) -> Listed {
     }
 }
 
-fn kind_of(info: &wgpu::AdapterInfo) -> Kind {
+fn kind_of(info: &wgpu::AdapterInfo) -> AdapterKind {
     match info.device_type {
-        DeviceType::DiscreteGpu => Kind::Discrete,
-        DeviceType::IntegratedGpu => Kind::Integrated,
-        DeviceType::VirtualGpu => Kind::Virtual,
-        DeviceType::Cpu => Kind::Software,
-        DeviceType::Other => Kind::Other,
+        DeviceType::DiscreteGpu => AdapterKind::Discrete,
+        DeviceType::IntegratedGpu => AdapterKind::Integrated,
+        DeviceType::VirtualGpu => AdapterKind::Virtual,
+        DeviceType::Cpu => AdapterKind::Software,
+        DeviceType::Other => AdapterKind::Other,
     }
 }
 
@@ -144,14 +144,14 @@ pub(crate) fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
     }
 }
 
-/// Whether there may be a real GPU. Asking every driver takes time, and some of them talk on the error stream.
+/// Returns true if there may be a real GPU. Asking every driver takes time, and some of them print to stderr.
 fn may_have_hardware() -> bool {
     // Linux has a file for each: of the kernel's own drivers, NVIDIA's, Windows' below it, Adreno's, Mali's.
     let files = ["dri", "nvidiactl", "dxg", "kgsl-3d0", "mali0"];
     !cfg!(target_os = "linux") || files.iter().any(|file| Path::new("/dev").join(file).exists())
 }
 
-/// What every stage takes for granted.
+/// The limits that every stage needs.
 fn fits(name: &str, limits: &Limits) -> Result<(), GpuError> {
     let least = [
         ("max_compute_invocations_per_workgroup", limits.max_compute_invocations_per_workgroup, WORKGROUP),
@@ -173,7 +173,7 @@ fn fits(name: &str, limits: &Limits) -> Result<(), GpuError> {
 pub struct Gpu {
     name: String,
     backend: String,
-    kind: Kind,
+    kind: AdapterKind,
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     most_binding: u64,
@@ -194,17 +194,17 @@ impl Gpu {
     /// [`GpuError`] if there is none to the choice, or it cannot be started.
     pub fn open(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
         let ranked =
-            if config.choice == Choice::Auto && !may_have_hardware() { Vec::new() } else { ranked() };
-        let listed: Vec<Listed> = ranked.iter().map(list).collect();
-        let is_wanted = |listed: &Listed| match &config.choice {
-            Choice::Auto => is_for_auto(listed),
-            Choice::Named(name) => listed.name.to_lowercase().contains(&name.to_lowercase()),
-            Choice::Any => true,
+            if config.choice == AdapterChoice::Auto && !may_have_hardware() { Vec::new() } else { ranked() };
+        let listed: Vec<ListedAdapter> = ranked.iter().map(list).collect();
+        let is_wanted = |listed: &ListedAdapter| match &config.choice {
+            AdapterChoice::Auto => is_for_auto(listed),
+            AdapterChoice::Named(name) => listed.name.to_lowercase().contains(&name.to_lowercase()),
+            AdapterChoice::Any => true,
         };
         let Some(at) = listed.iter().position(is_wanted) else {
             let wanted = match &config.choice {
-                Choice::Named(name) => format!("is called `{name}`"),
-                Choice::Auto | Choice::Any => "can be used".to_owned(),
+                AdapterChoice::Named(name) => format!("is called `{name}`"),
+                AdapterChoice::Auto | AdapterChoice::Any => "can be used".to_owned(),
             };
             let names: Vec<String> =
                 listed.iter().map(|listed| format!("`{}` ({})", listed.name, listed.kind.name())).collect();
@@ -221,7 +221,7 @@ impl Gpu {
         Self::start(&ranked[at], &listed[at], config)
     }
 
-    fn start(adapter: &Adapter, listed: &Listed, config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
+    fn start(adapter: &Adapter, listed: &ListedAdapter, config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
         let failed = |reason: String| GpuError::Start { adapter: listed.name.clone(), reason };
         let limits = config.limits.clone().unwrap_or_else(|| adapter.limits());
         fits(&listed.name, &limits)?;
@@ -271,9 +271,9 @@ impl Gpu {
         format!("gpu, {} ({})", self.name, self.backend)
     }
 
-    /// What it is.
+    /// Its kind.
     #[must_use]
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> AdapterKind {
         self.kind
     }
 
@@ -283,7 +283,7 @@ impl Gpu {
         self.most_binding
     }
 
-    /// Whether its subgroups are made use of.
+    /// The use of its subgroups.
     #[must_use]
     pub fn subgroups(&self) -> Subgroups {
         self.subgroups
@@ -295,7 +295,7 @@ impl Gpu {
         self.tick
     }
 
-    /// What went wrong since the last call.
+    /// The error since the last call.
     ///
     /// # Errors
     /// [`GpuError::Lost`] from the loss of the device on, else the first refusal.
@@ -311,7 +311,7 @@ impl Gpu {
         fault.map_or(Ok(()), |fault| Err(GpuError::Refused(fault)))
     }
 
-    /// What was asked of it so far, by all who share it.
+    /// The work that it was given so far, by all who share it.
     #[must_use]
     pub fn work(&self) -> DeviceWork {
         *held(&self.work)
@@ -366,7 +366,7 @@ impl Gpu {
         pipeline
     }
 
-    /// Whether a program could see so many bytes at once.
+    /// Checks that a program can bind so many bytes at once.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] if not.

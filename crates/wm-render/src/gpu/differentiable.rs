@@ -18,9 +18,9 @@ use super::lists::{self, CHUNKS, Entries};
 use super::readback::{Part, copy};
 use super::recorder::{Clock, Recorder, Stage, Ticks};
 use super::resident::StepRows;
-use super::source::{COUNTER_WORDS, Falls};
+use super::source::COUNTER_WORDS;
 use super::stored::StoredModel;
-use super::uniforms::{self, Capacity, Each, SLOT, Sight, bytes_of};
+use super::uniforms::{self, Capacity, ItemBytes, SLOT, ViewParameters, bytes_of};
 use crate::cpu;
 use crate::differentiable::{
     BackwardStats, Channels, DepthAlpha, Differentiable, ForwardConfig, Gradients, Learn, Resident,
@@ -32,18 +32,18 @@ use crate::renderer::{CpuConfig, RenderError, Stats};
 use crate::simd::SimdPath;
 use crate::stages::compare::gpu::{self as compare, Comparer, Pictures};
 use crate::stages::compare::{Compared, Comparison};
-use crate::stages::composite::gpu::Finish;
+use crate::stages::composite::gpu::{Finish, ParticleBlend};
 use crate::stages::optimize::gpu::Rows;
 use crate::stages::project_backward::gpu::{self as rows, Gather, ProjectBackward};
 use crate::stages::rasterize::gpu::Rasterize;
-use crate::stages::rasterize_backward::Slot;
+use crate::stages::rasterize_backward::GradientSlot;
 use crate::stages::rasterize_backward::gpu::{Kept, RasterizeBackward, by_sums};
 use std::sync::Arc;
 use std::time::Instant;
 use wm_scene::{Camera, Splats, sh};
 
 /// Words of a slot.
-const SLOT_WORDS: u64 = Slot::LEN as u64;
+const SLOT_WORDS: u64 = GradientSlot::LEN as u64;
 
 /// The GPU back end of training. It keeps its working memory from step to step.
 pub struct GpuDifferentiable {
@@ -63,7 +63,7 @@ pub struct GpuDifferentiable {
     pub(super) rows: StepRows,
 }
 
-/// What becomes of the pictures of a forward pass.
+/// The destination of the pictures of a forward pass.
 pub(super) enum Seen<'a> {
     /// They come back.
     Read(&'a mut Frame),
@@ -78,11 +78,11 @@ pub(super) struct View {
     visible: u32,
     pub room: Room,
     own: OwnRoom,
-    /// Whether the loss's derivative is there already.
+    /// True if the derivative of the loss is on the GPU already.
     compared: bool,
 }
 
-/// What training has beside the room of a frame.
+/// The buffers of training beside the room of a frame.
 struct OwnRoom {
     /// The record of each pair of splat and tile.
     names: wgpu::Buffer,
@@ -100,10 +100,10 @@ struct OwnRoom {
 }
 
 /// Bytes of a splat in view and of an entry in the largest array over each.
-fn each(config: &ForwardConfig) -> Each {
+fn each(config: &ForwardConfig) -> ItemBytes {
     let coefficients = 3 * sh::coefficients(config.sh_degree) as u64;
     let numbers = [SLOT_WORDS, u64::from(rows::ROW), coefficients];
-    Each { visible: 4 * numbers.into_iter().fold(0, u64::max), entries: 4 * SLOT_WORDS }
+    ItemBytes { visible: 4 * numbers.into_iter().fold(0, u64::max), entries: 4 * SLOT_WORDS }
 }
 
 impl GpuDifferentiable {
@@ -136,7 +136,7 @@ impl GpuDifferentiable {
         &self.gpu
     }
 
-    /// What the last step took by the GPU's clock: of backward passes and moves those before the last forward pass.
+    /// The times of the last step by the GPU's clock: of backward passes and moves those before the last forward pass.
     pub(super) fn step_clock(&self) -> Option<StepClock> {
         let seconds = |stage| self.clock.as_ref().map_or(0.0, |clock| clock.seconds(&self.ticks, stage));
         let lists = [Stage::Project, Stage::Sort, Stage::Intersect];
@@ -211,7 +211,7 @@ impl GpuDifferentiable {
         gpu.check()?;
         let (each, most) = (each(config), gpu.most_binding());
         self.capacity.start(self.model.len(), most, each);
-        let sight = Sight::of_training(camera, config);
+        let sight = ViewParameters::of_training(camera, config);
         let channels = config.channels;
         let size = (camera.width, camera.height);
         loop {
@@ -232,8 +232,7 @@ impl GpuDifferentiable {
                 pixels: u64::from(size.0) * u64::from(size.1),
                 planes: u64::from(channels.depth().is_some()),
                 normal: channels.has_normal(),
-                falls: Falls::Nothing,
-                background: 0,
+                particles: ParticleBlend::None,
             };
             let room = self.memory.room(&gpu, &extent)?;
             let own = self.own_room(camera, config)?;
@@ -314,7 +313,7 @@ impl GpuDifferentiable {
 }
 
 impl OwnRoom {
-    /// What there is to compare.
+    /// The pictures to compare.
     fn pictures<'a>(&'a self, channels: Channels, room: &'a Room) -> Pictures<'a> {
         let Self { rgb, depths, normal, upstream, .. } = self;
         Pictures { channels, rgb, alpha: &room.alpha, depths, normal, upstream }
@@ -350,7 +349,7 @@ impl View {
     ) -> Recorder<'a> {
         let Self { camera, config, room, own, compared, .. } = self;
         let channels = config.channels;
-        let sight = Sight::of_training(camera, config);
+        let sight = ViewParameters::of_training(camera, config);
         let (pixels, tiles) = (camera.width * camera.height, sight.tile_count());
         let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
         let pieces = model.pieces(&recorder, CHUNKS);
@@ -410,7 +409,7 @@ fn record_forward<'a>(
     clock: Option<&'a Clock>,
     model: &'a StoredModel,
     (room, own): (&'a Room, &'a OwnRoom),
-    sight: &Sight<'_>,
+    sight: &ViewParameters<'_>,
     config: &ForwardConfig,
 ) -> Recorder<'a> {
     let mut recorder = Recorder::new(gpu, &room.uniforms, clock);

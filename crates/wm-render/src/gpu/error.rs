@@ -1,4 +1,4 @@
-//! What can go wrong with a GPU, one line each.
+//! The errors of the GPU back end.
 
 use thiserror::Error;
 
@@ -8,9 +8,9 @@ pub enum GpuError {
     /// There is none, or none of that name.
     #[error("no GPU {wanted}: there is {found}")]
     NoAdapter {
-        /// What was asked for.
+        /// The name that was asked for.
         wanted: String,
-        /// What there is.
+        /// The adapters of this machine.
         found: String,
     },
     /// The driver would not start it.
@@ -26,7 +26,7 @@ pub enum GpuError {
     Limit {
         /// Its name.
         adapter: String,
-        /// Which limit, in wgpu's words.
+        /// The limit, by wgpu's name.
         limit: &'static str,
         /// Its value.
         has: u64,
@@ -36,7 +36,7 @@ pub enum GpuError {
     /// One array is larger than the adapter allows.
     #[error("no room on the GPU for {what}: {} in one piece, and its most is {}", size(*bytes), size(*most))]
     TooLarge {
-        /// What is in the array.
+        /// The content of the array.
         what: &'static str,
         /// Its size.
         bytes: u64,
@@ -46,7 +46,7 @@ pub enum GpuError {
     /// Its memory is full.
     #[error("no room on the GPU for {what}, {}", size(*bytes))]
     Memory {
-        /// What is in the array.
+        /// The content of the array.
         what: &'static str,
         /// Its size.
         bytes: u64,

@@ -1,13 +1,14 @@
-//! What the CPU does of a GPU's frame: attributes of splats, backgrounds that are no single colour, gathering what
-//! falls, and pixel effects on the picture that came back.
+//! The CPU's part of a GPU's frame: attributes of splats, backgrounds that are no single colour, gathering particles,
+//! and pixel effects on the picture that came back.
 
-use super::source::{Behind, TILE_SIDE};
+use super::source::TILE_SIDE;
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::frame::Frame;
 use crate::hooks::{GROUP, PATCH, PATCH_PIXELS, PixelBatch};
 use crate::plan::DrawPass;
 use crate::simd::SimdPath;
 use crate::stages::composite::background::{BackgroundScratch, BackgroundView};
+use crate::stages::composite::gpu::BackgroundForm;
 use rayon::prelude::*;
 
 /// The attributes of splats with these indices in the loaded set, whole groups of sixteen, as `activated.wgsl` has them.
@@ -33,27 +34,33 @@ pub(crate) fn attributes(attributes: &dyn SplatAttributes, source: &[u32]) -> Ve
 
 const _: () = assert!(PATCH == TILE_SIDE as usize, "patches are those of `nodes.wgsl`");
 
-/// In which form what stands behind the splats goes to the GPU, and how many numbers that are.
-pub(crate) fn behind(view: &BackgroundView<'_>, (width, height): (u32, u32)) -> (Behind, usize) {
-    let (width, height) = (width as usize, height as usize);
+/// The form in which a background goes to the GPU.
+pub(crate) fn background_form(view: &BackgroundView<'_>) -> BackgroundForm {
     match (view.uniform(), view.nodes()) {
-        (Some(_), _) => (Behind::Color, 3),
-        (None, Some(nodes)) => {
-            let patches = width.div_ceil(PATCH) * height.div_ceil(PATCH);
-            (Behind::Nodes(nodes as u32), 3 * nodes * nodes * patches)
-        }
-        (None, None) => (Behind::Picture, 3 * width * height),
+        (Some(_), _) => BackgroundForm::Color,
+        (None, Some(nodes)) => BackgroundForm::Nodes(nodes as u32),
+        (None, None) => BackgroundForm::Picture,
     }
 }
 
-/// What stands behind the splats, through the air, in the form of [`behind`].
-pub(crate) fn background(view: &BackgroundView<'_>, size: (u32, u32)) -> Vec<f32> {
-    let (behind, numbers) = behind(view, size);
+/// The background seen through the air, in a form of [`background_form`].
+pub(crate) fn background(
+    view: &BackgroundView<'_>,
+    form: BackgroundForm,
+    (width, height): (u32, u32),
+) -> Vec<f32> {
+    let (width, height) = (width as usize, height as usize);
+    let numbers = match form {
+        BackgroundForm::Color => 3,
+        BackgroundForm::Nodes(nodes) => {
+            3 * (nodes * nodes) as usize * width.div_ceil(PATCH) * height.div_ceil(PATCH)
+        }
+        BackgroundForm::Picture => 3 * width * height,
+    };
     let mut background = vec![0.0; numbers];
-    let width = size.0 as usize;
-    match behind {
-        Behind::Color => background.copy_from_slice(&view.uniform().unwrap_or_default()),
-        Behind::Nodes(nodes) => {
+    match form {
+        BackgroundForm::Color => background.copy_from_slice(&view.uniform().unwrap_or_default()),
+        BackgroundForm::Nodes(nodes) => {
             let of_patch = (nodes * nodes) as usize;
             let columns = width.div_ceil(PATCH);
             let (nodes, _) = background.as_chunks_mut::<3>();
@@ -64,7 +71,7 @@ pub(crate) fn background(view: &BackgroundView<'_>, size: (u32, u32)) -> Vec<f32
                 }
             });
         }
-        Behind::Picture => {
+        BackgroundForm::Picture => {
             background.par_chunks_mut(3 * width * PATCH).enumerate().for_each(|(row, pixels)| {
                 let (mut scratch, mut patch) = (BackgroundScratch::default(), [[0.0; PATCH_PIXELS]; 3]);
                 for column in 0..width.div_ceil(PATCH) {

@@ -2,13 +2,13 @@
 
 use super::buffers::Room;
 use super::recorder::{Recorder, Stage};
-use super::source::{ENTRY_SORT, Program, VISIBLE_SORT};
+use super::source::{ENTRY_SORT, VISIBLE_SORT};
 use super::uniforms::{self, Uniform};
 use crate::hooks::WgslSource;
 use crate::plan::Shading;
 use crate::stages::intersect::gpu::{Intersect, ranges};
+use crate::stages::prefix_sum::gpu::{PrefixSumProgram, spine};
 use crate::stages::project::gpu::{Piece, cull, project};
-use crate::stages::scan::gpu::spine;
 use crate::stages::sort::gpu::{Pairs, Sort, passes};
 
 /// Bits of a depth.
@@ -21,7 +21,7 @@ const WRITE_TASK: usize = 10;
 /// The first slot behind them: of the pieces of splats.
 pub(crate) const CHUNKS: usize = 11;
 
-/// What the entries of the tile lists are.
+/// The kind of the entries of tile lists.
 #[derive(Clone, Copy)]
 pub(crate) enum Entries<'a> {
     /// Records.
@@ -56,7 +56,7 @@ pub(crate) fn front(
     for piece in pieces {
         cull(recorder, piece, &room.blocks);
     }
-    spine(recorder, &Program::SpineVisible, &room.blocks, (&room.counters, &room.dispatches));
+    spine(recorder, PrefixSumProgram::Visible, &room.blocks, (&room.counters, &room.dispatches));
     for piece in pieces {
         project(recorder, piece, &room.blocks, (&room.records, &room.depth_pairs[0][0]), shading, air);
     }
@@ -91,7 +91,7 @@ pub(crate) fn lists<'r>(
     let (records, counts, sums) = (&room.records, &room.counts, &room.sums);
     let intersect = Intersect { counters, dispatches, records, order, counts, sums, tiles: keys, entries };
     intersect.record(recorder, COUNT_TASK);
-    spine(recorder, &Program::SpineEntries, sums, (counters, dispatches));
+    spine(recorder, PrefixSumProgram::Entries, sums, (counters, dispatches));
     intersect.record(recorder, WRITE_TASK);
     let slots = TILE_PASSES..TILE_PASSES + passes(u32::BITS - tiles.leading_zeros()) as usize;
     let lists = sort(&room.entry_pairs, ENTRY_SORT).record(recorder, slots);
@@ -99,12 +99,12 @@ pub(crate) fn lists<'r>(
     lists
 }
 
-/// Where [`lists`] leaves the records in the order of their depth.
+/// The buffer in which [`lists`] leaves the records in the order of their depth.
 pub(crate) fn order(room: &Room) -> &wgpu::Buffer {
     &room.depth_pairs[passes(DEPTH_BITS) as usize % 2][1]
 }
 
-/// Where it leaves what `tiles` tiles list.
+/// The buffer in which it leaves the entries of `tiles` tiles.
 pub(crate) fn listed(room: &Room, tiles: u32) -> &wgpu::Buffer {
     &room.entry_pairs[passes(u32::BITS - tiles.leading_zeros()) as usize % 2][1]
 }

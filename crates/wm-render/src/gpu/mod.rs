@@ -1,26 +1,28 @@
 //! The GPU back end: the stages of the CPU's, in WGSL, on any adapter that wgpu drives.
 //!
-//! A frame is one submission. The GPU counts by itself what is in view and what touches the tiles, and sizes its own
-//! dispatches by it; nothing is read back before the picture is. Lists have room for what the frames before needed and
+//! The draw passes of a plan are one submission ([`crate::plan`]), or two if the CPU gathers particles or paints a
+//! detailed sky for one of them, which it does while the GPU draws the first splats. The GPU counts by itself what is in view and what touches the tiles, and sizes its own
+//! dispatches by it; nothing is read back before the pictures are. Lists have room for what the frames before needed and
 //! some more. Where that is not enough they are cut off, the counts say so when they come back with the picture, and the
 //! frame is made again with more room.
 //!
 //! | pass | stage | programs |
 //! |---|---|---|
-//! | project | [`project`](crate::stages::project), [`shade`](crate::stages::shade), [`scan`](crate::stages::scan) | cull, spine, project with the air |
+//! | project | [`project`](crate::stages::project), [`shade`](crate::stages::shade), [`prefix_sum`](crate::stages::prefix_sum) | cull, spine, project with the air |
 //! | sort | [`sort`](crate::stages::sort) | four radix passes over depths |
 //! | intersect | [`intersect`](crate::stages::intersect) | count, spine, write, radix passes over tiles, ranges |
 //! | rasterize | [`rasterize`](crate::stages::rasterize) | a workgroup a tile |
 //! | fall | [`particles`](crate::stages::particles) | a workgroup a drop, sums of whole numbers |
-//! | composite | [`composite`](crate::stages::composite) | background, what falls |
+//! | composite | [`composite`](crate::stages::composite) | background, particles |
 //!
 //! Everything is summed in an order that is fixed, so a frame is the same, byte by byte, each time on one adapter. Ties
 //! in depth are broken as on the CPU, since splats are in the same order.
 //!
-//! Hooks: the air runs on the GPU where it has a [`Twin`](crate::hooks::Twin), and else the frame is refused.
-//! Visibilities, backgrounds that are no single colour and pixel effects are still computed by the CPU, and uploaded or
+//! Hooks: the air runs on the GPU if it has a [`WgslSource`](crate::hooks::WgslSource); otherwise the frame is refused.
+//! Attributes of splats, backgrounds of several colours and pixel effects are still computed by the CPU, and uploaded or
 //! applied to the picture that came back.
 
+#[cfg(any(test, feature = "testing"))]
 mod air;
 pub(crate) mod buffers;
 pub mod device;
@@ -29,7 +31,7 @@ pub mod error;
 mod hosted;
 mod lists;
 pub mod model;
-mod plan;
+mod pass;
 #[cfg(test)]
 pub(crate) mod probe;
 mod readback;
@@ -40,7 +42,7 @@ pub mod source;
 mod stored;
 pub mod uniforms;
 
-pub use device::{Choice, Gpu, GpuConfig, Kind, Listed, adapters};
+pub use device::{AdapterChoice, AdapterKind, Gpu, GpuConfig, ListedAdapter, adapters};
 pub use differentiable::GpuDifferentiable;
 pub use error::GpuError;
 pub use renderer::GpuRenderer;

@@ -5,18 +5,18 @@ use super::device::Gpu;
 use super::lists::listed;
 use super::recorder::Recorder;
 use super::renderer::GpuRenderer;
-use super::source::{DIGITS, DISPATCH_ROW, Program, SORT_BLOCK, WORKGROUP};
-use super::uniforms::{Capacity, SLOT, Sight, sort_pass};
+use super::source::{DIGITS, DISPATCH_ROW, SORT_BLOCK, WORKGROUP};
+use super::uniforms::{Capacity, SLOT, ViewParameters, sort_pass};
 use crate::frame::Frame;
 use crate::plan::DrawPass;
 use crate::renderer::RenderBackend;
+use crate::stages::prefix_sum::gpu::{PrefixSumProgram, spine};
 use crate::stages::project::Record;
-use crate::stages::scan::gpu::spine;
 use crate::stages::sort::gpu::{Sort, passes};
 use wgpu::BufferUsages;
 
-/// What the stages of one frame made.
-pub struct Probe {
+/// The results of the stages of one frame.
+pub(crate) struct Probe {
     /// Of the splats in view, in the order of the splats.
     pub records: Vec<Record>,
     /// For each tile, row by row, the records that touch it, front to back.
@@ -33,7 +33,7 @@ impl Probe {
         let numbers = words.as_chunks::<16>().0.iter().take(stats.visible as usize);
         let records = numbers.map(|words| Record::of(words.map(f32::from_bits))).collect();
         let offsets = read(&gpu, &room.tile_offsets);
-        let tiles = Sight::of(pass).tile_count();
+        let tiles = ViewParameters::of(pass).tile_count();
         let names = read(&gpu, listed(room, tiles));
         let list = |ends: &[u32]| names[ends[0] as usize..ends[1] as usize].to_vec();
         Self { records, lists: offsets[..=tiles as usize].windows(2).map(list).collect() }
@@ -66,7 +66,8 @@ pub fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
     let camera = crate::testing::camera(64, 48);
     let config = crate::renderer::RenderConfig::default();
     let pass = DrawPass::new(&[], &camera, &config);
-    let view = super::uniforms::view(&Sight::of(&pass), 0, 0, Capacity { visible: 0, entries: room });
+    let view =
+        super::uniforms::view(&ViewParameters::of(&pass), 0, 0, Capacity { visible: 0, entries: room });
     let mut slot = view.words;
     slot.resize(SLOT as usize / 4, 0);
     let uniforms = filled(gpu, &slot, BufferUsages::UNIFORM);
@@ -75,7 +76,7 @@ pub fn scanned(gpu: &Gpu, sums: &[u32], room: u32) -> (Vec<u32>, [u32; 2]) {
     let buffer = filled(gpu, sums, BufferUsages::STORAGE);
     let mut recorder = Recorder::new(gpu, &uniforms, None);
     recorder.begin(super::recorder::Stage::Intersect);
-    spine(&mut recorder, &Program::SpineEntries, &buffer, (&counters, &dispatches));
+    spine(&mut recorder, PrefixSumProgram::Entries, &buffer, (&counters, &dispatches));
     recorder.submit();
     gpu.check().unwrap();
     let counters = read(gpu, &counters);

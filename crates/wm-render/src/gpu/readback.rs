@@ -1,20 +1,21 @@
 //! The way back: counts, times and pictures in one buffer, mapped once.
 
-use super::buffers::{Growing, Memory, Room};
+use super::buffers::{Growing, Room};
 use super::device::Gpu;
 use super::error::GpuError;
-use super::recorder::{Clock, Recorder, Stage};
+use super::pass::GpuPass;
+use super::recorder::{Clock, Recorder, Stage, Ticks};
 use super::source::COUNTER_WORDS;
 use crate::frame::Frame;
-use crate::renderer::{RenderError, Stats};
+use crate::renderer::Stats;
 use std::sync::mpsc::channel;
 use std::time::Duration;
 use wgpu::BufferUsages;
 
-/// What the GPU counted.
+/// The counts of one pass on the GPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counted {
-    /// Splats in view, whether there was room or not.
+    /// Splats in view, also those without room.
     pub visible: u32,
     /// Entries of tile lists likewise, of the splats that had room.
     pub entries: u32,
@@ -22,48 +23,142 @@ pub(crate) struct Counted {
     pub walked: u32,
 }
 
-/// Submits the commands and waits for what they made. `hidden` takes the expected depth where the frame has none and
-/// something on the CPU needs it.
-pub(crate) fn submit(
-    gpu: &Gpu,
-    recorder: Recorder<'_>,
-    (room, memory): (&Room, &mut Memory),
-    clock: Option<&Clock>,
-    (frame, hidden): (&mut Frame, &mut Vec<f32>),
-    stats: &mut Stats,
-) -> Result<Counted, RenderError> {
-    let depth = if frame.depth.is_empty() { hidden } else { &mut frame.depth };
-    let pixels = (4 * frame.alpha.len()) as u64;
-    let mut counters = [0u32; COUNTER_WORDS as usize];
-    let mut ticks = Clock::ticks();
-    let mut parts: Vec<Part<'_>> = vec![(&room.counters, 0, bytemuck::cast_slice_mut(&mut counters))];
-    if let Some(clock) = clock {
-        parts.push((&clock.times, 0, bytemuck::cast_slice_mut(&mut ticks)));
+/// A part of a buffer: from an offset on, so many bytes.
+pub(crate) type Source<'a> = (&'a wgpu::Buffer, u64, u64);
+
+/// The results that several passes send back together: of each its counts, its times and its pictures.
+pub(crate) struct WayBack {
+    staging: wgpu::Buffer,
+    /// The start of those of each pass, and the end of all.
+    starts: Vec<u64>,
+    /// Passes that are recorded.
+    recorded: usize,
+}
+
+impl WayBack {
+    const COUNTERS: u64 = 4 * COUNTER_WORDS;
+
+    /// Makes room for what `passes` send back out of `room`.
+    pub fn new(
+        gpu: &Gpu,
+        staging: &mut Growing,
+        clock: Option<&Clock>,
+        passes: &[GpuPass<'_>],
+        room: &Room,
+    ) -> Result<Self, GpuError> {
+        let head = Self::COUNTERS + clock.map_or(0, |_| size_of::<Ticks>() as u64);
+        let mut starts = vec![0];
+        for pass in passes {
+            let pictures = pass.pictures(room).iter().map(|(.., bytes)| bytes).sum::<u64>();
+            // Times are whole numbers of 8 bytes; nothing else asks for more than the copies do.
+            starts.push(starts[starts.len() - 1] + head + pictures);
+        }
+        let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+        let staging = staging.fit_unbound(gpu, "the way back", starts[passes.len()], usage)?;
+        Ok(Self { staging, starts, recorded: 0 })
     }
-    for (buffer, offset, array) in [
-        (&room.rgb, 0, &mut frame.rgb),
-        (&room.alpha, 0, &mut frame.alpha),
-        (&room.depths, 0, depth),
-        (&room.depths, pixels, &mut frame.median_depth),
-        (&room.normal, 0, &mut frame.normal),
-        (&room.apart, 0, &mut frame.particles),
-    ] {
-        if !array.is_empty() {
-            parts.push((buffer, offset, bytemuck::cast_slice_mut(array)));
+
+    /// Records the copies of the next pass, behind its commands.
+    pub fn record(&mut self, recorder: &mut Recorder<'_>, pass: &GpuPass<'_>, room: &Room) {
+        let mut at = self.starts[self.recorded];
+        self.recorded += 1;
+        recorder.tell_times();
+        let times = recorder.times().map(|times| (times, 0, size_of::<Ticks>() as u64));
+        let sources = [(&room.counters, 0, Self::COUNTERS)].into_iter().chain(times);
+        for (buffer, offset, bytes) in sources.chain(pass.pictures(room)) {
+            if bytes > 0 {
+                recorder.encoder().copy_buffer_to_buffer(buffer, offset, &self.staging, at, bytes);
+            }
+            at += bytes;
         }
     }
-    copy(gpu, recorder, &mut memory.staging, &mut parts)?;
-    if let Some(clock) = clock {
-        let seconds = |stage| clock.seconds(&ticks, stage);
-        stats.project += seconds(Stage::Project);
-        stats.sort += seconds(Stage::Sort);
-        stats.intersect += seconds(Stage::Intersect);
-        stats.rasterize += seconds(Stage::Rasterize);
-        stats.fall += seconds(Stage::Fall);
-        stats.composite += seconds(Stage::Composite);
+
+    /// Submits the commands, and waits for what they made.
+    pub fn submit(self, gpu: &Gpu, recorder: Recorder<'_>) -> Result<Returned, GpuError> {
+        let Self { staging, starts, recorded } = self;
+        let bytes = starts[recorded];
+        recorder.submit();
+        gpu.count(|work| work.returned += bytes);
+        wait(gpu, &staging, bytes)?;
+        let view = staging.slice(..bytes).get_mapped_range();
+        let view = view.map_err(|error| GpuError::Refused(error.to_string()))?;
+        Ok(Returned { view: Some(view), staging, starts, taken: 0 })
     }
-    let [_, _, visible, entries, walked] = counters;
-    Ok(Counted { visible, entries, walked })
+}
+
+/// The results that came back; their memory is unmapped when this is dropped.
+pub(crate) struct Returned {
+    /// `None` only while it is dropped.
+    view: Option<wgpu::BufferView>,
+    staging: wgpu::Buffer,
+    starts: Vec<u64>,
+    /// Passes whose pictures were taken.
+    taken: usize,
+}
+
+impl Drop for Returned {
+    fn drop(&mut self) {
+        self.view = None;
+        self.staging.unmap();
+    }
+}
+
+impl Returned {
+    fn bytes(&self) -> &[u8] {
+        self.view.as_deref().unwrap_or_default()
+    }
+
+    /// The counts of each pass.
+    pub fn counted(&self) -> impl Iterator<Item = Counted> {
+        let passes = self.starts.len() - 1;
+        (0..passes).map(|pass| self.counted_in(pass))
+    }
+
+    fn counted_in(&self, pass: usize) -> Counted {
+        let mut counters = [0u32; COUNTER_WORDS as usize];
+        let from = &self.bytes()[self.starts[pass] as usize..];
+        let to: &mut [u8] = bytemuck::cast_slice_mut(&mut counters);
+        to.copy_from_slice(&from[..to.len()]);
+        let [_, _, visible, entries, walked] = counters;
+        Counted { visible, entries, walked }
+    }
+
+    /// Takes what the next pass sent: its pictures, whose arrays have their sizes, and its times. `hidden` takes the
+    /// expected depth where the frame has none and something on the CPU needs it.
+    pub fn take(
+        &mut self,
+        frame: &mut Frame,
+        hidden: &mut [f32],
+        clock: Option<&Clock>,
+        stats: &mut Stats,
+    ) -> Counted {
+        let pass = self.taken;
+        self.taken += 1;
+        let (start, end) = (self.starts[pass] as usize, self.starts[pass + 1] as usize);
+        let mut rest = &self.bytes()[start + WayBack::COUNTERS as usize..end];
+        let mut fill = |to: &mut [u8]| {
+            let (own, later) = rest.split_at(to.len());
+            to.copy_from_slice(own);
+            rest = later;
+        };
+        if let Some(clock) = clock {
+            let mut ticks = Clock::ticks();
+            fill(bytemuck::cast_slice_mut(&mut ticks));
+            let seconds = |stage| clock.seconds(&ticks, stage);
+            stats.project += seconds(Stage::Project);
+            stats.sort += seconds(Stage::Sort);
+            stats.intersect += seconds(Stage::Intersect);
+            stats.rasterize += seconds(Stage::Rasterize);
+            stats.fall += seconds(Stage::Fall);
+            stats.composite += seconds(Stage::Composite);
+        }
+        let Frame { rgb, alpha, depth, median_depth, normal, particles, .. } = frame;
+        let depth = if depth.is_empty() { hidden } else { depth };
+        for array in [rgb, alpha, depth, median_depth, normal, particles] {
+            fill(bytemuck::cast_slice_mut(array));
+        }
+        self.counted_in(pass)
+    }
 }
 
 /// A part of a buffer, from an offset on, and where it goes.

@@ -6,7 +6,7 @@ use super::source::{DISPATCH_ROW, Program, Subgroups};
 use super::uniforms::SLOT;
 use wgpu::{BindGroupDescriptor, BindGroupEntry, BindingResource, BufferBinding, BufferSize, BufferUsages};
 
-/// How many workgroups a dispatch has.
+/// The number of workgroups of a dispatch.
 #[derive(Clone, Copy)]
 pub(crate) enum Groups<'a> {
     /// As many.
@@ -58,7 +58,7 @@ pub(crate) struct Clock {
     tick: f64,
 }
 
-/// What a [`Clock`] has counted.
+/// The numbers that a [`Clock`] has counted.
 pub(crate) type Ticks = [u64; Clock::NUMBERS];
 
 impl Clock {
@@ -84,7 +84,7 @@ impl Clock {
         [0; Self::NUMBERS]
     }
 
-    /// How long a stage took the last time, seconds.
+    /// The time that a stage took the last time, seconds.
     pub fn seconds(&self, ticks: &Ticks, stage: Stage) -> f64 {
         let at = Self::APART / 8 * stage as usize;
         self.tick * ticks[at + 1].saturating_sub(ticks[at]) as f64
@@ -97,9 +97,11 @@ pub(crate) type Bindings<'a> = Vec<(u32, BindingResource<'a>)>;
 /// The commands of one frame.
 pub(crate) struct Recorder<'a> {
     gpu: &'a Gpu,
-    /// A structure every [`SLOT`] bytes, the first of them `View`.
+    /// A structure every [`SLOT`] bytes, the first of each pass `View`.
     uniforms: &'a wgpu::Buffer,
     clock: Option<&'a Clock>,
+    /// The slot of the pass's first structure.
+    first_slot: usize,
     encoder: wgpu::CommandEncoder,
     pass: Option<wgpu::ComputePass<'static>>,
     /// Those that have begun.
@@ -111,10 +113,20 @@ impl<'a> Recorder<'a> {
     pub fn new(gpu: &'a Gpu, uniforms: &'a wgpu::Buffer, clock: Option<&'a Clock>) -> Self {
         let encoder =
             gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
-        Self { gpu, uniforms, clock, encoder, pass: None, stages: Vec::new(), dispatches: 0 }
+        Self { gpu, uniforms, clock, first_slot: 0, encoder, pass: None, stages: Vec::new(), dispatches: 0 }
     }
 
-    /// The dispatches that follow are of this stage; each stage begins once.
+    /// The slots that follow are counted from this one: that of the first structure of a pass.
+    pub fn set_first_slot(&mut self, slot: usize) {
+        self.first_slot = slot;
+    }
+
+    /// The buffer that [`Self::tell_times`] writes.
+    pub fn times(&self) -> Option<&'a wgpu::Buffer> {
+        self.clock.map(|clock| &clock.times)
+    }
+
+    /// The dispatches that follow are of this stage; each stage begins once before [`Self::tell_times`].
     pub fn begin(&mut self, stage: Stage) {
         self.pass = None;
         self.stages.push(stage);
@@ -128,7 +140,7 @@ impl<'a> Recorder<'a> {
         self.pass = Some(self.encoder.begin_compute_pass(&descriptor).forget_lifetime());
     }
 
-    /// Whether programs may make use of subgroups.
+    /// The use of subgroups by programs.
     pub fn subgroups(&self) -> Subgroups {
         self.gpu.subgroups()
     }
@@ -138,22 +150,23 @@ impl<'a> Recorder<'a> {
         self.uniform(0)
     }
 
-    /// The structure in a slot.
+    /// The structure in a slot of this pass.
     pub fn uniform(&self, slot: usize) -> BindingResource<'a> {
         BindingResource::Buffer(BufferBinding {
             buffer: self.uniforms,
-            offset: slot as u64 * SLOT,
+            offset: (self.first_slot + slot) as u64 * SLOT,
             size: BufferSize::new(SLOT),
         })
     }
 
     /// One dispatch; none of no workgroups.
-    pub fn dispatch(&mut self, program: &Program, groups: Groups<'_>, bindings: Bindings<'_>) {
+    pub fn dispatch(&mut self, program: impl Into<Program>, groups: Groups<'_>, bindings: Bindings<'_>) {
         if let Groups::Direct(0) = groups {
             return;
         }
         let Some(pass) = &mut self.pass else { return };
-        let pipeline = self.gpu.pipeline(program);
+        let program = program.into();
+        let pipeline = self.gpu.pipeline(&program);
         let entries: Vec<BindGroupEntry<'_>> =
             bindings.into_iter().map(|(binding, resource)| BindGroupEntry { binding, resource }).collect();
         let bind_group = self.gpu.device.create_bind_group(&BindGroupDescriptor {

@@ -2,31 +2,30 @@
 
 use super::buffers::{Extent, Memory, Room};
 use super::device::Gpu;
-use super::error::GpuError;
 use super::hosted;
 use super::model::GpuModel;
-use super::plan::{Around, Plan};
-use super::readback::{Counted, submit};
+use super::pass::GpuPass;
+use super::readback::{Returned, WayBack};
 use super::recorder::{Clock, Recorder};
-use super::source::{Behind, Falls, WORKGROUP};
-use super::uniforms::{Capacity, Each, bytes_of};
-use crate::cpu::{self, Features};
-use crate::frame::Frame;
-use crate::hooks::{ParticleView, WgslSource};
+use super::source::WORKGROUP;
+use super::uniforms::{Capacity, ItemBytes, Uniform, bytes_of};
+use crate::cpu;
 use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
-use crate::renderer::Models;
-use crate::renderer::{CpuConfig, Geometry, MAX_SPLATS, RenderBackend, RenderError, SetId, Stats};
+use crate::renderer::{CpuConfig, MAX_SPLATS, Models, RenderBackend, RenderError, SetId, Stats};
 use crate::simd::SimdPath;
-use crate::stages::composite::background::BackgroundView;
 use crate::stages::particles::cpu::Falling;
 use std::sync::Arc;
 use std::time::Instant;
 use wm_scene::Splats;
 
+/// Bytes of pictures that come back together, at most, unless one pass alone has more: what waits on the way back is
+/// in memory twice.
+const MOST_TOGETHER: u64 = 256 << 20;
+
 /// The GPU back end. It keeps its working memory from frame to frame.
 pub struct GpuRenderer {
     gpu: Arc<Gpu>,
-    /// For what the CPU does of a frame.
+    /// The SIMD path of the CPU's part of a frame.
     path: SimdPath,
     pool: Arc<rayon::ThreadPool>,
     models: Models<GpuModel>,
@@ -39,7 +38,7 @@ pub struct GpuRenderer {
 }
 
 impl GpuRenderer {
-    /// A renderer on `gpu`; `host` says how the CPU does its part.
+    /// Starts a renderer on `gpu`; `host` says how the CPU does its part.
     ///
     /// # Errors
     /// [`RenderError`] if the processor lacks the SIMD path or threads cannot be started.
@@ -77,120 +76,169 @@ impl GpuRenderer {
         self.room.as_ref()
     }
 
-    fn draw(&mut self, pass: &DrawPass<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
+    fn execute_on_pool(
+        &mut self,
+        plan: &FramePlan<'_>,
+        pictures: &mut Pictures,
+    ) -> Result<Stats, RenderError> {
         let started = Instant::now();
-        pass.camera.check()?;
         self.gpu.check()?;
-        let features = Features::of(pass);
-        let arrays = cpu::arrays(pass);
-        let size = (pass.camera.width, pass.camera.height);
-        frame.prepare(size, pass.encoding(), arrays)?;
+        let before = self.gpu.work();
         let mut stats = Stats::default();
-
-        let Self { gpu, path, models, memory, room: last, capacity, clock, falling, .. } = self;
-        let before = gpu.work();
-        let transient = pass.sets.iter().map(|view| match view.splats {
-            SplatSource::Loaded(_) => Ok(None),
-            SplatSource::Transient(splats) => GpuModel::new(gpu, splats).map(Some),
-        });
-        let transient = transient.collect::<Result<Vec<_>, _>>()?;
-        let mut sets = Vec::with_capacity(pass.sets.len());
-        for (i, (view, own)) in pass.sets.iter().zip(&transient).enumerate() {
-            let model = match (view.splats, own) {
-                (SplatSource::Loaded(set), _) => models.get(set)?,
-                (SplatSource::Transient(_), own) => own.as_ref().expect("it was loaded for this pass"),
-            };
-            let numbers = view.attributes.map(|attributes| hosted::attributes(attributes, &model.source));
-            let buffer = memory.attributes(gpu, i, numbers.as_deref().unwrap_or_default())?;
-            sets.push((model, buffer, numbers.is_some()));
+        pictures.fit(plan.pictures());
+        let mut passes = plan.passes();
+        while !passes.is_empty() {
+            let (batch, later) = passes.split_at(batch_length(passes));
+            self.run(batch, pictures, &mut stats)?;
+            passes = later;
         }
-        let total = sets.iter().map(|(model, ..)| model.source.len()).sum();
-        if total > MAX_SPLATS {
-            return Err(RenderError::TooMany(total));
-        }
-        let plan = Plan { pass, sets, features, air: air(gpu, memory, pass)? };
-        let backdrop = BackgroundView::of(pass, *path);
-        let (behind, behind_numbers) = hosted::behind(&backdrop, size);
-        // What the CPU does of the rest of the frame, while the GPU draws the splats.
-        let is_apart = behind != Behind::Color || !pass.particles().is_empty();
-        let mut found: Option<Around> = None;
-        let mut background = Vec::new();
-        capacity.start(total, gpu.most_binding(), Each::FRAME);
-        // The depth that effects on the CPU need and the frame does not hold.
-        let mut hidden = Vec::new();
-        if !pass.hooks.pixels.is_empty() && !arrays.depth {
-            hidden.resize(frame.pixels(), 0.0);
-        }
-        let counted = loop {
-            let extent = Extent {
-                slots: plan.slots(),
-                blocks: plan.blocks(),
-                capacity: *capacity,
-                tiles: plan.tiles(),
-                pixels: plan.pixels().into(),
-                planes: if arrays.median_depth { 2 } else { u64::from(features.geometry != Geometry::None) },
-                normal: arrays.normal,
-                falls: match (pass.particles().is_empty(), arrays.particles) {
-                    (true, false) => Falls::Nothing,
-                    (false, false) => Falls::InColor,
-                    (_, true) => Falls::Apart,
-                },
-                background: behind_numbers,
-            };
-            // Let go of first, or nothing that grows is freed.
-            *last = None;
-            let room = memory.room(gpu, &extent)?;
-            gpu.write(&room.uniforms, 0, &bytes_of(&plan.uniforms(*capacity)));
-            let mut recorder = plan.record_splats(gpu, &room, clock.as_ref());
-            if is_apart {
-                recorder.submit();
-                recorder = Recorder::new(gpu, &room.uniforms, clock.as_ref());
-            }
-            let around = match found.take() {
-                Some(around) => around,
-                None => {
-                    background = hosted::background(&backdrop, size);
-                    stats.fall = falling.fill(*path, pass.particles(), &ParticleView::new(&pass.camera));
-                    let drops = (memory.drops(gpu, &falling.words())?, falling.len() as u32);
-                    Around { behind, falls: extent.falls, drops }
-                }
-            };
-            gpu.write(&room.background, 0, bytemuck::cast_slice(&background));
-            if around.drops.1 > 0 {
-                gpu.write(&room.uniforms, 0, &bytes_of(&[plan.view(around.drops.1, *capacity)]));
-            }
-            plan.record_around(&mut recorder, &room, &around);
-            let pictures = (&mut *frame, &mut hidden);
-            let counted = submit(gpu, recorder, (&room, memory), clock.as_ref(), pictures, &mut stats)?;
-            if !capacity.grow(counted.visible, counted.entries, gpu.most_binding(), Each::FRAME) {
-                *last = Some(room);
-                break counted;
-            }
-            found = Some(around);
-        };
-        let Counted { visible, entries, walked } = counted;
-        stats.visible = visible.into();
-        stats.intersections = entries.into();
-        stats.evaluated_pairs = u64::from(walked) * u64::from(WORKGROUP);
-        hosted::pixel_effects(*path, pass, frame, &hidden);
-        stats.particles = falling.len() as u64;
-        stats.device = gpu.work().since(before);
+        stats.device = self.gpu.work().since(before);
         stats.wall = started.elapsed().as_secs_f64();
         Ok(stats)
     }
+
+    /// Runs passes whose pictures come back together: the draw passes in one submission, or in two where the CPU has
+    /// work of its own for them, which it does while the GPU draws the first splats. Then everything that works on
+    /// finished pictures, in order.
+    fn run(
+        &mut self,
+        passes: &[FramePass<'_>],
+        pictures: &mut Pictures,
+        stats: &mut Stats,
+    ) -> Result<(), RenderError> {
+        let Self { gpu, path, models, memory, room: last, capacity, clock, falling, .. } = self;
+        let (clock, most) = (clock.as_ref(), gpu.most_binding());
+        let draws: Vec<&DrawPass<'_>> = passes.iter().filter_map(drawn).collect();
+        let transient = transient(gpu, &draws)?;
+        memory.start_batch();
+        let mut work: Vec<GpuPass<'_>> = Vec::with_capacity(draws.len());
+        let mut slots = 0;
+        for (pass, transient) in draws.into_iter().zip(&transient) {
+            pass.camera.check()?;
+            let prepared = GpuPass::new((gpu, memory), *path, models, (pass, transient), slots)?;
+            if prepared.splats() > MAX_SPLATS {
+                return Err(RenderError::TooMany(prepared.splats()));
+            }
+            capacity.start(prepared.splats(), most, ItemBytes::FRAME);
+            slots += prepared.slots();
+            work.push(prepared);
+        }
+        let mut is_hosted = !work.iter().any(GpuPass::is_hosted);
+        let way_back = loop {
+            if work.is_empty() {
+                break None;
+            }
+            let extents = work.iter().map(|pass| pass.extent(*capacity));
+            let extent = Extent { slots, ..extents.fold(Extent::default(), Extent::max) };
+            // Let go of first, or nothing that grows is freed.
+            *last = None;
+            let room = memory.room(gpu, &extent)?;
+            let mut way_back = WayBack::new(gpu, &mut memory.staging, clock, &work, &room)?;
+            let structures = |work: &[GpuPass<'_>], capacity: Capacity| {
+                let all: Vec<Uniform> = work.iter().flat_map(|pass| pass.uniforms(capacity)).collect();
+                gpu.write(&room.uniforms, 0, &bytes_of(&all));
+            };
+            structures(&work, *capacity);
+            let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
+            for i in 0..work.len() {
+                recorder.set_first_slot(work[i].first_slot);
+                work[i].record_splats(&mut recorder, &room);
+                if !is_hosted && work[i].is_hosted() {
+                    recorder.submit();
+                    for pass in &mut work {
+                        stats.fall += pass.host((gpu, memory), *path, falling)?;
+                    }
+                    is_hosted = true;
+                    // How many particles there are is known only now.
+                    structures(&work, *capacity);
+                    recorder = Recorder::new(gpu, &room.uniforms, clock);
+                    recorder.set_first_slot(work[i].first_slot);
+                }
+                work[i].record_composite(&mut recorder, &room);
+                way_back.record(&mut recorder, &work[i], &room);
+            }
+            let returned = way_back.submit(gpu, recorder)?;
+            let mut fits = true;
+            for counted in returned.counted() {
+                fits &= !capacity.grow(counted.visible, counted.entries, most, ItemBytes::FRAME);
+            }
+            if fits {
+                *last = Some(room);
+                break Some(returned);
+            }
+        };
+        take(passes, &work, way_back, *path, clock, pictures, stats)
+    }
 }
 
-/// The air's text and its parameters on the GPU.
-fn air(
-    gpu: &Gpu,
-    memory: &mut Memory,
-    pass: &DrawPass<'_>,
-) -> Result<Option<(WgslSource, wgpu::Buffer)>, GpuError> {
-    let Some(medium) = pass.hooks.medium else { return Ok(None) };
-    let origin = pass.camera.center().to_array().map(|v| v as f32);
-    let source = medium.wgsl(origin).ok_or(GpuError::Effect(medium.name()))?;
-    let buffer = memory.air(gpu, &source.parameters)?;
-    Ok(Some((source, buffer)))
+/// Takes the pictures of the draw passes out of what came back, and carries out what works on finished pictures, in
+/// order.
+fn take(
+    passes: &[FramePass<'_>],
+    work: &[GpuPass<'_>],
+    mut returned: Option<Returned>,
+    path: SimdPath,
+    clock: Option<&Clock>,
+    pictures: &mut Pictures,
+    stats: &mut Stats,
+) -> Result<(), RenderError> {
+    let mut work = work.iter();
+    for pass in passes {
+        match (pass, &mut returned) {
+            (FramePass::Picture(pass), _) => pass.run(path, pictures),
+            (FramePass::Draw { target, pass }, Some(returned)) => {
+                let drawn = work.next().expect("a draw pass of this batch");
+                let frame = &mut pictures[*target];
+                frame.prepare((pass.camera.width, pass.camera.height), pass.encoding(), drawn.arrays)?;
+                let mut hidden = vec![0.0; if drawn.hides_depth() { frame.pixels() } else { 0 }];
+                let counted = returned.take(frame, &mut hidden, clock, stats);
+                stats.visible += u64::from(counted.visible);
+                stats.intersections += u64::from(counted.entries);
+                stats.evaluated_pairs += u64::from(counted.walked) * u64::from(WORKGROUP);
+                stats.particles += u64::from(drawn.particles());
+                hosted::pixel_effects(path, pass, frame, &hidden);
+            }
+            (FramePass::Draw { .. }, None) => unreachable!("what was drawn comes back"),
+        }
+    }
+    Ok(())
+}
+
+/// The draw pass, if it is one.
+fn drawn<'a>(pass: &'a FramePass<'_>) -> Option<&'a DrawPass<'a>> {
+    match pass {
+        FramePass::Draw { pass, .. } => Some(pass),
+        FramePass::Picture(_) => None,
+    }
+}
+
+/// Number of passes whose pictures come back together.
+fn batch_length(passes: &[FramePass<'_>]) -> usize {
+    let mut bytes = 0;
+    for (i, pass) in passes.iter().enumerate() {
+        let Some(pass) = drawn(pass) else { continue };
+        let arrays = cpu::arrays(pass);
+        let planes = 4
+            + u64::from(arrays.depth)
+            + u64::from(arrays.median_depth)
+            + 3 * u64::from(arrays.normal)
+            + 4 * u64::from(arrays.particles);
+        let own = 4 * planes * u64::from(pass.camera.width) * u64::from(pass.camera.height);
+        if bytes > 0 && bytes + own > MOST_TOGETHER {
+            return i;
+        }
+        bytes += own;
+    }
+    passes.len()
+}
+
+/// Splats of each pass that no set holds, uploaded; one a set.
+fn transient(gpu: &Gpu, draws: &[&DrawPass<'_>]) -> Result<Vec<Vec<Option<GpuModel>>>, RenderError> {
+    let upload = |source: SplatSource<'_>| match source {
+        SplatSource::Loaded(_) => Ok(None),
+        SplatSource::Transient(splats) => GpuModel::new(gpu, splats).map(Some),
+    };
+    draws.iter().map(|pass| pass.sets.iter().map(|view| upload(view.splats)).collect()).collect()
 }
 
 impl RenderBackend for GpuRenderer {
@@ -210,18 +258,6 @@ impl RenderBackend for GpuRenderer {
 
     fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError> {
         let pool = Arc::clone(&self.pool);
-        pool.install(|| {
-            let started = Instant::now();
-            let mut stats = Stats::default();
-            pictures.fit(plan.pictures());
-            for pass in plan.passes() {
-                match pass {
-                    FramePass::Draw { target, pass } => stats += self.draw(pass, &mut pictures[*target])?,
-                    FramePass::Picture(pass) => pass.run(self.path, pictures),
-                }
-            }
-            stats.wall = started.elapsed().as_secs_f64();
-            Ok(stats)
-        })
+        pool.install(|| self.execute_on_pool(plan, pictures))
     }
 }

@@ -29,7 +29,7 @@ struct Last {
     config: ForwardConfig,
     gradients: wgpu::Buffer,
     by_sh: wgpu::Buffer,
-    /// What the step had in view.
+    /// The splats that the step had in view.
     blocks: wgpu::Buffer,
 }
 

@@ -1,15 +1,13 @@
-//! The programs of the GPU: WGSL texts put together, with the constants of the Rust code before them.
+//! The programs of the GPU: each stage puts its own together, and the constants of the Rust code come before them.
 
 use crate::attributes::Attribute;
 use crate::differentiable::Channels;
 use crate::frame;
-use crate::hooks::{GROUP, WgslSource};
-use crate::plan::Shading;
-use crate::renderer::{Geometry, MedianDepth};
+use crate::hooks::GROUP;
 use crate::stages::project::{self, gpu as splats};
 use crate::stages::project_backward::gpu as gradients;
-use crate::stages::rasterize_backward::Slot;
-use crate::stages::{compare, optimize, particles, rasterize};
+use crate::stages::rasterize_backward::{self, GradientSlot};
+use crate::stages::{compare, composite, intersect, optimize, particles, prefix_sum, rasterize, shade, sort};
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use wm_scene::sh;
@@ -38,7 +36,7 @@ pub const SORT_BLOCK: u32 = WORKGROUP * SORT_ROUNDS;
 pub const BLOCK_WORDS: u32 = 1 + WORKGROUP / 32;
 /// Words of the counters, see `Counters` in `common.wgsl`.
 pub const COUNTER_WORDS: u64 = 5;
-/// Where the sizes of a dispatch over the splats in view stand among those that the GPU finds, in words.
+/// The first word of the sizes of a dispatch over the splats in view, among those that the GPU finds.
 pub const VISIBLE_GROUPS: u32 = 0;
 /// Of their sort.
 pub const VISIBLE_SORT: u32 = 3;
@@ -49,425 +47,115 @@ pub const DISPATCH_WORDS: u64 = 9;
 /// Distance of the sky, scene units: WGSL promises no infinity.
 pub const FAR_AWAY: f32 = 1e30;
 
-macro_rules! file {
-    ($path:literal) => {
-        include_str!(concat!("../", $path))
+/// The programs of one stage. A stage lists its own; [`Program`] lists the stages.
+pub trait StagePrograms: Sized {
+    /// Every program of the stage, but for those with the text of a weather's air.
+    fn all() -> Vec<Self>;
+
+    /// The entry point.
+    fn entry(&self) -> &'static str;
+
+    /// The texts, behind the constants and `common.wgsl`.
+    fn parts(&self) -> Vec<Cow<'static, str>>;
+}
+
+/// Texts that do not change.
+pub(crate) fn texts<const N: usize>(parts: [&'static str; N]) -> Vec<Cow<'static, str>> {
+    parts.map(Cow::Borrowed).to_vec()
+}
+
+macro_rules! programs {
+    ($($stage:ident($programs:ty),)*) => {
+        /// A program of the GPU.
+        #[derive(Clone, Debug, PartialEq, Eq, Hash)]
+        pub enum Program {
+            $(
+                #[doc = concat!("One of `", stringify!($programs), "`.")]
+                $stage($programs),
+            )*
+        }
+
+        $(impl From<$programs> for Program {
+            fn from(program: $programs) -> Self {
+                Self::$stage(program)
+            }
+        })*
+
+        impl Program {
+            /// Every program, but for those with the text of a weather's air.
+            #[must_use]
+            pub fn all() -> Vec<Self> {
+                let mut all = Vec::new();
+                $(all.extend(<$programs>::all().into_iter().map(Self::$stage));)*
+                all
+            }
+
+            /// The entry point.
+            #[must_use]
+            pub fn entry(&self) -> &'static str {
+                match self {
+                    $(Self::$stage(program) => program.entry(),)*
+                }
+            }
+
+            fn parts(&self) -> Vec<Cow<'static, str>> {
+                match self {
+                    $(Self::$stage(program) => program.parts(),)*
+                }
+            }
+        }
     };
 }
 
-/// A program of the GPU.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum Program {
-    /// Which splats are in view.
-    Cull(Form),
-    /// Their records, with colours through the air.
-    Project(Form, AirText),
-    /// The air alone, whose text this is.
-    Air(Cow<'static, str>),
-    /// Prefix sums over the blocks of splats.
-    SpineVisible,
-    /// Prefix sums over the splats in view, 256 at a time.
-    SpineEntries,
-    /// How often each digit is in each block of pairs.
-    SortCount,
-    /// Prefix sums of that.
-    SortScan,
-    /// The pairs to their places.
-    SortScatter,
-    /// Counts or writes the entries of the tile lists.
-    Intersect,
-    /// Where each tile's list begins.
-    Ranges,
-    /// Blends colour, and what is asked for beside it.
-    Rasterize(Geometry, MedianDepth),
-    /// Puts the background behind.
-    Composite(Behind, Falls),
-    /// Adds up what falls.
-    Fall,
-    /// Blends what training asks for, and keeps the sums.
-    BlendSums(Channels),
-    /// The pictures of these sums.
-    Finish(Channels),
-    /// Derivatives by sums out of those by pictures.
-    BySums(Channels),
-    /// From pixels to what they pull on each splat of their tile.
-    RasterizeBackward(Channels, Subgroups),
-    /// How like a photo one channel is.
-    Similarity,
-    /// The derivative of that.
-    SimilarityBackward,
-    /// That of all that is compared, added up and back through the exposure.
-    ColorsBackward,
-    /// Depth, normals and coverage against what is believed of each pixel.
-    PixelsBackward(Channels),
-    /// Mean and spread of inverse depths.
-    GridMoments,
-    /// The same of patches, and how far they are off.
-    Patches,
-    /// All of them together.
-    PatchTotals,
-    /// The derivative of that.
-    PatchesBackward,
-    /// The sum of inverse depths.
-    InverseDepths,
-    /// Differences of inverse depths of neighbours.
-    SmoothBackward,
-    /// The pulls of all tiles together.
-    Gather,
-    /// From there to gradients.
-    ProjectBackward(Channels),
-    /// Gradients of another render to those of a step.
-    AddGradients,
-    /// The splats along them.
-    Optimize,
-    /// Nearly transparent splats at random.
-    Explore,
-    /// What is known of splats to where they are now.
-    Rearrange,
+programs! {
+    Project(splats::ProjectProgram),
+    Shade(shade::gpu::ShadeProgram),
+    PrefixSum(prefix_sum::gpu::PrefixSumProgram),
+    Sort(sort::gpu::SortProgram),
+    Intersect(intersect::gpu::IntersectProgram),
+    Rasterize(rasterize::gpu::RasterizeProgram),
+    Particles(particles::gpu::ParticleProgram),
+    Composite(composite::gpu::CompositeProgram),
+    Compare(compare::gpu::CompareProgram),
+    RasterizeBackward(rasterize_backward::gpu::RasterizeBackwardProgram),
+    ProjectBackward(gradients::ProjectBackwardProgram),
+    Optimize(optimize::gpu::OptimizeProgram),
 }
 
-/// Whether threads of a subgroup work together.
+impl Program {
+    /// The whole text.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut text = constants();
+        for part in [Cow::Borrowed(COMMON)].into_iter().chain(self.parts()) {
+            text.push_str(&part);
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// The structures that all programs share.
+const COMMON: &str = include_str!("common.wgsl");
+/// The display's encoding of light.
+pub(crate) const COLOR: &str = include_str!("color.wgsl");
+/// The structure of a step of training.
+pub(crate) const TRAINING: &str = include_str!("training.wgsl");
+
+/// The use of subgroups.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Subgroups {
-    /// Where the adapter has subgroups of at least [`MIN_SUBGROUP`] threads.
+    /// Used if the adapter has subgroups of at least [`MIN_SUBGROUP`] threads.
     #[default]
     Used,
     /// Not even there.
     Unused,
 }
 
-/// What form the parameters of splats are in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Form {
-    /// Made ready once, to be rendered often.
-    Activated,
-    /// As they are stored, and learn.
-    Stored,
-}
-
-impl Form {
-    fn text(self) -> &'static str {
-        match self {
-            Self::Activated => file!("stages/project/activated.wgsl"),
-            Self::Stored => file!("stages/project/stored.wgsl"),
-        }
-    }
-}
-
-/// What the air makes of the colour of a splat.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum AirText {
-    /// The colour itself: clear air.
-    Clear,
-    /// The colour through the air of this text.
-    Color(Cow<'static, str>),
-    /// A share of 1: clear air.
-    FullShare,
-    /// The share of light that the air of this text lets through.
-    Share(Cow<'static, str>),
-}
-
-impl AirText {
-    /// The program's part for an air.
-    #[must_use]
-    pub fn new(shading: Shading, air: Option<&WgslSource>) -> Self {
-        match (shading, air.map(|air| air.wgsl.clone())) {
-            (Shading::Color, None) => Self::Clear,
-            (Shading::Color, Some(text)) => Self::Color(text),
-            (Shading::Transmittance, None) => Self::FullShare,
-            (Shading::Transmittance, Some(text)) => Self::Share(text),
-        }
-    }
-}
-
-/// What is behind the splats.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Behind {
-    /// One colour.
-    Color,
-    /// What is mixed between so many nodes along a side of each patch.
-    Nodes(u32),
-    /// A picture.
-    Picture,
-}
-
-impl Behind {
-    /// Every kind.
-    pub const ALL: [Self; 4] = [Self::Color, Self::Nodes(4), Self::Nodes(8), Self::Picture];
-}
-
-/// What becomes of what falls.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Falls {
-    /// There is nothing.
-    Nothing,
-    /// It is drawn over the colour.
-    InColor,
-    /// It is written apart as well.
-    Apart,
-}
-
-/// What all programs over splats begin with.
-const PIECES: &str = file!("stages/project/pieces.wgsl");
-/// What programs that compare geometry begin with.
-const GEOMETRY: &str = file!("stages/compare/geometry.wgsl");
-/// Sums over a workgroup.
-const SUMS: &str = file!("stages/compare/sums.wgsl");
-/// Every share of light is 1.
-const FULL_SHARE: &str = "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return vec3<f32>(1.0); }";
-/// What does nothing to the light of a splat.
-const CLEAR_AIR: &str =
-    "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
-/// One colour behind everything.
-const ONE_COLOR: &str =
-    "fn behind(at: u32) -> vec3<f32> { return vec3<f32>(background[0], background[1], background[2]); }";
-/// A picture behind it, `[H, W, 3]`.
-const PICTURE: &str = "fn behind(at: u32) -> vec3<f32> {
-    return vec3<f32>(background[3u * at], background[3u * at + 1u], background[3u * at + 2u]);
-}";
-/// What draws nothing over a pixel.
-const NOTHING_FALLS: &str = "fn with_falling(at: u32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
-
-impl Program {
-    /// Every one of them, but for the weather's air: with clear air.
-    #[must_use]
-    pub fn all() -> Vec<Self> {
-        let mut all = vec![
-            Self::Cull(Form::Activated),
-            Self::Cull(Form::Stored),
-            Self::Project(Form::Activated, AirText::Clear),
-            Self::Project(Form::Activated, AirText::FullShare),
-            Self::Project(Form::Stored, AirText::Clear),
-            Self::Similarity,
-            Self::SimilarityBackward,
-            Self::ColorsBackward,
-            Self::GridMoments,
-            Self::Patches,
-            Self::PatchTotals,
-            Self::PatchesBackward,
-            Self::InverseDepths,
-            Self::SmoothBackward,
-            Self::Gather,
-            Self::AddGradients,
-            Self::Optimize,
-            Self::Explore,
-            Self::Rearrange,
-            Self::SpineVisible,
-            Self::SpineEntries,
-            Self::SortCount,
-            Self::SortScan,
-            Self::SortScatter,
-            Self::Intersect,
-            Self::Ranges,
-            Self::Fall,
-        ];
-        for falls in [Falls::Nothing, Falls::InColor, Falls::Apart] {
-            all.extend(Behind::ALL.map(|behind| Self::Composite(behind, falls)));
-        }
-        for geometry in [Geometry::None, Geometry::Depth, Geometry::DepthNormal] {
-            all.extend([MedianDepth::Off, MedianDepth::On].map(|median| Self::Rasterize(geometry, median)));
-        }
-        for channels in Channels::ALL {
-            let of =
-                [Self::BlendSums, Self::Finish, Self::PixelsBackward, Self::BySums, Self::ProjectBackward];
-            all.extend(of.map(|program| program(channels)));
-            let by = [Subgroups::Used, Subgroups::Unused];
-            all.extend(by.map(|subgroups| Self::RasterizeBackward(channels, subgroups)));
-        }
-        all
-    }
-
-    /// Its entry point.
-    #[must_use]
-    pub fn entry(&self) -> &'static str {
-        match self {
-            Self::Cull(_) => "cull",
-            Self::Project(..) => "project_visible",
-            Self::Air(_) => "shade_groups",
-            Self::SpineVisible => "spine_visible",
-            Self::SpineEntries => "spine_entries",
-            Self::SortCount => "count",
-            Self::SortScan => "scan_digits",
-            Self::SortScatter => "scatter",
-            Self::Intersect => "intersect",
-            Self::Ranges => "ranges",
-            Self::Rasterize(..) | Self::BlendSums(_) => "rasterize",
-            Self::Composite(..) => "composite",
-            Self::Fall => "fall",
-            Self::Finish(_) => "finish",
-            Self::BySums(_) => "by_sums",
-            Self::RasterizeBackward(..) => "rasterize_backward",
-            Self::Similarity => "similarity",
-            Self::SimilarityBackward => "similarity_backward",
-            Self::ColorsBackward => "colors_backward",
-            Self::PixelsBackward(_) => "pixels_backward",
-            Self::GridMoments => "grid_moments",
-            Self::Patches => "patches",
-            Self::PatchTotals => "patch_totals",
-            Self::PatchesBackward => "patches_backward",
-            Self::InverseDepths => "inverse_depths",
-            Self::SmoothBackward => "smooth_backward",
-            Self::Gather => "gather",
-            Self::ProjectBackward(_) => "project_backward",
-            Self::AddGradients => "add_gradients",
-            Self::Optimize => "optimize",
-            Self::Explore => "explore",
-            Self::Rearrange => "rearrange",
-        }
-    }
-
-    /// Its text.
-    #[must_use]
-    pub fn text(&self) -> String {
-        let mut text = constants();
-        let mut add = |parts: &[&str]| {
-            for part in parts {
-                text.push_str(part);
-                text.push('\n');
-            }
-        };
-        add(&[file!("gpu/common.wgsl")]);
-        match self {
-            Self::Cull(form) => {
-                add(&[PIECES, form.text(), file!("stages/project/geometry.wgsl")]);
-                add(&[file!("stages/project/cull.wgsl")]);
-            }
-            Self::Project(form, air) => {
-                add(&[PIECES, form.text(), file!("stages/project/geometry.wgsl")]);
-                add(&[file!("stages/shade/shade.wgsl")]);
-                add(&[file!("stages/project/project.wgsl")]);
-                match air {
-                    AirText::Clear => add(&[CLEAR_AIR]),
-                    AirText::FullShare => add(&[FULL_SHARE]),
-                    AirText::Color(air) => {
-                        add(&[file!("gpu/color.wgsl"), file!("stages/shade/air.wgsl"), air]);
-                        add(&[file!("stages/shade/color_through_air.wgsl")]);
-                    }
-                    AirText::Share(air) => {
-                        add(&[file!("stages/shade/air.wgsl"), air]);
-                        add(&[file!("stages/shade/share_through_air.wgsl")]);
-                    }
-                }
-            }
-            Self::Air(air) => {
-                add(&[file!("gpu/color.wgsl"), file!("stages/shade/air.wgsl"), air]);
-                add(&[file!("stages/shade/color_through_air.wgsl"), file!("stages/shade/groups.wgsl")]);
-            }
-            Self::SpineVisible | Self::SpineEntries => {
-                add(&[file!("gpu/scan.wgsl"), file!("stages/scan/spine.wgsl")]);
-            }
-            Self::SortCount | Self::SortScan | Self::SortScatter => {
-                add(&[file!("gpu/scan.wgsl"), file!("stages/sort/sort.wgsl")]);
-            }
-            Self::Intersect => add(&[file!("gpu/scan.wgsl"), file!("stages/intersect/intersect.wgsl")]),
-            Self::Ranges => add(&[file!("stages/intersect/ranges.wgsl")]),
-            Self::Rasterize(geometry, median) => {
-                let channels = match geometry {
-                    Geometry::None => Channels::Color,
-                    Geometry::Depth => Channels::ColorDepth,
-                    Geometry::DepthNormal => Channels::ColorDepthNormal,
-                };
-                let is_median = *median == MedianDepth::On;
-                add(&[
-                    &switches(channels),
-                    &format!("const KEEPS_SUMS = false;\nconst MEDIAN = {is_median};"),
-                ]);
-                add(&[file!("stages/rasterize/records.wgsl"), file!("stages/rasterize/rasterize.wgsl")]);
-            }
-            Self::BlendSums(channels) => {
-                add(&[&switches(*channels), "const KEEPS_SUMS = true;\nconst MEDIAN = false;"]);
-                add(&[file!("stages/rasterize/pairs.wgsl"), file!("stages/rasterize/rasterize.wgsl")]);
-            }
-            Self::Composite(behind, falls) => {
-                match behind {
-                    Behind::Color => add(&[ONE_COLOR]),
-                    Behind::Nodes(nodes) => {
-                        add(&[&format!("const NODES = {nodes}u;"), file!("stages/composite/nodes.wgsl")]);
-                    }
-                    Behind::Picture => add(&[PICTURE]),
-                }
-                match falls {
-                    Falls::Nothing => add(&[NOTHING_FALLS]),
-                    Falls::InColor | Falls::Apart => {
-                        let is_apart = *falls == Falls::Apart;
-                        add(&[&format!("const APART: bool = {is_apart};"), file!("gpu/color.wgsl")]);
-                        add(&[file!("stages/particles/over.wgsl")]);
-                    }
-                }
-                add(&[file!("stages/composite/composite.wgsl")]);
-            }
-            Self::Fall => add(&[file!("stages/particles/fall.wgsl")]),
-            Self::Finish(channels) => {
-                add(&[
-                    &switches(*channels),
-                    file!("gpu/training.wgsl"),
-                    file!("stages/composite/finish.wgsl"),
-                ]);
-            }
-            Self::BySums(channels) => {
-                add(&[&switches(*channels), file!("gpu/training.wgsl")]);
-                add(&[file!("stages/rasterize_backward/upstream.wgsl")]);
-            }
-            Self::RasterizeBackward(channels, subgroups) => {
-                add(&[&switches(*channels), file!("stages/rasterize_backward/rasterize_backward.wgsl")]);
-                add(&[match subgroups {
-                    Subgroups::Used => file!("stages/rasterize_backward/subgroups.wgsl"),
-                    Subgroups::Unused => file!("stages/rasterize_backward/shared.wgsl"),
-                }]);
-            }
-            Self::Similarity => {
-                add(&[file!("stages/compare/photo.wgsl"), file!("stages/compare/windows.wgsl")]);
-                add(&[file!("stages/compare/similarity.wgsl")]);
-            }
-            Self::SimilarityBackward => {
-                add(&[file!("stages/compare/photo.wgsl"), file!("stages/compare/windows.wgsl")]);
-                add(&[file!("stages/compare/similarity_backward.wgsl")]);
-            }
-            Self::ColorsBackward => {
-                add(&[file!("stages/compare/photo.wgsl"), SUMS]);
-                add(&[file!("stages/compare/colors_backward.wgsl")]);
-            }
-            Self::PixelsBackward(channels) => {
-                add(&[&switches(*channels), GEOMETRY, file!("stages/compare/beliefs.wgsl")]);
-                add(&[SUMS, file!("stages/compare/pixels_backward.wgsl")]);
-            }
-            Self::GridMoments => {
-                add(&[GEOMETRY, file!("stages/compare/beliefs.wgsl"), file!("stages/compare/grid.wgsl")]);
-                add(&[file!("stages/compare/moments.wgsl"), file!("stages/compare/grid_moments.wgsl")]);
-            }
-            Self::Patches => {
-                add(&[GEOMETRY, file!("stages/compare/beliefs.wgsl"), file!("stages/compare/grid.wgsl")]);
-                add(&[file!("stages/compare/moments.wgsl"), file!("stages/compare/patch.wgsl")]);
-                add(&[SUMS, file!("stages/compare/patches.wgsl")]);
-            }
-            Self::PatchTotals => add(&[GEOMETRY, SUMS, file!("stages/compare/patch_totals.wgsl")]),
-            Self::PatchesBackward => {
-                add(&[GEOMETRY, file!("stages/compare/beliefs.wgsl"), file!("stages/compare/grid.wgsl")]);
-                add(&[file!("stages/compare/patch.wgsl"), SUMS]);
-                add(&[file!("stages/compare/patches_backward.wgsl")]);
-            }
-            Self::InverseDepths => add(&[GEOMETRY, SUMS, file!("stages/compare/inverse_depths.wgsl")]),
-            Self::SmoothBackward => add(&[GEOMETRY, SUMS, file!("stages/compare/smooth_backward.wgsl")]),
-            Self::Gather => add(&[file!("stages/project_backward/gather.wgsl")]),
-            Self::ProjectBackward(channels) => {
-                add(&[&switches(*channels), PIECES, Form::Stored.text()]);
-                add(&[file!("stages/project/geometry.wgsl")]);
-                add(&[file!("stages/shade/shade.wgsl"), file!("stages/shade_backward/shade_backward.wgsl")]);
-                add(&[file!("stages/project_backward/project_backward.wgsl")]);
-            }
-            Self::AddGradients => add(&[PIECES, file!("stages/optimize/add.wgsl")]),
-            Self::Optimize => add(&[PIECES, file!("stages/optimize/optimize.wgsl")]),
-            Self::Explore => add(&[PIECES, file!("stages/optimize/explore.wgsl")]),
-            Self::Rearrange => add(&[file!("stages/optimize/rearrange.wgsl")]),
-        }
-        text
-    }
-}
-
-/// Which sums are blended, as WGSL.
-fn switches(channels: Channels) -> String {
+/// The switches of the blended sums, as WGSL.
+pub(crate) fn switches(channels: Channels) -> Cow<'static, str> {
     let (color, depth, normal) = (channels.has_color(), channels.depth().is_some(), channels.has_normal());
-    format!("const COLOR = {color};\nconst DEPTH = {depth};\nconst NORMAL = {normal};")
+    format!("const COLOR = {color};\nconst DEPTH = {depth};\nconst NORMAL = {normal};").into()
 }
 
 /// The constants that Rust and WGSL share, as WGSL.
@@ -506,14 +194,14 @@ pub fn constants() -> String {
         ROW_OPACITY = splats::ROW_OPACITY;
         ROW_DC = splats::ROW_DC;
         ROW_SKY = splats::ROW_SKY;
-        SLOT_S = Slot::S;
-        SLOT_SU = Slot::SU;
-        SLOT_SV = Slot::SV;
-        SLOT_SUU = Slot::SUU;
-        SLOT_ABS_X = Slot::ABS_X;
-        SLOT_ABS_Y = Slot::ABS_Y;
-        SLOT_WEIGHT = Slot::WEIGHT;
-        SLOT_FEATURES = Slot::FEATURES;
+        SLOT_S = GradientSlot::S;
+        SLOT_SU = GradientSlot::SU;
+        SLOT_SV = GradientSlot::SV;
+        SLOT_SUU = GradientSlot::SUU;
+        SLOT_ABS_X = GradientSlot::ABS_X;
+        SLOT_ABS_Y = GradientSlot::ABS_Y;
+        SLOT_WEIGHT = GradientSlot::WEIGHT;
+        SLOT_FEATURES = GradientSlot::FEATURES;
         WINDOW_RADIUS = compare::RADIUS;
         COMPARE_GROUPS = compare::gpu::GROUPS;
         PATCH_FEWEST = compare::FEWEST;

@@ -193,7 +193,7 @@ impl StoredModel {
         self.sh_degree
     }
 
-    /// Whether they learn here.
+    /// Returns true if they learn here.
     pub fn learns(&self) -> bool {
         self.known.is_some()
     }
@@ -359,7 +359,7 @@ impl StoredModel {
         self.parts.iter().enumerate().map(piece).collect()
     }
 
-    /// What is remembered of each of its pieces; none where they do not learn here.
+    /// The optimiser's memory of each of its pieces; none where they do not learn here.
     pub fn remembered(&self) -> Vec<Remembered<'_>> {
         let Some(known) = &self.known else { return Vec::new() };
         let moments = self.parts.iter().filter_map(|part| part.moments.as_ref());

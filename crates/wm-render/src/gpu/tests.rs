@@ -1,4 +1,4 @@
-//! What is of the GPU back end as a whole: room, pieces, repetition, and what goes wrong.
+//! The GPU back end as a whole: room, pieces, repetition, and errors.
 
 use super::*;
 use crate::differentiable::{Channels, Differentiable, ForwardConfig, Gradients, Learn, Upstream};
@@ -17,7 +17,7 @@ use wm_scene::{Camera, Splats};
 
 /// A GPU of a test's own with all that the adapter has, or with little, and bindings that hold no more than that.
 fn own_gpu(most_binding: Option<u64>) -> Arc<Gpu> {
-    let all = || Gpu::open(&GpuConfig { choice: Choice::Any, ..GpuConfig::default() }).unwrap();
+    let all = || Gpu::open(&GpuConfig { choice: AdapterChoice::Any, ..GpuConfig::default() }).unwrap();
     most_binding.map_or_else(all, small_gpu)
 }
 
@@ -188,7 +188,7 @@ fn a_lost_device_is_an_error_and_no_panic() {
     assert!(renderer.load(&splats).is_err());
 }
 
-/// What WebGL has of compute is not enough; what WebGPU has everywhere is, by the tests above.
+/// WebGL's limits of compute are too low; WebGPU's default limits suffice, by the tests above.
 #[test]
 fn an_adapter_that_lacks_something_is_told_so() {
     if Backend::gpu().is_none() {
@@ -200,7 +200,7 @@ fn an_adapter_that_lacks_something_is_told_so() {
         (webgl, "max_compute_workgroup_storage_size is 16352, and 16384 is needed"),
         (storage, "max_storage_buffers_per_shader_stage is 4, and 8 is needed"),
     ] {
-        let config = GpuConfig { choice: Choice::Any, limits: Some(limits), ..GpuConfig::default() };
+        let config = GpuConfig { choice: AdapterChoice::Any, limits: Some(limits), ..GpuConfig::default() };
         let Err(error) = Gpu::open(&config) else { panic!("{lack}") };
         let said = error.to_string();
         assert!(said.ends_with(lack) && !said.contains('\n'), "{said}");
@@ -209,12 +209,12 @@ fn an_adapter_that_lacks_something_is_told_so() {
 
 #[test]
 fn a_gpu_that_is_not_there_is_named() {
-    let choice = Choice::Named("no such GPU".to_owned());
+    let choice = AdapterChoice::Named("no such GPU".to_owned());
     let error = Gpu::open(&GpuConfig { choice, ..GpuConfig::default() }).err().unwrap().to_string();
     assert!(error.contains("`no such GPU`") && !error.contains('\n'), "{error}");
     // One in software is never taken unasked.
     if let Ok(gpu) = Gpu::open(&GpuConfig::default()) {
-        assert_ne!(gpu.kind(), Kind::Software);
+        assert_ne!(gpu.kind(), AdapterKind::Software);
     }
 }
 

@@ -45,7 +45,7 @@ impl Uniform {
     }
 }
 
-/// What the GPU has room for.
+/// The numbers of items that the GPU has room for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capacity {
     /// Splats in view.
@@ -56,27 +56,27 @@ pub struct Capacity {
 
 /// Bytes of the largest array over each.
 #[derive(Clone, Copy, Debug)]
-pub struct Each {
+pub struct ItemBytes {
     /// Splats in view.
     pub visible: u64,
     /// Entries of tile lists.
     pub entries: u64,
 }
 
-impl Each {
+impl ItemBytes {
     /// Of a frame: records, and names.
     pub const FRAME: Self = Self { visible: 64, entries: 4 };
 }
 
 impl Capacity {
     /// Most of both that arrays of `most_binding` bytes hold.
-    fn limit(most_binding: u64, each: Each) -> Self {
+    fn limit(most_binding: u64, each: ItemBytes) -> Self {
         let of = |bytes: u64| u32::try_from(most_binding / bytes).unwrap_or(u32::MAX);
         Self { visible: of(each.visible), entries: of(each.entries) }
     }
 
     /// A first guess for `total` splats: half of them in view, two tiles each.
-    pub fn start(&mut self, total: usize, most_binding: u64, each: Each) {
+    pub fn start(&mut self, total: usize, most_binding: u64, each: ItemBytes) {
         let (total, limit) = (u32::try_from(total).unwrap_or(u32::MAX), Self::limit(most_binding, each));
         self.visible = self.visible.max((total / 2).max(4096).min(limit.visible));
         self.entries = self.entries.max(total.max(65_536).min(limit.entries));
@@ -84,7 +84,7 @@ impl Capacity {
 
     /// Grows to what a frame needed, and a quarter more where that fits; whether it had to. Entries are counted of the
     /// splats that had room, so both may have to grow one after the other.
-    pub fn grow(&mut self, visible: u32, entries: u32, most_binding: u64, each: Each) -> bool {
+    pub fn grow(&mut self, visible: u32, entries: u32, most_binding: u64, each: ItemBytes) -> bool {
         let (before, limit) = (*self, Self::limit(most_binding, each));
         let more = |has: u32, needs: u32, limit: u32| {
             if needs > has { needs.saturating_add(needs / 4).min(limit.max(needs)) } else { has }
@@ -95,18 +95,18 @@ impl Capacity {
     }
 }
 
-/// How a camera sees splats.
+/// A camera, and the settings of the projection.
 #[derive(Clone, Copy, Debug)]
-pub struct Sight<'a> {
+pub struct ViewParameters<'a> {
     /// From where.
     pub camera: &'a Camera,
-    /// How splats smaller than a pixel are drawn.
+    /// The drawing of splats smaller than a pixel.
     pub rasterization: Rasterization,
-    /// Whether the scene's own sky is drawn.
+    /// The treatment of the scene's own sky.
     pub sky: SkySplats,
 }
 
-impl<'a> Sight<'a> {
+impl<'a> ViewParameters<'a> {
     /// Of a frame.
     #[must_use]
     pub fn of(pass: &'a DrawPass<'_>) -> Self {
@@ -139,7 +139,7 @@ impl<'a> Sight<'a> {
 
 /// `View` of `common.wgsl`; `blocks` are those of all sets, `drops` what falls.
 #[must_use]
-pub fn view(sight: &Sight<'_>, blocks: u32, drops: u32, capacity: Capacity) -> Uniform {
+pub fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capacity) -> Uniform {
     let camera = ProjectCamera::new(sight.camera);
     let [rotation_x, rotation_y, rotation_z] = camera.rotation;
     Uniform::default()
@@ -341,7 +341,7 @@ pub fn rearrangement(before: Range<u32>, now: Range<u32>, rows: u32, forgets: Fo
         .whole("period", period)
 }
 
-/// What is forgotten of rows that are moved.
+/// The numbers that are set to 0 when rows are moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Forgets {
     /// Nothing.

@@ -81,7 +81,7 @@ impl Particles for Drops {
     }
 }
 
-/// What the pixel effects do is in no part.
+/// A pixel effect, which shows in no part.
 struct Red;
 
 impl PixelEffect for Red {
@@ -117,7 +117,7 @@ fn parts(
     (pictures.take(picture), passes.finish(&pictures))
 }
 
-/// What the parts say that the picture is, linear light, and the picture.
+/// The picture that the parts add up to, linear light, and the picture.
 fn sums(frame: &Frame, passes: &PictureParts) -> Vec<(f32, f32)> {
     let colors = frame.rgb_linear();
     let pixel = |i: usize| {
@@ -199,4 +199,44 @@ fn asking_for_what_falls_changes_no_color() {
         frame
     });
     assert!(apart.rgb == plain.rgb && plain.particles.is_empty());
+}
+
+#[test]
+fn a_picture_that_is_a_part_itself_is_not_drawn_again() {
+    let mut renderer = CpuRenderer::new(CpuConfig::default()).unwrap();
+    let set = renderer.load(&random_splats(300, 1, 5)).unwrap();
+    let bare = DrawPass::new(&[SetView::plain(set)], &camera(77, 52), &config());
+    for (medium, passes) in [(Some(&AIR as &dyn Medium), [3, 4]), (None, [1, 2])] {
+        let hooks = Hooks { medium, ..Hooks::default() };
+        let [alone, with_effect] =
+            [(&[] as &[&dyn PixelEffect], 0), (&[&Red as &dyn PixelEffect], 1)].map(|(pixels, i)| {
+                let mut plan = FramePlan::new();
+                let picture = plan.draw(bare.clone().with_hooks(Hooks { pixels, ..hooks }));
+                let parts = PartPasses::append(&mut plan, picture, &ALL);
+                assert_eq!(plan.passes().len(), passes[i]);
+                let mut pictures = Pictures::default();
+                renderer.execute(&plan, &mut pictures).unwrap();
+                parts.finish(&pictures)
+            });
+        assert!(alone == with_effect);
+    }
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn a_picture_and_its_parts_are_one_submission_where_the_cpu_has_no_part() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let mut renderer = crate::testing::gpu_renderer();
+    let set = renderer.load(&random_splats(300, 1, 5)).unwrap();
+    let pass = DrawPass::new(&[SetView::plain(set)], &camera(400, 300), &config());
+    for (particles, wanted) in [(&[] as &[&dyn Particles], 1), (&[&Drops as &dyn Particles], 2)] {
+        let pass = pass.clone().with_hooks(Hooks { medium: Some(&AIR), particles, ..Hooks::default() });
+        let mut frame = Frame::default();
+        // The first one may be made again with more room.
+        render_with_parts(&mut renderer, &pass, &ALL, &mut frame).unwrap();
+        let (stats, _) = render_with_parts(&mut renderer, &pass, &ALL, &mut frame).unwrap();
+        assert_eq!(stats.device.submissions, wanted);
+    }
 }

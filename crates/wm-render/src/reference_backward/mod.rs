@@ -13,7 +13,7 @@ use crate::differentiable::{Channels, DepthAlpha, ForwardConfig, Upstream};
 use crate::frame::MIN_ALPHA;
 use crate::reference::{CUT_BAND, ORDER_BAND, STOP_BAND};
 use crate::stages::rasterize::{LOG2_MAX_ALPHA, MAX_ALPHA, MIN_TRANSMITTANCE};
-use splat::{Pulls, Splat, SplatDecisions};
+use splat::{Splat, SplatDecisions, SplatPulls};
 use std::f64::consts::LN_2;
 use wm_scene::{Camera, Splats, sh};
 
@@ -55,7 +55,7 @@ impl Parameters {
         self.logit_opacities.len()
     }
 
-    /// Whether there is none.
+    /// Returns true if there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -89,15 +89,15 @@ pub struct Decisions {
     splats: Vec<Option<SplatDecisions>>,
     /// For each pixel the splats that it holds, and whether their alpha is clamped.
     pixels: Vec<Vec<(usize, bool)>>,
-    /// Whether a pixel has depth and normal.
+    /// True if a pixel has depth and normal.
     covered: Vec<bool>,
-    /// Whether no decision of a pixel is so close that f32 may take it otherwise, `[H, W]`.
+    /// True if no decision of a pixel is so close that f32 may take it otherwise, `[H, W]`.
     pub steady: Vec<bool>,
 }
 
 /// Blended pictures in f64; those that are not asked for are 0.
 #[derive(Clone, Debug, Default)]
-pub struct Pictures {
+pub struct ReferencePictures {
     /// `[H, W, 3]`.
     pub rgb: Vec<[f64; 3]>,
     /// `[H, W]`.
@@ -108,7 +108,7 @@ pub struct Pictures {
     pub normal: Vec<[f64; 3]>,
 }
 
-impl Pictures {
+impl ReferencePictures {
     /// The loss whose derivative is `upstream`: the sum of each value times its own.
     #[must_use]
     pub fn loss(&self, upstream: &Upstream<'_>) -> f64 {
@@ -122,7 +122,7 @@ impl Pictures {
     }
 }
 
-/// What [`gradients`] gives.
+/// The result of [`gradients`].
 #[derive(Clone, Debug)]
 pub struct ReferenceGradients {
     /// By the stored parameters.
@@ -266,9 +266,9 @@ pub fn render(
     camera: &Camera,
     config: &ForwardConfig,
     decisions: &Decisions,
-) -> Pictures {
+) -> ReferencePictures {
     let splats = project(parameters, camera, config, decisions);
-    let mut pictures = Pictures::default();
+    let mut pictures = ReferencePictures::default();
     for pixel in 0..decisions.pixels.len() {
         let sums = Sums::of(&touches(decisions, &splats, pixel, camera), &splats);
         let behind = config.background.map(|c| f64::from(c) * (1.0 - sums.alpha));
@@ -297,7 +297,7 @@ pub fn gradients(
 ) -> ReferenceGradients {
     upstream.check(decisions.pixels.len(), config.channels);
     let splats = project(parameters, camera, config, decisions);
-    let mut pulls: Vec<Pulls> = vec![Pulls::default(); splats.len()];
+    let mut pulls: Vec<SplatPulls> = vec![SplatPulls::default(); splats.len()];
     for pixel in 0..decisions.pixels.len() {
         let touches = touches(decisions, &splats, pixel, camera);
         let sums = Sums::of(&touches, &splats);
@@ -341,7 +341,7 @@ fn pixel_gradients(
     covered: bool,
     upstream: &Upstream<'_>,
     pixel: usize,
-    pulls: &mut [Pulls],
+    pulls: &mut [SplatPulls],
 ) {
     let read = |values: &[f32], at: usize| values.get(at).map_or(0.0, |v| f64::from(*v));
     let by_rgb = [0, 1, 2].map(|k| read(upstream.rgb, 3 * pixel + k));

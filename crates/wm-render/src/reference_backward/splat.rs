@@ -7,24 +7,24 @@ use glam::{DMat3, DVec3};
 use std::f64::consts::{LN_2, LOG2_E};
 use wm_scene::{Camera, Rasterization, quat, sh, splats::sigmoid};
 
-/// What of a splat is decided and not computed.
+/// The discrete decisions about a splat.
 #[derive(Clone, Copy, Debug)]
-pub struct SplatDecisions {
+pub(crate) struct SplatDecisions {
     /// The values at which the Jacobian's X / z and Y / z are held, where they are.
     tangents: [Option<f64>; 2],
-    /// Whether the compensation of the antialiased mode is at its floor.
+    /// True if the compensation of the antialiased mode is at its floor.
     floored: bool,
     /// The shortest axis, and its sign towards the camera.
     axis: usize,
     sign: f64,
-    /// Which colours are above 0.
+    /// The colours that are above 0.
     lit: [bool; 3],
 }
 
 /// Sums over pixels, what the blending pulls on one splat. See
 /// [`rasterize_backward`](crate::stages::rasterize_backward).
 #[derive(Clone, Debug, Default)]
-pub struct Pulls {
+pub(crate) struct SplatPulls {
     /// Of s, s u, s v, s u^2, s u v, s v^2.
     pub moments: [f64; 6],
     /// Of |s dq/dx| ln 2 and |s dq/dy| ln 2.
@@ -40,7 +40,7 @@ pub struct Pulls {
 }
 
 /// One projected splat, with all that its derivative needs.
-pub struct Splat {
+pub(crate) struct Splat {
     pub decisions: SplatDecisions,
     pub rgb: [f64; 3],
     offset: DVec3,
@@ -185,7 +185,7 @@ impl Splat {
     }
 
     /// By the centre, px.
-    pub fn mean2d_gradient(&self, pulls: &Pulls) -> [f64; 2] {
+    pub fn mean2d_gradient(&self, pulls: &SplatPulls) -> [f64; 2] {
         self.slope(pulls.moments[1], pulls.moments[2]).map(|v| LN_2 * v)
     }
 
@@ -204,7 +204,7 @@ impl Splat {
         i: usize,
         camera: &Camera,
         config: &ForwardConfig,
-        pulls: &Pulls,
+        pulls: &SplatPulls,
         out: &mut Parameters,
     ) {
         let [s0, _, _, s_uu, s_uv, s_vv] = pulls.moments;

@@ -26,12 +26,12 @@ pub mod composite;
 pub mod intersect;
 pub mod optimize;
 pub mod particles;
+#[cfg(feature = "gpu")]
+pub mod prefix_sum;
 pub mod project;
 pub mod project_backward;
 pub mod rasterize;
 pub mod rasterize_backward;
-#[cfg(feature = "gpu")]
-pub mod scan;
 pub mod shade;
 pub mod shade_backward;
 pub mod sort;

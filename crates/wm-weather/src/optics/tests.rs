@@ -1,6 +1,6 @@
 use super::*;
 use proptest::prelude::*;
-use wm_render::frame::srgb_encode;
+use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::testing::Backend;
 
 wm_render::parity! {
@@ -94,6 +94,53 @@ fn agree(backend: Backend, atmosphere: &Atmosphere, seed: u64) {
                     "{i} {distance} {direction:?}: {got}, want {}",
                     want[k]
                 );
+            }
+        }
+    }
+}
+
+/// The primitives against f64, and what shading makes of them: white less black is the transmittance, up to two trips
+/// through the display's encoding.
+#[test]
+fn transmittance_and_airlight_agree_with_f64_and_with_colors() {
+    let uniform = |k: u64| wm_scene::synthetic::uniform(9, k);
+    let origin = [1.0f32, 2.0, 3.0];
+    let mut rays = [ShadeGroup::default(); 16];
+    for i in 0..256 {
+        let d: [f64; 3] = [0, 1, 2].map(|k| uniform(i as u64 * 8 + k) * 2.0 - 1.0);
+        let length = d.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let (group, lane) = (&mut rays[i / GROUP], i % GROUP);
+        group.distance[lane] = 10f32.powf(3.0 * uniform(i as u64 * 8 + 4) as f32);
+        (0..3).for_each(|k| group.direction[k][lane] = (d[k] / length) as f32);
+    }
+    for path in SimdPath::available() {
+        for atmosphere in atmospheres() {
+            let mut air = [AirGroup::default(); 16];
+            atmosphere.evaluate(path, origin, &rays, &mut air);
+            let mut shares = [[[0.0; GROUP]; 3]; 16];
+            atmosphere.transmittance(path, origin, &rays, &mut shares);
+            let [white, black] = [1.0, 0.0].map(|v| {
+                let mut groups = rays;
+                groups.iter_mut().for_each(|group| group.rgb = [[v; GROUP]; 3]);
+                atmosphere.shade(path, origin, &mut groups);
+                groups
+            });
+            for i in 0..256 {
+                let (g, lane) = (i / GROUP, i % GROUP);
+                let direction = [0, 1, 2].map(|k| f64::from(rays[g].direction[k][lane]));
+                let distance = f64::from(rays[g].distance[lane]);
+                let want = atmosphere.evaluate_reference(origin.map(f64::from), direction, distance);
+                let rise: f64 = (0..3).map(|k| direction[k] * SITE.up[k]).sum();
+                let tolerance = 1e-5 + 4e-7 / rise.abs().max(1e-7);
+                for k in 0..3 {
+                    let (kept, added) = (air[g].transmittance[k][lane], air[g].airlight[k][lane]);
+                    assert_eq!(kept, shares[g][k][lane]);
+                    assert!((f64::from(kept) - want.transmittance[k]).abs() < tolerance);
+                    assert!((f64::from(added) - want.airlight[k]).abs() < tolerance);
+                    let decoded = |groups: &[ShadeGroup; 16]| srgb_decode(f64::from(groups[g].rgb[k][lane]));
+                    let difference = decoded(&white) - decoded(&black);
+                    assert!((f64::from(kept) - difference).abs() < 4e-6, "{kept}, and {difference}");
+                }
             }
         }
     }

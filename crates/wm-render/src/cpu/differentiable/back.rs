@@ -14,8 +14,8 @@ use crate::stages::composite::cpu::{Composite, OutputRows};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
 use crate::stages::particles::cpu::Falling;
 use crate::stages::project::Record;
-use crate::stages::rasterize_backward::cpu::{Pictures, blend_tile_backward, prepare_patch};
-use crate::stages::rasterize_backward::{NO_SLOT, Slot};
+use crate::stages::rasterize_backward::cpu::{RenderedPictures, blend_tile_backward, prepare_patch};
+use crate::stages::rasterize_backward::{GradientSlot, NO_SLOT};
 use rayon::prelude::*;
 use std::ops::Add;
 use std::sync::Mutex;
@@ -23,8 +23,8 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::Instant;
 use wm_scene::Camera;
 
-/// What all tiles of one pass share.
-pub struct Tiles<'a> {
+/// The inputs that all tiles of one pass share.
+pub(crate) struct Tiles<'a> {
     path: SimdPath,
     records: &'a [Record],
     entries: &'a [AtomicU64],
@@ -182,7 +182,7 @@ impl<'a> Tiles<'a> {
         &self,
         upstream: &Upstream<'_>,
         kept: &[[f32; PATCH_PIXELS]],
-        slots: &mut [Slot],
+        slots: &mut [GradientSlot],
         places: &[AtomicU32],
         workers: &[Mutex<BackwardWorker>],
     ) -> f64 {
@@ -212,7 +212,7 @@ impl<'a> Tiles<'a> {
         index: usize,
         upstream: &Upstream<'_>,
         kept: &[[f32; PATCH_PIXELS]],
-        slots: &mut [Slot],
+        slots: &mut [GradientSlot],
         places: &[AtomicU32],
         worker: &mut BackwardWorker,
     ) {
@@ -225,7 +225,7 @@ impl<'a> Tiles<'a> {
         let (left, top) = (tile.0 * TILE, tile.1 * TILE);
         let inside = inside(tile, self.size());
         let count = self.config.channels.count();
-        let pictures = Pictures { config: self.config, upstream, size: self.size() };
+        let pictures = RenderedPictures { config: self.config, upstream, size: self.size() };
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
             let corner = (left + patch % 2 * PATCH, top + patch / 2 * PATCH);
             let kept = &kept[patch * (count + 1)..(patch + 1) * (count + 1)];

@@ -18,7 +18,7 @@ use std::time::Instant;
 use wm_scene::{Group, Splats, sh};
 
 /// A run of splats, with the records that it may fill.
-pub struct Unit<'a> {
+pub(crate) struct Unit<'a> {
     splats: Range<usize>,
     first_record: u32,
     records: &'a mut [Record],
@@ -40,9 +40,9 @@ impl<'a> Unit<'a> {
     }
 }
 
-/// What the first sweep gives for one unit; kept from step to step for its memory.
+/// The results of the first sweep for one unit; kept from step to step for its memory.
 #[derive(Debug, Default)]
-pub struct Part {
+pub(crate) struct Part {
     /// The pairs of tiles and splats.
     pub pairs: Pairs,
     /// The number of the first of them.
@@ -54,8 +54,8 @@ pub struct Part {
     pub intersect: f64,
 }
 
-/// What all units of one forward pass share.
-pub struct Front<'a> {
+/// The inputs that all units of one forward pass share.
+pub(crate) struct Front<'a> {
     path: SimdPath,
     splats: &'a Splats,
     camera: &'a ProjectCamera,

@@ -8,7 +8,7 @@ use crate::simd::{Lanes, SimdPath, transpose};
 use crate::stages::project::activate::{Activated, activate};
 use crate::stages::project::{ProjectCamera, Record};
 use crate::stages::project_backward::cpu::{SplatGradients, directions, project_backward_group};
-use crate::stages::rasterize_backward::{NO_SLOT, Slot};
+use crate::stages::rasterize_backward::{GradientSlot, NO_SLOT};
 use crate::stages::shade::cpu::gather_rows;
 use crate::stages::shade_backward::cpu::{ShadeGradients, shade_backward_group};
 use fearless_simd::SimdBase;
@@ -17,15 +17,15 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Instant;
 use wm_scene::{Splats, sh};
 
-/// What all parts share.
-pub struct Gather<'a> {
+/// The inputs that all parts share.
+pub(crate) struct Gather<'a> {
     pub path: SimdPath,
     pub splats: &'a Splats,
     pub camera: &'a ProjectCamera,
     pub config: &'a ForwardConfig,
     pub learn: Learn,
     pub records: &'a [Record],
-    pub slots: &'a [Slot],
+    pub slots: &'a [GradientSlot],
     pub places: &'a [AtomicU32],
 }
 
@@ -87,7 +87,7 @@ impl<'a> Rows<'a> {
 #[inline(always)]
 fn sum_slots<S: Lanes>(
     simd: S,
-    slots: &[Slot],
+    slots: &[GradientSlot],
     places: &[u32],
     ends: &[usize; GROUP],
     sums: &mut [[f32; GROUP]; GROUP],
@@ -184,7 +184,7 @@ impl Gather<'_> {
             for (lane, record) in records.iter().enumerate() {
                 for k in 0..3 {
                     let lit = record.rgb[k] > 0.0;
-                    by_rgb[k][lane] = if lit { sums[Slot::FEATURES + k][lane] } else { 0.0 };
+                    by_rgb[k][lane] = if lit { sums[GradientSlot::FEATURES + k][lane] } else { 0.0 };
                 }
             }
             let count = 3 * sh::coefficients(self.config.sh_degree);
@@ -218,7 +218,7 @@ impl Gather<'_> {
         }
         let opacities = rows.logit_opacities.len();
         rows.logit_opacities.copy_from_slice(&from.logit_opacity[..opacities]);
-        rows.weights.copy_from_slice(&sums[Slot::WEIGHT][..rows.visible.len()]);
+        rows.weights.copy_from_slice(&sums[GradientSlot::WEIGHT][..rows.visible.len()]);
         rows.radii.copy_from_slice(&from.radius[..rows.visible.len()]);
         if self.learn.sh {
             let parts = &mut scratch.shade.sh.as_chunks_mut::<GROUP>().0[..stride.div_ceil(GROUP)];

@@ -18,7 +18,7 @@ use crate::renderer::{CpuConfig, RenderError, Stats};
 use crate::simd::SimdPath;
 use crate::stages::intersect::{PATCHES, TileGrid, cpu as intersect};
 use crate::stages::project::{ProjectCamera, Record};
-use crate::stages::rasterize_backward::{Slot, cpu::Scratch};
+use crate::stages::rasterize_backward::{GradientSlot, cpu::BackwardScratch};
 use back::Tiles;
 use front::{Front, Part, Unit};
 use rayon::prelude::*;
@@ -41,7 +41,7 @@ pub struct CpuDifferentiable {
     words: Vec<AtomicU32>,
     /// The slot of each pair.
     places: Vec<AtomicU32>,
-    slots: Vec<Slot>,
+    slots: Vec<GradientSlot>,
     /// Tile by tile, patch by patch: alpha and the sums, in block order.
     kept: Vec<[f32; PATCH_PIXELS]>,
     workers: Vec<Mutex<Worker>>,
@@ -52,7 +52,7 @@ pub struct CpuDifferentiable {
 /// Working memory of one thread.
 #[derive(Default)]
 struct BackwardWorker {
-    scratch: Scratch,
+    scratch: BackwardScratch,
     keys: Vec<u64>,
     places: Vec<u32>,
 }
@@ -124,7 +124,7 @@ impl CpuDifferentiable {
             self.entries.resize_with(room, AtomicU64::default);
             self.words.resize_with(room, AtomicU32::default);
             self.places.resize_with(room, AtomicU32::default);
-            self.slots.resize(room, Slot::default());
+            self.slots.resize(room, GradientSlot::default());
         }
         stats.intersections = pairs as u64;
         stats.intersect += laying.elapsed().as_secs_f64();

@@ -1,7 +1,11 @@
 //! Without any adapter: every text is valid WGSL, and mirrors the structures of the Rust code.
 
 use super::*;
+use crate::stages::optimize::gpu::OptimizeProgram;
 use crate::stages::project::Record;
+use crate::stages::project::gpu::{ParameterForm, ProjectProgram};
+use crate::stages::rasterize_backward::gpu::RasterizeBackwardProgram;
+use crate::stages::shade::gpu::AirText;
 use wgpu::naga::front::wgsl;
 use wgpu::naga::proc::Layouter;
 use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -12,8 +16,9 @@ fn some_air() -> [Program; 3] {
     let air = "fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay {
         return AirOnRay(vec3<f32>(exp(-air[0] * min(distance, FAR_AWAY))), direction);
     }";
-    let project = |text| Program::Project(Form::Activated, text);
-    [project(AirText::Color(air.into())), project(AirText::Share(air.into())), Program::Air(air.into())]
+    let project = |text| ProjectProgram::Project(ParameterForm::Activated, text).into();
+    let groups = shade::gpu::ShadeProgram::Groups(air.into()).into();
+    [project(AirText::Color(air.into())), project(AirText::Share(air.into())), groups]
 }
 
 fn every() -> Vec<Program> {
@@ -32,7 +37,9 @@ fn every_program_is_valid() {
     for program in every() {
         let module = parsed(&program);
         let capabilities = match program {
-            Program::RasterizeBackward(_, Subgroups::Used) => Capabilities::SUBGROUP,
+            Program::RasterizeBackward(RasterizeBackwardProgram::Backward(_, Subgroups::Used)) => {
+                Capabilities::SUBGROUP
+            }
             _ => Capabilities::empty(),
         };
         Validator::new(ValidationFlags::all(), capabilities)
@@ -65,7 +72,7 @@ fn every_program_fits_small_adapters() {
 #[test]
 fn no_program_writes_the_splats() {
     // But those by which they learn.
-    let learn = [Program::Optimize, Program::Explore];
+    let learn = [OptimizeProgram::Optimize, OptimizeProgram::Explore].map(Program::Optimize);
     for program in every().into_iter().filter(|program| !learn.contains(program)) {
         for (_, variable) in parsed(&program).global_variables.iter() {
             let AddressSpace::Storage { access } = variable.space else { continue };
@@ -80,7 +87,7 @@ fn no_program_writes_the_splats() {
 /// `Record` is the CPU's, number for number.
 #[test]
 fn records_are_as_long_as_the_cpus() {
-    let module = parsed(&Program::Project(Form::Activated, AirText::Clear));
+    let module = parsed(&ProjectProgram::Project(ParameterForm::Activated, AirText::Clear).into());
     let mut layouter = Layouter::default();
     layouter.update(module.to_ctx()).unwrap();
     let (handle, record) =
@@ -98,7 +105,7 @@ fn records_are_as_long_as_the_cpus() {
 
 #[test]
 fn sizes_of_counted_structures_are_what_rust_says() {
-    let module = parsed(&Program::Cull(Form::Activated));
+    let module = parsed(&ProjectProgram::Cull(ParameterForm::Activated).into());
     let mut layouter = Layouter::default();
     layouter.update(module.to_ctx()).unwrap();
     let size = |name: &str| {

@@ -5,8 +5,9 @@ use crate::gpu::buffers::{Growing, WRITTEN};
 use crate::gpu::device::Gpu;
 use crate::gpu::error::GpuError;
 use crate::gpu::recorder::{Groups, Recorder, Stage};
-use crate::gpu::source::{Program, WORKGROUP};
+use crate::gpu::source::WORKGROUP;
 use crate::gpu::uniforms::{Forgets, SLOT, Uniform, bytes_of, rearrangement};
+use crate::stages::optimize::gpu::OptimizeProgram;
 use crate::stages::optimize::{Changed, Origin, Pulls, Shapes};
 use crate::stages::project::gpu::{ROW_OPACITY, ROWS};
 use std::ops::Range;
@@ -140,7 +141,7 @@ impl Moving<'_> {
                 (3, after[now].as_entire_binding()),
             ];
             let groups = (ranges[now].len() as u32).div_ceil(WORKGROUP);
-            recorder.dispatch(&Program::Rearrange, Groups::Direct(groups), bindings);
+            recorder.dispatch(OptimizeProgram::Rearrange, Groups::Direct(groups), bindings);
         }
         recorder.submit();
         // Before the next array, or all of them would be there twice.

@@ -2,10 +2,16 @@
 
 use super::*;
 use crate::differentiable::Channels;
-use crate::gpu::source::{Form, Program};
+use crate::gpu::source::Program;
 use crate::renderer::RenderConfig;
 use crate::stages::compare::NO_EXPOSURE;
+use crate::stages::compare::gpu::CompareProgram;
+use crate::stages::composite::gpu::CompositeProgram;
+use crate::stages::intersect::gpu::IntersectProgram;
+use crate::stages::optimize::gpu::OptimizeProgram;
 use crate::stages::optimize::{Rates, SplatTerms};
+use crate::stages::project::gpu::{ParameterForm, ProjectProgram};
+use crate::stages::sort::gpu::SortProgram;
 use crate::testing::camera;
 use wgpu::naga::front::wgsl;
 use wgpu::naga::{Module, TypeInner};
@@ -28,17 +34,29 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
     let photo = Comparison { exposure: NO_EXPOSURE, weights: [0.5; Term::COUNT], ..Comparison::default() };
     let step = Step { number: 7, rates, terms: SplatTerms::default(), size: (64, 48) };
     for (program, name, uniform) in [
-        (Program::Cull(Form::Activated), "View", view(&Sight::of(&pass), 0, 0, Capacity::default())),
-        (Program::Cull(Form::Activated), "Chunk", chunk(Piece::default(), true)),
-        (Program::Finish(Channels::Color), "Training", training([0.5; 3], DepthAlpha::Learns)),
-        (Program::ColorsBackward, "Comparison", comparison(&photo, 5, 4.0, 2)),
-        (Program::PatchTotals, "Geometry", geometry(&photo, 5, (2, 6))),
-        (Program::Optimize, "Step", optimize_step(&step, 5)),
-        (Program::AddGradients, "Learn", learn(Learn::ALL)),
-        (Program::Explore, "Noise", noise(&Noise { seed: 3, size: 0.5, most: 0.1 })),
-        (Program::Rearrange, "Move", rearrangement(3..5, 0..7, 14, Forgets::Row(10, 14))),
-        (Program::SortCount, "Pass", sort_pass(8, true, false)),
-        (Program::Intersect, "Task", intersect_task(true)),
+        (
+            Program::Project(ProjectProgram::Cull(ParameterForm::Activated)),
+            "View",
+            view(&ViewParameters::of(&pass), 0, 0, Capacity::default()),
+        ),
+        (
+            Program::Project(ProjectProgram::Cull(ParameterForm::Activated)),
+            "Chunk",
+            chunk(Piece::default(), true),
+        ),
+        (
+            CompositeProgram::Finish(Channels::Color).into(),
+            "Training",
+            training([0.5; 3], DepthAlpha::Learns),
+        ),
+        (CompareProgram::ColorsBackward.into(), "Comparison", comparison(&photo, 5, 4.0, 2)),
+        (CompareProgram::PatchTotals.into(), "Geometry", geometry(&photo, 5, (2, 6))),
+        (OptimizeProgram::Optimize.into(), "Step", optimize_step(&step, 5)),
+        (OptimizeProgram::AddGradients.into(), "Learn", learn(Learn::ALL)),
+        (OptimizeProgram::Explore.into(), "Noise", noise(&Noise { seed: 3, size: 0.5, most: 0.1 })),
+        (OptimizeProgram::Rearrange.into(), "Move", rearrangement(3..5, 0..7, 14, Forgets::Row(10, 14))),
+        (SortProgram::Count.into(), "Pass", sort_pass(8, true, false)),
+        (IntersectProgram::Entries.into(), "Task", intersect_task(true)),
     ] {
         let module = wgsl::parse_str(&program.text()).unwrap();
         let (wanted, span) = members(&module, name);
@@ -54,19 +72,19 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
 fn room_grows_by_need_and_a_quarter() {
     const MUCH: u64 = 1 << 40;
     let mut capacity = Capacity::default();
-    capacity.start(1_000_000, MUCH, Each::FRAME);
+    capacity.start(1_000_000, MUCH, ItemBytes::FRAME);
     assert_eq!(capacity, Capacity { visible: 500_000, entries: 1_000_000 });
-    assert!(!capacity.grow(400_000, 1_000_000, MUCH, Each::FRAME));
-    assert!(capacity.grow(600_000, 2_000_000, MUCH, Each::FRAME));
+    assert!(!capacity.grow(400_000, 1_000_000, MUCH, ItemBytes::FRAME));
+    assert!(capacity.grow(600_000, 2_000_000, MUCH, ItemBytes::FRAME));
     assert_eq!(capacity, Capacity { visible: 750_000, entries: 2_500_000 });
-    capacity.start(10, MUCH, Each::FRAME);
+    capacity.start(10, MUCH, ItemBytes::FRAME);
     assert_eq!(capacity.visible, 750_000);
     // No guess is beyond what fits; a need may be, and is refused later.
     let mut small = Capacity::default();
-    small.start(1_000_000, 6_400_000, Each::FRAME);
+    small.start(1_000_000, 6_400_000, ItemBytes::FRAME);
     assert_eq!(small, Capacity { visible: 100_000, entries: 1_000_000 });
-    assert!(small.grow(90_000, 1_500_000, 6_400_000, Each::FRAME));
+    assert!(small.grow(90_000, 1_500_000, 6_400_000, ItemBytes::FRAME));
     assert_eq!(small, Capacity { visible: 100_000, entries: 1_600_000 });
-    assert!(small.grow(200_000, 0, 6_400_000, Each::FRAME));
+    assert!(small.grow(200_000, 0, 6_400_000, ItemBytes::FRAME));
     assert_eq!(small.visible, 200_000);
 }

@@ -6,8 +6,9 @@ use crate::gpu::buffers::{Growing, READ_BACK, WRITTEN};
 use crate::gpu::device::Gpu;
 use crate::gpu::error::GpuError;
 use crate::gpu::recorder::{Bindings, Groups, Recorder, Stage};
-use crate::gpu::source::{Program, WORKGROUP};
+use crate::gpu::source::{StagePrograms, WORKGROUP, switches, texts};
 use crate::gpu::uniforms::{self, Uniform};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use wgpu::{BindingResource, BufferBinding, BufferSize};
 
@@ -17,6 +18,99 @@ pub const GROUPS: u32 = 64;
 pub(crate) const SLOTS: usize = 4;
 /// Most bytes of photos that stay, and of what is believed of them.
 const KEPT_BYTES: u64 = 1 << 30;
+
+/// The structure of a comparison, and the photo.
+const PHOTO: &str = include_str!("photo.wgsl");
+/// The first text of programs that compare geometry.
+const GEOMETRY: &str = include_str!("geometry.wgsl");
+/// Sums over a workgroup.
+const SUMS: &str = include_str!("sums.wgsl");
+const WINDOWS: &str = include_str!("windows.wgsl");
+const BELIEFS: &str = include_str!("beliefs.wgsl");
+const GRID: &str = include_str!("grid.wgsl");
+const MOMENTS: &str = include_str!("moments.wgsl");
+const PATCH: &str = include_str!("patch.wgsl");
+
+/// The programs of losses.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum CompareProgram {
+    /// Compares one channel with a photo.
+    Similarity,
+    /// The derivative of that.
+    SimilarityBackward,
+    /// The derivative of all that is compared, added up and back through the exposure.
+    ColorsBackward,
+    /// Depth, normals and coverage against the priors of each pixel.
+    PixelsBackward(Channels),
+    /// Mean and spread of inverse depths.
+    GridMoments,
+    /// The same of patches, and their distance from the priors.
+    Patches,
+    /// All of them together.
+    PatchTotals,
+    /// The derivative of that.
+    PatchesBackward,
+    /// The sum of inverse depths.
+    InverseDepths,
+    /// Differences of inverse depths of neighbours.
+    SmoothBackward,
+}
+
+impl StagePrograms for CompareProgram {
+    fn all() -> Vec<Self> {
+        let mut all = vec![
+            Self::Similarity,
+            Self::SimilarityBackward,
+            Self::ColorsBackward,
+            Self::GridMoments,
+            Self::Patches,
+            Self::PatchTotals,
+            Self::PatchesBackward,
+            Self::InverseDepths,
+            Self::SmoothBackward,
+        ];
+        all.extend(Channels::ALL.map(Self::PixelsBackward));
+        all
+    }
+
+    fn entry(&self) -> &'static str {
+        match self {
+            Self::Similarity => "similarity",
+            Self::SimilarityBackward => "similarity_backward",
+            Self::ColorsBackward => "colors_backward",
+            Self::PixelsBackward(_) => "pixels_backward",
+            Self::GridMoments => "grid_moments",
+            Self::Patches => "patches",
+            Self::PatchTotals => "patch_totals",
+            Self::PatchesBackward => "patches_backward",
+            Self::InverseDepths => "inverse_depths",
+            Self::SmoothBackward => "smooth_backward",
+        }
+    }
+
+    fn parts(&self) -> Vec<Cow<'static, str>> {
+        match self {
+            Self::Similarity => texts([PHOTO, WINDOWS, include_str!("similarity.wgsl")]),
+            Self::SimilarityBackward => texts([PHOTO, WINDOWS, include_str!("similarity_backward.wgsl")]),
+            Self::ColorsBackward => texts([PHOTO, SUMS, include_str!("colors_backward.wgsl")]),
+            Self::PixelsBackward(channels) => {
+                let mut parts = vec![switches(*channels)];
+                parts.extend(texts([GEOMETRY, BELIEFS, SUMS, include_str!("pixels_backward.wgsl")]));
+                parts
+            }
+            Self::GridMoments => texts([GEOMETRY, BELIEFS, GRID, MOMENTS, include_str!("grid_moments.wgsl")]),
+            Self::Patches => {
+                texts([GEOMETRY, BELIEFS, GRID, MOMENTS, PATCH, SUMS, include_str!("patches.wgsl")])
+            }
+            Self::PatchTotals => texts([GEOMETRY, SUMS, include_str!("patch_totals.wgsl")]),
+            Self::PatchesBackward => {
+                texts([GEOMETRY, BELIEFS, GRID, PATCH, SUMS, include_str!("patches_backward.wgsl")])
+            }
+            Self::InverseDepths => texts([GEOMETRY, SUMS, include_str!("inverse_depths.wgsl")]),
+            Self::SmoothBackward => texts([GEOMETRY, SUMS, include_str!("smooth_backward.wgsl")]),
+        }
+    }
+}
 
 /// Sums that come back: those of each workgroup, and where they begin.
 #[derive(Clone, Copy)]
@@ -53,7 +147,7 @@ impl Sums {
         sums
     }
 
-    /// Where they are in the buffer of all.
+    /// Their place in the buffer of all.
     fn within(self, totals: &wgpu::Buffer) -> BindingResource<'_> {
         BindingResource::Buffer(BufferBinding {
             buffer: totals,
@@ -97,7 +191,7 @@ pub(crate) struct Room {
     /// Of each workgroup over the picture.
     groups: wgpu::Buffer,
     patches: wgpu::Buffer,
-    /// What [`Room::compared`] reads.
+    /// The room for the totals that [`Room::compared`] reads.
     pub totals: wgpu::Buffer,
     pixels: u32,
     tiles: u32,
@@ -260,10 +354,10 @@ impl Room {
         for channel in 0..3 {
             let mut bindings = shared(channel);
             bindings.extend([(4, self.slopes.as_entire_binding()), (5, self.sums.as_entire_binding())]);
-            recorder.dispatch(&Program::Similarity, Groups::Direct(self.tiles), bindings);
+            recorder.dispatch(CompareProgram::Similarity, Groups::Direct(self.tiles), bindings);
             let mut bindings = shared(channel);
             bindings.extend([(4, self.slopes.as_entire_binding()), (6, upstream.as_entire_binding())]);
-            recorder.dispatch(&Program::SimilarityBackward, Groups::Direct(self.tiles), bindings);
+            recorder.dispatch(CompareProgram::SimilarityBackward, Groups::Direct(self.tiles), bindings);
         }
         let mut bindings = shared(0);
         bindings.extend([
@@ -271,7 +365,7 @@ impl Room {
             (6, upstream.as_entire_binding()),
             (7, Sums::COLORS.within(&self.totals)),
         ]);
-        recorder.dispatch(&Program::ColorsBackward, Groups::Direct(GROUPS), bindings);
+        recorder.dispatch(CompareProgram::ColorsBackward, Groups::Direct(GROUPS), bindings);
     }
 
     fn record_geometry<'a>(&'a self, recorder: &mut Recorder<'a>, slot: usize, pictures: Pictures<'a>) {
@@ -295,28 +389,28 @@ impl Room {
                 (6, upstream.as_entire_binding()),
                 (7, Sums::PIXELS.within(&self.totals)),
             ]);
-            recorder.dispatch(&Program::PixelsBackward(channels), Groups::Direct(GROUPS), bindings);
+            recorder.dispatch(CompareProgram::PixelsBackward(channels), Groups::Direct(GROUPS), bindings);
             if self.has_patches {
                 let each = Groups::Direct(self.patch_count);
                 let (groups, patches) = (&self.groups, &self.patches);
                 let totals = || Sums::PATCHES.within(&self.totals);
                 let bindings = with(vec![(5, beliefs()), (7, groups.as_entire_binding())]);
-                recorder.dispatch(&Program::GridMoments, Groups::Direct(GROUPS), bindings);
+                recorder.dispatch(CompareProgram::GridMoments, Groups::Direct(GROUPS), bindings);
                 let bindings = with(vec![
                     (4, groups.as_entire_binding()),
                     (5, beliefs()),
                     (7, patches.as_entire_binding()),
                 ]);
-                recorder.dispatch(&Program::Patches, each, bindings);
+                recorder.dispatch(CompareProgram::Patches, each, bindings);
                 let bindings = vec![(1, structure.clone()), (4, patches.as_entire_binding()), (7, totals())];
-                recorder.dispatch(&Program::PatchTotals, Groups::Direct(1), bindings);
+                recorder.dispatch(CompareProgram::PatchTotals, Groups::Direct(1), bindings);
                 let bindings = with(vec![
                     (4, patches.as_entire_binding()),
                     (5, beliefs()),
                     (6, upstream.as_entire_binding()),
                     (7, totals()),
                 ]);
-                recorder.dispatch(&Program::PatchesBackward, each, bindings);
+                recorder.dispatch(CompareProgram::PatchesBackward, each, bindings);
             }
         }
         if self.is_smooth {
@@ -326,14 +420,14 @@ impl Room {
                 (3, depths.as_entire_binding()),
                 (7, self.groups.as_entire_binding()),
             ];
-            recorder.dispatch(&Program::InverseDepths, Groups::Direct(GROUPS), bindings);
+            recorder.dispatch(CompareProgram::InverseDepths, Groups::Direct(GROUPS), bindings);
             let bindings = with(vec![
                 (4, self.groups.as_entire_binding()),
                 (5, self.photo.as_entire_binding()),
                 (6, upstream.as_entire_binding()),
                 (7, Sums::SMOOTH.within(&self.totals)),
             ]);
-            recorder.dispatch(&Program::SmoothBackward, Groups::Direct(GROUPS), bindings);
+            recorder.dispatch(CompareProgram::SmoothBackward, Groups::Direct(GROUPS), bindings);
         }
     }
 
@@ -342,7 +436,7 @@ impl Room {
         vec![0.0; Sums::ALL]
     }
 
-    /// What came of a comparison, by what came back.
+    /// The result of a comparison, from the totals that came back.
     pub fn compared(&self, comparison: &Comparison<'_>, totals: &[f32]) -> Compared {
         let mut found = Compared::default();
         let mut set = |term: Term, value: f64| {

@@ -1,5 +1,5 @@
-//! What training makes of pictures on a device where they are: how far they are from the photo and from what is believed of
-//! its depth, normals and sky, and the derivative of that by what was rendered.
+//! Losses of rendered pictures on the device that holds them: their distance from the photo and from the priors of its
+//! depth, normals and sky, and its derivative by the rendered pictures.
 //!
 //! Contract of colours, with `c` the rendered colour of a pixel, `[M | b]` the photo's exposure, `x = M c + b`, `y` the photo
 //! and `m` its mask:
@@ -54,7 +54,7 @@ pub const WINDOW: [f32; 2 * RADIUS + 1] = [
     0.007_598_76,
     0.001_028_38,
 ];
-/// What keeps its first factor from 0 over 0, for values 0-1.
+/// The constant that keeps its first factor from 0 over 0, for values 0-1.
 pub const C1: f32 = 0.01 * 0.01;
 /// The second's.
 pub const C2: f32 = 0.03 * 0.03;
@@ -99,7 +99,7 @@ pub type Exposure = [f32; 12];
 /// None.
 pub const NO_EXPOSURE: Exposure = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-/// What is believed of a pixel.
+/// The prior of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Belief {
     /// Inverse view z, 1 / scene unit: 0 in the sky, below 0 where nothing is known or the pixel is not of the grid.
@@ -115,10 +115,10 @@ impl Belief {
     pub const NONE: Self = Self { disparity: -1.0, normal: [0.0; 3], coverage: -1.0 };
 }
 
-/// What is believed of a photo.
+/// The priors of a photo.
 #[derive(Clone, Copy)]
 pub struct Believed<'a> {
-    /// How far disparities are off, 1 / scene unit.
+    /// The standard deviation of disparities, 1 / scene unit.
     pub sigma: f32,
     /// Columns and rows of the grid, at most those of the photo: column `i` of `n` is at `(2 i + 1) width / (2 n)`.
     pub grid: (u32, u32),
@@ -126,7 +126,7 @@ pub struct Believed<'a> {
     pub pixels: &'a (dyn Fn() -> Vec<Belief> + Sync),
 }
 
-/// How a grid is cut into patches, and which differences count.
+/// The cut of a grid into patches, and the differences that count.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Patches {
     /// Their side, pixels of the grid.
@@ -146,9 +146,9 @@ pub struct Comparison<'a> {
     pub rgb: &'a [f32],
     /// `[H, W]`, 0-1, what each pixel counts in colours; `None` where all count alike.
     pub mask: Option<&'a [f32]>,
-    /// What becomes of rendered colours before.
+    /// The exposure that is applied to rendered colours first.
     pub exposure: Exposure,
-    /// What is believed of it; without it only colours and smoothness have terms.
+    /// The priors; without them only colours and smoothness have terms.
     pub believed: Option<Believed<'a>>,
     /// Of [`Term::Patches`].
     pub patches: Patches,
@@ -164,7 +164,7 @@ impl Comparison<'_> {
     }
 }
 
-/// What came of it.
+/// The result of a comparison.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Compared {
     /// The value of each [`Term`] that has a weight, before weighting.

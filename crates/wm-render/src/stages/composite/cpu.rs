@@ -82,16 +82,16 @@ fn to_rows<const LANES: usize>(from: &[f32; PATCH_PIXELS], to: &mut [f32; PATCH_
     }
 }
 
-/// What all patches of one frame share.
+/// The inputs that all patches of one frame share.
 #[derive(Clone, Copy)]
 pub struct Composite<'a> {
     /// The path that blended.
     pub path: SimdPath,
-    /// How many sums it filled.
+    /// The number of sums that it filled.
     pub features: usize,
-    /// What stands behind.
+    /// The background.
     pub background: &'a BackgroundView<'a>,
-    /// What falls in front of it.
+    /// The particles in front of it.
     pub falling: &'a Falling,
     /// In order.
     pub effects: &'a [&'a dyn PixelEffect],

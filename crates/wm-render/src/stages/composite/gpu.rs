@@ -3,10 +3,102 @@
 
 use crate::differentiable::Channels;
 use crate::gpu::recorder::{Groups, Recorder};
-use crate::gpu::source::{Behind, Falls, Program, WORKGROUP};
+use crate::gpu::source::{COLOR, StagePrograms, TRAINING, WORKGROUP, switches, texts};
+use crate::stages::particles::gpu::OVER;
 use crate::stages::rasterize_backward::gpu::Kept;
+use std::borrow::Cow;
 
-/// What the composite reads and writes, see `composite.wgsl`.
+/// The form of the background behind the splats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum BackgroundForm {
+    /// One colour.
+    Color,
+    /// Colours mixed between so many nodes along a side of each patch.
+    Nodes(u32),
+    /// A picture.
+    Picture,
+}
+
+impl BackgroundForm {
+    /// Every kind.
+    pub const ALL: [Self; 4] = [Self::Color, Self::Nodes(4), Self::Nodes(8), Self::Picture];
+}
+
+/// The pictures that particles are drawn into.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum ParticleBlend {
+    /// There are none.
+    #[default]
+    None,
+    /// Over the colour.
+    InColor,
+    /// Over the colour, and into a picture of their own.
+    Separate,
+}
+
+/// One colour behind everything.
+const ONE_COLOR: &str =
+    "fn behind(at: u32) -> vec3<f32> { return vec3<f32>(background[0], background[1], background[2]); }";
+/// A picture behind it, `[H, W, 3]`.
+const PICTURE: &str = "fn behind(at: u32) -> vec3<f32> {
+    return vec3<f32>(background[3u * at], background[3u * at + 1u], background[3u * at + 2u]);
+}";
+/// No particles.
+const NO_PARTICLES: &str = "fn with_falling(at: u32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
+
+/// The programs that finish pictures.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum CompositeProgram {
+    /// Puts the background behind and the particles before the splats.
+    Composite(BackgroundForm, ParticleBlend),
+    /// Makes the pictures of a step of training from its sums.
+    Finish(Channels),
+}
+
+impl StagePrograms for CompositeProgram {
+    fn all() -> Vec<Self> {
+        let mut all: Vec<Self> = Channels::ALL.map(Self::Finish).into();
+        for particles in [ParticleBlend::None, ParticleBlend::InColor, ParticleBlend::Separate] {
+            all.extend(BackgroundForm::ALL.map(|form| Self::Composite(form, particles)));
+        }
+        all
+    }
+
+    fn entry(&self) -> &'static str {
+        match self {
+            Self::Composite(..) => "composite",
+            Self::Finish(_) => "finish",
+        }
+    }
+
+    fn parts(&self) -> Vec<Cow<'static, str>> {
+        match self {
+            Self::Composite(form, particles) => {
+                let mut parts = match form {
+                    BackgroundForm::Color => texts([ONE_COLOR]),
+                    BackgroundForm::Nodes(nodes) => {
+                        vec![format!("const NODES = {nodes}u;").into(), include_str!("nodes.wgsl").into()]
+                    }
+                    BackgroundForm::Picture => texts([PICTURE]),
+                };
+                if *particles == ParticleBlend::None {
+                    parts.push(NO_PARTICLES.into());
+                } else {
+                    let is_separate = *particles == ParticleBlend::Separate;
+                    parts.push(format!("const APART: bool = {is_separate};").into());
+                    parts.extend(texts([COLOR, OVER]));
+                }
+                parts.push(include_str!("composite.wgsl").into());
+                parts
+            }
+            Self::Finish(channels) => {
+                vec![switches(*channels), TRAINING.into(), include_str!("finish.wgsl").into()]
+            }
+        }
+    }
+}
+
+/// The buffers that `composite.wgsl` reads and writes.
 pub(crate) struct Composite<'a> {
     pub rgb: &'a wgpu::Buffer,
     pub alpha: &'a wgpu::Buffer,
@@ -19,22 +111,28 @@ pub(crate) struct Composite<'a> {
 
 impl Composite<'_> {
     /// Finishes `pixels` pixels.
-    pub fn record(&self, recorder: &mut Recorder<'_>, pixels: u32, behind: Behind, falls: Falls) {
+    pub fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        pixels: u32,
+        form: BackgroundForm,
+        particles: ParticleBlend,
+    ) {
         let mut bindings = vec![
             (0, recorder.view()),
             (1, self.rgb.as_entire_binding()),
             (2, self.alpha.as_entire_binding()),
             (3, self.background.as_entire_binding()),
         ];
-        if falls != Falls::Nothing {
+        if particles != ParticleBlend::None {
             bindings.extend([(4, self.falling.as_entire_binding()), (5, self.apart.as_entire_binding())]);
         }
         let groups = Groups::Direct(pixels.div_ceil(WORKGROUP));
-        recorder.dispatch(&Program::Composite(behind, falls), groups, bindings);
+        recorder.dispatch(CompositeProgram::Composite(form, particles), groups, bindings);
     }
 }
 
-/// What the pictures of a step of training are made from and written to, see `finish.wgsl`.
+/// The buffers that `finish.wgsl` reads and writes: the pictures of a step of training.
 pub(crate) struct Finish<'a> {
     pub kept: Kept<'a>,
     pub rgb: &'a wgpu::Buffer,
@@ -61,6 +159,10 @@ impl Finish<'_> {
             (7, self.depths.as_entire_binding()),
             (8, self.normal.as_entire_binding()),
         ];
-        recorder.dispatch(&Program::Finish(channels), Groups::Direct(pixels.div_ceil(WORKGROUP)), bindings);
+        recorder.dispatch(
+            CompositeProgram::Finish(channels),
+            Groups::Direct(pixels.div_ceil(WORKGROUP)),
+            bindings,
+        );
     }
 }

@@ -43,7 +43,7 @@ fn the_background_follows_the_sky() {
     }
 }
 
-/// What each pixel of an empty picture has behind it, of nodes four, eight and a whole patch along its side: mixed of
+/// The background of each pixel of an empty picture, of nodes four, eight and a whole patch along its side: mixed of
 /// numbers about 1 by seven roundings.
 fn sky(backend: Backend) {
     let background = Background::Sky(SkyGradient::daylight([0.0, -1.0, 0.0]));

@@ -15,7 +15,7 @@ pub fn cell_lanes<S: Lanes>(simd: S) -> (S::F, S::F) {
     (simd.load(&COLUMN), simd.load(&ROW))
 }
 
-/// What of a picture a 2D Gaussian touches: `(ux dx)^2 + (vx dx + vy dy)^2 <= reach`.
+/// The ellipse that a 2D Gaussian touches: `(ux dx)^2 + (vx dx + vy dy)^2 <= reach`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ellipse {
     /// Centre, px.
@@ -37,7 +37,7 @@ pub struct Ellipse {
 }
 
 impl Record {
-    /// Where its alpha is drawn, with some slack.
+    /// The ellipse in which its alpha is drawn, with some slack.
     #[inline(always)]
     #[must_use]
     pub fn ellipse(&self) -> Ellipse {
@@ -198,7 +198,7 @@ impl Pairs {
         self.len
     }
 
-    /// Whether there is none.
+    /// Returns true if there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0

@@ -2,9 +2,40 @@
 //! sums writes an entry a tile. Sorted by tile, and no further, the entries are the lists.
 
 use crate::gpu::recorder::{Groups, Recorder};
-use crate::gpu::source::{Program, VISIBLE_GROUPS, WORKGROUP};
+use crate::gpu::source::{StagePrograms, VISIBLE_GROUPS, WORKGROUP, texts};
+use crate::stages::prefix_sum::gpu::WORKGROUP_SUMS;
+use std::borrow::Cow;
 
-/// What finding the tiles reads and writes, see `intersect.wgsl`.
+/// The programs of tile lists.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum IntersectProgram {
+    /// Counts or writes the entries of the tile lists.
+    Entries,
+    /// Finds the start of each tile's list.
+    Ranges,
+}
+
+impl StagePrograms for IntersectProgram {
+    fn all() -> Vec<Self> {
+        vec![Self::Entries, Self::Ranges]
+    }
+
+    fn entry(&self) -> &'static str {
+        match self {
+            Self::Entries => "intersect",
+            Self::Ranges => "ranges",
+        }
+    }
+
+    fn parts(&self) -> Vec<Cow<'static, str>> {
+        match self {
+            Self::Entries => texts([WORKGROUP_SUMS, include_str!("intersect.wgsl")]),
+            Self::Ranges => texts([include_str!("ranges.wgsl")]),
+        }
+    }
+}
+
+/// The buffers that `intersect.wgsl` reads and writes.
 pub(crate) struct Intersect<'a> {
     pub counters: &'a wgpu::Buffer,
     pub dispatches: &'a wgpu::Buffer,
@@ -30,7 +61,11 @@ impl Intersect<'_> {
             (7, self.tiles.as_entire_binding()),
             (8, self.entries.as_entire_binding()),
         ];
-        recorder.dispatch(&Program::Intersect, Groups::Indirect(self.dispatches, VISIBLE_GROUPS), bindings);
+        recorder.dispatch(
+            IntersectProgram::Entries,
+            Groups::Indirect(self.dispatches, VISIBLE_GROUPS),
+            bindings,
+        );
     }
 }
 
@@ -47,5 +82,5 @@ pub(crate) fn ranges(
         (2, tiles.as_entire_binding()),
         (3, tile_offsets.as_entire_binding()),
     ];
-    recorder.dispatch(&Program::Ranges, Groups::Direct((count + 1).div_ceil(WORKGROUP)), bindings);
+    recorder.dispatch(IntersectProgram::Ranges, Groups::Direct((count + 1).div_ceil(WORKGROUP)), bindings);
 }

@@ -1,4 +1,4 @@
-//! Which tiles each splat touches, and for each tile the list of its splats.
+//! Finds the tiles that each splat touches, and lists the splats of each tile.
 //!
 //! Contract: the CPU's tile is 32x32 px, four patches of 16x16. Splat and patch intersect if the
 //! splat's alpha reaches 1/255 at some point of the rectangle spanned by the patch's pixel centres:

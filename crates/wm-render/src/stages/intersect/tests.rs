@@ -10,7 +10,7 @@ use crate::hooks::{GROUP, PATCH, ShadeGroup};
 use crate::plan::{DrawPass, SetView};
 use crate::renderer::{RenderBackend, RenderConfig};
 use crate::simd::SimdPath;
-use crate::stages::project::cpu::{Projected, project_group};
+use crate::stages::project::cpu::{ProjectedGroup, project_group};
 use crate::stages::project::{LOG2_MIN_ALPHA, ProjectCamera, Record};
 use crate::testing::{Backend, Hard, camera, random_splats};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -36,7 +36,7 @@ fn project(path: SimdPath, splats: &Splats) -> (Vec<Record>, Vec<PatchBox>) {
     let model = CpuModel::new(splats).unwrap();
     let (mut records, mut boxes) = (Vec::new(), Vec::new());
     for group in &model.groups {
-        let (mut p, mut shade) = (Projected::default(), ShadeGroup::default());
+        let (mut p, mut shade) = (ProjectedGroup::default(), ShadeGroup::default());
         dispatch!(path, s => project_group(s, group, &camera, Rasterization::Classic, None, &mut p, &mut shade));
         for lane in (0..GROUP).filter(|lane| p.mask >> lane & 1 == 1) {
             boxes.push(PatchBox {

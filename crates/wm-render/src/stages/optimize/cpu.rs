@@ -50,7 +50,7 @@ pub fn hold_sky(splats: &Splats, gradients: &mut Gradients) {
     }
 }
 
-/// What one parameter needs for a step.
+/// The numbers that one parameter needs for a step.
 struct Update<'a> {
     parameters: &'a mut [f32],
     pair: &'a mut Pair,

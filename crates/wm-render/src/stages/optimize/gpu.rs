@@ -1,10 +1,48 @@
 //! Learning on a GPU: splats and moments stay there, and a thread moves a splat.
 
 use crate::gpu::recorder::{Bindings, Groups, Recorder};
-use crate::gpu::source::Program;
-use crate::stages::project::gpu::Piece;
+use crate::gpu::source::{StagePrograms, texts};
+use crate::stages::project::gpu::{PIECES, Piece};
+use std::borrow::Cow;
 
-/// What is remembered of the splats of a piece, see `optimize.wgsl`.
+/// The programs of the optimiser.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum OptimizeProgram {
+    /// Moves splats along their gradients.
+    Optimize,
+    /// Adds the gradients of another render to those of a step.
+    AddGradients,
+    /// Moves nearly transparent splats at random.
+    Explore,
+    /// Moves the optimiser's memory to where splats are now.
+    Rearrange,
+}
+
+impl StagePrograms for OptimizeProgram {
+    fn all() -> Vec<Self> {
+        vec![Self::Optimize, Self::AddGradients, Self::Explore, Self::Rearrange]
+    }
+
+    fn entry(&self) -> &'static str {
+        match self {
+            Self::Optimize => "optimize",
+            Self::AddGradients => "add_gradients",
+            Self::Explore => "explore",
+            Self::Rearrange => "rearrange",
+        }
+    }
+
+    fn parts(&self) -> Vec<Cow<'static, str>> {
+        match self {
+            Self::Optimize => texts([PIECES, include_str!("optimize.wgsl")]),
+            Self::AddGradients => texts([PIECES, include_str!("add.wgsl")]),
+            Self::Explore => texts([PIECES, include_str!("explore.wgsl")]),
+            Self::Rearrange => texts([include_str!("rearrange.wgsl")]),
+        }
+    }
+}
+
+/// The optimiser's memory of the splats of a piece, see `optimize.wgsl`.
 #[derive(Clone, Copy)]
 pub(crate) struct Remembered<'a> {
     pub moments: &'a wgpu::Buffer,
@@ -45,7 +83,7 @@ pub(crate) fn optimize(
         (9, remembered.known.as_entire_binding()),
         (10, step),
     ]);
-    recorder.dispatch(&Program::Optimize, Groups::Direct(piece.blocks), bindings);
+    recorder.dispatch(OptimizeProgram::Optimize, Groups::Direct(piece.blocks), bindings);
 }
 
 /// Adds the rows of another render to those of a step, as far as `learn`, the structure `Learn`, says.
@@ -65,11 +103,11 @@ pub(crate) fn add(
         (8, to.by_sh.as_entire_binding()),
         (10, learn),
     ]);
-    recorder.dispatch(&Program::AddGradients, Groups::Direct(piece.blocks), bindings);
+    recorder.dispatch(OptimizeProgram::AddGradients, Groups::Direct(piece.blocks), bindings);
 }
 
 /// Moves splats that are nearly transparent at random; `noise` is the structure `Noise`.
 pub(crate) fn explore(recorder: &mut Recorder<'_>, piece: &Piece<'_>, noise: wgpu::BindingResource<'_>) {
     let bindings = vec![(1, piece.uniform.clone()), (2, piece.splats.as_entire_binding()), (10, noise)];
-    recorder.dispatch(&Program::Explore, Groups::Direct(piece.blocks), bindings);
+    recorder.dispatch(OptimizeProgram::Explore, Groups::Direct(piece.blocks), bindings);
 }

@@ -29,7 +29,7 @@ use wm_scene::{Splats, sh};
 pub const BETA1: f32 = 0.9;
 /// Decay of the second moments.
 pub const BETA2: f32 = 0.999;
-/// What keeps quotients finite.
+/// The constant that keeps quotients finite.
 pub const EPS: f32 = 1e-15;
 /// Ratio of the shortest scale to the next that is flat enough.
 pub const FLAT: f32 = 0.1;
@@ -122,7 +122,7 @@ impl Moments {
     }
 }
 
-/// What pulled on each splat; empty where no one asks.
+/// The gradients of the last step by splat; empty where nobody asks for them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pulls {
     /// Sum of the lengths of screen-space gradients, in units of half a picture, `[N]`.
@@ -172,7 +172,7 @@ pub struct Step {
     pub number: u32,
     /// Step lengths.
     pub rates: Rates,
-    /// What pulls beside the picture.
+    /// The loss terms beside the picture.
     pub terms: SplatTerms,
     /// Width and height of the picture, px.
     pub size: (u32, u32),
@@ -194,46 +194,46 @@ pub struct Noise {
 pub struct Learnt<'a> {
     /// The splats.
     pub splats: &'a Splats,
-    /// What the optimiser remembers.
+    /// The moments of the optimiser.
     pub moments: &'a Moments,
-    /// What pulled on them.
+    /// The gradients that splats had.
     pub pulls: &'a Pulls,
     /// The last step that had each in view.
     pub seen: &'a [u32],
 }
 
-/// What decides which splats come and go, of splats that learn on a device: their shapes, and what pulled on them.
+/// The numbers that decide which splats come and go, of splats that learn on a device: their shapes and gradients.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shapes {
     /// Of degree 0: without the coefficients above, which stay there as moments do.
     pub splats: Splats,
-    /// What pulled on them.
+    /// The gradients that splats had.
     pub pulls: Pulls,
     /// The last step that had each in view.
     pub seen: Vec<u32>,
 }
 
-/// Where a splat comes from.
+/// The origin of a splat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Origin {
     /// The splat before whose coefficients above degree 0 it has, below 2^31.
     pub row: u32,
-    /// Whether its moments are 0, and not those of that splat.
+    /// True if its moments are 0, and not those of that splat.
     pub forgotten: bool,
 }
 
 /// Splats that came of those on a device.
 #[derive(Clone, Copy, Debug)]
 pub struct Changed<'a> {
-    /// What they are now, of degree 0.
+    /// Their values now, of degree 0.
     pub splats: &'a Splats,
-    /// What pulled on them.
+    /// The gradients that splats had.
     pub pulls: &'a Pulls,
     /// The last step that had each in view.
     pub seen: &'a [u32],
-    /// Where each comes from.
+    /// The origin of each.
     pub origins: &'a [Origin],
-    /// Whether the moments of all opacities are 0.
+    /// True if the moments of all opacities are 0.
     pub forgets_opacities: bool,
 }
 
@@ -242,9 +242,9 @@ pub struct Changed<'a> {
 pub struct LearntMut<'a> {
     /// The splats.
     pub splats: &'a mut Splats,
-    /// What the optimiser remembers.
+    /// The moments of the optimiser.
     pub moments: &'a mut Moments,
-    /// What pulled on them.
+    /// The gradients that splats had.
     pub pulls: &'a mut Pulls,
     /// The last step that had each in view.
     pub seen: &'a mut [u32],

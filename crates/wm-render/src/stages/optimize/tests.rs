@@ -54,7 +54,7 @@ fn step_of(number: u32) -> Step {
     Step { number, rates: RATES, terms, size: (75, 53) }
 }
 
-/// What a step renders, and the other render that is added to it.
+/// The render of a step, and the other render that is added to it.
 fn renders(degree: u8) -> [ForwardConfig; 2] {
     let config =
         ForwardConfig { channels: Channels::ColorDepthNormal, sh_degree: degree, ..ForwardConfig::default() };

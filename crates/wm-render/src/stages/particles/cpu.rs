@@ -15,7 +15,7 @@ use std::time::Instant;
 /// A particle in the picture: `log2 tau = peak - (ux dx)^2 - (vx dx + vy dy)^2`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(64))]
-pub struct Drop {
+pub struct ProjectedDrop {
     /// Centre, px.
     pub mean2d: [f32; 2],
     /// Half the size of its bounding box, px.
@@ -25,7 +25,7 @@ pub struct Drop {
     vy: f32,
     slope_y: f32,
     slope_x: f32,
-    /// How far below its peak it ends, log2.
+    /// The distance from its peak to its end, log2.
     reach: f32,
     /// log2 of the optical depth at its centre.
     peak: f32,
@@ -35,7 +35,7 @@ pub struct Drop {
     pub rgb: [f32; 3],
 }
 
-impl Drop {
+impl ProjectedDrop {
     /// From its numbers in the order of [`project`].
     #[inline(always)]
     fn of(n: &[f32; 16]) -> Self {
@@ -223,13 +223,13 @@ fn project<S: Lanes>(simd: S, group: &ParticleGroup, view: &ParticleView, out: &
     seen
 }
 
-/// What one piece of work finds.
+/// The particles that one piece of work finds.
 #[derive(Debug, Default)]
 struct Part {
-    drops: Vec<Drop>,
+    drops: Vec<ProjectedDrop>,
     /// The patches of the first drop, of the second and so on: one at least of each.
     patches: Vec<u32>,
-    /// How many each drop has.
+    /// The number that each drop has.
     counts: Vec<u32>,
     seconds: f64,
 }
@@ -249,7 +249,7 @@ impl Part {
         while seen != 0 {
             let lane = seen.trailing_zeros() as usize;
             seen &= seen - 1;
-            let (drop, before) = (Drop::of(&numbers[lane]), self.patches.len());
+            let (drop, before) = (ProjectedDrop::of(&numbers[lane]), self.patches.len());
             drop.each_patch(simd, grid, lanes, |patch| self.patches.push(patch as u32));
             let count = self.patches.len() - before;
             if count > 0 {
@@ -260,7 +260,7 @@ impl Part {
     }
 
     /// The drops, each with its patches.
-    fn drops(&self) -> impl Iterator<Item = (&Drop, &[u32])> {
+    fn drops(&self) -> impl Iterator<Item = (&ProjectedDrop, &[u32])> {
         let mut rest = &self.patches[..];
         self.drops.iter().zip(&self.counts).map(move |(drop, count)| {
             let (own, others) = rest.split_at(*count as usize);
@@ -274,9 +274,9 @@ impl Part {
 #[derive(Debug, Default)]
 pub struct Falling {
     /// The first `count` are this frame's.
-    drops: Vec<Drop>,
+    drops: Vec<ProjectedDrop>,
     count: usize,
-    /// Where the list of each patch begins, and the end of the last.
+    /// The start of the list of each patch, and the end of the last.
     bounds: Vec<u32>,
     lists: Vec<u32>,
     parts: Vec<Part>,
@@ -284,7 +284,7 @@ pub struct Falling {
 }
 
 impl Falling {
-    /// Whether nothing falls.
+    /// Returns true if there are no particles.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.count == 0
@@ -299,7 +299,7 @@ impl Falling {
     /// The particles as the GPU takes them, sixteen numbers each.
     #[must_use]
     pub fn words(&self) -> Vec<f32> {
-        self.drops[..self.count].iter().flat_map(Drop::words).collect()
+        self.drops[..self.count].iter().flat_map(ProjectedDrop::words).collect()
     }
 
     /// Gathers what `sources` let fall and finds the patches; returns the time of all threads, s.
@@ -346,7 +346,7 @@ impl Falling {
         }
         self.count = homes[patches] as usize;
         if self.drops.len() < self.count {
-            self.drops.resize(self.count, Drop::default());
+            self.drops.resize(self.count, ProjectedDrop::default());
         }
         self.lists.resize(self.bounds[patches + 1] as usize, 0);
         for (drop, own) in parts.iter().flat_map(Part::drops) {
@@ -390,7 +390,7 @@ impl Falling {
 /// Most blocks of a patch: of 8 pixels.
 const BLOCKS: usize = PATCH_PIXELS / 8;
 
-/// What falls in one patch, in whole numbers of an optical depth, block by block: a vector is four columns of some rows, as in
+/// The particles of one patch, in whole numbers of an optical depth, block by block: a vector is four columns of some rows, as in
 /// [`crate::stages::rasterize`], since streaks are thin.
 #[repr(C, align(64))]
 struct Sums {
@@ -406,7 +406,7 @@ struct Sums {
 #[inline(always)]
 fn draw<S: Lanes>(
     simd: S,
-    drops: &[Drop],
+    drops: &[ProjectedDrop],
     list: &[u32],
     corner: [f32; 2],
     rgb: &mut [[f32; PATCH_PIXELS]; 3],
@@ -506,7 +506,7 @@ const BRIGHTEST: f32 = 3.0;
 const ROUND: f32 = 12_582_912.0;
 
 #[inline(always)]
-fn add<S: Lanes>(simd: S, drop: &Drop, corner: [f32; 2], lanes: (S::F, S::F), sums: &mut Sums) {
+fn add<S: Lanes>(simd: S, drop: &ProjectedDrop, corner: [f32; 2], lanes: (S::F, S::F), sums: &mut Sums) {
     let [dx, dy] = [0, 1].map(|k| simd.set(corner[k] + 0.5 - drop.mean2d[k]));
     let (round, steps) = (simd.set(ROUND), simd.set(STEPS));
     let (depth, peak) = (simd.set(drop.depth), simd.set(drop.peak));

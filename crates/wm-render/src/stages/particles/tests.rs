@@ -1,6 +1,6 @@
 //! Every back end against the referee, and what must hold of cover whatever the path.
 
-use super::cpu::Drop;
+use super::cpu::ProjectedDrop;
 use crate::hooks::{GROUP, Hooks, Particle, ParticleGroup, ParticleView, Particles};
 use crate::plan::{DrawPass, SetView};
 use crate::reference_particles::cover;
@@ -140,7 +140,7 @@ fn cover_is_kept() {
                 rgb: [1.0; 3],
             };
             for path in SimdPath::available() {
-                let drops = Drop::project(path, &ParticleGroup::of(&[particle]), &view);
+                let drops = ProjectedDrop::project(path, &ParticleGroup::of(&[particle]), &view);
                 assert!(drops.len() == 1 && drops[0].extent.iter().all(|extent| *extent < 30.0), "{path}");
             }
             let pixels = |x, y| 1.0 - (-cover(&[particle], &camera(), (x, y), (0.0, 0.0)).tau).exp();

@@ -10,10 +10,10 @@ use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use std::f32::consts::LN_2;
 use wm_scene::Rasterization;
 
-/// What projection says of sixteen splats, one array a number; see [`super::Record`].
+/// The projections of sixteen splats, one array a number; see [`super::Record`].
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct Projected {
+pub struct ProjectedGroup {
     /// Centre, px.
     pub x: [f32; GROUP],
     /// Centre, px.
@@ -42,7 +42,7 @@ pub struct Projected {
     pub mask: u32,
 }
 
-impl Default for Projected {
+impl Default for ProjectedGroup {
     fn default() -> Self {
         let zero = [0.0; GROUP];
         Self {
@@ -63,9 +63,9 @@ impl Default for Projected {
     }
 }
 
-/// Where splats are and what shape they have in the picture: one vector a number.
+/// The places and shapes of splats in the picture: one vector a number.
 #[derive(Clone, Copy)]
-pub struct Geometry<S: Lanes> {
+pub struct GroupGeometry<S: Lanes> {
     /// Mean less camera centre, world axes.
     pub offset: [S::F; 3],
     /// View z.
@@ -94,7 +94,12 @@ pub struct Geometry<S: Lanes> {
 
 /// The geometry of the splats of `group` from lane `first` on.
 #[inline(always)]
-pub fn geometry<S: Lanes>(simd: S, group: &SplatGroup, first: usize, camera: &ProjectCamera) -> Geometry<S> {
+pub fn geometry<S: Lanes>(
+    simd: S,
+    group: &SplatGroup,
+    first: usize,
+    camera: &ProjectCamera,
+) -> GroupGeometry<S> {
     let [c0, c1, c2] = camera.center;
     let (dx, dy, dz) = (
         simd.load(&group.mean[0][first..]) - c0,
@@ -158,7 +163,7 @@ pub fn geometry<S: Lanes>(simd: S, group: &SplatGroup, first: usize, camera: &Pr
     let sharp = d01.mul_add(d01, d02.mul_add(d02, d12 * d12));
     let trace = cov_xx + cov_yy;
     let det = trace.mul_add(simd.set(DILATION), sharp + DILATION * DILATION);
-    Geometry {
+    GroupGeometry {
         offset: [dx, dy, dz],
         z,
         inverse_z,
@@ -176,7 +181,7 @@ pub fn geometry<S: Lanes>(simd: S, group: &SplatGroup, first: usize, camera: &Pr
 
 /// The Cholesky factor of `geometry`'s exponent: ux, vx, vy; see [`super::Record`].
 #[inline(always)]
-pub fn factor<S: Lanes>(simd: S, geometry: &Geometry<S>) -> [S::F; 3] {
+pub fn factor<S: Lanes>(simd: S, geometry: &GroupGeometry<S>) -> [S::F; 3] {
     let [cov_xx, cov_xy, _] = geometry.cov;
     let vy = (cov_xx / geometry.det).sqrt() * SQRT_HALF_LOG2E;
     let ux = simd.set(SQRT_HALF_LOG2E) / cov_xx.sqrt();
@@ -215,13 +220,13 @@ pub fn project_group<S: Lanes>(
     camera: &ProjectCamera,
     rasterization: Rasterization,
     visibility: Option<&[f32; GROUP]>,
-    out: &mut Projected,
+    out: &mut ProjectedGroup,
     shade: &mut ShadeGroup,
 ) {
     out.mask = 0;
     for first in (0..GROUP).step_by(S::N) {
         let geometry = geometry(simd, group, first, camera);
-        let Geometry { offset: [dx, dy, dz], z, tangents, columns, scales, sharp, det, .. } = geometry;
+        let GroupGeometry { offset: [dx, dy, dz], z, tangents, columns, scales, sharp, det, .. } = geometry;
         let [cov_xx, cov_xy, cov_yy] = geometry.cov;
         let x = tangents[0].mul_add(simd.set(camera.focal[0]), simd.set(camera.principal[0]));
         let y = tangents[1].mul_add(simd.set(camera.focal[1]), simd.set(camera.principal[1]));
@@ -289,7 +294,12 @@ impl Record {
     /// The sixteen records of a group, whose splats are numbered from `first`.
     #[inline(always)]
     #[must_use]
-    pub fn transposed<S: Lanes>(simd: S, from: &Projected, shade: &ShadeGroup, first: u32) -> [Self; GROUP] {
+    pub fn transposed<S: Lanes>(
+        simd: S,
+        from: &ProjectedGroup,
+        shade: &ShadeGroup,
+        first: u32,
+    ) -> [Self; GROUP] {
         let indices = std::array::from_fn(|lane| f32::from_bits(first + lane as u32));
         let columns = [
             &from.x,
@@ -410,7 +420,7 @@ impl ClusterCull {
         Self { planes, reach, forward: camera.rotation[2], center: camera.center, near: camera.near }
     }
 
-    /// Whether no splat of the cluster can be in view.
+    /// Returns true if no splat of the cluster can be in view.
     #[inline]
     #[must_use]
     pub fn culls(&self, cluster: &Cluster) -> bool {

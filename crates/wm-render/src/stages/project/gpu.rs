@@ -2,9 +2,11 @@
 //! one writes their records in the order of the splats, so that nothing depends on which workgroup came first.
 
 use crate::gpu::recorder::{Bindings, Groups, Recorder};
-use crate::gpu::source::{AirText, Form, Program};
+use crate::gpu::source::{StagePrograms, texts};
 use crate::hooks::WgslSource;
 use crate::plan::Shading;
+use crate::stages::shade::gpu::{AirText, SHADE};
+use std::borrow::Cow;
 
 /// Rows of sixteen numbers of a group of splats on the GPU, see `geometry.wgsl`.
 pub const ROWS: u32 = 15;
@@ -21,6 +23,70 @@ pub const ROW_DC: u32 = 11;
 /// 1 for splats of the sky, else 0.
 pub const ROW_SKY: u32 = 14;
 
+/// The first text of all programs over splats.
+pub(crate) const PIECES: &str = include_str!("pieces.wgsl");
+/// The text that projects one splat.
+pub(crate) const GEOMETRY: &str = include_str!("geometry.wgsl");
+
+/// The form of the parameters of splats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ParameterForm {
+    /// Made ready once, to be rendered often.
+    Activated,
+    /// As they are stored, and learn.
+    Stored,
+}
+
+impl ParameterForm {
+    /// The text that reads them.
+    pub(crate) fn text(self) -> &'static str {
+        match self {
+            Self::Activated => include_str!("activated.wgsl"),
+            Self::Stored => include_str!("stored.wgsl"),
+        }
+    }
+}
+
+/// The programs of the projection.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum ProjectProgram {
+    /// Finds the splats in view.
+    Cull(ParameterForm),
+    /// Writes their records, with colours through the air.
+    Project(ParameterForm, AirText),
+}
+
+impl StagePrograms for ProjectProgram {
+    fn all() -> Vec<Self> {
+        let project = Self::Project;
+        vec![
+            Self::Cull(ParameterForm::Activated),
+            Self::Cull(ParameterForm::Stored),
+            project(ParameterForm::Activated, AirText::Clear),
+            project(ParameterForm::Activated, AirText::FullShare),
+            project(ParameterForm::Stored, AirText::Clear),
+        ]
+    }
+
+    fn entry(&self) -> &'static str {
+        match self {
+            Self::Cull(_) => "cull",
+            Self::Project(..) => "project_visible",
+        }
+    }
+
+    fn parts(&self) -> Vec<Cow<'static, str>> {
+        match self {
+            Self::Cull(form) => texts([PIECES, form.text(), GEOMETRY, include_str!("cull.wgsl")]),
+            Self::Project(form, air) => {
+                let mut parts = texts([PIECES, form.text(), GEOMETRY, SHADE, include_str!("project.wgsl")]);
+                parts.extend(air.parts());
+                parts
+            }
+        }
+    }
+}
+
 /// One piece of a set with what changes of it from frame to frame.
 pub(crate) struct Piece<'a> {
     /// `Chunk` of `geometry.wgsl`.
@@ -36,11 +102,11 @@ pub(crate) struct Piece<'a> {
 }
 
 impl Piece<'_> {
-    fn form(&self) -> Form {
-        if self.attributes.is_some() { Form::Activated } else { Form::Stored }
+    fn form(&self) -> ParameterForm {
+        if self.attributes.is_some() { ParameterForm::Activated } else { ParameterForm::Stored }
     }
 
-    /// What all programs over splats bind.
+    /// The bindings that all programs over splats share.
     pub fn bindings<'a>(&'a self, recorder: &Recorder<'a>, blocks: &'a wgpu::Buffer) -> Bindings<'a> {
         let mut bindings = vec![
             (0, recorder.view()),
@@ -56,7 +122,7 @@ impl Piece<'_> {
 /// Finds which splats of a piece are in view.
 pub(crate) fn cull(recorder: &mut Recorder<'_>, piece: &Piece<'_>, blocks: &wgpu::Buffer) {
     let bindings = piece.bindings(recorder, blocks);
-    recorder.dispatch(&Program::Cull(piece.form()), Groups::Direct(piece.blocks), bindings);
+    recorder.dispatch(ProjectProgram::Cull(piece.form()), Groups::Direct(piece.blocks), bindings);
 }
 
 /// Writes the records and depths of those in view, through the air.
@@ -75,6 +141,6 @@ pub(crate) fn project(
         (7, depths.as_entire_binding()),
     ]);
     bindings.extend(air.map(|(_, parameters)| (8, parameters.as_entire_binding())));
-    let program = Program::Project(piece.form(), AirText::new(shading, air.map(|(air, _)| air)));
-    recorder.dispatch(&program, Groups::Direct(piece.blocks), bindings);
+    let program = ProjectProgram::Project(piece.form(), AirText::new(shading, air.map(|(air, _)| air)));
+    recorder.dispatch(program, Groups::Direct(piece.blocks), bindings);
 }

@@ -1,4 +1,4 @@
-use super::cpu::{ClusterCull, Projected, project_group};
+use super::cpu::{ClusterCull, ProjectedGroup, project_group};
 use super::{ProjectCamera, Record, SQRT_HALF_LOG2E, TEST_SLACK};
 use crate::cpu::model::{CLUSTER, CpuModel};
 use crate::dispatch;
@@ -23,7 +23,7 @@ crate::parity! {
     };
 }
 
-/// What a back end says of a splat in view; boxes and rays are the CPU's alone.
+/// A splat in view as a back end projects it; only the CPU has boxes and rays.
 struct Seen {
     record: Record,
     /// Columns and rows of patches.
@@ -53,7 +53,7 @@ fn run_on_cpu(path: SimdPath, model: &CpuModel, camera: &Camera, mode: Rasteriza
     let project_camera = ProjectCamera::new(camera);
     let mut all = Vec::new();
     for group in &model.groups {
-        let (mut out, mut shade) = (Projected::default(), ShadeGroup::default());
+        let (mut out, mut shade) = (ProjectedGroup::default(), ShadeGroup::default());
         dispatch!(path, s => project_group(s, group, &project_camera, mode, None, &mut out, &mut shade));
         let records = dispatch!(path, s => Record::transposed(s, &out, &shade, all.len() as u32));
         all.extend((0..GROUP).map(|lane| {

@@ -4,9 +4,9 @@ use crate::differentiable::{Channels, ForwardConfig};
 use crate::hooks::GROUP;
 use crate::simd::Lanes;
 use crate::stages::project::activate::Activated;
-use crate::stages::project::cpu::{Geometry, facing, factor, geometry, ray, shortest};
+use crate::stages::project::cpu::{GroupGeometry, facing, factor, geometry, ray, shortest};
 use crate::stages::project::{DILATION, MIN_COMPENSATION, ProjectCamera};
-use crate::stages::rasterize_backward::Slot;
+use crate::stages::rasterize_backward::GradientSlot;
 use fearless_simd::{Select, SimdBase, SimdFloat};
 use std::f32::consts::LN_2;
 use wm_scene::Rasterization;
@@ -66,22 +66,22 @@ pub fn directions<S: Lanes>(
     }
 }
 
-/// `sums` are the numbers of a [`Slot`], one array each; `by_direction` comes from shading.
+/// `sums` are the numbers of a [`GradientSlot`], one array each; `by_direction` comes from shading.
 #[inline(always)]
 pub fn project_backward_group<S: Lanes>(
     simd: S,
     activated: &Activated,
     camera: &ProjectCamera,
     config: &ForwardConfig,
-    sums: &[[f32; GROUP]; Slot::LEN],
+    sums: &[[f32; GROUP]; GradientSlot::LEN],
     by_direction: &[[f32; GROUP]; 3],
     out: &mut SplatGradients,
 ) {
     let zero = simd.set(0.0);
     for first in (0..GROUP).step_by(S::N) {
         let lanes = first..first + S::N;
-        let mut sum = [zero; Slot::LEN];
-        for k in 0..Slot::LEN {
+        let mut sum = [zero; GradientSlot::LEN];
+        for k in 0..GradientSlot::LEN {
             sum[k] = simd.load(&sums[k][first..]);
         }
         let geometry = geometry(simd, &activated.group, first, camera);
@@ -89,14 +89,14 @@ pub fn project_backward_group<S: Lanes>(
         let shape = Shape::new(simd, &geometry, [ux, vx, vy], &sum, config.rasterization);
 
         // Through the picture.
-        let by_x = ux.mul_add(sum[Slot::SU], vx * sum[Slot::SV]) * (2.0 * LN_2);
-        let by_y = vy * sum[Slot::SV] * (2.0 * LN_2);
+        let by_x = ux.mul_add(sum[GradientSlot::SU], vx * sum[GradientSlot::SV]) * (2.0 * LN_2);
+        let by_y = vy * sum[GradientSlot::SV] * (2.0 * LN_2);
         by_x.store_slice(&mut out.mean2d[0][lanes.clone()]);
         by_y.store_slice(&mut out.mean2d[1][lanes.clone()]);
-        (sum[Slot::ABS_X] * (2.0 * LN_2)).store_slice(&mut out.absgrad[0][lanes.clone()]);
-        (vy * sum[Slot::ABS_Y] * (2.0 * LN_2)).store_slice(&mut out.absgrad[1][lanes.clone()]);
+        (sum[GradientSlot::ABS_X] * (2.0 * LN_2)).store_slice(&mut out.absgrad[0][lanes.clone()]);
+        (vy * sum[GradientSlot::ABS_Y] * (2.0 * LN_2)).store_slice(&mut out.absgrad[1][lanes.clone()]);
         let transparency = simd.load(&activated.transparency[first..]);
-        (sum[Slot::S] * transparency).store_slice(&mut out.logit_opacity[lanes.clone()]);
+        (sum[GradientSlot::S] * transparency).store_slice(&mut out.logit_opacity[lanes.clone()]);
         let [xx, xy, yy] = geometry.cov;
         let half = (xx - yy) * 0.5;
         let largest = (xx + yy).mul_add(simd.set(0.5), half.mul_add(half, xy * xy).sqrt());
@@ -114,17 +114,21 @@ pub fn project_backward_group<S: Lanes>(
             turn[j] = squares * shape.pair(simd, &geometry, k, l);
         }
         if config.channels.has_normal() {
-            let by_normal = [sum[Slot::FEATURES + 4], sum[Slot::FEATURES + 5], sum[Slot::FEATURES + 6]];
+            let by_normal = [
+                sum[GradientSlot::FEATURES + 4],
+                sum[GradientSlot::FEATURES + 5],
+                sum[GradientSlot::FEATURES + 6],
+            ];
             add_normal(simd, &geometry, &by_normal, &mut turn);
         }
         store_quat(simd, activated, first, &turn, out);
 
         // The mean, in the camera's axes.
-        let Geometry { inverse_z, tangents, held, .. } = geometry;
+        let GroupGeometry { inverse_z, tangents, held, .. } = geometry;
         let mut by_view = [zero; 3];
         by_view[2] = -((by_scale[0] + by_scale[1] + by_scale[2]) * inverse_z);
         if let Some(k) = config.channels.depth() {
-            by_view[2] += sum[Slot::FEATURES + k];
+            by_view[2] += sum[GradientSlot::FEATURES + k];
         }
         let by_m = shape.by_m(simd, &geometry);
         for (k, by_center) in [by_x, by_y].into_iter().enumerate() {
@@ -163,7 +167,7 @@ pub fn project_backward_group<S: Lanes>(
     }
 }
 
-/// What the pixels pull on the shape of the 2D Gaussian.
+/// The derivative of the loss by the shape of the 2D Gaussian.
 struct Shape<S: Lanes> {
     /// ux, vx, vy.
     factor: [S::F; 3],
@@ -181,13 +185,14 @@ impl<S: Lanes> Shape<S> {
     #[inline(always)]
     fn new(
         simd: S,
-        geometry: &Geometry<S>,
+        geometry: &GroupGeometry<S>,
         [ux, vx, vy]: [S::F; 3],
-        sum: &[S::F; Slot::LEN],
+        sum: &[S::F; GradientSlot::LEN],
         rasterization: Rasterization,
     ) -> Self {
         let zero = simd.set(0.0);
-        let Geometry { unscaled: [a_x, a_y], m: [m_x, m_y], cov: [cov_xx, ..], sharp, det, .. } = *geometry;
+        let GroupGeometry { unscaled: [a_x, a_y], m: [m_x, m_y], cov: [cov_xx, ..], sharp, det, .. } =
+            *geometry;
         let over = vy / cov_xx;
         let mut minors = [[zero; 3]; 3];
         let mut whitened = [[zero; 3]; 2];
@@ -204,11 +209,12 @@ impl<S: Lanes> Shape<S> {
             whitened[1][j] = over * across;
         }
         let scale = 4.0 * LN_2 * LN_2;
-        let moments = [sum[Slot::SUU] * scale, sum[Slot::SUV] * scale, sum[Slot::SVV] * scale];
+        let moments =
+            [sum[GradientSlot::SUU] * scale, sum[GradientSlot::SUV] * scale, sum[GradientSlot::SVV] * scale];
         let mut extra = None;
         if rasterization == Rasterization::Antialiased {
             let free = (sharp / det).simd_gt(simd.set(MIN_COMPENSATION * MIN_COMPENSATION));
-            let s = free.select(sum[Slot::S], zero);
+            let s = free.select(sum[GradientSlot::S], zero);
             // 1 / sharp - 1 / det without their difference.
             let by_sharp = s * ((det - sharp) / (sharp * det));
             extra = Some([free.select(by_sharp, zero), -(s * DILATION / det)]);
@@ -218,7 +224,7 @@ impl<S: Lanes> Shape<S> {
 
     /// `Q_ij / (s_i s_j)`.
     #[inline(always)]
-    fn pair(&self, _: S, geometry: &Geometry<S>, i: usize, j: usize) -> S::F {
+    fn pair(&self, _: S, geometry: &GroupGeometry<S>, i: usize, j: usize) -> S::F {
         let [w_u, w_v] = &self.whitened;
         let [suu, suv, svv] = self.moments;
         let pulled_u = suu.mul_add(w_u[j], suv * w_v[j]);
@@ -236,7 +242,7 @@ impl<S: Lanes> Shape<S> {
 
     /// dL/dM, row by row.
     #[inline(always)]
-    fn by_m(&self, simd: S, geometry: &Geometry<S>) -> [[S::F; 3]; 2] {
+    fn by_m(&self, simd: S, geometry: &GroupGeometry<S>) -> [[S::F; 3]; 2] {
         let [w_u, w_v] = &self.whitened;
         let [suu, suv, svv] = self.moments;
         let [ux, vx, vy] = self.factor;
@@ -262,7 +268,7 @@ impl<S: Lanes> Shape<S> {
 
 /// Adds what the normal pulls to the turn about the splat's own axes.
 #[inline(always)]
-fn add_normal<S: Lanes>(simd: S, geometry: &Geometry<S>, by_normal: &[S::F; 3], turn: &mut [S::F; 3]) {
+fn add_normal<S: Lanes>(simd: S, geometry: &GroupGeometry<S>, by_normal: &[S::F; 3], turn: &mut [S::F; 3]) {
     let (zero, one) = (simd.set(0.0), simd.set(1.0));
     let c = &geometry.columns;
     let mut normal = [zero; 3];
@@ -311,4 +317,4 @@ fn store_quat<S: Lanes>(
     }
 }
 
-const _: () = assert!(Slot::FEATURES + Channels::ColorDepthNormal.count() == Slot::LEN);
+const _: () = assert!(GradientSlot::FEATURES + Channels::ColorDepthNormal.count() == GradientSlot::LEN);

@@ -3,8 +3,10 @@
 
 use crate::differentiable::Channels;
 use crate::gpu::recorder::{Groups, Recorder};
-use crate::gpu::source::{Program, VISIBLE_GROUPS};
-use crate::stages::project::gpu::Piece;
+use crate::gpu::source::{StagePrograms, VISIBLE_GROUPS, switches, texts};
+use crate::stages::project::gpu::{GEOMETRY, PIECES, ParameterForm, Piece};
+use crate::stages::shade::gpu::SHADE;
+use std::borrow::Cow;
 
 /// Numbers of a splat in view, see `project_backward.wgsl`.
 pub const ROW: u32 = 18;
@@ -27,7 +29,46 @@ pub const RADIUS: u32 = 16;
 /// Index of the splat, as bits.
 pub const INDEX: u32 = 17;
 
-/// What gathering reads and writes, see `gather.wgsl`.
+/// The text that derives the shading of one splat.
+const SHADE_BACKWARD: &str = include_str!("../shade_backward/shade_backward.wgsl");
+
+/// The programs of the derivative of the projection.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum ProjectBackwardProgram {
+    /// Adds up the derivatives of all tiles.
+    Gather,
+    /// Turns them into gradients by the stored parameters.
+    Backward(Channels),
+}
+
+impl StagePrograms for ProjectBackwardProgram {
+    fn all() -> Vec<Self> {
+        let mut all = vec![Self::Gather];
+        all.extend(Channels::ALL.map(Self::Backward));
+        all
+    }
+
+    fn entry(&self) -> &'static str {
+        match self {
+            Self::Gather => "gather",
+            Self::Backward(_) => "project_backward",
+        }
+    }
+
+    fn parts(&self) -> Vec<Cow<'static, str>> {
+        match self {
+            Self::Gather => texts([include_str!("gather.wgsl")]),
+            Self::Backward(channels) => {
+                let mut parts = vec![switches(*channels)];
+                parts.extend(texts([PIECES, ParameterForm::Stored.text(), GEOMETRY, SHADE]));
+                parts.extend(texts([SHADE_BACKWARD, include_str!("project_backward.wgsl")]));
+                parts
+            }
+        }
+    }
+}
+
+/// The buffers that `gather.wgsl` reads and writes.
 pub(crate) struct Gather<'a> {
     pub counters: &'a wgpu::Buffer,
     pub dispatches: &'a wgpu::Buffer,
@@ -48,11 +89,15 @@ impl Gather<'_> {
             (3, self.slots.as_entire_binding()),
             (4, self.pulls.as_entire_binding()),
         ];
-        recorder.dispatch(&Program::Gather, Groups::Indirect(self.dispatches, VISIBLE_GROUPS), bindings);
+        recorder.dispatch(
+            ProjectBackwardProgram::Gather,
+            Groups::Indirect(self.dispatches, VISIBLE_GROUPS),
+            bindings,
+        );
     }
 }
 
-/// What the splats' derivative reads and writes, see `project_backward.wgsl` and `shade_backward.wgsl`.
+/// The buffers that `project_backward.wgsl` and `shade_backward.wgsl` read and write.
 pub(crate) struct ProjectBackward<'a> {
     pub blocks: &'a wgpu::Buffer,
     pub records: &'a wgpu::Buffer,
@@ -72,6 +117,6 @@ impl ProjectBackward<'_> {
             (8, self.gradients.as_entire_binding()),
             (9, self.by_sh.as_entire_binding()),
         ]);
-        recorder.dispatch(&Program::ProjectBackward(channels), Groups::Direct(piece.blocks), bindings);
+        recorder.dispatch(ProjectBackwardProgram::Backward(channels), Groups::Direct(piece.blocks), bindings);
     }
 }

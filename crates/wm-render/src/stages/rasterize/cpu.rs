@@ -44,14 +44,14 @@ pub(crate) type List = [u8; 256 + CHUNK];
 /// Working memory of one thread.
 #[derive(Clone, Debug, Default)]
 #[repr(C, align(64))]
-pub struct Scratch {
+pub struct BlendScratch {
     /// The sums of the tile's patches.
     pub patches: [PatchSums; PATCHES],
     batch: Batch,
     lists: Lists,
 }
 
-/// Which splats of the batch touch the patch at hand, and which each of its blocks.
+/// The splats of the batch that touch the current patch, and those that touch each of its blocks.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Lists {
@@ -74,7 +74,7 @@ pub(crate) struct Batch {
     pub records: [Record; 256],
     /// u and v of each at the tile's corner.
     pub origins: [(f32, f32); 256],
-    /// Which patches each touches.
+    /// The patches that each touches.
     pub touched: [u8; 256],
 }
 
@@ -114,7 +114,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
     keys: &[u64],
     (left, top): (f32, f32),
     inside: u32,
-    scratch: &mut Scratch,
+    scratch: &mut BlendScratch,
 ) -> u64 {
     let blocks = PATCH_PIXELS / S::N;
     for sums in &mut scratch.patches {
@@ -142,7 +142,7 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
                 continue;
             }
             let corner = ((patch % 2 * PATCH) as f32, (patch / 2 * PATCH) as f32);
-            let Scratch { patches, batch, lists } = scratch;
+            let BlendScratch { patches, batch, lists } = scratch;
             let splats = list(simd, &batch.touched, len, 1 << patch, None, &mut lists.patch);
             let field = (left + corner.0, top + corner.1);
             mask_blocks(simd, batch, splats, field, lanes, lists);

@@ -3,7 +3,7 @@
 //! a scratch in the second cache. Then splat by splat: sixteen sums in registers over the blocks it
 //! touches. Both at once do not fit any register file.
 
-use super::{NO_SLOT, Slot};
+use super::{GradientSlot, NO_SLOT};
 use crate::differentiable::{DepthAlpha, ForwardConfig, Upstream};
 use crate::frame::MIN_ALPHA;
 use crate::hooks::{PATCH, PATCH_PIXELS};
@@ -41,7 +41,7 @@ pub struct PatchState {
 /// Working memory of one thread.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct Scratch {
+pub struct BackwardScratch {
     /// The pixels of the tile's patches.
     pub patches: [PatchState; PATCHES],
     batch: Batch,
@@ -77,7 +77,7 @@ struct RawUpstream {
     values: [[f32; PATCH_PIXELS]; 7],
 }
 
-impl Default for Scratch {
+impl Default for BackwardScratch {
     fn default() -> Self {
         let zero = [0.0; PATCH_PIXELS];
         let patch = PatchState { transmittance: zero, remaining: zero, upstream: [zero; 7] };
@@ -99,8 +99,8 @@ impl Default for Scratch {
 
 /// The pictures of a view, and what the loss says of them.
 #[derive(Clone, Copy)]
-pub struct Pictures<'a> {
-    /// What was rendered.
+pub struct RenderedPictures<'a> {
+    /// The channels that were rendered.
     pub config: &'a ForwardConfig,
     /// The loss's derivative by each pixel.
     pub upstream: &'a Upstream<'a>,
@@ -113,14 +113,14 @@ pub struct Pictures<'a> {
 #[inline(always)]
 pub fn prepare_patch<S: Lanes>(
     simd: S,
-    pictures: Pictures<'_>,
+    pictures: RenderedPictures<'_>,
     kept: &[[f32; PATCH_PIXELS]],
     (left, top): (usize, usize),
     patch: usize,
-    scratch: &mut Scratch,
+    scratch: &mut BackwardScratch,
 ) {
-    let Pictures { config, upstream, size } = pictures;
-    let Scratch { patches, raw, .. } = scratch;
+    let RenderedPictures { config, upstream, size } = pictures;
+    let BackwardScratch { patches, raw, .. } = scratch;
     let state = &mut patches[patch];
     let channels = config.channels;
     // Runs of four pixels of one row, in block order.
@@ -231,8 +231,8 @@ pub fn blend_tile_backward<S: Lanes, const C: usize>(
     keys: &[u64],
     (left, top): (f32, f32),
     inside: u32,
-    scratch: &mut Scratch,
-    (slots, places): (&mut [Slot], &mut [u32]),
+    scratch: &mut BackwardScratch,
+    (slots, places): (&mut [GradientSlot], &mut [u32]),
 ) -> usize {
     let blocks = PATCH_PIXELS / S::N;
     let block_height = (S::N / 4) as f32;
@@ -275,13 +275,13 @@ pub fn blend_tile_backward<S: Lanes, const C: usize>(
 #[inline(always)]
 fn weigh_patch<S: Lanes, const C: usize>(
     simd: S,
-    scratch: &mut Scratch,
+    scratch: &mut BackwardScratch,
     len: usize,
     (left, top): (f32, f32),
     patch: usize,
     live: &mut u32,
 ) {
-    let Scratch { patches, batch, lists, reached, columns, rows, weighed, .. } = scratch;
+    let BackwardScratch { patches, batch, lists, reached, columns, rows, weighed, .. } = scratch;
     let state = &mut patches[patch];
     let blocks = PATCH_PIXELS / S::N;
     let corner = ((patch % 2 * PATCH) as f32, (patch / 2 * PATCH) as f32);
@@ -393,9 +393,9 @@ fn weigh_block<S: Lanes, const C: usize>(
 
 /// The second phase for splat `i` of the batch: its sums over the blocks in which it was weighed.
 #[inline(always)]
-fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &Scratch, i: usize) -> Slot {
+fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &BackwardScratch, i: usize) -> GradientSlot {
     let zero = simd.set(0.0);
-    let mut slot = Slot::default();
+    let mut slot = GradientSlot::default();
     let weighed = &*scratch.weighed;
     if S::N == 16 {
         let mut sixteen = [zero; 16];
@@ -440,7 +440,11 @@ fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &Scratch, i: usize) 
 
 /// Calls `f` with the line of scratch, patch, block and its column and row, for each block of splat `i`.
 #[inline(always)]
-fn each_block<S: Lanes>(scratch: &Scratch, i: usize, mut f: impl FnMut(usize, usize, usize, usize, usize)) {
+fn each_block<S: Lanes>(
+    scratch: &BackwardScratch,
+    i: usize,
+    mut f: impl FnMut(usize, usize, usize, usize, usize),
+) {
     let blocks = PATCH_PIXELS / S::N;
     for patch in 0..PATCHES {
         let mut mask = scratch.reached[i][patch];
@@ -458,7 +462,7 @@ fn each_block<S: Lanes>(scratch: &Scratch, i: usize, mut f: impl FnMut(usize, us
 #[inline(always)]
 fn add_moments<S: Lanes>(
     simd: S,
-    scratch: &Scratch,
+    scratch: &BackwardScratch,
     i: usize,
     pull: S::F,
     (column, row): (usize, usize),
@@ -469,15 +473,15 @@ fn add_moments<S: Lanes>(
     let u = px.mul_add(simd.set(record.ux), simd.set(origin.0));
     let v = px.mul_add(simd.set(record.vx), py.mul_add(simd.set(record.vy), simd.set(origin.1)));
     let (by_u, by_v) = (pull * u, pull * v);
-    sums[Slot::S] += pull;
-    sums[Slot::SU] += by_u;
-    sums[Slot::SV] += by_v;
-    sums[Slot::SUU] = by_u.mul_add(u, sums[Slot::SUU]);
-    sums[Slot::SUV] = by_u.mul_add(v, sums[Slot::SUV]);
-    sums[Slot::SVV] = by_v.mul_add(v, sums[Slot::SVV]);
+    sums[GradientSlot::S] += pull;
+    sums[GradientSlot::SU] += by_u;
+    sums[GradientSlot::SV] += by_v;
+    sums[GradientSlot::SUU] = by_u.mul_add(u, sums[GradientSlot::SUU]);
+    sums[GradientSlot::SUV] = by_u.mul_add(v, sums[GradientSlot::SUV]);
+    sums[GradientSlot::SVV] = by_v.mul_add(v, sums[GradientSlot::SVV]);
     let along = by_u.mul_add(simd.set(record.ux), by_v * record.vx);
-    sums[Slot::ABS_X] += absolute(simd, along);
-    sums[Slot::ABS_Y] += absolute(simd, by_v);
+    sums[GradientSlot::ABS_X] += absolute(simd, along);
+    sums[GradientSlot::ABS_Y] += absolute(simd, by_v);
 }
 
 /// Adds the weights of one block and what they pull on the features.

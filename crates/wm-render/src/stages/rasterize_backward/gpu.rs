@@ -3,7 +3,50 @@
 
 use crate::differentiable::Channels;
 use crate::gpu::recorder::{Groups, Recorder};
-use crate::gpu::source::{Program, WORKGROUP};
+use crate::gpu::source::{StagePrograms, Subgroups, TRAINING, WORKGROUP, switches};
+use std::borrow::Cow;
+
+/// The programs of the derivative of blending.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum RasterizeBackwardProgram {
+    /// Turns derivatives by pictures into derivatives by sums.
+    BySums(Channels),
+    /// Derives by each splat of a tile.
+    Backward(Channels, Subgroups),
+}
+
+impl StagePrograms for RasterizeBackwardProgram {
+    fn all() -> Vec<Self> {
+        let mut all = Vec::new();
+        for channels in Channels::ALL {
+            all.push(Self::BySums(channels));
+            all.extend([Subgroups::Used, Subgroups::Unused].map(|used| Self::Backward(channels, used)));
+        }
+        all
+    }
+
+    fn entry(&self) -> &'static str {
+        match self {
+            Self::BySums(_) => "by_sums",
+            Self::Backward(..) => "rasterize_backward",
+        }
+    }
+
+    fn parts(&self) -> Vec<Cow<'static, str>> {
+        match self {
+            Self::BySums(channels) => {
+                vec![switches(*channels), TRAINING.into(), include_str!("upstream.wgsl").into()]
+            }
+            Self::Backward(channels, subgroups) => {
+                let sums = match subgroups {
+                    Subgroups::Used => include_str!("subgroups.wgsl"),
+                    Subgroups::Unused => include_str!("shared.wgsl"),
+                };
+                vec![switches(*channels), include_str!("rasterize_backward.wgsl").into(), sums.into()]
+            }
+        }
+    }
+}
 
 /// The sums of a step of training.
 #[derive(Clone, Copy)]
@@ -33,10 +76,14 @@ pub(crate) fn by_sums(
         (6, upstream.as_entire_binding()),
         (7, states.as_entire_binding()),
     ];
-    recorder.dispatch(&Program::BySums(channels), Groups::Direct(pixels.div_ceil(WORKGROUP)), bindings);
+    recorder.dispatch(
+        RasterizeBackwardProgram::BySums(channels),
+        Groups::Direct(pixels.div_ceil(WORKGROUP)),
+        bindings,
+    );
 }
 
-/// What the derivative reads and writes, see `rasterize_backward.wgsl`.
+/// The buffers that `rasterize_backward.wgsl` reads and writes.
 pub(crate) struct RasterizeBackward<'a> {
     pub tile_offsets: &'a wgpu::Buffer,
     /// Of each entry.
@@ -60,7 +107,7 @@ impl RasterizeBackward<'_> {
             (5, self.states.as_entire_binding()),
             (6, self.slots.as_entire_binding()),
         ];
-        let program = Program::RasterizeBackward(channels, recorder.subgroups());
-        recorder.dispatch(&program, Groups::Direct(tiles), bindings);
+        let program = RasterizeBackwardProgram::Backward(channels, recorder.subgroups());
+        recorder.dispatch(program, Groups::Direct(tiles), bindings);
     }
 }

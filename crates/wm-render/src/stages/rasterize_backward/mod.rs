@@ -13,7 +13,7 @@
 //! `dL/dalpha_i = T_i D_i - R_i / (1 - alpha_i)`, and `s_i = alpha_i dL/dalpha_i`, 0 where the clamp at
 //! 0.99 acts. The cut, the clamp and the stop fall as in the forward pass, since the same code decides.
 //!
-//! A [`Slot`] holds a splat's sums over the pixels of one tile. Each pair of splat and tile has its
+//! A [`GradientSlot`] holds a splat's sums over the pixels of one tile. Each pair of splat and tile has its
 //! own, and they are added in the order of the tiles: no atomics, and the same bytes for any number of
 //! threads. The moments are those of `(u, v)`, which are of order 1 for every shape of splat.
 //!
@@ -29,9 +29,9 @@ mod tests;
 /// The sums of one splat over one tile, one cache line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(64))]
-pub struct Slot(pub [f32; Slot::LEN]);
+pub struct GradientSlot(pub [f32; GradientSlot::LEN]);
 
-impl Slot {
+impl GradientSlot {
     /// Numbers of a slot.
     pub const LEN: usize = 16;
     /// `sum s`.

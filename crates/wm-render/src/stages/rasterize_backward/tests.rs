@@ -35,7 +35,7 @@ fn check(backend: Backend, splats: &Splats, config: &ForwardConfig) {
 #[test]
 fn subgroups_add_up_the_same() {
     use crate::differentiable::{Differentiable, Learn};
-    use crate::gpu::{Choice, Gpu, GpuConfig, GpuDifferentiable, Subgroups};
+    use crate::gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, Subgroups};
     use crate::testing::RandomLoss;
     if Backend::gpu().is_none() {
         return;
@@ -45,7 +45,8 @@ fn subgroups_add_up_the_same() {
     let config =
         ForwardConfig { channels: Channels::ColorDepthNormal, sh_degree: 1, ..ForwardConfig::default() };
     let [with, without] = [Subgroups::Used, Subgroups::Unused].map(|subgroups| {
-        let gpu = Gpu::open(&GpuConfig { choice: Choice::Any, subgroups, ..GpuConfig::default() }).unwrap();
+        let gpu =
+            Gpu::open(&GpuConfig { choice: AdapterChoice::Any, subgroups, ..GpuConfig::default() }).unwrap();
         if gpu.subgroups() != subgroups {
             eprintln!("skipped: {} has no subgroups", gpu.describe());
         }

@@ -80,7 +80,7 @@ pub fn gather_rows<S: Lanes>(
     }
 }
 
-/// What of the colours of `groups` comes through the air to `origin`, or what share of light does.
+/// Changes the colours of `groups` to those seen from `origin` through the air, or to the shares of light.
 #[inline]
 pub fn through_air(
     path: SimdPath,

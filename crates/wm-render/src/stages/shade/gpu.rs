@@ -1,10 +1,92 @@
 //! The air on the GPU: part of the projection (`crate::stages::project::gpu`), and here by itself.
 
+#[cfg(any(test, feature = "testing"))]
 use crate::gpu::recorder::{Groups, Recorder};
-use crate::gpu::source::{Program, WORKGROUP};
-use crate::hooks::{GROUP, WgslSource};
+#[cfg(any(test, feature = "testing"))]
+use crate::gpu::source::WORKGROUP;
+use crate::gpu::source::{COLOR, StagePrograms, texts};
+#[cfg(any(test, feature = "testing"))]
+use crate::hooks::GROUP;
+use crate::hooks::WgslSource;
+use crate::plan::Shading;
+use std::borrow::Cow;
+
+/// The text that shades one splat.
+pub(crate) const SHADE: &str = include_str!("shade.wgsl");
+/// The air's primitives.
+const AIR: &str = include_str!("air.wgsl");
+/// Clear air: colours stay as they are.
+const CLEAR_AIR: &str =
+    "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return rgb; }";
+/// Clear air: every share of light is 1.
+const FULL_SHARE: &str = "fn through_air(direction: vec3<f32>, distance: f32, rgb: vec3<f32>) -> vec3<f32> { return vec3<f32>(1.0); }";
+
+/// The effect of the air on the colour of a splat.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum AirText {
+    /// The colour itself: clear air.
+    Clear,
+    /// The colour through the air of this text.
+    Color(Cow<'static, str>),
+    /// A share of 1: clear air.
+    FullShare,
+    /// The share of light that the air of this text lets through.
+    Share(Cow<'static, str>),
+}
+
+impl AirText {
+    /// The program's part for an air.
+    #[must_use]
+    pub fn new(shading: Shading, air: Option<&WgslSource>) -> Self {
+        match (shading, air.map(|air| air.wgsl.clone())) {
+            (Shading::Color, None) => Self::Clear,
+            (Shading::Color, Some(text)) => Self::Color(text),
+            (Shading::Transmittance, None) => Self::FullShare,
+            (Shading::Transmittance, Some(text)) => Self::Share(text),
+        }
+    }
+
+    /// The texts that define `through_air`.
+    pub(crate) fn parts(&self) -> Vec<Cow<'static, str>> {
+        match self {
+            Self::Clear => texts([CLEAR_AIR]),
+            Self::FullShare => texts([FULL_SHARE]),
+            Self::Color(air) => {
+                vec![COLOR.into(), AIR.into(), air.clone(), include_str!("color_through_air.wgsl").into()]
+            }
+            Self::Share(air) => vec![AIR.into(), air.clone(), include_str!("share_through_air.wgsl").into()],
+        }
+    }
+}
+
+/// The programs of the air by itself.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum ShadeProgram {
+    /// Changes the colours of groups of splats to those seen through the air of this text.
+    Groups(Cow<'static, str>),
+}
+
+impl StagePrograms for ShadeProgram {
+    fn all() -> Vec<Self> {
+        Vec::new()
+    }
+
+    fn entry(&self) -> &'static str {
+        match self {
+            Self::Groups(_) => "shade_groups",
+        }
+    }
+
+    fn parts(&self) -> Vec<Cow<'static, str>> {
+        let Self::Groups(air) = self;
+        let mut parts = AirText::Color(air.clone()).parts();
+        parts.push(include_str!("groups.wgsl").into());
+        parts
+    }
+}
 
 /// Changes the colours of `count` groups; see `groups.wgsl`.
+#[cfg(any(test, feature = "testing"))]
 pub(crate) fn shade_groups(
     recorder: &mut Recorder<'_>,
     (air, parameters): (&WgslSource, &wgpu::Buffer),
@@ -12,5 +94,5 @@ pub(crate) fn shade_groups(
 ) {
     let bindings = vec![(0, groups.as_entire_binding()), (8, parameters.as_entire_binding())];
     let size = Groups::Direct((count * GROUP as u32).div_ceil(WORKGROUP));
-    recorder.dispatch(&Program::Air(air.wgsl.clone()), size, bindings);
+    recorder.dispatch(ShadeProgram::Groups(air.wgsl.clone()), size, bindings);
 }

@@ -5,7 +5,7 @@ use crate::simd::Lanes;
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_scene::sh::{C0, C1, C2, C3};
 
-/// What [`shade_backward_group`] gives for sixteen splats.
+/// The results of [`shade_backward_group`] for sixteen splats.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct ShadeGradients {

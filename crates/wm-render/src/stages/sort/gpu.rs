@@ -3,18 +3,49 @@
 //! out tile by tile, each tile's by depth, when they are sorted by tile.
 
 use crate::gpu::recorder::{Groups, Recorder};
-use crate::gpu::source::{DIGIT_BITS, DIGITS, Program};
+use crate::gpu::source::{DIGIT_BITS, DIGITS, StagePrograms, texts};
+use crate::stages::prefix_sum::gpu::WORKGROUP_SUMS;
+use std::borrow::Cow;
 
 /// Pairs to sort: keys, values.
 pub(crate) type Pairs<'a> = (&'a wgpu::Buffer, &'a wgpu::Buffer);
 
-/// What a sort works with.
+/// The programs of the sort.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum SortProgram {
+    /// Counts each digit in each block of pairs.
+    Count,
+    /// Makes prefix sums of these counts.
+    Scan,
+    /// Moves the pairs to their places.
+    Scatter,
+}
+
+impl StagePrograms for SortProgram {
+    fn all() -> Vec<Self> {
+        vec![Self::Count, Self::Scan, Self::Scatter]
+    }
+
+    fn entry(&self) -> &'static str {
+        match self {
+            Self::Count => "count",
+            Self::Scan => "scan_digits",
+            Self::Scatter => "scatter",
+        }
+    }
+
+    fn parts(&self) -> Vec<Cow<'static, str>> {
+        texts([WORKGROUP_SUMS, include_str!("sort.wgsl")])
+    }
+}
+
+/// The buffers of a sort.
 pub(crate) struct Sort<'a> {
     /// The pairs, and room for as many.
     pub pairs: [Pairs<'a>; 2],
-    /// How many there are.
+    /// Their number.
     pub counters: &'a wgpu::Buffer,
-    /// Where the sizes of the dispatches are.
+    /// The sizes of the dispatches.
     pub dispatches: &'a wgpu::Buffer,
     /// The word of them that counts.
     pub size: u32,
@@ -43,11 +74,11 @@ impl<'a> Sort<'a> {
             let over = Groups::Indirect(self.dispatches, self.size);
             let mut count = base.clone();
             count.push((2, from.0.as_entire_binding()));
-            recorder.dispatch(&Program::SortCount, over, count);
+            recorder.dispatch(SortProgram::Count, over, count);
 
             let mut scan = base.clone();
             scan.push((5, self.totals.as_entire_binding()));
-            recorder.dispatch(&Program::SortScan, Groups::Direct(DIGITS), scan);
+            recorder.dispatch(SortProgram::Scan, Groups::Direct(DIGITS), scan);
 
             let mut scatter = base;
             scatter.extend([
@@ -57,7 +88,7 @@ impl<'a> Sort<'a> {
                 (6, to.0.as_entire_binding()),
                 (7, to.1.as_entire_binding()),
             ]);
-            recorder.dispatch(&Program::SortScatter, over, scatter);
+            recorder.dispatch(SortProgram::Scatter, over, scatter);
             std::mem::swap(&mut from, &mut to);
         }
         from

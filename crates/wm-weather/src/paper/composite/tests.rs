@@ -1,6 +1,5 @@
 use super::*;
 use glam::DVec3;
-use wm_render::hooks::Hooks;
 use wm_render::simd::SimdChoice;
 use wm_render::{CpuConfig, CpuRenderer, DrawPass, Geometry, Outputs, RenderBackend, RenderConfig, SetView};
 use wm_scene::splats::{Splat, logit};

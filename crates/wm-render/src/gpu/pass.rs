@@ -1,0 +1,265 @@
+//! One draw pass on the GPU: its structures, its buffers, and its commands stage by stage.
+
+use super::buffers::{Extent, Memory, Room};
+use super::device::Gpu;
+use super::error::GpuError;
+use super::hosted;
+use super::lists::{self, CHUNKS, Entries};
+use super::model::GpuModel;
+use super::readback::Source;
+use super::recorder::{Recorder, Stage};
+use super::uniforms::{self, Capacity, Uniform, ViewParameters};
+use crate::cpu::{self, Features};
+use crate::frame::Arrays;
+use crate::hooks::{ParticleView, WgslSource};
+use crate::plan::{DrawPass, SplatSource};
+use crate::renderer::{Geometry, Models, RenderError};
+use crate::simd::SimdPath;
+use crate::stages::composite::background::BackgroundView;
+use crate::stages::composite::gpu::{BackgroundForm, Composite, ParticleBlend};
+use crate::stages::particles::cpu::Falling;
+use crate::stages::particles::gpu::fall;
+use crate::stages::project::gpu::Piece;
+use crate::stages::rasterize::gpu::Rasterize;
+
+/// A draw pass, with what it needs in the GPU's memory.
+pub(crate) struct GpuPass<'a> {
+    pass: &'a DrawPass<'a>,
+    /// The sets, each with the attributes of its splats and whether there are any.
+    sets: Vec<(&'a GpuModel, wgpu::Buffer, bool)>,
+    features: Features,
+    pub arrays: Arrays,
+    air: Option<(WgslSource, wgpu::Buffer)>,
+    backdrop: BackgroundView<'a>,
+    background: (BackgroundForm, wgpu::Buffer),
+    particles: ParticleBlend,
+    /// The particles in view, and how many; `None` until [`Self::host`] has found them.
+    drops: Option<(wgpu::Buffer, u32)>,
+    /// The first of its slots among those of all passes that are submitted together.
+    pub first_slot: usize,
+}
+
+impl<'a> GpuPass<'a> {
+    /// Uploads what is known of a pass before it is drawn. `transient` are its splats that no set holds, one a set.
+    pub fn new(
+        (gpu, memory): (&Gpu, &mut Memory),
+        path: SimdPath,
+        models: &'a Models<GpuModel>,
+        (pass, transient): (&'a DrawPass<'a>, &'a [Option<GpuModel>]),
+        first_slot: usize,
+    ) -> Result<Self, RenderError> {
+        let mut sets = Vec::with_capacity(pass.sets.len());
+        for (view, own) in pass.sets.iter().zip(transient) {
+            let model = match (view.splats, own) {
+                (_, Some(own)) => own,
+                (SplatSource::Loaded(set), None) => models.get(set)?,
+                (SplatSource::Transient(_), None) => unreachable!("transient splats were loaded"),
+            };
+            let numbers = view.attributes.map(|attributes| hosted::attributes(attributes, &model.source));
+            let buffer = memory.attributes(gpu, numbers.as_deref().unwrap_or_default())?;
+            sets.push((model, buffer, numbers.is_some()));
+        }
+        let air = match pass.hooks.medium {
+            None => None,
+            Some(medium) => {
+                let origin = pass.camera.center().to_array().map(|v| v as f32);
+                let source = medium.wgsl(origin).ok_or(GpuError::Effect(medium.name()))?;
+                let buffer = memory.air(gpu, &source.parameters)?;
+                Some((source, buffer))
+            }
+        };
+        let arrays = cpu::arrays(pass);
+        let backdrop = BackgroundView::of(pass, path);
+        let size = (pass.camera.width, pass.camera.height);
+        let form = hosted::background_form(&backdrop);
+        let buffer = match form {
+            // Painted later, while the GPU draws splats.
+            BackgroundForm::Picture => memory.background(gpu, &[])?,
+            form => memory.background(gpu, &hosted::background(&backdrop, form, size))?,
+        };
+        Ok(Self {
+            pass,
+            sets,
+            features: Features::of(pass),
+            arrays,
+            air,
+            backdrop,
+            background: (form, buffer),
+            particles: match (pass.particles().is_empty(), arrays.particles) {
+                (true, false) => ParticleBlend::None,
+                (false, false) => ParticleBlend::InColor,
+                (_, true) => ParticleBlend::Separate,
+            },
+            drops: None,
+            first_slot,
+        })
+    }
+
+    /// Splats in all sets.
+    pub fn splats(&self) -> usize {
+        self.sets.iter().map(|(model, ..)| model.source.len()).sum()
+    }
+
+    /// Returns true if the CPU gathers particles or paints a background for it, which takes about as long as the GPU
+    /// takes for the splats.
+    pub fn is_hosted(&self) -> bool {
+        self.background.0 == BackgroundForm::Picture || !self.pass.particles().is_empty()
+    }
+
+    /// Does the CPU's part, and uploads it; returns the seconds that particles took.
+    pub fn host(
+        &mut self,
+        (gpu, memory): (&Gpu, &mut Memory),
+        path: SimdPath,
+        falling: &mut Falling,
+    ) -> Result<f64, RenderError> {
+        let camera = &self.pass.camera;
+        if self.background.0 == BackgroundForm::Picture {
+            let size = (camera.width, camera.height);
+            let picture = hosted::background(&self.backdrop, BackgroundForm::Picture, size);
+            self.background.1 = memory.background(gpu, &picture)?;
+        }
+        if self.pass.particles().is_empty() {
+            return Ok(0.0);
+        }
+        let seconds = falling.fill(path, self.pass.particles(), &ParticleView::new(camera));
+        self.drops = Some((memory.drops(gpu, &falling.words())?, falling.len() as u32));
+        Ok(seconds)
+    }
+
+    /// Particles in the picture.
+    pub fn particles(&self) -> u32 {
+        self.drops.as_ref().map_or(0, |(_, count)| *count)
+    }
+
+    /// Blocks of 256 splats in all sets.
+    fn blocks(&self) -> u32 {
+        self.sets.iter().map(|(model, ..)| model.blocks()).sum()
+    }
+
+    fn tiles(&self) -> u32 {
+        ViewParameters::of(self.pass).tile_count()
+    }
+
+    fn pixels(&self) -> u32 {
+        self.pass.camera.width * self.pass.camera.height
+    }
+
+    /// Its structures in the order of their slots.
+    pub fn uniforms(&self, capacity: Capacity) -> Vec<Uniform> {
+        let parameters = ViewParameters::of(self.pass);
+        let view = uniforms::view(&parameters, self.blocks(), self.particles(), capacity);
+        let mut uniforms = lists::uniforms(view, Entries::Records);
+        let mut first_block = 0;
+        for (model, _, has_attributes) in &self.sets {
+            for chunk in &model.chunks {
+                let (blocks, first_splat) = (chunk.blocks, chunk.first_splat);
+                let piece = uniforms::Piece::whole(first_block, blocks, first_splat, model.sh_rows);
+                uniforms.push(uniforms::chunk(piece, *has_attributes));
+                first_block += blocks;
+            }
+        }
+        uniforms
+    }
+
+    /// Number of [`Self::uniforms`].
+    pub fn slots(&self) -> usize {
+        CHUNKS + self.sets.iter().map(|(model, ..)| model.chunks.len()).sum::<usize>()
+    }
+
+    /// The room that it needs, but for the slots.
+    pub fn extent(&self, capacity: Capacity) -> Extent {
+        let planes =
+            if self.arrays.median_depth { 2 } else { u64::from(self.features.geometry != Geometry::None) };
+        Extent {
+            slots: 0,
+            blocks: self.blocks(),
+            capacity,
+            tiles: self.tiles(),
+            pixels: self.pixels().into(),
+            planes,
+            normal: self.arrays.normal,
+            particles: self.particles,
+        }
+    }
+
+    /// Records the commands up to the picture of the splats.
+    pub fn record_splats(&self, recorder: &mut Recorder<'_>, room: &Room) {
+        recorder.encoder().clear_buffer(&room.counters, 0, None);
+        let air = self.air.as_ref().map(|(source, parameters)| (source, parameters));
+        let pieces = self.pieces(recorder);
+        lists::front(recorder, room, &pieces, self.pass.shading, air);
+        let listed = lists::lists(recorder, room, self.tiles(), Entries::Records);
+        recorder.begin(Stage::Rasterize);
+        let rasterize = Rasterize {
+            tile_offsets: &room.tile_offsets,
+            entries: listed.1,
+            records: &room.records,
+            rgb: &room.rgb,
+            alpha: &room.alpha,
+            depths: &room.depths,
+            normal: &room.normal,
+        };
+        let sums = (self.features.geometry, self.features.median);
+        rasterize.record(recorder, self.tiles(), sums, &room.counters);
+    }
+
+    /// Records the commands that put the background behind the splats and the particles before them.
+    pub fn record_composite(&self, recorder: &mut Recorder<'_>, room: &Room) {
+        if self.particles != ParticleBlend::None {
+            recorder.encoder().clear_buffer(&room.falling, 0, None);
+        }
+        recorder.begin(Stage::Fall);
+        if let Some((drops, count)) = &self.drops {
+            fall(recorder, (drops, *count), (&room.alpha, &room.depths), &room.falling);
+        }
+        recorder.begin(Stage::Composite);
+        let (form, background) = &self.background;
+        let composite = Composite {
+            rgb: &room.rgb,
+            alpha: &room.alpha,
+            background,
+            falling: &room.falling,
+            apart: &room.apart,
+        };
+        composite.record(recorder, self.pixels(), *form, self.particles);
+    }
+
+    /// The pictures that come back, in the order of [`super::readback::Returned`], of no bytes where they are not
+    /// wanted.
+    pub fn pictures<'r>(&self, room: &'r Room) -> [Source<'r>; 6] {
+        let plane = 4 * u64::from(self.pixels());
+        let bytes = |wanted: bool, channels: u64| if wanted { channels * plane } else { 0 };
+        let Arrays { depth, median_depth, normal, particles, .. } = self.arrays;
+        [
+            (&room.rgb, 0, bytes(true, 3)),
+            (&room.alpha, 0, bytes(true, 1)),
+            (&room.depths, 0, bytes(depth || self.hides_depth(), 1)),
+            (&room.depths, plane, bytes(median_depth, 1)),
+            (&room.normal, 0, bytes(normal, 3)),
+            (&room.apart, 0, bytes(particles, 4)),
+        ]
+    }
+
+    /// Returns true if effects on the CPU need a depth that the frame does not hold.
+    pub fn hides_depth(&self) -> bool {
+        !self.pass.hooks.pixels.is_empty() && !self.arrays.depth
+    }
+
+    /// The pieces of all sets.
+    fn pieces<'r>(&'r self, recorder: &Recorder<'r>) -> Vec<Piece<'r>> {
+        let mut pieces = Vec::new();
+        for (model, attributes, _) in &self.sets {
+            for chunk in &model.chunks {
+                pieces.push(Piece {
+                    uniform: recorder.uniform(CHUNKS + pieces.len()),
+                    splats: &chunk.splats,
+                    sh_rest: &chunk.sh_rest,
+                    attributes: Some(attributes),
+                    blocks: chunk.blocks,
+                });
+            }
+        }
+        pieces
+    }
+}
