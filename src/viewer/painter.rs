@@ -17,7 +17,9 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 use weather_magician::assets::{Assets, MissingAssets};
 use weather_magician::output::{ExtraPicture, PictureFormat, PictureLayer, PictureStyle, outputs};
-use weather_magician::{     FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, picture_tags, };
+use weather_magician::{
+    FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, picture_tags,
+};
 use wm_media::color::Dither;
 use wm_media::{Size, video};
 use wm_render::{Frame, Stats};

@@ -21,7 +21,7 @@
 //! splats.logit_opacities.push(5.0);
 //! splats.sh.extend([1.77; 3]);
 //! splats.groups.push(Group::Scene);
-//! let camera = Camera::look_at((64, 48), 50.0, glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z)?;
+//! let camera = Camera::looking((64, 48), 50.0, glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z)?;
 //!
 //! let warn = |error: &wm_render::RenderError| eprintln!("{error}");
 //! let mut renderer = AnyRenderer::new(&Device::Cpu, CpuConfig::default(), warn)?;

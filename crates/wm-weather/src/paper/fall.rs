@@ -122,7 +122,8 @@ impl PaperFall {
     /// The numbers of thing `index`.
     fn draws(&self, index: u64) -> RandomSequence {
         let kind = self.kind.key | 0x9a9e;
-        let own = RandomSequence::new(self.seed ^ kind << 20).bits() ^ index.wrapping_mul(0xd1b5_4a32_d192_ed03);
+        let own =
+            RandomSequence::new(self.seed ^ kind << 20).bits() ^ index.wrapping_mul(0xd1b5_4a32_d192_ed03);
         // Twice, since sequences whose keys are near may run into each other.
         RandomSequence::new(RandomSequence::new(own).bits())
     }
