@@ -26,10 +26,11 @@ pub enum Bits {
 }
 
 /// How a depth becomes a count of 16 bits.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum DepthScale {
     /// The finest of 1 mm, 1 cm, 1 dm and 1 m that reaches the largest finite depth of this picture.
     /// Frames of one sequence may then differ; for them, choose once by [`DepthScale::reaching`].
+    #[default]
     Auto,
     /// Metres a count, or scene units where the depth is in those. Above 0.
     MetresPerCount(f64),

@@ -104,14 +104,12 @@ impl Path {
     ///
     /// # Errors
     /// [`ViewError::Path`] if it makes no path.
-    #[cfg(feature = "viewer")]
     pub fn parse(text: &str, survey: &Survey, options: &Options) -> Result<Self, ViewError> {
         json::parse(text, survey, options)
             .map_err(|(location, message)| ViewError::Path(format!("{message}{location}")))
     }
 
     /// The text of the file that [`Self::write`] writes.
-    #[cfg(feature = "viewer")]
     #[must_use]
     pub fn text(&self) -> String {
         json::text_of(self)
