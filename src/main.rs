@@ -14,13 +14,10 @@ mod dataset;
 mod instruments;
 mod interrupt;
 mod names;
-mod output;
-mod parts;
 mod pipeline;
 mod progress;
 mod report;
 mod scene;
-mod studio;
 #[cfg(feature = "viewer")]
 mod viewer;
 mod weather;

@@ -1,18 +1,21 @@
 //! A scene made ready to render: read, checked, surveyed and loaded.
 
+use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use glam::DVec3;
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use weather_magician::assets::AssetCache;
 use weather_magician::view::{self, spec};
+use weather_magician::{PlaceOptions, PreparedPlace, Renderer};
 use wm_render::simd::SimdChoice;
-use wm_render::{
-    AnyDifferentiable, AnyRenderer, Background, CpuConfig, Device, RenderBackend, SetId, SkyGradient,
-};
+use wm_render::{AnyDifferentiable, CpuConfig, Device};
 use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
-use wm_scene::survey::{FactSource, Survey, known_distance, label_sky};
+use wm_scene::survey::known_distance;
 use wm_scene::{Metadata, Scene, capture};
-use wm_weather::{Daylight, Site};
+use wm_weather::Weather;
 
 /// Which scene, and what is known of it.
 #[derive(Args, Clone, Debug)]
@@ -25,6 +28,10 @@ pub struct SceneArgs {
     /// Leave out splats that hold NaN or infinite numbers, and go on
     #[arg(long, help_heading = "Scene")]
     pub repair: bool,
+    /// Folder that keeps what took long to find of the place (surfaces, shelter, where snow lies), for the next run, or off
+    /// to keep nothing; it can be deleted at any time [default: SCENE.assets, beside the scene]
+    #[arg(long, value_name = "FOLDER|off", help_heading = "Scene")]
+    pub assets: Option<AssetFolder>,
     #[command(flatten)]
     pub facts: FactArgs,
 }
@@ -68,8 +75,8 @@ pub struct RunArgs {
 
 impl RunArgs {
     /// Starts the renderer.
-    pub fn renderer(&self) -> Result<AnyRenderer> {
-        Ok(AnyRenderer::new(&self.device, self.cpu(), |error| {
+    pub fn renderer(&self) -> Result<Renderer> {
+        Ok(Renderer::new(&self.device, self.cpu(), |error| {
             eprintln!("warning: {error}; the CPU renders instead");
         })?)
     }
@@ -104,89 +111,92 @@ impl FactArgs {
     }
 }
 
-/// A scene ready to render.
+/// A scene ready to render, and the renderer that holds it.
 pub struct Loaded {
-    /// The scene; its splats are there until [`Self::release`].
-    pub scene: Scene,
-    /// What is known of the place.
-    pub survey: Survey,
-    /// Where the splats are loaded.
-    pub renderer: AnyRenderer,
-    /// As what.
-    pub set: SetId,
+    /// The renderer.
+    pub renderer: Renderer,
+    /// The scene in it.
+    pub place: PreparedPlace,
 }
 
 impl Loaded {
     /// Reads, checks, surveys and loads. Warns on the error stream.
     pub fn new(args: &SceneArgs, run: &RunArgs, views: Option<&PathBuf>) -> Result<Self> {
         // What is small and may be wrong comes before what is large.
-        let given = args.facts.metadata()?;
+        let facts = args.facts.metadata()?;
         let renderer = run.renderer()?;
         let views = views.map(|folder| capture::read_views(folder)).transpose()?;
         let mut scene = read_scene(&args.scene, &read_options(args.level))?;
         scene.views = views.unwrap_or(scene.views);
         check(&mut scene, &args.scene, args.repair)?;
-        Self::with(scene, &given, renderer)
+        Self::with(
+            scene,
+            PlaceOptions { facts, assets: args.assets.clone().unwrap_or_default().folder(&args.scene) },
+            renderer,
+        )
     }
 
-    /// The same for a scene that is in memory and sound.
+    /// Loads a scene that is in memory and sound.
     pub fn of(scene: Scene, given: &Metadata, run: &RunArgs) -> Result<Self> {
-        Self::with(scene, given, run.renderer()?)
+        Self::with(scene, PlaceOptions { facts: given.clone(), assets: None }, run.renderer()?)
     }
 
-    fn with(mut scene: Scene, given: &Metadata, mut renderer: AnyRenderer) -> Result<Self> {
-        label_sky(&mut scene.splats);
-        let survey = Survey::of(&scene, given);
-        if let Some(warning) = survey.warning() {
+    fn with(scene: Scene, options: PlaceOptions, mut renderer: Renderer) -> Result<Self> {
+        let place = renderer.load_with(scene, &options)?;
+        let mut loaded = Self { renderer, place };
+        loaded.warn();
+        Ok(loaded)
+    }
+
+    /// Prints the warnings that came up.
+    pub fn warn(&mut self) {
+        for warning in self.place.take_warnings() {
             eprintln!("warning: {warning}");
         }
-        let set = renderer.load(&scene.splats)?;
-        Ok(Self { scene, survey, renderer, set })
+    }
+
+    /// Makes what a weather needs of the place, and frees the splats as they were read: the renderer has its own.
+    pub fn prepare(&mut self, weather: &Weather) -> Result<()> {
+        self.renderer.prepare(&mut self.place, weather, &mut Reporter::default())?;
+        self.warn();
+        self.place.release_splats();
+        Ok(())
     }
 
     /// The same as a place to look for views in.
     pub fn site(&mut self, options: view::Options) -> view::Site<'_> {
-        view::Site {
-            renderer: &mut self.renderer,
-            set: self.set,
-            scene: &self.scene,
-            survey: &self.survey,
-            options,
+        self.renderer.view_site(&self.place, options)
+    }
+}
+
+/// Where prepared assets are kept.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum AssetFolder {
+    /// Beside the scene.
+    #[default]
+    Beside,
+    /// Nowhere.
+    Off,
+    /// In this folder.
+    At(PathBuf),
+}
+
+impl AssetFolder {
+    /// The folder for a scene.
+    pub fn folder(&self, scene: &Path) -> Option<PathBuf> {
+        match self {
+            Self::Beside => Some(AssetCache::folder_of(scene)),
+            Self::Off => None,
+            Self::At(folder) => Some(folder.clone()),
         }
     }
+}
 
-    /// Frees the splats as they were read: the renderer has its own.
-    pub fn release(&mut self) {
-        self.scene.splats = wm_scene::Splats::default();
-    }
+impl FromStr for AssetFolder {
+    type Err = Infallible;
 
-    /// What stands behind the splats: nothing where they have a sky, else a plain one.
-    pub fn background(&self) -> Background {
-        if self.survey.sky_splats > 0 {
-            return Background::default();
-        }
-        Background::Sky(self.sky())
-    }
-
-    /// A plain sky over this place.
-    pub fn sky(&self) -> SkyGradient {
-        SkyGradient::daylight(self.survey.up.value.to_array().map(|v| v as f32))
-    }
-
-    /// What weather must know.
-    pub fn weather_site(&self) -> Site {
-        let survey = &self.survey;
-        Site {
-            metres_per_unit: survey.metres_per_unit.value,
-            up: survey.up.value.to_array(),
-            ground: survey.ground.value,
-            airlight: survey.airlight.value,
-            daylight: match survey.airlight.source {
-                FactSource::Estimated | FactSource::Assumed if survey.sky_splats == 0 => Daylight::Guessed,
-                _ => Daylight::Known,
-            },
-            far: 3.0 * survey.radius.max(1e-6) * survey.metres_per_unit.value,
-        }
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        Ok(if text == "off" { Self::Off } else { Self::At(text.into()) })
     }
 }
 

@@ -29,9 +29,9 @@ impl WeatherArgs {
             None => Weather::clear(),
         };
         for text in &self.set {
-            weather.set(text)?;
+            weather.set_text(text)?;
         }
-        weather.load_pictures(read_panorama)?;
+        weather.load_images(read_panorama)?;
         if weather.effects().next().is_some() && self.weather.is_none() {
             weather.name = weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>().join("-");
         }

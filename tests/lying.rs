@@ -8,9 +8,8 @@ use wm_render::{
     SetView,
 };
 use wm_scene::{Camera, Group, Splats, sh};
-use wm_street::Street as StreetGeometry;
-use wm_weather::cover::{Airflow, Asked, Cover, Matter};
-use wm_weather::scan::Scan;
+use wm_weather::cover::{Airflow, Cover, CoverMaterial, CoverRequest};
+use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::{Daylight, Site};
 
 const SIZE: (u32, u32) = (300, 200);
@@ -47,17 +46,23 @@ impl Street {
                 daylight: Daylight::Known,
                 far: 100.0,
             };
-            let mut cover =
-                Cover::of(&scene, &Scan::plain(&scene), &site, &Airflow::default(), [[0.0, 30.0, 0.0]; 2], 2);
-            let asked = Asked {
+            let mut cover = Cover::of(
+                &scene,
+                &FusedSurfaces::from_splats(&scene),
+                &site,
+                &Airflow::default(),
+                [[0.0, 30.0, 0.0]; 2],
+                2,
+            );
+            let asked = CoverRequest {
                 depth: DEPTH,
                 thaw: None,
                 wet_fall: 0.0,
                 repose: 0.9,
                 threshold: f64::INFINITY,
-                matter: Matter { color: [0.8; 3], shade: [0.2; 3] },
+                material: CoverMaterial { color: [0.8; 3], shade: [0.2; 3] },
             };
-            let mut baked = cover.lying(&asked).bake(&scene);
+            let mut baked = cover.lay(&asked).bake(&scene);
             println!("{} splats, {} with snow", scene.len(), baked.len());
             let is_snow: Vec<bool> = baked.groups.iter().map(|group| *group == Group::Snow).collect();
             for (rgb, is_snow) in baked.sh.chunks_mut(3).zip(is_snow) {

@@ -1,8 +1,8 @@
 //! `bake`: a scene with what lies on it under a weather, as an ordinary scene for other programs.
 
 use crate::names::stem_of;
+use crate::progress::Reporter;
 use crate::scene::{Loaded, RunArgs, SceneArgs};
-use crate::studio;
 use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -10,7 +10,6 @@ use std::path::PathBuf;
 use wm_scene::files::check_writable;
 use wm_scene::formats::{format_for, lost, write_scene};
 use wm_scene::{Metadata, Scene};
-use wm_weather::cover::Lying;
 
 /// Options of `bake`.
 #[derive(Args, Debug)]
@@ -42,19 +41,15 @@ pub fn run(args: &BakeArgs) -> Result<()> {
         bail!("--time {}: give seconds, such as 0 or 12.5", args.time);
     }
     let mut loaded = Loaded::new(&args.scene, &args.run, None)?;
-    let site = loaded.weather_site();
-    let sky = weather.at(args.time).over(&site);
-    let lying = match (sky.cover(), sky.paper_cover()) {
-        (_, Some(paper)) => Lying::on_top(paper.snow(&loaded.scene.splats, &site)),
-        ([], None) => bail!(
+    let lying =
+        loaded.renderer.lying_cover(&mut loaded.place, &weather, args.time, &mut Reporter::default())?;
+    loaded.warn();
+    let Some(lying) = lying else {
+        bail!(
             "nothing lies under the weather {} at {} s: ask for it, such as --set snow_cover.depth=0.1",
             weather.name,
             args.time
-        ),
-        (asked, None) => {
-            let airflow = studio::airflow(&weather, &site);
-            studio::cover(&mut loaded, &site, &airflow)?.lying_on_each_other(asked)
-        }
+        );
     };
     let added = lying.splats.len();
     if added == 0 {
@@ -64,16 +59,16 @@ pub fn run(args: &BakeArgs) -> Result<()> {
             args.time
         );
     }
-    let splats = lying.bake(&loaded.scene.splats);
+    let (place, survey) = (loaded.place.scene(), loaded.place.survey());
+    let splats = lying.bake(&place.splats);
     let count = splats.len();
-    let survey = &loaded.survey;
     let metadata = Metadata {
         metres_per_unit: Some(survey.metres_per_unit.value),
         up: Some(survey.up.value),
         ground: Some(survey.ground.value),
-        ..loaded.scene.metadata.clone()
+        ..place.metadata.clone()
     };
-    let scene = Scene { splats, views: loaded.scene.views.clone(), metadata };
+    let scene = Scene { splats, views: place.views.clone(), metadata };
     write_scene(&out, &scene)?;
     println!("{}: {count} splats, {added} of them lie on the place", out.display());
     for line in lost(&format.loses, &scene) {

@@ -36,7 +36,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
     let mut weather = args.weather.read()?;
     // Saved files lie elsewhere than the weather that was read.
     let here = std::env::current_dir().context("this folder is gone")?;
-    weather.move_pictures(&here);
+    weather.resolve_images(&here);
     let panorama =
         |path: &PathBuf| -> Result<_> { Ok((here.join(path).display().to_string(), read_panorama(path)?)) };
     let panoramas = args.panorama.iter().map(panorama).collect::<Result<_>>()?;

@@ -1,8 +1,9 @@
 //! What a weather asks for, by its parameters and by published laws: formulas typed anew, so that no instrument borrows
 //! them from what it measures.
 
-use wm_weather::Weather;
-use wm_weather::particles::Kind;
+use super::drops::falling;
+use wm_weather::particles::PrecipitationKind;
+use wm_weather::{EffectRole, Weather};
 
 /// `-ln 0.05`: optical depth at the meteorological optical range (WMO No. 8).
 pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
@@ -10,8 +11,6 @@ pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
 const VISUAL_DEPTH: f64 = 3.912_023_005_428_146;
 /// Wavelengths of red, green and blue, nm.
 const WAVELENGTHS: [f64; 3] = [610.0, 550.0, 465.0];
-/// The kinds of air.
-pub const AIRS: [&str; 3] = ["fog", "haze", "smog"];
 
 /// A parameter at an instant, if its effect is on and it is a number.
 pub fn number(weather: &Weather, time: f64, effect: &str, param: &str) -> Option<f64> {
@@ -70,14 +69,19 @@ impl Air {
 
 /// The airs that are on.
 pub fn airs(weather: &Weather, time: f64) -> Vec<Air> {
-    AIRS.iter().filter_map(|effect| Air::of(weather, time, effect)).collect()
+    let airs = weather.effects().filter(|(effect, _)| effect.role == EffectRole::Air);
+    airs.filter_map(|(effect, _)| Air::of(weather, time, effect.name)).collect()
 }
 
-/// Extinction of what falls, 1/m: of rain `0.365 R^0.63` a km; of snow the program's own sum over flakes, since published laws
-/// are apart by a factor of 3 and more.
+/// Extinction of what falls, 1/m: by the published law of its kind, or else by the program's own sum over its particles:
+/// published laws of snow are apart by a factor of 3 and more.
 pub fn fall_extinction(weather: &Weather, time: f64) -> f64 {
-    let rate = |effect: &str| number(weather, time, effect, "rate").unwrap_or(0.0);
-    0.365e-3 * rate("rain").powf(0.63) + Kind::Snow.sigma_t(&Kind::Snow.classes(), rate("snowfall"))
+    let own = |(kind, rate): (&PrecipitationKind, f64)| match FallLaw::of(kind).and_then(|law| law.extinction)
+    {
+        Some(extinction) => extinction(rate),
+        None => kind.sigma_t(&kind.classes(), rate),
+    };
+    falling(weather, time).into_iter().map(own).sum()
 }
 
 /// Extinction of the whole air at a height above the ground, 1/m.
@@ -119,25 +123,67 @@ pub fn flake_speed(diameter: f64) -> f64 {
     0.8 * diameter.powf(0.16)
 }
 
-/// Water of one, mm^3, by the diameter that is seen, mm.
-pub fn water(kind: Kind, diameter: f64) -> f64 {
-    let sphere = std::f64::consts::PI / 6.0 * diameter.powi(3);
-    match kind {
-        Kind::Rain => sphere,
-        // Fabry and Szyrmer (1999): 0.178 D^-0.922 g/cm^3.
-        Kind::Snow => sphere * 0.178 * diameter.powf(-0.922),
+/// The published laws of a kind of precipitation, over the diameter that is seen, mm.
+pub struct FallLaw {
+    /// The kind, by its name.
+    kind: &'static str,
+    /// The law of fall speeds in a few words, and its source.
+    pub speed_law: [&'static str; 2],
+    /// Fall speed in still air, m/s, by diameter.
+    pub speed: fn(f64) -> f64,
+    /// Water of one particle, mm^3, by diameter.
+    pub water: fn(f64) -> f64,
+    /// Particles a m^3 that are larger than a diameter, by the rate, mm/h, and that diameter.
+    pub density: fn(f64, f64) -> f64,
+    /// Extinction, 1/m, by the rate, mm/h, where one is agreed on.
+    extinction: Option<fn(f64) -> f64>,
+}
+
+/// Every kind with published laws of its own.
+const FALL_LAWS: &[FallLaw] = &[
+    // Marshall and Palmer (1948), extinction after Atlas (1953).
+    FallLaw {
+        kind: "rain",
+        speed_law: ["Gunn-Kinzer's", "Gunn and Kinzer 1949"],
+        speed: gunn_kinzer,
+        water: ball,
+        density: |rate, least| beyond(8000.0, rain_slope(rate), least),
+        extinction: Some(|rate| 0.365e-3 * rate.powf(0.63)),
+    },
+    // Sekhon and Srivastava (1970); densities after Fabry and Szyrmer (1999), 0.178 D^-0.922 g/cm^3.
+    FallLaw {
+        kind: "snow",
+        speed_law: ["0.8 D^0.16", "aggregates, 0.8 D^0.16"],
+        speed: flake_speed,
+        water: |diameter| ball(diameter) * 0.178 * diameter.powf(-0.922),
+        density: |rate, least| beyond(2500.0 * rate.powf(-0.94), 2.29 * rate.powf(-0.45), melted(least)),
+        extinction: None,
+    },
+];
+
+impl FallLaw {
+    /// The laws of a kind; `None` where none are typed in here.
+    pub fn of(kind: &PrecipitationKind) -> Option<&'static Self> {
+        FALL_LAWS.iter().find(|law| law.kind == kind.name)
     }
+}
+
+/// Volume of a ball, mm^3, by its diameter, mm.
+fn ball(diameter: f64) -> f64 {
+    std::f64::consts::PI / 6.0 * diameter.powi(3)
+}
+
+/// Particles a m^3 that are larger than `least` mm, of an exponential spectrum.
+fn beyond(most: f64, slope: f64, least: f64) -> f64 {
+    most / slope * (-slope * least).exp()
 }
 
 /// Diameter when melted, mm, of a flake by the diameter that is seen, mm.
-pub fn melted(diameter: f64) -> f64 {
-    (water(Kind::Snow, diameter) * 6.0 / std::f64::consts::PI).cbrt()
+fn melted(diameter: f64) -> f64 {
+    (ball(diameter) * 0.178 * diameter.powf(-0.922) * 6.0 / std::f64::consts::PI).cbrt()
 }
 
-/// Slope of the spectrum by diameter (of flakes when melted), 1/mm: Marshall and Palmer (1948), Sekhon and Srivastava (1970).
-pub fn slope(kind: Kind, rate: f64) -> f64 {
-    match kind {
-        Kind::Rain => 4.1 * rate.powf(-0.21),
-        Kind::Snow => 2.29 * rate.powf(-0.45),
-    }
+/// Slope of the spectrum of rain, 1/mm (Marshall and Palmer 1948), by the rate, mm/h.
+pub fn rain_slope(rate: f64) -> f64 {
+    4.1 * rate.powf(-0.21)
 }

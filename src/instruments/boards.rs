@@ -9,9 +9,9 @@
 
 use super::asked::{self, MOR_DEPTH};
 use super::{COLOR, Finding, Instrument, Level, Probe, Reading, Rig, Shot, Shown, Tolerance, clear, median};
-use crate::parts::Picture;
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
+use weather_magician::Picture;
 use wm_scene::card::Card;
 use wm_scene::{Camera, Splats};
 use wm_weather::Weather;

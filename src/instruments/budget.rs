@@ -11,8 +11,8 @@
 
 use super::stake::{level_card, shown};
 use super::{DEPTH, Finding, Instrument, Level, Probe, Reading, Rig, Shot, Tolerance, asked, clear};
-use crate::parts::Picture;
 use anyhow::Result;
+use weather_magician::Picture;
 use wm_scene::Splats;
 use wm_weather::Weather;
 
@@ -76,7 +76,7 @@ fn half(weather: &Weather, time: f64) -> Result<(Weather, f64)> {
     let mut half = weather.clone();
     for param in ["depth", "hours"] {
         if let Some(value) = asked::number(weather, time, "snow_cover", param) {
-            half.set(&format!("snow_cover.{param}={}", 0.5 * value))?;
+            half.set_text(&format!("snow_cover.{param}={}", 0.5 * value))?;
         }
     }
     let stock = fallen(&half, time).map_or(0.0, |fallen| fallen.fell);

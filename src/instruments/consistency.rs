@@ -15,12 +15,12 @@ use super::{
     Finding, Instrument, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked, clear, mean, median,
     painted,
 };
-use crate::parts::Picture;
 use anyhow::Result;
+use weather_magician::Picture;
 use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs};
 use wm_scene::Camera;
-use wm_weather::Weather;
+use wm_weather::{EffectRole, Weather};
 
 /// The instrument.
 pub const INSTRUMENT: Instrument = Instrument {
@@ -30,11 +30,7 @@ pub const INSTRUMENT: Instrument = Instrument {
             warping error of what stands still, in percent of white, beside that of clear air. Two views must also agree on the extinction \
             of the air and on where snow lies. Beside them the same for weather that is painted on the clear frames, one by one, \
             without geometry.",
-    applies: |weather, time| {
-        !asked::airs(weather, time).is_empty()
-            || asked::is_on(weather, "snow_cover")
-            || asked::is_on(weather, "dust_cover")
-    },
+    applies: |weather, time| !asked::airs(weather, time).is_empty() || weather.has(EffectRole::Lies),
     read,
     sweep: &[
         &["fog.mor=50"],
@@ -196,7 +192,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let own = percent(differences(&pairs, &seen[0].rgb, &seen[1].rgb));
     let clear_error = differences(&bare_pairs, &bare[0].rgb, &bare[1].rgb);
     let has_air = !asked::airs(&weather, probe.time).is_empty();
-    let lies = asked::is_on(&weather, "snow_cover") || asked::is_on(&weather, "dust_cover");
+    let lies = weather.has(EffectRole::Lies);
     let dimmed = |share: &[f32]| -> Vec<f64> {
         clear_error.iter().zip(&bare_pairs).map(|(e, pair)| e * f64::from(share[pair.here])).collect()
     };

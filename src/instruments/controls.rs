@@ -10,9 +10,9 @@ use super::{
     Finding, Instrument, Level, PARTICLES, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked,
     clear, mean, median, streaks,
 };
-use crate::parts::Picture;
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
+use weather_magician::Picture;
 use wm_media::Size;
 use wm_media::sheet::{Layout, Panel, sheet};
 use wm_render::Frame;
@@ -130,9 +130,9 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
                 key => format!("{key}={value}"),
             };
             if control.seen == Seen::Lean {
-                weather.set(&direction)?;
+                weather.set_text(&direction)?;
             }
-            weather.set(&change)?;
+            weather.set_text(&change)?;
             let parts: &[PicturePart] =
                 if control.seen == Seen::Lost { &[PicturePart::Transmittance] } else { &[] };
             let picture = draw(rig, &camera, (&weather, probe.time), parts)?;

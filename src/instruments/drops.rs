@@ -7,27 +7,31 @@
 
 use super::blobs::{Blob, Parting, blobs};
 use super::{Level, PARTICLES, Rig, Shot, Shown, asked};
-use crate::parts::Picture;
 use anyhow::Result;
 use std::f64::consts::PI;
+use weather_magician::Picture;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
-use wm_weather::Weather;
-use wm_weather::particles::Kind;
+use wm_weather::particles::PrecipitationKind;
+use wm_weather::{Effect, Weather};
 
-/// The name of the effect.
-pub fn effect(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Rain => "rain",
-        Kind::Snow => "snowfall",
-    }
+/// The name of the effect of a kind.
+pub fn effect(kind: &PrecipitationKind) -> &'static str {
+    Effect::of_precipitation(kind).map_or("", |effect| effect.name)
 }
 
-/// What falls more of at an instant.
-pub fn main_kind(weather: &Weather, time: f64) -> Option<Kind> {
-    let rate = |kind: Kind| asked::number(weather, time, effect(kind), "rate").unwrap_or(0.0);
-    let (rain, snow) = (rate(Kind::Rain), rate(Kind::Snow));
-    (rain.max(snow) > 0.0).then_some(if rain >= snow { Kind::Rain } else { Kind::Snow })
+/// The kinds that fall at an instant with their rates, mm/h, in the order of the effects.
+pub fn falling(weather: &Weather, time: f64) -> Vec<(&'static PrecipitationKind, f64)> {
+    let kinds = weather.effects().filter_map(|(effect, _)| effect.precipitation);
+    let rated = kinds.map(|kind| (kind, asked::number(weather, time, effect(kind), "rate").unwrap_or(0.0)));
+    rated.filter(|(_, rate)| *rate > 0.0).collect()
+}
+
+/// The kind that falls at the highest rate at an instant.
+pub fn main_kind(weather: &Weather, time: f64) -> Option<&'static PrecipitationKind> {
+    let most =
+        falling(weather, time).into_iter().reduce(|most, next| if next.1 > most.1 { next } else { most });
+    most.map(|(kind, _)| kind)
 }
 
 /// Picture of a slab of air.
@@ -147,19 +151,23 @@ pub struct Look {
 
 impl Look {
     /// Across the wind, in a weather as it is but for gusts, other kinds that fall and the size and opacity of what falls.
-    pub fn new(weather: &Weather, time: f64, kind: Kind, slab: Slab, opacity: f64) -> Result<Self> {
-        let other = match kind {
-            Kind::Rain => Kind::Snow,
-            Kind::Snow => Kind::Rain,
-        };
+    pub fn new(
+        weather: &Weather,
+        time: f64,
+        kind: &PrecipitationKind,
+        slab: Slab,
+        opacity: f64,
+    ) -> Result<Self> {
         let mut weather = weather.clone();
-        weather.set(&format!("{}=off", effect(other)))?;
-        weather.set(&format!("{}.size=1", effect(kind)))?;
-        weather.set(&format!("{}.opacity={opacity}", effect(kind)))?;
+        for (other, _) in falling(&weather, time).into_iter().filter(|(other, _)| *other != kind) {
+            weather.set_text(&format!("{}=off", effect(other)))?;
+        }
+        weather.set_text(&format!("{}.size=1", effect(kind)))?;
+        weather.set_text(&format!("{}.opacity={opacity}", effect(kind)))?;
         let number = |param: &str| asked::number(&weather, time, "wind", param);
         let (across, heading) = (number("speed").unwrap_or(0.0), number("direction").unwrap_or(0.0));
         if across > 0.0 {
-            weather.set("wind.gusts=0")?;
+            weather.set_text("wind.gusts=0")?;
         }
         Ok(Self { slab, weather, opacity, heading, across, first: 0 })
     }

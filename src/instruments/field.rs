@@ -1,22 +1,24 @@
-//! The rig of the program: the place's studio, and targets beside it in the same renderer and the same air.
+//! The rig of the program: a place in its renderer, and targets beside it in the same renderer and the same air.
 
 use super::{Level, Rig, Shot, Subject};
-use crate::parts::Picture;
-use crate::studio::{Studio, sets};
 use anyhow::Result;
-use wm_render::{Background, DrawPass, RenderBackend, RenderConfig, SetId};
+use weather_magician::frame::FrameRequest;
+use weather_magician::{FrameOptions, Picture, PreparedPlace, Renderer};
+use wm_render::{Background, RenderBackend, RenderConfig, SetId, SetView};
 use wm_scene::{Camera, Splats};
-use wm_weather::cover::{Airflow, Asked, Buried, Cover};
-use wm_weather::scan::Scan;
-use wm_weather::{Seen, Site, Sky};
+use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest};
+use wm_weather::fused_surfaces::FusedSurfaces;
+use wm_weather::{PreparedWeather, Site};
 
 /// How far the second view is aside of the first, m: not ahead, so that the air between it and the place is as long.
 const STEP: f64 = 0.3;
 
 /// A place to measure at.
 pub struct Field {
+    /// The renderer.
+    pub renderer: Renderer,
     /// The place.
-    pub studio: Studio,
+    pub place: PreparedPlace,
     camera: Camera,
     targets: Vec<Target>,
 }
@@ -25,43 +27,41 @@ pub struct Field {
 struct Target {
     splats: Splats,
     set: SetId,
-    /// What may lie on it, by how the air carries it.
+    /// The cover of its ground, by how the air carries what lies.
     cover: Option<(Airflow, Cover)>,
-    lying: Option<(Vec<Asked>, SetId, Buried)>,
+    lying: Option<(Vec<CoverRequest>, SetId, Buried)>,
 }
 
 impl Field {
     /// A place that is looked at from `camera`.
-    pub fn new(studio: Studio, camera: Camera) -> Self {
-        Self { studio, camera, targets: Vec::new() }
+    pub fn new(renderer: Renderer, place: PreparedPlace, camera: Camera) -> Self {
+        Self { renderer, place, camera, targets: Vec::new() }
     }
 
     /// Lays out what lies on a target.
-    fn lay(&mut self, index: usize, sky: &Sky) -> Result<()> {
-        let (site, renderer) = (self.studio.site, &mut self.studio.loaded.renderer);
+    fn lay(&mut self, index: usize, weather: &PreparedWeather) -> Result<()> {
+        let (site, backend) = (*self.place.site(), self.renderer.backend_mut());
         let Target { splats, cover, lying, .. } = &mut self.targets[index];
-        let asked = sky.cover();
-        if lying.as_ref().map_or(&[][..], |(known, _, _)| known) == asked {
+        let requests = weather.cover();
+        if lying.as_ref().map_or(&[][..], |(known, _, _)| known) == requests {
             return Ok(());
         }
         if let Some((_, set, _)) = lying.take() {
-            renderer.unload(set);
+            backend.unload(set);
         }
-        if asked.is_empty() {
+        if requests.is_empty() {
             return Ok(());
         }
-        let airflow = sky.airflow();
+        let airflow = weather.airflow();
         if cover.as_ref().is_none_or(|(known, _)| *known != airflow) {
-            let threads = renderer.threads();
+            let threads = backend.threads();
             let middle = Level::of(&site).point([0.0; 3]).to_array();
-            *cover = Some((
-                airflow,
-                Cover::of(splats, &Scan::plain(splats), &site, &airflow, [middle; 2], threads),
-            ));
+            let surfaces = FusedSurfaces::from_splats(splats);
+            *cover = Some((airflow, Cover::of(splats, &surfaces, &site, &airflow, [middle; 2], threads)));
         }
         if let Some((_, cover)) = cover {
-            let lies = cover.lying_on_each_other(asked);
-            *lying = Some((asked.to_vec(), renderer.load(&lies.splats)?, lies.buried));
+            let lies = cover.lay_all(requests);
+            *lying = Some((requests.to_vec(), backend.load(&lies.splats)?, lies.buried));
         }
         Ok(())
     }
@@ -69,12 +69,12 @@ impl Field {
 
 impl Rig for Field {
     fn site(&self) -> Site {
-        self.studio.site
+        *self.place.site()
     }
 
     fn views(&mut self) -> Result<[Camera; 2]> {
         let first = self.camera;
-        let level = Level::of(&self.studio.site);
+        let level = Level::of(self.place.site());
         let rotation = first.rotation();
         let step = rotation.row(0) * level.units(STEP);
         let viewmat = wm_scene::camera::viewmat_of(rotation, -(rotation * (first.center() + step)));
@@ -82,45 +82,47 @@ impl Rig for Field {
     }
 
     fn set_up(&mut self, splats: Splats) -> Result<Subject> {
-        let set = self.studio.loaded.renderer.load(&splats)?;
+        let set = self.renderer.backend_mut().load(&splats)?;
         self.targets.push(Target { splats, set, cover: None, lying: None });
         Ok(Subject::Target(self.targets.len() - 1))
     }
 
     fn clear_away(&mut self) {
-        let renderer = &mut self.studio.loaded.renderer;
+        let backend = self.renderer.backend_mut();
         for target in self.targets.drain(..) {
-            target.lying.iter().for_each(|(_, set, _)| renderer.unload(*set));
-            renderer.unload(target.set);
+            target.lying.iter().for_each(|(_, set, _)| backend.unload(*set));
+            backend.unload(target.set);
         }
     }
 
     fn draw(&mut self, shot: &Shot<'_>, picture: &mut Picture) -> Result<()> {
         let index = match shot.subject {
             Subject::Place => {
-                self.studio.config.outputs = shot.outputs;
-                self.studio.render_parts(
-                    shot.weather,
-                    shot.time,
-                    (*shot.camera).into(),
-                    shot.parts,
-                    picture,
-                )?;
+                self.place.config.outputs = shot.outputs;
+                let options =
+                    FrameOptions { parts: shot.parts, ..FrameOptions::new(shot.time, *shot.camera) };
+                self.renderer.render_into(&mut self.place, shot.weather, &options, picture, &mut ())?;
                 return Ok(());
             }
             Subject::Target(index) => index,
         };
-        let sky = shot.weather.at(shot.time).over(&self.studio.site);
-        self.lay(index, &sky)?;
+        let weather = shot.weather.at(shot.time).prepare(self.place.site());
+        self.lay(index, &weather)?;
         let Target { set, lying, .. } = &self.targets[index];
-        let sets = sets(*set, lying.as_ref().map(|(_, set, buried)| (*set, buried)));
+        let buried = lying.as_ref().map(|(_, _, buried)| buried as &dyn wm_render::hooks::SplatAttributes);
+        let mut sets = vec![SetView::plain(*set).with_attributes(buried)];
+        sets.extend(lying.as_ref().map(|(_, set, _)| SetView::plain(*set)));
         let background = Background::Color([0.0; 3]);
         let config = RenderConfig { outputs: shot.outputs, background, ..RenderConfig::default() };
-        let renderer = &mut self.studio.loaded.renderer;
-        sky.with_hooks(&Seen::by(shot.camera), |hooks| {
-            let job = DrawPass::new(&sets, shot.camera, &config).with_hooks(hooks);
-            (_, picture.parts) = render_with_parts(renderer, &job, shot.parts, &mut picture.frame)?;
-            Ok(())
-        })
+        let request = FrameRequest {
+            sets: &sets,
+            weather: &weather,
+            camera: (*shot.camera).into(),
+            shelter: None,
+            config: &config,
+            parts: shot.parts,
+        };
+        self.renderer.draw(&request, picture)?;
+        Ok(())
     }
 }

@@ -13,13 +13,14 @@
 //! three arms lie over each other, and what one hides of another is 5 % of the water at a tenth, 1 % at a hundredth. Speeds:
 //! Brandes' formula, which the program goes by, is within 4 % of the measurements.
 
+use super::asked::FallLaw;
 use super::blobs::Parting;
-use super::drops::{Catch, Drop, Look, Slab, effect, main_kind};
+use super::drops::{Catch, Drop, Look, Slab, effect, falling};
 use super::{Finding, Instrument, Probe, Reading, Rig, Tolerance, asked, mean, median};
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
 use std::ops::Range;
-use wm_weather::particles::Kind;
+use wm_weather::particles::{ParticleShape, PrecipitationKind, RAIN};
 
 /// The instrument.
 pub const INSTRUMENT: Instrument = Instrument {
@@ -31,7 +32,7 @@ pub const INSTRUMENT: Instrument = Instrument {
             volume of air; of snow with the water that a flake of its width holds. Disdrometer: by how much drops above 0.7 mm are wider than that in the mean, \
             against the spectrum of Marshall and Palmer; and in classes of a quarter of a millimetre speed over what Gunn and Kinzer measured, \
             of which the class that is farthest off counts.",
-    applies: |weather, time| main_kind(weather, time).is_some(),
+    applies: |weather, time| falling(weather, time).iter().any(|(kind, _)| FallLaw::of(kind).is_some()),
     read,
     sweep: SWEEP,
 };
@@ -61,8 +62,10 @@ const CROWD: f64 = 9e-4;
 const THIN: f64 = 0.01;
 /// Least diameters of the two lenses, mm: drops are drawn whole (0.3 px and more), and flakes by themselves in the wide
 /// lens (1.25 px).
-const RAIN: [f64; 2] = [0.5, 1.0];
+const SMALLEST: f64 = 0.5;
 const SNOW: [f64; 2] = [0.25, 5.0];
+/// Faster than any drop falls, m/s.
+const FASTEST: f64 = 12.0;
 /// Diameter from which the close lens sees flakes by themselves, mm: fewer stand for all that are smaller.
 const SINGLE: f64 = 2.5;
 /// Where the places of the wide lens begin.
@@ -80,16 +83,6 @@ const SLAB: Slab = Slab {
     parting: Parting::Peaks,
 };
 
-/// Drops from a diameter on, mm, at a rate, mm/h, a m^3, by the published spectrum.
-fn density(kind: Kind, rate: f64, least: f64) -> f64 {
-    let (most, least) = match kind {
-        Kind::Rain => (8000.0, least),
-        Kind::Snow => (2500.0 * rate.powf(-0.94), asked::melted(least)),
-    };
-    let slope = asked::slope(kind, rate);
-    most / slope * (-slope * least).exp()
-}
-
 /// A look at the drops of some diameters, and what is seen of them.
 struct Lens {
     look: Look,
@@ -100,20 +93,28 @@ struct Lens {
 
 impl Lens {
     /// The close one and the wide one.
-    fn both(probe: &Probe<'_>, kind: Kind, rate: f64) -> Result<[Self; 2]> {
+    fn both(probe: &Probe<'_>, kind: &PrecipitationKind, law: &FallLaw, rate: f64) -> Result<[Self; 2]> {
         let wind = asked::number(probe.weather, probe.time, "wind", "speed").unwrap_or(0.0);
         let mut weather = probe.weather.clone();
-        weather.set(&format!("{}.exposure=0.00001", effect(kind)))?;
-        let (opacity, [least, large], close) = match kind {
-            Kind::Rain => {
-                let margin = [12.0 + 2.0 * wind, 30.0];
-                (
-                    1.0,
-                    RAIN,
-                    Slab { scale: 750.0, thickness: 1.0, margin, apart: 0.002, fastest: 12.0, ..SLAB },
-                )
+        weather.set_text(&format!("{}.exposure=0.00001", effect(kind)))?;
+        let (opacity, [least, large], close) = match kind.shape {
+            ParticleShape::Ball => {
+                // Of what is larger than drops the whole slab is as much larger: the smallest are 0.375 px wide.
+                let least = kind.seen(kind.diameters[0]);
+                let larger = least / SMALLEST;
+                let fastest = FASTEST.max(1.1 * (law.speed)(kind.seen(kind.diameters[1])));
+                let slab = Slab {
+                    scale: 750.0 / larger,
+                    depth: SLAB.depth * larger,
+                    thickness: larger,
+                    margin: [12.0 + 2.0 * wind, 30.0],
+                    apart: 0.002 * (larger * FASTEST / fastest),
+                    fastest,
+                    ..SLAB
+                };
+                (1.0, [least, 2.0 * least], slab)
             }
-            Kind::Snow => {
+            ParticleShape::Flake => {
                 let margin = [24.0 + 8.0 * wind, 40.0];
                 (THIN, SNOW, Slab { scale: 600.0, thickness: 0.6, margin, apart: 0.01, fastest: 3.0, ..SLAB })
             }
@@ -121,7 +122,7 @@ impl Lens {
         let lens = |least: f64, diameters: Range<f64>, wider: f64, first: usize| {
             let scale = close.scale / wider;
             // Those that are a little smaller are there, too, drawn in part.
-            let most = CROWD * scale * scale / density(kind, rate, 0.85 * least);
+            let most = CROWD * scale * scale / (law.density)(rate, 0.85 * least);
             let thickness = most.clamp(0.1, close.thickness);
             // Between two pictures drops go the same way in pixels.
             let slab = Slab { scale, thickness, apart: close.apart * wider, ..close };
@@ -140,11 +141,11 @@ impl Lens {
     }
 
     /// Water through a level plane, mm/h, and its variance by what the pictures are apart.
-    fn flux(&self, kind: Kind) -> [f64; 2] {
+    fn flux(&self, law: &FallLaw) -> [f64; 2] {
         let (mut tracked, mut speed) = (0.0, 0.0);
         for Drop { diameter, velocity, .. } in self.drops() {
             if let Some([_, down]) = velocity {
-                let own = asked::water(kind, *diameter);
+                let own = (law.water)(*diameter);
                 tracked += own;
                 speed += own * down;
             }
@@ -154,7 +155,7 @@ impl Lens {
         let count = self.caught.pictures as f64;
         let mut fluxes = vec![0.0; self.caught.pictures];
         for drop in self.drops() {
-            fluxes[drop.picture] += fall * asked::water(kind, drop.diameter) * count / self.caught.volume;
+            fluxes[drop.picture] += fall * (law.water)(drop.diameter) * count / self.caught.volume;
         }
         let flux = mean(fluxes.iter().copied());
         let squares: f64 = fluxes.iter().map(|own| (own - flux).powi(2)).sum();
@@ -163,12 +164,12 @@ impl Lens {
 }
 
 /// Looks until the rate is told well enough; gives it with its standard error, mm/h.
-fn look(rig: &mut dyn Rig, probe: &Probe<'_>, kind: Kind, lenses: &mut [Lens; 2]) -> Result<[f64; 2]> {
+fn look(rig: &mut dyn Rig, probe: &Probe<'_>, law: &FallLaw, lenses: &mut [Lens; 2]) -> Result<[f64; 2]> {
     for lens in lenses.iter_mut() {
         lens.take(rig, probe)?;
     }
     loop {
-        let fluxes = lenses.each_ref().map(|lens| lens.flux(kind));
+        let fluxes = lenses.each_ref().map(|lens| lens.flux(law));
         let [rate, variance] = [0, 1].map(|k| fluxes[0][k] + fluxes[1][k]);
         let pictures = lenses.each_ref().map(|lens| lens.caught.pictures);
         if variance.sqrt() <= ENOUGH * rate || pictures[0] + pictures[1] >= MOST {
@@ -180,23 +181,12 @@ fn look(rig: &mut dyn Rig, probe: &Probe<'_>, kind: Kind, lenses: &mut [Lens; 2]
     }
 }
 
-/// Fall speed by diameter, as published.
-fn speed(kind: Kind, diameter: f64) -> f64 {
-    match kind {
-        Kind::Rain => asked::gunn_kinzer(diameter),
-        Kind::Snow => asked::flake_speed(diameter),
-    }
-}
-
 fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let mut finding = Finding::default();
-    for kind in [Kind::Rain, Kind::Snow] {
-        let rate = asked::number(probe.weather, probe.time, effect(kind), "rate").unwrap_or(0.0);
-        if rate <= 0.0 {
-            continue;
-        }
-        let mut lenses = Lens::both(probe, kind, rate)?;
-        let [measured, error] = look(rig, probe, kind, &mut lenses)?;
+    for (kind, rate) in falling(probe.weather, probe.time) {
+        let Some(law) = FallLaw::of(kind) else { continue };
+        let mut lenses = Lens::both(probe, kind, law, rate)?;
+        let [measured, error] = look(rig, probe, law, &mut lenses)?;
         let reading = |quantity: &str, unit, asked, measured| Reading {
             quantity: quantity.to_owned(),
             setting: probe.setting.to_owned(),
@@ -206,23 +196,22 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
             standard_error: None,
             tolerance: Tolerance::Relative(0.05),
         };
-        let name = if kind == Kind::Rain { "rain rate" } else { "snow rate" };
+        let name = format!("{} rate", kind.name);
         finding
             .readings
-            .push(Reading { standard_error: Some(error), ..reading(name, "mm/h", rate, measured) });
-        let speeds = classes(kind, &lenses);
+            .push(Reading { standard_error: Some(error), ..reading(&name, "mm/h", rate, measured) });
+        let speeds = classes(kind, law, &lenses);
         let farthest =
             speeds.iter().map(|class| class[2]).max_by(|a, b| (a - 1.0).abs().total_cmp(&(b - 1.0).abs()));
-        let law = if kind == Kind::Rain { "Gunn-Kinzer's" } else { "0.8 D^0.16" };
-        let quantity = format!("fall speed over {law}, farthest of {} sizes", speeds.len());
-        if kind == Kind::Rain {
+        let quantity = format!("fall speed over {}, farthest of {} sizes", law.speed_law[0], speeds.len());
+        if *kind == RAIN {
             // Of an exponential spectrum the same beyond any diameter.
-            let wanted = 1.0 / asked::slope(kind, rate);
+            let wanted = 1.0 / asked::rain_slope(rate);
             finding.readings.push(reading("mean diameter beyond 0.7 mm", "mm", wanted, beyond(&lenses)));
             finding.plots.push(sizes(probe, rate, &lenses));
         }
         finding.readings.push(reading(&quantity, "", 1.0, farthest.unwrap_or(f64::NAN)));
-        finding.plots.push(speeds_plot(probe, kind, &speeds));
+        finding.plots.push(speeds_plot(probe, law, &speeds));
         for (lens, what) in lenses.iter_mut().zip(["close", "wide"]) {
             let (count, volume, scale) = (lens.drops().count(), lens.caught.volume, lens.look.slab.scale);
             if let Some(mut shown) = lens.caught.shown.take() {
@@ -258,10 +247,18 @@ const MEMBERS: usize = 40;
 const STRAY: f64 = 0.4;
 
 /// Classes of diameter that have enough members: mean diameter, mm, mean speed, m/s, and that over the mean by the law.
-fn classes(kind: Kind, lenses: &[Lens; 2]) -> Vec<[f64; 3]> {
+fn classes(kind: &PrecipitationKind, law: &FallLaw, lenses: &[Lens; 2]) -> Vec<[f64; 3]> {
+    // Of what is larger than drops the classes are as much wider.
+    let (first, width) = match kind.shape {
+        ParticleShape::Ball => {
+            let least = kind.seen(kind.diameters[0]);
+            (least, CLASS * least / SMALLEST)
+        }
+        ParticleShape::Flake => (SINGLE, CLASS),
+    };
     let mut classes: Vec<Vec<[f64; 2]>> = vec![Vec::new(); 48];
     for Drop { diameter, velocity, .. } in lenses.iter().flat_map(Lens::drops) {
-        let class = ((diameter - if kind == Kind::Snow { SINGLE } else { 0.5 }) / CLASS).floor();
+        let class = ((diameter - first) / width).floor();
         if let (Some([_, down]), 0.0..48.0) = (velocity, class) {
             classes[class as usize].push([*diameter, *down]);
         }
@@ -273,23 +270,23 @@ fn classes(kind: Kind, lenses: &[Lens; 2]) -> Vec<[f64; 3]> {
     let full = classes.iter().filter(|class| class.len() >= MEMBERS);
     let means = full.map(|class| {
         let of = |value: &dyn Fn(&[f64; 2]) -> f64| mean(class.iter().map(value));
-        [of(&|p| p[0]), of(&|p| p[1]), of(&|p| p[1]) / of(&|p| speed(kind, p[0]))]
+        [of(&|p| p[0]), of(&|p| p[1]), of(&|p| p[1]) / of(&|p| (law.speed)(p[0]))]
     });
     means.collect()
 }
 
-fn law(f: impl Fn(f64) -> f64) -> Vec<[f64; 2]> {
-    (5..=60).map(|k| f64::from(k) * 0.1).map(|d| [d, f(d)]).collect()
+fn curve(most: f64, f: impl Fn(f64) -> f64) -> Vec<[f64; 2]> {
+    (5..=60).map(|k| f64::from(k) / 60.0 * most).map(|d| [d, f(d)]).collect()
 }
 
-fn speeds_plot(probe: &Probe<'_>, kind: Kind, classes: &[[f64; 3]]) -> Plot {
-    let name = if kind == Kind::Rain { "Gunn and Kinzer 1949" } else { "aggregates, 0.8 D^0.16" };
+fn speeds_plot(probe: &Probe<'_>, law: &FallLaw, classes: &[[f64; 3]]) -> Plot {
+    let most = classes.iter().map(|class| 1.1 * class[0]).fold(6.0, f64::max);
     Plot {
         title: format!("Fall speed, {}", probe.setting),
         x: Axis::linear("diameter, mm"),
         y: Axis::linear("fall speed, m/s"),
         series: vec![
-            Series::line(name, law(|d| speed(kind, d))),
+            Series::line(law.speed_law[1], curve(most, law.speed)),
             Series::points(
                 "measured, means of classes",
                 classes.iter().map(|class| [class[0], class[1]]).collect(),
@@ -299,7 +296,7 @@ fn speeds_plot(probe: &Probe<'_>, kind: Kind, classes: &[[f64; 3]]) -> Plot {
 }
 
 fn sizes(probe: &Probe<'_>, rate: f64, lenses: &[Lens; 2]) -> Plot {
-    let slope = asked::slope(Kind::Rain, rate);
+    let slope = asked::rain_slope(rate);
     let mut numbers = [(0usize, 0.0); 24];
     for lens in lenses {
         for drop in lens.drops() {
@@ -310,7 +307,7 @@ fn sizes(probe: &Probe<'_>, rate: f64, lenses: &[Lens; 2]) -> Plot {
     }
     let full = numbers.iter().enumerate().filter(|(_, (count, _))| *count > 3);
     let numbers = full.map(|(k, (_, number))| [0.5 + CLASS * (k as f64 + 0.5), *number]);
-    let spectrum = law(|d| 8000.0 * (-slope * d).exp()).into_iter().filter(|p| p[1] > 0.05);
+    let spectrum = curve(6.0, |d| 8000.0 * (-slope * d).exp()).into_iter().filter(|p| p[1] > 0.05);
     Plot {
         title: format!("Sizes, {}", probe.setting),
         x: Axis::linear("diameter, mm"),

@@ -34,7 +34,7 @@ use wm_scene::{Camera, Splats};
 use wm_weather::dome::level_axes;
 use wm_weather::{Site, Weather};
 
-use crate::parts::Picture;
+use weather_magician::Picture;
 
 /// An instrument.
 pub struct Instrument {
@@ -79,7 +79,7 @@ impl Probe<'_> {
     /// The weather with changes.
     pub fn with(&self, changes: &[&str]) -> Result<Weather> {
         let mut weather = self.weather.clone();
-        changes.iter().try_for_each(|change| weather.set(change))?;
+        changes.iter().try_for_each(|change| weather.set_text(change))?;
         Ok(weather)
     }
 }
@@ -210,7 +210,7 @@ pub trait Rig {
     /// Takes all targets down.
     fn clear_away(&mut self);
 
-    /// Draws.
+    /// RandomSequence.
     fn draw(&mut self, shot: &Shot<'_>, picture: &mut Picture) -> Result<()>;
 }
 

@@ -12,10 +12,10 @@
 use super::{
     Finding, Instrument, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked, clear, median,
 };
-use crate::parts::Picture;
 use crate::report::plot::{Axis, Plot, Series};
 use anyhow::Result;
 use glam::DVec3;
+use weather_magician::Picture;
 use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs};
 
@@ -58,7 +58,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let (frame, shares) = (&picture.frame, &picture.parts.transmittance);
     // Air that is as good as clear as far as the place goes, and takes all light from what is endlessly far.
     let (mut thin, mut sky) = (clear(), Picture::default());
-    thin.set(&format!("fog.mor={}", (THIN * site.far).max(1.0)))?;
+    thin.set_text(&format!("fog.mor={}", (THIN * site.far).max(1.0)))?;
     rig.draw(&Shot { subject, camera: &camera, weather: &thin, time, outputs, parts }, &mut sky)?;
     let nearness = &sky.parts.transmittance;
     let airs = asked::airs(&weather, probe.time);

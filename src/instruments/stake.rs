@@ -11,8 +11,8 @@ use super::{COLOR, mean};
 use super::{
     DEPTH, Finding, Instrument, Level, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked, clear,
 };
-use crate::parts::Picture;
 use anyhow::Result;
+use weather_magician::Picture;
 use wm_scene::card::Card;
 use wm_scene::{Camera, Splats};
 

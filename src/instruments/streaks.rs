@@ -13,7 +13,7 @@ use super::drops::{Catch, Drop, Look, Slab, main_kind};
 use super::{Finding, Instrument, Probe, Reading, Rig, Tolerance, asked, median};
 use anyhow::Result;
 use wm_weather::Weather;
-use wm_weather::particles::Kind;
+use wm_weather::particles::RAIN;
 
 /// The instrument.
 pub const INSTRUMENT: Instrument = Instrument {
@@ -22,7 +22,7 @@ pub const INSTRUMENT: Instrument = Instrument {
     about: "A slab of air, as for the gauge, at the exposure that is asked for, drops marked to show as far as they go. Two pictures a \
             moment apart say how fast each goes; its streak must be as long as that speed times the exposure, as high as a drop of its size falls in it by Gunn and \
             Kinzer, and lie along its way. How fast they go sideways is the wind.",
-    applies: |weather, time| main_kind(weather, time) == Some(Kind::Rain),
+    applies: |weather, time| main_kind(weather, time) == Some(&RAIN),
     read,
     sweep: &[
         &["rain.rate=2.5", "rain.exposure=0.002"],
@@ -69,7 +69,7 @@ pub fn look(weather: &Weather, time: f64) -> Result<Look> {
     let wide = (0.14 * (1e-3 * scale).powi(2) + 0.3f64).sqrt();
     let long = (wide * wide + pixels * pixels / 12.0).sqrt();
     let opacity = std::f64::consts::TAU * wide * long / (1.8 * (1e-3 * scale).powi(2));
-    Look::new(weather, time, Kind::Rain, slab, opacity.min(100.0))
+    Look::new(weather, time, &RAIN, slab, opacity.min(100.0))
 }
 
 fn exposure(weather: &Weather, time: f64) -> f64 {

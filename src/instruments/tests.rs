@@ -6,10 +6,9 @@
 use super::field::Field;
 use super::{Finding, INSTRUMENTS, Probe, Rig, Shot, Subject, asked};
 use crate::commands::demo::street;
-use crate::parts::Picture;
 use crate::scene::{Loaded, RunArgs};
-use crate::studio::{Needs, Studio};
 use anyhow::Result;
+use weather_magician::Picture;
 use wm_render::{Device, RenderConfig};
 use wm_scene::{Camera, Metadata, Splats};
 use wm_street::Street;
@@ -77,7 +76,7 @@ fn weather(instrument: &str) -> Weather {
         _ => &["fog.mor=150", "snow_cover.depth=0.1"],
     };
     let mut weather = Weather::clear();
-    sets.iter().for_each(|set| weather.set(set).unwrap());
+    sets.iter().for_each(|set| weather.set_text(set).unwrap());
     weather
 }
 
@@ -96,7 +95,7 @@ impl Fault {
         let mut drawn = shot.clone();
         let mut scale = |effect: &str, param: &str, factor: f64| {
             if let Some(value) = asked::number(&shot.weather, shot.time, effect, param) {
-                drawn.weather.set(&format!("{effect}.{param}={}", value * factor)).unwrap();
+                drawn.weather.set_text(&format!("{effect}.{param}={}", value * factor)).unwrap();
             }
         };
         match self {
@@ -118,7 +117,7 @@ impl Fault {
                 if asked::is_on(&shot.weather, "snow_cover")
                     && asked::number(&shot.weather, 0.0, "snow_cover", "depth").is_some()
                 {
-                    drawn.weather.set("wind.speed=20").unwrap();
+                    drawn.weather.set_text("wind.speed=20").unwrap();
                 }
             }
             Self::Fallen => scale("snow_cover", "hours", 1.1),
@@ -176,10 +175,8 @@ fn rig() -> Faulty {
     let run = RunArgs { device: Device::Cpu, ..RunArgs::default() };
     let scene = street::scene(0.5, None).unwrap();
     let loaded = Loaded::of(scene, &Metadata::default(), &run).unwrap();
-    let config = RenderConfig { background: loaded.background(), ..RenderConfig::default() };
-    let needs = |_: &Site| Needs { cover: Some(Airflow::default()), ..Needs::default() };
     let camera = Street::views()[0].camera((240, 160)).unwrap();
-    let field = Field::new(Studio::new(loaded, config, needs).unwrap(), camera);
+    let field = Field::new(loaded.renderer, loaded.place, camera);
     Faulty { field, fault: Fault::None, shots: Vec::new() }
 }
 

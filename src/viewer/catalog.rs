@@ -10,8 +10,8 @@ use std::sync::Arc;
 use weather_magician::view::Options;
 use weather_magician::view::path::{Key, Path};
 use wm_scene::Camera;
-use wm_scene::survey::{FactSource, Survey};
-use wm_weather::param::{Kind, Param};
+use wm_scene::survey::{Source, Survey};
+use wm_weather::param::{Param, ParamKind};
 use wm_weather::presets::PRESETS;
 use wm_weather::{EFFECTS, Easing, Panorama, Weather};
 
@@ -58,7 +58,7 @@ impl Catalog {
     /// # Errors
     /// There is none of that name.
     pub fn load(&self, weather: &mut Weather) -> Result<(), String> {
-        weather.load_pictures(|path| {
+        weather.load_images(|path| {
             let known = path.to_str().and_then(|name| self.panoramas.get(name));
             known.cloned().ok_or_else(|| {
                 let known: Vec<&str> = self.panoramas.keys().map(String::as_str).collect();
@@ -175,6 +175,7 @@ fn effects() -> Value {
         json!({
             "name": effect.name,
             "about": effect.about,
+            "role": effect.role.name(),
             "slot": format!("{:?}", effect.slot).to_lowercase(),
             "params": effect.params.iter().map(param).collect::<Value>(),
         })
@@ -184,17 +185,17 @@ fn effects() -> Value {
 
 fn param(param: &Param) -> Value {
     let (kind, words): (_, &[&str]) = match param.kind {
-        Kind::Number => ("number", &[]),
-        Kind::NumberOrAuto => ("number-or-auto", &[]),
-        Kind::ColorOrAuto => ("color-or-auto", &[]),
-        Kind::Word(words) => ("word", words),
-        Kind::PictureOrAuto => ("picture-or-auto", &[]),
+        ParamKind::Number => ("number", &[]),
+        ParamKind::NumberOrAuto => ("number-or-auto", &[]),
+        ParamKind::ColorOrAuto => ("color-or-auto", &[]),
+        ParamKind::Word(words) => ("word", words),
+        ParamKind::ImageOrAuto => ("picture-or-auto", &[]),
     };
     // JSON has no infinity.
     let number = |number: f64| if number.is_finite() { json!(number) } else { json!(number.to_string()) };
     let default = match &param.default {
-        wm_weather::Value::Number(value) => number(*value),
-        wm_weather::Value::Color(rgb) => json!(rgb),
+        wm_weather::ParamValue::Number(value) => number(*value),
+        wm_weather::ParamValue::Color(rgb) => json!(rgb),
         other => json!(other.to_string()),
     };
     json!({

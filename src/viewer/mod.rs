@@ -24,7 +24,6 @@ use crate::commands::render::camera::LookArgs;
 use crate::interrupt;
 use crate::names::stem_of;
 use crate::scene::{Loaded, RunArgs, SceneArgs};
-use crate::studio::Studio;
 use anyhow::Result;
 use axum::body::Bytes;
 use catalog::Catalog;
@@ -38,7 +37,7 @@ use std::time::{Duration, Instant};
 use videos::Videos;
 use wm_render::RenderConfig;
 use wm_scene::Scene;
-use wm_weather::{Panorama, Value, Weather};
+use wm_weather::{Panorama, ParamValue, Weather};
 
 /// How long the page of a scene that cannot be read stays, for who opens it to be told.
 const FAREWELL: Duration = Duration::from_secs(10);
@@ -136,7 +135,7 @@ pub fn run(asked: Asked<'_>, server: &server::ServerArgs) -> Result<()> {
     let address = server::serve(server, routes::routes(Arc::clone(&room)))?;
     println!("{address}");
     eprintln!("open this address in a browser; Ctrl-C ends");
-    let (studio, scene) = match open(asked, &room) {
+    let (renderer, place) = match open(asked, &room) {
         Ok(stage) => {
             room.desk.tell_all(&room.greeting());
             stage
@@ -151,50 +150,40 @@ pub fn run(asked: Asked<'_>, server: &server::ServerArgs) -> Result<()> {
             return Err(error);
         }
     };
-    let outcome = Painter::new(Arc::clone(&room), studio, scene).work();
+    let outcome = Painter::new(Arc::clone(&room), renderer, place).work();
     room.videos.clear();
     outcome
 }
 
-/// Reads the scene; returns it beside the studio, which does not keep it.
-fn open(asked: Asked<'_>, room: &Room) -> Result<(Studio, Arc<Scene>)> {
+/// Reads the scene and loads it.
+fn open(asked: Asked<'_>, room: &Room) -> Result<(Renderer, PreparedPlace)> {
     let mut loaded = Loaded::new(asked.scene, asked.run, asked.look.views.as_ref())?;
     let camera = asked.look.start(&mut loaded)?;
-    let config = RenderConfig {
-        background: loaded.background(),
-        rasterization: loaded.scene.metadata.rasterization.unwrap_or_default(),
-        ..RenderConfig::default()
-    };
-    let whole = Scene {
-        splats: std::mem::take(&mut loaded.scene.splats),
-        metadata: loaded.scene.metadata.clone(),
-        views: loaded.scene.views.clone(),
-    };
-    let studio = Studio::open(loaded, config);
+    let Loaded { renderer, place } = loaded;
     let mut panoramas = asked.panoramas;
     panoramas.extend(shown(&asked.weather));
     let catalog = Catalog {
         stem: stem_of(&asked.scene.scene),
         words: catalog::scene_words(asked.scene, asked.look.views.as_ref()),
         run_words: catalog::run_words(asked.run),
-        survey: studio.loaded.survey.clone(),
+        survey: place.survey().clone(),
         near: camera.near,
-        splats: whole.splats.len(),
-        renderer: studio.describe(),
-        views: whole.views.iter().map(|view| (view.name.clone(), view.camera)).collect(),
+        splats: place.scene().splats.len(),
+        renderer: renderer.describe(),
+        views: place.scene().views.iter().map(|view| (view.name.clone(), view.camera)).collect(),
         weather: asked.weather,
         panoramas,
     };
     let start = catalog.start(&camera);
     let _ = room.loaded.set((catalog, start));
-    Ok((studio, Arc::new(whole)))
+    Ok((renderer, place))
 }
 
 /// The panoramas that a weather shows.
 fn shown(weather: &Weather) -> BTreeMap<String, Arc<Panorama>> {
     let keys = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::keys);
-    let picture = |key: &wm_weather::Key| match &key.value {
-        Value::Picture(picture) => {
+    let picture = |key: &wm_weather::Keyframe| match &key.value {
+        ParamValue::Image(picture) => {
             Some((picture.path().to_str()?.to_owned(), Arc::clone(picture.panorama()?)))
         }
         _ => None,

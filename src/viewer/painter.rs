@@ -9,24 +9,23 @@ use super::state::{Output, View, ViewState};
 use super::videos::{Video, Writer};
 use crate::commands::render::camera::Shot;
 use crate::interrupt;
-use crate::output::{Also, Format, Kind, Place as Beside, Style, outputs};
-use crate::parts::Picture;
-use crate::studio::{self, Lack, Made, Moving, Patience, Place, Studio};
 use anyhow::{Context, Result, anyhow, bail};
 use axum::body::Bytes;
 use serde_json::json;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
+use weather_magician::assets::{Assets, MissingAssets};
+use weather_magician::output::{ExtraPicture, PictureFormat, PictureLayer, PictureStyle, outputs};
+use weather_magician::{
+    FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, picture_tags,
+};
 use wm_media::color::Dither;
-use wm_media::png::DepthScale;
 use wm_media::{Size, video};
-use wm_render::hooks::Slot;
 use wm_render::{Frame, Stats};
 use wm_scene::{Camera, Scene};
-use wm_weather::particles::Kind as Falling;
-use wm_weather::scan::Sight;
-use wm_weather::{Sky, Weather};
+use wm_weather::fused_surfaces::PhotoView;
+use wm_weather::{EffectRole, PreparedWeather, Weather};
 
 /// How long it waits for a task before it looks whether it should end, or whether something is made.
 const LOOK: Duration = Duration::from_millis(100);
@@ -42,10 +41,8 @@ const HALF_DEPTH: f64 = 0.3;
 /// See above.
 pub struct Painter {
     room: Arc<Room>,
-    studio: Studio,
-    /// The whole scene, which the studio does not keep.
-    scene: Arc<Scene>,
-    sights: Option<Arc<Vec<Sight>>>,
+    renderer: Renderer,
+    place: PreparedPlace,
     making: Option<Making>,
     /// Orders until what they take is made.
     waiting: Vec<Order>,
@@ -56,7 +53,7 @@ pub struct Painter {
 
 /// What is missing, while it is made.
 struct Making {
-    receive: Receiver<Made>,
+    receive: Receiver<Result<Assets, weather_magician::Error>>,
     /// The page that wants it, if one does.
     client: Option<u64>,
 }
@@ -73,25 +70,24 @@ struct Film {
 
 impl Output {
     /// As `--also` names it; the colour is there anyway.
-    fn also(self) -> Option<Also> {
+    fn also(self) -> Option<ExtraPicture> {
         let kind = match self {
             Self::Rgb => return None,
-            Self::Depth => Kind::Depth,
-            Self::Normal => Kind::Normal,
-            Self::Alpha => Kind::Alpha,
+            Self::Depth => PictureLayer::Depth,
+            Self::Normal => PictureLayer::Normal,
+            Self::Alpha => PictureLayer::Alpha,
         };
-        Some(Also { kind, format: None })
+        Some(ExtraPicture { kind, format: None })
     }
 }
 
 impl Painter {
-    /// Of a studio, and the whole scene that is in it.
-    pub fn new(room: Arc<Room>, studio: Studio, scene: Arc<Scene>) -> Self {
+    /// A worker that draws a place.
+    pub fn new(room: Arc<Room>, renderer: Renderer, place: PreparedPlace) -> Self {
         Self {
             room,
-            studio,
-            scene,
-            sights: None,
+            renderer,
+            place,
             making: None,
             waiting: Vec::new(),
             film: None,
@@ -130,7 +126,7 @@ impl Painter {
             Err(TryRecvError::Disconnected) => {
                 bail!("what the weather needs to know of the place could not be found")
             }
-            Ok(made) => self.studio.take(made)?,
+            Ok(made) => self.renderer.insert_assets(&mut self.place, made?)?,
         }
         let client = self.making.take().and_then(|making| making.client);
         self.room.desk.tell_all(&json!({ "type": "status", "text": "" }).to_string());
@@ -143,39 +139,27 @@ impl Painter {
 
     /// Whether all is there for an instant of a weather; else it is made from now on, and said.
     fn is_ready(&mut self, weather: &Weather, time: f64, client: Option<u64>) -> Result<bool> {
-        let lack = self.studio.lack(weather, time);
-        let is_ready = lack.is_nothing();
+        let missing = self.place.missing_assets(weather, time);
+        let is_ready = missing.is_empty();
         if !is_ready && self.making.is_none() {
-            self.make(lack, client)?;
+            self.make(missing, client)?;
         }
         Ok(is_ready)
     }
 
     /// Makes what is missing, and says so.
-    fn make(&mut self, lack: Lack, client: Option<u64>) -> Result<()> {
-        self.room.desk.tell_all(&json!({ "type": "status", "text": lack.what() }).to_string());
-        self.make_silently(lack, client)
+    fn make(&mut self, missing: MissingAssets, client: Option<u64>) -> Result<()> {
+        self.room.desk.tell_all(&json!({ "type": "status", "text": missing.description() }).to_string());
+        self.make_silently(missing, client)
     }
 
-    fn make_silently(&mut self, lack: Lack, client: Option<u64>) -> Result<()> {
-        let sights = match &self.sights {
-            Some(sights) => Arc::clone(sights),
-            None if lack.takes_sights() => {
-                let loaded = &mut self.studio.loaded;
-                let found = studio::sights(&mut loaded.renderer, loaded.set, &self.scene, &loaded.survey)?;
-                Arc::clone(self.sights.insert(Arc::new(found)))
-            }
-            None => Arc::default(),
-        };
+    fn make_silently(&mut self, mut missing: MissingAssets, client: Option<u64>) -> Result<()> {
+        let source = self.renderer.asset_source(&mut self.place, &mut missing)?;
         let (send, receive) = channel();
-        let lent = self.studio.lend(&lack);
-        let (scene, site, room) = (Arc::clone(&self.scene), self.studio.site, Arc::clone(&self.room));
-        let (occluders, threads) = (self.studio.occluders().cloned(), self.studio.loaded.renderer.threads());
+        let room = Arc::clone(&self.room);
         std::thread::Builder::new().name("prepare".into()).spawn(move || {
-            let place =
-                Place { scene: &scene, sights: &sights, site: &site, occluders: occluders.as_ref(), threads };
             // The painter may be gone.
-            let _ = send.send(lack.make(&place, lent));
+            let _ = send.send(missing.make(source, &mut ()));
             room.desk.wake();
         })?;
         self.making = Some(Making { receive, client });
@@ -189,9 +173,9 @@ impl Painter {
         let (weather, time) = (&view.weather, view.state.time);
         let is_ready = if wish.is_moving {
             // What is made quickly follows what moves, a little later.
-            let lack = self.studio.lack(weather, time);
-            if lack.is_quick() && self.making.is_none() {
-                self.make(lack, None)?;
+            let missing = self.place.missing_assets(weather, time);
+            if missing.is_quick() && self.making.is_none() {
+                self.make(missing, None)?;
             }
             false
         } else {
@@ -233,28 +217,32 @@ impl Painter {
         dither: Dither,
     ) -> Result<(Vec<u8>, Stats)> {
         let ViewState { time, output, divider, .. } = view.state;
-        self.studio.patience = patience;
-        self.studio.config.outputs = outputs(output.also().as_slice());
-        self.studio.turn_to(&view.weather);
-        let moving = view.shot_of(size).moving(time, self.studio.site.metres_per_unit);
-        let half = HALF_DEPTH * self.studio.loaded.survey.radius;
-        let frame = &mut self.picture.frame;
+        self.place.config.outputs = outputs(output.also().as_slice());
+        let camera = view.shot_of(size).moving(time, self.place.site().metres_per_unit);
+        let options = FrameOptions { patience, ..FrameOptions::new(time, camera) };
+        let half = HALF_DEPTH * self.place.survey().radius;
         let Some(share) = divider else {
-            let stats = self.studio.render(&view.weather, time, moving, frame)?;
-            return Ok((shown(frame, output, half, dither), stats));
+            let stats = self.render(view, &options)?;
+            return Ok((shown(&self.picture.frame, output, half, dither), stats));
         };
-        let (camera, cut) = (&moving.camera, (share * f64::from(size.0)).round() as u32);
+        let (camera, cut) = (&camera.camera, (share * f64::from(size.0)).round() as u32);
         let (mut left, mut right, mut stats) = (Vec::new(), Vec::new(), Stats::default());
         if cut > 0 {
-            stats += self.studio.render_clear(&columns(camera, 0, cut), &mut self.clear)?;
+            stats += self.renderer.render_clear(&self.place, &columns(camera, 0, cut), &mut self.clear)?;
             left = shown(&self.clear, output, half, dither);
         }
         if cut < size.0 {
-            let part = Moving { camera: columns(camera, cut, size.0 - cut), ..moving };
-            stats += self.studio.render(&view.weather, time, part, frame)?;
-            right = shown(frame, output, half, dither);
+            let camera = MovingCamera { camera: columns(camera, cut, size.0 - cut), ..options.camera };
+            stats += self.render(view, &FrameOptions { camera, ..options })?;
+            right = shown(&self.picture.frame, output, half, dither);
         }
         Ok((beside((&left, cut), (&right, size.0 - cut)), stats))
+    }
+
+    /// Renders a frame of a view's weather.
+    fn render(&mut self, view: &View, options: &FrameOptions<'_>) -> Result<Stats> {
+        let Self { renderer, place, picture, .. } = self;
+        Ok(renderer.render_into(place, &view.weather, options, picture, &mut ())?)
     }
 
     /// What is said with a picture.
@@ -268,21 +256,19 @@ impl Painter {
         [draw, encode]: [f64; 2],
     ) -> String {
         let time = view.state.time;
-        let sky: Sky = view.weather.at(time).over(&self.studio.site);
+        let sky: PreparedWeather = view.weather.at(time).prepare(self.place.site());
         let camera = view.shot().camera(time);
         let mor = sky.air.mor_at(camera.center().to_array());
-        let rate = |rain: bool| -> f64 {
-            sky.falling()
-                .iter()
-                .filter(|fall| (fall.kind == Falling::Rain) == rain)
-                .map(|fall| fall.rate)
-                .sum()
+        let rate = |name: &str| -> f64 {
+            sky.falling().iter().filter(|fall| fall.kind.name == name).map(|fall| fall.rate).sum()
         };
+        let falls: serde_json::Map<String, serde_json::Value> =
+            sky.falling().iter().map(|fall| (fall.kind.name.to_owned(), fall.rate.into())).collect();
         json!({
             "seq": seq, "width": size.0, "height": size.1, "whole": is_whole, "time": time,
             "draw_ms": draw * 1e3, "encode_ms": encode * 1e3,
             "splats": stats.visible, "drops": stats.particles,
-            "mor": mor.is_finite().then_some(mor), "rain": rate(true), "snow": rate(false),
+            "mor": mor.is_finite().then_some(mor), "rain": rate("rain"), "snow": rate("snow"), "falls": falls,
             "camera": super::state::Pose::of(&camera),
         })
         .to_string()
@@ -330,39 +316,30 @@ impl Painter {
     /// The file that `render` writes.
     fn png(&mut self, view: &View) -> Result<Vec<u8>> {
         let (time, output) = (view.state.time, view.state.output);
-        self.begin_exact(view, output);
+        self.place.config.outputs = outputs(output.also().as_slice());
         let shot = view.shot();
-        let moving = shot.moving(time, self.studio.site.metres_per_unit);
-        self.studio.render_parts(&view.weather, time, moving, &[], &mut self.picture)?;
+        let camera = shot.moving(time, self.place.site().metres_per_unit);
+        self.render(view, &FrameOptions::new(time, camera))?;
         let style = self.style(view, &shot, time);
         let folder = tempfile::tempdir().context("no room for a picture")?;
         let path = folder.path().join("picture.png");
         match output.also() {
             None => _ = style.write(&self.picture, &path)?,
-            Some(Also { kind, .. }) => {
+            Some(ExtraPicture { kind, .. }) => {
                 let size = Size::new(view.state.size[0], view.state.size[1]);
-                style.write_one(kind, Format::Png, &self.picture, size, &path)?;
+                style.write_one(kind, PictureFormat::Png, &self.picture, size, &path)?;
             }
         }
         Ok(std::fs::read(&path)?)
     }
 
-    /// Makes the studio draw what `render` would.
-    fn begin_exact(&mut self, view: &View, output: Output) {
-        self.studio.patience = Patience::Whole;
-        self.studio.config.outputs = outputs(output.also().as_slice());
-        self.studio.turn_to(&view.weather);
-    }
-
-    fn style(&self, view: &View, shot: &Shot, time: f64) -> Style {
-        let scene = &self.room.catalog().words[0];
-        Style {
-            also: Vec::new(),
-            place: Beside::Beside,
-            dither: Dither::default(),
-            metres_per_unit: self.studio.site.metres_per_unit,
-            depth_scale: DepthScale::Auto,
-            tags: self.studio.tags(scene, &view.weather, time, &shot.camera(time)),
+    fn style(&self, view: &View, shot: &Shot, time: f64) -> PictureStyle {
+        let (scene, site) = (&self.room.catalog().words[0], self.place.site());
+        let camera = shot.camera(time);
+        PictureStyle {
+            metres_per_unit: site.metres_per_unit,
+            tags: picture_tags(scene, site, self.renderer.backend(), &view.weather, time, &camera),
+            ..PictureStyle::default()
         }
     }
 
@@ -370,8 +347,8 @@ impl Painter {
     fn pick(&mut self, view: &View, [x, y]: [f64; 2]) -> Result<Option<[f64; 3]>> {
         let [width, height] = view.state.size.map(|side| (side / 4).max(1));
         let camera = view.shot_of((width, height)).camera(view.state.time);
-        self.studio.config.outputs = outputs(Output::Depth.also().as_slice());
-        self.studio.render_clear(&camera, &mut self.clear)?;
+        self.place.config.outputs = outputs(Output::Depth.also().as_slice());
+        self.renderer.render_clear(&self.place, &camera, &mut self.clear)?;
         let [column, row] =
             [(x, width), (y, height)].map(|(share, side)| ((share * f64::from(side)) as u32).min(side - 1));
         let depth = self.clear.depth[self.clear.index(column, row)];
@@ -381,19 +358,19 @@ impl Painter {
     }
 
     fn thumbnail(&mut self, name: String) -> Result<()> {
-        let Some(mut weather) = Weather::preset(&name) else { return Ok(()) };
-        if weather.effects().any(|(effect, _)| effect.slot == Slot::Surface) {
+        let Ok(mut weather) = Weather::preset(&name) else { return Ok(()) };
+        if weather.has(EffectRole::Lies) {
             // What lies in still air serves them all.
-            weather.set("wind=off").context("wind is an effect")?;
+            weather.set_text("wind=off").context("wind is an effect")?;
         }
         let breaks = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::breaks);
         // Where most of it has happened.
         let time = 0.8 * breaks.fold(0.0, f64::max);
-        let lack = self.studio.lack(&weather, time);
-        let is_whole = lack.is_nothing();
-        if !is_whole && !self.studio.has_like(&lack) {
+        let missing = self.place.missing_assets(&weather, time);
+        let is_whole = missing.is_empty();
+        if !is_whole && !self.place.has_similar(&missing) {
             if self.making.is_none() {
-                self.make_silently(lack, None)?;
+                self.make_silently(missing, None)?;
             }
             self.waiting.push(Order::Thumbnail(name));
             return Ok(());
@@ -445,10 +422,12 @@ impl Painter {
         if !self.is_ready(&film.view.weather, time, None)? {
             return Ok(true);
         }
-        self.begin_exact(&film.view, Output::Rgb);
+        self.place.config.outputs = outputs(Output::Rgb.also().as_slice());
         let mut picture = film.writer.blank();
-        let moving = film.shot.moving(time, self.studio.site.metres_per_unit);
-        self.studio.render_parts(&film.view.weather, time, moving, &[], &mut picture)?;
+        let camera = film.shot.moving(time, self.place.site().metres_per_unit);
+        let options = FrameOptions::new(time, camera);
+        let Self { renderer, place, .. } = self;
+        renderer.render_into(place, &film.view.weather, &options, &mut picture, &mut ())?;
         film.next += 1;
         Ok(film.writer.add(picture))
     }

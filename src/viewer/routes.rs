@@ -156,13 +156,12 @@ fn change(state: &mut ViewState, form: &mut Form, key: &str, value: &str, room: 
             (state.camera, state.follow) = (Pose::of(&camera), Follow::Camera);
         }
         "weather" => {
-            let weather =
-                Weather::preset(value).ok_or_else(|| format!("weather: there is no preset `{value}`"))?;
+            let weather = Weather::preset(value).map_err(|error| format!("weather: {error}"))?;
             state.weather = weather_to_json(&weather);
         }
         "set" => {
             let mut weather = weather_of_json(&state.weather)?;
-            weather.set(value).map_err(|error| error.to_string())?;
+            weather.set_text(value).map_err(|error| error.to_string())?;
             state.weather = weather_to_json(&weather);
         }
         _ => {

@@ -269,7 +269,7 @@ mod tests {
         }
         let mut odd = Weather::preset("fog").unwrap();
         for set in ["fog.scale_height=inf", "fog.mor=0:2000:smooth,5:60.123", "fog.tint=0.1,0.2,0.3"] {
-            odd.set(set).unwrap();
+            odd.set_text(set).unwrap();
         }
         assert_eq!(weather_of_json(&weather_to_json(&odd)), Ok(odd));
     }

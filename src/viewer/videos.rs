@@ -1,6 +1,5 @@
 //! Videos that are rendered while others look on: what was asked for, how far it is, and the file.
 
-use crate::parts::Picture;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -9,6 +8,7 @@ use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use tempfile::TempDir;
+use weather_magician::Picture;
 use wm_media::video::{FrameRate, VideoSink};
 
 /// Videos that are kept: the oldest goes.

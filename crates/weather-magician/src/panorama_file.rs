@@ -98,9 +98,9 @@ mod tests {
     /// What is behind all splats in a direction.
     fn seen(path: &Path, direction: [f64; 3]) -> [f64; 3] {
         let mut weather = Weather::clear();
-        weather.set(&format!("sky.panorama={}", path.display())).unwrap();
-        weather.set("sky.below=picture").unwrap();
-        weather.load_pictures(read_panorama).unwrap();
+        weather.set_text(&format!("sky.panorama={}", path.display())).unwrap();
+        weather.set_text("sky.below=picture").unwrap();
+        weather.load_images(read_panorama).unwrap();
         let site = wm_weather::Site {
             metres_per_unit: 1.0,
             up: [0.0, 0.0, 1.0],
@@ -111,8 +111,8 @@ mod tests {
         };
         let camera =
             wm_scene::Camera::looking((4, 4), 50.0, glam::DVec3::ZERO, glam::DVec3::Y, glam::DVec3::Z);
-        let seen = wm_weather::Seen::by(camera.as_ref().unwrap());
-        let sky = weather.at(0.0).over(&site);
+        let seen = wm_weather::Observer::at_rest(camera.as_ref().unwrap());
+        let sky = weather.at(0.0).prepare(&site);
         sky.with_hooks(&seen, |hooks| hooks.background.unwrap().reference(1e-3, direction))
     }
 

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// A tensor: name, shape, numbers.
 pub type Named = (String, Vec<usize>, Vec<f32>);
 
-/// Number `index` of a stream, uniform in -1..1 with 24 bits: SplitMix64 of both. Easily written again in
+/// Number `index` of a stream, uniform in -1..1 with 24 bits: Draws of both. Easily written again in
 /// another language, which a comparison with another implementation needs.
 pub fn noise(stream: u64, index: u64) -> f64 {
     let z = (stream << 32).wrapping_add(index).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);

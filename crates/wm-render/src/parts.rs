@@ -47,7 +47,7 @@ pub struct PictureParts {
 /// ```
 /// use wm_render::parts::{PartPasses, PicturePart};
 /// # use wm_render::{CpuConfig, CpuRenderer, DrawPass, FramePlan, Pictures, RenderBackend, RenderConfig, SetView};
-/// # let camera = wm_scene::Camera::look_at((32, 24), 50.0, glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z)?;
+/// # let camera = wm_scene::Camera::looking((32, 24), 50.0, glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z)?;
 /// # let mut renderer = CpuRenderer::new(CpuConfig::default())?;
 /// # let set = renderer.load(&wm_scene::Splats::default())?;
 /// # let pass = DrawPass::new(&[SetView::plain(set)], &camera, &RenderConfig::default());

@@ -15,7 +15,7 @@
 //! #         picture.rgb.iter_mut().zip(&inputs[0].rgb).for_each(|(a, b)| *a = 0.5 * (*a + *b));
 //! #     }
 //! # }
-//! # let camera = Camera::look_at((32, 24), 50.0, glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z)?;
+//! # let camera = Camera::looking((32, 24), 50.0, glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::Z)?;
 //! # let (splats, other) = (Splats::default(), Splats::default());
 //! let mut renderer = CpuRenderer::new(CpuConfig::default())?;
 //! let set = renderer.load(&splats)?;

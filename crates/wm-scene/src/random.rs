@@ -25,7 +25,7 @@
 
 use std::f64::consts::TAU;
 
-/// 2^64 over the golden ratio, odd: the step of SplitMix64's Weyl sequence, and the factor of seeds in
+/// 2^64 over the golden ratio, odd: the step of RandomSequence's Weyl sequence, and the factor of seeds in
 /// [`bits`].
 pub const SEED_FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
 /// The factor of indices in [`bits`].
@@ -35,7 +35,7 @@ pub const MIX_FACTORS: [u64; 2] = [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb]
 /// Multiplier and increment of the first step of [`pcg4d`] (Numerical Recipes).
 pub const PCG: [u32; 2] = [1_664_525, 1_013_904_223];
 
-/// The finaliser of SplitMix64 (Steele, Lea and Flood 2014): every input bit changes half of the output
+/// The finaliser of RandomSequence (Steele, Lea and Flood 2014): every input bit changes half of the output
 /// bits.
 #[inline]
 #[must_use]
@@ -126,7 +126,7 @@ impl RandomStream {
     }
 }
 
-/// Random numbers of a key, drawn one after the other: SplitMix64 (Steele, Lea and Flood 2014).
+/// Random numbers of a key, drawn one after the other: RandomSequence (Steele, Lea and Flood 2014).
 #[derive(Clone, Copy, Debug)]
 pub struct RandomSequence(u64);
 

@@ -1,6 +1,7 @@
 //! The Gaussians of a scene, structure of arrays, in their stored form.
 
 use crate::{Group, sh};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// A set of Gaussians in stored form: what training learns and files keep.
@@ -8,7 +9,7 @@ use thiserror::Error;
 /// Stored and activated forms have different names: `log_scales` -> `scales` by `exp`,
 /// `logit_opacities` -> `opacities` by the logistic function, `quats` are used at length 1,
 /// `sh` -> colour by [`sh::color`]. N splats, K = `(sh_degree + 1)^2`.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Splats {
     /// Centres, world axes, scene units, `[N, 3]`.
     pub means: Vec<[f32; 3]>,

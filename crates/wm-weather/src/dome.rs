@@ -15,7 +15,7 @@
 //! Directions: heading 0 is the scene's x axis laid level (its y axis if x is within 26 degrees of up), and
 //! headings turn clockwise seen from above.
 
-use crate::panorama::{Below, Panorama, smooth};
+use crate::panorama::{LowerHemisphere, Panorama, smooth};
 use std::sync::Arc;
 use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::hooks::{Backdrop, Detail, GROUP, ShadeGroup, SkySplats};
@@ -42,7 +42,7 @@ const BAND: f64 = 0.342;
 
 /// What a sky shows.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Look {
+pub enum SkyAppearance {
     /// One colour, linear RGB.
     Plain([f64; 3]),
     /// Clear, by the colours of horizon and zenith, linear RGB.
@@ -68,14 +68,14 @@ pub enum Look {
         /// Heading of its middle column, degrees.
         heading: f64,
         /// What is seen below the horizon.
-        below: Below,
+        below: LowerHemisphere,
     },
 }
 
 /// A sky over a place, at one instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dome {
-    look: Look,
+    look: SkyAppearance,
     ground: Option<[f64; 3]>,
     brightness: f64,
     up: [f64; 3],
@@ -91,7 +91,7 @@ impl Dome {
     /// horizon.
     #[must_use]
     pub fn new(
-        look: Look,
+        look: SkyAppearance,
         ground: Option<[f64; 3]>,
         brightness: f64,
         up: [f64; 3],
@@ -99,8 +99,8 @@ impl Dome {
     ) -> Self {
         let mut dome = Self { look, ground, brightness, up, sky_splats, table: Vec::new() };
         dome.table = match dome.look {
-            Look::Panorama { .. } if brightness == 1.0 => Vec::new(),
-            Look::Panorama { .. } => (0..=TONES)
+            SkyAppearance::Panorama { .. } if brightness == 1.0 => Vec::new(),
+            SkyAppearance::Panorama { .. } => (0..=TONES)
                 .map(|i| [dome.brightened(BRIGHTEST * i as f64 / TONES as f64) as f32; 3])
                 .collect(),
             _ => (0..=INTERVALS)
@@ -121,7 +121,7 @@ impl Dome {
     #[must_use]
     pub fn airlight(&self) -> Option<[f64; 3]> {
         let light = match &self.look {
-            Look::Panorama { panorama, .. } => {
+            SkyAppearance::Panorama { panorama, .. } => {
                 let light = panorama.airlight()?.map(|v| self.brightness * v);
                 let scale = (AIRLIGHT / luminance(light).max(AIRLIGHT)).min(1.0);
                 light.map(|v| scale * v)
@@ -148,24 +148,24 @@ impl Dome {
             std::array::from_fn(|k| from[k] + (to[k] - from[k]) * share)
         };
         let light = match &self.look {
-            Look::Plain(color) => *color,
-            Look::Overcast { zenith, horizon } => between(*horizon, *zenith, above),
-            Look::Clear { zenith, horizon } => {
+            SkyAppearance::Plain(color) => *color,
+            SkyAppearance::Overcast { zenith, horizon } => between(*horizon, *zenith, above),
+            SkyAppearance::Clear { zenith, horizon } => {
                 let gradation = |sin: f64| 1.0 - (CLEAR / sin.max(1e-9)).exp();
                 let share = (gradation(above) - gradation(1.0)) / (1.0 - gradation(1.0));
                 between(*zenith, *horizon, share)
             }
-            Look::Gradient(gradient) => {
+            SkyAppearance::Gradient(gradient) => {
                 let gradient = SkyGradient { up: [0.0, 0.0, 1.0], ..*gradient };
                 let level = (1.0 - sin * sin).max(0.0).sqrt();
                 // It has a ground of its own.
                 let color = Background::Sky(gradient).color([level, 0.0, sin]);
                 return color.map(|v| self.brightened(v));
             }
-            Look::Panorama { .. } => unreachable!("a panorama is not by elevation"),
+            SkyAppearance::Panorama { .. } => unreachable!("a panorama is not by elevation"),
         };
         let light = match (&self.look, self.ground) {
-            (Look::Plain(_), None) => light,
+            (SkyAppearance::Plain(_), None) => light,
             _ => between(light, self.ground_under(light), f64::from(smooth((-sin / GROUND) as f32))),
         };
         light.map(|v| srgb_encode(self.brightness * v))
@@ -229,7 +229,7 @@ fn tabled(table: &[[f32; 3]], place: f32) -> (&[f32; 3], &[f32; 3], f32) {
 impl Backdrop for Dome {
     fn paint(&self, pixel: f64, groups: &mut [ShadeGroup]) {
         let up = self.up.map(|v| v as f32);
-        if let Look::Panorama { panorama, heading, below } = &self.look {
+        if let SkyAppearance::Panorama { panorama, heading, below } = &self.look {
             let axes = self.panorama_axes(*heading).map(|axis| axis.map(|v| v as f32));
             panorama.paint(pixel, axes, *below, groups);
             self.finish_panorama(panorama, *below, up, groups);
@@ -248,11 +248,13 @@ impl Backdrop for Dome {
 
     fn reference(&self, pixel: f64, direction: [f64; 3]) -> [f64; 3] {
         let sin = dot(direction, self.up);
-        let Look::Panorama { panorama, heading, below } = &self.look else { return self.by_elevation(sin) };
+        let SkyAppearance::Panorama { panorama, heading, below } = &self.look else {
+            return self.by_elevation(sin);
+        };
         let axes = self.panorama_axes(*heading);
         let color = panorama.reference(pixel, axes.map(|axis| dot(axis, direction)), *below);
         let color = color.map(|v| self.brightened(v));
-        if *below == Below::Picture {
+        if *below == LowerHemisphere::Image {
             return color;
         }
         let ground = self.panorama_ground(panorama);
@@ -262,14 +264,14 @@ impl Backdrop for Dome {
 
     fn uniform(&self) -> Option<[f32; 3]> {
         match self.look {
-            Look::Plain(_) if self.ground.is_none() => self.table.first().copied(),
+            SkyAppearance::Plain(_) if self.ground.is_none() => self.table.first().copied(),
             _ => None,
         }
     }
 
     fn detail(&self) -> Detail {
         match self.look {
-            Look::Panorama { .. } => Detail::Fine,
+            SkyAppearance::Panorama { .. } => Detail::Fine,
             _ => Detail::Smooth,
         }
     }
@@ -287,7 +289,13 @@ impl Dome {
     }
 
     /// Brightens a panorama's colours, and lays the ground below the horizon.
-    fn finish_panorama(&self, panorama: &Panorama, below: Below, up: [f32; 3], groups: &mut [ShadeGroup]) {
+    fn finish_panorama(
+        &self,
+        panorama: &Panorama,
+        below: LowerHemisphere,
+        up: [f32; 3],
+        groups: &mut [ShadeGroup],
+    ) {
         let ground = self.panorama_ground(panorama).map(|v| v as f32);
         for group in groups {
             if !self.table.is_empty() {
@@ -296,7 +304,7 @@ impl Dome {
                     *value = from[0] + (to[0] - from[0]) * share;
                 }
             }
-            if below == Below::Picture {
+            if below == LowerHemisphere::Image {
                 continue;
             }
             for lane in 0..GROUP {

@@ -17,8 +17,8 @@
 
 use crate::easing::Easing;
 use crate::effects::{EFFECTS, Effect};
-use crate::param::{Param, Value};
-use crate::track::{Key, Track};
+use crate::param::{Param, ParamInput, ParamValue};
+use crate::track::{Keyframe, Track};
 use crate::weather::{Fidelity, Weather};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -57,6 +57,14 @@ pub enum WeatherError {
     Override {
         /// The override.
         text: String,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A parameter does not take a value.
+    #[error("cannot set {key}: {problem}")]
+    Parameter {
+        /// The parameter, effect or setting.
+        key: String,
         /// What is wrong.
         problem: String,
     },
@@ -102,28 +110,70 @@ impl Weather {
         })?;
         let mut weather = Self::parse(&text, &path.display().to_string())?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        weather.move_pictures(folder);
+        weather.resolve_images(folder);
         if weather.name.is_empty() {
             weather.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         }
         Ok(weather)
     }
 
-    /// Changes one parameter by words like `fog.mor=120` or `fog.mor=0:2000:smooth,5:60`, and turns its effect
-    /// on. `fog=off` turns an effect off, `sky=overcast` is short for its first parameter, `fidelity=paper`
-    /// changes the fidelity.
+    /// Returns this weather with one parameter changed and its effect turned on.
+    ///
+    /// `key` is `effect.parameter`, an effect or `fidelity`. The value is a number in the parameter's unit, a colour
+    /// (`[f64; 3]`, sRGB, 0-1) or text as on the command line: a word, `"auto"`, a path, or keyframes such as
+    /// `"0:2000,5:60"`. The values of an effect are `"on"`, `"off"` and the words of its first parameter.
+    ///
+    /// ```
+    /// use wm_weather::Weather;
+    ///
+    /// let weather = Weather::preset("fog")?
+    ///     .set("fog.mor", 80.0)?
+    ///     .set("fog.airlight", [0.8, 0.82, 0.85])?
+    ///     .set("wind.speed", "0:2,10:8")?
+    ///     .set("sky", "overcast")?;
+    /// assert!(weather.clone().set("fog.moor", 80.0).is_err());
+    /// assert!(weather.set("fog.mor", -5.0).is_err());
+    /// # Ok::<(), wm_weather::WeatherError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`WeatherError::Parameter`] if there is no such key or it does not take the value.
+    pub fn set(mut self, key: &str, value: impl Into<ParamInput>) -> Result<Self, WeatherError> {
+        let value = value.into();
+        let changed = match &value {
+            ParamInput::Text(text) => self.try_set(key.trim(), text.trim()),
+            ParamInput::Value(value) => self.try_set_value(key.trim(), value),
+        };
+        changed.map_err(|problem| WeatherError::Parameter { key: key.into(), problem })?;
+        Ok(self)
+    }
+
+    /// Changes one parameter as the option `--set` does: `fog.mor=120` or `fog.mor=0:2000:smooth,5:60` also turns the
+    /// effect on, `fog=off` turns it off, `sky=overcast` is short for its first parameter, `fidelity=paper` changes the
+    /// fidelity.
     ///
     /// # Errors
     /// [`WeatherError::Override`].
-    pub fn set(&mut self, text: &str) -> Result<(), WeatherError> {
-        self.try_set(text).map_err(|problem| WeatherError::Override { text: text.into(), problem })
+    pub fn set_text(&mut self, text: &str) -> Result<(), WeatherError> {
+        let changed = match text.split_once('=') {
+            Some((key, value)) => self.try_set(key.trim(), value.trim()),
+            None => Err("must be effect.parameter=value, as in fog.mor=120".into()),
+        };
+        changed.map_err(|problem| WeatherError::Override { text: text.into(), problem })
     }
 
-    fn try_set(&mut self, text: &str) -> Result<(), String> {
-        let Some((key, value)) = text.split_once('=') else {
-            return Err("must be effect.parameter=value, as in fog.mor=120".into());
+    fn try_set_value(&mut self, key: &str, value: &ParamValue) -> Result<(), String> {
+        let Some((name, param)) = key.split_once('.') else {
+            return self.try_set(key, &value.to_string());
         };
-        let (key, value) = (key.trim(), value.trim());
+        let index = effect(name)?;
+        let position = position(&EFFECTS[index], param)?;
+        let value = EFFECTS[index].params[position].check(value.clone()).map_err(|e| format!("{key} {e}"))?;
+        self.turn_on(index)[position] = Track::constant(value);
+        Ok(())
+    }
+
+    fn try_set(&mut self, key: &str, value: &str) -> Result<(), String> {
         if key == "fidelity" {
             self.fidelity = fidelity(value)?;
             return Ok(());
@@ -221,7 +271,7 @@ fn track(param: &Param, value: &Spanned<DeValue<'_>>) -> Result<Track, Fault> {
             Some([time, at, easing]) => (time, at, Some(easing)),
             _ => return Err((item.span(), form())),
         };
-        keys.push(Key {
+        keys.push(Keyframe {
             time: number(time.get_ref()).ok_or_else(|| (time.span(), form()))?,
             value: read_value(param, at.get_ref()).map_err(|problem| (at.span(), problem))?,
             easing: easing.map_or(Ok(Easing::default()), read_easing)?,
@@ -236,15 +286,15 @@ fn read_easing(value: &Spanned<DeValue<'_>>) -> Result<Easing, Fault> {
     Easing::parse(text).map_err(|problem| (value.span(), problem))
 }
 
-fn read_value(param: &Param, value: &DeValue<'_>) -> Result<Value, String> {
+fn read_value(param: &Param, value: &DeValue<'_>) -> Result<ParamValue, String> {
     let wrong = || format!("must be {}", param.expected());
     let read = match value {
         DeValue::String(text) => return param.parse(text),
         DeValue::Array(list) => {
             let parts: Option<Vec<f64>> = list.iter().map(|part| number(part.get_ref())).collect();
-            Value::Color(parts.and_then(|parts| parts.try_into().ok()).ok_or_else(wrong)?)
+            ParamValue::Color(parts.and_then(|parts| parts.try_into().ok()).ok_or_else(wrong)?)
         }
-        other => Value::Number(number(other).filter(|number| !number.is_nan()).ok_or_else(wrong)?),
+        other => ParamValue::Number(number(other).filter(|number| !number.is_nan()).ok_or_else(wrong)?),
     };
     param.check(read)
 }

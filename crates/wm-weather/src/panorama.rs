@@ -8,7 +8,7 @@
 //! columns come together, that is as sharp as the rows are.
 //!
 //! Below the horizon most panoramas show a ground of their own or nothing, and behind the end of a scene either
-//! is wrong. So that half is made of haze unless it is asked for ([`Below`]): within 3 degrees the mirrored
+//! is wrong. So that half is made of haze unless it is asked for ([`LowerHemisphere`]): within 3 degrees the mirrored
 //! sky turns into the mean of the strip above the horizon, at each heading its own.
 
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -31,7 +31,7 @@ const ASPECT: f64 = 0.01;
 
 /// Why a picture is no panorama.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-pub enum PanoramaFault {
+pub enum PanoramaError {
     /// It is not twice as wide as high.
     #[error("{width}x{height} px is no panorama of all directions: it must be twice as wide as high")]
     Aspect {
@@ -52,11 +52,11 @@ pub enum PanoramaFault {
 
 /// What is seen below the horizon of a panorama.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Below {
+pub enum LowerHemisphere {
     /// Haze of the colours just above it.
     Haze,
     /// What the picture has there.
-    Picture,
+    Image,
 }
 
 /// A picture of all directions.
@@ -79,14 +79,14 @@ struct Level {
 /// Says whether a picture of this size can be a panorama, before it is decoded.
 ///
 /// # Errors
-/// [`PanoramaFault`].
-pub fn check_size(width: u32, height: u32) -> Result<(), PanoramaFault> {
+/// [`PanoramaError`].
+pub fn check_size(width: u32, height: u32) -> Result<(), PanoramaError> {
     let (w, h) = (f64::from(width), 2.0 * f64::from(height));
     if width < 2 || height == 0 || (w - h).abs() > ASPECT * h {
-        return Err(PanoramaFault::Aspect { width, height });
+        return Err(PanoramaError::Aspect { width, height });
     }
     if u64::from(width) * u64::from(height) > MAX_PIXELS {
-        return Err(PanoramaFault::Large { width, height });
+        return Err(PanoramaError::Large { width, height });
     }
     Ok(())
 }
@@ -96,12 +96,12 @@ impl Panorama {
     /// `[H, W]`, in order. What is not a number is black.
     ///
     /// # Errors
-    /// [`PanoramaFault`].
+    /// [`PanoramaError`].
     pub fn new(
         width: u32,
         height: u32,
         mut pixel: impl FnMut(usize) -> [f32; 3],
-    ) -> Result<Self, PanoramaFault> {
+    ) -> Result<Self, PanoramaError> {
         check_size(width, height)?;
         let (width, height) = (width as usize, height as usize);
         let rgb = (0..width * height).map(|i| steps(pixel(i))).collect();
@@ -143,7 +143,13 @@ impl Panorama {
 
     /// Writes the colours of `groups`, whose directions are along `axes`: level towards the middle column,
     /// level a quarter turn clockwise from it, and up.
-    pub(crate) fn paint(&self, pixel: f64, axes: [[f32; 3]; 3], below: Below, groups: &mut [ShadeGroup]) {
+    pub(crate) fn paint(
+        &self,
+        pixel: f64,
+        axes: [[f32; 3]; 3],
+        below: LowerHemisphere,
+        groups: &mut [ShadeGroup],
+    ) {
         let strip = self.smallest();
         let (sharp, soft, share) = self.levels_for(pixel);
         let share = share as f32;
@@ -157,7 +163,7 @@ impl Panorama {
             let above: [f32; GROUP] =
                 std::array::from_fn(|i| atan2(up[i], (forward[i] * forward[i] + right[i] * right[i]).sqrt()));
             for i in 0..GROUP {
-                let is_haze = below == Below::Haze && up[i] < 0.0;
+                let is_haze = below == LowerHemisphere::Haze && up[i] < 0.0;
                 let elevation = if is_haze { -above[i] } else { above[i] };
                 let (u, v) = (0.5 + around[i] / (2.0 * PI), 0.5 - elevation / PI);
                 let mut rgb = sharp.at(u, v, below);
@@ -181,8 +187,13 @@ impl Panorama {
     }
 
     /// The same for one direction given along the axes, in f64.
-    pub(crate) fn reference(&self, pixel: f64, [forward, right, up]: [f64; 3], below: Below) -> [f64; 3] {
-        let is_haze = below == Below::Haze && up < 0.0;
+    pub(crate) fn reference(
+        &self,
+        pixel: f64,
+        [forward, right, up]: [f64; 3],
+        below: LowerHemisphere,
+    ) -> [f64; 3] {
+        let is_haze = below == LowerHemisphere::Haze && up < 0.0;
         let height = if is_haze { -up } else { up };
         let u = 0.5 + right.atan2(forward) / std::f64::consts::TAU;
         let v = 0.5 - height.atan2(forward.hypot(right)) / std::f64::consts::PI;
@@ -245,10 +256,10 @@ impl Level {
     }
 
     /// The last row that is looked at: with haze below the horizon, the one above it.
-    fn last_row(&self, below: Below) -> usize {
+    fn last_row(&self, below: LowerHemisphere) -> usize {
         match below {
-            Below::Haze => (self.height / 2).max(1) - 1,
-            Below::Picture => self.height - 1,
+            LowerHemisphere::Haze => (self.height / 2).max(1) - 1,
+            LowerHemisphere::Image => self.height - 1,
         }
     }
 
@@ -270,7 +281,7 @@ impl Level {
     }
 
     #[inline(always)]
-    fn at(&self, u: f32, v: f32, below: Below) -> [f32; 4] {
+    fn at(&self, u: f32, v: f32, below: LowerHemisphere) -> [f32; 4] {
         let x = u * self.width as f32 - 0.5;
         let last = self.last_row(below);
         let y = (v * self.height as f32 - 0.5).clamp(0.0, last as f32);
@@ -288,7 +299,7 @@ impl Level {
         std::array::from_fn(|k| (upper[k] + (lower[k] - upper[k]) * down) * (1.0 / STEPS))
     }
 
-    fn reference(&self, u: f64, v: f64, below: Below) -> [f64; 3] {
+    fn reference(&self, u: f64, v: f64, below: LowerHemisphere) -> [f64; 3] {
         let (width, height) = (self.width as i64, self.height as i64);
         let (x, y) = (u * width as f64 - 0.5, v * height as f64 - 0.5);
         let corner = |dx: i64, dy: i64, k: usize| {
@@ -373,9 +384,9 @@ mod tests {
     fn what_is_no_panorama_is_refused() {
         let new = |width, height| Panorama::new(width, height, |_| [f32::NAN, -1.0, 1e30]);
         assert_eq!(new(64, 32).unwrap().levels[0].rgb[5], [0, 0, u16::MAX, 0]);
-        assert_eq!(new(64, 64).unwrap_err(), PanoramaFault::Aspect { width: 64, height: 64 });
-        assert!(matches!(new(0, 0), Err(PanoramaFault::Aspect { .. })));
-        assert!(matches!(new(16384, 8192), Err(PanoramaFault::Large { .. })));
-        assert!(matches!(check_size(u32::MAX, u32::MAX / 2), Err(PanoramaFault::Large { .. })));
+        assert_eq!(new(64, 64).unwrap_err(), PanoramaError::Aspect { width: 64, height: 64 });
+        assert!(matches!(new(0, 0), Err(PanoramaError::Aspect { .. })));
+        assert!(matches!(new(16384, 8192), Err(PanoramaError::Large { .. })));
+        assert!(matches!(check_size(u32::MAX, u32::MAX / 2), Err(PanoramaError::Large { .. })));
     }
 }

@@ -1,11 +1,11 @@
 //! Parameters as data: one table an effect, from which files, flags, help and documentation are made.
 
-use crate::picture::Picture;
+use crate::image_file::ImageFile;
 use std::fmt;
 
 /// The value of a parameter at one instant.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Value {
+pub enum ParamValue {
     /// To be found from the scene or from other parameters.
     Auto,
     /// A number, in the parameter's unit.
@@ -15,10 +15,10 @@ pub enum Value {
     /// One of the words that the parameter takes.
     Word(&'static str),
     /// A picture.
-    Picture(Picture),
+    Image(ImageFile),
 }
 
-impl Value {
+impl ParamValue {
     /// The number that it is, if it is one.
     #[must_use]
     pub fn number(&self) -> Option<f64> {
@@ -29,9 +29,54 @@ impl Value {
     }
 }
 
+/// A value that a program gives to a parameter ([`crate::Weather::set`]).
+#[derive(Clone, Debug, PartialEq)]
+pub enum ParamInput {
+    /// A value.
+    Value(ParamValue),
+    /// A value or keyframes as they are written on the command line.
+    Text(String),
+}
+
+impl From<f64> for ParamInput {
+    fn from(number: f64) -> Self {
+        Self::Value(ParamValue::Number(number))
+    }
+}
+
+impl From<f32> for ParamInput {
+    fn from(number: f32) -> Self {
+        f64::from(number).into()
+    }
+}
+
+impl From<i32> for ParamInput {
+    fn from(number: i32) -> Self {
+        f64::from(number).into()
+    }
+}
+
+impl From<[f64; 3]> for ParamInput {
+    fn from(color: [f64; 3]) -> Self {
+        Self::Value(ParamValue::Color(color))
+    }
+}
+
+impl From<&str> for ParamInput {
+    fn from(text: &str) -> Self {
+        Self::Text(text.into())
+    }
+}
+
+impl From<String> for ParamInput {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
 /// What values a parameter takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum ParamKind {
     /// A number.
     Number,
     /// A number, or `auto`.
@@ -41,7 +86,7 @@ pub enum Kind {
     /// One of these words.
     Word(&'static [&'static str]),
     /// The path of a picture, or `auto`.
-    PictureOrAuto,
+    ImageOrAuto,
 }
 
 /// One parameter of an effect.
@@ -50,9 +95,9 @@ pub struct Param {
     /// Its name in files and flags.
     pub name: &'static str,
     /// What values it takes.
-    pub kind: Kind,
+    pub kind: ParamKind,
     /// Its value where nothing is said.
-    pub default: Value,
+    pub default: ParamValue,
     /// Least and greatest number.
     pub range: (f64, f64),
     /// Unit of the number; empty for none.
@@ -66,9 +111,9 @@ impl Param {
     ///
     /// # Errors
     /// What it must be, to be put after the parameter's name.
-    pub fn check(&self, value: Value) -> Result<Value, String> {
+    pub fn check(&self, value: ParamValue) -> Result<ParamValue, String> {
         match (self.kind, &value) {
-            (Kind::Number | Kind::NumberOrAuto, Value::Number(number)) => {
+            (ParamKind::Number | ParamKind::NumberOrAuto, ParamValue::Number(number)) => {
                 let (least, greatest) = self.range;
                 if *number >= least && *number <= greatest {
                     Ok(value)
@@ -76,10 +121,12 @@ impl Param {
                     Err(format!("is {number}: must be {}", self.expected()))
                 }
             }
-            (Kind::NumberOrAuto | Kind::ColorOrAuto | Kind::PictureOrAuto, Value::Auto)
-            | (Kind::PictureOrAuto, Value::Picture(_)) => Ok(value),
-            (Kind::Word(words), Value::Word(word)) if words.contains(word) => Ok(value),
-            (Kind::ColorOrAuto, Value::Color(rgb)) if rgb.iter().all(|c| (0.0..=1.0).contains(c)) => {
+            (ParamKind::NumberOrAuto | ParamKind::ColorOrAuto | ParamKind::ImageOrAuto, ParamValue::Auto)
+            | (ParamKind::ImageOrAuto, ParamValue::Image(_)) => Ok(value),
+            (ParamKind::Word(words), ParamValue::Word(word)) if words.contains(word) => Ok(value),
+            (ParamKind::ColorOrAuto, ParamValue::Color(rgb))
+                if rgb.iter().all(|c| (0.0..=1.0).contains(c)) =>
+            {
                 Ok(value)
             }
             _ => Err(format!("is {value}: must be {}", self.expected())),
@@ -93,11 +140,13 @@ impl Param {
         let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
         let number = format!("a number from {least} to {greatest}{unit}");
         match self.kind {
-            Kind::Number => number,
-            Kind::NumberOrAuto => format!("{number}, or \"auto\""),
-            Kind::ColorOrAuto => "a colour as \"#rrggbb\" or three numbers 0-1 (sRGB), or \"auto\"".into(),
-            Kind::Word(words) => format!("one of {}", words.join(", ")),
-            Kind::PictureOrAuto => "the path of a picture, or \"auto\"".into(),
+            ParamKind::Number => number,
+            ParamKind::NumberOrAuto => format!("{number}, or \"auto\""),
+            ParamKind::ColorOrAuto => {
+                "a colour as \"#rrggbb\" or three numbers 0-1 (sRGB), or \"auto\"".into()
+            }
+            ParamKind::Word(words) => format!("one of {}", words.join(", ")),
+            ParamKind::ImageOrAuto => "the path of a picture, or \"auto\"".into(),
         }
     }
 
@@ -105,22 +154,22 @@ impl Param {
     ///
     /// # Errors
     /// As [`Self::check`].
-    pub fn parse(&self, text: &str) -> Result<Value, String> {
+    pub fn parse(&self, text: &str) -> Result<ParamValue, String> {
         let wrong = || format!("is `{text}`: must be {}", self.expected());
         match self.kind {
-            Kind::Word(words) => words
+            ParamKind::Word(words) => words
                 .iter()
                 .find(|word| **word == text.trim())
-                .map(|word| Value::Word(word))
+                .map(|word| ParamValue::Word(word))
                 .ok_or_else(wrong),
-            Kind::PictureOrAuto if text.trim().is_empty() => Err(wrong()),
-            Kind::PictureOrAuto if text != "auto" => Ok(Value::Picture(Picture::at(text))),
+            ParamKind::ImageOrAuto if text.trim().is_empty() => Err(wrong()),
+            ParamKind::ImageOrAuto if text != "auto" => Ok(ParamValue::Image(ImageFile::at(text))),
             _ => self.check(text.parse().map_err(|()| wrong())?),
         }
     }
 }
 
-impl std::str::FromStr for Value {
+impl std::str::FromStr for ParamValue {
     type Err = ();
 
     fn from_str(text: &str) -> Result<Self, ()> {
@@ -140,22 +189,22 @@ impl std::str::FromStr for Value {
     }
 }
 
-fn color_of_hex(hex: &str) -> Option<Value> {
+fn color_of_hex(hex: &str) -> Option<ParamValue> {
     if hex.len() != 6 || !hex.bytes().all(|b| b.is_ascii_hexdigit()) {
         return None;
     }
     let byte = |k: usize| u8::from_str_radix(&hex[2 * k..2 * k + 2], 16).ok().map(|v| f64::from(v) / 255.0);
-    Some(Value::Color([byte(0)?, byte(1)?, byte(2)?]))
+    Some(ParamValue::Color([byte(0)?, byte(1)?, byte(2)?]))
 }
 
-impl fmt::Display for Value {
+impl fmt::Display for ParamValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Auto => f.write_str("auto"),
             Self::Number(number) => write!(f, "{number}"),
             Self::Color([r, g, b]) => write!(f, "{r},{g},{b}"),
             Self::Word(word) => f.write_str(word),
-            Self::Picture(picture) => write!(f, "{}", picture.path().display()),
+            Self::Image(picture) => write!(f, "{}", picture.path().display()),
         }
     }
 }
@@ -163,51 +212,51 @@ impl fmt::Display for Value {
 /// Types that a field of a parameter struct may have.
 pub trait ParamType: Sized {
     /// The kind of parameter.
-    const KIND: Kind;
+    const KIND: ParamKind;
 
-    /// The field's value; a checked [`Value`] always has one.
-    fn of(value: Value) -> Self;
+    /// The field's value; a checked [`ParamValue`] always has one.
+    fn of(value: ParamValue) -> Self;
 }
 
 impl ParamType for f64 {
-    const KIND: Kind = Kind::Number;
+    const KIND: ParamKind = ParamKind::Number;
 
-    fn of(value: Value) -> Self {
+    fn of(value: ParamValue) -> Self {
         match value {
-            Value::Number(number) => number,
+            ParamValue::Number(number) => number,
             _ => unreachable!("checked to be a number"),
         }
     }
 }
 
 impl ParamType for Option<f64> {
-    const KIND: Kind = Kind::NumberOrAuto;
+    const KIND: ParamKind = ParamKind::NumberOrAuto;
 
-    fn of(value: Value) -> Self {
+    fn of(value: ParamValue) -> Self {
         match value {
-            Value::Number(number) => Some(number),
+            ParamValue::Number(number) => Some(number),
             _ => None,
         }
     }
 }
 
 impl ParamType for Option<[f64; 3]> {
-    const KIND: Kind = Kind::ColorOrAuto;
+    const KIND: ParamKind = ParamKind::ColorOrAuto;
 
-    fn of(value: Value) -> Self {
+    fn of(value: ParamValue) -> Self {
         match value {
-            Value::Color(color) => Some(color),
+            ParamValue::Color(color) => Some(color),
             _ => None,
         }
     }
 }
 
-impl ParamType for Option<Picture> {
-    const KIND: Kind = Kind::PictureOrAuto;
+impl ParamType for Option<ImageFile> {
+    const KIND: ParamKind = ParamKind::ImageOrAuto;
 
-    fn of(value: Value) -> Self {
+    fn of(value: ParamValue) -> Self {
         match value {
-            Value::Picture(picture) => Some(picture),
+            ParamValue::Image(picture) => Some(picture),
             _ => None,
         }
     }
@@ -233,11 +282,11 @@ macro_rules! words {
         )*}
 
         impl $crate::param::ParamType for $name {
-            const KIND: $crate::param::Kind = $crate::param::Kind::Word(&[$($word),*]);
+            const KIND: $crate::param::ParamKind = $crate::param::ParamKind::Word(&[$($word),*]);
 
-            fn of(value: $crate::param::Value) -> Self {
+            fn of(value: $crate::param::ParamValue) -> Self {
                 match value {
-                    $($crate::param::Value::Word($word) => Self::$variant,)*
+                    $($crate::param::ParamValue::Word($word) => Self::$variant,)*
                     _ => unreachable!("checked to be one of the words"),
                 }
             }
@@ -280,7 +329,7 @@ macro_rules! params {
 
             /// The parameters from values in the order of the table, each checked by its entry.
             #[must_use]
-            pub fn of(values: &[$crate::param::Value]) -> Self {
+            pub fn of(values: &[$crate::param::ParamValue]) -> Self {
                 let mut values = values.iter();
                 Self {$(
                     $field: $crate::param::ParamType::of(values.next().expect("one value a parameter").clone()),
@@ -296,21 +345,21 @@ mod tests {
 
     const LENGTH: Param = Param {
         name: "mor",
-        kind: Kind::NumberOrAuto,
-        default: Value::Auto,
+        kind: ParamKind::NumberOrAuto,
+        default: ParamValue::Auto,
         range: (1.0, f64::INFINITY),
         unit: "m",
         meaning: "",
     };
-    const COLOR: Param = Param { kind: Kind::ColorOrAuto, name: "airlight", ..LENGTH };
+    const COLOR: Param = Param { kind: ParamKind::ColorOrAuto, name: "airlight", ..LENGTH };
 
     #[test]
     fn values_are_read_as_written() {
-        assert_eq!(LENGTH.parse("120"), Ok(Value::Number(120.0)));
-        assert_eq!(LENGTH.parse("inf"), Ok(Value::Number(f64::INFINITY)));
-        assert_eq!(LENGTH.parse(" auto "), Ok(Value::Auto));
-        assert_eq!(COLOR.parse("#ff0080"), Ok(Value::Color([1.0, 0.0, 128.0 / 255.0])));
-        assert_eq!(COLOR.parse("0.1, 0.2,0.3"), Ok(Value::Color([0.1, 0.2, 0.3])));
+        assert_eq!(LENGTH.parse("120"), Ok(ParamValue::Number(120.0)));
+        assert_eq!(LENGTH.parse("inf"), Ok(ParamValue::Number(f64::INFINITY)));
+        assert_eq!(LENGTH.parse(" auto "), Ok(ParamValue::Auto));
+        assert_eq!(COLOR.parse("#ff0080"), Ok(ParamValue::Color([1.0, 0.0, 128.0 / 255.0])));
+        assert_eq!(COLOR.parse("0.1, 0.2,0.3"), Ok(ParamValue::Color([0.1, 0.2, 0.3])));
     }
 
     #[test]

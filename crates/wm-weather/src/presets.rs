@@ -19,32 +19,44 @@ presets! {
 }
 
 impl Weather {
-    /// The preset of a name.
-    #[must_use]
-    pub fn preset(name: &str) -> Option<Self> {
-        let (name, text) = PRESETS.iter().find(|(known, _)| *known == name)?;
-        Some(Self::parse(text, name).expect("presets are checked by a test"))
+    /// Returns the preset of a name.
+    ///
+    /// ```
+    /// let weather = wm_weather::Weather::preset("fog")?;
+    /// assert_eq!(weather.effects().count(), 1);
+    /// # Ok::<(), wm_weather::WeatherError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`WeatherError::Unknown`] with the nearest names if there is none.
+    pub fn preset(name: &str) -> Result<Self, WeatherError> {
+        match PRESETS.iter().find(|(known, _)| *known == name) {
+            Some((name, text)) => Self::parse(text, name),
+            None => Err(unknown(name, "")),
+        }
     }
 
-    /// The preset of that name, or the file of that path.
+    /// Returns the preset of a name, or reads the file of that path.
     ///
     /// # Errors
     /// [`WeatherError`] if there is neither, or the file is wrong.
     pub fn find(name: &str) -> Result<Self, WeatherError> {
-        if let Some(preset) = Self::preset(name) {
-            return Ok(preset);
+        if PRESETS.iter().any(|(known, _)| *known == name) {
+            return Self::preset(name);
         }
         let path = Path::new(name);
         if path.extension().is_none() && !path.exists() {
-            let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
-            let near = meant(name, names.iter().copied());
-            let all = names.join(", ");
-            return Err(WeatherError::Unknown(format!(
-                "there is no weather `{name}`{near}; the presets are {all}, or give a .toml file"
-            )));
+            return Err(unknown(name, ", or give a .toml file"));
         }
         Self::read(path)
     }
+}
+
+fn unknown(name: &str, otherwise: &str) -> WeatherError {
+    let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
+    let near = meant(name, names.iter().copied());
+    let all = names.join(", ");
+    WeatherError::Unknown(format!("there is no weather `{name}`{near}; the presets are {all}{otherwise}"))
 }
 
 #[cfg(test)]

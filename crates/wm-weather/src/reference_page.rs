@@ -1,7 +1,7 @@
 //! The reference of all effects and presets as text: for help and for `docs/weather.md`.
 
 use crate::effects::EFFECTS;
-use crate::param::{Kind, Param};
+use crate::param::{Param, ParamKind};
 use crate::presets::PRESETS;
 use crate::weather::Weather;
 use std::fmt::Write;
@@ -17,7 +17,14 @@ pub fn markdown() -> String {
     }
     page.push_str(LOOKS);
     for effect in EFFECTS {
-        _ = writeln!(page, "\n## {}\n\n{}. Slot: {}.\n", effect.name, effect.about, effect.slot.name());
+        _ = writeln!(
+            page,
+            "\n## {}\n\n{}. Role: {}. Slot: {}.\n",
+            effect.name,
+            effect.about,
+            effect.role.name(),
+            effect.slot.name()
+        );
         page.push_str("| parameter | default | range | unit | meaning |\n|---|---|---|---|---|\n");
         for param in effect.params {
             let (range, unit) = (range(param), if param.unit.is_empty() { "-" } else { param.unit });
@@ -55,11 +62,11 @@ pub fn help() -> String {
 fn range(param: &Param) -> String {
     let (least, greatest) = param.range;
     match param.kind {
-        Kind::Number => format!("{least} to {greatest}"),
-        Kind::NumberOrAuto => format!("{least} to {greatest}, auto"),
-        Kind::ColorOrAuto => "sRGB, auto".into(),
-        Kind::Word(words) => words.join(", "),
-        Kind::PictureOrAuto => "path, auto".into(),
+        ParamKind::Number => format!("{least} to {greatest}"),
+        ParamKind::NumberOrAuto => format!("{least} to {greatest}, auto"),
+        ParamKind::ColorOrAuto => "sRGB, auto".into(),
+        ParamKind::Word(words) => words.join(", "),
+        ParamKind::ImageOrAuto => "path, auto".into(),
     }
 }
 

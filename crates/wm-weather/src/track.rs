@@ -1,17 +1,17 @@
 //! A parameter over time: one value, or keyframes.
 
 use crate::easing::Easing;
-use crate::param::{Kind, Param, Value};
-use crate::picture::Picture;
+use crate::image_file::ImageFile;
+use crate::param::{Param, ParamKind, ParamValue};
 use wm_render::frame::{srgb_decode, srgb_encode};
 
 /// A value at an instant, and the way from there.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Key {
+pub struct Keyframe {
     /// Seconds from the start of the shot.
     pub time: f64,
     /// The value at that instant.
-    pub value: Value,
+    pub value: ParamValue,
     /// The way to the next key; without effect at the last.
     pub easing: Easing,
 }
@@ -23,35 +23,35 @@ pub struct Key {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
     /// At least one, times ascending.
-    keys: Vec<Key>,
+    keys: Vec<Keyframe>,
 }
 
 impl Track {
     /// The same value at all times.
     #[must_use]
-    pub fn constant(value: Value) -> Self {
-        Self { keys: vec![Key { time: 0.0, value, easing: Easing::Linear }] }
+    pub fn constant(value: ParamValue) -> Self {
+        Self { keys: vec![Keyframe { time: 0.0, value, easing: Easing::Linear }] }
     }
 
     /// A value over keyframes. Words hold, whether their easing is `hold` or left at `linear`.
     ///
     /// # Errors
     /// What is wrong, to be put after the parameter's name.
-    pub fn keyframes(param: &Param, mut keys: Vec<Key>) -> Result<Self, String> {
+    pub fn keyframes(param: &Param, mut keys: Vec<Keyframe>) -> Result<Self, String> {
         if keys.is_empty() {
             return Err("has no keyframes: give at least one pair of time and value".into());
         }
         let is_alone = keys.len() == 1;
-        for Key { time, value, easing } in &mut keys {
+        for Keyframe { time, value, easing } in &mut keys {
             if !time.is_finite() {
                 return Err(format!("has a keyframe at time {time}: must be a number of seconds"));
             }
             let checked = param.check(value.clone()).map_err(|error| format!("at time {time} {error}"))?;
             let steady = match checked {
-                Value::Auto | Value::Picture(_) => false,
-                Value::Number(number) => number.is_finite(),
-                Value::Color(_) => true,
-                Value::Word(_) => {
+                ParamValue::Auto | ParamValue::Image(_) => false,
+                ParamValue::Number(number) => number.is_finite(),
+                ParamValue::Color(_) => true,
+                ParamValue::Word(_) => {
                     if !matches!(easing, Easing::Linear | Easing::Hold) {
                         return Err(format!("at time {time} has the easing {}: words hold", easing.name()));
                     }
@@ -78,7 +78,7 @@ impl Track {
     /// As [`Self::keyframes`].
     pub fn parse(param: &Param, text: &str) -> Result<Self, String> {
         // A path may have a colon in it.
-        if param.kind == Kind::PictureOrAuto || !text.contains(':') {
+        if param.kind == ParamKind::ImageOrAuto || !text.contains(':') {
             return Ok(Self::constant(param.parse(text)?));
         }
         let mut keys = Vec::new();
@@ -95,14 +95,14 @@ impl Track {
                 Some((value, easing)) => (value, Easing::parse(easing)?),
                 None => (rest, Easing::default()),
             };
-            keys.push(Key { time: seconds, value: param.parse(value)?, easing });
+            keys.push(Keyframe { time: seconds, value: param.parse(value)?, easing });
         }
         Self::keyframes(param, keys)
     }
 
     /// The value at `time`, seconds.
     #[must_use]
-    pub fn at(&self, time: f64) -> Value {
+    pub fn at(&self, time: f64) -> ParamValue {
         let after = self.keys.partition_point(|key| key.time <= time);
         if after == 0 {
             return self.keys[0].value.clone();
@@ -115,9 +115,9 @@ impl Track {
         let within = |value: f64, a: f64, b: f64| value.clamp(a.min(b), a.max(b));
         let blend = |a: f64, b: f64| within(srgb_encode(mix(srgb_decode(a), srgb_decode(b))), a, b);
         match (&first.value, &second.value) {
-            (Value::Number(a), Value::Number(b)) => Value::Number(within(mix(*a, *b), *a, *b)),
-            (Value::Color(a), Value::Color(b)) if share > 0.0 => {
-                Value::Color(std::array::from_fn(|k| blend(a[k], b[k])))
+            (ParamValue::Number(a), ParamValue::Number(b)) => ParamValue::Number(within(mix(*a, *b), *a, *b)),
+            (ParamValue::Color(a), ParamValue::Color(b)) if share > 0.0 => {
+                ParamValue::Color(std::array::from_fn(|k| blend(a[k], b[k])))
             }
             _ => first.value.clone(),
         }
@@ -164,13 +164,13 @@ impl Track {
     #[must_use]
     pub fn most(&self) -> f64 {
         // No easing leaves the span of its two keys.
-        self.keys.iter().map(Key::number).reduce(f64::max).unwrap_or(f64::NAN)
+        self.keys.iter().map(Keyframe::number).reduce(f64::max).unwrap_or(f64::NAN)
     }
 
     /// The least number of all times, in the parameter's unit; NaN for a track whose values are not numbers.
     #[must_use]
     pub fn least(&self) -> f64 {
-        self.keys.iter().map(Key::number).reduce(f64::min).unwrap_or(f64::NAN)
+        self.keys.iter().map(Keyframe::number).reduce(f64::min).unwrap_or(f64::NAN)
     }
 
     /// The instants at which the formula of the value changes, seconds, ascending: the times of the keys, and
@@ -181,21 +181,21 @@ impl Track {
     }
 
     /// The pictures that it names.
-    pub(crate) fn pictures(&mut self) -> impl Iterator<Item = &mut Picture> {
+    pub(crate) fn images(&mut self) -> impl Iterator<Item = &mut ImageFile> {
         self.keys.iter_mut().filter_map(|key| match &mut key.value {
-            Value::Picture(picture) => Some(picture),
+            ParamValue::Image(picture) => Some(picture),
             _ => None,
         })
     }
 
     /// The keys; a single one for a value that is always the same.
     #[must_use]
-    pub fn keys(&self) -> &[Key] {
+    pub fn keys(&self) -> &[Keyframe] {
         &self.keys
     }
 }
 
-impl Key {
+impl Keyframe {
     /// The value if it is a number, else NaN.
     fn number(&self) -> f64 {
         self.value.number().unwrap_or(f64::NAN)

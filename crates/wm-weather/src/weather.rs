@@ -1,24 +1,24 @@
 //! What weather is on, over time, and how it reaches the renderer.
 
-use crate::cover::{Airflow, Asked};
+use crate::cover::{Airflow, CoverRequest};
 use crate::dome::Dome;
 use crate::dome::{from_level, level_axes};
-use crate::effects::look::Grade;
-use crate::effects::{Action, EFFECTS, Effect, Now};
+use crate::effects::look::ColorGrade;
+use crate::effects::{Action, EFFECTS, Effect, EffectContext, EffectRole, Need};
+use crate::image_file::ImageFile;
 use crate::optics::{Atmosphere, Daylight, Site};
 use crate::panorama::Panorama;
-use crate::paper::fall::Before;
+use crate::paper::fall::PaperFallContext;
 use crate::paper::{PaperCover, PaperFall, PaperFog, composite};
-use crate::param::Value;
-use crate::particles::fall::Blow;
-use crate::particles::{Fall, Precipitation};
-use crate::picture::Picture;
+use crate::param::ParamValue;
+use crate::particles::fall::WindSample;
+use crate::particles::{FallingParticles, Precipitation};
 use crate::shelter::Shelter;
 use crate::track::Track;
 use std::path::Path;
 use std::sync::Arc;
 use wm_render::Frame;
-use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect, SkySplats, Slot};
+use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect, SkySplats};
 use wm_render::simd::SimdPath;
 use wm_scene::{Camera, Splats};
 
@@ -71,10 +71,19 @@ impl Weather {
         self.active.iter().map(|(effect, tracks)| (&EFFECTS[*effect], &tracks[..]))
     }
 
-    /// Whether something may fall at some time, in either fidelity.
+    /// Returns true if an effect of a role is on.
     #[must_use]
-    pub fn has_fall(&self) -> bool {
-        self.effects().any(|(effect, _)| effect.slot == Slot::Particles && effect.param("rate").is_some())
+    pub fn has(&self, role: EffectRole) -> bool {
+        self.effects().any(|(effect, _)| effect.role == role)
+    }
+
+    /// Returns true if an effect that is on needs this of a place, in this weather's fidelity: effects in the paper's own
+    /// form need nothing.
+    #[must_use]
+    pub fn needs(&self, need: Need) -> bool {
+        let is_physical =
+            |effect: &Effect| self.fidelity == Fidelity::Physical || effect.act_as_paper.is_none();
+        self.effects().any(|(effect, _)| is_physical(effect) && effect.needs.contains(&need))
     }
 
     /// Turns an effect on with its defaults; leaves it as it is if it is on.
@@ -93,13 +102,13 @@ impl Weather {
     }
 
     /// The pictures that its parameters name.
-    pub(crate) fn pictures(&mut self) -> impl Iterator<Item = &mut Picture> {
-        self.active.iter_mut().flat_map(|(_, tracks)| tracks.iter_mut().flat_map(Track::pictures))
+    pub(crate) fn images(&mut self) -> impl Iterator<Item = &mut ImageFile> {
+        self.active.iter_mut().flat_map(|(_, tracks)| tracks.iter_mut().flat_map(Track::images))
     }
 
     /// Takes the relative paths of its pictures as from `folder`.
-    pub fn move_pictures(&mut self, folder: &Path) {
-        self.pictures().for_each(|picture| picture.move_to(folder));
+    pub fn resolve_images(&mut self, folder: &Path) {
+        self.images().for_each(|picture| picture.move_to(folder));
     }
 
     /// Reads the pictures that its parameters name, each by `read`; to be called before anything is
@@ -107,11 +116,11 @@ impl Weather {
     ///
     /// # Errors
     /// The first of `read`.
-    pub fn load_pictures<E>(
+    pub fn load_images<E>(
         &mut self,
         mut read: impl FnMut(&Path) -> Result<Arc<Panorama>, E>,
     ) -> Result<(), E> {
-        for picture in self.pictures() {
+        for picture in self.images() {
             let panorama = read(picture.path())?;
             picture.fill(panorama);
         }
@@ -120,26 +129,26 @@ impl Weather {
 
     /// The weather at one instant, `time` in seconds.
     #[must_use]
-    pub fn at(&self, time: f64) -> Instant {
+    pub fn at(&self, time: f64) -> WeatherSample {
         let values = |tracks: &[Track]| tracks.iter().map(|track| track.at(time)).collect();
         let now = |(effect, tracks): &(usize, Vec<Track>)| (*effect, values(tracks), tracks.clone());
-        Instant { fidelity: self.fidelity, time, effects: self.active.iter().map(now).collect() }
+        WeatherSample { fidelity: self.fidelity, time, effects: self.active.iter().map(now).collect() }
     }
 }
 
 /// The weather at one instant: all that a frame depends on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Instant {
+pub struct WeatherSample {
     /// Whose formulas are used.
     pub fidelity: Fidelity,
     /// Seconds.
     pub time: f64,
-    effects: Vec<(usize, Vec<Value>, Vec<Track>)>,
+    effects: Vec<(usize, Vec<ParamValue>, Vec<Track>)>,
 }
 
-impl Instant {
+impl WeatherSample {
     /// The effects that are on, with their values in the order of their tables.
-    pub fn effects(&self) -> impl Iterator<Item = (&'static Effect, &[Value])> {
+    pub fn effects(&self) -> impl Iterator<Item = (&'static Effect, &[ParamValue])> {
         self.effects.iter().map(|(effect, values, _)| (&EFFECTS[*effect], &values[..]))
     }
 
@@ -152,11 +161,11 @@ impl Instant {
 
     /// What the renderer needs of this weather at one place.
     #[must_use]
-    pub fn over(&self, site: &Site) -> Sky {
+    pub fn prepare(&self, site: &Site) -> PreparedWeather {
         let (mut site, mut dome) = (*site, None);
         let mut layers = Vec::new();
         let mut paper = Vec::new();
-        let (mut falling, mut blow, mut grade) = (Vec::new(), Blow::default(), None);
+        let (mut falling, mut wind_now, mut grade) = (Vec::new(), WindSample::default(), None);
         let (mut paper_falls, mut cover, mut paper_cover) = (Vec::new(), Vec::new(), None);
         let mut carried = f64::INFINITY;
         for (effect, values, tracks) in &self.effects {
@@ -165,7 +174,7 @@ impl Instant {
                 Fidelity::Physical => effect.act,
                 Fidelity::Paper => effect.act_as_paper.unwrap_or(effect.act),
             };
-            match act(&Now { values, tracks, time: self.time, weather: self }, &site) {
+            match act(&EffectContext { values, tracks, time: self.time, weather: self }, &site) {
                 // First of all effects: the light of the others is its.
                 Action::Sky(sky) => {
                     let is_its = site.daylight == Daylight::Guessed || sky.scenes_sky() == SkySplats::LeftOut;
@@ -175,7 +184,7 @@ impl Instant {
                 Action::Layer(layer) => layers.push(layer),
                 Action::PaperFog(fog) => paper.push(fog),
                 Action::Wind(wind) => {
-                    blow = Blow {
+                    wind_now = WindSample {
                         drift: wind.drift(self.time),
                         wind: wind.at(self.time),
                         mean: wind.mean(self.time),
@@ -198,7 +207,7 @@ impl Instant {
             }
         }
         let air = Atmosphere::new(layers, site);
-        Sky {
+        PreparedWeather {
             air,
             site,
             time: self.time,
@@ -206,7 +215,7 @@ impl Instant {
             paper_falls,
             dome,
             falling,
-            blow,
+            wind_now,
             grade,
             cover,
             carried,
@@ -227,7 +236,7 @@ const MOVED: f64 = 0.6;
 
 /// From where a weather is seen.
 #[derive(Clone, Copy, Debug)]
-pub struct Seen<'a> {
+pub struct Observer<'a> {
     /// The camera.
     pub camera: &'a Camera,
     /// Its velocity, m/s, world axes: what falls is streaked by it.
@@ -236,17 +245,17 @@ pub struct Seen<'a> {
     pub shelter: Option<&'a Shelter>,
 }
 
-impl<'a> Seen<'a> {
+impl<'a> Observer<'a> {
     /// By a camera that stands still, in the open.
     #[must_use]
-    pub fn by(camera: &'a Camera) -> Self {
+    pub fn at_rest(camera: &'a Camera) -> Self {
         Self { camera, velocity: [0.0; 3], shelter: None }
     }
 }
 
 /// One instant's weather over one site, ready to render through.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sky {
+pub struct PreparedWeather {
     /// The air.
     pub air: Atmosphere,
     site: Site,
@@ -254,19 +263,19 @@ pub struct Sky {
     paper: Vec<PaperFog>,
     paper_falls: Vec<PaperFall>,
     falling: Vec<Precipitation>,
-    blow: Blow,
+    wind_now: WindSample,
     /// What stands behind everything, if the weather says it.
     dome: Option<Dome>,
     /// Exposure and colour of the finished picture; `None` leaves it as it is.
-    grade: Option<Grade>,
+    grade: Option<ColorGrade>,
     /// What lies, the lowest first.
-    cover: Vec<Asked>,
+    cover: Vec<CoverRequest>,
     /// The least wind that carries some of what may lie along the ground, m/s at 10 m.
     carried: f64,
     paper_cover: Option<PaperCover>,
 }
 
-impl Sky {
+impl PreparedWeather {
     /// What stands behind everything, if the weather says it.
     #[must_use]
     pub fn dome(&self) -> Option<&Dome> {
@@ -287,16 +296,16 @@ impl Sky {
 
     /// The sub-clouds of one of [`Self::paper_falls`], the farthest first, each to be rendered by itself.
     #[must_use]
-    pub fn sub_clouds(&self, fall: &PaperFall, seen: &Seen<'_>) -> Vec<Splats> {
-        let Seen { camera, velocity, .. } = *seen;
-        fall.sub_clouds(&Before { site: &self.site, blow: self.blow, camera, velocity })
+    pub fn sub_clouds(&self, fall: &PaperFall, seen: &Observer<'_>) -> Vec<Splats> {
+        let Observer { camera, velocity, .. } = *seen;
+        fall.sub_clouds(&PaperFallContext { site: &self.site, wind_now: self.wind_now, camera, velocity })
     }
 
     /// How a render of one of them is blended.
     #[must_use]
-    pub fn blend(&self, fall: &PaperFall, camera: &Camera) -> composite::Blend {
+    pub fn blend(&self, fall: &PaperFall, camera: &Camera) -> composite::PaperBlend {
         let PaperFall { sky, t, t_c, d_max, .. } = *fall;
-        composite::Blend { sky, t, t_d: fall.reach(camera) / self.site.metres_per_unit, t_c, d_max }
+        composite::PaperBlend { sky, t, t_d: fall.reach(camera) / self.site.metres_per_unit, t_c, d_max }
     }
 
     /// What follows when all of [`Self::paper_falls`] lie over the picture.
@@ -306,7 +315,7 @@ impl Sky {
 
     /// What lies, each on those before it; empty where nothing does.
     #[must_use]
-    pub fn cover(&self) -> &[Asked] {
+    pub fn cover(&self) -> &[CoverRequest] {
         &self.cover
     }
 
@@ -314,7 +323,7 @@ impl Sky {
     /// from straight down ([`Self::slant`]), and along the ground the more the farther it is above the threshold.
     #[must_use]
     pub fn airflow(&self) -> Airflow {
-        let [x, y] = self.blow.mean;
+        let [x, y] = self.wind_now.mean;
         let moved = MOVED * ((x.hypot(y) / self.carried).powi(3) - 1.0).clamp(0.0, 1.0);
         Airflow { slope: self.slant(FLAKE), moved }
     }
@@ -329,7 +338,7 @@ impl Sky {
     /// [`level_axes`]: no more than 1, since eddies carry drops behind what a strong wind meets.
     #[must_use]
     pub fn slant(&self, speed: f64) -> [f64; 2] {
-        let [x, y] = self.blow.mean;
+        let [x, y] = self.wind_now.mean;
         let eased = 1f64.min(STEEPEST * speed / x.hypot(y));
         [x, y].map(|v| v * eased / speed)
     }
@@ -347,7 +356,7 @@ impl Sky {
     }
 
     /// Calls `render` with the hooks of this weather for what is `seen`.
-    pub fn with_hooks<R>(&self, seen: &Seen<'_>, render: impl FnOnce(Hooks<'_>) -> R) -> R {
+    pub fn with_hooks<R>(&self, seen: &Observer<'_>, render: impl FnOnce(Hooks<'_>) -> R) -> R {
         let mut pixels: Vec<&dyn PixelEffect> =
             self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
         // The lens comes last: after the paper's rain, which is not the renderer's.
@@ -357,11 +366,11 @@ impl Sky {
         let size = f64::from(ParticleView::new(seen.camera).pixels());
         let air = self.air.clone().without(self.falling.iter().map(|kind| kind.residual(size)).collect());
         let medium = (!air.is_clear()).then_some(&air as &dyn Medium);
-        let motion = (self.blow, seen.velocity);
-        let falls: Vec<Fall<'_>> = self
+        let motion = (self.wind_now, seen.velocity);
+        let falls: Vec<FallingParticles<'_>> = self
             .falling
             .iter()
-            .map(|kind| Fall::new(kind, &self.site, &air, seen.shelter, motion, self.time))
+            .map(|kind| FallingParticles::new(kind, &self.site, &air, seen.shelter, motion, self.time))
             .collect();
         let particles: Vec<&dyn Particles> = falls.iter().map(|fall| fall as &dyn Particles).collect();
         render(Hooks { background, medium, particles: &particles, pixels: &pixels })

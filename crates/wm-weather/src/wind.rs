@@ -5,7 +5,7 @@
 //! and so is how far the air has come: each wave has its integral. Where speed or direction change over time it is
 //! the sum of Gauss-Legendre steps of at most a quarter of a second from 0 on, whatever frames are asked for.
 
-use crate::param::Value;
+use crate::param::ParamValue;
 use crate::track::Track;
 use std::f64::consts::TAU;
 use wm_scene::random::uniform;
@@ -64,7 +64,7 @@ impl Wind {
     /// No wind.
     #[must_use]
     pub fn calm() -> Self {
-        let zero = || Track::constant(Value::Number(0.0));
+        let zero = || Track::constant(ParamValue::Number(0.0));
         Self::new(zero(), zero(), 0.0, 0)
     }
 
@@ -141,7 +141,7 @@ fn turned(mean: [f64; 2], by: [f64; 2]) -> [f64; 2] {
     [mean[0] * by[0] - mean[1] * by[1], mean[0] * by[1] + mean[1] * by[0]]
 }
 
-fn number(value: &Value) -> f64 {
+fn number(value: &ParamValue) -> f64 {
     value.number().unwrap_or(0.0)
 }
 

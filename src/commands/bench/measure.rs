@@ -1,15 +1,16 @@
 //! Cases, and rounds in which they take turns.
 
 use crate::interrupt;
-use crate::studio::Stand;
 use anyhow::{Result, ensure};
 use indicatif::ProgressBar;
 use std::time::Instant;
-use wm_render::{Frame, Geometry, MedianDepth, Outputs, RenderConfig, Stats};
+use weather_magician::frame::FrameRequest;
+use weather_magician::{Picture, Renderer};
+use wm_render::{Geometry, MedianDepth, Outputs, RenderConfig, SetId, SetView, Stats};
 use wm_scene::Camera;
-use wm_weather::cover::Asked;
+use wm_weather::cover::CoverRequest;
 use wm_weather::paper::PaperCover;
-use wm_weather::{Site, Sky, Weather};
+use wm_weather::{PreparedWeather, Site, Weather};
 
 /// Rounds before those that count: memory is touched, clocks go up.
 pub const WARM_UP: u32 = 2;
@@ -22,8 +23,10 @@ const PAPER_COVER: &str = "rgb, snow cover, paper";
 pub struct Case {
     /// What is rendered under which weather.
     pub name: &'static str,
+    /// The weather.
+    pub weather: Weather,
     config: RenderConfig,
-    sky: Sky,
+    sky: PreparedWeather,
 }
 
 impl Case {
@@ -33,7 +36,7 @@ impl Case {
         use MedianDepth::{Off, On};
         let weather = |name: &str, sets: &[&str]| -> Result<Weather> {
             let mut weather = Weather::find(name)?;
-            sets.iter().try_for_each(|set| weather.set(set))?;
+            sets.iter().try_for_each(|set| weather.set_text(set))?;
             Ok(weather)
         };
         let rain = weather("clear", &["rain.rate=25"])?;
@@ -56,8 +59,10 @@ impl Case {
         ]
         .into_iter()
         .map(|(name, geometry, median_depth, weather)| {
-            let sky = Weather::find(weather)?.at(0.0).over(site);
-            Ok(Self { name, config: config(Outputs { geometry, median_depth, ..Outputs::default() }), sky })
+            let weather = Weather::find(weather)?;
+            let sky = weather.at(0.0).prepare(site);
+            let outputs = Outputs { geometry, median_depth, ..Outputs::default() };
+            Ok(Self { name, weather, config: config(outputs), sky })
         })
         .collect::<Result<_>>()?;
         for (name, weather) in [
@@ -70,7 +75,8 @@ impl Case {
             (PAPER_COVER, paper_cover),
         ] {
             let outputs = Outputs::default();
-            cases.push(Self { name, config: config(outputs), sky: weather.at(1.0).over(site) });
+            let sky = weather.at(1.0).prepare(site);
+            cases.push(Self { name, weather, config: config(outputs), sky });
         }
         Ok(cases)
     }
@@ -99,7 +105,7 @@ impl Case {
     }
 
     /// What is to lie under it.
-    pub fn cover(&self) -> &[Asked] {
+    pub fn cover(&self) -> &[CoverRequest] {
         self.sky.cover()
     }
 
@@ -152,6 +158,34 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     }
 }
 
+/// A renderer with a scene in it.
+pub struct Stand<'a> {
+    /// The renderer.
+    pub renderer: &'a mut Renderer,
+    /// The scene, and what lies on it.
+    pub sets: Vec<SetView<'a>>,
+}
+
+impl<'a> Stand<'a> {
+    /// A scene without anything on it.
+    pub fn plain(renderer: &'a mut Renderer, set: SetId) -> Self {
+        Self { renderer, sets: vec![SetView::plain(set)] }
+    }
+
+    /// Renders the scene in a case, without shelter.
+    fn render(&mut self, case: &Case, camera: &Camera, picture: &mut Picture) -> Result<Stats> {
+        let request = FrameRequest {
+            sets: &self.sets,
+            weather: &case.sky,
+            camera: (*camera).into(),
+            shelter: None,
+            config: &case.config,
+            parts: &[],
+        };
+        Ok(self.renderer.draw(&request, picture)?)
+    }
+}
+
 /// Renders the cases of `plan` (stand, case) in turns; stops early on Ctrl-C.
 pub fn turns(
     stands: &mut [Stand<'_>],
@@ -161,7 +195,7 @@ pub fn turns(
     bar: &ProgressBar,
 ) -> Result<Vec<Measured>> {
     let mut measured = vec![Measured::default(); plan.len()];
-    let mut frames = vec![Frame::default(); plan.len()];
+    let mut frames = vec![Picture::default(); plan.len()];
     for round in 0..rounds + WARM_UP {
         // The order turns with the round, so that no case always follows the same other.
         for k in 0..plan.len() {
@@ -171,7 +205,7 @@ pub fn turns(
             }
             let (stand, case) = (&mut stands[plan[k].0], plan[k].1);
             let (cpu, started) = (cpu_seconds(), Instant::now());
-            let stats = stand.render(&case.sky, &case.config, (*camera).into(), &mut frames[k])?;
+            let stats = stand.render(case, camera, &mut frames[k])?;
             let wall = started.elapsed().as_secs_f64();
             let cpu = cpu.and_then(|before| Some(cpu_seconds()? - before)).unwrap_or(wall);
             if round >= WARM_UP {

@@ -11,23 +11,23 @@ mod training;
 
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
-use crate::progress;
-use crate::scene::{FactArgs, Loaded, RunArgs, SceneArgs};
-use crate::studio::{self, Stand};
-use anyhow::Result;
+use crate::progress::{self, Reporter};
+use crate::scene::{AssetFolder, FactArgs, Loaded, RunArgs, SceneArgs};
+use anyhow::{Context, Result};
 use clap::Args;
 use indicatif::ProgressBar;
-use measure::{Case, Measured, peak_memory, turns};
+use measure::{Case, Measured, Stand, peak_memory, turns};
 use report::{PathSpeed, SceneReport, Threads};
 use std::path::{Path, PathBuf};
+use weather_magician::Renderer;
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
 use wm_render::simd::SimdPath;
 use wm_render::testing::{shell_camera, shell_splats};
-use wm_render::{AnyRenderer, Device, RenderBackend, RenderConfig, SetId, SetView};
+use wm_render::{Device, RenderBackend, RenderConfig, SetId, SetView};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::{Camera, Group, Metadata, Scene};
-use wm_weather::cover::{Airflow, Buried, Lying};
+use wm_weather::cover::Buried;
 
 /// Options of `bench`.
 #[derive(Args, Clone, Debug)]
@@ -84,8 +84,9 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         return paper::run(args);
     }
     if args.training {
-        let reports =
-            each(args, |name, loaded, camera| training::measure(name, &loaded.scene.splats, &camera, args))?;
+        let reports = each(args, |name, loaded, camera| {
+            training::measure(name, &loaded.place.scene().splats, &camera, args)
+        })?;
         if args.json {
             println!("{}", serde_json::to_string_pretty(&reports)?);
         } else {
@@ -130,7 +131,13 @@ fn made_up(args: &BenchArgs) -> Result<(Loaded, Camera)> {
 }
 
 fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
-    let read = SceneArgs { scene: path.to_owned(), repair: true, level: None, facts: FactArgs::default() };
+    let read = SceneArgs {
+        scene: path.to_owned(),
+        repair: true,
+        level: None,
+        assets: Some(AssetFolder::Off),
+        facts: FactArgs::default(),
+    };
     let mut loaded = if args.drop_sky {
         let mut scene = read_scene(path, &ReadOptions::default())?;
         wm_scene::survey::label_sky(&mut scene.splats);
@@ -143,7 +150,7 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
     };
     let options = view::Options { up: None, fov: args.fov, near: None, size: Some(args.size) };
     let camera = match &args.camera {
-        Some(spec) => spec.camera(&loaded.scene.views, &loaded.survey, &options)?,
+        Some(spec) => spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?,
         None => choose::choose(&mut loaded.site(options))?.camera,
     };
     Ok((loaded, camera))
@@ -151,7 +158,7 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
 
 /// A scene with what lies on it, in a renderer of its own.
 struct Snowy {
-    renderer: AnyRenderer,
+    renderer: Renderer,
     /// The scene, and what lies.
     sets: [SetId; 2],
     buried: Buried,
@@ -159,22 +166,20 @@ struct Snowy {
 
 impl Snowy {
     fn new(loaded: &mut Loaded, case: &Case, run: &RunArgs) -> Result<Self> {
-        let site = loaded.weather_site();
-        let lying = match case.paper_cover() {
-            Some(paper) => Lying::on_top(paper.snow(&loaded.scene.splats, &site)),
-            None => studio::cover(loaded, &site, &Airflow::default())?.lying_on_each_other(case.cover()),
-        };
+        let Loaded { renderer, place } = loaded;
+        let lying = renderer.lying_cover(place, &case.weather, 0.0, &mut Reporter::default())?;
+        let lying = lying.with_context(|| format!("nothing lies in the case {}", case.name))?;
         let mut renderer = run.renderer()?;
-        let sets = [renderer.load(&loaded.scene.splats)?, renderer.load(&lying.splats)?];
+        let backend = renderer.backend_mut();
+        let sets = [backend.load(&place.scene().splats)?, backend.load(&lying.splats)?];
         Ok(Self { renderer, sets, buried: lying.buried })
     }
 }
 
 /// Everything that is measured of a scene.
 fn cases(loaded: &Loaded) -> Result<Vec<Case>> {
-    let (background, rasterization) =
-        (loaded.background(), loaded.scene.metadata.rasterization.unwrap_or_default());
-    Case::all(&loaded.weather_site(), |outputs| RenderConfig { outputs, background, rasterization })
+    let config = loaded.place.config;
+    Case::all(loaded.place.site(), |outputs| RenderConfig { outputs, ..config })
 }
 
 /// Renders cases in turns, each on the scene with what lies on it under that case.
@@ -194,9 +199,10 @@ fn in_turns(
         }
         plan.push((if is_bare { 0 } else { snowy.len() }, case));
     }
-    let mut stands = vec![Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] }];
+    let mut stands = vec![Stand::plain(&mut loaded.renderer, loaded.place.set())];
     for Snowy { renderer, sets: [scene, snow], buried } in &mut snowy {
-        stands.push(Stand { renderer, sets: studio::sets(*scene, Some((*snow, buried))) });
+        let scene = SetView::plain(*scene).with_attributes(Some(buried));
+        stands.push(Stand { renderer, sets: vec![scene, SetView::plain(*snow)] });
     }
     turns(&mut stands, camera, &plan, rounds, bar)
 }
@@ -216,25 +222,22 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     // Memory is that of one renderer: it is told before there is another.
     let plain: Vec<(usize, &Case)> =
         cases.iter().filter(|case| case.cover().is_empty()).map(|case| (0, case)).collect();
-    let alone = Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] };
+    let alone = Stand::plain(&mut loaded.renderer, loaded.place.set());
     turns(&mut [alone], &camera, &plain, 0, &bar)?;
     let memory = peak_memory();
     let measured = in_turns(loaded, &camera, &cases, (&args.run, rounds), &bar)?;
     bar.finish_and_clear();
     // Threads and SIMD paths are the CPU's.
-    if (args.cases.is_some() || loaded.renderer.is_gpu()) && !interrupt::asked() {
+    if (args.cases.is_some() || loaded.renderer.backend().is_gpu()) && !interrupt::asked() {
         return Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), None, Vec::new(), memory));
     }
 
     // One thread against all, in the same rounds.
     let one = RunArgs { device: Device::Cpu, threads: Some(1), simd: args.run.simd };
     let mut single = one.renderer()?;
-    let set = single.load(&loaded.scene.splats)?;
-    let threads = loaded.renderer.threads();
-    let mut stands = [
-        Stand { renderer: &mut loaded.renderer, sets: vec![SetView::plain(loaded.set)] },
-        Stand { renderer: &mut single, sets: vec![SetView::plain(set)] },
-    ];
+    let set = single.backend_mut().load(&loaded.place.scene().splats)?;
+    let threads = loaded.renderer.backend().threads();
+    let mut stands = [Stand::plain(&mut loaded.renderer, loaded.place.set()), Stand::plain(&mut single, set)];
     let bar = progress::bar(u64::from(rounds), "threads");
     let pair = turns(&mut stands, &camera, &[(0, &cases[full]), (1, &cases[full])], rounds, &bar)?;
     bar.finish_and_clear();
@@ -244,9 +247,9 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     let mut paths = Vec::new();
     for path in SimdPath::available() {
         let mut renderer = RunArgs { simd: path.choice(), ..one.clone() }.renderer()?;
-        let set = renderer.load(&loaded.scene.splats)?;
+        let set = renderer.backend_mut().load(&loaded.place.scene().splats)?;
         let bar = progress::bar(u64::from(rounds.min(8)), "paths");
-        let mut stands = [Stand { renderer: &mut renderer, sets: vec![SetView::plain(set)] }];
+        let mut stands = [Stand::plain(&mut renderer, set)];
         let plan = [(0, &cases[rgb]), (0, &cases[full])];
         let measured = turns(&mut stands, &camera, &plan, rounds.min(8), &bar)?;
         bar.finish_and_clear();

@@ -6,12 +6,12 @@
 //! time grows with pixels and splats. Figures of other machines are no comparison of programs: the table says which machine.
 
 use super::BenchArgs;
+use super::measure::Stand;
 use super::measure::{Case, turns};
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
 use crate::report::plot::{Axis, Plot, Series};
 use crate::scene::{Loaded, RunArgs};
-use crate::studio::Stand;
 use anyhow::{Context, Result};
 use serde::Serialize;
 use std::fmt::Write;
@@ -149,7 +149,7 @@ impl Table {
                 method: format!("this program, {method}"),
                 scene: Some(name.to_owned()),
                 device: Some(device.clone()),
-                splats: Some(loaded.scene.splats.len()),
+                splats: Some(loaded.place.scene().splats.len()),
                 fps,
             });
         }
@@ -158,8 +158,7 @@ impl Table {
             let side = |side: u32| (f64::from(side) * share).round().max(1.0) as u32;
             let small = camera.resized(side(camera.width), side(camera.height));
             let clear = &cases[Case::position(&cases, "rgb")];
-            let sets = vec![SetView::plain(loaded.set)];
-            let stand = Stand { renderer: &mut loaded.renderer, sets };
+            let stand = Stand::plain(&mut loaded.renderer, loaded.place.set());
             let frames = turns(&mut [stand], &small, &[(0, clear)], rounds.min(8), &bar)?;
             let pixels = f64::from(small.width) * f64::from(small.height);
             points.push([pixels * 1e-6, 1e3 * frames[0].median(|sample| sample.wall)]);

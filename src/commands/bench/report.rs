@@ -139,8 +139,8 @@ impl SceneReport {
         });
         Self {
             scene: scene.to_owned(),
-            splats: loaded.scene.splats.len(),
-            sh_degree: loaded.scene.splats.sh_degree,
+            splats: loaded.place.scene().splats.len(),
+            sh_degree: loaded.place.scene().splats.sh_degree,
             camera: spec::text_of(camera),
             width: camera.width,
             height: camera.height,
@@ -149,7 +149,7 @@ impl SceneReport {
             intersections: stats.intersections,
             pairs_per_pixel: stats.evaluated_pairs as f64 / pixels,
             peak_memory_mb: peak_memory.map(|bytes| bytes as f64 * 1e-6),
-            device_memory_mb: loaded.renderer.device_memory().map(|bytes| bytes as f64 * 1e-6),
+            device_memory_mb: loaded.renderer.backend().device_memory().map(|bytes| bytes as f64 * 1e-6),
             cases: cases.collect(),
             threads: threads.map(|threads| ThreadsReport {
                 threads: threads.threads,

@@ -62,13 +62,13 @@ fn mor(share: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_weather::Value;
+    use wm_weather::ParamValue;
 
     fn mor_at(weather: &Weather, time: f64) -> f64 {
         let instant = weather.at(time);
         let (effect, values) = instant.effects().next().unwrap();
         match &values[effect.param("mor").unwrap()] {
-            Value::Number(mor) => *mor,
+            ParamValue::Number(mor) => *mor,
             other => panic!("{other}"),
         }
     }

@@ -10,9 +10,8 @@ pub mod street;
 use crate::choices::EncoderChoice;
 use crate::interrupt::{self, Interrupted};
 use crate::pipeline::pipeline;
-use crate::progress;
+use crate::progress::{self, Reporter};
 use crate::scene::{Loaded, RunArgs};
-use crate::studio::{Needs, Studio};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use film::Film;
@@ -20,12 +19,12 @@ use photos::{Route, Session, Truth};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::view::spec;
+use weather_magician::{FrameOptions, Picture, picture_tags};
 use wm_media::{Size, color::Dither, png, sheet, video};
-use wm_render::{Frame, RenderConfig};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
-use wm_scene::{Camera, Metadata, Scene};
-use wm_street::{Street, Viewpoint};
-use wm_weather::{Value, Weather};
+use wm_scene::place::Viewpoint;
+use wm_scene::{Camera, Metadata, Place, Scene};
+use wm_weather::{ParamValue, Weather};
 
 /// Frames a second of the film, as in cinemas.
 const FPS: u32 = 24;
@@ -216,9 +215,7 @@ fn sampled(args: &DemoArgs, path: &Path) -> Result<Scene> {
 
 /// Draws the sheet and the film.
 fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
-    let loaded = Loaded::of(scene, &Metadata::default(), &args.run)?;
-    let config = RenderConfig { background: loaded.background(), ..RenderConfig::default() };
-    let mut studio = Studio::new(loaded, config, |_| Needs { fall: true, ..Needs::default() })?;
+    let mut studio = Loaded::of(scene, &Metadata::default(), &args.run)?;
     if args.wants(Part::Sheet) {
         // Photos show the street from the start of the walk on, and less at the edge of what they show.
         let view = args.view();
@@ -231,7 +228,7 @@ fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
 }
 
 /// One view in every weather of [`SHEET`].
-fn draw_sheet(studio: &mut Studio, camera: &Camera, path: &Path) -> Result<()> {
+fn draw_sheet(studio: &mut Loaded, camera: &Camera, path: &Path) -> Result<()> {
     let bar = progress::bar(SHEET.len() as u64, "pictures");
     let mut pictures = Vec::new();
     for (name, change) in SHEET {
@@ -239,17 +236,17 @@ fn draw_sheet(studio: &mut Studio, camera: &Camera, path: &Path) -> Result<()> {
             return Err(Interrupted(format!("{} is not written", path.display())).into());
         }
         let mut weather = Weather::find(name)?;
-        change.map_or(Ok(()), |change| weather.set(change))?;
-        let mut frame = Frame::default();
-        studio.render(&weather, 0.0, (*camera).into(), &mut frame)?;
-        pictures.push((frame.rgb, label(&weather)));
+        change.map_or(Ok(()), |change| weather.set_text(change))?;
+        let picture = studio.renderer.render(&mut studio.place, &weather, camera, 0.0)?;
+        pictures.push((picture.frame.rgb, label(&weather)));
         bar.inc(1);
     }
     bar.finish_and_clear();
     let panels: Vec<sheet::Panel<'_>> =
         pictures.iter().map(|(rgb, label)| sheet::Panel { rgb, label }).collect();
     let layout = sheet::Layout::new(Size::new(camera.width, camera.height), panels.len() as u32, 3);
-    let mut tags = studio.tags(SCENE, &Weather::clear(), 0.0, camera);
+    let (site, backend) = (studio.place.site(), studio.renderer.backend());
+    let mut tags = picture_tags(SCENE, site, backend, &Weather::clear(), 0.0, camera);
     if let Some((_, text)) = tags.iter_mut().find(|(key, _)| key == "weather") {
         *text = pictures.iter().map(|(_, label)| label.as_str()).collect::<Vec<_>>().join("; ");
     }
@@ -261,21 +258,26 @@ fn draw_sheet(studio: &mut Studio, camera: &Camera, path: &Path) -> Result<()> {
 }
 
 /// The walk in changing fog.
-fn shoot(studio: &mut Studio, args: &DemoArgs, path: &Path) -> Result<()> {
+fn shoot(studio: &mut Loaded, args: &DemoArgs, path: &Path) -> Result<()> {
     let film = Film { seconds: args.seconds };
     let weather = film.weather()?;
     let mut settings = args.video()?;
     let rate = settings.frame_rate;
-    settings.tags = studio.tags(SCENE, &weather, 0.0, &film.view(0.0).camera(args.size())?);
+    let (site, backend) = (studio.place.site(), studio.renderer.backend());
+    settings.tags = picture_tags(SCENE, site, backend, &weather, 0.0, &film.view(0.0).camera(args.size())?);
     let mut sink = video::create_video(path, settings)?;
     let started = Instant::now();
     let all = rate.frames_within(args.seconds);
-    let mut render = |index: u32, frame: &mut Frame| {
+    let mut render = |index: u32, picture: &mut Picture| {
         let time = rate.seconds(u64::from(index));
-        studio.render(&weather, time, film.view(time).camera(args.size())?.into(), frame).map(drop)
+        let options = FrameOptions::new(time, film.view(time).camera(args.size())?);
+        let Loaded { renderer, place } = &mut *studio;
+        renderer.render_into(place, &weather, &options, picture, &mut Reporter::default())?;
+        Ok(())
     };
-    let written =
-        pipeline(&(0..all).collect::<Vec<_>>(), &mut render, &mut |_, frame| Ok(sink.frame(&frame.rgb)?))?;
+    let written = pipeline(&(0..all).collect::<Vec<_>>(), &mut render, &mut |_, picture| {
+        Ok(sink.frame(&picture.frame.rgb)?)
+    })?;
     if written < all {
         return Err(Interrupted(format!("{} is not written", path.display())).into());
     }
@@ -289,7 +291,7 @@ fn shoot(studio: &mut Studio, args: &DemoArgs, path: &Path) -> Result<()> {
         report.seconds,
         report.bytes as f64 * 1e-6,
         f64::from(all) / started.elapsed().as_secs_f64(),
-        studio.describe()
+        studio.renderer.describe()
     );
     Ok(())
 }
@@ -299,7 +301,7 @@ fn label(weather: &Weather) -> String {
     let instant = weather.at(0.0);
     let first = |param: &str| {
         instant.effects().find_map(|(effect, values)| match values[effect.param(param)?] {
-            Value::Number(number) => Some(number),
+            ParamValue::Number(number) => Some(number),
             _ => None,
         })
     };
@@ -339,7 +341,7 @@ mod tests {
     fn labels_give_name_and_visibility() {
         let label_of = |(name, change): (&str, Option<&str>)| {
             let mut weather = Weather::find(name).unwrap();
-            change.iter().for_each(|change| weather.set(change).unwrap());
+            change.iter().for_each(|change| weather.set_text(change).unwrap());
             label(&weather)
         };
         assert_eq!(

@@ -123,7 +123,7 @@ pub fn run(args: &EvaluateArgs) -> Result<()> {
     }
     let data = open(args)?;
     let loaded = Loaded::new(args.scene(), &args.run, None)?;
-    let truth = args.truth.open(&data, &loaded.survey)?;
+    let truth = args.truth.open(&data, loaded.place.survey())?;
     let pictures = if args.report.is_some() { args.report_photos as usize } else { 0 };
     let bar = progress::bar(data.places.len() as u64, "photos");
     let (evaluation, shown) = views::measure(loaded, &data, &truth, args, pictures, &bar)?;

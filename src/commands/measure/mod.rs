@@ -11,7 +11,6 @@ use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress;
 use crate::scene::{FactArgs, Loaded, RunArgs, SceneArgs};
-use crate::studio::{self, Needs, Studio};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -19,13 +18,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
-use wm_render::hooks::Slot;
-use wm_render::{RenderBackend, RenderConfig};
+
 use wm_scene::files::{check_writable, write_atomically};
 use wm_scene::{Camera, Metadata};
 use wm_street::Street;
 use wm_weather::cover::Airflow;
-use wm_weather::{Fidelity, Site, Weather};
+use wm_weather::{Fidelity, Weather};
 
 /// Options of `measure`.
 #[derive(Args, Debug)]
@@ -136,7 +134,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     // The page of a whole sweep says how fast it is, too.
     let is_whole = args.report.is_some() && args.instruments.is_empty() && !args.weather.is_given();
     let speed = is_whole.then(|| speed(args, &mut loaded, &camera)).transpose()?;
-    let mut field = field(loaded, camera, &tasks)?;
+    let mut field = Field::new(loaded.renderer, loaded.place, camera);
     let report = Report { speed, ..measure(args, &mut field, tasks, started)? };
     if args.json {
         println!("{}", serde_json::to_string_pretty(&tables::json(&report))?);
@@ -214,7 +212,7 @@ fn tasks(args: &MeasureArgs) -> Result<Vec<Task>> {
     for instrument in instruments {
         for changes in instrument.sweep {
             let mut weather = Weather::clear();
-            changes.iter().try_for_each(|change| weather.set(change))?;
+            changes.iter().try_for_each(|change| weather.set_text(change))?;
             let setting = if changes.is_empty() { weather.name.clone() } else { changes.join(", ") };
             tasks.push(Task { instrument, weather, setting });
         }
@@ -227,7 +225,11 @@ fn open(args: &MeasureArgs) -> Result<Loaded> {
     match &args.scene {
         Some(scene) => {
             let (scene, facts) = (scene.clone(), args.facts.clone());
-            Loaded::new(&SceneArgs { scene, level: None, repair: args.repair, facts }, &args.run, None)
+            Loaded::new(
+                &SceneArgs { scene, level: None, repair: args.repair, assets: None, facts },
+                &args.run,
+                None,
+            )
         }
         None => {
             let threads = args.run.threads.map(usize::from);
@@ -249,33 +251,11 @@ fn speed(args: &MeasureArgs, loaded: &mut Loaded, camera: &Camera) -> Result<Tab
     Ok(table)
 }
 
-/// Makes the place ready for what it is to be drawn in.
-fn field(loaded: Loaded, camera: Camera, tasks: &[Task]) -> Result<Field> {
-    let (background, rasterization) =
-        (loaded.background(), loaded.scene.metadata.rasterization.unwrap_or_default());
-    let config = RenderConfig { background, rasterization, ..RenderConfig::default() };
-    // Of the place itself only what stands still is looked at, and nothing falls on it; but for the sheet of all controls.
-    let asks = |name: &str| tasks.iter().find(|task| task.instrument.name == name);
-    let is_sheet = asks("controls").is_some();
-    let lies = tasks.iter().filter(|task| task.instrument.name == "consistency").map(|task| &task.weather);
-    let lies =
-        lies.into_iter().find(|weather| weather.effects().any(|(effect, _)| effect.slot == Slot::Surface));
-    let needs = |site: &Site| Needs {
-        cover: match lies {
-            Some(weather) => Some(studio::airflow(weather, site)),
-            None => is_sheet.then(Airflow::default),
-        },
-        fall: is_sheet,
-        ..Needs::default()
-    };
-    Ok(Field::new(Studio::new(loaded, config, needs)?, camera))
-}
-
 /// From where the place is looked at.
 fn camera(args: &MeasureArgs, loaded: &mut Loaded) -> Result<Camera> {
     let options = view::Options { up: None, fov: None, near: None, size: Some(args.size) };
     Ok(match (&args.camera, &args.scene) {
-        (Some(spec), _) => spec.camera(&loaded.scene.views, &loaded.survey, &options)?,
+        (Some(spec), _) => spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?,
         (None, Some(_)) => choose::choose(&mut loaded.site(options))?.camera,
         (None, None) => Street::views()[0].camera(args.size)?,
     })
@@ -301,15 +281,14 @@ fn measure(args: &MeasureArgs, field: &mut Field, tasks: Vec<Task>, started: Ins
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let survey = &field.studio.loaded.survey;
-    let unit = &survey.metres_per_unit;
+    let unit = &field.place.survey().metres_per_unit;
     // Four digits of whatever size.
     let metres: f64 = format!("{:.3e}", unit.value).parse()?;
     let about = format!("1 scene unit is {metres} m ({})", unit.source);
     Ok(Report {
         place: name(args),
         about,
-        renderer: field.studio.loaded.renderer.describe(),
+        renderer: field.renderer.describe(),
         seconds: started.elapsed().as_secs_f64(),
         sections,
         speed: None,

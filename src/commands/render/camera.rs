@@ -2,10 +2,10 @@
 
 use super::OutputArgs;
 use crate::scene::Loaded;
-use crate::studio::Moving;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
+use weather_magician::MovingCamera;
 use weather_magician::view::moves::{self, PathSpec};
 use weather_magician::view::path::{Key, Path};
 use weather_magician::view::spec::{self, CameraSpec};
@@ -90,7 +90,7 @@ impl LookArgs {
     pub fn start(&self, loaded: &mut Loaded) -> Result<Camera> {
         let options = self.options();
         if let Some(spec) = &self.camera {
-            return Ok(spec.camera(&loaded.scene.views, &loaded.survey, &options)?);
+            return Ok(spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?);
         }
         let chosen = choose::choose(&mut loaded.site(options))?;
         eprintln!("camera: {} ({})", spec::text_of(&chosen.camera), chosen.how);
@@ -158,14 +158,14 @@ impl Shot {
         let length = output.seconds;
         let path = match &args.path {
             None => None,
-            Some(PathSpec::File(file)) => Some(Path::read(file, &loaded.survey, &options)?),
+            Some(PathSpec::File(file)) => Some(Path::read(file, loaded.place.survey(), &options)?),
             Some(PathSpec::Capture) => {
                 let seconds = length.unwrap_or(DEFAULT_SECONDS);
-                Some(moves::capture(&loaded.scene.views, &loaded.survey, &options, seconds)?)
+                Some(moves::capture(&loaded.place.scene().views, loaded.place.survey(), &options, seconds)?)
             }
             Some(moving) => {
                 let start = args.look.start(loaded)?;
-                let units = args.distance.map(|metres| metres / loaded.survey.metres_per_unit.value);
+                let units = args.distance.map(|metres| metres / loaded.place.survey().metres_per_unit.value);
                 let mut site =
                     loaded.site(view::Options { size: Some((start.width, start.height)), ..options });
                 let seconds = length.unwrap_or(DEFAULT_SECONDS);
@@ -231,7 +231,7 @@ impl Shot {
     }
 
     /// The camera at `time`, and how fast it goes.
-    pub fn moving(&self, time: f64, metres_per_unit: f64) -> Moving {
+    pub fn moving(&self, time: f64, metres_per_unit: f64) -> MovingCamera {
         let camera = self.camera(time);
         let velocity = match &self.path {
             Way::Still(camera) => camera.forward() * self.speed,
@@ -240,7 +240,7 @@ impl Shot {
                 (at(time + MOMENT) - at(time - MOMENT)) / (2.0 * MOMENT)
             }
         };
-        Moving { camera, velocity: velocity.to_array() }
+        MovingCamera { camera, velocity: velocity.to_array() }
     }
 
     /// The instant of frame `index`, seconds.

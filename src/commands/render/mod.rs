@@ -8,10 +8,8 @@ mod stages;
 
 use crate::choices::{DitherChoice, EncoderChoice};
 use crate::names::stem_of;
-use crate::output::{Also, Format, Place, Style, outputs, parts};
-use crate::parts::Picture;
+use crate::progress::Reporter;
 use crate::scene::{Loaded, RunArgs, SceneArgs};
-use crate::studio::{Needs, Studio};
 use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
 use camera::{CameraArgs, Shot};
@@ -19,6 +17,8 @@ use clap::Args;
 use range::FrameRange;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
+use weather_magician::output::{ExtraPicture, LayerPlacement, PictureFormat, PictureStyle, outputs, parts};
+use weather_magician::{FrameOptions, Picture, PreparedPlace, Renderer, picture_tags};
 use wm_media::png::DepthScale;
 use wm_render::parts::PicturePart;
 use wm_render::{Background, RenderConfig, Stats};
@@ -55,7 +55,7 @@ struct OutputArgs {
     /// coverage), transmittance (of the air: one render more), clean (without air and fall: one more), airlight (what
     /// the air adds: three); each with .png, .exr or .npy behind it for another format than the colour's
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
-    also: Vec<Also>,
+    also: Vec<ExtraPicture>,
     /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay, filtered and final;
     /// with --set fidelity=paper
     #[arg(long, help_heading = "Output")]
@@ -65,7 +65,7 @@ struct OutputArgs {
     layers: bool,
     /// Format of the frames in a folder: png, exr or npy
     #[arg(long, value_name = "FORMAT", default_value = "png", help_heading = "Output")]
-    frame_format: Format,
+    frame_format: PictureFormat,
     /// Frames a second, such as 30, 29.97 or 30000/1001
     #[arg(
         long,
@@ -137,7 +137,9 @@ impl std::str::FromStr for BackgroundChoice {
             "sky" => Ok(Self::Sky),
             "black" => Ok(Self::Color([0.0; 3])),
             _ => match text.parse() {
-                Ok(wm_weather::Value::Color(rgb)) => Ok(Self::Color(rgb.map(|v| v.clamp(0.0, 1.0) as f32))),
+                Ok(wm_weather::ParamValue::Color(rgb)) => {
+                    Ok(Self::Color(rgb.map(|v| v.clamp(0.0, 1.0) as f32)))
+                }
                 _ => Err(format!("`{text}` is no background: use auto, sky, black or #rrggbb")),
             },
         }
@@ -190,8 +192,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         stages::check(&weather, &target)?;
     }
     let is_exr = match &target {
-        Target::Picture(path) => Format::of(path) == Some(Format::Exr),
-        _ => args.output.frame_format == Format::Exr,
+        Target::Picture(path) => PictureFormat::of(path) == Some(PictureFormat::Exr),
+        _ => args.output.frame_format == PictureFormat::Exr,
     };
     if args.output.layers && !is_exr {
         bail!("--layers are those of an .exr: give --out a name that ends in .exr, or --frame-format exr");
@@ -208,11 +210,10 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let config = RenderConfig {
         outputs: outputs(&args.output.also),
         background: background(args.output.background, &loaded),
-        rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
+        rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
     };
     let parts = parts(&args.output.also);
-    let mut take =
-        Take { studio: Studio::new(loaded, config, |site| Needs::of(&weather, site))?, weather, shot, parts };
+    let mut take = Take::new(loaded, config, weather, shot, parts)?;
     match target {
         Target::Picture(path) => take.picture(&path, args),
         Target::Video(path) => sequence::video(&mut take, &wanted, &path, args),
@@ -222,7 +223,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 
 /// All that frames are made of.
 struct Take {
-    studio: Studio,
+    renderer: Renderer,
+    place: PreparedPlace,
     weather: Weather,
     shot: Shot,
     /// Parts of the picture that take renders of their own.
@@ -230,10 +232,26 @@ struct Take {
 }
 
 impl Take {
+    /// Prepares a place for a weather.
+    fn new(
+        mut loaded: Loaded,
+        config: RenderConfig,
+        weather: Weather,
+        shot: Shot,
+        parts: Vec<PicturePart>,
+    ) -> Result<Self> {
+        loaded.place.config = config;
+        loaded.prepare(&weather)?;
+        let Loaded { renderer, place } = loaded;
+        Ok(Self { renderer, place, weather, shot, parts })
+    }
+
     /// Renders the instant `time`.
     fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
-        let moving = self.shot.moving(time, self.studio.site.metres_per_unit);
-        self.studio.render_parts(&self.weather, time, moving, &self.parts, picture)
+        let camera = self.shot.moving(time, self.place.site().metres_per_unit);
+        let options = FrameOptions { parts: &self.parts, ..FrameOptions::new(time, camera) };
+        let Self { renderer, place, weather, .. } = self;
+        Ok(renderer.render_into(place, weather, &options, picture, &mut Reporter::default())?)
     }
 
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
@@ -253,7 +271,7 @@ impl Take {
             frame.height,
             self.weather.name,
             stats.wall * 1e3,
-            self.studio.describe()
+            self.renderer.describe()
         );
         for line in beside {
             println!("{line}");
@@ -262,15 +280,16 @@ impl Take {
     }
 
     /// How the frame of the instant `time` is written.
-    fn style(&self, args: &RenderArgs, depth_scale: DepthScale, time: f64) -> Style {
-        let scene = args.scene.scene.display().to_string();
-        Style {
+    fn style(&self, args: &RenderArgs, depth_scale: DepthScale, time: f64) -> PictureStyle {
+        let (scene, site) = (args.scene.scene.display().to_string(), self.place.site());
+        let camera = self.shot.camera(time);
+        PictureStyle {
             also: args.output.also.clone(),
-            place: if args.output.layers { Place::Layers } else { Place::Beside },
+            place: if args.output.layers { LayerPlacement::Layers } else { LayerPlacement::Beside },
             dither: args.output.dither.into(),
-            metres_per_unit: self.studio.site.metres_per_unit,
+            metres_per_unit: site.metres_per_unit,
             depth_scale,
-            tags: self.studio.tags(&scene, &self.weather, time, &self.shot.camera(time)),
+            tags: picture_tags(&scene, site, self.renderer.backend(), &self.weather, time, &camera),
         }
     }
 }
@@ -278,8 +297,8 @@ impl Take {
 fn background(choice: BackgroundChoice, loaded: &Loaded) -> Background {
     match choice {
         BackgroundChoice::Color(color) => Background::Color(color),
-        BackgroundChoice::Auto => loaded.background(),
-        BackgroundChoice::Sky => Background::Sky(loaded.sky()),
+        BackgroundChoice::Auto => loaded.place.background(),
+        BackgroundChoice::Sky => Background::Sky(loaded.place.plain_sky()),
     }
 }
 
@@ -307,7 +326,7 @@ fn target_of(args: &RenderArgs, weather: &Weather) -> Result<Target> {
             Ok(Target::Folder(path))
         }
         Some("mp4") => Ok(Target::Video(path)),
-        Some(_) if Format::of(&path).is_some() => Ok(Target::Picture(path)),
+        Some(_) if PictureFormat::of(&path).is_some() => Ok(Target::Picture(path)),
         None => Ok(Target::Folder(path)),
         Some(other) => bail!(
             "--out {}: a name that ends in .{other} cannot be written; use .png, .exr, .npy, .mp4 or a folder",

@@ -3,34 +3,36 @@
 use super::{RenderArgs, background};
 use crate::interrupt::Interrupted;
 use crate::names::stem_of;
-use crate::output::{Format, Kind, Place, Style};
+use crate::output::{Format, Kind, PictureStyle, Place};
 use crate::parts::Picture;
 use crate::pipeline::pipeline;
+use crate::progress::Reporter;
 use crate::scene::Loaded;
-use crate::studio::{Moving, Needs, Studio};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use serde_json::{Map, Value as Json, json};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::time::Instant;
+use weather_magician::output::{PictureFormat, PictureStyle};
 use weather_magician::view::spec;
+use weather_magician::{FrameOptions, MovingCamera, Picture, PreparedPlace, Renderer, picture_tags};
 use wm_media::{Size, png::DepthScale};
 use wm_render::parts::PicturePart;
 use wm_render::{DrawPass, Frame, Geometry, Outputs, ParticlePass, RenderBackend, RenderConfig};
 use wm_scene::files::write_atomically;
-use wm_scene::{Camera, SceneView};
-use wm_weather::{Fidelity, Value, Weather};
+use wm_scene::{Camera, View};
+use wm_weather::{Fidelity, ParamValue, Weather};
 
 /// The file that says what the pictures of the folder are.
 const MANIFEST: &str = "manifest.json";
 /// The folders, and the format of the files in them; the last is written last.
 const FOLDERS: [(&str, Format); 5] = [
-    ("clean", Format::Png),
-    ("weather", Format::Png),
-    ("depth", Format::Npy),
-    ("transmittance", Format::Npy),
-    ("particles", Format::Png),
+    ("clean", PictureFormat::Png),
+    ("weather", PictureFormat::Png),
+    ("depth", PictureFormat::Npy),
+    ("transmittance", PictureFormat::Npy),
+    ("particles", PictureFormat::Png),
 ];
 
 /// Options of data sets.
@@ -96,10 +98,12 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let config = RenderConfig {
         outputs: Outputs { geometry: Geometry::Depth, particles: ParticlePass::On, ..Outputs::default() },
         background: background(args.output.background, &loaded),
-        rasterization: args.output.rasterization.or(loaded.scene.metadata.rasterization).unwrap_or_default(),
+        rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
     };
-    let mut studio = Studio::new(loaded, config, |site| Needs::of(weather, site))?;
-    let manifest = manifest(&studio, &shots, args, weather)?;
+    loaded.place.config = config;
+    loaded.prepare(weather)?;
+    let Loaded { mut renderer, mut place } = loaded;
+    let manifest = manifest((&renderer, &place), &shots, args, weather)?;
     keep(&folder, &manifest)?;
 
     let is_there = |shot: &Shot| FOLDERS.iter().all(|kind| folder.join(shot.file(*kind)).exists());
@@ -114,25 +118,24 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     }
     let (started, time, clear) = (Instant::now(), args.output.time, Weather::clear());
     let scene = args.scene.scene.display().to_string();
-    let style = |weather: &Weather, camera: &Camera| Style {
-        also: Vec::new(),
-        place: Place::Beside,
+    let style = |weather: &Weather, camera: &Camera| PictureStyle {
         dither: args.output.dither.into(),
-        metres_per_unit: studio.site.metres_per_unit,
-        depth_scale: DepthScale::Auto,
-        tags: studio.tags(&scene, weather, time, camera),
+        metres_per_unit: place.site().metres_per_unit,
+        tags: picture_tags(&scene, place.site(), renderer.backend(), weather, time, camera),
+        ..PictureStyle::default()
     };
-    let styles: Vec<[Style; 2]> =
+    let styles: Vec<[PictureStyle; 2]> =
         shots.iter().map(|shot| [&clear, weather].map(|weather| style(weather, &shot.camera))).collect();
     let mut render = |index: u32, pair: &mut Pair| {
         let camera = shots[index as usize].camera;
         let speed = args.camera.camera_speed.unwrap_or(0.0);
-        let moving = Moving { camera, velocity: (camera.forward() * speed).to_array() };
-        studio.with_job(&clear, time, moving, |renderer, job| {
-            let config = RenderConfig { outputs: Outputs::default(), ..job.config };
-            Ok(renderer.render(&DrawPass { config, ..job.clone() }, &mut pair.clean)?)
-        })?;
-        studio.render_parts(weather, time, moving, &[PicturePart::Transmittance], &mut pair.weather)?;
+        let moving = MovingCamera { camera, velocity: (camera.forward() * speed).to_array() };
+        place.config.outputs = Outputs::default();
+        renderer.render_clear(&place, &camera, &mut pair.clean)?;
+        place.config.outputs = config.outputs;
+        let parts = &[PicturePart::Transmittance];
+        let options = FrameOptions { parts, ..FrameOptions::new(time, moving) };
+        renderer.render_into(&mut place, weather, &options, &mut pair.weather, &mut Reporter::default())?;
         Ok(())
     };
     let mut write = |index: u32, pair: &Pair| {
@@ -152,7 +155,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         folder.display(),
         weather.name,
         started.elapsed().as_secs_f64(),
-        studio.describe()
+        renderer.describe()
     );
     Ok(())
 }
@@ -185,7 +188,7 @@ fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
     }
     let name = || format!("{}-{}", stem_of(&args.scene.scene), weather.name);
     let folder = output.out.clone().unwrap_or_else(|| name().into());
-    let is_file = Format::of(&folder).is_some() || folder.extension().is_some_and(|e| e == "mp4");
+    let is_file = PictureFormat::of(&folder).is_some() || folder.extension().is_some_and(|e| e == "mp4");
     if folder.exists() && !folder.is_dir() || is_file && !folder.is_dir() {
         bail!("--out {}: is no folder; --pairs writes many files, give it a folder", folder.display());
     }
@@ -198,7 +201,7 @@ pub const NO_AIR: &str =
 
 /// The views of the photos, by names of which no two are alike.
 fn shots(loaded: &mut Loaded, args: &RenderArgs) -> Result<Vec<Shot>> {
-    let views = &loaded.scene.views;
+    let views = &loaded.place.scene().views;
     if views.is_empty() {
         bail!(
             "{}: the scene has no views of photos; name the folder of their COLMAP model with --views",
@@ -209,7 +212,7 @@ fn shots(loaded: &mut Loaded, args: &RenderArgs) -> Result<Vec<Shot>> {
     let named = names(views)?.into_iter().zip(views);
     named
         .map(|(name, view)| {
-            let camera = spec::of_view(view, &loaded.survey, &options)?;
+            let camera = spec::of_view(view, loaded.place.survey(), &options)?;
             Ok(Shot { photo: view.name.clone(), name, camera })
         })
         .collect()
@@ -253,7 +256,7 @@ fn names(views: &[SceneView]) -> Result<Vec<String>> {
     Ok(names)
 }
 
-fn write_pair(folder: &Path, shot: &Shot, [clear, style]: &[Style; 2], pair: &Pair) -> Result<()> {
+fn write_pair(folder: &Path, shot: &Shot, [clear, style]: &[PictureStyle; 2], pair: &Pair) -> Result<()> {
     let size = Size::new(shot.camera.width, shot.camera.height);
     let paths = FOLDERS.map(|kind| folder.join(shot.file(kind)));
     for path in &paths {
@@ -264,9 +267,9 @@ fn write_pair(folder: &Path, shot: &Shot, [clear, style]: &[Style; 2], pair: &Pa
     let [clean, weather, depth, transmittance, particles] = paths;
     wm_media::png::write_rgb(&clean, &pair.clean.rgb, size, clear.dither, &clear.tags)?;
     style.write(&pair.weather, &weather)?;
-    style.write_one(Kind::Depth, Format::Npy, &pair.weather, size, &depth)?;
-    style.write_one(Kind::Transmittance, Format::Npy, &pair.weather, size, &transmittance)?;
-    style.write_one(Kind::Particles, Format::Png, &pair.weather, size, &particles)?;
+    style.write_one(Kind::Depth, PictureFormat::Npy, &pair.weather, size, &depth)?;
+    style.write_one(Kind::Transmittance, PictureFormat::Npy, &pair.weather, size, &transmittance)?;
+    style.write_one(Kind::Particles, PictureFormat::Png, &pair.weather, size, &particles)?;
     Ok(())
 }
 
@@ -289,7 +292,12 @@ fn keep(folder: &Path, manifest: &Json) -> Result<()> {
 }
 
 /// All that the pictures are, and all that they depend on but the scene's own bytes.
-fn manifest(studio: &Studio, shots: &[Shot], args: &RenderArgs, weather: &Weather) -> Result<Json> {
+fn manifest(
+    (renderer, place): (&Renderer, &PreparedPlace),
+    shots: &[Shot],
+    args: &RenderArgs,
+    weather: &Weather,
+) -> Result<Json> {
     let scene = &args.scene.scene;
     let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;
     let changed = about.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
@@ -298,7 +306,7 @@ fn manifest(studio: &Studio, shots: &[Shot], args: &RenderArgs, weather: &Weathe
         .effects()
         .map(|(effect, values)| {
             let values = effect.params.iter().zip(values);
-            let entry = |param: &wm_weather::Param, value: &Value| match param.unit {
+            let entry = |param: &wm_weather::Param, value: &ParamValue| match param.unit {
                 "" => json!({ "value": number(value) }),
                 unit => json!({ "value": number(value), "unit": unit }),
             };
@@ -327,7 +335,7 @@ fn manifest(studio: &Studio, shots: &[Shot], args: &RenderArgs, weather: &Weathe
             })
         })
         .collect();
-    let site = &studio.site;
+    let site = place.site();
     Ok(json!({
         "program": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
         "scene": {
@@ -348,9 +356,9 @@ fn manifest(studio: &Studio, shots: &[Shot], args: &RenderArgs, weather: &Weathe
         "seeds": seeds,
         "time": args.output.time,
         "camera_speed": args.camera.camera_speed.unwrap_or(0.0),
-        "simd": studio.loaded.renderer.path().to_string(),
-        "device": studio.loaded.renderer.arithmetic(),
-        "config": format!("{:?}", studio.config),
+        "simd": renderer.backend().path().to_string(),
+        "device": renderer.backend().arithmetic(),
+        "config": format!("{:?}", place.config),
         "dither": format!("{:?}", args.output.dither),
         "units": {
             "time": "s",
@@ -370,9 +378,9 @@ fn manifest(studio: &Studio, shots: &[Shot], args: &RenderArgs, weather: &Weathe
 }
 
 /// A value for JSON, which has no infinite numbers.
-fn number(value: &Value) -> Json {
+fn number(value: &ParamValue) -> Json {
     match value {
-        Value::Number(number) if number.is_finite() => json!(number),
+        ParamValue::Number(number) if number.is_finite() => json!(number),
         other => Json::String(other.to_string()),
     }
 }

@@ -2,13 +2,13 @@
 
 use super::{RenderArgs, Take};
 use crate::interrupt::Interrupted;
-use crate::output::{Also, Place, Style};
-use crate::parts::Picture;
 use crate::pipeline::pipeline;
 use anyhow::{Context, Result, bail};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
+use weather_magician::Picture;
+use weather_magician::output::{ExtraPicture, LayerPlacement, PictureStyle};
 use wm_media::{Size, png::DepthScale, video};
 use wm_scene::files::write_atomically;
 
@@ -48,7 +48,7 @@ pub fn video(take: &mut Take, wanted: &[u32], path: &Path, args: &RenderArgs) ->
         report.bytes as f64 * 1e-6,
         take.weather.name,
         f64::from(all) / started.elapsed().as_secs_f64(),
-        take.studio.describe()
+        take.renderer.describe()
     );
     Ok(())
 }
@@ -73,10 +73,10 @@ pub fn folder(take: &mut Take, wanted: &[u32], folder: &Path, args: &RenderArgs)
     let extension = args.output.frame_format.extension();
     let name = |index: u32| folder.join(format!("{index:05}.{extension}"));
     // The colour is written first and the rest beside it, so the last of them tells.
-    let place = if args.output.layers { Place::Layers } else { Place::Beside };
-    let is_layer = |also: &Also| place.is_layer(*also, args.output.frame_format);
+    let place = if args.output.layers { LayerPlacement::Layers } else { LayerPlacement::Beside };
+    let is_layer = |also: &ExtraPicture| place.is_layer(*also, args.output.frame_format);
     let last = |index: u32| match args.output.also.iter().rev().find(|also| !is_layer(also)) {
-        Some(also) => Style::path_of(*also, args.output.frame_format, &name(index)),
+        Some(also) => PictureStyle::path_of(*also, args.output.frame_format, &name(index)),
         None => name(index),
     };
     let all = wanted.len() as u32;
@@ -88,9 +88,9 @@ pub fn folder(take: &mut Take, wanted: &[u32], folder: &Path, args: &RenderArgs)
     }
 
     let started = Instant::now();
-    let styles: Vec<Style> = missing
+    let styles: Vec<PictureStyle> = missing
         .iter()
-        .map(|index| take.style(args, DepthScale::reaching(take.studio.site.far), take.shot.time(*index)))
+        .map(|index| take.style(args, DepthScale::reaching(take.place.site().far), take.shot.time(*index)))
         .collect();
     let (mut position, mut beside) = (0, Vec::new());
     let written = pipeline(&missing, &mut renderer(take), &mut |index, picture| {
@@ -110,7 +110,7 @@ pub fn folder(take: &mut Take, wanted: &[u32], folder: &Path, args: &RenderArgs)
         folder.display(),
         take.weather.name,
         f64::from(written) / started.elapsed().as_secs_f64().max(1e-9),
-        take.studio.describe()
+        take.renderer.describe()
     );
     for line in beside {
         println!("beside each frame, as {line}");
@@ -135,9 +135,9 @@ fn manifest(take: &Take, args: &RenderArgs) -> Result<Value> {
         "scene_bytes": about.len(),
         "scene_changed": changed.map(|t| t.as_secs()),
         "weather": format!("{:?}", take.weather),
-        "site": format!("{:?}", take.studio.site),
+        "site": format!("{:?}", take.place.site()),
         "camera": take.shot.fingerprint(),
-        "config": format!("{:?}", take.studio.config),
+        "config": format!("{:?}", take.place.config),
         "start": args.output.time,
         "fps": take.shot.rate.to_string(),
         "frames": take.shot.frames,
@@ -145,7 +145,7 @@ fn manifest(take: &Take, args: &RenderArgs) -> Result<Value> {
         "also": format!("{:?}", args.output.also),
         "layers": args.output.layers,
         "dither": format!("{:?}", args.output.dither),
-        "simd": take.studio.loaded.renderer.path().to_string(),
-        "device": take.studio.loaded.renderer.arithmetic(),
+        "simd": take.renderer.backend().path().to_string(),
+        "device": take.renderer.backend().arithmetic(),
     }))
 }

@@ -1,19 +1,19 @@
 //! The steps of the paper's rain and snow, as pictures beside the last one.
 
 use super::{Take, Target};
-use crate::names::beside;
-use crate::output::Style;
-use crate::parts::Picture;
+use crate::progress::Reporter;
 use anyhow::{Result, bail};
 use std::path::Path;
+use weather_magician::output::{PictureStyle, beside};
+use weather_magician::{FrameOptions, Picture};
 use wm_media::{Size, png};
 use wm_render::Stats;
-use wm_weather::paper::Stages;
-use wm_weather::{Fidelity, Weather};
+use wm_weather::paper::PaperStages;
+use wm_weather::{EffectRole, Fidelity, Weather};
 
 /// Refuses what has no such steps.
 pub fn check(weather: &Weather, target: &Target) -> Result<()> {
-    if weather.fidelity != Fidelity::Paper || !weather.has_fall() {
+    if weather.fidelity != Fidelity::Paper || !weather.has(EffectRole::Falls) {
         bail!(
             "--stages: shows the steps of the paper's rain and snow; add --set fidelity=paper and --set rain.rate=10, or \
              --set snowfall.rate=1"
@@ -29,14 +29,16 @@ pub fn check(weather: &Weather, target: &Target) -> Result<()> {
 /// each file but the picture.
 pub fn picture(
     take: &mut Take,
-    style: &Style,
+    style: &PictureStyle,
     path: &Path,
     time: f64,
     picture: &mut Picture,
 ) -> Result<(Stats, Vec<String>)> {
-    let moving = take.shot.moving(time, take.studio.site.metres_per_unit);
-    let mut stages = Stages::default();
-    let stats = take.studio.render_stages(&take.weather, time, moving, (&mut picture.frame, &mut stages))?;
+    let camera = take.shot.moving(time, take.place.site().metres_per_unit);
+    let (options, mut stages) = (FrameOptions::new(time, camera), PaperStages::default());
+    let Take { renderer, place, weather, .. } = take;
+    let target = (&mut *picture, &mut stages);
+    let stats = renderer.render_stages(place, weather, &options, target, &mut Reporter::default())?;
     let mut lines = style.write(picture, path)?;
     let frame = &picture.frame;
     let size = Size::new(frame.width, frame.height);

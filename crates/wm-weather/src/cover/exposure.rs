@@ -11,7 +11,7 @@
 //! edges, behind which the air is still for some four times their height (15 degrees, as in Werner's model of dunes,
 //! 1995). On a plain it leaves what it takes.
 
-use super::ground::{Ground, STEEP};
+use super::ground::{GroundGrid, STEEP};
 use crate::dome::{from_level, level_axes, to_level};
 use crate::optics::Site;
 use crate::shelter::{Occluders, Shelter};
@@ -45,7 +45,7 @@ pub struct Airflow {
     pub moved: f64,
 }
 
-impl Ground {
+impl GroundGrid {
     pub(super) fn find_shares(
         &mut self,
         occluders: &Occluders,

@@ -1,15 +1,16 @@
 //! What snow can lie on: surfaces over a level grid.
 //!
-//! Layers of a level grid ([`Layers`]): the first surface from above, and those below it. A *node* is a surface in a
+//! Layers of a level grid ([`HeightLayers`]): the first surface from above, and those below it. A *node* is a surface in a
 //! cell. Its slope is that of a plane through the nodes about it which no edge parts from it. A node whose neighbours
 //! are partly far above and partly far below is a piece of a wall and holds nothing; one whose neighbours are all below
 //! is the top of something narrow.
 
 use super::exposure::Airflow;
+use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::Site;
-use crate::scan::Scan;
-use crate::shelter::{Layers, Occluders};
+use crate::shelter::{HeightLayers, Occluders};
 use crate::threads::map;
+use serde::{Deserialize, Serialize};
 use wm_scene::{Group, Splats};
 
 /// Surfaces below each other that are looked for, and how far apart they are at least, m and cells: more than an edge.
@@ -59,9 +60,9 @@ pub(super) const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 const NONE: u32 = u32::MAX;
 
 /// Nodes, cell by cell in rows, the uppermost of a cell first.
-#[derive(Clone, Debug)]
-pub struct Ground {
-    pub(super) places: Layers,
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct GroundGrid {
+    pub(super) places: HeightLayers,
     /// Columns and rows.
     pub size: [usize; 2],
     /// Width of a cell, m.
@@ -97,11 +98,11 @@ pub struct Ground {
     is_inner: Vec<bool>,
 }
 
-impl Ground {
+impl GroundGrid {
     /// Of a scene in a fall that the air carries. What lies on an `inner` ground is that one's.
     #[must_use]
     pub fn of(
-        scan: &Scan<'_>,
+        scan: &FusedSurfaces<'_>,
         occluders: &Occluders,
         site: &Site,
         airflow: &Airflow,
@@ -314,7 +315,7 @@ impl Ground {
 
     /// How far the splats of each node look up (or down, where nobody knows which): the mean cosine of their normals over the
     /// nodes beside each other; not a number where none tells. In a scan a node's are those `of` its surface.
-    fn find_facing(&self, scan: &Scan<'_>, of: &[usize], threads: usize) -> Vec<f32> {
+    fn find_facing(&self, scan: &FusedSurfaces<'_>, of: &[usize], threads: usize) -> Vec<f32> {
         let up = self.places.axes()[2];
         let cosine =
             |splat: usize| scan.splats.normal(splat).iter().zip(&up).map(|(a, b)| a * b).sum::<f64>() as f32;

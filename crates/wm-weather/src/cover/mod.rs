@@ -37,18 +37,19 @@ pub mod thaw;
 pub mod walls;
 
 use crate::dome::level_axes;
+use crate::fused_surfaces::{FusedSurfaces, StandIn};
 use crate::optics::Site;
-use crate::scan::{Scan, StandIn};
 use crate::shelter::{Occluders, ShelterOptions};
 use crate::threads::map;
 pub use exposure::Airflow;
 use glam::DVec3;
-use ground::Ground;
+use ground::GroundGrid;
+use serde::{Deserialize, Serialize};
 pub use settle::Settled;
 pub use snowpack::Snowpack;
 pub(crate) use surfels::surfel;
-pub use surfels::{Matter, coverage};
-use thaw::Left;
+pub use surfels::{CoverMaterial, coverage};
+use thaw::CoverState;
 pub use thaw::Thaw;
 use walls::Wall;
 use wm_render::hooks::{Attribute, AttributeBlock, SplatAttributes};
@@ -79,7 +80,7 @@ const KEPT: usize = 4;
 
 /// What is asked to lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Asked {
+pub struct CoverRequest {
     /// All that has come down on open level ground, m, as deep as it would lie at the instant had none melted.
     pub depth: f64,
     /// What is left of it; `None` where nothing has melted.
@@ -91,10 +92,10 @@ pub struct Asked {
     /// Wind that carries it along the ground, m/s at 10 m.
     pub threshold: f64,
     /// What it is.
-    pub matter: Matter,
+    pub material: CoverMaterial,
 }
 
-impl Asked {
+impl CoverRequest {
     /// Whether there is nothing to be seen of it anywhere.
     #[must_use]
     pub fn is_nothing(&self) -> bool {
@@ -103,10 +104,10 @@ impl Asked {
 }
 
 /// A place that something can lie on.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Cover {
     /// Around where the photos were taken, and farther out in wider cells.
-    rings: Vec<Ground>,
+    rings: Vec<GroundGrid>,
     metres_per_unit: f64,
     /// Of each splat of the scene. Those that nothing buries have none.
     spots: Vec<Option<Spot>>,
@@ -117,7 +118,7 @@ pub struct Cover {
 }
 
 /// What lies where at a depth of the ladder.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Rung {
     depth: f64,
     repose: f64,
@@ -134,7 +135,7 @@ struct Layer {
 }
 
 /// Where a splat is on the ground.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Spot {
     ring: u8,
     /// The nodes under its middle and its ends.
@@ -148,7 +149,7 @@ const ENDS: usize = 5;
 
 /// What lies, ready to be drawn.
 #[derive(Clone, Debug)]
-pub struct Lying {
+pub struct LyingCover {
     /// The splats of it.
     pub splats: Splats,
     /// Which of the scene's splats it hides.
@@ -171,7 +172,7 @@ impl SplatAttributes for Buried {
     }
 }
 
-impl Lying {
+impl LyingCover {
     /// Splats that hide none of the scene's.
     #[must_use]
     pub fn on_top(splats: Splats) -> Self {
@@ -212,13 +213,13 @@ impl Cover {
     #[must_use]
     pub fn of(
         splats: &Splats,
-        scan: &Scan<'_>,
+        scan: &FusedSurfaces<'_>,
         site: &Site,
         airflow: &Airflow,
         path: [[f64; 3]; 2],
         threads: usize,
     ) -> Self {
-        let mut rings: Vec<Ground> = Vec::new();
+        let mut rings: Vec<GroundGrid> = Vec::new();
         let mut occluders = Occluders::of(&scan.splats, site, &ShelterOptions::default());
         let is_path = path[0] != path[1];
         for ring in 0..RINGS {
@@ -234,7 +235,7 @@ impl Cover {
                 ..ShelterOptions::default()
             };
             occluders = occluders.mapped(&options);
-            let ground = Ground::of(scan, &occluders, site, airflow, rings.last(), threads);
+            let ground = GroundGrid::of(scan, &occluders, site, airflow, rings.last(), threads);
             let is_whole = ground.places.is_whole();
             rings.push(ground);
             if is_whole {
@@ -253,7 +254,7 @@ impl Cover {
 
     /// The ground, from the inside out.
     #[must_use]
-    pub fn rings(&self) -> &[Ground] {
+    pub fn rings(&self) -> &[GroundGrid] {
         &self.rings
     }
 
@@ -266,13 +267,13 @@ impl Cover {
     /// What lies as it is asked for. The depths of the ladder that it needs are kept for the next time; what lies does not
     /// depend on what was asked before.
     #[must_use]
-    pub fn lying(&mut self, asked: &Asked) -> Lying {
-        self.lying_on_each_other(std::slice::from_ref(asked))
+    pub fn lay(&mut self, asked: &CoverRequest) -> LyingCover {
+        self.lay_all(std::slice::from_ref(asked))
     }
 
     /// What lies of several, each on those before it.
     #[must_use]
-    pub fn lying_on_each_other(&mut self, asked: &[Asked]) -> Lying {
+    pub fn lay_all(&mut self, asked: &[CoverRequest]) -> LyingCover {
         let layers: Vec<Vec<Layer>> = asked.iter().map(|asked| self.left(asked)).collect();
         // What is above a splat, from the lowest layer up, and how much of the ground all of it leaves seen.
         let (mut tops, mut seen) = (Vec::new(), Vec::new());
@@ -285,7 +286,14 @@ impl Cover {
                 let above = layers.get(place + 1).map_or(&[][..], |above| &above[ring].settled.depth);
                 top = surfels::surface(ground, &base, depth, self.threads);
                 let layer = surfels::Layer { depth, top: &top, wet, above };
-                surfels::add(ground, &layer, self.metres_per_unit, &asked.matter, self.threads, &mut splats);
+                surfels::add(
+                    ground,
+                    &layer,
+                    self.metres_per_unit,
+                    &asked.material,
+                    self.threads,
+                    &mut splats,
+                );
                 base = top.iter().zip(depth).map(|(top, depth)| surfels::drawn(*top, *depth)).collect();
                 bare.iter_mut().zip(depth).for_each(|(bare, depth)| *bare *= 1.0 - coverage(*depth));
             }
@@ -294,7 +302,7 @@ impl Cover {
         }
         let up = DVec3::from_array(self.rings[0].places.axes()[2]);
         for asked in asked {
-            walls::add(&self.walls, asked.wet_fall, (up, self.metres_per_unit), &asked.matter, &mut splats);
+            walls::add(&self.walls, asked.wet_fall, (up, self.metres_per_unit), &asked.material, &mut splats);
         }
         let factor = |index: usize| {
             let Some(Spot { ring, nodes, reach }) = &self.spots[index] else { return 1.0 };
@@ -311,19 +319,19 @@ impl Cover {
         let buried = Buried(map(self.spots.len(), self.threads, factor));
         let layers = layers.into_iter().flatten();
         let (settled, melted) = layers.map(|layer| (layer.settled, layer.melted)).unzip();
-        Lying { splats, buried, settled, melted }
+        LyingCover { splats, buried, settled, melted }
     }
 
     /// What is left on each ring of what came down, slid and melted.
-    fn left(&mut self, asked: &Asked) -> Vec<Layer> {
-        let Asked { depth: fell, thaw, .. } = *asked;
+    fn left(&mut self, asked: &CoverRequest) -> Vec<Layer> {
+        let CoverRequest { depth: fell, thaw, .. } = *asked;
         // How it slides at the least depth says where even less lies.
         let slides = thaw.map_or(fell, |thaw| thaw.deepest()).max(LOWEST);
         let settled = self.slid(slides, asked.repose);
-        let layer = |(ground, slid): (&Ground, Settled)| {
+        let layer = |(ground, slid): (&GroundGrid, Settled)| {
             let fell = |node: usize| slid.depth[node] * (fell / slides) as f32;
             let left = |node: usize| match &thaw {
-                None => Left { depth: fell(node), wet: 0.0 },
+                None => CoverState { depth: fell(node), wet: 0.0 },
                 Some(thaw) => thaw.at(slid.depth[node] / slides as f32, ground.shade[node]),
             };
             let left = map(ground.len(), self.threads, left);
@@ -360,7 +368,7 @@ impl Cover {
         let is = |rung: &Rung, depth: f64| rung.depth == depth && rung.repose == repose;
         let missing: Vec<f64> =
             depths.into_iter().filter(|depth| !self.ladder.iter().any(|rung| is(rung, *depth))).collect();
-        let jobs: Vec<(f64, &Ground)> =
+        let jobs: Vec<(f64, &GroundGrid)> =
             missing.iter().flat_map(|depth| self.rings.iter().map(|ground| (*depth, ground))).collect();
         let mut settled = map(jobs.len(), self.threads, |job| {
             let (depth, ground) = jobs[job];
@@ -394,7 +402,7 @@ fn about(path: [[f64; 3]; 2], reach: f64, site: &Site) -> [[f64; 3]; 2] {
 
 /// Where a splat is on the ground, if it is.
 fn spot(
-    rings: &[Ground],
+    rings: &[GroundGrid],
     splats: &Splats,
     index: usize,
     metres_per_unit: f64,
@@ -404,7 +412,7 @@ fn spot(
         return None;
     }
     let mean = splats.means[index].map(f64::from);
-    let is_in = |ground: &Ground| ground.places.cell_at(ground.places.locate(mean).0).is_some();
+    let is_in = |ground: &GroundGrid| ground.places.cell_at(ground.places.locate(mean).0).is_some();
     let ring = rings.iter().position(is_in)?;
     let ground = &rings[ring];
     let under = |at: [f64; 3]| {

@@ -1,6 +1,7 @@
 //! Snow slides off what is too steep for it, down to where it can lie.
 
-use super::ground::Ground;
+use super::ground::GroundGrid;
+use serde::{Deserialize, Serialize};
 
 /// Most rounds over all cells.
 const ROUNDS: usize = 120;
@@ -10,7 +11,7 @@ const LEAST: f64 = 2e-5;
 const HOLDS: f32 = 1.3;
 
 /// What lies where after it has slid.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Settled {
     /// Depth, m, one a node of the ground.
     pub depth: Vec<f32>,
@@ -20,7 +21,7 @@ pub struct Settled {
 
 /// Lets `fell` (m of depth a node) slide until no slope of its surface is steeper than `repose` (a tangent).
 #[must_use]
-pub fn settle(ground: &Ground, fell: &[f32], repose: f32) -> Settled {
+pub fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
     let mut depth = fell.to_vec();
     let mut lost = 0.0;
     let total: f64 = fell.iter().map(|d| f64::from(*d)).sum();

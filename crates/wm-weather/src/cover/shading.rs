@@ -1,6 +1,6 @@
 //! How lit the ground is, from the scene itself: so that what lies in the shade is in the shade.
 
-use super::ground::Ground;
+use super::ground::GroundGrid;
 use crate::threads::map;
 use wm_scene::color::{luminance, srgb_decode};
 use wm_scene::{Splats, sh};
@@ -8,7 +8,7 @@ use wm_scene::{Splats, sh};
 /// How often it is averaged over the cells beside each other: what is painted dark is not in the shade.
 const ROUNDS: usize = 6;
 
-impl Ground {
+impl GroundGrid {
     /// Finds how lit each node is, 0 in the shade to 1 in the open: by the sky that it sees, and by how bright the scene
     /// is about it beside what is as open.
     pub(super) fn find_shades(&mut self, splats: &Splats, threads: usize) {

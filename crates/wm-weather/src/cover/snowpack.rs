@@ -52,7 +52,7 @@ pub struct Snowpack<'a> {
 
 /// Snow and water on level ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stock {
+pub struct SnowStock {
     /// The snow's water, mm.
     pub water: f64,
     /// What it has more in volume than settled snow, m.
@@ -63,11 +63,11 @@ pub struct Stock {
 
 /// Snow at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Pack {
+pub struct SnowpackState {
     /// All that has fallen, as it would lie had none melted.
-    pub fell: Stock,
+    pub fell: SnowStock,
     /// What is left of it at each of [`PACES`]; `None` where nothing has melted yet.
-    left: Option<[Stock; PACES.len()]>,
+    left: Option<[SnowStock; PACES.len()]>,
     /// What of it fell so wet that it sticks, and still does, mm.
     sticks: f64,
 }
@@ -85,7 +85,7 @@ struct Part {
     settles: f64,
 }
 
-impl Stock {
+impl SnowStock {
     /// How deep it lies, m.
     #[must_use]
     pub fn depth(&self) -> f64 {
@@ -117,10 +117,10 @@ impl Stock {
     }
 }
 
-impl Pack {
+impl SnowpackState {
     /// What is left of it on open level ground.
     #[must_use]
-    pub fn open(&self) -> Stock {
+    pub fn open(&self) -> SnowStock {
         self.left.map_or(self.fell, |left| left[OPEN])
     }
 
@@ -173,9 +173,9 @@ fn sticky(temperature: f64) -> f64 {
 impl Snowpack<'_> {
     /// At a time, s.
     #[must_use]
-    pub fn at(&self, time: f64) -> Pack {
+    pub fn at(&self, time: f64) -> SnowpackState {
         let number = |track: &Track, time: f64| track.at(time).number().unwrap_or(0.0);
-        let mut pack = Pack::default();
+        let mut pack = SnowpackState::default();
         let part = |time: f64, hours: f64, water: f64| {
             let temperature = number(self.temperature, time);
             let new = || (67.92 + 51.25 * (temperature / 2.59).exp()).min(DENSEST);
@@ -185,7 +185,7 @@ impl Snowpack<'_> {
         };
         // What a depth that is asked for has grown or shrunk by; it falls at once, and then melts.
         let mut depth = 0.0;
-        let mut ask = |pack: &mut Pack, track: &Track, time: f64| {
+        let mut ask = |pack: &mut SnowpackState, track: &Track, time: f64| {
             let before = std::mem::replace(&mut depth, number(track, time));
             if depth > before {
                 let part = part(time, 0.0, 0.0);
@@ -274,7 +274,7 @@ mod tests {
     }
 
     /// A depth that is asked for, an hour a second.
-    fn asked(depth: &str, temperature: &str, time: f64) -> Pack {
+    fn asked(depth: &str, temperature: &str, time: f64) -> SnowpackState {
         let (depth, temperature) = (track("depth", depth), track("temperature", temperature));
         let (density, lapse) = (Some(100.0), 3600.0);
         let depth = Some(&depth);
@@ -282,7 +282,7 @@ mod tests {
     }
 
     /// What is left where it melts half as fast as in the open.
-    fn shaded(pack: &Pack) -> Stock {
+    fn shaded(pack: &SnowpackState) -> SnowStock {
         let place = PACES.iter().position(|pace| *pace == 0.5).unwrap();
         pack.left.map_or(pack.fell, |left| left[place])
     }
@@ -399,7 +399,7 @@ mod tests {
                 depth: None, rate: Some(&rate), temperature: &temperature, density: None, hours: 2.0, lapse: 3600.0,
             };
             let [first, next] = [0.0, 1.0 / 60.0].map(|later| snow.at(time + later));
-            let all = |pack: &Pack| pack.left.unwrap_or([pack.fell; PACES.len()]);
+            let all = |pack: &SnowpackState| pack.left.unwrap_or([pack.fell; PACES.len()]);
             for ((a, b), pace) in all(&first).iter().zip(all(&next)).zip(PACES) {
                 // 5 mm/h of new snow, 8 degrees of melt, and some settling.
                 let most = (5.0 + 8.0 * MELT * pace) / 60.0;

@@ -1,7 +1,7 @@
 //! Snow as splats: flat, opaque, on the snow's own surface.
 
-use super::ground::{Ground, WAYS};
-use crate::particles::random::Draws;
+use super::ground::{GroundGrid, WAYS};
+use crate::particles::random::RandomSequence;
 use crate::threads::map;
 use glam::{DMat3, DQuat, DVec3};
 use wm_scene::color::srgb_encode;
@@ -46,7 +46,7 @@ const WATER: [f32; 3] = [0.1, 0.11, 0.12];
 
 /// What lies, as it is lit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Matter {
+pub struct CoverMaterial {
     /// Linear RGB of it in the open.
     pub color: [f64; 3],
     /// The same where nothing but the sky shines on it.
@@ -85,7 +85,7 @@ fn lift(depth: f32) -> f32 {
 
 /// The surface of what lies on heights `base`: height of its top at each node, m; smoother than those the deeper it is.
 #[must_use]
-pub fn surface(ground: &Ground, base: &[f32], depth: &[f32], threads: usize) -> Vec<f32> {
+pub fn surface(ground: &GroundGrid, base: &[f32], depth: &[f32], threads: usize) -> Vec<f32> {
     let mut top: Vec<f32> = base.iter().zip(depth).map(|(height, depth)| height + depth).collect();
     for _ in 0..2 {
         top = map(top.len(), threads, |node| {
@@ -102,17 +102,17 @@ pub fn surface(ground: &Ground, base: &[f32], depth: &[f32], threads: usize) -> 
 
 /// Adds the splats of what lies on a ground.
 pub fn add(
-    ground: &Ground,
+    ground: &GroundGrid,
     layer: &Layer<'_>,
     metres_per_unit: f64,
-    matter: &Matter,
+    material: &CoverMaterial,
     threads: usize,
     splats: &mut Splats,
 ) {
     let painter = Painter {
         ground,
         layer,
-        matter,
+        material,
         metres_per_unit,
         axes: ground.places.axes().map(DVec3::from_array),
         cell: f64::from(ground.cell),
@@ -130,9 +130,9 @@ pub fn add(
 
 /// What a node's splats are made from.
 struct Painter<'a> {
-    ground: &'a Ground,
+    ground: &'a GroundGrid,
     layer: &'a Layer<'a>,
-    matter: &'a Matter,
+    material: &'a CoverMaterial,
     metres_per_unit: f64,
     /// Of the grid.
     axes: [DVec3; 3],
@@ -143,7 +143,7 @@ struct Painter<'a> {
 impl Painter<'_> {
     /// Adds the splats of a node.
     fn paint(&self, node: usize, splats: &mut Splats) {
-        let Self { ground, layer: Layer { depth, top, above, .. }, matter, axes, cell, .. } = *self;
+        let Self { ground, layer: Layer { depth, top, above, .. }, material, axes, cell, .. } = *self;
         let is_hidden = above.get(node).is_some_and(|depth| coverage(*depth) > HIDES);
         if is_hidden || ground.is_elsewhere(node) {
             return;
@@ -163,7 +163,7 @@ impl Painter<'_> {
             (None, Some(high)) => (high - here) / cell,
             (None, None) => 0.0,
         };
-        let mut draws = Draws::new(node as u64 ^ 0x5e0f_0000_0000);
+        let mut draws = RandomSequence::new(node as u64 ^ 0x5e0f_0000_0000);
         let mut off = |most: f64| most * (2.0 * draws.uniform() - 1.0);
         let dx = slope(level(0), level(2)).clamp(-1.7, 1.7) + off(TILT);
         let dy = slope(level(1), level(3)).clamp(-1.7, 1.7) + off(TILT);
@@ -177,7 +177,7 @@ impl Painter<'_> {
         let normal = (axes[2] - axes[0] * dx - axes[1] * dy).normalize();
         let shade = f64::from(ground.shade[node]) * (0.7 + 0.3 * normal.dot(axes[2]));
         let color: [f64; 3] =
-            std::array::from_fn(|k| matter.shade[k] + (matter.color[k] - matter.shade[k]) * shade);
+            std::array::from_fn(|k| material.shade[k] + (material.color[k] - material.shade[k]) * shade);
         let speckle = 1.0 + off(0.025);
         let rgb = color.map(|v| srgb_encode((v * speckle).max(0.0)) as f32);
         let wide = WIDTH[is_edge] * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
@@ -262,9 +262,9 @@ pub(crate) fn surfel(
 }
 
 /// Colour of what lies, sRGB, from 0 in the shade to 1 in the open.
-pub(super) fn lit(matter: &Matter, light: f64) -> [f32; 3] {
+pub(super) fn lit(material: &CoverMaterial, light: f64) -> [f32; 3] {
     std::array::from_fn(|k| {
-        let color = matter.shade[k] + (matter.color[k] - matter.shade[k]) * light;
+        let color = material.shade[k] + (material.color[k] - material.shade[k]) * light;
         srgb_encode(color.max(0.0)) as f32
     })
 }

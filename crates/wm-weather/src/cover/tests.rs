@@ -7,10 +7,16 @@ use wm_scene::splats::Splat;
 use wm_scene::synthetic::Builder;
 use wm_street::Street;
 
-const SNOW: Matter = Matter { color: [0.8; 3], shade: [0.2, 0.22, 0.28] };
+const SNOW: CoverMaterial = CoverMaterial { color: [0.8; 3], shade: [0.2, 0.22, 0.28] };
 
-const ASKED: Asked =
-    Asked { depth: 0.1, thaw: None, wet_fall: 0.0, repose: 0.84, threshold: f64::INFINITY, matter: SNOW };
+const ASKED: CoverRequest = CoverRequest {
+    depth: 0.1,
+    thaw: None,
+    wet_fall: 0.0,
+    repose: 0.84,
+    threshold: f64::INFINITY,
+    material: SNOW,
+};
 
 fn slanted(slope: [f64; 2]) -> Airflow {
     Airflow { slope, moved: 0.0 }
@@ -25,7 +31,7 @@ fn porch() -> Splats {
 }
 
 /// Area of the yard from above, m^2: that of the splats, which end softly some cm beyond its edge.
-fn yard(ground: &Ground) -> f64 {
+fn yard(ground: &GroundGrid) -> f64 {
     let cells = ground.size[0] * ground.size[1];
     let area = (0..cells).filter(|cell| !ground.nodes_of(*cell).is_empty()).count() as f64;
     let area = area * f64::from(ground.cell).powi(2);
@@ -34,7 +40,7 @@ fn yard(ground: &Ground) -> f64 {
 }
 
 /// Mean depth over a field of the uppermost surface between two heights.
-fn mean(cover: &Cover, lying: &Lying, x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> f64 {
+fn mean(cover: &Cover, lying: &LyingCover, x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> f64 {
     let ground = &cover.rings()[0];
     let (mut sum, mut count) = (0.0, 0);
     for node in 0..lying.settled[0].depth.len() {
@@ -53,9 +59,15 @@ fn mean(cover: &Cover, lying: &Lying, x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> 
 #[test]
 fn roofs_are_covered_and_what_is_below_is_bare() {
     let splats = porch();
-    let mut cover =
-        Cover::of(&splats, &Scan::plain(&splats), &SITE, &Airflow::default(), [[5.0, 4.0, 0.0]; 2], 2);
-    let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, ..ASKED });
+    let mut cover = Cover::of(
+        &splats,
+        &FusedSurfaces::from_splats(&splats),
+        &SITE,
+        &Airflow::default(),
+        [[5.0, 4.0, 0.0]; 2],
+        2,
+    );
+    let lying = cover.lay(&CoverRequest { depth: 0.1, repose: 0.84, ..ASKED });
     let open = mean(&cover, &lying, [1.0, 3.0], [1.0, 7.0], [-0.2, 0.2]);
     let roof = mean(&cover, &lying, [4.5, 6.5], [3.5, 5.5], [2.3, 2.7]);
     let below = mean(&cover, &lying, [5.0, 6.0], [4.0, 5.0], [-0.2, 0.2]);
@@ -127,9 +139,15 @@ fn street(place: &Street) -> Splats {
 fn the_street_is_covered_where_it_is_open() {
     let place = Street::builtin();
     let splats = street(&place);
-    let mut cover =
-        Cover::of(&splats, &Scan::plain(&splats), &SITE, &Airflow::default(), [[-5.0, 37.0, 0.0]; 2], 2);
-    let lying = cover.lying(&Asked { depth: 0.1, repose: 0.9, ..ASKED });
+    let mut cover = Cover::of(
+        &splats,
+        &FusedSurfaces::from_splats(&splats),
+        &SITE,
+        &Airflow::default(),
+        [[-5.0, 37.0, 0.0]; 2],
+        2,
+    );
+    let lying = cover.lay(&CoverRequest { depth: 0.1, repose: 0.9, ..ASKED });
     let ground = &cover.rings()[0];
     // Depth on the surface of a point: within 6 cm of it in height.
     let depth = |at: DVec3| {
@@ -188,9 +206,15 @@ fn the_lee_of_a_house_holds_less() {
     place.block(DVec3::new(6.0, 4.0, 0.0), DVec3::new(2.0, 4.0, 2.5), 0.05, [0.5; 3]);
     let splats = place.build();
     // 5 m/s, and flakes at 1 m/s: no flatter than 45 degrees, towards x.
-    let mut cover =
-        Cover::of(&splats, &Scan::plain(&splats), &SITE, &slanted([1.0, 0.0]), [[7.0, 4.0, 0.0]; 2], 2);
-    let lying = cover.lying(&Asked { depth: 0.1, repose: 0.84, ..ASKED });
+    let mut cover = Cover::of(
+        &splats,
+        &FusedSurfaces::from_splats(&splats),
+        &SITE,
+        &slanted([1.0, 0.0]),
+        [[7.0, 4.0, 0.0]; 2],
+        2,
+    );
+    let lying = cover.lay(&CoverRequest { depth: 0.1, repose: 0.84, ..ASKED });
     let side = |x: [f64; 2]| mean(&cover, &lying, x, [3.5, 4.5], [-0.2, 0.2]);
     let (windward, lee, open) = (side([3.6, 4.6]), side([7.3, 8.3]), side([1.0, 3.0]));
     println!("windward {windward:.4}, lee {lee:.4}, open {open:.4}");
@@ -207,13 +231,14 @@ fn what_falls_is_what_lies() {
         let splats = porch();
         let mut cover = Cover::of(
             &splats,
-            &Scan::plain(&splats),
+            &FusedSurfaces::from_splats(&splats),
             &SITE,
             &Airflow { slope, moved },
             [[5.0, 4.0, 0.0]; 2],
             2,
         );
-        let lying = cover.lying(&Asked { thaw: (melted > 0.0).then(|| Thaw::of(0.1, melted, 0.0)), ..ASKED });
+        let lying =
+            cover.lay(&CoverRequest { thaw: (melted > 0.0).then(|| Thaw::of(0.1, melted, 0.0)), ..ASKED });
         let ground = &cover.rings()[0];
         let cell = f64::from(ground.cell).powi(2);
         let lies: f64 = lying.settled[0].depth.iter().map(|d| f64::from(*d) * cell).sum();
@@ -235,8 +260,15 @@ fn snow_drifts_behind_a_wall() {
     let splats = place.build();
     let side = |moved: f64, x: [f64; 2]| {
         let airflow = Airflow { slope: [0.3, 0.0], moved };
-        let mut cover = Cover::of(&splats, &Scan::plain(&splats), &SITE, &airflow, [[10.0, 3.0, 0.0]; 2], 2);
-        let lying = cover.lying(&ASKED);
+        let mut cover = Cover::of(
+            &splats,
+            &FusedSurfaces::from_splats(&splats),
+            &SITE,
+            &airflow,
+            [[10.0, 3.0, 0.0]; 2],
+            2,
+        );
+        let lying = cover.lay(&ASKED);
         mean(&cover, &lying, x, [2.5, 3.5], [-0.2, 0.2])
     };
     let (before, lee, far) = (side(0.5, [4.0, 6.0]), side(0.5, [9.0, 11.0]), side(0.5, [16.0, 18.0]));
@@ -264,9 +296,15 @@ fn wet_snow_sticks_to_the_windward_wall() {
         [between([4.8, 5.1]), between([6.9, 7.2])]
     };
     let on_walls = |slope: [f64; 2], wet_fall: f64| {
-        let mut cover =
-            Cover::of(&splats, &Scan::plain(&splats), &SITE, &slanted(slope), [[7.0, 4.0, 0.0]; 2], 2);
-        sides(&cover.lying(&Asked { wet_fall, ..ASKED }).splats)
+        let mut cover = Cover::of(
+            &splats,
+            &FusedSurfaces::from_splats(&splats),
+            &SITE,
+            &slanted(slope),
+            [[7.0, 4.0, 0.0]; 2],
+            2,
+        );
+        sides(&cover.lay(&CoverRequest { wet_fall, ..ASKED }).splats)
     };
     let [windward, lee] = on_walls([1.0, 0.0], 0.05);
     println!("{windward} on the windward wall, {lee} in the lee");
@@ -276,10 +314,16 @@ fn wet_snow_sticks_to_the_windward_wall() {
     far.surface(DVec3::X * 400.0, DVec3::X * 6.0, DVec3::Y * 6.0, 0.05, |_, _| [0.4; 3]);
     let mut wide = splats.clone();
     wide.append(&far.build());
-    let mut cover =
-        Cover::of(&wide, &Scan::plain(&wide), &SITE, &slanted([1.0, 0.0]), [[7.0, 4.0, 0.0]; 2], 2);
+    let mut cover = Cover::of(
+        &wide,
+        &FusedSurfaces::from_splats(&wide),
+        &SITE,
+        &slanted([1.0, 0.0]),
+        [[7.0, 4.0, 0.0]; 2],
+        2,
+    );
     assert!(cover.rings().last().unwrap().cell > 0.5);
-    let [windward, lee] = sides(&cover.lying(&Asked { wet_fall: 0.05, ..ASKED }).splats);
+    let [windward, lee] = sides(&cover.lay(&CoverRequest { wet_fall: 0.05, ..ASKED }).splats);
     assert!(windward > 300 && lee < 30, "{windward} {lee}");
     // Of dry snow hardly any is on walls, and without wind no more of wet.
     let dry = [on_walls([1.0, 0.0], 0.0), on_walls([0.0, 0.0], 0.0)];
@@ -291,8 +335,14 @@ fn wet_snow_sticks_to_the_windward_wall() {
 #[test]
 fn water_is_kept_over_time() {
     let splats = porch();
-    let mut cover =
-        Cover::of(&splats, &Scan::plain(&splats), &SITE, &Airflow::default(), [[5.0, 4.0, 0.0]; 2], 2);
+    let mut cover = Cover::of(
+        &splats,
+        &FusedSurfaces::from_splats(&splats),
+        &SITE,
+        &Airflow::default(),
+        [[5.0, 4.0, 0.0]; 2],
+        2,
+    );
     let mut weather = crate::Weather::clear();
     for text in [
         "snowfall.rate=0:2,4:4,6:0",
@@ -303,12 +353,12 @@ fn water_is_kept_over_time() {
         "snow_cover.lapse=3600",
         "snow_cover.hours=2",
     ] {
-        weather.set(text).unwrap();
+        weather.set_text(text).unwrap();
     }
     // 2 h of 2 mm before, then up to 4 and down to 0, by hand.
     for (time, fell) in [(-1.0, 2.0), (0.0, 4.0), (4.0, 16.0), (6.0, 20.0), (9.0, 20.0)] {
-        let sky = weather.at(time).over(&SITE);
-        let lying = cover.lying(&sky.cover()[0]);
+        let sky = weather.at(time).prepare(&SITE);
+        let lying = cover.lay(&sky.cover()[0]);
         let area = f64::from(cover.rings()[0].cell).powi(2);
         let water = |depth: f64| depth * area * 300.0;
         let lies = water(lying.settled[0].depth.iter().map(|d| f64::from(*d)).sum());
@@ -323,9 +373,10 @@ fn water_is_kept_over_time() {
 
 #[test]
 fn nothing_lies_where_nothing_can() {
-    let asked = Asked { depth: 10.0, repose: 0.84, ..ASKED };
+    let asked = CoverRequest { depth: 10.0, repose: 0.84, ..ASKED };
     let lying = |splats: &Splats| {
-        Cover::of(splats, &Scan::plain(splats), &SITE, &slanted([0.3, 0.0]), [[0.0; 3]; 2], 2).lying(&asked)
+        Cover::of(splats, &FusedSurfaces::from_splats(splats), &SITE, &slanted([0.3, 0.0]), [[0.0; 3]; 2], 2)
+            .lay(&asked)
     };
     let nothing = lying(&Splats::with_capacity(0, 0));
     assert!(nothing.splats.is_empty() && nothing.buried.factors().is_empty());
@@ -334,16 +385,19 @@ fn nothing_lies_where_nothing_can() {
     place.surface(DVec3::ZERO, DVec3::X * 6.0, DVec3::Z * 4.0, 0.05, |_, _| [0.4; 3]);
     let mut wall = place.build();
     let bare = lying(&wall);
-    let volume = |lying: &Lying| lying.settled[0].depth.iter().map(|d| f64::from(*d)).sum::<f64>();
+    let volume = |lying: &LyingCover| lying.settled[0].depth.iter().map(|d| f64::from(*d)).sum::<f64>();
     println!("{} splats on a wall", bare.splats.len());
     assert!(volume(&bare).is_finite() && bare.splats.check().is_ok());
     wall.groups.fill(Group::Sky);
     assert!(lying(&wall).splats.is_empty());
-    assert!(Cover::of(&wall, &Scan::plain(&wall), &SITE, &Airflow::default(), [[0.0; 3]; 2], 1).is_bare());
+    assert!(
+        Cover::of(&wall, &FusedSurfaces::from_splats(&wall), &SITE, &Airflow::default(), [[0.0; 3]; 2], 1)
+            .is_bare()
+    );
 }
 
 /// Mean depth of a layer over a strip of a yard.
-fn field(cover: &Cover, lying: &Lying, layer: usize, x: [f64; 2]) -> f64 {
+fn field(cover: &Cover, lying: &LyingCover, layer: usize, x: [f64; 2]) -> f64 {
     let ground = &cover.rings()[0];
     let depth = &lying.settled[layer].depth;
     let is_in = |node: &usize| {
@@ -367,7 +421,7 @@ fn half_shaded() -> Splats {
 fn hours(sets: &[&str]) -> crate::Weather {
     let mut weather = crate::Weather::clear();
     for text in sets.iter().chain(&["snow_cover.lapse=3600"]) {
-        weather.set(text).unwrap();
+        weather.set_text(text).unwrap();
     }
     weather
 }
@@ -376,8 +430,14 @@ fn hours(sets: &[&str]) -> crate::Weather {
 #[test]
 fn the_shade_is_bare_later_and_new_snow_lies_again() {
     let splats = half_shaded();
-    let mut cover =
-        Cover::of(&splats, &Scan::plain(&splats), &SITE, &Airflow::default(), [[6.0, 3.0, 0.0]; 2], 2);
+    let mut cover = Cover::of(
+        &splats,
+        &FusedSurfaces::from_splats(&splats),
+        &SITE,
+        &Airflow::default(),
+        [[6.0, 3.0, 0.0]; 2],
+        2,
+    );
     let shade = |from: f64, to: f64| {
         let ground = &cover.rings()[0];
         let near = |node: &usize| (from..to).contains(&ground.point(*node)[0]);
@@ -391,8 +451,8 @@ fn the_shade_is_bare_later_and_new_snow_lies_again() {
     for sets in [&auto[..], &asked[..]] {
         let weather = hours(&[sets, &["snow_cover.temperature=0:-3,2:-3,3:6,11:6,12:-3"]].concat());
         let mut at = |time: f64| {
-            let sky = weather.at(time).over(&SITE);
-            let lying = cover.lying_on_each_other(sky.cover());
+            let sky = weather.at(time).prepare(&SITE);
+            let lying = cover.lay_all(sky.cover());
             if sky.cover().is_empty() {
                 return [0.0; 3];
             }
@@ -427,8 +487,14 @@ fn the_shade_is_bare_later_and_new_snow_lies_again() {
 #[test]
 fn water_is_kept_through_thaws() {
     let splats = half_shaded();
-    let mut cover =
-        Cover::of(&splats, &Scan::plain(&splats), &SITE, &Airflow::default(), [[6.0, 3.0, 0.0]; 2], 2);
+    let mut cover = Cover::of(
+        &splats,
+        &FusedSurfaces::from_splats(&splats),
+        &SITE,
+        &Airflow::default(),
+        [[6.0, 3.0, 0.0]; 2],
+        2,
+    );
     let weather = hours(&[
         "snow_cover.depth=auto",
         "snow_cover.hours=1",
@@ -439,8 +505,8 @@ fn water_is_kept_through_thaws() {
     for (time, fell) in
         [(0.0, 4.0), (2.0, 12.0), (3.0, 14.0), (8.0, 14.0), (12.0, 14.0), (13.0, 16.0), (16.0, 28.0)]
     {
-        let sky = weather.at(time).over(&SITE);
-        let lying = cover.lying(&sky.cover()[0]);
+        let sky = weather.at(time).prepare(&SITE);
+        let lying = cover.lay(&sky.cover()[0]);
         let area = f64::from(cover.rings()[0].cell).powi(2);
         let sum = |depth: &[f32]| depth.iter().map(|d| f64::from(*d)).sum::<f64>() * area * 300.0;
         let lies = sum(&lying.settled[0].depth);
@@ -467,21 +533,27 @@ fn water_is_kept_through_thaws() {
 #[test]
 fn snow_lies_on_sand() {
     let splats = half_shaded();
-    let mut cover =
-        Cover::of(&splats, &Scan::plain(&splats), &SITE, &Airflow::default(), [[6.0, 3.0, 0.0]; 2], 2);
+    let mut cover = Cover::of(
+        &splats,
+        &FusedSurfaces::from_splats(&splats),
+        &SITE,
+        &Airflow::default(),
+        [[6.0, 3.0, 0.0]; 2],
+        2,
+    );
     let weather = |snow: f64| {
         let mut weather = crate::Weather::clear();
         for text in [format!("snow_cover.depth={snow}"), "dust_cover.depth=0.03".into()] {
-            weather.set(&text).unwrap();
+            weather.set_text(&text).unwrap();
         }
         weather
     };
     let mut lying = |snow: f64| {
-        let sky = weather(snow).at(0.0).over(&SITE);
-        (cover.lying_on_each_other(sky.cover()), sky.cover().len())
+        let sky = weather(snow).at(0.0).prepare(&SITE);
+        (cover.lay_all(sky.cover()), sky.cover().len())
     };
     // Sand is redder than it is blue.
-    let sand = |lying: &Lying| lying.splats.sh.chunks(3).filter(|rgb| rgb[0] - rgb[2] > 0.2).count();
+    let sand = |lying: &LyingCover| lying.splats.sh.chunks(3).filter(|rgb| rgb[0] - rgb[2] > 0.2).count();
     let [(bare, one), (thin, two), (deep, both)] = [0.0, 0.005, 0.2].map(&mut lying);
     let counts = [&bare, &thin, &deep].map(|lying| (sand(lying), lying.splats.len()));
     println!("sand and all: {counts:?}");
@@ -489,7 +561,7 @@ fn snow_lies_on_sand() {
     assert!(counts[0].0 > 10_000 && counts[1].0 >= counts[0].0 && counts[2].0 < counts[0].0 / 10);
     assert_eq!(bare.settled.len(), cover.rings().len());
     // The snow is above the sand wherever it is drawn: both splats of a node are at one place.
-    let heights = |lying: &Lying, is_sand: bool| -> Vec<f32> {
+    let heights = |lying: &LyingCover, is_sand: bool| -> Vec<f32> {
         let is = |rgb: &[f32]| (rgb[0] - rgb[2] > 0.2) == is_sand;
         let all = lying.splats.sh.chunks(3).zip(&lying.splats.means);
         all.filter(|(rgb, _)| is(rgb)).map(|(_, mean)| mean[2]).collect()
@@ -499,6 +571,6 @@ fn snow_lies_on_sand() {
     println!("sand at {low:.4} m, snow at {high:.4} m");
     assert!(high > low + 0.005 && high < low + 0.02);
     // Alone each is as it is without the other.
-    let alone = cover.lying(&weather(0.0).at(0.0).over(&SITE).cover()[0]);
+    let alone = cover.lay(&weather(0.0).at(0.0).prepare(&SITE).cover()[0]);
     assert!(alone.splats == bare.splats && alone.buried == bare.buried);
 }

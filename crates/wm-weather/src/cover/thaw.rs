@@ -28,7 +28,7 @@ pub struct Thaw {
 
 /// What is left at a place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Left {
+pub struct CoverState {
     /// How deep it lies, m.
     pub depth: f32,
     /// How wet the ground is, 0-1.
@@ -59,9 +59,9 @@ impl Thaw {
 
     /// Where `share` of what falls on open level ground came to lie, and that is lit by `shade`, 0 to 1.
     #[must_use]
-    pub fn at(&self, share: f32, shade: f32) -> Left {
+    pub fn at(&self, share: f32, shade: f32) -> CoverState {
         if share <= 0.0 {
-            return Left::default();
+            return CoverState::default();
         }
         let pace = (SHADED + (1.0 - SHADED) * shade) / share;
         let [first, last] = [PACES[0], PACES[COUNT - 1]].map(|pace| pace as f32);
@@ -71,7 +71,7 @@ impl Thaw {
         let part = (pace - low) / (high - low);
         let mix =
             |values: &[f32; COUNT]| share * (values[above - 1] + (values[above] - values[above - 1]) * part);
-        Left { depth: mix(&self.depth), wet: mix(&self.wet).min(1.0) }
+        CoverState { depth: mix(&self.depth), wet: mix(&self.wet).min(1.0) }
     }
 }
 
@@ -89,7 +89,7 @@ mod tests {
         // In full shade half as much, and a drift of twice the depth loses no more than level snow.
         assert!((thaw.at(1.0, 0.0).depth - 0.08).abs() < 1e-6);
         assert!((thaw.at(2.0, 1.0).depth - 0.16).abs() < 1e-6);
-        assert_eq!(thaw.at(0.0, 1.0), Left::default());
+        assert_eq!(thaw.at(0.0, 1.0), CoverState::default());
     }
 
     proptest! {

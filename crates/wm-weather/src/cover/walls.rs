@@ -5,13 +5,14 @@
 //! is no part of what lies: what meets walls would have fallen in their lee.
 
 use super::Airflow;
-use super::surfels::{Matter, OPAQUE, coverage, lit, surfel};
+use super::surfels::{CoverMaterial, OPAQUE, coverage, lit, surfel};
 use crate::dome::{from_level, level_axes};
 use crate::optics::Site;
-use crate::particles::random::Draws;
+use crate::particles::random::RandomSequence;
 use crate::shelter::Occluders;
 use crate::threads::map;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use wm_scene::{Group, Splats};
 
 /// Least slant of the fall that reaches walls.
@@ -35,7 +36,7 @@ const LEAST: f64 = 0.000_5;
 const LIT: f64 = 0.75;
 
 /// A splat of the scene that wet snow can stick to.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Wall {
     mean: [f32; 3],
     /// Towards the wind, length 1.
@@ -97,12 +98,12 @@ pub fn add(
     walls: &[Wall],
     stuck: f64,
     (up, metres_per_unit): (DVec3, f64),
-    matter: &Matter,
+    material: &CoverMaterial,
     splats: &mut Splats,
 ) {
     for (index, wall) in walls.iter().enumerate() {
         // Gusts make it patchy.
-        let patchy = 0.3 + 1.4 * Draws::new(index as u64 ^ 0x3a11_0000_0000).uniform();
+        let patchy = 0.3 + 1.4 * RandomSequence::new(index as u64 ^ 0x3a11_0000_0000).uniform();
         let thick = (STICKS * stuck * f64::from(wall.share) * patchy).min(THICKEST);
         if thick < LEAST {
             continue;
@@ -112,6 +113,6 @@ pub fn add(
         let at = DVec3::from_array(wall.mean.map(f64::from)) + normal * off;
         let scales = [wall.wide, wall.wide, wall.thick].map(|v| f64::from(v) / metres_per_unit);
         let opacity = OPAQUE * coverage(thick as f32) as f64;
-        splats.push(&surfel(at.to_array(), (normal, up), scales, lit(matter, LIT), opacity));
+        splats.push(&surfel(at.to_array(), (normal, up), scales, lit(material, LIT), opacity));
     }
 }

@@ -25,9 +25,9 @@ fn site(daylight: Daylight) -> Site {
 /// A sky as the words of `--set` make it; `picture` is what every panorama shows.
 fn dome(words: &[&str], picture: fn(usize) -> [f32; 3]) -> Dome {
     let mut weather = Weather::clear();
-    words.iter().for_each(|word| weather.set(word).unwrap());
-    weather.load_pictures(|_| Panorama::new(256, 128, picture).map(Arc::new)).unwrap();
-    weather.at(0.0).over(&site(Daylight::Known)).dome().unwrap().clone()
+    words.iter().for_each(|word| weather.set_text(word).unwrap());
+    weather.load_images(|_| Panorama::new(256, 128, picture).map(Arc::new)).unwrap();
+    weather.at(0.0).prepare(&site(Daylight::Known)).dome().unwrap().clone()
 }
 
 /// A picture of smooth colours with a hard edge at the horizon.
@@ -94,7 +94,7 @@ fn the_overcast_sky_is_the_cies() {
 }
 
 fn dome_of_light(zenith: f64, horizon: f64) -> Dome {
-    let look = Look::Clear { zenith: [zenith; 3], horizon: [horizon; 3] };
+    let look = SkyAppearance::Clear { zenith: [zenith; 3], horizon: [horizon; 3] };
     Dome::new(look, None, 1.0, UP, SkySplats::Kept)
 }
 
@@ -154,7 +154,7 @@ fn headings_turn_clockwise_from_the_x_axis() {
         for (heading, toward) in [(0.0, ahead), (90.0, right), (180.0, ahead.map(|v: f64| -v))] {
             let panorama = Arc::new(Panorama::new(256, 128, line).unwrap());
             let dome = Dome::new(
-                Look::Panorama { panorama, heading, below: Below::Haze },
+                SkyAppearance::Panorama { panorama, heading, below: LowerHemisphere::Haze },
                 None,
                 1.0,
                 up,
@@ -171,9 +171,9 @@ fn headings_turn_clockwise_from_the_x_axis() {
 fn the_airlight_is_the_skys_where_nothing_better_is_known() {
     let airlight = |words: &[&str], daylight| {
         let mut weather = Weather::clear();
-        words.iter().for_each(|word| weather.set(word).unwrap());
-        weather.load_pictures(|_| Panorama::new(256, 128, waves).map(Arc::new)).unwrap();
-        let over = weather.at(0.0).over(&site(daylight));
+        words.iter().for_each(|word| weather.set_text(word).unwrap());
+        weather.load_images(|_| Panorama::new(256, 128, waves).map(Arc::new)).unwrap();
+        let over = weather.at(0.0).prepare(&site(daylight));
         // What is seen where nothing is left of anything else.
         over.air.reference([0.0; 3], UP, 1e30, [0.0; 3]).map(srgb_decode)
     };
@@ -205,7 +205,7 @@ fn a_sky_runs_between_keyframes() {
         "w",
     )
     .unwrap();
-    let color = weather.at(1.0).over(&site(Daylight::Known)).dome().unwrap().reference(1e-3, UP);
+    let color = weather.at(1.0).prepare(&site(Daylight::Known)).dome().unwrap().reference(1e-3, UP);
     // Half of the light.
     assert!(color.iter().all(|v| (v - srgb_encode(0.5)).abs() < 1e-9));
     for (text, want) in [
@@ -214,7 +214,7 @@ fn a_sky_runs_between_keyframes() {
         ("sky.panorama=", "sky.panorama is ``: must be the path of a picture, or \"auto\""),
         ("sky.scene_sky=drop", "sky.scene_sky is `drop`: must be one of keep, replace"),
     ] {
-        let error = weather.set(text).unwrap_err().to_string();
+        let error = weather.set_text(text).unwrap_err().to_string();
         assert!(error.starts_with(&format!("--set {text}: {want}")), "{error}");
     }
     for (text, want) in [
@@ -239,7 +239,7 @@ fn a_sky_runs_between_keyframes() {
     assert_eq!(Weather::read(&folder.join("w.toml")).unwrap().effects().count(), 1);
     std::fs::write(folder.join("w.toml"), "[sky]\npanorama = \"a/b:c.png\"\n").unwrap();
     let mut read = Weather::read(&folder.join("w.toml")).unwrap();
-    assert_eq!(read.pictures().next().unwrap().path(), folder.join("a/b:c.png"));
+    assert_eq!(read.images().next().unwrap().path(), folder.join("a/b:c.png"));
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
@@ -252,7 +252,7 @@ proptest! {
         brightness in 0.0..100.0f64,
         sin in -1.0..=1.0f64,
     ) {
-        for look in [Look::Clear { zenith, horizon }, Look::Overcast { zenith, horizon }, Look::Plain(zenith)] {
+        for look in [SkyAppearance::Clear { zenith, horizon }, SkyAppearance::Overcast { zenith, horizon }, SkyAppearance::Plain(zenith)] {
             let dome = Dome::new(look, None, brightness, UP, SkySplats::Kept);
             let color = dome.reference(1e-3, dome.leaning(sin, 0.3));
             prop_assert!(color.iter().all(|v| v.is_finite() && *v >= 0.0));

@@ -16,31 +16,31 @@ macro_rules! air {
             pub struct Params {
                 /// Meteorological optical range at the base height: the distance at which 5 % of the
                 /// light is left (WMO). Green light, where the colours differ.
-                mor: f64 = Value::Number($mor), 1.0 => f64::INFINITY, "m";
+                mor: f64 = ParamValue::Number($mor), 1.0 => f64::INFINITY, "m";
                 /// The same as Koschmieder's visual range (2 % of the light left); if given, it is
                 /// used and `mor` is not.
-                visual_range: Option<f64> = Value::Auto, 1.0 => f64::INFINITY, "m";
+                visual_range: Option<f64> = ParamValue::Auto, 1.0 => f64::INFINITY, "m";
                 /// Colour of an endless depth of it; `auto` takes the scene's sky near the horizon,
                 /// times albedo and tint.
-                airlight: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+                airlight: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
                 /// Share of the light that the particles scatter and do not absorb.
-                albedo: f64 = Value::Number($albedo), 0.0 => 1.0, "";
+                albedo: f64 = ParamValue::Number($albedo), 0.0 => 1.0, "";
                 /// Colour by which the particles tint the airlight.
                 tint: Option<[f64; 3]> = $tint, 0.0 => 1.0, "";
                 /// How much more short wavelengths are scattered: extinction goes with the wavelength
                 /// to the power of minus this; 0 for grey.
-                angstrom: f64 = Value::Number($angstrom), 0.0 => 4.0, "";
+                angstrom: f64 = ParamValue::Number($angstrom), 0.0 => 4.0, "";
                 /// Height over which it thins to 1/e; inf for the same at all heights.
-                scale_height: f64 = Value::Number($scale_height), 0.1 => f64::INFINITY, "m";
+                scale_height: f64 = ParamValue::Number($scale_height), 0.1 => f64::INFINITY, "m";
                 /// Height above the ground at which `mor` holds.
-                base_height: f64 = Value::Number(0.0), -10_000.0 => 10_000.0, "m";
+                base_height: f64 = ParamValue::Number(0.0), -10_000.0 => 10_000.0, "m";
                 /// Fidelity `paper`: I_style; `auto` takes the extinction times `paper_d_max`.
-                paper_intensity: Option<f64> = Value::Auto, 0.0 => 1000.0, "";
+                paper_intensity: Option<f64> = ParamValue::Auto, 0.0 => 1000.0, "";
                 /// Fidelity `paper`: C_fog; `auto` takes the airlight.
-                paper_color: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+                paper_color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
                 /// Fidelity `paper`: depth that D_ref takes for 1; `auto` takes three times the
                 /// radius of the scene.
-                paper_d_max: Option<f64> = Value::Auto, 0.01 => 1e7, "m";
+                paper_d_max: Option<f64> = ParamValue::Auto, 0.01 => 1e7, "m";
             }
         }
 
@@ -48,6 +48,9 @@ macro_rules! air {
         pub const EFFECT: Effect = Effect {
             name: $name,
             about: $about,
+            role: EffectRole::Air,
+            needs: &[],
+            precipitation: None,
             slot: Slot::Medium,
             params: Params::PARAMS,
             act: |now, site| Action::Layer(Params::of(now.values).layer(site)),
@@ -94,10 +97,10 @@ macro_rules! air {
 
 /// What [`air!`] needs in scope.
 pub(super) mod prelude {
-    pub(in crate::effects) use crate::effects::{Action, Effect};
+    pub(in crate::effects) use crate::effects::{Action, Effect, EffectRole};
     pub(in crate::effects) use crate::optics::{Layer, Site, sigma_of_mor, sigma_of_visual_range, spectrum};
     pub(in crate::effects) use crate::paper::PaperFog;
-    pub(in crate::effects) use crate::param::Value;
+    pub(in crate::effects) use crate::param::ParamValue;
     pub(in crate::effects) use wm_render::frame::{srgb_decode, srgb_encode};
     pub(in crate::effects) use wm_render::hooks::Slot;
 }

@@ -24,67 +24,67 @@ macro_rules! drops {
             /// What can be set.
             pub struct Params {
                 $(#[doc = $meaning])+
-                rate: f64 = Value::Number($rate), 0.0 => $most, "mm/h";
+                rate: f64 = ParamValue::Number($rate), 0.0 => $most, "mm/h";
                 /// How long the camera's shutter is open: streaks are as long as the way in that time.
-                exposure: f64 = Value::Number(0.0166), 0.000_01 => 1.0, "s";
+                exposure: f64 = ParamValue::Number(0.0166), 0.000_01 => 1.0, "s";
                 /// Factor on the diameters that are drawn; their number, speed and the air stay as they are.
-                size: f64 = Value::Number(1.0), 0.1 => 10.0, "";
+                size: f64 = ParamValue::Number(1.0), 0.1 => 10.0, "";
                 /// Factor on what they cover.
-                opacity: f64 = Value::Number(1.0), 0.0 => 100.0, "";
+                opacity: f64 = ParamValue::Number(1.0), 0.0 => 100.0, "";
                 /// Factor on their light.
-                brightness: f64 = Value::Number(1.0), 0.0 => 10.0, "";
+                brightness: f64 = ParamValue::Number(1.0), 0.0 => 10.0, "";
                 /// Their colour; `auto` is that of the surroundings: three quarters of the airlight.
-                color: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+                color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
                 /// Colour of an endless depth of it; `auto` takes the scene's sky near the horizon.
-                airlight: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+                airlight: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
                 /// Which of the equally likely falls: a whole number.
-                seed: f64 = Value::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
+                seed: f64 = ParamValue::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
                 /// Fidelity `paper`: drops or flakes in the box; `auto` goes by the root of `rate`.
-                paper_number: Option<f64> = Value::Auto, 0.0 => 4_000_000.0, "";
+                paper_number: Option<f64> = ParamValue::Auto, 0.0 => 4_000_000.0, "";
                 /// Fidelity `paper`: edge of the box about the camera that they fill.
-                paper_box: f64 = Value::Number(24.0), 0.1 => 10_000.0, "m";
+                paper_box: f64 = ParamValue::Number(24.0), 0.1 => 10_000.0, "m";
                 /// Fidelity `paper`: their fall speed; over time by keyframes: they have come as far as its
                 /// integral.
-                paper_speed: f64 = Value::Number($speed), 0.0 => 1000.0, "m/s";
+                paper_speed: f64 = ParamValue::Number($speed), 0.0 => 1000.0, "m/s";
                 /// Fidelity `paper`: their colour as shown; `auto` is a light grey.
-                paper_color: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+                paper_color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
                 /// Fidelity `paper`: opacity of each Gaussian.
-                paper_opacity: f64 = Value::Number($opacity), 0.0 => 1.0, "";
+                paper_opacity: f64 = ParamValue::Number($opacity), 0.0 => 1.0, "";
                 /// Fidelity `paper`: length of a drop's long axis, or of a flake's three arms; four
                 /// standard deviations.
-                paper_length: f64 = Value::Number($length), 0.000_01 => 100.0, "m";
+                paper_length: f64 = ParamValue::Number($length), 0.000_01 => 100.0, "m";
                 /// Fidelity `paper`: the same across; `auto` is a tenth of the length.
                 paper_width: Option<f64> = $width, 0.000_01 => 100.0, "m";
                 /// Fidelity `paper`: k, the number of sub-clouds that are rendered apart: a whole number.
-                paper_k: f64 = Value::Number(4.0), 1.0 => 64.0, "";
+                paper_k: f64 = ParamValue::Number(4.0), 1.0 => 64.0, "";
                 /// Fidelity `paper`: L_sky, mean brightness of the sky as shown; `auto` takes the airlight.
-                paper_l_sky: Option<f64> = Value::Auto, 0.0 => 4.0, "";
+                paper_l_sky: Option<f64> = ParamValue::Auto, 0.0 => 4.0, "";
                 /// Fidelity `paper`: least `L_sky - L` that counts; below 0 they darken what is brighter than
                 /// the sky.
-                paper_t_min: f64 = Value::Number($t_min), -4.0 => 4.0, "";
+                paper_t_min: f64 = ParamValue::Number($t_min), -4.0 => 4.0, "";
                 /// Fidelity `paper`: greatest `L_sky - L` that counts.
-                paper_t_max: f64 = Value::Number($t_max), -4.0 => 4.0, "";
+                paper_t_max: f64 = ParamValue::Number($t_max), -4.0 => 4.0, "";
                 /// Fidelity `paper`: t_D, up to where they are seen; `auto` is where they are 0.3 px wide.
-                paper_t_d: Option<f64> = Value::Auto, 0.0 => 1e7, "m";
+                paper_t_d: Option<f64> = ParamValue::Auto, 0.0 => 1e7, "m";
                 /// Fidelity `paper`: t_C, brightness as shown below which noise is left out.
-                paper_t_c: f64 = Value::Number(0.02), 0.0 => 1.0, "";
+                paper_t_c: f64 = ParamValue::Number(0.02), 0.0 => 1.0, "";
                 /// Fidelity `paper`: depth that D_ref takes for 1; `auto` takes three times the radius of the
                 /// scene.
-                paper_d_max: Option<f64> = Value::Auto, 0.01 => 1e7, "m";
+                paper_d_max: Option<f64> = ParamValue::Auto, 0.01 => 1e7, "m";
                 /// Fidelity `paper`: I_style of the light fog over the distance; 0 for none.
-                paper_fog: f64 = Value::Number($fog), 0.0 => 1000.0, "";
+                paper_fog: f64 = ParamValue::Number($fog), 0.0 => 1000.0, "";
                 /// Fidelity `paper`: C_fog of it; `auto` takes the airlight.
-                paper_fog_color: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+                paper_fog_color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
                 /// Fidelity `paper`: standard deviation of the last blur; 0 for none.
-                paper_blur: f64 = Value::Number(0.5), 0.0 => 20.0, "px";
+                paper_blur: f64 = ParamValue::Number(0.5), 0.0 => 20.0, "px";
                 /// Fidelity `paper`: exposure of the colour filter; see `look`.
-                paper_exposure: f64 = Value::Number(-0.5), -10.0 => 10.0, "EV";
+                paper_exposure: f64 = ParamValue::Number(-0.5), -10.0 => 10.0, "EV";
                 /// Fidelity `paper`: saturation of the colour filter.
-                paper_saturation: f64 = Value::Number(0.7), 0.0 => 4.0, "";
+                paper_saturation: f64 = ParamValue::Number(0.7), 0.0 => 4.0, "";
                 /// Fidelity `paper`: contrast of the colour filter.
-                paper_contrast: f64 = Value::Number(0.85), 0.1 => 4.0, "";
+                paper_contrast: f64 = ParamValue::Number(0.85), 0.1 => 4.0, "";
                 /// Fidelity `paper`: shift of the white balance by the colour filter.
-                paper_temperature: f64 = Value::Number(-0.2), -1.0 => 1.0, "";
+                paper_temperature: f64 = ParamValue::Number(-0.2), -1.0 => 1.0, "";
             }
         }
 
@@ -92,12 +92,15 @@ macro_rules! drops {
         pub const EFFECT: Effect = Effect {
             name: $name,
             about: $about,
+            role: EffectRole::Falls,
+            needs: &[Need::Shelter],
+            precipitation: Some(&$kind),
             slot: Slot::Particles,
             params: Params::PARAMS,
             act: |now, site| {
                 let own = Params::of(now.values);
                 let airlight = own.airlight.map_or(site.airlight, |color| color.map(srgb_decode));
-                let look = Look {
+                let look = ParticleAppearance {
                     seed: own.seed as u64,
                     exposure: own.exposure,
                     size: own.size,
@@ -105,7 +108,7 @@ macro_rules! drops {
                     brightness: own.brightness,
                     radiance: own.color.map(|color| color.map(srgb_decode)),
                 };
-                Action::Precipitation(Box::new(Precipitation::new($kind, own.rate, airlight, look)))
+                Action::Precipitation(Box::new(Precipitation::new(&$kind, own.rate, airlight, look)))
             },
             act_as_paper: Some(|now, site| {
                 let own = Params::of(now.values);
@@ -119,7 +122,7 @@ macro_rules! drops {
                 let d_max = self.paper_d_max.unwrap_or(site.far) / site.metres_per_unit;
                 let fallen = EFFECT.param("paper_speed").map(|track| tracks[track].integral(0.0, time));
                 PaperFall {
-                    kind: $kind,
+                    kind: &$kind,
                     seed: self.seed as u64,
                     number: self.paper_number.unwrap_or_else(|| $number * (self.rate / $usual).sqrt()),
                     edge: self.paper_box,
@@ -141,7 +144,7 @@ macro_rules! drops {
                         d_max,
                     },
                     blur: self.paper_blur,
-                    filter: Grade {
+                    filter: ColorGrade {
                         gains: balance(self.paper_temperature).map(|gain| gain * self.paper_exposure.exp2()),
                         saturation: self.paper_saturation,
                         contrast: self.paper_contrast,
@@ -154,12 +157,12 @@ macro_rules! drops {
 
 /// What [`drops!`] needs in scope.
 pub(super) mod prelude {
-    pub(in crate::effects) use crate::effects::look::{Grade, balance};
-    pub(in crate::effects) use crate::effects::{Action, Effect};
+    pub(in crate::effects) use crate::effects::look::{ColorGrade, balance};
+    pub(in crate::effects) use crate::effects::{Action, Effect, EffectRole, Need};
     pub(in crate::effects) use crate::optics::Site;
     pub(in crate::effects) use crate::paper::{PaperFall, PaperFog};
-    pub(in crate::effects) use crate::param::Value;
-    pub(in crate::effects) use crate::particles::{Kind, Look, Precipitation};
+    pub(in crate::effects) use crate::param::ParamValue;
+    pub(in crate::effects) use crate::particles::{ParticleAppearance, Precipitation};
     pub(in crate::effects) use crate::track::Track;
     pub(in crate::effects) use wm_render::frame::{srgb_decode, srgb_encode};
     pub(in crate::effects) use wm_render::hooks::Slot;

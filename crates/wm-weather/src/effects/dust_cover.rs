@@ -3,9 +3,9 @@
 //! As snow that lies ([`super::snow_cover`]), with another colour, and sliding sooner: dry sand lies at 34 degrees at most,
 //! ash at 35 to 40. Where both are asked for the snow lies on it, and it is seen where there is none.
 
-use crate::cover::{Asked, Matter};
-use crate::effects::{Action, Effect};
-use crate::param::Value;
+use crate::cover::{CoverRequest, CoverMaterial};
+use crate::effects::{Action, Effect, EffectRole, Need};
+use crate::param::ParamValue;
 use wm_render::hooks::Slot;
 use wm_scene::color::srgb_decode;
 
@@ -19,12 +19,12 @@ crate::params! {
     /// What can be set.
     pub struct Params {
         /// Depth on open level ground. Below some 1 cm the ground shows through. Over time by keyframes. Snow lies on it.
-        depth: f64 = Value::Number(0.02), 0.0 => 10.0, "m";
+        depth: f64 = ParamValue::Number(0.02), 0.0 => 10.0, "m";
         /// Steepest that it lies. Dry sand 34, ash 40.
-        repose: f64 = Value::Number(34.0), 5.0 => 80.0, "deg";
+        repose: f64 = ParamValue::Number(34.0), 5.0 => 80.0, "deg";
         /// Colour of it: how much of the light it throws back, as sRGB. Sand #c2a577 (auto), Saharan dust #b07a48, ash
         /// #5f5d5a.
-        color: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+        color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
     }
 }
 
@@ -32,6 +32,9 @@ crate::params! {
 pub const EFFECT: Effect = Effect {
     name: "dust_cover",
     about: "Sand, dust or ash that lies: on what is open to the sky, sliding off what is steep",
+    role: EffectRole::Lies,
+    needs: &[Need::Cover],
+    precipitation: None,
     slot: Slot::Surface,
     params: Params::PARAMS,
     act: |now, site| {
@@ -39,13 +42,13 @@ pub const EFFECT: Effect = Effect {
         let color = color.unwrap_or(SAND);
         let color: [f64; 3] = std::array::from_fn(|k| srgb_decode(color[k]) * site.airlight[k]);
         let shade = color.map(|v| 0.4 * v);
-        Action::Cover(Asked {
+        Action::Cover(CoverRequest {
             depth,
             thaw: None,
             wet_fall: 0.0,
             repose: repose.to_radians().tan(),
             threshold: CARRIES,
-            matter: Matter { color, shade },
+            material: CoverMaterial { color, shade },
         })
     },
     act_as_paper: None,

@@ -17,6 +17,6 @@ air! {
     mor: 200.0,
     angstrom: 0.0,
     albedo: 1.0,
-    tint: Value::Auto,
+    tint: ParamValue::Auto,
     scale_height: f64::INFINITY,
 }

@@ -16,6 +16,6 @@ air! {
     mor: 2000.0,
     angstrom: 1.3,
     albedo: 1.0,
-    tint: Value::Auto,
+    tint: ParamValue::Auto,
     scale_height: 1000.0,
 }

@@ -14,8 +14,8 @@
 //! slightly cooler (temperature -0.2): part of them in fidelity `paper` ([`crate::paper::composite`]), else to be asked
 //! for.
 
-use crate::effects::{Action, Effect};
-use crate::param::Value;
+use crate::effects::{Action, Effect, EffectRole};
+use crate::param::ParamValue;
 use fearless_simd::{Select, SimdBase, SimdFloat};
 use wm_render::dispatch;
 use wm_render::frame::{srgb_decode, srgb_encode};
@@ -27,15 +27,15 @@ crate::params! {
     /// What can be set.
     pub struct Params {
         /// Change of exposure: the light times 2 to this power.
-        exposure: f64 = Value::Number(0.0), -10.0 => 10.0, "EV";
+        exposure: f64 = ParamValue::Number(0.0), -10.0 => 10.0, "EV";
         /// Factor on the distance of colours from grey of the same luminance; 0 is without colour.
-        saturation: f64 = Value::Number(1.0), 0.0 => 4.0, "";
+        saturation: f64 = ParamValue::Number(1.0), 0.0 => 4.0, "";
         /// Factor on the distance of light from mid grey (0.18 in linear light), in log2; below 1 is flatter.
-        contrast: f64 = Value::Number(1.0), 0.1 => 4.0, "";
+        contrast: f64 = ParamValue::Number(1.0), 0.1 => 4.0, "";
         /// Shift of the white balance, above 0 warmer: red times 2 to the power of half of it and blue
         /// divided by that, at the same luminance of grey. At 1 red has doubled against blue, about as if light of
         /// 6500 K became one of 4500 K; at -1 one of 13000 K.
-        temperature: f64 = Value::Number(0.0), -1.0 => 1.0, "";
+        temperature: f64 = ParamValue::Number(0.0), -1.0 => 1.0, "";
     }
 }
 
@@ -43,6 +43,9 @@ crate::params! {
 pub const EFFECT: Effect = Effect {
     name: "look",
     about: "Exposure, white balance, saturation and contrast of the finished picture",
+    role: EffectRole::Lens,
+    needs: &[],
+    precipitation: None,
     slot: Slot::Lens,
     params: Params::PARAMS,
     act: |now, _| Action::Grade(Params::of(now.values).grade()),
@@ -50,8 +53,8 @@ pub const EFFECT: Effect = Effect {
 };
 
 impl Params {
-    fn grade(&self) -> Grade {
-        Grade {
+    fn grade(&self) -> ColorGrade {
+        ColorGrade {
             gains: balance(self.temperature).map(|gain| gain * self.exposure.exp2()),
             saturation: self.saturation,
             contrast: self.contrast,
@@ -74,7 +77,7 @@ pub fn balance(temperature: f64) -> [f64; 3] {
 
 /// A look at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Grade {
+pub struct ColorGrade {
     /// Factors on linear red, green and blue: exposure and temperature.
     pub gains: [f64; 3],
     /// Factor on the distance from grey.
@@ -83,7 +86,7 @@ pub struct Grade {
     pub contrast: f64,
 }
 
-impl Grade {
+impl ColorGrade {
     /// Whether it changes nothing.
     #[must_use]
     pub fn is_neutral(&self) -> bool {
@@ -156,7 +159,7 @@ fn about_grey<S: Lanes>(simd: S, light: [S::F; 3], contrast: f32) -> [S::F; 3] {
     result
 }
 
-impl PixelEffect for Grade {
+impl PixelEffect for ColorGrade {
     fn apply(&self, path: SimdPath, pixels: &mut PixelBatch<'_>) {
         let rgb = &mut *pixels.rgb;
         dispatch!(path, simd => self.change(simd, rgb));

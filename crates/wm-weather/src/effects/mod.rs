@@ -4,15 +4,15 @@
 //! of its parameters at one instant it makes what the renderer needs. It keeps no state: any instant
 //! can be asked for alone.
 
-use crate::cover::Asked;
+use crate::cover::CoverRequest;
 use crate::dome::Dome;
-use crate::effects::look::Grade;
+use crate::effects::look::ColorGrade;
 use crate::optics::{Layer, Site};
 use crate::paper::{PaperCover, PaperFall, PaperFog};
-use crate::param::{Kind, Param, Value};
-use crate::particles::Precipitation;
+use crate::param::{Param, ParamKind, ParamValue};
+use crate::particles::{Precipitation, PrecipitationKind};
 use crate::track::Track;
-use crate::weather::Instant;
+use crate::weather::WeatherSample;
 use crate::wind::Wind;
 use wm_render::hooks::Slot;
 
@@ -25,27 +25,75 @@ pub struct Effect {
     pub name: &'static str,
     /// What it is, in one line.
     pub about: &'static str,
+    /// The kind of effect.
+    pub role: EffectRole,
+    /// What must be prepared of a place before the effect is rendered in physical units.
+    pub needs: &'static [Need],
+    /// The laws of what falls; `Some` for every effect whose role is [`EffectRole::Falls`], whose parameter `rate` is
+    /// then in mm/h of water, and for no other.
+    pub precipitation: Option<&'static PrecipitationKind>,
     /// Where in the render it acts.
     pub slot: Slot,
     /// Its parameters.
     pub params: &'static [Param],
     /// What it does.
-    pub act: fn(&Now<'_>, &Site) -> Action,
+    pub act: fn(&EffectContext<'_>, &Site) -> Action,
     /// What it does in the paper's formulation; `None` if the paper does not have it.
-    pub act_as_paper: Option<fn(&Now<'_>, &Site) -> Action>,
+    pub act_as_paper: Option<fn(&EffectContext<'_>, &Site) -> Action>,
+}
+
+/// The kind of an effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EffectRole {
+    /// Changes what stands behind the scene.
+    Sky,
+    /// Fills the air with particles too small to be seen.
+    Air,
+    /// Falls through the air.
+    Falls,
+    /// Lies on the ground.
+    Lies,
+    /// Moves the air.
+    Wind,
+    /// Changes the finished picture.
+    Lens,
+}
+
+impl EffectRole {
+    /// The name in documentation and JSON.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sky => "sky",
+            Self::Air => "air",
+            Self::Falls => "falls",
+            Self::Lies => "lies",
+            Self::Wind => "wind",
+            Self::Lens => "lens",
+        }
+    }
+}
+
+/// What an effect needs to know of a place, beside its [`Site`], before the first frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// Where roofs and trees keep the ground dry ([`crate::shelter`]).
+    Shelter,
+    /// The surfaces that something can lie on ([`crate::cover`]).
+    Cover,
 }
 
 /// The parameters of an effect at one instant, in the order of its table.
 #[derive(Clone, Copy, Debug)]
-pub struct Now<'a> {
+pub struct EffectContext<'a> {
     /// Their values, each checked by its entry.
-    pub values: &'a [Value],
+    pub values: &'a [ParamValue],
     /// The same over all time: what adds up over time needs it.
     pub tracks: &'a [Track],
     /// The instant, seconds.
     pub time: f64,
     /// The whole weather: what one effect leaves may depend on another.
-    pub weather: &'a Instant,
+    pub weather: &'a WeatherSample,
 }
 
 /// What an effect gives to the renderer.
@@ -64,11 +112,11 @@ pub enum Action {
     /// Something that falls, as in the paper.
     PaperFall(Box<PaperFall>),
     /// Something that lies.
-    Cover(Asked),
+    Cover(CoverRequest),
     /// Something that lies, as in the paper.
     PaperCover(Box<PaperCover>),
     /// Exposure and colour of the finished picture.
-    Grade(Grade),
+    Grade(ColorGrade),
 }
 
 macro_rules! effects {
@@ -93,9 +141,15 @@ impl Effect {
     #[must_use]
     pub fn words(&self) -> &'static [&'static str] {
         match self.params.first().map(|param| param.kind) {
-            Some(Kind::Word(words)) => words,
+            Some(ParamKind::Word(words)) => words,
             _ => &[],
         }
+    }
+
+    /// The effect of a kind of precipitation.
+    #[must_use]
+    pub fn of_precipitation(kind: &PrecipitationKind) -> Option<&'static Self> {
+        EFFECTS.iter().find(|effect| effect.precipitation == Some(kind))
     }
 
     /// The position of a parameter in the table.
@@ -124,6 +178,13 @@ mod tests {
                 );
                 assert!(!param.meaning.trim().is_empty());
             }
+            assert_eq!(effect.precipitation.is_some(), effect.role == EffectRole::Falls, "{}", effect.name);
+            let rate = effect.param("rate").map(|rate| effect.params[rate].unit);
+            assert!(
+                effect.role != EffectRole::Falls || rate == Some("mm/h"),
+                "{} falls at a rate",
+                effect.name
+            );
         }
     }
 }

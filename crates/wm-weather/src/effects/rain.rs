@@ -6,18 +6,19 @@
 //! opacity and brightness are there for pictures that are to show more than a camera would.
 
 use super::drops::{drops, prelude::*};
+use crate::particles::RAIN;
 
 drops! {
     name: "rain",
     about: "Streaks of drops in their true number",
-    kind: Kind::Rain,
+    kind: RAIN,
     /// Water that falls through a level plane. Drizzle 0.5, moderate rain 5, heavy 25, violent 100.
     rate: 10.0, 300.0,
     paper: {
         number: 40_000.0 at 10.0,
         speed: 8.0,
         length: 0.25,
-        width: Value::Number(0.004),
+        width: ParamValue::Number(0.004),
         opacity: 0.8,
         t: 0.0, 0.35,
         fog: 0.3,

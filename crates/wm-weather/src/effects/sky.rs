@@ -8,12 +8,12 @@
 //!
 //! The paper has no such thing.
 
-use crate::dome::{Dome, Look};
-use crate::effects::{Action, Effect};
+use crate::dome::{Dome, SkyAppearance};
+use crate::effects::{Action, Effect, EffectRole};
 use crate::optics::Site;
-use crate::panorama::Below;
-use crate::param::Value;
-use crate::picture::Picture;
+use crate::panorama::LowerHemisphere;
+use crate::param::ParamValue;
+use crate::image_file::ImageFile;
 use wm_render::SkyGradient;
 use wm_render::frame::srgb_decode;
 use wm_render::hooks::{SkySplats, Slot};
@@ -38,7 +38,7 @@ crate::words! {
         /// Haze of the colours just above it.
         Haze = "haze",
         /// What the picture has there.
-        Picture = "picture",
+        Image = "picture",
     }
 }
 
@@ -57,31 +57,31 @@ crate::params! {
     pub struct Params {
         /// What is shown: `clear` or `overcast` (CIE), `gradient` (what a scene without a sky gets anyway);
         /// `auto` takes the panorama if one is given, else the colour, else `clear`.
-        model: Model = Value::Word("auto"), 0.0 => 0.0, "";
+        model: Model = ParamValue::Word("auto"), 0.0 => 0.0, "";
         /// One colour all around.
-        color: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+        color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
         /// Colour straight up; `auto` is the model's, white and more in an overcast sky.
-        zenith: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+        zenith: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
         /// Colour at the horizon; `auto` is the model's: pale in a clear sky, a third of the light of the
         /// zenith in an overcast one.
-        horizon: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+        horizon: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
         /// Colour of the haze well below the horizon, where the scene has ended; `auto` is grey with
         /// 60 % of the horizon's light, and `color` itself if there is one.
-        ground: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+        ground: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
         /// Picture of all directions: equirectangular, PNG, JPEG or EXR (linear light), at most 8192x4096 px;
         /// its path, from the folder of the weather file.
-        panorama: Option<Picture> = Value::Auto, 0.0 => 0.0, "";
+        panorama: Option<ImageFile> = ParamValue::Auto, 0.0 => 0.0, "";
         /// Where the middle of the panorama is, clockwise seen from above; 0 is the scene's x axis,
         /// laid level (its y axis where x is up).
-        heading: f64 = Value::Number(0.0), -36_000.0 => 36_000.0, "deg";
+        heading: f64 = ParamValue::Number(0.0), -36_000.0 => 36_000.0, "deg";
         /// What is seen below the horizon of a panorama: `haze` of the colours just above it, or the lower
         /// half of the `picture`.
-        below: Lower = Value::Word("haze"), 0.0 => 0.0, "";
+        below: Lower = ParamValue::Word("haze"), 0.0 => 0.0, "";
         /// Factor on its light.
-        brightness: f64 = Value::Number(1.0), 0.0 => 100.0, "";
+        brightness: f64 = ParamValue::Number(1.0), 0.0 => 100.0, "";
         /// What becomes of the sky of a scene that has one: `keep` leaves it before this one, `replace` leaves
         /// it out, and takes the airlight from this one whatever the scene says.
-        scene_sky: SceneSky = Value::Word("keep"), 0.0 => 0.0, "";
+        scene_sky: SceneSky = ParamValue::Word("keep"), 0.0 => 0.0, "";
     }
 }
 
@@ -89,6 +89,9 @@ crate::params! {
 pub const EFFECT: Effect = Effect {
     name: "sky",
     about: "What stands behind everything: clear, overcast, a colour or a panorama",
+    role: EffectRole::Sky,
+    needs: &[],
+    precipitation: None,
     slot: Slot::Background,
     params: Params::PARAMS,
     act: |now, site| Action::Sky(Params::of(now.values).dome(site)),
@@ -111,36 +114,36 @@ impl Params {
         Dome::new(self.look(site), ground, self.brightness, site.up, scenes_sky)
     }
 
-    fn look(&self, site: &Site) -> Look {
+    fn look(&self, site: &Site) -> SkyAppearance {
         let plain = SkyGradient::daylight(site.up.map(|v| v as f32));
         let or = |color: Option<[f64; 3]>, other: [f64; 3]| color.unwrap_or(other).map(srgb_decode);
         match self.model {
             Model::Auto => {
-                let panorama = self.panorama.as_ref().and_then(Picture::panorama);
+                let panorama = self.panorama.as_ref().and_then(ImageFile::panorama);
                 if let Some(panorama) = panorama {
                     let below = match self.below {
-                        Lower::Haze => Below::Haze,
-                        Lower::Picture => Below::Picture,
+                        Lower::Haze => LowerHemisphere::Haze,
+                        Lower::Image => LowerHemisphere::Image,
                     };
-                    return Look::Panorama { panorama: panorama.clone(), heading: self.heading, below };
+                    return SkyAppearance::Panorama { panorama: panorama.clone(), heading: self.heading, below };
                 }
                 if let Some(color) = self.color {
-                    return Look::Plain(color.map(srgb_decode));
+                    return SkyAppearance::Plain(color.map(srgb_decode));
                 }
                 Self { model: Model::Clear, ..self.clone() }.look(site)
             }
-            Model::Clear => Look::Clear {
+            Model::Clear => SkyAppearance::Clear {
                 zenith: or(self.zenith, plain.zenith.map(f64::from)),
                 horizon: or(self.horizon, plain.horizon.map(f64::from)),
             },
             Model::Overcast => {
                 let zenith = self.zenith.map_or(OVERCAST, |color| color.map(srgb_decode));
                 let horizon = self.horizon.map(|color| color.map(srgb_decode));
-                Look::Overcast { zenith, horizon: horizon.unwrap_or(zenith.map(|v| OVERCAST_HORIZON * v)) }
+                SkyAppearance::Overcast { zenith, horizon: horizon.unwrap_or(zenith.map(|v| OVERCAST_HORIZON * v)) }
             }
             Model::Gradient => {
                 let take = |color: Option<[f64; 3]>, other| color.map_or(other, |c| c.map(|v| v as f32));
-                Look::Gradient(SkyGradient {
+                SkyAppearance::Gradient(SkyGradient {
                     zenith: take(self.zenith, plain.zenith),
                     horizon: take(self.horizon, plain.horizon),
                     ground: take(self.ground, plain.ground),

@@ -15,6 +15,6 @@ air! {
     mor: 800.0,
     angstrom: 1.0,
     albedo: 0.88,
-    tint: Value::Color([0.95, 0.905, 0.82]),
+    tint: ParamValue::Color([0.95, 0.905, 0.82]),
     scale_height: 400.0,
 }

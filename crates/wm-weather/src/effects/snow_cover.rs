@@ -3,10 +3,10 @@
 //! How it is spread, how it slides and how it is drawn: [`crate::cover`]. How it grows, settles and melts:
 //! [`crate::cover::snowpack`]. In fidelity `paper` it is [`PaperCover`]: no depth, and snow on all that looks up.
 
-use crate::cover::{Asked, Matter, Snowpack};
-use crate::effects::{Action, Effect};
+use crate::cover::{CoverRequest, CoverMaterial, Snowpack};
+use crate::effects::{Action, Effect, EffectRole, Need};
 use crate::paper::PaperCover;
-use crate::param::Value;
+use crate::param::ParamValue;
 use wm_render::hooks::Slot;
 
 /// Wind that carries dry and wet snow along the ground, m/s at 10 m, and the air in which it is wet, degrees Celsius.
@@ -19,47 +19,47 @@ crate::params! {
         /// Depth on open level ground, less what melts. Below some 2 cm the ground shows between flakes. Over time by
         /// keyframes: what it grows by is new snow; `auto` for what `snowfall.rate` has left: so many `hours` of it before the
         /// start, and what has fallen since.
-        depth: Option<f64> = Value::Number(0.1), 0.0 => 10.0, "m";
+        depth: Option<f64> = ParamValue::Number(0.1), 0.0 => 10.0, "m";
         /// For a depth of `auto`: how long it had snowed before time 0, as it does then.
-        hours: f64 = Value::Number(6.0), 0.0 => 1000.0, "h";
+        hours: f64 = ParamValue::Number(6.0), 0.0 => 1000.0, "h";
         /// Temperature of the air. Above 0 snow melts, 4 mm of water a day and degree, half as fast in full shade, and leaves the
         /// ground wet for some hours; between -1 and 1 it sticks to walls that the wind throws it at.
-        temperature: f64 = Value::Number(-2.0), -40.0 => 40.0, "degC";
+        temperature: f64 = ParamValue::Number(-2.0), -40.0 => 40.0, "degC";
         /// Density of new snow; 100 makes 1 cm of 1 mm of water. `auto` follows the temperature: 92 at -2 degrees. It settles
         /// towards 300 in some days.
-        density: Option<f64> = Value::Auto, 20.0 => 600.0, "kg/m^3";
+        density: Option<f64> = ParamValue::Auto, 20.0 => 600.0, "kg/m^3";
         /// Time lapse: seconds of falling, settling and melting in one of the shot; 3600 for an hour a second.
-        lapse: f64 = Value::Number(1.0), 0.0 => 1_000_000.0, "";
+        lapse: f64 = ParamValue::Number(1.0), 0.0 => 1_000_000.0, "";
         /// Steepest that it lies. Dry snow 38 to 50, wet snow more.
-        repose: f64 = Value::Number(42.0), 5.0 => 80.0, "deg";
+        repose: f64 = ParamValue::Number(42.0), 5.0 => 80.0, "deg";
         /// Share of the light that it throws back: fresh snow 0.9, old 0.5.
-        albedo: f64 = Value::Number(0.9), 0.0 => 1.0, "";
+        albedo: f64 = ParamValue::Number(0.9), 0.0 => 1.0, "";
         /// Fidelity `paper`, as all that follow: least cosine between up and the normal of a splat that holds snow.
-        paper_seed_cosine: f64 = Value::Number(0.5), 0.0 => 1.0, "";
+        paper_seed_cosine: f64 = ParamValue::Number(0.5), 0.0 => 1.0, "";
         /// Steepest plane that is filled.
-        paper_fill_angle: f64 = Value::Number(30.0), 0.0 => 90.0, "deg";
+        paper_fill_angle: f64 = ParamValue::Number(30.0), 0.0 => 90.0, "deg";
         /// k: neighbours that a plane is estimated from.
-        paper_k: f64 = Value::Number(16.0), 3.0 => 64.0, "";
+        paper_k: f64 = ParamValue::Number(16.0), 3.0 => 64.0, "";
         /// Weight of sigma / mean in the radius of a plane.
-        paper_spread: f64 = Value::Number(2.0), 0.0 => 100.0, "";
+        paper_spread: f64 = ParamValue::Number(2.0), 0.0 => 100.0, "";
         /// Distance between Gaussians of snow, in median distances of neighbours.
-        paper_spacing: f64 = Value::Number(0.5), 0.05 => 10.0, "";
+        paper_spacing: f64 = ParamValue::Number(0.5), 0.05 => 10.0, "";
         /// Standard deviations from the mean at which a Gaussian is an outlier.
-        paper_outlier_sigmas: f64 = Value::Number(2.0), 0.0 => 100.0, "";
+        paper_outlier_sigmas: f64 = ParamValue::Number(2.0), 0.0 => 100.0, "";
         /// Neighbours that no outlier has.
-        paper_outlier_neighbours: f64 = Value::Number(6.0), 0.0 => 64.0, "";
+        paper_outlier_neighbours: f64 = ParamValue::Number(6.0), 0.0 => 64.0, "";
         /// Standard deviation of a Gaussian of snow along its plane, in spacings.
-        paper_size: f64 = Value::Number(0.7), 0.01 => 10.0, "";
+        paper_size: f64 = ParamValue::Number(0.7), 0.01 => 10.0, "";
         /// The same across the plane against that.
-        paper_flatness: f64 = Value::Number(0.2), 0.001 => 1.0, "";
+        paper_flatness: f64 = ParamValue::Number(0.2), 0.001 => 1.0, "";
         /// How high it lies on what it covers, in spacings.
-        paper_lift: f64 = Value::Number(0.25), 0.0 => 10.0, "";
+        paper_lift: f64 = ParamValue::Number(0.25), 0.0 => 10.0, "";
         /// Its opacity.
-        paper_opacity: f64 = Value::Number(0.97), 0.0 => 1.0, "";
+        paper_opacity: f64 = ParamValue::Number(0.97), 0.0 => 1.0, "";
         /// Its colour, sRGB.
-        paper_color: Option<[f64; 3]> = Value::Auto, 0.0 => 1.0, "";
+        paper_color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
         /// Which of the equally likely fillings: a whole number.
-        paper_seed: f64 = Value::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
+        paper_seed: f64 = ParamValue::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
     }
 }
 
@@ -67,6 +67,9 @@ crate::params! {
 pub const EFFECT: Effect = Effect {
     name: "snow_cover",
     about: "Snow that lies: on what is open to the sky, sliding off what is steep",
+    role: EffectRole::Lies,
+    needs: &[Need::Cover],
+    precipitation: None,
     slot: Slot::Surface,
     params: Params::PARAMS,
     act: |now, site| {
@@ -86,13 +89,13 @@ pub const EFFECT: Effect = Effect {
         // In the shade blue sky is all that is left.
         let tint = [0.34, 0.37, 0.44];
         let shade = std::array::from_fn(|k| color[k] * tint[k]);
-        Action::Cover(Asked {
+        Action::Cover(CoverRequest {
             depth: depth.unwrap_or_else(|| stepped(pack.fell.depth())),
             thaw: pack.thaw(),
             wet_fall: stepped(pack.wet_fall()),
             repose: repose.to_radians().tan(),
             threshold: CARRIES[usize::from(temperature > WET)],
-            matter: Matter { color, shade },
+            material: CoverMaterial { color, shade },
         })
     },
     act_as_paper: Some(|now, _| {

@@ -3,8 +3,8 @@
 //! Formulas: [`crate::wind`]. One wind for all heights: drops take some metres to follow a change of wind, and those
 //! that are seen are near the ground. The paper moves its drops by hand.
 
-use crate::effects::{Action, Effect};
-use crate::param::Value;
+use crate::effects::{Action, Effect, EffectRole};
+use crate::param::ParamValue;
 use crate::wind::Wind;
 use wm_render::hooks::Slot;
 
@@ -12,15 +12,15 @@ crate::params! {
     /// What can be set.
     pub struct Params {
         /// Mean speed. Over time by keyframes: what falls drifts by its integral.
-        speed: f64 = Value::Number(5.0), 0.0 => 60.0, "m/s";
+        speed: f64 = ParamValue::Number(5.0), 0.0 => 60.0, "m/s";
         /// Where it blows to, clockwise seen from above; 0 is the scene's x axis, laid level (its y axis where x
         /// is up), as for `sky.heading`.
-        direction: f64 = Value::Number(90.0), -36_000.0 => 36_000.0, "deg";
+        direction: f64 = ParamValue::Number(90.0), -36_000.0 => 36_000.0, "deg";
         /// Gusts: standard deviation of the speed as a share of it; half as much across. 0.15 over open
         /// land, 0.25 and more between houses.
-        gusts: f64 = Value::Number(0.2), 0.0 => 1.0, "";
+        gusts: f64 = ParamValue::Number(0.2), 0.0 => 1.0, "";
         /// Which of the equally likely gusts: a whole number.
-        seed: f64 = Value::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
+        seed: f64 = ParamValue::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
     }
 }
 
@@ -28,6 +28,9 @@ crate::params! {
 pub const EFFECT: Effect = Effect {
     name: "wind",
     about: "Wind: carries rain and snow along, with gusts",
+    role: EffectRole::Wind,
+    needs: &[],
+    precipitation: None,
     slot: Slot::Particles,
     params: Params::PARAMS,
     act: |now, _| {

@@ -85,7 +85,7 @@ fn keys_may_have_easings() {
     let text = "[fog]\nmor = { keys = [[0, 400, \"ease-in\"], [4, 800, \"hold\"], [5, 100]] }\n";
     let file = Weather::parse(text, "w.toml").unwrap();
     let mut line = Weather::clear();
-    line.set("fog.mor=0:400:ease-in,4:800:hold,5:100").unwrap();
+    line.set_text("fog.mor=0:400:ease-in,4:800:hold,5:100").unwrap();
     for (time, want) in [(2.0, 500.0), (4.5, 800.0), (5.0, 100.0)] {
         assert_eq!(fog_at(&file, time).mor, want);
         assert_eq!(fog_at(&line, time).mor, want);
@@ -95,18 +95,18 @@ fn keys_may_have_easings() {
 #[test]
 fn overrides_act_on_top() {
     let mut weather = Weather::preset("fog").unwrap();
-    weather.set("fog.mor=0:100,2:50").unwrap();
-    weather.set("smog.albedo = 0.9").unwrap();
-    weather.set("fidelity=paper").unwrap();
+    weather.set_text("fog.mor=0:100,2:50").unwrap();
+    weather.set_text("smog.albedo = 0.9").unwrap();
+    weather.set_text("fidelity=paper").unwrap();
     assert_eq!(fog_at(&weather, 1.0).mor, 75.0);
     assert_eq!(weather.effects().count(), 2);
-    weather.set("fog=off").unwrap();
-    weather.set("haze=on").unwrap();
+    weather.set_text("fog=off").unwrap();
+    weather.set_text("haze=on").unwrap();
     assert_eq!(weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>(), ["haze", "smog"]);
     for (text, want) in [
         ("fog.mor", "--set fog.mor: must be effect.parameter=value, as in fog.mor=120"),
         ("fog.more=1", "--set fog.more=1: fog has no `more`, did you mean `mor`?;"),
-        ("hail.rate=1", "--set hail.rate=1: there is no `hail`"),
+        ("frogs.rate=1", "--set frogs.rate=1: there is no `frogs`"),
         ("rain.rate=-1", "--set rain.rate=-1: rain.rate is -1: must be a number from 0 to 300 mm/h"),
         ("rain.seed=x", "--set rain.seed=x: rain.seed is `x`: must be a number from 0"),
         ("fog.mor=x", "--set fog.mor=x: fog.mor is `x`: must be a number from 1 to inf m"),
@@ -116,7 +116,7 @@ fn overrides_act_on_top() {
         ),
         ("fog=maybe", "--set fog=maybe: fog is on or off; its parameters are mor,"),
     ] {
-        let error = weather.set(text).unwrap_err().to_string();
+        let error = weather.set_text(text).unwrap_err().to_string();
         assert!(error.starts_with(want), "{error}");
     }
 }
@@ -142,6 +142,6 @@ proptest! {
 
     #[test]
     fn any_override_is_taken_or_refused(text in "\\PC*") {
-        let _ = Weather::clear().set(&text);
+        let _ = Weather::clear().set_text(&text);
     }
 }

@@ -1,8 +1,8 @@
 //! A weather as the text of its file.
 
 use crate::easing::Easing;
-use crate::param::Value;
-use crate::track::{Key, Track};
+use crate::param::ParamValue;
+use crate::track::{Keyframe, Track};
 use crate::weather::{Fidelity, Weather};
 use std::fmt::Write;
 
@@ -40,8 +40,8 @@ fn written(track: &Track) -> String {
     if let [only] = track.keys() {
         return value(&only.value);
     }
-    let is_word = |value: &Value| matches!(value, Value::Word(_));
-    let key = |key: &Key| {
+    let is_word = |value: &ParamValue| matches!(value, ParamValue::Word(_));
+    let key = |key: &Keyframe| {
         // Words hold without being told.
         let is_plain = key.easing == Easing::default() || is_word(&key.value);
         let easing = if is_plain { String::new() } else { format!(", {}", quoted(key.easing.name())) };
@@ -50,15 +50,15 @@ fn written(track: &Track) -> String {
     format!("{{ keys = [{}] }}", track.keys().iter().map(key).collect::<Vec<_>>().join(", "))
 }
 
-fn value(value: &Value) -> String {
+fn value(value: &ParamValue) -> String {
     match value {
         // With all its digits, and a point where it is whole.
-        Value::Number(number) => format!("{number:?}"),
-        Value::Color([r, g, b]) => match hex([*r, *g, *b]) {
+        ParamValue::Number(number) => format!("{number:?}"),
+        ParamValue::Color([r, g, b]) => match hex([*r, *g, *b]) {
             Some(hex) => quoted(&hex),
             None => format!("[{r:?}, {g:?}, {b:?}]"),
         },
-        Value::Auto | Value::Word(_) | Value::Picture(_) => quoted(&value.to_string()),
+        ParamValue::Auto | ParamValue::Word(_) | ParamValue::Image(_) => quoted(&value.to_string()),
     }
 }
 
@@ -115,7 +115,7 @@ mod tests {
             "haze.visual_range=auto",
             "rain=on",
         ] {
-            weather.set(set).unwrap();
+            weather.set_text(set).unwrap();
         }
         assert_eq!(again(&weather), weather, "{}", weather.to_toml());
     }
@@ -124,8 +124,8 @@ mod tests {
     fn it_is_as_short_as_written_by_hand() {
         let mut weather = Weather::default();
         weather.name = "mine".into();
-        weather.set("fog.mor=120").unwrap();
-        weather.set("sky=overcast").unwrap();
+        weather.set_text("fog.mor=120").unwrap();
+        weather.set_text("sky=overcast").unwrap();
         assert_eq!(
             weather.to_toml(),
             "name = \"mine\"\n\n[sky]\nmodel = \"overcast\"\n\n[fog]\nmor = 120.0\n"

@@ -14,7 +14,7 @@
 //! Last comes what the paper names in passing: a light fog over the distance, a small blur, a colour filter.
 
 use super::fall::PaperFall;
-use crate::effects::look::Grade;
+use crate::effects::look::ColorGrade;
 use wm_render::Frame;
 use wm_render::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use wm_render::simd::SimdPath;
@@ -24,7 +24,7 @@ const SHARP: f64 = 0.25;
 
 /// The steps of the paper's figure, `[H, W, 3]` each, display-referred: what lies between the clear picture and the last.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Stages {
+pub struct PaperStages {
     /// The noise scene alone, over black.
     pub noise: Vec<f32>,
     /// The noise scene laid over the picture as it is, by its coverage.
@@ -33,7 +33,7 @@ pub struct Stages {
     pub filtered: Vec<f32>,
 }
 
-impl Stages {
+impl PaperStages {
     /// Before any noise.
     pub fn begin(&mut self, picture: &Frame) {
         self.noise = vec![0.0; picture.rgb.len()];
@@ -44,7 +44,7 @@ impl Stages {
 
 /// How noise is masked and blended, in scene units.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Blend {
+pub struct PaperBlend {
     /// L_sky.
     pub sky: f64,
     /// t_min and t_max.
@@ -57,7 +57,7 @@ pub struct Blend {
     pub d_max: f64,
 }
 
-impl Blend {
+impl PaperBlend {
     /// f_l where the composite has the brightness `light`.
     #[must_use]
     pub fn factor(&self, light: f64) -> f64 {
@@ -86,7 +86,7 @@ fn brightness([r, g, b]: [f32; 3]) -> f64 {
 ///
 /// # Panics
 /// If an array is missing or of another size.
-pub fn add(blend: &Blend, picture: &mut Frame, noise: &Frame, mut stages: Option<&mut Stages>) {
+pub fn add(blend: &PaperBlend, picture: &mut Frame, noise: &Frame, mut stages: Option<&mut PaperStages>) {
     let pixels = picture.pixels();
     assert!(picture.depth.len() == pixels && noise.depth.len() == pixels && noise.rgb.len() == 3 * pixels);
     for i in 0..pixels {
@@ -120,7 +120,7 @@ pub fn add(blend: &Blend, picture: &mut Frame, noise: &Frame, mut stages: Option
 
 /// What follows the last sub-cloud: the fogs of all that falls, one blur as wide as all of theirs, the colour filter of the
 /// first, and `look`. The picture needs alpha and depth.
-pub fn finish(falls: &[PaperFall], look: Option<&Grade>, path: SimdPath, picture: &mut Frame) {
+pub fn finish(falls: &[PaperFall], look: Option<&ColorGrade>, path: SimdPath, picture: &mut Frame) {
     let fogs: Vec<&dyn PixelEffect> = falls.iter().map(|fall| &fall.fog as &dyn PixelEffect).collect();
     apply(&fogs, path, picture);
     blur(falls.iter().map(|fall| fall.blur.powi(2)).sum::<f64>().sqrt(), picture);

@@ -25,7 +25,7 @@
 mod cells;
 
 use crate::optics::Site;
-use crate::particles::random::Draws;
+use crate::particles::random::RandomSequence;
 use crate::threads::map;
 use cells::Cells;
 use glam::{DQuat, DVec3};
@@ -208,7 +208,9 @@ impl PaperCover {
 
     /// A random number of a place, the same whatever else there is.
     fn key(&self, at: [f32; 3]) -> u64 {
-        at.iter().fold(Draws::new(self.seed).bits(), |key, v| Draws::new(key ^ u64::from(v.to_bits())).bits())
+        at.iter().fold(RandomSequence::new(self.seed).bits(), |key, v| {
+            RandomSequence::new(key ^ u64::from(v.to_bits())).bits()
+        })
     }
 
     /// The plane about each seed, and points on it. `[seeds]`
@@ -238,7 +240,7 @@ impl PaperCover {
             let (x, y) = normal.any_orthonormal_pair();
             // The seed, laid onto the plane.
             let foot = -normal * above;
-            let mut draws = Draws::new(self.key(seeds[i].at));
+            let mut draws = RandomSequence::new(self.key(seeds[i].at));
             let count = (self.darts * (radius / spacing).powi(2)).ceil().clamp(0.0, MOST_DARTS) as usize;
             for _ in 0..count {
                 let out = radius * draws.uniform().sqrt();

@@ -17,11 +17,11 @@
 
 use super::fog::PaperFog;
 use crate::dome::{from_level, level_axes, to_level};
-use crate::effects::look::Grade;
+use crate::effects::look::ColorGrade;
 use crate::optics::Site;
-use crate::particles::Kind;
-use crate::particles::fall::Blow;
-use crate::particles::random::Draws;
+use crate::particles::fall::WindSample;
+use crate::particles::random::RandomSequence;
+use crate::particles::{ParticleShape, PrecipitationKind};
 use glam::{DQuat, DVec3};
 use std::f64::consts::{FRAC_PI_3, TAU};
 use wm_render::hooks::ParticleView;
@@ -43,7 +43,7 @@ const ARMS: usize = 3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct PaperFall {
     /// Drops or flakes.
-    pub kind: Kind,
+    pub kind: &'static PrecipitationKind,
     /// Which of the equally likely ones.
     pub seed: u64,
     /// How many there are in the box; a part of one is none.
@@ -79,16 +79,16 @@ pub struct PaperFall {
     /// Standard deviation of the last blur, px; 0 for none.
     pub blur: f64,
     /// The colour filter.
-    pub filter: Grade,
+    pub filter: ColorGrade,
 }
 
 /// Where it falls, and who sees it.
 #[derive(Clone, Copy, Debug)]
-pub struct Before<'a> {
+pub struct PaperFallContext<'a> {
     /// The place.
     pub site: &'a Site,
     /// The wind.
-    pub blow: Blow,
+    pub wind_now: WindSample,
     /// The camera.
     pub camera: &'a Camera,
     /// Its velocity, m/s, world axes.
@@ -97,7 +97,7 @@ pub struct Before<'a> {
 
 /// One drop or flake.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fallen {
+pub struct PaperParticle {
     /// Its number.
     pub index: u64,
     /// From the camera's centre, world axes, m.
@@ -112,24 +112,25 @@ impl PaperFall {
     /// t_D in metres before a camera.
     #[must_use]
     pub fn reach(&self, camera: &Camera) -> f64 {
-        let seen = match self.kind {
-            Kind::Rain => self.width,
-            Kind::Snow => self.length,
+        let seen = match self.kind.shape {
+            ParticleShape::Ball => self.width,
+            ParticleShape::Flake => self.length,
         };
         self.t_d.unwrap_or_else(|| f64::from(ParticleView::new(camera).pixels()) * seen / CUT)
     }
 
     /// The numbers of thing `index`.
-    fn draws(&self, index: u64) -> Draws {
-        let kind = if self.kind == Kind::Snow { 0x5110_9a9e } else { 0x4a11_9a9e };
-        let own = Draws::new(self.seed ^ kind << 20).bits() ^ index.wrapping_mul(0xd1b5_4a32_d192_ed03);
+    fn draws(&self, index: u64) -> RandomSequence {
+        let kind = self.kind.key | 0x9a9e;
+        let own =
+            RandomSequence::new(self.seed ^ kind << 20).bits() ^ index.wrapping_mul(0xd1b5_4a32_d192_ed03);
         // Twice, since sequences whose keys are near may run into each other.
-        Draws::new(Draws::new(own).bits())
+        RandomSequence::new(RandomSequence::new(own).bits())
     }
 
     /// What of it the camera may see, the nearest first; of equal depth by number.
     #[must_use]
-    pub fn noise(&self, before: &Before<'_>) -> Vec<Fallen> {
+    pub fn noise(&self, before: &PaperFallContext<'_>) -> Vec<PaperParticle> {
         let view = ParticleView::new(before.camera);
         let axes = level_axes(before.site.up);
         let metres = before.site.metres_per_unit;
@@ -139,7 +140,7 @@ impl PaperFall {
             let mut draws = self.draws(index);
             let home = [draws.uniform(), draws.uniform(), draws.uniform()].map(|v| v * self.edge);
             let factor = SPEEDS[0] + (SPEEDS[1] - SPEEDS[0]) * draws.uniform();
-            let come = [before.blow.drift[0], before.blow.drift[1], -factor * self.fallen];
+            let come = [before.wind_now.drift[0], before.wind_now.drift[1], -factor * self.fallen];
             let level: [f64; 3] = std::array::from_fn(|k| {
                 (home[k] + come[k] - center[k] + 0.5 * self.edge).rem_euclid(self.edge) - 0.5 * self.edge
             });
@@ -148,7 +149,7 @@ impl PaperFall {
             let units = offset.map(|v| (v / metres) as f32);
             let is_near = offset.iter().map(|v| v * v).sum::<f64>() <= 0.25 * self.edge * self.edge;
             if is_near && depth > NEAREST && view.may_see(units, (self.length / metres) as f32) {
-                seen.push(Fallen { index, offset, depth, speed: factor * self.speed });
+                seen.push(PaperParticle { index, offset, depth, speed: factor * self.speed });
             }
         }
         seen.sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.index.cmp(&b.index)));
@@ -157,19 +158,19 @@ impl PaperFall {
 
     /// The sub-clouds, the farthest first: slices of depth of as many things each, none of them empty.
     #[must_use]
-    pub fn sub_clouds(&self, before: &Before<'_>) -> Vec<Splats> {
+    pub fn sub_clouds(&self, before: &PaperFallContext<'_>) -> Vec<Splats> {
         let noise = self.noise(before);
         let most = noise.len().div_ceil(self.layers.max(1)).max(1);
         noise.chunks(most).rev().map(|slice| self.splats(slice, before)).collect()
     }
 
     /// Things as Gaussians.
-    fn splats(&self, things: &[Fallen], before: &Before<'_>) -> Splats {
-        let each = if self.kind == Kind::Snow { ARMS } else { 1 };
+    fn splats(&self, things: &[PaperParticle], before: &PaperFallContext<'_>) -> Splats {
+        let each = if self.kind.shape == ParticleShape::Flake { ARMS } else { 1 };
         let mut splats = Splats::with_capacity(each * things.len(), 0);
         let metres = before.site.metres_per_unit;
         let [x, y, up] = level_axes(before.site.up).map(DVec3::from_array);
-        let [wind_x, wind_y] = before.blow.wind;
+        let [wind_x, wind_y] = before.wind_now.wind;
         let air = x * wind_x + y * wind_y - DVec3::from_array(before.velocity);
         let center = before.camera.center();
         let size = [self.length, self.width, self.width].map(|v| (SIGMA * v / metres).ln() as f32);
@@ -185,13 +186,13 @@ impl PaperFall {
                     group: Group::Scene,
                 });
             };
-            match self.kind {
-                Kind::Rain => {
+            match self.kind.shape {
+                ParticleShape::Ball => {
                     // Down, where it stands still before the camera.
                     let way = (air - up * thing.speed).try_normalize().unwrap_or(-up);
                     add(DQuat::from_rotation_arc(DVec3::X, way));
                 }
-                Kind::Snow => {
+                ParticleShape::Flake => {
                     let turn = any_turn(&mut self.draws(thing.index ^ 1 << 63));
                     (0..ARMS).for_each(|arm| add(turn * DQuat::from_rotation_z(FRAC_PI_3 * arm as f64)));
                 }
@@ -202,7 +203,7 @@ impl PaperFall {
 }
 
 /// A rotation, all equally likely (Shoemake 1992).
-fn any_turn(draws: &mut Draws) -> DQuat {
+fn any_turn(draws: &mut RandomSequence) -> DQuat {
     let share = draws.uniform();
     let [(a, b), (c, d)] = [(TAU * draws.uniform()).sin_cos(), (TAU * draws.uniform()).sin_cos()];
     let (near, far) = ((1.0 - share).sqrt(), share.sqrt());

@@ -16,7 +16,7 @@ pub mod cover;
 pub mod fall;
 pub mod fog;
 
-pub use composite::Stages;
+pub use composite::PaperStages;
 pub use cover::PaperCover;
 pub use fall::PaperFall;
 pub use fog::PaperFog;

@@ -5,11 +5,11 @@
 //! the frame. A drop hides a pixel for a part of the exposure: its Gaussian is as long as its way in it
 //! (`V T`, as a standard deviation over sqrt 12), and covers its area in all.
 
-use super::field::{Cells, Cone, Points};
+use super::field::{Cells, Points, ViewFrustum};
 use super::precipitation::{CUT, Precipitation};
-use super::random::{Draws, uniform};
+use super::random::{RandomSequence, uniform};
 use super::residual::{FADE, NEAREST};
-use super::spectrum::Kind;
+use super::spectrum::ParticleShape;
 use super::sway::{self, Sway};
 use crate::dome::{from_level, level_axes, to_level};
 use crate::optics::{AirView, Atmosphere, Site};
@@ -28,8 +28,6 @@ const ARMS: f64 = 4.0;
 const SOFT: f64 = 0.1;
 /// Share of the airlight that surroundings shine with: half of them sky, half ground of half its light.
 const SURROUNDINGS: f64 = 0.75;
-/// Share of its light that a flake throws back.
-const FLAKE: f64 = 0.95;
 /// Standard deviation of a disc and of a line of length 1.
 const DISC: f64 = 0.25;
 const LINE: f64 = 0.288_675_134_594_812_9;
@@ -39,14 +37,14 @@ const ARM: f64 = 0.1;
 const SLICES: i64 = 6;
 
 /// Precipitation before a camera.
-pub struct Fall<'a> {
+pub struct FallingParticles<'a> {
     precipitation: &'a Precipitation,
     air: &'a Atmosphere,
     shelter: Option<&'a Shelter>,
     /// Level axes: two level, and up.
     axes: [[f64; 3]; 3],
     metres_per_unit: f64,
-    blow: Blow,
+    wind_now: WindSample,
     /// The camera's velocity, m/s along the level axes and up.
     camera: [f64; 3],
     time: f64,
@@ -55,7 +53,7 @@ pub struct Fall<'a> {
 
 /// The wind at an instant: how far the air has come since time 0, and how fast it goes, m and m/s along level axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Blow {
+pub struct WindSample {
     /// m.
     pub drift: [f64; 2],
     /// m/s.
@@ -64,7 +62,7 @@ pub struct Blow {
     pub mean: [f64; 2],
 }
 
-impl<'a> Fall<'a> {
+impl<'a> FallingParticles<'a> {
     /// At the instant `time`, s, before a camera that moves with `velocity` (m/s, world axes).
     #[must_use]
     pub fn new(
@@ -72,12 +70,12 @@ impl<'a> Fall<'a> {
         site: &Site,
         air: &'a Atmosphere,
         shelter: Option<&'a Shelter>,
-        (blow, velocity): (Blow, [f64; 3]),
+        (wind_now, velocity): (WindSample, [f64; 3]),
         time: f64,
     ) -> Self {
         let axes = level_axes(site.up);
         let natural = || {
-            let share = if precipitation.kind == Kind::Snow { SURROUNDINGS * FLAKE } else { SURROUNDINGS };
+            let share = SURROUNDINGS * precipitation.kind.reflectance;
             precipitation.airlight.map(|v| v * share)
         };
         let radiance = precipitation.look.radiance.unwrap_or_else(natural);
@@ -86,7 +84,7 @@ impl<'a> Fall<'a> {
             air,
             shelter,
             metres_per_unit: site.metres_per_unit,
-            blow,
+            wind_now,
             camera: to_level(&axes, velocity),
             axes,
             time,
@@ -96,9 +94,8 @@ impl<'a> Fall<'a> {
 
     /// A tier of a class.
     fn cells(&self, class: usize, tier: usize) -> Cells {
-        let kind = if self.precipitation.kind == Kind::Snow { 0x5110_0000 } else { 0x4a11_0000 };
         let own = (class as u64) << 40 ^ (tier as u64) << 52;
-        let mut draws = Draws::new(self.precipitation.look.seed ^ kind ^ own);
+        let mut draws = RandomSequence::new(self.precipitation.look.seed ^ self.precipitation.kind.key ^ own);
         Cells::new(
             draws.bits() as u32,
             self.precipitation.reference[class],
@@ -110,29 +107,29 @@ impl<'a> Fall<'a> {
     fn density(&self, class: usize, view: &ParticleView) -> Density {
         let this = self.precipitation;
         let range = this.range(&this.classes[class], f64::from(view.pixels()));
-        let merge = match this.kind {
-            Kind::Rain => f64::INFINITY,
-            Kind::Snow => range * CUT / MERGE,
+        let merge = match this.kind.shape {
+            ParticleShape::Ball => f64::INFINITY,
+            ParticleShape::Flake => range * CUT / MERGE,
         };
         Density { share: this.numbers[class] / this.reference[class], range, merge }
     }
 
     /// What of a class a view may see up to a range, m.
-    fn cone(&self, class: usize, view: &ParticleView, range: f64) -> Cone {
+    fn cone(&self, class: usize, view: &ParticleView, range: f64) -> ViewFrustum {
         let kind = &self.precipitation.classes[class];
         let level = to_level(&self.axes, view.center.map(|v| v * self.metres_per_unit));
-        let [x, y] = self.blow.drift;
+        let [x, y] = self.wind_now.drift;
         let come = [x, y, -kind.fall_speed * self.time];
         let speed = self.relative(kind.fall_speed).iter().map(|v| v * v).sum::<f64>().sqrt();
-        let sway = match self.precipitation.kind {
-            Kind::Rain => 0.0,
-            Kind::Snow => sway::farthest(),
+        let sway = match self.precipitation.kind.shape {
+            ParticleShape::Ball => 0.0,
+            ParticleShape::Flake => sway::farthest(),
         };
         // As far as its Gaussian reaches: three standard deviations of a streak are less than its length.
         let margin =
             speed * self.precipitation.look.exposure + 3.0 * kind.width * self.precipitation.look.size + sway;
-        Cone {
-            planes: Cone::planes(view, &self.axes),
+        ViewFrustum {
+            planes: ViewFrustum::planes(view, &self.axes),
             center: std::array::from_fn(|k| level[k] - come[k]),
             range,
             margin,
@@ -141,12 +138,12 @@ impl<'a> Fall<'a> {
 
     /// Velocity of what falls at `speed` as the camera sees it, level axes, m/s.
     fn relative(&self, speed: f64) -> [f64; 3] {
-        let [x, y] = self.blow.wind;
+        let [x, y] = self.wind_now.wind;
         [x - self.camera[0], y - self.camera[1], -speed - self.camera[2]]
     }
 }
 
-impl Particles for Fall<'_> {
+impl Particles for FallingParticles<'_> {
     fn parts(&self, view: &ParticleView) -> Vec<[i32; 4]> {
         let mut parts = Vec::new();
         for class in 0..self.precipitation.classes.len() {
@@ -182,7 +179,7 @@ impl Particles for Fall<'_> {
     }
 }
 
-impl Fall<'_> {
+impl FallingParticles<'_> {
     #[inline(always)]
     fn gather_in<S: Lanes>(
         &self,
@@ -310,7 +307,7 @@ fn turned<S: Lanes>(simd: S, row: [f32; 3], vectors: &[[f32; GROUP]; 3], first: 
 
 /// Draws the drops of one class.
 struct Brush<'a> {
-    fall: &'a Fall<'a>,
+    fall: &'a FallingParticles<'a>,
     view: &'a ParticleView,
     air: AirView<'a>,
     class: usize,
@@ -331,9 +328,9 @@ struct Brush<'a> {
 
 impl<'a> Brush<'a> {
     fn new(
-        fall: &'a Fall<'a>,
+        fall: &'a FallingParticles<'a>,
         view: &'a ParticleView,
-        (class, density, cone): (usize, Density, &Cone),
+        (class, density, cone): (usize, Density, &ViewFrustum),
         take: &'a mut dyn FnMut(&ParticleGroup),
     ) -> Self {
         let this = fall.precipitation;
@@ -352,7 +349,7 @@ impl<'a> Brush<'a> {
             planes: cone.planes.map(|plane| plane.map(|v| v as f32)),
             margin: cone.margin as f32,
             air: fall.air.seen_from(view.center.map(|v| v as f32)),
-            sway: (this.kind == Kind::Snow).then(|| Sway::new(fall.time)),
+            sway: (this.kind.shape == ParticleShape::Flake).then(|| Sway::new(fall.time)),
             relative: fall.relative(this.classes[class].fall_speed).map(|v| v as f32),
             units: fall.axes.map(|axis| axis.map(|v| (v / fall.metres_per_unit) as f32)),
             fall,
@@ -371,7 +368,7 @@ impl<'a> Brush<'a> {
         &mut self,
         simd: S,
         (cells, cell, corner): (&Cells, [i64; 3], [f64; 3]),
-        phases: Option<&sway::Phases>,
+        phases: Option<&sway::SwayPhases>,
         points: &Points,
     ) {
         let edge = cells.edge as f32;
@@ -469,7 +466,7 @@ impl<'a> Brush<'a> {
                 }
             }
         }
-        if this.kind == Kind::Snow {
+        if this.kind.shape == ParticleShape::Flake {
             for lane in 0..self.count {
                 let width = f64::from(self.batch.width[lane]) * look.size;
                 if width * f64::from(view.pixels()) >= ARMS * f64::from(self.batch.distance[lane]) {
@@ -494,7 +491,7 @@ impl<'a> Brush<'a> {
             rgb: group.rgb.map(|channel| channel[lane]),
         };
         group.area[lane] = 0.0;
-        let (time, mut draws) = (self.fall.time, Draws::new(u64::from(self.batch.own[lane])));
+        let (time, mut draws) = (self.fall.time, RandomSequence::new(u64::from(self.batch.own[lane])));
         let (tilt, turn) = (draws.uniform(), TAU * (draws.uniform() + (draws.uniform() - 0.5) * time));
         let (z, spin) = (2.0 * tilt - 1.0, TAU * (draws.uniform() + (draws.uniform() - 0.5) * time));
         let r = (1.0 - z * z).max(0.0).sqrt();

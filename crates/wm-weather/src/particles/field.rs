@@ -116,7 +116,7 @@ impl Points {
 
 /// What a camera sees up to a distance, in level axes and metres from its centre.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cone {
+pub struct ViewFrustum {
     /// Normals of planes through the camera, into the view, length 1: its four sides and the one that it looks along.
     pub planes: [[f64; 3]; 5],
     /// The camera's centre, m, where the process stands still.
@@ -127,7 +127,7 @@ pub struct Cone {
     pub margin: f64,
 }
 
-impl Cone {
+impl ViewFrustum {
     /// The planes of a view; `axes` are the level ones, world axes.
     #[must_use]
     pub fn planes(view: &ParticleView, axes: &[[f64; 3]; 3]) -> [[f64; 3]; 5] {
@@ -245,8 +245,8 @@ mod tests {
             let camera = Camera::looking((90, 60), 55.0, eye, eye + towards, DVec3::Z).unwrap();
             let view = ParticleView::new(&camera);
             let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-            let cone = Cone {
-                planes: Cone::planes(&view, &axes),
+            let cone = ViewFrustum {
+                planes: ViewFrustum::planes(&view, &axes),
                 center: [123.4, -56.7, 8.9],
                 range: 6.0,
                 margin: 0.05,

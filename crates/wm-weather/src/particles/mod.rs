@@ -31,7 +31,7 @@ pub mod residual;
 pub mod spectrum;
 pub mod sway;
 
-pub use fall::Fall;
-pub use precipitation::{Look, Precipitation};
+pub use fall::FallingParticles;
+pub use precipitation::{ParticleAppearance, Precipitation};
 pub use residual::Residual;
-pub use spectrum::{Class, Kind};
+pub use spectrum::{ClassSpacing, ParticleShape, PrecipitationKind, RAIN, SNOW, SizeClass};

@@ -1,7 +1,7 @@
 //! One kind of precipitation at one instant: how much of which sizes, and how it looks.
 
 use super::residual::Residual;
-use super::spectrum::{Class, Kind};
+use super::spectrum::{PrecipitationKind, SizeClass};
 use crate::optics::Layer;
 
 /// Width at which drops end, px.
@@ -9,7 +9,7 @@ pub(super) const CUT: f64 = 0.3;
 
 /// How precipitation looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
+pub struct ParticleAppearance {
     /// Which of the equally likely falls.
     pub seed: u64,
     /// How long the shutter is open, s.
@@ -24,7 +24,7 @@ pub struct Look {
     pub radiance: Option<[f64; 3]>,
 }
 
-impl Default for Look {
+impl Default for ParticleAppearance {
     /// As in nature, in a video's exposure.
     fn default() -> Self {
         Self { seed: 0, exposure: 1.0 / 60.0, size: 1.0, opacity: 1.0, brightness: 1.0, radiance: None }
@@ -35,14 +35,14 @@ impl Default for Look {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Precipitation {
     /// What falls.
-    pub kind: Kind,
+    pub kind: &'static PrecipitationKind,
     /// Water, mm/h.
     pub rate: f64,
     /// How it looks.
-    pub look: Look,
+    pub look: ParticleAppearance,
     /// Radiance of an endless path through it, linear RGB.
     pub airlight: [f64; 3],
-    pub(super) classes: Vec<Class>,
+    pub(super) classes: Vec<SizeClass>,
     /// Drops a m^3 now, and at a threshold of 1.
     pub(super) numbers: Vec<f64>,
     pub(super) reference: Vec<f64>,
@@ -51,7 +51,12 @@ pub struct Precipitation {
 impl Precipitation {
     /// A kind at a rate, mm/h of water, under an airlight (linear RGB).
     #[must_use]
-    pub fn new(kind: Kind, rate: f64, airlight: [f64; 3], look: Look) -> Self {
+    pub fn new(
+        kind: &'static PrecipitationKind,
+        rate: f64,
+        airlight: [f64; 3],
+        look: ParticleAppearance,
+    ) -> Self {
         let classes = kind.classes();
         Self {
             kind,
@@ -65,7 +70,7 @@ impl Precipitation {
     }
 
     /// The classes, with the drops a m^3 of each.
-    pub fn classes(&self) -> impl Iterator<Item = (&Class, f64)> {
+    pub fn classes(&self) -> impl Iterator<Item = (&SizeClass, f64)> {
         self.classes.iter().zip(self.numbers.iter().copied())
     }
 
@@ -89,13 +94,13 @@ impl Precipitation {
     /// Mean fall speed by water, m/s; not a number where nothing falls.
     #[must_use]
     pub fn mean_speed(&self) -> f64 {
-        let water = |(class, number): (&Class, f64)| class.water * number;
+        let water = |(class, number): (&SizeClass, f64)| class.water * number;
         let all: f64 = self.classes().map(water).sum();
         self.classes().map(|pair| pair.0.fall_speed * water(pair)).sum::<f64>() / all
     }
 
     /// Up to where a class is drawn in a view, m.
-    pub(super) fn range(&self, class: &Class, pixels: f64) -> f64 {
+    pub(super) fn range(&self, class: &SizeClass, pixels: f64) -> f64 {
         class.width * self.look.size * pixels / CUT
     }
 

@@ -4,7 +4,7 @@ use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::simd::Lanes;
 use wm_scene::random::PCG;
 
-pub use wm_scene::random::RandomSequence as Draws;
+pub use wm_scene::random::RandomSequence;
 
 /// [`wm_scene::random::pcg4d`] on every lane.
 #[inline(always)]

@@ -10,25 +10,114 @@ use fearless_simd::SimdFloat;
 use std::f64::consts::PI;
 use wm_render::simd::Lanes;
 
-/// What falls.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// Drops.
-    Rain,
-    /// Flakes.
-    Snow,
+/// The laws of one kind of precipitation: its sizes, its fall speeds and the shape of its particles.
+///
+/// An effect that falls names its kind ([`crate::Effect::precipitation`]); the renderer and the instruments read these
+/// fields and know no kind by name.
+#[derive(Clone, Copy, Debug)]
+pub struct PrecipitationKind {
+    /// The word for it in reports, as in "rain rate". No two kinds share it.
+    pub name: &'static str,
+    /// The part of its own in the keys of random numbers.
+    pub key: u64,
+    /// Smallest and largest diameter, mm, of the particle when melted.
+    pub diameters: [f64; 2],
+    /// How diameters are divided into classes.
+    pub spacing: ClassSpacing,
+    /// Number of classes: so many that speeds within one differ by some percent.
+    pub classes: usize,
+    /// How numbers fall with diameter within a class, 1/mm.
+    pub class_slope: f64,
+    /// Rate, mm/h, at which the process of thresholds has density 1: any would do, most rates are near it.
+    pub reference_rate: f64,
+    /// Thresholds at which the lower tiers begin ([`Self::tier`]).
+    pub tiers: &'static [f64],
+    /// Diameter as it is seen, mm, by that when melted, mm.
+    pub width: fn(f64) -> f64,
+    /// Fall speed in still air, m/s, by the diameter when melted, mm.
+    pub speed: fn(f64) -> f64,
+    /// `N0`, 1/(m^3 mm), and the slope, 1/mm, of the exponential spectrum over the diameter when melted, by the rate,
+    /// mm/h.
+    pub spectrum: fn(f64) -> [f64; 2],
+    /// Extinction, 1/m, by the rate, mm/h; `None` for twice the cross-section of all particles.
+    pub extinction: Option<fn(f64) -> f64>,
+    /// How particles look and move.
+    pub shape: ParticleShape,
+    /// Light that a particle sends on, as a share of what its surroundings send it.
+    pub reflectance: f64,
 }
 
-/// Rate at which the process of thresholds has density 1: any would do, most rates are near it.
-const REFERENCE_RAIN: f64 = 25.0;
-const REFERENCE_SNOW: f64 = 2.5;
+impl PartialEq for PrecipitationKind {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+/// How a range of diameters is divided into classes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClassSpacing {
+    /// Classes of equal width.
+    Even,
+    /// Classes whose bounds are powers of one factor.
+    Geometric,
+}
+
+/// How particles of one kind look and move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ParticleShape {
+    /// Balls that fall straight: drops and hailstones.
+    Ball,
+    /// Flakes of three arms that sway and tumble. Where they are narrower than 1.25 px, fewer and wider ones are drawn.
+    Flake,
+}
+
+/// Raindrops: Marshall and Palmer's sizes, Brandes' speeds.
+pub const RAIN: PrecipitationKind = PrecipitationKind {
+    name: "rain",
+    key: 0x4a11_0000,
+    diameters: [0.5, 6.0],
+    spacing: ClassSpacing::Even,
+    classes: 48,
+    class_slope: TYPICAL_SLOPE,
+    reference_rate: 25.0,
+    tiers: &[0.0, 0.1],
+    width: |d| d,
+    speed: |d| -0.1021 + d * (4.932 + d * (-0.9551 + d * (0.07934 - d * 0.002362))),
+    spectrum: |rate| [8000.0, 4.1 * rate.powf(-0.21)],
+    extinction: Some(|rate| 0.365e-3 * rate.max(0.0).powf(0.63)),
+    shape: ParticleShape::Ball,
+    reflectance: 1.0,
+};
+
+/// Snowflakes: Sekhon and Srivastava's sizes.
+pub const SNOW: PrecipitationKind = PrecipitationKind {
+    name: "snow",
+    key: 0x5110_0000,
+    diameters: [0.2, 4.0],
+    spacing: ClassSpacing::Geometric,
+    classes: 24,
+    class_slope: TYPICAL_SLOPE,
+    reference_rate: 2.5,
+    tiers: &[0.0, 0.025, 0.1, 0.4],
+    width: flake_width,
+    speed: |d| 0.8 * flake_width(d).powf(0.16),
+    spectrum: |rate| [2500.0 * rate.powf(-0.94), 2.29 * rate.powf(-0.45)],
+    extinction: None,
+    shape: ParticleShape::Flake,
+    reflectance: 0.95,
+};
+
+/// Width of a flake, mm, by its diameter when melted, mm: its mass is that of the drop, 0.178 D^(3 - 0.922) = d^3.
+fn flake_width(d: f64) -> f64 {
+    (d.powi(3) / 0.178).powf(1.0 / 2.078)
+}
 
 /// How numbers fall with diameter within a class, 1/mm: between those of light and of heavy rain.
 const TYPICAL_SLOPE: f64 = 2.4;
 
 /// Drops of about one size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Class {
+pub struct SizeClass {
     /// Least and greatest diameter, mm; of flakes when melted.
     pub diameters: [f64; 2],
     /// How fast they fall in still air, m/s.
@@ -45,7 +134,7 @@ pub struct Class {
     falls: f64,
 }
 
-impl Class {
+impl SizeClass {
     /// The diameter, mm, of the drop with this share of the class below it.
     #[inline]
     #[must_use]
@@ -76,80 +165,50 @@ impl Class {
     }
 }
 
-impl Kind {
-    /// Range of diameters, mm; of flakes when melted.
-    #[must_use]
-    pub fn range(self) -> [f64; 2] {
-        match self {
-            Self::Rain => [0.5, 6.0],
-            Self::Snow => [0.2, 4.0],
-        }
-    }
-
-    /// Classes: so many that speeds within one differ by some percent.
-    #[must_use]
-    pub fn count(self) -> usize {
-        match self {
-            Self::Rain => 48,
-            Self::Snow => 24,
-        }
-    }
-
+impl PrecipitationKind {
     /// Thresholds of tier `index`, from and up to. Each tier is a process of its own, in cubes of its own size, so that
     /// where few are there few are asked for: of rain when it is light, of snow also when it is far away, since fewer
     /// flakes then stand for all.
     #[must_use]
-    pub fn tier(self, index: usize) -> [f64; 2] {
-        let below: &[f64] = match self {
-            Self::Rain => &[0.0, 0.1],
-            Self::Snow => &[0.0, 0.025, 0.1, 0.4],
-        };
+    pub fn tier(&self, index: usize) -> [f64; 2] {
+        let below = self.tiers;
         // More than most rates ask for, and from there on by factors of 2.
         let above = |index: usize| 1.5 * 2f64.powi((index - below.len()) as i32);
         [index, index + 1].map(|index| below.get(index).copied().unwrap_or_else(|| above(index)))
     }
 
-    /// The diameter that is seen, mm, of one of diameter `d` mm (when melted).
+    /// The diameter that is seen, mm, of a particle of diameter `d` mm when melted.
     #[must_use]
-    pub fn seen(self, d: f64) -> f64 {
-        match self {
-            Self::Rain => d,
-            // Its mass is that of the drop: 0.178 D^(3 - 0.922) = d^3.
-            Self::Snow => (d.powi(3) / 0.178).powf(1.0 / 2.078),
-        }
+    pub fn seen(&self, d: f64) -> f64 {
+        (self.width)(d)
     }
 
-    /// Fall speed in still air, m/s, of one of diameter `d` mm (when melted).
+    /// Fall speed in still air, m/s, of a particle of diameter `d` mm when melted.
     #[must_use]
-    pub fn fall_speed(self, d: f64) -> f64 {
-        match self {
-            Self::Rain => -0.1021 + d * (4.932 + d * (-0.9551 + d * (0.07934 - d * 0.002362))),
-            Self::Snow => 0.8 * self.seen(d).powf(0.16),
-        }
+    pub fn fall_speed(&self, d: f64) -> f64 {
+        (self.speed)(d)
     }
 
     /// The classes, by diameter.
     #[must_use]
-    pub fn classes(self) -> Vec<Class> {
-        let [least, greatest] = self.range();
-        // Equally wide for rain; for snow, whose flakes grow faster than their water, by powers.
-        let count = self.count();
+    pub fn classes(&self) -> Vec<SizeClass> {
+        let ([least, greatest], count) = (self.diameters, self.classes);
         let edge = |i: usize| {
             let share = i as f64 / count as f64;
-            match self {
-                Self::Rain => least + (greatest - least) * share,
-                Self::Snow => least * (greatest / least).powf(share),
+            match self.spacing {
+                ClassSpacing::Even => least + (greatest - least) * share,
+                ClassSpacing::Geometric => least * (greatest / least).powf(share),
             }
         };
         let class = |i: usize| {
             let diameters = [edge(i), edge(i + 1)];
             let middle = 0.5 * (diameters[0] + diameters[1]);
-            let mut class = Class {
+            let mut class = SizeClass {
                 diameters,
                 fall_speed: self.fall_speed(middle),
                 water: 0.0,
                 area: 0.0,
-                falls: 0.5 * TYPICAL_SLOPE * (diameters[1] - diameters[0]),
+                falls: 0.5 * self.class_slope * (diameters[1] - diameters[0]),
                 width: 1e-3 * self.seen(middle),
                 widths: diameters.map(|d| 1e-3 * self.seen(d)),
             };
@@ -164,15 +223,12 @@ impl Kind {
 
     /// Drops a m^3 of each of `classes` at `rate` mm/h of water: exactly that falls.
     #[must_use]
-    pub fn densities(self, classes: &[Class], rate: f64) -> Vec<f64> {
+    pub fn densities(&self, classes: &[SizeClass], rate: f64) -> Vec<f64> {
         if rate <= 0.0 {
             return vec![0.0; classes.len()];
         }
-        let (most, slope) = match self {
-            Self::Rain => (8000.0, 4.1 * rate.powf(-0.21)),
-            Self::Snow => (2500.0 * rate.powf(-0.94), 2.29 * rate.powf(-0.45)),
-        };
-        let number = |class: &Class| {
+        let [most, slope] = (self.spectrum)(rate);
+        let number = |class: &SizeClass| {
             let [low, high] = class.diameters;
             most / slope * ((-slope * low).exp() - (-slope * high).exp())
         };
@@ -183,20 +239,17 @@ impl Kind {
 
     /// Drops a m^3 of each of `classes` up to a threshold of 1.
     #[must_use]
-    pub fn reference(self, classes: &[Class]) -> Vec<f64> {
-        match self {
-            Self::Rain => self.densities(classes, REFERENCE_RAIN),
-            Self::Snow => self.densities(classes, REFERENCE_SNOW),
-        }
+    pub fn reference(&self, classes: &[SizeClass]) -> Vec<f64> {
+        self.densities(classes, self.reference_rate)
     }
 
     /// Extinction at `rate` mm/h, 1/m: twice the cross-section of all of them, as for all that is larger than light's
     /// waves. Of rain `0.365e-3 R^0.63`, the same sum over Marshall and Palmer's law with its smaller drops; of snow the
     /// sum over `classes`.
     #[must_use]
-    pub fn sigma_t(self, classes: &[Class], rate: f64) -> f64 {
-        if self == Self::Rain {
-            return 0.365e-3 * rate.max(0.0).powf(0.63);
+    pub fn sigma_t(&self, classes: &[SizeClass], rate: f64) -> f64 {
+        if let Some(extinction) = self.extinction {
+            return extinction(rate);
         }
         2.0 * classes.iter().zip(self.densities(classes, rate)).map(|(class, n)| n * class.area).sum::<f64>()
     }
@@ -204,7 +257,7 @@ impl Kind {
 
 /// What falls through a level plane, mm/h, with `numbers` a m^3 of each class.
 #[must_use]
-pub fn flux(classes: &[Class], numbers: &[f64]) -> f64 {
+pub fn flux(classes: &[SizeClass], numbers: &[f64]) -> f64 {
     // mm^3 a m^2 and second are 1e-6 mm/s.
     3.6e-3 * classes.iter().zip(numbers).map(|(class, n)| n * class.fall_speed * class.water).sum::<f64>()
 }
@@ -217,18 +270,18 @@ mod tests {
     fn rain_falls_as_it_was_measured() {
         // Gunn and Kinzer 1949, mm and m/s.
         for (d, speed) in [(0.5, 2.06), (1.0, 4.03), (2.0, 6.49), (3.0, 8.06), (4.0, 8.83), (5.0, 9.09)] {
-            assert!((Kind::Rain.fall_speed(d) / speed - 1.0).abs() < 0.05, "{d}");
+            assert!((RAIN.fall_speed(d) / speed - 1.0).abs() < 0.05, "{d}");
         }
-        let classes = Kind::Rain.classes();
+        let classes = RAIN.classes();
         assert!(classes.windows(2).all(|pair| pair[0].diameters[1] == pair[1].diameters[0]));
         for (rate, number, law) in [(1.0, 251.0, 0.365), (10.0, 894.0, 1.56), (50.0, 1801.0, 4.29)] {
-            let numbers = Kind::Rain.densities(&classes, rate);
+            let numbers = RAIN.densities(&classes, rate);
             assert!((flux(&classes, &numbers) / rate - 1.0).abs() < 1e-12);
             // Marshall and Palmer's own numbers, before they are scaled.
             let count = numbers.iter().sum::<f64>();
             println!("{rate} mm/h: {count:.0} drops a m^3 for {number}");
             assert!((count / number - 1.0).abs() < 0.25, "{rate}: {count}");
-            let sigma = 1e3 * Kind::Rain.sigma_t(&classes, rate);
+            let sigma = 1e3 * RAIN.sigma_t(&classes, rate);
             assert!((sigma / law - 1.0).abs() < 0.01, "{rate}: {sigma} a km");
             // Those that may be drawn hide less than half of it.
             let drawn: f64 = classes.iter().zip(&numbers).map(|(class, n)| 1e3 * n * class.area).sum();
@@ -238,17 +291,17 @@ mod tests {
 
     #[test]
     fn snow_falls_slowly_and_dims_more() {
-        let classes = Kind::Snow.classes();
+        let classes = SNOW.classes();
         for (rate, dims) in [(1.0, 4.3), (2.5, 9.0), (5.0, 15.8)] {
-            let numbers = Kind::Snow.densities(&classes, rate);
+            let numbers = SNOW.densities(&classes, rate);
             assert!((flux(&classes, &numbers) / rate - 1.0).abs() < 1e-12);
             let mean = classes.iter().zip(&numbers).map(|(c, n)| c.fall_speed * n).sum::<f64>()
                 / numbers.iter().sum::<f64>();
             assert!((0.7..1.2).contains(&mean), "{mean} m/s");
-            println!("{rate} mm/h: {:.2} a km for {dims}", 1e3 * Kind::Snow.sigma_t(&classes, rate));
-            let sigma = 1e3 * Kind::Snow.sigma_t(&classes, rate);
+            println!("{rate} mm/h: {:.2} a km for {dims}", 1e3 * SNOW.sigma_t(&classes, rate));
+            let sigma = 1e3 * SNOW.sigma_t(&classes, rate);
             assert!((sigma / dims - 1.0).abs() < 0.35, "{rate}: {sigma} a km");
         }
-        assert!(Kind::Snow.densities(&classes, 0.0).iter().all(|n| *n == 0.0));
+        assert!(SNOW.densities(&classes, 0.0).iter().all(|n| *n == 0.0));
     }
 }

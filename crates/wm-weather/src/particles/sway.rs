@@ -47,7 +47,7 @@ pub fn farthest() -> f64 {
 }
 
 /// Where in their turns the waves are at a place, 0-1.
-pub type Phases = [f32; EDDIES.len()];
+pub type SwayPhases = [f32; EDDIES.len()];
 
 /// Swaying at one instant of all flakes that fall alike.
 pub struct Sway {
@@ -66,7 +66,7 @@ impl Sway {
 
     /// Where in their turns the waves are at `at`, m, in the flakes' own axes that do not move, 0-1.
     #[must_use]
-    pub fn phases(&self, at: &[f64; 3]) -> Phases {
+    pub fn phases(&self, at: &[f64; 3]) -> SwayPhases {
         std::array::from_fn(|k| {
             let Eddy { length, period, from: [x, y], .. } = EDDIES[k];
             let turns = (at[0] * x + at[1] * y + RISE * at[2]) / length + self.time / period;
@@ -80,7 +80,7 @@ impl Sway {
     pub fn apply<S: Lanes>(
         &self,
         simd: S,
-        (phases, from): (&Phases, &[S::F; 3]),
+        (phases, from): (&SwayPhases, &[S::F; 3]),
         own: [S::U; 2],
         at: &mut [S::F; 3],
         velocity: &mut [S::F; 3],
@@ -125,7 +125,7 @@ fn whole_turns(turns: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::random::Draws;
+    use crate::particles::random::RandomSequence;
     use wm_render::dispatch;
     use wm_render::simd::SimdPath;
 
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn flakes_go_where_their_velocity_says() {
-        let mut draws = Draws::new(1);
+        let mut draws = RandomSequence::new(1);
         let (mut most, mut farthest_seen) = (0.0f64, 0.0f64);
         for path in SimdPath::available() {
             for _ in 0..2000 {
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn flakes_do_not_crowd() {
-        let (mut draws, path) = (Draws::new(2), SimdPath::available()[0]);
+        let (mut draws, path) = (RandomSequence::new(2), SimdPath::available()[0]);
         let own = [draws.bits() as u32, draws.bits() as u32];
         let (sway, step, count) = (Sway::new(3.0), 0.02, 2000);
         let mut squares = 0.0;

@@ -2,13 +2,14 @@
 
 use super::occluders::count as thread_count;
 use super::{Grid, Occluders, cast, dot};
+use serde::{Deserialize, Serialize};
 
 /// A surface is where less of what comes from above is left: near the top of leaves and of what is not quite dense.
 const TOP: f32 = 0.75;
 
 /// Surfaces straight below each other on a level grid, the uppermost first.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layers {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeightLayers {
     grid: Grid,
     metres_per_unit: f64,
     /// Heights of each layer from the middle of the scene, m, `[rows, columns]`; negative infinity where there is none.
@@ -21,7 +22,7 @@ impl Occluders {
     /// The first `count` surfaces from above, each at least `gap` m and `cells` of the grid below the one
     /// before.
     #[must_use]
-    pub fn layers(&self, count: usize, gap: f64, cells: f64, threads: Option<usize>) -> Layers {
+    pub fn layers(&self, count: usize, gap: f64, cells: f64, threads: Option<usize>) -> HeightLayers {
         let threads = thread_count(threads);
         let grid = Grid { stopped: TOP, ..self.grid(self.up.map(|v| -v)) };
         let footprints = cast::project(&self.all, &grid, threads);
@@ -38,11 +39,11 @@ impl Occluders {
             sources.push(splats.clone());
             heights.push(stops.iter().map(|stop| -stop * self.metres_per_unit as f32).collect());
         }
-        Layers { grid, metres_per_unit: self.metres_per_unit, heights, splats: sources }
+        HeightLayers { grid, metres_per_unit: self.metres_per_unit, heights, splats: sources }
     }
 }
 
-impl Layers {
+impl HeightLayers {
     /// Columns and rows.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {

@@ -36,9 +36,10 @@ mod tests;
 
 use crate::dome::level_axes;
 use crate::optics::Site;
+use serde::{Deserialize, Serialize};
 use wm_scene::Splats;
 
-pub use layers::Layers;
+pub use layers::HeightLayers;
 pub use occluders::Occluders;
 
 /// Margin in cells, at least: half a cell on a surface of slope 3.
@@ -81,7 +82,7 @@ impl Default for ShelterOptions {
 }
 
 /// Where the grid is: two axes and the fall, from a point in the middle of the scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Grid {
     /// Along the columns, along the rows, along the fall: world axes, length 1.
     axes: [[f64; 3]; 3],
@@ -100,7 +101,7 @@ struct Grid {
 }
 
 /// The map of one scene for one direction of fall.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shelter {
     grid: Grid,
     /// Distance along the fall to what stops it, scene units from the origin, `[rows, columns]`.
@@ -112,7 +113,7 @@ pub struct Shelter {
 }
 
 /// What a query needs, in f32.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Query {
     origin: [f32; 3],
     /// Columns, rows a scene unit along the world axes; and the fall.

@@ -3,17 +3,17 @@ use proptest::prelude::*;
 
 const PARAM: Param = Param {
     name: "mor",
-    kind: Kind::Number,
-    default: Value::Number(1.0),
+    kind: ParamKind::Number,
+    default: ParamValue::Number(1.0),
     range: (0.0, 1e9),
     unit: "m",
     meaning: "",
 };
-const COLOR: Param = Param { name: "airlight", kind: Kind::ColorOrAuto, ..PARAM };
-const WORD: Param = Param { name: "model", kind: Kind::Word(&["clear", "overcast"]), ..PARAM };
+const COLOR: Param = Param { name: "airlight", kind: ParamKind::ColorOrAuto, ..PARAM };
+const WORD: Param = Param { name: "model", kind: ParamKind::Word(&["clear", "overcast"]), ..PARAM };
 
 fn number(track: &Track, time: f64) -> f64 {
-    let Value::Number(number) = track.at(time) else { panic!("no number: {:?}", track.at(time)) };
+    let ParamValue::Number(number) = track.at(time) else { panic!("no number: {:?}", track.at(time)) };
     number
 }
 
@@ -69,7 +69,7 @@ fn bad_keys_are_named() {
 #[test]
 fn colours_mix_in_linear_light() {
     let track = Track::parse(&COLOR, "0:#ffffff,2:#000000").unwrap();
-    let Value::Color(grey) = track.at(1.0) else { panic!("a colour") };
+    let ParamValue::Color(grey) = track.at(1.0) else { panic!("a colour") };
     for channel in grey {
         assert!((channel - 0.735_356_983_052_449_5).abs() < 1e-7, "{channel}");
     }
@@ -80,7 +80,7 @@ fn colours_mix_in_linear_light() {
         (track.at(-1.0), track.at(0.0), track.at(1.0)),
         (color("#0a3780"), color("#0a3780"), color("#0a40ff"))
     );
-    let Value::Color([red, ..]) = track.at(0.3) else { panic!("a colour") };
+    let ParamValue::Color([red, ..]) = track.at(0.3) else { panic!("a colour") };
     assert_eq!(red, 10.0 / 255.0);
 }
 
@@ -89,10 +89,10 @@ fn words_hold() {
     for text in ["0:clear,2:overcast", "0:clear:hold,2:overcast:hold"] {
         let track = Track::parse(&WORD, text).unwrap();
         for (time, want) in [(-1.0, "clear"), (1.999, "clear"), (2.0, "overcast"), (5.0, "overcast")] {
-            assert_eq!(track.at(time), Value::Word(want));
+            assert_eq!(track.at(time), ParamValue::Word(want));
         }
     }
-    assert_eq!(Track::parse(&WORD, "overcast").unwrap(), Track::constant(Value::Word("overcast")));
+    assert_eq!(Track::parse(&WORD, "overcast").unwrap(), Track::constant(ParamValue::Word("overcast")));
 }
 
 #[test]
@@ -118,12 +118,12 @@ fn integrals_by_hand() {
 
 #[test]
 fn a_value_without_keys_has_integrals_too() {
-    let track = Track::constant(Value::Number(3.0));
+    let track = Track::constant(ParamValue::Number(3.0));
     assert_eq!((track.integral(-2.0, 5.0), track.most(), track.least()), (21.0, 3.0, 3.0));
     assert_eq!(track.breaks().count(), 0);
-    let endless = Track::constant(Value::Number(f64::INFINITY));
+    let endless = Track::constant(ParamValue::Number(f64::INFINITY));
     assert_eq!((endless.integral(2.0, 2.0), endless.integral(2.0, 3.0)), (0.0, f64::INFINITY));
-    let auto = Track::constant(Value::Auto);
+    let auto = Track::constant(ParamValue::Auto);
     assert!(auto.integral(0.0, 1.0).is_nan() && auto.most().is_nan() && auto.least().is_nan());
 }
 
@@ -133,7 +133,7 @@ fn tracks() -> impl Strategy<Value = Track> {
         let mut time = -2.0;
         let keys = parts.into_iter().map(|(gap, value, easing)| {
             time += gap;
-            Key { time, value: Value::Number(value), easing: Easing::ALL[easing] }
+            Keyframe { time, value: ParamValue::Number(value), easing: Easing::ALL[easing] }
         });
         Track::keyframes(&PARAM, keys.collect()).unwrap()
     })

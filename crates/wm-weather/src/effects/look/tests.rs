@@ -1,7 +1,7 @@
 use crate::testing;
 use super::*;
 use crate::optics::Site;
-use crate::weather::{Seen, Weather};
+use crate::weather::{Observer, Weather};
 use glam::DVec3;
 use wm_render::testing::uniform;
 use wm_scene::Camera;
@@ -17,11 +17,11 @@ wm_render::cpu_parity! {
 
 const SITE: Site = Site { airlight: [0.6, 0.7, 0.8], far: 300.0, ..testing::SITE };
 
-fn grade(exposure: f64, saturation: f64, contrast: f64, temperature: f64) -> Grade {
+fn grade(exposure: f64, saturation: f64, contrast: f64, temperature: f64) -> ColorGrade {
     Params { exposure, saturation, contrast, temperature }.grade()
 }
 
-fn grades() -> Vec<Grade> {
+fn grades() -> Vec<ColorGrade> {
     vec![
         grade(-0.5, 0.7, 0.85, -0.2),
         grade(1.0, 1.0, 1.0, 0.0),
@@ -46,7 +46,7 @@ fn changed(path: SimdPath, effects: &[&dyn PixelEffect], rgb: &mut [[f32; PATCH_
 /// of the brightest channel, which moves the result between those of light that much darker and brighter. log2
 /// of light above 1e-7 errs by 3e-6, times contrast (4 at most) and ln 2, and the encoding takes it to the power
 /// of 1 / 2.4 with an error of 1e-6: 5e-6 of the result, or 1e-5 where the encoding is linear.
-fn agree(path: SimdPath, grade: &Grade, seed: u64) {
+fn agree(path: SimdPath, grade: &ColorGrade, seed: u64) {
     let mut rgb = [[0.0f32; PATCH_PIXELS]; 3];
     for i in 0..PATCH_PIXELS {
         let most = if i % 8 == 0 { 4.0 } else { 1.0 };
@@ -87,17 +87,17 @@ fn camera() -> Camera {
 #[test]
 fn the_defaults_are_no_effect() {
     let mut weather = Weather::clear();
-    weather.set("look=on").unwrap();
-    let pixels = |weather: &Weather| weather.at(0.0).over(&SITE).with_hooks(&Seen::by(&camera()), |hooks| hooks.pixels.len());
+    weather.set_text("look=on").unwrap();
+    let pixels = |weather: &Weather| weather.at(0.0).prepare(&SITE).with_hooks(&Observer::at_rest(&camera()), |hooks| hooks.pixels.len());
     assert_eq!((weather.effects().count(), pixels(&weather)), (1, 0));
     for text in ["exposure=0.1", "saturation=0.9", "contrast=1.1", "temperature=-0.1"] {
         let mut weather = weather.clone();
-        weather.set(&format!("look.{text}")).unwrap();
+        weather.set_text(&format!("look.{text}")).unwrap();
         assert_eq!(pixels(&weather), 1, "{text}");
     }
-    weather.set("look.exposure=0:0,2:-1").unwrap();
+    weather.set_text("look.exposure=0:0,2:-1").unwrap();
     let light = |time: f64| {
-        weather.at(time).over(&SITE).with_hooks(&Seen::by(&camera()), |hooks| {
+        weather.at(time).prepare(&SITE).with_hooks(&Observer::at_rest(&camera()), |hooks| {
             let mut rgb = [[0.5f32; PATCH_PIXELS]; 3];
             changed(SimdPath::available()[0], hooks.pixels, &mut rgb);
             rgb[0][0]
@@ -139,10 +139,10 @@ fn each_parameter_does_what_it_says() {
 fn it_acts_after_fog_over_pixels() {
     let mut weather = Weather::clear();
     for text in ["look.exposure=-1", "fog.paper_intensity=1", "fog.paper_color=#ffffff", "fidelity=paper"] {
-        weather.set(text).unwrap();
+        weather.set_text(text).unwrap();
     }
     let mut rgb = [[0.0f32; PATCH_PIXELS]; 3];
-    weather.at(0.0).over(&SITE).with_hooks(&Seen::by(&camera()), |hooks| {
+    weather.at(0.0).prepare(&SITE).with_hooks(&Observer::at_rest(&camera()), |hooks| {
         assert_eq!(hooks.pixels.len(), 2);
         changed(SimdPath::available()[0], hooks.pixels, &mut rgb);
     });

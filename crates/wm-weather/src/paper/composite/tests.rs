@@ -6,8 +6,8 @@ use wm_render::{CpuConfig, CpuRenderer, DrawPass, Geometry, Outputs, RenderBacke
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 
-const RAIN: Blend = Blend { sky: 0.8, t: [0.0, 0.35], t_d: 15.0, t_c: 0.02, d_max: 20.0 };
-const SNOW: Blend = Blend { t: [-0.1, 0.6], ..RAIN };
+const RAIN: PaperBlend = PaperBlend { sky: 0.8, t: [0.0, 0.35], t_d: 15.0, t_c: 0.02, d_max: 20.0 };
+const SNOW: PaperBlend = PaperBlend { t: [-0.1, 0.6], ..RAIN };
 
 /// The values of `exp(x) - 1` are those of a table.
 #[test]
@@ -64,7 +64,7 @@ fn frame(rgb: [f32; 3], alpha: f32, depth: f32) -> Frame {
 #[test]
 fn layers_are_added_to_the_running_composite() {
     let mut picture = frame([0.6, 0.5, 0.4], 1.0, 12.0);
-    let mut stages = Stages::default();
+    let mut stages = PaperStages::default();
     stages.begin(&picture);
     // Depth sums 0.5 * 10 and 0.4 * 4; both before 12.
     add(&RAIN, &mut picture, &frame([0.4; 3], 0.5, 10.0), Some(&mut stages));
@@ -172,7 +172,7 @@ fn the_blur_keeps_light_and_is_a_gaussian() {
 /// Odd sizes: the last patches are cut, and every pixel is changed once.
 #[test]
 fn effects_reach_every_pixel_once() {
-    let grade = Grade { gains: [2.0; 3], saturation: 1.0, contrast: 1.0 };
+    let grade = ColorGrade { gains: [2.0; 3], saturation: 1.0, contrast: 1.0 };
     let path = SimdPath::select(SimdChoice::Auto).unwrap();
     let (width, height) = (37u32, 19u32);
     let pixels = 37 * 19;

@@ -1,16 +1,16 @@
 use super::*;
-use crate::Sky;
+use crate::PreparedWeather;
 use crate::testing;
-use crate::weather::{Seen, Weather};
+use crate::weather::{Observer, Weather};
 
 const SITE: Site = Site { metres_per_unit: 0.5, airlight: [0.7; 3], far: 60.0, ..testing::SITE };
 
-fn sky(texts: &[&str], time: f64) -> Sky {
+fn sky(texts: &[&str], time: f64) -> PreparedWeather {
     let mut weather = Weather::clear();
     for text in ["fidelity=paper"].iter().chain(texts) {
-        weather.set(text).unwrap();
+        weather.set_text(text).unwrap();
     }
-    weather.at(time).over(&SITE)
+    weather.at(time).prepare(&SITE)
 }
 
 fn camera() -> Camera {
@@ -18,8 +18,8 @@ fn camera() -> Camera {
         .unwrap()
 }
 
-fn before(camera: &Camera) -> Before<'_> {
-    Before { site: &SITE, blow: Blow::default(), camera, velocity: [0.0; 3] }
+fn before(camera: &Camera) -> PaperFallContext<'_> {
+    PaperFallContext { site: &SITE, wind_now: WindSample::default(), camera, velocity: [0.0; 3] }
 }
 
 /// No Gaussian is lost, none is there twice, and the slices of depth do not overlap.
@@ -137,7 +137,7 @@ fn a_drop_lies_along_its_apparent_way() {
     // Wind of 8 m/s along x, drops at 8 m/s, by a camera that goes 3 m/s along y.
     let sky = sky(&["rain.paper_speed=8", "wind.speed=8", "wind.direction=0", "wind.gusts=0"], 1.0);
     let fall = &sky.paper_falls()[0];
-    let clouds = sky.sub_clouds(fall, &Seen { velocity: [0.0, 3.0, 0.0], ..Seen::by(&camera) });
+    let clouds = sky.sub_clouds(fall, &Observer { velocity: [0.0, 3.0, 0.0], ..Observer::at_rest(&camera) });
     let cloud = &clouds[0];
     for i in 0..cloud.len() {
         let turn = wm_scene::quat::to_matrix(cloud.quats[i].map(f64::from));

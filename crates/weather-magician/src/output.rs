@@ -1,8 +1,7 @@
 //! Frames to files: which pictures, in which formats, under which names.
 
-use crate::names::beside;
-use crate::parts::Picture;
-use anyhow::{Result, bail};
+use crate::picture::Picture;
+use crate::{Error, Result};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -15,7 +14,7 @@ use wm_scene::npy;
 
 /// A picture beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum PictureLayer {
     /// Expected depth, metres.
     Depth,
     /// Median depth, metres.
@@ -34,7 +33,7 @@ pub enum Kind {
     Airlight,
 }
 
-impl Kind {
+impl PictureLayer {
     const ALL: [(Self, &'static str); 8] = [
         (Self::Depth, "depth"),
         (Self::MedianDepth, "median-depth"),
@@ -74,7 +73,7 @@ impl Kind {
 
 /// A file format of pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum PictureFormat {
     /// 8 bits for colour, 16 for depth, normals and alpha.
     Png,
     /// 32-bit floats; colour in linear light.
@@ -83,7 +82,7 @@ pub enum Format {
     Npy,
 }
 
-impl Format {
+impl PictureFormat {
     const ALL: [(Self, &'static str); 3] = [(Self::Png, "png"), (Self::Exr, "exr"), (Self::Npy, "npy")];
 
     /// The format that a file name's extension names.
@@ -100,14 +99,14 @@ impl Format {
 
 /// A picture that is asked for beside the colour: `depth`, or `depth.npy` with its format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Also {
+pub struct ExtraPicture {
     /// Which.
-    pub kind: Kind,
+    pub kind: PictureLayer,
     /// In which format; `None` for that of the colour.
-    pub format: Option<Format>,
+    pub format: Option<PictureFormat>,
 }
 
-impl FromStr for Format {
+impl FromStr for PictureFormat {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -115,7 +114,7 @@ impl FromStr for Format {
     }
 }
 
-impl FromStr for Also {
+impl FromStr for ExtraPicture {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -123,16 +122,16 @@ impl FromStr for Also {
             Some((name, extension)) => (name, Some(extension)),
             None => (text, None),
         };
-        let kind = Kind::ALL.iter().find(|(_, known)| *known == name).map(|(kind, _)| *kind);
+        let kind = PictureLayer::ALL.iter().find(|(_, known)| *known == name).map(|(kind, _)| *kind);
         let kind = kind.ok_or_else(|| {
-            let names = Kind::ALL.map(|(_, name)| name);
+            let names = PictureLayer::ALL.map(|(_, name)| name);
             let [most @ .., last] = &names;
             format!("`{name}` is no picture: use {} or {last}", most.join(", "))
         })?;
         let format = match extension {
             None => None,
             Some(extension) => Some(
-                Format::of(Path::new(&format!("x.{extension}")))
+                PictureFormat::of(Path::new(&format!("x.{extension}")))
                     .ok_or_else(|| format!("`{text}`: use .png, .exr or .npy"))?,
             ),
         };
@@ -141,48 +140,49 @@ impl FromStr for Also {
 }
 
 /// What must be rendered for the pictures that are asked for.
-pub fn outputs(also: &[Also]) -> Outputs {
-    let asks = |kind: Kind| also.iter().any(|also| also.kind == kind);
-    let geometry = match (asks(Kind::Normal), asks(Kind::Depth)) {
+pub fn outputs(also: &[ExtraPicture]) -> Outputs {
+    let asks = |kind: PictureLayer| also.iter().any(|also| also.kind == kind);
+    let geometry = match (asks(PictureLayer::Normal), asks(PictureLayer::Depth)) {
         (true, _) => Geometry::DepthNormal,
         (false, true) => Geometry::Depth,
         _ => Geometry::None,
     };
     Outputs {
         geometry,
-        median_depth: if asks(Kind::MedianDepth) { MedianDepth::On } else { MedianDepth::Off },
-        particles: if asks(Kind::Particles) { ParticlePass::On } else { ParticlePass::Off },
+        median_depth: if asks(PictureLayer::MedianDepth) { MedianDepth::On } else { MedianDepth::Off },
+        particles: if asks(PictureLayer::Particles) { ParticlePass::On } else { ParticlePass::Off },
     }
 }
 
 /// The parts of a picture that are asked for and take renders of their own.
-pub fn parts(also: &[Also]) -> Vec<PicturePart> {
+pub fn parts(also: &[ExtraPicture]) -> Vec<PicturePart> {
     also.iter().filter_map(|also| also.kind.part()).collect()
 }
 
 /// Where pictures go that are asked for without a format of their own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LayerPlacement {
     /// Beside the colour, a file each.
+    #[default]
     Beside,
     /// Into the colour's EXR, a layer each.
     Layers,
 }
 
-impl Place {
+impl LayerPlacement {
     /// Whether `also` is a layer of the colour, which is of the format `color`.
-    pub fn is_layer(self, also: Also, color: Format) -> bool {
-        self == Self::Layers && color == Format::Exr && also.format.is_none()
+    pub fn is_layer(self, also: ExtraPicture, color: PictureFormat) -> bool {
+        self == Self::Layers && color == PictureFormat::Exr && also.format.is_none()
     }
 }
 
 /// How frames are written.
-#[derive(Clone, Debug)]
-pub struct Style {
+#[derive(Clone, Debug, Default)]
+pub struct PictureStyle {
     /// Pictures beside the colour.
-    pub also: Vec<Also>,
+    pub also: Vec<ExtraPicture>,
     /// Where they go.
-    pub place: Place,
+    pub place: LayerPlacement,
     /// How 8-bit colour is quantised.
     pub dither: Dither,
     /// Metres a unit of the frame's depth.
@@ -193,17 +193,21 @@ pub struct Style {
     pub tags: Vec<(String, String)>,
 }
 
-impl Style {
+impl PictureStyle {
     /// Writes the colour to `path` and the other pictures beside it; returns a line for each of them.
+    ///
+    /// # Errors
+    /// [`Error`] if a file cannot be written, or its extension is not .png, .exr or .npy.
     pub fn write(&self, picture: &Picture, path: &Path) -> Result<Vec<String>> {
         let frame = &picture.frame;
         let size = Size::new(frame.width, frame.height);
-        let Some(format) = Format::of(path) else {
-            bail!("{}: a picture is written as .png, .exr or .npy", path.display());
+        let Some(format) = PictureFormat::of(path) else {
+            let text = format!("{}: a picture is written as .png, .exr or .npy", path.display());
+            return Err(Error::Unsupported(text));
         };
         match format {
-            Format::Png => png::write_rgb(path, &frame.rgb, size, self.dither, &self.tags)?,
-            Format::Exr => {
+            PictureFormat::Png => png::write_rgb(path, &frame.rgb, size, self.dither, &self.tags)?,
+            PictureFormat::Exr => {
                 let layers = self.also.iter().filter(|also| self.place.is_layer(**also, format));
                 let channels: Vec<_> = layers.flat_map(|also| self.layer(also.kind, picture)).collect();
                 self.exr(
@@ -212,7 +216,7 @@ impl Style {
                     exr::Planes { rgb: Some(&frame.rgb), channels: &channels, ..Default::default() },
                 )?;
             }
-            Format::Npy => {
+            PictureFormat::Npy => {
                 let shape = [frame.height as usize, frame.width as usize, 3];
                 npy::write(path, &frame.rgb_linear(), &shape)?;
             }
@@ -222,7 +226,7 @@ impl Style {
     }
 
     /// The channels of an EXR layer.
-    fn layer(&self, kind: Kind, picture: &Picture) -> Vec<(String, Vec<f32>)> {
+    fn layer(&self, kind: PictureLayer, picture: &Picture) -> Vec<(String, Vec<f32>)> {
         let values = self.values(kind, picture);
         let channels = kind.channels();
         let of = |k: usize| values.iter().skip(k).step_by(channels.len()).copied().collect();
@@ -230,31 +234,31 @@ impl Style {
     }
 
     /// The values of a picture, `[H, W, C]`: metres, world axes, shares and linear light.
-    fn values<'a>(&self, kind: Kind, Picture { frame, parts }: &'a Picture) -> Cow<'a, [f32]> {
+    fn values<'a>(&self, kind: PictureLayer, Picture { frame, parts, .. }: &'a Picture) -> Cow<'a, [f32]> {
         let metres = |depth: &[f32]| -> Vec<f32> {
             depth.iter().map(|v| (f64::from(*v) * self.metres_per_unit) as f32).collect()
         };
         Cow::Borrowed(match kind {
-            Kind::Depth => return Cow::Owned(metres(&frame.depth)),
-            Kind::MedianDepth => return Cow::Owned(metres(&frame.median_depth)),
-            Kind::Normal => &frame.normal,
-            Kind::Alpha => &frame.alpha,
-            Kind::Particles => &frame.particles,
-            Kind::Transmittance => &parts.transmittance,
-            Kind::Clean => &parts.clean,
-            Kind::Airlight => &parts.airlight,
+            PictureLayer::Depth => return Cow::Owned(metres(&frame.depth)),
+            PictureLayer::MedianDepth => return Cow::Owned(metres(&frame.median_depth)),
+            PictureLayer::Normal => &frame.normal,
+            PictureLayer::Alpha => &frame.alpha,
+            PictureLayer::Particles => &frame.particles,
+            PictureLayer::Transmittance => &parts.transmittance,
+            PictureLayer::Clean => &parts.clean,
+            PictureLayer::Airlight => &parts.airlight,
         })
     }
 
     /// Where the picture `also` lies beside the colour `path` of format `format`.
-    pub fn path_of(also: Also, format: Format, path: &Path) -> PathBuf {
+    pub fn path_of(also: ExtraPicture, format: PictureFormat, path: &Path) -> PathBuf {
         beside(path, also.kind.name(), also.format.unwrap_or(format).extension())
     }
 
     fn write_also(
         &self,
-        also: Also,
-        format: Format,
+        also: ExtraPicture,
+        format: PictureFormat,
         picture: &Picture,
         size: Size,
         path: &Path,
@@ -268,8 +272,8 @@ impl Style {
     /// Writes one picture beside the colour; returns what must be known of it.
     pub fn write_one(
         &self,
-        kind: Kind,
-        format: Format,
+        kind: PictureLayer,
+        format: PictureFormat,
         picture: &Picture,
         size: Size,
         path: &Path,
@@ -277,45 +281,47 @@ impl Style {
         let values = self.values(kind, picture);
         let tags = &self.tags;
         match (format, kind) {
-            (Format::Npy, _) => {
+            (PictureFormat::Npy, _) => {
                 let (height, width) = (size.height as usize, size.width as usize);
                 match kind.channels().len() {
                     1 => npy::write(path, &values, &[height, width])?,
                     channels => npy::write(path, &values, &[height, width, channels])?,
                 }
             }
-            (Format::Exr, Kind::Depth | Kind::MedianDepth) => {
+            (PictureFormat::Exr, PictureLayer::Depth | PictureLayer::MedianDepth) => {
                 self.exr(path, size, exr::Planes { depth: Some(&values), ..Default::default() })?;
             }
-            (Format::Exr, Kind::Normal) => {
+            (PictureFormat::Exr, PictureLayer::Normal) => {
                 self.exr(path, size, exr::Planes { normals: Some(&values), ..Default::default() })?;
             }
-            (Format::Exr, Kind::Alpha) => {
+            (PictureFormat::Exr, PictureLayer::Alpha) => {
                 self.exr(path, size, exr::Planes { alpha: Some(&values), ..Default::default() })?;
             }
-            (Format::Exr, _) => {
+            (PictureFormat::Exr, _) => {
                 let mut channels = self.layer(kind, picture);
                 // Alone in a file they need no name of a layer.
                 channels.iter_mut().for_each(|(name, _)| *name = name.split_off(kind.name().len() + 1));
                 self.exr(path, size, exr::Planes { channels: &channels, ..Default::default() })?;
             }
-            (Format::Png, Kind::Depth | Kind::MedianDepth) => {
+            (PictureFormat::Png, PictureLayer::Depth | PictureLayer::MedianDepth) => {
                 let scale = png::write_depth(path, &values, size, self.depth_scale, tags)?;
                 return Ok(format!(", {scale} m a count, 0 for nothing"));
             }
-            (Format::Png, Kind::Normal) => {
+            (PictureFormat::Png, PictureLayer::Normal) => {
                 png::write_normals(path, &values, size, png::Bits::Sixteen, tags)?;
             }
-            (Format::Png, Kind::Alpha) => {
+            (PictureFormat::Png, PictureLayer::Alpha) => {
                 png::write_alpha(path, &values, size, png::Bits::Sixteen, tags)?;
             }
-            (Format::Png, Kind::Transmittance) => png::write_shares(path, &values, size, tags)?,
-            (Format::Png, Kind::Particles) => {
+            (PictureFormat::Png, PictureLayer::Transmittance) => {
+                png::write_shares(path, &values, size, tags)?
+            }
+            (PictureFormat::Png, PictureLayer::Particles) => {
                 let coverage: Vec<f32> = values.iter().skip(3).step_by(4).copied().collect();
                 png::write_alpha(path, &coverage, size, png::Bits::Eight, tags)?;
                 return Ok(", coverage alone".into());
             }
-            (Format::Png, Kind::Clean | Kind::Airlight) => {
+            (PictureFormat::Png, PictureLayer::Clean | PictureLayer::Airlight) => {
                 let shown = |light: &f32| srgb_encode(f64::from(light.max(0.0))) as f32;
                 let shown: Vec<f32> = values.iter().map(shown).collect();
                 png::write_rgb(path, &shown, size, self.dither, tags)?;
@@ -329,15 +335,24 @@ impl Style {
     }
 }
 
+/// Returns `path` with `.kind.extension` for its extension: `a.png` and depth give `a.depth.png`.
+#[must_use]
+pub fn beside(path: &Path, kind: &str, extension: &str) -> PathBuf {
+    path.with_extension(format!("{kind}.{extension}"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn pictures_are_asked_for_with_or_without_format() {
-        assert_eq!("depth".parse(), Ok(Also { kind: Kind::Depth, format: None }));
-        assert_eq!("normal.exr".parse(), Ok(Also { kind: Kind::Normal, format: Some(Format::Exr) }));
-        assert!("depht".parse::<Also>().is_err() && "depth.jpg".parse::<Also>().is_err());
+        assert_eq!("depth".parse(), Ok(ExtraPicture { kind: PictureLayer::Depth, format: None }));
+        assert_eq!(
+            "normal.exr".parse(),
+            Ok(ExtraPicture { kind: PictureLayer::Normal, format: Some(PictureFormat::Exr) })
+        );
+        assert!("depht".parse::<ExtraPicture>().is_err() && "depth.jpg".parse::<ExtraPicture>().is_err());
     }
 
     #[test]
@@ -349,7 +364,8 @@ mod tests {
         assert_eq!(ask("median-depth").median_depth, MedianDepth::On);
         assert_eq!(ask("transmittance,alpha").particles, ParticlePass::Off);
         assert_eq!(ask("particles").particles, ParticlePass::On);
-        let also: Vec<Also> = ["depth", "clean", "transmittance.npy"].map(|a| a.parse().unwrap()).into();
+        let also: Vec<ExtraPicture> =
+            ["depth", "clean", "transmittance.npy"].map(|a| a.parse().unwrap()).into();
         assert_eq!(parts(&also), [PicturePart::Clean, PicturePart::Transmittance]);
     }
 }

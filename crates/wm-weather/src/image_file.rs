@@ -1,7 +1,7 @@
 //! Pictures that parameters name: a path from the start, pixels once somebody has read them.
 //!
 //! Nothing here knows file formats: whoever does reads the pictures of a weather once, before the first
-//! frame ([`crate::Weather::load_pictures`]).
+//! frame ([`crate::Weather::load_images`]).
 
 use crate::panorama::Panorama;
 use std::fmt;
@@ -10,12 +10,12 @@ use std::sync::Arc;
 
 /// A picture that is read or still to be read.
 #[derive(Clone, PartialEq)]
-pub struct Picture {
+pub struct ImageFile {
     path: PathBuf,
     panorama: Option<Arc<Panorama>>,
 }
 
-impl Picture {
+impl ImageFile {
     /// The picture of a path, still to be read.
     #[must_use]
     pub fn at(path: impl Into<PathBuf>) -> Self {
@@ -45,7 +45,7 @@ impl Picture {
     }
 }
 
-impl fmt::Debug for Picture {
+impl fmt::Debug for ImageFile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:?} {:?}", self.path, self.panorama)
     }

@@ -9,22 +9,23 @@
 //! # How it is made
 //! Each pixel gives a place and, but at edges, a normal from the places about it. Those of all cameras are averaged in
 //! cubes as wide as pixels are apart there, nearer views counting more, and none from where they would be metres apart; what other cameras see through is
-//! dropped (`sight.rs`); and the discs are levelled onto the surface through those about them (`level.rs`), since depth
+//! dropped (`photo_view.rs`); and the discs are levelled onto the surface through those about them (`level.rs`), since depth
 //! is rough. The scene's own splats stay where no camera tells: those that none sees, and that not two see through.
 
 mod floor;
 mod level;
-mod sight;
+mod photo_view;
 #[cfg(test)]
 mod tests;
 
 use crate::cover::surfel;
 use crate::optics::Site;
 use crate::threads::map;
-pub use floor::Floor;
+pub use floor::FloorPlane;
 use glam::{DVec3, I64Vec3};
-pub use sight::Sight;
-use sight::{Spot, Word};
+pub use photo_view::PhotoView;
+use photo_view::{Spot, Word};
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use wm_scene::splats::Splat;
 use wm_scene::{Group, Splats};
@@ -44,8 +45,8 @@ const FLAT: f64 = 0.1;
 const OPAQUE: f64 = 0.95;
 
 /// The surfaces of a scene.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Scan<'a> {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FusedSurfaces<'a> {
     /// They as splats.
     pub splats: Cow<'a, Splats>,
     /// The first so many are discs whose third axis looks to where they were seen from.
@@ -55,7 +56,7 @@ pub struct Scan<'a> {
 }
 
 /// What stands for a splat of the scene in its scan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum StandIn {
     /// It is still there.
     Itself,
@@ -65,27 +66,27 @@ pub enum StandIn {
     Floor,
 }
 
-impl<'a> Scan<'a> {
+impl<'a> FusedSurfaces<'a> {
     /// The splats themselves, for a scene without photos.
     #[must_use]
-    pub fn plain(splats: &'a Splats) -> Self {
+    pub fn from_splats(splats: &'a Splats) -> Self {
         Self { splats: Cow::Borrowed(splats), oriented: 0, stand_ins: Vec::new() }
     }
 
     /// What the cameras see of a scene, and what they do not. Equal for any number of threads.
     #[must_use]
-    pub fn of(splats: &'a Splats, sights: &[Sight], site: &Site, threads: usize) -> Self {
-        if sights.is_empty() {
-            return Self::plain(splats);
+    pub fn from_views(splats: &'a Splats, views: &[PhotoView], site: &Site, threads: usize) -> Self {
+        if views.is_empty() {
+            return Self::from_splats(splats);
         }
         let metres_per_unit = site.metres_per_unit;
         let hears = |point: DVec3| {
             let mut said = Said::default();
-            sights.iter().for_each(|sight| said.add(sight.word(point, metres_per_unit)));
+            views.iter().for_each(|view| said.add(view.word(point, metres_per_unit)));
             said
         };
         let cube = CUBE / metres_per_unit;
-        let mut discs = fuse(sights, cube, threads);
+        let mut discs = fuse(views, cube, threads);
         let carve = |discs: &mut Vec<Disc>| {
             let mut free = map(discs.len(), threads, |k| hears(discs[k].point).is_free()).into_iter();
             discs.retain(|_| !free.next().unwrap_or(false));
@@ -246,10 +247,10 @@ fn merged(mut cubes: Vec<Cube>) -> Vec<Cube> {
 }
 
 /// What all cameras see, in cubes; wide ones only where no narrow ones are.
-fn fuse(sights: &[Sight], cube: f64, threads: usize) -> Vec<Disc> {
-    let each = map(sights.len(), threads, |index| {
+fn fuse(views: &[PhotoView], cube: f64, threads: usize) -> Vec<Disc> {
+    let each = map(views.len(), threads, |index| {
         let mut cubes = Vec::new();
-        sights[index].each_spot(|spot| cubes.extend(Cube::of(&spot, cube)));
+        views[index].each_spot(|spot| cubes.extend(Cube::of(&spot, cube)));
         merged(cubes)
     });
     let cubes = merged(each.concat());

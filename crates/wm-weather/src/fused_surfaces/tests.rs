@@ -10,14 +10,14 @@ fn camera(eye: DVec3, target: DVec3) -> Camera {
     Camera::looking((160, 120), 60.0, eye, target, DVec3::Z).unwrap()
 }
 
-/// A camera's sight of whatever is first along a ray: how far along it, with a direction of length 1.
-fn sight(camera: Camera, way: impl Fn(DVec3, DVec3) -> Option<f64>) -> Sight {
+/// A camera's view of whatever is first along a ray: how far along it, with a direction of length 1.
+fn view(camera: Camera, way: impl Fn(DVec3, DVec3) -> Option<f64>) -> PhotoView {
     let (center, forward) = (camera.center(), camera.forward());
     let pixel = |k: u32| {
         let ray = camera.ray(f64::from(k % camera.width) + 0.5, f64::from(k / camera.width) + 0.5);
         way(center, ray).map_or(0.0, |way| (way * ray.dot(forward)) as f32)
     };
-    Sight::new(camera, (0..camera.width * camera.height).map(pixel).collect(), Vec::new())
+    PhotoView::new(camera, (0..camera.width * camera.height).map(pixel).collect(), Vec::new())
 }
 
 /// Level ground at z = 0 and a wall at y = 8, seen as rough as 4 cm.
@@ -33,10 +33,10 @@ fn yard(from: DVec3, ray: DVec3) -> Option<f64> {
 #[test]
 fn discs_lie_on_what_cameras_see_and_look_where_it_looks() {
     let eyes = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| DVec3::new(x, 0.0, 1.6));
-    let sights = eyes.map(|eye| sight(camera(eye, DVec3::new(0.0, 8.0, 0.8)), yard));
+    let views = eyes.map(|eye| view(camera(eye, DVec3::new(0.0, 8.0, 0.8)), yard));
     let splats = Splats::with_capacity(0, 0);
-    let scan = Scan::of(&splats, &sights, &SITE, 2);
-    assert_eq!(scan, Scan::of(&splats, &sights, &SITE, 3), "equal for any number of threads");
+    let scan = FusedSurfaces::from_views(&splats, &views, &SITE, 2);
+    assert_eq!(scan, FusedSurfaces::from_views(&splats, &views, &SITE, 3), "equal for any number of threads");
     let (mut worst, mut turned, mut edges, mut count) = ([0.0; 2], [0, 0], [0, 0], [0, 0]);
     for index in 0..scan.oriented {
         let [_, y, z] = scan.splats.means[index].map(f64::from);
@@ -71,8 +71,8 @@ fn discs_stand_for_the_splats_that_are_seen() {
     place.surface(DVec3::new(-1.0, 10.0, 0.0), DVec3::X * 2.0, DVec3::Z, 0.1, |_, _| [0.5; 3]);
     let mut splats = wall.clone();
     splats.append(&place.build());
-    let sights = [-1.0, 1.0].map(|x| sight(camera(DVec3::new(x, 0.0, 1.6), DVec3::new(0.0, 8.0, 1.6)), yard));
-    let scan = Scan::of(&splats, &sights, &SITE, 2);
+    let views = [-1.0, 1.0].map(|x| view(camera(DVec3::new(x, 0.0, 1.6), DVec3::new(0.0, 8.0, 1.6)), yard));
+    let scan = FusedSurfaces::from_views(&splats, &views, &SITE, 2);
     let replaced = |range: std::ops::Range<usize>| {
         range.filter(|index| scan.stand_ins[*index] != StandIn::Itself).count()
     };
@@ -91,13 +91,13 @@ fn what_cameras_see_through_stops_nothing() {
     place.surface(DVec3::new(3.0, 3.0, 1.2), DVec3::X * 2.0, DVec3::Y * 2.0, 0.1, |_, _| [0.5; 3]);
     splats.append(&place.build());
     // At a wall 10 m ahead, whatever is before it.
-    let sight = |eye: DVec3, depth: f32| {
+    let view = |eye: DVec3, depth: f32| {
         let camera = Camera::looking((40, 30), 60.0, eye, DVec3::new(4.0, 4.0, 1.2), DVec3::Z).unwrap();
-        Sight::new(camera, vec![depth; 40 * 30], Vec::new())
+        PhotoView::new(camera, vec![depth; 40 * 30], Vec::new())
     };
     let eyes = [DVec3::new(-1.0, 4.0, 1.2), DVec3::new(4.0, -1.0, 1.2), DVec3::new(9.0, 4.0, 1.2)];
-    let shelters = |sights: &[Sight]| {
-        let scan = Scan::of(&splats, sights, &SITE, 2);
+    let shelters = |views: &[PhotoView]| {
+        let scan = FusedSurfaces::from_views(&splats, views, &SITE, 2);
         let shelter =
             Shelter::build(&scan.splats, &SITE, [0.0, 0.0, -1.0], &ShelterOptions::default(), Some(2));
         assert!(shelter.is_exposed([1.0, 1.0, 0.3]));
@@ -105,10 +105,10 @@ fn what_cameras_see_through_stops_nothing() {
     };
     assert!(shelters(&[]));
     // One camera may be wrong; two are not.
-    assert!(shelters(&[sight(eyes[0], 10.0)]));
-    assert!(!shelters(&[sight(eyes[0], 10.0), sight(eyes[1], 0.0)]));
+    assert!(shelters(&[view(eyes[0], 10.0)]));
+    assert!(!shelters(&[view(eyes[0], 10.0), view(eyes[1], 0.0)]));
     // From behind something nobody knows.
-    assert!(shelters(&eyes.map(|eye| sight(eye, 1.0))));
+    assert!(shelters(&eyes.map(|eye| view(eye, 1.0))));
 }
 
 /// A walk up a street of 6 in a hundred whose ground was left far too low by a training.
@@ -123,18 +123,19 @@ fn the_ground_of_a_walk_is_where_it_must_be() {
             DVec3::new(0.3 * f64::from(k % 3), y, street(y) + height + [0.03, -0.04, 0.02][k as usize % 3])
         })
         .collect();
-    let floors: Vec<Floor> = eyes.iter().map(|eye| Floor::below(*eye, &eyes, DVec3::Z, height)).collect();
+    let floors: Vec<FloorPlane> =
+        eyes.iter().map(|eye| FloorPlane::below(*eye, &eyes, DVec3::Z, height)).collect();
     // A pit 3 m below the street, and a house whose wall is 3 m to the side.
     let seen = |from: DVec3, ray: DVec3| {
         let pit = (street(from.y) - 3.0 - from.z) / (ray.z - 0.06 * ray.y);
         let wall = (3.0 - from.x) / ray.x;
         [pit, wall].into_iter().filter(|way| *way > 0.0).min_by(f64::total_cmp)
     };
-    let mut sights: Vec<Sight> =
-        eyes.iter().map(|eye| sight(camera(*eye, *eye + DVec3::new(0.0, 10.0, 0.0)), seen)).collect();
-    sights.iter_mut().for_each(|sight| sight.stop_at(&floors));
+    let mut views: Vec<PhotoView> =
+        eyes.iter().map(|eye| view(camera(*eye, *eye + DVec3::new(0.0, 10.0, 0.0)), seen)).collect();
+    views.iter_mut().for_each(|view| view.stop_at(&floors));
     let splats = Splats::with_capacity(0, 0);
-    let scan = Scan::of(&splats, &sights, &SITE, 2);
+    let scan = FusedSurfaces::from_views(&splats, &views, &SITE, 2);
     let (mut off, mut ground, mut wall) = (0.0f64, 0, 0);
     for mean in &scan.splats.means {
         let [x, y, z] = mean.map(f64::from);
@@ -161,16 +162,16 @@ fn the_ground_of_a_court_is_where_all_cameras_are_as_high() {
             ways.into_iter().filter(|way| *way > 0.0).min_by(f64::total_cmp)
         }
     };
-    let floor = Floor::under(&cameras, DVec3::Z, 0.0).expect("they are as high");
-    assert!(!floor.is_lost(&cameras.map(|camera| sight(camera, seen(0.0)))), "there it is");
-    let mut sights = cameras.map(|camera| sight(camera, seen(2.0)));
-    assert!(floor.is_lost(&sights));
+    let floor = FloorPlane::under(&cameras, DVec3::Z, 0.0).expect("they are as high");
+    assert!(!floor.is_lost(&cameras.map(|camera| view(camera, seen(0.0)))), "there it is");
+    let mut views = cameras.map(|camera| view(camera, seen(2.0)));
+    assert!(floor.is_lost(&views));
     // What a training made of it: upright, before the ground behind.
     let mut place = Builder::new(1);
     place.surface(DVec3::new(-1.0, 12.0, 0.1), DVec3::X * 2.0, DVec3::Z * 0.1, 0.05, |_, _| [0.5; 3]);
     let junk = place.build();
-    sights.iter_mut().for_each(|sight| sight.stop_at(&[floor]));
-    let scan = Scan::of(&junk, &sights, &SITE, 2);
+    views.iter_mut().for_each(|view| view.stop_at(&[floor]));
+    let scan = FusedSurfaces::from_views(&junk, &views, &SITE, 2);
     assert!(scan.stand_ins.iter().all(|it| *it == StandIn::Floor), "{:?}", scan.stand_ins);
     // Row by row pixels are metres apart out there; the floor is closed all the same.
     let mut rows = vec![0; off as usize];
@@ -186,10 +187,10 @@ fn the_ground_of_a_court_is_where_all_cameras_are_as_high() {
 fn a_flight_and_a_climb_are_no_walk() {
     let look = |eye: DVec3, down: f64| camera(eye, eye + DVec3::new(0.0, 10.0, -down));
     let eyes = [-4.0, 0.0, 4.0].map(|x| DVec3::new(x, 0.0, 30.0));
-    assert_eq!(Floor::under(&eyes.map(|eye| look(eye, 8.0)), DVec3::Z, 0.0), None);
-    assert!(Floor::under(&eyes.map(|eye| look(eye, 1.0)), DVec3::Z, 0.0).is_some());
+    assert_eq!(FloorPlane::under(&eyes.map(|eye| look(eye, 8.0)), DVec3::Z, 0.0), None);
+    assert!(FloorPlane::under(&eyes.map(|eye| look(eye, 1.0)), DVec3::Z, 0.0).is_some());
     let climb = [1.6, 2.2, 2.8].map(|z| look(DVec3::new(z, 0.0, z), 0.0));
-    assert_eq!(Floor::under(&climb, DVec3::Z, 0.0), None);
-    assert_eq!(Floor::under(&[], DVec3::Z, 0.0), None);
-    assert_eq!(Floor::under(&eyes.map(|eye| look(eye, 0.0)), DVec3::Z, 40.0), None, "ground above them");
+    assert_eq!(FloorPlane::under(&climb, DVec3::Z, 0.0), None);
+    assert_eq!(FloorPlane::under(&[], DVec3::Z, 0.0), None);
+    assert_eq!(FloorPlane::under(&eyes.map(|eye| look(eye, 0.0)), DVec3::Z, 40.0), None, "ground above them");
 }

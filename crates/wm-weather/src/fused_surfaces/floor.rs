@@ -5,7 +5,7 @@
 //! far below them, and nothing is seen below it. Where the photos do not tell that height, but the scene has a ground over
 //! which all cameras are as high, and most of what they see of it is not there, that is the floor.
 
-use super::Sight;
+use super::PhotoView;
 use glam::{DMat3, DVec3};
 use wm_scene::Camera;
 
@@ -31,7 +31,7 @@ const LOOSE: f64 = 0.25;
 
 /// A plane below a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Floor {
+pub struct FloorPlane {
     /// Straight below the camera, world, scene units.
     pub point: DVec3,
     /// Length 1.
@@ -42,7 +42,7 @@ pub struct Floor {
     pub slab: f64,
 }
 
-impl Floor {
+impl FloorPlane {
     /// Below a camera of a walk at `center`, by the places of all of its cameras (world, scene units), which were carried
     /// at a `height` over the ground.
     #[must_use]
@@ -84,13 +84,13 @@ impl Floor {
         (is_even && is_level).then_some(Self { point, normal: up, reach: FAR * height, slab: LOOSE * height })
     }
 
-    /// Whether most of `sights` that should show it see through it: a training has lost it.
+    /// Whether most of `views` that should show it see through it: a training has lost it.
     #[must_use]
-    pub fn is_lost(&self, sights: &[Sight]) -> bool {
+    pub fn is_lost(&self, views: &[PhotoView]) -> bool {
         let (mut there, mut below) = (0, 0);
-        for sight in sights {
-            let (center, forward) = (sight.camera.center(), sight.camera.forward());
-            for (ray, depth) in sight.rays().zip(&sight.depth) {
+        for view in views {
+            let (center, forward) = (view.camera.center(), view.camera.forward());
+            for (ray, depth) in view.rays().zip(&view.depth) {
                 let Some((way, _)) = self.met(center, ray) else { continue };
                 let off = f64::from(*depth) / (way * ray.dot(forward)) - 1.0;
                 below += u64::from(off > SLAB || *depth == 0.0);
@@ -110,12 +110,12 @@ impl Floor {
     }
 }
 
-impl Sight {
+impl PhotoView {
     /// Brings what is seen below the floors of a walk onto them, along its ray, what is not there at all, and what is a
     /// little above.
-    pub fn stop_at(&mut self, floors: &[Floor]) {
+    pub fn stop_at(&mut self, floors: &[FloorPlane]) {
         let (center, forward) = (self.camera.center(), self.camera.forward());
-        let is_near = |floor: &&Floor| {
+        let is_near = |floor: &&FloorPlane| {
             let off = floor.point - center;
             off.length() < SEEN * floor.reach && off.dot(forward) > -floor.reach
         };

@@ -1,6 +1,6 @@
 //! What one camera of the photos sees, and what it says of a point.
 
-use super::Floor;
+use super::FloorPlane;
 use glam::{DMat3, DVec3};
 use wm_scene::Camera;
 
@@ -20,7 +20,7 @@ const MOST: f64 = 32.0;
 
 /// What a camera sees.
 #[derive(Clone, Debug)]
-pub struct Sight {
+pub struct PhotoView {
     /// From where.
     pub(super) camera: Camera,
     /// View z of the surface in each pixel, scene units, `[H, W]`; 0 where there is none.
@@ -28,7 +28,7 @@ pub struct Sight {
     /// Its colour, display-referred, `[H, W, 3]`.
     rgb: Vec<f32>,
     /// Floors, and which of them each pixel shows, from 1; 0 for none.
-    pub(super) floors: Vec<Floor>,
+    pub(super) floors: Vec<FloorPlane>,
     pub(super) on: Vec<u16>,
 }
 
@@ -57,7 +57,7 @@ pub(super) struct Spot {
     pub rgb: [f32; 3],
 }
 
-impl Sight {
+impl PhotoView {
     /// From where a camera is: view z of the surface in each pixel, scene units, `[H, W]`, 0 where there is none; and its
     /// colour, display-referred, `[H, W, 3]`, grey where that is empty.
     #[must_use]

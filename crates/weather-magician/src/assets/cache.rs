@@ -1,0 +1,240 @@
+//! Prepared assets on disk: a folder beside the scene, which can be deleted at any time.
+//!
+//! Each file names what it was made from by a digest: of the splats, the views and the facts of the scene, of the arithmetic
+//! of the renderer, and of the version of this library. A file with another digest, or whose contents do not match its own
+//! checksum, is not read; it is made again and replaced.
+//!
+//! ```text
+//! 0   magic, 8 bytes
+//! 8   SHA-256 of what it was made from
+//! 40  CRC-32 of the contents, 4 bytes, little-endian
+//! 44  contents: postcard
+//! ```
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+use wm_scene::Scene;
+use wm_scene::files::write_atomically;
+use wm_scene::survey::Survey;
+use wm_weather::cover::Airflow;
+
+const MAGIC: &[u8; 8] = b"WMASSET1";
+const HEADER: usize = 44;
+const EXTENSION: &str = "wmasset";
+/// Version of the algorithms that make assets: raise it when any of them gives other numbers for the same scene.
+const VERSION: u32 = 1;
+/// Bytes that the files of one scene take at most; the oldest go first.
+const MOST_BYTES: u64 = 1 << 30;
+
+/// A file of the cache.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum AssetFile {
+    /// The surfaces that the photos show.
+    Surfaces,
+    /// The shelter map of a direction of fall.
+    Shelter([f64; 3]),
+    /// The ground that something can lie on.
+    Cover(Airflow),
+}
+
+impl AssetFile {
+    /// The word its name begins with, and the numbers that tell it from others of its kind.
+    fn parts(&self) -> (&'static str, Vec<f64>) {
+        match self {
+            Self::Surfaces => ("surfaces", Vec::new()),
+            Self::Shelter(fall) => ("shelter", fall.to_vec()),
+            Self::Cover(Airflow { slope, moved }) => ("cover", vec![slope[0], slope[1], *moved]),
+        }
+    }
+}
+
+/// A folder for the prepared assets of one scene, or none.
+#[derive(Clone, Debug, Default)]
+pub struct AssetCache {
+    folder: Option<PathBuf>,
+    scene: [u8; 32],
+}
+
+impl AssetCache {
+    /// No cache: everything is made anew.
+    #[must_use]
+    pub fn off() -> Self {
+        Self::default()
+    }
+
+    /// The usual folder of a scene file: `place.ply.assets` beside `place.ply`, `assets` in a folder.
+    #[must_use]
+    pub fn folder_of(scene: &Path) -> PathBuf {
+        if scene.is_dir() {
+            return scene.join("weather.assets");
+        }
+        let mut name = scene.file_name().unwrap_or_default().to_owned();
+        name.push(".assets");
+        scene.with_file_name(name)
+    }
+
+    /// A cache in `folder`, which is made when something is written to it.
+    pub(crate) fn new(folder: Option<PathBuf>, scene: [u8; 32]) -> Self {
+        Self { folder, scene }
+    }
+
+    /// The digest of everything that an asset is made from, and the path that it has.
+    fn entry(&self, file: &AssetFile) -> Option<(PathBuf, [u8; 32])> {
+        let folder = self.folder.as_ref()?;
+        let (name, numbers) = file.parts();
+        let mut hash = Sha256::new();
+        hash.update(self.scene);
+        hash.update(name);
+        numbers.iter().for_each(|number| hash.update(number.to_le_bytes()));
+        let digest: [u8; 32] = hash.finalize().into();
+        let short: String = digest[..6].iter().map(|byte| format!("{byte:02x}")).collect();
+        Some((folder.join(format!("{name}-{short}.{EXTENSION}")), digest))
+    }
+
+    /// Reads an asset; `None` if it is not there, is damaged or belongs to another state of the scene.
+    pub(crate) fn get<T: DeserializeOwned>(&self, file: &AssetFile) -> Option<T> {
+        let (path, digest) = self.entry(file)?;
+        let bytes = fs::read(path).ok()?;
+        let (header, contents) = bytes.split_at_checked(HEADER)?;
+        let is_whole = header[..8] == *MAGIC
+            && header[8..40] == digest
+            && header[40..] == crc32fast::hash(contents).to_le_bytes();
+        if !is_whole {
+            return None;
+        }
+        let (asset, rest) = postcard::take_from_bytes(contents).ok()?;
+        rest.is_empty().then_some(asset)
+    }
+
+    /// Writes an asset. A folder that cannot be written to is no fault: the asset is made again next time.
+    pub(crate) fn put<T: Serialize>(&self, file: &AssetFile, asset: &T) {
+        let Some((path, digest)) = self.entry(file) else { return };
+        let Some(folder) = &self.folder else { return };
+        let mut bytes = vec![0; HEADER];
+        bytes[..8].copy_from_slice(MAGIC);
+        bytes[8..40].copy_from_slice(&digest);
+        let Ok(mut bytes) = postcard::to_extend(asset, bytes) else { return };
+        let checksum = crc32fast::hash(&bytes[HEADER..]).to_le_bytes();
+        bytes[40..HEADER].copy_from_slice(&checksum);
+        if bytes.len() as u64 > MOST_BYTES || fs::create_dir_all(folder).is_err() {
+            return;
+        }
+        let _ = write_atomically(&path, |out| Ok(out.write_all(&bytes)?));
+        make_room(folder, MOST_BYTES);
+    }
+}
+
+/// Removes the oldest assets of a folder until the rest take `most` bytes or fewer.
+fn make_room(folder: &Path, most: u64) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    let mut files: Vec<(SystemTime, u64, PathBuf)> = entries
+        .flatten()
+        .filter(|entry| entry.path().extension().is_some_and(|extension| extension == EXTENSION))
+        .filter_map(|entry| {
+            let about = entry.metadata().ok()?;
+            Some((about.modified().ok()?, about.len(), entry.path()))
+        })
+        .collect();
+    files.sort();
+    let mut total: u64 = files.iter().map(|(_, size, _)| size).sum();
+    for (_, size, path) in files {
+        if total <= most {
+            break;
+        }
+        let _ = fs::remove_file(path);
+        total -= size;
+    }
+}
+
+/// The digest of all that prepared assets depend on: the scene, what is known of it, and who renders its views.
+pub(crate) fn scene_digest(scene: &Scene, survey: &Survey, arithmetic: &str) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    hash.update(VERSION.to_le_bytes());
+    hash.update(env!("CARGO_PKG_VERSION"));
+    hash.update(arithmetic);
+    let splats = &scene.splats;
+    hash.update((splats.len() as u64).to_le_bytes());
+    hash.update([splats.sh_degree]);
+    for numbers in [
+        splats.means.as_flattened(),
+        splats.quats.as_flattened(),
+        splats.log_scales.as_flattened(),
+        &splats.logit_opacities,
+        &splats.sh,
+    ] {
+        let mut bytes = Vec::with_capacity(1 << 16);
+        for part in numbers.chunks(1 << 14) {
+            bytes.clear();
+            part.iter().for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
+            hash.update(&bytes);
+        }
+    }
+    let groups: Vec<u8> = splats.groups.iter().map(|group| *group as u8).collect();
+    hash.update(&groups);
+    // Their `Debug` texts name every number to the last bit, and every field that is added later.
+    for view in &scene.views {
+        hash.update(format!("{:?}", view.camera));
+    }
+    hash.update(format!("{:?} {survey:?}", scene.metadata));
+    hash.finalize().into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cache(folder: &Path) -> AssetCache {
+        AssetCache::new(Some(folder.join("a.assets")), [7; 32])
+    }
+
+    #[test]
+    fn damaged_and_foreign_files_are_not_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let (cache, file) = (cache(folder.path()), AssetFile::Shelter([0.0, 0.0, -1.0]));
+        assert_eq!(cache.get::<Vec<f32>>(&file), None);
+        let asset = vec![1.5f32, f32::NEG_INFINITY, -0.0];
+        cache.put(&file, &asset);
+        assert_eq!(cache.get::<Vec<f32>>(&file), Some(asset.clone()));
+        let other = AssetCache::new(cache.folder.clone(), [8; 32]);
+        assert_eq!(other.get::<Vec<f32>>(&file), None);
+        assert_eq!(cache.get::<Vec<f32>>(&AssetFile::Shelter([0.0, 1.0, 0.0])), None);
+        let (path, _) = cache.entry(&file).unwrap();
+        let whole = fs::read(&path).unwrap();
+        for at in 0..whole.len() {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0x10;
+            fs::write(&path, &bytes).unwrap();
+            assert_eq!(cache.get::<Vec<f32>>(&file), None, "byte {at}");
+            fs::write(&path, &whole[..at]).unwrap();
+            assert_eq!(cache.get::<Vec<f32>>(&file), None, "cut at {at}");
+        }
+        // It is replaced.
+        cache.put(&file, &asset);
+        assert_eq!(cache.get::<Vec<f32>>(&file), Some(asset));
+    }
+
+    #[test]
+    fn the_oldest_files_make_room() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, age) in [("old", 30), ("new", 10), ("middle", 20)] {
+            let path = folder.path().join(format!("{name}.{EXTENSION}"));
+            fs::write(&path, [0; 100]).unwrap();
+            let then = SystemTime::now() - std::time::Duration::from_secs(age);
+            fs::File::options().write(true).open(&path).unwrap().set_modified(then).unwrap();
+        }
+        fs::write(folder.path().join("notes.txt"), [0; 1000]).unwrap();
+        make_room(folder.path(), 200);
+        let is_there = |name: &str| folder.path().join(name).exists();
+        assert!(!is_there("old.wmasset") && is_there("middle.wmasset") && is_there("new.wmasset"));
+        assert!(is_there("notes.txt"));
+    }
+
+    #[test]
+    fn the_folder_stands_beside_the_scene() {
+        assert_eq!(AssetCache::folder_of(Path::new("a/place.ply")), Path::new("a/place.ply.assets"));
+    }
+}

@@ -1,0 +1,245 @@
+//! What takes seconds to find of a place and serves many frames: where roofs keep the rain off, and what snow lies on.
+//!
+//! [`MissingAssets`] says what a frame needs that is not there, [`AssetSource`] holds what it is made from, and
+//! [`MissingAssets::make`] makes it, on any thread. [`AssetCache`] keeps it on disk.
+
+mod cache;
+mod views;
+
+pub use cache::AssetCache;
+pub(crate) use cache::{AssetFile, scene_digest};
+pub(crate) use views::photo_views;
+
+use crate::{Error, Progress, Result};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use wm_scene::{Scene, Splats};
+use wm_weather::cover::{Airflow, Cover, CoverRequest, LyingCover};
+use wm_weather::fused_surfaces::{FusedSurfaces, PhotoView};
+use wm_weather::paper::PaperCover;
+use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
+use wm_weather::{Site, Weather};
+
+/// Shelter maps that are kept, one for each direction of fall: enough for a wind that turns.
+const SHELTERS: usize = 6;
+/// Covers that are kept, one for each way in which the air carries what lies.
+const COVERS: usize = 2;
+
+/// A cover whose ladder of depths grows as it is used.
+pub(crate) type SharedCover = Arc<Mutex<Cover>>;
+
+/// Locks a cover. A panic of another thread leaves it whole: its ladder only grows.
+pub(crate) fn lock(cover: &SharedCover) -> MutexGuard<'_, Cover> {
+    cover.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What frames of a weather need of a place, at any time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AssetNeeds {
+    /// Something may fall that roofs stop.
+    pub shelter: bool,
+    /// How the air carries what lies; `None` if nothing lies at any time.
+    pub cover: Option<Airflow>,
+    /// The paper's lying snow.
+    pub paper_cover: Option<PaperCover>,
+}
+
+impl AssetNeeds {
+    /// The needs of a weather at a site.
+    #[must_use]
+    pub fn of(weather: &Weather, site: &Site) -> Self {
+        use wm_weather::{Fidelity, Need};
+        let prepared = weather.at(0.0).prepare(site);
+        let paper_cover = prepared.paper_cover().cloned();
+        // The paper's rain falls through roofs.
+        let shelter = weather.needs(Need::Shelter) && weather.fidelity == Fidelity::Physical;
+        let lies = weather.needs(Need::Cover) && paper_cover.is_none();
+        Self { shelter, cover: lies.then(|| prepared.airflow()), paper_cover }
+    }
+}
+
+/// The prepared assets of a place that frames ask for.
+#[derive(Default)]
+pub(crate) struct AssetStore {
+    pub occluders: Option<Arc<Occluders>>,
+    /// By the direction of fall, the last used at the end.
+    shelters: Vec<([f64; 3], Arc<Shelter>)>,
+    /// The last used at the end.
+    covers: Vec<(Airflow, SharedCover)>,
+}
+
+impl AssetStore {
+    /// The shelter map of a direction of fall.
+    pub fn shelter(&mut self, fall: [f64; 3]) -> Option<&Arc<Shelter>> {
+        newest(&mut self.shelters, &fall)
+    }
+
+    /// The shelter map that was used last, whatever its direction.
+    pub fn any_shelter(&self) -> Option<&Arc<Shelter>> {
+        self.shelters.last().map(|(_, shelter)| shelter)
+    }
+
+    pub fn has_shelter(&self, fall: [f64; 3]) -> bool {
+        self.shelters.iter().any(|(known, _)| *known == fall)
+    }
+
+    /// The cover of an airflow.
+    pub fn cover(&mut self, airflow: &Airflow) -> Option<&SharedCover> {
+        newest(&mut self.covers, airflow)
+    }
+
+    pub fn has_cover(&self, airflow: &Airflow) -> bool {
+        self.covers.iter().any(|(known, _)| known == airflow)
+    }
+
+    pub fn add_shelter(&mut self, fall: [f64; 3], shelter: Arc<Shelter>) {
+        keep(&mut self.shelters, (fall, shelter), SHELTERS);
+    }
+
+    pub fn add_cover(&mut self, airflow: Airflow, cover: SharedCover) {
+        keep(&mut self.covers, (airflow, cover), COVERS);
+    }
+}
+
+/// Finds an entry and moves it to the end.
+fn newest<'a, K: PartialEq, V>(kept: &'a mut Vec<(K, V)>, key: &K) -> Option<&'a V> {
+    let place = kept.iter().position(|(known, _)| known == key)?;
+    let found = kept.remove(place);
+    kept.push(found);
+    kept.last().map(|(_, value)| value)
+}
+
+/// Adds an entry, in the place of one with the same key or of the oldest where there are too many.
+fn keep<K: PartialEq, V>(kept: &mut Vec<(K, V)>, new: (K, V), most: usize) {
+    kept.retain(|(known, _)| *known != new.0);
+    kept.push(new);
+    if kept.len() > most {
+        kept.remove(0);
+    }
+}
+
+/// The assets that a frame needs and that are not made yet. They take seconds for a large scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MissingAssets {
+    /// The surfaces that may stop what falls.
+    pub(crate) occluders: bool,
+    /// The map of where a fall leaves the ground dry, by its direction.
+    pub(crate) shelter: Option<[f64; 3]>,
+    /// The ground that something can lie on.
+    pub(crate) cover: Option<Airflow>,
+    /// What lies on that ground.
+    pub(crate) lying: Option<(Airflow, Vec<CoverRequest>)>,
+    /// The paper's lying snow.
+    pub(crate) paper_cover: Option<PaperCover>,
+}
+
+impl MissingAssets {
+    /// Returns true if nothing is missing.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Returns true if something is missing that takes no more than a second for most scenes.
+    #[must_use]
+    pub fn is_quick(&self) -> bool {
+        let Self { occluders, shelter, cover, lying, paper_cover } = self;
+        let is_slow = *occluders || cover.is_some() || paper_cover.is_some();
+        !is_slow && (shelter.is_some() || lying.is_some())
+    }
+
+    /// The longest of the work, in words for a progress bar.
+    #[must_use]
+    pub fn description(&self) -> &'static str {
+        match (&self.cover, &self.paper_cover, &self.lying) {
+            (None, None, None) => "finding where roofs keep the rain off",
+            (None, None, _) => "laying out the snow",
+            _ => "finding what snow can lie on",
+        }
+    }
+
+    /// Returns true if the work begins with the surfaces that the photos show.
+    pub(crate) fn needs_surfaces(&self) -> bool {
+        self.occluders || self.cover.is_some()
+    }
+
+    /// Makes what is missing.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] if the splats of the place were released.
+    pub fn make(&self, source: AssetSource, progress: &mut dyn Progress) -> Result<Assets> {
+        let AssetSource { scene, photo_views, surfaces, site, threads, occluders, cover, cache } = source;
+        let needs_splats = self.needs_surfaces() || self.paper_cover.is_some();
+        if needs_splats && scene.splats.is_empty() {
+            return Err(Error::Unsupported(
+                "the splats of this place were released: load the scene again to change its weather".into(),
+            ));
+        }
+        let surfaces = self.needs_surfaces().then(|| {
+            surfaces.unwrap_or_else(|| {
+                progress.begin("finding the surfaces that the photos show", None);
+                let found = FusedSurfaces::from_views(&scene.splats, &photo_views, &site, threads);
+                progress.end();
+                // Without photos they are the splats themselves.
+                if !photo_views.is_empty() {
+                    cache.put(&AssetFile::Surfaces, &found);
+                }
+                found
+            })
+        });
+        let made_occluders = surfaces
+            .as_ref()
+            .filter(|_| self.occluders)
+            .map(|found| Arc::new(Occluders::of(&found.splats, &site, &ShelterOptions::default())));
+        let occluders = made_occluders.as_ref().or(occluders.as_ref());
+        let shelter = self.shelter.zip(occluders).map(|(fall, occluders)| {
+            let shelter = occluders.shelter(fall, Some(threads));
+            cache.put(&AssetFile::Shelter(fall), &shelter);
+            (fall, Arc::new(shelter))
+        });
+        let made_cover = self.cover.zip(surfaces.as_ref()).map(|(airflow, found)| {
+            progress.begin("finding what can be covered", None);
+            let path = views::path_of_photos(&scene);
+            let cover = Cover::of(&scene.splats, found, &site, &airflow, path, threads);
+            progress.end();
+            (airflow, Arc::new(Mutex::new(cover)))
+        });
+        let cover = made_cover.as_ref().map(|(_, cover)| cover).or(cover.as_ref());
+        let lying = self.lying.clone().zip(cover).map(|((airflow, requests), cover)| {
+            let lying = lock(cover).lay_all(&requests);
+            (lying, (airflow, requests))
+        });
+        if let Some((airflow, cover)) = &made_cover {
+            // After it was first used: with what has slid by then.
+            cache.put(&AssetFile::Cover(*airflow), &*lock(cover));
+        }
+        let snow = |paper: &PaperCover| (paper.clone(), paper.snow(&scene.splats, &site));
+        Ok(Assets {
+            paper_cover: self.paper_cover.as_ref().map(snow),
+            occluders: made_occluders,
+            shelter,
+            cover: made_cover,
+            lying,
+        })
+    }
+}
+
+/// What assets are made from. It owns all of it, so that another thread can do the work.
+pub struct AssetSource {
+    pub(crate) scene: Arc<Scene>,
+    pub(crate) photo_views: Vec<PhotoView>,
+    pub(crate) surfaces: Option<FusedSurfaces<'static>>,
+    pub(crate) site: Site,
+    pub(crate) threads: usize,
+    pub(crate) occluders: Option<Arc<Occluders>>,
+    pub(crate) cover: Option<SharedCover>,
+    pub(crate) cache: AssetCache,
+}
+
+/// Assets that were made, to be taken by [`crate::Renderer::insert_assets`].
+pub struct Assets {
+    pub(crate) occluders: Option<Arc<Occluders>>,
+    pub(crate) shelter: Option<([f64; 3], Arc<Shelter>)>,
+    pub(crate) cover: Option<(Airflow, SharedCover)>,
+    pub(crate) lying: Option<(LyingCover, (Airflow, Vec<CoverRequest>))>,
+    pub(crate) paper_cover: Option<(PaperCover, Splats)>,
+}

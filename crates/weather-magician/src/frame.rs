@@ -1,0 +1,193 @@
+//! Builds the plan of a frame from a prepared weather, and carries it out. All pictures of the library and of the program
+//! come from here.
+
+use crate::picture::Picture;
+use std::sync::{Mutex, PoisonError};
+use wm_render::parts::{PartPasses, PicturePart};
+use wm_render::simd::SimdPath;
+use wm_render::{
+    Background, DrawPass, Frame, FramePlan, Geometry, Outputs, PictureEffect, PictureId, Pictures,
+    RenderBackend, RenderConfig, RenderError, SetView, Stats,
+};
+use wm_scene::{Camera, Splats};
+use wm_weather::paper::{PaperBlend, PaperStages, composite};
+use wm_weather::shelter::Shelter;
+use wm_weather::{Observer, PreparedWeather};
+
+/// A camera and how it moves.
+#[derive(Clone, Copy, Debug)]
+pub struct MovingCamera {
+    /// The camera.
+    pub camera: Camera,
+    /// m/s, world axes: particles are streaked by it.
+    pub velocity: [f64; 3],
+}
+
+impl From<Camera> for MovingCamera {
+    /// A camera at rest.
+    fn from(camera: Camera) -> Self {
+        Self { camera, velocity: [0.0; 3] }
+    }
+}
+
+/// What a frame is made of.
+#[derive(Clone, Copy)]
+pub struct FrameRequest<'a> {
+    /// The splat sets, drawn together.
+    pub sets: &'a [SetView<'a>],
+    /// The weather at the instant.
+    pub weather: &'a PreparedWeather,
+    /// The camera.
+    pub camera: MovingCamera,
+    /// Where nothing falls; `None` if roofs do not matter or are not known.
+    pub shelter: Option<&'a Shelter>,
+    /// The outputs, the background and the rasterization.
+    pub config: &'a RenderConfig,
+    /// Parts of the picture that are rendered with it. The paper's rain and snow have none.
+    pub parts: &'a [PicturePart],
+}
+
+impl FrameRequest<'_> {
+    /// Draws the frame into `picture`.
+    ///
+    /// # Errors
+    /// [`RenderError`] of the back end.
+    pub fn draw(
+        &self,
+        backend: &mut dyn RenderBackend,
+        memory: &mut Pictures,
+        picture: &mut Picture,
+    ) -> Result<Stats, RenderError> {
+        self.draw_stages(backend, memory, picture, None)
+    }
+
+    /// Draws the frame, and keeps what lies between the clear picture and the last in the paper's rain and snow; with
+    /// neither, `stages` holds the picture itself.
+    ///
+    /// # Errors
+    /// [`RenderError`] of the back end.
+    pub fn draw_stages(
+        &self,
+        backend: &mut dyn RenderBackend,
+        memory: &mut Pictures,
+        picture: &mut Picture,
+        stages: Option<&mut PaperStages>,
+    ) -> Result<Stats, RenderError> {
+        let is_paper = !self.weather.paper_falls().is_empty() || stages.is_some();
+        if is_paper {
+            return self.draw_as_paper(backend, memory, picture, stages);
+        }
+        self.weather.with_hooks(&self.observer(), |hooks| {
+            let mut plan = FramePlan::new();
+            let color =
+                plan.draw(DrawPass::new(self.sets, &self.camera.camera, self.config).with_hooks(hooks));
+            let parts = (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
+            memory.put(color, std::mem::take(&mut picture.frame));
+            let stats = backend.execute(&plan, memory)?;
+            picture.parts = parts.map(|parts| parts.finish(memory)).unwrap_or_default();
+            picture.frame = memory.take(color);
+            Ok(stats)
+        })
+    }
+
+    /// Draws the scene, then each sub-cloud of what falls by itself, and lays them over it.
+    fn draw_as_paper(
+        &self,
+        backend: &mut dyn RenderBackend,
+        memory: &mut Pictures,
+        picture: &mut Picture,
+        mut stages: Option<&mut PaperStages>,
+    ) -> Result<Stats, RenderError> {
+        let (weather, observer) = (self.weather, self.observer());
+        let camera = &self.camera.camera;
+        let asked = self.config.outputs.geometry;
+        let geometry = if asked == Geometry::None { Geometry::Depth } else { asked };
+        let config = RenderConfig { outputs: Outputs { geometry, ..self.config.outputs }, ..*self.config };
+        let noise_config = RenderConfig {
+            outputs: Outputs { geometry: Geometry::Depth, ..Outputs::default() },
+            background: Background::default(),
+            ..config
+        };
+        let clouds: Vec<(PaperBlend, Vec<Splats>)> = weather
+            .paper_falls()
+            .iter()
+            .map(|fall| (weather.blend(fall, camera), weather.sub_clouds(fall, &observer)))
+            .collect();
+        let begins = stages.is_some();
+        let stages = Mutex::new(stages.as_deref_mut());
+        let begin = BeginStages(&stages);
+        let overlays: Vec<Overlay<'_, '_>> =
+            clouds.iter().map(|(blend, _)| Overlay { blend, stages: &stages }).collect();
+        let finish = Finish(weather);
+        weather.with_hooks(&observer, |hooks| {
+            let mut plan = FramePlan::new();
+            let color = plan.draw(DrawPass::new(self.sets, camera, &config).with_hooks(hooks));
+            if begins {
+                plan.apply(&begin, color, &[]);
+            }
+            let mut noise: Option<PictureId> = None;
+            for ((_, clouds), overlay) in clouds.iter().zip(&overlays) {
+                for cloud in clouds {
+                    let pass = DrawPass::new(&[SetView::transient(cloud)], camera, &noise_config);
+                    let drawn = match noise {
+                        Some(id) => {
+                            plan.draw_into(id, pass);
+                            id
+                        }
+                        None => *noise.insert(plan.draw(pass)),
+                    };
+                    plan.apply(overlay, color, &[drawn]);
+                }
+            }
+            plan.apply(&finish, color, &[]);
+            memory.put(color, std::mem::take(&mut picture.frame));
+            let stats = backend.execute(&plan, memory)?;
+            picture.parts = Default::default();
+            picture.frame = memory.take(color);
+            if asked == Geometry::None {
+                picture.frame.depth.clear();
+            }
+            Ok(stats)
+        })
+    }
+
+    fn observer(&self) -> Observer<'_> {
+        Observer { camera: &self.camera.camera, velocity: self.camera.velocity, shelter: self.shelter }
+    }
+}
+
+/// The intermediate pictures that the passes of one plan write to in turn.
+type StagesOfPlan<'s, 'a> = &'s Mutex<Option<&'a mut PaperStages>>;
+
+/// Keeps the picture without what falls.
+struct BeginStages<'s, 'a>(StagesOfPlan<'s, 'a>);
+
+impl PictureEffect for BeginStages<'_, '_> {
+    fn apply(&self, _: SimdPath, picture: &mut Frame, _: &[&Frame]) {
+        if let Some(stages) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner) {
+            stages.begin(picture);
+        }
+    }
+}
+
+/// Lays one sub-cloud of the paper's rain or snow over the picture.
+struct Overlay<'s, 'a> {
+    blend: &'s PaperBlend,
+    stages: StagesOfPlan<'s, 'a>,
+}
+
+impl PictureEffect for Overlay<'_, '_> {
+    fn apply(&self, _: SimdPath, picture: &mut Frame, inputs: &[&Frame]) {
+        let mut stages = self.stages.lock().unwrap_or_else(PoisonError::into_inner);
+        composite::add(self.blend, picture, inputs[0], stages.as_deref_mut());
+    }
+}
+
+/// The last step of the paper's rain and snow, and the lens.
+struct Finish<'a>(&'a PreparedWeather);
+
+impl PictureEffect for Finish<'_> {
+    fn apply(&self, path: SimdPath, picture: &mut Frame, _: &[&Frame]) {
+        self.0.finish(path, picture);
+    }
+}

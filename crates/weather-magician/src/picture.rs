@@ -1,0 +1,36 @@
+//! A rendered picture.
+
+use crate::Result;
+use crate::output::PictureStyle;
+use std::path::Path;
+use wm_render::Frame;
+use wm_render::parts::PictureParts;
+
+/// A rendered frame, with the parts that were asked for.
+#[derive(Clone, Debug, Default)]
+pub struct Picture {
+    /// Colour, geometry and what falls.
+    pub frame: Frame,
+    /// The scene without weather, the transmittance and the airlight, as far as they were asked for.
+    pub parts: PictureParts,
+    /// Metres in a unit of the frame's depth; 0 if nobody set it.
+    pub metres_per_unit: f64,
+    /// Names and values that are written into a file beside its pixels: the scene, the weather, the camera.
+    pub tags: Vec<(String, String)>,
+}
+
+impl Picture {
+    /// Writes the colour as `.png` (8 bits, dithered), `.exr` or `.npy` (linear light). For depth, normals and the other
+    /// outputs see [`PictureStyle`].
+    ///
+    /// # Errors
+    /// [`crate::Error::Media`] if the file cannot be written; [`crate::Error::Unsupported`] for another extension.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        let style = PictureStyle {
+            metres_per_unit: self.metres_per_unit,
+            tags: self.tags.clone(),
+            ..PictureStyle::default()
+        };
+        style.write(self, path.as_ref()).map(drop)
+    }
+}

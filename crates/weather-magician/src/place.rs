@@ -1,0 +1,479 @@
+//! A scene that a renderer holds, and what weather knows of it.
+
+use crate::assets::{
+    AssetCache, AssetFile, AssetNeeds, AssetSource, AssetStore, Assets, MissingAssets, lock, photo_views,
+    scene_digest,
+};
+use crate::frame::FrameRequest;
+use crate::frame::MovingCamera;
+use crate::picture::Picture;
+use crate::view;
+use crate::{Error, Progress, Result};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+use wm_render::parts::PicturePart;
+use wm_render::{
+    AnyRenderer, Background, DrawPass, Frame, Pictures, RenderBackend, RenderConfig, SetId, SetView,
+    SkyGradient, Stats,
+};
+use wm_scene::survey::{FactSource, Survey, label_sky};
+use wm_scene::{Camera, LookAt, Metadata, Scene, Splats};
+use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
+use wm_weather::fused_surfaces::FusedSurfaces;
+use wm_weather::paper::{PaperCover, PaperStages};
+use wm_weather::shelter::Shelter;
+use wm_weather::{Daylight, PreparedWeather, Site, Weather};
+
+/// Whether frames wait for assets that are not made yet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Patience {
+    /// Every frame is as it must be: what is missing is made first.
+    #[default]
+    Whole,
+    /// Frames are drawn with what there is, for a camera that moves: snow may be missing or of another instant, and
+    /// roofs may not stop the rain.
+    Draft,
+}
+
+/// How a place is loaded.
+#[derive(Clone, Debug, Default)]
+pub struct PlaceOptions {
+    /// Facts that win over those of the scene: scale, up, ground.
+    pub facts: Metadata,
+    /// The folder for prepared assets, see [`AssetCache::folder_of`]; `None` keeps none.
+    pub assets: Option<PathBuf>,
+}
+
+/// What a frame shows beside its weather.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameOptions<'a> {
+    /// The instant of the weather, s.
+    pub time: f64,
+    /// The camera and its velocity.
+    pub camera: MovingCamera,
+    /// Parts of the picture that are rendered with it.
+    pub parts: &'a [PicturePart],
+    /// Whether the frame waits for assets.
+    pub patience: Patience,
+}
+
+impl FrameOptions<'_> {
+    /// A whole frame without parts.
+    pub fn new(time: f64, camera: impl Into<MovingCamera>) -> Self {
+        Self { time, camera: camera.into(), parts: &[], patience: Patience::Whole }
+    }
+}
+
+/// A view of a place.
+pub trait PlaceView {
+    /// The camera, with what the place decides: up, and the near plane.
+    ///
+    /// # Errors
+    /// [`Error::Camera`] if its numbers make no camera.
+    fn camera_at(&self, place: &PreparedPlace) -> Result<MovingCamera>;
+}
+
+impl PlaceView for Camera {
+    fn camera_at(&self, _: &PreparedPlace) -> Result<MovingCamera> {
+        Ok((*self).into())
+    }
+}
+
+impl PlaceView for MovingCamera {
+    fn camera_at(&self, _: &PreparedPlace) -> Result<MovingCamera> {
+        Ok(*self)
+    }
+}
+
+impl PlaceView for LookAt {
+    fn camera_at(&self, place: &PreparedPlace) -> Result<MovingCamera> {
+        let survey = place.survey();
+        let near = view::Options::default().near(survey);
+        Ok(self.camera(survey.up.value, near)?.into())
+    }
+}
+
+/// A scene in a renderer: its splats, what is known of the place, and what its weathers need.
+pub struct PreparedPlace {
+    /// The renderer that holds the splats.
+    pub(crate) renderer: u64,
+    set: SetId,
+    scene: Arc<Scene>,
+    survey: Survey,
+    site: Site,
+    /// The outputs of frames, and what stands behind them.
+    pub config: RenderConfig,
+    cache: AssetCache,
+    store: AssetStore,
+    lying: Option<Lying>,
+    warnings: Vec<String>,
+}
+
+/// What lies, in the renderer.
+struct Lying {
+    /// On what, and what.
+    what: LyingKey,
+    set: SetId,
+    buried: Buried,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum LyingKey {
+    Physical(Airflow, Vec<CoverRequest>),
+    Paper(PaperCover),
+}
+
+/// A scene and what lies on it, which hides some of it.
+pub(crate) fn with_cover<'a>(scene: SetId, lying: Option<(SetId, &'a Buried)>) -> Vec<SetView<'a>> {
+    let attributes = lying.map(|(_, buried)| buried as &dyn wm_render::hooks::SplatAttributes);
+    let scene = SetView::plain(scene).with_attributes(attributes);
+    [scene].into_iter().chain(lying.map(|(set, _)| SetView::plain(set))).collect()
+}
+
+impl PreparedPlace {
+    /// Labels the sky, surveys the scene and loads its splats.
+    pub(crate) fn load(
+        backend: &mut AnyRenderer,
+        renderer: u64,
+        mut scene: Scene,
+        options: &PlaceOptions,
+    ) -> Result<Self> {
+        label_sky(&mut scene.splats);
+        let survey = Survey::of(&scene, &options.facts);
+        let set = backend.load(&scene.splats)?;
+        let site = site_of(&survey);
+        let digest = options.assets.as_ref().map(|_| scene_digest(&scene, &survey, &backend.arithmetic()));
+        let mut place = Self {
+            renderer,
+            set,
+            scene: Arc::new(scene),
+            site,
+            config: RenderConfig::default(),
+            cache: AssetCache::new(options.assets.clone(), digest.unwrap_or_default()),
+            store: AssetStore::default(),
+            lying: None,
+            warnings: survey.warning().into_iter().collect(),
+            survey,
+        };
+        place.config = RenderConfig {
+            background: place.background(),
+            rasterization: place.scene.metadata.rasterization.unwrap_or_default(),
+            ..RenderConfig::default()
+        };
+        Ok(place)
+    }
+
+    /// The scene. Its splats are there until [`Self::release_splats`].
+    #[must_use]
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// What is known of the place, and from where.
+    #[must_use]
+    pub fn survey(&self) -> &Survey {
+        &self.survey
+    }
+
+    /// What weather knows of the place.
+    #[must_use]
+    pub fn site(&self) -> &Site {
+        &self.site
+    }
+
+    /// The splats in the renderer.
+    #[must_use]
+    pub fn set(&self) -> SetId {
+        self.set
+    }
+
+    /// Takes the warnings that came up since the last call, one line each.
+    pub fn take_warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
+    }
+
+    /// Frees the splats in the computer's memory: the renderer has its own. Afterwards only weathers that the place is
+    /// prepared for can be rendered.
+    pub fn release_splats(&mut self) {
+        let scene = Scene {
+            splats: Splats::default(),
+            views: self.scene.views.clone(),
+            metadata: self.scene.metadata.clone(),
+        };
+        self.scene = Arc::new(scene);
+    }
+
+    /// What stands behind the splats: nothing where they have a sky, else a plain one.
+    #[must_use]
+    pub fn background(&self) -> Background {
+        if self.survey.sky_splats > 0 {
+            return Background::default();
+        }
+        Background::Sky(self.plain_sky())
+    }
+
+    /// A plain daylight sky over the place.
+    #[must_use]
+    pub fn plain_sky(&self) -> SkyGradient {
+        SkyGradient::daylight(self.survey.up.value.to_array().map(|v| v as f32))
+    }
+
+    /// The place as [`view`] looks for cameras in it.
+    pub(crate) fn view_site<'a>(
+        &'a self,
+        backend: &'a mut AnyRenderer,
+        options: view::Options,
+    ) -> view::Site<'a> {
+        view::Site { renderer: backend, set: self.set, scene: &self.scene, survey: &self.survey, options }
+    }
+
+    /// The assets that the instant `time` of a weather needs and that are not made yet.
+    #[must_use]
+    pub fn missing_assets(&self, weather: &Weather, time: f64) -> MissingAssets {
+        let needs = AssetNeeds::of(weather, &self.site);
+        let prepared = weather.at(time).prepare(&self.site);
+        let fall = prepared.fall().filter(|fall| needs.shelter && !self.store.has_shelter(*fall));
+        let requests = prepared.cover();
+        let lying = needs.cover.filter(|_| !requests.is_empty()).map(|air| (air, requests.to_vec()));
+        let lying =
+            lying.filter(|(air, requests)| !self.is_laid(&LyingKey::Physical(*air, requests.clone())));
+        MissingAssets {
+            occluders: fall.is_some() && self.store.occluders.is_none(),
+            shelter: fall,
+            cover: needs.cover.filter(|air| lying.is_some() && !self.store.has_cover(air)),
+            lying,
+            paper_cover: needs.paper_cover.filter(|paper| !self.is_laid(&LyingKey::Paper(paper.clone()))),
+        }
+    }
+
+    fn is_laid(&self, what: &LyingKey) -> bool {
+        self.lying.as_ref().is_some_and(|lying| lying.what == *what)
+    }
+
+    /// Returns true if a small picture does without what is missing, since there is something like it.
+    #[must_use]
+    pub fn has_similar(&self, missing: &MissingAssets) -> bool {
+        let MissingAssets { occluders, shelter, cover, lying, paper_cover } = missing;
+        let is_sheltered = shelter.is_none() || self.store.any_shelter().is_some();
+        !occluders && is_sheltered && cover.is_none() && lying.is_none() && paper_cover.is_none()
+    }
+
+    /// Takes from disk what is there, and crosses it off.
+    fn read_cached(&mut self, missing: &mut MissingAssets) {
+        if let Some(fall) = missing.shelter
+            && missing.occluders
+            && let Some(shelter) = self.cache.get::<Shelter>(&AssetFile::Shelter(fall))
+        {
+            self.store.add_shelter(fall, Arc::new(shelter));
+            (missing.shelter, missing.occluders) = (None, false);
+        }
+        if let Some(airflow) = missing.cover
+            && let Some(cover) = self.cache.get::<Cover>(&AssetFile::Cover(airflow))
+        {
+            self.store.add_cover(airflow, Arc::new(Mutex::new(cover)));
+            missing.cover = None;
+        }
+    }
+
+    /// What `missing` is made from; crosses off what was found on disk. Renders the photos' views if surfaces are to be
+    /// found in them.
+    pub(crate) fn asset_source(
+        &mut self,
+        backend: &mut AnyRenderer,
+        missing: &mut MissingAssets,
+    ) -> Result<AssetSource> {
+        self.read_cached(missing);
+        let surfaces = missing
+            .needs_surfaces()
+            .then(|| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces))
+            .flatten();
+        let needs_views = missing.needs_surfaces() && surfaces.is_none() && !self.scene.splats.is_empty();
+        let photo_views =
+            if needs_views { photo_views(backend, self.set, &self.scene, &self.survey)? } else { Vec::new() };
+        let airflow = missing.lying.as_ref().map(|(airflow, _)| *airflow);
+        Ok(AssetSource {
+            scene: Arc::clone(&self.scene),
+            photo_views,
+            surfaces,
+            site: self.site,
+            threads: backend.threads(),
+            occluders: self.store.occluders.clone(),
+            cover: airflow.and_then(|airflow| self.store.cover(&airflow).cloned()),
+            cache: self.cache.clone(),
+        })
+    }
+
+    /// Takes assets that were made.
+    pub(crate) fn insert(&mut self, backend: &mut AnyRenderer, assets: Assets) -> Result<()> {
+        let Assets { occluders, shelter, cover, lying, paper_cover } = assets;
+        self.store.occluders = occluders.or(self.store.occluders.take());
+        if let Some((fall, shelter)) = shelter {
+            self.store.add_shelter(fall, shelter);
+        }
+        if let Some((airflow, cover)) = cover {
+            if lock(&cover).is_bare() {
+                self.warnings.push(
+                    "nothing can lie here: no surface looks up at the sky; give --up if up is wrong".into(),
+                );
+            }
+            self.store.add_cover(airflow, cover);
+        }
+        if let Some((lying, (airflow, requests))) = lying {
+            self.lay(backend, LyingKey::Physical(airflow, requests), lying)?;
+        }
+        if let Some((paper, snow)) = paper_cover {
+            self.lay(backend, LyingKey::Paper(paper), LyingCover::on_top(snow))?;
+        }
+        Ok(())
+    }
+
+    /// Loads what lies in the place of what lay before.
+    fn lay(&mut self, backend: &mut AnyRenderer, what: LyingKey, lying: LyingCover) -> Result<()> {
+        self.clear_cover(backend);
+        let set = backend.load(&lying.splats)?;
+        self.lying = Some(Lying { what, set, buried: lying.buried });
+        Ok(())
+    }
+
+    /// Takes away what lies.
+    fn clear_cover(&mut self, backend: &mut AnyRenderer) {
+        if let Some(old) = self.lying.take() {
+            backend.unload(old.set);
+        }
+    }
+
+    /// Makes what an instant of a weather needs, and waits for it.
+    pub(crate) fn prepare(
+        &mut self,
+        backend: &mut AnyRenderer,
+        mut missing: MissingAssets,
+        progress: &mut dyn Progress,
+    ) -> Result<()> {
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let source = self.asset_source(backend, &mut missing)?;
+        let assets = missing.make(source, progress)?;
+        self.insert(backend, assets)
+    }
+
+    /// Makes what all instants of a weather may need of the splats, so that they can be released.
+    pub(crate) fn prepare_all(
+        &mut self,
+        backend: &mut AnyRenderer,
+        weather: &Weather,
+        progress: &mut dyn Progress,
+    ) -> Result<()> {
+        let needs = AssetNeeds::of(weather, &self.site);
+        self.prepare(backend, self.missing_assets(weather, 0.0), progress)?;
+        // A fall that turns, or begins later, needs maps of other directions; those are made without the splats.
+        let turns = needs.shelter && !weather.is_constant() && self.store.occluders.is_none();
+        let cover = needs.cover.filter(|air| !self.store.has_cover(air));
+        self.prepare(backend, MissingAssets { occluders: turns, cover, ..MissingAssets::default() }, progress)
+    }
+
+    /// Draws an instant of a weather.
+    pub(crate) fn draw(
+        &mut self,
+        backend: &mut AnyRenderer,
+        memory: &mut Pictures,
+        weather: &Weather,
+        options: &FrameOptions<'_>,
+        (picture, stages): (&mut Picture, Option<&mut PaperStages>),
+        progress: &mut dyn Progress,
+    ) -> Result<Stats> {
+        if options.patience == Patience::Whole {
+            let missing = self.missing_assets(weather, options.time);
+            self.prepare(backend, missing, progress)?;
+        }
+        let prepared = weather.at(options.time).prepare(&self.site);
+        self.clear_foreign_cover(backend, &prepared);
+        let shelter = prepared.fall().and_then(|fall| match options.patience {
+            Patience::Whole => self.store.shelter(fall).cloned(),
+            Patience::Draft => {
+                self.store.shelter(fall).cloned().or_else(|| self.store.any_shelter().cloned())
+            }
+        });
+        let sets = with_cover(self.set, self.lying.as_ref().map(|lying| (lying.set, &lying.buried)));
+        let request = FrameRequest {
+            sets: &sets,
+            weather: &prepared,
+            camera: options.camera,
+            shelter: shelter.as_deref(),
+            config: &self.config,
+            parts: options.parts,
+        };
+        picture.metres_per_unit = self.site.metres_per_unit;
+        Ok(request.draw_stages(backend, memory, picture, stages)?)
+    }
+
+    /// Takes away what lies where nothing does under this weather.
+    fn clear_foreign_cover(&mut self, backend: &mut AnyRenderer, prepared: &PreparedWeather) {
+        let Some(lying) = &self.lying else { return };
+        // Of a draft it may be another snow than the one that is asked for.
+        let is_wanted = match &lying.what {
+            LyingKey::Paper(_) => prepared.paper_cover().is_some(),
+            LyingKey::Physical(..) => prepared.paper_cover().is_none() && !prepared.cover().is_empty(),
+        };
+        if !is_wanted {
+            self.clear_cover(backend);
+        }
+    }
+
+    /// Draws the scene without any weather, and without what lies.
+    pub(crate) fn draw_clear(
+        &self,
+        backend: &mut AnyRenderer,
+        camera: &Camera,
+        frame: &mut Frame,
+    ) -> Result<Stats> {
+        let sets = [SetView::plain(self.set)];
+        Ok(backend.render(&DrawPass::new(&sets, camera, &self.config), frame)?)
+    }
+
+    /// What lies under an instant of a weather, for a scene that is written.
+    pub(crate) fn lying_cover(
+        &mut self,
+        backend: &mut AnyRenderer,
+        weather: &Weather,
+        time: f64,
+        progress: &mut dyn Progress,
+    ) -> Result<Option<LyingCover>> {
+        let prepared = weather.at(time).prepare(&self.site);
+        if let Some(paper) = prepared.paper_cover() {
+            return Ok(Some(LyingCover::on_top(paper.snow(&self.scene.splats, &self.site))));
+        }
+        let requests = prepared.cover();
+        let airflow = AssetNeeds::of(weather, &self.site).cover;
+        let Some(airflow) = airflow.filter(|_| !requests.is_empty()) else { return Ok(None) };
+        let cover = Some(airflow).filter(|airflow| !self.store.has_cover(airflow));
+        self.prepare(backend, MissingAssets { cover, ..MissingAssets::default() }, progress)?;
+        Ok(self.store.cover(&airflow).map(|cover| lock(cover).lay_all(requests)))
+    }
+
+    /// Takes the splats out of the renderer.
+    pub(crate) fn unload(mut self, backend: &mut AnyRenderer) {
+        self.clear_cover(backend);
+        backend.unload(self.set);
+    }
+}
+
+/// What weather must know of a surveyed place.
+fn site_of(survey: &Survey) -> Site {
+    Site {
+        metres_per_unit: survey.metres_per_unit.value,
+        up: survey.up.value.to_array(),
+        ground: survey.ground.value,
+        airlight: survey.airlight.value,
+        daylight: match survey.airlight.source {
+            FactSource::Estimated | FactSource::Assumed if survey.sky_splats == 0 => Daylight::Guessed,
+            _ => Daylight::Known,
+        },
+        far: 3.0 * survey.radius.max(1e-6) * survey.metres_per_unit.value,
+    }
+}
+
+/// Fails if `place` was loaded by another renderer.
+pub(crate) fn check_owner(place: &PreparedPlace, renderer: u64) -> Result<()> {
+    if place.renderer == renderer { Ok(()) } else { Err(Error::OtherRenderer) }
+}

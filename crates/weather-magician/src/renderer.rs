@@ -1,0 +1,225 @@
+//! The renderer of the library: a device, and the places that it holds.
+
+use crate::assets::{AssetSource, Assets, MissingAssets};
+use crate::frame::FrameRequest;
+use crate::picture::Picture;
+use crate::place::{FrameOptions, PlaceOptions, PlaceView, PreparedPlace, check_owner};
+use crate::tags::picture_tags;
+use crate::view;
+use crate::{Progress, Result};
+use std::sync::atomic::{AtomicU64, Ordering};
+use wm_render::{AnyRenderer, CpuConfig, Device, Frame, Pictures, RenderBackend, RenderError, Stats};
+use wm_scene::{Camera, Scene};
+use wm_weather::Weather;
+use wm_weather::cover::LyingCover;
+use wm_weather::paper::PaperStages;
+
+/// Renders places in weather, on a GPU or on the CPU. It keeps its working memory from frame to frame.
+pub struct Renderer {
+    backend: AnyRenderer,
+    memory: Pictures,
+    id: u64,
+}
+
+impl Renderer {
+    /// A renderer on a real GPU where there is one, else on the CPU with all its threads.
+    ///
+    /// # Errors
+    /// [`crate::Error::Render`] if the threads cannot be started.
+    pub fn auto() -> Result<Self> {
+        Self::new(&Device::Auto, CpuConfig::default(), |_| {})
+    }
+
+    /// A renderer on the CPU with all its threads: the same bytes on every run.
+    ///
+    /// # Errors
+    /// [`crate::Error::Render`] if the threads cannot be started.
+    pub fn cpu() -> Result<Self> {
+        Self::new(&Device::Cpu, CpuConfig::default(), |_| {})
+    }
+
+    /// A renderer on `device`; `cpu` says how the CPU does its work or its part of it. With [`Device::Auto`] the CPU goes
+    /// on if the GPU fails; `warn` is called with the reason.
+    ///
+    /// # Errors
+    /// [`crate::Error::Render`] if the device cannot be used.
+    pub fn new(device: &Device, cpu: CpuConfig, warn: fn(&RenderError)) -> Result<Self> {
+        static NEXT: AtomicU64 = AtomicU64::new(1);
+        let backend = AnyRenderer::new(device, cpu, warn)?;
+        Ok(Self { backend, memory: Pictures::default(), id: NEXT.fetch_add(1, Ordering::Relaxed) })
+    }
+
+    /// The back end, for draw passes of your own.
+    pub fn backend_mut(&mut self) -> &mut AnyRenderer {
+        &mut self.backend
+    }
+
+    /// The back end.
+    #[must_use]
+    pub fn backend(&self) -> &AnyRenderer {
+        &self.backend
+    }
+
+    /// The device in words.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        self.backend.describe()
+    }
+
+    /// Loads a scene: labels its sky, surveys it (up, ground, scale, light) and uploads its splats.
+    ///
+    /// # Errors
+    /// [`crate::Error::Render`] if the splats cannot be held; repair scenes with NaN first ([`Scene::repaired`]).
+    pub fn load(&mut self, scene: Scene) -> Result<PreparedPlace> {
+        self.load_with(scene, &PlaceOptions::default())
+    }
+
+    /// Loads a scene with facts of your own, and with a folder that keeps prepared assets.
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub fn load_with(&mut self, scene: Scene, options: &PlaceOptions) -> Result<PreparedPlace> {
+        PreparedPlace::load(&mut self.backend, self.id, scene, options)
+    }
+
+    /// Frees a place's memory in the renderer.
+    ///
+    /// # Errors
+    /// [`crate::Error::OtherRenderer`] if another renderer holds it.
+    pub fn unload(&mut self, place: PreparedPlace) -> Result<()> {
+        check_owner(&place, self.id)?;
+        place.unload(&mut self.backend);
+        Ok(())
+    }
+
+    /// Renders the instant `time` (seconds) of a weather. What the weather needs of the place and is not there yet, such as
+    /// the ground that snow lies on, is made first; that takes seconds once.
+    ///
+    /// # Errors
+    /// [`crate::Error`] if the camera or the place cannot be rendered with.
+    pub fn render(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        view: &impl PlaceView,
+        time: f64,
+    ) -> Result<Picture> {
+        let options = FrameOptions::new(time, view.camera_at(place)?);
+        let mut picture = Picture::default();
+        self.render_into(place, weather, &options, &mut picture, &mut ())?;
+        picture.tags = picture_tags("", place.site(), &self.backend, weather, time, &options.camera.camera);
+        Ok(picture)
+    }
+
+    /// Renders a frame into `picture`, whose memory is used again, and returns what it took.
+    ///
+    /// # Errors
+    /// As [`Self::render`]; [`crate::Error::Stopped`] if `progress` asks to stop.
+    pub fn render_into(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        options: &FrameOptions<'_>,
+        picture: &mut Picture,
+        progress: &mut dyn Progress,
+    ) -> Result<Stats> {
+        check_owner(place, self.id)?;
+        place.draw(&mut self.backend, &mut self.memory, weather, options, (picture, None), progress)
+    }
+
+    /// Renders a frame of the paper's fidelity, and keeps what lies between the clear picture and the last.
+    ///
+    /// # Errors
+    /// As [`Self::render_into`].
+    pub fn render_stages(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        options: &FrameOptions<'_>,
+        (picture, stages): (&mut Picture, &mut PaperStages),
+        progress: &mut dyn Progress,
+    ) -> Result<Stats> {
+        check_owner(place, self.id)?;
+        let target = (picture, Some(stages));
+        place.draw(&mut self.backend, &mut self.memory, weather, options, target, progress)
+    }
+
+    /// Draws a frame of splat sets of your own in a weather, by the same plan as [`Self::render`].
+    ///
+    /// # Errors
+    /// [`crate::Error::Render`].
+    pub fn draw(&mut self, request: &FrameRequest<'_>, picture: &mut Picture) -> Result<Stats> {
+        Ok(request.draw(&mut self.backend, &mut self.memory, picture)?)
+    }
+
+    /// Renders the scene alone, without weather and without what lies.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub fn render_clear(
+        &mut self,
+        place: &PreparedPlace,
+        camera: &Camera,
+        frame: &mut Frame,
+    ) -> Result<Stats> {
+        check_owner(place, self.id)?;
+        place.draw_clear(&mut self.backend, camera, frame)
+    }
+
+    /// Makes what a weather may need of the place at any time, so that no frame waits and
+    /// [`PreparedPlace::release_splats`] may follow.
+    ///
+    /// # Errors
+    /// As [`Self::render_into`].
+    pub fn prepare(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        progress: &mut dyn Progress,
+    ) -> Result<()> {
+        check_owner(place, self.id)?;
+        place.prepare_all(&mut self.backend, weather, progress)
+    }
+
+    /// What `missing` is made from, for [`MissingAssets::make`] on another thread. Crosses off what is found on disk.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub fn asset_source(
+        &mut self,
+        place: &mut PreparedPlace,
+        missing: &mut MissingAssets,
+    ) -> Result<AssetSource> {
+        check_owner(place, self.id)?;
+        place.asset_source(&mut self.backend, missing)
+    }
+
+    /// Gives a place the assets that were made for it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Render`] if there is more lying snow than the renderer holds.
+    pub fn insert_assets(&mut self, place: &mut PreparedPlace, assets: Assets) -> Result<()> {
+        check_owner(place, self.id)?;
+        place.insert(&mut self.backend, assets)
+    }
+
+    /// What lies on the place under an instant of a weather; `None` if the weather lays nothing.
+    ///
+    /// # Errors
+    /// As [`Self::render_into`].
+    pub fn lying_cover(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        time: f64,
+        progress: &mut dyn Progress,
+    ) -> Result<Option<LyingCover>> {
+        check_owner(place, self.id)?;
+        place.lying_cover(&mut self.backend, weather, time, progress)
+    }
+
+    /// A place to look for cameras in.
+    pub fn view_site<'a>(&'a mut self, place: &'a PreparedPlace, options: view::Options) -> view::Site<'a> {
+        place.view_site(&mut self.backend, options)
+    }
+}
