@@ -7,7 +7,7 @@ use wm_scene::capture::Capture;
 use wm_train::photos::{BadPhotos, Check, PhotoSize, Photos};
 pub use wm_train::{Dataset, DatasetReadOptions, HeldOut};
 
-/// Where the photos are, and how large they are used.
+/// The folders of the photos, and the size at which they are used.
 #[derive(Args, Clone, Debug)]
 pub struct DatasetArgs {
     /// Folder of the photos in the data set, such as images_4 [default: images, or another usual name]
@@ -59,7 +59,7 @@ impl DatasetArgs {
     }
 }
 
-/// Which photos are held out. Commands give the options a help text of their own.
+/// The photos that are held out. Commands give the options a help text of their own.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct HeldOutArgs {
     /// Hold out every N-th photo (in the order of names); 0 for none

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 use std::path::PathBuf;
 use weather_magician::panorama_file::read_panorama;
-use weather_magician::viewer::{Asked, run as serve, server::ServerArgs};
+use crate::viewer::{Asked, run as serve, server::ServerArgs};
 use wm_scene::FormatError;
 
 /// Options of `view`.

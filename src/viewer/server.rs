@@ -141,7 +141,7 @@ pub fn asset(kind: &'static str, text: &'static str) -> Response {
 /// The routes of files that are built into the program.
 macro_rules! assets {
     ($router:expr, $($path:literal => $file:literal, $kind:literal;)+) => {
-        $router$(.route($path, axum::routing::get(|| async { $weather_magician::viewer::server::asset($kind, include_str!(concat!("page/", $file))) })))+
+        $router$(.route($path, axum::routing::get(|| async { $crate::viewer::server::asset($kind, include_str!(concat!("page/", $file))) })))+
     };
 }
 pub(super) use assets;

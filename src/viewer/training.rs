@@ -33,7 +33,7 @@ pub enum Camera {
     Orbit,
 }
 
-/// What the page is told.
+/// The state of the training, as the page reads it.
 #[derive(Debug, Default, Serialize)]
 struct Told {
     program: &'static str,
@@ -52,7 +52,7 @@ struct Told {
     camera: Camera,
     /// The step of the picture.
     picture: Option<u32>,
-    /// What the training came to, when it has.
+    /// The result of the training, once it has ended.
     end: Option<String>,
 }
 
@@ -64,7 +64,7 @@ struct Inside {
     asked: Option<Instant>,
 }
 
-/// What a training tells, and what is wanted of it.
+/// The state of a training and the requests of its page, shared by both.
 #[derive(Clone, Default)]
 pub struct Board(Arc<Mutex<Inside>>);
 
@@ -104,7 +104,7 @@ impl Board {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Where it is.
+    /// Sets the number of steps that are done.
     pub fn step(&self, step: u32, splats: usize, seconds: f64) {
         let told = &mut self.inside().told;
         (told.step, told.splats, told.seconds) = (step, splats, seconds);

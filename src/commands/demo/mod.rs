@@ -15,7 +15,7 @@ use crate::scene::{Loaded, RunArgs};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use film::Film;
-use photos::{Route, Session, Truth};
+use photos::{PhotoSession, Route, Truth};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::view::spec;
@@ -118,11 +118,11 @@ impl DemoArgs {
     }
 
     /// The photos that the scene is made of: as large as the film needs, not larger.
-    fn session(&self) -> Session {
+    fn session(&self) -> PhotoSession {
         let side = |of: u32| (f64::from(of) * PHOTO).round().max(16.0) as u32;
         let (width, height) = self.size();
         let size = (side(width), side(height));
-        Session { route: Route::Walk, count: self.count, size, truth: Truth::Omit }
+        PhotoSession { route: Route::Walk, count: self.count, size, truth: Truth::Omit }
     }
 
     fn wants(&self, part: Part) -> bool {
@@ -182,7 +182,7 @@ pub fn run(args: &DemoArgs) -> Result<()> {
 /// Takes photos for others to use.
 fn take_photos(args: &DemoArgs, folder: &Path) -> Result<()> {
     let size = args.size.unwrap_or((600, 400));
-    let session = Session { route: args.route, count: args.count, size, truth: args.truth };
+    let session = PhotoSession { route: args.route, count: args.count, size, truth: args.truth };
     let started = Instant::now();
     session.shoot(folder, &args.run)?;
     let seconds = started.elapsed().as_secs_f64();

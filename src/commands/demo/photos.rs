@@ -34,7 +34,7 @@ pub enum Truth {
 
 /// Which photos.
 #[derive(Clone, Copy, Debug)]
-pub struct Session {
+pub struct PhotoSession {
     /// Where they are taken from.
     pub route: Route,
     /// How many.
@@ -45,7 +45,7 @@ pub struct Session {
     pub truth: Truth,
 }
 
-impl Session {
+impl PhotoSession {
     fn options(&self) -> DatasetOptions {
         DatasetOptions {
             route: match self.route {

@@ -19,7 +19,7 @@ use wm_train::session::ObserverError;
 
 /// Measures the photos of `data`; the second value is what is shown of `pictures` photos.
 pub fn measure(
-    mut loaded: Loaded,
+    loaded: Loaded,
     data: &Dataset,
     truth: &TruthMaps,
     args: &EvaluateArgs,
@@ -40,9 +40,9 @@ pub fn measure(
         metres_per_unit: truth.metres_per_unit,
         shown: Vec::new(),
     };
-    let Loaded { renderer, place } = &mut loaded;
-    let (set, scene) = (place.set(), place.scene());
-    let evaluated = evaluate(renderer.backend_mut(), set, scene, data, truth, &options, &mut progress);
+    let Loaded { mut renderer, place } = loaded;
+    let (backend, set) = (renderer.backend_mut(), place.set());
+    let evaluated = evaluate(backend, set, place.scene(), data, truth, &options, &mut progress);
     let evaluation = evaluated.map_err(|error| match error {
         EvaluationError::Stopped => Interrupted("nothing was written".into()).into(),
         EvaluationError::NoPhotos => {

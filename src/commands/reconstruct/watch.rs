@@ -6,8 +6,8 @@ mod with_viewer {
     use clap::Args;
     use glam::{DMat3, DVec3};
     use std::time::Instant;
-    use weather_magician::viewer::server::ServerArgs;
-    use weather_magician::viewer::training::{Board, Camera as Seen};
+    use crate::viewer::server::ServerArgs;
+    use crate::viewer::training::{Board, Camera as Seen};
     use wm_render::Frame;
     use wm_scene::Camera;
 

@@ -42,14 +42,14 @@ pub struct Head {
 #[derive(Debug)]
 pub struct Fusion {
     /// For the image that is added; the smallest has none.
-    pub added: Option<Residual>,
-    pub sum: Residual,
+    pub added: Option<ResidualUnit>,
+    pub sum: ResidualUnit,
     pub project: Linear,
 }
 
 /// Two convolutions that are added to what they are made from.
 #[derive(Debug)]
-pub struct Residual(pub [Convolution; 2]);
+pub struct ResidualUnit(pub [Convolution; 2]);
 
 impl Network {
     /// Disparity of a normalised photo of whole patches, one channel at its size.
@@ -121,7 +121,7 @@ impl Fusion {
     }
 }
 
-impl Residual {
+impl ResidualUnit {
     fn apply(&self, image: &Image) -> Image {
         let inner = self.0[0].apply(&image.relu(), Then::Relu);
         let mut sum = self.0[1].apply(&inner, Then::Nothing);

@@ -1,6 +1,6 @@
 //! The published files: their networks' sizes, the names of their tensors, and what is made of them.
 
-use super::network::{Backbone, Fusion, Head, Network, Residual};
+use super::network::{Backbone, Fusion, Head, Network, ResidualUnit};
 use super::photo::PATCH;
 use super::{ModelSize, Version};
 use crate::ops::{Convolution, Enlarge, Image, Linear, Norm, Then, numbers};
@@ -357,7 +357,7 @@ impl Reader<'_> {
             let name = format!("{name}.residual_layer{which}.convolution");
             let mut convolution =
                 |index: usize| self.convolution(&format!("{name}{index}"), fusion, fusion, 1);
-            Ok(Residual([convolution(1)?, convolution(2)?]))
+            Ok(ResidualUnit([convolution(1)?, convolution(2)?]))
         };
         // The files have one for the first too, which nothing is added to.
         let added = if index == 0 { None } else { Some(residual(1)?) };

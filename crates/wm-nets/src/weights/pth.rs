@@ -32,7 +32,7 @@ pub fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, W
     for (name, stored) in Machine::default().run(&pickle)? {
         let part = parts.get(&format!("{folder}data/{}", stored.storage));
         let size = stored.kind.as_ref().map_or(1, DType::size_in_bytes);
-        let place = |part: &zip::Part| {
+        let place = |part: &zip::ZipPart| {
             let from = stored.offset.checked_mul(size as u64)?;
             let bytes = Entry::bytes_of(&stored.shape, size)?;
             (from.checked_add(bytes)? <= part.size).then_some((part.start + from, bytes))

@@ -16,13 +16,13 @@ const LOCAL: usize = 30;
 
 /// The bytes of an entry's content, from the start of the file; the end is within the file.
 #[derive(Clone, Copy, Debug)]
-pub struct Part {
+pub struct ZipPart {
     pub start: u64,
     pub size: u64,
 }
 
 /// The entries of an archive of `length` bytes by name.
-pub fn directory(file: &mut File, length: u64) -> Result<HashMap<String, Part>, WeightsFault> {
+pub fn directory(file: &mut File, length: u64) -> Result<HashMap<String, ZipPart>, WeightsFault> {
     // A comment of at most 65535 bytes stands behind the end.
     let tail = read(file, length.saturating_sub(END as u64 + 0xffff), length.min(END as u64 + 0xffff))?;
     let is_end = |at: &usize| {
@@ -66,7 +66,7 @@ pub fn directory(file: &mut File, length: u64) -> Result<HashMap<String, Part>, 
         if start + size > length {
             return Err(damaged("a zip archive's entry that is larger than the file"));
         }
-        parts.insert(name, Part { start, size });
+        parts.insert(name, ZipPart { start, size });
     }
     Ok(parts)
 }

@@ -2,7 +2,7 @@
 
 use crate::dataset::Dataset;
 use crate::maps::{
-    DepthForm, DepthKind, DepthScale, DepthUnit, Filter, Map, MapError, MapFault, NormalAxes, find_map,
+    DepthForm, DepthKind, DepthMapScale, DepthUnit, Filter, Map, MapError, MapFault, NormalAxes, find_map,
     read_map,
 };
 use serde::Serialize;
@@ -220,7 +220,7 @@ impl TruthMaps {
             maps.sky = Some(map.to_mask());
         }
         if let Some((path, map)) = fitted(&self.depth)? {
-            let scale = DepthScale::UnitsPerStep(self.units_per_step(&path, &map)?);
+            let scale = DepthMapScale::UnitsPerStep(self.units_per_step(&path, &map)?);
             let depth = DepthKind { form: self.form, scale }.to_view_z(&map, camera);
             maps.depth = Some(depth.map_err(|fault| MapError { path, fault })?);
         }

@@ -18,7 +18,7 @@ pub enum DepthForm {
 
 /// The scale of a depth map.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum DepthScale {
+pub enum DepthMapScale {
     /// So many scene units (of [`DepthForm::Disparity`], so many 1 / scene units), above 0.
     UnitsPerStep(f64),
     /// Nobody knows: values are right but for a factor and an offset of each map's own.
@@ -31,7 +31,7 @@ pub struct DepthKind {
     /// The quantity.
     pub form: DepthForm,
     /// The scale.
-    pub scale: DepthScale,
+    pub scale: DepthMapScale,
 }
 
 impl FromStr for DepthForm {
@@ -59,7 +59,7 @@ impl DepthKind {
     /// # Errors
     /// [`MapFault::NoScale`] for a relative one, [`MapFault::Channels`] if it has not one number a pixel.
     pub fn to_view_z(&self, map: &Map, camera: &Camera) -> Result<Vec<f32>, MapFault> {
-        let DepthScale::UnitsPerStep(scale) = self.scale else { return Err(MapFault::NoScale) };
+        let DepthMapScale::UnitsPerStep(scale) = self.scale else { return Err(MapFault::NoScale) };
         let mut values = map.grey()?;
         let camera = camera.resized(map.width, map.height);
         let width = map.width as usize;
@@ -91,7 +91,7 @@ mod tests {
     const HOLES: [f32; 4] = [f32::NAN, -1.0, f32::INFINITY, 0.0];
 
     fn kind(form: DepthForm, scale: f64) -> DepthKind {
-        DepthKind { form, scale: DepthScale::UnitsPerStep(scale) }
+        DepthKind { form, scale: DepthMapScale::UnitsPerStep(scale) }
     }
 
     #[test]
@@ -124,7 +124,7 @@ mod tests {
             assert_eq!(found(form), [0.0, 0.0, f32::INFINITY, 0.0]);
         }
         assert_eq!(found(DepthForm::Disparity), [0.0, 0.0, 0.0, f32::INFINITY]);
-        let relative = DepthKind { form: DepthForm::Z, scale: DepthScale::Relative };
+        let relative = DepthKind { form: DepthForm::Z, scale: DepthMapScale::Relative };
         assert_eq!(relative.to_view_z(&map, &camera), Err(MapFault::NoScale));
     }
 }

@@ -25,7 +25,7 @@ mod tests;
 mod tiff;
 mod unit;
 
-pub use depth::{DepthForm, DepthKind, DepthScale};
+pub use depth::{DepthForm, DepthKind, DepthMapScale};
 pub use error::{MapError, MapFault};
 pub use find::{EXTENSIONS, find_map};
 pub use normal::NormalAxes;

@@ -110,14 +110,9 @@ mod tests {
     use super::*;
     use glam::DMat4;
 
-    /// A smooth picture of the plane z = 1, as a function of the ray: what the lens bends.
-    fn scene(x: f64, y: f64) -> [f64; 3] {
-        [(x * 40.0).sin(), (y * 40.0).cos(), ((x + y) * 25.0).sin()].map(|v| 127.5 + 100.0 * v)
-    }
-
-    #[test]
-    fn a_distorted_picture_comes_back() {
-        let photo = Camera {
+    /// The camera of a distorted photo.
+    fn distorted() -> Camera {
+        Camera {
             width: 320,
             height: 240,
             fx: 250.0,
@@ -126,7 +121,17 @@ mod tests {
             cy: 123.0,
             viewmat: DMat4::IDENTITY,
             near: 0.2,
-        };
+        }
+    }
+
+    /// A smooth picture of the plane z = 1, as a function of the ray: what the lens bends.
+    fn scene(x: f64, y: f64) -> [f64; 3] {
+        [(x * 40.0).sin(), (y * 40.0).cos(), ((x + y) * 25.0).sin()].map(|v| 127.5 + 100.0 * v)
+    }
+
+    #[test]
+    fn a_distorted_picture_comes_back() {
+        let photo = distorted();
         for coefficients in [[-0.15, 0.02, 0.003, -0.002], [0.12, 0.01, 0.0, 0.0]] {
             let distortion = Distortion::of(coefficients);
             let mut pixels = Vec::new();
@@ -159,16 +164,7 @@ mod tests {
 
     #[test]
     fn a_distorted_map_comes_back_with_its_holes() {
-        let photo = Camera {
-            width: 320,
-            height: 240,
-            fx: 250.0,
-            fy: 255.0,
-            cx: 158.0,
-            cy: 123.0,
-            viewmat: DMat4::IDENTITY,
-            near: 0.2,
-        };
+        let photo = distorted();
         let distortion = Distortion::of([-0.15, 0.02, 0.003, -0.002]);
         let lens = Lens { photo, distortion, ideal: distortion.undistorted(&photo).unwrap() };
         // A map half as large of 1 + x + y / 2 with a hole left of the middle.

@@ -4,7 +4,7 @@ use super::SkyClass;
 use super::fit::Freedom;
 use super::given::{Given, GivenDepth, SkyBy};
 use crate::maps::{
-    DepthForm, DepthKind, DepthScale, DepthUnit, Filter, Map, MapError, MapFault, NormalAxes, find_map,
+    DepthForm, DepthKind, DepthMapScale, DepthUnit, Filter, Map, MapError, MapFault, NormalAxes, find_map,
     read_map,
 };
 use crate::photos::Photos;
@@ -129,7 +129,7 @@ impl DepthFiles {
             return Ok(GivenDepth { values, freedom, sky_by: SkyBy::Least });
         }
         let step = if self.form == DepthForm::Disparity { 1.0 / step } else { step };
-        let kind = DepthKind { form: self.form, scale: DepthScale::UnitsPerStep(step) };
+        let kind = DepthKind { form: self.form, scale: DepthMapScale::UnitsPerStep(step) };
         let mut values = kind.to_view_z(map, camera)?;
         // Unknown is 0 there.
         values.iter_mut().for_each(|z| *z = if *z > 0.0 { 1.0 / *z } else { f32::NAN });

@@ -15,7 +15,7 @@ pub fn has_tracks(capture: &Capture) -> bool {
 
 /// Returns, for each of `places` (indices in `photos`), the points that the photo shows, as indices into the capture's.
 ///
-/// Where the capture does not say, these are all points in its image, including those behind walls.
+/// If the capture does not say which, these are all points in its image, including those behind walls.
 #[must_use]
 pub fn seen_points(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<Vec<u32>> {
     let has_tracks = has_tracks(capture);

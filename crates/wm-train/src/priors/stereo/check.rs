@@ -1,7 +1,7 @@
 //! Checks the planes of one photo against those of others.
 
-use super::matching::{Source, inverse_depth};
-use super::sweep::{Planes, Reference};
+use super::matching::{StereoSource, inverse_depth};
+use super::sweep::{PlaneMap, Reference};
 
 /// Cost above which nothing is believed: a correlation of 0.5.
 const DEAREST: f32 = 0.7;
@@ -19,18 +19,18 @@ const JUMP: f32 = 0.05;
 /// A photo that was compared with, its planes, and the way back.
 pub struct Other<'a> {
     /// The way there.
-    pub there: &'a Source<'a>,
+    pub there: &'a StereoSource<'a>,
     /// Its planes.
-    pub planes: &'a Planes,
+    pub planes: &'a PlaneMap,
     /// The way back into the first photo.
-    pub back: &'a Source<'a>,
+    pub back: &'a StereoSource<'a>,
     /// Third row of the rotation and translation there: view z of a point is `z (row . ray) + shift`.
     pub depth: ([f32; 3], f32),
 }
 
 /// Inverse depth of each pixel, `[H, W]`, NaN where too few others agree.
 #[must_use]
-pub fn agreed(reference: &Reference<'_>, found: &Planes, others: &[Other<'_>]) -> Vec<f32> {
+pub fn agreed(reference: &Reference<'_>, found: &PlaneMap, others: &[Other<'_>]) -> Vec<f32> {
     let (width, height) = (reference.picture.width, reference.picture.height);
     let wanted = AGREE.min(others.len());
     let mut inverse = vec![f32::NAN; width * height];

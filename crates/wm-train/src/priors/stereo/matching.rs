@@ -17,7 +17,7 @@ const UNTOLD: f32 = 1.0;
 
 /// Brightness of a photo, `[H, W]`, 0-1.
 #[derive(Clone, Debug)]
-pub struct Picture {
+pub struct StereoImage {
     /// Width, px.
     pub width: usize,
     /// Height, px.
@@ -26,7 +26,7 @@ pub struct Picture {
     pub values: Vec<f32>,
 }
 
-impl Picture {
+impl StereoImage {
     /// From sRGB, `[H, W, 3]`.
     #[must_use]
     pub fn of(rgb: &[u8], width: usize) -> Self {
@@ -64,16 +64,16 @@ const ROUNDING: f32 = 0.01;
 
 /// A photo to compare with, and how points of the first photo fall into it.
 #[derive(Clone, Debug)]
-pub struct Source<'a> {
+pub struct StereoSource<'a> {
     /// The image.
-    pub picture: &'a Picture,
-    /// Picture points at infinite distance: `base (x, y, 1)`, homogeneous.
+    pub picture: &'a StereoImage,
+    /// StereoImage points at infinite distance: `base (x, y, 1)`, homogeneous.
     pub base: [[f32; 3]; 3],
     /// The vector that is added for each unit of inverse depth.
     pub lift: [f32; 3],
 }
 
-impl Source<'_> {
+impl StereoSource<'_> {
     /// Returns the image point of the point with inverse depth `inverse` behind image point (x, y), px.
     #[inline(always)]
     #[must_use]
@@ -108,7 +108,7 @@ pub struct Window {
 impl Window {
     /// About the pixel in `column` and `row`; the border is continued.
     #[must_use]
-    pub fn new(picture: &Picture, column: usize, row: usize) -> Self {
+    pub fn new(picture: &StereoImage, column: usize, row: usize) -> Self {
         let (mut values, mut weights) = ([0.0; SAMPLES], [0.0; SAMPLES]);
         let middle = picture.values[row * picture.width + column];
         let inside =
@@ -136,7 +136,7 @@ impl Window {
     /// 1 minus the weighted normalised correlation with what `source` shows of `plane`.
     #[inline]
     #[must_use]
-    pub fn cost(&self, source: &Source<'_>, plane: &Plane) -> f32 {
+    pub fn cost(&self, source: &StereoSource<'_>, plane: &Plane) -> f32 {
         if self.contrast == 0.0 {
             return UNTOLD;
         }
@@ -185,14 +185,14 @@ mod tests {
     fn windows_at_the_border_are_inside_or_worst() {
         let (width, height) = (93, 124);
         let values = (0..width * height).map(|i| (i * 7919 % 997) as f32 / 997.0).collect();
-        let picture = Picture { width, height, values };
+        let picture = StereoImage { width, height, values };
         let window = Window::new(&picture, 40, 60);
         let mut inside = 0;
         for step in 0..4000 {
             let slope = 0.1 + 1e-4 * step as f32;
             let other = 1.1 - 1.7e-4 * step as f32;
             let base = [[1.0, 0.0, 0.0], [slope, other, 0.0], [0.0, 0.0, 1.0]];
-            let mut source = Source { picture: &picture, base, lift: [0.0; 3] };
+            let mut source = StereoSource { picture: &picture, base, lift: [0.0; 3] };
             // The lower right corner is sampled at a height of the border exactly, in real numbers.
             let corner = slope * (window.x + 4.0) + other * window.y + 4.0 * other.abs();
             source.base[1][2] = height as f32 - 0.5 - corner;

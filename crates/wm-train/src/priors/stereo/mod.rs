@@ -2,7 +2,7 @@
 //! are known. No network and no weights.
 //!
 //! Each pixel has a plane, kept as inverse depth over the picture, `1 / z = a x + b y + c`, so that it is a
-//! homography into every other photo. Planes begin at the points of the reconstruction or anywhere, spread
+//! homography into every other photo. PlaneMap begin at the points of the reconstruction or anywhere, spread
 //! to neighbours and are varied (PatchMatch: Barnes et al. 2009; as stereo: Bleyer et al. 2011; over a
 //! chessboard: Galliani et al. 2015). How well one fits is the normalised correlation of the window around the
 //! pixel, weighted by nearness in space and brightness, with what the two best other photos show. Half
@@ -16,10 +16,10 @@ use super::normals::normals;
 use super::points::seen_points;
 use crate::photos::{PhotoError, Photos};
 use glam::DVec3;
-use matching::{Picture, Source};
+use matching::{StereoImage, StereoSource};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use sweep::{Ask, MOST_SOURCES, Planes, Reference, doubled};
+use sweep::{Ask, MOST_SOURCES, PlaneMap, Reference, doubled};
 use wm_scene::Camera;
 use wm_scene::capture::Capture;
 
@@ -107,17 +107,17 @@ pub fn estimate(
     let cameras: Vec<Camera> = places.iter().map(|place| photos.camera(*place, level)).collect();
     let halves: Vec<Camera> = places.iter().map(|place| photos.camera(*place, level + 1)).collect();
     let picture = |place: &usize, level: u8| {
-        photos.get(*place, level).map(|photo| Picture::of(&photo.rgb, photo.width as usize))
+        photos.get(*place, level).map(|photo| StereoImage::of(&photo.rgb, photo.width as usize))
     };
-    let whole: Vec<Picture> =
+    let whole: Vec<StereoImage> =
         places.par_iter().map(|place| picture(place, level)).collect::<Result<_, _>>()?;
-    let half: Vec<Picture> =
+    let half: Vec<StereoImage> =
         places.par_iter().map(|place| picture(place, level + 1)).collect::<Result<_, _>>()?;
 
     let seen = seen_points(capture, photos, places);
     let sources = choose_sources(capture, &cameras, &seen, options.sources);
     let done = AtomicUsize::new(0);
-    let sweep = |index: usize| -> Option<Option<Planes>> {
+    let sweep = |index: usize| -> Option<Option<PlaneMap>> {
         let found =
             (sources[index].len() >= 2 || places.len() == 2 && !sources[index].is_empty()).then(|| {
                 let start = |camera: &Camera| start_map(capture, camera, &seen[index]);
@@ -129,8 +129,8 @@ pub fn estimate(
                 }
                 let fine =
                     reference_of(capture, index, &whole, &cameras, &sources, &seen, options.seed ^ 0xf19e)?;
-                let size = |p: &Picture| (p.width, p.height);
-                let mut planes = Planes {
+                let size = |p: &StereoImage| (p.width, p.height);
+                let mut planes = PlaneMap {
                     planes: doubled(&planes.planes, size(&half[index]), size(&whole[index])),
                     costs: Vec::new(),
                 };
@@ -142,13 +142,13 @@ pub fn estimate(
             });
         progress(done.fetch_add(1, Ordering::Relaxed) + 1).then_some(found.flatten())
     };
-    let swept: Option<Vec<Option<Planes>>> = (0..places.len()).into_par_iter().map(sweep).collect();
+    let swept: Option<Vec<Option<PlaneMap>>> = (0..places.len()).into_par_iter().map(sweep).collect();
     let Some(swept) = swept else { return Ok(None) };
 
     let compare = |index: usize| -> Option<Option<StereoMap>> {
         let map = swept[index].as_ref().and_then(|planes| {
             let reference = reference_of(capture, index, &whole, &cameras, &sources, &seen, 0)?;
-            let backs: Vec<Source<'_>> = sources[index]
+            let backs: Vec<StereoSource<'_>> = sources[index]
                 .iter()
                 .map(|other| source_of(&whole[index], &cameras[*other], &cameras[index]))
                 .collect();
@@ -240,7 +240,7 @@ fn start_map(capture: &Capture, camera: &Camera, seen: &[u32]) -> Vec<f32> {
 fn reference_of<'a>(
     capture: &Capture,
     index: usize,
-    pictures: &'a [Picture],
+    pictures: &'a [StereoImage],
     cameras: &[Camera],
     sources: &[Vec<usize>],
     seen: &[Vec<u32>],
@@ -265,7 +265,7 @@ fn reference_of<'a>(
 }
 
 /// Returns the map from image points of `from` to those of `to`.
-fn source_of<'a>(picture: &'a Picture, from: &Camera, to: &Camera) -> Source<'a> {
+fn source_of<'a>(picture: &'a StereoImage, from: &Camera, to: &Camera) -> StereoSource<'a> {
     let relative = to.viewmat * from.viewmat.inverse();
     let matrix = |camera: &Camera| {
         glam::DMat3::from_cols(
@@ -277,7 +277,7 @@ fn source_of<'a>(picture: &'a Picture, from: &Camera, to: &Camera) -> Source<'a>
     let rotation = glam::DMat3::from_mat4(relative);
     let base = matrix(to) * rotation * matrix(from).inverse();
     let lift = matrix(to) * relative.w_axis.truncate();
-    Source {
+    StereoSource {
         picture,
         base: [0, 1, 2].map(|row| base.row(row).to_array().map(|v| v as f32)),
         lift: lift.to_array().map(|v| v as f32),

@@ -1,6 +1,6 @@
-//! Planes for all pixels of one photo: good ones spread to their neighbours and are varied (PatchMatch).
+//! PlaneMap for all pixels of one photo: good ones spread to their neighbours and are varied (PatchMatch).
 
-use super::matching::{Picture, Plane, Source, WORST, Window, inverse_depth};
+use super::matching::{Plane, StereoImage, StereoSource, WORST, Window, inverse_depth};
 use wm_scene::random::uniform;
 
 /// Neighbours that a pixel tries the planes of: of the other colour of a chessboard.
@@ -26,11 +26,11 @@ pub enum Ask {
 #[derive(Clone, Debug)]
 pub struct Reference<'a> {
     /// The image.
-    pub picture: &'a Picture,
+    pub picture: &'a StereoImage,
     /// Focal lengths and principal point, px.
     pub intrinsics: [f32; 4],
     /// The photos to compare with.
-    pub sources: Vec<Source<'a>>,
+    pub sources: Vec<StereoSource<'a>>,
     /// Largest inverse depth.
     pub nearest: f32,
     /// Seed of its random numbers.
@@ -39,8 +39,8 @@ pub struct Reference<'a> {
 
 /// The planes of one photo, `[H, W]`, and how badly they match.
 #[derive(Clone, Debug, Default)]
-pub struct Planes {
-    /// Planes as inverse depth over the image.
+pub struct PlaneMap {
+    /// PlaneMap as inverse depth over the image.
     pub planes: Vec<Plane>,
     /// 0 to 2.
     pub costs: Vec<f32>,
@@ -133,10 +133,10 @@ impl Reference<'_> {
         unit(normal)
     }
 
-    /// Planes to begin with: `inverse` where it is known (above 0) and elsewhere anything.
+    /// PlaneMap to begin with: `inverse` where it is known (above 0) and elsewhere anything.
     #[must_use]
-    pub fn begin(&self, inverse: &[f32]) -> Planes {
-        let mut found = Planes::default();
+    pub fn begin(&self, inverse: &[f32]) -> PlaneMap {
+        let mut found = PlaneMap::default();
         for row in 0..self.picture.height {
             for column in 0..self.picture.width {
                 let pixel = row * self.picture.width + column;
@@ -156,7 +156,7 @@ impl Reference<'_> {
     }
 
     /// Costs of the planes as they are.
-    pub fn judge(&self, found: &mut Planes) {
+    pub fn judge(&self, found: &mut PlaneMap) {
         let width = self.picture.width;
         found.costs.clear();
         let all: Vec<usize> = (0..self.sources.len()).collect();
@@ -168,7 +168,7 @@ impl Reference<'_> {
 
     /// One round over both colours of the chessboard; rounds count from 1. `reach` is how far planes are
     /// varied, 1 for anything.
-    pub fn round(&self, found: &mut Planes, round: u32, reach: f32, ask: Ask) {
+    pub fn round(&self, found: &mut PlaneMap, round: u32, reach: f32, ask: Ask) {
         let (width, height) = (self.picture.width, self.picture.height);
         let mut order = Vec::new();
         for color in 0..2 {
@@ -182,7 +182,7 @@ impl Reference<'_> {
 
     fn improve(
         &self,
-        found: &mut Planes,
+        found: &mut PlaneMap,
         (column, row): (usize, usize),
         (round, reach, ask): (u32, f32, Ask),
         order: &mut Vec<usize>,
