@@ -79,7 +79,7 @@ crate::params! {
         below: Lower = ParamValue::Word("haze"), 0.0 => 0.0, "";
         /// Factor on its light.
         brightness: f64 = ParamValue::Number(1.0), 0.0 => 100.0, "";
-        /// Treatment of the sky splats of a scene that has them: `keep` draws them in front of this sky, `replace` leaves
+        /// Treatment of the scene's own sky, if it has one: `keep` draws it in front of this one, `replace` leaves
         /// it out, and takes the airlight from this one whatever the scene says.
         scene_sky: SceneSky = ParamValue::Word("keep"), 0.0 => 0.0, "";
     }
