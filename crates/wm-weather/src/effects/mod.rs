@@ -128,7 +128,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, dust_cover, snow_cover, wind, fog, haze, smog, rain, snowfall, look }
+effects! { sky, dust_cover, snow_cover, wind, fog, haze, smog, rain, snowfall, hail, look }
 
 impl Effect {
     /// The effect of a name.
