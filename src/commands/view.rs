@@ -2,12 +2,12 @@
 
 use super::render::camera::LookArgs;
 use crate::scene::{RunArgs, SceneArgs};
+use crate::viewer::{Asked, run as serve, server::ServerArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::PathBuf;
 use weather_magician::panorama_file::read_panorama;
-use crate::viewer::{Asked, run as serve, server::ServerArgs};
 use wm_scene::FormatError;
 
 /// Options of `view`.

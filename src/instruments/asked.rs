@@ -159,6 +159,18 @@ const FALL_LAWS: &[FallLaw] = &[
         density: |rate, least| beyond(2500.0 * rate.powf(-0.94), 2.29 * rate.powf(-0.45), melted(least)),
         extinction: None,
     },
+    // Cheng and English (1983); balls of ice of 900 kg/m^3 with a drag coefficient of 0.55.
+    FallLaw {
+        kind: "hail",
+        speed_law: ["that of drag", "drag of a ball, C_d 0.55"],
+        speed: |diameter| (4.0 * 900.0 * 9.81 * 1e-3 * diameter / (3.0 * 1.2 * 0.55)).sqrt(),
+        water: |diameter| 0.9 * ball(diameter),
+        density: |rate, least| {
+            let slope = (rate / 9.58).powf(-1.0 / 0.87).clamp(0.1, 1.0);
+            beyond(115.0 * slope.powf(3.63), slope, least)
+        },
+        extinction: None,
+    },
 ];
 
 impl FallLaw {

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use weather_magician::view::Options;
 use weather_magician::view::path::{Key, Path};
 use wm_scene::Camera;
-use wm_scene::survey::{Source, Survey};
+use wm_scene::survey::{FactSource, Survey};
 use wm_weather::param::{Param, ParamKind};
 use wm_weather::presets::PRESETS;
 use wm_weather::{EFFECTS, Easing, Panorama, Weather};

@@ -35,8 +35,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use videos::Videos;
-use wm_render::RenderConfig;
-use wm_scene::Scene;
+use weather_magician::{PreparedPlace, Renderer};
 use wm_weather::{Panorama, ParamValue, Weather};
 
 /// How long the page of a scene that cannot be read stays, for who opens it to be told.

@@ -23,8 +23,7 @@ use weather_magician::{
 use wm_media::color::Dither;
 use wm_media::{Size, video};
 use wm_render::{Frame, Stats};
-use wm_scene::{Camera, Scene};
-use wm_weather::fused_surfaces::PhotoView;
+use wm_scene::Camera;
 use wm_weather::{EffectRole, PreparedWeather, Weather};
 
 /// How long it waits for a task before it looks whether it should end, or whether something is made.

@@ -10,8 +10,8 @@ use wm_render::{
     RenderBackend, RenderConfig, RenderError, SetView, Stats,
 };
 use wm_scene::{Camera, Splats};
-use wm_weather::paper::composite::{self, PaperBlend};
 use wm_weather::paper::PaperStages;
+use wm_weather::paper::composite::{self, PaperBlend};
 use wm_weather::shelter::Shelter;
 use wm_weather::{Observer, PreparedWeather};
 

@@ -40,7 +40,7 @@ const AIRLIGHT: f64 = 0.9;
 /// Sine of the elevation up to which the airlight of a sky by elevation is its mean: 20 degrees.
 const BAND: f64 = 0.342;
 
-/// What a sky shows.
+/// The appearance of a sky.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SkyAppearance {
     /// One colour, linear RGB.
@@ -67,7 +67,7 @@ pub enum SkyAppearance {
         panorama: Arc<Panorama>,
         /// Heading of its middle column, degrees.
         heading: f64,
-        /// What is seen below the horizon.
+        /// The lower half of the sky.
         below: LowerHemisphere,
     },
 }
@@ -110,7 +110,7 @@ impl Dome {
         dome
     }
 
-    /// Whether the scene's own sky is drawn before it.
+    /// The treatment of the scene's own sky splats.
     #[must_use]
     pub fn scenes_sky(&self) -> SkySplats {
         self.sky_splats

@@ -1,4 +1,4 @@
-//! How a parameter goes from one keyframe to the next.
+//! Easings between keyframes.
 
 use crate::file::meant;
 

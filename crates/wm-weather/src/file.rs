@@ -35,7 +35,7 @@ pub enum WeatherError {
     /// The file cannot be read.
     #[error("{}: cannot read the weather file: {reason}", path.display())]
     Read {
-        /// Which file.
+        /// The file.
         path: PathBuf,
         /// The system's words.
         reason: String,
@@ -43,13 +43,13 @@ pub enum WeatherError {
     /// Something in a file is wrong.
     #[error("{file}:{line}:{column}: {problem}")]
     File {
-        /// Which file.
+        /// The file.
         file: String,
         /// Line, from 1.
         line: usize,
         /// Column in characters, from 1.
         column: usize,
-        /// What is wrong.
+        /// The problem and what to do.
         problem: String,
     },
     /// An override is wrong.
@@ -57,7 +57,7 @@ pub enum WeatherError {
     Override {
         /// The override.
         text: String,
-        /// What is wrong.
+        /// The problem and what to do.
         problem: String,
     },
     /// A parameter does not take a value.
@@ -65,7 +65,7 @@ pub enum WeatherError {
     Parameter {
         /// The parameter, effect or setting.
         key: String,
-        /// What is wrong.
+        /// The problem and what to do.
         problem: String,
     },
     /// There is neither a preset nor a file of that name.

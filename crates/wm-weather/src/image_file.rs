@@ -22,13 +22,13 @@ impl ImageFile {
         Self { path: path.into(), panorama: None }
     }
 
-    /// Where it lies.
+    /// The path.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// What it shows; `None` if it is not read.
+    /// The decoded panorama; `None` until it is read.
     #[must_use]
     pub fn panorama(&self) -> Option<&Arc<Panorama>> {
         self.panorama.as_ref()

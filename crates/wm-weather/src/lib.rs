@@ -1,11 +1,38 @@
-//! Weather as physics, for scenes of splats.
+//! Physical weather for scenes of Gaussian splats: fog, haze, smog, rain, snowfall, lying snow, dust, wind and sky.
 //!
-//! A [`Weather`] is a list of effects with parameters over time. [`Weather::at`] gives one instant of
-//! it, [`WeatherSample::prepare`] what a renderer needs of that over one site. Nothing here keeps state, so any
-//! frame can be rendered alone.
+//! A program picks a weather, samples it at a time and prepares the sample for a place. The result gives a renderer of
+//! [`wm_render`] its hooks: the air, the falling particles, the sky and the look of the finished picture. Nothing keeps
+//! state, so any frame can be rendered alone.
 //!
-//! To add an effect: one file in [`effects`], one line in its list. Files, flags, help and
-//! documentation read its table of parameters.
+//! # Types to know
+//! - [`Weather`]: effects with their parameters over time; from a preset, a TOML file or [`Weather::set`].
+//! - [`Site`]: the scale, the up direction, the ground and the light of a place.
+//! - [`PreparedWeather`]: a weather at one time and place ([`Weather::at`], [`WeatherSample::prepare`]).
+//! - [`Observer`]: the camera, its velocity and the shelter above it.
+//! - [`Effect`]: an entry of [`EFFECTS`], with its table of parameters, its role and its needs.
+//!
+//! # Example
+//! ```
+//! use wm_weather::{Daylight, EffectRole, Site, Weather};
+//!
+//! let weather = Weather::preset("fog")?.set("fog.mor", 80.0)?.set("rain.rate", "0:2,10:25")?;
+//! assert!(weather.has(EffectRole::Falls));
+//!
+//! let site = Site {
+//!     metres_per_unit: 1.0,
+//!     up: [0.0, 0.0, 1.0],
+//!     ground: 0.0,
+//!     airlight: [0.8; 3],
+//!     daylight: Daylight::Known,
+//!     far: 100.0,
+//! };
+//! let prepared = weather.at(5.0).prepare(&site);
+//! assert_eq!(prepared.falling()[0].rate, 13.5);
+//! # Ok::<(), wm_weather::WeatherError>(())
+//! ```
+//!
+//! To add an effect, write one file in [`effects`] and add its name to the list there. Files, options, help, documentation
+//! and the instruments of `measure` read the effect's own table.
 
 #![allow(clippy::needless_range_loop)] // Channel loops index several arrays at once.
 

@@ -50,12 +50,12 @@ pub enum PanoramaError {
     },
 }
 
-/// What is seen below the horizon of a panorama.
+/// The lower half of a panorama.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LowerHemisphere {
     /// Haze of the colours just above it.
     Haze,
-    /// What the picture has there.
+    /// The lower half of the image.
     Image,
 }
 
@@ -316,7 +316,7 @@ impl Level {
     }
 }
 
-/// What the places of a shorter side are made of: places of the longer one and their shares.
+/// The weights by which the samples of a shorter side are made from those of a longer one.
 struct Shares {
     ratio: f64,
 }

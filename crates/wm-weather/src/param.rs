@@ -74,7 +74,7 @@ impl From<String> for ParamInput {
     }
 }
 
-/// What values a parameter takes.
+/// The type of value that a parameter takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParamKind {
     /// A number.
@@ -94,7 +94,7 @@ pub enum ParamKind {
 pub struct Param {
     /// Its name in files and flags.
     pub name: &'static str,
-    /// What values it takes.
+    /// The type of its value.
     pub kind: ParamKind,
     /// Its value where nothing is said.
     pub default: ParamValue,
@@ -102,7 +102,7 @@ pub struct Param {
     pub range: (f64, f64),
     /// Unit of the number; empty for none.
     pub unit: &'static str,
-    /// What it means, in one sentence or two.
+    /// Its meaning in one or two sentences.
     pub meaning: &'static str,
 }
 
@@ -110,7 +110,7 @@ impl Param {
     /// `value`, if this parameter takes it.
     ///
     /// # Errors
-    /// What it must be, to be put after the parameter's name.
+    /// The values it takes, to be put after the parameter's name.
     pub fn check(&self, value: ParamValue) -> Result<ParamValue, String> {
         match (self.kind, &value) {
             (ParamKind::Number | ParamKind::NumberOrAuto, ParamValue::Number(number)) => {
@@ -133,7 +133,7 @@ impl Param {
         }
     }
 
-    /// What values the parameter takes, in words.
+    /// Returns the values that the parameter takes, in words.
     #[must_use]
     pub fn expected(&self) -> String {
         let (least, greatest) = self.range;

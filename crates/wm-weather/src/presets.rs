@@ -14,7 +14,7 @@ macro_rules! presets {
 
 presets! {
     "clear", "mist", "fog", "dense-fog", "ground-fog", "fog-closing-in", "haze", "smog",
-    "drizzle", "moderate-rain", "heavy-rain", "violent-rain", "light-snow", "snow", "blizzard", "sleet",
+    "drizzle", "moderate-rain", "heavy-rain", "violent-rain", "light-snow", "snow", "blizzard", "sleet", "hail",
     "sandstorm", "rain-to-snow", "snow-covered", "first-snow", "thaw",
 }
 

@@ -1,4 +1,4 @@
-//! What tests of several modules share.
+//! A site that the tests of several modules share.
 
 use crate::optics::{Daylight, Site};
 

@@ -36,7 +36,7 @@ impl Track {
     /// A value over keyframes. Words hold, whether their easing is `hold` or left at `linear`.
     ///
     /// # Errors
-    /// What is wrong, to be put after the parameter's name.
+    /// The problem, to be put after the parameter's name.
     pub fn keyframes(param: &Param, mut keys: Vec<Keyframe>) -> Result<Self, String> {
         if keys.is_empty() {
             return Err("has no keyframes: give at least one pair of time and value".into());

@@ -1,4 +1,4 @@
-//! What weather is on, over time, and how it reaches the renderer.
+//! A weather over time, sampled at an instant and prepared for the renderer.
 
 use crate::cover::{Airflow, CoverRequest};
 use crate::dome::Dome;
@@ -51,7 +51,7 @@ impl Fidelity {
 pub struct Weather {
     /// Its name.
     pub name: String,
-    /// What it is, in one line.
+    /// A description in one line.
     pub about: String,
     /// Whose formulas are used.
     pub fidelity: Fidelity,
@@ -165,7 +165,7 @@ impl WeatherSample {
         tracks.get(EFFECTS[*on].param(param)?)
     }
 
-    /// What the renderer needs of this weather at one place.
+    /// Prepares this weather for one place: the data that a renderer needs.
     #[must_use]
     pub fn prepare(&self, site: &Site) -> PreparedWeather {
         let (mut site, mut dome) = (*site, None);
@@ -247,7 +247,7 @@ pub struct Observer<'a> {
     pub camera: &'a Camera,
     /// Its velocity, m/s, world axes: what falls is streaked by it.
     pub velocity: [f64; 3],
-    /// Where nothing falls; `None` where that is not known.
+    /// The map of sheltered places; `None` where it is not known.
     pub shelter: Option<&'a Shelter>,
 }
 
@@ -270,11 +270,11 @@ pub struct PreparedWeather {
     paper_falls: Vec<PaperFall>,
     falling: Vec<Precipitation>,
     wind_now: WindSample,
-    /// What stands behind everything, if the weather says it.
+    /// The sky behind the scene, if the weather sets one.
     dome: Option<Dome>,
     /// Exposure and colour of the finished picture; `None` leaves it as it is.
     grade: Option<ColorGrade>,
-    /// What lies, the lowest first.
+    /// The covers, the lowest first.
     cover: Vec<CoverRequest>,
     /// The least wind that carries some of what may lie along the ground, m/s at 10 m.
     carried: f64,
@@ -282,19 +282,19 @@ pub struct PreparedWeather {
 }
 
 impl PreparedWeather {
-    /// What stands behind everything, if the weather says it.
+    /// The sky behind the scene, if the weather sets one.
     #[must_use]
     pub fn dome(&self) -> Option<&Dome> {
         self.dome.as_ref()
     }
 
-    /// What falls.
+    /// Returns the kinds that fall, with their rates.
     #[must_use]
     pub fn falling(&self) -> &[Precipitation] {
         &self.falling
     }
 
-    /// What falls as in the paper: laid over the picture that [`Self::with_hooks`] gives.
+    /// The paper's rain and snow: overlaid on the picture that [`Self::with_hooks`] gives.
     #[must_use]
     pub fn paper_falls(&self) -> &[PaperFall] {
         &self.paper_falls
@@ -307,25 +307,25 @@ impl PreparedWeather {
         fall.sub_clouds(&PaperFallContext { site: &self.site, wind_now: self.wind_now, camera, velocity })
     }
 
-    /// How a render of one of them is blended.
+    /// Returns the blending of one of them.
     #[must_use]
     pub fn blend(&self, fall: &PaperFall, camera: &Camera) -> composite::PaperBlend {
         let PaperFall { sky, t, t_c, d_max, .. } = *fall;
         composite::PaperBlend { sky, t, t_d: fall.reach(camera) / self.site.metres_per_unit, t_c, d_max }
     }
 
-    /// What follows when all of [`Self::paper_falls`] lie over the picture.
+    /// Finishes the picture after all of [`Self::paper_falls`] have been overlaid.
     pub fn finish(&self, path: SimdPath, picture: &mut Frame) {
         composite::finish(&self.paper_falls, self.grade.as_ref(), path, picture);
     }
 
-    /// What lies, each on those before it; empty where nothing does.
+    /// Returns the covers, each on those before it; empty where nothing lies.
     #[must_use]
     pub fn cover(&self) -> &[CoverRequest] {
         &self.cover
     }
 
-    /// How the mean wind carries what lies at some time, while it falls and along the ground: no more than 45 degrees
+    /// Returns the effect of the mean wind on what lies, while it falls and along the ground: no more than 45 degrees
     /// from straight down ([`Self::slant`]), and along the ground the more the farther it is above the threshold.
     #[must_use]
     pub fn airflow(&self) -> Airflow {
@@ -334,13 +334,13 @@ impl PreparedWeather {
         Airflow { slope: self.slant(FLAKE), moved }
     }
 
-    /// What lies as in the paper, if anything does: the same at all times.
+    /// Returns the paper's lying snow, if there is any: the same at all times.
     #[must_use]
     pub fn paper_cover(&self) -> Option<&PaperCover> {
         self.paper_cover.as_ref()
     }
 
-    /// What the mean wind carries something that falls at `speed`, m/s, sideways while it falls by 1, along
+    /// Returns the sideways drift by the mean wind, for each metre of fall at `speed`, m/s, along
     /// [`level_axes`]: no more than 1, since eddies carry drops behind what a strong wind meets.
     #[must_use]
     pub fn slant(&self, speed: f64) -> [f64; 2] {

@@ -84,7 +84,7 @@ impl Wind {
         turned(self.mean(time), [1.0 + a, b])
     }
 
-    /// How far the air has come since time 0, m along the two level axes.
+    /// Returns the distance that the air has travelled since time 0, m along the two level axes.
     #[must_use]
     pub fn drift(&self, time: f64) -> [f64; 2] {
         // Steady before the first key, after the last, and between equal ones.

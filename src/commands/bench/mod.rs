@@ -24,7 +24,7 @@ use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
 use wm_render::bench_scene::{shell_camera, shell_splats};
 use wm_render::simd::SimdPath;
-use wm_render::{AnyRenderer, Device, RenderBackend, RenderConfig, SetId, SetView};
+use wm_render::{Device, RenderBackend, RenderConfig, SetId, SetView};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::{Camera, Group, Metadata, Scene};
 use wm_weather::cover::Buried;

@@ -16,7 +16,6 @@ use anyhow::{Context, Result};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
-use wm_render::{RenderBackend, SetView};
 use wm_scene::Camera;
 use wm_scene::files::write_atomically;
 

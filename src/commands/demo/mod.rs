@@ -22,8 +22,8 @@ use weather_magician::view::spec;
 use weather_magician::{FrameOptions, Picture, picture_tags};
 use wm_media::{Size, color::Dither, png, sheet, video};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
-use wm_scene::place::Viewpoint;
-use wm_scene::{Camera, Metadata, Place, Scene};
+use wm_scene::{Camera, Metadata, Scene};
+use wm_street::{Street, Viewpoint};
 use wm_weather::{ParamValue, Weather};
 
 /// Frames a second of the film, as in cinemas.

@@ -22,7 +22,6 @@ use weather_magician::view::{self, choose};
 use wm_scene::files::{check_writable, write_atomically};
 use wm_scene::{Camera, Metadata};
 use wm_street::Street;
-use wm_weather::cover::Airflow;
 use wm_weather::{Fidelity, Weather};
 
 /// Options of `measure`.

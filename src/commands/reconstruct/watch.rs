@@ -2,12 +2,12 @@
 
 #[cfg(feature = "viewer")]
 mod with_viewer {
+    use crate::viewer::server::ServerArgs;
+    use crate::viewer::training::{Board, Camera as Seen};
     use anyhow::Result;
     use clap::Args;
     use glam::{DMat3, DVec3};
     use std::time::Instant;
-    use crate::viewer::server::ServerArgs;
-    use crate::viewer::training::{Board, Camera as Seen};
     use wm_render::Frame;
     use wm_scene::Camera;
 

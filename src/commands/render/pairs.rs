@@ -3,8 +3,6 @@
 use super::{RenderArgs, background};
 use crate::interrupt::Interrupted;
 use crate::names::stem_of;
-use crate::output::{Format, Kind, PictureStyle, Place};
-use crate::parts::Picture;
 use crate::pipeline::pipeline;
 use crate::progress::Reporter;
 use crate::scene::Loaded;
@@ -14,20 +12,20 @@ use serde_json::{Map, Value as Json, json};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::time::Instant;
-use weather_magician::output::{PictureFormat, PictureStyle};
+use weather_magician::output::{PictureFormat, PictureLayer, PictureStyle};
 use weather_magician::view::spec;
 use weather_magician::{FrameOptions, MovingCamera, Picture, PreparedPlace, Renderer, picture_tags};
-use wm_media::{Size, png::DepthScale};
+use wm_media::Size;
 use wm_render::parts::PicturePart;
-use wm_render::{DrawPass, Frame, Geometry, Outputs, ParticlePass, RenderBackend, RenderConfig};
+use wm_render::{Frame, Geometry, Outputs, ParticlePass, RenderConfig};
 use wm_scene::files::write_atomically;
-use wm_scene::{Camera, View};
+use wm_scene::{Camera, SceneView};
 use wm_weather::{Fidelity, ParamValue, Weather};
 
 /// The file that says what the pictures of the folder are.
 const MANIFEST: &str = "manifest.json";
 /// The folders, and the format of the files in them; the last is written last.
-const FOLDERS: [(&str, Format); 5] = [
+const FOLDERS: [(&str, PictureFormat); 5] = [
     ("clean", PictureFormat::Png),
     ("weather", PictureFormat::Png),
     ("depth", PictureFormat::Npy),
@@ -78,7 +76,7 @@ struct Shot {
 }
 
 impl Shot {
-    fn file(&self, (kind, format): (&str, Format)) -> String {
+    fn file(&self, (kind, format): (&str, PictureFormat)) -> String {
         format!("{kind}/{}.{}", self.name, format.extension())
     }
 }
@@ -267,9 +265,9 @@ fn write_pair(folder: &Path, shot: &Shot, [clear, style]: &[PictureStyle; 2], pa
     let [clean, weather, depth, transmittance, particles] = paths;
     wm_media::png::write_rgb(&clean, &pair.clean.rgb, size, clear.dither, &clear.tags)?;
     style.write(&pair.weather, &weather)?;
-    style.write_one(Kind::Depth, PictureFormat::Npy, &pair.weather, size, &depth)?;
-    style.write_one(Kind::Transmittance, PictureFormat::Npy, &pair.weather, size, &transmittance)?;
-    style.write_one(Kind::Particles, PictureFormat::Png, &pair.weather, size, &particles)?;
+    style.write_one(PictureLayer::Depth, PictureFormat::Npy, &pair.weather, size, &depth)?;
+    style.write_one(PictureLayer::Transmittance, PictureFormat::Npy, &pair.weather, size, &transmittance)?;
+    style.write_one(PictureLayer::Particles, PictureFormat::Png, &pair.weather, size, &particles)?;
     Ok(())
 }
 

@@ -1,7 +1,7 @@
-//! How much of the fall each node gets, by where it comes from and by what the wind does with it on the ground.
+//! The share of the fall that each node gets, by its direction and by the wind along the ground.
 //!
 //! # The fall
-//! What reaches a node, as a share of what falls on open level ground: the mean over several directions about that of
+//! The fall that reaches a node, as a share of what falls on open level ground: the mean over several directions about that of
 //! the fall of whether anything is in the way ([`Shelter`]), since flakes do not all come the same way, the less the
 //! more the wind blows; and more where a slope faces the wind: `1 - grad h . v`, with v the slope of the fall.
 //!
@@ -17,29 +17,29 @@ use crate::optics::Site;
 use crate::shelter::{Occluders, Shelter};
 use crate::threads::map;
 
-/// How far flakes spread about their mean direction, as a slope: in still air, and for each 1 of slope by wind.
+/// Spread of flakes about their mean direction, as a slope: in still air, and for each 1 of slope by wind.
 const SPREAD: [f64; 2] = [0.22, 0.3];
 /// Directions on a circle about the mean one: for the narrowest cells, which show soft edges, and for others.
 const CIRCLE: [usize; 2] = [6, 4];
-/// How far above a node it is asked what is in the way, m.
+/// Height above a node from which obstacles are looked for, m.
 const ABOVE: f64 = 0.06;
-/// What gathers on a slope that faces the wind is at most this much of that on level ground.
+/// Largest deposit on a slope that faces the wind, as a share of that on level ground.
 const MOST: f32 = 2.5;
 /// Over how far the wind lets go of what it carries: in the open, and out of the wind, m.
 const LENGTH: [f32; 2] = [5.0, 1.5];
 /// Tangent of the angle below which it is out of the wind behind an edge.
 const SHADOW: f32 = 0.268;
-/// How far below that line a node is out of the wind, m.
+/// Depth below that line at which a node is out of the wind, m.
 const BELOW: f32 = 0.04;
 /// Share of what the wind carries that stays at the foot of what stands in its way.
 const FOOT: f32 = 0.1;
 /// Most that the wind gathers, as a share of the fall.
 const DRIFT: f32 = 4.0;
 
-/// How the air carries what falls and what has fallen.
+/// The effect of the wind on what falls and on what has fallen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Airflow {
-    /// What falls goes sideways by this much while it falls by 1, along [`level_axes`].
+    /// Sideways drift for each metre of fall, along [`level_axes`].
     pub slope: [f64; 2],
     /// Share of what falls in the open that the wind carries on along the ground, 0-1.
     pub moved: f64,
@@ -101,7 +101,7 @@ impl GroundGrid {
         }
     }
 
-    /// How much of what falls on a node stays there at first by its slope, 0-1.
+    /// Returns the share of the fall on a node that stays there at first by its slope, 0-1.
     fn kept(&self, node: usize) -> f32 {
         let [a, b] = self.slope[node];
         ((STEEP[1] - a.hypot(b)) / (STEEP[1] - STEEP[0])).clamp(0.0, 1.0)
@@ -149,7 +149,7 @@ impl GroundGrid {
         }
     }
 
-    /// What reaches a node with the wind is left there or goes on: `carried` is on its way to each node, and below `line`
+    /// Deposits what the wind brings to each node, or passes it on: `carried` is on its way to each node, and below `line`
     /// (m) the air is still.
     fn pass(&mut self, node: usize, gale: &Gale, carried: &mut [f32], line: &mut [f32]) {
         let [column, row] = self.place(node);
@@ -214,7 +214,7 @@ struct Gale {
     unit: [f32; 2],
     /// Share of what falls that it carries.
     moved: f32,
-    /// How much lower the line below which the air is still is at the next line, m.
+    /// Drop, m, from one line of cells to the next of the line below which the air is still.
     fallen_by: f32,
     /// Share that it lets go of in a cell, in the open and out of the wind.
     lets_go: [f32; 2],

@@ -1,4 +1,4 @@
-//! What snow can lie on: surfaces over a level grid.
+//! The surfaces that snow can lie on, over a level grid.
 //!
 //! Layers of a level grid ([`HeightLayers`]): the first surface from above, and those below it. A *node* is a surface in a
 //! cell. Its slope is that of a plane through the nodes about it which no edge parts from it. A node whose neighbours
@@ -31,7 +31,7 @@ const LEVEL: f32 = 0.4;
 const WALL: [f32; 2] = [2.0 * STEEP[1], 0.0];
 /// Half the width of the field that a slope is taken from, cells.
 const FIELD: i64 = 2;
-/// How often slopes are evened out with those beside them.
+/// Rounds in which slopes are smoothed with their neighbours.
 const ROUNDS: usize = 8;
 /// Share of a field that must belong to a surface; to one whose splats stand upright, whose normals have a smaller cosine to
 /// up; and to one whose splats do not.
@@ -39,19 +39,19 @@ const SURFACE: f32 = 0.3;
 const LEDGE: f32 = 0.7;
 const CROWN: f32 = 0.1;
 const UPRIGHT: f32 = 0.4;
-/// Where the normal has a smaller cosine than this only what is below has been seen: what is above is not known.
+/// Cosine of the normal below which only the underside has been seen: the top is not known.
 const CEILING: f32 = -0.25;
 /// The same of what a camera saw that is too steep: 60 degrees.
 const STEEP_SEEN: f32 = 0.5;
 /// The least of what none saw, and the share of a field that must belong to it.
 const LEVEL_UNSEEN: f32 = 0.7;
 const WHOLE: f32 = 0.9;
-/// How far about that it is asked what stands higher, cells, and which ways.
+/// Distance, cells, and directions in which higher surfaces are looked for.
 const AROUND: [i64; 4] = [1, 2, 4, 8];
 const WAYS_ROUND: [[i64; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
-/// How flat splats are in the mean of which that counts: 0 of balls to 1.
+/// Mean flatness of splats from which that counts: 0 for balls to 1.
 const KNOWN: f32 = 0.3;
-/// How far from a surface splats are still of it, m, but so many cells at least.
+/// Distance from a surface within which splats belong to it, m, but so many cells at least.
 const OWN: f32 = 0.12;
 const OWN_CELLS: f32 = 0.3;
 /// The four ways from a cell.
@@ -80,14 +80,14 @@ pub struct GroundGrid {
     pub share: Vec<f32>,
     /// Share of the sky that it sees, 0-1.
     pub open: Vec<f32>,
-    /// How lit it is, 0 in the shade to 1 in the open.
+    /// Light, 0 in the shade to 1 in the open.
     pub shade: Vec<f32>,
-    /// How far its splats look up: the mean cosine of their normals; not a number where none tells.
+    /// Mean cosine of the splats' normals with up; NaN where none is known.
     pub(super) facing: Vec<f32>,
-    /// Whether that is how a camera sees it, and whether any is.
+    /// True if that is known from a camera, and if any node's is.
     is_seen: Vec<bool>,
     is_scan: bool,
-    /// What does not stay where it falls since that is too steep, or is blown off the grid: a share of the fall on one
+    /// Amount that does not stay since the ground is too steep, or that is blown off the grid: a share of the fall on one
     /// cell.
     pub shed: f64,
     /// Along [`WAYS`], where the node's surface goes on.
@@ -176,7 +176,7 @@ impl GroundGrid {
         self.height.len()
     }
 
-    /// Whether there is no surface at all.
+    /// Returns true if there is no surface at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.height.is_empty()
@@ -255,19 +255,19 @@ impl GroundGrid {
         nodes.filter(|other| off(other) < step).min_by(|a, b| off(a).total_cmp(&off(b)))
     }
 
-    /// Whether nothing can lie there.
+    /// Returns true if nothing can lie there.
     pub(super) fn is_steep(&self, node: usize) -> bool {
         let [a, b] = self.slope[node];
         a.hypot(b) > STEEP[1]
     }
 
-    /// Whether it is level, and looks up as far as is known.
+    /// Returns true if it is level, and faces up as far as is known.
     pub(super) fn is_level(&self, node: usize) -> bool {
         let [a, b] = self.slope[node];
         a.hypot(b) < LEVEL && (self.facing[node].is_nan() || self.facing[node] > UPRIGHT)
     }
 
-    /// Whether something stands higher not far from it: then it is on the side of that, or below its top.
+    /// Returns true if something stands higher not far from it: then it is on the side of that, or below its top.
     fn is_overlooked(&self, node: usize) -> bool {
         let ([column, row], height) = (self.place(node), self.height[node] + self.edge);
         AROUND.into_iter().flat_map(|far| WAYS_ROUND.map(|[x, y]| [far * x, far * y])).any(|[x, y]| {
@@ -276,7 +276,7 @@ impl GroundGrid {
         })
     }
 
-    /// Whether an inner ground has it.
+    /// Returns true if an inner ground contains it.
     pub(super) fn is_elsewhere(&self, node: usize) -> bool {
         self.is_inner[node]
     }
@@ -313,7 +313,7 @@ impl GroundGrid {
         }
     }
 
-    /// How far the splats of each node look up (or down, where nobody knows which): the mean cosine of their normals over the
+    /// Finds how far the splats of each node face up (or down, where the side is not known): the mean cosine of their normals over the
     /// nodes beside each other; not a number where none tells. In a scan a node's are those `of` its surface.
     fn find_facing(&self, scan: &FusedSurfaces<'_>, of: &[usize], threads: usize) -> Vec<f32> {
         let up = self.places.axes()[2];

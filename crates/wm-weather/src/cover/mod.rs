@@ -1,7 +1,7 @@
 //! Snow, dust and ash that lie.
 //!
 //! # How much lies where
-//! What falls reaches the surfaces of the scene ([`ground`]) by how open they are and by what the wind does with it
+//! The fall reaches the surfaces of the scene ([`ground`]) by how open they are and by what the wind does with it
 //! ([`exposure`]), slides off what is too steep for it and lies below ([`settle`]), and melts. Depth is asked for as
 //! that on open level ground, or follows from what has fallen until then ([`snowpack`]). It melts slower in the shade,
 //! and later where more of it lies ([`thaw`]). All of it is kept account of: what fell is what lies, what has melted, and
@@ -55,11 +55,11 @@ use walls::Wall;
 use wm_render::hooks::{Attribute, AttributeBlock, SplatAttributes};
 use wm_scene::{Group, Splats};
 
-/// How far below its ground a splat is buried with it, m: splats are that rough.
+/// Depth below its ground to which a splat is buried with it, m: splats are that rough.
 const BURIED: f32 = 0.08;
-/// How far above its ground a splat may be.
+/// Largest height of a splat above its ground, m.
 const ABOVE: f32 = 1.5;
-/// How far above and below level ground a splat is of it that a scan stands for, m.
+/// Height above and below level ground within which a replaced splat belongs to it, m.
 const HAZE: [f32; 2] = [0.25, 0.3];
 /// Cells along a side of a ring, and how many times as wide those of the next ring are.
 const SIDE: f64 = 420.0;
@@ -78,25 +78,25 @@ const RUNG: f64 = 1.5;
 /// Rungs that are kept.
 const KEPT: usize = 4;
 
-/// What is asked to lie.
+/// A cover to be laid out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoverRequest {
     /// All that has come down on open level ground, m, as deep as it would lie at the instant had none melted.
     pub depth: f64,
-    /// What is left of it; `None` where nothing has melted.
+    /// The remaining depths; `None` where nothing has melted.
     pub thaw: Option<Thaw>,
-    /// What has come down wet, so that it sticks to walls where the wind throws it at them, m.
+    /// Depth that has come down wet, so that it sticks to walls where the wind throws it at them, m.
     pub wet_fall: f64,
     /// Steepest that it lies, as a tangent.
     pub repose: f64,
     /// Wind that carries it along the ground, m/s at 10 m.
     pub threshold: f64,
-    /// What it is.
+    /// The material.
     pub material: CoverMaterial,
 }
 
 impl CoverRequest {
-    /// Whether there is nothing to be seen of it anywhere.
+    /// Returns true if nothing of it is visible anywhere.
     #[must_use]
     pub fn is_nothing(&self) -> bool {
         self.wet_fall <= 0.0 && self.thaw.map_or(self.depth <= 0.0, |thaw| thaw.is_over())
@@ -112,12 +112,12 @@ pub struct Cover {
     /// Of each splat of the scene. Those that nothing buries have none.
     spots: Vec<Option<Spot>>,
     walls: Vec<Wall>,
-    /// What has slid, for some depths and angles of repose: the last used at the end.
+    /// Depths after sliding for some depths and angles of repose, the last used at the end.
     ladder: Vec<Rung>,
     threads: usize,
 }
 
-/// What lies where at a depth of the ladder.
+/// The depths after sliding for one depth of the ladder.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Rung {
     depth: f64,
@@ -125,42 +125,42 @@ struct Rung {
     settled: Vec<Settled>,
 }
 
-/// What is left on a ring.
+/// The cover that is left on a ring.
 struct Layer {
     settled: Settled,
-    /// How wet the ground is, 0-1.
+    /// Wetness of the ground, 0-1.
     wet: Vec<f32>,
-    /// What has melted, as a depth on one cell, m.
+    /// Melted amount, as a depth on one cell, m.
     melted: f64,
 }
 
-/// Where a splat is on the ground.
+/// The position of a splat on the ground.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Spot {
     ring: u8,
     /// The nodes under its middle and its ends.
     nodes: [u32; ENDS],
-    /// How far it reaches above the ground, m.
+    /// Height that it reaches above the ground, m.
     reach: f32,
 }
 
 /// Places of a splat that must lie under snow for it to be hidden.
 const ENDS: usize = 5;
 
-/// What lies, ready to be drawn.
+/// A cover that is laid out, ready to be drawn.
 #[derive(Clone, Debug)]
 pub struct LyingCover {
     /// The splats of it.
     pub splats: Splats,
-    /// Which of the scene's splats it hides.
+    /// The visibility of the scene's splats below it.
     pub buried: Buried,
-    /// What lies where on each ring; of several the lowest on each ring first.
+    /// The depths on each ring; of several covers the lowest on each ring first.
     pub settled: Vec<Settled>,
-    /// What has melted of each of those, as a depth on one cell, m.
+    /// Melted amounts of each of those, as depths on one cell, m.
     pub melted: Vec<f64>,
 }
 
-/// How much of each splat of the scene is still seen.
+/// The visible share of each splat of the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Buried(Vec<f32>);
 
@@ -258,20 +258,20 @@ impl Cover {
         &self.rings
     }
 
-    /// Whether nothing can lie anywhere: no surface is known to look up at the sky.
+    /// Returns true if nothing can lie anywhere: no surface is known to face the sky.
     #[must_use]
     pub fn is_bare(&self) -> bool {
         self.rings.iter().all(|ground| ground.share.iter().all(|share| *share <= 0.0))
     }
 
-    /// What lies as it is asked for. The depths of the ladder that it needs are kept for the next time; what lies does not
+    /// Lays out one cover. The depths of the ladder that it needs are kept for the next time; the result does not
     /// depend on what was asked before.
     #[must_use]
     pub fn lay(&mut self, asked: &CoverRequest) -> LyingCover {
         self.lay_all(std::slice::from_ref(asked))
     }
 
-    /// What lies of several, each on those before it.
+    /// Lays out several covers, each on those before it.
     #[must_use]
     pub fn lay_all(&mut self, asked: &[CoverRequest]) -> LyingCover {
         let layers: Vec<Vec<Layer>> = asked.iter().map(|asked| self.left(asked)).collect();
@@ -322,7 +322,7 @@ impl Cover {
         LyingCover { splats, buried, settled, melted }
     }
 
-    /// What is left on each ring of what came down, slid and melted.
+    /// Returns the cover that is left on each ring after sliding and melting.
     fn left(&mut self, asked: &CoverRequest) -> Vec<Layer> {
         let CoverRequest { depth: fell, thaw, .. } = *asked;
         // How it slides at the least depth says where even less lies.
@@ -343,7 +343,7 @@ impl Cover {
         self.rings.iter().zip(settled).map(layer).collect()
     }
 
-    /// What lies on each ring after it has slid, of a depth on open level ground, m, the lowest of the ladder or more: mixed
+    /// Returns the depths on each ring after sliding, for a depth on open level ground, m, the lowest of the ladder or more: mixed
     /// of the two depths of it about that.
     fn slid(&mut self, depth: f64, repose: f64) -> Vec<Settled> {
         let above = (depth / LOWEST).log(RUNG).ceil().max(1.0) as i32;
@@ -400,7 +400,7 @@ fn about(path: [[f64; 3]; 2], reach: f64, site: &Site) -> [[f64; 3]; 2] {
     [middle - share * half, middle + share * half].map(|end| end.to_array())
 }
 
-/// Where a splat is on the ground, if it is.
+/// Finds the position of a splat on the ground, if it has one.
 fn spot(
     rings: &[GroundGrid],
     splats: &Splats,

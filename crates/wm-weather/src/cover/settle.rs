@@ -5,17 +5,17 @@ use serde::{Deserialize, Serialize};
 
 /// Most rounds over all cells.
 const ROUNDS: usize = 120;
-/// What a round must move at least to be followed by another, as a share of all there is.
+/// Least amount that a round must move to be followed by another, as a share of the total.
 const LEAST: f64 = 2e-5;
-/// How much more than what fell lies at an edge before it falls over: snow holds together.
+/// Excess over the fall that an edge holds before it falls over: snow holds together.
 const HOLDS: f32 = 1.3;
 
-/// What lies where after it has slid.
+/// The depths after sliding.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Settled {
     /// Depth, m, one a node of the ground.
     pub depth: Vec<f32>,
-    /// What is left on walls, where nothing can lie, as a depth on one cell, m.
+    /// The amount on walls, where nothing can lie, as a depth on one cell, m.
     pub lost: f64,
 }
 

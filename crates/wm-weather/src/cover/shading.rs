@@ -1,11 +1,11 @@
-//! How lit the ground is, from the scene itself: so that what lies in the shade is in the shade.
+//! The light on the ground, read from the scene itself, so that snow in the shade is dark.
 
 use super::ground::GroundGrid;
 use crate::threads::map;
 use wm_scene::color::{luminance, srgb_decode};
 use wm_scene::{Splats, sh};
 
-/// How often it is averaged over the cells beside each other: what is painted dark is not in the shade.
+/// Rounds of averaging over neighbouring cells: dark paint is not shade.
 const ROUNDS: usize = 6;
 
 impl GroundGrid {

@@ -24,7 +24,7 @@ const MELT: f64 = 4.0 / 24.0;
 const FILM: f64 = 0.5;
 const WET: f64 = 0.3;
 const DRIES: f64 = 0.15;
-/// What falls off walls, a share for each degree above 0 and hour.
+/// The share that falls off walls for each degree above 0 and hour.
 const FALLS: f64 = 0.3;
 /// Steps of what fell before the start; length of those after it, s, and the most of them.
 const BEFORE: u32 = 256;
@@ -33,7 +33,7 @@ const MOST: f64 = 65_536.0;
 /// Depth at which the steps in which what is left is told begin to widen, m: they are the finer the thinner it lies.
 const FINE: f64 = 0.01;
 
-/// What snow comes from.
+/// The inputs of a snowpack.
 #[derive(Clone, Copy, Debug)]
 pub struct Snowpack<'a> {
     /// Depth that is asked for, m, over time; `None` for what has fallen.
@@ -44,7 +44,7 @@ pub struct Snowpack<'a> {
     pub temperature: &'a Track,
     /// Of new snow, kg/m^3; `None` for that of the temperature.
     pub density: Option<f64>,
-    /// How long it had snowed before time 0, as it does then, h.
+    /// Hours of snowfall before time 0, at its rate.
     pub hours: f64,
     /// Seconds of weather in one of the shot.
     pub lapse: f64,
@@ -55,7 +55,7 @@ pub struct Snowpack<'a> {
 pub struct SnowStock {
     /// The snow's water, mm.
     pub water: f64,
-    /// What it has more in volume than settled snow, m.
+    /// Excess volume over settled snow, m.
     loose: f64,
     /// Water on the ground, mm.
     pub film: f64,
@@ -66,9 +66,9 @@ pub struct SnowStock {
 pub struct SnowpackState {
     /// All that has fallen, as it would lie had none melted.
     pub fell: SnowStock,
-    /// What is left of it at each of [`PACES`]; `None` where nothing has melted yet.
+    /// The remaining snow at each of [`PACES`]; `None` where nothing has melted yet.
     left: Option<[SnowStock; PACES.len()]>,
-    /// What of it fell so wet that it sticks, and still does, mm.
+    /// Water of the snow that fell so wet that it still sticks, mm.
     sticks: f64,
 }
 
@@ -81,12 +81,12 @@ struct Part {
     /// Water that falls as snow, mm, and its density, kg/m^3.
     water: f64,
     density: f64,
-    /// How much of what is loose is left.
+    /// The share of the loose volume that is left.
     settles: f64,
 }
 
 impl SnowStock {
-    /// How deep it lies, m.
+    /// Depth, m.
     #[must_use]
     pub fn depth(&self) -> f64 {
         self.water / SETTLED + self.loose
@@ -118,13 +118,13 @@ impl SnowStock {
 }
 
 impl SnowpackState {
-    /// What is left of it on open level ground.
+    /// Returns the remaining snow on open level ground.
     #[must_use]
     pub fn open(&self) -> SnowStock {
         self.left.map_or(self.fell, |left| left[OPEN])
     }
 
-    /// What is left of it wherever something has melted, in steps so fine that they are not seen; `None` where nothing has.
+    /// Returns the remaining snow wherever something has melted, in steps too fine to be seen; `None` where nothing has.
     #[must_use]
     pub fn thaw(&self) -> Option<Thaw> {
         let step = |depth: f64| FINE * (((1.0 + depth / FINE).log2() * 256.0).round() / 256.0).exp2() - FINE;
@@ -134,7 +134,7 @@ impl SnowpackState {
         })
     }
 
-    /// What fell so wet that it sticks to walls, in m of the snow as it would lie.
+    /// Returns the depth of snow that fell so wet that it sticks to walls, m.
     #[must_use]
     pub fn wet_fall(&self) -> f64 {
         if self.fell.water > 0.0 { self.fell.depth() * (self.sticks / self.fell.water).min(1.0) } else { 0.0 }
@@ -165,7 +165,7 @@ impl SnowpackState {
     }
 }
 
-/// How much of what falls at a temperature is wet enough to stick, 0-1: from 1 below to 1 above 0.
+/// Returns the share of snow that is wet enough to stick at a temperature, 0-1: from 1 below to 1 above 0.
 fn sticky(temperature: f64) -> f64 {
     (2.0 - 2.0 * (temperature.abs() - 0.5)).clamp(0.0, 1.0)
 }
@@ -281,7 +281,7 @@ mod tests {
         Snowpack { depth, rate: None, temperature: &temperature, density, hours: 0.0, lapse }.at(time)
     }
 
-    /// What is left where it melts half as fast as in the open.
+    /// Returns the remaining snow where it melts half as fast as in the open.
     fn shaded(pack: &SnowpackState) -> SnowStock {
         let place = PACES.iter().position(|pace| *pace == 0.5).unwrap();
         pack.left.map_or(pack.fell, |left| left[place])

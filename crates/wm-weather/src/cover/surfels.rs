@@ -19,7 +19,7 @@ const THICKNESS: f64 = 0.004;
 pub(super) const OPAQUE: f64 = 0.985;
 /// Least depth that is drawn, m.
 const LEAST: f32 = 0.000_5;
-/// How far above what it lies on thin cover is drawn where it covers it, m, and the depth from which on it is drawn as deep as
+/// Height above its surface at which thin cover is drawn where it hides it, m, and the depth from which on it is drawn as deep as
 /// it is: it then hides what it lies on, however rough that is.
 const LIFT: f32 = 0.012;
 const LIFTED: f32 = 0.05;
@@ -35,16 +35,16 @@ const TILT: f64 = 0.06;
 
 /// Nodes that one thread draws at a time.
 const PART: usize = 4096;
-/// What wets the ground: how far above it that is drawn, m, how wide, in cells, how much light it takes at most, and its own
+/// Wet ground: height at which it is drawn, m, width, in cells, how much light it takes at most, and its own
 /// colour, sRGB.
 const FILM: f64 = 0.004;
 const SPREADS: f64 = 0.55;
 const SOAKED: f64 = 0.38;
-/// What of it is seen no more.
+/// The darkening below which none is drawn.
 const LEAST_SOAKED: f64 = 0.004;
 const WATER: [f32; 3] = [0.1, 0.11, 0.12];
 
-/// What lies, as it is lit.
+/// The colours of a cover in sun and shade.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoverMaterial {
     /// Linear RGB of it in the open.
@@ -53,22 +53,22 @@ pub struct CoverMaterial {
     pub shade: [f64; 3],
 }
 
-/// How much of the ground a depth covers, 0-1: nothing at what is not drawn, so that none of it goes at once.
+/// Returns the share of the ground that a depth covers, 0-1: 0 where nothing is drawn, so that cover fades out.
 #[must_use]
 pub fn coverage(depth: f32) -> f32 {
     (1.0 - (-depth.max(0.0) / DUSTING).exp()) * (depth / LEAST - 1.0).clamp(0.0, 1.0)
 }
 
-/// What lies on a ground, one value a node.
+/// A cover on a ground, one value per node.
 #[derive(Clone, Copy, Debug)]
 pub struct Layer<'a> {
-    /// How deep it lies, m.
+    /// Depth, m.
     pub depth: &'a [f32],
     /// Height of its top, m.
     pub top: &'a [f32],
-    /// How wet what it lies on is, 0-1.
+    /// Wetness of the ground below it, 0-1.
     pub wet: &'a [f32],
-    /// How deep what hides it lies on it, m; empty where nothing does.
+    /// Depth of the covers above it, m; empty where there are none.
     pub above: &'a [f32],
 }
 
@@ -78,7 +78,7 @@ pub fn drawn(top: f32, depth: f32) -> f32 {
     top + lift(depth)
 }
 
-/// How much higher than it is what lies is drawn, m.
+/// Returns the height that is added to thin cover when it is drawn, m.
 fn lift(depth: f32) -> f32 {
     LIFT * coverage(depth) * (1.0 - depth / LIFTED).max(0.0)
 }
@@ -128,7 +128,7 @@ pub fn add(
     parts.iter().for_each(|part| splats.append(part));
 }
 
-/// What a node's splats are made from.
+/// The inputs for the splats of a node.
 struct Painter<'a> {
     ground: &'a GroundGrid,
     layer: &'a Layer<'a>,

@@ -134,7 +134,7 @@ fn street(place: &Street) -> Splats {
     splats
 }
 
-/// What rays say of the street and what lies there.
+/// Compares the cover with rays cast at the street.
 #[test]
 fn the_street_is_covered_where_it_is_open() {
     let place = Street::builtin();
@@ -221,7 +221,7 @@ fn the_lee_of_a_house_holds_less() {
     assert!(windward > 0.09 && lee < 0.02 && (open / 0.1 - 1.0).abs() < 0.03, "{windward} {lee} {open}");
 }
 
-/// What lies, what has melted and what was shed or blown away is what falls on the level area, counted apart from the
+/// Mass is conserved: lying, melted, shed and blown away add up to the fall on the level area, counted apart from the
 /// cover.
 #[test]
 fn what_falls_is_what_lies() {
@@ -483,7 +483,7 @@ fn the_shade_is_bare_later_and_new_snow_lies_again() {
     }
 }
 
-/// What has fallen is what lies, has melted and was shed, while the shade still melts and new snow lies.
+/// Mass is conserved while the shade still melts and new snow lies.
 #[test]
 fn water_is_kept_through_thaws() {
     let splats = half_shaded();

@@ -1,4 +1,4 @@
-//! What is left of snow by how fast it melts where it lies.
+//! Melting of snow at different paces in sun and shade.
 //!
 //! Where the share `s` of what falls on open level ground comes to lie, and `f` of what can melt there melts (the whole in
 //! the open, half in full shade), `s` times as much is left as of a pack on open level ground that melts `f / s` times as
@@ -14,24 +14,24 @@ pub const PACES: [f64; COUNT] = [
 const COUNT: usize = 22;
 /// Place of the pace of open level ground.
 pub const OPEN: usize = 15;
-/// How fast snow melts in full shade, against the open.
+/// Melt rate in full shade, as a share of that in the open.
 const SHADED: f32 = 0.5;
 
-/// What is left on level ground at each of [`PACES`].
+/// The depth that is left on level ground at each of [`PACES`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thaw {
-    /// How deep it lies, m.
+    /// Depth, m.
     pub depth: [f32; COUNT],
     /// Water on the ground against what makes it quite wet, 0 and more.
     pub wet: [f32; COUNT],
 }
 
-/// What is left at a place.
+/// The cover that is left at a place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CoverState {
-    /// How deep it lies, m.
+    /// Depth, m.
     pub depth: f32,
-    /// How wet the ground is, 0-1.
+    /// Wetness of the ground, 0-1.
     pub wet: f32,
 }
 
@@ -45,19 +45,19 @@ impl Thaw {
         }
     }
 
-    /// Whether nothing is left, not even wet ground.
+    /// Returns true if nothing is left, not even wet ground.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.depth.iter().chain(&self.wet).all(|left| *left <= 0.0)
     }
 
-    /// Where it melts the slowest, m: so deep it slides, since what has slid does not go back when it melts.
+    /// Returns the depth where it melts the slowest, m: sliding uses it, since what has slid does not go back when it melts.
     #[must_use]
     pub fn deepest(&self) -> f64 {
         f64::from(self.depth[0])
     }
 
-    /// Where `share` of what falls on open level ground came to lie, and that is lit by `shade`, 0 to 1.
+    /// Returns the state of a place where `share` of the fall on open level ground came to lie, lit by `shade`, 0 to 1.
     #[must_use]
     pub fn at(&self, share: f32, shade: f32) -> CoverState {
         if share <= 0.0 {

@@ -25,14 +25,14 @@ const FACING: f64 = 0.2;
 const SOLID: f64 = 0.4;
 const WIDEST: f64 = 0.6;
 const FLAT: f64 = 0.6;
-/// How far before a surface it is asked whether the fall reaches it, m.
+/// Distance in front of a surface at which its exposure is tested, m.
 const BEFORE: f64 = 0.15;
 /// Share of what meets a wall that sticks, and the thickness at which it falls off, m.
 const STICKS: f64 = 0.3;
 const THICKEST: f64 = 0.03;
 /// Least thickness that is drawn, m.
 const LEAST: f64 = 0.000_5;
-/// How lit it is beside level snow.
+/// Brightness relative to level snow.
 const LIT: f64 = 0.75;
 
 /// A splat of the scene that wet snow can stick to.
@@ -44,7 +44,7 @@ pub struct Wall {
     /// Standard deviation along its surface and across it, m.
     wide: f32,
     thick: f32,
-    /// What meets it, as a share of what falls on level ground.
+    /// The fall that meets it, as a share of that on level ground.
     share: f32,
 }
 

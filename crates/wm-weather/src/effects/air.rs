@@ -1,4 +1,4 @@
-//! What fog, haze and smog have in common: one set of parameters, different defaults.
+//! The common parameters of fog, haze and smog, with different defaults.
 
 /// Declares the parameters of a kind of air and its [`Effect`](super::Effect).
 macro_rules! air {
@@ -12,7 +12,7 @@ macro_rules! air {
         scale_height: $scale_height:expr,
     ) => {
         $crate::params! {
-            /// What can be set.
+            /// The parameters of the effect.
             pub struct Params {
                 /// Meteorological optical range at the base height: the distance at which 5 % of the
                 /// light is left (WMO). Green light, where the colours differ.
@@ -27,7 +27,7 @@ macro_rules! air {
                 albedo: f64 = ParamValue::Number($albedo), 0.0 => 1.0, "";
                 /// Colour by which the particles tint the airlight.
                 tint: Option<[f64; 3]> = $tint, 0.0 => 1.0, "";
-                /// How much more short wavelengths are scattered: extinction goes with the wavelength
+                /// Angstrom exponent: extinction goes with the wavelength
                 /// to the power of minus this; 0 for grey.
                 angstrom: f64 = ParamValue::Number($angstrom), 0.0 => 4.0, "";
                 /// Height over which it thins to 1/e; inf for the same at all heights.
@@ -95,7 +95,7 @@ macro_rules! air {
     };
 }
 
-/// What [`air!`] needs in scope.
+/// The names that [`air!`] needs in scope.
 pub(super) mod prelude {
     pub(in crate::effects) use crate::effects::{Action, Effect, EffectRole};
     pub(in crate::effects) use crate::optics::{Layer, Site, sigma_of_mor, sigma_of_visual_range, spectrum};

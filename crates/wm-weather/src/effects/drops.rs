@@ -1,4 +1,4 @@
-//! What rain and snowfall have in common: one set of parameters, different defaults.
+//! The common parameters of rain and snowfall, with different defaults.
 //!
 //! In fidelity `paper` only those whose names begin with `paper_` count, with `rate`, `airlight` and `seed`.
 
@@ -21,11 +21,11 @@ macro_rules! drops {
         },
     ) => {
         $crate::params! {
-            /// What can be set.
+            /// The parameters of the effect.
             pub struct Params {
                 $(#[doc = $meaning])+
                 rate: f64 = ParamValue::Number($rate), 0.0 => $most, "mm/h";
-                /// How long the camera's shutter is open: streaks are as long as the way in that time.
+                /// Exposure time: streaks are as long as the distance travelled in it.
                 exposure: f64 = ParamValue::Number(0.0166), 0.000_01 => 1.0, "s";
                 /// Factor on the diameters that are drawn; their number, speed and the air stay as they are.
                 size: f64 = ParamValue::Number(1.0), 0.1 => 10.0, "";
@@ -37,7 +37,7 @@ macro_rules! drops {
                 color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
                 /// Colour of an endless depth of it; `auto` takes the scene's sky near the horizon.
                 airlight: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
-                /// Which of the equally likely falls: a whole number.
+                /// Seed of the random positions: a whole number.
                 seed: f64 = ParamValue::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
                 /// Fidelity `paper`: drops or flakes in the box; `auto` goes by the root of `rate`.
                 paper_number: Option<f64> = ParamValue::Auto, 0.0 => 4_000_000.0, "";
@@ -155,7 +155,7 @@ macro_rules! drops {
     };
 }
 
-/// What [`drops!`] needs in scope.
+/// The names that [`drops!`] needs in scope.
 pub(super) mod prelude {
     pub(in crate::effects) use crate::effects::look::{ColorGrade, balance};
     pub(in crate::effects) use crate::effects::{Action, Effect, EffectRole, Need};

@@ -16,7 +16,7 @@ const SAND: [f64; 3] = [0.76, 0.647, 0.467];
 const CARRIES: f64 = 7.0;
 
 crate::params! {
-    /// What can be set.
+    /// The parameters of the effect.
     pub struct Params {
         /// Depth on open level ground. Below some 1 cm the ground shows through. Over time by keyframes. Snow lies on it.
         depth: f64 = ParamValue::Number(0.02), 0.0 => 10.0, "m";

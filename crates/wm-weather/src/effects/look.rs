@@ -24,7 +24,7 @@ use wm_render::simd::{Lanes, SimdPath, exp2, log2};
 use wm_scene::color::luminance;
 
 crate::params! {
-    /// What can be set.
+    /// The parameters of the effect.
     pub struct Params {
         /// Change of exposure: the light times 2 to this power.
         exposure: f64 = ParamValue::Number(0.0), -10.0 => 10.0, "EV";
@@ -87,13 +87,13 @@ pub struct ColorGrade {
 }
 
 impl ColorGrade {
-    /// Whether it changes nothing.
+    /// Returns true if it changes nothing.
     #[must_use]
     pub fn is_neutral(&self) -> bool {
         self.gains == [1.0; 3] && self.saturation == 1.0 && self.contrast == 1.0
     }
 
-    /// What becomes of a display-referred colour, in f64: the referee.
+    /// Applies it to a display-referred colour in f64: the reference for the SIMD code.
     #[must_use]
     pub fn reference(&self, rgb: [f64; 3]) -> [f64; 3] {
         let light: [f64; 3] = std::array::from_fn(|k| srgb_decode(rgb[k]) * self.gains[k]);

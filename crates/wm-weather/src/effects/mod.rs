@@ -23,22 +23,22 @@ mod drops;
 pub struct Effect {
     /// Its name in files and flags.
     pub name: &'static str,
-    /// What it is, in one line.
+    /// A description in one line.
     pub about: &'static str,
     /// The kind of effect.
     pub role: EffectRole,
-    /// What must be prepared of a place before the effect is rendered in physical units.
+    /// Data of the place that must be prepared before the effect is rendered in physical units.
     pub needs: &'static [Need],
     /// The laws of what falls; `Some` for every effect whose role is [`EffectRole::Falls`], whose parameter `rate` is
     /// then in mm/h of water, and for no other.
     pub precipitation: Option<&'static PrecipitationKind>,
-    /// Where in the render it acts.
+    /// The stage of the render at which it acts.
     pub slot: Slot,
     /// Its parameters.
     pub params: &'static [Param],
-    /// What it does.
+    /// Makes the effect's contribution from its parameters.
     pub act: fn(&EffectContext<'_>, &Site) -> Action,
-    /// What it does in the paper's formulation; `None` if the paper does not have it.
+    /// The same in the paper's formulation; `None` if the paper does not have it.
     pub act_as_paper: Option<fn(&EffectContext<'_>, &Site) -> Action>,
 }
 
@@ -74,10 +74,10 @@ impl EffectRole {
     }
 }
 
-/// What an effect needs to know of a place, beside its [`Site`], before the first frame.
+/// Data of a place that an effect needs, beside its [`Site`], before the first frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
-    /// Where roofs and trees keep the ground dry ([`crate::shelter`]).
+    /// The map of what roofs and trees shelter ([`crate::shelter`]).
     Shelter,
     /// The surfaces that something can lie on ([`crate::cover`]).
     Cover,
@@ -96,16 +96,16 @@ pub struct EffectContext<'a> {
     pub weather: &'a WeatherSample,
 }
 
-/// What an effect gives to the renderer.
+/// The contribution of an effect to the renderer.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
     /// A layer of air.
     Layer(Layer),
     /// Fog over finished pixels, as in the paper.
     PaperFog(PaperFog),
-    /// What stands behind everything.
+    /// The sky behind the scene.
     Sky(Dome),
-    /// How the air moves.
+    /// The wind.
     Wind(Wind),
     /// Something that falls.
     Precipitation(Box<Precipitation>),
@@ -128,7 +128,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, dust_cover, snow_cover, wind, fog, haze, smog, rain, snowfall, look }
+effects! { sky, dust_cover, snow_cover, wind, fog, haze, smog, rain, snowfall, hail, look }
 
 impl Effect {
     /// The effect of a name.

@@ -19,7 +19,7 @@ use wm_render::frame::srgb_decode;
 use wm_render::hooks::{SkySplats, Slot};
 
 crate::words! {
-    /// What is shown.
+    /// The appearance of the sky.
     pub enum Model {
         /// The panorama that is given, else the colour, else clear.
         Auto = "auto",
@@ -33,17 +33,17 @@ crate::words! {
 }
 
 crate::words! {
-    /// What is seen below the horizon of a panorama.
+    /// The lower half of a panorama.
     pub enum Lower {
         /// Haze of the colours just above it.
         Haze = "haze",
-        /// What the picture has there.
+        /// The lower half of the image.
         Image = "picture",
     }
 }
 
 crate::words! {
-    /// What becomes of the sky that a scene has.
+    /// The treatment of the scene's own sky splats.
     pub enum SceneSky {
         /// It stays before this one.
         Keep = "keep",
@@ -53,9 +53,9 @@ crate::words! {
 }
 
 crate::params! {
-    /// What can be set.
+    /// The parameters of the effect.
     pub struct Params {
-        /// What is shown: `clear` or `overcast` (CIE), `gradient` (what a scene without a sky gets anyway);
+        /// Appearance of the sky: `clear` or `overcast` (CIE), `gradient` (the default of a scene without a sky);
         /// `auto` takes the panorama if one is given, else the colour, else `clear`.
         model: Model = ParamValue::Word("auto"), 0.0 => 0.0, "";
         /// One colour all around.
@@ -71,15 +71,15 @@ crate::params! {
         /// Picture of all directions: equirectangular, PNG, JPEG or EXR (linear light), at most 8192x4096 px;
         /// its path, from the folder of the weather file.
         panorama: Option<ImageFile> = ParamValue::Auto, 0.0 => 0.0, "";
-        /// Where the middle of the panorama is, clockwise seen from above; 0 is the scene's x axis,
+        /// Direction of the middle of the panorama, clockwise seen from above; 0 is the scene's x axis,
         /// laid level (its y axis where x is up).
         heading: f64 = ParamValue::Number(0.0), -36_000.0 => 36_000.0, "deg";
-        /// What is seen below the horizon of a panorama: `haze` of the colours just above it, or the lower
+        /// Lower half of a panorama: `haze` of the colours just above the horizon, or the lower
         /// half of the `picture`.
         below: Lower = ParamValue::Word("haze"), 0.0 => 0.0, "";
         /// Factor on its light.
         brightness: f64 = ParamValue::Number(1.0), 0.0 => 100.0, "";
-        /// What becomes of the sky of a scene that has one: `keep` leaves it before this one, `replace` leaves
+        /// Treatment of the scene's own sky, if it has one: `keep` draws it in front of this one, `replace` leaves
         /// it out, and takes the airlight from this one whatever the scene says.
         scene_sky: SceneSky = ParamValue::Word("keep"), 0.0 => 0.0, "";
     }

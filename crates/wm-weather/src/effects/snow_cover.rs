@@ -1,6 +1,6 @@
 //! Snow cover: snow that lies, as deep as is asked for on open level ground, or as what has fallen is.
 //!
-//! How it is spread, how it slides and how it is drawn: [`crate::cover`]. How it grows, settles and melts:
+//! Spreading, sliding and drawing: [`crate::cover`]. Growth, settling and melting:
 //! [`crate::cover::snowpack`]. In fidelity `paper` it is [`PaperCover`]: no depth, and snow on all that looks up.
 
 use crate::cover::{CoverRequest, CoverMaterial, Snowpack};
@@ -14,7 +14,7 @@ const CARRIES: [f64; 2] = [7.7, 9.9];
 const WET: f64 = -1.0;
 
 crate::params! {
-    /// What can be set.
+    /// The parameters of the effect.
     pub struct Params {
         /// Depth on open level ground, less what melts. Below some 2 cm the ground shows between flakes. Over time by
         /// keyframes: what it grows by is new snow; `auto` for what `snowfall.rate` has left: so many `hours` of it before the
@@ -52,13 +52,13 @@ crate::params! {
         paper_size: f64 = ParamValue::Number(0.7), 0.01 => 10.0, "";
         /// The same across the plane against that.
         paper_flatness: f64 = ParamValue::Number(0.2), 0.001 => 1.0, "";
-        /// How high it lies on what it covers, in spacings.
+        /// Height above the covered surface, in spacings.
         paper_lift: f64 = ParamValue::Number(0.25), 0.0 => 10.0, "";
         /// Its opacity.
         paper_opacity: f64 = ParamValue::Number(0.97), 0.0 => 1.0, "";
         /// Its colour, sRGB.
         paper_color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
-        /// Which of the equally likely fillings: a whole number.
+        /// Seed of the random filling: a whole number.
         paper_seed: f64 = ParamValue::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
     }
 }

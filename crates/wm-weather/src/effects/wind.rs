@@ -9,17 +9,17 @@ use crate::wind::Wind;
 use wm_render::hooks::Slot;
 
 crate::params! {
-    /// What can be set.
+    /// The parameters of the effect.
     pub struct Params {
         /// Mean speed. Over time by keyframes: what falls drifts by its integral.
         speed: f64 = ParamValue::Number(5.0), 0.0 => 60.0, "m/s";
-        /// Where it blows to, clockwise seen from above; 0 is the scene's x axis, laid level (its y axis where x
+        /// Direction it blows towards, clockwise seen from above; 0 is the scene's x axis, projected to the horizontal (its y axis where x
         /// is up), as for `sky.heading`.
         direction: f64 = ParamValue::Number(90.0), -36_000.0 => 36_000.0, "deg";
         /// Gusts: standard deviation of the speed as a share of it; half as much across. 0.15 over open
         /// land, 0.25 and more between houses.
         gusts: f64 = ParamValue::Number(0.2), 0.0 => 1.0, "";
-        /// Which of the equally likely gusts: a whole number.
+        /// Seed of the random gusts: a whole number.
         seed: f64 = ParamValue::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
     }
 }

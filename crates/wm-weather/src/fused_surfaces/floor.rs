@@ -9,14 +9,14 @@ use super::PhotoView;
 use glam::{DMat3, DVec3};
 use wm_scene::Camera;
 
-/// How far from the camera its floor is known, camera heights.
+/// Distance from the camera to which its floor is known, camera heights.
 const REACH: f64 = 6.0;
 /// How far about a camera the path tells its slope, and what the path wavers by, camera heights.
 const ABOUT: f64 = 4.0;
 const WAVERS: f64 = 0.5;
-/// How far from a camera floors are looked at, in those.
+/// Distance from a camera to which floors are examined, in those.
 const SEEN: f64 = 5.0;
-/// How far that of the whole place is known, camera heights: a court.
+/// Distance to which that of the whole place is known, camera heights: a court.
 const FAR: f64 = 40.0;
 /// How much the heights of cameras over it may differ, as a share, and how far most may look up or down, as a sine: more
 /// are no walk but a flight.
@@ -24,7 +24,7 @@ const EVEN: f64 = 0.2;
 const PITCHED: f64 = 0.26;
 /// Share of the pixels that should show it and show what is below it, from which on a training has lost it.
 const LOST: f64 = 0.4;
-/// What is seen less than this above the floor is of it, camera heights: kerbs and cobbles, and what depth is off by.
+/// Height above the floor, camera heights, below which points belong to it: kerbs, cobbles and errors of depth.
 const SLAB: f64 = 0.15;
 /// The same of the ground of a whole place where a training has lost it: what it left instead stands off it.
 const LOOSE: f64 = 0.25;
@@ -36,7 +36,7 @@ pub struct FloorPlane {
     pub point: DVec3,
     /// Length 1.
     pub normal: DVec3,
-    /// How far from `point` it is known, scene units.
+    /// Distance from `point` to which it is known, scene units.
     pub reach: f64,
     /// Half of how thick it is taken for, scene units.
     pub slab: f64,
@@ -84,7 +84,7 @@ impl FloorPlane {
         (is_even && is_level).then_some(Self { point, normal: up, reach: FAR * height, slab: LOOSE * height })
     }
 
-    /// Whether most of `views` that should show it see through it: a training has lost it.
+    /// Returns true if most of `views` that should show it see through it: a training has lost it.
     #[must_use]
     pub fn is_lost(&self, views: &[PhotoView]) -> bool {
         let (mut there, mut below) = (0, 0);
@@ -100,7 +100,7 @@ impl FloorPlane {
         below as f64 > LOST * (there + below) as f64
     }
 
-    /// How far along a ray (of length 1) it is met, and the share of that over which the ray is in its slab; `None` if it is
+    /// Returns the distance along a ray (of length 1) to it, and the share of that over which the ray is in its slab; `None` if it is
     /// not met, or where it is not known.
     pub(super) fn met(&self, from: DVec3, ray: DVec3) -> Option<(f64, f64)> {
         let (above, falls) = ((from - self.point).dot(self.normal), -ray.dot(self.normal));

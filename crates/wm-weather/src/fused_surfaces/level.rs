@@ -5,21 +5,21 @@ use crate::threads::map;
 use glam::{DVec3, I64Vec3};
 use std::collections::HashMap;
 
-/// How far the discs are that a surface goes through, m, but so many of its own widths at least.
+/// Distance of the discs that a surface is fitted to, m, but so many of its own widths at least.
 const FIELD: f64 = 0.3;
 const WIDTHS: f64 = 4.0;
 /// Least cosine between the normals of discs of one surface.
 const ALIKE: f64 = 0.6;
 /// Length of the mean normal from which on it is that of edges too.
 const AGREED: f64 = 0.8;
-/// How often.
+/// The number of rounds.
 const ROUNDS: usize = 3;
 
 /// Discs by the cells of a grid.
 struct Cells {
     width: f64,
     order: Vec<u32>,
-    /// Where in the order those of a cell begin and end.
+    /// The range of a cell's discs in the order.
     ranges: HashMap<I64Vec3, (u32, u32)>,
 }
 

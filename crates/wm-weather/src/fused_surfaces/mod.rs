@@ -37,7 +37,7 @@ const DOUBLED: u32 = 5;
 const PIXELS: f64 = 1.5;
 /// Weight of a pixel without a normal.
 const EDGE: f64 = 0.2;
-/// How many cameras must see through what is not there.
+/// The number of cameras that must see through a point for it to be dropped.
 const CAMERAS: u32 = 2;
 /// Standard deviations of a disc along the surface, and of a ball, in cubes; through a disc, in those; and opacity.
 const WIDE: [f64; 2] = [0.6, 0.4];
@@ -51,11 +51,11 @@ pub struct FusedSurfaces<'a> {
     pub splats: Cow<'a, Splats>,
     /// The first so many are discs whose third axis looks to where they were seen from.
     pub oriented: usize,
-    /// What stands for each splat of the scene; empty where nothing was scanned.
+    /// The replacement of each splat of the scene; empty where no views were given.
     pub stand_ins: Vec<StandIn>,
 }
 
-/// What stands for a splat of the scene in its scan.
+/// The replacement of a splat of the scene in its fused surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum StandIn {
     /// It is still there.
@@ -73,7 +73,7 @@ impl<'a> FusedSurfaces<'a> {
         Self { splats: Cow::Borrowed(splats), oriented: 0, stand_ins: Vec::new() }
     }
 
-    /// What the cameras see of a scene, and what they do not. Equal for any number of threads.
+    /// Fuses the surfaces that the cameras see and keeps the splats that none sees. Equal for any number of threads.
     #[must_use]
     pub fn from_views(splats: &'a Splats, views: &[PhotoView], site: &Site, threads: usize) -> Self {
         if views.is_empty() {
@@ -117,7 +117,7 @@ impl<'a> FusedSurfaces<'a> {
     }
 }
 
-/// What all cameras say of a point: how many of them.
+/// The evidence of all cameras about a point: numbers of cameras.
 #[derive(Clone, Copy, Debug, Default)]
 struct Said {
     seen: u32,
@@ -137,7 +137,7 @@ impl Said {
         self.floor += u32::from(floor);
     }
 
-    /// Whether nothing is there.
+    /// Returns true if cameras see through the point.
     fn is_free(self) -> bool {
         self.through >= CAMERAS && self.through > self.seen
     }
@@ -151,7 +151,7 @@ impl Said {
     }
 }
 
-/// Whether pixels so wide (m) are scanned.
+/// Returns true if pixels of this width, m, are fused.
 fn is_near(width: f64) -> bool {
     PIXELS * width <= CUBE * f64::from(1 << DOUBLED)
 }
@@ -163,16 +163,16 @@ struct Disc {
     point: DVec3,
     /// To where it was seen from, length 1.
     normal: DVec3,
-    /// Whether its normal is not known.
+    /// Returns true if its normal is not known.
     is_edge: bool,
     /// Width of its cube, scene units.
     size: f64,
-    /// How well it is known: pixels of the smallest cube's width.
+    /// Its weight: pixels of the smallest cube's width.
     weight: f64,
     rgb: [f32; 3],
 }
 
-/// What is in a cube: sums over pixels.
+/// The content of a cube: sums over pixels.
 #[derive(Clone, Copy, Debug)]
 struct Cube {
     doubled: u32,
@@ -246,7 +246,7 @@ fn merged(mut cubes: Vec<Cube>) -> Vec<Cube> {
     out
 }
 
-/// What all cameras see, in cubes; wide ones only where no narrow ones are.
+/// Fuses the surfaces of all cameras in cubes; wide ones only where there are no narrow ones.
 fn fuse(views: &[PhotoView], cube: f64, threads: usize) -> Vec<Disc> {
     let each = map(views.len(), threads, |index| {
         let mut cubes = Vec::new();

@@ -1,24 +1,24 @@
-//! What one camera of the photos sees, and what it says of a point.
+//! The surface that one photo's camera sees, and its evidence about points.
 
 use super::FloorPlane;
 use glam::{DMat3, DVec3};
 use wm_scene::Camera;
 
-/// How far before the surface something is that is seen through, as a share of the way, and m.
+/// Distance in front of the surface from which a point is seen through, as a share of the ray's length, and m.
 const BEFORE: [f64; 2] = [0.1, 0.1];
-/// How far from what is seen something is that is seen with it, the same.
+/// Distance from the visible surface within which a point is part of it, the same.
 const WITH: [f64; 2] = [0.04, 0.1];
 /// Pixels to each side that a normal is found from, and how often those are weighed.
 const ASIDE: i64 = 3;
 const ROUNDS: usize = 3;
-/// How far off a plane a pixel of it is, as a share of its inverse depth; more is an edge.
+/// Largest distance of a pixel from its plane, as a share of its inverse depth; more is an edge.
 const OFF: f64 = 0.03;
 /// Least cosine between a ray and the normal for the distance between pixels along a surface; and how many places are taken
 /// of a pixel of a floor, which is known between pixels too.
 const GRAZING: f64 = 0.15;
 const MOST: f64 = 32.0;
 
-/// What a camera sees.
+/// The surface that one photo's camera sees: depth, colour and floors.
 #[derive(Clone, Debug)]
 pub struct PhotoView {
     /// From where.
@@ -32,18 +32,18 @@ pub struct PhotoView {
     pub(super) on: Vec<u16>,
 }
 
-/// What one camera says of a point.
+/// The evidence of one camera about a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Word {
-    /// Whether what is seen there is a floor.
+    /// The point is on the visible surface.
     Seen { floor: bool },
-    /// Whether what is seen behind it is.
+    /// The camera sees through the point.
     Through { floor: bool },
     /// It is off the picture, or behind something.
     Nothing,
 }
 
-/// What is seen in one pixel.
+/// The surface in one pixel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spot {
     /// World, scene units.
@@ -52,7 +52,7 @@ pub(super) struct Spot {
     pub normal: Option<DVec3>,
     /// From the camera, length 1.
     pub ray: DVec3,
-    /// How far those beside it are, scene units.
+    /// Distance to the neighbouring pixels' points, scene units.
     pub apart: f64,
     pub rgb: [f32; 3],
 }
@@ -65,7 +65,7 @@ impl PhotoView {
         Self { camera, on: vec![0; depth.len()], depth, rgb, floors: Vec::new() }
     }
 
-    /// What it says of a point (world, scene units).
+    /// Returns the evidence about a point (world, scene units).
     pub(super) fn word(&self, point: DVec3, metres_per_unit: f64) -> Word {
         let Some((x, y, z)) = self.camera.project(point) else { return Word::Nothing };
         let (width, height) = (i64::from(self.camera.width), i64::from(self.camera.height));

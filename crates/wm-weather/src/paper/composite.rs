@@ -1,4 +1,4 @@
-//! How the paper lays renders of its noise over a picture.
+//! The paper's overlay of rain and snow on a picture.
 //!
 //! For each sub-cloud, the farthest first, with the composite `C` so far, all display-referred:
 //!
@@ -29,7 +29,7 @@ pub struct PaperStages {
     pub noise: Vec<f32>,
     /// The noise scene laid over the picture as it is, by its coverage.
     pub overlay: Vec<f32>,
-    /// What the masks leave of the noise, over black.
+    /// The noise that the masks leave, over black.
     pub filtered: Vec<f32>,
 }
 
@@ -42,7 +42,7 @@ impl PaperStages {
     }
 }
 
-/// How noise is masked and blended, in scene units.
+/// The masks and the blending of noise, in scene units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaperBlend {
     /// L_sky.

@@ -75,14 +75,14 @@ pub struct PaperCover {
     pub size: f64,
     /// The same along its normal against that, 0-1.
     pub flatness: f64,
-    /// How high snow lies on what it covers, spacings, 0 or more.
+    /// Height of snow above the covered surface, spacings, 0 or more.
     pub lift: f64,
     /// Opacity of a snow Gaussian, 0-1: high, so that what it covers does not show.
     pub opacity: f64,
     /// Display-referred colour, 0-1: that of the albedo of fresh snow, 0.8-0.9 (Wiscombe and Warren 1980), under a
     /// light of 1.
     pub color: [f32; 3],
-    /// Which of the equally likely fillings.
+    /// The seed of the random filling.
     pub seed: u64,
     /// Most snow Gaussians. Half are for those on splats: of more, equally likely ones are left out, and the others are
     /// larger for it.
@@ -115,7 +115,7 @@ impl Default for PaperCover {
     }
 }
 
-/// Where a snow Gaussian lies.
+/// The position of a snow Gaussian.
 #[derive(Clone, Copy, Debug)]
 struct Flake {
     /// Scene units.
@@ -126,7 +126,7 @@ struct Flake {
     spacing: f64,
 }
 
-/// What a seed's neighbours say.
+/// The statistics of a seed's neighbours.
 struct Patch {
     /// Half their median distance, scene units; 0 where no snow lies.
     spacing: f64,
@@ -278,7 +278,7 @@ impl PaperCover {
         flakes.append(&mut self.few(filled, room));
     }
 
-    /// Which flakes are no outliers. `[flakes]`
+    /// Marks the flakes that are no outliers. `[flakes]`
     fn stay(&self, flakes: &[Flake], up: DVec3, threads: usize) -> Vec<bool> {
         let k = self.neighbours.clamp(3, MOST_NEIGHBOURS);
         let least = self.outlier_neighbours.min(MOST_NEIGHBOURS);

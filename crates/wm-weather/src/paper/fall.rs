@@ -44,15 +44,15 @@ const ARMS: usize = 3;
 pub struct PaperFall {
     /// Drops or flakes.
     pub kind: &'static PrecipitationKind,
-    /// Which of the equally likely ones.
+    /// The seed of random positions.
     pub seed: u64,
-    /// How many there are in the box; a part of one is none.
+    /// The number of particles in the box; a fraction is dropped.
     pub number: f64,
     /// Edge of the box, m.
     pub edge: f64,
     /// Mean fall speed now, m/s.
     pub speed: f64,
-    /// How far they have fallen since time 0 at the mean speed, m.
+    /// Distance fallen since time 0 at the mean speed, m.
     pub fallen: f64,
     /// Display-referred colour, 0-1.
     pub color: [f64; 3],
@@ -82,7 +82,7 @@ pub struct PaperFall {
     pub filter: ColorGrade,
 }
 
-/// Where it falls, and who sees it.
+/// The place, the wind and the camera of the paper's fall.
 #[derive(Clone, Copy, Debug)]
 pub struct PaperFallContext<'a> {
     /// The place.
@@ -128,7 +128,7 @@ impl PaperFall {
         RandomSequence::new(RandomSequence::new(own).bits())
     }
 
-    /// What of it the camera may see, the nearest first; of equal depth by number.
+    /// Returns the particles that the camera may see, the nearest first; of equal depth by number.
     #[must_use]
     pub fn noise(&self, before: &PaperFallContext<'_>) -> Vec<PaperParticle> {
         let view = ParticleView::new(before.camera);

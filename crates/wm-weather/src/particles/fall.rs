@@ -1,4 +1,4 @@
-//! What falls at one instant before one camera.
+//! Precipitation at one instant in front of one camera.
 //!
 //! Photometry: a drop is a lens over 165 degrees, so that it shows the mean of what is around it, almost whatever lies
 //! behind (Garg and Nayar 2007); a flake scatters it. That radiance belongs to the site and the time, never to
@@ -103,7 +103,7 @@ impl<'a> FallingParticles<'a> {
         )
     }
 
-    /// How many of a class are drawn where.
+    /// Returns the density of a class over distance.
     fn density(&self, class: usize, view: &ParticleView) -> Density {
         let this = self.precipitation;
         let range = this.range(&this.classes[class], f64::from(view.pixels()));
@@ -114,7 +114,7 @@ impl<'a> FallingParticles<'a> {
         Density { share: this.numbers[class] / this.reference[class], range, merge }
     }
 
-    /// What of a class a view may see up to a range, m.
+    /// Returns the region in which particles of a class may be visible up to a range, m.
     fn cone(&self, class: usize, view: &ParticleView, range: f64) -> ViewFrustum {
         let kind = &self.precipitation.classes[class];
         let level = to_level(&self.axes, view.center.map(|v| v * self.metres_per_unit));
@@ -217,18 +217,18 @@ impl FallingParticles<'_> {
     }
 }
 
-/// How many drops of a class are drawn at a distance, as thresholds.
+/// The density of drawn particles of a class over distance, as thresholds.
 struct Density {
     /// Near.
     share: f64,
-    /// Where they end, m.
+    /// Farthest distance, m.
     range: f64,
     /// From where fewer stand for all, m.
     merge: f64,
 }
 
 impl Density {
-    /// How far those above a threshold are drawn, m; `None` if none are.
+    /// Returns the farthest distance, m, at which particles above a threshold are drawn; `None` if none are.
     fn reach(&self, threshold: f64) -> Option<f64> {
         let most = self.share * (1.0 + 0.5 * SOFT);
         let range = FADE[1] * self.range;
@@ -270,7 +270,7 @@ struct Batch {
     width: [f32; GROUP],
     /// m.
     distance: [f32; GROUP],
-    /// How much of it is there, 0-1.
+    /// Fade-in, 0-1.
     there: [f32; GROUP],
     /// One over how many it stands for.
     keep: [f32; GROUP],

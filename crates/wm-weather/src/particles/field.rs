@@ -12,7 +12,7 @@ use wm_render::simd::{Lanes, log2};
 /// The cubes of one process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cells {
-    /// Which process.
+    /// The key of the process.
     pub key: u32,
     /// Edge of a cube, m.
     pub edge: f64,
@@ -95,11 +95,11 @@ const LANES: [u32; GROUP] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 1
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct Points {
-    /// Whether they are there; those beyond the tier's are not its points.
+    /// Thresholds; points whose threshold is beyond the tier's are not part of it.
     pub threshold: [f32; GROUP],
-    /// Where in their cube, 0-1, one array an axis.
+    /// Positions in their cube, 0-1, one array per axis.
     pub place: [[f32; GROUP]; 3],
-    /// How many points came up to the last of these.
+    /// The number of points up to the last of these.
     count: u32,
     /// Its threshold.
     last: f32,
@@ -114,7 +114,7 @@ impl Points {
     }
 }
 
-/// What a camera sees up to a distance, in level axes and metres from its centre.
+/// The view of a camera up to a distance, in level axes and metres from its centre.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewFrustum {
     /// Normals of planes through the camera, into the view, length 1: its four sides and the one that it looks along.
@@ -123,7 +123,7 @@ pub struct ViewFrustum {
     pub center: [f64; 3],
     /// Farthest, m.
     pub range: f64,
-    /// How far outside points may lie, m.
+    /// Distance outside the planes at which points still count, m.
     pub margin: f64,
 }
 

@@ -7,12 +7,12 @@ use crate::optics::Layer;
 /// Width at which drops end, px.
 pub(super) const CUT: f64 = 0.3;
 
-/// How precipitation looks.
+/// The appearance of precipitation and the camera's exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParticleAppearance {
-    /// Which of the equally likely falls.
+    /// The seed of random positions.
     pub seed: u64,
-    /// How long the shutter is open, s.
+    /// The exposure time, s.
     pub exposure: f64,
     /// Factor on diameters as drawn.
     pub size: f64,
@@ -34,11 +34,11 @@ impl Default for ParticleAppearance {
 /// One kind of precipitation at one instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Precipitation {
-    /// What falls.
+    /// The kind that falls.
     pub kind: &'static PrecipitationKind,
     /// Water, mm/h.
     pub rate: f64,
-    /// How it looks.
+    /// The appearance of its particles.
     pub look: ParticleAppearance,
     /// Radiance of an endless path through it, linear RGB.
     pub airlight: [f64; 3],
@@ -104,7 +104,7 @@ impl Precipitation {
         class.width * self.look.size * pixels / CUT
     }
 
-    /// What of it a view with `pixels` to a length of 1 at distance 1 draws and the air must not do again.
+    /// Returns the part that particles show in a view with `pixels` to a length of 1 at distance 1, and that the air must leave out.
     #[must_use]
     pub fn residual(&self, pixels: f64) -> Residual {
         let drawn = self.classes().map(|(class, number)| [number * class.area, self.range(class, pixels)]);

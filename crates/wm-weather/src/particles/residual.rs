@@ -1,4 +1,4 @@
-//! What of falling drops is not drawn: extinction of the air.
+//! Extinction of the air by drops that are not drawn one by one.
 //!
 //! The law for all of them is `sigma_t`. Of each class up to its own distance the drawn drops take their
 //! share; the air takes the rest, so that the optical depth of both over `s` metres is `sigma_t s`.
@@ -6,7 +6,7 @@
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::simd::Lanes;
 
-/// Where drawing ends, as a share of a class's distance: whole up to the first, nothing beyond the second.
+/// End of drawing, as shares of a class's distance: everything up to the first, nothing beyond the second.
 pub const FADE: [f64; 2] = [0.85, 1.15];
 /// Nearest that anything is drawn, m.
 pub const NEAREST: f64 = 0.1;
@@ -19,7 +19,7 @@ pub const NEAREST_NODE: f32 = 0.125;
 /// Just before the last one, m: beyond it nothing more is drawn.
 pub const FARTHEST_NODE: f32 = 131_072.0 * (1.0 - f32::EPSILON);
 
-/// How much of a class is drawn at `distance`, in units of its own.
+/// Returns the share of a class that is drawn at `distance`, in units of the class's own distance.
 #[must_use]
 pub fn fade(distance: f64) -> f64 {
     ((FADE[1] - distance) / (FADE[1] - FADE[0])).clamp(0.0, 1.0)
@@ -32,7 +32,7 @@ fn faded(distance: f64) -> f64 {
     distance.min(begin) + over - 0.5 * over * over / (end - begin)
 }
 
-/// What is drawn, as an optical depth over distance.
+/// The optical depth of drawn particles over distance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Residual {
     /// Cross-section a m^3 and distance, 1/m and m, of each class.

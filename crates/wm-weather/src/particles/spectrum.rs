@@ -1,4 +1,4 @@
-//! How many drops of which size fall how fast.
+//! Size spectra and fall speeds of precipitation.
 //!
 //! Rain: `N(D) = 8000 exp(-4.1 R^-0.21 D)` a m^3 and mm (Marshall and Palmer 1948), diameters 0.5 to 6 mm, at the
 //! terminal speed of Brandes et al. (2002), within 4 % of what Gunn and Kinzer measured. Snow: `N(D) = 2500 R^-0.94
@@ -22,11 +22,11 @@ pub struct PrecipitationKind {
     pub key: u64,
     /// Smallest and largest diameter, mm, of the particle when melted.
     pub diameters: [f64; 2],
-    /// How diameters are divided into classes.
+    /// The division of the diameters into classes.
     pub spacing: ClassSpacing,
     /// Number of classes: so many that speeds within one differ by some percent.
     pub classes: usize,
-    /// How numbers fall with diameter within a class, 1/mm.
+    /// Slope of the numbers over diameter within a class, 1/mm.
     pub class_slope: f64,
     /// Rate, mm/h, at which the process of thresholds has density 1: any would do, most rates are near it.
     pub reference_rate: f64,
@@ -41,7 +41,7 @@ pub struct PrecipitationKind {
     pub spectrum: fn(f64) -> [f64; 2],
     /// Extinction, 1/m, by the rate, mm/h; `None` for twice the cross-section of all particles.
     pub extinction: Option<fn(f64) -> f64>,
-    /// How particles look and move.
+    /// The look and motion of the particles.
     pub shape: ParticleShape,
     /// Light that a particle sends on, as a share of what its surroundings send it.
     pub reflectance: f64,
@@ -53,7 +53,7 @@ impl PartialEq for PrecipitationKind {
     }
 }
 
-/// How a range of diameters is divided into classes.
+/// The division of a range of diameters into classes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClassSpacing {
     /// Classes of equal width.
@@ -62,7 +62,7 @@ pub enum ClassSpacing {
     Geometric,
 }
 
-/// How particles of one kind look and move.
+/// The look and motion of particles of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParticleShape {
     /// Balls that fall straight: drops and hailstones.
@@ -112,7 +112,7 @@ fn flake_width(d: f64) -> f64 {
     (d.powi(3) / 0.178).powf(1.0 / 2.078)
 }
 
-/// How numbers fall with diameter within a class, 1/mm: between those of light and of heavy rain.
+/// Slope of the numbers over diameter within a class, 1/mm: between those of light and of heavy rain.
 const TYPICAL_SLOPE: f64 = 2.4;
 
 /// Drops of about one size.
@@ -120,7 +120,7 @@ const TYPICAL_SLOPE: f64 = 2.4;
 pub struct SizeClass {
     /// Least and greatest diameter, mm; of flakes when melted.
     pub diameters: [f64; 2],
-    /// How fast they fall in still air, m/s.
+    /// Fall speed in still air, m/s.
     pub fall_speed: f64,
     /// Mean volume of water of one, mm^3.
     pub water: f64,
@@ -158,7 +158,7 @@ impl SizeClass {
         within.mul_add(simd.set((high - low) as f32), simd.set(low as f32))
     }
 
-    /// How far through the class the drop is that has this share of it below: small ones are more.
+    /// Returns the position in the class, 0-1, of the drop that has this share of the class below it: small ones are more frequent.
     #[inline]
     fn within(&self, share: f64) -> f64 {
         share * (1.0 - self.falls * (1.0 - share))
@@ -255,7 +255,7 @@ impl PrecipitationKind {
     }
 }
 
-/// What falls through a level plane, mm/h, with `numbers` a m^3 of each class.
+/// Returns the flux of water through a level plane, mm/h, for `numbers` per m^3 of each class.
 #[must_use]
 pub fn flux(classes: &[SizeClass], numbers: &[f64]) -> f64 {
     // mm^3 a m^2 and second are 1e-6 mm/s.

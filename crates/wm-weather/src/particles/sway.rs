@@ -13,7 +13,7 @@ const RATES: u32 = 12;
 
 /// A wave in which flakes near each other sway together.
 struct Eddy {
-    /// How far, m.
+    /// Amplitude, m.
     reach: f64,
     /// Wavelength, m, along `from`.
     length: f64,
@@ -38,7 +38,7 @@ const EDDIES: [Eddy; 4] = [
     Eddy { reach: 0.4, length: 13.0, period: 9.1, from: [0.38, -0.93] },
 ];
 
-/// How much faster the waves' phase turns going up than sideways.
+/// Ratio of the waves' phase change going up to that sideways.
 const RISE: f64 = 0.6;
 
 /// Farthest that a flake sways, m.
@@ -46,7 +46,7 @@ pub fn farthest() -> f64 {
     EDDIES.iter().map(|eddy| eddy.reach).sum::<f64>() + SPEED[1] / (TAU * RATE[0])
 }
 
-/// Where in their turns the waves are at a place, 0-1.
+/// Phases of the waves at a place, 0-1.
 pub type SwayPhases = [f32; EDDIES.len()];
 
 /// Swaying at one instant of all flakes that fall alike.
@@ -64,7 +64,7 @@ impl Sway {
         Self { time, turns: [RATE[0] * time, step * time].map(whole_turns) }
     }
 
-    /// Where in their turns the waves are at `at`, m, in the flakes' own axes that do not move, 0-1.
+    /// Returns the phases of the waves at `at`, m, in the flakes' own axes that do not move, 0-1.
     #[must_use]
     pub fn phases(&self, at: &[f64; 3]) -> SwayPhases {
         std::array::from_fn(|k| {

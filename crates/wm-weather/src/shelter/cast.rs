@@ -9,9 +9,9 @@ use std::sync::Mutex;
 pub(super) const FILTER: f64 = wm_render::stages::project::DILATION as f64;
 /// Alphas below are nothing.
 pub(super) const LEAST_ALPHA: f64 = wm_scene::health::LEAST_OPACITY;
-/// What falls is stopped where less of it is left, if nothing else is said.
+/// Default transmittance below which the fall counts as stopped.
 pub(super) const STOPPED: f32 = 0.5;
-/// How far the most opaque splat reaches, standard deviations: `sqrt(2 ln 255)` and a little.
+/// Extent of the most opaque splat, standard deviations: `sqrt(2 ln 255)` and a little.
 const MOST_REACH: f64 = 3.4;
 /// Rows of a band: a band of a large grid fits the second cache.
 const BAND: usize = 32;
@@ -35,7 +35,7 @@ pub(super) struct Footprint {
     opacity: f32,
     /// |w|^2 at which alpha is the least.
     reach: f32,
-    /// Which splat it is.
+    /// The index of the splat.
     splat: u32,
 }
 

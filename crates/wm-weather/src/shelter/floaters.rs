@@ -5,12 +5,12 @@
 //! - it is small: narrower (as the side of a square of its area) than a fifth of the gap, kept to 0.5-2 m;
 //! - it is less than a fiftieth of all cells that stop anything.
 //!
-//! Where it is a lamp on its post or a lone leaf and no fault, little is lost: narrow things keep little dry.
+//! If it is a lamp on its post or a lone leaf and no fault, little is lost: narrow things keep little dry.
 //! Its cells are opened again, from half the gap below it, and find what stands there.
 
 use super::Grid;
 
-/// How often floaters are looked for: there may be some below others.
+/// The number of rounds in which floaters are removed: there may be some below others.
 pub(super) const ROUNDS: usize = 2;
 /// Cells within which cells are of one piece.
 const REACH: i32 = 2;
@@ -22,11 +22,11 @@ const WIDTHS: [f64; 2] = [0.5, 2.0];
 /// Largest share of a floater in all cells that stop anything.
 const MOST: f64 = 0.02;
 
-/// What is known of a piece.
+/// The statistics of a piece.
 #[derive(Clone, Copy)]
 struct Piece {
     cells: u32,
-    /// How far all around is below it, scene units; 0 if something is above.
+    /// Height above all of its surroundings, scene units; 0 if something is above.
     gap: f32,
     deepest: f32,
 }

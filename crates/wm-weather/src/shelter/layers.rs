@@ -50,7 +50,7 @@ impl HeightLayers {
         [self.grid.columns, self.grid.rows]
     }
 
-    /// Whether the whole scene is on the grid.
+    /// True if the whole scene is on the grid.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         self.grid.is_whole
@@ -68,7 +68,7 @@ impl HeightLayers {
         &self.heights
     }
 
-    /// Which splat each of those surfaces is of; any where there is none.
+    /// The splat of each of those surfaces; any where there is none.
     #[must_use]
     pub fn splats(&self) -> &[Vec<u32>] {
         &self.splats
@@ -81,7 +81,7 @@ impl HeightLayers {
         [across, along, fall.map(|v| -v)]
     }
 
-    /// Where a place on the grid is, in columns and rows from its first corner and m of height: world, scene units.
+    /// Returns the position of a point (world, scene units) on the grid, in columns and rows from its first corner and m of height.
     #[must_use]
     pub fn point(&self, [column, row]: [f64; 2], height: f64) -> [f64; 3] {
         let Grid { axes, origin, low, cell, .. } = &self.grid;

@@ -1,4 +1,4 @@
-//! Where rain and snow can fall: what stands above a point, against the direction of the fall.
+//! Maps of the places that surfaces above them shelter from rain and snow.
 //!
 //! # The map
 //! An orthographic grid perpendicular to the fall, over the scene without its sky and its outliers. Each cell
@@ -47,7 +47,7 @@ const MARGIN_CELLS: f64 = 1.5;
 /// Largest radius of [`Shelter::exposure`], cells: its cost grows with the square.
 const MOST_RADIUS: f32 = 64.0;
 
-/// How a map is made.
+/// Options of a shelter map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShelterOptions {
     /// Width of a cell, m; above 0. Made wider where the scene would have more than `most_cells`.
@@ -61,9 +61,9 @@ pub struct ShelterOptions {
     pub outliers: f64,
     /// Splats of a lower opacity, 0-1, stop nothing: they are haze of the reconstruction.
     pub least_opacity: f64,
-    /// How far above a point a surface must be to shelter it, m.
+    /// Height above a point at which a surface begins to shelter it, m.
     pub margin: f64,
-    /// How far a fall may turn from that of the map before the map no longer holds, degrees.
+    /// Largest angle between a fall and that of the map for which the map is used, degrees.
     pub turn: f64,
 }
 
@@ -81,7 +81,7 @@ impl Default for ShelterOptions {
     }
 }
 
-/// Where the grid is: two axes and the fall, from a point in the middle of the scene.
+/// The grid's frame: two axes and the fall, from a point in the middle of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Grid {
     /// Along the columns, along the rows, along the fall: world axes, length 1.
@@ -94,9 +94,9 @@ struct Grid {
     cell: f64,
     columns: usize,
     rows: usize,
-    /// What falls is stopped where less of it is left, 0-1.
+    /// Transmittance below which the fall counts as stopped, 0-1.
     stopped: f32,
-    /// Whether the whole scene is in it.
+    /// True if the whole scene is in it.
     is_whole: bool,
 }
 
@@ -112,7 +112,7 @@ pub struct Shelter {
     query: Query,
 }
 
-/// What a query needs, in f32.
+/// The data of a query, in f32.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Query {
     origin: [f32; 3],
@@ -170,7 +170,7 @@ impl Shelter {
         [start[0] + along(&axes[0]), start[1] + along(&axes[1]), along(&axes[2])]
     }
 
-    /// How far along the fall the surface of a point's cell is from it, scene units; infinite where there is none.
+    /// Returns the distance along the fall from a point to the surface of its cell, scene units; infinite where there is none.
     #[inline]
     fn ahead(&self, point: [f32; 3]) -> f32 {
         let [u, v, t] = self.locate(point);
@@ -183,7 +183,7 @@ impl Shelter {
         }
     }
 
-    /// Whether what falls reaches `point` (world, scene units): nothing that stops it stands above by more than
+    /// Returns true if the fall reaches `point` (world, scene units): no surface stands above it by more than
     /// the margin. Points off the grid are exposed, and those that are no number.
     #[inline]
     #[must_use]
@@ -191,7 +191,7 @@ impl Shelter {
         self.ahead(point) >= -self.query.margin
     }
 
-    /// How far what is at `point` (world, scene units) falls until a surface stops it, m: about 0 on a surface,
+    /// Returns the distance that a particle at `point` (world, scene units) falls until a surface stops it, m: about 0 on a surface,
     /// negative below one, infinite where nothing is known to stop it.
     #[inline]
     #[must_use]
@@ -199,7 +199,7 @@ impl Shelter {
         self.ahead(point) * self.metres_per_unit as f32
     }
 
-    /// How exposed a point (world, scene units) is, 0-1, with soft edges: the share of the cells within `radius`
+    /// Returns the exposure of a point (world, scene units), 0-1, with soft edges: the share of the cells within `radius`
     /// (m, at most 64 cells) of it, across the fall, that hold nothing above it, nearer ones counting more
     /// (`1 - r^2 / radius^2`): it changes smoothly as the point moves, and is a half under a straight edge.
     ///
@@ -242,7 +242,7 @@ impl Shelter {
         if all > 0.0 { open / all } else { own() }
     }
 
-    /// Whether the map still serves for another direction of fall (world axes, of any length).
+    /// Returns true if the map can be used for another direction of fall (world axes, of any length).
     #[must_use]
     pub fn holds(&self, fall: [f64; 3]) -> bool {
         unit(fall).is_some_and(|fall| dot(fall, self.grid.axes[2]) >= self.turn)
@@ -266,7 +266,7 @@ impl Shelter {
         [self.grid.columns, self.grid.rows]
     }
 
-    /// Where what falls through the middle of a cell stops, world, scene units; `None` where nothing stops it, and
+    /// Returns the point at which a fall through the middle of a cell stops, world, scene units; `None` where nothing stops it, and
     /// off the grid.
     #[must_use]
     pub fn surface(&self, column: usize, row: usize) -> Option<[f64; 3]> {

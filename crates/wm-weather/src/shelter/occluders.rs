@@ -1,10 +1,10 @@
-//! What of a scene may stop rain and snow, kept small, for maps in any direction.
+//! The surfaces of a scene that may stop rain and snow, stored compactly, for maps in any direction.
 
 use super::{Grid, Shelter, ShelterOptions, axes_of, cast, dot, floaters, unit};
 use crate::optics::Site;
 use wm_scene::{Group, Splats, quat};
 
-/// How far a splat reaches for the size of the grid, standard deviations.
+/// Extent of a splat for the size of the grid, standard deviations.
 const REACH: f64 = 2.0;
 /// Largest standard deviation of a splat, in diagonals of the scene.
 const LARGEST: f64 = 0.25;
@@ -31,7 +31,7 @@ pub(super) struct Occluder {
     /// xx, xy, xz, yy, yz, zz.
     pub covariance: [f32; 6],
     pub opacity: f32,
-    /// Which splat it is.
+    /// The index of the splat.
     pub splat: u32,
 }
 
@@ -115,7 +115,7 @@ impl Occluders {
         Shelter::new(grid, stops, self.metres_per_unit, &self.options)
     }
 
-    /// How far along the fall the first surface of each cell is, and which splat's.
+    /// Finds the first surface of each cell along the fall: its distance and its splat.
     pub(super) fn first(
         &self,
         footprints: &cast::Footprints,
@@ -184,12 +184,12 @@ impl Occluders {
     }
 }
 
-/// How many threads are meant: `None` for one a core.
+/// Returns the number of threads: `None` means one per core.
 pub(super) fn count(threads: Option<usize>) -> usize {
     threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, std::num::NonZero::get)).max(1)
 }
 
-/// Whether the place and shape of a splat can be used; its colour does not matter.
+/// Returns true if the position and shape of a splat can be used; its colour does not matter.
 fn is_sound(splats: &Splats, index: usize) -> bool {
     let faults = splats.faults(index);
     !(faults.mean || faults.scale || faults.opacity || faults.quat)

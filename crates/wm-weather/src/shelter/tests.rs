@@ -204,7 +204,7 @@ fn mess(seed: u64, count: u64) -> Splats {
     splats
 }
 
-/// What may stop in a cell, in f64 and out of the formulas alone, over all splats: each distance at which the
+/// Returns the possible stops of a cell, in f64 and from the formulas alone, over all splats: each distance at which the
 /// fall may fall below a half, given how far f32 may be off; with infinity if it may not.
 ///
 /// A mean within 1.5 of the origin is off by 6e-8 of it, 3e-6 of the filter's width here (0.055 * 0.5); at the

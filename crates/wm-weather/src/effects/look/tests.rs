@@ -107,7 +107,7 @@ fn the_defaults_are_no_effect() {
     assert!((f64::from(light(2.0)) - srgb_encode(srgb_decode(0.5) / 2.0)).abs() < 1e-5);
 }
 
-/// What a viewer would measure, by formulas of its own.
+/// Measures a picture as a viewer would, by formulas of its own.
 #[test]
 fn each_parameter_does_what_it_says() {
     let color = [0.7, 0.4, 0.2];

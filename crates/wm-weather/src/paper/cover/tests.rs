@@ -39,7 +39,7 @@ fn random_floor(count: u64) -> Splats {
     of((0..count).map(|i| flat([5.0 * uniform(7, 2 * i) as f32, 5.0 * uniform(7, 2 * i + 1) as f32, 0.0])))
 }
 
-/// What is covered of the points (x, y) every 0.05 m from `from` to `to`, seen from above: mean and least.
+/// Returns the coverage of the points (x, y) every 0.05 m from `from` to `to`, seen from above: mean and least.
 fn covered(snow: &Splats, from: f64, to: f64) -> [f64; 2] {
     let steps = ((to - from) / 0.05) as usize;
     let alphas: Vec<f64> = (0..steps * steps)
@@ -79,7 +79,7 @@ fn gaps_are_filled() {
     assert!(bare < mean - 0.01, "{bare} {mean}");
 }
 
-/// What is filled in is as far from all before it as it should be.
+/// Filled-in points are as far from all before them as they should be.
 #[test]
 fn spacing_holds() {
     let cover = PaperCover::default();

@@ -1,4 +1,4 @@
-//! What falls, measured from the drops that are drawn or from the field that they are drawn from.
+//! Measures precipitation from the drawn drops or from the field that they are drawn from.
 
 use super::*;
 use crate::effects::EFFECTS;
@@ -161,7 +161,7 @@ fn place(particle: &Particle, camera: &Camera) -> DVec3 {
     (camera.center() + DVec3::from_array(particle.offset.map(f64::from))) * SITE.metres_per_unit
 }
 
-/// How many drops of `first` have one in `second` where they should be `step` s later, of those that still should be
+/// Counts the drops of `first` that have one in `second` where they should be `step` s later, of those that still should be
 /// in view and are more than a faint rest; and how many there are of these.
 fn followed(
     first: &[Particle],
@@ -273,7 +273,7 @@ fn roofs_keep_dry_what_is_below() {
     assert!(dry.len() > 100, "{}", dry.len());
 }
 
-/// What is drawn of the law up to a distance is what the air leaves out.
+/// The air leaves out exactly the part of the law that is drawn up to a distance.
 #[test]
 fn drops_and_air_together_are_the_law() {
     for (kind, rate, size) in [(&RAIN, 25.0, (900, 600)), (&SNOW, 2.5, (900, 600))] {
