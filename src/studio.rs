@@ -376,7 +376,7 @@ impl Stand<'_> {
             Geometry::None => Geometry::Depth,
             other => other,
         };
-        let config = RenderConfig { outputs: Outputs { geometry, ..asked.outputs }, ..asked.clone() };
+        let config = RenderConfig { outputs: Outputs { geometry, ..asked.outputs }, ..*asked };
         let mut stats = sky.with_hooks(&seen, |hooks| {
             self.renderer.render(&DrawPass::new(&self.sets, camera, &config).with_hooks(hooks), frame)
         })?;

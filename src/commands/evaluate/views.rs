@@ -72,7 +72,7 @@ pub fn measure(
         is_seen |= frame.alpha.iter().any(|alpha| *alpha > 0.0);
         if has_sky {
             let outputs = Outputs { geometry: Geometry::None, ..outputs };
-            render(Some(&not_sky), &RenderConfig { outputs, ..config.clone() }, &mut solid)?;
+            render(Some(&not_sky), &RenderConfig { outputs, ..config }, &mut solid)?;
         } else {
             solid.clone_from(&frame);
         }

@@ -190,7 +190,7 @@ fn asking_for_what_falls_changes_no_color() {
     let mut renderer = CpuRenderer::new(CpuConfig::default()).unwrap();
     let set = renderer.load(&random_splats(300, 1, 5)).unwrap();
     let (apart, camera) = (config(), camera(77, 52));
-    let plain = RenderConfig { outputs: Outputs::default(), ..apart.clone() };
+    let plain = RenderConfig { outputs: Outputs::default(), ..apart };
     let [apart, plain] = [apart, plain].map(|config| {
         let hooks = Hooks { particles: &[&Drops], ..Hooks::default() };
         let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
