@@ -112,14 +112,14 @@ impl FactArgs {
 }
 
 /// A scene ready to render, and the renderer that holds it.
-pub struct Loaded {
+pub struct OpenScene {
     /// The renderer.
     pub renderer: Renderer,
     /// The scene in it.
     pub place: PreparedPlace,
 }
 
-impl Loaded {
+impl OpenScene {
     /// Reads, checks, surveys and loads. Warns on the error stream.
     pub fn new(args: &SceneArgs, run: &RunArgs, views: Option<&PathBuf>) -> Result<Self> {
         // What is small and may be wrong comes before what is large.

@@ -32,7 +32,7 @@ impl WeightsArgs {
 }
 
 #[cfg(feature = "nets")]
-pub use with_networks::Published;
+pub use with_networks::PublishedWeights;
 
 #[cfg(feature = "nets")]
 mod with_networks {
@@ -44,7 +44,7 @@ mod with_networks {
     use wm_nets::weights::fetch::{self, Checksum, DownloadSource};
 
     /// A network whose weights are published.
-    pub struct Published {
+    pub struct PublishedWeights {
         /// What it is called.
         pub name: String,
         /// Length of the file, about.
@@ -55,7 +55,7 @@ mod with_networks {
 
     impl WeightsArgs {
         /// The files of weights: those that are given, or the published one from the cache or the network.
-        pub fn files(&self, published: Published) -> Result<Vec<PathBuf>> {
+        pub fn files(&self, published: PublishedWeights) -> Result<Vec<PathBuf>> {
             let checksum: Option<Checksum> = self
                 .checksum
                 .as_deref()
@@ -63,8 +63,9 @@ mod with_networks {
                 .transpose()
                 .map_err(|error| anyhow!("--checksum: {error}"))?;
             if self.weights.is_empty() {
-                let Published { source, .. } = published;
-                let published = Published { source: DownloadSource { checksum, ..source }, ..published };
+                let PublishedWeights { source, .. } = published;
+                let published =
+                    PublishedWeights { source: DownloadSource { checksum, ..source }, ..published };
                 return Ok(vec![self.fetched(&published)?]);
             }
             self.check(checksum)?;
@@ -91,8 +92,8 @@ mod with_networks {
             Ok(())
         }
 
-        fn fetched(&self, published: &Published) -> Result<PathBuf> {
-            let Published { name, bytes, licence, source } = published;
+        fn fetched(&self, published: &PublishedWeights) -> Result<PathBuf> {
+            let PublishedWeights { name, bytes, licence, source } = published;
             let Some(folder) = fetch::cache_folder() else {
                 bail!(
                     "there is no folder for weights, since no home is known; give --weights FILE, or set XDG_CACHE_HOME"

@@ -2,7 +2,7 @@
 
 use crate::names::stem_of;
 use crate::progress::Reporter;
-use crate::scene::{Loaded, RunArgs, SceneArgs};
+use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -40,7 +40,7 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     if !args.time.is_finite() {
         bail!("--time {}: give seconds, such as 0 or 12.5", args.time);
     }
-    let mut loaded = Loaded::new(&args.scene, &args.run, None)?;
+    let mut loaded = OpenScene::new(&args.scene, &args.run, None)?;
     let lying =
         loaded.renderer.lying_cover(&mut loaded.place, &weather, args.time, &mut Reporter::default())?;
     loaded.warn();

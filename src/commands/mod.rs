@@ -23,11 +23,11 @@ use clap::{Parser, Subcommand};
 #[command(name = "weather-magician", version, about, arg_required_else_help = true, max_term_width = 110)]
 pub struct Cli {
     #[command(subcommand)]
-    verb: Verb,
+    command: CliCommand,
 }
 
 #[derive(Subcommand, Debug)]
-enum Verb {
+enum CliCommand {
     /// Make a scene out of photos
     Reconstruct(Box<reconstruct::ReconstructArgs>),
     /// Find out depth, normals and sky of photos before a training: from the photos, by a network, or from maps
@@ -61,20 +61,20 @@ enum Verb {
 /// Runs the command that was asked for.
 pub fn run(cli: Cli) -> Result<()> {
     crate::interrupt::listen();
-    match cli.verb {
-        Verb::Reconstruct(args) => reconstruct::run(&args),
-        Verb::Priors(args) => priors::run(&args),
-        Verb::Render(args) => render::run(&args),
+    match cli.command {
+        CliCommand::Reconstruct(args) => reconstruct::run(&args),
+        CliCommand::Priors(args) => priors::run(&args),
+        CliCommand::Render(args) => render::run(&args),
         #[cfg(feature = "viewer")]
-        Verb::View(args) => view::run(&args),
-        Verb::Bake(args) => bake::run(&args),
-        Verb::Convert(args) => convert::run(&args),
-        Verb::Evaluate(args) => evaluate::run(&args),
-        Verb::Measure(args) => measure::run(&args),
-        Verb::Sky(args) => sky::run(&args),
-        Verb::Inspect(args) => inspect::run(&args),
-        Verb::Bench(args) => bench::run(&args),
-        Verb::Devices(args) => devices::run(&args),
-        Verb::Demo(args) => demo::run(&args),
+        CliCommand::View(args) => view::run(&args),
+        CliCommand::Bake(args) => bake::run(&args),
+        CliCommand::Convert(args) => convert::run(&args),
+        CliCommand::Evaluate(args) => evaluate::run(&args),
+        CliCommand::Measure(args) => measure::run(&args),
+        CliCommand::Sky(args) => sky::run(&args),
+        CliCommand::Inspect(args) => inspect::run(&args),
+        CliCommand::Bench(args) => bench::run(&args),
+        CliCommand::Devices(args) => devices::run(&args),
+        CliCommand::Demo(args) => demo::run(&args),
     }
 }

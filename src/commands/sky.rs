@@ -69,7 +69,7 @@ pub fn run(args: &SkyArgs) -> Result<()> {
     let up = Survey::of(&scene, &given).up;
 
     let seen = seen_points(&capture, &photos, &places);
-    let look = |place: usize| -> Result<Seen> {
+    let look = |place: usize| -> Result<SkyPhoto> {
         let photo = photos.get(place, 0)?;
         let at = |point: &u32| inside(&capture, &photo.camera, *point).map(|(x, y, _)| [x as f32, y as f32]);
         let points: Vec<[f32; 2]> = seen[place].iter().filter_map(at).collect();
@@ -80,9 +80,9 @@ pub fn run(args: &SkyArgs) -> Result<()> {
             has_depth: &[],
             points: &points,
         };
-        Ok(Seen { camera: photo.camera, is_sky: sky_of(&classify(&input)), rgb: photo.rgb.clone() })
+        Ok(SkyPhoto { camera: photo.camera, is_sky: sky_of(&classify(&input)), rgb: photo.rgb.clone() })
     };
-    let looks = places.into_par_iter().map(look).collect::<Result<Vec<Seen>>>()?;
+    let looks = places.into_par_iter().map(look).collect::<Result<Vec<SkyPhoto>>>()?;
     // Exactly twice as wide as high.
     let size = Size::new(args.width / 2 * 2, args.width / 2);
     let (rgb, share) = panorama(&looks, up.value, size);
@@ -113,7 +113,7 @@ fn sky_of(classes: &[SkyClass]) -> Vec<bool> {
 }
 
 /// A photo and what of it is sky.
-struct Seen {
+struct SkyPhoto {
     camera: Camera,
     /// `[H, W]`.
     is_sky: Vec<bool>,
@@ -121,7 +121,7 @@ struct Seen {
     rgb: Vec<u8>,
 }
 
-impl Seen {
+impl SkyPhoto {
     /// The colour in a direction and its weight; `None` where no sky is seen.
     fn at(&self, direction: DVec3) -> Option<([f32; 3], f32)> {
         let (camera, view) = (&self.camera, self.camera.rotation() * direction);
@@ -138,7 +138,7 @@ impl Seen {
 }
 
 /// The panorama `[H, W, 3]` about `up`, sRGB, and the share of the upper half that photos show.
-fn panorama(photos: &[Seen], up: DVec3, size: Size) -> (Vec<f32>, f64) {
+fn panorama(photos: &[SkyPhoto], up: DVec3, size: Size) -> (Vec<f32>, f64) {
     let axes = level_axes(up.to_array()).map(DVec3::from_array);
     let (width, height) = (size.width as usize, size.height as usize);
     let mut sums: Vec<[f32; 4]> = (0..width * height)
@@ -256,7 +256,7 @@ mod tests {
                 DVec3::new(3.0, 1.0, 2.0) + toward,
                 DVec3::Z,
             );
-            Seen {
+            SkyPhoto {
                 camera: camera.unwrap(),
                 is_sky: (0..80 * 60).map(|i| i < 80 * 30).collect(),
                 rgb: rgb.repeat(80 * 60),

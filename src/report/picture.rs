@@ -18,7 +18,7 @@ const STEPS: u8 = 253;
 
 /// A number of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Cell {
+pub enum MapCell {
     /// At a place of the ramp, 0-1.
     At(f64),
     /// Known, but not rendered.
@@ -50,14 +50,14 @@ pub fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String> {
 }
 
 /// Numbers in the colours of a ramp, `[H, W]` of [`shown_size`]: a data URI of a PNG.
-pub fn numbers(cells: &[Cell], size: (u32, u32), ramp: Ramp) -> Result<String> {
+pub fn numbers(cells: &[MapCell], size: (u32, u32), ramp: Ramp) -> Result<String> {
     let last = f64::from(STEPS);
     let mut palette: Vec<[u8; 3]> = (0..=STEPS).map(|step| ramp(f64::from(step) / last)).collect();
     palette.extend([MISSING, UNKNOWN]);
-    let index = |cell: &Cell| match cell {
-        Cell::At(place) => (place.clamp(0.0, 1.0) * last).round() as u8,
-        Cell::Missing => STEPS + 1,
-        Cell::Unknown => STEPS + 2,
+    let index = |cell: &MapCell| match cell {
+        MapCell::At(place) => (place.clamp(0.0, 1.0) * last).round() as u8,
+        MapCell::Missing => STEPS + 1,
+        MapCell::Unknown => STEPS + 2,
     };
     indexed(&cells.iter().map(index).collect::<Vec<u8>>(), size, &palette)
 }
@@ -135,7 +135,7 @@ mod tests {
         assert!(
             color(&[0.5; 3 * 600 * 4], (600, 4), WIDEST).unwrap().starts_with("data:image/jpeg;base64,/9j/")
         );
-        let cells = [Cell::At(0.0), Cell::At(9.0), Cell::Missing, Cell::Unknown];
+        let cells = [MapCell::At(0.0), MapCell::At(9.0), MapCell::Missing, MapCell::Unknown];
         assert!(
             numbers(&cells, (4, 1), wm_media::ramps::heat)
                 .unwrap()

@@ -20,7 +20,7 @@ const PAPER_FOG: &str = "rgb, fog, paper";
 const PAPER_COVER: &str = "rgb, snow cover, paper";
 
 /// Something to render.
-pub struct Case {
+pub struct BenchCase {
     /// What is rendered under which weather.
     pub name: &'static str,
     /// The weather.
@@ -29,7 +29,7 @@ pub struct Case {
     sky: PreparedWeather,
 }
 
-impl Case {
+impl BenchCase {
     /// Every case: outputs under a clear sky, weathers beside the clear colour, and all at once.
     pub fn all(site: &Site, config: impl Fn(Outputs) -> RenderConfig) -> Result<Vec<Self>> {
         use Geometry::{Depth, DepthNormal, None};
@@ -117,7 +117,7 @@ impl Case {
 
 /// One frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Sample {
+pub struct FrameTiming {
     /// Seconds on the clock.
     pub wall: f64,
     /// Seconds of all threads of the process; the clock's where the system does not tell.
@@ -128,21 +128,21 @@ pub struct Sample {
 
 /// The frames of one case, a round each.
 #[derive(Clone, Debug, Default)]
-pub struct Measured(pub Vec<Sample>);
+pub struct FrameTimings(pub Vec<FrameTiming>);
 
-impl Measured {
+impl FrameTimings {
     /// Median over the rounds.
-    pub fn median(&self, of: impl Fn(&Sample) -> f64) -> f64 {
+    pub fn median(&self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
         median(self.0.iter().map(of).collect())
     }
 
     /// Least over the rounds: what the others' load adds is never negative.
-    pub fn best(&self, of: impl Fn(&Sample) -> f64) -> f64 {
+    pub fn best(&self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
         self.0.iter().map(of).fold(f64::INFINITY, f64::min)
     }
 
     /// Median of the ratios to the frames of the same rounds of another case.
-    pub fn ratio(&self, to: &Self, of: impl Fn(&Sample) -> f64) -> f64 {
+    pub fn ratio(&self, to: &Self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
         median(self.0.iter().zip(&to.0).map(|(a, b)| of(a) / of(b)).collect())
     }
 }
@@ -159,21 +159,21 @@ pub fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// A renderer with a scene in it.
-pub struct Stand<'a> {
+pub struct BenchTarget<'a> {
     /// The renderer.
     pub renderer: &'a mut Renderer,
     /// The scene, and what lies on it.
     pub sets: Vec<SetView<'a>>,
 }
 
-impl<'a> Stand<'a> {
+impl<'a> BenchTarget<'a> {
     /// A scene without anything on it.
     pub fn plain(renderer: &'a mut Renderer, set: SetId) -> Self {
         Self { renderer, sets: vec![SetView::plain(set)] }
     }
 
     /// Renders the scene in a case, without shelter.
-    fn render(&mut self, case: &Case, camera: &Camera, picture: &mut Picture) -> Result<Stats> {
+    fn render(&mut self, case: &BenchCase, camera: &Camera, picture: &mut Picture) -> Result<Stats> {
         let request = FrameRequest {
             sets: &self.sets,
             weather: &case.sky,
@@ -188,13 +188,13 @@ impl<'a> Stand<'a> {
 
 /// Renders the cases of `plan` (stand, case) in turns; stops early on Ctrl-C.
 pub fn turns(
-    stands: &mut [Stand<'_>],
+    stands: &mut [BenchTarget<'_>],
     camera: &Camera,
-    plan: &[(usize, &Case)],
+    plan: &[(usize, &BenchCase)],
     rounds: u32,
     bar: &ProgressBar,
-) -> Result<Vec<Measured>> {
-    let mut measured = vec![Measured::default(); plan.len()];
+) -> Result<Vec<FrameTimings>> {
+    let mut measured = vec![FrameTimings::default(); plan.len()];
     let mut frames = vec![Picture::default(); plan.len()];
     for round in 0..rounds + WARM_UP {
         // The order turns with the round, so that no case always follows the same other.
@@ -209,7 +209,7 @@ pub fn turns(
             let wall = started.elapsed().as_secs_f64();
             let cpu = cpu.and_then(|before| Some(cpu_seconds()? - before)).unwrap_or(wall);
             if round >= WARM_UP {
-                measured[k].0.push(Sample { wall, cpu, stats });
+                measured[k].0.push(FrameTiming { wall, cpu, stats });
             }
         }
         if round >= WARM_UP {
@@ -247,7 +247,7 @@ mod tests {
     #[test]
     fn ratios_are_taken_round_by_round() {
         let samples = |walls: [f64; 3]| {
-            Measured(walls.map(|wall| Sample { wall, cpu: wall, stats: Stats::default() }).to_vec())
+            FrameTimings(walls.map(|wall| FrameTiming { wall, cpu: wall, stats: Stats::default() }).to_vec())
         };
         // The machine was ten times slower in the second round.
         let (a, b) = (samples([1.0, 10.0, 1.1]), samples([2.0, 20.0, 2.2]));

@@ -12,12 +12,12 @@ mod training;
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress::{self, Reporter};
-use crate::scene::{AssetFolder, FactArgs, Loaded, RunArgs, SceneArgs};
+use crate::scene::{AssetFolder, FactArgs, OpenScene, RunArgs, SceneArgs};
 use anyhow::{Context, Result};
 use clap::Args;
 use indicatif::ProgressBar;
-use measure::{Case, Measured, Stand, peak_memory, turns};
-use report::{PathSpeed, SceneReport, Threads};
+use measure::{BenchCase, BenchTarget, FrameTimings, peak_memory, turns};
+use report::{PathSpeed, SceneReport, ThreadScaling};
 use std::path::{Path, PathBuf};
 use weather_magician::Renderer;
 use weather_magician::view::spec::{self, CameraSpec};
@@ -106,7 +106,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
 /// Measures each scene: its name, itself, the camera.
 fn each<R>(
     args: &BenchArgs,
-    mut measure: impl FnMut(&str, &mut Loaded, Camera) -> Result<R>,
+    mut measure: impl FnMut(&str, &mut OpenScene, Camera) -> Result<R>,
 ) -> Result<Vec<R>> {
     if args.scenes.is_empty() {
         let (mut loaded, camera) = made_up(args)?;
@@ -119,7 +119,7 @@ fn each<R>(
     args.scenes.iter().map(of).collect()
 }
 
-fn made_up(args: &BenchArgs) -> Result<(Loaded, Camera)> {
+fn made_up(args: &BenchArgs) -> Result<(OpenScene, Camera)> {
     /// Splats over each pixel, about as many as in trained scenes.
     const COVER: f64 = 60.0;
     let splats = shell_splats(args.splats as usize, COVER, args.sh_degree, 1);
@@ -127,10 +127,10 @@ fn made_up(args: &BenchArgs) -> Result<(Loaded, Camera)> {
     let facts = Metadata { metres_per_unit: Some(1.0), up: Some(glam::DVec3::Z), ..Metadata::default() };
     let scene = Scene { splats, ..Scene::default() };
     let camera = shell_camera(args.size.0, args.size.1);
-    Ok((Loaded::of(scene, &facts, &args.run)?, camera))
+    Ok((OpenScene::of(scene, &facts, &args.run)?, camera))
 }
 
-fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
+fn real(path: &Path, args: &BenchArgs) -> Result<(OpenScene, Camera)> {
     let read = SceneArgs {
         scene: path.to_owned(),
         repair: true,
@@ -144,9 +144,9 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
         let groups = &scene.splats.groups;
         let rest: Vec<usize> = (0..groups.len()).filter(|i| groups[*i] != Group::Sky).collect();
         scene.splats = scene.splats.select(&rest);
-        Loaded::of(scene, &Metadata::default(), &args.run)?
+        OpenScene::of(scene, &Metadata::default(), &args.run)?
     } else {
-        Loaded::new(&read, &args.run, None)?
+        OpenScene::new(&read, &args.run, None)?
     };
     let options = view::Options { up: None, fov: args.fov, near: None, size: Some(args.size) };
     let camera = match &args.camera {
@@ -157,16 +157,16 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
 }
 
 /// A scene with what lies on it, in a renderer of its own.
-struct Snowy {
+struct SnowyScene {
     renderer: Renderer,
     /// The scene, and what lies.
     sets: [SetId; 2],
     buried: Buried,
 }
 
-impl Snowy {
-    fn new(loaded: &mut Loaded, case: &Case, run: &RunArgs) -> Result<Self> {
-        let Loaded { renderer, place } = loaded;
+impl SnowyScene {
+    fn new(loaded: &mut OpenScene, case: &BenchCase, run: &RunArgs) -> Result<Self> {
+        let OpenScene { renderer, place } = loaded;
         let lying = renderer.lying_cover(place, &case.weather, 0.0, &mut Reporter::default())?;
         let lying = lying.with_context(|| format!("nothing lies in the case {}", case.name))?;
         let mut renderer = run.renderer()?;
@@ -177,52 +177,57 @@ impl Snowy {
 }
 
 /// Everything that is measured of a scene.
-fn cases(loaded: &Loaded) -> Result<Vec<Case>> {
+fn cases(loaded: &OpenScene) -> Result<Vec<BenchCase>> {
     let config = loaded.place.config;
-    Case::all(loaded.place.site(), |outputs| RenderConfig { outputs, ..config })
+    BenchCase::all(loaded.place.site(), |outputs| RenderConfig { outputs, ..config })
 }
 
 /// Renders cases in turns, each on the scene with what lies on it under that case.
 fn in_turns(
-    loaded: &mut Loaded,
+    loaded: &mut OpenScene,
     camera: &Camera,
-    cases: &[Case],
+    cases: &[BenchCase],
     (run, rounds): (&RunArgs, u32),
     bar: &ProgressBar,
-) -> Result<Vec<Measured>> {
+) -> Result<Vec<FrameTimings>> {
     let mut snowy = Vec::new();
-    let mut plan: Vec<(usize, &Case)> = Vec::new();
+    let mut plan: Vec<(usize, &BenchCase)> = Vec::new();
     for case in cases {
         let is_bare = case.cover().is_empty() && case.paper_cover().is_none();
         if !is_bare {
-            snowy.push(Snowy::new(loaded, case, run)?);
+            snowy.push(SnowyScene::new(loaded, case, run)?);
         }
         plan.push((if is_bare { 0 } else { snowy.len() }, case));
     }
-    let mut stands = vec![Stand::plain(&mut loaded.renderer, loaded.place.set())];
-    for Snowy { renderer, sets: [scene, snow], buried } in &mut snowy {
+    let mut stands = vec![BenchTarget::plain(&mut loaded.renderer, loaded.place.set())];
+    for SnowyScene { renderer, sets: [scene, snow], buried } in &mut snowy {
         let scene = SetView::plain(*scene).with_attributes(Some(buried));
-        stands.push(Stand { renderer, sets: vec![scene, SetView::plain(*snow)] });
+        stands.push(BenchTarget { renderer, sets: vec![scene, SetView::plain(*snow)] });
     }
     turns(&mut stands, camera, &plan, rounds, bar)
 }
 
 /// Everything about one scene.
-fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchArgs) -> Result<SceneReport> {
+fn measure_scene(
+    name: &str,
+    loaded: &mut OpenScene,
+    camera: Camera,
+    args: &BenchArgs,
+) -> Result<SceneReport> {
     let mut cases = cases(loaded)?;
     match &args.cases {
-        Some(text) => cases = Case::named(cases, text)?,
+        Some(text) => cases = BenchCase::named(cases, text)?,
         // Those of the paper's table alone.
         None => cases.retain(|case| !case.is_of_table()),
     }
     let rounds = args.frames;
-    let (full, rgb) = (Case::position(&cases, "rgb+depth+normal"), Case::position(&cases, "rgb"));
+    let (full, rgb) = (BenchCase::position(&cases, "rgb+depth+normal"), BenchCase::position(&cases, "rgb"));
 
     let bar = progress::bar(u64::from(rounds), "rounds");
     // Memory is that of one renderer: it is told before there is another.
-    let plain: Vec<(usize, &Case)> =
+    let plain: Vec<(usize, &BenchCase)> =
         cases.iter().filter(|case| case.cover().is_empty()).map(|case| (0, case)).collect();
-    let alone = Stand::plain(&mut loaded.renderer, loaded.place.set());
+    let alone = BenchTarget::plain(&mut loaded.renderer, loaded.place.set());
     turns(&mut [alone], &camera, &plain, 0, &bar)?;
     let memory = peak_memory();
     let measured = in_turns(loaded, &camera, &cases, (&args.run, rounds), &bar)?;
@@ -237,7 +242,8 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     let mut single = one.renderer()?;
     let set = single.backend_mut().load(&loaded.place.scene().splats)?;
     let threads = loaded.renderer.backend().threads();
-    let mut stands = [Stand::plain(&mut loaded.renderer, loaded.place.set()), Stand::plain(&mut single, set)];
+    let mut stands =
+        [BenchTarget::plain(&mut loaded.renderer, loaded.place.set()), BenchTarget::plain(&mut single, set)];
     let bar = progress::bar(u64::from(rounds), "threads");
     let pair = turns(&mut stands, &camera, &[(0, &cases[full]), (1, &cases[full])], rounds, &bar)?;
     bar.finish_and_clear();
@@ -249,7 +255,7 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
         let mut renderer = RunArgs { simd: path.choice(), ..one.clone() }.renderer()?;
         let set = renderer.backend_mut().load(&loaded.place.scene().splats)?;
         let bar = progress::bar(u64::from(rounds.min(8)), "paths");
-        let mut stands = [Stand::plain(&mut renderer, set)];
+        let mut stands = [BenchTarget::plain(&mut renderer, set)];
         let plan = [(0, &cases[rgb]), (0, &cases[full])];
         let measured = turns(&mut stands, &camera, &plan, rounds.min(8), &bar)?;
         bar.finish_and_clear();
@@ -258,6 +264,6 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     if interrupt::asked() {
         return Err(Interrupted("the measurement is not complete".into()).into());
     }
-    let threads = Threads { threads, all: pair[0].clone(), one: pair[1].clone() };
+    let threads = ThreadScaling { threads, all: pair[0].clone(), one: pair[1].clone() };
     Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), Some(&threads), paths, memory))
 }

@@ -6,12 +6,12 @@
 //! time grows with pixels and splats. Figures of other machines are no comparison of programs: the table says which machine.
 
 use super::BenchArgs;
-use super::measure::Stand;
-use super::measure::{Case, turns};
+use super::measure::BenchTarget;
+use super::measure::{BenchCase, turns};
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
 use crate::report::plot::{Axis, Plot, Series};
-use crate::scene::{Loaded, RunArgs};
+use crate::scene::{OpenScene, RunArgs};
 use anyhow::{Context, Result};
 use serde::Serialize;
 use std::fmt::Write;
@@ -52,7 +52,7 @@ const SIDES: [f64; 4] = [0.35, 0.5, 0.7, 1.0];
 
 /// A row of the table.
 #[derive(Serialize)]
-struct Row {
+struct SpeedRow {
     method: String,
     scene: Option<String>,
     device: Option<String>,
@@ -72,11 +72,11 @@ struct BySize {
 
 /// The table, and what is plotted beside it.
 #[derive(Serialize)]
-pub struct Table {
+pub struct SpeedTable {
     size: [u32; 2],
     /// Of each row's frames a second.
     columns: [&'static str; COLUMNS.len()],
-    rows: Vec<Row>,
+    rows: Vec<SpeedRow>,
     by_pixels: Vec<BySize>,
 }
 
@@ -87,7 +87,7 @@ fn is_in_table(name: &str) -> bool {
 
 /// Measures all scenes on all devices, prints the table and writes it with its plots.
 pub fn run(args: &BenchArgs) -> Result<()> {
-    let mut table = Table::new(args.size);
+    let mut table = SpeedTable::new(args.size);
     let devices =
         if args.devices.is_empty() { std::slice::from_ref(&args.run.device) } else { &args.devices };
     for device in devices {
@@ -105,10 +105,10 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     args.report.as_deref().map_or(Ok(()), |folder| write(&table, folder))
 }
 
-impl Table {
+impl SpeedTable {
     /// The paper's rows, for pictures of a size.
     pub fn new(size: (u32, u32)) -> Self {
-        let row = |(method, fps): (&str, _)| Row {
+        let row = |(method, fps): (&str, _)| SpeedRow {
             method: method.into(),
             scene: None,
             device: None,
@@ -123,11 +123,11 @@ impl Table {
     pub fn add(
         &mut self,
         name: &str,
-        loaded: &mut Loaded,
+        loaded: &mut OpenScene,
         camera: &Camera,
         (run, rounds): (&RunArgs, u32),
     ) -> Result<()> {
-        let cases: Vec<Case> =
+        let cases: Vec<BenchCase> =
             super::cases(loaded)?.into_iter().filter(|case| is_in_table(case.name)).collect();
         let bar = progress::bar(u64::from(rounds), "rounds");
         let measured = super::in_turns(loaded, camera, &cases, (run, rounds), &bar)?;
@@ -144,7 +144,7 @@ impl Table {
                 let times: Option<Vec<f64>> = cases.iter().map(seconds).collect();
                 times.map(|times| times.len() as f64 / times.iter().sum::<f64>())
             });
-            self.rows.push(Row {
+            self.rows.push(SpeedRow {
                 method: format!("this program, {method}"),
                 scene: Some(name.to_owned()),
                 device: Some(device.clone()),
@@ -156,8 +156,8 @@ impl Table {
         for share in SIDES {
             let side = |side: u32| (f64::from(side) * share).round().max(1.0) as u32;
             let small = camera.resized(side(camera.width), side(camera.height));
-            let clear = &cases[Case::position(&cases, "rgb")];
-            let stand = Stand::plain(&mut loaded.renderer, loaded.place.set());
+            let clear = &cases[BenchCase::position(&cases, "rgb")];
+            let stand = BenchTarget::plain(&mut loaded.renderer, loaded.place.set());
             let frames = turns(&mut [stand], &small, &[(0, clear)], rounds.min(8), &bar)?;
             let pixels = f64::from(small.width) * f64::from(small.height);
             points.push([pixels * 1e-6, 1e3 * frames[0].median(|sample| sample.wall)]);
@@ -170,7 +170,7 @@ impl Table {
     /// The cells of all rows, and of their head.
     pub fn cells(&self) -> ([&'static str; 8], Vec<[String; 8]>) {
         let [clear, fog, fall, cover] = COLUMNS.map(|(_, name)| name);
-        let row = |row: &Row| {
+        let row = |row: &SpeedRow| {
             let text = |text: &Option<String>| text.clone().unwrap_or_default();
             let splats = row.splats.map(|splats| splats.to_string()).unwrap_or_default();
             let [a, b, c, d] = row.fps.map(cell);
@@ -203,7 +203,7 @@ fn cell(fps: Option<f64>) -> String {
     fps.map_or_else(|| "-".into(), |fps| format!("{fps:.2}"))
 }
 
-fn csv(table: &Table) -> String {
+fn csv(table: &SpeedTable) -> String {
     let mut out =
         format!("method,scene,splats,device,{}\r\n", COLUMNS.map(|(key, _)| format!("{key}_fps")).join(","));
     for row in &table.rows {
@@ -223,7 +223,7 @@ fn csv(table: &Table) -> String {
 }
 
 /// Time of a clear frame over pixels, and over splats where there are several scenes.
-pub fn plots(table: &Table) -> Vec<(&'static str, Plot)> {
+pub fn plots(table: &SpeedTable) -> Vec<(&'static str, Plot)> {
     let by_pixels = table
         .by_pixels
         .iter()
@@ -257,7 +257,7 @@ pub fn plots(table: &Table) -> Vec<(&'static str, Plot)> {
     plots
 }
 
-fn write(table: &Table, folder: &Path) -> Result<()> {
+fn write(table: &SpeedTable, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let json = serde_json::to_string_pretty(table)? + "\n";

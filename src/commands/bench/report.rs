@@ -1,7 +1,7 @@
 //! What was measured, for people and as JSON.
 
-use super::measure::{Case, Measured, Sample};
-use crate::scene::Loaded;
+use super::measure::{BenchCase, FrameTiming, FrameTimings};
+use crate::scene::OpenScene;
 use serde::Serialize;
 use weather_magician::view::spec;
 use wm_render::{DeviceWork, RenderBackend};
@@ -60,13 +60,13 @@ struct Stages {
 }
 
 /// All threads and one, in the same rounds.
-pub struct Threads {
+pub struct ThreadScaling {
     /// How many are all.
     pub threads: usize,
     /// With all.
-    pub all: Measured,
+    pub all: FrameTimings,
     /// With one.
-    pub one: Measured,
+    pub one: FrameTimings,
 }
 
 #[derive(Serialize)]
@@ -90,9 +90,9 @@ pub struct PathSpeed {
 
 impl PathSpeed {
     /// From the frames of `rgb` and of `rgb+depth+normal`.
-    pub fn new(path: String, rgb: &Measured, full: &Measured) -> Self {
+    pub fn new(path: String, rgb: &FrameTimings, full: &FrameTimings) -> Self {
         // The stage's share of the frame's CPU time: others' load moves that less than the clock.
-        let pair = |Sample { cpu, stats, .. }: &Sample| {
+        let pair = |FrameTiming { cpu, stats, .. }: &FrameTiming| {
             let stages = [stats.project, stats.medium, stats.intersect, stats.sort, stats.composite];
             let share = stats.rasterize / (stats.rasterize + stages.iter().sum::<f64>());
             cpu * share * 1e9 / stats.evaluated_pairs.max(1) as f64
@@ -110,10 +110,10 @@ impl SceneReport {
     /// Puts together what was measured; `measured` is in the order of `cases`, `rgb` first.
     pub fn new(
         scene: &str,
-        loaded: &Loaded,
+        loaded: &OpenScene,
         camera: &Camera,
-        (cases, measured): (&[Case], &[Measured]),
-        threads: Option<&Threads>,
+        (cases, measured): (&[BenchCase], &[FrameTimings]),
+        threads: Option<&ThreadScaling>,
         paths: Vec<PathSpeed>,
         peak_memory: Option<u64>,
     ) -> Self {

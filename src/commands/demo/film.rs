@@ -18,12 +18,12 @@ const HEIGHT: f64 = 150.0;
 
 /// A film of some length.
 #[derive(Clone, Copy, Debug)]
-pub struct Film {
+pub struct FogFilm {
     /// Its length, s.
     pub seconds: f64,
 }
 
-impl Film {
+impl FogFilm {
     /// Where the camera is at `time`, seconds.
     pub fn view(&self, time: f64) -> Viewpoint {
         // A long film takes the whole way, however slowly.
@@ -76,7 +76,7 @@ mod tests {
     #[test]
     fn fog_closes_in_on_a_clear_day_and_begins_to_lift() {
         for seconds in [0.1, 8.0, 600.0] {
-            let weather = Film { seconds }.weather().unwrap();
+            let weather = FogFilm { seconds }.weather().unwrap();
             let at = |share: f64| mor_at(&weather, share * seconds);
             assert!(at(0.0) > 15_000.0 && at(1.0) > 3.0 * THICK && at(1.0) < 10.0 * THICK);
             assert!((at(0.76) - THICK).abs() < 0.1);
@@ -90,9 +90,9 @@ mod tests {
 
     #[test]
     fn short_films_go_part_of_the_way_and_long_ones_all_of_it() {
-        let film = Film { seconds: 8.0 };
+        let film = FogFilm { seconds: 8.0 };
         assert_eq!(film.view(0.0), Street::dolly(0.0));
         assert_eq!(film.view(8.0), Street::dolly(8.0 * HASTE / Street::WALK_SECONDS));
-        assert_eq!(Film { seconds: 100.0 }.view(100.0), Street::dolly(1.0));
+        assert_eq!(FogFilm { seconds: 100.0 }.view(100.0), Street::dolly(1.0));
     }
 }

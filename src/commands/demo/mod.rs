@@ -11,11 +11,11 @@ use crate::choices::EncoderChoice;
 use crate::interrupt::{self, Interrupted};
 use crate::pipeline::pipeline;
 use crate::progress::{self, Reporter};
-use crate::scene::{Loaded, RunArgs};
+use crate::scene::{OpenScene, RunArgs};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use film::Film;
-use photos::{PhotoSession, Route, Truth};
+use photos::{PhotoRoute, PhotoSession, TruthChoice};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::view::spec;
@@ -67,7 +67,7 @@ pub struct DemoArgs {
     count: u32,
     /// Where they are taken from: walk (along the street) or orbit (around it, from above)
     #[arg(long, value_name = "ROUTE", default_value = "walk", requires = "photos", help_heading = "Photos")]
-    route: Route,
+    route: PhotoRoute,
     /// Whether exact depth, normals and sky are written too: write or omit
     #[arg(
         long,
@@ -76,7 +76,7 @@ pub struct DemoArgs {
         requires = "photos",
         help_heading = "Photos"
     )]
-    truth: Truth,
+    truth: TruthChoice,
     /// Steps of the training
     #[arg(long, value_name = "N", default_value_t = 2000, conflicts_with = "sampled", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
     steps: u32,
@@ -88,7 +88,7 @@ pub struct DemoArgs {
     detail: f64,
     /// Write no more than this: scene, sheet, film, or several
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true)]
-    only: Vec<Part>,
+    only: Vec<DemoOutput>,
     /// Who encodes the film
     #[arg(long, value_enum, default_value = "builtin")]
     encoder: EncoderChoice,
@@ -98,7 +98,7 @@ pub struct DemoArgs {
 
 /// What the demo writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Part {
+enum DemoOutput {
     /// `street.ply`.
     Scene,
     /// `sheet.png`.
@@ -122,10 +122,10 @@ impl DemoArgs {
         let side = |of: u32| (f64::from(of) * PHOTO).round().max(16.0) as u32;
         let (width, height) = self.size();
         let size = (side(width), side(height));
-        PhotoSession { route: Route::Walk, count: self.count, size, truth: Truth::Omit }
+        PhotoSession { route: PhotoRoute::Walk, count: self.count, size, truth: TruthChoice::Omit }
     }
 
-    fn wants(&self, part: Part) -> bool {
+    fn wants(&self, part: DemoOutput) -> bool {
         self.only.is_empty() || self.only.contains(&part)
     }
 
@@ -157,13 +157,13 @@ pub fn run(args: &DemoArgs) -> Result<()> {
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot make the folder {}", args.out.display()))?;
     let film = args.out.join("fog.mp4");
-    if args.wants(Part::Film) {
+    if args.wants(DemoOutput::Film) {
         // A size or a folder that will not do is told before the work, not after it.
         drop(video::create_video(&film, args.video()?)?);
     }
     let path = args.out.join("street.ply");
     let scene = if args.sampled { sampled(args, &path)? } else { reconstructed(args, &path)? };
-    if args.wants(Part::Sheet) || args.wants(Part::Film) {
+    if args.wants(DemoOutput::Sheet) || args.wants(DemoOutput::Film) {
         draw(args, scene, &film)?;
     }
     println!("done in {:.0} s", started.elapsed().as_secs_f64());
@@ -206,7 +206,7 @@ fn reconstructed(args: &DemoArgs, path: &Path) -> Result<Scene> {
 /// The scene as its own surfaces give it.
 fn sampled(args: &DemoArgs, path: &Path) -> Result<Scene> {
     let scene = street::scene(args.detail, args.run.threads.map(usize::from))?;
-    if args.wants(Part::Scene) {
+    if args.wants(DemoOutput::Scene) {
         write_scene(path, &scene)?;
         println!("{}: {} splats, {}", path.display(), scene.splats.len(), megabytes(path));
     }
@@ -215,20 +215,20 @@ fn sampled(args: &DemoArgs, path: &Path) -> Result<Scene> {
 
 /// Draws the sheet and the film.
 fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
-    let mut studio = Loaded::of(scene, &Metadata::default(), &args.run)?;
-    if args.wants(Part::Sheet) {
+    let mut studio = OpenScene::of(scene, &Metadata::default(), &args.run)?;
+    if args.wants(DemoOutput::Sheet) {
         // Photos show the street from the start of the walk on, and less at the edge of what they show.
         let view = args.view();
         draw_sheet(&mut studio, &view.camera(args.size())?, &args.out.join("sheet.png"))?;
     }
-    if args.wants(Part::Film) {
+    if args.wants(DemoOutput::Film) {
         shoot(&mut studio, args, film)?;
     }
     Ok(())
 }
 
 /// One view in every weather of [`SHEET`].
-fn draw_sheet(studio: &mut Loaded, camera: &Camera, path: &Path) -> Result<()> {
+fn draw_sheet(studio: &mut OpenScene, camera: &Camera, path: &Path) -> Result<()> {
     let bar = progress::bar(SHEET.len() as u64, "pictures");
     let mut pictures = Vec::new();
     for (name, change) in SHEET {
@@ -258,8 +258,8 @@ fn draw_sheet(studio: &mut Loaded, camera: &Camera, path: &Path) -> Result<()> {
 }
 
 /// The walk in changing fog.
-fn shoot(studio: &mut Loaded, args: &DemoArgs, path: &Path) -> Result<()> {
-    let film = Film { seconds: args.seconds };
+fn shoot(studio: &mut OpenScene, args: &DemoArgs, path: &Path) -> Result<()> {
+    let film = FogFilm { seconds: args.seconds };
     let weather = film.weather()?;
     let mut settings = args.video()?;
     let rate = settings.frame_rate;
@@ -271,7 +271,7 @@ fn shoot(studio: &mut Loaded, args: &DemoArgs, path: &Path) -> Result<()> {
     let mut render = |index: u32, picture: &mut Picture| {
         let time = rate.seconds(u64::from(index));
         let options = FrameOptions::new(time, film.view(time).camera(args.size())?);
-        let Loaded { renderer, place } = &mut *studio;
+        let OpenScene { renderer, place } = &mut *studio;
         renderer.render_into(place, &weather, &options, picture, &mut Reporter::default())?;
         Ok(())
     };

@@ -14,7 +14,7 @@ use wm_street::{
 
 /// Where photos are taken from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Route {
+pub enum PhotoRoute {
     /// Along the street, at eye level.
     #[default]
     Walk,
@@ -24,7 +24,7 @@ pub enum Route {
 
 /// Whether exact depth, normals and sky are written beside photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Truth {
+pub enum TruthChoice {
     /// They are.
     #[default]
     Write,
@@ -36,27 +36,27 @@ pub enum Truth {
 #[derive(Clone, Copy, Debug)]
 pub struct PhotoSession {
     /// Where they are taken from.
-    pub route: Route,
+    pub route: PhotoRoute,
     /// How many.
     pub count: u32,
     /// Width and height, px.
     pub size: (u32, u32),
     /// What is written besides.
-    pub truth: Truth,
+    pub truth: TruthChoice,
 }
 
 impl PhotoSession {
     fn options(&self) -> DatasetOptions {
         DatasetOptions {
             route: match self.route {
-                Route::Walk => CameraRoute::Walk,
-                Route::Orbit => CameraRoute::Orbit,
+                PhotoRoute::Walk => CameraRoute::Walk,
+                PhotoRoute::Orbit => CameraRoute::Orbit,
             },
             count: self.count,
             size: self.size,
             truth: match self.truth {
-                Truth::Write => GroundTruth::Write,
-                Truth::Omit => GroundTruth::Omit,
+                TruthChoice::Write => GroundTruth::Write,
+                TruthChoice::Omit => GroundTruth::Omit,
             },
             ..DatasetOptions::default()
         }

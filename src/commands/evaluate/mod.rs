@@ -11,10 +11,10 @@ mod views;
 use crate::dataset::{Dataset, DatasetArgs, HeldOutArgs};
 use crate::names::stem_of;
 use crate::progress;
-use crate::scene::{Loaded, RunArgs, SceneArgs};
+use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use scores::Report;
+use scores::EvaluationReport;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use wm_scene::files::{check_writable, write_atomically};
@@ -110,7 +110,7 @@ fn open(args: &EvaluateArgs) -> Result<Dataset> {
 /// Runs the command.
 pub fn run(args: &EvaluateArgs) -> Result<()> {
     if args.realism.asked() {
-        let work = realism::Work {
+        let work = realism::RealismOptions {
             json: args.json.as_deref(),
             skip_bad: args.photos.set.skip_bad,
             threads: args.run.threads,
@@ -122,13 +122,13 @@ pub fn run(args: &EvaluateArgs) -> Result<()> {
         check_writable(out)?;
     }
     let data = open(args)?;
-    let loaded = Loaded::new(args.scene(), &args.run, None)?;
+    let loaded = OpenScene::new(args.scene(), &args.run, None)?;
     let truth = args.truth.open(&data, loaded.place.survey())?;
     let pictures = if args.report.is_some() { args.report_photos as usize } else { 0 };
     let bar = progress::bar(data.places.len() as u64, "photos");
     let (evaluation, shown) = views::measure(loaded, &data, &truth, args, pictures, &bar)?;
     bar.finish_and_clear();
-    let report = Report::new(args, &data, truth, evaluation);
+    let report = EvaluationReport::new(args, &data, truth, evaluation);
     text::print(&report);
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&report.json())?;

@@ -118,7 +118,7 @@ impl ScoreColumn {
 }
 
 /// Everything that was measured.
-pub struct Report {
+pub struct EvaluationReport {
     pub scene: String,
     pub dataset: String,
     /// The choice of photos, in words.
@@ -132,7 +132,7 @@ pub struct Report {
     args: EvaluateArgs,
 }
 
-impl Report {
+impl EvaluationReport {
     pub fn new(args: &EvaluateArgs, data: &Dataset, truth: TruthMaps, evaluation: Evaluation) -> Self {
         let Evaluation { photos: views, floaters } = evaluation;
         let (count, all) = (views.len(), data.capture.views.len());

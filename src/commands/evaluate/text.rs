@@ -1,9 +1,9 @@
 //! The table on the terminal.
 
-use super::scores::{Placement, Report, ScoreColumn};
+use super::scores::{EvaluationReport, Placement, ScoreColumn};
 
 /// Prints a line a photo, and the means.
-pub fn print(report: &Report) {
+pub fn print(report: &EvaluationReport) {
     for note in report.notes() {
         println!("{note}");
     }

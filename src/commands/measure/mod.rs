@@ -3,14 +3,14 @@
 mod page;
 mod tables;
 
-use crate::commands::bench::paper::Table;
+use crate::commands::bench::paper::SpeedTable;
 use crate::commands::demo::street;
 use crate::instruments::field::Field;
 use crate::instruments::{Finding, INSTRUMENTS, Instrument, Probe, Reading, Rig};
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress;
-use crate::scene::{FactArgs, Loaded, RunArgs, SceneArgs};
+use crate::scene::{FactArgs, OpenScene, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -69,7 +69,7 @@ pub struct MeasureArgs {
 }
 
 /// What one instrument is to measure.
-struct Task {
+struct InstrumentTask {
     instrument: &'static Instrument,
     weather: Weather,
     /// The weather in words.
@@ -77,31 +77,31 @@ struct Task {
 }
 
 /// What one instrument found.
-struct Section {
+struct InstrumentSection {
     instrument: &'static Instrument,
     findings: Vec<Finding>,
 }
 
-impl Section {
+impl InstrumentSection {
     fn readings(&self) -> impl Iterator<Item = &Reading> {
         self.findings.iter().flat_map(|finding| &finding.readings)
     }
 }
 
 /// Everything that was measured.
-struct Report {
+struct MeasureReport {
     place: String,
     about: String,
     renderer: String,
     seconds: f64,
-    sections: Vec<Section>,
+    sections: Vec<InstrumentSection>,
     /// Frames a second, for the page of a whole sweep.
-    speed: Option<Table>,
+    speed: Option<SpeedTable>,
 }
 
-impl Report {
+impl MeasureReport {
     fn readings(&self) -> impl Iterator<Item = &Reading> {
-        self.sections.iter().flat_map(Section::readings)
+        self.sections.iter().flat_map(InstrumentSection::readings)
     }
 
     /// How many readings are as asked, and how many are not.
@@ -134,7 +134,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     let is_whole = args.report.is_some() && args.instruments.is_empty() && !args.weather.is_given();
     let speed = is_whole.then(|| speed(args, &mut loaded, &camera)).transpose()?;
     let mut field = Field::new(loaded.renderer, loaded.place, camera);
-    let report = Report { speed, ..measure(args, &mut field, tasks, started)? };
+    let report = MeasureReport { speed, ..measure(args, &mut field, tasks, started)? };
     if args.json {
         println!("{}", serde_json::to_string_pretty(&tables::json(&report))?);
     } else {
@@ -155,7 +155,7 @@ const PAPER_SIZE: (u32, u32) = (1200, 800);
 const ROUNDS: u32 = 3;
 
 /// Writes the report, the page last.
-fn write(report: &Report, folder: &Path) -> Result<()> {
+fn write(report: &MeasureReport, folder: &Path) -> Result<()> {
     let json = serde_json::to_string_pretty(&tables::json(report))? + "\n";
     let mut files = vec![
         ("readings.json".to_owned(), json),
@@ -188,7 +188,7 @@ fn instruments(args: &MeasureArgs) -> Result<Vec<&'static Instrument>> {
 }
 
 /// What is to be measured: one weather, or the sweep of each instrument.
-fn tasks(args: &MeasureArgs) -> Result<Vec<Task>> {
+fn tasks(args: &MeasureArgs) -> Result<Vec<InstrumentTask>> {
     let instruments = instruments(args)?;
     if args.weather.is_given() {
         let weather = args.weather.read()?;
@@ -196,8 +196,12 @@ fn tasks(args: &MeasureArgs) -> Result<Vec<Task>> {
             bail!("fidelity `paper` has no physical units to be measured: --set fidelity=physical");
         }
         let applies = instruments.into_iter().filter(|instrument| (instrument.applies)(&weather, args.time));
-        let task = |instrument| Task { instrument, weather: weather.clone(), setting: weather.name.clone() };
-        let tasks: Vec<Task> = applies.map(task).collect();
+        let task = |instrument| InstrumentTask {
+            instrument,
+            weather: weather.clone(),
+            setting: weather.name.clone(),
+        };
+        let tasks: Vec<InstrumentTask> = applies.map(task).collect();
         if tasks.is_empty() {
             bail!(
                 "the weather {} at {} s has nothing for these instruments to measure: give another, or none for all",
@@ -213,18 +217,18 @@ fn tasks(args: &MeasureArgs) -> Result<Vec<Task>> {
             let mut weather = Weather::clear();
             changes.iter().try_for_each(|change| weather.set_text(change))?;
             let setting = if changes.is_empty() { weather.name.clone() } else { changes.join(", ") };
-            tasks.push(Task { instrument, weather, setting });
+            tasks.push(InstrumentTask { instrument, weather, setting });
         }
     }
     Ok(tasks)
 }
 
 /// Opens the place.
-fn open(args: &MeasureArgs) -> Result<Loaded> {
+fn open(args: &MeasureArgs) -> Result<OpenScene> {
     match &args.scene {
         Some(scene) => {
             let (scene, facts) = (scene.clone(), args.facts.clone());
-            Loaded::new(
+            OpenScene::new(
                 &SceneArgs { scene, level: None, repair: args.repair, assets: None, facts },
                 &args.run,
                 None,
@@ -232,7 +236,7 @@ fn open(args: &MeasureArgs) -> Result<Loaded> {
         }
         None => {
             let threads = args.run.threads.map(usize::from);
-            Loaded::of(street::scene(1.0, threads)?, &Metadata::default(), &args.run)
+            OpenScene::of(street::scene(1.0, threads)?, &Metadata::default(), &args.run)
         }
     }
 }
@@ -243,15 +247,15 @@ fn name(args: &MeasureArgs) -> String {
 }
 
 /// The paper's table of speeds, in few rounds.
-fn speed(args: &MeasureArgs, loaded: &mut Loaded, camera: &Camera) -> Result<Table> {
-    let mut table = Table::new(PAPER_SIZE);
+fn speed(args: &MeasureArgs, loaded: &mut OpenScene, camera: &Camera) -> Result<SpeedTable> {
+    let mut table = SpeedTable::new(PAPER_SIZE);
     let camera = camera.resized(PAPER_SIZE.0, PAPER_SIZE.1);
     table.add(&name(args), loaded, &camera, (&args.run, ROUNDS))?;
     Ok(table)
 }
 
 /// From where the place is looked at.
-fn camera(args: &MeasureArgs, loaded: &mut Loaded) -> Result<Camera> {
+fn camera(args: &MeasureArgs, loaded: &mut OpenScene) -> Result<Camera> {
     let options = view::Options { up: None, fov: None, near: None, size: Some(args.size) };
     Ok(match (&args.camera, &args.scene) {
         (Some(spec), _) => spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?,
@@ -261,10 +265,15 @@ fn camera(args: &MeasureArgs, loaded: &mut Loaded) -> Result<Camera> {
 }
 
 /// Measures.
-fn measure(args: &MeasureArgs, field: &mut Field, tasks: Vec<Task>, started: Instant) -> Result<Report> {
+fn measure(
+    args: &MeasureArgs,
+    field: &mut Field,
+    tasks: Vec<InstrumentTask>,
+    started: Instant,
+) -> Result<MeasureReport> {
     let bar = progress::bar(tasks.len() as u64, "readings");
-    let mut sections: Vec<Section> = Vec::new();
-    for Task { instrument, weather, setting } in tasks {
+    let mut sections: Vec<InstrumentSection> = Vec::new();
+    for InstrumentTask { instrument, weather, setting } in tasks {
         if interrupt::asked() {
             return Err(Interrupted("the measurement is not complete".into()).into());
         }
@@ -275,7 +284,7 @@ fn measure(args: &MeasureArgs, field: &mut Field, tasks: Vec<Task>, started: Ins
         field.clear_away();
         match sections.last_mut().filter(|section| section.instrument.name == instrument.name) {
             Some(section) => section.findings.push(finding),
-            None => sections.push(Section { instrument, findings: vec![finding] }),
+            None => sections.push(InstrumentSection { instrument, findings: vec![finding] }),
         }
         bar.inc(1);
     }
@@ -284,7 +293,7 @@ fn measure(args: &MeasureArgs, field: &mut Field, tasks: Vec<Task>, started: Ins
     // Four digits of whatever size.
     let metres: f64 = format!("{:.3e}", unit.value).parse()?;
     let about = format!("1 scene unit is {metres} m ({})", unit.source);
-    Ok(Report {
+    Ok(MeasureReport {
         place: name(args),
         about,
         renderer: field.renderer.describe(),

@@ -1,8 +1,8 @@
 //! The report for a browser.
 
 use super::tables::{error, measured, number, tolerance, unit, verdict};
-use super::{Report, Section};
-use crate::commands::bench::paper::{self, Table};
+use super::{InstrumentSection, MeasureReport};
+use crate::commands::bench::paper::{self, SpeedTable};
 use crate::instruments::{Finding, Reading, Tolerance};
 use crate::report::plot::{Axis, Plot, Series};
 use crate::report::{escaped, foot, head, picture};
@@ -17,7 +17,7 @@ const FIRST: usize = 3;
 const SHEET: u32 = 1300;
 
 /// The page.
-pub fn page(report: &Report) -> Result<String> {
+pub fn page(report: &MeasureReport) -> Result<String> {
     let [right, off] = report.verdict();
     let mut out = head(&format!("Weather measured: {}", report.place), STYLE);
     let verdict = if off == 0 {
@@ -50,7 +50,7 @@ pub fn page(report: &Report) -> Result<String> {
 }
 
 /// A line an instrument.
-fn summary(out: &mut String, report: &Report) {
+fn summary(out: &mut String, report: &MeasureReport) {
     out.push_str(
         "<div class=\"scroll\"><table class=\"means\">\n<thead><tr><th>instrument</th><th>readings</th><th>as asked</th>\
          <th>worst, of what is allowed</th></tr></thead>\n<tbody>\n",
@@ -90,7 +90,7 @@ fn share(reading: &Reading) -> f64 {
     }
 }
 
-fn write_section(out: &mut String, section: &Section) -> Result<()> {
+fn write_section(out: &mut String, section: &InstrumentSection) -> Result<()> {
     let instrument = section.instrument;
     let _ = writeln!(
         out,
@@ -153,7 +153,7 @@ fn write_section(out: &mut String, section: &Section) -> Result<()> {
 }
 
 /// The paper's table of speeds.
-fn write_speed(out: &mut String, table: &Table) {
+fn write_speed(out: &mut String, table: &SpeedTable) {
     let (head, rows) = table.cells();
     let cells = |tag: &str, cells: &[String]| -> String {
         cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell))).collect()
@@ -198,7 +198,7 @@ fn folded(out: &mut String, class: &str, figures: &[String], first: usize, what:
 }
 
 /// Measured over asked, of the quantities that were swept.
-fn against(section: &Section) -> Vec<Plot> {
+fn against(section: &InstrumentSection) -> Vec<Plot> {
     let mut groups: Vec<(&str, &str, Vec<[f64; 2]>)> = Vec::new();
     for reading in section.readings() {
         // Shares ask for 1 throughout, and there is nothing to plot.
@@ -241,8 +241,8 @@ fn against(section: &Section) -> Vec<Plot> {
 }
 
 /// All plots as files: their names and what is in them.
-pub fn plots(report: &Report) -> Vec<(String, String)> {
-    let of = |section: &Section| {
+pub fn plots(report: &MeasureReport) -> Vec<(String, String)> {
+    let of = |section: &InstrumentSection| {
         let own = section.findings.iter().flat_map(|finding| finding.plots.clone());
         let all: Vec<Plot> =
             against(section).into_iter().chain(own).filter(|plot| !plot.is_empty()).collect();

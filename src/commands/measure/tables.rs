@@ -1,6 +1,6 @@
 //! The numbers as text, JSON, CSV and Markdown.
 
-use super::Report;
+use super::MeasureReport;
 use crate::instruments::{Reading, Tolerance};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -65,7 +65,7 @@ pub fn unit(reading: &Reading) -> String {
 }
 
 /// For people.
-pub fn text(report: &Report) -> String {
+pub fn text(report: &MeasureReport) -> String {
     let mut out = format!("{}, {}\n", report.place, report.renderer);
     for section in &report.sections {
         let _ = writeln!(out, "\n{}", section.instrument.title);
@@ -104,7 +104,7 @@ pub fn text(report: &Report) -> String {
 }
 
 /// For programs.
-pub fn json(report: &Report) -> Value {
+pub fn json(report: &MeasureReport) -> Value {
     let reading = |reading: &Reading| {
         let mut value = json!(reading);
         value["error"] = json!(reading.error());
@@ -148,7 +148,7 @@ const HEAD: [&str; 10] = [
     "verdict",
 ];
 
-fn rows(report: &Report) -> impl Iterator<Item = [String; 10]> {
+fn rows(report: &MeasureReport) -> impl Iterator<Item = [String; 10]> {
     report.sections.iter().flat_map(|section| {
         section.readings().map(|reading| {
             [
@@ -168,7 +168,7 @@ fn rows(report: &Report) -> impl Iterator<Item = [String; 10]> {
 }
 
 /// For spreadsheets: RFC 4180.
-pub fn csv(report: &Report) -> String {
+pub fn csv(report: &MeasureReport) -> String {
     let quoted = |cell: &str| match cell.contains([',', '"', '\n']) {
         true => format!("\"{}\"", cell.replace('"', "\"\"")),
         false => cell.to_owned(),
@@ -182,7 +182,7 @@ pub fn csv(report: &Report) -> String {
 }
 
 /// For documents.
-pub fn markdown(report: &Report) -> String {
+pub fn markdown(report: &MeasureReport) -> String {
     let mut out = format!("| {} |\n|{}\n", HEAD.join(" | "), "---|".repeat(HEAD.len()));
     for row in rows(report) {
         let _ = writeln!(out, "| {} |", row.each_ref().map(|cell| cell.replace('|', "\\|")).join(" | "));

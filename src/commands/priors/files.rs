@@ -1,7 +1,7 @@
 //! Priors from maps that the user has.
 
 use super::PriorsArgs;
-use super::work::{Answer, Source};
+use super::work::{PriorAnswer, PriorSource};
 use crate::dataset::Dataset;
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
@@ -116,13 +116,13 @@ impl FileArgs {
 }
 
 /// Maps in folders.
-pub struct Maps {
+pub struct PriorMaps {
     maps: FileMaps,
     name: String,
 }
 
 /// Looks at the folders, and how large the scene is if that must be known. Warns on the error stream.
-pub fn open(args: &PriorsArgs, data: &Dataset) -> Result<Maps> {
+pub fn open(args: &PriorsArgs, data: &Dataset) -> Result<PriorMaps> {
     let given = &args.files;
     given.check()?;
     let (form, scale) = (given.depth_form, given.scale());
@@ -175,10 +175,10 @@ pub fn open(args: &PriorsArgs, data: &Dataset) -> Result<Maps> {
     if given.maps_of == MapsOfArg::Pinhole {
         parts.push("without the lens".into());
     }
-    Ok(Maps { maps, name: format!("{}: {}", files::SOURCE, parts.join(", ")) })
+    Ok(PriorMaps { maps, name: format!("{}: {}", files::SOURCE, parts.join(", ")) })
 }
 
-impl Source for Maps {
+impl PriorSource for PriorMaps {
     fn name(&self) -> String {
         self.name.clone()
     }
@@ -187,7 +187,7 @@ impl Source for Maps {
         2 * rayon::current_num_threads()
     }
 
-    fn look(&self, data: &Dataset, place: usize) -> Result<Answer> {
+    fn look(&self, data: &Dataset, place: usize) -> Result<PriorAnswer> {
         let given = self.maps.look(&data.photos, place, data.name(place));
         let given = given.map_err(|error| match (&error.fault, self.maps.of) {
             (MapFault::Aspect { .. }, MapsOf::Photo) if data.photos.is_bent(place) => {
@@ -198,7 +198,7 @@ impl Source for Maps {
             }
             _ => error.into(),
         })?;
-        Ok(given.map_or_else(|| Answer::Nothing("there is no map of it".into()), Answer::Given))
+        Ok(given.map_or_else(|| PriorAnswer::Nothing("there is no map of it".into()), PriorAnswer::Given))
     }
 }
 

@@ -19,7 +19,7 @@ const NOTE: Duration = Duration::from_secs(20);
 const TOLD: usize = 10;
 
 /// The answer of a source for a photo.
-pub enum Answer {
+pub enum PriorAnswer {
     /// This.
     Given(Given),
     /// Nothing, since.
@@ -27,7 +27,7 @@ pub enum Answer {
 }
 
 /// A source of priors.
-pub trait Source: Sync {
+pub trait PriorSource: Sync {
     /// Returns its name, with all that changes its answers: for the index, and for resuming later.
     fn name(&self) -> String;
 
@@ -38,14 +38,14 @@ pub trait Source: Sync {
     ///
     /// # Errors
     /// Whatever would be wrong with other photos too, or has to be put right.
-    fn look(&self, data: &Dataset, place: usize) -> Result<Answer>;
+    fn look(&self, data: &Dataset, place: usize) -> Result<PriorAnswer>;
 }
 
 /// The result for a photo: a prior, or the reason why there is none.
-type Made = Result<(Prior, Option<Fit>), String>;
+type PriorResult = Result<(Prior, Option<Fit>), String>;
 
 /// Makes the priors of all photos.
-pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn Source) -> Result<Index> {
+pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorSource) -> Result<Index> {
     let name = format!(
         "{}, photos up to {} px, maps up to {} pixels",
         source.name(),
@@ -70,7 +70,7 @@ pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn Source) -> Result<Ind
             return Err(Interrupted(format!("{done} of {all} photos are done, {advice}")).into());
         }
         let made = |index: &usize| make(args, data, source, data.places[*index], &seen[*index]);
-        let made: Vec<Result<Made>> = part.par_iter().map(made).collect();
+        let made: Vec<Result<PriorResult>> = part.par_iter().map(made).collect();
         for (index, made) in part.iter().zip(made) {
             let name = data.name(data.places[*index]);
             let made = match made {
@@ -100,15 +100,21 @@ pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn Source) -> Result<Ind
 }
 
 /// The prior of a photo.
-fn make(args: &PriorsArgs, data: &Dataset, source: &dyn Source, place: usize, seen: &[u32]) -> Result<Made> {
+fn make(
+    args: &PriorsArgs,
+    data: &Dataset,
+    source: &dyn PriorSource,
+    place: usize,
+    seen: &[u32],
+) -> Result<PriorResult> {
     let photo = match data.photos.get(place, 0) {
         Ok(photo) => photo,
         Err(error) if args.photos.set.skip_bad => return Ok(Err(error.to_string())),
         Err(error) => return Err(error.into()),
     };
     let given = match source.look(data, place)? {
-        Answer::Given(given) => given,
-        Answer::Nothing(reason) => return Ok(Err(reason)),
+        PriorAnswer::Given(given) => given,
+        PriorAnswer::Nothing(reason) => return Ok(Err(reason)),
     };
     let points = placed(&data.capture, &photo.camera, seen);
     Ok(given.prior(&photo, &points, data.photos.view(place) as u64).map_err(|reason| reason.to_string()))

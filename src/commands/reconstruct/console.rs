@@ -1,7 +1,7 @@
 //! The observer of `reconstruct`: draws progress, prints, writes previews and feeds the page in a browser.
 
 use super::ReconstructArgs;
-use super::watch::Watch;
+use super::watch::TrainingView;
 use crate::interrupt;
 use crate::progress;
 use indicatif::ProgressBar;
@@ -17,16 +17,16 @@ use wm_train::session::{
 };
 
 /// Shows a training on the terminal, in the run folder and in a browser.
-pub struct Console<'a> {
+pub struct TrainingConsole<'a> {
     args: &'a ReconstructArgs,
     folder: PathBuf,
     colmap: Option<colmap::ColmapStep>,
     bar: Option<ProgressBar>,
-    watch: Option<Watch>,
+    watch: Option<TrainingView>,
     splats: usize,
 }
 
-impl<'a> Console<'a> {
+impl<'a> TrainingConsole<'a> {
     pub fn new(args: &'a ReconstructArgs, folder: &Path) -> Self {
         Self { args, folder: folder.to_owned(), colmap: None, bar: None, watch: None, splats: 0 }
     }
@@ -46,7 +46,7 @@ impl<'a> Console<'a> {
     }
 }
 
-impl TrainObserver for Console<'_> {
+impl TrainObserver for TrainingConsole<'_> {
     fn proceed(&mut self) -> ControlFlow<()> {
         if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
@@ -102,7 +102,8 @@ impl TrainObserver for Console<'_> {
     fn on_start(&mut self, start: &TrainStart<'_>) -> Result<(), ObserverError> {
         self.clear();
         let dataset = self.args.dataset.display().to_string();
-        self.watch = Some(Watch::new(&self.args.watch, dataset, start.photo, start.steps, start.extent)?);
+        self.watch =
+            Some(TrainingView::new(&self.args.watch, dataset, start.photo, start.steps, start.extent)?);
         let bar = progress::bar(u64::from(start.steps), "steps");
         bar.set_position(u64::from(start.step));
         bar.reset_eta();

@@ -13,7 +13,7 @@ use crate::scene::RunArgs;
 use anyhow::{Result, bail};
 use clap::builder::PossibleValuesParser;
 use clap::{Args, ValueEnum};
-use console::Console;
+use console::TrainingConsole;
 use explain::explain;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -252,7 +252,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     if let Some(lpips) = lpips {
         session = session.metric(lpips);
     }
-    let mut console = Console::new(args, &run_folder);
+    let mut console = TrainingConsole::new(args, &run_folder);
     let done = session.run(&mut console);
     console.clear();
     let scene = done.map_err(explain)?;

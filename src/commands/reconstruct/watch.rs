@@ -3,7 +3,7 @@
 #[cfg(feature = "viewer")]
 mod with_viewer {
     use crate::viewer::server::ServerArgs;
-    use crate::viewer::training::{Board, Camera as Seen};
+    use crate::viewer::training::{TrainingBoard, TrainingCamera};
     use anyhow::Result;
     use clap::Args;
     use glam::{DMat3, DVec3};
@@ -29,8 +29,8 @@ mod with_viewer {
     }
 
     /// A training that is shown in a browser.
-    pub struct Watch {
-        board: Option<Board>,
+    pub struct TrainingView {
+        board: Option<TrainingBoard>,
         started: Instant,
         /// The distance to the point about which the camera swings, scene units.
         reach: f64,
@@ -40,10 +40,10 @@ mod with_viewer {
     const SWING: f64 = 60.0;
     const WIDTH: f64 = 0.35;
 
-    impl Watch {
+    impl TrainingView {
         /// Begins to show a training of a data set by the camera of a photo.
         pub fn new(args: &WatchArgs, dataset: String, photo: &str, steps: u32, reach: f64) -> Result<Self> {
-            let serve = || Board::serve(&args.server, dataset, photo.to_owned(), steps);
+            let serve = || TrainingBoard::serve(&args.server, dataset, photo.to_owned(), steps);
             let board = args.view.then(serve).transpose()?;
             Ok(Self { board, started: Instant::now(), reach })
         }
@@ -51,25 +51,25 @@ mod with_viewer {
         /// After a step.
         pub fn step(&self, step: u32, splats: usize) {
             if let Some(board) = &self.board {
-                board.step(step, splats, self.started.elapsed().as_secs_f64());
+                board.set_step(step, splats, self.started.elapsed().as_secs_f64());
             }
         }
 
         /// The mean loss until a step.
         pub fn loss(&self, step: u32, loss: f64) {
-            self.board.iter().for_each(|board| board.loss(step, loss));
+            self.board.iter().for_each(|board| board.push_loss(step, loss));
         }
 
         /// PSNR of the held-out photos, dB.
         pub fn held_out(&self, step: u32, psnr: f64) {
-            self.board.iter().for_each(|board| board.held_out(step, psnr));
+            self.board.iter().for_each(|board| board.push_held_out(step, psnr));
         }
 
         /// Returns the camera of a picture that is wanted now; `photo` is the camera of the photo.
         pub fn wants(&self, photo: &Camera) -> Option<Camera> {
-            match self.board.as_ref()?.wants()? {
-                Seen::Photo => Some(*photo),
-                Seen::Orbit => {
+            match self.board.as_ref()?.due_picture()? {
+                TrainingCamera::Photo => Some(*photo),
+                TrainingCamera::Orbit => {
                     let phase = self.started.elapsed().as_secs_f64() / SWING * std::f64::consts::TAU;
                     Some(swung(photo, self.reach, WIDTH * phase.sin()))
                 }
@@ -78,12 +78,12 @@ mod with_viewer {
 
         /// The picture, with its PSNR where it is of the photo.
         pub fn picture(&self, step: u32, frame: &Frame, psnr: Option<f64>) -> Result<()> {
-            self.board.as_ref().map_or(Ok(()), |board| board.picture(step, frame, psnr))
+            self.board.as_ref().map_or(Ok(()), |board| board.set_picture(step, frame, psnr))
         }
 
         /// The training is over.
         pub fn end(&self, text: String) {
-            self.board.iter().for_each(|board| board.end(text.clone()));
+            self.board.iter().for_each(|board| board.finish(text.clone()));
         }
     }
 
@@ -132,9 +132,9 @@ mod without_viewer {
     }
 
     /// Nobody looks on.
-    pub struct Watch;
+    pub struct TrainingView;
 
-    impl Watch {
+    impl TrainingView {
         pub fn new(_: &WatchArgs, _: String, _: &str, _: u32, _: f64) -> Result<Self> {
             Ok(Self)
         }
@@ -158,6 +158,6 @@ mod without_viewer {
 }
 
 #[cfg(feature = "viewer")]
-pub use with_viewer::{Watch, WatchArgs};
+pub use with_viewer::{TrainingView, WatchArgs};
 #[cfg(not(feature = "viewer"))]
-pub use without_viewer::{Watch, WatchArgs};
+pub use without_viewer::{TrainingView, WatchArgs};

@@ -1,7 +1,7 @@
 //! From where: a camera or a path, and the instants of the frames.
 
 use super::OutputArgs;
-use crate::scene::Loaded;
+use crate::scene::OpenScene;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
@@ -87,7 +87,7 @@ impl LookArgs {
     }
 
     /// The camera that is asked for or chosen, said on the error stream if chosen.
-    pub fn start(&self, loaded: &mut Loaded) -> Result<Camera> {
+    pub fn start(&self, loaded: &mut OpenScene) -> Result<Camera> {
         let options = self.options();
         if let Some(spec) = &self.camera {
             return Ok(spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?);
@@ -129,8 +129,8 @@ impl CameraArgs {
 }
 
 /// Where the camera is at each instant, and which instants there are.
-pub struct Shot {
-    path: Way,
+pub struct CameraPlan {
+    path: CameraMotion,
     size: (u32, u32),
     start: f64,
     /// m/s ahead, where the camera stands.
@@ -141,17 +141,17 @@ pub struct Shot {
     pub frames: u32,
 }
 
-enum Way {
+enum CameraMotion {
     Still(Box<Camera>),
     Along(Path),
 }
 
-impl Shot {
+impl CameraPlan {
     /// Plans what the options ask for.
     pub(super) fn plan(
         args: &CameraArgs,
         output: &OutputArgs,
-        loaded: &mut Loaded,
+        loaded: &mut OpenScene,
         still: bool,
     ) -> Result<Self> {
         let options = args.look.options();
@@ -178,17 +178,17 @@ impl Shot {
         let (way, size, duration) = match path {
             Some(path) => {
                 let duration = path.duration();
-                (Way::Along(path), options.size(), duration)
+                (CameraMotion::Along(path), options.size(), duration)
             }
             None => {
                 let camera = args.look.start(loaded)?;
-                (Way::Still(Box::new(camera)), (camera.width, camera.height), 0.0)
+                (CameraMotion::Still(Box::new(camera)), (camera.width, camera.height), 0.0)
             }
         };
         let fps = 1.0 / output.fps.seconds(1);
-        if let (Some(file), Way::Along(path)) = (&args.save_path, &way) {
+        if let (Some(file), CameraMotion::Along(path)) = (&args.save_path, &way) {
             path.write(file, fps, size)?;
-        } else if let (Some(file), Way::Still(camera)) = (&args.save_path, &way) {
+        } else if let (Some(file), CameraMotion::Still(camera)) = (&args.save_path, &way) {
             Path::new(vec![Key::of(camera, 0.0)], camera.near)?.write(file, fps, size)?;
         }
         let seconds = length.unwrap_or(if duration > 0.0 { duration } else { DEFAULT_SECONDS });
@@ -207,7 +207,7 @@ impl Shot {
     pub fn still(camera: Camera, start: f64) -> Self {
         let size = (camera.width, camera.height);
         Self {
-            path: Way::Still(Box::new(camera)),
+            path: CameraMotion::Still(Box::new(camera)),
             size,
             start,
             speed: 0.0,
@@ -219,14 +219,21 @@ impl Shot {
     /// A camera on a path, for pictures of `size`, at the instant `start` and for no longer.
     #[cfg(feature = "viewer")]
     pub fn along(path: Path, size: (u32, u32), start: f64) -> Self {
-        Self { path: Way::Along(path), size, start, speed: 0.0, rate: FrameRate::default(), frames: 1 }
+        Self {
+            path: CameraMotion::Along(path),
+            size,
+            start,
+            speed: 0.0,
+            rate: FrameRate::default(),
+            frames: 1,
+        }
     }
 
     /// The camera at `time`.
     pub fn camera(&self, time: f64) -> Camera {
         match &self.path {
-            Way::Still(camera) => **camera,
-            Way::Along(path) => path.at(path.start() + time, self.size),
+            CameraMotion::Still(camera) => **camera,
+            CameraMotion::Along(path) => path.at(path.start() + time, self.size),
         }
     }
 
@@ -234,8 +241,8 @@ impl Shot {
     pub fn moving(&self, time: f64, metres_per_unit: f64) -> MovingCamera {
         let camera = self.camera(time);
         let velocity = match &self.path {
-            Way::Still(camera) => camera.forward() * self.speed,
-            Way::Along(_) => {
+            CameraMotion::Still(camera) => camera.forward() * self.speed,
+            CameraMotion::Along(_) => {
                 let at = |time: f64| self.camera(time).center() * metres_per_unit;
                 (at(time + MOMENT) - at(time - MOMENT)) / (2.0 * MOMENT)
             }
@@ -251,8 +258,8 @@ impl Shot {
     /// What the cameras depend on, to tell one shot from another.
     pub fn fingerprint(&self) -> String {
         match &self.path {
-            Way::Still(camera) => format!("{camera:?}"),
-            Way::Along(path) => format!("{:?} {:?} {}", path.keys(), self.size, path.near()),
+            CameraMotion::Still(camera) => format!("{camera:?}"),
+            CameraMotion::Along(path) => format!("{:?} {:?} {}", path.keys(), self.size, path.near()),
         }
     }
 }

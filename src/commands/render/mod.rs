@@ -9,10 +9,10 @@ mod stages;
 use crate::choices::{DitherChoice, EncoderChoice};
 use crate::names::stem_of;
 use crate::progress::Reporter;
-use crate::scene::{Loaded, RunArgs, SceneArgs};
+use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
-use camera::{CameraArgs, Shot};
+use camera::{CameraArgs, CameraPlan};
 use clap::Args;
 use range::FrameRange;
 use std::num::NonZeroU32;
@@ -155,13 +155,13 @@ pub fn parse_rasterization(text: &str) -> Result<Rasterization, String> {
 }
 
 /// Where the frames go.
-enum Target {
+enum OutputTarget {
     Picture(PathBuf),
     Video(PathBuf),
     Folder(PathBuf),
 }
 
-impl Target {
+impl OutputTarget {
     /// Whether it can be written, as far as that can be told before there are frames.
     fn check(&self) -> Result<()> {
         match self {
@@ -185,14 +185,14 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
     let target = target_of(args, &weather)?;
     target.check()?;
-    if matches!(target, Target::Picture(_)) && args.output.asks_for_frames() {
+    if matches!(target, OutputTarget::Picture(_)) && args.output.asks_for_frames() {
         bail!("--frames and --frame-step are for videos and folders of frames: give --out one of these");
     }
     if args.output.stages {
         stages::check(&weather, &target)?;
     }
     let is_exr = match &target {
-        Target::Picture(path) => PictureFormat::of(path) == Some(PictureFormat::Exr),
+        OutputTarget::Picture(path) => PictureFormat::of(path) == Some(PictureFormat::Exr),
         _ => args.output.frame_format == PictureFormat::Exr,
     };
     if args.output.layers && !is_exr {
@@ -204,8 +204,13 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
     args.camera.check()?;
 
-    let mut loaded = Loaded::new(&args.scene, &args.run, args.camera.look.views.as_ref())?;
-    let shot = Shot::plan(&args.camera, &args.output, &mut loaded, matches!(target, Target::Picture(_)))?;
+    let mut loaded = OpenScene::new(&args.scene, &args.run, args.camera.look.views.as_ref())?;
+    let shot = CameraPlan::plan(
+        &args.camera,
+        &args.output,
+        &mut loaded,
+        matches!(target, OutputTarget::Picture(_)),
+    )?;
     let wanted = range::wanted(args.output.frames, args.output.frame_step, shot.frames)?;
     let config = RenderConfig {
         outputs: outputs(&args.output.also),
@@ -213,36 +218,36 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
     };
     let parts = parts(&args.output.also);
-    let mut take = Take::new(loaded, config, weather, shot, parts)?;
+    let mut job = RenderJob::new(loaded, config, weather, shot, parts)?;
     match target {
-        Target::Picture(path) => take.picture(&path, args),
-        Target::Video(path) => sequence::video(&mut take, &wanted, &path, args),
-        Target::Folder(path) => sequence::folder(&mut take, &wanted, &path, args),
+        OutputTarget::Picture(path) => job.picture(&path, args),
+        OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),
+        OutputTarget::Folder(path) => sequence::folder(&mut job, &wanted, &path, args),
     }
 }
 
 /// All that frames are made of.
-struct Take {
+struct RenderJob {
     renderer: Renderer,
     place: PreparedPlace,
     weather: Weather,
-    shot: Shot,
+    shot: CameraPlan,
     /// Parts of the picture that take renders of their own.
     parts: Vec<PicturePart>,
 }
 
-impl Take {
+impl RenderJob {
     /// Prepares a place for a weather.
     fn new(
-        mut loaded: Loaded,
+        mut loaded: OpenScene,
         config: RenderConfig,
         weather: Weather,
-        shot: Shot,
+        shot: CameraPlan,
         parts: Vec<PicturePart>,
     ) -> Result<Self> {
         loaded.place.config = config;
         loaded.prepare(&weather)?;
-        let Loaded { renderer, place } = loaded;
+        let OpenScene { renderer, place } = loaded;
         Ok(Self { renderer, place, weather, shot, parts })
     }
 
@@ -294,7 +299,7 @@ impl Take {
     }
 }
 
-fn background(choice: BackgroundChoice, loaded: &Loaded) -> Background {
+fn background(choice: BackgroundChoice, loaded: &OpenScene) -> Background {
     match choice {
         BackgroundChoice::Color(color) => Background::Color(color),
         BackgroundChoice::Auto => loaded.place.background(),
@@ -302,7 +307,7 @@ fn background(choice: BackgroundChoice, loaded: &Loaded) -> Background {
     }
 }
 
-fn target_of(args: &RenderArgs, weather: &Weather) -> Result<Target> {
+fn target_of(args: &RenderArgs, weather: &Weather) -> Result<OutputTarget> {
     let moves = args.camera.path.is_some() || args.output.seconds.is_some() || args.output.asks_for_frames();
     let name = || {
         let weather = if weather.name == "clear" { String::new() } else { format!("-{}", weather.name) };
@@ -323,11 +328,11 @@ fn target_of(args: &RenderArgs, weather: &Weather) -> Result<Target> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         _ if path.is_dir() || path.as_os_str().to_string_lossy().ends_with(['/', '\\']) => {
-            Ok(Target::Folder(path))
+            Ok(OutputTarget::Folder(path))
         }
-        Some("mp4") => Ok(Target::Video(path)),
-        Some(_) if PictureFormat::of(&path).is_some() => Ok(Target::Picture(path)),
-        None => Ok(Target::Folder(path)),
+        Some("mp4") => Ok(OutputTarget::Video(path)),
+        Some(_) if PictureFormat::of(&path).is_some() => Ok(OutputTarget::Picture(path)),
+        None => Ok(OutputTarget::Folder(path)),
         Some(other) => bail!(
             "--out {}: a name that ends in .{other} cannot be written; use .png, .exr, .npy, .mp4 or a folder",
             path.display()

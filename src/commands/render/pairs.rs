@@ -5,7 +5,7 @@ use crate::interrupt::Interrupted;
 use crate::names::stem_of;
 use crate::pipeline::pipeline;
 use crate::progress::Reporter;
-use crate::scene::Loaded;
+use crate::scene::OpenScene;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use serde_json::{Map, Value as Json, json};
@@ -67,7 +67,7 @@ impl PairsArgs {
 }
 
 /// One photo's view.
-struct Shot {
+struct PhotoView {
     /// The photo's name.
     photo: String,
     /// The same without folders that lead out of here and, mostly, extension.
@@ -75,7 +75,7 @@ struct Shot {
     camera: Camera,
 }
 
-impl Shot {
+impl PhotoView {
     fn file(&self, (kind, format): (&str, PictureFormat)) -> String {
         format!("{kind}/{}.{}", self.name, format.extension())
     }
@@ -83,7 +83,7 @@ impl Shot {
 
 /// The pictures of one view.
 #[derive(Default)]
-struct Pair {
+struct FramePair {
     clean: Frame,
     weather: Picture,
 }
@@ -91,7 +91,7 @@ struct Pair {
 /// Runs `render --pairs`.
 pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let folder = check(args, weather)?;
-    let mut loaded = Loaded::new(&args.scene, &args.run, args.camera.look.views.as_ref())?;
+    let mut loaded = OpenScene::new(&args.scene, &args.run, args.camera.look.views.as_ref())?;
     let shots = shots(&mut loaded, args)?;
     let config = RenderConfig {
         outputs: Outputs { geometry: Geometry::Depth, particles: ParticlePass::On, ..Outputs::default() },
@@ -100,11 +100,11 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     };
     loaded.place.config = config;
     loaded.prepare(weather)?;
-    let Loaded { mut renderer, mut place } = loaded;
+    let OpenScene { mut renderer, mut place } = loaded;
     let manifest = manifest((&renderer, &place), &shots, args, weather)?;
     keep(&folder, &manifest)?;
 
-    let is_there = |shot: &Shot| FOLDERS.iter().all(|kind| folder.join(shot.file(*kind)).exists());
+    let is_there = |shot: &PhotoView| FOLDERS.iter().all(|kind| folder.join(shot.file(*kind)).exists());
     let missing: Vec<u32> = (0..shots.len() as u32).filter(|i| !is_there(&shots[*i as usize])).collect();
     let kept = shots.len() - missing.len();
     if kept > 0 {
@@ -124,7 +124,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     };
     let styles: Vec<[PictureStyle; 2]> =
         shots.iter().map(|shot| [&clear, weather].map(|weather| style(weather, &shot.camera))).collect();
-    let mut render = |index: u32, pair: &mut Pair| {
+    let mut render = |index: u32, pair: &mut FramePair| {
         let camera = shots[index as usize].camera;
         let speed = args.camera.camera_speed.unwrap_or(0.0);
         let moving = MovingCamera { camera, velocity: (camera.forward() * speed).to_array() };
@@ -136,7 +136,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         renderer.render_into(&mut place, weather, &options, &mut pair.weather, &mut Reporter::default())?;
         Ok(())
     };
-    let mut write = |index: u32, pair: &Pair| {
+    let mut write = |index: u32, pair: &FramePair| {
         let index = index as usize;
         write_pair(&folder, &shots[index], &styles[index], pair)
     };
@@ -198,7 +198,7 @@ pub const NO_AIR: &str =
     "the paper's fog acts on finished pixels and has no transmittance; use --set fidelity=physical";
 
 /// The views of the photos, by names of which no two are alike.
-fn shots(loaded: &mut Loaded, args: &RenderArgs) -> Result<Vec<Shot>> {
+fn shots(loaded: &mut OpenScene, args: &RenderArgs) -> Result<Vec<PhotoView>> {
     let views = &loaded.place.scene().views;
     if views.is_empty() {
         bail!(
@@ -211,7 +211,7 @@ fn shots(loaded: &mut Loaded, args: &RenderArgs) -> Result<Vec<Shot>> {
     named
         .map(|(name, view)| {
             let camera = spec::of_view(view, loaded.place.survey(), &options)?;
-            Ok(Shot { photo: view.name.clone(), name, camera })
+            Ok(PhotoView { photo: view.name.clone(), name, camera })
         })
         .collect()
 }
@@ -254,7 +254,12 @@ fn names(views: &[SceneView]) -> Result<Vec<String>> {
     Ok(names)
 }
 
-fn write_pair(folder: &Path, shot: &Shot, [clear, style]: &[PictureStyle; 2], pair: &Pair) -> Result<()> {
+fn write_pair(
+    folder: &Path,
+    shot: &PhotoView,
+    [clear, style]: &[PictureStyle; 2],
+    pair: &FramePair,
+) -> Result<()> {
     let size = Size::new(shot.camera.width, shot.camera.height);
     let paths = FOLDERS.map(|kind| folder.join(shot.file(kind)));
     for path in &paths {
@@ -292,7 +297,7 @@ fn keep(folder: &Path, manifest: &Json) -> Result<()> {
 /// All that the pictures are, and all that they depend on but the scene's own bytes.
 fn manifest(
     (renderer, place): (&Renderer, &PreparedPlace),
-    shots: &[Shot],
+    shots: &[PhotoView],
     args: &RenderArgs,
     weather: &Weather,
 ) -> Result<Json> {

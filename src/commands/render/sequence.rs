@@ -1,6 +1,6 @@
 //! Frames over time: into a video, or into a folder that a later run can go on with.
 
-use super::{RenderArgs, Take};
+use super::{RenderArgs, RenderJob};
 use crate::interrupt::Interrupted;
 use crate::pipeline::pipeline;
 use anyhow::{Context, Result, bail};
@@ -16,23 +16,23 @@ use wm_scene::files::write_atomically;
 const MANIFEST: &str = "render.json";
 
 /// Renders the frames of the numbers `wanted`, which are not none, into an MP4.
-pub fn video(take: &mut Take, wanted: &[u32], path: &Path, args: &RenderArgs) -> Result<()> {
+pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs) -> Result<()> {
     if !args.output.also.is_empty() {
         bail!("--also is for pictures and folders of frames: give --out a folder");
     }
-    let start = take.shot.time(wanted[0]);
-    let camera = take.shot.camera(start);
-    let mut settings = video::VideoSettings::new(Size::new(camera.width, camera.height), take.shot.rate);
+    let start = job.shot.time(wanted[0]);
+    let camera = job.shot.camera(start);
+    let mut settings = video::VideoSettings::new(Size::new(camera.width, camera.height), job.shot.rate);
     settings.encoder = args.output.encoder.into();
     settings.bitrate = args.output.bitrate;
     settings.dither = args.output.dither.into();
-    settings.tags = take.style(args, DepthScale::Auto, start).tags;
+    settings.tags = job.style(args, DepthScale::Auto, start).tags;
     let mut sink = video::create_video(path, settings)?;
 
     let started = Instant::now();
     let all = wanted.len() as u32;
     let written =
-        pipeline(wanted, &mut renderer(take), &mut |_, picture| Ok(sink.frame(&picture.frame.rgb)?))?;
+        pipeline(wanted, &mut renderer(job), &mut |_, picture| Ok(sink.frame(&picture.frame.rgb)?))?;
     if written < all {
         let advice = "nothing is written; a folder of frames (--out FOLDER) can be gone on with";
         return Err(Interrupted(format!("{written} of {all} frames were done, {advice}")).into());
@@ -46,19 +46,19 @@ pub fn video(take: &mut Take, wanted: &[u32], path: &Path, args: &RenderArgs) ->
         report.frames,
         report.seconds,
         report.bytes as f64 * 1e-6,
-        take.weather.name,
+        job.weather.name,
         f64::from(all) / started.elapsed().as_secs_f64(),
-        take.renderer.describe()
+        job.renderer.describe()
     );
     Ok(())
 }
 
 /// Renders the frames of the numbers `wanted` into a folder, one picture a frame; frames that are there already are
 /// kept.
-pub fn folder(take: &mut Take, wanted: &[u32], folder: &Path, args: &RenderArgs) -> Result<()> {
+pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderArgs) -> Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}", folder.display()))?;
-    let manifest = manifest(take, args)?;
+    let manifest = manifest(job, args)?;
     let manifest_path = folder.join(MANIFEST);
     if manifest_path.exists() {
         let text = std::fs::read_to_string(&manifest_path);
@@ -90,10 +90,10 @@ pub fn folder(take: &mut Take, wanted: &[u32], folder: &Path, args: &RenderArgs)
     let started = Instant::now();
     let styles: Vec<PictureStyle> = missing
         .iter()
-        .map(|index| take.style(args, DepthScale::reaching(take.place.site().far), take.shot.time(*index)))
+        .map(|index| job.style(args, DepthScale::reaching(job.place.site().far), job.shot.time(*index)))
         .collect();
     let (mut position, mut beside) = (0, Vec::new());
-    let written = pipeline(&missing, &mut renderer(take), &mut |index, picture| {
+    let written = pipeline(&missing, &mut renderer(job), &mut |index, picture| {
         beside = styles[position].write(picture, &name(index))?;
         position += 1;
         Ok(())
@@ -108,9 +108,9 @@ pub fn folder(take: &mut Take, wanted: &[u32], folder: &Path, args: &RenderArgs)
     println!(
         "{}: {written} frames written, {kept} kept, {}, {:.1} frames a second ({})",
         folder.display(),
-        take.weather.name,
+        job.weather.name,
         f64::from(written) / started.elapsed().as_secs_f64().max(1e-9),
-        take.renderer.describe()
+        job.renderer.describe()
     );
     for line in beside {
         println!("beside each frame, as {line}");
@@ -119,13 +119,13 @@ pub fn folder(take: &mut Take, wanted: &[u32], folder: &Path, args: &RenderArgs)
 }
 
 /// Renders the frame of an index.
-fn renderer(take: &mut Take) -> impl FnMut(u32, &mut Picture) -> Result<()> {
-    |index, picture| take.render(take.shot.time(index), picture).map(drop)
+fn renderer(job: &mut RenderJob) -> impl FnMut(u32, &mut Picture) -> Result<()> {
+    |index, picture| job.render(job.shot.time(index), picture).map(drop)
 }
 
 /// What the frames of a folder depend on: the whole sequence, whichever of its frames are asked for, so that several
 /// runs may fill one folder.
-fn manifest(take: &Take, args: &RenderArgs) -> Result<Value> {
+fn manifest(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
     let scene = &args.scene.scene;
     let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;
     let changed = about.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
@@ -134,18 +134,18 @@ fn manifest(take: &Take, args: &RenderArgs) -> Result<Value> {
         "scene": scene.display().to_string(),
         "scene_bytes": about.len(),
         "scene_changed": changed.map(|t| t.as_secs()),
-        "weather": format!("{:?}", take.weather),
-        "site": format!("{:?}", take.place.site()),
-        "camera": take.shot.fingerprint(),
-        "config": format!("{:?}", take.place.config),
+        "weather": format!("{:?}", job.weather),
+        "site": format!("{:?}", job.place.site()),
+        "camera": job.shot.fingerprint(),
+        "config": format!("{:?}", job.place.config),
         "start": args.output.time,
-        "fps": take.shot.rate.to_string(),
-        "frames": take.shot.frames,
+        "fps": job.shot.rate.to_string(),
+        "frames": job.shot.frames,
         "format": args.output.frame_format.extension(),
         "also": format!("{:?}", args.output.also),
         "layers": args.output.layers,
         "dither": format!("{:?}", args.output.dither),
-        "simd": take.renderer.backend().path().to_string(),
-        "device": take.renderer.backend().arithmetic(),
+        "simd": job.renderer.backend().path().to_string(),
+        "device": job.renderer.backend().arithmetic(),
     }))
 }

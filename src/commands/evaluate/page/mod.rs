@@ -3,14 +3,14 @@
 
 mod panels;
 
-pub use panels::Shown;
+pub use panels::PhotoPanels;
 
-use super::scores::{Placement, Report, ScoreColumn};
+use super::scores::{EvaluationReport, Placement, ScoreColumn};
 use crate::report::{escaped, foot, head, picture};
 use std::fmt::Write;
 
 /// The whole page; pictures are those of `shown`.
-pub fn page(report: &Report, shown: &[Shown]) -> String {
+pub fn page(report: &EvaluationReport, shown: &[PhotoPanels]) -> String {
     let mut style = String::new();
     for (class, ramp) in panels::RAMPS {
         let _ = writeln!(style, ".{class} {{ background: {}; }}", picture::gradient(ramp));
@@ -44,7 +44,7 @@ pub fn page(report: &Report, shown: &[Shown]) -> String {
 }
 
 /// The means, each with what it is.
-fn means(out: &mut String, report: &Report) {
+fn means(out: &mut String, report: &EvaluationReport) {
     out.push_str("<h2>Means over the photos</h2>\n<div class=\"scroll\"><table class=\"means\">\n<tbody>\n");
     let mut row = |name: &str, value: &str, what: &str| {
         let _ =
@@ -68,7 +68,7 @@ fn means(out: &mut String, report: &Report) {
 }
 
 /// A line a photo.
-fn photos(out: &mut String, report: &Report) {
+fn photos(out: &mut String, report: &EvaluationReport) {
     let columns: Vec<&ScoreColumn> = report.columns(Some(Placement::Table)).collect();
     out.push_str("<h2>Photos</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>photo</th>");
     for column in &columns {

@@ -21,20 +21,20 @@ struct Index {
     identity: u64,
     /// Of the array's numbers: a row belongs to a picture only if both files are of one moment.
     checksum: u64,
-    pictures: Vec<Picture>,
+    pictures: Vec<CachedPicture>,
 }
 
 /// The identity of a picture.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Picture {
+struct CachedPicture {
     file: PathBuf,
     bytes: u64,
     /// Nanoseconds since 1970.
     modified: u64,
 }
 
-impl Picture {
+impl CachedPicture {
     fn of(file: &Path) -> Result<Self> {
         let about = fs::metadata(file).with_context(|| format!("{}: cannot be read", file.display()))?;
         let modified = about.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
@@ -44,15 +44,15 @@ impl Picture {
 }
 
 /// Embeddings of one part.
-pub struct Cache {
+pub struct EmbeddingCache {
     /// Without an extension; `None` where nothing is kept.
     path: Option<PathBuf>,
     identity: u64,
     width: usize,
     /// Embeddings of an earlier run, by picture.
-    before: HashMap<Picture, Vec<f32>>,
+    before: HashMap<CachedPicture, Vec<f32>>,
     /// Embeddings of this part, in its order.
-    pictures: Vec<Picture>,
+    pictures: Vec<CachedPicture>,
     values: Vec<f32>,
     /// True if all of them are on disk.
     is_kept: bool,
@@ -62,7 +62,7 @@ pub struct Cache {
 /// The suffix of the files of an unfinished part.
 pub const UNFINISHED: &str = "unfinished";
 
-impl Cache {
+impl EmbeddingCache {
     /// Reads what is there. What does not fit is left alone until it is written over.
     pub fn open(path: Option<PathBuf>, identity: u64, width: usize) -> Result<Self> {
         let mut before = HashMap::new();
@@ -87,7 +87,7 @@ impl Cache {
 
     /// Adds the embedding of a file, which is made if it is not there.
     pub fn add(&mut self, file: &Path, make: impl FnOnce() -> Result<Vec<f32>>) -> Result<()> {
-        let picture = Picture::of(file)?;
+        let picture = CachedPicture::of(file)?;
         match self.before.get(&picture) {
             Some(row) => self.values.extend(row),
             None => {
@@ -109,7 +109,7 @@ impl Cache {
         if !self.is_kept {
             let (mut pictures, mut values) = (self.pictures.clone(), self.values.clone());
             // What was there of pictures that were not come to.
-            let added: HashSet<&Picture> = self.pictures.iter().collect();
+            let added: HashSet<&CachedPicture> = self.pictures.iter().collect();
             for (picture, row) in self.before.iter().filter(|(picture, _)| !added.contains(picture)) {
                 pictures.push(picture.clone());
                 values.extend(row);
@@ -132,7 +132,7 @@ impl Cache {
         Ok(self.values)
     }
 
-    fn write(&self, path: &Path, pictures: Vec<Picture>, values: &[f32]) -> Result<()> {
+    fn write(&self, path: &Path, pictures: Vec<CachedPicture>, values: &[f32]) -> Result<()> {
         npy::write(&named(path, "npy"), values, &[pictures.len(), self.width])?;
         let index = Index { identity: self.identity, checksum: checksum(values), pictures };
         let text = serde_json::to_string(&index)?;
@@ -141,7 +141,7 @@ impl Cache {
 }
 
 /// The rows that are kept, if they are of this network and whole.
-fn read(path: &Path, identity: u64, width: usize) -> Option<HashMap<Picture, Vec<f32>>> {
+fn read(path: &Path, identity: u64, width: usize) -> Option<HashMap<CachedPicture, Vec<f32>>> {
     let index: Index = serde_json::from_slice(&fs::read(named(path, "json")).ok()?).ok()?;
     let (values, shape) = npy::read(&named(path, "npy")).ok()?;
     let fits = shape == [index.pictures.len(), width]

@@ -1,9 +1,9 @@
 //! Embeddings of all parts that are compared: read, taken from the cache, or made.
 
-use super::cache::Cache;
-use super::layout::{Part, Source};
+use super::cache::EmbeddingCache;
+use super::layout::{PictureSet, PictureSource};
 use super::network::{self, Embedder};
-use super::{RealismArgs, Work};
+use super::{RealismArgs, RealismOptions};
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
 use anyhow::{Result, anyhow, bail};
@@ -13,7 +13,7 @@ use wm_train::metrics::Embeddings;
 use wm_train::photos::read_picture;
 
 /// A part with what its pictures show.
-pub struct Collected {
+pub struct CollectedSet {
     pub name: String,
     pub embeddings: Embeddings,
 }
@@ -21,8 +21,8 @@ pub struct Collected {
 /// The parts that are to be embedded. All that can be wrong with them is reported before the first picture is.
 pub struct Collector<'a> {
     args: &'a RealismArgs,
-    work: &'a Work<'a>,
-    parts: Vec<(Part, Wanted)>,
+    work: &'a RealismOptions<'a>,
+    parts: Vec<(PictureSet, Wanted)>,
 }
 
 /// The treatment of a part.
@@ -34,7 +34,7 @@ enum Wanted {
 }
 
 impl<'a> Collector<'a> {
-    pub fn new(args: &'a RealismArgs, work: &'a Work<'a>) -> Self {
+    pub fn new(args: &'a RealismArgs, work: &'a RealismOptions<'a>) -> Self {
         Self { args, work, parts: Vec::new() }
     }
 
@@ -51,10 +51,10 @@ impl<'a> Collector<'a> {
     }
 
     /// Adds a part, which is kept in `place` of the folder of embeddings.
-    pub fn add(&mut self, part: Part, place: PathBuf) -> Result<()> {
+    pub fn add(&mut self, part: PictureSet, place: PathBuf) -> Result<()> {
         let wanted = match &part.source {
-            Source::Array => Wanted::Read(Embeddings::read(&part.path)?),
-            Source::Pictures(files) => {
+            PictureSource::Array => Wanted::Read(Embeddings::read(&part.path)?),
+            PictureSource::Pictures(files) => {
                 let mut sound = Vec::new();
                 for file in files {
                     match read_header(file) {
@@ -85,14 +85,14 @@ impl<'a> Collector<'a> {
     }
 
     /// All embeddings, in the order in which parts were added.
-    pub fn run(self) -> Result<Vec<Collected>> {
+    pub fn run(self) -> Result<Vec<CollectedSet>> {
         let is_made = |wanted: &Wanted| matches!(wanted, Wanted::Made(..));
         let embedder: Option<Box<Embedder>> = match self.parts.iter().find(|(_, wanted)| is_made(wanted)) {
             Some((part, _)) => Some(network::open(&self.args.weights, &part.path)?),
             None => None,
         };
         self.check_widths(embedder.as_deref())?;
-        let pictures = |(_, wanted): &(Part, Wanted)| match wanted {
+        let pictures = |(_, wanted): &(PictureSet, Wanted)| match wanted {
             Wanted::Read(_) => 0,
             Wanted::Made(files, _) => files.len() as u64,
         };
@@ -108,7 +108,7 @@ impl<'a> Collector<'a> {
                 }
                 (Wanted::Made(..), None) => unreachable!("one was opened for it"),
             };
-            collected.push(Collected { name: part.name, embeddings });
+            collected.push(CollectedSet { name: part.name, embeddings });
         }
         bar.finish_and_clear();
         Ok(collected)
@@ -134,13 +134,13 @@ impl<'a> Collector<'a> {
 
     fn embed(
         &self,
-        part: &Part,
+        part: &PictureSet,
         files: &[PathBuf],
         kept: Option<PathBuf>,
         embedder: &Embedder,
         bar: &indicatif::ProgressBar,
     ) -> Result<Embeddings> {
-        let mut cache = Cache::open(kept, embedder.identity(), embedder.width())?;
+        let mut cache = EmbeddingCache::open(kept, embedder.identity(), embedder.width())?;
         let mut count = 0;
         for (index, file) in files.iter().enumerate() {
             if interrupt::asked() {
@@ -166,7 +166,7 @@ impl<'a> Collector<'a> {
 }
 
 /// Work that Ctrl-C ended, and where its part is.
-fn stopped(part: &Part, done: usize, of: usize, kept: Option<PathBuf>) -> Interrupted {
+fn stopped(part: &PictureSet, done: usize, of: usize, kept: Option<PathBuf>) -> Interrupted {
     Interrupted(match kept {
         Some(path) => format!(
             "the embeddings of {done} of {of} pictures of {} are kept in {}; run it again to go on from there",

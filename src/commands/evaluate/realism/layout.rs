@@ -11,7 +11,7 @@ use wm_train::photos::photos_in;
 
 /// A column of the paper's tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Weather {
+pub enum WeatherClass {
     /// And haze and smog.
     Fog,
     Rain,
@@ -19,7 +19,7 @@ pub enum Weather {
     Snow,
 }
 
-impl Weather {
+impl WeatherClass {
     pub const ALL: [Self; 3] = [Self::Fog, Self::Rain, Self::Snow];
 
     /// Its folder and its name in files.
@@ -53,7 +53,7 @@ impl Weather {
 
 /// Pictures that belong together.
 #[derive(Clone, Debug)]
-pub struct Part {
+pub struct PictureSet {
     /// The name.
     pub name: String,
     /// The folder or the array.
@@ -61,12 +61,12 @@ pub struct Part {
     /// Its place in the folder of its method, without an extension.
     pub place: PathBuf,
     pub scene: Option<String>,
-    pub source: Source,
+    pub source: PictureSource,
 }
 
 /// The contents of a part.
 #[derive(Clone, Debug)]
-pub enum Source {
+pub enum PictureSource {
     /// Files, sorted.
     Pictures(Vec<PathBuf>),
     /// Embeddings.
@@ -85,11 +85,11 @@ fn is_array(path: &Path) -> bool {
     name.ends_with(".npy") && is_whole && path.is_file()
 }
 
-impl Part {
+impl PictureSet {
     /// A folder with all pictures below it, or an array.
     pub fn whole(path: &Path) -> Result<Self> {
         let source = if is_array(path) {
-            Source::Array
+            PictureSource::Array
         } else if path.is_file() {
             bail!(
                 "{}: is a single file; give a folder of pictures, or an NPY file of embeddings",
@@ -104,7 +104,7 @@ impl Part {
                     path.display()
                 );
             }
-            Source::Pictures(files)
+            PictureSource::Pictures(files)
         };
         let name = name_of(path);
         Ok(Self { place: PathBuf::from(&name), name, path: path.into(), scene: None, source })
@@ -113,13 +113,15 @@ impl Part {
 
 /// The parts of a method's folder: `fog.npy`, or a folder `fog` with pictures, folders of them, and arrays, each of
 /// those a scene.
-pub fn parts(folder: &Path) -> Result<Vec<(Weather, Part)>> {
+pub fn parts(folder: &Path) -> Result<Vec<(WeatherClass, PictureSet)>> {
     let mut found = Vec::new();
     for path in entries(folder)? {
-        let Some(weather) = path.file_stem().and_then(OsStr::to_str).and_then(Weather::of) else { continue };
+        let Some(weather) = path.file_stem().and_then(OsStr::to_str).and_then(WeatherClass::of) else {
+            continue;
+        };
         let place = |path: &Path| path.strip_prefix(folder).unwrap_or(path).with_extension("");
         if is_array(&path) {
-            found.push((weather, Part { place: place(&path), ..Part::whole(&path)? }));
+            found.push((weather, PictureSet { place: place(&path), ..PictureSet::whole(&path)? }));
         } else if path.is_dir() {
             let inside = entries(&path)?;
             let before = found.len();
@@ -127,24 +129,24 @@ pub fn parts(folder: &Path) -> Result<Vec<(Weather, Part)>> {
             let direct: Vec<PathBuf> =
                 files.iter().filter(|file| file.parent() == Some(&path)).cloned().collect();
             if !direct.is_empty() {
-                let (name, source) = (name_of(&path), Source::Pictures(direct));
+                let (name, source) = (name_of(&path), PictureSource::Pictures(direct));
                 found.push((
                     weather,
-                    Part { name, path: path.clone(), place: place(&path), scene: None, source },
+                    PictureSet { name, path: path.clone(), place: place(&path), scene: None, source },
                 ));
             }
             let holds_pictures = |scene: &Path| files.iter().any(|file| file.starts_with(scene));
             for scene in
                 inside.iter().filter(|scene| is_array(scene) || scene.is_dir() && holds_pictures(scene))
             {
-                let part = Part::whole(scene)?;
+                let part = PictureSet::whole(scene)?;
                 // Names of folders may have dots in them.
                 let inner = if scene.is_dir() {
                     scene.strip_prefix(folder).unwrap_or(scene).into()
                 } else {
                     place(scene)
                 };
-                found.push((weather, Part { place: inner, scene: Some(part.name.clone()), ..part }));
+                found.push((weather, PictureSet { place: inner, scene: Some(part.name.clone()), ..part }));
             }
             if found.len() == before {
                 bail!(

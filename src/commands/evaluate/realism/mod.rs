@@ -21,12 +21,12 @@ use crate::progress;
 use crate::weights::WeightsArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use collect::{Collected, Collector};
-use layout::{Part, Weather};
+use collect::{CollectedSet, Collector};
+use layout::{PictureSet, WeatherClass};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
-use tables::{Distance, Tables};
+use tables::{CmmdDistance, Tables};
 use wm_scene::files::{check_writable, write_atomically};
 use wm_train::metrics::{Collection, Embeddings};
 
@@ -90,7 +90,7 @@ pub struct RealismArgs {
 }
 
 /// The options of the work.
-pub struct Work<'a> {
+pub struct RealismOptions<'a> {
     /// The file for all numbers.
     pub json: Option<&'a Path>,
     /// True if pictures that cannot be read are left out.
@@ -126,7 +126,7 @@ impl RealismArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &RealismArgs, work: &Work<'_>) -> Result<()> {
+pub fn run(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<()> {
     for out in [work.json, args.csv.as_deref(), args.markdown.as_deref()].into_iter().flatten() {
         check_writable(out)?;
     }
@@ -148,11 +148,11 @@ pub fn run(args: &RealismArgs, work: &Work<'_>) -> Result<()> {
 }
 
 /// Each of the collections against the real one.
-fn of_pictures(args: &RealismArgs, work: &Work<'_>) -> Result<Tables> {
+fn of_pictures(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<Tables> {
     let real = args.real.as_deref().expect("--pictures requires it");
     let mut parts = Vec::new();
     for path in args.pictures.iter().map(PathBuf::as_path).chain([real]) {
-        parts.push(Part::whole(path)?);
+        parts.push(PictureSet::whole(path)?);
     }
     let mut collector = Collector::new(args, work);
     for (index, part) in parts.iter().enumerate() {
@@ -162,16 +162,16 @@ fn of_pictures(args: &RealismArgs, work: &Work<'_>) -> Result<Tables> {
         collector.add(part.clone(), part.place.clone())?;
     }
     let mut collected = collector.run()?;
-    let _busy = Busy::new();
+    let _busy = ComparisonSpinner::new();
     let real = Collection::new(collected.pop().expect("the last one").embeddings);
-    let distance = |Collected { name, embeddings }: Collected| {
-        Distance::new(name, None, None, &Collection::new(embeddings), &real)
+    let distance = |CollectedSet { name, embeddings }: CollectedSet| {
+        CmmdDistance::new(name, None, None, &Collection::new(embeddings), &real)
     };
     Ok(Tables { distances: collected.into_iter().map(distance).collect(), ..Tables::default() })
 }
 
 /// The tables of the paper.
-fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &Work<'_>) -> Result<Tables> {
+fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &RealismOptions<'_>) -> Result<Tables> {
     let scores = args.uvq.iter().map(|file| uvq::read(file)).collect::<Result<Vec<_>>>()?.concat();
     let Some(real) = &args.real else {
         if !methods.is_empty() || scores.is_empty() {
@@ -195,7 +195,7 @@ fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &Work<'_>) -> Result<
         }
     }
     let has_photographs =
-        |weather: Weather| places.iter().any(|(method, of, _)| method.is_none() && *of == weather);
+        |weather: WeatherClass| places.iter().any(|(method, of, _)| method.is_none() && *of == weather);
     for (method, weather, _) in &places {
         if let Some(method) = method.filter(|_| !has_photographs(*weather)) {
             bail!(
@@ -206,11 +206,11 @@ fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &Work<'_>) -> Result<
             );
         }
     }
-    let mut parts: BTreeMap<(Option<usize>, Weather), Vec<_>> = BTreeMap::new();
+    let mut parts: BTreeMap<(Option<usize>, WeatherClass), Vec<_>> = BTreeMap::new();
     for ((method, weather, scene), collected) in places.into_iter().zip(collector.run()?) {
         parts.entry((method, weather)).or_default().push((scene, collected.embeddings));
     }
-    let _busy = Busy::new();
+    let _busy = ComparisonSpinner::new();
     let (mut reals, mut distances) = (BTreeMap::new(), Vec::new());
     // The photographs come first.
     for ((method, weather), parts) in parts {
@@ -226,7 +226,7 @@ fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &Work<'_>) -> Result<
             scenes.into_iter().map(|name| (Some(name.clone()), joined(of_scene(name).map(|(_, part)| part))));
         for (scene, collection) in [(None, all)].into_iter().chain(scenes) {
             let (real, method, weather) = (&reals[&weather], names[method].clone(), Some(weather));
-            distances.push(Distance::new(method, weather, scene, &collection, real));
+            distances.push(CmmdDistance::new(method, weather, scene, &collection, real));
         }
     }
     Ok(Tables { distances, scores, paper: true })
@@ -240,15 +240,15 @@ fn joined<'a>(mut parts: impl Iterator<Item = &'a Embeddings>) -> Collection {
 }
 
 /// Says that all pairs of pictures are gone through, which takes a while where there are thousands, as long as it lives.
-struct Busy(indicatif::ProgressBar);
+struct ComparisonSpinner(indicatif::ProgressBar);
 
-impl Busy {
+impl ComparisonSpinner {
     fn new() -> Self {
         Self(progress::spinner("comparing collections"))
     }
 }
 
-impl Drop for Busy {
+impl Drop for ComparisonSpinner {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }

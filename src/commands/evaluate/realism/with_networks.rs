@@ -1,6 +1,6 @@
 //! In a build with networks: CLIP.
 
-use crate::weights::{Published, WeightsArgs};
+use crate::weights::{PublishedWeights, WeightsArgs};
 use anyhow::Result;
 use std::path::Path;
 use wm_nets::Clip;
@@ -10,7 +10,7 @@ pub type Embedder = Clip;
 
 /// Gets and reads the weights. What is downloaded is said before.
 pub fn open(weights: &WeightsArgs, _: &Path) -> Result<Box<Embedder>> {
-    let files = weights.files(Published {
+    let files = weights.files(PublishedWeights {
         name: "CLIP ViT-L/14 at 336 px".into(),
         bytes: Clip::BYTES,
         licence: Clip::licence(),
