@@ -1,17 +1,17 @@
-//! Frames in order: one is rendered while another thread writes those before it.
+//! Renders frames in order while another thread writes those before.
 
 use crate::{interrupt, progress};
 use anyhow::{Result, anyhow};
 use std::sync::mpsc::{channel, sync_channel};
 
-/// Frames between renderer and writer; more would only take memory.
+/// Number of frames between renderer and writer; more would only use memory.
 const WAITING: usize = 2;
 
-/// Renders `frames` (of any form that holds their pictures) in order while another thread writes; returns how many were written. Fewer than
+/// Renders `frames` in order into values of `T` while another thread writes them; returns the number written. Fewer than
 /// all means that Ctrl-C was pressed.
 ///
 /// # Errors
-/// The first that `render` or `write` gives.
+/// The first error of `render` or `write`.
 pub fn pipeline<T: Default + Send>(
     frames: &[u32],
     render: &mut dyn FnMut(u32, &mut T) -> Result<()>,
@@ -28,7 +28,7 @@ pub fn pipeline<T: Default + Send>(
                 write(index, &frame)?;
                 written += 1;
                 bar.inc(1);
-                // The renderer may be done and its end closed.
+                // The renderer may have finished.
                 let _ = give_back.send(frame);
             }
             Ok(written)
@@ -43,13 +43,13 @@ pub fn pipeline<T: Default + Send>(
                 fault = Some(error);
                 break;
             }
-            // A closed end means that the writer failed: its error is the one to tell.
+            // A closed channel means that the writer failed: its error is reported.
             if send.send((*index, frame)).is_err() {
                 break;
             }
         }
         drop(send);
-        let written = writer.join().map_err(|_| anyhow!("the writer of frames failed"))??;
+        let written = writer.join().map_err(|_| anyhow!("the thread that writes frames failed"))??;
         match fault {
             Some(error) => Err(error),
             None => Ok(written),

@@ -1,6 +1,6 @@
-//! Printing to readers that may be gone, as in `inspect SCENE | head -1`.
+//! Printing to a pipe that may be closed, as in `inspect SCENE | head -1`.
 //!
-//! The macros take the place of those of std, which panic there, in every module of the program.
+//! The macros replace those of std, which panic then, in every module of the program.
 
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};

@@ -1,26 +1,25 @@
-//! Weights of neural networks: files that the user gives, or published ones that are downloaded after what they are was
-//! said.
+//! Weights of neural networks: files of the user, or published ones that are downloaded after printing what they are.
 
 use clap::Args;
 use std::path::PathBuf;
 
-/// Where a network's weights are from.
+/// Source of a network's weights.
 #[derive(Args, Clone, Debug)]
 pub struct WeightsArgs {
-    /// File of the network's weights (safetensors, or PyTorch's), several if they lie in several; without it they are
-    /// downloaded once, after what they are is said
+    /// File of the network's weights (safetensors or PyTorch); repeat it for several files [default: download them once, after
+    /// printing source and licence]
     #[arg(long, value_name = "FILE", help_heading = "Network")]
     pub weights: Vec<PathBuf>,
     /// SHA-256 that the file of weights must have
     #[arg(long, value_name = "SHA256", help_heading = "Network")]
     pub checksum: Option<String>,
-    /// Download nothing: weights must be given, or there from an earlier time
+    /// Download nothing: the weights must be given or already downloaded
     #[arg(long, help_heading = "Network")]
     pub offline: bool,
 }
 
 impl WeightsArgs {
-    /// The first option that asks for a network.
+    /// Returns the name of the first option that was given.
     pub fn given(&self) -> Option<&'static str> {
         let all = [
             (!self.weights.is_empty(), "--weights"),
@@ -45,16 +44,16 @@ mod with_networks {
 
     /// A network whose weights are published.
     pub struct PublishedWeights {
-        /// What it is called.
+        /// Name of the network.
         pub name: String,
-        /// Length of the file, about.
+        /// Approximate size of the file, bytes.
         pub bytes: u64,
         pub licence: Licence,
         pub source: DownloadSource,
     }
 
     impl WeightsArgs {
-        /// The files of weights: those that are given, or the published one from the cache or the network.
+        /// Returns the files of weights: those that are given, or the published ones, cached or downloaded.
         pub fn files(&self, published: PublishedWeights) -> Result<Vec<PathBuf>> {
             let checksum: Option<Checksum> = self
                 .checksum

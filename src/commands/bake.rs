@@ -22,7 +22,7 @@ pub struct BakeArgs {
     /// The instant of the weather, s
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     time: f64,
-    /// Where to; the name says the format: .ply, .spz, .sog, .glb and others [default: a .ply named after scene and
+    /// Output file; its extension is the format: .ply, .spz, .sog, .glb and others [default: a .ply named after scene and
     /// weather, in this folder]
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,

@@ -37,13 +37,13 @@ pub struct ConvertArgs {
     /// Take every path for a scene, and write each with this ending, such as spz
     #[arg(long, value_name = "ENDING")]
     to: Option<String>,
-    /// Where to, with --to [default: beside each scene]
+    /// Output folder, with --to [default: beside each scene]
     #[arg(long, value_name = "FOLDER", requires = "to")]
     folder: Option<PathBuf>,
     /// Leave out splats that hold NaN or infinite numbers, and go on
     #[arg(long)]
     repair: bool,
-    /// Which level of a scene with several levels of detail; 0 is the finest [default: the finest, or what fits
+    /// Level of a scene with several levels of detail; 0 is the finest [default: the finest, or the finest that fits
     /// --max-splats]
     #[arg(long, value_name = "N")]
     level: Option<u32>,
@@ -52,14 +52,14 @@ pub struct ConvertArgs {
     /// Version of SPZ: 3 (gzip, read by most programs) or 4 (Zstandard)
     #[arg(long, value_name = "N", default_value = "3", help_heading = "Format")]
     spz_version: Version,
-    /// How splats lie in a glTF: as floats, or as SPZ
+    /// Encoding of splats in a glTF: floats or SPZ
     #[arg(long, value_name = "HOW", default_value = "floats", help_heading = "Format")]
     gltf: InGltf,
     #[command(flatten)]
     run: RunArgs,
 }
 
-/// What is changed on the way, in this order.
+/// Changes to apply, in this order.
 #[derive(Args, Debug)]
 struct ChangeArgs {
     /// Keep what is in a box, in the axes of the scene as it is: two corners
@@ -163,7 +163,7 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
     Ok(())
 }
 
-/// Which scene goes where.
+/// Returns the output path of each scene.
 fn jobs(args: &ConvertArgs) -> Result<Vec<(&Path, PathBuf)>> {
     let Some(ending) = &args.to else {
         let [scene, out] = &args.paths[..] else {

@@ -15,7 +15,7 @@ use wm_scene::survey::{Sourced, Survey, label_sky};
 pub struct InspectArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
     scene: PathBuf,
-    /// Which level of a scene with several levels of detail; 0 is the finest
+    /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N")]
     level: Option<u32>,
     #[command(flatten)]

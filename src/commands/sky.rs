@@ -28,7 +28,7 @@ use wm_weather::dome::level_axes;
 const LONGEST: u32 = 1200;
 /// Share of a photo's side over which it fades out.
 const FADE: f64 = 0.15;
-/// How far a row's colour reaches, degrees.
+/// Angle over which the colour of a row is blended, degrees.
 const SPREAD: f32 = 4.0;
 /// Light below which something is no sky, in medians of what was taken for it; as the survey has it.
 const DARK: f64 = 0.65;
@@ -38,7 +38,7 @@ const DARK: f64 = 0.65;
 pub struct SkyArgs {
     /// The photos: a folder with a COLMAP model or a transforms.json
     dataset: PathBuf,
-    /// Where to: a .png
+    /// Output file: a .png
     #[arg(short, long, value_name = "PATH", default_value = "sky.png")]
     out: PathBuf,
     /// Width, px; it is half as high

@@ -1,4 +1,4 @@
-//! Pictures as text that a page can hold.
+//! Pictures as data URIs for HTML pages.
 
 use anyhow::Result;
 use base64::Engine;
@@ -9,17 +9,17 @@ use wm_media::jpeg::SamplingFactor;
 use wm_media::ramps::{MISSING, Ramp, UNKNOWN};
 use wm_train::maps::{Filter, Map};
 
-/// Widest picture beside others, px.
+/// Maximum width of a picture beside others, px.
 pub const WIDEST: u32 = 480;
-/// Of JPEG: below it edges begin to ring visibly.
+/// JPEG quality: below it ringing at edges becomes visible.
 const QUALITY: u8 = 88;
 /// Colours of a ramp; the two behind them are [`MISSING`] and [`UNKNOWN`].
 const STEPS: u8 = 253;
 
-/// A number of a picture.
+/// A pixel of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MapCell {
-    /// At a place of the ramp, 0-1.
+    /// A position on the colour ramp, 0-1.
     At(f64),
     /// Known, but not rendered.
     Missing,
@@ -27,7 +27,7 @@ pub enum MapCell {
     Unknown,
 }
 
-/// The size that a picture is shown in, px.
+/// Returns the size in which a picture is shown, px.
 pub fn shown_size(size: (u32, u32)) -> (u32, u32) {
     at_most(size, WIDEST)
 }

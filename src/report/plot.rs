@@ -16,7 +16,7 @@ const COLORS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#56b4e9", "#cc79a7"
 /// Ticks of an axis, about.
 const TICKS: f64 = 6.0;
 
-/// How numbers lie along an axis.
+/// Scale of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AxisScale {
     /// Evenly.
@@ -28,9 +28,9 @@ pub enum AxisScale {
 /// An axis.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// What, with its unit.
+    /// Label with the unit.
     pub label: String,
-    /// How.
+    /// Scale of the axis.
     pub scale: AxisScale,
 }
 
@@ -46,7 +46,7 @@ impl Axis {
     }
 }
 
-/// How a series is drawn.
+/// Style of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SeriesStyle {
     /// A dot each.
@@ -78,13 +78,13 @@ impl Series {
 /// A plot.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// What it shows.
+    /// Title of the plot.
     pub title: String,
     /// Along.
     pub x: Axis,
     /// Upwards.
     pub y: Axis,
-    /// What is drawn, the first below.
+    /// The series, drawn in this order.
     pub series: Vec<Series>,
 }
 
@@ -128,7 +128,7 @@ impl Ruler {
         }
     }
 
-    /// Where a number lies, 0-1; `None` for one that the scale does not have.
+    /// Returns the position of a number on the axis, 0-1; `None` for a number that the scale does not have.
     fn place(&self, value: f64) -> Option<f64> {
         let value = match self.scale {
             AxisScale::Linear => value,
@@ -150,7 +150,7 @@ fn number(value: f64) -> String {
 }
 
 impl Plot {
-    /// Whether there is anything to be seen.
+    /// Returns true if no series has a point.
     pub fn is_empty(&self) -> bool {
         self.series.iter().all(|series| series.points.is_empty())
     }

@@ -21,7 +21,7 @@ const PAPER_COVER: &str = "rgb, snow cover, paper";
 
 /// Something to render.
 pub struct BenchCase {
-    /// What is rendered under which weather.
+    /// The outputs and the weather.
     pub name: &'static str,
     /// The weather.
     pub weather: Weather,
@@ -94,60 +94,60 @@ impl BenchCase {
         Ok(cases)
     }
 
-    /// Whether it is there for the paper's table alone.
+    /// Returns true if the case is only measured for the paper's table.
     pub fn is_of_table(&self) -> bool {
         [PAPER_FOG, PAPER_COVER].contains(&self.name)
     }
 
-    /// What lies under it as in the paper.
+    /// The cover of the paper that the weather has, if any.
     pub fn paper_cover(&self) -> Option<&PaperCover> {
         self.sky.paper_cover()
     }
 
-    /// What is to lie under it.
+    /// The covers that the weather needs.
     pub fn cover(&self) -> &[CoverRequest] {
         self.sky.cover()
     }
 
-    /// The place of a case in a list; the first if it is not there.
+    /// Returns the index of a case in a list; 0 if it is not in it.
     pub fn position(cases: &[Self], name: &str) -> usize {
         cases.iter().position(|case| case.name == name).unwrap_or(0)
     }
 }
 
-/// One frame.
+/// Times of one frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameTiming {
-    /// Seconds on the clock.
+    /// Wall-clock time, seconds.
     pub wall: f64,
-    /// Seconds of all threads of the process; the clock's where the system does not tell.
+    /// CPU time of all threads of the process, seconds; the wall-clock time if the system does not report it.
     pub cpu: f64,
-    /// What the renderer says.
+    /// Statistics of the renderer.
     pub stats: Stats,
 }
 
-/// The frames of one case, a round each.
+/// The frames of one case, one per round.
 #[derive(Clone, Debug, Default)]
 pub struct FrameTimings(pub Vec<FrameTiming>);
 
 impl FrameTimings {
-    /// Median over the rounds.
+    /// Returns the median over the rounds.
     pub fn median(&self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
         median(self.0.iter().map(of).collect())
     }
 
-    /// Least over the rounds: what the others' load adds is never negative.
+    /// Returns the least value of all rounds, the one that other load on the machine affects least.
     pub fn best(&self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
         self.0.iter().map(of).fold(f64::INFINITY, f64::min)
     }
 
-    /// Median of the ratios to the frames of the same rounds of another case.
+    /// Returns the median of the ratios to the frames of another case in the same rounds.
     pub fn ratio(&self, to: &Self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
         median(self.0.iter().zip(&to.0).map(|(a, b)| of(a) / of(b)).collect())
     }
 }
 
-/// The median; not a number of none.
+/// Returns the median; NaN for an empty list.
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;
@@ -158,16 +158,16 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     }
 }
 
-/// A renderer with a scene in it.
+/// A renderer with a loaded scene.
 pub struct BenchTarget<'a> {
     /// The renderer.
     pub renderer: &'a mut Renderer,
-    /// The scene, and what lies on it.
+    /// The splat sets of the scene and its covers.
     pub sets: Vec<SetView<'a>>,
 }
 
 impl<'a> BenchTarget<'a> {
-    /// A scene without anything on it.
+    /// Returns a scene without covers.
     pub fn plain(renderer: &'a mut Renderer, set: SetId) -> Self {
         Self { renderer, sets: vec![SetView::plain(set)] }
     }
@@ -186,7 +186,7 @@ impl<'a> BenchTarget<'a> {
     }
 }
 
-/// Renders the cases of `plan` (stand, case) in turns; stops early on Ctrl-C.
+/// Renders the cases of `plan` (target, case) in turns; stops early on Ctrl-C.
 pub fn turns(
     stands: &mut [BenchTarget<'_>],
     camera: &Camera,
@@ -197,7 +197,7 @@ pub fn turns(
     let mut measured = vec![FrameTimings::default(); plan.len()];
     let mut frames = vec![Picture::default(); plan.len()];
     for round in 0..rounds + WARM_UP {
-        // The order turns with the round, so that no case always follows the same other.
+        // The order rotates with the round, so that no case always follows the same other.
         for k in 0..plan.len() {
             let k = (k + round as usize) % plan.len();
             if interrupt::asked() {
@@ -232,7 +232,7 @@ pub fn cpu_seconds() -> Option<f64> {
     None
 }
 
-/// Most memory that this process ever held, bytes, where the system tells.
+/// Returns the peak memory of this process, bytes, if the system reports it.
 pub fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

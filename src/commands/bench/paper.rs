@@ -27,7 +27,7 @@ const COLUMNS: [(&str, &str); 4] = [
     ("cover", "Snow cover"),
 ];
 
-/// What the paper prints; `None` where it has no figure.
+/// Frame rates that the paper states; `None` where it has none.
 const PAPER: [(&str, [Option<f64>; 4]); 4] = [
     ("ClimateGAN, in the paper (RTX 4090)", [None, Some(0.11), None, None]),
     ("Stable Diffusion, in the paper (RTX 4090)", [Some(0.12), Some(0.12), Some(0.12), Some(0.12)]),
@@ -35,7 +35,7 @@ const PAPER: [(&str, [Option<f64>; 4]); 4] = [
     ("the paper's own (RTX 4090)", [Some(83.30), Some(31.27), Some(10.42), Some(58.24)]),
 ];
 
-/// What is measured: this program's weather, then the paper's formulas. The fall of a row is the mean of the times of its cases.
+/// Rows that are measured: this program's weather, then the paper's formulas. A cell with several cases is the mean of their times.
 const ROWS: [(&str, [&[&str]; 4]); 2] = [
     (
         "physical",
@@ -47,7 +47,7 @@ const ROWS: [(&str, [&[&str]; 4]); 2] = [
     ),
 ];
 
-/// Shares of the sides of the picture at which the clear scene is measured.
+/// Fractions of the picture's sides at which the clear scene is measured.
 const SIDES: [f64; 4] = [0.35, 0.5, 0.7, 1.0];
 
 /// A row of the table.
@@ -70,17 +70,17 @@ struct BySize {
     points: Vec<[f64; 2]>,
 }
 
-/// The table, and what is plotted beside it.
+/// The table and its plots.
 #[derive(Serialize)]
 pub struct SpeedTable {
     size: [u32; 2],
-    /// Of each row's frames a second.
+    /// Names of the columns of [`SpeedRow::fps`].
     columns: [&'static str; COLUMNS.len()],
     rows: Vec<SpeedRow>,
     by_pixels: Vec<BySize>,
 }
 
-/// Whether a case is of the table.
+/// Returns true if the table has a case of this name.
 fn is_in_table(name: &str) -> bool {
     ROWS.iter().any(|(_, columns)| columns.iter().any(|cases| cases.contains(&name)))
 }
@@ -106,7 +106,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
 }
 
 impl SpeedTable {
-    /// The paper's rows, for pictures of a size.
+    /// Returns a table with the paper's rows, for pictures of `size`, px.
     pub fn new(size: (u32, u32)) -> Self {
         let row = |(method, fps): (&str, _)| SpeedRow {
             method: method.into(),
@@ -119,7 +119,7 @@ impl SpeedTable {
         Self { size: [size.0, size.1], columns, rows: PAPER.map(row).into(), by_pixels: Vec::new() }
     }
 
-    /// Measures a scene.
+    /// Measures a scene and adds its rows.
     pub fn add(
         &mut self,
         name: &str,
@@ -167,7 +167,7 @@ impl SpeedTable {
         Ok(())
     }
 
-    /// The cells of all rows, and of their head.
+    /// Returns the header and the cells of all rows.
     pub fn cells(&self) -> ([&'static str; 8], Vec<[String; 8]>) {
         let [clear, fog, fall, cover] = COLUMNS.map(|(_, name)| name);
         let row = |row: &SpeedRow| {
@@ -182,7 +182,7 @@ impl SpeedTable {
         )
     }
 
-    /// What stands above it.
+    /// Returns the caption of the table.
     pub fn caption(&self) -> String {
         let [width, height] = self.size;
         format!("Frames a second at {width}x{height} px, by the median time of a frame on the clock.")

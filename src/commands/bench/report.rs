@@ -1,4 +1,4 @@
-//! What was measured, for people and as JSON.
+//! Printed and JSON reports of the benchmark.
 
 use super::measure::{BenchCase, FrameTiming, FrameTimings};
 use crate::scene::OpenScene;
@@ -7,7 +7,7 @@ use weather_magician::view::spec;
 use wm_render::{DeviceWork, RenderBackend};
 use wm_scene::Camera;
 
-/// Everything measured of one scene. Times are milliseconds.
+/// Measurements of one scene. Times are milliseconds.
 #[derive(Serialize)]
 pub struct SceneReport {
     scene: String,
@@ -23,7 +23,7 @@ pub struct SceneReport {
     /// Pairs of a splat and a pixel that were evaluated, a pixel of the picture.
     pairs_per_pixel: f64,
     peak_memory_mb: Option<f64>,
-    /// Memory taken on a GPU, where its interface tells.
+    /// Memory used on a GPU, if its interface reports it.
     #[serde(skip_serializing_if = "Option::is_none")]
     device_memory_mb: Option<f64>,
     cases: Vec<CaseReport>,
@@ -31,7 +31,7 @@ pub struct SceneReport {
     paths: Vec<PathSpeed>,
 }
 
-/// One case.
+/// Times of one case.
 #[derive(Serialize)]
 struct CaseReport {
     name: &'static str,
@@ -43,7 +43,7 @@ struct CaseReport {
     particles: u64,
     /// Time of each stage, summed over threads.
     stages_ms: Stages,
-    /// What a GPU was asked to do for a frame.
+    /// Work submitted to the GPU for a frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     device: Option<DeviceWork>,
 }
@@ -59,13 +59,13 @@ struct Stages {
     composite: f64,
 }
 
-/// All threads and one, in the same rounds.
+/// Frames with all threads and with one, in the same rounds.
 pub struct ThreadScaling {
-    /// How many are all.
+    /// Number of all threads.
     pub threads: usize,
-    /// With all.
+    /// Frames with all threads.
     pub all: FrameTimings,
-    /// With one.
+    /// Frames with one thread.
     pub one: FrameTimings,
 }
 
@@ -75,7 +75,7 @@ struct ThreadsReport {
     one_wall_ms: f64,
     all_wall_ms: f64,
     speedup: f64,
-    /// Work of all threads as a ratio to that of one.
+    /// CPU time with all threads divided by that with one.
     cpu_ratio: f64,
 }
 
@@ -89,7 +89,7 @@ pub struct PathSpeed {
 }
 
 impl PathSpeed {
-    /// From the frames of `rgb` and of `rgb+depth+normal`.
+    /// Computes the speed from the frames of `rgb` and of `rgb+depth+normal`.
     pub fn new(path: String, rgb: &FrameTimings, full: &FrameTimings) -> Self {
         // The stage's share of the frame's CPU time: others' load moves that less than the clock.
         let pair = |FrameTiming { cpu, stats, .. }: &FrameTiming| {

@@ -12,7 +12,7 @@ use wm_street::{
     dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
 };
 
-/// Where photos are taken from.
+/// Route of the camera that takes photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum PhotoRoute {
     /// Along the street, at eye level.
@@ -22,7 +22,7 @@ pub enum PhotoRoute {
     Orbit,
 }
 
-/// Whether exact depth, normals and sky are written beside photos.
+/// Exact depth, normals and sky beside photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum TruthChoice {
     /// They are.
@@ -32,16 +32,16 @@ pub enum TruthChoice {
     Omit,
 }
 
-/// Which photos.
+/// Options of a set of photos.
 #[derive(Clone, Copy, Debug)]
 pub struct PhotoSession {
-    /// Where they are taken from.
+    /// Route of the camera.
     pub route: PhotoRoute,
-    /// How many.
+    /// Number of photos.
     pub count: u32,
     /// Width and height, px.
     pub size: (u32, u32),
-    /// What is written besides.
+    /// Exact maps to write beside them.
     pub truth: TruthChoice,
 }
 
@@ -135,7 +135,7 @@ pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: &RunArgs) -> Re
     reconstruct::run(&args)
 }
 
-/// How the demo trains: the poses are in metres, and all photos have one exposure.
+/// Options of the demo's training: the poses are in metres, and all photos have one exposure.
 const TRAINING: [&str; 6] = ["--preset", "quick", "--metres-per-unit", "1", "--exposure", "shared"];
 
 #[cfg(test)]

@@ -68,7 +68,7 @@ pub struct MeasureArgs {
     run: RunArgs,
 }
 
-/// What one instrument is to measure.
+/// A measurement to make with one instrument.
 struct InstrumentTask {
     instrument: &'static Instrument,
     weather: Weather,
@@ -76,7 +76,7 @@ struct InstrumentTask {
     setting: String,
 }
 
-/// What one instrument found.
+/// Results of one instrument.
 struct InstrumentSection {
     instrument: &'static Instrument,
     findings: Vec<Finding>,
@@ -104,7 +104,7 @@ impl MeasureReport {
         self.sections.iter().flat_map(InstrumentSection::readings)
     }
 
-    /// How many readings are as asked, and how many are not.
+    /// Returns the number of readings within tolerance, and outside of it.
     fn verdict(&self) -> [usize; 2] {
         self.readings().fold([0; 2], |[right, off], reading| match reading.passes() {
             true => [right + 1, off],
@@ -187,7 +187,7 @@ fn instruments(args: &MeasureArgs) -> Result<Vec<&'static Instrument>> {
     args.instruments.iter().map(find).collect()
 }
 
-/// What is to be measured: one weather, or the sweep of each instrument.
+/// Returns the measurements to make: one weather, or the sweep of each instrument.
 fn tasks(args: &MeasureArgs) -> Result<Vec<InstrumentTask>> {
     let instruments = instruments(args)?;
     if args.weather.is_given() {
@@ -241,7 +241,7 @@ fn open(args: &MeasureArgs) -> Result<OpenScene> {
     }
 }
 
-/// What the place is called.
+/// Returns the name of the scene.
 fn name(args: &MeasureArgs) -> String {
     args.scene.as_ref().map_or_else(|| "built-in street".into(), |scene| stem_of(scene))
 }

@@ -75,7 +75,7 @@ fn summary(out: &mut String, report: &MeasureReport) {
     out.push_str("</tbody>\n</table></div>\n");
 }
 
-/// How much of what is allowed a reading is off by.
+/// Returns the error of a reading as a fraction of its tolerance.
 fn share(reading: &Reading) -> f64 {
     let share = match reading.tolerance {
         Tolerance::Relative(most) | Tolerance::Absolute(most) => reading.error().abs() / most,

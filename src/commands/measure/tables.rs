@@ -24,7 +24,7 @@ fn short(value: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
-/// How far a reading is off, with its unit.
+/// Formats the error of a reading with its unit.
 pub fn error(reading: &Reading) -> String {
     let error = reading.error();
     match reading.tolerance {
@@ -34,7 +34,7 @@ pub fn error(reading: &Reading) -> String {
     }
 }
 
-/// How far it may be.
+/// Formats the tolerance of a reading.
 pub fn tolerance(reading: &Reading) -> String {
     match reading.tolerance {
         Tolerance::Relative(most) => format!("{} %", 100.0 * most),
@@ -44,7 +44,7 @@ pub fn tolerance(reading: &Reading) -> String {
     }
 }
 
-/// Whether it is as asked, in a word.
+/// Returns a word for a reading within or outside of its tolerance.
 pub fn verdict(reading: &Reading) -> &'static str {
     match (reading.tolerance, reading.passes()) {
         (Tolerance::None, _) => "",
@@ -53,7 +53,7 @@ pub fn verdict(reading: &Reading) -> &'static str {
     }
 }
 
-/// What was measured, with its standard error.
+/// Formats the measured value with its standard error.
 pub fn measured(reading: &Reading) -> String {
     let error = reading.standard_error.map(|error| format!(" \u{b1} {}", number(error))).unwrap_or_default();
     number(reading.measured) + &error

@@ -1,7 +1,7 @@
 //! Priors from maps that the user has.
 
 use super::PriorsArgs;
-use super::work::{PriorAnswer, PriorSource};
+use super::work::{PriorAnswer, PriorEstimator};
 use crate::dataset::Dataset;
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
@@ -178,7 +178,7 @@ pub fn open(args: &PriorsArgs, data: &Dataset) -> Result<PriorMaps> {
     Ok(PriorMaps { maps, name: format!("{}: {}", files::SOURCE, parts.join(", ")) })
 }
 
-impl PriorSource for PriorMaps {
+impl PriorEstimator for PriorMaps {
     fn name(&self) -> String {
         self.name.clone()
     }

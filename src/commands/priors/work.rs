@@ -27,7 +27,7 @@ pub enum PriorAnswer {
 }
 
 /// A source of priors.
-pub trait PriorSource: Sync {
+pub trait PriorEstimator: Sync {
     /// Returns its name, with all that changes its answers: for the index, and for resuming later.
     fn name(&self) -> String;
 
@@ -45,7 +45,7 @@ pub trait PriorSource: Sync {
 type PriorResult = Result<(Prior, Option<Fit>), String>;
 
 /// Makes the priors of all photos.
-pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorSource) -> Result<Index> {
+pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Result<Index> {
     let name = format!(
         "{}, photos up to {} px, maps up to {} pixels",
         source.name(),
@@ -103,7 +103,7 @@ pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorSource) -> Resul
 fn make(
     args: &PriorsArgs,
     data: &Dataset,
-    source: &dyn PriorSource,
+    source: &dyn PriorEstimator,
     place: usize,
     seen: &[u32],
 ) -> Result<PriorResult> {

@@ -1,4 +1,4 @@
-//! From where: a camera or a path, and the instants of the frames.
+//! Options of the camera or its path, and the times of the frames.
 
 use super::OutputArgs;
 use crate::scene::OpenScene;
@@ -14,21 +14,21 @@ use wm_media::video::FrameRate;
 use wm_scene::files::check_writable;
 use wm_scene::{Camera, FormatError};
 
-/// Length of a sequence where nothing says it, seconds.
+/// Default length of a sequence, seconds.
 const DEFAULT_SECONDS: f64 = 5.0;
-/// Half the time over which a speed is taken, s: as long as an exposure.
+/// Half the time interval of the finite difference for a camera's velocity, seconds; about as long as an exposure.
 const MOMENT: f64 = 0.01;
-/// Longest sequence, frames: keeps names at six digits.
+/// Longest sequence, frames: file names have six digits.
 const MAX_FRAMES: u32 = 1_000_000;
 
-/// From where, without a path.
+/// Options of a camera that does not move.
 #[derive(Args, Clone, Debug)]
 pub struct LookArgs {
-    /// From where: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or number, or a JSON file of keyframes
-    /// [default: chosen by looking at the scene]
+    /// Camera: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or number, or a JSON file of keyframes
+    /// [default: a view chosen automatically]
     #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true, help_heading = "Camera")]
     pub camera: Option<CameraSpec>,
-    /// A COLMAP model whose photos' cameras --camera may name
+    /// COLMAP model with the photos' cameras that --camera may name
     #[arg(long, value_name = "FOLDER", help_heading = "Camera")]
     pub views: Option<PathBuf>,
     /// Picture size, px [default: 1280x720, or the photo's]
@@ -42,7 +42,7 @@ pub struct LookArgs {
     pub near: Option<f64>,
 }
 
-/// Which camera.
+/// Options of a camera and its motion.
 #[derive(Args, Clone, Debug)]
 pub struct CameraArgs {
     #[command(flatten)]
@@ -51,19 +51,19 @@ pub struct CameraArgs {
     /// SuperSplat's
     #[arg(short, long, value_name = "PATH", help_heading = "Camera")]
     pub path: Option<PathSpec>,
-    /// How far a dolly goes, metres [default: as far as nothing is in the way]
+    /// Length of a dolly, metres [default: as far as the way is free]
     #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Camera")]
     pub distance: Option<f64>,
-    /// Speed of a camera that stands on no path, metres a second ahead, as of a car: rain and snow come towards it
+    /// Forward speed of a camera without a path, m/s, as in a car: rain and snow come towards it
     #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Camera")]
     pub camera_speed: Option<f64>,
-    /// Write the camera's path to this JSON file: as keyframes, as nerfstudio does in a ...camera_path.json, or as SuperSplat in a ...settings.json
+    /// Write the camera's path to this JSON file: keyframes, or nerfstudio's format for a name that ends in camera_path.json, or SuperSplat's for settings.json
     #[arg(long, value_name = "FILE", help_heading = "Camera")]
     pub save_path: Option<PathBuf>,
 }
 
 impl LookArgs {
-    /// What can be wrong without a scene.
+    /// Checks the options that do not depend on the scene.
     pub fn check(&self) -> Result<()> {
         if let Some(fov) = self.fov
             && !(fov > 0.0 && fov < 180.0)
@@ -81,12 +81,12 @@ impl LookArgs {
         Ok(())
     }
 
-    /// The options that are given by hand.
+    /// Returns the view options that were given.
     pub fn options(&self) -> view::Options {
         view::Options { up: None, fov: self.fov, near: self.near, size: self.size }
     }
 
-    /// The camera that is asked for or chosen, said on the error stream if chosen.
+    /// Returns the camera of the options, or chooses one and prints it on the error stream.
     pub fn start(&self, loaded: &mut OpenScene) -> Result<Camera> {
         let options = self.options();
         if let Some(spec) = &self.camera {
@@ -99,7 +99,7 @@ impl LookArgs {
 }
 
 impl CameraArgs {
-    /// What can be wrong without a scene.
+    /// Checks the options that do not depend on the scene.
     pub fn check(&self) -> Result<()> {
         if let Some(distance) = self.distance
             && !(distance.is_finite() && distance > 0.0)
@@ -107,14 +107,14 @@ impl CameraArgs {
             bail!("--distance {distance}: must be finite and above 0");
         }
         if self.distance.is_some() && self.path != Some(PathSpec::Dolly) {
-            bail!("--distance is that of --path dolly");
+            bail!("--distance needs --path dolly");
         }
         if let Some(speed) = self.camera_speed {
             if !speed.is_finite() || speed.abs() > 1000.0 {
                 bail!("--camera-speed {speed}: must be a number from -1000 to 1000 m/s");
             }
             if self.path.is_some() {
-                bail!("--camera-speed: a camera on a --path has the speed of it; leave one of them out");
+                bail!("--camera-speed: cannot be used with --path, which sets the speed");
             }
         }
         self.look.check()?;
@@ -128,12 +128,12 @@ impl CameraArgs {
     }
 }
 
-/// Where the camera is at each instant, and which instants there are.
+/// The camera at each time, and the times of the frames.
 pub struct CameraPlan {
     path: CameraMotion,
     size: (u32, u32),
     start: f64,
-    /// m/s ahead, where the camera stands.
+    /// Forward speed of a camera without a path, m/s.
     speed: f64,
     /// Frames a second.
     pub rate: FrameRate,
@@ -147,7 +147,7 @@ enum CameraMotion {
 }
 
 impl CameraPlan {
-    /// Plans what the options ask for.
+    /// Builds the plan for the options.
     pub(super) fn plan(
         args: &CameraArgs,
         output: &OutputArgs,
@@ -194,7 +194,7 @@ impl CameraPlan {
         let seconds = length.unwrap_or(if duration > 0.0 { duration } else { DEFAULT_SECONDS });
         let frames = if still { 1 } else { output.fps.frames_within(seconds).max(1) };
         if frames > MAX_FRAMES {
-            bail!("{frames} frames are too many for one run: the most is {MAX_FRAMES}");
+            bail!("{frames} frames are too many for one run: the maximum is {MAX_FRAMES}");
         }
         let speed = args.camera_speed.unwrap_or(0.0);
         let shot = Self { path: way, size, start: output.time, speed, rate: output.fps, frames };
@@ -202,7 +202,7 @@ impl CameraPlan {
         Ok(shot)
     }
 
-    /// A camera that stands still, at the instant `start` and for no longer.
+    /// Returns the plan of a fixed camera for one frame at the time `start`.
     #[cfg(feature = "viewer")]
     pub fn still(camera: Camera, start: f64) -> Self {
         let size = (camera.width, camera.height);
@@ -216,7 +216,7 @@ impl CameraPlan {
         }
     }
 
-    /// A camera on a path, for pictures of `size`, at the instant `start` and for no longer.
+    /// Returns the plan of a camera on a path for one frame of `size`, px, at the time `start`.
     #[cfg(feature = "viewer")]
     pub fn along(path: Path, size: (u32, u32), start: f64) -> Self {
         Self {
@@ -229,7 +229,7 @@ impl CameraPlan {
         }
     }
 
-    /// The camera at `time`.
+    /// Returns the camera at `time`, seconds.
     pub fn camera(&self, time: f64) -> Camera {
         match &self.path {
             CameraMotion::Still(camera) => **camera,
@@ -237,7 +237,7 @@ impl CameraPlan {
         }
     }
 
-    /// The camera at `time`, and how fast it goes.
+    /// Returns the camera at `time`, seconds, with its velocity.
     pub fn moving(&self, time: f64, metres_per_unit: f64) -> MovingCamera {
         let camera = self.camera(time);
         let velocity = match &self.path {
@@ -250,12 +250,12 @@ impl CameraPlan {
         MovingCamera { camera, velocity: velocity.to_array() }
     }
 
-    /// The instant of frame `index`, seconds.
+    /// Returns the time of frame `index`, seconds.
     pub fn time(&self, index: u32) -> f64 {
         self.start + self.rate.seconds(u64::from(index))
     }
 
-    /// What the cameras depend on, to tell one shot from another.
+    /// Returns a text that differs for different camera plans.
     pub fn fingerprint(&self) -> String {
         match &self.path {
             CameraMotion::Still(camera) => format!("{camera:?}"),

@@ -44,29 +44,29 @@ pub struct RenderArgs {
     run: RunArgs,
 }
 
-/// What to write.
+/// Options of the output.
 #[derive(Args, Debug)]
 struct OutputArgs {
-    /// Where to: a .png, .exr or .npy picture, an .mp4 video, or a folder of frames
+    /// Output: a .png, .exr or .npy picture, an .mp4 video, or a folder of frames
     /// [default: named after scene and weather, in this folder]
     #[arg(short, long, value_name = "PATH", help_heading = "Output")]
     out: Option<PathBuf>,
-    /// Pictures beside the colour: depth (metres), median-depth, normal, alpha, particles (what falls, with its
-    /// coverage), transmittance (of the air: one render more), clean (without air and fall: one more), airlight (what
-    /// the air adds: three); each with .png, .exr or .npy behind it for another format than the colour's
+    /// Further pictures: depth (metres), median-depth, normal, alpha, particles (rain and snow in the air, with their
+    /// coverage), transmittance (of the air: one more render), clean (without air and particles: one more), airlight (light
+    /// that the air adds: three more); append .png, .exr or .npy to choose another format than the colour's
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     also: Vec<ExtraPicture>,
     /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay, filtered and final;
     /// with --set fidelity=paper
     #[arg(long, help_heading = "Output")]
     stages: bool,
-    /// Put the pictures of --also that have no format behind them into the colour's .exr, as layers
+    /// Write the pictures of --also that have no format of their own as layers of the colour's .exr
     #[arg(long, requires = "also", help_heading = "Output")]
     layers: bool,
     /// Format of the frames in a folder: png, exr or npy
     #[arg(long, value_name = "FORMAT", default_value = "png", help_heading = "Output")]
     frame_format: PictureFormat,
-    /// Frames a second, such as 30, 29.97 or 30000/1001
+    /// Frame rate, frames a second, such as 30, 29.97 or 30000/1001
     #[arg(
         long,
         value_name = "RATE",
@@ -75,17 +75,17 @@ struct OutputArgs {
         help_heading = "Output"
     )]
     fps: video::FrameRate,
-    /// Length of a video, seconds [default: that of the camera's path, else 5]
+    /// Length of a video, seconds [default: length of the camera's path, else 5]
     #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Output")]
     seconds: Option<f64>,
-    /// Only these frames of the sequence, by number from 0: 300..420 (without 420), 300..=420 or 300..; in a folder
-    /// they keep their numbers, and their instants are those they have in the whole sequence
+    /// Render only these frames of the sequence, counted from 0: 300..420 (without 420), 300..=420 or 300..; they keep
+    /// the numbers and times that they have in the whole sequence
     #[arg(long, value_name = "RANGE", allow_hyphen_values = true, help_heading = "Output")]
     frames: Option<FrameRange>,
-    /// Only every N-th frame, from the first on; a video of them plays N times as fast
+    /// Render only every N-th frame, from the first on; a video of them plays N times as fast
     #[arg(long, value_name = "N", default_value = "1", help_heading = "Output")]
     frame_step: NonZeroU32,
-    /// Instant of a picture, and of a video's first frame, seconds
+    /// Time of a picture, and of a video's first frame, seconds
     #[arg(
         long,
         value_name = "S",
@@ -94,33 +94,33 @@ struct OutputArgs {
         help_heading = "Output"
     )]
     time: f64,
-    /// What stands behind all splats: auto, sky, black or #rrggbb; auto is a plain sky where the scene has
-    /// none. The sky of a weather (--set sky=overcast) takes its place
+    /// Background behind all splats: auto, sky, black or #rrggbb; auto is a plain sky if the scene has
+    /// none. The sky of a weather (--set sky=overcast) replaces it
     #[arg(long, value_name = "COLOR", default_value = "auto", help_heading = "Output")]
     background: BackgroundChoice,
-    /// How splats smaller than a pixel are drawn: classic or antialiased [default: from the file, else
+    /// Rendering of splats smaller than a pixel: classic or antialiased [default: from the file, else
     /// classic]
     #[arg(long, value_name = "MODE", value_parser = parse_rasterization, help_heading = "Output")]
     rasterization: Option<Rasterization>,
-    /// How 8-bit pictures are quantised
+    /// Quantisation of 8-bit pictures
     #[arg(long, value_enum, default_value = "ordered", help_heading = "Output")]
     dither: DitherChoice,
-    /// Who encodes videos
+    /// Encoder of videos
     #[arg(long, value_enum, default_value = "builtin", help_heading = "Output")]
     encoder: EncoderChoice,
-    /// Bits a second of a video [default: the same good quality, whatever it takes]
+    /// Bit rate of a video, bits a second [default: constant quality]
     #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Output")]
     bitrate: Option<u32>,
 }
 
 impl OutputArgs {
-    /// Whether it names frames of a sequence.
+    /// Returns true if frames of a sequence are selected.
     fn asks_for_frames(&self) -> bool {
         self.frames.is_some() || self.frame_step.get() > 1
     }
 }
 
-/// What stands behind all splats.
+/// The background behind all splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum BackgroundChoice {
     Auto,
@@ -154,7 +154,7 @@ pub fn parse_rasterization(text: &str) -> Result<Rasterization, String> {
     }
 }
 
-/// Where the frames go.
+/// Destination of the frames.
 enum OutputTarget {
     Picture(PathBuf),
     Video(PathBuf),
@@ -162,7 +162,7 @@ enum OutputTarget {
 }
 
 impl OutputTarget {
-    /// Whether it can be written, as far as that can be told before there are frames.
+    /// Checks that the output can be written, as far as possible before rendering.
     fn check(&self) -> Result<()> {
         match self {
             Self::Picture(path) | Self::Video(path) => check_writable(path)?,
@@ -178,7 +178,7 @@ impl OutputTarget {
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<()> {
-    // All that may be wrong and is cheap to check comes before the scene is read.
+    // Cheap checks come before the scene is read.
     let weather = args.weather.read()?;
     if args.pairs.is_asked_for()? {
         return pairs::run(args, &weather);
@@ -226,18 +226,18 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
 }
 
-/// All that frames are made of.
+/// The scene, the weather and the camera of the frames to render.
 struct RenderJob {
     renderer: Renderer,
     place: PreparedPlace,
     weather: Weather,
     shot: CameraPlan,
-    /// Parts of the picture that take renders of their own.
+    /// Picture parts that need extra renders.
     parts: Vec<PicturePart>,
 }
 
 impl RenderJob {
-    /// Prepares a place for a weather.
+    /// Prepares the scene for the weather.
     fn new(
         mut loaded: OpenScene,
         config: RenderConfig,
@@ -251,7 +251,7 @@ impl RenderJob {
         Ok(Self { renderer, place, weather, shot, parts })
     }
 
-    /// Renders the instant `time`.
+    /// Renders the frame at `time`, seconds.
     fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
         let camera = self.shot.moving(time, self.place.site().metres_per_unit);
         let options = FrameOptions { parts: &self.parts, ..FrameOptions::new(time, camera) };
@@ -284,7 +284,7 @@ impl RenderJob {
         Ok(())
     }
 
-    /// How the frame of the instant `time` is written.
+    /// Returns the style in which the frame at `time` is written.
     fn style(&self, args: &RenderArgs, depth_scale: DepthScale, time: f64) -> PictureStyle {
         let (scene, site) = (args.scene.scene.display().to_string(), self.place.site());
         let camera = self.shot.camera(time);

@@ -1,4 +1,4 @@
-//! Data sets: every photo's view with and without a weather, and what lies between the two.
+//! Data sets: every photo's view with and without a weather, and the maps that relate the two.
 
 use super::{RenderArgs, background};
 use crate::interrupt::Interrupted;
@@ -22,9 +22,9 @@ use wm_scene::files::write_atomically;
 use wm_scene::{Camera, SceneView};
 use wm_weather::{Fidelity, ParamValue, Weather};
 
-/// The file that says what the pictures of the folder are.
+/// The file that describes the pictures of the folder.
 const MANIFEST: &str = "manifest.json";
-/// The folders, and the format of the files in them; the last is written last.
+/// The folders and the format of their files, in the order of writing.
 const FOLDERS: [(&str, PictureFormat); 5] = [
     ("clean", PictureFormat::Png),
     ("weather", PictureFormat::Png),
@@ -36,11 +36,11 @@ const FOLDERS: [(&str, PictureFormat); 5] = [
 /// Options of data sets.
 #[derive(Args, Clone, Debug)]
 pub struct PairsArgs {
-    /// Every camera of a set, for --pairs: capture (the scene's photos, or those of --views)
+    /// Cameras of --pairs: capture (the scene's photos, or those of --views)
     #[arg(long, value_name = "SET", help_heading = "Camera")]
     cameras: Option<CameraSet>,
-    /// A data set: of every camera of --cameras, at the instant --time, the picture with and without the weather, depth,
-    /// transmittance and a mask of what falls, into the folder --out; three renders a camera
+    /// Write a data set into the folder --out: for every camera of --cameras, at --time, the picture with and without the
+    /// weather, depth, transmittance and a mask of particles; three renders per camera
     #[arg(long, help_heading = "Output")]
     pairs: bool,
 }
@@ -48,15 +48,15 @@ pub struct PairsArgs {
 /// Sets of cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum CameraSet {
-    /// Those of the photos.
+    /// The cameras of the photos.
     Capture,
 }
 
 impl PairsArgs {
-    /// Whether a data set is asked for.
+    /// Returns true if a data set is requested.
     ///
     /// # Errors
-    /// One of the options is there without the other.
+    /// One of the options is given without the other.
     pub fn is_asked_for(&self) -> Result<bool> {
         match (self.pairs, self.cameras) {
             (true, None) => bail!("--pairs: of which cameras? Add --cameras capture for those of the photos"),
@@ -66,11 +66,11 @@ impl PairsArgs {
     }
 }
 
-/// One photo's view.
+/// The camera of one photo.
 struct PhotoView {
     /// The photo's name.
     photo: String,
-    /// The same without folders that lead out of here and, mostly, extension.
+    /// The name for output files, without folders outside of this one and, mostly, without extension.
     name: String,
     camera: Camera,
 }
@@ -81,7 +81,7 @@ impl PhotoView {
     }
 }
 
-/// The pictures of one view.
+/// The two pictures of one view.
 #[derive(Default)]
 struct FramePair {
     clean: Frame,
@@ -158,7 +158,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     Ok(())
 }
 
-/// What can be wrong without a scene; returns the folder.
+/// Checks the options that do not depend on the scene; returns the folder.
 fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
     let (camera, output) = (&args.camera, &args.output);
     for (given, option) in [

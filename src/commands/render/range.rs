@@ -1,4 +1,4 @@
-//! Which frames of a sequence are made.
+//! The selection of frames of a sequence.
 
 use anyhow::{Result, bail};
 use std::fmt;

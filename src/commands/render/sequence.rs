@@ -123,8 +123,8 @@ fn renderer(job: &mut RenderJob) -> impl FnMut(u32, &mut Picture) -> Result<()> 
     |index, picture| job.render(job.shot.time(index), picture).map(drop)
 }
 
-/// What the frames of a folder depend on: the whole sequence, whichever of its frames are asked for, so that several
-/// runs may fill one folder.
+/// Returns everything that the frames of a folder depend on. It describes the whole sequence, whichever frames are selected,
+/// so that several runs may fill one folder.
 fn manifest(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
     let scene = &args.scene.scene;
     let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;

@@ -1,7 +1,7 @@
 //! In a build with networks: Depth Anything.
 
 use super::super::PriorsArgs;
-use super::super::work::{PriorAnswer, PriorSource};
+use super::super::work::{PriorAnswer, PriorEstimator};
 use super::{SizeArg, VersionArg};
 use crate::dataset::Dataset;
 use crate::weights::PublishedWeights;
@@ -22,7 +22,7 @@ struct Network {
 }
 
 /// Gets and reads the weights. What is downloaded is said before.
-pub fn open(args: &PriorsArgs) -> Result<Box<dyn PriorSource>> {
+pub fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
     let given = &args.network;
     let version = match given.version {
         VersionArg::V1 => Version::V1,
@@ -78,7 +78,7 @@ const fn bytes(size: ModelSize) -> u64 {
     }
 }
 
-impl PriorSource for Network {
+impl PriorEstimator for Network {
     fn name(&self) -> String {
         self.name.clone()
     }
