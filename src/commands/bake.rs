@@ -1,4 +1,4 @@
-//! `bake`: a scene with what lies on it under a weather, as an ordinary scene for other programs.
+//! `bake`: writes a scene with its snow or dust cover as an ordinary scene file for other programs.
 
 use crate::names::stem_of;
 use crate::progress::Reporter;
@@ -19,7 +19,7 @@ pub struct BakeArgs {
     scene: SceneArgs,
     #[command(flatten)]
     weather: WeatherArgs,
-    /// The instant of the weather, s
+    /// Time of the weather, seconds
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     time: f64,
     /// Output file; its extension is the format: .ply, .spz, .sog, .glb and others [default: a .ply named after scene and

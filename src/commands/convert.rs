@@ -31,16 +31,16 @@ use wm_scene::{Metadata, Scene};
                         weather-magician convert town.sog small.glb --max-splats 500000 --up 0,1,0"
 )]
 pub struct ConvertArgs {
-    /// A scene and what it becomes, IN OUT; with --to any number of scenes
+    /// Input and output scene; with --to any number of input scenes
     #[arg(required = true, value_name = "PATH")]
     paths: Vec<PathBuf>,
-    /// Take every path for a scene, and write each with this ending, such as spz
+    /// Convert every given scene to the format with this extension, such as spz
     #[arg(long, value_name = "ENDING")]
     to: Option<String>,
     /// Output folder, with --to [default: beside each scene]
     #[arg(long, value_name = "FOLDER", requires = "to")]
     folder: Option<PathBuf>,
-    /// Leave out splats that hold NaN or infinite numbers, and go on
+    /// Remove splats that contain NaN or infinite numbers, and continue
     #[arg(long)]
     repair: bool,
     /// Level of a scene with several levels of detail; 0 is the finest [default: the finest, or the finest that fits
@@ -62,22 +62,22 @@ pub struct ConvertArgs {
 /// Changes to apply, in this order.
 #[derive(Args, Debug)]
 struct ChangeArgs {
-    /// Keep what is in a box, in the axes of the scene as it is: two corners
+    /// Keep only splats in this box, two corners in the axes of the input scene
     #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true, help_heading = "Change")]
     crop: Option<Box3>,
-    /// Turn the scene so that its up becomes this direction, such as 0,1,0
+    /// Rotate the scene so that up becomes this direction, such as 0,1,0
     #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Change")]
     up: Option<DVec3>,
-    /// Up in the axes of the scene as it is, for --up [default: from the file, the photos or the splats]
+    /// Up direction in the input scene, for --up [default: from the file, the photos or the splats]
     #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Change")]
     up_now: Option<DVec3>,
-    /// Make all lengths this many times as long; `metres` makes a unit a metre where the scene knows its scale
+    /// Multiply all lengths by this factor; `metres` makes a unit a metre if the scene's scale is known
     #[arg(long, value_name = "FACTOR", help_heading = "Change")]
     scale: Option<Scale>,
-    /// Leave out SH above this degree, 0 to 3
+    /// Remove SH above this degree, 0 to 3
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Change")]
     sh_degree: Option<u8>,
-    /// Reduce to this many splats, by what is seen of each from places about the scene
+    /// Reduce to this many splats; keeps those that contribute most to views around the scene
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Change")]
     max_splats: Option<u64>,
 }
@@ -168,7 +168,7 @@ fn jobs(args: &ConvertArgs) -> Result<Vec<(&Path, PathBuf)>> {
     let Some(ending) = &args.to else {
         let [scene, out] = &args.paths[..] else {
             bail!(
-                "{} paths: give a scene and what it becomes, or --to and any number of scenes",
+                "{} paths: give an input and an output scene, or --to and any number of input scenes",
                 args.paths.len()
             );
         };
@@ -196,7 +196,7 @@ fn jobs(args: &ConvertArgs) -> Result<Vec<(&Path, PathBuf)>> {
     Ok(jobs)
 }
 
-/// Converts one; returns what to say of it.
+/// Converts one scene; returns the lines to print.
 fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
     let change = &args.change;
     let level = match (args.level, change.max_splats) {

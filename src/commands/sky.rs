@@ -1,4 +1,4 @@
-//! `sky`: a panorama of the sky out of the photos of a data set, for `sky.panorama` of a weather.
+//! `sky`: makes a panorama of the sky from the photos of a data set, for `sky.panorama` of a weather.
 //!
 //! What of each photo is sky is told as for training ([`wm_train::priors::sky`]). A direction takes the mean of the photos
 //! that show sky there, each the less the nearer it is to the photo's edge, so that seams are soft. What no photo
@@ -30,7 +30,7 @@ const LONGEST: u32 = 1200;
 const FADE: f64 = 0.15;
 /// Angle over which the colour of a row is blended, degrees.
 const SPREAD: f32 = 4.0;
-/// Light below which something is no sky, in medians of what was taken for it; as the survey has it.
+/// Least brightness of the sky as a multiple of the median of its pixels; the same as in the survey.
 const DARK: f64 = 0.65;
 
 /// Options of `sky`.
@@ -41,7 +41,7 @@ pub struct SkyArgs {
     /// Output file: a .png
     #[arg(short, long, value_name = "PATH", default_value = "sky.png")]
     out: PathBuf,
-    /// Width, px; it is half as high
+    /// Width, px; the height is half of it
     #[arg(long, value_name = "PX", default_value_t = 2048, value_parser = clap::value_parser!(u32).range(64..=8192))]
     width: u32,
     /// Folder of the photos [default: from the model]
@@ -188,7 +188,7 @@ fn rings(sums: &[[f32; 4]], width: usize) -> Vec<[f32; 3]> {
     (0..rows.len()).into_par_iter().map(ring).collect()
 }
 
-/// Forgets what is far darker than the rest: branches and walls that were taken for sky.
+/// Removes pixels that are far darker than the rest: branches and walls that were classified as sky.
 fn drop_dark(sums: &mut [[f32; 4]]) {
     let light = |sum: &[f32; 4]| luminance([0, 1, 2].map(|k| srgb_decode(f64::from(sum[k] / sum[3]))));
     let mut seen: Vec<f64> = sums.iter().filter(|sum| sum[3] > 0.0).map(light).collect();

@@ -18,7 +18,7 @@ pub struct ViewArgs {
     scene: SceneArgs,
     #[command(flatten)]
     weather: WeatherArgs,
-    /// A panorama that the page offers as a sky, beside that of the weather; may be given several times
+    /// Panorama that the page offers as a sky, in addition to the weather's; may be given several times
     #[arg(long, value_name = "FILE", help_heading = "Weather")]
     panorama: Vec<PathBuf>,
     #[command(flatten)]
@@ -35,7 +35,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
     args.server.guard()?;
     let mut weather = args.weather.read()?;
     // Saved files lie elsewhere than the weather that was read.
-    let here = std::env::current_dir().context("this folder is gone")?;
+    let here = std::env::current_dir().context("cannot find the current folder")?;
     weather.resolve_images(&here);
     let panorama =
         |path: &PathBuf| -> Result<_> { Ok((here.join(path).display().to_string(), read_panorama(path)?)) };

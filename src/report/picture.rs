@@ -23,7 +23,7 @@ pub enum MapCell {
     At(f64),
     /// Known, but not rendered.
     Missing,
-    /// Not known.
+    /// Unknown.
     Unknown,
 }
 

@@ -19,9 +19,9 @@ const TICKS: f64 = 6.0;
 /// Scale of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AxisScale {
-    /// Evenly.
+    /// Linear.
     Linear,
-    /// By their logarithm; those not above 0 are left out.
+    /// Logarithmic; numbers that are not above 0 are left out.
     Log,
 }
 
@@ -49,7 +49,7 @@ impl Axis {
 /// Style of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SeriesStyle {
-    /// A dot each.
+    /// Dots.
     Points,
     /// A line.
     Line,
@@ -139,7 +139,7 @@ impl Ruler {
     }
 }
 
-/// A number as short as it is told from its neighbours.
+/// Formats a number of an axis.
 fn number(value: f64) -> String {
     let size = value.abs();
     if size != 0.0 && !(1e-3..1e5).contains(&size) {
@@ -155,7 +155,7 @@ impl Plot {
         self.series.iter().all(|series| series.points.is_empty())
     }
 
-    /// The SVG.
+    /// Returns the plot as SVG.
     pub fn svg(&self) -> String {
         let all =
             |k: usize| self.series.iter().flat_map(move |series| series.points.iter().map(move |p| p[k]));

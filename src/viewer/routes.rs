@@ -73,7 +73,7 @@ pub fn routes(context: Arc<ViewerContext>) -> Router {
         .with_state(context)
 }
 
-/// The context, once the scene is there.
+/// Returns an error unless the scene is loaded.
 fn check_loaded(context: &ViewerContext) -> Result<(), RequestError> {
     if context.is_loaded() {
         Ok(())

@@ -34,14 +34,14 @@ use wm_weather::cover::Buried;
 pub struct BenchArgs {
     /// Scenes to render, each by itself [default: a made-up one of --splats]
     scenes: Vec<PathBuf>,
-    /// Splats of the made-up scene
+    /// Number of splats of the synthetic scene
     #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = clap::value_parser!(u32).range(1..=50_000_000))]
     splats: u32,
-    /// SH degree of the made-up scene
+    /// SH degree of the synthetic scene
     #[arg(long, value_name = "DEGREE", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: u8,
-    /// From where: EYE:TARGET as X,Y,Z:X,Y,Z, or a photo's name or number [default: chosen by looking at
-    /// the scene]
+    /// Camera: EYE:TARGET as X,Y,Z:X,Y,Z, or a photo's name or number [default: chosen
+    /// automatically]
     #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true)]
     camera: Option<CameraSpec>,
     /// Picture size, px
@@ -50,25 +50,25 @@ pub struct BenchArgs {
     /// Vertical field of view, degrees [default: 50, or the photo's]
     #[arg(long, value_name = "DEGREES")]
     fov: Option<f64>,
-    /// Rounds to measure, after two to warm up
+    /// Number of rounds to measure, after two warm-up rounds
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     frames: u32,
-    /// Only rgb and the cases whose name holds this, such as rain; without threads and SIMD paths
+    /// Measure only rgb and the cases whose name contains this, such as rain; skips threads and SIMD paths
     #[arg(long, value_name = "TEXT")]
     cases: Option<String>,
-    /// Leave out the splats of the sky
+    /// Do not render the splats of the sky
     #[arg(long)]
     drop_sky: bool,
-    /// Measure steps of training instead of frames
+    /// Measure training steps instead of frames
     #[arg(long)]
     training: bool,
-    /// The paper's Table I, frames a second in clear air, fog, rain or snowfall and under snow, beside the paper's figures, as Markdown
+    /// Measure the paper's Table I (frames a second in clear air, fog, rain or snowfall, and snow cover) and print it with the paper's numbers as Markdown
     #[arg(long, conflicts_with_all = ["training", "cases"])]
     paper: bool,
-    /// Devices of that table, as for --device, such as cpu,gpu [default: that of --device]
+    /// Devices of the table, as for --device, such as cpu,gpu [default: the one of --device]
     #[arg(long, value_name = "LIST", value_delimiter = ',', requires = "paper")]
     devices: Vec<Device>,
-    /// Write that table as speed.md, .csv and .json into this folder, with plots as SVG
+    /// Write the table as speed.md, .csv and .json into this folder, with plots as SVG
     #[arg(long, value_name = "FOLDER", requires = "paper")]
     report: Option<PathBuf>,
     /// Print everything as JSON
@@ -110,7 +110,7 @@ fn each<R>(
 ) -> Result<Vec<R>> {
     if args.scenes.is_empty() {
         let (mut loaded, camera) = made_up(args)?;
-        return Ok(vec![measure(&format!("made-up, {} splats", args.splats), &mut loaded, camera)?]);
+        return Ok(vec![measure(&format!("synthetic, {} splats", args.splats), &mut loaded, camera)?]);
     }
     let of = |path: &PathBuf| {
         let (mut loaded, camera) = real(path, args)?;
@@ -156,10 +156,10 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(OpenScene, Camera)> {
     Ok((loaded, camera))
 }
 
-/// A scene with what lies on it, in a renderer of its own.
+/// A scene and its cover, in a renderer of its own.
 struct SnowyScene {
     renderer: Renderer,
-    /// The scene, and what lies.
+    /// The splat sets of the scene and its cover.
     sets: [SetId; 2],
     buried: Buried,
 }
@@ -168,7 +168,7 @@ impl SnowyScene {
     fn new(loaded: &mut OpenScene, case: &BenchCase, run: &RunArgs) -> Result<Self> {
         let OpenScene { renderer, place } = loaded;
         let lying = renderer.lying_cover(place, &case.weather, 0.0, &mut Reporter::default())?;
-        let lying = lying.with_context(|| format!("nothing lies in the case {}", case.name))?;
+        let lying = lying.with_context(|| format!("the case {} has no cover", case.name))?;
         let mut renderer = run.renderer()?;
         let backend = renderer.backend_mut();
         let sets = [backend.load(&place.scene().splats)?, backend.load(&lying.splats)?];
@@ -182,7 +182,7 @@ fn cases(loaded: &OpenScene) -> Result<Vec<BenchCase>> {
     BenchCase::all(loaded.place.site(), |outputs| RenderConfig { outputs, ..config })
 }
 
-/// Renders cases in turns, each on the scene with what lies on it under that case.
+/// Renders cases in turns, each on the scene with the cover of its weather.
 fn in_turns(
     loaded: &mut OpenScene,
     camera: &Camera,

@@ -259,7 +259,7 @@ pub fn plots(table: &SpeedTable) -> Vec<(&'static str, Plot)> {
 
 fn write(table: &SpeedTable, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        .with_context(|| format!("cannot create the folder {}", folder.display()))?;
     let json = serde_json::to_string_pretty(table)? + "\n";
     let mut files = vec![("speed.md", table.markdown()), ("speed.csv", csv(table)), ("speed.json", json)];
     files.extend(plots(table).into_iter().map(|(name, plot)| (name, plot.svg())));

@@ -107,7 +107,7 @@ impl PathSpeed {
 }
 
 impl SceneReport {
-    /// Puts together what was measured; `measured` is in the order of `cases`, `rgb` first.
+    /// Builds the report; `measured` is in the order of `cases`, `rgb` first.
     pub fn new(
         scene: &str,
         loaded: &OpenScene,

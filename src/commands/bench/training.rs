@@ -34,7 +34,7 @@ pub struct TrainingReport {
     backward_ms: f64,
     optimizer_ms: f64,
     one_thread_wall_ms: f64,
-    /// Median over the rounds of one thread's wall time by that of all.
+    /// Median over the rounds of one thread's wall time divided by that of all threads.
     speedup: f64,
     /// By the device's own clock, where splats learn on one that has it.
     #[serde(skip_serializing_if = "Option::is_none")]

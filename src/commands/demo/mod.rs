@@ -327,7 +327,7 @@ fn quoted(path: &Path) -> String {
     if text.contains(char::is_whitespace) { format!("\"{text}\"") } else { text }
 }
 
-/// Size of a file in words.
+/// Formats the size of a file.
 fn megabytes(path: &Path) -> String {
     std::fs::metadata(path)
         .map_or_else(|_| "written".into(), |about| format!("{:.1} MB", about.len() as f64 * 1e-6))

@@ -1,4 +1,4 @@
-//! Photos of the built-in street, and what is made of them.
+//! Photos of the built-in street, and their reconstruction.
 
 use crate::commands::reconstruct::{self, ReconstructArgs};
 use crate::interrupt::{self, Interrupted};
@@ -18,7 +18,7 @@ pub enum PhotoRoute {
     /// Along the street, at eye level.
     #[default]
     Walk,
-    /// Around it, from above.
+    /// Around the street, from above.
     Orbit,
 }
 
@@ -28,7 +28,7 @@ pub enum TruthChoice {
     /// They are.
     #[default]
     Write,
-    /// They are not.
+    /// The maps are not written.
     Omit,
 }
 
@@ -62,7 +62,7 @@ impl PhotoSession {
         }
     }
 
-    /// Takes them: a COLMAP data set in `folder`. What is there of an earlier session is replaced.
+    /// Writes the photos as a COLMAP data set into `folder`. Replaces those of an earlier session.
     ///
     /// # Errors
     /// The folder cannot be written, or Ctrl-C was pressed.
@@ -90,7 +90,7 @@ impl PhotoSession {
 
 /// Removes the photos of an earlier session: those that are left over would not belong to the new model.
 ///
-/// Nothing but what a session writes is touched: any other folder of photos is somebody's own.
+/// Removes only files that a session writes: any other data set belongs to the user.
 fn clear(folder: &Path) -> Result<()> {
     let (images, model) = (folder.join("images"), folder.join("sparse"));
     if !images.exists() && !model.exists() {
@@ -107,7 +107,7 @@ fn clear(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Options of a training in words, as the command line has them.
+/// Command line of a training.
 #[derive(Parser, Debug)]
 #[command(no_binary_name = true)]
 struct Words {
@@ -118,7 +118,7 @@ struct Words {
 /// Reconstructs the photos in `folder` into `scene`: the command itself, with these options.
 ///
 /// # Errors
-/// Those of the command.
+/// Options of `reconstruct`.
 pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: &RunArgs) -> Result<()> {
     let run_folder = scene.with_extension("run");
     // The demo begins anew each time; what is left of one that was broken off is in nobody's way.

@@ -37,14 +37,14 @@ pub struct EvaluateArgs {
     truth: truth::TruthArgs,
     #[command(flatten)]
     realism: realism::RealismArgs,
-    /// Write all numbers to this JSON file (docs/evaluate.md says what they are)
+    /// Write all numbers to this JSON file (docs/evaluate.md describes them)
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     json: Option<PathBuf>,
-    /// Write a page to look at: numbers, and pictures of photo, render and error side by side, all in one HTML
+    /// Write an HTML report: numbers, and pictures of photo, render and error side by side, in one
     /// file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
-    /// Most photos whose pictures are in the report, evenly chosen
+    /// Maximum number of photos in the report, evenly spaced
     #[arg(long, value_name = "N", default_value_t = 8, requires = "report", help_heading = "Output")]
     report_photos: u32,
     #[command(flatten)]
@@ -85,9 +85,9 @@ struct PhotoArgs {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum ExposureFitArg {
-    /// Nothing.
+    /// No correction.
     None,
-    /// An affine change of colour a photo.
+    /// An affine change of colour per photo.
     Affine,
 }
 

@@ -18,7 +18,7 @@ pub struct ScoreColumn {
     pub unit: ScoreUnit,
     /// The tables in which it is shown.
     pub place: Placement,
-    /// Its definition, in words.
+    /// Definition of the score.
     pub what: &'static str,
     of: fn(&ViewScores) -> Option<f64>,
 }
@@ -26,20 +26,20 @@ pub struct ScoreColumn {
 /// The form in which a score is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ScoreUnit {
-    /// The number itself, with four digits after the point.
+    /// No unit; four decimals.
     Plain,
     /// dB.
     Decibels,
     /// Degrees.
     Degrees,
-    /// Of a share, as percent.
+    /// A fraction as percent.
     Percent,
 }
 
 /// The tables in which a score is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Placement {
-    /// In the tables, too.
+    /// Also in the tables.
     Table,
     /// Only in the means and the JSON file.
     Means,
@@ -93,7 +93,7 @@ impl ScoreColumn {
         (self.of)(scores).filter(|value| value.is_finite())
     }
 
-    /// The number in words; a dash for none.
+    /// Formats the number; a dash for none.
     pub fn text(&self, value: Option<f64>) -> String {
         match (value, self.unit) {
             (None, _) => "-".into(),
@@ -121,7 +121,7 @@ impl ScoreColumn {
 pub struct EvaluationReport {
     pub scene: String,
     pub dataset: String,
-    /// The choice of photos, in words.
+    /// Description of the chosen photos.
     pub selection: String,
     /// The ground truth.
     pub truth: TruthMaps,
@@ -138,7 +138,7 @@ impl EvaluationReport {
         let (count, all) = (views.len(), data.capture.views.len());
         let selection = match args.photos.held_out.eval_every {
             0 => format!(
-                "all {count} photos, those that the scene learnt from included (--eval-every takes the held-out ones)"
+                "all {count} photos, including those that the scene was trained on (--eval-every selects the held-out ones)"
             ),
             every => format!(
                 "{count} of {all} photos, every {every} from {}",
@@ -165,7 +165,7 @@ impl EvaluationReport {
     pub fn notes(&self) -> Vec<String> {
         let mut notes = vec![format!("{} against {}: {}", self.scene, self.dataset, self.selection)];
         if self.args.photos.exposure_fit == ExposureFitArg::Affine {
-            notes.push("Renders have the change of colour that brings them nearest to their photo.".into());
+            notes.push("The colours of each render are fitted to its photo.".into());
         }
         let TruthMaps { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
         for (kind, folder) in [("depth", depth), ("normals", normal), ("sky", sky)] {
@@ -180,7 +180,7 @@ impl EvaluationReport {
         notes
     }
 
-    /// Floaters in words.
+    /// Describes the floaters.
     pub fn floaters(&self) -> Option<String> {
         let found = self.floaters?;
         Some(format!(

@@ -17,7 +17,7 @@ use wm_train::evaluation::{
 use wm_train::photos::PhotoError;
 use wm_train::session::ObserverError;
 
-/// Measures the photos of `data`; the second value is what is shown of `pictures` photos.
+/// Measures the photos of `data`; also returns the panels of `pictures` photos for the report.
 pub fn measure(
     loaded: OpenScene,
     data: &Dataset,

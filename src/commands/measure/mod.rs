@@ -1,4 +1,4 @@
-//! `measure`: whether a place's weather is what was asked for, by instruments that look at its pictures.
+//! `measure`: compares the weather of rendered pictures with its parameters, using instruments.
 
 mod page;
 mod tables;
@@ -32,12 +32,12 @@ pub struct MeasureArgs {
     scene: Option<PathBuf>,
     #[command(flatten)]
     facts: FactArgs,
-    /// Leave out splats that hold NaN or infinite numbers, and go on
+    /// Remove splats that contain NaN or infinite numbers, and continue
     #[arg(long, help_heading = "Scene")]
     repair: bool,
     #[command(flatten)]
     weather: WeatherArgs,
-    /// The instant of the weather, s
+    /// Time of the weather, seconds
     #[arg(
         long,
         value_name = "S",
@@ -46,15 +46,15 @@ pub struct MeasureArgs {
         help_heading = "Weather"
     )]
     time: f64,
-    /// Only these instruments: visibility, rays, gauge, streaks, stake, budget, consistency, controls [default: all
-    /// that the weather gives something to measure]
+    /// Use only these instruments: visibility, rays, gauge, streaks, stake, budget, consistency, controls [default: all
+    /// that can measure the weather]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     instruments: Vec<String>,
-    /// From where the place itself is looked at: EYE:TARGET as X,Y,Z:X,Y,Z, or a photo's name or number [default: chosen
-    /// by looking at the scene]
+    /// Camera for views of the scene: EYE:TARGET as X,Y,Z:X,Y,Z, or a photo's name or number [default: chosen
+    /// automatically]
     #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true)]
     camera: Option<CameraSpec>,
-    /// Size of the pictures of the place, px
+    /// Size of the pictures of the scene, px
     #[arg(long, value_name = "WxH", value_parser = spec::parse_size, default_value = "480x320")]
     size: (u32, u32),
     /// Write a report for a browser, report.html, into this folder, with all numbers as readings.json, .csv and .md, and its
@@ -72,7 +72,7 @@ pub struct MeasureArgs {
 struct InstrumentTask {
     instrument: &'static Instrument,
     weather: Weather,
-    /// The weather in words.
+    /// Description of the weather.
     setting: String,
 }
 
@@ -124,7 +124,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     let tasks = tasks(args)?;
     if let Some(folder) = &args.report {
         std::fs::create_dir_all(folder)
-            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+            .with_context(|| format!("cannot create the folder {}", folder.display()))?;
         check_writable(&folder.join(PAGE))?;
     }
     let started = Instant::now();
@@ -145,7 +145,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     }
     match report.verdict() {
         [_, 0] => Ok(()),
-        [right, off] => bail!("{off} of {} readings are not as asked", right + off),
+        [right, off] => bail!("{off} of {} readings are outside of their tolerance", right + off),
     }
 }
 
@@ -173,7 +173,7 @@ fn write(report: &MeasureReport, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The instruments that are asked for.
+/// Returns the instruments that are requested.
 fn instruments(args: &MeasureArgs) -> Result<Vec<&'static Instrument>> {
     if args.instruments.is_empty() {
         return Ok(INSTRUMENTS.iter().collect());
@@ -181,7 +181,7 @@ fn instruments(args: &MeasureArgs) -> Result<Vec<&'static Instrument>> {
     let find = |name: &String| {
         INSTRUMENTS.iter().find(|instrument| instrument.name == name).with_context(|| {
             let names: Vec<&str> = INSTRUMENTS.iter().map(|instrument| instrument.name).collect();
-            format!("--instruments {name}: there are {}", names.join(", "))
+            format!("--instruments {name}: unknown; the instruments are {}", names.join(", "))
         })
     };
     args.instruments.iter().map(find).collect()

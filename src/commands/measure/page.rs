@@ -21,10 +21,12 @@ pub fn page(report: &MeasureReport) -> Result<String> {
     let [right, off] = report.verdict();
     let mut out = head(&format!("Weather measured: {}", report.place), STYLE);
     let verdict = if off == 0 {
-        format!("<p class=\"verdict\"><b class=\"pass\">{right} of {right}</b> readings are as asked.</p>")
+        format!(
+            "<p class=\"verdict\"><b class=\"pass\">{right} of {right}</b> readings are within their tolerance.</p>"
+        )
     } else {
         format!(
-            "<p class=\"verdict\"><b class=\"fail\">{off} of {}</b> readings are not as asked.</p>",
+            "<p class=\"verdict\"><b class=\"fail\">{off} of {}</b> readings are outside of their tolerance.</p>",
             right + off
         )
     };
@@ -228,7 +230,7 @@ fn against(section: &InstrumentSection) -> Vec<Plot> {
             let label = if unit.is_empty() { what.to_owned() } else { format!("{what}, {unit}") };
             if low > 0.0 && high / low > 8.0 { Axis::log(label) } else { Axis::linear(label) }
         };
-        let mut series = vec![Series::line("as asked", vec![[low, low], [high, high]])];
+        let mut series = vec![Series::line("exact", vec![[low, low], [high, high]])];
         series.extend(own.map(|(name, _, points)| Series::points(*name, points.clone())));
         Plot {
             title: format!("{}: asked and measured", section.instrument.title),
@@ -240,7 +242,7 @@ fn against(section: &InstrumentSection) -> Vec<Plot> {
     units.iter().map(plot).collect()
 }
 
-/// All plots as files: their names and what is in them.
+/// Returns all plots as files: name and content.
 pub fn plots(report: &MeasureReport) -> Vec<(String, String)> {
     let of = |section: &InstrumentSection| {
         let own = section.findings.iter().flat_map(|finding| finding.plots.clone());

@@ -18,11 +18,11 @@ const SMALL: usize = 60_000;
 const LARGE: usize = 300_000;
 /// Share of disparity that is shown as near as it gets: the nearest spoil the colours of the rest.
 const NEAREST: f64 = 0.98;
-/// Tints of the sky, and of what cannot be told.
+/// Tints of the sky, and of unknown pixels.
 const SKY: [f32; 3] = [0.1, 0.5, 1.0];
 const UNKNOWN: [f32; 3] = [1.0, 0.75, 0.1];
 
-/// Writes `preview.png`, and a picture of each photo if that is asked for.
+/// Writes `preview.png`, and a picture of each photo if requested.
 pub fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
     let folder = args.out();
     let Some(priors) = Priors::open(&folder)? else { return Ok(()) };

@@ -54,7 +54,7 @@ impl TrainObserver for TrainingConsole<'_> {
     fn on_warning(&mut self, warning: &TrainWarning) {
         match warning {
             TrainWarning::ManyPhotos { photos, most } => eprintln!(
-                "geometry: {photos} photos are more than depth is estimated for by default ({most}); --priors photos \
+                "geometry: {photos} photos are more than the {most} for which depth is estimated by default; --priors photos \
                  does it, in about a second a photo, or `weather-magician priors` once for all trainings"
             ),
             warning => eprintln!("warning: {warning}"),
@@ -74,7 +74,7 @@ impl TrainObserver for TrainingConsole<'_> {
                 eprintln!("{}: {found} of {photos} photos have priors", folder.display());
             }
             TrainNotice::Resumed { folder, step } => {
-                eprintln!("{}: going on after step {step}", folder.display());
+                eprintln!("{}: continuing after step {step}", folder.display());
             }
             TrainNotice::NoScaleFromHeight(reason) => {
                 eprintln!("scale: none from the height of the cameras: {reason}");
@@ -140,7 +140,7 @@ impl TrainObserver for TrainingConsole<'_> {
 
     fn wants_image(&mut self, moment: ImageMoment, photo: &Camera) -> Option<Camera> {
         match moment {
-            ImageMoment::Step => self.watch.as_ref()?.wants(photo),
+            ImageMoment::Step => self.watch.as_ref()?.due_picture(photo),
             ImageMoment::Milestone => Some(*photo),
         }
     }

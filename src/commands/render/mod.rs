@@ -140,7 +140,7 @@ impl std::str::FromStr for BackgroundChoice {
                 Ok(wm_weather::ParamValue::Color(rgb)) => {
                     Ok(Self::Color(rgb.map(|v| v.clamp(0.0, 1.0) as f32)))
                 }
-                _ => Err(format!("`{text}` is no background: use auto, sky, black or #rrggbb")),
+                _ => Err(format!("`{text}` is not a background: use auto, sky, black or #rrggbb")),
             },
         }
     }
@@ -150,7 +150,7 @@ pub fn parse_rasterization(text: &str) -> Result<Rasterization, String> {
     match text {
         "classic" => Ok(Rasterization::Classic),
         "antialiased" => Ok(Rasterization::Antialiased),
-        _ => Err(format!("`{text}` is no mode: use classic or antialiased")),
+        _ => Err(format!("`{text}` is not a mode: use classic or antialiased")),
     }
 }
 
@@ -167,7 +167,7 @@ impl OutputTarget {
         match self {
             Self::Picture(path) | Self::Video(path) => check_writable(path)?,
             Self::Folder(path) if path.exists() && !path.is_dir() => bail!(
-                "--out {}: is no folder; give a folder, or a name that ends in .png, .exr, .npy or .mp4",
+                "--out {}: is not a folder; give a folder, or a name that ends in .png, .exr, .npy or .mp4",
                 path.display()
             ),
             Self::Folder(_) => {}
@@ -320,7 +320,7 @@ fn target_of(args: &RenderArgs, weather: &Weather) -> Result<OutputTarget> {
     if let Some(seconds) = args.output.seconds
         && !(seconds.is_finite() && seconds > 0.0)
     {
-        bail!("--seconds {seconds}: a video has a length above 0");
+        bail!("--seconds {seconds}: must be above 0");
     }
     if !args.output.time.is_finite() {
         bail!("--time {}: must be a number of seconds", args.output.time);

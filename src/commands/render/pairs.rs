@@ -59,7 +59,7 @@ impl PairsArgs {
     /// One of the options is given without the other.
     pub fn is_asked_for(&self) -> Result<bool> {
         match (self.pairs, self.cameras) {
-            (true, None) => bail!("--pairs: of which cameras? Add --cameras capture for those of the photos"),
+            (true, None) => bail!("--pairs needs cameras: add --cameras capture for those of the photos"),
             (false, Some(_)) => bail!("--cameras is for data sets: add --pairs, or choose one with --camera"),
             (asked, _) => Ok(asked),
         }
@@ -108,11 +108,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let missing: Vec<u32> = (0..shots.len() as u32).filter(|i| !is_there(&shots[*i as usize])).collect();
     let kept = shots.len() - missing.len();
     if kept > 0 {
-        eprintln!(
-            "{}: {kept} of {} photos are there, going on with the others",
-            folder.display(),
-            shots.len()
-        );
+        eprintln!("{}: {kept} of {} photos exist, rendering the others", folder.display(), shots.len());
     }
     let (started, time, clear) = (Instant::now(), args.output.time, Weather::clear());
     let scene = args.scene.scene.display().to_string();
@@ -179,7 +175,7 @@ fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
         bail!("--time {}: must be a number of seconds", output.time);
     }
     if weather.effects().next().is_none() {
-        bail!("--pairs: with and without which weather? Give --weather or --set");
+        bail!("--pairs needs a weather: give --weather or --set");
     }
     if weather.fidelity == Fidelity::Paper {
         bail!("--pairs: {NO_AIR}");
@@ -188,7 +184,7 @@ fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
     let folder = output.out.clone().unwrap_or_else(|| name().into());
     let is_file = PictureFormat::of(&folder).is_some() || folder.extension().is_some_and(|e| e == "mp4");
     if folder.exists() && !folder.is_dir() || is_file && !folder.is_dir() {
-        bail!("--out {}: is no folder; --pairs writes many files, give it a folder", folder.display());
+        bail!("--out {}: is not a folder; --pairs writes many files and needs one", folder.display());
     }
     Ok(folder)
 }
@@ -216,7 +212,7 @@ fn shots(loaded: &mut OpenScene, args: &RenderArgs) -> Result<Vec<PhotoView>> {
         .collect()
 }
 
-/// Names of files: those of the photos without extension, or with it where two are alike without.
+/// Returns the file names: those of the photos without extension, or with it if two photos differ only there.
 fn names(views: &[SceneView]) -> Result<Vec<String>> {
     let whole = |view: &SceneView| -> String {
         // Names come from files of others, which may name places outside of the folder.
@@ -265,7 +261,7 @@ fn write_pair(
     for path in &paths {
         let parent = path.parent().unwrap_or(folder);
         std::fs::create_dir_all(parent)
-            .with_context(|| format!("cannot make the folder {}", parent.display()))?;
+            .with_context(|| format!("cannot create the folder {}", parent.display()))?;
     }
     let [clean, weather, depth, transmittance, particles] = paths;
     wm_media::png::write_rgb(&clean, &pair.clean.rgb, size, clear.dither, &clear.tags)?;
@@ -276,10 +272,10 @@ fn write_pair(
     Ok(())
 }
 
-/// Writes the manifest, or finds that the folder is that of another run.
+/// Writes the manifest; returns an error if the folder has the manifest of another run.
 fn keep(folder: &Path, manifest: &Json) -> Result<()> {
     std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        .with_context(|| format!("cannot create the folder {}", folder.display()))?;
     let path = folder.join(MANIFEST);
     let text = serde_json::to_string_pretty(manifest)?;
     if path.exists() {

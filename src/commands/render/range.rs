@@ -18,7 +18,7 @@ impl std::str::FromStr for FrameRange {
 
     /// Reads `300..420` (without 420), `300..=420` or `300..`.
     fn from_str(text: &str) -> Result<Self, String> {
-        let form = || format!("`{text}` is no range of frames: use 300..420, 300..=420 or 300..");
+        let form = || format!("`{text}` is not a range of frames: use 300..420, 300..=420 or 300..");
         let number = |part: &str| part.trim().parse::<u32>().map_err(|_| form());
         let (first, rest) = text.split_once("..").ok_or_else(form)?;
         let first = number(first)?;

@@ -1,4 +1,4 @@
-//! Frames over time: into a video, or into a folder that a later run can go on with.
+//! Frames over time: a video, or a folder of frames that a later run can complete.
 
 use super::{RenderArgs, RenderJob};
 use crate::interrupt::Interrupted;
@@ -12,7 +12,7 @@ use weather_magician::output::{ExtraPicture, LayerPlacement, PictureStyle};
 use wm_media::{Size, png::DepthScale, video};
 use wm_scene::files::write_atomically;
 
-/// The file in a folder of frames that says what they are frames of.
+/// The file that describes the frames of a folder.
 const MANIFEST: &str = "render.json";
 
 /// Renders the frames of the numbers `wanted`, which are not none, into an MP4.
@@ -57,7 +57,7 @@ pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs
 /// kept.
 pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderArgs) -> Result<()> {
     std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        .with_context(|| format!("cannot create the folder {}", folder.display()))?;
     let manifest = manifest(job, args)?;
     let manifest_path = folder.join(MANIFEST);
     if manifest_path.exists() {
@@ -84,7 +84,7 @@ pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderA
     let missing: Vec<u32> = wanted.iter().copied().filter(|index| !is_there(*index)).collect();
     let kept = all - missing.len() as u32;
     if kept > 0 {
-        eprintln!("{}: {kept} of {all} frames are there, going on with the others", folder.display());
+        eprintln!("{}: {kept} of {all} frames exist, rendering the others", folder.display());
     }
 
     let started = Instant::now();

@@ -25,7 +25,7 @@ pub fn check(weather: &Weather, target: &OutputTarget) -> Result<()> {
     Ok(())
 }
 
-/// Renders and writes the picture of the instant `time`, its steps and what else is asked for beside it; returns a line for
+/// Renders and writes the picture at `time`, its steps and the other pictures that are requested; returns a line for
 /// each file but the picture.
 pub fn picture(
     job: &mut RenderJob,

@@ -9,7 +9,7 @@ use super::scores::{EvaluationReport, Placement, ScoreColumn};
 use crate::report::{escaped, foot, head, picture};
 use std::fmt::Write;
 
-/// The whole page; pictures are those of `shown`.
+/// Returns the whole page, with the pictures of `shown`.
 pub fn page(report: &EvaluationReport, shown: &[PhotoPanels]) -> String {
     let mut style = String::new();
     for (class, ramp) in panels::RAMPS {
@@ -43,7 +43,7 @@ pub fn page(report: &EvaluationReport, shown: &[PhotoPanels]) -> String {
     out
 }
 
-/// The means, each with what it is.
+/// Writes the means, each with its definition.
 fn means(out: &mut String, report: &EvaluationReport) {
     out.push_str("<h2>Means over the photos</h2>\n<div class=\"scroll\"><table class=\"means\">\n<tbody>\n");
     let mut row = |name: &str, value: &str, what: &str| {

@@ -12,11 +12,11 @@ use wm_train::metrics::{
     coverage::{COVERED, SLACK},
 };
 
-/// Largest difference of colours that is told apart.
+/// Largest difference of colours on the colour ramp.
 const COLOR_RANGE: f64 = 0.2;
-/// Largest relative error of depth that is told apart, to both sides.
+/// Largest relative error of depth on the colour ramp, in both directions.
 const DEPTH_RANGE: f64 = 0.2;
-/// Largest angle that is told apart, degrees.
+/// Largest angle on the colour ramp, degrees.
 const ANGLE_RANGE: f64 = 60.0;
 /// Shares of true depths below and above the range of colours.
 const TAIL: f64 = 0.02;
@@ -53,19 +53,19 @@ struct PanelPicture {
 /// The place of a figure on a narrow screen.
 #[derive(Clone, Copy, PartialEq)]
 enum Width {
-    /// Beside another.
+    /// Half of the page's width.
     Half,
-    /// By itself.
+    /// The whole width.
     Whole,
 }
 
 /// The meaning of colours.
 enum Key {
-    /// They are colours.
+    /// No key: the pixels are colours.
     None,
     /// A bar of the ramp's class, with numbers at equal distances.
     Bar(&'static str, Vec<String>),
-    /// One by one.
+    /// A list of colours with their meanings.
     Fates,
 }
 

@@ -63,7 +63,7 @@ pub struct EmbeddingCache {
 pub const UNFINISHED: &str = "unfinished";
 
 impl EmbeddingCache {
-    /// Reads what is there. What does not fit is left alone until it is written over.
+    /// Reads the file if it exists. A file of other embeddings is ignored until it is overwritten.
     pub fn open(path: Option<PathBuf>, identity: u64, width: usize) -> Result<Self> {
         let mut before = HashMap::new();
         if let Some(path) = &path {
@@ -102,7 +102,7 @@ impl EmbeddingCache {
         Ok(())
     }
 
-    /// Writes what is there so far, and says where.
+    /// Writes the embeddings so far and returns the path.
     pub fn keep(&mut self) -> Result<Option<PathBuf>> {
         let Some(path) = &self.path else { return Ok(None) };
         let path = named(path, UNFINISHED);

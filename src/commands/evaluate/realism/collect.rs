@@ -12,7 +12,7 @@ use wm_scene::capture::header::read_header;
 use wm_train::metrics::Embeddings;
 use wm_train::photos::read_picture;
 
-/// A part with what its pictures show.
+/// A set of pictures with its embeddings.
 pub struct CollectedSet {
     pub name: String,
     pub embeddings: Embeddings,
@@ -27,9 +27,9 @@ pub struct Collector<'a> {
 
 /// The treatment of a part.
 enum Wanted {
-    /// They are there.
+    /// The embeddings are read from a file.
     Read(Embeddings),
-    /// Of these files, kept there.
+    /// The embeddings are computed from these files, and kept in the folder if given.
     Made(Vec<PathBuf>, Option<PathBuf>),
 }
 
@@ -78,7 +78,7 @@ impl<'a> Collector<'a> {
     /// A picture that cannot be used.
     fn bad(&self, error: &anyhow::Error) -> Result<()> {
         if !self.work.skip_bad {
-            bail!("{error:#} (--skip-bad goes on without it)");
+            bail!("{error:#} (--skip-bad continues without it)");
         }
         eprintln!("warning: {error:#}; it is left out");
         Ok(())
@@ -169,7 +169,7 @@ impl<'a> Collector<'a> {
 fn stopped(part: &PictureSet, done: usize, of: usize, kept: Option<PathBuf>) -> Interrupted {
     Interrupted(match kept {
         Some(path) => format!(
-            "the embeddings of {done} of {of} pictures of {} are kept in {}; run it again to go on from there",
+            "the embeddings of {done} of {of} pictures of {} are kept in {}; run it again to continue from there",
             part.path.display(),
             path.display()
         ),

@@ -9,20 +9,20 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use wm_train::photos::photos_in;
 
-/// A column of the paper's tables.
+/// A class of weather: a column of the paper's tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum WeatherClass {
-    /// And haze and smog.
+    /// Fog, haze and smog.
     Fog,
     Rain,
-    /// Falling and lying snow: photographs show both.
+    /// Falling and lying snow; photographs show both.
     Snow,
 }
 
 impl WeatherClass {
     pub const ALL: [Self; 3] = [Self::Fog, Self::Rain, Self::Snow];
 
-    /// Its folder and its name in files.
+    /// Returns the name of its folder and in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Fog => "fog",
@@ -31,7 +31,7 @@ impl WeatherClass {
         }
     }
 
-    /// Its column in the paper.
+    /// Returns the title of its column in the paper.
     pub const fn title(self) -> &'static str {
         match self {
             Self::Fog => "Fog / Haze / Smog",
@@ -40,7 +40,7 @@ impl WeatherClass {
         }
     }
 
-    /// By the name of a folder.
+    /// Returns the class for the name of a folder.
     pub fn of(name: &str) -> Option<Self> {
         match name.to_lowercase().as_str() {
             "fog" | "haze" | "smog" => Some(Self::Fog),
@@ -51,25 +51,25 @@ impl WeatherClass {
     }
 }
 
-/// Pictures that belong together.
+/// A set of pictures that is compared as a whole.
 #[derive(Clone, Debug)]
 pub struct PictureSet {
     /// The name.
     pub name: String,
     /// The folder or the array.
     pub path: PathBuf,
-    /// Its place in the folder of its method, without an extension.
+    /// The path relative to the folder of its method, without extension.
     pub place: PathBuf,
     pub scene: Option<String>,
     pub source: PictureSource,
 }
 
-/// The contents of a part.
+/// The content of a picture set.
 #[derive(Clone, Debug)]
 pub enum PictureSource {
-    /// Files, sorted.
+    /// Picture files, sorted.
     Pictures(Vec<PathBuf>),
-    /// Embeddings.
+    /// An array of embeddings.
     Array,
 }
 
@@ -78,7 +78,7 @@ pub fn name_of(path: &Path) -> String {
     stem_of(path)
 }
 
-/// Embeddings, but no part of them that was kept when work was stopped.
+/// Returns true for a file of embeddings, except one of unfinished work.
 fn is_array(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let is_whole = !name.ends_with(&format!(".{UNFINISHED}.npy"));
@@ -86,7 +86,7 @@ fn is_array(path: &Path) -> bool {
 }
 
 impl PictureSet {
-    /// A folder with all pictures below it, or an array.
+    /// Opens a folder with all pictures below it, or an array.
     pub fn whole(path: &Path) -> Result<Self> {
         let source = if is_array(path) {
             PictureSource::Array
@@ -111,8 +111,8 @@ impl PictureSet {
     }
 }
 
-/// The parts of a method's folder: `fog.npy`, or a folder `fog` with pictures, folders of them, and arrays, each of
-/// those a scene.
+/// Returns the picture sets of a method's folder: `fog.npy`, or a folder `fog` with pictures, or with one folder or array
+/// per scene.
 pub fn parts(folder: &Path) -> Result<Vec<(WeatherClass, PictureSet)>> {
     let mut found = Vec::new();
     for path in entries(folder)? {

@@ -1,4 +1,4 @@
-//! `evaluate --pictures` and `--paper`: how near the look of pictures is to that of photographs of real weather (CMMD), and
+//! `evaluate --pictures` and `--paper`: similarity of pictures to photographs of real weather (CMMD), and
 //! the tables of the paper.
 
 mod cache;
@@ -47,8 +47,8 @@ const OF_SCENES: [&str; 10] = [
 /// The pictures that are compared.
 #[derive(Args, Clone, Debug)]
 pub struct RealismArgs {
-    /// Compare pictures with photographs in place of a scene with its photos, by CMMD: folders of pictures (JPEG, PNG) or
-    /// NPY files of embeddings, each by itself with those of --real
+    /// Compare pictures with photographs by CMMD, instead of a scene with its photos: folders of pictures (JPEG, PNG) or
+    /// NPY files of embeddings, each compared with --real
     #[arg(
         long,
         value_name = "PICTURES",
@@ -59,8 +59,8 @@ pub struct RealismArgs {
         help_heading = "Realism"
     )]
     pub pictures: Vec<PathBuf>,
-    /// Make the paper's tables of CMMD and UVQ out of these folders, one a method, beside the paper's own figures; in each
-    /// are folders fog, rain and snow of pictures, or of folders of them, one a scene (docs/evaluate.md)
+    /// Make the paper's tables of CMMD and UVQ from these folders, one per method, beside the paper's own numbers; each
+    /// contains folders fog, rain and snow with pictures, or with one folder of pictures per scene (docs/evaluate.md)
     #[arg(
         long,
         value_name = "FOLDER",
@@ -72,10 +72,10 @@ pub struct RealismArgs {
     /// Photographs of real weather: a folder or an NPY file; for --paper a folder with fog, rain and snow in it
     #[arg(long, value_name = "PICTURES", help_heading = "Realism")]
     real: Option<PathBuf>,
-    /// Scores of UVQ that its own program gave: CSV or JSON (docs/evaluate.md)
+    /// Scores from the UVQ program: CSV or JSON (docs/evaluate.md)
     #[arg(long, value_name = "FILE", requires = "paper", help_heading = "Realism")]
     uvq: Vec<PathBuf>,
-    /// Keep embeddings in this folder, as NPY files: work that was stopped goes on from there, and nothing is embedded
+    /// Keep embeddings in this folder, as NPY files: stopped work can be continued, and no picture is embedded
     /// twice
     #[arg(long, value_name = "FOLDER", requires = "real", help_heading = "Realism")]
     embeddings: Option<PathBuf>,
@@ -147,7 +147,7 @@ pub fn run(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<()> {
     write(work.json, &format!("{}\n", serde_json::to_string_pretty(&tables.json())?))
 }
 
-/// Each of the collections against the real one.
+/// Compares each collection with the real one.
 fn of_pictures(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<Tables> {
     let real = args.real.as_deref().expect("--pictures requires it");
     let mut parts = Vec::new();
@@ -232,14 +232,14 @@ fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &RealismOptions<'_>) 
     Ok(Tables { distances, scores, paper: true })
 }
 
-/// One collection of several, of which there is at least one.
+/// Joins one or more sets of embeddings.
 fn joined<'a>(mut parts: impl Iterator<Item = &'a Embeddings>) -> Collection {
     let mut all = parts.next().expect("no group without a part").clone();
     parts.for_each(|more| all.extend(more));
     Collection::new(all)
 }
 
-/// Says that all pairs of pictures are gone through, which takes a while where there are thousands, as long as it lives.
+/// A spinner, shown until it is dropped, while all pairs of pictures are compared; this takes a while for thousands of them.
 struct ComparisonSpinner(indicatif::ProgressBar);
 
 impl ComparisonSpinner {
@@ -257,7 +257,7 @@ impl Drop for ComparisonSpinner {
 /// The name under which embeddings of photographs are kept.
 const REAL: &str = "real";
 
-/// Methods are called as their folders.
+/// Returns the names of methods, those of their folders.
 fn names_of(methods: &[PathBuf]) -> Result<Vec<String>> {
     if methods.is_empty() {
         bail!("--paper: no folder of a method is named; give at least one");

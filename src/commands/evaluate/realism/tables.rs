@@ -270,7 +270,7 @@ impl Tables {
     }
 }
 
-/// Names of scenes are those of folders and of the paper.
+/// Compares scene names of folders with those of the paper.
 fn same_scene(a: &str, b: &str) -> bool {
     let plain = |name: &str| name.to_lowercase().replace(['-', '_'], " ");
     plain(a) == plain(b)
@@ -295,7 +295,7 @@ fn table(out: &mut String, head: &[String], rows: &[Vec<String>]) {
     rows.iter().for_each(|row| out.push_str(&line(row)));
 }
 
-/// A name in a table: those of folders may have anything in them.
+/// Escapes a name for a table: folder names may contain any character.
 fn escaped(name: &str) -> String {
     name.chars().map(|c| if c.is_control() { '?' } else { c }).collect::<String>().replace('|', "\\|")
 }

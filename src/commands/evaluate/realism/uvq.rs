@@ -63,7 +63,7 @@ pub fn read(path: &Path) -> Result<Vec<UvqScore>> {
 
 fn weather(name: &str) -> Result<WeatherClass> {
     WeatherClass::of(name)
-        .ok_or_else(|| anyhow!("`{name}` is no weather of the tables; write fog, rain or snow"))
+        .ok_or_else(|| anyhow!("`{name}` is not a weather of the tables; write fog, rain or snow"))
 }
 
 fn checked(score: f64, whose: &str) -> Result<f64> {

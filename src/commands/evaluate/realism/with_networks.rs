@@ -8,7 +8,7 @@ use wm_nets::Clip;
 /// Makes embeddings.
 pub type Embedder = Clip;
 
-/// Gets and reads the weights. What is downloaded is said before.
+/// Reads the weights, after downloading them if necessary. Prints what is downloaded.
 pub fn open(weights: &WeightsArgs, _: &Path) -> Result<Box<Embedder>> {
     let files = weights.files(PublishedWeights {
         name: "CLIP ViT-L/14 at 336 px".into(),

@@ -7,7 +7,7 @@ use std::path::Path;
 /// There is none.
 pub enum Embedder {}
 
-/// Says what to do.
+/// Returns an error that describes the alternatives.
 pub fn open(_: &WeightsArgs, pictures: &Path) -> Result<Box<Embedder>> {
     bail!(
         "{}: this build has no neural networks to embed pictures with; build it with `--features nets`, or give an NPY file \

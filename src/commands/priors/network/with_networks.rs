@@ -21,7 +21,7 @@ struct Network {
     name: String,
 }
 
-/// Gets and reads the weights. What is downloaded is said before.
+/// Reads the weights, after downloading them if necessary. Prints what is downloaded.
 pub fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
     let given = &args.network;
     let version = match given.version {
@@ -84,11 +84,11 @@ impl PriorEstimator for Network {
     }
 
     /// One: the network itself runs on all threads.
-    fn at_once(&self) -> usize {
+    fn batch_size(&self) -> usize {
         1
     }
 
-    fn look(&self, data: &Dataset, place: usize) -> Result<PriorAnswer> {
+    fn estimate(&self, data: &Dataset, place: usize) -> Result<PriorAnswer> {
         let photo = data.photos.get(place, 0)?;
         let found = match self.network.predict(&photo.rgb_f32(), photo.width as usize) {
             Ok(found) => found,

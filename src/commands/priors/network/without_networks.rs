@@ -4,7 +4,7 @@ use super::super::PriorsArgs;
 use super::super::work::PriorEstimator;
 use anyhow::{Result, bail};
 
-/// Says what to do.
+/// Returns an error that describes the alternatives.
 pub fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
     let option = args.network.given().unwrap_or("--source network");
     bail!(
