@@ -5,7 +5,7 @@ use anyhow::anyhow;
 use wm_train::plan::PlanError;
 use wm_train::session::SessionError;
 
-const RESUME: &str = "the same command with --resume goes on";
+const RESUME: &str = "the same command with --resume continues";
 
 /// Returns the error as the command prints it.
 pub fn explain(error: SessionError) -> anyhow::Error {

@@ -139,7 +139,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let written = pipeline(&missing, &mut render, &mut write)? as usize;
     if written < missing.len() {
         let (done, all) = (kept + written, shots.len());
-        let advice = "the same command goes on with the others";
+        let advice = "the same command continues with the others";
         return Err(
             Interrupted(format!("{done} of {all} photos are in {}, {advice}", folder.display())).into()
         );

@@ -100,7 +100,7 @@ pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderA
     })?;
     if (written as usize) < missing.len() {
         let done = kept + written;
-        let advice = "the same command goes on with the others";
+        let advice = "the same command continues with the others";
         return Err(
             Interrupted(format!("{done} of {all} frames are in {}, {advice}", folder.display())).into()
         );

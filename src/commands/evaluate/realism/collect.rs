@@ -173,7 +173,7 @@ fn stopped(part: &PictureSet, done: usize, of: usize, kept: Option<PathBuf>) -> 
             part.path.display(),
             path.display()
         ),
-        None => "nothing is kept; with --embeddings FOLDER it goes on later from where it was stopped".into(),
+        None => "nothing is kept; with --embeddings FOLDER stopped work can be continued".into(),
     })
 }
 
