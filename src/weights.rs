@@ -10,7 +10,7 @@ pub struct WeightsArgs {
     /// printing source and licence]
     #[arg(long, value_name = "FILE", help_heading = "Network")]
     pub weights: Vec<PathBuf>,
-    /// SHA-256 that the file of weights must have
+    /// Expected SHA-256 of the file of weights
     #[arg(long, value_name = "SHA256", help_heading = "Network")]
     pub checksum: Option<String>,
     /// Download nothing: the weights must be given or already downloaded
@@ -71,7 +71,7 @@ mod with_networks {
             Ok(self.weights.clone())
         }
 
-        /// Compares the one file of weights with its checksum.
+        /// Checks the SHA-256 of the file of weights.
         fn check(&self, checksum: Option<Checksum>) -> Result<()> {
             let Some(expected) = checksum else { return Ok(()) };
             let [file] = &self.weights[..] else {

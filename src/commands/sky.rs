@@ -1,8 +1,8 @@
 //! `sky`: makes a panorama of the sky from the photos of a data set, for `sky.panorama` of a weather.
 //!
-//! What of each photo is sky is told as for training ([`wm_train::priors::sky`]). A direction takes the mean of the photos
-//! that show sky there, each the less the nearer it is to the photo's edge, so that seams are soft. What no photo
-//! shows takes the mean colour of its elevation, plus what its seen neighbours differ from theirs: from coarser
+//! The sky of each photo is classified as for training ([`wm_train::priors::sky`]). A direction gets the weighted mean of the
+//! photos that show sky there; weights fall towards a photo's edge, so that seams are soft. Directions that no photo shows
+//! get the mean colour of their elevation, plus the difference of seen neighbours from theirs, interpolated from coarser
 //! and coarser means ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
 
 use anyhow::{Result, bail};
@@ -24,9 +24,9 @@ use wm_train::priors::points::{inside, seen_points};
 use wm_train::priors::sky::{SkyInput, classify};
 use wm_weather::dome::level_axes;
 
-/// Longest side of the photos that are looked at, px.
+/// Longest side of the photos as they are read, px.
 const LONGEST: u32 = 1200;
-/// Share of a photo's side over which it fades out.
+/// Fraction of a photo's side over which its weight fades out.
 const FADE: f64 = 0.15;
 /// Angle over which the colour of a row is blended, degrees.
 const SPREAD: f32 = 4.0;
@@ -112,7 +112,7 @@ fn sky_of(classes: &[SkyClass]) -> Vec<bool> {
     classes.iter().map(|class| *class == SkyClass::Sky).collect()
 }
 
-/// A photo and what of it is sky.
+/// A photo and its sky pixels.
 struct SkyPhoto {
     camera: Camera,
     /// `[H, W]`.
@@ -122,7 +122,7 @@ struct SkyPhoto {
 }
 
 impl SkyPhoto {
-    /// The colour in a direction and its weight; `None` where no sky is seen.
+    /// Returns the colour in a direction and its weight; `None` if the photo shows no sky there.
     fn at(&self, direction: DVec3) -> Option<([f32; 3], f32)> {
         let (camera, view) = (&self.camera, self.camera.rotation() * direction);
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
@@ -137,7 +137,7 @@ impl SkyPhoto {
     }
 }
 
-/// The panorama `[H, W, 3]` about `up`, sRGB, and the share of the upper half that photos show.
+/// Returns the panorama `[H, W, 3]` about `up`, sRGB, and the fraction of the upper half that photos show.
 fn panorama(photos: &[SkyPhoto], up: DVec3, size: Size) -> (Vec<f32>, f64) {
     let axes = level_axes(up.to_array()).map(DVec3::from_array);
     let (width, height) = (size.width as usize, size.height as usize);
@@ -170,8 +170,8 @@ fn panorama(photos: &[SkyPhoto], up: DVec3, size: Size) -> (Vec<f32>, f64) {
     (rgb.collect(), share as f64 / (width * height / 2) as f64)
 }
 
-/// The colour of each row: the mean of all, each the less the farther it is, so that rows of which photos show
-/// little, or take something else for sky, make no stripes.
+/// Returns the colour of each row: a mean of all rows, weighted by distance, so that rows with few or misclassified
+/// pixels make no stripes.
 fn rings(sums: &[[f32; 4]], width: usize) -> Vec<[f32; 3]> {
     let add = |a: [f32; 4], b: [f32; 4]| [0, 1, 2, 3].map(|k| a[k] + b[k]);
     let rows: Vec<[f32; 4]> =
@@ -201,7 +201,7 @@ fn drop_dark(sums: &mut [[f32; 4]]) {
     }
 }
 
-/// Fills what has little weight (the fourth value, 0-1) from coarser and coarser means.
+/// Fills pixels of little weight (the fourth value, 0-1) from coarser and coarser means.
 fn filled(fine: &[[f32; 4]], width: usize) -> Vec<[f32; 4]> {
     let height = fine.len() / width;
     if width < 4 || height < 2 {
@@ -245,7 +245,7 @@ fn filled(fine: &[[f32; 4]], width: usize) -> Vec<[f32; 4]> {
 mod tests {
     use super::*;
 
-    /// Two photos with skies of their own, the lower half of each ground.
+    /// Returns two photos with different skies; the lower half of each is ground.
     #[test]
     fn what_photos_show_is_where_it_was_and_the_rest_is_near_it() {
         let photo = |toward: DVec3, rgb: [u8; 3]| {

@@ -1,4 +1,4 @@
-//! `view`: a scene and its weather in a browser.
+//! `view`: shows a scene and its weather in a browser.
 
 use super::render::camera::LookArgs;
 use crate::scene::{RunArgs, SceneArgs};

@@ -13,7 +13,7 @@ use wm_train::maps::{Filter, Map};
 pub const WIDEST: u32 = 480;
 /// JPEG quality: below it ringing at edges becomes visible.
 const QUALITY: u8 = 88;
-/// Colours of a ramp; the two behind them are [`MISSING`] and [`UNKNOWN`].
+/// Number of colours of a ramp; the two after them are [`MISSING`] and [`UNKNOWN`].
 const STEPS: u8 = 253;
 
 /// A pixel of a map.
@@ -40,7 +40,7 @@ fn at_most((width, height): (u32, u32), widest: u32) -> (u32, u32) {
     (widest, (scaled.round() as u32).max(1))
 }
 
-/// Colours, `[H, W, 3]`, 0-1, made smaller by area where they are wider than `widest` px: a data URI of a JPEG.
+/// Encodes colours, `[H, W, 3]`, 0-1, as a data URI of a JPEG, reduced by area averaging if wider than `widest` px.
 pub fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String> {
     let (width, height) = at_most(size, widest);
     let small = Map::new(size.0, size.1, 3, rgb.to_vec()).resampled(width, height, Filter::Area);
@@ -49,7 +49,7 @@ pub fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String> {
     Ok(data_uri("image/jpeg", &out))
 }
 
-/// Numbers in the colours of a ramp, `[H, W]` of [`shown_size`]: a data URI of a PNG.
+/// Encodes numbers, `[H, W]` of [`shown_size`], in the colours of a ramp as a data URI of a PNG.
 pub fn numbers(cells: &[MapCell], size: (u32, u32), ramp: Ramp) -> Result<String> {
     let last = f64::from(STEPS);
     let mut palette: Vec<[u8; 3]> = (0..=STEPS).map(|step| ramp(f64::from(step) / last)).collect();
@@ -62,7 +62,7 @@ pub fn numbers(cells: &[MapCell], size: (u32, u32), ramp: Ramp) -> Result<String
     indexed(&cells.iter().map(index).collect::<Vec<u8>>(), size, &palette)
 }
 
-/// A picture of few colours: a data URI of a PNG.
+/// Encodes a picture with a palette as a data URI of a PNG.
 pub fn indexed(indices: &[u8], (width, height): (u32, u32), palette: &[[u8; 3]]) -> Result<String> {
     let mut out = Vec::new();
     let mut encoder = png::Encoder::new(&mut out, width, height);
@@ -75,7 +75,7 @@ pub fn indexed(indices: &[u8], (width, height): (u32, u32), palette: &[[u8; 3]])
     Ok(data_uri("image/png", &out))
 }
 
-/// Every pixel's place in the map that is shown for it: maps of numbers are not averaged.
+/// Returns for every shown pixel the index of its nearest map pixel: maps of numbers are not averaged.
 pub fn nearest(size: (u32, u32)) -> Vec<usize> {
     let (width, height) = shown_size(size);
     let along =
@@ -95,7 +95,7 @@ fn base64(bytes: &[u8]) -> String {
     BASE64_STANDARD.encode(bytes)
 }
 
-/// Stops of a CSS gradient from left to right.
+/// Returns a CSS gradient of a ramp, from left to right.
 pub fn gradient(ramp: Ramp) -> String {
     const STOPS: u32 = 24;
     let mut out = "linear-gradient(90deg".to_owned();

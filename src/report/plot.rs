@@ -1,19 +1,19 @@
 //! Plots as SVG: points and lines over two axes with units, on white.
 //!
-//! By hand: it is one page of code, and what plotting crates add is more to build than the rest of the report.
+//! Written by hand: it is one page of code, and a plotting crate would take longer to build than the rest of the report.
 
 use super::escaped;
 use std::fmt::Write;
 
-/// Width and height, and the borders left, right, above and below the field, px.
+/// Width and height, and the margins left, right, above and below the plot area, px.
 const SIZE: [f64; 2] = [560.0, 340.0];
 const LEFT: f64 = 66.0;
 const RIGHT: f64 = 14.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 50.0;
-/// Colours of series that are told apart by all eyes (Okabe and Ito 2008, without yellow): after a law channels have their own.
+/// Colours of series, safe for colour-blind readers (Okabe and Ito 2008, without yellow).
 const COLORS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#56b4e9", "#cc79a7", "#e69f00"];
-/// Ticks of an axis, about.
+/// Approximate number of ticks of an axis.
 const TICKS: f64 = 6.0;
 
 /// Scale of an axis.
@@ -35,12 +35,12 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// One from 0 or about what there is.
+    /// Returns a linear axis.
     pub fn linear(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: AxisScale::Linear }
     }
 
-    /// One by powers of ten.
+    /// Returns a logarithmic axis.
     pub fn log(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: AxisScale::Log }
     }
@@ -55,7 +55,7 @@ pub enum SeriesStyle {
     Line,
 }
 
-/// Points that belong together.
+/// Points with a label and a style.
 #[derive(Clone, Debug)]
 pub struct Series {
     name: String,
@@ -88,10 +88,10 @@ pub struct Plot {
     pub series: Vec<Series>,
 }
 
-/// An axis with its ends and ticks.
+/// An axis with its range and ticks.
 struct Ruler {
     scale: AxisScale,
-    /// Of the scale's numbers: logarithms to base 10, or themselves.
+    /// Range in numbers of the scale: logarithms to base 10, or the values.
     ends: [f64; 2],
     ticks: Vec<f64>,
 }

@@ -1,8 +1,8 @@
-//! `bench`: how fast scenes render, as times and as ratios of cases that take turns.
+//! `bench`: rendering speed of scenes, as times and as ratios of cases that take turns.
 //!
-//! Cases of one scene are measured in rounds, one frame of each a round, and compared round by round:
-//! what else runs on the machine then slows both sides of a ratio. CPU time is that of the process.
-//! With `--training` it is steps of training that are measured, on all threads and on one in turns.
+//! Cases of one scene are measured in rounds, one frame of each per round, and compared round by round, so
+//! that other load on the machine slows both sides of a ratio. CPU time is that of the process.
+//! With `--training` training steps are measured, on all threads and on one in turns.
 
 mod measure;
 pub mod paper;
@@ -32,7 +32,7 @@ use wm_weather::cover::Buried;
 /// Options of `bench`.
 #[derive(Args, Clone, Debug)]
 pub struct BenchArgs {
-    /// Scenes to render, each by itself [default: a made-up one of --splats]
+    /// Scenes to render, one after the other [default: a synthetic one with --splats]
     scenes: Vec<PathBuf>,
     /// Number of splats of the synthetic scene
     #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = clap::value_parser!(u32).range(1..=50_000_000))]
@@ -103,7 +103,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     Ok(())
 }
 
-/// Measures each scene: its name, itself, the camera.
+/// Calls `measure` for each scene with its name, the scene and the camera.
 fn each<R>(
     args: &BenchArgs,
     mut measure: impl FnMut(&str, &mut OpenScene, Camera) -> Result<R>,
@@ -120,7 +120,7 @@ fn each<R>(
 }
 
 fn made_up(args: &BenchArgs) -> Result<(OpenScene, Camera)> {
-    /// Splats over each pixel, about as many as in trained scenes.
+    /// Number of splats over each pixel, similar to trained scenes.
     const COVER: f64 = 60.0;
     let splats = shell_splats(args.splats as usize, COVER, args.sh_degree, 1);
     // Its facts are given, so that none is guessed.
@@ -176,7 +176,7 @@ impl SnowyScene {
     }
 }
 
-/// Everything that is measured of a scene.
+/// Measures the cases, the threads and the SIMD paths of a scene.
 fn cases(loaded: &OpenScene) -> Result<Vec<BenchCase>> {
     let config = loaded.place.config;
     BenchCase::all(loaded.place.site(), |outputs| RenderConfig { outputs, ..config })
@@ -207,7 +207,7 @@ fn in_turns(
     turns(&mut stands, camera, &plan, rounds, bar)
 }
 
-/// Everything about one scene.
+/// Measures one scene.
 fn measure_scene(
     name: &str,
     loaded: &mut OpenScene,

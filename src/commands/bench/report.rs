@@ -20,7 +20,7 @@ pub struct SceneReport {
     visible: u64,
     /// Pairs of a splat and a tile.
     intersections: u64,
-    /// Pairs of a splat and a pixel that were evaluated, a pixel of the picture.
+    /// Evaluated pairs of a splat and a pixel, per pixel of the picture.
     pairs_per_pixel: f64,
     peak_memory_mb: Option<f64>,
     /// Memory used on a GPU, if its interface reports it.
@@ -38,7 +38,7 @@ struct CaseReport {
     wall_ms: f64,
     best_wall_ms: f64,
     cpu_ms: f64,
-    /// CPU time as a ratio to `rgb`, round by round.
+    /// CPU time divided by that of `rgb`, round by round.
     cpu_ratio: f64,
     particles: u64,
     /// Time of each stage, summed over threads.
@@ -79,7 +79,7 @@ struct ThreadsReport {
     cpu_ratio: f64,
 }
 
-/// One SIMD path on one thread: CPU time, nanoseconds an evaluated pair, whole stage.
+/// Speed of a SIMD path on one thread: CPU time of the whole stage, nanoseconds per evaluated pair.
 #[derive(Serialize)]
 pub struct PathSpeed {
     path: String,
@@ -220,7 +220,7 @@ impl SceneReport {
     }
 }
 
-/// Prints a table a scene, and how time grows from the first scene to each of the others.
+/// Prints a table per scene, and the growth of time from the first scene to each of the others.
 pub fn print(reports: &[SceneReport]) {
     println!("Wall and CPU times are medians, ratios (to rgb) are of CPU time, round by round.");
     println!("Times of the stages are summed over the threads; on a GPU they are by its own clock.");

@@ -1,5 +1,5 @@
-//! `evaluate`: how near a scene is to the photos of a data set, and to the true depth, normals and sky where
-//! there are maps of them; or how near pictures are to photographs of real weather.
+//! `evaluate`: compares a scene with the photos of a data set, and with true depth, normals and sky if there are
+//! maps of them; or pictures with photographs of real weather.
 
 mod page;
 mod realism;
@@ -63,7 +63,7 @@ impl EvaluateArgs {
     }
 }
 
-/// The photos, and how they are compared.
+/// The photos and the comparison.
 #[derive(Args, Clone, Debug)]
 #[command(mut_arg("eval_every", |arg| {
     arg.help("Compare every N-th photo (in the order of names): those that `reconstruct` held out with the same number; \

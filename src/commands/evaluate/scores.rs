@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 use wm_train::evaluation::{Evaluation, PhotoScores, TruthFolder, TruthMaps, ViewScores};
 use wm_train::metrics::FloaterShare;
 
-/// A number of a photo.
+/// A column of scores, one number per photo.
 pub struct ScoreColumn {
     /// Its name in JSON.
     pub key: &'static str,
@@ -14,7 +14,7 @@ pub struct ScoreColumn {
     pub name: &'static str,
     /// Its name in tables, in two lines.
     pub head: [&'static str; 2],
-    /// The form in which it is written.
+    /// Unit and format.
     pub unit: ScoreUnit,
     /// The tables in which it is shown.
     pub place: Placement,
@@ -23,7 +23,7 @@ pub struct ScoreColumn {
     of: fn(&ViewScores) -> Option<f64>,
 }
 
-/// The form in which a score is written.
+/// Unit and format of a score.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ScoreUnit {
     /// No unit; four decimals.
@@ -88,7 +88,7 @@ pub const COLUMNS: [ScoreColumn; 17] = [
 ];
 
 impl ScoreColumn {
-    /// The number of a photo; `None` where it is not known, or infinite.
+    /// Returns the number of a photo; `None` if it is unknown or infinite.
     pub fn of(&self, scores: &ViewScores) -> Option<f64> {
         (self.of)(scores).filter(|value| value.is_finite())
     }
@@ -103,7 +103,7 @@ impl ScoreColumn {
         }
     }
 
-    /// The number with its unit, by itself.
+    /// Formats the number with its unit.
     pub fn full_text(&self, value: Option<f64>) -> String {
         // Not to be broken before the sign.
         let sign = match self.unit {
@@ -117,7 +117,7 @@ impl ScoreColumn {
     }
 }
 
-/// Everything that was measured.
+/// All scores of a scene.
 pub struct EvaluationReport {
     pub scene: String,
     pub dataset: String,
@@ -149,13 +149,13 @@ impl EvaluationReport {
         Self { scene, dataset, selection, truth, views, floaters, args: args.clone() }
     }
 
-    /// The mean of a column over the photos that have it.
+    /// Returns the mean of a column over the photos that have it.
     pub fn mean(&self, column: &ScoreColumn) -> Option<f64> {
         let values: Vec<f64> = self.views.iter().filter_map(|view| column.of(&view.scores)).collect();
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     }
 
-    /// The columns that any photo has.
+    /// Returns the columns that at least one photo has.
     pub fn columns(&self, place: Option<Placement>) -> impl Iterator<Item = &'static ScoreColumn> {
         let is_shown = move |column: &&ScoreColumn| place.is_none_or(|place| column.place == place);
         COLUMNS.iter().filter(is_shown).filter(|column| self.mean(column).is_some())
@@ -192,7 +192,7 @@ impl EvaluationReport {
         ))
     }
 
-    /// Everything, as `docs/evaluate.md` has it.
+    /// Returns everything as JSON, as described in `docs/evaluate.md`.
     pub fn json(&self) -> Value {
         let numbers = |of: &dyn Fn(&ScoreColumn) -> Option<f64>| -> Map<String, Value> {
             COLUMNS.iter().filter_map(|column| Some((column.key.to_owned(), json!(of(column)?)))).collect()

@@ -78,7 +78,7 @@ enum ScaleArg {
     Relative,
 }
 
-/// The picture that maps are of.
+/// The picture that maps belong to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum MapsOfArg {
     /// The photo.
@@ -88,7 +88,7 @@ enum MapsOfArg {
 }
 
 impl FileArgs {
-    /// The first option that asks for maps.
+    /// Returns the name of the first option that was given.
     pub fn given(&self) -> Option<&'static str> {
         let all = [(&self.depth, "--depth"), (&self.normal, "--normal"), (&self.sky, "--sky")];
         all.into_iter().find(|(folder, _)| folder.is_some()).map(|(_, name)| name)
@@ -121,7 +121,7 @@ pub struct PriorMaps {
     name: String,
 }
 
-/// Looks at the folders, and how large the scene is if that must be known. Warns on the error stream.
+/// Opens the folders, and finds the scene's scale if it is needed. Prints warnings on the error stream.
 pub fn open(args: &PriorsArgs, data: &Dataset) -> Result<PriorMaps> {
     let given = &args.files;
     given.check()?;
@@ -202,7 +202,7 @@ impl PriorEstimator for PriorMaps {
     }
 }
 
-/// Metres a scene unit, the median of what fits each photo's metric depth to the points.
+/// Returns metres per scene unit: the median of the scales that fit each photo's metric depth to the points.
 fn shared_scale(maps: &FileMaps, data: &Dataset) -> Result<f64> {
     // Only the depth counts here; at scale 1 it is in 1 / m.
     let depth = maps.depth.clone().map(|depth| DepthFiles { freedom: Freedom::Known(1.0), ..depth });
@@ -255,7 +255,7 @@ fn shared_scale(maps: &FileMaps, data: &Dataset) -> Result<f64> {
     Ok(at(0.5))
 }
 
-/// Warns of photos without a map, and refuses a folder without any.
+/// Prints a warning for photos without a map; returns an error for a folder without any.
 fn count(kind: &str, folder: &Path, data: &Dataset) -> Result<()> {
     if !folder.is_dir() {
         bail!("--{kind} {}: there is no such folder; name the folder of the maps", folder.display());

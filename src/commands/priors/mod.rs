@@ -1,4 +1,4 @@
-//! `priors`: what photos are believed to show before a training, one file a source.
+//! `priors`: computes depth, normals and sky of photos before a training; one file per source.
 
 mod data;
 mod files;
@@ -151,7 +151,7 @@ fn from_photos(args: &PriorsArgs, threads: &rayon::ThreadPool) -> Result<Index> 
     Ok(index)
 }
 
-/// Prints what there is of each photo, and of all.
+/// Prints the priors of each photo, and a summary.
 fn report(folder: &Path, index: &Index) {
     let wide = index.photos.keys().map(|name| name.chars().count()).max().unwrap_or(0).max(5);
     let share = |share: f32| format!("{:8.1}", 100.0 * share);

@@ -1,4 +1,4 @@
-//! Priors from a network that tells how near each pixel of one photo is.
+//! Priors from a network that estimates relative depth in one photo.
 
 #[cfg(feature = "nets")]
 mod with_networks;
@@ -54,7 +54,7 @@ enum VersionArg {
 }
 
 impl NetworkArgs {
-    /// The first option that asks for a network.
+    /// Returns the name of the first option that was given.
     pub fn given(&self) -> Option<&'static str> {
         self.weights.given().or(self.network.map(|_| "--network"))
     }

@@ -28,7 +28,7 @@ pub enum PriorAnswer {
 
 /// A source of priors.
 pub trait PriorEstimator: Sync {
-    /// Returns its name, with all that changes its answers: for the index, and for resuming later.
+    /// Returns a name with everything that changes the estimates, for the index and for resuming.
     fn name(&self) -> String;
 
     /// Returns the number of photos to process in parallel.

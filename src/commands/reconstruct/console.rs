@@ -31,7 +31,7 @@ impl<'a> TrainingConsole<'a> {
         Self { args, folder: folder.to_owned(), colmap: None, bar: None, watch: None, splats: 0 }
     }
 
-    /// Takes the progress bar away.
+    /// Removes the progress bar.
     pub fn clear(&mut self) {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();

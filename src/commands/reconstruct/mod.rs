@@ -1,4 +1,4 @@
-//! `reconstruct`: photos of a place into a scene.
+//! `reconstruct`: makes a scene from photos.
 
 mod console;
 mod explain;
@@ -27,7 +27,7 @@ use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 /// Options of `reconstruct`.
 #[derive(Args, Clone, Debug)]
 pub struct ReconstructArgs {
-    /// The data set: a folder with a COLMAP model or a transforms.json, or a plain folder of photos where
+    /// The data set: a folder with a COLMAP model or a transforms.json, or a plain folder of photos if
     /// COLMAP is installed
     dataset: PathBuf,
     /// Scene file to write [default: named after the data set, in this folder]

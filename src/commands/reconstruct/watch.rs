@@ -1,4 +1,4 @@
-//! `--view`: the training in a browser, where the program has the viewer.
+//! `--view`: shows the training in a browser, in builds with the viewer.
 
 #[cfg(feature = "viewer")]
 mod with_viewer {

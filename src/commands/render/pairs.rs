@@ -189,11 +189,11 @@ fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
     Ok(folder)
 }
 
-/// Why the paper's fidelity has no parts.
+/// The reason why the paper's fidelity has no parts.
 pub const NO_AIR: &str =
     "the paper's fog acts on finished pixels and has no transmittance; use --set fidelity=physical";
 
-/// The views of the photos, by names of which no two are alike.
+/// Returns the photos' cameras with unique names.
 fn shots(loaded: &mut OpenScene, args: &RenderArgs) -> Result<Vec<PhotoView>> {
     let views = &loaded.place.scene().views;
     if views.is_empty() {
@@ -290,7 +290,7 @@ fn keep(folder: &Path, manifest: &Json) -> Result<()> {
     Ok(())
 }
 
-/// All that the pictures are, and all that they depend on but the scene's own bytes.
+/// Returns the manifest: what the pictures are, and everything that they depend on except the scene's bytes.
 fn manifest(
     (renderer, place): (&Renderer, &PreparedPlace),
     shots: &[PhotoView],

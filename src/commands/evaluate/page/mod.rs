@@ -1,5 +1,4 @@
-//! The report for a browser: one file without scripts and without anything from elsewhere, light or dark as the
-//! reader has it.
+//! The HTML report: one file without scripts or external resources, light or dark as the browser prefers.
 
 mod panels;
 
@@ -67,7 +66,7 @@ fn means(out: &mut String, report: &EvaluationReport) {
     out.push_str("</tbody>\n</table></div>\n");
 }
 
-/// A line a photo.
+/// Writes a line per photo.
 fn photos(out: &mut String, report: &EvaluationReport) {
     let columns: Vec<&ScoreColumn> = report.columns(Some(Placement::Table)).collect();
     out.push_str("<h2>Photos</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>photo</th>");

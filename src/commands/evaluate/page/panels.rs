@@ -18,7 +18,7 @@ const COLOR_RANGE: f64 = 0.2;
 const DEPTH_RANGE: f64 = 0.2;
 /// Largest angle on the colour ramp, degrees.
 const ANGLE_RANGE: f64 = 60.0;
-/// Shares of true depths below and above the range of colours.
+/// Fractions of true depths below and above the range of colours.
 const TAIL: f64 = 0.02;
 
 /// The ramps, with the names of their classes.
@@ -213,19 +213,19 @@ fn fate(place: usize, solid: &Frame, maps: &TrueMaps) -> u8 {
     }
 }
 
-/// Five numbers of a bar from one end to the other.
+/// Returns five numbers of a bar from one end to the other.
 fn ticks(low: f64, high: f64, text: impl Fn(f64) -> String) -> Vec<String> {
     (0..5).map(|tick| text(low + (high - low) * f64::from(tick) / 4.0)).collect()
 }
 
-/// Depths by their logarithms: near ones matter as much as far ones.
+/// A range of depths, logarithmic.
 struct Range {
     low: f64,
     high: f64,
 }
 
 impl Range {
-    /// From the nearest to the farthest surface but for a few.
+    /// Returns the range from the nearest to the farthest surface, without a few outliers.
     fn of(truth: &[f32]) -> Self {
         let mut known: Vec<f32> = truth.iter().copied().filter(|z| *z > 0.0 && z.is_finite()).collect();
         known.sort_unstable_by(f32::total_cmp);

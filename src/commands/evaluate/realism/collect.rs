@@ -1,4 +1,4 @@
-//! Embeddings of all parts that are compared: read, taken from the cache, or made.
+//! Embeddings of all picture sets: read, taken from the cache, or computed.
 
 use super::cache::EmbeddingCache;
 use super::layout::{PictureSet, PictureSource};
@@ -18,14 +18,14 @@ pub struct CollectedSet {
     pub embeddings: Embeddings,
 }
 
-/// The parts that are to be embedded. All that can be wrong with them is reported before the first picture is.
+/// The picture sets to embed. All their faults are reported before the first picture is embedded.
 pub struct Collector<'a> {
     args: &'a RealismArgs,
     work: &'a RealismOptions<'a>,
     parts: Vec<(PictureSet, Wanted)>,
 }
 
-/// The treatment of a part.
+/// Source of a set's embeddings.
 enum Wanted {
     /// The embeddings are read from a file.
     Read(Embeddings),
@@ -38,7 +38,7 @@ impl<'a> Collector<'a> {
         Self { args, work, parts: Vec::new() }
     }
 
-    /// Two collections of one name would be kept in one file.
+    /// Returns an error for two sets of one name, which would share a file.
     pub fn forbid_one_name(&self, first: &Path, second: &Path) -> Result<()> {
         if self.args.embeddings.is_none() {
             return Ok(());
@@ -50,7 +50,7 @@ impl<'a> Collector<'a> {
         );
     }
 
-    /// Adds a part, which is kept in `place` of the folder of embeddings.
+    /// Adds a set, whose embeddings are kept at `place` in the folder of embeddings.
     pub fn add(&mut self, part: PictureSet, place: PathBuf) -> Result<()> {
         let wanted = match &part.source {
             PictureSource::Array => Wanted::Read(Embeddings::read(&part.path)?),
@@ -75,7 +75,7 @@ impl<'a> Collector<'a> {
         Ok(())
     }
 
-    /// A picture that cannot be used.
+    /// Reports a picture that cannot be used: an error, or a warning with --skip-bad.
     fn bad(&self, error: &anyhow::Error) -> Result<()> {
         if !self.work.skip_bad {
             bail!("{error:#} (--skip-bad continues without it)");
@@ -84,7 +84,7 @@ impl<'a> Collector<'a> {
         Ok(())
     }
 
-    /// All embeddings, in the order in which parts were added.
+    /// Returns all embeddings, in the order in which sets were added.
     pub fn run(self) -> Result<Vec<CollectedSet>> {
         let is_made = |wanted: &Wanted| matches!(wanted, Wanted::Made(..));
         let embedder: Option<Box<Embedder>> = match self.parts.iter().find(|(_, wanted)| is_made(wanted)) {
@@ -114,7 +114,7 @@ impl<'a> Collector<'a> {
         Ok(collected)
     }
 
-    /// All arrays are of one network, and of that which is used.
+    /// Checks that all arrays are of the network that is used.
     fn check_widths(&self, embedder: Option<&Embedder>) -> Result<()> {
         let mut first = embedder.map(|embedder| (embedder.width(), "the network".to_owned()));
         for (part, wanted) in &self.parts {
@@ -165,7 +165,7 @@ impl<'a> Collector<'a> {
     }
 }
 
-/// Work that Ctrl-C ended, and where its part is.
+/// Returns the error of stopped work, with the path of finished embeddings.
 fn stopped(part: &PictureSet, done: usize, of: usize, kept: Option<PathBuf>) -> Interrupted {
     Interrupted(match kept {
         Some(path) => format!(
@@ -177,7 +177,7 @@ fn stopped(part: &PictureSet, done: usize, of: usize, kept: Option<PathBuf>) -> 
     })
 }
 
-/// Refuses collections of one.
+/// Returns an error for a collection of one picture.
 fn several(count: usize, path: &Path) -> Result<()> {
     if count < 2 {
         bail!(

@@ -30,7 +30,7 @@ use tables::{CmmdDistance, Tables};
 use wm_scene::files::{check_writable, write_atomically};
 use wm_train::metrics::{Collection, Embeddings};
 
-/// Options that mean nothing where pictures are compared.
+/// Options that have no meaning when pictures are compared.
 const OF_SCENES: [&str; 10] = [
     "scene",
     "level",
@@ -89,13 +89,13 @@ pub struct RealismArgs {
     weights: WeightsArgs,
 }
 
-/// The options of the work.
+/// Options of the comparison of pictures.
 pub struct RealismOptions<'a> {
     /// The file for all numbers.
     pub json: Option<&'a Path>,
     /// True if pictures that cannot be read are left out.
     pub skip_bad: bool,
-    /// `None` for one a core.
+    /// Number of threads; `None` for one per core.
     pub threads: Option<u16>,
 }
 
@@ -105,7 +105,7 @@ impl RealismArgs {
         !self.pictures.is_empty() || self.paper.is_some()
     }
 
-    /// An option that means nothing without pictures.
+    /// Returns an option that was given and has no meaning without pictures.
     fn idle(&self) -> Option<&'static str> {
         let all = [
             (self.real.is_some(), "--real"),
@@ -116,7 +116,7 @@ impl RealismArgs {
         own.or(self.weights.given())
     }
 
-    /// Refuses options that mean nothing for a scene.
+    /// Returns an error for options that have no meaning for a scene.
     pub fn check_idle(&self) -> Result<()> {
         if let Some(option) = self.idle() {
             bail!("{option} goes with --pictures or --paper; give one of them, or leave it out");
@@ -170,7 +170,7 @@ fn of_pictures(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<Tables> 
     Ok(Tables { distances: collected.into_iter().map(distance).collect(), ..Tables::default() })
 }
 
-/// The tables of the paper.
+/// Makes the tables of the paper.
 fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &RealismOptions<'_>) -> Result<Tables> {
     let scores = args.uvq.iter().map(|file| uvq::read(file)).collect::<Result<Vec<_>>>()?.concat();
     let Some(real) = &args.real else {

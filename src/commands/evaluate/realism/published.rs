@@ -1,4 +1,4 @@
-//! The paper's own figures.
+//! Numbers of the paper.
 
 use super::layout::WeatherClass;
 use WeatherClass::{Fog, Rain, Snow};
@@ -16,7 +16,7 @@ pub const CMMD: [(&str, [Option<f64>; 3]); 5] = [
     (OURS, [Some(1.40), Some(2.79), Some(3.30)]),
 ];
 
-/// Table III: whom each weather's columns are of.
+/// Table III: the methods in each weather's columns.
 pub const UVQ_METHODS: [(WeatherClass, &[&str]); 3] = [
     (Fog, &["Stable Diffusion", "ClimateGAN", "ClimateNeRF", OURS]),
     (Rain, &["Stable Diffusion", OURS]),

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use wm_train::metrics::{Cmmd, Collection};
 
-/// A collection against photographs of real weather.
+/// The CMMD of a collection from photographs of real weather.
 #[derive(Clone, Debug)]
 pub struct CmmdDistance {
     pub method: String,
@@ -15,14 +15,14 @@ pub struct CmmdDistance {
     /// `None` for all of a method's pictures of that weather.
     pub scene: Option<String>,
     pub cmmd: Cmmd,
-    /// Pictures of the method.
+    /// Number of pictures of the method.
     pub rendered: usize,
-    /// Photographs.
+    /// Number of photographs.
     pub real: usize,
 }
 
 impl CmmdDistance {
-    /// Measures.
+    /// Computes the distance.
     pub fn new(
         method: String,
         weather: Option<WeatherClass>,
@@ -65,7 +65,7 @@ impl Uvq {
 const NONE: &str = "-";
 
 impl Tables {
-    /// All of it to read.
+    /// Returns all tables as Markdown.
     pub fn markdown(&self) -> String {
         let mut parts = Vec::new();
         if self.paper && !self.distances.is_empty() {
@@ -90,7 +90,7 @@ impl Tables {
         parts.join("\n")
     }
 
-    /// Table II.
+    /// Returns Table II.
     fn cmmd_by_weather(&self) -> String {
         let mut out = "CMMD against photographs of real weather; lower is nearer. Figures of the paper (Table II: its own \
                        renders, scenes and photographs) and those measured here.\n\n"
@@ -126,7 +126,7 @@ impl Tables {
         out
     }
 
-    /// A row a collection.
+    /// Returns a table with one row per collection.
     fn cmmd_by_collection(&self) -> String {
         let mut out = "CMMD by collection. Bias is what the value has in it since the collections are small: two of these \
                        sizes that show the same are about that far apart.\n\n"
@@ -156,7 +156,7 @@ impl Tables {
         out
     }
 
-    /// Table III, a table a weather: scenes below each other, methods side by side.
+    /// Returns Table III, one table per weather: a row per scene, a column per method.
     fn uvq(&self, version: Uvq, title: &str) -> String {
         let mut out = format!("{title}\n");
         for weather in WeatherClass::ALL {
@@ -208,7 +208,7 @@ impl Tables {
         out
     }
 
-    /// A line a number.
+    /// Returns a CSV file with one number per line.
     pub fn csv(&self) -> String {
         let mut out = "metric,source,method,weather,scene,value,bias,pictures,photographs\n".to_owned();
         let mut line = |cells: [&str; 5], value: f64, rest: Option<(f64, usize, usize)>| {
@@ -240,7 +240,7 @@ impl Tables {
         out
     }
 
-    /// Everything, as `docs/evaluate.md` has it.
+    /// Returns everything as JSON, as described in `docs/evaluate.md`.
     pub fn json(&self) -> Value {
         let distance = |distance: &CmmdDistance| {
             json!({
@@ -276,7 +276,7 @@ fn same_scene(a: &str, b: &str) -> bool {
     plain(a) == plain(b)
 }
 
-/// Columns as wide as their longest cell, so that it reads without a browser too.
+/// Pads columns to their longest cell, so that the source is readable too.
 fn table(out: &mut String, head: &[String], rows: &[Vec<String>]) {
     let width = |column: usize| {
         let cells = rows.iter().map(|row| &row[column]).chain([&head[column]]);
@@ -300,7 +300,7 @@ fn escaped(name: &str) -> String {
     name.chars().map(|c| if c.is_control() { '?' } else { c }).collect::<String>().replace('|', "\\|")
 }
 
-/// A name in a CSV file.
+/// Quotes a name for a CSV file.
 fn quoted(name: &str) -> String {
     let is_plain = !name.contains([',', '"', '\n', '\r']);
     if is_plain { name.into() } else { format!("\"{}\"", name.replace('"', "\"\"")) }

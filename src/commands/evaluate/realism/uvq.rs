@@ -1,5 +1,5 @@
-//! Scores of UVQ (Wang et al. 2021, "Rich features for perceptual quality assessment of UGC videos") that its own program
-//! gave: its networks are not run here. The paper's score is `compression_content_distortion` of version 1.0; version 1.5 is
+//! Scores of UVQ (Wang et al. 2021, "Rich features for perceptual quality assessment of UGC videos") from its own
+//! program: its networks are not run here. The paper's score is `compression_content_distortion` of version 1.0; version 1.5 is
 //! another network on another scale, and its scores go into tables of their own.
 
 use super::layout::WeatherClass;
@@ -21,13 +21,13 @@ pub struct UvqScore {
     pub method: String,
     pub weather: WeatherClass,
     pub scene: String,
-    /// Of UVQ 1.0, 1 to 5.
+    /// Score of UVQ 1.0, 1 to 5.
     pub v1_0: Option<f64>,
-    /// Of UVQ 1.5.
+    /// Score of UVQ 1.5.
     pub v1_5: Option<f64>,
 }
 
-/// The columns that are read of those that the published program writes of a video.
+/// The columns that are read from the output of the UVQ program.
 #[derive(Deserialize)]
 struct Published {
     video_name: String,

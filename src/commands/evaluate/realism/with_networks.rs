@@ -1,4 +1,4 @@
-//! In a build with networks: CLIP.
+//! Builds with networks: CLIP.
 
 use crate::weights::{PublishedWeights, WeightsArgs};
 use anyhow::Result;

@@ -1,10 +1,10 @@
-//! In a build without networks.
+//! Builds without networks.
 
 use crate::weights::WeightsArgs;
 use anyhow::{Result, bail};
 use std::path::Path;
 
-/// There is none.
+/// A type without values: this build has no networks.
 pub enum Embedder {}
 
 /// Returns an error that describes the alternatives.

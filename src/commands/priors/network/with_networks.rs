@@ -1,4 +1,4 @@
-//! In a build with networks: Depth Anything.
+//! Builds with networks: Depth Anything.
 
 use super::super::PriorsArgs;
 use super::super::work::{PriorAnswer, PriorEstimator};
@@ -16,7 +16,7 @@ use wm_train::priors::given::{Given, GivenDepth, SkyBy};
 /// A network with its weights.
 struct Network {
     network: DepthAnything,
-    /// Most pixels of a map.
+    /// Maximum number of pixels of a map.
     pixels: u32,
     name: String,
 }
@@ -69,7 +69,7 @@ const fn word(size: ModelSize) -> &'static str {
     }
 }
 
-/// Bytes of published weights, 4 each.
+/// Sizes of published weights, bytes.
 const fn bytes(size: ModelSize) -> u64 {
     match size {
         ModelSize::Small => 99_000_000,

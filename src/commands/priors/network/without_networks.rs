@@ -1,4 +1,4 @@
-//! In a build without networks.
+//! Builds without networks.
 
 use super::super::PriorsArgs;
 use super::super::work::PriorEstimator;
