@@ -1,4 +1,4 @@
-//! `convert`: scenes in another format; turned, scaled, cropped, reduced on the way.
+//! `convert`: converts scenes to another format; rotates, scales, crops and reduces them.
 
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
@@ -143,7 +143,7 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
     let jobs = jobs(args)?;
     for (_, out) in &jobs {
         format_for(out)?;
-        // A folder for the files of a SOG is made; any other must be there.
+        // The folder for the files of a SOG is created; any other must exist.
         if out.extension().is_none_or(|extension| extension != "json") {
             check_writable(out)?;
         }
@@ -236,7 +236,7 @@ fn file_size(path: &Path) -> u64 {
     std::fs::metadata(path).map_or(0, |about| about.len())
 }
 
-/// Bytes of the pictures and the JSON beside each other.
+/// Returns the size of the JSON and the pictures of a SOG folder, bytes.
 fn folder_size(main: &Path) -> u64 {
     let entries = main.parent().and_then(|folder| std::fs::read_dir(folder).ok());
     let paths = entries.into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
@@ -246,7 +246,7 @@ fn folder_size(main: &Path) -> u64 {
         .sum()
 }
 
-/// Changes a scene; returns notes.
+/// Changes a scene; returns notes to print.
 fn apply(scene: &mut Scene, change: &ChangeArgs, run: &RunArgs) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     if let Some(kept) = change.crop {

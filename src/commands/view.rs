@@ -34,7 +34,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
     args.look.check()?;
     args.server.guard()?;
     let mut weather = args.weather.read()?;
-    // Saved files lie elsewhere than the weather that was read.
+    // Saved files are in another folder than the weather that was read.
     let here = std::env::current_dir().context("cannot find the current folder")?;
     weather.resolve_images(&here);
     let panorama =

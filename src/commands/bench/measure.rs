@@ -1,4 +1,4 @@
-//! Cases, and rounds in which they take turns.
+//! Cases of the benchmark, measured in turns.
 
 use crate::interrupt;
 use anyhow::{Result, ensure};
@@ -12,14 +12,14 @@ use wm_weather::cover::CoverRequest;
 use wm_weather::paper::PaperCover;
 use wm_weather::{PreparedWeather, Site, Weather};
 
-/// Rounds before those that count: memory is touched, clocks go up.
+/// Number of warm-up rounds, in which memory is first touched and clocks rise.
 pub const WARM_UP: u32 = 2;
 
-/// Cases of the paper's table alone.
+/// Cases that are only in the paper's table.
 const PAPER_FOG: &str = "rgb, fog, paper";
 const PAPER_COVER: &str = "rgb, snow cover, paper";
 
-/// Something to render.
+/// A case of the benchmark: outputs and a weather.
 pub struct BenchCase {
     /// The outputs and the weather.
     pub name: &'static str,
@@ -30,7 +30,7 @@ pub struct BenchCase {
 }
 
 impl BenchCase {
-    /// Every case: outputs under a clear sky, weathers beside the clear colour, and all at once.
+    /// Returns every case: outputs under a clear sky, weathers with colour alone, and everything at once.
     pub fn all(site: &Site, config: impl Fn(Outputs) -> RenderConfig) -> Result<Vec<Self>> {
         use Geometry::{Depth, DepthNormal, None};
         use MedianDepth::{Off, On};
@@ -81,7 +81,7 @@ impl BenchCase {
         Ok(cases)
     }
 
-    /// The first of them, and those whose name holds `text`.
+    /// Returns the first case, and those whose name contains `text`.
     pub fn named(mut cases: Vec<Self>, text: &str) -> Result<Vec<Self>> {
         let names: Vec<&str> = cases.iter().map(|case| case.name).collect();
         ensure!(

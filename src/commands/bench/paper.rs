@@ -1,9 +1,9 @@
-//! `bench --paper`: the paper's Table I, frames a second by weather, beside its own figures.
+//! `bench --paper`: measures the paper's Table I, frames a second by weather, beside the paper's own numbers.
 //!
 //! The paper (Sang et al., Table I) renders scenes of Mip-NeRF 360 at 1200x800 px on an RTX 4090: clear 83.30, fog, smog and haze 31.27,
 //! rain and snowfall 10.42, snow cover 58.24 frames a second. Here the same four columns are measured for each scene on each
-//! device, with this program's weather and with the paper's own formulas (fidelity `paper`), and for the clear picture how the
-//! time grows with pixels and splats. Figures of other machines are no comparison of programs: the table says which machine.
+//! device, with this program's weather and with the paper's own formulas (fidelity `paper`), and for the clear picture the
+//! growth of time with pixels and splats. Numbers of different machines do not compare programs: the table names the machine.
 
 use super::BenchArgs;
 use super::measure::BenchTarget;
@@ -61,12 +61,12 @@ struct SpeedRow {
     fps: [Option<f64>; 4],
 }
 
-/// Clear frames by picture size.
+/// Times of clear frames by picture size.
 #[derive(Serialize)]
 struct BySize {
     scene: String,
     device: String,
-    /// Pixels and milliseconds of a frame.
+    /// Megapixels and milliseconds of a frame.
     points: Vec<[f64; 2]>,
 }
 
@@ -222,7 +222,7 @@ fn csv(table: &SpeedTable) -> String {
     out
 }
 
-/// Time of a clear frame over pixels, and over splats where there are several scenes.
+/// Returns plots of a clear frame's time over pixels, and over splats if there are several scenes.
 pub fn plots(table: &SpeedTable) -> Vec<(&'static str, Plot)> {
     let by_pixels = table
         .by_pixels

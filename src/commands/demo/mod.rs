@@ -321,7 +321,7 @@ fn camera_text(view: &Viewpoint) -> String {
     format!("{eye}:{target}")
 }
 
-/// A path as a shell takes it for one word.
+/// Quotes a path for a shell.
 fn quoted(path: &Path) -> String {
     let text = path.display().to_string();
     if text.contains(char::is_whitespace) { format!("\"{text}\"") } else { text }

@@ -25,7 +25,7 @@ pub enum PhotoRoute {
 /// Exact depth, normals and sky beside photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum TruthChoice {
-    /// They are.
+    /// The maps are written.
     #[default]
     Write,
     /// The maps are not written.
@@ -115,13 +115,13 @@ struct Words {
     args: ReconstructArgs,
 }
 
-/// Reconstructs the photos in `folder` into `scene`: the command itself, with these options.
+/// Reconstructs the photos in `folder` into `scene` by running the command `reconstruct`.
 ///
 /// # Errors
 /// Options of `reconstruct`.
 pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: &RunArgs) -> Result<()> {
     let run_folder = scene.with_extension("run");
-    // The demo begins anew each time; what is left of one that was broken off is in nobody's way.
+    // The demo starts from the beginning each time: the remains of an interrupted one are removed.
     let left = run_folder.join(reconstruct::CHECKPOINT);
     if left.exists() {
         std::fs::remove_file(&left).with_context(|| format!("cannot remove {}", left.display()))?;

@@ -21,7 +21,7 @@ use wm_scene::files::{check_writable, write_atomically};
 
 /// Options of `evaluate`.
 #[derive(Args, Clone, Debug)]
-// The scene is left out where pictures are compared; its group says whether it is there, and derive leaves that empty.
+// The scene is optional, as pictures are compared without one; its group is needed to detect it, and derive leaves it empty.
 #[command(mut_arg("scene", |scene| {
     scene.required(false).required_unless_present_any(["pictures", "paper"]).group("SceneArgs")
 }))]

@@ -88,14 +88,14 @@ impl InstrumentSection {
     }
 }
 
-/// Everything that was measured.
+/// All results.
 struct MeasureReport {
     place: String,
     about: String,
     renderer: String,
     seconds: f64,
     sections: Vec<InstrumentSection>,
-    /// Frames a second, for the page of a whole sweep.
+    /// Rendering speed, for the page of a whole sweep.
     speed: Option<SpeedTable>,
 }
 
@@ -116,7 +116,7 @@ impl MeasureReport {
 /// Runs the command.
 ///
 /// # Errors
-/// Where something is not as asked, after all of it was written.
+/// A reading is outside of its tolerance; everything is written before.
 pub fn run(args: &MeasureArgs) -> Result<()> {
     if !args.time.is_finite() {
         bail!("--time {}: give seconds, such as 0 or 12.5", args.time);
@@ -130,7 +130,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     let started = Instant::now();
     let mut loaded = open(args)?;
     let camera = camera(args, &mut loaded)?;
-    // The page of a whole sweep says how fast it is, too.
+    // The page of a whole sweep includes rendering speed.
     let is_whole = args.report.is_some() && args.instruments.is_empty() && !args.weather.is_given();
     let speed = is_whole.then(|| speed(args, &mut loaded, &camera)).transpose()?;
     let mut field = Field::new(loaded.renderer, loaded.place, camera);
@@ -223,7 +223,7 @@ fn tasks(args: &MeasureArgs) -> Result<Vec<InstrumentTask>> {
     Ok(tasks)
 }
 
-/// Opens the place.
+/// Opens the scene.
 fn open(args: &MeasureArgs) -> Result<OpenScene> {
     match &args.scene {
         Some(scene) => {
@@ -254,7 +254,7 @@ fn speed(args: &MeasureArgs, loaded: &mut OpenScene, camera: &Camera) -> Result<
     Ok(table)
 }
 
-/// From where the place is looked at.
+/// Returns the camera for views of the scene.
 fn camera(args: &MeasureArgs, loaded: &mut OpenScene) -> Result<Camera> {
     let options = view::Options { up: None, fov: None, near: None, size: Some(args.size) };
     Ok(match (&args.camera, &args.scene) {
@@ -264,7 +264,7 @@ fn camera(args: &MeasureArgs, loaded: &mut OpenScene) -> Result<Camera> {
     })
 }
 
-/// Measures.
+/// Runs the instruments.
 fn measure(
     args: &MeasureArgs,
     field: &mut Field,

@@ -1,4 +1,4 @@
-//! The report for a browser.
+//! The HTML report.
 
 use super::tables::{error, measured, number, tolerance, unit, verdict};
 use super::{InstrumentSection, MeasureReport};
@@ -11,12 +11,12 @@ use std::fmt::Write;
 
 const STYLE: &str = include_str!("page.css");
 
-/// Plots and pictures of an instrument that are shown at once; the others are folded away.
+/// Number of plots and pictures of an instrument that are shown; the others are collapsed.
 const FIRST: usize = 3;
-/// Width from which a picture has the whole page, px.
+/// Width from which a picture takes the whole page, px.
 const SHEET: u32 = 1300;
 
-/// The page.
+/// Returns the page.
 pub fn page(report: &MeasureReport) -> Result<String> {
     let [right, off] = report.verdict();
     let mut out = head(&format!("Weather measured: {}", report.place), STYLE);
@@ -51,7 +51,7 @@ pub fn page(report: &MeasureReport) -> Result<String> {
     Ok(out)
 }
 
-/// A line an instrument.
+/// Writes a line per instrument.
 fn summary(out: &mut String, report: &MeasureReport) {
     out.push_str(
         "<div class=\"scroll\"><table class=\"means\">\n<thead><tr><th>instrument</th><th>readings</th><th>as asked</th>\
@@ -85,7 +85,7 @@ fn share(reading: &Reading) -> f64 {
         Tolerance::None => 0.0,
     };
     match reading.passes() {
-        // Nothing off is none of nothing allowed.
+        // No error is within a tolerance of zero.
         true if share.is_nan() => 0.0,
         _ if share.is_finite() => share,
         _ => 99.0,
@@ -154,7 +154,7 @@ fn write_section(out: &mut String, section: &InstrumentSection) -> Result<()> {
     Ok(())
 }
 
-/// The paper's table of speeds.
+/// Writes the paper's table of speeds.
 fn write_speed(out: &mut String, table: &SpeedTable) {
     let (head, rows) = table.cells();
     let cells = |tag: &str, cells: &[String]| -> String {
@@ -181,7 +181,7 @@ fn write_speed(out: &mut String, table: &SpeedTable) {
     out.push_str("</section>\n");
 }
 
-/// The first of some figures, and the others behind a line.
+/// Writes the first figures, and the others in a collapsed section.
 fn folded(out: &mut String, class: &str, figures: &[String], first: usize, what: &str) {
     let first = first.min(figures.len());
     if first == 0 {
@@ -199,11 +199,11 @@ fn folded(out: &mut String, class: &str, figures: &[String], first: usize, what:
     }
 }
 
-/// Measured over asked, of the quantities that were swept.
+/// Returns plots of measured over given values for the quantities of a sweep.
 fn against(section: &InstrumentSection) -> Vec<Plot> {
     let mut groups: Vec<(&str, &str, Vec<[f64; 2]>)> = Vec::new();
     for reading in section.readings() {
-        // Shares ask for 1 throughout, and there is nothing to plot.
+        // Fractions always have the expected value 1: there is nothing to plot.
         let is_swept = matches!(reading.tolerance, Tolerance::Relative(_)) || reading.unit == "mm";
         if !is_swept || reading.unit.is_empty() || !reading.measured.is_finite() {
             continue;

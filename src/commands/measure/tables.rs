@@ -5,9 +5,9 @@ use crate::instruments::{Reading, Tolerance};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// A number with as many digits as tell something.
+/// Formats a number with four significant digits.
 pub fn number(value: f64) -> String {
-    // What is rounded to nothing has no sign.
+    // A number that is rounded to zero has no sign.
     let (size, value) = (value.abs(), if value.abs() < 5e-4 { 0.0 } else { value });
     match size {
         _ if !value.is_finite() => "-".into(),
@@ -18,7 +18,7 @@ pub fn number(value: f64) -> String {
     }
 }
 
-/// The same without zeros at its end.
+/// Formats a number without trailing zeros.
 fn short(value: f64) -> String {
     let text = number(value);
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
@@ -59,12 +59,12 @@ pub fn measured(reading: &Reading) -> String {
     number(reading.measured) + &error
 }
 
-/// A unit behind a number.
+/// Returns a unit to append to a number.
 pub fn unit(reading: &Reading) -> String {
     if reading.unit.is_empty() { String::new() } else { format!(" {}", reading.unit) }
 }
 
-/// For people.
+/// Returns the readings as text.
 pub fn text(report: &MeasureReport) -> String {
     let mut out = format!("{}, {}\n", report.place, report.renderer);
     for section in &report.sections {
@@ -103,7 +103,7 @@ pub fn text(report: &MeasureReport) -> String {
     out
 }
 
-/// For programs.
+/// Returns the readings as JSON.
 pub fn json(report: &MeasureReport) -> Value {
     let reading = |reading: &Reading| {
         let mut value = json!(reading);
@@ -167,7 +167,7 @@ fn rows(report: &MeasureReport) -> impl Iterator<Item = [String; 10]> {
     })
 }
 
-/// For spreadsheets: RFC 4180.
+/// Returns the readings as CSV (RFC 4180).
 pub fn csv(report: &MeasureReport) -> String {
     let quoted = |cell: &str| match cell.contains([',', '"', '\n']) {
         true => format!("\"{}\"", cell.replace('"', "\"\"")),
@@ -181,7 +181,7 @@ pub fn csv(report: &MeasureReport) -> String {
     out
 }
 
-/// For documents.
+/// Returns the readings as Markdown.
 pub fn markdown(report: &MeasureReport) -> String {
     let mut out = format!("| {} |\n|{}\n", HEAD.join(" | "), "---|".repeat(HEAD.len()));
     for row in rows(report) {

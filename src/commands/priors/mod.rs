@@ -115,7 +115,7 @@ pub fn run(args: &PriorsArgs) -> Result<()> {
     let index = match source {
         SourceArg::Photos => from_photos(args, &threads)?,
         SourceArg::Network => threads.install(|| -> Result<Index> {
-            // What may be wrong with weights is found before photos are read.
+            // Weights are checked before photos are read.
             let network = network::open(args)?;
             let data = data::open(&args.dataset, &args.photos)?;
             work::run(args, &data, network.as_ref())
@@ -134,7 +134,7 @@ fn from_photos(args: &PriorsArgs, threads: &rayon::ThreadPool) -> Result<Index> 
         bail!("--resume: stereo is done for all photos at once; leave it out to start again");
     }
     let data = threads.install(|| data::open(&args.dataset, &args.photos))?;
-    // Whether the folder can be written is said before the work; stereo has a writer of its own.
+    // The folder is checked before the work; stereo has a writer of its own.
     args.writer(photos::SOURCE.into())?.abandon();
     let out = args.out();
     let bar = progress::bar(2 * data.places.len() as u64, "passes of stereo");

@@ -1,4 +1,4 @@
-//! `render`: a scene under a weather, as a picture, a video or a folder of frames.
+//! `render`: renders a scene under a weather as a picture, a video or a folder of frames.
 
 pub mod camera;
 mod pairs;

@@ -215,7 +215,7 @@ fn shots(loaded: &mut OpenScene, args: &RenderArgs) -> Result<Vec<PhotoView>> {
 /// Returns the file names: those of the photos without extension, or with it if two photos differ only there.
 fn names(views: &[SceneView]) -> Result<Vec<String>> {
     let whole = |view: &SceneView| -> String {
-        // Names come from files of others, which may name places outside of the folder.
+        // Names come from foreign files and may point outside of the folder.
         let parts = Path::new(&view.name).components().filter_map(|part| match part {
             Component::Normal(part) => part.to_str(),
             _ => None,

@@ -15,7 +15,7 @@ use wm_scene::files::write_atomically;
 /// The file that describes the frames of a folder.
 const MANIFEST: &str = "render.json";
 
-/// Renders the frames of the numbers `wanted`, which are not none, into an MP4.
+/// Renders the frames with the numbers `wanted`, at least one, into an MP4.
 pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs) -> Result<()> {
     if !args.output.also.is_empty() {
         bail!("--also is for pictures and folders of frames: give --out a folder");
@@ -53,7 +53,7 @@ pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs
     Ok(())
 }
 
-/// Renders the frames of the numbers `wanted` into a folder, one picture a frame; frames that are there already are
+/// Renders the frames with the numbers `wanted` into a folder, one picture per frame; frames that exist already are
 /// kept.
 pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderArgs) -> Result<()> {
     std::fs::create_dir_all(folder)
@@ -72,7 +72,7 @@ pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderA
     }
     let extension = args.output.frame_format.extension();
     let name = |index: u32| folder.join(format!("{index:05}.{extension}"));
-    // The colour is written first and the rest beside it, so the last of them tells.
+    // The colour is written first and the other pictures after it: a frame is complete if the last one exists.
     let place = if args.output.layers { LayerPlacement::Layers } else { LayerPlacement::Beside };
     let is_layer = |also: &ExtraPicture| place.is_layer(*also, args.output.frame_format);
     let last = |index: u32| match args.output.also.iter().rev().find(|also| !is_layer(also)) {
@@ -118,7 +118,7 @@ pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderA
     Ok(())
 }
 
-/// Renders the frame of an index.
+/// Returns a function that renders the frame of an index.
 fn renderer(job: &mut RenderJob) -> impl FnMut(u32, &mut Picture) -> Result<()> {
     |index, picture| job.render(job.shot.time(index), picture).map(drop)
 }

@@ -1,4 +1,4 @@
-//! The steps of the paper's rain and snow, as pictures beside the last one.
+//! The steps of the paper's rain and snow, as pictures beside the final one.
 
 use super::{OutputTarget, RenderJob};
 use crate::progress::Reporter;
@@ -11,7 +11,7 @@ use wm_render::Stats;
 use wm_weather::paper::PaperStages;
 use wm_weather::{EffectRole, Fidelity, Weather};
 
-/// Refuses what has no such steps.
+/// Returns an error for weathers and outputs without such steps.
 pub fn check(weather: &Weather, target: &OutputTarget) -> Result<()> {
     if weather.fidelity != Fidelity::Paper || !weather.has(EffectRole::Falls) {
         bail!(

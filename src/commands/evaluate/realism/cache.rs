@@ -108,7 +108,7 @@ impl EmbeddingCache {
         let path = named(path, UNFINISHED);
         if !self.is_kept {
             let (mut pictures, mut values) = (self.pictures.clone(), self.values.clone());
-            // What was there of pictures that were not come to.
+            // Embeddings of an earlier run whose pictures were not reached.
             let added: HashSet<&CachedPicture> = self.pictures.iter().collect();
             for (picture, row) in self.before.iter().filter(|(picture, _)| !added.contains(picture)) {
                 pictures.push(picture.clone());
