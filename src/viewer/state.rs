@@ -5,6 +5,7 @@ use crate::commands::render::camera::CameraPlan;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
+use weather_magician::CameraMotion;
 use weather_magician::view::path::Path;
 use wm_scene::Camera;
 use wm_weather::Weather;
@@ -179,8 +180,11 @@ impl View {
     /// Returns the camera for a picture of another size, px.
     pub fn camera_plan_for(&self, size: (u32, u32)) -> CameraPlan {
         match self.state.follow {
-            Follow::Camera => CameraPlan::still(self.path.at(self.path.start(), size), self.state.time),
-            Follow::Path => CameraPlan::along(self.path.clone(), size, self.state.time),
+            Follow::Camera => CameraPlan::at(self.path.at(self.path.start(), size).into(), self.state.time),
+            Follow::Path => {
+                let motion = CameraMotion::Along { path: self.path.clone(), size };
+                CameraPlan::at(motion, self.state.time)
+            }
         }
     }
 }

@@ -4,7 +4,7 @@ use super::measure::{BenchCase, FrameTiming, FrameTimings};
 use crate::scene::OpenScene;
 use serde::Serialize;
 use weather_magician::view::spec;
-use wm_render::{DeviceWork, RenderBackend};
+use wm_render::DeviceWork;
 use wm_scene::Camera;
 
 /// Measurements of one scene. Times are milliseconds.

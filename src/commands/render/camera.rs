@@ -5,19 +5,17 @@ use crate::scene::OpenScene;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
-use weather_magician::MovingCamera;
 use weather_magician::view::moves::{self, PathSpec};
 use weather_magician::view::path::{Key, Path};
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
+use weather_magician::{CameraMotion, MovingCamera};
 use wm_media::video::FrameRate;
 use wm_scene::files::check_writable;
 use wm_scene::{Camera, FormatError};
 
 /// Default length of a sequence, seconds.
 const DEFAULT_SECONDS: f64 = 5.0;
-/// Half the time interval of the finite difference for a camera's velocity, seconds; about as long as an exposure.
-const MOMENT: f64 = 0.01;
 /// Longest sequence, frames: file names have six digits.
 const MAX_FRAMES: u32 = 1_000_000;
 
@@ -130,20 +128,12 @@ impl CameraArgs {
 
 /// The camera at each time, and the times of the frames.
 pub struct CameraPlan {
-    path: CameraMotion,
-    size: (u32, u32),
+    motion: CameraMotion,
     start: f64,
-    /// Forward speed of a camera without a path, m/s.
-    speed: f64,
     /// Frames a second.
     pub rate: FrameRate,
     /// Number of frames.
     pub frames: u32,
-}
-
-enum CameraMotion {
-    Still(Box<Camera>),
-    Along(Path),
 }
 
 impl CameraPlan {
@@ -175,79 +165,48 @@ impl CameraPlan {
                 })
             }
         };
-        let (way, size, duration) = match path {
-            Some(path) => {
-                let duration = path.duration();
-                (CameraMotion::Along(path), options.size(), duration)
-            }
-            None => {
-                let camera = args.look.start(loaded)?;
-                (CameraMotion::Still(Box::new(camera)), (camera.width, camera.height), 0.0)
-            }
+        let motion = match path {
+            Some(path) => CameraMotion::Along { path, size: options.size() },
+            None => CameraMotion::Still {
+                camera: Box::new(args.look.start(loaded)?),
+                speed: args.camera_speed.unwrap_or(0.0),
+            },
         };
+        let duration = motion.duration();
         let fps = 1.0 / output.fps.seconds(1);
-        if let (Some(file), CameraMotion::Along(path)) = (&args.save_path, &way) {
-            path.write(file, fps, size)?;
-        } else if let (Some(file), CameraMotion::Still(camera)) = (&args.save_path, &way) {
-            Path::new(vec![Key::of(camera, 0.0)], camera.near)?.write(file, fps, size)?;
+        if let Some(file) = &args.save_path {
+            match &motion {
+                CameraMotion::Along { path, size } => path.write(file, fps, *size)?,
+                CameraMotion::Still { camera, .. } => {
+                    let size = (camera.width, camera.height);
+                    Path::new(vec![Key::of(camera, 0.0)], camera.near)?.write(file, fps, size)?;
+                }
+            }
         }
         let seconds = length.unwrap_or(if duration > 0.0 { duration } else { DEFAULT_SECONDS });
         let frames = if still { 1 } else { output.fps.frames_within(seconds).max(1) };
         if frames > MAX_FRAMES {
             bail!("{frames} frames are too many for one run: the maximum is {MAX_FRAMES}");
         }
-        let speed = args.camera_speed.unwrap_or(0.0);
-        let shot = Self { path: way, size, start: output.time, speed, rate: output.fps, frames };
+        let shot = Self { motion, start: output.time, rate: output.fps, frames };
         shot.camera(shot.start).check()?;
         Ok(shot)
     }
 
-    /// Returns the plan of a fixed camera for one frame at the time `start`.
+    /// Returns the plan of one frame at the time `start`.
     #[cfg(feature = "viewer")]
-    pub fn still(camera: Camera, start: f64) -> Self {
-        let size = (camera.width, camera.height);
-        Self {
-            path: CameraMotion::Still(Box::new(camera)),
-            size,
-            start,
-            speed: 0.0,
-            rate: FrameRate::default(),
-            frames: 1,
-        }
-    }
-
-    /// Returns the plan of a camera on a path for one frame of `size`, px, at the time `start`.
-    #[cfg(feature = "viewer")]
-    pub fn along(path: Path, size: (u32, u32), start: f64) -> Self {
-        Self {
-            path: CameraMotion::Along(path),
-            size,
-            start,
-            speed: 0.0,
-            rate: FrameRate::default(),
-            frames: 1,
-        }
+    pub fn at(motion: CameraMotion, start: f64) -> Self {
+        Self { motion, start, rate: FrameRate::default(), frames: 1 }
     }
 
     /// Returns the camera at `time`, seconds.
     pub fn camera(&self, time: f64) -> Camera {
-        match &self.path {
-            CameraMotion::Still(camera) => **camera,
-            CameraMotion::Along(path) => path.at(path.start() + time, self.size),
-        }
+        self.motion.camera(time)
     }
 
     /// Returns the camera at `time`, seconds, with its velocity.
     pub fn moving(&self, time: f64, metres_per_unit: f64) -> MovingCamera {
-        let camera = self.camera(time);
-        let velocity = match &self.path {
-            CameraMotion::Still(camera) => camera.forward() * self.speed,
-            CameraMotion::Along(_) => {
-                let at = |time: f64| self.camera(time).center() * metres_per_unit;
-                (at(time + MOMENT) - at(time - MOMENT)) / (2.0 * MOMENT)
-            }
-        };
-        MovingCamera { camera, velocity: velocity.to_array() }
+        self.motion.at(time, metres_per_unit)
     }
 
     /// Returns the time of frame `index`, seconds.
@@ -257,9 +216,6 @@ impl CameraPlan {
 
     /// Returns a text that differs for different camera plans.
     pub fn fingerprint(&self) -> String {
-        match &self.path {
-            CameraMotion::Still(camera) => format!("{camera:?}"),
-            CameraMotion::Along(path) => format!("{:?} {:?} {}", path.keys(), self.size, path.near()),
-        }
+        self.motion.fingerprint()
     }
 }

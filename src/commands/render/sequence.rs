@@ -2,13 +2,14 @@
 
 use super::{RenderArgs, RenderJob};
 use crate::interrupt::Interrupted;
-use crate::pipeline::pipeline;
+use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 use weather_magician::Picture;
 use weather_magician::output::{ExtraPicture, LayerPlacement, PictureStyle};
+use weather_magician::sequence::render_and_write;
 use wm_media::{Size, png::DepthScale, video};
 use wm_scene::files::write_atomically;
 
@@ -31,10 +32,14 @@ pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs
 
     let started = Instant::now();
     let all = wanted.len() as u32;
-    let written =
-        pipeline(wanted, &mut renderer(job), &mut |_, picture| Ok(sink.frame(&picture.frame.rgb)?))?;
+    let written = render_and_write(
+        wanted,
+        &mut renderer(job),
+        &mut |_, picture| Ok(sink.frame(&picture.frame.rgb)?),
+        &mut Reporter::default(),
+    )?;
     if written < all {
-        let advice = "nothing is written; a folder of frames (--out FOLDER) can be gone on with";
+        let advice = "nothing is written; a folder of frames (--out FOLDER) can be continued";
         return Err(Interrupted(format!("{written} of {all} frames were done, {advice}")).into());
     }
     let report = sink.finish()?;
@@ -93,11 +98,12 @@ pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderA
         .map(|index| job.style(args, DepthScale::reaching(job.place.site().far), job.shot.time(*index)))
         .collect();
     let (mut position, mut beside) = (0, Vec::new());
-    let written = pipeline(&missing, &mut renderer(job), &mut |index, picture| {
+    let mut write = |index: u32, picture: &Picture| -> Result<()> {
         beside = styles[position].write(picture, &name(index))?;
         position += 1;
         Ok(())
-    })?;
+    };
+    let written = render_and_write(&missing, &mut renderer(job), &mut write, &mut Reporter::default())?;
     if (written as usize) < missing.len() {
         let done = kept + written;
         let advice = "the same command continues with the others";
