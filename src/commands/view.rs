@@ -2,7 +2,7 @@
 
 use super::render::camera::LookArgs;
 use crate::scene::{RunArgs, SceneArgs};
-use crate::viewer::{Asked, run as serve, server::ServerArgs};
+use crate::viewer::{ViewerOptions, run as serve, server::ServerArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result};
 use clap::Args;
@@ -41,6 +41,6 @@ pub fn run(args: &ViewArgs) -> Result<()> {
         |path: &PathBuf| -> Result<_> { Ok((here.join(path).display().to_string(), read_panorama(path)?)) };
     let panoramas = args.panorama.iter().map(panorama).collect::<Result<_>>()?;
     std::fs::metadata(&args.scene.scene).map_err(|error| FormatError::reading(&args.scene.scene, error))?;
-    let asked = Asked { scene: &args.scene, look: &args.look, run: &args.run, weather, panoramas };
+    let asked = ViewerOptions { scene: &args.scene, look: &args.look, run: &args.run, weather, panoramas };
     serve(asked, &args.server)
 }

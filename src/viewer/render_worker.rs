@@ -390,7 +390,7 @@ impl RenderWorker {
         let patience = if is_whole { Patience::Whole } else { Patience::Draft };
         let (rgb, _) = self.draw(&view, size, patience, Dither::Ordered)?;
         let bytes = jpeg(&rgb, size, THUMBNAIL.1)?;
-        self.context.keep_thumbnail(name.clone(), bytes.into());
+        self.context.set_thumbnail(name.clone(), bytes.into());
         self.context.queue.broadcast(&json!({ "type": "thumbnail", "name": name }).to_string());
         Ok(())
     }
@@ -439,7 +439,7 @@ impl RenderWorker {
 }
 
 /// Crops a camera to `width` columns from `first` on.
-fn crop_crop_columns(camera: &Camera, first: u32, width: u32) -> Camera {
+fn crop_columns(camera: &Camera, first: u32, width: u32) -> Camera {
     Camera { width, cx: camera.cx - f64::from(first), ..*camera }
 }
 

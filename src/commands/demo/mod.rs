@@ -13,7 +13,7 @@ use crate::progress::{self, Reporter};
 use crate::scene::{OpenScene, RunArgs};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use film::Film;
+use film::FogFilm;
 use photos::{PhotoRoute, PhotoSession, TruthChoice};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
