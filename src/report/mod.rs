@@ -1,7 +1,8 @@
 //! Reports for a browser: one file without scripts and without anything from elsewhere.
 
 pub mod picture;
-pub mod plot;
+
+pub use weather_magician::measure::plot::{self, escaped};
 
 /// The style that all reports share.
 pub const STYLE: &str = include_str!("page.css");
@@ -20,28 +21,4 @@ pub fn head(title: &str, style: &str) -> String {
 pub fn foot() -> String {
     let version = env!("CARGO_PKG_VERSION");
     format!("<h2>About</h2>\n<p>Written by weather-magician {version}.</p>\n</body>\n</html>\n")
-}
-
-/// Text that is no markup, whatever is in it.
-pub fn escaped(text: &str) -> String {
-    text.chars().fold(String::with_capacity(text.len()), |mut out, c| {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            c => out.push(c),
-        }
-        out
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_no_markup() {
-        assert_eq!(escaped("<b>\"a\" & b"), "&lt;b&gt;&quot;a&quot; &amp; b");
-    }
 }

@@ -3,6 +3,7 @@
 pub mod assets;
 mod error;
 pub mod frame;
+pub mod measure;
 pub mod output;
 pub mod panorama_file;
 mod picture;

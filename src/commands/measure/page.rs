@@ -3,11 +3,11 @@
 use super::tables::{error, measured, number, tolerance, unit, verdict};
 use super::{Report, Section};
 use crate::commands::bench::paper::{self, Table};
-use crate::instruments::{Finding, Reading, Tolerance};
 use crate::report::plot::{Axis, Plot, Series};
 use crate::report::{escaped, foot, head, picture};
 use anyhow::Result;
 use std::fmt::Write;
+use weather_magician::measure::{Finding, Reading, Tolerance};
 
 const STYLE: &str = include_str!("page.css");
 

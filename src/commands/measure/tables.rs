@@ -1,9 +1,9 @@
 //! The numbers as text, JSON, CSV and Markdown.
 
 use super::Report;
-use crate::instruments::{Reading, Tolerance};
 use serde_json::{Value, json};
 use std::fmt::Write;
+use weather_magician::measure::{Reading, Tolerance};
 
 /// A number with as many digits as tell something.
 pub fn number(value: f64) -> String {

@@ -24,7 +24,7 @@ pub fn is_on(weather: &Weather, name: &str) -> bool {
 
 /// One kind of air.
 #[derive(Clone, Copy, Debug)]
-pub struct Air {
+pub struct ExpectedAir {
     /// Extinction at the base, 1/m.
     pub sigma_t: [f64; 3],
     /// m.
@@ -33,7 +33,7 @@ pub struct Air {
     pub base_height: f64,
 }
 
-impl Air {
+impl ExpectedAir {
     /// Of fog, haze or smog.
     fn of(weather: &Weather, time: f64, effect: &str) -> Option<Self> {
         let number = |param: &str| number(weather, time, effect, param);
@@ -68,9 +68,9 @@ impl Air {
 }
 
 /// The airs that are on.
-pub fn airs(weather: &Weather, time: f64) -> Vec<Air> {
+pub fn airs(weather: &Weather, time: f64) -> Vec<ExpectedAir> {
     let airs = weather.effects().filter(|(effect, _)| effect.role == EffectRole::Air);
-    airs.filter_map(|(effect, _)| Air::of(weather, time, effect.name)).collect()
+    airs.filter_map(|(effect, _)| ExpectedAir::of(weather, time, effect.name)).collect()
 }
 
 /// Extinction of what falls, 1/m: by the published law of its kind, or else by the program's own sum over its particles:

@@ -5,14 +5,14 @@
 //! step must move it the same way. A lean is measured in the open beside the place, as by the streaks' instrument, to each side
 //! with its standard error: a place may lie in the lee of what stands there.
 
-use super::drops::{Catch, Drop};
+use super::drops::{DropSample, MeasuredDrop};
+use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, Level, PARTICLES, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked,
-    clear, mean, median, streaks,
+    Finding, Instrument, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest, MeasuredPicture,
+    PARTICLES, Reading, ShotSubject, Tolerance, clear, expected, mean, median, streaks,
 };
-use crate::report::plot::{Axis, Plot, Series};
-use anyhow::Result;
-use weather_magician::Picture;
+use crate::Picture;
+use crate::{Error, Result};
 use wm_media::Size;
 use wm_media::sheet::{Layout, Panel, sheet};
 use wm_render::Frame;
@@ -111,19 +111,19 @@ const OFF: f64 = 1.5;
 /// Standard errors by which a step must be seen.
 const SIGNIFICANT: f64 = 3.0;
 
-fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let [camera, _] = rig.views()?;
-    let heading = Level::of(&rig.site()).heading(camera.rotation().row(0));
+    let heading = LevelFrame::of(&rig.site()).heading(camera.rotation().row(0));
     let height = (f64::from(WIDTH) * f64::from(camera.height) / f64::from(camera.width)).round().max(1.0);
     let camera = camera.resized(WIDTH, height as u32);
-    let bare = draw(rig, &camera, (&clear(), probe.time), &[])?;
+    let bare = draw(rig, &camera, (&clear(), request.time), &[])?;
     let mut finding = Finding::default();
     let mut rows: Vec<(Frame, String)> = Vec::new();
     for control in &CONTROLS {
         let (mut points, mut errors) = (Vec::new(), Vec::new());
         for (step, value) in control.values.iter().enumerate() {
-            let mut weather = probe.with(control.base)?;
-            let turn = if control.key == TURN { value.parse()? } else { 0.0 };
+            let mut weather = request.with(control.base)?;
+            let turn = if control.key == TURN { turn_of(value)? } else { 0.0 };
             let direction = format!("{TURN}={:.0}", (heading + turn).rem_euclid(360.0));
             let change = match control.key {
                 TURN => direction.clone(),
@@ -135,10 +135,10 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
             weather.set_text(&change)?;
             let parts: &[PicturePart] =
                 if control.seen == Seen::Lost { &[PicturePart::Transmittance] } else { &[] };
-            let picture = draw(rig, &camera, (&weather, probe.time), parts)?;
+            let picture = draw(rig, &camera, (&weather, request.time), parts)?;
             let [value, error] = match measured(control.seen, &picture, &bare) {
                 Some(value) => [value, 0.0],
-                None => lean(rig, (&weather, probe.time), heading)?,
+                None => lean(rig, (&weather, request.time), heading)?,
             };
             points.push([(step + 1) as f64, value]);
             errors.push(error);
@@ -172,7 +172,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let panels: Vec<Panel<'_>> = rows.iter().map(|(frame, label)| Panel { rgb: &frame.rgb, label }).collect();
     let layout = Layout::new(Size::new(camera.width, camera.height), panels.len() as u32, STEPS as u32);
     let size = layout.size();
-    finding.pictures.push(Shown {
+    finding.pictures.push(MeasuredPicture {
         caption: SHEET.to_owned(),
         rgb: sheet(&layout, &panels),
         size: (size.width, size.height),
@@ -184,19 +184,24 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
 pub const SHEET: &str = "The sheet: a control a row, turned up from left to right. Where wind shows no rain, the view lies in the lee of what \
                          stands there";
 
+/// Returns the angle of a wind direction's step, degrees.
+fn turn_of(value: &str) -> Result<f64> {
+    value.parse().map_err(|_| Error::Unsupported(format!("{TURN}: {value} is not a number of degrees")))
+}
+
 fn short(value: f64) -> String {
     if value.abs() < 1.0 { format!("{value:.4}") } else { format!("{value:.1}") }
 }
 
 fn draw(
-    rig: &mut dyn Rig,
+    rig: &mut dyn InstrumentRenderer,
     camera: &Camera,
     (weather, time): (&Weather, f64),
     parts: &[PicturePart],
 ) -> Result<Picture> {
     let mut picture = Picture::default();
     rig.draw(
-        &Shot { subject: Subject::Place, camera, weather, time, outputs: PARTICLES, parts },
+        &InstrumentShot { subject: ShotSubject::Place, camera, weather, time, outputs: PARTICLES, parts },
         &mut picture,
     )?;
     Ok(picture)
@@ -227,12 +232,17 @@ fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> Option<f64> {
 ///
 /// In the air as it is at the place, but for what shelters it: in the lee of a tower no rain is to be seen, and says nothing of its
 /// lean.
-fn lean(rig: &mut dyn Rig, (weather, time): (&Weather, f64), heading: f64) -> Result<[f64; 2]> {
+fn lean(
+    rig: &mut dyn InstrumentRenderer,
+    (weather, time): (&Weather, f64),
+    heading: f64,
+) -> Result<[f64; 2]> {
     let look = streaks::look(weather, time)?.turned(heading);
-    let mut caught = Catch::default();
+    let mut caught = DropSample::default();
     look.take(rig, time, SLABS, &mut caught)?;
-    let degrees = |drop: &Drop| drop.blob.angle.to_degrees();
-    let law = |drop: &Drop| f64::atan2(look.across, asked::gunn_kinzer(drop.diameter)).to_degrees();
+    let degrees = |drop: &MeasuredDrop| drop.blob.angle.to_degrees();
+    let law =
+        |drop: &MeasuredDrop| f64::atan2(look.across, expected::gunn_kinzer(drop.diameter)).to_degrees();
     let off = median(streaks::long(&caught).map(|drop| degrees(drop) - law(drop)).collect());
     let leans: Vec<f64> = streaks::long(&caught).map(degrees).collect();
     let middle = median(leans.clone());
