@@ -25,10 +25,10 @@ use wm_street::{
 use wm_train::densify::{adaptive::AdaptiveConfig, mcmc::McmcConfig};
 use wm_train::{Preset, TrainConfig, config::Densify};
 
-/// What may be said before an error: what is the matter with the data set, and where a run goes on.
+/// Lines that may be printed before an error: problems of the data set, and the step that a run continues from.
 const REMARKS: [&str; 3] = ["warning: ", "set.run: going on ", "scene.ply.run: going on "];
 
-/// What is given where a test says nothing else: 40 steps of few splats.
+/// Default options of the tests: 40 steps of few splats.
 const USUAL: [(&str, &str); 5] = [
     ("--out", "scene.ply"),
     ("--steps", "40"),

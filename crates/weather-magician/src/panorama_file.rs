@@ -16,7 +16,7 @@ use wm_weather::panorama::check_size;
 pub struct PanoramaFileError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong and what to do.
+    /// The problem and its remedy.
     pub problem: String,
 }
 
@@ -95,7 +95,7 @@ mod tests {
         (0..32).flat_map(|y| (0..64).flat_map(move |x| at(x, y))).collect()
     }
 
-    /// What is behind all splats in a direction.
+    /// Returns the colour of the background in a direction.
     fn seen(path: &Path, direction: [f64; 3]) -> [f64; 3] {
         let mut weather = Weather::clear();
         weather.set_text(&format!("sky.panorama={}", path.display())).unwrap();

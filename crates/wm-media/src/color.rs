@@ -3,7 +3,7 @@
 use super::Size;
 use super::dither;
 
-/// How floats become bytes.
+/// The quantisation of floats to bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Dither {
     /// To the nearest: slow gradients show contours.
@@ -15,7 +15,7 @@ pub enum Dither {
 }
 
 impl Dither {
-    /// What to add to the pixels of row `y` of `channel` (0-2) before rounding, one a pixel, to be
+    /// The offsets added to the pixels of row `y` of `channel` (0-2) before rounding, one a pixel, to be
     /// repeated.
     pub(super) fn row(self, channel: usize, y: usize) -> &'static [f32] {
         match self {

@@ -25,7 +25,7 @@ use wm_scene::color::srgb_decode;
 
 use super::{MediaError, Size, Tags, write_file};
 
-/// What to write, at least one; shapes and values as in [`media`](super).
+/// The channels to write, at least one; shapes and values as in [`media`](super).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Planes<'a> {
     /// `[H, W, 3]`, sRGB-encoded.

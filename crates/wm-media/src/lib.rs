@@ -75,5 +75,5 @@ fn write_file(
     write_whole(path, |fault| MediaError::write(path, fault), write)
 }
 
-/// What is written into a file besides pixels, in this order: program, scene, weather, seed, time, ...
+/// Names and values that are written into a file besides pixels, in this order: program, scene, weather, seed, time, ...
 pub type Tags = [(String, String)];

@@ -25,7 +25,7 @@ pub enum Bits {
     Sixteen,
 }
 
-/// How a depth becomes a count of 16 bits.
+/// The scale of 16-bit depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum DepthScale {
     /// The finest of 1 mm, 1 cm, 1 dm and 1 m that reaches the largest finite depth of this picture.
@@ -164,7 +164,7 @@ fn data_bytes(values: impl Iterator<Item = f32>, bits: Bits) -> Vec<u8> {
     }
 }
 
-/// What the values are.
+/// The kind of values.
 #[derive(Clone, Copy, PartialEq)]
 enum Meaning {
     /// sRGB.

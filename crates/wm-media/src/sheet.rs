@@ -6,11 +6,11 @@
 use super::Size;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
-/// What shows between pictures, sRGB-encoded: near black, on white pages as on dark ones.
+/// Colour of the gaps between pictures, sRGB-encoded: near black, for white and dark pages.
 const GAP: [f32; 3] = [0.07, 0.075, 0.08];
 /// Colour of the strip behind a label.
 const STRIP: [f32; 3] = [0.05, 0.055, 0.06];
-/// How much of the picture the strip hides: white letters stay readable on white fog.
+/// Opacity of the strip: white letters stay readable on white fog.
 const STRIP_ALPHA: f32 = 0.62;
 /// Colour of the letters.
 const INK: [f32; 3] = [0.97, 0.97, 0.96];
@@ -27,11 +27,11 @@ const LETTERS: [(u32, RasterHeight); 4] = [
 pub struct Panel<'a> {
     /// `[H, W, 3]`, sRGB-encoded 0-1.
     pub rgb: &'a [f32],
-    /// What it shows; characters outside ASCII become question marks.
+    /// The label; characters outside ASCII become question marks.
     pub label: &'a str,
 }
 
-/// Where things lie on a sheet of pictures of one size.
+/// The layout of a sheet of pictures of one size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     panel: Size,

@@ -1,6 +1,6 @@
 //! Drops, flakes and streaks in a picture of what falls.
 
-/// One that touches neither another nor the border.
+/// A drop, flake or streak that touches neither another one nor the border of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParticleBlob {
     /// Sum of its coverage, px^2.
@@ -17,7 +17,7 @@ pub struct ParticleBlob {
 /// Of thin ones, which end where they are a tenth of their peak, as much less as they are thin.
 const LEAST: f32 = 1.0 / 300.0;
 
-/// What makes one blob.
+/// The rule that divides a picture into blobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlobSplit {
     /// Pixels that touch: streaks.
@@ -26,7 +26,7 @@ pub enum BlobSplit {
     Peaks,
 }
 
-/// The blobs of a picture of what falls, `[H, W, 4]` as in a frame, drawn at an opacity.
+/// Returns the blobs of a picture of falling particles, `[H, W, 4]` as in a frame, drawn at an opacity.
 pub fn blobs(particles: &[f32], width: usize, opacity: f64, split: BlobSplit) -> Vec<ParticleBlob> {
     let coverage = particles.iter().skip(3).step_by(4).copied().collect();
     let picture = Picture { coverage, width, least: LEAST * opacity.min(1.0) as f32 };

@@ -48,7 +48,7 @@ struct Fallen {
     melted: f64,
 }
 
-/// What has fallen and melted until an instant, by the parameters: falling at one rate for some hours, and what the shot's own
+/// The snow that has fallen and melted until a time, by the parameters: the hours at one rate, and what the shot's own
 /// seconds have added.
 fn fallen(weather: &Weather, time: f64) -> Option<Fallen> {
     if !expected::is_on(weather, "snow_cover") {

@@ -46,7 +46,7 @@ pub const INSTRUMENT: Instrument = Instrument {
     ],
 };
 
-/// How far two depths of the same point may be apart, as a share.
+/// Largest relative difference of two depths of the same point.
 const SAME: f64 = 0.02;
 /// Change of linear light that tells snow.
 const WHITENED: f32 = 0.03;
@@ -140,7 +140,7 @@ fn differences(pairs: &[Pair], here: &[f32], there: &[f32]) -> Vec<f64> {
     pairs.iter().map(difference).collect()
 }
 
-/// How far two views are apart on the extinction of the air: median over pairs.
+/// The median over pairs of the relative difference of two views' extinction.
 fn disagreement(pairs: &[Pair], views: [&View; 2], shares: [&[f32]; 2]) -> f64 {
     let apart = pairs.iter().filter_map(|pair| {
         let there = pair.there.iter().max_by(|a, b| a.1.total_cmp(&b.1))?.0;

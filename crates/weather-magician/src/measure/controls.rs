@@ -38,18 +38,18 @@ pub const INSTRUMENT: Instrument = Instrument {
 /// A row of the sheet.
 struct Control {
     name: &'static str,
-    /// What all of its pictures have.
+    /// Parameters of all its pictures.
     base: &'static [&'static str],
     /// Its parameter and the values that it takes.
     key: &'static str,
     values: [&'static str; STEPS],
-    /// What is seen of it.
+    /// The measured quantity.
     seen: Seen,
 }
 
 const STEPS: usize = 5;
 
-/// What is measured in a picture.
+/// A quantity measured in a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Seen {
     /// Light that the air takes, share.
@@ -106,7 +106,7 @@ const WIDTH: u32 = 320;
 const WHITENED: f64 = 0.02;
 /// Slabs of air in which a lean is measured.
 const SLABS: usize = 2;
-/// How far the lean may be off that of drops of their size in this wind, degrees: as for the streaks.
+/// Largest error of the lean against that of drops of their size in this wind, degrees: as for the streaks.
 const OFF: f64 = 1.5;
 /// Standard errors by which a step must be seen.
 const SIGNIFICANT: f64 = 3.0;
@@ -180,7 +180,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     Ok(finding)
 }
 
-/// What the sheet is called in a report.
+/// The caption of the sheet in a report.
 pub const SHEET: &str = "The sheet: a control a row, turned up from left to right. Where wind shows no rain, the view lies in the lee of what \
                          stands there";
 
@@ -207,7 +207,7 @@ fn draw(
     Ok(picture)
 }
 
-/// What is seen in a picture, beside the same in clear air; `None` for a lean, which is measured in the open.
+/// The value of `seen` in a picture, compared with the same view in clear air; `None` for a lean, which is measured in the open.
 fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> Option<f64> {
     let pixels = picture.frame.pixels();
     let light = |picture: &Picture, at: usize| -> [f64; 3] {
@@ -228,7 +228,7 @@ fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> Option<f64> {
     }
 }
 
-/// How streaks lean in the open, degrees, and its standard error; not a number where the law says that they lean otherwise.
+/// The lean of streaks in the open, degrees, and its standard error; NaN if it differs from that by the law.
 ///
 /// In the air as it is at the place, but for what shelters it: in the lee of a tower no rain is to be seen, and says nothing of its
 /// lean.

@@ -53,7 +53,7 @@ pub struct AirSlab {
     pub fastest: f64,
     /// Every so many-th picture has a second one, a moment later.
     pub pairs: usize,
-    /// What makes one drop.
+    /// The rule that divides a picture into drops.
     pub split: BlobSplit,
 }
 
@@ -99,7 +99,7 @@ impl AirSlab {
         splats
     }
 
-    /// Whether a blob is counted.
+    /// Returns true if a blob is counted.
     fn holds(&self, blob: &ParticleBlob) -> bool {
         let (side, [x, y]) = (f64::from(self.size), blob.at);
         let beside = self.margin[0]..side - self.margin[0];
@@ -119,7 +119,7 @@ pub struct MeasuredDrop {
     pub velocity: Option<[f64; 2]>,
     /// In the first picture.
     pub blob: ParticleBlob,
-    /// Which picture.
+    /// The index of the picture.
     pub picture: usize,
 }
 
@@ -135,14 +135,14 @@ pub struct DropSample {
     pub shown: Option<MeasuredPicture>,
 }
 
-/// How slabs are looked at.
+/// The weather, direction and places of pictures of a slab.
 #[derive(Clone, Debug)]
 pub struct SlabView {
     pub slab: AirSlab,
     weather: Weather,
     /// Factor on what a drop hides.
     opacity: f64,
-    /// Where the right of a picture is, as a direction of the wind, degrees.
+    /// Direction of the right of a picture, as that of the wind, degrees.
     heading: f64,
     /// The wind along it, m/s.
     pub across: f64,
@@ -184,7 +184,7 @@ impl SlabView {
         Self { first, ..self }
     }
 
-    /// Takes pictures at so many more places.
+    /// Takes `pictures` more pictures, each at another place.
     pub fn take(
         &self,
         rig: &mut dyn InstrumentRenderer,
@@ -237,9 +237,9 @@ impl SlabView {
     }
 }
 
-/// How fast a drop goes, with the wind and down, m/s: the only one of its size in the second picture where it can be.
+/// The velocity of a drop, with the wind and down, m/s: found if only one blob of its size is within reach in the second picture.
 fn again(slab: &AirSlab, wind: f64, blob: &ParticleBlob, second: &[ParticleBlob]) -> Option<[f64; 2]> {
-    /// How much faster or slower than the wind one may sway, m/s.
+    /// Largest sideways speed relative to the wind, m/s.
     const ASIDE: f64 = 1.5;
     let pixels = slab.scale * slab.apart;
     let is_it = |other: &&ParticleBlob| {

@@ -1,5 +1,5 @@
-//! What a weather asks for, by its parameters and by published laws: formulas typed anew, so that no instrument borrows
-//! them from what it measures.
+//! Expected values from a weather's parameters and published laws: implemented a second time, so that no instrument shares
+//! code with what it measures.
 
 use super::drops::falling;
 use wm_weather::particles::PrecipitationKind;
@@ -17,7 +17,7 @@ pub fn number(weather: &Weather, time: f64, effect: &str, param: &str) -> Option
     weather.at(time).track(effect, param)?.at(time).number()
 }
 
-/// Whether an effect is on.
+/// Returns true if an effect is on.
 pub fn is_on(weather: &Weather, name: &str) -> bool {
     weather.effects().any(|(effect, _)| effect.name == name)
 }

@@ -60,7 +60,7 @@ const ROUND: usize = 9;
 const MOST: usize = 300;
 /// Drops in front of a pixel of board, so that few touch.
 const CROWD: f64 = 9e-4;
-/// How opaque flakes are drawn.
+/// Opacity of flakes in the pictures.
 const THIN: f64 = 0.01;
 /// Least diameters of the two lenses, mm: drops are drawn whole (0.3 px and more), and flakes by themselves in the wide
 /// lens (1.25 px).
@@ -70,9 +70,9 @@ const SNOW: [f64; 2] = [0.25, 5.0];
 const FASTEST: f64 = 12.0;
 /// Diameter from which the close lens sees flakes by themselves, mm: fewer stand for all that are smaller.
 const SINGLE: f64 = 2.5;
-/// Where the places of the wide lens begin.
+/// Index of the first place of the wide lens.
 const FAR: usize = 8 * 64;
-/// What slabs have in common.
+/// The fields that all slabs share.
 const SLAB: AirSlab = AirSlab {
     size: 960,
     depth: 10.0,

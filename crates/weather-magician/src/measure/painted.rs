@@ -45,7 +45,7 @@ pub fn fog(rgb: &[f32], (width, height): (usize, usize), seed: u64) -> PaintedFo
     painted
 }
 
-/// Where painted snow lies: bright, and brighter than what is below.
+/// Returns the mask of painted snow: bright pixels that are not in the top quarter.
 pub fn snow(rgb: &[f32], (width, height): (usize, usize), seed: u64) -> Vec<bool> {
     let bright = |at: usize| rgb[3 * at..3 * at + 3].iter().sum::<f32>() / 3.0;
     let mut sorted: Vec<f32> = (0..width * height).map(bright).collect();

@@ -1,4 +1,4 @@
-//! The rig of the program: a place in its renderer, and targets beside it in the same renderer and the same air.
+//! The renderer of instruments: a place, and targets in the same renderer and the same air.
 
 use super::{InstrumentRenderer, InstrumentShot, LevelFrame, ShotSubject};
 use crate::frame::FrameRequest;
@@ -9,10 +9,10 @@ use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest};
 use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::{PreparedWeather, Site};
 
-/// How far the second view is aside of the first, m: not ahead, so that the air between it and the place is as long.
+/// Distance of the second view to the side of the first, m: not ahead, so that the air in front of both is as long.
 const STEP: f64 = 0.3;
 
-/// A place to measure at.
+/// A place to measure at, and the renderer that holds it.
 pub struct PlaceRenderer {
     /// The renderer.
     pub renderer: Renderer,
@@ -22,7 +22,7 @@ pub struct PlaceRenderer {
     targets: Vec<Target>,
 }
 
-/// What an instrument has set up.
+/// A target of an instrument.
 struct Target {
     splats: Splats,
     set: SetId,
@@ -32,7 +32,7 @@ struct Target {
 }
 
 impl PlaceRenderer {
-    /// A place that is looked at from `camera`.
+    /// Returns the renderer of a place, whose first view is `camera`.
     pub fn new(renderer: Renderer, place: PreparedPlace, camera: Camera) -> Self {
         Self { renderer, place, camera, targets: Vec::new() }
     }

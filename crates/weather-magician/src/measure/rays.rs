@@ -40,7 +40,7 @@ pub const INSTRUMENT: Instrument = Instrument {
 
 /// Optical depths that are told from nothing and from everything.
 const RANGE: std::ops::Range<f64> = 0.03..4.0;
-/// How far expected and median depth may be apart, as a share.
+/// Largest relative difference of expected and median depth.
 const SHARP: f64 = 0.02;
 /// Range of the thin air that tells the sky, in sizes of the place.
 const THIN: f64 = 100.0;

@@ -1,4 +1,4 @@
-//! Planted errors: a rig that draws each effect wrongly by a tenth, and who finds it.
+//! Planted errors: a renderer that draws each effect wrongly by a tenth, and the instruments that find it.
 //!
 //! A fault changes what is drawn, never what is asked. Instruments draw what they draw whatever they find, so that those of whose
 //! pictures a fault changes none need not look again: their readings are those of the faultless rig, byte for byte.
@@ -12,7 +12,7 @@ use wm_scene::{Camera, Splats};
 use wm_street::Street;
 use wm_weather::{Site, Weather};
 
-/// What is drawn wrongly.
+/// A planted error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fault {
     None,
@@ -34,7 +34,7 @@ enum Fault {
     Depth,
     /// Wind blows snow under the roof.
     Shelter,
-    /// What has fallen is a tenth more.
+    /// A tenth more snow has fallen.
     Fallen,
     /// The place is not drawn twice where it stands.
     Jitter,
@@ -62,7 +62,7 @@ const FINDS: [(Fault, &[[&str; 2]]); 12] = [
     (Fault::Jitter, &[["consistency", ""]]),
 ];
 
-/// Under which weather an instrument looks.
+/// The weather that an instrument is tested in.
 fn weather(instrument: &str) -> Weather {
     let sets: &[&str] = match instrument {
         "visibility" | "rays" => &["fog.mor=60"],
@@ -87,7 +87,7 @@ struct OwnedShot {
 }
 
 impl Fault {
-    /// What is drawn for the `index`-th shot of an instrument.
+    /// Returns the picture that is drawn in place of the `index`-th of an instrument.
     fn falsified(self, index: usize, shot: &OwnedShot) -> OwnedShot {
         let mut drawn = shot.clone();
         let mut scale = |effect: &str, param: &str, factor: f64| {

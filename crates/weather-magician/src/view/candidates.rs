@@ -8,13 +8,13 @@ use wm_scene::survey::{FactSource, Survey};
 /// A place and a direction to look from it.
 #[derive(Clone, Copy, Debug)]
 pub struct Candidate {
-    /// What kind of view it is.
+    /// The kind of view.
     pub kind: Kind,
     /// The camera centre, scene units.
     pub eye: DVec3,
     /// The viewing direction, length 1.
     pub forward: DVec3,
-    /// How good it looks in the grid; comparable within a kind.
+    /// The rating by the grid; comparable within a kind.
     pub promise: f64,
 }
 
@@ -30,7 +30,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// How many of a kind are rendered.
+    /// Number of views of this kind that are rendered.
     fn share(self) -> usize {
         match self {
             Self::EyeLevel => 18,
@@ -136,7 +136,7 @@ fn look_about(space: &Space, kind: Kind, eye: DVec3, pitch: f64, radius: f64) ->
     views
 }
 
-/// What the rays of a picture promise: ground throughout, near and far things, room before the lens, and
+/// The rating by the rays of a picture: ground throughout, near and far things, room before the lens, and
 /// some but not only sky.
 fn promise(picture: &[[Option<f64>; 7]], radius: f64) -> f64 {
     let part = |rays: std::ops::Range<usize>| {

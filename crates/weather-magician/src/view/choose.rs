@@ -24,7 +24,7 @@ pub struct Chosen {
     pub how: String,
 }
 
-/// How many of the rated are tried variations of.
+/// Number of rated views whose variations are tried.
 const VARIED: usize = 2;
 
 /// A good view of a scene.
@@ -56,7 +56,7 @@ pub fn middle_view(views: &[SceneView]) -> Option<&SceneView> {
     views.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// Where nothing can be rated: the whole from outside.
+/// Returns a view of the whole from outside, for scenes where no view can be rated.
 fn from_afar(survey: &Survey) -> (DVec3, DVec3) {
     let up = survey.up.value;
     let side = up.any_orthonormal_vector();

@@ -43,7 +43,7 @@ struct BlenderFrame {
     lens: Angles,
 }
 
-/// What says a field of view, for all frames or for one.
+/// The keys that give a field of view, for all frames or for one.
 #[derive(Clone, Copy, Default, Deserialize)]
 struct Angles {
     camera_angle_x: Option<f64>,

@@ -59,7 +59,7 @@ pub fn write(file: &std::path::Path, path: &Path, fps: f64, size: (u32, u32)) ->
     Ok(write_atomically(file, |out| Ok(out.write_all(text.as_bytes())?))?)
 }
 
-/// How the names of other programs' files end, and what is in them.
+/// Endings of other programs' file names, and the writers of their formats.
 const OTHERS: [(&str, TextOf); 2] =
     [("camera_path.json", foreign::nerfstudio_text), ("settings.json", foreign::supersplat_text)];
 type TextOf = fn(&Path, f64, (u32, u32)) -> String;

@@ -11,7 +11,7 @@ use wm_render::Frame;
 use wm_scene::survey::Survey;
 use wm_scene::{Camera, SceneView, nearest};
 
-/// What `--path` says.
+/// A camera path by name or file, as `--path` takes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PathSpec {
     /// Once around the middle of the scene: [`orbit`].
@@ -159,7 +159,7 @@ fn smooth(keys: &mut [Key], up: DVec3) {
     }
 }
 
-/// How far one can go along `ahead` before something is in the way, scene units.
+/// The free distance along `ahead`, scene units.
 fn room_ahead(site: &mut Site<'_>, start: &Camera, ahead: DVec3) -> Result<f64, ViewError> {
     let (survey, up) = (site.survey, site.options.up(site.survey));
     let camera = start.refitted(180, 120);

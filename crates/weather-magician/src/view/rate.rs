@@ -1,4 +1,4 @@
-//! How good a view is, judged by a small picture of it.
+//! The rating of a view by a small picture of it.
 
 use glam::DVec3;
 use wm_render::Frame;
@@ -33,7 +33,7 @@ impl Grain {
         Self { points }
     }
 
-    /// What of the scene is seen, and how coarsely.
+    /// Returns the visible share of the splats, and how coarse they are.
     fn seen(&self, camera: &Camera, frame: &Frame) -> Seen {
         let (mut sum, mut weight, mut count) = (0.0, 0.0, 0.0);
         for (at, size) in &self.points {
@@ -56,7 +56,7 @@ impl Grain {
     }
 }
 
-/// What a picture shows of the splats.
+/// The splats that a picture shows.
 struct Seen {
     /// Share of the scene's splats.
     share: f64,
@@ -65,7 +65,7 @@ struct Seen {
     coarseness: f64,
 }
 
-/// What speaks for and against a view; the sum is its rating.
+/// The terms of a view's rating; their sum is the rating.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Rating {
     /// Holes in the lower part.
@@ -74,11 +74,11 @@ pub struct Rating {
     pub clear: f64,
     /// Near and far together.
     pub depth: f64,
-    /// How far away the things are that are seen.
+    /// Distance of the visible things.
     pub reach: f64,
     /// Structure in the picture.
     pub detail: f64,
-    /// How much of what the scene was made for: splats are many where cameras looked.
+    /// Share of the well captured parts: splats are many where cameras looked.
     pub content: f64,
     /// Splats so large that they are seen as blobs.
     pub grain: f64,

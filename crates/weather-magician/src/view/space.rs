@@ -1,4 +1,4 @@
-//! Where there is something and where there is room: a coarse grid of the scene.
+//! A coarse occupancy grid of the scene.
 
 use glam::DVec3;
 use wm_scene::{Group, Splats, quat, survey::Survey};
@@ -11,7 +11,7 @@ const REACH: f64 = 1.3;
 const MOST: usize = 250_000;
 /// Share of a cell's face that splats must fill before the cell counts as filled.
 const FILLED: f32 = 0.35;
-/// How far the ground may lie from the survey's height, scene radii.
+/// Largest distance of the ground from the survey's height, scene radii.
 const RELIEF: f64 = 0.1;
 
 /// Filled and empty cells about the middle of the scene, and the height of the ground below.
@@ -120,7 +120,7 @@ impl Space {
         inside.then_some(layer as usize * self.side * self.side + column)
     }
 
-    /// Whether there is something at a point; outside the grid there is nothing.
+    /// Returns true if the cell at a point is filled; no cell outside the grid is.
     pub fn is_filled(&self, at: DVec3) -> bool {
         self.index(at).is_some_and(|index| self.filled[index])
     }
@@ -158,7 +158,7 @@ impl Space {
         (1..=steps).map(|i| i as f64 * step).find(|distance| self.is_filled(from + direction * *distance))
     }
 
-    /// Whether no filled cell is within `distance` of a point.
+    /// Returns true if no filled cell is within `distance` of a point.
     pub fn is_clear(&self, at: DVec3, distance: f64) -> bool {
         let reach = (distance / self.cell).ceil() as i32;
         let [x, y, up] = self.axes;

@@ -15,14 +15,14 @@ use wm_scene::camera::{MAX_PIXELS, MAX_SIDE};
 use wm_scene::survey::Survey;
 use wm_scene::{Camera, SceneView, nearest};
 
-/// What `--camera` says.
+/// A camera, as `--camera` takes it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraSpec {
     /// From a point to a point, scene units.
     LookAt {
         /// The camera centre.
         eye: DVec3,
-        /// What is in the middle of the picture.
+        /// The point in the middle of the picture.
         target: DVec3,
     },
     /// The first keyframe of a file.
@@ -189,7 +189,7 @@ pub fn parse_direction(text: &str) -> Result<DVec3, ViewError> {
 /// Three numbers between commas.
 ///
 /// # Errors
-/// What is wrong with the text.
+/// A message that says what is wrong with the text.
 pub fn parse_point(text: &str) -> Result<DVec3, String> {
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
     let [x, y, z] = parts[..] else {

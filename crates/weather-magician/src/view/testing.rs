@@ -1,4 +1,4 @@
-//! What tests of cameras share.
+//! Helpers of the tests of cameras.
 
 use super::{Options, Site};
 use glam::DVec3;

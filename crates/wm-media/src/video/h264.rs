@@ -34,7 +34,7 @@ const BITRATES: (f64, f64) = (10_000.0, 240e6);
 const RATES: (f64, f64) = (1.0, 60.0);
 /// Tries to encode one frame before giving up.
 const MOST_TRIES: u32 = 1000;
-/// What is added to the QPs when a frame does not fit the encoder's buffer: half the bits.
+/// Increase of the QPs if a frame does not fit the encoder's buffer: half the bits.
 const COARSER: u8 = 6;
 
 /// Encodes frame by frame.

@@ -25,7 +25,7 @@ use super::{MediaError, Size, Tags};
 /// Time between keyframes, which are where a player can jump to, at most; seconds.
 const KEYFRAME_SECONDS: f64 = 2.0;
 
-/// Who makes H.264 of the frames.
+/// The H.264 encoder of a video.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Encoder {
     /// OpenH264, built into this program: Constrained Baseline profile. The same frames give the same
@@ -36,19 +36,19 @@ pub enum Encoder {
     Ffmpeg,
 }
 
-/// What a video is, apart from its frames.
+/// The settings of a video.
 #[derive(Clone, Debug)]
 pub struct VideoSettings {
     /// Of every frame; both sides even.
     pub size: Size,
     /// Frames per second.
     pub frame_rate: FrameRate,
-    /// Who encodes.
+    /// The encoder.
     pub encoder: Encoder,
     /// Bits per second to aim at; `None` for the same good quality whatever it takes, which is what
     /// suits fog: see the encoders.
     pub bitrate: Option<u32>,
-    /// How planes are quantised.
+    /// The quantisation of the planes.
     pub dither: Dither,
     /// Written as the file's comment.
     pub tags: Vec<(String, String)>,
@@ -85,12 +85,12 @@ pub trait VideoSink: Send {
     fn finish(self: Box<Self>) -> Result<VideoReport, MediaError>;
 }
 
-/// What was written.
+/// A finished video file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VideoReport {
     /// The file.
     pub path: PathBuf,
-    /// Who encoded.
+    /// The encoder that was used.
     pub encoder: Encoder,
     /// Frames.
     pub frames: u64,
@@ -129,7 +129,7 @@ fn comment(tags: &Tags) -> String {
     lines.join("\n")
 }
 
-/// What an encoder said, as one line of bearable length.
+/// The message of an encoder, shortened to one line.
 fn one_line(text: &str) -> String {
     const MOST: usize = 400;
     let lines: Vec<_> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();

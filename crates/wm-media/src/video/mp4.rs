@@ -262,7 +262,7 @@ impl Mp4Writer {
     }
 }
 
-/// How to decode the samples: `avcC` from the parameter sets, then colour and square pixels.
+/// The description of the samples for decoders: `avcC` from the parameter sets, then colour and square pixels.
 fn sample_entry(sets: &ParameterSets) -> shiguredo_mp4::Result<Avc1Box> {
     let config = H264SampleEntryConfig { length_size: LengthSize::FourBytes };
     let mut entry =

@@ -4,7 +4,7 @@ use std::process::{Command, Stdio};
 
 use super::*;
 
-/// Whether the program can be started; says so if not.
+/// Returns true if the program can be started; prints a line if not.
 pub fn found(program: &str) -> bool {
     let run = Command::new(program).arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
     let found = run.is_ok_and(|status| status.success());
