@@ -164,7 +164,7 @@ impl Loaded {
     }
 
     /// The same as a place to look for views in.
-    pub fn site(&mut self, options: view::Options) -> view::Site<'_> {
+    pub fn site(&mut self, options: view::ViewOptions) -> view::ViewSearch<'_> {
         self.renderer.view_site(&self.place, options)
     }
 }

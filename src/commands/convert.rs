@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use weather_magician::reduce::{self, Reduced};
+use weather_magician::reduce::{self, ReducedScene};
 use weather_magician::view::spec;
 use wm_scene::files::check_writable;
 use wm_scene::formats::folder::{cameras_path, write_cameras};
@@ -281,7 +281,7 @@ fn apply(scene: &mut Scene, change: &ChangeArgs, run: &RunArgs) -> Result<Vec<St
     }
     if let Some(most) = change.max_splats.filter(|most| *most < scene.splats.len() as u64) {
         label_sky(&mut scene.splats);
-        let Reduced { splats, note } =
+        let ReducedScene { splats, note } =
             reduce::reduce(scene, most as usize, run.differentiable()?.as_mut(), &mut Reporter::default())?;
         scene.splats = splats;
         notes.push(note);

@@ -21,7 +21,7 @@ use weather_magician::{
     FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, picture_tags,
 };
 use wm_media::color::Dither;
-use wm_media::{Size, video};
+use wm_media::{PictureSize, video};
 use wm_render::{Frame, Stats};
 use wm_scene::Camera;
 use wm_weather::{EffectRole, PreparedWeather, Weather};
@@ -325,7 +325,7 @@ impl Painter {
         match output.also() {
             None => _ = style.write(&self.picture, &path)?,
             Some(ExtraPicture { kind, .. }) => {
-                let size = Size::new(view.state.size[0], view.state.size[1]);
+                let size = PictureSize::new(view.state.size[0], view.state.size[1]);
                 style.write_one(kind, PictureFormat::Png, &self.picture, size, &path)?;
             }
         }
@@ -392,7 +392,7 @@ impl Painter {
     fn start(&mut self, view: &Arc<View>, video: &Arc<Video>) -> Result<()> {
         let shot = view.shot();
         let [width, height] = view.state.size;
-        let mut settings = video::VideoSettings::new(Size::new(width, height), video.rate);
+        let mut settings = video::VideoSettings::new(PictureSize::new(width, height), video.rate);
         settings.tags = self.style(view, &shot, 0.0).tags;
         let writer = Writer::new(video::create_video(&video.path(), settings)?, video);
         let (view, video) = (Arc::clone(view), Arc::clone(video));

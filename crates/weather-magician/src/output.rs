@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use wm_media::color::Dither;
-use wm_media::{MediaError, Size, exr, png};
+use wm_media::{MediaError, PictureSize, exr, png};
 use wm_render::frame::srgb_encode;
 use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs, ParticlePass};
@@ -200,7 +200,7 @@ impl PictureStyle {
     /// [`Error`] if a file cannot be written, or its extension is not .png, .exr or .npy.
     pub fn write(&self, picture: &Picture, path: &Path) -> Result<Vec<String>> {
         let frame = &picture.frame;
-        let size = Size::new(frame.width, frame.height);
+        let size = PictureSize::new(frame.width, frame.height);
         let Some(format) = PictureFormat::of(path) else {
             let text = format!("{}: a picture is written as .png, .exr or .npy", path.display());
             return Err(Error::Unsupported(text));
@@ -213,7 +213,7 @@ impl PictureStyle {
                 self.exr(
                     path,
                     size,
-                    exr::Planes { rgb: Some(&frame.rgb), channels: &channels, ..Default::default() },
+                    exr::ExrPlanes { rgb: Some(&frame.rgb), channels: &channels, ..Default::default() },
                 )?;
             }
             PictureFormat::Npy => {
@@ -260,7 +260,7 @@ impl PictureStyle {
         also: ExtraPicture,
         format: PictureFormat,
         picture: &Picture,
-        size: Size,
+        size: PictureSize,
         path: &Path,
     ) -> Result<String> {
         let path = Self::path_of(also, format, path);
@@ -275,7 +275,7 @@ impl PictureStyle {
         kind: PictureLayer,
         format: PictureFormat,
         picture: &Picture,
-        size: Size,
+        size: PictureSize,
         path: &Path,
     ) -> Result<String> {
         let values = self.values(kind, picture);
@@ -289,36 +289,36 @@ impl PictureStyle {
                 }
             }
             (PictureFormat::Exr, PictureLayer::Depth | PictureLayer::MedianDepth) => {
-                self.exr(path, size, exr::Planes { depth: Some(&values), ..Default::default() })?;
+                self.exr(path, size, exr::ExrPlanes { depth: Some(&values), ..Default::default() })?;
             }
             (PictureFormat::Exr, PictureLayer::Normal) => {
-                self.exr(path, size, exr::Planes { normals: Some(&values), ..Default::default() })?;
+                self.exr(path, size, exr::ExrPlanes { normals: Some(&values), ..Default::default() })?;
             }
             (PictureFormat::Exr, PictureLayer::Alpha) => {
-                self.exr(path, size, exr::Planes { alpha: Some(&values), ..Default::default() })?;
+                self.exr(path, size, exr::ExrPlanes { alpha: Some(&values), ..Default::default() })?;
             }
             (PictureFormat::Exr, _) => {
                 let mut channels = self.layer(kind, picture);
                 // Alone in a file they need no name of a layer.
                 channels.iter_mut().for_each(|(name, _)| *name = name.split_off(kind.name().len() + 1));
-                self.exr(path, size, exr::Planes { channels: &channels, ..Default::default() })?;
+                self.exr(path, size, exr::ExrPlanes { channels: &channels, ..Default::default() })?;
             }
             (PictureFormat::Png, PictureLayer::Depth | PictureLayer::MedianDepth) => {
                 let scale = png::write_depth(path, &values, size, self.depth_scale, tags)?;
                 return Ok(format!(", {scale} m a count, 0 for nothing"));
             }
             (PictureFormat::Png, PictureLayer::Normal) => {
-                png::write_normals(path, &values, size, png::Bits::Sixteen, tags)?;
+                png::write_normals(path, &values, size, png::ChannelBits::Sixteen, tags)?;
             }
             (PictureFormat::Png, PictureLayer::Alpha) => {
-                png::write_alpha(path, &values, size, png::Bits::Sixteen, tags)?;
+                png::write_alpha(path, &values, size, png::ChannelBits::Sixteen, tags)?;
             }
             (PictureFormat::Png, PictureLayer::Transmittance) => {
                 png::write_shares(path, &values, size, tags)?
             }
             (PictureFormat::Png, PictureLayer::Particles) => {
                 let coverage: Vec<f32> = values.iter().skip(3).step_by(4).copied().collect();
-                png::write_alpha(path, &coverage, size, png::Bits::Eight, tags)?;
+                png::write_alpha(path, &coverage, size, png::ChannelBits::Eight, tags)?;
                 return Ok(", coverage alone".into());
             }
             (PictureFormat::Png, PictureLayer::Clean | PictureLayer::Airlight) => {
@@ -330,7 +330,7 @@ impl PictureStyle {
         Ok(String::new())
     }
 
-    fn exr(&self, path: &Path, size: Size, planes: exr::Planes<'_>) -> Result<(), MediaError> {
+    fn exr(&self, path: &Path, size: PictureSize, planes: exr::ExrPlanes<'_>) -> Result<(), MediaError> {
         exr::write_exr(path, planes, size, &self.tags)
     }
 }

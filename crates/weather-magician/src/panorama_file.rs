@@ -82,9 +82,9 @@ fn map(path: &Path) -> Result<Panorama, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_media::Size;
+    use wm_media::PictureSize;
     use wm_media::color::Dither;
-    use wm_media::exr::{Planes, write_exr};
+    use wm_media::exr::{ExrPlanes, write_exr};
     use wm_media::png::write_rgb;
     use wm_weather::Weather;
 
@@ -120,10 +120,10 @@ mod tests {
     fn pictures_of_every_kind_show_the_same() {
         let folder = tempfile::tempdir().unwrap();
         let rgb = quarters();
-        let size = Size::new(64, 32);
+        let size = PictureSize::new(64, 32);
         let [png, exr, jpg] = ["p.png", "p.exr", "p.jpg"].map(|name| folder.path().join(name));
         write_rgb(&png, &rgb, size, Dither::Off, &[]).unwrap();
-        write_exr(&exr, Planes { rgb: Some(&rgb), ..Planes::default() }, size, &[]).unwrap();
+        write_exr(&exr, ExrPlanes { rgb: Some(&rgb), ..ExrPlanes::default() }, size, &[]).unwrap();
         let bytes: Vec<u8> = rgb.iter().map(|v| (v * 255.0).round() as u8).collect();
         jpeg_encoder::Encoder::new_file(&jpg, 100)
             .unwrap()
@@ -162,12 +162,12 @@ mod tests {
             );
         }
         let flat = vec![0.5; 3 * 40 * 32];
-        write_rgb(&path("flat.png"), &flat, Size::new(40, 32), Dither::Off, &[]).unwrap();
+        write_rgb(&path("flat.png"), &flat, PictureSize::new(40, 32), Dither::Off, &[]).unwrap();
         assert!(say("flat.png").contains("40x32 px is no panorama"));
         // Half a file of each kind, and a header that claims more than the file holds.
-        let size = Size::new(64, 32);
+        let size = PictureSize::new(64, 32);
         write_rgb(&path("half.png"), &quarters(), size, Dither::Off, &[]).unwrap();
-        write_exr(&path("half.exr"), Planes { rgb: Some(&quarters()), ..Planes::default() }, size, &[])
+        write_exr(&path("half.exr"), ExrPlanes { rgb: Some(&quarters()), ..ExrPlanes::default() }, size, &[])
             .unwrap();
         let bytes = vec![90; 64 * 32 * 3];
         let encoder = jpeg_encoder::Encoder::new_file(path("half.jpg"), 90).unwrap();

@@ -9,8 +9,8 @@
 //! Kerbl et al. 2024, "A Hierarchical 3D Gaussian Representation"). One that has no neighbour near is dropped.
 
 use crate::view::candidates::candidates;
-use crate::view::space::Space;
-use crate::view::{DEFAULT_FOV, Options};
+use crate::view::space::OccupancyGrid;
+use crate::view::{DEFAULT_FOV, ViewOptions};
 use crate::{Error, Progress, Result};
 use glam::{DMat3, DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -38,7 +38,7 @@ const LARGEST: f64 = 400.0;
 const REACH: f64 = 2.0;
 
 /// The reduced scene.
-pub struct Reduced {
+pub struct ReducedScene {
     /// The splats.
     pub splats: Splats,
     /// One line about the reduction and its cost in quality.
@@ -54,7 +54,7 @@ pub fn reduce(
     most: usize,
     renderer: &mut dyn Differentiable,
     progress: &mut dyn Progress,
-) -> Result<Reduced> {
+) -> Result<ReducedScene> {
     let survey = Survey::of(scene, &Metadata::default());
     let cameras = cameras(scene, &survey);
     let (measured, tried): (Vec<_>, Vec<_>) = cameras.into_iter().enumerate().partition(|(i, _)| i % 3 == 1);
@@ -90,7 +90,7 @@ pub fn reduce(
         "reduced from {from} to {to} splats: PSNR {quality:.1} dB against all, mean of {} views",
         measured.len()
     );
-    Ok(Reduced { splats, note })
+    Ok(ReducedScene { splats, note })
 }
 
 /// Places to look from; neighbours in the list are mostly alike.
@@ -100,12 +100,12 @@ fn cameras(scene: &Scene, survey: &Survey) -> Vec<Camera> {
         let count = scene.views.len().min(VIEWS);
         return (0..count).map(|i| small(&scene.views[(i as f64 * step) as usize].camera)).collect();
     }
-    let options = Options { size: Some((LONGEST, LONGEST * 9 / 16)), ..Options::default() };
+    let options = ViewOptions { size: Some((LONGEST, LONGEST * 9 / 16)), ..ViewOptions::default() };
     let at = |eye: DVec3, target: DVec3| {
         let camera = Camera::looking(options.size(), DEFAULT_FOV, eye, target, options.up(survey)).ok()?;
         Some(Camera { near: options.near(survey), ..camera })
     };
-    let mut cameras: Vec<Camera> = candidates(&Space::of(&scene.splats, survey), survey)
+    let mut cameras: Vec<Camera> = candidates(&OccupancyGrid::of(&scene.splats, survey), survey)
         .into_iter()
         .filter_map(|view| at(view.eye, view.eye + view.forward))
         .collect();

@@ -253,7 +253,7 @@ fn speed(args: &MeasureArgs, loaded: &mut Loaded, camera: &Camera) -> Result<Tab
 
 /// From where the place is looked at.
 fn camera(args: &MeasureArgs, loaded: &mut Loaded) -> Result<Camera> {
-    let options = view::Options { up: None, fov: None, near: None, size: Some(args.size) };
+    let options = view::ViewOptions { up: None, fov: None, near: None, size: Some(args.size) };
     Ok(match (&args.camera, &args.scene) {
         (Some(spec), _) => spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?,
         (None, Some(_)) => choose::choose(&mut loaded.site(options))?.camera,

@@ -7,7 +7,7 @@ use clap::Args;
 use std::path::PathBuf;
 use weather_magician::MovingCamera;
 use weather_magician::view::moves::{self, PathSpec};
-use weather_magician::view::path::{Key, Path};
+use weather_magician::view::path::{CameraPath, PathKey};
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
 use wm_media::video::FrameRate;
@@ -82,8 +82,8 @@ impl LookArgs {
     }
 
     /// The options that are given by hand.
-    pub fn options(&self) -> view::Options {
-        view::Options { up: None, fov: self.fov, near: self.near, size: self.size }
+    pub fn options(&self) -> view::ViewOptions {
+        view::ViewOptions { up: None, fov: self.fov, near: self.near, size: self.size }
     }
 
     /// The camera that is asked for or chosen, said on the error stream if chosen.
@@ -143,7 +143,7 @@ pub struct Shot {
 
 enum Way {
     Still(Box<Camera>),
-    Along(Path),
+    Along(CameraPath),
 }
 
 impl Shot {
@@ -158,7 +158,7 @@ impl Shot {
         let length = output.seconds;
         let path = match &args.path {
             None => None,
-            Some(PathSpec::File(file)) => Some(Path::read(file, loaded.place.survey(), &options)?),
+            Some(PathSpec::File(file)) => Some(CameraPath::read(file, loaded.place.survey(), &options)?),
             Some(PathSpec::Capture) => {
                 let seconds = length.unwrap_or(DEFAULT_SECONDS);
                 Some(moves::capture(&loaded.place.scene().views, loaded.place.survey(), &options, seconds)?)
@@ -167,7 +167,7 @@ impl Shot {
                 let start = args.look.start(loaded)?;
                 let units = args.distance.map(|metres| metres / loaded.place.survey().metres_per_unit.value);
                 let mut site =
-                    loaded.site(view::Options { size: Some((start.width, start.height)), ..options });
+                    loaded.site(view::ViewOptions { size: Some((start.width, start.height)), ..options });
                 let seconds = length.unwrap_or(DEFAULT_SECONDS);
                 Some(match moving {
                     PathSpec::Orbit => moves::orbit(&site, &start, seconds)?,
@@ -189,7 +189,7 @@ impl Shot {
         if let (Some(file), Way::Along(path)) = (&args.save_path, &way) {
             path.write(file, fps, size)?;
         } else if let (Some(file), Way::Still(camera)) = (&args.save_path, &way) {
-            Path::new(vec![Key::of(camera, 0.0)], camera.near)?.write(file, fps, size)?;
+            CameraPath::new(vec![PathKey::of(camera, 0.0)], camera.near)?.write(file, fps, size)?;
         }
         let seconds = length.unwrap_or(if duration > 0.0 { duration } else { DEFAULT_SECONDS });
         let frames = if still { 1 } else { output.fps.frames_within(seconds).max(1) };
@@ -218,7 +218,7 @@ impl Shot {
 
     /// A camera on a path, for pictures of `size`, at the instant `start` and for no longer.
     #[cfg(feature = "viewer")]
-    pub fn along(path: Path, size: (u32, u32), start: f64) -> Self {
+    pub fn along(path: CameraPath, size: (u32, u32), start: f64) -> Self {
         Self { path: Way::Along(path), size, start, speed: 0.0, rate: FrameRate::default(), frames: 1 }
     }
 

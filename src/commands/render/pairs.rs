@@ -15,7 +15,7 @@ use std::time::Instant;
 use weather_magician::output::{PictureFormat, PictureLayer, PictureStyle};
 use weather_magician::view::spec;
 use weather_magician::{FrameOptions, MovingCamera, Picture, PreparedPlace, Renderer, picture_tags};
-use wm_media::Size;
+use wm_media::PictureSize;
 use wm_render::parts::PicturePart;
 use wm_render::{Frame, Geometry, Outputs, ParticlePass, RenderConfig};
 use wm_scene::files::write_atomically;
@@ -255,7 +255,7 @@ fn names(views: &[SceneView]) -> Result<Vec<String>> {
 }
 
 fn write_pair(folder: &Path, shot: &Shot, [clear, style]: &[PictureStyle; 2], pair: &Pair) -> Result<()> {
-    let size = Size::new(shot.camera.width, shot.camera.height);
+    let size = PictureSize::new(shot.camera.width, shot.camera.height);
     let paths = FOLDERS.map(|kind| folder.join(shot.file(kind)));
     for path in &paths {
         let parent = path.parent().unwrap_or(folder);

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::time::Instant;
 use weather_magician::Picture;
 use weather_magician::output::{ExtraPicture, LayerPlacement, PictureStyle};
-use wm_media::{Size, png::DepthScale, video};
+use wm_media::{PictureSize, png::DepthScale, video};
 use wm_scene::files::write_atomically;
 
 /// The file in a folder of frames that says what they are frames of.
@@ -22,7 +22,8 @@ pub fn video(take: &mut Take, wanted: &[u32], path: &Path, args: &RenderArgs) ->
     }
     let start = take.shot.time(wanted[0]);
     let camera = take.shot.camera(start);
-    let mut settings = video::VideoSettings::new(Size::new(camera.width, camera.height), take.shot.rate);
+    let mut settings =
+        video::VideoSettings::new(PictureSize::new(camera.width, camera.height), take.shot.rate);
     settings.encoder = args.output.encoder.into();
     settings.bitrate = args.output.bitrate;
     settings.dither = args.output.dither.into();

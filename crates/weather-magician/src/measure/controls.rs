@@ -13,8 +13,8 @@ use super::{
 };
 use crate::Picture;
 use crate::{Error, Result};
-use wm_media::Size;
-use wm_media::sheet::{Layout, Panel, sheet};
+use wm_media::PictureSize;
+use wm_media::sheet::{SheetLayout, SheetPanel, sheet};
 use wm_render::Frame;
 use wm_render::frame::srgb_decode;
 use wm_render::parts::PicturePart;
@@ -169,8 +169,10 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             series: vec![Series::points("seen", points.clone())],
         });
     }
-    let panels: Vec<Panel<'_>> = rows.iter().map(|(frame, label)| Panel { rgb: &frame.rgb, label }).collect();
-    let layout = Layout::new(Size::new(camera.width, camera.height), panels.len() as u32, STEPS as u32);
+    let panels: Vec<SheetPanel<'_>> =
+        rows.iter().map(|(frame, label)| SheetPanel { rgb: &frame.rgb, label }).collect();
+    let layout =
+        SheetLayout::new(PictureSize::new(camera.width, camera.height), panels.len() as u32, STEPS as u32);
     let size = layout.size();
     finding.pictures.push(MeasuredPicture {
         caption: SHEET.to_owned(),

@@ -34,7 +34,7 @@ pub const DEFAULT_SIZE: (u32, u32) = (1280, 720);
 
 /// Camera settings that win over those of files and photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Options {
+pub struct ViewOptions {
     /// Up in world axes, of any length but 0; else the survey's.
     pub up: Option<DVec3>,
     /// Vertical field of view, degrees; else that of the photo or file, or [`DEFAULT_FOV`].
@@ -53,7 +53,7 @@ impl ViewError {
     }
 }
 
-impl Options {
+impl ViewOptions {
     /// Up in world axes, length 1.
     #[must_use]
     pub fn up(&self, survey: &Survey) -> DVec3 {
@@ -76,7 +76,7 @@ impl Options {
 }
 
 /// A scene to look for views in: its splats in a renderer, and its survey.
-pub struct Site<'a> {
+pub struct ViewSearch<'a> {
     /// The renderer that holds the splats.
     pub renderer: &'a mut dyn RenderBackend,
     /// The handle of the splats.
@@ -86,10 +86,10 @@ pub struct Site<'a> {
     /// The survey of the scene.
     pub survey: &'a Survey,
     /// The camera settings.
-    pub options: Options,
+    pub options: ViewOptions,
 }
 
-impl Site<'_> {
+impl ViewSearch<'_> {
     /// Renders colour before black, alpha and depth.
     fn look(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
         let outputs = Outputs { geometry: Geometry::Depth, ..Outputs::default() };

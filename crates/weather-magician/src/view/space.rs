@@ -15,7 +15,7 @@ const FILLED: f32 = 0.35;
 const RELIEF: f64 = 0.1;
 
 /// Filled and empty cells about the middle of the scene, and the height of the ground below.
-pub struct Space {
+pub struct OccupancyGrid {
     center: DVec3,
     /// The grid's axes: two level ones and up.
     axes: [DVec3; 3],
@@ -29,7 +29,7 @@ pub struct Space {
     ground: Vec<f64>,
 }
 
-impl Space {
+impl OccupancyGrid {
     /// Looks at the splats of a scene, sky left out.
     pub fn of(splats: &Splats, survey: &Survey) -> Self {
         let up = survey.up.value;
@@ -191,7 +191,7 @@ mod tests {
             lane.surface(DVec3::new(-30.0, y, 0.0), DVec3::X * 60.0, DVec3::Z * 9.0, 0.3, |_, _| [0.7; 3]);
         }
         let scene = Scene { splats: lane.build(), ..Scene::default() };
-        let lane = Space::of(&scene.splats, &Survey::of(&scene, &Metadata::default()));
+        let lane = OccupancyGrid::of(&scene.splats, &Survey::of(&scene, &Metadata::default()));
         let eye = DVec3::new(-6.0, 0.0, 2.0);
         assert!(lane.is_clear(eye, 1.2) && !lane.is_clear(eye + DVec3::Y * 5.0, 1.2));
         for way in [DVec3::Y, DVec3::NEG_Y] {
@@ -207,7 +207,7 @@ mod tests {
     #[test]
     fn the_ground_is_not_what_stands_on_it() {
         let scene = place("street");
-        let street = Space::of(&scene.splats, &Survey::of(&scene, &Metadata::default()));
+        let street = OccupancyGrid::of(&scene.splats, &Survey::of(&scene, &Metadata::default()));
         // Beside a car, on a car, on the pavement.
         for (at, height) in [([-18.0, 0.0], 0.0), ([-18.0, 3.0], 0.0), ([-10.0, 5.0], 0.1)] {
             let ground = street.ground(DVec3::new(at[0], at[1], 7.0)).unwrap();

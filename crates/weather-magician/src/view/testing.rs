@@ -1,6 +1,6 @@
 //! Helpers of the tests of cameras.
 
-use super::{Options, Site};
+use super::{ViewOptions, ViewSearch};
 use glam::DVec3;
 use wm_render::{CpuConfig, CpuRenderer, RenderBackend, SetId};
 use wm_scene::formats::{ReadOptions, read_scene};
@@ -76,8 +76,8 @@ impl Loaded {
         Self { renderer, set, scene, survey }
     }
 
-    pub fn site(&mut self, options: Options) -> Site<'_> {
+    pub fn site(&mut self, options: ViewOptions) -> ViewSearch<'_> {
         let Self { renderer, set, scene, survey } = self;
-        Site { renderer, set: *set, scene, survey, options }
+        ViewSearch { renderer, set: *set, scene, survey, options }
     }
 }
