@@ -13,7 +13,6 @@ mod commands;
 mod dataset;
 mod interrupt;
 mod names;
-mod pipeline;
 mod progress;
 mod report;
 mod scene;

@@ -156,18 +156,18 @@ impl Critic<'_, '_> {
 #[cfg(test)]
 mod tests {
     use super::super::ViewOptions;
-    use super::super::testing::{Loaded, place, real, views};
+    use super::super::testing::{LoadedScene, place, real, views};
     use super::*;
     use wm_scene::Scene;
 
-    fn chosen(loaded: &mut Loaded) -> Camera {
+    fn chosen(loaded: &mut LoadedScene) -> Camera {
         choose(&mut loaded.site(ViewOptions::default())).unwrap().camera
     }
 
     #[test]
     fn the_photo_in_the_middle_wins() {
         let scene = Scene { views: views(&["a", "b", "c", "d"]), ..place("table") };
-        let mut loaded = Loaded::new(scene, Some(1));
+        let mut loaded = LoadedScene::new(scene, Some(1));
         let options = ViewOptions { size: Some((90, 60)), ..ViewOptions::default() };
         let chosen = choose(&mut loaded.site(options)).unwrap();
         assert_eq!(chosen.how, "that of the photo \"b\"");
@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn made_up_places_are_seen_well() {
         for name in ["street", "street-sky", "table", "village"] {
-            let mut loaded = Loaded::new(place(name), None);
+            let mut loaded = LoadedScene::new(place(name), None);
             let camera = chosen(&mut loaded);
             let (eye, survey) = (camera.center(), &loaded.survey);
             let space = OccupancyGrid::of(&loaded.scene.splats, survey);
@@ -195,7 +195,7 @@ mod tests {
 
     #[test]
     fn threads_do_not_matter() {
-        let [one, two] = [1, 2].map(|threads| chosen(&mut Loaded::new(place("table"), Some(threads))));
+        let [one, two] = [1, 2].map(|threads| chosen(&mut LoadedScene::new(place("table"), Some(threads))));
         assert_eq!(one, two);
     }
 
@@ -204,27 +204,27 @@ mod tests {
         let whole = place("table");
         for count in [0, 1, 40] {
             let splats = whole.splats.select(&(0..count).collect::<Vec<_>>());
-            let camera = chosen(&mut Loaded::new(Scene { splats, ..Scene::default() }, Some(1)));
+            let camera = chosen(&mut LoadedScene::new(Scene { splats, ..Scene::default() }, Some(1)));
             assert!(camera.check().is_ok());
         }
         // What is given shapes the picture.
         let options =
             ViewOptions { fov: Some(30.0), near: Some(0.5), size: Some((64, 64)), up: Some(DVec3::Z) };
-        let camera = choose(&mut Loaded::new(whole, None).site(options)).unwrap().camera;
+        let camera = choose(&mut LoadedScene::new(whole, None).site(options)).unwrap().camera;
         assert!((camera.fov_y() - 30.0).abs() < 1e-9 && (camera.width, camera.near) == (64, 0.5));
     }
 
     #[test]
     fn real_scenes_are_seen_well() {
         if let Some(garden) = real("headquarter-garden") {
-            let camera = chosen(&mut Loaded::new(garden, None));
+            let camera = chosen(&mut LoadedScene::new(garden, None));
             let eye = camera.center();
             // On the paving of the courtyard, at the height of a person, level.
             assert!((0.0..15.0).contains(&eye.x) && (-70.0..5.0).contains(&eye.y), "{eye}");
             assert!((-0.5..3.0).contains(&eye.z) && camera.forward().z.abs() < 0.3, "{eye}");
         }
         if let Some(camp) = real("taebak") {
-            let camera = chosen(&mut Loaded::new(camp, None));
+            let camera = chosen(&mut LoadedScene::new(camp, None));
             let height = -camera.center().y;
             assert!((1.5..12.0).contains(&height) && camera.forward().y > 0.1, "{height}");
         }

@@ -235,7 +235,7 @@ pub fn capture(
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Loaded, place, survey, views};
+    use super::super::testing::{LoadedScene, place, survey, views};
     use super::*;
     use wm_scene::synthetic::Builder;
 
@@ -265,7 +265,7 @@ mod tests {
 
     #[test]
     fn an_orbit_goes_round_and_closes() {
-        let mut loaded = Loaded::new(place("table"), Some(1));
+        let mut loaded = LoadedScene::new(place("table"), Some(1));
         let start = look([-1.9, 0.0, 1.6], [0.0, 0.0, 0.8]);
         let path = orbit(&loaded.site(ViewOptions::default()), &start, 8.0).unwrap();
         let middle = loaded.survey.center;
@@ -296,7 +296,7 @@ mod tests {
         }
         place.block(DVec3::ZERO, DVec3::new(5.0, 5.0, 8.0), 0.3, [0.5; 3]);
         let mut loaded =
-            Loaded::new(wm_scene::Scene { splats: place.build(), ..Default::default() }, Some(1));
+            LoadedScene::new(wm_scene::Scene { splats: place.build(), ..Default::default() }, Some(1));
         let start = look([-12.0, 0.0, 1.6], [0.0, 0.5, 2.0]);
         let path = orbit(&loaded.site(ViewOptions::default()), &start, 4.0).unwrap();
         assert!(path.keys().iter().all(|key| key.eye.distance(start.center()) < 1e-9));
@@ -308,13 +308,13 @@ mod tests {
     }
 
     /// A square of ground 40 m wide that rises by `slope`, with a wall across it at x = 12.
-    fn court(slope: f64) -> Loaded {
+    fn court(slope: f64) -> LoadedScene {
         let mut place = Builder::new(2);
         let along = DVec3::new(40.0, 0.0, 40.0 * slope);
         place.surface(DVec3::new(-20.0, -20.0, 0.0), along, DVec3::Y * 40.0, 0.4, |_, _| [0.4; 3]);
         let foot = DVec3::new(12.0, -20.0, 32.0 * slope);
         place.surface(foot, DVec3::Y * 40.0, DVec3::Z * 9.0, 0.4, |_, _| [0.7; 3]);
-        Loaded::new(wm_scene::Scene { splats: place.build(), ..Default::default() }, Some(1))
+        LoadedScene::new(wm_scene::Scene { splats: place.build(), ..Default::default() }, Some(1))
     }
 
     #[test]

@@ -203,10 +203,10 @@ fn detail(frame: &Frame) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::super::ViewOptions;
-    use super::super::testing::{Loaded, place};
+    use super::super::testing::{LoadedScene, place};
     use super::*;
 
-    fn rating(loaded: &mut Loaded, eye: [f64; 3], target: [f64; 3]) -> ViewRating {
+    fn rating(loaded: &mut LoadedScene, eye: [f64; 3], target: [f64; 3]) -> ViewRating {
         let camera = Camera::looking(SIZE, 50.0, eye.into(), target.into(), DVec3::Z).unwrap();
         let mut frame = Frame::default();
         loaded.site(ViewOptions::default()).look(&camera, &mut frame).unwrap();
@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn good_views_are_rated_above_bad_ones() {
-        let mut street = Loaded::new(place("street-sky"), Some(2));
+        let mut street = LoadedScene::new(place("street-sky"), Some(2));
         let good = rating(&mut street, [-20.0, 0.0, 1.7], [10.0, 0.0, 2.0]);
         for (what, eye, target) in [
             ("a wall before the lens", [0.0, 4.0, 1.7], [0.0, 9.0, 1.7]),
@@ -232,7 +232,7 @@ mod tests {
 
     #[test]
     fn nothing_is_rated_lowest() {
-        let mut table = Loaded::new(place("table"), Some(1));
+        let mut table = LoadedScene::new(place("table"), Some(1));
         assert_eq!(rating(&mut table, [0.0, 0.0, 90.0], [0.0, 1.0, 190.0]).cover, -10.0);
     }
 }

@@ -59,14 +59,14 @@ pub fn place(name: &str) -> Scene {
 }
 
 /// A scene that is ready to be looked at.
-pub struct Loaded {
+pub struct LoadedScene {
     pub renderer: CpuRenderer,
     pub set: SetId,
     pub scene: Scene,
     pub survey: Survey,
 }
 
-impl Loaded {
+impl LoadedScene {
     /// Labels the sky, surveys and loads; rendered on so many threads.
     pub fn new(mut scene: Scene, threads: Option<usize>) -> Self {
         label_sky(&mut scene.splats);
