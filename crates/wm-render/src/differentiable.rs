@@ -222,7 +222,7 @@ pub struct ForwardConfig {
     /// The source of opacities.
     pub opacity: Opacity,
     /// The splats that are drawn.
-    pub drawn: Drawn,
+    pub drawn: DrawnSplats,
     /// Degree of the spherical harmonics in use, at most that of the splats: it grows in training.
     pub sh_degree: u8,
 }
@@ -234,7 +234,7 @@ impl Default for ForwardConfig {
             background: [0.0; 3],
             rasterization: Rasterization::default(),
             opacity: Opacity::Stored,
-            drawn: Drawn::All,
+            drawn: DrawnSplats::All,
             sh_degree: sh::MAX_DEGREE,
         }
     }
@@ -350,7 +350,7 @@ pub enum Opacity {
 
 /// The splats that are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Drawn {
+pub enum DrawnSplats {
     /// All.
     #[default]
     All,
