@@ -126,7 +126,7 @@ impl FromStr for ExtraPicture {
         let kind = kind.ok_or_else(|| {
             let names = PictureLayer::ALL.map(|(_, name)| name);
             let [most @ .., last] = &names;
-            format!("`{name}` is no picture: use {} or {last}", most.join(", "))
+            format!("`{name}` is not a picture output: use {} or {last}", most.join(", "))
         })?;
         let format = match extension {
             None => None,

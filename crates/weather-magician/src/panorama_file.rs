@@ -35,7 +35,7 @@ fn read(path: &Path) -> Result<Panorama, String> {
     };
     let about = std::fs::metadata(path).map_err(cannot)?;
     if !about.is_file() {
-        return Err("is no file; sky.panorama is the path of a PNG, JPEG or EXR".into());
+        return Err("is not a file; sky.panorama must be the path of a PNG, JPEG or EXR".into());
     }
     let mut start = [0; 3];
     let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
@@ -64,7 +64,7 @@ fn jpeg(path: &Path) -> Result<Panorama, String> {
 /// PNG and EXR.
 fn map(path: &Path) -> Result<Panorama, String> {
     let map = read_map(path).map_err(|error| match error.fault {
-        MapFault::Unknown => "is no picture that can be read: PNG, JPEG or EXR is".into(),
+        MapFault::Unknown => "is not a readable picture: use PNG, JPEG or EXR".into(),
         MapFault::Damaged(what) => damaged(&what),
         fault => fault.to_string(),
     })?;
@@ -152,14 +152,10 @@ mod tests {
         let path = |name: &str| folder.path().join(name);
         let say = |name: &str| read_panorama(&path(name)).unwrap_err().to_string();
         assert!(say("gone.png").ends_with("gone.png: there is no such panorama; check sky.panorama"));
-        assert!(say(".").contains("is no file; sky.panorama is the path of"));
+        assert!(say(".").contains("is not a file; sky.panorama must be the path of"));
         for (name, bytes) in [("empty.png", &b""[..]), ("text.png", b"not a picture")] {
             std::fs::write(path(name), bytes).unwrap();
-            assert!(
-                say(name).ends_with("is no picture that can be read: PNG, JPEG or EXR is"),
-                "{}",
-                say(name)
-            );
+            assert!(say(name).ends_with("is not a readable picture: use PNG, JPEG or EXR"), "{}", say(name));
         }
         let flat = vec![0.5; 3 * 40 * 32];
         write_rgb(&path("flat.png"), &flat, PictureSize::new(40, 32), Dither::Off, &[]).unwrap();

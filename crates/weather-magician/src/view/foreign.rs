@@ -129,7 +129,10 @@ pub fn keys(text: &str, up: DVec3, fov: Option<f64>) -> Option<Result<Vec<PathKe
 
 fn nerfstudio(file: &Nerfstudio, fov: Option<f64>) -> Result<Vec<PathKey>, String> {
     if file.camera_type != "perspective" {
-        return Err(format!("nerfstudio's camera type {:?} is not read, perspective is", file.camera_type));
+        return Err(format!(
+            "nerfstudio camera type {:?} is not supported: use perspective",
+            file.camera_type
+        ));
     }
     let rate = rate(file.fps)?;
     let key = |(index, posed): (usize, &Posed)| {
@@ -151,7 +154,7 @@ fn pose(matrix: &[f64]) -> Result<(DVec3, DQuat), String> {
     let world_from_camera = DMat3::from_cols(column(x0, x1, x2), -column(y0, y1, y2), -column(z0, z1, z2));
     let product = world_from_camera.transpose() * world_from_camera;
     if !product.abs_diff_eq(DMat3::IDENTITY, 1e-3) || world_from_camera.determinant() < 0.0 {
-        return Err("is no rotation with a translation".into());
+        return Err("is not a rotation with a translation".into());
     }
     Ok((column(tx, ty, tz), DQuat::from_mat3(&world_from_camera.transpose()).normalize()))
 }
@@ -203,11 +206,7 @@ fn supersplat(file: &SuperSplat, up: DVec3, fov: Option<f64>) -> Result<Vec<Path
 }
 
 fn rate(frames: f64) -> Result<f64, String> {
-    if frames.is_finite() && frames > 0.0 {
-        Ok(frames)
-    } else {
-        Err(format!("{frames} frames a second cannot be"))
-    }
+    if frames.is_finite() && frames > 0.0 { Ok(frames) } else { Err(format!("{frames} is not a frame rate")) }
 }
 
 /// A path as nerfstudio's `camera_path.json`: a camera for each frame.
@@ -343,13 +342,13 @@ mod tests {
         for (text, says) in [
             (r#"{"camera_path": 3}"#, "invalid type"),
             (r#"{"camera_path": [{"camera_to_world": [1, 2]}]}"#, "camera 1: camera_to_world has fewer"),
-            (r#"{"camera_path": [{"camera_to_world": [2,0,0,0,0,1,0,0,0,0,1,0]}]}"#, "is no rotation"),
+            (r#"{"camera_path": [{"camera_to_world": [2,0,0,0,0,1,0,0,0,0,1,0]}]}"#, "is not a rotation"),
             (r#"{"camera_path": [], "fps": 0}"#, "0 frames a second"),
             (r#"{"camera_path": [], "camera_type": "fisheye"}"#, "\"fisheye\" is not read"),
             (r#"{"animTracks": []}"#, "no track"),
             (r#"{"frames": [{"file_path": "a"}]}"#, "missing field `transform_matrix`"),
             (r#"{"frames": [{"transform_matrix": [[1, 2, 3]]}]}"#, "frame 1: transform_matrix has fewer"),
-            (r#"{"frames": [{"transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,-1,0]]}]}"#, "is no rotation"),
+            (r#"{"frames": [{"transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,-1,0]]}]}"#, "is not a rotation"),
             (
                 r#"{"animTracks": [{"keyframes": {"times": [0], "values": {"position": [1], "target": []}}}]}"#,
                 "1 times do not fit",

@@ -107,7 +107,7 @@ pub fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<Camer
             (None, Some([w, x, y, z])) => {
                 let rotation = DQuat::from_xyzw(x, y, z, w);
                 if !(rotation.length() > 1e-9 && rotation.is_finite()) {
-                    return Err(fault("a rotation of [0, 0, 0, 0] is none; [1, 0, 0, 0] is no turn"));
+                    return Err(fault("rotation [0, 0, 0, 0] is invalid; [1, 0, 0, 0] is the identity"));
                 }
                 rotation.normalize()
             }
@@ -216,7 +216,7 @@ mod tests {
             (one(r#""time": 0, "eye": [0,0,0]"#), r#": keyframe 1: give either "target" or "rotation""#),
             (
                 one(r#""time": 0, "eye": [0,0,0], "rotation": [0,0,0,0]"#),
-                ": keyframe 1: a rotation of [0, 0, 0, 0] is none; [1, 0, 0, 0] is no turn",
+                ": keyframe 1: rotation [0, 0, 0, 0] is invalid; [1, 0, 0, 0] is the identity",
             ),
             (
                 one(r#""time": 0, "eye": [0,0,0], "target": [0,0,1]"#),

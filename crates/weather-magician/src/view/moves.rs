@@ -43,7 +43,7 @@ impl FromStr for PathSpec {
                     [near] => format!("did you mean {near}?"),
                     _ => format!("give {} or a JSON file of keyframes", Self::NAMES.join(", ")),
                 };
-                Err(ViewError::text("path", other, format!("there is no such path; {meant}")))
+                Err(ViewError::text("path", other, format!("unknown path; {meant}")))
             }
         }
     }
@@ -122,7 +122,9 @@ pub fn dolly(
     let up = options.up(survey);
     let eye = start.center();
     let Some(ahead) = start.forward().reject_from_normalized(up).try_normalize() else {
-        return Err(ViewError::Scene("the view looks straight up or down: there is no way forward".into()));
+        return Err(ViewError::Scene(
+            "the view looks straight up or down: a dolly needs a view that looks ahead".into(),
+        ));
     };
     let space = OccupancyGrid::of(&scene.splats, survey);
     let distance = match distance {
@@ -256,10 +258,10 @@ mod tests {
             assert_eq!(text.parse::<PathSpec>().unwrap(), expected);
         }
         let say = |text: &str| text.parse::<PathSpec>().unwrap_err().to_string();
-        assert_eq!(say("orbti"), "path \"orbti\": there is no such path; did you mean orbit?");
+        assert_eq!(say("orbti"), "path \"orbti\": unknown path; did you mean orbit?");
         assert_eq!(
             say("spiral"),
-            "path \"spiral\": there is no such path; give orbit, dolly, capture or a JSON file of keyframes"
+            "path \"spiral\": unknown path; give orbit, dolly, capture or a JSON file of keyframes"
         );
     }
 
@@ -354,7 +356,10 @@ mod tests {
         let mut loaded = court(0.0);
         let start = Camera::looking(SIZE, 50.0, DVec3::Z * 20.0, DVec3::ZERO, DVec3::X).unwrap();
         let error = dolly(&mut loaded.site(ViewOptions::default()), &start, None, 6.0).unwrap_err();
-        assert_eq!(error.to_string(), "the view looks straight up or down: there is no way forward");
+        assert_eq!(
+            error.to_string(),
+            "the view looks straight up or down: a dolly needs a view that looks ahead"
+        );
     }
 
     #[test]

@@ -197,7 +197,7 @@ pub fn parse_point(text: &str) -> Result<DVec3, String> {
     };
     let number = |part: &str| match part.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(format!("\"{part}\" is no number")),
+        _ => Err(format!("\"{part}\" is not a number")),
     };
     Ok(DVec3::new(number(x)?, number(y)?, number(z)?))
 }
@@ -245,8 +245,8 @@ mod tests {
             ("", "camera \"\": give X,Y,Z:X,Y,Z, the name of a view, or a JSON file of keyframes"),
             ("1,2,3", "camera \"1,2,3\": this is the eye alone; add the point it looks at: X,Y,Z:X,Y,Z"),
             ("1,2:3,4,5", "camera \"1,2:3,4,5\": \"1,2\" has 2 numbers, a point has three: X,Y,Z"),
-            ("1,2,x:3,4,5", "camera \"1,2,x:3,4,5\": \"x\" is no number"),
-            ("1,2,inf:3,4,5", "camera \"1,2,inf:3,4,5\": \"inf\" is no number"),
+            ("1,2,x:3,4,5", "camera \"1,2,x:3,4,5\": \"x\" is not a number"),
+            ("1,2,inf:3,4,5", "camera \"1,2,inf:3,4,5\": \"inf\" is not a number"),
             (
                 "1,2,3:1,2,3",
                 "camera from 1,2,3 to 1,2,3 with up 0,0,1 has no direction or no up; look from one point to another, \
