@@ -1,4 +1,4 @@
-//! What documents name exists, and what they promise is there.
+//! Paths and commands that the documents name exist.
 
 use std::path::Path;
 
