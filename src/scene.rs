@@ -172,7 +172,7 @@ impl OpenScene {
 
     /// Returns the scene as a site in which views are searched.
     pub fn site(&mut self, options: view::ViewOptions) -> view::ViewSearch<'_> {
-        self.renderer.view_site(&self.place, options)
+        self.renderer.view_search(&self.place, options)
     }
 }
 
