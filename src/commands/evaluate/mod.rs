@@ -37,7 +37,7 @@ pub struct EvaluateArgs {
     truth: truth::TruthArgs,
     #[command(flatten)]
     realism: realism::RealismArgs,
-    /// Write all numbers to this JSON file (docs/evaluate.md says what they are)
+    /// Write all numbers to this JSON file (docs/guide/evaluate.md says what they are)
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     json: Option<PathBuf>,
     /// Write a page to look at: numbers, and pictures of photo, render and error side by side, all in one HTML

@@ -60,7 +60,7 @@ pub struct RealismArgs {
     )]
     pub pictures: Vec<PathBuf>,
     /// Make the paper's tables of CMMD and UVQ out of these folders, one a method, beside the paper's own figures; in each
-    /// are folders fog, rain and snow of pictures, or of folders of them, one a scene (docs/evaluate.md)
+    /// are folders fog, rain and snow of pictures, or of folders of them, one a scene (docs/guide/evaluate.md)
     #[arg(
         long,
         value_name = "FOLDER",
@@ -72,7 +72,7 @@ pub struct RealismArgs {
     /// Photographs of real weather: a folder or an NPY file; for --paper a folder with fog, rain and snow in it
     #[arg(long, value_name = "PICTURES", help_heading = "Realism")]
     real: Option<PathBuf>,
-    /// Scores of UVQ that its own program gave: CSV or JSON (docs/evaluate.md)
+    /// Scores of UVQ that its own program gave: CSV or JSON (docs/guide/evaluate.md)
     #[arg(long, value_name = "FILE", requires = "paper", help_heading = "Realism")]
     uvq: Vec<PathBuf>,
     /// Keep embeddings in this folder, as NPY files: work that was stopped goes on from there, and nothing is embedded

@@ -239,7 +239,7 @@ impl Tables {
         out
     }
 
-    /// Everything, as `docs/evaluate.md` has it.
+    /// Everything, as `docs/guide/evaluate.md` has it.
     pub fn json(&self) -> Value {
         let distance = |distance: &Distance| {
             json!({
