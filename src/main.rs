@@ -14,7 +14,6 @@ mod dataset;
 mod instruments;
 mod interrupt;
 mod names;
-mod pipeline;
 mod progress;
 mod report;
 mod scene;

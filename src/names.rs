@@ -1,6 +1,6 @@
 //! Names of output files.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The name of a scene, to name outputs after: that of the file, of a training's folder, or of the folder of a file that is called
 /// the same in every folder.
@@ -13,11 +13,6 @@ pub fn stem_of(scene: &Path) -> String {
     name.strip_suffix(".compressed").map_or(name.clone(), str::to_owned)
 }
 
-/// `path` with `.kind.extension` for its extension: `a.png` and depth give `a.depth.png`.
-pub fn beside(path: &Path, kind: &str, extension: &str) -> PathBuf {
-    path.with_extension(format!("{kind}.{extension}"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -27,6 +22,5 @@ mod tests {
         assert_eq!(stem_of(Path::new("somewhere/garden.ply")), "garden");
         assert_eq!(stem_of(Path::new("somewhere/garden.compressed.ply")), "garden");
         assert_eq!(stem_of(Path::new("garden/meta.json")), "garden");
-        assert_eq!(beside(Path::new("out/a.png"), "depth", "exr"), Path::new("out/a.depth.exr"));
     }
 }

@@ -11,7 +11,7 @@ use weather_magician::assets::AssetCache;
 use weather_magician::view::{self, spec};
 use weather_magician::{PlaceOptions, PreparedPlace, Renderer};
 use wm_render::simd::SimdChoice;
-use wm_render::{AnyDifferentiable, CpuConfig, Device};
+use wm_render::{AnyDifferentiable, CpuConfig, Device, RenderError};
 use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
 use wm_scene::survey::known_distance;
 use wm_scene::{Metadata, Scene, capture};
@@ -79,6 +79,13 @@ impl RunArgs {
         Ok(Renderer::new(&self.device, self.cpu(), |error| {
             eprintln!("warning: {error}; the CPU renders instead");
         })?)
+    }
+
+    /// Starts the back end that gives derivatives.
+    pub fn differentiable_backend(&self) -> Result<AnyDifferentiable, RenderError> {
+        AnyDifferentiable::new(&self.device, self.cpu(), |error| {
+            eprintln!("warning: {error}; the CPU goes on instead");
+        })
     }
 
     /// Starts the back end of training.

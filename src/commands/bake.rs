@@ -7,9 +7,9 @@ use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
+use weather_magician::BakedScene;
 use wm_scene::files::check_writable;
 use wm_scene::formats::{format_for, lost, write_scene};
-use wm_scene::{Metadata, Scene};
 
 /// Options of `bake`.
 #[derive(Args, Debug)]
@@ -41,17 +41,16 @@ pub fn run(args: &BakeArgs) -> Result<()> {
         bail!("--time {}: give seconds, such as 0 or 12.5", args.time);
     }
     let mut loaded = Loaded::new(&args.scene, &args.run, None)?;
-    let lying =
-        loaded.renderer.lying_cover(&mut loaded.place, &weather, args.time, &mut Reporter::default())?;
+    let Loaded { renderer, place } = &mut loaded;
+    let baked = renderer.bake(place, &weather, args.time, &mut Reporter::default())?;
     loaded.warn();
-    let Some(lying) = lying else {
+    let Some(BakedScene { scene, added }) = baked else {
         bail!(
             "nothing lies under the weather {} at {} s: ask for it, such as --set snow_cover.depth=0.1",
             weather.name,
             args.time
         );
     };
-    let added = lying.splats.len();
     if added == 0 {
         bail!(
             "{}: nothing lies on it at {} s: all has melted, or no surface looks up at the sky (give --up if up is wrong)",
@@ -59,16 +58,7 @@ pub fn run(args: &BakeArgs) -> Result<()> {
             args.time
         );
     }
-    let (place, survey) = (loaded.place.scene(), loaded.place.survey());
-    let splats = lying.bake(&place.splats);
-    let count = splats.len();
-    let metadata = Metadata {
-        metres_per_unit: Some(survey.metres_per_unit.value),
-        up: Some(survey.up.value),
-        ground: Some(survey.ground.value),
-        ..place.metadata.clone()
-    };
-    let scene = Scene { splats, views: place.views.clone(), metadata };
+    let count = scene.splats.len();
     write_scene(&out, &scene)?;
     println!("{}: {count} splats, {added} of them lie on the place", out.display());
     for line in lost(&format.loses, &scene) {

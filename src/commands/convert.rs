@@ -8,18 +8,16 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
-use weather_magician::reduce::{self, Reduced};
 use weather_magician::view::spec;
+use weather_magician::{CropBox, LengthScale, SceneChange};
+use wm_render::Differentiable;
+use wm_scene::Scene;
 use wm_scene::files::check_writable;
 use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_scene::formats::{
     DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost, read_scene,
     write_scene_with,
 };
-use wm_scene::similarity::Similarity;
-use wm_scene::survey::{Survey, label_sky};
-use wm_scene::{Metadata, Scene};
 
 /// Options of `convert`.
 #[derive(Args, Debug)]
@@ -63,8 +61,8 @@ pub struct ConvertArgs {
 #[derive(Args, Debug)]
 struct ChangeArgs {
     /// Keep what is in a box, in the axes of the scene as it is: two corners
-    #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true, help_heading = "Change")]
-    crop: Option<Box3>,
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z", value_parser = parse_box, allow_hyphen_values = true, help_heading = "Change")]
+    crop: Option<CropBox>,
     /// Turn the scene so that its up becomes this direction, such as 0,1,0
     #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Change")]
     up: Option<DVec3>,
@@ -72,8 +70,8 @@ struct ChangeArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Change")]
     up_now: Option<DVec3>,
     /// Make all lengths this many times as long; `metres` makes a unit a metre where the scene knows its scale
-    #[arg(long, value_name = "FACTOR", help_heading = "Change")]
-    scale: Option<Scale>,
+    #[arg(long, value_name = "FACTOR", value_parser = parse_scale, help_heading = "Change")]
+    scale: Option<LengthScale>,
     /// Leave out SH above this degree, 0 to 3
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Change")]
     sh_degree: Option<u8>,
@@ -96,46 +94,17 @@ enum InGltf {
     Spz,
 }
 
-/// A box between two corners.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Box3 {
-    low: DVec3,
-    high: DVec3,
+fn parse_box(text: &str) -> Result<CropBox, String> {
+    let (a, b) = text.split_once(':').ok_or("write two corners, such as -5,-5,0:5,5,3")?;
+    Ok(CropBox::between(spec::parse_point(a)?, spec::parse_point(b)?))
 }
 
-impl FromStr for Box3 {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (a, b) = text.split_once(':').ok_or("write two corners, such as -5,-5,0:5,5,3")?;
-        let (a, b) = (spec::parse_point(a)?, spec::parse_point(b)?);
-        Ok(Self { low: a.min(b), high: a.max(b) })
+fn parse_scale(text: &str) -> Result<LengthScale, String> {
+    if text == "metres" {
+        return Ok(LengthScale::Metres);
     }
-}
-
-impl Box3 {
-    fn holds(&self, mean: [f32; 3]) -> bool {
-        let mean = DVec3::from_array(mean.map(f64::from));
-        mean.cmpge(self.low).all() && mean.cmple(self.high).all()
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Scale {
-    Factor(f64),
-    Metres,
-}
-
-impl FromStr for Scale {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        if text == "metres" {
-            return Ok(Self::Metres);
-        }
-        let factor = text.parse().ok().filter(|f: &f64| f.is_finite() && *f > 0.0);
-        factor.map(Self::Factor).ok_or_else(|| "give a number above 0, or metres".into())
-    }
+    let factor = text.parse().ok().filter(|f: &f64| f.is_finite() && *f > 0.0);
+    factor.map(LengthScale::Factor).ok_or_else(|| "give a number above 0, or metres".into())
 }
 
 /// Runs the command.
@@ -248,45 +217,10 @@ fn folder_size(main: &Path) -> u64 {
 
 /// Changes a scene; returns notes.
 fn apply(scene: &mut Scene, change: &ChangeArgs, run: &RunArgs) -> Result<Vec<String>> {
-    let mut notes = Vec::new();
-    if let Some(kept) = change.crop {
-        let indices: Vec<usize> =
-            (0..scene.splats.len()).filter(|i| kept.holds(scene.splats.means[*i])).collect();
-        if indices.is_empty() {
-            bail!("--crop: no splat is in the box from {} to {}", kept.low, kept.high);
-        }
-        scene.splats = scene.splats.select(&indices);
-    }
-    if let Some(up) = change.up {
-        let given = Metadata { up: change.up_now, ..Metadata::default() };
-        let now = Survey::of(scene, &given).up;
-        notes.push(format!("up was {:.3} ({})", now.value, now.source));
-        scene.metadata.up = Some(now.value);
-        Similarity::turning(now.value, up).apply(scene);
-    }
-    match change.scale {
-        None => {}
-        Some(Scale::Factor(scale)) => Similarity { scale, ..Similarity::IDENTITY }.apply(scene),
-        Some(Scale::Metres) => {
-            let Some(scale) = scene.metadata.metres_per_unit else {
-                bail!(
-                    "--scale metres: its scale is not known; give a factor, or `inspect --save-metadata` first"
-                );
-            };
-            Similarity { scale, ..Similarity::IDENTITY }.apply(scene);
-        }
-    }
-    if let Some(degree) = change.sh_degree {
-        scene.splats.limit_sh(degree);
-    }
-    if let Some(most) = change.max_splats.filter(|most| *most < scene.splats.len() as u64) {
-        label_sky(&mut scene.splats);
-        let Reduced { splats, note } =
-            reduce::reduce(scene, most as usize, run.differentiable()?.as_mut(), &mut Reporter::default())?;
-        scene.splats = splats;
-        notes.push(note);
-    }
-    Ok(notes)
+    let ChangeArgs { crop, up, up_now, scale, sh_degree, max_splats } = *change;
+    let change = SceneChange { crop, up, up_now, scale, sh_degree, max_splats };
+    let renderer = || Ok(Box::new(run.differentiable_backend()?) as Box<dyn Differentiable>);
+    Ok(change.apply(scene, renderer, &mut Reporter::default())?)
 }
 
 #[cfg(test)]
@@ -295,16 +229,14 @@ mod tests {
 
     #[test]
     fn boxes_and_scales_are_read() {
-        let kept: Box3 = "1,2,3:-1,0,5".parse().unwrap();
+        let kept = parse_box("1,2,3:-1,0,5").unwrap();
         assert!(
             kept.holds([0.0, 1.0, 4.0]) && !kept.holds([0.0, 1.0, 5.5]) && !kept.holds([f32::NAN, 1.0, 4.0])
         );
         for bad in ["", "1,2,3", "1,2:3,4", "a,b,c:1,2,3"] {
-            assert!(bad.parse::<Box3>().is_err(), "{bad}");
+            assert!(parse_box(bad).is_err(), "{bad}");
         }
-        assert_eq!("metres".parse(), Ok(Scale::Metres));
-        assert!(
-            "0".parse::<Scale>().is_err() && "-1".parse::<Scale>().is_err() && "m".parse::<Scale>().is_err()
-        );
+        assert_eq!(parse_scale("metres"), Ok(LengthScale::Metres));
+        assert!(parse_scale("0").is_err() && parse_scale("-1").is_err() && parse_scale("m").is_err());
     }
 }

@@ -3,7 +3,6 @@
 use crate::scene::RunArgs;
 use anyhow::Result;
 use clap::Args;
-use wm_render::RenderBackend;
 
 /// Options of `devices`.
 #[derive(Args, Debug)]

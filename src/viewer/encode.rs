@@ -59,7 +59,7 @@ pub fn beside(left: (&[u8], u32), right: (&[u8], u32)) -> Vec<u8> {
 /// The picture is too large for one.
 pub fn jpeg(rgb: &[u8], size: (u32, u32), quality: u8) -> Result<Vec<u8>> {
     let sampling = if quality >= WHOLE_COLORS { SamplingFactor::F_1_1 } else { SamplingFactor::F_2_2 };
-    wm_media::jpeg::encode(rgb, size, quality, sampling)
+    Ok(wm_media::jpeg::encode(rgb, size, quality, sampling)?)
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use crate::commands::render::camera::Shot;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
+use weather_magician::CameraMotion;
 use weather_magician::view::path::Path;
 use wm_scene::Camera;
 use wm_weather::Weather;
@@ -178,8 +179,8 @@ impl View {
     /// The same for a picture of another size.
     pub fn shot_of(&self, size: (u32, u32)) -> Shot {
         match self.state.follow {
-            Follow::Camera => Shot::still(self.path.at(self.path.start(), size), self.state.time),
-            Follow::Path => Shot::along(self.path.clone(), size, self.state.time),
+            Follow::Camera => Shot::at(self.path.at(self.path.start(), size).into(), self.state.time),
+            Follow::Path => { let motion = CameraMotion::Along { path: self.path.clone(), size }; Shot::at(motion, self.state.time) },
         }
     }
 }

@@ -2,11 +2,11 @@
 
 use crate::panorama_file::PanoramaFileError;
 use crate::view::ViewError;
-use std::path::PathBuf;
 use thiserror::Error;
 use wm_media::MediaError;
 use wm_render::RenderError;
 use wm_scene::{CameraError, FormatError};
+use wm_train::SessionError;
 use wm_weather::WeatherError;
 
 /// Why the library could not do what was asked. Each message is one line that names the file, field or value.
@@ -34,14 +34,9 @@ pub enum Error {
     /// A picture or video cannot be written.
     #[error(transparent)]
     Media(#[from] MediaError),
-    /// A file of numbers cannot be written.
-    #[error("{}: {reason}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        reason: String,
-    },
+    /// The training failed.
+    #[error(transparent)]
+    Train(#[from] SessionError),
     /// What was asked for cannot be done with this scene or weather.
     #[error("{0}")]
     Unsupported(String),

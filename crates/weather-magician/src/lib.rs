@@ -1,8 +1,50 @@
-//! Real weather on real places: renders 3D Gaussian splatting scenes in fog, rain and snow.
+//! Real weather on real places: renders 3D Gaussian splatting scenes in fog, haze, smog, rain, hail, snowfall, lying snow
+//! and dust, with weather in physical units.
+//!
+//! ```
+//! use weather_magician::{Camera, Renderer, Scene, Weather};
+//!
+//! # let folder = tempfile::tempdir()?;
+//! # std::env::set_current_dir(&folder)?;
+//! # wm_street::Street::builtin().sampling(0.1).scene(&|_| true).unwrap().save("garden.ply")?;
+//! let scene = Scene::open("garden.ply")?.metres_per_unit(0.4);
+//! let weather = Weather::preset("fog")?.set("fog.mor", 80.0)?;
+//! let mut renderer = Renderer::auto()?;                         // a GPU where there is one, else the CPU
+//! let mut place = renderer.load(scene)?;                        // splats, survey, what weather must know
+//! let camera = Camera::look_at([4.0, -20.0, 1.6], [4.0, -30.0, 1.5]).fov_y(50.0).size(120, 80);
+//! let picture = renderer.render(&mut place, &weather, &camera, 0.0)?;   // time in seconds
+//! picture.save("fog.png")?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # The types to know
+//! - [`Scene`]: splats, photo views and metadata, read from and written to any format of 3DGS ([`formats`]).
+//! - [`Renderer`]: a device. [`Renderer::load`] turns a scene into a [`PreparedPlace`].
+//! - [`Weather`]: effects with parameters over time, from a preset, a file or by hand.
+//! - [`Picture`]: a rendered frame: colour, depth, normals, and the parts that air and particles add.
+//! - [`train::Session`]: photos to a scene.
+//!
+//! # What else there is
+//! | task | call |
+//! |---|---|
+//! | a video | [`Renderer::render_video`] with a [`CameraMotion`] |
+//! | a camera that suits the scene | [`view::choose`] |
+//! | snow in an ordinary scene file | [`Renderer::bake`] |
+//! | another format, fewer splats | [`SceneChange`], [`Scene::save`] |
+//! | photos to a scene | [`train::Session`] |
+//! | assets that take seconds, on another thread | [`PreparedPlace::missing_assets`], [`assets`] |
+//! | frames of splats of your own | [`frame::FrameRequest`] |
+//!
+//! Frames are pure functions of (scene, weather, camera, time): the same inputs give the same bytes on the CPU, on any number
+//! of threads. The library prints nothing. Warnings come back as values ([`PreparedPlace::take_warnings`]), and long work
+//! reports to a [`Progress`].
 
 pub mod assets;
+mod bake;
+mod convert;
 mod error;
 pub mod frame;
+mod motion;
 pub mod output;
 pub mod panorama_file;
 mod picture;
@@ -10,16 +52,22 @@ mod place;
 mod progress;
 pub mod reduce;
 mod renderer;
+pub mod sequence;
 mod tags;
 pub mod view;
 
+pub use bake::BakedScene;
+pub use convert::{CropBox, LengthScale, SceneChange};
 pub use error::{Error, Result};
 pub use frame::MovingCamera;
+pub use motion::CameraMotion;
 pub use picture::Picture;
 pub use place::{FrameOptions, Patience, PlaceOptions, PlaceView, PreparedPlace};
 pub use progress::Progress;
 pub use renderer::Renderer;
 pub use tags::picture_tags;
+pub use wm_media::{Size as PictureSize, video};
 pub use wm_render::{CpuConfig, Device};
-pub use wm_scene::{Camera, LookAt, Scene};
-pub use wm_weather::Weather;
+pub use wm_scene::{Camera, LookAt, Metadata, Scene, formats};
+pub use wm_train as train;
+pub use wm_weather::{EFFECTS, Weather};

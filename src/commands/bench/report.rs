@@ -4,7 +4,7 @@ use super::measure::{Case, Measured, Sample};
 use crate::scene::Loaded;
 use serde::Serialize;
 use weather_magician::view::spec;
-use wm_render::{DeviceWork, RenderBackend};
+use wm_render::DeviceWork;
 use wm_scene::Camera;
 
 /// Everything measured of one scene. Times are milliseconds.

@@ -8,7 +8,6 @@ pub mod street;
 
 use crate::choices::EncoderChoice;
 use crate::interrupt::{self, Interrupted};
-use crate::pipeline::pipeline;
 use crate::progress::{self, Reporter};
 use crate::scene::{Loaded, RunArgs};
 use anyhow::{Context, Result, bail};
@@ -17,6 +16,7 @@ use film::Film;
 use photos::{PhotoSession, Route, Truth};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use weather_magician::sequence::render_and_write;
 use weather_magician::view::spec;
 use weather_magician::{FrameOptions, Picture, picture_tags};
 use wm_media::{Size, color::Dither, png, sheet, video};
@@ -274,9 +274,9 @@ fn shoot(studio: &mut Loaded, args: &DemoArgs, path: &Path) -> Result<()> {
         renderer.render_into(place, &weather, &options, picture, &mut Reporter::default())?;
         Ok(())
     };
-    let written = pipeline(&(0..all).collect::<Vec<_>>(), &mut render, &mut |_, picture| {
-        Ok(sink.frame(&picture.frame.rgb)?)
-    })?;
+    let mut write = |_: u32, picture: &Picture| -> Result<()> { Ok(sink.frame(&picture.frame.rgb)?) };
+    let frames: Vec<u32> = (0..all).collect();
+    let written = render_and_write(&frames, &mut render, &mut write, &mut Reporter::default())?;
     if written < all {
         return Err(Interrupted(format!("{} is not written", path.display())).into());
     }

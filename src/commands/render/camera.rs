@@ -5,19 +5,17 @@ use crate::scene::Loaded;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
-use weather_magician::MovingCamera;
 use weather_magician::view::moves::{self, PathSpec};
 use weather_magician::view::path::{Key, Path};
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
+use weather_magician::{CameraMotion, MovingCamera};
 use wm_media::video::FrameRate;
 use wm_scene::files::check_writable;
 use wm_scene::{Camera, FormatError};
 
 /// Length of a sequence where nothing says it, seconds.
 const DEFAULT_SECONDS: f64 = 5.0;
-/// Half the time over which a speed is taken, s: as long as an exposure.
-const MOMENT: f64 = 0.01;
 /// Longest sequence, frames: keeps names at six digits.
 const MAX_FRAMES: u32 = 1_000_000;
 
@@ -130,20 +128,12 @@ impl CameraArgs {
 
 /// Where the camera is at each instant, and which instants there are.
 pub struct Shot {
-    path: Way,
-    size: (u32, u32),
+    motion: CameraMotion,
     start: f64,
-    /// m/s ahead, where the camera stands.
-    speed: f64,
     /// Frames a second.
     pub rate: FrameRate,
     /// Number of frames.
     pub frames: u32,
-}
-
-enum Way {
-    Still(Box<Camera>),
-    Along(Path),
 }
 
 impl Shot {
@@ -175,72 +165,48 @@ impl Shot {
                 })
             }
         };
-        let (way, size, duration) = match path {
-            Some(path) => {
-                let duration = path.duration();
-                (Way::Along(path), options.size(), duration)
-            }
-            None => {
-                let camera = args.look.start(loaded)?;
-                (Way::Still(Box::new(camera)), (camera.width, camera.height), 0.0)
-            }
+        let motion = match path {
+            Some(path) => CameraMotion::Along { path, size: options.size() },
+            None => CameraMotion::Still {
+                camera: Box::new(args.look.start(loaded)?),
+                speed: args.camera_speed.unwrap_or(0.0),
+            },
         };
+        let duration = motion.duration();
         let fps = 1.0 / output.fps.seconds(1);
-        if let (Some(file), Way::Along(path)) = (&args.save_path, &way) {
-            path.write(file, fps, size)?;
-        } else if let (Some(file), Way::Still(camera)) = (&args.save_path, &way) {
-            Path::new(vec![Key::of(camera, 0.0)], camera.near)?.write(file, fps, size)?;
+        if let Some(file) = &args.save_path {
+            match &motion {
+                CameraMotion::Along { path, size } => path.write(file, fps, *size)?,
+                CameraMotion::Still { camera, .. } => {
+                    let size = (camera.width, camera.height);
+                    Path::new(vec![Key::of(camera, 0.0)], camera.near)?.write(file, fps, size)?;
+                }
+            }
         }
         let seconds = length.unwrap_or(if duration > 0.0 { duration } else { DEFAULT_SECONDS });
         let frames = if still { 1 } else { output.fps.frames_within(seconds).max(1) };
         if frames > MAX_FRAMES {
             bail!("{frames} frames are too many for one run: the most is {MAX_FRAMES}");
         }
-        let speed = args.camera_speed.unwrap_or(0.0);
-        let shot = Self { path: way, size, start: output.time, speed, rate: output.fps, frames };
+        let shot = Self { motion, start: output.time, rate: output.fps, frames };
         shot.camera(shot.start).check()?;
         Ok(shot)
     }
 
-    /// A camera that stands still, at the instant `start` and for no longer.
+    /// A camera that moves so, at the instant `start` and for no longer.
     #[cfg(feature = "viewer")]
-    pub fn still(camera: Camera, start: f64) -> Self {
-        let size = (camera.width, camera.height);
-        Self {
-            path: Way::Still(Box::new(camera)),
-            size,
-            start,
-            speed: 0.0,
-            rate: FrameRate::default(),
-            frames: 1,
-        }
-    }
-
-    /// A camera on a path, for pictures of `size`, at the instant `start` and for no longer.
-    #[cfg(feature = "viewer")]
-    pub fn along(path: Path, size: (u32, u32), start: f64) -> Self {
-        Self { path: Way::Along(path), size, start, speed: 0.0, rate: FrameRate::default(), frames: 1 }
+    pub fn at(motion: CameraMotion, start: f64) -> Self {
+        Self { motion, start, rate: FrameRate::default(), frames: 1 }
     }
 
     /// The camera at `time`.
     pub fn camera(&self, time: f64) -> Camera {
-        match &self.path {
-            Way::Still(camera) => **camera,
-            Way::Along(path) => path.at(path.start() + time, self.size),
-        }
+        self.motion.camera(time)
     }
 
-    /// The camera at `time`, and how fast it goes.
+    /// The camera at `time` and its velocity.
     pub fn moving(&self, time: f64, metres_per_unit: f64) -> MovingCamera {
-        let camera = self.camera(time);
-        let velocity = match &self.path {
-            Way::Still(camera) => camera.forward() * self.speed,
-            Way::Along(_) => {
-                let at = |time: f64| self.camera(time).center() * metres_per_unit;
-                (at(time + MOMENT) - at(time - MOMENT)) / (2.0 * MOMENT)
-            }
-        };
-        MovingCamera { camera, velocity: velocity.to_array() }
+        self.motion.at(time, metres_per_unit)
     }
 
     /// The instant of frame `index`, seconds.
@@ -248,11 +214,8 @@ impl Shot {
         self.start + self.rate.seconds(u64::from(index))
     }
 
-    /// What the cameras depend on, to tell one shot from another.
+    /// Everything that the cameras depend on, to tell one shot from another.
     pub fn fingerprint(&self) -> String {
-        match &self.path {
-            Way::Still(camera) => format!("{camera:?}"),
-            Way::Along(path) => format!("{:?} {:?} {}", path.keys(), self.size, path.near()),
-        }
+        self.motion.fingerprint()
     }
 }

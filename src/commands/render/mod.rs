@@ -74,7 +74,7 @@ struct OutputArgs {
         default_value = "30",
         help_heading = "Output"
     )]
-    fps: video::FrameRate,
+    fps: wm_media::video::FrameRate,
     /// Length of a video, seconds [default: that of the camera's path, else 5]
     #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Output")]
     seconds: Option<f64>,

@@ -3,7 +3,6 @@
 use super::{RenderArgs, background};
 use crate::interrupt::Interrupted;
 use crate::names::stem_of;
-use crate::pipeline::pipeline;
 use crate::progress::Reporter;
 use crate::scene::Loaded;
 use anyhow::{Context, Result, bail};
@@ -13,6 +12,7 @@ use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::time::Instant;
 use weather_magician::output::{PictureFormat, PictureLayer, PictureStyle};
+use weather_magician::sequence::render_and_write;
 use weather_magician::view::spec;
 use weather_magician::{FrameOptions, MovingCamera, Picture, PreparedPlace, Renderer, picture_tags};
 use wm_media::Size;
@@ -140,7 +140,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         let index = index as usize;
         write_pair(&folder, &shots[index], &styles[index], pair)
     };
-    let written = pipeline(&missing, &mut render, &mut write)? as usize;
+    let written = render_and_write(&missing, &mut render, &mut write, &mut Reporter::default())? as usize;
     if written < missing.len() {
         let (done, all) = (kept + written, shots.len());
         let advice = "the same command goes on with the others";

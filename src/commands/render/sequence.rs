@@ -2,13 +2,14 @@
 
 use super::{RenderArgs, Take};
 use crate::interrupt::Interrupted;
-use crate::pipeline::pipeline;
+use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 use weather_magician::Picture;
 use weather_magician::output::{ExtraPicture, LayerPlacement, PictureStyle};
+use weather_magician::sequence::render_and_write;
 use wm_media::{Size, png::DepthScale, video};
 use wm_scene::files::write_atomically;
 
@@ -31,8 +32,12 @@ pub fn video(take: &mut Take, wanted: &[u32], path: &Path, args: &RenderArgs) ->
 
     let started = Instant::now();
     let all = wanted.len() as u32;
-    let written =
-        pipeline(wanted, &mut renderer(take), &mut |_, picture| Ok(sink.frame(&picture.frame.rgb)?))?;
+    let written = render_and_write(
+        wanted,
+        &mut renderer(take),
+        &mut |_, picture| Ok(sink.frame(&picture.frame.rgb)?),
+        &mut Reporter::default(),
+    )?;
     if written < all {
         let advice = "nothing is written; a folder of frames (--out FOLDER) can be gone on with";
         return Err(Interrupted(format!("{written} of {all} frames were done, {advice}")).into());
@@ -93,11 +98,12 @@ pub fn folder(take: &mut Take, wanted: &[u32], folder: &Path, args: &RenderArgs)
         .map(|index| take.style(args, DepthScale::reaching(take.place.site().far), take.shot.time(*index)))
         .collect();
     let (mut position, mut beside) = (0, Vec::new());
-    let written = pipeline(&missing, &mut renderer(take), &mut |index, picture| {
+    let mut write = |index: u32, picture: &Picture| -> Result<()> {
         beside = styles[position].write(picture, &name(index))?;
         position += 1;
         Ok(())
-    })?;
+    };
+    let written = render_and_write(&missing, &mut renderer(take), &mut write, &mut Reporter::default())?;
     if (written as usize) < missing.len() {
         let done = kept + written;
         let advice = "the same command goes on with the others";

@@ -1,0 +1,42 @@
+//! Scenes with what lies on them, for other programs.
+
+use crate::place::PreparedPlace;
+use crate::{Progress, Renderer, Result};
+use wm_scene::{Metadata, Scene};
+use wm_weather::Weather;
+
+/// A scene with what lies on it.
+#[derive(Clone, Debug)]
+pub struct BakedScene {
+    /// The scene, which any program can render.
+    pub scene: Scene,
+    /// The number of its splats that lie on the place; they are the last.
+    pub added: usize,
+}
+
+impl Renderer {
+    /// Bakes what lies under an instant of a weather into the scene of a place, as splats. `None` if the weather lays
+    /// nothing. The air and what falls are not splats, and stay out.
+    ///
+    /// # Errors
+    /// [`crate::Error::Unsupported`] if the splats of the place were released.
+    pub fn bake(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        time: f64,
+        progress: &mut dyn Progress,
+    ) -> Result<Option<BakedScene>> {
+        let Some(lying) = self.lying_cover(place, weather, time, progress)? else { return Ok(None) };
+        let (scene, survey) = (place.scene(), place.survey());
+        let metadata = Metadata {
+            metres_per_unit: Some(survey.metres_per_unit.value),
+            up: Some(survey.up.value),
+            ground: Some(survey.ground.value),
+            ..scene.metadata.clone()
+        };
+        let splats = lying.bake(&scene.splats);
+        let scene = Scene { splats, views: scene.views.clone(), metadata };
+        Ok(Some(BakedScene { scene, added: lying.splats.len() }))
+    }
+}
