@@ -12,7 +12,7 @@
 
 use std::error::Error;
 use std::path::Path;
-use wm_scene::synthetic::uniform;
+use wm_scene::random::uniform;
 use wm_scene::{Group, Scene, Splats, formats::write_scene, sh, splats::logit};
 
 fn main() -> Result<(), Box<dyn Error>> {

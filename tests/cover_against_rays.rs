@@ -7,6 +7,7 @@ use wm_render::{
     SetView,
 };
 use wm_scene::{Camera, Group, Splats, sh};
+use wm_street::Street as StreetGeometry;
 use wm_weather::cover::{Airflow, Cover, CoverMaterial, CoverRequest};
 use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::{Daylight, Site};

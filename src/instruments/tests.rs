@@ -9,10 +9,9 @@ use crate::commands::demo::street;
 use crate::scene::{Loaded, RunArgs};
 use anyhow::Result;
 use weather_magician::Picture;
-use wm_render::{Device, RenderConfig};
+use wm_render::Device;
 use wm_scene::{Camera, Metadata, Splats};
 use wm_street::Street;
-use wm_weather::cover::Airflow;
 use wm_weather::{Site, Weather};
 
 /// What is drawn wrongly.

@@ -180,7 +180,10 @@ impl View {
     pub fn shot_of(&self, size: (u32, u32)) -> Shot {
         match self.state.follow {
             Follow::Camera => Shot::at(self.path.at(self.path.start(), size).into(), self.state.time),
-            Follow::Path => { let motion = CameraMotion::Along { path: self.path.clone(), size }; Shot::at(motion, self.state.time) },
+            Follow::Path => {
+                let motion = CameraMotion::Along { path: self.path.clone(), size };
+                Shot::at(motion, self.state.time)
+            }
         }
     }
 }

@@ -58,7 +58,7 @@ pub enum FramePass<'a> {
         /// The picture that is overwritten.
         target: PictureId,
         /// The view.
-        pass: DrawPass<'a>,
+        pass: Box<DrawPass<'a>>,
     },
     /// Works on a finished picture.
     Picture(PicturePass<'a>),
@@ -85,7 +85,7 @@ impl<'a> FramePlan<'a> {
     pub fn draw_into(&mut self, target: PictureId, pass: DrawPass<'a>) {
         self.check(target);
         pass.reads.iter().for_each(|id| self.check(*id));
-        self.passes.push(FramePass::Draw { target, pass });
+        self.passes.push(FramePass::Draw { target, pass: Box::new(pass) });
     }
 
     /// Adds an effect that makes a new picture of others. The frame that it is given may hold an old picture.
@@ -123,7 +123,7 @@ impl<'a> FramePlan<'a> {
     #[must_use]
     pub fn draw_of(&self, picture: PictureId) -> Option<&DrawPass<'a>> {
         self.passes.iter().rev().find_map(|pass| match pass {
-            FramePass::Draw { target, pass } if *target == picture => Some(pass),
+            FramePass::Draw { target, pass } if *target == picture => Some(&**pass),
             _ => None,
         })
     }

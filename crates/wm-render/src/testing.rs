@@ -276,7 +276,7 @@ macro_rules! tests_of_paths {
 }
 
 pub use crate::bench_scene::{shell_camera, shell_splats};
-pub use wm_scene::synthetic::uniform;
+pub use wm_scene::random::uniform;
 
 /// `count` random splats in a box of side 4 about the origin.
 #[must_use]

@@ -207,7 +207,7 @@ fn take(
 /// The draw pass, if it is one.
 fn drawn<'a>(pass: &'a FramePass<'_>) -> Option<&'a DrawPass<'a>> {
     match pass {
-        FramePass::Draw { pass, .. } => Some(pass),
+        FramePass::Draw { pass, .. } => Some(&**pass),
         FramePass::Picture(_) => None,
     }
 }

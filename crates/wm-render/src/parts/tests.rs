@@ -190,7 +190,7 @@ fn asking_for_what_falls_changes_no_color() {
     let mut renderer = CpuRenderer::new(CpuConfig::default()).unwrap();
     let set = renderer.load(&random_splats(300, 1, 5)).unwrap();
     let (apart, camera) = (config(), camera(77, 52));
-    let plain = RenderConfig { outputs: Outputs::default(), ..apart.clone() };
+    let plain = RenderConfig { outputs: Outputs::default(), ..apart };
     let [apart, plain] = [apart, plain].map(|config| {
         let hooks = Hooks { particles: &[&Drops], ..Hooks::default() };
         let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config).with_hooks(hooks);
@@ -228,7 +228,9 @@ fn a_picture_and_its_parts_are_one_submission_where_the_cpu_has_no_part() {
     if Backend::gpu().is_none() {
         return;
     }
-    let mut renderer = crate::testing::gpu_renderer();
+    // Its own device: what others submit to a shared one is counted too.
+    let gpu = crate::testing::small_gpu(128 << 20);
+    let mut renderer = crate::GpuRenderer::new(gpu, CpuConfig::default()).unwrap();
     let set = renderer.load(&random_splats(300, 1, 5)).unwrap();
     let pass = DrawPass::new(&[SetView::plain(set)], &camera(400, 300), &config());
     for (particles, wanted) in [(&[] as &[&dyn Particles], 1), (&[&Drops as &dyn Particles], 2)] {

@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn the_same_instant_has_the_same_stones() {
-        let camera = Camera::look_at((320, 240), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
+        let camera = Camera::looking((320, 240), 50.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
         let view = ParticleView::new(&camera);
         let stones = |seed: i32| {
             let weather = Weather::clear().set("hail.rate", 60).unwrap().set("hail.seed", seed).unwrap();

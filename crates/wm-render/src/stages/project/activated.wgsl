@@ -2,7 +2,7 @@
 // Their attributes in this pass, `[groups][ATTRIBUTE_COLUMNS][16]`.
 @group(0) @binding(3) var<storage, read> attributes: array<f32>;
 
-fn attribute(splat: u32, column: u32) -> f32 {
+fn splat_attribute(splat: u32, column: u32) -> f32 {
     let at = chunk.first_splat + splat;
     return attributes[(at / GROUP * ATTRIBUTE_COLUMNS + column) * GROUP + at % GROUP];
 }
@@ -22,5 +22,5 @@ fn log2_opacity_of(splat: u32) -> f32 {
     if chunk.has_attributes == 0u {
         return own;
     }
-    return own + log2(max(attribute(splat, ATTRIBUTE_VISIBILITY), 1e-30));
+    return own + log2(max(splat_attribute(splat, ATTRIBUTE_VISIBILITY), 1e-30));
 }
