@@ -6,7 +6,7 @@
 use super::field::Field;
 use super::{Finding, INSTRUMENTS, Probe, Rig, Shot, Subject, asked};
 use crate::commands::demo::street;
-use crate::scene::{Loaded, RunArgs};
+use crate::scene::{OpenScene, RunArgs};
 use anyhow::Result;
 use weather_magician::Picture;
 use wm_render::Device;
@@ -173,7 +173,7 @@ impl Rig for Faulty {
 fn rig() -> Faulty {
     let run = RunArgs { device: Device::Cpu, ..RunArgs::default() };
     let scene = street::scene(0.5, None).unwrap();
-    let loaded = Loaded::of(scene, &Metadata::default(), &run).unwrap();
+    let loaded = OpenScene::of(scene, &Metadata::default(), &run).unwrap();
     let camera = Street::views()[0].camera((240, 160)).unwrap();
     let field = Field::new(loaded.renderer, loaded.place, camera);
     Faulty { field, fault: Fault::None, shots: Vec::new() }

@@ -1,12 +1,12 @@
-//! Reports for a browser: one file without scripts and without anything from elsewhere.
+//! HTML reports: one file without scripts or external resources.
 
 pub mod picture;
 pub mod plot;
 
-/// The style that all reports share.
+/// The style sheet that all reports share.
 pub const STYLE: &str = include_str!("page.css");
 
-/// The beginning of a page, up to its title; `style` is added to what all share.
+/// Returns the beginning of a page, up to its title; `style` is added to the shared style sheet.
 pub fn head(title: &str, style: &str) -> String {
     let title = escaped(title);
     format!(
@@ -16,13 +16,13 @@ pub fn head(title: &str, style: &str) -> String {
     )
 }
 
-/// The end of a page.
+/// Returns the end of a page.
 pub fn foot() -> String {
     let version = env!("CARGO_PKG_VERSION");
     format!("<h2>About</h2>\n<p>Written by weather-magician {version}.</p>\n</body>\n</html>\n")
 }
 
-/// Text that is no markup, whatever is in it.
+/// Escapes text for HTML.
 pub fn escaped(text: &str) -> String {
     text.chars().fold(String::with_capacity(text.len()), |mut out, c| {
         match c {

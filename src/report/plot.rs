@@ -1,108 +1,108 @@
 //! Plots as SVG: points and lines over two axes with units, on white.
 //!
-//! By hand: it is one page of code, and what plotting crates add is more to build than the rest of the report.
+//! Written by hand: it is one page of code, and a plotting crate would take longer to build than the rest of the report.
 
 use super::escaped;
 use std::fmt::Write;
 
-/// Width and height, and the borders left, right, above and below the field, px.
+/// Width and height, and the margins left, right, above and below the plot area, px.
 const SIZE: [f64; 2] = [560.0, 340.0];
 const LEFT: f64 = 66.0;
 const RIGHT: f64 = 14.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 50.0;
-/// Colours of series that are told apart by all eyes (Okabe and Ito 2008, without yellow): after a law channels have their own.
+/// Colours of series, safe for colour-blind readers (Okabe and Ito 2008, without yellow).
 const COLORS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#56b4e9", "#cc79a7", "#e69f00"];
-/// Ticks of an axis, about.
+/// Approximate number of ticks of an axis.
 const TICKS: f64 = 6.0;
 
-/// How numbers lie along an axis.
+/// Scale of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scale {
-    /// Evenly.
+pub enum AxisScale {
+    /// Linear.
     Linear,
-    /// By their logarithm; those not above 0 are left out.
+    /// Logarithmic; numbers that are not above 0 are left out.
     Log,
 }
 
 /// An axis.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// What, with its unit.
+    /// Label with the unit.
     pub label: String,
-    /// How.
-    pub scale: Scale,
+    /// Scale of the axis.
+    pub scale: AxisScale,
 }
 
 impl Axis {
-    /// One from 0 or about what there is.
+    /// Returns a linear axis.
     pub fn linear(label: impl Into<String>) -> Self {
-        Self { label: label.into(), scale: Scale::Linear }
+        Self { label: label.into(), scale: AxisScale::Linear }
     }
 
-    /// One by powers of ten.
+    /// Returns a logarithmic axis.
     pub fn log(label: impl Into<String>) -> Self {
-        Self { label: label.into(), scale: Scale::Log }
+        Self { label: label.into(), scale: AxisScale::Log }
     }
 }
 
-/// How a series is drawn.
+/// Style of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Style {
-    /// A dot each.
+pub enum SeriesStyle {
+    /// Dots.
     Points,
     /// A line.
     Line,
 }
 
-/// Points that belong together.
+/// Points with a label and a style.
 #[derive(Clone, Debug)]
 pub struct Series {
     name: String,
     points: Vec<[f64; 2]>,
-    style: Style,
+    style: SeriesStyle,
 }
 
 impl Series {
     /// Dots.
     pub fn points(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
-        Self { name: name.into(), points, style: Style::Points }
+        Self { name: name.into(), points, style: SeriesStyle::Points }
     }
 
     /// A line.
     pub fn line(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
-        Self { name: name.into(), points, style: Style::Line }
+        Self { name: name.into(), points, style: SeriesStyle::Line }
     }
 }
 
 /// A plot.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// What it shows.
+    /// Title of the plot.
     pub title: String,
     /// Along.
     pub x: Axis,
     /// Upwards.
     pub y: Axis,
-    /// What is drawn, the first below.
+    /// The series, drawn in this order.
     pub series: Vec<Series>,
 }
 
-/// An axis with its ends and ticks.
+/// An axis with its range and ticks.
 struct Ruler {
-    scale: Scale,
-    /// Of the scale's numbers: logarithms to base 10, or themselves.
+    scale: AxisScale,
+    /// Range in numbers of the scale: logarithms to base 10, or the values.
     ends: [f64; 2],
     ticks: Vec<f64>,
 }
 
 impl Ruler {
-    fn new(scale: Scale, values: impl Iterator<Item = f64>) -> Self {
-        let known = values.filter(|v| v.is_finite() && (scale == Scale::Linear || *v > 0.0));
+    fn new(scale: AxisScale, values: impl Iterator<Item = f64>) -> Self {
+        let known = values.filter(|v| v.is_finite() && (scale == AxisScale::Linear || *v > 0.0));
         let (low, high) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
         match scale {
-            Scale::Linear => {
+            AxisScale::Linear => {
                 // Zero belongs to it unless all is far from there.
                 let low = if low > 0.0 && low < 0.6 * high { 0.0 } else { low };
                 let span = if high > low { high - low } else { high.abs().max(1.0) };
@@ -115,7 +115,7 @@ impl Ruler {
                 let ticks = (0..=(last - first) as i64).map(|k| (first + k as f64) * step).collect();
                 Self { scale, ends: [first * step, last * step], ticks }
             }
-            Scale::Log => {
+            AxisScale::Log => {
                 let (low, high) = if low > 0.0 { (low.log10(), high.log10()) } else { (0.0, 1.0) };
                 let ends = [low - 0.04 * (high - low).max(0.3), high + 0.04 * (high - low).max(0.3)];
                 let parts: &[f64] = if high - low < 2.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };
@@ -128,18 +128,18 @@ impl Ruler {
         }
     }
 
-    /// Where a number lies, 0-1; `None` for one that the scale does not have.
+    /// Returns the position of a number on the axis, 0-1; `None` for a number that the scale does not have.
     fn place(&self, value: f64) -> Option<f64> {
         let value = match self.scale {
-            Scale::Linear => value,
-            Scale::Log if value > 0.0 => value.log10(),
-            Scale::Log => return None,
+            AxisScale::Linear => value,
+            AxisScale::Log if value > 0.0 => value.log10(),
+            AxisScale::Log => return None,
         };
         Some((value - self.ends[0]) / (self.ends[1] - self.ends[0])).filter(|place| place.is_finite())
     }
 }
 
-/// A number as short as it is told from its neighbours.
+/// Formats a number of an axis.
 fn number(value: f64) -> String {
     let size = value.abs();
     if size != 0.0 && !(1e-3..1e5).contains(&size) {
@@ -150,12 +150,12 @@ fn number(value: f64) -> String {
 }
 
 impl Plot {
-    /// Whether there is anything to be seen.
+    /// Returns true if no series has a point.
     pub fn is_empty(&self) -> bool {
         self.series.iter().all(|series| series.points.is_empty())
     }
 
-    /// The SVG.
+    /// Returns the plot as SVG.
     pub fn svg(&self) -> String {
         let all =
             |k: usize| self.series.iter().flat_map(move |series| series.points.iter().map(move |p| p[k]));
@@ -211,7 +211,7 @@ impl Plot {
                 is_in.then(|| (across(a), up(b)))
             });
             match series.style {
-                Style::Points => {
+                SeriesStyle::Points => {
                     let (radius, opacity) = if series.points.len() > 100 { (1.6, 0.5) } else { (3.6, 0.9) };
                     let _ = write!(out, "<g fill=\"{color}\" fill-opacity=\"{opacity}\">");
                     places.for_each(|(x, y)| {
@@ -219,7 +219,7 @@ impl Plot {
                     });
                     out.push_str("</g>\n");
                 }
-                Style::Line => {
+                SeriesStyle::Line => {
                     let path: Vec<String> = places.map(|(x, y)| format!("{x:.1} {y:.1}")).collect();
                     let path = path.join("L");
                     let _ = writeln!(
@@ -231,12 +231,12 @@ impl Plot {
             if legend > 0.0 {
                 let line = height + 18.0 * index as f64 + 4.0;
                 let mark = match series.style {
-                    Style::Points => format!(
+                    SeriesStyle::Points => format!(
                         "<circle cx=\"{}\" cy=\"{}\" r=\"3.6\" fill=\"{color}\"/>",
                         LEFT + 9.0,
                         line - 4.0
                     ),
-                    Style::Line => {
+                    SeriesStyle::Line => {
                         format!(
                             "<path d=\"M{LEFT} {y}h18\" stroke=\"{color}\" stroke-width=\"1.8\"/>",
                             y = line - 4.0
@@ -262,13 +262,13 @@ mod tests {
 
     #[test]
     fn ticks_are_round_and_hold_what_there_is() {
-        let ruler = Ruler::new(Scale::Linear, [3.0, 97.0].into_iter());
+        let ruler = Ruler::new(AxisScale::Linear, [3.0, 97.0].into_iter());
         assert_eq!((ruler.ends, ruler.ticks.len()), ([0.0, 100.0], 6));
-        let ruler = Ruler::new(Scale::Log, [50.0, 1000.0, -1.0].into_iter());
+        let ruler = Ruler::new(AxisScale::Log, [50.0, 1000.0, -1.0].into_iter());
         assert_eq!(ruler.ticks, [50.0, 100.0, 200.0, 500.0, 1000.0]);
         // One number, or none, is no division by 0.
         for values in [vec![5.0], vec![], vec![f64::NAN]] {
-            for scale in [Scale::Linear, Scale::Log] {
+            for scale in [AxisScale::Linear, AxisScale::Log] {
                 let ruler = Ruler::new(scale, values.iter().copied());
                 assert!(ruler.ticks.len() < 20 && ruler.ends[0] < ruler.ends[1], "{values:?}");
             }
