@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use socket::{Came, Socket, ask};
 use std::time::{Duration, Instant};
 
-/// What a page got.
+/// The frames that a page received.
 #[derive(Debug, Default)]
 struct Got {
     pictures: u32,

@@ -2,7 +2,7 @@
 //!
 //! Without a scene it renders the built-in street.
 
-use weather_magician::view::{Options, choose::choose};
+use weather_magician::view::{ViewOptions, choose::choose};
 use weather_magician::{Renderer, Scene, Weather};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for warning in place.take_warnings() {
         eprintln!("warning: {warning}");
     }
-    let options = Options { size: Some((480, 320)), ..Options::default() };
+    let options = ViewOptions { size: Some((480, 320)), ..ViewOptions::default() };
     let camera = choose(&mut renderer.view_site(&place, options))?.camera;
     renderer.render(&mut place, &weather, &camera, 0.0)?.save(&out)?;
     println!("{out}: {}", renderer.describe());

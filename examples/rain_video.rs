@@ -2,7 +2,7 @@
 //! `cargo run --release -p weather-magician --example rain_video -- rain.mp4 4`
 
 use weather_magician::video::{FrameRate, VideoSettings};
-use weather_magician::view::{Options, moves};
+use weather_magician::view::{ViewOptions, moves};
 use weather_magician::{Camera, CameraMotion, Renderer, Weather};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut place = renderer.load(scene)?;
     let start = Camera::look_at([0.0, 0.0, 1.6], [0.0, 30.0, 2.0]).size(320, 192);
     let start = start.camera(place.survey().up.value, 0.1)?;
-    let options = Options { size: Some((320, 192)), ..Options::default() };
+    let options = ViewOptions { size: Some((320, 192)), ..ViewOptions::default() };
     let path = moves::dolly(&mut renderer.view_site(&place, options), &start, Some(8.0), seconds)?;
     let motion = CameraMotion::Along { path, size: (320, 192) };
 

@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use wm_media::color::Dither;
-use wm_media::video::Encoder;
+use wm_media::video::VideoEncoder;
 
 /// Quantisation of 8-bit pictures.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -33,7 +33,7 @@ pub enum EncoderChoice {
     Ffmpeg,
 }
 
-impl From<EncoderChoice> for Encoder {
+impl From<EncoderChoice> for VideoEncoder {
     fn from(choice: EncoderChoice) -> Self {
         match choice {
             EncoderChoice::Builtin => Self::Builtin,

@@ -10,7 +10,6 @@ mod say;
 mod choices;
 mod commands;
 mod dataset;
-mod instruments;
 mod interrupt;
 mod names;
 mod progress;

@@ -171,7 +171,7 @@ impl OpenScene {
     }
 
     /// Returns the scene as a site in which views are searched.
-    pub fn site(&mut self, options: view::Options) -> view::Site<'_> {
+    pub fn site(&mut self, options: view::ViewOptions) -> view::ViewSearch<'_> {
         self.renderer.view_site(&self.place, options)
     }
 }

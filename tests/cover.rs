@@ -125,7 +125,7 @@ fn there_must_be_something_to_bake() {
     refuses(&mut command, &workshop.path(""), &["snow_cover.depth"], &[]);
 }
 
-/// What has fallen since the start lies, and melts; and time before the start is no error.
+/// Snow that has fallen since the start lies, and melts; and time before the start is no error.
 #[test]
 fn snow_falls_lies_and_melts() {
     let workshop = Workshop::new();

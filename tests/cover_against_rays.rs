@@ -13,7 +13,7 @@ use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::{Daylight, Site};
 
 const SIZE: (u32, u32) = (300, 200);
-/// What is asked for, m.
+/// Depth of the snow, m.
 const DEPTH: f64 = 0.1;
 
 /// The street with its snow, snow white and all else black.
@@ -22,7 +22,7 @@ struct Street {
     baked: Splats,
 }
 
-/// What rays say of a point of the street.
+/// Exposure and slope of a point of the street, by ray casting.
 #[derive(Clone, Copy)]
 struct Truth {
     /// Share of the sky that what falls comes from, 0-1.
@@ -77,7 +77,7 @@ impl Street {
         views.iter().find(|view| view.name == name).unwrap().camera(SIZE).unwrap()
     }
 
-    /// Whether each pixel shows snow, and the point that it shows.
+    /// Returns for each pixel whether it shows snow, and the point that it shows.
     fn mask(&self, camera: &Camera) -> Vec<(bool, Option<DVec3>)> {
         let mut renderer = CpuRenderer::new(CpuConfig::default()).unwrap();
         let set = renderer.load(&self.baked).unwrap();
@@ -167,7 +167,7 @@ fn what_is_open_is_white_and_what_is_not_is_bare() {
     assert!(share(covered, open) >= 0.97 && share(wrong, bare) <= 0.02 && share(astray, snow) <= 0.02);
 }
 
-/// What shows snow in one view shows it in another, where both see the same point.
+/// Points that show snow in one view show it in every other view that sees them.
 #[test]
 fn two_views_see_the_same_snow() {
     let street = Street::get();

@@ -65,7 +65,7 @@ impl Desk {
         command
     }
 
-    /// What it prints, what it says beside, and the JSON.
+    /// Returns stdout, stderr and the JSON.
     fn run(&self, options: &[&str]) -> (String, String, Value) {
         let mut command = self.command(options);
         let output = finish(command.args(["--json", "out.json"]));

@@ -63,7 +63,7 @@ impl Desk {
         command
     }
 
-    /// What it prints, what it says beside, and the JSON.
+    /// Returns stdout, stderr and the JSON.
     fn run(&self, options: &str) -> (String, String, Value) {
         let output = finish(&mut self.command(&format!("{options} --json out.json")));
         assert!(output.status.success(), "{options}: {}", said(&output));

@@ -6,7 +6,7 @@
 //! extinction, and from that the meteorological optical range. Nothing of the program's optics is used:
 //! scenes go in as files, pictures come out as files.
 //!
-//! How far a measurement may be off. A pixel shows splats of about 1 px standard deviation, the nearer ones
+//! The tolerance of a measurement: a pixel shows splats of about 1 px standard deviation, the nearer ones
 //! of a tilted card before the others. With 1 px = 1/286 of the distance and a tilt of 40 degrees the light
 //! comes from up to 1.5/286 tan 40 = 0.44 % nearer than the card's plane, on the two cards of three that are
 //! tilted: 0.3 % in the mean. What shines through the cards is below 2e-4, and the floats of EXR add less. So
@@ -29,7 +29,7 @@ const HALF: f64 = 10.0;
 const PATCH: usize = 6;
 /// Radiance of the fog, sRGB, not grey, so that channels cannot be confused.
 const AIRLIGHT: [u8; 3] = [0xb4, 0xbe, 0xc8];
-/// What stands behind the cards, sRGB.
+/// Colour behind the cards, sRGB.
 const BACKGROUND: &str = "#204060";
 
 /// Cards at 4 m to some farthest distance, all over a wide picture, straight and tilted.
@@ -52,7 +52,7 @@ struct Pair {
     black: Image<[f64; 3]>,
 }
 
-/// Who says how long a unit is.
+/// The source of the scale.
 #[derive(Clone, Copy)]
 enum Scale {
     /// The scene's file.
@@ -139,7 +139,7 @@ impl Chart {
         -(contrast(seen) / contrast(&self.clear)).ln()
     }
 
-    /// What is measured of each card whose transmittance is between the two bounds, means over its patch:
+    /// Measures each card whose transmittance is between the two bounds, means over its patch:
     /// true ray length (m) and optical depth.
     fn measured(&self, seen: &Pair, channel: usize, transmittances: (f64, f64)) -> Vec<(usize, f64, f64)> {
         let mut points = Vec::new();
@@ -304,7 +304,7 @@ fn fog_that_thins_upwards_is_the_integral_along_each_ray() {
     }
 }
 
-/// What is endlessly far has the airlight's colour; what is near keeps its own; more fog never shows more.
+/// Endlessly far things have the airlight's colour; near ones keep their own; more fog never shows more.
 #[test]
 fn fog_only_takes_contrast_and_ends_in_the_airlight() {
     let chart = Chart::new(Scale::File(2.5), 600.0);

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::path::PathBuf;
 use weather_magician::view::spec;
-use wm_media::{Size, color::Dither, png::write_rgb};
+use wm_media::{PictureSize, color::Dither, png::write_rgb};
 use wm_scene::capture::{self, CaptureOptions};
 use wm_scene::color::{luminance, srgb_decode};
 use wm_scene::files::check_writable;
@@ -84,7 +84,7 @@ pub fn run(args: &SkyArgs) -> Result<()> {
     };
     let looks = places.into_par_iter().map(look).collect::<Result<Vec<SkyPhoto>>>()?;
     // Exactly twice as wide as high.
-    let size = Size::new(args.width / 2 * 2, args.width / 2);
+    let size = PictureSize::new(args.width / 2 * 2, args.width / 2);
     let (rgb, share) = panorama(&looks, up.value, size);
     if share == 0.0 {
         bail!("{}: no photo shows the sky; give sky.color, or another panorama", args.dataset.display());
@@ -138,7 +138,7 @@ impl SkyPhoto {
 }
 
 /// Returns the panorama `[H, W, 3]` about `up`, sRGB, and the fraction of the upper half that photos show.
-fn panorama(photos: &[SkyPhoto], up: DVec3, size: Size) -> (Vec<f32>, f64) {
+fn panorama(photos: &[SkyPhoto], up: DVec3, size: PictureSize) -> (Vec<f32>, f64) {
     let axes = level_axes(up.to_array()).map(DVec3::from_array);
     let (width, height) = (size.width as usize, size.height as usize);
     let mut sums: Vec<[f32; 4]> = (0..width * height)
@@ -263,7 +263,7 @@ mod tests {
             }
         };
         let photos = [photo(DVec3::X, [200, 100, 100]), photo(DVec3::NEG_Y, [100, 100, 200])];
-        let size = Size::new(256, 128);
+        let size = PictureSize::new(256, 128);
         let (rgb, share) = panorama(&photos, DVec3::Z, size);
         let at = |heading: i64, row: usize| {
             let column = (128 + heading * 256 / 360).rem_euclid(256) as usize;

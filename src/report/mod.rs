@@ -1,7 +1,8 @@
 //! HTML reports: one file without scripts or external resources.
 
 pub mod picture;
-pub mod plot;
+
+pub use weather_magician::measure::plot::{self, escaped};
 
 /// The style sheet that all reports share.
 pub const STYLE: &str = include_str!("page.css");
@@ -20,28 +21,4 @@ pub fn head(title: &str, style: &str) -> String {
 pub fn foot() -> String {
     let version = env!("CARGO_PKG_VERSION");
     format!("<h2>About</h2>\n<p>Written by weather-magician {version}.</p>\n</body>\n</html>\n")
-}
-
-/// Escapes text for HTML.
-pub fn escaped(text: &str) -> String {
-    text.chars().fold(String::with_capacity(text.len()), |mut out, c| {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            c => out.push(c),
-        }
-        out
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_no_markup() {
-        assert_eq!(escaped("<b>\"a\" & b"), "&lt;b&gt;&quot;a&quot; &amp; b");
-    }
 }

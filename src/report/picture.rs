@@ -6,7 +6,7 @@ use base64::prelude::BASE64_STANDARD;
 use std::fmt::Write;
 use wm_media::jpeg;
 use wm_media::jpeg::SamplingFactor;
-use wm_media::ramps::{MISSING, Ramp, UNKNOWN};
+use wm_media::ramps::{ColorRamp, MISSING, UNKNOWN};
 use wm_train::maps::{Filter, Map};
 
 /// Maximum width of a picture beside others, px.
@@ -50,7 +50,7 @@ pub fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String> {
 }
 
 /// Encodes numbers, `[H, W]` of [`shown_size`], in the colours of a ramp as a data URI of a PNG.
-pub fn numbers(cells: &[MapCell], size: (u32, u32), ramp: Ramp) -> Result<String> {
+pub fn numbers(cells: &[MapCell], size: (u32, u32), ramp: ColorRamp) -> Result<String> {
     let last = f64::from(STEPS);
     let mut palette: Vec<[u8; 3]> = (0..=STEPS).map(|step| ramp(f64::from(step) / last)).collect();
     palette.extend([MISSING, UNKNOWN]);
@@ -96,7 +96,7 @@ fn base64(bytes: &[u8]) -> String {
 }
 
 /// Returns a CSS gradient of a ramp, from left to right.
-pub fn gradient(ramp: Ramp) -> String {
+pub fn gradient(ramp: ColorRamp) -> String {
     const STOPS: u32 = 24;
     let mut out = "linear-gradient(90deg".to_owned();
     for stop in 0..=STOPS {

@@ -7,8 +7,8 @@ use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use weather_magician::view::Options;
-use weather_magician::view::path::{Key, Path};
+use weather_magician::view::ViewOptions;
+use weather_magician::view::path::{CameraPath, PathKey};
 use wm_scene::Camera;
 use wm_scene::survey::{FactSource, Survey};
 use wm_weather::param::{Param, ParamKind};
@@ -77,9 +77,9 @@ impl Catalog {
             let rotation = DQuat::from_xyzw(x, y, z, w);
             let is_turn = rotation.is_finite() && rotation.length() > 1e-9;
             let rotation = if is_turn { rotation.normalize() } else { rotation };
-            Key { time, eye: DVec3::from_array(eye), rotation, fov }
+            PathKey { time, eye: DVec3::from_array(eye), rotation, fov }
         };
-        let keys: Vec<Key> = match state.follow {
+        let keys: Vec<PathKey> = match state.follow {
             Follow::Camera => {
                 let Pose { eye, rotation, fov } = state.camera;
                 vec![key(0.0, eye, rotation, fov)]
@@ -87,8 +87,8 @@ impl Catalog {
             Follow::Path => state.path.iter().map(|k| key(k.time, k.eye, k.rotation, k.fov)).collect(),
         };
         let said = |error: weather_magician::view::ViewError| error.to_string();
-        let text = Path::new(keys, self.near).map_err(said)?.text();
-        let path = Path::parse(&text, &self.survey, &Options::default()).map_err(said)?;
+        let text = CameraPath::new(keys, self.near).map_err(said)?.text();
+        let path = CameraPath::parse(&text, &self.survey, &ViewOptions::default()).map_err(said)?;
         Ok((text, path))
     }
 

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use wm_media::color::{Dither, quantize_rgb8};
 use wm_media::jpeg::SamplingFactor;
 use wm_media::ramps::turbo;
-use wm_media::{self, Size};
+use wm_media::{self, PictureSize};
 use wm_render::Frame;
 
 /// JPEG quality from which on chroma is not subsampled.
@@ -22,7 +22,7 @@ pub fn to_bytes(frame: &Frame, output: ViewOutput, half: f64, dither: Dither) ->
     let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
     let half = half as f32;
     match output {
-        ViewOutput::Rgb => quantize_rgb8(&frame.rgb, Size::new(frame.width, frame.height), dither),
+        ViewOutput::Rgb => quantize_rgb8(&frame.rgb, PictureSize::new(frame.width, frame.height), dither),
         ViewOutput::Depth => {
             let color = |depth: &f32| {
                 if *depth > 0.0 { DEPTHS[usize::from(byte(depth / (depth + half)))] } else { [0; 3] }

@@ -331,7 +331,7 @@ impl RenderWorker {
         match output.also() {
             None => _ = style.write(&self.picture, &path)?,
             Some(ExtraPicture { kind, .. }) => {
-                let size = Size::new(view.state.size[0], view.state.size[1]);
+                let size = PictureSize::new(view.state.size[0], view.state.size[1]);
                 style.write_one(kind, PictureFormat::Png, &self.picture, size, &path)?;
             }
         }
@@ -398,7 +398,7 @@ impl RenderWorker {
     fn start_video(&mut self, view: &Arc<View>, video: &Arc<ViewerVideo>) -> Result<()> {
         let shot = view.camera_plan();
         let [width, height] = view.state.size;
-        let mut settings = video::VideoSettings::new(Size::new(width, height), video.rate);
+        let mut settings = video::VideoSettings::new(PictureSize::new(width, height), video.rate);
         settings.tags = self.style(view, &shot, 0.0).tags;
         let writer = VideoWriter::new(video::create_video(&video.path(), settings)?, video);
         let (view, video) = (Arc::clone(view), Arc::clone(video));

@@ -17,7 +17,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use tokio::sync::oneshot;
-use weather_magician::view::Options;
+use weather_magician::view::ViewOptions;
 use weather_magician::view::spec::{CameraSpec, parse_size};
 use wm_media::video::FrameRate;
 use wm_scene::SceneView as Photo;
@@ -163,7 +163,8 @@ fn apply_query(
             let catalog = context.catalog();
             let photo = |(name, camera): &(String, _)| Photo { name: name.clone(), camera: *camera };
             let photos: Vec<Photo> = catalog.views.iter().map(photo).collect();
-            let options = Options { size: Some((state.size[0], state.size[1])), ..Options::default() };
+            let options =
+                ViewOptions { size: Some((state.size[0], state.size[1])), ..ViewOptions::default() };
             let camera =
                 spec.camera(&photos, &catalog.survey, &options).map_err(|error| error.to_string())?;
             (state.camera, state.follow) = (Pose::of(&camera), Follow::Camera);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
 use weather_magician::CameraMotion;
-use weather_magician::view::path::Path;
+use weather_magician::view::path::CameraPath;
 use wm_scene::Camera;
 use wm_weather::Weather;
 
@@ -32,7 +32,7 @@ pub struct Pose {
 impl Pose {
     /// Returns the pose of a camera.
     pub fn of(camera: &Camera) -> Self {
-        let key = weather_magician::view::path::Key::of(camera, 0.0);
+        let key = weather_magician::view::path::PathKey::of(camera, 0.0);
         let r = key.rotation;
         Self { eye: key.eye.to_array(), rotation: [r.w, r.x, r.y, r.z], fov: key.fov }
     }
@@ -137,7 +137,7 @@ pub struct View {
     pub weather: Arc<Weather>,
     /// The text of the keyframe file for `--camera` or `--path`.
     pub camera_file: String,
-    path: Path,
+    path: CameraPath,
 }
 
 impl View {
@@ -288,7 +288,7 @@ mod tests {
         let view = View::new(state.clone(), &catalog(), None).unwrap();
         let survey = catalog().survey;
         let read =
-            Path::parse(&view.camera_file, &survey, &weather_magician::view::Options::default()).unwrap();
+            Path::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default()).unwrap();
         assert_eq!(read.at(0.0, (60, 40)), view.camera_plan().camera(0.0));
         // And of a path at an instant of it.
         let key =
@@ -296,7 +296,7 @@ mod tests {
         (state.path, state.follow, state.time) = (vec![key(1.0), key(2.7)], Follow::Path, 0.9);
         let view = View::new(state, &catalog(), None).unwrap();
         let read =
-            Path::parse(&view.camera_file, &survey, &weather_magician::view::Options::default()).unwrap();
+            Path::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default()).unwrap();
         assert_eq!(read.at(read.start() + 0.9, (60, 40)), view.camera_plan().camera(0.9));
     }
 

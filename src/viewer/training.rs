@@ -12,7 +12,7 @@ use axum::routing::{get, put};
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use wm_media::Size;
+use wm_media::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
 use wm_render::Frame;
 
@@ -135,7 +135,7 @@ impl TrainingBoard {
     /// The picture is too large for a JPEG.
     pub fn set_picture(&self, step: u32, frame: &Frame, psnr: Option<f64>) -> Result<()> {
         let size = (frame.width, frame.height);
-        let bytes = quantize_rgb8(&frame.rgb, Size::new(size.0, size.1), Dither::Ordered);
+        let bytes = quantize_rgb8(&frame.rgb, PictureSize::new(size.0, size.1), Dither::Ordered);
         let bytes = jpeg(&bytes, size, QUALITY)?;
         let mut state = self.lock();
         (state.picture, state.drawn) = (Some(bytes.into()), Some(Instant::now()));

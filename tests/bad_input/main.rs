@@ -16,7 +16,7 @@ use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
 use wm_scene::testing::data;
 
-/// What is given where a test says nothing else: a small picture of the small scene.
+/// Default options of the tests: a small picture of the small scene.
 const USUAL: [(&str, &str); 4] =
     [("--size", "48x32"), ("--threads", "1"), ("--camera", "0,-6,2:0,0,2"), ("--out", "a.png")];
 

@@ -46,7 +46,7 @@ fn files_have_line_and_column() {
         ("sky = \"cloudy\"\n", "w.toml:1:7: sky must be one of auto, clear, overcast, gradient, or a table"),
         ("[sky]\nheading = \"north\"\n", "w.toml:2:11: sky.heading is `north`: must be a number from"),
         ("[sky]\npanorama = \"gone.png\"\n", "gone.png: there is no such panorama; check sky.panorama"),
-        ("[sky]\npanorama = \"good.ply\"\n", "good.ply: is no picture that can be read: PNG, JPEG or EXR is"),
+        ("[sky]\npanorama = \"good.ply\"\n", "good.ply: is not a readable picture: use PNG, JPEG or EXR"),
         ("fidelity = \"exact\"\n", "w.toml:1:12: there is no fidelity `exact`: use physical or paper"),
     ] {
         place.put("w.toml", text);

@@ -1,4 +1,4 @@
-//! What the tests of rendered output share: scenes of flat cards, the binary, readers of pictures.
+//! Helpers of the tests of rendered output: scenes of flat cards, the binary, readers of pictures.
 
 #![allow(dead_code)] // Each test uses its part.
 
@@ -52,7 +52,7 @@ impl Workshop {
         Self { folder: tempfile::tempdir().expect("a folder for the test") }
     }
 
-    /// Where the file `name` lies.
+    /// Returns the path of the file `name`.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -122,12 +122,12 @@ pub fn yard() -> Builder {
     place
 }
 
-/// Where the yard is looked at from: 12 m before its middle, over the ground and into the open.
+/// Returns the camera of the yard: 12 m before its middle, over the ground and into the open.
 pub fn yard_look(size: (u32, u32)) -> (Camera, ViewArgs) {
     look(size, 50.0, DVec3::new(0.5, -12.0, 1.8), DVec3::new(0.0, 4.0, 2.2), DVec3::Z)
 }
 
-/// What is known of it, for a scale and without one for the light of its air.
+/// Returns the metadata of the yard at a scale, without a colour of its air.
 pub fn yard_metadata(metres_per_unit: f64) -> Metadata {
     Metadata {
         metres_per_unit: Some(metres_per_unit),

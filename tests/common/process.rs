@@ -34,12 +34,12 @@ pub fn wait(mut child: Child, what: &str) -> Output {
     child.wait_with_output().unwrap()
 }
 
-/// What it wrote to stderr.
+/// Returns the text of stderr.
 pub fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// What it wrote to stdout.
+/// Returns the text of stdout.
 pub fn printed(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }

@@ -22,7 +22,7 @@ use wm_street::{
 };
 use wm_train::priors::{Prior, Priors};
 
-/// What may be said beside the one line of error.
+/// Lines that may be printed beside the one line of error.
 const REMARKS: [&str; 3] = ["warning: ", "left out: ", "depth: 1 scene unit is "];
 
 const PHOTOS: DatasetOptions = DatasetOptions {

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// What becomes of photo 2 and what is said of it.
+/// Damaged versions of photo 2, each with the expected message.
 fn spoilt(place: &Place) -> Vec<(&'static str, Option<Vec<u8>>, &'static str)> {
     let sound = place.read("set/images/00002.png");
     let mut corrupt = sound.clone();
@@ -58,7 +58,7 @@ fn they_are_refused_at_the_start_or_left_out() {
     place.refused("set", &["--skip-bad"], &["(so are all 6 photos)"]);
 }
 
-/// Where the photos are more than the cache holds, damage is met on the way.
+/// If there are more photos than the cache holds, damage is found during the training.
 #[test]
 fn damage_that_is_met_on_the_way() {
     let place = Place::with(&DatasetOptions { size: (330, 220), count: 5, ..PHOTOS });

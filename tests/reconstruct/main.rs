@@ -28,7 +28,7 @@ use wm_train::{Preset, TrainConfig, config::Densify};
 /// Messages that may precede an error: warnings about the data set, and the step from which a run continues.
 const REMARKS: [&str; 3] = ["warning: ", "set.run: continuing ", "scene.ply.run: continuing "];
 
-/// What is given where a test says nothing else: 40 steps of few splats.
+/// Default options of the tests: 40 steps of few splats.
 const USUAL: [(&str, &str); 5] = [
     ("--out", "scene.ply"),
     ("--steps", "40"),

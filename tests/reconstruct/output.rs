@@ -1,4 +1,4 @@
-//! What a training leaves behind.
+//! The files that a training writes.
 
 use super::*;
 use serde_json::Value;
@@ -126,7 +126,7 @@ fn photos_that_were_held_out_are_met_ever_better() {
     assert!(last > first + 1.0 && last > flat + 2.0, "{psnr:?}, of one colour {flat:.2}");
 }
 
-/// How near a picture comes that has the mean colour of a photo everywhere, dB.
+/// PSNR of a picture that has the mean colour of a photo everywhere, dB.
 fn flat_psnr(path: &Path) -> f64 {
     let mut reader =
         png::Decoder::new(std::io::BufReader::new(fs::File::open(path).unwrap())).read_info().unwrap();

@@ -45,7 +45,7 @@ impl Viewer {
         self.child.id()
     }
 
-    /// How it ended, within the patience of the tests.
+    /// Returns the exit status, within the time limit of the tests.
     pub fn ended(&mut self) -> std::process::ExitStatus {
         until("it ends", || self.child.try_wait().unwrap().is_some());
         self.child.wait().unwrap()
@@ -76,7 +76,7 @@ impl Viewer {
         answer
     }
 
-    /// What `render` makes of the files that are saved of a state, by the command that is printed.
+    /// Runs the printed `render` command on the files saved from a state, and returns its picture.
     pub fn rendered(&self, state: &Value, folder: &Path) -> std::path::PathBuf {
         let command = String::from_utf8(self.file("command", state)).unwrap();
         let words: Vec<&str> = command.split_whitespace().collect();

@@ -1,4 +1,4 @@
-//! What must not be done to the viewer: each is refused in a line, and it goes on.
+//! Requests that the viewer must refuse: each gets one line of error, and the viewer keeps running.
 
 use crate::client::{Viewer, until};
 use crate::socket::{Came, Socket, ask, connect, parts};

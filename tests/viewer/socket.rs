@@ -39,7 +39,7 @@ pub fn ask(
     parts(&answer)
 }
 
-/// Whether an answer has all the bytes that it says it has.
+/// Returns true if an answer has all the bytes that its header promises.
 fn is_whole(answer: &[u8]) -> bool {
     let Some(end) = answer.windows(4).position(|four| four == b"\r\n\r\n") else { return false };
     let head = String::from_utf8_lossy(&answer[..end]).to_ascii_lowercase();
@@ -82,7 +82,7 @@ pub struct Socket {
     pub stream: TcpStream,
 }
 
-/// What came over it.
+/// A message received over the socket.
 #[derive(Debug)]
 pub enum Came {
     Word(Value),

@@ -1,6 +1,6 @@
 //! Changes of a scene on its way to another format: cropped, turned, scaled, reduced.
 
-use crate::reduce::{Reduced, reduce};
+use crate::reduce::{ReducedScene, reduce};
 use crate::{Error, Progress, Result};
 use glam::DVec3;
 use wm_render::Differentiable;
@@ -107,7 +107,7 @@ impl SceneChange {
         }
         if let Some(most) = self.max_splats.filter(|most| *most < scene.splats.len() as u64) {
             label_sky(&mut scene.splats);
-            let Reduced { splats, note } = reduce(scene, most as usize, renderer()?.as_mut(), progress)?;
+            let ReducedScene { splats, note } = reduce(scene, most as usize, renderer()?.as_mut(), progress)?;
             scene.splats = splats;
             notes.push(note);
         }

@@ -34,6 +34,7 @@
 //! | photos to a scene | [`train::Session`] |
 //! | assets that take seconds, on another thread | [`PreparedPlace::missing_assets`], [`assets`] |
 //! | frames of splats of your own | [`frame::FrameRequest`] |
+//! | checks of visibility, rain rate, snow depth in pictures | [`measure`] |
 //!
 //! Frames are pure functions of (scene, weather, camera, time): the same inputs give the same bytes on the CPU, on any number
 //! of threads. The library prints nothing. Warnings come back as values ([`PreparedPlace::take_warnings`]), and long work
@@ -44,6 +45,7 @@ mod bake;
 mod convert;
 mod error;
 pub mod frame;
+pub mod measure;
 mod motion;
 pub mod output;
 pub mod panorama_file;
@@ -66,7 +68,7 @@ pub use place::{FrameOptions, Patience, PlaceOptions, PlaceView, PreparedPlace};
 pub use progress::Progress;
 pub use renderer::Renderer;
 pub use tags::picture_tags;
-pub use wm_media::{Size as PictureSize, video};
+pub use wm_media::{PictureSize, video};
 pub use wm_render::{CpuConfig, Device};
 pub use wm_scene::{Camera, LookAt, Metadata, Scene, formats};
 pub use wm_train as train;

@@ -1,7 +1,7 @@
 //! Cameras that move.
 
 use crate::frame::MovingCamera;
-use crate::view::path::Path;
+use crate::view::path::CameraPath;
 use wm_scene::Camera;
 
 /// Half of the time over which the velocity of a path is taken, s: as long as an exposure.
@@ -20,7 +20,7 @@ pub enum CameraMotion {
     /// A camera on a path.
     Along {
         /// The path.
-        path: Path,
+        path: CameraPath,
         /// Width and height of the pictures, px.
         size: (u32, u32),
     },

@@ -1,4 +1,4 @@
-//! Frames to files: which pictures, in which formats, under which names.
+//! Writes frames to files: the pictures, their formats and their names.
 
 use crate::picture::Picture;
 use crate::{Error, Result};
@@ -6,13 +6,13 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use wm_media::color::Dither;
-use wm_media::{MediaError, Size, exr, png};
+use wm_media::{MediaError, PictureSize, exr, png};
 use wm_render::frame::srgb_encode;
 use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs, ParticlePass};
 use wm_scene::npy;
 
-/// A picture beside the colour.
+/// A picture that is written beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PictureLayer {
     /// Expected depth, metres.
@@ -25,11 +25,11 @@ pub enum PictureLayer {
     Alpha,
     /// The share of the scene's light that the air lets through.
     Transmittance,
-    /// What falls, and its coverage.
+    /// Falling particles, and their coverage.
     Particles,
-    /// The scene without air and what falls.
+    /// The scene without air and without falling particles.
     Clean,
-    /// What the air adds.
+    /// The light that the air adds.
     Airlight,
 }
 
@@ -60,7 +60,7 @@ impl PictureLayer {
         }
     }
 
-    /// The part of a picture that it is, where that takes renders of its own.
+    /// The part of a picture that needs renders of its own for this layer.
     fn part(self) -> Option<PicturePart> {
         match self {
             Self::Transmittance => Some(PicturePart::Transmittance),
@@ -85,13 +85,13 @@ pub enum PictureFormat {
 impl PictureFormat {
     const ALL: [(Self, &'static str); 3] = [(Self::Png, "png"), (Self::Exr, "exr"), (Self::Npy, "npy")];
 
-    /// The format that a file name's extension names.
+    /// Returns the format of a file name's extension.
     pub fn of(path: &Path) -> Option<Self> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         Self::ALL.iter().find(|(_, name)| *name == extension).map(|(format, _)| *format)
     }
 
-    /// Its extension.
+    /// Returns the file name extension.
     pub fn extension(self) -> &'static str {
         Self::ALL.iter().find(|(format, _)| *format == self).map_or("png", |(_, name)| name)
     }
@@ -100,9 +100,9 @@ impl PictureFormat {
 /// A picture that is asked for beside the colour: `depth`, or `depth.npy` with its format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExtraPicture {
-    /// Which.
+    /// The layer.
     pub kind: PictureLayer,
-    /// In which format; `None` for that of the colour.
+    /// The format; `None` for that of the colour.
     pub format: Option<PictureFormat>,
 }
 
@@ -126,7 +126,7 @@ impl FromStr for ExtraPicture {
         let kind = kind.ok_or_else(|| {
             let names = PictureLayer::ALL.map(|(_, name)| name);
             let [most @ .., last] = &names;
-            format!("`{name}` is no picture: use {} or {last}", most.join(", "))
+            format!("`{name}` is not a picture output: use {} or {last}", most.join(", "))
         })?;
         let format = match extension {
             None => None,
@@ -139,7 +139,7 @@ impl FromStr for ExtraPicture {
     }
 }
 
-/// What must be rendered for the pictures that are asked for.
+/// Returns the outputs that must be rendered for `also`.
 pub fn outputs(also: &[ExtraPicture]) -> Outputs {
     let asks = |kind: PictureLayer| also.iter().any(|also| also.kind == kind);
     let geometry = match (asks(PictureLayer::Normal), asks(PictureLayer::Depth)) {
@@ -154,12 +154,12 @@ pub fn outputs(also: &[ExtraPicture]) -> Outputs {
     }
 }
 
-/// The parts of a picture that are asked for and take renders of their own.
+/// Returns the parts of `also` that need renders of their own.
 pub fn parts(also: &[ExtraPicture]) -> Vec<PicturePart> {
     also.iter().filter_map(|also| also.kind.part()).collect()
 }
 
-/// Where pictures go that are asked for without a format of their own.
+/// The place of layers that have no format of their own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LayerPlacement {
     /// Beside the colour, a file each.
@@ -170,20 +170,20 @@ pub enum LayerPlacement {
 }
 
 impl LayerPlacement {
-    /// Whether `also` is a layer of the colour, which is of the format `color`.
+    /// Returns true if `also` is a layer of the colour's file, which is of the format `color`.
     pub fn is_layer(self, also: ExtraPicture, color: PictureFormat) -> bool {
         self == Self::Layers && color == PictureFormat::Exr && also.format.is_none()
     }
 }
 
-/// How frames are written.
+/// The files that a frame is written to, and their settings.
 #[derive(Clone, Debug, Default)]
 pub struct PictureStyle {
     /// Pictures beside the colour.
     pub also: Vec<ExtraPicture>,
-    /// Where they go.
+    /// The place of those without a format of their own.
     pub place: LayerPlacement,
-    /// How 8-bit colour is quantised.
+    /// The quantisation of 8-bit colour.
     pub dither: Dither,
     /// Metres a unit of the frame's depth.
     pub metres_per_unit: f64,
@@ -200,7 +200,7 @@ impl PictureStyle {
     /// [`Error`] if a file cannot be written, or its extension is not .png, .exr or .npy.
     pub fn write(&self, picture: &Picture, path: &Path) -> Result<Vec<String>> {
         let frame = &picture.frame;
-        let size = Size::new(frame.width, frame.height);
+        let size = PictureSize::new(frame.width, frame.height);
         let Some(format) = PictureFormat::of(path) else {
             let text = format!("{}: a picture is written as .png, .exr or .npy", path.display());
             return Err(Error::Unsupported(text));
@@ -213,7 +213,7 @@ impl PictureStyle {
                 self.exr(
                     path,
                     size,
-                    exr::Planes { rgb: Some(&frame.rgb), channels: &channels, ..Default::default() },
+                    exr::ExrPlanes { rgb: Some(&frame.rgb), channels: &channels, ..Default::default() },
                 )?;
             }
             PictureFormat::Npy => {
@@ -250,7 +250,7 @@ impl PictureStyle {
         })
     }
 
-    /// Where the picture `also` lies beside the colour `path` of format `format`.
+    /// Returns the path of `also` beside the colour `path` of format `format`.
     pub fn path_of(also: ExtraPicture, format: PictureFormat, path: &Path) -> PathBuf {
         beside(path, also.kind.name(), also.format.unwrap_or(format).extension())
     }
@@ -260,7 +260,7 @@ impl PictureStyle {
         also: ExtraPicture,
         format: PictureFormat,
         picture: &Picture,
-        size: Size,
+        size: PictureSize,
         path: &Path,
     ) -> Result<String> {
         let path = Self::path_of(also, format, path);
@@ -275,7 +275,7 @@ impl PictureStyle {
         kind: PictureLayer,
         format: PictureFormat,
         picture: &Picture,
-        size: Size,
+        size: PictureSize,
         path: &Path,
     ) -> Result<String> {
         let values = self.values(kind, picture);
@@ -289,36 +289,36 @@ impl PictureStyle {
                 }
             }
             (PictureFormat::Exr, PictureLayer::Depth | PictureLayer::MedianDepth) => {
-                self.exr(path, size, exr::Planes { depth: Some(&values), ..Default::default() })?;
+                self.exr(path, size, exr::ExrPlanes { depth: Some(&values), ..Default::default() })?;
             }
             (PictureFormat::Exr, PictureLayer::Normal) => {
-                self.exr(path, size, exr::Planes { normals: Some(&values), ..Default::default() })?;
+                self.exr(path, size, exr::ExrPlanes { normals: Some(&values), ..Default::default() })?;
             }
             (PictureFormat::Exr, PictureLayer::Alpha) => {
-                self.exr(path, size, exr::Planes { alpha: Some(&values), ..Default::default() })?;
+                self.exr(path, size, exr::ExrPlanes { alpha: Some(&values), ..Default::default() })?;
             }
             (PictureFormat::Exr, _) => {
                 let mut channels = self.layer(kind, picture);
                 // Alone in a file they need no name of a layer.
                 channels.iter_mut().for_each(|(name, _)| *name = name.split_off(kind.name().len() + 1));
-                self.exr(path, size, exr::Planes { channels: &channels, ..Default::default() })?;
+                self.exr(path, size, exr::ExrPlanes { channels: &channels, ..Default::default() })?;
             }
             (PictureFormat::Png, PictureLayer::Depth | PictureLayer::MedianDepth) => {
                 let scale = png::write_depth(path, &values, size, self.depth_scale, tags)?;
                 return Ok(format!(", {scale} m a count, 0 for nothing"));
             }
             (PictureFormat::Png, PictureLayer::Normal) => {
-                png::write_normals(path, &values, size, png::Bits::Sixteen, tags)?;
+                png::write_normals(path, &values, size, png::ChannelBits::Sixteen, tags)?;
             }
             (PictureFormat::Png, PictureLayer::Alpha) => {
-                png::write_alpha(path, &values, size, png::Bits::Sixteen, tags)?;
+                png::write_alpha(path, &values, size, png::ChannelBits::Sixteen, tags)?;
             }
             (PictureFormat::Png, PictureLayer::Transmittance) => {
                 png::write_shares(path, &values, size, tags)?
             }
             (PictureFormat::Png, PictureLayer::Particles) => {
                 let coverage: Vec<f32> = values.iter().skip(3).step_by(4).copied().collect();
-                png::write_alpha(path, &coverage, size, png::Bits::Eight, tags)?;
+                png::write_alpha(path, &coverage, size, png::ChannelBits::Eight, tags)?;
                 return Ok(", coverage alone".into());
             }
             (PictureFormat::Png, PictureLayer::Clean | PictureLayer::Airlight) => {
@@ -330,7 +330,7 @@ impl PictureStyle {
         Ok(String::new())
     }
 
-    fn exr(&self, path: &Path, size: Size, planes: exr::Planes<'_>) -> Result<(), MediaError> {
+    fn exr(&self, path: &Path, size: PictureSize, planes: exr::ExrPlanes<'_>) -> Result<(), MediaError> {
         exr::write_exr(path, planes, size, &self.tags)
     }
 }

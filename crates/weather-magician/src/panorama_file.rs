@@ -16,7 +16,7 @@ use wm_weather::panorama::check_size;
 pub struct PanoramaFileError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong and what to do.
+    /// The problem and its remedy.
     pub problem: String,
 }
 
@@ -35,7 +35,7 @@ fn read(path: &Path) -> Result<Panorama, String> {
     };
     let about = std::fs::metadata(path).map_err(cannot)?;
     if !about.is_file() {
-        return Err("is no file; sky.panorama is the path of a PNG, JPEG or EXR".into());
+        return Err("is not a file; sky.panorama must be the path of a PNG, JPEG or EXR".into());
     }
     let mut start = [0; 3];
     let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
@@ -64,7 +64,7 @@ fn jpeg(path: &Path) -> Result<Panorama, String> {
 /// PNG and EXR.
 fn map(path: &Path) -> Result<Panorama, String> {
     let map = read_map(path).map_err(|error| match error.fault {
-        MapFault::Unknown => "is no picture that can be read: PNG, JPEG or EXR is".into(),
+        MapFault::Unknown => "is not a readable picture: use PNG, JPEG or EXR".into(),
         MapFault::Damaged(what) => damaged(&what),
         fault => fault.to_string(),
     })?;
@@ -82,9 +82,9 @@ fn map(path: &Path) -> Result<Panorama, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wm_media::Size;
+    use wm_media::PictureSize;
     use wm_media::color::Dither;
-    use wm_media::exr::{Planes, write_exr};
+    use wm_media::exr::{ExrPlanes, write_exr};
     use wm_media::png::write_rgb;
     use wm_weather::Weather;
 
@@ -95,7 +95,7 @@ mod tests {
         (0..32).flat_map(|y| (0..64).flat_map(move |x| at(x, y))).collect()
     }
 
-    /// What is behind all splats in a direction.
+    /// Returns the colour of the background in a direction.
     fn seen(path: &Path, direction: [f64; 3]) -> [f64; 3] {
         let mut weather = Weather::clear();
         weather.set_text(&format!("sky.panorama={}", path.display())).unwrap();
@@ -120,10 +120,10 @@ mod tests {
     fn pictures_of_every_kind_show_the_same() {
         let folder = tempfile::tempdir().unwrap();
         let rgb = quarters();
-        let size = Size::new(64, 32);
+        let size = PictureSize::new(64, 32);
         let [png, exr, jpg] = ["p.png", "p.exr", "p.jpg"].map(|name| folder.path().join(name));
         write_rgb(&png, &rgb, size, Dither::Off, &[]).unwrap();
-        write_exr(&exr, Planes { rgb: Some(&rgb), ..Planes::default() }, size, &[]).unwrap();
+        write_exr(&exr, ExrPlanes { rgb: Some(&rgb), ..ExrPlanes::default() }, size, &[]).unwrap();
         let bytes: Vec<u8> = rgb.iter().map(|v| (v * 255.0).round() as u8).collect();
         jpeg_encoder::Encoder::new_file(&jpg, 100)
             .unwrap()
@@ -152,22 +152,18 @@ mod tests {
         let path = |name: &str| folder.path().join(name);
         let say = |name: &str| read_panorama(&path(name)).unwrap_err().to_string();
         assert!(say("gone.png").ends_with("gone.png: there is no such panorama; check sky.panorama"));
-        assert!(say(".").contains("is no file; sky.panorama is the path of"));
+        assert!(say(".").contains("is not a file; sky.panorama must be the path of"));
         for (name, bytes) in [("empty.png", &b""[..]), ("text.png", b"not a picture")] {
             std::fs::write(path(name), bytes).unwrap();
-            assert!(
-                say(name).ends_with("is no picture that can be read: PNG, JPEG or EXR is"),
-                "{}",
-                say(name)
-            );
+            assert!(say(name).ends_with("is not a readable picture: use PNG, JPEG or EXR"), "{}", say(name));
         }
         let flat = vec![0.5; 3 * 40 * 32];
-        write_rgb(&path("flat.png"), &flat, Size::new(40, 32), Dither::Off, &[]).unwrap();
+        write_rgb(&path("flat.png"), &flat, PictureSize::new(40, 32), Dither::Off, &[]).unwrap();
         assert!(say("flat.png").contains("40x32 px is no panorama"));
         // Half a file of each kind, and a header that claims more than the file holds.
-        let size = Size::new(64, 32);
+        let size = PictureSize::new(64, 32);
         write_rgb(&path("half.png"), &quarters(), size, Dither::Off, &[]).unwrap();
-        write_exr(&path("half.exr"), Planes { rgb: Some(&quarters()), ..Planes::default() }, size, &[])
+        write_exr(&path("half.exr"), ExrPlanes { rgb: Some(&quarters()), ..ExrPlanes::default() }, size, &[])
             .unwrap();
         let bytes = vec![90; 64 * 32 * 3];
         let encoder = jpeg_encoder::Encoder::new_file(path("half.jpg"), 90).unwrap();

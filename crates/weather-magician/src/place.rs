@@ -88,7 +88,7 @@ impl PlaceView for MovingCamera {
 impl PlaceView for LookAt {
     fn camera_at(&self, place: &PreparedPlace) -> Result<MovingCamera> {
         let survey = place.survey();
-        let near = view::Options::default().near(survey);
+        let near = view::ViewOptions::default().near(survey);
         Ok(self.camera(survey.up.value, near)?.into())
     }
 }
@@ -222,9 +222,15 @@ impl PreparedPlace {
     pub(crate) fn view_site<'a>(
         &'a self,
         backend: &'a mut AnyRenderer,
-        options: view::Options,
-    ) -> view::Site<'a> {
-        view::Site { renderer: backend, set: self.set, scene: &self.scene, survey: &self.survey, options }
+        options: view::ViewOptions,
+    ) -> view::ViewSearch<'a> {
+        view::ViewSearch {
+            renderer: backend,
+            set: self.set,
+            scene: &self.scene,
+            survey: &self.survey,
+            options,
+        }
     }
 
     /// The assets that the instant `time` of a weather needs and that are not made yet.

@@ -1,6 +1,6 @@
 //! A scene with fewer splats: what is seen least goes into its neighbours.
 //!
-//! What a splat is worth is the sum of its weights (alpha times transmittance) over pictures from places about the scene: of its photos
+//! The importance of a splat is the sum of its weights (alpha times transmittance) over pictures from places about the scene: of its photos
 //! where it has them, else from where a photographer would stand. What no picture shows counts by its size, at a small share, so that a
 //! place that was not looked at thins out instead of vanishing.
 //!
@@ -9,8 +9,8 @@
 //! Kerbl et al. 2024, "A Hierarchical 3D Gaussian Representation"). One that has no neighbour near is dropped.
 
 use crate::view::candidates::candidates;
-use crate::view::space::Space;
-use crate::view::{DEFAULT_FOV, Options};
+use crate::view::space::OccupancyGrid;
+use crate::view::{DEFAULT_FOV, ViewOptions};
 use crate::{Error, Progress, Result};
 use glam::{DMat3, DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -26,22 +26,22 @@ use wm_train::metrics::psnr;
 const LONGEST: u32 = 720;
 /// Pictures of a scene with photos: two of three say what splats are worth, the third what was lost.
 const VIEWS: usize = 48;
-/// What a splat that no picture shows is worth, as a share of its pixels in a picture from near.
+/// Importance of a splat that no picture shows, as a share of its pixels in a picture from near.
 const UNSEEN: f64 = 0.02;
-/// How far near is, in radii of the scene.
+/// Distance of that near picture, radii of the scene.
 const NEAR: f64 = 0.1;
 /// Focal length of the pictures, px, about.
 const FOCAL: f64 = 400.0;
 /// Most pixels that an unseen splat counts with.
 const LARGEST: f64 = 400.0;
-/// How far a splat may be from the one that it goes into, in standard deviations of both along their longest axes.
+/// Largest distance of a splat from the one that it is merged into, in standard deviations of both along their longest axes.
 const REACH: f64 = 2.0;
 
-/// What is left.
-pub struct Reduced {
+/// The reduced scene.
+pub struct ReducedScene {
     /// The splats.
     pub splats: Splats,
-    /// What was done and what it cost, in one line.
+    /// One line about the reduction and its cost in quality.
     pub note: String,
 }
 
@@ -54,7 +54,7 @@ pub fn reduce(
     most: usize,
     renderer: &mut dyn Differentiable,
     progress: &mut dyn Progress,
-) -> Result<Reduced> {
+) -> Result<ReducedScene> {
     let survey = Survey::of(scene, &Metadata::default());
     let cameras = cameras(scene, &survey);
     let (measured, tried): (Vec<_>, Vec<_>) = cameras.into_iter().enumerate().partition(|(i, _)| i % 3 == 1);
@@ -90,7 +90,7 @@ pub fn reduce(
         "reduced from {from} to {to} splats: PSNR {quality:.1} dB against all, mean of {} views",
         measured.len()
     );
-    Ok(Reduced { splats, note })
+    Ok(ReducedScene { splats, note })
 }
 
 /// Places to look from; neighbours in the list are mostly alike.
@@ -100,12 +100,12 @@ fn cameras(scene: &Scene, survey: &Survey) -> Vec<Camera> {
         let count = scene.views.len().min(VIEWS);
         return (0..count).map(|i| small(&scene.views[(i as f64 * step) as usize].camera)).collect();
     }
-    let options = Options { size: Some((LONGEST, LONGEST * 9 / 16)), ..Options::default() };
+    let options = ViewOptions { size: Some((LONGEST, LONGEST * 9 / 16)), ..ViewOptions::default() };
     let at = |eye: DVec3, target: DVec3| {
         let camera = Camera::looking(options.size(), DEFAULT_FOV, eye, target, options.up(survey)).ok()?;
         Some(Camera { near: options.near(survey), ..camera })
     };
-    let mut cameras: Vec<Camera> = candidates(&Space::of(&scene.splats, survey), survey)
+    let mut cameras: Vec<Camera> = candidates(&OccupancyGrid::of(&scene.splats, survey), survey)
         .into_iter()
         .filter_map(|view| at(view.eye, view.eye + view.forward))
         .collect();
@@ -128,7 +128,7 @@ fn small(camera: &Camera) -> Camera {
     camera.resized(side(camera.width), side(camera.height))
 }
 
-/// What looks at splats.
+/// Renders the pictures that splats are judged by.
 struct Eye<'a> {
     renderer: &'a mut dyn Differentiable,
     progress: &'a mut dyn Progress,
@@ -146,7 +146,7 @@ impl Eye<'_> {
         Ok(self.frame.rgb.iter().map(|v| v.clamp(0.0, 1.0)).collect())
     }
 
-    /// What each splat is worth, px.
+    /// Returns the importance of each splat, px.
     fn worth(&mut self, splats: &Splats, cameras: &[(usize, Camera)], radius: f64) -> Result<Vec<f64>> {
         let pixels = (FOCAL / (NEAR * radius.max(1e-6))).powi(2);
         let unseen =
@@ -164,7 +164,7 @@ impl Eye<'_> {
     }
 }
 
-/// What a splat covers seen from its broad side, squared units but for a constant.
+/// The area of a splat seen from its broad side, squared units, up to a constant factor.
 fn cover(log_scale: [f32; 3]) -> f64 {
     let mut sorted = log_scale.map(f64::from);
     sorted.sort_by(f64::total_cmp);

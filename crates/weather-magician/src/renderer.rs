@@ -223,7 +223,11 @@ impl Renderer {
     }
 
     /// A place to look for cameras in.
-    pub fn view_site<'a>(&'a mut self, place: &'a PreparedPlace, options: view::Options) -> view::Site<'a> {
+    pub fn view_site<'a>(
+        &'a mut self,
+        place: &'a PreparedPlace,
+        options: view::ViewOptions,
+    ) -> view::ViewSearch<'a> {
         place.view_site(&mut self.backend, options)
     }
 }

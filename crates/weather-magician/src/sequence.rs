@@ -6,7 +6,7 @@ use crate::tags::picture_tags;
 use crate::{Error, Picture, Progress, Renderer, Result};
 use std::path::Path;
 use std::sync::mpsc::{channel, sync_channel};
-use wm_media::Size;
+use wm_media::PictureSize;
 use wm_media::video::{VideoReport, VideoSettings, create_video};
 use wm_weather::Weather;
 
@@ -89,7 +89,7 @@ impl Renderer {
     ) -> Result<VideoReport> {
         let (rate, scale) = (settings.frame_rate, place.site().metres_per_unit);
         let first = motion.camera(0.0);
-        settings.size = Size::new(first.width.max(1), first.height.max(1));
+        settings.size = PictureSize::new(first.width.max(1), first.height.max(1));
         if settings.tags.is_empty() {
             settings.tags = picture_tags("", place.site(), self.backend(), weather, 0.0, &first);
         }

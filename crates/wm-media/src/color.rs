@@ -1,9 +1,9 @@
 //! From display-referred floats to bytes.
 
-use super::Size;
+use super::PictureSize;
 use super::dither;
 
-/// How floats become bytes.
+/// The quantisation of floats to bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Dither {
     /// To the nearest: slow gradients show contours.
@@ -15,7 +15,7 @@ pub enum Dither {
 }
 
 impl Dither {
-    /// What to add to the pixels of row `y` of `channel` (0-2) before rounding, one a pixel, to be
+    /// The offsets added to the pixels of row `y` of `channel` (0-2) before rounding, one a pixel, to be
     /// repeated.
     pub(super) fn row(self, channel: usize, y: usize) -> &'static [f32] {
         match self {
@@ -52,7 +52,7 @@ pub(super) fn byte(value: f32) -> u8 {
 
 /// `rgb [H, W, 3]`, sRGB-encoded 0-1, as bytes of the same shape. Values outside are clipped.
 #[must_use]
-pub fn quantize_rgb8(rgb: &[f32], size: Size, dither: Dither) -> Vec<u8> {
+pub fn quantize_rgb8(rgb: &[f32], size: PictureSize, dither: Dither) -> Vec<u8> {
     size.expect("rgb", rgb, 3);
     let mut bytes = vec![0; rgb.len()];
     let row_length = 3 * size.width as usize;
@@ -72,13 +72,13 @@ mod tests {
     use super::*;
 
     /// A grey ramp along x, `rows` rows high, from `from` on, `step` a pixel, in steps of 1/255.
-    fn ramp(size: Size, from: f32, step: f32) -> Vec<f32> {
+    fn ramp(size: PictureSize, from: f32, step: f32) -> Vec<f32> {
         (0..size.pixels()).flat_map(|i| [(from + step * (i as u32 % size.width) as f32) / 255.0; 3]).collect()
     }
 
     #[test]
     fn no_pixel_is_off_by_a_step_and_means_are_right() {
-        let size = Size::new(1024, 64);
+        let size = PictureSize::new(1024, 64);
         let rgb = ramp(size, 100.2, 1.0 / 128.0);
         let bytes = quantize_rgb8(&rgb, size, Dither::Ordered);
         for (&byte, &value) in bytes.iter().zip(&rgb) {
@@ -105,7 +105,7 @@ mod tests {
     #[test]
     fn a_slow_gradient_has_no_flat_steps() {
         // 128 pixels a step. A step is flat as far as a strip of 16 rows has one value only.
-        let size = Size::new(1024, 16);
+        let size = PictureSize::new(1024, 16);
         let rgb = ramp(size, 100.2, 1.0 / 128.0);
         let widest = |dither| {
             let bytes = quantize_rgb8(&rgb, size, dither);
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn bytes_stay_bytes_and_the_rest_is_clipped() {
-        let size = Size::new(256, 64);
+        let size = PictureSize::new(256, 64);
         let rgb: Vec<f32> = (0..size.pixels()).flat_map(|i| [(i % 256) as f32 / 255.0; 3]).collect();
         for dither in [Dither::Off, Dither::Ordered] {
             let bytes = quantize_rgb8(&rgb, size, dither);

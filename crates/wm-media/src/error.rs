@@ -1,4 +1,4 @@
-//! What can go wrong while writing, each in one line: which file, what happened, what to do.
+//! Errors of writing pictures and videos, each in one line: the file, the problem, the remedy.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ pub enum MediaError {
     Write {
         /// The file to be written.
         path: PathBuf,
-        /// Why, and what to do.
+        /// The reason, and the remedy.
         fault: WriteFault,
     },
     /// A tag that the format cannot hold.
@@ -24,7 +24,7 @@ pub enum MediaError {
         path: PathBuf,
         /// Name of the tag.
         key: String,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
     /// The picture's format refused.
@@ -34,7 +34,7 @@ pub enum MediaError {
         path: PathBuf,
         /// "PNG", "EXR", "MP4", ...
         format: &'static str,
-        /// What its encoder said.
+        /// The message of its encoder.
         reason: String,
     },
     /// Chroma has half the resolution, so a video has no odd sides.
@@ -56,7 +56,7 @@ pub enum MediaError {
     EncoderSize {
         /// The file to be written.
         path: PathBuf,
-        /// What it takes, in words.
+        /// The accepted sizes, in words.
         limits: &'static str,
         /// Pixels in a row.
         width: u32,
@@ -66,7 +66,7 @@ pub enum MediaError {
     /// A frame rate that is no positive number, or out of reach of the container.
     #[error("{text:?} is not a frame rate: use frames per second such as 30, 29.97 or 24000/1001")]
     FrameRate {
-        /// What was given.
+        /// The text that was given.
         text: String,
     },
     /// This build has no encoder of its own.
@@ -85,7 +85,7 @@ pub enum MediaError {
     NoFfmpeg {
         /// The file to be written.
         path: PathBuf,
-        /// What the system said; it is in the message, so that it is no source of its own.
+        /// The message of the system; it is part of this error's message, so it is not a source of its own.
         reason: io::Error,
     },
     /// The video encoder gave up.
@@ -97,7 +97,7 @@ pub enum MediaError {
         encoder: &'static str,
         /// Index of the frame, from 0.
         frame: u64,
-        /// What it said.
+        /// The message of the encoder.
         reason: String,
     },
     /// A video without a frame.

@@ -23,11 +23,11 @@ use exr::meta::attribute::{AttributeValue, Chromaticities, LineOrder, Text};
 use exr::meta::header::{LayerAttributes, standard_names};
 use wm_scene::color::srgb_decode;
 
-use super::{MediaError, Size, Tags, write_file};
+use super::{MediaError, PictureSize, Tags, write_file};
 
-/// What to write, at least one; shapes and values as in [`media`](super).
+/// The channels to write, at least one; shapes and values as in [`media`](super).
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Planes<'a> {
+pub struct ExrPlanes<'a> {
     /// `[H, W, 3]`, sRGB-encoded.
     pub rgb: Option<&'a [f32]>,
     /// `[H, W]`.
@@ -44,7 +44,12 @@ pub struct Planes<'a> {
 ///
 /// # Errors
 /// The file cannot be written, or a tag has the name of an attribute that EXR defines itself.
-pub fn write_exr(path: &Path, planes: Planes<'_>, size: Size, tags: &Tags) -> Result<(), MediaError> {
+pub fn write_exr(
+    path: &Path,
+    planes: ExrPlanes<'_>,
+    size: PictureSize,
+    tags: &Tags,
+) -> Result<(), MediaError> {
     let mut attributes = LayerAttributes::default();
     for (key, text) in tags {
         let refused =
@@ -91,7 +96,7 @@ const REC_709: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
-fn channels(planes: Planes<'_>, size: Size) -> Vec<AnyChannel<FlatSamples>> {
+fn channels(planes: ExrPlanes<'_>, size: PictureSize) -> Vec<AnyChannel<FlatSamples>> {
     let channel = |name: &str, samples: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(samples));
     let mut channels = Vec::new();
     if let Some(rgb) = planes.rgb {
@@ -172,12 +177,12 @@ mod tests {
     fn all_kinds_come_back_exactly() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.exr");
-        let size = Size::new(37, 21);
+        let size = PictureSize::new(37, 21);
         let plane = |seed: f32, n: usize| -> Vec<f32> {
             (0..size.pixels() * n).map(|i| (i as f32 * seed).sin() * 3.0).collect()
         };
         let (rgb, alpha, depth, normals) = (plane(0.1, 3), plane(0.2, 1), plane(0.3, 1), plane(0.4, 3));
-        let planes = Planes {
+        let planes = ExrPlanes {
             rgb: Some(&rgb),
             alpha: Some(&alpha),
             depth: Some(&depth),
@@ -209,10 +214,10 @@ mod tests {
     fn one_kind_with_tags_gives_the_same_bytes_each_time() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.exr");
-        let size = Size::new(300, 70);
+        let size = PictureSize::new(300, 70);
         let depth: Vec<f32> = (0..size.pixels()).map(|i| i as f32).collect();
         let tags: Vec<_> = (0..9).map(|i| (format!("wm.key{i}"), format!("value {i}: 霧"))).collect();
-        let planes = Planes { depth: Some(&depth), ..Planes::default() };
+        let planes = ExrPlanes { depth: Some(&depth), ..ExrPlanes::default() };
         write_exr(&path, planes, size, &tags).unwrap();
         let first = fs::read(&path).unwrap();
         for _ in 0..4 {
@@ -233,9 +238,9 @@ mod tests {
     fn reserved_names_are_refused() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.exr");
-        let planes = Planes { depth: Some(&[1.0]), ..Planes::default() };
+        let planes = ExrPlanes { depth: Some(&[1.0]), ..ExrPlanes::default() };
         let tags = [("channels".to_owned(), "x".to_owned())];
-        let error = write_exr(&path, planes, Size::new(1, 1), &tags).unwrap_err();
+        let error = write_exr(&path, planes, PictureSize::new(1, 1), &tags).unwrap_err();
         assert!(matches!(error, MediaError::Tag { .. }), "{error}");
         assert!(!path.exists());
     }

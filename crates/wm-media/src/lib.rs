@@ -35,14 +35,14 @@ use wm_scene::files::write_whole;
 
 /// Width and height of a picture, pixels, both above 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size {
+pub struct PictureSize {
     /// Pixels in a row.
     pub width: u32,
     /// Rows.
     pub height: u32,
 }
 
-impl Size {
+impl PictureSize {
     /// A size; panics where a side is 0.
     #[must_use]
     pub fn new(width: u32, height: u32) -> Self {
@@ -75,5 +75,5 @@ fn write_file(
     write_whole(path, |fault| MediaError::write(path, fault), write)
 }
 
-/// What is written into a file besides pixels, in this order: program, scene, weather, seed, time, ...
+/// Names and values that are written into a file besides pixels, in this order: program, scene, weather, seed, time, ...
 pub type Tags = [(String, String)];

@@ -9,7 +9,7 @@ use std::path::Path;
 use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, ScaledFloat, SrgbRenderingIntent};
 
 use super::color::{self, Dither};
-use super::{MediaError, Size, Tags, write_file};
+use super::{MediaError, PictureSize, Tags, write_file};
 
 /// Name of the tag that holds the scale of a depth picture.
 pub const DEPTH_SCALE_KEY: &str = "depth_metres_per_count";
@@ -18,14 +18,14 @@ const NORMAL_KEY: &str = "normal_encoding";
 
 /// Bits of one channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Bits {
+pub enum ChannelBits {
     /// 0-255.
     Eight,
     /// 0-65535.
     Sixteen,
 }
 
-/// How a depth becomes a count of 16 bits.
+/// The scale of 16-bit depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum DepthScale {
     /// The finest of 1 mm, 1 cm, 1 dm and 1 m that reaches the largest finite depth of this picture.
@@ -67,7 +67,7 @@ impl DepthScale {
 pub fn write_rgb(
     path: &Path,
     rgb: &[f32],
-    size: Size,
+    size: PictureSize,
     dither: Dither,
     tags: &Tags,
 ) -> Result<(), MediaError> {
@@ -78,9 +78,9 @@ pub fn write_rgb(
 ///
 /// # Errors
 /// The file cannot be written, or a tag does not fit.
-pub fn write_rgb8(path: &Path, rgb: &[u8], size: Size, tags: &Tags) -> Result<(), MediaError> {
+pub fn write_rgb8(path: &Path, rgb: &[u8], size: PictureSize, tags: &Tags) -> Result<(), MediaError> {
     size.expect("rgb", rgb, 3);
-    write(path, rgb, size, ColorType::Rgb, Bits::Eight, Meaning::Color, tags)
+    write(path, rgb, size, ColorType::Rgb, ChannelBits::Eight, Meaning::Color, tags)
 }
 
 /// Writes `depth [H, W]`, metres or scene units, as 16-bit grey, and returns the metres (or units) a
@@ -94,7 +94,7 @@ pub fn write_rgb8(path: &Path, rgb: &[u8], size: Size, tags: &Tags) -> Result<()
 pub fn write_depth(
     path: &Path,
     depth: &[f32],
-    size: Size,
+    size: PictureSize,
     scale: DepthScale,
     tags: &Tags,
 ) -> Result<f64, MediaError> {
@@ -106,7 +106,7 @@ pub fn write_depth(
     let bytes: Vec<u8> = depth.iter().flat_map(|&depth| count(depth).to_be_bytes()).collect();
     let mut tags = tags.to_vec();
     tags.push((DEPTH_SCALE_KEY.to_owned(), metres_per_count.to_string()));
-    write(path, &bytes, size, ColorType::Grayscale, Bits::Sixteen, Meaning::Data, &tags)?;
+    write(path, &bytes, size, ColorType::Grayscale, ChannelBits::Sixteen, Meaning::Data, &tags)?;
     Ok(metres_per_count)
 }
 
@@ -118,8 +118,8 @@ pub fn write_depth(
 pub fn write_normals(
     path: &Path,
     normals: &[f32],
-    size: Size,
-    bits: Bits,
+    size: PictureSize,
+    bits: ChannelBits,
     tags: &Tags,
 ) -> Result<(), MediaError> {
     size.expect("normals", normals, 3);
@@ -133,10 +133,10 @@ pub fn write_normals(
 ///
 /// # Errors
 /// The file cannot be written, or a tag does not fit.
-pub fn write_shares(path: &Path, shares: &[f32], size: Size, tags: &Tags) -> Result<(), MediaError> {
+pub fn write_shares(path: &Path, shares: &[f32], size: PictureSize, tags: &Tags) -> Result<(), MediaError> {
     size.expect("shares", shares, 3);
-    let bytes = data_bytes(shares.iter().copied(), Bits::Sixteen);
-    write(path, &bytes, size, ColorType::Rgb, Bits::Sixteen, Meaning::Data, tags)
+    let bytes = data_bytes(shares.iter().copied(), ChannelBits::Sixteen);
+    write(path, &bytes, size, ColorType::Rgb, ChannelBits::Sixteen, Meaning::Data, tags)
 }
 
 /// Writes `alpha [H, W]`, 0-1, as grey, rounded.
@@ -146,8 +146,8 @@ pub fn write_shares(path: &Path, shares: &[f32], size: Size, tags: &Tags) -> Res
 pub fn write_alpha(
     path: &Path,
     alpha: &[f32],
-    size: Size,
-    bits: Bits,
+    size: PictureSize,
+    bits: ChannelBits,
     tags: &Tags,
 ) -> Result<(), MediaError> {
     size.expect("alpha", alpha, 1);
@@ -156,15 +156,17 @@ pub fn write_alpha(
 }
 
 /// 0-1 at full scale, big-endian, to the nearest: data is not dithered.
-fn data_bytes(values: impl Iterator<Item = f32>, bits: Bits) -> Vec<u8> {
+fn data_bytes(values: impl Iterator<Item = f32>, bits: ChannelBits) -> Vec<u8> {
     let values = values.map(color::unit);
     match bits {
-        Bits::Eight => values.map(|value| (value * 255.0).round() as u8).collect(),
-        Bits::Sixteen => values.flat_map(|value| ((value * 65535.0).round() as u16).to_be_bytes()).collect(),
+        ChannelBits::Eight => values.map(|value| (value * 255.0).round() as u8).collect(),
+        ChannelBits::Sixteen => {
+            values.flat_map(|value| ((value * 65535.0).round() as u16).to_be_bytes()).collect()
+        }
     }
 }
 
-/// What the values are.
+/// The kind of values.
 #[derive(Clone, Copy, PartialEq)]
 enum Meaning {
     /// sRGB.
@@ -176,9 +178,9 @@ enum Meaning {
 fn write(
     path: &Path,
     bytes: &[u8],
-    size: Size,
+    size: PictureSize,
     color_type: ColorType,
-    bits: Bits,
+    bits: ChannelBits,
     meaning: Meaning,
     tags: &Tags,
 ) -> Result<(), MediaError> {
@@ -192,8 +194,8 @@ fn write(
         let mut encoder = Encoder::new(out, size.width, size.height);
         encoder.set_color(color_type);
         encoder.set_depth(match bits {
-            Bits::Eight => BitDepth::Eight,
-            Bits::Sixteen => BitDepth::Sixteen,
+            ChannelBits::Eight => BitDepth::Eight,
+            ChannelBits::Sixteen => BitDepth::Sixteen,
         });
         // A quarter larger than the next better, but written in a twentieth of its 0.3 s for a frame.
         encoder.set_compression(Compression::Fast);
@@ -268,7 +270,7 @@ mod tests {
     fn colour_comes_back_with_its_space_and_tags() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.png");
-        let size = Size::new(70, 9);
+        let size = PictureSize::new(70, 9);
         let rgb: Vec<f32> = (0..size.pixels() * 3).map(|i| i as f32 / 1000.0 - 0.2).collect();
         let tags = tags(&[("program", "weather-magician 0.1"), ("scene", "Straße é"), ("note", "霧 °")]);
         write_rgb(&path, &rgb, size, Dither::Ordered, &tags).unwrap();
@@ -287,7 +289,7 @@ mod tests {
     fn depth_keeps_its_scale_and_its_holes() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.png");
-        let size = Size::new(4, 2);
+        let size = PictureSize::new(4, 2);
         let depth = [0.0, 0.0001, 1.2345, 60.0, -1.0, f32::NAN, f32::INFINITY, 0.0015];
         let scale = write_depth(&path, &depth, size, DepthScale::Auto, &[]).unwrap();
         assert_eq!(scale, 0.001);
@@ -307,14 +309,14 @@ mod tests {
     fn normals_and_alpha_come_back() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.png");
-        let size = Size::new(2, 2);
+        let size = PictureSize::new(2, 2);
         let normals = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.6, 0.0, -0.8];
-        for (bits, step) in [(Bits::Eight, 1.0 / 255.0), (Bits::Sixteen, 1.0 / 65535.0)] {
+        for (bits, step) in [(ChannelBits::Eight, 1.0 / 255.0), (ChannelBits::Sixteen, 1.0 / 65535.0)] {
             write_normals(&path, &normals, size, bits, &[]).unwrap();
             let read = Read::open(&path);
             let values: Vec<f32> = match bits {
-                Bits::Eight => read.bytes.iter().map(|&b| f32::from(b) * step).collect(),
-                Bits::Sixteen => read.counts().iter().map(|&c| f32::from(c) * step).collect(),
+                ChannelBits::Eight => read.bytes.iter().map(|&b| f32::from(b) * step).collect(),
+                ChannelBits::Sixteen => read.counts().iter().map(|&c| f32::from(c) * step).collect(),
             };
             assert!(normals.iter().zip(&values).all(|(n, v)| (2.0 * v - 1.0 - n).abs() < 1.1 * step));
             assert_eq!((read.info.srgb, read.info.gama_chunk), (None, None));
@@ -322,8 +324,8 @@ mod tests {
             write_alpha(&path, &[0.0, 0.25, 0.5, 1.0], size, bits, &[]).unwrap();
             let read = Read::open(&path);
             match bits {
-                Bits::Eight => assert_eq!(read.bytes, [0, 64, 128, 255]),
-                Bits::Sixteen => assert_eq!(read.counts(), [0, 16384, 32768, 65535]),
+                ChannelBits::Eight => assert_eq!(read.bytes, [0, 64, 128, 255]),
+                ChannelBits::Sixteen => assert_eq!(read.counts(), [0, 16384, 32768, 65535]),
             }
         }
     }
@@ -333,8 +335,9 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.png");
         for (key, text) in [("", "x"), ("schlüssel", "x"), ("key", "a\0b")] {
-            let error =
-                write_rgb8(&path, &[0; 3], Size::new(1, 1), &tags(&[(key, text)])).unwrap_err().to_string();
+            let error = write_rgb8(&path, &[0; 3], PictureSize::new(1, 1), &tags(&[(key, text)]))
+                .unwrap_err()
+                .to_string();
             assert!(error.contains(&format!("{key:?}")) && !error.contains('\n'), "{error}");
         }
         assert_eq!(std::fs::read_dir(&directory).unwrap().count(), 0);

@@ -1,7 +1,7 @@
 //! Colours for numbers, sRGB.
 
 /// A colour for a number in 0-1.
-pub type Ramp = fn(f64) -> [u8; 3];
+pub type ColorRamp = fn(f64) -> [u8; 3];
 
 fn bytes(rgb: [f64; 3]) -> [u8; 3] {
     rgb.map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)

@@ -3,14 +3,14 @@
 //! Outside the strips a picture's values are kept as they are, so that what a sheet compares is what
 //! was rendered.
 
-use super::Size;
+use super::PictureSize;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
-/// What shows between pictures, sRGB-encoded: near black, on white pages as on dark ones.
+/// Colour of the gaps between pictures, sRGB-encoded: near black, for white and dark pages.
 const GAP: [f32; 3] = [0.07, 0.075, 0.08];
 /// Colour of the strip behind a label.
 const STRIP: [f32; 3] = [0.05, 0.055, 0.06];
-/// How much of the picture the strip hides: white letters stay readable on white fog.
+/// Opacity of the strip: white letters stay readable on white fog.
 const STRIP_ALPHA: f32 = 0.62;
 /// Colour of the letters.
 const INK: [f32; 3] = [0.97, 0.97, 0.96];
@@ -24,35 +24,35 @@ const LETTERS: [(u32, RasterHeight); 4] = [
 
 /// A picture of a sheet.
 #[derive(Clone, Copy, Debug)]
-pub struct Panel<'a> {
+pub struct SheetPanel<'a> {
     /// `[H, W, 3]`, sRGB-encoded 0-1.
     pub rgb: &'a [f32],
-    /// What it shows; characters outside ASCII become question marks.
+    /// The label; characters outside ASCII become question marks.
     pub label: &'a str,
 }
 
-/// Where things lie on a sheet of pictures of one size.
+/// The layout of a sheet of pictures of one size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Layout {
-    panel: Size,
+pub struct SheetLayout {
+    panel: PictureSize,
     columns: u32,
     rows: u32,
     gap: u32,
 }
 
-impl Layout {
+impl SheetLayout {
     /// `count` pictures in `columns`, row by row. Panics if either is 0.
     #[must_use]
-    pub fn new(panel: Size, count: u32, columns: u32) -> Self {
+    pub fn new(panel: PictureSize, count: u32, columns: u32) -> Self {
         assert!(count > 0 && columns > 0, "{count} pictures in {columns} columns");
         Self { panel, columns, rows: count.div_ceil(columns), gap: (panel.width / 200).max(1) }
     }
 
     /// Size of the whole sheet.
     #[must_use]
-    pub fn size(&self) -> Size {
+    pub fn size(&self) -> PictureSize {
         let along = |count: u32, side: u32| count * side + (count - 1) * self.gap;
-        Size::new(along(self.columns, self.panel.width), along(self.rows, self.panel.height))
+        PictureSize::new(along(self.columns, self.panel.width), along(self.rows, self.panel.height))
     }
 
     /// Left and top of a picture, px.
@@ -62,10 +62,10 @@ impl Layout {
     }
 }
 
-/// Draws the sheet, `[H, W, 3]` of [`Layout::size`], sRGB-encoded. Panics if a picture is not of the
+/// Draws the sheet, `[H, W, 3]` of [`SheetLayout::size`], sRGB-encoded. Panics if a picture is not of the
 /// layout's size, or there are more than it has places for.
 #[must_use]
-pub fn sheet(layout: &Layout, panels: &[Panel<'_>]) -> Vec<f32> {
+pub fn sheet(layout: &SheetLayout, panels: &[SheetPanel<'_>]) -> Vec<f32> {
     assert!(panels.len() <= (layout.columns * layout.rows) as usize, "{} pictures", panels.len());
     let size = layout.size();
     let mut rgb: Vec<f32> = GAP.iter().copied().cycle().take(size.pixels() * 3).collect();
@@ -82,7 +82,7 @@ pub fn sheet(layout: &Layout, panels: &[Panel<'_>]) -> Vec<f32> {
 }
 
 /// Draws a label into the lower left corner of a picture; letters that do not fit are left out.
-fn label(rgb: &mut [f32], sheet: Size, (left, top): (u32, u32), panel: Size, text: &str) {
+fn label(rgb: &mut [f32], sheet: PictureSize, (left, top): (u32, u32), panel: PictureSize, text: &str) {
     let letters = LETTERS.iter().find(|(least, _)| panel.height >= *least);
     let height = letters.map_or(RasterHeight::Size16, |(_, height)| *height);
     let (high, wide) = (height.val() as u32, get_raster_width(FontWeight::Regular, height) as u32);
@@ -121,30 +121,30 @@ mod tests {
     use super::*;
 
     /// Four grey pictures with these labels.
-    fn draw(panel: Size, labels: [&str; 4]) -> (Layout, Vec<f32>) {
+    fn draw(panel: PictureSize, labels: [&str; 4]) -> (SheetLayout, Vec<f32>) {
         let greys = [0.2f32, 0.4, 0.6, 0.8].map(|grey| vec![grey; panel.pixels() * 3]);
-        let layout = Layout::new(panel, 4, 2);
-        let panels = [0, 1, 2, 3].map(|k| Panel { rgb: &greys[k], label: labels[k] });
+        let layout = SheetLayout::new(panel, 4, 2);
+        let panels = [0, 1, 2, 3].map(|k| SheetPanel { rgb: &greys[k], label: labels[k] });
         (layout, sheet(&layout, &panels))
     }
 
-    fn pixel(layout: &Layout, rgb: &[f32], x: u32, y: u32) -> [f32; 3] {
+    fn pixel(layout: &SheetLayout, rgb: &[f32], x: u32, y: u32) -> [f32; 3] {
         let at = (y * layout.size().width + x) as usize * 3;
         [rgb[at], rgb[at + 1], rgb[at + 2]]
     }
 
     #[test]
     fn pictures_lie_in_a_grid_with_thin_gaps() {
-        let layout = Layout::new(Size::new(600, 400), 4, 2);
-        assert_eq!(layout.size(), Size::new(1203, 803));
+        let layout = SheetLayout::new(PictureSize::new(600, 400), 4, 2);
+        assert_eq!(layout.size(), PictureSize::new(1203, 803));
         assert_eq!([0, 1, 2, 3].map(|k| layout.corner(k)), [(0, 0), (603, 0), (0, 403), (603, 403)]);
-        assert_eq!(Layout::new(Size::new(600, 400), 3, 2).size(), Size::new(1203, 803));
-        assert_eq!(Layout::new(Size::new(6, 4), 1, 1).size(), Size::new(6, 4));
+        assert_eq!(SheetLayout::new(PictureSize::new(600, 400), 3, 2).size(), PictureSize::new(1203, 803));
+        assert_eq!(SheetLayout::new(PictureSize::new(6, 4), 1, 1).size(), PictureSize::new(6, 4));
     }
 
     #[test]
     fn colours_are_kept_outside_the_strips() {
-        let (layout, rgb) = draw(Size::new(200, 120), ["clear"; 4]);
+        let (layout, rgb) = draw(PictureSize::new(200, 120), ["clear"; 4]);
         assert_eq!(rgb.len(), layout.size().pixels() * 3);
         for (index, grey) in (0..).zip([0.2, 0.4, 0.6, 0.8]) {
             let (left, top) = layout.corner(index);
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn labels_are_light_letters_on_a_dark_strip() {
-        let (layout, rgb) = draw(Size::new(300, 120), ["fog, MOR 150 m", "", "haze", "smog"]);
+        let (layout, rgb) = draw(PictureSize::new(300, 120), ["fog, MOR 150 m", "", "haze", "smog"]);
         for (index, grey) in [(0, 0.2f32), (2, 0.6), (3, 0.8)] {
             let (left, top) = layout.corner(index);
             let strip: Vec<f32> = (101..120)
@@ -174,12 +174,12 @@ mod tests {
     #[test]
     fn labels_stay_within_their_picture() {
         let long = "a label that is far too long for so small a picture, whatever its letters";
-        let (layout, rgb) = draw(Size::new(90, 40), [long, "é 霧", "", "x"]);
+        let (layout, rgb) = draw(PictureSize::new(90, 40), [long, "é 霧", "", "x"]);
         let right = layout.corner(1).0;
         assert!((0..40).all(|y| pixel(&layout, &rgb, right - 1, y) == GAP));
         assert!((0..20).all(|y| pixel(&layout, &rgb, right + 60, y) == [0.4; 3]));
         // Too small for any letter.
-        let (_, rgb) = draw(Size::new(12, 10), [long; 4]);
+        let (_, rgb) = draw(PictureSize::new(12, 10), [long; 4]);
         assert_eq!(rgb[..36], [0.2; 36]);
     }
 }

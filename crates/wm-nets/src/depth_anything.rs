@@ -229,10 +229,10 @@ impl DepthAnything {
     /// edges, so that values may be a little below 0.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Self::predict`].
     ///
     /// # Panics
-    /// As there.
+    /// As [`Self::predict`].
     pub fn predict_at_photo_size(&self, rgb: &[f32], width: usize) -> Result<Disparity, DisparityError> {
         let image = self.image(rgb, width)?;
         Ok(image.bicubic(width, rgb.len() / (3 * width)).into())

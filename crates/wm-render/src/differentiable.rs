@@ -115,13 +115,13 @@ pub trait Resident {
     /// If none were loaded, or others in number.
     fn read(&mut self, learnt: LearntMut<'_>) -> Result<(), RenderError>;
 
-    /// As [`Differentiable::forward`], of what was loaded.
+    /// As [`Differentiable::forward`], of the splats that were loaded.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Differentiable::forward`].
     ///
     /// # Panics
-    /// As there, and if none were loaded.
+    /// As [`Differentiable::forward`], and if no splats were loaded.
     fn forward(
         &mut self,
         camera: &Camera,
@@ -133,10 +133,10 @@ pub trait Resident {
     /// follows has their derivative from here, and those in `upstream` are empty.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Self::forward`].
     ///
     /// # Panics
-    /// As there, and if the photo has another size.
+    /// As [`Self::forward`], and if the photo has another size.
     fn compare(
         &mut self,
         camera: &Camera,
@@ -147,10 +147,10 @@ pub trait Resident {
     /// As [`Differentiable::backward`]; gradients stay on the device.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Differentiable::backward`].
     ///
     /// # Panics
-    /// As there, if a step is not of everything, and if it is added to one that is not there.
+    /// As [`Differentiable::backward`], if a step is not of everything, and if it is added to one that is not there.
     fn backward(&mut self, upstream: &Upstream<'_>, target: Target) -> Result<(), RenderError>;
 
     /// Moves the splats along the step's gradients.
@@ -222,7 +222,7 @@ pub struct ForwardConfig {
     /// The source of opacities.
     pub opacity: Opacity,
     /// The splats that are drawn.
-    pub drawn: Drawn,
+    pub drawn: DrawnSplats,
     /// Degree of the spherical harmonics in use, at most that of the splats: it grows in training.
     pub sh_degree: u8,
 }
@@ -234,7 +234,7 @@ impl Default for ForwardConfig {
             background: [0.0; 3],
             rasterization: Rasterization::default(),
             opacity: Opacity::Stored,
-            drawn: Drawn::All,
+            drawn: DrawnSplats::All,
             sh_degree: sh::MAX_DEGREE,
         }
     }
@@ -350,7 +350,7 @@ pub enum Opacity {
 
 /// The splats that are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Drawn {
+pub enum DrawnSplats {
     /// All.
     #[default]
     All,

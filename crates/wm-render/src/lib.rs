@@ -62,7 +62,7 @@ pub mod training;
 pub use cpu::{CpuDifferentiable, CpuRenderer};
 pub use device::{AnyDifferentiable, AnyRenderer, Device};
 pub use differentiable::{
-    Channels, DepthAlpha, Differentiable, Drawn, ForwardConfig, Gradients, Learn, Opacity, Resident,
+    Channels, DepthAlpha, Differentiable, DrawnSplats, ForwardConfig, Gradients, Learn, Opacity, Resident,
     StepClock, Target, Upstream,
 };
 pub use frame::{ColorEncoding, Frame};

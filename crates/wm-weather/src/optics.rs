@@ -57,7 +57,7 @@ pub fn spectrum(angstrom: f64) -> [f64; 3] {
 
 /// One kind of floating particles, homogeneous across, thinning upwards or not.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Layer {
+pub struct AirLayer {
     /// Extinction at the base, 1/m, by channel.
     pub sigma_t: [f64; 3],
     /// Radiance of an endless path through it, linear RGB.
@@ -97,7 +97,7 @@ pub struct Site {
 /// All layers over one site: the renderer's air.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Atmosphere {
-    layers: Vec<Layer>,
+    layers: Vec<AirLayer>,
     /// What of the layers is drawn drop by drop.
     drawn: Vec<Residual>,
     site: Site,
@@ -106,7 +106,7 @@ pub struct Atmosphere {
 impl Atmosphere {
     /// The layers over a site; layers without extinction are dropped.
     #[must_use]
-    pub fn new(layers: Vec<Layer>, site: Site) -> Self {
+    pub fn new(layers: Vec<AirLayer>, site: Site) -> Self {
         let layers = layers.into_iter().filter(|layer| layer.sigma_t.iter().any(|s| *s > 0.0)).collect();
         Self { layers, drawn: Vec::new(), site }
     }
@@ -131,7 +131,7 @@ impl Atmosphere {
     }
 
     /// Optical depth of one layer along a ray, relative to `sigma_t`, m.
-    fn path_length(layer: &Layer, height: f64, rise: f64, metres: f64) -> f64 {
+    fn path_length(layer: &AirLayer, height: f64, rise: f64, metres: f64) -> f64 {
         let metres = metres.min(FAR);
         if layer.scale_height.is_infinite() {
             return metres;
@@ -149,7 +149,7 @@ impl Atmosphere {
     pub fn mor_at(&self, point: [f64; 3]) -> f64 {
         let height = self.height(point);
         let density =
-            |layer: &Layer| (-(height - layer.base_height) / layer.scale_height).clamp(-80.0, 80.0).exp();
+            |layer: &AirLayer| (-(height - layer.base_height) / layer.scale_height).clamp(-80.0, 80.0).exp();
         let sigma: f64 = self.layers.iter().map(|layer| layer.sigma_t[1] * density(layer)).sum();
         // The same law both ways.
         sigma_of_mor(sigma)
@@ -302,7 +302,7 @@ struct Seen {
 }
 
 impl Seen {
-    fn new(layer: &Layer, height: f64) -> Self {
+    fn new(layer: &AirLayer, height: f64) -> Self {
         let density = (-(height - layer.base_height) / layer.scale_height).clamp(-80.0, 80.0).exp();
         Self {
             sigma_t: layer.sigma_t.map(|sigma| (sigma * std::f64::consts::LOG2_E) as f32),
@@ -328,7 +328,7 @@ impl Medium for Atmosphere {
 
     fn far_color(&self) -> Option<[f32; 3]> {
         let endless =
-            |layer: &Layer| layer.scale_height.is_infinite() && layer.sigma_t.iter().all(|s| *s > 0.0);
+            |layer: &AirLayer| layer.scale_height.is_infinite() && layer.sigma_t.iter().all(|s| *s > 0.0);
         if !self.layers.iter().all(endless) {
             return None;
         }

@@ -3,7 +3,7 @@
 use crate::cover::{Airflow, CoverRequest};
 use crate::dome::Dome;
 use crate::dome::{from_level, level_axes};
-use crate::effects::look::ColorGrade;
+use crate::effects::ColorGrade;
 use crate::effects::{Action, EFFECTS, Effect, EffectContext, EffectRole, Need};
 use crate::image_file::ImageFile;
 use crate::optics::{Atmosphere, Daylight, Site};

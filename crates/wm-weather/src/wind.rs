@@ -148,10 +148,10 @@ fn number(value: &ParamValue) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::wind::Params;
+    use crate::effects::wind::WindParams;
 
     fn track(param: &str, text: &str) -> Track {
-        Track::parse(Params::PARAMS.iter().find(|p| p.name == param).unwrap(), text).unwrap()
+        Track::parse(WindParams::PARAMS.iter().find(|p| p.name == param).unwrap(), text).unwrap()
     }
 
     #[test]

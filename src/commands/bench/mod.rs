@@ -148,7 +148,7 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(OpenScene, Camera)> {
     } else {
         OpenScene::new(&read, &args.run, None)?
     };
-    let options = view::Options { up: None, fov: args.fov, near: None, size: Some(args.size) };
+    let options = view::ViewOptions { up: None, fov: args.fov, near: None, size: Some(args.size) };
     let camera = match &args.camera {
         Some(spec) => spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?,
         None => choose::choose(&mut loaded.site(options))?.camera,

@@ -19,7 +19,7 @@ use std::time::Instant;
 use weather_magician::sequence::render_and_write;
 use weather_magician::view::spec;
 use weather_magician::{FrameOptions, Picture, picture_tags};
-use wm_media::{Size, color::Dither, png, sheet, video};
+use wm_media::{PictureSize, color::Dither, png, sheet, video};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::{Camera, Metadata, Scene};
 use wm_street::{Street, Viewpoint};
@@ -131,7 +131,7 @@ impl DemoArgs {
     /// Returns the film's video settings, without tags.
     fn video(&self) -> Result<video::VideoSettings> {
         let rate = video::FrameRate::new(FPS, 1).context("no such frame rate")?;
-        let settings = video::VideoSettings::new(Size::new(self.size().0, self.size().1), rate);
+        let settings = video::VideoSettings::new(PictureSize::new(self.size().0, self.size().1), rate);
         Ok(video::VideoSettings { encoder: self.encoder.into(), ..settings })
     }
 
@@ -241,9 +241,10 @@ fn draw_sheet(studio: &mut OpenScene, camera: &Camera, path: &Path) -> Result<()
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let panels: Vec<sheet::Panel<'_>> =
-        pictures.iter().map(|(rgb, label)| sheet::Panel { rgb, label }).collect();
-    let layout = sheet::Layout::new(Size::new(camera.width, camera.height), panels.len() as u32, 3);
+    let panels: Vec<sheet::SheetPanel<'_>> =
+        pictures.iter().map(|(rgb, label)| sheet::SheetPanel { rgb, label }).collect();
+    let layout =
+        sheet::SheetLayout::new(PictureSize::new(camera.width, camera.height), panels.len() as u32, 3);
     let (site, backend) = (studio.place.site(), studio.renderer.backend());
     let mut tags = picture_tags(SCENE, site, backend, &Weather::clear(), 0.0, camera);
     if let Some((_, text)) = tags.iter_mut().find(|(key, _)| key == "weather") {

@@ -5,8 +5,6 @@ mod tables;
 
 use crate::commands::bench::paper::SpeedTable;
 use crate::commands::demo::street;
-use crate::instruments::field::Field;
-use crate::instruments::{Finding, INSTRUMENTS, Instrument, Probe, Reading, Rig};
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress;
@@ -16,6 +14,9 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use weather_magician::measure::{
+    Finding, INSTRUMENTS, Instrument, InstrumentRenderer, MeasureRequest, PlaceRenderer, Reading,
+};
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
 
@@ -133,7 +134,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     // The page of a whole sweep includes rendering speed.
     let is_whole = args.report.is_some() && args.instruments.is_empty() && !args.weather.is_given();
     let speed = is_whole.then(|| speed(args, &mut loaded, &camera)).transpose()?;
-    let mut field = Field::new(loaded.renderer, loaded.place, camera);
+    let mut field = PlaceRenderer::new(loaded.renderer, loaded.place, camera);
     let report = MeasureReport { speed, ..measure(args, &mut field, tasks, started)? };
     if args.json {
         println!("{}", serde_json::to_string_pretty(&tables::json(&report))?);
@@ -256,7 +257,7 @@ fn speed(args: &MeasureArgs, loaded: &mut OpenScene, camera: &Camera) -> Result<
 
 /// Returns the camera for views of the scene.
 fn camera(args: &MeasureArgs, loaded: &mut OpenScene) -> Result<Camera> {
-    let options = view::Options { up: None, fov: None, near: None, size: Some(args.size) };
+    let options = view::ViewOptions { up: None, fov: None, near: None, size: Some(args.size) };
     Ok(match (&args.camera, &args.scene) {
         (Some(spec), _) => spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?,
         (None, Some(_)) => choose::choose(&mut loaded.site(options))?.camera,
@@ -267,7 +268,7 @@ fn camera(args: &MeasureArgs, loaded: &mut OpenScene) -> Result<Camera> {
 /// Runs the instruments.
 fn measure(
     args: &MeasureArgs,
-    field: &mut Field,
+    field: &mut PlaceRenderer,
     tasks: Vec<InstrumentTask>,
     started: Instant,
 ) -> Result<MeasureReport> {
@@ -278,9 +279,9 @@ fn measure(
             return Err(Interrupted("the measurement is not complete".into()).into());
         }
         bar.set_message(instrument.name);
-        let probe = Probe { weather: &weather, time: args.time, setting: &setting };
-        let finding =
-            (instrument.read)(field, &probe).with_context(|| format!("{} in {setting}", instrument.name))?;
+        let request = MeasureRequest { weather: &weather, time: args.time, setting: &setting };
+        let finding = (instrument.read)(field, &request)
+            .with_context(|| format!("{} in {setting}", instrument.name))?;
         field.clear_away();
         match sections.last_mut().filter(|section| section.instrument.name == instrument.name) {
             Some(section) => section.findings.push(finding),

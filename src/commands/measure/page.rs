@@ -1,13 +1,13 @@
 //! The HTML report.
 
 use super::tables::{error, measured, number, tolerance, unit, verdict};
-use super::{InstrumentSection, MeasureReport};
-use crate::commands::bench::paper::{self, SpeedTable};
-use crate::instruments::{Finding, Reading, Tolerance};
+use super::{Report, Section};
+use crate::commands::bench::paper::{self, Table};
 use crate::report::plot::{Axis, Plot, Series};
 use crate::report::{escaped, foot, head, picture};
 use anyhow::Result;
 use std::fmt::Write;
+use weather_magician::measure::{Finding, Reading, Tolerance};
 
 const STYLE: &str = include_str!("page.css");
 

@@ -1,9 +1,9 @@
 //! The numbers as text, JSON, CSV and Markdown.
 
-use super::MeasureReport;
-use crate::instruments::{Reading, Tolerance};
+use super::Report;
 use serde_json::{Value, json};
 use std::fmt::Write;
+use weather_magician::measure::{Reading, Tolerance};
 
 /// Formats a number with four significant digits.
 pub fn number(value: f64) -> String {

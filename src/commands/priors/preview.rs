@@ -5,8 +5,8 @@ use crate::dataset::Dataset;
 use anyhow::Result;
 use glam::DVec3;
 use std::fs;
-use wm_media::sheet::{Layout, Panel, sheet};
-use wm_media::{Size, color::Dither, png, ramps};
+use wm_media::sheet::{SheetLayout, SheetPanel, sheet};
+use wm_media::{PictureSize, color::Dither, png, ramps};
 use wm_scene::{Camera, FormatError, Problem};
 use wm_train::photos::Photo;
 use wm_train::priors::{Prior, Priors, SkyClass};
@@ -43,7 +43,7 @@ pub fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
         panels.extend(views(data.name(place), &photo, &prior, size));
     }
     if let Some(size) = size {
-        let layout = Layout::new(size, panels.len() as u32, 4);
+        let layout = SheetLayout::new(size, panels.len() as u32, 4);
         draw(&folder.join("preview.png"), &layout, &panels)?;
     }
     if !args.preview {
@@ -57,7 +57,7 @@ pub fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
             fs::create_dir_all(parent).map_err(|e| FormatError::whole(parent, Problem::Write(e.into())))?;
         }
         let panels = views(data.name(place), &photo, &prior, size);
-        draw(&path, &Layout::new(size, panels.len() as u32, 2), &panels)?;
+        draw(&path, &SheetLayout::new(size, panels.len() as u32, 2), &panels)?;
     }
     Ok(())
 }
@@ -77,19 +77,19 @@ fn both(
     Ok(priors.get(data.name(place), &photo.camera)?.map(|prior| (photo, prior)))
 }
 
-fn fitting(camera: &Camera, pixels: usize) -> Size {
+fn fitting(camera: &Camera, pixels: usize) -> PictureSize {
     let (width, height) = wm_train::priors::files::shrunk((camera.width, camera.height), pixels);
-    Size::new(width, height)
+    PictureSize::new(width, height)
 }
 
-fn draw(path: &std::path::Path, layout: &Layout, panels: &[(Vec<f32>, String)]) -> Result<()> {
-    let panels: Vec<Panel<'_>> = panels.iter().map(|(rgb, label)| Panel { rgb, label }).collect();
+fn draw(path: &std::path::Path, layout: &SheetLayout, panels: &[(Vec<f32>, String)]) -> Result<()> {
+    let panels: Vec<SheetPanel<'_>> = panels.iter().map(|(rgb, label)| SheetPanel { rgb, label }).collect();
     let tags = [("what".to_owned(), "photo, disparity, normals, sky".to_owned())];
     Ok(png::write_rgb(path, &sheet(layout, &panels), layout.size(), Dither::Off, &tags)?)
 }
 
 /// Returns the photo, disparity, normals and sky, with labels.
-fn views(name: &str, photo: &Photo, prior: &Prior, size: Size) -> [(Vec<f32>, String); 4] {
+fn views(name: &str, photo: &Photo, prior: &Prior, size: PictureSize) -> [(Vec<f32>, String); 4] {
     let camera = &photo.camera;
     let unknown = ramps::UNKNOWN.map(|v| f32::from(v) / 255.0);
     let mut known: Vec<f32> = prior.disparity.iter().copied().filter(|v| *v > 0.0).collect();

@@ -7,7 +7,7 @@ use crate::progress;
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use wm_media::{Size, color::Dither, png};
+use wm_media::{PictureSize, color::Dither, png};
 use wm_scene::Camera;
 use wm_train::StepTimes;
 use wm_train::colmap;
@@ -152,7 +152,7 @@ impl TrainObserver for TrainingConsole<'_> {
             (ImageMoment::Milestone, _) => {
                 let path = self.folder.join(format!("preview-{:06}.png", image.step));
                 let tags = [("photo".to_owned(), image.photo.to_owned())];
-                let size = Size::new(image.camera.width, image.camera.height);
+                let size = PictureSize::new(image.camera.width, image.camera.height);
                 png::write_rgb(&path, &image.frame.rgb, size, Dither::Ordered, &tags)?;
             }
         }

@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
 use weather_magician::view::moves::{self, PathSpec};
-use weather_magician::view::path::{Key, Path};
+use weather_magician::view::path::{CameraPath, PathKey};
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
 use weather_magician::{CameraMotion, MovingCamera};
@@ -80,8 +80,8 @@ impl LookArgs {
     }
 
     /// Returns the view options that were given.
-    pub fn options(&self) -> view::Options {
-        view::Options { up: None, fov: self.fov, near: self.near, size: self.size }
+    pub fn options(&self) -> view::ViewOptions {
+        view::ViewOptions { up: None, fov: self.fov, near: self.near, size: self.size }
     }
 
     /// Returns the camera of the options, or chooses one and prints it on the error stream.
@@ -148,7 +148,7 @@ impl CameraPlan {
         let length = output.seconds;
         let path = match &args.path {
             None => None,
-            Some(PathSpec::File(file)) => Some(Path::read(file, loaded.place.survey(), &options)?),
+            Some(PathSpec::File(file)) => Some(CameraPath::read(file, loaded.place.survey(), &options)?),
             Some(PathSpec::Capture) => {
                 let seconds = length.unwrap_or(DEFAULT_SECONDS);
                 Some(moves::capture(&loaded.place.scene().views, loaded.place.survey(), &options, seconds)?)
@@ -157,7 +157,7 @@ impl CameraPlan {
                 let start = args.look.start(loaded)?;
                 let units = args.distance.map(|metres| metres / loaded.place.survey().metres_per_unit.value);
                 let mut site =
-                    loaded.site(view::Options { size: Some((start.width, start.height)), ..options });
+                    loaded.site(view::ViewOptions { size: Some((start.width, start.height)), ..options });
                 let seconds = length.unwrap_or(DEFAULT_SECONDS);
                 Some(match moving {
                     PathSpec::Orbit => moves::orbit(&site, &start, seconds)?,
@@ -179,7 +179,7 @@ impl CameraPlan {
                 CameraMotion::Along { path, size } => path.write(file, fps, *size)?,
                 CameraMotion::Still { camera, .. } => {
                     let size = (camera.width, camera.height);
-                    Path::new(vec![Key::of(camera, 0.0)], camera.near)?.write(file, fps, size)?;
+                    CameraPath::new(vec![PathKey::of(camera, 0.0)], camera.near)?.write(file, fps, size)?;
                 }
             }
         }

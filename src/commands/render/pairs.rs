@@ -15,7 +15,7 @@ use weather_magician::output::{PictureFormat, PictureLayer, PictureStyle};
 use weather_magician::sequence::render_and_write;
 use weather_magician::view::spec;
 use weather_magician::{FrameOptions, MovingCamera, Picture, PreparedPlace, Renderer, picture_tags};
-use wm_media::Size;
+use wm_media::PictureSize;
 use wm_render::parts::PicturePart;
 use wm_render::{Frame, Geometry, Outputs, ParticlePass, RenderConfig};
 use wm_scene::files::write_atomically;
@@ -256,7 +256,7 @@ fn write_pair(
     [clear, style]: &[PictureStyle; 2],
     pair: &FramePair,
 ) -> Result<()> {
-    let size = Size::new(shot.camera.width, shot.camera.height);
+    let size = PictureSize::new(shot.camera.width, shot.camera.height);
     let paths = FOLDERS.map(|kind| folder.join(shot.file(kind)));
     for path in &paths {
         let parent = path.parent().unwrap_or(folder);

@@ -10,7 +10,7 @@ use std::time::Instant;
 use weather_magician::Picture;
 use weather_magician::output::{ExtraPicture, LayerPlacement, PictureStyle};
 use weather_magician::sequence::render_and_write;
-use wm_media::{Size, png::DepthScale, video};
+use wm_media::{PictureSize, png::DepthScale, video};
 use wm_scene::files::write_atomically;
 
 /// The file that describes the frames of a folder.
@@ -23,7 +23,7 @@ pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs
     }
     let start = job.shot.time(wanted[0]);
     let camera = job.shot.camera(start);
-    let mut settings = video::VideoSettings::new(Size::new(camera.width, camera.height), job.shot.rate);
+    let mut settings = video::VideoSettings::new(PictureSize::new(camera.width, camera.height), job.shot.rate);
     settings.encoder = args.output.encoder.into();
     settings.bitrate = args.output.bitrate;
     settings.dither = args.output.dither.into();

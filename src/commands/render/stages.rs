@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use std::path::Path;
 use weather_magician::output::{PictureStyle, beside};
 use weather_magician::{FrameOptions, Picture};
-use wm_media::{Size, png};
+use wm_media::{PictureSize, png};
 use wm_render::Stats;
 use wm_weather::paper::PaperStages;
 use wm_weather::{EffectRole, Fidelity, Weather};
@@ -41,7 +41,7 @@ pub fn picture(
     let stats = renderer.render_stages(place, weather, &options, target, &mut Reporter::default())?;
     let mut lines = style.write(picture, path)?;
     let frame = &picture.frame;
-    let size = Size::new(frame.width, frame.height);
+    let size = PictureSize::new(frame.width, frame.height);
     for (name, rgb) in [
         ("noise", &stages.noise),
         ("overlay", &stages.overlay),

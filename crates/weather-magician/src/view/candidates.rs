@@ -1,26 +1,26 @@
 //! Places that a photographer would try, with what the grid of the scene promises of them.
 
-use super::space::Space;
+use super::space::OccupancyGrid;
 use glam::DVec3;
 use std::f64::consts::TAU;
 use wm_scene::survey::{FactSource, Survey};
 
 /// A place and a direction to look from it.
 #[derive(Clone, Copy, Debug)]
-pub struct Candidate {
-    /// What kind of view it is.
-    pub kind: Kind,
+pub struct ViewCandidate {
+    /// The kind of view.
+    pub kind: CandidateKind,
     /// The camera centre, scene units.
     pub eye: DVec3,
     /// The viewing direction, length 1.
     pub forward: DVec3,
-    /// How good it looks in the grid; comparable within a kind.
+    /// The rating by the grid; comparable within a kind.
     pub promise: f64,
 }
 
 /// Kinds of views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum CandidateKind {
     /// As a person on the ground sees it.
     EyeLevel,
     /// From a ladder, a window or a drone, down into the scene.
@@ -29,8 +29,8 @@ pub enum Kind {
     Outside,
 }
 
-impl Kind {
-    /// How many of a kind are rendered.
+impl CandidateKind {
+    /// Number of views of this kind that are rendered.
     fn share(self) -> usize {
         match self {
             Self::EyeLevel => 18,
@@ -52,15 +52,15 @@ const HALF: usize = 3;
 const STEPS: i32 = 9;
 
 /// The most promising places of each kind; empty for a scene without size.
-pub fn candidates(space: &Space, survey: &Survey) -> Vec<Candidate> {
+pub fn candidates(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
     if survey.radius <= 0.0 {
         return Vec::new();
     }
     let mut all = within(space, survey);
     all.extend(outside(space, survey));
-    let mut best: Vec<Candidate> = Vec::new();
-    for kind in [Kind::EyeLevel, Kind::Raised, Kind::Outside] {
-        let mut of_kind: Vec<&Candidate> = all.iter().filter(|c| c.kind == kind).collect();
+    let mut best: Vec<ViewCandidate> = Vec::new();
+    for kind in [CandidateKind::EyeLevel, CandidateKind::Raised, CandidateKind::Outside] {
+        let mut of_kind: Vec<&ViewCandidate> = all.iter().filter(|c| c.kind == kind).collect();
         of_kind.sort_by(|a, b| b.promise.total_cmp(&a.promise));
         best.extend(of_kind.into_iter().take(kind.share()));
     }
@@ -68,31 +68,31 @@ pub fn candidates(space: &Space, survey: &Survey) -> Vec<Candidate> {
 }
 
 /// Heights above the ground to look from, and how far down, degrees.
-fn heights(survey: &Survey) -> Vec<(Kind, f64, f64)> {
+fn heights(survey: &Survey) -> Vec<(CandidateKind, f64, f64)> {
     let radius = survey.radius;
     let person = 1.6 / survey.metres_per_unit.value;
     // Should a unit be something else than a metre: most places are walked about in within 50 m.
     let likely = 0.035 * radius;
     let fits = (0.01 * radius..=0.1 * radius).contains(&person);
     let (kind, lowest) = if fits || survey.metres_per_unit.source != FactSource::Assumed {
-        (Kind::EyeLevel, person)
+        (CandidateKind::EyeLevel, person)
     } else if survey.sky_splats > 0 {
-        (Kind::EyeLevel, likely)
+        (CandidateKind::EyeLevel, likely)
     } else {
         // A table, a room or a street: nobody knows what eye level is, and the floor is no place for a lens.
-        (Kind::Raised, 0.1 * radius)
+        (CandidateKind::Raised, 0.1 * radius)
     };
     let high = (0.2 * radius).max(4.0 * lowest);
     vec![
         (kind, lowest, 0.0),
-        (Kind::Raised, 2.5 * lowest, -10.0),
-        (Kind::Raised, high, -12.0),
-        (Kind::Raised, high, -20.0),
+        (CandidateKind::Raised, 2.5 * lowest, -10.0),
+        (CandidateKind::Raised, high, -12.0),
+        (CandidateKind::Raised, high, -20.0),
     ]
 }
 
 /// Views from places above the seen ground.
-fn within(space: &Space, survey: &Survey) -> Vec<Candidate> {
+fn within(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
     let (radius, heights) = (survey.radius, heights(survey));
     let [x, y, up] = space.axes();
     let mut all = Vec::new();
@@ -115,20 +115,26 @@ fn within(space: &Space, survey: &Survey) -> Vec<Candidate> {
 }
 
 /// The two best directions from a place.
-fn look_about(space: &Space, kind: Kind, eye: DVec3, pitch: f64, radius: f64) -> Vec<Candidate> {
+fn look_about(
+    space: &OccupancyGrid,
+    kind: CandidateKind,
+    eye: DVec3,
+    pitch: f64,
+    radius: f64,
+) -> Vec<ViewCandidate> {
     let azimuth = |i: usize| TAU * i as f64 / AZIMUTHS as f64;
     let look = |i: usize| {
         let ray = |e: f64| space.direction(azimuth(i), (e + pitch).to_radians());
         ELEVATIONS.map(|e| space.hit(eye, ray(e), 2.0 * radius))
     };
     let seen: Vec<[Option<f64>; 7]> = (0..AZIMUTHS).map(look).collect();
-    let mut views: Vec<Candidate> = (0..AZIMUTHS)
+    let mut views: Vec<ViewCandidate> = (0..AZIMUTHS)
         .step_by(HALF)
         .map(|i| {
             let picture: Vec<[Option<f64>; 7]> =
                 (0..=2 * HALF).map(|k| seen[(i + AZIMUTHS + k - HALF) % AZIMUTHS]).collect();
             let forward = space.direction(azimuth(i), pitch.to_radians());
-            Candidate { kind, eye, forward, promise: promise(&picture, radius) }
+            ViewCandidate { kind, eye, forward, promise: promise(&picture, radius) }
         })
         .collect();
     views.sort_by(|a, b| b.promise.total_cmp(&a.promise));
@@ -136,7 +142,7 @@ fn look_about(space: &Space, kind: Kind, eye: DVec3, pitch: f64, radius: f64) ->
     views
 }
 
-/// What the rays of a picture promise: ground throughout, near and far things, room before the lens, and
+/// The rating by the rays of a picture: ground throughout, near and far things, room before the lens, and
 /// some but not only sky.
 fn promise(picture: &[[Option<f64>; 7]], radius: f64) -> f64 {
     let part = |rays: std::ops::Range<usize>| {
@@ -160,7 +166,7 @@ fn promise(picture: &[[Option<f64>; 7]], radius: f64) -> f64 {
 }
 
 /// Three-quarter views from outside, from near for a part to far for the whole.
-fn outside(space: &Space, survey: &Survey) -> Vec<Candidate> {
+fn outside(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
     let radius = survey.radius;
     let target = survey.center;
     let mut all = Vec::new();
@@ -173,7 +179,7 @@ fn outside(space: &Space, survey: &Survey) -> Vec<Candidate> {
                     // The middle of the scene should be in sight, not behind a wall.
                     let seen = space.hit(eye, -back, distance * radius).unwrap_or(distance * radius);
                     let promise = (seen / (distance * radius)).ln().max(-3.0) - 0.2 * distance;
-                    all.push(Candidate { kind: Kind::Outside, eye, forward: -back, promise });
+                    all.push(ViewCandidate { kind: CandidateKind::Outside, eye, forward: -back, promise });
                 }
             }
         }

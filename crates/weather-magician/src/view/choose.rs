@@ -5,11 +5,11 @@
 //! outside. Small pictures of the most promising are rendered and rated ([`super::rate`]); about the
 //! best of them it is tried whether a little aside, a turn or a tilt is better.
 
-use super::candidates::{Kind, candidates};
-use super::rate::{Grain, SIZE, rate};
-use super::space::Space;
+use super::candidates::{CandidateKind, candidates};
+use super::rate::{SIZE, SplatSample, rate};
+use super::space::OccupancyGrid;
 use super::spec::of_view;
-use super::{DEFAULT_FOV, Site, ViewError};
+use super::{DEFAULT_FOV, ViewError, ViewSearch};
 use glam::{DQuat, DVec3};
 use wm_render::{Frame, RenderError};
 use wm_scene::survey::Survey;
@@ -17,14 +17,14 @@ use wm_scene::{Camera, SceneView};
 
 /// A view and how it was found.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Chosen {
+pub struct ChosenView {
     /// The camera, for the asked picture size.
     pub camera: Camera,
     /// In words: the photo's name, or that it was chosen.
     pub how: String,
 }
 
-/// How many of the rated are tried variations of.
+/// Number of rated views whose variations are tried.
 const VARIED: usize = 2;
 
 /// A good view of a scene.
@@ -34,19 +34,20 @@ const VARIED: usize = 2;
 ///
 /// # Errors
 /// [`ViewError`] if what is given makes no camera or a view cannot be rendered.
-pub fn choose(site: &mut Site<'_>) -> Result<Chosen, ViewError> {
+pub fn choose(site: &mut ViewSearch<'_>) -> Result<ChosenView, ViewError> {
     let (scene, survey, options) = (site.scene, site.survey, site.options);
     if let Some(view) = middle_view(&scene.views) {
         let how = format!("that of the photo \"{}\"", view.name);
-        return Ok(Chosen { camera: of_view(view, survey, &options)?, how });
+        return Ok(ChosenView { camera: of_view(view, survey, &options)?, how });
     }
-    let space = Space::of(&scene.splats, survey);
-    let best = Critic { site, grain: Grain::of(&scene.splats), frame: Frame::default() }.best(&space)?;
+    let space = OccupancyGrid::of(&scene.splats, survey);
+    let best =
+        Critic { site, grain: SplatSample::of(&scene.splats), frame: Frame::default() }.best(&space)?;
     let (eye, forward) = best.map_or_else(|| from_afar(survey), |view| (view.eye, view.forward));
     let fov = options.fov.unwrap_or(DEFAULT_FOV);
     let camera = Camera::looking(options.size(), fov, eye, eye + forward, options.up(survey))?;
     let how = "chosen among views of the scene".into();
-    Ok(Chosen { camera: Camera { near: options.near(survey), ..camera }, how })
+    Ok(ChosenView { camera: Camera { near: options.near(survey), ..camera }, how })
 }
 
 /// The view whose camera is nearest to the middle of all.
@@ -56,7 +57,7 @@ pub fn middle_view(views: &[SceneView]) -> Option<&SceneView> {
     views.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// Where nothing can be rated: the whole from outside.
+/// Returns a view of the whole from outside, for scenes where no view can be rated.
 fn from_afar(survey: &Survey) -> (DVec3, DVec3) {
     let up = survey.up.value;
     let side = up.any_orthonormal_vector();
@@ -68,7 +69,7 @@ fn from_afar(survey: &Survey) -> (DVec3, DVec3) {
 /// A rated view.
 #[derive(Clone, Copy, Debug)]
 struct Rated {
-    kind: Kind,
+    kind: CandidateKind,
     eye: DVec3,
     forward: DVec3,
     /// The rating's sum and what the kind of view is worth.
@@ -77,14 +78,19 @@ struct Rated {
 
 /// Rates views of one scene.
 struct Critic<'a, 's> {
-    site: &'a mut Site<'s>,
-    grain: Grain,
+    site: &'a mut ViewSearch<'s>,
+    grain: SplatSample,
     frame: Frame,
 }
 
 impl Critic<'_, '_> {
     /// The rated view; `None` where the directions make no camera.
-    fn rated(&mut self, kind: Kind, eye: DVec3, forward: DVec3) -> Result<Option<Rated>, RenderError> {
+    fn rated(
+        &mut self,
+        kind: CandidateKind,
+        eye: DVec3,
+        forward: DVec3,
+    ) -> Result<Option<Rated>, RenderError> {
         let survey = self.site.survey;
         let camera = Camera::looking(SIZE, DEFAULT_FOV, eye, eye + forward, survey.up.value);
         let Ok(camera) = camera else { return Ok(None) };
@@ -93,15 +99,15 @@ impl Critic<'_, '_> {
         let rating = rate(&self.frame, &camera, survey, &self.grain);
         // A place is first of all what people see of it; the more so where they saw the sky from it.
         let worth = match (kind, survey.sky_splats) {
-            (Kind::EyeLevel, 0) => 0.15,
-            (Kind::EyeLevel, _) => 0.65,
+            (CandidateKind::EyeLevel, 0) => 0.15,
+            (CandidateKind::EyeLevel, _) => 0.65,
             _ => 0.0,
         };
         Ok(Some(Rated { kind, eye, forward, score: rating.sum() + worth }))
     }
 
     /// The rated candidates, the best first.
-    fn all(&mut self, space: &Space) -> Result<Vec<Rated>, RenderError> {
+    fn all(&mut self, space: &OccupancyGrid) -> Result<Vec<Rated>, RenderError> {
         let mut rated = Vec::new();
         for candidate in candidates(space, self.site.survey) {
             rated.extend(self.rated(candidate.kind, candidate.eye, candidate.forward)?);
@@ -111,7 +117,7 @@ impl Critic<'_, '_> {
     }
 
     /// The best of the candidates and of the variations of the best few.
-    fn best(&mut self, space: &Space) -> Result<Option<Rated>, RenderError> {
+    fn best(&mut self, space: &OccupancyGrid) -> Result<Option<Rated>, RenderError> {
         let rated = self.all(space)?;
         let mut best = rated.first().copied();
         for view in rated.into_iter().take(VARIED) {
@@ -124,7 +130,7 @@ impl Critic<'_, '_> {
     }
 
     /// A step back or aside, a turn, a tilt.
-    fn variations(&self, space: &Space, view: &Rated) -> Vec<(DVec3, DVec3)> {
+    fn variations(&self, space: &OccupancyGrid, view: &Rated) -> Vec<(DVec3, DVec3)> {
         let survey = self.site.survey;
         let up = survey.up.value;
         let Some(right) = view.forward.cross(up).try_normalize() else { return Vec::new() };
@@ -149,20 +155,20 @@ impl Critic<'_, '_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Options;
-    use super::super::testing::{Loaded, place, real, views};
+    use super::super::ViewOptions;
+    use super::super::testing::{LoadedScene, place, real, views};
     use super::*;
     use wm_scene::Scene;
 
-    fn chosen(loaded: &mut Loaded) -> Camera {
-        choose(&mut loaded.site(Options::default())).unwrap().camera
+    fn chosen(loaded: &mut LoadedScene) -> Camera {
+        choose(&mut loaded.site(ViewOptions::default())).unwrap().camera
     }
 
     #[test]
     fn the_photo_in_the_middle_wins() {
         let scene = Scene { views: views(&["a", "b", "c", "d"]), ..place("table") };
-        let mut loaded = Loaded::new(scene, Some(1));
-        let options = Options { size: Some((90, 60)), ..Options::default() };
+        let mut loaded = LoadedScene::new(scene, Some(1));
+        let options = ViewOptions { size: Some((90, 60)), ..ViewOptions::default() };
         let chosen = choose(&mut loaded.site(options)).unwrap();
         assert_eq!(chosen.how, "that of the photo \"b\"");
         assert_eq!((chosen.camera.width, chosen.camera.center().x.round()), (90, 1.0));
@@ -171,10 +177,10 @@ mod tests {
     #[test]
     fn made_up_places_are_seen_well() {
         for name in ["street", "street-sky", "table", "village"] {
-            let mut loaded = Loaded::new(place(name), None);
+            let mut loaded = LoadedScene::new(place(name), None);
             let camera = chosen(&mut loaded);
             let (eye, survey) = (camera.center(), &loaded.survey);
-            let space = Space::of(&loaded.scene.splats, survey);
+            let space = OccupancyGrid::of(&loaded.scene.splats, survey);
             assert!(space.is_clear(eye, 0.01 * survey.radius), "{name}: {eye}");
             assert!(survey.height(eye) > 0.01 * survey.radius, "{name}: {eye}");
             assert!(eye.distance(survey.center) < 2.0 * survey.radius && camera.up().z > 0.7);
@@ -189,7 +195,7 @@ mod tests {
 
     #[test]
     fn threads_do_not_matter() {
-        let [one, two] = [1, 2].map(|threads| chosen(&mut Loaded::new(place("table"), Some(threads))));
+        let [one, two] = [1, 2].map(|threads| chosen(&mut LoadedScene::new(place("table"), Some(threads))));
         assert_eq!(one, two);
     }
 
@@ -198,26 +204,27 @@ mod tests {
         let whole = place("table");
         for count in [0, 1, 40] {
             let splats = whole.splats.select(&(0..count).collect::<Vec<_>>());
-            let camera = chosen(&mut Loaded::new(Scene { splats, ..Scene::default() }, Some(1)));
+            let camera = chosen(&mut LoadedScene::new(Scene { splats, ..Scene::default() }, Some(1)));
             assert!(camera.check().is_ok());
         }
         // What is given shapes the picture.
-        let options = Options { fov: Some(30.0), near: Some(0.5), size: Some((64, 64)), up: Some(DVec3::Z) };
-        let camera = choose(&mut Loaded::new(whole, None).site(options)).unwrap().camera;
+        let options =
+            ViewOptions { fov: Some(30.0), near: Some(0.5), size: Some((64, 64)), up: Some(DVec3::Z) };
+        let camera = choose(&mut LoadedScene::new(whole, None).site(options)).unwrap().camera;
         assert!((camera.fov_y() - 30.0).abs() < 1e-9 && (camera.width, camera.near) == (64, 0.5));
     }
 
     #[test]
     fn real_scenes_are_seen_well() {
         if let Some(garden) = real("headquarter-garden") {
-            let camera = chosen(&mut Loaded::new(garden, None));
+            let camera = chosen(&mut LoadedScene::new(garden, None));
             let eye = camera.center();
             // On the paving of the courtyard, at the height of a person, level.
             assert!((0.0..15.0).contains(&eye.x) && (-70.0..5.0).contains(&eye.y), "{eye}");
             assert!((-0.5..3.0).contains(&eye.z) && camera.forward().z.abs() < 0.3, "{eye}");
         }
         if let Some(camp) = real("taebak") {
-            let camera = chosen(&mut Loaded::new(camp, None));
+            let camera = chosen(&mut LoadedScene::new(camp, None));
             let height = -camera.center().y;
             assert!((1.5..12.0).contains(&height) && camera.forward().y > 0.1, "{height}");
         }

@@ -11,7 +11,7 @@
 //! radians or focal lengths in pixels. They say no rate: Blender's usual one is taken.
 
 use super::DEFAULT_FOV;
-use super::path::{Key, Path};
+use super::path::{CameraPath, PathKey};
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -43,7 +43,7 @@ struct BlenderFrame {
     lens: Angles,
 }
 
-/// What says a field of view, for all frames or for one.
+/// The keys that give a field of view, for all frames or for one.
 #[derive(Clone, Copy, Default, Deserialize)]
 struct Angles {
     camera_angle_x: Option<f64>,
@@ -113,7 +113,7 @@ fn perspective() -> String {
 
 /// Keyframes of a file of another program, or what is wrong with it; `None` if it is of none that is known. `up` is up in the scene's
 /// axes, `fov` what was given by hand.
-pub fn keys(text: &str, up: DVec3, fov: Option<f64>) -> Option<Result<Vec<Key>, String>> {
+pub fn keys(text: &str, up: DVec3, fov: Option<f64>) -> Option<Result<Vec<PathKey>, String>> {
     let value: Value = serde_json::from_str(text).ok()?;
     let read = if value.get("camera_path").is_some() {
         serde_json::from_value(value).map_err(|e| e.to_string()).and_then(|file| nerfstudio(&file, fov))
@@ -127,15 +127,18 @@ pub fn keys(text: &str, up: DVec3, fov: Option<f64>) -> Option<Result<Vec<Key>, 
     Some(read)
 }
 
-fn nerfstudio(file: &Nerfstudio, fov: Option<f64>) -> Result<Vec<Key>, String> {
+fn nerfstudio(file: &Nerfstudio, fov: Option<f64>) -> Result<Vec<PathKey>, String> {
     if file.camera_type != "perspective" {
-        return Err(format!("nerfstudio's camera type {:?} is not read, perspective is", file.camera_type));
+        return Err(format!(
+            "nerfstudio camera type {:?} is not supported: use perspective",
+            file.camera_type
+        ));
     }
     let rate = rate(file.fps)?;
     let key = |(index, posed): (usize, &Posed)| {
         let (eye, rotation) = pose(&posed.camera_to_world)
             .map_err(|what| format!("camera {}: camera_to_world {what}", index + 1))?;
-        Ok(Key { time: index as f64 / rate, eye, rotation, fov: fov.unwrap_or(posed.fov) })
+        Ok(PathKey { time: index as f64 / rate, eye, rotation, fov: fov.unwrap_or(posed.fov) })
     };
     file.camera_path.iter().enumerate().map(key).collect()
 }
@@ -151,17 +154,17 @@ fn pose(matrix: &[f64]) -> Result<(DVec3, DQuat), String> {
     let world_from_camera = DMat3::from_cols(column(x0, x1, x2), -column(y0, y1, y2), -column(z0, z1, z2));
     let product = world_from_camera.transpose() * world_from_camera;
     if !product.abs_diff_eq(DMat3::IDENTITY, 1e-3) || world_from_camera.determinant() < 0.0 {
-        return Err("is no rotation with a translation".into());
+        return Err("is not a rotation with a translation".into());
     }
     Ok((column(tx, ty, tz), DQuat::from_mat3(&world_from_camera.transpose()).normalize()))
 }
 
-fn blender(file: &Blender, fov: Option<f64>) -> Result<Vec<Key>, String> {
+fn blender(file: &Blender, fov: Option<f64>) -> Result<Vec<PathKey>, String> {
     let key = |(index, frame): (usize, &BlenderFrame)| {
         let fault = |what: String| format!("frame {}: transform_matrix {what}", index + 1);
         let (eye, rotation) = pose(&frame.transform_matrix.concat()).map_err(fault)?;
         let said = || frame.lens.fov().or(file.lens.fov()).unwrap_or(DEFAULT_FOV);
-        Ok(Key { time: index as f64 / BLENDER_RATE, eye, rotation, fov: fov.unwrap_or_else(said) })
+        Ok(PathKey { time: index as f64 / BLENDER_RATE, eye, rotation, fov: fov.unwrap_or_else(said) })
     };
     file.frames.iter().enumerate().map(key).collect()
 }
@@ -176,7 +179,7 @@ impl Angles {
     }
 }
 
-fn supersplat(file: &SuperSplat, up: DVec3, fov: Option<f64>) -> Result<Vec<Key>, String> {
+fn supersplat(file: &SuperSplat, up: DVec3, fov: Option<f64>) -> Result<Vec<PathKey>, String> {
     let [track, ..] = &file.anim_tracks[..] else { return Err("there is no track in animTracks".into()) };
     let (rate, Keyframes { times, values }) = (rate(track.frame_rate)?, &track.keyframes);
     let count = times.len();
@@ -197,26 +200,22 @@ fn supersplat(file: &SuperSplat, up: DVec3, fov: Option<f64>) -> Result<Vec<Key>
         let camera = Camera::looking((1, 1), DEFAULT_FOV, eye, target, up);
         let camera = camera.map_err(|error| format!("keyframe {}: {error}", i + 1))?;
         let fov = fov.or(values.fov.get(i).copied()).unwrap_or(usual);
-        Ok(Key { time: times[i] / rate, eye, rotation: DQuat::from_mat3(&camera.rotation()), fov })
+        Ok(PathKey { time: times[i] / rate, eye, rotation: DQuat::from_mat3(&camera.rotation()), fov })
     };
     (0..count).map(key).collect()
 }
 
 fn rate(frames: f64) -> Result<f64, String> {
-    if frames.is_finite() && frames > 0.0 {
-        Ok(frames)
-    } else {
-        Err(format!("{frames} frames a second cannot be"))
-    }
+    if frames.is_finite() && frames > 0.0 { Ok(frames) } else { Err(format!("{frames} is not a frame rate")) }
 }
 
 /// A path as nerfstudio's `camera_path.json`: a camera for each frame.
-pub fn nerfstudio_text(path: &Path, fps: f64, (width, height): (u32, u32)) -> String {
+pub fn nerfstudio_text(path: &CameraPath, fps: f64, (width, height): (u32, u32)) -> String {
     let count = (path.duration() * fps).round() as usize + 1;
     let aspect = f64::from(width) / f64::from(height);
     let cameras: Vec<Value> = (0..count)
         .map(|frame| {
-            let Key { eye, rotation, fov, .. } = path.key_at(path.start() + frame as f64 / fps);
+            let PathKey { eye, rotation, fov, .. } = path.key_at(path.start() + frame as f64 / fps);
             let turn = DMat3::from_quat(rotation).transpose();
             let row = |k: usize| [turn.x_axis[k], -turn.y_axis[k], -turn.z_axis[k], eye[k]];
             let matrix = [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]];
@@ -238,12 +237,12 @@ pub fn nerfstudio_text(path: &Path, fps: f64, (width, height): (u32, u32)) -> St
 }
 
 /// A path as settings of SuperSplat's viewer: a keyframe for each frame. It knows no roll, and of the fields of view older ones have the first alone.
-pub fn supersplat_text(path: &Path, fps: f64, _size: (u32, u32)) -> String {
+pub fn supersplat_text(path: &CameraPath, fps: f64, _size: (u32, u32)) -> String {
     let axes = Axes::YUpZForward;
     let count = (path.duration() * fps).round() as usize + 1;
-    let keys: Vec<Key> = (0..count).map(|frame| path.key_at(path.start() + frame as f64 / fps)).collect();
-    let eye = |key: &Key| axes.direction(key.eye).to_array();
-    let target = |key: &Key| axes.direction(key.eye + key.rotation.inverse() * DVec3::Z).to_array();
+    let keys: Vec<PathKey> = (0..count).map(|frame| path.key_at(path.start() + frame as f64 / fps)).collect();
+    let eye = |key: &PathKey| axes.direction(key.eye).to_array();
+    let target = |key: &PathKey| axes.direction(key.eye + key.rotation.inverse() * DVec3::Z).to_array();
     let (eyes, targets): (Vec<_>, Vec<_>) = keys.iter().map(|key| (eye(key), target(key))).unzip();
     let fovs: Vec<f64> = keys.iter().map(|key| key.fov).collect();
     let file = json!({
@@ -276,20 +275,20 @@ pub fn supersplat_text(path: &Path, fps: f64, _size: (u32, u32)) -> String {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Result<Vec<Key>, String> {
+    fn read(text: &str) -> Result<Vec<PathKey>, String> {
         keys(text, DVec3::NEG_Y, None).expect("a known program")
     }
 
     #[test]
     fn paths_that_are_written_come_back() {
         // Without roll, which a target cannot say.
-        let key = |i: f64| Key {
+        let key = |i: f64| PathKey {
             time: i,
             eye: DVec3::new(i, 2.0 * i, -1.0),
             rotation: DQuat::from_rotation_x(0.2) * DQuat::from_rotation_y(0.3 * i),
             fov: 50.0 + i,
         };
-        let path = Path::new(vec![key(0.0), key(1.0), key(3.0)], 0.1).unwrap();
+        let path = CameraPath::new(vec![key(0.0), key(1.0), key(3.0)], 0.1).unwrap();
         for text in [nerfstudio_text(&path, 10.0, (640, 480)), supersplat_text(&path, 10.0, (640, 480))] {
             let again = read(&text).unwrap();
             assert_eq!(again.len(), 31);
@@ -343,13 +342,13 @@ mod tests {
         for (text, says) in [
             (r#"{"camera_path": 3}"#, "invalid type"),
             (r#"{"camera_path": [{"camera_to_world": [1, 2]}]}"#, "camera 1: camera_to_world has fewer"),
-            (r#"{"camera_path": [{"camera_to_world": [2,0,0,0,0,1,0,0,0,0,1,0]}]}"#, "is no rotation"),
-            (r#"{"camera_path": [], "fps": 0}"#, "0 frames a second"),
-            (r#"{"camera_path": [], "camera_type": "fisheye"}"#, "\"fisheye\" is not read"),
+            (r#"{"camera_path": [{"camera_to_world": [2,0,0,0,0,1,0,0,0,0,1,0]}]}"#, "is not a rotation"),
+            (r#"{"camera_path": [], "fps": 0}"#, "0 is not a frame rate"),
+            (r#"{"camera_path": [], "camera_type": "fisheye"}"#, "\"fisheye\" is not supported"),
             (r#"{"animTracks": []}"#, "no track"),
             (r#"{"frames": [{"file_path": "a"}]}"#, "missing field `transform_matrix`"),
             (r#"{"frames": [{"transform_matrix": [[1, 2, 3]]}]}"#, "frame 1: transform_matrix has fewer"),
-            (r#"{"frames": [{"transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,-1,0]]}]}"#, "is no rotation"),
+            (r#"{"frames": [{"transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,-1,0]]}]}"#, "is not a rotation"),
             (
                 r#"{"animTracks": [{"keyframes": {"times": [0], "values": {"position": [1], "target": []}}}]}"#,
                 "1 times do not fit",

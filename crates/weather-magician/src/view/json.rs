@@ -1,7 +1,7 @@
 //! The JSON format of camera paths: reading and writing; described in docs/guide/camera-paths.md.
 
-use super::path::{Key, Path};
-use super::{DEFAULT_FOV, Options, ViewError, foreign};
+use super::path::{CameraPath, PathKey};
+use super::{DEFAULT_FOV, ViewError, ViewOptions, foreign};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use wm_scene::survey::Survey;
@@ -41,7 +41,7 @@ struct Keyframe {
 ///
 /// # Errors
 /// [`ViewError`] with the file's name, and line and column or the keyframe's number.
-pub fn read(file: &std::path::Path, survey: &Survey, options: &Options) -> Result<Path, ViewError> {
+pub fn read(file: &std::path::Path, survey: &Survey, options: &ViewOptions) -> Result<CameraPath, ViewError> {
     let text = std::fs::read_to_string(file).map_err(|error| FormatError::reading(file, error))?;
     parse(&text, survey, options)
         .map_err(|(location, message)| FormatError::at(file, location, Problem::Value(message)).into())
@@ -52,21 +52,21 @@ pub fn read(file: &std::path::Path, survey: &Survey, options: &Options) -> Resul
 ///
 /// # Errors
 /// [`ViewError`] if the file cannot be written.
-pub fn write(file: &std::path::Path, path: &Path, fps: f64, size: (u32, u32)) -> Result<(), ViewError> {
+pub fn write(file: &std::path::Path, path: &CameraPath, fps: f64, size: (u32, u32)) -> Result<(), ViewError> {
     let name = file.file_name().unwrap_or_default().as_encoded_bytes();
     let other = OTHERS.iter().find(|(ending, _)| name.ends_with(ending.as_bytes()));
     let text = other.map_or_else(|| text_of(path), |(_, text)| text(path, fps, size));
     Ok(write_atomically(file, |out| Ok(out.write_all(text.as_bytes())?))?)
 }
 
-/// How the names of other programs' files end, and what is in them.
+/// Endings of other programs' file names, and the writers of their formats.
 const OTHERS: [(&str, TextOf); 2] =
     [("camera_path.json", foreign::nerfstudio_text), ("settings.json", foreign::supersplat_text)];
-type TextOf = fn(&Path, f64, (u32, u32)) -> String;
+type TextOf = fn(&CameraPath, f64, (u32, u32)) -> String;
 
 /// A path as text: one keyframe a line.
-pub fn text_of(path: &Path) -> String {
-    let keyframe = |key: &Key| {
+pub fn text_of(path: &CameraPath) -> String {
+    let keyframe = |key: &PathKey| {
         let DQuat { x, y, z, w } = key.rotation;
         let (eye, rotation) = (key.eye.to_array(), Some([w, x, y, z]));
         let keyframe = Keyframe { time: key.time, eye, target: None, rotation, fov: Some(key.fov) };
@@ -78,13 +78,13 @@ pub fn text_of(path: &Path) -> String {
 }
 
 /// The path that a text describes.
-pub fn parse(text: &str, survey: &Survey, options: &Options) -> Result<Path, (Location, String)> {
+pub fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<CameraPath, (Location, String)> {
     if text.trim_ascii().is_empty() {
         return Err((Location::Whole, Problem::Empty.to_string()));
     }
     if let Some(keys) = foreign::keys(text, options.up(survey), options.fov) {
-        let path =
-            keys.and_then(|keys| Path::new(keys, options.near(survey)).map_err(|error| error.to_string()));
+        let path = keys
+            .and_then(|keys| CameraPath::new(keys, options.near(survey)).map_err(|error| error.to_string()));
         return path.map_err(|message| (Location::Whole, message));
     }
     let file: File = serde_json::from_str(text).map_err(|error| {
@@ -107,17 +107,17 @@ pub fn parse(text: &str, survey: &Survey, options: &Options) -> Result<Path, (Lo
             (None, Some([w, x, y, z])) => {
                 let rotation = DQuat::from_xyzw(x, y, z, w);
                 if !(rotation.length() > 1e-9 && rotation.is_finite()) {
-                    return Err(fault("a rotation of [0, 0, 0, 0] is none; [1, 0, 0, 0] is no turn"));
+                    return Err(fault("rotation [0, 0, 0, 0] is invalid; [1, 0, 0, 0] is the identity"));
                 }
                 rotation.normalize()
             }
             _ => return Err(fault("give either \"target\" or \"rotation\"")),
         };
         let fov = options.fov.or(keyframe.fov).or(file.fov).unwrap_or(DEFAULT_FOV);
-        keys.push(Key { time: keyframe.time, eye, rotation, fov });
+        keys.push(PathKey { time: keyframe.time, eye, rotation, fov });
     }
-    let near = Options { near: options.near.or(file.near), ..*options }.near(survey);
-    Path::new(keys, near).map_err(|error| match error {
+    let near = ViewOptions { near: options.near.or(file.near), ..*options }.near(survey);
+    CameraPath::new(keys, near).map_err(|error| match error {
         ViewError::Path(message) => whole(message),
         other => whole(other.to_string()),
     })
@@ -141,7 +141,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn say(text: &str) -> String {
-        let (location, message) = parse(text, &survey(), &Options::default()).unwrap_err();
+        let (location, message) = parse(text, &survey(), &ViewOptions::default()).unwrap_err();
         format!("{location}: {message}")
     }
 
@@ -150,17 +150,17 @@ mod tests {
         let text = r#"{"up": [0, -1, 0], "fov": 40, "near": 0.05, "keyframes": [
             {"time": 0, "eye": [1, 2, 3], "target": [1, 2, 9]},
             {"time": 2.5, "eye": [1, 2, 4], "rotation": [2, 0, 0, 0], "fov": 60}]}"#;
-        let path = parse(text, &survey(), &Options::default()).unwrap();
+        let path = parse(text, &survey(), &ViewOptions::default()).unwrap();
         let [first, second] = path.keys() else { panic!("two keys") };
         // With y down and looking along z, a camera is not turned at all.
         assert!(first.rotation.angle_between(DQuat::IDENTITY) < 1e-9 && first.fov == 40.0);
         assert_eq!(
             *second,
-            Key { time: 2.5, eye: DVec3::new(1.0, 2.0, 4.0), rotation: DQuat::IDENTITY, fov: 60.0 }
+            PathKey { time: 2.5, eye: DVec3::new(1.0, 2.0, 4.0), rotation: DQuat::IDENTITY, fov: 60.0 }
         );
         assert_eq!(path.near(), 0.05);
         // What is given by hand wins over the file.
-        let given = Options { fov: Some(30.0), near: Some(1.0), up: Some(DVec3::Y), size: None };
+        let given = ViewOptions { fov: Some(30.0), near: Some(1.0), up: Some(DVec3::Y), size: None };
         let path = parse(text, &survey(), &given).unwrap();
         assert_eq!((path.keys()[1].fov, path.near()), (30.0, 1.0));
         assert!((path.keys()[0].rotation * DVec3::NEG_Y - DVec3::Y).length() < 1e-9);
@@ -168,30 +168,30 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read() {
-        let key = |i: f64| Key {
+        let key = |i: f64| PathKey {
             time: i,
             eye: DVec3::new(i / 3.0, -i, 1e-7 * i),
             rotation: DQuat::from_rotation_y(i),
             fov: 50.0 + i,
         };
-        let path = Path::new(vec![key(0.0), key(1.5), key(2.0)], 0.125).unwrap();
+        let path = CameraPath::new(vec![key(0.0), key(1.5), key(2.0)], 0.125).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("path.json");
         write(&file, &path, 30.0, (64, 48)).unwrap();
-        let again = read(&file, &survey(), &Options::default()).unwrap();
+        let again = read(&file, &survey(), &ViewOptions::default()).unwrap();
         for (a, b) in again.keys().iter().zip(path.keys()) {
             assert!((a.eye - b.eye).length() < 1e-12 && (a.time, a.fov) == (b.time, b.fov));
             assert!(a.rotation.angle_between(b.rotation) < 1e-7);
         }
         assert_eq!(again.near(), 0.125);
         // A target does not say which way is up, and the path must not look there.
-        let options = Options { up: Some(DVec3::NEG_Y), ..Options::default() };
+        let options = ViewOptions { up: Some(DVec3::NEG_Y), ..ViewOptions::default() };
         for name in ["my camera_path.json", "settings.json"] {
             let theirs = folder.path().join(name);
             write(&theirs, &path, 30.0, (64, 48)).unwrap();
             assert_eq!(read(&theirs, &survey(), &options).unwrap().keys().len(), 61);
         }
-        let missing = read(&folder.path().join("no.json"), &survey(), &Options::default()).unwrap_err();
+        let missing = read(&folder.path().join("no.json"), &survey(), &ViewOptions::default()).unwrap_err();
         assert!(missing.to_string().ends_with("no.json: no such file or folder; check the path"));
     }
 
@@ -216,7 +216,7 @@ mod tests {
             (one(r#""time": 0, "eye": [0,0,0]"#), r#": keyframe 1: give either "target" or "rotation""#),
             (
                 one(r#""time": 0, "eye": [0,0,0], "rotation": [0,0,0,0]"#),
-                ": keyframe 1: a rotation of [0, 0, 0, 0] is none; [1, 0, 0, 0] is no turn",
+                ": keyframe 1: rotation [0, 0, 0, 0] is invalid; [1, 0, 0, 0] is the identity",
             ),
             (
                 one(r#""time": 0, "eye": [0,0,0], "target": [0,0,1]"#),
@@ -235,7 +235,7 @@ mod tests {
 
     /// A path with cameras that can be rendered, or one line.
     fn check(text: &str) -> Result<(), TestCaseError> {
-        match parse(text, &survey(), &Options::default()) {
+        match parse(text, &survey(), &ViewOptions::default()) {
             Ok(path) => {
                 let end = path.start() + path.duration();
                 for time in [path.start(), 0.5 * (path.start() + end), end] {

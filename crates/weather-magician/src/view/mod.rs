@@ -1,5 +1,5 @@
-//! Cameras: what is asked for on the command line, paths through time, and a good view of a scene
-//! when nothing is asked for.
+//! Cameras: their text form, paths through time, and a good view of a scene
+//! if none is given.
 //!
 //! - [`spec`]: `--camera` and the options beside it.
 //! - [`path`]: a camera as a function of time, from a file of keyframes.
@@ -26,15 +26,15 @@ use wm_render::{
 };
 use wm_scene::{Camera, CameraError, FormatError, Scene, survey::Survey};
 
-/// Vertical field of view where nothing else is said, degrees.
+/// Default vertical field of view, degrees.
 pub const DEFAULT_FOV: f64 = 50.0;
 
-/// Picture size where nothing else is said, px.
+/// Default picture size, px.
 pub const DEFAULT_SIZE: (u32, u32) = (1280, 720);
 
-/// What is given by hand beside the place of a camera. It wins over files and photos.
+/// Camera settings that win over those of files and photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Options {
+pub struct ViewOptions {
     /// Up in world axes, of any length but 0; else the survey's.
     pub up: Option<DVec3>,
     /// Vertical field of view, degrees; else that of the photo or file, or [`DEFAULT_FOV`].
@@ -53,7 +53,7 @@ impl ViewError {
     }
 }
 
-impl Options {
+impl ViewOptions {
     /// Up in world axes, length 1.
     #[must_use]
     pub fn up(&self, survey: &Survey) -> DVec3 {
@@ -75,22 +75,22 @@ impl Options {
     }
 }
 
-/// A scene to look for views in: its splats are loaded, and what is known of it is known.
-pub struct Site<'a> {
-    /// Where the splats are loaded.
+/// A scene to look for views in: its splats in a renderer, and its survey.
+pub struct ViewSearch<'a> {
+    /// The renderer that holds the splats.
     pub renderer: &'a mut dyn RenderBackend,
-    /// As what.
+    /// The handle of the splats.
     pub set: SetId,
     /// The scene; its sky should be labelled.
     pub scene: &'a Scene,
-    /// What is known of it.
+    /// The survey of the scene.
     pub survey: &'a Survey,
-    /// What is given by hand.
-    pub options: Options,
+    /// The camera settings.
+    pub options: ViewOptions,
 }
 
-impl Site<'_> {
-    /// What a camera sees: colour before black, alpha and depth.
+impl ViewSearch<'_> {
+    /// Renders colour before black, alpha and depth.
     fn look(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
         let outputs = Outputs { geometry: Geometry::Depth, ..Outputs::default() };
         let rasterization = self.scene.metadata.rasterization.unwrap_or_default();
@@ -102,17 +102,17 @@ impl Site<'_> {
     }
 }
 
-/// Why there is no camera.
+/// The error of a camera or path that cannot be made.
 #[derive(Debug, Error)]
 pub enum ViewError {
     /// A text on the command line cannot be understood.
     #[error("{what} \"{text}\": {problem}")]
     Text {
-        /// Which option.
+        /// The name of the option.
         what: &'static str,
         /// Its text.
         text: String,
-        /// What is wrong, and what is expected.
+        /// The problem and the expected form.
         problem: String,
     },
     /// A camera file cannot be read or written.
@@ -127,7 +127,7 @@ pub enum ViewError {
     /// The views to choose from could not be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// The scene cannot have what is asked for.
+    /// The scene has no such camera or path.
     #[error("{0}")]
     Scene(String),
 }

@@ -1,8 +1,8 @@
 //! The built-in camera paths: around the scene, forward into it, and along the photos.
 
-use super::path::{Key, Path};
-use super::space::Space;
-use super::{Options, Site, ViewError};
+use super::path::{CameraPath, PathKey};
+use super::space::OccupancyGrid;
+use super::{ViewError, ViewOptions, ViewSearch};
 use glam::{DMat3, DQuat, DVec3};
 use std::f64::consts::TAU;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use wm_render::Frame;
 use wm_scene::survey::Survey;
 use wm_scene::{Camera, SceneView, nearest};
 
-/// What `--path` says.
+/// A camera path by name or file, as `--path` takes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PathSpec {
     /// Once around the middle of the scene: [`orbit`].
@@ -43,7 +43,7 @@ impl FromStr for PathSpec {
                     [near] => format!("did you mean {near}?"),
                     _ => format!("give {} or a JSON file of keyframes", Self::NAMES.join(", ")),
                 };
-                Err(ViewError::text("path", other, format!("there is no such path; {meant}")))
+                Err(ViewError::text("path", other, format!("unknown path; {meant}")))
             }
         }
     }
@@ -64,10 +64,10 @@ const FARTHEST: f64 = 0.6;
 ///
 /// # Errors
 /// [`ViewError`] if the numbers make no path.
-pub fn orbit(site: &Site<'_>, start: &Camera, duration: f64) -> Result<Path, ViewError> {
+pub fn orbit(site: &ViewSearch<'_>, start: &Camera, duration: f64) -> Result<CameraPath, ViewError> {
     let (scene, survey, options) = (site.scene, site.survey, site.options);
     let up = options.up(survey);
-    let space = Space::of(&scene.splats, survey);
+    let space = OccupancyGrid::of(&scene.splats, survey);
     let from = start.center() - survey.center;
     let height = from.dot(up);
     let level = from.reject_from_normalized(up);
@@ -99,9 +99,9 @@ pub fn orbit(site: &Site<'_>, start: &Camera, duration: f64) -> Result<Path, Vie
         };
         let eye = free.map_or(start.center(), |distance| on_circle(angle, distance));
         let rotation = DQuat::from_mat3(&rotation).normalize();
-        keys.push(Key { time: duration * i as f64 / TURN as f64, eye, rotation, fov });
+        keys.push(PathKey { time: duration * i as f64 / TURN as f64, eye, rotation, fov });
     }
-    Path::new(keys, options.near(survey))
+    CameraPath::new(keys, options.near(survey))
 }
 
 /// Forward along the viewing direction of `start`, level, in `duration` seconds, easing in and out; the
@@ -113,18 +113,20 @@ pub fn orbit(site: &Site<'_>, start: &Camera, duration: f64) -> Result<Path, Vie
 /// # Errors
 /// [`ViewError`] if the view cannot be rendered or the numbers make no path.
 pub fn dolly(
-    site: &mut Site<'_>,
+    site: &mut ViewSearch<'_>,
     start: &Camera,
     distance: Option<f64>,
     duration: f64,
-) -> Result<Path, ViewError> {
+) -> Result<CameraPath, ViewError> {
     let (scene, survey, options) = (site.scene, site.survey, site.options);
     let up = options.up(survey);
     let eye = start.center();
     let Some(ahead) = start.forward().reject_from_normalized(up).try_normalize() else {
-        return Err(ViewError::Scene("the view looks straight up or down: there is no way forward".into()));
+        return Err(ViewError::Scene(
+            "the view looks straight up or down: a dolly needs a view that looks ahead".into(),
+        ));
     };
-    let space = Space::of(&scene.splats, survey);
+    let space = OccupancyGrid::of(&scene.splats, survey);
     let distance = match distance {
         Some(distance) => distance,
         None => room_ahead(site, start, ahead)?,
@@ -141,14 +143,14 @@ pub fn dolly(
         if let Some((ground, clearance)) = space.ground(level).zip(clearance) {
             rise = rise.max(ground + 0.7 * clearance - eye.dot(up));
         }
-        keys.push(Key { time: duration * t, eye: level + up * rise, rotation, fov: start.fov_y() });
+        keys.push(PathKey { time: duration * t, eye: level + up * rise, rotation, fov: start.fov_y() });
     }
     smooth(&mut keys, up);
-    Path::new(keys, options.near(survey))
+    CameraPath::new(keys, options.near(survey))
 }
 
 /// Spreads a rise over several keys, so that a step in the ground is no step of the camera.
-fn smooth(keys: &mut [Key], up: DVec3) {
+fn smooth(keys: &mut [PathKey], up: DVec3) {
     for _ in 0..8 {
         let heights: Vec<f64> = keys.iter().map(|key| key.eye.dot(up)).collect();
         for (i, key) in keys.iter_mut().enumerate().skip(1) {
@@ -159,8 +161,8 @@ fn smooth(keys: &mut [Key], up: DVec3) {
     }
 }
 
-/// How far one can go along `ahead` before something is in the way, scene units.
-fn room_ahead(site: &mut Site<'_>, start: &Camera, ahead: DVec3) -> Result<f64, ViewError> {
+/// The free distance along `ahead`, scene units.
+fn room_ahead(site: &mut ViewSearch<'_>, start: &Camera, ahead: DVec3) -> Result<f64, ViewError> {
     let (survey, up) = (site.survey, site.options.up(site.survey));
     let camera = start.refitted(180, 120);
     let mut frame = Frame::default();
@@ -198,21 +200,21 @@ fn room_ahead(site: &mut Site<'_>, start: &Camera, ahead: DVec3) -> Result<f64, 
 pub fn capture(
     views: &[SceneView],
     survey: &Survey,
-    options: &Options,
+    options: &ViewOptions,
     duration: f64,
-) -> Result<Path, ViewError> {
+) -> Result<CameraPath, ViewError> {
     if views.is_empty() {
         return Err(ViewError::Scene(
             "the scene has no views of photos to go along; give orbit, dolly or a JSON file".into(),
         ));
     }
-    let mut keys: Vec<Key> = Vec::with_capacity(views.len());
+    let mut keys: Vec<PathKey> = Vec::with_capacity(views.len());
     let steps: Vec<f64> =
         views.windows(2).map(|v| v[0].camera.center().distance(v[1].camera.center())).collect();
     let mean = steps.iter().sum::<f64>() / steps.len().max(1) as f64;
     let mut time = 0.0;
     for view in views {
-        let key = Key::of(&view.camera, 0.0);
+        let key = PathKey::of(&view.camera, 0.0);
         if let Some(last) = keys.last() {
             // A turn of 30 degrees takes as long as a mean step.
             let turn = last.rotation.angle_between(key.rotation).to_degrees() / 30.0;
@@ -225,17 +227,17 @@ pub fn capture(
             time += span;
         }
         let fov = options.fov.unwrap_or(key.fov);
-        keys.push(Key { time, fov, ..key });
+        keys.push(PathKey { time, fov, ..key });
     }
     if time > 0.0 {
         keys.iter_mut().for_each(|key| key.time *= duration / time);
     }
-    Path::new(keys, options.near(survey))
+    CameraPath::new(keys, options.near(survey))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{Loaded, place, survey, views};
+    use super::super::testing::{LoadedScene, place, survey, views};
     use super::*;
     use wm_scene::synthetic::Builder;
 
@@ -256,18 +258,18 @@ mod tests {
             assert_eq!(text.parse::<PathSpec>().unwrap(), expected);
         }
         let say = |text: &str| text.parse::<PathSpec>().unwrap_err().to_string();
-        assert_eq!(say("orbti"), "path \"orbti\": there is no such path; did you mean orbit?");
+        assert_eq!(say("orbti"), "path \"orbti\": unknown path; did you mean orbit?");
         assert_eq!(
             say("spiral"),
-            "path \"spiral\": there is no such path; give orbit, dolly, capture or a JSON file of keyframes"
+            "path \"spiral\": unknown path; give orbit, dolly, capture or a JSON file of keyframes"
         );
     }
 
     #[test]
     fn an_orbit_goes_round_and_closes() {
-        let mut loaded = Loaded::new(place("table"), Some(1));
+        let mut loaded = LoadedScene::new(place("table"), Some(1));
         let start = look([-1.9, 0.0, 1.6], [0.0, 0.0, 0.8]);
-        let path = orbit(&loaded.site(Options::default()), &start, 8.0).unwrap();
+        let path = orbit(&loaded.site(ViewOptions::default()), &start, 8.0).unwrap();
         let middle = loaded.survey.center;
         let first = path.at(0.0, SIZE);
         let radius = (first.center() - middle).truncate().length();
@@ -296,9 +298,9 @@ mod tests {
         }
         place.block(DVec3::ZERO, DVec3::new(5.0, 5.0, 8.0), 0.3, [0.5; 3]);
         let mut loaded =
-            Loaded::new(wm_scene::Scene { splats: place.build(), ..Default::default() }, Some(1));
+            LoadedScene::new(wm_scene::Scene { splats: place.build(), ..Default::default() }, Some(1));
         let start = look([-12.0, 0.0, 1.6], [0.0, 0.5, 2.0]);
-        let path = orbit(&loaded.site(Options::default()), &start, 4.0).unwrap();
+        let path = orbit(&loaded.site(ViewOptions::default()), &start, 4.0).unwrap();
         assert!(path.keys().iter().all(|key| key.eye.distance(start.center()) < 1e-9));
         assert!((path.at(0.0, SIZE).forward() - start.forward()).length() < 1e-6);
         let (there, back) = (start.forward(), path.at(2.0, SIZE).forward());
@@ -308,20 +310,20 @@ mod tests {
     }
 
     /// A square of ground 40 m wide that rises by `slope`, with a wall across it at x = 12.
-    fn court(slope: f64) -> Loaded {
+    fn court(slope: f64) -> LoadedScene {
         let mut place = Builder::new(2);
         let along = DVec3::new(40.0, 0.0, 40.0 * slope);
         place.surface(DVec3::new(-20.0, -20.0, 0.0), along, DVec3::Y * 40.0, 0.4, |_, _| [0.4; 3]);
         let foot = DVec3::new(12.0, -20.0, 32.0 * slope);
         place.surface(foot, DVec3::Y * 40.0, DVec3::Z * 9.0, 0.4, |_, _| [0.7; 3]);
-        Loaded::new(wm_scene::Scene { splats: place.build(), ..Default::default() }, Some(1))
+        LoadedScene::new(wm_scene::Scene { splats: place.build(), ..Default::default() }, Some(1))
     }
 
     #[test]
     fn a_dolly_ends_before_the_wall_and_eases() {
         let mut loaded = court(0.0);
         let start = look([-8.0, 0.0, 1.6], [10.0, 0.0, 0.5]);
-        let path = dolly(&mut loaded.site(Options::default()), &start, None, 6.0).unwrap();
+        let path = dolly(&mut loaded.site(ViewOptions::default()), &start, None, 6.0).unwrap();
         let at = |time: f64| path.at(time, SIZE).center();
         assert!((at(0.0) - start.center()).length() < 1e-9);
         let end = at(6.0);
@@ -331,7 +333,7 @@ mod tests {
         assert!((at(3.0).x + 8.0 - 0.5 * way).abs() < 1e-3 * way);
         assert!((path.at(3.0, SIZE).forward() - start.forward()).length() < 1e-6);
         // A given distance is taken as it is; backwards too.
-        let path = dolly(&mut loaded.site(Options::default()), &start, Some(-3.0), 1.0).unwrap();
+        let path = dolly(&mut loaded.site(ViewOptions::default()), &start, Some(-3.0), 1.0).unwrap();
         assert!((path.at(1.0, SIZE).center().x + 11.0).abs() < 1e-9);
     }
 
@@ -342,7 +344,7 @@ mod tests {
         let ground = |x: f64| 0.15 * (x + 20.0);
         let eye = DVec3::new(-10.0, 0.0, ground(-10.0) + 1.6);
         let start = Camera::looking(SIZE, 50.0, eye, eye + DVec3::X, up).unwrap();
-        let path = dolly(&mut loaded.site(Options::default()), &start, Some(18.0), 6.0).unwrap();
+        let path = dolly(&mut loaded.site(ViewOptions::default()), &start, Some(18.0), 6.0).unwrap();
         for i in 0..=60 {
             let at = path.at(0.1 * f64::from(i), SIZE).center();
             assert!(at.z - ground(at.x) > 0.6, "{at}");
@@ -353,22 +355,25 @@ mod tests {
     fn straight_down_there_is_no_way_forward() {
         let mut loaded = court(0.0);
         let start = Camera::looking(SIZE, 50.0, DVec3::Z * 20.0, DVec3::ZERO, DVec3::X).unwrap();
-        let error = dolly(&mut loaded.site(Options::default()), &start, None, 6.0).unwrap_err();
-        assert_eq!(error.to_string(), "the view looks straight up or down: there is no way forward");
+        let error = dolly(&mut loaded.site(ViewOptions::default()), &start, None, 6.0).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the view looks straight up or down: a dolly needs a view that looks ahead"
+        );
     }
 
     #[test]
     fn a_capture_goes_from_photo_to_photo() {
         let mut views = views(&["a", "b", "c", "d"]);
         views[2].camera = views[1].camera;
-        let path = capture(&views, &survey(), &Options::default(), 9.0).unwrap();
+        let path = capture(&views, &survey(), &ViewOptions::default(), 9.0).unwrap();
         assert_eq!((path.keys().len(), path.start(), path.duration()), (3, 0.0, 9.0));
         for (key, x) in path.keys().iter().zip([0.0, 1.0, 3.0]) {
             assert!((key.eye - DVec3::new(x, 0.0, 1.6)).length() < 1e-9 && (key.fov - 60.0).abs() < 1e-9);
         }
-        let alone = capture(&views[..1], &survey(), &Options::default(), 9.0).unwrap();
+        let alone = capture(&views[..1], &survey(), &ViewOptions::default(), 9.0).unwrap();
         assert_eq!(alone.duration(), 0.0);
-        let error = capture(&[], &survey(), &Options::default(), 9.0).unwrap_err().to_string();
+        let error = capture(&[], &survey(), &ViewOptions::default(), 9.0).unwrap_err().to_string();
         let expected = "the scene has no views of photos to go along; give orbit, dolly or a JSON file";
         assert_eq!(error, expected);
     }

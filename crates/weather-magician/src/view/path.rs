@@ -19,13 +19,13 @@
 //! }
 //! ```
 
-use super::{Options, ViewError, json};
+use super::{ViewError, ViewOptions, json};
 use glam::{DMat3, DQuat, DVec3};
 use wm_scene::{Camera, survey::Survey};
 
 /// A camera at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Key {
+pub struct PathKey {
     /// Seconds.
     pub time: f64,
     /// The camera centre, world axes, scene units.
@@ -36,7 +36,7 @@ pub struct Key {
     pub fov: f64,
 }
 
-impl Key {
+impl PathKey {
     /// The place of a camera at a time. Its principal point is taken as the picture's middle.
     #[must_use]
     pub fn of(camera: &Camera, time: f64) -> Self {
@@ -47,20 +47,20 @@ impl Key {
 
 /// A camera as a function of time.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Path {
-    keys: Vec<Key>,
+pub struct CameraPath {
+    keys: Vec<PathKey>,
     /// Velocity of the eye at each key, units/s.
     velocities: Vec<DVec3>,
     near: f64,
 }
 
-impl Path {
+impl CameraPath {
     /// A path through keyframes in the order of their times.
     ///
     /// # Errors
     /// [`ViewError::Path`] if there are none, a time is not after the one before, or a number cannot
     /// be used.
-    pub fn new(keys: Vec<Key>, near: f64) -> Result<Self, ViewError> {
+    pub fn new(keys: Vec<PathKey>, near: f64) -> Result<Self, ViewError> {
         let fault = |message: String| Err(ViewError::Path(message));
         if keys.is_empty() {
             return fault("there are no keyframes".into());
@@ -70,7 +70,7 @@ impl Path {
         }
         for (index, key) in keys.iter().enumerate() {
             let number = index + 1;
-            let Key { time, eye, rotation, fov } = *key;
+            let PathKey { time, eye, rotation, fov } = *key;
             if !(time.is_finite() && eye.is_finite() && rotation.is_finite() && rotation.is_normalized()) {
                 return fault(format!("keyframe {number} has a number that is not finite"));
             }
@@ -96,7 +96,7 @@ impl Path {
     ///
     /// # Errors
     /// [`ViewError`] if the file cannot be read or makes no path.
-    pub fn read(file: &std::path::Path, survey: &Survey, options: &Options) -> Result<Self, ViewError> {
+    pub fn read(file: &std::path::Path, survey: &Survey, options: &ViewOptions) -> Result<Self, ViewError> {
         json::read(file, survey, options)
     }
 
@@ -104,7 +104,7 @@ impl Path {
     ///
     /// # Errors
     /// [`ViewError::Path`] if it makes no path.
-    pub fn parse(text: &str, survey: &Survey, options: &Options) -> Result<Self, ViewError> {
+    pub fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<Self, ViewError> {
         json::parse(text, survey, options)
             .map_err(|(location, message)| ViewError::Path(format!("{message}{location}")))
     }
@@ -126,7 +126,7 @@ impl Path {
 
     /// The keyframes, in the order of their times; at least one.
     #[must_use]
-    pub fn keys(&self) -> &[Key] {
+    pub fn keys(&self) -> &[PathKey] {
         &self.keys
     }
 
@@ -152,13 +152,13 @@ impl Path {
     /// last it stands still.
     #[must_use]
     pub fn at(&self, time: f64, size: (u32, u32)) -> Camera {
-        let Key { eye, rotation, fov, .. } = self.key_at(time);
+        let PathKey { eye, rotation, fov, .. } = self.key_at(time);
         Camera { near: self.near, ..Camera::posed(size, fov, eye, DMat3::from_quat(rotation)) }
     }
 
     /// The interpolated key at `time`, seconds.
     #[must_use]
-    pub fn key_at(&self, time: f64) -> Key {
+    pub fn key_at(&self, time: f64) -> PathKey {
         let next = self.keys.partition_point(|key| key.time <= time);
         if next == 0 {
             return self.keys[0];
@@ -171,12 +171,12 @@ impl Path {
         let step = 3.0 * tt - 2.0 * ttt;
         let eye = a.eye + (b.eye - a.eye) * step + (va * (t - 2.0 * tt + ttt) + *vb * (ttt - tt)) * span;
         let rotation = a.rotation.slerp(b.rotation, t).normalize();
-        Key { time, eye, rotation, fov: a.fov + (b.fov - a.fov) * t }
+        PathKey { time, eye, rotation, fov: a.fov + (b.fov - a.fov) * t }
     }
 }
 
 /// Velocity of the eye at each key, units/s.
-fn velocities(keys: &[Key]) -> Vec<DVec3> {
+fn velocities(keys: &[PathKey]) -> Vec<DVec3> {
     let spans: Vec<Span> = keys
         .windows(2)
         .map(|pair| (pair[1].time - pair[0].time, pair[1].eye - pair[0].eye))
@@ -222,24 +222,24 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn keys(values: &[[f64; 8]]) -> Vec<Key> {
+    fn keys(values: &[[f64; 8]]) -> Vec<PathKey> {
         let mut time = 0.0;
         let key = |v: &[f64; 8]| {
             time += 0.5 + v[0].abs();
             let rotation = DQuat::from_xyzw(v[4], v[5], v[6], 0.3 + v[7].abs()).normalize();
-            Key { time, eye: DVec3::new(v[1], v[2], v[3]), rotation, fov: 50.0 + v[4] }
+            PathKey { time, eye: DVec3::new(v[1], v[2], v[3]), rotation, fov: 50.0 + v[4] }
         };
         values.iter().map(key).collect()
     }
 
-    fn walk(eyes: &[(f64, f64)]) -> Path {
-        let key = |(time, x): &(f64, f64)| Key {
+    fn walk(eyes: &[(f64, f64)]) -> CameraPath {
+        let key = |(time, x): &(f64, f64)| PathKey {
             time: *time,
             eye: DVec3::X * *x,
             rotation: DQuat::IDENTITY,
             fov: 50.0,
         };
-        Path::new(eyes.iter().map(key).collect(), 0.2).unwrap()
+        CameraPath::new(eyes.iter().map(key).collect(), 0.2).unwrap()
     }
 
     proptest! {
@@ -248,7 +248,7 @@ mod tests {
             values in prop::collection::vec(prop::array::uniform8(-3.0..3.0f64), 1..7),
         ) {
             let keys = keys(&values);
-            let path = Path::new(keys.clone(), 0.1).unwrap();
+            let path = CameraPath::new(keys.clone(), 0.1).unwrap();
             for (index, key) in keys.iter().enumerate() {
                 let at = path.key_at(key.time);
                 prop_assert!((at.eye - key.eye).length() < 1e-9);
@@ -299,21 +299,21 @@ mod tests {
 
     #[test]
     fn turns_go_the_short_way() {
-        let key = |time, angle: f64| Key {
+        let key = |time, angle: f64| PathKey {
             time,
             eye: DVec3::ZERO,
             rotation: DQuat::from_rotation_y(angle.to_radians()),
             fov: 50.0,
         };
-        let path = Path::new(vec![key(0.0, 170.0), key(1.0, -170.0)], 0.2).unwrap();
+        let path = CameraPath::new(vec![key(0.0, 170.0), key(1.0, -170.0)], 0.2).unwrap();
         let middle = path.key_at(0.5).rotation;
         assert!(middle.angle_between(DQuat::from_rotation_y(std::f64::consts::PI)) < 1e-6);
     }
 
     #[test]
     fn what_makes_no_path_is_told() {
-        let key = |time| Key { time, eye: DVec3::ZERO, rotation: DQuat::IDENTITY, fov: 50.0 };
-        let say = |keys: Vec<Key>| Path::new(keys, 0.2).unwrap_err().to_string();
+        let key = |time| PathKey { time, eye: DVec3::ZERO, rotation: DQuat::IDENTITY, fov: 50.0 };
+        let say = |keys: Vec<PathKey>| CameraPath::new(keys, 0.2).unwrap_err().to_string();
         assert_eq!(say(vec![]), "camera path: there are no keyframes");
         assert_eq!(
             say(vec![key(0.0), key(2.0), key(2.0)]),
@@ -321,11 +321,11 @@ mod tests {
         );
         assert_eq!(say(vec![key(f64::NAN)]), "camera path: keyframe 1 has a number that is not finite");
         assert_eq!(
-            say(vec![Key { fov: 180.0, ..key(0.0) }]),
+            say(vec![PathKey { fov: 180.0, ..key(0.0) }]),
             "camera path: keyframe 1: fov is 180: it must be above 0 and below 180 degrees"
         );
-        let far = Key { eye: DVec3::X * 1e300, ..key(1e-300) };
+        let far = PathKey { eye: DVec3::X * 1e300, ..key(1e-300) };
         assert_eq!(say(vec![key(0.0), far]), "camera path: it is too fast");
-        assert!(Path::new(vec![key(0.0)], 0.0).is_err());
+        assert!(CameraPath::new(vec![key(0.0)], 0.0).is_err());
     }
 }

@@ -1,4 +1,4 @@
-//! How good a view is, judged by a small picture of it.
+//! The rating of a view by a small picture of it.
 
 use glam::DVec3;
 use wm_render::Frame;
@@ -13,11 +13,11 @@ pub const SIZE: (u32, u32) = (120, 80);
 const SKY: f64 = 2.5;
 
 /// Splats by which the sharpness of a view is judged.
-pub struct Grain {
+pub struct SplatSample {
     points: Vec<(DVec3, f64)>,
 }
 
-impl Grain {
+impl SplatSample {
     /// A sample of a scene's splats.
     pub fn of(splats: &Splats) -> Self {
         let step = splats.len().div_ceil(20_000).max(1);
@@ -33,7 +33,7 @@ impl Grain {
         Self { points }
     }
 
-    /// What of the scene is seen, and how coarsely.
+    /// Returns the visible share of the splats, and how coarse they are.
     fn seen(&self, camera: &Camera, frame: &Frame) -> Seen {
         let (mut sum, mut weight, mut count) = (0.0, 0.0, 0.0);
         for (at, size) in &self.points {
@@ -56,7 +56,7 @@ impl Grain {
     }
 }
 
-/// What a picture shows of the splats.
+/// The splats that a picture shows.
 struct Seen {
     /// Share of the scene's splats.
     share: f64,
@@ -65,20 +65,20 @@ struct Seen {
     coarseness: f64,
 }
 
-/// What speaks for and against a view; the sum is its rating.
+/// The terms of a view's rating; their sum is the rating.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Rating {
+pub struct ViewRating {
     /// Holes in the lower part.
     pub cover: f64,
     /// Things right in front of the lens.
     pub clear: f64,
     /// Near and far together.
     pub depth: f64,
-    /// How far away the things are that are seen.
+    /// Distance of the visible things.
     pub reach: f64,
     /// Structure in the picture.
     pub detail: f64,
-    /// How much of what the scene was made for: splats are many where cameras looked.
+    /// Share of the well captured parts: splats are many where cameras looked.
     pub content: f64,
     /// Splats so large that they are seen as blobs.
     pub grain: f64,
@@ -88,7 +88,7 @@ pub struct Rating {
     pub haze: f64,
 }
 
-impl Rating {
+impl ViewRating {
     /// The sum.
     pub fn sum(&self) -> f64 {
         let Self { cover, clear, depth, reach, detail, content, grain, sky, haze } = *self;
@@ -97,13 +97,13 @@ impl Rating {
 }
 
 /// Judges a picture with colour, alpha and depth.
-pub fn rate(frame: &Frame, camera: &Camera, survey: &Survey, grain: &Grain) -> Rating {
+pub fn rate(frame: &Frame, camera: &Camera, survey: &Survey, grain: &SplatSample) -> ViewRating {
     let radius = survey.radius;
     let parts = Parts::of(frame, camera, survey);
     let Parts { mut depths, mut things, .. } = parts;
     let pixels = frame.pixels() as f64;
     if (things.len() as f64) < 0.1 * pixels {
-        return Rating { cover: -10.0, ..Rating::default() };
+        return ViewRating { cover: -10.0, ..ViewRating::default() };
     }
     let [nearest, middle] = [0.01, 0.5].map(|q| quantile(&mut depths, q));
     let [near, far] = [0.1, 0.9].map(|q| quantile(&mut things, q));
@@ -112,7 +112,7 @@ pub fn rate(frame: &Frame, camera: &Camera, survey: &Survey, grain: &Grain) -> R
     let seen = grain.seen(camera, frame);
     // An empty sky is worth less than one with clouds, and not missed in a room.
     let (most_open, missed) = if survey.sky_splats > 0 { (0.35, 5.0) } else { (0.25, 3.0) };
-    Rating {
+    ViewRating {
         cover: -8.0 * share(parts.holes) - 2.0 * share(parts.beyond),
         clear: -1.5 * (0.03 * radius / nearest).ln().clamp(0.0, 2.0) - 4.0 * (close - 0.05).max(0.0),
         depth: 0.6 * (far / near).ln().clamp(0.0, 2.0),
@@ -202,20 +202,20 @@ fn detail(frame: &Frame) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Options;
-    use super::super::testing::{Loaded, place};
+    use super::super::ViewOptions;
+    use super::super::testing::{LoadedScene, place};
     use super::*;
 
-    fn rating(loaded: &mut Loaded, eye: [f64; 3], target: [f64; 3]) -> Rating {
+    fn rating(loaded: &mut LoadedScene, eye: [f64; 3], target: [f64; 3]) -> ViewRating {
         let camera = Camera::looking(SIZE, 50.0, eye.into(), target.into(), DVec3::Z).unwrap();
         let mut frame = Frame::default();
-        loaded.site(Options::default()).look(&camera, &mut frame).unwrap();
-        rate(&frame, &camera, &loaded.survey, &Grain::of(&loaded.scene.splats))
+        loaded.site(ViewOptions::default()).look(&camera, &mut frame).unwrap();
+        rate(&frame, &camera, &loaded.survey, &SplatSample::of(&loaded.scene.splats))
     }
 
     #[test]
     fn good_views_are_rated_above_bad_ones() {
-        let mut street = Loaded::new(place("street-sky"), Some(2));
+        let mut street = LoadedScene::new(place("street-sky"), Some(2));
         let good = rating(&mut street, [-20.0, 0.0, 1.7], [10.0, 0.0, 2.0]);
         for (what, eye, target) in [
             ("a wall before the lens", [0.0, 4.0, 1.7], [0.0, 9.0, 1.7]),
@@ -232,7 +232,7 @@ mod tests {
 
     #[test]
     fn nothing_is_rated_lowest() {
-        let mut table = Loaded::new(place("table"), Some(1));
+        let mut table = LoadedScene::new(place("table"), Some(1));
         assert_eq!(rating(&mut table, [0.0, 0.0, 90.0], [0.0, 1.0, 190.0]).cover, -10.0);
     }
 }

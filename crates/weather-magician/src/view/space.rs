@@ -1,4 +1,4 @@
-//! Where there is something and where there is room: a coarse grid of the scene.
+//! A coarse occupancy grid of the scene.
 
 use glam::DVec3;
 use wm_scene::{Group, Splats, quat, survey::Survey};
@@ -11,11 +11,11 @@ const REACH: f64 = 1.3;
 const MOST: usize = 250_000;
 /// Share of a cell's face that splats must fill before the cell counts as filled.
 const FILLED: f32 = 0.35;
-/// How far the ground may lie from the survey's height, scene radii.
+/// Largest distance of the ground from the survey's height, scene radii.
 const RELIEF: f64 = 0.1;
 
 /// Filled and empty cells about the middle of the scene, and the height of the ground below.
-pub struct Space {
+pub struct OccupancyGrid {
     center: DVec3,
     /// The grid's axes: two level ones and up.
     axes: [DVec3; 3],
@@ -29,7 +29,7 @@ pub struct Space {
     ground: Vec<f64>,
 }
 
-impl Space {
+impl OccupancyGrid {
     /// Looks at the splats of a scene, sky left out.
     pub fn of(splats: &Splats, survey: &Survey) -> Self {
         let up = survey.up.value;
@@ -120,7 +120,7 @@ impl Space {
         inside.then_some(layer as usize * self.side * self.side + column)
     }
 
-    /// Whether there is something at a point; outside the grid there is nothing.
+    /// Returns true if the cell at a point is filled; no cell outside the grid is.
     pub fn is_filled(&self, at: DVec3) -> bool {
         self.index(at).is_some_and(|index| self.filled[index])
     }
@@ -158,7 +158,7 @@ impl Space {
         (1..=steps).map(|i| i as f64 * step).find(|distance| self.is_filled(from + direction * *distance))
     }
 
-    /// Whether no filled cell is within `distance` of a point.
+    /// Returns true if no filled cell is within `distance` of a point.
     pub fn is_clear(&self, at: DVec3, distance: f64) -> bool {
         let reach = (distance / self.cell).ceil() as i32;
         let [x, y, up] = self.axes;
@@ -191,7 +191,7 @@ mod tests {
             lane.surface(DVec3::new(-30.0, y, 0.0), DVec3::X * 60.0, DVec3::Z * 9.0, 0.3, |_, _| [0.7; 3]);
         }
         let scene = Scene { splats: lane.build(), ..Scene::default() };
-        let lane = Space::of(&scene.splats, &Survey::of(&scene, &Metadata::default()));
+        let lane = OccupancyGrid::of(&scene.splats, &Survey::of(&scene, &Metadata::default()));
         let eye = DVec3::new(-6.0, 0.0, 2.0);
         assert!(lane.is_clear(eye, 1.2) && !lane.is_clear(eye + DVec3::Y * 5.0, 1.2));
         for way in [DVec3::Y, DVec3::NEG_Y] {
@@ -207,7 +207,7 @@ mod tests {
     #[test]
     fn the_ground_is_not_what_stands_on_it() {
         let scene = place("street");
-        let street = Space::of(&scene.splats, &Survey::of(&scene, &Metadata::default()));
+        let street = OccupancyGrid::of(&scene.splats, &Survey::of(&scene, &Metadata::default()));
         // Beside a car, on a car, on the pavement.
         for (at, height) in [([-18.0, 0.0], 0.0), ([-18.0, 3.0], 0.0), ([-10.0, 5.0], 0.1)] {
             let ground = street.ground(DVec3::new(at[0], at[1], 7.0)).unwrap();

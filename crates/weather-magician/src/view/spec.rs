@@ -6,8 +6,8 @@
 //!   its number, from 1;
 //! - a JSON file of keyframes ([`super::path`]), for its first.
 
-use super::path::Path;
-use super::{DEFAULT_FOV, Options, ViewError};
+use super::path::CameraPath;
+use super::{DEFAULT_FOV, ViewError, ViewOptions};
 use glam::DVec3;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -15,14 +15,14 @@ use wm_scene::camera::{MAX_PIXELS, MAX_SIDE};
 use wm_scene::survey::Survey;
 use wm_scene::{Camera, SceneView, nearest};
 
-/// What `--camera` says.
+/// A camera, as `--camera` takes it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraSpec {
     /// From a point to a point, scene units.
     LookAt {
         /// The camera centre.
         eye: DVec3,
-        /// What is in the middle of the picture.
+        /// The point in the middle of the picture.
         target: DVec3,
     },
     /// The first keyframe of a file.
@@ -66,7 +66,7 @@ impl CameraSpec {
         &self,
         views: &[SceneView],
         survey: &Survey,
-        options: &Options,
+        options: &ViewOptions,
     ) -> Result<Camera, ViewError> {
         let camera = match self {
             Self::LookAt { eye, target } => {
@@ -75,7 +75,7 @@ impl CameraSpec {
                 Camera { near: options.near(survey), ..camera }
             }
             Self::File(path) => {
-                let path = Path::read(path, survey, options)?;
+                let path = CameraPath::read(path, survey, options)?;
                 path.at(path.start(), options.size())
             }
             Self::SceneView(name) => of_view(find(views, name)?, survey, options)?,
@@ -89,7 +89,7 @@ impl CameraSpec {
 ///
 /// # Errors
 /// [`ViewError`] if the numbers make no camera.
-pub fn of_view(view: &SceneView, survey: &Survey, options: &Options) -> Result<Camera, ViewError> {
+pub fn of_view(view: &SceneView, survey: &Survey, options: &ViewOptions) -> Result<Camera, ViewError> {
     let mut camera = view.camera;
     if let Some((width, height)) = options.size {
         camera = camera.refitted(width, height);
@@ -189,7 +189,7 @@ pub fn parse_direction(text: &str) -> Result<DVec3, ViewError> {
 /// Three numbers between commas.
 ///
 /// # Errors
-/// What is wrong with the text.
+/// A message that says what is wrong with the text.
 pub fn parse_point(text: &str) -> Result<DVec3, String> {
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
     let [x, y, z] = parts[..] else {
@@ -197,7 +197,7 @@ pub fn parse_point(text: &str) -> Result<DVec3, String> {
     };
     let number = |part: &str| match part.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(format!("\"{part}\" is no number")),
+        _ => Err(format!("\"{part}\" is not a number")),
     };
     Ok(DVec3::new(number(x)?, number(y)?, number(z)?))
 }
@@ -211,7 +211,7 @@ mod tests {
     fn say(text: &str) -> String {
         let views = views(&["a/IMG_0012.jpg", "a/IMG_0013.jpg", "b/IMG_0013.jpg", "7.png"]);
         let camera =
-            text.parse::<CameraSpec>().and_then(|s| s.camera(&views, &survey(), &Options::default()));
+            text.parse::<CameraSpec>().and_then(|s| s.camera(&views, &survey(), &ViewOptions::default()));
         camera.map_or_else(|error| error.to_string(), |camera| format!("{:.0}", camera.center().x.abs()))
     }
 
@@ -245,8 +245,8 @@ mod tests {
             ("", "camera \"\": give X,Y,Z:X,Y,Z, the name of a view, or a JSON file of keyframes"),
             ("1,2,3", "camera \"1,2,3\": this is the eye alone; add the point it looks at: X,Y,Z:X,Y,Z"),
             ("1,2:3,4,5", "camera \"1,2:3,4,5\": \"1,2\" has 2 numbers, a point has three: X,Y,Z"),
-            ("1,2,x:3,4,5", "camera \"1,2,x:3,4,5\": \"x\" is no number"),
-            ("1,2,inf:3,4,5", "camera \"1,2,inf:3,4,5\": \"inf\" is no number"),
+            ("1,2,x:3,4,5", "camera \"1,2,x:3,4,5\": \"x\" is not a number"),
+            ("1,2,inf:3,4,5", "camera \"1,2,inf:3,4,5\": \"inf\" is not a number"),
             (
                 "1,2,3:1,2,3",
                 "camera from 1,2,3 to 1,2,3 with up 0,0,1 has no direction or no up; look from one point to another, \
@@ -270,7 +270,7 @@ mod tests {
             assert_eq!(say(text), expected, "{text}");
         }
         let error =
-            CameraSpec::SceneView("1".into()).camera(&[], &survey(), &Options::default()).unwrap_err();
+            CameraSpec::SceneView("1".into()).camera(&[], &survey(), &ViewOptions::default()).unwrap_err();
         let expected = "camera \"1\": the scene has no views of photos; give X,Y,Z:X,Y,Z or a JSON file";
         assert_eq!(error.to_string(), expected);
     }
@@ -278,16 +278,17 @@ mod tests {
     #[test]
     fn what_is_given_wins() {
         let views = views(&["a.jpg"]);
-        let options = Options { size: Some((200, 200)), fov: Some(30.0), near: Some(0.5), up: None };
+        let options = ViewOptions { size: Some((200, 200)), fov: Some(30.0), near: Some(0.5), up: None };
         let camera = CameraSpec::SceneView("a".into()).camera(&views, &survey(), &options).unwrap();
         assert!((camera.fov_y() - 30.0).abs() < 1e-9);
         assert_eq!((camera.width, camera.near, camera.viewmat), (200, 0.5, views[0].camera.viewmat));
-        let plain = CameraSpec::SceneView("a".into()).camera(&views, &survey(), &Options::default()).unwrap();
+        let plain =
+            CameraSpec::SceneView("a".into()).camera(&views, &survey(), &ViewOptions::default()).unwrap();
         assert_eq!(plain, Camera { near: 0.1, ..views[0].camera });
-        let wide = Options { fov: Some(200.0), ..options };
+        let wide = ViewOptions { fov: Some(200.0), ..options };
         assert!(CameraSpec::SceneView("a".into()).camera(&views, &survey(), &wide).is_err());
         // Up along the view has no picture.
-        let up = Options { up: Some(DVec3::X), ..options };
+        let up = ViewOptions { up: Some(DVec3::X), ..options };
         assert!("0,0,0:1,0,0".parse::<CameraSpec>().unwrap().camera(&[], &survey(), &up).is_err());
     }
 
@@ -296,7 +297,7 @@ mod tests {
         let camera = views(&["a", "b"])[1].camera;
         assert_eq!(text_of(&camera), "1,0,1.6:1,10,1.6");
         let again = text_of(&camera).parse::<CameraSpec>().unwrap();
-        let again = again.camera(&[], &survey(), &Options::default()).unwrap();
+        let again = again.camera(&[], &survey(), &ViewOptions::default()).unwrap();
         assert!((again.center() - camera.center()).length() < 1e-3);
         assert!((again.forward() - camera.forward()).length() < 1e-4);
     }

@@ -1,6 +1,6 @@
-//! What tests of cameras share.
+//! Helpers of the tests of cameras.
 
-use super::{Options, Site};
+use super::{ViewOptions, ViewSearch};
 use glam::DVec3;
 use wm_render::{CpuConfig, CpuRenderer, RenderBackend, SetId};
 use wm_scene::formats::{ReadOptions, read_scene};
@@ -59,14 +59,14 @@ pub fn place(name: &str) -> Scene {
 }
 
 /// A scene that is ready to be looked at.
-pub struct Loaded {
+pub struct LoadedScene {
     pub renderer: CpuRenderer,
     pub set: SetId,
     pub scene: Scene,
     pub survey: Survey,
 }
 
-impl Loaded {
+impl LoadedScene {
     /// Labels the sky, surveys and loads; rendered on so many threads.
     pub fn new(mut scene: Scene, threads: Option<usize>) -> Self {
         label_sky(&mut scene.splats);
@@ -76,8 +76,8 @@ impl Loaded {
         Self { renderer, set, scene, survey }
     }
 
-    pub fn site(&mut self, options: Options) -> Site<'_> {
+    pub fn site(&mut self, options: ViewOptions) -> ViewSearch<'_> {
         let Self { renderer, set, scene, survey } = self;
-        Site { renderer, set: *set, scene, survey, options }
+        ViewSearch { renderer, set: *set, scene, survey, options }
     }
 }

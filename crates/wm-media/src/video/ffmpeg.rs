@@ -13,7 +13,7 @@ use wm_scene::files::TempFile;
 
 use super::yuv::Yuv420;
 use super::{VideoReport, VideoSettings, VideoSink, temporary};
-use crate::{MediaError, Size};
+use crate::{MediaError, PictureSize};
 
 /// Bytes of its messages that are kept.
 const MESSAGES: u64 = 1 << 16;
@@ -142,7 +142,7 @@ impl Drop for FfmpegSink {
 fn command(program: &str, output: &Path, settings: &VideoSettings) -> Command {
     const BT_709: [&str; 8] =
         ["-color_range", "tv", "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"];
-    let Size { width, height } = settings.size;
+    let PictureSize { width, height } = settings.size;
     let keyframes = settings.frame_rate.frames_within(super::KEYFRAME_SECONDS);
     let mut command = Command::new(program);
     command

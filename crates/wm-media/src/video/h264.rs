@@ -21,7 +21,7 @@ use openh264::{OpenH264API, Timestamp};
 use super::mp4::{Mp4Writer, ParameterSets};
 use super::yuv::Yuv420;
 use super::{VideoReport, VideoSettings, VideoSink};
-use crate::{MediaError, Size};
+use crate::{MediaError, PictureSize};
 
 /// Quantisation parameter without a bitrate. At 14 a coefficient's step is 3.25, and the dither's 4
 /// (one step of brightness in 4x4 pixels) survives it; from 18 on it does not, and contours appear.
@@ -34,7 +34,7 @@ const BITRATES: (f64, f64) = (10_000.0, 240e6);
 const RATES: (f64, f64) = (1.0, 60.0);
 /// Tries to encode one frame before giving up.
 const MOST_TRIES: u32 = 1000;
-/// What is added to the QPs when a frame does not fit the encoder's buffer: half the bits.
+/// Increase of the QPs if a frame does not fit the encoder's buffer: half the bits.
 const COARSER: u8 = 6;
 
 /// Encodes frame by frame.
@@ -57,7 +57,7 @@ impl H264Sink {
     /// # Errors
     /// The size is beyond OpenH264; the file cannot be made.
     pub fn create(path: &Path, settings: VideoSettings) -> Result<Self, MediaError> {
-        let Size { width, height } = settings.size;
+        let PictureSize { width, height } = settings.size;
         if width.max(height) > 3840 || width.min(height) > 2160 || width.min(height) < 16 {
             let limits = "16 to 3840x2160 or 2160x3840";
             return Err(MediaError::EncoderSize { path: path.to_path_buf(), limits, width, height });

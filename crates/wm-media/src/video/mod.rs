@@ -20,14 +20,14 @@ pub use frame_rate::FrameRate;
 use wm_scene::files::TempFile;
 
 use super::color::Dither;
-use super::{MediaError, Size, Tags};
+use super::{MediaError, PictureSize, Tags};
 
 /// Time between keyframes, which are where a player can jump to, at most; seconds.
 const KEYFRAME_SECONDS: f64 = 2.0;
 
-/// Who makes H.264 of the frames.
+/// The H.264 encoder of a video.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Encoder {
+pub enum VideoEncoder {
     /// OpenH264, built into this program: Constrained Baseline profile. The same frames give the same
     /// bytes.
     #[default]
@@ -36,19 +36,19 @@ pub enum Encoder {
     Ffmpeg,
 }
 
-/// What a video is, apart from its frames.
+/// The settings of a video.
 #[derive(Clone, Debug)]
 pub struct VideoSettings {
     /// Of every frame; both sides even.
-    pub size: Size,
+    pub size: PictureSize,
     /// Frames per second.
     pub frame_rate: FrameRate,
-    /// Who encodes.
-    pub encoder: Encoder,
+    /// The encoder.
+    pub encoder: VideoEncoder,
     /// Bits per second to aim at; `None` for the same good quality whatever it takes, which is what
     /// suits fog: see the encoders.
     pub bitrate: Option<u32>,
-    /// How planes are quantised.
+    /// The quantisation of the planes.
     pub dither: Dither,
     /// Written as the file's comment.
     pub tags: Vec<(String, String)>,
@@ -57,11 +57,11 @@ pub struct VideoSettings {
 impl VideoSettings {
     /// Settings with the built-in encoder, constant quality, dither and no tags.
     #[must_use]
-    pub fn new(size: Size, frame_rate: FrameRate) -> Self {
+    pub fn new(size: PictureSize, frame_rate: FrameRate) -> Self {
         Self {
             size,
             frame_rate,
-            encoder: Encoder::default(),
+            encoder: VideoEncoder::default(),
             bitrate: None,
             dither: Dither::default(),
             tags: Vec::new(),
@@ -85,13 +85,13 @@ pub trait VideoSink: Send {
     fn finish(self: Box<Self>) -> Result<VideoReport, MediaError>;
 }
 
-/// What was written.
+/// A finished video file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VideoReport {
     /// The file.
     pub path: PathBuf,
-    /// Who encoded.
-    pub encoder: Encoder,
+    /// The encoder that was used.
+    pub encoder: VideoEncoder,
     /// Frames.
     pub frames: u64,
     /// Frames over frames per second.
@@ -105,16 +105,16 @@ pub struct VideoReport {
 /// # Errors
 /// A side is odd or too large for the encoder; the encoder is not there; the file cannot be made.
 pub fn create_video(path: &Path, settings: VideoSettings) -> Result<Box<dyn VideoSink>, MediaError> {
-    let Size { width, height } = settings.size;
+    let PictureSize { width, height } = settings.size;
     if !width.is_multiple_of(2) || !height.is_multiple_of(2) {
         return Err(MediaError::OddSize { path: path.to_path_buf(), width, height });
     }
     match settings.encoder {
         #[cfg(feature = "h264")]
-        Encoder::Builtin => Ok(Box::new(h264::H264Sink::create(path, settings)?)),
+        VideoEncoder::Builtin => Ok(Box::new(h264::H264Sink::create(path, settings)?)),
         #[cfg(not(feature = "h264"))]
-        Encoder::Builtin => Err(MediaError::NoBuiltinEncoder { path: path.to_path_buf() }),
-        Encoder::Ffmpeg => Ok(Box::new(ffmpeg::FfmpegSink::create(path, settings)?)),
+        VideoEncoder::Builtin => Err(MediaError::NoBuiltinEncoder { path: path.to_path_buf() }),
+        VideoEncoder::Ffmpeg => Ok(Box::new(ffmpeg::FfmpegSink::create(path, settings)?)),
     }
 }
 
@@ -129,7 +129,7 @@ fn comment(tags: &Tags) -> String {
     lines.join("\n")
 }
 
-/// What an encoder said, as one line of bearable length.
+/// The message of an encoder, shortened to one line.
 fn one_line(text: &str) -> String {
     const MOST: usize = 400;
     let lines: Vec<_> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();

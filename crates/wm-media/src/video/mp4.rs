@@ -25,12 +25,12 @@ use shiguredo_mp4::{
 use wm_scene::files::TempFile;
 
 use super::{FrameRate, temporary};
-use crate::{MediaError, Size, Tags};
+use crate::{MediaError, PictureSize, Tags};
 
 /// Collects samples and becomes the file.
 #[derive(Debug)]
 pub struct Mp4Writer {
-    size: Size,
+    size: PictureSize,
     rate: FrameRate,
     /// Samples one after the other, beside the final file.
     samples: BufWriter<Handle>,
@@ -70,7 +70,7 @@ impl Mp4Writer {
     ///
     /// # Errors
     /// No temporary file can be made beside `target`.
-    pub fn create(target: &Path, size: Size, rate: FrameRate) -> Result<Self, MediaError> {
+    pub fn create(target: &Path, size: PictureSize, rate: FrameRate) -> Result<Self, MediaError> {
         let samples = BufWriter::with_capacity(1 << 18, Handle(temporary(target)?));
         Ok(Self { size, rate, samples, sizes: Vec::new(), keyframes: Vec::new(), length: 0 })
     }
@@ -262,7 +262,7 @@ impl Mp4Writer {
     }
 }
 
-/// How to decode the samples: `avcC` from the parameter sets, then colour and square pixels.
+/// The description of the samples for decoders: `avcC` from the parameter sets, then colour and square pixels.
 fn sample_entry(sets: &ParameterSets) -> shiguredo_mp4::Result<Avc1Box> {
     let config = H264SampleEntryConfig { length_size: LengthSize::FourBytes };
     let mut entry =

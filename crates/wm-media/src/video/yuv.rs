@@ -20,7 +20,7 @@
 //! that is one step brighter is one coefficient, the first, of four steps: it costs least and is lost
 //! last.
 
-use crate::Size;
+use crate::PictureSize;
 use crate::color::{Dither, byte, unit};
 
 const KR: f32 = 0.2126;
@@ -32,7 +32,7 @@ const CR_SCALE: f32 = 224.0 / 1.5748;
 /// One frame's planes and the means to fill them, allocated once.
 #[derive(Debug)]
 pub struct Yuv420 {
-    size: Size,
+    size: PictureSize,
     dither: Dither,
     /// Y `[H, W]`, then Cb and Cr, each `[H/2, W/2]`.
     bytes: Vec<u8>,
@@ -49,7 +49,7 @@ const BLOCK: usize = 4;
 impl Yuv420 {
     /// For frames of `size`, which has even sides.
     #[must_use]
-    pub fn new(size: Size, dither: Dither) -> Self {
+    pub fn new(size: PictureSize, dither: Dither) -> Self {
         assert!(size.width.is_multiple_of(2) && size.height.is_multiple_of(2), "an odd side: {size:?}");
         let width = size.width as usize;
         let (cb, cr) = (vec![0.0; width + 1], vec![0.0; width + 1]);
@@ -143,7 +143,7 @@ pub(super) fn rgb_of(y: f64, cb: f64, cr: f64) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    fn convert(rgb: &[f32], size: Size, dither: Dither) -> Yuv420 {
+    fn convert(rgb: &[f32], size: PictureSize, dither: Dither) -> Yuv420 {
         let mut yuv = Yuv420::new(size, dither);
         yuv.convert(rgb);
         yuv
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn primaries_have_the_codes_of_the_standard() {
         // BT.709 colour bars, 8 bit limited range.
-        let size = Size::new(4, 2);
+        let size = PictureSize::new(4, 2);
         for (rgb, codes) in [
             ([0.0, 0.0, 0.0], [16, 128, 128]),
             ([1.0, 1.0, 1.0], [235, 128, 128]),
@@ -176,7 +176,7 @@ mod tests {
     #[test]
     fn dithered_planes_have_the_exact_means() {
         // One period of the pattern in chroma.
-        let size = Size::new(512, 512);
+        let size = PictureSize::new(512, 512);
         for rgb in [[0.31f32, 0.42, 0.57], [0.9, 0.2, 0.05], [0.501, 0.503, 0.502]] {
             let yuv = convert(&rgb.repeat(size.pixels()), size, Dither::Ordered);
             let mean = |plane: &[u8]| plane.iter().map(|&v| f64::from(v)).sum::<f64>() / plane.len() as f64;
@@ -191,7 +191,7 @@ mod tests {
     fn chroma_is_sited_on_the_left() {
         // A ramp of blue along x and y: the filter is symmetric around its site, so that the value is
         // that of the site exactly, up to rounding.
-        let size = Size::new(64, 16);
+        let size = PictureSize::new(64, 16);
         let blue = |x: f32, y: f32| (x + y) / 100.0;
         let rgb: Vec<f32> =
             (0..size.pixels()).flat_map(|i| [0.0, 0.0, blue((i % 64) as f32, (i / 64) as f32)]).collect();

@@ -19,7 +19,7 @@ const CONFIG: ForwardConfig = ForwardConfig {
     background: [0.2, 0.4, 0.6],
     rasterization: Rasterization::Antialiased,
     opacity: Opacity::Stored,
-    drawn: Drawn::All,
+    drawn: DrawnSplats::All,
     sh_degree: 2,
 };
 
@@ -112,7 +112,7 @@ fn without_sky(backend: Backend) {
     let mut splats = random_splats(3000, 2, 95);
     splats.groups.iter_mut().step_by(3).for_each(|group| *group = wm_scene::Group::Sky);
     let kept: Vec<usize> = (0..3000).filter(|i| i % 3 != 0).collect();
-    let without = ForwardConfig { drawn: Drawn::WithoutSky, ..CONFIG };
+    let without = ForwardConfig { drawn: DrawnSplats::WithoutSky, ..CONFIG };
     let mut renderer = backend.differentiable();
     let (frame, found) = step(&mut *renderer, &splats, &without, Learn::ALL);
     let (want, rest) = step(&mut *renderer, &splats.select(&kept), &CONFIG, Learn::ALL);

@@ -1,7 +1,7 @@
 //! Small structures for the GPU, laid out as WGSL does; a test holds them against the WGSL.
 
 use super::source::{TILE_SIDE, WORKGROUP};
-use crate::differentiable::{DepthAlpha, Drawn, ForwardConfig, Learn, Opacity};
+use crate::differentiable::{DepthAlpha, DrawnSplats, ForwardConfig, Learn, Opacity};
 use crate::hooks::SkySplats;
 use crate::plan::DrawPass;
 use crate::stages::compare::{Comparison, Term};
@@ -117,8 +117,8 @@ impl<'a> ViewParameters<'a> {
     #[must_use]
     pub fn of_training(camera: &'a Camera, config: &ForwardConfig) -> Self {
         let sky = match config.drawn {
-            Drawn::All => SkySplats::Kept,
-            Drawn::WithoutSky => SkySplats::LeftOut,
+            DrawnSplats::All => SkySplats::Kept,
+            DrawnSplats::WithoutSky => SkySplats::LeftOut,
         };
         Self { camera, rasterization: config.rasterization, sky }
     }

@@ -29,7 +29,7 @@ use crate::priors::Prior;
 use wm_render::simd::SimdPath;
 use wm_render::stages::compare::{Comparison, Term};
 use wm_render::stages::optimize::SplatTerms;
-use wm_render::{Channels, DepthAlpha, Drawn, Frame, Learn, Opacity, Upstream};
+use wm_render::{Channels, DepthAlpha, DrawnSplats, Frame, Learn, Opacity, Upstream};
 use wm_scene::Camera;
 
 /// The terms of a configuration.
@@ -132,7 +132,7 @@ pub struct OwnRender {
     /// The opacities that are used.
     pub opacity: Opacity,
     /// The splats that are drawn.
-    pub drawn: Drawn,
+    pub drawn: DrawnSplats,
     /// The parameters that learn from it.
     pub learn: Learn,
     /// The choice of whether coverage learns from depth.

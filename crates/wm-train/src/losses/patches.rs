@@ -14,7 +14,7 @@ use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use crate::random::{Purpose, Random};
 use wm_render::stages::compare::{self, COVERED, Comparison, FEWEST, FLOOR, Term};
-use wm_render::{Channels, DepthAlpha, Drawn, Learn, Opacity};
+use wm_render::{Channels, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 /// Opacity of all splats in the hard pass.
 const HARD: f32 = 0.95;
@@ -97,7 +97,7 @@ impl LossTerm for PatchDepthTerm {
             PatchPass::Hard => (Opacity::Fixed(HARD), Learn::MEANS),
             PatchPass::Soft => (Opacity::Stored, Learn::OPACITIES),
         };
-        let (channels, drawn, depth_alpha) = (Channels::Depth, Drawn::All, DepthAlpha::Detached);
+        let (channels, drawn, depth_alpha) = (Channels::Depth, DrawnSplats::All, DepthAlpha::Detached);
         Some(OwnRender { channels, opacity, drawn, learn, depth_alpha })
     }
 

@@ -10,7 +10,7 @@ use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use crate::priors::{Prior, SkyClass};
 use wm_render::stages::compare::{Comparison, Term};
-use wm_render::{Channels, DepthAlpha, Drawn, Learn, Opacity};
+use wm_render::{Channels, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 /// The term `surface`.
 #[derive(Clone, Debug)]
@@ -43,7 +43,7 @@ impl LossTerm for SurfaceTerm {
         Some(OwnRender {
             channels: Channels::Depth,
             opacity: Opacity::Stored,
-            drawn: Drawn::WithoutSky,
+            drawn: DrawnSplats::WithoutSky,
             learn: Learn { sh: false, ..Learn::ALL },
             depth_alpha: DepthAlpha::Detached,
         })

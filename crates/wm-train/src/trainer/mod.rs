@@ -20,7 +20,9 @@ use crate::random::{Purpose, Random};
 use crate::schedule;
 use step::Work;
 use wm_render::simd::SimdPath;
-use wm_render::{Channels, Differentiable, Drawn, ForwardConfig, Frame, Opacity, RenderError, StepClock};
+use wm_render::{
+    Channels, Differentiable, DrawnSplats, ForwardConfig, Frame, Opacity, RenderError, StepClock,
+};
 use wm_scene::{Camera, Splats};
 
 /// Steps after which what a device has learnt is read back, to go on with should it be lost.
@@ -225,7 +227,7 @@ impl Trainer {
             background: [0.0; 3],
             rasterization: self.config.rasterization,
             opacity: Opacity::Stored,
-            drawn: Drawn::All,
+            drawn: DrawnSplats::All,
             sh_degree: self.config.sh_degree,
         };
         if let Err(error) = self.learner.forward(&self.state.population, camera, &config, frame) {

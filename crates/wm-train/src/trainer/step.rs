@@ -9,7 +9,7 @@ use crate::schedule;
 use std::time::Instant;
 use wm_render::stages::compare::{Compared, Comparison, NO_EXPOSURE};
 use wm_render::stages::optimize::{SplatTerms, Step};
-use wm_render::{Channels, DepthAlpha, Drawn, ForwardConfig, Frame, Opacity, RenderError};
+use wm_render::{Channels, DepthAlpha, DrawnSplats, ForwardConfig, Frame, Opacity, RenderError};
 
 /// Memory of one step.
 #[derive(Default)]
@@ -65,7 +65,7 @@ impl Trainer {
             background,
             rasterization: self.config.rasterization,
             opacity: Opacity::Stored,
-            drawn: Drawn::All,
+            drawn: DrawnSplats::All,
             sh_degree: schedule::sh_degree(&self.config, step),
         };
         let seen = self.see(truth, photo, None, &forward, &mut report)?;

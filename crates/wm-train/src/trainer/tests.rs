@@ -128,7 +128,7 @@ fn pulled(weight: f64, own: Option<OwnRender>) -> (Splats, Splats, u32, StepRepo
 const OWN: OwnRender = OwnRender {
     channels: Channels::Color,
     opacity: Opacity::Fixed(0.5),
-    drawn: Drawn::All,
+    drawn: DrawnSplats::All,
     learn: Learn::MEANS,
     depth_alpha: DepthAlpha::Learns,
 };

@@ -126,7 +126,7 @@ struct Rung {
 }
 
 /// The cover that is left on a ring.
-struct Layer {
+struct SettledLayer {
     settled: Settled,
     /// Wetness of the ground, 0-1.
     wet: Vec<f32>,
@@ -280,7 +280,7 @@ impl Cover {
     /// Lays out several covers, each on those before it.
     #[must_use]
     pub fn lay_all(&mut self, asked: &[CoverRequest]) -> LyingCover {
-        let layers: Vec<Vec<Layer>> = asked.iter().map(|asked| self.left(asked)).collect();
+        let layers: Vec<Vec<SettledLayer>> = asked.iter().map(|asked| self.left(asked)).collect();
         // What is above a splat, from the lowest layer up, and how much of the ground all of it leaves seen.
         let (mut tops, mut seen) = (Vec::new(), Vec::new());
         let mut splats = Splats::with_capacity(0, 0);
@@ -288,10 +288,10 @@ impl Cover {
             let (mut top, mut base) = (ground.height.clone(), ground.height.clone());
             let mut bare = vec![1.0; ground.len()];
             for (place, asked) in asked.iter().enumerate() {
-                let Layer { settled: Settled { depth, .. }, wet, .. } = &layers[place][ring];
+                let SettledLayer { settled: Settled { depth, .. }, wet, .. } = &layers[place][ring];
                 let above = layers.get(place + 1).map_or(&[][..], |above| &above[ring].settled.depth);
                 top = surfels::surface(ground, &base, depth, self.threads);
-                let layer = surfels::Layer { depth, top: &top, wet, above };
+                let layer = surfels::CoverLayer { depth, top: &top, wet, above };
                 surfels::add(
                     ground,
                     &layer,
@@ -329,7 +329,7 @@ impl Cover {
     }
 
     /// Returns the cover that is left on each ring after sliding and melting.
-    fn left(&mut self, asked: &CoverRequest) -> Vec<Layer> {
+    fn left(&mut self, asked: &CoverRequest) -> Vec<SettledLayer> {
         let CoverRequest { depth: fell, thaw, .. } = *asked;
         // How it slides at the least depth says where even less lies.
         let slides = thaw.map_or(fell, |thaw| thaw.deepest()).max(LOWEST);
@@ -344,7 +344,7 @@ impl Cover {
             let melted = left.iter().enumerate().map(|(node, left)| f64::from(fell(node) - left.depth)).sum();
             let (depth, wet) = left.into_iter().map(|left| (left.depth, left.wet)).unzip();
             let settled = Settled { depth, lost: slid.lost * asked.depth / slides };
-            Layer { settled, wet, melted }
+            SettledLayer { settled, wet, melted }
         };
         self.rings.iter().zip(settled).map(layer).collect()
     }

@@ -226,11 +226,11 @@ impl Snowpack<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::snow_cover::Params;
+    use crate::effects::snow_cover::SnowCoverParams;
     use proptest::prelude::*;
 
     fn track(param: &str, text: &str) -> Track {
-        Track::parse(Params::PARAMS.iter().find(|p| p.name == param).unwrap(), text).unwrap()
+        Track::parse(SnowCoverParams::PARAMS.iter().find(|p| p.name == param).unwrap(), text).unwrap()
     }
 
     fn snow(text: &str) -> Track {

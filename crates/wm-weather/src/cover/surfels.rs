@@ -61,7 +61,7 @@ pub fn coverage(depth: f32) -> f32 {
 
 /// A cover on a ground, one value per node.
 #[derive(Clone, Copy, Debug)]
-pub struct Layer<'a> {
+pub struct CoverLayer<'a> {
     /// Depth, m.
     pub depth: &'a [f32],
     /// Height of its top, m.
@@ -103,7 +103,7 @@ pub fn surface(ground: &GroundGrid, base: &[f32], depth: &[f32], threads: usize)
 /// Adds the splats of what lies on a ground.
 pub fn add(
     ground: &GroundGrid,
-    layer: &Layer<'_>,
+    layer: &CoverLayer<'_>,
     metres_per_unit: f64,
     material: &CoverMaterial,
     threads: usize,
@@ -131,7 +131,7 @@ pub fn add(
 /// The inputs for the splats of a node.
 struct Painter<'a> {
     ground: &'a GroundGrid,
-    layer: &'a Layer<'a>,
+    layer: &'a CoverLayer<'a>,
     material: &'a CoverMaterial,
     metres_per_unit: f64,
     /// Of the grid.
@@ -143,7 +143,7 @@ struct Painter<'a> {
 impl Painter<'_> {
     /// Adds the splats of a node.
     fn paint(&self, node: usize, splats: &mut Splats) {
-        let Self { ground, layer: Layer { depth, top, above, .. }, material, axes, cell, .. } = *self;
+        let Self { ground, layer: CoverLayer { depth, top, above, .. }, material, axes, cell, .. } = *self;
         let is_hidden = above.get(node).is_some_and(|depth| coverage(*depth) > HIDES);
         if is_hidden || ground.is_elsewhere(node) {
             return;
@@ -215,7 +215,7 @@ impl Painter<'_> {
     /// Adds what wets a node, between what lies there. It is laid by the ground alone, so that it stays as it is when the
     /// last of that goes.
     fn wet(&self, node: usize, splats: &mut Splats) {
-        let Self { ground, layer: Layer { depth, top, wet, .. }, axes, cell, .. } = *self;
+        let Self { ground, layer: CoverLayer { depth, top, wet, .. }, axes, cell, .. } = *self;
         let soaked = SOAKED * f64::from(wet[node] * (1.0 - coverage(depth[node])));
         if soaked <= LEAST_SOAKED {
             return;

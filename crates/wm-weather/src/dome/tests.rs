@@ -1,5 +1,5 @@
 use super::*;
-use crate::optics::{Atmosphere, Daylight, Layer, Site, sigma_of_mor};
+use crate::optics::{AirLayer, Atmosphere, Daylight, Site, sigma_of_mor};
 use crate::weather::Weather;
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -116,7 +116,7 @@ fn there_is_no_edge_at_the_horizon() {
 /// Endless fog is the airlight wherever one looks, with any sky behind it.
 #[test]
 fn fog_hides_every_sky() {
-    let layer = Layer {
+    let layer = AirLayer {
         sigma_t: [sigma_of_mor(60.0); 3],
         airlight: [0.7, 0.72, 0.75],
         scale_height: 500.0,

@@ -13,7 +13,7 @@ macro_rules! air {
     ) => {
         $crate::params! {
             /// The parameters of the effect.
-            pub struct Params {
+            pub struct AirParams {
                 /// Meteorological optical range at the base height: the distance at which 5 % of the
                 /// light is left (WMO). Green light, where the colours differ.
                 mor: f64 = ParamValue::Number($mor), 1.0 => f64::INFINITY, "m";
@@ -52,12 +52,12 @@ macro_rules! air {
             needs: &[],
             precipitation: None,
             slot: Slot::Medium,
-            params: Params::PARAMS,
-            act: |now, site| Action::Layer(Params::of(now.values).layer(site)),
-            act_as_paper: Some(|now, site| Action::PaperFog(Params::of(now.values).paper_fog(site))),
+            params: AirParams::PARAMS,
+            act: |now, site| Action::Layer(AirParams::of(now.values).layer(site)),
+            act_as_paper: Some(|now, site| Action::PaperFog(AirParams::of(now.values).paper_fog(site))),
         };
 
-        impl Params {
+        impl AirParams {
             /// Extinction of green light at the base, 1/m.
             #[must_use]
             pub fn sigma(&self) -> f64 {
@@ -74,8 +74,8 @@ macro_rules! air {
                 std::array::from_fn(|k| site.airlight[k] * self.albedo * tint[k])
             }
 
-            fn layer(&self, site: &Site) -> Layer {
-                Layer {
+            fn layer(&self, site: &Site) -> AirLayer {
+                AirLayer {
                     sigma_t: spectrum(self.angstrom).map(|relative| self.sigma() * relative),
                     airlight: self.airlight(site),
                     scale_height: self.scale_height,
@@ -98,7 +98,9 @@ macro_rules! air {
 /// The names that [`air!`] needs in scope.
 pub(super) mod prelude {
     pub(in crate::effects) use crate::effects::{Action, Effect, EffectRole};
-    pub(in crate::effects) use crate::optics::{Layer, Site, sigma_of_mor, sigma_of_visual_range, spectrum};
+    pub(in crate::effects) use crate::optics::{
+        AirLayer, Site, sigma_of_mor, sigma_of_visual_range, spectrum,
+    };
     pub(in crate::effects) use crate::paper::PaperFog;
     pub(in crate::effects) use crate::param::ParamValue;
     pub(in crate::effects) use wm_render::frame::{srgb_decode, srgb_encode};

@@ -22,7 +22,7 @@ macro_rules! drops {
     ) => {
         $crate::params! {
             /// The parameters of the effect.
-            pub struct Params {
+            pub struct DropsParams {
                 $(#[doc = $meaning])+
                 rate: f64 = ParamValue::Number($rate), 0.0 => $most, "mm/h";
                 /// Exposure time: streaks are as long as the distance travelled in it.
@@ -96,9 +96,9 @@ macro_rules! drops {
             needs: &[Need::Shelter],
             precipitation: Some(&$kind),
             slot: Slot::Particles,
-            params: Params::PARAMS,
+            params: DropsParams::PARAMS,
             act: |now, site| {
-                let own = Params::of(now.values);
+                let own = DropsParams::of(now.values);
                 let airlight = own.airlight.map_or(site.airlight, |color| color.map(srgb_decode));
                 let look = ParticleAppearance {
                     seed: own.seed as u64,
@@ -111,12 +111,12 @@ macro_rules! drops {
                 Action::Precipitation(Box::new(Precipitation::new(&$kind, own.rate, airlight, look)))
             },
             act_as_paper: Some(|now, site| {
-                let own = Params::of(now.values);
+                let own = DropsParams::of(now.values);
                 Action::PaperFall(Box::new(own.paper_fall(site, now.tracks, now.time)))
             }),
         };
 
-        impl Params {
+        impl DropsParams {
             fn paper_fall(&self, site: &Site, tracks: &[Track], time: f64) -> PaperFall {
                 let airlight = self.airlight.unwrap_or_else(|| site.airlight.map(srgb_encode));
                 let d_max = self.paper_d_max.unwrap_or(site.far) / site.metres_per_unit;
@@ -157,7 +157,8 @@ macro_rules! drops {
 
 /// The names that [`drops!`] needs in scope.
 pub(super) mod prelude {
-    pub(in crate::effects) use crate::effects::look::{ColorGrade, balance};
+    pub(in crate::effects) use crate::effects::ColorGrade;
+    pub(in crate::effects) use crate::effects::look::balance;
     pub(in crate::effects) use crate::effects::{Action, Effect, EffectRole, Need};
     pub(in crate::effects) use crate::optics::Site;
     pub(in crate::effects) use crate::paper::{PaperFall, PaperFog};

@@ -17,7 +17,7 @@ const CARRIES: f64 = 7.0;
 
 crate::params! {
     /// The parameters of the effect.
-    pub struct Params {
+    pub struct DustCoverParams {
         /// Depth on open level ground. Below some 1 cm the ground shows through. Over time by keyframes. Snow lies on it.
         depth: f64 = ParamValue::Number(0.02), 0.0 => 10.0, "m";
         /// Steepest that it lies. Dry sand 34, ash 40.
@@ -36,9 +36,9 @@ pub const EFFECT: Effect = Effect {
     needs: &[Need::Cover],
     precipitation: None,
     slot: Slot::Surface,
-    params: Params::PARAMS,
+    params: DustCoverParams::PARAMS,
     act: |now, site| {
-        let Params { depth, repose, color } = Params::of(now.values);
+        let DustCoverParams { depth, repose, color } = DustCoverParams::of(now.values);
         let color = color.unwrap_or(SAND);
         let color: [f64; 3] = std::array::from_fn(|k| srgb_decode(color[k]) * site.airlight[k]);
         let shade = color.map(|v| 0.4 * v);

@@ -53,7 +53,7 @@ pub const HAIL: PrecipitationKind = PrecipitationKind {
 
 crate::params! {
     /// The parameters of hail.
-    pub struct Params {
+    pub struct HailParams {
         /// Water equivalent of the ice that falls through a level plane. A shower of small hail 10, a hailstorm 50.
         rate: f64 = ParamValue::Number(20.0), 0.0 => 200.0, "mm/h";
         /// Exposure time: streaks are as long as the distance travelled in it.
@@ -81,13 +81,13 @@ pub const EFFECT: Effect = Effect {
     needs: &[Need::Shelter],
     precipitation: Some(&HAIL),
     slot: Slot::Particles,
-    params: Params::PARAMS,
+    params: HailParams::PARAMS,
     act,
     act_as_paper: None,
 };
 
 fn act(now: &EffectContext<'_>, site: &Site) -> Action {
-    let own = Params::of(now.values);
+    let own = HailParams::of(now.values);
     let appearance = ParticleAppearance {
         seed: own.seed as u64,
         exposure: own.exposure,

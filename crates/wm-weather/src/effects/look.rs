@@ -25,7 +25,7 @@ use wm_scene::color::luminance;
 
 crate::params! {
     /// The parameters of the effect.
-    pub struct Params {
+    pub struct LookParams {
         /// Change of exposure: the light times 2 to this power.
         exposure: f64 = ParamValue::Number(0.0), -10.0 => 10.0, "EV";
         /// Factor on the distance of colours from grey of the same luminance; 0 is without colour.
@@ -47,12 +47,12 @@ pub const EFFECT: Effect = Effect {
     needs: &[],
     precipitation: None,
     slot: Slot::Lens,
-    params: Params::PARAMS,
-    act: |now, _| Action::Grade(Params::of(now.values).grade()),
+    params: LookParams::PARAMS,
+    act: |now, _| Action::Grade(LookParams::of(now.values).grade()),
     act_as_paper: None,
 };
 
-impl Params {
+impl LookParams {
     fn grade(&self) -> ColorGrade {
         ColorGrade {
             gains: balance(self.temperature).map(|gain| gain * self.exposure.exp2()),

@@ -6,14 +6,14 @@
 
 use crate::cover::CoverRequest;
 use crate::dome::Dome;
-use crate::effects::look::ColorGrade;
-use crate::optics::{Layer, Site};
+use crate::optics::{AirLayer, Site};
 use crate::paper::{PaperCover, PaperFall, PaperFog};
 use crate::param::{Param, ParamKind, ParamValue};
 use crate::particles::{Precipitation, PrecipitationKind};
 use crate::track::Track;
 use crate::weather::WeatherSample;
 use crate::wind::Wind;
+pub use look::ColorGrade;
 use wm_render::hooks::Slot;
 
 mod air;
@@ -100,7 +100,7 @@ pub struct EffectContext<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
     /// A layer of air.
-    Layer(Layer),
+    Layer(AirLayer),
     /// Fog over finished pixels, as in the paper.
     PaperFog(PaperFog),
     /// The sky behind the scene.
@@ -121,7 +121,7 @@ pub enum Action {
 
 macro_rules! effects {
     ($($name:ident),+ $(,)?) => {
-        $(pub mod $name;)+
+        $(pub(crate) mod $name;)+
 
         /// Every effect, in the order in which they act.
         pub const EFFECTS: &[Effect] = &[$($name::EFFECT),+];

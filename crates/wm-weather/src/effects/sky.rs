@@ -54,7 +54,7 @@ crate::words! {
 
 crate::params! {
     /// The parameters of the effect.
-    pub struct Params {
+    pub struct SkyParams {
         /// Appearance of the sky: `clear` or `overcast` (CIE), `gradient` (the default of a scene without a sky);
         /// `auto` takes the panorama if one is given, else the colour, else `clear`.
         model: Model = ParamValue::Word("auto"), 0.0 => 0.0, "";
@@ -93,8 +93,8 @@ pub const EFFECT: Effect = Effect {
     needs: &[],
     precipitation: None,
     slot: Slot::Background,
-    params: Params::PARAMS,
-    act: |now, site| Action::Sky(Params::of(now.values).dome(site)),
+    params: SkyParams::PARAMS,
+    act: |now, site| Action::Sky(SkyParams::of(now.values).dome(site)),
     act_as_paper: None,
 };
 
@@ -104,7 +104,7 @@ const OVERCAST: [f64; 3] = [1.32, 1.35, 1.40];
 /// The overcast horizon against its zenith (CIE).
 const OVERCAST_HORIZON: f64 = 1.0 / 3.0;
 
-impl Params {
+impl SkyParams {
     fn dome(&self, site: &Site) -> Dome {
         let scenes_sky = match self.scene_sky {
             SceneSky::Keep => SkySplats::Kept,

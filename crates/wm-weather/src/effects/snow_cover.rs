@@ -15,7 +15,7 @@ const WET: f64 = -1.0;
 
 crate::params! {
     /// The parameters of the effect.
-    pub struct Params {
+    pub struct SnowCoverParams {
         /// Depth on open level ground, less what melts. Below some 2 cm the ground shows between flakes. Over time by
         /// keyframes: what it grows by is new snow; `auto` for what `snowfall.rate` has left: so many `hours` of it before the
         /// start, and what has fallen since.
@@ -71,9 +71,9 @@ pub const EFFECT: Effect = Effect {
     needs: &[Need::Cover],
     precipitation: None,
     slot: Slot::Surface,
-    params: Params::PARAMS,
+    params: SnowCoverParams::PARAMS,
     act: |now, site| {
-        let Params { depth, hours, density, lapse, repose, albedo, temperature, .. } = Params::of(now.values);
+        let SnowCoverParams { depth, hours, density, lapse, repose, albedo, temperature, .. } = SnowCoverParams::of(now.values);
         let own = |param| now.weather.track("snow_cover", param).expect("its own");
         let snowpack = Snowpack {
             depth: depth.map(|_| own("depth")),
@@ -99,7 +99,7 @@ pub const EFFECT: Effect = Effect {
         })
     },
     act_as_paper: Some(|now, _| {
-        let params = Params::of(now.values);
+        let params = SnowCoverParams::of(now.values);
         let defaults = PaperCover::default();
         Action::PaperCover(Box::new(PaperCover {
             seed_cosine: params.paper_seed_cosine,

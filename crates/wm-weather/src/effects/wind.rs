@@ -10,7 +10,7 @@ use wm_render::hooks::Slot;
 
 crate::params! {
     /// The parameters of the effect.
-    pub struct Params {
+    pub struct WindParams {
         /// Mean speed. Over time by keyframes: what falls drifts by its integral.
         speed: f64 = ParamValue::Number(5.0), 0.0 => 60.0, "m/s";
         /// Direction it blows towards, clockwise seen from above; 0 is the scene's x axis, projected to the horizontal (its y axis where x
@@ -32,9 +32,9 @@ pub const EFFECT: Effect = Effect {
     needs: &[],
     precipitation: None,
     slot: Slot::Particles,
-    params: Params::PARAMS,
+    params: WindParams::PARAMS,
     act: |now, _| {
-        let Params { gusts, seed, .. } = Params::of(now.values);
+        let WindParams { gusts, seed, .. } = WindParams::of(now.values);
         Action::Wind(Wind::new(now.tracks[0].clone(), now.tracks[1].clone(), gusts, seed as u64))
     },
     act_as_paper: None,

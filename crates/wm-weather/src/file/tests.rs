@@ -2,10 +2,10 @@ use super::*;
 use crate::effects::fog;
 use proptest::prelude::*;
 
-fn fog_at(weather: &Weather, time: f64) -> fog::Params {
+fn fog_at(weather: &Weather, time: f64) -> fog::AirParams {
     let instant = weather.at(time);
     let (_, values) = instant.effects().find(|(effect, _)| effect.name == "fog").unwrap();
-    fog::Params::of(values)
+    fog::AirParams::of(values)
 }
 
 #[test]

@@ -30,8 +30,8 @@ const SITE: Site = Site {
     far: 300.0,
 };
 
-fn layer(sigma: f64, scale_height: f64) -> Layer {
-    Layer {
+fn layer(sigma: f64, scale_height: f64) -> AirLayer {
+    AirLayer {
         sigma_t: [0.9 * sigma, sigma, 1.2 * sigma],
         airlight: [0.5, 0.6, 0.7],
         scale_height,
@@ -40,7 +40,7 @@ fn layer(sigma: f64, scale_height: f64) -> Layer {
 }
 
 fn atmospheres() -> Vec<Atmosphere> {
-    let thick = Layer { airlight: [0.8, 0.7, 0.4], ..layer(0.02, 60.0) };
+    let thick = AirLayer { airlight: [0.8, 0.7, 0.4], ..layer(0.02, 60.0) };
     [
         vec![layer(0.015, f64::INFINITY)],
         vec![layer(0.015, 12.0)],
@@ -149,7 +149,7 @@ fn transmittance_and_airlight_agree_with_f64_and_with_colors() {
 /// The closed form against a fine march through the layer.
 #[test]
 fn height_fog_is_the_integral_of_its_density() {
-    let layer = Layer { base_height: 3.0, ..layer(1.0, 20.0) };
+    let layer = AirLayer { base_height: 3.0, ..layer(1.0, 20.0) };
     for (height, rise, metres) in
         [(1.6, 0.0, 500.0), (1.6, 0.5, 300.0), (80.0, -0.4, 220.0), (5.0, -1e-5, 900.0), (2.0, 1.0, 1e5)]
     {
@@ -188,7 +188,7 @@ proptest! {
     /// More air never lets more of the scene through; the far end is the airlight.
     #[test]
     fn fog_is_monotone_and_ends_in_its_airlight(mor in 20.0..5000.0f64, near in 0.1..500.0f64, more in 0.1..500.0f64) {
-        let layer = Layer { sigma_t: [sigma_of_mor(mor); 3], ..layer(1.0, f64::INFINITY) };
+        let layer = AirLayer { sigma_t: [sigma_of_mor(mor); 3], ..layer(1.0, f64::INFINITY) };
         let air = Atmosphere::new(vec![layer], SITE);
         let seen = |distance: f64| air.reference([0.0; 3], [0.0, 0.0, 1.0], distance, [0.0; 3])[0];
         prop_assert!(seen(near) <= seen(near + more));

@@ -14,7 +14,7 @@
 //! Last comes what the paper names in passing: a light fog over the distance, a small blur, a colour filter.
 
 use super::fall::PaperFall;
-use crate::effects::look::ColorGrade;
+use crate::effects::ColorGrade;
 use wm_render::Frame;
 use wm_render::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use wm_render::simd::SimdPath;

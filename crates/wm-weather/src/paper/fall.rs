@@ -17,7 +17,7 @@
 
 use super::fog::PaperFog;
 use crate::dome::{from_level, level_axes, to_level};
-use crate::effects::look::ColorGrade;
+use crate::effects::ColorGrade;
 use crate::optics::Site;
 use crate::particles::fall::WindSample;
 use crate::particles::random::RandomSequence;

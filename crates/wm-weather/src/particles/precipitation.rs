@@ -2,7 +2,7 @@
 
 use super::residual::Residual;
 use super::spectrum::{PrecipitationKind, SizeClass};
-use crate::optics::Layer;
+use crate::optics::AirLayer;
 
 /// Width at which drops end, px.
 pub(super) const CUT: f64 = 0.3;
@@ -82,8 +82,8 @@ impl Precipitation {
 
     /// The air that all of it together is.
     #[must_use]
-    pub fn layer(&self) -> Layer {
-        Layer {
+    pub fn layer(&self) -> AirLayer {
+        AirLayer {
             sigma_t: [self.sigma_t(); 3],
             airlight: self.airlight,
             scale_height: f64::INFINITY,

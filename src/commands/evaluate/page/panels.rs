@@ -4,7 +4,7 @@ use crate::report::escaped;
 use crate::report::picture::{self, MapCell};
 use anyhow::Result;
 use std::fmt::Write;
-use wm_media::ramps::{self, Ramp};
+use wm_media::ramps::{self, ColorRamp};
 use wm_render::Frame;
 use wm_train::evaluation::{EvaluatedPhoto, TrueMaps};
 use wm_train::metrics::{
@@ -22,7 +22,7 @@ const ANGLE_RANGE: f64 = 60.0;
 const TAIL: f64 = 0.02;
 
 /// The ramps, with the names of their classes.
-pub const RAMPS: [(&str, Ramp); 3] =
+pub const RAMPS: [(&str, ColorRamp); 3] =
     [("depth", ramps::turbo), ("error", ramps::heat), ("signed", ramps::signed)];
 
 /// The colours of kept and lost surfaces and sky, with their meaning.
@@ -82,7 +82,7 @@ impl PhotoPanels {
         add("render", picture::color(image, full, picture::WIDEST)?, Key::None, Width::Half);
         let size = picture::shown_size(full);
         let places = picture::nearest(full);
-        let map = |of: &dyn Fn(usize) -> MapCell, ramp: Ramp| -> Result<String> {
+        let map = |of: &dyn Fn(usize) -> MapCell, ramp: ColorRamp| -> Result<String> {
             let cells: Vec<MapCell> = places.iter().map(|place| of(*place)).collect();
             picture::numbers(&cells, size, ramp)
         };

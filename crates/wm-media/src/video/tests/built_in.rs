@@ -12,7 +12,7 @@ use super::*;
 fn the_file_has_what_players_need() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.mp4");
-    let size = Size::new(150, 98);
+    let size = PictureSize::new(150, 98);
     for (rate, timescale, delta, keyframes) in [
         ("30", 10_020, 334, vec![1, 61, 121]),
         ("23.976", 24_000, 1001, vec![1, 48, 95]),
@@ -105,7 +105,7 @@ fn psnr(a: &[u8], b: &[u8]) -> f64 {
 }
 
 /// Root mean square of the error of 32x32 means of decoded luma in the sky of [`foggy`], in steps.
-fn sky_error(luma: &[u8], exact: &[f32], size: Size) -> f64 {
+fn sky_error(luma: &[u8], exact: &[f32], size: PictureSize) -> f64 {
     let (width, sky) = (size.width as usize, size.height as usize * 2 / 5);
     let mut errors = Vec::new();
     for y in (0..sky - 32).step_by(4) {
@@ -122,7 +122,7 @@ fn sky_error(luma: &[u8], exact: &[f32], size: Size) -> f64 {
 fn fog_comes_back_close_and_without_contours() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.mp4");
-    let size = Size::new(640, 384);
+    let size = PictureSize::new(640, 384);
     let frames: Vec<_> = (0..24).map(|i| foggy(size, i as f32 / 12.0)).collect();
     let mut sky_errors = Vec::new();
     for dither in [Dither::Off, Dither::Ordered] {
@@ -154,7 +154,7 @@ fn fog_comes_back_close_and_without_contours() {
 fn colours_are_bt709_in_limited_range() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.mp4");
-    let size = Size::new(64, 64);
+    let size = PictureSize::new(64, 64);
     let colours = [
         [1.0, 0.0, 0.0],
         [0.0, 1.0, 0.0],
@@ -188,7 +188,7 @@ fn colours_are_bt709_in_limited_range() {
 #[test]
 fn the_same_frames_give_the_same_bytes() {
     let directory = tempfile::tempdir().unwrap();
-    let size = Size::new(160, 96);
+    let size = PictureSize::new(160, 96);
     let frames: Vec<_> = (0..30).map(|i| foggy(size, i as f32 / 10.0)).collect();
     for bitrate in [None, Some(200_000)] {
         let [first, second] = ["a.mp4", "b.mp4"].map(|name| {
@@ -204,7 +204,7 @@ fn the_same_frames_give_the_same_bytes() {
 fn a_bitrate_is_kept_and_no_frame_is_lost() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.mp4");
-    let size = Size::new(320, 192);
+    let size = PictureSize::new(320, 192);
     for rate in ["24", "120"] {
         let hz = rate.parse::<FrameRate>().unwrap().hz() as f32;
         let frames: Vec<_> = (0..96).map(|i| foggy(size, i as f32 / hz * 3.0)).collect();
@@ -229,7 +229,7 @@ fn white_noise_at_all_sizes_is_encoded() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.mp4");
     for (width, height) in [(16, 16), (18, 500), (1000, 22), (642, 362)] {
-        let size = Size::new(width, height);
+        let size = PictureSize::new(width, height);
         let frames: Vec<Vec<f32>> =
             (0..4).map(|t| (0..size.pixels() * 3).map(|i| lattice(i as f32, t as f32)).collect()).collect();
         write(&path, settings(size, "30"), &frames);
@@ -238,7 +238,7 @@ fn white_noise_at_all_sizes_is_encoded() {
         assert_eq!(decoded[3][0].len(), size.pixels());
     }
     for (width, height) in [(14, 64), (3842, 64), (64, 3842), (2162, 2162)] {
-        let error = create_video(&path, settings(Size::new(width, height), "30")).err().unwrap();
+        let error = create_video(&path, settings(PictureSize::new(width, height), "30")).err().unwrap();
         assert!(matches!(error, MediaError::EncoderSize { .. }), "{error}");
         assert!(!error.to_string().contains('\n'));
     }
@@ -248,7 +248,7 @@ fn white_noise_at_all_sizes_is_encoded() {
 fn nothing_is_left_of_a_video_given_up() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.mp4");
-    let size = Size::new(64, 64);
+    let size = PictureSize::new(64, 64);
     let mut sink = create_video(&path, settings(size, "30")).unwrap();
     sink.frame(&foggy(size, 0.0)).unwrap();
     drop(sink);
@@ -281,7 +281,7 @@ fn memory() -> f64 {
 fn measure_speed_and_memory() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.mp4");
-    for (size, count) in [(Size::new(1200, 800), 120), (Size::new(640, 360), 2000)] {
+    for (size, count) in [(PictureSize::new(1200, 800), 120), (PictureSize::new(640, 360), 2000)] {
         let frames: Vec<_> = (0..30).map(|i| foggy(size, i as f32 / 30.0)).collect();
         let mut sink = create_video(&path, settings(size, "30")).unwrap();
         let start = std::time::Instant::now();

@@ -4,7 +4,7 @@ use std::process::{Command, Stdio};
 
 use super::*;
 
-/// Whether the program can be started; says so if not.
+/// Returns true if the program can be started; prints a line if not.
 pub fn found(program: &str) -> bool {
     let run = Command::new(program).arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
     let found = run.is_ok_and(|status| status.success());
@@ -49,9 +49,9 @@ fn encodes_and_tags() {
     }
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.mp4");
-    let size = Size::new(128, 96);
+    let size = PictureSize::new(128, 96);
     let tags = vec![("scene".to_owned(), "a".to_owned())];
-    let settings = VideoSettings { encoder: Encoder::Ffmpeg, tags, ..settings(size, "29.97") };
+    let settings = VideoSettings { encoder: VideoEncoder::Ffmpeg, tags, ..settings(size, "29.97") };
     let frames: Vec<_> = (0..7).map(|i| foggy(size, i as f32 / 30.0)).collect();
     let report = write(&path, settings, &frames);
     assert_eq!((report.frames, report.bytes), (7, fs::metadata(&path).unwrap().len()));
@@ -65,7 +65,7 @@ fn encodes_and_tags() {
 fn says_what_is_wrong_in_one_line_and_cleans_up() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.mp4");
-    let size = Size::new(64, 64);
+    let size = PictureSize::new(64, 64);
     let missing = ffmpeg::FfmpegSink::start("no-such-ffmpeg", &path, settings(size, "30"));
     let missing = missing.err().unwrap().to_string();
     assert!(missing.contains("install") && !missing.contains('\n'), "{missing}");
@@ -82,7 +82,7 @@ fn says_what_is_wrong_in_one_line_and_cleans_up() {
         return;
     }
     // Dropped in the middle, and without a frame.
-    let settings = VideoSettings { encoder: Encoder::Ffmpeg, ..settings(size, "30") };
+    let settings = VideoSettings { encoder: VideoEncoder::Ffmpeg, ..settings(size, "30") };
     let mut sink = create_video(&path, settings.clone()).unwrap();
     sink.frame(&foggy(size, 0.0)).unwrap();
     drop(sink);

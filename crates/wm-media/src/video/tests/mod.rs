@@ -28,7 +28,7 @@ fn noise(x: f32, y: f32) -> f32 {
 
 /// A plain with detail under fog that thins out towards the viewer, below a slowly changing glow: what
 /// an encoder must get right here. `[H, W, 3]`; `time` in seconds.
-fn foggy(size: Size, time: f32) -> Vec<f32> {
+fn foggy(size: PictureSize, time: f32) -> Vec<f32> {
     let scale = 1.0 / size.height as f32;
     let pixel = |i: usize| {
         let (u, v) = ((i as u32 % size.width) as f32 * scale, (i as u32 / size.width) as f32 * scale);
@@ -54,7 +54,7 @@ fn glow(u: f32, v: f32, time: f32) -> [f32; 3] {
     [0.72 + 1.3 * light, 0.74 + light, 0.77 + 0.6 * light]
 }
 
-fn settings(size: Size, rate: &str) -> VideoSettings {
+fn settings(size: PictureSize, rate: &str) -> VideoSettings {
     VideoSettings::new(size, rate.parse().unwrap())
 }
 
@@ -74,8 +74,8 @@ fn is_empty(directory: &Path) -> bool {
 #[test]
 fn odd_sides_are_refused_with_the_next_even_ones() {
     let directory = tempfile::tempdir().unwrap();
-    for encoder in [Encoder::Builtin, Encoder::Ffmpeg] {
-        let settings = VideoSettings { encoder, ..settings(Size::new(101, 64), "30") };
+    for encoder in [VideoEncoder::Builtin, VideoEncoder::Ffmpeg] {
+        let settings = VideoSettings { encoder, ..settings(PictureSize::new(101, 64), "30") };
         let error = create_video(&directory.path().join("a.mp4"), settings).err().unwrap().to_string();
         assert!(error.contains("101x64") && error.contains("102x64") && !error.contains('\n'), "{error}");
     }
@@ -92,6 +92,6 @@ fn long_messages_become_one_line() {
 #[cfg(not(feature = "h264"))]
 #[test]
 fn without_the_feature_it_says_what_to_do() {
-    let error = create_video(Path::new("a.mp4"), settings(Size::new(64, 64), "30")).err().unwrap();
+    let error = create_video(Path::new("a.mp4"), settings(PictureSize::new(64, 64), "30")).err().unwrap();
     assert!(error.to_string().contains("--encoder ffmpeg") && !error.to_string().contains('\n'), "{error}");
 }

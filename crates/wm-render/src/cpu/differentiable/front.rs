@@ -2,7 +2,7 @@
 
 use crate::cpu::front::ClusterScratch;
 use crate::cpu::model::{CLUSTER, Cluster, GROUPS};
-use crate::differentiable::{Drawn, ForwardConfig};
+use crate::differentiable::{DrawnSplats, ForwardConfig};
 use crate::dispatch;
 use crate::hooks::GROUP;
 use crate::simd::{Lanes, SimdPath};
@@ -140,7 +140,7 @@ impl<'a> Front<'a> {
             let (out, shade) = (&mut cluster.projected[used], &mut cluster.shade[used]);
             let group = &mut activated.group;
             dispatch!(self.path, s => project_group(s, group, camera, mode, None, out, shade));
-            if self.config.drawn == Drawn::WithoutSky {
+            if self.config.drawn == DrawnSplats::WithoutSky {
                 let groups = &splats.groups[first..first + here];
                 for (lane, _) in groups.iter().enumerate().filter(|(_, group)| **group == Group::Sky) {
                     out.mask &= !(1 << lane);

@@ -22,11 +22,11 @@ pub struct Ellipse {
     pub x: f32,
     /// Centre, px.
     pub y: f32,
-    /// See above.
+    /// Factor of dx in the first square, 1/px.
     pub ux: f32,
-    /// See above.
+    /// Factor of dx in the second square, 1/px.
     pub vx: f32,
-    /// See above.
+    /// Factor of dy in the second square, 1/px.
     pub vy: f32,
     /// The dy at which the sum is least for dx = 1.
     pub slope_y: f32,

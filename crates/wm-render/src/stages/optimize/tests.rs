@@ -3,7 +3,7 @@
 use super::cpu::{add_terms, hold_sky, step};
 use super::*;
 use crate::differentiable::{
-    Channels, Differentiable, Drawn, ForwardConfig, Learn, Opacity, Resident, Target,
+    Channels, Differentiable, DrawnSplats, ForwardConfig, Learn, Opacity, Resident, Target,
 };
 use crate::frame::Frame;
 use crate::gpu::GpuDifferentiable;
@@ -58,7 +58,7 @@ fn step_of(number: u32) -> Step {
 fn renders(degree: u8) -> [ForwardConfig; 2] {
     let config =
         ForwardConfig { channels: Channels::ColorDepthNormal, sh_degree: degree, ..ForwardConfig::default() };
-    let (opacity, drawn) = (Opacity::Fixed(0.6), Drawn::WithoutSky);
+    let (opacity, drawn) = (Opacity::Fixed(0.6), DrawnSplats::WithoutSky);
     [config, ForwardConfig { channels: Channels::Depth, opacity, drawn, ..config }]
 }
 

@@ -18,7 +18,7 @@ wm_render::cpu_parity! {
 const SITE: Site = Site { airlight: [0.6, 0.7, 0.8], far: 300.0, ..testing::SITE };
 
 fn grade(exposure: f64, saturation: f64, contrast: f64, temperature: f64) -> ColorGrade {
-    Params { exposure, saturation, contrast, temperature }.grade()
+    LookParams { exposure, saturation, contrast, temperature }.grade()
 }
 
 fn grades() -> Vec<ColorGrade> {

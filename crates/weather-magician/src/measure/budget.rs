@@ -10,9 +10,12 @@
 //! Tolerance: 1 % of what fell.
 
 use super::stake::{level_card, shown};
-use super::{DEPTH, Finding, Instrument, Level, Probe, Reading, Rig, Shot, Tolerance, asked, clear};
-use anyhow::Result;
-use weather_magician::Picture;
+use super::{
+    DEPTH, Finding, Instrument, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest, Reading,
+    Tolerance, clear, expected,
+};
+use crate::Picture;
+use crate::Result;
 use wm_scene::Splats;
 use wm_weather::Weather;
 
@@ -45,13 +48,13 @@ struct Fallen {
     melted: f64,
 }
 
-/// What has fallen and melted until an instant, by the parameters: falling at one rate for some hours, and what the shot's own
+/// The snow that has fallen and melted until a time, by the parameters: the hours at one rate, and what the shot's own
 /// seconds have added.
 fn fallen(weather: &Weather, time: f64) -> Option<Fallen> {
-    if !asked::is_on(weather, "snow_cover") {
+    if !expected::is_on(weather, "snow_cover") {
         return None;
     }
-    let at = |effect: &str, param: &str, time: f64| asked::number(weather, time, effect, param);
+    let at = |effect: &str, param: &str, time: f64| expected::number(weather, time, effect, param);
     if let Some(depth) = at("snow_cover", "depth", time) {
         let is_cold = at("snow_cover", "temperature", time).is_some_and(|temperature| temperature <= 0.0);
         return is_cold.then_some(Fallen { fell: depth * SETTLED, melted: 0.0 });
@@ -75,7 +78,7 @@ fn fallen(weather: &Weather, time: f64) -> Option<Fallen> {
 fn half(weather: &Weather, time: f64) -> Result<(Weather, f64)> {
     let mut half = weather.clone();
     for param in ["depth", "hours"] {
-        if let Some(value) = asked::number(weather, time, "snow_cover", param) {
+        if let Some(value) = expected::number(weather, time, "snow_cover", param) {
             half.set_text(&format!("snow_cover.{param}={}", 0.5 * value))?;
         }
     }
@@ -92,7 +95,7 @@ const RIDGE: f64 = 1.2;
 const STEEP: f64 = 50.0;
 
 /// The yard: level, or with a steep ridge across it.
-fn yard(level: &Level, is_level: bool) -> Splats {
+fn yard(level: &LevelFrame, is_level: bool) -> Splats {
     let mut splats = Splats::default();
     let mut card =
         |center: [f64; 3], u: [f64; 3], v: [f64; 3]| level_card(level, center, [u, v], &mut splats);
@@ -107,22 +110,29 @@ fn yard(level: &Level, is_level: bool) -> Splats {
     splats
 }
 
-fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
-    let Some(Fallen { fell, melted }) = fallen(probe.weather, probe.time) else {
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
+    let Some(Fallen { fell, melted }) = fallen(request.weather, request.time) else {
         return Ok(Finding::default());
     };
-    let level = Level::of(&rig.site());
+    let level = LevelFrame::of(&rig.site());
     let subject = rig.set_up(yard(&level, melted > 0.0))?;
     let changes = ["wind=off", "fog=off", "haze=off", "smog=off", "rain=off", "snow_cover.density=300"];
-    let weather = probe.with(&changes)?;
-    let (before, stock) = if melted > 0.0 { (clear(), 0.0) } else { half(&weather, probe.time)? };
+    let weather = request.with(&changes)?;
+    let (before, stock) = if melted > 0.0 { (clear(), 0.0) } else { half(&weather, request.time)? };
     let fov = 2.0 * (WINDOW / HIGH).atan().to_degrees();
     let camera = level.camera((400, 400), fov, [0.0, 0.0, HIGH], [0.0; 3])?;
-    let mut depths = |weather: &Weather| {
+    let mut depths = |weather: &Weather| -> Result<_> {
         let mut picture = Picture::default();
-        let shot = Shot { subject, camera: &camera, weather, time: probe.time, outputs: DEPTH, parts: &[] };
+        let shot = InstrumentShot {
+            subject,
+            camera: &camera,
+            weather,
+            time: request.time,
+            outputs: DEPTH,
+            parts: &[],
+        };
         rig.draw(&shot, &mut picture)?;
-        anyhow::Ok(picture.frame.median_depth)
+        Ok(picture.frame.median_depth)
     };
     let (less, more) = (depths(&before)?, depths(&weather)?);
     let (mut volume, mut area) = (0.0, 0.0);
@@ -137,7 +147,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let came = fell - stock;
     finding.readings.push(Reading {
         quantity: format!("water that came to lie, of {came:.0} mm that fell"),
-        setting: probe.setting.to_owned(),
+        setting: request.setting.to_owned(),
         unit: "mm",
         asked: came - melted,
         measured: volume / area * SETTLED,
@@ -146,6 +156,6 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     });
     let camera = level.camera((480, 320), 45.0, [-8.0, -6.5, 4.5], [0.0, 0.0, 0.4])?;
     let what = if melted > 0.0 { "the level yard" } else { "the yard with its steep ridge" };
-    finding.pictures.push(shown(rig, (subject, &camera), &weather, probe, what)?);
+    finding.pictures.push(shown(rig, (subject, &camera), &weather, request, what)?);
     Ok(finding)
 }

@@ -12,11 +12,11 @@
 //! tenths of the snow agree (cells of the cover are 6 cm and wider, and a pixel far away holds several).
 
 use super::{
-    Finding, Instrument, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked, clear, mean, median,
-    painted,
+    Finding, Instrument, InstrumentRenderer, InstrumentShot, MeasureRequest, MeasuredPicture, Reading,
+    ShotSubject, Tolerance, clear, expected, mean, median, painted,
 };
-use anyhow::Result;
-use weather_magician::Picture;
+use crate::Picture;
+use crate::Result;
 use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs};
 use wm_scene::Camera;
@@ -30,7 +30,7 @@ pub const INSTRUMENT: Instrument = Instrument {
             warping error of what stands still, in percent of white, beside that of clear air. Two views must also agree on the extinction \
             of the air and on where snow lies. Beside them the same for weather that is painted on the clear frames, one by one, \
             without geometry.",
-    applies: |weather, time| !asked::airs(weather, time).is_empty() || weather.has(EffectRole::Lies),
+    applies: |weather, time| !expected::airs(weather, time).is_empty() || weather.has(EffectRole::Lies),
     read,
     sweep: &[
         &["fog.mor=50"],
@@ -46,7 +46,7 @@ pub const INSTRUMENT: Instrument = Instrument {
     ],
 };
 
-/// How far two depths of the same point may be apart, as a share.
+/// Largest relative difference of two depths of the same point.
 const SAME: f64 = 0.02;
 /// Change of linear light that tells snow.
 const WHITENED: f32 = 0.03;
@@ -70,13 +70,13 @@ struct Pair {
 }
 
 impl View {
-    fn new(rig: &mut dyn Rig, camera: Camera, weather: &Weather, time: f64) -> Result<Self> {
+    fn new(rig: &mut dyn InstrumentRenderer, camera: Camera, weather: &Weather, time: f64) -> Result<Self> {
         let outputs =
             Outputs { geometry: Geometry::Depth, median_depth: MedianDepth::On, ..Outputs::default() };
         let mut picture = Picture::default();
         let parts = &[PicturePart::Transmittance];
         rig.draw(
-            &Shot { subject: Subject::Place, camera: &camera, weather, time, outputs, parts },
+            &InstrumentShot { subject: ShotSubject::Place, camera: &camera, weather, time, outputs, parts },
             &mut picture,
         )?;
         let frame = &picture.frame;
@@ -140,7 +140,7 @@ fn differences(pairs: &[Pair], here: &[f32], there: &[f32]) -> Vec<f64> {
     pairs.iter().map(difference).collect()
 }
 
-/// How far two views are apart on the extinction of the air: median over pairs.
+/// The median over pairs of the relative difference of two views' extinction.
 fn disagreement(pairs: &[Pair], views: [&View; 2], shares: [&[f32]; 2]) -> f64 {
     let apart = pairs.iter().filter_map(|pair| {
         let there = pair.there.iter().max_by(|a, b| a.1.total_cmp(&b.1))?.0;
@@ -165,17 +165,17 @@ fn overlap(pairs: &[Pair], masks: [&[bool]; 2]) -> f64 {
     both as f64 / either as f64
 }
 
-fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let cameras = rig.views()?;
-    let weather = probe.with(&["rain=off", "snowfall=off"])?;
+    let weather = request.with(&["rain=off", "snowfall=off"])?;
     let mut look = |weather: &Weather| -> Result<[View; 2]> {
         let [a, b] = cameras;
-        Ok([View::new(rig, a, weather, probe.time)?, View::new(rig, b, weather, probe.time)?])
+        Ok([View::new(rig, a, weather, request.time)?, View::new(rig, b, weather, request.time)?])
     };
     let (bare, seen) = (look(&clear())?, look(&weather)?);
     let mut finding = Finding::default();
     let mut add = |quantity: String, unit, asked, measured, tolerance| {
-        let setting = probe.setting.to_owned();
+        let setting = request.setting.to_owned();
         finding.readings.push(Reading {
             quantity,
             setting,
@@ -191,7 +191,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let percent = |values: Vec<f64>| 100.0 * mean(values);
     let own = percent(differences(&pairs, &seen[0].rgb, &seen[1].rgb));
     let clear_error = differences(&bare_pairs, &bare[0].rgb, &bare[1].rgb);
-    let has_air = !asked::airs(&weather, probe.time).is_empty();
+    let has_air = !expected::airs(&weather, request.time).is_empty();
     let lies = weather.has(EffectRole::Lies);
     let dimmed = |share: &[f32]| -> Vec<f64> {
         clear_error.iter().zip(&bare_pairs).map(|(e, pair)| e * f64::from(share[pair.here])).collect()
@@ -241,15 +241,16 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         let same = overlap(&bare_pairs, [&paint[0], &paint[1]]);
         add("painted a frame: the same".into(), "", 1.0, same, Tolerance::None);
     }
-    finding
-        .pictures
-        .push(Shown::of(format!("{}: the first of the two views", probe.setting), &seen[0].picture.frame));
+    finding.pictures.push(MeasuredPicture::of(
+        format!("{}: the first of the two views", request.setting),
+        &seen[0].picture.frame,
+    ));
     let mut error = vec![0.0f32; size.0 * size.1];
     for (pair, value) in pairs.iter().zip(differences(&pairs, &seen[0].rgb, &seen[1].rgb)) {
         error[pair.here] = (5.0 * value) as f32;
     }
     let caption =
-        format!("{}: its warping error, five times; black is none or not seen twice", probe.setting);
-    finding.pictures.push(Shown::grey(caption, error.into_iter(), (size.0 as u32, size.1 as u32)));
+        format!("{}: its warping error, five times; black is none or not seen twice", request.setting);
+    finding.pictures.push(MeasuredPicture::grey(caption, error.into_iter(), (size.0 as u32, size.1 as u32)));
     Ok(finding)
 }

@@ -1,5 +1,5 @@
-//! What a weather asks for, by its parameters and by published laws: formulas typed anew, so that no instrument borrows
-//! them from what it measures.
+//! Expected values from a weather's parameters and published laws: implemented a second time, so that no instrument shares
+//! code with what it measures.
 
 use super::drops::falling;
 use wm_weather::particles::PrecipitationKind;
@@ -17,14 +17,14 @@ pub fn number(weather: &Weather, time: f64, effect: &str, param: &str) -> Option
     weather.at(time).track(effect, param)?.at(time).number()
 }
 
-/// Whether an effect is on.
+/// Returns true if an effect is on.
 pub fn is_on(weather: &Weather, name: &str) -> bool {
     weather.effects().any(|(effect, _)| effect.name == name)
 }
 
 /// One kind of air.
 #[derive(Clone, Copy, Debug)]
-pub struct Air {
+pub struct ExpectedAir {
     /// Extinction at the base, 1/m.
     pub sigma_t: [f64; 3],
     /// m.
@@ -33,7 +33,7 @@ pub struct Air {
     pub base_height: f64,
 }
 
-impl Air {
+impl ExpectedAir {
     /// Of fog, haze or smog.
     fn of(weather: &Weather, time: f64, effect: &str) -> Option<Self> {
         let number = |param: &str| number(weather, time, effect, param);
@@ -68,9 +68,9 @@ impl Air {
 }
 
 /// The airs that are on.
-pub fn airs(weather: &Weather, time: f64) -> Vec<Air> {
+pub fn airs(weather: &Weather, time: f64) -> Vec<ExpectedAir> {
     let airs = weather.effects().filter(|(effect, _)| effect.role == EffectRole::Air);
-    airs.filter_map(|(effect, _)| Air::of(weather, time, effect.name)).collect()
+    airs.filter_map(|(effect, _)| ExpectedAir::of(weather, time, effect.name)).collect()
 }
 
 /// Extinction of what falls, 1/m: by the published law of its kind, or else by the program's own sum over its particles:

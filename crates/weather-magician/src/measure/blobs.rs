@@ -1,8 +1,8 @@
 //! Drops, flakes and streaks in a picture of what falls.
 
-/// One that touches neither another nor the border.
+/// A drop, flake or streak that touches neither another one nor the border of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Blob {
+pub struct ParticleBlob {
     /// Sum of its coverage, px^2.
     pub cover: f64,
     /// Centre, px.
@@ -17,22 +17,22 @@ pub struct Blob {
 /// Of thin ones, which end where they are a tenth of their peak, as much less as they are thin.
 const LEAST: f32 = 1.0 / 300.0;
 
-/// What makes one blob.
+/// The rule that divides a picture into blobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Parting {
+pub enum BlobSplit {
     /// Pixels that touch: streaks.
     Touching,
     /// Pixels from which it goes up to one peak: of drops and flakes that stand still. Those that touch mostly have two.
     Peaks,
 }
 
-/// The blobs of a picture of what falls, `[H, W, 4]` as in a frame, drawn at an opacity.
-pub fn blobs(particles: &[f32], width: usize, opacity: f64, parting: Parting) -> Vec<Blob> {
+/// Returns the blobs of a picture of falling particles, `[H, W, 4]` as in a frame, drawn at an opacity.
+pub fn blobs(particles: &[f32], width: usize, opacity: f64, split: BlobSplit) -> Vec<ParticleBlob> {
     let coverage = particles.iter().skip(3).step_by(4).copied().collect();
     let picture = Picture { coverage, width, least: LEAST * opacity.min(1.0) as f32 };
-    let parts = match parting {
-        Parting::Touching => picture.touching(),
-        Parting::Peaks => picture.peaks(),
+    let parts = match split {
+        BlobSplit::Touching => picture.touching(),
+        BlobSplit::Peaks => picture.peaks(),
     };
     let is_whole = |pixels: &&Vec<usize>| !pixels.iter().any(|at| picture.is_border(*at));
     parts.iter().filter(is_whole).map(|pixels| blob(&picture.coverage, width, pixels)).collect()
@@ -106,7 +106,7 @@ impl Picture {
     }
 }
 
-fn blob(coverage: &[f32], width: usize, pixels: &[usize]) -> Blob {
+fn blob(coverage: &[f32], width: usize, pixels: &[usize]) -> ParticleBlob {
     // Optical depths add up: they are the Gaussian's.
     let tau = |at: usize| -(1.0 - f64::from(coverage[at]).min(1.0 - 1e-7)).ln();
     let place = |at: usize| [(at % width) as f64 + 0.5, (at / width) as f64 + 0.5];
@@ -130,7 +130,7 @@ fn blob(coverage: &[f32], width: usize, pixels: &[usize]) -> Blob {
     // A way of length l has the variance l^2 / 12; across there is none of it.
     let spread = ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt() / kept;
     let cover = pixels.iter().map(|at| f64::from(coverage[*at])).sum();
-    Blob { cover, at, length: (12.0 * spread).sqrt(), angle: 0.5 * f64::atan2(2.0 * xy, yy - xx) }
+    ParticleBlob { cover, at, length: (12.0 * spread).sqrt(), angle: 0.5 * f64::atan2(2.0 * xy, yy - xx) }
 }
 
 #[cfg(test)]
@@ -151,12 +151,12 @@ mod tests {
                 [0.0, 0.0, 0.0, 1.0 - (-tau.sum::<f64>()).exp() as f32]
             })
             .collect();
-        let found = |parting| blobs(&particles, 32, 1.0, parting);
+        let found = |split| blobs(&particles, 32, 1.0, split);
         // Coverage, 1 - e^-tau, is less than tau: by 14 % and 4 % at these peaks. What the large one takes of the small one's
         // edge changes the sum of volumes by little, to take both for one by a quarter.
-        let volume = |blobs: &[Blob]| blobs.iter().map(|blob| blob.cover.powf(1.5)).sum::<f64>();
+        let volume = |blobs: &[ParticleBlob]| blobs.iter().map(|blob| blob.cover.powf(1.5)).sum::<f64>();
         let wanted = 1.7147f64.powf(1.5) + 0.4804f64.powf(1.5);
-        let (parted, touching) = (found(Parting::Peaks), found(Parting::Touching));
+        let (parted, touching) = (found(BlobSplit::Peaks), found(BlobSplit::Touching));
         assert_eq!([parted.len(), touching.len()], [2, 1]);
         let off = [&parted, &touching].map(|found| volume(found) / wanted - 1.0);
         assert!(off[0].abs() < 0.02 && off[1] > 0.2, "{off:?}");

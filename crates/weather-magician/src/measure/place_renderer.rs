@@ -1,20 +1,19 @@
-//! The rig of the program: a place in its renderer, and targets beside it in the same renderer and the same air.
+//! The renderer of instruments: a place, and targets in the same renderer and the same air.
 
-use super::{Level, Rig, Shot, Subject};
-use anyhow::Result;
-use weather_magician::frame::FrameRequest;
-use weather_magician::{FrameOptions, Picture, PreparedPlace, Renderer};
+use super::{InstrumentRenderer, InstrumentShot, LevelFrame, ShotSubject};
+use crate::frame::FrameRequest;
+use crate::{FrameOptions, Picture, PreparedPlace, Renderer, Result};
 use wm_render::{Background, RenderBackend, RenderConfig, SetId, SetView};
 use wm_scene::{Camera, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest};
 use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::{PreparedWeather, Site};
 
-/// How far the second view is aside of the first, m: not ahead, so that the air between it and the place is as long.
+/// Distance of the second view to the side of the first, m: not ahead, so that the air in front of both is as long.
 const STEP: f64 = 0.3;
 
-/// A place to measure at.
-pub struct Field {
+/// A place to measure at, and the renderer that holds it.
+pub struct PlaceRenderer {
     /// The renderer.
     pub renderer: Renderer,
     /// The place.
@@ -23,7 +22,7 @@ pub struct Field {
     targets: Vec<Target>,
 }
 
-/// What an instrument has set up.
+/// A target of an instrument.
 struct Target {
     splats: Splats,
     set: SetId,
@@ -32,8 +31,8 @@ struct Target {
     lying: Option<(Vec<CoverRequest>, SetId, Buried)>,
 }
 
-impl Field {
-    /// A place that is looked at from `camera`.
+impl PlaceRenderer {
+    /// Returns the renderer of a place, whose first view is `camera`.
     pub fn new(renderer: Renderer, place: PreparedPlace, camera: Camera) -> Self {
         Self { renderer, place, camera, targets: Vec::new() }
     }
@@ -55,7 +54,7 @@ impl Field {
         let airflow = weather.airflow();
         if cover.as_ref().is_none_or(|(known, _)| *known != airflow) {
             let threads = backend.threads();
-            let middle = Level::of(&site).point([0.0; 3]).to_array();
+            let middle = LevelFrame::of(&site).point([0.0; 3]).to_array();
             let surfaces = FusedSurfaces::from_splats(splats);
             *cover = Some((airflow, Cover::of(splats, &surfaces, &site, &airflow, [middle; 2], threads)));
         }
@@ -67,24 +66,24 @@ impl Field {
     }
 }
 
-impl Rig for Field {
+impl InstrumentRenderer for PlaceRenderer {
     fn site(&self) -> Site {
         *self.place.site()
     }
 
     fn views(&mut self) -> Result<[Camera; 2]> {
         let first = self.camera;
-        let level = Level::of(self.place.site());
+        let level = LevelFrame::of(self.place.site());
         let rotation = first.rotation();
         let step = rotation.row(0) * level.units(STEP);
         let viewmat = wm_scene::camera::viewmat_of(rotation, -(rotation * (first.center() + step)));
         Ok([first, Camera { viewmat, ..first }])
     }
 
-    fn set_up(&mut self, splats: Splats) -> Result<Subject> {
+    fn set_up(&mut self, splats: Splats) -> Result<ShotSubject> {
         let set = self.renderer.backend_mut().load(&splats)?;
         self.targets.push(Target { splats, set, cover: None, lying: None });
-        Ok(Subject::Target(self.targets.len() - 1))
+        Ok(ShotSubject::Target(self.targets.len() - 1))
     }
 
     fn clear_away(&mut self) {
@@ -95,16 +94,16 @@ impl Rig for Field {
         }
     }
 
-    fn draw(&mut self, shot: &Shot<'_>, picture: &mut Picture) -> Result<()> {
+    fn draw(&mut self, shot: &InstrumentShot<'_>, picture: &mut Picture) -> Result<()> {
         let index = match shot.subject {
-            Subject::Place => {
+            ShotSubject::Place => {
                 self.place.config.outputs = shot.outputs;
                 let options =
                     FrameOptions { parts: shot.parts, ..FrameOptions::new(shot.time, *shot.camera) };
                 self.renderer.render_into(&mut self.place, shot.weather, &options, picture, &mut ())?;
                 return Ok(());
             }
-            Subject::Target(index) => index,
+            ShotSubject::Target(index) => index,
         };
         let weather = shot.weather.at(shot.time).prepare(self.place.site());
         self.lay(index, &weather)?;

@@ -8,10 +8,10 @@
 //! Tolerance: 5 % of the length and of the wind, 1.5 degrees of the angle. What lies below 1/256 is
 //! added to a streak's second moment, 2 to 5 % of a length, right within a fifth of that; a slab of a tenth of the depth makes single lengths 5 % uncertain and medians 0.1 %.
 
-use super::blobs::Parting;
-use super::drops::{Catch, Drop, Look, Slab, main_kind};
-use super::{Finding, Instrument, Probe, Reading, Rig, Tolerance, asked, median};
-use anyhow::Result;
+use super::blobs::BlobSplit;
+use super::drops::{AirSlab, DropSample, MeasuredDrop, SlabView, main_kind};
+use super::{Finding, Instrument, InstrumentRenderer, MeasureRequest, Reading, Tolerance, expected, median};
+use crate::Result;
 use wm_weather::Weather;
 use wm_weather::particles::RAIN;
 
@@ -44,8 +44,8 @@ const CROWD: f64 = 260.0;
 const DENSITY: [f64; 2] = [250.0, 0.54];
 
 /// Looks at streaks as long as they are, of marked drops.
-pub fn look(weather: &Weather, time: f64) -> Result<Look> {
-    let number = |effect: &str, param: &str| asked::number(weather, time, effect, param);
+pub fn look(weather: &Weather, time: f64) -> Result<SlabView> {
+    let number = |effect: &str, param: &str| expected::number(weather, time, effect, param);
     let exposure = exposure(weather, time);
     let wind = number("wind", "speed").unwrap_or(0.0);
     let rate = number("rain", "rate").unwrap_or(0.0);
@@ -53,7 +53,7 @@ pub fn look(weather: &Weather, time: f64) -> Result<Look> {
     // The longest streaks are some 250 px.
     let scale = (250.0 / (9.0f64.hypot(wind) * exposure)).min(1000.0);
     let aside = scale * (1.3 * wind * apart + 0.5 * wind * exposure) + 24.0;
-    let slab = Slab {
+    let slab = AirSlab {
         size: 1200,
         depth: 10.0,
         thickness: (CROWD / (DENSITY[0] * rate.powf(DENSITY[1]))).clamp(0.05, 0.6),
@@ -62,35 +62,35 @@ pub fn look(weather: &Weather, time: f64) -> Result<Look> {
         apart,
         fastest: 12.0,
         pairs: 1,
-        parting: Parting::Touching,
+        split: BlobSplit::Touching,
     };
     // So opaque that a common drop has an optical depth of about 1 in its middle.
     let pixels = (5.5f64.hypot(wind) * exposure * scale).max(1.0);
     let wide = (0.14 * (1e-3 * scale).powi(2) + 0.3f64).sqrt();
     let long = (wide * wide + pixels * pixels / 12.0).sqrt();
     let opacity = std::f64::consts::TAU * wide * long / (1.8 * (1e-3 * scale).powi(2));
-    Look::new(weather, time, &RAIN, slab, opacity.min(100.0))
+    SlabView::new(weather, time, &RAIN, slab, opacity.min(100.0))
 }
 
 fn exposure(weather: &Weather, time: f64) -> f64 {
-    asked::number(weather, time, "rain", "exposure").unwrap_or(1.0 / 60.0)
+    expected::number(weather, time, "rain", "exposure").unwrap_or(1.0 / 60.0)
 }
 
 /// Drops whose streaks are long enough to say something.
-pub fn long(caught: &Catch) -> impl Iterator<Item = &Drop> {
+pub fn long(caught: &DropSample) -> impl Iterator<Item = &MeasuredDrop> {
     caught.drops.iter().filter(|drop| drop.blob.length > SHORTEST)
 }
 
-fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
-    let (exposure, look) = (exposure(probe.weather, probe.time), look(probe.weather, probe.time)?);
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
+    let (exposure, look) = (exposure(request.weather, request.time), look(request.weather, request.time)?);
     let (scale, wind) = (look.slab.scale, look.across);
-    let mut caught = Catch::default();
-    look.take(rig, probe.time, PICTURES, &mut caught)?;
+    let mut caught = DropSample::default();
+    look.take(rig, request.time, PICTURES, &mut caught)?;
     let (mut lengths, mut laws, mut angles, mut drifts) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for drop in long(&caught) {
         let Some([across, down]) = drop.velocity else { continue };
         let fall = drop.blob.length * drop.blob.angle.cos();
-        laws.push(fall / (asked::gunn_kinzer(drop.diameter) * exposure * scale));
+        laws.push(fall / (expected::gunn_kinzer(drop.diameter) * exposure * scale));
         lengths.push(drop.blob.length / (across.hypot(down) * exposure * scale));
         angles.push((drop.blob.angle - f64::atan2(across, down)).to_degrees());
         drifts.push(across);
@@ -98,7 +98,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let count = lengths.len();
     let reading = |quantity: String, unit, asked, measured, tolerance| Reading {
         quantity,
-        setting: probe.setting.to_owned(),
+        setting: request.setting.to_owned(),
         unit,
         asked,
         measured,
@@ -137,8 +137,11 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         tolerance,
     ));
     if let Some(mut shown) = caught.shown {
-        shown.caption =
-            format!("{}: a part of one of the slabs, drops marked, {:.1} ms", probe.setting, 1e3 * exposure);
+        shown.caption = format!(
+            "{}: a part of one of the slabs, drops marked, {:.1} ms",
+            request.setting,
+            1e3 * exposure
+        );
         finding.pictures.push(shown);
     }
     Ok(finding)

@@ -9,10 +9,11 @@
 
 use super::{COLOR, mean};
 use super::{
-    DEPTH, Finding, Instrument, Level, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked, clear,
+    DEPTH, Finding, Instrument, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest,
+    MeasuredPicture, Reading, ShotSubject, Tolerance, clear, expected,
 };
-use anyhow::Result;
-use weather_magician::Picture;
+use crate::Picture;
+use crate::Result;
 use wm_scene::card::Card;
 use wm_scene::{Camera, Splats};
 
@@ -36,7 +37,7 @@ pub const INSTRUMENT: Instrument = Instrument {
 
 /// The depth that is asked for, m, where it is a number and nothing melts.
 fn depth(weather: &wm_weather::Weather, time: f64) -> Option<f64> {
-    let number = |param: &str| asked::number(weather, time, "snow_cover", param);
+    let number = |param: &str| expected::number(weather, time, "snow_cover", param);
     let is_cold = number("temperature").is_some_and(|temperature| temperature <= 0.0);
     number("depth").filter(|depth| *depth > 0.0 && is_cold)
 }
@@ -51,28 +52,29 @@ const GRAIN: f64 = 0.08;
 pub const GREY: [f32; 3] = [0.4; 3];
 
 /// A level card about a point, level coordinates, painted.
-pub fn level_card(level: &Level, center: [f64; 3], halves: [[f64; 3]; 2], splats: &mut Splats) {
-    let [u, v] = halves.map(|half| level.way(half) / level.metres(1.0));
+pub fn level_card(level: &LevelFrame, center: [f64; 3], halves: [[f64; 3]; 2], splats: &mut Splats) {
+    let [u, v] = halves.map(|half| level.vector(half) / level.metres(1.0));
     let cells = |half: glam::DVec3| ((2.0 * level.metres(half.length()) / GRAIN).round() as usize).max(1);
     Card { center: level.point(center), u, v }.paint(splats, (cells(u), cells(v)), GREY);
 }
 
 /// Mean view z over the middle of a depth map, m.
-fn middle_depth(level: &Level, picture: &Picture) -> f64 {
+fn middle_depth(level: &LevelFrame, picture: &Picture) -> f64 {
     let (width, height) = (picture.frame.width as usize, picture.frame.height as usize);
     let rows = height / 4..3 * height / 4;
     let depths = rows.flat_map(|y| (width / 4..3 * width / 4).map(move |x| y * width + x));
     level.metres(mean(depths.map(|at| f64::from(picture.frame.median_depth[at]))))
 }
 
-fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
-    let level = Level::of(&rig.site());
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
+    let level = LevelFrame::of(&rig.site());
     let mut yard = Splats::default();
     level_card(&level, [0.0; 3], [[YARD, 0.0, 0.0], [0.0, YARD, 0.0]], &mut yard);
     level_card(&level, ROOF_AT, [[ROOF, 0.0, 0.0], [0.0, ROOF, 0.0]], &mut yard);
     let subject = rig.set_up(yard)?;
-    let weather = probe.with(&["wind=off", "fog=off", "haze=off", "smog=off", "snowfall=off", "rain=off"])?;
-    let wanted = depth(probe.weather, probe.time).unwrap_or(0.0);
+    let weather =
+        request.with(&["wind=off", "fog=off", "haze=off", "smog=off", "snowfall=off", "rain=off"])?;
+    let wanted = depth(request.weather, request.time).unwrap_or(0.0);
     let down = |eye: [f64; 3]| level.camera((160, 160), 20.0, eye, [eye[0], eye[1], 0.0]);
     let mut finding = Finding::default();
     for (name, eye, asked, tolerance) in [
@@ -81,17 +83,23 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         ("under the roof", [ROOF_AT[0], ROOF_AT[1], 2.3], 0.0, Tolerance::Absolute(0.003)),
     ] {
         let camera = down(eye)?;
-        let mut z = |weather| {
+        let mut z = |weather| -> Result<_> {
             let mut picture = Picture::default();
-            let shot =
-                Shot { subject, camera: &camera, weather, time: probe.time, outputs: DEPTH, parts: &[] };
+            let shot = InstrumentShot {
+                subject,
+                camera: &camera,
+                weather,
+                time: request.time,
+                outputs: DEPTH,
+                parts: &[],
+            };
             rig.draw(&shot, &mut picture)?;
-            anyhow::Ok(middle_depth(&level, &picture))
+            Ok(middle_depth(&level, &picture))
         };
         let measured = z(&clear())? - z(&weather)?;
         finding.readings.push(Reading {
             quantity: format!("snow depth {name}"),
-            setting: probe.setting.to_owned(),
+            setting: request.setting.to_owned(),
             unit: "m",
             asked,
             measured,
@@ -100,19 +108,22 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         });
     }
     let camera = level.camera((480, 320), 45.0, [-7.0, -9.0, 4.5], [0.6, 0.0, 0.8])?;
-    finding.pictures.push(shown(rig, (subject, &camera), &weather, probe, "the yard, with its roof")?);
+    finding.pictures.push(shown(rig, (subject, &camera), &weather, request, "the yard, with its roof")?);
     Ok(finding)
 }
 
 /// A picture of a target.
 pub fn shown(
-    rig: &mut dyn Rig,
-    (subject, camera): (Subject, &Camera),
+    rig: &mut dyn InstrumentRenderer,
+    (subject, camera): (ShotSubject, &Camera),
     weather: &wm_weather::Weather,
-    probe: &Probe<'_>,
+    request: &MeasureRequest<'_>,
     what: &str,
-) -> Result<Shown> {
+) -> Result<MeasuredPicture> {
     let mut picture = Picture::default();
-    rig.draw(&Shot { subject, camera, weather, time: probe.time, outputs: COLOR, parts: &[] }, &mut picture)?;
-    Ok(Shown::of(format!("{}: {what}", probe.setting), &picture.frame))
+    rig.draw(
+        &InstrumentShot { subject, camera, weather, time: request.time, outputs: COLOR, parts: &[] },
+        &mut picture,
+    )?;
+    Ok(MeasuredPicture::of(format!("{}: {what}", request.setting), &picture.frame))
 }

@@ -5,16 +5,16 @@
 //! step must move it the same way. A lean is measured in the open beside the place, as by the streaks' instrument, to each side
 //! with its standard error: a place may lie in the lee of what stands there.
 
-use super::drops::{Catch, Drop};
+use super::drops::{DropSample, MeasuredDrop};
+use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, Level, PARTICLES, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked,
-    clear, mean, median, streaks,
+    Finding, Instrument, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest, MeasuredPicture,
+    PARTICLES, Reading, ShotSubject, Tolerance, clear, expected, mean, median, streaks,
 };
-use crate::report::plot::{Axis, Plot, Series};
-use anyhow::Result;
-use weather_magician::Picture;
-use wm_media::Size;
-use wm_media::sheet::{Layout, Panel, sheet};
+use crate::Picture;
+use crate::{Error, Result};
+use wm_media::PictureSize;
+use wm_media::sheet::{SheetLayout, SheetPanel, sheet};
 use wm_render::Frame;
 use wm_render::frame::srgb_decode;
 use wm_render::parts::PicturePart;
@@ -38,18 +38,18 @@ pub const INSTRUMENT: Instrument = Instrument {
 /// A row of the sheet.
 struct Control {
     name: &'static str,
-    /// What all of its pictures have.
+    /// Parameters of all its pictures.
     base: &'static [&'static str],
     /// Its parameter and the values that it takes.
     key: &'static str,
     values: [&'static str; STEPS],
-    /// What is seen of it.
+    /// The measured quantity.
     seen: Seen,
 }
 
 const STEPS: usize = 5;
 
-/// What is measured in a picture.
+/// A quantity measured in a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Seen {
     /// Light that the air takes, share.
@@ -106,24 +106,24 @@ const WIDTH: u32 = 320;
 const WHITENED: f64 = 0.02;
 /// Slabs of air in which a lean is measured.
 const SLABS: usize = 2;
-/// How far the lean may be off that of drops of their size in this wind, degrees: as for the streaks.
+/// Largest error of the lean against that of drops of their size in this wind, degrees: as for the streaks.
 const OFF: f64 = 1.5;
 /// Standard errors by which a step must be seen.
 const SIGNIFICANT: f64 = 3.0;
 
-fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let [camera, _] = rig.views()?;
-    let heading = Level::of(&rig.site()).heading(camera.rotation().row(0));
+    let heading = LevelFrame::of(&rig.site()).heading(camera.rotation().row(0));
     let height = (f64::from(WIDTH) * f64::from(camera.height) / f64::from(camera.width)).round().max(1.0);
     let camera = camera.resized(WIDTH, height as u32);
-    let bare = draw(rig, &camera, (&clear(), probe.time), &[])?;
+    let bare = draw(rig, &camera, (&clear(), request.time), &[])?;
     let mut finding = Finding::default();
     let mut rows: Vec<(Frame, String)> = Vec::new();
     for control in &CONTROLS {
         let (mut points, mut errors) = (Vec::new(), Vec::new());
         for (step, value) in control.values.iter().enumerate() {
-            let mut weather = probe.with(control.base)?;
-            let turn = if control.key == TURN { value.parse()? } else { 0.0 };
+            let mut weather = request.with(control.base)?;
+            let turn = if control.key == TURN { turn_of(value)? } else { 0.0 };
             let direction = format!("{TURN}={:.0}", (heading + turn).rem_euclid(360.0));
             let change = match control.key {
                 TURN => direction.clone(),
@@ -135,10 +135,10 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
             weather.set_text(&change)?;
             let parts: &[PicturePart] =
                 if control.seen == Seen::Lost { &[PicturePart::Transmittance] } else { &[] };
-            let picture = draw(rig, &camera, (&weather, probe.time), parts)?;
+            let picture = draw(rig, &camera, (&weather, request.time), parts)?;
             let [value, error] = match measured(control.seen, &picture, &bare) {
                 Some(value) => [value, 0.0],
-                None => lean(rig, (&weather, probe.time), heading)?,
+                None => lean(rig, (&weather, request.time), heading)?,
             };
             points.push([(step + 1) as f64, value]);
             errors.push(error);
@@ -169,10 +169,12 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
             series: vec![Series::points("seen", points.clone())],
         });
     }
-    let panels: Vec<Panel<'_>> = rows.iter().map(|(frame, label)| Panel { rgb: &frame.rgb, label }).collect();
-    let layout = Layout::new(Size::new(camera.width, camera.height), panels.len() as u32, STEPS as u32);
+    let panels: Vec<SheetPanel<'_>> =
+        rows.iter().map(|(frame, label)| SheetPanel { rgb: &frame.rgb, label }).collect();
+    let layout =
+        SheetLayout::new(PictureSize::new(camera.width, camera.height), panels.len() as u32, STEPS as u32);
     let size = layout.size();
-    finding.pictures.push(Shown {
+    finding.pictures.push(MeasuredPicture {
         caption: SHEET.to_owned(),
         rgb: sheet(&layout, &panels),
         size: (size.width, size.height),
@@ -180,29 +182,34 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     Ok(finding)
 }
 
-/// What the sheet is called in a report.
+/// The caption of the sheet in a report.
 pub const SHEET: &str = "The sheet: a control a row, turned up from left to right. Where wind shows no rain, the view lies in the lee of what \
                          stands there";
+
+/// Returns the angle of a wind direction's step, degrees.
+fn turn_of(value: &str) -> Result<f64> {
+    value.parse().map_err(|_| Error::Unsupported(format!("{TURN}: {value} is not a number of degrees")))
+}
 
 fn short(value: f64) -> String {
     if value.abs() < 1.0 { format!("{value:.4}") } else { format!("{value:.1}") }
 }
 
 fn draw(
-    rig: &mut dyn Rig,
+    rig: &mut dyn InstrumentRenderer,
     camera: &Camera,
     (weather, time): (&Weather, f64),
     parts: &[PicturePart],
 ) -> Result<Picture> {
     let mut picture = Picture::default();
     rig.draw(
-        &Shot { subject: Subject::Place, camera, weather, time, outputs: PARTICLES, parts },
+        &InstrumentShot { subject: ShotSubject::Place, camera, weather, time, outputs: PARTICLES, parts },
         &mut picture,
     )?;
     Ok(picture)
 }
 
-/// What is seen in a picture, beside the same in clear air; `None` for a lean, which is measured in the open.
+/// The value of `seen` in a picture, compared with the same view in clear air; `None` for a lean, which is measured in the open.
 fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> Option<f64> {
     let pixels = picture.frame.pixels();
     let light = |picture: &Picture, at: usize| -> [f64; 3] {
@@ -223,16 +230,21 @@ fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> Option<f64> {
     }
 }
 
-/// How streaks lean in the open, degrees, and its standard error; not a number where the law says that they lean otherwise.
+/// The lean of streaks in the open, degrees, and its standard error; NaN if it differs from that by the law.
 ///
 /// In the air as it is at the place, but for what shelters it: in the lee of a tower no rain is to be seen, and says nothing of its
 /// lean.
-fn lean(rig: &mut dyn Rig, (weather, time): (&Weather, f64), heading: f64) -> Result<[f64; 2]> {
+fn lean(
+    rig: &mut dyn InstrumentRenderer,
+    (weather, time): (&Weather, f64),
+    heading: f64,
+) -> Result<[f64; 2]> {
     let look = streaks::look(weather, time)?.turned(heading);
-    let mut caught = Catch::default();
+    let mut caught = DropSample::default();
     look.take(rig, time, SLABS, &mut caught)?;
-    let degrees = |drop: &Drop| drop.blob.angle.to_degrees();
-    let law = |drop: &Drop| f64::atan2(look.across, asked::gunn_kinzer(drop.diameter)).to_degrees();
+    let degrees = |drop: &MeasuredDrop| drop.blob.angle.to_degrees();
+    let law =
+        |drop: &MeasuredDrop| f64::atan2(look.across, expected::gunn_kinzer(drop.diameter)).to_degrees();
     let off = median(streaks::long(&caught).map(|drop| degrees(drop) - law(drop)).collect());
     let leans: Vec<f64> = streaks::long(&caught).map(degrees).collect();
     let middle = median(leans.clone());

@@ -5,11 +5,11 @@
 //! its coverage, is its area and so its diameter; a second picture a moment later tells how fast it goes. Nothing is taken from the
 //! lists of drops of the renderer.
 
-use super::blobs::{Blob, Parting, blobs};
-use super::{Level, PARTICLES, Rig, Shot, Shown, asked};
-use anyhow::Result;
+use super::blobs::{BlobSplit, ParticleBlob, blobs};
+use super::{InstrumentRenderer, InstrumentShot, LevelFrame, MeasuredPicture, PARTICLES, expected};
+use crate::Picture;
+use crate::Result;
 use std::f64::consts::PI;
-use weather_magician::Picture;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 use wm_weather::particles::PrecipitationKind;
@@ -23,7 +23,8 @@ pub fn effect(kind: &PrecipitationKind) -> &'static str {
 /// The kinds that fall at an instant with their rates, mm/h, in the order of the effects.
 pub fn falling(weather: &Weather, time: f64) -> Vec<(&'static PrecipitationKind, f64)> {
     let kinds = weather.effects().filter_map(|(effect, _)| effect.precipitation);
-    let rated = kinds.map(|kind| (kind, asked::number(weather, time, effect(kind), "rate").unwrap_or(0.0)));
+    let rated =
+        kinds.map(|kind| (kind, expected::number(weather, time, effect(kind), "rate").unwrap_or(0.0)));
     rated.filter(|(_, rate)| *rate > 0.0).collect()
 }
 
@@ -36,7 +37,7 @@ pub fn main_kind(weather: &Weather, time: f64) -> Option<&'static PrecipitationK
 
 /// Picture of a slab of air.
 #[derive(Clone, Copy, Debug)]
-pub struct Slab {
+pub struct AirSlab {
     /// px.
     pub size: u32,
     /// Depth of its middle and its thickness, m.
@@ -52,11 +53,11 @@ pub struct Slab {
     pub fastest: f64,
     /// Every so many-th picture has a second one, a moment later.
     pub pairs: usize,
-    /// What makes one drop.
-    pub parting: Parting,
+    /// The rule that divides a picture into drops.
+    pub split: BlobSplit,
 }
 
-impl Slab {
+impl AirSlab {
     /// Volume of the air of which drops are counted in one picture, m^3.
     fn volume(&self) -> f64 {
         let side = f64::from(self.size);
@@ -71,7 +72,7 @@ impl Slab {
     }
 
     /// The camera that stands at a place, level coordinates, its right along a heading.
-    fn camera(&self, level: &Level, eye: [f64; 3], heading: f64) -> Result<Camera> {
+    fn camera(&self, level: &LevelFrame, eye: [f64; 3], heading: f64) -> Result<Camera> {
         let (sin, cos) = heading.to_radians().sin_cos();
         let hand = level.hand();
         let target = [eye[0] - hand * sin, eye[1] + hand * cos, eye[2]];
@@ -81,7 +82,7 @@ impl Slab {
     }
 
     /// A black board: splats so wide that none ends in the picture, at one depth.
-    fn board(&self, level: &Level, camera: &Camera) -> Splats {
+    fn board(&self, level: &LevelFrame, camera: &Camera) -> Splats {
         let mut splats = Splats::default();
         let normal = camera.forward();
         let [x, y, z, w] = glam::DQuat::from_rotation_arc(glam::DVec3::Z, normal).to_array();
@@ -98,8 +99,8 @@ impl Slab {
         splats
     }
 
-    /// Whether a blob is counted.
-    fn holds(&self, blob: &Blob) -> bool {
+    /// Returns true if a blob is counted.
+    fn holds(&self, blob: &ParticleBlob) -> bool {
         let (side, [x, y]) = (f64::from(self.size), blob.at);
         let beside = self.margin[0]..side - self.margin[0];
         beside.contains(&x) && y > self.margin[0] && y < side - self.margin[1]
@@ -111,37 +112,37 @@ const PART: u32 = 240;
 
 /// One drop.
 #[derive(Clone, Copy, Debug)]
-pub struct Drop {
+pub struct MeasuredDrop {
     /// As it is seen, mm.
     pub diameter: f64,
     /// With the wind and down, m/s; `None` where it was not found again.
     pub velocity: Option<[f64; 2]>,
     /// In the first picture.
-    pub blob: Blob,
-    /// Which picture.
+    pub blob: ParticleBlob,
+    /// The index of the picture.
     pub picture: usize,
 }
 
 /// The drops of several pictures.
 #[derive(Clone, Debug, Default)]
-pub struct Catch {
-    pub drops: Vec<Drop>,
+pub struct DropSample {
+    pub drops: Vec<MeasuredDrop>,
     /// Air that was looked at, m^3.
     pub volume: f64,
     /// Pictures that were taken, without second ones.
     pub pictures: usize,
     /// The last picture.
-    pub shown: Option<Shown>,
+    pub shown: Option<MeasuredPicture>,
 }
 
-/// How slabs are looked at.
+/// The weather, direction and places of pictures of a slab.
 #[derive(Clone, Debug)]
-pub struct Look {
-    pub slab: Slab,
+pub struct SlabView {
+    pub slab: AirSlab,
     weather: Weather,
     /// Factor on what a drop hides.
     opacity: f64,
-    /// Where the right of a picture is, as a direction of the wind, degrees.
+    /// Direction of the right of a picture, as that of the wind, degrees.
     heading: f64,
     /// The wind along it, m/s.
     pub across: f64,
@@ -149,13 +150,13 @@ pub struct Look {
     first: usize,
 }
 
-impl Look {
+impl SlabView {
     /// Across the wind, in a weather as it is but for gusts, other kinds that fall and the size and opacity of what falls.
     pub fn new(
         weather: &Weather,
         time: f64,
         kind: &PrecipitationKind,
-        slab: Slab,
+        slab: AirSlab,
         opacity: f64,
     ) -> Result<Self> {
         let mut weather = weather.clone();
@@ -164,7 +165,7 @@ impl Look {
         }
         weather.set_text(&format!("{}.size=1", effect(kind)))?;
         weather.set_text(&format!("{}.opacity={opacity}", effect(kind)))?;
-        let number = |param: &str| asked::number(&weather, time, "wind", param);
+        let number = |param: &str| expected::number(&weather, time, "wind", param);
         let (across, heading) = (number("speed").unwrap_or(0.0), number("direction").unwrap_or(0.0));
         if across > 0.0 {
             weather.set_text("wind.gusts=0")?;
@@ -183,9 +184,15 @@ impl Look {
         Self { first, ..self }
     }
 
-    /// Takes pictures at so many more places.
-    pub fn take(&self, rig: &mut dyn Rig, time: f64, pictures: usize, caught: &mut Catch) -> Result<()> {
-        let (slab, level) = (&self.slab, Level::of(&rig.site()));
+    /// Takes `pictures` more pictures, each at another place.
+    pub fn take(
+        &self,
+        rig: &mut dyn InstrumentRenderer,
+        time: f64,
+        pictures: usize,
+        caught: &mut DropSample,
+    ) -> Result<()> {
+        let (slab, level) = (&self.slab, LevelFrame::of(&rig.site()));
         let mut picture = Picture::default();
         for index in caught.pictures..caught.pictures + pictures {
             // Places so far apart that none shows a drop of another.
@@ -193,11 +200,12 @@ impl Look {
             let eye = [40.0 * (place % 8) as f64, 40.0 * (place / 8) as f64, 2.0];
             let camera = slab.camera(&level, eye, self.heading)?;
             let board = rig.set_up(slab.board(&level, &camera))?;
-            let mut seen = |time: f64, picture: &mut Picture| {
+            let mut seen = |time: f64, picture: &mut Picture| -> Result<_> {
                 let (weather, outputs) = (&self.weather, PARTICLES);
-                let shot = Shot { subject: board, camera: &camera, weather, time, outputs, parts: &[] };
+                let shot =
+                    InstrumentShot { subject: board, camera: &camera, weather, time, outputs, parts: &[] };
                 rig.draw(&shot, picture)?;
-                anyhow::Ok(blobs(&picture.frame.particles, slab.size as usize, self.opacity, slab.parting))
+                Ok(blobs(&picture.frame.particles, slab.size as usize, self.opacity, slab.split))
             };
             let is_pair = index % slab.pairs == 0;
             let second = if is_pair { seen(time + slab.apart, &mut picture)? } else { Vec::new() };
@@ -205,7 +213,7 @@ impl Look {
             for blob in first.into_iter().filter(|blob| slab.holds(blob)) {
                 let diameter = 2e3 * (blob.cover / self.opacity / PI).sqrt() / slab.scale;
                 let velocity = again(slab, self.across, &blob, &second);
-                caught.drops.push(Drop { diameter, velocity, blob, picture: index });
+                caught.drops.push(MeasuredDrop { diameter, velocity, blob, picture: index });
             }
             caught.volume += slab.volume();
             rig.clear_away();
@@ -216,7 +224,7 @@ impl Look {
     }
 
     /// The middle of a picture, with faint drops to be seen.
-    fn part(&self, particles: &[f32]) -> Shown {
+    fn part(&self, particles: &[f32]) -> MeasuredPicture {
         let (size, part) = (self.slab.size as usize, PART.min(self.slab.size));
         let first = (size - part as usize) / 2;
         let whole = self.opacity.min(1.0) as f32;
@@ -225,16 +233,16 @@ impl Look {
             (coverage / whole).min(1.0).powf(0.45)
         };
         let pixels = (0..part as usize).flat_map(|y| (0..part as usize).map(move |x| (x, y)));
-        Shown::grey(String::new(), pixels.map(|(x, y)| pixel(x, y)), (part, part))
+        MeasuredPicture::grey(String::new(), pixels.map(|(x, y)| pixel(x, y)), (part, part))
     }
 }
 
-/// How fast a drop goes, with the wind and down, m/s: the only one of its size in the second picture where it can be.
-fn again(slab: &Slab, wind: f64, blob: &Blob, second: &[Blob]) -> Option<[f64; 2]> {
-    /// How much faster or slower than the wind one may sway, m/s.
+/// The velocity of a drop, with the wind and down, m/s: found if only one blob of its size is within reach in the second picture.
+fn again(slab: &AirSlab, wind: f64, blob: &ParticleBlob, second: &[ParticleBlob]) -> Option<[f64; 2]> {
+    /// Largest sideways speed relative to the wind, m/s.
     const ASIDE: f64 = 1.5;
     let pixels = slab.scale * slab.apart;
-    let is_it = |other: &&Blob| {
+    let is_it = |other: &&ParticleBlob| {
         let [dx, dy] = [0, 1].map(|k| (other.at[k] - blob.at[k]) / pixels);
         (0.0..slab.fastest).contains(&dy)
             && (dx - wind).abs() < ASIDE + 0.3 * wind

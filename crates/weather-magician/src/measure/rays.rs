@@ -9,13 +9,14 @@
 //! off. A splat is dimmed by the
 //! length of its own ray; on slanted surfaces the splats of a pixel are nearer and farther than its depth.
 
+use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, Probe, Reading, Rig, Shot, Shown, Subject, Tolerance, asked, clear, median,
+    Finding, Instrument, InstrumentRenderer, InstrumentShot, MeasureRequest, MeasuredPicture, Reading,
+    ShotSubject, Tolerance, clear, expected, median,
 };
-use crate::report::plot::{Axis, Plot, Series};
-use anyhow::Result;
+use crate::Picture;
+use crate::Result;
 use glam::DVec3;
-use weather_magician::Picture;
 use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs};
 
@@ -25,7 +26,7 @@ pub const INSTRUMENT: Instrument = Instrument {
     title: "Transmittance along rays",
     about: "A view of the place itself: at each pixel the share of light that the air lets through, against the extinction that is asked \
             for, integrated along that ray to the depth that it shows. Heights count, where the air thins upwards.",
-    applies: |weather, time| !asked::airs(weather, time).is_empty(),
+    applies: |weather, time| !expected::airs(weather, time).is_empty(),
     read,
     sweep: &[
         &["fog.mor=50"],
@@ -39,29 +40,32 @@ pub const INSTRUMENT: Instrument = Instrument {
 
 /// Optical depths that are told from nothing and from everything.
 const RANGE: std::ops::Range<f64> = 0.03..4.0;
-/// How far expected and median depth may be apart, as a share.
+/// Largest relative difference of expected and median depth.
 const SHARP: f64 = 0.02;
 /// Range of the thin air that tells the sky, in sizes of the place.
 const THIN: f64 = 100.0;
 /// Every so many-th pixel is taken.
 const STEP: usize = 3;
 
-fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let site = rig.site();
     let [camera, _] = rig.views()?;
-    let weather = probe.with(&["rain=off", "snowfall=off", "snow_cover=off", "dust_cover=off"])?;
+    let weather = request.with(&["rain=off", "snowfall=off", "snow_cover=off", "dust_cover=off"])?;
     let outputs = Outputs { geometry: Geometry::Depth, median_depth: MedianDepth::On, ..Outputs::default() };
     let parts = &[PicturePart::Transmittance];
     let mut picture = Picture::default();
-    let (subject, time) = (Subject::Place, probe.time);
-    rig.draw(&Shot { subject, camera: &camera, weather: &weather, time, outputs, parts }, &mut picture)?;
+    let (subject, time) = (ShotSubject::Place, request.time);
+    rig.draw(
+        &InstrumentShot { subject, camera: &camera, weather: &weather, time, outputs, parts },
+        &mut picture,
+    )?;
     let (frame, shares) = (&picture.frame, &picture.parts.transmittance);
     // Air that is as good as clear as far as the place goes, and takes all light from what is endlessly far.
     let (mut thin, mut sky) = (clear(), Picture::default());
     thin.set_text(&format!("fog.mor={}", (THIN * site.far).max(1.0)))?;
-    rig.draw(&Shot { subject, camera: &camera, weather: &thin, time, outputs, parts }, &mut sky)?;
+    rig.draw(&InstrumentShot { subject, camera: &camera, weather: &thin, time, outputs, parts }, &mut sky)?;
     let nearness = &sky.parts.transmittance;
-    let airs = asked::airs(&weather, probe.time);
+    let airs = expected::airs(&weather, request.time);
     let up = DVec3::from_array(site.up);
     let height = (camera.center().dot(up) - site.ground) * site.metres_per_unit;
     let mut points = Vec::new();
@@ -89,7 +93,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     let mut finding = Finding::default();
     let reading = |quantity: String, asked, measured, tolerance| Reading {
         quantity,
-        setting: probe.setting.to_owned(),
+        setting: request.setting.to_owned(),
         unit: "",
         asked,
         measured,
@@ -111,7 +115,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
     ));
     let few = points.iter().step_by((count / 600).max(1)).copied().collect();
     finding.plots.push(Plot {
-        title: format!("Optical depth of rays, {}", probe.setting),
+        title: format!("Optical depth of rays, {}", request.setting),
         x: Axis::linear("asked: integral along the ray"),
         y: Axis::linear("measured: -ln of the transmittance"),
         series: vec![
@@ -120,9 +124,9 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         ],
     });
     let size = (camera.width, camera.height);
-    finding.pictures.push(Shown::of(probe.setting.to_owned(), frame));
-    finding.pictures.push(Shown::grey(
-        format!("{}: transmittance, white is all", probe.setting),
+    finding.pictures.push(MeasuredPicture::of(request.setting.to_owned(), frame));
+    finding.pictures.push(MeasuredPicture::grey(
+        format!("{}: transmittance, white is all", request.setting),
         shares.iter().skip(1).step_by(3).copied(),
         size,
     ));

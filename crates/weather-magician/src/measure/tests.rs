@@ -1,20 +1,18 @@
-//! Planted errors: a rig that draws each effect wrongly by a tenth, and who finds it.
+//! Planted errors: a renderer that draws each effect wrongly by a tenth, and the instruments that find it.
 //!
 //! A fault changes what is drawn, never what is asked. Instruments draw what they draw whatever they find, so that those of whose
 //! pictures a fault changes none need not look again: their readings are those of the faultless rig, byte for byte.
 
-use super::field::Field;
-use super::{Finding, INSTRUMENTS, Probe, Rig, Shot, Subject, asked};
-use crate::commands::demo::street;
-use crate::scene::{OpenScene, RunArgs};
-use anyhow::Result;
-use weather_magician::Picture;
-use wm_render::Device;
-use wm_scene::{Camera, Metadata, Splats};
+use super::place_renderer::PlaceRenderer;
+use super::{
+    Finding, INSTRUMENTS, InstrumentRenderer, InstrumentShot, MeasureRequest, ShotSubject, expected,
+};
+use crate::{Picture, Renderer, Result};
+use wm_scene::{Camera, Splats};
 use wm_street::Street;
 use wm_weather::{Site, Weather};
 
-/// What is drawn wrongly.
+/// A planted error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fault {
     None,
@@ -36,7 +34,7 @@ enum Fault {
     Depth,
     /// Wind blows snow under the roof.
     Shelter,
-    /// What has fallen is a tenth more.
+    /// A tenth more snow has fallen.
     Fallen,
     /// The place is not drawn twice where it stands.
     Jitter,
@@ -64,7 +62,7 @@ const FINDS: [(Fault, &[[&str; 2]]); 12] = [
     (Fault::Jitter, &[["consistency", ""]]),
 ];
 
-/// Under which weather an instrument looks.
+/// The weather that an instrument is tested in.
 fn weather(instrument: &str) -> Weather {
     let sets: &[&str] = match instrument {
         "visibility" | "rays" => &["fog.mor=60"],
@@ -81,19 +79,19 @@ fn weather(instrument: &str) -> Weather {
 
 /// A shot by itself.
 #[derive(Clone, PartialEq)]
-struct Asked {
-    subject: Subject,
+struct OwnedShot {
+    subject: ShotSubject,
     camera: Camera,
     weather: Weather,
     time: f64,
 }
 
 impl Fault {
-    /// What is drawn for the `index`-th shot of an instrument.
-    fn falsified(self, index: usize, shot: &Asked) -> Asked {
+    /// Returns the picture that is drawn in place of the `index`-th of an instrument.
+    fn falsified(self, index: usize, shot: &OwnedShot) -> OwnedShot {
         let mut drawn = shot.clone();
         let mut scale = |effect: &str, param: &str, factor: f64| {
-            if let Some(value) = asked::number(&shot.weather, shot.time, effect, param) {
+            if let Some(value) = expected::number(&shot.weather, shot.time, effect, param) {
                 drawn.weather.set_text(&format!("{effect}.{param}={}", value * factor)).unwrap();
             }
         };
@@ -113,15 +111,17 @@ impl Fault {
             Self::Drift => scale("wind", "speed", 1.1),
             Self::Depth => scale("snow_cover", "depth", 1.1),
             Self::Shelter => {
-                if asked::is_on(&shot.weather, "snow_cover")
-                    && asked::number(&shot.weather, 0.0, "snow_cover", "depth").is_some()
+                if expected::is_on(&shot.weather, "snow_cover")
+                    && expected::number(&shot.weather, 0.0, "snow_cover", "depth").is_some()
                 {
                     drawn.weather.set_text("wind.speed=20").unwrap();
                 }
             }
             Self::Fallen => scale("snow_cover", "hours", 1.1),
             Self::Jitter => {
-                if shot.subject == Subject::Place && shot.weather.effects().next().is_some() && index % 2 == 1
+                if shot.subject == ShotSubject::Place
+                    && shot.weather.effects().next().is_some()
+                    && index % 2 == 1
                 {
                     drawn.camera.cx += 4.0;
                 }
@@ -138,12 +138,12 @@ impl Fault {
 
 /// A rig with a fault, that remembers what it was asked for.
 struct Faulty {
-    field: Field,
+    field: PlaceRenderer,
     fault: Fault,
-    shots: Vec<Asked>,
+    shots: Vec<OwnedShot>,
 }
 
-impl Rig for Faulty {
+impl InstrumentRenderer for Faulty {
     fn site(&self) -> Site {
         self.field.site()
     }
@@ -152,7 +152,7 @@ impl Rig for Faulty {
         self.field.views()
     }
 
-    fn set_up(&mut self, splats: Splats) -> Result<Subject> {
+    fn set_up(&mut self, splats: Splats) -> Result<ShotSubject> {
         self.field.set_up(splats)
     }
 
@@ -160,22 +160,22 @@ impl Rig for Faulty {
         self.field.clear_away();
     }
 
-    fn draw(&mut self, shot: &Shot<'_>, picture: &mut Picture) -> Result<()> {
-        let Shot { subject, camera, weather, time, .. } = *shot;
-        let asked = Asked { subject, camera: *camera, weather: weather.clone(), time };
-        let drawn = self.fault.falsified(self.shots.len(), &asked);
-        self.shots.push(asked);
+    fn draw(&mut self, shot: &InstrumentShot<'_>, picture: &mut Picture) -> Result<()> {
+        let InstrumentShot { subject, camera, weather, time, .. } = *shot;
+        let requested = OwnedShot { subject, camera: *camera, weather: weather.clone(), time };
+        let drawn = self.fault.falsified(self.shots.len(), &requested);
+        self.shots.push(requested);
         let (camera, weather, time) = (&drawn.camera, &drawn.weather, drawn.time);
-        self.field.draw(&Shot { camera, weather, time, ..*shot }, picture)
+        self.field.draw(&InstrumentShot { camera, weather, time, ..*shot }, picture)
     }
 }
 
 fn rig() -> Faulty {
-    let run = RunArgs { device: Device::Cpu, ..RunArgs::default() };
-    let scene = street::scene(0.5, None).unwrap();
-    let loaded = OpenScene::of(scene, &Metadata::default(), &run).unwrap();
+    let scene = Street::builtin().sampling(0.5).scene(&|_| true).unwrap();
+    let mut renderer = Renderer::cpu().unwrap();
+    let place = renderer.load(scene).unwrap();
     let camera = Street::views()[0].camera((240, 160)).unwrap();
-    let field = Field::new(loaded.renderer, loaded.place, camera);
+    let field = PlaceRenderer::new(renderer, place, camera);
     Faulty { field, fault: Fault::None, shots: Vec::new() }
 }
 
@@ -183,13 +183,14 @@ fn rig() -> Faulty {
 fn each_instrument_finds_its_own_error_and_no_other() {
     let mut rig = rig();
     let instruments: Vec<_> = INSTRUMENTS.iter().filter(|instrument| instrument.name != "controls").collect();
-    let read = |rig: &mut Faulty, fault: Fault, index: usize| -> (Finding, Vec<Asked>) {
+    let read = |rig: &mut Faulty, fault: Fault, index: usize| -> (Finding, Vec<OwnedShot>) {
         let instrument = instruments[index];
         rig.fault = fault;
         let weather = weather(instrument.name);
         assert!((instrument.applies)(&weather, 0.0), "{}", instrument.name);
         let finding =
-            (instrument.read)(rig, &Probe { weather: &weather, time: 0.0, setting: "test" }).unwrap();
+            (instrument.read)(rig, &MeasureRequest { weather: &weather, time: 0.0, setting: "test" })
+                .unwrap();
         rig.clear_away();
         (finding, std::mem::take(&mut rig.shots))
     };

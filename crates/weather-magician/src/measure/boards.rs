@@ -7,11 +7,14 @@
 //! Tolerance 3 %. Systematic: a board is square to its ray and opaque to 2e-4, the floats of its colours add 1e-5 of white, 0.1 %
 //! of the contrast at 2 %: below 0.3 % in all. The rest is chance, of what falls before the boards.
 
-use super::asked::{self, MOR_DEPTH};
-use super::{COLOR, Finding, Instrument, Level, Probe, Reading, Rig, Shot, Shown, Tolerance, clear, median};
-use crate::report::plot::{Axis, Plot, Series};
-use anyhow::Result;
-use weather_magician::Picture;
+use super::expected::{self, MOR_DEPTH};
+use super::plot::{Axis, Plot, Series};
+use super::{
+    COLOR, Finding, Instrument, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest,
+    MeasuredPicture, Reading, Tolerance, clear, median,
+};
+use crate::Picture;
+use crate::Result;
 use wm_scene::card::Card;
 use wm_scene::{Camera, Splats};
 use wm_weather::Weather;
@@ -23,7 +26,7 @@ pub const INSTRUMENT: Instrument = Instrument {
     about: "White and black boards stand at 16 distances between a tenth and 1.2 of the range that is asked for. What is left \
             of their difference in a picture is the transmittance of the air on the way to them; its logarithm over the length of the rays \
             is a line, whose slope is the extinction, and 2.996 over that the meteorological optical range (5 % of the light, WMO).",
-    applies: |weather, time| asked::extinction(weather, time, EYE)[1] > 0.0,
+    applies: |weather, time| expected::extinction(weather, time, EYE)[1] > 0.0,
     read,
     sweep: &[
         &["fog.mor=50"],
@@ -58,8 +61,8 @@ struct Boards {
     camera: Camera,
     /// Length of the mean ray to each, m.
     metres: Vec<f64>,
-    white: super::Subject,
-    black: super::Subject,
+    white: super::ShotSubject,
+    black: super::ShotSubject,
     /// White less black in clear air.
     contrast: Light,
 }
@@ -70,8 +73,8 @@ fn middle(index: usize) -> (usize, usize) {
 }
 
 impl Boards {
-    fn new(rig: &mut dyn Rig, range: f64, time: f64) -> Result<Self> {
-        let level = Level::of(&rig.site());
+    fn new(rig: &mut dyn InstrumentRenderer, range: f64, time: f64) -> Result<Self> {
+        let level = LevelFrame::of(&rig.site());
         let size = ((FIELDS.0 * FIELD) as u32, (FIELDS.1 * FIELD) as u32);
         // A narrow band about the horizon, so that all rays are nearly level.
         let camera = level.camera(size, 8.0, [0.0, 0.0, EYE], [0.0, 1.0, EYE])?;
@@ -104,10 +107,16 @@ impl Boards {
     }
 
     /// White less black of each board through a weather, and the picture of the black ones.
-    fn seen(&self, rig: &mut dyn Rig, weather: &Weather, time: f64) -> Result<(Light, Picture)> {
+    fn seen(
+        &self,
+        rig: &mut dyn InstrumentRenderer,
+        weather: &Weather,
+        time: f64,
+    ) -> Result<(Light, Picture)> {
         let mut pictures = [Picture::default(), Picture::default()];
         for (subject, picture) in [self.white, self.black].into_iter().zip(&mut pictures) {
-            let shot = Shot { subject, camera: &self.camera, weather, time, outputs: COLOR, parts: &[] };
+            let shot =
+                InstrumentShot { subject, camera: &self.camera, weather, time, outputs: COLOR, parts: &[] };
             rig.draw(&shot, picture)?;
         }
         let [white, black] = pictures.each_ref().map(|picture| patches(&picture.frame.rgb_linear()));
@@ -141,14 +150,14 @@ fn slope(points: &[[f64; 2]]) -> f64 {
     products / points.iter().map(|p| (p[0] - x).powi(2)).sum::<f64>()
 }
 
-fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
-    let asked = asked::extinction(probe.weather, probe.time, EYE).map(|sigma| MOR_DEPTH / sigma);
-    let boards = Boards::new(rig, asked[1], probe.time)?;
-    let times = if asked::fall_extinction(probe.weather, probe.time) > 0.0 { FALLS } else { 1 };
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
+    let asked = expected::extinction(request.weather, request.time, EYE).map(|sigma| MOR_DEPTH / sigma);
+    let boards = Boards::new(rig, asked[1], request.time)?;
+    let times = if expected::fall_extinction(request.weather, request.time) > 0.0 { FALLS } else { 1 };
     let mut kept = vec![[0.0; 3]; boards.metres.len()];
     let mut shown = Picture::default();
     for index in 0..times {
-        let (light, picture) = boards.seen(rig, probe.weather, probe.time + APART * index as f64)?;
+        let (light, picture) = boards.seen(rig, request.weather, request.time + APART * index as f64)?;
         for (kept, (light, clear)) in kept.iter_mut().zip(light.iter().zip(&boards.contrast)) {
             (0..3).for_each(|k| kept[k] += light[k] / clear[k] / times as f64);
         }
@@ -172,7 +181,7 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         let measured = if points.len() < 4 { f64::NAN } else { MOR_DEPTH / slope(&points) };
         finding.readings.push(Reading {
             quantity: format!("MOR, {name}"),
-            setting: probe.setting.to_owned(),
+            setting: request.setting.to_owned(),
             unit: "m",
             asked: asked[channel],
             measured,
@@ -182,16 +191,16 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         series.push(Series::points(name, points.iter().map(|[x, y]| [*x, (-y).exp()]).collect()));
     }
     finding.plots.push(Plot {
-        title: format!("Contrast left, {}", probe.setting),
+        title: format!("Contrast left, {}", request.setting),
         x: Axis::linear("distance of the board, m"),
         y: Axis::log("white less black, share of clear air"),
         series,
     });
     let near = median(boards.metres.clone());
-    finding.pictures.push(Shown::of(
+    finding.pictures.push(MeasuredPicture::of(
         format!(
             "{}: black boards at {:.0} to {farthest:.0} m, half of them within {near:.0} m",
-            probe.setting,
+            request.setting,
             0.1 * asked[1]
         ),
         &shown.frame,

@@ -7,7 +7,7 @@
 use wm_scene::random::uniform;
 
 /// A frame, linear light, `[H, W, 3]`.
-pub struct Painted {
+pub struct PaintedFog {
     /// With fog.
     pub rgb: Vec<f32>,
     /// The share of light that its fog lets through, `[H, W]`.
@@ -18,7 +18,7 @@ pub struct Painted {
 const BANK: usize = 40;
 
 /// Paints fog: the frame's own colours `rgb` in linear light.
-pub fn fog(rgb: &[f32], (width, height): (usize, usize), seed: u64) -> Painted {
+pub fn fog(rgb: &[f32], (width, height): (usize, usize), seed: u64) -> PaintedFog {
     let mut brightness: Vec<f32> = rgb.to_vec();
     brightness.sort_by(f32::total_cmp);
     let light = brightness[brightness.len() * 95 / 100];
@@ -31,7 +31,7 @@ pub fn fog(rgb: &[f32], (width, height): (usize, usize), seed: u64) -> Painted {
         along(row) * (1.0 - b) + along(row + 1) * b
     };
     let mut painted =
-        Painted { rgb: Vec::with_capacity(rgb.len()), share: Vec::with_capacity(width * height) };
+        PaintedFog { rgb: Vec::with_capacity(rgb.len()), share: Vec::with_capacity(width * height) };
     for y in 0..height {
         for x in 0..width {
             // The farther up, the farther away, as far as a picture tells by itself.
@@ -45,7 +45,7 @@ pub fn fog(rgb: &[f32], (width, height): (usize, usize), seed: u64) -> Painted {
     painted
 }
 
-/// Where painted snow lies: bright, and brighter than what is below.
+/// Returns the mask of painted snow: bright pixels that are not in the top quarter.
 pub fn snow(rgb: &[f32], (width, height): (usize, usize), seed: u64) -> Vec<bool> {
     let bright = |at: usize| rgb[3 * at..3 * at + 3].iter().sum::<f32>() / 3.0;
     let mut sorted: Vec<f32> = (0..width * height).map(bright).collect();

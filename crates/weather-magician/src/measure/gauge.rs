@@ -13,12 +13,14 @@
 //! three arms lie over each other, and what one hides of another is 5 % of the water at a tenth, 1 % at a hundredth. Speeds:
 //! Brandes' formula, which the program goes by, is within 4 % of the measurements.
 
-use super::asked::FallLaw;
-use super::blobs::Parting;
-use super::drops::{Catch, Drop, Look, Slab, effect, falling};
-use super::{Finding, Instrument, Probe, Reading, Rig, Tolerance, asked, mean, median};
-use crate::report::plot::{Axis, Plot, Series};
-use anyhow::Result;
+use super::blobs::BlobSplit;
+use super::drops::{AirSlab, DropSample, MeasuredDrop, SlabView, effect, falling};
+use super::expected::FallLaw;
+use super::plot::{Axis, Plot, Series};
+use super::{
+    Finding, Instrument, InstrumentRenderer, MeasureRequest, Reading, Tolerance, expected, mean, median,
+};
+use crate::Result;
 use std::ops::Range;
 use wm_weather::particles::{ParticleShape, PrecipitationKind, RAIN};
 
@@ -58,7 +60,7 @@ const ROUND: usize = 9;
 const MOST: usize = 300;
 /// Drops in front of a pixel of board, so that few touch.
 const CROWD: f64 = 9e-4;
-/// How opaque flakes are drawn.
+/// Opacity of flakes in the pictures.
 const THIN: f64 = 0.01;
 /// Least diameters of the two lenses, mm: drops are drawn whole (0.3 px and more), and flakes by themselves in the wide
 /// lens (1.25 px).
@@ -68,10 +70,10 @@ const SNOW: [f64; 2] = [0.25, 5.0];
 const FASTEST: f64 = 12.0;
 /// Diameter from which the close lens sees flakes by themselves, mm: fewer stand for all that are smaller.
 const SINGLE: f64 = 2.5;
-/// Where the places of the wide lens begin.
+/// Index of the first place of the wide lens.
 const FAR: usize = 8 * 64;
-/// What slabs have in common.
-const SLAB: Slab = Slab {
+/// The fields that all slabs share.
+const SLAB: AirSlab = AirSlab {
     size: 960,
     depth: 10.0,
     thickness: 0.0,
@@ -80,22 +82,27 @@ const SLAB: Slab = Slab {
     apart: 0.0,
     fastest: 0.0,
     pairs: 3,
-    parting: Parting::Peaks,
+    split: BlobSplit::Peaks,
 };
 
 /// A look at the drops of some diameters, and what is seen of them.
 struct Lens {
-    look: Look,
+    look: SlabView,
     /// mm.
     diameters: Range<f64>,
-    caught: Catch,
+    caught: DropSample,
 }
 
 impl Lens {
     /// The close one and the wide one.
-    fn both(probe: &Probe<'_>, kind: &PrecipitationKind, law: &FallLaw, rate: f64) -> Result<[Self; 2]> {
-        let wind = asked::number(probe.weather, probe.time, "wind", "speed").unwrap_or(0.0);
-        let mut weather = probe.weather.clone();
+    fn both(
+        request: &MeasureRequest<'_>,
+        kind: &PrecipitationKind,
+        law: &FallLaw,
+        rate: f64,
+    ) -> Result<[Self; 2]> {
+        let wind = expected::number(request.weather, request.time, "wind", "speed").unwrap_or(0.0);
+        let mut weather = request.weather.clone();
         weather.set_text(&format!("{}.exposure=0.00001", effect(kind)))?;
         let (opacity, [least, large], close) = match kind.shape {
             ParticleShape::Ball => {
@@ -103,7 +110,7 @@ impl Lens {
                 let least = kind.seen(kind.diameters[0]);
                 let larger = least / SMALLEST;
                 let fastest = FASTEST.max(1.1 * (law.speed)(kind.seen(kind.diameters[1])));
-                let slab = Slab {
+                let slab = AirSlab {
                     scale: 750.0 / larger,
                     depth: SLAB.depth * larger,
                     thickness: larger,
@@ -116,34 +123,38 @@ impl Lens {
             }
             ParticleShape::Flake => {
                 let margin = [24.0 + 8.0 * wind, 40.0];
-                (THIN, SNOW, Slab { scale: 600.0, thickness: 0.6, margin, apart: 0.01, fastest: 3.0, ..SLAB })
+                (
+                    THIN,
+                    SNOW,
+                    AirSlab { scale: 600.0, thickness: 0.6, margin, apart: 0.01, fastest: 3.0, ..SLAB },
+                )
             }
         };
-        let lens = |least: f64, diameters: Range<f64>, wider: f64, first: usize| {
+        let lens = |least: f64, diameters: Range<f64>, wider: f64, first: usize| -> Result<Self> {
             let scale = close.scale / wider;
             // Those that are a little smaller are there, too, drawn in part.
             let most = CROWD * scale * scale / (law.density)(rate, 0.85 * least);
             let thickness = most.clamp(0.1, close.thickness);
             // Between two pictures drops go the same way in pixels.
-            let slab = Slab { scale, thickness, apart: close.apart * wider, ..close };
-            let look = Look::new(&weather, probe.time, kind, slab, opacity)?.beginning_at(first);
-            anyhow::Ok(Self { look, diameters, caught: Catch::default() })
+            let slab = AirSlab { scale, thickness, apart: close.apart * wider, ..close };
+            let look = SlabView::new(&weather, request.time, kind, slab, opacity)?.beginning_at(first);
+            Ok(Self { look, diameters, caught: DropSample::default() })
         };
         Ok([lens(least, 0.0..large, 1.0, 0)?, lens(large, large..f64::INFINITY, 2.0, FAR)?])
     }
 
-    fn take(&mut self, rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<()> {
-        self.look.take(rig, probe.time, ROUND, &mut self.caught)
+    fn take(&mut self, rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<()> {
+        self.look.take(rig, request.time, ROUND, &mut self.caught)
     }
 
-    fn drops(&self) -> impl Iterator<Item = &Drop> {
+    fn drops(&self) -> impl Iterator<Item = &MeasuredDrop> {
         self.caught.drops.iter().filter(|drop| self.diameters.contains(&drop.diameter))
     }
 
     /// Water through a level plane, mm/h, and its variance by what the pictures are apart.
     fn flux(&self, law: &FallLaw) -> [f64; 2] {
         let (mut tracked, mut speed) = (0.0, 0.0);
-        for Drop { diameter, velocity, .. } in self.drops() {
+        for MeasuredDrop { diameter, velocity, .. } in self.drops() {
             if let Some([_, down]) = velocity {
                 let own = (law.water)(*diameter);
                 tracked += own;
@@ -164,9 +175,14 @@ impl Lens {
 }
 
 /// Looks until the rate is told well enough; gives it with its standard error, mm/h.
-fn look(rig: &mut dyn Rig, probe: &Probe<'_>, law: &FallLaw, lenses: &mut [Lens; 2]) -> Result<[f64; 2]> {
+fn look(
+    rig: &mut dyn InstrumentRenderer,
+    request: &MeasureRequest<'_>,
+    law: &FallLaw,
+    lenses: &mut [Lens; 2],
+) -> Result<[f64; 2]> {
     for lens in lenses.iter_mut() {
-        lens.take(rig, probe)?;
+        lens.take(rig, request)?;
     }
     loop {
         let fluxes = lenses.each_ref().map(|lens| lens.flux(law));
@@ -177,19 +193,19 @@ fn look(rig: &mut dyn Rig, probe: &Probe<'_>, law: &FallLaw, lenses: &mut [Lens;
         }
         // What another picture would take of the variance.
         let [close, wide] = [0, 1].map(|k| fluxes[k][1] / pictures[k] as f64);
-        lenses[usize::from(wide > close)].take(rig, probe)?;
+        lenses[usize::from(wide > close)].take(rig, request)?;
     }
 }
 
-fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let mut finding = Finding::default();
-    for (kind, rate) in falling(probe.weather, probe.time) {
+    for (kind, rate) in falling(request.weather, request.time) {
         let Some(law) = FallLaw::of(kind) else { continue };
-        let mut lenses = Lens::both(probe, kind, law, rate)?;
-        let [measured, error] = look(rig, probe, law, &mut lenses)?;
+        let mut lenses = Lens::both(request, kind, law, rate)?;
+        let [measured, error] = look(rig, request, law, &mut lenses)?;
         let reading = |quantity: &str, unit, asked, measured| Reading {
             quantity: quantity.to_owned(),
-            setting: probe.setting.to_owned(),
+            setting: request.setting.to_owned(),
             unit,
             asked,
             measured,
@@ -206,18 +222,18 @@ fn read(rig: &mut dyn Rig, probe: &Probe<'_>) -> Result<Finding> {
         let quantity = format!("fall speed over {}, farthest of {} sizes", law.speed_law[0], speeds.len());
         if *kind == RAIN {
             // Of an exponential spectrum the same beyond any diameter.
-            let wanted = 1.0 / asked::rain_slope(rate);
+            let wanted = 1.0 / expected::rain_slope(rate);
             finding.readings.push(reading("mean diameter beyond 0.7 mm", "mm", wanted, beyond(&lenses)));
-            finding.plots.push(sizes(probe, rate, &lenses));
+            finding.plots.push(sizes(request, rate, &lenses));
         }
         finding.readings.push(reading(&quantity, "", 1.0, farthest.unwrap_or(f64::NAN)));
-        finding.plots.push(speeds_plot(probe, law, &speeds));
+        finding.plots.push(speeds_plot(request, law, &speeds));
         for (lens, what) in lenses.iter_mut().zip(["close", "wide"]) {
             let (count, volume, scale) = (lens.drops().count(), lens.caught.volume, lens.look.slab.scale);
             if let Some(mut shown) = lens.caught.shown.take() {
                 shown.caption = format!(
                     "{}: a part of a slab in the {what} lens, {scale} px to a metre; {count} caught in {volume:.0} m\u{b3} of air",
-                    probe.setting
+                    request.setting
                 );
                 finding.pictures.push(shown);
             }
@@ -257,7 +273,7 @@ fn classes(kind: &PrecipitationKind, law: &FallLaw, lenses: &[Lens; 2]) -> Vec<[
         ParticleShape::Flake => (SINGLE, CLASS),
     };
     let mut classes: Vec<Vec<[f64; 2]>> = vec![Vec::new(); 48];
-    for Drop { diameter, velocity, .. } in lenses.iter().flat_map(Lens::drops) {
+    for MeasuredDrop { diameter, velocity, .. } in lenses.iter().flat_map(Lens::drops) {
         let class = ((diameter - first) / width).floor();
         if let (Some([_, down]), 0.0..48.0) = (velocity, class) {
             classes[class as usize].push([*diameter, *down]);
@@ -279,10 +295,10 @@ fn curve(most: f64, f: impl Fn(f64) -> f64) -> Vec<[f64; 2]> {
     (5..=60).map(|k| f64::from(k) / 60.0 * most).map(|d| [d, f(d)]).collect()
 }
 
-fn speeds_plot(probe: &Probe<'_>, law: &FallLaw, classes: &[[f64; 3]]) -> Plot {
+fn speeds_plot(request: &MeasureRequest<'_>, law: &FallLaw, classes: &[[f64; 3]]) -> Plot {
     let most = classes.iter().map(|class| 1.1 * class[0]).fold(6.0, f64::max);
     Plot {
-        title: format!("Fall speed, {}", probe.setting),
+        title: format!("Fall speed, {}", request.setting),
         x: Axis::linear("diameter, mm"),
         y: Axis::linear("fall speed, m/s"),
         series: vec![
@@ -295,8 +311,8 @@ fn speeds_plot(probe: &Probe<'_>, law: &FallLaw, classes: &[[f64; 3]]) -> Plot {
     }
 }
 
-fn sizes(probe: &Probe<'_>, rate: f64, lenses: &[Lens; 2]) -> Plot {
-    let slope = asked::rain_slope(rate);
+fn sizes(request: &MeasureRequest<'_>, rate: f64, lenses: &[Lens; 2]) -> Plot {
+    let slope = expected::rain_slope(rate);
     let mut numbers = [(0usize, 0.0); 24];
     for lens in lenses {
         for drop in lens.drops() {
@@ -309,7 +325,7 @@ fn sizes(probe: &Probe<'_>, rate: f64, lenses: &[Lens; 2]) -> Plot {
     let numbers = full.map(|(k, (_, number))| [0.5 + CLASS * (k as f64 + 0.5), *number]);
     let spectrum = curve(6.0, |d| 8000.0 * (-slope * d).exp()).into_iter().filter(|p| p[1] > 0.05);
     Plot {
-        title: format!("Sizes, {}", probe.setting),
+        title: format!("Sizes, {}", request.setting),
         x: Axis::linear("diameter, mm"),
         y: Axis::log("drops a m\u{b3} and mm"),
         series: vec![

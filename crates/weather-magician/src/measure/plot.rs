@@ -1,61 +1,60 @@
 //! Plots as SVG: points and lines over two axes with units, on white.
 //!
-//! Written by hand: it is one page of code, and a plotting crate would take longer to build than the rest of the report.
+//! By hand: it is one page of code, and what plotting crates add is more to build than the rest of the report.
 
-use super::escaped;
 use std::fmt::Write;
 
-/// Width and height, and the margins left, right, above and below the plot area, px.
+/// Width and height, and the borders left, right, above and below the field, px.
 const SIZE: [f64; 2] = [560.0, 340.0];
 const LEFT: f64 = 66.0;
 const RIGHT: f64 = 14.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 50.0;
-/// Colours of series, safe for colour-blind readers (Okabe and Ito 2008, without yellow).
+/// Colours of series that are told apart by all eyes (Okabe and Ito 2008, without yellow): after a law channels have their own.
 const COLORS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#56b4e9", "#cc79a7", "#e69f00"];
-/// Approximate number of ticks of an axis.
+/// Ticks of an axis, about.
 const TICKS: f64 = 6.0;
 
-/// Scale of an axis.
+/// The spacing of numbers along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AxisScale {
     /// Linear.
     Linear,
-    /// Logarithmic; numbers that are not above 0 are left out.
+    /// Logarithmic; values of 0 and below are left out.
     Log,
 }
 
-/// An axis.
+/// An axis of a plot.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// Label with the unit.
+    /// The quantity with its unit.
     pub label: String,
-    /// Scale of the axis.
+    /// The spacing.
     pub scale: AxisScale,
 }
 
 impl Axis {
-    /// Returns a linear axis.
+    /// A linear axis; it begins at 0 unless all values are far from it.
     pub fn linear(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: AxisScale::Linear }
     }
 
-    /// Returns a logarithmic axis.
+    /// A logarithmic axis.
     pub fn log(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: AxisScale::Log }
     }
 }
 
-/// Style of a series.
+/// The marks of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SeriesStyle {
-    /// Dots.
+    /// A dot for each point.
     Points,
     /// A line.
     Line,
 }
 
-/// Points with a label and a style.
+/// Points that belong together.
 #[derive(Clone, Debug)]
 pub struct Series {
     name: String,
@@ -64,34 +63,34 @@ pub struct Series {
 }
 
 impl Series {
-    /// Dots.
+    /// A series drawn as dots.
     pub fn points(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
         Self { name: name.into(), points, style: SeriesStyle::Points }
     }
 
-    /// A line.
+    /// A series drawn as a line.
     pub fn line(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
         Self { name: name.into(), points, style: SeriesStyle::Line }
     }
 }
 
-/// A plot.
+/// Points and lines over two axes.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// Title of the plot.
+    /// The title.
     pub title: String,
-    /// Along.
+    /// The horizontal axis.
     pub x: Axis,
-    /// Upwards.
+    /// The vertical axis.
     pub y: Axis,
     /// The series, drawn in this order.
     pub series: Vec<Series>,
 }
 
-/// An axis with its range and ticks.
+/// An axis with its ends and ticks.
 struct Ruler {
     scale: AxisScale,
-    /// Range in numbers of the scale: logarithms to base 10, or the values.
+    /// Of the scale's numbers: logarithms to base 10, or themselves.
     ends: [f64; 2],
     ticks: Vec<f64>,
 }
@@ -128,7 +127,7 @@ impl Ruler {
         }
     }
 
-    /// Returns the position of a number on the axis, 0-1; `None` for a number that the scale does not have.
+    /// Returns the position of a number, 0-1 between the ends; `None` for one that the scale does not have.
     fn place(&self, value: f64) -> Option<f64> {
         let value = match self.scale {
             AxisScale::Linear => value,
@@ -139,7 +138,7 @@ impl Ruler {
     }
 }
 
-/// Formats a number of an axis.
+/// A number as short as it is told from its neighbours.
 fn number(value: f64) -> String {
     let size = value.abs();
     if size != 0.0 && !(1e-3..1e5).contains(&size) {
@@ -151,11 +150,13 @@ fn number(value: f64) -> String {
 
 impl Plot {
     /// Returns true if no series has a point.
+    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.series.iter().all(|series| series.points.is_empty())
     }
 
-    /// Returns the plot as SVG.
+    /// Returns the plot as an SVG document.
+    #[must_use]
     pub fn svg(&self) -> String {
         let all =
             |k: usize| self.series.iter().flat_map(move |series| series.points.iter().map(move |p| p[k]));
@@ -256,9 +257,29 @@ impl Plot {
     }
 }
 
+/// Returns text with the characters `&<>"` replaced, so that it can stand anywhere in HTML and SVG.
+#[must_use]
+pub fn escaped(text: &str) -> String {
+    text.chars().fold(String::with_capacity(text.len()), |mut out, c| {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            c => out.push(c),
+        }
+        out
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_are_no_markup() {
+        assert_eq!(escaped("<b>\"a\" & b"), "&lt;b&gt;&quot;a&quot; &amp; b");
+    }
 
     #[test]
     fn ticks_are_round_and_hold_what_there_is() {

@@ -1,0 +1,335 @@
+//! Instruments that measure from rendered pictures whether weather is as strong as its parameters say.
+//!
+//! An [`Instrument`] sets up targets at a place and in its air: boards at known distances, a thin slab of air before a black
+//! board, a yard with a roof. An [`InstrumentRenderer`] renders them with the same code as all other pictures. The measured
+//! value comes from pixels alone; the expected value comes from the weather's parameters and published laws, implemented a
+//! second time here, so that neither side shares code with the other. Two instruments look at the place itself: rays and
+//! consistency.
+//!
+//! [`INSTRUMENTS`] lists all of them, [`PlaceRenderer`] renders for them at a [`PreparedPlace`](crate::PreparedPlace):
+//!
+//! ```no_run
+//! use weather_magician::measure::{INSTRUMENTS, MeasureRequest, PlaceRenderer};
+//! use weather_magician::{Camera, Renderer, Result, Scene, Weather};
+//!
+//! # fn example(scene: Scene, camera: Camera) -> Result<()> {
+//! let mut renderer = Renderer::cpu()?;
+//! let place = renderer.load(scene)?;
+//! let mut place = PlaceRenderer::new(renderer, place, camera);
+//! let mut weather = Weather::clear();
+//! weather.set_text("fog.mor=100")?;
+//! let request = MeasureRequest { weather: &weather, time: 0.0, setting: "fog" };
+//! for instrument in INSTRUMENTS.iter().filter(|instrument| (instrument.applies)(&weather, 0.0)) {
+//!     for reading in (instrument.read)(&mut place, &request)?.readings {
+//!         println!("{}: {} {}", reading.quantity, reading.measured, reading.unit);
+//!     }
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! A new instrument is one file and one line of [`INSTRUMENTS`]. A test replaces the renderer by one that draws each effect
+//! wrongly by a tenth, and checks that each instrument finds its own error and no other.
+
+mod blobs;
+mod boards;
+mod budget;
+mod consistency;
+mod controls;
+mod drops;
+mod expected;
+mod gauge;
+mod painted;
+mod place_renderer;
+pub mod plot;
+mod rays;
+mod stake;
+mod streaks;
+#[cfg(test)]
+mod tests;
+
+pub use place_renderer::PlaceRenderer;
+
+use crate::{Picture, Result};
+use glam::DVec3;
+use plot::Plot;
+use serde::Serialize;
+use wm_render::parts::PicturePart;
+use wm_render::{Frame, Geometry, MedianDepth, Outputs, ParticlePass};
+use wm_scene::{Camera, Splats};
+use wm_weather::dome::level_axes;
+use wm_weather::{Site, Weather};
+
+/// A measuring method: what it applies to, and how it measures.
+pub struct Instrument {
+    /// One word, for `--instruments` and JSON.
+    pub name: &'static str,
+    /// The title in reports, a few words.
+    pub title: &'static str,
+    /// The method in two or three sentences.
+    pub about: &'static str,
+    /// Returns true if the instrument can measure something in a weather at a time, s.
+    pub applies: fn(&Weather, f64) -> bool,
+    /// Renders, measures and compares. Targets that it sets up stay until [`InstrumentRenderer::clear_away`].
+    pub read: fn(&mut dyn InstrumentRenderer, &MeasureRequest<'_>) -> Result<Finding>,
+    /// The weathers that are measured if none is given, as changes of clear weather.
+    pub sweep: &'static [&'static [&'static str]],
+}
+
+/// Every instrument, in the order of the report.
+#[rustfmt::skip]
+pub const INSTRUMENTS: [Instrument; 8] = [
+    boards::INSTRUMENT,
+    rays::INSTRUMENT,
+    gauge::INSTRUMENT,
+    streaks::INSTRUMENT,
+    stake::INSTRUMENT,
+    budget::INSTRUMENT,
+    consistency::INSTRUMENT,
+    controls::INSTRUMENT,
+];
+
+/// The weather to measure.
+pub struct MeasureRequest<'a> {
+    /// The weather.
+    pub weather: &'a Weather,
+    /// The time, s.
+    pub time: f64,
+    /// The weather in words, for reports.
+    pub setting: &'a str,
+}
+
+impl MeasureRequest<'_> {
+    /// Returns the weather with changes.
+    ///
+    /// # Errors
+    /// [`crate::Error::Weather`] if a change is not of the form `effect.parameter=value`.
+    pub fn with(&self, changes: &[&str]) -> Result<Weather> {
+        let mut weather = self.weather.clone();
+        changes.iter().try_for_each(|change| weather.set_text(change))?;
+        Ok(weather)
+    }
+}
+
+/// The allowed difference between a measured and an expected value.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Tolerance {
+    /// As a share of the expected value.
+    Relative(f64),
+    /// In the unit of the reading.
+    Absolute(f64),
+    /// In the unit of the reading; only larger values are wrong.
+    Above(f64),
+    /// None: the reading is given for comparison.
+    None,
+}
+
+/// An expected and a measured value.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Reading {
+    /// The quantity in words.
+    pub quantity: String,
+    /// The weather in words.
+    pub setting: String,
+    /// The unit; empty for a plain number.
+    pub unit: &'static str,
+    /// The expected value, by the weather's parameters and published laws.
+    pub asked: f64,
+    /// The value measured from pictures; NaN if too little could be measured.
+    pub measured: f64,
+    /// The standard error of the measured value, in the same unit, where it comes from counting.
+    pub standard_error: Option<f64>,
+    /// The allowed difference.
+    pub tolerance: Tolerance,
+}
+
+impl Reading {
+    /// Returns the error: as a share of the expected value for [`Tolerance::Relative`], else in the unit.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        match self.tolerance {
+            Tolerance::Relative(_) => self.measured / self.asked - 1.0,
+            Tolerance::Absolute(_) | Tolerance::Above(_) | Tolerance::None => self.measured - self.asked,
+        }
+    }
+
+    /// Returns true if the error is within the tolerance.
+    #[must_use]
+    pub fn passes(&self) -> bool {
+        match self.tolerance {
+            Tolerance::Relative(most) | Tolerance::Absolute(most) => self.error().abs() <= most,
+            Tolerance::Above(most) => self.error() <= most,
+            Tolerance::None => true,
+        }
+    }
+}
+
+/// A picture for the report.
+#[derive(Clone, Debug)]
+pub struct MeasuredPicture {
+    /// The caption.
+    pub caption: String,
+    /// The colours, `[H, W, 3]`, sRGB, 0-1.
+    pub rgb: Vec<f32>,
+    /// Width and height, px.
+    pub size: (u32, u32),
+}
+
+impl MeasuredPicture {
+    /// Returns the colours of a frame.
+    pub fn of(caption: impl Into<String>, frame: &Frame) -> Self {
+        Self { caption: caption.into(), rgb: frame.rgb.clone(), size: (frame.width, frame.height) }
+    }
+
+    /// Returns shares, 0-1, `[H, W]`, as a grey picture.
+    #[must_use]
+    pub fn grey(caption: impl Into<String>, shares: impl Iterator<Item = f32>, size: (u32, u32)) -> Self {
+        Self { caption: caption.into(), rgb: shares.flat_map(|share| [share; 3]).collect(), size }
+    }
+}
+
+/// The results of one instrument in one weather.
+#[derive(Clone, Debug, Default)]
+pub struct Finding {
+    /// The numbers.
+    pub readings: Vec<Reading>,
+    /// The curves.
+    pub plots: Vec<Plot>,
+    /// Pictures of the place and the targets.
+    pub pictures: Vec<MeasuredPicture>,
+}
+
+/// The splats that are rendered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ShotSubject {
+    /// The place.
+    Place,
+    /// A target: its index among those that are set up.
+    Target(usize),
+}
+
+/// A picture for an instrument.
+#[derive(Clone, Copy)]
+pub struct InstrumentShot<'a> {
+    /// The splats.
+    pub subject: ShotSubject,
+    /// The camera.
+    pub camera: &'a Camera,
+    /// The weather.
+    pub weather: &'a Weather,
+    /// The time, s.
+    pub time: f64,
+    /// The outputs beside the colour.
+    pub outputs: Outputs,
+    /// The parts of the picture.
+    pub parts: &'a [PicturePart],
+}
+
+/// Renders the place and the targets of instruments.
+pub trait InstrumentRenderer {
+    /// Returns the facts about the place that weather needs.
+    fn site(&self) -> Site;
+
+    /// Returns a camera at the place, and a second one a step to its side.
+    ///
+    /// # Errors
+    /// [`crate::Error`] if the place has no such cameras.
+    fn views(&mut self) -> Result<[Camera; 2]>;
+
+    /// Sets up a target: splats in the place's axes and units.
+    ///
+    /// # Errors
+    /// [`crate::Error::Render`] if the splats cannot be loaded.
+    fn set_up(&mut self, splats: Splats) -> Result<ShotSubject>;
+
+    /// Removes all targets.
+    fn clear_away(&mut self);
+
+    /// Renders a picture.
+    ///
+    /// # Errors
+    /// [`crate::Error`] if the camera or the splats cannot be rendered.
+    fn draw(&mut self, shot: &InstrumentShot<'_>, picture: &mut Picture) -> Result<()>;
+}
+
+/// Level coordinates at a place: metres along two horizontal axes and above the ground.
+#[derive(Clone, Copy, Debug)]
+struct LevelFrame {
+    axes: [DVec3; 3],
+    site: Site,
+}
+
+impl LevelFrame {
+    /// Returns the coordinates of a place.
+    pub fn of(site: &Site) -> Self {
+        Self { axes: level_axes(site.up).map(DVec3::from_array), site: *site }
+    }
+
+    /// Returns a point in scene units.
+    pub fn point(&self, [x, y, z]: [f64; 3]) -> DVec3 {
+        let ground = self.axes[2] * self.site.ground;
+        ground + self.vector([x, y, z]) / self.site.metres_per_unit
+    }
+
+    /// Returns a vector along the scene's axes, in the same unit.
+    pub fn vector(&self, [x, y, z]: [f64; 3]) -> DVec3 {
+        self.axes[0] * x + self.axes[1] * y + self.axes[2] * z
+    }
+
+    /// Returns 1 where the second axis is a quarter turn to the left of the first, seen from above; -1 where it is to the right.
+    pub fn hand(&self) -> f64 {
+        self.axes[0].cross(self.axes[1]).dot(self.axes[2]).signum()
+    }
+
+    /// Returns the heading of a direction, measured as the wind's, degrees.
+    pub fn heading(&self, direction: DVec3) -> f64 {
+        f64::atan2(direction.dot(self.axes[1]), direction.dot(self.axes[0])).to_degrees()
+    }
+
+    /// Converts metres to scene units.
+    pub fn units(&self, metres: f64) -> f64 {
+        metres / self.site.metres_per_unit
+    }
+
+    /// Converts scene units to metres.
+    pub fn metres(&self, units: f64) -> f64 {
+        units * self.site.metres_per_unit
+    }
+
+    /// Returns a camera that looks from one point at another, level coordinates; upright, or with the second axis up where it looks
+    /// straight down.
+    pub fn camera(&self, size: (u32, u32), fov: f64, eye: [f64; 3], target: [f64; 3]) -> Result<Camera> {
+        let is_level = eye[0] != target[0] || eye[1] != target[1];
+        let up = if is_level { self.axes[2] } else { self.axes[1] };
+        let mut camera = Camera::looking(size, fov, self.point(eye), self.point(target), up)?;
+        camera.near = self.units(0.01);
+        Ok(camera)
+    }
+}
+
+/// Returns the clear weather.
+fn clear() -> Weather {
+    Weather::clear()
+}
+
+/// Colour and median depth: that of the surface, whatever little shines through it.
+const DEPTH: Outputs =
+    Outputs { geometry: Geometry::None, median_depth: MedianDepth::On, particles: ParticlePass::Off };
+/// Colour and falling particles.
+const PARTICLES: Outputs =
+    Outputs { geometry: Geometry::None, median_depth: MedianDepth::Off, particles: ParticlePass::On };
+/// Colour alone.
+const COLOR: Outputs =
+    Outputs { geometry: Geometry::None, median_depth: MedianDepth::Off, particles: ParticlePass::Off };
+/// Returns the median; NaN if there are no values.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// Returns the mean; NaN if there are no values.
+fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (sum, count) = values.into_iter().fold((0.0, 0usize), |(sum, count), v| (sum + v, count + 1));
+    sum / count as f64
+}
