@@ -84,7 +84,7 @@ impl RunArgs {
     /// Starts the back end that gives derivatives.
     pub fn differentiable_backend(&self) -> Result<AnyDifferentiable, RenderError> {
         AnyDifferentiable::new(&self.device, self.cpu(), |error| {
-            eprintln!("warning: {error}; the CPU goes on instead");
+            eprintln!("warning: {error}; training continues on the CPU");
         })
     }
 
