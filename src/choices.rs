@@ -1,16 +1,16 @@
-//! Words on the command line for choices of the libraries.
+//! Command-line values for choices of the libraries.
 
 use clap::ValueEnum;
 use wm_media::color::Dither;
 use wm_media::video::VideoEncoder;
 
-/// How 8-bit pictures are quantised.
+/// Quantisation of 8-bit pictures.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum DitherChoice {
-    /// To the nearest: slow gradients show contours.
+    /// Rounds to the nearest value: smooth gradients show banding.
     Off,
-    /// A fixed blue-noise offset a pixel and channel. No pixel is off by a whole step, the mean
-    /// over any 16x16 is right within 0.05 of a step, and a value that is a byte already stays this byte everywhere.
+    /// Adds a fixed blue-noise offset per pixel and channel. No pixel is off by a whole step, the mean
+    /// over any 16x16 pixels is right within 0.05 of a step, and exact byte values stay the same.
     Ordered,
 }
 
@@ -23,7 +23,7 @@ impl From<DitherChoice> for Dither {
     }
 }
 
-/// The H.264 encoder of a video.
+/// The H.264 encoder of videos.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum EncoderChoice {
     /// OpenH264, built into this program: Constrained Baseline profile. The same frames give the same

@@ -1,4 +1,4 @@
-//! Options of commands that open a data set: which photos, how large, and which are held out.
+//! Options of commands that open a data set: the photos, their size, and the held-out ones.
 
 use anyhow::Result;
 use clap::Args;
@@ -22,7 +22,7 @@ pub struct DatasetArgs {
     /// Longest side of photos, px; larger ones are reduced
     #[arg(long, value_name = "PX", default_value_t = 1600, value_parser = clap::value_parser!(u32).range(16..=32768), help_heading = "Photos")]
     pub longest: u32,
-    /// Leave out photos that are missing or damaged, and continue
+    /// Skip photos that are missing or damaged
     #[arg(long, help_heading = "Photos")]
     pub skip_bad: bool,
     /// Memory for decoded photos, MiB
@@ -44,10 +44,10 @@ impl DatasetArgs {
         }
     }
 
-    /// Opens a data set. Warns on the error stream of photos that are left out.
+    /// Opens a data set. Prints a warning for each photo that is left out.
     ///
     /// # Errors
-    /// The capture cannot be read, has no photos, or one is damaged and none may be.
+    /// The capture cannot be read or has no photos, or a photo is damaged and damaged ones are not skipped.
     pub fn open(&self, dataset: &Path) -> Result<(Capture, Photos)> {
         let options = self.options();
         let capture = options.capture(dataset)?;

@@ -1,11 +1,11 @@
-//! Ctrl-C: work that asks ends between two steps, all else at once; no half file is left either way.
+//! Ctrl-C: work that checks [`asked`] stops between two steps, everything else at once; no partial file is left in either case.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use thiserror::Error;
 use wm_scene::files::abandon_temporaries;
 
 static PRESSED: AtomicBool = AtomicBool::new(false);
-/// Whether the work at hand looks here between its steps.
+/// True once the current work checks for Ctrl-C between its steps.
 static HEEDED: AtomicBool = AtomicBool::new(false);
 
 /// The work was stopped by Ctrl-C.
@@ -18,10 +18,10 @@ pub fn is_stop(error: &anyhow::Error) -> bool {
     error.is::<Interrupted>() || matches!(error.downcast_ref(), Some(weather_magician::Error::Stopped))
 }
 
-/// Starts to listen. The first Ctrl-C waits for work that calls [`asked`]; where there is none, and
+/// Installs the handler. The first Ctrl-C waits for work that calls [`asked`]; if there is none, and
 /// the second time, it ends the program at once.
 pub fn listen() {
-    // Without a handler Ctrl-C just ends the program, which is fine but for a half file.
+    // Without a handler Ctrl-C ends the program, which may leave a partial file.
     let _ = ctrlc::set_handler(|| {
         if PRESSED.swap(true, Ordering::Relaxed) || !HEEDED.load(Ordering::Relaxed) {
             abandon_temporaries();
@@ -30,7 +30,7 @@ pub fn listen() {
     });
 }
 
-/// Whether Ctrl-C was pressed. Who asks once is waited for from then on.
+/// Returns true if Ctrl-C was pressed. After the first call the handler waits for the caller to stop.
 pub fn asked() -> bool {
     HEEDED.store(true, Ordering::Relaxed);
     PRESSED.load(Ordering::Relaxed)

@@ -1,9 +1,8 @@
 //! Weather-Magician: real weather on real places.
 //!
-//! The binary is thin: a command reads its options, puts the crates of the corridor together and
-//! writes what comes out. See ARCHITECTURE.md.
+//! The binary is thin: a command reads its options, calls the library and writes the results. See ARCHITECTURE.md.
 
-// First, for its macros; tests keep those of std, whose output is captured.
+// First, for its macros; tests use those of std, whose output is captured.
 #[cfg(not(test))]
 #[macro_use]
 mod say;
@@ -43,7 +42,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Prints help in full, and what is wrong with the options in one line.
+/// Prints help in full, and errors of the options in one line.
 fn usage(error: &clap::Error) -> ExitCode {
     match error.kind() {
         ErrorKind::DisplayHelp
@@ -55,7 +54,7 @@ fn usage(error: &clap::Error) -> ExitCode {
             if asked { ExitCode::SUCCESS } else { ExitCode::from(2) }
         }
         _ => {
-            // What is wrong comes first, then what was probably meant, then usage.
+            // The error comes first, then a similar name, then usage.
             let text = error.to_string();
             let mut parts =
                 text.split("\n\n").map(|part| part.split_whitespace().collect::<Vec<_>>().join(" "));
@@ -69,7 +68,7 @@ fn usage(error: &clap::Error) -> ExitCode {
     }
 }
 
-/// A message on one line: names of files may have anything in them.
+/// Escapes control characters, so that a message stays on one line: file names may contain any character.
 fn one_line(message: &str) -> String {
     let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
     message.chars().map(escaped).collect()

@@ -1,24 +1,24 @@
-//! Progress of long work, on the error stream, where it is a terminal.
+//! Progress of long work, on the error stream if it is a terminal.
 
 use crate::interrupt;
 use indicatif::{ProgressBar, ProgressStyle};
 use weather_magician::Progress;
 
-/// A bar for `count` steps called `what`, with rate and time left.
+/// Returns a bar for `count` steps called `what`, with rate and remaining time.
 pub fn bar(count: u64, what: &'static str) -> ProgressBar {
     let template = "{prefix} [{bar:32}] {pos}/{len}, {per_sec}, {eta} left {msg}";
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::new(count).with_style(style.progress_chars("=> ")).with_prefix(what)
 }
 
-/// A line that says what is being done, for work of unknown length.
+/// Returns a spinner with a text, for work of unknown length.
 pub fn spinner(what: &'static str) -> ProgressBar {
     let bar = ProgressBar::new_spinner().with_message(what);
     bar.enable_steady_tick(std::time::Duration::from_millis(120));
     bar
 }
 
-/// Draws the progress of the library's work on the terminal, and stops it on Ctrl-C.
+/// Shows the progress of the library's work on the terminal, and stops it on Ctrl-C.
 #[derive(Default)]
 pub struct Reporter(Option<ProgressBar>);
 

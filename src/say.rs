@@ -1,6 +1,6 @@
-//! Printing to readers that may be gone, as in `inspect SCENE | head -1`.
+//! Printing to a pipe that may be closed, as in `inspect SCENE | head -1`.
 //!
-//! The macros take the place of those of std, which panic there, in every module of the program.
+//! The macros replace those of std, which panic then, in every module of the program.
 
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};
@@ -15,7 +15,7 @@ macro_rules! eprintln {
     ($($what:tt)*) => { $crate::say::aside(format_args!($($what)*)) };
 }
 
-/// Prints a line. The work goes on if its reader is gone; a full disk ends the program.
+/// Prints a line. Ignores a closed pipe; a full disk ends the program.
 pub fn line(text: Arguments<'_>) {
     if let Err(error) = writeln!(io::stdout(), "{text}")
         && error.kind() != ErrorKind::BrokenPipe
@@ -26,7 +26,7 @@ pub fn line(text: Arguments<'_>) {
     }
 }
 
-/// Prints a line for people on the error stream. If that fails nobody can be told.
+/// Prints a line on the error stream. Ignores errors: they cannot be reported.
 pub fn aside(text: Arguments<'_>) {
     let _ = writeln!(io::stderr(), "{text}");
 }

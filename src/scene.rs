@@ -1,4 +1,4 @@
-//! A scene made ready to render: read, checked, surveyed and loaded.
+//! Options of a scene, and opening it: reading, checking, surveying and loading.
 
 use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
@@ -17,26 +17,26 @@ use wm_scene::survey::known_distance;
 use wm_scene::{Metadata, Scene, capture};
 use wm_weather::Weather;
 
-/// Which scene, and what is known of it.
+/// The scene file and its facts.
 #[derive(Args, Clone, Debug)]
 pub struct SceneArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
     pub scene: PathBuf,
-    /// Which level of a scene with several levels of detail; 0 is the finest
+    /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N", help_heading = "Scene")]
     pub level: Option<u32>,
-    /// Leave out splats that hold NaN or infinite numbers, and go on
+    /// Remove splats that contain NaN or infinite numbers, and continue
     #[arg(long, help_heading = "Scene")]
     pub repair: bool,
-    /// Folder that keeps what took long to find of the place (surfaces, shelter, where snow lies), for the next run, or off
-    /// to keep nothing; it can be deleted at any time [default: SCENE.assets, beside the scene]
+    /// Folder that caches what takes long to compute for a scene (surfaces, shelter, snow covers), or off for no cache;
+    /// it can be deleted at any time [default: SCENE.assets, beside the scene]
     #[arg(long, value_name = "FOLDER|off", help_heading = "Scene")]
     pub assets: Option<AssetFolder>,
     #[command(flatten)]
     pub facts: FactArgs,
 }
 
-/// Facts about the place that are given by hand.
+/// Facts about the scene that the user gives.
 #[derive(Args, Clone, Debug, Default)]
 pub struct FactArgs {
     /// Up in the scene's axes, such as 0,-1,0 [default: from the file, the photos or the splats]
@@ -45,7 +45,7 @@ pub struct FactArgs {
     /// Height of the ground along up, scene units [default: from the file or the splats]
     #[arg(long, value_name = "UNITS", allow_hyphen_values = true, help_heading = "Scene")]
     pub ground: Option<f64>,
-    /// Metres a scene unit [default: from the file, else 1 with a warning]
+    /// Metres per scene unit [default: from the file, else 1 with a warning]
     #[arg(
         long,
         value_name = "METRES",
@@ -59,13 +59,13 @@ pub struct FactArgs {
     pub known_distance: Option<f64>,
 }
 
-/// How to run.
+/// Device, threads and SIMD path.
 #[derive(Args, Clone, Debug, Default)]
 pub struct RunArgs {
-    /// Where to render and train: auto (a real GPU where there is one), cpu, gpu, or gpu: and a part of its name
+    /// Device that renders and trains: auto (a hardware GPU if there is one, else the CPU), cpu, gpu, or gpu:NAME with part of a GPU's name
     #[arg(long, value_name = "DEVICE", default_value = "auto", help_heading = "Run")]
     pub device: Device,
-    /// Threads [default: one a core]
+    /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Run")]
     pub threads: Option<u16>,
     /// SIMD path: auto, avx512, avx2, neon or portable
@@ -91,18 +91,18 @@ impl RunArgs {
     /// Starts the back end of training.
     pub fn differentiable(&self) -> Result<Box<AnyDifferentiable>> {
         Ok(Box::new(AnyDifferentiable::new(&self.device, self.cpu(), |error| {
-            eprintln!("warning: {error}; the CPU goes on instead");
+            eprintln!("warning: {error}; training continues on the CPU");
         })?))
     }
 
-    /// Returns how the CPU does its work.
+    /// Returns the configuration of the CPU renderer.
     pub fn cpu(&self) -> CpuConfig {
         CpuConfig { threads: self.threads.map(usize::from), simd: self.simd }
     }
 }
 
 impl FactArgs {
-    /// The facts as metadata.
+    /// Returns the facts as metadata.
     pub fn metadata(&self) -> Result<Metadata> {
         let metadata = Metadata {
             metres_per_unit: self.metres_per_unit.or(self.known_distance),
@@ -111,25 +111,25 @@ impl FactArgs {
             ..Metadata::default()
         };
         if let Some(fault) = metadata.fault() {
-            // The keys are called as the options are.
+            // The keys have the names of the options.
             bail!("--{}", fault.replace('_', "-"));
         }
         Ok(metadata)
     }
 }
 
-/// A scene ready to render, and the renderer that holds it.
-pub struct Loaded {
+/// A scene that is ready to render, with the renderer that it is loaded into.
+pub struct OpenScene {
     /// The renderer.
     pub renderer: Renderer,
-    /// The scene in it.
+    /// The loaded scene.
     pub place: PreparedPlace,
 }
 
-impl Loaded {
-    /// Reads, checks, surveys and loads. Warns on the error stream.
+impl OpenScene {
+    /// Reads, checks, surveys and loads a scene. Prints warnings on the error stream.
     pub fn new(args: &SceneArgs, run: &RunArgs, views: Option<&PathBuf>) -> Result<Self> {
-        // What is small and may be wrong comes before what is large.
+        // Cheap checks come before reading a large file.
         let facts = args.facts.metadata()?;
         let renderer = run.renderer()?;
         let views = views.map(|folder| capture::read_views(folder)).transpose()?;
@@ -143,7 +143,7 @@ impl Loaded {
         )
     }
 
-    /// Loads a scene that is in memory and sound.
+    /// Loads a valid scene from memory.
     pub fn of(scene: Scene, given: &Metadata, run: &RunArgs) -> Result<Self> {
         Self::with(scene, PlaceOptions { facts: given.clone(), assets: None }, run.renderer()?)
     }
@@ -155,14 +155,14 @@ impl Loaded {
         Ok(loaded)
     }
 
-    /// Prints the warnings that came up.
+    /// Prints the warnings that are pending.
     pub fn warn(&mut self) {
         for warning in self.place.take_warnings() {
             eprintln!("warning: {warning}");
         }
     }
 
-    /// Makes what a weather needs of the place, and frees the splats as they were read: the renderer has its own.
+    /// Makes the assets that a weather needs, and frees the splats as read from the file: the renderer has a copy.
     pub fn prepare(&mut self, weather: &Weather) -> Result<()> {
         self.renderer.prepare(&mut self.place, weather, &mut Reporter::default())?;
         self.warn();
@@ -170,26 +170,26 @@ impl Loaded {
         Ok(())
     }
 
-    /// The same as a place to look for views in.
+    /// Returns the scene as a site in which views are searched.
     pub fn site(&mut self, options: view::ViewOptions) -> view::ViewSearch<'_> {
         self.renderer.view_site(&self.place, options)
     }
 }
 
-/// Where prepared assets are kept.
+/// Location of the asset cache.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum AssetFolder {
-    /// Beside the scene.
+    /// A folder beside the scene.
     #[default]
     Beside,
-    /// Nowhere.
+    /// No cache.
     Off,
-    /// In this folder.
+    /// This folder.
     At(PathBuf),
 }
 
 impl AssetFolder {
-    /// The folder for a scene.
+    /// Returns the folder for a scene.
     pub fn folder(&self, scene: &Path) -> Option<PathBuf> {
         match self {
             Self::Beside => Some(AssetCache::folder_of(scene)),
@@ -207,12 +207,12 @@ impl FromStr for AssetFolder {
     }
 }
 
-/// How a scene is read of which a level may be asked for.
+/// Returns the options for reading a scene at a level of detail.
 pub fn read_options(level: Option<u32>) -> ReadOptions {
     ReadOptions { level: level.map_or(DetailLevel::Finest, DetailLevel::Number), ..ReadOptions::default() }
 }
 
-/// Refuses splats that cannot be rendered, with their counts, or drops them where they may be repaired.
+/// Returns an error with the number of splats that are not finite, or removes them if `repair` is set.
 pub fn check(scene: &mut Scene, path: &Path, repair: bool) -> Result<()> {
     let Err(found) = scene.check_finite() else { return Ok(()) };
     let what = format!("{}: {found}", path.display());

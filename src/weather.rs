@@ -1,11 +1,11 @@
-//! Which weather, by options.
+//! Options of a weather.
 
 use anyhow::Result;
 use clap::Args;
 use weather_magician::panorama_file::read_panorama;
 use wm_weather::Weather;
 
-/// Which weather.
+/// The weather and its parameters.
 #[derive(Args, Debug)]
 pub struct WeatherArgs {
     /// The weather: a name from the list below (--help), or a TOML file [default: clear]
@@ -17,12 +17,12 @@ pub struct WeatherArgs {
 }
 
 impl WeatherArgs {
-    /// Whether any was given.
+    /// Returns true if an option was given.
     pub fn is_given(&self) -> bool {
         self.weather.is_some() || !self.set.is_empty()
     }
 
-    /// Reads it, and the pictures that it names.
+    /// Reads the weather and its panoramas.
     pub fn read(&self) -> Result<Weather> {
         let mut weather = match &self.weather {
             Some(name) => Weather::find(name)?,

@@ -1,26 +1,25 @@
-//! Weights of neural networks: files that the user gives, or published ones that are downloaded after what they are was
-//! said.
+//! Weights of neural networks: files of the user, or published ones that are downloaded after printing what they are.
 
 use clap::Args;
 use std::path::PathBuf;
 
-/// Where a network's weights are from.
+/// Source of a network's weights.
 #[derive(Args, Clone, Debug)]
 pub struct WeightsArgs {
-    /// File of the network's weights (safetensors, or PyTorch's), several if they lie in several; without it they are
-    /// downloaded once, after what they are is said
+    /// File of the network's weights (safetensors or PyTorch); repeat it for several files [default: download them once, after
+    /// printing source and licence]
     #[arg(long, value_name = "FILE", help_heading = "Network")]
     pub weights: Vec<PathBuf>,
-    /// SHA-256 that the file of weights must have
+    /// Expected SHA-256 of the file of weights
     #[arg(long, value_name = "SHA256", help_heading = "Network")]
     pub checksum: Option<String>,
-    /// Download nothing: weights must be given, or there from an earlier time
+    /// Download nothing: the weights must be given or already downloaded
     #[arg(long, help_heading = "Network")]
     pub offline: bool,
 }
 
 impl WeightsArgs {
-    /// The first option that asks for a network.
+    /// Returns the name of the first option that was given.
     pub fn given(&self) -> Option<&'static str> {
         let all = [
             (!self.weights.is_empty(), "--weights"),
@@ -32,7 +31,7 @@ impl WeightsArgs {
 }
 
 #[cfg(feature = "nets")]
-pub use with_networks::Published;
+pub use with_networks::PublishedWeights;
 
 #[cfg(feature = "nets")]
 mod with_networks {
@@ -44,18 +43,18 @@ mod with_networks {
     use wm_nets::weights::fetch::{self, Checksum, DownloadSource};
 
     /// A network whose weights are published.
-    pub struct Published {
-        /// What it is called.
+    pub struct PublishedWeights {
+        /// Name of the network.
         pub name: String,
-        /// Length of the file, about.
+        /// Approximate size of the file, bytes.
         pub bytes: u64,
         pub licence: Licence,
         pub source: DownloadSource,
     }
 
     impl WeightsArgs {
-        /// The files of weights: those that are given, or the published one from the cache or the network.
-        pub fn files(&self, published: Published) -> Result<Vec<PathBuf>> {
+        /// Returns the files of weights: those that are given, or the published ones, cached or downloaded.
+        pub fn files(&self, published: PublishedWeights) -> Result<Vec<PathBuf>> {
             let checksum: Option<Checksum> = self
                 .checksum
                 .as_deref()
@@ -63,15 +62,16 @@ mod with_networks {
                 .transpose()
                 .map_err(|error| anyhow!("--checksum: {error}"))?;
             if self.weights.is_empty() {
-                let Published { source, .. } = published;
-                let published = Published { source: DownloadSource { checksum, ..source }, ..published };
+                let PublishedWeights { source, .. } = published;
+                let published =
+                    PublishedWeights { source: DownloadSource { checksum, ..source }, ..published };
                 return Ok(vec![self.fetched(&published)?]);
             }
             self.check(checksum)?;
             Ok(self.weights.clone())
         }
 
-        /// Compares the one file of weights with its checksum.
+        /// Checks the SHA-256 of the file of weights.
         fn check(&self, checksum: Option<Checksum>) -> Result<()> {
             let Some(expected) = checksum else { return Ok(()) };
             let [file] = &self.weights[..] else {
@@ -91,8 +91,8 @@ mod with_networks {
             Ok(())
         }
 
-        fn fetched(&self, published: &Published) -> Result<PathBuf> {
-            let Published { name, bytes, licence, source } = published;
+        fn fetched(&self, published: &PublishedWeights) -> Result<PathBuf> {
+            let PublishedWeights { name, bytes, licence, source } = published;
             let Some(folder) = fetch::cache_folder() else {
                 bail!(
                     "there is no folder for weights, since no home is known; give --weights FILE, or set XDG_CACHE_HOME"

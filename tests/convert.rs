@@ -161,8 +161,8 @@ fn what_cannot_be_is_refused_and_nothing_is_written() {
     fs::create_dir(desk.at("other")).unwrap();
     fs::copy(desk.at("a.ply"), desk.at("other/a.ply")).unwrap();
     for (words, says) in [
-        ("convert a.ply", "1 paths: give a scene and what it becomes, or --to"),
-        ("convert a.ply other/a.ply c.ply", "3 paths: give a scene"),
+        ("convert a.ply", "1 paths: give an input and an output scene, or --to"),
+        ("convert a.ply other/a.ply c.ply", "3 paths: give an input"),
         (
             "convert a.ply b.obj",
             "b.obj: no scene format is written to a name that ends in \".obj\"; use .ply",

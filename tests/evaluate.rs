@@ -144,7 +144,7 @@ fn the_street_is_near_to_itself_and_all_outputs_agree() {
             assert!(page.contains(&format!("<td>{expected}</td>")), "{name} {key} {expected} in the page");
         }
     }
-    assert!(text.contains("all 3 photos, those that the scene learnt from included"), "{text}");
+    assert!(text.contains("all 3 photos, including those that the scene was trained on"), "{text}");
     assert!(text.contains("Scale: 1 m a scene unit, from the scene's metadata; nothing is fitted"), "{text}");
 
     // Ten pictures of two photos, and nothing from anywhere else.

@@ -55,11 +55,14 @@ fn what_cannot_be_measured_is_said_in_a_line() {
     for (arguments, said) in [
         (format!("{scene} --weather clear"), "has nothing for these instruments to measure"),
         (format!("{scene} --set fog.mor=50 --instruments gauge"), "has nothing for these instruments"),
-        (format!("{scene} --instruments barometer"), "--instruments barometer: there are visibility, rays"),
+        (
+            format!("{scene} --instruments barometer"),
+            "--instruments barometer: unknown; the instruments are visibility, rays",
+        ),
         (format!("{scene} --set fog.mor=50 --set fidelity=paper"), "fidelity `paper` has no physical units"),
         (format!("{scene} --set fog.mor=50 --time inf"), "--time inf: give seconds"),
         ("nowhere.ply --set fog.mor=50".to_owned(), "nowhere.ply"),
-        (format!("{scene} --set fog.mor=50 --report {scene}"), "cannot make the folder"),
+        (format!("{scene} --set fog.mor=50 --report {scene}"), "cannot create the folder"),
     ] {
         let output = measure(&arguments);
         let error = String::from_utf8_lossy(&output.stderr);

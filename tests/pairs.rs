@@ -174,16 +174,16 @@ fn what_makes_no_data_set_is_said_in_a_line() {
     let out = format!("-o {}", workshop.path("set").display());
     for (scene, options, says) in [
         (&bare, format!("{set} -w fog {out}"), "the scene has no views of photos; name the folder"),
-        (&scene, format!("--pairs -w fog {out}"), "--pairs: of which cameras? Add --cameras capture"),
+        (&scene, format!("--pairs -w fog {out}"), "--pairs needs cameras: add --cameras capture"),
         (&scene, format!("--cameras capture -w fog {out}"), "--cameras is for data sets: add --pairs"),
         (&scene, format!("--cameras all --pairs {out}"), "invalid value 'all' for '--cameras <SET>'"),
-        (&scene, format!("{set} {out}"), "--pairs: with and without which weather?"),
+        (&scene, format!("{set} {out}"), "--pairs needs a weather"),
         (
             &scene,
             format!("{set} -w fog -o {}", taken.display()),
-            "taken: is no folder; --pairs writes many files",
+            "taken: is not a folder; --pairs writes many files",
         ),
-        (&scene, format!("{set} -w fog -o a.png"), "--out a.png: is no folder"),
+        (&scene, format!("{set} -w fog -o a.png"), "--out a.png: is not a folder"),
         (&scene, format!("{set} -w fog --path orbit {out}"), "leave out --path"),
         (
             &scene,

@@ -396,7 +396,7 @@ mod network {
         desk.embeddings("real.npy", 9, 0.0);
         for (options, says) in [
             ("--pictures one --real photos", &["one: has 1 picture, and CMMD compares collections"][..]),
-            ("--pictures text --real photos", &["text/1.png: ", "(--skip-bad goes on without it)"]),
+            ("--pictures text --real photos", &["text/1.png: ", "(--skip-bad continues without it)"]),
             ("--pictures text --real photos --skip-bad", &["text: has 0 pictures, and CMMD compares"]),
             ("--pictures cut --real photos", &["cut/1.png: the photo is damaged", "--skip-bad"]),
             ("--pictures cut --real photos --skip-bad", &["cut: has 1 picture, and CMMD"]),

@@ -1,8 +1,8 @@
-//! `bake`: a scene with what lies on it under a weather, as an ordinary scene for other programs.
+//! `bake`: writes a scene with its snow or dust cover as an ordinary scene file for other programs.
 
 use crate::names::stem_of;
 use crate::progress::Reporter;
-use crate::scene::{Loaded, RunArgs, SceneArgs};
+use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -19,10 +19,10 @@ pub struct BakeArgs {
     scene: SceneArgs,
     #[command(flatten)]
     weather: WeatherArgs,
-    /// The instant of the weather, s
+    /// Time of the weather, seconds
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     time: f64,
-    /// Where to; the name says the format: .ply, .spz, .sog, .glb and others [default: a .ply named after scene and
+    /// Output file; its extension is the format: .ply, .spz, .sog, .glb and others [default: a .ply named after scene and
     /// weather, in this folder]
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
@@ -40,8 +40,8 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     if !args.time.is_finite() {
         bail!("--time {}: give seconds, such as 0 or 12.5", args.time);
     }
-    let mut loaded = Loaded::new(&args.scene, &args.run, None)?;
-    let Loaded { renderer, place } = &mut loaded;
+    let mut loaded = OpenScene::new(&args.scene, &args.run, None)?;
+    let OpenScene { renderer, place } = &mut loaded;
     let baked = renderer.bake(place, &weather, args.time, &mut Reporter::default())?;
     loaded.warn();
     let Some(BakedScene { scene, added }) = baked else {

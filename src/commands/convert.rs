@@ -1,4 +1,4 @@
-//! `convert`: scenes in another format; turned, scaled, cropped, reduced on the way.
+//! `convert`: converts scenes to another format; rotates, scales, crops and reduces them.
 
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
@@ -29,19 +29,19 @@ use wm_scene::formats::{
                         weather-magician convert town.sog small.glb --max-splats 500000 --up 0,1,0"
 )]
 pub struct ConvertArgs {
-    /// A scene and what it becomes, IN OUT; with --to any number of scenes
+    /// Input and output scene; with --to any number of input scenes
     #[arg(required = true, value_name = "PATH")]
     paths: Vec<PathBuf>,
-    /// Take every path for a scene, and write each with this ending, such as spz
+    /// Convert every given scene to the format with this extension, such as spz
     #[arg(long, value_name = "ENDING")]
     to: Option<String>,
-    /// Where to, with --to [default: beside each scene]
+    /// Output folder, with --to [default: beside each scene]
     #[arg(long, value_name = "FOLDER", requires = "to")]
     folder: Option<PathBuf>,
-    /// Leave out splats that hold NaN or infinite numbers, and go on
+    /// Remove splats that contain NaN or infinite numbers, and continue
     #[arg(long)]
     repair: bool,
-    /// Which level of a scene with several levels of detail; 0 is the finest [default: the finest, or what fits
+    /// Level of a scene with several levels of detail; 0 is the finest [default: the finest, or the finest that fits
     /// --max-splats]
     #[arg(long, value_name = "N")]
     level: Option<u32>,
@@ -50,32 +50,32 @@ pub struct ConvertArgs {
     /// Version of SPZ: 3 (gzip, read by most programs) or 4 (Zstandard)
     #[arg(long, value_name = "N", default_value = "3", help_heading = "Format")]
     spz_version: Version,
-    /// How splats lie in a glTF: as floats, or as SPZ
+    /// Encoding of splats in a glTF: floats or SPZ
     #[arg(long, value_name = "HOW", default_value = "floats", help_heading = "Format")]
     gltf: InGltf,
     #[command(flatten)]
     run: RunArgs,
 }
 
-/// What is changed on the way, in this order.
+/// Changes to apply, in this order.
 #[derive(Args, Debug)]
 struct ChangeArgs {
-    /// Keep what is in a box, in the axes of the scene as it is: two corners
+    /// Keep only splats in this box, two corners in the axes of the input scene
     #[arg(long, value_name = "X,Y,Z:X,Y,Z", value_parser = parse_box, allow_hyphen_values = true, help_heading = "Change")]
     crop: Option<CropBox>,
-    /// Turn the scene so that its up becomes this direction, such as 0,1,0
+    /// Rotate the scene so that up becomes this direction, such as 0,1,0
     #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Change")]
     up: Option<DVec3>,
-    /// Up in the axes of the scene as it is, for --up [default: from the file, the photos or the splats]
+    /// Up direction in the input scene, for --up [default: from the file, the photos or the splats]
     #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Change")]
     up_now: Option<DVec3>,
-    /// Make all lengths this many times as long; `metres` makes a unit a metre where the scene knows its scale
+    /// Multiply all lengths by this factor; `metres` makes a unit a metre if the scene's scale is known
     #[arg(long, value_name = "FACTOR", value_parser = parse_scale, help_heading = "Change")]
     scale: Option<LengthScale>,
-    /// Leave out SH above this degree, 0 to 3
+    /// Remove SH above this degree, 0 to 3
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Change")]
     sh_degree: Option<u8>,
-    /// Reduce to this many splats, by what is seen of each from places about the scene
+    /// Reduce to this many splats; keeps those that contribute most to views around the scene
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Change")]
     max_splats: Option<u64>,
 }
@@ -112,7 +112,7 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
     let jobs = jobs(args)?;
     for (_, out) in &jobs {
         format_for(out)?;
-        // A folder for the files of a SOG is made; any other must be there.
+        // The folder for the files of a SOG is created; any other must exist.
         if out.extension().is_none_or(|extension| extension != "json") {
             check_writable(out)?;
         }
@@ -132,12 +132,12 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
     Ok(())
 }
 
-/// Which scene goes where.
+/// Returns the output path of each scene.
 fn jobs(args: &ConvertArgs) -> Result<Vec<(&Path, PathBuf)>> {
     let Some(ending) = &args.to else {
         let [scene, out] = &args.paths[..] else {
             bail!(
-                "{} paths: give a scene and what it becomes, or --to and any number of scenes",
+                "{} paths: give an input and an output scene, or --to and any number of input scenes",
                 args.paths.len()
             );
         };
@@ -165,7 +165,7 @@ fn jobs(args: &ConvertArgs) -> Result<Vec<(&Path, PathBuf)>> {
     Ok(jobs)
 }
 
-/// Converts one; returns what to say of it.
+/// Converts one scene; returns the lines to print.
 fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
     let change = &args.change;
     let level = match (args.level, change.max_splats) {
@@ -205,7 +205,7 @@ fn file_size(path: &Path) -> u64 {
     std::fs::metadata(path).map_or(0, |about| about.len())
 }
 
-/// Bytes of the pictures and the JSON beside each other.
+/// Returns the size of the JSON and the pictures of a SOG folder, bytes.
 fn folder_size(main: &Path) -> u64 {
     let entries = main.parent().and_then(|folder| std::fs::read_dir(folder).ok());
     let paths = entries.into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
@@ -215,7 +215,7 @@ fn folder_size(main: &Path) -> u64 {
         .sum()
 }
 
-/// Changes a scene; returns notes.
+/// Changes a scene; returns notes to print.
 fn apply(scene: &mut Scene, change: &ChangeArgs, run: &RunArgs) -> Result<Vec<String>> {
     let ChangeArgs { crop, up, up_now, scale, sh_degree, max_splats } = *change;
     let change = SceneChange { crop, up, up_now, scale, sh_degree, max_splats };

@@ -1,4 +1,4 @@
-//! `devices`: what can render here, and what would.
+//! `devices`: lists the devices that can render, and the one that would.
 
 use crate::scene::RunArgs;
 use anyhow::Result;

@@ -1,4 +1,4 @@
-//! `inspect`: what a scene holds, and what is wrong with it.
+//! `inspect`: the content of a scene, and its faults.
 
 use crate::scene::{FactArgs, read_options};
 use anyhow::Result;
@@ -15,7 +15,7 @@ use wm_scene::survey::{Sourced, Survey, label_sky};
 pub struct InspectArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
     scene: PathBuf,
-    /// Which level of a scene with several levels of detail; 0 is the finest
+    /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N")]
     level: Option<u32>,
     #[command(flatten)]
@@ -23,8 +23,8 @@ pub struct InspectArgs {
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
-    /// Write up, ground, scale and airlight into a TOML file beside the scene, where they are read from
-    /// then on
+    /// Write up, ground, scale and airlight into a TOML file beside the scene, from which all commands read
+    /// them
     #[arg(long)]
     save_metadata: bool,
 }
@@ -131,7 +131,7 @@ fn print(
     }
 }
 
-/// A line for each fault, with its count and what becomes of it.
+/// Returns a line for each kind of fault, with its count and how it is treated.
 fn faults(health: &Health) -> Vec<String> {
     let FaultCounts { mean, scale, opacity, quat, zero_quat, sh } = health.faults;
     let drop = "not rendered: `render --repair` leaves them out";

@@ -23,58 +23,58 @@ use clap::{Parser, Subcommand};
 #[command(name = "weather-magician", version, about, arg_required_else_help = true, max_term_width = 110)]
 pub struct Cli {
     #[command(subcommand)]
-    verb: Verb,
+    command: CliCommand,
 }
 
 #[derive(Subcommand, Debug)]
-enum Verb {
-    /// Make a scene out of photos
+enum CliCommand {
+    /// Reconstruct a scene from photos
     Reconstruct(Box<reconstruct::ReconstructArgs>),
-    /// Find out depth, normals and sky of photos before a training: from the photos, by a network, or from maps
+    /// Compute depth, normals and sky of photos before a training: from the photos, with a network, or from maps
     Priors(Box<priors::PriorsArgs>),
     /// Render a scene under a weather: a picture, a video or a folder of frames
     Render(Box<render::RenderArgs>),
-    /// Show a scene in a browser: fly through it, turn weather on, save what is seen
+    /// Show a scene in a browser: fly through it, change the weather, save pictures and videos
     #[cfg(feature = "viewer")]
     View(Box<view::ViewArgs>),
-    /// Write a scene with what lies on it under a weather as an ordinary scene file
+    /// Write a scene with its snow or dust cover as an ordinary scene file
     Bake(Box<bake::BakeArgs>),
-    /// Write scenes in another format, turned, scaled, cropped or reduced
+    /// Convert scenes to another format; rotate, scale, crop or reduce them
     Convert(convert::ConvertArgs),
-    /// Compare a scene with photos, and with true depth, normals and sky where there are maps; or pictures with photographs
+    /// Compare a scene with photos, and with true depth, normals and sky if there are maps; or pictures with photographs
     /// of real weather
     Evaluate(Box<evaluate::EvaluateArgs>),
-    /// Measure a weather from its pictures: visibility, mm/h, drops, streaks, snow depth, mass and consistency
+    /// Measure a weather in rendered pictures: visibility, mm/h, drops, streaks, snow depth, mass and consistency
     Measure(Box<measure::MeasureArgs>),
-    /// Make a panorama of the sky out of photos, for the sky of a weather
+    /// Make a panorama of the sky from photos, for the sky of a weather
     Sky(sky::SkyArgs),
-    /// Say what a scene holds, and what is wrong with it
+    /// Print what a scene contains, and its faults
     Inspect(inspect::InspectArgs),
     /// Measure rendering speed
     Bench(bench::BenchArgs),
-    /// List the processor and the GPUs, and say what would render
+    /// List the processor and the GPUs, and the device that would render
     Devices(devices::DevicesArgs),
-    /// Show what it can do on the built-in street: no input, no download
+    /// Make a scene, pictures and a film of the built-in street: no input, no download
     Demo(demo::DemoArgs),
 }
 
-/// Runs the command that was asked for.
+/// Runs the command.
 pub fn run(cli: Cli) -> Result<()> {
     crate::interrupt::listen();
-    match cli.verb {
-        Verb::Reconstruct(args) => reconstruct::run(&args),
-        Verb::Priors(args) => priors::run(&args),
-        Verb::Render(args) => render::run(&args),
+    match cli.command {
+        CliCommand::Reconstruct(args) => reconstruct::run(&args),
+        CliCommand::Priors(args) => priors::run(&args),
+        CliCommand::Render(args) => render::run(&args),
         #[cfg(feature = "viewer")]
-        Verb::View(args) => view::run(&args),
-        Verb::Bake(args) => bake::run(&args),
-        Verb::Convert(args) => convert::run(&args),
-        Verb::Evaluate(args) => evaluate::run(&args),
-        Verb::Measure(args) => measure::run(&args),
-        Verb::Sky(args) => sky::run(&args),
-        Verb::Inspect(args) => inspect::run(&args),
-        Verb::Bench(args) => bench::run(&args),
-        Verb::Devices(args) => devices::run(&args),
-        Verb::Demo(args) => demo::run(&args),
+        CliCommand::View(args) => view::run(&args),
+        CliCommand::Bake(args) => bake::run(&args),
+        CliCommand::Convert(args) => convert::run(&args),
+        CliCommand::Evaluate(args) => evaluate::run(&args),
+        CliCommand::Measure(args) => measure::run(&args),
+        CliCommand::Sky(args) => sky::run(&args),
+        CliCommand::Inspect(args) => inspect::run(&args),
+        CliCommand::Bench(args) => bench::run(&args),
+        CliCommand::Devices(args) => devices::run(&args),
+        CliCommand::Demo(args) => demo::run(&args),
     }
 }

@@ -1,8 +1,8 @@
-//! `sky`: a panorama of the sky out of the photos of a data set, for `sky.panorama` of a weather.
+//! `sky`: makes a panorama of the sky from the photos of a data set, for `sky.panorama` of a weather.
 //!
-//! What of each photo is sky is told as for training ([`wm_train::priors::sky`]). A direction takes the mean of the photos
-//! that show sky there, each the less the nearer it is to the photo's edge, so that seams are soft. What no photo
-//! shows takes the mean colour of its elevation, plus what its seen neighbours differ from theirs: from coarser
+//! The sky of each photo is classified as for training ([`wm_train::priors::sky`]). A direction gets the weighted mean of the
+//! photos that show sky there; weights fall towards a photo's edge, so that seams are soft. Directions that no photo shows
+//! get the mean colour of their elevation, plus the difference of seen neighbours from theirs, interpolated from coarser
 //! and coarser means ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
 
 use anyhow::{Result, bail};
@@ -24,13 +24,13 @@ use wm_train::priors::points::{inside, seen_points};
 use wm_train::priors::sky::{SkyInput, classify};
 use wm_weather::dome::level_axes;
 
-/// Longest side of the photos that are looked at, px.
+/// Longest side of the photos as they are read, px.
 const LONGEST: u32 = 1200;
-/// Share of a photo's side over which it fades out.
+/// Fraction of a photo's side over which its weight fades out.
 const FADE: f64 = 0.15;
-/// How far a row's colour reaches, degrees.
+/// Angle over which the colour of a row is blended, degrees.
 const SPREAD: f32 = 4.0;
-/// Light below which something is no sky, in medians of what was taken for it; as the survey has it.
+/// Least brightness of the sky as a multiple of the median of its pixels; the same as in the survey.
 const DARK: f64 = 0.65;
 
 /// Options of `sky`.
@@ -38,10 +38,10 @@ const DARK: f64 = 0.65;
 pub struct SkyArgs {
     /// The photos: a folder with a COLMAP model or a transforms.json
     dataset: PathBuf,
-    /// Where to: a .png
+    /// Output file: a .png
     #[arg(short, long, value_name = "PATH", default_value = "sky.png")]
     out: PathBuf,
-    /// Width, px; it is half as high
+    /// Width, px; the height is half of it
     #[arg(long, value_name = "PX", default_value_t = 2048, value_parser = clap::value_parser!(u32).range(64..=8192))]
     width: u32,
     /// Folder of the photos [default: from the model]
@@ -69,7 +69,7 @@ pub fn run(args: &SkyArgs) -> Result<()> {
     let up = Survey::of(&scene, &given).up;
 
     let seen = seen_points(&capture, &photos, &places);
-    let look = |place: usize| -> Result<Seen> {
+    let look = |place: usize| -> Result<SkyPhoto> {
         let photo = photos.get(place, 0)?;
         let at = |point: &u32| inside(&capture, &photo.camera, *point).map(|(x, y, _)| [x as f32, y as f32]);
         let points: Vec<[f32; 2]> = seen[place].iter().filter_map(at).collect();
@@ -80,9 +80,9 @@ pub fn run(args: &SkyArgs) -> Result<()> {
             has_depth: &[],
             points: &points,
         };
-        Ok(Seen { camera: photo.camera, is_sky: sky_of(&classify(&input)), rgb: photo.rgb.clone() })
+        Ok(SkyPhoto { camera: photo.camera, is_sky: sky_of(&classify(&input)), rgb: photo.rgb.clone() })
     };
-    let looks = places.into_par_iter().map(look).collect::<Result<Vec<Seen>>>()?;
+    let looks = places.into_par_iter().map(look).collect::<Result<Vec<SkyPhoto>>>()?;
     // Exactly twice as wide as high.
     let size = PictureSize::new(args.width / 2 * 2, args.width / 2);
     let (rgb, share) = panorama(&looks, up.value, size);
@@ -112,8 +112,8 @@ fn sky_of(classes: &[SkyClass]) -> Vec<bool> {
     classes.iter().map(|class| *class == SkyClass::Sky).collect()
 }
 
-/// A photo and what of it is sky.
-struct Seen {
+/// A photo and its sky pixels.
+struct SkyPhoto {
     camera: Camera,
     /// `[H, W]`.
     is_sky: Vec<bool>,
@@ -121,8 +121,8 @@ struct Seen {
     rgb: Vec<u8>,
 }
 
-impl Seen {
-    /// The colour in a direction and its weight; `None` where no sky is seen.
+impl SkyPhoto {
+    /// Returns the colour in a direction and its weight; `None` if the photo shows no sky there.
     fn at(&self, direction: DVec3) -> Option<([f32; 3], f32)> {
         let (camera, view) = (&self.camera, self.camera.rotation() * direction);
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
@@ -137,8 +137,8 @@ impl Seen {
     }
 }
 
-/// The panorama `[H, W, 3]` about `up`, sRGB, and the share of the upper half that photos show.
-fn panorama(photos: &[Seen], up: DVec3, size: PictureSize) -> (Vec<f32>, f64) {
+/// Returns the panorama `[H, W, 3]` about `up`, sRGB, and the fraction of the upper half that photos show.
+fn panorama(photos: &[SkyPhoto], up: DVec3, size: PictureSize) -> (Vec<f32>, f64) {
     let axes = level_axes(up.to_array()).map(DVec3::from_array);
     let (width, height) = (size.width as usize, size.height as usize);
     let mut sums: Vec<[f32; 4]> = (0..width * height)
@@ -170,8 +170,8 @@ fn panorama(photos: &[Seen], up: DVec3, size: PictureSize) -> (Vec<f32>, f64) {
     (rgb.collect(), share as f64 / (width * height / 2) as f64)
 }
 
-/// The colour of each row: the mean of all, each the less the farther it is, so that rows of which photos show
-/// little, or take something else for sky, make no stripes.
+/// Returns the colour of each row: a mean of all rows, weighted by distance, so that rows with few or misclassified
+/// pixels make no stripes.
 fn rings(sums: &[[f32; 4]], width: usize) -> Vec<[f32; 3]> {
     let add = |a: [f32; 4], b: [f32; 4]| [0, 1, 2, 3].map(|k| a[k] + b[k]);
     let rows: Vec<[f32; 4]> =
@@ -188,7 +188,7 @@ fn rings(sums: &[[f32; 4]], width: usize) -> Vec<[f32; 3]> {
     (0..rows.len()).into_par_iter().map(ring).collect()
 }
 
-/// Forgets what is far darker than the rest: branches and walls that were taken for sky.
+/// Removes pixels that are far darker than the rest: branches and walls that were classified as sky.
 fn drop_dark(sums: &mut [[f32; 4]]) {
     let light = |sum: &[f32; 4]| luminance([0, 1, 2].map(|k| srgb_decode(f64::from(sum[k] / sum[3]))));
     let mut seen: Vec<f64> = sums.iter().filter(|sum| sum[3] > 0.0).map(light).collect();
@@ -201,7 +201,7 @@ fn drop_dark(sums: &mut [[f32; 4]]) {
     }
 }
 
-/// Fills what has little weight (the fourth value, 0-1) from coarser and coarser means.
+/// Fills pixels of little weight (the fourth value, 0-1) from coarser and coarser means.
 fn filled(fine: &[[f32; 4]], width: usize) -> Vec<[f32; 4]> {
     let height = fine.len() / width;
     if width < 4 || height < 2 {
@@ -245,7 +245,7 @@ fn filled(fine: &[[f32; 4]], width: usize) -> Vec<[f32; 4]> {
 mod tests {
     use super::*;
 
-    /// Two photos with skies of their own, the lower half of each ground.
+    /// Returns two photos with different skies; the lower half of each is ground.
     #[test]
     fn what_photos_show_is_where_it_was_and_the_rest_is_near_it() {
         let photo = |toward: DVec3, rgb: [u8; 3]| {
@@ -256,7 +256,7 @@ mod tests {
                 DVec3::new(3.0, 1.0, 2.0) + toward,
                 DVec3::Z,
             );
-            Seen {
+            SkyPhoto {
                 camera: camera.unwrap(),
                 is_sky: (0..80 * 60).map(|i| i < 80 * 30).collect(),
                 rgb: rgb.repeat(80 * 60),

@@ -1,8 +1,8 @@
-//! `view`: a scene and its weather in a browser.
+//! `view`: shows a scene and its weather in a browser.
 
 use super::render::camera::LookArgs;
 use crate::scene::{RunArgs, SceneArgs};
-use crate::viewer::{Asked, run as serve, server::ServerArgs};
+use crate::viewer::{ViewerOptions, run as serve, server::ServerArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result};
 use clap::Args;
@@ -18,7 +18,7 @@ pub struct ViewArgs {
     scene: SceneArgs,
     #[command(flatten)]
     weather: WeatherArgs,
-    /// A panorama that the page offers as a sky, beside that of the weather; may be given several times
+    /// Panorama that the page offers as a sky, in addition to the weather's; may be given several times
     #[arg(long, value_name = "FILE", help_heading = "Weather")]
     panorama: Vec<PathBuf>,
     #[command(flatten)]
@@ -34,13 +34,13 @@ pub fn run(args: &ViewArgs) -> Result<()> {
     args.look.check()?;
     args.server.guard()?;
     let mut weather = args.weather.read()?;
-    // Saved files lie elsewhere than the weather that was read.
-    let here = std::env::current_dir().context("this folder is gone")?;
+    // Saved files are in another folder than the weather that was read.
+    let here = std::env::current_dir().context("cannot find the current folder")?;
     weather.resolve_images(&here);
     let panorama =
         |path: &PathBuf| -> Result<_> { Ok((here.join(path).display().to_string(), read_panorama(path)?)) };
     let panoramas = args.panorama.iter().map(panorama).collect::<Result<_>>()?;
     std::fs::metadata(&args.scene.scene).map_err(|error| FormatError::reading(&args.scene.scene, error))?;
-    let asked = Asked { scene: &args.scene, look: &args.look, run: &args.run, weather, panoramas };
+    let asked = ViewerOptions { scene: &args.scene, look: &args.look, run: &args.run, weather, panoramas };
     serve(asked, &args.server)
 }

@@ -1,13 +1,13 @@
-//! Reports for a browser: one file without scripts and without anything from elsewhere.
+//! HTML reports: one file without scripts or external resources.
 
 pub mod picture;
 
 pub use weather_magician::measure::plot::{self, escaped};
 
-/// The style that all reports share.
+/// The style sheet that all reports share.
 pub const STYLE: &str = include_str!("page.css");
 
-/// The beginning of a page, up to its title; `style` is added to what all share.
+/// Returns the beginning of a page, up to its title; `style` is added to the shared style sheet.
 pub fn head(title: &str, style: &str) -> String {
     let title = escaped(title);
     format!(
@@ -17,7 +17,7 @@ pub fn head(title: &str, style: &str) -> String {
     )
 }
 
-/// The end of a page.
+/// Returns the end of a page.
 pub fn foot() -> String {
     let version = env!("CARGO_PKG_VERSION");
     format!("<h2>About</h2>\n<p>Written by weather-magician {version}.</p>\n</body>\n</html>\n")

@@ -1,4 +1,4 @@
-//! Pictures as text that a page can hold.
+//! Pictures as data URIs for HTML pages.
 
 use anyhow::Result;
 use base64::Engine;
@@ -9,25 +9,25 @@ use wm_media::jpeg::SamplingFactor;
 use wm_media::ramps::{ColorRamp, MISSING, UNKNOWN};
 use wm_train::maps::{Filter, Map};
 
-/// Widest picture beside others, px.
+/// Maximum width of a picture beside others, px.
 pub const WIDEST: u32 = 480;
-/// Of JPEG: below it edges begin to ring visibly.
+/// JPEG quality: below it ringing at edges becomes visible.
 const QUALITY: u8 = 88;
-/// Colours of a ramp; the two behind them are [`MISSING`] and [`UNKNOWN`].
+/// Number of colours of a ramp; the two after them are [`MISSING`] and [`UNKNOWN`].
 const STEPS: u8 = 253;
 
-/// A number of a picture.
+/// A pixel of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Cell {
-    /// At a place of the ramp, 0-1.
+pub enum MapCell {
+    /// A position on the colour ramp, 0-1.
     At(f64),
     /// Known, but not rendered.
     Missing,
-    /// Not known.
+    /// Unknown.
     Unknown,
 }
 
-/// The size that a picture is shown in, px.
+/// Returns the size in which a picture is shown, px.
 pub fn shown_size(size: (u32, u32)) -> (u32, u32) {
     at_most(size, WIDEST)
 }
@@ -40,7 +40,7 @@ fn at_most((width, height): (u32, u32), widest: u32) -> (u32, u32) {
     (widest, (scaled.round() as u32).max(1))
 }
 
-/// Colours, `[H, W, 3]`, 0-1, made smaller by area where they are wider than `widest` px: a data URI of a JPEG.
+/// Encodes colours, `[H, W, 3]`, 0-1, as a data URI of a JPEG, reduced by area averaging if wider than `widest` px.
 pub fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String> {
     let (width, height) = at_most(size, widest);
     let small = Map::new(size.0, size.1, 3, rgb.to_vec()).resampled(width, height, Filter::Area);
@@ -49,20 +49,20 @@ pub fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String> {
     Ok(data_uri("image/jpeg", &out))
 }
 
-/// Numbers in the colours of a ramp, `[H, W]` of [`shown_size`]: a data URI of a PNG.
-pub fn numbers(cells: &[Cell], size: (u32, u32), ramp: ColorRamp) -> Result<String> {
+/// Encodes numbers, `[H, W]` of [`shown_size`], in the colours of a ramp as a data URI of a PNG.
+pub fn numbers(cells: &[MapCell], size: (u32, u32), ramp: ColorRamp) -> Result<String> {
     let last = f64::from(STEPS);
     let mut palette: Vec<[u8; 3]> = (0..=STEPS).map(|step| ramp(f64::from(step) / last)).collect();
     palette.extend([MISSING, UNKNOWN]);
-    let index = |cell: &Cell| match cell {
-        Cell::At(place) => (place.clamp(0.0, 1.0) * last).round() as u8,
-        Cell::Missing => STEPS + 1,
-        Cell::Unknown => STEPS + 2,
+    let index = |cell: &MapCell| match cell {
+        MapCell::At(place) => (place.clamp(0.0, 1.0) * last).round() as u8,
+        MapCell::Missing => STEPS + 1,
+        MapCell::Unknown => STEPS + 2,
     };
     indexed(&cells.iter().map(index).collect::<Vec<u8>>(), size, &palette)
 }
 
-/// A picture of few colours: a data URI of a PNG.
+/// Encodes a picture with a palette as a data URI of a PNG.
 pub fn indexed(indices: &[u8], (width, height): (u32, u32), palette: &[[u8; 3]]) -> Result<String> {
     let mut out = Vec::new();
     let mut encoder = png::Encoder::new(&mut out, width, height);
@@ -75,7 +75,7 @@ pub fn indexed(indices: &[u8], (width, height): (u32, u32), palette: &[[u8; 3]])
     Ok(data_uri("image/png", &out))
 }
 
-/// Every pixel's place in the map that is shown for it: maps of numbers are not averaged.
+/// Returns for every shown pixel the index of its nearest map pixel: maps of numbers are not averaged.
 pub fn nearest(size: (u32, u32)) -> Vec<usize> {
     let (width, height) = shown_size(size);
     let along =
@@ -95,7 +95,7 @@ fn base64(bytes: &[u8]) -> String {
     BASE64_STANDARD.encode(bytes)
 }
 
-/// Stops of a CSS gradient from left to right.
+/// Returns a CSS gradient of a ramp, from left to right.
 pub fn gradient(ramp: ColorRamp) -> String {
     const STOPS: u32 = 24;
     let mut out = "linear-gradient(90deg".to_owned();
@@ -135,7 +135,7 @@ mod tests {
         assert!(
             color(&[0.5; 3 * 600 * 4], (600, 4), WIDEST).unwrap().starts_with("data:image/jpeg;base64,/9j/")
         );
-        let cells = [Cell::At(0.0), Cell::At(9.0), Cell::Missing, Cell::Unknown];
+        let cells = [MapCell::At(0.0), MapCell::At(9.0), MapCell::Missing, MapCell::Unknown];
         assert!(
             numbers(&cells, (4, 1), wm_media::ramps::heat)
                 .unwrap()

@@ -1,7 +1,7 @@
-//! What there is to choose from: parameters, weathers, cameras. A name from a client is looked up here and nowhere else, so that
-//! none reaches the file system.
+//! The names that clients may use: parameters, weathers, cameras. Names from a client are looked up here only, so that none of
+//! them reaches the file system.
 
-use super::state::{Follow, Output, Pose, ViewState, weather_of_json, weather_to_json};
+use super::state::{Follow, Pose, ViewOutput, ViewState, weather_of_json, weather_to_json};
 use crate::scene::{RunArgs, SceneArgs};
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
@@ -15,49 +15,49 @@ use wm_weather::param::{Param, ParamKind};
 use wm_weather::presets::PRESETS;
 use wm_weather::{EFFECTS, Easing, Panorama, Weather};
 
-/// Cameras of photos that the page is told of, at most: evenly out of all.
-const MOST_VIEWS: usize = 400;
+/// Maximum number of photos' cameras that are sent to the page, evenly spaced.
+const MAX_VIEWS: usize = 400;
 
-/// What there is.
+/// Facts about the scene, and the names that clients may use.
 pub struct Catalog {
-    /// The name of the scene, to name files after.
+    /// The scene's name, used in file names.
     pub stem: String,
-    /// The scene and what is known of it as words of a command.
+    /// Command-line words of the scene and its facts.
     pub words: Vec<String>,
-    /// How it runs, as far as bytes depend on it, as words of a command.
+    /// Command-line words of the run's options that change bytes.
     pub run_words: Vec<String>,
-    /// What is known of the place.
+    /// Facts of the scene, such as its up direction and scale.
     pub survey: Survey,
     /// Near plane, scene units.
     pub near: f64,
-    /// Splats of the scene.
+    /// Number of splats of the scene.
     pub splats: usize,
-    /// What draws.
+    /// Description of the renderer.
     pub renderer: String,
-    /// The photos' cameras.
+    /// Names and cameras of the photos.
     pub views: Vec<(String, Camera)>,
-    /// The weather at the start, and the panoramas that it may show.
+    /// The initial weather.
     pub weather: Weather,
-    /// Panoramas by the paths that files name them by.
+    /// Panoramas by the paths that weather files use for them.
     pub panoramas: BTreeMap<String, Arc<Panorama>>,
 }
 
 impl Catalog {
-    /// The weather of some JSON, with its pictures.
+    /// Parses a weather from JSON and loads its panoramas.
     ///
     /// # Errors
-    /// What is wrong, in one line.
+    /// The first invalid value, in one line.
     pub fn weather(&self, value: &Value) -> Result<Weather, String> {
         let mut weather = weather_of_json(value)?;
-        self.load(&mut weather)?;
+        self.load_panoramas(&mut weather)?;
         Ok(weather)
     }
 
-    /// Gives a weather its pictures.
+    /// Sets the panoramas of a weather.
     ///
     /// # Errors
-    /// There is none of that name.
-    pub fn load(&self, weather: &mut Weather) -> Result<(), String> {
+    /// The program was not started with a panorama of this path.
+    pub fn load_panoramas(&self, weather: &mut Weather) -> Result<(), String> {
         weather.load_images(|path| {
             let known = path.to_str().and_then(|name| self.panoramas.get(name));
             known.cloned().ok_or_else(|| {
@@ -68,11 +68,11 @@ impl Catalog {
         })
     }
 
-    /// The text of the file of a state's camera or path, and what `render` reads from it, to the last bit.
+    /// Returns the text of the keyframe file of a state's camera or path, and the path that `render` reads from it, bit by bit.
     ///
     /// # Errors
-    /// What is wrong, in one line.
-    pub fn path(&self, state: &ViewState) -> Result<(String, CameraPath), String> {
+    /// The first invalid value, in one line.
+    pub fn camera_path(&self, state: &ViewState) -> Result<(String, Path), String> {
         let key = |time, eye, [w, x, y, z]: [f64; 4], fov| {
             let rotation = DQuat::from_xyzw(x, y, z, w);
             let is_turn = rotation.is_finite() && rotation.length() > 1e-9;
@@ -92,25 +92,25 @@ impl Catalog {
         Ok((text, path))
     }
 
-    /// The state at the start, from a camera.
-    pub fn start(&self, camera: &Camera) -> ViewState {
+    /// Returns the initial state with a camera.
+    pub fn initial_state(&self, camera: &Camera) -> ViewState {
         ViewState {
             camera: Pose::of(camera),
             path: Vec::new(),
             follow: Follow::Camera,
             weather: weather_to_json(&self.weather),
             time: 0.0,
-            output: Output::Rgb,
+            output: ViewOutput::Rgb,
             size: [camera.width, camera.height],
             quality: 90,
             divider: None,
         }
     }
 
-    /// All of it for the page and for scripts.
+    /// Returns the catalog as JSON, for the page and for scripts.
     pub fn json(&self, start: &ViewState) -> Value {
         let survey = &self.survey;
-        let every = self.views.len().div_ceil(MOST_VIEWS).max(1);
+        let every = self.views.len().div_ceil(MAX_VIEWS).max(1);
         let view = |(name, camera): &(String, Camera)| json!({ "name": name, "camera": Pose::of(camera) });
         let preset = |(name, _): &(&str, &str)| {
             let weather = Weather::preset(name).unwrap_or_default();
@@ -131,7 +131,7 @@ impl Catalog {
                 "views": self.views.iter().step_by(every).map(view).collect::<Value>(),
             },
             "state": start,
-            "outputs": Output::ALL.map(|(_, name)| name),
+            "outputs": ViewOutput::ALL.map(|(_, name)| name),
             "easings": Easing::ALL.map(Easing::name),
             "effects": effects(),
             "presets": PRESETS.iter().map(preset).collect::<Value>(),
@@ -141,7 +141,7 @@ impl Catalog {
     }
 }
 
-/// The options that name a scene and what is known of it; the cameras of its photos tell where snow lies.
+/// Returns the command-line words that name a scene and its facts, with its photos' cameras, which influence snow covers.
 pub fn scene_words(args: &SceneArgs, views: Option<&std::path::PathBuf>) -> Vec<String> {
     let mut words = vec![args.scene.display().to_string()];
     let mut add =
@@ -156,7 +156,7 @@ pub fn scene_words(args: &SceneArgs, views: Option<&std::path::PathBuf>) -> Vec<
     words
 }
 
-/// The options of a run that bytes depend on.
+/// Returns the command-line words of the options of a run that change bytes.
 pub fn run_words(args: &RunArgs) -> Vec<String> {
     let default = RunArgs::default();
     let mut words = Vec::new();
@@ -169,7 +169,7 @@ pub fn run_words(args: &RunArgs) -> Vec<String> {
     words
 }
 
-/// Every effect with its table.
+/// Returns every effect with its parameters as JSON.
 fn effects() -> Value {
     let effect = |effect: &wm_weather::Effect| {
         json!({

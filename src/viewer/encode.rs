@@ -1,6 +1,6 @@
-//! Frames as pictures for a screen.
+//! Conversion of frames to 8-bit pictures and JPEG.
 
-use super::state::Output;
+use super::state::ViewOutput;
 use anyhow::Result;
 use std::sync::LazyLock;
 use wm_media::color::{Dither, quantize_rgb8};
@@ -9,33 +9,33 @@ use wm_media::ramps::turbo;
 use wm_media::{self, PictureSize};
 use wm_render::Frame;
 
-/// From this quality on colours have all their pixels.
+/// JPEG quality from which on chroma is not subsampled.
 const WHOLE_COLORS: u8 = 85;
 
-/// Depth as colours, near things warm.
+/// Colours of depths, near ones warm.
 static DEPTHS: LazyLock<[[u8; 3]; 256]> =
     LazyLock::new(|| std::array::from_fn(|step| turbo(step as f64 / 255.0)));
 
-/// A frame as bytes `[H, W, 3]`. `half` is the depth, scene units, that has the colour in the middle: the same for all frames, so that
-/// nothing flickers.
-pub fn shown(frame: &Frame, output: Output, half: f64, dither: Dither) -> Vec<u8> {
+/// Returns an output of a frame as bytes `[H, W, 3]`. `half` is the depth, scene units, that gets the middle colour; it is the same
+/// for all frames of a scene, so that the colours do not flicker.
+pub fn to_bytes(frame: &Frame, output: ViewOutput, half: f64, dither: Dither) -> Vec<u8> {
     let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
     let half = half as f32;
     match output {
-        Output::Rgb => quantize_rgb8(&frame.rgb, PictureSize::new(frame.width, frame.height), dither),
-        Output::Depth => {
+        ViewOutput::Rgb => quantize_rgb8(&frame.rgb, PictureSize::new(frame.width, frame.height), dither),
+        ViewOutput::Depth => {
             let color = |depth: &f32| {
                 if *depth > 0.0 { DEPTHS[usize::from(byte(depth / (depth + half)))] } else { [0; 3] }
             };
             frame.depth.iter().flat_map(color).collect()
         }
-        Output::Normal => frame.normal.iter().map(|n| byte(0.5 + 0.5 * n)).collect(),
-        Output::Alpha => frame.alpha.iter().flat_map(|alpha| [byte(*alpha); 3]).collect(),
+        ViewOutput::Normal => frame.normal.iter().map(|n| byte(0.5 + 0.5 * n)).collect(),
+        ViewOutput::Alpha => frame.alpha.iter().flat_map(|alpha| [byte(*alpha); 3]).collect(),
     }
 }
 
-/// `left` and `right`, `[H, W, 3]` each of its width, beside each other.
-pub fn beside(left: (&[u8], u32), right: (&[u8], u32)) -> Vec<u8> {
+/// Joins `left` and `right`, each `[H, W, 3]` with its width, side by side.
+pub fn join_columns(left: (&[u8], u32), right: (&[u8], u32)) -> Vec<u8> {
     let ((left, left_width), (right, right_width)) = (left, right);
     match (left_width, right_width) {
         (0, _) => right.to_vec(),
@@ -53,10 +53,10 @@ pub fn beside(left: (&[u8], u32), right: (&[u8], u32)) -> Vec<u8> {
     }
 }
 
-/// Bytes `[H, W, 3]` as a JPEG; of low quality colours have a quarter of their pixels.
+/// Encodes bytes `[H, W, 3]` as a JPEG; at low quality chroma is subsampled 2x2.
 ///
 /// # Errors
-/// The picture is too large for one.
+/// The picture is too large for a JPEG.
 pub fn jpeg(rgb: &[u8], size: (u32, u32), quality: u8) -> Result<Vec<u8>> {
     let sampling = if quality >= WHOLE_COLORS { SamplingFactor::F_1_1 } else { SamplingFactor::F_2_2 };
     Ok(wm_media::jpeg::encode(rgb, size, quality, sampling)?)
@@ -77,21 +77,21 @@ mod tests {
             normal: vec![-1.0, 0.0, 1.0, 0.0, 0.0, 0.0],
             ..Frame::default()
         };
-        let of = |output| shown(&frame, output, 10.0, Dither::Off);
-        assert_eq!(of(Output::Rgb), [0, 128, 255, 255, 0, 0]);
-        assert_eq!(of(Output::Alpha), [0, 0, 0, 255, 255, 255]);
-        assert_eq!(of(Output::Normal), [0, 128, 255, 128, 128, 128]);
-        assert_eq!(of(Output::Depth)[..3], [0; 3]);
-        assert_eq!(of(Output::Depth)[3..], turbo(128.0 / 255.0));
+        let of = |output| to_bytes(&frame, output, 10.0, Dither::Off);
+        assert_eq!(of(ViewOutput::Rgb), [0, 128, 255, 255, 0, 0]);
+        assert_eq!(of(ViewOutput::Alpha), [0, 0, 0, 255, 255, 255]);
+        assert_eq!(of(ViewOutput::Normal), [0, 128, 255, 128, 128, 128]);
+        assert_eq!(of(ViewOutput::Depth)[..3], [0; 3]);
+        assert_eq!(of(ViewOutput::Depth)[3..], turbo(128.0 / 255.0));
     }
 
     #[test]
     fn halves_make_a_whole() {
         assert_eq!(
-            beside((&[1, 1, 1, 4, 4, 4], 1), (&[2, 2, 2, 3, 3, 3, 5, 5, 5, 6, 6, 6], 2)),
+            join_columns((&[1, 1, 1, 4, 4, 4], 1), (&[2, 2, 2, 3, 3, 3, 5, 5, 5, 6, 6, 6], 2)),
             [1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 5, 5, 5, 6, 6, 6]
         );
-        assert_eq!(beside((&[], 0), (&[2, 2, 2], 1)), [2, 2, 2]);
+        assert_eq!(join_columns((&[], 0), (&[2, 2, 2], 1)), [2, 2, 2]);
     }
 
     #[test]

@@ -1,10 +1,10 @@
-//! Who may talk to the server.
+//! Access to the server.
 //!
-//! On this computer alone any program may; but a web page of somebody else, open in the same browser, must not. It can send
-//! requests here, so those that it sends are told by their `Origin` and `Sec-Fetch-Site`. And it can give its own name the address
-//! of this computer (DNS rebinding): then the browser takes it for the server's own page, but the name stands in `Host`.
+//! On the loopback address every program of this computer has access, but a foreign web page in the same browser must not. Its
+//! requests are recognised by their `Origin` and `Sec-Fetch-Site`. It may also map its own host name to this computer (DNS
+//! rebinding), so that the browser takes it for the server's own page; then its name is in `Host`.
 //!
-//! On any other address a token is asked for: in the URL once, then in a cookie, or as `Authorization: Bearer`.
+//! On any other address a token is required: in the URL once, then in a cookie, or as `Authorization: Bearer`.
 
 use axum::http::{HeaderMap, Method, StatusCode, Uri, header};
 use std::net::IpAddr;
@@ -12,42 +12,42 @@ use std::net::IpAddr;
 /// The cookie that holds the token.
 const COOKIE: &str = "weather-magician-token";
 
-/// The door.
+/// Checks requests.
 #[derive(Clone, Debug, Default)]
 pub struct Guard {
-    /// What must be shown; `None` on the loopback address.
+    /// The token that requests must have; `None` on the loopback address.
     pub token: Option<String>,
 }
 
-/// What becomes of a request.
+/// Result of the check of a request.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It is answered.
+    /// The request is answered.
     Pass,
     /// The browser is given this cookie and sent to the page, so that the token does not stay in the URL.
     Welcome(String),
-    /// It is not answered, and why.
+    /// The request is refused with a status and a reason.
     Refuse(StatusCode, &'static str),
 }
 
 impl Guard {
-    /// What becomes of a request.
+    /// Checks a request.
     #[must_use]
     pub fn check(&self, method: &Method, uri: &Uri, headers: &HeaderMap) -> Verdict {
         let text = |name| headers.get(name).and_then(|value: &header::HeaderValue| value.to_str().ok());
         let Some(host) = text(header::HOST) else {
-            return Verdict::Refuse(StatusCode::BAD_REQUEST, "a request must say its Host");
+            return Verdict::Refuse(StatusCode::BAD_REQUEST, "a request must have a Host header");
         };
         if self.token.is_none() && !is_loopback(name_of(host)) {
             return Verdict::Refuse(
                 StatusCode::FORBIDDEN,
-                "this viewer answers to localhost and 127.0.0.1 alone",
+                "this viewer only answers to localhost and 127.0.0.1",
             );
         }
         if headers.contains_key(header::ORIGIN) && text(header::ORIGIN).and_then(authority) != Some(host) {
             return Verdict::Refuse(StatusCode::FORBIDDEN, "pages of other origins are not answered");
         }
-        // A link that leads to the page is no harm; what a foreign page loads is.
+        // A link to the page is harmless; resources that a foreign page loads are not.
         let is_page = method == Method::GET && uri.path() == "/";
         let site = headers.get("sec-fetch-site").and_then(|value| value.to_str().ok());
         if matches!(site, Some("cross-site" | "same-site")) && !is_page {
@@ -69,27 +69,27 @@ impl Guard {
     }
 }
 
-/// A secret that nobody guesses: 128 bits of the system's.
+/// Returns a secret token: 128 random bits of the operating system.
 ///
 /// # Errors
-/// The system gives none.
+/// The system has no source of random numbers.
 pub fn new_token() -> Result<String, getrandom::Error> {
     let mut bytes = [0u8; 16];
     getrandom::fill(&mut bytes)?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// Equal, in a time that does not tell how far.
+/// Compares in a time that does not depend on the first difference.
 fn is_same(a: &[u8], b: &[u8]) -> bool {
     a.len() == b.len() && a.iter().zip(b).fold(0, |sum, (a, b)| sum | (a ^ b)) == 0
 }
 
-/// Name and port of an origin.
+/// Returns name and port of an origin.
 fn authority(origin: &str) -> Option<&str> {
     origin.strip_prefix("http://").or_else(|| origin.strip_prefix("https://"))
 }
 
-/// The name of `name:port`.
+/// Returns the name of `name:port`.
 fn name_of(host: &str) -> &str {
     match host.strip_prefix('[') {
         Some(rest) => rest.split_once(']').map_or(rest, |(name, _)| name),
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn elsewhere_the_token_is_asked_for() {
+    fn other_addresses_require_the_token() {
         let guard = Guard { token: Some("a-secret-of-some-length".into()) };
         let host = ("host", "gpu.example:8787");
         let refused = |headers: &[_]| {
@@ -176,7 +176,7 @@ mod tests {
             panic!("no welcome")
         };
         assert!(cookie.contains("HttpOnly") && cookie.contains("SameSite=Strict"));
-        // The cookie of one's own browser helps a foreign page nothing.
+        // The browser's cookie does not help a foreign page.
         let cookie = ("cookie", "weather-magician-token=a-secret-of-some-length");
         assert!(!passes(&guard, &[host, cookie, ("origin", "http://evil.example")]));
     }

@@ -1,4 +1,4 @@
-//! Connections: no more than a number of them, and none that stands still for ever.
+//! A TCP listener with a limited number of connections, each with an idle timeout.
 
 use std::future::Future;
 use std::io;
@@ -12,45 +12,48 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, Sleep, sleep};
 
-/// Connections at one time. A browser opens six and a WebSocket.
-pub const MOST_CONNECTIONS: usize = 128;
-/// How long a connection may neither bring nor take anything.
-const PATIENCE: Duration = Duration::from_secs(120);
-/// How long after a failure to accept, as when files run out, the next is tried.
-const PAUSE: Duration = Duration::from_millis(100);
+/// Maximum number of connections. A browser opens six and a WebSocket.
+pub const MAX_CONNECTIONS: usize = 128;
+/// Idle time after which a connection is closed.
+const IDLE_TIMEOUT: Duration = Duration::from_secs(120);
+/// Pause after a failure to accept, such as when file handles run out.
+const RETRY_AFTER: Duration = Duration::from_millis(100);
 
-/// Said to who comes when all connections are taken.
+/// Response when all connections are in use.
 const BUSY: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\ncontent-type: text/plain\r\ncontent-length: 58\r\n\
     connection: close\r\nretry-after: 1\r\n\r\ntoo many connections at once; close some and try it again\n";
 
-/// Accepts connections while there are few.
-pub struct Capped {
+/// Accepts connections up to a maximum number.
+pub struct LimitedListener {
     listener: TcpListener,
     free: Arc<Semaphore>,
 }
 
-impl Capped {
-    /// On a listener.
+impl LimitedListener {
+    /// Wraps a listener.
     pub fn new(listener: TcpListener) -> Self {
-        Self { listener, free: Arc::new(Semaphore::new(MOST_CONNECTIONS)) }
+        Self { listener, free: Arc::new(Semaphore::new(MAX_CONNECTIONS)) }
     }
 }
 
-impl axum::serve::Listener for Capped {
-    type Io = Watched;
+impl axum::serve::Listener for LimitedListener {
+    type Io = TimedStream;
     type Addr = SocketAddr;
 
     async fn accept(&mut self) -> (Self::Io, Self::Addr) {
         loop {
             let Ok((stream, address)) = self.listener.accept().await else {
-                sleep(PAUSE).await;
+                sleep(RETRY_AFTER).await;
                 continue;
             };
-            // Frames are sent whole; small answers must not wait for more.
+            // Frames are sent in one piece; small responses must not wait for more data.
             let _ = stream.set_nodelay(true);
             match Arc::clone(&self.free).try_acquire_owned() {
                 Ok(permit) => {
-                    return (Watched { stream, alarm: Box::pin(sleep(PATIENCE)), _permit: permit }, address);
+                    return (
+                        TimedStream { stream, alarm: Box::pin(sleep(IDLE_TIMEOUT)), _permit: permit },
+                        address,
+                    );
                 }
                 Err(_) => refuse(&stream),
             }
@@ -62,30 +65,34 @@ impl axum::serve::Listener for Capped {
     }
 }
 
-/// Says why, as far as that can be done at once.
+/// Sends the reason, if that is possible without waiting.
 fn refuse(stream: &TcpStream) {
     let _ = stream.try_write(BUSY);
-    // What was sent and is not read would take the answer back (RST).
+    // Unread data would make the system discard the response (RST).
     let mut asked = [0; 4096];
     let _ = stream.try_read(&mut asked);
 }
 
-/// A connection that ends when nothing moves.
-pub struct Watched {
+/// A connection with an idle timeout.
+pub struct TimedStream {
     stream: TcpStream,
     alarm: Pin<Box<Sleep>>,
     _permit: OwnedSemaphorePermit,
 }
 
-impl Watched {
-    fn moved(&mut self) {
-        self.alarm.as_mut().reset(Instant::now() + PATIENCE);
+impl TimedStream {
+    fn restart_timeout(&mut self) {
+        self.alarm.as_mut().reset(Instant::now() + IDLE_TIMEOUT);
     }
 
-    /// What becomes of `waiting`: nothing for too long is an error.
-    fn or_late<T>(&mut self, context: &mut Context<'_>, polled: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
+    /// Passes a result on and restarts the timeout; returns an error if nothing happened for too long.
+    fn or_timeout<T>(
+        &mut self,
+        context: &mut Context<'_>,
+        polled: Poll<io::Result<T>>,
+    ) -> Poll<io::Result<T>> {
         if polled.is_ready() {
-            self.moved();
+            self.restart_timeout();
             return polled;
         }
         ready!(self.alarm.as_mut().poll(context));
@@ -93,25 +100,25 @@ impl Watched {
     }
 }
 
-impl AsyncRead for Watched {
+impl AsyncRead for TimedStream {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         let polled = Pin::new(&mut self.stream).poll_read(context, buffer);
-        self.or_late(context, polled)
+        self.or_timeout(context, polled)
     }
 }
 
-impl AsyncWrite for Watched {
+impl AsyncWrite for TimedStream {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
         let polled = Pin::new(&mut self.stream).poll_write(context, bytes);
-        self.or_late(context, polled)
+        self.or_timeout(context, polled)
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
@@ -128,7 +135,7 @@ mod tests {
     use super::BUSY;
 
     #[test]
-    fn the_refusal_is_whole() {
+    fn the_refusal_has_its_content_length() {
         let text = std::str::from_utf8(BUSY).unwrap();
         let (head, body) = text.split_once("\r\n\r\n").unwrap();
         assert!(head.contains(&format!("content-length: {}\r\n", body.len())), "{}", body.len());

@@ -1,18 +1,19 @@
-//! A scene in a browser: this program draws, a page shows and asks.
+//! The viewer: renders a scene for a page in the browser.
 //!
-//! Two threads: the `server` (one thread of tokio) takes requests and hands out bytes; the `painter` (the program's main thread)
-//! owns the studio and draws, one thing after the other. Between them is the `desk`: of each page the last wish, and orders. All that a
-//! picture depends on is a `state`, which a client may only fill with what is in the `catalog`.
+//! Two threads: the `server` (one tokio thread) accepts requests and sends bytes; the `render_worker` (the program's main thread)
+//! owns the renderer and the scene and renders one frame after the other. Between them is the `request_queue`: the latest request
+//! of each page, and commands. Everything that a
+//! picture depends on is in a `state`; a client may only use names that are in the `catalog`.
 //!
-//! A whole picture goes the way that `render` goes, so that the command that the page prints gives the same bytes.
+//! Complete pictures are rendered as `render` does it, so that the command that the page shows gives the same bytes.
 
 mod catalog;
-mod desk;
 mod encode;
 mod guard;
 mod listener;
 mod pace;
-mod painter;
+mod render_worker;
+mod request_queue;
 mod routes;
 pub mod server;
 mod session;
@@ -23,93 +24,93 @@ mod videos;
 use crate::commands::render::camera::LookArgs;
 use crate::interrupt;
 use crate::names::stem_of;
-use crate::scene::{Loaded, RunArgs, SceneArgs};
+use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use anyhow::Result;
 use axum::body::Bytes;
 use catalog::Catalog;
-use desk::Desk;
-use painter::Painter;
+use render_worker::RenderWorker;
+use request_queue::RequestQueue;
 use serde_json::json;
 use state::ViewState;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
-use videos::Videos;
+use videos::VideoList;
 use weather_magician::{PreparedPlace, Renderer};
 use wm_weather::{Panorama, ParamValue, Weather};
 
-/// How long the page of a scene that cannot be read stays, for who opens it to be told.
+/// Time for which the page of a scene that cannot be read is served, so that it can show the error.
 const FAREWELL: Duration = Duration::from_secs(10);
 
-/// What is shown.
-pub struct Asked<'a> {
-    /// Which scene.
+/// The scene to show, and how.
+pub struct ViewerOptions<'a> {
+    /// The scene file and its facts.
     pub scene: &'a SceneArgs,
-    /// From where.
+    /// The camera at the start.
     pub look: &'a LookArgs,
-    /// How it runs.
+    /// The device and other options of the run.
     pub run: &'a RunArgs,
     /// The weather at the start.
     pub weather: Weather,
-    /// Further panoramas, by the paths that files name them by.
+    /// Further panoramas, by the paths that weather files use for them.
     pub panoramas: BTreeMap<String, Arc<Panorama>>,
 }
 
-/// What server and painter share.
+/// State shared by the server and the render worker.
 #[derive(Default)]
-pub struct Room {
-    desk: Desk,
-    videos: Videos,
-    /// Once the scene is there.
+pub struct ViewerContext {
+    queue: RequestQueue,
+    videos: VideoList,
+    /// Set once the scene is loaded.
     loaded: OnceLock<(Catalog, ViewState)>,
-    /// Why it will not be.
+    /// The error if the scene cannot be loaded.
     failed: OnceLock<String>,
-    /// What was asked for last.
+    /// The latest state of any client.
     state: Mutex<Option<ViewState>>,
     thumbnails: Mutex<BTreeMap<String, Bytes>>,
 }
 
-impl Room {
+impl ViewerContext {
     fn is_loaded(&self) -> bool {
         self.loaded.get().is_some()
     }
 
-    fn both(&self) -> &(Catalog, ViewState) {
-        self.loaded.get().expect("asked for when the scene is there")
+    fn loaded(&self) -> &(Catalog, ViewState) {
+        self.loaded.get().expect("called only after the scene is loaded")
     }
 
     fn catalog(&self) -> &Catalog {
-        &self.both().0
+        &self.loaded().0
     }
 
-    /// The state at the start.
-    fn start(&self) -> ViewState {
-        self.both().1.clone()
+    /// The initial state.
+    fn initial_state(&self) -> ViewState {
+        self.loaded().1.clone()
     }
 
-    /// What was asked for last, by whomever.
+    /// The latest state of any client.
     fn state(&self) -> ViewState {
         let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        state.clone().unwrap_or_else(|| self.start())
+        state.clone().unwrap_or_else(|| self.initial_state())
     }
 
     fn set_state(&self, state: &ViewState) {
         *self.state.lock().unwrap_or_else(PoisonError::into_inner) = Some(state.clone());
     }
 
-    /// Why there is no scene yet.
-    fn loading(&self) -> String {
+    /// The reason why there is no scene: it is still loading, or could not be read.
+    fn loading_text(&self) -> String {
         self.failed.get().cloned().unwrap_or_else(|| "the scene is being read".into())
     }
 
-    /// What a page is told first.
+    /// The first message to a page.
     fn greeting(&self) -> String {
         let kind = match (self.loaded.get(), self.failed.get()) {
             (Some(_), _) => "ready",
             (_, Some(_)) => "failed",
             _ => "loading",
         };
-        json!({ "type": kind, "text": self.loading() }).to_string()
+        json!({ "type": kind, "text": self.loading_text() }).to_string()
     }
 
     fn thumbnail(&self, name: &str) -> Option<Bytes> {
@@ -120,7 +121,7 @@ impl Room {
         self.thumbnails.lock().unwrap_or_else(PoisonError::into_inner).keys().cloned().collect()
     }
 
-    fn keep_thumbnail(&self, name: String, bytes: Bytes) {
+    fn set_thumbnail(&self, name: String, bytes: Bytes) {
         self.thumbnails.lock().unwrap_or_else(PoisonError::into_inner).insert(name, bytes);
     }
 }
@@ -128,20 +129,20 @@ impl Room {
 /// Serves the page of a scene until Ctrl-C.
 ///
 /// # Errors
-/// Nothing can be listened on, or the scene cannot be read, which the page is told too.
-pub fn run(asked: Asked<'_>, server: &server::ServerArgs) -> Result<()> {
-    let room = Arc::new(Room::default());
-    let address = server::serve(server, routes::routes(Arc::clone(&room)))?;
+/// No port is free, or the scene cannot be read; the page shows this error too.
+pub fn run(options: ViewerOptions<'_>, server: &server::ServerArgs) -> Result<()> {
+    let context = Arc::new(ViewerContext::default());
+    let address = server::serve(server, routes::routes(Arc::clone(&context)))?;
     println!("{address}");
-    eprintln!("open this address in a browser; Ctrl-C ends");
-    let (renderer, place) = match open(asked, &room) {
+    eprintln!("open this address in a browser; press Ctrl-C to quit");
+    let (renderer, place) = match open(options, &context) {
         Ok(stage) => {
-            room.desk.tell_all(&room.greeting());
+            context.queue.broadcast(&context.greeting());
             stage
         }
         Err(error) => {
-            let _ = room.failed.set(format!("{error:#}"));
-            room.desk.tell_all(&room.greeting());
+            let _ = context.failed.set(format!("{error:#}"));
+            context.queue.broadcast(&context.greeting());
             let end = Instant::now() + FAREWELL;
             while Instant::now() < end && !interrupt::asked() {
                 std::thread::sleep(Duration::from_millis(50));
@@ -149,37 +150,37 @@ pub fn run(asked: Asked<'_>, server: &server::ServerArgs) -> Result<()> {
             return Err(error);
         }
     };
-    let outcome = Painter::new(Arc::clone(&room), renderer, place).work();
-    room.videos.clear();
+    let outcome = RenderWorker::new(Arc::clone(&context), renderer, place).run();
+    context.videos.clear();
     outcome
 }
 
 /// Reads the scene and loads it.
-fn open(asked: Asked<'_>, room: &Room) -> Result<(Renderer, PreparedPlace)> {
-    let mut loaded = Loaded::new(asked.scene, asked.run, asked.look.views.as_ref())?;
-    let camera = asked.look.start(&mut loaded)?;
-    let Loaded { renderer, place } = loaded;
-    let mut panoramas = asked.panoramas;
-    panoramas.extend(shown(&asked.weather));
+fn open(options: ViewerOptions<'_>, context: &ViewerContext) -> Result<(Renderer, PreparedPlace)> {
+    let mut loaded = OpenScene::new(options.scene, options.run, options.look.views.as_ref())?;
+    let camera = options.look.start(&mut loaded)?;
+    let OpenScene { renderer, place } = loaded;
+    let mut panoramas = options.panoramas;
+    panoramas.extend(panoramas_of(&options.weather));
     let catalog = Catalog {
-        stem: stem_of(&asked.scene.scene),
-        words: catalog::scene_words(asked.scene, asked.look.views.as_ref()),
-        run_words: catalog::run_words(asked.run),
+        stem: stem_of(&options.scene.scene),
+        words: catalog::scene_words(options.scene, options.look.views.as_ref()),
+        run_words: catalog::run_words(options.run),
         survey: place.survey().clone(),
         near: camera.near,
         splats: place.scene().splats.len(),
         renderer: renderer.describe(),
         views: place.scene().views.iter().map(|view| (view.name.clone(), view.camera)).collect(),
-        weather: asked.weather,
+        weather: options.weather,
         panoramas,
     };
-    let start = catalog.start(&camera);
-    let _ = room.loaded.set((catalog, start));
+    let start = catalog.initial_state(&camera);
+    let _ = context.loaded.set((catalog, start));
     Ok((renderer, place))
 }
 
-/// The panoramas that a weather shows.
-fn shown(weather: &Weather) -> BTreeMap<String, Arc<Panorama>> {
+/// The panoramas that a weather uses, by path.
+fn panoramas_of(weather: &Weather) -> BTreeMap<String, Arc<Panorama>> {
     let keys = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::keys);
     let picture = |key: &wm_weather::Keyframe| match &key.value {
         ParamValue::Image(picture) => {

@@ -1,17 +1,17 @@
-//! How large pictures are while they change: as large as keeps them coming.
+//! Adaptive resolution of frames while the view is moving: the largest that keeps the frame rate.
 
-/// Pictures a second while something moves, at least.
+/// Least frame rate while the view is moving, frames a second.
 pub const LEAST_RATE: f64 = 15.0;
-/// Share of a picture's time that is aimed at: the rest is for what varies.
+/// Share of the time of a frame to aim at; the rest is a margin for variation.
 const AIM: f64 = 0.75;
 /// Least share of the full width and height.
 const LEAST: f64 = 0.16;
-/// How far a single picture may change the scale.
+/// Limits of the factor by which one frame changes the scale.
 const STEP: (f64, f64) = (0.6, 1.12);
-/// Sides are multiples of this, so that pictures do not change their size all the time, px.
+/// Widths are multiples of this, px, so that the size does not change with every frame.
 const GRAIN: f64 = 16.0;
 
-/// The scale of a client's pictures while they change.
+/// Scale of a client's frames while the view is moving.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pace {
     /// Share of the full width and height.
@@ -25,7 +25,7 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// The size of the next picture, for one of `full`, px.
+    /// The size of the next frame for a full size of `[width, height]`, px.
     pub fn size(&self, [width, height]: [u32; 2]) -> (u32, u32) {
         if self.scale == 1.0 {
             return (width, height);
@@ -35,13 +35,14 @@ impl Pace {
         (shown as u32, (height * shown / width).round().max(1.0) as u32)
     }
 
-    /// Learns from a picture that took `seconds`, where `sharing` clients take turns, and from how long the last one was on its way.
+    /// Adapts the scale to a frame that took `seconds` to render while `sharing` clients take turns, and to the `on_its_way`
+    /// seconds from sending the last one to its acknowledgement.
     ///
-    /// Most of what a picture takes goes with its pixels, the rest with the splats, so that the scale goes with a root of the time.
+    /// Most of the time is proportional to the number of pixels, so that the scale changes with the square root of the time.
     pub fn learn(&mut self, seconds: f64, sharing: usize, on_its_way: f64) {
         let took = (seconds * sharing.max(1) as f64).max(on_its_way);
         let factor = (AIM / LEAST_RATE / took.max(1e-4)).sqrt();
-        // Around the aim nothing changes.
+        // Close to the aim the scale stays.
         if !(0.9..1.1).contains(&factor) {
             self.scale = (self.scale * factor.clamp(STEP.0, STEP.1)).clamp(LEAST, 1.0);
         }
@@ -52,7 +53,7 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// Where the pace ends for a renderer that takes so many seconds for the splats and for all pixels.
+    /// Returns the final scale and time of a frame for a renderer that takes `splats` seconds plus `pixels` at full size.
     fn settled(splats: f64, pixels: f64, sharing: usize) -> (f64, f64) {
         let mut pace = Pace::default();
         let time = |pace: Pace| splats + pixels * pace.scale * pace.scale;
@@ -63,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_keep_coming() {
+    fn the_frame_rate_is_kept() {
         for (splats, pixels) in [(0.0, 0.001), (0.01, 0.1), (0.03, 0.4), (0.005, 3.0)] {
             for sharing in [1, 2] {
                 let (scale, time) = settled(splats, pixels, sharing);
@@ -87,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_keep_their_form() {
+    fn sizes_keep_their_aspect_ratio() {
         for scale in [0.16, 0.3, 0.5, 0.77, 1.0] {
             let (width, height) = Pace { scale }.size([1200, 800]);
             assert!(width.is_multiple_of(16) && (f64::from(width) / f64::from(height) - 1.5).abs() < 0.01);

@@ -1,11 +1,11 @@
 //! The HTTP interface, described in docs/viewer.md.
 
-use super::Room;
-use super::desk::{Form, MOST_CLIENTS, Order};
-use super::server::{MOST_BYTES, assets, refusal};
+use super::ViewerContext;
+use super::request_queue::{MAX_CLIENTS, ResponseFormat, ViewerCommand};
+use super::server::{MAX_BODY_BYTES, assets, refusal};
 use super::session;
-use super::state::{Follow, Output, Pose, View, ViewState, weather_of_json, weather_to_json};
-use super::videos::MOST_FRAMES;
+use super::state::{Follow, Pose, View, ViewOutput, ViewState, weather_of_json, weather_to_json};
+use super::videos::MAX_FRAMES;
 use axum::Router;
 use axum::body::{Body, Bytes};
 use axum::extract::ws::WebSocketUpgrade;
@@ -23,26 +23,26 @@ use wm_media::video::FrameRate;
 use wm_scene::SceneView as Photo;
 use wm_weather::Weather;
 
-type Shared = State<Arc<Room>>;
-type Answer = Result<Response, Fault>;
+type Shared = State<Arc<ViewerContext>>;
+type Answer = Result<Response, RequestError>;
 
-/// Why a request is not answered.
-pub struct Fault(StatusCode, String);
+/// Error of a request: a status and a message.
+pub struct RequestError(StatusCode, String);
 
-impl From<String> for Fault {
+impl From<String> for RequestError {
     fn from(why: String) -> Self {
         Self(StatusCode::BAD_REQUEST, why)
     }
 }
 
-impl IntoResponse for Fault {
+impl IntoResponse for RequestError {
     fn into_response(self) -> Response {
         refusal(self.0, self.1)
     }
 }
 
 /// All routes.
-pub fn routes(room: Arc<Room>) -> Router {
+pub fn routes(context: Arc<ViewerContext>) -> Router {
     let router = assets! {
         Router::new(),
         "/" => "index.html", "text/html; charset=utf-8";
@@ -70,60 +70,73 @@ pub fn routes(room: Arc<Room>) -> Router {
         .route("/videos", post(begin_video))
         .route("/videos/{id}", get(video).delete(stop_video))
         .route("/videos/{id}/file", get(video_file))
-        .with_state(room)
+        .with_state(context)
 }
 
-/// The room, once the scene is there.
-fn loaded(room: &Room) -> Result<(), Fault> {
-    if room.is_loaded() { Ok(()) } else { Err(Fault(StatusCode::SERVICE_UNAVAILABLE, room.loading())) }
-}
-
-async fn socket(State(room): Shared, upgrade: WebSocketUpgrade) -> Response {
-    if room.desk.clients() >= MOST_CLIENTS {
-        return refusal(StatusCode::SERVICE_UNAVAILABLE, format!("{MOST_CLIENTS} pages are open; close one"));
+/// Returns an error unless the scene is loaded.
+fn check_loaded(context: &ViewerContext) -> Result<(), RequestError> {
+    if context.is_loaded() {
+        Ok(())
+    } else {
+        Err(RequestError(StatusCode::SERVICE_UNAVAILABLE, context.loading_text()))
     }
-    let upgrade = upgrade.max_message_size(MOST_BYTES).max_frame_size(MOST_BYTES);
-    upgrade.on_upgrade(move |socket| session::run(socket, room))
 }
 
-async fn parameters(State(room): Shared) -> Answer {
-    loaded(&room)?;
-    Ok(json_answer(&room.catalog().json(&room.start())))
+async fn socket(State(context): Shared, upgrade: WebSocketUpgrade) -> Response {
+    if context.queue.client_count() >= MAX_CLIENTS {
+        return refusal(
+            StatusCode::SERVICE_UNAVAILABLE,
+            format!("{MAX_CLIENTS} pages are open, which is the maximum; close one"),
+        );
+    }
+    let upgrade = upgrade.max_message_size(MAX_BODY_BYTES).max_frame_size(MAX_BODY_BYTES);
+    upgrade.on_upgrade(move |socket| session::run(socket, context))
 }
 
-async fn state(State(room): Shared) -> Answer {
-    loaded(&room)?;
-    Ok(json_answer(&room.state()))
+async fn parameters(State(context): Shared) -> Answer {
+    check_loaded(&context)?;
+    Ok(json_answer(&context.catalog().json(&context.initial_state())))
 }
 
-async fn put_state(State(room): Shared, body: Bytes) -> Answer {
-    loaded(&room)?;
-    let state = room.state().patched(parsed(&body)?)?;
-    let view = View::new(state, room.catalog(), None)?;
-    room.set_state(&view.state);
-    room.desk.tell_all(&json!({ "type": "state", "state": view.state }).to_string());
+async fn state(State(context): Shared) -> Answer {
+    check_loaded(&context)?;
+    Ok(json_answer(&context.state()))
+}
+
+async fn put_state(State(context): Shared, body: Bytes) -> Answer {
+    check_loaded(&context)?;
+    let state = context.state().patched(parsed(&body)?)?;
+    let view = View::new(state, context.catalog(), None)?;
+    context.set_state(&view.state);
+    context.queue.broadcast(&json!({ "type": "state", "state": view.state }).to_string());
     Ok(json_answer(&view.state))
 }
 
-/// A picture of the state with what the query changes of it.
-async fn frame(State(room): Shared, RawQuery(query): RawQuery) -> Answer {
-    loaded(&room)?;
-    let (mut state, mut form) = (room.state(), Form::Jpeg);
+/// Renders a picture of the state, changed by the query.
+async fn frame(State(context): Shared, RawQuery(query): RawQuery) -> Answer {
+    check_loaded(&context)?;
+    let (mut state, mut format) = (context.state(), ResponseFormat::Jpeg);
     for pair in query.as_deref().unwrap_or_default().split('&').filter(|pair| !pair.is_empty()) {
         let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
-        change(&mut state, &mut form, key, &unescaped(value)?, &room)?;
+        apply_query(&mut state, &mut format, key, &decode_query(value)?, &context)?;
     }
-    let view = View::new(state, room.catalog(), None)?;
-    picture(&room, view, form).await
+    let view = View::new(state, context.catalog(), None)?;
+    picture(&context, view, format).await
 }
 
-fn change(state: &mut ViewState, form: &mut Form, key: &str, value: &str, room: &Room) -> Result<(), String> {
-    let number = || value.parse::<f64>().map_err(|_| format!("{key}: `{value}` is no number"));
+fn apply_query(
+    state: &mut ViewState,
+    format: &mut ResponseFormat,
+    key: &str,
+    value: &str,
+    context: &ViewerContext,
+) -> Result<(), String> {
+    let number = || value.parse::<f64>().map_err(|_| format!("{key}: `{value}` is not a number"));
     match key {
         "format" => {
-            *form = match value {
-                "png" => Form::Png,
-                "jpeg" | "jpg" => Form::Jpeg,
+            *format = match value {
+                "png" => ResponseFormat::Png,
+                "jpeg" | "jpg" => ResponseFormat::Jpeg,
                 _ => return Err(format!("format: `{value}` is neither png nor jpeg")),
             };
         }
@@ -138,16 +151,16 @@ fn change(state: &mut ViewState, form: &mut Form, key: &str, value: &str, room: 
             state.size = [width, height];
         }
         "output" => {
-            let known = Output::ALL.iter().find(|(_, name)| *name == value);
+            let known = ViewOutput::ALL.iter().find(|(_, name)| *name == value);
             state.output =
                 known.ok_or_else(|| format!("output: `{value}` is not rgb, depth, normal or alpha"))?.0;
         }
         "camera" => {
             let spec: CameraSpec = value.parse().map_err(|error| format!("{error}"))?;
             if matches!(spec, CameraSpec::File(_)) {
-                return Err("camera: give EYE:TARGET or a photo; files are not read for pages".into());
+                return Err("camera: must be EYE:TARGET or a photo; pages cannot name files".into());
             }
-            let catalog = room.catalog();
+            let catalog = context.catalog();
             let photo = |(name, camera): &(String, _)| Photo { name: name.clone(), camera: *camera };
             let photos: Vec<Photo> = catalog.views.iter().map(photo).collect();
             let options =
@@ -167,15 +180,15 @@ fn change(state: &mut ViewState, form: &mut Form, key: &str, value: &str, room: 
         }
         _ => {
             return Err(format!(
-                "there is no `{key}`; there are format, time, fov, quality, divider, size, output, camera, weather and set"
+                "unknown key `{key}`; the keys are format, time, fov, quality, divider, size, output, camera, weather and set"
             ));
         }
     }
     Ok(())
 }
 
-/// A text of a query: `%` and two digits for a byte, `+` for a space.
-fn unescaped(text: &str) -> Result<String, String> {
+/// Decodes the text of a query: `%` and two hex digits for a byte, `+` for a space.
+fn decode_query(text: &str) -> Result<String, String> {
     let (mut bytes, mut rest) = (Vec::new(), text.bytes());
     while let Some(byte) = rest.next() {
         bytes.push(match byte {
@@ -190,88 +203,99 @@ fn unescaped(text: &str) -> Result<String, String> {
             byte => byte,
         });
     }
-    String::from_utf8(bytes).map_err(|_| "the query is no text in UTF-8".into())
+    String::from_utf8(bytes).map_err(|_| "the query is not UTF-8".into())
 }
 
-async fn picture(room: &Room, view: View, form: Form) -> Answer {
+async fn picture(context: &ViewerContext, view: View, format: ResponseFormat) -> Answer {
     let (reply, answer) = oneshot::channel();
-    let busy = || Fault(StatusCode::SERVICE_UNAVAILABLE, "too many pictures are asked for at once".into());
-    room.desk.order(Order::Picture { view: Arc::new(view), form, reply }).map_err(|_| busy())?;
-    let gone = |_| Fault(StatusCode::SERVICE_UNAVAILABLE, "the program is ending".into());
-    let bytes =
-        answer.await.map_err(gone)?.map_err(|error| Fault(StatusCode::INTERNAL_SERVER_ERROR, error))?;
-    let kind = if form == Form::Png { "image/png" } else { "image/jpeg" };
+    let busy =
+        || RequestError(StatusCode::SERVICE_UNAVAILABLE, "too many pictures are requested at once".into());
+    context
+        .queue
+        .push_command(ViewerCommand::Picture { view: Arc::new(view), format, reply })
+        .map_err(|_| busy())?;
+    let gone = |_| RequestError(StatusCode::SERVICE_UNAVAILABLE, "the program is ending".into());
+    let bytes = answer
+        .await
+        .map_err(gone)?
+        .map_err(|error| RequestError(StatusCode::INTERNAL_SERVER_ERROR, error))?;
+    let kind = if format == ResponseFormat::Png { "image/png" } else { "image/jpeg" };
     Ok(([(header::CONTENT_TYPE, kind)], bytes).into_response())
 }
 
-/// The text of a weather file as the weather of a state.
-async fn read_weather(State(room): Shared, body: Bytes) -> Answer {
-    loaded(&room)?;
-    let text = std::str::from_utf8(&body).map_err(|_| "the file is no text in UTF-8".to_owned())?;
+/// Converts the text of a weather file to the weather of a state.
+async fn read_weather(State(context): Shared, body: Bytes) -> Answer {
+    check_loaded(&context)?;
+    let text = std::str::from_utf8(&body).map_err(|_| "the file is not UTF-8".to_owned())?;
     let mut weather = Weather::parse(text, "weather.toml").map_err(|error| error.to_string())?;
     if weather.name.is_empty() {
         weather.name = "mine".into();
     }
-    room.catalog().load(&mut weather)?;
+    context.catalog().load_panoramas(&mut weather)?;
     Ok(json_answer(&weather_to_json(&weather)))
 }
 
-async fn thumbnail(State(room): Shared, Path(name): Path<String>) -> Answer {
-    let bytes = room.thumbnail(&name);
-    let bytes =
-        bytes.ok_or_else(|| Fault(StatusCode::NOT_FOUND, "there is no such picture, or not yet".into()))?;
+async fn thumbnail(State(context): Shared, Path(name): Path<String>) -> Answer {
+    let bytes = context.thumbnail(&name);
+    let bytes = bytes.ok_or_else(|| {
+        RequestError(StatusCode::NOT_FOUND, "there is no such thumbnail, or it is not rendered yet".into())
+    })?;
     Ok(([(header::CONTENT_TYPE, "image/jpeg")], bytes).into_response())
 }
 
-/// What is saved of a state, which is the body.
-async fn file(State(room): Shared, Path(kind): Path<String>, body: Bytes) -> Answer {
-    loaded(&room)?;
-    let state = room.state().patched(parsed(&body)?)?;
-    let view = View::new(state, room.catalog(), None)?;
-    let names = Names::of(&room, &view);
+/// Returns a file to save of the state in the body.
+async fn file(State(context): Shared, Path(kind): Path<String>, body: Bytes) -> Answer {
+    check_loaded(&context)?;
+    let state = context.state().patched(parsed(&body)?)?;
+    let view = View::new(state, context.catalog(), None)?;
+    let names = FileNames::of(&context, &view);
     let (name, kind, text) = match &kind[..] {
         "picture" => {
-            let mut response = picture(&room, view, Form::Png).await?;
-            name_file(&mut response, &names.picture)?;
+            let mut response = picture(&context, view, ResponseFormat::Png).await?;
+            set_file_name(&mut response, &names.picture)?;
             return Ok(response);
         }
         "weather" => (names.weather.clone(), "application/toml", view.weather.to_toml()),
         "camera" => (names.camera.clone(), "application/json", view.camera_file.clone()),
-        "command" => ("command.txt".into(), "text/plain; charset=utf-8", names.command(&room, &view, None)),
+        "command" => {
+            ("command.txt".into(), "text/plain; charset=utf-8", names.command(&context, &view, None))
+        }
         _ => {
-            return Err(Fault(
+            return Err(RequestError(
                 StatusCode::NOT_FOUND,
-                "there are picture, weather, camera and command".into(),
+                "the files are picture, weather, camera and command".into(),
             ));
         }
     };
     let mut response = ([(header::CONTENT_TYPE, kind)], text).into_response();
-    name_file(&mut response, &name)?;
+    set_file_name(&mut response, &name)?;
     Ok(response)
 }
 
-fn name_file(response: &mut Response, name: &str) -> Result<(), String> {
-    // Names are made of letters and digits, see below.
-    let value = format!("attachment; filename=\"{name}\"").parse().map_err(|_| "no such name".to_owned())?;
+fn set_file_name(response: &mut Response, name: &str) -> Result<(), String> {
+    // FileNames are made of letters and digits, see below.
+    let value = format!("attachment; filename=\"{name}\"")
+        .parse()
+        .map_err(|_| "the file name is invalid".to_owned())?;
     response.headers_mut().insert(header::CONTENT_DISPOSITION, value);
     Ok(())
 }
 
-/// What the files of a state are called.
-struct Names {
+/// Names of the files of a state.
+struct FileNames {
     weather: String,
     camera: String,
     picture: String,
     video: String,
 }
 
-impl Names {
-    fn of(room: &Room, view: &View) -> Self {
+impl FileNames {
+    fn of(context: &ViewerContext, view: &View) -> Self {
         let plain = |text: &str| -> String {
             let keep = |c: char| if c.is_ascii_alphanumeric() || "-_".contains(c) { c } else { '-' };
             text.chars().take(60).map(keep).collect()
         };
-        let base = format!("{}-{}", plain(&room.catalog().stem), plain(&view.weather.name));
+        let base = format!("{}-{}", plain(&context.catalog().stem), plain(&view.weather.name));
         Self {
             weather: format!("{base}.toml"),
             camera: format!("{base}.camera.json"),
@@ -280,9 +304,9 @@ impl Names {
         }
     }
 
-    /// The command that renders the same; `video` is frames a second and seconds.
-    fn command(&self, room: &Room, view: &View, video: Option<(FrameRate, f64)>) -> String {
-        let catalog = room.catalog();
+    /// Returns the command that renders the same; `video` is the frame rate and the length in seconds.
+    fn command(&self, context: &ViewerContext, view: &View, video: Option<(FrameRate, f64)>) -> String {
+        let catalog = context.catalog();
         let mut words = vec!["weather-magician".to_owned(), "render".into()];
         words.extend(catalog.words.iter().cloned());
         let state = &view.state;
@@ -300,7 +324,7 @@ impl Names {
             }
             None => {
                 add("time", state.time.to_string());
-                if state.output != Output::Rgb {
+                if state.output != ViewOutput::Rgb {
                     add("also", state.output.name().into());
                 }
                 add("out", self.picture.clone());
@@ -311,7 +335,7 @@ impl Names {
     }
 }
 
-/// A word as a POSIX shell takes it for one.
+/// Quotes a word for a POSIX shell.
 fn shell_word(word: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {
@@ -323,69 +347,70 @@ fn shell_word(word: &str) -> String {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct AskedVideo {
+struct VideoParameters {
     state: Value,
     fps: f64,
     seconds: f64,
 }
 
-async fn begin_video(State(room): Shared, body: Bytes) -> Answer {
-    loaded(&room)?;
-    let AskedVideo { state, fps, seconds } =
+async fn begin_video(State(context): Shared, body: Bytes) -> Answer {
+    check_loaded(&context)?;
+    let VideoParameters { state, fps, seconds } =
         serde_json::from_slice(&body).map_err(|error| format!("video: {error}"))?;
     let rate = FrameRate::from_hz(fps).ok_or_else(|| format!("fps {fps}: must be 0.001 to 1000"))?;
     if !(seconds.is_finite() && seconds > 0.0) {
         return Err(format!("seconds {seconds}: must be above 0").into());
     }
     let frames = rate.frames_within(seconds);
-    if frames > MOST_FRAMES {
-        return Err(
-            format!("{frames} frames are too many here: the most is {MOST_FRAMES}; use `render`").into()
-        );
+    if frames > MAX_FRAMES {
+        return Err(format!(
+            "{frames} frames are too many for the viewer: the maximum is {MAX_FRAMES}; use `render`"
+        )
+        .into());
     }
-    let mut state = room.state().patched(state)?;
-    (state.time, state.output, state.divider) = (0.0, Output::Rgb, None);
-    let view = Arc::new(View::new(state, room.catalog(), None)?);
-    let names = Names::of(&room, &view);
-    let busy = |error| Fault(StatusCode::CONFLICT, error);
-    let video = room.videos.begin(names.video.clone(), rate, frames).map_err(busy)?;
-    let order = Order::Video { view: Arc::clone(&view), job: Arc::clone(&video) };
-    if room.desk.order(order).is_err() {
-        video.end(Err("too much is asked for at once".into()));
+    let mut state = context.state().patched(state)?;
+    (state.time, state.output, state.divider) = (0.0, ViewOutput::Rgb, None);
+    let view = Arc::new(View::new(state, context.catalog(), None)?);
+    let names = FileNames::of(&context, &view);
+    let busy = |error| RequestError(StatusCode::CONFLICT, error);
+    let video = context.videos.add(names.video.clone(), rate, frames).map_err(busy)?;
+    let command = ViewerCommand::Video { view: Arc::clone(&view), job: Arc::clone(&video) };
+    if context.queue.push_command(command).is_err() {
+        video.end(Err("too many requests at once".into()));
     }
     let mut answer = video.json();
-    answer["command"] = names.command(&room, &view, Some((rate, seconds))).trim().into();
+    answer["command"] = names.command(&context, &view, Some((rate, seconds))).trim().into();
     Ok(json_answer(&answer))
 }
 
-fn video_of(room: &Room, id: u32) -> Result<Arc<super::videos::Video>, Fault> {
-    room.videos.get(id).ok_or_else(|| Fault(StatusCode::NOT_FOUND, "there is no such video".into()))
+fn video_of(context: &ViewerContext, id: u32) -> Result<Arc<super::videos::ViewerVideo>, RequestError> {
+    context.videos.get(id).ok_or_else(|| RequestError(StatusCode::NOT_FOUND, "there is no such video".into()))
 }
 
-async fn video(State(room): Shared, Path(id): Path<u32>) -> Answer {
-    Ok(json_answer(&video_of(&room, id)?.json()))
+async fn video(State(context): Shared, Path(id): Path<u32>) -> Answer {
+    Ok(json_answer(&video_of(&context, id)?.json()))
 }
 
-async fn stop_video(State(room): Shared, Path(id): Path<u32>) -> Answer {
-    let video = video_of(&room, id)?;
+async fn stop_video(State(context): Shared, Path(id): Path<u32>) -> Answer {
+    let video = video_of(&context, id)?;
     video.stop();
     Ok(json_answer(&video.json()))
 }
 
-async fn video_file(State(room): Shared, Path(id): Path<u32>) -> Answer {
-    let video = video_of(&room, id)?;
+async fn video_file(State(context): Shared, Path(id): Path<u32>) -> Answer {
+    let video = video_of(&context, id)?;
     if !video.is_done() {
-        return Err(Fault(StatusCode::CONFLICT, "the video is not done".into()));
+        return Err(RequestError(StatusCode::CONFLICT, "the video is not finished".into()));
     }
     let file = std::fs::read(video.path())
-        .map_err(|error| Fault(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()))?;
+        .map_err(|error| RequestError(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()))?;
     let mut response = ([(header::CONTENT_TYPE, "video/mp4")], Body::from(file)).into_response();
-    name_file(&mut response, &video.name)?;
+    set_file_name(&mut response, &video.name)?;
     Ok(response)
 }
 
 fn parsed(body: &[u8]) -> Result<Value, String> {
-    serde_json::from_slice(body).map_err(|error| format!("the body is no JSON: {error}"))
+    serde_json::from_slice(body).map_err(|error| format!("the body is not JSON: {error}"))
 }
 
 fn json_answer(value: &impl serde::Serialize) -> Response {
@@ -398,16 +423,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn queries_are_unescaped() {
-        assert_eq!(unescaped("fog.mor%3D0%3A1%2C+5").unwrap(), "fog.mor=0:1, 5");
-        assert_eq!(unescaped("%C3%A4").unwrap(), "ä");
+    fn queries_are_decode_query() {
+        assert_eq!(decode_query("fog.mor%3D0%3A1%2C+5").unwrap(), "fog.mor=0:1, 5");
+        assert_eq!(decode_query("%C3%A4").unwrap(), "ä");
         for bad in ["%", "%1", "%zz", "%ff", "%+1"] {
-            assert!(unescaped(bad).is_err(), "{bad}");
+            assert!(decode_query(bad).is_err(), "{bad}");
         }
     }
 
     #[test]
-    fn words_survive_a_shell() {
+    fn words_are_quoted_for_a_shell() {
         assert_eq!(shell_word("--camera=a-b.camera.json"), "--camera=a-b.camera.json");
         assert_eq!(shell_word("my place.ply"), "'my place.ply'");
         assert_eq!(shell_word("it's; $(rm)"), r"'it'\''s; $(rm)'");

@@ -1,7 +1,7 @@
-//! The HTTP server: one thread that hands out what others make.
+//! The HTTP server, on one thread.
 
 use super::guard::{Guard, Verdict};
-use super::listener::Capped;
+use super::listener::LimitedListener;
 use anyhow::{Context, Result, anyhow};
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, Request};
@@ -13,33 +13,34 @@ use clap::Args;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 
 /// Longest body of a request, and longest message of a WebSocket, bytes.
-pub const MOST_BYTES: usize = 1 << 18;
-/// The port that is tried first, and how many after it.
+pub const MAX_BODY_BYTES: usize = 1 << 18;
+/// The port that is tried first.
 const PORT: u16 = 8787;
+/// Number of ports that are tried after it.
 const PORTS: u16 = 20;
 /// Shortest token that a user may choose.
 const SHORTEST: usize = 16;
 
-/// Where the page is served.
+/// Address, port and token of the page.
 #[derive(Args, Clone, Debug)]
 pub struct ServerArgs {
-    /// Port of the page; 0 for any that is free [default: 8787, or the next that is free]
+    /// Port of the page; 0 for any free port [default: 8787, or the next free one]
     #[arg(long, value_name = "PORT", help_heading = "Server")]
     pub port: Option<u16>,
-    /// Address to listen on. Other than this computer's own (127.0.0.1) everybody who reaches it needs the token that is printed;
-    /// nothing is encrypted, so prefer forwarding the port by ssh
+    /// Address to listen on. On any address but this computer's own (127.0.0.1) the page needs the token that is printed;
+    /// connections are not encrypted, so prefer to forward the port with ssh
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST), help_heading = "Server")]
     pub host: IpAddr,
-    /// The token, 16 letters or digits and more [default: a new one where one is needed]
+    /// Token, at least 16 letters or digits [default: a new one if one is needed]
     #[arg(long, value_name = "TOKEN", help_heading = "Server")]
     pub token: Option<String>,
 }
 
 impl ServerArgs {
-    /// Who is let in.
+    /// Returns the access rules.
     ///
     /// # Errors
-    /// The token is too short, or of other characters.
+    /// The token is too short or too long, or has other characters.
     pub fn guard(&self) -> Result<Guard> {
         if let Some(token) = &self.token {
             let is_plain = token.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_.~".contains(&byte));
@@ -49,7 +50,7 @@ impl ServerArgs {
         }
         let is_needed = self.token.is_none() && !self.host.is_loopback();
         let new =
-            if is_needed { Some(super::guard::new_token().context("cannot make a token")?) } else { None };
+            if is_needed { Some(super::guard::new_token().context("cannot create a token")?) } else { None };
         Ok(Guard { token: self.token.clone().or(new) })
     }
 
@@ -71,7 +72,7 @@ impl ServerArgs {
 /// Serves `router` on a thread of its own until the program ends; returns the address of the page.
 ///
 /// # Errors
-/// Nothing can be listened on.
+/// No port is free.
 pub fn serve(args: &ServerArgs, router: Router) -> Result<String> {
     let guard = args.guard()?;
     let listener = args.listen()?;
@@ -84,7 +85,7 @@ pub fn serve(args: &ServerArgs, router: Router) -> Result<String> {
         runtime.block_on(async {
             match tokio::net::TcpListener::from_std(listener) {
                 // Serving never ends by itself.
-                Ok(listener) => _ = axum::serve(Capped::new(listener), router).await,
+                Ok(listener) => _ = axum::serve(LimitedListener::new(listener), router).await,
                 Err(error) => eprintln!("error: cannot serve the page: {error}"),
             }
         });
@@ -92,10 +93,10 @@ pub fn serve(args: &ServerArgs, router: Router) -> Result<String> {
     Ok(format!("http://{address}/{query}"))
 }
 
-/// The routes behind the guard, with what every answer says.
+/// Adds the guard and the common headers to the routes.
 fn guarded(router: Router, guard: Guard) -> Router {
     let router = router.fallback(get(|| async { refusal(StatusCode::NOT_FOUND, "there is no such page") }));
-    router.layer(DefaultBodyLimit::max(MOST_BYTES)).layer(from_fn(move |request: Request, next: Next| {
+    router.layer(DefaultBodyLimit::max(MAX_BODY_BYTES)).layer(from_fn(move |request: Request, next: Next| {
         let verdict = guard.check(request.method(), request.uri(), request.headers());
         async move {
             let mut response = match verdict {
@@ -115,11 +116,12 @@ fn guarded(router: Router, guard: Guard) -> Router {
     }))
 }
 
-/// Nothing from elsewhere is loaded, nothing is kept, nobody else frames the page or learns its address.
+/// Headers of every response: nothing is loaded from other origins, nothing is cached, no other page can frame this one or learn
+/// its address.
 const HEADERS: [(header::HeaderName, &str); 5] = [
     (
         header::CONTENT_SECURITY_POLICY,
-        "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+        "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; format-action 'none'",
     ),
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),
@@ -127,18 +129,18 @@ const HEADERS: [(header::HeaderName, &str); 5] = [
     (header::X_FRAME_OPTIONS, "DENY"),
 ];
 
-/// An answer of one line.
+/// Returns a response with one line of text.
 pub fn refusal(status: StatusCode, why: impl AsRef<str>) -> Response {
     (status, [(header::CONTENT_TYPE, "text/plain; charset=utf-8")], format!("{}\n", why.as_ref()))
         .into_response()
 }
 
-/// A file of the page.
+/// Returns a response with a file of the page.
 pub fn asset(kind: &'static str, text: &'static str) -> Response {
     ([(header::CONTENT_TYPE, kind)], text).into_response()
 }
 
-/// The routes of files that are built into the program.
+/// Adds the routes of files that are built into the program.
 macro_rules! assets {
     ($router:expr, $($path:literal => $file:literal, $kind:literal;)+) => {
         $router$(.route($path, axum::routing::get(|| async { $crate::viewer::server::asset($kind, include_str!(concat!("page/", $file))) })))+
@@ -155,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn addresses_of_others_need_a_token() {
+    fn other_addresses_need_a_token() {
         assert_eq!(args("127.0.0.1", None).guard().unwrap().token, None);
         assert_eq!(args("::1", None).guard().unwrap().token, None);
         assert_eq!(args("0.0.0.0", None).guard().unwrap().token.unwrap().len(), 32);

@@ -1,7 +1,7 @@
-//! What is looked at: all that a picture depends on but the scene, in one value that goes over the wire.
+//! The state of a view: everything except the scene that a picture depends on, in one value that clients send and receive.
 
 use super::catalog::Catalog;
-use crate::commands::render::camera::Shot;
+use crate::commands::render::camera::CameraPlan;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
@@ -10,13 +10,14 @@ use weather_magician::view::path::CameraPath;
 use wm_scene::Camera;
 use wm_weather::Weather;
 
-/// Longest side and most pixels of a picture.
-const MOST_SIDE: u32 = 4096;
-const MOST_PIXELS: u64 = 3840 * 2160;
-/// Farthest instant from 0, s.
-const MOST_TIME: f64 = 1e6;
+/// Longest side of a picture, px.
+const MAX_SIDE: u32 = 4096;
+/// Maximum number of pixels of a picture.
+const MAX_PIXELS: u64 = 3840 * 2160;
+/// Largest absolute time, seconds.
+const MAX_TIME: f64 = 1e6;
 
-/// A camera's place.
+/// Position, orientation and field of view of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pose {
@@ -29,7 +30,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Of a camera.
+    /// Returns the pose of a camera.
     pub fn of(camera: &Camera) -> Self {
         let key = weather_magician::view::path::PathKey::of(camera, 0.0);
         let r = key.rotation;
@@ -37,88 +38,88 @@ impl Pose {
     }
 }
 
-/// A camera's place at an instant.
+/// A keyframe of a camera path: a pose at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseKey {
-    /// Seconds.
+    /// Time, seconds.
     pub time: f64,
-    /// As of [`Pose`].
+    /// The camera centre, world axes, scene units.
     pub eye: [f64; 3],
-    /// As of [`Pose`].
+    /// `camera_from_world` as a quaternion wxyz, OpenCV axes.
     pub rotation: [f64; 4],
-    /// As of [`Pose`].
+    /// Vertical field of view, degrees.
     pub fov: f64,
 }
 
-/// Which picture is shown.
+/// The kind of picture to show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Output {
+pub enum ViewOutput {
     /// The colour.
     #[default]
     Rgb,
-    /// Expected depth, near things warm.
+    /// Expected depth as colours, near ones warm.
     Depth,
     /// Normals, `0.5 + 0.5 n`.
     Normal,
-    /// Coverage by splats.
+    /// Opacity of the splats.
     Alpha,
 }
 
-impl Output {
-    /// All of them, with what the page calls them.
+impl ViewOutput {
+    /// All kinds with their names on the page.
     pub const ALL: [(Self, &str); 4] =
         [(Self::Rgb, "rgb"), (Self::Depth, "depth"), (Self::Normal, "normal"), (Self::Alpha, "alpha")];
 
-    /// The name on the wire, and behind `--also`.
+    /// The name in JSON and of the option `--also`.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(output, _)| *output == self).map_or("rgb", |(_, name)| name)
     }
 }
 
-/// Whose camera is looked through.
+/// The source of the camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Follow {
-    /// That of `camera`.
+    /// The field `camera`.
     #[default]
     Camera,
-    /// The one on `path` at `time`.
+    /// The field `path` at `time`.
     Path,
 }
 
-/// All that a picture depends on but the scene.
+/// Everything except the scene that a picture depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ViewState {
-    /// From where.
+    /// The camera, if `follow` is `Camera`.
     pub camera: Pose,
-    /// Keyframes of a camera, times ascending; may be empty.
+    /// Keyframes of a camera path, times ascending; may be empty.
     pub path: Vec<PoseKey>,
-    /// Whose camera is looked through.
+    /// The source of the camera.
     pub follow: Follow,
-    /// As in its file, but as JSON; infinite numbers are the text `inf`.
+    /// The content of a weather file as JSON; infinite numbers are the text `inf`.
     pub weather: Value,
-    /// Seconds.
+    /// Time, seconds.
     pub time: f64,
-    /// Which picture.
-    pub output: Output,
+    /// The kind of picture.
+    pub output: ViewOutput,
     /// Width and height, px.
     pub size: [u32; 2],
-    /// Of JPEG, 1-100.
+    /// JPEG quality, 1-100.
     pub quality: u8,
-    /// Share of the width, 0-1, left of which there is no weather; `null` for weather everywhere.
+    /// Fraction of the width, 0-1, left of which no weather is rendered; `null` for weather everywhere.
     pub divider: Option<f64>,
 }
 
 impl ViewState {
-    /// The same with the fields that `patch`, an object, has.
+    /// Returns a copy with the fields of the object `patch` replaced.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The patch is no object, or a field is unknown or of the wrong type.
     pub fn patched(&self, patch: Value) -> Result<Self, String> {
-        let Value::Object(patch) = patch else { return Err("a state is an object".into()) };
+        let Value::Object(patch) = patch else { return Err("state: must be an object".into()) };
         let Ok(Value::Object(mut whole)) = serde_json::to_value(self) else {
             return Err("the state cannot be written".into());
         };
@@ -127,33 +128,33 @@ impl ViewState {
     }
 }
 
-/// A state that is checked and ready to be drawn.
+/// A state that was checked and is ready to be rendered.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// As it came.
+    /// The state that was checked.
     pub state: ViewState,
-    /// Its weather.
+    /// The weather, with its panoramas loaded.
     pub weather: Arc<Weather>,
-    /// The text of the file that `--camera` or `--path` is given.
+    /// The text of the keyframe file for `--camera` or `--path`.
     pub camera_file: String,
     path: CameraPath,
 }
 
 impl View {
-    /// Checks a state; `before` is one whose weather may be the same.
+    /// Checks a state; the weather of `before` is reused if it is the same.
     ///
     /// # Errors
-    /// What is wrong with it, in one line.
+    /// The first invalid value, in one line.
     pub fn new(state: ViewState, catalog: &Catalog, before: Option<&Self>) -> Result<Self, String> {
         let [width, height] = state.size;
         let pixels = u64::from(width) * u64::from(height);
-        if width == 0 || height == 0 || width > MOST_SIDE || height > MOST_SIDE || pixels > MOST_PIXELS {
+        if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
             return Err(format!(
-                "size {width}x{height}: sides are 1 to {MOST_SIDE} px, {MOST_PIXELS} px in all"
+                "size {width}x{height}: sides are 1 to {MAX_SIDE} px, {MAX_PIXELS} px in all"
             ));
         }
-        if state.time.is_nan() || state.time.abs() > MOST_TIME {
-            return Err(format!("time {}: must be a number of seconds within {MOST_TIME}", state.time));
+        if state.time.is_nan() || state.time.abs() > MAX_TIME {
+            return Err(format!("time {}: must be a number of seconds within {MAX_TIME}", state.time));
         }
         if !(1..=100).contains(&state.quality) {
             return Err(format!("quality {}: must be 1 to 100", state.quality));
@@ -165,32 +166,33 @@ impl View {
             Some(before) => Arc::clone(&before.weather),
             None => Arc::new(catalog.weather(&state.weather)?),
         };
-        let (camera_file, path) = catalog.path(&state)?;
+        let (camera_file, path) = catalog.camera_path(&state)?;
         let view = Self { state, weather, camera_file, path };
-        view.shot().camera(view.state.time).check().map_err(|error| error.to_string())?;
+        view.camera_plan().camera(view.state.time).check().map_err(|error| error.to_string())?;
         Ok(view)
     }
 
-    /// The camera of the instant, as `render` has it by `--camera FILE` or `--path FILE`.
-    pub fn shot(&self) -> Shot {
-        self.shot_of((self.state.size[0], self.state.size[1]))
+    /// Returns the camera at the state's time, as `render` has it with `--camera FILE` or `--path FILE`.
+    pub fn camera_plan(&self) -> CameraPlan {
+        self.camera_plan_for((self.state.size[0], self.state.size[1]))
     }
 
-    /// The same for a picture of another size.
-    pub fn shot_of(&self, size: (u32, u32)) -> Shot {
+    /// Returns the camera for a picture of another size, px.
+    pub fn camera_plan_for(&self, size: (u32, u32)) -> CameraPlan {
         match self.state.follow {
-            Follow::Camera => Shot::at(self.path.at(self.path.start(), size).into(), self.state.time),
+            Follow::Camera => CameraPlan::at(self.path.at(self.path.start(), size).into(), self.state.time),
             Follow::Path => {
                 let motion = CameraMotion::Along { path: self.path.clone(), size };
-                Shot::at(motion, self.state.time)
+                CameraPlan::at(motion, self.state.time)
             }
         }
     }
 }
 
-/// A weather as JSON.
+/// Converts a weather to JSON.
 pub fn weather_to_json(weather: &Weather) -> Value {
-    let table: toml::Table = toml::from_str(&weather.to_toml()).expect("what is written is read");
+    let table: toml::Table =
+        toml::from_str(&weather.to_toml()).expect("weather files that are written can be read");
     json_of(toml::Value::Table(table))
 }
 
@@ -209,10 +211,10 @@ fn json_of(value: toml::Value) -> Value {
     }
 }
 
-/// A weather of JSON, without its pictures.
+/// Parses a weather from JSON; its panoramas are not loaded.
 ///
 /// # Errors
-/// What is wrong with it, in one line.
+/// The first invalid value, in one line.
 pub fn weather_of_json(value: &Value) -> Result<Weather, String> {
     if !value.is_object() {
         return Err("weather: must be an object, as a weather file is a table".into());
@@ -231,7 +233,7 @@ pub(super) mod testing {
     use wm_scene::survey::Survey;
     use wm_scene::{Metadata, Scene};
 
-    /// What there is without a scene.
+    /// Returns a catalog for an empty scene.
     pub fn catalog() -> Catalog {
         Catalog {
             stem: "nothing".into(),
@@ -247,12 +249,12 @@ pub(super) mod testing {
         }
     }
 
-    /// A state of a camera that is not turned.
+    /// Returns a state with an unrotated camera at the origin.
     pub fn state() -> ViewState {
-        catalog().start(&Camera::posed((60, 40), 50.0, glam::DVec3::ZERO, glam::DMat3::IDENTITY))
+        catalog().initial_state(&Camera::posed((60, 40), 50.0, glam::DVec3::ZERO, glam::DMat3::IDENTITY))
     }
 
-    /// The same, checked.
+    /// Returns the checked view of [`state`].
     pub fn view() -> Arc<View> {
         Arc::new(View::new(state(), &catalog(), None).unwrap())
     }
@@ -286,18 +288,16 @@ mod tests {
         let view = View::new(state.clone(), &catalog(), None).unwrap();
         let survey = catalog().survey;
         let read =
-            CameraPath::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default())
-                .unwrap();
-        assert_eq!(read.at(0.0, (60, 40)), view.shot().camera(0.0));
+            Path::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default()).unwrap();
+        assert_eq!(read.at(0.0, (60, 40)), view.camera_plan().camera(0.0));
         // And of a path at an instant of it.
         let key =
             |time: f64| PoseKey { time, eye: [time, 0.1, 0.2], rotation: state.camera.rotation, fov: 50.0 };
         (state.path, state.follow, state.time) = (vec![key(1.0), key(2.7)], Follow::Path, 0.9);
         let view = View::new(state, &catalog(), None).unwrap();
         let read =
-            CameraPath::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default())
-                .unwrap();
-        assert_eq!(read.at(read.start() + 0.9, (60, 40)), view.shot().camera(0.9));
+            Path::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default()).unwrap();
+        assert_eq!(read.at(read.start() + 0.9, (60, 40)), view.camera_plan().camera(0.9));
     }
 
     #[test]
@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said_in_a_line() {
+    fn errors_are_one_line() {
         for (text, expected) in [
             ("3", "weather: must be an object"),
             (r#"{"fog": {"mor": -5}}"#, "fog.mor is -5: must be"),

@@ -1,4 +1,4 @@
-//! A training in a browser: its curves, and a picture every few seconds while somebody looks.
+//! The page of a training: its curves, and a rendered picture every few seconds while the page is open.
 
 use super::encode::jpeg;
 use super::server::{self, ServerArgs, assets, refusal};
@@ -16,26 +16,27 @@ use wm_media::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
 use wm_render::Frame;
 
-/// Time between pictures, and how long after its last question a page counts as gone.
+/// Time between pictures.
 const PICTURE_EVERY: Duration = Duration::from_secs(3);
+/// Time after its last request when a page counts as closed.
 const GONE: Duration = Duration::from_secs(4);
-/// Of JPEG.
+/// JPEG quality.
 const QUALITY: u8 = 88;
 
-/// Through which camera the training is seen.
+/// Camera of the training's pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Camera {
-    /// That of a photo.
+pub enum TrainingCamera {
+    /// The camera of a photo.
     #[default]
     Photo,
-    /// One that swings to and fro before it.
+    /// A camera that swings around that of the photo.
     Orbit,
 }
 
 /// The state of the training, as the page reads it.
 #[derive(Debug, Default, Serialize)]
-struct Told {
+struct TrainingStatus {
     program: &'static str,
     dataset: String,
     photo: String,
@@ -49,7 +50,7 @@ struct Told {
     held_out: Vec<(u32, f64)>,
     /// Step and PSNR of the photo that is shown, dB.
     shown: Vec<(u32, f64)>,
-    camera: Camera,
+    camera: TrainingCamera,
     /// The step of the picture.
     picture: Option<u32>,
     /// The result of the training, once it has ended.
@@ -57,8 +58,8 @@ struct Told {
 }
 
 #[derive(Default)]
-struct Inside {
-    told: Told,
+struct BoardState {
+    status: TrainingStatus,
     picture: Option<Bytes>,
     drawn: Option<Instant>,
     asked: Option<Instant>,
@@ -66,22 +67,22 @@ struct Inside {
 
 /// The state of a training and the requests of its page, shared by both.
 #[derive(Clone, Default)]
-pub struct Board(Arc<Mutex<Inside>>);
+pub struct TrainingBoard(Arc<Mutex<BoardState>>);
 
-impl Board {
-    /// Serves the page of a training of so many steps, and says where.
+impl TrainingBoard {
+    /// Serves the page of a training with this number of steps, and prints its address.
     ///
     /// # Errors
-    /// Nothing can be listened on.
+    /// No port is free.
     pub fn serve(args: &ServerArgs, dataset: String, photo: String, steps: u32) -> Result<Self> {
-        let told = Told {
+        let status = TrainingStatus {
             program: concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
             dataset,
             photo,
             steps,
-            ..Told::default()
+            ..TrainingStatus::default()
         };
-        let board = Self(Arc::new(Mutex::new(Inside { told, ..Inside::default() })));
+        let board = Self(Arc::new(Mutex::new(BoardState { status, ..BoardState::default() })));
         let router = assets! {
             Router::new(),
             "/" => "training.html", "text/html; charset=utf-8";
@@ -91,7 +92,7 @@ impl Board {
             "/dom.js" => "dom.js", "text/javascript";
         };
         let router = router
-            .route("/training", get(told_json))
+            .route("/training", get(status_json))
             .route("/training/picture", get(picture))
             .route("/training/camera", put(set_camera))
             .with_state(board.clone());
@@ -99,85 +100,85 @@ impl Board {
         Ok(board)
     }
 
-    fn inside(&self) -> MutexGuard<'_, Inside> {
-        // Nothing that is held here is left half done by a panic.
+    fn lock(&self) -> MutexGuard<'_, BoardState> {
+        // No critical section leaves the state half changed when it panics.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Sets the number of steps that are done.
-    pub fn step(&self, step: u32, splats: usize, seconds: f64) {
-        let told = &mut self.inside().told;
-        (told.step, told.splats, told.seconds) = (step, splats, seconds);
+    /// Sets the number of completed steps.
+    pub fn set_step(&self, step: u32, splats: usize, seconds: f64) {
+        let status = &mut self.lock().status;
+        (status.step, status.splats, status.seconds) = (step, splats, seconds);
     }
 
-    /// The mean loss until a step.
-    pub fn loss(&self, step: u32, loss: f64) {
-        self.inside().told.loss.push((step, loss));
+    /// Adds a point to the curve of the mean loss.
+    pub fn push_loss(&self, step: u32, loss: f64) {
+        self.lock().status.loss.push((step, loss));
     }
 
-    /// PSNR of the held-out photos.
-    pub fn held_out(&self, step: u32, psnr: f64) {
-        self.inside().told.held_out.push((step, psnr));
+    /// Adds a point to the curve of the held-out photos' PSNR, dB.
+    pub fn push_held_out(&self, step: u32, psnr: f64) {
+        self.lock().status.held_out.push((step, psnr));
     }
 
-    /// The camera of a picture that is due, if somebody looks.
-    pub fn wants(&self) -> Option<Camera> {
-        let inside = self.inside();
-        let is_watched = inside.asked.is_some_and(|asked| asked.elapsed() < GONE);
-        let is_due = inside.drawn.is_none_or(|drawn| drawn.elapsed() > PICTURE_EVERY);
-        (is_watched && is_due).then_some(inside.told.camera)
+    /// Returns the camera of the next picture if one is due and the page is open.
+    pub fn due_picture(&self) -> Option<TrainingCamera> {
+        let state = self.lock();
+        let is_watched = state.asked.is_some_and(|asked| asked.elapsed() < GONE);
+        let is_due = state.drawn.is_none_or(|drawn| drawn.elapsed() > PICTURE_EVERY);
+        (is_watched && is_due).then_some(state.status.camera)
     }
 
-    /// A picture, with its PSNR where it is that of a photo.
+    /// Sets the picture, with its PSNR if it shows a photo's view.
     ///
     /// # Errors
-    /// It is too large for a JPEG.
-    pub fn picture(&self, step: u32, frame: &Frame, psnr: Option<f64>) -> Result<()> {
+    /// The picture is too large for a JPEG.
+    pub fn set_picture(&self, step: u32, frame: &Frame, psnr: Option<f64>) -> Result<()> {
         let size = (frame.width, frame.height);
         let bytes = quantize_rgb8(&frame.rgb, PictureSize::new(size.0, size.1), Dither::Ordered);
         let bytes = jpeg(&bytes, size, QUALITY)?;
-        let mut inside = self.inside();
-        (inside.picture, inside.drawn) = (Some(bytes.into()), Some(Instant::now()));
-        inside.told.picture = Some(step);
-        inside.told.shown.extend(psnr.map(|psnr| (step, psnr)));
+        let mut state = self.lock();
+        (state.picture, state.drawn) = (Some(bytes.into()), Some(Instant::now()));
+        state.status.picture = Some(step);
+        state.status.shown.extend(psnr.map(|psnr| (step, psnr)));
         Ok(())
     }
 
-    /// The training is over; who looks is told.
-    pub fn end(&self, text: String) {
+    /// Reports the end of the training to open pages.
+    pub fn finish(&self, text: String) {
         let is_watched = {
-            let mut inside = self.inside();
-            inside.told.end = Some(text);
-            inside.asked.is_some_and(|asked| asked.elapsed() < GONE)
+            let mut state = self.lock();
+            state.status.end = Some(text);
+            state.asked.is_some_and(|asked| asked.elapsed() < GONE)
         };
         if is_watched {
-            // Pages ask once a second.
+            // Pages poll once a second.
             std::thread::sleep(Duration::from_millis(2200));
         }
     }
 }
 
-async fn told_json(State(board): State<Board>) -> Response {
+async fn status_json(State(board): State<TrainingBoard>) -> Response {
     let text = {
-        let mut inside = board.inside();
-        inside.asked = Some(Instant::now());
-        serde_json::to_string(&inside.told).unwrap_or_default()
+        let mut state = board.lock();
+        state.asked = Some(Instant::now());
+        serde_json::to_string(&state.status).unwrap_or_default()
     };
     ([(header::CONTENT_TYPE, "application/json")], text).into_response()
 }
 
-async fn picture(State(board): State<Board>) -> Response {
-    match board.inside().picture.clone() {
+async fn picture(State(board): State<TrainingBoard>) -> Response {
+    match board.lock().picture.clone() {
         Some(bytes) => ([(header::CONTENT_TYPE, "image/jpeg")], bytes).into_response(),
         None => refusal(StatusCode::NOT_FOUND, "there is no picture yet"),
     }
 }
 
-async fn set_camera(State(board): State<Board>, body: Bytes) -> Response {
+async fn set_camera(State(board): State<TrainingBoard>, body: Bytes) -> Response {
     match serde_json::from_slice(&body) {
         Ok(camera) => {
-            let mut inside = board.inside();
-            (inside.told.camera, inside.drawn) = (camera, None);
+            let mut state = board.lock();
+            (state.status.camera, state.drawn) = (camera, None);
             refusal(StatusCode::OK, "changed")
         }
         Err(error) => {

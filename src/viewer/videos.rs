@@ -1,4 +1,4 @@
-//! Videos that are rendered while others look on: what was asked for, how far it is, and the file.
+//! Videos rendered in the background: their options, progress and files.
 
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -11,99 +11,99 @@ use tempfile::TempDir;
 use weather_magician::Picture;
 use wm_media::video::{FrameRate, VideoSink};
 
-/// Videos that are kept: the oldest goes.
+/// Number of videos that are kept; the oldest is removed.
 const KEPT: usize = 4;
-/// Longest, frames.
-pub const MOST_FRAMES: u32 = 20_000;
+/// Maximum length of a video, frames.
+pub const MAX_FRAMES: u32 = 20_000;
 
-/// How it stands with a video.
+/// State of a video.
 #[derive(Clone, Debug, PartialEq)]
-enum Fate {
+enum VideoStatus {
     Running,
     Done,
     Failed(String),
 }
 
-/// A video.
-pub struct Video {
-    /// Its number.
+/// A video that is or was rendered.
+pub struct ViewerVideo {
+    /// Number of the video.
     pub id: u32,
-    /// Name of the file to give.
+    /// File name for the download.
     pub name: String,
-    /// Frames a second.
+    /// Frame rate.
     pub rate: FrameRate,
-    /// Frames in all.
+    /// Number of frames.
     pub frames: u32,
     folder: TempDir,
     done: AtomicU32,
     is_stopped: AtomicBool,
-    fate: Mutex<Fate>,
+    status: Mutex<VideoStatus>,
 }
 
-impl Video {
-    /// Where it is written.
+impl ViewerVideo {
+    /// The path of the file.
     pub fn path(&self) -> PathBuf {
         self.folder.path().join("video.mp4")
     }
 
-    /// Whether somebody stopped it.
+    /// Returns true if it was stopped by a client.
     pub fn is_stopped(&self) -> bool {
         self.is_stopped.load(Ordering::Relaxed)
     }
 
-    /// Stops it.
+    /// Stops rendering.
     pub fn stop(&self) {
         self.is_stopped.store(true, Ordering::Relaxed);
     }
 
-    /// Ends it.
+    /// Sets the outcome.
     pub fn end(&self, outcome: Result<(), String>) {
-        let fate = outcome.map_or_else(Fate::Failed, |()| Fate::Done);
-        *self.fate.lock().unwrap_or_else(PoisonError::into_inner) = fate;
+        let status = outcome.map_or_else(VideoStatus::Failed, |()| VideoStatus::Done);
+        *self.status.lock().unwrap_or_else(PoisonError::into_inner) = status;
     }
 
-    /// Whether the file is there.
+    /// Returns true if the file is complete.
     pub fn is_done(&self) -> bool {
-        *self.fate.lock().unwrap_or_else(PoisonError::into_inner) == Fate::Done
+        *self.status.lock().unwrap_or_else(PoisonError::into_inner) == VideoStatus::Done
     }
 
     fn is_running(&self) -> bool {
-        *self.fate.lock().unwrap_or_else(PoisonError::into_inner) == Fate::Running
+        *self.status.lock().unwrap_or_else(PoisonError::into_inner) == VideoStatus::Running
     }
 
-    /// How it stands.
+    /// The status and progress as JSON.
     pub fn json(&self) -> Value {
-        let (state, error) = match &*self.fate.lock().unwrap_or_else(PoisonError::into_inner) {
-            Fate::Running => ("running", None),
-            Fate::Done => ("done", None),
-            Fate::Failed(error) => ("failed", Some(error.clone())),
+        let (state, error) = match &*self.status.lock().unwrap_or_else(PoisonError::into_inner) {
+            VideoStatus::Running => ("running", None),
+            VideoStatus::Done => ("done", None),
+            VideoStatus::Failed(error) => ("failed", Some(error.clone())),
         };
         let done = self.done.load(Ordering::Relaxed);
         json!({ "id": self.id, "name": self.name, "frames": self.frames, "done": done, "state": state, "error": error })
     }
 }
 
-/// All videos.
+/// All videos of the viewer.
 #[derive(Default)]
-pub struct Videos {
-    all: Mutex<(u32, BTreeMap<u32, Arc<Video>>)>,
+pub struct VideoList {
+    all: Mutex<(u32, BTreeMap<u32, Arc<ViewerVideo>>)>,
 }
 
-impl Videos {
-    /// A new one, of which none may be running.
+impl VideoList {
+    /// Adds a video; only one may be running.
     ///
     /// # Errors
-    /// One is running, or there is no room for its file.
-    pub fn begin(&self, name: String, rate: FrameRate, frames: u32) -> Result<Arc<Video>, String> {
+    /// A video is running, or no temporary folder can be created.
+    pub fn add(&self, name: String, rate: FrameRate, frames: u32) -> Result<Arc<ViewerVideo>, String> {
         let mut all = self.all.lock().unwrap_or_else(PoisonError::into_inner);
         if all.1.values().any(|video| video.is_running()) {
             return Err("a video is being rendered; wait for it or stop it".into());
         }
         let folder = tempfile::Builder::new().prefix("weather-magician-view-").tempdir();
-        let folder = folder.map_err(|error| format!("no room for a video: {error}"))?;
+        let folder = folder.map_err(|error| format!("cannot create a folder for the video: {error}"))?;
         all.0 += 1;
         let id = all.0;
-        let video = Arc::new(Video {
+        let video = Arc::new(ViewerVideo {
             id,
             name,
             rate,
@@ -111,7 +111,7 @@ impl Videos {
             folder,
             done: AtomicU32::new(0),
             is_stopped: AtomicBool::new(false),
-            fate: Mutex::new(Fate::Running),
+            status: Mutex::new(VideoStatus::Running),
         });
         all.1.insert(id, Arc::clone(&video));
         while all.1.len() > KEPT {
@@ -120,27 +120,27 @@ impl Videos {
         Ok(video)
     }
 
-    /// Removes the files of all.
+    /// Removes all videos and their files.
     pub fn clear(&self) {
         self.all.lock().unwrap_or_else(PoisonError::into_inner).1.clear();
     }
 
-    /// That of a number.
-    pub fn get(&self, id: u32) -> Option<Arc<Video>> {
+    /// Returns the video with a number.
+    pub fn get(&self, id: u32) -> Option<Arc<ViewerVideo>> {
         self.all.lock().unwrap_or_else(PoisonError::into_inner).1.get(&id).cloned()
     }
 }
 
-/// The writer of a video, on a thread of its own.
-pub struct Writer {
+/// Writes the frames of a video on a thread of its own.
+pub struct VideoWriter {
     send: Option<SyncSender<Picture>>,
     returned: Receiver<Picture>,
     thread: Option<JoinHandle<Result<(), String>>>,
 }
 
-impl Writer {
-    /// Starts it.
-    pub fn new(mut sink: Box<dyn VideoSink>, video: &Arc<Video>) -> Self {
+impl VideoWriter {
+    /// Starts the thread.
+    pub fn new(mut sink: Box<dyn VideoSink>, video: &Arc<ViewerVideo>) -> Self {
         let (send, receive) = sync_channel::<Picture>(2);
         let (give_back, returned) = channel();
         let video = Arc::clone(video);
@@ -148,7 +148,7 @@ impl Writer {
             for picture in receive {
                 sink.frame(&picture.frame.rgb).map_err(|error| error.to_string())?;
                 video.done.fetch_add(1, Ordering::Relaxed);
-                // Whoever renders may be done.
+                // The renderer may have finished.
                 let _ = give_back.send(picture);
             }
             if video.is_stopped() {
@@ -159,13 +159,13 @@ impl Writer {
         Self { send: Some(send), returned, thread: Some(thread) }
     }
 
-    /// A picture to draw into.
-    pub fn blank(&self) -> Picture {
+    /// Returns a picture to render into, reused if possible.
+    pub fn blank_picture(&self) -> Picture {
         self.returned.try_recv().unwrap_or_default()
     }
 
-    /// Adds a frame; whether more are wanted.
-    pub fn add(&self, picture: Picture) -> bool {
+    /// Adds a frame; returns true if more frames are accepted.
+    pub fn push_frame(&self, picture: Picture) -> bool {
         self.send.as_ref().is_some_and(|send| send.send(picture).is_ok())
     }
 

@@ -58,7 +58,7 @@ fn numbers_and_words() {
         (["--path", "missing.json"], "missing.json: no such file or folder; check the path"),
         (["--path", "capture"], "the scene has no views of photos to go along; give orbit, dolly or a JSON"),
         (["--distance", "-1"], "--distance -1: must be finite and above 0"),
-        (["--distance", "5"], "--distance is that of --path dolly"),
+        (["--distance", "5"], "--distance needs --path dolly"),
         (["--metres-per-unit", "0"], "--metres-per-unit is 0: it must be finite and above 0"),
         (["--metres-per-unit", "-1"], "--metres-per-unit is -1: it must be finite and above 0"),
         (["--metres-per-unit", "nan"], "--metres-per-unit is NaN: it must be finite and above 0"),
@@ -72,8 +72,8 @@ fn numbers_and_words() {
         (["--simd", if cfg!(target_arch = "x86_64") { "neon" } else { "avx2" }], "use --simd auto"),
         (["--simd", "mmx"], "`mmx` is no SIMD path: use one of auto"),
         (["--time", "nan"], "--time NaN: must be a number of seconds"),
-        (["--seconds", "0"], "--seconds 0: a video has a length above 0"),
-        (["--seconds", "-1"], "--seconds -1: a video has a length above 0"),
+        (["--seconds", "0"], "--seconds 0: must be above 0"),
+        (["--seconds", "-1"], "--seconds -1: must be above 0"),
         (["--fps", "0"], "\"0\" is not a frame rate: use frames per second such as 30"),
         (["--fps", "-1"], "\"-1\" is not a frame rate: use frames per second such as 30"),
         (["--bitrate", "0"], "0 is not in 1..=4294967295"),
@@ -82,11 +82,11 @@ fn numbers_and_words() {
             "`depht` is not a picture output: use depth, median-depth, normal, alpha, transmittance, particles",
         ),
         (["--frame-format", "gif"], "`gif`: use png, exr or npy"),
-        (["--background", "#12"], "`#12` is no background: use auto, sky, black or #rrggbb"),
+        (["--background", "#12"], "`#12` is not a background: use auto, sky, black or #rrggbb"),
         (["--frames", "5..5"], "`5..5` has no frames: the end must be after the first"),
         (["--frames", "9..3"], "`9..3` has no frames: the end must be after the first"),
-        (["--frames", "-3..3"], "`-3..3` is no range of frames: use 300..420, 300..=420 or 300.."),
-        (["--frames", "7"], "`7` is no range of frames: use 300..420, 300..=420 or 300.."),
+        (["--frames", "-3..3"], "`-3..3` is not a range of frames: use 300..420, 300..=420 or 300.."),
+        (["--frames", "7"], "`7` is not a range of frames: use 300..420, 300..=420 or 300.."),
         (["--frames", "0..3"], "--frames and --frame-step are for videos and folders of frames"),
         (["--frame-step", "2"], "--frames and --frame-step are for videos and folders of frames"),
         (["--frame-step", "0"], "invalid value '0' for '--frame-step <N>'"),
@@ -96,7 +96,7 @@ fn numbers_and_words() {
     }
     let long = place.render_refused("good.ply", &["--camera", "1e308,0,0:-1e308,0,0"], &[]);
     assert!(long.len() < 300, "{long}");
-    let says = "4294967295 frames are too many for one run: the most is 1000000";
+    let says = "4294967295 frames are too many for one run: the maximum is 1000000";
     place.render_refused("good.ply", &["--seconds", "1e300", "--out", "frames"], &[says]);
     for (range, named) in [("0..4", "0..4"), ("0..=3", "0..4"), ("3..", "3..")] {
         let says =
@@ -147,8 +147,8 @@ fn outputs_that_cannot_be() {
             "missing/a.mp4: cannot be written: the folder \"missing\" does not exist; create it",
         ),
         ("file/a.png", "file/a.png: cannot be written: "),
-        ("file/frames", "cannot make the folder file/frames: "),
-        ("file", "--out file: is no folder; give a folder, or a name that ends in .png"),
+        ("file/frames", "cannot create the folder file/frames: "),
+        ("file", "--out file: is not a folder; give a folder, or a name that ends in .png"),
         ("a.jpg", "--out a.jpg: a name that ends in .jpg cannot be written; use .png, .exr, .npy, .mp4"),
         ("good.ply", "--out good.ply: a name that ends in .ply cannot be written; use .png"),
     ] {
@@ -156,7 +156,7 @@ fn outputs_that_cannot_be() {
     }
     if cfg!(target_os = "linux") {
         place.render_refused("good.ply", &["--out", "/proc/a.png"], &["/proc/a.png: cannot be written: "]);
-        place.render_refused("good.ply", &["--out", "/dev/full"], &["--out /dev/full: is no folder"]);
+        place.render_refused("good.ply", &["--out", "/dev/full"], &["--out /dev/full: is not a folder"]);
     }
     let says = "missing/p.json: cannot be written: the folder \"missing\" does not exist; create it";
     place.render_refused("good.ply", &["--save-path", "missing/p.json"], &[says]);

@@ -6,9 +6,9 @@ use super::*;
 fn options_that_do_not_go_together() {
     let desk = Desk::new();
     for (options, says) in [
-        ("--source files", &["--source files: there are no maps", "--depth, --normal or --sky"][..]),
-        ("--source photos --sky x", &["--sky goes with another source than photos"]),
-        ("--weights x --depth y", &["--weights goes with another source than files"]),
+        ("--source files", &["--source files needs maps", "--depth, --normal or --sky"][..]),
+        ("--source photos --sky x", &["--sky cannot be used with the source photos"]),
+        ("--weights x --depth y", &["--weights cannot be used with the source files"]),
         ("--resume", &["--resume", "leave it out"]),
         ("--sky x", &["--sky x: there is no such folder"]),
         ("--depth . --metres-per-unit 0", &["--metres-per-unit is 0: it must be finite and above 0"]),

@@ -25,8 +25,8 @@ use wm_street::{
 use wm_train::densify::{adaptive::AdaptiveConfig, mcmc::McmcConfig};
 use wm_train::{Preset, TrainConfig, config::Densify};
 
-/// Lines that may be printed before an error: problems of the data set, and the step that a run continues from.
-const REMARKS: [&str; 3] = ["warning: ", "set.run: going on ", "scene.ply.run: going on "];
+/// Messages that may precede an error: warnings about the data set, and the step from which a run continues.
+const REMARKS: [&str; 3] = ["warning: ", "set.run: continuing ", "scene.ply.run: continuing "];
 
 /// Default options of the tests: 40 steps of few splats.
 const USUAL: [(&str, &str); 5] = [

@@ -51,7 +51,7 @@ fn what_is_broken_off_ends_in_the_same_bytes() {
         let (first, said) = (step_of(&place), said(&output));
         assert_eq!(output.status.code(), Some(130), "{said}");
         let advice =
-            format!("stopped: {first} of {STEPS} steps are done, the same command with --resume goes on");
+            format!("stopped: {first} of {STEPS} steps are done, the same command with --resume continues");
         assert!(said.ends_with(&format!("{advice}\n")) && said.lines().count() == 2, "{said}");
         assert!(said.starts_with("geometry: depth of "), "{said}");
         assert!((60..STEPS).contains(&first) && !place.at("b.ply").exists(), "{first}");
@@ -103,7 +103,7 @@ fn a_training_is_gone_on_with_as_it_began() {
     place.refused(
         "set",
         &[],
-        &["scene.ply.run: holds a training that is not done; --resume goes on with it"],
+        &["scene.ply.run: holds a training that is not done; continue it with --resume"],
     );
 
     for (content, says) in [

@@ -124,7 +124,7 @@ fn a_state_that_is_put_reaches_every_page() {
 }
 
 #[test]
-fn only_the_last_wish_counts_and_what_moves_is_smaller() {
+fn only_the_latest_request_counts_and_moving_views_are_smaller() {
     let (_workshop, scene) = yard_scene();
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
     let mut page = Socket::open(&viewer.address, &[]).unwrap();
@@ -146,7 +146,7 @@ fn only_the_last_wish_counts_and_what_moves_is_smaller() {
         }
         assert!(head["width"].as_u64().unwrap() < 480, "{head}");
     }
-    assert!(pictures < 50, "{pictures} pictures for 51 wishes at once");
+    assert!(pictures < 50, "{pictures} pictures for 51 requests at once");
     // Who sees nothing gets no more than three.
     for seq in 100..140 {
         page.view(seq, true, &json!({ "time": seq }));

@@ -254,7 +254,7 @@ fn who_does_not_read_costs_nothing() {
     page.view(7, false, &json!({ "size": [64, 48] }));
     assert_eq!(page.whole().0["seq"], 7);
     let grown = viewer.memory() - before;
-    assert!(grown < 60.0, "{grown} MB for {seq} wishes of 8 pages");
+    assert!(grown < 60.0, "{grown} MB for {seq} requests of 8 pages");
 }
 
 #[test]

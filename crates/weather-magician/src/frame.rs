@@ -78,10 +78,9 @@ impl FrameRequest<'_> {
         if is_paper {
             return self.draw_as_paper(backend, memory, picture, stages);
         }
-        self.weather.with_hooks(&self.observer(), |hooks| {
+        self.with_scene_pass(self.config, |pass| {
             let mut plan = FramePlan::new();
-            let color =
-                plan.draw(DrawPass::new(self.sets, &self.camera.camera, self.config).with_hooks(hooks));
+            let color = plan.draw(pass);
             let parts = (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
             memory.put(color, std::mem::take(&mut picture.frame));
             let stats = backend.execute(&plan, memory)?;
@@ -120,9 +119,9 @@ impl FrameRequest<'_> {
         let overlays: Vec<Overlay<'_, '_>> =
             clouds.iter().map(|(blend, _)| Overlay { blend, stages: &stages }).collect();
         let finish = Finish(weather);
-        weather.with_hooks(&observer, |hooks| {
+        self.with_scene_pass(&config, |pass| {
             let mut plan = FramePlan::new();
-            let color = plan.draw(DrawPass::new(self.sets, camera, &config).with_hooks(hooks));
+            let color = plan.draw(pass);
             if begins {
                 plan.apply(&begin, color, &[]);
             }
@@ -149,6 +148,13 @@ impl FrameRequest<'_> {
                 picture.frame.depth.clear();
             }
             Ok(stats)
+        })
+    }
+
+    /// Calls `work` with the pass that draws the scene in its weather, whose hooks live as long as the call.
+    fn with_scene_pass<R>(&self, config: &RenderConfig, work: impl FnOnce(DrawPass<'_>) -> R) -> R {
+        self.weather.with_hooks(&self.observer(), |hooks| {
+            work(DrawPass::new(self.sets, &self.camera.camera, config).with_hooks(hooks))
         })
     }
 

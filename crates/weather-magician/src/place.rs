@@ -265,7 +265,7 @@ impl PreparedPlace {
     }
 
     /// Takes from disk what is there, and crosses it off.
-    fn read_cached(&mut self, missing: &mut MissingAssets) {
+    fn read_cached(&mut self, missing: &mut MissingAssets, threads: usize) {
         if let Some(fall) = missing.shelter
             && missing.occluders
             && let Some(shelter) = self.cache.get::<Shelter>(&AssetFile::Shelter(fall))
@@ -276,7 +276,7 @@ impl PreparedPlace {
         if let Some(airflow) = missing.cover
             && let Some(cover) = self.cache.get::<Cover>(&AssetFile::Cover(airflow))
         {
-            self.store.add_cover(airflow, Arc::new(Mutex::new(cover)));
+            self.store.add_cover(airflow, Arc::new(Mutex::new(cover.with_threads(threads))));
             missing.cover = None;
         }
     }
@@ -288,7 +288,7 @@ impl PreparedPlace {
         backend: &mut AnyRenderer,
         missing: &mut MissingAssets,
     ) -> Result<AssetSource> {
-        self.read_cached(missing);
+        self.read_cached(missing, backend.threads());
         let surfaces = missing
             .needs_surfaces()
             .then(|| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces))

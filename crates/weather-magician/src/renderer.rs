@@ -43,7 +43,11 @@ impl Renderer {
     ///
     /// # Errors
     /// [`crate::Error::Render`] if the device cannot be used.
-    pub fn new(device: &Device, cpu: CpuConfig, warn: fn(&RenderError)) -> Result<Self> {
+    pub fn new(
+        device: &Device,
+        cpu: CpuConfig,
+        warn: impl FnMut(&RenderError) + Send + 'static,
+    ) -> Result<Self> {
         static NEXT: AtomicU64 = AtomicU64::new(1);
         let backend = AnyRenderer::new(device, cpu, warn)?;
         Ok(Self { backend, memory: Pictures::default(), id: NEXT.fetch_add(1, Ordering::Relaxed) })

@@ -58,7 +58,7 @@ pub struct AnyRenderer {
     config: CpuConfig,
     path: SimdPath,
     body: Body,
-    warn: fn(&RenderError),
+    warn: Box<dyn FnMut(&RenderError) + Send>,
 }
 
 enum Body {
@@ -76,9 +76,14 @@ impl AnyRenderer {
     ///
     /// # Errors
     /// [`RenderError`] if the device cannot be had.
-    pub fn new(device: &Device, config: CpuConfig, warn: fn(&RenderError)) -> Result<Self, RenderError> {
+    pub fn new(
+        device: &Device,
+        config: CpuConfig,
+        warn: impl FnMut(&RenderError) + Send + 'static,
+    ) -> Result<Self, RenderError> {
+        let mut warn: Box<dyn FnMut(&RenderError) + Send> = Box::new(warn);
         let path = SimdPath::select(config.simd).ok_or(RenderError::NoSimd(config.simd.name()))?;
-        let body = match open(device, &mut { warn })? {
+        let body = match open(device, &mut *warn)? {
             Opened::Cpu => Body::Cpu(Box::new(CpuRenderer::new(config)?)),
             #[cfg(feature = "gpu")]
             Opened::Gpu(gpu) => {
@@ -167,7 +172,7 @@ impl AnyRenderer {
 
     #[cfg(not(feature = "gpu"))]
     fn fall_back(&mut self, error: RenderError) -> Result<(), RenderError> {
-        let _ = (self.config, self.warn);
+        let _ = (self.config, &self.warn);
         Err(error)
     }
 }

@@ -1,4 +1,4 @@
-//! Cases, and rounds in which they take turns.
+//! Cases of the benchmark, measured in turns.
 
 use crate::interrupt;
 use anyhow::{Result, ensure};
@@ -12,16 +12,16 @@ use wm_weather::cover::CoverRequest;
 use wm_weather::paper::PaperCover;
 use wm_weather::{PreparedWeather, Site, Weather};
 
-/// Rounds before those that count: memory is touched, clocks go up.
+/// Number of warm-up rounds, in which memory is first touched and clocks rise.
 pub const WARM_UP: u32 = 2;
 
-/// Cases of the paper's table alone.
+/// Cases that are only in the paper's table.
 const PAPER_FOG: &str = "rgb, fog, paper";
 const PAPER_COVER: &str = "rgb, snow cover, paper";
 
-/// Something to render.
-pub struct Case {
-    /// What is rendered under which weather.
+/// A case of the benchmark: outputs and a weather.
+pub struct BenchCase {
+    /// The outputs and the weather.
     pub name: &'static str,
     /// The weather.
     pub weather: Weather,
@@ -29,8 +29,8 @@ pub struct Case {
     sky: PreparedWeather,
 }
 
-impl Case {
-    /// Every case: outputs under a clear sky, weathers beside the clear colour, and all at once.
+impl BenchCase {
+    /// Returns every case: outputs under a clear sky, weathers with colour alone, and everything at once.
     pub fn all(site: &Site, config: impl Fn(Outputs) -> RenderConfig) -> Result<Vec<Self>> {
         use Geometry::{Depth, DepthNormal, None};
         use MedianDepth::{Off, On};
@@ -81,7 +81,7 @@ impl Case {
         Ok(cases)
     }
 
-    /// The first of them, and those whose name holds `text`.
+    /// Returns the first case, and those whose name contains `text`.
     pub fn named(mut cases: Vec<Self>, text: &str) -> Result<Vec<Self>> {
         let names: Vec<&str> = cases.iter().map(|case| case.name).collect();
         ensure!(
@@ -94,60 +94,60 @@ impl Case {
         Ok(cases)
     }
 
-    /// Whether it is there for the paper's table alone.
+    /// Returns true if the case is only measured for the paper's table.
     pub fn is_of_table(&self) -> bool {
         [PAPER_FOG, PAPER_COVER].contains(&self.name)
     }
 
-    /// What lies under it as in the paper.
+    /// The cover of the paper that the weather has, if any.
     pub fn paper_cover(&self) -> Option<&PaperCover> {
         self.sky.paper_cover()
     }
 
-    /// What is to lie under it.
+    /// The covers that the weather needs.
     pub fn cover(&self) -> &[CoverRequest] {
         self.sky.cover()
     }
 
-    /// The place of a case in a list; the first if it is not there.
+    /// Returns the index of a case in a list; 0 if it is not in it.
     pub fn position(cases: &[Self], name: &str) -> usize {
         cases.iter().position(|case| case.name == name).unwrap_or(0)
     }
 }
 
-/// One frame.
+/// Times of one frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Sample {
-    /// Seconds on the clock.
+pub struct FrameTiming {
+    /// Wall-clock time, seconds.
     pub wall: f64,
-    /// Seconds of all threads of the process; the clock's where the system does not tell.
+    /// CPU time of all threads of the process, seconds; the wall-clock time if the system does not report it.
     pub cpu: f64,
-    /// What the renderer says.
+    /// Statistics of the renderer.
     pub stats: Stats,
 }
 
-/// The frames of one case, a round each.
+/// The frames of one case, one per round.
 #[derive(Clone, Debug, Default)]
-pub struct Measured(pub Vec<Sample>);
+pub struct FrameTimings(pub Vec<FrameTiming>);
 
-impl Measured {
-    /// Median over the rounds.
-    pub fn median(&self, of: impl Fn(&Sample) -> f64) -> f64 {
+impl FrameTimings {
+    /// Returns the median over the rounds.
+    pub fn median(&self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
         median(self.0.iter().map(of).collect())
     }
 
-    /// Least over the rounds: what the others' load adds is never negative.
-    pub fn best(&self, of: impl Fn(&Sample) -> f64) -> f64 {
+    /// Returns the least value of all rounds, the one that other load on the machine affects least.
+    pub fn best(&self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
         self.0.iter().map(of).fold(f64::INFINITY, f64::min)
     }
 
-    /// Median of the ratios to the frames of the same rounds of another case.
-    pub fn ratio(&self, to: &Self, of: impl Fn(&Sample) -> f64) -> f64 {
+    /// Returns the median of the ratios to the frames of another case in the same rounds.
+    pub fn ratio(&self, to: &Self, of: impl Fn(&FrameTiming) -> f64) -> f64 {
         median(self.0.iter().zip(&to.0).map(|(a, b)| of(a) / of(b)).collect())
     }
 }
 
-/// The median; not a number of none.
+/// Returns the median; NaN for an empty list.
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;
@@ -158,22 +158,22 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     }
 }
 
-/// A renderer with a scene in it.
-pub struct Stand<'a> {
+/// A renderer with a loaded scene.
+pub struct BenchTarget<'a> {
     /// The renderer.
     pub renderer: &'a mut Renderer,
-    /// The scene, and what lies on it.
+    /// The splat sets of the scene and its covers.
     pub sets: Vec<SetView<'a>>,
 }
 
-impl<'a> Stand<'a> {
-    /// A scene without anything on it.
+impl<'a> BenchTarget<'a> {
+    /// Returns a scene without covers.
     pub fn plain(renderer: &'a mut Renderer, set: SetId) -> Self {
         Self { renderer, sets: vec![SetView::plain(set)] }
     }
 
     /// Renders the scene in a case, without shelter.
-    fn render(&mut self, case: &Case, camera: &Camera, picture: &mut Picture) -> Result<Stats> {
+    fn render(&mut self, case: &BenchCase, camera: &Camera, picture: &mut Picture) -> Result<Stats> {
         let request = FrameRequest {
             sets: &self.sets,
             weather: &case.sky,
@@ -186,18 +186,18 @@ impl<'a> Stand<'a> {
     }
 }
 
-/// Renders the cases of `plan` (stand, case) in turns; stops early on Ctrl-C.
+/// Renders the cases of `plan` (target, case) in turns; stops early on Ctrl-C.
 pub fn turns(
-    stands: &mut [Stand<'_>],
+    stands: &mut [BenchTarget<'_>],
     camera: &Camera,
-    plan: &[(usize, &Case)],
+    plan: &[(usize, &BenchCase)],
     rounds: u32,
     bar: &ProgressBar,
-) -> Result<Vec<Measured>> {
-    let mut measured = vec![Measured::default(); plan.len()];
+) -> Result<Vec<FrameTimings>> {
+    let mut measured = vec![FrameTimings::default(); plan.len()];
     let mut frames = vec![Picture::default(); plan.len()];
     for round in 0..rounds + WARM_UP {
-        // The order turns with the round, so that no case always follows the same other.
+        // The order rotates with the round, so that no case always follows the same other.
         for k in 0..plan.len() {
             let k = (k + round as usize) % plan.len();
             if interrupt::asked() {
@@ -209,7 +209,7 @@ pub fn turns(
             let wall = started.elapsed().as_secs_f64();
             let cpu = cpu.and_then(|before| Some(cpu_seconds()? - before)).unwrap_or(wall);
             if round >= WARM_UP {
-                measured[k].0.push(Sample { wall, cpu, stats });
+                measured[k].0.push(FrameTiming { wall, cpu, stats });
             }
         }
         if round >= WARM_UP {
@@ -232,7 +232,7 @@ pub fn cpu_seconds() -> Option<f64> {
     None
 }
 
-/// Most memory that this process ever held, bytes, where the system tells.
+/// Returns the peak memory of this process, bytes, if the system reports it.
 pub fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
@@ -247,7 +247,7 @@ mod tests {
     #[test]
     fn ratios_are_taken_round_by_round() {
         let samples = |walls: [f64; 3]| {
-            Measured(walls.map(|wall| Sample { wall, cpu: wall, stats: Stats::default() }).to_vec())
+            FrameTimings(walls.map(|wall| FrameTiming { wall, cpu: wall, stats: Stats::default() }).to_vec())
         };
         // The machine was ten times slower in the second round.
         let (a, b) = (samples([1.0, 10.0, 1.1]), samples([2.0, 20.0, 2.2]));

@@ -1,8 +1,8 @@
-//! `bench`: how fast scenes render, as times and as ratios of cases that take turns.
+//! `bench`: rendering speed of scenes, as times and as ratios of cases that take turns.
 //!
-//! Cases of one scene are measured in rounds, one frame of each a round, and compared round by round:
-//! what else runs on the machine then slows both sides of a ratio. CPU time is that of the process.
-//! With `--training` it is steps of training that are measured, on all threads and on one in turns.
+//! Cases of one scene are measured in rounds, one frame of each per round, and compared round by round, so
+//! that other load on the machine slows both sides of a ratio. CPU time is that of the process.
+//! With `--training` training steps are measured, on all threads and on one in turns.
 
 mod measure;
 pub mod paper;
@@ -12,12 +12,12 @@ mod training;
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress::{self, Reporter};
-use crate::scene::{AssetFolder, FactArgs, Loaded, RunArgs, SceneArgs};
+use crate::scene::{AssetFolder, FactArgs, OpenScene, RunArgs, SceneArgs};
 use anyhow::{Context, Result};
 use clap::Args;
 use indicatif::ProgressBar;
-use measure::{Case, Measured, Stand, peak_memory, turns};
-use report::{PathSpeed, SceneReport, Threads};
+use measure::{BenchCase, BenchTarget, FrameTimings, peak_memory, turns};
+use report::{PathSpeed, SceneReport, ThreadScaling};
 use std::path::{Path, PathBuf};
 use weather_magician::Renderer;
 use weather_magician::view::spec::{self, CameraSpec};
@@ -32,16 +32,16 @@ use wm_weather::cover::Buried;
 /// Options of `bench`.
 #[derive(Args, Clone, Debug)]
 pub struct BenchArgs {
-    /// Scenes to render, each by itself [default: a made-up one of --splats]
+    /// Scenes to render, one after the other [default: a synthetic one with --splats]
     scenes: Vec<PathBuf>,
-    /// Splats of the made-up scene
+    /// Number of splats of the synthetic scene
     #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = clap::value_parser!(u32).range(1..=50_000_000))]
     splats: u32,
-    /// SH degree of the made-up scene
+    /// SH degree of the synthetic scene
     #[arg(long, value_name = "DEGREE", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: u8,
-    /// From where: EYE:TARGET as X,Y,Z:X,Y,Z, or a photo's name or number [default: chosen by looking at
-    /// the scene]
+    /// Camera: EYE:TARGET as X,Y,Z:X,Y,Z, or a photo's name or number [default: chosen
+    /// automatically]
     #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true)]
     camera: Option<CameraSpec>,
     /// Picture size, px
@@ -50,25 +50,25 @@ pub struct BenchArgs {
     /// Vertical field of view, degrees [default: 50, or the photo's]
     #[arg(long, value_name = "DEGREES")]
     fov: Option<f64>,
-    /// Rounds to measure, after two to warm up
+    /// Number of rounds to measure, after two warm-up rounds
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     frames: u32,
-    /// Only rgb and the cases whose name holds this, such as rain; without threads and SIMD paths
+    /// Measure only rgb and the cases whose name contains this, such as rain; skips threads and SIMD paths
     #[arg(long, value_name = "TEXT")]
     cases: Option<String>,
-    /// Leave out the splats of the sky
+    /// Do not render the splats of the sky
     #[arg(long)]
     drop_sky: bool,
-    /// Measure steps of training instead of frames
+    /// Measure training steps instead of frames
     #[arg(long)]
     training: bool,
-    /// The paper's Table I, frames a second in clear air, fog, rain or snowfall and under snow, beside the paper's figures, as Markdown
+    /// Measure the paper's Table I (frames a second in clear air, fog, rain or snowfall, and snow cover) and print it with the paper's numbers as Markdown
     #[arg(long, conflicts_with_all = ["training", "cases"])]
     paper: bool,
-    /// Devices of that table, as for --device, such as cpu,gpu [default: that of --device]
+    /// Devices of the table, as for --device, such as cpu,gpu [default: the one of --device]
     #[arg(long, value_name = "LIST", value_delimiter = ',', requires = "paper")]
     devices: Vec<Device>,
-    /// Write that table as speed.md, .csv and .json into this folder, with plots as SVG
+    /// Write the table as speed.md, .csv and .json into this folder, with plots as SVG
     #[arg(long, value_name = "FOLDER", requires = "paper")]
     report: Option<PathBuf>,
     /// Print everything as JSON
@@ -103,14 +103,14 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     Ok(())
 }
 
-/// Measures each scene: its name, itself, the camera.
+/// Calls `measure` for each scene with its name, the scene and the camera.
 fn each<R>(
     args: &BenchArgs,
-    mut measure: impl FnMut(&str, &mut Loaded, Camera) -> Result<R>,
+    mut measure: impl FnMut(&str, &mut OpenScene, Camera) -> Result<R>,
 ) -> Result<Vec<R>> {
     if args.scenes.is_empty() {
         let (mut loaded, camera) = made_up(args)?;
-        return Ok(vec![measure(&format!("made-up, {} splats", args.splats), &mut loaded, camera)?]);
+        return Ok(vec![measure(&format!("synthetic, {} splats", args.splats), &mut loaded, camera)?]);
     }
     let of = |path: &PathBuf| {
         let (mut loaded, camera) = real(path, args)?;
@@ -119,18 +119,18 @@ fn each<R>(
     args.scenes.iter().map(of).collect()
 }
 
-fn made_up(args: &BenchArgs) -> Result<(Loaded, Camera)> {
-    /// Splats over each pixel, about as many as in trained scenes.
+fn made_up(args: &BenchArgs) -> Result<(OpenScene, Camera)> {
+    /// Number of splats over each pixel, similar to trained scenes.
     const COVER: f64 = 60.0;
     let splats = shell_splats(args.splats as usize, COVER, args.sh_degree, 1);
     // Its facts are given, so that none is guessed.
     let facts = Metadata { metres_per_unit: Some(1.0), up: Some(glam::DVec3::Z), ..Metadata::default() };
     let scene = Scene { splats, ..Scene::default() };
     let camera = shell_camera(args.size.0, args.size.1);
-    Ok((Loaded::of(scene, &facts, &args.run)?, camera))
+    Ok((OpenScene::of(scene, &facts, &args.run)?, camera))
 }
 
-fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
+fn real(path: &Path, args: &BenchArgs) -> Result<(OpenScene, Camera)> {
     let read = SceneArgs {
         scene: path.to_owned(),
         repair: true,
@@ -144,9 +144,9 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
         let groups = &scene.splats.groups;
         let rest: Vec<usize> = (0..groups.len()).filter(|i| groups[*i] != Group::Sky).collect();
         scene.splats = scene.splats.select(&rest);
-        Loaded::of(scene, &Metadata::default(), &args.run)?
+        OpenScene::of(scene, &Metadata::default(), &args.run)?
     } else {
-        Loaded::new(&read, &args.run, None)?
+        OpenScene::new(&read, &args.run, None)?
     };
     let options = view::ViewOptions { up: None, fov: args.fov, near: None, size: Some(args.size) };
     let camera = match &args.camera {
@@ -156,19 +156,19 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(Loaded, Camera)> {
     Ok((loaded, camera))
 }
 
-/// A scene with what lies on it, in a renderer of its own.
-struct Snowy {
+/// A scene and its cover, in a renderer of its own.
+struct SnowyScene {
     renderer: Renderer,
-    /// The scene, and what lies.
+    /// The splat sets of the scene and its cover.
     sets: [SetId; 2],
     buried: Buried,
 }
 
-impl Snowy {
-    fn new(loaded: &mut Loaded, case: &Case, run: &RunArgs) -> Result<Self> {
-        let Loaded { renderer, place } = loaded;
+impl SnowyScene {
+    fn new(loaded: &mut OpenScene, case: &BenchCase, run: &RunArgs) -> Result<Self> {
+        let OpenScene { renderer, place } = loaded;
         let lying = renderer.lying_cover(place, &case.weather, 0.0, &mut Reporter::default())?;
-        let lying = lying.with_context(|| format!("nothing lies in the case {}", case.name))?;
+        let lying = lying.with_context(|| format!("the case {} has no cover", case.name))?;
         let mut renderer = run.renderer()?;
         let backend = renderer.backend_mut();
         let sets = [backend.load(&place.scene().splats)?, backend.load(&lying.splats)?];
@@ -176,53 +176,58 @@ impl Snowy {
     }
 }
 
-/// Everything that is measured of a scene.
-fn cases(loaded: &Loaded) -> Result<Vec<Case>> {
+/// Measures the cases, the threads and the SIMD paths of a scene.
+fn cases(loaded: &OpenScene) -> Result<Vec<BenchCase>> {
     let config = loaded.place.config;
-    Case::all(loaded.place.site(), |outputs| RenderConfig { outputs, ..config })
+    BenchCase::all(loaded.place.site(), |outputs| RenderConfig { outputs, ..config })
 }
 
-/// Renders cases in turns, each on the scene with what lies on it under that case.
+/// Renders cases in turns, each on the scene with the cover of its weather.
 fn in_turns(
-    loaded: &mut Loaded,
+    loaded: &mut OpenScene,
     camera: &Camera,
-    cases: &[Case],
+    cases: &[BenchCase],
     (run, rounds): (&RunArgs, u32),
     bar: &ProgressBar,
-) -> Result<Vec<Measured>> {
+) -> Result<Vec<FrameTimings>> {
     let mut snowy = Vec::new();
-    let mut plan: Vec<(usize, &Case)> = Vec::new();
+    let mut plan: Vec<(usize, &BenchCase)> = Vec::new();
     for case in cases {
         let is_bare = case.cover().is_empty() && case.paper_cover().is_none();
         if !is_bare {
-            snowy.push(Snowy::new(loaded, case, run)?);
+            snowy.push(SnowyScene::new(loaded, case, run)?);
         }
         plan.push((if is_bare { 0 } else { snowy.len() }, case));
     }
-    let mut stands = vec![Stand::plain(&mut loaded.renderer, loaded.place.set())];
-    for Snowy { renderer, sets: [scene, snow], buried } in &mut snowy {
+    let mut stands = vec![BenchTarget::plain(&mut loaded.renderer, loaded.place.set())];
+    for SnowyScene { renderer, sets: [scene, snow], buried } in &mut snowy {
         let scene = SetView::plain(*scene).with_attributes(Some(buried));
-        stands.push(Stand { renderer, sets: vec![scene, SetView::plain(*snow)] });
+        stands.push(BenchTarget { renderer, sets: vec![scene, SetView::plain(*snow)] });
     }
     turns(&mut stands, camera, &plan, rounds, bar)
 }
 
-/// Everything about one scene.
-fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchArgs) -> Result<SceneReport> {
+/// Measures one scene.
+fn measure_scene(
+    name: &str,
+    loaded: &mut OpenScene,
+    camera: Camera,
+    args: &BenchArgs,
+) -> Result<SceneReport> {
     let mut cases = cases(loaded)?;
     match &args.cases {
-        Some(text) => cases = Case::named(cases, text)?,
+        Some(text) => cases = BenchCase::named(cases, text)?,
         // Those of the paper's table alone.
         None => cases.retain(|case| !case.is_of_table()),
     }
     let rounds = args.frames;
-    let (full, rgb) = (Case::position(&cases, "rgb+depth+normal"), Case::position(&cases, "rgb"));
+    let (full, rgb) = (BenchCase::position(&cases, "rgb+depth+normal"), BenchCase::position(&cases, "rgb"));
 
     let bar = progress::bar(u64::from(rounds), "rounds");
     // Memory is that of one renderer: it is told before there is another.
-    let plain: Vec<(usize, &Case)> =
+    let plain: Vec<(usize, &BenchCase)> =
         cases.iter().filter(|case| case.cover().is_empty()).map(|case| (0, case)).collect();
-    let alone = Stand::plain(&mut loaded.renderer, loaded.place.set());
+    let alone = BenchTarget::plain(&mut loaded.renderer, loaded.place.set());
     turns(&mut [alone], &camera, &plain, 0, &bar)?;
     let memory = peak_memory();
     let measured = in_turns(loaded, &camera, &cases, (&args.run, rounds), &bar)?;
@@ -237,7 +242,8 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     let mut single = one.renderer()?;
     let set = single.backend_mut().load(&loaded.place.scene().splats)?;
     let threads = loaded.renderer.backend().threads();
-    let mut stands = [Stand::plain(&mut loaded.renderer, loaded.place.set()), Stand::plain(&mut single, set)];
+    let mut stands =
+        [BenchTarget::plain(&mut loaded.renderer, loaded.place.set()), BenchTarget::plain(&mut single, set)];
     let bar = progress::bar(u64::from(rounds), "threads");
     let pair = turns(&mut stands, &camera, &[(0, &cases[full]), (1, &cases[full])], rounds, &bar)?;
     bar.finish_and_clear();
@@ -249,7 +255,7 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
         let mut renderer = RunArgs { simd: path.choice(), ..one.clone() }.renderer()?;
         let set = renderer.backend_mut().load(&loaded.place.scene().splats)?;
         let bar = progress::bar(u64::from(rounds.min(8)), "paths");
-        let mut stands = [Stand::plain(&mut renderer, set)];
+        let mut stands = [BenchTarget::plain(&mut renderer, set)];
         let plan = [(0, &cases[rgb]), (0, &cases[full])];
         let measured = turns(&mut stands, &camera, &plan, rounds.min(8), &bar)?;
         bar.finish_and_clear();
@@ -258,6 +264,6 @@ fn measure_scene(name: &str, loaded: &mut Loaded, camera: Camera, args: &BenchAr
     if interrupt::asked() {
         return Err(Interrupted("the measurement is not complete".into()).into());
     }
-    let threads = Threads { threads, all: pair[0].clone(), one: pair[1].clone() };
+    let threads = ThreadScaling { threads, all: pair[0].clone(), one: pair[1].clone() };
     Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), Some(&threads), paths, memory))
 }

@@ -1,17 +1,17 @@
-//! `bench --paper`: the paper's Table I, frames a second by weather, beside its own figures.
+//! `bench --paper`: measures the paper's Table I, frames a second by weather, beside the paper's own numbers.
 //!
 //! The paper (Sang et al., Table I) renders scenes of Mip-NeRF 360 at 1200x800 px on an RTX 4090: clear 83.30, fog, smog and haze 31.27,
 //! rain and snowfall 10.42, snow cover 58.24 frames a second. Here the same four columns are measured for each scene on each
-//! device, with this program's weather and with the paper's own formulas (fidelity `paper`), and for the clear picture how the
-//! time grows with pixels and splats. Figures of other machines are no comparison of programs: the table says which machine.
+//! device, with this program's weather and with the paper's own formulas (fidelity `paper`), and for the clear picture the
+//! growth of time with pixels and splats. Numbers of different machines do not compare programs: the table names the machine.
 
 use super::BenchArgs;
-use super::measure::Stand;
-use super::measure::{Case, turns};
+use super::measure::BenchTarget;
+use super::measure::{BenchCase, turns};
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
 use crate::report::plot::{Axis, Plot, Series};
-use crate::scene::{Loaded, RunArgs};
+use crate::scene::{OpenScene, RunArgs};
 use anyhow::{Context, Result};
 use serde::Serialize;
 use std::fmt::Write;
@@ -27,7 +27,7 @@ const COLUMNS: [(&str, &str); 4] = [
     ("cover", "Snow cover"),
 ];
 
-/// What the paper prints; `None` where it has no figure.
+/// Frame rates that the paper states; `None` where it has none.
 const PAPER: [(&str, [Option<f64>; 4]); 4] = [
     ("ClimateGAN, in the paper (RTX 4090)", [None, Some(0.11), None, None]),
     ("Stable Diffusion, in the paper (RTX 4090)", [Some(0.12), Some(0.12), Some(0.12), Some(0.12)]),
@@ -35,7 +35,7 @@ const PAPER: [(&str, [Option<f64>; 4]); 4] = [
     ("the paper's own (RTX 4090)", [Some(83.30), Some(31.27), Some(10.42), Some(58.24)]),
 ];
 
-/// What is measured: this program's weather, then the paper's formulas. The fall of a row is the mean of the times of its cases.
+/// Rows that are measured: this program's weather, then the paper's formulas. A cell with several cases is the mean of their times.
 const ROWS: [(&str, [&[&str]; 4]); 2] = [
     (
         "physical",
@@ -47,12 +47,12 @@ const ROWS: [(&str, [&[&str]; 4]); 2] = [
     ),
 ];
 
-/// Shares of the sides of the picture at which the clear scene is measured.
+/// Fractions of the picture's sides at which the clear scene is measured.
 const SIDES: [f64; 4] = [0.35, 0.5, 0.7, 1.0];
 
 /// A row of the table.
 #[derive(Serialize)]
-struct Row {
+struct SpeedRow {
     method: String,
     scene: Option<String>,
     device: Option<String>,
@@ -61,33 +61,33 @@ struct Row {
     fps: [Option<f64>; 4],
 }
 
-/// Clear frames by picture size.
+/// Times of clear frames by picture size.
 #[derive(Serialize)]
 struct BySize {
     scene: String,
     device: String,
-    /// Pixels and milliseconds of a frame.
+    /// Megapixels and milliseconds of a frame.
     points: Vec<[f64; 2]>,
 }
 
-/// The table, and what is plotted beside it.
+/// The table and its plots.
 #[derive(Serialize)]
-pub struct Table {
+pub struct SpeedTable {
     size: [u32; 2],
-    /// Of each row's frames a second.
+    /// Names of the columns of [`SpeedRow::fps`].
     columns: [&'static str; COLUMNS.len()],
-    rows: Vec<Row>,
+    rows: Vec<SpeedRow>,
     by_pixels: Vec<BySize>,
 }
 
-/// Whether a case is of the table.
+/// Returns true if the table has a case of this name.
 fn is_in_table(name: &str) -> bool {
     ROWS.iter().any(|(_, columns)| columns.iter().any(|cases| cases.contains(&name)))
 }
 
 /// Measures all scenes on all devices, prints the table and writes it with its plots.
 pub fn run(args: &BenchArgs) -> Result<()> {
-    let mut table = Table::new(args.size);
+    let mut table = SpeedTable::new(args.size);
     let devices =
         if args.devices.is_empty() { std::slice::from_ref(&args.run.device) } else { &args.devices };
     for device in devices {
@@ -105,10 +105,10 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     args.report.as_deref().map_or(Ok(()), |folder| write(&table, folder))
 }
 
-impl Table {
-    /// The paper's rows, for pictures of a size.
+impl SpeedTable {
+    /// Returns a table with the paper's rows, for pictures of `size`, px.
     pub fn new(size: (u32, u32)) -> Self {
-        let row = |(method, fps): (&str, _)| Row {
+        let row = |(method, fps): (&str, _)| SpeedRow {
             method: method.into(),
             scene: None,
             device: None,
@@ -119,15 +119,15 @@ impl Table {
         Self { size: [size.0, size.1], columns, rows: PAPER.map(row).into(), by_pixels: Vec::new() }
     }
 
-    /// Measures a scene.
+    /// Measures a scene and adds its rows.
     pub fn add(
         &mut self,
         name: &str,
-        loaded: &mut Loaded,
+        loaded: &mut OpenScene,
         camera: &Camera,
         (run, rounds): (&RunArgs, u32),
     ) -> Result<()> {
-        let cases: Vec<Case> =
+        let cases: Vec<BenchCase> =
             super::cases(loaded)?.into_iter().filter(|case| is_in_table(case.name)).collect();
         let bar = progress::bar(u64::from(rounds), "rounds");
         let measured = super::in_turns(loaded, camera, &cases, (run, rounds), &bar)?;
@@ -144,7 +144,7 @@ impl Table {
                 let times: Option<Vec<f64>> = cases.iter().map(seconds).collect();
                 times.map(|times| times.len() as f64 / times.iter().sum::<f64>())
             });
-            self.rows.push(Row {
+            self.rows.push(SpeedRow {
                 method: format!("this program, {method}"),
                 scene: Some(name.to_owned()),
                 device: Some(device.clone()),
@@ -156,8 +156,8 @@ impl Table {
         for share in SIDES {
             let side = |side: u32| (f64::from(side) * share).round().max(1.0) as u32;
             let small = camera.resized(side(camera.width), side(camera.height));
-            let clear = &cases[Case::position(&cases, "rgb")];
-            let stand = Stand::plain(&mut loaded.renderer, loaded.place.set());
+            let clear = &cases[BenchCase::position(&cases, "rgb")];
+            let stand = BenchTarget::plain(&mut loaded.renderer, loaded.place.set());
             let frames = turns(&mut [stand], &small, &[(0, clear)], rounds.min(8), &bar)?;
             let pixels = f64::from(small.width) * f64::from(small.height);
             points.push([pixels * 1e-6, 1e3 * frames[0].median(|sample| sample.wall)]);
@@ -167,10 +167,10 @@ impl Table {
         Ok(())
     }
 
-    /// The cells of all rows, and of their head.
+    /// Returns the header and the cells of all rows.
     pub fn cells(&self) -> ([&'static str; 8], Vec<[String; 8]>) {
         let [clear, fog, fall, cover] = COLUMNS.map(|(_, name)| name);
-        let row = |row: &Row| {
+        let row = |row: &SpeedRow| {
             let text = |text: &Option<String>| text.clone().unwrap_or_default();
             let splats = row.splats.map(|splats| splats.to_string()).unwrap_or_default();
             let [a, b, c, d] = row.fps.map(cell);
@@ -182,7 +182,7 @@ impl Table {
         )
     }
 
-    /// What stands above it.
+    /// Returns the caption of the table.
     pub fn caption(&self) -> String {
         let [width, height] = self.size;
         format!("Frames a second at {width}x{height} px, by the median time of a frame on the clock.")
@@ -203,7 +203,7 @@ fn cell(fps: Option<f64>) -> String {
     fps.map_or_else(|| "-".into(), |fps| format!("{fps:.2}"))
 }
 
-fn csv(table: &Table) -> String {
+fn csv(table: &SpeedTable) -> String {
     let mut out =
         format!("method,scene,splats,device,{}\r\n", COLUMNS.map(|(key, _)| format!("{key}_fps")).join(","));
     for row in &table.rows {
@@ -222,8 +222,8 @@ fn csv(table: &Table) -> String {
     out
 }
 
-/// Time of a clear frame over pixels, and over splats where there are several scenes.
-pub fn plots(table: &Table) -> Vec<(&'static str, Plot)> {
+/// Returns plots of a clear frame's time over pixels, and over splats if there are several scenes.
+pub fn plots(table: &SpeedTable) -> Vec<(&'static str, Plot)> {
     let by_pixels = table
         .by_pixels
         .iter()
@@ -257,9 +257,9 @@ pub fn plots(table: &Table) -> Vec<(&'static str, Plot)> {
     plots
 }
 
-fn write(table: &Table, folder: &Path) -> Result<()> {
+fn write(table: &SpeedTable, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        .with_context(|| format!("cannot create the folder {}", folder.display()))?;
     let json = serde_json::to_string_pretty(table)? + "\n";
     let mut files = vec![("speed.md", table.markdown()), ("speed.csv", csv(table)), ("speed.json", json)];
     files.extend(plots(table).into_iter().map(|(name, plot)| (name, plot.svg())));

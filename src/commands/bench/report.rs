@@ -1,13 +1,13 @@
-//! What was measured, for people and as JSON.
+//! Printed and JSON reports of the benchmark.
 
-use super::measure::{Case, Measured, Sample};
-use crate::scene::Loaded;
+use super::measure::{BenchCase, FrameTiming, FrameTimings};
+use crate::scene::OpenScene;
 use serde::Serialize;
 use weather_magician::view::spec;
 use wm_render::DeviceWork;
 use wm_scene::Camera;
 
-/// Everything measured of one scene. Times are milliseconds.
+/// Measurements of one scene. Times are milliseconds.
 #[derive(Serialize)]
 pub struct SceneReport {
     scene: String,
@@ -20,10 +20,10 @@ pub struct SceneReport {
     visible: u64,
     /// Pairs of a splat and a tile.
     intersections: u64,
-    /// Pairs of a splat and a pixel that were evaluated, a pixel of the picture.
+    /// Evaluated pairs of a splat and a pixel, per pixel of the picture.
     pairs_per_pixel: f64,
     peak_memory_mb: Option<f64>,
-    /// Memory taken on a GPU, where its interface tells.
+    /// Memory used on a GPU, if its interface reports it.
     #[serde(skip_serializing_if = "Option::is_none")]
     device_memory_mb: Option<f64>,
     cases: Vec<CaseReport>,
@@ -31,19 +31,19 @@ pub struct SceneReport {
     paths: Vec<PathSpeed>,
 }
 
-/// One case.
+/// Times of one case.
 #[derive(Serialize)]
 struct CaseReport {
     name: &'static str,
     wall_ms: f64,
     best_wall_ms: f64,
     cpu_ms: f64,
-    /// CPU time as a ratio to `rgb`, round by round.
+    /// CPU time divided by that of `rgb`, round by round.
     cpu_ratio: f64,
     particles: u64,
     /// Time of each stage, summed over threads.
     stages_ms: Stages,
-    /// What a GPU was asked to do for a frame.
+    /// Work submitted to the GPU for a frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     device: Option<DeviceWork>,
 }
@@ -59,14 +59,14 @@ struct Stages {
     composite: f64,
 }
 
-/// All threads and one, in the same rounds.
-pub struct Threads {
-    /// How many are all.
+/// Frames with all threads and with one, in the same rounds.
+pub struct ThreadScaling {
+    /// Number of all threads.
     pub threads: usize,
-    /// With all.
-    pub all: Measured,
-    /// With one.
-    pub one: Measured,
+    /// Frames with all threads.
+    pub all: FrameTimings,
+    /// Frames with one thread.
+    pub one: FrameTimings,
 }
 
 #[derive(Serialize)]
@@ -75,11 +75,11 @@ struct ThreadsReport {
     one_wall_ms: f64,
     all_wall_ms: f64,
     speedup: f64,
-    /// Work of all threads as a ratio to that of one.
+    /// CPU time with all threads divided by that with one.
     cpu_ratio: f64,
 }
 
-/// One SIMD path on one thread: CPU time, nanoseconds an evaluated pair, whole stage.
+/// Speed of a SIMD path on one thread: CPU time of the whole stage, nanoseconds per evaluated pair.
 #[derive(Serialize)]
 pub struct PathSpeed {
     path: String,
@@ -89,10 +89,10 @@ pub struct PathSpeed {
 }
 
 impl PathSpeed {
-    /// From the frames of `rgb` and of `rgb+depth+normal`.
-    pub fn new(path: String, rgb: &Measured, full: &Measured) -> Self {
+    /// Computes the speed from the frames of `rgb` and of `rgb+depth+normal`.
+    pub fn new(path: String, rgb: &FrameTimings, full: &FrameTimings) -> Self {
         // The stage's share of the frame's CPU time: others' load moves that less than the clock.
-        let pair = |Sample { cpu, stats, .. }: &Sample| {
+        let pair = |FrameTiming { cpu, stats, .. }: &FrameTiming| {
             let stages = [stats.project, stats.medium, stats.intersect, stats.sort, stats.composite];
             let share = stats.rasterize / (stats.rasterize + stages.iter().sum::<f64>());
             cpu * share * 1e9 / stats.evaluated_pairs.max(1) as f64
@@ -107,13 +107,13 @@ impl PathSpeed {
 }
 
 impl SceneReport {
-    /// Puts together what was measured; `measured` is in the order of `cases`, `rgb` first.
+    /// Builds the report; `measured` is in the order of `cases`, `rgb` first.
     pub fn new(
         scene: &str,
-        loaded: &Loaded,
+        loaded: &OpenScene,
         camera: &Camera,
-        (cases, measured): (&[Case], &[Measured]),
-        threads: Option<&Threads>,
+        (cases, measured): (&[BenchCase], &[FrameTimings]),
+        threads: Option<&ThreadScaling>,
         paths: Vec<PathSpeed>,
         peak_memory: Option<u64>,
     ) -> Self {
@@ -220,7 +220,7 @@ impl SceneReport {
     }
 }
 
-/// Prints a table a scene, and how time grows from the first scene to each of the others.
+/// Prints a table per scene, and the growth of time from the first scene to each of the others.
 pub fn print(reports: &[SceneReport]) {
     println!("Wall and CPU times are medians, ratios (to rgb) are of CPU time, round by round.");
     println!("Times of the stages are summed over the threads; on a GPU they are by its own clock.");

@@ -1,4 +1,4 @@
-//! Steps of training, measured on a scene's own splats.
+//! Training steps, measured on a scene's own splats.
 
 use super::BenchArgs;
 use super::measure::{WARM_UP, cpu_seconds, median};
@@ -34,9 +34,9 @@ pub struct TrainingReport {
     backward_ms: f64,
     optimizer_ms: f64,
     one_thread_wall_ms: f64,
-    /// Median over the rounds of one thread's wall time by that of all.
+    /// Median over the rounds of one thread's wall time divided by that of all threads.
     speedup: f64,
-    /// By the device's own clock, where splats learn on one that has it.
+    /// Times by the device's own clock, if it has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     device_ms: Option<DeviceTimes>,
 }
@@ -53,7 +53,7 @@ struct DeviceTimes {
 }
 
 impl DeviceTimes {
-    /// Of steps that all have been timed.
+    /// Computes the medians; `None` if a step was not timed.
     fn of(steps: &[Step]) -> Option<Self> {
         let clocks: Option<Vec<StepClock>> = steps.iter().map(|step| step.clock).collect();
         let clocks = clocks.filter(|clocks| !clocks.is_empty())?;
@@ -78,7 +78,7 @@ struct Step {
     clock: Option<StepClock>,
 }
 
-/// A trainer that stays where it is: its steps are as long as nothing.
+/// Returns a trainer that does not change: its step length is zero.
 fn standing(splats: &Splats, run: &RunArgs) -> Result<Trainer> {
     let least = 1e-15;
     let config = TrainConfig {
@@ -107,7 +107,7 @@ fn standing(splats: &Splats, run: &RunArgs) -> Result<Trainer> {
     Ok(Trainer::resumed(config, run.differentiable()?, state, 1.0, 1))
 }
 
-/// Measures steps on one photo: the scene itself from `camera`, a fifth darker.
+/// Measures steps on one photo: a render of the scene from `camera`, a fifth darker.
 pub fn measure(name: &str, splats: &Splats, camera: &Camera, args: &BenchArgs) -> Result<TrainingReport> {
     let one = RunArgs { device: Device::Cpu, threads: Some(1), simd: args.run.simd };
     let mut trainers = [standing(splats, &args.run)?, standing(splats, &one)?];
@@ -158,7 +158,7 @@ pub fn measure(name: &str, splats: &Splats, camera: &Camera, args: &BenchArgs) -
     })
 }
 
-/// Prints a scene a line, and how CPU time grows from the first to each of the others.
+/// Prints a line per scene, and the growth of CPU time from the first scene to each of the others.
 pub fn print(reports: &[TrainingReport]) {
     println!("Medians over steps of training, ms: L1 and SSIM of the scene's colour against one photo.");
     println!(

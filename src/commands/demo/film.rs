@@ -3,38 +3,37 @@
 use wm_street::{Street, Viewpoint};
 use wm_weather::{Weather, WeatherError};
 
-/// How much faster than a walker the camera goes: a short film should get somewhere.
+/// Speed of the camera as a multiple of walking speed, so that a short film covers some distance.
 const HASTE: f64 = 1.6;
-/// Keyframes of the fog: linear in between, too many for the eye to see where.
+/// Number of keyframes of the fog, linear in between; enough that no kink is visible.
 const KEYS: u32 = 240;
 /// Visibility before the fog, m: a clear day.
 const CLEAR: f64 = 30_000.0;
-/// Visibility at its thickest, m: the end of the street is gone, the next houses are there.
+/// Visibility in the thickest fog, m: hides the end of the street, but not the next houses.
 const THICK: f64 = 60.0;
 
-/// Height over which the fog thins to 1/e, m, as of fog that drifts in from the sea. Without an end it
-/// would hide the sky from the first instant on.
+/// Height over which the fog thins to 1/e, m, as in sea fog. Without a limit it would hide the sky from the first frame on.
 const HEIGHT: f64 = 150.0;
 
-/// A film of some length.
+/// The demo's film.
 #[derive(Clone, Copy, Debug)]
-pub struct Film {
-    /// Its length, s.
+pub struct FogFilm {
+    /// Length, seconds.
     pub seconds: f64,
 }
 
-impl Film {
-    /// Where the camera is at `time`, seconds.
+impl FogFilm {
+    /// Returns the camera's position and target at `time`, seconds.
     pub fn view(&self, time: f64) -> Viewpoint {
-        // A long film takes the whole way, however slowly.
+        // A long film covers the whole street, at a lower speed.
         let share = (self.seconds * HASTE / Street::WALK_SECONDS).min(1.0);
         Street::dolly(share * time / self.seconds)
     }
 
-    /// The weather over its length.
+    /// Returns the weather of the film.
     ///
     /// # Errors
-    /// A length so short that keyframes fall together.
+    /// The film is so short that keyframes coincide.
     pub fn weather(&self) -> Result<Weather, WeatherError> {
         let keys: Vec<String> = (0..=KEYS)
             .map(|key| f64::from(key) / f64::from(KEYS))
@@ -49,7 +48,7 @@ impl Film {
     }
 }
 
-/// Visibility when a share of the film is over, m. Equal steps of its logarithm look alike.
+/// Returns the visibility, m, at a fraction of the film. It is interpolated in logarithms, since equal ratios look alike.
 fn mor(share: f64) -> f64 {
     let smooth = |from: f64, to: f64| {
         let t = ((share - from) / (to - from)).clamp(0.0, 1.0);
@@ -76,7 +75,7 @@ mod tests {
     #[test]
     fn fog_closes_in_on_a_clear_day_and_begins_to_lift() {
         for seconds in [0.1, 8.0, 600.0] {
-            let weather = Film { seconds }.weather().unwrap();
+            let weather = FogFilm { seconds }.weather().unwrap();
             let at = |share: f64| mor_at(&weather, share * seconds);
             assert!(at(0.0) > 15_000.0 && at(1.0) > 3.0 * THICK && at(1.0) < 10.0 * THICK);
             assert!((at(0.76) - THICK).abs() < 0.1);
@@ -90,9 +89,9 @@ mod tests {
 
     #[test]
     fn short_films_go_part_of_the_way_and_long_ones_all_of_it() {
-        let film = Film { seconds: 8.0 };
+        let film = FogFilm { seconds: 8.0 };
         assert_eq!(film.view(0.0), Street::dolly(0.0));
         assert_eq!(film.view(8.0), Street::dolly(8.0 * HASTE / Street::WALK_SECONDS));
-        assert_eq!(Film { seconds: 100.0 }.view(100.0), Street::dolly(1.0));
+        assert_eq!(FogFilm { seconds: 100.0 }.view(100.0), Street::dolly(1.0));
     }
 }

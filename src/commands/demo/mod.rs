@@ -1,4 +1,4 @@
-//! `demo`: the main job on a built-in place, with no input and no download: photos, scene, weather.
+//! `demo`: photos, reconstruction and weather on the built-in street, without input or download.
 //!
 //! The picture at the top of the README, `docs/demo-sheet.png`, is the `sheet.png` of
 //! `weather-magician demo --sampled --only sheet --detail 1.5 --size 480x320`.
@@ -10,11 +10,11 @@ pub mod street;
 use crate::choices::EncoderChoice;
 use crate::interrupt::{self, Interrupted};
 use crate::progress::{self, Reporter};
-use crate::scene::{Loaded, RunArgs};
+use crate::scene::{OpenScene, RunArgs};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use film::Film;
-use photos::{PhotoSession, Route, Truth};
+use film::FogFilm;
+use photos::{PhotoRoute, PhotoSession, TruthChoice};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::sequence::render_and_write;
@@ -26,17 +26,17 @@ use wm_scene::{Camera, Metadata, Scene};
 use wm_street::{Street, Viewpoint};
 use wm_weather::{ParamValue, Weather};
 
-/// Frames a second of the film, as in cinemas.
+/// Frame rate of the film.
 const FPS: u32 = 24;
-/// Sides of photos in those of the film.
+/// Sides of photos as a fraction of the film's.
 const PHOTO: f64 = 0.5;
-/// Shortest and longest film, s.
+/// Shortest and longest film, seconds.
 const SECONDS: (f64, f64) = (0.1, 600.0);
-/// The scene in the tags of what is written.
+/// The scene's name in the tags of output files.
 const SCENE: &str = "built-in street";
-/// Where on the walk the sheet of a reconstructed street is drawn from, 0-1.
+/// Position on the walk of the camera of a reconstructed street's sheet, 0-1.
 const SHEET_AT: f64 = 0.1;
-/// The weathers of the sheet: presets, with what is changed to suit a street of 150 m.
+/// The weathers of the sheet: presets, with changes that suit a street of 150 m.
 const SHEET: [(&str, Option<&str>); 6] = [
     ("clear", None),
     ("fog", Some("fog.mor=120")),
@@ -49,7 +49,7 @@ const SHEET: [(&str, Option<&str>); 6] = [
 /// Options of `demo`.
 #[derive(Args, Debug)]
 pub struct DemoArgs {
-    /// Folder to write street.ply, sheet.png and fog.mp4 into, and photos/ where there are some
+    /// Folder to write street.ply, sheet.png and fog.mp4 into, and photos/ unless --sampled is given
     #[arg(short, long, value_name = "FOLDER", default_value = "weather-magician-demo")]
     out: PathBuf,
     /// Size of the film, and of each picture of the sheet, px [default: 960x640; of --photos, 600x400]
@@ -62,43 +62,43 @@ pub struct DemoArgs {
     /// Only take the photos, with exact depth, normals and sky, into this folder (a COLMAP data set)
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["sampled", "only", "steps"], help_heading = "Photos")]
     photos: Option<PathBuf>,
-    /// How many photos
+    /// Number of photos
     #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(3..=100_000), help_heading = "Photos")]
     count: u32,
-    /// Where they are taken from: walk (along the street) or orbit (around it, from above)
+    /// Route of the camera: walk (along the street) or orbit (around it, from above)
     #[arg(long, value_name = "ROUTE", default_value = "walk", requires = "photos", help_heading = "Photos")]
-    route: Route,
-    /// Whether exact depth, normals and sky are written too: write or omit
+    route: PhotoRoute,
+    /// Exact depth, normals and sky of the photos: write or omit
     #[arg(
         long,
-        value_name = "WHETHER",
+        value_name = "CHOICE",
         default_value = "write",
         requires = "photos",
         help_heading = "Photos"
     )]
-    truth: Truth,
-    /// Steps of the training
+    truth: TruthChoice,
+    /// Number of training steps
     #[arg(long, value_name = "N", default_value_t = 2000, conflicts_with = "sampled", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
     steps: u32,
-    /// Length of the film
+    /// Length of the film, seconds
     #[arg(long, value_name = "S", default_value_t = 8.0)]
     seconds: f64,
-    /// How finely --sampled samples the street's surfaces: 2 makes about four times the splats of 1
+    /// Sampling density of --sampled: 2 makes about four times as many splats as 1
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, requires = "sampled")]
     detail: f64,
-    /// Write no more than this: scene, sheet, film, or several
+    /// Write only these outputs: scene, sheet, film, or several
     #[arg(long, value_name = "LIST", value_delimiter = ',', hide_possible_values = true)]
-    only: Vec<Part>,
-    /// Who encodes the film
+    only: Vec<DemoOutput>,
+    /// Encoder of the film
     #[arg(long, value_enum, default_value = "builtin")]
     encoder: EncoderChoice,
     #[command(flatten)]
     run: RunArgs,
 }
 
-/// What the demo writes.
+/// An output of the demo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Part {
+enum DemoOutput {
     /// `street.ply`.
     Scene,
     /// `sheet.png`.
@@ -108,7 +108,7 @@ enum Part {
 }
 
 impl DemoArgs {
-    /// Where the sheet is drawn from: where the scene is good.
+    /// Returns the viewpoint of the sheet, chosen where the scene is good.
     fn view(&self) -> Viewpoint {
         if self.sampled { Street::views()[0] } else { Street::dolly(SHEET_AT) }
     }
@@ -117,19 +117,19 @@ impl DemoArgs {
         self.size.unwrap_or((960, 640))
     }
 
-    /// The photos that the scene is made of: as large as the film needs, not larger.
+    /// Returns the photos of the reconstruction, no larger than the film needs.
     fn session(&self) -> PhotoSession {
         let side = |of: u32| (f64::from(of) * PHOTO).round().max(16.0) as u32;
         let (width, height) = self.size();
         let size = (side(width), side(height));
-        PhotoSession { route: Route::Walk, count: self.count, size, truth: Truth::Omit }
+        PhotoSession { route: PhotoRoute::Walk, count: self.count, size, truth: TruthChoice::Omit }
     }
 
-    fn wants(&self, part: Part) -> bool {
+    fn wants(&self, part: DemoOutput) -> bool {
         self.only.is_empty() || self.only.contains(&part)
     }
 
-    /// What the film is; it has no tags yet.
+    /// Returns the film's video settings, without tags.
     fn video(&self) -> Result<video::VideoSettings> {
         let rate = video::FrameRate::new(FPS, 1).context("no such frame rate")?;
         let settings = video::VideoSettings::new(PictureSize::new(self.size().0, self.size().1), rate);
@@ -155,21 +155,21 @@ pub fn run(args: &DemoArgs) -> Result<()> {
         return take_photos(args, folder);
     }
     std::fs::create_dir_all(&args.out)
-        .with_context(|| format!("cannot make the folder {}", args.out.display()))?;
+        .with_context(|| format!("cannot create the folder {}", args.out.display()))?;
     let film = args.out.join("fog.mp4");
-    if args.wants(Part::Film) {
-        // A size or a folder that will not do is told before the work, not after it.
+    if args.wants(DemoOutput::Film) {
+        // An unsuitable size or folder is reported before the work starts.
         drop(video::create_video(&film, args.video()?)?);
     }
     let path = args.out.join("street.ply");
     let scene = if args.sampled { sampled(args, &path)? } else { reconstructed(args, &path)? };
-    if args.wants(Part::Sheet) || args.wants(Part::Film) {
+    if args.wants(DemoOutput::Sheet) || args.wants(DemoOutput::Film) {
         draw(args, scene, &film)?;
     }
     println!("done in {:.0} s", started.elapsed().as_secs_f64());
     if path.is_file() {
         let (scene, camera) = (quoted(&path), camera_text(&args.view()));
-        println!("go on with it, for example:");
+        println!("try, for example:");
         println!("  weather-magician render {scene} --weather dense-fog --camera {camera}");
         println!(
             "  weather-magician render {scene} --weather smog --camera {camera} --path dolly --distance 25"
@@ -179,7 +179,7 @@ pub fn run(args: &DemoArgs) -> Result<()> {
     Ok(())
 }
 
-/// Takes photos for others to use.
+/// Runs `demo --photos`.
 fn take_photos(args: &DemoArgs, folder: &Path) -> Result<()> {
     let size = args.size.unwrap_or((600, 400));
     let session = PhotoSession { route: args.route, count: args.count, size, truth: args.truth };
@@ -187,12 +187,12 @@ fn take_photos(args: &DemoArgs, folder: &Path) -> Result<()> {
     session.shoot(folder, &args.run)?;
     let seconds = started.elapsed().as_secs_f64();
     println!("{}: {} photos, {}x{}, in {seconds:.0} s", folder.display(), args.count, size.0, size.1);
-    println!("go on with it, for example:");
+    println!("try, for example:");
     println!("  weather-magician reconstruct {} --preset quick --metres-per-unit 1", quoted(folder));
     Ok(())
 }
 
-/// The scene as photos of the street give it; it is written in any case.
+/// Reconstructs the scene from photos of the street; always writes it.
 fn reconstructed(args: &DemoArgs, path: &Path) -> Result<Scene> {
     let (folder, session) = (args.out.join("photos"), args.session());
     let started = Instant::now();
@@ -203,32 +203,32 @@ fn reconstructed(args: &DemoArgs, path: &Path) -> Result<Scene> {
     Ok(read_scene(path, &ReadOptions::default())?)
 }
 
-/// The scene as its own surfaces give it.
+/// Samples the scene from the street's surfaces.
 fn sampled(args: &DemoArgs, path: &Path) -> Result<Scene> {
     let scene = street::scene(args.detail, args.run.threads.map(usize::from))?;
-    if args.wants(Part::Scene) {
+    if args.wants(DemoOutput::Scene) {
         write_scene(path, &scene)?;
         println!("{}: {} splats, {}", path.display(), scene.splats.len(), megabytes(path));
     }
     Ok(scene)
 }
 
-/// Draws the sheet and the film.
+/// Renders the sheet and the film.
 fn draw(args: &DemoArgs, scene: Scene, film: &Path) -> Result<()> {
-    let mut studio = Loaded::of(scene, &Metadata::default(), &args.run)?;
-    if args.wants(Part::Sheet) {
-        // Photos show the street from the start of the walk on, and less at the edge of what they show.
+    let mut studio = OpenScene::of(scene, &Metadata::default(), &args.run)?;
+    if args.wants(DemoOutput::Sheet) {
+        // Photos start at the beginning of the walk, and cover less near its ends.
         let view = args.view();
         draw_sheet(&mut studio, &view.camera(args.size())?, &args.out.join("sheet.png"))?;
     }
-    if args.wants(Part::Film) {
+    if args.wants(DemoOutput::Film) {
         shoot(&mut studio, args, film)?;
     }
     Ok(())
 }
 
-/// One view in every weather of [`SHEET`].
-fn draw_sheet(studio: &mut Loaded, camera: &Camera, path: &Path) -> Result<()> {
+/// Renders one view in every weather of [`SHEET`].
+fn draw_sheet(studio: &mut OpenScene, camera: &Camera, path: &Path) -> Result<()> {
     let bar = progress::bar(SHEET.len() as u64, "pictures");
     let mut pictures = Vec::new();
     for (name, change) in SHEET {
@@ -258,9 +258,9 @@ fn draw_sheet(studio: &mut Loaded, camera: &Camera, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The walk in changing fog.
-fn shoot(studio: &mut Loaded, args: &DemoArgs, path: &Path) -> Result<()> {
-    let film = Film { seconds: args.seconds };
+/// Renders the walk in changing fog.
+fn shoot(studio: &mut OpenScene, args: &DemoArgs, path: &Path) -> Result<()> {
+    let film = FogFilm { seconds: args.seconds };
     let weather = film.weather()?;
     let mut settings = args.video()?;
     let rate = settings.frame_rate;
@@ -272,7 +272,7 @@ fn shoot(studio: &mut Loaded, args: &DemoArgs, path: &Path) -> Result<()> {
     let mut render = |index: u32, picture: &mut Picture| {
         let time = rate.seconds(u64::from(index));
         let options = FrameOptions::new(time, film.view(time).camera(args.size())?);
-        let Loaded { renderer, place } = &mut *studio;
+        let OpenScene { renderer, place } = &mut *studio;
         renderer.render_into(place, &weather, &options, picture, &mut Reporter::default())?;
         Ok(())
     };
@@ -297,7 +297,7 @@ fn shoot(studio: &mut Loaded, args: &DemoArgs, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Name and visibility of a weather, as on the sheet: `fog, MOR 150 m`.
+/// Returns name and visibility of a weather for the sheet: `fog, MOR 150 m`.
 fn label(weather: &Weather) -> String {
     let instant = weather.at(0.0);
     let first = |param: &str| {
@@ -316,19 +316,19 @@ fn label(weather: &Weather) -> String {
     }
 }
 
-/// A view as `--camera` takes it.
+/// Formats a view as a value of `--camera`.
 fn camera_text(view: &Viewpoint) -> String {
     let [eye, target] = [view.eye, view.target].map(|p| format!("{},{},{}", p.x, p.y, p.z));
     format!("{eye}:{target}")
 }
 
-/// A path as a shell takes it for one word.
+/// Quotes a path for a shell.
 fn quoted(path: &Path) -> String {
     let text = path.display().to_string();
     if text.contains(char::is_whitespace) { format!("\"{text}\"") } else { text }
 }
 
-/// Size of a file in words.
+/// Formats the size of a file.
 fn megabytes(path: &Path) -> String {
     std::fs::metadata(path)
         .map_or_else(|_| "written".into(), |about| format!("{:.1} MB", about.len() as f64 * 1e-6))

@@ -1,4 +1,4 @@
-//! Photos of the built-in street, and what is made of them.
+//! Photos of the built-in street, and their reconstruction.
 
 use crate::commands::reconstruct::{self, ReconstructArgs};
 use crate::interrupt::{self, Interrupted};
@@ -12,57 +12,57 @@ use wm_street::{
     dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
 };
 
-/// Where photos are taken from.
+/// Route of the camera that takes photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Route {
+pub enum PhotoRoute {
     /// Along the street, at eye level.
     #[default]
     Walk,
-    /// Around it, from above.
+    /// Around the street, from above.
     Orbit,
 }
 
-/// Whether exact depth, normals and sky are written beside photos.
+/// Exact depth, normals and sky beside photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Truth {
-    /// They are.
+pub enum TruthChoice {
+    /// The maps are written.
     #[default]
     Write,
-    /// They are not.
+    /// The maps are not written.
     Omit,
 }
 
-/// Which photos.
+/// Options of a set of photos.
 #[derive(Clone, Copy, Debug)]
 pub struct PhotoSession {
-    /// Where they are taken from.
-    pub route: Route,
-    /// How many.
+    /// Route of the camera.
+    pub route: PhotoRoute,
+    /// Number of photos.
     pub count: u32,
     /// Width and height, px.
     pub size: (u32, u32),
-    /// What is written besides.
-    pub truth: Truth,
+    /// Exact maps to write beside them.
+    pub truth: TruthChoice,
 }
 
 impl PhotoSession {
     fn options(&self) -> DatasetOptions {
         DatasetOptions {
             route: match self.route {
-                Route::Walk => CameraRoute::Walk,
-                Route::Orbit => CameraRoute::Orbit,
+                PhotoRoute::Walk => CameraRoute::Walk,
+                PhotoRoute::Orbit => CameraRoute::Orbit,
             },
             count: self.count,
             size: self.size,
             truth: match self.truth {
-                Truth::Write => GroundTruth::Write,
-                Truth::Omit => GroundTruth::Omit,
+                TruthChoice::Write => GroundTruth::Write,
+                TruthChoice::Omit => GroundTruth::Omit,
             },
             ..DatasetOptions::default()
         }
     }
 
-    /// Takes them: a COLMAP data set in `folder`. What is there of an earlier session is replaced.
+    /// Writes the photos as a COLMAP data set into `folder`. Replaces those of an earlier session.
     ///
     /// # Errors
     /// The folder cannot be written, or Ctrl-C was pressed.
@@ -90,7 +90,7 @@ impl PhotoSession {
 
 /// Removes the photos of an earlier session: those that are left over would not belong to the new model.
 ///
-/// Nothing but what a session writes is touched: any other folder of photos is somebody's own.
+/// Removes only files that a session writes: any other data set belongs to the user.
 fn clear(folder: &Path) -> Result<()> {
     let (images, model) = (folder.join("images"), folder.join("sparse"));
     if !images.exists() && !model.exists() {
@@ -107,7 +107,7 @@ fn clear(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Options of a training in words, as the command line has them.
+/// Command line of a training.
 #[derive(Parser, Debug)]
 #[command(no_binary_name = true)]
 struct Words {
@@ -115,13 +115,13 @@ struct Words {
     args: ReconstructArgs,
 }
 
-/// Reconstructs the photos in `folder` into `scene`: the command itself, with these options.
+/// Reconstructs the photos in `folder` into `scene` by running the command `reconstruct`.
 ///
 /// # Errors
-/// Those of the command.
+/// Options of `reconstruct`.
 pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: &RunArgs) -> Result<()> {
     let run_folder = scene.with_extension("run");
-    // The demo begins anew each time; what is left of one that was broken off is in nobody's way.
+    // The demo starts from the beginning each time: the remains of an interrupted one are removed.
     let left = run_folder.join(reconstruct::CHECKPOINT);
     if left.exists() {
         std::fs::remove_file(&left).with_context(|| format!("cannot remove {}", left.display()))?;
@@ -135,7 +135,7 @@ pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: &RunArgs) -> Re
     reconstruct::run(&args)
 }
 
-/// How the demo trains: the poses are in metres, and all photos have one exposure.
+/// Options of the demo's training: the poses are in metres, and all photos have one exposure.
 const TRAINING: [&str; 6] = ["--preset", "quick", "--metres-per-unit", "1", "--exposure", "shared"];
 
 #[cfg(test)]

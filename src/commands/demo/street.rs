@@ -6,10 +6,10 @@ use anyhow::{Context, Result};
 use wm_scene::Scene;
 use wm_street::Street;
 
-/// Builds the street and samples it on `threads` (`None` for one a core).
+/// Builds the street and samples it on `threads` (`None` for one per core).
 ///
 /// # Errors
-/// Ctrl-C was pressed, or there are no threads to be had.
+/// Ctrl-C was pressed, or threads cannot be started.
 pub fn scene(detail: f64, threads: Option<usize>) -> Result<Scene> {
     let spinner = progress::spinner("building the street");
     let street = Street::builtin();

@@ -1,5 +1,5 @@
-//! `evaluate`: how near a scene is to the photos of a data set, and to the true depth, normals and sky where
-//! there are maps of them; or how near pictures are to photographs of real weather.
+//! `evaluate`: compares a scene with the photos of a data set, and with true depth, normals and sky if there are
+//! maps of them; or pictures with photographs of real weather.
 
 mod page;
 mod realism;
@@ -11,17 +11,17 @@ mod views;
 use crate::dataset::{Dataset, DatasetArgs, HeldOutArgs};
 use crate::names::stem_of;
 use crate::progress;
-use crate::scene::{Loaded, RunArgs, SceneArgs};
+use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use scores::Report;
+use scores::EvaluationReport;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use wm_scene::files::{check_writable, write_atomically};
 
 /// Options of `evaluate`.
 #[derive(Args, Clone, Debug)]
-// The scene is left out where pictures are compared; its group says whether it is there, and derive leaves that empty.
+// The scene is optional, as pictures are compared without one; its group is needed to detect it, and derive leaves it empty.
 #[command(mut_arg("scene", |scene| {
     scene.required(false).required_unless_present_any(["pictures", "paper"]).group("SceneArgs")
 }))]
@@ -37,14 +37,14 @@ pub struct EvaluateArgs {
     truth: truth::TruthArgs,
     #[command(flatten)]
     realism: realism::RealismArgs,
-    /// Write all numbers to this JSON file (docs/evaluate.md says what they are)
+    /// Write all numbers to this JSON file (docs/evaluate.md describes them)
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     json: Option<PathBuf>,
-    /// Write a page to look at: numbers, and pictures of photo, render and error side by side, all in one HTML
+    /// Write an HTML report: numbers, and pictures of photo, render and error side by side, in one
     /// file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
-    /// Most photos whose pictures are in the report, evenly chosen
+    /// Maximum number of photos in the report, evenly spaced
     #[arg(long, value_name = "N", default_value_t = 8, requires = "report", help_heading = "Output")]
     report_photos: u32,
     #[command(flatten)]
@@ -63,7 +63,7 @@ impl EvaluateArgs {
     }
 }
 
-/// The photos, and how they are compared.
+/// The photos and the comparison.
 #[derive(Args, Clone, Debug)]
 #[command(mut_arg("eval_every", |arg| {
     arg.help("Compare every N-th photo (in the order of names): those that `reconstruct` held out with the same number; \
@@ -85,9 +85,9 @@ struct PhotoArgs {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum ExposureFitArg {
-    /// Nothing.
+    /// No correction.
     None,
-    /// An affine change of colour a photo.
+    /// An affine change of colour per photo.
     Affine,
 }
 
@@ -110,7 +110,7 @@ fn open(args: &EvaluateArgs) -> Result<Dataset> {
 /// Runs the command.
 pub fn run(args: &EvaluateArgs) -> Result<()> {
     if args.realism.asked() {
-        let work = realism::Work {
+        let work = realism::RealismOptions {
             json: args.json.as_deref(),
             skip_bad: args.photos.set.skip_bad,
             threads: args.run.threads,
@@ -122,13 +122,13 @@ pub fn run(args: &EvaluateArgs) -> Result<()> {
         check_writable(out)?;
     }
     let data = open(args)?;
-    let loaded = Loaded::new(args.scene(), &args.run, None)?;
+    let loaded = OpenScene::new(args.scene(), &args.run, None)?;
     let truth = args.truth.open(&data, loaded.place.survey())?;
     let pictures = if args.report.is_some() { args.report_photos as usize } else { 0 };
     let bar = progress::bar(data.places.len() as u64, "photos");
     let (evaluation, shown) = views::measure(loaded, &data, &truth, args, pictures, &bar)?;
     bar.finish_and_clear();
-    let report = Report::new(args, &data, truth, evaluation);
+    let report = EvaluationReport::new(args, &data, truth, evaluation);
     text::print(&report);
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&report.json())?;

@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 use wm_train::evaluation::{Evaluation, PhotoScores, TruthFolder, TruthMaps, ViewScores};
 use wm_train::metrics::FloaterShare;
 
-/// A number of a photo.
+/// A column of scores, one number per photo.
 pub struct ScoreColumn {
     /// Its name in JSON.
     pub key: &'static str,
@@ -14,32 +14,32 @@ pub struct ScoreColumn {
     pub name: &'static str,
     /// Its name in tables, in two lines.
     pub head: [&'static str; 2],
-    /// The form in which it is written.
+    /// Unit and format.
     pub unit: ScoreUnit,
     /// The tables in which it is shown.
     pub place: Placement,
-    /// Its definition, in words.
+    /// Definition of the score.
     pub what: &'static str,
     of: fn(&ViewScores) -> Option<f64>,
 }
 
-/// The form in which a score is written.
+/// Unit and format of a score.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ScoreUnit {
-    /// The number itself, with four digits after the point.
+    /// No unit; four decimals.
     Plain,
     /// dB.
     Decibels,
     /// Degrees.
     Degrees,
-    /// Of a share, as percent.
+    /// A fraction as percent.
     Percent,
 }
 
 /// The tables in which a score is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Placement {
-    /// In the tables, too.
+    /// Also in the tables.
     Table,
     /// Only in the means and the JSON file.
     Means,
@@ -88,12 +88,12 @@ pub const COLUMNS: [ScoreColumn; 17] = [
 ];
 
 impl ScoreColumn {
-    /// The number of a photo; `None` where it is not known, or infinite.
+    /// Returns the number of a photo; `None` if it is unknown or infinite.
     pub fn of(&self, scores: &ViewScores) -> Option<f64> {
         (self.of)(scores).filter(|value| value.is_finite())
     }
 
-    /// The number in words; a dash for none.
+    /// Formats the number; a dash for none.
     pub fn text(&self, value: Option<f64>) -> String {
         match (value, self.unit) {
             (None, _) => "-".into(),
@@ -103,7 +103,7 @@ impl ScoreColumn {
         }
     }
 
-    /// The number with its unit, by itself.
+    /// Formats the number with its unit.
     pub fn full_text(&self, value: Option<f64>) -> String {
         // Not to be broken before the sign.
         let sign = match self.unit {
@@ -117,11 +117,11 @@ impl ScoreColumn {
     }
 }
 
-/// Everything that was measured.
-pub struct Report {
+/// All scores of a scene.
+pub struct EvaluationReport {
     pub scene: String,
     pub dataset: String,
-    /// The choice of photos, in words.
+    /// Description of the chosen photos.
     pub selection: String,
     /// The ground truth.
     pub truth: TruthMaps,
@@ -132,13 +132,13 @@ pub struct Report {
     args: EvaluateArgs,
 }
 
-impl Report {
+impl EvaluationReport {
     pub fn new(args: &EvaluateArgs, data: &Dataset, truth: TruthMaps, evaluation: Evaluation) -> Self {
         let Evaluation { photos: views, floaters } = evaluation;
         let (count, all) = (views.len(), data.capture.views.len());
         let selection = match args.photos.held_out.eval_every {
             0 => format!(
-                "all {count} photos, those that the scene learnt from included (--eval-every takes the held-out ones)"
+                "all {count} photos, including those that the scene was trained on (--eval-every selects the held-out ones)"
             ),
             every => format!(
                 "{count} of {all} photos, every {every} from {}",
@@ -149,13 +149,13 @@ impl Report {
         Self { scene, dataset, selection, truth, views, floaters, args: args.clone() }
     }
 
-    /// The mean of a column over the photos that have it.
+    /// Returns the mean of a column over the photos that have it.
     pub fn mean(&self, column: &ScoreColumn) -> Option<f64> {
         let values: Vec<f64> = self.views.iter().filter_map(|view| column.of(&view.scores)).collect();
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     }
 
-    /// The columns that any photo has.
+    /// Returns the columns that at least one photo has.
     pub fn columns(&self, place: Option<Placement>) -> impl Iterator<Item = &'static ScoreColumn> {
         let is_shown = move |column: &&ScoreColumn| place.is_none_or(|place| column.place == place);
         COLUMNS.iter().filter(is_shown).filter(|column| self.mean(column).is_some())
@@ -165,7 +165,7 @@ impl Report {
     pub fn notes(&self) -> Vec<String> {
         let mut notes = vec![format!("{} against {}: {}", self.scene, self.dataset, self.selection)];
         if self.args.photos.exposure_fit == ExposureFitArg::Affine {
-            notes.push("Renders have the change of colour that brings them nearest to their photo.".into());
+            notes.push("The colours of each render are fitted to its photo.".into());
         }
         let TruthMaps { depth, normal, sky, metres_per_unit, scale_source, .. } = &self.truth;
         for (kind, folder) in [("depth", depth), ("normals", normal), ("sky", sky)] {
@@ -180,7 +180,7 @@ impl Report {
         notes
     }
 
-    /// Floaters in words.
+    /// Describes the floaters.
     pub fn floaters(&self) -> Option<String> {
         let found = self.floaters?;
         Some(format!(
@@ -192,7 +192,7 @@ impl Report {
         ))
     }
 
-    /// Everything, as `docs/evaluate.md` has it.
+    /// Returns everything as JSON, as described in `docs/evaluate.md`.
     pub fn json(&self) -> Value {
         let numbers = |of: &dyn Fn(&ScoreColumn) -> Option<f64>| -> Map<String, Value> {
             COLUMNS.iter().filter_map(|column| Some((column.key.to_owned(), json!(of(column)?)))).collect()

@@ -1,9 +1,9 @@
 //! The table on the terminal.
 
-use super::scores::{Placement, Report, ScoreColumn};
+use super::scores::{EvaluationReport, Placement, ScoreColumn};
 
-/// Prints a line a photo, and the means.
-pub fn print(report: &Report) {
+/// Prints a line per photo, and the means.
+pub fn print(report: &EvaluationReport) {
     for note in report.notes() {
         println!("{note}");
     }
@@ -34,7 +34,7 @@ pub fn print(report: &Report) {
     }
 }
 
-/// A name on one line: photos of others may have anything in theirs.
+/// Returns a name on one line: file names may contain any character.
 fn shown(name: &str) -> String {
     name.chars().map(|c| if c.is_control() { '?' } else { c }).collect()
 }

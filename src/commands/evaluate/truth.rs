@@ -22,7 +22,7 @@ pub struct TruthArgs {
     #[arg(long, value_name = "FOLDER", help_heading = "Truth")]
     sky: Option<PathBuf>,
     /// Unit of the depth maps: m, cm, mm, units (of the scene), or a number of metres. Metres become
-    /// scene units by the scene's scale; where it has none, 1 m is 1 unit [default: what a PNG says of itself;
+    /// scene units by the scene's scale; if it has none, 1 m is 1 unit [default: the unit in a PNG's metadata;
     /// m for floats]
     #[arg(long, value_name = "UNIT", help_heading = "Truth")]
     depth_unit: Option<DepthUnit>,
@@ -61,7 +61,7 @@ pub fn explain(error: TruthError) -> anyhow::Error {
             anyhow!("--{kind} {}: there is no such folder; name the folder of the maps", folder.display())
         }
         TruthError::NoMap { kind, folder, example } => anyhow!(
-            "{}: no photo that is compared has a map in it; call them as the photos, such as {}, or name another folder \
+            "{}: no photo that is compared has a map in it; name them like the photos, such as {}, or name another folder \
              with --{kind}",
             folder.display(),
             example.display()

@@ -1,11 +1,11 @@
 //! The observer of an evaluation: progress, and the pictures of some photos for the page.
 
-use super::page::Shown;
+use super::page::PhotoPanels;
 use super::truth::explain;
 use super::{EvaluateArgs, ExposureFitArg};
 use crate::dataset::Dataset;
 use crate::interrupt::{self, Interrupted};
-use crate::scene::Loaded;
+use crate::scene::OpenScene;
 use anyhow::{Result, anyhow};
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
@@ -17,15 +17,15 @@ use wm_train::evaluation::{
 use wm_train::photos::PhotoError;
 use wm_train::session::ObserverError;
 
-/// Measures the photos of `data`; the second value is what is shown of `pictures` photos.
+/// Measures the photos of `data`; also returns the panels of `pictures` photos for the report.
 pub fn measure(
-    loaded: Loaded,
+    loaded: OpenScene,
     data: &Dataset,
     truth: &TruthMaps,
     args: &EvaluateArgs,
     pictures: usize,
     bar: &ProgressBar,
-) -> Result<(Evaluation, Vec<Shown>)> {
+) -> Result<(Evaluation, Vec<PhotoPanels>)> {
     let options = EvaluationOptions {
         exposure_fit: match args.photos.exposure_fit {
             ExposureFitArg::None => ExposureFit::None,
@@ -34,13 +34,13 @@ pub fn measure(
         bad: args.photos.set.options().bad,
         geometry: if pictures > 0 { Geometry::DepthNormal } else { Geometry::None },
     };
-    let mut progress = Progress {
+    let mut progress = ViewProgress {
         bar,
         chosen: evenly(data.places.len(), pictures),
         metres_per_unit: truth.metres_per_unit,
         shown: Vec::new(),
     };
-    let Loaded { mut renderer, place } = loaded;
+    let OpenScene { mut renderer, place } = loaded;
     let (backend, set) = (renderer.backend_mut(), place.set());
     let evaluated = evaluate(backend, set, place.scene(), data, truth, &options, &mut progress);
     let evaluation = evaluated.map_err(|error| match error {
@@ -61,14 +61,14 @@ pub fn measure(
 }
 
 /// Moves the progress bar and draws the pictures of the chosen photos.
-struct Progress<'a> {
+struct ViewProgress<'a> {
     bar: &'a ProgressBar,
     chosen: Vec<usize>,
     metres_per_unit: f64,
-    shown: Vec<Shown>,
+    shown: Vec<PhotoPanels>,
 }
 
-impl EvaluationObserver for Progress<'_> {
+impl EvaluationObserver for ViewProgress<'_> {
     fn proceed(&mut self) -> ControlFlow<()> {
         if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
@@ -79,7 +79,7 @@ impl EvaluationObserver for Progress<'_> {
 
     fn on_photo(&mut self, photo: &EvaluatedPhoto<'_>) -> Result<(), ObserverError> {
         if self.chosen.contains(&photo.index) {
-            self.shown.push(Shown::new(photo, self.metres_per_unit)?);
+            self.shown.push(PhotoPanels::new(photo, self.metres_per_unit)?);
         }
         self.bar.inc(1);
         Ok(())

@@ -1,14 +1,14 @@
-//! `measure`: whether a place's weather is what was asked for, by instruments that look at its pictures.
+//! `measure`: compares the weather of rendered pictures with its parameters, using instruments.
 
 mod page;
 mod tables;
 
-use crate::commands::bench::paper::Table;
+use crate::commands::bench::paper::SpeedTable;
 use crate::commands::demo::street;
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress;
-use crate::scene::{FactArgs, Loaded, RunArgs, SceneArgs};
+use crate::scene::{FactArgs, OpenScene, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -33,12 +33,12 @@ pub struct MeasureArgs {
     scene: Option<PathBuf>,
     #[command(flatten)]
     facts: FactArgs,
-    /// Leave out splats that hold NaN or infinite numbers, and go on
+    /// Remove splats that contain NaN or infinite numbers, and continue
     #[arg(long, help_heading = "Scene")]
     repair: bool,
     #[command(flatten)]
     weather: WeatherArgs,
-    /// The instant of the weather, s
+    /// Time of the weather, seconds
     #[arg(
         long,
         value_name = "S",
@@ -47,15 +47,15 @@ pub struct MeasureArgs {
         help_heading = "Weather"
     )]
     time: f64,
-    /// Only these instruments: visibility, rays, gauge, streaks, stake, budget, consistency, controls [default: all
-    /// that the weather gives something to measure]
+    /// Use only these instruments: visibility, rays, gauge, streaks, stake, budget, consistency, controls [default: all
+    /// that can measure the weather]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     instruments: Vec<String>,
-    /// From where the place itself is looked at: EYE:TARGET as X,Y,Z:X,Y,Z, or a photo's name or number [default: chosen
-    /// by looking at the scene]
+    /// Camera for views of the scene: EYE:TARGET as X,Y,Z:X,Y,Z, or a photo's name or number [default: chosen
+    /// automatically]
     #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true)]
     camera: Option<CameraSpec>,
-    /// Size of the pictures of the place, px
+    /// Size of the pictures of the scene, px
     #[arg(long, value_name = "WxH", value_parser = spec::parse_size, default_value = "480x320")]
     size: (u32, u32),
     /// Write a report for a browser, report.html, into this folder, with all numbers as readings.json, .csv and .md, and its
@@ -69,43 +69,43 @@ pub struct MeasureArgs {
     run: RunArgs,
 }
 
-/// What one instrument is to measure.
-struct Task {
+/// A measurement to make with one instrument.
+struct InstrumentTask {
     instrument: &'static Instrument,
     weather: Weather,
-    /// The weather in words.
+    /// Description of the weather.
     setting: String,
 }
 
-/// What one instrument found.
-struct Section {
+/// Results of one instrument.
+struct InstrumentSection {
     instrument: &'static Instrument,
     findings: Vec<Finding>,
 }
 
-impl Section {
+impl InstrumentSection {
     fn readings(&self) -> impl Iterator<Item = &Reading> {
         self.findings.iter().flat_map(|finding| &finding.readings)
     }
 }
 
-/// Everything that was measured.
-struct Report {
+/// All results.
+struct MeasureReport {
     place: String,
     about: String,
     renderer: String,
     seconds: f64,
-    sections: Vec<Section>,
-    /// Frames a second, for the page of a whole sweep.
-    speed: Option<Table>,
+    sections: Vec<InstrumentSection>,
+    /// Rendering speed, for the page of a whole sweep.
+    speed: Option<SpeedTable>,
 }
 
-impl Report {
+impl MeasureReport {
     fn readings(&self) -> impl Iterator<Item = &Reading> {
-        self.sections.iter().flat_map(Section::readings)
+        self.sections.iter().flat_map(InstrumentSection::readings)
     }
 
-    /// How many readings are as asked, and how many are not.
+    /// Returns the number of readings within tolerance, and outside of it.
     fn verdict(&self) -> [usize; 2] {
         self.readings().fold([0; 2], |[right, off], reading| match reading.passes() {
             true => [right + 1, off],
@@ -117,7 +117,7 @@ impl Report {
 /// Runs the command.
 ///
 /// # Errors
-/// Where something is not as asked, after all of it was written.
+/// A reading is outside of its tolerance; everything is written before.
 pub fn run(args: &MeasureArgs) -> Result<()> {
     if !args.time.is_finite() {
         bail!("--time {}: give seconds, such as 0 or 12.5", args.time);
@@ -125,17 +125,17 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     let tasks = tasks(args)?;
     if let Some(folder) = &args.report {
         std::fs::create_dir_all(folder)
-            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+            .with_context(|| format!("cannot create the folder {}", folder.display()))?;
         check_writable(&folder.join(PAGE))?;
     }
     let started = Instant::now();
     let mut loaded = open(args)?;
     let camera = camera(args, &mut loaded)?;
-    // The page of a whole sweep says how fast it is, too.
+    // The page of a whole sweep includes rendering speed.
     let is_whole = args.report.is_some() && args.instruments.is_empty() && !args.weather.is_given();
     let speed = is_whole.then(|| speed(args, &mut loaded, &camera)).transpose()?;
     let mut field = PlaceRenderer::new(loaded.renderer, loaded.place, camera);
-    let report = Report { speed, ..measure(args, &mut field, tasks, started)? };
+    let report = MeasureReport { speed, ..measure(args, &mut field, tasks, started)? };
     if args.json {
         println!("{}", serde_json::to_string_pretty(&tables::json(&report))?);
     } else {
@@ -146,7 +146,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
     }
     match report.verdict() {
         [_, 0] => Ok(()),
-        [right, off] => bail!("{off} of {} readings are not as asked", right + off),
+        [right, off] => bail!("{off} of {} readings are outside of their tolerance", right + off),
     }
 }
 
@@ -156,7 +156,7 @@ const PAPER_SIZE: (u32, u32) = (1200, 800);
 const ROUNDS: u32 = 3;
 
 /// Writes the report, the page last.
-fn write(report: &Report, folder: &Path) -> Result<()> {
+fn write(report: &MeasureReport, folder: &Path) -> Result<()> {
     let json = serde_json::to_string_pretty(&tables::json(report))? + "\n";
     let mut files = vec![
         ("readings.json".to_owned(), json),
@@ -174,7 +174,7 @@ fn write(report: &Report, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The instruments that are asked for.
+/// Returns the instruments that are requested.
 fn instruments(args: &MeasureArgs) -> Result<Vec<&'static Instrument>> {
     if args.instruments.is_empty() {
         return Ok(INSTRUMENTS.iter().collect());
@@ -182,14 +182,14 @@ fn instruments(args: &MeasureArgs) -> Result<Vec<&'static Instrument>> {
     let find = |name: &String| {
         INSTRUMENTS.iter().find(|instrument| instrument.name == name).with_context(|| {
             let names: Vec<&str> = INSTRUMENTS.iter().map(|instrument| instrument.name).collect();
-            format!("--instruments {name}: there are {}", names.join(", "))
+            format!("--instruments {name}: unknown; the instruments are {}", names.join(", "))
         })
     };
     args.instruments.iter().map(find).collect()
 }
 
-/// What is to be measured: one weather, or the sweep of each instrument.
-fn tasks(args: &MeasureArgs) -> Result<Vec<Task>> {
+/// Returns the measurements to make: one weather, or the sweep of each instrument.
+fn tasks(args: &MeasureArgs) -> Result<Vec<InstrumentTask>> {
     let instruments = instruments(args)?;
     if args.weather.is_given() {
         let weather = args.weather.read()?;
@@ -197,8 +197,12 @@ fn tasks(args: &MeasureArgs) -> Result<Vec<Task>> {
             bail!("fidelity `paper` has no physical units to be measured: --set fidelity=physical");
         }
         let applies = instruments.into_iter().filter(|instrument| (instrument.applies)(&weather, args.time));
-        let task = |instrument| Task { instrument, weather: weather.clone(), setting: weather.name.clone() };
-        let tasks: Vec<Task> = applies.map(task).collect();
+        let task = |instrument| InstrumentTask {
+            instrument,
+            weather: weather.clone(),
+            setting: weather.name.clone(),
+        };
+        let tasks: Vec<InstrumentTask> = applies.map(task).collect();
         if tasks.is_empty() {
             bail!(
                 "the weather {} at {} s has nothing for these instruments to measure: give another, or none for all",
@@ -214,18 +218,18 @@ fn tasks(args: &MeasureArgs) -> Result<Vec<Task>> {
             let mut weather = Weather::clear();
             changes.iter().try_for_each(|change| weather.set_text(change))?;
             let setting = if changes.is_empty() { weather.name.clone() } else { changes.join(", ") };
-            tasks.push(Task { instrument, weather, setting });
+            tasks.push(InstrumentTask { instrument, weather, setting });
         }
     }
     Ok(tasks)
 }
 
-/// Opens the place.
-fn open(args: &MeasureArgs) -> Result<Loaded> {
+/// Opens the scene.
+fn open(args: &MeasureArgs) -> Result<OpenScene> {
     match &args.scene {
         Some(scene) => {
             let (scene, facts) = (scene.clone(), args.facts.clone());
-            Loaded::new(
+            OpenScene::new(
                 &SceneArgs { scene, level: None, repair: args.repair, assets: None, facts },
                 &args.run,
                 None,
@@ -233,26 +237,26 @@ fn open(args: &MeasureArgs) -> Result<Loaded> {
         }
         None => {
             let threads = args.run.threads.map(usize::from);
-            Loaded::of(street::scene(1.0, threads)?, &Metadata::default(), &args.run)
+            OpenScene::of(street::scene(1.0, threads)?, &Metadata::default(), &args.run)
         }
     }
 }
 
-/// What the place is called.
+/// Returns the name of the scene.
 fn name(args: &MeasureArgs) -> String {
     args.scene.as_ref().map_or_else(|| "built-in street".into(), |scene| stem_of(scene))
 }
 
 /// The paper's table of speeds, in few rounds.
-fn speed(args: &MeasureArgs, loaded: &mut Loaded, camera: &Camera) -> Result<Table> {
-    let mut table = Table::new(PAPER_SIZE);
+fn speed(args: &MeasureArgs, loaded: &mut OpenScene, camera: &Camera) -> Result<SpeedTable> {
+    let mut table = SpeedTable::new(PAPER_SIZE);
     let camera = camera.resized(PAPER_SIZE.0, PAPER_SIZE.1);
     table.add(&name(args), loaded, &camera, (&args.run, ROUNDS))?;
     Ok(table)
 }
 
-/// From where the place is looked at.
-fn camera(args: &MeasureArgs, loaded: &mut Loaded) -> Result<Camera> {
+/// Returns the camera for views of the scene.
+fn camera(args: &MeasureArgs, loaded: &mut OpenScene) -> Result<Camera> {
     let options = view::ViewOptions { up: None, fov: None, near: None, size: Some(args.size) };
     Ok(match (&args.camera, &args.scene) {
         (Some(spec), _) => spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?,
@@ -261,16 +265,16 @@ fn camera(args: &MeasureArgs, loaded: &mut Loaded) -> Result<Camera> {
     })
 }
 
-/// Measures.
+/// Runs the instruments.
 fn measure(
     args: &MeasureArgs,
     field: &mut PlaceRenderer,
-    tasks: Vec<Task>,
+    tasks: Vec<InstrumentTask>,
     started: Instant,
-) -> Result<Report> {
+) -> Result<MeasureReport> {
     let bar = progress::bar(tasks.len() as u64, "readings");
-    let mut sections: Vec<Section> = Vec::new();
-    for Task { instrument, weather, setting } in tasks {
+    let mut sections: Vec<InstrumentSection> = Vec::new();
+    for InstrumentTask { instrument, weather, setting } in tasks {
         if interrupt::asked() {
             return Err(Interrupted("the measurement is not complete".into()).into());
         }
@@ -281,7 +285,7 @@ fn measure(
         field.clear_away();
         match sections.last_mut().filter(|section| section.instrument.name == instrument.name) {
             Some(section) => section.findings.push(finding),
-            None => sections.push(Section { instrument, findings: vec![finding] }),
+            None => sections.push(InstrumentSection { instrument, findings: vec![finding] }),
         }
         bar.inc(1);
     }
@@ -290,7 +294,7 @@ fn measure(
     // Four digits of whatever size.
     let metres: f64 = format!("{:.3e}", unit.value).parse()?;
     let about = format!("1 scene unit is {metres} m ({})", unit.source);
-    Ok(Report {
+    Ok(MeasureReport {
         place: name(args),
         about,
         renderer: field.renderer.describe(),

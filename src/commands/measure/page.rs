@@ -1,4 +1,4 @@
-//! The report for a browser.
+//! The HTML report.
 
 use super::tables::{error, measured, number, tolerance, unit, verdict};
 use super::{Report, Section};
@@ -11,20 +11,22 @@ use weather_magician::measure::{Finding, Reading, Tolerance};
 
 const STYLE: &str = include_str!("page.css");
 
-/// Plots and pictures of an instrument that are shown at once; the others are folded away.
+/// Number of plots and pictures of an instrument that are shown; the others are collapsed.
 const FIRST: usize = 3;
-/// Width from which a picture has the whole page, px.
+/// Width from which a picture takes the whole page, px.
 const SHEET: u32 = 1300;
 
-/// The page.
-pub fn page(report: &Report) -> Result<String> {
+/// Returns the page.
+pub fn page(report: &MeasureReport) -> Result<String> {
     let [right, off] = report.verdict();
     let mut out = head(&format!("Weather measured: {}", report.place), STYLE);
     let verdict = if off == 0 {
-        format!("<p class=\"verdict\"><b class=\"pass\">{right} of {right}</b> readings are as asked.</p>")
+        format!(
+            "<p class=\"verdict\"><b class=\"pass\">{right} of {right}</b> readings are within their tolerance.</p>"
+        )
     } else {
         format!(
-            "<p class=\"verdict\"><b class=\"fail\">{off} of {}</b> readings are not as asked.</p>",
+            "<p class=\"verdict\"><b class=\"fail\">{off} of {}</b> readings are outside of their tolerance.</p>",
             right + off
         )
     };
@@ -49,8 +51,8 @@ pub fn page(report: &Report) -> Result<String> {
     Ok(out)
 }
 
-/// A line an instrument.
-fn summary(out: &mut String, report: &Report) {
+/// Writes a line per instrument.
+fn summary(out: &mut String, report: &MeasureReport) {
     out.push_str(
         "<div class=\"scroll\"><table class=\"means\">\n<thead><tr><th>instrument</th><th>readings</th><th>as asked</th>\
          <th>worst, of what is allowed</th></tr></thead>\n<tbody>\n",
@@ -75,7 +77,7 @@ fn summary(out: &mut String, report: &Report) {
     out.push_str("</tbody>\n</table></div>\n");
 }
 
-/// How much of what is allowed a reading is off by.
+/// Returns the error of a reading as a fraction of its tolerance.
 fn share(reading: &Reading) -> f64 {
     let share = match reading.tolerance {
         Tolerance::Relative(most) | Tolerance::Absolute(most) => reading.error().abs() / most,
@@ -83,14 +85,14 @@ fn share(reading: &Reading) -> f64 {
         Tolerance::None => 0.0,
     };
     match reading.passes() {
-        // Nothing off is none of nothing allowed.
+        // No error is within a tolerance of zero.
         true if share.is_nan() => 0.0,
         _ if share.is_finite() => share,
         _ => 99.0,
     }
 }
 
-fn write_section(out: &mut String, section: &Section) -> Result<()> {
+fn write_section(out: &mut String, section: &InstrumentSection) -> Result<()> {
     let instrument = section.instrument;
     let _ = writeln!(
         out,
@@ -152,8 +154,8 @@ fn write_section(out: &mut String, section: &Section) -> Result<()> {
     Ok(())
 }
 
-/// The paper's table of speeds.
-fn write_speed(out: &mut String, table: &Table) {
+/// Writes the paper's table of speeds.
+fn write_speed(out: &mut String, table: &SpeedTable) {
     let (head, rows) = table.cells();
     let cells = |tag: &str, cells: &[String]| -> String {
         cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell))).collect()
@@ -179,7 +181,7 @@ fn write_speed(out: &mut String, table: &Table) {
     out.push_str("</section>\n");
 }
 
-/// The first of some figures, and the others behind a line.
+/// Writes the first figures, and the others in a collapsed section.
 fn folded(out: &mut String, class: &str, figures: &[String], first: usize, what: &str) {
     let first = first.min(figures.len());
     if first == 0 {
@@ -197,11 +199,11 @@ fn folded(out: &mut String, class: &str, figures: &[String], first: usize, what:
     }
 }
 
-/// Measured over asked, of the quantities that were swept.
-fn against(section: &Section) -> Vec<Plot> {
+/// Returns plots of measured over given values for the quantities of a sweep.
+fn against(section: &InstrumentSection) -> Vec<Plot> {
     let mut groups: Vec<(&str, &str, Vec<[f64; 2]>)> = Vec::new();
     for reading in section.readings() {
-        // Shares ask for 1 throughout, and there is nothing to plot.
+        // Fractions always have the expected value 1: there is nothing to plot.
         let is_swept = matches!(reading.tolerance, Tolerance::Relative(_)) || reading.unit == "mm";
         if !is_swept || reading.unit.is_empty() || !reading.measured.is_finite() {
             continue;
@@ -228,7 +230,7 @@ fn against(section: &Section) -> Vec<Plot> {
             let label = if unit.is_empty() { what.to_owned() } else { format!("{what}, {unit}") };
             if low > 0.0 && high / low > 8.0 { Axis::log(label) } else { Axis::linear(label) }
         };
-        let mut series = vec![Series::line("as asked", vec![[low, low], [high, high]])];
+        let mut series = vec![Series::line("exact", vec![[low, low], [high, high]])];
         series.extend(own.map(|(name, _, points)| Series::points(*name, points.clone())));
         Plot {
             title: format!("{}: asked and measured", section.instrument.title),
@@ -240,9 +242,9 @@ fn against(section: &Section) -> Vec<Plot> {
     units.iter().map(plot).collect()
 }
 
-/// All plots as files: their names and what is in them.
-pub fn plots(report: &Report) -> Vec<(String, String)> {
-    let of = |section: &Section| {
+/// Returns all plots as files: name and content.
+pub fn plots(report: &MeasureReport) -> Vec<(String, String)> {
+    let of = |section: &InstrumentSection| {
         let own = section.findings.iter().flat_map(|finding| finding.plots.clone());
         let all: Vec<Plot> =
             against(section).into_iter().chain(own).filter(|plot| !plot.is_empty()).collect();

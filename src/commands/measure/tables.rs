@@ -5,9 +5,9 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 use weather_magician::measure::{Reading, Tolerance};
 
-/// A number with as many digits as tell something.
+/// Formats a number with four significant digits.
 pub fn number(value: f64) -> String {
-    // What is rounded to nothing has no sign.
+    // A number that is rounded to zero has no sign.
     let (size, value) = (value.abs(), if value.abs() < 5e-4 { 0.0 } else { value });
     match size {
         _ if !value.is_finite() => "-".into(),
@@ -18,13 +18,13 @@ pub fn number(value: f64) -> String {
     }
 }
 
-/// The same without zeros at its end.
+/// Formats a number without trailing zeros.
 fn short(value: f64) -> String {
     let text = number(value);
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
-/// How far a reading is off, with its unit.
+/// Formats the error of a reading with its unit.
 pub fn error(reading: &Reading) -> String {
     let error = reading.error();
     match reading.tolerance {
@@ -34,7 +34,7 @@ pub fn error(reading: &Reading) -> String {
     }
 }
 
-/// How far it may be.
+/// Formats the tolerance of a reading.
 pub fn tolerance(reading: &Reading) -> String {
     match reading.tolerance {
         Tolerance::Relative(most) => format!("{} %", 100.0 * most),
@@ -44,7 +44,7 @@ pub fn tolerance(reading: &Reading) -> String {
     }
 }
 
-/// Whether it is as asked, in a word.
+/// Returns a word for a reading within or outside of its tolerance.
 pub fn verdict(reading: &Reading) -> &'static str {
     match (reading.tolerance, reading.passes()) {
         (Tolerance::None, _) => "",
@@ -53,19 +53,19 @@ pub fn verdict(reading: &Reading) -> &'static str {
     }
 }
 
-/// What was measured, with its standard error.
+/// Formats the measured value with its standard error.
 pub fn measured(reading: &Reading) -> String {
     let error = reading.standard_error.map(|error| format!(" \u{b1} {}", number(error))).unwrap_or_default();
     number(reading.measured) + &error
 }
 
-/// A unit behind a number.
+/// Returns a unit to append to a number.
 pub fn unit(reading: &Reading) -> String {
     if reading.unit.is_empty() { String::new() } else { format!(" {}", reading.unit) }
 }
 
-/// For people.
-pub fn text(report: &Report) -> String {
+/// Returns the readings as text.
+pub fn text(report: &MeasureReport) -> String {
     let mut out = format!("{}, {}\n", report.place, report.renderer);
     for section in &report.sections {
         let _ = writeln!(out, "\n{}", section.instrument.title);
@@ -103,8 +103,8 @@ pub fn text(report: &Report) -> String {
     out
 }
 
-/// For programs.
-pub fn json(report: &Report) -> Value {
+/// Returns the readings as JSON.
+pub fn json(report: &MeasureReport) -> Value {
     let reading = |reading: &Reading| {
         let mut value = json!(reading);
         value["error"] = json!(reading.error());
@@ -148,7 +148,7 @@ const HEAD: [&str; 10] = [
     "verdict",
 ];
 
-fn rows(report: &Report) -> impl Iterator<Item = [String; 10]> {
+fn rows(report: &MeasureReport) -> impl Iterator<Item = [String; 10]> {
     report.sections.iter().flat_map(|section| {
         section.readings().map(|reading| {
             [
@@ -167,8 +167,8 @@ fn rows(report: &Report) -> impl Iterator<Item = [String; 10]> {
     })
 }
 
-/// For spreadsheets: RFC 4180.
-pub fn csv(report: &Report) -> String {
+/// Returns the readings as CSV (RFC 4180).
+pub fn csv(report: &MeasureReport) -> String {
     let quoted = |cell: &str| match cell.contains([',', '"', '\n']) {
         true => format!("\"{}\"", cell.replace('"', "\"\"")),
         false => cell.to_owned(),
@@ -181,8 +181,8 @@ pub fn csv(report: &Report) -> String {
     out
 }
 
-/// For documents.
-pub fn markdown(report: &Report) -> String {
+/// Returns the readings as Markdown.
+pub fn markdown(report: &MeasureReport) -> String {
     let mut out = format!("| {} |\n|{}\n", HEAD.join(" | "), "---|".repeat(HEAD.len()));
     for row in rows(report) {
         let _ = writeln!(out, "| {} |", row.each_ref().map(|cell| cell.replace('|', "\\|")).join(" | "));

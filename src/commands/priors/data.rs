@@ -1,11 +1,11 @@
-//! The photos that priors are made of.
+//! The photos for which priors are made.
 
 use crate::dataset::{Dataset, DatasetArgs, HeldOutArgs};
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::Path;
 
-/// The photos of which priors are made, and their size.
+/// The photos for which priors are made, and their size.
 #[derive(Args, Clone, Debug)]
 #[command(mut_arg("eval_every", |arg| {
     arg.help("Make no priors of every N-th photo (in the order of names): those that `reconstruct` holds out with the same \
@@ -21,7 +21,7 @@ pub struct PhotoArgs {
     held_out: HeldOutArgs,
 }
 
-/// Opens a data set. Warns on the error stream.
+/// Opens a data set. Prints warnings on the error stream.
 pub fn open(dataset: &Path, args: &PhotoArgs) -> Result<Dataset> {
     let (capture, photos) = args.set.open(dataset)?;
     let (_, places) = args.held_out.held_out().split(&photos);

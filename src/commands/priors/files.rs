@@ -1,7 +1,7 @@
 //! Priors from maps that the user has.
 
 use super::PriorsArgs;
-use super::work::{Answer, Source};
+use super::work::{PriorAnswer, PriorEstimator};
 use crate::dataset::Dataset;
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
@@ -18,7 +18,7 @@ use wm_train::priors::relative::{Relative, pairs};
 /// The folders of maps, and the meaning of their numbers.
 #[derive(Args, Clone, Debug)]
 pub struct FileArgs {
-    /// Folder of depth maps, a file a photo with its name: .png, .tiff, .exr or .npy; of any size with the photo's
+    /// Folder of depth maps, one file per photo and named after it: .png, .tiff, .exr or .npy; of any size with the photo's
     /// aspect ratio
     #[arg(long, value_name = "FOLDER", help_heading = "Maps")]
     depth: Option<PathBuf>,
@@ -32,16 +32,16 @@ pub struct FileArgs {
         hide_default_value = true
     )]
     depth_form: DepthForm,
-    /// Known part of their scale: metric (metres), scaled (up to a factor for each map) or relative (up to a
-    /// factor and an offset of each map's 1 / z, as most networks leave it). Factors and offsets are fitted to the
+    /// Scale of the depth maps: metric (metres), scaled (an unknown factor for each map) or relative (an unknown
+    /// factor and offset of each map's 1 / z, as from most networks). Factors and offsets are fitted to the
     /// points [default: relative for disparity, else metric]
     #[arg(long, value_name = "SCALE", requires = "depth", help_heading = "Maps")]
     depth_scale: Option<ScaleArg>,
-    /// Of metric maps, what one step is: m, cm, mm, units (of the scene), or a number of metres [default: what a
-    /// PNG says of itself; m for floats]
+    /// Unit of metric maps: m, cm, mm, units (of the scene), or a number of metres [default: the unit in a
+    /// PNG's metadata; m for floats]
     #[arg(long, value_name = "UNIT", requires = "depth", help_heading = "Maps")]
     depth_unit: Option<DepthUnit>,
-    /// Of metric maps, metres a scene unit [default: one scale for all photos, fitted to the points]
+    /// Metres per scene unit, for metric maps [default: one scale for all photos, fitted to the points]
     #[arg(
         long,
         value_name = "METRES",
@@ -50,19 +50,19 @@ pub struct FileArgs {
         help_heading = "Maps"
     )]
     metres_per_unit: Option<f64>,
-    /// Folder of normal maps; without it normals are those of the depth
+    /// Folder of normal maps [default: normals are computed from the depth]
     #[arg(long, value_name = "FOLDER", requires = "normal_axes", help_heading = "Maps")]
     normal: Option<PathBuf>,
     /// Axes of the normal maps: world (of the scene), camera (x right, y down, z forward) or opengl (x right, y up,
     /// z towards the viewer)
     #[arg(long, value_name = "AXES", requires = "normal", help_heading = "Maps")]
     normal_axes: Option<NormalAxes>,
-    /// Folder of masks of the sky: white is sky, black is not, grey cannot be told; without it depth tells, and the
-    /// photo's colours
+    /// Folder of masks of the sky: white is sky, black is not, grey is unknown [default: computed from depth and the
+    /// photo's colours]
     #[arg(long, value_name = "FOLDER", help_heading = "Maps")]
     sky: Option<PathBuf>,
-    /// Picture that the maps are of, where the lens distorts: photo (as it is stored) or pinhole (without its
-    /// lens, as COLMAP's undistorter and this program make it)
+    /// Picture that the maps belong to if the lens distorts: photo (as it is stored) or pinhole (undistorted,
+    /// as COLMAP's undistorter and this program make it)
     #[arg(long, value_name = "PICTURE", default_value = "photo", help_heading = "Maps")]
     maps_of: MapsOfArg,
 }
@@ -70,25 +70,25 @@ pub struct FileArgs {
 /// The known part of the scale of depth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ScaleArg {
-    /// All.
+    /// The scale is known.
     Metric,
-    /// All but a factor.
+    /// A factor is unknown.
     Scaled,
-    /// All but a factor and an offset.
+    /// A factor and an offset are unknown.
     Relative,
 }
 
-/// The picture that maps are of.
+/// The picture that maps belong to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum MapsOfArg {
     /// The photo.
     Photo,
-    /// The photo without its lens.
+    /// The undistorted photo.
     Pinhole,
 }
 
 impl FileArgs {
-    /// The first option that asks for maps.
+    /// Returns the name of the first option that was given.
     pub fn given(&self) -> Option<&'static str> {
         let all = [(&self.depth, "--depth"), (&self.normal, "--normal"), (&self.sky, "--sky")];
         all.into_iter().find(|(folder, _)| folder.is_some()).map(|(_, name)| name)
@@ -108,7 +108,7 @@ impl FileArgs {
                 bail!("--metres-per-unit is {metres}: it must be finite and above 0");
             }
             if self.scale() != ScaleArg::Metric {
-                bail!("--metres-per-unit goes with --depth-scale metric; leave one of them out");
+                bail!("--metres-per-unit is only for --depth-scale metric; leave one of them out");
             }
         }
         Ok(())
@@ -116,13 +116,13 @@ impl FileArgs {
 }
 
 /// Maps in folders.
-pub struct Maps {
+pub struct PriorMaps {
     maps: FileMaps,
     name: String,
 }
 
-/// Looks at the folders, and how large the scene is if that must be known. Warns on the error stream.
-pub fn open(args: &PriorsArgs, data: &Dataset) -> Result<Maps> {
+/// Opens the folders, and finds the scene's scale if it is needed. Prints warnings on the error stream.
+pub fn open(args: &PriorsArgs, data: &Dataset) -> Result<PriorMaps> {
     let given = &args.files;
     given.check()?;
     let (form, scale) = (given.depth_form, given.scale());
@@ -175,19 +175,19 @@ pub fn open(args: &PriorsArgs, data: &Dataset) -> Result<Maps> {
     if given.maps_of == MapsOfArg::Pinhole {
         parts.push("without the lens".into());
     }
-    Ok(Maps { maps, name: format!("{}: {}", files::SOURCE, parts.join(", ")) })
+    Ok(PriorMaps { maps, name: format!("{}: {}", files::SOURCE, parts.join(", ")) })
 }
 
-impl Source for Maps {
+impl PriorEstimator for PriorMaps {
     fn name(&self) -> String {
         self.name.clone()
     }
 
-    fn at_once(&self) -> usize {
+    fn batch_size(&self) -> usize {
         2 * rayon::current_num_threads()
     }
 
-    fn look(&self, data: &Dataset, place: usize) -> Result<Answer> {
+    fn estimate(&self, data: &Dataset, place: usize) -> Result<PriorAnswer> {
         let given = self.maps.look(&data.photos, place, data.name(place));
         let given = given.map_err(|error| match (&error.fault, self.maps.of) {
             (MapFault::Aspect { .. }, MapsOf::Photo) if data.photos.is_bent(place) => {
@@ -198,11 +198,11 @@ impl Source for Maps {
             }
             _ => error.into(),
         })?;
-        Ok(given.map_or_else(|| Answer::Nothing("there is no map of it".into()), Answer::Given))
+        Ok(given.map_or_else(|| PriorAnswer::Nothing("there is no map of it".into()), PriorAnswer::Given))
     }
 }
 
-/// Metres a scene unit, the median of what fits each photo's metric depth to the points.
+/// Returns metres per scene unit: the median of the scales that fit each photo's metric depth to the points.
 fn shared_scale(maps: &FileMaps, data: &Dataset) -> Result<f64> {
     // Only the depth counts here; at scale 1 it is in 1 / m.
     let depth = maps.depth.clone().map(|depth| DepthFiles { freedom: Freedom::Known(1.0), ..depth });
@@ -255,7 +255,7 @@ fn shared_scale(maps: &FileMaps, data: &Dataset) -> Result<f64> {
     Ok(at(0.5))
 }
 
-/// Warns of photos without a map, and refuses a folder without any.
+/// Prints a warning for photos without a map; returns an error for a folder without any.
 fn count(kind: &str, folder: &Path, data: &Dataset) -> Result<()> {
     if !folder.is_dir() {
         bail!("--{kind} {}: there is no such folder; name the folder of the maps", folder.display());
@@ -273,7 +273,7 @@ fn count(kind: &str, folder: &Path, data: &Dataset) -> Result<()> {
         let example = Path::new(first).with_extension("npy");
         if missing == all {
             bail!(
-                "--{kind} {}: no photo has a map in it; call them as the photos, such as {}",
+                "--{kind} {}: no photo has a map in it; name them like the photos, such as {}",
                 folder.display(),
                 example.display()
             );

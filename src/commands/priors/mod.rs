@@ -1,4 +1,4 @@
-//! `priors`: what photos are believed to show before a training, one file a source.
+//! `priors`: computes depth, normals and sky of photos before a training; one file per source.
 
 mod data;
 mod files;
@@ -21,25 +21,25 @@ use wm_train::priors::{FOLDER, PriorsWriter, photos};
 pub struct PriorsArgs {
     /// The data set: a folder with a COLMAP model or a transforms.json
     dataset: PathBuf,
-    /// Folder that the priors go to [default: priors in the data set, where `reconstruct` finds them by itself]
+    /// Output folder [default: priors in the data set, where `reconstruct` finds them]
     #[arg(short, long, value_name = "FOLDER", help_heading = "Output")]
     out: Option<PathBuf>,
-    /// Go on with what Ctrl-C ended, or with photos that came later; the other options must be the same
+    /// Continue stopped work, or add new photos; the other options must be the same
     #[arg(long, help_heading = "Output")]
     resume: bool,
-    /// Also write a picture of each photo with its depth, normals and sky, to look at; preview.png shows six of
-    /// them in any case
+    /// Also write a preview of each photo with its depth, normals and sky; preview.png always shows six of
+    /// them
     #[arg(long, help_heading = "Output")]
     preview: bool,
-    /// Most pixels of a map that is kept
+    /// Maximum number of pixels of a map that is written
     #[arg(long, value_name = "N", default_value_t = 300_000, value_parser = clap::value_parser!(u32).range(64..=64_000_000), help_heading = "Output")]
     map_pixels: u32,
-    /// Source of the priors: photos (stereo between them, and their colours), network (relative depth of each
+    /// Source of the priors: photos (stereo and colours), network (relative depth of each
     /// photo, fitted to the points) or files (maps that you have) [default: files if --depth, --normal or --sky is
     /// given, network if --weights or --network is, else photos]
     #[arg(long, value_name = "SOURCE")]
     source: Option<SourceArg>,
-    /// Threads [default: one a core]
+    /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Run")]
     threads: Option<u16>,
     #[command(flatten)]
@@ -78,10 +78,10 @@ impl PriorsArgs {
         if let Some(option) = wrong {
             let name =
                 source.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default();
-            bail!("{option} goes with another source than {name}; leave one of them out");
+            bail!("{option} cannot be used with the source {name}; leave one of them out");
         }
         if source == SourceArg::Files && files.is_none() {
-            bail!("--source files: there are no maps; name their folders with --depth, --normal or --sky");
+            bail!("--source files needs maps; name their folders with --depth, --normal or --sky");
         }
         Ok(source)
     }
@@ -115,7 +115,7 @@ pub fn run(args: &PriorsArgs) -> Result<()> {
     let index = match source {
         SourceArg::Photos => from_photos(args, &threads)?,
         SourceArg::Network => threads.install(|| -> Result<Index> {
-            // What may be wrong with weights is found before photos are read.
+            // Weights are checked before photos are read.
             let network = network::open(args)?;
             let data = data::open(&args.dataset, &args.photos)?;
             work::run(args, &data, network.as_ref())
@@ -131,10 +131,10 @@ pub fn run(args: &PriorsArgs) -> Result<()> {
 
 fn from_photos(args: &PriorsArgs, threads: &rayon::ThreadPool) -> Result<Index> {
     if args.resume {
-        bail!("--resume: stereo is done for all photos at once; leave it out to begin anew");
+        bail!("--resume: stereo is done for all photos at once; leave it out to start again");
     }
     let data = threads.install(|| data::open(&args.dataset, &args.photos))?;
-    // Whether the folder can be written is said before the work; stereo has a writer of its own.
+    // The folder is checked before the work; stereo has a writer of its own.
     args.writer(photos::SOURCE.into())?.abandon();
     let out = args.out();
     let bar = progress::bar(2 * data.places.len() as u64, "passes of stereo");
@@ -151,7 +151,7 @@ fn from_photos(args: &PriorsArgs, threads: &rayon::ThreadPool) -> Result<Index> 
     Ok(index)
 }
 
-/// Prints what there is of each photo, and of all.
+/// Prints the priors of each photo, and a summary.
 fn report(folder: &Path, index: &Index) {
     let wide = index.photos.keys().map(|name| name.chars().count()).max().unwrap_or(0).max(5);
     let share = |share: f32| format!("{:8.1}", 100.0 * share);

@@ -1,4 +1,4 @@
-//! Priors from a network that tells how near each pixel of one photo is.
+//! Priors from a network that estimates relative depth in one photo.
 
 #[cfg(feature = "nets")]
 mod with_networks;
@@ -16,11 +16,11 @@ use clap::{Args, ValueEnum};
 /// The network, and the source of its weights.
 #[derive(Args, Clone, Debug)]
 pub struct NetworkArgs {
-    /// Size of the network, Depth Anything: small (25 million weights), base (97) or large (335) [default: that of
+    /// Size of the network, Depth Anything: small (25 million weights), base (97) or large (335) [default: the size of
     /// --weights, else small]
     #[arg(long, value_name = "SIZE", help_heading = "Network")]
     network: Option<SizeArg>,
-    /// Version of Depth Anything that the weights are of: v2 or v1
+    /// Version of Depth Anything of the weights: v2 or v1
     #[arg(
         long = "version",
         id = "network_version",
@@ -54,7 +54,7 @@ enum VersionArg {
 }
 
 impl NetworkArgs {
-    /// The first option that asks for a network.
+    /// Returns the name of the first option that was given.
     pub fn given(&self) -> Option<&'static str> {
         self.weights.given().or(self.network.map(|_| "--network"))
     }

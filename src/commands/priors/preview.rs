@@ -1,4 +1,4 @@
-//! Pictures of priors, for people to look at.
+//! Preview pictures of priors.
 
 use super::PriorsArgs;
 use crate::dataset::Dataset;
@@ -11,18 +11,18 @@ use wm_scene::{Camera, FormatError, Problem};
 use wm_train::photos::Photo;
 use wm_train::priors::{Prior, Priors, SkyClass};
 
-/// Photos on the sheet.
+/// Number of photos on the sheet.
 const PHOTOS: usize = 6;
-/// Pixels of a picture on the sheet, and of one beside the maps.
+/// Number of pixels of a picture on the sheet, and of one beside the maps.
 const SMALL: usize = 60_000;
 const LARGE: usize = 300_000;
-/// Share of disparity that is shown as near as it gets: the nearest spoil the colours of the rest.
+/// Fraction of the largest disparities that all get the nearest colour, so that outliers do not compress the rest.
 const NEAREST: f64 = 0.98;
-/// Tints of the sky, and of what cannot be told.
+/// Tints of the sky, and of unknown pixels.
 const SKY: [f32; 3] = [0.1, 0.5, 1.0];
 const UNKNOWN: [f32; 3] = [1.0, 0.75, 0.1];
 
-/// Writes `preview.png`, and a picture of each photo if that is asked for.
+/// Writes `preview.png`, and a picture of each photo if requested.
 pub fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
     let folder = args.out();
     let Some(priors) = Priors::open(&folder)? else { return Ok(()) };
@@ -62,7 +62,7 @@ pub fn write(args: &PriorsArgs, data: &Dataset) -> Result<()> {
     Ok(())
 }
 
-/// A photo and its prior; `None` of a damaged photo that may be left out.
+/// Reads a photo and its prior; `None` for a damaged photo that may be skipped.
 fn both(
     args: &PriorsArgs,
     data: &Dataset,
@@ -88,7 +88,7 @@ fn draw(path: &std::path::Path, layout: &SheetLayout, panels: &[(Vec<f32>, Strin
     Ok(png::write_rgb(path, &sheet(layout, &panels), layout.size(), Dither::Off, &tags)?)
 }
 
-/// The photo, disparity, normals and sky, with labels.
+/// Returns the photo, disparity, normals and sky, with labels.
 fn views(name: &str, photo: &Photo, prior: &Prior, size: PictureSize) -> [(Vec<f32>, String); 4] {
     let camera = &photo.camera;
     let unknown = ramps::UNKNOWN.map(|v| f32::from(v) / 255.0);

@@ -1,4 +1,4 @@
-//! Photo after photo: what a source says, fitted and written.
+//! Makes the priors of photos one after the other: estimates, fits and writes them.
 
 use super::{PriorsArgs, preview};
 use crate::dataset::Dataset;
@@ -13,39 +13,39 @@ use wm_train::priors::given::Given;
 use wm_train::priors::points::{placed, seen_points};
 use wm_train::priors::{Prior, PriorsWriter};
 
-/// Longest time between two notes of what is done.
+/// Longest time between two updates of the index.
 const NOTE: Duration = Duration::from_secs(20);
-/// Photos that are left out of which the reason is told; the index has it of all.
+/// Maximum number of photos for which the reason is printed why they are left out; the index has all reasons.
 const TOLD: usize = 10;
 
 /// The answer of a source for a photo.
-pub enum Answer {
-    /// This.
+pub enum PriorAnswer {
+    /// The estimate.
     Given(Given),
-    /// Nothing, since.
+    /// No estimate, with the reason.
     Nothing(String),
 }
 
 /// A source of priors.
-pub trait Source: Sync {
-    /// Returns its name, with all that changes its answers: for the index, and for resuming later.
+pub trait PriorEstimator: Sync {
+    /// Returns a name with everything that changes the estimates, for the index and for resuming.
     fn name(&self) -> String;
 
-    /// Photos that are looked at side by side.
-    fn at_once(&self) -> usize;
+    /// Returns the number of photos to process in parallel.
+    fn batch_size(&self) -> usize;
 
-    /// Looks at a photo.
+    /// Estimates the prior of a photo.
     ///
     /// # Errors
-    /// Whatever would be wrong with other photos too, or has to be put right.
-    fn look(&self, data: &Dataset, place: usize) -> Result<Answer>;
+    /// Errors that would occur for other photos too, or that the user has to fix.
+    fn estimate(&self, data: &Dataset, place: usize) -> Result<PriorAnswer>;
 }
 
 /// The result for a photo: a prior, or the reason why there is none.
-type Made = Result<(Prior, Option<Fit>), String>;
+type PriorResult = Result<(Prior, Option<Fit>), String>;
 
 /// Makes the priors of all photos.
-pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn Source) -> Result<Index> {
+pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Result<Index> {
     let name = format!(
         "{}, photos up to {} px, maps up to {} pixels",
         source.name(),
@@ -60,23 +60,23 @@ pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn Source) -> Result<Ind
     bar.set_position((data.places.len() - left.len()) as u64);
     bar.reset_eta();
     let mut noted = Instant::now();
-    for part in left.chunks(source.at_once().max(1)) {
+    for part in left.chunks(source.batch_size().max(1)) {
         if interrupt::asked() {
             bar.finish_and_clear();
             writer.pause()?;
             let done = writer.index().photos.len() + writer.index().left_out.len();
-            let advice = "the same command with --resume goes on";
+            let advice = "the same command with --resume continues";
             let all = data.places.len();
             return Err(Interrupted(format!("{done} of {all} photos are done, {advice}")).into());
         }
         let made = |index: &usize| make(args, data, source, data.places[*index], &seen[*index]);
-        let made: Vec<Result<Made>> = part.par_iter().map(made).collect();
+        let made: Vec<Result<PriorResult>> = part.par_iter().map(made).collect();
         for (index, made) in part.iter().zip(made) {
             let name = data.name(data.places[*index]);
             let made = match made {
                 Ok(made) => made,
                 Err(error) => {
-                    // The error is what counts; what is done is kept if that can be.
+                    // The error is reported; finished priors are kept if possible.
                     match writer.index().photos.is_empty() {
                         true => writer.abandon(),
                         false => drop(writer.pause()),
@@ -99,16 +99,22 @@ pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn Source) -> Result<Ind
     finish(args, data, writer)
 }
 
-/// The prior of a photo.
-fn make(args: &PriorsArgs, data: &Dataset, source: &dyn Source, place: usize, seen: &[u32]) -> Result<Made> {
+/// Makes the prior of a photo.
+fn make(
+    args: &PriorsArgs,
+    data: &Dataset,
+    source: &dyn PriorEstimator,
+    place: usize,
+    seen: &[u32],
+) -> Result<PriorResult> {
     let photo = match data.photos.get(place, 0) {
         Ok(photo) => photo,
         Err(error) if args.photos.set.skip_bad => return Ok(Err(error.to_string())),
         Err(error) => return Err(error.into()),
     };
-    let given = match source.look(data, place)? {
-        Answer::Given(given) => given,
-        Answer::Nothing(reason) => return Ok(Err(reason)),
+    let given = match source.estimate(data, place)? {
+        PriorAnswer::Given(given) => given,
+        PriorAnswer::Nothing(reason) => return Ok(Err(reason)),
     };
     let points = placed(&data.capture, &photo.camera, seen);
     Ok(given.prior(&photo, &points, data.photos.view(place) as u64).map_err(|reason| reason.to_string()))

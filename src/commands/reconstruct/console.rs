@@ -1,7 +1,7 @@
 //! The observer of `reconstruct`: draws progress, prints, writes previews and feeds the page in a browser.
 
 use super::ReconstructArgs;
-use super::watch::Watch;
+use super::watch::TrainingView;
 use crate::interrupt;
 use crate::progress;
 use indicatif::ProgressBar;
@@ -17,21 +17,21 @@ use wm_train::session::{
 };
 
 /// Shows a training on the terminal, in the run folder and in a browser.
-pub struct Console<'a> {
+pub struct TrainingConsole<'a> {
     args: &'a ReconstructArgs,
     folder: PathBuf,
     colmap: Option<colmap::ColmapStep>,
     bar: Option<ProgressBar>,
-    watch: Option<Watch>,
+    watch: Option<TrainingView>,
     splats: usize,
 }
 
-impl<'a> Console<'a> {
+impl<'a> TrainingConsole<'a> {
     pub fn new(args: &'a ReconstructArgs, folder: &Path) -> Self {
         Self { args, folder: folder.to_owned(), colmap: None, bar: None, watch: None, splats: 0 }
     }
 
-    /// Takes the progress bar away.
+    /// Removes the progress bar.
     pub fn clear(&mut self) {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
@@ -46,7 +46,7 @@ impl<'a> Console<'a> {
     }
 }
 
-impl TrainObserver for Console<'_> {
+impl TrainObserver for TrainingConsole<'_> {
     fn proceed(&mut self) -> ControlFlow<()> {
         if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
@@ -54,7 +54,7 @@ impl TrainObserver for Console<'_> {
     fn on_warning(&mut self, warning: &TrainWarning) {
         match warning {
             TrainWarning::ManyPhotos { photos, most } => eprintln!(
-                "geometry: {photos} photos are more than depth is estimated for by default ({most}); --priors photos \
+                "geometry: {photos} photos are more than the {most} for which depth is estimated by default; --priors photos \
                  does it, in about a second a photo, or `weather-magician priors` once for all trainings"
             ),
             warning => eprintln!("warning: {warning}"),
@@ -74,7 +74,7 @@ impl TrainObserver for Console<'_> {
                 eprintln!("{}: {found} of {photos} photos have priors", folder.display());
             }
             TrainNotice::Resumed { folder, step } => {
-                eprintln!("{}: going on after step {step}", folder.display());
+                eprintln!("{}: continuing after step {step}", folder.display());
             }
             TrainNotice::NoScaleFromHeight(reason) => {
                 eprintln!("scale: none from the height of the cameras: {reason}");
@@ -102,7 +102,8 @@ impl TrainObserver for Console<'_> {
     fn on_start(&mut self, start: &TrainStart<'_>) -> Result<(), ObserverError> {
         self.clear();
         let dataset = self.args.dataset.display().to_string();
-        self.watch = Some(Watch::new(&self.args.watch, dataset, start.photo, start.steps, start.extent)?);
+        self.watch =
+            Some(TrainingView::new(&self.args.watch, dataset, start.photo, start.steps, start.extent)?);
         let bar = progress::bar(u64::from(start.steps), "steps");
         bar.set_position(u64::from(start.step));
         bar.reset_eta();
@@ -139,7 +140,7 @@ impl TrainObserver for Console<'_> {
 
     fn wants_image(&mut self, moment: ImageMoment, photo: &Camera) -> Option<Camera> {
         match moment {
-            ImageMoment::Step => self.watch.as_ref()?.wants(photo),
+            ImageMoment::Step => self.watch.as_ref()?.due_picture(photo),
             ImageMoment::Milestone => Some(*photo),
         }
     }

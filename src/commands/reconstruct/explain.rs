@@ -5,7 +5,7 @@ use anyhow::anyhow;
 use wm_train::plan::PlanError;
 use wm_train::session::SessionError;
 
-const RESUME: &str = "the same command with --resume goes on";
+const RESUME: &str = "the same command with --resume continues";
 
 /// Returns the error as the command prints it.
 pub fn explain(error: SessionError) -> anyhow::Error {
@@ -16,10 +16,10 @@ pub fn explain(error: SessionError) -> anyhow::Error {
         }
         SessionError::NothingToResume(_) => anyhow!("{error}; leave out --resume"),
         SessionError::Unfinished(_) => {
-            anyhow!("{error}; --resume goes on with it, --run-folder takes another, or remove it")
+            anyhow!("{error}; continue it with --resume, choose another --run-folder, or remove it")
         }
         SessionError::OtherTraining(_) => {
-            anyhow!("{error}; give those that it began with, or another --run-folder without --resume")
+            anyhow!("{error}; give the options that it began with, or another --run-folder without --resume")
         }
         SessionError::DamagedPhoto { .. } => {
             anyhow!("{error}, {RESUME}, and with --skip-bad without such photos")

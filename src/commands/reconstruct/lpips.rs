@@ -1,4 +1,4 @@
-//! LPIPS of the held-out photos, where weights are given.
+//! LPIPS of the held-out photos, if weights are given.
 
 use super::ReconstructArgs;
 use anyhow::{Result, bail};

@@ -1,4 +1,4 @@
-//! `reconstruct`: photos of a place into a scene.
+//! `reconstruct`: makes a scene from photos.
 
 mod console;
 mod explain;
@@ -13,7 +13,7 @@ use crate::scene::RunArgs;
 use anyhow::{Result, bail};
 use clap::builder::PossibleValuesParser;
 use clap::{Args, ValueEnum};
-use console::Console;
+use console::TrainingConsole;
 use explain::explain;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -27,16 +27,16 @@ use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 /// Options of `reconstruct`.
 #[derive(Args, Clone, Debug)]
 pub struct ReconstructArgs {
-    /// The data set: a folder with a COLMAP model or a transforms.json, or a plain folder of photos where
+    /// The data set: a folder with a COLMAP model or a transforms.json, or a plain folder of photos if
     /// COLMAP is installed
     dataset: PathBuf,
     /// Scene file to write [default: named after the data set, in this folder]
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     out: Option<PathBuf>,
-    /// Folder for checkpoint, metrics and previews [default: the scene's name with .run behind it]
+    /// Folder for checkpoint, metrics and previews [default: the scene's name followed by .run]
     #[arg(long, value_name = "FOLDER", help_heading = "Output")]
     run_folder: Option<PathBuf>,
-    /// Go on with the training in the run folder
+    /// Continue the training in the run folder
     #[arg(long, help_heading = "Output")]
     resume: bool,
     /// Longest time between two checkpoints, seconds
@@ -50,8 +50,8 @@ pub struct ReconstructArgs {
     geometry: GeometryArgs,
     #[command(flatten)]
     facts: crate::scene::FactArgs,
-    /// Height of the cameras above the ground, metres: the scale is from it where nothing else says it, and
-    /// before GPS if it is given. It takes level photos that show the ground [default: 1.6]
+    /// Height of the cameras above the ground, metres: sets the scale if nothing else does, and takes
+    /// precedence over GPS if given. Needs level photos that show the ground [default: 1.6]
     #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Scene")]
     camera_height: Option<f64>,
     #[command(flatten)]
@@ -71,8 +71,8 @@ struct PhotoArgs {
     set: DatasetArgs,
     #[command(flatten)]
     held_out: HeldOutArgs,
-    /// Also give the LPIPS of the held-out photos at the end, with weights from this file (safetensors, or .pth
-    /// of PyTorch): torchvision's AlexNet and the heads of lpips v0.1; twice, if they lie in two files
+    /// Also compute the LPIPS of the held-out photos at the end, with weights from this file (safetensors, or .pth
+    /// of PyTorch): torchvision's AlexNet and the heads of lpips v0.1; give it twice for two files
     #[arg(long, value_name = "WEIGHTS", help_heading = "Photos")]
     lpips: Vec<PathBuf>,
 }
@@ -83,10 +83,10 @@ struct TrainingArgs {
     /// Speed or quality: quick (2,000 steps), standard (7,000) or best (30,000)
     #[arg(long, value_name = "PRESET", default_value = "standard", help_heading = "Training")]
     preset: PresetArg,
-    /// Steps; each sees one photo [default: the preset's]
+    /// Number of steps, each with one photo [default: the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Training")]
     steps: Option<u32>,
-    /// Most splats [default: 100,000, 300,000 or 1,000,000 by preset, but one for 100 pixels of all photos]
+    /// Maximum number of splats [default: 100,000, 300,000 or 1,000,000 by preset, at most one per 100 pixels of all photos]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=20_000_000), help_heading = "Training")]
     max_splats: Option<u32>,
     /// Densification strategy: mcmc (a fixed budget), adaptive (as first published) or fixed (no splats are added)
@@ -98,17 +98,17 @@ struct TrainingArgs {
     /// Sizes of photos over time: coarse (a quarter, half, full) or full [default: the preset's]
     #[arg(long, value_name = "SIZES", help_heading = "Training")]
     resolution: Option<ResolutionArg>,
-    /// Exposure, which cameras often choose by themselves: photo (one for each photo) or shared (one for all)
+    /// Exposure correction, for cameras that set it automatically: photo (one for each photo) or shared (one for all)
     #[arg(long, value_name = "WHOSE", default_value = "photo", help_heading = "Training")]
     exposure: ExposureArg,
     /// Background behind the splats during training: black or random
     #[arg(long, value_name = "COLOR", default_value = "random", help_heading = "Training")]
     background: BackgroundArg,
-    /// Drawing of splats smaller than a pixel: classic or antialiased
+    /// Rendering of splats smaller than a pixel: classic or antialiased
     #[arg(long, value_name = "MODE", default_value = "classic", value_parser = super::render::parse_rasterization, help_heading = "Training")]
     rasterization: Rasterization,
-    /// Take everything about the training from this JSON file, such as a run folder's config.json; the other
-    /// options of this group are not looked at
+    /// Read all training options from this JSON file, such as a run folder's config.json; the other
+    /// options of this group are ignored
     #[arg(long, value_name = "FILE", help_heading = "Training")]
     config: Option<PathBuf>,
     /// Seed of all random choices
@@ -147,7 +147,7 @@ choice! {
 }
 
 impl TrainingArgs {
-    /// Returns the preset with its changes, without those of the loss and the sky.
+    /// Returns the preset with its changes, except those of the loss and the sky.
     fn plan(&self) -> TrainPlan {
         TrainPlan {
             preset: match self.preset {
@@ -181,14 +181,14 @@ impl TrainingArgs {
 /// The priors, and their weights.
 #[derive(Args, Clone, Debug)]
 struct GeometryArgs {
-    /// Depth, normals and sky that photos are believed to show: a folder that `priors` wrote, photos (found out from
-    /// the photos themselves) or none [default: priors in the data set if it is there, else photos]
+    /// Depth, normals and sky of the photos: a folder that `priors` wrote, photos (computed from
+    /// the photos themselves) or none [default: priors in the data set if it exists, else photos]
     #[arg(long, value_name = "FOLDER|photos|none", help_heading = "Geometry")]
     priors: Option<PathBuf>,
-    /// Splats of the sky, on a half sphere about the place, where photos show it; 0 for none
+    /// Number of splats of the sky, on a hemisphere around the scene; 0 for none
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(0..=1_000_000), help_heading = "Geometry")]
     sky_splats: u32,
-    /// Weight of a term of the loss, or another of its numbers, by its name in config.json, such as depth=0.1 or
+    /// Weight or other parameter of a loss term, by its name in config.json, such as depth=0.1 or
     /// normal=0; may be given several times
     #[arg(long, value_name = "NAME=VALUE", value_parser = parse_loss, help_heading = "Geometry")]
     loss: Vec<(String, f64)>,
@@ -196,7 +196,7 @@ struct GeometryArgs {
 
 fn parse_loss(text: &str) -> Result<(String, f64), String> {
     let (name, value) = text.split_once('=').ok_or("write NAME=VALUE, such as depth=0.1")?;
-    let value: f64 = value.trim().parse().map_err(|_| format!("{value} is no number"))?;
+    let value: f64 = value.trim().parse().map_err(|_| format!("{value} is not a number"))?;
     Ok((name.trim().to_owned(), value))
 }
 
@@ -252,7 +252,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     if let Some(lpips) = lpips {
         session = session.metric(lpips);
     }
-    let mut console = Console::new(args, &run_folder);
+    let mut console = TrainingConsole::new(args, &run_folder);
     let done = session.run(&mut console);
     console.clear();
     let scene = done.map_err(explain)?;

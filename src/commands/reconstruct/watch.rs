@@ -1,9 +1,9 @@
-//! `--view`: the training in a browser, where the program has the viewer.
+//! `--view`: shows the training in a browser, in builds with the viewer.
 
 #[cfg(feature = "viewer")]
 mod with_viewer {
     use crate::viewer::server::ServerArgs;
-    use crate::viewer::training::{Board, Camera as Seen};
+    use crate::viewer::training::{TrainingBoard, TrainingCamera};
     use anyhow::Result;
     use clap::Args;
     use glam::{DMat3, DVec3};
@@ -11,7 +11,7 @@ mod with_viewer {
     use wm_render::Frame;
     use wm_scene::Camera;
 
-    /// The choice of whether and where a training is shown.
+    /// Options of the training's page.
     #[derive(Args, Clone, Debug)]
     pub struct WatchArgs {
         /// Show the training in a browser: loss, PSNR and a picture every few seconds
@@ -29,66 +29,66 @@ mod with_viewer {
     }
 
     /// A training that is shown in a browser.
-    pub struct Watch {
-        board: Option<Board>,
+    pub struct TrainingView {
+        board: Option<TrainingBoard>,
         started: Instant,
         /// The distance to the point about which the camera swings, scene units.
         reach: f64,
     }
 
-    /// Time of a swing, s, and how far it goes, radians.
+    /// Period of a swing, seconds, and its amplitude, radians.
     const SWING: f64 = 60.0;
     const WIDTH: f64 = 0.35;
 
-    impl Watch {
-        /// Begins to show a training of a data set by the camera of a photo.
+    impl TrainingView {
+        /// Starts to serve the page of a training.
         pub fn new(args: &WatchArgs, dataset: String, photo: &str, steps: u32, reach: f64) -> Result<Self> {
-            let serve = || Board::serve(&args.server, dataset, photo.to_owned(), steps);
+            let serve = || TrainingBoard::serve(&args.server, dataset, photo.to_owned(), steps);
             let board = args.view.then(serve).transpose()?;
             Ok(Self { board, started: Instant::now(), reach })
         }
 
-        /// After a step.
+        /// Reports a completed step.
         pub fn step(&self, step: u32, splats: usize) {
             if let Some(board) = &self.board {
-                board.step(step, splats, self.started.elapsed().as_secs_f64());
+                board.set_step(step, splats, self.started.elapsed().as_secs_f64());
             }
         }
 
-        /// The mean loss until a step.
+        /// Reports the mean loss at a step.
         pub fn loss(&self, step: u32, loss: f64) {
-            self.board.iter().for_each(|board| board.loss(step, loss));
+            self.board.iter().for_each(|board| board.push_loss(step, loss));
         }
 
-        /// PSNR of the held-out photos, dB.
+        /// Reports the PSNR of the held-out photos, dB.
         pub fn held_out(&self, step: u32, psnr: f64) {
-            self.board.iter().for_each(|board| board.held_out(step, psnr));
+            self.board.iter().for_each(|board| board.push_held_out(step, psnr));
         }
 
-        /// Returns the camera of a picture that is wanted now; `photo` is the camera of the photo.
-        pub fn wants(&self, photo: &Camera) -> Option<Camera> {
-            match self.board.as_ref()?.wants()? {
-                Seen::Photo => Some(*photo),
-                Seen::Orbit => {
+        /// Returns the camera of the next picture if one is due; `photo` is the camera of the photo.
+        pub fn due_picture(&self, photo: &Camera) -> Option<Camera> {
+            match self.board.as_ref()?.due_picture()? {
+                TrainingCamera::Photo => Some(*photo),
+                TrainingCamera::Orbit => {
                     let phase = self.started.elapsed().as_secs_f64() / SWING * std::f64::consts::TAU;
-                    Some(swung(photo, self.reach, WIDTH * phase.sin()))
+                    Some(swing_camera(photo, self.reach, WIDTH * phase.sin()))
                 }
             }
         }
 
-        /// The picture, with its PSNR where it is of the photo.
+        /// Reports a picture, with its PSNR if it shows the photo's view.
         pub fn picture(&self, step: u32, frame: &Frame, psnr: Option<f64>) -> Result<()> {
-            self.board.as_ref().map_or(Ok(()), |board| board.picture(step, frame, psnr))
+            self.board.as_ref().map_or(Ok(()), |board| board.set_picture(step, frame, psnr))
         }
 
-        /// The training is over.
+        /// Reports the end of the training.
         pub fn end(&self, text: String) {
-            self.board.iter().for_each(|board| board.end(text.clone()));
+            self.board.iter().for_each(|board| board.finish(text.clone()));
         }
     }
 
-    /// A camera gone round what is `reach` ahead of it, about its own up, by an angle.
-    fn swung(camera: &Camera, reach: f64, angle: f64) -> Camera {
+    /// Rotates a camera by an angle, radians, about its own up direction around the point `reach` ahead of it.
+    fn swing_camera(camera: &Camera, reach: f64, angle: f64) -> Camera {
         let pivot = camera.center() + camera.forward() * reach;
         let turn = DMat3::from_axis_angle(camera.up(), angle);
         let eye: DVec3 = pivot + turn * (camera.center() - pivot);
@@ -101,11 +101,11 @@ mod with_viewer {
         use super::*;
 
         #[test]
-        fn a_swing_keeps_what_it_is_about_in_place() {
+        fn a_swing_keeps_its_pivot_in_place() {
             let camera =
                 Camera::looking((60, 40), 50.0, DVec3::new(1.0, -4.0, 2.0), DVec3::Z, DVec3::Z).unwrap();
             let pivot = camera.center() + camera.forward() * 3.0;
-            let other = swung(&camera, 3.0, 0.4);
+            let other = swing_camera(&camera, 3.0, 0.4);
             let [a, b] = [&camera, &other].map(|camera| camera.project(pivot).unwrap());
             assert!((a.0 - b.0).abs() < 1e-9 && (a.1 - b.1).abs() < 1e-9 && (a.2 - b.2).abs() < 1e-9);
             assert!((other.center().distance(camera.center()) - 6.0 * (0.2f64).sin()).abs() < 1e-9);
@@ -121,7 +121,7 @@ mod without_viewer {
     use wm_render::Frame;
     use wm_scene::Camera;
 
-    /// Nothing: this program has no viewer.
+    /// No options: this program has no viewer.
     #[derive(Args, Clone, Debug)]
     pub struct WatchArgs {}
 
@@ -131,10 +131,10 @@ mod without_viewer {
         }
     }
 
-    /// Nobody looks on.
-    pub struct Watch;
+    /// Does nothing: this program has no viewer.
+    pub struct TrainingView;
 
-    impl Watch {
+    impl TrainingView {
         pub fn new(_: &WatchArgs, _: String, _: &str, _: u32, _: f64) -> Result<Self> {
             Ok(Self)
         }
@@ -145,7 +145,7 @@ mod without_viewer {
 
         pub fn held_out(&self, _: u32, _: f64) {}
 
-        pub fn wants(&self, _: &Camera) -> Option<Camera> {
+        pub fn due_picture(&self, _: &Camera) -> Option<Camera> {
             None
         }
 
@@ -158,6 +158,6 @@ mod without_viewer {
 }
 
 #[cfg(feature = "viewer")]
-pub use with_viewer::{Watch, WatchArgs};
+pub use with_viewer::{TrainingView, WatchArgs};
 #[cfg(not(feature = "viewer"))]
-pub use without_viewer::{Watch, WatchArgs};
+pub use without_viewer::{TrainingView, WatchArgs};

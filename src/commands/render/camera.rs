@@ -1,7 +1,7 @@
-//! From where: a camera or a path, and the instants of the frames.
+//! Options of the camera or its path, and the times of the frames.
 
 use super::OutputArgs;
-use crate::scene::Loaded;
+use crate::scene::OpenScene;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
@@ -14,19 +14,19 @@ use wm_media::video::FrameRate;
 use wm_scene::files::check_writable;
 use wm_scene::{Camera, FormatError};
 
-/// Length of a sequence where nothing says it, seconds.
+/// Default length of a sequence, seconds.
 const DEFAULT_SECONDS: f64 = 5.0;
-/// Longest sequence, frames: keeps names at six digits.
+/// Longest sequence, frames: file names have six digits.
 const MAX_FRAMES: u32 = 1_000_000;
 
-/// From where, without a path.
+/// Options of a camera that does not move.
 #[derive(Args, Clone, Debug)]
 pub struct LookArgs {
-    /// From where: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or number, or a JSON file of keyframes
-    /// [default: chosen by looking at the scene]
+    /// Camera: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or number, or a JSON file of keyframes
+    /// [default: a view chosen automatically]
     #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true, help_heading = "Camera")]
     pub camera: Option<CameraSpec>,
-    /// A COLMAP model whose photos' cameras --camera may name
+    /// COLMAP model with the photos' cameras that --camera may name
     #[arg(long, value_name = "FOLDER", help_heading = "Camera")]
     pub views: Option<PathBuf>,
     /// Picture size, px [default: 1280x720, or the photo's]
@@ -40,7 +40,7 @@ pub struct LookArgs {
     pub near: Option<f64>,
 }
 
-/// Which camera.
+/// Options of a camera and its motion.
 #[derive(Args, Clone, Debug)]
 pub struct CameraArgs {
     #[command(flatten)]
@@ -49,19 +49,19 @@ pub struct CameraArgs {
     /// SuperSplat's
     #[arg(short, long, value_name = "PATH", help_heading = "Camera")]
     pub path: Option<PathSpec>,
-    /// How far a dolly goes, metres [default: as far as nothing is in the way]
+    /// Length of a dolly, metres [default: as far as the way is free]
     #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Camera")]
     pub distance: Option<f64>,
-    /// Speed of a camera that stands on no path, metres a second ahead, as of a car: rain and snow come towards it
+    /// Forward speed of a camera without a path, m/s, as in a car: rain and snow come towards it
     #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Camera")]
     pub camera_speed: Option<f64>,
-    /// Write the camera's path to this JSON file: as keyframes, as nerfstudio does in a ...camera_path.json, or as SuperSplat in a ...settings.json
+    /// Write the camera's path to this JSON file: keyframes, or nerfstudio's format for a name that ends in camera_path.json, or SuperSplat's for settings.json
     #[arg(long, value_name = "FILE", help_heading = "Camera")]
     pub save_path: Option<PathBuf>,
 }
 
 impl LookArgs {
-    /// What can be wrong without a scene.
+    /// Checks the options that do not depend on the scene.
     pub fn check(&self) -> Result<()> {
         if let Some(fov) = self.fov
             && !(fov > 0.0 && fov < 180.0)
@@ -79,13 +79,13 @@ impl LookArgs {
         Ok(())
     }
 
-    /// The options that are given by hand.
+    /// Returns the view options that were given.
     pub fn options(&self) -> view::ViewOptions {
         view::ViewOptions { up: None, fov: self.fov, near: self.near, size: self.size }
     }
 
-    /// The camera that is asked for or chosen, said on the error stream if chosen.
-    pub fn start(&self, loaded: &mut Loaded) -> Result<Camera> {
+    /// Returns the camera of the options, or chooses one and prints it on the error stream.
+    pub fn start(&self, loaded: &mut OpenScene) -> Result<Camera> {
         let options = self.options();
         if let Some(spec) = &self.camera {
             return Ok(spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?);
@@ -97,7 +97,7 @@ impl LookArgs {
 }
 
 impl CameraArgs {
-    /// What can be wrong without a scene.
+    /// Checks the options that do not depend on the scene.
     pub fn check(&self) -> Result<()> {
         if let Some(distance) = self.distance
             && !(distance.is_finite() && distance > 0.0)
@@ -105,14 +105,14 @@ impl CameraArgs {
             bail!("--distance {distance}: must be finite and above 0");
         }
         if self.distance.is_some() && self.path != Some(PathSpec::Dolly) {
-            bail!("--distance is that of --path dolly");
+            bail!("--distance needs --path dolly");
         }
         if let Some(speed) = self.camera_speed {
             if !speed.is_finite() || speed.abs() > 1000.0 {
                 bail!("--camera-speed {speed}: must be a number from -1000 to 1000 m/s");
             }
             if self.path.is_some() {
-                bail!("--camera-speed: a camera on a --path has the speed of it; leave one of them out");
+                bail!("--camera-speed: cannot be used with --path, which sets the speed");
             }
         }
         self.look.check()?;
@@ -126,8 +126,8 @@ impl CameraArgs {
     }
 }
 
-/// Where the camera is at each instant, and which instants there are.
-pub struct Shot {
+/// The camera at each time, and the times of the frames.
+pub struct CameraPlan {
     motion: CameraMotion,
     start: f64,
     /// Frames a second.
@@ -136,12 +136,12 @@ pub struct Shot {
     pub frames: u32,
 }
 
-impl Shot {
-    /// Plans what the options ask for.
+impl CameraPlan {
+    /// Builds the plan for the options.
     pub(super) fn plan(
         args: &CameraArgs,
         output: &OutputArgs,
-        loaded: &mut Loaded,
+        loaded: &mut OpenScene,
         still: bool,
     ) -> Result<Self> {
         let options = args.look.options();
@@ -186,35 +186,35 @@ impl Shot {
         let seconds = length.unwrap_or(if duration > 0.0 { duration } else { DEFAULT_SECONDS });
         let frames = if still { 1 } else { output.fps.frames_within(seconds).max(1) };
         if frames > MAX_FRAMES {
-            bail!("{frames} frames are too many for one run: the most is {MAX_FRAMES}");
+            bail!("{frames} frames are too many for one run: the maximum is {MAX_FRAMES}");
         }
         let shot = Self { motion, start: output.time, rate: output.fps, frames };
         shot.camera(shot.start).check()?;
         Ok(shot)
     }
 
-    /// A camera that moves so, at the instant `start` and for no longer.
+    /// Returns the plan of one frame at the time `start`.
     #[cfg(feature = "viewer")]
     pub fn at(motion: CameraMotion, start: f64) -> Self {
         Self { motion, start, rate: FrameRate::default(), frames: 1 }
     }
 
-    /// The camera at `time`.
+    /// Returns the camera at `time`, seconds.
     pub fn camera(&self, time: f64) -> Camera {
         self.motion.camera(time)
     }
 
-    /// The camera at `time` and its velocity.
+    /// Returns the camera at `time`, seconds, with its velocity.
     pub fn moving(&self, time: f64, metres_per_unit: f64) -> MovingCamera {
         self.motion.at(time, metres_per_unit)
     }
 
-    /// The instant of frame `index`, seconds.
+    /// Returns the time of frame `index`, seconds.
     pub fn time(&self, index: u32) -> f64 {
         self.start + self.rate.seconds(u64::from(index))
     }
 
-    /// Everything that the cameras depend on, to tell one shot from another.
+    /// Returns a text that differs for different camera plans.
     pub fn fingerprint(&self) -> String {
         self.motion.fingerprint()
     }

@@ -1,4 +1,4 @@
-//! `render`: a scene under a weather, as a picture, a video or a folder of frames.
+//! `render`: renders a scene under a weather as a picture, a video or a folder of frames.
 
 pub mod camera;
 mod pairs;
@@ -9,10 +9,10 @@ mod stages;
 use crate::choices::{DitherChoice, EncoderChoice};
 use crate::names::stem_of;
 use crate::progress::Reporter;
-use crate::scene::{Loaded, RunArgs, SceneArgs};
+use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
-use camera::{CameraArgs, Shot};
+use camera::{CameraArgs, CameraPlan};
 use clap::Args;
 use range::FrameRange;
 use std::num::NonZeroU32;
@@ -44,29 +44,29 @@ pub struct RenderArgs {
     run: RunArgs,
 }
 
-/// What to write.
+/// Options of the output.
 #[derive(Args, Debug)]
 struct OutputArgs {
-    /// Where to: a .png, .exr or .npy picture, an .mp4 video, or a folder of frames
+    /// Output: a .png, .exr or .npy picture, an .mp4 video, or a folder of frames
     /// [default: named after scene and weather, in this folder]
     #[arg(short, long, value_name = "PATH", help_heading = "Output")]
     out: Option<PathBuf>,
-    /// Pictures beside the colour: depth (metres), median-depth, normal, alpha, particles (what falls, with its
-    /// coverage), transmittance (of the air: one render more), clean (without air and fall: one more), airlight (what
-    /// the air adds: three); each with .png, .exr or .npy behind it for another format than the colour's
+    /// Further pictures: depth (metres), median-depth, normal, alpha, particles (rain and snow in the air, with their
+    /// coverage), transmittance (of the air: one more render), clean (without air and particles: one more), airlight (light
+    /// that the air adds: three more); append .png, .exr or .npy to choose another format than the colour's
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     also: Vec<ExtraPicture>,
     /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay, filtered and final;
     /// with --set fidelity=paper
     #[arg(long, help_heading = "Output")]
     stages: bool,
-    /// Put the pictures of --also that have no format behind them into the colour's .exr, as layers
+    /// Write the pictures of --also that have no format of their own as layers of the colour's .exr
     #[arg(long, requires = "also", help_heading = "Output")]
     layers: bool,
     /// Format of the frames in a folder: png, exr or npy
     #[arg(long, value_name = "FORMAT", default_value = "png", help_heading = "Output")]
     frame_format: PictureFormat,
-    /// Frames a second, such as 30, 29.97 or 30000/1001
+    /// Frame rate, frames a second, such as 30, 29.97 or 30000/1001
     #[arg(
         long,
         value_name = "RATE",
@@ -75,17 +75,17 @@ struct OutputArgs {
         help_heading = "Output"
     )]
     fps: wm_media::video::FrameRate,
-    /// Length of a video, seconds [default: that of the camera's path, else 5]
+    /// Length of a video, seconds [default: length of the camera's path, else 5]
     #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Output")]
     seconds: Option<f64>,
-    /// Only these frames of the sequence, by number from 0: 300..420 (without 420), 300..=420 or 300..; in a folder
-    /// they keep their numbers, and their instants are those they have in the whole sequence
+    /// Render only these frames of the sequence, counted from 0: 300..420 (without 420), 300..=420 or 300..; they keep
+    /// the numbers and times that they have in the whole sequence
     #[arg(long, value_name = "RANGE", allow_hyphen_values = true, help_heading = "Output")]
     frames: Option<FrameRange>,
-    /// Only every N-th frame, from the first on; a video of them plays N times as fast
+    /// Render only every N-th frame, from the first on; a video of them plays N times as fast
     #[arg(long, value_name = "N", default_value = "1", help_heading = "Output")]
     frame_step: NonZeroU32,
-    /// Instant of a picture, and of a video's first frame, seconds
+    /// Time of a picture, and of a video's first frame, seconds
     #[arg(
         long,
         value_name = "S",
@@ -94,33 +94,33 @@ struct OutputArgs {
         help_heading = "Output"
     )]
     time: f64,
-    /// What stands behind all splats: auto, sky, black or #rrggbb; auto is a plain sky where the scene has
-    /// none. The sky of a weather (--set sky=overcast) takes its place
+    /// Background behind all splats: auto, sky, black or #rrggbb; auto is a plain sky if the scene has
+    /// none. The sky of a weather (--set sky=overcast) replaces it
     #[arg(long, value_name = "COLOR", default_value = "auto", help_heading = "Output")]
     background: BackgroundChoice,
-    /// How splats smaller than a pixel are drawn: classic or antialiased [default: from the file, else
+    /// Rendering of splats smaller than a pixel: classic or antialiased [default: from the file, else
     /// classic]
     #[arg(long, value_name = "MODE", value_parser = parse_rasterization, help_heading = "Output")]
     rasterization: Option<Rasterization>,
-    /// How 8-bit pictures are quantised
+    /// Quantisation of 8-bit pictures
     #[arg(long, value_enum, default_value = "ordered", help_heading = "Output")]
     dither: DitherChoice,
-    /// Who encodes videos
+    /// Encoder of videos
     #[arg(long, value_enum, default_value = "builtin", help_heading = "Output")]
     encoder: EncoderChoice,
-    /// Bits a second of a video [default: the same good quality, whatever it takes]
+    /// Bit rate of a video, bits a second [default: constant quality]
     #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Output")]
     bitrate: Option<u32>,
 }
 
 impl OutputArgs {
-    /// Whether it names frames of a sequence.
+    /// Returns true if frames of a sequence are selected.
     fn asks_for_frames(&self) -> bool {
         self.frames.is_some() || self.frame_step.get() > 1
     }
 }
 
-/// What stands behind all splats.
+/// The background behind all splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum BackgroundChoice {
     Auto,
@@ -140,7 +140,7 @@ impl std::str::FromStr for BackgroundChoice {
                 Ok(wm_weather::ParamValue::Color(rgb)) => {
                     Ok(Self::Color(rgb.map(|v| v.clamp(0.0, 1.0) as f32)))
                 }
-                _ => Err(format!("`{text}` is no background: use auto, sky, black or #rrggbb")),
+                _ => Err(format!("`{text}` is not a background: use auto, sky, black or #rrggbb")),
             },
         }
     }
@@ -150,24 +150,24 @@ pub fn parse_rasterization(text: &str) -> Result<Rasterization, String> {
     match text {
         "classic" => Ok(Rasterization::Classic),
         "antialiased" => Ok(Rasterization::Antialiased),
-        _ => Err(format!("`{text}` is no mode: use classic or antialiased")),
+        _ => Err(format!("`{text}` is not a mode: use classic or antialiased")),
     }
 }
 
-/// Where the frames go.
-enum Target {
+/// Destination of the frames.
+enum OutputTarget {
     Picture(PathBuf),
     Video(PathBuf),
     Folder(PathBuf),
 }
 
-impl Target {
-    /// Whether it can be written, as far as that can be told before there are frames.
+impl OutputTarget {
+    /// Checks that the output can be written, as far as possible before rendering.
     fn check(&self) -> Result<()> {
         match self {
             Self::Picture(path) | Self::Video(path) => check_writable(path)?,
             Self::Folder(path) if path.exists() && !path.is_dir() => bail!(
-                "--out {}: is no folder; give a folder, or a name that ends in .png, .exr, .npy or .mp4",
+                "--out {}: is not a folder; give a folder, or a name that ends in .png, .exr, .npy or .mp4",
                 path.display()
             ),
             Self::Folder(_) => {}
@@ -178,21 +178,21 @@ impl Target {
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<()> {
-    // All that may be wrong and is cheap to check comes before the scene is read.
+    // Cheap checks come before the scene is read.
     let weather = args.weather.read()?;
     if args.pairs.is_asked_for()? {
         return pairs::run(args, &weather);
     }
     let target = target_of(args, &weather)?;
     target.check()?;
-    if matches!(target, Target::Picture(_)) && args.output.asks_for_frames() {
+    if matches!(target, OutputTarget::Picture(_)) && args.output.asks_for_frames() {
         bail!("--frames and --frame-step are for videos and folders of frames: give --out one of these");
     }
     if args.output.stages {
         stages::check(&weather, &target)?;
     }
     let is_exr = match &target {
-        Target::Picture(path) => PictureFormat::of(path) == Some(PictureFormat::Exr),
+        OutputTarget::Picture(path) => PictureFormat::of(path) == Some(PictureFormat::Exr),
         _ => args.output.frame_format == PictureFormat::Exr,
     };
     if args.output.layers && !is_exr {
@@ -204,8 +204,13 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
     args.camera.check()?;
 
-    let mut loaded = Loaded::new(&args.scene, &args.run, args.camera.look.views.as_ref())?;
-    let shot = Shot::plan(&args.camera, &args.output, &mut loaded, matches!(target, Target::Picture(_)))?;
+    let mut loaded = OpenScene::new(&args.scene, &args.run, args.camera.look.views.as_ref())?;
+    let shot = CameraPlan::plan(
+        &args.camera,
+        &args.output,
+        &mut loaded,
+        matches!(target, OutputTarget::Picture(_)),
+    )?;
     let wanted = range::wanted(args.output.frames, args.output.frame_step, shot.frames)?;
     let config = RenderConfig {
         outputs: outputs(&args.output.also),
@@ -213,40 +218,40 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
     };
     let parts = parts(&args.output.also);
-    let mut take = Take::new(loaded, config, weather, shot, parts)?;
+    let mut job = RenderJob::new(loaded, config, weather, shot, parts)?;
     match target {
-        Target::Picture(path) => take.picture(&path, args),
-        Target::Video(path) => sequence::video(&mut take, &wanted, &path, args),
-        Target::Folder(path) => sequence::folder(&mut take, &wanted, &path, args),
+        OutputTarget::Picture(path) => job.picture(&path, args),
+        OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),
+        OutputTarget::Folder(path) => sequence::folder(&mut job, &wanted, &path, args),
     }
 }
 
-/// All that frames are made of.
-struct Take {
+/// The scene, the weather and the camera of the frames to render.
+struct RenderJob {
     renderer: Renderer,
     place: PreparedPlace,
     weather: Weather,
-    shot: Shot,
-    /// Parts of the picture that take renders of their own.
+    shot: CameraPlan,
+    /// Picture parts that need extra renders.
     parts: Vec<PicturePart>,
 }
 
-impl Take {
-    /// Prepares a place for a weather.
+impl RenderJob {
+    /// Prepares the scene for the weather.
     fn new(
-        mut loaded: Loaded,
+        mut loaded: OpenScene,
         config: RenderConfig,
         weather: Weather,
-        shot: Shot,
+        shot: CameraPlan,
         parts: Vec<PicturePart>,
     ) -> Result<Self> {
         loaded.place.config = config;
         loaded.prepare(&weather)?;
-        let Loaded { renderer, place } = loaded;
+        let OpenScene { renderer, place } = loaded;
         Ok(Self { renderer, place, weather, shot, parts })
     }
 
-    /// Renders the instant `time`.
+    /// Renders the frame at `time`, seconds.
     fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
         let camera = self.shot.moving(time, self.place.site().metres_per_unit);
         let options = FrameOptions { parts: &self.parts, ..FrameOptions::new(time, camera) };
@@ -279,7 +284,7 @@ impl Take {
         Ok(())
     }
 
-    /// How the frame of the instant `time` is written.
+    /// Returns the style in which the frame at `time` is written.
     fn style(&self, args: &RenderArgs, depth_scale: DepthScale, time: f64) -> PictureStyle {
         let (scene, site) = (args.scene.scene.display().to_string(), self.place.site());
         let camera = self.shot.camera(time);
@@ -294,7 +299,7 @@ impl Take {
     }
 }
 
-fn background(choice: BackgroundChoice, loaded: &Loaded) -> Background {
+fn background(choice: BackgroundChoice, loaded: &OpenScene) -> Background {
     match choice {
         BackgroundChoice::Color(color) => Background::Color(color),
         BackgroundChoice::Auto => loaded.place.background(),
@@ -302,7 +307,7 @@ fn background(choice: BackgroundChoice, loaded: &Loaded) -> Background {
     }
 }
 
-fn target_of(args: &RenderArgs, weather: &Weather) -> Result<Target> {
+fn target_of(args: &RenderArgs, weather: &Weather) -> Result<OutputTarget> {
     let moves = args.camera.path.is_some() || args.output.seconds.is_some() || args.output.asks_for_frames();
     let name = || {
         let weather = if weather.name == "clear" { String::new() } else { format!("-{}", weather.name) };
@@ -315,7 +320,7 @@ fn target_of(args: &RenderArgs, weather: &Weather) -> Result<Target> {
     if let Some(seconds) = args.output.seconds
         && !(seconds.is_finite() && seconds > 0.0)
     {
-        bail!("--seconds {seconds}: a video has a length above 0");
+        bail!("--seconds {seconds}: must be above 0");
     }
     if !args.output.time.is_finite() {
         bail!("--time {}: must be a number of seconds", args.output.time);
@@ -323,11 +328,11 @@ fn target_of(args: &RenderArgs, weather: &Weather) -> Result<Target> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         _ if path.is_dir() || path.as_os_str().to_string_lossy().ends_with(['/', '\\']) => {
-            Ok(Target::Folder(path))
+            Ok(OutputTarget::Folder(path))
         }
-        Some("mp4") => Ok(Target::Video(path)),
-        Some(_) if PictureFormat::of(&path).is_some() => Ok(Target::Picture(path)),
-        None => Ok(Target::Folder(path)),
+        Some("mp4") => Ok(OutputTarget::Video(path)),
+        Some(_) if PictureFormat::of(&path).is_some() => Ok(OutputTarget::Picture(path)),
+        None => Ok(OutputTarget::Folder(path)),
         Some(other) => bail!(
             "--out {}: a name that ends in .{other} cannot be written; use .png, .exr, .npy, .mp4 or a folder",
             path.display()

@@ -1,10 +1,10 @@
-//! Data sets: every photo's view with and without a weather, and what lies between the two.
+//! Data sets: every photo's view with and without a weather, and the maps that relate the two.
 
 use super::{RenderArgs, background};
 use crate::interrupt::Interrupted;
 use crate::names::stem_of;
 use crate::progress::Reporter;
-use crate::scene::Loaded;
+use crate::scene::OpenScene;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use serde_json::{Map, Value as Json, json};
@@ -22,9 +22,9 @@ use wm_scene::files::write_atomically;
 use wm_scene::{Camera, SceneView};
 use wm_weather::{Fidelity, ParamValue, Weather};
 
-/// The file that says what the pictures of the folder are.
+/// The file that describes the pictures of the folder.
 const MANIFEST: &str = "manifest.json";
-/// The folders, and the format of the files in them; the last is written last.
+/// The folders and the format of their files, in the order of writing.
 const FOLDERS: [(&str, PictureFormat); 5] = [
     ("clean", PictureFormat::Png),
     ("weather", PictureFormat::Png),
@@ -36,11 +36,11 @@ const FOLDERS: [(&str, PictureFormat); 5] = [
 /// Options of data sets.
 #[derive(Args, Clone, Debug)]
 pub struct PairsArgs {
-    /// Every camera of a set, for --pairs: capture (the scene's photos, or those of --views)
+    /// Cameras of --pairs: capture (the scene's photos, or those of --views)
     #[arg(long, value_name = "SET", help_heading = "Camera")]
     cameras: Option<CameraSet>,
-    /// A data set: of every camera of --cameras, at the instant --time, the picture with and without the weather, depth,
-    /// transmittance and a mask of what falls, into the folder --out; three renders a camera
+    /// Write a data set into the folder --out: for every camera of --cameras, at --time, the picture with and without the
+    /// weather, depth, transmittance and a mask of particles; three renders per camera
     #[arg(long, help_heading = "Output")]
     pairs: bool,
 }
@@ -48,42 +48,42 @@ pub struct PairsArgs {
 /// Sets of cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum CameraSet {
-    /// Those of the photos.
+    /// The cameras of the photos.
     Capture,
 }
 
 impl PairsArgs {
-    /// Whether a data set is asked for.
+    /// Returns true if a data set is requested.
     ///
     /// # Errors
-    /// One of the options is there without the other.
+    /// One of the options is given without the other.
     pub fn is_asked_for(&self) -> Result<bool> {
         match (self.pairs, self.cameras) {
-            (true, None) => bail!("--pairs: of which cameras? Add --cameras capture for those of the photos"),
+            (true, None) => bail!("--pairs needs cameras: add --cameras capture for those of the photos"),
             (false, Some(_)) => bail!("--cameras is for data sets: add --pairs, or choose one with --camera"),
             (asked, _) => Ok(asked),
         }
     }
 }
 
-/// One photo's view.
-struct Shot {
+/// The camera of one photo.
+struct PhotoView {
     /// The photo's name.
     photo: String,
-    /// The same without folders that lead out of here and, mostly, extension.
+    /// The name for output files, without folders outside of this one and, mostly, without extension.
     name: String,
     camera: Camera,
 }
 
-impl Shot {
+impl PhotoView {
     fn file(&self, (kind, format): (&str, PictureFormat)) -> String {
         format!("{kind}/{}.{}", self.name, format.extension())
     }
 }
 
-/// The pictures of one view.
+/// The two pictures of one view.
 #[derive(Default)]
-struct Pair {
+struct FramePair {
     clean: Frame,
     weather: Picture,
 }
@@ -91,7 +91,7 @@ struct Pair {
 /// Runs `render --pairs`.
 pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let folder = check(args, weather)?;
-    let mut loaded = Loaded::new(&args.scene, &args.run, args.camera.look.views.as_ref())?;
+    let mut loaded = OpenScene::new(&args.scene, &args.run, args.camera.look.views.as_ref())?;
     let shots = shots(&mut loaded, args)?;
     let config = RenderConfig {
         outputs: Outputs { geometry: Geometry::Depth, particles: ParticlePass::On, ..Outputs::default() },
@@ -100,19 +100,15 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     };
     loaded.place.config = config;
     loaded.prepare(weather)?;
-    let Loaded { mut renderer, mut place } = loaded;
+    let OpenScene { mut renderer, mut place } = loaded;
     let manifest = manifest((&renderer, &place), &shots, args, weather)?;
     keep(&folder, &manifest)?;
 
-    let is_there = |shot: &Shot| FOLDERS.iter().all(|kind| folder.join(shot.file(*kind)).exists());
+    let is_there = |shot: &PhotoView| FOLDERS.iter().all(|kind| folder.join(shot.file(*kind)).exists());
     let missing: Vec<u32> = (0..shots.len() as u32).filter(|i| !is_there(&shots[*i as usize])).collect();
     let kept = shots.len() - missing.len();
     if kept > 0 {
-        eprintln!(
-            "{}: {kept} of {} photos are there, going on with the others",
-            folder.display(),
-            shots.len()
-        );
+        eprintln!("{}: {kept} of {} photos exist, rendering the others", folder.display(), shots.len());
     }
     let (started, time, clear) = (Instant::now(), args.output.time, Weather::clear());
     let scene = args.scene.scene.display().to_string();
@@ -124,7 +120,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     };
     let styles: Vec<[PictureStyle; 2]> =
         shots.iter().map(|shot| [&clear, weather].map(|weather| style(weather, &shot.camera))).collect();
-    let mut render = |index: u32, pair: &mut Pair| {
+    let mut render = |index: u32, pair: &mut FramePair| {
         let camera = shots[index as usize].camera;
         let speed = args.camera.camera_speed.unwrap_or(0.0);
         let moving = MovingCamera { camera, velocity: (camera.forward() * speed).to_array() };
@@ -136,14 +132,14 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         renderer.render_into(&mut place, weather, &options, &mut pair.weather, &mut Reporter::default())?;
         Ok(())
     };
-    let mut write = |index: u32, pair: &Pair| {
+    let mut write = |index: u32, pair: &FramePair| {
         let index = index as usize;
         write_pair(&folder, &shots[index], &styles[index], pair)
     };
     let written = render_and_write(&missing, &mut render, &mut write, &mut Reporter::default())? as usize;
     if written < missing.len() {
         let (done, all) = (kept + written, shots.len());
-        let advice = "the same command goes on with the others";
+        let advice = "the same command continues with the others";
         return Err(
             Interrupted(format!("{done} of {all} photos are in {}, {advice}", folder.display())).into()
         );
@@ -158,7 +154,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     Ok(())
 }
 
-/// What can be wrong without a scene; returns the folder.
+/// Checks the options that do not depend on the scene; returns the folder.
 fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
     let (camera, output) = (&args.camera, &args.output);
     for (given, option) in [
@@ -179,7 +175,7 @@ fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
         bail!("--time {}: must be a number of seconds", output.time);
     }
     if weather.effects().next().is_none() {
-        bail!("--pairs: with and without which weather? Give --weather or --set");
+        bail!("--pairs needs a weather: give --weather or --set");
     }
     if weather.fidelity == Fidelity::Paper {
         bail!("--pairs: {NO_AIR}");
@@ -188,17 +184,17 @@ fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
     let folder = output.out.clone().unwrap_or_else(|| name().into());
     let is_file = PictureFormat::of(&folder).is_some() || folder.extension().is_some_and(|e| e == "mp4");
     if folder.exists() && !folder.is_dir() || is_file && !folder.is_dir() {
-        bail!("--out {}: is no folder; --pairs writes many files, give it a folder", folder.display());
+        bail!("--out {}: is not a folder; --pairs writes many files and needs one", folder.display());
     }
     Ok(folder)
 }
 
-/// Why the paper's fidelity has no parts.
+/// The reason why the paper's fidelity has no parts.
 pub const NO_AIR: &str =
     "the paper's fog acts on finished pixels and has no transmittance; use --set fidelity=physical";
 
-/// The views of the photos, by names of which no two are alike.
-fn shots(loaded: &mut Loaded, args: &RenderArgs) -> Result<Vec<Shot>> {
+/// Returns the photos' cameras with unique names.
+fn shots(loaded: &mut OpenScene, args: &RenderArgs) -> Result<Vec<PhotoView>> {
     let views = &loaded.place.scene().views;
     if views.is_empty() {
         bail!(
@@ -211,15 +207,15 @@ fn shots(loaded: &mut Loaded, args: &RenderArgs) -> Result<Vec<Shot>> {
     named
         .map(|(name, view)| {
             let camera = spec::of_view(view, loaded.place.survey(), &options)?;
-            Ok(Shot { photo: view.name.clone(), name, camera })
+            Ok(PhotoView { photo: view.name.clone(), name, camera })
         })
         .collect()
 }
 
-/// Names of files: those of the photos without extension, or with it where two are alike without.
+/// Returns the file names: those of the photos without extension, or with it if two photos differ only there.
 fn names(views: &[SceneView]) -> Result<Vec<String>> {
     let whole = |view: &SceneView| -> String {
-        // Names come from files of others, which may name places outside of the folder.
+        // Names come from foreign files and may point outside of the folder.
         let parts = Path::new(&view.name).components().filter_map(|part| match part {
             Component::Normal(part) => part.to_str(),
             _ => None,
@@ -254,13 +250,18 @@ fn names(views: &[SceneView]) -> Result<Vec<String>> {
     Ok(names)
 }
 
-fn write_pair(folder: &Path, shot: &Shot, [clear, style]: &[PictureStyle; 2], pair: &Pair) -> Result<()> {
+fn write_pair(
+    folder: &Path,
+    shot: &PhotoView,
+    [clear, style]: &[PictureStyle; 2],
+    pair: &FramePair,
+) -> Result<()> {
     let size = PictureSize::new(shot.camera.width, shot.camera.height);
     let paths = FOLDERS.map(|kind| folder.join(shot.file(kind)));
     for path in &paths {
         let parent = path.parent().unwrap_or(folder);
         std::fs::create_dir_all(parent)
-            .with_context(|| format!("cannot make the folder {}", parent.display()))?;
+            .with_context(|| format!("cannot create the folder {}", parent.display()))?;
     }
     let [clean, weather, depth, transmittance, particles] = paths;
     wm_media::png::write_rgb(&clean, &pair.clean.rgb, size, clear.dither, &clear.tags)?;
@@ -271,10 +272,10 @@ fn write_pair(folder: &Path, shot: &Shot, [clear, style]: &[PictureStyle; 2], pa
     Ok(())
 }
 
-/// Writes the manifest, or finds that the folder is that of another run.
+/// Writes the manifest; returns an error if the folder has the manifest of another run.
 fn keep(folder: &Path, manifest: &Json) -> Result<()> {
     std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        .with_context(|| format!("cannot create the folder {}", folder.display()))?;
     let path = folder.join(MANIFEST);
     let text = serde_json::to_string_pretty(manifest)?;
     if path.exists() {
@@ -289,10 +290,10 @@ fn keep(folder: &Path, manifest: &Json) -> Result<()> {
     Ok(())
 }
 
-/// All that the pictures are, and all that they depend on but the scene's own bytes.
+/// Returns the manifest: what the pictures are, and everything that they depend on except the scene's bytes.
 fn manifest(
     (renderer, place): (&Renderer, &PreparedPlace),
-    shots: &[Shot],
+    shots: &[PhotoView],
     args: &RenderArgs,
     weather: &Weather,
 ) -> Result<Json> {

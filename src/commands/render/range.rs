@@ -1,24 +1,24 @@
-//! Which frames of a sequence are made.
+//! The selection of frames of a sequence.
 
 use anyhow::{Result, bail};
 use std::fmt;
 use std::num::NonZeroU32;
 
-/// Frames by their numbers in the whole sequence, from 0.
+/// A range of frames, by their numbers in the whole sequence, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameRange {
-    /// The first.
+    /// The first frame.
     first: u32,
-    /// The one after the last; `None` goes to the end of the sequence.
+    /// The frame after the last; `None` for the end of the sequence.
     end: Option<u32>,
 }
 
 impl std::str::FromStr for FrameRange {
     type Err = String;
 
-    /// Reads `300..420` (without 420), `300..=420` or `300..`.
+    /// Parses `300..420` (without 420), `300..=420` or `300..`.
     fn from_str(text: &str) -> Result<Self, String> {
-        let form = || format!("`{text}` is no range of frames: use 300..420, 300..=420 or 300..");
+        let form = || format!("`{text}` is not a range of frames: use 300..420, 300..=420 or 300..");
         let number = |part: &str| part.trim().parse::<u32>().map_err(|_| form());
         let (first, rest) = text.split_once("..").ok_or_else(form)?;
         let first = number(first)?;
@@ -41,8 +41,7 @@ impl fmt::Display for FrameRange {
     }
 }
 
-/// The numbers of the frames to make, ascending, of a sequence of `all`: those of `range`, every `step`-th from its
-/// first.
+/// Returns the numbers of the frames to render, ascending, of a sequence of `all`: every `step`-th frame of `range`.
 ///
 /// # Errors
 /// The range is beyond the sequence.

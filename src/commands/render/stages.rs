@@ -1,6 +1,6 @@
-//! The steps of the paper's rain and snow, as pictures beside the last one.
+//! The steps of the paper's rain and snow, as pictures beside the final one.
 
-use super::{Take, Target};
+use super::{OutputTarget, RenderJob};
 use crate::progress::Reporter;
 use anyhow::{Result, bail};
 use std::path::Path;
@@ -11,32 +11,32 @@ use wm_render::Stats;
 use wm_weather::paper::PaperStages;
 use wm_weather::{EffectRole, Fidelity, Weather};
 
-/// Refuses what has no such steps.
-pub fn check(weather: &Weather, target: &Target) -> Result<()> {
+/// Returns an error for weathers and outputs without such steps.
+pub fn check(weather: &Weather, target: &OutputTarget) -> Result<()> {
     if weather.fidelity != Fidelity::Paper || !weather.has(EffectRole::Falls) {
         bail!(
             "--stages: shows the steps of the paper's rain and snow; add --set fidelity=paper and --set rain.rate=10, or \
              --set snowfall.rate=1"
         );
     }
-    if !matches!(target, Target::Picture(_)) {
+    if !matches!(target, OutputTarget::Picture(_)) {
         bail!("--stages: is for a picture; give --out a .png, .exr or .npy");
     }
     Ok(())
 }
 
-/// Renders and writes the picture of the instant `time`, its steps and what else is asked for beside it; returns a line for
+/// Renders and writes the picture at `time`, its steps and the other pictures that are requested; returns a line for
 /// each file but the picture.
 pub fn picture(
-    take: &mut Take,
+    job: &mut RenderJob,
     style: &PictureStyle,
     path: &Path,
     time: f64,
     picture: &mut Picture,
 ) -> Result<(Stats, Vec<String>)> {
-    let camera = take.shot.moving(time, take.place.site().metres_per_unit);
+    let camera = job.shot.moving(time, job.place.site().metres_per_unit);
     let (options, mut stages) = (FrameOptions::new(time, camera), PaperStages::default());
-    let Take { renderer, place, weather, .. } = take;
+    let RenderJob { renderer, place, weather, .. } = job;
     let target = (&mut *picture, &mut stages);
     let stats = renderer.render_stages(place, weather, &options, target, &mut Reporter::default())?;
     let mut lines = style.write(picture, path)?;

@@ -9,7 +9,7 @@ const SIZES = [[1280, 720], [1920, 1080], [2560, 1440], [3840, 2160]];
 /** What was wrong, in the program's words. @param {Response} response */
 async function problem(response) {
   const text = (await response.text()).trim();
-  return text || `the program answers ${response.status}`;
+  return text || `the program responded with status ${response.status}`;
 }
 
 /** Gives a file to the browser. @param {Blob} blob @param {string} name */
@@ -25,7 +25,7 @@ export class FilesPanel {
     this.store = store;
     this.size = this.sizes("size-picture");
     this.filmSize = this.sizes("size-video");
-    this.command = h("pre", { id: "command", tabIndex: 0, ariaLabel: "Command that renders the same" });
+    this.command = h("pre", { id: "command", tabIndex: 0, ariaLabel: "Command that renders the same picture" });
     this.file = h("input", { type: "file", accept: ".toml", hidden: true, onchange: () => this.load() });
     this.fps = h("input", { id: "fps", className: "number", value: "30", inputMode: "decimal", ariaLabel: "Frames a second" });
     this.seconds = h("input", { id: "seconds", className: "number", value: short(store.duration, 5), inputMode: "decimal", ariaLabel: "Seconds" });
@@ -40,7 +40,7 @@ export class FilesPanel {
       h("h2", {}, "Picture"),
       h("div", { className: "param" }, h("label", {}, "Size"), this.size),
       h("div", { className: "buttons" },
-        h("button", { id: "save-all", className: "main", title: "Picture, weather and camera: what the command below needs", onclick: () => this.save(["picture", "weather", "camera"]) }, "Save all"),
+        h("button", { id: "save-all", className: "main", title: "Save the picture, and the weather and camera files that the command below needs", onclick: () => this.save(["picture", "weather", "camera"]) }, "Save all"),
         button("save-picture", "PNG", "picture"), button("save-weather", "Weather", "weather"), button("save-camera", "Camera", "camera")),
       h("p", { className: "quiet" }, "The command gives the same picture, byte for byte, from the saved files."),
       this.command,
@@ -49,7 +49,7 @@ export class FilesPanel {
       h("p", { className: "quiet", hidden: store.parameters.video }, "This build has no video encoder."),
       h("div", { className: "param" }, h("label", {}, "Size"), this.filmSize),
       h("div", { className: "row" }, h("label", {}, "Seconds"), this.seconds, h("label", {}, "Frames/s"), this.fps),
-      h("p", { className: "quiet" }, "From time 0, along the path where it is looked along."),
+      h("p", { className: "quiet" }, "Starts at time 0; follows the camera path if “Look along the path” is on."),
       h("div", { className: "buttons" }, this.begin, this.stop, this.link),
       this.bar, this.note,
     );
@@ -95,7 +95,7 @@ export class FilesPanel {
   async save(kinds) {
     for (const kind of kinds) {
       const response = await this.post(kind);
-      if (!response) return toast("The program does not answer", "bad");
+      if (!response) return toast("The program does not respond", "bad");
       if (!response.ok) return toast(await problem(response), "bad");
       const name = /filename="([^"]+)"/.exec(response.headers.get("content-disposition") ?? "")?.[1] ?? kind;
       download(await response.blob(), name);
@@ -135,7 +135,7 @@ export class FilesPanel {
 
   async watch() {
     const response = await fetch(`/videos/${this.id}`).catch(() => null);
-    const video = response?.ok ? await response.json() : { state: "failed", error: "the program is gone" };
+    const video = response?.ok ? await response.json() : { state: "failed", error: "the program does not respond" };
     this.bar.value = video.frames ? video.done / video.frames : 0;
     this.note.textContent = video.state === "running" ? `${video.done} of ${video.frames} frames` : video.state === "done" ? `${video.frames} frames` : video.error;
     if (video.state === "running") return setTimeout(() => this.watch(), 400);

@@ -24,7 +24,7 @@ const connection = new Connection(store, {
     document.body.dataset.live = isOpen ? "yes" : "no";
     if (!isOpen && !document.body.dataset.failed) veil(parts ? "" : "Connecting");
     $("offline")?.remove();
-    if (!isOpen && parts) $("stage").append(h("div", { id: "offline", role: "alert" }, "The program does not answer. The page goes on when it is back."));
+    if (!isOpen && parts) $("stage").append(h("div", { id: "offline", role: "alert" }, "The program does not respond. The page continues when it is back."));
   },
 });
 
@@ -64,7 +64,7 @@ async function hear(word) {
     case "state":
       return store.set({ ...word.state, size: store.state.size });
     case "picked":
-      return word.point ? parts?.controls.focus(word.point) : toast("Nothing is there");
+      return word.point ? parts?.controls.focus(word.point) : toast("There is nothing at this point");
     case "thumbnail":
       return parts?.weather.thumbnail(word.name);
   }
@@ -149,7 +149,7 @@ function stats(head) {
     h("span", { title, "data-stat": name }, h("b", {}, value), ` ${name}`);
   const isStill = head.whole || (!store.isPlaying && performance.now() - store.changedAt > 1000);
   $("stats").replaceChildren(
-    isStill ? h("span", { title: "Pictures come when something moves" }, h("b", {}, head.whole ? "still" : "draft")) : figure("fps", short(rate.shown, 2), "Pictures a second that this page shows"),
+    isStill ? h("span", { title: "Frames are rendered when something changes" }, h("b", {}, head.whole ? "still" : "draft")) : figure("fps", short(rate.shown, 2), "Pictures a second that this page shows"),
     figure("ms", String(Math.round(head.draw_ms + head.encode_ms)), `Drawing ${short(head.draw_ms)} ms, JPEG ${short(head.encode_ms)} ms`),
     figure("px", `${head.width}×${head.height}`, "Size of the picture: smaller while something moves"),
     figure("splats", count(head.splats), "Splats in view"),
@@ -222,7 +222,7 @@ function cameraPanel(controls) {
       const views = scene.views.filter((_, index) => index % step === 0);
       const time = (/** @type {number} */ index) => (views.length > 1 ? (store.duration * index) / (views.length - 1) : 0);
       store.set({ path: views.map((view, index) => ({ time: time(index), ...view.camera })), follow: "path" });
-    } }, "Go along the photos"),
+    } }, "Move along the photos"),
   ];
   const photo = (/** @type {number} */ by) => {
     const box = $("photo");
@@ -232,8 +232,8 @@ function cameraPanel(controls) {
   $("tab-camera").replaceChildren(
     where,
     slider("Field of view", "°", { min: "10", max: "110", step: "1" }, () => store.state.camera.fov, (fov) => controls.set({ ...store.state.camera, fov })),
-    slider("Speed of walking", "×", { min: "-2", max: "2", step: "0.1" }, () => Math.log10(controls.speed), (s) => (controls.speed = 10 ** s), (s) => short(10 ** s, 2)),
-    h("div", { className: "buttons" }, h("button", { id: "home", title: "Back to the start (R)", onclick: () => controls.flyTo(start.camera) }, "Start view")),
+    slider("Walking speed", "×", { min: "-2", max: "2", step: "0.1" }, () => Math.log10(controls.speed), (s) => (controls.speed = 10 ** s), (s) => short(10 ** s, 2)),
+    h("div", { className: "buttons" }, h("button", { id: "home", title: "Return to the initial view (R)", onclick: () => controls.flyTo(start.camera) }, "Start view")),
     h("h2", {}, "Path"),
     h("p", { className: "quiet" }, "◆ Camera beside the time keeps the camera of this instant. Two and more make a path."),
     keys,
@@ -247,7 +247,7 @@ function cameraPanel(controls) {
     follow.setAttribute("aria-pressed", String(way === "path"));
     keys.replaceChildren(...path.slice(0, 100).map((key, index) => h("div", { className: "row" },
       h("button", { className: "grow", onclick: () => { controls.flyTo({ eye: key.eye, rotation: key.rotation, fov: key.fov }); store.set({ time: key.time }); } }, `◆ ${short(key.time)} s`),
-      h("button", { className: "icon-button", ariaLabel: "Take this keyframe away", onclick: () => store.set({ path: path.filter((_, other) => other !== index), ...(path.length === 1 ? { follow: "camera" } : {}) }) }, "×"))));
+      h("button", { className: "icon-button", ariaLabel: "Remove this keyframe", onclick: () => store.set({ path: path.filter((_, other) => other !== index), ...(path.length === 1 ? { follow: "camera" } : {}) }) }, "×"))));
   };
   store.listen((changed) => {
     if (["camera", "path", "follow"].some((what) => changed.has(what))) refresh();
@@ -258,16 +258,16 @@ function cameraPanel(controls) {
 
 /** @type {[string, string][]} */
 const KEYS = [
-  ["Drag", "go round the middle (Orbit), look around (Fly)"],
+  ["Drag", "orbit around the centre (Orbit), look around (Fly)"],
   ["Shift or right drag, two fingers", "shift"],
-  ["Wheel, pinch", "nearer and farther"],
-  ["Double click", "go round what is there"],
+  ["Wheel, pinch", "move closer or away"],
+  ["Double click", "orbit around the point"],
   ["W A S D, Q E", "walk, down and up; Shift is faster"],
   ["Arrows", "look around"],
   ["F", "Orbit or Fly"],
-  ["R", "back to the start view"],
+  ["R", "return to the initial view"],
   ["Space", "play and pause"],
-  [", .", "a frame back and on"],
+  [", .", "previous and next frame"],
   ["K", "keyframe of the camera"],
   ["P", "look along the path"],
   ["1 2 3 4", "colour, depth, normals, coverage"],

@@ -42,7 +42,7 @@ export class WeatherPanel {
       store.setWeather(word === "paper" ? { ...others, fidelity: "paper" } : others);
     });
     root.replaceChildren(
-      h("div", { className: "row" }, this.name, h("button", { id: "all-off", title: "No weather at all", onclick: () => this.choose("clear") }, "Clear")),
+      h("div", { className: "row" }, this.name, h("button", { id: "all-off", title: "Turn all weather off", onclick: () => this.choose("clear") }, "Clear")),
       this.presets,
       this.effects,
       h("details", { className: "more" }, h("summary", {}, "Fidelity"), this.fidelity, h("p", { className: "quiet" }, "physical: units and linear light. paper: the formulas as they were printed.")),
@@ -133,8 +133,8 @@ export class WeatherPanel {
       store.setParam(effect.name, param.name, isKeyed && value !== "auto" ? withKey(track(), store.state.time, value) : value);
     };
     const takesAuto = param.kind.endsWith("-or-auto");
-    const auto = takesAuto && param.kind !== "picture-or-auto" ? h("button", { className: "auto", title: "Let the program find it", onclick: () => set(now() === "auto" ? starting(param) : "auto") }, "auto") : null;
-    const reset = h("button", { className: "icon-button reset", title: "Back to the default", ariaLabel: `Reset ${id}`, onclick: () => store.setParam(effect.name, param.name, undefined) }, "↺");
+    const auto = takesAuto && param.kind !== "picture-or-auto" ? h("button", { className: "auto", title: "Determine the value automatically", onclick: () => set(now() === "auto" ? starting(param) : "auto") }, "auto") : null;
+    const reset = h("button", { className: "icon-button reset", title: "Reset to the default", ariaLabel: `Reset ${id}`, onclick: () => store.setParam(effect.name, param.name, undefined) }, "↺");
     const key = param.kind === "picture-or-auto" ? null : h("button", { className: "icon-button key", ariaLabel: `Keyframe of ${id}`, onclick: () => this.toggleKey(effect, param) }, "◆");
     const [control, refresh] = this.control(effect, param, now, set);
     const row = h("div", { className: "param", "data-param": id },
@@ -148,7 +148,7 @@ export class WeatherPanel {
       const here = hasKey(mine, store.state.time);
       key.classList.toggle("here", here);
       key.classList.toggle("keyed", keysOf(mine).length > 0);
-      key.title = here ? "Take this keyframe away" : `Keyframe at ${short(store.state.time)} s`;
+      key.title = here ? "Remove this keyframe" : `Keyframe at ${short(store.state.time)} s`;
     });
     return row;
   }
@@ -159,7 +159,7 @@ export class WeatherPanel {
     const track = store.state.weather[effect.name]?.[param.name] ?? param.default;
     const value = valueAt(track, store.state.time);
     if (hasKey(track, store.state.time)) return store.setParam(effect.name, param.name, withoutKey(track, store.state.time));
-    if (value === "auto" || number(value) === Infinity) return toast("Keyframes run between finite values: set one first");
+    if (value === "auto" || number(value) === Infinity) return toast("Keyframes need finite values: set one first");
     store.setParam(effect.name, param.name, withKey(track, store.state.time, value));
   }
 

@@ -13,7 +13,7 @@ export class Timeline {
     this.box = h("input", { id: "time-box", type: "text", inputMode: "decimal", className: "number", ariaLabel: "Time in seconds", onchange: () => this.goTo(Number(this.box.value.replace(",", ".")) || 0) });
     this.end = h("input", { id: "duration", type: "text", inputMode: "decimal", className: "number", ariaLabel: "Length in seconds", title: "Length, seconds", onchange: () => store.setDuration(Number(this.end.value.replace(",", ".")) || 5) });
     this.marks = h("div", { id: "marks" });
-    this.key = h("button", { id: "add-key", title: "Keyframe of the camera here and now (K)", onclick: () => this.keyCamera() }, "◆ Camera");
+    this.key = h("button", { id: "add-key", title: "Add a camera keyframe at this time (K)", onclick: () => this.keyCamera() }, "◆ Camera");
     root.replaceChildren(
       this.button,
       h("div", { className: "rail" }, this.marks, this.scrub),

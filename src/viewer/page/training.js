@@ -96,7 +96,7 @@ async function ask() {
     show(told);
     isOver = told.end !== null;
   } catch {
-    if (!isOver) ended("The program does not answer: the training is over, or was stopped.");
+    if (!isOver) ended("The program does not respond: the training has ended or was stopped.");
   }
   if (!isOver) setTimeout(ask, 1000);
 }

@@ -252,6 +252,12 @@ impl Cover {
         Self { rings, metres_per_unit: site.metres_per_unit, spots, walls, ladder: Vec::new(), threads }
     }
 
+    /// The same cover, worked on by this many threads; they change no byte of it.
+    #[must_use]
+    pub fn with_threads(self, threads: usize) -> Self {
+        Self { threads, ..self }
+    }
+
     /// The ground, from the inside out.
     #[must_use]
     pub fn rings(&self) -> &[GroundGrid] {

@@ -1,16 +1,15 @@
-//! The report for a browser: one file without scripts and without anything from elsewhere, light or dark as the
-//! reader has it.
+//! The HTML report: one file without scripts or external resources, light or dark as the browser prefers.
 
 mod panels;
 
-pub use panels::Shown;
+pub use panels::PhotoPanels;
 
-use super::scores::{Placement, Report, ScoreColumn};
+use super::scores::{EvaluationReport, Placement, ScoreColumn};
 use crate::report::{escaped, foot, head, picture};
 use std::fmt::Write;
 
-/// The whole page; pictures are those of `shown`.
-pub fn page(report: &Report, shown: &[Shown]) -> String {
+/// Returns the whole page, with the pictures of `shown`.
+pub fn page(report: &EvaluationReport, shown: &[PhotoPanels]) -> String {
     let mut style = String::new();
     for (class, ramp) in panels::RAMPS {
         let _ = writeln!(style, ".{class} {{ background: {}; }}", picture::gradient(ramp));
@@ -43,8 +42,8 @@ pub fn page(report: &Report, shown: &[Shown]) -> String {
     out
 }
 
-/// The means, each with what it is.
-fn means(out: &mut String, report: &Report) {
+/// Writes the means, each with its definition.
+fn means(out: &mut String, report: &EvaluationReport) {
     out.push_str("<h2>Means over the photos</h2>\n<div class=\"scroll\"><table class=\"means\">\n<tbody>\n");
     let mut row = |name: &str, value: &str, what: &str| {
         let _ =
@@ -67,8 +66,8 @@ fn means(out: &mut String, report: &Report) {
     out.push_str("</tbody>\n</table></div>\n");
 }
 
-/// A line a photo.
-fn photos(out: &mut String, report: &Report) {
+/// Writes a line per photo.
+fn photos(out: &mut String, report: &EvaluationReport) {
     let columns: Vec<&ScoreColumn> = report.columns(Some(Placement::Table)).collect();
     out.push_str("<h2>Photos</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>photo</th>");
     for column in &columns {

@@ -1,7 +1,7 @@
 //! The pictures of a photo: photo, render and error; depth, normals and surfaces against the truth.
 
 use crate::report::escaped;
-use crate::report::picture::{self, Cell};
+use crate::report::picture::{self, MapCell};
 use anyhow::Result;
 use std::fmt::Write;
 use wm_media::ramps::{self, ColorRamp};
@@ -12,13 +12,13 @@ use wm_train::metrics::{
     coverage::{COVERED, SLACK},
 };
 
-/// Largest difference of colours that is told apart.
+/// Largest difference of colours on the colour ramp.
 const COLOR_RANGE: f64 = 0.2;
-/// Largest relative error of depth that is told apart, to both sides.
+/// Largest relative error of depth on the colour ramp, in both directions.
 const DEPTH_RANGE: f64 = 0.2;
-/// Largest angle that is told apart, degrees.
+/// Largest angle on the colour ramp, degrees.
 const ANGLE_RANGE: f64 = 60.0;
-/// Shares of true depths below and above the range of colours.
+/// Fractions of true depths below and above the range of colours.
 const TAIL: f64 = 0.02;
 
 /// The ramps, with the names of their classes.
@@ -36,14 +36,14 @@ const FATES: [([u8; 3], &str); 6] = [
 ];
 
 /// The pictures of a photo, ready to be written.
-pub struct Shown {
+pub struct PhotoPanels {
     /// The photo.
     pub name: String,
     size: (u32, u32),
-    figures: Vec<Figure>,
+    figures: Vec<PanelPicture>,
 }
 
-struct Figure {
+struct PanelPicture {
     what: String,
     picture: String,
     key: Key,
@@ -53,43 +53,43 @@ struct Figure {
 /// The place of a figure on a narrow screen.
 #[derive(Clone, Copy, PartialEq)]
 enum Width {
-    /// Beside another.
+    /// Half of the page's width.
     Half,
-    /// By itself.
+    /// The whole width.
     Whole,
 }
 
 /// The meaning of colours.
 enum Key {
-    /// They are colours.
+    /// No key: the pixels are colours.
     None,
     /// A bar of the ramp's class, with numbers at equal distances.
     Bar(&'static str, Vec<String>),
-    /// One by one.
+    /// A list of colours with their meanings.
     Fates,
 }
 
-impl Shown {
+impl PhotoPanels {
     /// Draws the pictures.
     pub fn new(shown: &EvaluatedPhoto<'_>, metres_per_unit: f64) -> Result<Self> {
         let EvaluatedPhoto { name, photo, image, frame, solid, truth: maps, .. } = *shown;
         let full = (frame.width, frame.height);
         let mut figures = Vec::new();
         let mut add = |what: &str, picture: String, key: Key, width: Width| {
-            figures.push(Figure { what: what.to_owned(), picture, key, width });
+            figures.push(PanelPicture { what: what.to_owned(), picture, key, width });
         };
         add("photo", picture::color(photo, full, picture::WIDEST)?, Key::None, Width::Half);
         add("render", picture::color(image, full, picture::WIDEST)?, Key::None, Width::Half);
         let size = picture::shown_size(full);
         let places = picture::nearest(full);
-        let map = |of: &dyn Fn(usize) -> Cell, ramp: ColorRamp| -> Result<String> {
-            let cells: Vec<Cell> = places.iter().map(|place| of(*place)).collect();
+        let map = |of: &dyn Fn(usize) -> MapCell, ramp: ColorRamp| -> Result<String> {
+            let cells: Vec<MapCell> = places.iter().map(|place| of(*place)).collect();
             picture::numbers(&cells, size, ramp)
         };
         let difference = |place: usize| {
             let channels = 3 * place..3 * place + 3;
             let sum: f32 = channels.map(|at| (image[at] - photo[at]).abs()).sum();
-            Cell::At(f64::from(sum) / 3.0 / COLOR_RANGE)
+            MapCell::At(f64::from(sum) / 3.0 / COLOR_RANGE)
         };
         let key = Key::Bar("error", ticks(0.0, COLOR_RANGE, |v| format!("{v:.2}")));
         add(
@@ -100,21 +100,22 @@ impl Shown {
         );
         if let Some(truth) = &maps.depth {
             let range = Range::of(truth);
-            let cell = |depth: f32, none: Cell| if depth > 0.0 { Cell::At(range.place(depth)) } else { none };
+            let cell =
+                |depth: f32, none: MapCell| if depth > 0.0 { MapCell::At(range.place(depth)) } else { none };
             let is_surface = |place: usize| truth[place] > 0.0 && truth[place].is_finite();
             let key = || Key::Bar("depth", range.ticks(metres_per_unit));
             let known = |place: usize| {
-                if is_surface(place) { cell(truth[place], Cell::Unknown) } else { Cell::Unknown }
+                if is_surface(place) { cell(truth[place], MapCell::Unknown) } else { MapCell::Unknown }
             };
             add("true depth, m", map(&known, ramps::turbo)?, key(), Width::Half);
-            let found = |place: usize| cell(frame.median_depth[place], Cell::Missing);
+            let found = |place: usize| cell(frame.median_depth[place], MapCell::Missing);
             add("median depth, m", map(&found, ramps::turbo)?, key(), Width::Half);
             let error = |place: usize| match (is_surface(place), frame.median_depth[place]) {
-                (false, _) => Cell::Unknown,
-                (true, depth) if depth <= 0.0 => Cell::Missing,
+                (false, _) => MapCell::Unknown,
+                (true, depth) if depth <= 0.0 => MapCell::Missing,
                 (true, depth) => {
                     let error = f64::from((depth - truth[place]) / truth[place]);
-                    Cell::At(0.5 + 0.5 * error / DEPTH_RANGE)
+                    MapCell::At(0.5 + 0.5 * error / DEPTH_RANGE)
                 }
             };
             let percent =
@@ -142,9 +143,9 @@ impl Shown {
             let error = |place: usize| {
                 let (true_normal, normal) = (of(truth, place), of(&frame.normal, place));
                 match angle(&normal, &true_normal) {
-                    Some(angle) => Cell::At(f64::from(angle) / ANGLE_RANGE),
-                    None if true_normal == [0.0; 3] => Cell::Unknown,
-                    None => Cell::Missing,
+                    Some(angle) => MapCell::At(f64::from(angle) / ANGLE_RANGE),
+                    None if true_normal == [0.0; 3] => MapCell::Unknown,
+                    None => MapCell::Missing,
                 }
             };
             let key = Key::Bar("error", ticks(0.0, ANGLE_RANGE, |v| format!("{v:.0}\u{b0}")));
@@ -163,7 +164,7 @@ impl Shown {
     pub fn write(&self, out: &mut String) {
         out.push_str("<div class=\"figures\">\n");
         let (width, height) = self.size;
-        for Figure { what, picture, key, width: stand } in &self.figures {
+        for PanelPicture { what, picture, key, width: stand } in &self.figures {
             let class = if *stand == Width::Whole { " class=\"wide\"" } else { "" };
             let alt = escaped(&format!("{what} of {}", self.name));
             let _ = write!(
@@ -212,19 +213,19 @@ fn fate(place: usize, solid: &Frame, maps: &TrueMaps) -> u8 {
     }
 }
 
-/// Five numbers of a bar from one end to the other.
+/// Returns five numbers of a bar from one end to the other.
 fn ticks(low: f64, high: f64, text: impl Fn(f64) -> String) -> Vec<String> {
     (0..5).map(|tick| text(low + (high - low) * f64::from(tick) / 4.0)).collect()
 }
 
-/// Depths by their logarithms: near ones matter as much as far ones.
+/// A range of depths, logarithmic.
 struct Range {
     low: f64,
     high: f64,
 }
 
 impl Range {
-    /// From the nearest to the farthest surface but for a few.
+    /// Returns the range from the nearest to the farthest surface, without a few outliers.
     fn of(truth: &[f32]) -> Self {
         let mut known: Vec<f32> = truth.iter().copied().filter(|z| *z > 0.0 && z.is_finite()).collect();
         known.sort_unstable_by(f32::total_cmp);

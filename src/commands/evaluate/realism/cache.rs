@@ -1,5 +1,5 @@
-//! Embeddings that are kept: an NPY file that any program reads, and beside it, in JSON, of which pictures its rows are. A
-//! row is taken again if the network, and the picture's name, length and time are the same.
+//! A cache of embeddings: an NPY file that any program reads, and beside it a JSON file with the pictures of its rows. A
+//! row is reused if the network and the picture's name, size and modification time are the same.
 
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
@@ -10,31 +10,31 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 use wm_scene::files::write_atomically;
 use wm_scene::npy;
 
-/// The longest time that embeddings are held before they are written.
+/// Longest time before new embeddings are written.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The index of an array of embeddings: the pictures of its rows.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Index {
-    /// The network's.
+    /// Identity of the network.
     identity: u64,
-    /// Of the array's numbers: a row belongs to a picture only if both files are of one moment.
+    /// Hash of the array's numbers: the rows are only used if both files were written together.
     checksum: u64,
-    pictures: Vec<Picture>,
+    pictures: Vec<CachedPicture>,
 }
 
 /// The identity of a picture.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Picture {
+struct CachedPicture {
     file: PathBuf,
     bytes: u64,
     /// Nanoseconds since 1970.
     modified: u64,
 }
 
-impl Picture {
+impl CachedPicture {
     fn of(file: &Path) -> Result<Self> {
         let about = fs::metadata(file).with_context(|| format!("{}: cannot be read", file.display()))?;
         let modified = about.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
@@ -43,27 +43,27 @@ impl Picture {
     }
 }
 
-/// Embeddings of one part.
-pub struct Cache {
-    /// Without an extension; `None` where nothing is kept.
+/// Embeddings of one picture set.
+pub struct EmbeddingCache {
+    /// Path of the files without extension; `None` if nothing is kept.
     path: Option<PathBuf>,
     identity: u64,
     width: usize,
     /// Embeddings of an earlier run, by picture.
-    before: HashMap<Picture, Vec<f32>>,
-    /// Embeddings of this part, in its order.
-    pictures: Vec<Picture>,
+    before: HashMap<CachedPicture, Vec<f32>>,
+    /// Embeddings of this set, in its order.
+    pictures: Vec<CachedPicture>,
     values: Vec<f32>,
     /// True if all of them are on disk.
     is_kept: bool,
     written: Instant,
 }
 
-/// The suffix of the files of an unfinished part.
+/// The suffix of the files of an unfinished set.
 pub const UNFINISHED: &str = "unfinished";
 
-impl Cache {
-    /// Reads what is there. What does not fit is left alone until it is written over.
+impl EmbeddingCache {
+    /// Reads the file if it exists. A file of other embeddings is ignored until it is overwritten.
     pub fn open(path: Option<PathBuf>, identity: u64, width: usize) -> Result<Self> {
         let mut before = HashMap::new();
         if let Some(path) = &path {
@@ -85,9 +85,9 @@ impl Cache {
         })
     }
 
-    /// Adds the embedding of a file, which is made if it is not there.
+    /// Adds the embedding of a file; computes it if it is not in the cache.
     pub fn add(&mut self, file: &Path, make: impl FnOnce() -> Result<Vec<f32>>) -> Result<()> {
-        let picture = Picture::of(file)?;
+        let picture = CachedPicture::of(file)?;
         match self.before.get(&picture) {
             Some(row) => self.values.extend(row),
             None => {
@@ -102,14 +102,14 @@ impl Cache {
         Ok(())
     }
 
-    /// Writes what is there so far, and says where.
+    /// Writes the embeddings so far and returns the path.
     pub fn keep(&mut self) -> Result<Option<PathBuf>> {
         let Some(path) = &self.path else { return Ok(None) };
         let path = named(path, UNFINISHED);
         if !self.is_kept {
             let (mut pictures, mut values) = (self.pictures.clone(), self.values.clone());
-            // What was there of pictures that were not come to.
-            let added: HashSet<&Picture> = self.pictures.iter().collect();
+            // Embeddings of an earlier run whose pictures were not reached.
+            let added: HashSet<&CachedPicture> = self.pictures.iter().collect();
             for (picture, row) in self.before.iter().filter(|(picture, _)| !added.contains(picture)) {
                 pictures.push(picture.clone());
                 values.extend(row);
@@ -120,7 +120,7 @@ impl Cache {
         Ok(Some(named(&path, "npy")))
     }
 
-    /// Writes them all, and gives them, `[pictures, width]`.
+    /// Writes and returns all embeddings, `[pictures, width]`.
     pub fn finish(self) -> Result<Vec<f32>> {
         if let Some(path) = &self.path {
             self.write(path, self.pictures.clone(), &self.values)?;
@@ -132,7 +132,7 @@ impl Cache {
         Ok(self.values)
     }
 
-    fn write(&self, path: &Path, pictures: Vec<Picture>, values: &[f32]) -> Result<()> {
+    fn write(&self, path: &Path, pictures: Vec<CachedPicture>, values: &[f32]) -> Result<()> {
         npy::write(&named(path, "npy"), values, &[pictures.len(), self.width])?;
         let index = Index { identity: self.identity, checksum: checksum(values), pictures };
         let text = serde_json::to_string(&index)?;
@@ -140,8 +140,8 @@ impl Cache {
     }
 }
 
-/// The rows that are kept, if they are of this network and whole.
-fn read(path: &Path, identity: u64, width: usize) -> Option<HashMap<Picture, Vec<f32>>> {
+/// Returns the cached rows, if they are complete and of this network.
+fn read(path: &Path, identity: u64, width: usize) -> Option<HashMap<CachedPicture, Vec<f32>>> {
     let index: Index = serde_json::from_slice(&fs::read(named(path, "json")).ok()?).ok()?;
     let (values, shape) = npy::read(&named(path, "npy")).ok()?;
     let fits = shape == [index.pictures.len(), width]
@@ -151,7 +151,7 @@ fn read(path: &Path, identity: u64, width: usize) -> Option<HashMap<Picture, Vec
     fits.then(|| index.pictures.into_iter().zip(rows).collect())
 }
 
-/// A file beside others of that name, which may have dots in it.
+/// Appends an extension to a path, whose name may contain dots.
 fn named(path: &Path, extension: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".");
@@ -159,7 +159,7 @@ fn named(path: &Path, extension: &str) -> PathBuf {
     name.into()
 }
 
-/// FNV-1a of numbers' bits.
+/// Returns the FNV-1a hash of the numbers' bits.
 fn checksum(values: &[f32]) -> u64 {
     let step = |hash: u64, value: &f32| (hash ^ u64::from(value.to_bits())).wrapping_mul(0x0100_0000_01b3);
     values.iter().fold(0xcbf2_9ce4_8422_2325, step)

@@ -1,9 +1,9 @@
-//! Embeddings of all parts that are compared: read, taken from the cache, or made.
+//! Embeddings of all picture sets: read, taken from the cache, or computed.
 
-use super::cache::Cache;
-use super::layout::{Part, Source};
+use super::cache::EmbeddingCache;
+use super::layout::{PictureSet, PictureSource};
 use super::network::{self, Embedder};
-use super::{RealismArgs, Work};
+use super::{RealismArgs, RealismOptions};
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
 use anyhow::{Result, anyhow, bail};
@@ -12,33 +12,33 @@ use wm_scene::capture::header::read_header;
 use wm_train::metrics::Embeddings;
 use wm_train::photos::read_picture;
 
-/// A part with what its pictures show.
-pub struct Collected {
+/// A set of pictures with its embeddings.
+pub struct CollectedSet {
     pub name: String,
     pub embeddings: Embeddings,
 }
 
-/// The parts that are to be embedded. All that can be wrong with them is reported before the first picture is.
+/// The picture sets to embed. All their faults are reported before the first picture is embedded.
 pub struct Collector<'a> {
     args: &'a RealismArgs,
-    work: &'a Work<'a>,
-    parts: Vec<(Part, Wanted)>,
+    work: &'a RealismOptions<'a>,
+    parts: Vec<(PictureSet, Wanted)>,
 }
 
-/// The treatment of a part.
+/// Source of a set's embeddings.
 enum Wanted {
-    /// They are there.
+    /// The embeddings are read from a file.
     Read(Embeddings),
-    /// Of these files, kept there.
+    /// The embeddings are computed from these files, and kept in the folder if given.
     Made(Vec<PathBuf>, Option<PathBuf>),
 }
 
 impl<'a> Collector<'a> {
-    pub fn new(args: &'a RealismArgs, work: &'a Work<'a>) -> Self {
+    pub fn new(args: &'a RealismArgs, work: &'a RealismOptions<'a>) -> Self {
         Self { args, work, parts: Vec::new() }
     }
 
-    /// Two collections of one name would be kept in one file.
+    /// Returns an error for two sets of one name, which would share a file.
     pub fn forbid_one_name(&self, first: &Path, second: &Path) -> Result<()> {
         if self.args.embeddings.is_none() {
             return Ok(());
@@ -50,11 +50,11 @@ impl<'a> Collector<'a> {
         );
     }
 
-    /// Adds a part, which is kept in `place` of the folder of embeddings.
-    pub fn add(&mut self, part: Part, place: PathBuf) -> Result<()> {
+    /// Adds a set, whose embeddings are kept at `place` in the folder of embeddings.
+    pub fn add(&mut self, part: PictureSet, place: PathBuf) -> Result<()> {
         let wanted = match &part.source {
-            Source::Array => Wanted::Read(Embeddings::read(&part.path)?),
-            Source::Pictures(files) => {
+            PictureSource::Array => Wanted::Read(Embeddings::read(&part.path)?),
+            PictureSource::Pictures(files) => {
                 let mut sound = Vec::new();
                 for file in files {
                     match read_header(file) {
@@ -75,24 +75,24 @@ impl<'a> Collector<'a> {
         Ok(())
     }
 
-    /// A picture that cannot be used.
+    /// Reports a picture that cannot be used: an error, or a warning with --skip-bad.
     fn bad(&self, error: &anyhow::Error) -> Result<()> {
         if !self.work.skip_bad {
-            bail!("{error:#} (--skip-bad goes on without it)");
+            bail!("{error:#} (--skip-bad continues without it)");
         }
         eprintln!("warning: {error:#}; it is left out");
         Ok(())
     }
 
-    /// All embeddings, in the order in which parts were added.
-    pub fn run(self) -> Result<Vec<Collected>> {
+    /// Returns all embeddings, in the order in which sets were added.
+    pub fn run(self) -> Result<Vec<CollectedSet>> {
         let is_made = |wanted: &Wanted| matches!(wanted, Wanted::Made(..));
         let embedder: Option<Box<Embedder>> = match self.parts.iter().find(|(_, wanted)| is_made(wanted)) {
             Some((part, _)) => Some(network::open(&self.args.weights, &part.path)?),
             None => None,
         };
         self.check_widths(embedder.as_deref())?;
-        let pictures = |(_, wanted): &(Part, Wanted)| match wanted {
+        let pictures = |(_, wanted): &(PictureSet, Wanted)| match wanted {
             Wanted::Read(_) => 0,
             Wanted::Made(files, _) => files.len() as u64,
         };
@@ -108,13 +108,13 @@ impl<'a> Collector<'a> {
                 }
                 (Wanted::Made(..), None) => unreachable!("one was opened for it"),
             };
-            collected.push(Collected { name: part.name, embeddings });
+            collected.push(CollectedSet { name: part.name, embeddings });
         }
         bar.finish_and_clear();
         Ok(collected)
     }
 
-    /// All arrays are of one network, and of that which is used.
+    /// Checks that all arrays are of the network that is used.
     fn check_widths(&self, embedder: Option<&Embedder>) -> Result<()> {
         let mut first = embedder.map(|embedder| (embedder.width(), "the network".to_owned()));
         for (part, wanted) in &self.parts {
@@ -134,13 +134,13 @@ impl<'a> Collector<'a> {
 
     fn embed(
         &self,
-        part: &Part,
+        part: &PictureSet,
         files: &[PathBuf],
         kept: Option<PathBuf>,
         embedder: &Embedder,
         bar: &indicatif::ProgressBar,
     ) -> Result<Embeddings> {
-        let mut cache = Cache::open(kept, embedder.identity(), embedder.width())?;
+        let mut cache = EmbeddingCache::open(kept, embedder.identity(), embedder.width())?;
         let mut count = 0;
         for (index, file) in files.iter().enumerate() {
             if interrupt::asked() {
@@ -165,19 +165,19 @@ impl<'a> Collector<'a> {
     }
 }
 
-/// Work that Ctrl-C ended, and where its part is.
-fn stopped(part: &Part, done: usize, of: usize, kept: Option<PathBuf>) -> Interrupted {
+/// Returns the error of stopped work, with the path of finished embeddings.
+fn stopped(part: &PictureSet, done: usize, of: usize, kept: Option<PathBuf>) -> Interrupted {
     Interrupted(match kept {
         Some(path) => format!(
-            "the embeddings of {done} of {of} pictures of {} are kept in {}; run it again to go on from there",
+            "the embeddings of {done} of {of} pictures of {} are kept in {}; run it again to continue from there",
             part.path.display(),
             path.display()
         ),
-        None => "nothing is kept; with --embeddings FOLDER it goes on later from where it was stopped".into(),
+        None => "nothing is kept; with --embeddings FOLDER stopped work can be continued".into(),
     })
 }
 
-/// Refuses collections of one.
+/// Returns an error for a collection of one picture.
 fn several(count: usize, path: &Path) -> Result<()> {
     if count < 2 {
         bail!(

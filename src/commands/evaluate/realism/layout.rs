@@ -9,20 +9,20 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use wm_train::photos::photos_in;
 
-/// A column of the paper's tables.
+/// A class of weather: a column of the paper's tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Weather {
-    /// And haze and smog.
+pub enum WeatherClass {
+    /// Fog, haze and smog.
     Fog,
     Rain,
-    /// Falling and lying snow: photographs show both.
+    /// Falling and lying snow; photographs show both.
     Snow,
 }
 
-impl Weather {
+impl WeatherClass {
     pub const ALL: [Self; 3] = [Self::Fog, Self::Rain, Self::Snow];
 
-    /// Its folder and its name in files.
+    /// Returns the name of its folder and in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Fog => "fog",
@@ -31,7 +31,7 @@ impl Weather {
         }
     }
 
-    /// Its column in the paper.
+    /// Returns the title of its column in the paper.
     pub const fn title(self) -> &'static str {
         match self {
             Self::Fog => "Fog / Haze / Smog",
@@ -40,7 +40,7 @@ impl Weather {
         }
     }
 
-    /// By the name of a folder.
+    /// Returns the class for the name of a folder.
     pub fn of(name: &str) -> Option<Self> {
         match name.to_lowercase().as_str() {
             "fog" | "haze" | "smog" => Some(Self::Fog),
@@ -51,25 +51,25 @@ impl Weather {
     }
 }
 
-/// Pictures that belong together.
+/// A set of pictures that is compared as a whole.
 #[derive(Clone, Debug)]
-pub struct Part {
+pub struct PictureSet {
     /// The name.
     pub name: String,
     /// The folder or the array.
     pub path: PathBuf,
-    /// Its place in the folder of its method, without an extension.
+    /// The path relative to the folder of its method, without extension.
     pub place: PathBuf,
     pub scene: Option<String>,
-    pub source: Source,
+    pub source: PictureSource,
 }
 
-/// The contents of a part.
+/// The content of a picture set.
 #[derive(Clone, Debug)]
-pub enum Source {
-    /// Files, sorted.
+pub enum PictureSource {
+    /// Picture files, sorted.
     Pictures(Vec<PathBuf>),
-    /// Embeddings.
+    /// An array of embeddings.
     Array,
 }
 
@@ -78,18 +78,18 @@ pub fn name_of(path: &Path) -> String {
     stem_of(path)
 }
 
-/// Embeddings, but no part of them that was kept when work was stopped.
+/// Returns true for a file of embeddings, except one of unfinished work.
 fn is_array(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let is_whole = !name.ends_with(&format!(".{UNFINISHED}.npy"));
     name.ends_with(".npy") && is_whole && path.is_file()
 }
 
-impl Part {
-    /// A folder with all pictures below it, or an array.
+impl PictureSet {
+    /// Opens a folder with all pictures below it, or an array.
     pub fn whole(path: &Path) -> Result<Self> {
         let source = if is_array(path) {
-            Source::Array
+            PictureSource::Array
         } else if path.is_file() {
             bail!(
                 "{}: is a single file; give a folder of pictures, or an NPY file of embeddings",
@@ -104,22 +104,24 @@ impl Part {
                     path.display()
                 );
             }
-            Source::Pictures(files)
+            PictureSource::Pictures(files)
         };
         let name = name_of(path);
         Ok(Self { place: PathBuf::from(&name), name, path: path.into(), scene: None, source })
     }
 }
 
-/// The parts of a method's folder: `fog.npy`, or a folder `fog` with pictures, folders of them, and arrays, each of
-/// those a scene.
-pub fn parts(folder: &Path) -> Result<Vec<(Weather, Part)>> {
+/// Returns the picture sets of a method's folder: `fog.npy`, or a folder `fog` with pictures, or with one folder or array
+/// per scene.
+pub fn parts(folder: &Path) -> Result<Vec<(WeatherClass, PictureSet)>> {
     let mut found = Vec::new();
     for path in entries(folder)? {
-        let Some(weather) = path.file_stem().and_then(OsStr::to_str).and_then(Weather::of) else { continue };
+        let Some(weather) = path.file_stem().and_then(OsStr::to_str).and_then(WeatherClass::of) else {
+            continue;
+        };
         let place = |path: &Path| path.strip_prefix(folder).unwrap_or(path).with_extension("");
         if is_array(&path) {
-            found.push((weather, Part { place: place(&path), ..Part::whole(&path)? }));
+            found.push((weather, PictureSet { place: place(&path), ..PictureSet::whole(&path)? }));
         } else if path.is_dir() {
             let inside = entries(&path)?;
             let before = found.len();
@@ -127,24 +129,24 @@ pub fn parts(folder: &Path) -> Result<Vec<(Weather, Part)>> {
             let direct: Vec<PathBuf> =
                 files.iter().filter(|file| file.parent() == Some(&path)).cloned().collect();
             if !direct.is_empty() {
-                let (name, source) = (name_of(&path), Source::Pictures(direct));
+                let (name, source) = (name_of(&path), PictureSource::Pictures(direct));
                 found.push((
                     weather,
-                    Part { name, path: path.clone(), place: place(&path), scene: None, source },
+                    PictureSet { name, path: path.clone(), place: place(&path), scene: None, source },
                 ));
             }
             let holds_pictures = |scene: &Path| files.iter().any(|file| file.starts_with(scene));
             for scene in
                 inside.iter().filter(|scene| is_array(scene) || scene.is_dir() && holds_pictures(scene))
             {
-                let part = Part::whole(scene)?;
+                let part = PictureSet::whole(scene)?;
                 // Names of folders may have dots in them.
                 let inner = if scene.is_dir() {
                     scene.strip_prefix(folder).unwrap_or(scene).into()
                 } else {
                     place(scene)
                 };
-                found.push((weather, Part { place: inner, scene: Some(part.name.clone()), ..part }));
+                found.push((weather, PictureSet { place: inner, scene: Some(part.name.clone()), ..part }));
             }
             if found.len() == before {
                 bail!(

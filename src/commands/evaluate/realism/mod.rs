@@ -1,4 +1,4 @@
-//! `evaluate --pictures` and `--paper`: how near the look of pictures is to that of photographs of real weather (CMMD), and
+//! `evaluate --pictures` and `--paper`: similarity of pictures to photographs of real weather (CMMD), and
 //! the tables of the paper.
 
 mod cache;
@@ -21,16 +21,16 @@ use crate::progress;
 use crate::weights::WeightsArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use collect::{Collected, Collector};
-use layout::{Part, Weather};
+use collect::{CollectedSet, Collector};
+use layout::{PictureSet, WeatherClass};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
-use tables::{Distance, Tables};
+use tables::{CmmdDistance, Tables};
 use wm_scene::files::{check_writable, write_atomically};
 use wm_train::metrics::{Collection, Embeddings};
 
-/// Options that mean nothing where pictures are compared.
+/// Options that have no meaning when pictures are compared.
 const OF_SCENES: [&str; 10] = [
     "scene",
     "level",
@@ -47,8 +47,8 @@ const OF_SCENES: [&str; 10] = [
 /// The pictures that are compared.
 #[derive(Args, Clone, Debug)]
 pub struct RealismArgs {
-    /// Compare pictures with photographs in place of a scene with its photos, by CMMD: folders of pictures (JPEG, PNG) or
-    /// NPY files of embeddings, each by itself with those of --real
+    /// Compare pictures with photographs by CMMD, instead of a scene with its photos: folders of pictures (JPEG, PNG) or
+    /// NPY files of embeddings, each compared with --real
     #[arg(
         long,
         value_name = "PICTURES",
@@ -59,8 +59,8 @@ pub struct RealismArgs {
         help_heading = "Realism"
     )]
     pub pictures: Vec<PathBuf>,
-    /// Make the paper's tables of CMMD and UVQ out of these folders, one a method, beside the paper's own figures; in each
-    /// are folders fog, rain and snow of pictures, or of folders of them, one a scene (docs/evaluate.md)
+    /// Make the paper's tables of CMMD and UVQ from these folders, one per method, beside the paper's own numbers; each
+    /// contains folders fog, rain and snow with pictures, or with one folder of pictures per scene (docs/evaluate.md)
     #[arg(
         long,
         value_name = "FOLDER",
@@ -72,10 +72,10 @@ pub struct RealismArgs {
     /// Photographs of real weather: a folder or an NPY file; for --paper a folder with fog, rain and snow in it
     #[arg(long, value_name = "PICTURES", help_heading = "Realism")]
     real: Option<PathBuf>,
-    /// Scores of UVQ that its own program gave: CSV or JSON (docs/evaluate.md)
+    /// Scores from the UVQ program: CSV or JSON (docs/evaluate.md)
     #[arg(long, value_name = "FILE", requires = "paper", help_heading = "Realism")]
     uvq: Vec<PathBuf>,
-    /// Keep embeddings in this folder, as NPY files: work that was stopped goes on from there, and nothing is embedded
+    /// Keep embeddings in this folder, as NPY files: stopped work can be continued, and no picture is embedded
     /// twice
     #[arg(long, value_name = "FOLDER", requires = "real", help_heading = "Realism")]
     embeddings: Option<PathBuf>,
@@ -89,13 +89,13 @@ pub struct RealismArgs {
     weights: WeightsArgs,
 }
 
-/// The options of the work.
-pub struct Work<'a> {
+/// Options of the comparison of pictures.
+pub struct RealismOptions<'a> {
     /// The file for all numbers.
     pub json: Option<&'a Path>,
     /// True if pictures that cannot be read are left out.
     pub skip_bad: bool,
-    /// `None` for one a core.
+    /// Number of threads; `None` for one per core.
     pub threads: Option<u16>,
 }
 
@@ -105,7 +105,7 @@ impl RealismArgs {
         !self.pictures.is_empty() || self.paper.is_some()
     }
 
-    /// An option that means nothing without pictures.
+    /// Returns an option that was given and has no meaning without pictures.
     fn idle(&self) -> Option<&'static str> {
         let all = [
             (self.real.is_some(), "--real"),
@@ -116,7 +116,7 @@ impl RealismArgs {
         own.or(self.weights.given())
     }
 
-    /// Refuses options that mean nothing for a scene.
+    /// Returns an error for options that have no meaning for a scene.
     pub fn check_idle(&self) -> Result<()> {
         if let Some(option) = self.idle() {
             bail!("{option} goes with --pictures or --paper; give one of them, or leave it out");
@@ -126,7 +126,7 @@ impl RealismArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &RealismArgs, work: &Work<'_>) -> Result<()> {
+pub fn run(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<()> {
     for out in [work.json, args.csv.as_deref(), args.markdown.as_deref()].into_iter().flatten() {
         check_writable(out)?;
     }
@@ -147,12 +147,12 @@ pub fn run(args: &RealismArgs, work: &Work<'_>) -> Result<()> {
     write(work.json, &format!("{}\n", serde_json::to_string_pretty(&tables.json())?))
 }
 
-/// Each of the collections against the real one.
-fn of_pictures(args: &RealismArgs, work: &Work<'_>) -> Result<Tables> {
+/// Compares each collection with the real one.
+fn of_pictures(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<Tables> {
     let real = args.real.as_deref().expect("--pictures requires it");
     let mut parts = Vec::new();
     for path in args.pictures.iter().map(PathBuf::as_path).chain([real]) {
-        parts.push(Part::whole(path)?);
+        parts.push(PictureSet::whole(path)?);
     }
     let mut collector = Collector::new(args, work);
     for (index, part) in parts.iter().enumerate() {
@@ -162,16 +162,16 @@ fn of_pictures(args: &RealismArgs, work: &Work<'_>) -> Result<Tables> {
         collector.add(part.clone(), part.place.clone())?;
     }
     let mut collected = collector.run()?;
-    let _busy = Busy::new();
+    let _busy = ComparisonSpinner::new();
     let real = Collection::new(collected.pop().expect("the last one").embeddings);
-    let distance = |Collected { name, embeddings }: Collected| {
-        Distance::new(name, None, None, &Collection::new(embeddings), &real)
+    let distance = |CollectedSet { name, embeddings }: CollectedSet| {
+        CmmdDistance::new(name, None, None, &Collection::new(embeddings), &real)
     };
     Ok(Tables { distances: collected.into_iter().map(distance).collect(), ..Tables::default() })
 }
 
-/// The tables of the paper.
-fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &Work<'_>) -> Result<Tables> {
+/// Makes the tables of the paper.
+fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &RealismOptions<'_>) -> Result<Tables> {
     let scores = args.uvq.iter().map(|file| uvq::read(file)).collect::<Result<Vec<_>>>()?.concat();
     let Some(real) = &args.real else {
         if !methods.is_empty() || scores.is_empty() {
@@ -195,7 +195,7 @@ fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &Work<'_>) -> Result<
         }
     }
     let has_photographs =
-        |weather: Weather| places.iter().any(|(method, of, _)| method.is_none() && *of == weather);
+        |weather: WeatherClass| places.iter().any(|(method, of, _)| method.is_none() && *of == weather);
     for (method, weather, _) in &places {
         if let Some(method) = method.filter(|_| !has_photographs(*weather)) {
             bail!(
@@ -206,11 +206,11 @@ fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &Work<'_>) -> Result<
             );
         }
     }
-    let mut parts: BTreeMap<(Option<usize>, Weather), Vec<_>> = BTreeMap::new();
+    let mut parts: BTreeMap<(Option<usize>, WeatherClass), Vec<_>> = BTreeMap::new();
     for ((method, weather, scene), collected) in places.into_iter().zip(collector.run()?) {
         parts.entry((method, weather)).or_default().push((scene, collected.embeddings));
     }
-    let _busy = Busy::new();
+    let _busy = ComparisonSpinner::new();
     let (mut reals, mut distances) = (BTreeMap::new(), Vec::new());
     // The photographs come first.
     for ((method, weather), parts) in parts {
@@ -226,29 +226,29 @@ fn of_paper(args: &RealismArgs, methods: &[PathBuf], work: &Work<'_>) -> Result<
             scenes.into_iter().map(|name| (Some(name.clone()), joined(of_scene(name).map(|(_, part)| part))));
         for (scene, collection) in [(None, all)].into_iter().chain(scenes) {
             let (real, method, weather) = (&reals[&weather], names[method].clone(), Some(weather));
-            distances.push(Distance::new(method, weather, scene, &collection, real));
+            distances.push(CmmdDistance::new(method, weather, scene, &collection, real));
         }
     }
     Ok(Tables { distances, scores, paper: true })
 }
 
-/// One collection of several, of which there is at least one.
+/// Joins one or more sets of embeddings.
 fn joined<'a>(mut parts: impl Iterator<Item = &'a Embeddings>) -> Collection {
     let mut all = parts.next().expect("no group without a part").clone();
     parts.for_each(|more| all.extend(more));
     Collection::new(all)
 }
 
-/// Says that all pairs of pictures are gone through, which takes a while where there are thousands, as long as it lives.
-struct Busy(indicatif::ProgressBar);
+/// A spinner, shown until it is dropped, while all pairs of pictures are compared; this takes a while for thousands of them.
+struct ComparisonSpinner(indicatif::ProgressBar);
 
-impl Busy {
+impl ComparisonSpinner {
     fn new() -> Self {
         Self(progress::spinner("comparing collections"))
     }
 }
 
-impl Drop for Busy {
+impl Drop for ComparisonSpinner {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }
@@ -257,7 +257,7 @@ impl Drop for Busy {
 /// The name under which embeddings of photographs are kept.
 const REAL: &str = "real";
 
-/// Methods are called as their folders.
+/// Returns the names of methods, those of their folders.
 fn names_of(methods: &[PathBuf]) -> Result<Vec<String>> {
     if methods.is_empty() {
         bail!("--paper: no folder of a method is named; give at least one");

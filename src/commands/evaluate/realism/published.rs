@@ -1,7 +1,7 @@
-//! The paper's own figures.
+//! Numbers of the paper.
 
-use super::layout::Weather;
-use Weather::{Fog, Rain, Snow};
+use super::layout::WeatherClass;
+use WeatherClass::{Fog, Rain, Snow};
 
 /// The name of the paper's own method.
 pub const OURS: &str = "Weather-Magician";
@@ -16,8 +16,8 @@ pub const CMMD: [(&str, [Option<f64>; 3]); 5] = [
     (OURS, [Some(1.40), Some(2.79), Some(3.30)]),
 ];
 
-/// Table III: whom each weather's columns are of.
-pub const UVQ_METHODS: [(Weather, &[&str]); 3] = [
+/// Table III: the methods in each weather's columns.
+pub const UVQ_METHODS: [(WeatherClass, &[&str]); 3] = [
     (Fog, &["Stable Diffusion", "ClimateGAN", "ClimateNeRF", OURS]),
     (Rain, &["Stable Diffusion", OURS]),
     (Snow, &["Stable Diffusion", "ClimateNeRF", OURS]),
@@ -34,7 +34,7 @@ pub const UVQ: [(&str, [f64; 9]); 6] = [
 ];
 
 /// Table III as rows: scene, weather, method, score.
-pub fn uvq() -> impl Iterator<Item = (&'static str, Weather, &'static str, f64)> {
+pub fn uvq() -> impl Iterator<Item = (&'static str, WeatherClass, &'static str, f64)> {
     let columns =
         || UVQ_METHODS.iter().flat_map(|(weather, methods)| methods.iter().map(|method| (*weather, *method)));
     UVQ.iter().flat_map(move |(scene, scores)| {
@@ -43,8 +43,11 @@ pub fn uvq() -> impl Iterator<Item = (&'static str, Weather, &'static str, f64)>
 }
 
 /// Table II as rows: method, weather, distance.
-pub fn cmmd() -> impl Iterator<Item = (&'static str, Weather, f64)> {
+pub fn cmmd() -> impl Iterator<Item = (&'static str, WeatherClass, f64)> {
     CMMD.iter().flat_map(|(method, row)| {
-        Weather::ALL.into_iter().zip(row).filter_map(|(weather, value)| Some((*method, weather, (*value)?)))
+        WeatherClass::ALL
+            .into_iter()
+            .zip(row)
+            .filter_map(|(weather, value)| Some((*method, weather, (*value)?)))
     })
 }

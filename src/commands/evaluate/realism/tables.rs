@@ -1,31 +1,31 @@
 //! The tables, from one list of numbers: Markdown for people, CSV and JSON for programs.
 
-use super::layout::Weather;
+use super::layout::WeatherClass;
 use super::published;
-use super::uvq::Score;
+use super::uvq::UvqScore;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use wm_train::metrics::{Cmmd, Collection};
 
-/// A collection against photographs of real weather.
+/// The CMMD of a collection from photographs of real weather.
 #[derive(Clone, Debug)]
-pub struct Distance {
+pub struct CmmdDistance {
     pub method: String,
-    pub weather: Option<Weather>,
+    pub weather: Option<WeatherClass>,
     /// `None` for all of a method's pictures of that weather.
     pub scene: Option<String>,
     pub cmmd: Cmmd,
-    /// Pictures of the method.
+    /// Number of pictures of the method.
     pub rendered: usize,
-    /// Photographs.
+    /// Number of photographs.
     pub real: usize,
 }
 
-impl Distance {
-    /// Measures.
+impl CmmdDistance {
+    /// Computes the distance.
     pub fn new(
         method: String,
-        weather: Option<Weather>,
+        weather: Option<WeatherClass>,
         scene: Option<String>,
         pictures: &Collection,
         photographs: &Collection,
@@ -39,8 +39,8 @@ impl Distance {
 /// Everything that was measured or read.
 #[derive(Clone, Debug, Default)]
 pub struct Tables {
-    pub distances: Vec<Distance>,
-    pub scores: Vec<Score>,
+    pub distances: Vec<CmmdDistance>,
+    pub scores: Vec<UvqScore>,
     /// True if the paper's tables are made.
     pub paper: bool,
 }
@@ -53,7 +53,7 @@ enum Uvq {
 }
 
 impl Uvq {
-    fn of(self, score: &Score) -> Option<f64> {
+    fn of(self, score: &UvqScore) -> Option<f64> {
         match self {
             Self::V1_0 => score.v1_0,
             Self::V1_5 => score.v1_5,
@@ -65,7 +65,7 @@ impl Uvq {
 const NONE: &str = "-";
 
 impl Tables {
-    /// All of it to read.
+    /// Returns all tables as Markdown.
     pub fn markdown(&self) -> String {
         let mut parts = Vec::new();
         if self.paper && !self.distances.is_empty() {
@@ -90,13 +90,13 @@ impl Tables {
         parts.join("\n")
     }
 
-    /// Table II.
+    /// Returns Table II.
     fn cmmd_by_weather(&self) -> String {
         let mut out = "CMMD against photographs of real weather; lower is nearer. Figures of the paper (Table II: its own \
                        renders, scenes and photographs) and those measured here.\n\n"
             .to_owned();
         let mut head = vec!["Method".to_owned()];
-        head.extend(Weather::ALL.map(|weather| weather.title().to_owned()));
+        head.extend(WeatherClass::ALL.map(|weather| weather.title().to_owned()));
         head.push("Source".into());
         let mut rows: Vec<Vec<String>> = published::CMMD
             .iter()
@@ -112,20 +112,21 @@ impl Tables {
             }
         }
         for method in methods {
-            let value = |weather: Weather| {
+            let value = |weather: WeatherClass| {
                 let is_it =
-                    |d: &&Distance| d.method == method && d.weather == Some(weather) && d.scene.is_none();
+                    |d: &&CmmdDistance| d.method == method && d.weather == Some(weather) && d.scene.is_none();
                 self.distances.iter().find(is_it).map_or(NONE.into(), |d| format!("{:.2}", d.cmmd.value))
             };
             rows.push(
-                [vec![escaped(method)], Weather::ALL.map(value).to_vec(), vec!["measured".into()]].concat(),
+                [vec![escaped(method)], WeatherClass::ALL.map(value).to_vec(), vec!["measured".into()]]
+                    .concat(),
             );
         }
         table(&mut out, &head, &rows);
         out
     }
 
-    /// A row a collection.
+    /// Returns a table with one row per collection.
     fn cmmd_by_collection(&self) -> String {
         let mut out = "CMMD by collection. Bias is what the value has in it since the collections are small: two of these \
                        sizes that show the same are about that far apart.\n\n"
@@ -136,10 +137,10 @@ impl Tables {
         } else {
             head.insert(0, "Pictures of");
         }
-        let row = |distance: &Distance| {
+        let row = |distance: &CmmdDistance| {
             let mut cells = vec![escaped(&distance.method)];
             if self.paper {
-                cells.push(distance.weather.map_or(NONE, Weather::name).into());
+                cells.push(distance.weather.map_or(NONE, WeatherClass::name).into());
                 cells.push(distance.scene.as_deref().map_or("all".into(), escaped));
             }
             let Cmmd { value, bias } = distance.cmmd;
@@ -155,11 +156,11 @@ impl Tables {
         out
     }
 
-    /// Table III, a table a weather: scenes below each other, methods side by side.
+    /// Returns Table III, one table per weather: a row per scene, a column per method.
     fn uvq(&self, version: Uvq, title: &str) -> String {
         let mut out = format!("{title}\n");
-        for weather in Weather::ALL {
-            let given: Vec<(&Score, f64)> = self
+        for weather in WeatherClass::ALL {
+            let given: Vec<(&UvqScore, f64)> = self
                 .scores
                 .iter()
                 .filter(|score| score.weather == weather)
@@ -192,7 +193,7 @@ impl Tables {
                     let value = if *is_paper {
                         paper.iter().find(|(s, _, m, _)| s == scene && m == method).map(|(.., value)| *value)
                     } else {
-                        let is_it = |(score, _): &&(&Score, f64)| {
+                        let is_it = |(score, _): &&(&UvqScore, f64)| {
                             score.method == *method && same_scene(&score.scene, scene)
                         };
                         given.iter().find(is_it).map(|(_, value)| *value)
@@ -207,7 +208,7 @@ impl Tables {
         out
     }
 
-    /// A line a number.
+    /// Returns a CSV file with one number per line.
     pub fn csv(&self) -> String {
         let mut out = "metric,source,method,weather,scene,value,bias,pictures,photographs\n".to_owned();
         let mut line = |cells: [&str; 5], value: f64, rest: Option<(f64, usize, usize)>| {
@@ -217,8 +218,8 @@ impl Tables {
             let _ = writeln!(out, "{cells},{value},{rest}");
         };
         for distance in &self.distances {
-            let Distance { method, weather, scene, cmmd, rendered, real } = distance;
-            let weather = weather.map_or("", Weather::name);
+            let CmmdDistance { method, weather, scene, cmmd, rendered, real } = distance;
+            let weather = weather.map_or("", WeatherClass::name);
             let rest = Some((cmmd.bias, *rendered, *real));
             line(["cmmd", "measured", method, weather, scene.as_deref().unwrap_or("")], cmmd.value, rest);
         }
@@ -239,16 +240,16 @@ impl Tables {
         out
     }
 
-    /// Everything, as `docs/evaluate.md` has it.
+    /// Returns everything as JSON, as described in `docs/evaluate.md`.
     pub fn json(&self) -> Value {
-        let distance = |distance: &Distance| {
+        let distance = |distance: &CmmdDistance| {
             json!({
-                "method": distance.method, "weather": distance.weather.map(Weather::name), "scene": distance.scene,
+                "method": distance.method, "weather": distance.weather.map(WeatherClass::name), "scene": distance.scene,
                 "cmmd": distance.cmmd.value, "bias": distance.cmmd.bias,
                 "pictures": distance.rendered, "photographs": distance.real,
             })
         };
-        let score = |score: &Score| {
+        let score = |score: &UvqScore| {
             json!({
                 "method": score.method, "weather": score.weather.name(), "scene": score.scene,
                 "uvq_1_0": score.v1_0, "uvq_1_5": score.v1_5,
@@ -269,13 +270,13 @@ impl Tables {
     }
 }
 
-/// Names of scenes are those of folders and of the paper.
+/// Compares scene names of folders with those of the paper.
 fn same_scene(a: &str, b: &str) -> bool {
     let plain = |name: &str| name.to_lowercase().replace(['-', '_'], " ");
     plain(a) == plain(b)
 }
 
-/// Columns as wide as their longest cell, so that it reads without a browser too.
+/// Pads columns to their longest cell, so that the source is readable too.
 fn table(out: &mut String, head: &[String], rows: &[Vec<String>]) {
     let width = |column: usize| {
         let cells = rows.iter().map(|row| &row[column]).chain([&head[column]]);
@@ -294,12 +295,12 @@ fn table(out: &mut String, head: &[String], rows: &[Vec<String>]) {
     rows.iter().for_each(|row| out.push_str(&line(row)));
 }
 
-/// A name in a table: those of folders may have anything in them.
+/// Escapes a name for a table: folder names may contain any character.
 fn escaped(name: &str) -> String {
     name.chars().map(|c| if c.is_control() { '?' } else { c }).collect::<String>().replace('|', "\\|")
 }
 
-/// A name in a CSV file.
+/// Quotes a name for a CSV file.
 fn quoted(name: &str) -> String {
     let is_plain = !name.contains([',', '"', '\n', '\r']);
     if is_plain { name.into() } else { format!("\"{}\"", name.replace('"', "\"\"")) }
@@ -310,17 +311,17 @@ mod tests {
     use super::*;
 
     fn made_up() -> Tables {
-        let distance = |scene: Option<&str>, value| Distance {
+        let distance = |scene: Option<&str>, value| CmmdDistance {
             method: "ours|new, \"2\"".into(),
-            weather: Some(Weather::Rain),
+            weather: Some(WeatherClass::Rain),
             scene: scene.map(str::to_owned),
             cmmd: Cmmd { value, bias: 0.125 },
             rendered: 40,
             real: 3258,
         };
-        let score = |scene: &str, v1_5| Score {
+        let score = |scene: &str, v1_5| UvqScore {
             method: "ours".into(),
-            weather: Weather::Snow,
+            weather: WeatherClass::Snow,
             scene: scene.into(),
             v1_0: Some(3.875),
             v1_5,

@@ -1,8 +1,8 @@
-//! Scores of UVQ (Wang et al. 2021, "Rich features for perceptual quality assessment of UGC videos") that its own program
-//! gave: its networks are not run here. The paper's score is `compression_content_distortion` of version 1.0; version 1.5 is
+//! Scores of UVQ (Wang et al. 2021, "Rich features for perceptual quality assessment of UGC videos") from its own
+//! program: its networks are not run here. The paper's score is `compression_content_distortion` of version 1.0; version 1.5 is
 //! another network on another scale, and its scores go into tables of their own.
 
-use super::layout::Weather;
+use super::layout::WeatherClass;
 use anyhow::{Context, Result, anyhow, bail};
 use serde::Deserialize;
 use std::fs;
@@ -17,17 +17,17 @@ const RANGE: std::ops::RangeInclusive<f64> = 1.0..=5.0;
 
 /// The scores of a video.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Score {
+pub struct UvqScore {
     pub method: String,
-    pub weather: Weather,
+    pub weather: WeatherClass,
     pub scene: String,
-    /// Of UVQ 1.0, 1 to 5.
+    /// Score of UVQ 1.0, 1 to 5.
     pub v1_0: Option<f64>,
-    /// Of UVQ 1.5.
+    /// Score of UVQ 1.5.
     pub v1_5: Option<f64>,
 }
 
-/// The columns that are read of those that the published program writes of a video.
+/// The columns that are read from the output of the UVQ program.
 #[derive(Deserialize)]
 struct Published {
     video_name: String,
@@ -44,7 +44,7 @@ enum OneOrMore {
 }
 
 /// Reads scores, CSV or JSON by the file's extension.
-pub fn read(path: &Path) -> Result<Vec<Score>> {
+pub fn read(path: &Path) -> Result<Vec<UvqScore>> {
     let about = fs::metadata(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     if about.len() > MAX {
         bail!("{}: is too long for scores; give the CSV or JSON file of them", path.display());
@@ -61,8 +61,9 @@ pub fn read(path: &Path) -> Result<Vec<Score>> {
     Ok(scores)
 }
 
-fn weather(name: &str) -> Result<Weather> {
-    Weather::of(name).ok_or_else(|| anyhow!("`{name}` is no weather of the tables; write fog, rain or snow"))
+fn weather(name: &str) -> Result<WeatherClass> {
+    WeatherClass::of(name)
+        .ok_or_else(|| anyhow!("`{name}` is not a weather of the tables; write fog, rain or snow"))
 }
 
 fn checked(score: f64, whose: &str) -> Result<f64> {
@@ -72,7 +73,7 @@ fn checked(score: f64, whose: &str) -> Result<f64> {
     Ok(score)
 }
 
-fn from_csv(text: &str) -> Result<Vec<Score>> {
+fn from_csv(text: &str) -> Result<Vec<UvqScore>> {
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let heads = lines.next().map_or("", |(_, line)| line.trim_start_matches('\u{feff}'));
     let heads: Vec<&str> = heads.split(',').map(str::trim).collect();
@@ -86,7 +87,7 @@ fn from_csv(text: &str) -> Result<Vec<Score>> {
         .collect()
 }
 
-fn row(line: &str, columns: usize) -> Result<Score> {
+fn row(line: &str, columns: usize) -> Result<UvqScore> {
     let cells: Vec<&str> = line.split(',').map(str::trim).collect();
     if cells.len() != columns {
         bail!("{} columns, not {columns}; names have no commas in them", cells.len());
@@ -103,10 +104,10 @@ fn row(line: &str, columns: usize) -> Result<Score> {
     if v1_0.or(v1_5).is_none() {
         bail!("there is no score; leave the line out, or write one");
     }
-    Ok(Score { method: cells[0].into(), weather: weather(cells[1])?, scene: cells[2].into(), v1_0, v1_5 })
+    Ok(UvqScore { method: cells[0].into(), weather: weather(cells[1])?, scene: cells[2].into(), v1_0, v1_5 })
 }
 
-fn from_json(text: &str) -> Result<Vec<Score>> {
+fn from_json(text: &str) -> Result<Vec<UvqScore>> {
     // The untagged list would hide where it is wrong.
     let _: serde_json::Value = serde_json::from_str(text).map_err(|error| anyhow!(": {error}"))?;
     let all: OneOrMore = serde_json::from_str(text).map_err(|_| {
@@ -121,7 +122,7 @@ fn from_json(text: &str) -> Result<Vec<Score>> {
     all.into_iter().map(|video| of_video(&video).map_err(|error| anyhow!(": {error:#}"))).collect()
 }
 
-fn of_video(video: &Published) -> Result<Score> {
+fn of_video(video: &Published) -> Result<UvqScore> {
     let name = &video.video_name;
     let parts: Vec<&str> = name.split(['/', '\\']).collect();
     let [.., method, weather_name, file] = parts[..] else {
@@ -138,7 +139,7 @@ fn of_video(video: &Published) -> Result<Score> {
         bail!("`{name}` has neither compression_content_distortion (UVQ 1.0) nor uvq1p5_score (UVQ 1.5)");
     }
     let weather = weather(weather_name).with_context(|| format!("video_name `{name}`"))?;
-    Ok(Score { method: method.into(), weather, scene: scene.into(), v1_0, v1_5 })
+    Ok(UvqScore { method: method.into(), weather, scene: scene.into(), v1_0, v1_5 })
 }
 
 #[cfg(test)]
@@ -150,9 +151,9 @@ mod tests {
         let csv = "\u{feff}method,weather,scene,uvq_1_0,uvq_1_5\nours,haze,Garden,4.1,3.9\n\nours,snow,Garden,,3.5\n";
         let scores = from_csv(csv).unwrap();
         assert_eq!(scores.len(), 2);
-        let first = Score {
+        let first = UvqScore {
             method: "ours".into(),
-            weather: Weather::Fog,
+            weather: WeatherClass::Fog,
             scene: "Garden".into(),
             v1_0: Some(4.1),
             v1_5: Some(3.9),
@@ -161,7 +162,7 @@ mod tests {
         assert_eq!((scores[1].v1_0, scores[1].v1_5), (None, Some(3.5)));
         let json = r#"{"video_name": "out/ours/fog/Garden.mp4", "compression_content_distortion": 4.1, "content": 3.0}"#;
         let one = from_json(json).unwrap();
-        assert_eq!(one, [Score { v1_5: None, ..first }]);
+        assert_eq!(one, [UvqScore { v1_5: None, ..first }]);
         assert_eq!(from_json(&format!("[{json}, {json}]")).unwrap().len(), 2);
     }
 

@@ -1,6 +1,6 @@
-//! In a build with networks: CLIP.
+//! Builds with networks: CLIP.
 
-use crate::weights::{Published, WeightsArgs};
+use crate::weights::{PublishedWeights, WeightsArgs};
 use anyhow::Result;
 use std::path::Path;
 use wm_nets::Clip;
@@ -8,9 +8,9 @@ use wm_nets::Clip;
 /// Makes embeddings.
 pub type Embedder = Clip;
 
-/// Gets and reads the weights. What is downloaded is said before.
+/// Reads the weights, after downloading them if necessary. Prints what is downloaded.
 pub fn open(weights: &WeightsArgs, _: &Path) -> Result<Box<Embedder>> {
-    let files = weights.files(Published {
+    let files = weights.files(PublishedWeights {
         name: "CLIP ViT-L/14 at 336 px".into(),
         bytes: Clip::BYTES,
         licence: Clip::licence(),

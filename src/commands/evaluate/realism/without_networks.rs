@@ -1,13 +1,13 @@
-//! In a build without networks.
+//! Builds without networks.
 
 use crate::weights::WeightsArgs;
 use anyhow::{Result, bail};
 use std::path::Path;
 
-/// There is none.
+/// A type without values: this build has no networks.
 pub enum Embedder {}
 
-/// Says what to do.
+/// Returns an error that describes the alternatives.
 pub fn open(_: &WeightsArgs, pictures: &Path) -> Result<Box<Embedder>> {
     bail!(
         "{}: this build has no neural networks to embed pictures with; build it with `--features nets`, or give an NPY file \

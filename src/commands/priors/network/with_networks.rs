@@ -1,10 +1,10 @@
-//! In a build with networks: Depth Anything.
+//! Builds with networks: Depth Anything.
 
 use super::super::PriorsArgs;
-use super::super::work::{Answer, Source};
+use super::super::work::{PriorAnswer, PriorEstimator};
 use super::{SizeArg, VersionArg};
 use crate::dataset::Dataset;
-use crate::weights::Published;
+use crate::weights::PublishedWeights;
 use anyhow::{Result, bail};
 use wm_nets::DepthAnything;
 use wm_nets::depth_anything::{DisparityError, ModelSize, Version};
@@ -16,20 +16,20 @@ use wm_train::priors::given::{Given, GivenDepth, SkyBy};
 /// A network with its weights.
 struct Network {
     network: DepthAnything,
-    /// Most pixels of a map.
+    /// Maximum number of pixels of a map.
     pixels: u32,
     name: String,
 }
 
-/// Gets and reads the weights. What is downloaded is said before.
-pub fn open(args: &PriorsArgs) -> Result<Box<dyn Source>> {
+/// Reads the weights, after downloading them if necessary. Prints what is downloaded.
+pub fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
     let given = &args.network;
     let version = match given.version {
         VersionArg::V1 => Version::V1,
         VersionArg::V2 => Version::V2,
     };
     let size = given.network.map_or(ModelSize::Small, size_of);
-    let files = given.weights.files(Published {
+    let files = given.weights.files(PublishedWeights {
         name: format!("Depth Anything {version:?} {}", word(size)),
         bytes: bytes(size),
         licence: DepthAnything::licence(size, version),
@@ -69,7 +69,7 @@ const fn word(size: ModelSize) -> &'static str {
     }
 }
 
-/// Bytes of published weights, 4 each.
+/// Sizes of published weights, bytes.
 const fn bytes(size: ModelSize) -> u64 {
     match size {
         ModelSize::Small => 99_000_000,
@@ -78,23 +78,23 @@ const fn bytes(size: ModelSize) -> u64 {
     }
 }
 
-impl Source for Network {
+impl PriorEstimator for Network {
     fn name(&self) -> String {
         self.name.clone()
     }
 
     /// One: the network itself runs on all threads.
-    fn at_once(&self) -> usize {
+    fn batch_size(&self) -> usize {
         1
     }
 
-    fn look(&self, data: &Dataset, place: usize) -> Result<Answer> {
+    fn estimate(&self, data: &Dataset, place: usize) -> Result<PriorAnswer> {
         let photo = data.photos.get(place, 0)?;
         let found = match self.network.predict(&photo.rgb_f32(), photo.width as usize) {
             Ok(found) => found,
             // Every photo would have that.
             Err(error @ DisparityError::NotFinite) => bail!("{}: {error}", data.name(place)),
-            Err(error) => return Ok(Answer::Nothing(error.to_string())),
+            Err(error) => return Ok(PriorAnswer::Nothing(error.to_string())),
         };
         let map = Map::new(found.width as u32, found.height as u32, 1, found.values);
         let pixels = map.pixels().min(self.pixels as usize);
@@ -106,6 +106,6 @@ impl Source for Network {
         };
         let values = map.resampled(width, height, Filter::Area).values;
         let depth = Some(GivenDepth { values, freedom: Freedom::ScaleShift, sky_by: SkyBy::Least });
-        Ok(Answer::Given(Given { width, height, depth, ..Given::default() }))
+        Ok(PriorAnswer::Given(Given { width, height, depth, ..Given::default() }))
     }
 }

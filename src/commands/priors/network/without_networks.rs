@@ -1,11 +1,11 @@
-//! In a build without networks.
+//! Builds without networks.
 
 use super::super::PriorsArgs;
-use super::super::work::Source;
+use super::super::work::PriorEstimator;
 use anyhow::{Result, bail};
 
-/// Says what to do.
-pub fn open(args: &PriorsArgs) -> Result<Box<dyn Source>> {
+/// Returns an error that describes the alternatives.
+pub fn open(args: &PriorsArgs) -> Result<Box<dyn PriorEstimator>> {
     let option = args.network.given().unwrap_or("--source network");
     bail!(
         "{option}: this build has no neural networks; build it with `--features nets`, or take --source photos, or \

@@ -1,0 +1,116 @@
+//! Prepared assets on disk: they change no byte of any picture, whatever happens to their files.
+
+use std::fs;
+use std::path::Path;
+use weather_magician::{Camera, Picture, PlaceOptions, Renderer, Scene, Weather};
+use wm_scene::SceneView;
+use wm_street::{Street, dataset};
+
+/// A coarse street with the cameras of its photos, so that surfaces are found in what those see.
+fn street() -> Scene {
+    let mut scene = Street::builtin().sampling(0.12).scene(&|_| true).expect("nobody stops it");
+    let options = dataset::DatasetOptions { count: 8, size: (120, 80), ..Default::default() };
+    let cameras = dataset::cameras(&options).unwrap();
+    let view = |(i, camera)| SceneView { name: format!("{i}.png"), camera };
+    scene.views = cameras.into_iter().enumerate().map(view).collect();
+    scene
+}
+
+/// Pictures in rain and in lying snow, by a renderer of their own.
+fn pictures(scene: &Scene, assets: Option<&Path>, metres_per_unit: f64) -> [Picture; 2] {
+    let mut renderer = Renderer::cpu().unwrap();
+    let facts = weather_magician::Metadata { metres_per_unit: Some(metres_per_unit), ..Default::default() };
+    let options = PlaceOptions { facts, assets: assets.map(Into::into) };
+    let mut place = renderer.load_with(scene.clone(), &options).unwrap();
+    let camera = Camera::look_at([0.0, 4.0, 1.7], [0.0, 30.0, 2.0]).size(96, 64);
+    ["rain.rate=40", "snow_cover.depth=0.1"].map(|change| {
+        let mut weather = Weather::clear();
+        weather.set_text(change).unwrap();
+        renderer.render(&mut place, &weather, &camera, 0.5).unwrap()
+    })
+}
+
+fn files(folder: &Path) -> Vec<std::path::PathBuf> {
+    let mut files: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn pictures_do_not_depend_on_what_is_on_disk() {
+    let scene = street();
+    let folder = tempfile::tempdir().unwrap();
+    let assets = folder.path().join("street.assets");
+    let same = |what: &str, pictures: &[Picture; 2], bare: &[Picture; 2]| {
+        for (picture, bare) in pictures.iter().zip(bare) {
+            assert!(picture.frame == bare.frame, "{what}");
+        }
+    };
+    let bare = pictures(&scene, None, 1.0);
+    assert!(bare[0].frame.rgb != bare[1].frame.rgb);
+    same("made and kept", &pictures(&scene, Some(&assets), 1.0), &bare);
+    let kept = files(&assets);
+    let kinds = ["cover", "shelter", "surfaces"];
+    let has =
+        |kind: &&str| kept.iter().any(|path| path.file_name().unwrap().to_str().unwrap().starts_with(kind));
+    assert!(kept.len() == 3 && kinds.iter().all(has), "{kept:?}");
+    same("read", &pictures(&scene, Some(&assets), 1.0), &bare);
+
+    // Another scale is another place: nothing of this one is taken for it.
+    let doubled = pictures(&scene, None, 2.0);
+    assert!(doubled[1].frame.rgb != bare[1].frame.rgb);
+    same("another scale", &pictures(&scene, Some(&assets), 2.0), &doubled);
+    same("after another scale", &pictures(&scene, Some(&assets), 1.0), &bare);
+
+    for path in &kept {
+        let whole = fs::read(path).unwrap();
+        let mut bytes = whole.clone();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 0x55;
+        fs::write(path, &bytes).unwrap();
+        same("damaged", &pictures(&scene, Some(&assets), 1.0), &bare);
+        assert!(fs::read(path).unwrap().len() == whole.len(), "{} is made again", path.display());
+        fs::write(path, &whole[..middle]).unwrap();
+        same("cut off", &pictures(&scene, Some(&assets), 1.0), &bare);
+        fs::write(path, []).unwrap();
+        same("empty", &pictures(&scene, Some(&assets), 1.0), &bare);
+    }
+    // Each kind in the place of the others, and none at all.
+    let [first, second] = [&kept[0], &kept[1]].map(|path| fs::read(path).unwrap());
+    fs::write(&kept[0], second).unwrap();
+    fs::write(&kept[1], first).unwrap();
+    same("swapped", &pictures(&scene, Some(&assets), 1.0), &bare);
+    fs::remove_dir_all(&assets).unwrap();
+    same("deleted", &pictures(&scene, Some(&assets), 1.0), &bare);
+    // A folder that cannot be made: a file has its name.
+    let taken = folder.path().join("taken");
+    fs::write(&taken, "no folder").unwrap();
+    same("no folder", &pictures(&scene, Some(&taken), 1.0), &bare);
+}
+
+#[test]
+fn a_weather_that_was_prepared_needs_no_splats() {
+    let mut renderer = Renderer::cpu().unwrap();
+    let camera = Camera::look_at([0.0, 4.0, 1.7], [0.0, 30.0, 2.0]).size(48, 32);
+    let weather = Weather::preset("rain-to-snow").unwrap();
+    let mut place = renderer.load(street()).unwrap();
+    let whole = renderer.render(&mut place, &weather, &camera, 20.0).unwrap();
+    let mut released = renderer.load(street()).unwrap();
+    renderer.prepare(&mut released, &weather, &mut ()).unwrap();
+    released.release_splats();
+    let alone = renderer.render(&mut released, &weather, &camera, 20.0).unwrap();
+    assert!(whole.frame == alone.frame);
+    // Another wind carries snow elsewhere, and there are no splats left to find where.
+    let windy = weather.set("wind.speed", 15.0).unwrap();
+    let error = renderer.render(&mut released, &windy, &camera, 20.0).unwrap_err();
+    assert!(error.to_string().contains("released"), "{error}");
+}
+
+#[test]
+fn places_belong_to_their_renderer() {
+    let [mut first, mut second] = [Renderer::cpu().unwrap(), Renderer::cpu().unwrap()];
+    let mut place = first.load(street()).unwrap();
+    let camera = Camera::look_at([0.0, 4.0, 1.7], [0.0, 30.0, 2.0]).size(24, 16);
+    let error = second.render(&mut place, &Weather::clear(), &camera, 0.0).unwrap_err();
+    assert!(matches!(error, weather_magician::Error::OtherRenderer));
+}

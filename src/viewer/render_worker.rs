@@ -1,0 +1,450 @@
+//! The render worker: the only owner of the scene, which carries out one task after the other.
+//!
+//! Assets that take seconds to make (snow covers, shelter maps) are made on a second thread; until then frames are rendered
+//! without them.
+
+use super::ViewerContext;
+use super::encode::{join_columns, jpeg, to_bytes};
+use super::request_queue::{ClientTask, RequestOutcome, ResponseFormat, ViewerCommand, WorkerTask};
+use super::state::{View, ViewOutput, ViewState};
+use super::videos::{VideoWriter, ViewerVideo};
+use crate::commands::render::camera::CameraPlan;
+use crate::interrupt;
+use anyhow::{Context, Result, anyhow, bail};
+use axum::body::Bytes;
+use serde_json::json;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::time::{Duration, Instant};
+use weather_magician::assets::{Assets, MissingAssets};
+use weather_magician::output::{ExtraPicture, PictureFormat, PictureLayer, PictureStyle, outputs};
+use weather_magician::{
+    FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, picture_tags,
+};
+use wm_media::color::Dither;
+use wm_media::{Size, video};
+use wm_render::{Frame, Stats};
+use wm_scene::Camera;
+use wm_weather::{EffectRole, PreparedWeather, Weather};
+
+/// Longest wait for a task before the worker checks for Ctrl-C and for finished assets.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
+/// Longest time between two frames of a video while other requests are waiting.
+const VIDEO_FRAME_EVERY: Duration = Duration::from_millis(500);
+/// JPEG quality of drafts.
+const DRAFT_QUALITY: u8 = 72;
+/// Width, px, and JPEG quality of thumbnails.
+const THUMBNAIL: (u32, u8) = (224, 80);
+/// Depth that gets the middle colour, scene radii.
+const HALF_DEPTH: f64 = 0.3;
+
+/// Renders for all clients.
+pub struct RenderWorker {
+    context: Arc<ViewerContext>,
+    renderer: Renderer,
+    place: PreparedPlace,
+    pending: Option<PendingAssets>,
+    /// Commands that wait for assets.
+    waiting: Vec<ViewerCommand>,
+    video: Option<ActiveVideo>,
+    picture: Picture,
+    clear: Frame,
+}
+
+/// Missing assets while they are being made.
+struct PendingAssets {
+    receive: Receiver<Result<Assets, weather_magician::Error>>,
+    /// The client that needs them first, if any.
+    client: Option<u64>,
+}
+
+/// A video that is being rendered.
+struct ActiveVideo {
+    view: Arc<View>,
+    shot: CameraPlan,
+    video: Arc<ViewerVideo>,
+    writer: VideoWriter,
+    next: u32,
+    last: Instant,
+}
+
+impl ViewOutput {
+    /// Returns the extra picture to render; `None` for the colour, which is always rendered.
+    fn also(self) -> Option<ExtraPicture> {
+        let kind = match self {
+            Self::Rgb => return None,
+            Self::Depth => PictureLayer::Depth,
+            Self::Normal => PictureLayer::Normal,
+            Self::Alpha => PictureLayer::Alpha,
+        };
+        Some(ExtraPicture { kind, format: None })
+    }
+}
+
+impl RenderWorker {
+    /// Returns a worker for a loaded scene.
+    pub fn new(context: Arc<ViewerContext>, renderer: Renderer, place: PreparedPlace) -> Self {
+        Self {
+            context,
+            renderer,
+            place,
+            pending: None,
+            waiting: Vec::new(),
+            video: None,
+            picture: Picture::default(),
+            clear: Frame::default(),
+        }
+    }
+
+    /// Works until Ctrl-C.
+    ///
+    /// # Errors
+    /// The renderer fails, such as when the GPU is lost.
+    pub fn run(&mut self) -> Result<()> {
+        while !interrupt::asked() {
+            self.collect_assets()?;
+            let is_due = self.video.as_ref().is_some_and(|video| video.last.elapsed() > VIDEO_FRAME_EVERY);
+            if is_due {
+                self.render_video_frame();
+                continue;
+            }
+            let patience =
+                if self.video.is_some() && self.pending.is_none() { Duration::ZERO } else { POLL_INTERVAL };
+            match self.context.queue.next_task(patience) {
+                Some(WorkerTask::Client(task)) => self.serve_client(task)?,
+                Some(WorkerTask::Command(command)) => self.execute(command)?,
+                None => self.render_video_frame(),
+            }
+        }
+        Ok(())
+    }
+
+    /// Inserts the assets that the second thread has finished.
+    fn collect_assets(&mut self) -> Result<()> {
+        let Some(pending) = &self.pending else { return Ok(()) };
+        match pending.receive.try_recv() {
+            Err(TryRecvError::Empty) => return Ok(()),
+            Err(TryRecvError::Disconnected) => {
+                bail!("the thread that makes the assets of the weather failed")
+            }
+            Ok(made) => self.renderer.insert_assets(&mut self.place, made?)?,
+        }
+        let client = self.pending.take().and_then(|pending| pending.client);
+        self.context.queue.broadcast(&json!({ "type": "status", "text": "" }).to_string());
+        self.context.queue.resume_waiting(client);
+        for command in std::mem::take(&mut self.waiting) {
+            self.execute(command)?;
+        }
+        Ok(())
+    }
+
+    /// Returns true if all assets for a weather at `time` exist; otherwise starts to make them.
+    fn ensure_assets(&mut self, weather: &Weather, time: f64, client: Option<u64>) -> Result<bool> {
+        let missing = self.place.missing_assets(weather, time);
+        let is_ready = missing.is_empty();
+        if !is_ready && self.pending.is_none() {
+            self.start_assets(missing, client)?;
+        }
+        Ok(is_ready)
+    }
+
+    /// Starts to make missing assets, and tells the clients.
+    fn start_assets(&mut self, missing: MissingAssets, client: Option<u64>) -> Result<()> {
+        self.context.queue.broadcast(&json!({ "type": "status", "text": missing.description() }).to_string());
+        self.spawn_assets(missing, client)
+    }
+
+    fn spawn_assets(&mut self, mut missing: MissingAssets, client: Option<u64>) -> Result<()> {
+        let source = self.renderer.asset_source(&mut self.place, &mut missing)?;
+        let (send, receive) = channel();
+        let context = Arc::clone(&self.context);
+        std::thread::Builder::new().name("prepare".into()).spawn(move || {
+            // The worker may have ended.
+            let _ = send.send(missing.make(source, &mut ()));
+            context.queue.wake_worker();
+        })?;
+        self.pending = Some(PendingAssets { receive, client });
+        Ok(())
+    }
+
+    /// Renders the frame of a client.
+    fn serve_client(&mut self, task: ClientTask) -> Result<()> {
+        let ClientTask { client, request, client_queue, small } = task;
+        let (view, started) = (&request.view, Instant::now());
+        let (weather, time) = (&view.weather, view.state.time);
+        let is_ready = if request.is_moving {
+            // Assets that are made quickly are made for moving views too.
+            let missing = self.place.missing_assets(weather, time);
+            if missing.is_quick() && self.pending.is_none() {
+                self.start_assets(missing, None)?;
+            }
+            false
+        } else {
+            self.ensure_assets(weather, time, Some(client))?
+        };
+        let full = (view.state.size[0], view.state.size[1]);
+        let (size, patience, quality, dither) = match (request.is_moving, is_ready) {
+            (true, _) => (small, Patience::Draft, DRAFT_QUALITY, Dither::Off),
+            (false, false) => (full, Patience::Draft, view.state.quality, Dither::Ordered),
+            (false, true) => (full, Patience::Whole, view.state.quality, Dither::Ordered),
+        };
+        let drawn = self.draw(view, size, patience, dither);
+        let message = drawn.and_then(|(rgb, stats)| {
+            let drew = started.elapsed().as_secs_f64();
+            let jpeg = jpeg(&rgb, size, quality)?;
+            let took = started.elapsed().as_secs_f64();
+            let head = self.header(&request.view, request.seq, size, is_ready, &stats, [drew, took - drew]);
+            Ok(join_message(&head, &jpeg))
+        });
+        match message {
+            Ok(message) => client_queue.set_picture(message),
+            Err(error) => client_queue
+                .push_message(json!({ "type": "error", "text": format!("{error:#}") }).to_string()),
+        }
+        let outcome = match (request.is_moving, is_ready) {
+            (true, _) => RequestOutcome::Draft(started.elapsed().as_secs_f64()),
+            (false, false) => RequestOutcome::Incomplete,
+            (false, true) => RequestOutcome::Complete,
+        };
+        self.context.queue.finish_request(client, request.seq, outcome);
+        Ok(())
+    }
+
+    /// Renders a view as bytes `[H, W, 3]`, without weather left of its divider.
+    fn draw(
+        &mut self,
+        view: &View,
+        size: (u32, u32),
+        patience: Patience,
+        dither: Dither,
+    ) -> Result<(Vec<u8>, Stats)> {
+        let ViewState { time, output, divider, .. } = view.state;
+        self.place.config.outputs = outputs(output.also().as_slice());
+        let camera = view.camera_plan_for(size).moving(time, self.place.site().metres_per_unit);
+        let options = FrameOptions { patience, ..FrameOptions::new(time, camera) };
+        let half = HALF_DEPTH * self.place.survey().radius;
+        let Some(share) = divider else {
+            let stats = self.render(view, &options)?;
+            return Ok((to_bytes(&self.picture.frame, output, half, dither), stats));
+        };
+        let (camera, cut) = (&camera.camera, (share * f64::from(size.0)).round() as u32);
+        let (mut left, mut right, mut stats) = (Vec::new(), Vec::new(), Stats::default());
+        if cut > 0 {
+            stats +=
+                self.renderer.render_clear(&self.place, &crop_columns(camera, 0, cut), &mut self.clear)?;
+            left = to_bytes(&self.clear, output, half, dither);
+        }
+        if cut < size.0 {
+            let camera = MovingCamera { camera: crop_columns(camera, cut, size.0 - cut), ..options.camera };
+            stats += self.render(view, &FrameOptions { camera, ..options })?;
+            right = to_bytes(&self.picture.frame, output, half, dither);
+        }
+        Ok((join_columns((&left, cut), (&right, size.0 - cut)), stats))
+    }
+
+    /// Renders a frame of a view's weather.
+    fn render(&mut self, view: &View, options: &FrameOptions<'_>) -> Result<Stats> {
+        let Self { renderer, place, picture, .. } = self;
+        Ok(renderer.render_into(place, &view.weather, options, picture, &mut ())?)
+    }
+
+    /// The JSON header that is sent with a frame.
+    fn header(
+        &self,
+        view: &View,
+        seq: u64,
+        size: (u32, u32),
+        is_whole: bool,
+        stats: &Stats,
+        [draw, encode]: [f64; 2],
+    ) -> String {
+        let time = view.state.time;
+        let sky: PreparedWeather = view.weather.at(time).prepare(self.place.site());
+        let camera = view.camera_plan().camera(time);
+        let mor = sky.air.mor_at(camera.center().to_array());
+        let rate = |name: &str| -> f64 {
+            sky.falling().iter().filter(|fall| fall.kind.name == name).map(|fall| fall.rate).sum()
+        };
+        let falls: serde_json::Map<String, serde_json::Value> =
+            sky.falling().iter().map(|fall| (fall.kind.name.to_owned(), fall.rate.into())).collect();
+        json!({
+            "seq": seq, "width": size.0, "height": size.1, "whole": is_whole, "time": time,
+            "draw_ms": draw * 1e3, "encode_ms": encode * 1e3,
+            "splats": stats.visible, "drops": stats.particles,
+            "mor": mor.is_finite().then_some(mor), "rain": rate("rain"), "snow": rate("snow"), "falls": falls,
+            "camera": super::state::Pose::of(&camera),
+        })
+        .to_string()
+    }
+
+    /// Carries out a command, or keeps it until its assets exist.
+    fn execute(&mut self, command: ViewerCommand) -> Result<()> {
+        let waits = match &command {
+            ViewerCommand::Picture { view, .. } => {
+                !self.ensure_assets(&view.weather, view.state.time, None)?
+            }
+            ViewerCommand::Pick { .. } | ViewerCommand::Video { .. } | ViewerCommand::Thumbnail(_) => false,
+        };
+        if waits {
+            self.waiting.push(command);
+            return Ok(());
+        }
+        match command {
+            ViewerCommand::Picture { view, format, reply } => {
+                let bytes = match format {
+                    ResponseFormat::Png => self.encode_png(&view),
+                    ResponseFormat::Jpeg => self.encode_jpeg(&view),
+                };
+                // The client may have disconnected.
+                let _ = reply.send(bytes.map(Bytes::from).map_err(|error| format!("{error:#}")));
+            }
+            ViewerCommand::Pick { view, at, client_queue } => {
+                let point = self.pick_point(&view, at)?;
+                client_queue.push_message(json!({ "type": "picked", "point": point }).to_string());
+            }
+            ViewerCommand::Video { view, job } => {
+                if let Err(error) = self.start_video(&view, &job) {
+                    job.end(Err(format!("{error:#}")));
+                }
+            }
+            ViewerCommand::Thumbnail(name) => self.render_thumbnail(name)?,
+        }
+        Ok(())
+    }
+
+    fn encode_jpeg(&mut self, view: &View) -> Result<Vec<u8>> {
+        let size = (view.state.size[0], view.state.size[1]);
+        let (rgb, _) = self.draw(view, size, Patience::Whole, Dither::Ordered)?;
+        jpeg(&rgb, size, view.state.quality)
+    }
+
+    /// Returns the bytes of the PNG file that `render` writes.
+    fn encode_png(&mut self, view: &View) -> Result<Vec<u8>> {
+        let (time, output) = (view.state.time, view.state.output);
+        self.place.config.outputs = outputs(output.also().as_slice());
+        let shot = view.camera_plan();
+        let camera = shot.moving(time, self.place.site().metres_per_unit);
+        self.render(view, &FrameOptions::new(time, camera))?;
+        let style = self.style(view, &shot, time);
+        let folder = tempfile::tempdir().context("cannot create a temporary folder for the picture")?;
+        let path = folder.path().join("picture.png");
+        match output.also() {
+            None => _ = style.write(&self.picture, &path)?,
+            Some(ExtraPicture { kind, .. }) => {
+                let size = PictureSize::new(view.state.size[0], view.state.size[1]);
+                style.write_one(kind, PictureFormat::Png, &self.picture, size, &path)?;
+            }
+        }
+        Ok(std::fs::read(&path)?)
+    }
+
+    fn style(&self, view: &View, shot: &CameraPlan, time: f64) -> PictureStyle {
+        let (scene, site) = (&self.context.catalog().words[0], self.place.site());
+        let camera = shot.camera(time);
+        PictureStyle {
+            metres_per_unit: site.metres_per_unit,
+            tags: picture_tags(scene, site, self.renderer.backend(), &view.weather, time, &camera),
+            ..PictureStyle::default()
+        }
+    }
+
+    /// Returns the point of the scene that is seen at `[x, y]`, 0-1, of the picture; `None` where there is nothing.
+    fn pick_point(&mut self, view: &View, [x, y]: [f64; 2]) -> Result<Option<[f64; 3]>> {
+        let [width, height] = view.state.size.map(|side| (side / 4).max(1));
+        let camera = view.camera_plan_for((width, height)).camera(view.state.time);
+        self.place.config.outputs = outputs(ViewOutput::Depth.also().as_slice());
+        self.renderer.render_clear(&self.place, &camera, &mut self.clear)?;
+        let [column, row] =
+            [(x, width), (y, height)].map(|(share, side)| ((share * f64::from(side)) as u32).min(side - 1));
+        let depth = self.clear.depth[self.clear.index(column, row)];
+        let ray = camera.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
+        let reach = f64::from(depth) / ray.dot(camera.forward());
+        Ok((depth > 0.0).then(|| (camera.center() + ray * reach).to_array()))
+    }
+
+    fn render_thumbnail(&mut self, name: String) -> Result<()> {
+        let Ok(mut weather) = Weather::preset(&name) else { return Ok(()) };
+        if weather.has(EffectRole::Lies) {
+            // All presets share one cover, that of still air.
+            weather.set_text("wind=off").context("wind is an effect")?;
+        }
+        let breaks = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::breaks);
+        // Where most of it has happened.
+        let time = 0.8 * breaks.fold(0.0, f64::max);
+        let missing = self.place.missing_assets(&weather, time);
+        let is_whole = missing.is_empty();
+        if !is_whole && !self.place.has_similar(&missing) {
+            if self.pending.is_none() {
+                self.spawn_assets(missing, None)?;
+            }
+            self.waiting.push(ViewerCommand::Thumbnail(name));
+            return Ok(());
+        }
+        let state = self.context.initial_state();
+        let [width, height] = state.size;
+        let height = (f64::from(THUMBNAIL.0 * height) / f64::from(width)).round().clamp(1.0, 1024.0) as u32;
+        let weather_json = super::state::weather_to_json(&weather);
+        let state = ViewState { weather: weather_json, time, divider: None, ..state };
+        let view = View::new(state, self.context.catalog(), None).map_err(|error| anyhow!(error))?;
+        let size = (THUMBNAIL.0, height);
+        let patience = if is_whole { Patience::Whole } else { Patience::Draft };
+        let (rgb, _) = self.draw(&view, size, patience, Dither::Ordered)?;
+        let bytes = jpeg(&rgb, size, THUMBNAIL.1)?;
+        self.context.set_thumbnail(name.clone(), bytes.into());
+        self.context.queue.broadcast(&json!({ "type": "thumbnail", "name": name }).to_string());
+        Ok(())
+    }
+
+    fn start_video(&mut self, view: &Arc<View>, video: &Arc<ViewerVideo>) -> Result<()> {
+        let shot = view.camera_plan();
+        let [width, height] = view.state.size;
+        let mut settings = video::VideoSettings::new(PictureSize::new(width, height), video.rate);
+        settings.tags = self.style(view, &shot, 0.0).tags;
+        let writer = VideoWriter::new(video::create_video(&video.path(), settings)?, video);
+        let (view, video) = (Arc::clone(view), Arc::clone(video));
+        self.video = Some(ActiveVideo { view, shot, video, writer, next: 0, last: Instant::now() });
+        Ok(())
+    }
+
+    /// Renders the next frame of the running video, if any.
+    fn render_video_frame(&mut self) {
+        let Some(mut active) = self.video.take() else { return };
+        active.last = Instant::now();
+        if !active.video.is_stopped() && active.next < active.video.frames {
+            match self.try_video_frame(&mut active) {
+                Ok(true) => return self.video = Some(active),
+                // The writer ended, and says why.
+                Ok(false) => {}
+                Err(error) => return active.video.end(Err(format!("{error:#}"))),
+            }
+        }
+        active.video.end(active.writer.finish());
+    }
+
+    /// Renders a frame of the video once its assets exist; returns false if the writer has stopped.
+    fn try_video_frame(&mut self, active: &mut ActiveVideo) -> Result<bool> {
+        let time = active.video.rate.seconds(u64::from(active.next));
+        if !self.ensure_assets(&active.view.weather, time, None)? {
+            return Ok(true);
+        }
+        self.place.config.outputs = outputs(ViewOutput::Rgb.also().as_slice());
+        let mut picture = active.writer.blank_picture();
+        let camera = active.shot.moving(time, self.place.site().metres_per_unit);
+        let options = FrameOptions::new(time, camera);
+        let Self { renderer, place, .. } = self;
+        renderer.render_into(place, &active.view.weather, &options, &mut picture, &mut ())?;
+        active.next += 1;
+        Ok(active.writer.push_frame(picture))
+    }
+}
+
+/// Crops a camera to `width` columns from `first` on.
+fn crop_columns(camera: &Camera, first: u32, width: u32) -> Camera {
+    Camera { width, cx: camera.cx - f64::from(first), ..*camera }
+}
+
+/// Joins a message: the length of its header, the header, the picture.
+fn join_message(head: &str, jpeg: &[u8]) -> Bytes {
+    let length = u32::try_from(head.len()).unwrap_or(0).to_le_bytes();
+    Bytes::from([&length, head.as_bytes(), jpeg].concat())
+}
