@@ -9,7 +9,7 @@ use wm_scene::{CameraError, FormatError};
 use wm_train::SessionError;
 use wm_weather::WeatherError;
 
-/// Why the library could not do what was asked. Each message is one line that names the file, field or value.
+/// The errors of the library. Each message is one line that names the file, field or value.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -36,8 +36,8 @@ pub enum Error {
     Media(#[from] MediaError),
     /// The training failed.
     #[error(transparent)]
-    Train(#[from] SessionError),
-    /// What was asked for cannot be done with this scene or weather.
+    Train(Box<SessionError>),
+    /// The request cannot be carried out with this scene or weather.
     #[error("{0}")]
     Unsupported(String),
     /// The place was loaded by another renderer.
@@ -46,6 +46,12 @@ pub enum Error {
     /// The caller stopped the work.
     #[error("stopped: nothing is written")]
     Stopped,
+}
+
+impl From<SessionError> for Error {
+    fn from(error: SessionError) -> Self {
+        Self::Train(Box::new(error))
+    }
 }
 
 /// The result of this library's functions.

@@ -96,7 +96,7 @@ impl FrameRequest<'_> {
         backend: &mut dyn RenderBackend,
         memory: &mut Pictures,
         picture: &mut Picture,
-        mut stages: Option<&mut PaperStages>,
+        stages: Option<&mut PaperStages>,
     ) -> Result<Stats, RenderError> {
         let (weather, observer) = (self.weather, self.observer());
         let camera = &self.camera.camera;
@@ -114,7 +114,7 @@ impl FrameRequest<'_> {
             .map(|fall| (weather.blend(fall, camera), weather.sub_clouds(fall, &observer)))
             .collect();
         let begins = stages.is_some();
-        let stages = Mutex::new(stages.as_deref_mut());
+        let stages = Mutex::new(stages);
         let begin = BeginStages(&stages);
         let overlays: Vec<Overlay<'_, '_>> =
             clouds.iter().map(|(blend, _)| Overlay { blend, stages: &stages }).collect();

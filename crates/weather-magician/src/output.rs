@@ -314,7 +314,7 @@ impl PictureStyle {
                 png::write_alpha(path, &values, size, png::ChannelBits::Sixteen, tags)?;
             }
             (PictureFormat::Png, PictureLayer::Transmittance) => {
-                png::write_shares(path, &values, size, tags)?
+                png::write_shares(path, &values, size, tags)?;
             }
             (PictureFormat::Png, PictureLayer::Particles) => {
                 let coverage: Vec<f32> = values.iter().skip(3).step_by(4).copied().collect();

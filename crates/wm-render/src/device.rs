@@ -260,13 +260,16 @@ impl RenderBackend for AnyRenderer {
     }
 }
 
+/// Called with the error for which the GPU is given up.
+type GpuWarning = Box<dyn FnMut(&RenderError) + Send>;
+
 /// A back end of training on the device that was chosen. One that was chosen by itself goes on with the CPU where the GPU
 /// fails.
 pub struct AnyDifferentiable {
     config: CpuConfig,
     body: Box<dyn Differentiable>,
     /// Told why the GPU is given up; `None` where it is not.
-    warn: Option<Box<dyn FnMut(&RenderError) + Send>>,
+    warn: Option<GpuWarning>,
     /// The view of the last forward pass.
     last: Option<(Camera, ForwardConfig)>,
 }
@@ -286,7 +289,7 @@ impl AnyDifferentiable {
             #[cfg(feature = "gpu")]
             Opened::Gpu(gpu) => Box::new(GpuDifferentiable::new(gpu, config)?),
         };
-        let warn: Option<Box<dyn FnMut(&RenderError) + Send>> = match device {
+        let warn: Option<GpuWarning> = match device {
             Device::Auto => Some(Box::new(warn)),
             Device::Cpu | Device::Gpu(_) => None,
         };

@@ -278,7 +278,7 @@ impl<'a> Views<'a> {
             return Ok(());
         }
         let outputs = Outputs { geometry: Geometry::None, ..self.config.outputs };
-        render(Some(&not_sky), &RenderConfig { outputs, ..self.config.clone() }, &mut self.solid)
+        render(Some(&not_sky), &RenderConfig { outputs, ..self.config }, &mut self.solid)
     }
 }
 

@@ -83,7 +83,7 @@ pub enum SessionError {
         /// The run folder.
         folder: PathBuf,
         /// The fault of the checkpoint.
-        reason: CheckpointError,
+        reason: Box<CheckpointError>,
     },
     /// The checkpoint cannot be read or written.
     #[error(transparent)]

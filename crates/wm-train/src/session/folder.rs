@@ -47,8 +47,10 @@ impl RunFolder {
             (Resume::Always, false) => return Err(SessionError::NothingToResume(path.to_owned())),
             (Resume::Never, true) => {
                 let read = checkpoint::read(&checkpoint);
-                let (head, _) =
-                    read.map_err(|reason| SessionError::BadCheckpoint { folder: path.to_owned(), reason })?;
+                let (head, _) = read.map_err(|reason| SessionError::BadCheckpoint {
+                    folder: path.to_owned(),
+                    reason: reason.into(),
+                })?;
                 if head.step() < head.config.steps {
                     return Err(SessionError::Unfinished(path.to_owned()));
                 }
