@@ -15,7 +15,7 @@ use wm_weather::WeatherError;
 pub enum Error {
     /// A scene, capture or camera file cannot be read or written.
     #[error(transparent)]
-    Format(#[from] FormatError),
+    Format(Box<FormatError>),
     /// A weather or one of its parameters is wrong.
     #[error(transparent)]
     Weather(#[from] WeatherError),
@@ -27,10 +27,10 @@ pub enum Error {
     Camera(#[from] CameraError),
     /// A camera path or a view of the scene cannot be found.
     #[error(transparent)]
-    View(#[from] ViewError),
+    View(Box<ViewError>),
     /// The renderer failed.
     #[error(transparent)]
-    Render(#[from] RenderError),
+    Render(Box<RenderError>),
     /// A picture or video cannot be written.
     #[error(transparent)]
     Media(#[from] MediaError),
@@ -48,11 +48,18 @@ pub enum Error {
     Stopped,
 }
 
-impl From<SessionError> for Error {
-    fn from(error: SessionError) -> Self {
-        Self::Train(Box::new(error))
-    }
+/// Boxes the large errors, so that results stay small.
+macro_rules! boxed {
+    ($($variant:ident($error:ty)),+ $(,)?) => {
+        $(impl From<$error> for Error {
+            fn from(error: $error) -> Self {
+                Self::$variant(Box::new(error))
+            }
+        })+
+    };
 }
+
+boxed! { Format(FormatError), View(ViewError), Render(RenderError), Train(SessionError) }
 
 /// The result of this library's functions.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
