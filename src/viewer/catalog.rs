@@ -72,7 +72,7 @@ impl Catalog {
     ///
     /// # Errors
     /// The first invalid value, in one line.
-    pub fn camera_path(&self, state: &ViewState) -> Result<(String, Path), String> {
+    pub fn camera_path(&self, state: &ViewState) -> Result<(String, CameraPath), String> {
         let key = |time, eye, [w, x, y, z]: [f64; 4], fov| {
             let rotation = DQuat::from_xyzw(x, y, z, w);
             let is_turn = rotation.is_finite() && rotation.length() > 1e-9;

@@ -22,7 +22,7 @@ use weather_magician::{
     FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, picture_tags,
 };
 use wm_media::color::Dither;
-use wm_media::{Size, video};
+use wm_media::{PictureSize, video};
 use wm_render::{Frame, Stats};
 use wm_scene::Camera;
 use wm_weather::{EffectRole, PreparedWeather, Weather};

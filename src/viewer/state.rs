@@ -288,7 +288,8 @@ mod tests {
         let view = View::new(state.clone(), &catalog(), None).unwrap();
         let survey = catalog().survey;
         let read =
-            Path::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default()).unwrap();
+            CameraPath::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default())
+                .unwrap();
         assert_eq!(read.at(0.0, (60, 40)), view.camera_plan().camera(0.0));
         // And of a path at an instant of it.
         let key =
@@ -296,7 +297,8 @@ mod tests {
         (state.path, state.follow, state.time) = (vec![key(1.0), key(2.7)], Follow::Path, 0.9);
         let view = View::new(state, &catalog(), None).unwrap();
         let read =
-            Path::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default()).unwrap();
+            CameraPath::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default())
+                .unwrap();
         assert_eq!(read.at(read.start() + 0.9, (60, 40)), view.camera_plan().camera(0.9));
     }
 

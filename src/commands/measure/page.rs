@@ -1,8 +1,8 @@
 //! The HTML report.
 
 use super::tables::{error, measured, number, tolerance, unit, verdict};
-use super::{Report, Section};
-use crate::commands::bench::paper::{self, Table};
+use super::{InstrumentSection, MeasureReport};
+use crate::commands::bench::paper::{self, SpeedTable};
 use crate::report::plot::{Axis, Plot, Series};
 use crate::report::{escaped, foot, head, picture};
 use anyhow::Result;

@@ -1,6 +1,6 @@
 //! The numbers as text, JSON, CSV and Markdown.
 
-use super::Report;
+use super::MeasureReport;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use weather_magician::measure::{Reading, Tolerance};

@@ -23,7 +23,8 @@ pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs
     }
     let start = job.shot.time(wanted[0]);
     let camera = job.shot.camera(start);
-    let mut settings = video::VideoSettings::new(PictureSize::new(camera.width, camera.height), job.shot.rate);
+    let mut settings =
+        video::VideoSettings::new(PictureSize::new(camera.width, camera.height), job.shot.rate);
     settings.encoder = args.output.encoder.into();
     settings.bitrate = args.output.bitrate;
     settings.dither = args.output.dither.into();

@@ -25,7 +25,7 @@ mod with_gpu {
     fn fallible(warn: fn(&RenderError)) -> AnyRenderer {
         let config = CpuConfig { threads: Some(2), ..CpuConfig::default() };
         let body = Body::Gpu { gpu: Box::new(gpu_renderer()), kept: Some(Vec::new()) };
-        AnyRenderer { config, path: SimdPath::select(config.simd).unwrap(), body, warn }
+        AnyRenderer { config, path: SimdPath::select(config.simd).unwrap(), body, warn: Box::new(warn) }
     }
 
     struct NoWgsl;
