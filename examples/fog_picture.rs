@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         eprintln!("warning: {warning}");
     }
     let options = ViewOptions { size: Some((480, 320)), ..ViewOptions::default() };
-    let camera = choose(&mut renderer.view_site(&place, options))?.camera;
+    let camera = choose(&mut renderer.view_search(&place, options))?.camera;
     renderer.render(&mut place, &weather, &camera, 0.0)?.save(&out)?;
     println!("{out}: {}", renderer.describe());
     Ok(())

@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let start = Camera::look_at([0.0, 0.0, 1.6], [0.0, 30.0, 2.0]).size(320, 192);
     let start = start.camera(place.survey().up.value, 0.1)?;
     let options = ViewOptions { size: Some((320, 192)), ..ViewOptions::default() };
-    let path = moves::dolly(&mut renderer.view_site(&place, options), &start, Some(8.0), seconds)?;
+    let path = moves::dolly(&mut renderer.view_search(&place, options), &start, Some(8.0), seconds)?;
     let motion = CameraMotion::Along { path, size: (320, 192) };
 
     let settings = VideoSettings::new(weather_magician::PictureSize::new(320, 192), FrameRate::default());

@@ -84,7 +84,7 @@ impl RunArgs {
     /// Starts the back end that gives derivatives.
     pub fn differentiable_backend(&self) -> Result<AnyDifferentiable, RenderError> {
         AnyDifferentiable::new(&self.device, self.cpu(), |error| {
-            eprintln!("warning: {error}; the CPU goes on instead");
+            eprintln!("warning: {error}; training continues on the CPU");
         })
     }
 
@@ -172,7 +172,7 @@ impl OpenScene {
 
     /// Returns the scene as a site in which views are searched.
     pub fn site(&mut self, options: view::ViewOptions) -> view::ViewSearch<'_> {
-        self.renderer.view_site(&self.place, options)
+        self.renderer.view_search(&self.place, options)
     }
 }
 

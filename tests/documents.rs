@@ -18,15 +18,24 @@ fn read(name: &str) -> String {
     std::fs::read_to_string(Path::new(ROOT).join(name)).unwrap()
 }
 
+/// The documents that are written by hand, as paths from the root.
+fn documents() -> Vec<String> {
+    let mut names: Vec<String> = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"].map(String::from).into();
+    let guide = std::fs::read_dir(Path::new(ROOT).join("docs/guide")).unwrap();
+    let guide = guide.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    names.extend(guide.filter(|name| name.ends_with(".md")).map(|name| format!("docs/guide/{name}")));
+    names
+}
+
 #[test]
 fn named_paths_exist() {
     let mut named = 0;
-    for document in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"] {
-        let text = read(document);
+    for document in documents() {
+        let text = read(&document);
         // Blocks of code hold commands, not paths of this project.
         let prose: String = text.split("```").step_by(2).collect();
         for path in paths(&prose) {
-            assert!(Path::new(ROOT).join(path).exists(), "{document} names {path}, which is not there");
+            assert!(Path::new(ROOT).join(path).exists(), "{document} names {path}, which does not exist");
             named += 1;
         }
     }
@@ -35,14 +44,25 @@ fn named_paths_exist() {
 
 #[test]
 fn links_lead_somewhere() {
-    for document in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"] {
-        let text = read(document);
+    for document in documents() {
+        let text = read(&document);
+        let folder = Path::new(ROOT).join(&document).parent().unwrap().to_owned();
         for target in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
             if !target.starts_with("http") && !target.starts_with('#') {
-                assert!(Path::new(ROOT).join(target).exists(), "{document} links to {target}");
+                let file = target.split('#').next().unwrap_or_default();
+                assert!(folder.join(file).exists(), "{document} links to {target}");
             }
         }
     }
+}
+
+#[test]
+fn the_readme_links_to_every_page_of_the_guide() {
+    let readme = read("README.md");
+    for page in documents().iter().filter(|name| name.starts_with("docs/guide/")) {
+        assert!(readme.contains(&format!("]({page})")), "README.md does not link to {page}");
+    }
+    assert!(readme.lines().count() <= 120, "README.md is longer than two pages");
 }
 
 #[test]

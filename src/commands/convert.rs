@@ -23,7 +23,7 @@ use wm_scene::formats::{
 #[derive(Args, Debug)]
 #[command(
     after_help = "Formats: .ply, .compressed.ply, .spz, .sog, FOLDER/meta.json (SOG), .glb, .splat, .ksplat. \
-                        docs/formats.md says what each loses.\n\n\
+                        docs/guide/formats.md says what each loses.\n\n\
                         weather-magician convert garden.ply garden.spz\n\
                         weather-magician convert scans/*.ply --to sog --folder web/\n\
                         weather-magician convert town.sog small.glb --max-splats 500000 --up 0,1,0"

@@ -1,6 +1,6 @@
 //! `view`: shows a scene and its weather in a browser.
 
-use super::render::camera::LookArgs;
+use super::render::camera::ViewpointArgs;
 use crate::scene::{RunArgs, SceneArgs};
 use crate::viewer::{ViewerOptions, run as serve, server::ServerArgs};
 use crate::weather::WeatherArgs;
@@ -22,7 +22,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "FILE", help_heading = "Weather")]
     panorama: Vec<PathBuf>,
     #[command(flatten)]
-    look: LookArgs,
+    viewpoint: ViewpointArgs,
     #[command(flatten)]
     server: ServerArgs,
     #[command(flatten)]
@@ -31,7 +31,7 @@ pub struct ViewArgs {
 
 /// Runs the command.
 pub fn run(args: &ViewArgs) -> Result<()> {
-    args.look.check()?;
+    args.viewpoint.check()?;
     args.server.guard()?;
     let mut weather = args.weather.read()?;
     // Saved files are in another folder than the weather that was read.
@@ -41,6 +41,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
         |path: &PathBuf| -> Result<_> { Ok((here.join(path).display().to_string(), read_panorama(path)?)) };
     let panoramas = args.panorama.iter().map(panorama).collect::<Result<_>>()?;
     std::fs::metadata(&args.scene.scene).map_err(|error| FormatError::reading(&args.scene.scene, error))?;
-    let asked = ViewerOptions { scene: &args.scene, look: &args.look, run: &args.run, weather, panoramas };
-    serve(asked, &args.server)
+    let options =
+        ViewerOptions { scene: &args.scene, viewpoint: &args.viewpoint, run: &args.run, weather, panoramas };
+    serve(options, &args.server)
 }

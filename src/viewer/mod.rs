@@ -21,7 +21,7 @@ mod state;
 pub mod training;
 mod videos;
 
-use crate::commands::render::camera::LookArgs;
+use crate::commands::render::camera::ViewpointArgs;
 use crate::interrupt;
 use crate::names::stem_of;
 use crate::scene::{OpenScene, RunArgs, SceneArgs};
@@ -47,7 +47,7 @@ pub struct ViewerOptions<'a> {
     /// The scene file and its facts.
     pub scene: &'a SceneArgs,
     /// The camera at the start.
-    pub look: &'a LookArgs,
+    pub viewpoint: &'a ViewpointArgs,
     /// The device and other options of the run.
     pub run: &'a RunArgs,
     /// The weather at the start.
@@ -157,14 +157,14 @@ pub fn run(options: ViewerOptions<'_>, server: &server::ServerArgs) -> Result<()
 
 /// Reads the scene and loads it.
 fn open(options: ViewerOptions<'_>, context: &ViewerContext) -> Result<(Renderer, PreparedPlace)> {
-    let mut loaded = OpenScene::new(options.scene, options.run, options.look.views.as_ref())?;
-    let camera = options.look.start(&mut loaded)?;
+    let mut loaded = OpenScene::new(options.scene, options.run, options.viewpoint.views.as_ref())?;
+    let camera = options.viewpoint.start(&mut loaded)?;
     let OpenScene { renderer, place } = loaded;
     let mut panoramas = options.panoramas;
     panoramas.extend(panoramas_of(&options.weather));
     let catalog = Catalog {
         stem: stem_of(&options.scene.scene),
-        words: catalog::scene_words(options.scene, options.look.views.as_ref()),
+        words: catalog::scene_words(options.scene, options.viewpoint.views.as_ref()),
         run_words: catalog::run_words(options.run),
         survey: place.survey().clone(),
         near: camera.near,

@@ -61,7 +61,7 @@ struct PendingAssets {
 /// A video that is being rendered.
 struct ActiveVideo {
     view: Arc<View>,
-    shot: CameraPlan,
+    plan: CameraPlan,
     video: Arc<ViewerVideo>,
     writer: VideoWriter,
     next: u32,
@@ -322,10 +322,10 @@ impl RenderWorker {
     fn encode_png(&mut self, view: &View) -> Result<Vec<u8>> {
         let (time, output) = (view.state.time, view.state.output);
         self.place.config.outputs = outputs(output.also().as_slice());
-        let shot = view.camera_plan();
-        let camera = shot.moving(time, self.place.site().metres_per_unit);
+        let plan = view.camera_plan();
+        let camera = plan.moving(time, self.place.site().metres_per_unit);
         self.render(view, &FrameOptions::new(time, camera))?;
-        let style = self.style(view, &shot, time);
+        let style = self.style(view, &plan, time);
         let folder = tempfile::tempdir().context("cannot create a temporary folder for the picture")?;
         let path = folder.path().join("picture.png");
         match output.also() {
@@ -338,9 +338,9 @@ impl RenderWorker {
         Ok(std::fs::read(&path)?)
     }
 
-    fn style(&self, view: &View, shot: &CameraPlan, time: f64) -> PictureStyle {
+    fn style(&self, view: &View, plan: &CameraPlan, time: f64) -> PictureStyle {
         let (scene, site) = (&self.context.catalog().words[0], self.place.site());
-        let camera = shot.camera(time);
+        let camera = plan.camera(time);
         PictureStyle {
             metres_per_unit: site.metres_per_unit,
             tags: picture_tags(scene, site, self.renderer.backend(), &view.weather, time, &camera),
@@ -396,13 +396,13 @@ impl RenderWorker {
     }
 
     fn start_video(&mut self, view: &Arc<View>, video: &Arc<ViewerVideo>) -> Result<()> {
-        let shot = view.camera_plan();
+        let plan = view.camera_plan();
         let [width, height] = view.state.size;
         let mut settings = video::VideoSettings::new(PictureSize::new(width, height), video.rate);
-        settings.tags = self.style(view, &shot, 0.0).tags;
+        settings.tags = self.style(view, &plan, 0.0).tags;
         let writer = VideoWriter::new(video::create_video(&video.path(), settings)?, video);
         let (view, video) = (Arc::clone(view), Arc::clone(video));
-        self.video = Some(ActiveVideo { view, shot, video, writer, next: 0, last: Instant::now() });
+        self.video = Some(ActiveVideo { view, plan, video, writer, next: 0, last: Instant::now() });
         Ok(())
     }
 
@@ -429,7 +429,7 @@ impl RenderWorker {
         }
         self.place.config.outputs = outputs(ViewOutput::Rgb.also().as_slice());
         let mut picture = active.writer.blank_picture();
-        let camera = active.shot.moving(time, self.place.site().metres_per_unit);
+        let camera = active.plan.moving(time, self.place.site().metres_per_unit);
         let options = FrameOptions::new(time, camera);
         let Self { renderer, place, .. } = self;
         renderer.render_into(place, &active.view.weather, &options, &mut picture, &mut ())?;

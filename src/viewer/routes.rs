@@ -1,4 +1,4 @@
-//! The HTTP interface, described in docs/viewer.md.
+//! The HTTP interface, described in docs/guide/viewer.md.
 
 use super::ViewerContext;
 use super::request_queue::{MAX_CLIENTS, ResponseFormat, ViewerCommand};

@@ -15,7 +15,7 @@ use wm_weather::WeatherError;
 pub enum Error {
     /// A scene, capture or camera file cannot be read or written.
     #[error(transparent)]
-    Format(#[from] FormatError),
+    Format(Box<FormatError>),
     /// A weather or one of its parameters is wrong.
     #[error(transparent)]
     Weather(#[from] WeatherError),
@@ -27,7 +27,7 @@ pub enum Error {
     Camera(#[from] CameraError),
     /// A camera path or a view of the scene cannot be found.
     #[error(transparent)]
-    View(#[from] ViewError),
+    View(Box<ViewError>),
     /// The renderer failed.
     #[error(transparent)]
     Render(#[from] RenderError),
@@ -46,6 +46,18 @@ pub enum Error {
     /// The caller stopped the work.
     #[error("stopped: nothing is written")]
     Stopped,
+}
+
+impl From<FormatError> for Error {
+    fn from(error: FormatError) -> Self {
+        Self::Format(Box::new(error))
+    }
+}
+
+impl From<ViewError> for Error {
+    fn from(error: ViewError) -> Self {
+        Self::View(Box::new(error))
+    }
 }
 
 impl From<SessionError> for Error {

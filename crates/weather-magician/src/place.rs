@@ -219,7 +219,7 @@ impl PreparedPlace {
     }
 
     /// The place as [`view`] looks for cameras in it.
-    pub(crate) fn view_site<'a>(
+    pub(crate) fn view_search<'a>(
         &'a self,
         backend: &'a mut AnyRenderer,
         options: view::ViewOptions,

@@ -223,11 +223,11 @@ impl Renderer {
     }
 
     /// A place to look for cameras in.
-    pub fn view_site<'a>(
+    pub fn view_search<'a>(
         &'a mut self,
         place: &'a PreparedPlace,
         options: view::ViewOptions,
     ) -> view::ViewSearch<'a> {
-        place.view_site(&mut self.backend, options)
+        place.view_search(&mut self.backend, options)
     }
 }

@@ -1,4 +1,4 @@
-//! The reference of all effects and presets as text: for help and for `docs/weather.md`.
+//! The reference of all effects and presets as text: for help and for `docs/reference/weather.md`.
 
 use crate::effects::EFFECTS;
 use crate::param::{Param, ParamKind};
@@ -6,7 +6,7 @@ use crate::presets::PRESETS;
 use crate::weather::Weather;
 use std::fmt::Write;
 
-/// The page `docs/weather.md`.
+/// The page `docs/reference/weather.md`.
 #[must_use]
 pub fn markdown() -> String {
     let mut page = String::from(HEAD);
@@ -133,14 +133,14 @@ mod tests {
     /// With `WM_UPDATE_DOCS=1` in the environment, writes the page.
     #[test]
     fn the_page_in_docs_is_this_one() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/weather.md");
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/reference/weather.md");
         if std::env::var("WM_UPDATE_DOCS").is_ok_and(|v| v == "1") {
             std::fs::write(path, markdown()).unwrap();
         }
         let page = std::fs::read_to_string(path).unwrap_or_default();
         assert!(
             page == markdown(),
-            "docs/weather.md is stale: run WM_UPDATE_DOCS=1 cargo test -p wm-weather"
+            "docs/reference/weather.md is stale: run WM_UPDATE_DOCS=1 cargo test -p wm-weather"
         );
     }
 

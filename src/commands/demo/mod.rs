@@ -1,7 +1,6 @@
 //! `demo`: photos, reconstruction and weather on the built-in street, without input or download.
 //!
-//! The picture at the top of the README, `docs/demo-sheet.png`, is the `sheet.png` of
-//! `weather-magician demo --sampled --only sheet --detail 1.5 --size 480x320`.
+//! The pictures of the README, `docs/weathers.jpg`, show the scene that `demo --sampled --only scene` writes.
 
 mod film;
 mod photos;

@@ -37,7 +37,7 @@ pub struct EvaluateArgs {
     truth: truth::TruthArgs,
     #[command(flatten)]
     realism: realism::RealismArgs,
-    /// Write all numbers to this JSON file (docs/evaluate.md describes them)
+    /// Write all numbers to this JSON file (docs/guide/evaluate.md describes them)
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     json: Option<PathBuf>,
     /// Write an HTML report: numbers, and pictures of photo, render and error side by side, in one

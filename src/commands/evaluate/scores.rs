@@ -192,7 +192,7 @@ impl EvaluationReport {
         ))
     }
 
-    /// Returns everything as JSON, as described in `docs/evaluate.md`.
+    /// Returns everything as JSON, as described in `docs/guide/evaluate.md`.
     pub fn json(&self) -> Value {
         let numbers = |of: &dyn Fn(&ScoreColumn) -> Option<f64>| -> Map<String, Value> {
             COLUMNS.iter().filter_map(|column| Some((column.key.to_owned(), json!(of(column)?)))).collect()
@@ -231,11 +231,11 @@ mod tests {
 
     #[test]
     fn every_number_is_in_the_documentation() {
-        const DOCUMENTATION: &str = include_str!("../../../docs/evaluate.md");
+        const DOCUMENTATION: &str = include_str!("../../../docs/guide/evaluate.md");
         for column in &COLUMNS {
             assert!(
                 DOCUMENTATION.contains(&format!("`{}`", column.key)),
-                "{} is not in docs/evaluate.md",
+                "{} is not in docs/guide/evaluate.md",
                 column.key
             );
         }

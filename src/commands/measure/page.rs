@@ -54,7 +54,7 @@ pub fn page(report: &MeasureReport) -> Result<String> {
 /// Writes a line per instrument.
 fn summary(out: &mut String, report: &MeasureReport) {
     out.push_str(
-        "<div class=\"scroll\"><table class=\"means\">\n<thead><tr><th>instrument</th><th>readings</th><th>as asked</th>\
+        "<div class=\"scroll\"><table class=\"means\">\n<thead><tr><th>instrument</th><th>readings</th><th>within tolerance</th>\
          <th>worst, of what is allowed</th></tr></thead>\n<tbody>\n",
     );
     for section in &report.sections {

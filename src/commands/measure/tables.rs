@@ -99,7 +99,7 @@ pub fn text(report: &MeasureReport) -> String {
         }
     }
     let [right, off] = report.verdict();
-    let _ = writeln!(out, "\n{right} readings as asked, {off} not, in {:.0} s", report.seconds);
+    let _ = writeln!(out, "\n{right} readings within tolerance, {off} not, in {:.0} s", report.seconds);
     out
 }
 

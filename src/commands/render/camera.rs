@@ -21,7 +21,7 @@ const MAX_FRAMES: u32 = 1_000_000;
 
 /// Options of a camera that does not move.
 #[derive(Args, Clone, Debug)]
-pub struct LookArgs {
+pub struct ViewpointArgs {
     /// Camera: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or number, or a JSON file of keyframes
     /// [default: a view chosen automatically]
     #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true, help_heading = "Camera")]
@@ -44,7 +44,7 @@ pub struct LookArgs {
 #[derive(Args, Clone, Debug)]
 pub struct CameraArgs {
     #[command(flatten)]
-    pub look: LookArgs,
+    pub viewpoint: ViewpointArgs,
     /// Move the camera: orbit, dolly, capture (along the photos), or a JSON file of keyframes, ours, nerfstudio's or
     /// SuperSplat's
     #[arg(short, long, value_name = "PATH", help_heading = "Camera")]
@@ -60,7 +60,7 @@ pub struct CameraArgs {
     pub save_path: Option<PathBuf>,
 }
 
-impl LookArgs {
+impl ViewpointArgs {
     /// Checks the options that do not depend on the scene.
     pub fn check(&self) -> Result<()> {
         if let Some(fov) = self.fov
@@ -115,7 +115,7 @@ impl CameraArgs {
                 bail!("--camera-speed: cannot be used with --path, which sets the speed");
             }
         }
-        self.look.check()?;
+        self.viewpoint.check()?;
         if let Some(PathSpec::File(file)) = &self.path {
             std::fs::metadata(file).map_err(|error| FormatError::reading(file, error))?;
         }
@@ -144,7 +144,7 @@ impl CameraPlan {
         loaded: &mut OpenScene,
         still: bool,
     ) -> Result<Self> {
-        let options = args.look.options();
+        let options = args.viewpoint.options();
         let length = output.seconds;
         let path = match &args.path {
             None => None,
@@ -154,7 +154,7 @@ impl CameraPlan {
                 Some(moves::capture(&loaded.place.scene().views, loaded.place.survey(), &options, seconds)?)
             }
             Some(moving) => {
-                let start = args.look.start(loaded)?;
+                let start = args.viewpoint.start(loaded)?;
                 let units = args.distance.map(|metres| metres / loaded.place.survey().metres_per_unit.value);
                 let mut site =
                     loaded.site(view::ViewOptions { size: Some((start.width, start.height)), ..options });
@@ -168,7 +168,7 @@ impl CameraPlan {
         let motion = match path {
             Some(path) => CameraMotion::Along { path, size: options.size() },
             None => CameraMotion::Still {
-                camera: Box::new(args.look.start(loaded)?),
+                camera: Box::new(args.viewpoint.start(loaded)?),
                 speed: args.camera_speed.unwrap_or(0.0),
             },
         };
@@ -188,9 +188,9 @@ impl CameraPlan {
         if frames > MAX_FRAMES {
             bail!("{frames} frames are too many for one run: the maximum is {MAX_FRAMES}");
         }
-        let shot = Self { motion, start: output.time, rate: output.fps, frames };
-        shot.camera(shot.start).check()?;
-        Ok(shot)
+        let plan = Self { motion, start: output.time, rate: output.fps, frames };
+        plan.camera(plan.start).check()?;
+        Ok(plan)
     }
 
     /// Returns the plan of one frame at the time `start`.

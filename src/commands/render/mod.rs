@@ -204,21 +204,21 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
     args.camera.check()?;
 
-    let mut loaded = OpenScene::new(&args.scene, &args.run, args.camera.look.views.as_ref())?;
-    let shot = CameraPlan::plan(
+    let mut loaded = OpenScene::new(&args.scene, &args.run, args.camera.viewpoint.views.as_ref())?;
+    let plan = CameraPlan::plan(
         &args.camera,
         &args.output,
         &mut loaded,
         matches!(target, OutputTarget::Picture(_)),
     )?;
-    let wanted = range::wanted(args.output.frames, args.output.frame_step, shot.frames)?;
+    let wanted = range::wanted(args.output.frames, args.output.frame_step, plan.frames)?;
     let config = RenderConfig {
         outputs: outputs(&args.output.also),
         background: background(args.output.background, &loaded),
         rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
     };
     let parts = parts(&args.output.also);
-    let mut job = RenderJob::new(loaded, config, weather, shot, parts)?;
+    let mut job = RenderJob::new(loaded, config, weather, plan, parts)?;
     match target {
         OutputTarget::Picture(path) => job.picture(&path, args),
         OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),
@@ -231,7 +231,7 @@ struct RenderJob {
     renderer: Renderer,
     place: PreparedPlace,
     weather: Weather,
-    shot: CameraPlan,
+    plan: CameraPlan,
     /// Picture parts that need extra renders.
     parts: Vec<PicturePart>,
 }
@@ -242,18 +242,18 @@ impl RenderJob {
         mut loaded: OpenScene,
         config: RenderConfig,
         weather: Weather,
-        shot: CameraPlan,
+        plan: CameraPlan,
         parts: Vec<PicturePart>,
     ) -> Result<Self> {
         loaded.place.config = config;
         loaded.prepare(&weather)?;
         let OpenScene { renderer, place } = loaded;
-        Ok(Self { renderer, place, weather, shot, parts })
+        Ok(Self { renderer, place, weather, plan, parts })
     }
 
     /// Renders the frame at `time`, seconds.
     fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
-        let camera = self.shot.moving(time, self.place.site().metres_per_unit);
+        let camera = self.plan.moving(time, self.place.site().metres_per_unit);
         let options = FrameOptions { parts: &self.parts, ..FrameOptions::new(time, camera) };
         let Self { renderer, place, weather, .. } = self;
         Ok(renderer.render_into(place, weather, &options, picture, &mut Reporter::default())?)
@@ -287,7 +287,7 @@ impl RenderJob {
     /// Returns the style in which the frame at `time` is written.
     fn style(&self, args: &RenderArgs, depth_scale: DepthScale, time: f64) -> PictureStyle {
         let (scene, site) = (args.scene.scene.display().to_string(), self.place.site());
-        let camera = self.shot.camera(time);
+        let camera = self.plan.camera(time);
         PictureStyle {
             also: args.output.also.clone(),
             place: if args.output.layers { LayerPlacement::Layers } else { LayerPlacement::Beside },

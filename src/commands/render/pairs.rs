@@ -91,7 +91,7 @@ struct FramePair {
 /// Runs `render --pairs`.
 pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let folder = check(args, weather)?;
-    let mut loaded = OpenScene::new(&args.scene, &args.run, args.camera.look.views.as_ref())?;
+    let mut loaded = OpenScene::new(&args.scene, &args.run, args.camera.viewpoint.views.as_ref())?;
     let shots = shots(&mut loaded, args)?;
     let config = RenderConfig {
         outputs: Outputs { geometry: Geometry::Depth, particles: ParticlePass::On, ..Outputs::default() },
@@ -158,7 +158,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
 fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
     let (camera, output) = (&args.camera, &args.output);
     for (given, option) in [
-        (camera.look.camera.is_some(), "--camera"),
+        (camera.viewpoint.camera.is_some(), "--camera"),
         (camera.path.is_some(), "--path"),
         (camera.save_path.is_some(), "--save-path"),
         (output.seconds.is_some(), "--seconds"),
@@ -202,7 +202,7 @@ fn shots(loaded: &mut OpenScene, args: &RenderArgs) -> Result<Vec<PhotoView>> {
             args.scene.scene.display()
         );
     }
-    let options = args.camera.look.options();
+    let options = args.camera.viewpoint.options();
     let named = names(views)?.into_iter().zip(views);
     named
         .map(|(name, view)| {

@@ -75,13 +75,13 @@ mod tests {
     #[test]
     fn what_is_no_range_is_said() {
         for (text, want) in [
-            ("5", "`5` is no range of frames: use 300..420, 300..=420 or 300.."),
-            ("..5", "`..5` is no range of frames"),
-            ("-1..5", "`-1..5` is no range of frames"),
-            ("1..x", "`1..x` is no range of frames"),
-            ("1..=", "`1..=` is no range of frames"),
-            ("1...5", "`1...5` is no range of frames"),
-            ("1..99999999999", "`1..99999999999` is no range of frames"),
+            ("5", "`5` is not a range of frames: use 300..420, 300..=420 or 300.."),
+            ("..5", "`..5` is not a range of frames"),
+            ("-1..5", "`-1..5` is not a range of frames"),
+            ("1..x", "`1..x` is not a range of frames"),
+            ("1..=", "`1..=` is not a range of frames"),
+            ("1...5", "`1...5` is not a range of frames"),
+            ("1..99999999999", "`1..99999999999` is not a range of frames"),
             ("5..5", "`5..5` has no frames: the end must be after the first"),
             ("5..=4", "`5..=4` has no frames"),
             ("6..2", "`6..2` has no frames"),

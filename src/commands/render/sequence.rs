@@ -21,10 +21,10 @@ pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs
     if !args.output.also.is_empty() {
         bail!("--also is for pictures and folders of frames: give --out a folder");
     }
-    let start = job.shot.time(wanted[0]);
-    let camera = job.shot.camera(start);
+    let start = job.plan.time(wanted[0]);
+    let camera = job.plan.camera(start);
     let mut settings =
-        video::VideoSettings::new(PictureSize::new(camera.width, camera.height), job.shot.rate);
+        video::VideoSettings::new(PictureSize::new(camera.width, camera.height), job.plan.rate);
     settings.encoder = args.output.encoder.into();
     settings.bitrate = args.output.bitrate;
     settings.dither = args.output.dither.into();
@@ -96,7 +96,7 @@ pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderA
     let started = Instant::now();
     let styles: Vec<PictureStyle> = missing
         .iter()
-        .map(|index| job.style(args, DepthScale::reaching(job.place.site().far), job.shot.time(*index)))
+        .map(|index| job.style(args, DepthScale::reaching(job.place.site().far), job.plan.time(*index)))
         .collect();
     let (mut position, mut beside) = (0, Vec::new());
     let mut write = |index: u32, picture: &Picture| -> Result<()> {
@@ -127,7 +127,7 @@ pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderA
 
 /// Returns a function that renders the frame of an index.
 fn renderer(job: &mut RenderJob) -> impl FnMut(u32, &mut Picture) -> Result<()> {
-    |index, picture| job.render(job.shot.time(index), picture).map(drop)
+    |index, picture| job.render(job.plan.time(index), picture).map(drop)
 }
 
 /// Returns everything that the frames of a folder depend on. It describes the whole sequence, whichever frames are selected,
@@ -143,11 +143,11 @@ fn manifest(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
         "scene_changed": changed.map(|t| t.as_secs()),
         "weather": format!("{:?}", job.weather),
         "site": format!("{:?}", job.place.site()),
-        "camera": job.shot.fingerprint(),
+        "camera": job.plan.fingerprint(),
         "config": format!("{:?}", job.place.config),
         "start": args.output.time,
-        "fps": job.shot.rate.to_string(),
-        "frames": job.shot.frames,
+        "fps": job.plan.rate.to_string(),
+        "frames": job.plan.frames,
         "format": args.output.frame_format.extension(),
         "also": format!("{:?}", args.output.also),
         "layers": args.output.layers,

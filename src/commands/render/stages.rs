@@ -34,7 +34,7 @@ pub fn picture(
     time: f64,
     picture: &mut Picture,
 ) -> Result<(Stats, Vec<String>)> {
-    let camera = job.shot.moving(time, job.place.site().metres_per_unit);
+    let camera = job.plan.moving(time, job.place.site().metres_per_unit);
     let (options, mut stages) = (FrameOptions::new(time, camera), PaperStages::default());
     let RenderJob { renderer, place, weather, .. } = job;
     let target = (&mut *picture, &mut stages);

@@ -1,4 +1,4 @@
-//! The JSON format of camera paths: reading and writing; described in docs/camera-path.md.
+//! The JSON format of camera paths: reading and writing; described in docs/guide/camera-paths.md.
 
 use super::path::{CameraPath, PathKey};
 use super::{DEFAULT_FOV, ViewError, ViewOptions, foreign};

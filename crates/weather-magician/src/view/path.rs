@@ -7,7 +7,7 @@
 //! where it began is a loop and runs smoothly through that point too. Rotations are interpolated by
 //! slerp, the short way round; the field of view linearly.
 //!
-//! The file format is JSON, described in docs/camera-path.md:
+//! The file format is JSON, described in docs/guide/camera-paths.md:
 //!
 //! ```json
 //! {

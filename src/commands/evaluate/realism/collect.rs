@@ -22,15 +22,15 @@ pub struct CollectedSet {
 pub struct Collector<'a> {
     args: &'a RealismArgs,
     work: &'a RealismOptions<'a>,
-    parts: Vec<(PictureSet, Wanted)>,
+    parts: Vec<(PictureSet, EmbeddingSource)>,
 }
 
 /// Source of a set's embeddings.
-enum Wanted {
+enum EmbeddingSource {
     /// The embeddings are read from a file.
-    Read(Embeddings),
+    Array(Embeddings),
     /// The embeddings are computed from these files, and kept in the folder if given.
-    Made(Vec<PathBuf>, Option<PathBuf>),
+    Files(Vec<PathBuf>, Option<PathBuf>),
 }
 
 impl<'a> Collector<'a> {
@@ -53,7 +53,7 @@ impl<'a> Collector<'a> {
     /// Adds a set, whose embeddings are kept at `place` in the folder of embeddings.
     pub fn add(&mut self, part: PictureSet, place: PathBuf) -> Result<()> {
         let wanted = match &part.source {
-            PictureSource::Array => Wanted::Read(Embeddings::read(&part.path)?),
+            PictureSource::Array => EmbeddingSource::Array(Embeddings::read(&part.path)?),
             PictureSource::Pictures(files) => {
                 let mut sound = Vec::new();
                 for file in files {
@@ -63,12 +63,12 @@ impl<'a> Collector<'a> {
                     }
                 }
                 let kept = self.args.embeddings.as_ref().map(|folder| folder.join(place));
-                Wanted::Made(sound, kept)
+                EmbeddingSource::Files(sound, kept)
             }
         };
         let count = match &wanted {
-            Wanted::Read(embeddings) => embeddings.count(),
-            Wanted::Made(files, _) => files.len(),
+            EmbeddingSource::Array(embeddings) => embeddings.count(),
+            EmbeddingSource::Files(files, _) => files.len(),
         };
         several(count, &part.path)?;
         self.parts.push((part, wanted));
@@ -86,15 +86,15 @@ impl<'a> Collector<'a> {
 
     /// Returns all embeddings, in the order in which sets were added.
     pub fn run(self) -> Result<Vec<CollectedSet>> {
-        let is_made = |wanted: &Wanted| matches!(wanted, Wanted::Made(..));
+        let is_made = |wanted: &EmbeddingSource| matches!(wanted, EmbeddingSource::Files(..));
         let embedder: Option<Box<Embedder>> = match self.parts.iter().find(|(_, wanted)| is_made(wanted)) {
             Some((part, _)) => Some(network::open(&self.args.weights, &part.path)?),
             None => None,
         };
         self.check_widths(embedder.as_deref())?;
-        let pictures = |(_, wanted): &(PictureSet, Wanted)| match wanted {
-            Wanted::Read(_) => 0,
-            Wanted::Made(files, _) => files.len() as u64,
+        let pictures = |(_, wanted): &(PictureSet, EmbeddingSource)| match wanted {
+            EmbeddingSource::Array(_) => 0,
+            EmbeddingSource::Files(files, _) => files.len() as u64,
         };
         let bar = progress::bar(self.parts.iter().map(pictures).sum(), "pictures");
         let mut collected = Vec::new();
@@ -102,11 +102,11 @@ impl<'a> Collector<'a> {
         let this = Self { args, work, parts: Vec::new() };
         for (part, wanted) in parts {
             let embeddings = match (wanted, &embedder) {
-                (Wanted::Read(embeddings), _) => embeddings,
-                (Wanted::Made(files, kept), Some(embedder)) => {
+                (EmbeddingSource::Array(embeddings), _) => embeddings,
+                (EmbeddingSource::Files(files, kept), Some(embedder)) => {
                     this.embed(&part, &files, kept, embedder.as_ref(), &bar)?
                 }
-                (Wanted::Made(..), None) => unreachable!("one was opened for it"),
+                (EmbeddingSource::Files(..), None) => unreachable!("one was opened for it"),
             };
             collected.push(CollectedSet { name: part.name, embeddings });
         }
@@ -118,7 +118,7 @@ impl<'a> Collector<'a> {
     fn check_widths(&self, embedder: Option<&Embedder>) -> Result<()> {
         let mut first = embedder.map(|embedder| (embedder.width(), "the network".to_owned()));
         for (part, wanted) in &self.parts {
-            let Wanted::Read(embeddings) = wanted else { continue };
+            let EmbeddingSource::Array(embeddings) = wanted else { continue };
             let path = part.path.display();
             match &first {
                 Some((width, whose)) if *width != embeddings.width() => bail!(

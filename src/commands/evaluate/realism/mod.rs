@@ -60,7 +60,7 @@ pub struct RealismArgs {
     )]
     pub pictures: Vec<PathBuf>,
     /// Make the paper's tables of CMMD and UVQ from these folders, one per method, beside the paper's own numbers; each
-    /// contains folders fog, rain and snow with pictures, or with one folder of pictures per scene (docs/evaluate.md)
+    /// contains folders fog, rain and snow with pictures, or with one folder of pictures per scene (docs/guide/evaluate.md)
     #[arg(
         long,
         value_name = "FOLDER",
@@ -72,7 +72,7 @@ pub struct RealismArgs {
     /// Photographs of real weather: a folder or an NPY file; for --paper a folder with fog, rain and snow in it
     #[arg(long, value_name = "PICTURES", help_heading = "Realism")]
     real: Option<PathBuf>,
-    /// Scores from the UVQ program: CSV or JSON (docs/evaluate.md)
+    /// Scores from the UVQ program: CSV or JSON (docs/guide/evaluate.md)
     #[arg(long, value_name = "FILE", requires = "paper", help_heading = "Realism")]
     uvq: Vec<PathBuf>,
     /// Keep embeddings in this folder, as NPY files: stopped work can be continued, and no picture is embedded

@@ -240,7 +240,7 @@ impl Tables {
         out
     }
 
-    /// Returns everything as JSON, as described in `docs/evaluate.md`.
+    /// Returns everything as JSON, as described in `docs/guide/evaluate.md`.
     pub fn json(&self) -> Value {
         let distance = |distance: &CmmdDistance| {
             json!({

@@ -173,7 +173,7 @@ mod tests {
         for (found, says) in [
             (line(""), ", line 1: the columns are not method,weather,scene,uvq_1_0,uvq_1_5"),
             (with("ours,fog,Garden"), ", line 2: 3 columns, not 4"),
-            (with("ours,hail,Garden,4"), ", line 2: `hail` is no weather"),
+            (with("ours,hail,Garden,4"), ", line 2: `hail` is not a weather"),
             (with("ours,fog,Garden,x"), ", line 2: `x` in uvq_1_0 is no number"),
             (with("ours,fog,Garden,NaN"), ", line 2: uvq_1_0 NaN is not from 1 to 5"),
             (with("ours,fog,Garden,5.1"), ", line 2: uvq_1_0 5.1 is not from 1 to 5"),
@@ -192,7 +192,7 @@ mod tests {
             ),
             (
                 line(r#"{"video_name": "a/b/c.mp4", "uvq1p5_score": 3}"#),
-                ": video_name `a/b/c.mp4`: `b` is no weather",
+                ": video_name `a/b/c.mp4`: `b` is not a weather",
             ),
             (line(r#"{"video_name": "a/fog/c.mp4"}"#), ": `a/fog/c.mp4` has neither"),
             (
