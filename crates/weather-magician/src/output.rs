@@ -97,7 +97,7 @@ impl PictureFormat {
     }
 }
 
-/// A picture that is asked for beside the colour: `depth`, or `depth.npy` with its format.
+/// A picture to write beside the colour: `depth`, or `depth.npy` with its format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExtraPicture {
     /// The layer.

@@ -52,13 +52,16 @@ impl FromStr for Device {
     }
 }
 
+/// Called with the error for which the GPU is given up.
+type GpuWarning = Box<dyn FnMut(&RenderError) + Send>;
+
 /// A renderer on the device that was chosen. One that was chosen by itself goes on with the CPU where the GPU
 /// fails or lacks an effect; for that it keeps the splats.
 pub struct AnyRenderer {
     config: CpuConfig,
     path: SimdPath,
     body: Body,
-    warn: Box<dyn FnMut(&RenderError) + Send>,
+    warn: GpuWarning,
 }
 
 enum Body {
@@ -81,7 +84,7 @@ impl AnyRenderer {
         config: CpuConfig,
         warn: impl FnMut(&RenderError) + Send + 'static,
     ) -> Result<Self, RenderError> {
-        let mut warn: Box<dyn FnMut(&RenderError) + Send> = Box::new(warn);
+        let mut warn: GpuWarning = Box::new(warn);
         let path = SimdPath::select(config.simd).ok_or(RenderError::NoSimd(config.simd.name()))?;
         let body = match open(device, &mut *warn)? {
             Opened::Cpu => Body::Cpu(Box::new(CpuRenderer::new(config)?)),
@@ -259,9 +262,6 @@ impl RenderBackend for AnyRenderer {
         }
     }
 }
-
-/// Called with the error for which the GPU is given up.
-type GpuWarning = Box<dyn FnMut(&RenderError) + Send>;
 
 /// A back end of training on the device that was chosen. One that was chosen by itself goes on with the CPU where the GPU
 /// fails.

@@ -38,7 +38,7 @@ pub fn main_kind(weather: &Weather, time: f64) -> Option<&'static PrecipitationK
 /// Picture of a slab of air.
 #[derive(Clone, Copy, Debug)]
 pub struct AirSlab {
-    /// px.
+    /// Side of the picture, px.
     pub size: u32,
     /// Depth of its middle and its thickness, m.
     pub depth: f64,
@@ -51,7 +51,7 @@ pub struct AirSlab {
     pub apart: f64,
     /// Faster than any falls, m/s.
     pub fastest: f64,
-    /// Every so many-th picture has a second one, a moment later.
+    /// Every `pairs`-th picture has a second one, a moment later.
     pub pairs: usize,
     /// The rule that divides a picture into drops.
     pub split: BlobSplit,
@@ -110,14 +110,14 @@ impl AirSlab {
 /// Side of the part of a picture that is shown, px.
 const PART: u32 = 240;
 
-/// One drop.
+/// A measured drop or flake.
 #[derive(Clone, Copy, Debug)]
 pub struct MeasuredDrop {
-    /// As it is seen, mm.
+    /// The visible diameter, mm.
     pub diameter: f64,
-    /// With the wind and down, m/s; `None` where it was not found again.
+    /// The velocity with the wind and down, m/s; `None` if it was not found in the second picture.
     pub velocity: Option<[f64; 2]>,
-    /// In the first picture.
+    /// The blob in the first picture.
     pub blob: ParticleBlob,
     /// The index of the picture.
     pub picture: usize,
@@ -127,9 +127,9 @@ pub struct MeasuredDrop {
 #[derive(Clone, Debug, Default)]
 pub struct DropSample {
     pub drops: Vec<MeasuredDrop>,
-    /// Air that was looked at, m^3.
+    /// Volume of the air, m^3.
     pub volume: f64,
-    /// Pictures that were taken, without second ones.
+    /// Number of pictures, without second ones.
     pub pictures: usize,
     /// The last picture.
     pub shown: Option<MeasuredPicture>,
@@ -173,13 +173,13 @@ impl SlabView {
         Ok(Self { slab, weather, opacity, heading, across, first: 0 })
     }
 
-    /// With the right of the pictures another way.
+    /// Returns the same view with the right of the pictures along another heading.
     pub fn turned(self, heading: f64) -> Self {
         let across = self.across * (self.heading - heading).to_radians().cos();
         Self { heading, across, ..self }
     }
 
-    /// From other places.
+    /// Returns the same view, beginning at another place.
     pub fn beginning_at(self, first: usize) -> Self {
         Self { first, ..self }
     }

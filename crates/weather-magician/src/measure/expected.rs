@@ -27,9 +27,9 @@ pub fn is_on(weather: &Weather, name: &str) -> bool {
 pub struct ExpectedAir {
     /// Extinction at the base, 1/m.
     pub sigma_t: [f64; 3],
-    /// m.
+    /// Height over which it thins to 1/e, m.
     pub scale_height: f64,
-    /// m.
+    /// Height above the ground at which `sigma_t` holds, m.
     pub base_height: f64,
 }
 

@@ -1,7 +1,7 @@
 //! Transmittance along the rays of the place itself.
 //!
 //! A view of the place gives, a pixel, the depth of what it shows and the share of its light that the air lets through. The
-//! logarithm of that share must be the extinction that is asked for, integrated along the ray to that depth: numerically, since the air may
+//! logarithm of that share must be the expected extinction, integrated along the ray to that depth: numerically, since the air may
 //! thin with height. Pixels on edges, where a pixel shows two depths, are left out: expected and median depth must agree; and so is the
 //! sky, whose splats stand for what is endlessly far: it is what even the thinnest fog hides.
 //!
@@ -44,7 +44,7 @@ const RANGE: std::ops::Range<f64> = 0.03..4.0;
 const SHARP: f64 = 0.02;
 /// Range of the thin air that tells the sky, in sizes of the place.
 const THIN: f64 = 100.0;
-/// Every so many-th pixel is taken.
+/// Distance of the pixels that are taken, px.
 const STEP: usize = 3;
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {

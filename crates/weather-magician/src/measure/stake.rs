@@ -35,7 +35,7 @@ pub const INSTRUMENT: Instrument = Instrument {
     ],
 };
 
-/// The depth that is asked for, m, where it is a number and nothing melts.
+/// The depth of the snow, m, if it is given as a number and nothing melts.
 fn depth(weather: &wm_weather::Weather, time: f64) -> Option<f64> {
     let number = |param: &str| expected::number(weather, time, "snow_cover", param);
     let is_cold = number("temperature").is_some_and(|temperature| temperature <= 0.0);

@@ -1,4 +1,4 @@
-//! A good view of any scene when nothing is asked for.
+//! Chooses a good view of any scene.
 //!
 //! Where there are photos, it is the view of the one nearest to the middle of all. Otherwise places are
 //! tried as a photographer would ([`super::candidates`]): at eye level on the ground, raised, from

@@ -67,7 +67,7 @@ pub struct LoadedScene {
 }
 
 impl LoadedScene {
-    /// Labels the sky, surveys and loads; rendered on so many threads.
+    /// Labels the sky, surveys and loads; renders on `threads` threads.
     pub fn new(mut scene: Scene, threads: Option<usize>) -> Self {
         label_sky(&mut scene.splats);
         let survey = Survey::of(&scene, &Metadata::default());

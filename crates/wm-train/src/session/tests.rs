@@ -105,11 +105,9 @@ fn plans_and_folders_that_cannot_be_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let say = |session: Session| session.run(&mut ()).unwrap_err().to_string();
     assert!(say(session(folder.path()).resume().run_folder(folder.path())).contains("there is no training"));
-    let mut options = SessionOptions::default();
-    options.camera_height = Some(f64::NAN);
+    let options = SessionOptions { camera_height: Some(f64::NAN), ..SessionOptions::default() };
     assert!(say(Session::new("none").options(options)).starts_with("the camera height is NaN"));
-    let mut plan = TrainPlan::default();
-    plan.densify = "mcmd".into();
+    let mut plan = TrainPlan { densify: "mcmd".into(), ..TrainPlan::default() };
     assert!(plan.config(1000).unwrap_err().to_string().ends_with("choose one of fixed, adaptive, mcmc"));
     plan.densify = "fixed".into();
     for (name, value, says) in [
