@@ -33,7 +33,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Training goes through [`Differentiable`]; [`reference`] is the f64 reference that all back ends are tested against.
+//! Training goes through [`Differentiable`]; [`mod@reference`] is the f64 reference that all back ends are tested against.
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 

@@ -2,7 +2,7 @@
 //!
 //! Where there are photos, it is the view of the one nearest to the middle of all. Otherwise places are
 //! tried as a photographer would ([`super::candidates`]): at eye level on the ground, raised, from
-//! outside. Small pictures of the most promising are rendered and rated ([`super::rate`]); about the
+//! outside. Small pictures of the most promising are rendered and rated (`rate.rs`); about the
 //! best of them it is tried whether a little aside, a turn or a tilt is better.
 
 use super::candidates::{CandidateKind, candidates};

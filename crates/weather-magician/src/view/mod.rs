@@ -5,7 +5,7 @@
 //! - [`path`]: a camera as a function of time, from a file of keyframes.
 //! - [`moves`]: the built-in paths: orbit, dolly, along the photos.
 //! - [`choose`]: a good view of any scene. It looks about in [`space`] and at small renders, which
-//!   [`rate`] judges.
+//!   `rate` judges.
 
 pub mod candidates;
 pub mod choose;

@@ -1,7 +1,7 @@
 //! Videos: frames in, one MP4 out, frame by frame.
 //!
 //! Two encoders behind one trait: OpenH264, built in (feature `h264`), and ffmpeg, a program of the
-//! user. Both get the same planes from [`yuv`]: BT.709, limited range, dithered so that fog does not
+//! user. Both get the same planes from `yuv`: BT.709, limited range, dithered so that fog does not
 //! band. Memory does not grow with the length of the video, but for a few bytes a frame.
 
 mod ffmpeg;
