@@ -137,7 +137,7 @@ fn a_full_disk_leaves_the_last_checkpoint_whole() {
     ]);
     command.args(words).current_dir(place.at(".")).stdin(Stdio::null());
     let said = fails(&mut command, &["scene.ply.run/checkpoint.wmtrain: cannot be written: "]);
-    assert!(said.starts_with("error: what was learnt cannot be kept: "), "{said}");
+    assert!(said.starts_with("error: the training cannot be saved: "), "{said}");
     assert!(place.read(checkpoint) == before);
     assert!(
         listing(&place.at("scene.ply.run")).keys().all(|path| path.extension() != Some(OsStr::new("part")))

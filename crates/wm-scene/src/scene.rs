@@ -1,5 +1,6 @@
 //! A scene: splats, metadata, and the views that came with it.
 
+use crate::formats::folder::{cameras_path, write_cameras};
 use crate::formats::{ReadOptions, read_scene, write_scene};
 use crate::health::{NonFiniteSplats, Repairs};
 use crate::{Camera, FormatError, Metadata, Problem, Splats};
@@ -61,14 +62,16 @@ impl Scene {
 
     /// Writes the scene in the format that the name of `path` ends in, whole or not at all.
     ///
-    /// Metadata goes into the file, or into a sidecar beside it if the format has no room. Views are not
-    /// written: see [`crate::formats::folder::write_cameras`].
+    /// Metadata goes into the file, or into a sidecar beside it if the format has no room. Views go into
+    /// `<path>.cameras.json`, where [`Scene::open`] finds them.
     ///
     /// # Errors
     /// [`FormatError`] if no format has the extension, the scene cannot be stored, or the file cannot be
     /// written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FormatError> {
-        write_scene(path.as_ref(), self)
+        let path = path.as_ref();
+        write_scene(path, self)?;
+        if self.views.is_empty() { Ok(()) } else { write_cameras(&cameras_path(path), &self.views) }
     }
 
     /// The scene without the splats that cannot be drawn, and a count of what was removed; see

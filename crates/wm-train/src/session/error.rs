@@ -85,7 +85,10 @@ pub enum SessionError {
         /// The fault of the checkpoint.
         reason: Box<CheckpointError>,
     },
-    /// The checkpoint cannot be read or written.
+    /// A checkpoint cannot be written.
+    #[error("the training cannot be saved: {0}")]
+    Unsaved(Box<CheckpointError>),
+    /// The checkpoint cannot be read.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     /// The checkpoint is of another training than this one.

@@ -240,7 +240,7 @@ impl Training {
         let (config, simd) = (self.trainer.config().clone(), self.trainer.path().to_string());
         let state = self.trainer.known_state();
         let head = CheckpointHead::new(&config, self.data.taught(), simd, state);
-        checkpoint::write(&path, &head, state)?;
+        checkpoint::write(&path, &head, state).map_err(|error| SessionError::Unsaved(Box::new(error)))?;
         observer.on_checkpoint(&path, head.step());
         Ok(())
     }
