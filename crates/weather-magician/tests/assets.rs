@@ -100,7 +100,7 @@ fn a_weather_that_was_prepared_needs_no_splats() {
     assert!(whole.frame == alone.frame);
     // Snow lies on surfaces, and there are no splats left to find them in.
     let snowy = weather.set("snow_cover.depth", 0.1).unwrap();
-    let error = renderer.render(&mut released, &snowy, &camera, 20.0).err().expect("no splats are left");
+    let error = renderer.render(&mut released, &snowy, &camera, 20.0).expect_err("no splats are left");
     assert!(error.to_string().contains("released"), "{error}");
 }
 
