@@ -32,7 +32,7 @@ impl CropBox {
     }
 }
 
-/// How lengths are changed.
+/// A change of scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LengthScale {
     /// All lengths become this many times as long.

@@ -31,7 +31,7 @@ impl From<Camera> for MovingCamera {
     }
 }
 
-/// What a frame is made of.
+/// The inputs of one frame.
 #[derive(Clone, Copy)]
 pub struct FrameRequest<'a> {
     /// The splat sets, drawn together.
@@ -40,7 +40,7 @@ pub struct FrameRequest<'a> {
     pub weather: &'a PreparedWeather,
     /// The camera.
     pub camera: MovingCamera,
-    /// Where nothing falls; `None` if roofs do not matter or are not known.
+    /// The map of the places that rain and snow do not reach; `None` to ignore roofs.
     pub shelter: Option<&'a Shelter>,
     /// The outputs, the background and the rasterization.
     pub config: &'a RenderConfig,

@@ -24,7 +24,7 @@ use wm_weather::paper::{PaperCover, PaperStages};
 use wm_weather::shelter::Shelter;
 use wm_weather::{Daylight, PreparedWeather, Site, Weather};
 
-/// Whether frames wait for assets that are not made yet.
+/// The treatment of assets that are not made yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Patience {
     /// Every frame is as it must be: what is missing is made first.
@@ -35,7 +35,7 @@ pub enum Patience {
     Draft,
 }
 
-/// How a place is loaded.
+/// Options of [`crate::Renderer::load_with`].
 #[derive(Clone, Debug, Default)]
 pub struct PlaceOptions {
     /// Facts that win over those of the scene: scale, up, ground.
@@ -44,7 +44,7 @@ pub struct PlaceOptions {
     pub assets: Option<PathBuf>,
 }
 
-/// What a frame shows beside its weather.
+/// Options of a frame, apart from its weather.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameOptions<'a> {
     /// The instant of the weather, s.
@@ -53,7 +53,7 @@ pub struct FrameOptions<'a> {
     pub camera: MovingCamera,
     /// Parts of the picture that are rendered with it.
     pub parts: &'a [PicturePart],
-    /// Whether the frame waits for assets.
+    /// The treatment of missing assets.
     pub patience: Patience,
 }
 
@@ -109,7 +109,7 @@ pub struct PreparedPlace {
     warnings: Vec<String>,
 }
 
-/// What lies, in the renderer.
+/// The snow or dust that the renderer holds.
 struct Lying {
     /// On what, and what.
     what: LyingKey,
@@ -169,13 +169,13 @@ impl PreparedPlace {
         &self.scene
     }
 
-    /// What is known of the place, and from where.
+    /// The facts known about the place, each with its source.
     #[must_use]
     pub fn survey(&self) -> &Survey {
         &self.survey
     }
 
-    /// What weather knows of the place.
+    /// The facts that weather uses.
     #[must_use]
     pub fn site(&self) -> &Site {
         &self.site
@@ -203,7 +203,7 @@ impl PreparedPlace {
         self.scene = Arc::new(scene);
     }
 
-    /// What stands behind the splats: nothing where they have a sky, else a plain one.
+    /// Returns the background for the splats: none if the scene has a sky, else a plain sky.
     #[must_use]
     pub fn background(&self) -> Background {
         if self.survey.sky_splats > 0 {
@@ -281,7 +281,7 @@ impl PreparedPlace {
         }
     }
 
-    /// What `missing` is made from; crosses off what was found on disk. Renders the photos' views if surfaces are to be
+    /// Returns the inputs for `missing`, and removes from it what was found on disk. Renders the photos' views if surfaces are to be
     /// found in them.
     pub(crate) fn asset_source(
         &mut self,
@@ -437,7 +437,7 @@ impl PreparedPlace {
         Ok(backend.render(&DrawPass::new(&sets, camera, &self.config), frame)?)
     }
 
-    /// What lies under an instant of a weather, for a scene that is written.
+    /// Returns the snow or dust that lies at one instant of a weather, for baking.
     pub(crate) fn lying_cover(
         &mut self,
         backend: &mut AnyRenderer,
@@ -464,7 +464,7 @@ impl PreparedPlace {
     }
 }
 
-/// What weather must know of a surveyed place.
+/// Returns the facts of a surveyed place that weather uses.
 fn site_of(survey: &Survey) -> Site {
     Site {
         metres_per_unit: survey.metres_per_unit.value,

@@ -1,4 +1,4 @@
-//! How long work reports what it does, and how its caller stops it.
+//! Progress reports of long work, and the way to stop it.
 
 /// Receives the progress of long work. `()` ignores it all.
 ///

@@ -185,7 +185,7 @@ impl Renderer {
         place.prepare_all(&mut self.backend, weather, progress)
     }
 
-    /// What `missing` is made from, for [`MissingAssets::make`] on another thread. Crosses off what is found on disk.
+    /// Returns the inputs for [`MissingAssets::make`] on another thread, and removes from `missing` what is found on disk.
     ///
     /// # Errors
     /// As [`Self::render`].
@@ -207,7 +207,7 @@ impl Renderer {
         place.insert(&mut self.backend, assets)
     }
 
-    /// What lies on the place under an instant of a weather; `None` if the weather lays nothing.
+    /// Returns the snow or dust that lies on the place at one instant; `None` if the weather lays nothing.
     ///
     /// # Errors
     /// As [`Self::render_into`].

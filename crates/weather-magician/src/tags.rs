@@ -1,4 +1,4 @@
-//! What is written into a file besides its pixels.
+//! The names and values that are written into a file beside its pixels.
 
 use crate::view::spec;
 use wm_render::AnyRenderer;

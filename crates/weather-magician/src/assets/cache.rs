@@ -66,7 +66,7 @@ impl AssetCache {
         Self::default()
     }
 
-    /// The usual folder of a scene file: `place.ply.assets` beside `place.ply`, `assets` in a folder.
+    /// The usual folder of a scene file: `place.ply.assets` beside `place.ply`, `weather.assets` inside a scene that is a folder.
     #[must_use]
     pub fn folder_of(scene: &Path) -> PathBuf {
         if scene.is_dir() {

@@ -1,4 +1,4 @@
-//! What takes seconds to find of a place and serves many frames: where roofs keep the rain off, and what snow lies on.
+//! Data of a place that takes seconds to compute and serves many frames: the shelter under roofs, and the ground under snow.
 //!
 //! [`MissingAssets`] says what a frame needs that is not there, [`AssetSource`] holds what it is made from, and
 //! [`MissingAssets::make`] makes it, on any thread. [`AssetCache`] keeps it on disk.
@@ -32,12 +32,12 @@ pub(crate) fn lock(cover: &SharedCover) -> MutexGuard<'_, Cover> {
     cover.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What frames of a weather need of a place, at any time.
+/// The assets that the frames of a weather need, over all of its time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AssetNeeds {
     /// Something may fall that roofs stop.
     pub shelter: bool,
-    /// How the air carries what lies; `None` if nothing lies at any time.
+    /// The airflow that carries snow and dust; `None` if nothing lies at any time.
     pub cover: Option<Airflow>,
     /// The paper's lying snow.
     pub paper_cover: Option<PaperCover>,
@@ -126,7 +126,7 @@ pub struct MissingAssets {
     pub(crate) shelter: Option<[f64; 3]>,
     /// The ground that something can lie on.
     pub(crate) cover: Option<Airflow>,
-    /// What lies on that ground.
+    /// The splats of the snow or dust on that ground.
     pub(crate) lying: Option<(Airflow, Vec<CoverRequest>)>,
     /// The paper's lying snow.
     pub(crate) paper_cover: Option<PaperCover>,
@@ -223,7 +223,7 @@ impl MissingAssets {
     }
 }
 
-/// What assets are made from. It owns all of it, so that another thread can do the work.
+/// The inputs of [`MissingAssets::make`]. They are owned, so that another thread can do the work.
 pub struct AssetSource {
     pub(crate) scene: Arc<Scene>,
     pub(crate) photo_views: Vec<PhotoView>,

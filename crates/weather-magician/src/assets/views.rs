@@ -1,4 +1,4 @@
-//! What the cameras of a scene's photos see, which tells its surfaces from haze.
+//! Renders the views of a scene's photos, which tell its surfaces from haze.
 
 use crate::Result;
 use glam::DVec3;
