@@ -1,7 +1,7 @@
 //! A tree of boxes over the primitives, so that a ray looks at few of them.
 
 use super::shape::{Crossing, Shape};
-use glam::DVec3;
+use glam::{DVec3, Vec3A};
 
 /// Most primitives of a leaf that is not worth splitting.
 const LEAF: usize = 3;
@@ -10,20 +10,34 @@ const BINS: usize = 12;
 /// Deepest tree that the traversal's stack holds; the build falls back to halves before.
 const DEPTH: usize = 60;
 
+/// A part of the tree.
 #[derive(Clone, Copy, Debug)]
-struct Node {
-    lower: [f32; 3],
-    /// The second child of an inner node (the first follows its parent); a leaf's first primitive.
+struct Part {
+    /// The pair of an inner node; a leaf's first primitive.
     first: u32,
-    upper: [f32; 3],
     /// Primitives of a leaf; 0 for an inner node.
     count: u32,
+}
+
+/// A box along the axes; aligned for SIMD, which halves the time of a ray.
+#[derive(Clone, Copy, Debug)]
+struct Extent {
+    lower: Vec3A,
+    upper: Vec3A,
+}
+
+/// Both children of an inner node: a ray looks at both at once.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    extents: [Extent; 2],
+    parts: [Part; 2],
 }
 
 /// The tree. Primitives are known by their place in the order that [`Bvh::build`] gives.
 #[derive(Clone, Debug)]
 pub(super) struct Bvh {
-    nodes: Vec<Node>,
+    root: Option<(Extent, Part)>,
+    pairs: Vec<Pair>,
 }
 
 #[derive(Clone, Copy)]
@@ -43,40 +57,36 @@ impl Bvh {
                 Item { low, high, index }
             })
             .collect();
-        let mut tree = Self { nodes: Vec::with_capacity(items.len()) };
+        let mut tree = Self { root: None, pairs: Vec::with_capacity(items.len() / 2) };
         let count = items.len();
         if count > 0 {
-            tree.grow(&mut items, 0, count, 0);
+            tree.root = Some(tree.grow(&mut items, 0, count, 0));
         }
         (tree, items.into_iter().map(|item| item.index).collect())
     }
 
-    fn grow(&mut self, items: &mut [Item], first: usize, count: usize, depth: usize) {
+    fn grow(&mut self, items: &mut [Item], first: usize, count: usize, depth: usize) -> (Extent, Part) {
         let slice = &mut items[first..first + count];
         let (low, high) = slice.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), item| {
             (low.min(item.low), high.max(item.high))
         });
         // Boxes are a little larger than what they hold: f32 slabs then never lose a crossing.
         let pad = low.abs().max(high.abs()) * 1e-6 + 1e-4;
-        let node = self.nodes.len();
-        self.nodes.push(Node {
-            lower: (low - pad).as_vec3().to_array(),
-            upper: (high + pad).as_vec3().to_array(),
-            first: first as u32,
-            count: count as u32,
-        });
+        let extent = Extent { lower: (low - pad).as_vec3a(), upper: (high + pad).as_vec3a() };
         if count <= LEAF {
-            return;
+            return (extent, Part { first: first as u32, count: count as u32 });
         }
         let middle = if depth < DEPTH - 24 { split(slice) } else { None };
         let middle = middle.unwrap_or_else(|| {
             slice.sort_by(|a, b| (a.low.y + a.high.y).total_cmp(&(b.low.y + b.high.y)));
             count / 2
         });
-        self.nodes[node].count = 0;
-        self.grow(items, first, middle, depth + 1);
-        self.nodes[node].first = self.nodes.len() as u32;
-        self.grow(items, first + middle, count - middle, depth + 1);
+        let part = Part { first: self.pairs.len() as u32, count: 0 };
+        self.pairs.push(Pair { extents: [extent; 2], parts: [part; 2] });
+        let below = self.grow(items, first, middle, depth + 1);
+        let above = self.grow(items, first + middle, count - middle, depth + 1);
+        self.pairs[part.first as usize] = Pair { extents: [below.0, above.0], parts: [below.1, above.1] };
+        (extent, part)
     }
 
     /// Visits the primitives whose boxes a ray may meet before `high`, near ones first.
@@ -84,45 +94,41 @@ impl Bvh {
     /// `visit` gets a primitive's place and the present `high`, and gives the new one; a value
     /// below 0 ends the walk.
     fn walk(&self, origin: DVec3, direction: DVec3, mut high: f64, mut visit: impl FnMut(usize, f64) -> f64) {
-        let from = origin.as_vec3().to_array();
+        let from = origin.as_vec3a();
         let inverse = direction.to_array().map(|d| 1.0 / if d.abs() < 1e-12 { 1e-12f32 } else { d as f32 });
-        let mut stack = [(0u32, 0f32); DEPTH + 4];
-        let Some(mut near) = self.nodes.first().and_then(|root| enter(root, from, inverse, high as f32))
-        else {
-            return;
-        };
-        let (mut at, mut top) = (0usize, 0usize);
+        let inverse = Vec3A::from_array(inverse);
+        let Some((extent, mut part)) = self.root else { return };
+        let Some(mut near) = enter(&extent, from, inverse, high as f32) else { return };
+        let mut stack = [(Part { first: 0, count: 0 }, 0f32); DEPTH + 4];
+        let mut top = 0;
         loop {
             if near <= high as f32 {
-                let node = &self.nodes[at];
-                if node.count > 0 {
-                    for place in node.first..node.first + node.count {
+                if part.count > 0 {
+                    for place in part.first..part.first + part.count {
                         high = visit(place as usize, high);
                         if high < 0.0 {
                             return;
                         }
                     }
                 } else {
-                    let (one, two) = (at + 1, node.first as usize);
+                    let Pair { extents: [one, two], parts: [first, second] } =
+                        &self.pairs[part.first as usize];
                     let limit = high as f32;
-                    match (
-                        enter(&self.nodes[one], from, inverse, limit),
-                        enter(&self.nodes[two], from, inverse, limit),
-                    ) {
+                    match (enter(one, from, inverse, limit), enter(two, from, inverse, limit)) {
                         (Some(a), Some(b)) => {
-                            let (first, later) =
-                                if a <= b { ((one, a), (two, b)) } else { ((two, b), (one, a)) };
-                            stack[top] = (later.0 as u32, later.1);
+                            let (nearer, farther) =
+                                if a <= b { ((first, a), (second, b)) } else { ((second, b), (first, a)) };
+                            stack[top] = (*farther.0, farther.1);
                             top += 1;
-                            (at, near) = first;
+                            (part, near) = (*nearer.0, nearer.1);
                             continue;
                         }
                         (Some(a), None) => {
-                            (at, near) = (one, a);
+                            (part, near) = (*first, a);
                             continue;
                         }
                         (None, Some(b)) => {
-                            (at, near) = (two, b);
+                            (part, near) = (*second, b);
                             continue;
                         }
                         (None, None) => {}
@@ -133,7 +139,7 @@ impl Bvh {
                 return;
             }
             top -= 1;
-            (at, near) = (stack[top].0 as usize, stack[top].1);
+            (part, near) = stack[top];
         }
     }
 
@@ -175,15 +181,12 @@ impl Bvh {
     }
 }
 
-/// The distance at which a ray enters a node's box; `None` if it misses it or enters beyond `limit`.
-fn enter(node: &Node, from: [f32; 3], inverse: [f32; 3], limit: f32) -> Option<f32> {
-    let (mut near, mut far) = (0f32, limit);
-    for axis in 0..3 {
-        let one = (node.lower[axis] - from[axis]) * inverse[axis];
-        let two = (node.upper[axis] - from[axis]) * inverse[axis];
-        near = near.max(one.min(two));
-        far = far.min(one.max(two));
-    }
+/// The distance at which a ray enters a box; `None` if it misses it or enters beyond `limit`.
+#[inline]
+fn enter(extent: &Extent, from: Vec3A, inverse: Vec3A, limit: f32) -> Option<f32> {
+    let (one, two) = ((extent.lower - from) * inverse, (extent.upper - from) * inverse);
+    let near = one.min(two).max_element().max(0.0);
+    let far = one.max(two).min_element().min(limit);
     // Three roundings of f32 in each distance.
     (near <= far * 1.000_001).then_some(near)
 }

@@ -2,7 +2,7 @@
 
 use super::hash::{bits, unit};
 use super::light::{Budget, Turn};
-use super::sampling::{Cell, Patch, SplatSampling, viewer};
+use super::sampling::{Cell, Patch, SplatSampling};
 use super::shape::{Outline, Shape, Spot, around};
 use super::{display_of, sky};
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -33,21 +33,21 @@ struct At {
 impl SplatSampling<'_> {
     /// The Gaussian of cell `cell` of a patch; `None` if it is outside the outline or buried.
     pub(super) fn surface_splat(&self, patch: &Patch, cell: usize) -> Option<Splat> {
-        let shape = &self.street.primitives[patch.which as usize].shape;
+        let shape = &self.place.primitives[patch.which as usize].shape;
         let (low, size) = (patch.low.map(f64::from), patch.size.map(f64::from));
         let step = DVec2::new(size[0] / f64::from(patch.nu), size[1] / f64::from(patch.nv));
         let (column, row) = (cell % patch.nu as usize, cell / patch.nu as usize);
-        let key = bits(bits(self.street.seed, patch.which.into()), (patch.first + cell) as u64);
+        let key = bits(bits(self.place.seed, patch.which.into()), (patch.first + cell) as u64);
         // Every other row is shifted; a little jitter breaks up what regularity is left.
         let shift = if patch.nu < 3 { 0.0 } else { 0.5 * (row % 2) as f64 - 0.25 };
         let jitter = |salt| 0.16 * (unit(key, salt) - 0.5) * f64::from(u8::from(patch.kind == Cell::Disc));
         let center = DVec2::new(low[0], low[1])
             + step * DVec2::new(column as f64 + 0.5 + shift + jitter(1), row as f64 + 0.5 + jitter(2));
         let spot = shape.spot(center.x, center.y)?;
-        if spot.point.z < -0.002 {
+        if spot.point.z < self.place.sights.lowest {
             return None;
         }
-        let viewer = viewer(spot.point);
+        let viewer = self.place.sights.audience.viewer(spot.point);
         let (axes, sigmas, spot) = match patch.kind {
             Cell::Disc => disc(&spot, step, patch, shape.room(center.x, center.y)),
             Cell::Leaf => leaf(shape, &spot)?,
@@ -56,7 +56,7 @@ impl SplatSampling<'_> {
         };
         let mut direction = (spot.point - viewer).normalize_or(-spot.normal);
         // What is solid is seen from its outside, from wherever that may be.
-        if spot.normal.dot(direction) > 0.0 && !self.street.material(patch.which as usize).is_sheet() {
+        if spot.normal.dot(direction) > 0.0 && !self.place.material(patch.which as usize).is_sheet() {
             direction = -spot.normal;
         }
         let turn = Turn::of_cell(column, row, u64::from(patch.which));
@@ -86,7 +86,7 @@ impl SplatSampling<'_> {
     /// Mean radiance over a cell, sharpened against its surroundings by what the Gaussian will blur;
     /// `None` if it is buried in something.
     fn radiance(&self, patch: &Patch, cell: &At, direction: DVec3) -> Option<DVec3> {
-        let (which, scene) = (patch.which as usize, self.street);
+        let (which, scene) = (patch.which as usize, self.place);
         let shape = &scene.primitives[which].shape;
         let At { spot, center, step, turn, .. } = *cell;
         if patch.kind != Cell::Disc {
@@ -138,7 +138,7 @@ impl SplatSampling<'_> {
         let (x, y) = around(direction);
         let mut radiance = DVec3::ZERO;
         for (dx, dy) in [(-0.3, -0.15), (0.15, -0.3), (0.3, 0.15), (-0.15, 0.3)] {
-            radiance += self.street.sky_in((direction + (x * dx + y * dy) * spacing).normalize()) * 0.25;
+            radiance += self.place.sky_in((direction + (x * dx + y * dy) * spacing).normalize()) * 0.25;
         }
         // Wide enough that the gaps between neighbours stay below one step of 8 bits.
         let sigma = (0.95 * spacing * SKY_RADIUS).ln() as f32;

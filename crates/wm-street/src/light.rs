@@ -6,13 +6,14 @@
 //! position. A gathered ray that hits something takes that surface's light from a coarse map made
 //! once (sun and sky a cell): so sunny walls and ground brighten the shade across the street.
 
-use super::Street;
+use super::Place;
 use super::hash::{key_of, unit};
 use super::paint::Material;
 use super::shape::{Shape, Spot, around};
 use super::sky;
 use super::texture::{self, Site};
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Half the sun's apparent width, radians.
@@ -81,26 +82,29 @@ impl LightMap {
     }
 
     /// Makes the map of `scene`, whose own map is still empty.
-    pub(super) fn of(scene: &Street) -> Self {
-        let mut map = Self::default();
-        for primitive in &scene.primitives {
-            let first = map.cells.len() as u32;
+    pub(super) fn of(scene: &Place) -> Self {
+        let mut grids = Vec::with_capacity(scene.primitives.len());
+        // Each cell with its primitive, column and row.
+        let mut cells = Vec::new();
+        for (which, primitive) in scene.primitives.iter().enumerate() {
+            let first = cells.len() as u32;
             let foliage = scene.paints[usize::from(primitive.paint)].material.is_foliage();
             if foliage || primitive.shape.area() < SMALL {
-                map.grids.push((first, 0, 0));
+                grids.push((first, 0, 0));
                 continue;
             }
             let (nu, nv) = grid_of(&primitive.shape);
-            map.grids.push((first, nu, nv));
-            for row in 0..nv {
-                for column in 0..nu {
-                    let (a, b) = (f64::from(column) / f64::from(nu), f64::from(row) / f64::from(nv));
-                    let size = DVec2::new(1.0 / f64::from(nu), 1.0 / f64::from(nv));
-                    map.cells.push(scene.cell_light(&primitive.shape, DVec2::new(a, b), size));
-                }
-            }
+            grids.push((first, nu, nv));
+            cells.extend((0..nv).flat_map(|row| (0..nu).map(move |column| (which, column, row))));
         }
-        map
+        let light = |(which, column, row): (usize, u16, u16)| {
+            let (_, nu, nv) = grids[which];
+            let (a, b) = (f64::from(column) / f64::from(nu), f64::from(row) / f64::from(nv));
+            let size = DVec2::new(1.0 / f64::from(nu), 1.0 / f64::from(nv));
+            scene.cell_light(&scene.primitives[which].shape, DVec2::new(a, b), size)
+        };
+        let cells = cells.into_par_iter().map(light).collect();
+        Self { grids, cells }
     }
 }
 
@@ -116,7 +120,7 @@ fn grid_of(shape: &Shape) -> (u16, u16) {
     }
 }
 
-impl Street {
+impl Place {
     /// Mean irradiance of the cell at `corner` with `size`, both in surface coordinates.
     fn cell_light(&self, shape: &Shape, corner: DVec2, size: DVec2) -> [f32; 3] {
         let (mut sun, mut found) = (DVec3::ZERO, 0.0);
@@ -241,7 +245,7 @@ impl Street {
     /// The texture at a spot.
     pub(super) fn skin(&self, which: usize, spot: &Spot, unit: DVec2, width: f64) -> texture::Skin {
         let primitive = &self.primitives[which];
-        let paint = &self.paints[usize::from(primitive.paint)];
+        let paint = self.paint(which, spot.point);
         let local = match primitive.shape {
             Shape::Stump { .. } => DVec2::new(unit.x * spot.along_a.length(), unit.y * spot.along_b.length()),
             _ => {
@@ -250,7 +254,7 @@ impl Street {
             }
         };
         let at = Site { point: spot.point, local, unit, width, key: primitive.key };
-        texture::skin(paint, &at)
+        texture::skin(&paint, &at)
     }
 
     /// The radiance of a spot of the given texture under its light.
@@ -276,12 +280,20 @@ impl Street {
         // Relief also turns a face to or from the brighter upper half of the surroundings.
         let tilt = 1.0 + 0.5 * (bumped.z - facing.z);
         let matt = skin.albedo * (sky::SUN * (cosine * light.sun) + light.sky * tilt) / PI;
-        if material != Material::Glass {
-            return matt;
+        // A pane is a plane and has two faces; water has ripples.
+        let (mirror, least) = match material {
+            Material::Glass => (facing, 0.07),
+            Material::Water => (bumped, 0.02),
+            _ => return matt,
+        };
+        let mut mirrored = direction - mirror * (2.0 * direction.dot(mirror));
+        if material == Material::Water {
+            // No ripple is so steep that it mirrors what is below.
+            mirrored.z = mirrored.z.max(0.02);
+            mirrored = mirrored.normalize();
         }
-        let mirrored = direction - facing * (2.0 * direction.dot(facing));
-        let cosine = -direction.dot(facing);
-        let share = 0.07 + 0.93 * (1.0 - cosine.clamp(0.0, 1.0)).powi(5);
+        let cosine = -direction.dot(mirror);
+        let share = least + (1.0 - least) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5);
         let seen = match self.nearest(spot.point + facing * OFF, mirrored, f64::INFINITY) {
             None => self.sky_in(mirrored),
             Some(_) => self.bounce(spot.point + facing * OFF, mirrored).unwrap_or(DVec3::ZERO),
@@ -290,7 +302,7 @@ impl Street {
     }
 }
 
-/// The light that [`Street::gather`] found.
+/// The light that [`Place::gather`] found.
 pub(super) struct Gathered {
     /// Irradiance without the sun.
     pub irradiance: DVec3,

@@ -19,6 +19,8 @@ pub enum Material {
     Soil,
     /// Gravel.
     Gravel,
+    /// Paths of crushed stone.
+    Grit,
     /// Fields beyond the street.
     Field,
     /// Wooded hills, far trees.
@@ -51,11 +53,15 @@ pub enum Material {
     Blade,
     /// Petals and berries.
     Petal,
+    /// Still water.
+    Water,
+    /// Lawns of parks: clover, dry patches, blades.
+    Meadow,
 }
 
 impl Material {
     /// Every material.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 26] = [
         Self::Asphalt,
         Self::Cobbles,
         Self::Paving,
@@ -63,6 +69,7 @@ impl Material {
         Self::Grass,
         Self::Soil,
         Self::Gravel,
+        Self::Grit,
         Self::Field,
         Self::Wood,
         Self::Plaster,
@@ -79,12 +86,32 @@ impl Material {
         Self::Leaf,
         Self::Blade,
         Self::Petal,
+        Self::Water,
+        Self::Meadow,
     ];
 
     /// Thin growth that light shines through and that is seen from both sides.
     #[must_use]
     pub fn is_foliage(self) -> bool {
         matches!(self, Self::Leaf | Self::Blade | Self::Petal | Self::Wood)
+    }
+
+    /// What a surface of it is where nothing says otherwise.
+    pub(super) fn label(self) -> Label {
+        match self {
+            Self::Grass | Self::Meadow | Self::Soil | Self::Field => Label::Lawn,
+            Self::Asphalt | Self::Cobbles | Self::Paving | Self::Gravel | Self::Grit => Label::Path,
+            Self::Water => Label::Water,
+            Self::Wood | Self::Bark | Self::Birch | Self::Leaf | Self::Blade | Self::Petal => Label::Plant,
+            Self::Stone
+            | Self::Plaster
+            | Self::Brick
+            | Self::Boards
+            | Self::Tiles
+            | Self::Slates
+            | Self::Glass => Label::Building,
+            Self::Timber | Self::Metal | Self::Cloth => Label::Object,
+        }
     }
 
     /// Returns true if its primitives are sheets without an inside.
@@ -100,12 +127,57 @@ impl Material {
     pub(super) fn grain(self) -> f64 {
         match self {
             Self::Asphalt | Self::Field => 1.8,
-            Self::Grass | Self::Soil => 1.45,
+            Self::Grass | Self::Meadow | Self::Soil => 1.45,
             Self::Plaster | Self::Glass => 1.45,
-            Self::Slates | Self::Gravel | Self::Paving => 1.2,
+            Self::Slates | Self::Gravel | Self::Grit | Self::Paving => 1.2,
             Self::Tiles | Self::Brick => 1.1,
             _ => 1.0,
         }
+    }
+}
+
+/// The kind of thing that a surface belongs to, for truth masks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Label {
+    /// Ground with something growing on it: lawns, verges, flower beds, fields.
+    Lawn,
+    /// Ground that is walked or driven on.
+    Path,
+    /// Water.
+    Water,
+    /// Trees, bushes, hedges, flowers.
+    Plant,
+    /// Houses, walls, sheds.
+    Building,
+    /// Lamps, benches, fences, bicycles.
+    Object,
+    /// People and cars that pass.
+    Mover,
+}
+
+impl Label {
+    /// Every label; its place in the list is its number in files, counted from 1, with 0 for the sky.
+    pub const ALL: [Self; 7] =
+        [Self::Lawn, Self::Path, Self::Water, Self::Plant, Self::Building, Self::Object, Self::Mover];
+
+    /// Its name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lawn => "lawn",
+            Self::Path => "path",
+            Self::Water => "water",
+            Self::Plant => "plant",
+            Self::Building => "building",
+            Self::Object => "object",
+            Self::Mover => "mover",
+        }
+    }
+
+    /// Returns true for what one can stand on.
+    #[must_use]
+    pub fn is_ground(self) -> bool {
+        matches!(self, Self::Lawn | Self::Path)
     }
 }
 

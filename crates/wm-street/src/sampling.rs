@@ -8,7 +8,7 @@
 //!
 //! Splat `index` is a function of the place's seed, the detail and `index` alone.
 
-use super::Street;
+use super::Place;
 use super::shape::{Shape, Spot};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -21,12 +21,32 @@ use wm_scene::{Scene, Splats};
 const ANGLE: f64 = 0.0068;
 /// The finest cell at detail 1, m.
 const FINEST: f64 = 0.03;
-/// The ends of the walk along the street, and its height, m.
-const WALK: (f64, f64, f64) = (-2.0, 36.0, 1.6);
 /// Splats that a thread makes at a time: enough to be worth the hand-over, few enough to stop soon.
 const CHUNK: usize = 2048;
 /// Splats of the sky at detail 1.
 const SKY: f64 = 16_000.0;
+
+/// Those for whom splats are made: people on a line along y.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Audience {
+    pub x: f64,
+    /// The ends of their line, m.
+    pub y: (f64, f64),
+    /// Height of their eyes, m.
+    pub z: f64,
+    /// The way that they look: a point is seen from this much before it, as a share of its distance from the
+    /// line. At 0 they look around; above 0 nobody looks back beyond the line's beginning.
+    pub lead: f64,
+}
+
+impl Audience {
+    /// From where on the line a point is seen nearest.
+    pub(super) fn viewer(&self, point: DVec3) -> DVec3 {
+        let aside = (point.x - self.x).hypot(point.z - self.z);
+        DVec3::new(self.x, (point.y - self.lead * aside).clamp(self.y.0, self.y.1), self.z)
+    }
+}
+
 /// A rectangle of a primitive's surface, cut into `nu` x `nv` cells.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
@@ -61,13 +81,13 @@ pub(super) enum Cell {
 /// The splats of a place at one detail.
 #[derive(Clone, Debug)]
 pub struct SplatSampling<'a> {
-    pub(super) street: &'a Street,
+    pub(super) place: &'a Place,
     patches: Vec<Patch>,
     surface: usize,
     pub(super) sky: usize,
 }
 
-impl Street {
+impl Place {
     /// Plans the splats; `detail` 1 is the default, 2 halves the spacing (4 times the splats).
     ///
     /// # Panics
@@ -75,7 +95,7 @@ impl Street {
     #[must_use]
     pub fn sampling(&self, detail: f64) -> SplatSampling<'_> {
         assert!((0.05..=10.0).contains(&detail), "detail {detail} is not between 0.05 and 10");
-        let mut sampling = SplatSampling { street: self, patches: Vec::new(), surface: 0, sky: 0 };
+        let mut sampling = SplatSampling { place: self, patches: Vec::new(), surface: 0, sky: 0 };
         for which in 0..self.primitives.len() {
             sampling.cover(which, [0.0; 2], [1.0; 2], detail);
         }
@@ -107,7 +127,7 @@ impl SplatSampling<'_> {
         self.surface_splat(patch, index - patch.first)
     }
 
-    /// The street as a scene, with its metadata. The splats are made on all threads of the current rayon
+    /// The place as a scene, with its metadata. The splats are made on all threads of the current rayon
     /// pool, and are the same for any number of them.
     ///
     /// `progress` receives the number of indices that were finished since its last call, and returns false
@@ -126,7 +146,7 @@ impl SplatSampling<'_> {
         let parts = parts?;
         let mut splats = Splats::with_capacity(parts.iter().map(Vec::len).sum(), 0);
         parts.iter().flatten().for_each(|splat| splats.push(splat));
-        Some(Scene { splats, metadata: self.street.metadata(), views: Vec::new() })
+        Some(Scene { splats, metadata: self.place.metadata(), views: Vec::new() })
     }
 
     /// The splats of `range` (cut off at [`Self::len`]), SH degree 0.
@@ -142,8 +162,8 @@ impl SplatSampling<'_> {
 
     /// Adds patches for the part of a primitive from `low` over `size`, halving what is large.
     fn cover(&mut self, which: usize, low: [f64; 2], size: [f64; 2], detail: f64) {
-        let primitive = &self.street.primitives[which];
-        let material = self.street.material(which);
+        let primitive = &self.place.primitives[which];
+        let material = self.place.material(which);
         let spot = primitive.shape.spot_anywhere(low[0] + 0.5 * size[0], low[1] + 0.5 * size[1]);
         let mut patch = Patch {
             which: which as u32,
@@ -155,7 +175,8 @@ impl SplatSampling<'_> {
             first: self.surface,
             reserve: 0.0,
         };
-        let gap = Gap::at(&spot, matches!(primitive.shape, Shape::Flat { .. }), detail);
+        let is_flat = matches!(primitive.shape, Shape::Flat { .. });
+        let gap = Gap::at(&spot, is_flat, detail, &self.place.sights.audience);
         match primitive.shape {
             Shape::Flat { u, v, .. } if material.is_foliage() && u.length().max(v.length()) < 4.0 => {
                 patch.kind = Cell::Leaf;
@@ -186,7 +207,7 @@ impl SplatSampling<'_> {
                 }
                 // Bars look the same all along, and much is never seen from the street.
                 let bar = if gap.least < 1.0 && lu.min(lv) < 0.9 * gu.min(gv) { 2.4 } else { 1.0 };
-                let unseen = lu * lv > 4.0 * gu * gv && !self.street.is_seen(&patch);
+                let unseen = lu * lv > 4.0 * gu * gv && !self.place.is_seen(&patch);
                 let far = if unseen { 2.4 } else { bar };
                 // Coarse cells behind an edge would show around it; grounds go on in their neighbours.
                 patch.reserve = if unseen || gap.away {
@@ -205,9 +226,10 @@ impl SplatSampling<'_> {
     }
 }
 
-impl Street {
+impl Place {
     /// Returns true if any part of a patch is seen from the walk.
     fn is_seen(&self, patch: &Patch) -> bool {
+        let Audience { x, y, z, .. } = self.sights.audience;
         let shape = &self.primitives[patch.which as usize].shape;
         let (low, size) = (patch.low.map(f64::from), patch.size.map(f64::from));
         for (a, b) in [(0.5, 0.5), (0.15, 0.2), (0.85, 0.15), (0.2, 0.85), (0.8, 0.8)] {
@@ -215,7 +237,7 @@ impl Street {
             let from = spot.point + spot.normal * 0.01;
             for step in 0..9 {
                 let side = if step % 2 == 0 { 0.8 } else { -0.8 };
-                let eye = DVec3::new(side, WALK.0 + (WALK.1 - WALK.0) * f64::from(step) / 8.0, WALK.2);
+                let eye = DVec3::new(x + side, y.0 + (y.1 - y.0) * f64::from(step) / 8.0, z);
                 let away = eye - from;
                 if away.dot(spot.normal) > 0.0 && !self.blocked(from, away.normalize(), away.length()) {
                     return true;
@@ -242,17 +264,17 @@ struct Gap {
 
 impl Gap {
     /// `flat` surfaces are seen under one angle; round ones under all.
-    fn at(spot: &Spot, flat: bool, detail: f64) -> Self {
-        let eye = viewer(spot.point);
+    fn at(spot: &Spot, flat: bool, detail: f64, audience: &Audience) -> Self {
+        let eye = audience.viewer(spot.point);
         let away = spot.point - eye;
         let distance = away.length().max(2.5);
         let mut size = ANGLE * distance;
-        let ends = [DVec3::new(0.0, WALK.0, WALK.2), DVec3::new(0.0, WALK.1, WALK.2)];
+        let ends = [audience.y.0, audience.y.1].map(|y| DVec3::new(audience.x, y, audience.z));
         let away_from_all = flat && ends.iter().all(|end| spot.normal.dot(*end - spot.point) < 0.0);
         if away_from_all {
             size *= 1.8;
         }
-        if spot.point.y < WALK.0 - 4.0 {
+        if audience.lead > 0.0 && spot.point.y < audience.y.0 - 4.0 {
             size *= 1.7;
         }
         let least = if !flat {
@@ -276,10 +298,4 @@ impl Gap {
         let seen = tangent.normalize_or_zero().reject_from(self.direction).length();
         self.size / seen.clamp(self.least, 1.0).powf(0.85)
     }
-}
-
-/// From where on the walk a point is seen nearest within a picture that looks ahead.
-pub(super) fn viewer(point: DVec3) -> DVec3 {
-    let aside = point.x.hypot(point.z - WALK.2);
-    DVec3::new(0.0, (point.y - 1.25 * aside).clamp(WALK.0, WALK.1), WALK.2)
 }

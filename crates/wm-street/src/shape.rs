@@ -78,9 +78,14 @@ impl Shape {
                 if det.abs() < 1e-14 {
                     return None;
                 }
-                let inverse = 1.0 / det;
                 let s = origin - corner;
-                let a = s.dot(p) * inverse;
+                let across = s.dot(p);
+                // Most rays miss: without a division, and with room for its rounding.
+                if across * det < 0.0 || across.abs() > det.abs() * (1.0 + 1e-9) {
+                    return None;
+                }
+                let inverse = 1.0 / det;
+                let a = across * inverse;
                 if !(0.0..=1.0).contains(&a) {
                     return None;
                 }

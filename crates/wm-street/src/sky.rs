@@ -10,6 +10,10 @@ pub(super) fn sun() -> DVec3 {
     DVec3::new(0.60, -0.33, 0.73).normalize()
 }
 
+/// The time at which the sun stands there for places near 52 degrees north, 5 degrees east: 30 May 2024, 8:56 UTC,
+/// seconds since 1970.
+pub(super) const TIME: i64 = 1_717_059_360;
+
 /// Irradiance of a surface that faces the sun.
 pub(super) const SUN: DVec3 = DVec3::new(4.30, 3.95, 3.30);
 

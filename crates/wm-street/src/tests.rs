@@ -1,17 +1,19 @@
 //! The place as a whole.
 
 use super::*;
+use build::Builder;
+use glam::DVec3;
 use hash::Dice;
 use std::sync::OnceLock;
 use wm_scene::{Camera, Group, Splats};
 
-fn street() -> &'static Street {
-    static STREET: OnceLock<Street> = OnceLock::new();
+fn street() -> &'static Place {
+    static STREET: OnceLock<Place> = OnceLock::new();
     STREET.get_or_init(Street::builtin)
 }
 
 /// Every `step`-th splat of the default detail.
-fn some_splats(street: &Street, step: usize) -> Splats {
+fn some_splats(street: &Place, step: usize) -> Splats {
     let sampling = street.sampling(1.0);
     let mut splats = Splats::with_capacity(sampling.len() / step, 0);
     (0..sampling.len()).step_by(step).filter_map(|index| sampling.splat(index)).for_each(|s| splats.push(&s));
@@ -23,7 +25,7 @@ fn a_seed_makes_one_place() {
     let again = Street::builtin();
     assert_eq!(some_splats(street(), 1999), some_splats(&again, 1999));
     let mut other = Builder::new(2);
-    build::build(&mut other);
+    build::street::build(&mut other);
     assert!(other.primitives.iter().zip(&street().primitives).any(|(one, two)| one.shape != two.shape));
 }
 

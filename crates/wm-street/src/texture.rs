@@ -51,6 +51,14 @@ pub(super) fn skin(paint: &Paint, at: &Site) -> Skin {
             Skin { albedo: paint.color * (1.0 + 0.4 * clod), slope: DVec2::splat(0.5 * clod) }
         }
         Material::Gravel => setts(paint, at, 0.03),
+        Material::Grit => {
+            let stones = speckle(at, 0.016, seed) + 0.6 * speckle(at, 0.045, seed ^ 4);
+            let worn = octaves3(p, 1.3, 4, at.width, seed ^ 2);
+            let damp = smoothstep(0.15, 0.5, octaves3(p, 3.5, 3, at.width, seed ^ 8));
+            let albedo = paint.color * (1.0 + 0.34 * stones + 0.16 * worn);
+            Skin { albedo: albedo.lerp(paint.accent, 0.35 * damp), slope: DVec2::splat(0.35 * stones) }
+        }
+        Material::Meadow => meadow(paint, at),
         Material::Field => field(paint, at),
         Material::Wood => {
             let clump = octaves3(p, 30.0, 5, at.width, seed);
@@ -97,6 +105,12 @@ pub(super) fn skin(paint: &Paint, at: &Site) -> Skin {
             let tone = super::hash::unit(at.key, 2);
             let base = paint.color.lerp(paint.accent, 0.8 * super::hash::unit(at.key, 1));
             flat(base * (0.7 + 0.5 * tone) * (0.55 + 0.6 * at.unit.y.max(at.unit.x)))
+        }
+        Material::Water => {
+            // Ripples of a light wind, which far away add up to nothing.
+            let (a, b) = (octaves3(p, 0.55, 3, at.width, seed), octaves3(p, 0.55, 3, at.width, seed ^ 6));
+            let breeze = 0.4 + 0.6 * smoothstep(-0.3, 0.4, noise3(p / 9.0, seed ^ 9));
+            Skin { albedo: paint.color, slope: DVec2::new(a, b) * (0.05 * breeze) }
         }
         Material::Petal => {
             let pick = super::hash::unit(at.key, 1);
@@ -206,6 +220,22 @@ fn grass(paint: &Paint, at: &Site) -> Skin {
     let small = octaves3(p * DVec3::new(1.0, 1.0, 0.3), 0.16, 4, at.width, seed ^ 7);
     let base = paint.color.lerp(paint.accent, smoothstep(-0.3, 0.5, large + 0.4 * small));
     Skin { albedo: base * (1.0 + 0.55 * small + 0.12 * large), slope: DVec2::splat(0.55 * small) }
+}
+
+/// Blades under a foot, tufts under a stride, patches under a tree: contrast at every distance.
+fn meadow(paint: &Paint, at: &Site) -> Skin {
+    let (p, seed) = (at.point, paint.seed);
+    let large = octaves3(p, 3.0, 3, at.width, seed);
+    let tufts = octaves3(p * DVec3::new(1.0, 1.0, 0.3), 0.34, 3, at.width, seed ^ 7);
+    // Blades: thin streaks that lie every way, two crossed noises a few millimetres wide.
+    let along = DVec3::new(p.x + 0.4 * p.y, p.y, p.z);
+    let blades = speckle(&Site { point: along * DVec3::new(1.0, 0.22, 1.0), ..*at }, 0.011, seed)
+        + speckle(&Site { point: along * DVec3::new(0.25, 1.0, 1.0), ..*at }, 0.013, seed ^ 9);
+    let base = paint.color.lerp(paint.accent, smoothstep(-0.3, 0.5, large + 0.6 * tufts + 0.4 * blades));
+    // Between tufts one looks down to the shaded ground.
+    let gap = smoothstep(0.12, 0.5, -tufts - 0.35 * blades);
+    let tone = (1.0 + 0.5 * tufts + 0.42 * blades + 0.12 * large) * (1.0 - 0.45 * gap);
+    Skin { albedo: base * tone.clamp(0.15, 1.6), slope: DVec2::splat(0.45 * tufts + 0.3 * blades) }
 }
 
 fn field(paint: &Paint, at: &Site) -> Skin {

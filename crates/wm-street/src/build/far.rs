@@ -6,15 +6,19 @@ use super::palette::Palette;
 use super::roof::Roof;
 use super::{Builder, Frame, faces};
 use crate::hash::{Dice, noise2};
-use crate::paint::{Material, PaintId};
+use crate::paint::{Label, Material, PaintId};
 use crate::shape::{Outline, Shape};
 use glam::{DVec2, DVec3};
 
 /// Height of the fields, m.
-const FIELD: f64 = 0.03;
+pub(super) const FIELD: f64 = 0.03;
 
-/// Builds all of it.
-pub(super) fn build(b: &mut Builder, p: &Palette) {
+/// A row of far trees: its ends, their number and mean height, m.
+pub(super) type TreeRow = (DVec2, DVec2, u32, f64);
+
+/// Builds all of it around a place that covers the rectangle from `low` to `high`; `near` are the rows of
+/// trees at its borders.
+pub(super) fn build(b: &mut Builder, p: &Palette, (low, high): (DVec2, DVec2), near: &[TreeRow]) {
     let field = b.paint(Material::Field, 0x7F8A55, 0x979E66);
     let wood = b.paint(Material::Wood, 0x4E5E46, 0x6E7A58);
     let far_leaf = b.paint(Material::Wood, 0x506338, 0x78844C);
@@ -23,19 +27,22 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
     let finishes = [p.finish(white, p.oak), p.finish(p.brick, p.oak), p.finish(ochre, p.oak)];
     // Fields around the street's own ground, each rectangle a primitive.
     for (x0, x1, y0, y1) in [
-        (-700.0, 700.0, 135.0, 760.0),
-        (-700.0, 700.0, -420.0, -45.0),
-        (-700.0, -45.0, -45.0, 135.0),
-        (45.0, 700.0, -45.0, 135.0),
+        (-700.0, 700.0, high.y, 760.0),
+        (-700.0, 700.0, -420.0, low.y),
+        (-700.0, low.x, low.y, high.y),
+        (high.x, 700.0, low.y, high.y),
     ] {
         b.quad(DVec3::new(x0, y0, FIELD), DVec3::X * (x1 - x0), DVec3::Y * (y1 - y0), field);
     }
     // The road goes on to the village.
-    b.quad(DVec3::new(-2.75, 135.0, FIELD + 0.02), DVec3::X * 5.5, DVec3::Y * 190.0, p.asphalt);
-    b.quad(DVec3::new(-2.75, -300.0, FIELD + 0.02), DVec3::X * 5.5, DVec3::Y * 255.0, p.asphalt);
-    church(b, p, &finishes[0]);
-    village(b, p, &finishes);
-    hedgerows(b, far_leaf);
+    for (from, to) in [(high.y, 325.0), (-300.0, low.y)] {
+        b.quad(DVec3::new(-2.75, from, FIELD + 0.02), DVec3::X * 5.5, DVec3::Y * (to - from), p.asphalt);
+    }
+    b.labelled(Label::Building, |b| {
+        church(b, p, &finishes[0]);
+        village(b, p, &finishes);
+    });
+    hedgerows(b, near, far_leaf);
     hills(b, wood);
 }
 
@@ -131,20 +138,17 @@ fn village(b: &mut Builder, p: &Palette, finishes: &[Finish; 3]) {
 }
 
 /// Rows and clumps of far trees: crowns of large round leaves.
-fn hedgerows(b: &mut Builder, leaf: PaintId) {
+fn hedgerows(b: &mut Builder, near: &[TreeRow], leaf: PaintId) {
     let mut dice = Dice::new(b.seed, 901);
-    let rows = [
+    let rows: [TreeRow; 5] = [
         (DVec2::new(-160.0, 165.0), DVec2::new(-22.0, 182.0), 11, 5.5),
         (DVec2::new(20.0, 196.0), DVec2::new(170.0, 180.0), 12, 6.0),
         (DVec2::new(-120.0, 290.0), DVec2::new(-20.0, 296.0), 11, 9.0),
         (DVec2::new(10.0, 290.0), DVec2::new(140.0, 300.0), 13, 9.0),
         (DVec2::new(-260.0, 390.0), DVec2::new(240.0, 400.0), 34, 10.0),
-        (DVec2::new(-40.0, -20.0), DVec2::new(-42.0, 130.0), 12, 8.0),
-        (DVec2::new(42.0, -20.0), DVec2::new(40.0, 130.0), 12, 8.0),
-        (DVec2::new(-30.0, -70.0), DVec2::new(30.0, -66.0), 9, 9.0),
     ];
-    for (from, to, count, height) in rows {
-        let fine = if from.y < 0.0 { 2.0 } else { 0.85 };
+    let far = rows.iter().map(|row| (row, 0.85));
+    for (&(from, to, count, height), fine) in far.chain(near.iter().map(|row| (row, 2.0))) {
         for index in 0..count {
             let at = from.lerp(to, (f64::from(index) + 0.6 * dice.unit()) / f64::from(count));
             let off = DVec2::new(dice.bell(), dice.bell()) * 2.0;

@@ -2,11 +2,11 @@
 
 use super::houses::PORCH;
 use super::palette::Palette;
-use super::plan::{EDGE, PLOT, left, right};
-use super::tree::{Kind, tree};
-use super::{Builder, Frame, faces, fences as f, growth as g};
+use super::street::{EDGE, PLOT, left, right};
+use super::tree::tree;
+use super::{Builder, Frame, faces, fences as f, growth as g, species};
 use crate::paint::PaintId;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Gardens, from the near to the far ones.
 pub(super) fn build(b: &mut Builder, p: &Palette) {
@@ -71,49 +71,8 @@ fn path(b: &mut Builder, at: &Frame, (x0, x1): (f64, f64), (y0, y1): (f64, f64),
 
 /// Trees along the street and behind the houses.
 pub(super) fn trees(b: &mut Builder, p: &Palette) {
-    let linden = Kind {
-        height: 9.2,
-        base: 2.5,
-        radius: 3.3,
-        widest: 0.38,
-        trunk: 0.19,
-        clusters: 150,
-        leaves: 96,
-        leaf: 0.135,
-        droop: 0.12,
-        bark: p.bark,
-        foliage: p.linden,
-        fruit: None,
-    };
-    let birch = Kind {
-        height: 10.5,
-        base: 2.6,
-        radius: 2.3,
-        widest: 0.30,
-        trunk: 0.13,
-        clusters: 95,
-        leaves: 92,
-        leaf: 0.105,
-        droop: 0.75,
-        bark: p.birch,
-        foliage: p.birch_leaf,
-        fruit: None,
-    };
-    let rowan = Kind {
-        height: 5.2,
-        base: 1.7,
-        radius: 1.75,
-        widest: 0.45,
-        trunk: 0.085,
-        clusters: 52,
-        leaves: 84,
-        leaf: 0.11,
-        droop: 0.2,
-        bark: p.bark,
-        foliage: p.rowan,
-        fruit: Some(p.berries),
-    };
-    let far = |kind: Kind| Kind { clusters: kind.clusters / 2, leaves: 28, leaf: kind.leaf * 2.1, ..kind };
+    let (linden, birch, rowan) = (species::linden(p), species::birch(p), species::rowan(p));
+    let far = species::far;
     for (seed, (x, y, kind)) in [
         (-9.2, 40.6, linden),
         (-8.0, 12.2, birch),
@@ -138,11 +97,13 @@ pub(super) fn trees(b: &mut Builder, p: &Palette) {
     {
         tree(b, DVec3::new(x, y, PLOT - 0.03), &kind, 200 + seed as u64);
     }
-    let road = |y0: f64, y1: f64, x0: f64, x1: f64, z: f64| (DVec3::new(x0, y0, z), DVec3::new(x1, y1, z));
-    g::fallen(b, road(36.0, 46.0, -3.0, -2.2, 0.0), 260, p.fallen, 301);
-    g::fallen(b, road(35.0, 46.0, -5.2, -3.2, PLOT), 260, p.fallen, 302);
-    g::fallen(b, road(28.0, 38.0, 2.1, 3.0, 0.0), 260, p.fallen, 303);
-    g::fallen(b, road(28.0, 38.0, 3.2, 5.2, PLOT), 260, p.fallen, 304);
-    g::fallen(b, road(8.0, 16.0, -5.2, -2.3, 0.0), 120, p.fallen, 305);
-    g::fallen(b, road(36.5, 45.0, -11.5, -6.0, PLOT), 380, p.fallen, 306);
+    let on = |b: &mut Builder, (y0, y1): (f64, f64), (x0, x1): (f64, f64), z: f64, count: u32, seed: u64| {
+        g::fallen(b, (DVec2::new(x0, y0), DVec2::new(x1, y1)), |_| z, count, p.fallen, seed);
+    };
+    on(b, (36.0, 46.0), (-3.0, -2.2), 0.0, 260, 301);
+    on(b, (35.0, 46.0), (-5.2, -3.2), PLOT, 260, 302);
+    on(b, (28.0, 38.0), (2.1, 3.0), 0.0, 260, 303);
+    on(b, (28.0, 38.0), (3.2, 5.2), PLOT, 260, 304);
+    on(b, (8.0, 16.0), (-5.2, -2.3), 0.0, 120, 305);
+    on(b, (36.5, 45.0), (-11.5, -6.0), PLOT, 380, 306);
 }

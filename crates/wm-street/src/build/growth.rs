@@ -5,7 +5,7 @@ use super::{Builder, Frame, faces};
 use crate::hash::{Dice, noise3};
 use crate::paint::PaintId;
 use crate::shape::{Outline, Shape};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// A clipped hedge: a dark core under a skin of leaves. `size` is length, depth, height, m.
 pub(super) fn hedge(
@@ -93,14 +93,25 @@ pub(super) fn tufts(
         if noise3(at * 0.9, 41) < -0.25 {
             continue;
         }
-        for _ in 0..5 {
-            let lean = DVec3::new(dice.bell(), dice.bell(), 0.0) * 0.35;
-            let up = (DVec3::Z + lean) * (height * dice.range(0.5, 1.3));
-            let (sin, cos) = dice.range(0.0, std::f64::consts::TAU).sin_cos();
-            let wide = DVec3::new(cos, sin, 0.0) * (0.012 + 0.10 * height);
-            let foot = at + DVec3::new(dice.bell(), dice.bell(), 0.0) * 0.03;
-            b.add(Shape::Flat { corner: foot - wide * 0.5, u: up, v: wide, outline: Outline::Leaf }, paint);
-        }
+        tuft(b, at, (5, height), paint, &mut dice);
+    }
+}
+
+/// A tuft of `blades` grass blades of about `height`.
+pub(super) fn tuft(
+    b: &mut Builder,
+    at: DVec3,
+    (blades, height): (u32, f64),
+    paint: PaintId,
+    dice: &mut Dice,
+) {
+    for _ in 0..blades {
+        let lean = DVec3::new(dice.bell(), dice.bell(), 0.0) * 0.35;
+        let up = (DVec3::Z + lean) * (height * dice.range(0.5, 1.3));
+        let (sin, cos) = dice.range(0.0, std::f64::consts::TAU).sin_cos();
+        let wide = DVec3::new(cos, sin, 0.0) * (0.012 + 0.10 * height).min(0.045);
+        let foot = at + DVec3::new(dice.bell(), dice.bell(), 0.0) * 0.03;
+        b.add(Shape::Flat { corner: foot - wide * 0.5, u: up, v: wide, outline: Outline::Leaf }, paint);
     }
 }
 
@@ -130,11 +141,19 @@ pub(super) fn flowers(
     }
 }
 
-/// Leaves that lie on level ground about `center`.
-pub(super) fn fallen(b: &mut Builder, (low, high): (DVec3, DVec3), count: u32, paint: PaintId, seed: u64) {
+/// Leaves that lie on the ground of a rectangle, whose height is `ground`.
+pub(super) fn fallen(
+    b: &mut Builder,
+    (low, high): (DVec2, DVec2),
+    ground: impl Fn(DVec2) -> f64,
+    count: u32,
+    paint: PaintId,
+    seed: u64,
+) {
     let mut dice = Dice::new(b.seed, seed);
     for _ in 0..count {
-        let at = low + (high - low) * DVec3::new(dice.unit(), dice.unit(), 0.0) + DVec3::Z * 0.008;
+        let at = low + (high - low) * DVec2::new(dice.unit(), dice.unit());
+        let at = at.extend(ground(at) + 0.008);
         if noise3(at * 0.6, 47) < 0.0 {
             continue;
         }

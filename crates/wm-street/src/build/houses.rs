@@ -3,8 +3,8 @@
 use super::facade::Filling;
 use super::house::{Dress, House, Ridge};
 use super::palette::Palette;
-use super::plan::{left, right};
 use super::porch::Porch;
+use super::street::{left, right};
 use super::{Builder, Frame, furniture, props};
 use crate::paint::Material;
 use glam::DVec3;

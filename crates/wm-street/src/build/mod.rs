@@ -1,7 +1,7 @@
-//! Builds the street out of primitives.
+//! Builds places out of primitives.
 //!
-//! Here are the tools: frames of reference, blocks, posts. `plan` says what stands where and calls the rest;
-//! nearly every file builds one kind of thing, in a frame of its own.
+//! Here are the tools: frames of reference, blocks, posts. `street` and `park` say what stands where and call
+//! the rest; nearly every other file builds one kind of thing, in a frame of its own.
 
 mod facade;
 mod far;
@@ -11,18 +11,23 @@ mod gardens;
 mod growth;
 mod house;
 mod houses;
+pub(crate) mod movers;
 mod palette;
-mod plan;
+pub(crate) mod park;
+mod pavilion;
 mod porch;
 mod props;
 mod roof;
+mod species;
+pub(crate) mod street;
+mod terrain;
 mod tree;
 
 pub(crate) use houses::porch;
-pub(crate) use plan::build;
 
+use crate::ground::GroundCover;
 use crate::hash;
-use crate::paint::{Material, Paint, PaintId, rgb};
+use crate::paint::{Label, Material, Paint, PaintId, rgb};
 use crate::shape::{Outline, Shape};
 use glam::DVec3;
 
@@ -33,6 +38,8 @@ pub(crate) struct Primitive {
     pub paint: PaintId,
     /// For what differs between primitives of one paint.
     pub key: u64,
+    /// The kind of thing that it is part of.
+    pub label: Label,
 }
 
 /// Axes to build in: x to the right and y away as seen from in front, z up.
@@ -93,11 +100,22 @@ pub(crate) struct Builder {
     pub primitives: Vec<Primitive>,
     pub paints: Vec<Paint>,
     pub seed: u64,
+    /// What covers the ground where that changes along lines that no surface follows.
+    pub cover: GroundCover,
+    /// The label of what is built now, plants aside; `None` for that of each material.
+    label: Option<Label>,
 }
 
 impl Builder {
     pub(crate) fn new(seed: u64) -> Self {
-        Self { primitives: Vec::new(), paints: Vec::new(), seed }
+        Self { primitives: Vec::new(), paints: Vec::new(), seed, cover: GroundCover::default(), label: None }
+    }
+
+    /// Builds parts of one thing: all but its plants get `label`.
+    pub(crate) fn labelled(&mut self, label: Label, build: impl FnOnce(&mut Self)) {
+        let before = self.label.replace(label);
+        build(self);
+        self.label = before;
     }
 
     /// A paint of two sRGB colours.
@@ -110,7 +128,9 @@ impl Builder {
 
     pub(crate) fn add(&mut self, shape: Shape, paint: PaintId) {
         let key = hash::bits(self.seed ^ 0x5EED, self.primitives.len() as u64);
-        self.primitives.push(Primitive { shape, paint, key });
+        let usual = self.paints[usize::from(paint)].material.label();
+        let label = self.label.filter(|_| usual != Label::Plant).unwrap_or(usual);
+        self.primitives.push(Primitive { shape, paint, key, label });
     }
 
     /// A parallelogram; its outside is where `u x v` points.

@@ -1,7 +1,7 @@
-//! Draws the built-in street into PNG files, to look at.
+//! Draws a built-in place into PNG files, to look at.
 //!
-//! `cargo run --release -p wm-street --example street_preview -- <folder> [view] [width] [samples]`
-//! ray-casts one view of `Street::views` (or `all`, or `dolly:<time>`); `splats` or `splats:<detail>`
+//! `cargo run --release -p wm-street --example place_preview -- <folder> [street|park] [view] [width] [samples]`
+//! ray-casts one of the place's views (or `all`, or `dolly:<time>`); `splats` or `splats:<detail>`
 //! before the view draws the splats instead, crudely: sorted by depth, front to back, no tiles.
 
 use glam::{DMat3, DVec3};
@@ -9,7 +9,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::time::Instant;
 use wm_scene::{Camera, Splats, quat, sh};
-use wm_street::Street;
+use wm_street::{Park, Place, Street};
 
 fn main() -> std::io::Result<()> {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -18,16 +18,16 @@ fn main() -> std::io::Result<()> {
         word.strip_prefix("splats:").map_or(1.0, |detail| detail.parse().expect("the detail, such as 1.5"))
     });
     let text = |index: usize, other: &str| arguments.get(index).cloned().unwrap_or_else(|| other.to_owned());
-    let (folder, which) = (text(0, "."), text(1, "street"));
-    let width: u32 = text(2, "600").parse().expect("the width in pixels");
-    let samples: u32 = text(3, "2").parse().expect("the samples a side");
+    let (folder, name, which) = (text(0, "."), text(1, "street"), text(2, "all"));
+    let width: u32 = text(3, "600").parse().expect("the width in pixels");
+    let samples: u32 = text(4, "2").parse().expect("the samples a side");
     let start = Instant::now();
-    let place = Street::builtin();
+    let place = if name == "park" { Park::builtin() } else { Street::builtin() };
     println!("built in {:.2} s", start.elapsed().as_secs_f64());
     let splats = detail.map(|detail| splats_of(&place, detail));
     let views = match which.strip_prefix("dolly:") {
-        Some(time) => vec![Street::dolly(time.parse().expect("a time from 0 to 1"))],
-        None => Street::views().into_iter().filter(|view| which == "all" || view.name == which).collect(),
+        Some(time) => vec![place.dolly(time.parse().expect("a time from 0 to 1"))],
+        None => place.views().iter().copied().filter(|view| which == "all" || view.name == which).collect(),
     };
     for view in views {
         let camera = view.camera((width, width * 2 / 3)).expect("the views are sound");
@@ -38,7 +38,7 @@ fn main() -> std::io::Result<()> {
         };
         let kind = if splats.is_some() { "splats" } else { "cast" };
         let path = Path::new(&folder)
-            .join(format!("{}_{kind}.png", which.replace(':', "_").replace("all", view.name)));
+            .join(format!("{name}_{}_{kind}.png", which.replace(':', "_").replace("all", view.name)));
         std::fs::write(&path, png(&rgb, camera.width, camera.height))?;
         println!("{} in {:.2} s", path.display(), start.elapsed().as_secs_f64());
     }
@@ -70,12 +70,12 @@ fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T
     done.into_iter().map(|(_, value)| value).collect()
 }
 
-fn cast(place: &Street, camera: &Camera, samples: u32) -> Vec<[f64; 3]> {
+fn cast(place: &Place, camera: &Camera, samples: u32) -> Vec<[f64; 3]> {
     let rows = in_parallel(camera.height as usize, |y| place.photo_row(camera, y as u32, samples));
     rows.into_iter().flatten().map(|pixel| pixel.rgb).collect()
 }
 
-fn splats_of(place: &Street, detail: f64) -> Splats {
+fn splats_of(place: &Place, detail: f64) -> Splats {
     let sampling = place.sampling(detail);
     let (start, chunk) = (Instant::now(), 4096);
     let parts = in_parallel(sampling.len().div_ceil(chunk), |part| {

@@ -1,4 +1,4 @@
-//! Made-up captures of the built-in place: a data set as COLMAP leaves it, and the truth beside it.
+//! Perfect captures of a built-in place: a data set as COLMAP leaves it, in metres, and the truth beside it.
 //!
 //! ```text
 //! made-up.txt                 what it is
@@ -11,10 +11,12 @@
 //! Cameras, points and where they are seen are exact, so that whatever differs later is not theirs.
 //! Everything is the same for any number of threads.
 
-use crate::{PhotoPixel, Street, display_of};
+pub(crate) mod files;
+
+use crate::{PhotoPixel, Place, display_of};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
-use std::{fs, io, path::Path};
+use std::{fs, path::Path};
 use wm_scene::{
     Camera, CameraError, FormatError, Problem,
     capture::{
@@ -22,18 +24,17 @@ use wm_scene::{
         colmap::write::{self, ColmapStorage},
     },
     files::write_atomically,
-    npy,
     random::uniform,
 };
 
 /// The positions from which the photos are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CameraRoute {
-    /// Forward along the street, in three lanes in turn: a single line of cameras that look where they go
+    /// Forward along the place's walk, in three lanes in turn: a single line of cameras that look where they go
     /// sees what is ahead from one side alone.
     #[default]
     Walk,
-    /// Around the middle of the street, from above.
+    /// Around the middle of the place, from above.
     Orbit,
 }
 
@@ -82,7 +83,7 @@ impl Default for DatasetOptions {
 
 /// The file that says what the folder holds.
 pub const MARK: &str = "made-up.txt";
-const ABOUT: &str = "Photos of Weather-Magician's built-in street, ray-cast; poses and points are exact, in metres.\n\
+const ABOUT: &str = "Photos of a built-in place of Weather-Magician, ray-cast; poses and points are exact, in metres.\n\
     truth/, where it is: depth (view z, m), normal (world axes) and sky of each pixel's centre.\n";
 
 /// The lanes of the walk: to the right of its middle, m; above eye level, m; turned to the right, degrees.
@@ -94,15 +95,15 @@ const SLACK: f64 = 0.02;
 ///
 /// # Errors
 /// [`CameraError`] if the size makes no camera.
-pub fn cameras(options: &DatasetOptions) -> Result<Vec<Camera>, CameraError> {
+pub fn cameras(place: &Place, options: &DatasetOptions) -> Result<Vec<Camera>, CameraError> {
     let count = options.count.max(1);
     let camera = |index: u32| match options.route {
         CameraRoute::Walk => {
-            let mut view = Street::dolly(f64::from(index) / f64::from((count - 1).max(1)));
+            let mut view = place.dolly(f64::from(index) / f64::from((count - 1).max(1)));
             let (right, above, turn) = LANES[index as usize % LANES.len()];
             let ahead = view.target - view.eye;
             view.eye += ahead.cross(DVec3::Z).normalize() * right + DVec3::Z * above;
-            // Towards the middle of the street from both sides, so that much is seen from all lanes.
+            // Towards the middle of the way from both sides, so that much is seen from all lanes.
             view.target = view.eye + DQuat::from_rotation_z(-turn.to_radians()) * ahead;
             view.camera(options.size)
         }
@@ -110,8 +111,8 @@ pub fn cameras(options: &DatasetOptions) -> Result<Vec<Camera>, CameraError> {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(index) / f64::from(count)).sin_cos();
             // Two heights in turn: one ring of cameras alone leaves heights uncertain.
             let height = if index.is_multiple_of(2) { 24.0 } else { 34.0 };
-            let target = DVec3::new(0.0, 28.0, 2.0);
-            let eye = target + DVec3::new(42.0 * cos, 42.0 * sin, height);
+            let (target, radius) = (place.sights.middle, place.sights.orbit);
+            let eye = target + DVec3::new(radius * cos, radius * sin, height);
             Camera::looking(options.size, 50.0, eye, target, DVec3::Z)
         }
     };
@@ -126,12 +127,12 @@ pub fn cameras(options: &DatasetOptions) -> Result<Vec<Camera>, CameraError> {
 /// # Errors
 /// [`FormatError`] if a file cannot be written or the size makes no camera.
 pub fn write(
-    street: &Street,
+    place: &Place,
     folder: &Path,
     options: &DatasetOptions,
     progress: &mut dyn FnMut(usize) -> bool,
 ) -> Result<Option<Capture>, FormatError> {
-    let cameras = cameras(options);
+    let cameras = cameras(place, options);
     let cameras = cameras.map_err(|e| FormatError::whole(folder, Problem::Value(e.to_string())))?;
     let images = folder.join("images");
     let mut folders = vec![images.clone()];
@@ -146,12 +147,13 @@ pub fn write(
     for (index, camera) in cameras.iter().enumerate() {
         let rows = (0..camera.height).into_par_iter();
         let pixels: Vec<PhotoPixel> =
-            rows.flat_map_iter(|y| street.photo_row(camera, y, options.samples)).collect();
+            rows.flat_map_iter(|y| place.photo_row(camera, y, options.samples)).collect();
         let stem = format!("{index:05}");
         let name = format!("{stem}.png");
-        write_photo(&images.join(&name), camera, &pixels)?;
+        let rgb: Vec<u8> = pixels.iter().flat_map(|pixel| pixel.rgb.map(to_byte)).collect();
+        files::write_png(&images.join(&name), options.size, &rgb, None)?;
         if options.truth == GroundTruth::Write {
-            write_truth(&folder.join("truth"), &stem, camera, &pixels)?;
+            files::write_maps(&folder.join("truth"), &stem, camera, &pixels)?;
         }
         let file = name.clone().into();
         views.push(CaptureView {
@@ -166,14 +168,14 @@ pub fn write(
             return Ok(None);
         }
     }
-    let (points, observations) = points(street, &cameras, options.points as usize);
+    let (points, observations) = points(place, &cameras, options.points as usize);
     let capture = Capture { source: folder.into(), images, masks: None, views, points, observations };
     write::write(&capture, &folder.join("sparse/0"), options.storage)?;
     Ok(Some(capture))
 }
 
 /// Points on surfaces that two cameras see at least, and where each sees which.
-fn points(street: &Street, cameras: &[Camera], most: usize) -> (SparsePoints, Vec<Vec<Observation>>) {
+fn points(place: &Place, cameras: &[Camera], most: usize) -> (SparsePoints, Vec<Vec<Observation>>) {
     const SEED: u64 = 31;
     // A ray from some pixel of some camera; one in two or so ends in the sky or is seen once.
     let candidate = |index: u64| {
@@ -181,11 +183,11 @@ fn points(street: &Street, cameras: &[Camera], most: usize) -> (SparsePoints, Ve
         let camera = &cameras[(random(0) * cameras.len() as f64) as usize % cameras.len()];
         let (x, y) = (random(1) * f64::from(camera.width), random(2) * f64::from(camera.height));
         let (eye, direction) = (camera.center(), camera.ray(x, y));
-        let hit = street.cast(eye, direction)?;
+        let hit = place.cast(eye, direction)?;
         let seen: Vec<(usize, [f32; 2])> = cameras
             .iter()
             .enumerate()
-            .filter_map(|(index, camera)| Some((index, seen_at(street, camera, hit.point)?)))
+            .filter_map(|(index, camera)| Some((index, sees(place, camera, hit.point, SLACK)?)))
             .collect();
         let color = display_of(hit.radiance).map(to_byte);
         (seen.len() >= 2).then_some((hit.point, color, seen))
@@ -202,50 +204,33 @@ fn points(street: &Street, cameras: &[Camera], most: usize) -> (SparsePoints, Ve
     (points, observations)
 }
 
-/// The position at which a camera sees a point, px; `None` if it does not.
-fn seen_at(street: &Street, camera: &Camera, point: DVec3) -> Option<[f32; 2]> {
+/// The position at which a camera sees a point, px; `None` if it does not. What is less than `slack` m before a point
+/// does not hide it.
+pub(crate) fn sees(place: &Place, camera: &Camera, point: DVec3, slack: f64) -> Option<[f32; 2]> {
     let (x, y, _) = camera.project(point)?;
     let is_inside = x > 0.0 && y > 0.0 && x < f64::from(camera.width) && y < f64::from(camera.height);
     if !is_inside {
         return None;
     }
     let eye = camera.center();
-    let first = street.first(eye, point - eye)?;
-    (first.t > eye.distance(point) - SLACK).then_some([x as f32, y as f32])
+    let first = place.first(eye, point - eye)?;
+    (first.t > eye.distance(point) - slack).then_some([x as f32, y as f32])
 }
 
 fn to_byte(value: f64) -> u8 {
     (value * 255.0).round() as u8
 }
 
-fn write_photo(path: &Path, camera: &Camera, pixels: &[PhotoPixel]) -> Result<(), FormatError> {
-    let rgb: Vec<u8> = pixels.iter().flat_map(|pixel| pixel.rgb.map(to_byte)).collect();
-    write_atomically(path, |out| {
-        let mut encoder = png::Encoder::new(out, camera.width, camera.height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&rgb));
-        Ok(written.map_err(io::Error::from)?)
-    })
-}
-
-fn write_truth(folder: &Path, stem: &str, camera: &Camera, pixels: &[PhotoPixel]) -> Result<(), FormatError> {
-    let (height, width) = (camera.height as usize, camera.width as usize);
-    let file = |kind: &str| folder.join(kind).join(format!("{stem}.npy"));
-    let depth: Vec<f32> = pixels.iter().map(|pixel| pixel.depth as f32).collect();
-    npy::write(&file("depth"), &depth, &[height, width])?;
-    let normal: Vec<f32> = pixels.iter().flat_map(|pixel| pixel.normal.as_vec3().to_array()).collect();
-    npy::write(&file("normal"), &normal, &[height, width, 3])?;
-    let sky: Vec<f32> = pixels.iter().map(|pixel| f32::from(u8::from(pixel.is_sky))).collect();
-    npy::write(&file("sky"), &sky, &[height, width])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Street;
+    use std::io;
     use tempfile::tempdir;
-    use wm_scene::capture::{CaptureOptions, read};
+    use wm_scene::{
+        capture::{CaptureOptions, read},
+        npy,
+    };
 
     /// Width and height of a PNG file, px, and the number of bytes of its pixels.
     fn decoded(path: &Path) -> (u32, u32, usize) {

@@ -1,4 +1,4 @@
-//! The plan: what stands where along the street.
+//! The plan of the street: what stands where.
 //!
 //! The carriageway runs along y with its middle at x = 0, from behind the first houses to the church.
 //! From the middle outwards: asphalt, a gutter of setts, the kerb, the pavement, then plots. A plot's
@@ -7,8 +7,8 @@
 use super::houses::{PORCH, porch_frame};
 use super::palette::Palette;
 use super::{Builder, Frame, far, furniture as f, gardens, growth as g, houses, props};
-use crate::paint::{Material, PaintId};
-use glam::DVec3;
+use crate::paint::{Label, Material, PaintId};
+use glam::{DVec2, DVec3};
 
 /// Half the width of the asphalt, m.
 const ROAD: f64 = 2.75;
@@ -35,11 +35,17 @@ pub(super) fn right(y: f64) -> Frame {
 pub(crate) fn build(b: &mut Builder) {
     let p = Palette::new(b);
     ground(b, &p);
-    houses::build(b, &p);
+    b.labelled(Label::Building, |b| houses::build(b, &p));
     gardens::build(b, &p);
     gardens::trees(b, &p);
     furniture(b, &p);
-    far::build(b, &p);
+    let (low, high) = (DVec2::new(-45.0, ENDS.0), DVec2::new(45.0, ENDS.1));
+    let rows = [
+        (DVec2::new(-40.0, -20.0), DVec2::new(-42.0, 130.0), 12, 8.0),
+        (DVec2::new(42.0, -20.0), DVec2::new(40.0, 130.0), 12, 8.0),
+        (DVec2::new(-30.0, -70.0), DVec2::new(30.0, -66.0), 9, 9.0),
+    ];
+    far::build(b, &p, (low, high), &rows);
 }
 
 fn ground(b: &mut Builder, p: &Palette) {
@@ -54,10 +60,10 @@ fn ground(b: &mut Builder, p: &Palette) {
         let (x0, x1) = between(ROAD, KERB);
         strip(b, x0, x1, 0.0, p.setts);
         let (x0, x1) = between(KERB, KERB + 0.15);
-        strip(b, x0, x1, PLOT, p.stone);
+        b.labelled(Label::Path, |b| strip(b, x0, x1, PLOT, p.stone));
         let face = DVec3::new(sign * KERB, y0, 0.0);
         let (u, v) = if sign < 0.0 { (along, DVec3::Z * PLOT) } else { (DVec3::Z * PLOT, along) };
-        b.quad(face, u, v, p.stone);
+        b.labelled(Label::Path, |b| b.quad(face, u, v, p.stone));
         // The slabs run on to the walls of houses that stand at the street.
         let (x0, x1) = between(KERB + 0.15, EDGE + 0.13);
         strip(b, x0, x1, PLOT, p.slabs);

@@ -1,0 +1,34 @@
+//! Haze between a camera and what it sees: Beer and Lambert's law along each ray.
+
+use glam::DVec3;
+
+/// -ln of the contrast that is left at the MOR: 5 %, as meteorology has it.
+const LN_CONTRAST: f64 = 2.995_732_273_553_991;
+/// Height of the haze's upper end, m: above it the air is clear, so the zenith stays visible.
+const LID: f64 = 300.0;
+
+/// Even haze from the ground to [`Air::LID`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Air {
+    /// Meteorological optical range, m.
+    pub mor: f64,
+    /// Linear radiance that endless haze has.
+    pub airlight: DVec3,
+}
+
+impl Air {
+    /// Height of its upper end, m.
+    pub(crate) const LID: f64 = LID;
+
+    /// The share of light that is left after `distance`, m.
+    pub(crate) fn transmittance(&self, distance: f64) -> f64 {
+        (-LN_CONTRAST * distance / self.mor).exp()
+    }
+
+    /// Radiance of a surface at `distance`, m, or of the sky, as it arrives at `eye` along `direction`.
+    pub(crate) fn seen(&self, radiance: DVec3, eye: DVec3, direction: DVec3, distance: Option<f64>) -> DVec3 {
+        let rise = if direction.z > 1e-6 { ((LID - eye.z) / direction.z).max(0.0) } else { f64::INFINITY };
+        let left = self.transmittance(distance.map_or(rise, |distance| distance.min(rise)));
+        radiance * left + self.airlight * (1.0 - left)
+    }
+}

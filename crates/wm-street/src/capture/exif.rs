@@ -1,0 +1,240 @@
+//! EXIF of the photos: camera, time, focal length, position.
+
+use super::{CaptureKind, CaptureSettings, ExifFault, shots::Shot};
+use crate::Place;
+use crate::sky;
+use wm_scene::capture::Gps;
+use wm_scene::random::RandomStream;
+
+/// Diagonal of a full frame, mm.
+const FULL_FRAME: f64 = 43.266_615;
+/// Purpose of the random numbers of lies.
+const LIES: u64 = 47;
+
+/// The facts that EXIF states.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ExifFacts {
+    pub maker: &'static str,
+    pub model: &'static str,
+    /// Seconds since 1970, UTC.
+    pub time: i64,
+    /// Focal length of a full frame of the same angle of view, mm.
+    pub focal: f64,
+    pub gps: Option<Gps>,
+}
+
+/// What photo `index` states, lies included.
+pub(super) fn facts(
+    place: &Place,
+    settings: &CaptureSettings,
+    index: usize,
+    shot: &Shot,
+    gps: Gps,
+) -> ExifFacts {
+    let camera = &shot.camera;
+    let diagonal = f64::from(camera.width).hypot(f64::from(camera.height));
+    let mut facts = ExifFacts {
+        maker: "Weather-Magician",
+        model: match settings.kind {
+            CaptureKind::Nadir | CaptureKind::Oblique => "made-up drone",
+            CaptureKind::Walk => "made-up phone",
+            CaptureKind::Drive => "made-up car camera",
+        },
+        time: sky::TIME + shot.time.round() as i64,
+        focal: FULL_FRAME * camera.fx / diagonal,
+        gps: Some(gps),
+    };
+    let lies = &settings.flaws.exif;
+    if lies.contains(&ExifFault::Focal) {
+        facts.focal *= 2.7;
+    }
+    if lies.contains(&ExifFault::Time) {
+        // Midnight at the beginning of a clock's count.
+        facts.time = shot.time.round() as i64;
+    }
+    let places: Vec<ExifFault> = lies
+        .iter()
+        .copied()
+        .filter(|lie| matches!(lie, ExifFault::Continent | ExifFault::Zero | ExifFault::Nonsense))
+        .collect();
+    if !places.is_empty() {
+        let random = RandomStream::new(settings.seed, LIES, 0);
+        facts.gps = Some(match places[index % places.len()] {
+            ExifFault::Zero => Gps { latitude: 0.0, longitude: 0.0, altitude: Some(0.0) },
+            ExifFault::Nonsense => Gps {
+                latitude: 95.0 + 200.0 * random.uniform(2 * index as u64),
+                longitude: 181.0 + 300.0 * random.uniform(2 * index as u64 + 1),
+                altitude: Some(384_400_000.0),
+            },
+            // The same way in Australia.
+            _ => Gps { latitude: -37.6, longitude: 144.2, altitude: Some(410.0) }
+                .moved(gps.enu_from(&place.sights.home)),
+        });
+    }
+    facts
+}
+
+/// Year, month, day, hour, minute and second of seconds since 1970, UTC.
+pub(super) fn calendar(time: i64) -> [i64; 6] {
+    // Days since 1 March of year 0, in years that begin with March (Hinnant's algorithm).
+    let days = time.div_euclid(86_400) + 719_468;
+    let era = days.div_euclid(146_097);
+    let day = days.rem_euclid(146_097);
+    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+    let of_year = day - (365 * year + year / 4 - year / 100);
+    let shifted = (5 * of_year + 2) / 153;
+    let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
+    let second = time.rem_euclid(86_400);
+    [
+        year + era * 400 + i64::from(month <= 2),
+        month,
+        of_year - (153 * shifted + 2) / 5 + 1,
+        second / 3600,
+        second / 60 % 60,
+        second % 60,
+    ]
+}
+
+/// A directory of EXIF and the values that do not fit into its entries.
+struct Directory {
+    /// Tag, type, number of values, and the value or its bytes.
+    entries: Vec<(u16, u16, u32, Vec<u8>)>,
+}
+
+impl Directory {
+    const BYTE: u16 = 1;
+    const TEXT: u16 = 2;
+    const SHORT: u16 = 3;
+    const LONG: u16 = 4;
+    const RATIONAL: u16 = 5;
+
+    fn new() -> Self {
+        Self { entries: Vec::new() }
+    }
+
+    fn text(&mut self, tag: u16, text: &str) {
+        let mut bytes = text.as_bytes().to_vec();
+        bytes.push(0);
+        self.entries.push((tag, Self::TEXT, bytes.len() as u32, bytes));
+    }
+
+    fn bytes(&mut self, tag: u16, bytes: &[u8]) {
+        self.entries.push((tag, Self::BYTE, bytes.len() as u32, bytes.to_vec()));
+    }
+
+    fn short(&mut self, tag: u16, value: u16) {
+        self.entries.push((tag, Self::SHORT, 1, value.to_le_bytes().to_vec()));
+    }
+
+    fn long(&mut self, tag: u16, value: u32) {
+        self.entries.push((tag, Self::LONG, 1, value.to_le_bytes().to_vec()));
+    }
+
+    /// Numbers of 0 and above, each with its denominator.
+    fn rationals(&mut self, tag: u16, values: &[(f64, u32)]) {
+        let bytes = values.iter().flat_map(|(value, below)| {
+            let above = (value * f64::from(*below)).round().clamp(0.0, f64::from(u32::MAX)) as u32;
+            [above.to_le_bytes(), below.to_le_bytes()].concat()
+        });
+        self.entries.push((tag, Self::RATIONAL, values.len() as u32, bytes.collect()));
+    }
+
+    /// The number of bytes that it takes.
+    fn size(&self) -> usize {
+        let values = self
+            .entries
+            .iter()
+            .map(|(.., bytes)| if bytes.len() > 4 { bytes.len().next_multiple_of(2) } else { 0 });
+        2 + 12 * self.entries.len() + 4 + values.sum::<usize>()
+    }
+
+    /// Appends it to a TIFF structure, at its end.
+    fn write(mut self, out: &mut Vec<u8>) {
+        self.entries.sort_by_key(|entry| entry.0);
+        let mut place = out.len() + 2 + 12 * self.entries.len() + 4;
+        let mut values = Vec::new();
+        out.extend((self.entries.len() as u16).to_le_bytes());
+        for (tag, kind, count, bytes) in &self.entries {
+            out.extend(tag.to_le_bytes());
+            out.extend(kind.to_le_bytes());
+            out.extend(count.to_le_bytes());
+            let mut inline = bytes.clone();
+            if bytes.len() > 4 {
+                inline = (place as u32).to_le_bytes().to_vec();
+                values.extend(bytes);
+                if bytes.len() % 2 == 1 {
+                    values.push(0);
+                }
+                place += bytes.len().next_multiple_of(2);
+            }
+            inline.resize(4, 0);
+            out.extend(inline);
+        }
+        out.extend(0u32.to_le_bytes());
+        out.extend(values);
+    }
+}
+
+impl ExifFacts {
+    /// The block of EXIF, as a PNG's `eXIf` chunk has it.
+    pub(super) fn to_bytes(&self) -> Vec<u8> {
+        let [year, month, day, hour, minute, second] = calendar(self.time);
+        let time = format!("{year:04}:{month:02}:{day:02} {hour:02}:{minute:02}:{second:02}");
+        let mut first = Directory::new();
+        first.text(0x010F, self.maker);
+        first.text(0x0110, self.model);
+        first.short(0x0112, 1);
+        first.text(0x0132, &time);
+        let mut photo = Directory::new();
+        photo.text(0x9003, &time);
+        photo.text(0x9011, "+00:00");
+        photo.rationals(0x920A, &[(self.focal / 5.6, 1000)]);
+        photo.short(0xA405, self.focal.round() as u16);
+        let gps = self.gps.map(|gps| {
+            let mut directory = Directory::new();
+            directory.bytes(0x0000, &[2, 3, 0, 0]);
+            for (reference, angle, letters) in [(1, gps.latitude, ["N", "S"]), (3, gps.longitude, ["E", "W"])]
+            {
+                directory.text(reference, letters[usize::from(angle < 0.0)]);
+                let (degrees, rest) = (angle.abs().trunc(), angle.abs().fract() * 60.0);
+                let (minutes, seconds) = (rest.trunc(), rest.fract() * 60.0);
+                directory.rationals(reference + 1, &[(degrees, 1), (minutes, 1), (seconds, 100_000)]);
+            }
+            if let Some(altitude) = gps.altitude {
+                directory.bytes(0x0005, &[u8::from(altitude < 0.0)]);
+                directory.rationals(0x0006, &[(altitude.abs(), if altitude.abs() < 4e6 { 1000 } else { 1 })]);
+            }
+            let [hour, minute, second] = [hour, minute, second].map(|value| (value as f64, 1));
+            directory.rationals(0x0007, &[hour, minute, second]);
+            directory.text(0x001D, &format!("{year:04}:{month:02}:{day:02}"));
+            directory
+        });
+        // The pointers are entries themselves, so all sizes must be known before.
+        let header = 8;
+        let pointers = if gps.is_some() { 2 } else { 1 };
+        let photo_at = header + first.size() + 12 * pointers;
+        first.long(0x8769, photo_at as u32);
+        if gps.is_some() {
+            first.long(0x8825, (photo_at + photo.size()) as u32);
+        }
+        let mut out = b"II\x2a\0\x08\0\0\0".to_vec();
+        first.write(&mut out);
+        photo.write(&mut out);
+        if let Some(gps) = gps {
+            gps.write(&mut out);
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn days_are_those_of_the_calendar() {
+        assert_eq!(calendar(0), [1970, 1, 1, 0, 0, 0]);
+        assert_eq!(calendar(951_782_400), [2000, 2, 29, 0, 0, 0]);
+        assert_eq!(calendar(1_717_059_369), [2024, 5, 30, 8, 56, 9]);
+    }
+}

@@ -1,0 +1,321 @@
+//! Captures as people bring them home: flights, walks and drives through a built-in place, and the truth beside them.
+//!
+//! The model is what structure from motion gives: cameras and points in arbitrary axes and an arbitrary unit, points
+//! where there is texture, noise and some mismatches. Photos carry EXIF with the time and a noisy position. What is
+//! wrong with them is chosen by [`CaptureFlaws`].
+//!
+//! ```text
+//! made-up.txt                  what it is
+//! images/00000.png ...         photos with EXIF
+//! sparse/0/                    cameras, poses and points in the model's axes
+//! truth.json                   the model's axes, unit and ground, the weather, and the facts of each photo
+//! truth/depth/00000.npy ...    view z of the first surface at each pixel's centre, m; 0 in the sky
+//! truth/normal/00000.npy ...   its normal, world axes (east, north, up), towards the camera; 0 in the sky
+//! truth/sky/00000.npy ...      1 in the sky, else 0
+//! truth/label/00000.npy ...    0 in the sky, else a number that truth.json explains
+//! truth/movers/00000.npy ...   the share of the pixel that shows what passes by, 0-1 (drives)
+//! truth/clean/00000.png ...    the photo without movers, weather and flaws
+//! ```
+//! Depth, normals and the rest are those of the photo's moment, movers included. Everything is a function of the
+//! place, the settings and the seed, and the same for any number of threads.
+
+mod exif;
+mod fall;
+mod flaws;
+mod points;
+mod shots;
+mod truth;
+
+pub use flaws::{CaptureFlaws, ExifFault, ToneCurve};
+
+use crate::air::Air;
+use crate::build::movers;
+use crate::dataset::{GroundTruth, files};
+use crate::light::Budget;
+use crate::photo::Casting;
+use crate::{Label, Place};
+use fall::Fall;
+use glam::{DMat3, DQuat, DVec3};
+use shots::Shot;
+use std::borrow::Cow;
+use std::{fs, path::Path};
+use wm_scene::capture::{
+    Capture, CaptureView, Distortion, Gps,
+    colmap::write::{self as colmap, ColmapStorage},
+};
+use wm_scene::random::RandomStream;
+use wm_scene::similarity::Similarity;
+use wm_scene::{Camera, FormatError, Problem, files::write_atomically};
+
+/// The way in which a capture is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CaptureKind {
+    /// A drone on parallel lines 50 m up that looks straight down, within some degrees; 75 % overlap.
+    Nadir,
+    /// A drone on a ring that looks inwards, 45 degrees down; every third photo 20, so that it sees the horizon.
+    Oblique,
+    /// Somebody who walks along a path with a phone: rolled, pitched and shaken.
+    Walk,
+    /// A camera in a car on a road with traffic and people.
+    Drive,
+}
+
+impl CaptureKind {
+    /// Its name in files and options.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nadir => "nadir",
+            Self::Oblique => "oblique",
+            Self::Walk => "walk",
+            Self::Drive => "drive",
+        }
+    }
+
+    /// The usual number of photos.
+    #[must_use]
+    pub fn usual_count(self) -> u32 {
+        match self {
+            Self::Nadir | Self::Oblique => 24,
+            Self::Walk | Self::Drive => 30,
+        }
+    }
+
+    /// Standard deviation of the positions in EXIF, m: of each photo along level axes, and of the altitude of all.
+    fn gps_noise(self) -> (f64, f64) {
+        match self {
+            Self::Nadir | Self::Oblique => (1.0, 2.0),
+            Self::Walk | Self::Drive => (2.5, 5.0),
+        }
+    }
+}
+
+/// The settings of a capture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CaptureSettings {
+    /// The way in which it is made.
+    pub kind: CaptureKind,
+    /// The number of photos that are taken, 1 and above.
+    pub count: u32,
+    /// Their width and height, px.
+    pub size: (u32, u32),
+    /// A pixel is the mean of this squared rays.
+    pub samples: u32,
+    /// Most points.
+    pub points: u32,
+    /// The encoding of the COLMAP model.
+    pub storage: ColmapStorage,
+    /// The maps that are written beside `truth.json`.
+    pub truth: GroundTruth,
+    /// The seed of all noise, and of the model's axes.
+    pub seed: u64,
+    /// What is wrong with the photos.
+    pub flaws: CaptureFlaws,
+}
+
+impl CaptureSettings {
+    /// The usual settings of a kind: photos of 600 x 400 px without flaws.
+    #[must_use]
+    pub fn new(kind: CaptureKind) -> Self {
+        Self {
+            kind,
+            count: kind.usual_count(),
+            size: (600, 400),
+            samples: 2,
+            points: 12_000,
+            storage: ColmapStorage::Binary,
+            truth: GroundTruth::Write,
+            seed: 1,
+            flaws: CaptureFlaws::default(),
+        }
+    }
+}
+
+/// The file with the truth.
+pub const TRUTH: &str = "truth.json";
+const ABOUT: &str = "Photos of a built-in place of Weather-Magician, ray-cast, as a real capture leaves them: the model's axes and\n\
+    unit are arbitrary. truth.json says what they are; truth/, where it is, holds exact maps of each photo.\n";
+/// Rays for the light of a pixel that has one ray, and of each of several: the noise that they leave is that of a
+/// sensor.
+const LIGHT: Budget = Budget { sun: 1, sky: 3 };
+const SHARE: Budget = Budget { sun: 1, sky: 1 };
+
+/// Purposes of random numbers.
+const AXES: u64 = 41;
+const GPS: u64 = 42;
+const FALL: u64 = 43;
+
+/// A photo that was taken: its facts for `truth.json`.
+pub(crate) struct Taken {
+    pub name: String,
+    pub shot: Shot,
+    /// Exposure against the others, EV.
+    pub exposure: f64,
+    /// Motion of the picture while it was exposed, px.
+    pub blur: glam::DVec2,
+    pub gps: Gps,
+    /// Share of the pixels that show movers.
+    pub moving: f64,
+}
+
+/// Writes a capture to a folder, which is created if needed, and returns it as it is read from there.
+///
+/// `progress` receives the number of finished photos and returns false to stop; then the result is `None`. Rows
+/// are cast on all threads.
+///
+/// # Errors
+/// [`FormatError`] if a file cannot be written or the size makes no camera.
+pub fn write(
+    place: &Place,
+    folder: &Path,
+    settings: &CaptureSettings,
+    progress: &mut dyn FnMut(usize) -> bool,
+) -> Result<Option<Capture>, FormatError> {
+    let fault = |what: String| FormatError::whole(folder, Problem::Value(what));
+    settings.flaws.check().map_err(fault)?;
+    let shots = shots::shots(place, settings).map_err(|e| fault(e.to_string()))?;
+    let images = folder.join("images");
+    let mut folders = vec![images.clone()];
+    if settings.truth == GroundTruth::Write {
+        folders.extend(maps(settings).map(|name| folder.join("truth").join(name)));
+    }
+    for folder in folders {
+        fs::create_dir_all(&folder).map_err(|e| FormatError::whole(&folder, Problem::Write(e.into())))?;
+    }
+    write_atomically(&folder.join(crate::dataset::MARK), |out| Ok(out.write_all(ABOUT.as_bytes())?))?;
+    let model_from_world = axes(settings.seed);
+    let (mut taken, mut masks) = (Vec::new(), Vec::new());
+    for (index, shot) in shots.into_iter().enumerate() {
+        let (photo, mask) = take(place, folder, settings, index, shot)?;
+        taken.push(photo);
+        masks.push(mask);
+        if !progress(index + 1) {
+            return Ok(None);
+        }
+    }
+    let cameras: Vec<Camera> = taken.iter().map(|photo| photo.shot.camera).collect();
+    let (mut points, observations) = points::points(place, &cameras, &masks, settings);
+    for position in &mut points.positions {
+        *position = model_from_world.point(DVec3::from_array(*position)).to_array();
+    }
+    let view = |photo: &Taken| CaptureView {
+        name: photo.name.clone(),
+        camera: model_from_world.camera(&photo.shot.camera),
+        distortion: Distortion::None,
+        camera_id: 1,
+        file: photo.name.clone().into(),
+        mask: None,
+    };
+    let capture = Capture {
+        source: folder.into(),
+        images,
+        masks: None,
+        views: taken.iter().map(view).collect(),
+        points,
+        observations,
+    };
+    colmap::write(&capture, &folder.join("sparse/0"), settings.storage)?;
+    truth::write(place, folder, settings, &model_from_world, &taken)?;
+    Ok(Some(capture))
+}
+
+/// The folders of the maps that a capture has.
+fn maps(settings: &CaptureSettings) -> impl Iterator<Item = &'static str> {
+    let movers = (settings.kind == CaptureKind::Drive).then_some("movers");
+    ["depth", "normal", "sky", "label", "clean"].into_iter().chain(movers)
+}
+
+/// The model's axes: any rotation, a unit of 0.2 to 20 m, an origin somewhere.
+fn axes(seed: u64) -> Similarity {
+    let random = RandomStream::new(seed, AXES, 0);
+    let ([x, y, z], [w, ..]) = (random.normal3(0), random.normal3(1));
+    let shift = DVec3::from_array(random.normal3(2)) * 10.0;
+    let scale = (0.05f64).powf(random.uniform(40)) * 5.0;
+    let turn = DQuat::from_xyzw(x, y, z, w).normalize();
+    Similarity { scale, rotation: DMat3::from_quat(turn), translation: shift }
+}
+
+/// The haze of a capture.
+fn air(place: &Place, settings: &CaptureSettings) -> Option<Air> {
+    settings.flaws.haze.map(|mor| Air { mor, airlight: place.horizon() })
+}
+
+/// Takes photo `index` and writes it with its maps; gives its facts and, for each pixel, whether a mover hides
+/// the place there.
+fn take(
+    place: &Place,
+    folder: &Path,
+    settings: &CaptureSettings,
+    index: usize,
+    shot: Shot,
+) -> Result<(Taken, Vec<bool>), FormatError> {
+    let camera = shot.camera;
+    let scene = match settings.kind {
+        CaptureKind::Drive => {
+            let ground = |p: glam::DVec2| place.ground_height(p.x, p.y).unwrap_or_default();
+            let at = camera.center().truncate();
+            Cow::Owned(place.with_movers(|b| movers::traffic(b, at, shot.time, &ground, settings.seed)))
+        }
+        _ => Cow::Borrowed(place),
+    };
+    let air = air(place, settings);
+    let casting = Casting { samples: settings.samples.max(1), budget: SHARE, plain: LIGHT, air };
+    let pixels = scene.picture(&camera, &casting);
+    let mut light: Vec<DVec3> = pixels.iter().map(|pixel| DVec3::from_array(pixel.radiance)).collect();
+    for (fall, rate) in [(Fall::Rain, settings.flaws.rain), (Fall::Snow, settings.flaws.snow)] {
+        if let Some(rate) = rate {
+            let random = RandomStream::new(settings.seed, FALL + fall as u64, index as u32);
+            let depth: Vec<f64> = pixels.iter().map(|pixel| pixel.depth).collect();
+            fall.draw(&mut light, &camera, &depth, rate, place.horizon(), random);
+        }
+    }
+    let size = (camera.width as usize, camera.height as usize);
+    let blur = shot.shake + settings.flaws.motion(settings.seed, index);
+    let light = flaws::moved(&light, size, blur);
+    let exposure = settings.flaws.exposure(settings.seed, index);
+    let rgb = flaws::developed(&light, exposure, settings.flaws.tone);
+
+    let name = format!("{index:05}.png");
+    let gps = position(place, settings, index, &camera);
+    let facts = exif::facts(place, settings, index, &shot, gps);
+    files::write_png(&folder.join("images").join(&name), settings.size, &rgb, Some(&facts.to_bytes()))?;
+    if settings.truth == GroundTruth::Write {
+        let folder = folder.join("truth");
+        files::write_maps(&folder, &format!("{index:05}"), &camera, &pixels)?;
+        let numbers = pixels.iter().map(|pixel| pixel.label.map_or(0.0, number));
+        files::write_map(&folder, "label", &format!("{index:05}"), &camera, numbers)?;
+        if settings.kind == CaptureKind::Drive {
+            let shares = pixels.iter().map(|pixel| pixel.moving as f32);
+            files::write_map(&folder, "movers", &format!("{index:05}"), &camera, shares)?;
+        }
+        let clean = match settings.kind {
+            CaptureKind::Drive => place.picture(&camera, &Casting { air: None, ..casting }),
+            _ if casting.air.is_some() => place.picture(&camera, &Casting { air: None, ..casting }),
+            _ => pixels.clone(),
+        };
+        let light: Vec<DVec3> = clean.iter().map(|pixel| DVec3::from_array(pixel.radiance)).collect();
+        let rgb = flaws::developed(&light, 0.0, ToneCurve::Standard);
+        files::write_png(&folder.join("clean").join(&name), settings.size, &rgb, None)?;
+    }
+    let moving = pixels.iter().map(|pixel| pixel.moving).sum::<f64>() / pixels.len() as f64;
+    let mask = pixels.iter().map(|pixel| pixel.moving > 0.0).collect();
+    Ok((Taken { name, shot, exposure, blur, gps, moving }, mask))
+}
+
+/// The number of a label in files.
+fn number(label: Label) -> f32 {
+    Label::ALL.iter().position(|other| *other == label).map_or(0.0, |place| place as f32 + 1.0)
+}
+
+/// The position that a receiver measures.
+fn position(place: &Place, settings: &CaptureSettings, index: usize, camera: &Camera) -> Gps {
+    let (level, high) = settings.kind.gps_noise();
+    let random = RandomStream::new(settings.seed, GPS, 0);
+    let [x, y, z] = random.normal3(index as u64 + 1);
+    let [offset, ..] = random.normal3(0);
+    let noise = DVec3::new(x * level, y * level, offset * high + 0.15 * z * high);
+    place.sights.home.moved(camera.center() + noise)
+}
+
+#[cfg(test)]
+mod tests;

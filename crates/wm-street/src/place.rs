@@ -1,0 +1,252 @@
+//! A place: its surfaces, what a ray meets, and the light there.
+
+use crate::build::{Builder, Primitive};
+use crate::bvh::Bvh;
+use crate::exposed;
+use crate::ground::GroundCover;
+use crate::light::{Budget, LightMap};
+use crate::paint::{Label, Material, Paint};
+use crate::shape::{self, Crossing};
+use crate::sky;
+use crate::views::{Sights, Viewpoint};
+use glam::{DVec2, DVec3};
+use wm_scene::Metadata;
+
+/// Rays that [`Place::cast`] spends on the light of a point.
+pub(crate) const CAST: Budget = Budget { sun: 2, sky: 12 };
+/// The same where several rays make a pixel: they share the work, and the mean is as smooth.
+pub(crate) const SHARED: Budget = Budget { sun: 1, sky: 3 };
+/// Footprint of a cast ray per metre of its length: a pixel of a picture about 1000 px high.
+const FOOTPRINT: f64 = 0.0012;
+
+/// A place with everything in it.
+#[derive(Clone, Debug)]
+pub struct Place {
+    pub(crate) name: &'static str,
+    pub(crate) seed: u64,
+    /// What stands still in the order of `tree`, then what moves in the order of `movers`.
+    pub(crate) primitives: Vec<Primitive>,
+    pub(crate) paints: Vec<Paint>,
+    tree: Bvh,
+    /// The number of primitives that stand still.
+    fixed: usize,
+    movers: Bvh,
+    pub(crate) cover: GroundCover,
+    pub(crate) light: LightMap,
+    pub(crate) sights: Sights,
+}
+
+/// A surface that a ray meets, without light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceHit {
+    /// Distance along the ray, m.
+    pub t: f64,
+    /// Normal of the geometry on the side that the ray comes from, length 1.
+    pub normal: DVec3,
+    /// The material of the surface.
+    pub material: Material,
+    /// The kind of thing that it belongs to.
+    pub label: Label,
+}
+
+/// A surface that a ray meets, with its light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LitHit {
+    /// Distance along the ray, m.
+    pub t: f64,
+    /// The point, world axes, m.
+    pub point: DVec3,
+    /// Normal of the geometry on the side that the ray comes from, length 1.
+    pub normal: DVec3,
+    /// The material of the surface.
+    pub material: Material,
+    /// The kind of thing that it belongs to.
+    pub label: Label,
+    /// Linear radiance towards the ray's origin; see [`display_of`].
+    pub radiance: [f64; 3],
+}
+
+impl Place {
+    pub(crate) fn of(name: &'static str, builder: Builder, sights: Sights) -> Self {
+        let Builder { primitives, paints, seed, cover, .. } = builder;
+        let (tree, order) = Bvh::build(primitives.iter().map(|primitive| primitive.shape));
+        let primitives: Vec<Primitive> = order.into_iter().map(|index| primitives[index]).collect();
+        let (movers, _) = Bvh::build(std::iter::empty());
+        let (fixed, light) = (primitives.len(), LightMap::default());
+        let mut place = Self { name, seed, primitives, paints, tree, fixed, movers, cover, light, sights };
+        place.light = LightMap::of(&place);
+        place
+    }
+
+    /// The place with things in it that move: `build` puts them where they are at one time.
+    pub(crate) fn with_movers(&self, build: impl FnOnce(&mut Builder)) -> Self {
+        let mut builder = Builder::new(self.seed);
+        builder.paints.clone_from(&self.paints);
+        builder.labelled(Label::Mover, build);
+        let (movers, order) = Bvh::build(builder.primitives.iter().map(|primitive| primitive.shape));
+        let mut place = self.clone();
+        place.primitives.truncate(self.fixed);
+        place.primitives.extend(order.into_iter().map(|index| builder.primitives[index]));
+        Self { paints: builder.paints, movers, ..place }
+    }
+
+    /// Its name: `street` or `park`.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Views that look good, the best first.
+    #[must_use]
+    pub fn views(&self) -> &[Viewpoint] {
+        &self.sights.views
+    }
+
+    /// A walk through it at 1.6 m eye height; `time` runs from 0 to 1. See [`Street::dolly`](crate::Street::dolly).
+    #[must_use]
+    pub fn dolly(&self, time: f64) -> Viewpoint {
+        (self.sights.dolly)(self, time.clamp(0.0, 1.0))
+    }
+
+    /// The first surface along a ray, with its light; `None` where the ray ends in the sky.
+    ///
+    /// `direction` need not have length 1; `t` is in metres all the same.
+    #[must_use]
+    pub fn cast(&self, origin: DVec3, direction: DVec3) -> Option<LitHit> {
+        self.cast_with(origin, direction, CAST)
+    }
+
+    /// The first surface along a ray without its light: what depth and normals need, and quicker.
+    #[must_use]
+    pub fn first(&self, origin: DVec3, direction: DVec3) -> Option<SurfaceHit> {
+        let direction = direction.try_normalize()?;
+        let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
+        let outward = self.primitives[which].shape.spot_anywhere(crossing.a, crossing.b).normal;
+        let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
+        let (material, label) = self.matter(which, origin + direction * crossing.t);
+        Some(SurfaceHit { t: crossing.t, normal, material, label })
+    }
+
+    /// Height of the ground at a position, m: of what lies under trees and things, and of the surface of water.
+    ///
+    /// `None` beyond the fields that surround the place.
+    #[must_use]
+    pub fn ground_height(&self, x: f64, y: f64) -> Option<f64> {
+        /// More surfaces than lie above each other anywhere.
+        const MOST: usize = 1000;
+        let mut from = DVec3::new(x, y, 300.0);
+        for _ in 0..MOST {
+            let hit = self.first(from, -DVec3::Z)?;
+            let point = from - DVec3::Z * hit.t;
+            if hit.label.is_ground() || hit.label == Label::Water {
+                return Some(point.z);
+            }
+            from = point - DVec3::Z * 1e-6;
+        }
+        None
+    }
+
+    /// Linear radiance of the sky in a direction (any length but 0).
+    #[must_use]
+    pub fn sky(&self, direction: DVec3) -> [f64; 3] {
+        self.sky_in(direction.normalize_or(DVec3::Z)).to_array()
+    }
+
+    /// Towards the sun, length 1.
+    #[must_use]
+    pub fn sun_direction() -> DVec3 {
+        sky::sun()
+    }
+
+    /// The facts that weather needs: metres, up, ground at 0, the light of the horizon.
+    #[must_use]
+    pub fn metadata(&self) -> Metadata {
+        Metadata {
+            metres_per_unit: Some(1.0),
+            up: Some(DVec3::Z),
+            ground: Some(0.0),
+            airlight: Some(exposed(self.horizon().to_array())),
+            provenance: Some(format!("weather-magician built-in {}, seed {}", self.name, self.seed)),
+            ..Metadata::default()
+        }
+    }
+
+    /// Mean linear radiance of the sky just above the horizon.
+    pub(crate) fn horizon(&self) -> DVec3 {
+        let mut mean = DVec3::ZERO;
+        for step in 0..64 {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(step) / 64.0).sin_cos();
+            mean += DVec3::from_array(self.sky(DVec3::new(cos, sin, 0.05))) / 64.0;
+        }
+        mean
+    }
+
+    pub(crate) fn sky_in(&self, direction: DVec3) -> DVec3 {
+        sky::radiance(direction, self.seed as u32)
+    }
+
+    /// The material of a primitive; of covered ground that of the lawn.
+    pub(crate) fn material(&self, which: usize) -> Material {
+        self.paints[usize::from(self.primitives[which].paint)].material
+    }
+
+    /// The paint of a primitive at a point of it.
+    pub(crate) fn paint(&self, which: usize, point: DVec3) -> Paint {
+        let paint = self.primitives[which].paint;
+        if self.cover.covers(paint) {
+            return self.cover.paint_at(point.truncate(), &self.paints);
+        }
+        self.paints[usize::from(paint)]
+    }
+
+    /// The material and the label of a primitive at a point of it.
+    pub(crate) fn matter(&self, which: usize, point: DVec3) -> (Material, Label) {
+        let primitive = &self.primitives[which];
+        let material = self.paint(which, point).material;
+        let label = if self.cover.covers(primitive.paint) { material.label() } else { primitive.label };
+        (material, label)
+    }
+
+    /// The nearest crossing before `high`, movers among them, and its primitive.
+    pub(crate) fn nearest(&self, origin: DVec3, direction: DVec3, high: f64) -> Option<(usize, Crossing)> {
+        let ray = (origin, direction);
+        let fixed = self.tree.nearest(|which| &self.primitives[which].shape, ray, 1e-9, high);
+        let high = fixed.map_or(high, |(_, crossing)| crossing.t);
+        let shape = |which: usize| &self.primitives[self.fixed + which].shape;
+        let moving = self.movers.nearest(shape, ray, 1e-9, high);
+        moving.map(|(which, crossing)| (self.fixed + which, crossing)).or(fixed)
+    }
+
+    /// Returns true if anything stands in the way before `high`.
+    pub(crate) fn blocked(&self, origin: DVec3, direction: DVec3, high: f64) -> bool {
+        let ray = (origin, direction);
+        self.tree.any(|which| &self.primitives[which].shape, ray, 1e-9, high)
+            || self.movers.any(|which| &self.primitives[self.fixed + which].shape, ray, 1e-9, high)
+    }
+
+    pub(crate) fn cast_with(&self, origin: DVec3, direction: DVec3, budget: Budget) -> Option<LitHit> {
+        let direction = direction.try_normalize()?;
+        let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
+        Some(self.hit(which, &crossing, (origin, direction), budget, FOOTPRINT))
+    }
+
+    /// The light of a crossing; `footprint` is the width of the ray per metre of its length.
+    pub(crate) fn hit(
+        &self,
+        which: usize,
+        crossing: &Crossing,
+        (origin, direction): (DVec3, DVec3),
+        budget: Budget,
+        footprint: f64,
+    ) -> LitHit {
+        let point = origin + direction * crossing.t;
+        let unit = DVec2::new(crossing.a, crossing.b);
+        let spot = shape::Spot { point, ..self.primitives[which].shape.spot_anywhere(unit.x, unit.y) };
+        let normal = if spot.normal.dot(direction) > 0.0 { -spot.normal } else { spot.normal };
+        let slant = normal.dot(direction).abs().max(0.1);
+        let width = (footprint * crossing.t / slant.sqrt()).max(1e-3);
+        let radiance = self.shade(which, &spot, (unit, direction), width, budget).to_array();
+        let (material, label) = self.matter(which, point);
+        LitHit { t: crossing.t, point, normal, material, label, radiance }
+    }
+}
