@@ -2,8 +2,8 @@
 //!
 //! The temporary file lies in the same folder, since a rename is only atomic within one file system.
 //! It is called `<name>.<process>-<count>.part` and is removed when writing fails, and by
-//! [`abandon_temporaries`] before the process is ended. Nothing is flushed to the disk by force:
-//! thousands of frames would wait for it, and a power cut costs only the last ones.
+//! [`abandon_temporaries`] before the process is ended. Nothing is flushed to the disk by force, except by
+//! [`write_durably`]: thousands of frames would wait for it, and a power cut costs only the last ones.
 
 use crate::error::{FormatError, Problem};
 use std::{
@@ -73,6 +73,25 @@ pub fn write_atomically(
     write_whole(path, |f| fault(f.into()), |out| write(out).map_err(fault))
 }
 
+/// Writes a file as [`write_atomically`] does, and returns once it is on the disk, so that a power cut leaves the old file or the
+/// new one: for files that are worth hours, such as checkpoints.
+///
+/// # Errors
+/// Those of [`write_atomically`].
+pub fn write_durably(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> Result<(), Problem>,
+) -> Result<(), FormatError> {
+    let fault = |problem| FormatError::whole(path, problem);
+    let temporary = written(path, |f| fault(f.into()), |out| write(out).map_err(fault))?;
+    temporary.file().sync_all().map_err(|error| fault(WriteFault::from(error).into()))?;
+    let folder = folder_of(&temporary.resolved).to_owned();
+    temporary.persist().map_err(|f| fault(f.into()))?;
+    // The new name is in the folder, which some systems do not open as a file.
+    let _ = File::open(folder).and_then(|folder| folder.sync_all());
+    Ok(())
+}
+
 /// Writes a file whole or not at all, as [`write_atomically`] does, with errors of another type; `fault` converts
 /// those of the system.
 ///
@@ -83,12 +102,21 @@ pub fn write_whole<E>(
     fault: impl Fn(WriteFault) -> E,
     write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
 ) -> Result<(), E> {
+    written(path, &fault, write)?.persist().map_err(&fault)
+}
+
+/// Writes the temporary file of `path`.
+fn written<E>(
+    path: &Path,
+    fault: impl Fn(WriteFault) -> E,
+    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
+) -> Result<TempFile, E> {
     let temporary = TempFile::beside(path).map_err(&fault)?;
     let mut out = BufWriter::with_capacity(BUFFER, temporary.file());
     write(&mut out)?;
     out.flush().map_err(|error| fault(error.into()))?;
     drop(out);
-    temporary.persist().map_err(&fault)
+    Ok(temporary)
 }
 
 /// Checks that `path` can be written, before long work.
@@ -257,6 +285,8 @@ mod tests {
             write_atomically(&path, |out| Ok(out.write_all(text.as_bytes())?)).unwrap();
             assert_eq!(fs::read_to_string(&path).unwrap(), text);
         }
+        write_durably(&path, |out| Ok(out.write_all(b"third")?)).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "third");
         assert_eq!(names(folder.path()), ["a.ply"]);
     }
 

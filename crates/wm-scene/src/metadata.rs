@@ -1,5 +1,6 @@
 //! Facts about a scene that weather needs and that splat files have no field for.
 
+use crate::survey::Confidence;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -19,12 +20,24 @@ pub struct Metadata {
     /// line, at most [`Metadata::MAX_PROVENANCE`] bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale_source: Option<String>,
+    /// How sure the scale is; nothing if it is sure.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale_confidence: Option<Confidence>,
     /// The direction against gravity, world axes, length 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub up: Option<DVec3>,
+    /// The source of `up`, such as "the GPS of 18 photos, met within 0.5 m"; as `scale_source`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up_source: Option<String>,
+    /// How sure up is; nothing if it is sure.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up_confidence: Option<Confidence>,
     /// Height of the ground along `up`, scene units: a point `p` is on it where `up . p` is this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ground: Option<f64>,
+    /// How sure the ground is; nothing if it is sure.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ground_confidence: Option<Confidence>,
     /// Height of the photos' cameras above the ground, scene units, where they were carried at one height over it: the
     /// ground is parallel to their path.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -58,11 +71,15 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 8] = [
+    pub const KEYS: [&str; 12] = [
         "metres_per_unit",
         "scale_source",
+        "scale_confidence",
         "up",
+        "up_source",
+        "up_confidence",
         "ground",
+        "ground_confidence",
         "camera_height",
         "airlight",
         "rasterization",
@@ -96,12 +113,22 @@ impl Metadata {
         })
     }
 
-    /// `self` where it says something, `other` elsewhere. What a scale is from goes with the scale.
+    /// `self` where it says something, `other` elsewhere. The source and the confidence of a fact go with the fact.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
-        let is_replaced = self.metres_per_unit.is_some() && other.metres_per_unit.is_some();
+        // The other's word on a fact goes with its fact.
+        fn note<N, T>(own: Option<N>, other: Option<N>, facts: (&Option<T>, &Option<T>)) -> Option<N> {
+            let is_replaced = facts.0.is_some() && facts.1.is_some();
+            own.or(other.filter(|_| !is_replaced))
+        }
+        let scale = (&self.metres_per_unit, &other.metres_per_unit);
+        let (up, ground) = ((&self.up, &other.up), (&self.ground, &other.ground));
         Self {
-            scale_source: self.scale_source.or(other.scale_source.filter(|_| !is_replaced)),
+            scale_source: note(self.scale_source, other.scale_source, scale),
+            scale_confidence: note(self.scale_confidence, other.scale_confidence, scale),
+            up_source: note(self.up_source, other.up_source, up),
+            up_confidence: note(self.up_confidence, other.up_confidence, up),
+            ground_confidence: note(self.ground_confidence, other.ground_confidence, ground),
             metres_per_unit: self.metres_per_unit.or(other.metres_per_unit),
             up: self.up.or(other.up),
             ground: self.ground.or(other.ground),
@@ -140,7 +167,12 @@ impl Metadata {
         {
             return Some(format!("airlight is {airlight:?}: each value must be finite and not below 0"));
         }
-        for (key, text) in [("scale_source", &self.scale_source), ("provenance", &self.provenance)] {
+        let texts = [
+            ("scale_source", &self.scale_source),
+            ("up_source", &self.up_source),
+            ("provenance", &self.provenance),
+        ];
+        for (key, text) in texts {
             if text
                 .as_ref()
                 .is_some_and(|text| text.len() > Self::MAX_PROVENANCE || text.chars().any(char::is_control))
@@ -164,8 +196,12 @@ mod tests {
         Metadata {
             metres_per_unit: Some(16.4),
             scale_source: Some("a tape".into()),
+            scale_confidence: Some(Confidence::Likely),
             up: Some(DVec3::NEG_Y),
+            up_source: Some("a plumb line".into()),
+            up_confidence: Some(Confidence::Guess),
             ground: Some(-1.5),
+            ground_confidence: Some(Confidence::Likely),
             camera_height: Some(0.1),
             airlight: Some([0.7, 0.75, 0.8]),
             rasterization: Some(Rasterization::Antialiased),

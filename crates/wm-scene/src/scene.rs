@@ -95,6 +95,7 @@ impl Scene {
     pub fn metres_per_unit(mut self, metres: f64) -> Self {
         self.metadata.metres_per_unit = Some(metres);
         self.metadata.scale_source = None;
+        self.metadata.scale_confidence = None;
         self
     }
 
@@ -102,6 +103,8 @@ impl Scene {
     #[must_use]
     pub fn up(mut self, up: impl Into<DVec3>) -> Self {
         self.metadata.up = Some(up.into().normalize_or_zero());
+        self.metadata.up_source = None;
+        self.metadata.up_confidence = None;
         self
     }
 
@@ -109,6 +112,7 @@ impl Scene {
     #[must_use]
     pub fn ground(mut self, height: f64) -> Self {
         self.metadata.ground = Some(height);
+        self.metadata.ground_confidence = None;
         self
     }
 }

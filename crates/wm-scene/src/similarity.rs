@@ -1,6 +1,6 @@
 //! Turning, scaling and moving a whole scene.
 
-use crate::{Scene, Splats, camera::viewmat_of, quat, sh};
+use crate::{Camera, Scene, Splats, camera::viewmat_of, quat, sh};
 use glam::{DMat3, DQuat, DVec3};
 
 /// `p -> scale * rotation * p + translation`.
@@ -34,8 +34,19 @@ impl Similarity {
         }
     }
 
-    fn point(&self, p: DVec3) -> DVec3 {
+    /// Transforms a point.
+    #[must_use]
+    pub fn point(&self, p: DVec3) -> DVec3 {
         self.scale * (self.rotation * p) + self.translation
+    }
+
+    /// Transforms a camera: afterwards it sees the transformed scene as it saw the scene before.
+    #[must_use]
+    pub fn camera(&self, camera: &Camera) -> Camera {
+        let rotation = camera.rotation() * self.rotation.transpose();
+        let center = self.point(camera.center());
+        let viewmat = viewmat_of(rotation, -(rotation * center));
+        Camera { viewmat, near: camera.near * self.scale, ..*camera }
     }
 
     /// Transforms a scene: splats, metadata and views.
@@ -49,10 +60,7 @@ impl Similarity {
         metadata.ground =
             metadata.ground.zip(metadata.up).map(|(g, up)| g * self.scale + up.dot(self.translation));
         for view in &mut scene.views {
-            let rotation = view.camera.rotation() * self.rotation.transpose();
-            let center = self.point(view.camera.center());
-            view.camera.viewmat = viewmat_of(rotation, -(rotation * center));
-            view.camera.near *= self.scale;
+            view.camera = self.camera(&view.camera);
         }
     }
 

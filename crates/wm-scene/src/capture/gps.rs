@@ -1,4 +1,4 @@
-//! Metres per scene unit from the positions that the photos state.
+//! Scale, up and north from the positions that the photos state.
 //!
 //! Places on the ellipsoid become east, north and up in metres around the first of them; then the
 //! similarity `enu = s R x + t` is found that takes the cameras there (Horn 1987, the closed form
@@ -6,6 +6,7 @@
 //! from all of them with weights that let outliers fade (Geman and McClure).
 
 use crate::jacobi::jacobi;
+use crate::survey::linear::{horizontals, outer};
 use glam::{DMat3, DQuat, DVec3};
 
 /// A place on Earth, WGS 84.
@@ -19,11 +20,18 @@ pub struct Gps {
     pub altitude: Option<f64>,
 }
 
-/// A scale from the positions of photos.
+/// What the positions of photos tell of a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GpsScale {
+pub struct GpsFit {
     /// Metres per scene unit.
     pub metres_per_unit: f64,
+    /// The direction against gravity, world axes, length 1.
+    pub up: DVec3,
+    /// True north, level, world axes, length 1.
+    pub north: DVec3,
+    /// The inverse covariance of `up` in world axes, 1/rad^2: how much a turn of it is resisted, by direction. Small along
+    /// the direction in which cameras on one line leave it open; zero if altitudes are missing.
+    pub information: DMat3,
     /// Median distance between the cameras and the positions of their photos, m.
     pub residual: f64,
     /// Greatest distance between two places along an axis, m.
@@ -43,6 +51,9 @@ const TRIALS: usize = 500;
 
 /// Least error that a place is thought to have, m.
 const FLOOR: f64 = 1.0;
+
+/// Positions of one flight or walk err alike: no more than this many count as independent.
+const INDEPENDENT: f64 = 8.0;
 
 impl Gps {
     /// `None` if it is no place: out of range, or the 0, 0 that cameras without reception write.
@@ -78,16 +89,32 @@ impl Gps {
         );
         rows.transpose() * (self.ecef() - origin.ecef())
     }
+
+    /// The place so many metres east, north and up of `self`: the inverse of [`Self::enu_from`], to a
+    /// millimetre within some kilometres. Not for the poles.
+    #[must_use]
+    pub fn moved(&self, enu: DVec3) -> Self {
+        const METRES_PER_DEGREE: f64 = 111_320.0;
+        let mut place = *self;
+        // Newton's method with the derivative of a sphere: each round leaves less than a hundredth of the error.
+        for _ in 0..6 {
+            let left = enu - place.enu_from(self);
+            place.latitude += left.y / METRES_PER_DEGREE;
+            place.longitude += left.x / (METRES_PER_DEGREE * place.latitude.to_radians().cos());
+            place.altitude = Some(place.altitude.unwrap_or(0.0) + left.z);
+        }
+        place
+    }
 }
 
-/// Metres per scene unit from camera centres `[V, 3]` and the places of their photos `[V]`.
+/// Fits camera centres `[V, 3]`, scene units, to the places of their photos `[V]`.
 ///
 /// `None` with fewer than 3 places, or where they lie too close together for their error to tell.
 ///
 /// # Panics
 /// If the lengths differ.
 #[must_use]
-pub fn metres_per_unit(centers: &[DVec3], places: &[Option<Gps>]) -> Option<GpsScale> {
+pub fn fit(centers: &[DVec3], places: &[Option<Gps>]) -> Option<GpsFit> {
     assert_eq!(centers.len(), places.len(), "a place (or none) a camera");
     let both: Vec<(DVec3, Gps)> = centers
         .iter()
@@ -135,7 +162,27 @@ pub fn metres_per_unit(centers: &[DVec3], places: &[Option<Gps>]) -> Option<GpsS
     }
     let residual = fit.residual(&pairs);
     let is_sound = fit.scale.is_finite() && fit.scale > 0.0 && extent > MIN_RATIO * residual;
-    is_sound.then_some(GpsScale { metres_per_unit: fit.scale, residual, extent, photos: pairs.len() })
+    is_sound.then(|| GpsFit {
+        metres_per_unit: fit.scale,
+        up: fit.rotation.transpose() * DVec3::Z,
+        north: fit.rotation.transpose() * DVec3::Y,
+        information: if is_flat { DMat3::ZERO } else { fit.information(&pairs, residual) },
+        residual,
+        extent,
+        photos: pairs.len(),
+    })
+}
+
+impl GpsFit {
+    /// Standard deviation of [`Self::up`] in the direction in which it is known least, radians; infinite if it is not known.
+    #[must_use]
+    pub fn up_error(&self) -> f64 {
+        let (x, y) = horizontals(self.up);
+        let [xx, xy, yy] =
+            [x.dot(self.information * x), x.dot(self.information * y), y.dot(self.information * y)];
+        let least = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
+        least.max(0.0).sqrt().recip()
+    }
 }
 
 struct Similarity {
@@ -179,6 +226,24 @@ impl Similarity {
 
     fn apply(&self, point: DVec3) -> DVec3 {
         self.to + self.scale * (self.rotation * (point - self.from))
+    }
+
+    /// The inverse covariance of up by the spread of the places, for an error of `residual` m; see [`GpsFit::information`].
+    fn information(&self, pairs: &[(DVec3, DVec3)], residual: f64) -> DMat3 {
+        // A turn w moves the place p by w x p: places resist it by |w x p|^2.
+        let spread = pairs.iter().fold(DMat3::ZERO, |sum, (_, to)| sum + outer(*to - self.to, 1.0));
+        let trace = spread.col(0).x + spread.col(1).y + spread.col(2).z;
+        let count = pairs.len() as f64;
+        let sigma = residual.max(FLOOR);
+        let turns = (DMat3::from_diagonal(DVec3::splat(trace)) - spread)
+            * ((INDEPENDENT / count).min(1.0) / (sigma * sigma));
+        // Up is turned by w_x and w_y; a turn about itself, w_z, is left free.
+        let [xz, yz, zz] = [turns.col(2).x, turns.col(2).y, turns.col(2).z.max(1e-12)];
+        let (xx, xy, yy) =
+            (turns.col(0).x - xz * xz / zz, turns.col(0).y - xz * yz / zz, turns.col(1).y - yz * yz / zz);
+        // w_x moves up by -y, w_y by +x.
+        let enu = DMat3::from_cols(DVec3::new(yy, -xy, 0.0), DVec3::new(-xy, xx, 0.0), DVec3::ZERO);
+        self.rotation.transpose() * enu * self.rotation
     }
 
     /// Median distance.
@@ -236,6 +301,14 @@ mod tests {
     }
 
     #[test]
+    fn moving_is_the_inverse_of_east_north_up() {
+        for enu in [DVec3::ZERO, DVec3::new(900.0, -700.0, 60.0), DVec3::new(-3000.0, 2000.0, -20.0)] {
+            let there = LUND.moved(enu);
+            assert!((there.enu_from(&LUND) - enu).length() < 1e-3, "{there:?}");
+        }
+    }
+
+    #[test]
     fn the_scale_comes_out_of_noise_and_outliers() {
         let turn = DMat3::from_quat(DQuat::from_xyzw(0.5, -0.3, 0.2, 0.8).normalize());
         let noise =
@@ -247,10 +320,38 @@ mod tests {
             let off = if index % 6 == 0 { DVec3::new(-80.0, 150.0, 9.0) } else { DVec3::ZERO };
             places.push((index % 7 != 3).then(|| place(enu + noise(index) + off)));
         }
-        let found = metres_per_unit(&centers, &places).unwrap();
+        let found = fit(&centers, &places).unwrap();
         // Errors of 2 m along 180 m with 50 cameras leave well under 1 %.
         assert!((found.metres_per_unit / 16.4 - 1.0).abs() < 0.01, "{found:?}");
         assert!(found.residual < 3.0 && found.photos == 51, "{found:?}");
+    }
+
+    /// A survey from the air of which up, north and scale are known, in axes of its own.
+    #[test]
+    fn up_and_north_come_with_their_error() {
+        let turn = DMat3::from_quat(DQuat::from_xyzw(0.5, -0.3, 0.2, 0.8).normalize());
+        let noise =
+            |index: u64| DVec3::new(uniform(1, index), uniform(2, index), uniform(3, index)) * 2.0 - 1.0;
+        let survey = |rows: u64| {
+            let cameras =
+                (0..4 * rows).map(|i| DVec3::new(20.0 * (i % 4) as f64, 25.0 * (i / 4) as f64, 50.0));
+            let pairs =
+                cameras.enumerate().map(|(i, enu)| (turn * enu / 7.0, Some(place(enu + noise(i as u64)))));
+            pairs.unzip::<_, _, Vec<_>, Vec<_>>()
+        };
+        let (centers, places) = survey(5);
+        let found = fit(&centers, &places).unwrap();
+        let off = |found: DVec3, truth: DVec3| found.angle_between(turn * truth).to_degrees();
+        let error = found.up_error().to_degrees();
+        assert!(off(found.up, DVec3::Z) < 2.0 * error && off(found.north, DVec3::Y) < 1.0, "{found:?}");
+        assert!(error > 0.3 && error < 1.5, "{error}");
+        // On one line a turn about it is open, and without altitudes everything is.
+        let (centers, places) = survey(1);
+        let line = fit(&centers, &places).unwrap();
+        assert!(line.up_error().to_degrees() > 20.0, "{}", line.up_error());
+        let (centers, mut places) = survey(5);
+        places[3] = places[3].map(|place| Gps { altitude: None, ..place });
+        assert!(fit(&centers, &places).unwrap().up_error().is_infinite());
     }
 
     #[test]
@@ -264,14 +365,14 @@ mod tests {
                 .unzip()
         };
         let (centers, places) = line(10.0, 2);
-        assert_eq!(metres_per_unit(&centers, &places), None);
+        assert_eq!(fit(&centers, &places), None);
         let (centers, places) = line(0.5, 10);
-        assert_eq!(metres_per_unit(&centers, &places), None);
-        assert_eq!(metres_per_unit(&[], &[]), None);
+        assert_eq!(fit(&centers, &places), None);
+        assert_eq!(fit(&[], &[]), None);
         let (centers, places) = line(10.0, 10);
-        assert!((metres_per_unit(&centers, &places).unwrap().metres_per_unit - 1.0).abs() < 1e-3);
+        assert!((fit(&centers, &places).unwrap().metres_per_unit - 1.0).abs() < 1e-3);
         // Cameras all in one point, wherever their photos say they are.
-        assert_eq!(metres_per_unit(&[DVec3::ONE; 10], &places), None);
+        assert_eq!(fit(&[DVec3::ONE; 10], &places), None);
         for bad in [(0.0, 0.0), (91.0, 0.0), (f64::NAN, 1.0), (5.0, 181.0)] {
             assert_eq!(Gps { latitude: bad.0, longitude: bad.1, altitude: None }.checked(), None);
         }

@@ -13,6 +13,7 @@ pub mod header;
 mod places;
 #[cfg(test)]
 mod tests;
+pub mod up;
 
 use crate::{Camera, FormatError, Problem, SceneView};
 use glam::DVec3;
@@ -24,6 +25,7 @@ use std::{
 pub use distortion::Distortion;
 pub use gps::Gps;
 pub use ground::{CaptureGround, CaptureGroundError};
+pub use up::CaptureUp;
 
 macro_rules! captures {
     ($($name:ident),+ $(,)?) => {

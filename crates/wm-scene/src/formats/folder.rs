@@ -2,8 +2,9 @@
 //!
 //! In SOG, `lod-meta.json` or `meta.json` is the scene file. Of a training,
 //! `point_cloud/iteration_<n>/point_cloud.ply` are the splats, of which the highest n counts, and
-//! `cameras.json` holds the photographed views, if it exists.
+//! `cameras.json` in the folder of the training holds the photographed views, if it exists.
 
+use super::beside::places;
 use crate::{
     Camera, FormatError, Problem, SceneView,
     camera::{rotation_of, viewmat_at},
@@ -65,8 +66,11 @@ pub fn scene_file(path: &Path) -> Result<PathBuf, FormatError> {
 /// # Errors
 /// [`FormatError`] with line and column, if it is not JSON or a camera cannot be used.
 pub fn read_views(folder: &Path) -> Result<Vec<SceneView>, FormatError> {
-    read_cameras(&folder.join("cameras.json"))
+    read_cameras(&folder.join(CAMERAS))
 }
+
+/// The file of the views in the folder of a training.
+const CAMERAS: &str = "cameras.json";
 
 /// The path of the views of a scene file, beside it: `<scene file>.cameras.json`.
 #[must_use]
@@ -111,14 +115,48 @@ fn entry(id: usize, view: &SceneView) -> serde_json::Value {
 /// # Errors
 /// [`FormatError`] with line and column, if it is not JSON or a camera cannot be used.
 pub fn read_cameras(path: &Path) -> Result<Vec<SceneView>, FormatError> {
+    Ok(cameras_in(path)?.unwrap_or_default())
+}
+
+/// Reads the views of the scene file `file`, which was given as `path`: the first there is of the `cameras.json` of a folder
+/// that was given, the views beside the file, and the `cameras.json` of the training that it lies in; then those of the file
+/// that it leads to as a symbolic link.
+pub(super) fn views_of(path: &Path, file: &Path) -> Result<Vec<SceneView>, FormatError> {
+    let mut candidates = Vec::new();
+    if file != path {
+        candidates.push(path.join(CAMERAS));
+    }
+    for place in places(file) {
+        candidates.push(cameras_path(&place));
+        candidates.extend(training_of(&place).map(|training| training.join(CAMERAS)));
+    }
+    for candidate in candidates {
+        if let Some(views) = cameras_in(&candidate)? {
+            return Ok(views);
+        }
+    }
+    Ok(Vec::new())
+}
+
+/// Returns the folder of the training that a scene file lies in: that above `point_cloud/iteration_<n>/point_cloud.ply`.
+fn training_of(file: &Path) -> Option<&Path> {
+    let is_named = |path: &Path, name: &str| path.file_name().is_some_and(|found| found == name);
+    let iteration = file.parent().filter(|_| is_named(file, "point_cloud.ply"))?;
+    iteration.file_name()?.to_str()?.strip_prefix("iteration_")?.parse::<u64>().ok()?;
+    let clouds = iteration.parent().filter(|clouds| is_named(clouds, "point_cloud"))?;
+    clouds.parent()
+}
+
+/// Reads a `cameras.json`; `None` if it is not there.
+fn cameras_in(path: &Path) -> Result<Option<Vec<SceneView>>, FormatError> {
     let file = match File::open(path) {
         Ok(file) => file,
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(FormatError::reading(path, error)),
     };
     let entries: Result<Vec<Entry>, _> = serde_json::from_reader(BufReader::new(file));
     let entries = entries.map_err(|error| json_fault(path, &error, "correct or remove the file"))?;
-    Ok(entries.into_iter().map(|entry| entry.0).collect())
+    Ok(Some(entries.into_iter().map(|entry| entry.0).collect()))
 }
 
 /// A view that is checked while it is parsed, so that the error of the parser has its place.

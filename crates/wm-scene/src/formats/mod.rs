@@ -7,13 +7,15 @@
 //! [`SceneFormat::loses`] states the losses of a format; metadata for which it has no room is put beside it.
 //!
 //! A scene may also be a folder that a 3DGS training wrote, or of SOG images ([`folder`]), and any scene file may have
-//! a TOML file of metadata beside it ([`sidecar`]) and the photographed views in a JSON file.
+//! a TOML file of metadata beside it ([`sidecar`]) and the photographed views in a JSON file. Where a scene file is a symbolic
+//! link, files beside it are looked for beside the link, then beside the file that it leads to.
 //!
 //! # Memory
 //! A reader allocates by what it has read, or by a count that the length of the file has confirmed. What is packed may unpack to
 //! a hundred times its length at most.
 
 pub mod axes;
+mod beside;
 mod bytes;
 pub mod folder;
 pub mod loss;
@@ -23,7 +25,7 @@ pub mod sidecar;
 use crate::{
     Scene,
     error::{FormatError, Problem, excerpt},
-    files::write_atomically,
+    files::{TempFile, write_atomically},
     source::Source,
 };
 pub use axes::Axes;
@@ -194,8 +196,7 @@ pub fn read_scene_and_format(
         Sidecar::Ignore => None,
     };
     let views = match options.views {
-        Views::Read if file != path => folder::read_views(path)?,
-        Views::Read => folder::read_cameras(&folder::cameras_path(&file))?,
+        Views::Read => folder::views_of(path, &file)?,
         Views::Ignore => Vec::new(),
     };
     let (mut scene, format) = read_source(&mut Source::open(&file)?, options)?;
@@ -269,12 +270,18 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: &WriteOptions) -> R
             if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
                 std::fs::create_dir_all(folder).map_err(|error| fault(error.into()))?;
             }
+            // All files are complete before the first gets its name: one scene is not mixed with another.
+            let mut complete = Vec::new();
             let mut sink = |file: NamedFile| {
-                let written =
-                    write_atomically(&path.with_file_name(file.name), |out| Ok(out.write_all(&file.bytes)?));
-                written.map_err(|error| error.problem)
+                let temporary = TempFile::beside(&path.with_file_name(file.name))?;
+                temporary.file().write_all(&file.bytes)?;
+                complete.push(temporary);
+                Ok(())
             };
             write(scene, &mut sink).map_err(fault)?;
+            for file in complete {
+                file.persist().map_err(|refusal| fault(refusal.into()))?;
+            }
         }
     }
     if format.loses.metadata == Kept::Beside && scene.metadata != Default::default() {

@@ -7,7 +7,7 @@ use crate::{
     Metadata,
     error::{FormatError, Location, Problem, one_line},
     files::write_atomically,
-    formats::folder::scene_file,
+    formats::{beside::places, folder::scene_file},
 };
 use std::{
     fs,
@@ -23,21 +23,25 @@ pub fn sidecar_path(scene_file: &Path) -> PathBuf {
     name.into()
 }
 
-/// Reads the metadata beside a scene file; `None` if there is none.
+/// Reads the metadata beside a scene file, or, if there is none, beside the file that it leads to as a symbolic link; `None` if
+/// there is none there either.
 ///
 /// # Errors
 /// [`FormatError`] with line and column, if it is not TOML, has unknown keys or values that cannot be
 /// used.
 pub fn read(scene_file: &Path) -> Result<Option<Metadata>, FormatError> {
-    let path = sidecar_path(scene_file);
-    let text = match fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(FormatError::reading(&path, error)),
-    };
-    parse(&text).map(Some).map_err(|(place, message)| {
-        FormatError::at(&path, place, Problem::Value(format!("{message}; correct or remove it")))
-    })
+    for place in places(scene_file) {
+        let path = sidecar_path(&place);
+        let text = match fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            Err(error) => return Err(FormatError::reading(&path, error)),
+        };
+        return parse(&text).map(Some).map_err(|(place, message)| {
+            FormatError::at(&path, place, Problem::Value(format!("{message}; correct or remove it")))
+        });
+    }
+    Ok(None)
 }
 
 fn parse(text: &str) -> Result<Metadata, (Location, String)> {
@@ -95,7 +99,8 @@ mod tests {
         assert_eq!(
             say("ground = 1.0\nmeters_per_unit = 2.0\n"),
             ", line 2, column 1: unknown field `meters_per_unit`, expected one of `metres_per_unit`, \
-             `scale_source`, `up`, `ground`, `camera_height`, `airlight`, `rasterization`, `provenance`"
+             `scale_source`, `scale_confidence`, `up`, `up_source`, `up_confidence`, `ground`, \
+             `ground_confidence`, `camera_height`, `airlight`, `rasterization`, `provenance`"
         );
         assert_eq!(
             say("# ä\n  up = [0, 0, 3]"),

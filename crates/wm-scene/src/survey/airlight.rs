@@ -15,6 +15,8 @@ use glam::DVec3;
 const MOST: f64 = 0.9;
 /// Darkest airlight without a sky: a shady courtyard does not make a dark fog.
 const LEAST: f64 = 0.35;
+/// Brightest airlight without a sky: what is white in the sun is brighter than fog in the light that fog lets through.
+const MOST_WITHOUT_SKY: f64 = 0.62;
 /// Colour of daylight fog without a sky: a touch of blue.
 const TINT: [f64; 3] = [0.97, 1.0, 1.05];
 /// Most blue against red. A clear sky is blue above; fog is lit by it and by the sun, and white at the horizon.
@@ -140,6 +142,6 @@ fn from_surfaces(splats: &Splats, sample: &SurveySample) -> [f64; 3] {
         luminance(sh::color(splats.sh_of(index), direction).map(|v| v.clamp(0.0, 1.0)))
     };
     let mut values: Vec<f64> = sample.points.iter().map(|p| displayed(p.index, p.at)).collect();
-    let bright = srgb_decode(quantile(&mut values, 0.95)).clamp(LEAST, MOST);
+    let bright = srgb_decode(quantile(&mut values, 0.95)).clamp(LEAST, MOST_WITHOUT_SKY);
     TINT.map(|v| v * bright / luminance(TINT))
 }

@@ -7,6 +7,7 @@
 
 mod airlight;
 mod ground;
+pub(crate) mod habits;
 pub(crate) mod linear;
 mod report;
 mod sample;
@@ -18,18 +19,24 @@ mod up;
 use crate::{Metadata, Scene};
 use glam::DVec3;
 use sample::SurveySample;
+use serde::{Deserialize, Serialize};
 use sky::SkyRegion;
 use std::fmt;
 use thiserror::Error;
 
 pub use airlight::{SkyPatch, airlight_of_sky};
 pub use sky::label_sky;
+pub use up::{UpEstimate, UpScore};
 
 /// The facts about a place, each with its source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Survey {
     /// The direction against gravity, world axes, length 1.
     pub up: Sourced<DVec3>,
+    /// The origin of up, where the scene's metadata states both.
+    pub up_source: Option<String>,
+    /// The evidence for up, where it was estimated.
+    pub up_estimate: Option<UpEstimate>,
     /// Height of the ground along `up`, scene units, near the middle of the scene.
     pub ground: Sourced<f64>,
     /// Metres per scene unit; never estimated, 1 if no source states it.
@@ -57,6 +64,31 @@ pub struct Sourced<T> {
     pub value: T,
     /// Its source.
     pub source: FactSource,
+    /// How sure it is.
+    pub confidence: Confidence,
+}
+
+/// How sure a fact is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Confidence {
+    /// Given, measured, or told alike by all that tells it.
+    #[default]
+    Sure,
+    /// Told by most of the evidence.
+    Likely,
+    /// No more than a guess: what depends on it needs a look.
+    Guess,
+}
+
+impl fmt::Display for Confidence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Sure => "sure",
+            Self::Likely => "likely",
+            Self::Guess => "a guess",
+        })
+    }
 }
 
 /// The source of a value, the best first.
@@ -87,11 +119,22 @@ impl fmt::Display for FactSource {
 }
 
 impl<T> Sourced<T> {
-    /// The given value, else that of the file, else what `otherwise` finds.
-    fn first(given: Option<T>, file: Option<T>, otherwise: impl FnOnce() -> Self) -> Self {
+    fn assumed(value: T) -> Self {
+        Self { value, source: FactSource::Assumed, confidence: Confidence::Guess }
+    }
+
+    /// The given value, else that of the file with its confidence, else what `otherwise` finds.
+    fn first(
+        given: Option<T>,
+        (file, noted): (Option<T>, Option<Confidence>),
+        otherwise: impl FnOnce() -> Self,
+    ) -> Self {
+        let sure = Confidence::Sure;
         match (given, file) {
-            (Some(value), _) => Self { value, source: FactSource::Given },
-            (None, Some(value)) => Self { value, source: FactSource::File },
+            (Some(value), _) => Self { value, source: FactSource::Given, confidence: sure },
+            (None, Some(value)) => {
+                Self { value, source: FactSource::File, confidence: noted.unwrap_or(sure) }
+            }
             (None, None) => otherwise(),
         }
     }
@@ -114,34 +157,48 @@ impl Survey {
         let (given, mut file) = (usable(given), usable(&scene.metadata));
         let sky = SkyRegion::of(&scene.splats);
         let sample = SurveySample::of(&scene.splats, &sky);
-        let is_empty = sample.points.is_empty();
-        let estimated = if is_empty { FactSource::Assumed } else { FactSource::Estimated };
-        let mut up = Sourced::first(given.up, file.up, || {
-            let estimate = up::estimate(&scene.splats, &sample, &sky, &scene.views);
-            let (value, source) = estimate.unwrap_or((DVec3::Z, FactSource::Assumed));
-            Sourced { value, source }
+        let mut up_estimate = None;
+        let mut up = Sourced::first(given.up, (file.up, file.up_confidence), || {
+            up_estimate = up::estimate(&scene.splats, &sample, &sky, &scene.views);
+            match &up_estimate {
+                Some(found) => {
+                    Sourced { value: found.up, source: found.source, confidence: found.confidence }
+                }
+                None => Sourced::assumed(DVec3::Z),
+            }
         });
         up.value = up.value.normalize();
         // A height along another direction is of no use.
         if file.up.is_some_and(|other| other.normalize().dot(up.value) < SAME_UP) {
             file.ground = None;
         }
-        let ground = Sourced::first(given.ground, file.ground, || {
-            let level = ground::level(&sample, up.value, ground::ceiling(&scene.views, up.value));
-            let (value, source) = match level {
-                Some(height) => (height, FactSource::Estimated),
-                None => (ground::lowest(&sample, up.value), FactSource::Assumed),
-            };
-            Sourced { value, source }
+        let ground = Sourced::first(given.ground, (file.ground, file.ground_confidence), || {
+            let ceiling = ground::ceiling(&scene.views, up.value);
+            match ground::level(&sample, up.value, ceiling) {
+                // No height is surer than the direction along which it is measured.
+                Some(value) => Sourced {
+                    value,
+                    source: FactSource::Estimated,
+                    confidence: up.confidence.max(Confidence::Likely),
+                },
+                None => Sourced::assumed(ground::lowest(&sample, up.value)),
+            }
         });
-        let airlight = Sourced::first(given.airlight, file.airlight, || Sourced {
-            value: airlight::estimate(&scene.splats, &sample, &sky, up.value),
-            source: estimated,
+        let airlight = Sourced::first(given.airlight, (file.airlight, None), || {
+            let value = airlight::estimate(&scene.splats, &sample, &sky, up.value);
+            match sample.points.is_empty() {
+                true => Sourced::assumed(value),
+                false => Sourced { value, source: FactSource::Estimated, confidence: Confidence::Likely },
+            }
         });
-        let one = || Sourced { value: 1.0, source: FactSource::Assumed };
-        let metres_per_unit = Sourced::first(given.metres_per_unit, file.metres_per_unit, one);
+        let metres_per_unit =
+            Sourced::first(given.metres_per_unit, (file.metres_per_unit, file.scale_confidence), || {
+                Sourced::assumed(1.0)
+            });
         Self {
             scale_source: file.scale_source.filter(|_| metres_per_unit.source == FactSource::File),
+            up_source: file.up_source.filter(|_| up.source == FactSource::File),
+            up_estimate,
             metres_per_unit,
             center: sample.center,
             radius: sample.radius,
@@ -159,10 +216,19 @@ impl Survey {
         fn known<T: Copy>(sourced: &Sourced<T>) -> Option<T> {
             (sourced.source != FactSource::Assumed).then_some(sourced.value)
         }
+        // What is sure is written without a note, as by hand.
+        fn doubt<T>(sourced: &Sourced<T>) -> Option<Confidence> {
+            let is_known = sourced.source != FactSource::Assumed;
+            (is_known && sourced.confidence != Confidence::Sure).then_some(sourced.confidence)
+        }
         Metadata {
             metres_per_unit: known(&self.metres_per_unit),
             scale_source: self.scale_source.clone(),
+            scale_confidence: doubt(&self.metres_per_unit),
             up: known(&self.up),
+            up_source: self.up_source.clone(),
+            up_confidence: doubt(&self.up),
+            ground_confidence: doubt(&self.ground),
             ground: known(&self.ground),
             airlight: known(&self.airlight),
             ..Metadata::default()

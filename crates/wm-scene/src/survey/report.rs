@@ -1,6 +1,6 @@
 //! A survey in words, one line a value.
 
-use super::{FactSource, Survey};
+use super::{Confidence, FactSource, Sourced, Survey, UpEstimate, UpScore};
 use std::fmt;
 
 impl Survey {
@@ -19,15 +19,39 @@ impl Survey {
             0 => "sky: no splats of its own".into(),
             count => format!("sky: {count} splats"),
         };
-        let from = self.scale_source.as_ref().map_or_else(String::new, |from| format!(": {from}"));
-        vec![
-            format!("up: {x}, {y}, {z} ({})", self.up.source),
-            format!("ground: {} units along up ({})", Short(self.ground.value, 3), self.ground.source),
-            format!("scale: 1 unit is {} m ({}{from})", Short(scale.value, 4), scale.source),
+        let mut lines = vec![
+            format!("up: {x}, {y}, {z} ({})", origin(&self.up, &self.up_source)),
+            format!(
+                "ground: {} units along up ({})",
+                Short(self.ground.value, 3),
+                origin(&self.ground, &None)
+            ),
+            format!("scale: 1 unit is {} m ({})", Short(scale.value, 4), origin(&scale, &self.scale_source)),
             format!("size: {} m", self.size()),
             format!("airlight: {r}, {g}, {b} linear ({light})"),
             sky,
-        ]
+        ];
+        if let Some(reasons) = self.up_estimate.as_ref().and_then(UpEstimate::reasons) {
+            lines.insert(1, reasons);
+        }
+        lines
+    }
+
+    /// A warning if up is a guess: rain falls along it, and snow lies on what faces it.
+    #[must_use]
+    pub fn up_warning(&self) -> Option<String> {
+        (self.up.confidence == Confidence::Guess).then(|| {
+            let [x, y, z] = self.up.value.to_array().map(|v| Short(v, 3));
+            let rival = self.up_estimate.as_ref().and_then(|estimate| estimate.rival).map(|(rival, _)| {
+                let [x, y, z] = rival.to_array().map(|v| Short(v, 3));
+                format!(", it may be {x},{y},{z}")
+            });
+            format!(
+                "up ({x},{y},{z}) is a guess{}: rain and snow may fall the wrong way; look at a picture, and give --up if \
+                 it is wrong",
+                rival.unwrap_or_default()
+            )
+        })
     }
 
     /// A warning if nothing states the scale.
@@ -50,6 +74,36 @@ impl Survey {
         let decimals = (1.0 - least.clamp(1e-6, 99.0).log10().floor()).max(0.0) as usize;
         let [length, width, height] = metres.map(|v| format!("{v:.decimals$}"));
         format!("{length} x {width} x {height}")
+    }
+}
+
+/// Where a fact is from and how sure it is: "from the scene's metadata: a tape; likely".
+fn origin<T>(fact: &Sourced<T>, text: &Option<String>) -> String {
+    let text = text.as_ref().map_or_else(String::new, |text| format!(": {text}"));
+    match fact.source {
+        FactSource::Given | FactSource::Assumed => fact.source.to_string(),
+        source => format!("{source}{text}; {}", fact.confidence),
+    }
+}
+
+impl UpEstimate {
+    /// Why up is what it is, in one line: how far it leads before the next best direction, in nats.
+    #[must_use]
+    fn reasons(&self) -> Option<String> {
+        let (rival, other) = self.rival?;
+        let named = |score: &UpScore| {
+            [score.ground, score.alone, score.open, score.thin, score.sky, score.cameras, score.prior]
+        };
+        let names = ["ground", "no ceiling", "open above", "wide", "sky", "cameras", "axis"];
+        let (own, its) = (named(&self.evidence), named(&other));
+        let parts: Vec<String> = (0..names.len())
+            .map(|k| (names[k], own[k] - its[k]))
+            .filter(|(_, lead)| lead.abs() >= 0.1)
+            .map(|(name, lead)| format!("{name} {lead:+.1}"))
+            .collect();
+        let [x, y, z] = rival.to_array().map(|v| Short(v, 3));
+        let lead = self.evidence.sum() - other.sum();
+        Some(format!("    before {x}, {y}, {z} by {lead:.1} nats: {}", parts.join(", ")))
     }
 }
 

@@ -42,7 +42,7 @@ fn the_garden_has_a_sky_shell() {
     let found = Survey::of(&scene, &Metadata::default());
     let labelled = survey(splats.clone());
     assert_eq!((found.sky_splats, labelled.sky_splats, label_sky(&mut splats)), (8688, 8688, 0));
-    assert_eq!(found.up, Sourced { value: DVec3::Z, source: FactSource::Estimated });
+    assert_eq!((found.up.value, found.up.source), (DVec3::Z, FactSource::Estimated));
     // The paving falls from -0.3 to -1.4 over the courtyard; in the middle it is at -0.85.
     assert!((found.ground.value + 0.85).abs() < 0.2, "{}", found.ground.value);
     assert!(found.center.distance(DVec3::new(4.0, -31.0, 0.0)) < 5.0 && found.radius < 60.0);
@@ -54,7 +54,7 @@ fn the_garden_has_a_sky_shell() {
 fn the_camp_from_a_drone_has_none() {
     let Some(mut scene) = read("taebak") else { return };
     let found = Survey::of(&scene, &Metadata::default());
-    assert_eq!(found.up, Sourced { value: DVec3::NEG_Y, source: FactSource::Estimated });
+    assert_eq!((found.up.value, found.up.source), (DVec3::NEG_Y, FactSource::Estimated));
     assert!((found.ground.value - 0.08).abs() < 0.05, "{}", found.ground.value);
     assert_eq!((found.sky_splats, label_sky(&mut scene.splats)), (0, 0));
     assert!(found.extent[0] > 45.0 && found.extent[2] < 4.0);
@@ -157,7 +157,7 @@ fn cameras_decide_where_there_are_any() {
         .collect();
     let scene = Scene { views: views(&eyes), ..bare(place.build()) };
     let found = Survey::of(&scene, &Metadata::default());
-    assert_eq!(found.up, Sourced { value: DVec3::Z, source: FactSource::Cameras });
+    assert_eq!((found.up.value, found.up.source), (DVec3::Z, FactSource::Cameras));
     assert!(found.ground.value.abs() < 0.1);
     // A drone that looks down one way: the cameras are 50 degrees off, the village is not.
     let slanted: Vec<_> = (0..8)
@@ -235,9 +235,11 @@ fn it_is_told_in_lines() {
     found.extent = [126.4, 93.2, 40.3];
     found.airlight.value = [0.7, 0.755, 0.8];
     found.ground.value = -1e-9;
+    assert!(found.lines().remove(1).starts_with("    before "));
+    found.up_estimate = None;
     let lines = [
-        "up: 0, 0, 1 (estimated from the splats)",
-        "ground: 0 units along up (estimated from the splats)",
+        "up: 0, 0, 1 (estimated from the splats; sure)",
+        "ground: 0 units along up (estimated from the splats; likely)",
         "scale: 1 unit is 1 m (assumed)",
         "size: 126 x 93 x 40 m",
         "airlight: 0.7, 0.76, 0.8 linear (estimated from the sky near the horizon)",
@@ -254,11 +256,11 @@ fn it_is_told_in_lines() {
         Metadata { metres_per_unit: Some(16.25), scale_source: Some("a tape".into()), ..Metadata::default() };
     let scene = Scene { metadata, ..bare(street(6).build()) };
     let found = Survey::of(&scene, &Metadata::default());
-    assert_eq!(found.lines()[2], "scale: 1 unit is 16.25 m (from the scene's metadata: a tape)");
+    assert_eq!(found.lines()[3], "scale: 1 unit is 16.25 m (from the scene's metadata: a tape; sure)");
     assert_eq!(found.metadata().scale_source, scene.metadata.scale_source);
     let given = Metadata { metres_per_unit: Some(2.0), ..Metadata::default() };
     let found = Survey::of(&scene, &given);
-    assert_eq!((found.lines()[2].as_str(), found.scale_source), ("scale: 1 unit is 2 m (given)", None));
+    assert_eq!((found.lines()[3].as_str(), found.scale_source), ("scale: 1 unit is 2 m (given)", None));
 }
 
 #[test]
@@ -286,7 +288,7 @@ fn airlight_is_that_of_the_horizon() {
 #[test]
 fn nothing_and_next_to_nothing_can_be_surveyed() {
     let nothing = survey(Splats::default());
-    assert_eq!((nothing.up, nothing.radius), (Sourced { value: DVec3::Z, source: FactSource::Assumed }, 0.0));
+    assert_eq!((nothing.up.value, nothing.up.source, nothing.radius), (DVec3::Z, FactSource::Assumed, 0.0));
     assert_eq!(nothing.metadata(), Metadata::default());
     let some = street(8).build();
     for count in [1, 2, 3, 10] {

@@ -8,17 +8,18 @@
 //! - open: the scene is dense at the ground and thins out upwards, while between two walls it is even;
 //! - thin: places are wider than high;
 //! - sky: the shell lies above;
-//! - cameras: people hold them level. They weigh most, but a drone's look down, all one way even;
-//! - prior: programs write scenes with an axis up, or nearly so for cameras with y down.
+//! - cameras: by the habits of who took the photos ([`super::habits`]), which weigh most;
+//! - prior: programs write scenes with an axis up, most often that of cameras with y down.
 //!
 //! The best is refined to the surfaces that face it, to the plane of the ground, and, where much is
 //! built, to the walls: ground slopes, walls are plumb. It is set to a world axis within 2 degrees of
 //! it.
 
+use super::habits::{self, Habit};
 use super::linear::{direction, eigen, horizontals, outer, quantile};
 use super::sample::{SurveyPoint, SurveySample, strided};
 use super::sky::SkyRegion;
-use super::{FactSource, ground};
+use super::{Confidence, FactSource, ground};
 use crate::{SceneView, Splats};
 use glam::{DMat3, DVec3};
 
@@ -35,27 +36,73 @@ const AGREE: f64 = 0.94;
 /// Layers of height by which a candidate is rated.
 const LAYERS: usize = 64;
 
-/// Up, length 1, and whether the cameras or the splats alone tell it; `None` if nothing does.
+/// Directions farther apart than this are rivals, as a cosine: 15 degrees.
+const RIVAL: f64 = 0.966;
+/// Lead over the best rival, nats, from which up is sure, and from which it is likely.
+const SURE: f64 = 4.0;
+const LIKELY: f64 = 1.5;
+
+/// Up as the scene has it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UpEstimate {
+    /// The direction against gravity, length 1.
+    pub up: DVec3,
+    /// Whether the cameras or the splats alone tell it.
+    pub source: FactSource,
+    /// How sure it is.
+    pub confidence: Confidence,
+    /// The evidence for it.
+    pub evidence: UpScore,
+    /// The direction that is next best, if any, and its evidence.
+    pub rival: Option<(DVec3, UpScore)>,
+}
+
+/// Finds up; `None` if nothing tells it.
 pub fn estimate(
     splats: &Splats,
     sample: &SurveySample,
     sky: &SkyRegion,
     views: &[SceneView],
-) -> Option<(DVec3, FactSource)> {
-    let held = held(views);
+) -> Option<UpEstimate> {
+    let cameras: Vec<_> = views.iter().map(|view| view.camera).collect();
+    let habits = habits::habits(&cameras);
     if sample.points.is_empty() || sample.radius <= 0.0 {
-        return held.map(|up| (snapped(up), FactSource::Cameras));
+        let habit = habits.iter().max_by(|a, b| a.log_odds.total_cmp(&b.log_odds))?;
+        return Some(UpEstimate {
+            up: snapped(habit.up),
+            source: FactSource::Cameras,
+            confidence: if habits.len() == 1 { Confidence::Likely } else { Confidence::Guess },
+            evidence: UpScore::default(),
+            rival: None,
+        });
     }
-    let clues = Clues { heaven: heaven(splats, sample, sky), held };
+    let clues = Clues { heaven: heaven(splats, sample, sky), habits: &habits };
     let rated = rated(sample);
-    let best = candidates(sample, &rated, clues)
+    let mut scored: Vec<(UpScore, DVec3)> = candidates(sample, &rated, clues)
         .into_iter()
         .flat_map(|axis| [axis, -axis])
-        .map(|up| (evidence(sample, &rated, up, clues).sum(), up))
-        .reduce(|best, other| if other.0 > best.0 { other } else { best });
-    let up = snapped(refined(sample, &rated, best?.1, 0.97));
-    let agree = held.is_some_and(|held| held.dot(up) > AGREE);
-    Some((up, if agree { FactSource::Cameras } else { FactSource::Estimated }))
+        .map(|up| (evidence(sample, &rated, up, clues), up))
+        .collect();
+    // Stable: of equals the first candidate stays first.
+    scored.sort_by(|a, b| b.0.sum().total_cmp(&a.0.sum()));
+    let (best, first) = *scored.first()?;
+    let up = snapped(refined(sample, &rated, first, 0.97));
+    let rival = scored.iter().find(|(_, other)| other.dot(first) < RIVAL);
+    let lead = rival.map_or(f64::INFINITY, |(score, _)| best.sum() - score.sum());
+    let agree = habits.iter().any(|habit| habit.up.dot(up) > AGREE);
+    // Cameras that say something else are a doubt, however clear the splats are.
+    let confidence = match lead {
+        _ if lead < LIKELY || !(agree || habits.is_empty()) => Confidence::Guess,
+        _ if lead < SURE || habits.len() > 1 => Confidence::Likely,
+        _ => Confidence::Sure,
+    };
+    Some(UpEstimate {
+        up,
+        source: if agree { FactSource::Cameras } else { FactSource::Estimated },
+        confidence,
+        evidence: best,
+        rival: rival.map(|(score, other)| (*other, *score)),
+    })
 }
 
 /// Points by which directions are rated: each stands for the same area, so that strays, which are faint,
@@ -77,38 +124,11 @@ fn rated(sample: &SurveySample) -> Vec<SurveyPoint> {
 
 /// The evidence for up apart from the splats of the scene.
 #[derive(Clone, Copy, Debug)]
-struct Clues {
+struct Clues<'a> {
     /// The middle of the sky, see [`heaven`].
     heaven: DVec3,
-    /// The way the cameras were held, see [`held`].
-    held: Option<DVec3>,
-}
-
-/// Up as the cameras were held; `None` if they do not tell.
-///
-/// Two things are known of people with cameras: on the mean they hold them upright, to about 6 degrees
-/// in pitch, and they do not roll them, to about 1.5 degrees. The mean of the ups is the first; the
-/// direction that all x axes are level to is the second, and the better the more ways they look.
-fn held(views: &[SceneView]) -> Option<DVec3> {
-    let count = views.len() as f64;
-    let (mut mean, mut moments) = (DVec3::ZERO, DMat3::ZERO);
-    for view in views {
-        mean += view.camera.up() / count;
-        moments += outer(view.camera.rotation().row(0), 1.0 / count);
-    }
-    // Cameras that look straight down, or are held every way, have no common up.
-    if views.is_empty() || mean.length() < 0.2 {
-        return None;
-    }
-    let mean = mean.normalize();
-    let [(least, axis), (spread, _), _] = eigen(moments);
-    let axis = if axis.dot(mean) < 0.0 { -axis } else { axis };
-    if least > 0.2 * spread || axis.dot(mean) < 0.3 {
-        return Some(mean);
-    }
-    // Precisions; neighbouring views err alike, so that four count as independent.
-    let (level, upright) = (4.0 * spread / 0.026f64.powi(2), 1.0 / 0.105f64.powi(2));
-    Some((axis * level + mean * upright).normalize())
+    /// The habits by which the photos may have been taken.
+    habits: &'a [Habit],
 }
 
 /// `up` turned to the surfaces that face it, to the plane of the ground and to the walls, if they are
@@ -183,7 +203,7 @@ fn nearest(directions: &[DVec3], closeness: impl Fn(DVec3) -> f64) -> usize {
 }
 
 /// Axes that could be vertical, the sign open, those that surfaces face first.
-fn candidates(sample: &SurveySample, rated: &[SurveyPoint], clues: Clues) -> Vec<DVec3> {
+fn candidates(sample: &SurveySample, rated: &[SurveyPoint], clues: Clues<'_>) -> Vec<DVec3> {
     // The first half of the spiral is the upper half sphere.
     let directions: Vec<DVec3> = (0..DIRECTIONS).map(|i| direction(i, 2 * DIRECTIONS)).collect();
     let mut surface = vec![0.0; DIRECTIONS];
@@ -217,7 +237,8 @@ fn candidates(sample: &SurveySample, rated: &[SurveyPoint], clues: Clues) -> Vec
     for axis in DVec3::AXES.into_iter().chain(eigen(moments).map(|e| e.1)) {
         add(&mut axes, axis, 0.996);
     }
-    for axis in [clues.heaven.try_normalize(), clues.held].into_iter().flatten() {
+    let habits = clues.habits.iter().map(|habit| habit.up);
+    for axis in clues.heaven.try_normalize().into_iter().chain(habits) {
         add(&mut axes, axis, 0.996);
     }
     axes
@@ -240,24 +261,33 @@ fn peak(rated: &[SurveyPoint], axis: DVec3, width: f64) -> DVec3 {
 }
 
 /// The evidence for a direction, in nats.
-#[derive(Clone, Copy, Debug)]
-struct Evidence {
-    ground: f64,
-    alone: f64,
-    open: f64,
-    thin: f64,
-    sky: f64,
-    cameras: f64,
-    prior: f64,
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct UpScore {
+    /// Much surface faces it at one height near its lower end.
+    pub ground: f64,
+    /// There is no such surface at its upper end.
+    pub alone: f64,
+    /// The scene is dense at the ground and thins out upwards.
+    pub open: f64,
+    /// The scene is wider than high.
+    pub thin: f64,
+    /// The sky lies above.
+    pub sky: f64,
+    /// The cameras' habits.
+    pub cameras: f64,
+    /// The prior probability by the axes of programs.
+    pub prior: f64,
 }
 
-impl Evidence {
-    fn sum(self) -> f64 {
+impl UpScore {
+    /// All together.
+    #[must_use]
+    pub fn sum(&self) -> f64 {
         self.ground + self.alone + self.open + self.thin + self.sky + self.cameras + self.prior
     }
 }
 
-fn evidence(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, clues: Clues) -> Evidence {
+fn evidence(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, clues: Clues<'_>) -> UpScore {
     let (x, y) = horizontals(up);
     let extent = |axis: DVec3| {
         let mut along: Vec<f64> = rated.iter().map(|p| p.at.dot(axis)).collect();
@@ -273,13 +303,13 @@ fn evidence(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, clues: Clue
     let step = (along / LAYERS as f64).max(sample.radius / 60.0);
     let ground = (surface(rated, up, low, step) + 0.01).ln();
     let ceiling = (surface(rated, -up, -high, step) + 0.01).ln();
-    Evidence {
+    UpScore {
         ground: 1.5 * ground,
         alone: 0.7 * (ground - ceiling).clamp(-1.5, 1.5),
         open: 3.0 * (0.5 - (middle - low) / along),
         thin: (0.7 * (across / along).ln()).clamp(-1.0, 1.5),
         sky: 8.0 * up.dot(clues.heaven),
-        cameras: clues.held.map_or(0.0, |held| cameras(up, held)),
+        cameras: habits::fit(up, clues.habits),
         prior: prior(up),
     }
 }
@@ -305,13 +335,6 @@ fn surface(rated: &[SurveyPoint], up: DVec3, low: f64, step: f64) -> f64 {
         below += if layer > 0 { mass[layer - 1] } else { 0.0 };
     }
     best / count
-}
-
-/// Cameras that a person held are within some 12 degrees; a drone's may be far off, so that at worst
-/// they say little.
-fn cameras(up: DVec3, held: DVec3) -> f64 {
-    let off = up.angle_between(held).to_degrees() / 12.0;
-    -(0.5 * off * off).min(5.0)
 }
 
 /// The prior probability of `up`, before the scene is looked at.

@@ -1,5 +1,6 @@
 //! Scenes of any values, for properties.
 
+use crate::survey::Confidence;
 use crate::{Group, Metadata, Rasterization, Scene, Splats, sh};
 use glam::DVec3;
 use proptest::prelude::*;
@@ -40,10 +41,14 @@ fn any_metadata() -> impl Strategy<Value = Metadata> {
         Metadata {
             metres_per_unit: numbers.map(|n| n.0),
             scale_source: numbers.is_some().then(|| provenance.clone()).flatten(),
+            scale_confidence: numbers.map(|_| Confidence::Likely),
             ground: numbers.map(|n| n.1),
+            ground_confidence: some.then_some(Confidence::Guess).filter(|_| numbers.is_some()),
             camera_height: numbers.map(|n| n.0),
             airlight: numbers.map(|n| [n.0, 0.0, 0.5]),
             up: some.then(|| DVec3::new(0.6, -0.8, 0.0)),
+            up_source: some.then(|| "a plumb line".into()),
+            up_confidence: some.then_some(Confidence::Likely),
             rasterization: some.then_some(Rasterization::Antialiased),
             provenance,
         }

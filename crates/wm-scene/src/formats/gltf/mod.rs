@@ -25,9 +25,9 @@ pub const FORMAT: SceneFormat = SceneFormat {
     loses: Loses { rounding: "opacities and scales 1e-7 of their value", ..Loses::NOTHING },
     sniff: |start| start.bytes.starts_with(MAGIC) || has_ending(start.path, "gltf"),
     read: |source, _| {
-        let folder = source.path().parent().unwrap_or(source.path()).to_owned();
+        let path = source.path().to_owned();
         let bytes = source.rest()?;
-        read::read(&bytes, &folder).map_err(|problem| source.whole(problem))
+        read::read(&bytes, &path).map_err(|problem| source.whole(problem))
     },
     write: Writer::Stream(write::write),
 };

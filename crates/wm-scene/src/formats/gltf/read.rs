@@ -5,6 +5,7 @@ use crate::{
     Group, Metadata, Scene, Splats,
     error::{Problem, excerpt, one_line},
     formats::{
+        beside::beside,
         bytes::{Bytes, check_unpacked},
         spz,
     },
@@ -139,8 +140,8 @@ fn fault(what: impl Into<String>) -> Problem {
     Problem::Header(format!("glTF: {}", what.into()))
 }
 
-/// Reads a file in memory; buffers in other files are below `folder`. The scene has the axes of glTF.
-pub(super) fn read(file: &[u8], folder: &Path) -> Result<Scene, Problem> {
+/// Reads a file in memory; buffers in other files are below the folder of its path, `main`. The scene has the axes of glTF.
+pub(super) fn read(file: &[u8], main: &Path) -> Result<Scene, Problem> {
     let (json, bin) = if file.starts_with(MAGIC) { chunks(file)? } else { (file, None) };
     let gltf: Gltf = serde_json::from_slice(json).map_err(|error| fault(one_line(&error.to_string())))?;
     let known = [SPLATTING, SPZ, "KHR_mesh_quantization"];
@@ -153,7 +154,7 @@ pub(super) fn read(file: &[u8], folder: &Path) -> Result<Scene, Problem> {
     if let Some(fault_of) = gltf.asset.extras.wm.fault() {
         return Err(fault(format!("asset.extras.wm: {fault_of}")));
     }
-    let buffers = gltf.buffers.iter().map(|buffer| read_buffer(buffer, bin, folder));
+    let buffers = gltf.buffers.iter().map(|buffer| read_buffer(buffer, bin, main));
     let buffers = buffers.collect::<Result<Vec<_>, _>>()?;
     let size = buffers.iter().map(|buffer| buffer.len() as u64).sum();
     let reader = Reader { gltf: &gltf, buffers, size };
@@ -195,7 +196,7 @@ fn chunk<'a>(bytes: &mut Bytes<'a>) -> Result<(u32, &'a [u8]), Problem> {
     Ok((kind, bytes.take(u64::from(length))?))
 }
 
-fn read_buffer<'a>(buffer: &Buffer, bin: Option<&'a [u8]>, folder: &Path) -> Result<Cow<'a, [u8]>, Problem> {
+fn read_buffer<'a>(buffer: &Buffer, bin: Option<&'a [u8]>, main: &Path) -> Result<Cow<'a, [u8]>, Problem> {
     let Some(uri) = &buffer.uri else {
         return bin.map(Cow::Borrowed).ok_or_else(|| fault("a buffer has no content"));
     };
@@ -211,12 +212,9 @@ fn read_buffer<'a>(buffer: &Buffer, bin: Option<&'a [u8]>, folder: &Path) -> Res
     {
         return Err(fault(format!("the buffer \"{name}\" is not a file below its folder")));
     }
-    let read = fs::metadata(folder.join(path)).and_then(|about| {
-        if about.is_file() {
-            fs::read(folder.join(path))
-        } else {
-            Err(std::io::ErrorKind::InvalidInput.into())
-        }
+    let path = beside(main, path);
+    let read = fs::metadata(&path).and_then(|about| {
+        if about.is_file() { fs::read(&path) } else { Err(std::io::ErrorKind::InvalidInput.into()) }
     });
     read.map(Cow::Owned).map_err(|error| fault(format!("the buffer \"{name}\" cannot be read: {error}")))
 }

@@ -87,9 +87,9 @@ pub mod folder {
         loses: LOSES,
         sniff: |start| has_ending(start.path, "meta.json"),
         read: |source, _| {
-            let folder = source.path().parent().unwrap_or(source.path()).to_owned();
+            let main = source.path().to_owned();
             let meta = source.rest()?;
-            read::read_folder(&folder, &meta).map_err(|problem| source.whole(problem))
+            read::read_folder(&main, &meta).map_err(|problem| source.whole(problem))
         },
         write: Writer::Files(write::files),
     };
@@ -112,8 +112,8 @@ pub mod levels {
     };
 
     fn read(source: &mut Source, options: &ReadOptions) -> Result<Scene, FormatError> {
-        let folder = source.path().parent().unwrap_or(source.path()).to_owned();
+        let main = source.path().to_owned();
         let meta = source.rest()?;
-        read::read_levels(&folder, &meta, options.level).map_err(|problem| source.whole(problem))
+        read::read_levels(&main, &meta, options.level).map_err(|problem| source.whole(problem))
     }
 }

@@ -5,6 +5,7 @@ use crate::{
     Metadata, Rasterization, Scene, Splats,
     error::{excerpt, one_line},
     formats::{
+        beside::beside,
         bytes::{check_unpacked, unpacked_limit},
         pack::logit_of_byte,
     },
@@ -166,19 +167,19 @@ pub(super) fn read(files: Files) -> Result<Scene, Problem> {
     read_with(files, &meta)
 }
 
-/// Reads a scene out of a folder of which the `meta.json` is read already.
-pub(super) fn read_folder(folder: &Path, meta: &[u8]) -> Result<Scene, Problem> {
-    read_with(&|name| Ok(Some(read_file(&below(folder, name)?)?)), meta)
+/// Reads a scene out of the folder of the file `main`, a `meta.json` whose content is `meta`.
+pub(super) fn read_folder(main: &Path, meta: &[u8]) -> Result<Scene, Problem> {
+    read_with(&|name| Ok(Some(read_file(&below(main, name)?)?)), meta)
 }
 
-/// A path below a folder; what leads out of it is refused.
-fn below(folder: &Path, name: &str) -> Result<PathBuf, Problem> {
+/// A path below the folder of the file `main`; what leads out of it is refused.
+fn below(main: &Path, name: &str) -> Result<PathBuf, Problem> {
     let inside =
         Path::new(name).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     if !inside || name.is_empty() {
         return Err(fault(format!("\"{}\" is not a file below its folder", excerpt(name.as_bytes()))));
     }
-    Ok(folder.join(name))
+    Ok(beside(main, Path::new(name)))
 }
 
 fn read_file(path: &Path) -> Result<Vec<u8>, Problem> {
@@ -344,8 +345,8 @@ impl Node {
     }
 }
 
-/// Reads one level of a scene with several.
-pub(super) fn read_levels(folder: &Path, meta: &[u8], level: DetailLevel) -> Result<Scene, Problem> {
+/// Reads one level of a scene with several, out of the folder of its `lod-meta.json`, `main`.
+pub(super) fn read_levels(main: &Path, meta: &[u8], level: DetailLevel) -> Result<Scene, Problem> {
     let meta: Levels = parse(meta, "lod-meta.json")?;
     if let Some(version) = meta.version.filter(|version| *version != 1) {
         return Err(fault(format!("lod-meta.json of version {version} is not read, 1 is")));
@@ -378,8 +379,8 @@ pub(super) fn read_levels(folder: &Path, meta: &[u8], level: DetailLevel) -> Res
         if !met.insert(name.to_owned()) {
             return Err(fault("lod-meta.json names a file twice"));
         }
-        let path = below(folder, name)?;
-        let scene = read_folder(path.parent().unwrap_or(folder), &read_file(&path)?)?;
+        let path = below(main, name)?;
+        let scene = read_folder(&path, &read_file(&path)?)?;
         let scene = match runs {
             None => scene,
             Some(runs) => Scene { splats: select(&scene.splats, runs)?, ..scene },

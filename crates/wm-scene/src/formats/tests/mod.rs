@@ -188,6 +188,72 @@ fn views_of_a_training_are_read() {
     assert!(read_scene(folder.path(), &ignore).unwrap().views.is_empty());
 }
 
+/// Returns the names of the views of a scene, and its height of the ground.
+#[cfg(unix)]
+fn found_beside(path: &Path) -> (Vec<String>, Option<f64>) {
+    let scene = read(path).unwrap();
+    (scene.views.into_iter().map(|view| view.name).collect(), scene.metadata.ground)
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_finds_what_lies_beside_the_file() {
+    use std::os::unix::fs::symlink;
+    let (store, desk) = (tempdir().unwrap(), tempdir().unwrap());
+    let (file, link) = (store.path().join("a.ply"), desk.path().join("b.ply"));
+    let named = |name: &str| format!("[{}]", CAMERA.replace("a b.jpg", name));
+    let ground = |ground: f64| Metadata { ground: Some(ground), ..Metadata::default() };
+    write_scene(&file, &scene(1.0)).unwrap();
+    fs::write(folder::cameras_path(&file), named("store.jpg")).unwrap();
+    write_sidecar(&file, &ground(1.0)).unwrap();
+    symlink(&file, &link).unwrap();
+    assert_eq!(found_beside(&link), (vec!["store.jpg".into()], Some(1.0)));
+    // What lies beside the link itself wins.
+    fs::write(folder::cameras_path(&link), named("desk.jpg")).unwrap();
+    write_sidecar(&link, &ground(2.0)).unwrap();
+    assert_eq!(found_beside(&link), (vec!["desk.jpg".into()], Some(2.0)));
+    assert_eq!(found_beside(&file), (vec!["store.jpg".into()], Some(1.0)));
+
+    // Parts of a scene that has several files.
+    let sog = store.path().join("sog/meta.json");
+    write_scene(&sog, &scene(1.0)).unwrap();
+    let link = desk.path().join("meta.json");
+    symlink(&sog, &link).unwrap();
+    assert_eq!(read(&link).unwrap().splats.len(), 1);
+}
+
+#[cfg(unix)]
+#[test]
+fn links_into_trainings_find_their_cameras() {
+    use std::os::unix::fs::symlink;
+    let (training, desk) = (training(&[7]), tempdir().unwrap());
+    fs::write(training.path().join("cameras.json"), format!("[{CAMERA}]")).unwrap();
+    let file = training.path().join("point_cloud/iteration_7/point_cloud.ply");
+    write_sidecar(&file, &Metadata { ground: Some(3.0), ..Metadata::default() }).unwrap();
+    let found = (vec!["a b.jpg".to_owned()], Some(3.0));
+    assert_eq!(found_beside(&file), found);
+    let at = |name: &str| desk.path().join(name);
+    symlink(training.path(), at("whole")).unwrap();
+    symlink(&file, at("a.ply")).unwrap();
+    symlink("a.ply", at("b.ply")).unwrap();
+    // A folder of links, as programs make them.
+    fs::create_dir(at("parts")).unwrap();
+    symlink(training.path().join("point_cloud"), at("parts/point_cloud")).unwrap();
+    for name in ["whole", "a.ply", "b.ply", "parts"] {
+        assert_eq!(found_beside(&at(name)), found, "{name}");
+    }
+}
+
+#[test]
+fn views_of_a_folder_of_pictures_are_read() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("meta.json");
+    write_scene(&path, &scene(1.0)).unwrap();
+    fs::write(folder::cameras_path(&path), format!("[{CAMERA}]")).unwrap();
+    assert_eq!(read(&path).unwrap().views, read(folder.path()).unwrap().views);
+    assert_eq!(read(&path).unwrap().views.len(), 1);
+}
+
 #[test]
 fn broken_views_have_line_and_column() {
     let folder = training(&[1]);
