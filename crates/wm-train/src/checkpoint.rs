@@ -2,7 +2,8 @@
 //!
 //! `WMTRAIN3`, the length of a JSON head (u64), the head, then arrays of little-endian f32 in a fixed order
 //! and of the lengths that the head gives, then of u32, and a checksum (FNV-1a, 64 bit) of all before it. A
-//! file is whole or not there: it is written beside and renamed.
+//! file is whole or not there: it is written beside, flushed to the disk and renamed, so that a training that is killed at any
+//! moment continues from its last checkpoint.
 
 use crate::config::TrainConfig;
 use crate::densify::Population;
@@ -12,8 +13,8 @@ use serde::{Deserialize, Serialize};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
-use wm_render::stages::optimize::Moments;
-use wm_scene::files::write_atomically;
+use wm_render::training::Moments;
+use wm_scene::files::write_durably;
 use wm_scene::{FormatError, Group, Splats, sh};
 
 const MAGIC: &[u8; 8] = b"WMTRAIN3";
@@ -109,7 +110,7 @@ impl CheckpointHead {
 /// [`CheckpointError::Write`]; what was there before is there still.
 pub fn write(path: &Path, head: &CheckpointHead, state: &TrainState) -> Result<(), CheckpointError> {
     let text = serde_json::to_vec(head).map_err(|error| damaged(path, &error.to_string()))?;
-    write_atomically(path, |out| {
+    write_durably(path, |out| {
         let mut out = Summed { inner: out, sum: FNV_START };
         out.write_all(MAGIC)?;
         out.write_all(&(text.len() as u64).to_le_bytes())?;

@@ -1,10 +1,13 @@
 //! A data set: a capture, its photos, and the choice of those that are used.
 
 use crate::photos::{BadPhotos, Check, PhotoErrors, PhotoOptions, PhotoSize, Photos};
+use glam::DVec3;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
-use wm_scene::FormatError;
+use wm_scene::capture::gps::{self, GpsFit};
+use wm_scene::capture::up::{CaptureUp, UpEvidence};
 use wm_scene::capture::{self, Capture, CaptureOptions};
+use wm_scene::{Camera, FormatError};
 
 /// Options for opening a data set: the places of its parts, and how its photos are read.
 #[derive(Clone, Debug, PartialEq)]
@@ -106,6 +109,24 @@ pub struct Dataset {
     pub photos: Photos,
     /// Indices in `photos` of those that are used.
     pub places: Vec<usize>,
+}
+
+/// What the positions of photos and the poses of cameras tell of up, and the fit of the positions. `given` is up if it is
+/// known already.
+#[must_use]
+pub fn orientation(
+    capture: &Capture,
+    photos: &Photos,
+    given: Option<DVec3>,
+) -> (Option<CaptureUp>, Option<GpsFit>) {
+    let cameras: Vec<Camera> = capture.views.iter().map(|view| view.camera).collect();
+    let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
+    let gps = gps::fit(&centers, photos.gps());
+    let up = match given {
+        Some(up) => Some(CaptureUp { up: up.normalize(), error: 0.0, evidence: UpEvidence::Given }),
+        None => CaptureUp::of(&cameras, gps.as_ref()),
+    };
+    (up, gps)
 }
 
 impl Dataset {

@@ -8,7 +8,7 @@
 use rayon::prelude::*;
 use wm_render::dispatch;
 use wm_render::simd::SimdPath;
-use wm_render::stages::compare::{Exposure, NO_EXPOSURE};
+use wm_render::training::{Exposure, NO_EXPOSURE};
 
 /// Numbers of one change: the rows of M, each with its b behind it.
 pub const NUMBERS: usize = NO_EXPOSURE.len();

@@ -5,8 +5,8 @@
 
 use crate::densify::{self, Population, ScreenGradients};
 use crate::random::Random;
-use wm_render::stages::compare::{Compared, Comparison};
-use wm_render::stages::optimize::{Noise, Step, cpu};
+use wm_render::training::{self, Noise, Step};
+use wm_render::training::{Compared, Comparison};
 use wm_render::{
     Differentiable, ForwardConfig, Frame, Gradients, Learn, RenderError, Resident, StepClock, Target,
     Upstream,
@@ -166,13 +166,13 @@ impl Learner {
         let summed = gradients;
         let gradients = &mut self.gradients;
         population.see(&gradients.visible, step.number);
-        cpu::add_terms(&population.splats, &step.terms, gradients);
+        training::add_terms(&population.splats, &step.terms, gradients);
         if summed == ScreenGradients::Sum {
             population.pulls.add(gradients, step.size.0, step.size.1);
         }
-        cpu::hold_sky(&population.splats, gradients);
+        training::hold_sky(&population.splats, gradients);
         let Population { splats, moments, .. } = population;
-        cpu::step(self.renderer.path(), splats, moments, gradients, &step.rates, step.number);
+        training::step(self.renderer.path(), splats, moments, gradients, &step.rates, step.number);
         Ok(())
     }
 

@@ -32,7 +32,8 @@
 //! ```
 //!
 //! Modules, from photos to scores:
-//! - [`photos`]: the photos of a capture, decoded, resized and undistorted on demand; [`colmap`]: cameras of plain photos.
+//! - [`photos`]: the photos of a capture, decoded, resized and undistorted on demand; [`colmap`]: cameras of plain photos;
+//!   [`video`]: photos out of a video.
 //! - [`maps`]: depth, normals and masks of photos in files; [`priors`]: what is known of these before a training.
 //! - [`start`]: the first splats; [`trainer`]: steps, made of [`losses`], [`densify`], [`schedule`] and [`exposure`].
 //! - [`config`], [`plan`], [`check`]: the configuration; [`checkpoint`]: a training on disk.
@@ -61,6 +62,7 @@ pub mod session;
 pub mod ssim;
 pub mod start;
 pub mod trainer;
+pub mod video;
 
 pub use config::{Preset, TrainConfig};
 pub use dataset::{Dataset, DatasetReadOptions, HeldOut};

@@ -1,7 +1,7 @@
 //! Values that change over a training.
 
 use crate::config::{RateConfig, Resolution, TrainConfig};
-use wm_render::stages::optimize::Rates;
+use wm_render::training::Rates;
 
 /// Step lengths at a step, for a scene of `extent` units.
 #[must_use]

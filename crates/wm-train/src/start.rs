@@ -29,6 +29,9 @@ const BELOW: f64 = -0.09;
 const SKY_SCALE: f64 = 0.7;
 const SKY_OPACITY: f64 = 0.9;
 
+/// Share of the half sphere that photos show, at least: less is a gap in a crown, or no sky.
+const LEAST_SEEN: f64 = 0.004;
+
 /// Options for starting splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StartConfig {
@@ -95,6 +98,8 @@ pub struct SkyPhotos<'a> {
     pub cameras: &'a [Camera],
     /// The class and colour (sRGB) of a picture point, given as shares of width and height, in photo `index`.
     pub look: &'a (dyn Fn(usize, [f64; 2]) -> (SkyClass, [u8; 3]) + Sync),
+    /// The direction against gravity, world axes, length 1.
+    pub up: DVec3,
 }
 
 /// Adds splats on a far half sphere about the scene, in group [`Group::Sky`].
@@ -102,7 +107,7 @@ pub struct SkyPhotos<'a> {
 /// Models have no points in the sky. Without it the sky is painted on whatever drifts there, near and far, and fog
 /// would take it for what it is painted on. Where photos show the sky its colour is theirs; in other directions that
 /// of what was seen at the same height, so that no camera looks into nothing. `count` splats cover the half sphere
-/// about `up` (and a little below the horizon); nothing is added where no photo shows the sky.
+/// about up (and a little below the horizon); nothing is added where photos show next to no sky.
 pub fn add_sky(
     splats: &mut Splats,
     photos: &SkyPhotos<'_>,
@@ -112,7 +117,7 @@ pub fn add_sky(
 ) -> usize {
     let cameras = photos.cameras;
     let center = cameras.iter().map(Camera::center).sum::<DVec3>() / cameras.len().max(1) as f64;
-    let up = -cameras.iter().map(|camera| camera.rotation().row(1)).sum::<DVec3>().normalize_or_zero();
+    let up = photos.up;
     let mut distances: Vec<f64> = points
         .positions
         .iter()
@@ -137,7 +142,8 @@ pub fn add_sky(
         .collect();
     let seen: Vec<Option<[f32; 3]>> =
         directions.par_iter().map(|direction| seen_sky(photos, center + radius * *direction)).collect();
-    if seen.iter().all(Option::is_none) {
+    let shown = seen.iter().filter(|color| color.is_some()).count();
+    if (shown as f64) < LEAST_SEEN * directions.len() as f64 {
         return 0;
     }
     let by_height = ByHeight::new(directions.iter().zip(&seen).map(|(d, color)| (d.dot(up), *color)));
@@ -273,7 +279,7 @@ mod tests {
                 true => (SkyClass::Sky, [if x < 0.5 { 255 } else { 0 }, 100, 200]),
                 false => (SkyClass::Place, [0; 3]),
             };
-            let photos = SkyPhotos { cameras: &[camera], look: &look };
+            let photos = SkyPhotos { cameras: &[camera], look: &look, up: DVec3::Z };
             assert_eq!(add_sky(&mut splats, &photos, &points, 2.0, 1000), splats.len());
             splats
         };

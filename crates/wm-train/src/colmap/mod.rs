@@ -1,38 +1,54 @@
-//! A capture from a plain folder of photos, by the COLMAP that is installed.
+//! A capture from a plain folder of photos, by the COLMAP or the pycolmap that is installed.
 //!
-//! Four of its commands run one after another: `feature_extractor`, a matcher, `mapper` and
-//! `image_undistorter`. Everything they write, and all they say, lies in one folder:
+//! Four steps run one after another: features, matches, cameras, and photos without distortion. Each is a command of COLMAP
+//! (`feature_extractor`, a matcher, `mapper`, `image_undistorter`), or a run of Python with a script for pycolmap. Everything
+//! they write, and all they say, lies in one folder:
 //! ```text
-//! colmap.log    the commands and what they said
-//! database.db   features and matches; kept, so that a run that was stopped goes on from there
-//! models/0...   what the mapper made; the one with the most photos is taken
-//! dataset/      images/ and sparse/, undistorted: the capture
+//! colmap.log       the commands and what they said
+//! find_cameras.py  the script for pycolmap
+//! database.db      features and matches; kept, so that a run that was stopped goes on from there
+//! models/0...      what the mapper made; the one with the most photos is taken
+//! dataset/         images/ and sparse/, undistorted: the capture
+//! done             written last; a run for the same photos takes the capture as it is
 //! ```
 
+mod database;
 mod progress;
+mod runner;
 #[cfg(all(test, unix))]
 mod tests;
+mod tool;
 
 pub use progress::ColmapProgress;
+pub(crate) use runner::Running;
+pub use tool::CameraTool;
+pub(crate) use tool::on_path;
 
 use crate::photos::photos_in;
+use database::SharedPoints;
 use rayon::prelude::*;
+use runner::Runner;
 use std::{
-    fs::{self, File, OpenOptions},
-    io::{Read, Seek, SeekFrom, Write},
+    collections::BTreeSet,
+    fmt,
+    fs::{self, File},
+    io::Read,
     path::{Path, PathBuf},
-    process::{Child, Command, ExitStatus, Stdio},
-    time::Duration,
+    process::ExitStatus,
+    time::UNIX_EPOCH,
 };
 use thiserror::Error;
+use tool::{RunPaths, SCRIPT, SCRIPT_NAME, StepCommands};
 use wm_scene::FormatError;
 use wm_scene::capture::header::read_header;
+use wm_scene::capture::{self, CaptureOptions};
+use wm_scene::files::write_atomically;
 
 /// Options of COLMAP.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ColmapOptions {
-    /// The program; `None` looks for it, see [`find`].
-    pub program: Option<PathBuf>,
+    /// The program; `None` looks for it, see [`CameraTool::find`].
+    pub tool: Option<CameraTool>,
     /// The pairs of photos that are compared.
     pub matching: Matching,
     /// The device that finds and compares features.
@@ -57,7 +73,7 @@ pub enum ColmapDevice {
     /// On the CPU, which works without a display and with every build of COLMAP.
     #[default]
     Cpu,
-    /// On the GPU.
+    /// On the GPU. pycolmap stays on the CPU.
     Gpu,
 }
 
@@ -73,7 +89,39 @@ pub struct Reconstruction {
     pub photos: usize,
     /// Photos whose camera was found.
     pub registered: usize,
+    /// The other photos.
+    pub unregistered: Vec<UnregisteredPhoto>,
 }
+
+/// A photo whose camera was not found. Displays what it shares with others.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnregisteredPhoto {
+    /// Its name.
+    pub photo: String,
+    /// The photos that share the most points with it, and the number of points; the best first.
+    pub neighbours: Vec<(String, u32)>,
+}
+
+impl fmt::Display for UnregisteredPhoto {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { photo, neighbours } = self;
+        let shares: Vec<String> = neighbours
+            .iter()
+            .take(NEIGHBOURS)
+            .map(|(name, points)| format!("{points} points with {name}"))
+            .collect();
+        match shares.is_empty() {
+            true => write!(f, "{photo} shares no points with another"),
+            false => write!(f, "{photo} shares {}", shares.join(" and ")),
+        }
+    }
+}
+
+/// Neighbours of a photo that are named in messages.
+const NEIGHBOURS: usize = 2;
+
+/// Shortest side of a photo in which features are looked for, px.
+const SHORTEST: u32 = 16;
 
 /// One of the four commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,12 +152,22 @@ impl ColmapStep {
 /// A reason why COLMAP makes no capture.
 #[derive(Debug, Error)]
 pub enum ColmapError {
-    /// There is no COLMAP.
+    /// There is neither COLMAP nor pycolmap.
     #[error(
-        "COLMAP is not installed, and photos alone are no capture; install it ({INSTALL}), or set COLMAP to the \
-         program, or give a data set that has a COLMAP model or a transforms.json"
+        "neither COLMAP nor pycolmap is installed, and photos alone have no cameras; install one with `{INSTALL}`, or give a \
+         data set that has a COLMAP model or a transforms.json"
     )]
     NotInstalled,
+    /// A photo is too small.
+    #[error("{}: {width}x{height} px is too small to find its camera; give a larger photo, or remove it", photo.display())]
+    SmallPhoto {
+        /// The photo.
+        photo: PathBuf,
+        /// Its width, px.
+        width: u32,
+        /// Its height, px.
+        height: u32,
+    },
     /// The folder has too few photos.
     #[error("{}: {found}, at least 3 are needed", folder.display())]
     FewPhotos {
@@ -155,9 +213,14 @@ pub enum ColmapError {
     /// No model came out.
     #[error(
         "COLMAP found no cameras: the photos share too little, or hold too little detail; take more, with more \
-         overlap (its log is {})", .0.display()
+         overlap ({shared}its log is {})", log.display()
     )]
-    NothingRegistered(PathBuf),
+    NothingRegistered {
+        /// What photos share, followed by `; `, if it is known.
+        shared: String,
+        /// The log.
+        log: PathBuf,
+    },
     /// Whoever asked for it wants it no more.
     #[error("stopped while {}; started again it goes on with what is in {}", step.name(), folder.display())]
     Stopped {
@@ -168,32 +231,13 @@ pub enum ColmapError {
     },
 }
 
-const INSTALL: &str = if cfg!(target_os = "macos") {
-    "brew install colmap"
-} else if cfg!(windows) {
-    "unpack the Windows zip from github.com/colmap/colmap/releases and add its folder to PATH"
-} else {
-    "sudo apt install colmap, or the package of your system"
-};
+/// The command that installs pycolmap, which works wherever Python is.
+const INSTALL: &str = "pip install pycolmap";
 
 /// The file that says what was run.
 const LOG: &str = "colmap.log";
-
-/// The time between two looks at a running command.
-const PAUSE: Duration = Duration::from_millis(50);
-
-/// The COLMAP to use: what the environment variable `COLMAP` says, else the first on `PATH`.
-#[must_use]
-pub fn find() -> Option<PathBuf> {
-    if let Some(given) = std::env::var_os("COLMAP").filter(|v| !v.is_empty()) {
-        return Some(given.into());
-    }
-    let names: &[&str] =
-        if cfg!(windows) { &["colmap.exe", "COLMAP.bat", "colmap.bat"] } else { &["colmap"] };
-    let path = std::env::var_os("PATH")?;
-    let places = std::env::split_paths(&path);
-    places.flat_map(|place| names.iter().map(move |name| place.join(name))).find(|file| file.is_file())
-}
+/// The file that says that a run is complete.
+const DONE: &str = "done";
 
 /// Makes a capture of the photos in a folder and those below it; everything goes to the folder `run`.
 ///
@@ -210,171 +254,92 @@ pub fn reconstruct(
 ) -> Result<Reconstruction, ColmapError> {
     // First, since nobody should install a program for an empty folder.
     let files = enough_photos_in(photos)?;
-    let program = options.program.clone().or_else(find).ok_or(ColmapError::NotInstalled)?;
+    let sizes = sizes_of(&files)?;
     let photos = absolute(photos)?;
     let folder = absolute(run)?;
-    // Also whether the program starts at all, before anything is written.
-    let (features, matches) = gpu_options(&program)?;
-    let mut runner = Runner::new(program, folder, &photos, files.len(), progress, is_stopped)?;
-    let use_gpu = match options.device {
-        ColmapDevice::Cpu => "0",
-        ColmapDevice::Gpu => "1",
+    let title = title(&photos, &files);
+    let paths = RunPaths {
+        photos,
+        database: folder.join("database.db"),
+        models: folder.join("models"),
+        dataset: folder.join("dataset"),
+        script: folder.join(SCRIPT_NAME),
     };
-    let (database, models, dataset) =
-        (runner.folder.join("database.db"), runner.folder.join("models"), runner.folder.join("dataset"));
-    let image_path = photos.as_os_str();
-    let mut extract = Command::new(&runner.program);
-    extract
-        .arg("feature_extractor")
-        .arg("--database_path")
-        .arg(&database)
-        .arg("--image_path")
-        .arg(image_path);
-    // OPENCV holds the lenses of phones and cameras; one camera for all makes it certain, but is only
-    // allowed for photos of one size.
-    let is_one_camera = if have_one_size(&files) { "1" } else { "0" };
-    extract.args(["--ImageReader.camera_model", "OPENCV", "--ImageReader.single_camera", is_one_camera]);
-    extract.args([&features, use_gpu]);
-    runner.run(ColmapStep::Features, extract)?;
-
+    let (database, models, dataset) = (paths.database.clone(), paths.models.clone(), paths.dataset.clone());
+    if fs::read_to_string(folder.join(DONE)).is_ok_and(|done| done == title)
+        && let Ok(made) = result(files.len(), &dataset, &database)
+    {
+        return Ok(made);
+    }
+    let tool = options.tool.clone().or_else(CameraTool::find).ok_or(ColmapError::NotInstalled)?;
+    let program = tool.program().to_owned();
+    let is_script = matches!(tool, CameraTool::Pycolmap(_));
+    let script = paths.script.clone();
+    // Also whether the program starts at all, before anything is written.
+    let commands = StepCommands::new(tool, paths, options.device)?;
+    let mut runner = Runner::new(program, folder, &title, files.len(), progress, is_stopped)?;
+    if is_script {
+        fs::write(&script, SCRIPT).map_err(|e| file_error(&script, e))?;
+    }
+    runner.run(ColmapStep::Features, commands.extract(have_one_size(&sizes)))?;
     let is_exhaustive = match options.matching {
         Matching::Exhaustive => true,
         Matching::Sequential => false,
         Matching::Auto => files.len() <= MOST_EXHAUSTIVE,
     };
-    let mut compare = Command::new(&runner.program);
-    compare.arg(if is_exhaustive { "exhaustive_matcher" } else { "sequential_matcher" });
-    compare.arg("--database_path").arg(&database).args([&matches, use_gpu]);
-    runner.run(ColmapStep::Matches, compare)?;
-
+    runner.run(ColmapStep::Matches, commands.compare(is_exhaustive))?;
     make_folder(&models)?;
-    let mut map = Command::new(&runner.program);
-    map.arg("mapper").arg("--database_path").arg(&database).arg("--image_path").arg(image_path);
-    map.arg("--output_path").arg(&models);
-    runner.run(ColmapStep::Cameras, map)?;
-    let (model, registered) =
-        largest_model(&models).ok_or_else(|| ColmapError::NothingRegistered(runner.folder.join(LOG)))?;
-
+    match runner.run(ColmapStep::Cameras, commands.map()) {
+        // COLMAP fails where it finds no camera, pycolmap does not.
+        Err(ColmapError::Failed { said, .. }) if said.contains("failed to create sparse model") => {}
+        done => done?,
+    }
+    let log = runner.folder.join(LOG);
+    let model = largest_model(&models).ok_or_else(|| nothing_registered(&database, log))?;
     make_folder(&dataset)?;
-    let mut undistort = Command::new(&runner.program);
-    undistort.arg("image_undistorter").arg("--image_path").arg(image_path).arg("--input_path").arg(&model);
-    undistort.arg("--output_path").arg(&dataset).args(["--output_type", "COLMAP"]);
-    runner.run(ColmapStep::Undistortion, undistort)?;
-    Ok(Reconstruction { dataset, photos: files.len(), registered })
+    runner.run(ColmapStep::Undistortion, commands.undistort(&model))?;
+    let made = result(files.len(), &dataset, &database)?;
+    write_atomically(&runner.folder.join(DONE), |out| Ok(out.write_all(title.as_bytes())?))?;
+    Ok(made)
 }
 
-/// Returns the names of the options that say whether the GPU is used: they changed with
-/// COLMAP 3.13, and a name that is not known ends a command.
-fn gpu_options(program: &Path) -> Result<(String, String), ColmapError> {
-    let output = Command::new(program).args(["feature_extractor", "-h"]).stdin(Stdio::null()).output();
-    let output = output.map_err(|reason| ColmapError::Start { program: program.to_owned(), reason })?;
-    let said = [output.stdout, output.stderr].concat();
-    let is_new = String::from_utf8_lossy(&said).contains("--FeatureExtraction.use_gpu");
-    let names =
-        if is_new { ["FeatureExtraction", "FeatureMatching"] } else { ["SiftExtraction", "SiftMatching"] };
-    let [features, matches] = names.map(|name| format!("--{name}.use_gpu"));
-    Ok((features, matches))
-}
-
-/// A run in its folder.
-struct Runner<'a> {
-    program: PathBuf,
-    folder: PathBuf,
-    photos: usize,
-    progress: &'a mut dyn FnMut(ColmapProgress),
-    is_stopped: &'a dyn Fn() -> bool,
-}
-
-impl<'a> Runner<'a> {
-    fn new(
-        program: PathBuf,
-        folder: PathBuf,
-        photos: &Path,
-        count: usize,
-        progress: &'a mut dyn FnMut(ColmapProgress),
-        is_stopped: &'a dyn Fn() -> bool,
-    ) -> Result<Self, ColmapError> {
-        let log = folder.join(LOG);
-        let title = format!("photos: {} of {}\n", count, photos.display());
-        if log.is_file() {
-            // What an earlier run made: all of it is of our own making. Features and matches of the
-            // same photos are kept.
-            let old = fs::read(&log).map_err(|e| file_error(&log, e))?;
-            for part in ["models", "dataset"] {
-                remove(&folder.join(part))?;
-            }
-            if !old.starts_with(title.as_bytes()) {
-                remove(&folder.join("database.db"))?;
-            }
-        } else if fs::read_dir(&folder).is_ok_and(|mut entries| entries.next().is_some()) {
-            return Err(ColmapError::Occupied(folder));
+/// Returns the line that tells these photos from others: their folder, names, sizes and times of change.
+fn title(photos: &Path, files: &[PathBuf]) -> String {
+    let mut sum: u64 = 0xcbf2_9ce4_8422_2325;
+    for file in files {
+        let about = fs::metadata(file).ok();
+        let bytes = about.as_ref().map_or(0, fs::Metadata::len);
+        let changed = about.and_then(|about| about.modified().ok()?.duration_since(UNIX_EPOCH).ok());
+        let nanos = changed.map_or(0, |changed| changed.as_nanos() as u64);
+        let name = file.as_os_str().as_encoded_bytes();
+        // FNV-1a.
+        for byte in name.iter().chain(&bytes.to_le_bytes()).chain(&nanos.to_le_bytes()) {
+            sum = (sum ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3);
         }
-        make_folder(&folder)?;
-        fs::write(&log, title).map_err(|e| file_error(&log, e))?;
-        Ok(Self { program, folder, photos: count, progress, is_stopped })
     }
-
-    /// Runs a command to its end; all it says goes to the log, from where progress is read.
-    fn run(&mut self, step: ColmapStep, mut command: Command) -> Result<(), ColmapError> {
-        let log = self.folder.join(LOG);
-        let fault = |e| file_error(&log, e);
-        let mut out = OpenOptions::new().append(true).open(&log).map_err(fault)?;
-        writeln!(out, "\n$ {}", line_of(&command)).map_err(fault)?;
-        let mut reader = File::open(&log).map_err(fault)?;
-        reader.seek(SeekFrom::End(0)).map_err(fault)?;
-        let said_by_both = out.try_clone().map_err(fault)?;
-        command.stdin(Stdio::null()).stdout(out).stderr(said_by_both);
-        let child = command.spawn();
-        let child = child.map_err(|reason| ColmapError::Start { program: self.program.clone(), reason })?;
-        let mut child = Running(child);
-        let mut lines = progress::Lines::default();
-        (self.progress)(ColmapProgress { step, done: 0, total: None });
-        let status = loop {
-            let ended = child.0.try_wait().map_err(fault)?;
-            let mut said = Vec::new();
-            reader.read_to_end(&mut said).map_err(fault)?;
-            for at in lines.take(&said).filter_map(|line| progress::of(step, &line, self.photos)) {
-                (self.progress)(at);
-            }
-            if let Some(status) = ended {
-                break status;
-            }
-            if (self.is_stopped)() {
-                drop(child);
-                return Err(ColmapError::Stopped { step, folder: self.folder.clone() });
-            }
-            std::thread::sleep(PAUSE);
-        };
-        if status.success() {
-            return Ok(());
-        }
-        // An interrupt from the keyboard reaches the child as well, and it may end first.
-        if (self.is_stopped)() {
-            return Err(ColmapError::Stopped { step, folder: self.folder.clone() });
-        }
-        let said = lines.last_error().map(|line| format!(": {line}")).unwrap_or_default();
-        Err(ColmapError::Failed { step, status, said, log })
-    }
+    format!("photos: {} of {} ({sum:016x})\n", files.len(), photos.display())
 }
 
-/// A command that does not outlive whoever started it.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // It may have ended by itself; there is nobody to tell.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
+/// Reads what a run made.
+fn result(photos: usize, dataset: &Path, database: &Path) -> Result<Reconstruction, ColmapError> {
+    let capture = capture::read(dataset, &CaptureOptions::default())?;
+    let found: BTreeSet<&str> = capture.views.iter().map(|view| view.name.as_str()).collect();
+    let shared = SharedPoints::read(database).unwrap_or_default();
+    let missing = shared.names.values().filter(|name| !found.contains(name.as_str()));
+    let mut unregistered: Vec<UnregisteredPhoto> =
+        missing.map(|name| UnregisteredPhoto { photo: name.clone(), neighbours: shared.of(name) }).collect();
+    unregistered.sort_by(|a, b| a.photo.cmp(&b.photo));
+    Ok(Reconstruction { dataset: dataset.to_owned(), photos, registered: capture.views.len(), unregistered })
 }
 
-/// The command as one would type it.
-fn line_of(command: &Command) -> String {
-    let words = std::iter::once(command.get_program()).chain(command.get_args()).map(|word| {
-        let word = word.to_string_lossy();
-        if word.contains(' ') { format!("\"{word}\"") } else { word.into_owned() }
-    });
-    words.collect::<Vec<_>>().join(" ")
+/// Returns the error of photos of which no camera is found, with what they share.
+fn nothing_registered(database: &Path, log: PathBuf) -> ColmapError {
+    let shared = SharedPoints::read(database);
+    let shared = shared
+        .as_ref()
+        .and_then(SharedPoints::best)
+        .map_or_else(String::new, |(a, b, points)| format!("{a} and {b} share the most, {points} points; "));
+    ColmapError::NothingRegistered { shared, log }
 }
 
 /// Photos in a folder and those below it, as COLMAP will find them: three or more.
@@ -389,18 +354,28 @@ fn enough_photos_in(folder: &Path) -> Result<Vec<PathBuf>, ColmapError> {
     Err(ColmapError::FewPhotos { folder: folder.into(), found })
 }
 
-fn have_one_size(files: &[PathBuf]) -> bool {
-    let sizes: Vec<Option<(u32, u32)>> = files
-        .par_iter()
-        .map(|file| read_header(file).ok().map(|header| (header.width, header.height)))
-        .collect();
-    let mut known = sizes.into_iter().flatten();
+/// Returns the sizes of photos, px; `None` for one whose header cannot be read, which COLMAP leaves out.
+fn sizes_of(files: &[PathBuf]) -> Result<Vec<Option<(u32, u32)>>, ColmapError> {
+    let size = |file: &PathBuf| read_header(file).ok().map(|header| (header.width, header.height));
+    let sizes: Vec<Option<(u32, u32)>> = files.par_iter().map(size).collect();
+    for (photo, size) in files.iter().zip(&sizes) {
+        if let Some((width, height)) = *size
+            && width.min(height) < SHORTEST
+        {
+            return Err(ColmapError::SmallPhoto { photo: photo.clone(), width, height });
+        }
+    }
+    Ok(sizes)
+}
+
+fn have_one_size(sizes: &[Option<(u32, u32)>]) -> bool {
+    let mut known = sizes.iter().flatten();
     let first = known.next();
     known.all(|size| Some(size) == first)
 }
 
 /// The model with the most photos among those that the mapper wrote.
-fn largest_model(models: &Path) -> Option<(PathBuf, usize)> {
+fn largest_model(models: &Path) -> Option<PathBuf> {
     let folders = fs::read_dir(models).ok()?.filter_map(|entry| Some(entry.ok()?.path()));
     let counted = folders.filter_map(|folder| {
         let mut count = [0; 8];
@@ -409,7 +384,7 @@ fn largest_model(models: &Path) -> Option<(PathBuf, usize)> {
         (count > 0).then_some((folder, count))
     });
     // Of equal ones that which the mapper made first.
-    counted.max_by(|a, b| a.1.cmp(&b.1).then_with(|| b.0.cmp(&a.0)))
+    counted.max_by(|a, b| a.1.cmp(&b.1).then_with(|| b.0.cmp(&a.0))).map(|(model, _)| model)
 }
 
 fn absolute(path: &Path) -> Result<PathBuf, ColmapError> {

@@ -5,6 +5,7 @@ use std::{
         Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering},
     },
+    time::Duration,
 };
 use tempfile::{TempDir, tempdir};
 use wm_scene::capture::{self, CaptureOptions};
@@ -36,6 +37,22 @@ case "$command" in
 esac
 "#;
 
+/// Stands in for a Python with pycolmap, as [`FAKE`] does for COLMAP.
+const FAKE_PYTHON: &str = r#"#!/bin/sh
+here=$(dirname "$0")
+grep -q "^import pycolmap" "$1" || exit 9
+shift
+echo "$@" >> "$here/calls"
+case "$1" in
+  extract) touch "$2"; echo "I20261123 06:25:19.822175 1 feature_extraction.cc:270] Processed file [3/3]" >&2;;
+  match) cp "$here/colmap.db" "$2"; echo "Processing block [1/1, 1/1]" >&2;;
+  map) echo "Registering image #2 (num_reg_frames=3)" >&2; [ -f "$3/EMPTY" ] || cp -r "$here/model/." "$4";;
+  undistort)
+    mkdir -p "$4/images" "$4/sparse"; cp "$2"/*.png "$4/images"; cp "$3"/* "$4/sparse"
+    echo "Undistorting image [3/3]" >&2;;
+esac
+"#;
+
 /// One place at a time: a program cannot be started while it is open for writing, and a child that
 /// another thread starts meanwhile holds it open for a moment.
 static ALONE: Mutex<()> = Mutex::new(());
@@ -52,20 +69,23 @@ impl Place {
         let program = folder.path().join("colmap");
         fs::write(&program, FAKE.replace("HELP_OPTION", help)).unwrap();
         fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+        let python = folder.path().join("python3");
+        fs::write(&python, FAKE_PYTHON).unwrap();
+        fs::set_permissions(&python, fs::Permissions::from_mode(0o755)).unwrap();
+        let database = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/colmap.db");
+        fs::copy(database, folder.path().join("colmap.db")).unwrap();
         let photos = folder.path().join("my photos");
         fs::create_dir(&photos).unwrap();
         for name in ["a.png", "b.png", "c.png"] {
-            let mut encoder = png::Encoder::new(File::create(photos.join(name)).unwrap(), 4, 3);
-            encoder.set_color(png::ColorType::Grayscale);
-            encoder.write_header().unwrap().write_image_data(&[9; 12]).unwrap();
+            write_photo(&photos.join(name), 40, 30);
         }
         for (model, count) in [("0", 1u64), ("1", 3)] {
             let model = folder.path().join("model").join(model);
             fs::create_dir_all(&model).unwrap();
             let mut cameras = 1u64.to_le_bytes().to_vec();
             cameras.extend([1u32, 1].iter().flat_map(|v| v.to_le_bytes()));
-            cameras.extend([4u64, 3].iter().flat_map(|v| v.to_le_bytes()));
-            cameras.extend([4.0f64, 4.0, 2.0, 1.5].iter().flat_map(|v| v.to_le_bytes()));
+            cameras.extend([40u64, 30].iter().flat_map(|v| v.to_le_bytes()));
+            cameras.extend([40.0f64, 40.0, 20.0, 15.0].iter().flat_map(|v| v.to_le_bytes()));
             fs::write(model.join("cameras.bin"), cameras).unwrap();
             let mut images = count.to_le_bytes().to_vec();
             for (index, name) in ["a.png", "b.png", "c.png"].iter().take(count as usize).enumerate() {
@@ -86,7 +106,13 @@ impl Place {
     }
 
     fn options(&self) -> ColmapOptions {
-        ColmapOptions { program: Some(self.folder.path().join("colmap")), ..ColmapOptions::default() }
+        let tool = CameraTool::Colmap(self.folder.path().join("colmap"));
+        ColmapOptions { tool: Some(tool), ..ColmapOptions::default() }
+    }
+
+    fn with_python(&self) -> ColmapOptions {
+        let tool = CameraTool::Pycolmap(self.folder.path().join("python3"));
+        ColmapOptions { tool: Some(tool), ..ColmapOptions::default() }
     }
 
     fn run(&self, options: &ColmapOptions) -> Result<Reconstruction, ColmapError> {
@@ -100,10 +126,21 @@ impl Place {
     }
 
     fn say(&self) -> String {
-        let message = self.run(&self.options()).unwrap_err().to_string();
+        self.say_with(&self.options())
+    }
+
+    fn say_with(&self, options: &ColmapOptions) -> String {
+        let message = self.run(options).unwrap_err().to_string();
         assert!(!message.contains('\n'), "{message}");
         message.replace(&self.folder.path().display().to_string(), "DIR")
     }
+}
+
+fn write_photo(path: &Path, width: u32, height: u32) {
+    let mut encoder = png::Encoder::new(File::create(path).unwrap(), width, height);
+    encoder.set_color(png::ColorType::Grayscale);
+    let pixels = vec![9; (width * height) as usize];
+    encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
 }
 
 #[test]
@@ -143,6 +180,88 @@ fn the_four_commands_make_a_capture() {
 }
 
 #[test]
+fn pycolmap_makes_the_same_capture() {
+    let place = Place::new("SiftExtraction");
+    let mut told = Vec::new();
+    let run = place.folder.path().join("run");
+    let mut progress = |progress| told.push(progress);
+    let made = reconstruct(&place.photos(), &run, &place.with_python(), &mut progress, &|| false).unwrap();
+    assert_eq!((made.photos, made.registered), (3, 3));
+    assert_eq!(
+        place.calls(),
+        [
+            "extract DIR/run/database.db DIR/my photos SINGLE",
+            "match DIR/run/database.db exhaustive",
+            "map DIR/run/database.db DIR/my photos DIR/run/models",
+            "undistort DIR/my photos DIR/run/models/1 DIR/run/dataset",
+        ]
+    );
+    for (step, total) in [
+        (ColmapStep::Features, 3),
+        (ColmapStep::Matches, 1),
+        (ColmapStep::Cameras, 3),
+        (ColmapStep::Undistortion, 3),
+    ] {
+        assert!(told.contains(&ColmapProgress { step, done: total, total: Some(total) }), "{told:?}");
+    }
+    // The photos of the database that are not in the model, with those that they share most with.
+    let missing: Vec<String> = made.unregistered.iter().map(ToString::to_string).collect();
+    assert_eq!(missing.len(), 40);
+    let photo = |number: u32| format!("folder of photos/{number:03}.jpg");
+    assert_eq!(
+        (missing[1].clone(), missing[39].clone()),
+        (
+            format!("{} shares 42 points with {} and 35 points with {}", photo(2), photo(4), photo(3)),
+            format!("{} shares 5 points with {}", photo(40), photo(39))
+        )
+    );
+
+    // A whole capture of the same photos is taken as it is; other photos make another.
+    assert_eq!(place.run(&place.with_python()).unwrap(), made);
+    assert_eq!(place.calls().len(), 4);
+    write_photo(&place.photos().join("b.png"), 40, 31);
+    place.run(&place.with_python()).unwrap();
+    assert_eq!(place.calls()[4], "extract DIR/run/database.db DIR/my photos AUTO");
+
+    fs::write(place.photos().join("EMPTY"), "").unwrap();
+    write_photo(&place.photos().join("b.png"), 40, 32);
+    let said = place.say_with(&place.with_python());
+    let shared = format!("{} and {} share the most, 525 points", photo(37), photo(38));
+    assert!(said.ends_with(&format!("({shared}; its log is DIR/run/colmap.log)")), "{said}");
+    write_photo(&place.photos().join("b.png"), 2, 2);
+    assert_eq!(
+        place.say_with(&place.with_python()),
+        "DIR/my photos/b.png: 2x2 px is too small to find its camera; give a larger photo, or remove it"
+    );
+}
+
+/// With the pycolmap of this machine, if there is one: photos of nothing, of which no camera can be found.
+#[test]
+fn the_pycolmap_that_is_installed_is_understood() {
+    let python = ["python3", "python"].iter().find_map(|name| on_path(name));
+    let imports = |python: &PathBuf| {
+        let mut command = std::process::Command::new(python);
+        command.args(["-c", "import pycolmap"]).output().is_ok_and(|output| output.status.success())
+    };
+    let Some(python) = python.filter(imports) else {
+        eprintln!("skipped: python3 cannot import pycolmap");
+        return;
+    };
+    let place = Place::new("SiftExtraction");
+    for name in ["a.png", "b.png", "c.png"] {
+        write_photo(&place.photos().join(name), 120, 90);
+    }
+    let options = ColmapOptions { tool: Some(CameraTool::Pycolmap(python)), ..ColmapOptions::default() };
+    let mut told = Vec::new();
+    let run = place.folder.path().join("run");
+    let error = reconstruct(&place.photos(), &run, &options, &mut |p| told.push(p), &|| false).unwrap_err();
+    let log = fs::read_to_string(run.join(LOG)).unwrap();
+    assert!(matches!(error, ColmapError::NothingRegistered { .. }), "{error}: {log}");
+    let features = ColmapProgress { step: ColmapStep::Features, done: 3, total: Some(3) };
+    assert!(told.contains(&features), "{told:?}: {log}");
+}
+
+#[test]
 fn newer_versions_and_other_wishes() {
     let place = Place::new("FeatureExtraction");
     let options =
@@ -171,12 +290,15 @@ fn failures_say_what_and_where() {
     fs::remove_file(place.photos().join("EMPTY")).unwrap();
     // What an earlier run left behind is no hindrance, what is not its own is.
     place.run(&place.options()).unwrap();
-    fs::remove_file(place.folder.path().join("run").join(LOG)).unwrap();
+    for name in [LOG, DONE] {
+        fs::remove_file(place.folder.path().join("run").join(name)).unwrap();
+    }
     assert_eq!(place.say(), "DIR/run: it is there already and no run of COLMAP; choose another folder");
     fs::remove_file(place.photos().join("a.png")).unwrap();
     fs::write(place.photos().join("d.heic"), "x").unwrap();
     assert_eq!(place.say(), "DIR/my photos: 2 photos (JPEG or PNG) and 1 other files, at least 3 are needed");
-    let nowhere = ColmapOptions { program: Some("/nowhere/colmap".into()), ..ColmapOptions::default() };
+    let tool = Some(CameraTool::Colmap("/nowhere/colmap".into()));
+    let nowhere = ColmapOptions { tool, ..ColmapOptions::default() };
     drop(place);
     let place = Place::new("SiftExtraction");
     let message = place.run(&nowhere).unwrap_err().to_string();

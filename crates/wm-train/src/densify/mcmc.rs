@@ -15,7 +15,7 @@ use super::{Densified, DensifyStrategy, DensifyTime, Population, Pulls};
 use crate::check::{COUNT, ConfigValue, SHARE, WEIGHT};
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
-use wm_render::stages::optimize::{Noise, SplatTerms};
+use wm_render::training::{Noise, SplatTerms};
 use wm_scene::Group;
 use wm_scene::splats::logit;
 

@@ -12,9 +12,9 @@ use crate::random::Random;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use wm_render::cpu::model::morton_order;
-pub use wm_render::stages::optimize::Pulls;
-use wm_render::stages::optimize::{Changed, Learnt, LearntMut, Moments, Noise, Origin, Shapes, SplatTerms};
-use wm_render::stages::project::MIN_ALPHA;
+use wm_render::training::MIN_ALPHA;
+pub use wm_render::training::Pulls;
+use wm_render::training::{Changed, Learnt, LearntMut, Moments, Noise, Origin, Shapes, SplatTerms};
 use wm_scene::splats::{logit, sigmoid};
 use wm_scene::{Group, Splats, quat};
 

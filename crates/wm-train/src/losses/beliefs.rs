@@ -3,7 +3,7 @@
 use super::grid::Grid;
 use super::{TrainPhoto, surface};
 use crate::priors::Prior;
-use wm_render::stages::compare::{Belief, Believed};
+use wm_render::training::{Belief, Believed};
 
 /// `prior` as a device takes it; `pixels` are [`beliefs`].
 #[must_use]

@@ -10,7 +10,7 @@ use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use wm_render::Channels;
-use wm_render::stages::compare::{COVERED, Comparison, EXACT, Term};
+use wm_render::training::{COVERED, Comparison, EXACT, Term};
 
 /// The term `depth`.
 #[derive(Clone, Debug)]

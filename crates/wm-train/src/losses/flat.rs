@@ -7,8 +7,8 @@
 
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
-use wm_render::stages::compare::Comparison;
-use wm_render::stages::optimize::SplatTerms;
+use wm_render::training::Comparison;
+use wm_render::training::SplatTerms;
 
 /// The term `flat`.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use rayon::prelude::*;
 use wm_render::dispatch;
-use wm_render::stages::compare::{Comparison, Term};
+use wm_render::training::{Comparison, Term};
 
 /// `mean |x - y|` over the pixels that count and their channels.
 #[derive(Clone, Debug)]

@@ -27,8 +27,8 @@ pub use surface::SurfaceTerm;
 use crate::config::TrainConfig;
 use crate::priors::Prior;
 use wm_render::simd::SimdPath;
-use wm_render::stages::compare::{Comparison, Term};
-use wm_render::stages::optimize::SplatTerms;
+use wm_render::training::SplatTerms;
+use wm_render::training::{Comparison, Term};
 use wm_render::{Channels, DepthAlpha, DrawnSplats, Frame, Learn, Opacity, Upstream};
 use wm_scene::Camera;
 
@@ -187,8 +187,8 @@ mod tests {
     use crate::densify::Population;
     use crate::priors::SkyClass;
     use glam::DVec3;
-    use wm_render::stages::compare::NO_EXPOSURE;
     use wm_render::testing::{Backend, gpu_differentiable, shell_camera, shell_splats};
+    use wm_render::training::NO_EXPOSURE;
     use wm_render::{ForwardConfig, Resident};
     use wm_scene::random::uniform;
 

@@ -8,7 +8,7 @@ use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use wm_render::Channels;
-use wm_render::stages::compare::{COVERED, Comparison, Term};
+use wm_render::training::{COVERED, Comparison, Term};
 
 /// The term `normal`.
 #[derive(Clone, Debug)]

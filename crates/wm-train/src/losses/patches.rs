@@ -13,7 +13,7 @@ use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use crate::random::{Purpose, Random};
-use wm_render::stages::compare::{self, COVERED, Comparison, FEWEST, FLOOR, Term};
+use wm_render::training::{self, COVERED, Comparison, FEWEST, FLOOR, Term};
 use wm_render::{Channels, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 /// Opacity of all splats in the hard pass.
@@ -103,7 +103,7 @@ impl LossTerm for PatchDepthTerm {
 
     fn reads(&self, step: u32, _: &TrainPhoto<'_>, comparison: &mut Comparison<'_>) -> Reads {
         let rows = comparison.believed.map_or(0, |believed| believed.grid.1 as usize);
-        comparison.patches = compare::Patches {
+        comparison.patches = training::Patches {
             side: self.side(step, rows) as u32,
             local: self.local as f32,
             margin: self.margin as f32,

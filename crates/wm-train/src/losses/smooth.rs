@@ -6,7 +6,7 @@
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use wm_render::Channels;
-use wm_render::stages::compare::{COVERED, Comparison, EDGE, Term};
+use wm_render::training::{COVERED, Comparison, EDGE, Term};
 
 /// The term `smooth`.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::ssim::{Ssim, within};
 use wm_render::simd::SimdPath;
-use wm_render::stages::compare::{Comparison, Term};
+use wm_render::training::{Comparison, Term};
 
 /// `1 - SSIM`; see [`crate::ssim`]. Where the photo does not count both pictures are black.
 #[derive(Clone, Debug)]

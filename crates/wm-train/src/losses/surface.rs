@@ -9,7 +9,7 @@
 use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use crate::priors::{Prior, SkyClass};
-use wm_render::stages::compare::{Comparison, Term};
+use wm_render::training::{Comparison, Term};
 use wm_render::{Channels, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 /// The term `surface`.

@@ -330,7 +330,7 @@ impl Photos {
     }
 
     /// Returns the position of each view of the capture, `[V]`, as its photo says; see
-    /// [`wm_scene::capture::gps::metres_per_unit`].
+    /// [`wm_scene::capture::gps::fit`].
     #[must_use]
     pub fn gps(&self) -> &[Option<Gps>] {
         &self.gps

@@ -2,11 +2,12 @@
 
 use super::fit::{Fit, FitError, Freedom};
 use super::relative::{self, Relative, SeenPoint};
-use super::sky::{SkyInput, classify};
+use super::sky::{SkyInput, below_horizon, classify};
 use super::{Prior, SkyClass};
 use crate::maps::{Filter, Map};
 use crate::photos::Photo;
 use thiserror::Error;
+use wm_scene::capture::CaptureUp;
 
 /// Holes in depth above which it does not tell the sky, as a share.
 const HOLES: f64 = 0.01;
@@ -78,15 +79,17 @@ impl Given {
         self,
         photo: &Photo,
         points: &[SeenPoint],
+        up: Option<&CaptureUp>,
         seed: u64,
     ) -> Result<(Prior, Option<Fit>), NoPrior> {
         let (width, height) = (self.width, self.height);
         let (mut prior, fit) = match self.depth {
             Some(depth) => {
                 let (width, height) = (width as usize, height as usize);
-                let sky = self
-                    .sky
-                    .unwrap_or_else(|| depth.sky(&resized(photo, (self.width, self.height)), width, points));
+                let sky = self.sky.unwrap_or_else(|| {
+                    let below = below_horizon(&photo.camera, width, height, up);
+                    depth.sky(&resized(photo, (self.width, self.height)), width, points, &below)
+                });
                 let relative = Relative { width, height, values: depth.values, freedom: depth.freedom, sky };
                 relative::prior(relative, &photo.camera, points, seed)?
             }
@@ -109,12 +112,12 @@ impl Given {
 
 impl GivenDepth {
     /// Returns the sky as depth tells it, and by the photo's colours where it does not, `[H, W]`.
-    fn sky(&self, rgb: &[u8], width: usize, points: &[SeenPoint]) -> Vec<SkyClass> {
+    fn sky(&self, rgb: &[u8], width: usize, points: &[SeenPoint], below: &[bool]) -> Vec<SkyClass> {
         let height = self.values.len() / width;
         let points: Vec<[f32; 2]> = points.iter().map(|point| point.pixel(width, height)).collect();
         let holes = self.values.iter().filter(|v| v.is_nan()).count();
         let is_whole = holes as f64 <= HOLES * self.values.len() as f64;
-        let input = SkyInput { rgb, width, far: None, has_depth: &[], points: &points };
+        let input = SkyInput { rgb, width, far: None, has_depth: &[], below, points: &points };
         if self.sky_by == SkyBy::Least && is_whole {
             return classify(&SkyInput { far: Some(&self.values), ..input });
         }
@@ -178,36 +181,36 @@ mod tests {
         let classes: Vec<SkyClass> =
             (0..800).map(|i| if i < 400 { SkyClass::Sky } else { SkyClass::Place }).collect();
         let only = Given { width: 40, height: 20, sky: Some(classes.clone()), ..Given::default() };
-        let (prior, fit) = only.prior(&photo(), &[], 0).unwrap();
+        let (prior, fit) = only.prior(&photo(), &[], None, 0).unwrap();
         assert!(prior.disparity.is_empty() && prior.normal.is_empty() && fit.is_none());
         assert_eq!(prior.sky, classes);
         let normal = Some(vec![[0.0, -1.0, 0.0]; 800]);
         let only = Given { width: 40, height: 20, normal, ..Given::default() };
-        let (prior, _) = only.prior(&photo(), &[], 0).unwrap();
+        let (prior, _) = only.prior(&photo(), &[], None, 0).unwrap();
         assert!(prior.sky.is_empty() && prior.normal == vec![[0.0, -1.0, 0.0]; 800]);
         let all = Given { width: 40, height: 20, sky: Some(vec![SkyClass::Sky; 800]), ..Given::default() };
-        assert_eq!(all.prior(&photo(), &[], 0), Err(NoPrior::AllSky));
+        assert_eq!(all.prior(&photo(), &[], None, 0), Err(NoPrior::AllSky));
     }
 
     #[test]
     fn the_sky_is_infinitely_far_or_as_blue_as_it_is() {
         for upper in [0.0, f32::NAN] {
-            let (prior, fit) = depth(Freedom::Scale, upper).prior(&photo(), &points(), 0).unwrap();
+            let (prior, fit) = depth(Freedom::Scale, upper).prior(&photo(), &points(), None, 0).unwrap();
             assert_eq!([prior.sky[20], prior.sky[780]], [SkyClass::Sky, SkyClass::Place]);
             assert_eq!([prior.disparity[20], prior.disparity[780]], [0.0, 0.25], "{fit:?}");
         }
         // A known scale needs no points, but they may contradict it.
-        let (prior, fit) = depth(Freedom::Known(0.5), 0.0).prior(&photo(), &[], 0).unwrap();
+        let (prior, fit) = depth(Freedom::Known(0.5), 0.0).prior(&photo(), &[], None, 0).unwrap();
         assert_eq!((prior.disparity[780], prior.sigma, fit), (0.25, 0.005, None));
         // The wall looks at the camera, along -y.
         let turned = |normal: [f32; 3]| {
             let given = Given { normal: Some(vec![normal; 800]), ..depth(Freedom::Known(0.5), 0.0) };
-            given.prior(&photo(), &[], 0)
+            given.prior(&photo(), &[], None, 0)
         };
         assert_eq!(turned([0.0, -1.0, 0.0]).unwrap().0.normal[780], [0.0, -1.0, 0.0]);
         let fault = turned([0.0, 0.0, 1.0]).unwrap_err().to_string();
         assert!(fault.starts_with("its normals are 90 degrees off"), "{fault}");
-        let fault = depth(Freedom::Known(0.8), 0.0).prior(&photo(), &points(), 0).unwrap_err();
+        let fault = depth(Freedom::Known(0.8), 0.0).prior(&photo(), &points(), None, 0).unwrap_err();
         assert!(matches!(fault, NoPrior::Fit(FitError::Poor { .. })), "{fault}");
     }
 }

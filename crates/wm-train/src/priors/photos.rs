@@ -3,7 +3,7 @@
 use super::fit::Fit;
 use super::folder::Index;
 use super::points::{has_tracks, inside, seen_points};
-use super::sky::{SkyInput, classify};
+use super::sky::{SkyInput, below_horizon, classify};
 use super::stereo::{self, StereoMap, StereoOptions};
 use super::{Prior, PriorsWriter, SkyClass};
 use crate::photos::{PhotoError, Photos};
@@ -14,7 +14,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 use thiserror::Error;
 use wm_scene::FormatError;
-use wm_scene::capture::Capture;
+use wm_scene::capture::{Capture, CaptureUp};
 
 /// The value of `source` in the index.
 pub const SOURCE: &str = "photos";
@@ -32,7 +32,7 @@ pub enum PhotoPriorsError {
     Write(#[from] FormatError),
 }
 
-/// Makes the priors of the photos `places` and adds them to `writer`. Photos whose depth cannot be told still have a
+/// Makes the priors of the photos `places` and adds them to `writer`. With `up` there is no sky below the horizon. Photos whose depth cannot be told still have a
 /// sky. `progress` is told how many of `2 places` passes are done, and says whether to go on: `None` if not.
 ///
 /// # Errors
@@ -41,6 +41,7 @@ pub fn write(
     capture: &Capture,
     photos: &Photos,
     places: &[usize],
+    up: Option<&CaptureUp>,
     options: &StereoOptions,
     writer: &mut PriorsWriter,
     progress: &(dyn Fn(usize) -> bool + Sync),
@@ -66,6 +67,7 @@ pub fn write(
             width: width as usize,
             far: None,
             has_depth: &has_depth,
+            below: &below_horizon(&photo.camera, width as usize, height as usize, up),
             points: &points,
         };
         let sky = classify(&input);
@@ -103,6 +105,7 @@ pub fn write_folder(
     capture: &Capture,
     photos: &Photos,
     places: &[usize],
+    up: Option<&CaptureUp>,
     pool: &rayon::ThreadPool,
     folder: &Path,
     progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
@@ -118,7 +121,7 @@ pub fn write_folder(
                 let _ = sender.send(done);
                 !is_stopped.load(Ordering::Relaxed)
             };
-            pool.install(|| write(capture, photos, places, &StereoOptions::default(), writer, &told))
+            pool.install(|| write(capture, photos, places, up, &StereoOptions::default(), writer, &told))
         });
         let mut done = 0;
         loop {

@@ -7,7 +7,10 @@
 //! where that is there for every pixel, as networks give it: below 2 % of its range.
 
 use super::SkyClass;
+use glam::DVec3;
 use std::collections::VecDeque;
+use wm_scene::Camera;
+use wm_scene::capture::CaptureUp;
 
 /// Largest step of brightness from one pixel of the sky to the next, 0-1.
 const SMOOTH: f32 = 0.035;
@@ -33,6 +36,8 @@ pub struct SkyInput<'a> {
     pub far: Option<&'a [f32]>,
     /// Pixels with a depth, `[H, W]`: no sky. Empty where none is known.
     pub has_depth: &'a [bool],
+    /// Pixels that look below the horizon, `[H, W]`: no sky, whatever their colour. Empty where up is not known.
+    pub below: &'a [bool],
     /// The image points of points of the reconstruction, px.
     pub points: &'a [[f32; 2]],
 }
@@ -66,6 +71,10 @@ pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
         }
         None => input.rgb.chunks_exact(3).map(is_skyish).collect(),
     };
+    let looks: Vec<bool> = match input.below.is_empty() {
+        true => looks,
+        false => looks.iter().zip(input.below).map(|(looks, below)| *looks && !below).collect(),
+    };
     let both = |looks: &[bool], barrier: &[bool]| -> Vec<bool> {
         looks.iter().zip(barrier).map(|(looks, barrier)| *looks && !barrier).collect()
     };
@@ -90,6 +99,24 @@ pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
         .collect();
     blur_border(width, &mut classes);
     classes
+}
+
+/// The pixels of a picture of `width` by `height` px by `camera` that look too far below the horizon for a sky, `[H, W]`;
+/// empty if `up` is not known. The picture may have another size than the camera.
+#[must_use]
+pub fn below_horizon(camera: &Camera, width: usize, height: usize, up: Option<&CaptureUp>) -> Vec<bool> {
+    let Some(up) = up else { return Vec::new() };
+    let lowest = up.lowest_sky();
+    let (across, along) = (f64::from(camera.width) / width as f64, f64::from(camera.height) / height as f64);
+    let level = camera.rotation() * up.up;
+    (0..width * height)
+        .map(|i| {
+            let [x, y] = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
+            let ray =
+                DVec3::new((x * across - camera.cx) / camera.fx, (y * along - camera.cy) / camera.fy, 1.0);
+            ray.dot(level) < lowest * ray.length()
+        })
+        .collect()
 }
 
 fn luma_of(rgb: &[u8]) -> f32 {
@@ -195,6 +222,7 @@ fn blur_border(width: usize, classes: &mut [SkyClass]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wm_scene::capture::up::UpEvidence;
 
     /// A blue sky with a hard-edged cloud over a red wall with a white, sky-coloured window.
     fn photo() -> Vec<u8> {
@@ -208,7 +236,7 @@ mod tests {
     }
 
     fn input<'a>(rgb: &'a [u8], points: &'a [[f32; 2]]) -> SkyInput<'a> {
-        SkyInput { rgb, width: 40, far: None, has_depth: &[], points }
+        SkyInput { rgb, width: 40, far: None, has_depth: &[], below: &[], points }
     }
 
     #[test]
@@ -231,6 +259,28 @@ mod tests {
         let has_depth: Vec<bool> = (0..40 * 32).map(|i| i % 40 > 20 && i / 40 > 1).collect();
         let blue = classify(&SkyInput { has_depth: &has_depth, ..input(&rgb, &[]) });
         assert_eq!([blue[8 * 40 + 22], blue[12 * 40 + 35]], [SkyClass::Sky, SkyClass::Place]);
+    }
+
+    #[test]
+    fn below_the_horizon_there_is_no_sky() {
+        // A drone's photo of snow, straight down: all of it has a sky's colours.
+        let snow = [230u8, 235, 240].repeat(40 * 32);
+        let up = CaptureUp { up: DVec3::Z, error: 1.0, evidence: UpEvidence::Given };
+        let looking = |target: DVec3, roll: DVec3| {
+            let camera = Camera::looking((80, 64), 60.0, DVec3::ZERO, target, roll).unwrap();
+            let below = below_horizon(&camera, 40, 32, Some(&up));
+            classify(&SkyInput { below: &below, ..input(&snow, &[]) })
+        };
+        assert!(looking(DVec3::NEG_Z, DVec3::Y).iter().all(|class| *class == SkyClass::Place));
+        let ahead = looking(DVec3::Y, DVec3::Z);
+        assert_eq!([ahead[5], ahead[31 * 40 + 5]], [SkyClass::Sky, SkyClass::Place]);
+        let below = below_horizon(
+            &Camera::looking((8, 6), 60.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap(),
+            8,
+            6,
+            None,
+        );
+        assert!(below.is_empty());
     }
 
     #[test]

@@ -1,15 +1,18 @@
-//! Opens the data set of a session, with COLMAP's help if there are only photos.
+//! Opens the data set of a session, with COLMAP's help if there are only photos, and with ffmpeg's if there is only a video.
 
 use super::SessionOptions;
 use super::error::SessionError;
-use super::folder::RunFolder;
+use super::folder::{COLMAP, FRAMES, RunFolder};
 use super::observer::{Preparation, TrainNotice, TrainObserver, TrainWarning};
 use crate::checkpoint::Taught;
-use crate::colmap::{self, ColmapOptions};
-use crate::dataset::{Dataset, DatasetReadOptions};
+use crate::colmap::{self, ColmapOptions, Matching};
+use crate::dataset::{Dataset, DatasetReadOptions, orientation};
 use crate::photos::Check;
+use crate::video;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
+use wm_scene::capture::CaptureUp;
+use wm_scene::capture::gps::GpsFit;
 use wm_scene::{Camera, FormatError, Problem, SceneView};
 
 /// A data set that is open, and which photos it trains on.
@@ -18,6 +21,10 @@ pub(super) struct TrainData {
     pub set: Dataset,
     /// Indices in the photos of those that are held out.
     pub held_out: Vec<usize>,
+    /// Up, and how well it is known; `None` if nothing tells it.
+    pub up: Option<CaptureUp>,
+    /// What the positions of the photos tell.
+    pub gps: Option<GpsFit>,
 }
 
 impl TrainData {
@@ -29,16 +36,24 @@ impl TrainData {
         observer: &mut dyn TrainObserver,
     ) -> Result<Self, SessionError> {
         let wanted = &options.dataset;
-        let capture = match wanted.capture(dataset) {
-            Ok(capture) => capture,
-            Err(FormatError { problem: Problem::NoCapture, .. }) => {
-                if let Some(model) = &wanted.model {
-                    return Err(SessionError::NoModel { model: dataset.join(model) });
+        let capture = if video::is_video(dataset) {
+            let frames = frames(dataset, folder, observer)?;
+            // Frames that follow each other overlap; others rarely do.
+            let matching = if frames.1 > MOST_WITH_ALL { Matching::Sequential } else { Matching::Exhaustive };
+            let registered = register(&frames.0, matching, folder, observer)?;
+            DatasetReadOptions::default().capture(&registered)?
+        } else {
+            match wanted.capture(dataset) {
+                Ok(capture) => capture,
+                Err(FormatError { problem: Problem::NoCapture, .. }) => {
+                    if let Some(model) = &wanted.model {
+                        return Err(SessionError::NoModel { model: dataset.join(model) });
+                    }
+                    let registered = register(dataset, Matching::Auto, folder, observer)?;
+                    DatasetReadOptions::default().capture(&registered)?
                 }
-                let registered = register(dataset, folder, observer)?;
-                DatasetReadOptions::default().capture(&registered)?
+                Err(error) => return Err(error.into()),
             }
-            Err(error) => return Err(error.into()),
         };
         if capture.views.len() < 3 {
             capture.check_trainable()?;
@@ -59,7 +74,8 @@ impl TrainData {
         if capture.points.is_empty() {
             observer.on_warning(&TrainWarning::NoPoints(dataset.to_owned()));
         }
-        Ok(Self { set: Dataset { capture, photos, places }, held_out })
+        let (up, gps) = orientation(&capture, &photos, options.facts.up);
+        Ok(Self { set: Dataset { capture, photos, places }, held_out, up, gps })
     }
 
     /// Returns the cameras of the training photos, in their order.
@@ -95,9 +111,27 @@ impl TrainData {
     }
 }
 
+/// Most frames of a video of which each is compared with each.
+const MOST_WITH_ALL: usize = 60;
+
+/// Takes photos out of a video; returns their folder and their number.
+fn frames(
+    video: &Path,
+    folder: &RunFolder,
+    observer: &mut dyn TrainObserver,
+) -> Result<(PathBuf, usize), SessionError> {
+    let (shared, frames) = (RefCell::new(observer), folder.path().join(FRAMES));
+    let mut progress = |progress| shared.borrow_mut().on_preparation(&Preparation::Video(progress));
+    let is_stopped = || shared.borrow_mut().proceed().is_break();
+    let count = video::write_frames(video, &frames, &mut progress, &is_stopped)?;
+    shared.into_inner().on_notice(&TrainNotice::FramesChosen { frames: count });
+    Ok((frames, count))
+}
+
 /// Finds the cameras of plain photos with COLMAP; returns the folder of the data set that it makes.
 fn register(
     dataset: &Path,
+    matching: Matching,
     folder: &RunFolder,
     observer: &mut dyn TrainObserver,
 ) -> Result<PathBuf, SessionError> {
@@ -105,13 +139,15 @@ fn register(
     let mut progress = |progress| shared.borrow_mut().on_preparation(&Preparation::Colmap(progress));
     let done = colmap::reconstruct(
         dataset,
-        &folder.path().join("colmap"),
-        &ColmapOptions::default(),
+        &folder.path().join(COLMAP),
+        &ColmapOptions { matching, ..ColmapOptions::default() },
         &mut progress,
         &|| shared.borrow_mut().proceed().is_break(),
     )?;
-    shared
-        .into_inner()
-        .on_notice(&TrainNotice::Registered { registered: done.registered, photos: done.photos });
+    let observer = shared.into_inner();
+    observer.on_notice(&TrainNotice::Registered { registered: done.registered, photos: done.photos });
+    if !done.unregistered.is_empty() {
+        observer.on_warning(&TrainWarning::Unregistered(done.unregistered));
+    }
     Ok(done.dataset)
 }

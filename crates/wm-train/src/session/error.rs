@@ -8,6 +8,7 @@ use crate::photos::PhotoError;
 use crate::plan::PlanError;
 use crate::priors::folder::PriorsError;
 use crate::priors::photos::PhotoPriorsError;
+use crate::video::VideoError;
 use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -29,6 +30,9 @@ pub enum SessionError {
     /// COLMAP found no cameras.
     #[error(transparent)]
     Colmap(#[from] ColmapError),
+    /// A video gave no photos.
+    #[error(transparent)]
+    Video(#[from] VideoError),
     /// The folder holds plain photos, and a model in it was named.
     #[error("{}: there is no model that COLMAP wrote", model.display())]
     NoModel {
@@ -77,6 +81,9 @@ pub enum SessionError {
     /// The run folder holds a training that is not finished, and the session would overwrite it.
     #[error("{}: holds a training that is not done", .0.display())]
     Unfinished(PathBuf),
+    /// The run folder holds a finished training, and the session would overwrite it.
+    #[error("{}: holds a finished training", .0.display())]
+    Finished(PathBuf),
     /// The run folder holds a checkpoint that cannot be read, and the session would overwrite it.
     #[error("{} holds a training: {reason}", folder.display())]
     BadCheckpoint {

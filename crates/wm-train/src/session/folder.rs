@@ -6,7 +6,7 @@ use crate::config::TrainConfig;
 use crate::trainer::TrainState;
 use serde_json::Value;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufRead, BufReader, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use thiserror::Error;
@@ -14,27 +14,47 @@ use wm_scene::files::write_atomically;
 
 /// The name of the checkpoint in a run folder.
 pub const CHECKPOINT: &str = "checkpoint.wmtrain";
+/// The name of the configuration.
+const CONFIG: &str = "config.json";
+/// The folder of the photos whose cameras were found.
+pub(super) const COLMAP: &str = "colmap";
+/// The folder of the frames of a video.
+pub(super) const FRAMES: &str = "frames";
 
 /// The choice between starting anew and continuing the training in the run folder.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Resume {
-    /// It starts anew; an unfinished training in the folder is refused.
+    /// It starts anew; a folder that holds a training is refused.
     #[default]
     Never,
-    /// It continues from the checkpoint, which must exist.
+    /// It continues from the checkpoint, or starts anew if the training in the folder was ended before its first one. The folder
+    /// must have been begun.
     Always,
+    /// It starts anew and replaces a training in the folder. The old checkpoint stays until the first new one is written.
+    Overwrite,
 }
 
 /// The place where a session keeps its files.
 pub(super) enum RunFolder {
     /// In a folder of the user's.
-    Kept { path: PathBuf, resume: Resume },
+    Kept { path: PathBuf, start: Start },
     /// In a temporary folder for priors and registered photos; nothing else is written.
     Temporary(TempDir),
 }
 
+/// The beginning of a training in a run folder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Start {
+    /// Its first step.
+    Anew,
+    /// Its first step, since it was ended before its first checkpoint.
+    Again,
+    /// Its checkpoint.
+    Checkpoint,
+}
+
 impl RunFolder {
-    /// Looks at the folder; a training in it is only continued if `resume` says so.
+    /// Looks at the folder; a training in it is only continued or replaced if `resume` says so.
     pub fn open(path: Option<&Path>, resume: Resume) -> Result<Self, SessionError> {
         let Some(path) = path else {
             let folder = tempfile::tempdir();
@@ -43,7 +63,9 @@ impl RunFolder {
             return Ok(Self::Temporary(folder));
         };
         let checkpoint = path.join(CHECKPOINT);
-        match (resume, checkpoint.is_file()) {
+        let start = match (resume, checkpoint.is_file()) {
+            (Resume::Always, true) => Start::Checkpoint,
+            (Resume::Always, false) if is_begun(path) => Start::Again,
             (Resume::Always, false) => return Err(SessionError::NothingToResume(path.to_owned())),
             (Resume::Never, true) => {
                 let read = checkpoint::read(&checkpoint);
@@ -51,19 +73,31 @@ impl RunFolder {
                     folder: path.to_owned(),
                     reason: reason.into(),
                 })?;
-                if head.step() < head.config.steps {
-                    return Err(SessionError::Unfinished(path.to_owned()));
-                }
+                let folder = path.to_owned();
+                return Err(match head.step() < head.config.steps {
+                    true => SessionError::Unfinished(folder),
+                    false => SessionError::Finished(folder),
+                });
             }
-            _ => {}
-        }
-        Ok(Self::Kept { path: path.to_owned(), resume })
+            (Resume::Never, false) | (Resume::Overwrite, _) => Start::Anew,
+        };
+        Ok(Self::Kept { path: path.to_owned(), start })
     }
 
-    /// Makes the folder, if it does not exist.
+    /// Makes the folder, if it does not exist, and removes what is left of checkpoints that were not completed.
     pub fn make(&self) -> Result<(), SessionError> {
         let path = self.path();
-        fs::create_dir_all(path).map_err(|reason| SessionError::Folder { path: path.to_owned(), reason })
+        fs::create_dir_all(path).map_err(|reason| SessionError::Folder { path: path.to_owned(), reason })?;
+        for entry in fs::read_dir(path).into_iter().flatten().flatten() {
+            // What a training that was killed had begun to write; it may be large.
+            let name = entry.file_name();
+            let name = name.to_string_lossy();
+            if name.starts_with(CHECKPOINT) && name.ends_with(".part") {
+                // What cannot be removed does no harm.
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+        Ok(())
     }
 
     pub fn path(&self) -> &Path {
@@ -73,8 +107,14 @@ impl RunFolder {
         }
     }
 
+    /// Returns true if the training continues from a checkpoint.
     pub fn resumes(&self) -> bool {
-        matches!(self, Self::Kept { resume: Resume::Always, .. })
+        matches!(self, Self::Kept { start: Start::Checkpoint, .. })
+    }
+
+    /// Returns true if the training was begun before, and ended before its first checkpoint.
+    pub fn starts_again(&self) -> bool {
+        matches!(self, Self::Kept { start: Start::Again, .. })
     }
 
     /// Returns the place of the checkpoint; `None` in a temporary folder.
@@ -93,7 +133,7 @@ impl RunFolder {
     /// Writes the configuration.
     pub fn write_config(&self, config: &TrainConfig) -> Result<(), SessionError> {
         let Self::Kept { path, .. } = self else { return Ok(()) };
-        write_atomically(&path.join("config.json"), |out| {
+        write_atomically(&path.join(CONFIG), |out| {
             let text = serde_json::to_string_pretty(config).map_err(io::Error::from)?;
             Ok(writeln!(out, "{text}")?)
         })?;
@@ -101,30 +141,41 @@ impl RunFolder {
     }
 
     /// Opens the metrics: anew, or after the lines up to `step`. Of a finished training (`steps`) the last
-    /// evaluation is left out, since it is made again.
+    /// evaluation is left out, since it is made again. The old lines are there until the new file is.
     pub fn metrics(&self, step: u32, steps: u32) -> Result<Metrics, SessionError> {
         let Self::Kept { path, .. } = self else { return Ok(Metrics(None)) };
         let path = path.join("metrics.jsonl");
         let fault = |reason| SessionError::Metrics { path: path.clone(), reason };
         let mut kept = Vec::new();
         if step > 0 && path.exists() {
-            for line in BufReader::new(File::open(&path).map_err(fault)?).lines() {
-                let line = line.map_err(fault)?;
-                // A line that was cut off by a crash is no JSON.
-                let Ok(value) = serde_json::from_str::<Value>(&line) else { continue };
+            let old = fs::read(&path).map_err(fault)?;
+            for line in old.split(|byte| *byte == b'\n') {
+                // A line that was cut off by a crash is no JSON, perhaps not even text.
+                let Ok(value) = serde_json::from_slice::<Value>(line) else { continue };
                 let is_last = |at| at == u64::from(steps) && value.get("held_out").is_some();
                 if value["step"].as_u64().is_some_and(|at| at <= u64::from(step) && !is_last(at)) {
-                    kept.push(line);
+                    kept.extend_from_slice(line);
+                    kept.push(b'\n');
                 }
             }
         }
-        let file = OpenOptions::new().create(true).write(true).truncate(true).open(&path).map_err(fault)?;
-        let mut metrics = Metrics(Some((file, path)));
-        for line in kept {
-            metrics.line(&line)?;
-        }
-        Ok(metrics)
+        write_atomically(&path, |out| Ok(out.write_all(&kept)?))?;
+        let file = OpenOptions::new().append(true).open(&path).map_err(fault)?;
+        Ok(Metrics(Some((file, path))))
     }
+}
+
+/// Returns true if the files of a training were begun in a folder: it is empty, or holds one that is written before the
+/// first checkpoint.
+fn is_begun(folder: &Path) -> bool {
+    let Ok(entries) = fs::read_dir(folder) else { return false };
+    let mut names = entries.filter_map(|entry| Some(entry.ok()?.file_name())).peekable();
+    names.peek().is_none()
+        || names.any(|name| {
+            let is_of_checkpoint = name.to_string_lossy().starts_with(CHECKPOINT);
+            let is_config = name.to_string_lossy().starts_with(CONFIG);
+            is_config || is_of_checkpoint || name == COLMAP || name == FRAMES
+        })
 }
 
 /// Appends JSON objects to the metrics, one a line.
@@ -132,12 +183,8 @@ pub(super) struct Metrics(Option<(File, PathBuf)>);
 
 impl Metrics {
     pub fn add(&mut self, value: &Value) -> Result<(), SessionError> {
-        self.line(&value.to_string())
-    }
-
-    fn line(&mut self, line: &str) -> Result<(), SessionError> {
         let Some((file, path)) = &mut self.0 else { return Ok(()) };
-        writeln!(file, "{line}").map_err(|reason| SessionError::Metrics { path: path.clone(), reason })
+        writeln!(file, "{value}").map_err(|reason| SessionError::Metrics { path: path.clone(), reason })
     }
 }
 

@@ -206,6 +206,13 @@ impl Session {
         self
     }
 
+    /// Replaces a training in the run folder.
+    #[must_use]
+    pub fn overwrite(mut self) -> Self {
+        self.options.resume = Resume::Overwrite;
+        self
+    }
+
     /// Sets the device to train on.
     #[must_use]
     pub fn device(mut self, device: Device) -> Self {
@@ -253,6 +260,10 @@ impl Session {
             return Err(SessionError::NothingHeldOut);
         }
         let folder = RunFolder::open(options.run_folder.as_deref(), options.resume)?;
+        if folder.starts_again() {
+            let folder = folder.path().to_owned();
+            observer.on_notice(&TrainNotice::StartsAgain { folder });
+        }
         let data = TrainData::open(&dataset, &options, &folder, observer)?;
         if let Some(metric) = &metric {
             check_sizes(&data, metric.smallest_side())?;

@@ -1,9 +1,10 @@
 //! The messages of a session to its caller.
 
 use super::score::{HeldOutScores, TrainReport};
-use crate::colmap;
+use crate::colmap::{self, UnregisteredPhoto};
 use crate::photos::PhotoError;
 use crate::priors::folder::PriorsSummary;
+use crate::video::VideoProgress;
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -52,7 +53,7 @@ pub trait TrainObserver {
     /// Called about ten times a training, where photos are held out.
     fn on_evaluation(&mut self, _scores: &HeldOutScores) {}
 
-    /// Called after a checkpoint was written.
+    /// Called after a checkpoint with steps that are done was written.
     fn on_checkpoint(&mut self, _path: &Path, _step: u32) {}
 
     /// Returns the camera of an image that the observer wants now. `photo` is the camera of the photo that
@@ -84,6 +85,9 @@ pub enum TrainWarning {
         "{}: the model has no points; splats begin anywhere in view, which takes longer and gives less", .0.display()
     )]
     NoPoints(PathBuf),
+    /// The cameras of some photos were not found.
+    #[error("{}", unregistered(.0))]
+    Unregistered(Vec<UnregisteredPhoto>),
     /// A photo is missing or damaged and is left out.
     #[error("{0}; it is left out")]
     LeftOut(PhotoError),
@@ -93,6 +97,9 @@ pub enum TrainWarning {
     /// Steps were lost with the GPU and are repeated.
     #[error("{0} steps were lost with the GPU and are taken again")]
     StepsLost(u32),
+    /// Up is a guess.
+    #[error("{0}")]
+    DoubtfulUp(String),
     /// Estimating priors for this many photos takes long, so it is not done unless asked for.
     #[error("no priors are estimated for {photos} photos, since they are more than {most}")]
     ManyPhotos {
@@ -106,9 +113,28 @@ pub enum TrainWarning {
     NoScale(String),
 }
 
+/// Photos without a camera that are named in a warning.
+const NAMED: usize = 5;
+
+fn unregistered(photos: &[UnregisteredPhoto]) -> String {
+    let named: Vec<String> = photos.iter().take(NAMED).map(ToString::to_string).collect();
+    let more = photos.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    format!(
+        "{} of the photos have no camera and are left out: {}{more}; take photos between them and the others",
+        photos.len(),
+        named.join(", ")
+    )
+}
+
 /// A fact that the session found out.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TrainNotice {
+    /// Photos were taken out of a video.
+    FramesChosen {
+        /// Frames that were chosen.
+        frames: usize,
+    },
     /// COLMAP found the cameras of some of the photos.
     Registered {
         /// Photos whose camera was found.
@@ -134,6 +160,11 @@ pub enum TrainNotice {
         /// Steps that are done.
         step: u32,
     },
+    /// The training in the run folder was ended before its first checkpoint, and starts from its first step.
+    StartsAgain {
+        /// The run folder.
+        folder: PathBuf,
+    },
     /// The height of the cameras gives no scale.
     NoScaleFromHeight(CaptureGroundError),
     /// The scale of the scene was found.
@@ -148,6 +179,8 @@ pub enum TrainNotice {
 /// Progress before the first step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preparation {
+    /// A video is being looked at.
+    Video(VideoProgress),
     /// COLMAP is finding cameras.
     Colmap(colmap::ColmapProgress),
     /// Priors are being estimated: passes done and in all.

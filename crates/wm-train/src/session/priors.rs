@@ -57,11 +57,18 @@ pub(super) fn open(
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.cpu.threads.unwrap_or(0)).build();
     let pool = pool.map_err(|error| SessionError::Threads(error.to_string()))?;
     let total = 2 * places.len();
-    let index =
-        priors::photos::write_folder(&data.set.capture, photos, &places, &pool, &made, &mut |done| {
+    let index = priors::photos::write_folder(
+        &data.set.capture,
+        photos,
+        &places,
+        data.up.as_ref(),
+        &pool,
+        &made,
+        &mut |done| {
             observer.on_preparation(&Preparation::Priors { done, total });
             observer.proceed()
-        })?;
+        },
+    )?;
     let Some(index) = index else { return Err(SessionError::StoppedEarly) };
     observer.on_notice(&TrainNotice::PriorsMade(index.summary()));
     Ok(Priors::open(&made)?)

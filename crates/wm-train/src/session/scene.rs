@@ -7,16 +7,19 @@ use super::observer::{TrainNotice, TrainObserver, TrainWarning};
 use crate::config::TrainConfig;
 use crate::priors::Priors;
 use crate::start::{self, SkyPhotos, StartConfig};
-use glam::DVec3;
 use std::path::Path;
-use wm_scene::capture::gps;
 use wm_scene::capture::ground::{CaptureGround, CaptureGroundError, HELD_AT, ground};
-use wm_scene::survey::{Survey, label_sky};
+use wm_scene::capture::up::{CaptureUp, UpEvidence};
+use wm_scene::survey::{Confidence, Survey, label_sky};
 use wm_scene::{Metadata, Scene, Splats};
 
 /// The ground under a walk and the scene's up belong together if their cosine is above this: 15 degrees, so that steep
 /// streets pass.
 const SAME_GROUND: f64 = 0.966;
+/// Error of up by GPS below which it is not asked of the splats, degrees.
+const MEASURED: f64 = 3.0;
+/// Extent of the photos' GPS in units of its residual from which the scale is sure: some 5 %.
+const SURE_EXTENT: f64 = 20.0;
 /// The number of photos from which the sky takes its colours, about.
 const SKY_PHOTOS: usize = 200;
 
@@ -79,7 +82,8 @@ fn add_sky(
         let at = 3 * (row * photo.width as usize + column);
         (class, [photo.rgb[at], photo.rgb[at + 1], photo.rgb[at + 2]])
     };
-    let photos = SkyPhotos { cameras: &cameras, look: &look };
+    let Some(up) = data.up else { return Ok(()) };
+    let photos = SkyPhotos { cameras: &cameras, look: &look, up: up.up };
     start::add_sky(splats, &photos, &data.set.capture.points, extent, count as usize);
     Ok(())
 }
@@ -93,7 +97,7 @@ pub(super) fn finish(
     options: &SessionOptions,
     observer: &mut dyn TrainObserver,
 ) -> Scene {
-    let facts = &options.facts;
+    let facts = with_up(&options.facts, data);
     label_sky(&mut splats);
     let metadata = Metadata {
         rasterization: Some(config.rasterization),
@@ -106,8 +110,9 @@ pub(super) fn finish(
         ..Metadata::default()
     };
     let mut scene = Scene { splats, metadata, views: data.views() };
-    let survey = Survey::of(&scene, facts);
+    let survey = Survey::of(&scene, &facts);
     let mut known = survey.metadata();
+    note_up(&mut known, options, data);
     let ground = ground(&data.set.capture);
     if facts.ground.is_none()
         && let Ok(ground) = &ground
@@ -115,6 +120,7 @@ pub(super) fn finish(
     {
         // Seen in many photos: better than what training left of a street.
         known.ground = Some(ground.under.dot(survey.up.value));
+        known.ground_confidence = None;
         known.camera_height = Some(ground.height);
     }
     if known.metres_per_unit.is_none() {
@@ -122,11 +128,15 @@ pub(super) fn finish(
         if let (Err(reason), true) = (&ground, found.is_none() || options.camera_height.is_some()) {
             observer.on_notice(&TrainNotice::NoScaleFromHeight(*reason));
         }
-        if let Some((metres_per_unit, source)) = found {
+        if let Some(FoundScale { metres_per_unit, source, confidence }) = found {
             observer.on_notice(&TrainNotice::Scale { metres_per_unit, source: source.clone() });
             known.metres_per_unit = Some(metres_per_unit);
             known.scale_source = Some(source);
+            known.scale_confidence = Some(confidence).filter(|known| *known != Confidence::Sure);
         }
+    }
+    if let Some(warning) = survey.up_warning() {
+        observer.on_warning(&TrainWarning::DoubtfulUp(warning));
     }
     scene.metadata = known.or(std::mem::take(&mut scene.metadata));
     if scene.metadata.metres_per_unit.is_none()
@@ -137,28 +147,56 @@ pub(super) fn finish(
     scene
 }
 
+/// The facts that were given, with up by GPS where that is sure.
+fn with_up(given: &Metadata, data: &TrainData) -> Metadata {
+    let measured = data.up.filter(|up| given.up.is_none() && is_measured(up));
+    Metadata { up: given.up.or(measured.map(|up| up.up)), ..given.clone() }
+}
+
+/// Returns true if GPS tells up well enough that splats need not be asked.
+fn is_measured(up: &CaptureUp) -> bool {
+    matches!(up.evidence, UpEvidence::Gps { .. }) && up.error < MEASURED
+}
+
+/// Writes down what tells up.
+fn note_up(known: &mut Metadata, options: &SessionOptions, data: &TrainData) {
+    if let Some(up) = data.up.filter(|up| options.facts.up.is_none() && is_measured(up)) {
+        known.up_source = Some(up.evidence.to_string());
+        known.up_confidence = None;
+    }
+}
+
+/// A scale and where it is from.
+struct FoundScale {
+    metres_per_unit: f64,
+    source: String,
+    confidence: Confidence,
+}
+
 /// Returns metres per scene unit and where they are from: the height of the cameras if that is given, else where photos
 /// say that they were taken, else the height at which people hold cameras.
 fn scale(
     data: &TrainData,
     camera_height: Option<f64>,
     ground: &Result<CaptureGround, CaptureGroundError>,
-) -> Option<(f64, String)> {
-    let by_height = |metres: f64| {
+) -> Option<FoundScale> {
+    let by_height = |metres: f64, confidence: Confidence| {
         let metres_per_unit = metres / ground.as_ref().ok()?.height;
         let source = format!("the camera height of {metres} m above the ground");
-        (metres_per_unit.is_finite() && metres_per_unit > 0.0).then_some((metres_per_unit, source))
+        let is_scale = metres_per_unit.is_finite() && metres_per_unit > 0.0;
+        is_scale.then_some(FoundScale { metres_per_unit, source, confidence })
     };
-    let by_places = || {
-        let views = &data.set.capture.views;
-        let centers: Vec<DVec3> = views.iter().map(|view| view.camera.center()).collect();
-        let scale = gps::metres_per_unit(&centers, data.set.photos.gps())?;
-        let source = format!("the places of {} photos, met within {:.1} m", scale.photos, scale.residual);
-        Some((scale.metres_per_unit, source))
+    let by_gps = || {
+        let gps = data.gps?;
+        let source = format!("the GPS of {} photos, met within {:.1} m", gps.photos, gps.residual);
+        let is_sure = gps.extent > SURE_EXTENT * gps.residual.max(1.0);
+        let confidence = if is_sure { Confidence::Sure } else { Confidence::Likely };
+        Some(FoundScale { metres_per_unit: gps.metres_per_unit, source, confidence })
     };
-    let given = camera_height.and_then(by_height);
-    given.or_else(by_places).or_else(|| match camera_height {
+    let given = camera_height.and_then(|metres| by_height(metres, Confidence::Sure));
+    // People are tall and small, and a drone may fly as level as a person walks.
+    given.or_else(by_gps).or_else(|| match camera_height {
         Some(_) => None,
-        None => by_height(HELD_AT),
+        None => by_height(HELD_AT, Confidence::Likely),
     })
 }

@@ -97,14 +97,55 @@ fn a_session_that_was_stopped_ends_in_the_same_scene() {
     let error = session(&set).run_folder(&run).run(&mut ()).unwrap_err();
     assert!(matches!(error, SessionError::Unfinished(_)), "{error}");
     let again = session(&set).run_folder(&run).resume().run(&mut ()).unwrap();
+    assert_eq!((&again.splats, &again.metadata), (&scene.splats, &scene.metadata));
+    let error = session(&set).run_folder(&run).run(&mut ()).unwrap_err();
+    assert!(matches!(error, SessionError::Finished(_)), "{error}");
+    let again = session(&set).run_folder(&run).overwrite().run(&mut ()).unwrap();
     assert_eq!((again.splats, again.metadata), (scene.splats, scene.metadata));
+}
+
+/// The folder of a training at every moment before its first checkpoint.
+#[test]
+fn a_session_that_was_killed_early_is_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (set, run) = (folder.path().join("set"), folder.path().join("run"));
+    dataset::write(&Street::builtin(), &set, &PHOTOS, &mut |_| true).unwrap();
+    let scene = session(&set).steps(3).run(&mut ()).unwrap();
+    let left: [&[(&str, &str)]; 5] = [
+        &[],
+        &[("config.json.12-0.part", "{")],
+        &[("config.json", "{}")],
+        &[("config.json", "{}"), ("checkpoint.wmtrain.12-0.part", "WMT")],
+        &[("config.json", "{}"), ("metrics.jsonl", "{\"step\": 2}\n{\"st")],
+    ];
+    for files in left {
+        std::fs::create_dir(&run).unwrap();
+        files.iter().for_each(|(name, content)| std::fs::write(run.join(name), content).unwrap());
+        let again = session(&set).steps(3).run_folder(&run).resume().run(&mut ()).unwrap();
+        assert_eq!(again.splats, scene.splats, "{files:?}");
+        assert!(!run.join("checkpoint.wmtrain.12-0.part").exists());
+        std::fs::remove_dir_all(&run).unwrap();
+    }
+    // A line of metrics that ends within a letter.
+    let session = || session(&set).steps(3).run_folder(&run);
+    session().run(&mut ()).unwrap();
+    let path = run.join("metrics.jsonl");
+    let lines = std::fs::read(&path).unwrap();
+    std::fs::write(&path, [&lines[..], b"{\"step\": 3, \"photo\": \"\xc3"].concat()).unwrap();
+    assert_eq!(session().resume().run(&mut ()).unwrap().splats, scene.splats);
+    assert_eq!(std::fs::read(&path).unwrap(), lines);
+    std::fs::create_dir(folder.path().join("other")).unwrap();
+    std::fs::write(folder.path().join("other/notes.txt"), "mine").unwrap();
+    let error = session().run_folder(folder.path().join("other")).resume().run(&mut ()).unwrap_err();
+    assert!(matches!(error, SessionError::NothingToResume(_)), "{error}");
 }
 
 #[test]
 fn plans_and_folders_that_cannot_be_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let say = |session: Session| session.run(&mut ()).unwrap_err().to_string();
-    assert!(say(session(folder.path()).resume().run_folder(folder.path())).contains("there is no training"));
+    let none = folder.path().join("none");
+    assert!(say(session(folder.path()).resume().run_folder(none)).contains("there is no training"));
     let options = SessionOptions { camera_height: Some(f64::NAN), ..SessionOptions::default() };
     assert!(say(Session::new("none").options(options)).starts_with("the camera height is NaN"));
     let mut plan = TrainPlan { densify: "mcmd".into(), ..TrainPlan::default() };

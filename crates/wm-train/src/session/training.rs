@@ -100,7 +100,7 @@ impl Training {
         failures.try_iter().for_each(|error| observer.on_warning(&TrainWarning::Gpu(error)));
         let extent = start::extent(&data.cameras());
         let photos = data.set.places.len();
-        let trainer = match folder.resumed()? {
+        let mut trainer = match folder.resumed()? {
             Some((head, state)) => {
                 let trainer = Trainer::resumed(config, renderer, state, extent, photos);
                 let same = head.config == *trainer.config()
@@ -119,12 +119,16 @@ impl Training {
             }
         };
         let (step, steps) = (trainer.steps_done(), trainer.config().steps);
-        folder.write_config(trainer.config())?;
-        let metrics = folder.metrics(step, steps)?;
         let last_level = data.set.photos.last_level(SHORTEST);
         let photo = data.set.name(data.shown());
         let start = TrainStart { step, steps, photo, extent };
         observer.on_start(&start).map_err(SessionError::Observer)?;
+        if let Some(path) = folder.checkpoint().filter(|_| !folder.resumes()) {
+            // From now on the folder holds this training, and no other whose files were there before.
+            write_checkpoint(&path, &mut trainer, &data)?;
+        }
+        folder.write_config(trainer.config())?;
+        let metrics = folder.metrics(step, steps)?;
         Ok(Self {
             trainer,
             failures,
@@ -232,16 +236,8 @@ impl Training {
     /// [`SessionError`] if the file cannot be written or the device fails.
     pub fn save(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
         let Some(path) = self.folder.checkpoint() else { return Ok(()) };
-        match self.trainer.state().map(|_| ()) {
-            // The state before the GPU failed is kept.
-            Err(error) if error.is_of_gpu() => {}
-            done => done?,
-        }
-        let (config, simd) = (self.trainer.config().clone(), self.trainer.path().to_string());
-        let state = self.trainer.known_state();
-        let head = CheckpointHead::new(&config, self.data.taught(), simd, state);
-        checkpoint::write(&path, &head, state).map_err(|error| SessionError::Unsaved(Box::new(error)))?;
-        observer.on_checkpoint(&path, head.step());
+        let step = write_checkpoint(&path, &mut self.trainer, &self.data)?;
+        observer.on_checkpoint(&path, step);
         Ok(())
     }
 
@@ -417,6 +413,20 @@ impl Training {
     pub fn folder(&self) -> &Path {
         self.folder.path()
     }
+}
+
+/// Writes a checkpoint; returns its steps.
+fn write_checkpoint(path: &Path, trainer: &mut Trainer, data: &TrainData) -> Result<u32, SessionError> {
+    match trainer.state().map(|_| ()) {
+        // The state before the GPU failed is kept.
+        Err(error) if error.is_of_gpu() => {}
+        done => done?,
+    }
+    let (config, simd) = (trainer.config().clone(), trainer.path().to_string());
+    let state = trainer.known_state();
+    let head = CheckpointHead::new(&config, data.taught(), simd, state);
+    checkpoint::write(path, &head, state).map_err(|error| SessionError::Unsaved(Box::new(error)))?;
+    Ok(head.step())
 }
 
 /// Returns the colours as a screen shows them: 0 to 1.

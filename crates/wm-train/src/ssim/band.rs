@@ -3,7 +3,7 @@
 use super::{CHANNELS, KEPT, MARGIN, Pictures, REACH, REACHED, TAPS, TOGETHER, WIDEST};
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::simd::Lanes;
-use wm_render::stages::compare::{C1, C2, RADIUS, WINDOW};
+use wm_render::training::{C1, C2, RADIUS, WINDOW};
 
 /// Working memory of a band.
 #[derive(Clone, Debug, Default)]

@@ -22,7 +22,7 @@ use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use wm_render::dispatch;
 use wm_render::simd::SimdPath;
-use wm_render::stages::compare::RADIUS;
+use wm_render::training::RADIUS;
 
 /// Pixels of the window along a side.
 const TAPS: usize = 2 * RADIUS + 1;

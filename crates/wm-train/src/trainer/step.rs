@@ -7,8 +7,8 @@ use crate::losses::{self, LossGradients, LossInput, LossTerm, OwnRender, Reads, 
 use crate::random::{Purpose, Random};
 use crate::schedule;
 use std::time::Instant;
-use wm_render::stages::compare::{Compared, Comparison, NO_EXPOSURE};
-use wm_render::stages::optimize::{SplatTerms, Step};
+use wm_render::training::{Compared, Comparison, NO_EXPOSURE};
+use wm_render::training::{SplatTerms, Step};
 use wm_render::{Channels, DepthAlpha, DrawnSplats, ForwardConfig, Frame, Opacity, RenderError};
 
 /// Memory of one step.

@@ -1,0 +1,187 @@
+//! The program that finds cameras, and its commands.
+
+use super::{ColmapDevice, ColmapError};
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// The program that finds cameras.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CameraTool {
+    /// COLMAP: its program.
+    Colmap(PathBuf),
+    /// pycolmap, on the CPU: the Python that has it.
+    Pycolmap(PathBuf),
+}
+
+/// The script that runs a step with pycolmap.
+pub(super) const SCRIPT: &str = include_str!("find_cameras.py");
+/// Its name in the folder of a run.
+pub(super) const SCRIPT_NAME: &str = "find_cameras.py";
+
+impl CameraTool {
+    /// Returns the program that the environment variable `COLMAP` names, else the first COLMAP on `PATH`, else the first Python
+    /// on `PATH` that can import pycolmap.
+    #[must_use]
+    pub fn find() -> Option<Self> {
+        if let Some(given) = std::env::var_os("COLMAP").filter(|given| !given.is_empty()) {
+            return Some(Self::Colmap(given.into()));
+        }
+        let (programs, pythons): (&[&str], &[&str]) = if cfg!(windows) {
+            (&["colmap.exe", "COLMAP.bat", "colmap.bat"], &["python3.exe", "python.exe"])
+        } else {
+            (&["colmap"], &["python3", "python"])
+        };
+        let colmap = programs.iter().find_map(|name| on_path(name)).map(Self::Colmap);
+        let python = || pythons.iter().filter_map(|name| on_path(name)).find(|python| has_pycolmap(python));
+        colmap.or_else(|| python().map(Self::Pycolmap))
+    }
+
+    /// Returns the program that is started.
+    pub(super) fn program(&self) -> &Path {
+        match self {
+            Self::Colmap(program) | Self::Pycolmap(program) => program,
+        }
+    }
+}
+
+/// Returns the first file of a name in the folders of `PATH`.
+pub(crate) fn on_path(name: &str) -> Option<PathBuf> {
+    let path = std::env::var_os("PATH")?;
+    std::env::split_paths(&path).map(|folder| folder.join(name)).find(|file| file.is_file())
+}
+
+fn has_pycolmap(python: &Path) -> bool {
+    let mut import = Command::new(python);
+    import.args(["-c", "import pycolmap"]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    import.status().is_ok_and(|status| status.success())
+}
+
+/// The files and folders of a run.
+pub(super) struct RunPaths {
+    /// The photos.
+    pub photos: PathBuf,
+    /// Features and matches.
+    pub database: PathBuf,
+    /// What the mapper makes.
+    pub models: PathBuf,
+    /// The undistorted capture.
+    pub dataset: PathBuf,
+    /// The script for pycolmap.
+    pub script: PathBuf,
+}
+
+/// Makes the commands of the four steps.
+pub(super) struct StepCommands {
+    tool: CameraTool,
+    paths: RunPaths,
+    use_gpu: &'static str,
+    /// COLMAP's options that say whether the GPU is used, of features and of matches.
+    gpu_options: [String; 2],
+}
+
+impl StepCommands {
+    /// Checks that the program starts.
+    pub fn new(tool: CameraTool, paths: RunPaths, device: ColmapDevice) -> Result<Self, ColmapError> {
+        let gpu_options = match &tool {
+            CameraTool::Colmap(program) => gpu_options(program)?,
+            CameraTool::Pycolmap(_) => Default::default(),
+        };
+        let use_gpu = match device {
+            ColmapDevice::Cpu => "0",
+            ColmapDevice::Gpu => "1",
+        };
+        Ok(Self { tool, paths, use_gpu, gpu_options })
+    }
+
+    /// Finds features.
+    pub fn extract(&self, has_one_camera: bool) -> Command {
+        let RunPaths { photos, database, .. } = &self.paths;
+        match &self.tool {
+            CameraTool::Colmap(_) => {
+                let mut command = self.colmap("feature_extractor");
+                command.arg("--database_path").arg(database).arg("--image_path").arg(photos);
+                // OPENCV holds the lenses of phones and cameras; one camera for all makes it certain, but is only
+                // allowed for photos of one size.
+                let single = if has_one_camera { "1" } else { "0" };
+                command.args(["--ImageReader.camera_model", "OPENCV", "--ImageReader.single_camera", single]);
+                command.args([&self.gpu_options[0], self.use_gpu]);
+                command
+            }
+            CameraTool::Pycolmap(_) => {
+                let mode = if has_one_camera { "SINGLE" } else { "AUTO" };
+                self.script("extract", &[database.as_ref(), photos.as_ref(), mode.as_ref()])
+            }
+        }
+    }
+
+    /// Matches the features of pairs of photos.
+    pub fn compare(&self, is_exhaustive: bool) -> Command {
+        let database = &self.paths.database;
+        let pairs = if is_exhaustive { "exhaustive" } else { "sequential" };
+        match &self.tool {
+            CameraTool::Colmap(_) => {
+                let mut command = self.colmap(&format!("{pairs}_matcher"));
+                command.arg("--database_path").arg(database).args([&self.gpu_options[1], self.use_gpu]);
+                command
+            }
+            CameraTool::Pycolmap(_) => self.script("match", &[database.as_ref(), pairs.as_ref()]),
+        }
+    }
+
+    /// Finds cameras.
+    pub fn map(&self) -> Command {
+        let RunPaths { photos, database, models, .. } = &self.paths;
+        match &self.tool {
+            CameraTool::Colmap(_) => {
+                let mut command = self.colmap("mapper");
+                command.arg("--database_path").arg(database).arg("--image_path").arg(photos);
+                command.arg("--output_path").arg(models);
+                command
+            }
+            CameraTool::Pycolmap(_) => {
+                self.script("map", &[database.as_ref(), photos.as_ref(), models.as_ref()])
+            }
+        }
+    }
+
+    /// Makes photos without distortion.
+    pub fn undistort(&self, model: &Path) -> Command {
+        let RunPaths { photos, dataset, .. } = &self.paths;
+        match &self.tool {
+            CameraTool::Colmap(_) => {
+                let mut command = self.colmap("image_undistorter");
+                command.arg("--image_path").arg(photos).arg("--input_path").arg(model);
+                command.arg("--output_path").arg(dataset).args(["--output_type", "COLMAP"]);
+                command
+            }
+            CameraTool::Pycolmap(_) => {
+                self.script("undistort", &[photos.as_ref(), model.as_ref(), dataset.as_ref()])
+            }
+        }
+    }
+
+    fn colmap(&self, name: &str) -> Command {
+        let mut command = Command::new(self.tool.program());
+        command.arg(name);
+        command
+    }
+
+    fn script(&self, step: &str, args: &[&OsStr]) -> Command {
+        let mut command = Command::new(self.tool.program());
+        command.arg(&self.paths.script).arg(step).args(args);
+        command
+    }
+}
+
+/// Returns COLMAP's options that say whether the GPU is used: they changed with COLMAP 3.13, and a name that is not known
+/// ends a command.
+fn gpu_options(program: &Path) -> Result<[String; 2], ColmapError> {
+    let output = Command::new(program).args(["feature_extractor", "-h"]).stdin(Stdio::null()).output();
+    let output = output.map_err(|reason| ColmapError::Start { program: program.to_owned(), reason })?;
+    let said = [output.stdout, output.stderr].concat();
+    let is_new = String::from_utf8_lossy(&said).contains("--FeatureExtraction.use_gpu");
+    let names =
+        if is_new { ["FeatureExtraction", "FeatureMatching"] } else { ["SiftExtraction", "SiftMatching"] };
+    Ok(names.map(|name| format!("--{name}.use_gpu")))
+}
