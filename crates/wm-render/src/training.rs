@@ -6,8 +6,10 @@
 
 pub use crate::stages::compare::{
     Belief, Believed, C1, C2, COVERED, Compared, Comparison, EDGE, EXACT, Exposure, FEWEST, FLOOR,
-    NO_EXPOSURE, RADIUS, Term, WINDOW,
+    NO_EXPOSURE, Patches, RADIUS, Term, WINDOW,
 };
+pub use crate::stages::optimize::cpu::{add_terms, hold_sky, step};
 pub use crate::stages::optimize::{
     Changed, Learnt, LearntMut, Moments, Noise, Origin, Pulls, Rates, Shapes, SplatTerms, Step,
 };
+pub use crate::stages::project::MIN_ALPHA;

@@ -94,6 +94,16 @@ impl Clock {
 /// Number and resource of each binding.
 pub(crate) type Bindings<'a> = Vec<(u32, BindingResource<'a>)>;
 
+/// `first` and, at the numbers that follow its last, whole buffers in the order in which the shader declares them.
+pub(crate) fn with_buffers<'a, const N: usize>(
+    mut first: Bindings<'a>,
+    buffers: [&'a wgpu::Buffer; N],
+) -> Bindings<'a> {
+    let next = first.last().map_or(0, |(number, _)| number + 1);
+    first.extend((next..).zip(buffers.map(wgpu::Buffer::as_entire_binding)));
+    first
+}
+
 /// The commands of one frame.
 pub(crate) struct Recorder<'a> {
     gpu: &'a Gpu,

@@ -4,7 +4,7 @@ use super::{Part, StoredModel, USAGE, back, most_in_part, piece, shapes, skies, 
 use crate::gpu::buffers::{Growing, WRITTEN};
 use crate::gpu::device::Gpu;
 use crate::gpu::error::GpuError;
-use crate::gpu::recorder::{Groups, Recorder, Stage};
+use crate::gpu::recorder::{Groups, Recorder, Stage, with_buffers};
 use crate::gpu::source::WORKGROUP;
 use crate::gpu::uniforms::{Forgets, SLOT, Uniform, bytes_of, rearrangement};
 use crate::stages::optimize::gpu::OptimizeProgram;
@@ -134,12 +134,8 @@ impl Moving<'_> {
         let mut recorder = Recorder::new(gpu, &uniforms, None);
         recorder.begin(Stage::Optimize);
         for (slot, (then, now)) in pairs.into_iter().enumerate() {
-            let bindings = vec![
-                (0, recorder.uniform(slot)),
-                (1, self.sources.as_entire_binding()),
-                (2, before[then].as_entire_binding()),
-                (3, after[now].as_entire_binding()),
-            ];
+            let bindings =
+                with_buffers(vec![(0, recorder.uniform(slot))], [self.sources, &before[then], &after[now]]);
             let groups = (ranges[now].len() as u32).div_ceil(WORKGROUP);
             recorder.dispatch(OptimizeProgram::Rearrange, Groups::Direct(groups), bindings);
         }

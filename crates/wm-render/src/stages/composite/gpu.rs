@@ -2,7 +2,7 @@
 //! form for the GPU yet. Pixel effects run on the CPU, on the picture that came back.
 
 use crate::differentiable::Channels;
-use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{COLOR, StagePrograms, TRAINING, WORKGROUP, switches, texts};
 use crate::stages::particles::gpu::OVER;
 use crate::stages::rasterize_backward::gpu::Kept;
@@ -118,12 +118,7 @@ impl Composite<'_> {
         form: BackgroundForm,
         particles: ParticleBlend,
     ) {
-        let mut bindings = vec![
-            (0, recorder.view()),
-            (1, self.rgb.as_entire_binding()),
-            (2, self.alpha.as_entire_binding()),
-            (3, self.background.as_entire_binding()),
-        ];
+        let mut bindings = with_buffers(vec![(0, recorder.view())], [self.rgb, self.alpha, self.background]);
         if particles != ParticleBlend::None {
             bindings.extend([(4, self.falling.as_entire_binding()), (5, self.apart.as_entire_binding())]);
         }
@@ -148,17 +143,18 @@ impl Finish<'_> {
         (pixels, channels): (u32, Channels),
         training: wgpu::BindingResource<'_>,
     ) {
-        let bindings = vec![
-            (0, recorder.view()),
-            (1, training),
-            (2, self.kept.rgb.as_entire_binding()),
-            (3, self.kept.alpha.as_entire_binding()),
-            (4, self.kept.depths.as_entire_binding()),
-            (5, self.kept.normal.as_entire_binding()),
-            (6, self.rgb.as_entire_binding()),
-            (7, self.depths.as_entire_binding()),
-            (8, self.normal.as_entire_binding()),
-        ];
+        let bindings = with_buffers(
+            vec![(0, recorder.view()), (1, training)],
+            [
+                self.kept.rgb,
+                self.kept.alpha,
+                self.kept.depths,
+                self.kept.normal,
+                self.rgb,
+                self.depths,
+                self.normal,
+            ],
+        );
         recorder.dispatch(
             CompositeProgram::Finish(channels),
             Groups::Direct(pixels.div_ceil(WORKGROUP)),

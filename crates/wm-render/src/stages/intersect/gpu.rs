@@ -1,7 +1,7 @@
 //! Tile lists on the GPU: tiles of 16x16 px. The splats in view come by depth; each counts its tiles, and after prefix
 //! sums writes an entry a tile. Sorted by tile, and no further, the entries are the lists.
 
-use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{StagePrograms, VISIBLE_GROUPS, WORKGROUP, texts};
 use crate::stages::prefix_sum::gpu::WORKGROUP_SUMS;
 use std::borrow::Cow;
@@ -50,17 +50,10 @@ pub(crate) struct Intersect<'a> {
 impl Intersect<'_> {
     /// Counts or writes, as the structure `Task` in `slot` says.
     pub fn record(&self, recorder: &mut Recorder<'_>, slot: usize) {
-        let bindings = vec![
-            (0, recorder.view()),
-            (1, recorder.uniform(slot)),
-            (2, self.counters.as_entire_binding()),
-            (3, self.records.as_entire_binding()),
-            (4, self.order.as_entire_binding()),
-            (5, self.counts.as_entire_binding()),
-            (6, self.sums.as_entire_binding()),
-            (7, self.tiles.as_entire_binding()),
-            (8, self.entries.as_entire_binding()),
-        ];
+        let bindings = with_buffers(
+            vec![(0, recorder.view()), (1, recorder.uniform(slot))],
+            [self.counters, self.records, self.order, self.counts, self.sums, self.tiles, self.entries],
+        );
         recorder.dispatch(
             IntersectProgram::Entries,
             Groups::Indirect(self.dispatches, VISIBLE_GROUPS),
@@ -76,11 +69,6 @@ pub(crate) fn ranges(
     (counters, tiles): (&wgpu::Buffer, &wgpu::Buffer),
     tile_offsets: &wgpu::Buffer,
 ) {
-    let bindings = vec![
-        (0, recorder.view()),
-        (1, counters.as_entire_binding()),
-        (2, tiles.as_entire_binding()),
-        (3, tile_offsets.as_entire_binding()),
-    ];
+    let bindings = with_buffers(vec![(0, recorder.view())], [counters, tiles, tile_offsets]);
     recorder.dispatch(IntersectProgram::Ranges, Groups::Direct((count + 1).div_ceil(WORKGROUP)), bindings);
 }

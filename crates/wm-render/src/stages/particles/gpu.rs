@@ -1,7 +1,7 @@
 //! Particles on the GPU: the CPU gathers and projects them, a workgroup adds up each drop's cover in whole numbers by
 //! atomics, so that no order counts.
 
-use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{StagePrograms, texts};
 use std::borrow::Cow;
 
@@ -36,12 +36,6 @@ pub(crate) fn fall(
     (alpha, depths): (&wgpu::Buffer, &wgpu::Buffer),
     sums: &wgpu::Buffer,
 ) {
-    let bindings = vec![
-        (0, recorder.view()),
-        (1, drops.as_entire_binding()),
-        (2, alpha.as_entire_binding()),
-        (3, depths.as_entire_binding()),
-        (4, sums.as_entire_binding()),
-    ];
+    let bindings = with_buffers(vec![(0, recorder.view())], [drops, alpha, depths, sums]);
     recorder.dispatch(ParticleProgram::Fall, Groups::Direct(count), bindings);
 }

@@ -1,6 +1,6 @@
 //! One workgroup over all sums, see the contract.
 
-use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{StagePrograms, texts};
 use std::borrow::Cow;
 
@@ -41,11 +41,6 @@ pub(crate) fn spine(
     sums: &wgpu::Buffer,
     (counters, dispatches): (&wgpu::Buffer, &wgpu::Buffer),
 ) {
-    let bindings = vec![
-        (0, recorder.view()),
-        (1, counters.as_entire_binding()),
-        (2, dispatches.as_entire_binding()),
-        (3, sums.as_entire_binding()),
-    ];
+    let bindings = with_buffers(vec![(0, recorder.view())], [counters, dispatches, sums]);
     recorder.dispatch(program, Groups::Direct(1), bindings);
 }

@@ -2,7 +2,7 @@
 //! with the colours ([`shade_backward`](crate::stages::shade_backward)) in the same program.
 
 use crate::differentiable::Channels;
-use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{StagePrograms, VISIBLE_GROUPS, switches, texts};
 use crate::stages::project::gpu::{GEOMETRY, PIECES, ParameterForm, Piece};
 use crate::stages::shade::gpu::SHADE;
@@ -82,13 +82,7 @@ pub(crate) struct Gather<'a> {
 impl Gather<'_> {
     /// Adds the slots of all splats in view.
     pub fn record(&self, recorder: &mut Recorder<'_>) {
-        let bindings = vec![
-            (0, self.counters.as_entire_binding()),
-            (1, self.order.as_entire_binding()),
-            (2, self.ends.as_entire_binding()),
-            (3, self.slots.as_entire_binding()),
-            (4, self.pulls.as_entire_binding()),
-        ];
+        let bindings = with_buffers(vec![], [self.counters, self.order, self.ends, self.slots, self.pulls]);
         recorder.dispatch(
             ProjectBackwardProgram::Gather,
             Groups::Indirect(self.dispatches, VISIBLE_GROUPS),

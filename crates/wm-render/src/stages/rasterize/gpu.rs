@@ -1,7 +1,7 @@
 //! Blending on the GPU: a workgroup a tile of 16x16 px, a thread a pixel.
 
 use crate::differentiable::Channels;
-use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{StagePrograms, switches};
 use crate::renderer::{Geometry, MedianDepth};
 use std::borrow::Cow;
@@ -87,17 +87,19 @@ impl Rasterize<'_> {
         program: RasterizeProgram,
         last: &wgpu::Buffer,
     ) {
-        let bindings = vec![
-            (0, recorder.view()),
-            (1, self.tile_offsets.as_entire_binding()),
-            (2, self.entries.as_entire_binding()),
-            (3, self.records.as_entire_binding()),
-            (4, self.rgb.as_entire_binding()),
-            (5, self.alpha.as_entire_binding()),
-            (6, self.depths.as_entire_binding()),
-            (7, self.normal.as_entire_binding()),
-            (8, last.as_entire_binding()),
-        ];
+        let bindings = with_buffers(
+            vec![(0, recorder.view())],
+            [
+                self.tile_offsets,
+                self.entries,
+                self.records,
+                self.rgb,
+                self.alpha,
+                self.depths,
+                self.normal,
+                last,
+            ],
+        );
         recorder.dispatch(program, Groups::Direct(tiles), bindings);
     }
 }

@@ -2,7 +2,7 @@
 //! the tile lists carry through their sort.
 
 use crate::differentiable::Channels;
-use crate::gpu::recorder::{Groups, Recorder};
+use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{StagePrograms, Subgroups, TRAINING, WORKGROUP, switches};
 use std::borrow::Cow;
 
@@ -66,16 +66,10 @@ pub(crate) fn by_sums(
     kept: Kept<'_>,
     (upstream, states): (&wgpu::Buffer, &wgpu::Buffer),
 ) {
-    let bindings = vec![
-        (0, recorder.view()),
-        (1, training),
-        (2, kept.rgb.as_entire_binding()),
-        (3, kept.alpha.as_entire_binding()),
-        (4, kept.depths.as_entire_binding()),
-        (5, kept.normal.as_entire_binding()),
-        (6, upstream.as_entire_binding()),
-        (7, states.as_entire_binding()),
-    ];
+    let bindings = with_buffers(
+        vec![(0, recorder.view()), (1, training)],
+        [kept.rgb, kept.alpha, kept.depths, kept.normal, upstream, states],
+    );
     recorder.dispatch(
         RasterizeBackwardProgram::BySums(channels),
         Groups::Direct(pixels.div_ceil(WORKGROUP)),
@@ -98,15 +92,10 @@ pub(crate) struct RasterizeBackward<'a> {
 impl RasterizeBackward<'_> {
     /// Sums what the pixels of all tiles pull.
     pub fn record(&self, recorder: &mut Recorder<'_>, tiles: u32, channels: Channels) {
-        let bindings = vec![
-            (0, recorder.view()),
-            (1, self.tile_offsets.as_entire_binding()),
-            (2, self.pairs.as_entire_binding()),
-            (3, self.names.as_entire_binding()),
-            (4, self.records.as_entire_binding()),
-            (5, self.states.as_entire_binding()),
-            (6, self.slots.as_entire_binding()),
-        ];
+        let bindings = with_buffers(
+            vec![(0, recorder.view())],
+            [self.tile_offsets, self.pairs, self.names, self.records, self.states, self.slots],
+        );
         let program = RasterizeBackwardProgram::Backward(channels, recorder.subgroups());
         recorder.dispatch(program, Groups::Direct(tiles), bindings);
     }
