@@ -5,7 +5,7 @@ use crate::{Error, Progress, Result};
 use glam::DVec3;
 use wm_render::Differentiable;
 use wm_scene::similarity::Similarity;
-use wm_scene::survey::{Survey, label_sky};
+use wm_scene::survey::{Confidence, Survey, label_sky};
 use wm_scene::{Metadata, Scene};
 
 /// A box along the axes, between two corners.
@@ -87,6 +87,7 @@ impl SceneChange {
             let now = Survey::of(scene, &given).up;
             notes.push(format!("up was {:.3} ({})", now.value, now.source));
             scene.metadata.up = Some(now.value);
+            scene.metadata.up_confidence = Some(now.confidence).filter(|known| *known != Confidence::Sure);
             Similarity::turning(now.value, up).apply(scene);
         }
         match self.scale {

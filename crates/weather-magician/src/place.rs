@@ -107,6 +107,8 @@ pub struct PreparedPlace {
     store: AssetStore,
     lying: Option<Lying>,
     warnings: Vec<String>,
+    /// A doubt about up that is told when a weather first stands on it.
+    doubt: Option<String>,
 }
 
 /// The snow or dust that the renderer holds.
@@ -153,6 +155,7 @@ impl PreparedPlace {
             store: AssetStore::default(),
             lying: None,
             warnings: survey.warning().into_iter().collect(),
+            doubt: survey.up_warning(),
             survey,
         };
         place.config = RenderConfig {
@@ -358,6 +361,7 @@ impl PreparedPlace {
         if missing.is_empty() {
             return Ok(());
         }
+        self.warnings.extend(self.doubt.take());
         let source = self.asset_source(backend, &mut missing)?;
         let assets = missing.make(source, progress)?;
         self.insert(backend, assets)

@@ -8,9 +8,10 @@ use wm_street::{Street, dataset};
 
 /// A coarse street with the cameras of its photos, so that surfaces are found in what those see.
 fn street() -> Scene {
-    let mut scene = Street::builtin().sampling(0.06).scene(&|_| true).expect("nobody stops it");
+    let street = Street::builtin();
+    let mut scene = street.sampling(0.06).scene(&|_| true).expect("nobody stops it");
     let options = dataset::DatasetOptions { count: 5, size: (96, 64), ..Default::default() };
-    let cameras = dataset::cameras(&options).unwrap();
+    let cameras = dataset::cameras(&street, &options).unwrap();
     let view = |(i, camera)| SceneView { name: format!("{i}.png"), camera };
     scene.views = cameras.into_iter().enumerate().map(view).collect();
     scene

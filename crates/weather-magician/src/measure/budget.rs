@@ -9,12 +9,10 @@
 //!
 //! Tolerance: 1 % of what fell.
 
-use super::stake::{level_card, shown};
+use super::stake::{level_card, median_depth, shown};
 use super::{
-    DEPTH, Finding, Instrument, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest, Reading,
-    Tolerance, clear, expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance, clear, expected,
 };
-use crate::Picture;
 use crate::Result;
 use wm_scene::Splats;
 use wm_weather::Weather;
@@ -121,19 +119,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let (before, stock) = if melted > 0.0 { (clear(), 0.0) } else { half(&weather, request.time)? };
     let fov = 2.0 * (WINDOW / HIGH).atan().to_degrees();
     let camera = level.camera((400, 400), fov, [0.0, 0.0, HIGH], [0.0; 3])?;
-    let mut depths = |weather: &Weather| -> Result<_> {
-        let mut picture = Picture::default();
-        let shot = InstrumentShot {
-            subject,
-            camera: &camera,
-            weather,
-            time: request.time,
-            outputs: DEPTH,
-            parts: &[],
-        };
-        rig.draw(&shot, &mut picture)?;
-        Ok(picture.frame.median_depth)
-    };
+    let mut depths = |weather: &Weather| median_depth(rig, (subject, &camera), weather, request);
     let (less, more) = (depths(&before)?, depths(&weather)?);
     let (mut volume, mut area) = (0.0, 0.0);
     for (less, more) in less.iter().zip(&more) {

@@ -59,11 +59,11 @@ pub fn level_card(level: &LevelFrame, center: [f64; 3], halves: [[f64; 3]; 2], s
 }
 
 /// Mean view z over the middle of a depth map, m.
-fn middle_depth(level: &LevelFrame, picture: &Picture) -> f64 {
-    let (width, height) = (picture.frame.width as usize, picture.frame.height as usize);
+fn middle_depth(level: &LevelFrame, camera: &Camera, depth: &[f32]) -> f64 {
+    let (width, height) = (camera.width as usize, camera.height as usize);
     let rows = height / 4..3 * height / 4;
-    let depths = rows.flat_map(|y| (width / 4..3 * width / 4).map(move |x| y * width + x));
-    level.metres(mean(depths.map(|at| f64::from(picture.frame.median_depth[at]))))
+    let pixels = rows.flat_map(|y| (width / 4..3 * width / 4).map(move |x| y * width + x));
+    level.metres(mean(pixels.map(|at| f64::from(depth[at]))))
 }
 
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
@@ -84,17 +84,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     ] {
         let camera = down(eye)?;
         let mut z = |weather| -> Result<_> {
-            let mut picture = Picture::default();
-            let shot = InstrumentShot {
-                subject,
-                camera: &camera,
-                weather,
-                time: request.time,
-                outputs: DEPTH,
-                parts: &[],
-            };
-            rig.draw(&shot, &mut picture)?;
-            Ok(middle_depth(&level, &picture))
+            let depth = median_depth(rig, (subject, &camera), weather, request)?;
+            Ok(middle_depth(&level, &camera, &depth))
         };
         let measured = z(&clear())? - z(&weather)?;
         finding.readings.push(Reading {
@@ -110,6 +101,20 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let camera = level.camera((480, 320), 45.0, [-7.0, -9.0, 4.5], [0.6, 0.0, 0.8])?;
     finding.pictures.push(shown(rig, (subject, &camera), &weather, request, "the yard, with its roof")?);
     Ok(finding)
+}
+
+/// The median depth of every pixel of a target.
+pub fn median_depth(
+    rig: &mut dyn InstrumentRenderer,
+    (subject, camera): (ShotSubject, &Camera),
+    weather: &wm_weather::Weather,
+    request: &MeasureRequest<'_>,
+) -> Result<Vec<f32>> {
+    let mut picture = Picture::default();
+    let time = request.time;
+    let shot = InstrumentShot { subject, camera, weather, time, outputs: DEPTH, parts: &[] };
+    rig.draw(&shot, &mut picture)?;
+    Ok(picture.frame.median_depth)
 }
 
 /// A picture of a target.

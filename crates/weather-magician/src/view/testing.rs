@@ -4,17 +4,19 @@ use super::{ViewOptions, ViewSearch};
 use glam::DVec3;
 use wm_render::{CpuConfig, CpuRenderer, RenderBackend, SetId};
 use wm_scene::formats::{ReadOptions, read_scene};
-use wm_scene::survey::{FactSource, Sourced, Survey, label_sky};
+use wm_scene::survey::{Confidence, FactSource, Sourced, Survey, label_sky};
 use wm_scene::testing::data;
 use wm_scene::{Camera, Metadata, Scene, SceneView, synthetic};
 
 /// A place with z up, the ground at 0, 10 units in radius.
 pub fn survey() -> Survey {
     fn known<T>(value: T) -> Sourced<T> {
-        Sourced { value, source: FactSource::Given }
+        Sourced { value, source: FactSource::Given, confidence: Confidence::Sure }
     }
     Survey {
         up: known(DVec3::Z),
+        up_source: None,
+        up_estimate: None,
         ground: known(0.0),
         metres_per_unit: known(1.0),
         scale_source: None,

@@ -5,7 +5,7 @@ use crate::testing::SITE;
 use glam::DVec3;
 use wm_scene::splats::Splat;
 use wm_scene::synthetic::Builder;
-use wm_street::Street;
+use wm_street::{Place, Street};
 
 const SNOW: CoverMaterial = CoverMaterial { color: [0.8; 3], shade: [0.2, 0.22, 0.28] };
 
@@ -20,6 +20,11 @@ const ASKED: CoverRequest = CoverRequest {
 
 fn slanted(slope: [f64; 2]) -> Airflow {
     Airflow { slope, moved: 0.0 }
+}
+
+/// The cover of what stands in `splats`, for an eye at `eye`.
+fn cover_of(splats: &Splats, airflow: &Airflow, eye: [f64; 3]) -> Cover {
+    Cover::of(splats, &FusedSurfaces::from_splats(splats), &SITE, airflow, [eye; 2], 2)
 }
 
 /// A yard of 10 m by 8 m with a roof of 3 m by 3 m at 2.5 m over a part of it.
@@ -59,14 +64,7 @@ fn mean(cover: &Cover, lying: &LyingCover, x: [f64; 2], y: [f64; 2], z: [f64; 2]
 #[test]
 fn roofs_are_covered_and_what_is_below_is_bare() {
     let splats = porch();
-    let mut cover = Cover::of(
-        &splats,
-        &FusedSurfaces::from_splats(&splats),
-        &SITE,
-        &Airflow::default(),
-        [[5.0, 4.0, 0.0]; 2],
-        2,
-    );
+    let mut cover = cover_of(&splats, &Airflow::default(), [5.0, 4.0, 0.0]);
     let lying = cover.lay(&CoverRequest { depth: 0.1, repose: 0.84, ..ASKED });
     let open = mean(&cover, &lying, [1.0, 3.0], [1.0, 7.0], [-0.2, 0.2]);
     let roof = mean(&cover, &lying, [4.5, 6.5], [3.5, 5.5], [2.3, 2.7]);
@@ -85,7 +83,7 @@ fn roofs_are_covered_and_what_is_below_is_bare() {
 }
 
 /// Flat splats on the exact surfaces of the built-in street, as far as rays from above and from its views see them.
-fn street(place: &Street) -> Splats {
+fn street(place: &Place) -> Splats {
     let mut splats = Splats::with_capacity(0, 0);
     let mut add = |origin: DVec3, direction: DVec3, sigma: f64| {
         let Some(surface) = place.first(origin, direction) else { return };
@@ -139,14 +137,7 @@ fn street(place: &Street) -> Splats {
 fn the_street_is_covered_where_it_is_open() {
     let place = Street::builtin();
     let splats = street(&place);
-    let mut cover = Cover::of(
-        &splats,
-        &FusedSurfaces::from_splats(&splats),
-        &SITE,
-        &Airflow::default(),
-        [[-5.0, 37.0, 0.0]; 2],
-        2,
-    );
+    let mut cover = cover_of(&splats, &Airflow::default(), [-5.0, 37.0, 0.0]);
     let lying = cover.lay(&CoverRequest { depth: 0.1, repose: 0.9, ..ASKED });
     let ground = &cover.rings()[0];
     // Depth on the surface of a point: within 6 cm of it in height.
@@ -206,14 +197,7 @@ fn the_lee_of_a_house_holds_less() {
     place.block(DVec3::new(6.0, 4.0, 0.0), DVec3::new(2.0, 4.0, 2.5), 0.05, [0.5; 3]);
     let splats = place.build();
     // 5 m/s, and flakes at 1 m/s: no flatter than 45 degrees, towards x.
-    let mut cover = Cover::of(
-        &splats,
-        &FusedSurfaces::from_splats(&splats),
-        &SITE,
-        &slanted([1.0, 0.0]),
-        [[7.0, 4.0, 0.0]; 2],
-        2,
-    );
+    let mut cover = cover_of(&splats, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0]);
     let lying = cover.lay(&CoverRequest { depth: 0.1, repose: 0.84, ..ASKED });
     let side = |x: [f64; 2]| mean(&cover, &lying, x, [3.5, 4.5], [-0.2, 0.2]);
     let (windward, lee, open) = (side([3.6, 4.6]), side([7.3, 8.3]), side([1.0, 3.0]));
@@ -229,14 +213,7 @@ fn what_falls_is_what_lies() {
     for (flow, melted) in flows.into_iter().flat_map(|flow| [(flow, 0.0), (flow, 0.06)]) {
         let (slope, moved) = flow;
         let splats = porch();
-        let mut cover = Cover::of(
-            &splats,
-            &FusedSurfaces::from_splats(&splats),
-            &SITE,
-            &Airflow { slope, moved },
-            [[5.0, 4.0, 0.0]; 2],
-            2,
-        );
+        let mut cover = cover_of(&splats, &Airflow { slope, moved }, [5.0, 4.0, 0.0]);
         let lying =
             cover.lay(&CoverRequest { thaw: (melted > 0.0).then(|| Thaw::of(0.1, melted, 0.0)), ..ASKED });
         let ground = &cover.rings()[0];
@@ -260,14 +237,7 @@ fn snow_drifts_behind_a_wall() {
     let splats = place.build();
     let side = |moved: f64, x: [f64; 2]| {
         let airflow = Airflow { slope: [0.3, 0.0], moved };
-        let mut cover = Cover::of(
-            &splats,
-            &FusedSurfaces::from_splats(&splats),
-            &SITE,
-            &airflow,
-            [[10.0, 3.0, 0.0]; 2],
-            2,
-        );
+        let mut cover = cover_of(&splats, &airflow, [10.0, 3.0, 0.0]);
         let lying = cover.lay(&ASKED);
         mean(&cover, &lying, x, [2.5, 3.5], [-0.2, 0.2])
     };
@@ -296,14 +266,7 @@ fn wet_snow_sticks_to_the_windward_wall() {
         [between([4.8, 5.1]), between([6.9, 7.2])]
     };
     let on_walls = |slope: [f64; 2], wet_fall: f64| {
-        let mut cover = Cover::of(
-            &splats,
-            &FusedSurfaces::from_splats(&splats),
-            &SITE,
-            &slanted(slope),
-            [[7.0, 4.0, 0.0]; 2],
-            2,
-        );
+        let mut cover = cover_of(&splats, &slanted(slope), [7.0, 4.0, 0.0]);
         sides(&cover.lay(&CoverRequest { wet_fall, ..ASKED }).splats)
     };
     let [windward, lee] = on_walls([1.0, 0.0], 0.05);
@@ -314,14 +277,7 @@ fn wet_snow_sticks_to_the_windward_wall() {
     far.surface(DVec3::X * 400.0, DVec3::X * 6.0, DVec3::Y * 6.0, 0.05, |_, _| [0.4; 3]);
     let mut wide = splats.clone();
     wide.append(&far.build());
-    let mut cover = Cover::of(
-        &wide,
-        &FusedSurfaces::from_splats(&wide),
-        &SITE,
-        &slanted([1.0, 0.0]),
-        [[7.0, 4.0, 0.0]; 2],
-        2,
-    );
+    let mut cover = cover_of(&wide, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0]);
     assert!(cover.rings().last().unwrap().cell > 0.5);
     let [windward, lee] = sides(&cover.lay(&CoverRequest { wet_fall: 0.05, ..ASKED }).splats);
     assert!(windward > 300 && lee < 30, "{windward} {lee}");
@@ -335,14 +291,7 @@ fn wet_snow_sticks_to_the_windward_wall() {
 #[test]
 fn water_is_kept_over_time() {
     let splats = porch();
-    let mut cover = Cover::of(
-        &splats,
-        &FusedSurfaces::from_splats(&splats),
-        &SITE,
-        &Airflow::default(),
-        [[5.0, 4.0, 0.0]; 2],
-        2,
-    );
+    let mut cover = cover_of(&splats, &Airflow::default(), [5.0, 4.0, 0.0]);
     let mut weather = crate::Weather::clear();
     for text in [
         "snowfall.rate=0:2,4:4,6:0",
@@ -374,10 +323,7 @@ fn water_is_kept_over_time() {
 #[test]
 fn nothing_lies_where_nothing_can() {
     let asked = CoverRequest { depth: 10.0, repose: 0.84, ..ASKED };
-    let lying = |splats: &Splats| {
-        Cover::of(splats, &FusedSurfaces::from_splats(splats), &SITE, &slanted([0.3, 0.0]), [[0.0; 3]; 2], 2)
-            .lay(&asked)
-    };
+    let lying = |splats: &Splats| cover_of(splats, &slanted([0.3, 0.0]), [0.0; 3]).lay(&asked);
     let nothing = lying(&Splats::with_capacity(0, 0));
     assert!(nothing.splats.is_empty() && nothing.buried.factors().is_empty());
     // A wall, and a sky.
@@ -430,14 +376,7 @@ fn hours(sets: &[&str]) -> crate::Weather {
 #[test]
 fn the_shade_is_bare_later_and_new_snow_lies_again() {
     let splats = half_shaded();
-    let mut cover = Cover::of(
-        &splats,
-        &FusedSurfaces::from_splats(&splats),
-        &SITE,
-        &Airflow::default(),
-        [[6.0, 3.0, 0.0]; 2],
-        2,
-    );
+    let mut cover = cover_of(&splats, &Airflow::default(), [6.0, 3.0, 0.0]);
     let shade = |from: f64, to: f64| {
         let ground = &cover.rings()[0];
         let near = |node: &usize| (from..to).contains(&ground.point(*node)[0]);
@@ -487,14 +426,7 @@ fn the_shade_is_bare_later_and_new_snow_lies_again() {
 #[test]
 fn water_is_kept_through_thaws() {
     let splats = half_shaded();
-    let mut cover = Cover::of(
-        &splats,
-        &FusedSurfaces::from_splats(&splats),
-        &SITE,
-        &Airflow::default(),
-        [[6.0, 3.0, 0.0]; 2],
-        2,
-    );
+    let mut cover = cover_of(&splats, &Airflow::default(), [6.0, 3.0, 0.0]);
     let weather = hours(&[
         "snow_cover.depth=auto",
         "snow_cover.hours=1",
@@ -533,14 +465,7 @@ fn water_is_kept_through_thaws() {
 #[test]
 fn snow_lies_on_sand() {
     let splats = half_shaded();
-    let mut cover = Cover::of(
-        &splats,
-        &FusedSurfaces::from_splats(&splats),
-        &SITE,
-        &Airflow::default(),
-        [[6.0, 3.0, 0.0]; 2],
-        2,
-    );
+    let mut cover = cover_of(&splats, &Airflow::default(), [6.0, 3.0, 0.0]);
     let weather = |snow: f64| {
         let mut weather = crate::Weather::clear();
         for text in [format!("snow_cover.depth={snow}"), "dust_cover.depth=0.03".into()] {
