@@ -12,7 +12,11 @@ mod commands;
 mod dataset;
 mod interrupt;
 mod names;
+mod overwrite;
 mod progress;
+// The page is of the program as it is built by default.
+#[cfg(all(test, feature = "gpu", feature = "h264", feature = "viewer", not(feature = "nets")))]
+mod reference_page;
 mod report;
 mod scene;
 #[cfg(feature = "viewer")]

@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use clap::Args;
+use std::path::PathBuf;
 use weather_magician::panorama_file::read_panorama;
 use wm_weather::Weather;
 
@@ -24,6 +25,12 @@ impl WeatherArgs {
 
     /// Reads the weather and its panoramas.
     pub fn read(&self) -> Result<Weather> {
+        Ok(self.read_with_files()?.0)
+    }
+
+    /// Reads the weather and its panoramas; also returns the paths of the files that were read.
+    pub fn read_with_files(&self) -> Result<(Weather, Vec<PathBuf>)> {
+        let mut files: Vec<PathBuf> = self.weather.iter().map(PathBuf::from).collect();
         let mut weather = match &self.weather {
             Some(name) => Weather::find(name)?,
             None => Weather::clear(),
@@ -31,10 +38,13 @@ impl WeatherArgs {
         for text in &self.set {
             weather.set_text(text)?;
         }
-        weather.load_images(read_panorama)?;
+        weather.load_images(|path| {
+            files.push(path.to_path_buf());
+            read_panorama(path)
+        })?;
         if weather.effects().next().is_some() && self.weather.is_none() {
             weather.name = weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>().join("-");
         }
-        Ok(weather)
+        Ok((weather, files))
     }
 }

@@ -78,7 +78,7 @@ fn every_format_becomes_every_other() {
         desk.run(&format!("convert a.ply {from}"));
         for to in &endings {
             let to = if to.contains(".json") { format!("to/{to}") } else { format!("to.{to}") };
-            let line = desk.run(&format!("convert {from} {to}"));
+            let line = desk.run(&format!("convert {from} {to} --overwrite"));
             assert!(line.starts_with(&format!("{to}: 600 splats, ")), "{line}");
             let metadata = desk.read(&to).metadata;
             assert!((metadata.up.unwrap() - DVec3::NEG_Y).length() < 1e-6, "{from} {to}");
@@ -135,6 +135,75 @@ fn many_at_once_go_into_a_folder() {
     assert_eq!(desk.read("web/b").splats.len(), 600);
     desk.run("convert web/a.spz --to glb");
     assert!(desk.at("web/a.glb").is_file());
+}
+
+#[test]
+fn nothing_is_replaced_unasked() {
+    let desk = Desk::new();
+    let before = desk.read("a.ply");
+    fs::create_dir(desk.at("web")).unwrap();
+    fs::hard_link(desk.at("a.ply"), desk.at("hard.ply")).unwrap();
+    desk.run("convert a.ply b.spz");
+    desk.run("convert a.ply web/meta.json");
+    let mut own = vec!["a.ply", "./a.ply", "web/../a.ply", "hard.ply"];
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("a.ply", desk.at("soft.ply")).unwrap();
+        own.push("soft.ply");
+    }
+    for out in own {
+        let says = format!("{out}: is the input itself; choose another name, or replace it with --overwrite");
+        desk.refused(&format!("convert a.ply {out} --max-splats 100"), &[&says]);
+    }
+    let exists = "exists already; choose another name, or replace it with --overwrite";
+    for (words, out) in [
+        ("convert a.ply b.spz", "b.spz"),
+        ("convert a.ply web/meta.json", "web/meta.json"),
+        ("convert a.ply --to spz --folder .", "./a.spz"),
+    ] {
+        if out == "./a.spz" {
+            desk.run("convert a.ply a.spz");
+        }
+        desk.refused(words, &[&format!("{out}: {exists}")]);
+    }
+    desk.refused("convert web web/meta.json --max-splats 100", &["web/meta.json: is the input itself"]);
+    let bake = "bake a.ply --set snow_cover.depth=0.2 --device cpu --threads 2";
+    let other = "give another name with --out, or replace it with --overwrite";
+    desk.refused(&format!("{bake} -o b.spz"), &[&format!("b.spz: exists already; {other}")]);
+    desk.refused(&format!("{bake} -o a.ply"), &[&format!("a.ply: is the input itself; {other}")]);
+    assert_eq!(desk.read("a.ply"), before);
+
+    // Asked for, also in place: the metadata beside it are those of the new scene.
+    wm_scene::formats::write_sidecar(&desk.at("a.ply"), &before.metadata).unwrap();
+    desk.run("convert a.ply a.ply --max-splats 500 --scale 2 --overwrite");
+    let after = desk.read("a.ply");
+    assert_eq!((after.splats.len(), after.metadata.metres_per_unit), (500, Some(0.25)));
+    assert_eq!(desk.read("hard.ply"), before, "the other name of the file keeps the file");
+    desk.run("convert web web/meta.json --max-splats 400 --overwrite");
+    assert_eq!(desk.read("web").splats.len(), 400);
+    desk.run("convert a.ply --to ply --max-splats 300 --overwrite");
+    assert_eq!(desk.read("a.ply").splats.len(), 300);
+    desk.run(&format!("{bake} -o b.spz --overwrite"));
+    assert!(desk.read("b.spz").splats.len() > 300);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_scene_behind_a_link_is_replaced_with_what_lies_beside_it() {
+    let desk = Desk::new();
+    let eye = DVec3::new(0.0, -1.0, -2.0);
+    let camera = Camera::looking((64, 48), 50.0, eye, DVec3::new(0.0, 0.0, 1.0), DVec3::NEG_Y).unwrap();
+    let view = SceneView { name: "one.jpg".into(), camera };
+    wm_scene::formats::folder::write_cameras(&desk.at("a.ply.cameras.json"), &[view]).unwrap();
+    fs::create_dir(desk.at("links")).unwrap();
+    std::os::unix::fs::symlink(desk.at("a.ply"), desk.at("links/b.ply")).unwrap();
+    assert_eq!(desk.read("links/b.ply"), desk.read("a.ply"));
+    desk.run("convert links/b.ply links/b.ply --scale 2 --overwrite");
+    assert!(desk.at("links/b.ply").is_symlink());
+    assert_eq!(fs::read_dir(desk.at("links")).unwrap().count(), 1);
+    let scene = desk.read("a.ply");
+    assert_eq!((scene.metadata.metres_per_unit, desk.read("links/b.ply")), (Some(0.25), scene.clone()));
+    assert!((scene.views[0].camera.center() - 2.0 * eye).length() < 1e-9);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use wm_render::{
     SetView,
 };
 use wm_scene::{Camera, Group, Splats, sh};
-use wm_street::Street as StreetGeometry;
+use wm_street::{Place, Street as StreetGeometry};
 use wm_weather::cover::{Airflow, Cover, CoverMaterial, CoverRequest};
 use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::{Daylight, Site};
@@ -18,7 +18,7 @@ const DEPTH: f64 = 0.1;
 
 /// The street with its snow, snow white and all else black.
 struct Street {
-    place: StreetGeometry,
+    place: Place,
     baked: Splats,
 }
 

@@ -61,9 +61,10 @@ fn it_writes_a_scene_a_sheet_and_a_film() {
 #[test]
 fn photos_are_taken_reconstructed_and_drawn() {
     let folder = tempfile::tempdir().unwrap();
-    for _ in 0..2 {
+    let options = ["--steps", "12", "--count", "5", "--only", "scene,sheet", "--overwrite"];
+    for options in [&options[..6], &options] {
         // The second time it takes the place of the first.
-        let output = demo(folder.path(), &["--steps", "12", "--count", "5", "--only", "scene,sheet"]);
+        let output = demo(folder.path(), options);
         let said = String::from_utf8(output.stdout).unwrap();
         assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
         assert!(said.contains("5 photos, 48x32") && said.contains("12 steps in"), "{said}");
@@ -73,6 +74,14 @@ fn photos_are_taken_reconstructed_and_drawn() {
         ["photos", "sheet.png", "street.ply", "street.ply.cameras.json", "street.run"]
     );
     assert_eq!(names(&folder.path().join("photos")), ["images", "made-up.txt", "sparse"]);
+    for (gone, left) in [("none", "street.ply"), ("street.ply", "street.run/checkpoint.wmtrain")] {
+        let _ = fs::remove_file(folder.path().join(gone));
+        let output = demo(folder.path(), &options[..6]);
+        let said = String::from_utf8(output.stderr).unwrap();
+        let says = "exists already; give another folder with --out, or replace it with --overwrite";
+        assert!(!output.status.success() && said.contains(&format!("{left}: {says}")), "{said}");
+        assert_eq!(said.lines().count(), 1);
+    }
 }
 
 #[test]
@@ -92,6 +101,41 @@ fn photos_alone_come_with_the_truth_and_replace_no_others() {
     assert!(!output.status.success());
     assert!(String::from_utf8(output.stderr).unwrap().contains("name another folder"));
     assert_eq!(names(&photos.join("images")).len(), 4);
+}
+
+#[test]
+fn captures_come_with_their_truth_and_bad_options_are_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = folder.path().join("flight");
+    let options = [
+        "--place",
+        "park",
+        "--capture",
+        "nadir",
+        "--count",
+        "5",
+        "--few",
+        "3",
+        "--size",
+        "24x16",
+        "--wrong-exif=zero",
+    ];
+    let output = run(&["--photos"], &photos, &options);
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+    assert!(said.contains("3 photos, 24x16") && !said.contains("--metres-per-unit"), "{said}");
+    assert_eq!(names(&photos), ["images", "made-up.txt", "sparse", "truth", "truth.json"]);
+    assert_eq!(names(&photos.join("truth")), ["clean", "depth", "label", "normal", "sky"]);
+    for (options, problem) in [
+        (["--capture", "walk", "--haze-on-photos", "2"], "haze 2 m: must be 10 to 100000"),
+        (["--capture", "walk", "--blur", "nan"], "blur NaN px: must be 0 to 50"),
+    ] {
+        let output = run(&["--photos"], &folder.path().join("none"), &options);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && said.trim_end().ends_with(problem), "{said}");
+        assert_eq!(said.lines().count(), 1);
+    }
+    assert!(!folder.path().join("none").exists());
 }
 
 #[test]

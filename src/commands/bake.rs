@@ -1,6 +1,7 @@
 //! `bake`: writes a scene with its snow or dust cover as an ordinary scene file for other programs.
 
 use crate::names::stem_of;
+use crate::overwrite::OverwriteArgs;
 use crate::progress::Reporter;
 use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
@@ -9,7 +10,7 @@ use clap::Args;
 use std::path::PathBuf;
 use weather_magician::BakedScene;
 use wm_scene::files::check_writable;
-use wm_scene::formats::{format_for, lost, write_scene};
+use wm_scene::formats::{format_for, lost};
 
 /// Options of `bake`.
 #[derive(Args, Debug)]
@@ -27,6 +28,8 @@ pub struct BakeArgs {
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     #[command(flatten)]
+    overwrite: OverwriteArgs,
+    #[command(flatten)]
     run: RunArgs,
 }
 
@@ -37,6 +40,7 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     let out: PathBuf = args.out.clone().unwrap_or_else(named);
     let format = format_for(&out)?;
     check_writable(&out)?;
+    args.overwrite.check(&out, &[&args.scene.scene], "give another name with --out")?;
     if !args.time.is_finite() {
         bail!("--time {}: give seconds, such as 0 or 12.5", args.time);
     }
@@ -59,7 +63,7 @@ pub fn run(args: &BakeArgs) -> Result<()> {
         );
     }
     let count = scene.splats.len();
-    write_scene(&out, &scene)?;
+    scene.save(&out)?;
     println!("{}: {count} splats, {added} of them lie on the place", out.display());
     for line in lost(&format.loses, &scene) {
         eprintln!("{}: lost: {line}", out.display());

@@ -2,9 +2,10 @@
 
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
+use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
 use crate::scene::{RunArgs, check};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -16,7 +17,7 @@ use wm_scene::files::check_writable;
 use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_scene::formats::{
     DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost, read_scene,
-    write_scene_with,
+    sidecar_path, write_scene_with, write_sidecar,
 };
 
 /// Options of `convert`.
@@ -35,9 +36,11 @@ pub struct ConvertArgs {
     /// Convert every given scene to the format with this extension, such as spz
     #[arg(long, value_name = "ENDING")]
     to: Option<String>,
-    /// Output folder, with --to [default: beside each scene]
+    /// Output folder, with --to; it is made if it is not there [default: beside each scene]
     #[arg(long, value_name = "FOLDER", requires = "to")]
     folder: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Remove splats that contain NaN or infinite numbers, and continue
     #[arg(long)]
     repair: bool,
@@ -110,12 +113,17 @@ fn parse_scale(text: &str) -> Result<LengthScale, String> {
 /// Runs the command.
 pub fn run(args: &ConvertArgs) -> Result<()> {
     let jobs = jobs(args)?;
+    if let Some(folder) = &args.folder {
+        std::fs::create_dir_all(folder).map_err(|error| anyhow!("{}: {error}", folder.display()))?;
+    }
+    let inputs: Vec<&Path> = jobs.iter().map(|(scene, _)| *scene).collect();
     for (_, out) in &jobs {
         format_for(out)?;
         // The folder for the files of a SOG is created; any other must exist.
         if out.extension().is_none_or(|extension| extension != "json") {
             check_writable(out)?;
         }
+        args.overwrite.check(out, &inputs, "choose another name")?;
     }
     let bar = (jobs.len() > 1).then(|| progress::bar(jobs.len() as u64, "scenes"));
     for (done, (scene, out)) in jobs.iter().enumerate() {
@@ -157,7 +165,8 @@ fn jobs(args: &ConvertArgs) -> Result<Vec<(&Path, PathBuf)>> {
         if let Some((other, _)) = jobs.iter().find(|(_, other)| *other == out) {
             bail!("{} and {} would both be {}", other.display(), scene.display(), out.display());
         }
-        if out.exists() && out.canonicalize().ok() == scene.canonicalize().ok() {
+        let is_replaced = args.overwrite.overwrite;
+        if !is_replaced && out.exists() && out.canonicalize().ok() == scene.canonicalize().ok() {
             bail!("{} has that ending already", scene.display());
         }
         jobs.push((scene, out));
@@ -190,9 +199,16 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
             InGltf::Spz => GltfSplats::Spz,
         },
     };
-    write_scene_with(out, &scene, &options)?;
+    // What lies beside a scene behind a link belongs to the file.
+    let target = if out.is_symlink() { out.canonicalize().ok() } else { None };
+    let file = target.unwrap_or_else(|| out.to_path_buf());
+    write_scene_with(&file, &scene, &options)?;
+    if sidecar_path(&file).exists() {
+        // It wins over the scene file, and is of the scene that was replaced.
+        write_sidecar(&file, &scene.metadata)?;
+    }
     if !scene.views.is_empty() {
-        write_cameras(&cameras_path(out), &scene.views)?;
+        write_cameras(&cameras_path(&file), &scene.views)?;
     }
     let bytes: u64 = if format.extensions[0] == "meta.json" { folder_size(out) } else { file_size(out) };
     let (count, megabytes) = (scene.splats.len(), bytes as f64 / 1e6);

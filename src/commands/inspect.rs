@@ -59,7 +59,11 @@ fn report(
     survey: &Survey,
 ) -> serde_json::Value {
     fn sourced<T: serde::Serialize>(value: &Sourced<T>) -> serde_json::Value {
-        json!({ "value": &value.value, "source": value.source.to_string() })
+        json!({
+            "value": &value.value,
+            "source": value.source.to_string(),
+            "confidence": value.confidence,
+        })
     }
     json!({
         "scene": args.scene.display().to_string(),
@@ -68,6 +72,7 @@ fn report(
         "views": scene.views.len(),
         "survey": {
             "up": sourced(&survey.up),
+            "up_source": survey.up_source,
             "ground": sourced(&survey.ground),
             "metres_per_unit": sourced(&survey.metres_per_unit),
             "scale_source": survey.scale_source,
@@ -126,7 +131,7 @@ fn print(
     for line in faults {
         println!("  {line}");
     }
-    if let Some(warning) = survey.warning() {
+    for warning in survey.up_warning().into_iter().chain(survey.warning()) {
         println!("  {warning}");
     }
 }

@@ -5,6 +5,7 @@
 //! get the mean colour of their elevation, plus the difference of seen neighbours from theirs, interpolated from coarser
 //! and coarser means ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
 
+use crate::overwrite::{OverwriteArgs, check_spares};
 use anyhow::{Result, bail};
 use clap::Args;
 use glam::DVec3;
@@ -13,15 +14,15 @@ use std::f64::consts::{PI, TAU};
 use std::path::PathBuf;
 use weather_magician::view::spec;
 use wm_media::{PictureSize, color::Dither, png::write_rgb};
+use wm_scene::Camera;
 use wm_scene::capture::{self, CaptureOptions};
 use wm_scene::color::{luminance, srgb_decode};
 use wm_scene::files::check_writable;
-use wm_scene::survey::Survey;
-use wm_scene::{Camera, Metadata, Scene, SceneView};
+use wm_train::dataset::orientation;
 use wm_train::photos::{PhotoOptions, PhotoSize, Photos};
 use wm_train::priors::SkyClass;
 use wm_train::priors::points::{inside, seen_points};
-use wm_train::priors::sky::{SkyInput, classify};
+use wm_train::priors::sky::{SkyInput, below_horizon, classify};
 use wm_weather::dome::level_axes;
 
 /// Longest side of the photos as they are read, px.
@@ -41,6 +42,8 @@ pub struct SkyArgs {
     /// Output file: a .png
     #[arg(short, long, value_name = "PATH", default_value = "sky.png")]
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Width, px; the height is half of it
     #[arg(long, value_name = "PX", default_value_t = 2048, value_parser = clap::value_parser!(u32).range(64..=8192))]
     width: u32,
@@ -58,15 +61,17 @@ pub fn run(args: &SkyArgs) -> Result<()> {
     if !args.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
         bail!("--out {}: a panorama is written as PNG; give a name that ends in .png", args.out.display());
     }
-    let given = Metadata { up: args.up, ..Metadata::default() };
+    args.overwrite.check(&args.out, &[], "give another name with --out")?;
     let options = CaptureOptions { images: args.images.clone(), ..CaptureOptions::default() };
     let capture = capture::read(&args.dataset, &options)?;
+    let files: Vec<PathBuf> = (0..capture.views.len()).filter_map(|view| capture.photo(view)).collect();
+    check_spares(&args.out, &files.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     let photo_options = PhotoOptions { size: PhotoSize::Longest(LONGEST), ..PhotoOptions::default() };
     let photos = Photos::open(&capture, &photo_options)?;
     let places: Vec<usize> = (0..photos.len()).collect();
-    let view = |place: &usize| SceneView { name: String::new(), camera: photos.camera(*place, 0) };
-    let scene = Scene { views: places.iter().map(view).collect(), ..Scene::default() };
-    let up = Survey::of(&scene, &given).up;
+    let Some(up) = orientation(&capture, &photos, args.up).0 else {
+        bail!("{}: the photos do not tell which way is up; give --up", args.dataset.display());
+    };
 
     let seen = seen_points(&capture, &photos, &places);
     let look = |place: usize| -> Result<SkyPhoto> {
@@ -78,6 +83,7 @@ pub fn run(args: &SkyArgs) -> Result<()> {
             width: photo.width as usize,
             far: None,
             has_depth: &[],
+            below: &below_horizon(&photo.camera, photo.width as usize, photo.height as usize, Some(&up)),
             points: &points,
         };
         Ok(SkyPhoto { camera: photo.camera, is_sky: sky_of(&classify(&input)), rgb: photo.rgb.clone() })
@@ -85,7 +91,7 @@ pub fn run(args: &SkyArgs) -> Result<()> {
     let looks = places.into_par_iter().map(look).collect::<Result<Vec<SkyPhoto>>>()?;
     // Exactly twice as wide as high.
     let size = PictureSize::new(args.width / 2 * 2, args.width / 2);
-    let (rgb, share) = panorama(&looks, up.value, size);
+    let (rgb, share) = panorama(&looks, up.up, size);
     if share == 0.0 {
         bail!("{}: no photo shows the sky; give sky.color, or another panorama", args.dataset.display());
     }
@@ -95,15 +101,15 @@ pub fn run(args: &SkyArgs) -> Result<()> {
     ];
     write_rgb(&args.out, &rgb, size, Dither::Ordered, &tags)?;
     println!(
-        "{}: {}x{}, {:.0} % of the upper half is in {} photos, the rest is made up; up is {} ({})\n\
+        "{}: {}x{}, {:.0} % of the upper half is in {} photos, the rest is made up; up is {:.3} ({})\n\
          render with --set sky.panorama={0}",
         args.out.display(),
         size.width,
         size.height,
         100.0 * share,
         looks.len(),
-        up.value,
-        up.source
+        up.up,
+        up.evidence
     );
     Ok(())
 }

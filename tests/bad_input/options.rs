@@ -56,7 +56,11 @@ fn numbers_and_words() {
         (camera("missing.json"), "missing.json: no such file or folder; check the path"),
         (["--path", "orbitt"], "unknown path; did you mean orbit?"),
         (["--path", "missing.json"], "missing.json: no such file or folder; check the path"),
-        (["--path", "capture"], "the scene has no views of photos to go along; give orbit, dolly or a JSON"),
+        (
+            ["--path", "orbit"],
+            "--path moves the camera, and a.png is one picture: give --out a name that ends in",
+        ),
+        (["--path", "dolly"], ".mp4 or a folder, or --time S for the picture at that time"),
         (["--distance", "-1"], "--distance -1: must be finite and above 0"),
         (["--distance", "5"], "--distance needs --path dolly"),
         (["--metres-per-unit", "0"], "--metres-per-unit is 0: it must be finite and above 0"),
@@ -94,6 +98,12 @@ fn numbers_and_words() {
     ] {
         place.render_refused("good.ply", &[option, value], &[says]);
     }
+    let says = "the scene has no views of photos to go along; give orbit, dolly or a JSON";
+    for more in [["--time", "0"], ["--out", "frames"]] {
+        place.render_refused("good.ply", &[&["--path", "capture"][..], &more].concat(), &[says]);
+    }
+    place.rendered("good.ply", &["--path", "orbit", "--time", "1"]);
+    fs::remove_file(place.path().join("a.png")).unwrap();
     let long = place.render_refused("good.ply", &["--camera", "1e308,0,0:-1e308,0,0"], &[]);
     assert!(long.len() < 300, "{long}");
     let says = "4294967295 frames are too many for one run: the maximum is 1000000";
@@ -236,4 +246,26 @@ fn camera_files() {
     place.rendered("good.ply", &["--camera", "p.json"]);
     place.rendered("good.ply", &["--path", "p.json", "--out", "frames", "--seconds", "0.1"]);
     assert_eq!(fs::read_dir(place.path().join("frames")).unwrap().count(), 4);
+}
+
+/// A picture replaces another, but nothing that is read.
+#[test]
+fn pictures_spare_what_is_read() {
+    let place = Place::new();
+    place.rendered("good.ply", &["--save-path", "p.json", "--size", "64x32"]);
+    place.rendered("good.ply", &["--set", "sky.panorama=a.png", "--out", "b.png"]);
+    place.rendered("good.ply", &["--out", "b.png"]);
+    let lost = "is an input of this command and would be lost; choose another name";
+    for (more, file) in [
+        (&["--set", "sky.panorama=a.png"][..], "a.png"),
+        (&["--set", "sky.panorama=a.png", "--out", "./a.png"], "./a.png"),
+        (&["--camera", "p.json", "--save-path", "p.json"], "p.json"),
+        (&["--path", "p.json", "--save-path", "p.json", "--out", "f"], "p.json"),
+        (&["--save-path", "good.ply"], "good.ply"),
+    ] {
+        place.render_refused("good.ply", more, &[&format!("{file}: {lost}")]);
+    }
+    place.put("x.depth.png", fs::read(place.path().join("a.png")).unwrap());
+    let more = ["--set", "sky.panorama=x.depth.png", "--also", "depth", "--out", "x.png"];
+    place.render_refused("good.ply", &more, &[&format!("x.depth.png: {lost}")]);
 }

@@ -32,8 +32,8 @@ fn they_are_refused_at_the_start_or_left_out() {
             Some(content) => place.put("set/images/00002.png", content),
         }
         let file = "set/images/00002.png: ";
-        place.refused("set", &[], &[file, says, "(--skip-bad goes on without it)"]);
-        let output = place.trained(&["--skip-bad", "--steps", "4", "--eval-every", "3"]);
+        place.refused("set", &["--overwrite"], &[file, says, "(--skip-bad goes on without it)"]);
+        let output = place.trained(&["--skip-bad", "--steps", "4", "--eval-every", "3", "--overwrite"]);
         let warned = said(&output);
         assert!(
             warned.contains(&format!("warning: {file}")) && warned.contains("it is left out"),
@@ -47,15 +47,15 @@ fn they_are_refused_at_the_start_or_left_out() {
         );
         place.refused(
             "set",
-            &["--skip-bad", "--eval-every", "2", "--eval-from", "1"],
+            &["--skip-bad", "--eval-every", "2", "--eval-from", "1", "--overwrite"],
             &["set: 2 of 6 photos are left"],
         );
     }
     for photo in 0..6 {
         place.put(&format!("set/images/{photo:05}.png"), "none");
     }
-    place.refused("set", &[], &["(so are all 6 photos)"]);
-    place.refused("set", &["--skip-bad"], &["(so are all 6 photos)"]);
+    place.refused("set", &["--overwrite"], &["(so are all 6 photos)"]);
+    place.refused("set", &["--overwrite", "--skip-bad"], &["(so are all 6 photos)"]);
 }
 
 /// If there are more photos than the cache holds, damage is found during the training.

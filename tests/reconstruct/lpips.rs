@@ -69,7 +69,7 @@ mod with_networks {
         assert_eq!(measured(&place), [None; 10]);
 
         let weights = ["--lpips", "alexnet.safetensors", "--lpips", "heads.safetensors"];
-        let first = place.trained(&[&hold_out[..], &weights].concat());
+        let first = place.trained(&[&hold_out[..], &weights, &["--overwrite"]].concat());
         let [one, two, mean] = told(&first)[..] else { panic!("{}", printed(&first)) };
         assert!(one > 0.0 && two > 0.0 && (mean - (one + two) / 2.0).abs() < 1.1e-4, "{one} {two} {mean}");
         let lines = measured(&place);

@@ -10,6 +10,7 @@ mod refusals;
 #[cfg(unix)]
 mod resume;
 mod sameness;
+mod videos;
 
 use process::{finish, listing, printed, refuses, said};
 use std::ffi::OsStr;
@@ -26,7 +27,7 @@ use wm_train::densify::{adaptive::AdaptiveConfig, mcmc::McmcConfig};
 use wm_train::{Preset, TrainConfig, config::Densify};
 
 /// Messages that may precede an error: warnings about the data set, and the step from which a run continues.
-const REMARKS: [&str; 3] = ["warning: ", "set.run: continuing ", "scene.ply.run: continuing "];
+const REMARKS: [&str; 4] = ["warning: ", "set.run: continuing ", "scene.ply.run: continuing ", "video: "];
 
 /// Default options of the tests: 40 steps of few splats.
 const USUAL: [(&str, &str); 5] = [

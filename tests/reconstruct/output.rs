@@ -87,14 +87,13 @@ fn a_walk_tells_how_large_its_place_is() {
     assert!(report["metadata"]["ground"].as_f64().unwrap().abs() < 0.2, "{report}");
 
     // The cameras were 1.6 m up: told otherwise, all is larger. A scale that is given wins.
-    fs::remove_dir_all(place.at("scene.ply.run")).unwrap();
-    place.trained(&["--steps", "2", "--camera-height", "3.2"]);
+    place.trained(&["--steps", "2", "--camera-height", "3.2", "--overwrite"]);
     let report = inspected(&place);
     let larger = report["metadata"]["metres_per_unit"].as_f64().unwrap();
     assert!((larger / scale - 2.0).abs() < 1e-9, "{larger}");
     assert_eq!(report["metadata"]["scale_source"], "the camera height of 3.2 m above the ground");
-    fs::remove_dir_all(place.at("scene.ply.run")).unwrap();
-    place.trained(&["--steps", "2", "--camera-height", "3.2", "--metres-per-unit", "7"]);
+    let more = ["--steps", "2", "--camera-height", "3.2", "--metres-per-unit", "7", "--overwrite"];
+    place.trained(&more);
     let report = inspected(&place);
     assert_eq!(report["metadata"]["metres_per_unit"], 7.0);
     assert!(report["metadata"]["scale_source"].is_null(), "{report}");

@@ -16,11 +16,25 @@ fn data_sets_that_are_none() {
     }
     let mut command = place.command(reconstruct("plain", &[]));
     command.env("PATH", place.at("empty")).env_remove("COLMAP");
-    place.refused_by(&mut command, &["COLMAP is not installed", "install it"]);
+    place.refused_by(
+        &mut command,
+        &["neither COLMAP nor pycolmap is installed", "install one with `pip install pycolmap`"],
+    );
+    place.put("tiny/a.png", place.read("set/images/00000.png"));
+    place.put("tiny/b.png", place.read("set/images/00001.png"));
+    tiny_photo(&place.at("tiny/c.png"));
+    place.refused("tiny", &[], &["tiny/c.png: 2x2 px is too small to find its camera"]);
     place.refused_by(
         place.command(reconstruct("plain", &[])).env("COLMAP", "no/such"),
         &["no/such: cannot be started"],
     );
+}
+
+/// Writes a photo of 2 x 2 px.
+fn tiny_photo(path: &Path) {
+    let mut encoder = png::Encoder::new(fs::File::create(path).unwrap(), 2, 2);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header().unwrap().write_image_data(&[100; 12]).unwrap();
 }
 
 #[test]

@@ -73,6 +73,38 @@ fn what_is_broken_off_ends_in_the_same_bytes() {
     }
 }
 
+/// A training is killed again and again, or stopped with two interrupts in a row, ever later from its start: it always goes on,
+/// and ends in the scene of one that was left alone.
+#[test]
+fn a_training_survives_being_killed_at_any_moment() {
+    let place = Place::new();
+    let mut config = restless("mcmc", 300);
+    config.exposure = wm_train::config::ExposureMode::Photo;
+    place.configure("config.json", &config);
+    place.trained(&["--config", "config.json", "--out", "a.ply"]);
+    // The first kill finds no folder, and `--resume` wants one.
+    fs::create_dir(place.at("b.ply.run")).unwrap();
+    let more = ["--config", "config.json", "--out", "b.ply", "--resume", "--checkpoint-every", "0.001"];
+    for delay in [0, 5, 10, 20, 30, 50, 80, 120, 180, 250, 350, 500] {
+        for way in ["-KILL", "-INT"] {
+            let mut child = begin(&mut place.command(reconstruct("set", &more)));
+            sleep(Duration::from_millis(delay));
+            if child.try_wait().unwrap().is_none() {
+                signal(&child, way);
+                if way == "-INT" {
+                    sleep(Duration::from_millis(delay % 7));
+                    // It may have ended by then.
+                    let _ = Command::new("kill").args([way, &child.id().to_string()]).output();
+                }
+            }
+            let output = wait(child, "a training that is killed");
+            assert!(!said(&output).contains("error"), "{delay} ms, {way}: {}", said(&output));
+        }
+    }
+    place.trained(&more);
+    assert!(place.read("b.ply") == place.read("a.ply"));
+}
+
 #[test]
 fn a_training_is_gone_on_with_as_it_began() {
     let place = Place::new();
@@ -82,6 +114,22 @@ fn a_training_is_gone_on_with_as_it_began() {
         &["scene.ply.run: there is no training to go on with; leave out --resume"],
     );
     place.trained(&[]);
+    // Neither a scene nor a run is replaced by accident.
+    let remedies =
+        "continue its training with --resume, give another name with --out, or replace it with --overwrite";
+    place.refused("set", &[], &[&format!("scene.ply: exists already; {remedies}")]);
+    fs::rename(place.at("scene.ply"), place.at("first.ply")).unwrap();
+    place.refused("set", &[], &["scene.ply.run: holds a finished training; replace it with --overwrite"]);
+    place.put("other.ply", "mine");
+    let other = ["--out", "other.ply", "--run-folder", "scene.ply.run"];
+    let remedies = "give another name with --out, or replace it with --overwrite";
+    let says = format!("other.ply: exists already; {remedies}");
+    place.refused("set", &[&other[..], &["--resume"]].concat(), &[&says]);
+    place.trained(&[&other[..], &["--resume", "--overwrite"]].concat());
+    assert!(place.read("other.ply") == place.read("first.ply"));
+    place.trained(&["--overwrite"]);
+    assert!(place.read("scene.ply") == place.read("first.ply"));
+    fs::remove_file(place.at("scene.ply")).unwrap();
     let checkpoint = place.at("scene.ply.run/checkpoint.wmtrain");
     let whole = fs::read(&checkpoint).unwrap();
     let other = ["scene.ply.run: holds a training of other photos, options or SIMD path"];
@@ -128,7 +176,8 @@ fn a_full_disk_leaves_the_last_checkpoint_whole() {
     let checkpoint = "scene.ply.run/checkpoint.wmtrain";
     let before = place.read(checkpoint);
     assert!(before.len() > 110_000, "{}", before.len());
-    let words = reconstruct("set", &["--sh-degree", "3", "--checkpoint-every", "0.001", "--priors", "none"]);
+    let more = ["--sh-degree", "3", "--checkpoint-every", "0.001", "--priors", "none", "--overwrite"];
+    let words = reconstruct("set", &more);
     let mut command = Command::new("sh");
     command.args([
         "-c",

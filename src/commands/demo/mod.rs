@@ -2,18 +2,22 @@
 //!
 //! The pictures of the README, `docs/weathers.jpg`, show the scene that `demo --sampled --only scene` writes.
 
+mod capture;
 mod film;
 mod photos;
 pub mod street;
 
+use super::reconstruct::CHECKPOINT;
 use crate::choices::EncoderChoice;
 use crate::interrupt::{self, Interrupted};
+use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
 use crate::scene::{OpenScene, RunArgs};
 use anyhow::{Context, Result, bail};
+use capture::CaptureArgs;
 use clap::{Args, ValueEnum};
 use film::FogFilm;
-use photos::{PhotoRoute, PhotoSession, TruthChoice};
+use photos::{PhotoRoute, PhotoSession, PhotoSet, PlaceChoice, TruthChoice};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::sequence::render_and_write;
@@ -45,12 +49,17 @@ const SHEET: [(&str, Option<&str>); 6] = [
     ("snow", None),
 ];
 
+/// The remedy for outputs that exist, beside `--overwrite`.
+const OTHER: &str = "give another folder with --out";
+
 /// Options of `demo`.
 #[derive(Args, Debug)]
 pub struct DemoArgs {
     /// Folder to write street.ply, sheet.png and fog.mp4 into, and photos/ unless --sampled is given
     #[arg(short, long, value_name = "FOLDER", default_value = "weather-magician-demo")]
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Size of the film, and of each picture of the sheet, px [default: 960x640; of --photos, 600x400]
     #[arg(long, value_name = "WxH", value_parser = spec::parse_size)]
     size: Option<(u32, u32)>,
@@ -61,10 +70,19 @@ pub struct DemoArgs {
     /// Only take the photos, with exact depth, normals and sky, into this folder (a COLMAP data set)
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["sampled", "only", "steps"], help_heading = "Photos")]
     photos: Option<PathBuf>,
-    /// Number of photos
-    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(3..=100_000), help_heading = "Photos")]
-    count: u32,
-    /// Route of the camera: walk (along the street) or orbit (around it, from above)
+    /// Place of --photos: street or park
+    #[arg(
+        long,
+        value_name = "PLACE",
+        default_value = "street",
+        requires = "photos",
+        help_heading = "Photos"
+    )]
+    place: PlaceChoice,
+    /// Number of photos [default: 40; of --capture, 24 to 30]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=100_000), help_heading = "Photos")]
+    count: Option<u32>,
+    /// Route of the camera: walk (through the place) or orbit (around it, from above), exact and in metres
     #[arg(long, value_name = "ROUTE", default_value = "walk", requires = "photos", help_heading = "Photos")]
     route: PhotoRoute,
     /// Exact depth, normals and sky of the photos: write or omit
@@ -76,6 +94,8 @@ pub struct DemoArgs {
         help_heading = "Photos"
     )]
     truth: TruthChoice,
+    #[command(flatten)]
+    capture: CaptureArgs,
     /// Number of training steps
     #[arg(long, value_name = "N", default_value_t = 2000, conflicts_with = "sampled", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Photos")]
     steps: u32,
@@ -121,7 +141,11 @@ impl DemoArgs {
         let side = |of: u32| (f64::from(of) * PHOTO).round().max(16.0) as u32;
         let (width, height) = self.size();
         let size = (side(width), side(height));
-        PhotoSession { route: PhotoRoute::Walk, count: self.count, size, truth: TruthChoice::Omit }
+        PhotoSession::along(PlaceChoice::Street, PhotoRoute::Walk, self.count(), size, TruthChoice::Omit)
+    }
+
+    fn count(&self) -> u32 {
+        self.count.unwrap_or(40)
     }
 
     fn wants(&self, part: DemoOutput) -> bool {
@@ -153,6 +177,13 @@ pub fn run(args: &DemoArgs) -> Result<()> {
     if let Some(folder) = &args.photos {
         return take_photos(args, folder);
     }
+    let path = args.out.join("street.ply");
+    if args.wants(DemoOutput::Scene) || !args.sampled {
+        args.overwrite.check(&path, &[], OTHER)?;
+    }
+    if !args.sampled {
+        args.overwrite.check(&photos::run_folder(&path).join(CHECKPOINT), &[], OTHER)?;
+    }
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot create the folder {}", args.out.display()))?;
     let film = args.out.join("fog.mp4");
@@ -160,7 +191,6 @@ pub fn run(args: &DemoArgs) -> Result<()> {
         // An unsuitable size or folder is reported before the work starts.
         drop(video::create_video(&film, args.video()?)?);
     }
-    let path = args.out.join("street.ply");
     let scene = if args.sampled { sampled(args, &path)? } else { reconstructed(args, &path)? };
     if args.wants(DemoOutput::Sheet) || args.wants(DemoOutput::Film) {
         draw(args, scene, &film)?;
@@ -181,13 +211,18 @@ pub fn run(args: &DemoArgs) -> Result<()> {
 /// Runs `demo --photos`.
 fn take_photos(args: &DemoArgs, folder: &Path) -> Result<()> {
     let size = args.size.unwrap_or((600, 400));
-    let session = PhotoSession { route: args.route, count: args.count, size, truth: args.truth };
+    let session = match args.capture.settings(args.count, size, args.truth.into()) {
+        Some(settings) => PhotoSession { place: args.place, set: PhotoSet::Capture(settings) },
+        None => PhotoSession::along(args.place, args.route, args.count(), size, args.truth),
+    };
     let started = Instant::now();
     session.shoot(folder, &args.run)?;
     let seconds = started.elapsed().as_secs_f64();
-    println!("{}: {} photos, {}x{}, in {seconds:.0} s", folder.display(), args.count, size.0, size.1);
+    println!("{}: {} photos, {}x{}, in {seconds:.0} s", folder.display(), session.count(), size.0, size.1);
     println!("try, for example:");
-    println!("  weather-magician reconstruct {} --preset quick --metres-per-unit 1", quoted(folder));
+    // A capture tells its scale by GPS, or not at all.
+    let scale = if matches!(session.set, PhotoSet::Exact(_)) { " --metres-per-unit 1" } else { "" };
+    println!("  weather-magician reconstruct {} --preset quick{scale}", quoted(folder));
     Ok(())
 }
 
@@ -196,8 +231,8 @@ fn reconstructed(args: &DemoArgs, path: &Path) -> Result<Scene> {
     let (folder, session) = (args.out.join("photos"), args.session());
     let started = Instant::now();
     session.shoot(&folder, &args.run)?;
-    let (seconds, (width, height)) = (started.elapsed().as_secs_f64(), session.size);
-    println!("{}: {} photos, {width}x{height}, in {seconds:.0} s", folder.display(), session.count);
+    let (seconds, (width, height)) = (started.elapsed().as_secs_f64(), session.size());
+    println!("{}: {} photos, {width}x{height}, in {seconds:.0} s", folder.display(), session.count());
     photos::reconstruct(&folder, path, args.steps, &args.run)?;
     Ok(read_scene(path, &ReadOptions::default())?)
 }

@@ -1,4 +1,4 @@
-//! Photos of the built-in street, and their reconstruction.
+//! Photos of a built-in place, and their reconstruction.
 
 use crate::commands::reconstruct::{self, ReconstructArgs};
 use crate::interrupt::{self, Interrupted};
@@ -6,19 +6,31 @@ use crate::progress;
 use crate::scene::RunArgs;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, ValueEnum};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use wm_scene::{FormatError, capture::Capture};
 use wm_street::{
-    Street,
+    Park, Place, Street,
+    capture::{self, CaptureSettings},
     dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
 };
+
+/// The place that is photographed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum PlaceChoice {
+    /// A village street.
+    #[default]
+    Street,
+    /// A park with a hill and a pond.
+    Park,
+}
 
 /// Route of the camera that takes photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum PhotoRoute {
-    /// Along the street, at eye level.
+    /// Along the place's walk, at eye level.
     #[default]
     Walk,
-    /// Around the street, from above.
+    /// Around the place, from above.
     Orbit,
 }
 
@@ -32,50 +44,99 @@ pub enum TruthChoice {
     Omit,
 }
 
-/// Options of a set of photos.
-#[derive(Clone, Copy, Debug)]
+impl From<TruthChoice> for GroundTruth {
+    fn from(choice: TruthChoice) -> Self {
+        match choice {
+            TruthChoice::Write => Self::Write,
+            TruthChoice::Omit => Self::Omit,
+        }
+    }
+}
+
+/// What is written: exact cameras along a route, or a capture as real ones are.
+#[derive(Clone, Debug)]
+pub enum PhotoSet {
+    /// Exact, in metres.
+    Exact(DatasetOptions),
+    /// With everything that goes wrong.
+    Capture(CaptureSettings),
+}
+
+/// A set of photos of a place.
+#[derive(Clone, Debug)]
 pub struct PhotoSession {
-    /// Route of the camera.
-    pub route: PhotoRoute,
-    /// Number of photos.
-    pub count: u32,
-    /// Width and height, px.
-    pub size: (u32, u32),
-    /// Exact maps to write beside them.
-    pub truth: TruthChoice,
+    /// The place.
+    pub place: PlaceChoice,
+    /// The photos.
+    pub set: PhotoSet,
 }
 
 impl PhotoSession {
-    fn options(&self) -> DatasetOptions {
-        DatasetOptions {
-            route: match self.route {
-                PhotoRoute::Walk => CameraRoute::Walk,
-                PhotoRoute::Orbit => CameraRoute::Orbit,
-            },
-            count: self.count,
-            size: self.size,
-            truth: match self.truth {
-                TruthChoice::Write => GroundTruth::Write,
-                TruthChoice::Omit => GroundTruth::Omit,
-            },
-            ..DatasetOptions::default()
+    /// A session along a route.
+    pub fn along(
+        place: PlaceChoice,
+        route: PhotoRoute,
+        count: u32,
+        size: (u32, u32),
+        truth: TruthChoice,
+    ) -> Self {
+        let route = match route {
+            PhotoRoute::Walk => CameraRoute::Walk,
+            PhotoRoute::Orbit => CameraRoute::Orbit,
+        };
+        let options = DatasetOptions { route, count, size, truth: truth.into(), ..DatasetOptions::default() };
+        Self { place, set: PhotoSet::Exact(options) }
+    }
+
+    /// The number of photos.
+    pub fn count(&self) -> u32 {
+        match &self.set {
+            PhotoSet::Exact(options) => options.count,
+            PhotoSet::Capture(settings) => settings.flaws.few.unwrap_or(settings.count).min(settings.count),
+        }
+    }
+
+    /// Width and height of each, px.
+    pub fn size(&self) -> (u32, u32) {
+        match &self.set {
+            PhotoSet::Exact(options) => options.size,
+            PhotoSet::Capture(settings) => settings.size,
+        }
+    }
+
+    fn write(
+        &self,
+        place: &Place,
+        folder: &Path,
+        progress: &mut dyn FnMut(usize) -> bool,
+    ) -> Result<Option<Capture>, FormatError> {
+        match &self.set {
+            PhotoSet::Exact(options) => dataset::write(place, folder, options, progress),
+            PhotoSet::Capture(settings) => capture::write(place, folder, settings, progress),
         }
     }
 
     /// Writes the photos as a COLMAP data set into `folder`. Replaces those of an earlier session.
     ///
     /// # Errors
-    /// The folder cannot be written, or Ctrl-C was pressed.
+    /// The options make no photos, the folder cannot be written, or Ctrl-C was pressed.
     pub fn shoot(&self, folder: &Path, run: &RunArgs) -> Result<()> {
+        if let PhotoSet::Capture(settings) = &self.set {
+            settings.flaws.check().map_err(anyhow::Error::msg)?;
+        }
         clear(folder)?;
-        let spinner = progress::spinner("building the street");
-        let place = Street::builtin();
-        spinner.finish_and_clear();
+        let (message, build): (_, fn() -> Place) = match self.place {
+            PlaceChoice::Street => ("building the street", Street::builtin),
+            PlaceChoice::Park => ("building the park", Park::builtin),
+        };
+        let spinner = progress::spinner(message);
         let threads = rayon::ThreadPoolBuilder::new().num_threads(run.threads.map_or(0, usize::from)).build();
         let threads = threads.context("cannot start threads")?;
-        let bar = progress::bar(u64::from(self.count), "photos");
+        let place = threads.install(build);
+        spinner.finish_and_clear();
+        let bar = progress::bar(u64::from(self.count()), "photos");
         let taken = threads.install(|| {
-            dataset::write(&place, folder, &self.options(), &mut |done| {
+            self.write(&place, folder, &mut |done| {
                 bar.set_position(done as u64);
                 !interrupt::asked()
             })
@@ -104,6 +165,10 @@ fn clear(folder: &Path) -> Result<()> {
             std::fs::remove_dir_all(&part).with_context(|| format!("cannot clear {}", part.display()))?;
         }
     }
+    let facts = folder.join(capture::TRUTH);
+    if facts.exists() {
+        std::fs::remove_file(&facts).with_context(|| format!("cannot clear {}", facts.display()))?;
+    }
     Ok(())
 }
 
@@ -115,19 +180,19 @@ struct Words {
     args: ReconstructArgs,
 }
 
-/// Reconstructs the photos in `folder` into `scene` by running the command `reconstruct`.
+/// Returns the run folder of the training of a scene.
+pub fn run_folder(scene: &Path) -> PathBuf {
+    scene.with_extension("run")
+}
+
+/// Reconstructs the photos in `folder` into `scene` by running the command `reconstruct`. Starts from the beginning, and replaces
+/// what exists.
 ///
 /// # Errors
 /// Options of `reconstruct`.
 pub fn reconstruct(folder: &Path, scene: &Path, steps: u32, run: &RunArgs) -> Result<()> {
-    let run_folder = scene.with_extension("run");
-    // The demo starts from the beginning each time: the remains of an interrupted one are removed.
-    let left = run_folder.join(reconstruct::CHECKPOINT);
-    if left.exists() {
-        std::fs::remove_file(&left).with_context(|| format!("cannot remove {}", left.display()))?;
-    }
     let mut words: Vec<std::ffi::OsString> = vec![folder.into(), "--out".into(), scene.into()];
-    words.extend(["--run-folder".into(), run_folder.into()]);
+    words.extend(["--overwrite".into(), "--run-folder".into(), run_folder(scene).into()]);
     words.extend(TRAINING.map(Into::into));
     words.extend(["--steps".into(), steps.to_string().into()]);
     let Words { mut args } = Words::try_parse_from(words).context("the demo's own options")?;

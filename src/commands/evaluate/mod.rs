@@ -10,6 +10,7 @@ mod views;
 
 use crate::dataset::{Dataset, DatasetArgs, HeldOutArgs};
 use crate::names::stem_of;
+use crate::overwrite::check_spares;
 use crate::progress;
 use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use anyhow::{Result, bail};
@@ -122,6 +123,12 @@ pub fn run(args: &EvaluateArgs) -> Result<()> {
         check_writable(out)?;
     }
     let data = open(args)?;
+    let photos = data.places.iter().filter_map(|place| data.capture.photo(data.photos.view(*place)));
+    let inputs: Vec<PathBuf> = photos.chain([args.scene().scene.clone()]).collect();
+    let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+    for out in [&args.json, &args.report].into_iter().flatten() {
+        check_spares(out, &inputs)?;
+    }
     let loaded = OpenScene::new(args.scene(), &args.run, None)?;
     let truth = args.truth.open(&data, loaded.place.survey())?;
     let pictures = if args.report.is_some() { args.report_photos as usize } else { 0 };

@@ -13,6 +13,7 @@ use clap::{Args, ValueEnum};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use wm_scene::FormatError;
+use wm_train::dataset::orientation;
 use wm_train::priors::folder::{Index, PriorsError};
 use wm_train::priors::{FOLDER, PriorsWriter, photos};
 
@@ -138,11 +139,12 @@ fn from_photos(args: &PriorsArgs, threads: &rayon::ThreadPool) -> Result<Index> 
     args.writer(photos::SOURCE.into())?.abandon();
     let out = args.out();
     let bar = progress::bar(2 * data.places.len() as u64, "passes of stereo");
-    let written =
-        photos::write_folder(&data.capture, &data.photos, &data.places, threads, &out, &mut |done| {
-            bar.set_position(done as u64);
-            if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })?;
+    let (up, _) = orientation(&data.capture, &data.photos, None);
+    let (capture, places, up) = (&data.capture, &data.places, up.as_ref());
+    let written = photos::write_folder(capture, &data.photos, places, up, threads, &out, &mut |done| {
+        bar.set_position(done as u64);
+        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
     bar.finish_and_clear();
     let Some(index) = written else {
         return Err(Interrupted(format!("{} holds no priors yet", out.display())).into());

@@ -7,6 +7,8 @@ use crate::progress;
 use anyhow::Result;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
+use wm_scene::capture::CaptureUp;
+use wm_train::dataset::orientation;
 use wm_train::priors::fit::Fit;
 use wm_train::priors::folder::Index;
 use wm_train::priors::given::Given;
@@ -59,6 +61,7 @@ pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Re
     let bar = progress::bar(data.places.len() as u64, "photos");
     bar.set_position((data.places.len() - left.len()) as u64);
     bar.reset_eta();
+    let (up, _) = orientation(&data.capture, &data.photos, None);
     let mut noted = Instant::now();
     for part in left.chunks(source.batch_size().max(1)) {
         if interrupt::asked() {
@@ -69,7 +72,8 @@ pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Re
             let all = data.places.len();
             return Err(Interrupted(format!("{done} of {all} photos are done, {advice}")).into());
         }
-        let made = |index: &usize| make(args, data, source, data.places[*index], &seen[*index]);
+        let made =
+            |index: &usize| make(args, data, source, (data.places[*index], up.as_ref()), &seen[*index]);
         let made: Vec<Result<PriorResult>> = part.par_iter().map(made).collect();
         for (index, made) in part.iter().zip(made) {
             let name = data.name(data.places[*index]);
@@ -104,7 +108,7 @@ fn make(
     args: &PriorsArgs,
     data: &Dataset,
     source: &dyn PriorEstimator,
-    place: usize,
+    (place, up): (usize, Option<&CaptureUp>),
     seen: &[u32],
 ) -> Result<PriorResult> {
     let photo = match data.photos.get(place, 0) {
@@ -117,7 +121,7 @@ fn make(
         PriorAnswer::Nothing(reason) => return Ok(Err(reason)),
     };
     let points = placed(&data.capture, &photo.camera, seen);
-    Ok(given.prior(&photo, &points, data.photos.view(place) as u64).map_err(|reason| reason.to_string()))
+    Ok(given.prior(&photo, &points, up, data.photos.view(place) as u64).map_err(|reason| reason.to_string()))
 }
 
 fn finish(args: &PriorsArgs, data: &Dataset, writer: PriorsWriter) -> Result<Index> {

@@ -15,6 +15,7 @@ use wm_train::session::{
     HeldOutScores, ImageMoment, ObserverError, Preparation, StepProgress, StepSummary, TrainImage,
     TrainNotice, TrainObserver, TrainReport, TrainStart, TrainWarning,
 };
+use wm_train::video::VideoProgress;
 
 /// Shows a training on the terminal, in the run folder and in a browser.
 pub struct TrainingConsole<'a> {
@@ -63,6 +64,10 @@ impl TrainObserver for TrainingConsole<'_> {
 
     fn on_notice(&mut self, notice: &TrainNotice) {
         match notice {
+            TrainNotice::FramesChosen { frames } => {
+                self.clear();
+                eprintln!("video: {frames} frames were chosen");
+            }
             TrainNotice::Registered { registered, photos } => {
                 eprintln!("colmap: the cameras of {registered} of {photos} photos were found");
             }
@@ -76,6 +81,12 @@ impl TrainObserver for TrainingConsole<'_> {
             TrainNotice::Resumed { folder, step } => {
                 eprintln!("{}: continuing after step {step}", folder.display());
             }
+            TrainNotice::StartsAgain { folder } => {
+                eprintln!(
+                    "{}: no checkpoint was written yet, starting from the first step",
+                    folder.display()
+                );
+            }
             TrainNotice::NoScaleFromHeight(reason) => {
                 eprintln!("scale: none from the height of the cameras: {reason}");
             }
@@ -87,6 +98,11 @@ impl TrainObserver for TrainingConsole<'_> {
 
     fn on_preparation(&mut self, preparation: &Preparation) {
         match preparation {
+            Preparation::Video(VideoProgress { done, total }) => {
+                let bar = self.bar.get_or_insert_with(|| progress::bar(0, "frames of the video"));
+                bar.set_length(total.unwrap_or(0).max(*done) as u64);
+                bar.set_position(*done as u64);
+            }
             Preparation::Colmap(progress) => {
                 if self.colmap.replace(progress.step) != Some(progress.step) {
                     eprintln!("colmap: {}", progress.step.name());

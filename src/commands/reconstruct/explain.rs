@@ -2,24 +2,42 @@
 
 use crate::interrupt::Interrupted;
 use anyhow::anyhow;
+use wm_train::colmap::ColmapError;
 use wm_train::plan::PlanError;
 use wm_train::session::SessionError;
+use wm_train::video::VideoError;
 
 const RESUME: &str = "the same command with --resume continues";
 
 /// Returns the error as the command prints it.
 pub fn explain(error: SessionError) -> anyhow::Error {
     match &error {
+        SessionError::Colmap(ColmapError::Stopped { step, .. }) => {
+            Interrupted(format!("{} is not done, {RESUME}", step.name())).into()
+        }
+        SessionError::Video(VideoError::Stopped) => {
+            Interrupted(format!("the video is not read yet, {RESUME}")).into()
+        }
         SessionError::StoppedEarly => Interrupted("no step is done yet".into()).into(),
         SessionError::Stopped { step, steps } => {
             Interrupted(format!("{step} of {steps} steps are done, {RESUME}")).into()
         }
         SessionError::NothingToResume(_) => anyhow!("{error}; leave out --resume"),
         SessionError::Unfinished(_) => {
-            anyhow!("{error}; continue it with --resume, choose another --run-folder, or remove it")
+            anyhow!(
+                "{error}; continue it with --resume, replace it with --overwrite, or choose another --run-folder"
+            )
+        }
+        SessionError::Finished(_) => {
+            anyhow!(
+                "{error}; replace it with --overwrite, choose another --run-folder, or write its scene again with --resume"
+            )
         }
         SessionError::OtherTraining(_) => {
-            anyhow!("{error}; give the options that it began with, or another --run-folder without --resume")
+            anyhow!(
+                "{error}; give the options that it began with, or replace it with --overwrite in place of --resume, or choose \
+                 another --run-folder"
+            )
         }
         SessionError::DamagedPhoto { .. } => {
             anyhow!("{error}, {RESUME}, and with --skip-bad without such photos")

@@ -9,6 +9,7 @@ pub use wm_train::session::CHECKPOINT;
 
 use crate::dataset::{DatasetArgs, HeldOutArgs};
 use crate::names::stem_of;
+use crate::overwrite::OverwriteArgs;
 use crate::scene::RunArgs;
 use anyhow::{Result, bail};
 use clap::builder::PossibleValuesParser;
@@ -18,7 +19,7 @@ use explain::explain;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use wm_scene::files::check_writable;
-use wm_scene::formats::{self, folder as scene_folder, write_scene};
+use wm_scene::formats;
 use wm_scene::{Metadata, Rasterization};
 use wm_train::config::{BackgroundKind, Densify, ExposureMode, Resolution};
 use wm_train::session::{PriorSource, Resume};
@@ -27,8 +28,8 @@ use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 /// Options of `reconstruct`.
 #[derive(Args, Clone, Debug)]
 pub struct ReconstructArgs {
-    /// The data set: a folder with a COLMAP model or a transforms.json, or a plain folder of photos if
-    /// COLMAP is installed
+    /// The data set: a folder with a COLMAP model or a transforms.json; or a plain folder of photos, or a video, if COLMAP or
+    /// pycolmap is installed
     dataset: PathBuf,
     /// Scene file to write [default: named after the data set, in this folder]
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
@@ -39,6 +40,8 @@ pub struct ReconstructArgs {
     /// Continue the training in the run folder
     #[arg(long, help_heading = "Output")]
     resume: bool,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Longest time between two checkpoints, seconds
     #[arg(long, value_name = "S", default_value_t = 45.0, help_heading = "Output")]
     checkpoint_every: f64,
@@ -227,7 +230,11 @@ impl ReconstructArgs {
             facts,
             camera_height: self.camera_height,
             run_folder: Some(run_folder.to_owned()),
-            resume: if self.resume { Resume::Always } else { Resume::Never },
+            resume: match (self.resume, self.overwrite.overwrite) {
+                (true, _) => Resume::Always,
+                (false, true) => Resume::Overwrite,
+                (false, false) => Resume::Never,
+            },
             checkpoint_every: Duration::try_from_secs_f64(self.checkpoint_every).unwrap_or(Duration::MAX),
             device: self.run.device.clone(),
             cpu: self.run.cpu(),
@@ -247,6 +254,12 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.ply", stem_of(&args.dataset))));
     formats::format_for(&out)?;
     check_writable(&out)?;
+    // The scene of the training that is continued may be written again.
+    if !args.resume || args.run_folder.is_some() {
+        let other = "continue its training with --resume, give another name with --out";
+        let other = if args.resume { "give another name with --out" } else { other };
+        args.overwrite.check(&out, &[&args.dataset], other)?;
+    }
     let run_folder = args.run_folder.clone().unwrap_or_else(|| with_behind(&out, ".run"));
     let mut session = Session::new(&args.dataset).options(args.options(facts, config, &run_folder));
     if let Some(lpips) = lpips {
@@ -256,8 +269,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     let done = session.run(&mut console);
     console.clear();
     let scene = done.map_err(explain)?;
-    write_scene(&out, &scene)?;
-    scene_folder::write_cameras(&scene_folder::cameras_path(&out), &scene.views)?;
+    scene.save(&out)?;
     println!("{}: {} splats", out.display(), scene.splats.len());
     console.end(&out);
     Ok(())

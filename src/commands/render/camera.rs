@@ -188,7 +188,7 @@ impl CameraPlan {
         if frames > MAX_FRAMES {
             bail!("{frames} frames are too many for one run: the maximum is {MAX_FRAMES}");
         }
-        let plan = Self { motion, start: output.time, rate: output.fps, frames };
+        let plan = Self { motion, start: output.time(), rate: output.fps, frames };
         plan.camera(plan.start).check()?;
         Ok(plan)
     }

@@ -8,6 +8,7 @@ mod stages;
 
 use crate::choices::{DitherChoice, EncoderChoice};
 use crate::names::stem_of;
+use crate::overwrite::check_spares;
 use crate::progress::Reporter;
 use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
@@ -18,6 +19,8 @@ use range::FrameRange;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use weather_magician::output::{ExtraPicture, LayerPlacement, PictureFormat, PictureStyle, outputs, parts};
+use weather_magician::view::moves::PathSpec;
+use weather_magician::view::spec::CameraSpec;
 use weather_magician::{FrameOptions, Picture, PreparedPlace, Renderer, picture_tags};
 use wm_media::png::DepthScale;
 use wm_render::parts::PicturePart;
@@ -85,15 +88,9 @@ struct OutputArgs {
     /// Render only every N-th frame, from the first on; a video of them plays N times as fast
     #[arg(long, value_name = "N", default_value = "1", help_heading = "Output")]
     frame_step: NonZeroU32,
-    /// Time of a picture, and of a video's first frame, seconds
-    #[arg(
-        long,
-        value_name = "S",
-        default_value_t = 0.0,
-        allow_hyphen_values = true,
-        help_heading = "Output"
-    )]
-    time: f64,
+    /// Time of a picture, and of a video's first frame, seconds [default: 0]
+    #[arg(long, value_name = "S", allow_hyphen_values = true, help_heading = "Output")]
+    time: Option<f64>,
     /// Background behind all splats: auto, sky, black or #rrggbb; auto is a plain sky if the scene has
     /// none. The sky of a weather (--set sky=overcast) replaces it
     #[arg(long, value_name = "COLOR", default_value = "auto", help_heading = "Output")]
@@ -114,6 +111,11 @@ struct OutputArgs {
 }
 
 impl OutputArgs {
+    /// Returns the time of a picture, and of a video's first frame, seconds.
+    fn time(&self) -> f64 {
+        self.time.unwrap_or(0.0)
+    }
+
     /// Returns true if frames of a sequence are selected.
     fn asks_for_frames(&self) -> bool {
         self.frames.is_some() || self.frame_step.get() > 1
@@ -179,12 +181,13 @@ impl OutputTarget {
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<()> {
     // Cheap checks come before the scene is read.
-    let weather = args.weather.read()?;
+    let (weather, weather_files) = args.weather.read_with_files()?;
     if args.pairs.is_asked_for()? {
         return pairs::run(args, &weather);
     }
     let target = target_of(args, &weather)?;
     target.check()?;
+    check_inputs(args, &target, &weather_files)?;
     if matches!(target, OutputTarget::Picture(_)) && args.output.asks_for_frames() {
         bail!("--frames and --frame-step are for videos and folders of frames: give --out one of these");
     }
@@ -203,6 +206,16 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         bail!("--also transmittance, clean or airlight: {}", pairs::NO_AIR);
     }
     args.camera.check()?;
+    if let OutputTarget::Picture(path) = &target
+        && args.camera.path.is_some()
+        && args.output.time.is_none()
+    {
+        bail!(
+            "--path moves the camera, and {} is one picture: give --out a name that ends in .mp4 or a folder, or --time S for \
+             the picture at that time",
+            path.display()
+        );
+    }
 
     let mut loaded = OpenScene::new(&args.scene, &args.run, args.camera.viewpoint.views.as_ref())?;
     let plan = CameraPlan::plan(
@@ -224,6 +237,30 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),
         OutputTarget::Folder(path) => sequence::folder(&mut job, &wanted, &path, args),
     }
+}
+
+/// Checks that no output is one of the files that are read.
+fn check_inputs(args: &RenderArgs, target: &OutputTarget, weather_files: &[PathBuf]) -> Result<()> {
+    let camera_file = match &args.camera.viewpoint.camera {
+        Some(CameraSpec::File(file)) => Some(file),
+        _ => None,
+    };
+    let path_file = match &args.camera.path {
+        Some(PathSpec::File(file)) => Some(file),
+        _ => None,
+    };
+    let inputs = [Some(&args.scene.scene), camera_file, path_file].into_iter().flatten().chain(weather_files);
+    let inputs: Vec<&Path> = inputs.map(PathBuf::as_path).collect();
+    if let OutputTarget::Picture(path) | OutputTarget::Video(path) = target {
+        check_spares(path, &inputs)?;
+    }
+    if let OutputTarget::Picture(path) = target {
+        let format = PictureFormat::of(path).unwrap_or(PictureFormat::Png);
+        for also in &args.output.also {
+            check_spares(&PictureStyle::path_of(*also, format, path), &inputs)?;
+        }
+    }
+    args.camera.save_path.iter().try_for_each(|file| check_spares(file, &inputs))
 }
 
 /// The scene, the weather and the camera of the frames to render.
@@ -261,11 +298,11 @@ impl RenderJob {
 
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
         let mut picture = Picture::default();
-        let style = self.style(args, DepthScale::Auto, args.output.time);
+        let style = self.style(args, DepthScale::Auto, args.output.time());
         let (stats, beside) = if args.output.stages {
-            stages::picture(self, &style, path, args.output.time, &mut picture)?
+            stages::picture(self, &style, path, args.output.time(), &mut picture)?
         } else {
-            let stats = self.render(args.output.time, &mut picture)?;
+            let stats = self.render(args.output.time(), &mut picture)?;
             (stats, style.write(&picture, path)?)
         };
         let frame = &picture.frame;
@@ -322,8 +359,8 @@ fn target_of(args: &RenderArgs, weather: &Weather) -> Result<OutputTarget> {
     {
         bail!("--seconds {seconds}: must be above 0");
     }
-    if !args.output.time.is_finite() {
-        bail!("--time {}: must be a number of seconds", args.output.time);
+    if !args.output.time().is_finite() {
+        bail!("--time {}: must be a number of seconds", args.output.time());
     }
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {

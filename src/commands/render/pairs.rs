@@ -110,7 +110,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     if kept > 0 {
         eprintln!("{}: {kept} of {} photos exist, rendering the others", folder.display(), shots.len());
     }
-    let (started, time, clear) = (Instant::now(), args.output.time, Weather::clear());
+    let (started, time, clear) = (Instant::now(), args.output.time(), Weather::clear());
     let scene = args.scene.scene.display().to_string();
     let style = |weather: &Weather, camera: &Camera| PictureStyle {
         dither: args.output.dither.into(),
@@ -171,8 +171,8 @@ fn check(args: &RenderArgs, weather: &Weather) -> Result<PathBuf> {
         }
     }
     camera.check()?;
-    if !output.time.is_finite() {
-        bail!("--time {}: must be a number of seconds", output.time);
+    if !output.time().is_finite() {
+        bail!("--time {}: must be a number of seconds", output.time());
     }
     if weather.effects().next().is_none() {
         bail!("--pairs needs a weather: give --weather or --set");
@@ -300,7 +300,7 @@ fn manifest(
     let scene = &args.scene.scene;
     let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;
     let changed = about.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
-    let instant = weather.at(args.output.time);
+    let instant = weather.at(args.output.time());
     let effects: Map<String, Json> = instant
         .effects()
         .map(|(effect, values)| {
@@ -353,7 +353,7 @@ fn manifest(
             "effects": effects,
         },
         "seeds": seeds,
-        "time": args.output.time,
+        "time": args.output.time(),
         "camera_speed": args.camera.camera_speed.unwrap_or(0.0),
         "simd": renderer.backend().path().to_string(),
         "device": renderer.backend().arithmetic(),

@@ -145,7 +145,7 @@ fn manifest(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
         "site": format!("{:?}", job.place.site()),
         "camera": job.plan.fingerprint(),
         "config": format!("{:?}", job.place.config),
-        "start": args.output.time,
+        "start": args.output.time(),
         "fps": job.plan.rate.to_string(),
         "frames": job.plan.frames,
         "format": args.output.frame_format.extension(),

@@ -1,0 +1,83 @@
+//! Protection of files that exist: scenes and trainings are replaced only with `--overwrite`, inputs never by pictures.
+
+use anyhow::{Result, bail};
+use clap::Args;
+use std::path::Path;
+use wm_scene::formats::folder::scene_file;
+
+/// The option that permits replacing what exists.
+#[derive(Args, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OverwriteArgs {
+    /// Replace what exists under the name of the output; without it, it is refused
+    #[arg(long, help_heading = "Output")]
+    pub overwrite: bool,
+}
+
+impl OverwriteArgs {
+    /// Checks, before the work, that writing `out` replaces nothing without `--overwrite`. `inputs` are the files and folders
+    /// that the command reads; `other` is another remedy than `--overwrite`.
+    ///
+    /// # Errors
+    /// `out` exists, or is one of the inputs.
+    pub fn check(self, out: &Path, inputs: &[&Path], other: &str) -> Result<()> {
+        if self.overwrite || !out.exists() {
+            return Ok(());
+        }
+        let what = if is_input(out, inputs) { "is the input itself" } else { "exists already" };
+        bail!("{}: {what}; {other}, or replace it with --overwrite", out.display());
+    }
+}
+
+/// Checks, before the work, that a picture or a report replaces no input; other files are replaced.
+///
+/// # Errors
+/// `out` is one of the inputs.
+pub fn check_spares(out: &Path, inputs: &[&Path]) -> Result<()> {
+    if is_input(out, inputs) {
+        bail!("{}: is an input of this command and would be lost; choose another name", out.display());
+    }
+    Ok(())
+}
+
+/// Returns true if `out` is the same file as one of the inputs, also by another name, a symbolic link or a hard link.
+fn is_input(out: &Path, inputs: &[&Path]) -> bool {
+    let is_same = |input: &Path| same_file::is_same_file(out, input).unwrap_or(false);
+    // Of a folder that is a scene, the scene file in it.
+    inputs.iter().any(|input| is_same(input) || scene_file(input).is_ok_and(|file| is_same(&file)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn inputs_are_known_by_any_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir_all(at("sog")).unwrap();
+        fs::write(at("sog/meta.json"), "{}").unwrap();
+        fs::write(at("a.ply"), "a").unwrap();
+        fs::write(at("b.ply"), "a").unwrap();
+        fs::hard_link(at("a.ply"), at("hard.ply")).unwrap();
+        let input = [&*at("a.ply")];
+        let mut names = vec![at("a.ply"), at("sog/../a.ply"), at("hard.ply")];
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink("a.ply", at("soft.ply")).unwrap();
+            names.push(at("soft.ply"));
+        }
+        for name in names {
+            let said = OverwriteArgs::default().check(&name, &input, "choose another name").unwrap_err();
+            let ends = ": is the input itself; choose another name, or replace it with --overwrite";
+            assert_eq!(said.to_string(), format!("{}{ends}", name.display()));
+            assert!(check_spares(&name, &input).is_err());
+            OverwriteArgs { overwrite: true }.check(&name, &input, "").unwrap();
+        }
+        let said = OverwriteArgs::default().check(&at("b.ply"), &input, "choose another name").unwrap_err();
+        assert!(said.to_string().contains("b.ply: exists already; choose another name, or "), "{said}");
+        check_spares(&at("b.ply"), &input).unwrap();
+        OverwriteArgs::default().check(&at("c.ply"), &input, "").unwrap();
+        assert!(check_spares(&at("sog/meta.json"), &[&at("sog")]).is_err());
+    }
+}
