@@ -41,7 +41,10 @@ pub fn check_spares(out: &Path, inputs: &[&Path]) -> Result<()> {
 
 /// Returns true if `out` is the same file as one of the inputs, also by another name, a symbolic link or a hard link.
 fn is_input(out: &Path, inputs: &[&Path]) -> bool {
-    let is_same = |input: &Path| same_file::is_same_file(out, input).unwrap_or(false);
+    // The comparison opens both, and a pipe that is opened twice waits for ever.
+    let is_same = |input: &Path| {
+        out.is_file() && input.is_file() && same_file::is_same_file(out, input).unwrap_or(false)
+    };
     // Of a folder that is a scene, the scene file in it.
     inputs.iter().any(|input| is_same(input) || scene_file(input).is_ok_and(|file| is_same(&file)))
 }

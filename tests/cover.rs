@@ -50,7 +50,7 @@ fn what_is_baked_is_what_is_rendered() {
     {
         let live = read_png(&workshop.render(&scene, &view, "live.png", &format!("--set {asked}")));
         let baked = workshop.path("baked.ply");
-        let words = format!("bake {} --set {asked} -o {}", scene.display(), baked.display());
+        let words = format!("bake {} --set {asked} --overwrite -o {}", scene.display(), baked.display());
         run(&words.split(' ').map(str::to_owned).collect::<Vec<_>>());
         let again = read_png(&workshop.render(&baked, &view, "again.png", ""));
         let squares = live.pixels.iter().zip(&again.pixels);

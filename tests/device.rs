@@ -58,7 +58,17 @@ fn a_training_ends_as_near_as_the_cpus() {
         let [set, out] = ["set", "scene.ply"].map(|name| workshop.path(name).display().to_string());
         // Few steps: with more of them so few photos are learnt by heart, and no two ways of rounding end alike.
         let words = ["reconstruct", &set, "--out", &out, "--device", &device, "--steps", "100"];
-        let more = ["--max-splats", "800", "--sh-degree", "1", "--eval-every", "3", "--sky-splats", "200"];
+        let more = [
+            "--max-splats",
+            "800",
+            "--sh-degree",
+            "1",
+            "--eval-every",
+            "3",
+            "--sky-splats",
+            "200",
+            "--overwrite",
+        ];
         let words: Vec<String> = words.iter().chain(&more).map(|word| (*word).to_owned()).collect();
         let said = String::from_utf8(run(&words).stdout).unwrap();
         let is_on = if device == "cpu" { " s on cpu, " } else { " s on gpu, " };

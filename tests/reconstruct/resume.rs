@@ -41,7 +41,9 @@ fn what_is_broken_off_ends_in_the_same_bytes() {
         config.exposure = wm_train::config::ExposureMode::Photo;
         place.configure("config.json", &config);
         let hold_out = ["--eval-every", "4"];
-        place.trained(&[&["--config", "config.json", "--out", "a.ply"], &hold_out[..]].concat());
+        place.trained(
+            &[&["--config", "config.json", "--out", "a.ply", "--overwrite"], &hold_out[..]].concat(),
+        );
 
         let _ = fs::remove_dir_all(place.at("b.ply.run"));
         let _ = fs::remove_file(place.at("b.ply"));

@@ -467,7 +467,10 @@ mod tests {
     fn frame(place: f64, blur: usize) -> Candidate {
         let value = |x: f64, y: f64| {
             let (u, v) = (x / 23.0, y / 19.0);
-            127.0 + 60.0 * ((u * 1.3).sin() * (v * 0.9).cos()) + 50.0 * ((u * 0.37 + v * 0.61).sin())
+            127.0
+                + 60.0 * ((u * 1.3).sin() * (v * 0.9).cos())
+                + 50.0 * ((u * 0.37 + v * 0.61).sin())
+                + 8.0 * (0.9 * x).sin()
         };
         let pixel = |i: usize| {
             let (x, y) = ((i % GREY.0) as f64 + place, (i / GREY.0) as f64);

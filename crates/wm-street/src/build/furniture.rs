@@ -2,7 +2,7 @@
 
 use super::palette::Palette;
 use super::{Builder, Frame, faces};
-use crate::paint::PaintId;
+use crate::paint::{Label, PaintId};
 use glam::DVec3;
 
 /// A lamp with a lantern on a short arm; it faces along the frame's `back`.
@@ -74,7 +74,7 @@ pub(super) fn tub(b: &mut Builder, foot: DVec3, radius: f64, p: &Palette) -> f64
         [radius + 0.02, radius + 0.025],
         p.terracotta,
     );
-    b.disc(foot + DVec3::Z * (high - 0.03), DVec3::Z, radius, p.soil);
+    b.labelled(Label::Object, |b| b.disc(foot + DVec3::Z * (high - 0.03), DVec3::Z, radius, p.soil));
     high
 }
 
