@@ -1,8 +1,8 @@
 //! A scene that a renderer holds, and what weather knows of it.
 
 use crate::assets::{
-    AssetCache, AssetFile, AssetNeeds, AssetSource, AssetStore, Assets, MissingAssets, lock, photo_views,
-    scene_digest,
+    AssetCache, AssetFile, AssetNeeds, AssetSource, AssetStore, Assets, MissingAssets, SurfaceViews,
+    ViewDetail, lock, photo_views, scene_digest,
 };
 use crate::frame::FrameRequest;
 use crate::frame::MovingCamera;
@@ -292,17 +292,22 @@ impl PreparedPlace {
         missing: &mut MissingAssets,
     ) -> Result<AssetSource> {
         self.read_cached(missing, backend.threads());
-        let surfaces = missing
-            .needs_surfaces()
-            .then(|| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces))
-            .flatten();
-        let needs_views = missing.needs_surfaces() && surfaces.is_none() && !self.scene.splats.is_empty();
-        let photo_views =
-            if needs_views { photo_views(backend, self.set, &self.scene, &self.survey)? } else { Vec::new() };
+        let surfaces =
+            missing.cover.and_then(|_| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces));
+        let mut views = SurfaceViews::default();
+        if !self.scene.splats.is_empty() {
+            let mut seen = |detail| photo_views(backend, self.set, &self.scene, &self.survey, detail);
+            if missing.occluders {
+                views.shelter = seen(ViewDetail::SHELTER)?;
+            }
+            if missing.cover.is_some() && surfaces.is_none() {
+                views.cover = seen(ViewDetail::COVER)?;
+            }
+        }
         let airflow = missing.lying.as_ref().map(|(airflow, _)| *airflow);
         Ok(AssetSource {
             scene: Arc::clone(&self.scene),
-            photo_views,
+            views,
             surfaces,
             site: self.site,
             threads: backend.threads(),

@@ -8,7 +8,7 @@ mod views;
 
 pub use cache::AssetCache;
 pub(crate) use cache::{AssetFile, scene_digest};
-pub(crate) use views::photo_views;
+pub(crate) use views::{ViewDetail, photo_views};
 
 use crate::{Error, Progress, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -157,39 +157,35 @@ impl MissingAssets {
         }
     }
 
-    /// Returns true if the work begins with the surfaces that the photos show.
-    pub(crate) fn needs_surfaces(&self) -> bool {
-        self.occluders || self.cover.is_some()
-    }
-
     /// Makes what is missing.
     ///
     /// # Errors
     /// [`Error::Unsupported`] if the splats of the place were released.
     pub fn make(&self, source: AssetSource, progress: &mut dyn Progress) -> Result<Assets> {
-        let AssetSource { scene, photo_views, surfaces, site, threads, occluders, cover, cache } = source;
-        let needs_splats = self.needs_surfaces() || self.paper_cover.is_some();
+        let AssetSource { scene, views, surfaces, site, threads, occluders, cover, cache } = source;
+        let needs_splats = self.occluders || self.cover.is_some() || self.paper_cover.is_some();
         if needs_splats && scene.splats.is_empty() {
             return Err(Error::Unsupported(
                 "the splats of this place were released: load the scene again to change its weather".into(),
             ));
         }
-        let surfaces = self.needs_surfaces().then(|| {
+        let fused = |views: &[PhotoView]| FusedSurfaces::from_views(&scene.splats, views, &site, threads);
+        let made_occluders = self.occluders.then(|| {
+            let found = fused(&views.shelter);
+            Arc::new(Occluders::of(&found.splats, &site, &ShelterOptions::default()))
+        });
+        let surfaces = self.cover.is_some().then(|| {
             surfaces.unwrap_or_else(|| {
                 progress.begin("finding the surfaces that the photos show", None);
-                let found = FusedSurfaces::from_views(&scene.splats, &photo_views, &site, threads);
+                let found = fused(&views.cover);
                 progress.end();
                 // Without photos they are the splats themselves.
-                if !photo_views.is_empty() {
+                if !views.cover.is_empty() {
                     cache.put(&AssetFile::Surfaces, &found);
                 }
                 found
             })
         });
-        let made_occluders = surfaces
-            .as_ref()
-            .filter(|_| self.occluders)
-            .map(|found| Arc::new(Occluders::of(&found.splats, &site, &ShelterOptions::default())));
         let occluders = made_occluders.as_ref().or(occluders.as_ref());
         let shelter = self.shelter.zip(occluders).map(|(fall, occluders)| {
             let shelter = occluders.shelter(fall, Some(threads));
@@ -223,10 +219,17 @@ impl MissingAssets {
     }
 }
 
+/// The views that surfaces are found in; empty for what is not made.
+#[derive(Default)]
+pub(crate) struct SurfaceViews {
+    pub shelter: Vec<PhotoView>,
+    pub cover: Vec<PhotoView>,
+}
+
 /// The inputs of [`MissingAssets::make`]. They are owned, so that another thread can do the work.
 pub struct AssetSource {
     pub(crate) scene: Arc<Scene>,
-    pub(crate) photo_views: Vec<PhotoView>,
+    pub(crate) views: SurfaceViews,
     pub(crate) surfaces: Option<FusedSurfaces<'static>>,
     pub(crate) site: Site,
     pub(crate) threads: usize,

@@ -8,9 +8,21 @@ use wm_scene::survey::{FactSource, Survey};
 use wm_scene::{Camera, Group, Scene};
 use wm_weather::fused_surfaces::{FloorPlane, PhotoView};
 
-/// Photos that are looked at, at most, and the longest side of their views, px.
-const VIEWS: usize = 40;
-const SIDE: f64 = 480.0;
+/// The number and the size of the views that surfaces are found in.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ViewDetail {
+    /// Photos that are looked at, at most.
+    photos: usize,
+    /// Longest side of their views, px.
+    side: f64,
+}
+
+impl ViewDetail {
+    /// Shelter from rain: roofs and crowns, in a fraction of a second.
+    pub const SHELTER: Self = Self { photos: 24, side: 192.0 };
+    /// The ground under snow, to some centimetres.
+    pub const COVER: Self = Self { photos: 40, side: 480.0 };
+}
 
 /// All of a scene but its sky.
 struct WithoutSky<'a>(&'a [Group]);
@@ -29,6 +41,7 @@ pub(crate) fn photo_views(
     set: SetId,
     scene: &Scene,
     survey: &Survey,
+    detail: ViewDetail,
 ) -> Result<Vec<PhotoView>> {
     let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
     let config = RenderConfig { outputs, ..RenderConfig::default() };
@@ -37,9 +50,9 @@ pub(crate) fn photo_views(
     let sets = [SetView::plain(set).with_attributes(Some(&without_sky))];
     let mut frame = Frame::default();
     let mut seen = Vec::new();
-    for view in views.iter().step_by(views.len().div_ceil(VIEWS).max(1)) {
+    for view in views.iter().step_by(views.len().div_ceil(detail.photos).max(1)) {
         let camera = &view.camera;
-        let scale = (SIDE / f64::from(camera.width.max(camera.height))).min(1.0);
+        let scale = (detail.side / f64::from(camera.width.max(camera.height))).min(1.0);
         let [width, height] =
             [camera.width, camera.height].map(|side| (f64::from(side) * scale).round().max(1.0) as u32);
         let camera = camera.resized(width, height);

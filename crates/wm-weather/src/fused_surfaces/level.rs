@@ -2,8 +2,9 @@
 
 use super::Disc;
 use crate::threads::map;
-use glam::{DVec3, I64Vec3};
+use glam::DVec3;
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// Distance of the discs that a surface is fitted to, m, but so many of its own widths at least.
 const FIELD: f64 = 0.3;
@@ -18,36 +19,37 @@ const ROUNDS: usize = 3;
 /// Discs by the cells of a grid.
 struct Cells {
     width: f64,
-    order: Vec<u32>,
-    /// The range of a cell's discs in the order.
-    ranges: HashMap<I64Vec3, (u32, u32)>,
+    /// In order of their cells' x, y and z.
+    discs: Vec<Disc>,
+    /// Each disc's cell's z.
+    levels: Vec<i64>,
+    /// The discs of all cells above each other.
+    columns: HashMap<[i64; 2], Range<usize>>,
 }
 
 impl Cells {
     /// In cells of a width.
     fn of(discs: &[Disc], width: f64) -> Self {
-        let cells: Vec<I64Vec3> =
-            discs.iter().map(|disc| (disc.point / width).floor().as_i64vec3()).collect();
-        let mut order: Vec<u32> = (0..discs.len() as u32).collect();
-        order.sort_by_key(|disc| cells[*disc as usize].to_array());
-        let mut ranges = HashMap::new();
-        for (k, disc) in order.iter().enumerate() {
-            ranges.entry(cells[*disc as usize]).or_insert((k as u32, 0)).1 = k as u32 + 1;
+        let cell = |disc: &Disc| (disc.point / width).floor().as_i64vec3().to_array();
+        let mut order: Vec<([i64; 3], u32)> = discs.iter().map(cell).zip(0..).collect();
+        order.sort_unstable();
+        let mut columns: HashMap<[i64; 2], Range<usize>> = HashMap::new();
+        for (k, ([x, y, _], _)) in order.iter().enumerate() {
+            columns.entry([*x, *y]).or_insert(k..k).end = k + 1;
         }
-        Self { width, order, ranges }
+        let levels = order.iter().map(|([_, _, z], _)| *z).collect();
+        Self { width, discs: order.iter().map(|(_, disc)| discs[*disc as usize]).collect(), levels, columns }
     }
 
     /// Calls `work` with all in the cells within `reach` of a point.
-    fn near(&self, point: DVec3, reach: f64, mut work: impl FnMut(usize)) {
+    fn near(&self, point: DVec3, reach: f64, mut work: impl FnMut(&Disc)) {
         let [low, high] = [point - reach, point + reach].map(|v| (v / self.width).floor().as_i64vec3());
-        for x in low.x..=high.x {
-            for y in low.y..=high.y {
-                for z in low.z..=high.z {
-                    if let Some((from, to)) = self.ranges.get(&I64Vec3::new(x, y, z)) {
-                        self.order[*from as usize..*to as usize].iter().for_each(|disc| work(*disc as usize));
-                    }
-                }
-            }
+        for (x, y) in (low.x..=high.x).flat_map(|x| (low.y..=high.y).map(move |y| (x, y))) {
+            let Some(column) = self.columns.get(&[x, y]) else { continue };
+            let (levels, discs) = (&self.levels[column.clone()], &self.discs[column.clone()]);
+            let from = levels.partition_point(|z| *z < low.z);
+            let to = levels.partition_point(|z| *z <= high.z);
+            discs[from..to].iter().for_each(&mut work);
         }
     }
 }
@@ -67,7 +69,6 @@ pub(super) fn level(discs: &mut [Disc], metres_per_unit: f64, threads: usize) {
             let cells = grids.iter().find(|grid| grid.width == reach).expect("a grid for each reach");
             let (mut weight, mut middle, mut normal) = (0.0, DVec3::ZERO, DVec3::ZERO);
             cells.near(own.point, reach, |other| {
-                let other = &discs[other];
                 let off = other.point - own.point;
                 let near = 1.0 - off.length_squared() / (reach * reach);
                 if near <= 0.0 || other.is_edge {

@@ -14,6 +14,7 @@
 
 mod floor;
 mod level;
+mod normals;
 mod photo_view;
 #[cfg(test)]
 mod tests;
@@ -80,9 +81,10 @@ impl<'a> FusedSurfaces<'a> {
             return Self::from_splats(splats);
         }
         let metres_per_unit = site.metres_per_unit;
+        let witnesses = map(views.len(), threads, |index| views[index].witness());
         let hears = |point: DVec3| {
             let mut said = Said::default();
-            views.iter().for_each(|view| said.add(view.word(point, metres_per_unit)));
+            witnesses.iter().for_each(|witness| said.add(witness.word(point, metres_per_unit)));
             said
         };
         let cube = CUBE / metres_per_unit;

@@ -1,18 +1,14 @@
 //! The surface that one photo's camera sees, and its evidence about points.
 
 use super::FloorPlane;
-use glam::{DMat3, DVec3};
+use super::normals::InverseDepths;
+use glam::DVec3;
 use wm_scene::Camera;
 
 /// Distance in front of the surface from which a point is seen through, as a share of the ray's length, and m.
 const BEFORE: [f64; 2] = [0.1, 0.1];
 /// Distance from the visible surface within which a point is part of it, the same.
 const WITH: [f64; 2] = [0.04, 0.1];
-/// Pixels to each side that a normal is found from, and how often those are weighed.
-const ASIDE: i64 = 3;
-const ROUNDS: usize = 3;
-/// Largest distance of a pixel from its plane, as a share of its inverse depth; more is an edge.
-const OFF: f64 = 0.03;
 /// Least cosine between a ray and the normal for the distance between pixels along a surface; and how many places are taken
 /// of a pixel of a floor, which is known between pixels too.
 const GRAZING: f64 = 0.15;
@@ -43,6 +39,36 @@ pub(super) enum Word {
     Nothing,
 }
 
+/// A view's evidence: its nearest surface within a pixel of each, and which of them are floors.
+pub(super) struct Witness {
+    camera: Camera,
+    /// View z, scene units, infinite where there is no surface; and true for a floor.
+    nearest: Vec<(f32, bool)>,
+}
+
+impl Witness {
+    /// Returns the evidence about a point (world, scene units).
+    pub fn word(&self, point: DVec3, metres_per_unit: f64) -> Word {
+        let Some((x, y, z)) = self.camera.project(point) else { return Word::Nothing };
+        let (width, height) = (i64::from(self.camera.width), i64::from(self.camera.height));
+        let (x, y) = (x.floor() as i64, y.floor() as i64);
+        if x < 1 || y < 1 || x + 1 >= width || y + 1 >= height {
+            return Word::Nothing;
+        }
+        let (nearest, floor) = self.nearest[(y * width + x) as usize];
+        let nearest = f64::from(nearest);
+        if z * (1.0 + BEFORE[0]) + BEFORE[1] / metres_per_unit < nearest {
+            Word::Through { floor }
+        } else if z < nearest * (1.0 + WITH[0]) + WITH[1] / metres_per_unit
+            && super::is_near(z * self.camera.widest_pixel() * metres_per_unit)
+        {
+            Word::Seen { floor }
+        } else {
+            Word::Nothing
+        }
+    }
+}
+
 /// The surface in one pixel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spot {
@@ -65,31 +91,28 @@ impl PhotoView {
         Self { camera, on: vec![0; depth.len()], depth, rgb, floors: Vec::new() }
     }
 
-    /// Returns the evidence about a point (world, scene units).
-    pub(super) fn word(&self, point: DVec3, metres_per_unit: f64) -> Word {
-        let Some((x, y, z)) = self.camera.project(point) else { return Word::Nothing };
-        let (width, height) = (i64::from(self.camera.width), i64::from(self.camera.height));
-        let (x, y) = (x.floor() as i64, y.floor() as i64);
-        // With a pixel about it, since edges are not exact.
-        if x < 1 || y < 1 || x + 1 >= width || y + 1 >= height {
-            return Word::Nothing;
+    /// Returns what the view can tell of points.
+    pub(super) fn witness(&self) -> Witness {
+        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
+        let depth = |pixel: usize| match self.depth[pixel] {
+            0.0 => f32::INFINITY,
+            depth => depth,
+        };
+        // Of each pixel the one with the nearest surface of it and those about it, since edges are not exact.
+        let nearer = |a: usize, b: usize| if depth(b) < depth(a) { b } else { a };
+        let mut across: Vec<usize> = (0..width * height).collect();
+        for (pixel, nearest) in across.iter_mut().enumerate() {
+            let x = pixel % width;
+            *nearest = (pixel - usize::from(x > 0)..=pixel + usize::from(x + 1 < width))
+                .reduce(nearer)
+                .unwrap_or(pixel);
         }
-        let pixels = (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| (y * width + x) as usize));
-        let depths = pixels.map(|pixel| match self.depth[pixel] {
-            0.0 => (f64::INFINITY, false),
-            depth => (f64::from(depth), self.on[pixel] > 0),
-        });
-        let (nearest, floor) =
-            depths.fold((f64::INFINITY, false), |best, other| if other.0 < best.0 { other } else { best });
-        if z * (1.0 + BEFORE[0]) + BEFORE[1] / metres_per_unit < nearest {
-            Word::Through { floor }
-        } else if z < nearest * (1.0 + WITH[0]) + WITH[1] / metres_per_unit
-            && super::is_near(z * self.camera.widest_pixel() * metres_per_unit)
-        {
-            Word::Seen { floor }
-        } else {
-            Word::Nothing
-        }
+        let nearest = |pixel: usize| {
+            let rows = [pixel.checked_sub(width), Some(pixel), Some(pixel + width)];
+            let rows = rows.into_iter().flatten().filter_map(|pixel| across.get(pixel).copied());
+            rows.reduce(nearer).map_or((f32::INFINITY, false), |at| (depth(at), self.on[at] > 0))
+        };
+        Witness { camera: self.camera, nearest: (0..width * height).map(nearest).collect() }
     }
 
     /// The rays of the pixels, of length 1, row by row.
@@ -107,44 +130,16 @@ impl PhotoView {
         (depth > 0.0).then(|| self.camera.center() + self.camera.rotation().transpose() * local)
     }
 
-    /// The normal of the plane through a pixel and those about it, as far as they are of one, world; `None` at edges. The
-    /// inverse depth of a plane is linear in the picture.
-    fn normal(&self, x: i64, y: i64) -> Option<DVec3> {
-        let Camera { width, height, fx, fy, cx, cy, .. } = self.camera;
-        let [width, height] = [width, height].map(i64::from);
-        if x < ASIDE || y < ASIDE || x + ASIDE >= width || y + ASIDE >= height {
-            return None;
-        }
-        let inverse = |dx: i64, dy: i64| match self.depth[((y + dy) * width + x + dx) as usize] {
-            0.0 => 0.0,
-            depth => 1.0 / f64::from(depth),
-        };
-        let own = inverse(0, 0);
-        let mut plane: Option<DVec3> = None;
-        for _ in 0..ROUNDS {
-            let (mut moments, mut right) = (DMat3::ZERO, DVec3::ZERO);
-            for (dx, dy) in (-ASIDE..=ASIDE).flat_map(|dy| (-ASIDE..=ASIDE).map(move |dx| (dx, dy))) {
-                let (at, value) = (DVec3::new(1.0, dx as f64, dy as f64), inverse(dx, dy));
-                let off = plane.map_or(0.0, |plane| (plane.dot(at) - value) / (OFF * own));
-                let weight = 1.0 / (1.0 + off * off).powi(2);
-                let weighted = weight * at;
-                moments += DMat3::from_cols(weighted * at.x, weighted * at.y, weighted * at.z);
-                right += weighted * value;
-            }
-            plane = Some(moments.inverse() * right);
-        }
-        let plane = plane.filter(|plane| (plane.x / own - 1.0).abs() < OFF)?;
-        let along = [plane.y, plane.z];
-        let middle = plane.x - along[0] * (x as f64 + 0.5 - cx) - along[1] * (y as f64 + 0.5 - cy);
-        let local = DVec3::new(along[0] * fx, along[1] * fy, middle);
-        (self.camera.rotation().transpose() * local).try_normalize()
-    }
-
     /// Calls `work` with what is seen in each pixel that shows something.
     pub(super) fn each_spot(&self, mut work: impl FnMut(Spot)) {
         let center = self.camera.center();
         let [width, height] = [self.camera.width, self.camera.height].map(i64::from);
-        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+        let inverse_depths = InverseDepths::of(self);
+        let mut normals = Vec::new();
+        for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+            if x == 0 {
+                normals = inverse_depths.normals_of_row(y as usize);
+            }
             let Some(point) = self.point(x, y) else { continue };
             let pixel = (y * width + x) as usize;
             let ray = (point - center).normalize();
@@ -167,7 +162,7 @@ impl PhotoView {
                 }
                 continue;
             }
-            let normal = self.normal(x, y).map(|normal| normal * -normal.dot(ray).signum());
+            let normal = normals[x as usize].map(|normal| normal * -normal.dot(ray).signum());
             let slant = normal.map_or(1.0, |normal| normal.dot(ray).abs().max(GRAZING));
             work(Spot { point, normal, ray, apart: width / slant, rgb });
         }

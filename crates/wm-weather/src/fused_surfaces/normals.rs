@@ -1,0 +1,137 @@
+//! Normals of a picture of depth, from the planes through each pixel and those about it.
+
+use super::PhotoView;
+use glam::{DMat3, DVec3};
+use wm_scene::Camera;
+
+/// Pixels to each side that a plane is fitted to, and the rounds of weighing them.
+const ASIDE: usize = 3;
+const ROUNDS: usize = 2;
+/// Largest distance of a pixel from its plane, as a share of its inverse depth; more is an edge.
+const OFF: f32 = 0.03;
+/// Pixels that are fitted side by side, so that the compiler makes vectors of them.
+const LANES: usize = 8;
+
+/// The inverse depths of a view, from which normals are found.
+pub(super) struct InverseDepths {
+    camera: Camera,
+    /// With `LANES` zeros after each row.
+    values: Vec<f32>,
+    stride: usize,
+}
+
+/// A plane for each of `LANES` pixels side by side: inverse depth at the pixel, and its slope along x and y. The inverse
+/// depth of a plane is linear in the picture.
+type Planes = [[f32; LANES]; 3];
+
+impl InverseDepths {
+    pub fn of(view: &PhotoView) -> Self {
+        let (width, height) = (view.camera.width as usize, view.camera.height as usize);
+        let stride = width + LANES;
+        let mut values = vec![0.0; stride * height];
+        for (row, depths) in values.chunks_mut(stride).zip(view.depth.chunks(width.max(1))) {
+            for (value, depth) in row.iter_mut().zip(depths) {
+                *value = if *depth > 0.0 { depth.recip() } else { 0.0 };
+            }
+        }
+        Self { camera: view.camera, values, stride }
+    }
+
+    /// The normals of a row of pixels, world axes, length 1, of either sign; `None` at edges and near the picture's border.
+    pub fn normals_of_row(&self, y: usize) -> Vec<Option<DVec3>> {
+        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
+        let mut normals = vec![None; width];
+        if y < ASIDE || y + ASIDE >= height || width <= 2 * ASIDE {
+            return normals;
+        }
+        let inner = ASIDE..width - ASIDE;
+        for first in inner.clone().step_by(LANES) {
+            let planes = self.fit(first, y);
+            let last = inner.end.min(first + LANES);
+            for (lane, normal) in normals[first..last].iter_mut().enumerate() {
+                let own = self.values[y * self.stride + first + lane];
+                let plane = planes.map(|of| of[lane]);
+                // False for NaN too.
+                if own > 0.0 && (plane[0] / own - 1.0).abs() < OFF {
+                    *normal = self.normal([first + lane, y], plane.map(f64::from));
+                }
+            }
+        }
+        normals
+    }
+
+    /// Fits planes to `LANES` pixels from (x, y) on.
+    fn fit(&self, x: usize, y: usize) -> Planes {
+        let window = |dy: usize, dx: usize| -> &[f32; LANES] {
+            let from = (y + dy - ASIDE) * self.stride + x + dx - ASIDE;
+            self.values[from..].first_chunk().expect("rows end in zeros")
+        };
+        let offset = |k: usize| k as f32 - ASIDE as f32;
+        let side = 2 * ASIDE + 1;
+        let own = window(ASIDE, ASIDE);
+        let inverse_off: [f32; LANES] = std::array::from_fn(|k| 1.0 / (OFF * own[k]));
+        // All alike at first: then the sums of the offsets' products are known.
+        let mut planes: Planes = [[0.0; LANES]; 3];
+        for (dy, dx) in (0..side).flat_map(|dy| (0..side).map(move |dx| (dy, dx))) {
+            let values = window(dy, dx);
+            for k in 0..LANES {
+                planes[0][k] += values[k];
+                planes[1][k] += offset(dx) * values[k];
+                planes[2][k] += offset(dy) * values[k];
+            }
+        }
+        let squares: f32 = (0..side).map(|k| offset(k).powi(2)).sum::<f32>() * side as f32;
+        for (plane, sum) in planes.iter_mut().zip([(side * side) as f32, squares, squares]) {
+            plane.iter_mut().for_each(|value| *value /= sum);
+        }
+        for _ in 0..ROUNDS {
+            let (mut moments, mut right) = ([[0.0; LANES]; 6], [[0.0; LANES]; 3]);
+            for dy in 0..side {
+                let mut row = [[0.0; LANES]; 5];
+                for dx in 0..side {
+                    let (values, along) = (window(dy, dx), offset(dx));
+                    for k in 0..LANES {
+                        let expected = planes[0][k] + offset(dy) * planes[2][k] + along * planes[1][k];
+                        let off = (expected - values[k]) * inverse_off[k];
+                        let spread = 1.0 + off * off;
+                        let weight = 1.0 / (spread * spread);
+                        row[0][k] += weight;
+                        row[1][k] += along * weight;
+                        row[2][k] += along * along * weight;
+                        row[3][k] += weight * values[k];
+                        row[4][k] += along * weight * values[k];
+                    }
+                }
+                let down = offset(dy);
+                for k in 0..LANES {
+                    let [w, wx, wxx, wv, wxv] = row.map(|of| of[k]);
+                    for (sum, value) in
+                        moments.iter_mut().zip([w, wx, down * w, wxx, down * wx, down * down * w])
+                    {
+                        sum[k] += value;
+                    }
+                    for (sum, value) in right.iter_mut().zip([wv, wxv, down * wv]) {
+                        sum[k] += value;
+                    }
+                }
+            }
+            for k in 0..LANES {
+                let [w, wx, wy, wxx, wxy, wyy] = moments.map(|of| f64::from(of[k]));
+                let matrix = DMat3::from_cols_array(&[w, wx, wy, wx, wxx, wxy, wy, wxy, wyy]);
+                let solved = matrix.inverse() * DVec3::from_array(right.map(|of| f64::from(of[k])));
+                for (plane, value) in planes.iter_mut().zip(solved.to_array()) {
+                    plane[k] = value as f32;
+                }
+            }
+        }
+        planes
+    }
+
+    /// The normal of a pixel's plane, world axes.
+    fn normal(&self, [x, y]: [usize; 2], [own, right, down]: [f64; 3]) -> Option<DVec3> {
+        let Camera { fx, fy, cx, cy, .. } = self.camera;
+        let middle = own - right * (x as f64 + 0.5 - cx) - down * (y as f64 + 0.5 - cy);
+        let local = DVec3::new(right * fx, down * fy, middle);
+        (self.camera.rotation().transpose() * local).try_normalize()
+    }
+}
