@@ -62,7 +62,7 @@ pub struct LitHit {
     pub material: Material,
     /// The kind of thing that it belongs to.
     pub label: Label,
-    /// Linear radiance towards the ray's origin; see [`display_of`].
+    /// Linear radiance towards the ray's origin; see [`crate::tone::display_of`].
     pub radiance: [f64; 3],
 }
 
