@@ -11,7 +11,7 @@ fn lines(text: &str) -> Vec<&str> {
     text.lines().map(str::trim).filter(|line| !line.is_empty()).collect()
 }
 
-/// Whether `block` stands in `text` without gaps, but for `use` lines and indentation.
+/// Returns true if `block` stands in `text` without gaps, but for `use` lines and indentation.
 fn stands_in(block: &str, text: &str) -> bool {
     let (block, text) = (lines(block), lines(text));
     let (imports, body): (Vec<&str>, Vec<&str>) =

@@ -20,7 +20,7 @@ pub struct Metadata {
     /// line, at most [`Metadata::MAX_PROVENANCE`] bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale_source: Option<String>,
-    /// How sure the scale is; nothing if it is sure.
+    /// Confidence in the scale; nothing if it is sure.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale_confidence: Option<Confidence>,
     /// The direction against gravity, world axes, length 1.
@@ -29,13 +29,13 @@ pub struct Metadata {
     /// The source of `up`, such as "the GPS of 18 photos, met within 0.5 m"; as `scale_source`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub up_source: Option<String>,
-    /// How sure up is; nothing if it is sure.
+    /// Confidence in up; nothing if it is sure.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub up_confidence: Option<Confidence>,
     /// Height of the ground along `up`, scene units: a point `p` is on it where `up . p` is this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ground: Option<f64>,
-    /// How sure the ground is; nothing if it is sure.
+    /// Confidence in the ground; nothing if it is sure.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ground_confidence: Option<Confidence>,
     /// Height of the photos' cameras above the ground, scene units, where they were carried at one height over it: the

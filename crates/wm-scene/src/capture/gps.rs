@@ -20,7 +20,7 @@ pub struct Gps {
     pub altitude: Option<f64>,
 }
 
-/// What the positions of photos tell of a place.
+/// Facts of a place that the positions of its photos give.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GpsFit {
     /// Metres per scene unit.

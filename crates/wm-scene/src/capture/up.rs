@@ -14,11 +14,11 @@ pub struct CaptureUp {
     pub up: DVec3,
     /// Standard deviation in the direction in which it is known least, degrees.
     pub error: f64,
-    /// What tells it.
+    /// The evidence for it.
     pub evidence: UpEvidence,
 }
 
-/// What tells up.
+/// The evidence for up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum UpEvidence {
     /// It was given.

@@ -1,4 +1,4 @@
-//! What the poses of photos tell of up, by the habits of who took them.
+//! Up from the poses of photos, by the habits of people who take them.
 //!
 //! People hold cameras upright: on the mean to about 6 degrees in pitch, and to about 1.5 degrees in roll. A drone that
 //! surveys an area looks straight down while it flies back and forth in a level plane; its pictures' up is then a level

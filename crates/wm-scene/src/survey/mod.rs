@@ -64,11 +64,11 @@ pub struct Sourced<T> {
     pub value: T,
     /// Its source.
     pub source: FactSource,
-    /// How sure it is.
+    /// The confidence in it.
     pub confidence: Confidence,
 }
 
-/// How sure a fact is.
+/// The confidence in a fact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Confidence {

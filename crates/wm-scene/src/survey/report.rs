@@ -77,7 +77,7 @@ impl Survey {
     }
 }
 
-/// Where a fact is from and how sure it is: "from the scene's metadata: a tape; likely".
+/// The source of a fact and the confidence in it: "from the scene's metadata: a tape; likely".
 fn origin<T>(fact: &Sourced<T>, text: &Option<String>) -> String {
     let text = text.as_ref().map_or_else(String::new, |text| format!(": {text}"));
     match fact.source {

@@ -47,9 +47,9 @@ const LIKELY: f64 = 1.5;
 pub struct UpEstimate {
     /// The direction against gravity, length 1.
     pub up: DVec3,
-    /// Whether the cameras or the splats alone tell it.
+    /// Its source: the cameras, or the splats alone.
     pub source: FactSource,
-    /// How sure it is.
+    /// The confidence in it.
     pub confidence: Confidence,
     /// The evidence for it.
     pub evidence: UpScore,
