@@ -49,6 +49,8 @@ const WHOLE: f32 = 0.9;
 /// Distance, cells, and directions in which higher surfaces are looked for.
 const AROUND: [i64; 4] = [1, 2, 4, 8];
 const WAYS_ROUND: [[i64; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
+/// Distance to which a plain goes on about each of its nodes, m, but one cell at least.
+const PLAIN: f32 = 0.5;
 /// Mean flatness of splats from which that counts: 0 for balls to 1.
 const KNOWN: f32 = 0.3;
 /// Distance from a surface within which splats belong to it, m, but so many cells at least.
@@ -96,6 +98,8 @@ pub struct GroundGrid {
     next: Vec<[u32; 4]>,
     /// Those that an inner ground has.
     is_inner: Vec<bool>,
+    /// Those about which nothing stands higher and nothing drops off.
+    is_plain: Vec<bool>,
 }
 
 impl GroundGrid {
@@ -142,6 +146,7 @@ impl GroundGrid {
             beside: Vec::new(),
             next: Vec::new(),
             is_inner: Vec::new(),
+            is_plain: Vec::new(),
             places,
         };
         let is_inner = |node: usize| {
@@ -162,6 +167,7 @@ impl GroundGrid {
                 _ => ground.mean_about(node, |other| Some(ground.slope[other])),
             });
         }
+        ground.is_plain = map(nodes, threads, |node| ground.lies_in_a_plain(node));
         ground.find_shares(occluders, site, airflow, inner.is_some(), threads);
         ground.next = map(nodes, threads, |node| {
             std::array::from_fn(|way| number(ground.beside(node)[way].or_else(|| ground.below(node, way))))
@@ -265,6 +271,27 @@ impl GroundGrid {
     pub(super) fn is_level(&self, node: usize) -> bool {
         let [a, b] = self.slope[node];
         a.hypot(b) < LEVEL && (self.facing[node].is_nan() || self.facing[node] > UPRIGHT)
+    }
+
+    /// Returns true if about it there is one surface alone, as far as something can stand on it or be its edge.
+    pub(super) fn is_plain(&self, node: usize) -> bool {
+        self.is_plain[node]
+    }
+
+    /// Returns true if the uppermost surface goes on about it, without a step up or down.
+    fn lies_in_a_plain(&self, node: usize) -> bool {
+        let ([column, row], [a, b]) = (self.place(node), self.slope[node]);
+        let goes_on = |[x, y]: [i64; 2]| {
+            let Some(cell) = self.cell_of(column + x, row + y) else { return true };
+            let plane = self.height[node] + (a * x as f32 + b * y as f32) * self.cell;
+            self.nodes_of(cell).next().is_some_and(|upper| (self.height[upper] - plane).abs() < self.edge)
+        };
+        let cells = (PLAIN / self.cell).max(1.0) as i64;
+        let mut around = AROUND.into_iter().filter(|far| *far <= cells);
+        let is_uppermost = self.nodes_of(self.cells[node] as usize).start == node;
+        is_uppermost
+            && !self.is_steep(node)
+            && around.all(|far| WAYS_ROUND.iter().all(|[x, y]| goes_on([far * x, far * y])))
     }
 
     /// Returns true if something stands higher not far from it: then it is on the side of that, or below its top.

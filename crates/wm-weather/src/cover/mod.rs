@@ -57,9 +57,9 @@ use wm_scene::{Group, Splats};
 
 /// Depth below its ground to which a splat is buried with it, m: splats are that rough.
 const BURIED: f32 = 0.08;
-/// Largest height of a splat above its ground, m.
+/// Largest height of a splat above its ground, m, and the largest depth below a plain of one that is replaced.
 const ABOVE: f32 = 1.5;
-/// Height above and below level ground within which a replaced splat belongs to it, m.
+/// Height above and below other level ground within which a replaced splat belongs to it, m.
 const HAZE: [f32; 2] = [0.25, 0.3];
 /// Cells along a side of a ring, and how many times as wide those of the next ring are.
 const SIDE: f64 = 420.0;
@@ -142,6 +142,8 @@ struct Spot {
     nodes: [u32; ENDS],
     /// Height that it reaches above the ground, m.
     reach: f32,
+    /// True if the surfaces that the cameras see replace it, so that it is hidden where most of its nodes are.
+    is_replaced: bool,
 }
 
 /// Places of a splat that must lie under snow for it to be hidden.
@@ -311,7 +313,7 @@ impl Cover {
             walls::add(&self.walls, asked.wet_fall, (up, self.metres_per_unit), &asked.material, &mut splats);
         }
         let factor = |index: usize| {
-            let Some(Spot { ring, nodes, reach }) = &self.spots[index] else { return 1.0 };
+            let Some(Spot { ring, nodes, reach, is_replaced }) = &self.spots[index] else { return 1.0 };
             let ring = usize::from(*ring);
             let (ground, seen, top) = (&self.rings[ring], &seen[ring], &tops[ring]);
             let hidden = |node: &u32| {
@@ -320,7 +322,9 @@ impl Cover {
                 let sunk = ((top[node] - ground.height[node] - reach) / 0.02 + 1.0).clamp(0.0, 1.0);
                 sunk * (1.0 - seen[node])
             };
-            1.0 - nodes.iter().map(hidden).fold(1.0, f32::min)
+            let mut hidden: [f32; ENDS] = std::array::from_fn(|k| hidden(&nodes[k]));
+            hidden.sort_by(f32::total_cmp);
+            1.0 - hidden[if *is_replaced { ENDS / 2 } else { 0 }]
         };
         let buried = Buried(map(self.spots.len(), self.threads, factor));
         let layers = layers.into_iter().flatten();
@@ -421,20 +425,7 @@ fn spot(
     let is_in = |ground: &GroundGrid| ground.places.cell_at(ground.places.locate(mean).0).is_some();
     let ring = rings.iter().position(is_in)?;
     let ground = &rings[ring];
-    let under = |at: [f64; 3]| {
-        let (place, height) = ground.places.locate(at);
-        let cell = ground.places.cell_at(place)?;
-        let above = |node: usize| height as f32 - ground.height_at(node, place);
-        let below = match stand_in {
-            StandIn::Itself => BURIED,
-            StandIn::Discs => HAZE[1],
-            StandIn::Floor => ABOVE,
-        };
-        let is_near = |node: &usize| (-below.max(0.2 * ground.cell)..ABOVE).contains(&above(*node));
-        let node = ground.nodes_of(cell).find(is_near)?;
-        Some((node as u32, above(node)))
-    };
-    let (node, above) = under(mean)?;
+    let is_replaced = stand_in != StandIn::Itself;
     let turn = wm_scene::quat::to_matrix(splats.quats[index].map(f64::from));
     let scales = splats.scales(index);
     let axis = |k: usize| -> [f64; 3] { std::array::from_fn(|i| turn[i][k] * scales[k]) };
@@ -445,23 +436,46 @@ fn spot(
     // Those that stand up reach as far as they are long; of those that lie only their thickness counts.
     let upright = (0..3).map(|k| rise(k).powi(2)).sum::<f64>().sqrt();
     let lies = rise(order[0]) < 0.35 * scales[order[0]] * metres_per_unit;
+    let under = |at: [f64; 3]| {
+        let (place, height) = ground.places.locate(at);
+        let cell = ground.places.cell_at(place)?;
+        let above = |node: usize| height as f32 - ground.height_at(node, place);
+        let is_near = |node: &usize| {
+            // What hangs on an edge is below it too, but does not lie.
+            let below = match stand_in {
+                StandIn::Itself => BURIED,
+                StandIn::Discs if !ground.is_plain(*node) && !(lies && ground.is_level(*node)) => HAZE[1],
+                StandIn::Discs | StandIn::Floor => ABOVE,
+            };
+            (-below.max(0.2 * ground.cell)..ABOVE).contains(&above(*node))
+        };
+        let node = ground.nodes_of(cell).find(is_near)?;
+        Some((node as u32, above(node)))
+    };
+    let (node, above) = under(mean)?;
     let (mut nodes, mut reach) = ([node; ENDS], above);
     // Wide ones lie on more than one node.
     if scales[order[0]] * metres_per_unit > 0.7 * f64::from(ground.cell) {
         for (end, node) in nodes.iter_mut().skip(1).enumerate() {
             let (along, way) = (axis(order[end / 2]), if end % 2 == 0 { 1.2 } else { -1.2 });
-            let (other, above) = under(std::array::from_fn(|i| mean[i] + way * along[i]))?;
-            *node = other;
-            reach = if lies { reach.max(0.5 * above) } else { reach };
+            match under(std::array::from_fn(|i| mean[i] + way * along[i])) {
+                Some((other, above)) => {
+                    *node = other;
+                    reach = if lies { reach.max(0.5 * above) } else { reach };
+                }
+                // An end of haze may be anywhere.
+                None if is_replaced => {}
+                None => return None,
+            }
         }
     }
     let mut reach = reach + if lies { 0.3 * rise(order[2]) } else { upright } as f32;
-    if ground.is_level(node as usize) {
-        reach -= match stand_in {
-            StandIn::Itself => 0.0,
-            StandIn::Discs => reach.clamp(0.0, HAZE[0]),
-            StandIn::Floor => reach.max(0.0),
-        };
-    }
-    Some(Spot { ring: ring as u8, nodes, reach })
+    let node = node as usize;
+    reach = match stand_in {
+        StandIn::Discs if ground.is_plain(node) => reach.min(0.0),
+        StandIn::Discs if ground.is_level(node) => reach - reach.clamp(0.0, HAZE[0]),
+        StandIn::Floor if ground.is_level(node) => reach.min(0.0),
+        _ => reach,
+    };
+    Some(Spot { ring: ring as u8, nodes, reach, is_replaced })
 }
