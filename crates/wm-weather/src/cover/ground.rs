@@ -278,6 +278,12 @@ impl GroundGrid {
         self.is_plain[node]
     }
 
+    /// Returns true if it is a plain that cameras see, and none of them sees anything below it.
+    pub(super) fn is_solid(&self, node: usize) -> bool {
+        let end = self.nodes_of(self.cells[node] as usize).end;
+        self.is_seen[node] && self.is_plain(node) && !self.is_seen[node + 1..end].contains(&true)
+    }
+
     /// Returns true if the uppermost surface goes on about it, without a step up or down.
     fn lies_in_a_plain(&self, node: usize) -> bool {
         let ([column, row], [a, b]) = (self.place(node), self.slope[node]);

@@ -142,8 +142,8 @@ struct Spot {
     nodes: [u32; ENDS],
     /// Height that it reaches above the ground, m.
     reach: f32,
-    /// True if the surfaces that the cameras see replace it, so that it is hidden where most of its nodes are.
-    is_replaced: bool,
+    /// True if it is no surface of its own: it is hidden where most of its nodes are.
+    is_haze: bool,
 }
 
 /// Places of a splat that must lie under snow for it to be hidden.
@@ -313,7 +313,7 @@ impl Cover {
             walls::add(&self.walls, asked.wet_fall, (up, self.metres_per_unit), &asked.material, &mut splats);
         }
         let factor = |index: usize| {
-            let Some(Spot { ring, nodes, reach, is_replaced }) = &self.spots[index] else { return 1.0 };
+            let Some(Spot { ring, nodes, reach, is_haze }) = &self.spots[index] else { return 1.0 };
             let ring = usize::from(*ring);
             let (ground, seen, top) = (&self.rings[ring], &seen[ring], &tops[ring]);
             let hidden = |node: &u32| {
@@ -324,7 +324,7 @@ impl Cover {
             };
             let mut hidden: [f32; ENDS] = std::array::from_fn(|k| hidden(&nodes[k]));
             hidden.sort_by(f32::total_cmp);
-            1.0 - hidden[if *is_replaced { ENDS / 2 } else { 0 }]
+            1.0 - hidden[if *is_haze { ENDS / 2 } else { 0 }]
         };
         let buried = Buried(map(self.spots.len(), self.threads, factor));
         let layers = layers.into_iter().flatten();
@@ -425,7 +425,6 @@ fn spot(
     let is_in = |ground: &GroundGrid| ground.places.cell_at(ground.places.locate(mean).0).is_some();
     let ring = rings.iter().position(is_in)?;
     let ground = &rings[ring];
-    let is_replaced = stand_in != StandIn::Itself;
     let turn = wm_scene::quat::to_matrix(splats.quats[index].map(f64::from));
     let scales = splats.scales(index);
     let axis = |k: usize| -> [f64; 3] { std::array::from_fn(|i| turn[i][k] * scales[k]) };
@@ -443,6 +442,7 @@ fn spot(
         let is_near = |node: &usize| {
             // What hangs on an edge is below it too, but does not lie.
             let below = match stand_in {
+                _ if ground.is_solid(*node) => f32::INFINITY,
                 StandIn::Itself => BURIED,
                 StandIn::Discs if !ground.is_plain(*node) && !(lies && ground.is_level(*node)) => HAZE[1],
                 StandIn::Discs | StandIn::Floor => ABOVE,
@@ -453,6 +453,7 @@ fn spot(
         Some((node as u32, above(node)))
     };
     let (node, above) = under(mean)?;
+    let is_haze = stand_in != StandIn::Itself || above < -BURIED;
     let (mut nodes, mut reach) = ([node; ENDS], above);
     // Wide ones lie on more than one node.
     if scales[order[0]] * metres_per_unit > 0.7 * f64::from(ground.cell) {
@@ -464,7 +465,7 @@ fn spot(
                     reach = if lies { reach.max(0.5 * above) } else { reach };
                 }
                 // An end of haze may be anywhere.
-                None if is_replaced => {}
+                None if is_haze => {}
                 None => return None,
             }
         }
@@ -477,5 +478,5 @@ fn spot(
         StandIn::Floor if ground.is_level(node) => reach.min(0.0),
         _ => reach,
     };
-    Some(Spot { ring: ring as u8, nodes, reach, is_replaced })
+    Some(Spot { ring: ring as u8, nodes, reach, is_haze })
 }
