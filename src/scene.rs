@@ -12,7 +12,10 @@ use weather_magician::view::{self, spec};
 use weather_magician::{PlaceOptions, PreparedPlace, Renderer};
 use wm_render::simd::SimdChoice;
 use wm_render::{AnyDifferentiable, CpuConfig, Device, RenderError};
-use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
+use wm_scene::formats::folder::{cameras_path, write_cameras};
+use wm_scene::formats::{
+    DetailLevel, ReadOptions, WriteOptions, read_scene, sidecar_path, write_scene_with, write_sidecar,
+};
 use wm_scene::survey::known_distance;
 use wm_scene::{Metadata, Scene, capture};
 use wm_weather::Weather;
@@ -228,7 +231,29 @@ pub fn check(scene: &mut Scene, path: &Path, repair: bool) -> Result<()> {
     Ok(())
 }
 
+/// Writes a scene with its metadata and cameras; a scene behind a link is replaced where it lies. What lies beside a scene that is
+/// replaced is replaced too.
+pub fn save(out: &Path, scene: &Scene, options: &WriteOptions) -> Result<()> {
+    let target = if out.is_symlink() { out.canonicalize().ok() } else { None };
+    let file = target.unwrap_or_else(|| out.to_path_buf());
+    write_scene_with(&file, scene, options)?;
+    if sidecar_path(&file).exists() {
+        // It wins over the scene file, and is of the scene that was replaced.
+        write_sidecar(&file, &scene.metadata)?;
+    }
+    if !scene.views.is_empty() {
+        write_cameras(&cameras_path(&file), &scene.views)?;
+    }
+    Ok(())
+}
+
 fn parse_known_distance(text: &str) -> Result<f64> {
+    let (a, b, metres) = parse_distance(text)?;
+    Ok(known_distance(a, b, metres)?)
+}
+
+/// Reads two points and the metres between them, such as `0,0,0:1.5,0,2=12.5`.
+pub fn parse_distance(text: &str) -> Result<(DVec3, DVec3, f64)> {
     let form =
         || format!("`{text}` is no known distance: write two points and metres, as in 0,0,0:1.5,0,2=12.5");
     let (points, metres) = text.rsplit_once('=').with_context(form)?;
@@ -240,7 +265,7 @@ fn parse_known_distance(text: &str) -> Result<f64> {
         Ok(DVec3::from_array(numbers))
     };
     let metres: f64 = metres.trim().parse().ok().with_context(form)?;
-    Ok(known_distance(point(a)?, point(b)?, metres)?)
+    Ok((point(a)?, point(b)?, metres))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
-use crate::scene::{RunArgs, check};
+use crate::scene::{RunArgs, check, save};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
@@ -14,10 +14,8 @@ use weather_magician::{CropBox, LengthScale, SceneChange};
 use wm_render::Differentiable;
 use wm_scene::Scene;
 use wm_scene::files::check_writable;
-use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_scene::formats::{
     DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost, read_scene,
-    sidecar_path, write_scene_with, write_sidecar,
 };
 
 /// Options of `convert`.
@@ -199,17 +197,7 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
             InGltf::Spz => GltfSplats::Spz,
         },
     };
-    // What lies beside a scene behind a link belongs to the file.
-    let target = if out.is_symlink() { out.canonicalize().ok() } else { None };
-    let file = target.unwrap_or_else(|| out.to_path_buf());
-    write_scene_with(&file, &scene, &options)?;
-    if sidecar_path(&file).exists() {
-        // It wins over the scene file, and is of the scene that was replaced.
-        write_sidecar(&file, &scene.metadata)?;
-    }
-    if !scene.views.is_empty() {
-        write_cameras(&cameras_path(&file), &scene.views)?;
-    }
+    save(out, &scene, &options)?;
     let bytes: u64 = if format.extensions[0] == "meta.json" { folder_size(out) } else { file_size(out) };
     let (count, megabytes) = (scene.splats.len(), bytes as f64 / 1e6);
     let mut lines = vec![format!("{}: {count} splats, {megabytes:.1} MB, {}", out.display(), format.name)];

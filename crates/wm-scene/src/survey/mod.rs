@@ -6,6 +6,7 @@
 //! estimates come from a fixed sample of the splats, so they are the same every time.
 
 mod airlight;
+mod align;
 mod ground;
 pub(crate) mod habits;
 pub(crate) mod linear;
@@ -25,6 +26,7 @@ use std::fmt;
 use thiserror::Error;
 
 pub use airlight::{SkyPatch, airlight_of_sky};
+pub use align::{AlignError, Aligned, Alignment, GivenGround, GivenScale, UpSide, align, ground_normal};
 pub use sky::label_sky;
 pub use up::{UpEstimate, UpScore};
 
