@@ -1,5 +1,6 @@
 //! Options of a scene, and opening it: reading, checking, surveying and loading.
 
+use crate::choices::SkyChoice;
 use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -16,7 +17,7 @@ use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_scene::formats::{
     DetailLevel, ReadOptions, WriteOptions, read_scene, sidecar_path, write_scene_with, write_sidecar,
 };
-use wm_scene::survey::known_distance;
+use wm_scene::survey::{OwnSky, known_distance};
 use wm_scene::{Metadata, Scene, capture};
 use wm_weather::Weather;
 
@@ -37,6 +38,15 @@ pub struct SceneArgs {
     pub assets: Option<AssetFolder>,
     #[command(flatten)]
     pub facts: FactArgs,
+}
+
+/// The treatment of the scene's own sky.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct OwnSkyArgs {
+    /// The scene's own sky: keep it, drop it, or rebuild it from what is far and above the horizon, where a reconstruction got it
+    /// wrong
+    #[arg(long, value_name = "HOW", default_value = "keep", help_heading = "Scene")]
+    pub sky: SkyChoice,
 }
 
 /// Facts about the scene that the user gives.
@@ -132,6 +142,16 @@ pub struct OpenScene {
 impl OpenScene {
     /// Reads, checks, surveys and loads a scene. Prints warnings on the error stream.
     pub fn new(args: &SceneArgs, run: &RunArgs, views: Option<&PathBuf>) -> Result<Self> {
+        Self::with_sky(args, run, views, OwnSkyArgs::default())
+    }
+
+    /// Opens a scene as [`Self::new`] does, and treats its sky.
+    pub fn with_sky(
+        args: &SceneArgs,
+        run: &RunArgs,
+        views: Option<&PathBuf>,
+        sky: OwnSkyArgs,
+    ) -> Result<Self> {
         // Cheap checks come before reading a large file.
         let facts = args.facts.metadata()?;
         let renderer = run.renderer()?;
@@ -139,6 +159,9 @@ impl OpenScene {
         let mut scene = read_scene(&args.scene, &read_options(args.level))?;
         scene.views = views.unwrap_or(scene.views);
         check(&mut scene, &args.scene, args.repair)?;
+        if let Some(line) = change_sky(&mut scene, &args.scene, sky.sky, &facts)? {
+            eprintln!("{line}");
+        }
         Self::with(
             scene,
             PlaceOptions { facts, assets: args.assets.clone().unwrap_or_default().folder(&args.scene) },
@@ -213,6 +236,24 @@ impl FromStr for AssetFolder {
 /// Returns the options for reading a scene at a level of detail.
 pub fn read_options(level: Option<u32>) -> ReadOptions {
     ReadOptions { level: level.map_or(DetailLevel::Finest, DetailLevel::Number), ..ReadOptions::default() }
+}
+
+/// Treats the sky of a scene; returns a line for people, `None` where the sky is kept.
+///
+/// # Errors
+/// Nothing is left of the scene.
+pub fn change_sky(
+    scene: &mut Scene,
+    path: &Path,
+    choice: SkyChoice,
+    facts: &Metadata,
+) -> Result<Option<String>> {
+    let change = OwnSky::from(choice).apply(scene, facts);
+    if scene.splats.is_empty() {
+        bail!("{}: --sky {} leaves nothing: all its splats are sky", path.display(), choice.name());
+    }
+    let nothing = || (choice != SkyChoice::Keep).then(|| "sky: nothing to change".into());
+    Ok(change.line().or_else(nothing))
 }
 
 /// Returns an error with the number of splats that are not finite, or removes them if `repair` is set.

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::synthetic::{moved, rotation};
-use wm_scene::{Metadata, Scene};
+use wm_scene::{Group, Metadata, Scene};
 
 /// A yard that lies as it should not: turned, moved, half as large, with an up in its file that is wrong.
 struct Yard {
@@ -166,4 +166,62 @@ fn values_that_cannot_be_used_are_refused() {
 
 fn read(path: &Path) -> Scene {
     read_scene(path, &ReadOptions::default()).unwrap()
+}
+
+/// Writes the yard under a dome of lilac sky that stands on its side, labelled, with its light in the file.
+fn domed(shop: &Workshop) {
+    let mut place = common::yard();
+    place.sky(DVec3::ZERO, 300.0, 2000);
+    let mut splats = place.build();
+    let first = splats.len() - 2000;
+    let mut dome = splats.select(&(first..splats.len()).collect::<Vec<_>>());
+    dome = moved(&dome, DQuat::from_rotation_arc(DVec3::Z, DVec3::Y), 1.0, DVec3::ZERO);
+    splats.means[first..].copy_from_slice(&dome.means);
+    splats.quats[first..].copy_from_slice(&dome.quats);
+    splats.groups[first..].fill(Group::Sky);
+    for index in first..splats.len() {
+        let stride = splats.sh_stride();
+        splats.sh[index * stride..index * stride + 3].copy_from_slice(&[0.9, -0.6, 1.2]);
+    }
+    let metadata = Metadata { airlight: Some([0.6, 0.3, 0.7]), ..yard_metadata(1.0) };
+    shop.scene("domed", splats, &metadata);
+}
+
+#[test]
+fn a_wrong_sky_is_dropped_or_decided_anew() {
+    let yard = Yard::new();
+    domed(&yard.shop);
+    let sky = |scene: &str| yard.survey(scene)["sky_splats"].as_u64().unwrap();
+    assert_eq!(sky("domed.ply"), 2000);
+    let lines = yard.run(&["convert", "domed.ply", "none.ply", "--sky", "drop"]);
+    assert!(lines.contains("sky: 2000 splats before, 0 now; 2000 left out"), "{lines}");
+    let none = read(&yard.shop.path("none.ply"));
+    assert_eq!((none.metadata.airlight, none.metadata.up), (None, Some(DVec3::Z)));
+    assert_eq!(sky("none.ply"), 0);
+    yard.run(&["convert", "domed.ply", "half.ply", "--sky", "rebuild"]);
+    let half = read(&yard.shop.path("half.ply"));
+    let count = half.splats.groups.iter().filter(|group| **group == Group::Sky).count();
+    assert!((950..1250).contains(&count), "{count}");
+    let lowest = half.splats.means.iter().map(|mean| mean[2]).fold(f32::INFINITY, f32::min);
+    assert!(lowest > -35.0, "{lowest}");
+
+    // Fog takes its colour from the weather and not from a sky that is none.
+    let (_, view) = common::yard_look((48, 32));
+    let fog = |sky: &str| {
+        let options = format!("--weather=fog --set=fog.mor=10 --device=cpu --sky={sky}");
+        let picture = yard.shop.render(&yard.shop.path("domed.ply"), &view, &format!("{sky}.png"), &options);
+        let picture = common::read_png(&picture);
+        let sum = picture.pixels.iter().fold([0u32; 3], |s, p| [0, 1, 2].map(|k| s[k] + u32::from(p[k])));
+        sum.map(|v| f64::from(v) / picture.pixels.len() as f64)
+    };
+    let tint = |[r, g, b]: [f64; 3]| r.max(b) - g;
+    let (kept, dropped) = (fog("keep"), fog("drop"));
+    assert!(tint(kept) > 30.0 && tint(dropped) < 12.0, "{kept:?} {dropped:?}");
+    let mut wrong = yard.command(&["render", "yard.ply", "--sky", "away"]);
+    refuses(
+        &mut wrong,
+        &yard.shop.path(""),
+        &["--sky", "keep, drop, rebuild"],
+        &[" ", "For more", "error: "],
+    );
 }

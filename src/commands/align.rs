@@ -14,6 +14,9 @@ use wm_scene::formats::{
 };
 use wm_scene::survey::{Alignment, GivenGround, GivenScale, align};
 
+/// Angle by which up turns until the sky is another one, degrees.
+const TURNED: f64 = 5.0;
+
 /// Options of `align`.
 #[derive(Args, Debug)]
 #[command(
@@ -110,6 +113,12 @@ pub fn run(args: &AlignArgs) -> Result<()> {
         for line in lost(&format_for(out)?.loses, &scene) {
             println!("  lost: {line}");
         }
+    }
+    if aligned.turned > TURNED && aligned.after.sky_splats > 0 {
+        println!(
+            "  sky: its {} splats were made along another up; --sky rebuild of render and convert decides anew",
+            aligned.after.sky_splats
+        );
     }
     for warning in aligned.after.up_warning().into_iter().chain(aligned.after.warning()) {
         eprintln!("warning: {warning}");

@@ -359,9 +359,9 @@ impl Aligned {
                 origin(&after.metres_per_unit, &after.scale_source)
             ));
         }
-        if before.airlight.value != after.airlight.value {
-            let [old, new] =
-                [before, after].map(|s| s.airlight.value.map(|v| Short(v, 2).to_string()).join(", "));
+        let light = |survey: &Survey| survey.airlight.value.map(|v| Short(v, 2).to_string()).join(", ");
+        let (old, new) = (light(before), light(after));
+        if old != new {
             lines.push(format!("airlight: {old} -> {new} linear (of the sky near the new horizon)"));
         }
         lines

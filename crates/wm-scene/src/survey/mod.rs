@@ -10,6 +10,7 @@ mod align;
 mod ground;
 pub(crate) mod habits;
 pub(crate) mod linear;
+mod own_sky;
 mod report;
 mod sample;
 mod sky;
@@ -27,6 +28,7 @@ use thiserror::Error;
 
 pub use airlight::{SkyPatch, airlight_of_sky};
 pub use align::{AlignError, Aligned, Alignment, GivenGround, GivenScale, UpSide, align, ground_normal};
+pub use own_sky::{OwnSky, SkyChange};
 pub use sky::label_sky;
 pub use up::{UpEstimate, UpScore};
 
