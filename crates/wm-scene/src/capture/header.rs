@@ -346,7 +346,7 @@ impl Tiff<'_> {
             longitude: angle(3, 4, b'W')?,
             altitude: altitude.filter(|metres| metres.is_finite()),
         }
-        .checked()
+        .stated()
     }
 }
 
