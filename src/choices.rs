@@ -3,6 +3,7 @@
 use clap::ValueEnum;
 use wm_media::color::Dither;
 use wm_media::video::VideoEncoder;
+use wm_scene::survey::OwnSky;
 
 /// Quantisation of 8-bit pictures.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -19,6 +20,39 @@ impl From<DitherChoice> for Dither {
         match choice {
             DitherChoice::Off => Self::Off,
             DitherChoice::Ordered => Self::Ordered,
+        }
+    }
+}
+
+/// The treatment of a scene's own sky.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum SkyChoice {
+    /// Keeps it.
+    #[default]
+    Keep,
+    /// Leaves it out; the colour of fog comes from the weather.
+    Drop,
+    /// Decides anew which splats are sky: those that are far and above the horizon.
+    Rebuild,
+}
+
+impl SkyChoice {
+    /// Returns the word of the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Keep => "keep",
+            Self::Drop => "drop",
+            Self::Rebuild => "rebuild",
+        }
+    }
+}
+
+impl From<SkyChoice> for OwnSky {
+    fn from(choice: SkyChoice) -> Self {
+        match choice {
+            SkyChoice::Keep => Self::Keep,
+            SkyChoice::Drop => Self::Drop,
+            SkyChoice::Rebuild => Self::Rebuild,
         }
     }
 }

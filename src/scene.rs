@@ -1,5 +1,6 @@
 //! Options of a scene, and opening it: reading, checking, surveying and loading.
 
+use crate::choices::SkyChoice;
 use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -12,8 +13,11 @@ use weather_magician::view::{self, spec};
 use weather_magician::{PlaceOptions, PreparedPlace, Renderer};
 use wm_render::simd::SimdChoice;
 use wm_render::{AnyDifferentiable, CpuConfig, Device, RenderError};
-use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
-use wm_scene::survey::known_distance;
+use wm_scene::formats::folder::{cameras_path, write_cameras};
+use wm_scene::formats::{
+    DetailLevel, ReadOptions, WriteOptions, read_scene, sidecar_path, write_scene_with, write_sidecar,
+};
+use wm_scene::survey::{OwnSky, known_distance};
 use wm_scene::{Metadata, Scene, capture};
 use wm_weather::Weather;
 
@@ -34,6 +38,15 @@ pub struct SceneArgs {
     pub assets: Option<AssetFolder>,
     #[command(flatten)]
     pub facts: FactArgs,
+}
+
+/// The treatment of the scene's own sky.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct OwnSkyArgs {
+    /// The scene's own sky: keep it, drop it, or rebuild it from what is far and above the horizon, where a reconstruction got it
+    /// wrong
+    #[arg(long, value_name = "HOW", default_value = "keep", help_heading = "Scene")]
+    pub sky: SkyChoice,
 }
 
 /// Facts about the scene that the user gives.
@@ -129,6 +142,16 @@ pub struct OpenScene {
 impl OpenScene {
     /// Reads, checks, surveys and loads a scene. Prints warnings on the error stream.
     pub fn new(args: &SceneArgs, run: &RunArgs, views: Option<&PathBuf>) -> Result<Self> {
+        Self::with_sky(args, run, views, OwnSkyArgs::default())
+    }
+
+    /// Opens a scene as [`Self::new`] does, and treats its sky.
+    pub fn with_sky(
+        args: &SceneArgs,
+        run: &RunArgs,
+        views: Option<&PathBuf>,
+        sky: OwnSkyArgs,
+    ) -> Result<Self> {
         // Cheap checks come before reading a large file.
         let facts = args.facts.metadata()?;
         let renderer = run.renderer()?;
@@ -136,6 +159,9 @@ impl OpenScene {
         let mut scene = read_scene(&args.scene, &read_options(args.level))?;
         scene.views = views.unwrap_or(scene.views);
         check(&mut scene, &args.scene, args.repair)?;
+        if let Some(line) = change_sky(&mut scene, &args.scene, sky.sky, &facts)? {
+            eprintln!("{line}");
+        }
         Self::with(
             scene,
             PlaceOptions { facts, assets: args.assets.clone().unwrap_or_default().folder(&args.scene) },
@@ -212,6 +238,24 @@ pub fn read_options(level: Option<u32>) -> ReadOptions {
     ReadOptions { level: level.map_or(DetailLevel::Finest, DetailLevel::Number), ..ReadOptions::default() }
 }
 
+/// Treats the sky of a scene; returns a line for people, `None` where the sky is kept.
+///
+/// # Errors
+/// Nothing is left of the scene.
+pub fn change_sky(
+    scene: &mut Scene,
+    path: &Path,
+    choice: SkyChoice,
+    facts: &Metadata,
+) -> Result<Option<String>> {
+    let change = OwnSky::from(choice).apply(scene, facts);
+    if scene.splats.is_empty() {
+        bail!("{}: --sky {} leaves nothing: all its splats are sky", path.display(), choice.name());
+    }
+    let nothing = || (choice != SkyChoice::Keep).then(|| "sky: nothing to change".into());
+    Ok(change.line().or_else(nothing))
+}
+
 /// Returns an error with the number of splats that are not finite, or removes them if `repair` is set.
 pub fn check(scene: &mut Scene, path: &Path, repair: bool) -> Result<()> {
     let Err(found) = scene.check_finite() else { return Ok(()) };
@@ -228,7 +272,29 @@ pub fn check(scene: &mut Scene, path: &Path, repair: bool) -> Result<()> {
     Ok(())
 }
 
+/// Writes a scene with its metadata and cameras; a scene behind a link is replaced where it lies. What lies beside a scene that is
+/// replaced is replaced too.
+pub fn save(out: &Path, scene: &Scene, options: &WriteOptions) -> Result<()> {
+    let target = if out.is_symlink() { out.canonicalize().ok() } else { None };
+    let file = target.unwrap_or_else(|| out.to_path_buf());
+    write_scene_with(&file, scene, options)?;
+    if sidecar_path(&file).exists() {
+        // It wins over the scene file, and is of the scene that was replaced.
+        write_sidecar(&file, &scene.metadata)?;
+    }
+    if !scene.views.is_empty() {
+        write_cameras(&cameras_path(&file), &scene.views)?;
+    }
+    Ok(())
+}
+
 fn parse_known_distance(text: &str) -> Result<f64> {
+    let (a, b, metres) = parse_distance(text)?;
+    Ok(known_distance(a, b, metres)?)
+}
+
+/// Reads two points and the metres between them, such as `0,0,0:1.5,0,2=12.5`.
+pub fn parse_distance(text: &str) -> Result<(DVec3, DVec3, f64)> {
     let form =
         || format!("`{text}` is no known distance: write two points and metres, as in 0,0,0:1.5,0,2=12.5");
     let (points, metres) = text.rsplit_once('=').with_context(form)?;
@@ -240,7 +306,7 @@ fn parse_known_distance(text: &str) -> Result<f64> {
         Ok(DVec3::from_array(numbers))
     };
     let metres: f64 = metres.trim().parse().ok().with_context(form)?;
-    Ok(known_distance(point(a)?, point(b)?, metres)?)
+    Ok((point(a)?, point(b)?, metres))
 }
 
 #[cfg(test)]

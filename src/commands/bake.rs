@@ -3,7 +3,7 @@
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::progress::Reporter;
-use crate::scene::{OpenScene, RunArgs, SceneArgs};
+use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -18,6 +18,8 @@ use wm_scene::formats::{format_for, lost};
 pub struct BakeArgs {
     #[command(flatten)]
     scene: SceneArgs,
+    #[command(flatten)]
+    sky: OwnSkyArgs,
     #[command(flatten)]
     weather: WeatherArgs,
     /// Time of the weather, seconds
@@ -44,7 +46,7 @@ pub fn run(args: &BakeArgs) -> Result<()> {
     if !args.time.is_finite() {
         bail!("--time {}: give seconds, such as 0 or 12.5", args.time);
     }
-    let mut loaded = OpenScene::new(&args.scene, &args.run, None)?;
+    let mut loaded = OpenScene::with_sky(&args.scene, &args.run, None, args.sky)?;
     let OpenScene { renderer, place } = &mut loaded;
     let baked = renderer.bake(place, &weather, args.time, &mut Reporter::default())?;
     loaded.warn();

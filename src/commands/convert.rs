@@ -1,10 +1,11 @@
 //! `convert`: converts scenes to another format; rotates, scales, crops and reduces them.
 
+use crate::choices::SkyChoice;
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
-use crate::scene::{RunArgs, check};
+use crate::scene::{RunArgs, change_sky, check, save};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
@@ -12,13 +13,11 @@ use std::path::{Path, PathBuf};
 use weather_magician::view::spec;
 use weather_magician::{CropBox, LengthScale, SceneChange};
 use wm_render::Differentiable;
-use wm_scene::Scene;
 use wm_scene::files::check_writable;
-use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_scene::formats::{
     DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost, read_scene,
-    sidecar_path, write_scene_with, write_sidecar,
 };
+use wm_scene::{Metadata, Scene};
 
 /// Options of `convert`.
 #[derive(Args, Debug)]
@@ -72,6 +71,9 @@ struct ChangeArgs {
     /// Up direction in the input scene, for --up [default: from the file, the photos or the splats]
     #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Change")]
     up_now: Option<DVec3>,
+    /// The scene's own sky: keep it, drop it, or rebuild it from what is far and above the horizon
+    #[arg(long, value_name = "HOW", default_value = "keep", help_heading = "Change")]
+    sky: SkyChoice,
     /// Multiply all lengths by this factor; `metres` makes a unit a metre if the scene's scale is known
     #[arg(long, value_name = "FACTOR", value_parser = parse_scale, help_heading = "Change")]
     scale: Option<LengthScale>,
@@ -186,7 +188,9 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
     if args.repair {
         check(&mut scene, path, true)?;
     }
-    let mut notes = apply(&mut scene, change, &args.run).with_context(|| path.display().to_string())?;
+    let facts = Metadata { up: change.up_now, ..Metadata::default() };
+    let mut notes: Vec<String> = change_sky(&mut scene, path, change.sky, &facts)?.into_iter().collect();
+    notes.extend(apply(&mut scene, change, &args.run).with_context(|| path.display().to_string())?);
     let format = format_for(out)?;
     notes.extend(lost(&format.loses, &scene).into_iter().map(|line| format!("lost: {line}")));
     let options = WriteOptions {
@@ -199,17 +203,7 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
             InGltf::Spz => GltfSplats::Spz,
         },
     };
-    // What lies beside a scene behind a link belongs to the file.
-    let target = if out.is_symlink() { out.canonicalize().ok() } else { None };
-    let file = target.unwrap_or_else(|| out.to_path_buf());
-    write_scene_with(&file, &scene, &options)?;
-    if sidecar_path(&file).exists() {
-        // It wins over the scene file, and is of the scene that was replaced.
-        write_sidecar(&file, &scene.metadata)?;
-    }
-    if !scene.views.is_empty() {
-        write_cameras(&cameras_path(&file), &scene.views)?;
-    }
+    save(out, &scene, &options)?;
     let bytes: u64 = if format.extensions[0] == "meta.json" { folder_size(out) } else { file_size(out) };
     let (count, megabytes) = (scene.splats.len(), bytes as f64 / 1e6);
     let mut lines = vec![format!("{}: {count} splats, {megabytes:.1} MB, {}", out.display(), format.name)];
@@ -233,7 +227,7 @@ fn folder_size(main: &Path) -> u64 {
 
 /// Changes a scene; returns notes to print.
 fn apply(scene: &mut Scene, change: &ChangeArgs, run: &RunArgs) -> Result<Vec<String>> {
-    let ChangeArgs { crop, up, up_now, scale, sh_degree, max_splats } = *change;
+    let ChangeArgs { crop, up, up_now, scale, sh_degree, max_splats, sky: _ } = *change;
     let change = SceneChange { crop, up, up_now, scale, sh_degree, max_splats };
     let renderer = || Ok(Box::new(run.differentiable_backend()?) as Box<dyn Differentiable>);
     Ok(change.apply(scene, renderer, &mut Reporter::default())?)

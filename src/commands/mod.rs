@@ -1,5 +1,6 @@
 //! The commands, one file each.
 
+mod align;
 mod bake;
 mod bench;
 mod convert;
@@ -48,6 +49,8 @@ enum CliCommand {
     Measure(Box<measure::MeasureArgs>),
     /// Make a panorama of the sky from photos, for the sky of a weather
     Sky(sky::SkyArgs),
+    /// Set up, ground and scale of a scene by hand
+    Align(align::AlignArgs),
     /// Print what a scene contains, and its faults
     Inspect(inspect::InspectArgs),
     /// Measure rendering speed
@@ -72,6 +75,7 @@ pub fn run(cli: Cli) -> Result<()> {
         CliCommand::Evaluate(args) => evaluate::run(&args),
         CliCommand::Measure(args) => measure::run(&args),
         CliCommand::Sky(args) => sky::run(&args),
+        CliCommand::Align(args) => align::run(&args),
         CliCommand::Inspect(args) => inspect::run(&args),
         CliCommand::Bench(args) => bench::run(&args),
         CliCommand::Devices(args) => devices::run(&args),

@@ -1,7 +1,7 @@
 //! `view`: shows a scene and its weather in a browser.
 
 use super::render::camera::ViewpointArgs;
-use crate::scene::{RunArgs, SceneArgs};
+use crate::scene::{OwnSkyArgs, RunArgs, SceneArgs};
 use crate::viewer::{ViewerOptions, run as serve, server::ServerArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result};
@@ -16,6 +16,8 @@ use wm_scene::FormatError;
 pub struct ViewArgs {
     #[command(flatten)]
     scene: SceneArgs,
+    #[command(flatten)]
+    sky: OwnSkyArgs,
     #[command(flatten)]
     weather: WeatherArgs,
     /// Panorama that the page offers as a sky, in addition to the weather's; may be given several times
@@ -41,7 +43,13 @@ pub fn run(args: &ViewArgs) -> Result<()> {
         |path: &PathBuf| -> Result<_> { Ok((here.join(path).display().to_string(), read_panorama(path)?)) };
     let panoramas = args.panorama.iter().map(panorama).collect::<Result<_>>()?;
     std::fs::metadata(&args.scene.scene).map_err(|error| FormatError::reading(&args.scene.scene, error))?;
-    let options =
-        ViewerOptions { scene: &args.scene, viewpoint: &args.viewpoint, run: &args.run, weather, panoramas };
+    let options = ViewerOptions {
+        scene: &args.scene,
+        sky: args.sky,
+        viewpoint: &args.viewpoint,
+        run: &args.run,
+        weather,
+        panoramas,
+    };
     serve(options, &args.server)
 }

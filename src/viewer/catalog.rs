@@ -2,7 +2,8 @@
 //! them reaches the file system.
 
 use super::state::{Follow, Pose, ViewOutput, ViewState, weather_of_json, weather_to_json};
-use crate::scene::{RunArgs, SceneArgs};
+use crate::choices::SkyChoice;
+use crate::scene::{OwnSkyArgs, RunArgs, SceneArgs};
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -142,7 +143,7 @@ impl Catalog {
 }
 
 /// Returns the command-line words that name a scene and its facts, with its photos' cameras, which influence snow covers.
-pub fn scene_words(args: &SceneArgs, views: Option<&std::path::PathBuf>) -> Vec<String> {
+pub fn scene_words(args: &SceneArgs, sky: OwnSkyArgs, views: Option<&std::path::PathBuf>) -> Vec<String> {
     let mut words = vec![args.scene.display().to_string()];
     let mut add =
         |option: &str, value: Option<String>| words.extend(value.map(|value| format!("--{option}={value}")));
@@ -151,6 +152,7 @@ pub fn scene_words(args: &SceneArgs, views: Option<&std::path::PathBuf>) -> Vec<
     add("up", facts.up.map(|up| up.to_array().map(|v| v.to_string()).join(",")));
     add("ground", facts.ground.map(|v| v.to_string()));
     add("metres-per-unit", facts.metres_per_unit.or(facts.known_distance).map(|v| v.to_string()));
+    add("sky", (sky.sky != SkyChoice::Keep).then(|| sky.sky.name().into()));
     add("views", views.map(|folder| folder.display().to_string()));
     words.extend(args.repair.then(|| "--repair".into()));
     words

@@ -24,7 +24,7 @@ mod videos;
 use crate::commands::render::camera::ViewpointArgs;
 use crate::interrupt;
 use crate::names::stem_of;
-use crate::scene::{OpenScene, RunArgs, SceneArgs};
+use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use anyhow::Result;
 use axum::body::Bytes;
 use catalog::Catalog;
@@ -46,6 +46,8 @@ const FAREWELL: Duration = Duration::from_secs(10);
 pub struct ViewerOptions<'a> {
     /// The scene file and its facts.
     pub scene: &'a SceneArgs,
+    /// The treatment of its sky.
+    pub sky: OwnSkyArgs,
     /// The camera at the start.
     pub viewpoint: &'a ViewpointArgs,
     /// The device and other options of the run.
@@ -157,14 +159,15 @@ pub fn run(options: ViewerOptions<'_>, server: &server::ServerArgs) -> Result<()
 
 /// Reads the scene and loads it.
 fn open(options: ViewerOptions<'_>, context: &ViewerContext) -> Result<(Renderer, PreparedPlace)> {
-    let mut loaded = OpenScene::new(options.scene, options.run, options.viewpoint.views.as_ref())?;
+    let mut loaded =
+        OpenScene::with_sky(options.scene, options.run, options.viewpoint.views.as_ref(), options.sky)?;
     let camera = options.viewpoint.start(&mut loaded)?;
     let OpenScene { renderer, place } = loaded;
     let mut panoramas = options.panoramas;
     panoramas.extend(panoramas_of(&options.weather));
     let catalog = Catalog {
         stem: stem_of(&options.scene.scene),
-        words: catalog::scene_words(options.scene, options.viewpoint.views.as_ref()),
+        words: catalog::scene_words(options.scene, options.sky, options.viewpoint.views.as_ref()),
         run_words: catalog::run_words(options.run),
         survey: place.survey().clone(),
         near: camera.near,

@@ -2,6 +2,7 @@
 //! run, what it leaves behind, and what it says to bad input.
 
 mod bad_photos;
+mod lies;
 mod lpips;
 mod output;
 #[path = "../common/process.rs"]

@@ -42,6 +42,13 @@ fn what_is_no_video_or_stands_still_is_told() {
     let whole = place.read("still.mp4");
     place.put("cut.mp4", &whole[..whole.len() / 3]);
     place.refused("cut.mp4", &[], &["cut.mp4: ffmpeg reads no video in it ("]);
+    // The first box of an MP4 and nothing else; an MP4 whose film is empty.
+    place.put("header.mp4", b"\0\0\0\x18ftypisom\0\0\x02\0isomiso2");
+    place.refused("header.mp4", &[], &["header.mp4: ffmpeg reads no video in it ("]);
+    place.put("empty.mp4", b"\0\0\0\x18ftypisom\0\0\x02\0isomiso2\0\0\0\x08moov\0\0\0\x08mdat");
+    place.refused("empty.mp4", &[], &["empty.mp4: ffmpeg reads no video in it ("]);
+    place.put("nothing.mp4", "");
+    place.refused("nothing.mp4", &[], &["nothing.mp4: "]);
     let mut sound = Command::new("ffmpeg");
     sound
         .args(["-v", "error", "-nostdin", "-f", "lavfi", "-i", "sine=duration=1"])

@@ -10,7 +10,7 @@ use crate::choices::{DitherChoice, EncoderChoice};
 use crate::names::stem_of;
 use crate::overwrite::check_spares;
 use crate::progress::Reporter;
-use crate::scene::{OpenScene, RunArgs, SceneArgs};
+use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
 use camera::{CameraArgs, CameraPlan};
@@ -35,6 +35,8 @@ use wm_weather::Weather;
 pub struct RenderArgs {
     #[command(flatten)]
     scene: SceneArgs,
+    #[command(flatten)]
+    sky: OwnSkyArgs,
     #[command(flatten)]
     weather: WeatherArgs,
     #[command(flatten)]
@@ -217,7 +219,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         );
     }
 
-    let mut loaded = OpenScene::new(&args.scene, &args.run, args.camera.viewpoint.views.as_ref())?;
+    let mut loaded =
+        OpenScene::with_sky(&args.scene, &args.run, args.camera.viewpoint.views.as_ref(), args.sky)?;
     let plan = CameraPlan::plan(
         &args.camera,
         &args.output,

@@ -91,7 +91,8 @@ struct FramePair {
 /// Runs `render --pairs`.
 pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let folder = check(args, weather)?;
-    let mut loaded = OpenScene::new(&args.scene, &args.run, args.camera.viewpoint.views.as_ref())?;
+    let mut loaded =
+        OpenScene::with_sky(&args.scene, &args.run, args.camera.viewpoint.views.as_ref(), args.sky)?;
     let shots = shots(&mut loaded, args)?;
     let config = RenderConfig {
         outputs: Outputs { geometry: Geometry::Depth, particles: ParticlePass::On, ..Outputs::default() },

@@ -34,9 +34,9 @@ pub struct GpsFit {
     pub information: DMat3,
     /// Median distance between the cameras and the positions of their photos, m.
     pub residual: f64,
-    /// Greatest distance between two places along an axis, m.
+    /// Greatest distance between two places along an axis, m, outliers left out.
     pub extent: f64,
-    /// Photos with a place.
+    /// Photos with a place, outliers left out.
     pub photos: usize,
 }
 
@@ -52,16 +52,32 @@ const TRIALS: usize = 500;
 /// Least error that a place is thought to have, m.
 const FLOOR: f64 = 1.0;
 
+/// Distance from which a place is an outlier: in errors of the fit, and m at least, which no receiver is off under an open sky.
+const OUTLIER: f64 = 10.0;
+const OUTLIER_METRES: f64 = 50.0;
+
+/// Altitudes that photos are taken at, m above the sea: from the Dead Sea to balloons.
+const ALTITUDES: std::ops::RangeInclusive<f64> = -600.0..=50_000.0;
+
 /// Positions of one flight or walk err alike: no more than this many count as independent.
 const INDEPENDENT: f64 = 8.0;
 
 impl Gps {
-    /// `None` if it is no place: out of range, or the 0, 0 that cameras without reception write.
+    /// `None` if it states no place: not finite, or the 0, 0 that cameras without reception write.
+    #[must_use]
+    pub fn stated(self) -> Option<Self> {
+        let Self { latitude, longitude, .. } = self;
+        let is_finite = latitude.is_finite() && longitude.is_finite();
+        (is_finite && (latitude != 0.0 || longitude != 0.0)).then_some(self)
+    }
+
+    /// `None` if it is no place on Earth where photos are taken: not [`Self::stated`], or out of range.
     #[must_use]
     pub fn checked(self) -> Option<Self> {
-        let Self { latitude, longitude, .. } = self;
+        let Self { latitude, longitude, altitude } = self;
         let in_range = latitude.abs() <= 90.0 && longitude.abs() <= 180.0;
-        (in_range && (latitude != 0.0 || longitude != 0.0)).then_some(self)
+        let is_high = altitude.is_some_and(|metres| !ALTITUDES.contains(&metres));
+        self.stated().filter(|_| in_range && !is_high)
     }
 
     /// Earth-centred, earth-fixed, m.
@@ -115,23 +131,56 @@ impl Gps {
 /// If the lengths differ.
 #[must_use]
 pub fn fit(centers: &[DVec3], places: &[Option<Gps>]) -> Option<GpsFit> {
+    fit_with_outliers(centers, places).0
+}
+
+/// [`fit`], and the indices of the photos whose places it leaves out: those that are no place on Earth, and those far from where
+/// the others put their cameras.
+///
+/// # Panics
+/// If the lengths differ.
+#[must_use]
+pub fn fit_with_outliers(centers: &[DVec3], places: &[Option<Gps>]) -> (Option<GpsFit>, Vec<usize>) {
     assert_eq!(centers.len(), places.len(), "a place (or none) a camera");
-    let both: Vec<(DVec3, Gps)> = centers
-        .iter()
-        .zip(places)
-        .filter_map(|(center, place)| place.map(|place| (*center, place)))
-        .collect();
-    let origin = both.first()?.1;
+    let is_absurd = |index: &usize| places[*index].is_some_and(|place| place.checked().is_none());
+    let mut outliers: Vec<usize> = (0..places.len()).filter(is_absurd).collect();
+    let used: Vec<usize> =
+        (0..places.len()).filter(|i| places[*i].and_then(Gps::checked).is_some()).collect();
+    let both: Vec<(DVec3, Gps)> = used.iter().filter_map(|i| Some((centers[*i], places[*i]?))).collect();
+    let Some((fit, far)) = fit_checked(&both) else { return (None, outliers) };
+    outliers.extend(far.into_iter().map(|place| used[place]));
+    outliers.sort_unstable();
+    (Some(fit), outliers)
+}
+
+/// The place nearest to the median of all along each axis: a stray one does not tell where east and up are.
+fn middle(both: &[(DVec3, Gps)]) -> Option<Gps> {
+    let all: Vec<DVec3> = both.iter().map(|(_, place)| place.ecef()).collect();
+    let median = |axis: usize| {
+        let mut along: Vec<f64> = all.iter().map(|p| p[axis]).collect();
+        let middle = along.len() / 2;
+        along.select_nth_unstable_by(middle, f64::total_cmp);
+        along[middle]
+    };
+    if all.is_empty() {
+        return None;
+    }
+    let median = DVec3::new(median(0), median(1), median(2));
+    let nearest = |a: &&(DVec3, Gps), b: &&(DVec3, Gps)| {
+        a.1.ecef().distance(median).total_cmp(&b.1.ecef().distance(median))
+    };
+    both.iter().min_by(nearest).map(|(_, place)| *place)
+}
+
+/// The fit of places on Earth, and the indices of the outliers among them.
+fn fit_checked(both: &[(DVec3, Gps)]) -> Option<(GpsFit, Vec<usize>)> {
+    let origin = middle(both)?;
     // Where some photos lack an altitude, those that have one would stand high above the others.
     let is_flat = both.iter().any(|(_, place)| place.altitude.is_none());
     let level = |place: Gps| if is_flat { Gps { altitude: None, ..place } } else { place };
     let pairs: Vec<(DVec3, DVec3)> =
         both.iter().map(|(center, place)| (*center, level(*place).enu_from(&level(origin)))).collect();
-    let (low, high) = pairs
-        .iter()
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), (_, at)| (low.min(*at), high.max(*at)));
-    let extent = (high - low).max_element();
-    if pairs.len() < 3 || !extent.is_finite() || extent < MIN_EXTENT {
+    if pairs.len() < 3 || !(MIN_EXTENT..f64::INFINITY).contains(&extent_of(&pairs)) {
         return None;
     }
     let mut best: Option<(f64, Similarity)> = None;
@@ -160,9 +209,17 @@ pub fn fit(centers: &[DVec3], places: &[Option<Gps>]) -> Option<GpsFit> {
         });
         fit = Similarity::of(weighted)?;
     }
-    let residual = fit.residual(&pairs);
-    let is_sound = fit.scale.is_finite() && fit.scale > 0.0 && extent > MIN_RATIO * residual;
-    is_sound.then(|| GpsFit {
+    let far = OUTLIER_METRES.max(OUTLIER * fit.residual(&pairs));
+    let is_outlier = |(from, to): &(DVec3, DVec3)| (fit.apply(*from) - *to).length() > far;
+    let outliers: Vec<usize> = (0..pairs.len()).filter(|index| is_outlier(&pairs[*index])).collect();
+    let pairs: Vec<(DVec3, DVec3)> = pairs.into_iter().filter(|pair| !is_outlier(pair)).collect();
+    if pairs.len() < 3 {
+        return None;
+    }
+    let (residual, extent) = (fit.residual(&pairs), extent_of(&pairs));
+    let is_sound =
+        fit.scale.is_finite() && fit.scale > 0.0 && extent >= MIN_EXTENT && extent > MIN_RATIO * residual;
+    let found = GpsFit {
         metres_per_unit: fit.scale,
         up: fit.rotation.transpose() * DVec3::Z,
         north: fit.rotation.transpose() * DVec3::Y,
@@ -170,7 +227,15 @@ pub fn fit(centers: &[DVec3], places: &[Option<Gps>]) -> Option<GpsFit> {
         residual,
         extent,
         photos: pairs.len(),
-    })
+    };
+    is_sound.then_some((found, outliers))
+}
+
+/// Greatest distance between two places along an axis, m.
+fn extent_of(pairs: &[(DVec3, DVec3)]) -> f64 {
+    let box_of = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) = pairs.iter().fold(box_of, |(low, high), (_, at)| (low.min(*at), high.max(*at)));
+    (high - low).max_element()
 }
 
 impl GpsFit {
@@ -323,7 +388,49 @@ mod tests {
         let found = fit(&centers, &places).unwrap();
         // Errors of 2 m along 180 m with 50 cameras leave well under 1 %.
         assert!((found.metres_per_unit / 16.4 - 1.0).abs() < 0.01, "{found:?}");
-        assert!(found.residual < 3.0 && found.photos == 51, "{found:?}");
+        let stray = (0..60).filter(|i| i % 6 == 0 && i % 7 != 3).count();
+        assert!(found.residual < 3.0 && found.photos == 51 - stray, "{found:?}");
+    }
+
+    #[test]
+    fn one_place_on_the_moon_changes_nothing() {
+        let turn = DMat3::from_quat(DQuat::from_xyzw(0.5, -0.3, 0.2, 0.8).normalize());
+        let survey = |count: usize| -> (Vec<DVec3>, Vec<Option<Gps>>) {
+            let cameras = (0..count).map(|i| DVec3::new(20.0 * (i % 4) as f64, 25.0 * (i / 4) as f64, 50.0));
+            cameras.map(|enu| (turn * enu / 7.0, Some(place(enu)))).unzip()
+        };
+        let (centers, places) = survey(16);
+        let truth = fit(&centers, &places).unwrap();
+        let lund = places[0].unwrap();
+        for (name, lie) in [
+            ("in Sydney", Gps { latitude: -33.9, longitude: 151.2, ..lund }),
+            ("on the moon", Gps { altitude: Some(384_000e3), ..lund }),
+            ("beyond the pole", Gps { latitude: 95.0, ..lund }),
+            ("in the next town", Gps { latitude: lund.latitude + 0.2, ..lund }),
+            ("in the air", Gps { altitude: Some(9_000.0), ..lund }),
+        ] {
+            for at in [0, 7] {
+                let mut places = places.clone();
+                places[at] = Some(lie);
+                let (found, outliers) = fit_with_outliers(&centers, &places);
+                let found = found.unwrap_or_else(|| panic!("{name}"));
+                assert_eq!((outliers, found.photos), (vec![at], 15), "{name}");
+                assert!(found.up.angle_between(truth.up).to_degrees() < 0.1, "{name}: {found:?}");
+                assert!(
+                    (found.metres_per_unit / truth.metres_per_unit - 1.0).abs() < 1e-3,
+                    "{name}: {found:?}"
+                );
+                assert!(
+                    (found.extent - truth.extent).abs() < 30.0 && found.up_error() < 2.0 * truth.up_error()
+                );
+            }
+        }
+        // Photos of one spot, and one far away: an extent that is none.
+        let (centers, mut places) = survey(12);
+        let (spot, there) = (places[0], Gps { latitude: -33.9, longitude: 151.2, ..lund });
+        places.fill(spot);
+        places[5] = Some(there);
+        assert_eq!(fit(&centers, &places), None);
     }
 
     /// A survey from the air of which up, north and scale are known, in axes of its own.

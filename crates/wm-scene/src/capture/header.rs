@@ -22,7 +22,7 @@ pub struct PhotoHeader {
     pub height: u32,
     /// The turn that makes it upright.
     pub orientation: Orientation,
-    /// The position at which it was taken.
+    /// The position that it states; [`Gps::checked`] tells if photos are taken there.
     pub gps: Option<Gps>,
 }
 
@@ -346,7 +346,7 @@ impl Tiff<'_> {
             longitude: angle(3, 4, b'W')?,
             altitude: altitude.filter(|metres| metres.is_finite()),
         }
-        .checked()
+        .stated()
     }
 }
 

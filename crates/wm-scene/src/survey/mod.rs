@@ -6,9 +6,11 @@
 //! estimates come from a fixed sample of the splats, so they are the same every time.
 
 mod airlight;
+mod align;
 mod ground;
 pub(crate) mod habits;
 pub(crate) mod linear;
+mod own_sky;
 mod report;
 mod sample;
 mod sky;
@@ -25,6 +27,8 @@ use std::fmt;
 use thiserror::Error;
 
 pub use airlight::{SkyPatch, airlight_of_sky};
+pub use align::{AlignError, Aligned, Alignment, GivenGround, GivenScale, UpSide, align, ground_normal};
+pub use own_sky::{OwnSky, SkyChange};
 pub use sky::label_sky;
 pub use up::{UpEstimate, UpScore};
 

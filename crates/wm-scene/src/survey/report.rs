@@ -78,7 +78,7 @@ impl Survey {
 }
 
 /// The source of a fact and the confidence in it: "from the scene's metadata: a tape; likely".
-fn origin<T>(fact: &Sourced<T>, text: &Option<String>) -> String {
+pub(super) fn origin<T>(fact: &Sourced<T>, text: &Option<String>) -> String {
     let text = text.as_ref().map_or_else(String::new, |text| format!(": {text}"));
     match fact.source {
         FactSource::Given | FactSource::Assumed => fact.source.to_string(),
@@ -108,7 +108,7 @@ impl UpEstimate {
 }
 
 /// A number and the largest number of its decimals; prints without trailing zeros and without -0.
-struct Short(f64, usize);
+pub(super) struct Short(pub(super) f64, pub(super) usize);
 
 impl fmt::Display for Short {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -105,7 +105,8 @@ fn mean(splats: &Splats, index: usize) -> DVec3 {
     DVec3::from_array(splats.means[index].map(f64::from))
 }
 
-fn find(splats: &Splats) -> SkyRegion {
+/// Looks for a shell of sky, whatever the splats are labelled.
+pub(super) fn find(splats: &Splats) -> SkyRegion {
     let finite = |p: &DVec3| p.is_finite();
     let few: Vec<DVec3> = strided(splats.len(), 20_000).map(|i| mean(splats, i)).filter(finite).collect();
     let center = center_of(&few);

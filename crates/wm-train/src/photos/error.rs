@@ -37,6 +37,18 @@ pub enum PhotoFault {
         /// Height of the camera, px.
         camera_height: u32,
     },
+    /// It is too small to learn from.
+    #[error(
+        "the photo is {width}x{height} px, too small to learn from; give photos of at least {least} px a side"
+    )]
+    Small {
+        /// Width, px.
+        width: u32,
+        /// Height, px.
+        height: u32,
+        /// The least side, px.
+        least: u32,
+    },
     /// The lens cannot be undone.
     #[error(
         "the distortion of its camera folds over within the photo; reconstruct the capture with another camera model"

@@ -393,6 +393,9 @@ impl Shared {
     }
 }
 
+/// Least side of a photo, px: of less the shape cannot be told, and nothing is learnt.
+const LEAST_SIDE: u32 = 8;
+
 /// Reads the header of a photo and checks that it fits its camera.
 fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entry, Option<Gps>), PhotoError> {
     let view = &capture.views[index];
@@ -403,6 +406,9 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
         read_header(&file).map_err(|e| PhotoError::reading(&e))?;
     let camera = (view.camera.width, view.camera.height);
     let stored = (width, height);
+    if width.min(height) < LEAST_SIDE {
+        return Err(PhotoError { path: file, fault: PhotoFault::Small { width, height, least: LEAST_SIDE } });
+    }
     let turned = if orientation.swaps_sides() { (height, width) } else { stored };
     let (upright, orientation) = if is_scaled(stored, camera) {
         (stored, Orientation::Upright)

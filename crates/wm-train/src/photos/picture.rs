@@ -1,6 +1,7 @@
 //! A photo from its file to the picture that training compares with.
 
 use super::{
+    LEAST_SIDE,
     cache::Weigh,
     decode::{Decoded, decode},
     error::{PhotoError, PhotoFault},
@@ -216,6 +217,9 @@ impl Entry {
 
 /// Returns true if `size` is `camera` made smaller or larger as a whole, to whole pixels.
 pub(super) fn is_scaled(size: (u32, u32), camera: (u32, u32)) -> bool {
+    if size != camera && size.0.min(size.1) < LEAST_SIDE {
+        return false;
+    }
     // Each side may be off by one pixel: tools round, cut off or round up.
     let scales = |side: u32, full: u32| {
         let (side, full) = (f64::from(side), f64::from(full));

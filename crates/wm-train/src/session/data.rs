@@ -6,7 +6,7 @@ use super::folder::{COLMAP, FRAMES, RunFolder};
 use super::observer::{Preparation, TrainNotice, TrainObserver, TrainWarning};
 use crate::checkpoint::Taught;
 use crate::colmap::{self, ColmapOptions, Matching};
-use crate::dataset::{Dataset, DatasetReadOptions, orientation};
+use crate::dataset::{Dataset, DatasetReadOptions, misplaced, orientation};
 use crate::photos::Check;
 use crate::video;
 use std::cell::RefCell;
@@ -73,6 +73,10 @@ impl TrainData {
         }
         if capture.points.is_empty() {
             observer.on_warning(&TrainWarning::NoPoints(dataset.to_owned()));
+        }
+        let misplaced = misplaced(&capture, &photos);
+        if !misplaced.is_empty() {
+            observer.on_warning(&TrainWarning::Misplaced(misplaced));
         }
         let (up, gps) = orientation(&capture, &photos, options.facts.up);
         Ok(Self { set: Dataset { capture, photos, places }, held_out, up, gps })

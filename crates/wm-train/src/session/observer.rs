@@ -91,6 +91,9 @@ pub enum TrainWarning {
     /// A photo is missing or damaged and is left out.
     #[error("{0}; it is left out")]
     LeftOut(PhotoError),
+    /// The EXIF of these photos states a place where they cannot have been taken.
+    #[error("{}", misplaced(.0))]
+    Misplaced(Vec<String>),
     /// The GPU cannot be used or failed; the training continues on the CPU.
     #[error("{0}; the CPU goes on instead")]
     Gpu(String),
@@ -115,6 +118,16 @@ pub enum TrainWarning {
 
 /// Photos without a camera that are named in a warning.
 const NAMED: usize = 5;
+
+fn misplaced(photos: &[String]) -> String {
+    let named = photos.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let more = photos.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    format!(
+        "{named}{more}: the EXIF states a place where the photo cannot have been taken; up, north and scale are found without \
+         it"
+    )
+}
 
 fn unregistered(photos: &[UnregisteredPhoto]) -> String {
     let named: Vec<String> = photos.iter().take(NAMED).map(ToString::to_string).collect();

@@ -1,0 +1,142 @@
+//! `align`: sets up, ground and scale of a scene by hand.
+
+use crate::overwrite::OverwriteArgs;
+use crate::scene::{parse_distance, save};
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use glam::DVec3;
+use std::path::PathBuf;
+use weather_magician::view::spec;
+use wm_scene::files::check_writable;
+use wm_scene::formats::folder::scene_file;
+use wm_scene::formats::{
+    ReadOptions, WriteOptions, format_for, lost, read_scene, sidecar_path, write_sidecar,
+};
+use wm_scene::survey::{Alignment, GivenGround, GivenScale, align};
+
+/// Angle by which up turns until the sky is another one, degrees.
+const TURNED: f64 = 5.0;
+
+/// Options of `align`.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Splats and cameras stay as they are; the facts go with the scene. Points are in scene units.\n\n\
+                  weather-magician align garden.ply --overwrite --ground 0,0,0.1:5,0,0:2,6,0.2\n\
+                  weather-magician align garden.ply --overwrite --known-distance 0,0,0:1.5,0,2=12.5\n\
+                  weather-magician align table.spz -o upright.spz --flip"
+)]
+pub struct AlignArgs {
+    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
+    scene: PathBuf,
+    /// Output scene; the ending chooses the format. Without it, --overwrite writes the facts into SCENE.wm.toml, beside the
+    /// scene
+    #[arg(short, long, value_name = "PATH")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
+    /// Up in the scene's axes, such as 0,-1,0
+    #[arg(long, value_name = "X,Y,Z", value_parser = spec::parse_direction, allow_hyphen_values = true, help_heading = "Facts")]
+    up: Option<DVec3>,
+    /// Reverse up: the one given, that of the ground's points, or that of the scene
+    #[arg(long, help_heading = "Facts")]
+    flip: bool,
+    /// Three points of the ground, which also tell up if --up is not given; or the height of the ground along up, scene units
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z:X,Y,Z|UNITS", value_parser = parse_ground, allow_hyphen_values = true, help_heading = "Facts")]
+    ground: Option<GivenGround>,
+    /// Metres per scene unit
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Facts")]
+    metres_per_unit: Option<f64>,
+    /// The scale from two points and the metres between them, such as 0,0,0:1.5,0,2=12.5
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z=M", value_parser = parse_distance, allow_hyphen_values = true, conflicts_with = "metres_per_unit", help_heading = "Facts")]
+    known_distance: Option<(DVec3, DVec3, f64)>,
+    /// The scale from the height of the photos' cameras above the ground, m
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true, conflicts_with_all = ["metres_per_unit", "known_distance"], help_heading = "Facts")]
+    camera_height: Option<f64>,
+}
+
+fn parse_ground(text: &str) -> Result<GivenGround, String> {
+    if let Ok(height) = text.trim().parse() {
+        return Ok(GivenGround::Height(height));
+    }
+    let points: Vec<&str> = text.split(':').collect();
+    let [a, b, c] = points[..] else {
+        return Err("give three points, X,Y,Z:X,Y,Z:X,Y,Z, or one height along up".into());
+    };
+    Ok(GivenGround::Points([spec::parse_point(a)?, spec::parse_point(b)?, spec::parse_point(c)?]))
+}
+
+/// Runs the command.
+pub fn run(args: &AlignArgs) -> Result<()> {
+    let distance = args.known_distance.map(|(a, b, metres)| GivenScale::Distance(a, b, metres));
+    let scale = distance.or(args.metres_per_unit.map(GivenScale::MetresPerUnit));
+    let by = Alignment {
+        up: args.up,
+        flip: args.flip,
+        ground: args.ground,
+        scale: scale.or(args.camera_height.map(GivenScale::CameraHeight)),
+    };
+    // Cheap checks come before reading a large file.
+    by.check()?;
+    match &args.out {
+        None if !args.overwrite.overwrite => bail!(
+            "{}: give an output scene with -o, or --overwrite to set the facts of the scene itself",
+            args.scene.display()
+        ),
+        None => check_writable(&sidecar_path(&scene_file(&args.scene)?))?,
+        Some(out) => {
+            format_for(out)?;
+            // The folder for the files of a SOG is created; any other must exist.
+            if out.extension().is_none_or(|extension| extension != "json") {
+                check_writable(out)?;
+            }
+            args.overwrite.check(out, &[&args.scene], "choose another name")?;
+        }
+    }
+    let mut scene = read_scene(&args.scene, &ReadOptions::default())?;
+    let aligned = align(&mut scene, &by).with_context(|| args.scene.display().to_string())?;
+    let written = match &args.out {
+        None => {
+            let file = scene_file(&args.scene)?;
+            write_sidecar(&file, &scene.metadata)?;
+            sidecar_path(&file)
+        }
+        Some(out) => {
+            save(out, &scene, &WriteOptions::default())?;
+            out.clone()
+        }
+    };
+    println!("{}: written", written.display());
+    for line in aligned.lines() {
+        println!("  {line}");
+    }
+    if let Some(out) = &args.out {
+        for line in lost(&format_for(out)?.loses, &scene) {
+            println!("  lost: {line}");
+        }
+    }
+    if aligned.turned > TURNED && aligned.after.sky_splats > 0 {
+        println!(
+            "  sky: its {} splats were made along another up; --sky rebuild of render and convert decides anew",
+            aligned.after.sky_splats
+        );
+    }
+    for warning in aligned.after.up_warning().into_iter().chain(aligned.after.warning()) {
+        eprintln!("warning: {warning}");
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ground_is_a_height_or_three_points() {
+        assert_eq!(parse_ground("-1.5"), Ok(GivenGround::Height(-1.5)));
+        let points = [DVec3::ZERO, DVec3::X, DVec3::NEG_Y];
+        assert_eq!(parse_ground("0,0,0:1,0,0:0,-1,0"), Ok(GivenGround::Points(points)));
+        for bad in ["", "1,2,3", "0,0,0:1,0,0", "0,0,0:1,0,0:0,x,0", "0,0,0:1,0,0:0,1"] {
+            assert!(parse_ground(bad).is_err(), "{bad}");
+        }
+    }
+}
