@@ -105,6 +105,12 @@ impl Occluders {
         Self { options: *options, ..self }
     }
 
+    /// The same for maps whose cells are so many times as wide.
+    #[must_use]
+    pub fn coarser(&self, times: f64) -> Self {
+        self.clone().mapped(&ShelterOptions { cell: times * self.options.cell, ..self.options })
+    }
+
     /// The map for what falls along `fall`: see [`Shelter::build`].
     #[must_use]
     pub fn shelter(&self, fall: [f64; 3], threads: Option<usize>) -> Shelter {
