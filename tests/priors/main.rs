@@ -93,8 +93,9 @@ impl Desk {
         command
     }
 
+    /// Runs a command that must succeed, in place of what earlier ones wrote.
     fn run(&self, options: &str) -> Output {
-        let output = finish(&mut self.command(options));
+        let output = finish(self.command(options).arg("--overwrite"));
         assert!(output.status.success(), "{options}: {}", said(&output));
         output
     }
@@ -137,4 +138,8 @@ fn stereo_is_made_once_and_found_by_reconstruct() {
     let output = finish(&mut command);
     assert!(output.status.success() && !said(&output).contains("geometry: "), "{}", said(&output));
     assert!(!desk.at("set.run/priors").exists());
+    let written = listing(&desk.at("set/priors"));
+    let says = ["set/priors/priors.json: exists already", "--resume", "-o", "--overwrite"];
+    fails(&mut desk.command_on(Path::new("set"), ""), &says, &REMARKS);
+    assert_eq!(listing(&desk.at("set/priors")), written);
 }

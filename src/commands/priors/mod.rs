@@ -7,6 +7,7 @@ mod preview;
 mod work;
 
 use crate::interrupt::{self, Interrupted};
+use crate::overwrite::OverwriteArgs;
 use crate::progress;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
@@ -14,7 +15,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use wm_scene::FormatError;
 use wm_train::dataset::orientation;
-use wm_train::priors::folder::{Index, PriorsError};
+use wm_train::priors::folder::{INDEX, Index, PriorsError};
 use wm_train::priors::{FOLDER, PriorsWriter, photos};
 
 /// Options of `priors`.
@@ -28,6 +29,8 @@ pub struct PriorsArgs {
     /// Continue stopped work, or add new photos; the other options must be the same
     #[arg(long, help_heading = "Output")]
     resume: bool,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Also write a preview of each photo with its depth, normals and sky; preview.png always shows six of
     /// them
     #[arg(long, help_heading = "Output")]
@@ -111,6 +114,10 @@ impl PriorsArgs {
 /// Runs the command.
 pub fn run(args: &PriorsArgs) -> Result<()> {
     let source = args.source()?;
+    if !args.resume {
+        let other = "add new photos with --resume, give another folder with -o";
+        args.overwrite.check(&args.out().join(INDEX), &[], other)?;
+    }
     let threads = rayon::ThreadPoolBuilder::new().num_threads(args.threads.map_or(0, usize::from)).build();
     let threads = threads.context("cannot start threads")?;
     let index = match source {
