@@ -1,6 +1,9 @@
-//! A site that the tests of several modules share.
+//! A site and views that the tests of several modules share.
 
+use crate::fused_surfaces::PhotoView;
 use crate::optics::{Daylight, Site};
+use glam::DVec3;
+use wm_scene::Camera;
 
 /// A place in metres with z up.
 pub const SITE: Site = Site {
@@ -11,3 +14,13 @@ pub const SITE: Site = Site {
     daylight: Daylight::Known,
     far: 100.0,
 };
+
+/// A camera's view of whatever is first along a ray: how far along it, with a direction of length 1.
+pub fn photo_view(camera: Camera, way: impl Fn(DVec3, DVec3) -> Option<f64>) -> PhotoView {
+    let (center, forward) = (camera.center(), camera.forward());
+    let pixel = |k: u32| {
+        let ray = camera.ray(f64::from(k % camera.width) + 0.5, f64::from(k / camera.width) + 0.5);
+        way(center, ray).map_or(0.0, |way| (way * ray.dot(forward)) as f32)
+    };
+    PhotoView::new(camera, (0..camera.width * camera.height).map(pixel).collect(), Vec::new())
+}

@@ -21,7 +21,7 @@ use crate::threads::map;
 const SPREAD: [f64; 2] = [0.22, 0.3];
 /// Directions on a circle about the mean one: for the narrowest cells, which show soft edges, and for others.
 const CIRCLE: [usize; 2] = [6, 4];
-/// Width of the cells in which obstacles are looked for, in those of the grid.
+/// Width of the cells in which obstacles are looked for, in those of the grid, on all rings but the innermost.
 const COARSER: f64 = 2.0;
 /// Height above a node from which obstacles are looked for, m.
 const ABOVE: f64 = 0.06;
@@ -70,8 +70,9 @@ impl GroundGrid {
             let place = self.place(node).map(|v| v as f64 + 0.5);
             self.places.point(place, f64::from(self.height[node]) + ABOVE).map(|v| v as f32)
         });
-        // The mean over directions is soft: its edges need no narrow cells.
-        let occluders = occluders.coarser(COARSER);
+        // The mean over directions is soft: far off its edges need no narrow cells.
+        let coarser = is_outer.then(|| occluders.coarser(COARSER));
+        let occluders = coarser.as_ref().unwrap_or(occluders);
         let mut reached = vec![[0.0f32; 2]; nodes];
         let each = 1.0 / (count + 1) as f32;
         for way in circle.chain([[a, b]]) {

@@ -1,8 +1,10 @@
 //! Snow on made-up places whose surfaces are known.
 
 use super::*;
-use crate::testing::SITE;
+use crate::particles::random::RandomSequence;
+use crate::testing::{SITE, photo_view};
 use glam::DVec3;
+use wm_scene::Camera;
 use wm_scene::splats::Splat;
 use wm_scene::synthetic::Builder;
 use wm_street::{Place, Street};
@@ -80,6 +82,59 @@ fn roofs_are_covered_and_what_is_below_is_bare() {
         "{lies} {} {fell}",
         lying.settled[0].lost
     );
+}
+
+/// A lawn as a drone's photos leave it: splats up to a metre off the level that the cameras agree on, and wide ones far
+/// below. A post stands on it.
+#[test]
+fn snow_closes_over_rough_ground_and_posts_stick_out() {
+    let splat = |[x, y, z]: [f64; 3], scales: [f64; 3]| Splat {
+        mean: [x, y, z].map(|v| v as f32),
+        quat: [1.0, 0.0, 0.0, 0.0],
+        log_scale: scales.map(|scale| scale.ln() as f32),
+        logit_opacity: 1.0,
+        rgb: [0.2, 0.5, 0.1],
+        group: Group::Scene,
+    };
+    let (mut splats, mut draws) = (Splats::with_capacity(0, 0), RandomSequence::new(1));
+    for _ in 0..600 {
+        let mut at = |from: f64, to: f64| from + (to - from) * draws.uniform();
+        splats.push(&splat([at(-4.0, 4.0), at(-4.0, 4.0), at(-1.0, 1.0)], [0.03, 0.03, 0.3]));
+    }
+    let rough = splats.len();
+    for x in [-2.5, 2.5] {
+        splats.push(&splat([x, -2.5, -5.0], [2.0, 2.0, 0.1]));
+    }
+    let lawn = splats.len();
+    let post = |place: DVec3| (place - DVec3::new(1.5, 1.5, 0.0)).truncate().abs().max_element() < 0.2;
+    splats.push(&splat([1.5, 1.5, 0.6], [0.1, 0.1, 0.3]));
+    let eyes = [[-3.0, -3.0], [-3.0, 3.0], [0.0, 0.0], [3.0, -3.0], [3.0, 3.0]];
+    let views = eyes.map(|[x, y]| {
+        let eye = DVec3::new(x, y, 12.0);
+        let camera = Camera::looking((160, 120), 50.0, eye, DVec3::new(0.0, 0.0, 0.0), DVec3::Y).unwrap();
+        photo_view(camera, |from, ray| {
+            let at = |height: f64| (height - from.z) / ray.z;
+            Some(if post(from + at(1.2) * ray) { at(1.2) } else { at(0.0) })
+        })
+    });
+    let scan = FusedSurfaces::from_views(&splats, &views, &SITE, 2);
+    let mut cover = Cover::of(&splats, &scan, &SITE, &Airflow::default(), [[0.0; 3]; 2], 2);
+    let hidden = |cover: &mut Cover, depth: f64| -> Vec<f32> {
+        cover.lay(&CoverRequest { depth, ..ASKED }).buried.factors().iter().map(|seen| 1.0 - seen).collect()
+    };
+    let snow = hidden(&mut cover, 0.1);
+    let far = |index: &usize| (splats.means[*index][0] - 1.5).hypot(splats.means[*index][1] - 1.5) > 1.0;
+    let open: Vec<usize> = (0..rough).filter(far).collect();
+    let covered = open.iter().filter(|index| snow[**index] > 0.95).count();
+    println!("{covered} of {} rough splats and {:?} below are hidden", open.len(), &snow[rough..lawn]);
+    assert!(covered as f64 > 0.97 * open.len() as f64 && open.len() > 400, "{covered} of {}", open.len());
+    assert!(snow[rough..lawn].iter().all(|hidden| *hidden > 0.95), "{:?}", &snow[rough..lawn]);
+    assert!(snow[lawn] < 0.05, "the post is hidden by {}", snow[lawn]);
+    // A dusting hides as much of them as it covers.
+    let dusting = hidden(&mut cover, 0.004);
+    let share = f64::from(coverage(0.004));
+    let mean = open.iter().map(|index| f64::from(dusting[*index])).sum::<f64>() / open.len() as f64;
+    assert!((mean - share).abs() < 0.05, "{mean} of {share}");
 }
 
 /// Flat splats on the exact surfaces of the built-in street, as far as rays from above and from its views see them.

@@ -2,22 +2,12 @@
 
 use super::*;
 use crate::shelter::{Shelter, ShelterOptions};
-use crate::testing::SITE;
+use crate::testing::{SITE, photo_view as view};
 use wm_scene::Camera;
 use wm_scene::synthetic::Builder;
 
 fn camera(eye: DVec3, target: DVec3) -> Camera {
     Camera::looking((160, 120), 60.0, eye, target, DVec3::Z).unwrap()
-}
-
-/// A camera's view of whatever is first along a ray: how far along it, with a direction of length 1.
-fn view(camera: Camera, way: impl Fn(DVec3, DVec3) -> Option<f64>) -> PhotoView {
-    let (center, forward) = (camera.center(), camera.forward());
-    let pixel = |k: u32| {
-        let ray = camera.ray(f64::from(k % camera.width) + 0.5, f64::from(k / camera.width) + 0.5);
-        way(center, ray).map_or(0.0, |way| (way * ray.dot(forward)) as f32)
-    };
-    PhotoView::new(camera, (0..camera.width * camera.height).map(pixel).collect(), Vec::new())
 }
 
 /// Level ground at z = 0 and a wall at y = 8, seen as rough as 4 cm.
