@@ -144,6 +144,11 @@ pub enum TrainNotice {
     },
     /// Priors were estimated from the photos.
     PriorsMade(PriorsSummary),
+    /// The points of the reconstruction are brighter in some photos than in others, so every photo has an exposure of its own.
+    ExposuresDiffer {
+        /// Root mean square of the logarithms of the photos' gains.
+        spread: f64,
+    },
     /// Not every photo has priors.
     PriorsIncomplete {
         /// The folder of the priors.

@@ -8,8 +8,10 @@ use super::observer::{
 };
 use super::score::{HeldOutScore, HeldOutScores, PerceptualMetric, StepSums, TrainReport};
 use super::{SessionOptions, scene};
+use crate::brightness::{PhotoGains, photo_gains};
 use crate::checkpoint::{self, CheckpointHead};
-use crate::config::TrainConfig;
+use crate::config::{ExposureMode, TrainConfig};
+use crate::exposure::Exposures;
 use crate::losses::TrainPhoto;
 use crate::metrics::{Ssim, psnr};
 use crate::photos::{BadPhotos, Photo};
@@ -115,7 +117,16 @@ impl Training {
             }
             None => {
                 let splats = scene::start(&dataset, &config, &data, priors.as_ref(), extent)?;
-                Trainer::new(config, renderer, splats, extent, photos)
+                let exposure = config.exposure;
+                let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
+                if exposure == ExposureMode::Auto {
+                    let found = photo_gains(&data.set.capture, &data.set.photos, &data.set.places)?;
+                    if let Some(found) = found.filter(PhotoGains::differ) {
+                        trainer.set_exposures(Exposures::with_gains(&found.gains));
+                        observer.on_notice(&TrainNotice::ExposuresDiffer { spread: found.spread });
+                    }
+                }
+                trainer
             }
         };
         let (step, steps) = (trainer.steps_done(), trainer.config().steps);
