@@ -33,7 +33,7 @@ pub struct PhotoGains {
 /// Least spread of exposures that are worth learning, and the largest share of the differences that they may leave: changes of colour
 /// with direction leave all.
 const SPREAD: f64 = 0.03;
-const LEFT: f64 = 0.9;
+const LEFT: f64 = 0.7;
 
 impl PhotoGains {
     /// Returns true if photos differ so much that each should have an exposure of its own.
