@@ -4,9 +4,9 @@
 //! point i as photo p shows it, the point's own and the photo's gain. Gains are medians over points and points' colours means
 //! over photos, in turns, so that highlights and what hides a point do not count; their mean is 0.
 
-use crate::photos::{PhotoError, Photos};
+use crate::photos::Photos;
 use crate::priors::points::{inside, seen_points};
-use wm_scene::Camera;
+use rayon::prelude::*;
 use wm_scene::capture::Capture;
 
 /// Longest side of the photos in which colours are read, px.
@@ -50,43 +50,45 @@ struct Shown {
     log: [f32; 3],
 }
 
-/// Returns the gains of the photos `places`; `None` if they share too few points.
-///
-/// # Errors
-/// [`PhotoError`] if a photo is damaged.
-pub fn photo_gains(
-    capture: &Capture,
-    photos: &Photos,
-    places: &[usize],
-) -> Result<Option<PhotoGains>, PhotoError> {
-    let mut shown = Vec::new();
-    for (place, seen) in places.iter().zip(seen_points(capture, photos, places)) {
-        let full = photos.camera(*place, 0);
-        let longest = full.width.max(full.height);
-        let level = (0..8).find(|level| longest >> level <= SIDE).unwrap_or(8).min(photos.last_level(16));
-        let photo = photos.get(*place, level)?;
-        let camera: &Camera = &photo.camera;
-        let (width, height) = (photo.width as usize, photo.height as usize);
-        let color = |point: u32| {
-            let (x, y, _) = inside(capture, camera, point)?;
-            let (column, row) = (x as usize, y as usize);
-            if column < 1 || row < 1 || column + 1 >= width || row + 1 >= height {
-                return None;
+/// Returns the gains of the photos `places`; `None` if they share too few points. Photos that share few, and damaged ones, have a gain
+/// of 1.
+#[must_use]
+pub fn photo_gains(capture: &Capture, photos: &Photos, places: &[usize]) -> Option<PhotoGains> {
+    let seen = seen_points(capture, photos, places);
+    let shown: Vec<Vec<Shown>> = places
+        .par_iter()
+        .zip(seen)
+        .map(|(place, seen)| shown_points(capture, photos, *place, &seen))
+        .collect();
+    solve(&shown, capture.points.len())
+}
+
+/// Returns the colours of the points `seen` in a photo, of those that it exposes well; none of a damaged photo.
+fn shown_points(capture: &Capture, photos: &Photos, place: usize, seen: &[u32]) -> Vec<Shown> {
+    let full = photos.camera(place, 0);
+    let longest = full.width.max(full.height);
+    let level = (0..8).find(|level| longest >> level <= SIDE).unwrap_or(8).min(photos.last_level(16));
+    // The training names damaged photos when it meets them.
+    let Ok(photo) = photos.get(place, level) else { return Vec::new() };
+    let (width, height) = (photo.width as usize, photo.height as usize);
+    let color = |point: &u32| {
+        let (x, y, _) = inside(capture, &photo.camera, *point)?;
+        let (column, row) = (x as usize, y as usize);
+        if column < 1 || row < 1 || column + 1 >= width || row + 1 >= height {
+            return None;
+        }
+        let mut sum = [0.0f32; 3];
+        for row in row - 1..=row + 1 {
+            for column in column - 1..=column + 1 {
+                let at = 3 * (row * width + column);
+                (0..3).for_each(|c| sum[c] += f32::from(photo.rgb[at + c]));
             }
-            let mut sum = [0.0f32; 3];
-            for row in row - 1..=row + 1 {
-                for column in column - 1..=column + 1 {
-                    let at = 3 * (row * width + column);
-                    (0..3).for_each(|c| sum[c] += f32::from(photo.rgb[at + c]));
-                }
-            }
-            let mean = sum.map(|v| v / (9.0 * 255.0));
-            let is_exposed = mean.iter().all(|v| (DARKEST..BRIGHTEST).contains(v));
-            is_exposed.then(|| Shown { point, log: mean.map(f32::ln) })
-        };
-        shown.push(seen.into_iter().filter_map(color).collect::<Vec<Shown>>());
-    }
-    Ok(solve(&shown, capture.points.len()))
+        }
+        let mean = sum.map(|v| v / (9.0 * 255.0));
+        let is_exposed = mean.iter().all(|v| (DARKEST..BRIGHTEST).contains(v));
+        is_exposed.then(|| Shown { point: *point, log: mean.map(f32::ln) })
+    };
+    seen.iter().filter_map(color).collect()
 }
 
 fn solve(shown: &[Vec<Shown>], points: usize) -> Option<PhotoGains> {
@@ -96,7 +98,7 @@ fn solve(shown: &[Vec<Shown>], points: usize) -> Option<PhotoGains> {
         .iter()
         .map(|shown| shown.iter().copied().filter(|shown| counts[shown.point as usize] > 1).collect())
         .collect();
-    if shared.len() < 2 || shared.iter().any(|shown| shown.len() < FEWEST) {
+    if shared.iter().filter(|shown| shown.len() >= FEWEST).count() < 2 {
         return None;
     }
     let mut logs = vec![[0.0f64; 3]; shared.len()];
@@ -123,7 +125,7 @@ fn solve(shown: &[Vec<Shown>], points: usize) -> Option<PhotoGains> {
     let before = left(&logs, &own);
     for _ in 0..ROUNDS {
         let mut most = 0.0f64;
-        for (shown, gain) in shared.iter().zip(&mut logs) {
+        for (shown, gain) in shared.iter().zip(&mut logs).filter(|(shown, _)| shown.len() >= FEWEST) {
             for c in 0..3 {
                 let mut offs: Vec<f64> =
                     shown.iter().map(|s| f64::from(s.log[c]) - own[s.point as usize][c]).collect();

@@ -124,7 +124,7 @@ impl Training {
                 let exposure = config.exposure;
                 let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
                 if exposure == ExposureMode::Auto {
-                    let found = photo_gains(&data.set.capture, &data.set.photos, &data.set.places)?;
+                    let found = photo_gains(&data.set.capture, &data.set.photos, &data.set.places);
                     if let Some(found) = found.filter(PhotoGains::differ) {
                         trainer.set_exposures(Exposures::with_gains(&found.gains));
                         observer.on_notice(&TrainNotice::ExposuresDiffer { spread: found.spread });
