@@ -246,8 +246,8 @@ mod tests {
     #[test]
     fn an_infinite_ratio_is_left_out() {
         let scores = ViewScores { psnr: f64::INFINITY, ..ViewScores::default() };
-        assert_eq!((COLUMNS[0].of(&scores), COLUMNS[2].of(&scores)), (None, None));
+        assert_eq!((COLUMNS[0].of(&scores), COLUMNS[3].of(&scores)), (None, None));
         assert_eq!(COLUMNS[0].full_text(Some(20.0)), "20.00\u{a0}dB");
-        assert_eq!(COLUMNS[3].text(Some(0.5)), "50.00");
+        assert_eq!(COLUMNS[4].text(Some(0.5)), "50.00");
     }
 }
