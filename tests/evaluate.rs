@@ -120,8 +120,15 @@ fn the_street_is_near_to_itself_and_all_outputs_agree() {
     let page = fs::read_to_string(desk.at("page.html")).unwrap();
     let photos = json["photos"].as_array().unwrap();
     assert_eq!(photos.len(), 3);
-    let in_table =
-        ["psnr", "ssim", "depth_abs_rel", "depth_delta", "depth_median_rel", "median_depth_abs_rel"];
+    let in_table = [
+        "psnr",
+        "ssim",
+        "sharpness",
+        "depth_abs_rel",
+        "depth_delta",
+        "depth_median_rel",
+        "median_depth_abs_rel",
+    ];
     let in_table =
         in_table.into_iter().chain(["median_depth_delta", "median_depth_median_rel", "normal_mean"]);
     let in_table: Vec<&str> = in_table.chain(["normal_median", "sky_covered", "surface_lost"]).collect();

@@ -6,7 +6,7 @@
 
 pub use crate::stages::compare::{
     Belief, Believed, C1, C2, COVERED, Compared, Comparison, EDGE, EXACT, Exposure, FEWEST, FLOOR,
-    NO_EXPOSURE, Patches, RADIUS, Term, WINDOW,
+    NO_EXPOSURE, Patches, RADIUS, SLACK, Term, WINDOW,
 };
 pub use crate::stages::optimize::cpu::{add_terms, hold_sky, step};
 pub use crate::stages::optimize::{

@@ -34,6 +34,9 @@ pub struct TrainConfig {
     pub start_opacity: f64,
     /// Standard deviation that splats begin with, in distances to their neighbours.
     pub start_scale: f64,
+    /// Share of the budget of splats up to which points of known depth are added at the start, where the reconstruction has
+    /// none.
+    pub start_fill: f64,
     /// Splats of the sky: how many on its half sphere, where photos show it.
     pub sky_splats: u32,
 }
@@ -66,8 +69,10 @@ pub enum ExposureMode {
     /// All photos are alike.
     Shared,
     /// An affine change of colour a photo, learnt with the scene and left out of it.
-    #[default]
     Photo,
+    /// [`Self::Photo`] if the points of the reconstruction are brighter in some photos than in others, else [`Self::Shared`].
+    #[default]
+    Auto,
 }
 
 /// Weights of the loss.
@@ -98,6 +103,8 @@ pub struct GeometryConfig {
     pub depth_margin: f64,
     /// Share of the steps after which depth changes more than means.
     pub depth_from: f64,
+    /// Share of the weights of depth that is left at the last step; they fall log-linearly.
+    pub depth_last: f64,
     /// Steps between two that have renders of their own for `depth_hard`, `depth_soft` and `surface`.
     pub every: u32,
     /// Of coverage in front of the sky; see [`crate::losses::SurfaceTerm`].
@@ -121,6 +128,7 @@ impl GeometryConfig {
         depth_local: 0.1,
         depth_margin: 0.01,
         depth_from: 1.0 / 30.0,
+        depth_last: 0.1,
         every: 1,
         surface: 0.0,
         normal: 0.0,
@@ -135,6 +143,12 @@ impl GeometryConfig {
         (self.depth_from * f64::from(steps)) as u32
     }
 
+    /// Returns the share of the weights of depth that counts at a step: 1 at the first, [`Self::depth_last`] at the last.
+    #[must_use]
+    pub fn depth_share(&self, step: u32, steps: u32) -> f64 {
+        self.depth_last.powf(f64::from(step) / f64::from(steps.max(1)))
+    }
+
     /// The first step at which normals count.
     #[must_use]
     pub fn normal_from(&self, steps: u32) -> u32 {
@@ -147,9 +161,8 @@ impl Default for GeometryConfig {
         // The paper's normals weigh 0.05. With a quarter of it normals of the made-up street are off by 11 degrees (median)
         // where a training without has 41, and its pictures lose 0.1 dB; with half of it 9 degrees and 0.2 dB.
         Self {
-            depth: 0.05,
-            depth_hard: 0.05,
-            depth_soft: 0.05,
+            depth: 0.02,
+            depth_hard: 0.02,
             every: 4,
             surface: 0.1,
             normal: 0.012,
@@ -211,12 +224,13 @@ impl TrainConfig {
             rasterization: Rasterization::Classic,
             background: BackgroundKind::Random,
             resolution: if preset == Preset::Best { Resolution::Full } else { Resolution::Coarse },
-            exposure: ExposureMode::Photo,
+            exposure: ExposureMode::Auto,
             loss: LossConfig { l1: 0.8, ssim: 0.2, geometry: GeometryConfig::default() },
             rates: RateConfig::for_steps(steps),
             densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),
             start_opacity: 0.1,
             start_scale: 1.0,
+            start_fill: 0.5,
             sky_splats: 20_000,
         }
     }

@@ -35,6 +35,16 @@ impl Exposures {
         }
     }
 
+    /// Changes that multiply red, green and blue of each photo; the mean of `gains` over the photos should be 1.
+    #[must_use]
+    pub fn with_gains(gains: &[[f32; 3]]) -> Self {
+        let mut exposures = Self::new(gains.len());
+        for (change, gain) in exposures.changes.iter_mut().zip(gains) {
+            (0..3).for_each(|c| change[5 * c] = gain[c]);
+        }
+        exposures
+    }
+
     /// The change of photo `photo`.
     #[must_use]
     pub fn of(&self, photo: usize) -> Exposure {

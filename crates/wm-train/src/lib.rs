@@ -41,6 +41,7 @@
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
+pub mod brightness;
 pub mod check;
 pub mod checkpoint;
 pub mod colmap;
@@ -49,6 +50,7 @@ pub mod dataset;
 pub mod densify;
 pub mod evaluation;
 pub mod exposure;
+pub mod fill;
 mod learner;
 pub mod losses;
 pub mod maps;

@@ -46,7 +46,7 @@ impl Default for TrainPlan {
             densify: "mcmc".into(),
             sh_degree: 3,
             resolution: None,
-            exposure: ExposureMode::Photo,
+            exposure: ExposureMode::Auto,
             background: BackgroundKind::Random,
             rasterization: Rasterization::Classic,
             sky_splats: 20_000,

@@ -50,11 +50,13 @@ use ScoreUnit::{Decibels, Degrees, Percent, Plain};
 
 /// All numbers of a photo, in their order.
 #[rustfmt::skip]
-pub const COLUMNS: [ScoreColumn; 17] = [
+pub const COLUMNS: [ScoreColumn; 18] = [
     ScoreColumn { key: "psnr", name: "PSNR", head: ["PSNR", "dB"], unit: Decibels, place: Table, of: |s| Some(s.psnr),
         what: "peak signal-to-noise ratio of the render against the photo, dB; higher is better" },
     ScoreColumn { key: "ssim", name: "SSIM", head: ["", "SSIM"], unit: Plain, place: Table, of: |s| Some(s.ssim),
         what: "structural similarity, 1 for equal pictures" },
+    ScoreColumn { key: "sharpness", name: "sharpness", head: ["sharp-", "ness"], unit: Plain, place: Table, of: |s| s.sharpness,
+        what: "mean gradient of the render over that of the photo; below 1 the render is smoother" },
     ScoreColumn { key: "depth_abs_rel", name: "depth AbsRel", head: ["depth", "AbsRel"], unit: Plain, place: Table, of: |s| Some(s.expected_depth?.abs_rel),
         what: "mean of |depth - truth| / truth over true surfaces, expected depth; a pixel without depth counts as 1" },
     ScoreColumn { key: "depth_delta", name: "depth < 1.25", head: ["<1.25", "%"], unit: Percent, place: Table, of: |s| Some(s.expected_depth?.delta),
@@ -244,8 +246,8 @@ mod tests {
     #[test]
     fn an_infinite_ratio_is_left_out() {
         let scores = ViewScores { psnr: f64::INFINITY, ..ViewScores::default() };
-        assert_eq!((COLUMNS[0].of(&scores), COLUMNS[2].of(&scores)), (None, None));
+        assert_eq!((COLUMNS[0].of(&scores), COLUMNS[3].of(&scores)), (None, None));
         assert_eq!(COLUMNS[0].full_text(Some(20.0)), "20.00\u{a0}dB");
-        assert_eq!(COLUMNS[3].text(Some(0.5)), "50.00");
+        assert_eq!(COLUMNS[4].text(Some(0.5)), "50.00");
     }
 }

@@ -75,6 +75,12 @@ impl TrainObserver for TrainingConsole<'_> {
                 self.clear();
                 eprintln!("geometry: {summary}");
             }
+            TrainNotice::ExposuresDiffer { spread } => {
+                eprintln!(
+                    "exposure: one for each photo, their brightness differs by {:.0} %",
+                    100.0 * spread
+                );
+            }
             TrainNotice::PriorsIncomplete { folder, found, photos } => {
                 eprintln!("{}: {found} of {photos} photos have priors", folder.display());
             }

@@ -101,8 +101,9 @@ struct TrainingArgs {
     /// Sizes of photos over time: coarse (a quarter, half, full) or full [default: the preset's]
     #[arg(long, value_name = "SIZES", help_heading = "Training")]
     resolution: Option<ResolutionArg>,
-    /// Exposure correction, for cameras that set it automatically: photo (one for each photo) or shared (one for all)
-    #[arg(long, value_name = "WHOSE", default_value = "photo", help_heading = "Training")]
+    /// Exposure correction, for cameras that set it automatically: photo (one for each photo), shared (one for
+    /// all), or auto (photo if the points of the model are brighter in some photos than in others, else shared)
+    #[arg(long, value_name = "WHOSE", default_value = "auto", help_heading = "Training")]
     exposure: ExposureArg,
     /// Background behind the splats during training: black or random
     #[arg(long, value_name = "COLOR", default_value = "random", help_heading = "Training")]
@@ -142,7 +143,7 @@ choice! {
 }
 choice! {
     /// The exposures of photos.
-    ExposureArg { Shared, Photo }
+    ExposureArg { Shared, Photo, Auto }
 }
 choice! {
     /// The background's name.
@@ -169,6 +170,7 @@ impl TrainingArgs {
             exposure: match self.exposure {
                 ExposureArg::Shared => ExposureMode::Shared,
                 ExposureArg::Photo => ExposureMode::Photo,
+                ExposureArg::Auto => ExposureMode::Auto,
             },
             background: match self.background {
                 BackgroundArg::Black => BackgroundKind::Black,

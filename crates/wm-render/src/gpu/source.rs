@@ -237,6 +237,7 @@ pub fn constants() -> String {
         SIMILARITY_C1 = compare::C1;
         SIMILARITY_C2 = compare::C2;
         COVERED = compare::COVERED;
+        SLACK = compare::SLACK;
         EXACT = compare::EXACT;
         PATCH_FLOOR = compare::FLOOR;
         EDGE = compare::EDGE;

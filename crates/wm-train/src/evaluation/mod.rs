@@ -10,7 +10,7 @@ pub use truth::{TrueMaps, TruthError, TruthFolder, TruthMaps, TruthOptions, Trut
 use crate::dataset::Dataset;
 use crate::metrics::{
     DepthErrors, FloaterShare, Floaters, NormalErrors, Ssim, SurfaceLost, depth_errors, fit_exposure,
-    normal_errors, psnr, sky_covered, surface_lost,
+    normal_errors, psnr, sharpness, sky_covered, surface_lost,
 };
 use crate::photos::{BadPhotos, Photo, PhotoError};
 use crate::session::ObserverError;
@@ -59,6 +59,8 @@ pub struct ViewScores {
     pub psnr: f64,
     /// Structural similarity to the photo, 1 for equal images.
     pub ssim: f64,
+    /// Mean gradient of the render over that of the photo; see [`sharpness`].
+    pub sharpness: Option<f64>,
     /// Errors of expected depth.
     pub expected_depth: Option<DepthErrors>,
     /// Errors of median depth.
@@ -219,7 +221,8 @@ pub fn evaluate(
                 None => ssim.value(&image, &rgb, width),
             };
             let psnr = psnr(&image, &rgb, mask.as_deref());
-            (ViewScores { psnr, ssim, ..against(frame, solid, &maps) }, image)
+            let sharpness = sharpness(&image, &rgb, mask.as_deref(), width);
+            (ViewScores { psnr, ssim, sharpness, ..against(frame, solid, &maps) }, image)
         });
         let shown =
             EvaluatedPhoto { index, name, photo: &rgb, image: &image, frame, solid, truth: &maps, scores };

@@ -8,7 +8,7 @@
 
 use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
-use crate::config::TrainConfig;
+use crate::config::{GeometryConfig, TrainConfig};
 use wm_render::Channels;
 use wm_render::training::{COVERED, Comparison, EXACT, Term};
 
@@ -17,14 +17,21 @@ use wm_render::training::{COVERED, Comparison, EXACT, Term};
 pub struct DepthTerm {
     weight: f64,
     from: u32,
+    steps: u32,
+    geometry: GeometryConfig,
 }
 
 impl DepthTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
     pub fn new(config: &TrainConfig) -> Self {
-        let geometry = &config.loss.geometry;
-        Self { weight: geometry.depth, from: geometry.depth_from(config.steps) }
+        let geometry = config.loss.geometry;
+        Self {
+            weight: geometry.depth,
+            from: geometry.depth_from(config.steps),
+            steps: config.steps,
+            geometry,
+        }
     }
 }
 
@@ -35,7 +42,7 @@ impl LossTerm for DepthTerm {
 
     fn weight(&self, step: u32, truth: &TrainPhoto<'_>) -> f64 {
         let is_on = step >= self.from && truth.prior.is_some_and(|prior| !prior.disparity.is_empty());
-        if is_on { self.weight } else { 0.0 }
+        if is_on { self.weight * self.geometry.depth_share(step, self.steps) } else { 0.0 }
     }
 
     fn channels(&self) -> Channels {

@@ -11,7 +11,7 @@
 
 use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
-use crate::config::TrainConfig;
+use crate::config::{GeometryConfig, TrainConfig};
 use crate::random::{Purpose, Random};
 use wm_render::training::{self, COVERED, Comparison, FEWEST, FLOOR, Term};
 use wm_render::{Channels, DepthAlpha, DrawnSplats, Learn, Opacity};
@@ -40,6 +40,8 @@ pub struct PatchDepthTerm {
     margin: f64,
     every: u32,
     from: u32,
+    steps: u32,
+    geometry: GeometryConfig,
     seed: u64,
     work: Work,
 }
@@ -59,13 +61,24 @@ impl PatchDepthTerm {
     /// Returns the term with its weight in `config`.
     #[must_use]
     pub fn new(config: &TrainConfig, pass: PatchPass) -> Self {
-        let geometry = &config.loss.geometry;
+        let geometry = config.loss.geometry;
         let (weight, from) = match pass {
             PatchPass::Hard => (geometry.depth_hard, 0),
             PatchPass::Soft => (geometry.depth_soft, geometry.depth_from(config.steps)),
         };
         let (local, margin, every) = (geometry.depth_local, geometry.depth_margin, geometry.every.max(1));
-        Self { pass, weight, local, margin, every, from, seed: config.seed, work: Work::default() }
+        Self {
+            pass,
+            weight,
+            local,
+            margin,
+            every,
+            from,
+            steps: config.steps,
+            geometry,
+            seed: config.seed,
+            work: Work::default(),
+        }
     }
 
     /// The side of a step's patches, of a grid of so many rows.
@@ -89,7 +102,11 @@ impl LossTerm for PatchDepthTerm {
         let is_on = step >= self.from
             && step.is_multiple_of(self.every)
             && truth.prior.is_some_and(|prior| !prior.disparity.is_empty());
-        if is_on { self.weight * f64::from(self.every) } else { 0.0 }
+        if is_on {
+            self.weight * self.geometry.depth_share(step, self.steps) * f64::from(self.every)
+        } else {
+            0.0
+        }
     }
 
     fn own_render(&self) -> Option<OwnRender> {

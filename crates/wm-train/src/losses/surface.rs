@@ -1,7 +1,8 @@
 //! Coverage: what stands in front of the sky covers its pixels whole, and nothing covers the sky's.
 //!
-//! `mean |A - S|` with the coverage A by all splats but the sky's, from a render of its own, and S, 1 where the prior
-//! has the place and 0 where it has the sky. On the border between them, which the prior leaves open and which is
+//! `mean max(|A - S| - 0.05, 0)` with the coverage A by all splats but the sky's, from a render of its own, and S, 1 where the
+//! prior has the place and 0 where it has the sky. Opacities learn from it and nothing else: shapes would be blown up over
+//! what no splat covers yet. On the border between them, which the prior leaves open and which is
 //! finer in the photo than in it, S is where the photo's colour lies on the way from the sky's to the place's beside it;
 //! other pixels that it does not know do not count. Without it the sky is painted on splats that drift before it, or
 //! stand out over roofs, which fog lights up, and shines through walls.
@@ -9,7 +10,7 @@
 use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
 use crate::config::TrainConfig;
 use crate::priors::{Prior, SkyClass};
-use wm_render::training::{Comparison, Term};
+use wm_render::training::{Comparison, SLACK, Term};
 use wm_render::{Channels, DepthAlpha, DrawnSplats, Learn, Opacity};
 
 /// The term `surface`.
@@ -44,7 +45,7 @@ impl LossTerm for SurfaceTerm {
             channels: Channels::Depth,
             opacity: Opacity::Stored,
             drawn: DrawnSplats::WithoutSky,
-            learn: Learn { sh: false, ..Learn::ALL },
+            learn: Learn::OPACITIES,
             depth_alpha: DepthAlpha::Detached,
         })
     }
@@ -59,8 +60,11 @@ impl LossTerm for SurfaceTerm {
         let scale = (weight / alpha.len() as f64) as f32;
         shares(input.truth, prior, |at, wanted| {
             let off = alpha[at] - wanted;
-            sum += f64::from(off.abs());
-            out.alpha[at] += if off > 0.0 { scale } else { -scale };
+            let beyond = off.abs() - SLACK;
+            if beyond > 0.0 {
+                sum += f64::from(beyond);
+                out.alpha[at] += if off > 0.0 { scale } else { -scale };
+            }
         });
         sum / alpha.len() as f64
     }
@@ -212,7 +216,8 @@ mod tests {
         out.clear(&frame);
         let value = SurfaceTerm::new(&TrainConfig::preset(Preset::Quick)).add(&input, 128.0, &mut out);
         // A wire, six rows of sky, half a pixel, one that is neither, seven of roof.
-        let wanted = (6.0 * 0.25 + 0.25 + 7.0 * 0.75) / 16.0;
+        let beyond = |off: f64| off - f64::from(SLACK);
+        let wanted = (7.0 * beyond(0.25) + 7.0 * beyond(0.75)) / 16.0;
         assert!((value - wanted).abs() < 1e-6, "{value} {wanted}");
         let column: Vec<f32> = out.alpha.iter().step_by(8).copied().collect();
         assert_eq!(column[0], 0.0);

@@ -7,6 +7,7 @@ mod depth;
 mod floaters;
 mod normal;
 mod psnr;
+mod sharpness;
 
 pub use crate::ssim::Ssim;
 pub use affine::fit_exposure;
@@ -16,3 +17,4 @@ pub use depth::{DELTA, DepthErrors, depth_errors};
 pub use floaters::{FAINTEST, FloaterShare, Floaters};
 pub use normal::{NormalErrors, angle, normal_errors};
 pub use psnr::psnr;
+pub use sharpness::sharpness;

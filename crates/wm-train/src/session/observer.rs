@@ -1,6 +1,6 @@
 //! The messages of a session to its caller.
 
-use super::score::{HeldOutScores, TrainReport};
+use super::score::{HeldOutScore, HeldOutScores, TrainReport};
 use crate::colmap::{self, UnregisteredPhoto};
 use crate::photos::PhotoError;
 use crate::priors::folder::PriorsSummary;
@@ -88,6 +88,21 @@ pub enum TrainWarning {
     /// The cameras of some photos were not found.
     #[error("{}", unregistered(.0))]
     Unregistered(Vec<UnregisteredPhoto>),
+    /// The held-out photos were rendered better earlier in the training, by PSNR and by SSIM.
+    #[error(
+        "the held-out photos were better after {step} steps ({before}) than after all {steps} ({now}): train for about {step} steps, \
+         or with more photos"
+    )]
+    TooManySteps {
+        /// The steps after which they were best.
+        step: u32,
+        /// All steps.
+        steps: u32,
+        /// The mean score then.
+        before: HeldOutScore,
+        /// The mean score at the end.
+        now: HeldOutScore,
+    },
     /// A photo is missing or damaged and is left out.
     #[error("{0}; it is left out")]
     LeftOut(PhotoError),
@@ -157,6 +172,11 @@ pub enum TrainNotice {
     },
     /// Priors were estimated from the photos.
     PriorsMade(PriorsSummary),
+    /// The points of the reconstruction are brighter in some photos than in others, so every photo has an exposure of its own.
+    ExposuresDiffer {
+        /// Root mean square of the logarithms of the photos' gains.
+        spread: f64,
+    },
     /// Not every photo has priors.
     PriorsIncomplete {
         /// The folder of the priors.

@@ -5,13 +5,16 @@ use super::data::TrainData;
 use super::error::SessionError;
 use super::observer::{TrainNotice, TrainObserver, TrainWarning};
 use crate::config::TrainConfig;
-use crate::priors::Priors;
+use crate::fill::{FillView, fill};
+use crate::photos::Photo;
+use crate::priors::{Prior, Priors};
 use crate::start::{self, SkyPhotos, StartConfig};
 use std::path::Path;
+use std::sync::Arc;
 use wm_scene::capture::ground::{CaptureGround, CaptureGroundError, HELD_AT, ground};
 use wm_scene::capture::up::{CaptureUp, UpEvidence};
 use wm_scene::survey::{Confidence, Survey, label_sky};
-use wm_scene::{Metadata, Scene, Splats};
+use wm_scene::{Camera, Metadata, Scene, Splats};
 
 /// The ground under a walk and the scene's up belong together if their cosine is above this: 15 degrees, so that steep
 /// streets pass.
@@ -20,8 +23,8 @@ const SAME_GROUND: f64 = 0.966;
 const MEASURED: f64 = 3.0;
 /// Extent of the photos' GPS in units of its residual from which the scale is sure: some 5 %.
 const SURE_EXTENT: f64 = 20.0;
-/// The number of photos from which the sky takes its colours, about.
-const SKY_PHOTOS: usize = 200;
+/// The number of photos of whose priors the first splats are made, about.
+const PRIOR_PHOTOS: usize = 200;
 
 /// Returns the splats that a training starts with.
 pub(super) fn start(
@@ -38,7 +41,15 @@ pub(super) fn start(
         sh_degree: config.sh_degree,
         seed: config.seed,
     };
-    let points = &data.set.capture.points;
+    let mut points = data.set.capture.points.clone();
+    let views = priors.map_or(Ok(Vec::new()), |priors| prior_views(data, priors))?;
+    if !points.is_empty() {
+        let most = (config.start_fill * begin.most as f64) as usize;
+        let views: Vec<FillView<'_>> =
+            views.iter().map(|(camera, prior, photo)| FillView { camera, prior, photo }).collect();
+        fill(&mut points, &views, most);
+    }
+    let points = &points;
     let mut splats = match points.is_empty() {
         true => start::blind(&data.cameras(), extent, &begin),
         false => start::from_points(points, extent, &begin),
@@ -46,46 +57,43 @@ pub(super) fn start(
     if splats.is_empty() {
         return Err(SessionError::NoFinitePoint(dataset.to_owned()));
     }
-    if let Some(priors) = priors.filter(|priors| config.sky_splats > 0 && priors.has_sky()) {
-        add_sky(&mut splats, data, priors, extent, config.sky_splats)?;
+    if config.sky_splats > 0 && priors.is_some_and(Priors::has_sky) {
+        add_sky(&mut splats, data, &views, extent, config.sky_splats);
     }
     Ok(splats)
 }
 
-/// Adds the sky where the priors say that photos show it.
-fn add_sky(
-    splats: &mut Splats,
-    data: &TrainData,
-    priors: &Priors,
-    extent: f64,
-    count: u32,
-) -> Result<(), SessionError> {
-    let (mut cameras, mut maps) = (Vec::new(), Vec::new());
+/// A photo's camera and prior, and the photo in about the size of the prior: its pixels are means of the photo's.
+type PriorView = (Camera, Arc<Prior>, Arc<Photo>);
+
+/// Returns the photos that have priors; of thousands some hundred, which show all of the place that can be seen.
+fn prior_views(data: &TrainData, priors: &Priors) -> Result<Vec<PriorView>, SessionError> {
+    let mut views = Vec::new();
     let places = &data.set.places;
-    // Of thousands of photos some hundred show all of the sky that can be seen.
-    for place in places.iter().step_by(places.len().div_ceil(SKY_PHOTOS)) {
+    for place in places.iter().step_by(places.len().div_ceil(PRIOR_PHOTOS)) {
         let camera = data.set.photos.camera(*place, 0);
         let Some(prior) = priors.get(data.set.name(*place), &camera)? else { continue };
-        if prior.sky.is_empty() {
-            continue;
-        }
-        // Colours of photos as small as the maps: means of their pixels.
         let level = (0..6).take_while(|level| camera.width >> level >= prior.width).last().unwrap_or(0);
-        let photo = data.set.photos.get(*place, level)?;
-        cameras.push(camera);
-        maps.push((prior.width as usize, prior.height as usize, prior.sky.clone(), photo));
+        views.push((camera, prior, data.set.photos.get(*place, level)?));
     }
+    Ok(views)
+}
+
+/// Adds the sky where the priors say that photos show it.
+fn add_sky(splats: &mut Splats, data: &TrainData, views: &[PriorView], extent: f64, count: u32) {
+    let Some(up) = data.up else { return };
+    let views: Vec<&PriorView> = views.iter().filter(|(_, prior, _)| !prior.sky.is_empty()).collect();
+    let cameras: Vec<Camera> = views.iter().map(|(camera, ..)| *camera).collect();
     let look = |index: usize, [x, y]: [f64; 2]| {
-        let (width, height, sky, photo) = &maps[index];
-        let class = sky[(y * *height as f64) as usize * width + (x * *width as f64) as usize];
+        let (_, prior, photo) = views[index];
+        let (width, height) = (f64::from(prior.width), f64::from(prior.height));
+        let class = prior.sky[(y * height) as usize * prior.width as usize + (x * width) as usize];
         let (column, row) = ((x * f64::from(photo.width)) as usize, (y * f64::from(photo.height)) as usize);
         let at = 3 * (row * photo.width as usize + column);
         (class, [photo.rgb[at], photo.rgb[at + 1], photo.rgb[at + 2]])
     };
-    let Some(up) = data.up else { return Ok(()) };
     let photos = SkyPhotos { cameras: &cameras, look: &look, up: up.up };
     start::add_sky(splats, &photos, &data.set.capture.points, extent, count as usize);
-    Ok(())
 }
 
 /// Returns the scene of trained splats: with the sky labelled, the photos' cameras, and in its metadata what they and

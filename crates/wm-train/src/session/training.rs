@@ -8,8 +8,10 @@ use super::observer::{
 };
 use super::score::{HeldOutScore, HeldOutScores, PerceptualMetric, StepSums, TrainReport};
 use super::{SessionOptions, scene};
+use crate::brightness::{PhotoGains, photo_gains};
 use crate::checkpoint::{self, CheckpointHead};
-use crate::config::TrainConfig;
+use crate::config::{ExposureMode, TrainConfig};
+use crate::exposure::Exposures;
 use crate::losses::TrainPhoto;
 use crate::metrics::{Ssim, psnr};
 use crate::photos::{BadPhotos, Photo};
@@ -31,6 +33,8 @@ const SHORTEST: u32 = 100;
 /// Summaries and milestones in a training.
 const SUMMARIES: u32 = 200;
 const MILESTONES: u32 = 10;
+/// Loss of PSNR of held-out photos that is worth a warning, dB.
+const WORSE: f64 = 0.1;
 
 /// A back end and the messages of why its GPU was given up.
 pub(super) struct Backend {
@@ -61,6 +65,8 @@ pub struct Training {
     /// Steps that were done before.
     begun: u32,
     held_out_psnr: Option<f64>,
+    /// The steps of the milestone with the highest PSNR, and its scores.
+    best: Option<(u32, HeldOutScore)>,
     saved: Instant,
 }
 
@@ -115,7 +121,16 @@ impl Training {
             }
             None => {
                 let splats = scene::start(&dataset, &config, &data, priors.as_ref(), extent)?;
-                Trainer::new(config, renderer, splats, extent, photos)
+                let exposure = config.exposure;
+                let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
+                if exposure == ExposureMode::Auto {
+                    let found = photo_gains(&data.set.capture, &data.set.photos, &data.set.places);
+                    if let Some(found) = found.filter(PhotoGains::differ) {
+                        trainer.set_exposures(Exposures::with_gains(&found.gains));
+                        observer.on_notice(&TrainNotice::ExposuresDiffer { spread: found.spread });
+                    }
+                }
+                trainer
             }
         };
         let (step, steps) = (trainer.steps_done(), trainer.config().steps);
@@ -145,6 +160,7 @@ impl Training {
             sums: StepSums::default(),
             begun: step,
             held_out_psnr: None,
+            best: None,
             saved: Instant::now(),
         })
     }
@@ -187,6 +203,9 @@ impl Training {
             if let (Some(line), Some(mean)) = (scores.json(), scores.mean()) {
                 self.metrics.add(&line)?;
                 self.held_out_psnr = Some(mean.psnr);
+                if self.best.is_none_or(|(_, best)| mean.psnr > best.psnr) {
+                    self.best = Some((step, mean));
+                }
                 observer.on_evaluation(&scores);
             }
         }
@@ -398,6 +417,17 @@ impl Training {
         if let Some(line) = held_out.json() {
             self.metrics.add(&line)?;
         }
+        let steps = self.trainer.config().steps;
+        if let (Some((step, before)), Some(now)) = (self.best, held_out.mean())
+            && was_better(&before, &now)
+        {
+            observer.on_warning(&TrainWarning::TooManySteps {
+                step,
+                steps,
+                before,
+                now: HeldOutScore { lpips: None, ..now },
+            });
+        }
         observer.on_finish(&TrainReport {
             steps: self.trainer.config().steps - self.begun,
             seconds,
@@ -429,7 +459,25 @@ fn write_checkpoint(path: &Path, trainer: &mut Trainer, data: &TrainData) -> Res
     Ok(head.step())
 }
 
+/// Returns true if earlier scores are clearly better than those at the end.
+fn was_better(before: &HeldOutScore, now: &HeldOutScore) -> bool {
+    before.psnr > now.psnr + WORSE && before.ssim > now.ssim
+}
+
 /// Returns the colours as a screen shows them: 0 to 1.
 fn displayed(frame: &Frame) -> Vec<f32> {
     frame.rgb.iter().map(|v| v.clamp(0.0, 1.0)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_worse_in_both_scores_is_overtrained() {
+        let score = |psnr, ssim| HeldOutScore { psnr, ssim, lpips: None };
+        assert!(was_better(&score(20.0, 0.70), &score(19.5, 0.69)));
+        assert!(!was_better(&score(20.0, 0.70), &score(19.5, 0.71)));
+        assert!(!was_better(&score(20.0, 0.70), &score(19.95, 0.69)));
+    }
 }

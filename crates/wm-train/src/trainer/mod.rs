@@ -73,7 +73,7 @@ impl Trainer {
         photos: usize,
     ) -> Self {
         let exposures = match config.exposure {
-            ExposureMode::Shared => Exposures::default(),
+            ExposureMode::Shared | ExposureMode::Auto => Exposures::default(),
             ExposureMode::Photo => Exposures::new(photos),
         };
         let state = TrainState { step: 0, population: Population::new(splats), exposures };
@@ -93,6 +93,12 @@ impl Trainer {
         let (learner, known) = (Learner::new(renderer), state.step);
         let (work, orders) = (Work::default(), Default::default());
         Self { config, terms, learner, state, known, extent, photos, work, orders }
+    }
+
+    /// Begins with these exposures of the photos, which go on learning. Without this photos have exposures of their own only
+    /// under [`ExposureMode::Photo`].
+    pub fn set_exposures(&mut self, exposures: Exposures) {
+        self.state.exposures = exposures;
     }
 
     /// Adds a term to those that the configuration names.

@@ -18,7 +18,7 @@
 //! - `Depth = sum sqrt(o^2 + t^2) - t over G`, `o = ln(D d)` with the believed inverse depth `d > 0` and
 //!   `t = max(sigma / d, `[`EXACT`]`)`.
 //! - `Normal = sum |N - M|^2 over G`.
-//! - `Coverage = sum |A - S| over all pixels`, covered or not.
+//! - `Coverage = sum max(|A - S| - `[`SLACK`]`, 0) over all pixels`, covered or not.
 //! - `Patches`: [`Patches`] of the grid, of `x = 1 / D` and `d >= 0`. With means and deviations of a patch's covered pixels, `s` the
 //!   deviation of all (global) or the patch's (local) and [`FLOOR`] of that of all added,
 //!   `o = (x - mean x) / s_x - (d - mean d) / s_d`; the mean of the squares of those above the margin, globally and, by its
@@ -61,6 +61,9 @@ pub const C2: f32 = 0.03 * 0.03;
 
 /// Least coverage of a pixel whose depth and normal count.
 pub const COVERED: f32 = 0.5;
+/// Difference from the believed coverage that counts as none: coverage comes near to 1 only slowly, and a pull that never ends makes
+/// splats large.
+pub const SLACK: f32 = 0.05;
 /// Least `t` of believed depth.
 pub const EXACT: f32 = 0.01;
 /// Share of the photo's deviation that is added to every one, so that flat patches do not explode.

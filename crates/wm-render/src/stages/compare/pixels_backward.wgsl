@@ -16,8 +16,11 @@ fn pixels_backward(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_i
         var by_alpha = 0.0;
         if last.y >= 0.0 {
             let off = alpha[at] - last.y;
-            own.z += abs(off);
-            by_alpha = select(-geometry.coverage, geometry.coverage, off > 0.0);
+            let beyond = abs(off) - SLACK;
+            if beyond > 0.0 {
+                own.z += beyond;
+                by_alpha = select(-geometry.coverage, geometry.coverage, off > 0.0);
+            }
         }
         upstream[3u * pixels + at] = by_alpha;
         if DEPTH {

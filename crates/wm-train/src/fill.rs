@@ -1,0 +1,129 @@
+//! Points where the reconstruction has none: on the surfaces of which priors know the depth.
+//!
+//! Structure from motion finds points where there is texture. Lawns, gravel and walls have few, and there a training would begin with
+//! nothing and end with a few huge splats. Stereo knows the depth of many of their pixels. Each of them is a point, unless one is
+//! there already: a cell of space that is as large as the pixels' distance in the photo holds one.
+
+use crate::photos::Photo;
+use crate::priors::Prior;
+use glam::DVec3;
+use std::collections::HashSet;
+use wm_scene::Camera;
+use wm_scene::capture::SparsePoints;
+
+/// Pixels of known depth for one point that is new, about: the photos that see a surface.
+const PHOTOS_A_SURFACE: f64 = 3.0;
+
+/// A photo with the depth of its pixels.
+pub struct FillView<'a> {
+    /// The camera, of any size.
+    pub camera: &'a Camera,
+    /// The depth, and its size.
+    pub prior: &'a Prior,
+    /// The colours, of any size.
+    pub photo: &'a Photo,
+}
+
+/// Adds to `points` until there are `most`, evenly over the photos; returns the number of points that were added.
+pub fn fill(points: &mut SparsePoints, views: &[FillView<'_>], most: usize) -> usize {
+    let room = most.saturating_sub(points.len());
+    let known: usize =
+        views.iter().map(|view| view.prior.disparity.iter().filter(|v| **v > 0.0).count()).sum();
+    if room == 0 || known == 0 {
+        return 0;
+    }
+    let step = ((known as f64 / (PHOTOS_A_SURFACE * room as f64)).sqrt() as usize).max(1);
+    let mut taken = HashSet::new();
+    let mut fresh: Vec<([f64; 3], [u8; 3])> = Vec::new();
+    for FillView { camera, prior, photo } in views {
+        let (width, height) = (prior.width as usize, prior.height as usize);
+        let [across, along] =
+            [f64::from(camera.width) / width as f64, f64::from(camera.height) / height as f64];
+        let distance = |z: f64| z * across * step as f64 / camera.fx;
+        for position in &points.positions {
+            let at = DVec3::from_array(*position);
+            if let Some((_, _, z)) = camera.project(at) {
+                taken.insert(Cell::of(at, distance(z)));
+            }
+        }
+        for row in (step / 2..height).step_by(step) {
+            for column in (step / 2..width).step_by(step) {
+                let Some(disparity) = prior.disparity.get(row * width + column).filter(|v| **v > 0.0) else {
+                    continue;
+                };
+                let z = 1.0 / f64::from(*disparity);
+                let (x, y) = (column as f64 + 0.5, row as f64 + 0.5);
+                let ray = camera.ray(x * across, y * along);
+                let at = camera.center() + ray * (z / ray.dot(camera.forward()));
+                if !taken.insert(Cell::of(at, distance(z))) {
+                    continue;
+                }
+                let side =
+                    |at: f64, cells: usize, pixels: u32| (at / cells as f64 * f64::from(pixels)) as usize;
+                let (u, v) = (side(x, width, photo.width), side(y, height, photo.height));
+                let pixel = 3 * (v * photo.width as usize + u);
+                fresh.push((at.to_array(), [0, 1, 2].map(|c| photo.rgb[pixel + c])));
+            }
+        }
+    }
+    let added = fresh.len().min(room);
+    for i in 0..added {
+        let (position, color) = fresh[i * fresh.len() / added];
+        points.push(position, color, f32::NAN, 0);
+    }
+    added
+}
+
+/// A cell of space; its size is a power of two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct Cell {
+    level: i32,
+    at: [i64; 3],
+}
+
+impl Cell {
+    /// The cell of about `size` that a point is in.
+    fn of(point: DVec3, size: f64) -> Self {
+        let level = size.log2().round() as i32;
+        Self { level, at: (point / 2f64.powi(level)).floor().to_array().map(|v| v as i64) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall at 4 units of which the left half has points.
+    #[test]
+    fn points_come_where_there_are_none() {
+        let camera = Camera::looking((80, 60), 60.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
+        let (width, height) = (40u32, 30u32);
+        let mut disparity = vec![0.25f32; 1200];
+        disparity[0] = f32::NAN;
+        disparity[1] = 0.0;
+        let prior = Prior { width, height, disparity, ..Prior::default() };
+        let rgb = (0..20 * 15).flat_map(|i| [if i % 20 < 10 { 250 } else { 10 }, 7, 9]).collect();
+        let photo = Photo { width: 20, height: 15, rgb, mask: None, camera };
+        let mut points = SparsePoints::default();
+        for row in 0..30 {
+            for column in 0..20 {
+                let ray = camera.ray(2.0 * f64::from(column) + 1.0, 2.0 * f64::from(row) + 1.0);
+                points.push((ray * (4.0 / ray.y)).to_array(), [1; 3], 0.5, 3);
+            }
+        }
+        let view = FillView { camera: &camera, prior: &prior, photo: &photo };
+        let mut full = points.clone();
+        assert_eq!(fill(&mut full, &[], 5000), 0);
+        let added = fill(&mut full, &[view], 5000);
+        assert!((200..=620).contains(&added), "{added}");
+        assert_eq!(full.len(), 600 + added);
+        let right = full.positions[600..].iter().filter(|p| p[0] > 0.0).count();
+        assert!(right > added * 9 / 10, "{right} of {added}");
+        for (position, color) in full.positions[600..].iter().zip(&full.colors[600..]) {
+            assert!((position[1] - 4.0).abs() < 1e-9);
+            assert_eq!(*color, [if position[0] < 0.0 { 250 } else { 10 }, 7, 9]);
+        }
+        let view = FillView { camera: &camera, prior: &prior, photo: &photo };
+        assert_eq!(fill(&mut points, &[view], 700), 100);
+    }
+}
