@@ -9,7 +9,8 @@
 //!
 //! Other than published: noise does not depend on the scene's unit and moves a splat by its own size at
 //! most, or large ones would leave the scene for good; splats that no photo has in view any more are dead,
-//! since nothing pulls on their opacity; the sky's splats take no part.
+//! since nothing pulls on their opacity; none grows wider than a share of its distance from the middle of the place, or of the
+//! scene's extent, since one that fills gaps all over a photo stands in the way of every other view; the sky's splats take no part.
 
 use super::{Densified, DensifyStrategy, DensifyTime, Population, Pulls};
 use crate::check::{COUNT, ConfigValue, SHARE, WEIGHT};
@@ -29,6 +30,9 @@ const USUAL_EXTENT: f64 = 5.0;
 /// Epochs after which what no photo has in view is dead: one epoch's last step and the next one's first
 /// can be nearly two apart.
 const LOST_AFTER: u32 = 2;
+
+/// Largest standard deviation, in distances from the middle of the place, or in extents where that is more.
+const WIDEST: f64 = 0.2;
 
 /// Constants of the chain.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -100,12 +104,16 @@ impl DensifyStrategy for McmcConfig {
     }
 
     fn is_due(&self, step: u32) -> bool {
-        step >= self.from && step < self.until && step.is_multiple_of(self.every)
+        step >= self.from && step.is_multiple_of(self.every)
     }
 
     fn apply(&self, time: &DensifyTime, population: &mut Population) -> Densified {
-        let DensifyTime { step, photos, random, .. } = *time;
+        let DensifyTime { step, photos, extent, random } = *time;
         if !self.is_due(step) {
+            return Densified::default();
+        }
+        population.bound(extent);
+        if step >= self.until {
             return Densified::default();
         }
         let count = population.len();
@@ -179,6 +187,26 @@ impl Population {
         }
     }
 
+    /// Narrows splats that are wider than their place lets them be.
+    fn bound(&mut self, extent: f64) {
+        let splats = &mut self.splats;
+        let own: Vec<usize> = (0..splats.len()).filter(|i| splats.groups[*i] != Group::Sky).collect();
+        let middle: [f64; 3] = std::array::from_fn(|k| {
+            let mut values: Vec<f32> = own.iter().map(|i| splats.means[*i][k]).collect();
+            let half = values.len() / 2;
+            if values.is_empty() {
+                0.0
+            } else {
+                f64::from(*values.select_nth_unstable_by(half, f32::total_cmp).1)
+            }
+        });
+        for i in own {
+            let far = (0..3).map(|k| (f64::from(splats.means[i][k]) - middle[k]).powi(2)).sum::<f64>().sqrt();
+            let widest = (WIDEST * far.max(extent)).ln() as f32;
+            splats.log_scales[i].iter_mut().for_each(|scale| *scale = scale.min(widest));
+        }
+    }
+
     /// Makes splat `index` a copy of `host`, about which nothing is known.
     fn take_place(&mut self, index: usize, host: usize) {
         let splats = &mut self.splats;
@@ -226,6 +254,24 @@ mod tests {
     fn explore_with(config: &McmcConfig, population: &mut Population, rate: f64, extent: f64) {
         let random = Random::new(1, Purpose::Noise, 9);
         explore(population, &config.noise(rate, extent, random).unwrap(), random);
+    }
+
+    #[test]
+    fn only_far_splats_are_wide() {
+        let mut population = Population::new(random_splats(50, 0, 2));
+        let (near, far, sky) = (0, 1, 2);
+        for (index, x) in [(near, 1.0), (far, 300.0), (sky, 1.0)] {
+            population.splats.means[index] = [x, 0.0, 0.0];
+            population.splats.log_scales[index] = [3.0, -2.0, 8.0];
+            population.splats.logit_opacities[index] = 2.0;
+        }
+        population.splats.groups[sky] = Group::Sky;
+        population.bound(5.0);
+        let widest = |index: usize| population.splats.scales(index)[2];
+        assert!(widest(near) <= WIDEST * 5.0 * 1.0001, "{}", widest(near));
+        assert!((widest(far) / (WIDEST * 300.0) - 1.0).abs() < 0.05, "{}", widest(far));
+        assert!(widest(sky) > 2000.0);
+        assert!((population.splats.scales(near)[1] - (-2f64).exp()).abs() < 1e-6);
     }
 
     /// n splats of the shared form, blended, have the alpha of the one at the centre, and nearly its
