@@ -263,7 +263,7 @@ pub(super) mod testing {
 
     /// Returns a state with an unrotated camera at the origin.
     pub fn state() -> ViewState {
-        catalog().initial_state(&Camera::posed((60, 40), 50.0, glam::DVec3::ZERO, glam::DMat3::IDENTITY))
+        catalog().initial_state(&Camera::posed((60, 40), 50.0, DVec3::ZERO, glam::DMat3::IDENTITY))
     }
 
     /// Returns the checked view of [`state`].
