@@ -38,8 +38,6 @@ const VIDEO_FRAME_EVERY: Duration = Duration::from_millis(500);
 const DRAFT_QUALITY: u8 = 72;
 /// Width, px, and JPEG quality of thumbnails.
 const THUMBNAIL: (u32, u8) = (224, 80);
-/// Least height of the picture in which the surface under a click is found, px. Only a small part of it is rendered.
-const SURFACE_HEIGHT: u32 = 720;
 /// Depth that gets the middle colour, scene radii.
 const HALF_DEPTH: f64 = 0.3;
 
@@ -406,9 +404,7 @@ impl RenderWorker {
 
     /// Returns the point of the nearest surface at `[x, y]`, 0-1, of the picture; `None` where there is only sky.
     fn surface_at(&mut self, view: &View, [x, y]: [f64; 2]) -> Result<Option<DVec3>> {
-        let [width, height] = view.state.size;
-        let finer = SURFACE_HEIGHT.div_ceil(height);
-        let camera = view.camera_plan_for((width * finer, height * finer)).camera(view.state.time);
+        let camera = view.camera_plan().camera(view.state.time);
         let at = (x * f64::from(camera.width), y * f64::from(camera.height));
         Ok(self.renderer.surface_at(&self.place, &camera, at)?)
     }

@@ -284,17 +284,16 @@ impl PreparedPlace {
         if !is_inside {
             return Ok(None);
         }
-        // A small picture about the point, which is in its middle.
-        let reach = (camera.height / 60).clamp(2, 24);
+        // A small picture about the point, which is in its middle: a finer one than the camera's, since pixels blur depth where
+        // a surface is seen at a low angle.
+        let finer = SURFACE_HEIGHT.div_ceil(camera.height.max(1));
+        let fine = camera.resized(camera.width * finer, camera.height * finer);
+        let (x, y) = (x * f64::from(finer), y * f64::from(finer));
+        let reach = fine.height / 45;
         let side = 2 * reach + 1;
         let middle = f64::from(side) / 2.0;
-        let part = Camera {
-            width: side,
-            height: side,
-            cx: camera.cx - x + middle,
-            cy: camera.cy - y + middle,
-            ..*camera
-        };
+        let part =
+            Camera { width: side, height: side, cx: fine.cx - x + middle, cy: fine.cy - y + middle, ..fine };
         let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
         let config = RenderConfig { outputs, ..self.config };
         let without_sky = WithoutSky::of(&self.scene);
@@ -302,7 +301,7 @@ impl PreparedPlace {
         let mut frame = Frame::default();
         backend.render(&DrawPass::new(&sets, &part, &config), &mut frame)?;
         Ok(middle_depth(&frame.median_depth).map(|depth| {
-            let ray = camera.ray(x, y);
+            let ray = fine.ray(x, y);
             camera.center() + ray * (depth / ray.dot(camera.forward()))
         }))
     }
@@ -591,6 +590,8 @@ impl PreparedPlace {
     }
 }
 
+/// Least height of the picture of which a part is rendered to find a surface, px.
+const SURFACE_HEIGHT: u32 = 2160;
 /// Share by which depths differ that are of one surface.
 const ONE_SURFACE: f64 = 0.1;
 

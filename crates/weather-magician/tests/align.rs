@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 use weather_magician::{Camera, Error, Metadata, PlaceOptions, Renderer, Scene, Weather};
+use wm_scene::Group;
+use wm_scene::splats::Splat;
 use wm_scene::survey::{Alignment, GivenGround};
 use wm_scene::synthetic::Builder;
 
@@ -18,6 +20,26 @@ fn court() -> Scene {
     Scene { splats: place.build(), metadata, views: Vec::new() }
 }
 
+/// A plane of flat splats under a sky of splats: its points are known.
+fn floor() -> Scene {
+    const SPACING: f64 = 0.06;
+    let mut place = Builder::new(6);
+    place.sky(DVec3::ZERO, 120.0, 3000);
+    let mut splats = place.build();
+    let size = ((0.6 * SPACING).ln() as f32, (0.03 * SPACING).ln() as f32);
+    for (i, j) in (-130..130).flat_map(|i| (-130..130).map(move |j| (i, j))) {
+        splats.push(&Splat {
+            mean: [f64::from(i) * SPACING, f64::from(j) * SPACING, 0.0].map(|v| v as f32),
+            quat: [1.0, 0.0, 0.0, 0.0],
+            log_scale: [size.0, size.0, size.1],
+            logit_opacity: 2.5,
+            rgb: [0.5; 3],
+            group: Group::Scene,
+        });
+    }
+    Scene { splats, ..Scene::default() }
+}
+
 fn camera() -> Camera {
     Camera::looking((480, 320), 55.0, DVec3::new(0.5, -9.0, 2.5), DVec3::new(0.0, 2.0, 0.5), UP).unwrap()
 }
@@ -25,7 +47,7 @@ fn camera() -> Camera {
 #[test]
 fn the_point_under_a_click_is_on_the_surface() {
     let mut renderer = Renderer::cpu().unwrap();
-    let place = renderer.load(court()).unwrap();
+    let place = renderer.load(floor()).unwrap();
     let camera = camera();
     for truth in [[-2.0, -4.0], [1.5, -5.0], [-3.0, 0.0], [0.3, 2.0], [2.5, -1.0]] {
         let truth = DVec3::new(truth[0], truth[1], 0.0);
