@@ -2,6 +2,7 @@
 
 use crate::client::{Viewer, until};
 use crate::common::{Workshop, yard, yard_metadata};
+use crate::page::screenshots;
 use crate::webdriver::Browser;
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
@@ -20,7 +21,7 @@ fn tilted_yard() -> (Workshop, PathBuf) {
 
 const CAMERA: &str = "--camera=0.5,-12,3:0,4,1";
 const GROUND: [DVec3; 3] =
-    [DVec3::new(-1.2, -5.0, 0.0), DVec3::new(2.0, -5.5, 0.0), DVec3::new(0.0, 1.0, 0.0)];
+    [DVec3::new(-1.9, -4.5, 0.0), DVec3::new(2.4, -4.8, 0.0), DVec3::new(0.0, 1.5, 0.0)];
 const SKY: DVec3 = DVec3::new(0.5, -2.0, 5.7);
 
 fn saved_up(scene: &Path) -> DVec3 {
@@ -83,6 +84,7 @@ fn three_clicks_on_the_ground_set_up_upright() {
         let pose = browser.script("return JSON.parse(document.getElementById('picture').dataset.camera)");
         seen(&pose, 1.0, DVec3::new(0.0, 4.0, 2.0))[1] < seen(&pose, 1.0, DVec3::new(0.0, 4.0, 0.0))[1]
     });
+    screenshots(&browser, "align");
     press("align-save");
     says("Saved as yard.ply.wm.toml");
     let off = saved_up(&scene).angle_between(DVec3::Z).to_degrees();
