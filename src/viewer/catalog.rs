@@ -3,7 +3,7 @@
 
 use super::state::{Follow, Pose, ViewOutput, ViewState, weather_of_json, weather_to_json};
 use crate::choices::SkyChoice;
-use crate::scene::{OwnSkyArgs, RunArgs, SceneArgs};
+use crate::scene::{FactArgs, OwnSkyArgs, RunArgs, SceneArgs};
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -20,11 +20,16 @@ use wm_weather::{EFFECTS, Easing, Panorama, Weather};
 const MAX_VIEWS: usize = 400;
 
 /// Facts about the scene, and the names that clients may use.
+#[derive(Clone)]
 pub struct Catalog {
     /// The scene's name, used in file names.
     pub stem: String,
-    /// Command-line words of the scene and its facts.
+    /// Command-line words of the scene.
     pub words: Vec<String>,
+    /// Command-line words of its facts.
+    pub fact_words: Vec<String>,
+    /// True if the facts were changed and not saved.
+    pub is_unsaved: bool,
     /// Command-line words of the run's options that change bytes.
     pub run_words: Vec<String>,
     /// Facts of the scene, such as its up direction and scale.
@@ -108,29 +113,37 @@ impl Catalog {
         }
     }
 
+    /// Returns the facts of the scene as JSON.
+    pub fn facts(&self) -> Value {
+        let survey = &self.survey;
+        json!({
+            "up": survey.up.value.to_array(),
+            "up_confidence": survey.up.confidence.to_string(),
+            "center": survey.center.to_array(),
+            "radius": survey.radius,
+            "ground": survey.ground.value,
+            "metres_per_unit": survey.metres_per_unit.value,
+            "has_scale": survey.metres_per_unit.source != FactSource::Assumed,
+            "unsaved": self.is_unsaved,
+        })
+    }
+
     /// Returns the catalog as JSON, for the page and for scripts.
     pub fn json(&self, start: &ViewState) -> Value {
-        let survey = &self.survey;
         let every = self.views.len().div_ceil(MAX_VIEWS).max(1);
         let view = |(name, camera): &(String, Camera)| json!({ "name": name, "camera": Pose::of(camera) });
         let preset = |(name, _): &(&str, &str)| {
             let weather = Weather::preset(name).unwrap_or_default();
             json!({ "name": name, "about": weather.about, "weather": weather_to_json(&weather) })
         };
+        let mut scene = self.facts();
+        scene["name"] = json!(self.stem);
+        scene["splats"] = json!(self.splats);
+        scene["renderer"] = json!(self.renderer);
+        scene["views"] = self.views.iter().step_by(every).map(view).collect();
         json!({
             "program": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
-            "scene": {
-                "name": self.stem,
-                "splats": self.splats,
-                "up": survey.up.value.to_array(),
-                "center": survey.center.to_array(),
-                "radius": survey.radius,
-                "ground": survey.ground.value,
-                "metres_per_unit": survey.metres_per_unit.value,
-                "has_scale": survey.metres_per_unit.source != FactSource::Assumed,
-                "renderer": self.renderer,
-                "views": self.views.iter().step_by(every).map(view).collect::<Value>(),
-            },
+            "scene": scene,
             "state": start,
             "outputs": ViewOutput::ALL.map(|(_, name)| name),
             "easings": Easing::ALL.map(Easing::name),
@@ -142,20 +155,35 @@ impl Catalog {
     }
 }
 
-/// Returns the command-line words that name a scene and its facts, with its photos' cameras, which influence snow covers.
+/// Returns the command-line words that name a scene, with its photos' cameras, which influence snow covers.
 pub fn scene_words(args: &SceneArgs, sky: OwnSkyArgs, views: Option<&std::path::PathBuf>) -> Vec<String> {
     let mut words = vec![args.scene.display().to_string()];
     let mut add =
         |option: &str, value: Option<String>| words.extend(value.map(|value| format!("--{option}={value}")));
-    let facts = &args.facts;
     add("level", args.level.map(|level| level.to_string()));
-    add("up", facts.up.map(|up| up.to_array().map(|v| v.to_string()).join(",")));
-    add("ground", facts.ground.map(|v| v.to_string()));
-    add("metres-per-unit", facts.metres_per_unit.or(facts.known_distance).map(|v| v.to_string()));
     add("sky", (sky.sky != SkyChoice::Keep).then(|| sky.sky.name().into()));
     add("views", views.map(|folder| folder.display().to_string()));
     words.extend(args.repair.then(|| "--repair".into()));
     words
+}
+
+/// Returns the command-line words of the facts that were given with a scene.
+pub fn given_words(facts: &FactArgs) -> Vec<String> {
+    fact_words(facts.up, facts.ground, facts.metres_per_unit.or(facts.known_distance))
+}
+
+/// Returns the command-line words that give the facts of a survey, except those that are assumed.
+pub fn survey_words(survey: &Survey) -> Vec<String> {
+    let scale = survey.metres_per_unit;
+    let is_known = scale.source != FactSource::Assumed;
+    fact_words(Some(survey.up.value), Some(survey.ground.value), is_known.then_some(scale.value))
+}
+
+fn fact_words(up: Option<DVec3>, ground: Option<f64>, metres_per_unit: Option<f64>) -> Vec<String> {
+    let up = up.map(|up| format!("--up={}", up.to_array().map(|v| v.to_string()).join(",")));
+    let ground = ground.map(|height| format!("--ground={height}"));
+    let scale = metres_per_unit.map(|metres| format!("--metres-per-unit={metres}"));
+    [up, ground, scale].into_iter().flatten().collect()
 }
 
 /// Returns the command-line words of the options of a run that change bytes.

@@ -9,6 +9,7 @@
 
 mod catalog;
 mod encode;
+mod facts;
 mod guard;
 mod listener;
 mod pace;
@@ -28,15 +29,17 @@ use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use anyhow::Result;
 use axum::body::Bytes;
 use catalog::Catalog;
+use facts::FactEditor;
 use render_worker::RenderWorker;
 use request_queue::RequestQueue;
-use serde_json::json;
+use serde_json::{Value, json};
 use state::ViewState;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 use videos::VideoList;
 use weather_magician::{PreparedPlace, Renderer};
+use wm_scene::survey::Survey;
 use wm_weather::{Panorama, ParamValue, Weather};
 
 /// Time for which the page of a scene that cannot be read is served, so that it can show the error.
@@ -58,13 +61,21 @@ pub struct ViewerOptions<'a> {
     pub panoramas: BTreeMap<String, Arc<Panorama>>,
 }
 
+/// The scene as clients know it.
+#[derive(Clone)]
+struct Loaded {
+    catalog: Arc<Catalog>,
+    /// The initial state.
+    start: ViewState,
+}
+
 /// State shared by the server and the render worker.
 #[derive(Default)]
 pub struct ViewerContext {
     queue: RequestQueue,
     videos: VideoList,
-    /// Set once the scene is loaded.
-    loaded: OnceLock<(Catalog, ViewState)>,
+    /// Set once the scene is loaded, and when its facts change.
+    loaded: RwLock<Option<Loaded>>,
     /// The error if the scene cannot be loaded.
     failed: OnceLock<String>,
     /// The latest state of any client.
@@ -74,20 +85,39 @@ pub struct ViewerContext {
 
 impl ViewerContext {
     fn is_loaded(&self) -> bool {
-        self.loaded.get().is_some()
+        self.loaded.read().unwrap_or_else(PoisonError::into_inner).is_some()
     }
 
-    fn loaded(&self) -> &(Catalog, ViewState) {
-        self.loaded.get().expect("called only after the scene is loaded")
+    fn loaded(&self) -> Loaded {
+        let loaded = self.loaded.read().unwrap_or_else(PoisonError::into_inner);
+        loaded.clone().expect("called only after the scene is loaded")
     }
 
-    fn catalog(&self) -> &Catalog {
-        &self.loaded().0
+    fn set_loaded(&self, loaded: Loaded) {
+        *self.loaded.write().unwrap_or_else(PoisonError::into_inner) = Some(loaded);
+    }
+
+    fn catalog(&self) -> Arc<Catalog> {
+        self.loaded().catalog
+    }
+
+    /// Takes other facts of the scene: the initial view is level under the new up, and thumbnails are rendered again. Returns the
+    /// message that tells pages.
+    fn set_facts(&self, survey: &Survey, fact_words: Vec<String>, is_unsaved: bool) -> Value {
+        let Loaded { catalog, mut start } = self.loaded();
+        start.camera = start.camera.levelled(survey.up.value);
+        if *survey != catalog.survey {
+            self.thumbnails.lock().unwrap_or_else(PoisonError::into_inner).clear();
+        }
+        let catalog = Catalog { survey: survey.clone(), fact_words, is_unsaved, ..(*catalog).clone() };
+        let message = json!({ "type": "facts", "facts": catalog.facts(), "start": start.camera });
+        self.set_loaded(Loaded { catalog: Arc::new(catalog), start });
+        message
     }
 
     /// The initial state.
     fn initial_state(&self) -> ViewState {
-        self.loaded().1.clone()
+        self.loaded().start
     }
 
     /// The latest state of any client.
@@ -107,8 +137,8 @@ impl ViewerContext {
 
     /// The first message to a page.
     fn greeting(&self) -> String {
-        let kind = match (self.loaded.get(), self.failed.get()) {
-            (Some(_), _) => "ready",
+        let kind = match (self.is_loaded(), self.failed.get()) {
+            (true, _) => "ready",
             (_, Some(_)) => "failed",
             _ => "loading",
         };
@@ -137,7 +167,7 @@ pub fn run(options: ViewerOptions<'_>, server: &server::ServerArgs) -> Result<()
     let address = server::serve(server, routes::routes(Arc::clone(&context)))?;
     println!("{address}");
     eprintln!("open this address in a browser; press Ctrl-C to quit");
-    let (renderer, place) = match open(options, &context) {
+    let (renderer, place, facts) = match open(options, &context) {
         Ok(stage) => {
             context.queue.broadcast(&context.greeting());
             stage
@@ -152,22 +182,28 @@ pub fn run(options: ViewerOptions<'_>, server: &server::ServerArgs) -> Result<()
             return Err(error);
         }
     };
-    let outcome = RenderWorker::new(Arc::clone(&context), renderer, place).run();
+    let outcome = RenderWorker::new(Arc::clone(&context), renderer, place, facts).run();
     context.videos.clear();
     outcome
 }
 
 /// Reads the scene and loads it.
-fn open(options: ViewerOptions<'_>, context: &ViewerContext) -> Result<(Renderer, PreparedPlace)> {
+fn open(
+    options: ViewerOptions<'_>,
+    context: &ViewerContext,
+) -> Result<(Renderer, PreparedPlace, FactEditor)> {
     let mut loaded =
         OpenScene::with_sky(options.scene, options.run, options.viewpoint.views.as_ref(), options.sky)?;
     let camera = options.viewpoint.start(&mut loaded)?;
     let OpenScene { renderer, place } = loaded;
     let mut panoramas = options.panoramas;
     panoramas.extend(panoramas_of(&options.weather));
+    let fact_words = catalog::given_words(&options.scene.facts);
     let catalog = Catalog {
         stem: stem_of(&options.scene.scene),
         words: catalog::scene_words(options.scene, options.sky, options.viewpoint.views.as_ref()),
+        fact_words: fact_words.clone(),
+        is_unsaved: false,
         run_words: catalog::run_words(options.run),
         survey: place.survey().clone(),
         near: camera.near,
@@ -178,8 +214,9 @@ fn open(options: ViewerOptions<'_>, context: &ViewerContext) -> Result<(Renderer
         panoramas,
     };
     let start = catalog.initial_state(&camera);
-    let _ = context.loaded.set((catalog, start));
-    Ok((renderer, place))
+    context.set_loaded(Loaded { catalog: Arc::new(catalog), start });
+    let facts = FactEditor::new(options.scene.scene.clone(), options.sky.sky, &place, fact_words);
+    Ok((renderer, place, facts))
 }
 
 /// The panoramas that a weather uses, by path.

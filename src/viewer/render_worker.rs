@@ -5,6 +5,7 @@
 
 use super::ViewerContext;
 use super::encode::{join_columns, jpeg, to_bytes};
+use super::facts::{FactChange, FactEditor, FactError};
 use super::request_queue::{ClientTask, RequestOutcome, ResponseFormat, ViewerCommand, WorkerTask};
 use super::state::{View, ViewOutput, ViewState};
 use super::videos::{VideoWriter, ViewerVideo};
@@ -12,14 +13,16 @@ use crate::commands::render::camera::CameraPlan;
 use crate::interrupt;
 use anyhow::{Context, Result, anyhow, bail};
 use axum::body::Bytes;
-use serde_json::json;
+use glam::DVec3;
+use serde_json::{Value, json};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 use weather_magician::assets::{Assets, MissingAssets};
 use weather_magician::output::{ExtraPicture, PictureFormat, PictureLayer, PictureStyle, outputs};
 use weather_magician::{
-    FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, picture_tags,
+    FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Progress, Renderer, picture_tags,
 };
 use wm_media::color::Dither;
 use wm_media::{PictureSize, video};
@@ -43,6 +46,7 @@ pub struct RenderWorker {
     context: Arc<ViewerContext>,
     renderer: Renderer,
     place: PreparedPlace,
+    facts: FactEditor,
     pending: Option<PendingAssets>,
     /// Commands that wait for assets.
     waiting: Vec<ViewerCommand>,
@@ -56,6 +60,16 @@ struct PendingAssets {
     receive: Receiver<Result<Assets, weather_magician::Error>>,
     /// The client that needs them first, if any.
     client: Option<u64>,
+    is_stopped: Arc<AtomicBool>,
+}
+
+/// Stops the work of the second thread when its assets are not needed any more.
+struct Stop(Arc<AtomicBool>);
+
+impl Progress for Stop {
+    fn is_stopped(&mut self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
 }
 
 /// A video that is being rendered.
@@ -83,11 +97,17 @@ impl ViewOutput {
 
 impl RenderWorker {
     /// Returns a worker for a loaded scene.
-    pub fn new(context: Arc<ViewerContext>, renderer: Renderer, place: PreparedPlace) -> Self {
+    pub fn new(
+        context: Arc<ViewerContext>,
+        renderer: Renderer,
+        place: PreparedPlace,
+        facts: FactEditor,
+    ) -> Self {
         Self {
             context,
             renderer,
             place,
+            facts,
             pending: None,
             waiting: Vec::new(),
             video: None,
@@ -157,13 +177,14 @@ impl RenderWorker {
     fn spawn_assets(&mut self, mut missing: MissingAssets, client: Option<u64>) -> Result<()> {
         let source = self.renderer.asset_source(&mut self.place, &mut missing)?;
         let (send, receive) = channel();
-        let context = Arc::clone(&self.context);
+        let (context, is_stopped) = (Arc::clone(&self.context), Arc::<AtomicBool>::default());
+        let mut stop = Stop(Arc::clone(&is_stopped));
         std::thread::Builder::new().name("prepare".into()).spawn(move || {
-            // The worker may have ended.
-            let _ = send.send(missing.make(source, &mut ()));
+            // The worker may have ended, or the facts may be others.
+            let _ = send.send(missing.make(source, &mut stop));
             context.queue.wake_worker();
         })?;
-        self.pending = Some(PendingAssets { receive, client });
+        self.pending = Some(PendingAssets { receive, client, is_stopped });
         Ok(())
     }
 
@@ -265,7 +286,7 @@ impl RenderWorker {
         let rate = |name: &str| -> f64 {
             sky.falling().iter().filter(|fall| fall.kind.name == name).map(|fall| fall.rate).sum()
         };
-        let falls: serde_json::Map<String, serde_json::Value> =
+        let falls: serde_json::Map<String, Value> =
             sky.falling().iter().map(|fall| (fall.kind.name.to_owned(), fall.rate.into())).collect();
         json!({
             "seq": seq, "width": size.0, "height": size.1, "whole": is_whole, "time": time,
@@ -283,7 +304,11 @@ impl RenderWorker {
             ViewerCommand::Picture { view, .. } => {
                 !self.ensure_assets(&view.weather, view.state.time, None)?
             }
-            ViewerCommand::Pick { .. } | ViewerCommand::Video { .. } | ViewerCommand::Thumbnail(_) => false,
+            ViewerCommand::Pick { .. }
+            | ViewerCommand::Surface { .. }
+            | ViewerCommand::Facts { .. }
+            | ViewerCommand::Video { .. }
+            | ViewerCommand::Thumbnail(_) => false,
         };
         if waits {
             self.waiting.push(command);
@@ -301,6 +326,14 @@ impl RenderWorker {
             ViewerCommand::Pick { view, at, client_queue } => {
                 let point = self.pick_point(&view, at)?;
                 client_queue.push_message(json!({ "type": "picked", "point": point }).to_string());
+            }
+            ViewerCommand::Surface { view, at, reply } => {
+                let point = self.surface_at(&view, at);
+                let _ = reply.send(point.map_err(|error| format!("{error:#}")));
+            }
+            ViewerCommand::Facts { change, reply } => {
+                let answer = self.change_facts(change)?;
+                let _ = reply.send(answer);
             }
             ViewerCommand::Video { view, job } => {
                 if let Err(error) = self.start_video(&view, &job) {
@@ -339,11 +372,18 @@ impl RenderWorker {
     }
 
     fn style(&self, view: &View, plan: &CameraPlan, time: f64) -> PictureStyle {
-        let (scene, site) = (&self.context.catalog().words[0], self.place.site());
+        let (catalog, site) = (self.context.catalog(), self.place.site());
         let camera = plan.camera(time);
         PictureStyle {
             metres_per_unit: site.metres_per_unit,
-            tags: picture_tags(scene, site, self.renderer.backend(), &view.weather, time, &camera),
+            tags: picture_tags(
+                &catalog.words[0],
+                site,
+                self.renderer.backend(),
+                &view.weather,
+                time,
+                &camera,
+            ),
             ..PictureStyle::default()
         }
     }
@@ -360,6 +400,43 @@ impl RenderWorker {
         let ray = camera.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
         let reach = f64::from(depth) / ray.dot(camera.forward());
         Ok((depth > 0.0).then(|| (camera.center() + ray * reach).to_array()))
+    }
+
+    /// Returns the point of the nearest surface at `[x, y]`, 0-1, of the picture; `None` where there is only sky.
+    fn surface_at(&mut self, view: &View, [x, y]: [f64; 2]) -> Result<Option<DVec3>> {
+        let camera = view.camera_plan().camera(view.state.time);
+        let at = (x * f64::from(camera.width), y * f64::from(camera.height));
+        Ok(self.renderer.surface_at(&self.place, &camera, at)?)
+    }
+
+    /// Changes the facts of the scene: everything after it is rendered with the new ones. Returns what clients are told.
+    fn change_facts(&mut self, change: FactChange) -> Result<Result<Value, FactError>> {
+        if self.video.is_some() {
+            let why = "a video is being rendered: wait until it is done, or stop it";
+            return Ok(Err(FactError::Busy(why.into())));
+        }
+        let before = self.place.facts();
+        let text = match self.facts.apply(&mut self.renderer, &mut self.place, change) {
+            Ok(text) => text,
+            Err(error) => return Ok(Err(error)),
+        };
+        let (words, is_unsaved) = (self.facts.words(&self.place), self.facts.is_unsaved());
+        let mut message = self.context.set_facts(self.place.survey(), words, is_unsaved);
+        let is_same = self.place.facts() == before;
+        if let Some(pending) = self.pending.take_if(|_| !is_same) {
+            // These are assets of the old facts.
+            pending.is_stopped.store(true, Ordering::Relaxed);
+            self.context.queue.broadcast(&json!({ "type": "status", "text": "" }).to_string());
+        }
+        self.context.queue.broadcast(&message.to_string());
+        if !is_same {
+            self.context.queue.resume_waiting(None);
+            for command in std::mem::take(&mut self.waiting) {
+                self.execute(command)?;
+            }
+        }
+        message["text"] = text.into();
+        Ok(Ok(message))
     }
 
     fn render_thumbnail(&mut self, name: String) -> Result<()> {
@@ -385,7 +462,7 @@ impl RenderWorker {
         let height = (f64::from(THUMBNAIL.0 * height) / f64::from(width)).round().clamp(1.0, 1024.0) as u32;
         let weather_json = super::state::weather_to_json(&weather);
         let state = ViewState { weather: weather_json, time, divider: None, ..state };
-        let view = View::new(state, self.context.catalog(), None).map_err(|error| anyhow!(error))?;
+        let view = View::new(state, &self.context.catalog(), None).map_err(|error| anyhow!(error))?;
         let size = (THUMBNAIL.0, height);
         let patience = if is_whole { Patience::Whole } else { Patience::Draft };
         let (rgb, _) = self.draw(&view, size, patience, Dither::Ordered)?;

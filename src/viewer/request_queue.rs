@@ -3,9 +3,12 @@
 //! Only the latest request of each client is kept, and a client that has not displayed its last few frames gets no new one.
 //! Clients take turns; those whose view is moving come first.
 
+use super::facts::{FactChange, FactError};
 use super::pace::Pace;
 use super::state::View;
 use axum::body::Bytes;
+use glam::DVec3;
+use serde_json::Value;
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -84,6 +87,22 @@ pub enum ViewerCommand {
         at: [f64; 2],
         /// Receives the point.
         client_queue: Arc<ClientQueue>,
+    },
+    /// Finds the point of the nearest surface at a point of the picture.
+    Surface {
+        /// The view that is displayed.
+        view: Arc<View>,
+        /// Position from the left and the top, as a fraction of the picture's sides, 0-1.
+        at: [f64; 2],
+        /// Receives the point, scene units; `None` where there is only sky.
+        reply: oneshot::Sender<Result<Option<DVec3>, String>>,
+    },
+    /// Changes the facts of the scene.
+    Facts {
+        /// The change.
+        change: FactChange,
+        /// Receives the facts as JSON.
+        reply: oneshot::Sender<Result<Value, FactError>>,
     },
     /// Renders a video.
     Video {

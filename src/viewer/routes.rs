@@ -1,6 +1,7 @@
 //! The HTTP interface, described in docs/guide/viewer.md.
 
 use super::ViewerContext;
+use super::facts::FactError;
 use super::request_queue::{MAX_CLIENTS, ResponseFormat, ViewerCommand};
 use super::server::{MAX_BODY_BYTES, assets, refusal};
 use super::session;
@@ -48,6 +49,8 @@ pub fn routes(context: Arc<ViewerContext>) -> Router {
         "/" => "index.html", "text/html; charset=utf-8";
         "/style.css" => "style.css", "text/css";
         "/icon.svg" => "icon.svg", "image/svg+xml";
+        "/align.js" => "align.js", "text/javascript";
+        "/align.css" => "align.css", "text/css";
         "/main.js" => "main.js", "text/javascript";
         "/camera.js" => "camera.js", "text/javascript";
         "/controls.js" => "controls.js", "text/javascript";
@@ -64,6 +67,8 @@ pub fn routes(context: Arc<ViewerContext>) -> Router {
         .route("/parameters", get(parameters))
         .route("/state", get(state).put(put_state))
         .route("/frame", get(frame))
+        .route("/surface", post(surface))
+        .route("/facts", post(change_facts))
         .route("/weather", post(read_weather))
         .route("/thumbnails/{name}", get(thumbnail))
         .route("/files/{kind}", post(file))
@@ -106,7 +111,7 @@ async fn state(State(context): Shared) -> Answer {
 async fn put_state(State(context): Shared, body: Bytes) -> Answer {
     check_loaded(&context)?;
     let state = context.state().patched(parsed(&body)?)?;
-    let view = View::new(state, context.catalog(), None)?;
+    let view = View::new(state, &context.catalog(), None)?;
     context.set_state(&view.state);
     context.queue.broadcast(&json!({ "type": "state", "state": view.state }).to_string());
     Ok(json_answer(&view.state))
@@ -120,7 +125,7 @@ async fn frame(State(context): Shared, RawQuery(query): RawQuery) -> Answer {
         let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
         apply_query(&mut state, &mut format, key, &decode_query(value)?, &context)?;
     }
-    let view = View::new(state, context.catalog(), None)?;
+    let view = View::new(state, &context.catalog(), None)?;
     picture(&context, view, format).await
 }
 
@@ -223,6 +228,52 @@ async fn picture(context: &ViewerContext, view: View, format: ResponseFormat) ->
     Ok(([(header::CONTENT_TYPE, kind)], bytes).into_response())
 }
 
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SurfaceParameters {
+    state: Value,
+    x: f64,
+    y: f64,
+}
+
+/// Pushes a command and waits for its reply.
+async fn reply_of<T>(
+    context: &ViewerContext,
+    command: impl FnOnce(oneshot::Sender<T>) -> ViewerCommand,
+) -> Result<T, RequestError> {
+    let (reply, answer) = oneshot::channel();
+    let unavailable = |why: &str| RequestError(StatusCode::SERVICE_UNAVAILABLE, why.into());
+    context.queue.push_command(command(reply)).map_err(|_| unavailable("too many requests at once"))?;
+    answer.await.map_err(|_| unavailable("the program is ending"))
+}
+
+/// Finds the point of the nearest surface at a point of a state's picture.
+async fn surface(State(context): Shared, body: Bytes) -> Answer {
+    check_loaded(&context)?;
+    let SurfaceParameters { state, x, y } =
+        serde_json::from_slice(&body).map_err(|error| format!("surface: {error}"))?;
+    if !((0.0..=1.0).contains(&x) && (0.0..=1.0).contains(&y)) {
+        return Err("surface: x and y must be 0 to 1".to_owned().into());
+    }
+    let view = Arc::new(View::new(context.state().patched(state)?, &context.catalog(), None)?);
+    let found = reply_of(&context, |reply| ViewerCommand::Surface { view, at: [x, y], reply }).await?;
+    let found = found.map_err(|error| RequestError(StatusCode::INTERNAL_SERVER_ERROR, error))?;
+    Ok(json_answer(&json!({ "point": found.map(|point| point.to_array()) })))
+}
+
+/// Changes the facts of the scene.
+async fn change_facts(State(context): Shared, body: Bytes) -> Answer {
+    check_loaded(&context)?;
+    let change = serde_json::from_slice(&body).map_err(|error| format!("facts: {error}"))?;
+    let changed = reply_of(&context, |reply| ViewerCommand::Facts { change, reply }).await?;
+    let answer = changed.map_err(|error| match error {
+        FactError::Refused(why) => RequestError(StatusCode::BAD_REQUEST, why),
+        FactError::Busy(why) => RequestError(StatusCode::CONFLICT, why),
+        FactError::Failed(why) => RequestError(StatusCode::INTERNAL_SERVER_ERROR, why),
+    })?;
+    Ok(json_answer(&answer))
+}
+
 /// Converts the text of a weather file to the weather of a state.
 async fn read_weather(State(context): Shared, body: Bytes) -> Answer {
     check_loaded(&context)?;
@@ -247,7 +298,7 @@ async fn thumbnail(State(context): Shared, Path(name): Path<String>) -> Answer {
 async fn file(State(context): Shared, Path(kind): Path<String>, body: Bytes) -> Answer {
     check_loaded(&context)?;
     let state = context.state().patched(parsed(&body)?)?;
-    let view = View::new(state, context.catalog(), None)?;
+    let view = View::new(state, &context.catalog(), None)?;
     let names = FileNames::of(&context, &view);
     let (name, kind, text) = match &kind[..] {
         "picture" => {
@@ -308,7 +359,7 @@ impl FileNames {
     fn command(&self, context: &ViewerContext, view: &View, video: Option<(FrameRate, f64)>) -> String {
         let catalog = context.catalog();
         let mut words = vec!["weather-magician".to_owned(), "render".into()];
-        words.extend(catalog.words.iter().cloned());
+        words.extend(catalog.words.iter().chain(&catalog.fact_words).cloned());
         let state = &view.state;
         let [width, height] = state.size;
         let camera = if state.follow == Follow::Path { "path" } else { "camera" };
@@ -370,7 +421,7 @@ async fn begin_video(State(context): Shared, body: Bytes) -> Answer {
     }
     let mut state = context.state().patched(state)?;
     (state.time, state.output, state.divider) = (0.0, ViewOutput::Rgb, None);
-    let view = Arc::new(View::new(state, context.catalog(), None)?);
+    let view = Arc::new(View::new(state, &context.catalog(), None)?);
     let names = FileNames::of(&context, &view);
     let busy = |error| RequestError(StatusCode::CONFLICT, error);
     let video = context.videos.add(names.video.clone(), rate, frames).map_err(busy)?;

@@ -8,7 +8,7 @@
 //! | `{"type": "thumbnails"}` | requests thumbnails of the presets |
 //!
 //! Frames are binary: the length of a JSON header (32 bits, little-endian), the header, a JPEG. Text messages are JSON with a `type`:
-//! `loading`, `ready`, `failed`, `status`, `error`, `state`, `picked`, `thumbnail`.
+//! `loading`, `ready`, `failed`, `status`, `error`, `state`, `facts`, `picked`, `thumbnail`.
 
 use super::ViewerContext;
 use super::request_queue::{ClientQueue, ViewRequest, ViewerCommand};
@@ -92,7 +92,7 @@ fn handle_message(
     match message {
         ClientMessage::View { seq, moving, state } => {
             let before = view.as_ref().map_or_else(|| context.initial_state(), |view| view.state.clone());
-            let new = View::new(before.patched(state)?, context.catalog(), view.as_deref())?;
+            let new = View::new(before.patched(state)?, &context.catalog(), view.as_deref())?;
             let new = Arc::new(new);
             *view = Some(Arc::clone(&new));
             context.set_state(&new.state);

@@ -2,6 +2,7 @@
 
 use super::catalog::Catalog;
 use crate::commands::render::camera::CameraPlan;
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
@@ -35,6 +36,15 @@ impl Pose {
         let key = weather_magician::view::path::PathKey::of(camera, 0.0);
         let r = key.rotation;
         Self { eye: key.eye.to_array(), rotation: [r.w, r.x, r.y, r.z], fov: key.fov }
+    }
+
+    /// Returns the pose with its horizon level under another up; unchanged if it looks straight up or down.
+    pub fn levelled(self, up: DVec3) -> Self {
+        let [w, x, y, z] = self.rotation;
+        let forward = DQuat::from_xyzw(x, y, z, w).normalize().inverse() * DVec3::Z;
+        let eye = DVec3::from_array(self.eye);
+        // A pose is of any size.
+        Camera::looking((2, 2), self.fov, eye, eye + forward, up).map_or(self, |camera| Self::of(&camera))
     }
 }
 
@@ -238,6 +248,8 @@ pub(super) mod testing {
         Catalog {
             stem: "nothing".into(),
             words: vec!["nothing.ply".into()],
+            fact_words: Vec::new(),
+            is_unsaved: false,
             run_words: Vec::new(),
             survey: Survey::of(&Scene::default(), &Metadata::default()),
             near: 0.1,
@@ -251,7 +263,7 @@ pub(super) mod testing {
 
     /// Returns a state with an unrotated camera at the origin.
     pub fn state() -> ViewState {
-        catalog().initial_state(&Camera::posed((60, 40), 50.0, glam::DVec3::ZERO, glam::DMat3::IDENTITY))
+        catalog().initial_state(&Camera::posed((60, 40), 50.0, DVec3::ZERO, glam::DMat3::IDENTITY))
     }
 
     /// Returns the checked view of [`state`].

@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod align;
 mod client;
 mod frames;
 mod page;

@@ -190,7 +190,7 @@ fn it_fits_a_phone_and_both_lights() {
 }
 
 /// Keeps a picture of the page for who wants to look at it: `WM_SCREENSHOTS=FOLDER`.
-fn screenshots(browser: &Browser, name: &str) {
+pub fn screenshots(browser: &Browser, name: &str) {
     if let Some(folder) = std::env::var_os("WM_SCREENSHOTS") {
         let shot = browser.chromium("Page.captureScreenshot", json!({}));
         let text = shot["data"].as_str().unwrap();

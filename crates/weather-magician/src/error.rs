@@ -5,6 +5,7 @@ use crate::view::ViewError;
 use thiserror::Error;
 use wm_media::MediaError;
 use wm_render::RenderError;
+use wm_scene::survey::AlignError;
 use wm_scene::{CameraError, FormatError};
 use wm_train::SessionError;
 use wm_weather::WeatherError;
@@ -28,6 +29,9 @@ pub enum Error {
     /// A camera path or a view of the scene cannot be found.
     #[error(transparent)]
     View(Box<ViewError>),
+    /// Facts that are set by hand cannot be used.
+    #[error(transparent)]
+    Align(#[from] AlignError),
     /// The renderer failed.
     #[error(transparent)]
     Render(Box<RenderError>),

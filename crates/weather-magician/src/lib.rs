@@ -33,6 +33,7 @@
 //! | another format, fewer splats | [`SceneChange`], [`Scene::save`] |
 //! | photos to a scene | [`train::Session`] |
 //! | assets that take seconds, on another thread | [`PreparedPlace::missing_assets`], [`assets`] |
+//! | up, ground and scale set by hand | [`Renderer::align`], [`Renderer::surface_at`] |
 //! | frames of splats of your own | [`frame::FrameRequest`] |
 //! | checks of visibility, rain rate, snow depth in pictures | [`measure`] |
 //!
@@ -64,7 +65,7 @@ pub use error::{Error, Result};
 pub use frame::MovingCamera;
 pub use motion::CameraMotion;
 pub use picture::Picture;
-pub use place::{FrameOptions, Patience, PlaceOptions, PlaceView, PreparedPlace};
+pub use place::{FrameOptions, Patience, PlaceFacts, PlaceOptions, PlaceView, PreparedPlace};
 pub use progress::Progress;
 pub use renderer::Renderer;
 pub use tags::picture_tags;

@@ -2,21 +2,22 @@
 
 use crate::assets::{
     AssetCache, AssetFile, AssetNeeds, AssetSource, AssetStore, Assets, MissingAssets, SurfaceViews,
-    ViewDetail, lock, photo_views, scene_digest,
+    ViewDetail, WithoutSky, lock, photo_views, scene_digest,
 };
 use crate::frame::FrameRequest;
 use crate::frame::MovingCamera;
 use crate::picture::Picture;
 use crate::view;
 use crate::{Error, Progress, Result};
+use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use wm_render::parts::PicturePart;
 use wm_render::{
-    AnyRenderer, Background, DrawPass, Frame, Pictures, RenderBackend, RenderConfig, SetId, SetView,
-    SkyGradient, Stats,
+    AnyRenderer, Background, DrawPass, Frame, MedianDepth, Outputs, Pictures, RenderBackend, RenderConfig,
+    SetId, SetView, SkyGradient, Stats,
 };
-use wm_scene::survey::{FactSource, Survey, label_sky};
+use wm_scene::survey::{Aligned, Alignment, FactSource, Survey, align, label_sky};
 use wm_scene::{Camera, LookAt, Metadata, Scene, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::FusedSurfaces;
@@ -42,6 +43,15 @@ pub struct PlaceOptions {
     pub facts: Metadata,
     /// The folder for prepared assets, see [`AssetCache::folder_of`]; `None` keeps none.
     pub assets: Option<PathBuf>,
+}
+
+/// The facts that a place was surveyed with.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PlaceFacts {
+    /// The metadata of the scene.
+    pub scene: Metadata,
+    /// Facts that win over those of the scene.
+    pub given: Metadata,
 }
 
 /// Options of a frame, apart from its weather.
@@ -99,13 +109,19 @@ pub struct PreparedPlace {
     pub(crate) renderer: u64,
     set: SetId,
     scene: Arc<Scene>,
+    /// Facts that win over those of the scene.
+    given: Metadata,
     survey: Survey,
     site: Site,
     /// The outputs of frames, and what stands behind them.
     pub config: RenderConfig,
+    /// The folder for prepared assets, if they are kept.
+    assets: Option<PathBuf>,
     cache: AssetCache,
     store: AssetStore,
     lying: Option<Lying>,
+    /// True once the splats in the computer's memory are freed.
+    is_released: bool,
     warnings: Vec<String>,
     /// A doubt about up that is told when a weather first stands on it.
     doubt: Option<String>,
@@ -149,11 +165,14 @@ impl PreparedPlace {
             renderer,
             set,
             scene: Arc::new(scene),
+            given: options.facts.clone(),
             site,
             config: RenderConfig::default(),
+            assets: options.assets.clone(),
             cache: AssetCache::new(options.assets.clone(), digest.unwrap_or_default()),
             store: AssetStore::default(),
             lying: None,
+            is_released: false,
             warnings: survey.warning().into_iter().collect(),
             doubt: survey.up_warning(),
             survey,
@@ -184,10 +203,107 @@ impl PreparedPlace {
         &self.site
     }
 
+    /// The facts that the place was surveyed with, for [`crate::Renderer::set_facts`].
+    #[must_use]
+    pub fn facts(&self) -> PlaceFacts {
+        PlaceFacts { scene: self.scene.metadata.clone(), given: self.given.clone() }
+    }
+
     /// The splats in the renderer.
     #[must_use]
     pub fn set(&self) -> SetId {
         self.set
+    }
+
+    /// Sets facts by hand; those that were given become facts of the scene.
+    pub(crate) fn align(&mut self, backend: &mut AnyRenderer, by: &Alignment) -> Result<Aligned> {
+        self.check_splats()?;
+        let mut metadata = self.given.clone().or(self.scene.metadata.clone());
+        if self.given.ground.is_none() && self.survey.ground.source != FactSource::File {
+            // It is along another up than the given one.
+            (metadata.ground, metadata.ground_confidence) = (None, None);
+        }
+        let scene = Arc::make_mut(&mut self.scene);
+        let before = std::mem::replace(&mut scene.metadata, metadata);
+        let aligned = match align(scene, by) {
+            Ok(aligned) => aligned,
+            Err(error) => {
+                scene.metadata = before;
+                return Err(error.into());
+            }
+        };
+        self.given = Metadata::default();
+        self.renew(backend, aligned.after.clone());
+        Ok(aligned)
+    }
+
+    /// Surveys the place anew with other facts.
+    pub(crate) fn set_facts(&mut self, backend: &mut AnyRenderer, facts: PlaceFacts) -> Result<()> {
+        self.check_splats()?;
+        Arc::make_mut(&mut self.scene).metadata = facts.scene;
+        self.given = facts.given;
+        let survey = Survey::of(&self.scene, &self.given);
+        self.renew(backend, survey);
+        Ok(())
+    }
+
+    /// Returns an error if the splats, of which facts are found, were released.
+    fn check_splats(&self) -> Result<()> {
+        if self.is_released {
+            return Err(Error::Unsupported("the splats were released: facts cannot change any more".into()));
+        }
+        Ok(())
+    }
+
+    /// Takes a survey of other facts, and forgets what was made along the old ones.
+    fn renew(&mut self, backend: &mut AnyRenderer, survey: Survey) {
+        self.clear_cover(backend);
+        let has_own_background = self.config.background != self.background();
+        let digest = self.assets.as_ref().map(|_| scene_digest(&self.scene, &survey, &backend.arithmetic()));
+        self.cache = AssetCache::new(self.assets.clone(), digest.unwrap_or_default());
+        self.store = AssetStore::default();
+        self.site = site_of(&survey);
+        self.doubt = survey.up_warning();
+        self.survey = survey;
+        if !has_own_background {
+            self.config.background = self.background();
+        }
+    }
+
+    /// Returns the point of the nearest surface at the point `(x, y)` (px) of a camera's picture, world axes; `None` where there
+    /// is only sky.
+    pub(crate) fn surface_at(
+        &self,
+        backend: &mut AnyRenderer,
+        camera: &Camera,
+        (x, y): (f64, f64),
+    ) -> Result<Option<DVec3>> {
+        self.check_splats()?;
+        let is_inside =
+            (0.0..=f64::from(camera.width)).contains(&x) && (0.0..=f64::from(camera.height)).contains(&y);
+        if !is_inside {
+            return Ok(None);
+        }
+        // A small picture about the point, which is in its middle: a finer one than the camera's, since pixels blur depth where
+        // a surface is seen at a low angle.
+        let finer = SURFACE_HEIGHT.div_ceil(camera.height.max(1));
+        let fine = camera.resized(camera.width * finer, camera.height * finer);
+        let (x, y) = (x * f64::from(finer), y * f64::from(finer));
+        let reach = fine.height / 45;
+        let side = 2 * reach + 1;
+        let middle = f64::from(side) / 2.0;
+        let part =
+            Camera { width: side, height: side, cx: fine.cx - x + middle, cy: fine.cy - y + middle, ..fine };
+        let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
+        let config = RenderConfig { outputs, ..self.config };
+        let without_sky = WithoutSky::of(&self.scene);
+        let sets = [SetView::plain(self.set).with_attributes(Some(&without_sky))];
+        let mut frame = Frame::default();
+        backend.render(&DrawPass::new(&sets, &part, &config), &mut frame)?;
+        Ok(middle_depth(&frame.median_depth).map(|depth| {
+            let ray = fine.ray(x, y);
+            camera.center() + ray * (depth / ray.dot(camera.forward()))
+        }))
     }
 
     /// Takes the warnings that came up since the last call, one line each.
@@ -204,6 +320,7 @@ impl PreparedPlace {
             metadata: self.scene.metadata.clone(),
         };
         self.scene = Arc::new(scene);
+        self.is_released = true;
     }
 
     /// Returns the background for the splats: none if the scene has a sky, else a plain sky.
@@ -471,6 +588,24 @@ impl PreparedPlace {
         self.clear_cover(backend);
         backend.unload(self.set);
     }
+}
+
+/// Least height of the picture of which a part is rendered to find a surface, px.
+const SURFACE_HEIGHT: u32 = 2160;
+/// Share by which depths differ that are of one surface.
+const ONE_SURFACE: f64 = 0.1;
+
+/// Returns the depth in the middle of a square of median depths, of which 0 is nothing. Depths of splats are steps; the
+/// reciprocal depth of a plane is linear over the picture, so that its mean over points to both sides is that in the middle.
+fn middle_depth(depths: &[f32]) -> Option<f64> {
+    let middle = f64::from(*depths.get(depths.len() / 2)?);
+    if middle <= 0.0 {
+        return None;
+    }
+    let is_near = |depth: f64| (depth / middle - 1.0).abs() < ONE_SURFACE;
+    let pairs = depths.iter().zip(depths.iter().rev()).map(|(a, b)| [f64::from(*a), f64::from(*b)]);
+    let near: Vec<f64> = pairs.filter(|pair| pair.iter().all(|depth| is_near(*depth))).flatten().collect();
+    Some(near.len() as f64 / near.iter().map(|depth| depth.recip()).sum::<f64>())
 }
 
 /// Returns the facts of a surveyed place that weather uses.

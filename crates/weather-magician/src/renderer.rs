@@ -3,12 +3,14 @@
 use crate::assets::{AssetSource, Assets, MissingAssets};
 use crate::frame::FrameRequest;
 use crate::picture::Picture;
-use crate::place::{FrameOptions, PlaceOptions, PlaceView, PreparedPlace, check_owner};
+use crate::place::{FrameOptions, PlaceFacts, PlaceOptions, PlaceView, PreparedPlace, check_owner};
 use crate::tags::picture_tags;
 use crate::view;
 use crate::{Progress, Result};
+use glam::DVec3;
 use std::sync::atomic::{AtomicU64, Ordering};
 use wm_render::{AnyRenderer, CpuConfig, Device, Frame, Pictures, RenderBackend, RenderError, Stats};
+use wm_scene::survey::{Aligned, Alignment};
 use wm_scene::{Camera, Scene};
 use wm_weather::Weather;
 use wm_weather::cover::LyingCover;
@@ -84,6 +86,42 @@ impl Renderer {
     /// As [`Self::load`].
     pub fn load_with(&mut self, scene: Scene, options: &PlaceOptions) -> Result<PreparedPlace> {
         PreparedPlace::load(&mut self.backend, self.id, scene, options)
+    }
+
+    /// Sets facts of a place by hand: up, the ground, the scale. The next frame has them; assets of the old facts are not used
+    /// any more. [`PreparedPlace::facts`] has the metadata to write. About half a second for 850,000 splats.
+    ///
+    /// # Errors
+    /// [`crate::Error::Align`] if a value cannot be used, and the place is as it was then; [`crate::Error::Unsupported`] after
+    /// [`PreparedPlace::release_splats`].
+    pub fn align(&mut self, place: &mut PreparedPlace, by: &Alignment) -> Result<Aligned> {
+        check_owner(place, self.id)?;
+        place.align(&mut self.backend, by)
+    }
+
+    /// Replaces the facts of a place, such as by those that [`PreparedPlace::facts`] returned before. Assets of the old facts
+    /// are not used any more; do not insert those that are still being made.
+    ///
+    /// # Errors
+    /// [`crate::Error::Unsupported`] after [`PreparedPlace::release_splats`].
+    pub fn set_facts(&mut self, place: &mut PreparedPlace, facts: PlaceFacts) -> Result<()> {
+        check_owner(place, self.id)?;
+        place.set_facts(&mut self.backend, facts)
+    }
+
+    /// Returns the point of the scene (scene units) that is seen at the point `(x, y)` (px) of a camera's picture, by the median
+    /// depth without weather; `None` where less than half of the light is that of surfaces, such as in the sky.
+    ///
+    /// # Errors
+    /// As [`Self::render`]; [`crate::Error::Unsupported`] after [`PreparedPlace::release_splats`].
+    pub fn surface_at(
+        &mut self,
+        place: &PreparedPlace,
+        camera: &Camera,
+        at: (f64, f64),
+    ) -> Result<Option<DVec3>> {
+        check_owner(place, self.id)?;
+        place.surface_at(&mut self.backend, camera, at)
     }
 
     /// Frees a place's memory in the renderer.

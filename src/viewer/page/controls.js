@@ -93,6 +93,12 @@ export class Controls {
     this.flight = { from: this.pose, to, start: performance.now() };
   }
 
+  /** Turns the picture until its horizon is level. */
+  level() {
+    const { eye, fov } = this.pose;
+    this.flyTo(looking(eye, aimed(axes(this.pose).forward, this.up, 0, 0), this.up, fov));
+  }
+
   /** Goes round a point from now on, with it in the middle. @param {number[]} point */
   focus(point) {
     const { scene } = this.store.parameters;

@@ -63,6 +63,8 @@ async function hear(word) {
       return toast(word.text, "bad");
     case "state":
       return store.set({ ...word.state, size: store.state.size });
+    case "facts":
+      return restate(word);
     case "picked":
       return word.point ? parts?.controls.focus(word.point) : toast("There is nothing at this point");
     case "thumbnail":
@@ -84,12 +86,50 @@ async function begin() {
   else if (isOther) location.reload();
   const { scene } = parameters;
   $("scene-name").textContent = scene.name;
-  $("scene-about").textContent = `${count(scene.splats)} splats${scene.has_scale ? "" : ", scale unknown"}`;
+  about();
   document.title = `${scene.name} – Weather-Magician`;
   veil("");
   connection.sentWeather = null;
   connection.touch();
   connection.say({ type: "thumbnails" });
+}
+
+/** Says what is known of the scene. */
+function about() {
+  const { scene } = store.parameters;
+  $("scene-about").textContent = `${count(scene.splats)} splats${scene.has_scale ? "" : ", scale unknown"}`;
+}
+
+/** Other facts of the scene: the picture is asked for again, level under the new up. @param {any} word */
+function restate(word) {
+  if (!parts) return;
+  const { scene, state: start } = store.parameters;
+  const isTurned = word.facts.up.some((/** @type {number} */ v, /** @type {number} */ k) => Math.abs(v - scene.up[k]) > 1e-6);
+  Object.assign(scene, word.facts);
+  start.camera = word.start;
+  about();
+  store.tell(["camera"]);
+  if (isTurned && store.state.follow === "camera") parts.controls.level();
+  connection.say({ type: "thumbnails" });
+}
+
+/** The tool that sets up, the ground and the scale; it is fetched when it is first opened. */
+function alignment() {
+  /** @type {Promise<import("./align.js").AlignTool> | null} */
+  let tool = null;
+  const load = async () => {
+    document.head.append(h("link", { rel: "stylesheet", href: "/align.css" }));
+    const { AlignTool } = await import("./align.js");
+    return new AlignTool(canvas, store);
+  };
+  $("align-switch").addEventListener("click", async () => {
+    try {
+      (await (tool ??= load())).toggle();
+    } catch {
+      tool = null;
+      toast("The program does not respond", "bad");
+    }
+  });
 }
 
 function build() {
@@ -103,6 +143,7 @@ function build() {
   cameraPanel(parts.controls);
   outputs();
   compare();
+  alignment();
   store.listen((changed) => {
     if ([...changed].every((what) => what === "playing" || what === "duration")) return;
     canvas.dataset.settled = "false";
@@ -274,6 +315,7 @@ const KEYS = [
   ["B", "before and after"],
   ["Ctrl S", "save the picture"],
   ["L", "light or dark"],
+  ["Escape", "close Align"],
   ["?", "this list"],
 ];
 

@@ -84,7 +84,7 @@ export class WeatherPanel {
   /** The picture of a preset is there. @param {string} name */
   thumbnail(name) {
     const card = [...this.presets.children].find((card) => card.dataset.name === name);
-    card?.querySelector(".thumb")?.replaceChildren(h("img", { src: `/thumbnails/${encodeURIComponent(name)}`, alt: "" }));
+    card?.querySelector(".thumb")?.replaceChildren(h("img", { src: `/thumbnails/${encodeURIComponent(name)}?${Date.now()}`, alt: "" }));
   }
 
   /** @param {Effect} effect */

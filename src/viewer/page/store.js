@@ -12,7 +12,7 @@
  * @typedef {{name: string, about: string, slot: string, params: Param[]}} Effect
  * @typedef {{name: string, about: string, weather: Object<string, any>}} Preset
  * @typedef {{name: string, splats: number, up: number[], center: number[], radius: number, ground: number,
- *   metres_per_unit: number, has_scale: boolean, renderer: string, views: {name: string, camera: Pose}[]}} Scene
+ *   metres_per_unit: number, has_scale: boolean, up_confidence: string, unsaved: boolean, renderer: string, views: {name: string, camera: Pose}[]}} Scene
  * @typedef {{program: string, scene: Scene, state: ViewState, outputs: string[], easings: string[],
  *   effects: Effect[], presets: Preset[], panoramas: string[], video: boolean}} Parameters
  *

@@ -8,7 +8,7 @@ mod views;
 
 pub use cache::AssetCache;
 pub(crate) use cache::{AssetFile, scene_digest};
-pub(crate) use views::{ViewDetail, photo_views};
+pub(crate) use views::{ViewDetail, WithoutSky, photo_views};
 
 use crate::{Error, Progress, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

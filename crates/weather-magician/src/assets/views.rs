@@ -25,7 +25,14 @@ impl ViewDetail {
 }
 
 /// All of a scene but its sky.
-struct WithoutSky<'a>(&'a [Group]);
+pub(crate) struct WithoutSky<'a>(&'a [Group]);
+
+impl<'a> WithoutSky<'a> {
+    /// The splats of a scene whose sky is labelled.
+    pub fn of(scene: &'a Scene) -> Self {
+        Self(&scene.splats.groups)
+    }
+}
 
 impl SplatAttributes for WithoutSky<'_> {
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
@@ -46,7 +53,7 @@ pub(crate) fn photo_views(
     let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
     let config = RenderConfig { outputs, ..RenderConfig::default() };
     let views = &scene.views;
-    let without_sky = WithoutSky(&scene.splats.groups);
+    let without_sky = WithoutSky::of(scene);
     let sets = [SetView::plain(set).with_attributes(Some(&without_sky))];
     let mut frame = Frame::default();
     let mut seen = Vec::new();

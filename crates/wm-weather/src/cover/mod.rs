@@ -444,7 +444,7 @@ fn spot(
             let below = match stand_in {
                 _ if ground.is_solid(*node) => f32::INFINITY,
                 StandIn::Itself => BURIED,
-                StandIn::Discs if !ground.is_plain(*node) && !(lies && ground.is_level(*node)) => HAZE[1],
+                StandIn::Discs if !(ground.is_plain(*node) || lies && ground.is_level(*node)) => HAZE[1],
                 StandIn::Discs | StandIn::Floor => ABOVE,
             };
             (-below.max(0.2 * ground.cell)..ABOVE).contains(&above(*node))

@@ -1,0 +1,165 @@
+//! The facts of the scene that the page's tool changes: up, the ground and the scale.
+//!
+//! Changes act on the pictures at once. They are written beside the scene only when the page asks for it, as `align --overwrite`
+//! writes them.
+
+use super::catalog::survey_words;
+use crate::choices::SkyChoice;
+use glam::DVec3;
+use serde::Deserialize;
+use std::path::PathBuf;
+use weather_magician::{Error, Metadata, PlaceFacts, PreparedPlace, Renderer};
+use wm_scene::formats::folder::scene_file;
+use wm_scene::formats::{sidecar_path, write_sidecar};
+use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, UpSide};
+
+/// Angle by which up turns until the sky is another one, degrees.
+const TURNED: f64 = 5.0;
+
+/// A change that a client asks for. Points are in scene units.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(tag = "action", rename_all = "lowercase", deny_unknown_fields)]
+pub enum FactChange {
+    /// Sets up and the ground by three points of the ground.
+    Ground {
+        /// The points.
+        points: [DVec3; 3],
+    },
+    /// Sets the scale by the distance of two points.
+    Scale {
+        /// The points.
+        points: [DVec3; 2],
+        /// Their distance, m.
+        metres: f64,
+    },
+    /// Turns up round.
+    Flip {},
+    /// Returns to the facts that were last saved, or that the program started with.
+    Undo {},
+    /// Writes the facts beside the scene.
+    Save {},
+}
+
+impl FactChange {
+    /// Returns the alignment that makes the change; `None` for saving and undoing.
+    fn alignment(self) -> Option<Alignment> {
+        let none = Alignment::default();
+        match self {
+            Self::Ground { points } => Some(Alignment { ground: Some(GivenGround::Points(points)), ..none }),
+            Self::Scale { points: [a, b], metres } => {
+                Some(Alignment { scale: Some(GivenScale::Distance(a, b, metres)), ..none })
+            }
+            Self::Flip {} => Some(Alignment { flip: true, ..none }),
+            Self::Undo {} | Self::Save {} => None,
+        }
+    }
+}
+
+/// The reason why a change was not made, in one line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FactError {
+    /// The values cannot be used.
+    Refused(String),
+    /// It is not possible now.
+    Busy(String),
+    /// The program failed.
+    Failed(String),
+}
+
+impl From<Error> for FactError {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Align(error) => Self::Refused(error.to_string()),
+            other => Self::Failed(other.to_string()),
+        }
+    }
+}
+
+/// The facts that are saved, and the way to change those in use.
+pub struct FactEditor {
+    scene: PathBuf,
+    sky: SkyChoice,
+    saved: PlaceFacts,
+    saved_words: Vec<String>,
+    is_unsaved: bool,
+}
+
+impl FactEditor {
+    /// Returns the editor of a place as it was opened from the path `scene`, with the command-line words of its facts.
+    pub fn new(scene: PathBuf, sky: SkyChoice, place: &PreparedPlace, words: Vec<String>) -> Self {
+        Self { scene, sky, saved: place.facts(), saved_words: words, is_unsaved: false }
+    }
+
+    /// True if the facts in use differ from those that are saved.
+    pub fn is_unsaved(&self) -> bool {
+        self.is_unsaved
+    }
+
+    /// Returns the command-line words of the facts in use.
+    pub fn words(&self, place: &PreparedPlace) -> Vec<String> {
+        if self.is_unsaved { survey_words(place.survey()) } else { self.saved_words.clone() }
+    }
+
+    /// Makes a change, and says in a sentence what it did.
+    ///
+    /// # Errors
+    /// [`FactError`]; the facts are as they were then.
+    pub fn apply(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        change: FactChange,
+    ) -> Result<String, FactError> {
+        if let Some(by) = change.alignment() {
+            let aligned = renderer.align(place, &by)?;
+            self.is_unsaved = true;
+            return Ok(sentence(change, &aligned));
+        }
+        if change == (FactChange::Undo {}) {
+            renderer.set_facts(place, self.saved.clone())?;
+            self.is_unsaved = false;
+            return Ok("The facts are those of the file again.".into());
+        }
+        self.save(place)
+    }
+
+    fn save(&mut self, place: &PreparedPlace) -> Result<String, FactError> {
+        if !self.is_unsaved {
+            return Ok("There is nothing to save.".into());
+        }
+        let facts = place.facts();
+        // The light of a sky that the file does not have would be wrong in it.
+        let airlight = facts.scene.airlight.filter(|_| self.sky == SkyChoice::Keep);
+        let metadata = Metadata { airlight, ..facts.scene.clone() };
+        let failed = |error: wm_scene::FormatError| FactError::Failed(error.to_string());
+        let file = scene_file(&self.scene).map_err(failed)?;
+        write_sidecar(&file, &metadata).map_err(failed)?;
+        (self.saved, self.saved_words, self.is_unsaved) = (facts, Vec::new(), false);
+        let name = sidecar_path(&file);
+        let name = name.file_name().unwrap_or_default().to_string_lossy();
+        Ok(format!("Saved as {name}, beside the scene."))
+    }
+}
+
+/// Says what a change did.
+fn sentence(change: FactChange, aligned: &Aligned) -> String {
+    let mut text = match change {
+        FactChange::Scale { .. } => {
+            let metres = aligned.after.metres_per_unit.value;
+            return format!("1 unit of the scene is {metres:.4} m.");
+        }
+        FactChange::Ground { .. } => {
+            let side = match aligned.side {
+                Some(UpSide::Cameras) => ", to the side of the cameras",
+                Some(UpSide::Splats) => ", to the side where most of the scene is",
+                Some(UpSide::Before) | None => "",
+            };
+            format!("The ground is set. Up turned by {:.1}°{side}.", aligned.turned)
+        }
+        _ => "Up is turned round.".into(),
+    };
+    if aligned.turned > TURNED && aligned.after.sky_splats > 0 {
+        text += " The scene's own sky was made for another up: after saving, start again with --sky rebuild if it looks wrong.";
+    }
+    text
+}
