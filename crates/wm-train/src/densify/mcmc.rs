@@ -9,8 +9,9 @@
 //!
 //! Other than published: noise does not depend on the scene's unit and moves a splat by its own size at
 //! most, or large ones would leave the scene for good; splats that no photo has in view any more are dead,
-//! since nothing pulls on their opacity; none grows wider than a share of its distance from the middle of the place, or of the
-//! scene's extent, since one that fills gaps all over a photo stands in the way of every other view; the sky's splats take no part.
+//! since nothing pulls on their opacity; as long as splats are born none grows wider than a share of its distance from the middle of
+//! the place, or of the scene's extent, since one that fills gaps all over a photo stands in the way of every other view;
+//! the sky's splats take no part.
 
 use super::{Densified, DensifyStrategy, DensifyTime, Population, Pulls};
 use crate::check::{COUNT, ConfigValue, SHARE, WEIGHT};
@@ -32,7 +33,7 @@ const USUAL_EXTENT: f64 = 5.0;
 const LOST_AFTER: u32 = 2;
 
 /// Largest standard deviation, in distances from the middle of the place, or in extents where that is more.
-const WIDEST: f64 = 0.2;
+const WIDEST: f64 = 0.1;
 
 /// Constants of the chain.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -104,16 +105,12 @@ impl DensifyStrategy for McmcConfig {
     }
 
     fn is_due(&self, step: u32) -> bool {
-        step >= self.from && step.is_multiple_of(self.every)
+        step >= self.from && step < self.until && step.is_multiple_of(self.every)
     }
 
     fn apply(&self, time: &DensifyTime, population: &mut Population) -> Densified {
         let DensifyTime { step, photos, extent, random } = *time;
         if !self.is_due(step) {
-            return Densified::default();
-        }
-        population.bound(extent);
-        if step >= self.until {
             return Densified::default();
         }
         let count = population.len();
@@ -138,6 +135,7 @@ impl DensifyStrategy for McmcConfig {
         let hosts = sample(population, still_dead, born, random, dead.len() as u64);
         population.settle(&hosts, self.dead);
         population.copy(&hosts);
+        population.bound(extent);
         population.sort();
         population.pulls = Pulls::new(population.len());
         Densified { born: hosts.len(), moved, gone: 0 }
