@@ -95,7 +95,10 @@ fn sky_and_normals_may_be_alone_and_all_together() {
     let prior = desk.prior(1);
     assert!(prior.disparity.len() == 9600 && prior.normal.len() == 9600 && prior.sky.len() == 9600);
     // In other axes they contradict the depth.
-    desk.refused(&format!("{all} --normal-axes opengl"), &["none of 4 photos", "off those of its depth"]);
+    desk.refused(
+        &format!("{all} --normal-axes opengl --overwrite"),
+        &["none of 4 photos", "off those of its depth"],
+    );
 }
 
 #[test]
@@ -180,6 +183,6 @@ fn maps_of_a_bent_photo_are_bent_back() {
     };
     assert_eq!(prior.sky.iter().enumerate().filter(is_wrong).count(), 0);
     assert!(prior.sky.contains(&SkyClass::Sky) && prior.sky.contains(&SkyClass::Place));
-    let mut command = desk.command_on(Path::new("set"), "-o out --sky sky --maps-of pinhole");
+    let mut command = desk.command_on(Path::new("set"), "-o out --sky sky --maps-of pinhole --overwrite");
     fails(&mut command, &["sky/00000.npy: the map is 120x80 px", "--maps-of photo"], &REMARKS);
 }

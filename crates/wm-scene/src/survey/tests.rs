@@ -178,6 +178,20 @@ fn cameras_decide_where_there_are_any() {
 }
 
 #[test]
+fn level_cameras_bound_the_roll_of_sloping_ground() {
+    // A road that slopes by 6 degrees across its length, along which all cameras look.
+    let mut place = Builder::new(3);
+    let across = DVec3::new(0.0, 40.0, 4.2);
+    place.surface(DVec3::X * -20.0 - 0.5 * across, DVec3::X * 40.0, across, 0.4, |_, _| [0.4; 3]);
+    let scene = bare(place.build());
+    let eyes: Vec<_> =
+        (0..12).map(|i| DVec3::new(f64::from(i) - 6.0, 0.0, 1.6)).map(|eye| (eye, eye + DVec3::X)).collect();
+    let seen = Scene { views: views(&eyes), ..scene.clone() };
+    let [alone, with] = [scene, seen].map(|scene| off(&Survey::of(&scene, &Metadata::default()), DVec3::Z));
+    assert!((alone - 6.0).abs() < 0.5 && with < 1.5, "{alone} and {with} degrees");
+}
+
+#[test]
 fn photographers_hold_their_cameras_level() {
     // A plane through the points of the road, and one through those of the facade, which is plumb. The
     // castle was photographed from below: the mean of the ups alone is 11 degrees off.

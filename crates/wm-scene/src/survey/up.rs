@@ -12,15 +12,15 @@
 //! - prior: programs write scenes with an axis up, most often that of cameras with y down.
 //!
 //! The best is refined to the surfaces that face it, to the plane of the ground, and, where much is
-//! built, to the walls: ground slopes, walls are plumb. It is set to a world axis within 2 degrees of
-//! it.
+//! built, to the walls: ground slopes, walls are plumb. Cameras that were held upright bound its roll. It is set to a world axis
+//! within 2 degrees of it.
 
-use super::habits::{self, Habit};
+use super::habits::{self, Habit, HabitKind};
 use super::linear::{direction, eigen, horizontals, outer, quantile};
 use super::sample::{SurveyPoint, SurveySample, strided};
 use super::sky::SkyRegion;
 use super::{Confidence, FactSource, ground};
-use crate::{SceneView, Splats};
+use crate::{Camera, SceneView, Splats};
 use glam::{DMat3, DVec3};
 
 /// Directions over the half sphere in which surfaces are counted: 7 degrees apart.
@@ -36,11 +36,19 @@ const AGREE: f64 = 0.94;
 /// Layers of height by which a candidate is rated.
 const LAYERS: usize = 64;
 
+/// Standard deviations of the roll of a camera that is held upright, and of up by the surfaces, degrees.
+const ROLL: f64 = 2.0;
+const SURFACES: f64 = 3.0;
+/// Neighbouring photos that are rolled alike, and the most that count as independent.
+const ALIKE: f64 = 4.0;
+const INDEPENDENT: f64 = 8.0;
 /// Directions farther apart than this are rivals, as a cosine: 15 degrees.
 const RIVAL: f64 = 0.966;
 /// Lead over the best rival, nats, from which up is sure, and from which it is likely.
 const SURE: f64 = 4.0;
 const LIKELY: f64 = 1.5;
+/// Largest angle between the ups of the two halves of a scene with which up is sure, degrees.
+const HALVES: f64 = 5.0;
 
 /// Up as the scene has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,14 +94,15 @@ pub fn estimate(
     // Stable: of equals the first candidate stays first.
     scored.sort_by(|a, b| b.0.sum().total_cmp(&a.0.sum()));
     let (best, first) = *scored.first()?;
-    let up = snapped(refined(sample, &rated, first, 0.97));
+    let up = snapped(levelled(refined(sample, &rated, first, 0.97), &cameras, &habits));
     let rival = scored.iter().find(|(_, other)| other.dot(first) < RIVAL);
     let lead = rival.map_or(f64::INFINITY, |(score, _)| best.sum() - score.sum());
     let agree = habits.iter().any(|habit| habit.up.dot(up) > AGREE);
+    let apart = halves_apart(sample, first);
     // Cameras that say something else are a doubt, however clear the splats are.
     let confidence = match lead {
         _ if lead < LIKELY || !(agree || habits.is_empty()) => Confidence::Guess,
-        _ if lead < SURE || habits.len() > 1 => Confidence::Likely,
+        _ if lead < SURE || apart > HALVES || habits.len() > 1 => Confidence::Likely,
         _ => Confidence::Sure,
     };
     Some(UpEstimate {
@@ -103,6 +112,40 @@ pub fn estimate(
         evidence: best,
         rival: rival.map(|(score, other)| (*other, *score)),
     })
+}
+
+/// `up` of the surfaces, as far as the rolls of cameras that were held upright allow: a few rough or sloping surfaces tilt it by
+/// degrees, and nobody holds all cameras aslant.
+fn levelled(up: DVec3, cameras: &[Camera], habits: &[Habit]) -> DVec3 {
+    let [Habit { kind: HabitKind::Upright, up: held, .. }] = habits else { return up };
+    if held.dot(up) < AGREE {
+        return up;
+    }
+    let count = cameras.len() as f64;
+    let precision = (count / ALIKE).min(INDEPENDENT) / count * ROLL.to_radians().powi(-2);
+    let surfaces = DMat3::from_diagonal(DVec3::splat(SURFACES.to_radians().powi(-2)));
+    let (mut known, mut off) = (surfaces, DVec3::ZERO);
+    for right in cameras.iter().map(|camera| camera.rotation().row(0)) {
+        known += outer(right, precision);
+        off += right * (precision * right.dot(up));
+    }
+    (up - (known.inverse() * off).reject_from_normalized(up)).normalize()
+}
+
+/// Angle between the ups to which two halves of the scene are refined from the same `first`, degrees: the error of what surfaces
+/// tell. The scene is cut across where it is longest.
+fn halves_apart(sample: &SurveySample, first: DVec3) -> f64 {
+    let level = |point: &SurveyPoint| (point.at - sample.center).reject_from_normalized(first);
+    let near = |point: &&SurveyPoint| level(point).length() < sample.radius;
+    let moments = sample.points.iter().filter(near).fold(DMat3::ZERO, |sum, p| sum + outer(level(p), p.area));
+    let [_, _, (_, longest)] = eigen(moments);
+    let up = |sign: f64| {
+        let is_here = |point: &&SurveyPoint| sign * (point.at - sample.center).dot(longest) > 0.0;
+        let points = sample.points.iter().filter(is_here).copied().collect();
+        let half = SurveySample { points, ..*sample };
+        refined(&half, &rated(&half), first, 0.97)
+    };
+    up(1.0).angle_between(up(-1.0)).to_degrees()
 }
 
 /// Points by which directions are rated: each stands for the same area, so that strays, which are faint,

@@ -128,7 +128,8 @@ pub(super) fn finish(
     {
         // Seen in many photos: better than what training left of a street.
         known.ground = Some(ground.under.dot(survey.up.value));
-        known.ground_confidence = None;
+        // Within a tenth of the cameras' height; no surer than the direction along which it is measured.
+        known.ground_confidence = Some(survey.up.confidence.max(Confidence::Likely));
         known.camera_height = Some(ground.height);
     }
     if known.metres_per_unit.is_none() {
