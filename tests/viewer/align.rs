@@ -28,7 +28,7 @@ fn saved_up(scene: &Path) -> DVec3 {
     read_scene(scene, &ReadOptions::default()).unwrap().metadata.up.unwrap()
 }
 
-/// Where a pose sees a point, as shares of the picture's sides.
+/// Position in a picture of a point that a pose sees, as shares of the sides.
 fn seen(pose: &Value, aspect: f64, point: DVec3) -> [f64; 2] {
     let numbers = |key: &str| -> Vec<f64> {
         pose[key].as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect()

@@ -16,7 +16,7 @@ use thiserror::Error;
 const FLATTEST: f64 = 0.05;
 /// Share of the cameras on one side of the ground from which that side is up.
 const MOST_CAMERAS: f64 = 0.8;
-/// How many times as many splats are above the ground as below it, for them to tell up.
+/// Least ratio of the splats above the ground to those below it with which splats tell up.
 const MOST_SPLATS: f64 = 2.0;
 /// Share of the scene's radius within which a splat belongs to the ground itself.
 const GROUND: f64 = 0.02;
