@@ -14,9 +14,6 @@ use wm_scene::formats::{
 };
 use wm_scene::survey::{Alignment, GivenGround, GivenScale, align};
 
-/// Angle by which up turns until the sky is another one, degrees.
-const TURNED: f64 = 5.0;
-
 /// Options of `align`.
 #[derive(Args, Debug)]
 #[command(
@@ -114,7 +111,7 @@ pub fn run(args: &AlignArgs) -> Result<()> {
             println!("  lost: {line}");
         }
     }
-    if aligned.turned > TURNED && aligned.after.sky_splats > 0 {
+    if aligned.has_old_sky() {
         println!(
             "  sky: its {} splats were made along another up; --sky rebuild of render and convert decides anew",
             aligned.after.sky_splats

@@ -13,9 +13,6 @@ use wm_scene::formats::folder::scene_file;
 use wm_scene::formats::{sidecar_path, write_sidecar};
 use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, UpSide};
 
-/// Angle by which up turns until the sky is another one, degrees.
-const TURNED: f64 = 5.0;
-
 /// A change that a client asks for. Points are in scene units.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(tag = "action", rename_all = "lowercase", deny_unknown_fields)]
@@ -158,7 +155,7 @@ fn sentence(change: FactChange, aligned: &Aligned) -> String {
         }
         _ => "Up is turned round.".into(),
     };
-    if aligned.turned > TURNED && aligned.after.sky_splats > 0 {
+    if aligned.has_old_sky() {
         text += " The scene's own sky was made for another up: after saving, start again with --sky rebuild if it looks wrong.";
     }
     text

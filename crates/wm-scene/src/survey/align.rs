@@ -324,6 +324,12 @@ fn camera_height(scene: &Scene, survey: &Survey) -> Option<f64> {
 }
 
 impl Aligned {
+    /// Returns true if the scene has a sky that was made along another up.
+    #[must_use]
+    pub fn has_old_sky(&self) -> bool {
+        self.turned > TURNED && self.after.sky_splats > 0
+    }
+
     /// One line for each fact that changed, old and new, for people.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {

@@ -128,7 +128,7 @@ pub(super) fn finish(
     {
         // Seen in many photos: better than what training left of a street.
         known.ground = Some(ground.under.dot(survey.up.value));
-        // Within a tenth of the cameras' height; no surer than the direction along which it is measured.
+        // The cameras' height over it is as right as up is.
         known.ground_confidence = Some(survey.up.confidence.max(Confidence::Likely));
         known.camera_height = Some(ground.height);
     }

@@ -111,7 +111,7 @@ fn snow_closes_over_rough_ground_and_posts_stick_out() {
     let eyes = [[-3.0, -3.0], [-3.0, 3.0], [0.0, 0.0], [3.0, -3.0], [3.0, 3.0]];
     let views = eyes.map(|[x, y]| {
         let eye = DVec3::new(x, y, 12.0);
-        let camera = Camera::looking((160, 120), 50.0, eye, DVec3::new(0.0, 0.0, 0.0), DVec3::Y).unwrap();
+        let camera = Camera::looking((160, 120), 50.0, eye, DVec3::ZERO, DVec3::Y).unwrap();
         photo_view(camera, |from, ray| {
             let at = |height: f64| (height - from.z) / ray.z;
             Some(if post(from + at(1.2) * ray) { at(1.2) } else { at(0.0) })
