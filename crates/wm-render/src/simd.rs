@@ -137,6 +137,12 @@ impl SimdPath {
         }
     }
 
+    /// The widest path of this processor. Loops without fused multiplication give the same bytes on all paths.
+    #[must_use]
+    pub fn widest() -> Self {
+        Self::select(SimdChoice::Auto).unwrap_or(Self::Portable(Fallback::new()))
+    }
+
     /// The paths that this processor has, widest first.
     #[must_use]
     pub fn available() -> Vec<Self> {

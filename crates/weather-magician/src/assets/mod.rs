@@ -14,7 +14,7 @@ use crate::{Error, Progress, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use wm_scene::{Scene, Splats};
 use wm_weather::cover::{Airflow, Cover, CoverRequest, LyingCover};
-use wm_weather::fused_surfaces::{FusedSurfaces, PhotoView};
+use wm_weather::fused_surfaces::{FusedSurfaces, GroundField, PhotoView};
 use wm_weather::paper::PaperCover;
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
 use wm_weather::{Site, Weather};
@@ -177,7 +177,8 @@ impl MissingAssets {
         let surfaces = self.cover.is_some().then(|| {
             surfaces.unwrap_or_else(|| {
                 progress.begin("finding the surfaces that the photos show", None);
-                let found = fused(&views.cover);
+                let on_ground = GroundField::snap(&views.cover, site.up, site.metres_per_unit, threads);
+                let found = fused(&on_ground);
                 progress.end();
                 // Without photos they are the splats themselves.
                 if !views.cover.is_empty() {

@@ -21,7 +21,7 @@ impl ViewDetail {
     /// Shelter from rain: roofs and crowns, in a fraction of a second.
     pub const SHELTER: Self = Self { photos: 24, side: 192.0 };
     /// The ground under snow, to some centimetres.
-    pub const COVER: Self = Self { photos: 40, side: 480.0 };
+    pub const COVER: Self = Self { photos: 40, side: 360.0 };
 }
 
 /// All of a scene but its sky.

@@ -1,10 +1,12 @@
 //! Levels discs onto the surface through those about them.
 
-use super::Disc;
+use super::cubes::Disc;
 use crate::threads::map;
 use glam::DVec3;
 use std::collections::HashMap;
 use std::ops::Range;
+use wm_render::dispatch;
+use wm_render::simd::SimdPath;
 
 /// Distance of the discs that a surface is fitted to, m, but so many of its own widths at least.
 const FIELD: f64 = 0.3;
@@ -72,6 +74,7 @@ impl Cells {
     }
 
     /// Returns the mean of the discs within `reach` of one, nearer ones counting more; of those that face as it does if it has a normal.
+    #[inline(always)]
     fn about(&self, own: &Disc, reach: f64) -> Surroundings {
         let [low, high] =
             [own.point - reach, own.point + reach].map(|v| (v / self.width).floor().as_i64vec3());
@@ -88,6 +91,7 @@ impl Cells {
     }
 
     /// Adds some discs to the sums of weight, offset and normal about one.
+    #[inline(always)]
     fn add(&self, range: Range<usize>, own: &Disc, reach: f64, sums: &mut [[f32; LANES]; 7]) {
         let [x, y, z] = (own.point - self.origin).to_array().map(|v| v as f32);
         let [nx, ny, nz] = own.normal.to_array().map(|v| v as f32);
@@ -116,6 +120,7 @@ impl Cells {
 
 /// Moves each disc along the mean normal of those about it onto the plane through their middle, and turns it so.
 pub(super) fn level(discs: &mut [Disc], metres_per_unit: f64, threads: usize) {
+    let path = SimdPath::widest();
     let reach = |size: f64| (FIELD / metres_per_unit).max(WIDTHS * size);
     let mut reaches: Vec<f64> = discs.iter().map(|disc| reach(disc.size)).collect();
     reaches.sort_by(f64::total_cmp);
@@ -127,7 +132,7 @@ pub(super) fn level(discs: &mut [Disc], metres_per_unit: f64, threads: usize) {
             let own = discs[k];
             let reach = reach(own.size);
             let cells = grids.iter().find(|grid| grid.width == reach).expect("a grid for each reach");
-            let Surroundings { weight, middle, normal } = cells.about(&own, reach);
+            let Surroundings { weight, middle, normal } = dispatch!(path, _simd => cells.about(&own, reach));
             // Edges take the normal of what is about them, if that is of one mind.
             if weight == 0.0 || own.is_edge && normal.length() < AGREED * weight {
                 return own;

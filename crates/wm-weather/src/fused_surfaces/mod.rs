@@ -8,11 +8,14 @@
 //!
 //! # How it is made
 //! Each pixel gives a place and, but at edges, a normal from the places about it. Those of all cameras are averaged in
-//! cubes as wide as pixels are apart there, nearer views counting more, and none from where they would be metres apart; what other cameras see through is
-//! dropped (`photo_view.rs`); and the discs are levelled onto the surface through those about them (`level.rs`), since depth
+//! cubes as wide as pixels are apart there (`cubes.rs`), nearer views counting more, and none from where they would be
+//! metres apart; before that, ground at a grazing angle is put on the ground field of all views (`ground_field.rs`). What
+//! other cameras see through is dropped (`photo_view.rs`); and the discs are levelled onto the surface through those about them (`level.rs`), since depth
 //! is rough. The scene's own splats stay where no camera tells: those that none sees, and that not two see through.
 
+mod cubes;
 mod floor;
+mod ground_field;
 mod level;
 mod normals;
 mod photo_view;
@@ -22,22 +25,17 @@ mod tests;
 use crate::cover::surfel;
 use crate::optics::Site;
 use crate::threads::map;
+use cubes::Disc;
 pub use floor::FloorPlane;
-use glam::{DVec3, I64Vec3};
+use glam::DVec3;
+pub use ground_field::GroundField;
 pub use photo_view::PhotoView;
-use photo_view::{Spot, Word};
+use photo_view::Word;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use wm_scene::splats::Splat;
 use wm_scene::{Group, Splats};
 
-/// Width of the smallest cubes, m, and how often it may double.
-const CUBE: f64 = 0.06;
-const DOUBLED: u32 = 5;
-/// Width of cubes in distances between pixels.
-const PIXELS: f64 = 1.5;
-/// Weight of a pixel without a normal.
-const EDGE: f64 = 0.2;
 /// The number of cameras that must see through a point for it to be dropped.
 const CAMERAS: u32 = 2;
 /// Standard deviations of a disc along the surface, and of a ball, in cubes; through a disc, in those; and opacity.
@@ -87,8 +85,7 @@ impl<'a> FusedSurfaces<'a> {
             witnesses.iter().for_each(|witness| said.add(witness.word(point, metres_per_unit)));
             said
         };
-        let cube = CUBE / metres_per_unit;
-        let mut discs = fuse(views, cube, threads);
+        let mut discs = cubes::fuse(views, site.up, metres_per_unit, threads);
         let carve = |discs: &mut Vec<Disc>| {
             let mut free = map(discs.len(), threads, |k| hears(discs[k].point).is_free()).into_iter();
             discs.retain(|_| !free.next().unwrap_or(false));
@@ -124,144 +121,33 @@ impl<'a> FusedSurfaces<'a> {
 struct Said {
     seen: u32,
     through: u32,
-    /// Of those, to a floor.
-    floor: u32,
+    /// Of either, those that see a floor there.
+    seen_floor: u32,
+    through_floor: u32,
 }
 
 impl Said {
     fn add(&mut self, word: Word) {
-        let (count, floor) = match word {
-            Word::Seen { floor } => (&mut self.seen, floor),
-            Word::Through { floor } => (&mut self.through, floor),
+        let (count, floors, floor) = match word {
+            Word::Seen { floor } => (&mut self.seen, &mut self.seen_floor, floor),
+            Word::Through { floor } => (&mut self.through, &mut self.through_floor, floor),
             Word::Nothing => return,
         };
         *count += 1;
-        self.floor += u32::from(floor);
+        *floors += u32::from(floor);
     }
 
-    /// Returns true if cameras see through the point.
+    /// Returns true if cameras see through the point: several, or one to a floor, which it shows in place of this point.
     fn is_free(self) -> bool {
-        self.through >= CAMERAS && self.through > self.seen
+        let enough = if self.seen == 0 && self.through_floor > 0 { 1 } else { CAMERAS };
+        self.through >= enough && self.through > self.seen
     }
 
     fn stand_in(self) -> StandIn {
         match self {
             _ if self.seen == 0 && !self.is_free() => StandIn::Itself,
-            _ if 2 * self.floor > self.seen + self.through => StandIn::Floor,
+            _ if 2 * (self.seen_floor + self.through_floor) > self.seen + self.through => StandIn::Floor,
             _ => StandIn::Discs,
         }
     }
-}
-
-/// Returns true if pixels of this width, m, are fused.
-fn is_near(width: f64) -> bool {
-    PIXELS * width <= CUBE * f64::from(1 << DOUBLED)
-}
-
-/// A piece of a surface.
-#[derive(Clone, Copy, Debug)]
-struct Disc {
-    /// World, scene units.
-    point: DVec3,
-    /// To where it was seen from, length 1.
-    normal: DVec3,
-    /// Returns true if its normal is not known.
-    is_edge: bool,
-    /// Width of its cube, scene units.
-    size: f64,
-    /// Its weight: pixels of the smallest cube's width.
-    weight: f64,
-    rgb: [f32; 3],
-}
-
-/// The content of a cube: sums over pixels.
-#[derive(Clone, Copy, Debug)]
-struct Cube {
-    doubled: u32,
-    at: I64Vec3,
-    weight: f64,
-    /// From the cube's corner, scene units.
-    place: DVec3,
-    normal: DVec3,
-    /// Weight of those with a normal.
-    known: f64,
-    rgb: [f64; 3],
-}
-
-impl Cube {
-    /// Of one pixel.
-    fn of(spot: &Spot, cube: f64) -> Option<Self> {
-        let apart = PIXELS * spot.apart;
-        let doubled = (apart / cube).log2().ceil().max(0.0) as u32;
-        if doubled > DOUBLED {
-            return None;
-        }
-        let size = cube * f64::from(1 << doubled);
-        let at = (spot.point / size).floor();
-        let weight = (cube / apart).powi(2).min(16.0) * if spot.normal.is_some() { 1.0 } else { EDGE };
-        Some(Self {
-            doubled,
-            at: at.as_i64vec3(),
-            weight,
-            place: (spot.point - at * size) * weight,
-            normal: spot.normal.unwrap_or(-spot.ray) * weight,
-            known: if spot.normal.is_some() { weight } else { 0.0 },
-            rgb: spot.rgb.map(|v| f64::from(v) * weight),
-        })
-    }
-
-    fn key(&self) -> (u32, [i64; 3]) {
-        (self.doubled, self.at.to_array())
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.weight += other.weight;
-        self.place += other.place;
-        self.normal += other.normal;
-        self.known += other.known;
-        self.rgb.iter_mut().zip(other.rgb).for_each(|(sum, value)| *sum += value);
-    }
-
-    fn disc(&self, cube: f64) -> Disc {
-        let size = cube * f64::from(1 << self.doubled);
-        Disc {
-            point: self.at.as_dvec3() * size + self.place / self.weight,
-            normal: self.normal.normalize_or(DVec3::Z),
-            is_edge: self.known < 0.5 * self.weight || self.normal.length() < 0.5 * self.weight,
-            size,
-            weight: self.weight,
-            rgb: self.rgb.map(|v| (v / self.weight) as f32),
-        }
-    }
-}
-
-/// Adds up what is in the same cubes.
-fn merged(mut cubes: Vec<Cube>) -> Vec<Cube> {
-    cubes.sort_by_key(Cube::key);
-    let mut out: Vec<Cube> = Vec::new();
-    for cube in cubes {
-        match out.last_mut() {
-            Some(last) if last.key() == cube.key() => last.add(&cube),
-            _ => out.push(cube),
-        }
-    }
-    out
-}
-
-/// Fuses the surfaces of all cameras in cubes; wide ones only where there are no narrow ones.
-fn fuse(views: &[PhotoView], cube: f64, threads: usize) -> Vec<Disc> {
-    let each = map(views.len(), threads, |index| {
-        let mut cubes = Vec::new();
-        views[index].each_spot(|spot| cubes.extend(Cube::of(&spot, cube)));
-        merged(cubes)
-    });
-    let cubes = merged(each.concat());
-    let mut finer: Vec<(u32, [i64; 3])> = Vec::new();
-    for Cube { doubled, at, .. } in &cubes {
-        finer.extend((1..=DOUBLED - doubled).map(|k| (doubled + k, at.to_array().map(|v| v >> k))));
-    }
-    finer.sort_unstable();
-    finer.dedup();
-    let is_finest = |cube: &&Cube| finer.binary_search(&cube.key()).is_err();
-    cubes.iter().filter(is_finest).map(|it| it.disc(cube)).collect()
 }

@@ -2,6 +2,8 @@
 
 use super::PhotoView;
 use glam::{DMat3, DVec3};
+use wm_render::dispatch;
+use wm_render::simd::SimdPath;
 use wm_scene::Camera;
 
 /// Pixels to each side that a plane is fitted to, and the rounds of weighing them.
@@ -38,7 +40,7 @@ impl InverseDepths {
     }
 
     /// The normals of a row of pixels, world axes, length 1, of either sign; `None` at edges and near the picture's border.
-    pub fn normals_of_row(&self, y: usize) -> Vec<Option<DVec3>> {
+    pub fn normals_of_row(&self, path: SimdPath, y: usize) -> Vec<Option<DVec3>> {
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);
         let mut normals = vec![None; width];
         if y < ASIDE || y + ASIDE >= height || width <= 2 * ASIDE {
@@ -46,7 +48,7 @@ impl InverseDepths {
         }
         let inner = ASIDE..width - ASIDE;
         for first in inner.clone().step_by(LANES) {
-            let planes = self.fit(first, y);
+            let planes = dispatch!(path, _simd => self.fit(first, y));
             let last = inner.end.min(first + LANES);
             for (lane, normal) in normals[first..last].iter_mut().enumerate() {
                 let own = self.values[y * self.stride + first + lane];
@@ -61,6 +63,7 @@ impl InverseDepths {
     }
 
     /// Fits planes to `LANES` pixels from (x, y) on.
+    #[inline(always)]
     fn fit(&self, x: usize, y: usize) -> Planes {
         let window = |dy: usize, dx: usize| -> &[f32; LANES] {
             let from = (y + dy - ASIDE) * self.stride + x + dx - ASIDE;

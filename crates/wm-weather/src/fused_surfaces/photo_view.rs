@@ -1,8 +1,11 @@
 //! The surface that one photo's camera sees, and its evidence about points.
 
 use super::FloorPlane;
+use super::ground_field::GroundField;
 use super::normals::InverseDepths;
 use glam::DVec3;
+use std::sync::Arc;
+use wm_render::simd::SimdPath;
 use wm_scene::Camera;
 
 /// Distance in front of the surface from which a point is seen through, as a share of the ray's length, and m.
@@ -26,7 +29,12 @@ pub struct PhotoView {
     /// Floors, and which of them each pixel shows, from 1; 0 for none.
     pub(super) floors: Vec<FloorPlane>,
     pub(super) on: Vec<u16>,
+    /// The ground that pixels [`ON_FIELD`] show.
+    field: Option<Arc<GroundField>>,
 }
+
+/// A pixel that shows the ground field, in the place of the number of a floor.
+const ON_FIELD: u16 = u16::MAX;
 
 /// The evidence of one camera about a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +68,7 @@ impl Witness {
         if z * (1.0 + BEFORE[0]) + BEFORE[1] / metres_per_unit < nearest {
             Word::Through { floor }
         } else if z < nearest * (1.0 + WITH[0]) + WITH[1] / metres_per_unit
-            && super::is_near(z * self.camera.widest_pixel() * metres_per_unit)
+            && super::cubes::is_near(z * self.camera.widest_pixel() * metres_per_unit)
         {
             Word::Seen { floor }
         } else {
@@ -88,7 +96,7 @@ impl PhotoView {
     /// colour, display-referred, `[H, W, 3]`, grey where that is empty.
     #[must_use]
     pub fn new(camera: Camera, depth: Vec<f32>, rgb: Vec<f32>) -> Self {
-        Self { camera, on: vec![0; depth.len()], depth, rgb, floors: Vec::new() }
+        Self { camera, on: vec![0; depth.len()], depth, rgb, floors: Vec::new(), field: None }
     }
 
     /// Returns what the view can tell of points.
@@ -130,22 +138,63 @@ impl PhotoView {
         (depth > 0.0).then(|| self.camera.center() + self.camera.rotation().transpose() * local)
     }
 
+    /// Puts pixels that show the ground at a grazing angle, or nothing where it is, onto it.
+    pub(super) fn snapped_to(mut self, field: &Arc<GroundField>) -> Self {
+        let (center, forward) = (self.camera.center(), self.camera.forward());
+        let rays: Vec<DVec3> = self.rays().collect();
+        for (pixel, ray) in rays.into_iter().enumerate() {
+            if self.on[pixel] != 0 {
+                continue;
+            }
+            let (along, depth) = (ray.dot(forward), f64::from(self.depth[pixel]));
+            if let Some((way, _)) = field.snapped(center, ray, depth / along) {
+                (self.depth[pixel], self.on[pixel]) = ((way * along) as f32, ON_FIELD);
+            }
+        }
+        self.field = Some(Arc::clone(field));
+        self
+    }
+
+    /// Calls `work` with each `step`-th pixel's point (world, scene units) of those whose normal is within a cosine of `up`.
+    pub(super) fn each_level_point(&self, step: usize, up: DVec3, cosine: f64, mut work: impl FnMut(DVec3)) {
+        let (inverse_depths, path) = (InverseDepths::of(self), SimdPath::widest());
+        for y in (0..self.camera.height as usize).step_by(step) {
+            let normals = inverse_depths.normals_of_row(path, y);
+            for (x, normal) in normals.into_iter().enumerate().step_by(step) {
+                if let Some(point) = self.point(x as i64, y as i64)
+                    && normal.is_some_and(|normal| normal.dot(up).abs() > cosine)
+                {
+                    work(point);
+                }
+            }
+        }
+    }
+
+    /// The floor that a pixel shows at a point; `None` for another surface.
+    fn floor(&self, pixel: usize, point: DVec3) -> Option<FloorPlane> {
+        match self.on[pixel] {
+            0 => None,
+            ON_FIELD => self.field.as_ref()?.plane(point),
+            floor => self.floors.get(usize::from(floor) - 1).copied(),
+        }
+    }
+
     /// Calls `work` with what is seen in each pixel that shows something.
     pub(super) fn each_spot(&self, mut work: impl FnMut(Spot)) {
         let center = self.camera.center();
         let [width, height] = [self.camera.width, self.camera.height].map(i64::from);
-        let inverse_depths = InverseDepths::of(self);
+        let (inverse_depths, path) = (InverseDepths::of(self), SimdPath::widest());
         let mut normals = Vec::new();
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
             if x == 0 {
-                normals = inverse_depths.normals_of_row(y as usize);
+                normals = inverse_depths.normals_of_row(path, y as usize);
             }
             let Some(point) = self.point(x, y) else { continue };
             let pixel = (y * width + x) as usize;
             let ray = (point - center).normalize();
             let rgb = std::array::from_fn(|k| self.rgb.get(3 * pixel + k).copied().unwrap_or(0.5));
             let width = f64::from(self.depth[pixel]) * self.camera.widest_pixel();
-            if let Some(floor) = usize::from(self.on[pixel]).checked_sub(1).map(|k| &self.floors[k]) {
+            if let Some(floor) = self.floor(pixel, point) {
                 let slant = -floor.normal.dot(ray);
                 let places = (1.0 / slant).ceil().min(MOST);
                 let apart = (width / (slant * places)).max(width);

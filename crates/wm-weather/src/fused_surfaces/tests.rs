@@ -184,3 +184,54 @@ fn a_flight_and_a_climb_are_no_walk() {
     assert_eq!(FloorPlane::under(&[], DVec3::Z, 0.0), None);
     assert_eq!(FloorPlane::under(&eyes.map(|eye| look(eye, 0.0)), DVec3::Z, 40.0), None, "ground above them");
 }
+
+/// A walk over rolling ground that beyond 10 m is lost in strips, and too near in others; and a post beside the path.
+#[test]
+fn ground_at_a_grazing_angle_is_closed_and_posts_stay() {
+    let ground = |place: DVec3| 0.4 * (0.12 * place.y).sin() + 0.02 * place.x;
+    let post = DVec3::new(3.0, 34.0, 0.0);
+    let seen = |from: DVec3, ray: DVec3| {
+        let mut way = 0.0;
+        while way < 90.0 && from.z + way * ray.z > ground(from + way * ray) {
+            way += 0.02 + 0.002 * way;
+        }
+        let strip = (from + way * ray).x.floor().rem_euclid(3.0);
+        let shown = match () {
+            () if way > 90.0 || way > 10.0 && strip == 0.0 => None,
+            () if way > 10.0 && strip == 1.0 => Some(0.85 * way),
+            () => Some(way),
+        };
+        let before = (post - from).with_z(0.0).length();
+        let is_post = (from + before * ray - post).with_z(0.0).length() < 0.15 && before < way;
+        if is_post { Some(before) } else { shown }
+    };
+    let eyes: Vec<DVec3> = (0..8)
+        .map(|k| DVec3::new(0.0, 3.0 * f64::from(k), 0.0))
+        .map(|foot| foot.with_z(ground(foot) + 1.6))
+        .collect();
+    let views: Vec<PhotoView> =
+        eyes.iter().map(|eye| view(camera(*eye, *eye + DVec3::new(0.0, 10.0, -0.8)), seen)).collect();
+    let splats = Splats::with_capacity(0, 0);
+    // Square metres of ground 12 to 25 m before the last camera that have discs within 0.2 m of it; and discs of the post.
+    let found = |views: &[PhotoView]| {
+        let scan = FusedSurfaces::from_views(&splats, views, &SITE, 2);
+        let (mut closed, mut upright) = (std::collections::BTreeSet::new(), 0);
+        for mean in &scan.splats.means {
+            let place = DVec3::from_array(mean.map(f64::from));
+            let above = place.z - ground(place);
+            if (33.0..46.0).contains(&place.y) && place.x.abs() < 4.0 && above.abs() < 0.2 {
+                closed.insert((place.x.floor() as i64, place.y.floor() as i64));
+            }
+            upright += i32::from((place - post).with_z(0.0).length() < 0.4 && above > 0.8);
+        }
+        (closed.len(), upright)
+    };
+    let before = found(&views);
+    let snapped = GroundField::snap(&views, SITE.up, SITE.metres_per_unit, 2);
+    let after = found(&snapped);
+    println!("closed metres of {}, and discs of the post: {before:?}, then {after:?}", 13 * 8);
+    assert!(before.0 < 90 && after.0 >= 100, "{before:?} {after:?}");
+    assert!(after.1 > 10 && after.1 * 4 >= before.1 * 3, "{before:?} {after:?}");
+    let again = GroundField::snap(&views, SITE.up, SITE.metres_per_unit, 3);
+    assert!(again.iter().zip(&snapped).all(|(a, b)| a.depth == b.depth), "equal for any number of threads");
+}

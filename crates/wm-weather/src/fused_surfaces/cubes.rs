@@ -1,0 +1,193 @@
+//! Averages what all cameras see in cubes: one disc for each.
+//!
+//! Depth is rough along the ray, so that views of one piece of ground lie above each other. Cubes are upright and a few
+//! times as tall as the narrowest are wide: what lies above each other within that is one surface. Walls get wider cubes
+//! than ground, since nothing lies on them that would need narrow ones.
+
+use super::photo_view::{PhotoView, Spot};
+use crate::dome::level_axes;
+use crate::threads::map;
+use glam::{DMat3, DVec3, IVec3};
+use std::collections::HashMap;
+
+/// Width of the smallest cubes, m, and how often it may double.
+const CUBE: f64 = 0.12;
+const DOUBLED: u32 = 4;
+/// Least height of cubes, as a power of two of the smallest width.
+const TALL: u32 = 1;
+/// How often the width of cubes on walls is doubled at least, and the largest cosine between a wall's normal and up.
+const WALL_DOUBLED: u32 = 0;
+const WALL: f64 = 0.5;
+/// Width of cubes in distances between pixels.
+const PIXELS: f64 = 1.5;
+/// Weight of a pixel without a normal.
+const EDGE: f64 = 0.2;
+/// Share of a cube's weight from which on narrower cubes inside it take its place.
+const NARROWER: f64 = 0.5;
+
+/// A piece of a surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Disc {
+    /// World, scene units.
+    pub point: DVec3,
+    /// To where it was seen from, length 1.
+    pub normal: DVec3,
+    /// True if its normal is not known.
+    pub is_edge: bool,
+    /// Width of its cube, scene units.
+    pub size: f64,
+    /// Its weight: pixels of the smallest cube's width.
+    pub weight: f64,
+    pub rgb: [f32; 3],
+}
+
+/// Returns true if pixels of this width, m, are fused.
+pub(super) fn is_near(width: f64) -> bool {
+    PIXELS * width <= CUBE * f64::from(1 << DOUBLED)
+}
+
+/// A cube: how often its width is doubled, and its place among those of that width.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+struct Cube {
+    doubled: u32,
+    at: [i32; 3],
+}
+
+impl Cube {
+    /// Powers of two of the smallest width: of its width and of its height.
+    fn powers(doubled: u32) -> [u32; 2] {
+        [doubled, doubled.max(TALL)]
+    }
+
+    /// The cube so many times doubled that contains it.
+    fn wider(self, doubled: u32) -> Self {
+        let [wide, tall] = [0, 1].map(|k| Self::powers(doubled)[k] - Self::powers(self.doubled)[k]);
+        let [x, y, z] = self.at;
+        Self { doubled, at: [x >> wide, y >> wide, z >> tall] }
+    }
+}
+
+/// Sums over the pixels in a cube.
+#[derive(Clone, Copy, Debug)]
+struct Sums {
+    weight: f64,
+    /// From the cube's corner along the level axes, scene units.
+    place: DVec3,
+    normal: DVec3,
+    /// Weight of those with a normal.
+    known: f64,
+    rgb: [f64; 3],
+}
+
+impl Sums {
+    fn add(&mut self, other: &Self) {
+        self.weight += other.weight;
+        self.place += other.place;
+        self.normal += other.normal;
+        self.known += other.known;
+        self.rgb.iter_mut().zip(other.rgb).for_each(|(sum, value)| *sum += value);
+    }
+}
+
+/// The cubes of a place.
+struct Grid {
+    /// World to level axes.
+    level: DMat3,
+    /// Width of the smallest cubes, scene units.
+    cube: f64,
+}
+
+impl Grid {
+    fn size(&self, doubled: u32) -> DVec3 {
+        let [wide, tall] = Cube::powers(doubled).map(|power| self.cube * f64::from(1 << power));
+        DVec3::new(wide, wide, tall)
+    }
+
+    /// The cube of a pixel and what it adds; `None` where pixels are too far apart.
+    fn of(&self, spot: &Spot) -> Option<(Cube, Sums)> {
+        let apart = PIXELS * spot.apart;
+        let doubled = (apart / self.cube).log2().ceil().max(0.0) as u32;
+        if doubled > DOUBLED {
+            return None;
+        }
+        let up = self.level.row(2);
+        let is_wall = spot.normal.is_some_and(|normal| normal.dot(up).abs() < WALL);
+        let doubled = if is_wall { doubled.max(WALL_DOUBLED) } else { doubled };
+        let (size, place) = (self.size(doubled), self.level * spot.point);
+        let at = (place / size).floor();
+        let weight = (self.cube / apart).powi(2).min(16.0) * if spot.normal.is_some() { 1.0 } else { EDGE };
+        let sums = Sums {
+            weight,
+            place: (place - at * size) * weight,
+            normal: spot.normal.unwrap_or(-spot.ray) * weight,
+            known: if spot.normal.is_some() { weight } else { 0.0 },
+            rgb: spot.rgb.map(|v| f64::from(v) * weight),
+        };
+        Some((Cube { doubled, at: at.as_ivec3().to_array() }, sums))
+    }
+
+    fn disc(&self, cube: Cube, sums: &Sums) -> Disc {
+        let size = self.size(cube.doubled);
+        let place = IVec3::from_array(cube.at).as_dvec3() * size + sums.place / sums.weight;
+        Disc {
+            point: self.level.transpose() * place,
+            normal: sums.normal.normalize_or(self.level.row(2)),
+            is_edge: sums.known < 0.5 * sums.weight || sums.normal.length() < 0.5 * sums.weight,
+            size: size.x,
+            weight: sums.weight,
+            rgb: sums.rgb.map(|v| (v / sums.weight) as f32),
+        }
+    }
+}
+
+/// Sums by cube, in the order in which cubes were first met.
+#[derive(Default)]
+struct Cubes {
+    all: Vec<(Cube, Sums)>,
+    places: HashMap<Cube, u32>,
+}
+
+impl Cubes {
+    fn add(&mut self, cube: Cube, sums: &Sums) {
+        // Pixels side by side are mostly in one cube.
+        if let Some((_, sum)) = self.all.last_mut().filter(|(last, _)| *last == cube) {
+            return sum.add(sums);
+        }
+        match self.places.get(&cube) {
+            Some(place) => self.all[*place as usize].1.add(sums),
+            None => {
+                self.places.insert(cube, self.all.len() as u32);
+                self.all.push((cube, *sums));
+            }
+        }
+    }
+}
+
+/// Fuses the surfaces of all cameras in cubes; wide ones only where there are no narrow ones.
+pub(super) fn fuse(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Vec<Disc> {
+    let level = DMat3::from_cols_array_2d(&level_axes(up)).transpose();
+    let grid = Grid { level, cube: CUBE / metres_per_unit };
+    let each = map(views.len(), threads, |index| {
+        let mut cubes = Cubes::default();
+        views[index].each_spot(|spot| {
+            if let Some((cube, sums)) = grid.of(&spot) {
+                cubes.add(cube, &sums);
+            }
+        });
+        cubes.all
+    });
+    let mut cubes = Cubes::default();
+    each.iter().flatten().for_each(|(cube, sums)| cubes.add(*cube, sums));
+    let mut cubes = cubes.all;
+    cubes.sort_unstable_by_key(|(cube, _)| *cube);
+    let mut narrower: HashMap<Cube, f64> = HashMap::new();
+    for (cube, sums) in &cubes {
+        for doubled in cube.doubled + 1..=DOUBLED {
+            *narrower.entry(cube.wider(doubled)).or_default() += sums.weight;
+        }
+    }
+    let is_finest = |(cube, sums): &&(Cube, Sums)| {
+        narrower.get(cube).is_none_or(|weight| *weight < NARROWER * sums.weight)
+    };
+    cubes.iter().filter(is_finest).map(|(cube, sums)| grid.disc(*cube, sums)).collect()
+}

@@ -1,0 +1,312 @@
+//! The ground of a place as a height field, where photos see it at a grazing angle.
+//!
+//! A few degrees above the ground a training finds its depth badly: it leaves upright pieces that look like far ground
+//! from the path, with gaps between. Their heights are still known to some decimetres, since an error of depth moves a point
+//! mostly along the ground. So heights are gathered from all views, fitted with a smooth surface that has bushes and
+//! posts above it, and pixels that show something close to that surface are put on it.
+//!
+//! # The fit
+//! The surface is a sum of lattices of hat functions, each half as wide as the one before, each a weighted mean of what
+//! the coarser ones leave, drawn towards 0 where there are few points. It is fitted in rounds: points that lie off the
+//! last surface weigh less, those above it sooner than those below.
+
+use super::FloorPlane;
+use super::photo_view::PhotoView;
+use crate::dome::level_axes;
+use crate::threads::map;
+use glam::{DMat3, DVec3};
+use std::sync::Arc;
+
+/// Width of the finest lattice, m, and nodes along a side at most.
+const FINEST: f64 = 1.0;
+const NODES: usize = 512;
+/// Distance from the middle of the cameras to which there may be ground, m.
+const FAR: f64 = 250.0;
+/// Each so many pixels of a row and of a column give a point.
+const STEP: usize = 2;
+/// Least cosine between a point's normal and up.
+const LEVEL: f64 = 0.75;
+/// Points that weigh as much as the coarser lattice does.
+const PRIOR: f32 = 4.0;
+/// Distances above and below the last surface at which points count no more, m, in each round.
+const ROUNDS: [[f32; 2]; 5] = [[f32::INFINITY; 2], [6.0, 18.0], [2.5, 7.0], [1.0, 2.0], [0.5, 0.7]];
+/// Fewest points of a ground, and the weight of one under a camera, which is exact.
+const FEWEST: usize = 100;
+const FOOT: f32 = 16.0;
+/// Height of cameras that a person carries, m, and the share by which most differ in it at most.
+const CARRIED: std::ops::Range<f64> = 0.8..3.0;
+const UNEVEN: f64 = 0.4;
+/// Weight from which on a node of a lattice is supported by points.
+const SUPPORTED: f32 = 4.0;
+/// Doubt of a height beside its spread: m, and for each metre of the lattice that supports it.
+const DOUBT: [f32; 2] = [0.05, 0.03];
+/// Largest doubt of a height that is used: m, and as a share of the camera's height if that is more.
+const MOST_DOUBT: [f64; 2] = [1.2, 0.1];
+/// Largest sine of the angle between a ray and the ground that counts as grazing, and the doubt, m, from which on pixels are
+/// put on the ground at any angle.
+const GRAZING: f64 = 0.25;
+const DOUBTFUL: f64 = 0.4;
+/// Half of the slab about the surface that belongs to it: in doubts, at least and at most, m, and the most as a share of the
+/// camera's height if that is more.
+const SLAB: [f64; 4] = [2.0, 0.2, 0.6, 0.12];
+/// Steepest ground, as a tangent, that a ray may skip; and most steps of a ray.
+const STEEPEST: f64 = 0.5;
+const STEPS: usize = 60;
+
+/// Heights of the ground with their doubt.
+#[derive(Clone, Debug)]
+pub struct GroundField {
+    /// World to level axes, and m for each scene unit.
+    level: DMat3,
+    metres_per_unit: f64,
+    /// The corner of the lattice along the level axes, and its spacing, m.
+    corner: [f64; 2],
+    spacing: f64,
+    /// Nodes along a side.
+    side: usize,
+    /// m along up, and their doubt, m; row by row.
+    height: Vec<f32>,
+    doubt: Vec<f32>,
+}
+
+/// A lattice of hat functions over the square of the field.
+struct Lattice {
+    /// Nodes along a side and how many of them there are for one of the finest.
+    side: usize,
+    scale: f32,
+    /// The value of each node, the weight that it was found with, and the mean square of what is left, m^2.
+    value: Vec<f32>,
+    weight: Vec<f32>,
+    spread: Vec<f32>,
+}
+
+/// The four nodes about a place and their shares.
+fn about(side: usize, [x, y]: [f32; 2]) -> [(usize, f32); 4] {
+    let cell = |v: f32| (v.max(0.0) as usize).min(side - 2);
+    let (column, row) = (cell(x), cell(y));
+    let [u, v] = [(x - column as f32).clamp(0.0, 1.0), (y - row as f32).clamp(0.0, 1.0)];
+    let first = row * side + column;
+    [
+        (first, (1.0 - u) * (1.0 - v)),
+        (first + 1, u * (1.0 - v)),
+        (first + side, (1.0 - u) * v),
+        (first + side + 1, u * v),
+    ]
+}
+
+impl Lattice {
+    /// Of `nodes` spacings of the finest to one of its own.
+    fn new(finest: usize, scale: usize) -> Self {
+        let side = (finest - 1).div_ceil(scale) + 1;
+        let side = side.max(2);
+        let zeros = || vec![0.0; side * side];
+        Self { side, scale: 1.0 / scale as f32, value: zeros(), weight: zeros(), spread: zeros() }
+    }
+
+    fn about(&self, [x, y]: [f32; 2]) -> [(usize, f32); 4] {
+        about(self.side, [x * self.scale, y * self.scale])
+    }
+
+    fn at(&self, place: [f32; 2]) -> f32 {
+        self.about(place).iter().map(|(node, share)| share * self.value[*node]).sum()
+    }
+
+    /// Fits what is left of the points, with their weights, and takes its part from them.
+    fn fit(&mut self, places: &[[f32; 2]], left: &mut [f32], weights: &[f32]) {
+        for ((place, left), weight) in places.iter().zip(left.iter()).zip(weights) {
+            for (node, share) in self.about(*place) {
+                self.weight[node] += weight * share * share;
+                self.value[node] += weight * share * share * left;
+            }
+        }
+        for (value, weight) in self.value.iter_mut().zip(&self.weight) {
+            *value /= weight + PRIOR;
+        }
+        for ((place, left), weight) in places.iter().zip(left).zip(weights) {
+            *left -= self.at(*place);
+            for (node, share) in self.about(*place) {
+                self.spread[node] += weight * share * share * *left * *left;
+            }
+        }
+    }
+}
+
+impl GroundField {
+    /// Puts what views show of the ground at a grazing angle onto the ground that all of them show.
+    #[must_use]
+    pub fn snap(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Vec<PhotoView> {
+        let Some(field) = Self::of(views, up, metres_per_unit, threads) else { return views.to_vec() };
+        let field = Arc::new(field);
+        map(views.len(), threads, |index| views[index].clone().snapped_to(&field))
+    }
+
+    /// Of what cameras see of a place; `None` where they see next to no level surface. Under cameras that were carried over it
+    /// at one height it is that far below them.
+    fn of(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Option<Self> {
+        let level = DMat3::from_cols_array_2d(&level_axes(up)).transpose();
+        let cameras: Vec<DVec3> =
+            views.iter().map(|view| level * view.camera.center() * metres_per_unit).collect();
+        let middle = cameras.iter().sum::<DVec3>() / cameras.len().max(1) as f64;
+        let found = map(views.len(), threads, |index| {
+            let mut points = Vec::new();
+            views[index].each_level_point(STEP, DVec3::from_array(up), LEVEL, |point| {
+                let off = level * point * metres_per_unit - middle;
+                if off.truncate().length() < FAR {
+                    points.push(off.as_vec3().to_array());
+                }
+            });
+            points
+        });
+        let mut points: Vec<([f32; 3], f32)> = found.concat().into_iter().map(|point| (point, 1.0)).collect();
+        if points.len() < FEWEST {
+            return None;
+        }
+        let field = Self::fit(level, metres_per_unit, middle, &points, threads);
+        let Some(height) = field.carried_at(&cameras) else { return Some(field) };
+        let feet = cameras.iter().map(|camera| *camera - middle - DVec3::new(0.0, 0.0, height));
+        points.extend(feet.map(|foot| (foot.as_vec3().to_array(), FOOT)));
+        Some(Self::fit(level, metres_per_unit, middle, &points, threads))
+    }
+
+    /// The height at which cameras (level axes, m) were carried by a person, m; `None` if they were not.
+    fn carried_at(&self, cameras: &[DVec3]) -> Option<f64> {
+        let known = |camera: &&DVec3| {
+            self.place(**camera).is_some_and(|place| self.mean(&self.doubt, place) < DOUBTFUL)
+        };
+        let mut heights: Vec<f64> =
+            cameras.iter().filter(known).filter_map(|camera| self.above(*camera)).collect();
+        heights.sort_by(f64::total_cmp);
+        let [low, middle, high] = [1, 4, 7].map(|eighth| heights.get(heights.len() * eighth / 8).copied());
+        let middle = middle.filter(|height| CARRIED.contains(height))?;
+        (high? - low? < UNEVEN * middle).then_some(middle)
+    }
+
+    /// Fits points (level axes from `middle`, m) with their weights.
+    fn fit(
+        level: DMat3,
+        metres_per_unit: f64,
+        middle: DVec3,
+        points: &[([f32; 3], f32)],
+        threads: usize,
+    ) -> Self {
+        let reach = reach(points);
+        let side = ((2.0 * reach / FINEST) as usize + 2).min(NODES);
+        let spacing = 2.0 * reach / (side - 1) as f64;
+        let place =
+            |(point, _): &([f32; 3], f32)| [0, 1].map(|k| ((f64::from(point[k]) + reach) / spacing) as f32);
+        let places: Vec<[f32; 2]> = points.iter().map(place).collect();
+        let mut lattices: Vec<Lattice> = Vec::new();
+        let mut left: Vec<f32> = vec![0.0; points.len()];
+        for [over, under] in ROUNDS {
+            let weight = |((_, weight), off): (&([f32; 3], f32), &f32)| {
+                let off = if *off > 0.0 { off / over } else { -off / under };
+                weight * (1.0 - off * off).max(0.0).powi(2)
+            };
+            let weights: Vec<f32> = points.iter().zip(&left).map(weight).collect();
+            left = points.iter().map(|(point, _)| point[2]).collect();
+            lattices.clear();
+            let mut scale = (side - 1).next_power_of_two();
+            while scale > 0 {
+                let mut lattice = Lattice::new(side, scale);
+                lattice.fit(&places, &mut left, &weights);
+                lattices.push(lattice);
+                scale /= 2;
+            }
+        }
+        let node = |index: usize| {
+            let place = [(index % side) as f32, (index / side) as f32];
+            let height: f32 = lattices.iter().map(|lattice| lattice.at(place)).sum();
+            // The finest that points support, and what they leave there.
+            let support = lattices.iter().rev().find_map(|lattice| {
+                let mean = |values: &[f32]| -> f32 {
+                    lattice.about(place).iter().map(|(node, share)| share * values[*node]).sum()
+                };
+                let weight = mean(&lattice.weight);
+                let spread = || (mean(&lattice.spread) / weight).sqrt();
+                (weight >= SUPPORTED).then(|| (spacing as f32 / lattice.scale, spread()))
+            });
+            let doubt = support.map_or(f32::INFINITY, |(width, spread)| DOUBT[0] + DOUBT[1] * width + spread);
+            (height + middle.z as f32, doubt)
+        };
+        let (height, doubt) = map(side * side, threads, node).into_iter().unzip();
+        let corner = [middle.x - reach, middle.y - reach];
+        Self { level, metres_per_unit, corner, spacing, side, height, doubt }
+    }
+
+    /// Column and row of a point (level axes, m) on the lattice; `None` beyond it.
+    fn place(&self, point: DVec3) -> Option<[f32; 2]> {
+        let [x, y] = [point.x - self.corner[0], point.y - self.corner[1]].map(|v| v / self.spacing);
+        let last = (self.side - 1) as f64;
+        ((0.0..=last).contains(&x) && (0.0..=last).contains(&y)).then_some([x as f32, y as f32])
+    }
+
+    fn mean(&self, values: &[f32], place: [f32; 2]) -> f64 {
+        f64::from(about(self.side, place).iter().map(|(node, share)| share * values[*node]).sum::<f32>())
+    }
+
+    /// Height of a point (level axes, m) above the ground, m.
+    fn above(&self, point: DVec3) -> Option<f64> {
+        Some(point.z - self.mean(&self.height, self.place(point)?))
+    }
+
+    /// Follows a ray of length 1 (level axes) from a point (m) to the ground: the distance, m.
+    fn meet(&self, from: DVec3, ray: DVec3) -> Option<f64> {
+        let mut way = 0.0;
+        for _ in 0..STEPS {
+            let above = self.above(from + way * ray)?;
+            if above < 0.005 {
+                return (above > -0.5).then_some(way);
+            }
+            let closes = (STEEPEST * ray.truncate().length() - ray.z).max(1e-3);
+            way += above / closes;
+        }
+        None
+    }
+
+    /// The normal of the ground at a point (level axes, m), world axes.
+    fn normal(&self, point: DVec3) -> Option<DVec3> {
+        let step = self.spacing;
+        let rise = |x: f64, y: f64| {
+            let at = |sign: f64| self.above(point + sign * DVec3::new(x, y, 0.0));
+            Some((at(-1.0)? - at(1.0)?) / (2.0 * step))
+        };
+        let normal = DVec3::new(-rise(step, 0.0)?, -rise(0.0, step)?, 1.0).normalize();
+        Some(self.level.transpose() * normal)
+    }
+
+    /// The plane of the ground about a point of it (world, scene units).
+    pub(super) fn plane(&self, point: DVec3) -> Option<FloorPlane> {
+        let normal = self.normal(self.level * point * self.metres_per_unit)?;
+        Some(FloorPlane { point, normal, reach: f64::INFINITY, slab: 0.0 })
+    }
+
+    /// Puts a pixel on the ground that shows a point at `depth` along a ray of length 1 (world; scene units, 0 for nothing):
+    /// the distance to it and its normal. `None` for a pixel that shows something else or is known well.
+    pub(super) fn snapped(&self, from: DVec3, ray: DVec3, depth: f64) -> Option<(f64, DVec3)> {
+        let [eye, ray] = [self.level * from * self.metres_per_unit, self.level * ray];
+        if ray.z > STEEPEST * ray.truncate().length() {
+            return None;
+        }
+        let height = self.above(eye)?;
+        let widest = SLAB[2].max(SLAB[3] * height);
+        let shown = eye + depth * self.metres_per_unit * ray;
+        let above = if depth > 0.0 { self.above(shown)? } else { f64::NEG_INFINITY };
+        if above > widest {
+            return None;
+        }
+        let way = self.meet(eye, ray)?;
+        let met = eye + way * ray;
+        let doubt = self.mean(&self.doubt, self.place(met)?);
+        let slab = (SLAB[0] * doubt).clamp(SLAB[1], widest);
+        let normal = self.normal(met)?;
+        let is_rough = doubt > DOUBTFUL || -(self.level * normal).dot(ray) < GRAZING;
+        let is_shown = is_rough && doubt < MOST_DOUBT[0].max(MOST_DOUBT[1] * height) && above < slab;
+        is_shown.then_some((way / self.metres_per_unit, normal))
+    }
+}
+
+/// Half of the side of the square about the origin that holds the points, m.
+fn reach(points: &[([f32; 3], f32)]) -> f64 {
+    let far = points.iter().map(|([x, y, _], _)| x.abs().max(y.abs())).fold(0.0, f32::max);
+    f64::from(far).clamp(5.0, FAR)
+}
