@@ -21,7 +21,7 @@ use std::sync::Arc;
 const FINEST: f64 = 1.0;
 const NODES: usize = 512;
 /// Distance from the middle of the cameras to which there may be ground, m.
-const FAR: f64 = 250.0;
+const FAR: f64 = 400.0;
 /// Each so many pixels of a row and of a column give a point.
 const STEP: usize = 2;
 /// Least cosine between a point's normal and up.
