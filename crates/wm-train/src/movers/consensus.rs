@@ -1,4 +1,4 @@
-//! The verdict on each pixel of a photo: do other photos that see the same surface show the same colour?
+//! The verdict on each pixel of a photo: others that see the same surface show its colour, or another.
 
 use super::view::{MoverView, SCALES};
 use glam::{DMat3, DVec3};

@@ -32,6 +32,8 @@ const SHORTEST: u32 = 128;
 const FEWEST: usize = 5;
 /// Rounds; from the second on, movers that were found say nothing about other photos.
 const ROUNDS: usize = 3;
+/// Share of the pixels of the median photo that stereo must know, or what is between is too doubtful.
+const LEAST_MEDIAN: f32 = 0.12;
 /// Share of the median photo's pixels that stereo must know of a photo, or its depth is too doubtful to judge by.
 const LEAST_KNOWN: f32 = 0.4;
 /// Least share of the pixels about which photos agree, for masks to be believed.
@@ -111,7 +113,11 @@ pub fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
     }
     let mut known: Vec<f32> = views.iter().map(|view| view.known).collect();
     known.sort_by(f32::total_cmp);
-    let least = LEAST_KNOWN * known[known.len() / 2];
+    let median = known[known.len() / 2];
+    if median < LEAST_MEDIAN {
+        return (MoverOutcome::TooFewJudged(f64::from(median)), Vec::new());
+    }
+    let least = LEAST_KNOWN * median;
     let pixels: usize = views.iter().map(|view| view.matched.len()).sum();
     let share = |count: usize| count as f64 / pixels.max(1) as f64;
     let judge = Judge::new(views);

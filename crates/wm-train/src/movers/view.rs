@@ -12,6 +12,9 @@ const AROUND: usize = 6;
 /// Share of the pixels about one that stereo must know for its own depth to be believed: strays do not count.
 const DENSE: f32 = 0.04;
 
+/// Half the width of the rows and columns in which a gap has to have known depth on both sides, px.
+const BAND: usize = 3;
+
 /// One scale of a photo.
 #[derive(Clone, Debug, Default)]
 pub struct Scale {
@@ -30,7 +33,7 @@ pub struct Scale {
 pub struct MoverView {
     /// The camera at this size.
     pub camera: Camera,
-    /// Inverse view z of the scene, 1 / scene unit; 0 in the sky, NaN everywhere if nothing is known.
+    /// Inverse view z of the scene, 1 / scene unit; 0 in the sky, NaN outside of what is known.
     pub disparity: Vec<f32>,
     /// Share of the pixels beside each that stereo found in other photos.
     pub matched: Vec<f32>,
@@ -61,12 +64,16 @@ impl MoverView {
             scales.push(next);
         }
         let matches: Vec<bool> = stereo.iter().map(|disparity| *disparity > 0.0).collect();
-        let (matched, around) = (shares(&matches, width, BESIDE), shares(&matches, width, AROUND));
+        let (mut matched, mut around) = (shares(&matches, width, BESIDE), shares(&matches, width, AROUND));
         let known = matches.iter().filter(|known| **known).count() as f32 / matches.len() as f32;
         let is_stray = |(disparity, matched): (&f32, &f32)| *disparity > 0.0 && *matched < DENSE;
         let believed =
             stereo.iter().zip(&matched).map(|pair| if is_stray(pair) { f32::NAN } else { *pair.0 });
         let disparity = filled(&believed.collect::<Vec<f32>>(), width);
+        // Clouds and the glow of the sky differ between photos, and nothing is behind them.
+        for pixel in (0..stereo.len()).filter(|pixel| stereo[*pixel] == 0.0) {
+            (matched[pixel], around[pixel]) = (1.0, 1.0);
+        }
         Self { camera, disparity, matched, around, known, scales }
     }
 
@@ -165,7 +172,37 @@ fn filled(known: &[f32], width: usize) -> Vec<f32> {
         let (fine, coarse) = layers.split_at_mut(at + 1);
         fine[at].fill_from(&coarse[0]);
     }
-    layers[0].cells.iter().map(|(disparity, _)| *disparity).collect()
+    let is_between = enclosed(known, width);
+    let value =
+        |((disparity, _), is_between): (&(f32, f32), bool)| if is_between { *disparity } else { f32::NAN };
+    layers[0].cells.iter().zip(is_between).map(value).collect()
+}
+
+/// The pixels that have known depth to the left and to the right, and above and below: beyond its border the scene may go on in any
+/// way.
+fn enclosed(known: &[f32], width: usize) -> Vec<bool> {
+    let height = known.len() / width;
+    // The first and the last that is known in each row, and in each column.
+    let mut rows = vec![(usize::MAX, 0); height];
+    let mut columns = vec![(usize::MAX, 0); width];
+    for pixel in (0..known.len()).filter(|pixel| !known[*pixel].is_nan()) {
+        let (x, y) = (pixel % width, pixel / width);
+        rows[y] = (rows[y].0.min(x), rows[y].1.max(x));
+        columns[x] = (columns[x].0.min(y), columns[x].1.max(y));
+    }
+    let widened = |ends: &[(usize, usize)]| -> Vec<(usize, usize)> {
+        let band = |at: usize| &ends[at.saturating_sub(BAND)..(at + BAND + 1).min(ends.len())];
+        let both = |a: (usize, usize), b: &(usize, usize)| (a.0.min(b.0), a.1.max(b.1));
+        (0..ends.len()).map(|at| band(at).iter().fold((usize::MAX, 0), both)).collect()
+    };
+    let (rows, columns) = (widened(&rows), widened(&columns));
+    let is_in = |at: usize, (first, last): (usize, usize)| first <= at && at <= last;
+    (0..known.len())
+        .map(|pixel| {
+            let (x, y) = (pixel % width, pixel / width);
+            is_in(x, rows[y]) && is_in(y, columns[x])
+        })
+        .collect()
 }
 
 impl Layer {
