@@ -24,6 +24,8 @@ pub struct TrainConfig {
     pub resolution: Resolution,
     /// The exposures of photos: one each, or one for all.
     pub exposure: ExposureMode,
+    /// The treatment of what moves in the photos.
+    pub movers: MoverMode,
     /// Weights of the loss.
     pub loss: LossConfig,
     /// Step lengths.
@@ -73,6 +75,17 @@ pub enum ExposureMode {
     /// [`Self::Photo`] if the points of the reconstruction are brighter in some photos than in others, else [`Self::Shared`].
     #[default]
     Auto,
+}
+
+/// The treatment of what moves in the photos.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MoverMode {
+    /// Pixels that show movers are found and left out; see [`crate::movers`].
+    #[default]
+    Auto,
+    /// All pixels count.
+    Keep,
 }
 
 /// Weights of the loss.
@@ -225,6 +238,7 @@ impl TrainConfig {
             background: BackgroundKind::Random,
             resolution: if preset == Preset::Best { Resolution::Full } else { Resolution::Coarse },
             exposure: ExposureMode::Auto,
+            movers: MoverMode::Auto,
             loss: LossConfig { l1: 0.8, ssim: 0.2, geometry: GeometryConfig::default() },
             rates: RateConfig::for_steps(steps),
             densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),

@@ -36,6 +36,7 @@
 //!   [`video`]: photos out of a video.
 //! - [`maps`]: depth, normals and masks of photos in files; [`priors`]: what is known of these before a training.
 //! - [`start`]: the first splats; [`trainer`]: steps, made of [`losses`], [`densify`], [`schedule`] and [`exposure`].
+//! - [`movers`]: what is in one photo and not in the others.
 //! - [`config`], [`plan`], [`check`]: the configuration; [`checkpoint`]: a training on disk.
 //! - [`evaluation`], [`metrics`]: scores against photos and ground truth.
 
@@ -55,6 +56,7 @@ mod learner;
 pub mod losses;
 pub mod maps;
 pub mod metrics;
+pub mod movers;
 pub mod photos;
 pub mod plan;
 pub mod priors;

@@ -11,6 +11,7 @@ use wm_media::{PictureSize, color::Dither, png};
 use wm_scene::Camera;
 use wm_train::StepTimes;
 use wm_train::colmap;
+use wm_train::movers::MoverOutcome;
 use wm_train::session::{
     HeldOutScores, ImageMoment, ObserverError, Preparation, StepProgress, StepSummary, TrainImage,
     TrainNotice, TrainObserver, TrainReport, TrainStart, TrainWarning,
@@ -81,6 +82,18 @@ impl TrainObserver for TrainingConsole<'_> {
                     100.0 * spread
                 );
             }
+            TrainNotice::Movers { outcome, photos } => match outcome {
+                MoverOutcome::Found { photos: with, share } => eprintln!(
+                    "movers: in {with} of {photos} photos, {:.1} % of the pixels, left out: {}",
+                    100.0 * share,
+                    self.folder.join("movers.png").display()
+                ),
+                MoverOutcome::TooMany(share) => eprintln!(
+                    "movers: none are left out, since {:.0} % of the pixels differ between photos, which cannot be true",
+                    100.0 * share
+                ),
+                MoverOutcome::None | MoverOutcome::TooFewJudged(_) => {}
+            },
             TrainNotice::PriorsIncomplete { folder, found, photos } => {
                 eprintln!("{}: {found} of {photos} photos have priors", folder.display());
             }

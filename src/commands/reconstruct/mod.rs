@@ -21,7 +21,7 @@ use std::time::Duration;
 use wm_scene::files::check_writable;
 use wm_scene::formats;
 use wm_scene::{Metadata, Rasterization};
-use wm_train::config::{BackgroundKind, Densify, ExposureMode, Resolution};
+use wm_train::config::{BackgroundKind, Densify, ExposureMode, MoverMode, Resolution};
 use wm_train::session::{PriorSource, Resume};
 use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 
@@ -105,6 +105,9 @@ struct TrainingArgs {
     /// all), or auto (photo if the points of the model are brighter in some photos than in others, else shared)
     #[arg(long, value_name = "WHOSE", default_value = "auto", help_heading = "Training")]
     exposure: ExposureArg,
+    /// Pixels that show people, cars and what else is in one photo and not in others: auto (found and left out) or keep
+    #[arg(long, value_name = "CHOICE", default_value = "auto", help_heading = "Training")]
+    movers: MoversArg,
     /// Background behind the splats during training: black or random
     #[arg(long, value_name = "COLOR", default_value = "random", help_heading = "Training")]
     background: BackgroundArg,
@@ -146,6 +149,10 @@ choice! {
     ExposureArg { Shared, Photo, Auto }
 }
 choice! {
+    /// The treatment of movers.
+    MoversArg { Auto, Keep }
+}
+choice! {
     /// The background's name.
     BackgroundArg { Black, Random }
 }
@@ -171,6 +178,10 @@ impl TrainingArgs {
                 ExposureArg::Shared => ExposureMode::Shared,
                 ExposureArg::Photo => ExposureMode::Photo,
                 ExposureArg::Auto => ExposureMode::Auto,
+            },
+            movers: match self.movers {
+                MoversArg::Auto => MoverMode::Auto,
+                MoversArg::Keep => MoverMode::Keep,
             },
             background: match self.background {
                 BackgroundArg::Black => BackgroundKind::Black,

@@ -3,6 +3,7 @@
 
 use super::fit::Fit;
 use super::{Prior, SkyClass};
+use crate::movers::MoverMask;
 use crate::photos::cache::{Cache, Weigh};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -144,6 +145,8 @@ pub struct Priors {
     index: Index,
     /// By the place of the name among all.
     cache: Cache<usize, Prior>,
+    /// By name, the pixels of photos of which nothing is believed.
+    movers: BTreeMap<String, MoverMask>,
 }
 
 /// Writes a folder of priors; the index comes last.
@@ -197,7 +200,16 @@ impl Priors {
     /// [`PriorsError`] if the index cannot be read.
     pub fn open(folder: &Path) -> Result<Option<Self>, PriorsError> {
         let index = read_index(&folder.join(INDEX))?;
-        Ok(index.map(|index| Self { folder: folder.into(), index, cache: Cache::new(KEPT) }))
+        Ok(index.map(|index| {
+            let (cache, movers) = (Cache::new(KEPT), BTreeMap::new());
+            Self { folder: folder.into(), index, cache, movers }
+        }))
+    }
+
+    /// Leaves out the pixels of photos, by their names, that show movers.
+    pub fn forget(&mut self, movers: BTreeMap<String, MoverMask>) {
+        self.movers = movers;
+        self.cache = Cache::new(KEPT);
     }
 
     /// Returns the index.
@@ -261,6 +273,9 @@ impl Priors {
             let path = file(&self.folder, "sky", name, "png");
             let classes = read_classes(&path, (entry.width, entry.height));
             prior.sky = classes.map_err(|reason| PriorsError::Map { path, reason })?;
+        }
+        if let Some(movers) = self.movers.get(name) {
+            prior.forget(movers.pixels(entry.width, entry.height));
         }
         Ok(prior)
     }

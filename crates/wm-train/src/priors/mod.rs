@@ -63,6 +63,21 @@ impl Prior {
         4 * self.disparity.len() + 12 * self.normal.len() + self.sky.len()
     }
 
+    /// Makes everything unknown in some pixels.
+    pub fn forget(&mut self, pixels: impl Iterator<Item = usize>) {
+        for pixel in pixels {
+            if let Some(disparity) = self.disparity.get_mut(pixel) {
+                *disparity = f32::NAN;
+            }
+            if let Some(normal) = self.normal.get_mut(pixel) {
+                *normal = [0.0; 3];
+            }
+            if let Some(sky) = self.sky.get_mut(pixel) {
+                *sky = SkyClass::Unknown;
+            }
+        }
+    }
+
     /// Makes disparity 0 where the sky is, and normals unknown.
     pub fn clear_sky(&mut self) {
         for (pixel, class) in self.sky.iter().enumerate() {

@@ -40,6 +40,7 @@
 mod data;
 mod error;
 mod folder;
+mod movers;
 mod observer;
 mod priors;
 mod scene;
@@ -277,12 +278,16 @@ impl Session {
             // A folder that cannot be written should be found before the photos are compared.
             folder.write_config(&config)?;
         }
-        let priors = priors::open(&dataset, &options, &data, &folder, observer)?;
+        let mut priors = priors::open(&dataset, &options, &data, &folder, observer)?;
+        let movers = movers::search(&config, &options, &data, priors.as_mut(), &folder, observer)?;
         let backend = match backend {
             Some(renderer) => Backend { renderer, failures: mpsc::channel().1 },
             None => open_backend(&options)?,
         };
-        Training::new(Parts { config, dataset, data, priors, folder, options, metric, backend }, observer)
+        Training::new(
+            Parts { config, dataset, data, priors, movers, folder, options, metric, backend },
+            observer,
+        )
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::score::{HeldOutScore, HeldOutScores, TrainReport};
 use crate::colmap::{self, UnregisteredPhoto};
+use crate::movers::MoverOutcome;
 use crate::photos::PhotoError;
 use crate::priors::folder::PriorsSummary;
 use crate::video::VideoProgress;
@@ -176,6 +177,13 @@ pub enum TrainNotice {
     ExposuresDiffer {
         /// Root mean square of the logarithms of the photos' gains.
         spread: f64,
+    },
+    /// Movers were searched for.
+    Movers {
+        /// The conclusion.
+        outcome: MoverOutcome,
+        /// Training photos.
+        photos: usize,
     },
     /// Not every photo has priors.
     PriorsIncomplete {

@@ -14,6 +14,7 @@ use crate::config::{ExposureMode, TrainConfig};
 use crate::exposure::Exposures;
 use crate::losses::TrainPhoto;
 use crate::metrics::{Ssim, psnr};
+use crate::movers::MoverMask;
 use crate::photos::{BadPhotos, Photo};
 use crate::priors::{Prior, Priors};
 use crate::start;
@@ -51,6 +52,8 @@ pub struct Training {
     dataset: PathBuf,
     data: TrainData,
     priors: Option<Priors>,
+    /// Of each training photo the pixels that show movers; empty if there are none.
+    movers: Vec<MoverMask>,
     folder: RunFolder,
     options: SessionOptions,
     metrics: Metrics,
@@ -84,6 +87,16 @@ impl PhotoPixels {
         self.mask = photo.mask.as_ref().map(|mask| mask.iter().map(|v| f32::from(*v) / 255.0).collect());
         TrainPhoto { rgb: &self.rgb, mask: self.mask.as_deref(), camera: &photo.camera, prior: None }
     }
+
+    /// The same without the pixels that show movers.
+    fn truth_without<'b>(&'b mut self, photo: &'b Photo, movers: Option<&MoverMask>) -> TrainPhoto<'b> {
+        self.truth(photo);
+        if let Some(movers) = movers.filter(|movers| !movers.is_empty()) {
+            let mask = self.mask.get_or_insert_with(|| vec![1.0; photo.rgb.len() / 3]);
+            movers.pixels(photo.width, photo.height).for_each(|pixel| mask[pixel] = 0.0);
+        }
+        TrainPhoto { rgb: &self.rgb, mask: self.mask.as_deref(), camera: &photo.camera, prior: None }
+    }
 }
 
 /// The parts of a training.
@@ -92,6 +105,7 @@ pub(super) struct Parts {
     pub dataset: PathBuf,
     pub data: TrainData,
     pub priors: Option<Priors>,
+    pub movers: Vec<MoverMask>,
     pub folder: RunFolder,
     pub options: SessionOptions,
     pub metric: Option<Box<dyn PerceptualMetric>>,
@@ -101,7 +115,7 @@ pub(super) struct Parts {
 impl Training {
     /// Starts a training, or continues the one in the run folder.
     pub(super) fn new(parts: Parts, observer: &mut dyn TrainObserver) -> Result<Self, SessionError> {
-        let Parts { config, dataset, data, priors, folder, options, metric, backend } = parts;
+        let Parts { config, dataset, data, priors, movers, folder, options, metric, backend } = parts;
         let Backend { renderer, failures } = backend;
         failures.try_iter().for_each(|error| observer.on_warning(&TrainWarning::Gpu(error)));
         let extent = start::extent(&data.cameras());
@@ -150,6 +164,7 @@ impl Training {
             dataset,
             data,
             priors,
+            movers,
             folder,
             options,
             metrics,
@@ -280,7 +295,10 @@ impl Training {
         let level = self.trainer.level_at(step, self.last_level);
         let (index, photo) = self.photo_at(step, level, observer)?;
         let prior = self.prior(self.data.set.places[index])?;
-        let truth = TrainPhoto { prior: prior.as_deref(), ..self.pixels.truth(&photo) };
+        let truth = TrainPhoto {
+            prior: prior.as_deref(),
+            ..self.pixels.truth_without(&photo, self.movers.get(index))
+        };
         let done = self.trainer.step(&truth, index);
         self.failures.try_iter().for_each(|error| observer.on_warning(&TrainWarning::Gpu(error)));
         let report = match done {

@@ -1,0 +1,320 @@
+//! The verdict on each pixel of a photo: others that see the same surface show its colour, or another.
+
+use super::view::{MoverView, SCALES};
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+use wm_scene::Camera;
+
+/// Most other photos that each is compared with.
+const MOST_OTHERS: usize = 12;
+/// Fewest that must see the surface.
+const FEWEST: usize = 3;
+/// For each that sees the surface, most that see through it.
+const THROUGH: usize = 2;
+/// Largest relative difference of the inverse depths of one surface: filled depth is no better.
+const DEPTH: f32 = 0.08;
+/// Parallax that depth may be wrong by, px of the search.
+const PARALLAX: f32 = 1.0;
+/// Largest difference of the scales at which photos are compared, halvings.
+const FARTHEST_SCALE: f32 = 2.3;
+/// Side of the cells in which depths of other photos are gathered, px.
+const CELL: usize = 2;
+/// Relative width of the depths of one surface in a cell.
+const CLUSTER: f32 = 0.06;
+/// Share of the pixels about one that stereo must know for it to stand still.
+const MATCHED: f32 = 0.04;
+/// The weight of the other photos' spread.
+const SPREAD: f32 = 0.7;
+/// Difference of colour beyond texture and spread up to which a pixel agrees.
+const AGREES: f32 = 0.06;
+/// Difference and spread up to which it surely does.
+const SURELY_AGREES: [f32; 2] = [0.01, 0.03];
+
+/// The verdict on a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Verdict {
+    /// Too few others see the surface.
+    Unknown,
+    /// The others show about what the photo shows, which a mover of the same colour would too.
+    Agrees,
+    /// The others show what the photo shows.
+    Still,
+    /// They show something else: by so much.
+    Differs(f32),
+}
+
+/// The way from the pixels of one photo to those of another.
+#[derive(Clone, Copy, Debug)]
+struct Warp {
+    base: [[f32; 3]; 3],
+    lift: [f32; 3],
+}
+
+impl Warp {
+    fn new(from: &Camera, to: &Camera) -> Self {
+        let relative = to.viewmat * from.viewmat.inverse();
+        let matrix =
+            |c: &Camera| DMat3::from_cols(DVec3::X * c.fx, DVec3::Y * c.fy, DVec3::new(c.cx, c.cy, 1.0));
+        let base = matrix(to) * DMat3::from_mat4(relative) * matrix(from).inverse();
+        let lift = matrix(to) * relative.w_axis.truncate();
+        Self {
+            base: [0, 1, 2].map(|row| base.row(row).to_array().map(|v| v as f32)),
+            lift: lift.to_array().map(|v| v as f32),
+        }
+    }
+
+    /// Position and inverse depth in the other photo; `None` behind it.
+    #[inline]
+    fn at(&self, x: f32, y: f32, disparity: f32) -> Option<(f32, f32, f32)> {
+        let row =
+            |r: usize| self.base[r][0] * x + self.base[r][1] * y + self.base[r][2] + self.lift[r] * disparity;
+        let depth = row(2);
+        (depth > 1e-6).then(|| (row(0) / depth, row(1) / depth, disparity / depth))
+    }
+}
+
+/// Another photo that a photo is compared with.
+struct Other {
+    index: usize,
+    there: Warp,
+    back: Warp,
+    /// Logarithm (base 2) of the ratio of the focal lengths, theirs to the photo's.
+    focal: f32,
+    /// A change of inverse depth that is a parallax of one pixel.
+    pixel: f32,
+}
+
+impl Other {
+    fn new(index: usize, own: &Camera, theirs: &Camera) -> Self {
+        let baseline = own.center().distance(theirs.center()).max(1e-9);
+        Self {
+            index,
+            there: Warp::new(own, theirs),
+            back: Warp::new(theirs, own),
+            focal: (theirs.fx / own.fx).log2() as f32,
+            pixel: (1.0 / (own.fx.max(own.fy) * baseline)) as f32,
+        }
+    }
+
+    /// Halvings by which a surface is larger in the other photo.
+    #[inline]
+    fn scale(&self, disparity: f32, theirs: f32) -> f32 {
+        if disparity > 0.0 { (theirs / disparity).log2() + self.focal } else { self.focal }
+    }
+}
+
+/// What other photos say of a pixel at one depth.
+#[derive(Clone, Copy, Debug, Default)]
+struct Opinion {
+    /// The number of those that see the surface, and that see through it.
+    seen: usize,
+    through: usize,
+    /// Median difference beyond texture, and spread of the others.
+    off: f32,
+    spread: f32,
+}
+
+/// Judges the pixels of photos.
+pub struct Judge<'a> {
+    views: &'a [MoverView],
+    others: Vec<Vec<Other>>,
+    /// Of each photo, see [`gathered`].
+    cells: Vec<Vec<[f32; 2]>>,
+}
+
+impl<'a> Judge<'a> {
+    /// Chooses for each photo those that it is compared with.
+    pub fn new(views: &'a [MoverView]) -> Self {
+        let others: Vec<Vec<Other>> =
+            (0..views.len()).into_par_iter().map(|index| choose(views, index)).collect();
+        let cells =
+            others.par_iter().zip(views).map(|(others, view)| gathered(views, view, others)).collect();
+        Self { views, others, cells }
+    }
+
+    /// The verdicts on the pixels of a photo, `[H, W]`; pixels in `masks`, of all photos, say nothing about others. Empty masks hold
+    /// none.
+    pub fn photo(&self, index: usize, masks: &[Vec<bool>]) -> Vec<Verdict> {
+        let view = &self.views[index];
+        let (width, height) = view.size();
+        let columns = width.div_ceil(CELL);
+        let verdict = |pixel: usize| {
+            if view.matched[pixel] > MATCHED {
+                return Verdict::Still;
+            }
+            let (x, y) = (pixel % width, pixel / width);
+            let [first, second] = self.cells[index][y / CELL * columns + x / CELL];
+            self.pixel(index, (x, y), [view.disparity[pixel], first, second], masks)
+        };
+        (0..width * height).map(verdict).collect()
+    }
+
+    /// The verdict on a pixel at that of some inverse depths, NaN for none, at which most others see a surface.
+    fn pixel(&self, index: usize, at: (usize, usize), depths: [f32; 3], masks: &[Vec<bool>]) -> Verdict {
+        let mut best = Opinion::default();
+        for disparity in depths.into_iter().filter(|disparity| !disparity.is_nan()) {
+            let opinion = self.opinion(index, at, disparity, masks);
+            if opinion.seen > best.seen && opinion.through <= THROUGH * opinion.seen {
+                best = opinion;
+            }
+        }
+        let Opinion { seen, off, spread, .. } = best;
+        match off - SPREAD * spread {
+            _ if seen < FEWEST => Verdict::Unknown,
+            beyond if beyond > AGREES => Verdict::Differs(beyond),
+            _ if off <= SURELY_AGREES[0] && spread <= SURELY_AGREES[1] => Verdict::Still,
+            _ => Verdict::Agrees,
+        }
+    }
+
+    /// The others' opinion of a pixel at an inverse depth.
+    fn opinion(
+        &self,
+        index: usize,
+        (column, row): (usize, usize),
+        disparity: f32,
+        masks: &[Vec<bool>],
+    ) -> Opinion {
+        let view = &self.views[index];
+        let (x, y) = (column as f32 + 0.5, row as f32 + 0.5);
+        let mut opinion = Opinion::default();
+        let mut offs = [0.0f32; MOST_OTHERS];
+        let mut colors = [[0.0f32; 3]; MOST_OTHERS];
+        for other in &self.others[index] {
+            let there = &self.views[other.index];
+            let Some((u, v, theirs)) = inside(there, other.there.at(x, y, disparity)) else { continue };
+            let pixel = v as usize * there.size().0 + u as usize;
+            let known = there.disparity[pixel];
+            let tolerance = (DEPTH * theirs.max(known)).max(PARALLAX * other.pixel);
+            if known < theirs - tolerance {
+                opinion.through += 1;
+            }
+            let is_seen = (known - theirs).abs() <= tolerance;
+            let scale = other.scale(disparity, theirs);
+            let says_nothing = masks[other.index].get(pixel) == Some(&true);
+            if !is_seen || says_nothing || scale.abs() > FARTHEST_SCALE {
+                continue;
+            }
+            let halvings = (scale.abs().round() as usize).min(SCALES - 1);
+            let (mine, other_scale) = if scale < 0.0 { (halvings, 0) } else { (0, halvings) };
+            let color = view.scales[mine].mean[view.scales[mine].pixel((x, y), mine)];
+            let scale = &there.scales[other_scale];
+            let place = scale.pixel((u, v), other_scale);
+            let [low, high] = scale.range[place];
+            let off = |c: usize| (low[c] - color[c]).max(color[c] - high[c]).max(0.0);
+            offs[opinion.seen] = off(0).max(off(1)).max(off(2));
+            colors[opinion.seen] = scale.mean[place];
+            opinion.seen += 1;
+        }
+        let seen = opinion.seen;
+        if seen >= FEWEST {
+            opinion.off = median(&mut offs[..seen]);
+            opinion.spread = spread(&colors[..seen]);
+        }
+        opinion
+    }
+}
+
+/// The point if it is inside a photo.
+#[inline]
+fn inside(view: &MoverView, point: Option<(f32, f32, f32)>) -> Option<(f32, f32, f32)> {
+    let (width, height) = view.size();
+    point.filter(|(u, v, _)| *u >= 1.0 && *v >= 1.0 && *u < width as f32 - 1.0 && *v < height as f32 - 1.0)
+}
+
+/// Inverse depths in each cell of a photo as others see it: the two on which most agree, NaN where there are none.
+fn gathered(views: &[MoverView], view: &MoverView, others: &[Other]) -> Vec<[f32; 2]> {
+    let (width, height) = view.size();
+    let columns = width.div_ceil(CELL);
+    let mut found: Vec<(u32, f32, u32)> = Vec::new();
+    for (number, other) in others.iter().enumerate() {
+        let there = &views[other.index];
+        let wide = there.size().0;
+        for (pixel, disparity) in there.disparity.iter().enumerate().filter(|(_, known)| !known.is_nan()) {
+            let (x, y) = ((pixel % wide) as f32 + 0.5, (pixel / wide) as f32 + 0.5);
+            let Some((u, v, own)) = other.back.at(x, y, *disparity) else { continue };
+            if u >= 0.0 && v >= 0.0 && u < width as f32 && v < height as f32 {
+                let cell = v as usize / CELL * columns + u as usize / CELL;
+                found.push((cell as u32, own, number as u32));
+            }
+        }
+    }
+    found.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+    let mut cells = vec![[f32::NAN; 2]; columns * height.div_ceil(CELL)];
+    for cell in found.chunk_by(|a, b| a.0 == b.0) {
+        cells[cell[0].0 as usize] = clusters(cell);
+    }
+    cells
+}
+
+/// The two inverse depths on which most of the others agree, of entries with ascending inverse depth.
+fn clusters(cell: &[(u32, f32, u32)]) -> [f32; 2] {
+    let mut best: [(u32, f32); 2] = [(0, f32::NAN); 2];
+    let width = |disparity: f32| CLUSTER * disparity + 1e-9;
+    let mut last = 0;
+    for first in 0..cell.len() {
+        while last < cell.len() && cell[last].1 - cell[first].1 <= width(cell[first].1) {
+            last += 1;
+        }
+        let who = cell[first..last].iter().fold(0u32, |who, entry| who | 1 << entry.2).count_ones();
+        let middle = cell[first + (last - first) / 2].1;
+        let is_first = (best[0].1 - middle).abs() <= width(middle.max(best[0].1));
+        if who > best[0].0 {
+            if !is_first {
+                best[1] = best[0];
+            }
+            best[0] = (who, middle);
+        } else if who > best[1].0 && !is_first {
+            best[1] = (who, middle);
+        }
+    }
+    best.map(|(_, disparity)| disparity)
+}
+
+fn median(values: &mut [f32]) -> f32 {
+    values.sort_unstable_by(f32::total_cmp);
+    values[values.len() / 2]
+}
+
+/// The median deviation of a channel from its median, of that where it is largest.
+fn spread(colors: &[[f32; 3]]) -> f32 {
+    let mut values = [0.0f32; MOST_OTHERS];
+    let values = &mut values[..colors.len()];
+    let mut of = |c: usize| {
+        values.iter_mut().zip(colors).for_each(|(value, color)| *value = color[c]);
+        let middle = median(values);
+        values.iter_mut().for_each(|value| *value = (*value - middle).abs());
+        median(values)
+    };
+    of(0).max(of(1)).max(of(2))
+}
+
+/// The photos that see most of what a photo sees, at a scale that can be compared.
+fn choose(views: &[MoverView], index: usize) -> Vec<Other> {
+    const GRID: usize = 16;
+    let view = &views[index];
+    let (width, height) = view.size();
+    let middle = |cell: usize, pixels: usize| (2 * cell + 1) * pixels / (2 * GRID);
+    let mut scored = Vec::new();
+    for to in (0..views.len()).filter(|to| *to != index) {
+        let other = Other::new(to, &view.camera, &views[to].camera);
+        let is_seen = |cell: &usize| {
+            let (x, y) = (middle(cell % GRID, width), middle(cell / GRID, height));
+            let disparity = view.disparity[y * width + x];
+            let point = other.there.at(x as f32 + 0.5, y as f32 + 0.5, disparity);
+            // NaN is nowhere.
+            inside(&views[to], point)
+                .is_some_and(|(_, _, theirs)| other.scale(disparity, theirs).abs() <= FARTHEST_SCALE)
+        };
+        let score = (0..GRID * GRID).filter(is_seen).count();
+        if score > 0 {
+            scored.push((score, other));
+        }
+    }
+    let nearest = |other: &Other| other.index.abs_diff(index);
+    scored.sort_by(|(a, one), (b, two)| {
+        b.cmp(a).then(nearest(one).cmp(&nearest(two))).then(one.index.cmp(&two.index))
+    });
+    scored.truncate(MOST_OTHERS);
+    scored.into_iter().map(|(_, other)| other).collect()
+}

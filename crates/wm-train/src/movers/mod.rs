@@ -1,0 +1,155 @@
+//! Movers: people, cars and other things that were somewhere else when the next photo was taken.
+//!
+//! No network knows them here, and no residual of a training that is half done. They are found before a training, by
+//! disagreement. Stereo knows the depth of what stands still: what moves finds no partner in other photos. Its depth, filled
+//! in over the gaps, is therefore the scene behind the movers. By it each pixel of a photo is carried over into the others, and where
+//! several of these see the same surface and agree on its colour, but the photo does not, the photo shows something else. A
+//! pixel near which stereo found partners stands still, whatever its colour.
+//!
+//! - [`view`]: photos at the size of the search, with the filled depth and what misregistration may do to colours.
+//! - [`consensus`]: the verdict on each pixel.
+//! - [`shape`]: masks from verdicts.
+//! - [`sheet`]: the picture of the masks.
+
+pub mod consensus;
+pub mod shape;
+pub mod sheet;
+#[cfg(test)]
+mod tests;
+pub mod view;
+
+pub use view::MoverView;
+
+use consensus::{Judge, Verdict};
+use rayon::prelude::*;
+use wm_scene::Camera;
+
+/// Most pixels of a photo in the search; sides are halved until it has no more.
+const PIXELS: u32 = 100_000;
+/// Shortest side of a photo that is still halved, px.
+const SHORTEST: u32 = 128;
+/// Fewest photos of which each can be compared with others.
+const FEWEST: usize = 5;
+/// Rounds; from the second on, movers that were found say nothing about other photos.
+const ROUNDS: usize = 3;
+/// Share of the pixels of the median photo that stereo must know, or what is between is too doubtful.
+const LEAST_MEDIAN: f32 = 0.12;
+/// Share of the median photo's pixels that stereo must know of a photo, or its depth is too doubtful to judge by.
+const LEAST_KNOWN: f32 = 0.4;
+/// Least share of the pixels about which photos agree, for masks to be believed.
+const LEAST_JUDGED: f64 = 0.25;
+/// Shares of the pixels up to which masks are as likely errors, and from which they cannot be true.
+const LEAST: f64 = 0.005;
+const MOST: f64 = 0.4;
+
+/// The pixels of a photo that show movers.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MoverMask {
+    /// Width, px; the mask is over the whole photo, which may be larger.
+    pub width: u32,
+    /// Height, px.
+    pub height: u32,
+    /// True where there are movers, `[H, W]`; empty if there are none.
+    pub moves: Vec<bool>,
+}
+
+impl MoverMask {
+    /// Returns true if no pixel shows a mover.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        !self.moves.contains(&true)
+    }
+
+    /// The indices of the pixels of a photo of this size that show movers.
+    pub fn pixels(&self, width: u32, height: u32) -> impl Iterator<Item = usize> {
+        let place = |at: u32, pixels: u32, of: u32| {
+            ((2 * u64::from(at) + 1) * u64::from(of) / (2 * u64::from(pixels))) as usize
+        };
+        let rows = if self.is_empty() { 0 } else { height };
+        (0..rows).flat_map(move |y| {
+            let row = place(y, height, self.height) * self.width as usize;
+            let moves = move |x: &u32| self.moves[row + place(*x, width, self.width)];
+            (0..width).filter(moves).map(move |x| y as usize * width as usize + x as usize)
+        })
+    }
+}
+
+/// The conclusion of a search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MoverOutcome {
+    /// There are movers.
+    Found {
+        /// Photos that show some.
+        photos: usize,
+        /// Share of the pixels of all photos.
+        share: f64,
+    },
+    /// There are none.
+    None,
+    /// Too few pixels are seen by several photos: this share.
+    TooFewJudged(f64),
+    /// More was found than can be true: this share.
+    TooMany(f64),
+}
+
+/// Returns how often the sides of photos are halved for the search.
+#[must_use]
+pub fn level(cameras: &[Camera]) -> u8 {
+    let is_enough = |level: &u8| {
+        let fits = |c: &Camera| (c.width >> level) * (c.height >> level) <= PIXELS;
+        let shortest = cameras.iter().map(|c| c.width.min(c.height) >> level).min().unwrap_or(0);
+        cameras.iter().all(fits) || shortest < SHORTEST
+    };
+    (0..8).find(is_enough).unwrap_or(0)
+}
+
+/// Searches photos for movers; returns a mask for each where there are some, else no mask.
+///
+/// The result does not depend on the number of threads.
+#[must_use]
+pub fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
+    if views.len() < FEWEST {
+        return (MoverOutcome::TooFewJudged(0.0), Vec::new());
+    }
+    let mut known: Vec<f32> = views.iter().map(|view| view.known).collect();
+    known.sort_by(f32::total_cmp);
+    let median = known[known.len() / 2];
+    if median < LEAST_MEDIAN {
+        return (MoverOutcome::TooFewJudged(f64::from(median)), Vec::new());
+    }
+    let least = LEAST_KNOWN * median;
+    let pixels: usize = views.iter().map(|view| view.matched.len()).sum();
+    let share = |count: usize| count as f64 / pixels.max(1) as f64;
+    let judge = Judge::new(views);
+    let (mut masks, mut judged) = (vec![Vec::new(); views.len()], 0.0);
+    for _ in 0..ROUNDS {
+        let found: Vec<(Vec<bool>, usize)> = (views.par_iter().enumerate())
+            .map(|(index, view)| {
+                if view.known < least || view.known == 0.0 {
+                    return (Vec::new(), 0);
+                }
+                let verdicts = judge.photo(index, &masks);
+                let judged = verdicts.iter().filter(|verdict| **verdict != Verdict::Unknown).count();
+                (shape::mask(&verdicts, view), judged)
+            })
+            .collect();
+        judged = share(found.iter().map(|(_, judged)| judged).sum());
+        masks = found.into_iter().map(|(mask, _)| mask).collect();
+    }
+    let mask = |(view, moves): (&MoverView, Vec<bool>)| {
+        let (width, height) = (view.camera.width, view.camera.height);
+        MoverMask { width, height, moves }
+    };
+    let masks: Vec<MoverMask> = views.iter().zip(masks).map(mask).collect();
+    let moving = share(masks.iter().flat_map(|mask| &mask.moves).filter(|moves| **moves).count());
+    let outcome = match () {
+        () if judged < LEAST_JUDGED => MoverOutcome::TooFewJudged(judged),
+        () if moving > MOST => MoverOutcome::TooMany(moving),
+        () if moving <= LEAST => MoverOutcome::None,
+        () => {
+            let photos = masks.iter().filter(|mask| !mask.is_empty()).count();
+            return (MoverOutcome::Found { photos, share: moving }, masks);
+        }
+    };
+    (outcome, Vec::new())
+}

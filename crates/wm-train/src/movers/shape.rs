@@ -1,0 +1,158 @@
+//! Masks from verdicts: movers are pieces with an extent, not single pixels.
+
+use super::consensus::Verdict;
+use super::view::MoverView;
+
+/// Difference of colour that is no error.
+const STRONG: f32 = 0.12;
+/// Least pixels of a mover that differ, as a share of the photo, and of those the share that differs strongly.
+const LEAST_AREA: f64 = 0.0015;
+const LEAST_STRONG: f64 = 0.2;
+/// Pixels in the square about one that must be set with it, before and after it grows.
+const SUPPORT: [usize; 2] = [5, 4];
+/// Radius of the gaps that are closed, px.
+const CLOSE: usize = 2;
+/// Largest differences of colour along which a mover grows: to the next pixel, and to that where it began.
+const STEP: f32 = 0.04;
+const FAR: f32 = 0.12;
+/// Share of the pixels around one that stereo may know where a mover grows.
+const AROUND: f32 = 0.01;
+/// Largest hole that is filled, as a share of the movers.
+const HOLE: f64 = 0.5;
+/// Width of the rim that is added, px.
+const RIM: usize = 1;
+
+/// The mask of a photo, `[H, W]`; empty if no mover is in it.
+#[must_use]
+pub fn mask(verdicts: &[Verdict], view: &MoverView) -> Vec<bool> {
+    let (width, height) = view.size();
+    let differs = |verdict: &Verdict| matches!(verdict, Verdict::Differs(_));
+    let weak: Vec<bool> = verdicts.iter().map(differs).collect();
+    let strong = |pixel: usize| matches!(verdicts[pixel], Verdict::Differs(off) if off >= STRONG);
+    // Gaps close before pieces are counted, or texture would tear a mover into crumbs.
+    let mut moves = closed(&supported(&weak, width, SUPPORT[0]), width);
+    let least = LEAST_AREA * (width * height) as f64;
+    for piece in pieces(&moves, width) {
+        let differs = piece.iter().filter(|pixel| weak[**pixel]).count() as f64;
+        let much = piece.iter().filter(|pixel| strong(**pixel)).count() as f64;
+        if differs < least || much < LEAST_STRONG * differs {
+            piece.iter().for_each(|pixel| moves[*pixel] = false);
+        }
+    }
+    if !moves.contains(&true) {
+        return Vec::new();
+    }
+    grow(&mut moves, verdicts, view);
+    let mut moves = closed(&supported(&moves, width, SUPPORT[1]), width);
+    fill_holes(&mut moves, width);
+    dilated(&moves, width, RIM)
+}
+
+/// Grows movers over pixels of their colour about which nothing is known: others rarely see the ground below a car.
+fn grow(moves: &mut [bool], verdicts: &[Verdict], view: &MoverView) {
+    let (width, colors) = (view.size().0, &view.scales[0].mean);
+    let apart = |a: usize, b: usize| {
+        let [r, g, b] = [0, 1, 2].map(|c| (colors[a][c] - colors[b][c]).abs());
+        r.max(g).max(b)
+    };
+    let mut queue: Vec<(usize, usize)> =
+        (0..moves.len()).filter(|pixel| moves[*pixel]).map(|pixel| (pixel, pixel)).collect();
+    let mut next = 0;
+    while next < queue.len() {
+        let (pixel, start) = queue[next];
+        next += 1;
+        for other in beside(pixel, width, moves.len()) {
+            let is_free = !moves[other] && verdicts[other] != Verdict::Still && view.around[other] <= AROUND;
+            if is_free && apart(pixel, other) <= STEP && apart(start, other) <= FAR {
+                moves[other] = true;
+                queue.push((other, start));
+            }
+        }
+    }
+}
+
+/// Fills what movers surround, if it is small beside them.
+fn fill_holes(moves: &mut [bool], width: usize) {
+    let most = HOLE * moves.iter().filter(|moves| **moves).count() as f64;
+    let rest: Vec<bool> = moves.iter().map(|moves| !moves).collect();
+    for hole in pieces(&rest, width) {
+        let is_on_border = |pixel: &usize| beside(*pixel, width, rest.len()).count() < 4;
+        if (hole.len() as f64) < most && !hole.iter().any(is_on_border) {
+            hole.iter().for_each(|pixel| moves[*pixel] = true);
+        }
+    }
+}
+
+/// The pixels beside one in a photo of so many.
+fn beside(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item = usize> {
+    let x = pixel % width;
+    let left = (x > 0).then(|| pixel - 1);
+    let right = (x + 1 < width).then_some(pixel + 1);
+    let below = Some(pixel + width).filter(|pixel| *pixel < pixels);
+    [left, right, pixel.checked_sub(width), below].into_iter().flatten()
+}
+
+/// Connected pixels, in the order of their first.
+fn pieces(of: &[bool], width: usize) -> Vec<Vec<usize>> {
+    let mut left = of.to_vec();
+    let mut pieces = Vec::new();
+    for start in 0..of.len() {
+        if !std::mem::take(&mut left[start]) {
+            continue;
+        }
+        let mut piece = vec![start];
+        let mut next = 0;
+        while next < piece.len() {
+            for pixel in beside(piece[next], width, of.len()) {
+                if std::mem::take(&mut left[pixel]) {
+                    piece.push(pixel);
+                }
+            }
+            next += 1;
+        }
+        pieces.push(piece);
+    }
+    pieces
+}
+
+/// The pixels that are set with enough of those about them.
+fn supported(of: &[bool], width: usize, support: usize) -> Vec<bool> {
+    let counts = counts(of, width, 1);
+    of.iter().zip(counts).map(|(set, count)| *set && count >= support).collect()
+}
+
+/// Sets what lies between pixels that are set. Outside of the photo counts as set: its border cuts movers off.
+fn closed(of: &[bool], width: usize) -> Vec<bool> {
+    let unset: Vec<bool> = dilated(of, width, CLOSE).into_iter().map(|set| !set).collect();
+    dilated(&unset, width, CLOSE).into_iter().map(|unset| !unset).collect()
+}
+
+fn dilated(of: &[bool], width: usize, radius: usize) -> Vec<bool> {
+    counts(of, width, radius).into_iter().map(|count| count > 0).collect()
+}
+
+/// The share of the pixels that are set in the square of `radius` about each.
+#[must_use]
+pub fn shares(of: &[bool], width: usize, radius: usize) -> Vec<f32> {
+    let height = of.len() / width;
+    let side = |at: usize, count: usize| (at + radius + 1).min(count) - at.saturating_sub(radius);
+    let area = |pixel: usize| side(pixel % width, width) * side(pixel / width, height);
+    counts(of, width, radius)
+        .into_iter()
+        .enumerate()
+        .map(|(i, count)| count as f32 / area(i) as f32)
+        .collect()
+}
+
+/// The number of pixels that are set in the square of `radius` about each; outside of the photo none are.
+fn counts(of: &[bool], width: usize, radius: usize) -> Vec<usize> {
+    let height = of.len() / width;
+    let near = |at: usize, count: usize| at.saturating_sub(radius)..(at + radius + 1).min(count);
+    let in_row = |pixel: usize| {
+        let row = &of[pixel / width * width..][..width];
+        row[near(pixel % width, width)].iter().filter(|set| **set).count()
+    };
+    let rows: Vec<usize> = (0..of.len()).map(in_row).collect();
+    let in_all = |pixel: usize| near(pixel / width, height).map(|y| rows[y * width + pixel % width]).sum();
+    (0..of.len()).map(in_all).collect()
+}

@@ -1,0 +1,242 @@
+//! Photos at the size of the search: the scene's depth, and colours at several scales, each with the range of those beside it.
+
+use super::shape::shares;
+use wm_scene::Camera;
+
+/// Scales: photos that see a place from afar are compared at theirs.
+pub const SCALES: usize = 4;
+/// Radius of the square in which a pixel's partners in other photos are counted, px.
+const BESIDE: usize = 4;
+/// Radius of that in which there must be none for a mover to reach a pixel by its colour alone.
+const AROUND: usize = 6;
+/// Share of the pixels about one that stereo must know for its own depth to be believed: strays do not count.
+const DENSE: f32 = 0.04;
+
+/// Half the width of the rows and columns in which a gap has to have known depth on both sides, px.
+const BAND: usize = 3;
+
+/// One scale of a photo.
+#[derive(Clone, Debug, Default)]
+pub struct Scale {
+    /// Width, px.
+    pub width: usize,
+    /// Height, px.
+    pub height: usize,
+    /// Mean colour of each pixel.
+    pub mean: Vec<[f32; 3]>,
+    /// Least and largest colours of the pixel and those beside it: the choice that an error of a pixel leaves.
+    pub range: Vec<[[f32; 3]; 2]>,
+}
+
+/// A photo as the search sees it.
+#[derive(Clone, Debug)]
+pub struct MoverView {
+    /// The camera at this size.
+    pub camera: Camera,
+    /// Inverse view z of the scene, 1 / scene unit; 0 in the sky, NaN outside of what is known.
+    pub disparity: Vec<f32>,
+    /// Share of the pixels beside each that stereo found in other photos.
+    pub matched: Vec<f32>,
+    /// The same farther around.
+    pub around: Vec<f32>,
+    /// Share of all pixels that stereo found.
+    pub known: f32,
+    /// From fine to coarse, each half as wide.
+    pub scales: Vec<Scale>,
+}
+
+impl MoverView {
+    /// Makes a view of colours `[H, W]` without the photo's exposure and of inverse depth from stereo, 0 in the sky and NaN where
+    /// it is not known.
+    ///
+    /// # Panics
+    /// If the arrays have not the size of the camera.
+    #[must_use]
+    pub fn new(camera: Camera, colors: &[[f32; 3]], stereo: &[f32]) -> Self {
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        assert!(
+            colors.len() == width * height && stereo.len() == colors.len(),
+            "arrays of the camera's size"
+        );
+        let mut scales = vec![Scale::new(width, height, smoothed(&smoothed(colors, width), width))];
+        while scales.len() < SCALES {
+            let next = scales[scales.len() - 1].halved();
+            scales.push(next);
+        }
+        let matches: Vec<bool> = stereo.iter().map(|disparity| *disparity > 0.0).collect();
+        let (mut matched, mut around) = (shares(&matches, width, BESIDE), shares(&matches, width, AROUND));
+        let known = matches.iter().filter(|known| **known).count() as f32 / matches.len() as f32;
+        let is_stray = |(disparity, matched): (&f32, &f32)| *disparity > 0.0 && *matched < DENSE;
+        let believed =
+            stereo.iter().zip(&matched).map(|pair| if is_stray(pair) { f32::NAN } else { *pair.0 });
+        let disparity = filled(&believed.collect::<Vec<f32>>(), width);
+        // Clouds and the glow of the sky differ between photos, and nothing is behind them.
+        for pixel in (0..stereo.len()).filter(|pixel| stereo[*pixel] == 0.0) {
+            (matched[pixel], around[pixel]) = (1.0, 1.0);
+        }
+        Self { camera, disparity, matched, around, known, scales }
+    }
+
+    /// Columns and rows.
+    #[must_use]
+    pub fn size(&self) -> (usize, usize) {
+        (self.scales[0].width, self.scales[0].height)
+    }
+}
+
+impl Scale {
+    fn new(width: usize, height: usize, mean: Vec<[f32; 3]>) -> Self {
+        let beside = |at: usize, count: usize| at.saturating_sub(1)..(at + 2).min(count);
+        let range = |pixel: usize| {
+            let (x, y) = (pixel % width, pixel / width);
+            let mut range = [mean[pixel]; 2];
+            for v in beside(y, height) {
+                for u in beside(x, width) {
+                    for (c, value) in mean[v * width + u].into_iter().enumerate() {
+                        range[0][c] = range[0][c].min(value);
+                        range[1][c] = range[1][c].max(value);
+                    }
+                }
+            }
+            range
+        };
+        let range = (0..width * height).map(range).collect();
+        Self { width, height, mean, range }
+    }
+
+    /// Means of two by two pixels; what is left over is cut off, but never everything.
+    fn halved(&self) -> Self {
+        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
+        let mean = |pixel: usize| {
+            let (x, y) = (2 * (pixel % width), 2 * (pixel / width));
+            let (right, below) = ((x + 1).min(self.width - 1), (y + 1).min(self.height - 1));
+            let places = [(x, y), (right, y), (x, below), (right, below)];
+            let colors = places.map(|(x, y)| self.mean[y * self.width + x]);
+            [0, 1, 2].map(|c| 0.25 * colors.iter().map(|color| color[c]).sum::<f32>())
+        };
+        let mean = (0..width * height).map(mean).collect();
+        Self::new(width, height, mean)
+    }
+
+    /// The pixel in which a point of the finest scale lies.
+    #[inline]
+    pub fn pixel(&self, (x, y): (f32, f32), scale: usize) -> usize {
+        let by = 1.0 / (1u32 << scale) as f32;
+        let (x, y) = ((x * by) as usize, (y * by) as usize);
+        y.min(self.height - 1) * self.width + x.min(self.width - 1)
+    }
+}
+
+/// Weighted means of three by three pixels: noise of a sensor is no difference.
+fn smoothed(colors: &[[f32; 3]], width: usize) -> Vec<[f32; 3]> {
+    let height = colors.len() / width;
+    let mean = |before: [f32; 3], here: [f32; 3], after: [f32; 3]| {
+        [0, 1, 2].map(|c| 0.25 * before[c] + 0.5 * here[c] + 0.25 * after[c])
+    };
+    let across = |pixel: usize| {
+        let x = pixel % width;
+        let (before, after) = (pixel - usize::from(x > 0), pixel + usize::from(x + 1 < width));
+        mean(colors[before], colors[pixel], colors[after])
+    };
+    let rows: Vec<[f32; 3]> = (0..colors.len()).map(across).collect();
+    let down = |pixel: usize| {
+        let y = pixel / width;
+        let (before, after) =
+            (pixel - width * usize::from(y > 0), pixel + width * usize::from(y + 1 < height));
+        mean(rows[before], rows[pixel], rows[after])
+    };
+    (0..colors.len()).map(down).collect()
+}
+
+/// One scale of inverse depths that are being filled: each with its weight, 0 or 1 where it is not known or known.
+struct Layer {
+    width: usize,
+    height: usize,
+    cells: Vec<(f32, f32)>,
+}
+
+/// Fills what is not known (NaN) from what is known around it, near before far. The inverse depth of a plane is linear in the
+/// picture, so that walls and roads stay nearly flat.
+fn filled(known: &[f32], width: usize) -> Vec<f32> {
+    let cell = |disparity: &f32| if disparity.is_nan() { (0.0, 0.0) } else { (*disparity, 1.0) };
+    let cells: Vec<(f32, f32)> = known.iter().map(cell).collect();
+    if cells.iter().all(|(_, weight)| *weight == 0.0) {
+        return known.to_vec();
+    }
+    let mut layers = vec![Layer { width, height: known.len() / width, cells }];
+    while let Some(last) = layers.last().filter(|last| last.cells.len() > 1) {
+        let next = last.halved();
+        layers.push(next);
+    }
+    for at in (0..layers.len() - 1).rev() {
+        let (fine, coarse) = layers.split_at_mut(at + 1);
+        fine[at].fill_from(&coarse[0]);
+    }
+    let is_between = enclosed(known, width);
+    let value =
+        |((disparity, _), is_between): (&(f32, f32), bool)| if is_between { *disparity } else { f32::NAN };
+    layers[0].cells.iter().zip(is_between).map(value).collect()
+}
+
+/// The pixels that have known depth to the left and to the right, and above and below: beyond its border the scene may go on in any
+/// way.
+fn enclosed(known: &[f32], width: usize) -> Vec<bool> {
+    let height = known.len() / width;
+    // The first and the last that is known in each row, and in each column.
+    let mut rows = vec![(usize::MAX, 0); height];
+    let mut columns = vec![(usize::MAX, 0); width];
+    for pixel in (0..known.len()).filter(|pixel| !known[*pixel].is_nan()) {
+        let (x, y) = (pixel % width, pixel / width);
+        rows[y] = (rows[y].0.min(x), rows[y].1.max(x));
+        columns[x] = (columns[x].0.min(y), columns[x].1.max(y));
+    }
+    let widened = |ends: &[(usize, usize)]| -> Vec<(usize, usize)> {
+        let band = |at: usize| &ends[at.saturating_sub(BAND)..(at + BAND + 1).min(ends.len())];
+        let both = |a: (usize, usize), b: &(usize, usize)| (a.0.min(b.0), a.1.max(b.1));
+        (0..ends.len()).map(|at| band(at).iter().fold((usize::MAX, 0), both)).collect()
+    };
+    let (rows, columns) = (widened(&rows), widened(&columns));
+    let is_in = |at: usize, (first, last): (usize, usize)| first <= at && at <= last;
+    (0..known.len())
+        .map(|pixel| {
+            let (x, y) = (pixel % width, pixel / width);
+            is_in(x, rows[y]) && is_in(y, columns[x])
+        })
+        .collect()
+}
+
+impl Layer {
+    fn halved(&self) -> Self {
+        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
+        let cell = |i: usize| {
+            let (x, y) = (2 * (i % width), 2 * (i / width));
+            let (mut sum, mut weights) = (0.0, 0.0);
+            for v in y..(y + 2).min(self.height) {
+                for u in x..(x + 2).min(self.width) {
+                    let (disparity, weight) = self.cells[v * self.width + u];
+                    sum += disparity * weight;
+                    weights += weight;
+                }
+            }
+            if weights > 0.0 { (sum / weights, weights.min(1.0)) } else { (0.0, 0.0) }
+        };
+        Self { width, height, cells: (0..width * height).map(cell).collect() }
+    }
+
+    fn fill_from(&mut self, coarse: &Self) {
+        let width = self.width;
+        for (i, cell) in self.cells.iter_mut().enumerate().filter(|(_, cell)| cell.1 < 1.0) {
+            let place = |at: usize, count: usize| {
+                let at = (at as f32 * 0.5 - 0.25).clamp(0.0, count as f32 - 1.0);
+                (at as usize, (at as usize + 1).min(count - 1), at.fract())
+            };
+            let ((left, right, a), (top, bottom, b)) =
+                (place(i % width, coarse.width), place(i / width, coarse.height));
+            let of = |x: usize, y: usize| coarse.cells[y * coarse.width + x].0;
+            let upper = of(left, top) * (1.0 - a) + of(right, top) * a;
+            let lower = of(left, bottom) * (1.0 - a) + of(right, bottom) * a;
+            let around = upper * (1.0 - b) + lower * b;
+            *cell = (cell.0 * cell.1 + around * (1.0 - cell.1), 1.0);
+        }
+    }
+}
