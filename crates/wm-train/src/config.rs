@@ -24,6 +24,8 @@ pub struct TrainConfig {
     pub resolution: Resolution,
     /// The exposures of photos: one each, or one for all.
     pub exposure: ExposureMode,
+    /// The haze in which the photos were taken.
+    pub haze: HazeMode,
     /// Weights of the loss.
     pub loss: LossConfig,
     /// Step lengths.
@@ -73,6 +75,19 @@ pub enum ExposureMode {
     /// [`Self::Photo`] if the points of the reconstruction are brighter in some photos than in others, else [`Self::Shared`].
     #[default]
     Auto,
+}
+
+/// The haze in which photos were taken, if any.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum HazeMode {
+    /// It is looked for, measured and taken out; see [`crate::haze`].
+    #[default]
+    Auto,
+    /// It is a part of the scene.
+    Keep,
+    /// It has this meteorological optical range, metres (scene units where the scale is not known), and is taken out.
+    Mor(f64),
 }
 
 /// Weights of the loss.
@@ -225,6 +240,7 @@ impl TrainConfig {
             background: BackgroundKind::Random,
             resolution: if preset == Preset::Best { Resolution::Full } else { Resolution::Coarse },
             exposure: ExposureMode::Auto,
+            haze: HazeMode::Auto,
             loss: LossConfig { l1: 0.8, ssim: 0.2, geometry: GeometryConfig::default() },
             rates: RateConfig::for_steps(steps),
             densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),

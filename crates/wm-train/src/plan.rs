@@ -1,7 +1,9 @@
 //! A preset with changes: the short way to a [`TrainConfig`].
 
 use crate::check::ConfigError;
-use crate::config::{BackgroundKind, Densify, ExposureMode, LossConfig, Preset, Resolution, TrainConfig};
+use crate::config::{
+    BackgroundKind, Densify, ExposureMode, HazeMode, LossConfig, Preset, Resolution, TrainConfig,
+};
 use serde_json::Value;
 use thiserror::Error;
 use wm_scene::Rasterization;
@@ -24,6 +26,8 @@ pub struct TrainPlan {
     pub resolution: Option<Resolution>,
     /// The exposures of photos: one each, or one for all.
     pub exposure: ExposureMode,
+    /// The haze in which the photos were taken.
+    pub haze: HazeMode,
     /// The background behind the splats during training.
     pub background: BackgroundKind,
     /// The way in which splats smaller than a pixel are drawn.
@@ -47,6 +51,7 @@ impl Default for TrainPlan {
             sh_degree: 3,
             resolution: None,
             exposure: ExposureMode::Auto,
+            haze: HazeMode::Auto,
             background: BackgroundKind::Random,
             rasterization: Rasterization::Classic,
             sky_splats: 20_000,
@@ -110,6 +115,7 @@ impl TrainPlan {
         config.sh_degree = self.sh_degree;
         config.resolution = self.resolution.unwrap_or(config.resolution);
         config.exposure = self.exposure;
+        config.haze = self.haze;
         config.background = self.background;
         config.rasterization = self.rasterization;
         config.seed = self.seed;
