@@ -119,6 +119,9 @@ fn print(
     for line in survey.lines() {
         println!("  {line}");
     }
+    if let Some(range) = scene.metadata.haze() {
+        println!("  haze: the photos were taken in haze of {range} (taken out)");
+    }
     println!("Opacity");
     histogram(&health.opacity, |v| format!("{v:.2}"));
     println!("Largest standard deviation, units");

@@ -3,6 +3,7 @@
 //! A step is [`forward`](Differentiable::forward), a loss on the frame, and [`backward`](Differentiable::backward) with
 //! the loss's derivative by each picture.
 
+use crate::even_air::EvenAir;
 use crate::frame::{Arrays, ColorEncoding, Frame};
 use crate::renderer::{MAX_SPLATS, RenderError, Stats};
 use crate::simd::SimdPath;
@@ -225,6 +226,9 @@ pub struct ForwardConfig {
     pub drawn: DrawnSplats,
     /// Degree of the spherical harmonics in use, at most that of the splats: it grows in training.
     pub sh_degree: u8,
+    /// The haze through which all splats but the sky's are seen. It is a constant to gradients: by a splat's colour they go
+    /// through it, by its position they do not.
+    pub air: Option<EvenAir>,
 }
 
 impl Default for ForwardConfig {
@@ -236,6 +240,7 @@ impl Default for ForwardConfig {
             opacity: Opacity::Stored,
             drawn: DrawnSplats::All,
             sh_degree: sh::MAX_DEGREE,
+            air: None,
         }
     }
 }

@@ -42,6 +42,7 @@ pub mod bench_scene;
 pub mod cpu;
 pub mod device;
 pub mod differentiable;
+pub mod even_air;
 pub mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -65,6 +66,7 @@ pub use differentiable::{
     Channels, DepthAlpha, Differentiable, DrawnSplats, ForwardConfig, Gradients, Learn, Opacity, Resident,
     StepClock, Target, Upstream,
 };
+pub use even_air::EvenAir;
 pub use frame::{ColorEncoding, Frame};
 #[cfg(feature = "gpu")]
 pub use gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};

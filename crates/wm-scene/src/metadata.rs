@@ -4,6 +4,9 @@ use crate::survey::Confidence;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+/// `-ln(0.05)`: optical depth of the meteorological optical range, as the World Meteorological Organization has it.
+const MOR_DEPTH: f64 = 2.995_732_273_553_991;
+
 /// Facts about a scene that are written with it. A fact that is missing is given by hand, estimated from
 /// the splats or assumed; see [`crate::survey`].
 ///
@@ -46,6 +49,20 @@ pub struct Metadata {
     /// weather that is given no colour of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub airlight: Option<[f64; 3]>,
+    /// Extinction of the haze in which the photos were taken, a scene unit. The scene is without it: this says what its photos
+    /// show and it does not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub haze_extinction: Option<f64>,
+    /// Standard deviation of `haze_extinction`; nothing if that was given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub haze_extinction_error: Option<f64>,
+    /// Extinction a scene unit with which even air of `haze_airlight` looks as the photos show the haze, if it is another: cameras
+    /// compress what is bright.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub haze_shown_extinction: Option<f64>,
+    /// Light of that haze where it is endless, linear RGB, 1 = display white.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub haze_airlight: Option<[f64; 3]>,
     /// The rasterisation with which the scene was trained.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rasterization: Option<Rasterization>,
@@ -71,7 +88,7 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 12] = [
+    pub const KEYS: [&str; 16] = [
         "metres_per_unit",
         "scale_source",
         "scale_confidence",
@@ -82,6 +99,10 @@ impl Metadata {
         "ground_confidence",
         "camera_height",
         "airlight",
+        "haze_extinction",
+        "haze_extinction_error",
+        "haze_shown_extinction",
+        "haze_airlight",
         "rasterization",
         "provenance",
     ];
@@ -123,6 +144,7 @@ impl Metadata {
         }
         let scale = (&self.metres_per_unit, &other.metres_per_unit);
         let (up, ground) = ((&self.up, &other.up), (&self.ground, &other.ground));
+        let haze = (&self.haze_extinction, &other.haze_extinction);
         Self {
             scale_source: note(self.scale_source, other.scale_source, scale),
             scale_confidence: note(self.scale_confidence, other.scale_confidence, scale),
@@ -134,9 +156,28 @@ impl Metadata {
             ground: self.ground.or(other.ground),
             camera_height: self.camera_height.or(other.camera_height),
             airlight: self.airlight.or(other.airlight),
+            haze_extinction_error: note(self.haze_extinction_error, other.haze_extinction_error, haze),
+            haze_extinction: self.haze_extinction.or(other.haze_extinction),
+            haze_shown_extinction: note(self.haze_shown_extinction, other.haze_shown_extinction, haze),
+            haze_airlight: self.haze_airlight.or(other.haze_airlight),
             rasterization: self.rasterization.or(other.rasterization),
             provenance: self.provenance.or(other.provenance),
         }
+    }
+
+    /// The meteorological optical range of the haze in which the photos were taken, such as "MOR 148 m +- 9"; `None` if the air was
+    /// clear.
+    #[must_use]
+    pub fn haze(&self) -> Option<String> {
+        let extinction = self.haze_extinction?;
+        let (unit, metres) = self.metres_per_unit.map_or(("units", 1.0), |metres| ("m", metres));
+        let mor = MOR_DEPTH / extinction * metres;
+        // Two digits of the error, or three of the range.
+        let error = self.haze_extinction_error.map(|error| mor * error / extinction);
+        let finest = error.map_or(mor / 100.0, |error| error / 10.0);
+        let decimals = (-finest.max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
+        let error = error.map_or_else(String::new, |error| format!(" +- {error:.decimals$}"));
+        Some(format!("MOR {mor:.decimals$} {unit}{error}"))
     }
 
     /// The first fault of a value, in one line; `None` if all can be used.
@@ -162,10 +203,28 @@ impl Metadata {
         {
             return Some(format!("camera_height is {height}: it must be finite and above 0"));
         }
-        if let Some(airlight) = self.airlight
-            && airlight.iter().any(|v| !(v.is_finite() && *v >= 0.0))
+        for (key, light) in [("airlight", self.airlight), ("haze_airlight", self.haze_airlight)] {
+            if let Some(light) = light
+                && light.iter().any(|v| !(v.is_finite() && *v >= 0.0))
+            {
+                return Some(format!("{key} is {light:?}: each value must be finite and not below 0"));
+            }
+        }
+        let extinctions = [
+            ("haze_extinction", self.haze_extinction),
+            ("haze_shown_extinction", self.haze_shown_extinction),
+        ];
+        for (key, extinction) in extinctions {
+            if let Some(extinction) = extinction
+                && !(extinction.is_finite() && extinction > 0.0)
+            {
+                return Some(format!("{key} is {extinction}: it must be finite and above 0"));
+            }
+        }
+        if let Some(error) = self.haze_extinction_error
+            && !(error.is_finite() && error >= 0.0)
         {
-            return Some(format!("airlight is {airlight:?}: each value must be finite and not below 0"));
+            return Some(format!("haze_extinction_error is {error}: it must be finite and not below 0"));
         }
         let texts = [
             ("scale_source", &self.scale_source),
@@ -204,6 +263,10 @@ mod tests {
             ground_confidence: Some(Confidence::Likely),
             camera_height: Some(0.1),
             airlight: Some([0.7, 0.75, 0.8]),
+            haze_extinction: Some(0.4),
+            haze_extinction_error: Some(0.03),
+            haze_shown_extinction: Some(0.42),
+            haze_airlight: Some([0.5, 0.55, 0.6]),
             rasterization: Some(Rasterization::Antialiased),
             provenance: Some("a test".into()),
         }
@@ -260,6 +323,15 @@ mod tests {
     }
 
     #[test]
+    fn haze_is_said_in_metres_where_the_scale_is_known() {
+        let haze = full();
+        assert_eq!(haze.haze().unwrap(), "MOR 122.8 m +- 9.2");
+        let given = Metadata { metres_per_unit: None, haze_extinction_error: None, ..haze };
+        assert_eq!(given.haze().unwrap(), "MOR 7.49 units");
+        assert_eq!(Metadata::default().haze(), None);
+    }
+
+    #[test]
     fn what_a_scale_is_from_goes_with_it() {
         let file = full();
         let given = Metadata { metres_per_unit: Some(2.0), ..Metadata::default() };
@@ -278,6 +350,9 @@ mod tests {
             Metadata { up: Some(DVec3::ZERO), ..Metadata::default() },
             Metadata { ground: Some(f64::NAN), ..Metadata::default() },
             Metadata { airlight: Some([0.5, -1.0, 0.5]), ..Metadata::default() },
+            Metadata { haze_airlight: Some([0.5, -1.0, 0.5]), ..Metadata::default() },
+            Metadata { haze_extinction: Some(0.0), ..Metadata::default() },
+            Metadata { haze_extinction_error: Some(f64::NAN), ..Metadata::default() },
             Metadata { provenance: Some("two\nlines".into()), ..Metadata::default() },
             Metadata { scale_source: Some("two\nlines".into()), ..Metadata::default() },
             Metadata { provenance: Some("x".repeat(5000)), ..Metadata::default() },

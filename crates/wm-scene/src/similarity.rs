@@ -55,6 +55,9 @@ impl Similarity {
         let metadata = &mut scene.metadata;
         metadata.metres_per_unit = metadata.metres_per_unit.map(|metres| metres / self.scale);
         metadata.camera_height = metadata.camera_height.map(|height| height * self.scale);
+        metadata.haze_extinction = metadata.haze_extinction.map(|extinction| extinction / self.scale);
+        metadata.haze_extinction_error = metadata.haze_extinction_error.map(|error| error / self.scale);
+        metadata.haze_shown_extinction = metadata.haze_shown_extinction.map(|shown| shown / self.scale);
         metadata.up = metadata.up.map(|up| (self.rotation * up).normalize());
         // Without up the ground has no meaning.
         metadata.ground =

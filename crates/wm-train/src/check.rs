@@ -1,6 +1,6 @@
 //! Checks configurations, which are also written by hand.
 
-use crate::config::TrainConfig;
+use crate::config::{HazeMode, TrainConfig};
 use std::ops::RangeInclusive;
 use thiserror::Error;
 use wm_scene::sh;
@@ -58,6 +58,7 @@ impl TrainConfig {
             ("start_scale", self.start_scale, 1e-6..=LARGE),
             ("start_fill", self.start_fill, 0.0..=1.0),
             ("sky_splats", f64::from(self.sky_splats), 0.0..=MOST_SKY),
+            ("haze.mor", if let HazeMode::Mor(mor) = self.haze { mor } else { 1.0 }, 1e-6..=LARGE),
             ("loss.l1", loss.l1, WEIGHT),
             ("loss.ssim", loss.ssim, WEIGHT),
             ("loss.geometry.depth", geometry.depth, WEIGHT),

@@ -26,6 +26,8 @@ pub struct TrainConfig {
     pub exposure: ExposureMode,
     /// The treatment of what moves in the photos.
     pub movers: MoverMode,
+    /// The haze in which the photos were taken.
+    pub haze: HazeMode,
     /// Weights of the loss.
     pub loss: LossConfig,
     /// Step lengths.
@@ -86,6 +88,19 @@ pub enum MoverMode {
     Auto,
     /// All pixels count.
     Keep,
+}
+
+/// The haze in which photos were taken, if any.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum HazeMode {
+    /// It is looked for, measured and taken out; see [`crate::haze`].
+    #[default]
+    Auto,
+    /// It is a part of the scene.
+    Keep,
+    /// It has this meteorological optical range, metres (scene units where the scale is not known), and is taken out.
+    Mor(f64),
 }
 
 /// Weights of the loss.
@@ -177,7 +192,7 @@ impl Default for GeometryConfig {
             depth: 0.02,
             depth_hard: 0.02,
             every: 4,
-            surface: 0.1,
+            surface: 0.02,
             normal: 0.012,
             flat: 0.002,
             ..Self::NONE
@@ -239,6 +254,7 @@ impl TrainConfig {
             resolution: if preset == Preset::Best { Resolution::Full } else { Resolution::Coarse },
             exposure: ExposureMode::Auto,
             movers: MoverMode::Auto,
+            haze: HazeMode::Auto,
             loss: LossConfig { l1: 0.8, ssim: 0.2, geometry: GeometryConfig::default() },
             rates: RateConfig::for_steps(steps),
             densify: Densify::Mcmc(crate::densify::mcmc::McmcConfig::for_steps(steps, max_splats)),

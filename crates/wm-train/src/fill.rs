@@ -4,6 +4,7 @@
 //! nothing and end with a few huge splats. Stereo knows the depth of many of their pixels. Each of them is a point, unless one is
 //! there already: a cell of space that is as large as the pixels' distance in the photo holds one.
 
+use crate::haze::PhotoHaze;
 use crate::photos::Photo;
 use crate::priors::Prior;
 use glam::DVec3;
@@ -25,7 +26,13 @@ pub struct FillView<'a> {
 }
 
 /// Adds to `points` until there are `most`, evenly over the photos; returns the number of points that were added.
-pub fn fill(points: &mut SparsePoints, views: &[FillView<'_>], most: usize) -> usize {
+/// Colours are without `haze`, if the photos show any.
+pub fn fill(
+    points: &mut SparsePoints,
+    views: &[FillView<'_>],
+    most: usize,
+    haze: Option<&PhotoHaze>,
+) -> usize {
     let room = most.saturating_sub(points.len());
     let known: usize =
         views.iter().map(|view| view.prior.disparity.iter().filter(|v| **v > 0.0).count()).sum();
@@ -62,7 +69,10 @@ pub fn fill(points: &mut SparsePoints, views: &[FillView<'_>], most: usize) -> u
                     |at: f64, cells: usize, pixels: u32| (at / cells as f64 * f64::from(pixels)) as usize;
                 let (u, v) = (side(x, width, photo.width), side(y, height, photo.height));
                 let pixel = 3 * (v * photo.width as usize + u);
-                fresh.push((at.to_array(), [0, 1, 2].map(|c| photo.rgb[pixel + c])));
+                let shown = [0, 1, 2].map(|c| photo.rgb[pixel + c]);
+                let kept = |haze: &PhotoHaze| haze.transmittance(camera.center().distance(at));
+                let color = haze.map_or(shown, |haze| haze.clear_color(shown, kept(haze)));
+                fresh.push((at.to_array(), color));
             }
         }
     }
@@ -113,8 +123,8 @@ mod tests {
         }
         let view = FillView { camera: &camera, prior: &prior, photo: &photo };
         let mut full = points.clone();
-        assert_eq!(fill(&mut full, &[], 5000), 0);
-        let added = fill(&mut full, &[view], 5000);
+        assert_eq!(fill(&mut full, &[], 5000, None), 0);
+        let added = fill(&mut full, &[view], 5000, None);
         assert!((200..=620).contains(&added), "{added}");
         assert_eq!(full.len(), 600 + added);
         let right = full.positions[600..].iter().filter(|p| p[0] > 0.0).count();
@@ -124,6 +134,6 @@ mod tests {
             assert_eq!(*color, [if position[0] < 0.0 { 250 } else { 10 }, 7, 9]);
         }
         let view = FillView { camera: &camera, prior: &prior, photo: &photo };
-        assert_eq!(fill(&mut points, &[view], 700), 100);
+        assert_eq!(fill(&mut points, &[view], 700, None), 100);
     }
 }

@@ -35,6 +35,7 @@
 //! - [`photos`]: the photos of a capture, decoded, resized and undistorted on demand; [`colmap`]: cameras of plain photos;
 //!   [`video`]: photos out of a video.
 //! - [`maps`]: depth, normals and masks of photos in files; [`priors`]: what is known of these before a training.
+//! - [`haze`]: haze in which photos were taken, measured and taken out.
 //! - [`start`]: the first splats; [`trainer`]: steps, made of [`losses`], [`densify`], [`schedule`] and [`exposure`].
 //! - [`movers`]: what is in one photo and not in the others.
 //! - [`config`], [`plan`], [`check`]: the configuration; [`checkpoint`]: a training on disk.
@@ -52,6 +53,7 @@ pub mod densify;
 pub mod evaluation;
 pub mod exposure;
 pub mod fill;
+pub mod haze;
 mod learner;
 pub mod losses;
 pub mod maps;

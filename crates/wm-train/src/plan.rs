@@ -2,7 +2,7 @@
 
 use crate::check::ConfigError;
 use crate::config::{
-    BackgroundKind, Densify, ExposureMode, LossConfig, MoverMode, Preset, Resolution, TrainConfig,
+    BackgroundKind, Densify, ExposureMode, HazeMode, LossConfig, MoverMode, Preset, Resolution, TrainConfig,
 };
 use serde_json::Value;
 use thiserror::Error;
@@ -28,6 +28,8 @@ pub struct TrainPlan {
     pub exposure: ExposureMode,
     /// The treatment of what moves in the photos.
     pub movers: MoverMode,
+    /// The haze in which the photos were taken.
+    pub haze: HazeMode,
     /// The background behind the splats during training.
     pub background: BackgroundKind,
     /// The way in which splats smaller than a pixel are drawn.
@@ -52,6 +54,7 @@ impl Default for TrainPlan {
             resolution: None,
             exposure: ExposureMode::Auto,
             movers: MoverMode::Auto,
+            haze: HazeMode::Auto,
             background: BackgroundKind::Random,
             rasterization: Rasterization::Classic,
             sky_splats: 20_000,
@@ -116,6 +119,7 @@ impl TrainPlan {
         config.resolution = self.resolution.unwrap_or(config.resolution);
         config.exposure = self.exposure;
         config.movers = self.movers;
+        config.haze = self.haze;
         config.background = self.background;
         config.rasterization = self.rasterization;
         config.seed = self.seed;

@@ -18,6 +18,15 @@ pub fn rates(config: &RateConfig, step: u32, steps: u32, extent: f64) -> Rates {
     }
 }
 
+/// Share of the step lengths of colours at a step of a training on photos in haze: a half at the first, a twentieth at the last,
+/// log-linear between.
+///
+/// Through haze colours pull less, and the optimiser's steps are as long as without: their noise would stay in what haze hides.
+#[must_use]
+pub fn colors_in_haze(step: u32, steps: u32) -> f64 {
+    0.5 * 0.1f64.powf(f64::from(step) / f64::from(steps.max(1)))
+}
+
 /// Degree of the spherical harmonics in use at a step.
 #[must_use]
 pub fn sh_degree(config: &TrainConfig, step: u32) -> u8 {
@@ -53,6 +62,8 @@ mod tests {
         assert!((at(3500) - 3.2e-5).abs() < 1e-12);
         assert!((RateConfig::for_steps(7500).sh_dc - 0.005).abs() < 1e-12);
         assert!((RateConfig::for_steps(10).sh_dc - 0.02).abs() < 1e-12);
+        let shares = [0, 3500, 7000].map(|step| colors_in_haze(step, 7000));
+        assert!(shares[0] == 0.5 && shares[0] > shares[1] && (shares[2] - 0.05).abs() < 1e-12);
         let degrees: Vec<u8> = [0, 874, 875, 1750, 2625, 6999].map(|step| sh_degree(&config, step)).into();
         assert_eq!(degrees, [0, 0, 1, 2, 3, 3]);
         assert_eq!([0, 699, 700, 2099, 2100].map(|step| level(&config, step, 5)), [2, 2, 1, 1, 0]);

@@ -80,6 +80,18 @@ struct PhotoArgs {
     /// photo, that brings the render nearest to it)
     #[arg(long, value_name = "FIT", default_value = "none", help_heading = "Photos")]
     exposure_fit: ExposureFitArg,
+    /// Air between cameras and scene: photos (the haze in which the scene's own photos were taken, if any) or clear
+    #[arg(long, value_name = "AIR", default_value = "photos", help_heading = "Photos")]
+    air: AirArg,
+}
+
+/// The air between cameras and scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum AirArg {
+    /// The haze of the scene's photos.
+    Photos,
+    /// Clear air.
+    Clear,
 }
 
 /// The correction of the render before colours are compared.

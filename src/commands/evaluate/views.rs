@@ -2,7 +2,7 @@
 
 use super::page::PhotoPanels;
 use super::truth::explain;
-use super::{EvaluateArgs, ExposureFitArg};
+use super::{AirArg, EvaluateArgs, ExposureFitArg};
 use crate::dataset::Dataset;
 use crate::interrupt::{self, Interrupted};
 use crate::scene::OpenScene;
@@ -11,8 +11,8 @@ use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use wm_render::Geometry;
 use wm_train::evaluation::{
-    EvaluatedPhoto, Evaluation, EvaluationError, EvaluationObserver, EvaluationOptions, ExposureFit,
-    TruthMaps, evaluate,
+    EvaluatedPhoto, Evaluation, EvaluationAir, EvaluationError, EvaluationObserver, EvaluationOptions,
+    ExposureFit, TruthMaps, evaluate,
 };
 use wm_train::photos::PhotoError;
 use wm_train::session::ObserverError;
@@ -32,6 +32,10 @@ pub fn measure(
             ExposureFitArg::Affine => ExposureFit::Affine,
         },
         bad: args.photos.set.options().bad,
+        air: match args.photos.air {
+            AirArg::Photos => EvaluationAir::Photos,
+            AirArg::Clear => EvaluationAir::Clear,
+        },
         geometry: if pictures > 0 { Geometry::DepthNormal } else { Geometry::None },
     };
     let mut progress = ViewProgress {

@@ -94,6 +94,11 @@ impl TrainObserver for TrainingConsole<'_> {
                 ),
                 MoverOutcome::None | MoverOutcome::TooFewJudged(_) => {}
             },
+            TrainNotice::Haze { range } => {
+                eprintln!(
+                    "haze: the photos were taken in haze of {range}; it is taken out (--haze keep leaves it in)"
+                );
+            }
             TrainNotice::PriorsIncomplete { folder, found, photos } => {
                 eprintln!("{}: {found} of {photos} photos have priors", folder.display());
             }

@@ -21,7 +21,7 @@ use std::time::Duration;
 use wm_scene::files::check_writable;
 use wm_scene::formats;
 use wm_scene::{Metadata, Rasterization};
-use wm_train::config::{BackgroundKind, Densify, ExposureMode, MoverMode, Resolution};
+use wm_train::config::{BackgroundKind, Densify, ExposureMode, HazeMode, MoverMode, Resolution};
 use wm_train::session::{PriorSource, Resume};
 use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 
@@ -108,6 +108,10 @@ struct TrainingArgs {
     /// Pixels that show people, cars and what else is in one photo and not in others: auto (found and left out) or keep
     #[arg(long, value_name = "CHOICE", default_value = "auto", help_heading = "Training")]
     movers: MoversArg,
+    /// Haze in which the photos were taken: auto (looked for, measured and taken out), keep (a part of the scene), or its
+    /// meteorological optical range in metres, which is taken out
+    #[arg(long, value_name = "auto|keep|METRES", default_value = "auto", value_parser = parse_haze, help_heading = "Training")]
+    haze: HazeMode,
     /// Background behind the splats during training: black or random
     #[arg(long, value_name = "COLOR", default_value = "random", help_heading = "Training")]
     background: BackgroundArg,
@@ -183,6 +187,7 @@ impl TrainingArgs {
                 MoversArg::Auto => MoverMode::Auto,
                 MoversArg::Keep => MoverMode::Keep,
             },
+            haze: self.haze,
             background: match self.background {
                 BackgroundArg::Black => BackgroundKind::Black,
                 BackgroundArg::Random => BackgroundKind::Random,
@@ -208,6 +213,17 @@ struct GeometryArgs {
     /// normal=0; may be given several times
     #[arg(long, value_name = "NAME=VALUE", value_parser = parse_loss, help_heading = "Geometry")]
     loss: Vec<(String, f64)>,
+}
+
+fn parse_haze(text: &str) -> Result<HazeMode, String> {
+    match text {
+        "auto" => Ok(HazeMode::Auto),
+        "keep" => Ok(HazeMode::Keep),
+        metres => match metres.parse() {
+            Ok(mor) if (1.0..=1e6).contains(&mor) => Ok(HazeMode::Mor(mor)),
+            _ => Err("write auto, keep, or a meteorological optical range of 1 to 1000000 m".into()),
+        },
+    }
 }
 
 fn parse_loss(text: &str) -> Result<(String, f64), String> {

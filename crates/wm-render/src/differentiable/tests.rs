@@ -1,6 +1,7 @@
 //! The properties that all back ends of training share.
 
 use super::*;
+use crate::hooks::Hooks;
 use crate::plan::{DrawPass, SetView};
 use crate::renderer::{Background, CpuConfig, RenderBackend, RenderConfig};
 use crate::testing::{Backend, RandomLoss, camera, random_splats};
@@ -11,6 +12,7 @@ crate::parity! {
     what_does_not_learn_is_left_out_and_changes_nothing_else => leave_out;
     a_backward_pass_may_be_repeated_with_another_loss => repeat;
     what_is_left_out_is_as_if_it_were_not_there => without_sky;
+    the_air_is_that_of_rendering_and_leaves_the_sky_alone => through_air;
     nothing_in_view_is_no_fault => nothing_in_view;
 }
 
@@ -21,6 +23,7 @@ const CONFIG: ForwardConfig = ForwardConfig {
     opacity: Opacity::Stored,
     drawn: DrawnSplats::All,
     sh_degree: 2,
+    air: None,
 };
 
 fn step(
@@ -106,6 +109,37 @@ fn repeat(backend: Backend) {
     let loss = RandomLoss::new(CONFIG.channels, frame.pixels(), 5, |_| true);
     renderer.backward(&splats, &loss.upstream(), Learn::ALL, &mut gradients).unwrap();
     assert!(gradients == first);
+}
+
+/// As the slot Medium draws it, and splats of the sky learn as without it.
+fn through_air(backend: Backend) {
+    let air = EvenAir { extinction: 0.2, airlight: [0.5, 0.6, 0.7] };
+    let config = ForwardConfig { channels: Channels::Color, air: Some(air), ..CONFIG };
+    let mut splats = random_splats(3000, 2, 96);
+    let (hazy, pulled) = step(&mut *backend.differentiable(), &splats, &config, Learn::ALL);
+    let (clear, pulled_clear) =
+        step(&mut *backend.differentiable(), &splats, &ForwardConfig { air: None, ..config }, Learn::ALL);
+    let mut plain = CpuRenderer::new(CpuConfig::default()).unwrap();
+    let set = plain.load(&splats).unwrap();
+    let settings = RenderConfig {
+        background: Background::Color(config.background),
+        rasterization: config.rasterization,
+        ..RenderConfig::default()
+    };
+    let (mut want, camera, sets) = (Frame::default(), camera(333, 217), [SetView::plain(set)]);
+    // The background of training is there in place of what no splat covers, and no air is before it.
+    let hooks = Hooks { medium: Some(&air), ..Hooks::default() };
+    plain.render(&DrawPass { hooks, ..DrawPass::new(&sets, &camera, &settings) }, &mut want).unwrap();
+    let far = |a: &[f32], b: &[f32], by: f32| a.iter().zip(b).filter(|(a, b)| (*a - *b).abs() > by).count();
+    assert!(far(&hazy.rgb, &want.rgb, 1e-4) * 1000 <= hazy.rgb.len());
+    assert!(far(&hazy.rgb, &clear.rgb, 0.02) * 2 > hazy.rgb.len());
+    assert!(pulled.sh != pulled_clear.sh && pulled.visible == pulled_clear.visible);
+    splats.groups.fill(wm_scene::Group::Sky);
+    let (sky, pulled) = step(&mut *backend.differentiable(), &splats, &config, Learn::ALL);
+    assert_eq!(far(&sky.rgb, &clear.rgb, 1e-4), 0);
+    let norm = |values: &[f32]| values.iter().map(|v| v * v).sum::<f32>().sqrt();
+    let off: Vec<f32> = pulled.sh.iter().zip(&pulled_clear.sh).map(|(a, b)| a - b).collect();
+    assert!(norm(&off) < 1e-4 * norm(&pulled_clear.sh));
 }
 
 fn without_sky(backend: Backend) {

@@ -27,6 +27,9 @@ struct View {
     entry_capacity: u32,
     // Falling particles.
     drops: u32,
+    // The haze of the photos that are learnt from: its light, linear, and its extinction a scene unit times log2(e).
+    airlight: vec3<f32>,
+    extinction: f32,
 }
 
 // A projected and shaded splat: the numbers of the CPU's `Record` in its order, 64 bytes.

@@ -2,6 +2,7 @@
 
 use crate::attributes::Attribute;
 use crate::differentiable::Channels;
+use crate::even_air;
 use crate::frame;
 use crate::hooks::GROUP;
 use crate::stages::project::{self, gpu as splats};
@@ -219,6 +220,7 @@ pub fn constants() -> String {
     real! {
         TILE_SIDE = f64::from(TILE_SIDE);
         FAR_AWAY = FAR_AWAY;
+        GREY = even_air::GREY;
         LN_2 = std::f32::consts::LN_2;
         DILATION = project::DILATION;
         MIN_COMPENSATION = project::MIN_COMPENSATION;

@@ -2,11 +2,13 @@
 
 use super::source::{TILE_SIDE, WORKGROUP};
 use crate::differentiable::{DepthAlpha, DrawnSplats, ForwardConfig, Learn, Opacity};
+use crate::even_air::EvenAir;
 use crate::hooks::SkySplats;
 use crate::plan::DrawPass;
 use crate::stages::compare::{Comparison, Term};
 use crate::stages::optimize::{BETA1, BETA2, Noise, Step};
 use crate::stages::project::ProjectCamera;
+use std::f32::consts::LOG2_E;
 use std::ops::Range;
 use wm_scene::random::SEED_FACTOR;
 use wm_scene::splats::logit;
@@ -104,13 +106,16 @@ pub struct ViewParameters<'a> {
     pub rasterization: Rasterization,
     /// The treatment of the scene's own sky.
     pub sky: SkySplats,
+    /// The haze of the photos that are learnt from.
+    pub air: Option<EvenAir>,
 }
 
 impl<'a> ViewParameters<'a> {
     /// Of a frame.
     #[must_use]
     pub fn of(pass: &'a DrawPass<'_>) -> Self {
-        Self { camera: &pass.camera, rasterization: pass.config.rasterization, sky: pass.hooks.sky_splats() }
+        let (rasterization, sky) = (pass.config.rasterization, pass.hooks.sky_splats());
+        Self { camera: &pass.camera, rasterization, sky, air: None }
     }
 
     /// Of a step of training.
@@ -120,7 +125,7 @@ impl<'a> ViewParameters<'a> {
             DrawnSplats::All => SkySplats::Kept,
             DrawnSplats::WithoutSky => SkySplats::LeftOut,
         };
-        Self { camera, rasterization: config.rasterization, sky }
+        Self { camera, rasterization: config.rasterization, sky, air: config.air }
     }
 
     /// Columns and rows of tiles.
@@ -163,6 +168,8 @@ pub fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capac
         .whole("visible_capacity", capacity.visible)
         .whole("entry_capacity", capacity.entries)
         .whole("drops", drops)
+        .vector("airlight", sight.air.map_or([0.0; 3], |air| air.airlight))
+        .real("extinction", sight.air.map_or(0.0, |air| air.extinction * LOG2_E))
 }
 
 /// A piece of a set, for [`chunk`].

@@ -2,6 +2,7 @@
 
 use super::{Parameters, basis_slopes};
 use crate::differentiable::{ForwardConfig, Opacity};
+use crate::even_air::EvenAir;
 use crate::stages::project::{DILATION, MAX_DET, MIN_COMPENSATION};
 use glam::{DMat3, DVec3};
 use std::f64::consts::{LN_2, LOG2_E};
@@ -19,6 +20,8 @@ pub(crate) struct SplatDecisions {
     sign: f64,
     /// The colours that are above 0.
     lit: [bool; 3],
+    /// The share of light that the air lets through: a constant to gradients.
+    transmittance: f64,
 }
 
 /// Sums over pixels, what the blending pulls on one splat. See
@@ -42,7 +45,10 @@ pub(crate) struct SplatPulls {
 /// One projected splat, with all that its derivative needs.
 pub(crate) struct Splat {
     pub decisions: SplatDecisions,
+    /// As seen through the air.
     pub rgb: [f64; 3],
+    /// Their derivatives by the colours without the air.
+    slopes: [f64; 3],
     offset: DVec3,
     view: DVec3,
     tangents: [f64; 2],
@@ -139,11 +145,19 @@ impl Splat {
             }
         }
         let lit = kept.map_or(rgb.map(|v| v > 0.0), |kept| kept.lit);
+        let through = |air: &EvenAir| air.transmittance(offset.length());
+        let transmittance =
+            kept.map_or_else(|| config.air.as_ref().map_or(1.0, through), |kept| kept.transmittance);
+        let own = [0, 1, 2].map(|c| if lit[c] { rgb[c] } else { 0.0 });
+        let line = config.air.as_ref().map_or([(1.0, 0.0); 3], |air| air.line(transmittance));
+        let rgb = std::array::from_fn(|c| own[c] * line[c].0 + line[c].1);
+        let slopes = line.map(|(factor, _)| factor);
         let k = (0.5 * LOG2_E).sqrt();
         let v_y = k * (cov[0] / det).sqrt();
         Some(Self {
-            decisions: SplatDecisions { tangents: held, floored, axis, sign, lit },
-            rgb: [0, 1, 2].map(|c| if lit[c] { rgb[c] } else { 0.0 }),
+            decisions: SplatDecisions { tangents: held, floored, axis, sign, lit, transmittance },
+            rgb,
+            slopes,
             offset,
             view,
             tangents,
@@ -290,8 +304,9 @@ impl Splat {
         for k in 0..sh::coefficients(config.sh_degree) {
             for c in (0..3).filter(|c| self.decisions.lit[*c]) {
                 let at = stride * i + 3 * k + c;
-                out.sh[at] = basis[k] * pulls.rgb[c];
-                by_direction += DVec3::from_array(slopes[k]) * parameters.sh[at] * pulls.rgb[c];
+                let pull = self.slopes[c] * pulls.rgb[c];
+                out.sh[at] = basis[k] * pull;
+                by_direction += DVec3::from_array(slopes[k]) * parameters.sh[at] * pull;
             }
         }
         let by_offset = (by_direction - by_direction.dot(direction) * direction) / distance;

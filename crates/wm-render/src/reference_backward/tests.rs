@@ -1,5 +1,6 @@
 use super::*;
 use crate::differentiable::Opacity;
+use crate::even_air::EvenAir;
 use crate::hooks::Hooks;
 use crate::reference;
 use crate::renderer::{Background, RenderConfig};
@@ -102,6 +103,15 @@ fn every_degree_of_the_colors() {
     for sh_degree in 0..=3 {
         let config = ForwardConfig { sh_degree, ..ForwardConfig::default() };
         check(&random_splats(20, 3, 5), &config, &random_loss(Channels::Color, 6).upstream());
+    }
+}
+
+#[test]
+fn through_the_air() {
+    let air = Some(EvenAir { extinction: 0.2, airlight: [0.5, 0.6, 0.7] });
+    for sh_degree in [0, 2] {
+        let config = ForwardConfig { sh_degree, air, ..ForwardConfig::default() };
+        check(&random_splats(20, 2, 5), &config, &random_loss(Channels::Color, 6).upstream());
     }
 }
 

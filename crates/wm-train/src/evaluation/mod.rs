@@ -1,6 +1,6 @@
 //! Compares a scene with the photos of a data set, and with ground-truth maps where there are some.
 //!
-//! [`evaluate`] renders every photo's view in clear weather over black and scores it; [`TruthMaps`] finds and reads
+//! [`evaluate`] renders every photo's view over black, in the air of the photos, and scores it; [`TruthMaps`] finds and reads
 //! maps of depth, normals and sky.
 
 mod truth;
@@ -8,6 +8,7 @@ mod truth;
 pub use truth::{TrueMaps, TruthError, TruthFolder, TruthMaps, TruthOptions, TruthWarning};
 
 use crate::dataset::Dataset;
+use crate::haze::PhotoHaze;
 use crate::metrics::{
     DepthErrors, FloaterShare, Floaters, NormalErrors, Ssim, SurfaceLost, depth_errors, fit_exposure,
     normal_errors, psnr, sharpness, sky_covered, surface_lost,
@@ -17,10 +18,10 @@ use crate::session::ObserverError;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use thiserror::Error;
-use wm_render::hooks::{Attribute, AttributeBlock, SplatAttributes};
+use wm_render::hooks::{Attribute, AttributeBlock, Hooks, Medium, SplatAttributes};
 use wm_render::{
-    AnyRenderer, DrawPass, Frame, Geometry, MedianDepth, Outputs, RenderBackend, RenderConfig, RenderError,
-    SetId, SetView,
+    AnyRenderer, DrawPass, EvenAir, Frame, Geometry, MedianDepth, Outputs, RenderBackend, RenderConfig,
+    RenderError, SetId, SetView,
 };
 use wm_scene::{Camera, Group, Scene};
 
@@ -35,6 +36,17 @@ pub enum ExposureFit {
     Affine,
 }
 
+/// The air between cameras and scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EvaluationAir {
+    /// The haze in which the scene's photos were taken, if its metadata states one: the photos to compare with show it too.
+    #[default]
+    Photos,
+    /// Clear air.
+    Clear,
+}
+
 /// Options of an evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EvaluationOptions {
@@ -44,11 +56,18 @@ pub struct EvaluationOptions {
     pub bad: BadPhotos,
     /// Depth and normals that are rendered even where there is no ground truth of them.
     pub geometry: Geometry,
+    /// The air between cameras and scene.
+    pub air: EvaluationAir,
 }
 
 impl Default for EvaluationOptions {
     fn default() -> Self {
-        Self { exposure_fit: ExposureFit::None, bad: BadPhotos::Refuse, geometry: Geometry::None }
+        Self {
+            exposure_fit: ExposureFit::None,
+            bad: BadPhotos::Refuse,
+            geometry: Geometry::None,
+            air: EvaluationAir::Photos,
+        }
     }
 }
 
@@ -246,6 +265,7 @@ struct Views<'a> {
     set: SetId,
     groups: &'a [Group],
     config: RenderConfig,
+    air: Option<EvenAir>,
     frame: Frame,
     solid: Frame,
 }
@@ -264,16 +284,19 @@ impl<'a> Views<'a> {
         // Over black, as in training.
         let config = RenderConfig { outputs, rasterization, ..RenderConfig::default() };
         let (frame, solid) = (Frame::default(), Frame::default());
-        Self { renderer, set, groups: &scene.splats.groups, config, frame, solid }
+        let haze = PhotoHaze::of(&scene.metadata).filter(|_| options.air == EvaluationAir::Photos);
+        let air = haze.map(|haze| haze.air());
+        Self { renderer, set, groups: &scene.splats.groups, config, air, frame, solid }
     }
 
     fn render(&mut self, camera: &Camera) -> Result<(), RenderError> {
         let not_sky = NotSky(self.groups);
         let (renderer, set) = (&mut *self.renderer, self.set);
+        let hooks = Hooks { medium: self.air.as_ref().map(|air| air as &dyn Medium), ..Hooks::default() };
         let mut render =
             |attributes: Option<&dyn SplatAttributes>, config: &RenderConfig, frame: &mut Frame| {
                 let sets = [SetView::plain(set).with_attributes(attributes)];
-                renderer.render(&DrawPass::new(&sets, camera, config), frame).map(drop)
+                renderer.render(&DrawPass { hooks, ..DrawPass::new(&sets, camera, config) }, frame).map(drop)
             };
         render(None, &self.config, &mut self.frame)?;
         if !self.groups.contains(&Group::Sky) {

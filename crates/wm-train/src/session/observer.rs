@@ -127,6 +127,9 @@ pub enum TrainWarning {
         /// The most for which priors are estimated unasked.
         most: usize,
     },
+    /// Haze is to be taken out, and the photos do not tell its light.
+    #[error("the photos share too few points to tell the light of the haze; it is left in")]
+    NoHaze,
     /// The scale of the scene is not known.
     #[error("{0}")]
     NoScale(String),
@@ -184,6 +187,11 @@ pub enum TrainNotice {
         outcome: MoverOutcome,
         /// Training photos.
         photos: usize,
+    },
+    /// The photos were taken in haze, and the scene will be without it.
+    Haze {
+        /// Its meteorological optical range, as [`Metadata::haze`](wm_scene::Metadata::haze) says it.
+        range: String,
     },
     /// Not every photo has priors.
     PriorsIncomplete {

@@ -4,15 +4,20 @@ use super::SessionOptions;
 use super::data::TrainData;
 use super::error::SessionError;
 use super::observer::{TrainNotice, TrainObserver, TrainWarning};
-use crate::config::TrainConfig;
+use crate::brightness::PhotoGains;
+use crate::config::{HazeMode, TrainConfig};
+use crate::dataset::Dataset;
 use crate::fill::{FillView, fill};
+use crate::haze::{PhotoHaze, settle};
 use crate::photos::Photo;
-use crate::priors::{Prior, Priors};
+use crate::priors::{Prior, Priors, SkyClass};
 use crate::start::{self, SkyPhotos, StartConfig};
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use wm_scene::capture::ground::{CaptureGround, CaptureGroundError, HELD_AT, ground};
 use wm_scene::capture::up::{CaptureUp, UpEvidence};
+use wm_scene::color::srgb_decode;
 use wm_scene::survey::{Confidence, Survey, label_sky};
 use wm_scene::{Camera, Metadata, Scene, Splats};
 
@@ -32,6 +37,7 @@ pub(super) fn start(
     config: &TrainConfig,
     data: &TrainData,
     priors: Option<&Priors>,
+    haze: Option<&PhotoHaze>,
     extent: f64,
 ) -> Result<Splats, SessionError> {
     let begin = StartConfig {
@@ -42,12 +48,15 @@ pub(super) fn start(
         seed: config.seed,
     };
     let mut points = data.set.capture.points.clone();
+    if let Some(haze) = haze {
+        haze.clear_points(&data.set.capture, &mut points);
+    }
     let views = priors.map_or(Ok(Vec::new()), |priors| prior_views(data, priors))?;
     if !points.is_empty() {
         let most = (config.start_fill * begin.most as f64) as usize;
         let views: Vec<FillView<'_>> =
             views.iter().map(|(camera, prior, photo)| FillView { camera, prior, photo }).collect();
-        fill(&mut points, &views, most);
+        fill(&mut points, &views, most, haze);
     }
     let points = &points;
     let mut splats = match points.is_empty() {
@@ -96,6 +105,81 @@ fn add_sky(splats: &mut Splats, data: &TrainData, views: &[PriorView], extent: f
     start::add_sky(splats, &photos, &data.set.capture.points, extent, count as usize);
 }
 
+/// Returns the haze of the training photos, as the configuration has it, and their gains; tells the observer of it.
+pub(super) fn haze(
+    mode: HazeMode,
+    data: &TrainData,
+    priors: Option<&Priors>,
+    options: &SessionOptions,
+    observer: &mut dyn TrainObserver,
+) -> Result<Option<(PhotoHaze, PhotoGains)>, SessionError> {
+    if mode == HazeMode::Keep {
+        return Ok(None);
+    }
+    let horizon = priors.map_or(Ok(None), |priors| horizon(data, priors))?;
+    let Dataset { capture, photos, places } = &data.set;
+    let metres_per_unit = || {
+        let found = scale(data, options.camera_height, &ground(capture));
+        options.facts.metres_per_unit.or_else(|| Some(found?.metres_per_unit))
+    };
+    let found = match mode {
+        HazeMode::Keep => None,
+        HazeMode::Auto => PhotoHaze::measured(capture, photos, places, horizon),
+        HazeMode::Mor(mor) => {
+            let extinction = PhotoHaze::extinction_of(mor / metres_per_unit().unwrap_or(1.0));
+            PhotoHaze::given(capture, photos, places, extinction, horizon)
+        }
+    };
+    match &found {
+        Some((haze, _)) => {
+            let mut known = Metadata { metres_per_unit: metres_per_unit(), ..Metadata::default() };
+            haze.note(&mut known);
+            observer.on_notice(&TrainNotice::Haze { range: known.haze().unwrap_or_default() });
+        }
+        None if matches!(mode, HazeMode::Mor(_)) => observer.on_warning(&TrainWarning::NoHaze),
+        None => {}
+    }
+    Ok(found)
+}
+
+/// Sines of elevations at which the sky is as bright as endless haze: up to 8 degrees.
+const LOW_SKY: Range<f64> = 0.0..0.14;
+/// Pixels of low sky that tell its colour, at least.
+const LOW_PIXELS: usize = 200;
+/// Display-referred skies from here on are clipped.
+const CLIPPED: f64 = 0.97;
+
+/// Rank of the sky's colour among them: what priors take for sky is far trees and houses too, which are darker.
+const SKY_RANK: f64 = 0.8;
+
+/// Returns the colour of the sky just above the horizon, linear RGB, where photos show it and are not clipped.
+fn horizon(data: &TrainData, priors: &Priors) -> Result<Option<[f64; 3]>, SessionError> {
+    let Some(up) = data.up.filter(|_| priors.has_sky()) else { return Ok(None) };
+    let mut shown: [Vec<u8>; 3] = Default::default();
+    for (camera, prior, photo) in prior_views(data, priors)? {
+        let (width, height) = (prior.width as usize, prior.height as usize);
+        for at in (0..prior.sky.len()).filter(|at| prior.sky[*at] == SkyClass::Sky) {
+            let [x, y] = [(at % width) as f64 + 0.5, (at / width) as f64 + 0.5];
+            let [x, y] = [x / width as f64, y / height as f64];
+            let ray = camera.ray(x * f64::from(camera.width), y * f64::from(camera.height));
+            if LOW_SKY.contains(&ray.normalize().dot(up.up)) {
+                let (column, row) =
+                    ((x * f64::from(photo.width)) as usize, (y * f64::from(photo.height)) as usize);
+                let pixel = 3 * (row * photo.width as usize + column);
+                (0..3).for_each(|c| shown[c].push(photo.rgb[pixel + c]));
+            }
+        }
+    }
+    if shown[0].len() < LOW_PIXELS {
+        return Ok(None);
+    }
+    let sky = shown.map(|mut values| {
+        let rank = (SKY_RANK * values.len() as f64) as usize;
+        f64::from(*values.select_nth_unstable(rank).1) / 255.0
+    });
+    Ok(sky.iter().all(|v| *v < CLIPPED).then(|| sky.map(srgb_decode)))
+}
+
 /// Returns the scene of trained splats: with the sky labelled, the photos' cameras, and in its metadata what they and
 /// the splats tell of up, ground and scale.
 pub(super) fn finish(
@@ -103,11 +187,15 @@ pub(super) fn finish(
     config: &TrainConfig,
     data: &TrainData,
     options: &SessionOptions,
+    haze: Option<&PhotoHaze>,
     observer: &mut dyn TrainObserver,
 ) -> Scene {
     let facts = with_up(&options.facts, data);
     label_sky(&mut splats);
-    let metadata = Metadata {
+    if let Some(haze) = haze {
+        settle(&mut splats, &data.cameras(), &haze.air());
+    }
+    let mut metadata = Metadata {
         rasterization: Some(config.rasterization),
         provenance: Some(format!(
             "weather-magician {}, {} photos, {} steps",
@@ -117,6 +205,9 @@ pub(super) fn finish(
         )),
         ..Metadata::default()
     };
+    if let Some(haze) = haze {
+        haze.note(&mut metadata);
+    }
     let mut scene = Scene { splats, metadata, views: data.views() };
     let survey = Survey::of(&scene, &facts);
     let mut known = survey.metadata();

@@ -12,6 +12,7 @@ use crate::brightness::{PhotoGains, photo_gains};
 use crate::checkpoint::{self, CheckpointHead};
 use crate::config::{ExposureMode, TrainConfig};
 use crate::exposure::Exposures;
+use crate::haze::PhotoHaze;
 use crate::losses::TrainPhoto;
 use crate::metrics::{Ssim, psnr};
 use crate::movers::MoverMask;
@@ -62,6 +63,8 @@ pub struct Training {
     /// The number of halvings that leave photos large enough.
     last_level: u8,
     pixels: PhotoPixels,
+    /// The haze that photos show and the scene is without.
+    haze: Option<PhotoHaze>,
     /// Indices of photos that turned out to be damaged.
     damaged: BTreeSet<usize>,
     sums: StepSums,
@@ -120,6 +123,7 @@ impl Training {
         failures.try_iter().for_each(|error| observer.on_warning(&TrainWarning::Gpu(error)));
         let extent = start::extent(&data.cameras());
         let photos = data.set.places.len();
+        let (haze, gains) = scene::haze(config.haze, &data, priors.as_ref(), &options, observer)?.unzip();
         let mut trainer = match folder.resumed()? {
             Some((head, state)) => {
                 let trainer = Trainer::resumed(config, renderer, state, extent, photos);
@@ -134,11 +138,13 @@ impl Training {
                 trainer
             }
             None => {
-                let splats = scene::start(&dataset, &config, &data, priors.as_ref(), extent)?;
+                let splats = scene::start(&dataset, &config, &data, priors.as_ref(), haze.as_ref(), extent)?;
                 let exposure = config.exposure;
                 let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
                 if exposure == ExposureMode::Auto {
-                    let found = photo_gains(&data.set.capture, &data.set.photos, &data.set.places);
+                    // Haze changes brightness with distance: photos are compared with it taken out.
+                    let found =
+                        gains.or_else(|| photo_gains(&data.set.capture, &data.set.photos, &data.set.places));
                     if let Some(found) = found.filter(PhotoGains::differ) {
                         trainer.set_exposures(Exposures::with_gains(&found.gains));
                         observer.on_notice(&TrainNotice::ExposuresDiffer { spread: found.spread });
@@ -147,6 +153,7 @@ impl Training {
                 trainer
             }
         };
+        trainer.set_air(haze.map(|haze| haze.air()));
         let (step, steps) = (trainer.steps_done(), trainer.config().steps);
         let last_level = data.set.photos.last_level(SHORTEST);
         let photo = data.set.name(data.shown());
@@ -171,6 +178,7 @@ impl Training {
             metric,
             last_level,
             pixels: PhotoPixels::default(),
+            haze,
             damaged: BTreeSet::new(),
             sums: StepSums::default(),
             begun: step,
@@ -281,7 +289,8 @@ impl Training {
     /// [`SessionError`] if the device fails.
     pub fn scene(&mut self, observer: &mut dyn TrainObserver) -> Result<Scene, SessionError> {
         let splats = self.trainer.state()?.population.drawn();
-        Ok(scene::finish(splats, self.trainer.config(), &self.data, &self.options, observer))
+        let (config, haze) = (self.trainer.config(), self.haze.as_ref());
+        Ok(scene::finish(splats, config, &self.data, &self.options, haze, observer))
     }
 
     /// Takes one step and returns its loss.
@@ -394,7 +403,7 @@ impl Training {
         for place in self.data.held_out.clone() {
             let Some(photo) = self.photo(place, 0, observer)? else { continue };
             let mut frame = Frame::default();
-            self.trainer.render(&photo.camera, &mut frame)?;
+            self.trainer.render_as_photo(&photo.camera, &mut frame)?;
             let truth = self.pixels.truth(&photo);
             let width = photo.width as usize;
             let shown = displayed(&frame);
@@ -415,9 +424,12 @@ impl Training {
         let photo_camera = self.data.set.photos.camera(place, 0);
         let Some(camera) = observer.wants_image(moment, &photo_camera) else { return Ok(()) };
         let mut frame = Frame::default();
-        self.trainer.render(&camera, &mut frame)?;
         // Milestones are kept as files, which have no score.
         let is_scored = moment == ImageMoment::Step && camera == photo_camera;
+        match is_scored {
+            true => self.trainer.render_as_photo(&camera, &mut frame)?,
+            false => self.trainer.render(&camera, &mut frame)?,
+        }
         let photo = if is_scored { self.photo(place, 0, observer)? } else { None };
         let psnr = photo.map(|photo| {
             let truth = self.pixels.truth(&photo);

@@ -21,7 +21,7 @@ use crate::schedule;
 use step::Work;
 use wm_render::simd::SimdPath;
 use wm_render::{
-    Channels, Differentiable, DrawnSplats, ForwardConfig, Frame, Opacity, RenderError, StepClock,
+    Channels, Differentiable, DrawnSplats, EvenAir, ForwardConfig, Frame, Opacity, RenderError, StepClock,
 };
 use wm_scene::{Camera, Splats};
 
@@ -40,6 +40,8 @@ pub struct Trainer {
     /// Photos that teach.
     photos: usize,
     work: Work,
+    /// The haze that photos show and the scene is without.
+    air: Option<EvenAir>,
     /// The orders of the last two epochs that were asked for: steps ahead reach into the next.
     orders: [Order; 2],
 }
@@ -92,13 +94,18 @@ impl Trainer {
         let terms = losses::terms(&config, renderer.path());
         let (learner, known) = (Learner::new(renderer), state.step);
         let (work, orders) = (Work::default(), Default::default());
-        Self { config, terms, learner, state, known, extent, photos, work, orders }
+        Self { config, terms, learner, state, known, extent, photos, work, air: None, orders }
     }
 
     /// Begins with these exposures of the photos, which go on learning. Without this photos have exposures of their own only
     /// under [`ExposureMode::Photo`].
     pub fn set_exposures(&mut self, exposures: Exposures) {
         self.state.exposures = exposures;
+    }
+
+    /// Sets the haze through which photos show the scene: splats learn the colours that they have without it.
+    pub fn set_air(&mut self, air: Option<EvenAir>) {
+        self.air = air;
     }
 
     /// Adds a term to those that the configuration names.
@@ -223,11 +230,28 @@ impl Trainer {
         }
     }
 
-    /// Renders what has been learnt, over black, without any photo's exposure.
+    /// Renders what has been learnt, over black, without any photo's exposure and without the photos' haze.
     ///
     /// # Errors
     /// [`RenderError`] if the camera cannot be rendered with, memory is short or the device fails.
     pub fn render(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
+        self.render_through(None, camera, frame)
+    }
+
+    /// As [`Self::render`], through the photos' haze: to be compared with them.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub fn render_as_photo(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
+        self.render_through(self.air, camera, frame)
+    }
+
+    fn render_through(
+        &mut self,
+        air: Option<EvenAir>,
+        camera: &Camera,
+        frame: &mut Frame,
+    ) -> Result<(), RenderError> {
         let config = ForwardConfig {
             channels: Channels::Color,
             background: [0.0; 3],
@@ -235,6 +259,7 @@ impl Trainer {
             opacity: Opacity::Stored,
             drawn: DrawnSplats::All,
             sh_degree: self.config.sh_degree,
+            air,
         };
         if let Err(error) = self.learner.forward(&self.state.population, camera, &config, frame) {
             self.go_back(error)?;

@@ -43,7 +43,11 @@ impl Trainer {
         photo: usize,
     ) -> Result<StepReport, RenderError> {
         let step = self.state.step;
-        let rates = schedule::rates(&self.config.rates, step, self.config.steps, self.extent);
+        let mut rates = schedule::rates(&self.config.rates, step, self.config.steps, self.extent);
+        if self.air.is_some() {
+            let share = schedule::colors_in_haze(step, self.config.steps);
+            (rates.sh_dc, rates.sh_rest) = (share * rates.sh_dc, share * rates.sh_rest);
+        }
         let seed = self.config.seed;
         let random = move |purpose| Random::new(seed, purpose, step);
         let mut report = StepReport::default();
@@ -67,6 +71,7 @@ impl Trainer {
             opacity: Opacity::Stored,
             drawn: DrawnSplats::All,
             sh_degree: schedule::sh_degree(&self.config, step),
+            air: self.air,
         };
         let seen = self.see(truth, photo, None, &forward, &mut report)?;
         report.visible = seen.visible;

@@ -4,7 +4,7 @@ use crate::cpu::front::ClusterScratch;
 use crate::cpu::model::{CLUSTER, Cluster, GROUPS};
 use crate::differentiable::{DrawnSplats, ForwardConfig};
 use crate::dispatch;
-use crate::hooks::GROUP;
+use crate::hooks::{GROUP, Medium, ShadeGroup};
 use crate::simd::{Lanes, SimdPath};
 use crate::stages::intersect::TileGrid;
 use crate::stages::intersect::cpu::Pairs;
@@ -153,6 +153,10 @@ impl<'a> Front<'a> {
                 dispatch!(self.path, s => gather_rows(s, &splats.sh, stride, count, &indices, rows));
                 group.dc = [rows[0], rows[1], rows[2]];
                 dispatch!(self.path, s => shade_group(s, group, &rows[3..count], shade));
+                if let Some(air) = &self.config.air {
+                    put_sky_far(&splats.groups, &indices, here, shade);
+                    air.shade(self.path, camera.center, std::slice::from_mut(shade));
+                }
             } else {
                 // The one picture is depth: what is blended first is in the place of red.
                 shade.rgb[0] = out.depth;
@@ -161,6 +165,13 @@ impl<'a> Front<'a> {
             used += 1;
         }
         used
+    }
+}
+
+/// Puts those of the first `count` splats of a group that are of the sky at infinity, where the air leaves them alone.
+pub(crate) fn put_sky_far(groups: &[Group], indices: &[u32; GROUP], count: usize, shade: &mut ShadeGroup) {
+    for lane in (0..count).filter(|lane| groups[indices[*lane] as usize] == Group::Sky) {
+        shade.distance[lane] = f32::INFINITY;
     }
 }
 

@@ -1,15 +1,15 @@
 //! The last sweep of training: slots to gradients, over the splats in view.
 
-use super::front::Part;
+use super::front::{Part, put_sky_far};
 use crate::differentiable::{ForwardConfig, Gradients, Learn};
 use crate::dispatch;
-use crate::hooks::GROUP;
+use crate::hooks::{GROUP, ShadeGroup};
 use crate::simd::{Lanes, SimdPath, transpose};
 use crate::stages::project::activate::{Activated, activate};
 use crate::stages::project::{ProjectCamera, Record};
-use crate::stages::project_backward::cpu::{SplatGradients, directions, project_backward_group};
+use crate::stages::project_backward::cpu::{SplatGradients, project_backward_group, rays as cast_rays};
 use crate::stages::rasterize_backward::{GradientSlot, NO_SLOT};
-use crate::stages::shade::cpu::gather_rows;
+use crate::stages::shade::cpu::{gather_rows, shade_group};
 use crate::stages::shade_backward::cpu::{ShadeGradients, shade_backward_group};
 use fearless_simd::SimdBase;
 use rayon::prelude::*;
@@ -118,7 +118,7 @@ struct Scratch {
     shade: ShadeGradients,
     sh: Option<Box<[[f32; GROUP]; 48]>>,
     by_rgb: [[f32; GROUP]; 3],
-    directions: [[f32; GROUP]; 3],
+    rays: ShadeGroup,
 }
 
 impl Gather<'_> {
@@ -174,7 +174,7 @@ impl Gather<'_> {
         sums: &[[f32; GROUP]; GROUP],
         scratch: &mut Scratch,
     ) {
-        let Scratch { activated, splats: out, shade, sh, by_rgb, directions: rays, .. } = scratch;
+        let Scratch { activated, splats: out, shade, sh, by_rgb, rays, .. } = scratch;
         let (splats, config) = (self.splats, self.config);
         let (here, opacity) = (records.len(), config.opacity);
         dispatch!(self.path, s => activate(s, splats, indices, here, opacity, activated));
@@ -191,8 +191,15 @@ impl Gather<'_> {
             let rows = sh.get_or_insert_with(|| Box::new([[0.0; GROUP]; 48]));
             let stride = splats.sh_stride();
             dispatch!(self.path, s => gather_rows(s, &splats.sh, stride, count, indices, rows));
-            dispatch!(self.path, s => directions(s, activated, self.camera, rays));
-            dispatch!(self.path, s => shade_backward_group(s, &rows[..count], rays, by_rgb, shade));
+            dispatch!(self.path, s => cast_rays(s, activated, self.camera, rays));
+            if let Some(air) = &config.air {
+                put_sky_far(&splats.groups, indices, here, rays);
+                let group = &mut activated.group;
+                group.dc = [rows[0], rows[1], rows[2]];
+                dispatch!(self.path, s => shade_group(s, group, &rows[3..count], rays));
+                dispatch!(self.path, s => air.pull_back(s, rays, by_rgb));
+            }
+            dispatch!(self.path, s => shade_backward_group(s, &rows[..count], &rays.direction, by_rgb, shade));
         }
         let by_direction = if turning { shade.direction } else { [[0.0; GROUP]; 3] };
         dispatch!(self.path, s => project_backward_group(s, activated, self.camera, config, sums, &by_direction, out));

@@ -64,7 +64,7 @@ impl StagePrograms for ProjectProgram {
             Self::Cull(ParameterForm::Stored),
             project(ParameterForm::Activated, AirText::Clear),
             project(ParameterForm::Activated, AirText::FullShare),
-            project(ParameterForm::Stored, AirText::Clear),
+            project(ParameterForm::Stored, AirText::Photos),
         ]
     }
 
@@ -141,6 +141,9 @@ pub(crate) fn project(
         (7, depths.as_entire_binding()),
     ]);
     bindings.extend(air.map(|(_, parameters)| (8, parameters.as_entire_binding())));
-    let program = ProjectProgram::Project(piece.form(), AirText::new(shading, air.map(|(air, _)| air)));
-    recorder.dispatch(program, Groups::Direct(piece.blocks), bindings);
+    let air = match piece.form() {
+        ParameterForm::Activated => AirText::new(shading, air.map(|(air, _)| air)),
+        ParameterForm::Stored => AirText::Photos,
+    };
+    recorder.dispatch(ProjectProgram::Project(piece.form(), air), Groups::Direct(piece.blocks), bindings);
 }

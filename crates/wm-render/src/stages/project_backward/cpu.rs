@@ -1,7 +1,7 @@
 //! The derivative of projection, sixteen splats at a time.
 
 use crate::differentiable::{Channels, ForwardConfig};
-use crate::hooks::GROUP;
+use crate::hooks::{GROUP, ShadeGroup};
 use crate::simd::Lanes;
 use crate::stages::project::activate::Activated;
 use crate::stages::project::cpu::{GroupGeometry, facing, factor, geometry, ray, shortest};
@@ -46,22 +46,18 @@ impl Default for SplatGradients {
     }
 }
 
-/// The unit directions from the camera to sixteen splats.
+/// The rays from the camera to sixteen splats, without their colours.
 #[inline(always)]
-pub fn directions<S: Lanes>(
-    simd: S,
-    activated: &Activated,
-    camera: &ProjectCamera,
-    out: &mut [[f32; GROUP]; 3],
-) {
+pub fn rays<S: Lanes>(simd: S, activated: &Activated, camera: &ProjectCamera, out: &mut ShadeGroup) {
     for first in (0..GROUP).step_by(S::N) {
         let mut offset = [simd.set(0.0); 3];
         for k in 0..3 {
             offset[k] = simd.load(&activated.group.mean[k][first..]) - camera.center[k];
         }
-        let (direction, _) = ray(simd, &offset);
+        let (direction, distance) = ray(simd, &offset);
+        distance.store_slice(&mut out.distance[first..first + S::N]);
         for k in 0..3 {
-            direction[k].store_slice(&mut out[k][first..first + S::N]);
+            direction[k].store_slice(&mut out.direction[k][first..first + S::N]);
         }
     }
 }

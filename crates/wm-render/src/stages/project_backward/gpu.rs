@@ -3,9 +3,9 @@
 
 use crate::differentiable::Channels;
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
-use crate::gpu::source::{StagePrograms, VISIBLE_GROUPS, switches, texts};
+use crate::gpu::source::{COLOR, StagePrograms, VISIBLE_GROUPS, switches, texts};
 use crate::stages::project::gpu::{GEOMETRY, PIECES, ParameterForm, Piece};
-use crate::stages::shade::gpu::SHADE;
+use crate::stages::shade::gpu::{PHOTO_AIR, SHADE};
 use std::borrow::Cow;
 
 /// Numbers of a splat in view, see `project_backward.wgsl`.
@@ -61,7 +61,8 @@ impl StagePrograms for ProjectBackwardProgram {
             Self::Backward(channels) => {
                 let mut parts = vec![switches(*channels)];
                 parts.extend(texts([PIECES, ParameterForm::Stored.text(), GEOMETRY, SHADE]));
-                parts.extend(texts([SHADE_BACKWARD, include_str!("project_backward.wgsl")]));
+                parts.extend(texts([COLOR, PHOTO_AIR, SHADE_BACKWARD]));
+                parts.extend(texts([include_str!("project_backward.wgsl")]));
                 parts
             }
         }

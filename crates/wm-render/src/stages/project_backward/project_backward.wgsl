@@ -138,7 +138,11 @@ fn project_backward(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_
         let record = records[place];
         // What was held at black learns nothing.
         let lit = vec3<f32>(record.b.zw, record.c.x) > vec3<f32>(0.0);
-        let by_rgb = select(vec3<f32>(0.0), pulled_three(place, SLOT_FEATURES), lit);
+        var by_rgb = select(vec3<f32>(0.0), pulled_three(place, SLOT_FEATURES), lit);
+        if view.extinction > 0.0 && !is_sky(splat) {
+            let is_lit = shade(splat, direction) > vec3<f32>(0.0);
+            by_rgb = select(vec3<f32>(0.0), photo_air(distance).factor * by_rgb, is_lit);
+        }
         let by_direction = shade_backward(splat, place, direction, by_rgb);
         by_mean += (by_direction - dot(direction, by_direction) * direction) / distance;
     }

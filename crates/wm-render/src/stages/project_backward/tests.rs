@@ -1,4 +1,5 @@
 use crate::differentiable::{Channels, ForwardConfig, Opacity};
+use crate::even_air::EvenAir;
 use crate::simd::SimdChoice;
 use crate::testing::{Backend, Hard, camera, gradient_errors, gradients_of, random_splats};
 use wm_scene::{Rasterization, Splats};
@@ -11,6 +12,14 @@ crate::parity! {
                 let config = ForwardConfig { channels, rasterization, sh_degree, ..ForwardConfig::default() };
                 check(backend, "random", &random_splats(500, 3, 80), &config, 1e-5);
             }
+        }
+    };
+    splats_learn_alike_through_the_air => |backend| {
+        let air = Some(EvenAir { extinction: 0.3, airlight: [0.5, 0.6, 0.7] });
+        for sh_degree in [0, 2] {
+            let config = ForwardConfig { sh_degree, air, ..ForwardConfig::default() };
+            // Powers err by 1e-6 each, of which a slope has four.
+            check(backend, "air", &random_splats(500, 3, 80), &config, 2e-5);
         }
     };
     hard_splats_learn_alike => |backend| {

@@ -13,6 +13,8 @@ use std::borrow::Cow;
 
 /// The text that shades one splat.
 pub(crate) const SHADE: &str = include_str!("shade.wgsl");
+/// The haze of photos.
+pub(crate) const PHOTO_AIR: &str = include_str!("photo_air.wgsl");
 /// The air's primitives.
 const AIR: &str = include_str!("air.wgsl");
 /// Clear air: colours stay as they are.
@@ -28,6 +30,8 @@ pub enum AirText {
     Clear,
     /// The colour through the air of this text.
     Color(Cow<'static, str>),
+    /// The colour through the haze of photos, which is a part of the view.
+    Photos,
     /// A share of 1: clear air.
     FullShare,
     /// The share of light that the air of this text lets through.
@@ -50,6 +54,7 @@ impl AirText {
     pub(crate) fn parts(&self) -> Vec<Cow<'static, str>> {
         match self {
             Self::Clear => texts([CLEAR_AIR]),
+            Self::Photos => texts([COLOR, PHOTO_AIR, include_str!("color_through_photo_air.wgsl")]),
             Self::FullShare => texts([FULL_SHARE]),
             Self::Color(air) => {
                 vec![COLOR.into(), AIR.into(), air.clone(), include_str!("color_through_air.wgsl").into()]

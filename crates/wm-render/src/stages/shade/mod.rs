@@ -8,6 +8,9 @@
 //! The air acts here and not on pixels because a pixel at a silhouette holds two distances: its mean
 //! depth is neither, and fog from it draws a bright rim.
 //!
+//! In training the air is that of the photos, [`EvenAir`](crate::EvenAir): colours become `rgb k + m` with numbers by the
+//! distance.
+//!
 //! Tolerance: up to 16 products of like magnitude, relative 2e-6 of the largest.
 
 pub mod cpu;

@@ -4,6 +4,8 @@
 //! Contract, with the names of [`super::shade`] and `v_c` the derivative of the loss by channel c of
 //! the colour, 0 where the colour was clamped at 0:
 //!
+//! Through [`EvenAir`](crate::EvenAir) `v_c` is multiplied by the factor that the colour had.
+//!
 //! - `dL/dsh_kc = basis_k(d) v_c`.
 //! - `dL/dd = sum_k grad basis_k(d) sum_c sh_kc v_c`, with the basis functions taken as polynomials of
 //!   `d`; projecting on the sphere is [`super::project_backward`]'s.

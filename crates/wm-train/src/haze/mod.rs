@@ -1,0 +1,327 @@
+//! Haze in which photos were taken: measured before the training, and taken out of the scene.
+//!
+//! Photos taken in haze show `I = J t + A (1 - t)` in linear light, `t = exp(-beta d)`, with the clear colour J of a surface at
+//! the distance d along the ray and the light A of endless haze (Koschmieder's law). A training on them that knows nothing of
+//! it learns I, from which no clear day can be made. But points of the reconstruction are seen from several distances, and how
+//! their colours change with these tells `beta` and A ([`PhotoHaze::measured`]). Splats are then drawn through such air while they
+//! learn ([`wm_render::EvenAir`]), so that they learn J.
+
+mod fit;
+mod settle;
+mod sightings;
+#[cfg(test)]
+mod tests;
+
+pub use settle::settle;
+
+use crate::brightness::PhotoGains;
+use crate::photos::Photos;
+use fit::{Fit, Free};
+use glam::DVec3;
+use rayon::prelude::*;
+use sightings::{Track, tracks};
+use std::collections::BTreeMap;
+use std::ops::Range;
+use wm_render::EvenAir;
+use wm_scene::Metadata;
+use wm_scene::capture::{Capture, SparsePoints};
+use wm_scene::color::{srgb_decode, srgb_encode};
+
+/// -ln of the contrast that is left at the meteorological optical range: 5 %, by the World Meteorological Organization.
+const MOR_DEPTH: f64 = 2.995_732_273_553_991;
+/// Fewest points that tell of haze.
+const FEWEST: usize = 150;
+/// Most points that are looked at.
+const MOST: usize = 10_000;
+/// Least distance of a point over its largest, at most: it tells nothing else.
+const NEARNESS: f32 = 0.95;
+/// Most photos: each has a gain of its own.
+const MOST_PHOTOS: usize = 300;
+/// Parts of which one is left out in turn to find the error.
+const PARTS: usize = 10;
+/// Logarithms of linear light over those of display-referred values, about.
+const DISPLAY: f64 = 2.2;
+/// Least transmittance by which colours are divided.
+const LEAST_KEPT: f64 = 0.15;
+/// Cells along the longest side of the scene: points of one cell err together.
+const CELLS: f64 = 6.0;
+
+/// Even, grey haze.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhotoHaze {
+    /// Extinction a scene unit.
+    pub extinction: f64,
+    /// Its standard deviation; `None` if it was given.
+    pub error: Option<f64>,
+    /// Extinction a scene unit with which such air looks as photos show the haze: cameras compress what is bright, endless haze above
+    /// all, so thinner haze of their light must be denser to look as bright as theirs.
+    pub shown: f64,
+    /// Light of endless haze as photos show it, linear RGB, 1 = display white.
+    pub airlight: [f64; 3],
+}
+
+impl PhotoHaze {
+    /// Measures the haze of the photos `places`, and their gains; `None` if there is none, or nothing proves it.
+    ///
+    /// `horizon` is the sky just above the horizon, linear RGB: the light of endless haze, if photos show it. Without it the light is
+    /// fitted too, which tells less of the extinction: thick haze of little light dims as thin haze of much light does.
+    #[must_use]
+    pub fn measured(
+        capture: &Capture,
+        photos: &Photos,
+        places: &[usize],
+        horizon: Option<[f64; 3]>,
+    ) -> Option<(Self, PhotoGains)> {
+        let known = Known { extinction: None, airlight: horizon };
+        let evidence = Evidence::of_photos(capture, photos, places, known).filter(Evidence::proves)?;
+        Some((evidence.haze, evidence.gains))
+    }
+
+    /// Haze of this extinction a scene unit, with the light of `horizon`, or that fits the photos `places` best, and their gains; `None`
+    /// if they share too few points.
+    #[must_use]
+    pub fn given(
+        capture: &Capture,
+        photos: &Photos,
+        places: &[usize],
+        extinction: f64,
+        horizon: Option<[f64; 3]>,
+    ) -> Option<(Self, PhotoGains)> {
+        let known = Known { extinction: Some(extinction), airlight: horizon };
+        let Evidence { haze, gains, .. } = Evidence::of_photos(capture, photos, places, known)?;
+        Some((Self { airlight: haze.airlight.map(|v| v.clamp(0.0, 1.5)), ..haze }, gains))
+    }
+
+    /// The haze that a scene's metadata states.
+    #[must_use]
+    pub fn of(metadata: &Metadata) -> Option<Self> {
+        let (extinction, airlight) = (metadata.haze_extinction?, metadata.haze_airlight?);
+        let shown = metadata.haze_shown_extinction.unwrap_or(extinction);
+        Some(Self { extinction, error: metadata.haze_extinction_error, shown, airlight })
+    }
+
+    /// Writes it into a scene's metadata.
+    pub fn note(&self, metadata: &mut Metadata) {
+        metadata.haze_extinction = Some(self.extinction);
+        metadata.haze_extinction_error = self.error;
+        metadata.haze_shown_extinction = Some(self.shown);
+        metadata.haze_airlight = Some(self.airlight);
+    }
+
+    /// The extinction of a meteorological optical range, both in the same unit of length.
+    #[must_use]
+    pub fn extinction_of(mor: f64) -> f64 {
+        MOR_DEPTH / mor
+    }
+
+    /// Returns it as renders take it.
+    #[must_use]
+    pub fn air(&self) -> EvenAir {
+        EvenAir { extinction: self.shown as f32, airlight: self.airlight.map(|v| v as f32) }
+    }
+
+    /// The share of light that is left after `distance`, scene units, as photos show it.
+    #[must_use]
+    pub fn transmittance(&self, distance: f64) -> f64 {
+        (-self.shown * distance).exp()
+    }
+
+    /// Returns the colour (sRGB) of a surface that a photo shows as `rgb` through a length of haze that lets the share
+    /// `transmittance` of its light through, as far as it can be told.
+    #[must_use]
+    pub fn clear_color(&self, rgb: [u8; 3], transmittance: f64) -> [u8; 3] {
+        // Of less the noise would be drawn.
+        let kept = transmittance.max(LEAST_KEPT);
+        std::array::from_fn(|c| {
+            let light = srgb_decode(f64::from(rgb[c]) / 255.0);
+            let clear = (light - self.airlight[c] * (1.0 - kept)) / kept;
+            (255.0 * srgb_encode(clear)).round().clamp(0.0, 255.0) as u8
+        })
+    }
+
+    /// Takes the haze out of the colours of the points of `capture`, which are means over the photos that show them.
+    pub fn clear_points(&self, capture: &Capture, points: &mut SparsePoints) {
+        let mut kept = vec![(0.0f64, 0u32); points.len()];
+        for (view, observed) in capture.views.iter().zip(&capture.observations) {
+            let center = view.camera.center();
+            for seen in observed {
+                let at = DVec3::from_array(points.positions[seen.point as usize]);
+                let (sum, count) = &mut kept[seen.point as usize];
+                (*sum, *count) = (*sum + self.transmittance(center.distance(at)), *count + 1);
+            }
+        }
+        for (color, (sum, count)) in points.colors.iter_mut().zip(kept) {
+            if count > 0 {
+                *color = self.clear_color(*color, sum / f64::from(count));
+            }
+        }
+    }
+}
+
+/// Residuals with haze over those without, at most: what else changes colours with distance leaves more.
+const LEFT: f64 = 0.85;
+/// Standard deviations that extinction is above 0, at least.
+const SURE: f64 = 4.0;
+/// Optical depth of what is farthest, at least: less haze can hardly be seen, and is not worth being wrong about.
+const DEEP: f64 = 0.15;
+/// Least light of the haze over the median of what photos show: haze that darkens all is none.
+const LIGHT: f64 = 0.5;
+
+/// Most light of the haze, linear: photos are exposed for what it lights.
+const BLINDING: f64 = 2.0;
+/// Extinctions measured and shown are the same but for what cameras do to bright light.
+const TWOFOLD: f64 = 2.0;
+
+/// Light of the horizon over that which tracks tell: else it is not the sky that was taken for it.
+const LIKE: Range<f64> = 0.7..1.15;
+
+/// What is known of haze before tracks are looked at.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Known {
+    extinction: Option<f64>,
+    airlight: Option<[f64; 3]>,
+}
+
+/// What the tracks of a capture tell of haze, whether they prove it or not.
+#[derive(Clone, Debug, PartialEq)]
+struct Evidence {
+    haze: PhotoHaze,
+    /// Light of endless haze by the tracks alone, linear.
+    airlight: [f64; 3],
+    gains: PhotoGains,
+    /// Standard deviation of residuals with haze over that without.
+    left: f64,
+    /// Distance of what is far, scene units.
+    far: f64,
+    /// Median of what photos show, linear light.
+    median: f64,
+}
+
+impl Evidence {
+    /// Returns true if the haze is beyond doubt.
+    fn proves(&self) -> bool {
+        let PhotoHaze { extinction, error, shown, .. } = self.haze;
+        let least = self.airlight.into_iter().fold(f64::INFINITY, f64::min);
+        let most = self.airlight.into_iter().fold(0.0, f64::max);
+        self.left < LEFT
+            && extinction > SURE * error.unwrap_or(0.0)
+            && extinction * self.far > DEEP
+            && least > LIGHT * self.median
+            && most < BLINDING
+            && shown < TWOFOLD * extinction
+            && TWOFOLD * shown > extinction
+    }
+
+    /// Weighs the points that the photos `places` share; `None` if they are too few. A known extinction is kept.
+    fn of_photos(capture: &Capture, photos: &Photos, places: &[usize], known: Known) -> Option<Self> {
+        let step = places.len().div_ceil(MOST_PHOTOS).max(1);
+        let some: Vec<usize> = places.iter().copied().step_by(step).collect();
+        let tracks = tracks(capture, photos, &some);
+        let mut found = Self::of(tracks, &capture.points.positions, some.len(), known)?;
+        if step > 1 {
+            // Nothing is known of the others.
+            found.gains = PhotoGains { gains: vec![[1.0; 3]; places.len()], ..PhotoGains::default() };
+        }
+        Some(found)
+    }
+
+    /// Weighs the tracks of `photos` photos; `positions` are those of the points.
+    fn of(mut tracks: Vec<Track>, positions: &[[f64; 3]], photos: usize, known: Known) -> Option<Self> {
+        tracks.retain(|track| nearness(track) < NEARNESS);
+        if tracks.len() < FEWEST {
+            return None;
+        }
+        let step = tracks.len().div_ceil(MOST);
+        let tracks: Vec<Track> = tracks.into_iter().step_by(step).collect();
+        let sightings = || tracks.iter().flat_map(|track| &track.sightings);
+        let mut distances: Vec<f64> = sightings().map(|sighting| f64::from(sighting.distance)).collect();
+        distances.sort_by(f64::total_cmp);
+        let (unit, far) = (distances[distances.len() / 2], distances[distances.len() * 95 / 100]);
+        let mut lights: Vec<f64> = sightings().flat_map(|sighting| sighting.light.map(f64::from)).collect();
+        lights.sort_by(f64::total_cmp);
+        let median = lights[lights.len() / 2];
+
+        let all: Vec<&Track> = tracks.iter().collect();
+        let clear = Fit::clear(photos).fitted(&all, unit, Free::Gains);
+        let from = |beta: f64, airlight: Option<[f64; 3]>| {
+            let added = airlight.unwrap_or([median; 3]).map(|light| light * beta);
+            Fit { beta, added, airlight, ..clear.clone() }.fitted(&all, unit, Free::Light)
+        };
+        // From thin and from thick air: the law has more than one valley.
+        let best = |airlight: Option<[f64; 3]>| {
+            let fits = [0.1, 1.0].map(|beta| from(beta, airlight).fitted(&all, unit, Free::All));
+            fits.into_iter().min_by(|a, b| a.sigma.total_cmp(&b.sigma))
+        };
+        let light = |fit: &Fit| fit.added.map(|added| added / fit.beta);
+        let (fit, error) = match known.extinction {
+            Some(extinction) => (from(extinction * unit, known.airlight), None),
+            None => {
+                // The horizon's light is not used to measure: it is brighter than photos show it.
+                let fit = best(None)?;
+                let error = error(&fit, &tracks, &parts(&tracks, positions), unit) / unit;
+                (fit, Some(error))
+            }
+        };
+        let fitted = light(&fit);
+        let is_like = |horizon: &[f64; 3]| (0..3).all(|c| LIKE.contains(&(horizon[c] / fitted[c])));
+        let horizon = known.airlight.filter(|horizon| known.extinction.is_some() || is_like(horizon));
+        let shown = match (known.extinction, horizon) {
+            (None, Some(_)) => best(horizon)?.beta,
+            _ => fit.beta,
+        };
+        let haze = PhotoHaze {
+            extinction: fit.beta / unit,
+            error,
+            shown: shown / unit,
+            airlight: horizon.unwrap_or(fitted),
+        };
+        let gains = gains(&fit, fit.sigma_of_even(&all, unit));
+        Some(Self { haze, airlight: fitted, gains, left: fit.sigma / clear.sigma, far, median })
+    }
+}
+
+/// Returns the gains of a fit, display-referred; photos of even exposure would leave residuals of `even`.
+fn gains(fit: &Fit, even: f64) -> PhotoGains {
+    let logs: Vec<f64> = fit.gains.iter().map(|gain| gain / DISPLAY).collect();
+    let count = logs.len().max(1) as f64;
+    let spread = (logs.iter().map(|v| v * v).sum::<f64>() / count).sqrt();
+    let mean = logs.iter().map(|log| log.exp()).sum::<f64>() / count;
+    let gains = logs.iter().map(|log| [(log.exp() / mean) as f32; 3]).collect();
+    PhotoGains { gains, spread, differences: [even, fit.sigma] }
+}
+
+/// Returns the standard deviation of the extinction of a fit, from those that it has without each part of the tracks.
+fn error(fit: &Fit, tracks: &[Track], parts: &[usize], unit: f64) -> f64 {
+    let without = |part: usize| {
+        let rest = tracks.iter().zip(parts).filter(|(_, own)| **own != part);
+        let rest: Vec<&Track> = rest.map(|(track, _)| track).collect();
+        fit.clone().fitted(&rest, unit, Free::All).beta
+    };
+    let found: Vec<f64> = (0..PARTS).into_par_iter().map(without).collect();
+    let mean = found.iter().sum::<f64>() / PARTS as f64;
+    let squares = found.iter().map(|beta| (beta - mean).powi(2)).sum::<f64>();
+    (squares * (PARTS - 1) as f64 / PARTS as f64).sqrt()
+}
+
+/// The least distance of a point's sightings over the largest.
+fn nearness(track: &Track) -> f32 {
+    let distances = track.sightings.iter().map(|sighting| sighting.distance);
+    let (least, most) =
+        distances.fold((f32::INFINITY, 0.0f32), |(least, most), d| (least.min(d), most.max(d)));
+    least / most
+}
+
+/// The part that each track belongs to: cells of the scene, in turns.
+fn parts(tracks: &[Track], positions: &[[f64; 3]]) -> Vec<usize> {
+    let at = |track: &Track| positions[track.point as usize];
+    let mut size = 0.0f64;
+    for axis in 0..3 {
+        let mut along: Vec<f64> = tracks.iter().map(|track| at(track)[axis]).collect();
+        along.sort_by(f64::total_cmp);
+        size = size.max(along[along.len() * 95 / 100] - along[along.len() * 5 / 100]);
+    }
+    let cell = |track: &Track| at(track).map(|v| (v / (size / CELLS).max(1e-12)).floor() as i64);
+    let mut cells: BTreeMap<[i64; 3], usize> = tracks.iter().map(|track| (cell(track), 0)).collect();
+    cells.values_mut().enumerate().for_each(|(number, part)| *part = number % PARTS);
+    tracks.iter().map(|track| cells[&cell(track)]).collect()
+}

@@ -1,0 +1,115 @@
+//! Colours of splats of which the haze let photos show little.
+//!
+//! Where the air lets a hundredth of a surface's light through, its clear colour is the photos' noise times a hundred, and the
+//! steps of the optimiser, whose length does not depend on that of gradients, make a random walk of it. Such colours are drawn
+//! towards the mean of those that are known, as far as noise outweighs what colours differ by.
+
+use rayon::prelude::*;
+use wm_render::EvenAir;
+use wm_scene::{Camera, Group, Splats};
+
+/// Noise of photos and of what is learnt from them, over the spread of clear colours: at this transmittance they weigh the same.
+const NOISE: f64 = 0.07;
+/// Transmittance from which colours are known.
+const KNOWN: f64 = 0.3;
+
+/// Draws the colours of splats that all of `cameras` see through much air towards the mean of the others.
+pub fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
+    let shown: Vec<f64> =
+        (0..splats.len()).into_par_iter().map(|index| shown(splats, index, cameras, air)).collect();
+    let stride = splats.sh_stride();
+    let (mut sum, mut weights) = ([0.0f64; 3], 0.0f64);
+    for (index, shown) in shown.iter().enumerate() {
+        if splats.groups[index] != Group::Sky && *shown > KNOWN {
+            let [x, y, z] = splats.log_scales[index].map(f64::from);
+            // The area that it covers, about.
+            let weight = (x + y + z - x.min(y).min(z)).exp() * opacity(splats.logit_opacities[index]);
+            let own = &splats.sh[index * stride..];
+            (0..3).for_each(|c| sum[c] += weight * f64::from(own[c]));
+            weights += weight;
+        }
+    }
+    if weights <= 0.0 {
+        return;
+    }
+    let mean = sum.map(|sum| sum / weights);
+    for (index, shown) in shown.iter().enumerate() {
+        if splats.groups[index] == Group::Sky {
+            continue;
+        }
+        let share = shown * shown / (shown * shown + NOISE * NOISE);
+        let own = &mut splats.sh[index * stride..(index + 1) * stride];
+        for (k, value) in own.iter_mut().enumerate() {
+            let rest = if k < 3 { mean[k] } else { 0.0 };
+            *value = (rest + share * (f64::from(*value) - rest)) as f32;
+        }
+    }
+}
+
+/// Returns the share of a splat's light that arrives at the nearest camera that has it in view; of one that none has in view, at the
+/// nearest of all.
+fn shown(splats: &Splats, index: usize, cameras: &[Camera], air: &EvenAir) -> f64 {
+    let at = glam::DVec3::from_array(splats.means[index].map(f64::from));
+    let nearest = |seen: bool| {
+        let in_view = |camera: &&Camera| {
+            !seen
+                || camera.project(at).is_some_and(|(x, y, z)| {
+                    z > camera.near
+                        && (0.0..f64::from(camera.width)).contains(&x)
+                        && (0.0..f64::from(camera.height)).contains(&y)
+                })
+        };
+        let distances = cameras.iter().filter(in_view).map(|camera| camera.center().distance(at));
+        distances.fold(f64::INFINITY, f64::min)
+    };
+    let distance =
+        Some(nearest(true)).filter(|distance| distance.is_finite()).unwrap_or_else(|| nearest(false));
+    air.transmittance(distance)
+}
+
+fn opacity(logit: f32) -> f64 {
+    1.0 / (1.0 + (-f64::from(logit)).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+    use wm_scene::splats::Splat;
+
+    #[test]
+    fn what_the_haze_hides_takes_the_mean_of_the_rest() {
+        let camera = Camera::looking((64, 48), 60.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap();
+        let mut splats = Splats::with_capacity(4, 1);
+        for (distance, rgb, group) in [
+            (1.0, [0.2, 0.4, 0.6], Group::Scene),
+            (10.0, [0.9, 0.1, 0.5], Group::Scene),
+            (200.0, [5.0, 0.0, 0.0], Group::Scene),
+            (200.0, [0.3, 0.5, 0.9], Group::Sky),
+        ] {
+            splats.push(&Splat {
+                mean: [0.0, distance, 0.0],
+                quat: [1.0, 0.0, 0.0, 0.0],
+                log_scale: [-2.0; 3],
+                logit_opacity: 2.0,
+                rgb,
+                group,
+            });
+        }
+        splats.sh.iter_mut().for_each(|value| *value += 0.01);
+        let before = splats.clone();
+        settle(&mut splats, &[camera], &EvenAir { extinction: 0.1, airlight: [0.5; 3] });
+        let stride = splats.sh_stride();
+        let rows = |splats: &Splats, i: usize| splats.sh[i * stride..(i + 1) * stride].to_vec();
+        let close = |a: &[f32], b: &[f32], by: f32| a.iter().zip(b).all(|(a, b)| (a - b).abs() < by);
+        assert!(
+            close(&rows(&splats, 0), &rows(&before, 0), 0.02)
+                && close(&rows(&splats, 1), &rows(&before, 1), 0.1)
+        );
+        let (near, next) = (rows(&before, 0), rows(&before, 1));
+        let mean: Vec<f32> = (0..3).map(|c| 0.5 * (near[c] + next[c])).collect();
+        let hidden = rows(&splats, 2);
+        assert!(close(&hidden[..3], &mean, 1e-3) && hidden[3..].iter().all(|v| v.abs() < 1e-3));
+        assert_eq!(rows(&splats, 3), rows(&before, 3));
+    }
+}

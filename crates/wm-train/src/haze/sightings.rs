@@ -1,0 +1,163 @@
+//! Colours of the reconstruction's points as photos show them, in linear light.
+//!
+//! A point lies where there is texture, and from afar a pixel shows more of what is around it: colours of pixels would fade
+//! with distance in the clearest air. So a point's colour is the mean over a window that is as large in the scene in all of
+//! its photos.
+
+use crate::photos::{Photo, Photos};
+use crate::priors::points::inside;
+use rayon::prelude::*;
+use std::sync::LazyLock;
+use wm_scene::capture::Capture;
+use wm_scene::color::srgb_decode;
+
+/// A point as a photo shows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sighting {
+    /// Index of the photo among those in use.
+    pub photo: u32,
+    /// Length of the ray, scene units.
+    pub distance: f32,
+    /// Mean colour of its surroundings, linear light.
+    pub light: [f32; 3],
+}
+
+/// All sightings of one point.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Track {
+    /// Index of the point.
+    pub point: u32,
+    /// By photo.
+    pub sightings: Vec<Sighting>,
+}
+
+/// Half the side of the window in the photo in which it is smallest, px: larger ones show surfaces at more distances.
+const SMALLEST: f64 = 1.0;
+/// Most of it, px: what is seen from so near is left out.
+const LARGEST: f64 = 16.0;
+/// Longest side of the photos in which colours are read, px.
+const SIDE: u32 = 1600;
+/// Display-referred means outside of these are crushed or clipped, 0-1.
+const DARKEST: f32 = 0.012;
+const BRIGHTEST: f32 = 0.96;
+
+/// Linear light of each byte.
+static LIGHT: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|byte| srgb_decode(byte as f64 / 255.0) as f32));
+
+/// Returns the tracks of the points that at least two of the photos `places` show, by the observations of the capture.
+#[must_use]
+pub fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<Track> {
+    let levels: Vec<u8> = places.iter().map(|place| level(photos, *place)).collect();
+    let seen: Vec<Vec<(u32, Placed)>> = places
+        .par_iter()
+        .zip(&levels)
+        .map(|(place, level)| {
+            let camera = photos.camera(*place, *level);
+            let placed = |point: u32| {
+                let (x, y, z) = inside(capture, &camera, point)?;
+                let across = ((x - camera.cx) / camera.fx).hypot((y - camera.cy) / camera.fy);
+                let scale = (camera.fx * camera.fy).sqrt() / z;
+                Some((point, Placed { at: [x, y], scale, distance: z * across.hypot(1.0) }))
+            };
+            let observed = &capture.observations[photos.view(*place)];
+            observed.iter().filter_map(|seen| placed(seen.point)).collect()
+        })
+        .collect();
+    // Pixels of a unit of length in the photo that shows the point smallest.
+    let mut least = vec![(f64::INFINITY, 0u32); capture.points.len()];
+    for (point, placed) in seen.iter().flatten() {
+        let (scale, count) = &mut least[*point as usize];
+        (*scale, *count) = (scale.min(placed.scale), *count + 1);
+    }
+    let shown: Vec<Vec<(u32, Sighting)>> = places
+        .par_iter()
+        .zip(&levels)
+        .zip(&seen)
+        .enumerate()
+        .map(|(index, ((place, level), seen))| {
+            // The training names damaged photos when it meets them.
+            let Ok(photo) = photos.get(*place, *level) else { return Vec::new() };
+            let sums = Sums::new(&photo);
+            let sighting = |(point, placed): &(u32, Placed)| {
+                let (scale, count) = least[*point as usize];
+                let half = SMALLEST * placed.scale / scale;
+                let light = (count > 1 && half < LARGEST).then(|| sums.mean(placed.at, half)).flatten()?;
+                Some((*point, Sighting { photo: index as u32, distance: placed.distance as f32, light }))
+            };
+            seen.iter().filter_map(sighting).collect()
+        })
+        .collect();
+    let mut tracks = vec![Track::default(); capture.points.len()];
+    for (point, sighting) in shown.into_iter().flatten() {
+        tracks[point as usize].point = point;
+        tracks[point as usize].sightings.push(sighting);
+    }
+    tracks.retain(|track| track.sightings.len() > 1);
+    tracks
+}
+
+/// The place of a point in a photo.
+struct Placed {
+    at: [f64; 2],
+    /// Pixels of a unit of length there.
+    scale: f64,
+    distance: f64,
+}
+
+fn level(photos: &Photos, place: usize) -> u8 {
+    let camera = photos.camera(place, 0);
+    let longest = camera.width.max(camera.height);
+    (0..8).find(|level| longest >> level <= SIDE).unwrap_or(8).min(photos.last_level(16))
+}
+
+/// Sums of linear light over all pixels above and to the left.
+struct Sums {
+    width: usize,
+    height: usize,
+    /// `[H + 1, W + 1]`: red, green, blue, and the number of pixels that count.
+    sums: Vec<[f64; 4]>,
+}
+
+impl Sums {
+    fn new(photo: &Photo) -> Self {
+        let (width, height) = (photo.width as usize, photo.height as usize);
+        let mut sums = vec![[0.0; 4]; (width + 1) * (height + 1)];
+        for row in 0..height {
+            let mut own = [0.0; 4];
+            for column in 0..width {
+                let at = row * width + column;
+                let rgb = &photo.rgb[3 * at..3 * at + 3];
+                let counts = photo.mask.as_ref().is_none_or(|mask| mask[at] > 127);
+                if counts {
+                    (0..3).for_each(|c| own[c] += f64::from(LIGHT[rgb[c] as usize]));
+                    own[3] += 1.0;
+                }
+                let above = sums[row * (width + 1) + column + 1];
+                sums[(row + 1) * (width + 1) + column + 1] = std::array::from_fn(|k| above[k] + own[k]);
+            }
+        }
+        Self { width, height, sums }
+    }
+
+    /// The mean over the window about a point; `None` if it is not inside, is masked, crushed or clipped.
+    fn mean(&self, [x, y]: [f64; 2], half: f64) -> Option<[f32; 3]> {
+        let (left, right) = ((x - half).round(), (x + half).round());
+        let (top, bottom) = ((y - half).round(), (y + half).round());
+        let is_inside =
+            left >= 0.0 && top >= 0.0 && right <= self.width as f64 && bottom <= self.height as f64;
+        if !is_inside {
+            return None;
+        }
+        let at = |column: f64, row: f64| self.sums[row as usize * (self.width + 1) + column as usize];
+        let [a, b, c, d] = [at(right, bottom), at(left, bottom), at(right, top), at(left, top)];
+        let sum: [f64; 4] = std::array::from_fn(|k| a[k] - b[k] - c[k] + d[k]);
+        let pixels = (right - left) * (bottom - top);
+        if sum[3] < 0.99 * pixels {
+            return None;
+        }
+        let light = [0, 1, 2].map(|k| (sum[k] / sum[3]) as f32);
+        let (low, high) = (srgb_decode(f64::from(DARKEST)) as f32, srgb_decode(f64::from(BRIGHTEST)) as f32);
+        light.iter().all(|v| (low..high).contains(v)).then_some(light)
+    }
+}
