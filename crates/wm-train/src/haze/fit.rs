@@ -6,7 +6,7 @@
 //! clear air is nothing special to the fit. Gauss and Newton's steps are taken on `beta`, `B` and the gains, with each point's
 //! colour eliminated; residuals are in display-referred units, in which noise is about even, and weighted by Cauchy's function.
 
-use super::sightings::{Sighting, Track};
+use super::sightings::{PointTrack, Sighting};
 
 /// Numbers before the gains: extinction and the light that the air adds in three channels.
 const HEAD: usize = 4;
@@ -23,7 +23,7 @@ const STEPS: usize = 40;
 
 /// A fit, with lengths in units of its own.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fit {
+pub struct HazeFit {
     /// Extinction a unit of length.
     pub beta: f64,
     /// Light that the air adds a unit of length.
@@ -49,7 +49,7 @@ pub enum Free {
     All,
 }
 
-impl Fit {
+impl HazeFit {
     /// Clear air and even gains.
     pub fn clear(photos: usize) -> Self {
         let (beta, added, airlight, gains) = (0.0, [0.0; 3], None, vec![0.0; photos]);
@@ -57,7 +57,7 @@ impl Fit {
     }
 
     /// Returns the fit to `tracks`, whose distances are divided by `unit`, from this one on.
-    pub fn fitted(mut self, tracks: &[&Track], unit: f64, free: Free) -> Self {
+    pub fn fitted(mut self, tracks: &[&PointTrack], unit: f64, free: Free) -> Self {
         let mut damping = 1e-3;
         let mut sums = Sums::of(&self, tracks, unit);
         for _ in 0..STEPS {
@@ -89,7 +89,7 @@ impl Fit {
     }
 
     /// Returns the standard deviation of residuals that photos of even exposure would have.
-    pub fn sigma_of_even(&self, tracks: &[&Track], unit: f64) -> f64 {
+    pub fn sigma_of_even(&self, tracks: &[&PointTrack], unit: f64) -> f64 {
         Sums::of(&Self { gains: vec![0.0; self.gains.len()], ..self.clone() }, tracks, unit).sigma
     }
 
@@ -132,7 +132,7 @@ struct Sums {
 }
 
 impl Sums {
-    fn of(fit: &Fit, tracks: &[&Track], unit: f64) -> Self {
+    fn of(fit: &HazeFit, tracks: &[&PointTrack], unit: f64) -> Self {
         let count = HEAD + fit.gains.len();
         let mut sums =
             Self { normal: vec![0.0; count * count], right: vec![0.0; count], cost: 0.0, sigma: 0.0 };
@@ -193,7 +193,7 @@ impl Sums {
     }
 
     /// Adds one point, with its colour eliminated.
-    fn add(&mut self, fit: &Fit, rows: &[Row], colors: &[f64; 3]) {
+    fn add(&mut self, fit: &HazeFit, rows: &[Row], colors: &[f64; 3]) {
         let count = HEAD + fit.gains.len();
         let mut places: Vec<usize> = vec![0, 0];
         places.extend(rows.iter().map(|row| HEAD + row.photo));
@@ -233,7 +233,7 @@ impl Sums {
     }
 
     /// Solves for the step; `None` if nothing is determined.
-    fn step(&self, fit: &Fit, free: Free, damping: f64) -> Option<Vec<f64>> {
+    fn step(&self, fit: &HazeFit, free: Free, damping: f64) -> Option<Vec<f64>> {
         let count = HEAD + fit.gains.len();
         let first = match free {
             Free::All => 0,
@@ -291,7 +291,7 @@ struct Row {
 }
 
 impl Row {
-    fn of(fit: &Fit, sighting: &Sighting, unit: f64) -> Self {
+    fn of(fit: &HazeFit, sighting: &Sighting, unit: f64) -> Self {
         let (photo, distance) = (sighting.photo as usize, f64::from(sighting.distance) / unit);
         let (gain, t) = (fit.gains[photo].exp(), (-fit.beta * distance).exp());
         let (path, path_by_beta) = path(fit.beta, distance, t);
@@ -313,7 +313,7 @@ impl Row {
     }
 
     /// Finds the residuals for the colours of its point.
-    fn compare(&mut self, fit: &Fit, colors: &[f64; 3]) {
+    fn compare(&mut self, fit: &HazeFit, colors: &[f64; 3]) {
         for c in 0..3 {
             let model = self.gain * fit.added[c] * self.path + self.kept * colors[c];
             self.off[c] = self.slope[c] * (self.light[c] - model);
@@ -321,7 +321,7 @@ impl Row {
     }
 
     /// Derivatives of the displayed light in a channel by extinction, added light and gain.
-    fn by(&self, fit: &Fit, colors: &[f64; 3], c: usize) -> [f64; 3] {
+    fn by(&self, fit: &HazeFit, colors: &[f64; 3], c: usize) -> [f64; 3] {
         let added = self.gain * fit.added[c];
         let by_beta = added * self.path_by_beta - self.kept * self.distance * colors[c];
         let by_added = self.gain * self.path;

@@ -16,10 +16,10 @@ pub use settle::settle;
 
 use crate::brightness::PhotoGains;
 use crate::photos::Photos;
-use fit::{Fit, Free};
+use fit::{Free, HazeFit};
 use glam::DVec3;
 use rayon::prelude::*;
-use sightings::{Track, tracks};
+use sightings::{PointTrack, tracks};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use wm_render::EvenAir;
@@ -175,14 +175,14 @@ const TWOFOLD: f64 = 2.0;
 /// Light of the horizon over that which tracks tell: else it is not the sky that was taken for it.
 const LIKE: Range<f64> = 0.7..1.15;
 
-/// What is known of haze before tracks are looked at.
+/// Values of the haze that are known before tracks are looked at.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Known {
     extinction: Option<f64>,
     airlight: Option<[f64; 3]>,
 }
 
-/// What the tracks of a capture tell of haze, whether they prove it or not.
+/// The haze that the tracks of a capture tell of, proven or not.
 #[derive(Clone, Debug, PartialEq)]
 struct Evidence {
     haze: PhotoHaze,
@@ -226,13 +226,13 @@ impl Evidence {
     }
 
     /// Weighs the tracks of `photos` photos; `positions` are those of the points.
-    fn of(mut tracks: Vec<Track>, positions: &[[f64; 3]], photos: usize, known: Known) -> Option<Self> {
+    fn of(mut tracks: Vec<PointTrack>, positions: &[[f64; 3]], photos: usize, known: Known) -> Option<Self> {
         tracks.retain(|track| nearness(track) < NEARNESS);
         if tracks.len() < FEWEST {
             return None;
         }
         let step = tracks.len().div_ceil(MOST);
-        let tracks: Vec<Track> = tracks.into_iter().step_by(step).collect();
+        let tracks: Vec<PointTrack> = tracks.into_iter().step_by(step).collect();
         let sightings = || tracks.iter().flat_map(|track| &track.sightings);
         let mut distances: Vec<f64> = sightings().map(|sighting| f64::from(sighting.distance)).collect();
         distances.sort_by(f64::total_cmp);
@@ -241,18 +241,18 @@ impl Evidence {
         lights.sort_by(f64::total_cmp);
         let median = lights[lights.len() / 2];
 
-        let all: Vec<&Track> = tracks.iter().collect();
-        let clear = Fit::clear(photos).fitted(&all, unit, Free::Gains);
+        let all: Vec<&PointTrack> = tracks.iter().collect();
+        let clear = HazeFit::clear(photos).fitted(&all, unit, Free::Gains);
         let from = |beta: f64, airlight: Option<[f64; 3]>| {
             let added = airlight.unwrap_or([median; 3]).map(|light| light * beta);
-            Fit { beta, added, airlight, ..clear.clone() }.fitted(&all, unit, Free::Light)
+            HazeFit { beta, added, airlight, ..clear.clone() }.fitted(&all, unit, Free::Light)
         };
         // From thin and from thick air: the law has more than one valley.
         let best = |airlight: Option<[f64; 3]>| {
             let fits = [0.1, 1.0].map(|beta| from(beta, airlight).fitted(&all, unit, Free::All));
             fits.into_iter().min_by(|a, b| a.sigma.total_cmp(&b.sigma))
         };
-        let light = |fit: &Fit| fit.added.map(|added| added / fit.beta);
+        let light = |fit: &HazeFit| fit.added.map(|added| added / fit.beta);
         let (fit, error) = match known.extinction {
             Some(extinction) => (from(extinction * unit, known.airlight), None),
             None => {
@@ -281,7 +281,7 @@ impl Evidence {
 }
 
 /// Returns the gains of a fit, display-referred; photos of even exposure would leave residuals of `even`.
-fn gains(fit: &Fit, even: f64) -> PhotoGains {
+fn gains(fit: &HazeFit, even: f64) -> PhotoGains {
     let logs: Vec<f64> = fit.gains.iter().map(|gain| gain / DISPLAY).collect();
     let count = logs.len().max(1) as f64;
     let spread = (logs.iter().map(|v| v * v).sum::<f64>() / count).sqrt();
@@ -291,10 +291,10 @@ fn gains(fit: &Fit, even: f64) -> PhotoGains {
 }
 
 /// Returns the standard deviation of the extinction of a fit, from those that it has without each part of the tracks.
-fn error(fit: &Fit, tracks: &[Track], parts: &[usize], unit: f64) -> f64 {
+fn error(fit: &HazeFit, tracks: &[PointTrack], parts: &[usize], unit: f64) -> f64 {
     let without = |part: usize| {
         let rest = tracks.iter().zip(parts).filter(|(_, own)| **own != part);
-        let rest: Vec<&Track> = rest.map(|(track, _)| track).collect();
+        let rest: Vec<&PointTrack> = rest.map(|(track, _)| track).collect();
         fit.clone().fitted(&rest, unit, Free::All).beta
     };
     let found: Vec<f64> = (0..PARTS).into_par_iter().map(without).collect();
@@ -304,7 +304,7 @@ fn error(fit: &Fit, tracks: &[Track], parts: &[usize], unit: f64) -> f64 {
 }
 
 /// The least distance of a point's sightings over the largest.
-fn nearness(track: &Track) -> f32 {
+fn nearness(track: &PointTrack) -> f32 {
     let distances = track.sightings.iter().map(|sighting| sighting.distance);
     let (least, most) =
         distances.fold((f32::INFINITY, 0.0f32), |(least, most), d| (least.min(d), most.max(d)));
@@ -312,15 +312,15 @@ fn nearness(track: &Track) -> f32 {
 }
 
 /// The part that each track belongs to: cells of the scene, in turns.
-fn parts(tracks: &[Track], positions: &[[f64; 3]]) -> Vec<usize> {
-    let at = |track: &Track| positions[track.point as usize];
+fn parts(tracks: &[PointTrack], positions: &[[f64; 3]]) -> Vec<usize> {
+    let at = |track: &PointTrack| positions[track.point as usize];
     let mut size = 0.0f64;
     for axis in 0..3 {
         let mut along: Vec<f64> = tracks.iter().map(|track| at(track)[axis]).collect();
         along.sort_by(f64::total_cmp);
         size = size.max(along[along.len() * 95 / 100] - along[along.len() * 5 / 100]);
     }
-    let cell = |track: &Track| at(track).map(|v| (v / (size / CELLS).max(1e-12)).floor() as i64);
+    let cell = |track: &PointTrack| at(track).map(|v| (v / (size / CELLS).max(1e-12)).floor() as i64);
     let mut cells: BTreeMap<[i64; 3], usize> = tracks.iter().map(|track| (cell(track), 0)).collect();
     cells.values_mut().enumerate().for_each(|(number, part)| *part = number % PARTS);
     tracks.iter().map(|track| cells[&cell(track)]).collect()

@@ -1,6 +1,6 @@
 //! Colours of splats of which the haze let photos show little.
 //!
-//! Where the air lets a hundredth of a surface's light through, its clear colour is the photos' noise times a hundred, and the
+//! If the air lets a hundredth of a surface's light through, its clear colour is the photos' noise times a hundred, and the
 //! steps of the optimiser, whose length does not depend on that of gradients, make a random walk of it. Such colours are drawn
 //! towards the mean of those that are known, as far as noise outweighs what colours differ by.
 

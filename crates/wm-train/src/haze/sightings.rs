@@ -24,7 +24,7 @@ pub struct Sighting {
 
 /// All sightings of one point.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Track {
+pub struct PointTrack {
     /// Index of the point.
     pub point: u32,
     /// By photo.
@@ -47,7 +47,7 @@ static LIGHT: LazyLock<[f32; 256]> =
 
 /// Returns the tracks of the points that at least two of the photos `places` show, by the observations of the capture.
 #[must_use]
-pub fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<Track> {
+pub fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<PointTrack> {
     let levels: Vec<u8> = places.iter().map(|place| level(photos, *place)).collect();
     let seen: Vec<Vec<(u32, Placed)>> = places
         .par_iter()
@@ -88,7 +88,7 @@ pub fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<Track
             seen.iter().filter_map(sighting).collect()
         })
         .collect();
-    let mut tracks = vec![Track::default(); capture.points.len()];
+    let mut tracks = vec![PointTrack::default(); capture.points.len()];
     for (point, sighting) in shown.into_iter().flatten() {
         tracks[point as usize].point = point;
         tracks[point as usize].sightings.push(sighting);

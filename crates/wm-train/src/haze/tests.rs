@@ -27,7 +27,7 @@ impl Road {
     }
 
     /// The tracks, and the positions of their points.
-    fn tracks(&self) -> (Vec<Track>, Vec<[f64; 3]>) {
+    fn tracks(&self) -> (Vec<PointTrack>, Vec<[f64; 3]>) {
         let positions: Vec<[f64; 3]> = (0..900)
             .map(|i| {
                 let side = if self.number(0, i) < 0.5 { -6.0 } else { 6.0 };
@@ -54,7 +54,7 @@ impl Road {
                 });
                 Some(Sighting { photo: photo as u32, distance: distance as f32, light })
             };
-            Track { point: point as u32, sightings: (0..PHOTOS).filter_map(sighting).collect() }
+            PointTrack { point: point as u32, sightings: (0..PHOTOS).filter_map(sighting).collect() }
         };
         let tracks = (0..positions.len()).map(track).filter(|track| track.sightings.len() > 1).collect();
         (tracks, positions)

@@ -32,7 +32,7 @@ const SURELY_AGREES: [f32; 2] = [0.01, 0.03];
 
 /// The verdict on a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Verdict {
+pub enum PixelVerdict {
     /// Too few others see the surface.
     Unknown,
     /// The others show about what the photo shows, which a mover of the same colour would too.
@@ -103,7 +103,7 @@ impl Other {
     }
 }
 
-/// What other photos say of a pixel at one depth.
+/// The evidence of other photos about a pixel at one depth.
 #[derive(Clone, Copy, Debug, Default)]
 struct Opinion {
     /// The number of those that see the surface, and that see through it.
@@ -134,13 +134,13 @@ impl<'a> Judge<'a> {
 
     /// The verdicts on the pixels of a photo, `[H, W]`; pixels in `masks`, of all photos, say nothing about others. Empty masks hold
     /// none.
-    pub fn photo(&self, index: usize, masks: &[Vec<bool>]) -> Vec<Verdict> {
+    pub fn photo(&self, index: usize, masks: &[Vec<bool>]) -> Vec<PixelVerdict> {
         let view = &self.views[index];
         let (width, height) = view.size();
         let columns = width.div_ceil(CELL);
         let verdict = |pixel: usize| {
             if view.matched[pixel] > MATCHED {
-                return Verdict::Still;
+                return PixelVerdict::Still;
             }
             let (x, y) = (pixel % width, pixel / width);
             let [first, second] = self.cells[index][y / CELL * columns + x / CELL];
@@ -150,7 +150,7 @@ impl<'a> Judge<'a> {
     }
 
     /// The verdict on a pixel at that of some inverse depths, NaN for none, at which most others see a surface.
-    fn pixel(&self, index: usize, at: (usize, usize), depths: [f32; 3], masks: &[Vec<bool>]) -> Verdict {
+    fn pixel(&self, index: usize, at: (usize, usize), depths: [f32; 3], masks: &[Vec<bool>]) -> PixelVerdict {
         let mut best = Opinion::default();
         for disparity in depths.into_iter().filter(|disparity| !disparity.is_nan()) {
             let opinion = self.opinion(index, at, disparity, masks);
@@ -160,10 +160,10 @@ impl<'a> Judge<'a> {
         }
         let Opinion { seen, off, spread, .. } = best;
         match off - SPREAD * spread {
-            _ if seen < FEWEST => Verdict::Unknown,
-            beyond if beyond > AGREES => Verdict::Differs(beyond),
-            _ if off <= SURELY_AGREES[0] && spread <= SURELY_AGREES[1] => Verdict::Still,
-            _ => Verdict::Agrees,
+            _ if seen < FEWEST => PixelVerdict::Unknown,
+            beyond if beyond > AGREES => PixelVerdict::Differs(beyond),
+            _ if off <= SURELY_AGREES[0] && spread <= SURELY_AGREES[1] => PixelVerdict::Still,
+            _ => PixelVerdict::Agrees,
         }
     }
 

@@ -20,7 +20,7 @@ pub mod view;
 
 pub use view::MoverView;
 
-use consensus::{Judge, Verdict};
+use consensus::{Judge, PixelVerdict};
 use rayon::prelude::*;
 use wm_scene::Camera;
 
@@ -96,7 +96,7 @@ pub enum MoverOutcome {
 #[must_use]
 pub fn level(cameras: &[Camera]) -> u8 {
     let is_enough = |level: &u8| {
-        let fits = |c: &Camera| (c.width >> level) * (c.height >> level) <= PIXELS;
+        let fits = |c: &Camera| (c.width >> level).saturating_mul(c.height >> level) <= PIXELS;
         let shortest = cameras.iter().map(|c| c.width.min(c.height) >> level).min().unwrap_or(0);
         cameras.iter().all(fits) || shortest < SHORTEST
     };
@@ -129,7 +129,7 @@ pub fn find(views: &[MoverView]) -> (MoverOutcome, Vec<MoverMask>) {
                     return (Vec::new(), 0);
                 }
                 let verdicts = judge.photo(index, &masks);
-                let judged = verdicts.iter().filter(|verdict| **verdict != Verdict::Unknown).count();
+                let judged = verdicts.iter().filter(|verdict| **verdict != PixelVerdict::Unknown).count();
                 (shape::mask(&verdicts, view), judged)
             })
             .collect();

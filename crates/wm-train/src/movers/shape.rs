@@ -1,6 +1,6 @@
 //! Masks from verdicts: movers are pieces with an extent, not single pixels.
 
-use super::consensus::Verdict;
+use super::consensus::PixelVerdict;
 use super::view::MoverView;
 
 /// Difference of colour that is no error.
@@ -24,11 +24,11 @@ const RIM: usize = 1;
 
 /// The mask of a photo, `[H, W]`; empty if no mover is in it.
 #[must_use]
-pub fn mask(verdicts: &[Verdict], view: &MoverView) -> Vec<bool> {
+pub fn mask(verdicts: &[PixelVerdict], view: &MoverView) -> Vec<bool> {
     let (width, height) = view.size();
-    let differs = |verdict: &Verdict| matches!(verdict, Verdict::Differs(_));
+    let differs = |verdict: &PixelVerdict| matches!(verdict, PixelVerdict::Differs(_));
     let weak: Vec<bool> = verdicts.iter().map(differs).collect();
-    let strong = |pixel: usize| matches!(verdicts[pixel], Verdict::Differs(off) if off >= STRONG);
+    let strong = |pixel: usize| matches!(verdicts[pixel], PixelVerdict::Differs(off) if off >= STRONG);
     // Gaps close before pieces are counted, or texture would tear a mover into crumbs.
     let mut moves = closed(&supported(&weak, width, SUPPORT[0]), width);
     let least = LEAST_AREA * (width * height) as f64;
@@ -49,7 +49,7 @@ pub fn mask(verdicts: &[Verdict], view: &MoverView) -> Vec<bool> {
 }
 
 /// Grows movers over pixels of their colour about which nothing is known: others rarely see the ground below a car.
-fn grow(moves: &mut [bool], verdicts: &[Verdict], view: &MoverView) {
+fn grow(moves: &mut [bool], verdicts: &[PixelVerdict], view: &MoverView) {
     let (width, colors) = (view.size().0, &view.scales[0].mean);
     let apart = |a: usize, b: usize| {
         let [r, g, b] = [0, 1, 2].map(|c| (colors[a][c] - colors[b][c]).abs());
@@ -62,7 +62,8 @@ fn grow(moves: &mut [bool], verdicts: &[Verdict], view: &MoverView) {
         let (pixel, start) = queue[next];
         next += 1;
         for other in beside(pixel, width, moves.len()) {
-            let is_free = !moves[other] && verdicts[other] != Verdict::Still && view.around[other] <= AROUND;
+            let is_free =
+                !moves[other] && verdicts[other] != PixelVerdict::Still && view.around[other] <= AROUND;
             if is_free && apart(pixel, other) <= STEP && apart(start, other) <= FAR {
                 moves[other] = true;
                 queue.push((other, start));

@@ -28,7 +28,7 @@ fn views(red: bool, gain: impl Fn(usize) -> f32) -> Vec<MoverView> {
             } else {
                 wall(at.x, at.z, gain(index)).map(|v| v + noise)
             });
-            stereo.push(if is_red || pixel / SIZE.0 % 4 > 0 { f32::NAN } else { 0.25 });
+            stereo.push(if is_red || !(pixel / SIZE.0).is_multiple_of(4) { f32::NAN } else { 0.25 });
         }
         // Nor does it know a plain part of the wall, where nothing moves.
         for pixel in 0..stereo.len() {

@@ -1,8 +1,8 @@
 //! Averages what all cameras see in cubes: one disc for each.
 //!
-//! Depth is rough along the ray, so that views of one piece of ground lie above each other. Cubes are upright and a few
-//! times as tall as the narrowest are wide: what lies above each other within that is one surface. Walls get wider cubes
-//! than ground, since nothing lies on them that would need narrow ones.
+//! Depth is rough along the ray, so that views of one piece of ground lie above each other. Cubes are upright and twice as
+//! tall as the narrowest are wide: what lies above each other within that is one surface. The narrowest are half as wide as
+//! the field over which discs are levelled: narrower ones would not be seen, and cost more.
 
 use super::photo_view::{PhotoView, Spot};
 use crate::dome::level_axes;
@@ -15,9 +15,6 @@ const CUBE: f64 = 0.12;
 const DOUBLED: u32 = 4;
 /// Least height of cubes, as a power of two of the smallest width.
 const TALL: u32 = 1;
-/// How often the width of cubes on walls is doubled at least, and the largest cosine between a wall's normal and up.
-const WALL_DOUBLED: u32 = 0;
-const WALL: f64 = 0.5;
 /// Width of cubes in distances between pixels.
 const PIXELS: f64 = 1.5;
 /// Weight of a pixel without a normal.
@@ -110,9 +107,6 @@ impl Grid {
         if doubled > DOUBLED {
             return None;
         }
-        let up = self.level.row(2);
-        let is_wall = spot.normal.is_some_and(|normal| normal.dot(up).abs() < WALL);
-        let doubled = if is_wall { doubled.max(WALL_DOUBLED) } else { doubled };
         let (size, place) = (self.size(doubled), self.level * spot.point);
         let at = (place / size).floor();
         let weight = (self.cube / apart).powi(2).min(16.0) * if spot.normal.is_some() { 1.0 } else { EDGE };
