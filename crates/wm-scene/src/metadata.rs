@@ -5,7 +5,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// `-ln(0.05)`: optical depth of the meteorological optical range, as the World Meteorological Organization has it.
-const MOR_DEPTH: f64 = 2.995_732_273_553_991;
+pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
 
 /// Facts about a scene that are written with it. A fact that is missing is given by hand, estimated from
 /// the splats or assumed; see [`crate::survey`].

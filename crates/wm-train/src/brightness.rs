@@ -65,11 +65,8 @@ pub fn photo_gains(capture: &Capture, photos: &Photos, places: &[usize]) -> Opti
 
 /// Returns the colours of the points `seen` in a photo, of those that it exposes well; none of a damaged photo.
 fn shown_points(capture: &Capture, photos: &Photos, place: usize, seen: &[u32]) -> Vec<Shown> {
-    let full = photos.camera(place, 0);
-    let longest = full.width.max(full.height);
-    let level = (0..8).find(|level| longest >> level <= SIDE).unwrap_or(8).min(photos.last_level(16));
     // The training names damaged photos when it meets them.
-    let Ok(photo) = photos.get(place, level) else { return Vec::new() };
+    let Ok(photo) = photos.get(place, photos.level_within(place, SIDE)) else { return Vec::new() };
     let (width, height) = (photo.width as usize, photo.height as usize);
     let color = |point: &u32| {
         let (x, y, _) = inside(capture, &photo.camera, *point)?;

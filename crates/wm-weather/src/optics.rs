@@ -26,8 +26,7 @@ use wm_render::dispatch;
 use wm_render::hooks::{AirGroup, AirOnRay, GROUP, Medium, ShadeGroup, WgslSource};
 use wm_render::simd::{self, Lanes, SimdPath, exp2};
 
-/// `-ln(0.05)`: optical depth of the meteorological optical range.
-pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
+pub use wm_scene::metadata::MOR_DEPTH;
 /// `-ln(0.02)`: optical depth of Koschmieder's visual range.
 pub const VISUAL_RANGE_DEPTH: f64 = 3.912_023_005_428_146;
 /// Wavelengths that stand for the display's primaries, nm.

@@ -11,7 +11,7 @@ use wm_media::{PictureSize, color::Dither, png};
 use wm_scene::Camera;
 use wm_train::StepTimes;
 use wm_train::colmap;
-use wm_train::movers::MoverOutcome;
+use wm_train::movers::{MoverOutcome, sheet};
 use wm_train::session::{
     HeldOutScores, ImageMoment, ObserverError, Preparation, StepProgress, StepSummary, TrainImage,
     TrainNotice, TrainObserver, TrainReport, TrainStart, TrainWarning,
@@ -86,7 +86,7 @@ impl TrainObserver for TrainingConsole<'_> {
                 MoverOutcome::Found { photos: with, share } => eprintln!(
                     "movers: in {with} of {photos} photos, {:.1} % of the pixels, left out: {}",
                     100.0 * share,
-                    self.folder.join("movers.png").display()
+                    self.folder.join(sheet::FILE).display()
                 ),
                 MoverOutcome::TooMany(share) => eprintln!(
                     "movers: none are left out, since {:.0} % of the pixels differ between photos, which cannot be true",

@@ -26,9 +26,8 @@ use wm_render::EvenAir;
 use wm_scene::Metadata;
 use wm_scene::capture::{Capture, SparsePoints};
 use wm_scene::color::{srgb_decode, srgb_encode};
+use wm_scene::metadata::MOR_DEPTH;
 
-/// -ln of the contrast that is left at the meteorological optical range: 5 %, by the World Meteorological Organization.
-const MOR_DEPTH: f64 = 2.995_732_273_553_991;
 /// Fewest points that tell of haze.
 const FEWEST: usize = 150;
 /// Most points that are looked at.

@@ -48,7 +48,7 @@ static LIGHT: LazyLock<[f32; 256]> =
 /// Returns the tracks of the points that at least two of the photos `places` show, by the observations of the capture.
 #[must_use]
 pub fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<PointTrack> {
-    let levels: Vec<u8> = places.iter().map(|place| level(photos, *place)).collect();
+    let levels: Vec<u8> = places.iter().map(|place| photos.level_within(*place, SIDE)).collect();
     let seen: Vec<Vec<(u32, Placed)>> = places
         .par_iter()
         .zip(&levels)
@@ -103,12 +103,6 @@ struct Placed {
     /// Pixels of a unit of length there.
     scale: f64,
     distance: f64,
-}
-
-fn level(photos: &Photos, place: usize) -> u8 {
-    let camera = photos.camera(place, 0);
-    let longest = camera.width.max(camera.height);
-    (0..8).find(|level| longest >> level <= SIDE).unwrap_or(8).min(photos.last_level(16))
 }
 
 /// Sums of linear light over all pixels above and to the left.

@@ -1,7 +1,7 @@
 //! The verdict on each pixel of a photo: others that see the same surface show its colour, or another.
 
 use super::view::{MoverView, SCALES};
-use glam::{DMat3, DVec3};
+use crate::photo_warp::PhotoWarp;
 use rayon::prelude::*;
 use wm_scene::Camera;
 
@@ -43,41 +43,11 @@ pub enum PixelVerdict {
     Differs(f32),
 }
 
-/// The way from the pixels of one photo to those of another.
-#[derive(Clone, Copy, Debug)]
-struct Warp {
-    base: [[f32; 3]; 3],
-    lift: [f32; 3],
-}
-
-impl Warp {
-    fn new(from: &Camera, to: &Camera) -> Self {
-        let relative = to.viewmat * from.viewmat.inverse();
-        let matrix =
-            |c: &Camera| DMat3::from_cols(DVec3::X * c.fx, DVec3::Y * c.fy, DVec3::new(c.cx, c.cy, 1.0));
-        let base = matrix(to) * DMat3::from_mat4(relative) * matrix(from).inverse();
-        let lift = matrix(to) * relative.w_axis.truncate();
-        Self {
-            base: [0, 1, 2].map(|row| base.row(row).to_array().map(|v| v as f32)),
-            lift: lift.to_array().map(|v| v as f32),
-        }
-    }
-
-    /// Position and inverse depth in the other photo; `None` behind it.
-    #[inline]
-    fn at(&self, x: f32, y: f32, disparity: f32) -> Option<(f32, f32, f32)> {
-        let row =
-            |r: usize| self.base[r][0] * x + self.base[r][1] * y + self.base[r][2] + self.lift[r] * disparity;
-        let depth = row(2);
-        (depth > 1e-6).then(|| (row(0) / depth, row(1) / depth, disparity / depth))
-    }
-}
-
 /// Another photo that a photo is compared with.
 struct Other {
     index: usize,
-    there: Warp,
-    back: Warp,
+    there: PhotoWarp,
+    back: PhotoWarp,
     /// Logarithm (base 2) of the ratio of the focal lengths, theirs to the photo's.
     focal: f32,
     /// A change of inverse depth that is a parallax of one pixel.
@@ -89,8 +59,8 @@ impl Other {
         let baseline = own.center().distance(theirs.center()).max(1e-9);
         Self {
             index,
-            there: Warp::new(own, theirs),
-            back: Warp::new(theirs, own),
+            there: PhotoWarp::new(own, theirs),
+            back: PhotoWarp::new(theirs, own),
             focal: (theirs.fx / own.fx).log2() as f32,
             pixel: (1.0 / (own.fx.max(own.fy) * baseline)) as f32,
         }
@@ -182,7 +152,7 @@ impl<'a> Judge<'a> {
         let mut colors = [[0.0f32; 3]; MOST_OTHERS];
         for other in &self.others[index] {
             let there = &self.views[other.index];
-            let Some((u, v, theirs)) = inside(there, other.there.at(x, y, disparity)) else { continue };
+            let Some((u, v, theirs)) = inside(there, other.there.point(x, y, disparity)) else { continue };
             let pixel = v as usize * there.size().0 + u as usize;
             let known = there.disparity[pixel];
             let tolerance = (DEPTH * theirs.max(known)).max(PARALLAX * other.pixel);
@@ -232,7 +202,7 @@ fn gathered(views: &[MoverView], view: &MoverView, others: &[Other]) -> Vec<[f32
         let wide = there.size().0;
         for (pixel, disparity) in there.disparity.iter().enumerate().filter(|(_, known)| !known.is_nan()) {
             let (x, y) = ((pixel % wide) as f32 + 0.5, (pixel / wide) as f32 + 0.5);
-            let Some((u, v, own)) = other.back.at(x, y, *disparity) else { continue };
+            let Some((u, v, own)) = other.back.point(x, y, *disparity) else { continue };
             if u >= 0.0 && v >= 0.0 && u < width as f32 && v < height as f32 {
                 let cell = v as usize / CELL * columns + u as usize / CELL;
                 found.push((cell as u32, own, number as u32));
@@ -301,7 +271,7 @@ fn choose(views: &[MoverView], index: usize) -> Vec<Other> {
         let is_seen = |cell: &usize| {
             let (x, y) = (middle(cell % GRID, width), middle(cell / GRID, height));
             let disparity = view.disparity[y * width + x];
-            let point = other.there.at(x as f32 + 0.5, y as f32 + 0.5, disparity);
+            let point = other.there.point(x as f32 + 0.5, y as f32 + 0.5, disparity);
             // NaN is nowhere.
             inside(&views[to], point)
                 .is_some_and(|(_, _, theirs)| other.scale(disparity, theirs).abs() <= FARTHEST_SCALE)

@@ -61,16 +61,22 @@ impl MoverMask {
     }
 
     /// The indices of the pixels of a photo of this size that show movers.
-    pub fn pixels(&self, width: u32, height: u32) -> impl Iterator<Item = usize> {
+    #[must_use]
+    pub fn pixels(&self, width: u32, height: u32) -> Vec<usize> {
+        if self.is_empty() {
+            return Vec::new();
+        }
         let place = |at: u32, pixels: u32, of: u32| {
             ((2 * u64::from(at) + 1) * u64::from(of) / (2 * u64::from(pixels))) as usize
         };
-        let rows = if self.is_empty() { 0 } else { height };
-        (0..rows).flat_map(move |y| {
-            let row = place(y, height, self.height) * self.width as usize;
-            let moves = move |x: &u32| self.moves[row + place(*x, width, self.width)];
-            (0..width).filter(moves).map(move |x| y as usize * width as usize + x as usize)
-        })
+        let columns: Vec<usize> = (0..width).map(|x| place(x, width, self.width)).collect();
+        let mut found = Vec::new();
+        for y in 0..height {
+            let row = &self.moves[place(y, height, self.height) * self.width as usize..];
+            let first = y as usize * width as usize;
+            found.extend((first..).zip(&columns).filter(|(_, x)| row[**x]).map(|(pixel, _)| pixel));
+        }
+        found
     }
 }
 

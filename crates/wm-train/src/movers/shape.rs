@@ -2,6 +2,7 @@
 
 use super::consensus::PixelVerdict;
 use super::view::MoverView;
+use crate::pieces::{beside, pieces};
 
 /// Difference of colour that is no error.
 const STRONG: f32 = 0.12;
@@ -32,7 +33,7 @@ pub fn mask(verdicts: &[PixelVerdict], view: &MoverView) -> Vec<bool> {
     // Gaps close before pieces are counted, or texture would tear a mover into crumbs.
     let mut moves = closed(&supported(&weak, width, SUPPORT[0]), width);
     let least = LEAST_AREA * (width * height) as f64;
-    for piece in pieces(&moves, width) {
+    for piece in pieces(moves.clone(), width, |_, _| true) {
         let differs = piece.iter().filter(|pixel| weak[**pixel]).count() as f64;
         let much = piece.iter().filter(|pixel| strong(**pixel)).count() as f64;
         if differs < least || much < LEAST_STRONG * differs {
@@ -76,44 +77,12 @@ fn grow(moves: &mut [bool], verdicts: &[PixelVerdict], view: &MoverView) {
 fn fill_holes(moves: &mut [bool], width: usize) {
     let most = HOLE * moves.iter().filter(|moves| **moves).count() as f64;
     let rest: Vec<bool> = moves.iter().map(|moves| !moves).collect();
-    for hole in pieces(&rest, width) {
+    for hole in pieces(rest.clone(), width, |_, _| true) {
         let is_on_border = |pixel: &usize| beside(*pixel, width, rest.len()).count() < 4;
         if (hole.len() as f64) < most && !hole.iter().any(is_on_border) {
             hole.iter().for_each(|pixel| moves[*pixel] = true);
         }
     }
-}
-
-/// The pixels beside one in a photo of so many.
-fn beside(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item = usize> {
-    let x = pixel % width;
-    let left = (x > 0).then(|| pixel - 1);
-    let right = (x + 1 < width).then_some(pixel + 1);
-    let below = Some(pixel + width).filter(|pixel| *pixel < pixels);
-    [left, right, pixel.checked_sub(width), below].into_iter().flatten()
-}
-
-/// Connected pixels, in the order of their first.
-fn pieces(of: &[bool], width: usize) -> Vec<Vec<usize>> {
-    let mut left = of.to_vec();
-    let mut pieces = Vec::new();
-    for start in 0..of.len() {
-        if !std::mem::take(&mut left[start]) {
-            continue;
-        }
-        let mut piece = vec![start];
-        let mut next = 0;
-        while next < piece.len() {
-            for pixel in beside(piece[next], width, of.len()) {
-                if std::mem::take(&mut left[pixel]) {
-                    piece.push(pixel);
-                }
-            }
-            next += 1;
-        }
-        pieces.push(piece);
-    }
-    pieces
 }
 
 /// The pixels that are set with enough of those about them.

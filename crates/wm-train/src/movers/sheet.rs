@@ -4,6 +4,8 @@ use super::MoverMask;
 use crate::photos::Photo;
 use std::io::{self, Write};
 
+/// The name of the picture in the run folder.
+pub const FILE: &str = "movers.png";
 /// Most photos in the picture.
 pub const MOST: usize = 24;
 /// Photos side by side, and the width of each, px.

@@ -295,6 +295,17 @@ impl Photos {
         (0..16).take_while(|level| least >> level >= shortest.max(1)).last().unwrap_or(0)
     }
 
+    /// The lowest level at which no side of photo `index` is longer than `longest` px, as far as sides stay 16 px long.
+    ///
+    /// # Panics
+    /// If there is no such photo.
+    #[must_use]
+    pub fn level_within(&self, index: usize, longest: u32) -> u8 {
+        let camera = self.camera(index, 0);
+        let side = camera.width.max(camera.height);
+        (0..8).find(|level| side >> level <= longest).unwrap_or(8).min(self.last_level(16))
+    }
+
     /// Photo `index` with sides divided by `2^level`: `2^level` px wide blocks averaged, what is left
     /// over at the right and the bottom cut off. Waits until it is decoded.
     ///

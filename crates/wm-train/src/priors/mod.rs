@@ -64,7 +64,7 @@ impl Prior {
     }
 
     /// Makes everything unknown in some pixels.
-    pub fn forget(&mut self, pixels: impl Iterator<Item = usize>) {
+    pub fn forget(&mut self, pixels: impl IntoIterator<Item = usize>) {
         for pixel in pixels {
             if let Some(disparity) = self.disparity.get_mut(pixel) {
                 *disparity = f32::NAN;

@@ -4,6 +4,7 @@ use super::SessionOptions;
 use super::error::SessionError;
 use super::folder::{COLMAP, FRAMES, RunFolder};
 use super::observer::{Preparation, TrainNotice, TrainObserver, TrainWarning};
+use crate::brightness::{PhotoGains, photo_gains};
 use crate::checkpoint::Taught;
 use crate::colmap::{self, ColmapOptions, Matching};
 use crate::dataset::{Dataset, DatasetReadOptions, misplaced, orientation};
@@ -11,6 +12,7 @@ use crate::photos::Check;
 use crate::video;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use wm_scene::capture::CaptureUp;
 use wm_scene::capture::gps::GpsFit;
 use wm_scene::{Camera, FormatError, Problem, SceneView};
@@ -25,6 +27,7 @@ pub(super) struct TrainData {
     pub up: Option<CaptureUp>,
     /// What the positions of the photos tell.
     pub gps: Option<GpsFit>,
+    gains: OnceLock<Option<PhotoGains>>,
 }
 
 impl TrainData {
@@ -79,7 +82,7 @@ impl TrainData {
             observer.on_warning(&TrainWarning::Misplaced(misplaced));
         }
         let (up, gps) = orientation(&capture, &photos, options.facts.up);
-        Ok(Self { set: Dataset { capture, photos, places }, held_out, up, gps })
+        Ok(Self { set: Dataset { capture, photos, places }, held_out, up, gps, gains: OnceLock::new() })
     }
 
     /// Returns the cameras of the training photos, in their order.
@@ -90,6 +93,12 @@ impl TrainData {
     /// Returns the number of pixels of all training photos.
     pub fn pixels(&self) -> u64 {
         self.cameras().iter().map(|camera| u64::from(camera.width) * u64::from(camera.height)).sum()
+    }
+
+    /// Returns the brightness of the training photos beside each other; `None` if they share too few points.
+    pub fn gains(&self) -> Option<&PhotoGains> {
+        let Dataset { capture, photos, places } = &self.set;
+        self.gains.get_or_init(|| photo_gains(capture, photos, places)).as_ref()
     }
 
     /// Returns every photo's camera with its name.

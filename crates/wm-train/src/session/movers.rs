@@ -5,16 +5,12 @@ use super::data::TrainData;
 use super::error::SessionError;
 use super::folder::RunFolder;
 use super::observer::{TrainNotice, TrainObserver};
-use crate::brightness::{PhotoGains, photo_gains};
 use crate::config::{MoverMode, TrainConfig};
 use crate::movers::{self, MoverMask, MoverOutcome, MoverView, sheet};
 use crate::photos::Photo;
 use crate::priors::{Prior, Priors, photos};
 use std::sync::Arc;
 use wm_scene::files::write_atomically;
-
-/// The picture of the masks in the run folder.
-pub(super) const SHEET: &str = "movers.png";
 
 /// Searches the training photos for movers, by the depth that stereo found, and makes the priors forget them. Returns a mask
 /// for each photo, or none if there are no movers: a function of photos and priors, so that a training that is resumed has
@@ -32,8 +28,7 @@ pub(super) fn search(
     let (Some(priors), MoverMode::Auto) = (priors, config.movers) else { return Ok(Vec::new()) };
     let cameras = data.cameras();
     let level = movers::level(&cameras);
-    let found = photo_gains(&data.set.capture, &data.set.photos, &data.set.places);
-    let gains = found.filter(PhotoGains::differ).map_or_else(Vec::new, |found| found.gains);
+    let gains = data.gains().filter(|gains| gains.differ()).map_or(&[][..], |gains| &gains.gains);
     let mut views = Vec::with_capacity(cameras.len());
     for (index, place) in data.set.places.iter().enumerate() {
         let camera = data.set.photos.camera(*place, level);
@@ -82,6 +77,6 @@ fn write_sheet(data: &TrainData, folder: &RunFolder, masks: &[MoverMask]) -> Res
         }
     }
     let photos: Vec<(&Photo, &MoverMask)> = shown.iter().map(|(photo, mask)| (&**photo, *mask)).collect();
-    write_atomically(&folder.path().join(SHEET), |out| Ok(sheet::write(&photos, out)?))?;
+    write_atomically(&folder.path().join(sheet::FILE), |out| Ok(sheet::write(&photos, out)?))?;
     Ok(())
 }

@@ -8,7 +8,6 @@ use super::observer::{
 };
 use super::score::{HeldOutScore, HeldOutScores, PerceptualMetric, StepSums, TrainReport};
 use super::{SessionOptions, scene};
-use crate::brightness::{PhotoGains, photo_gains};
 use crate::checkpoint::{self, CheckpointHead};
 use crate::config::{ExposureMode, TrainConfig};
 use crate::exposure::Exposures;
@@ -96,7 +95,7 @@ impl PhotoPixels {
         self.truth(photo);
         if let Some(movers) = movers.filter(|movers| !movers.is_empty()) {
             let mask = self.mask.get_or_insert_with(|| vec![1.0; photo.rgb.len() / 3]);
-            movers.pixels(photo.width, photo.height).for_each(|pixel| mask[pixel] = 0.0);
+            movers.pixels(photo.width, photo.height).iter().for_each(|pixel| mask[*pixel] = 0.0);
         }
         TrainPhoto { rgb: &self.rgb, mask: self.mask.as_deref(), camera: &photo.camera, prior: None }
     }
@@ -143,9 +142,8 @@ impl Training {
                 let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
                 if exposure == ExposureMode::Auto {
                     // Haze changes brightness with distance: photos are compared with it taken out.
-                    let found =
-                        gains.or_else(|| photo_gains(&data.set.capture, &data.set.photos, &data.set.places));
-                    if let Some(found) = found.filter(PhotoGains::differ) {
+                    let found = gains.as_ref().or_else(|| data.gains());
+                    if let Some(found) = found.filter(|gains| gains.differ()) {
                         trainer.set_exposures(Exposures::with_gains(&found.gains));
                         observer.on_notice(&TrainNotice::ExposuresDiffer { spread: found.spread });
                     }
@@ -426,11 +424,13 @@ impl Training {
         let mut frame = Frame::default();
         // Milestones are kept as files, which have no score.
         let is_scored = moment == ImageMoment::Step && camera == photo_camera;
-        match is_scored {
-            true => self.trainer.render_as_photo(&camera, &mut frame)?,
-            false => self.trainer.render(&camera, &mut frame)?,
-        }
-        let photo = if is_scored { self.photo(place, 0, observer)? } else { None };
+        let photo = if is_scored {
+            self.trainer.render_as_photo(&camera, &mut frame)?;
+            self.photo(place, 0, observer)?
+        } else {
+            self.trainer.render(&camera, &mut frame)?;
+            None
+        };
         let psnr = photo.map(|photo| {
             let truth = self.pixels.truth(&photo);
             psnr(&displayed(&frame), truth.rgb, truth.mask)

@@ -2,6 +2,8 @@
 
 use super::matching::{StereoSource, inverse_depth};
 use super::sweep::{PlaneMap, Reference};
+use crate::photo_warp::PhotoWarp;
+use crate::pieces::pieces;
 
 /// Cost above which nothing is believed: a correlation of 0.5.
 const DEAREST: f32 = 0.7;
@@ -23,7 +25,7 @@ pub struct Other<'a> {
     /// Its planes.
     pub planes: &'a PlaneMap,
     /// The way back into the first photo.
-    pub back: &'a StereoSource<'a>,
+    pub back: PhotoWarp,
     /// Third row of the rotation and translation there: view z of a point is `z (row . ray) + shift`.
     pub depth: ([f32; 3], f32),
 }
@@ -48,7 +50,7 @@ pub fn agreed(reference: &Reference<'_>, found: &PlaneMap, others: &[Other<'_>])
 
 impl Other<'_> {
     fn agrees(&self, reference: &Reference<'_>, x: f32, y: f32, inverse: f32) -> bool {
-        let Some([u, v]) = self.there.place(x, y, inverse) else { return false };
+        let Some((u, v, _)) = self.there.warp.point(x, y, inverse) else { return false };
         let picture = self.there.picture;
         if !(u >= 0.0 && v >= 0.0 && u < picture.width as f32 && v < picture.height as f32) {
             return false;
@@ -62,38 +64,15 @@ impl Other<'_> {
         if !(theirs > 0.0 && (theirs * z - 1.0).abs() < DEPTH) {
             return false;
         }
-        self.back.place(u, v, theirs).is_some_and(|[bx, by]| (bx - x).hypot(by - y) < BACK)
+        self.back.point(u, v, theirs).is_some_and(|(bx, by, _)| (bx - x).hypot(by - y) < BACK)
     }
 }
 
 /// Makes pieces of fewer than `least` pixels unknown.
 pub fn remove_small(inverse: &mut [f32], width: usize, least: usize) {
-    let mut is_done = vec![false; inverse.len()];
-    let mut waiting = Vec::new();
-    for start in 0..inverse.len() {
-        if is_done[start] || inverse[start].is_nan() {
-            continue;
-        }
-        let mut piece = Vec::new();
-        is_done[start] = true;
-        waiting.push(start);
-        while let Some(pixel) = waiting.pop() {
-            piece.push(pixel);
-            let column = pixel % width;
-            let neighbours = [
-                (column > 0).then(|| pixel - 1),
-                (column + 1 < width).then_some(pixel + 1),
-                pixel.checked_sub(width),
-                (pixel + width < inverse.len()).then_some(pixel + width),
-            ];
-            for near in neighbours.into_iter().flatten() {
-                let is_one = (inverse[near] / inverse[pixel] - 1.0).abs() < JUMP;
-                if !is_done[near] && is_one {
-                    is_done[near] = true;
-                    waiting.push(near);
-                }
-            }
-        }
+    let is_known = inverse.iter().map(|inverse| !inverse.is_nan()).collect();
+    let joins = |pixel: usize, near: usize| (inverse[near] / inverse[pixel] - 1.0).abs() < JUMP;
+    for piece in pieces(is_known, width, joins) {
         if piece.len() < least {
             piece.iter().for_each(|pixel| inverse[*pixel] = f32::NAN);
         }

@@ -1,5 +1,7 @@
 //! Costs of planes: how well a plane through a pixel's surroundings explains what other photos show there.
 
+use crate::photo_warp::PhotoWarp;
+
 /// Window offsets along one axis, px: 9x9 px, every second one.
 const OFFSETS: [f32; 5] = [-4.0, -2.0, 0.0, 2.0, 4.0];
 /// Samples of a window.
@@ -67,21 +69,8 @@ const ROUNDING: f32 = 0.01;
 pub struct StereoSource<'a> {
     /// The image.
     pub picture: &'a StereoImage,
-    /// StereoImage points at infinite distance: `base (x, y, 1)`, homogeneous.
-    pub base: [[f32; 3]; 3],
-    /// The vector that is added for each unit of inverse depth.
-    pub lift: [f32; 3],
-}
-
-impl StereoSource<'_> {
-    /// Returns the image point of the point with inverse depth `inverse` behind image point (x, y), px.
-    #[inline(always)]
-    #[must_use]
-    pub fn place(&self, x: f32, y: f32, inverse: f32) -> Option<[f32; 2]> {
-        let h: [f32; 3] = [0, 1, 2]
-            .map(|k| self.base[k][0] * x + self.base[k][1] * y + self.base[k][2] + self.lift[k] * inverse);
-        (h[2] > 1e-6).then(|| [h[0] / h[2], h[1] / h[2]])
-    }
+    /// The way from image points of the first photo to its own.
+    pub warp: PhotoWarp,
 }
 
 /// A plane as inverse depth over the picture: `1 / z = plane . (x, y, 1)`, px.
@@ -142,7 +131,7 @@ impl Window {
         }
         // The plane's homography, and its derivative at the pixel: over a window it is nearly affine.
         let h: [[f32; 3]; 3] =
-            [0, 1, 2].map(|k| [0, 1, 2].map(|c| source.base[k][c] + source.lift[k] * plane[c]));
+            [0, 1, 2].map(|k| [0, 1, 2].map(|c| source.warp.base[k][c] + source.warp.lift[k] * plane[c]));
         let at: [f32; 3] = [0, 1, 2].map(|k| h[k][0] * self.x + h[k][1] * self.y + h[k][2]);
         if at[2] < 1e-6 {
             return WORST;
@@ -192,17 +181,18 @@ mod tests {
             let slope = 0.1 + 1e-4 * step as f32;
             let other = 1.1 - 1.7e-4 * step as f32;
             let base = [[1.0, 0.0, 0.0], [slope, other, 0.0], [0.0, 0.0, 1.0]];
-            let mut source = StereoSource { picture: &picture, base, lift: [0.0; 3] };
+            let warp = PhotoWarp { base, lift: [0.0; 3] };
+            let mut source = StereoSource { picture: &picture, warp };
             // The lower right corner is sampled at a height of the border exactly, in real numbers.
             let corner = slope * (window.x + 4.0) + other * window.y + 4.0 * other.abs();
-            source.base[1][2] = height as f32 - 0.5 - corner;
+            source.warp.base[1][2] = height as f32 - 0.5 - corner;
             for ulps in 0..6 {
-                source.base[1][2] = source.base[1][2].next_down();
+                source.warp.base[1][2] = source.warp.base[1][2].next_down();
                 let cost = window.cost(&source, &[0.0, 0.0, 1.0]);
                 inside += u32::from(cost < WORST);
                 assert!((0.0..=WORST).contains(&cost), "{slope} {ulps}");
             }
-            source.base[1][2] -= 0.02;
+            source.warp.base[1][2] -= 0.02;
             assert!(window.cost(&source, &[0.0, 0.0, 1.0]) < WORST);
         }
         assert!(inside < 24_000);

@@ -14,6 +14,7 @@ mod sweep;
 
 use super::normals::normals;
 use super::points::seen_points;
+use crate::photo_warp::PhotoWarp;
 use crate::photos::{PhotoError, Photos};
 use glam::DVec3;
 use matching::{StereoImage, StereoSource};
@@ -148,13 +149,10 @@ pub fn estimate(
     let compare = |index: usize| -> Option<Option<StereoMap>> {
         let map = swept[index].as_ref().and_then(|planes| {
             let reference = reference_of(capture, index, &whole, &cameras, &sources, &seen, 0)?;
-            let backs: Vec<StereoSource<'_>> = sources[index]
-                .iter()
-                .map(|other| source_of(&whole[index], &cameras[*other], &cameras[index]))
-                .collect();
-            let others: Vec<check::Other<'_>> = (sources[index].iter().zip(&reference.sources).zip(&backs))
-                .filter_map(|((other, there), back)| {
+            let others: Vec<check::Other<'_>> = (sources[index].iter().zip(&reference.sources))
+                .filter_map(|(other, there)| {
                     let planes = swept[*other].as_ref()?;
+                    let back = PhotoWarp::new(&cameras[*other], &cameras[index]);
                     let depth = depth_row(&cameras[index], &cameras[*other]);
                     Some(check::Other { there, planes, back, depth })
                 })
@@ -257,31 +255,14 @@ fn reference_of<'a>(
         intrinsics: [camera.fx, camera.fy, camera.cx, camera.cy].map(|v| v as f32),
         sources: sources[index]
             .iter()
-            .map(|other| source_of(&pictures[*other], camera, &cameras[*other]))
+            .map(|other| StereoSource {
+                picture: &pictures[*other],
+                warp: PhotoWarp::new(camera, &cameras[*other]),
+            })
             .collect(),
         nearest: (1.0 / (NEARER * near)) as f32,
         seed: seed ^ (index as u64) << 32,
     })
-}
-
-/// Returns the map from image points of `from` to those of `to`.
-fn source_of<'a>(picture: &'a StereoImage, from: &Camera, to: &Camera) -> StereoSource<'a> {
-    let relative = to.viewmat * from.viewmat.inverse();
-    let matrix = |camera: &Camera| {
-        glam::DMat3::from_cols(
-            DVec3::new(camera.fx, 0.0, 0.0),
-            DVec3::new(0.0, camera.fy, 0.0),
-            DVec3::new(camera.cx, camera.cy, 1.0),
-        )
-    };
-    let rotation = glam::DMat3::from_mat4(relative);
-    let base = matrix(to) * rotation * matrix(from).inverse();
-    let lift = matrix(to) * relative.w_axis.truncate();
-    StereoSource {
-        picture,
-        base: [0, 1, 2].map(|row| base.row(row).to_array().map(|v| v as f32)),
-        lift: lift.to_array().map(|v| v as f32),
-    }
 }
 
 /// View z in `to` of a point that `from` sees at z along its ray: `z (row . ray) + shift`.
