@@ -103,7 +103,14 @@ impl UpEstimate {
             .collect();
         let [x, y, z] = rival.to_array().map(|v| Short(v, 3));
         let lead = self.evidence.sum() - other.sum();
-        Some(format!("    before {x}, {y}, {z} by {lead:.1} nats: {}", parts.join(", ")))
+        let parts = parts.join(", ");
+        Some(match lead {
+            0.0.. => format!("    before {x}, {y}, {z} by {lead:.1} nats: {parts}"),
+            _ => format!(
+                "    as most programs write it; the splats hardly tell, {x}, {y}, {z} leads by {:.1} nats",
+                -lead
+            ),
+        })
     }
 }
 

@@ -102,6 +102,30 @@ fn made_up_places_can_lie_any_way() {
     }
 }
 
+/// A figure without ground: the splats tell nothing, so up is what most programs write, and said to be a guess.
+#[test]
+fn a_figure_on_nothing_stands_as_programs_write_it() {
+    // Feet at y = 0.9, as programs with y down have it: legs, trunk, arms, head.
+    let mut figure = Builder::new(5);
+    for (x, y, radius) in [
+        (-0.1, 0.7, 0.1),
+        (0.1, 0.4, 0.1),
+        (0.0, 0.1, 0.2),
+        (0.0, -0.2, 0.2),
+        (0.3, 0.0, 0.1),
+        (0.0, -0.6, 0.15),
+    ] {
+        figure.ball(DVec3::new(x, y, 0.3 * x), radius, 0.02, [0.4; 3]);
+    }
+    let figure = figure.build();
+    for turn in [DQuat::IDENTITY, DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2)] {
+        let found = survey(moved(&figure, turn, 1.0, DVec3::ZERO));
+        assert_eq!((found.up.value, found.up.source), (DVec3::NEG_Y, FactSource::Assumed));
+        assert_eq!(found.up.confidence, Confidence::Guess);
+        assert!(found.lines()[1].contains("the splats hardly tell"), "{:?}", found.lines());
+    }
+}
+
 #[test]
 fn a_dome_is_the_sky() {
     let mut splats = with_sky(street(3), 400.0, 8000);

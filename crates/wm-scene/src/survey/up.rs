@@ -47,6 +47,15 @@ const RIVAL: f64 = 0.966;
 /// Lead over the best rival, nats, from which up is sure, and from which it is likely.
 const SURE: f64 = 4.0;
 const LIKELY: f64 = 1.5;
+/// What splats tell of an object without ground is noise. Up is then the axis that most programs write, unless they are so
+/// many nats against it, or the sky, longer than this, tells.
+const AGAINST: f64 = 4.0;
+const SKY: f64 = 0.2;
+/// Evidence of ground, nats, below which there is none: a tenth of the surfaces.
+const GROUNDLESS: f64 = -3.3;
+/// That axis, since cameras of structure from motion have y down; a peak of normals this near is it, as a cosine.
+const USUAL: DVec3 = DVec3::NEG_Y;
+const SAME: f64 = 0.996;
 /// Largest angle between the ups of the two halves of a scene with which up is sure, degrees.
 const HALVES: f64 = 5.0;
 
@@ -55,7 +64,7 @@ const HALVES: f64 = 5.0;
 pub struct UpEstimate {
     /// The direction against gravity, length 1.
     pub up: DVec3,
-    /// Its source: the cameras, or the splats alone.
+    /// Its source: the cameras, the splats alone, or assumed where these tell next to nothing.
     pub source: FactSource,
     /// The confidence in it.
     pub confidence: Confidence,
@@ -94,9 +103,17 @@ pub fn estimate(
     // Stable: of equals the first candidate stays first.
     scored.sort_by(|a, b| b.0.sum().total_cmp(&a.0.sum()));
     let (best, first) = *scored.first()?;
-    let up = snapped(levelled(refined(sample, &rated, first, 0.97), &cameras, &habits));
     let rival = scored.iter().find(|(_, other)| other.dot(first) < RIVAL);
     let lead = rival.map_or(f64::INFINITY, |(score, _)| best.sum() - score.sum());
+    let is_object = best.ground < GROUNDLESS && clues.heaven.length() < SKY && habits.is_empty();
+    if is_object && lead < LIKELY && first.dot(USUAL) < RIVAL {
+        let usual = scored.iter().find(|(_, axis)| axis.dot(USUAL) > SAME).map(|(score, _)| *score);
+        if let Some(evidence) = usual.filter(|score| best.sum() - score.sum() < AGAINST) {
+            let (source, confidence) = (FactSource::Assumed, Confidence::Guess);
+            return Some(UpEstimate { up: USUAL, source, confidence, evidence, rival: Some((first, best)) });
+        }
+    }
+    let up = snapped(levelled(refined(sample, &rated, first, 0.97), &cameras, &habits));
     let agree = habits.iter().any(|habit| habit.up.dot(up) > AGREE);
     let apart = halves_apart(sample, first);
     // Cameras that say something else are a doubt, however clear the splats are.
