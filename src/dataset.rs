@@ -4,6 +4,7 @@ use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use wm_scene::capture::Capture;
+use wm_train::Preset;
 use wm_train::photos::{BadPhotos, Check, PhotoSize, Photos};
 pub use wm_train::{Dataset, DatasetReadOptions, HeldOut};
 
@@ -19,9 +20,9 @@ pub struct DatasetArgs {
     /// Folder of the COLMAP model in the data set [default: sparse/0, or another usual place]
     #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
     pub model: Option<PathBuf>,
-    /// Longest side of photos, px; larger ones are reduced
-    #[arg(long, value_name = "PX", default_value_t = 1600, value_parser = clap::value_parser!(u32).range(16..=32768), help_heading = "Photos")]
-    pub longest: u32,
+    /// Longest side of photos, px; larger ones are reduced [default: 1600, or 500 with `reconstruct --preset draft`]
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=32768), help_heading = "Photos")]
+    pub longest: Option<u32>,
     /// Skip photos that are missing or damaged
     #[arg(long, help_heading = "Photos")]
     pub skip_bad: bool,
@@ -31,6 +32,12 @@ pub struct DatasetArgs {
 }
 
 impl DatasetArgs {
+    /// Returns the longest side of photos for the default preset, px.
+    #[must_use]
+    pub fn longest_side(&self) -> u32 {
+        self.longest.unwrap_or(Preset::default().longest_side())
+    }
+
     /// Returns the options of the library.
     #[must_use]
     pub fn options(&self) -> DatasetReadOptions {
@@ -38,7 +45,7 @@ impl DatasetArgs {
             images: self.images.clone(),
             masks: self.masks.clone(),
             model: self.model.clone(),
-            size: PhotoSize::Longest(self.longest),
+            size: PhotoSize::Longest(self.longest_side()),
             bad: if self.skip_bad { BadPhotos::Skip } else { BadPhotos::Refuse },
             cache_bytes: (self.cache as usize) << 20,
         }

@@ -309,6 +309,11 @@ pub fn parse_distance(text: &str) -> Result<(DVec3, DVec3, f64)> {
     Ok((point(a)?, point(b)?, metres))
 }
 
+/// Returns a number of things in words, such as "1 outline" or "3 outlines".
+pub fn count_of(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -157,11 +157,47 @@ fn values_that_cannot_be_used_are_refused() {
         ),
         ("align yard.ply --overwrite --known-distance 1,0,0:1,0,0=2", "must be finite and apart"),
         ("align yard.ply --overwrite --metres-per-unit -1", "-1 metres per unit are no scale"),
+        ("align yard.ply --overwrite --water 0,0,0:1,0,0", "give three points or more"),
         ("align yard.ply --overwrite --camera-height 1.6", "the scene has no cameras of photos"),
     ] {
         let words: Vec<&str> = words.split(' ').collect();
         refuses(&mut yard.command(&words), &yard.shop.path(""), &[says], &[]);
     }
+}
+
+#[test]
+fn nothing_lies_on_outlined_water() {
+    let yard = Yard::new();
+    yard.run(&["align", "yard.ply", "-o", "dry.ply", "--ground", &yard.ground(), "--metres-per-unit", "2"]);
+    let corners = [(-8.0, -7.0), (6.0, -7.0), (6.0, -2.0), (-8.0, -2.0)];
+    let outline = corners.map(|(x, y)| yard.at(x, y, 0.0)).join(":");
+    let lines = yard.run(&["align", "dry.ply", "-o", "pond.spz", "--water", &outline]);
+    assert!(lines.contains("water: 1 outline"), "{lines}");
+    assert!(yard.run(&["inspect", "pond.spz"]).contains("water: 1 outline in the metadata"));
+    let snow = |scene: &str| {
+        yard.run(&[
+            "bake",
+            scene,
+            "--set",
+            "snow_cover.depth=0.1",
+            "-o",
+            "white.ply",
+            "--device",
+            "cpu",
+            "--overwrite",
+        ]);
+        let white = read(&yard.shop.path("white.ply"));
+        let place = |i: usize| {
+            2.0 * (yard.turn.inverse() * (DVec3::from_array(white.splats.means[i].map(f64::from)) - SHIFT))
+        };
+        let is_there = |p: &DVec3| (-7.5..5.5).contains(&p.x) && (-6.5..-2.5).contains(&p.y) && p.z < 0.5;
+        let snow = (0..white.splats.len()).filter(|i| white.splats.groups[*i] == Group::Snow);
+        snow.map(place).filter(is_there).count()
+    };
+    let (dry, pond) = (snow("dry.ply"), snow("pond.spz"));
+    assert!(dry > 200 && pond == 0, "{dry} {pond}");
+    yard.run(&["align", "pond.spz", "-o", "none.ply", "--water", "none"]);
+    assert_eq!(read(&yard.shop.path("none.ply")).metadata.water, Some(Vec::new()));
 }
 
 fn read(path: &Path) -> Scene {

@@ -1,18 +1,19 @@
 //! `align`: sets up, ground and scale of a scene by hand.
 
 use crate::overwrite::OverwriteArgs;
-use crate::scene::{parse_distance, save};
+use crate::scene::{count_of, parse_distance, save};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
+use std::sync::Arc;
 use weather_magician::view::spec;
 use wm_scene::files::check_writable;
 use wm_scene::formats::folder::scene_file;
 use wm_scene::formats::{
     ReadOptions, WriteOptions, format_for, lost, read_scene, sidecar_path, write_sidecar,
 };
-use wm_scene::survey::{Alignment, GivenGround, GivenScale, align};
+use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, align};
 
 /// Options of `align`.
 #[derive(Args, Debug)]
@@ -49,6 +50,25 @@ pub struct AlignArgs {
     /// The scale from the height of the photos' cameras above the ground, m
     #[arg(long, value_name = "METRES", allow_negative_numbers = true, conflicts_with_all = ["metres_per_unit", "known_distance"], help_heading = "Facts")]
     camera_height: Option<f64>,
+    /// Outline of open water, three points or more, on which neither snow nor sand lies; may be given several times. `none`: there
+    /// is none, although something blue looks like a pool
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z:...|none", value_parser = parse_outline, allow_hyphen_values = true, help_heading = "Facts")]
+    water: Vec<Outline>,
+}
+
+/// An outline; without points for none.
+type Outline = Arc<[DVec3]>;
+
+fn parse_outline(text: &str) -> Result<Outline, String> {
+    if text == "none" {
+        return Ok(Arc::default());
+    }
+    let points = text.split(':').map(spec::parse_point).collect::<Result<Outline, _>>()?;
+    if points.len() < 3 {
+        Err("give three points or more, X,Y,Z:X,Y,Z:X,Y,Z, or none".into())
+    } else {
+        Ok(points)
+    }
 }
 
 fn parse_ground(text: &str) -> Result<GivenGround, String> {
@@ -62,6 +82,15 @@ fn parse_ground(text: &str) -> Result<GivenGround, String> {
     Ok(GivenGround::Points([spec::parse_point(a)?, spec::parse_point(b)?, spec::parse_point(c)?]))
 }
 
+impl AlignArgs {
+    /// The outlines of open water; `None` if nothing is said of it.
+    fn water(&self) -> Option<Vec<Vec<[f64; 3]>>> {
+        let outlines = self.water.iter().filter(|outline| !outline.is_empty());
+        let outlines = outlines.map(|outline| outline.iter().map(DVec3::to_array).collect()).collect();
+        (!self.water.is_empty()).then_some(outlines)
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &AlignArgs) -> Result<()> {
     let distance = args.known_distance.map(|(a, b, metres)| GivenScale::Distance(a, b, metres));
@@ -73,7 +102,11 @@ pub fn run(args: &AlignArgs) -> Result<()> {
         scale: scale.or(args.camera_height.map(GivenScale::CameraHeight)),
     };
     // Cheap checks come before reading a large file.
-    by.check()?;
+    let water = args.water();
+    let is_aligned = by != Alignment::default() || water.is_none();
+    if is_aligned {
+        by.check()?;
+    }
     match &args.out {
         None if !args.overwrite.overwrite => bail!(
             "{}: give an output scene with -o, or --overwrite to set the facts of the scene itself",
@@ -90,7 +123,15 @@ pub fn run(args: &AlignArgs) -> Result<()> {
         }
     }
     let mut scene = read_scene(&args.scene, &ReadOptions::default())?;
-    let aligned = align(&mut scene, &by).with_context(|| args.scene.display().to_string())?;
+    let aligned = is_aligned
+        .then(|| align(&mut scene, &by).with_context(|| args.scene.display().to_string()))
+        .transpose()?;
+    if let Some(water) = water {
+        scene.metadata.water = Some(water);
+        if let Some(fault) = scene.metadata.fault() {
+            bail!("{fault}");
+        }
+    }
     let written = match &args.out {
         None => {
             let file = scene_file(&args.scene)?;
@@ -103,14 +144,18 @@ pub fn run(args: &AlignArgs) -> Result<()> {
         }
     };
     println!("{}: written", written.display());
-    for line in aligned.lines() {
+    for line in aligned.iter().flat_map(Aligned::lines) {
         println!("  {line}");
+    }
+    if let Some(outlines) = scene.metadata.water.as_ref().filter(|_| !args.water.is_empty()) {
+        println!("  water: {}", count_of(outlines.len(), "outline"));
     }
     if let Some(out) = &args.out {
         for line in lost(&format_for(out)?.loses, &scene) {
             println!("  lost: {line}");
         }
     }
+    let Some(aligned) = aligned else { return Ok(()) };
     if aligned.has_old_sky() {
         println!(
             "  sky: its {} splats were made along another up; --sky rebuild of render and convert decides anew",
@@ -126,6 +171,15 @@ pub fn run(args: &AlignArgs) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn water_is_an_outline_or_none() {
+        assert_eq!(parse_outline("none").unwrap().len(), 0);
+        assert_eq!(parse_outline("0,0,0:1,0,0:0,-1,0:-1,0,0").unwrap()[2], DVec3::NEG_Y);
+        for bad in ["", "0,0,0:1,0,0", "0,0,0:1,0,0:x,0,0"] {
+            assert!(parse_outline(bad).is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn the_ground_is_a_height_or_three_points() {

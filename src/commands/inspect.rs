@@ -1,6 +1,6 @@
 //! `inspect`: the content of a scene, and its faults.
 
-use crate::scene::{FactArgs, read_options};
+use crate::scene::{FactArgs, count_of, read_options};
 use anyhow::Result;
 use clap::Args;
 use serde_json::json;
@@ -121,6 +121,9 @@ fn print(
     }
     if let Some(range) = scene.metadata.haze() {
         println!("  haze: the photos were taken in haze of {range} (taken out)");
+    }
+    if let Some(outlines) = &scene.metadata.water {
+        println!("  water: {} in the metadata", count_of(outlines.len(), "outline"));
     }
     println!("Opacity");
     histogram(&health.opacity, |v| format!("{v:.2}"));

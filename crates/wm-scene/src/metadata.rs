@@ -63,6 +63,10 @@ pub struct Metadata {
     /// Light of that haze where it is endless, linear RGB, 1 = display white.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub haze_airlight: Option<[f64; 3]>,
+    /// Outlines of open water, world axes, scene units, on which neither snow nor sand lies; an empty list says that there is
+    /// none. If nothing is said, blue pools are guessed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub water: Option<Vec<Vec<[f64; 3]>>>,
     /// The rasterisation with which the scene was trained.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rasterization: Option<Rasterization>,
@@ -88,7 +92,7 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 16] = [
+    pub const KEYS: [&str; 17] = [
         "metres_per_unit",
         "scale_source",
         "scale_confidence",
@@ -103,9 +107,13 @@ impl Metadata {
         "haze_extinction_error",
         "haze_shown_extinction",
         "haze_airlight",
+        "water",
         "rasterization",
         "provenance",
     ];
+
+    /// Most points of an outline.
+    pub const MOST_CORNERS: usize = 1000;
 
     /// Longest provenance, bytes: it must fit into one header line.
     pub const MAX_PROVENANCE: usize = 4096;
@@ -160,6 +168,7 @@ impl Metadata {
             haze_extinction: self.haze_extinction.or(other.haze_extinction),
             haze_shown_extinction: note(self.haze_shown_extinction, other.haze_shown_extinction, haze),
             haze_airlight: self.haze_airlight.or(other.haze_airlight),
+            water: self.water.or(other.water),
             rasterization: self.rasterization.or(other.rasterization),
             provenance: self.provenance.or(other.provenance),
         }
@@ -226,6 +235,13 @@ impl Metadata {
         {
             return Some(format!("haze_extinction_error is {error}: it must be finite and not below 0"));
         }
+        for outline in self.water.iter().flatten() {
+            let is_finite = outline.iter().flatten().all(|v| v.is_finite());
+            if !is_finite || !(3..=Self::MOST_CORNERS).contains(&outline.len()) {
+                let most = Self::MOST_CORNERS;
+                return Some(format!("water: an outline must have 3 to {most} points of finite numbers"));
+            }
+        }
         let texts = [
             ("scale_source", &self.scale_source),
             ("up_source", &self.up_source),
@@ -267,6 +283,7 @@ mod tests {
             haze_extinction_error: Some(0.03),
             haze_shown_extinction: Some(0.42),
             haze_airlight: Some([0.5, 0.55, 0.6]),
+            water: Some(vec![vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 2.0, 0.5]]]),
             rasterization: Some(Rasterization::Antialiased),
             provenance: Some("a test".into()),
         }

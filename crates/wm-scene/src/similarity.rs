@@ -58,6 +58,9 @@ impl Similarity {
         metadata.haze_extinction = metadata.haze_extinction.map(|extinction| extinction / self.scale);
         metadata.haze_extinction_error = metadata.haze_extinction_error.map(|error| error / self.scale);
         metadata.haze_shown_extinction = metadata.haze_shown_extinction.map(|shown| shown / self.scale);
+        for corner in metadata.water.iter_mut().flatten().flatten() {
+            *corner = self.point(DVec3::from_array(*corner)).to_array();
+        }
         metadata.up = metadata.up.map(|up| (self.rotation * up).normalize());
         // Without up the ground has no meaning.
         metadata.ground =

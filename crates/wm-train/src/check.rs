@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn presets_are_sound_and_nonsense_is_named() {
-        for preset in [Preset::Quick, Preset::Standard, Preset::Best] {
+        for preset in [Preset::Draft, Preset::Quick, Preset::Standard, Preset::Best] {
             let mut config = TrainConfig::preset(preset);
             assert_eq!(config.check(), Ok(()));
             config.densify = Densify::Adaptive(AdaptiveConfig::for_steps(config.steps, 1000));

@@ -225,6 +225,8 @@ pub struct RateConfig {
 /// A choice between speed and quality.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Preset {
+    /// 600 steps, 50,000 splats at most, coarse to fine: a first look.
+    Draft,
     /// 2,000 steps, 100,000 splats at most, coarse to fine.
     Quick,
     /// 7,000 steps, 300,000 splats at most, coarse to fine.
@@ -239,6 +241,7 @@ impl TrainConfig {
     #[must_use]
     pub fn preset(preset: Preset) -> Self {
         let steps = match preset {
+            Preset::Draft => 600,
             Preset::Quick => 2_000,
             Preset::Standard => 7_000,
             Preset::Best => 30_000,
@@ -311,10 +314,20 @@ impl Preset {
         self.max_splats().min(told_apart.max(1000))
     }
 
+    /// Longest side, px, that photos are best reduced to.
+    #[must_use]
+    pub fn longest_side(self) -> u32 {
+        match self {
+            Self::Draft => 500,
+            Self::Quick | Self::Standard | Self::Best => 1600,
+        }
+    }
+
     /// Most splats.
     #[must_use]
     pub fn max_splats(self) -> usize {
         match self {
+            Self::Draft => 50_000,
             Self::Quick => 100_000,
             Self::Standard => 300_000,
             Self::Best => 1_000_000,

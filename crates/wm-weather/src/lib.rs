@@ -43,6 +43,7 @@ pub mod effects;
 pub mod file;
 pub mod fused_surfaces;
 pub mod image_file;
+pub mod open_water;
 pub mod optics;
 pub mod panorama;
 pub mod paper;

@@ -51,7 +51,7 @@ pub fn run(args: &PriorsArgs, data: &Dataset, source: &dyn PriorEstimator) -> Re
     let name = format!(
         "{}, photos up to {} px, maps up to {} pixels",
         source.name(),
-        args.photos.set.longest,
+        args.photos.set.longest_side(),
         args.map_pixels
     );
     let mut writer = args.writer(name)?;

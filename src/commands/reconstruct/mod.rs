@@ -7,7 +7,7 @@ mod watch;
 
 pub use wm_train::session::CHECKPOINT;
 
-use crate::dataset::{DatasetArgs, HeldOutArgs};
+use crate::dataset::{DatasetArgs, DatasetReadOptions, HeldOutArgs};
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::scene::RunArgs;
@@ -22,6 +22,7 @@ use wm_scene::files::check_writable;
 use wm_scene::formats;
 use wm_scene::{Metadata, Rasterization};
 use wm_train::config::{BackgroundKind, Densify, ExposureMode, HazeMode, MoverMode, Resolution};
+use wm_train::photos::PhotoSize;
 use wm_train::session::{PriorSource, Resume};
 use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 
@@ -83,13 +84,13 @@ struct PhotoArgs {
 /// Options of the training.
 #[derive(Args, Clone, Debug)]
 struct TrainingArgs {
-    /// Speed or quality: quick (2,000 steps), standard (7,000) or best (30,000)
+    /// Speed or quality: draft (600 steps, a first look), quick (2,000), standard (7,000) or best (30,000)
     #[arg(long, value_name = "PRESET", default_value = "standard", help_heading = "Training")]
     preset: PresetArg,
     /// Number of steps, each with one photo [default: the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Training")]
     steps: Option<u32>,
-    /// Maximum number of splats [default: 100,000, 300,000 or 1,000,000 by preset, at most one per 100 pixels of all photos]
+    /// Maximum number of splats [default: 50,000, 100,000, 300,000 or 1,000,000 by preset, at most one per 100 pixels of all photos]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=20_000_000), help_heading = "Training")]
     max_splats: Option<u32>,
     /// Densification strategy: mcmc (a fixed budget), adaptive (as first published) or fixed (no splats are added)
@@ -142,7 +143,7 @@ macro_rules! choice {
 
 choice! {
     /// A preset's name.
-    PresetArg { Quick, Standard, Best }
+    PresetArg { Draft, Quick, Standard, Best }
 }
 choice! {
     /// Sizes over time.
@@ -166,6 +167,7 @@ impl TrainingArgs {
     fn plan(&self) -> TrainPlan {
         TrainPlan {
             preset: match self.preset {
+                PresetArg::Draft => Preset::Draft,
                 PresetArg::Quick => Preset::Quick,
                 PresetArg::Standard => Preset::Standard,
                 PresetArg::Best => Preset::Best,
@@ -246,14 +248,17 @@ impl GeometryArgs {
 impl ReconstructArgs {
     /// Returns the options of the session.
     fn options(&self, facts: Metadata, config: Option<TrainConfig>, run_folder: &Path) -> SessionOptions {
+        let plan = TrainPlan {
+            sky_splats: self.geometry.sky_splats,
+            loss: self.geometry.loss.clone(),
+            ..self.training.plan()
+        };
+        let set = &self.photos.set;
+        let longest = set.longest.unwrap_or(plan.preset.longest_side());
         SessionOptions {
-            dataset: self.photos.set.options(),
+            dataset: DatasetReadOptions { size: PhotoSize::Longest(longest), ..set.options() },
             held_out: self.photos.held_out.held_out(),
-            plan: TrainPlan {
-                sky_splats: self.geometry.sky_splats,
-                loss: self.geometry.loss.clone(),
-                ..self.training.plan()
-            },
+            plan,
             config,
             priors: self.geometry.priors(),
             facts,

@@ -15,6 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use wm_scene::{Scene, Splats};
 use wm_weather::cover::{Airflow, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::{FusedSurfaces, GroundField, PhotoView};
+use wm_weather::open_water::OpenWater;
 use wm_weather::paper::PaperCover;
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
 use wm_weather::{Site, Weather};
@@ -196,7 +197,8 @@ impl MissingAssets {
         let made_cover = self.cover.zip(surfaces.as_ref()).map(|(airflow, found)| {
             progress.begin("finding what can be covered", None);
             let path = views::path_of_photos(&scene);
-            let cover = Cover::of(&scene.splats, found, &site, &airflow, path, threads);
+            let water = OpenWater::of(&found.splats, scene.metadata.water.as_deref(), &site);
+            let cover = Cover::of(&scene.splats, found, &site, &airflow, path, threads).off_water(&water);
             progress.end();
             (airflow, Arc::new(Mutex::new(cover)))
         });

@@ -101,7 +101,7 @@ mod tests {
             ", line 2, column 1: unknown field `meters_per_unit`, expected one of `metres_per_unit`, \
              `scale_source`, `scale_confidence`, `up`, `up_source`, `up_confidence`, `ground`, \
              `ground_confidence`, `camera_height`, `airlight`, `haze_extinction`, `haze_extinction_error`, \
-             `haze_shown_extinction`, `haze_airlight`, `rasterization`, `provenance`"
+             `haze_shown_extinction`, `haze_airlight`, `water`, `rasterization`, `provenance`"
         );
         assert_eq!(
             say("# ä\n  up = [0, 0, 3]"),

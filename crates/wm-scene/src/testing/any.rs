@@ -50,6 +50,7 @@ fn any_metadata() -> impl Strategy<Value = Metadata> {
             haze_extinction_error: numbers.filter(|_| some).map(|n| n.0),
             haze_shown_extinction: numbers.filter(|_| some).map(|n| n.0),
             haze_airlight: numbers.map(|n| [n.0, 0.0, 0.5]),
+            water: some.then(|| vec![vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 2.0, 0.5]]]),
             up: some.then(|| DVec3::new(0.6, -0.8, 0.0)),
             up_source: some.then(|| "a plumb line".into()),
             up_confidence: some.then_some(Confidence::Likely),

@@ -176,6 +176,17 @@ impl GroundGrid {
         ground
     }
 
+    /// Lets nothing lie on nodes at such places (world, scene units): it is shed.
+    pub(super) fn keep_bare(&mut self, is_bare: impl Fn([f64; 3]) -> bool + Sync, threads: usize) {
+        let bare = map(self.len(), threads, |node| is_bare(self.point(node)));
+        for node in (0..self.len()).filter(|node| bare[*node]) {
+            if !self.is_elsewhere(node) {
+                self.shed += f64::from(self.share[node]);
+            }
+            self.share[node] = 0.0;
+        }
+    }
+
     /// Number of nodes.
     #[must_use]
     pub fn len(&self) -> usize {

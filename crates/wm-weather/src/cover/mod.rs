@@ -38,6 +38,7 @@ pub mod walls;
 
 use crate::dome::level_axes;
 use crate::fused_surfaces::{FusedSurfaces, StandIn};
+use crate::open_water::OpenWater;
 use crate::optics::Site;
 use crate::shelter::{Occluders, ShelterOptions};
 use crate::threads::map;
@@ -258,6 +259,14 @@ impl Cover {
     #[must_use]
     pub fn with_threads(self, threads: usize) -> Self {
         Self { threads, ..self }
+    }
+
+    /// The same cover with nothing on open water.
+    #[must_use]
+    pub fn off_water(mut self, water: &OpenWater) -> Self {
+        let threads = self.threads;
+        self.rings.iter_mut().for_each(|ground| ground.keep_bare(|point| water.covers(point), threads));
+        self
     }
 
     /// The ground, from the inside out.

@@ -1,0 +1,288 @@
+//! Open water of a scene: pools, ponds, rivers. Nothing lies on it.
+//!
+//! It is what the scene's metadata outline ([`Metadata::water`](wm_scene::Metadata::water)), or, if they say nothing, a guess:
+//! pools are blue, level, and no higher than what is around them. Ponds and rivers have the colours of what they mirror, so that
+//! they must be outlined.
+
+use crate::dome::level_axes;
+use crate::optics::Site;
+use glam::{DMat3, DVec3};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use wm_scene::{Group, Splats, sh};
+
+/// Width of a cell, m.
+const CELL: f64 = 0.25;
+/// Display-referred excess of blue over red that no paving has, and blue over green.
+const BLUE: [f32; 2] = [0.2, 0.85];
+/// Least opacity of a splat that counts.
+const OPAQUE: f64 = 0.3;
+/// Reach of a splat in geometric means of its two longer standard deviations, and at most, m.
+const REACH: f64 = 1.2;
+const FARTHEST: f64 = 2.0;
+/// Share of the surface in a pool that must be blue.
+const MOSTLY: f64 = 0.5;
+/// Least area of a pool, m^2.
+const LEAST: f64 = 6.0;
+/// Largest height, m, between the tenth and the ninetieth percentile of a pool's splats: a training sees through water.
+const UNEVEN: f64 = 2.0;
+/// Gaps in a pool that are closed, cells.
+const GAP: i32 = 3;
+/// Distance, cells, to which the surroundings reach, and the most by which water stands above them, m.
+const AROUND: i32 = 8;
+const RAISED: f64 = 0.5;
+/// Height above and below water, m, within which a surface is its own.
+const OWN: [f64; 2] = [0.4, 2.5];
+
+/// A place in the grid.
+type Cell = [i32; 2];
+
+/// Areas of open water over a level grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OpenWater {
+    /// World to level axes, m.
+    level: DMat3,
+    /// Height of the water in each cell, m.
+    cells: BTreeMap<Cell, f64>,
+}
+
+impl OpenWater {
+    /// Finds the open water of a scene: the stated `outlines` (world, scene units), or blue pools if they are `None`.
+    #[must_use]
+    pub fn of(splats: &Splats, outlines: Option<&[Vec<[f64; 3]>]>, site: &Site) -> Self {
+        let axes = DMat3::from_cols_array_2d(&level_axes(site.up)).transpose();
+        let mut water = Self { level: axes * site.metres_per_unit, cells: BTreeMap::new() };
+        match outlines {
+            Some(outlines) => outlines.iter().for_each(|outline| water.fill(outline)),
+            None => water.guess(splats, site.metres_per_unit),
+        }
+        water
+    }
+
+    /// The area, m^2.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        self.cells.len() as f64 * CELL * CELL
+    }
+
+    /// Returns true if a point (world, scene units) is at the surface of open water.
+    #[must_use]
+    pub fn covers(&self, point: [f64; 3]) -> bool {
+        if self.cells.is_empty() {
+            return false;
+        }
+        let at = self.level * DVec3::from_array(point);
+        self.cells.get(&cell_of(at)).is_some_and(|height| is_own(at.z - height))
+    }
+
+    /// Adds the inside of an outline.
+    fn fill(&mut self, outline: &[[f64; 3]]) {
+        let corners: Vec<DVec3> =
+            outline.iter().map(|corner| self.level * DVec3::from_array(*corner)).collect();
+        let height = corners.iter().map(|corner| corner.z).sum::<f64>() / corners.len().max(1) as f64;
+        let (low, high) = corners.iter().fold((DVec3::MAX, DVec3::MIN), |(l, h), p| (l.min(*p), h.max(*p)));
+        let [first, last] = [low, high].map(cell_of);
+        if corners.len() < 3 || !(low.is_finite() && high.is_finite()) {
+            return;
+        }
+        for row in first[1]..=last[1] {
+            let y = (f64::from(row) + 0.5) * CELL;
+            // Places where the row's middle line crosses the outline, in pairs.
+            let mut crossings: Vec<f64> = (0..corners.len())
+                .map(|k| (corners[k], corners[(k + 1) % corners.len()]))
+                .filter(|(a, b)| (a.y > y) != (b.y > y))
+                .map(|(a, b)| a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x))
+                .collect();
+            crossings.sort_by(f64::total_cmp);
+            for pair in crossings.chunks_exact(2) {
+                let column = |x: f64| (x / CELL - 0.5).ceil() as i32;
+                for x in column(pair[0])..column(pair[1]) {
+                    self.cells.insert([x, row], height);
+                }
+            }
+        }
+    }
+
+    /// Adds pools, found by their colour.
+    fn guess(&mut self, splats: &Splats, metres_per_unit: f64) {
+        let mut found: HashMap<Cell, Vec<Patch>> = HashMap::new();
+        let mut left = BTreeSet::new();
+        for index in (0..splats.len()).filter(|index| splats.groups[*index] == Group::Scene) {
+            let opacity = splats.opacity(index);
+            if opacity < OPAQUE {
+                continue;
+            }
+            let at = self.level * DVec3::from_array(splats.means[index].map(f64::from));
+            let mut scales = splats.log_scales[index].map(|v| f64::from(v).exp() * metres_per_unit);
+            scales.sort_by(f64::total_cmp);
+            let reach = (REACH * (scales[1] * scales[2]).sqrt()).min(FARTHEST);
+            let area = std::f64::consts::PI * reach * reach * opacity;
+            let [r, g, b] = [0, 1, 2].map(|c| 0.5 + sh::C0 as f32 * splats.sh_of(index)[c]);
+            let is_blue = b - r > BLUE[0] && b > BLUE[1] * g;
+            let cell = cell_of(at);
+            found.entry(cell).or_default().push(Patch { height: at.z, area, is_blue });
+            if is_blue {
+                let cells = (reach / CELL).floor();
+                let is_near = |[x, y]: &Cell| f64::from(x * x + y * y) <= cells * cells;
+                let near = square(cells as i32).filter(is_near);
+                left.extend(near.map(|[x, y]| [cell[0] + x, cell[1] + y]));
+            }
+        }
+        while let Some(first) = left.pop_first() {
+            let mut pool = vec![first];
+            let mut next = 0;
+            while next < pool.len() {
+                let [x, y] = pool[next];
+                next += 1;
+                for near in square(2).map(|[dx, dy]| [x + dx, y + dy]) {
+                    if left.remove(&near) {
+                        pool.push(near);
+                    }
+                }
+            }
+            if let Some(height) = pool_height(&pool, &found) {
+                self.cells.extend(closed(&pool).into_iter().map(|cell| (cell, height)));
+            }
+        }
+    }
+}
+
+/// A splat in a cell.
+struct Patch {
+    /// m.
+    height: f64,
+    /// m^2.
+    area: f64,
+    is_blue: bool,
+}
+
+fn cell_of(at: DVec3) -> Cell {
+    [at.x, at.y].map(|v| (v / CELL).floor() as i32)
+}
+
+/// The places in a square about one.
+fn square(radius: i32) -> impl Iterator<Item = Cell> {
+    (-radius..=radius).flat_map(move |y| (-radius..=radius).map(move |x| [x, y]))
+}
+
+/// The height of a pool, m; `None` if what is blue is no pool: too small, too uneven, too mixed, or raised like a roof.
+fn pool_height(pool: &[Cell], found: &HashMap<Cell, Vec<Patch>>) -> Option<f64> {
+    if (pool.len() as f64) * CELL * CELL < LEAST {
+        return None;
+    }
+    let inside = || pool.iter().filter_map(|cell| found.get(cell)).flatten();
+    let [low, height] = heights(inside().filter(|patch| patch.is_blue), [0.1, 0.9])?;
+    let share = |is_counted: fn(&Patch) -> bool| -> f64 {
+        let at_height = |patch: &&Patch| is_own(patch.height - height) && is_counted(patch);
+        inside().filter(at_height).map(|patch| patch.area).sum()
+    };
+    if height - low > UNEVEN || share(|patch| patch.is_blue) < MOSTLY * share(|_| true) {
+        return None;
+    }
+    let mut around = widened(pool, AROUND);
+    pool.iter().for_each(|cell| {
+        around.remove(cell);
+    });
+    let outside = around.iter().filter_map(|cell| found.get(cell)).flatten();
+    let [ground] = heights(outside, [0.3])?;
+    (height < ground + RAISED).then_some(height)
+}
+
+/// Heights below which such shares of the area lie; `None` where there is no area.
+fn heights<'a, const N: usize>(
+    patches: impl Iterator<Item = &'a Patch>,
+    shares: [f64; N],
+) -> Option<[f64; N]> {
+    let mut all: Vec<(f64, f64)> = patches.map(|patch| (patch.height, patch.area)).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = all.iter().map(|(_, area)| area).sum();
+    let at = |share: f64| {
+        let mut below = 0.0;
+        all.iter().find(|(_, area)| {
+            below += area;
+            below >= share * total
+        })
+    };
+    let mut out = [0.0; N];
+    for (out, share) in out.iter_mut().zip(shares) {
+        *out = at(share)?.0;
+    }
+    Some(out)
+}
+
+/// The cells with the gaps between them.
+fn closed(pool: &[Cell]) -> Vec<Cell> {
+    let wide = widened(pool, GAP);
+    let is_inside = |[x, y]: &Cell| square(GAP).all(|[dx, dy]| wide.contains(&[x + dx, y + dy]));
+    wide.iter().filter(|cell| is_inside(cell)).copied().collect()
+}
+
+/// The cells with those in a square about each.
+fn widened(cells: &[Cell], radius: i32) -> BTreeSet<Cell> {
+    cells.iter().flat_map(|[x, y]| square(radius).map(move |[dx, dy]| [x + dx, y + dy])).collect()
+}
+
+/// Returns true if a surface so far above water, m, is the water's own.
+fn is_own(above: f64) -> bool {
+    (-OWN[1]..OWN[0]).contains(&above)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::Daylight;
+    use wm_scene::synthetic::Builder;
+
+    const SITE: Site = Site {
+        metres_per_unit: 0.5,
+        up: [0.0, 0.0, 1.0],
+        ground: 0.0,
+        airlight: [0.8; 3],
+        daylight: Daylight::Known,
+        far: 100.0,
+    };
+    const POOL: [f32; 3] = [0.2, 0.55, 0.8];
+
+    /// A yard of 20 m by 20 m with a square of 8 m by 8 m in a colour at some height, m.
+    fn yard(rgb: [f32; 3], height: f64) -> Splats {
+        let unit = 1.0 / SITE.metres_per_unit;
+        let mut yard = Builder::new(3);
+        let square = |yard: &mut Builder, corner: [f64; 2], side: f64, height: f64, rgb| {
+            let at = DVec3::new(corner[0], corner[1], height) * unit;
+            yard.surface(at, DVec3::X * side * unit, DVec3::Y * side * unit, 0.2 * unit, |_, _| rgb);
+        };
+        for (x, y) in [(-10.0, -10.0), (-10.0, 4.0), (4.0, -10.0), (4.0, 4.0)] {
+            square(&mut yard, [x, y], 6.0, 0.0, [0.6, 0.55, 0.5]);
+        }
+        for (x, y) in [(-4.0, -12.0), (-4.0, 4.0), (-12.0, -4.0), (4.0, -4.0)] {
+            square(&mut yard, [x, y], 8.0, 0.0, [0.6, 0.55, 0.5]);
+        }
+        square(&mut yard, [-4.0, -4.0], 8.0, height, rgb);
+        yard.build()
+    }
+
+    #[test]
+    fn blue_pools_are_found_and_blue_roofs_and_grey_yards_are_not() {
+        let water = |rgb, height| OpenWater::of(&yard(rgb, height), None, &SITE);
+        let pool = water(POOL, -0.2);
+        assert!((50.0..85.0).contains(&pool.area()), "{}", pool.area());
+        // 1 m in the air belongs to no water, and neither does the deck.
+        assert!(
+            pool.covers([0.0, 0.0, -0.4]) && !pool.covers([0.0, 0.0, 2.0]) && !pool.covers([12.0, 0.0, 0.0])
+        );
+        assert_eq!(water(POOL, 4.0).area(), 0.0);
+        assert_eq!(water([0.5, 0.55, 0.6], -0.2).area(), 0.0);
+    }
+
+    #[test]
+    fn outlines_are_filled_and_replace_the_guess() {
+        let splats = yard(POOL, 0.0);
+        let corner = |x: f64, y: f64| [x / SITE.metres_per_unit, y / SITE.metres_per_unit, 0.0];
+        // An L of 30 m^2.
+        let outline = [(0.0, 0.0), (6.0, 0.0), (6.0, 3.0), (4.0, 3.0), (4.0, 6.0), (0.0, 6.0)];
+        let outline: Vec<[f64; 3]> = outline.iter().map(|(x, y)| corner(*x, *y)).collect();
+        let water = OpenWater::of(&splats, Some(&[outline]), &SITE);
+        assert!((water.area() - 30.0).abs() < 1e-9, "{}", water.area());
+        assert!(water.covers(corner(1.0, 5.0)) && !water.covers(corner(5.0, 5.0)));
+        assert_eq!(OpenWater::of(&splats, Some(&[]), &SITE).area(), 0.0);
+    }
+}
