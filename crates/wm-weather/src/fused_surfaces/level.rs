@@ -119,13 +119,13 @@ fn surroundings<S: Simd>(simd: S, own: &Disc, place: DVec3, reach: f64, about: &
             let near = ((dx * dx + dy * dy + dz * dz) * -narrow + 1.0).max(zero);
             let is_alike = (ox * nx + oy * ny + oz * nz).simd_ge(f32x8::splat(simd, least));
             let share = is_alike.select(near * near * f32x8::from_slice(simd, weight), zero);
-            sums[0] = sums[0] + share;
-            sums[1] = sums[1] + share * dx;
-            sums[2] = sums[2] + share * dy;
-            sums[3] = sums[3] + share * dz;
-            sums[4] = sums[4] + share * ox;
-            sums[5] = sums[5] + share * oy;
-            sums[6] = sums[6] + share * oz;
+            sums[0] += share;
+            sums[1] += share * dx;
+            sums[2] += share * dy;
+            sums[3] += share * dz;
+            sums[4] += share * ox;
+            sums[5] += share * oy;
+            sums[6] += share * oz;
         }
     }
     let [weight, x, y, z, nx, ny, nz] = sums.map(|lanes| f64::from(lanes.as_slice().iter().sum::<f32>()));
