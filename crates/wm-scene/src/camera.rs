@@ -198,6 +198,7 @@ impl Camera {
 
     /// The unit direction in world axes through the picture point `(x, y)`, px.
     #[must_use]
+    #[inline]
     pub fn ray(&self, x: f64, y: f64) -> DVec3 {
         let local = DVec3::new((x - self.cx) / self.fx, (y - self.cy) / self.fy, 1.0);
         (self.rotation().transpose() * local).normalize()
@@ -205,6 +206,7 @@ impl Camera {
 
     /// Picture point (px) and view z of a world point; `None` behind the near plane.
     #[must_use]
+    #[inline]
     pub fn project(&self, point: DVec3) -> Option<(f64, f64, f64)> {
         let p = self.viewmat.transform_point3(point);
         (p.z > self.near).then(|| (self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy, p.z))

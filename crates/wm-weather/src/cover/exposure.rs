@@ -66,6 +66,8 @@ impl GroundGrid {
             let (sin, cos) = (std::f64::consts::TAU * (k as f64 + 0.5) / count as f64).sin_cos();
             [a + reach * cos, b + reach * sin]
         });
+        let falls: Vec<[f64; 3]> =
+            circle.chain([[a, b]]).map(|way| from_level(&axes, [way[0], way[1], -1.0])).collect();
         let points: Vec<[f32; 3]> = map(nodes, threads, |node| {
             let place = self.place(node).map(|v| v as f64 + 0.5);
             self.places.point(place, f64::from(self.height[node]) + ABOVE).map(|v| v as f32)
@@ -73,22 +75,24 @@ impl GroundGrid {
         // The mean over directions is soft: far off its edges need no narrow cells.
         let coarser = is_outer.then(|| occluders.coarser(COARSER));
         let occluders = coarser.as_ref().unwrap_or(occluders);
-        let mut reached = vec![[0.0f32; 2]; nodes];
-        let each = 1.0 / (count + 1) as f32;
-        for way in circle.chain([[a, b]]) {
-            let fall = from_level(&axes, [way[0], way[1], -1.0]);
-            let shelter: Shelter = occluders.shelter(fall, Some(threads));
-            let wind = to_level(&grid, fall).map(|v| v as f32);
-            reached = map(nodes, threads, |node| {
-                let [open, share] = reached[node];
-                if !shelter.is_exposed(points[node]) {
-                    return [open, share];
+        // Maps side by side, since parts of each are serial.
+        let own_threads = Some(threads.div_ceil(falls.len()));
+        let maps: Vec<(Shelter, [f32; 3])> = map(falls.len(), threads, |way| {
+            (occluders.shelter(falls[way], own_threads), to_level(&grid, falls[way]).map(|v| v as f32))
+        });
+        let each = 1.0 / falls.len() as f32;
+        let reached = map(nodes, threads, |node| {
+            let (mut open, mut share) = (0.0, 0.0);
+            for (shelter, wind) in &maps {
+                if shelter.is_exposed(points[node]) {
+                    let facing = 1.0 - self.slope[node][0] * wind[0] - self.slope[node][1] * wind[1];
+                    open += each;
+                    share += each * facing.clamp(0.0, MOST);
                 }
-                let facing = 1.0 - self.slope[node][0] * wind[0] - self.slope[node][1] * wind[1];
-                [open + each, share + each * facing.clamp(0.0, MOST)]
-            });
-        }
-        (self.open, self.share) = reached.iter().map(|[open, share]| (*open, *share)).unzip();
+            }
+            (open, share)
+        });
+        (self.open, self.share) = reached.into_iter().unzip();
         for node in 0..nodes {
             let stays = self.share[node] * self.kept(node);
             self.lose(node, self.share[node] - stays);

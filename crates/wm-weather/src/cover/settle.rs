@@ -29,9 +29,9 @@ pub fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
     // Where something may move: after the first round, where it did and beside it.
     let mut active: Vec<u32> = (0..depth.len() as u32).filter(|node| depth[*node as usize] > 0.0).collect();
     let mut is_active = vec![false; depth.len()];
+    let is_steep: Vec<bool> = (0..depth.len()).map(|node| ground.is_steep(node)).collect();
     for _ in 0..ROUNDS {
         let mut moved = 0.0f64;
-        let mut next = Vec::new();
         for node in &active {
             let node = *node as usize;
             let own = depth[node];
@@ -46,7 +46,7 @@ pub fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
                 let own = depth[node];
                 let goes = if is_edge {
                     // Over an edge goes what came from above, and what lies on no surface.
-                    if ground.is_steep(node) { own } else { (own - HOLDS * fell[node]).max(0.0) }
+                    if is_steep[node] { own } else { (own - HOLDS * fell[node]).max(0.0) }
                 } else {
                     (0.25 * (fall - step)).clamp(0.0, own)
                 };
@@ -55,31 +55,25 @@ pub fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
                     depth[to] += goes;
                     moved += f64::from(goes);
                     went = true;
-                    if !is_active[to] {
-                        is_active[to] = true;
-                        next.push(to as u32);
-                    }
+                    is_active[to] = true;
                 }
             }
             if went {
                 for near in ground.beside(node).into_iter().flatten().chain([node]) {
-                    if !is_active[near] {
-                        is_active[near] = true;
-                        next.push(near as u32);
-                    }
+                    is_active[near] = true;
                 }
             }
         }
-        next.sort_unstable();
-        next.iter().for_each(|node| is_active[*node as usize] = false);
-        active = next;
+        active.clear();
+        active.extend((0u32..).zip(&is_active).filter_map(|(node, is_active)| is_active.then_some(node)));
+        is_active.fill(false);
         if moved < LEAST * total {
             break;
         }
     }
     // What still lies on walls has nowhere to go.
     for (node, depth) in depth.iter_mut().enumerate() {
-        if ground.is_steep(node) && *depth > 0.0 {
+        if is_steep[node] && *depth > 0.0 {
             lost += f64::from(*depth);
             *depth = 0.0;
         }

@@ -5,10 +5,10 @@
 //! the field over which discs are levelled: narrower ones would not be seen, and cost more.
 
 use super::photo_view::{PhotoView, Spot};
+use super::places::PlaceMap;
 use crate::dome::level_axes;
 use crate::threads::map;
 use glam::{DMat3, DVec3, IVec3};
-use std::collections::HashMap;
 
 /// Width of the smallest cubes, m, and how often it may double.
 const CUBE: f64 = 0.12;
@@ -19,6 +19,8 @@ const TALL: u32 = 1;
 const PIXELS: f64 = 1.5;
 /// Weight of a pixel without a normal.
 const EDGE: f64 = 0.2;
+/// Parts of the cubes, each of which one thread takes together.
+const PARTS: usize = 8;
 /// Share of a cube's weight from which on narrower cubes inside it take its place.
 const NARROWER: f64 = 0.5;
 
@@ -103,13 +105,11 @@ impl Grid {
     /// The cube of a pixel and what it adds; `None` where pixels are too far apart.
     fn of(&self, spot: &Spot) -> Option<(Cube, Sums)> {
         let apart = PIXELS * spot.apart;
-        let doubled = (apart / self.cube).log2().ceil().max(0.0) as u32;
-        if doubled > DOUBLED {
-            return None;
-        }
+        let doubled = (0..=DOUBLED).find(|doubled| apart <= self.cube * f64::from(1 << doubled))?;
         let (size, place) = (self.size(doubled), self.level * spot.point);
         let at = (place / size).floor();
-        let weight = (self.cube / apart).powi(2).min(16.0) * if spot.normal.is_some() { 1.0 } else { EDGE };
+        let kind = if spot.normal.is_some() { 1.0 } else { EDGE };
+        let weight = (self.cube / apart).powi(2).min(16.0) * kind * spot.count;
         let sums = Sums {
             weight,
             place: (place - at * size) * weight,
@@ -138,7 +138,7 @@ impl Grid {
 #[derive(Default)]
 struct Cubes {
     all: Vec<(Cube, Sums)>,
-    places: HashMap<Cube, u32>,
+    places: PlaceMap<Cube, u32>,
 }
 
 impl Cubes {
@@ -163,18 +163,25 @@ pub(super) fn fuse(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, thre
     let grid = Grid { level, cube: CUBE / metres_per_unit };
     let each = map(views.len(), threads, |index| {
         let mut cubes = Cubes::default();
-        views[index].each_spot(|spot| {
+        views[index].each_spot(grid.cube, |spot| {
             if let Some((cube, sums)) = grid.of(&spot) {
                 cubes.add(cube, &sums);
             }
         });
+        let mut parts = vec![Vec::new(); PARTS];
+        for (cube, sums) in cubes.all {
+            parts[cube.at[0].rem_euclid(PARTS as i32) as usize].push((cube, sums));
+        }
+        parts
+    });
+    let merged = map(PARTS, threads, |part| {
+        let mut cubes = Cubes::default();
+        each.iter().flat_map(|parts| &parts[part]).for_each(|(cube, sums)| cubes.add(*cube, sums));
         cubes.all
     });
-    let mut cubes = Cubes::default();
-    each.iter().flatten().for_each(|(cube, sums)| cubes.add(*cube, sums));
-    let mut cubes = cubes.all;
+    let mut cubes = merged.concat();
     cubes.sort_unstable_by_key(|(cube, _)| *cube);
-    let mut narrower: HashMap<Cube, f64> = HashMap::new();
+    let mut narrower: PlaceMap<Cube, f64> = PlaceMap::default();
     for (cube, sums) in &cubes {
         for doubled in cube.doubled + 1..=DOUBLED {
             *narrower.entry(cube.wider(doubled)).or_default() += sums.weight;

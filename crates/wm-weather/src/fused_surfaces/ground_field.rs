@@ -22,16 +22,17 @@ const FINEST: f64 = 1.0;
 const NODES: usize = 512;
 /// Distance from the middle of the cameras to which there may be ground, m.
 const FAR: f64 = 400.0;
-/// Each so many pixels of a row and of a column give a point.
-const STEP: usize = 2;
+/// Each so many pixels of a row and of a column give a point, and so many of those that are no farther apart than this, m.
+const STRIDES: [usize; 2] = [2, 4];
+const DENSE: f64 = 0.1;
 /// Least cosine between a point's normal and up.
 const LEVEL: f64 = 0.75;
 /// Points that weigh as much as the coarser lattice does.
 const PRIOR: f32 = 4.0;
 /// Distances above and below the last surface at which points count no more, m, in each round.
 const ROUNDS: [[f32; 2]; 5] = [[f32::INFINITY; 2], [6.0, 18.0], [2.5, 7.0], [1.0, 2.0], [0.5, 0.7]];
-/// Fewest points of a ground, and the weight of one under a camera, which is exact.
-const FEWEST: usize = 100;
+/// Least weight of all points of a ground, and the weight of one under a camera, which is exact.
+const FEWEST: f32 = 100.0;
 const FOOT: f32 = 16.0;
 /// Height of cameras that a person carries, m, and the share by which most differ in it at most.
 const CARRIED: std::ops::Range<f64> = 0.8..3.0;
@@ -68,6 +69,9 @@ pub struct GroundField {
     height: Vec<f32>,
     doubt: Vec<f32>,
 }
+
+/// Position of a camera, level axes, m, and its height above the ground, m.
+pub(super) type Eye = (DVec3, f64);
 
 /// A lattice of hat functions over the square of the field.
 struct Lattice {
@@ -149,16 +153,19 @@ impl GroundField {
         let middle = cameras.iter().sum::<DVec3>() / cameras.len().max(1) as f64;
         let found = map(views.len(), threads, |index| {
             let mut points = Vec::new();
-            views[index].each_level_point(STEP, DVec3::from_array(up), LEVEL, |point| {
+            let stride = |apart: f64| STRIDES[usize::from(apart * metres_per_unit < DENSE)];
+            views[index].each_level_point(stride, DVec3::from_array(up), LEVEL, |point, stride| {
                 let off = level * point * metres_per_unit - middle;
                 if off.truncate().length() < FAR {
-                    points.push(off.as_vec3().to_array());
+                    // It stands for those that are left out.
+                    let weight = (stride / STRIDES[0]).pow(2) as f32;
+                    points.push((off.as_vec3().to_array(), weight));
                 }
             });
             points
         });
-        let mut points: Vec<([f32; 3], f32)> = found.concat().into_iter().map(|point| (point, 1.0)).collect();
-        if points.len() < FEWEST {
+        let mut points: Vec<([f32; 3], f32)> = found.concat();
+        if points.iter().map(|(_, weight)| weight).sum::<f32>() < FEWEST {
             return None;
         }
         let field = Self::fit(level, metres_per_unit, middle, &points, threads);
@@ -280,14 +287,19 @@ impl GroundField {
         Some(FloorPlane { point, normal, reach: f64::INFINITY, slab: 0.0 })
     }
 
+    /// A camera at a point (world, scene units); `None` if the ground below it is not known.
+    pub(super) fn eye(&self, center: DVec3) -> Option<Eye> {
+        let eye = self.level * center * self.metres_per_unit;
+        Some((eye, self.above(eye)?))
+    }
+
     /// Puts a pixel on the ground that shows a point at `depth` along a ray of length 1 (world; scene units, 0 for nothing):
     /// the distance to it and its normal. `None` for a pixel that shows something else or is known well.
-    pub(super) fn snapped(&self, from: DVec3, ray: DVec3, depth: f64) -> Option<(f64, DVec3)> {
-        let [eye, ray] = [self.level * from * self.metres_per_unit, self.level * ray];
+    pub(super) fn snapped(&self, (eye, height): Eye, ray: DVec3, depth: f64) -> Option<(f64, DVec3)> {
+        let ray = self.level * ray;
         if ray.z > STEEPEST * ray.truncate().length() {
             return None;
         }
-        let height = self.above(eye)?;
         let widest = SLAB[2].max(SLAB[3] * height);
         let shown = eye + depth * self.metres_per_unit * ray;
         let above = if depth > 0.0 { self.above(shown)? } else { f64::NEG_INFINITY };

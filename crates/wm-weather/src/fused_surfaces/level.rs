@@ -1,9 +1,10 @@
 //! Levels discs onto the surface through those about them.
 
 use super::cubes::Disc;
+use super::places::PlaceMap;
 use crate::threads::map;
-use glam::DVec3;
-use std::collections::HashMap;
+use fearless_simd::{Select, Simd, SimdBase, f32x8};
+use glam::{DVec3, IVec3};
 use std::ops::Range;
 use wm_render::dispatch;
 use wm_render::simd::SimdPath;
@@ -20,19 +21,16 @@ const ROUNDS: usize = 3;
 
 /// Discs that are taken at once.
 const LANES: usize = 8;
+/// Of so many discs: x, y and z from an origin, the normal, and the weight, 0 behind the last disc.
+type Block = [[f32; LANES]; 7];
 
-/// Discs that are no edges, by the cells of a grid.
-struct Cells {
-    width: f64,
-    /// World, scene units; single precision is enough from there.
-    origin: DVec3,
-    /// In order of their cells' x, y and z: x, y and z from the origin, those of the normal, and the weight; and [`LANES`] of
-    /// no weight behind the last.
-    discs: [Vec<f32>; 7],
-    /// Each disc's cell's z.
-    levels: Vec<i64>,
-    /// The discs of all cells above each other.
-    columns: HashMap<[i64; 2], Range<usize>>,
+/// The discs that reach as far, and what may be within that, by cells as wide.
+struct Grid {
+    reach: f64,
+    own: Vec<(IVec3, Vec<u32>)>,
+    /// Discs that are no edges: those of a cell are in whole blocks.
+    blocks: Vec<Block>,
+    places: PlaceMap<IVec3, Range<usize>>,
 }
 
 /// The mean of the discs about one.
@@ -44,95 +42,49 @@ struct Surroundings {
     normal: DVec3,
 }
 
-impl Cells {
-    /// In cells of a width.
-    fn of(discs: &[Disc], width: f64) -> Self {
-        let cell = |disc: &Disc| (disc.point / width).floor().as_i64vec3().to_array();
-        let known = (0u32..).zip(discs).filter(|(_, disc)| !disc.is_edge);
-        let mut order: Vec<([i64; 3], u32)> = known.map(|(index, disc)| (cell(disc), index)).collect();
-        order.sort_unstable();
-        let mut columns: HashMap<[i64; 2], Range<usize>> = HashMap::new();
-        for (k, ([x, y, _], _)) in order.iter().enumerate() {
-            columns.entry([*x, *y]).or_insert(k..k).end = k + 1;
-        }
-        let levels = order.iter().map(|([_, _, z], _)| *z).collect();
-        let origin = discs.first().map_or(DVec3::ZERO, |disc| disc.point);
-        let column = |value: &dyn Fn(&Disc) -> f64| {
-            let values = order.iter().map(|(_, index)| value(&discs[*index as usize]) as f32);
-            values.chain([0.0; LANES]).collect()
-        };
-        let discs = [
-            column(&|disc| disc.point.x - origin.x),
-            column(&|disc| disc.point.y - origin.y),
-            column(&|disc| disc.point.z - origin.z),
-            column(&|disc| disc.normal.x),
-            column(&|disc| disc.normal.y),
-            column(&|disc| disc.normal.z),
-            column(&|disc| disc.weight),
-        ];
-        Self { width, origin, discs, levels, columns }
+/// Indices of discs that pass a test, by cells of a width.
+fn by_cells(discs: &[Disc], width: f64, is_in: impl Fn(&Disc) -> bool) -> PlaceMap<IVec3, Vec<u32>> {
+    let mut cells = PlaceMap::<IVec3, Vec<u32>>::default();
+    for (index, disc) in (0u32..).zip(discs).filter(|(_, disc)| is_in(disc)) {
+        cells.entry((disc.point / width).floor().as_ivec3()).or_default().push(index);
     }
-
-    /// Returns the mean of the discs within `reach` of one, nearer ones counting more; of those that face as it does if it has a normal.
-    #[inline(always)]
-    fn about(&self, own: &Disc, reach: f64) -> Surroundings {
-        let [low, high] =
-            [own.point - reach, own.point + reach].map(|v| (v / self.width).floor().as_i64vec3());
-        let mut sums = [[0.0f32; LANES]; 7];
-        for (x, y) in (low.x..=high.x).flat_map(|x| (low.y..=high.y).map(move |y| (x, y))) {
-            let Some(column) = self.columns.get(&[x, y]) else { continue };
-            let levels = &self.levels[column.clone()];
-            let from = column.start + levels.partition_point(|z| *z < low.z);
-            let to = column.start + levels.partition_point(|z| *z <= high.z);
-            self.add(from..to, own, reach, &mut sums);
-        }
-        let [weight, x, y, z, nx, ny, nz] = sums.map(|lanes| f64::from(lanes.iter().sum::<f32>()));
-        Surroundings { weight, middle: DVec3::new(x, y, z), normal: DVec3::new(nx, ny, nz) }
-    }
-
-    /// Adds some discs to the sums of weight, offset and normal about one.
-    #[inline(always)]
-    fn add(&self, range: Range<usize>, own: &Disc, reach: f64, sums: &mut [[f32; LANES]; 7]) {
-        let [x, y, z] = (own.point - self.origin).to_array().map(|v| v as f32);
-        let [nx, ny, nz] = own.normal.to_array().map(|v| v as f32);
-        let least = if own.is_edge { f32::NEG_INFINITY } else { ALIKE as f32 };
-        let narrow = (1.0 / (reach * reach)) as f32;
-        for first in range.clone().step_by(LANES) {
-            let lanes: [&[f32; LANES]; 7] =
-                self.discs.each_ref().map(|column| column[first..].first_chunk().expect("padded"));
-            for lane in 0..LANES {
-                let [dx, dy, dz] = [lanes[0][lane] - x, lanes[1][lane] - y, lanes[2][lane] - z];
-                let near = (1.0 - (dx * dx + dy * dy + dz * dz) * narrow).max(0.0);
-                let cosine = lanes[3][lane] * nx + lanes[4][lane] * ny + lanes[5][lane] * nz;
-                let weight = if first + lane < range.end && cosine >= least { lanes[6][lane] } else { 0.0 };
-                let share = near * near * weight;
-                sums[0][lane] += share;
-                sums[1][lane] += share * dx;
-                sums[2][lane] += share * dy;
-                sums[3][lane] += share * dz;
-                sums[4][lane] += share * lanes[3][lane];
-                sums[5][lane] += share * lanes[4][lane];
-                sums[6][lane] += share * lanes[5][lane];
-            }
-        }
-    }
+    cells
 }
 
-/// Moves each disc along the mean normal of those about it onto the plane through their middle, and turns it so.
-pub(super) fn level(discs: &mut [Disc], metres_per_unit: f64, threads: usize) {
-    let path = SimdPath::widest();
-    let reach = |size: f64| (FIELD / metres_per_unit).max(WIDTHS * size);
-    let mut reaches: Vec<f64> = discs.iter().map(|disc| reach(disc.size)).collect();
-    reaches.sort_by(f64::total_cmp);
-    reaches.dedup();
-    for _ in 0..ROUNDS {
-        // A grid for each reach: few cells are in it.
-        let grids = map(reaches.len(), threads, |k| Cells::of(discs, reaches[k]));
-        let moved = map(discs.len(), threads, |k| {
-            let own = discs[k];
-            let reach = reach(own.size);
-            let cells = grids.iter().find(|grid| grid.width == reach).expect("a grid for each reach");
-            let Surroundings { weight, middle, normal } = dispatch!(path, _simd => cells.about(&own, reach));
+impl Grid {
+    /// Of discs whose places are measured from an origin: single precision is enough from there.
+    fn of(discs: &[Disc], origin: DVec3, reach: f64, reach_of: impl Fn(&Disc) -> f64) -> Self {
+        let own = by_cells(discs, reach, |disc| reach_of(disc) == reach).into_iter().collect();
+        let (mut blocks, mut places) = (Vec::<Block>::new(), PlaceMap::default());
+        for (cell, known) in by_cells(discs, reach, |disc| !disc.is_edge) {
+            let first = blocks.len();
+            for part in known.chunks(LANES) {
+                let mut block = [[0.0; LANES]; 7];
+                for (lane, index) in part.iter().enumerate() {
+                    let disc = &discs[*index as usize];
+                    let [x, y, z] = (disc.point - origin).to_array();
+                    let [nx, ny, nz] = disc.normal.to_array();
+                    for (lanes, value) in block.iter_mut().zip([x, y, z, nx, ny, nz, disc.weight]) {
+                        lanes[lane] = value as f32;
+                    }
+                }
+                blocks.push(block);
+            }
+            places.insert(cell, first..blocks.len());
+        }
+        Self { reach, own, blocks, places }
+    }
+
+    /// Returns the discs of its own in a cell after a round.
+    fn levelled(&self, (cell, own): &(IVec3, Vec<u32>), discs: &[Disc], origin: DVec3) -> Vec<Disc> {
+        let path = SimdPath::widest();
+        let ways = (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| [x, y, z])));
+        let about = ways.filter_map(|way| self.places.get(&(cell + IVec3::from(way))));
+        let about: Vec<&[Block]> = about.map(|range| &self.blocks[range.clone()]).collect();
+        let level = |index: &u32| {
+            let own = discs[*index as usize];
+            let Surroundings { weight, middle, normal } =
+                dispatch!(path, simd => surroundings(simd, &own, own.point - origin, self.reach, &about));
             // Edges take the normal of what is about them, if that is of one mind.
             if weight == 0.0 || own.is_edge && normal.length() < AGREED * weight {
                 return own;
@@ -140,7 +92,60 @@ pub(super) fn level(discs: &mut [Disc], metres_per_unit: f64, threads: usize) {
             let normal = normal.normalize_or(own.normal);
             let own = Disc { is_edge: false, ..own };
             Disc { point: own.point + normal * (middle / weight).dot(normal), normal, ..own }
-        });
-        discs.copy_from_slice(&moved);
+        };
+        own.iter().map(level).collect()
+    }
+}
+
+/// Returns the mean of the discs within `reach` of one at `place`, nearer ones counting more; of those that face as it does if it
+/// has a normal.
+#[inline(always)]
+fn surroundings<S: Simd>(simd: S, own: &Disc, place: DVec3, reach: f64, about: &[&[Block]]) -> Surroundings {
+    let [x, y, z] = place.to_array().map(|v| v as f32);
+    let [nx, ny, nz] = own.normal.to_array().map(|v| v as f32);
+    let least = if own.is_edge { f32::NEG_INFINITY } else { ALIKE as f32 };
+    let narrow = (1.0 / (reach * reach)) as f32;
+    let zero = f32x8::splat(simd, 0.0);
+    let mut sums = [zero; 7];
+    for blocks in about {
+        // No closures in here: they would be compiled without the path's instructions.
+        for [px, py, pz, ox, oy, oz, weight] in *blocks {
+            let dx = f32x8::from_slice(simd, px) - x;
+            let dy = f32x8::from_slice(simd, py) - y;
+            let dz = f32x8::from_slice(simd, pz) - z;
+            let ox = f32x8::from_slice(simd, ox);
+            let oy = f32x8::from_slice(simd, oy);
+            let oz = f32x8::from_slice(simd, oz);
+            let near = ((dx * dx + dy * dy + dz * dz) * -narrow + 1.0).max(zero);
+            let is_alike = (ox * nx + oy * ny + oz * nz).simd_ge(f32x8::splat(simd, least));
+            let share = is_alike.select(near * near * f32x8::from_slice(simd, weight), zero);
+            sums[0] += share;
+            sums[1] += share * dx;
+            sums[2] += share * dy;
+            sums[3] += share * dz;
+            sums[4] += share * ox;
+            sums[5] += share * oy;
+            sums[6] += share * oz;
+        }
+    }
+    let [weight, x, y, z, nx, ny, nz] = sums.map(|lanes| f64::from(lanes.as_slice().iter().sum::<f32>()));
+    Surroundings { weight, middle: DVec3::new(x, y, z), normal: DVec3::new(nx, ny, nz) }
+}
+
+/// Moves each disc along the mean normal of those about it onto the plane through their middle, and turns it so.
+pub(super) fn level(discs: &mut [Disc], metres_per_unit: f64, threads: usize) {
+    let reach_of = |disc: &Disc| (FIELD / metres_per_unit).max(WIDTHS * disc.size);
+    let mut reaches: Vec<f64> = discs.iter().map(reach_of).collect();
+    reaches.sort_unstable_by(f64::total_cmp);
+    reaches.dedup();
+    let origin = discs.first().map_or(DVec3::ZERO, |disc| disc.point);
+    for _ in 0..ROUNDS {
+        let grids = map(reaches.len(), threads, |k| Grid::of(discs, origin, reaches[k], reach_of));
+        let cells: Vec<(&Grid, &(IVec3, Vec<u32>))> =
+            grids.iter().flat_map(|grid| grid.own.iter().map(move |cell| (grid, cell))).collect();
+        let levelled = map(cells.len(), threads, |k| cells[k].0.levelled(cells[k].1, discs, origin));
+        for ((_, (_, own)), levelled) in cells.iter().zip(levelled) {
+            own.iter().zip(levelled).for_each(|(index, disc)| discs[*index as usize] = disc);
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Normals of a picture of depth, from the planes through each pixel and those about it.
 
 use super::PhotoView;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use wm_render::dispatch;
 use wm_render::simd::SimdPath;
 use wm_scene::Camera;
@@ -40,7 +40,13 @@ impl InverseDepths {
     }
 
     /// The normals of a row of pixels, world axes, length 1, of either sign; `None` at edges and near the picture's border.
-    pub fn normals_of_row(&self, path: SimdPath, y: usize) -> Vec<Option<DVec3>> {
+    /// Those that are not wanted may be left out.
+    pub fn normals_of_row(
+        &self,
+        path: SimdPath,
+        y: usize,
+        is_wanted: impl Fn(usize) -> bool,
+    ) -> Vec<Option<DVec3>> {
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);
         let mut normals = vec![None; width];
         if y < ASIDE || y + ASIDE >= height || width <= 2 * ASIDE {
@@ -48,8 +54,11 @@ impl InverseDepths {
         }
         let inner = ASIDE..width - ASIDE;
         for first in inner.clone().step_by(LANES) {
-            let planes = dispatch!(path, _simd => self.fit(first, y));
             let last = inner.end.min(first + LANES);
+            if !(first..last).any(&is_wanted) {
+                continue;
+            }
+            let planes = dispatch!(path, _simd => self.fit(first, y));
             for (lane, normal) in normals[first..last].iter_mut().enumerate() {
                 let own = self.values[y * self.stride + first + lane];
                 let plane = planes.map(|of| of[lane]);
@@ -118,13 +127,16 @@ impl InverseDepths {
                     }
                 }
             }
+            // Cramer's rule, of all lanes at once.
             for k in 0..LANES {
                 let [w, wx, wy, wxx, wxy, wyy] = moments.map(|of| f64::from(of[k]));
-                let matrix = DMat3::from_cols_array(&[w, wx, wy, wx, wxx, wxy, wy, wxy, wyy]);
-                let solved = matrix.inverse() * DVec3::from_array(right.map(|of| f64::from(of[k])));
-                for (plane, value) in planes.iter_mut().zip(solved.to_array()) {
-                    plane[k] = value as f32;
-                }
+                let [v, xv, yv] = right.map(|of| f64::from(of[k]));
+                let [a, b, c] = [wxx * wyy - wxy * wxy, wxy * wy - wx * wyy, wx * wxy - wxx * wy];
+                let [d, e, f] = [w * wyy - wy * wy, wx * wy - w * wxy, w * wxx - wx * wx];
+                let scale = 1.0 / (w * a + wx * b + wy * c);
+                planes[0][k] = ((a * v + b * xv + c * yv) * scale) as f32;
+                planes[1][k] = ((b * v + d * xv + e * yv) * scale) as f32;
+                planes[2][k] = ((c * v + e * xv + f * yv) * scale) as f32;
             }
         }
         planes

@@ -16,6 +16,8 @@ const WITH: [f64; 2] = [0.04, 0.1];
 /// of a pixel of a floor, which is known between pixels too.
 const GRAZING: f64 = 0.15;
 const MOST: f64 = 32.0;
+/// Places of a pixel of a floor in each cube, at least.
+const NARROW: f64 = 2.0;
 
 /// The surface that one photo's camera sees: depth, colour and floors.
 #[derive(Clone, Debug)]
@@ -88,6 +90,8 @@ pub(super) struct Spot {
     pub ray: DVec3,
     /// Distance to the neighbouring pixels' points, scene units.
     pub apart: f64,
+    /// The number of places that it stands for.
+    pub count: f64,
     pub rgb: [f32; 3],
 }
 
@@ -141,13 +145,14 @@ impl PhotoView {
     /// Puts pixels that show the ground at a grazing angle, or nothing where it is, onto it.
     pub(super) fn snapped_to(mut self, field: &Arc<GroundField>) -> Self {
         let (center, forward) = (self.camera.center(), self.camera.forward());
+        let Some(eye) = field.eye(center) else { return self };
         let rays: Vec<DVec3> = self.rays().collect();
         for (pixel, ray) in rays.into_iter().enumerate() {
             if self.on[pixel] != 0 {
                 continue;
             }
             let (along, depth) = (ray.dot(forward), f64::from(self.depth[pixel]));
-            if let Some((way, _)) = field.snapped(center, ray, depth / along) {
+            if let Some((way, _)) = field.snapped(eye, ray, depth / along) {
                 (self.depth[pixel], self.on[pixel]) = ((way * along) as f32, ON_FIELD);
             }
         }
@@ -155,16 +160,29 @@ impl PhotoView {
         self
     }
 
-    /// Calls `work` with each `step`-th pixel's point (world, scene units) of those whose normal is within a cosine of `up`.
-    pub(super) fn each_level_point(&self, step: usize, up: DVec3, cosine: f64, mut work: impl FnMut(DVec3)) {
+    /// Calls `work` with points (world, scene units) whose normal is within a cosine of `up`, those of each so many pixels of a row
+    /// and of a column as `stride` says for the distance between them (scene units), and with that number.
+    pub(super) fn each_level_point(
+        &self,
+        stride: impl Fn(f64) -> usize,
+        up: DVec3,
+        cosine: f64,
+        mut work: impl FnMut(DVec3, usize),
+    ) {
         let (inverse_depths, path) = (InverseDepths::of(self), SimdPath::widest());
-        for y in (0..self.camera.height as usize).step_by(step) {
-            let normals = inverse_depths.normals_of_row(path, y);
-            for (x, normal) in normals.into_iter().enumerate().step_by(step) {
-                if let Some(point) = self.point(x as i64, y as i64)
-                    && normal.is_some_and(|normal| normal.dot(up).abs() > cosine)
+        let (width, widest) = (self.camera.width as usize, self.camera.widest_pixel());
+        for y in 0..self.camera.height as usize {
+            let stride_at = |x: usize| stride(f64::from(self.depth[y * width + x]) * widest);
+            let is_wanted = |x: usize| {
+                let stride = stride_at(x);
+                x.is_multiple_of(stride) && y.is_multiple_of(stride)
+            };
+            for (x, normal) in inverse_depths.normals_of_row(path, y, is_wanted).into_iter().enumerate() {
+                if normal.is_some_and(|normal| normal.dot(up).abs() > cosine)
+                    && is_wanted(x)
+                    && let Some(point) = self.point(x as i64, y as i64)
                 {
-                    work(point);
+                    work(point, stride_at(x));
                 }
             }
         }
@@ -179,15 +197,18 @@ impl PhotoView {
         }
     }
 
-    /// Calls `work` with what is seen in each pixel that shows something.
-    pub(super) fn each_spot(&self, mut work: impl FnMut(Spot)) {
+    /// Calls `work` with what is seen in each pixel that shows something, for cubes of `cube` (scene units) or more.
+    pub(super) fn each_spot(&self, cube: f64, mut work: impl FnMut(Spot)) {
         let center = self.camera.center();
         let [width, height] = [self.camera.width, self.camera.height].map(i64::from);
         let (inverse_depths, path) = (InverseDepths::of(self), SimdPath::widest());
         let mut normals = Vec::new();
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
             if x == 0 {
-                normals = inverse_depths.normals_of_row(path, y as usize);
+                let first = (y * width) as usize;
+                // Those of floors are known.
+                let is_wanted = |x: usize| self.on[first + x] == 0 && self.depth[first + x] > 0.0;
+                normals = inverse_depths.normals_of_row(path, y as usize, is_wanted);
             }
             let Some(point) = self.point(x, y) else { continue };
             let pixel = (y * width + x) as usize;
@@ -200,20 +221,24 @@ impl PhotoView {
                 let apart = (width / (slant * places)).max(width);
                 // People do not roll cameras, but hold them upright: floors go back along a column or a row.
                 let across = self.camera.rotation() * floor.normal;
-                for part in 0..places as u32 {
-                    let part = (f64::from(part) + 0.5) / places;
+                // Several in a cube say no more than one.
+                let taken = places.min((NARROW * width / (slant * cube)).ceil());
+                let count = places / taken;
+                for part in 0..taken as u32 {
+                    let part = (f64::from(part) + 0.5) / taken;
                     let [right, down] =
                         if across.x.abs() > across.y.abs() { [part, 0.5] } else { [0.5, part] };
                     let ray = self.camera.ray(x as f64 + right, y as f64 + down);
                     if let Some((way, _)) = floor.met(center, ray) {
-                        work(Spot { point: center + way * ray, normal: Some(floor.normal), ray, apart, rgb });
+                        let point = center + way * ray;
+                        work(Spot { point, normal: Some(floor.normal), ray, apart, count, rgb });
                     }
                 }
                 continue;
             }
             let normal = normals[x as usize].map(|normal| normal * -normal.dot(ray).signum());
             let slant = normal.map_or(1.0, |normal| normal.dot(ray).abs().max(GRAZING));
-            work(Spot { point, normal, ray, apart: width / slant, rgb });
+            work(Spot { point, normal, ray, apart: width / slant, count: 1.0, rgb });
         }
     }
 }

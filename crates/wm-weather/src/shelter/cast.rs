@@ -72,12 +72,15 @@ impl Footprint {
             [(across, grid.low[0]), (down, grid.low[1])].map(|(axis, low)| (splat.along(axis) - low) / cell);
         // Most are far off in a map of a part of the scene.
         let [xx, _, _, yy, _, zz] = splat.covariance.map(f64::from);
-        let far = MOST_REACH * (((xx + yy + zz).sqrt() / cell) + FILTER.sqrt()) + 1.0;
+        let area = cell * cell;
+        let widest = (xx + yy + zz) / area;
+        let far = MOST_REACH * (widest.sqrt() + FILTER.sqrt()) + 1.0;
         let is_off = |at: f64, count: usize| at < -far || at > count as f64 + far;
-        if is_off(column, grid.columns) || is_off(row, grid.rows) {
+        // Or so narrow that the filter leaves next to nothing of them.
+        let is_faint = f64::from(splat.opacity) * widest < LEAST_ALPHA * (widest + FILTER);
+        if is_faint || is_off(column, grid.columns) || is_off(row, grid.rows) {
             return None;
         }
-        let area = cell * cell;
         let [cc, cr, rr] =
             [(across, across), (across, down), (down, down)].map(|(a, b)| splat.between(a, b) / area);
         let (wide_cc, wide_rr) = (cc + FILTER, rr + FILTER);

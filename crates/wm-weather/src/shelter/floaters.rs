@@ -13,7 +13,7 @@ use super::Grid;
 /// The number of rounds in which floaters are removed: there may be some below others.
 pub(super) const ROUNDS: usize = 2;
 /// Cells within which cells are of one piece.
-const REACH: i32 = 2;
+const REACH: usize = 2;
 /// Height within which they are, m.
 const STEP: f64 = 1.0;
 /// Widest floater, in gaps, and between which widths, m.
@@ -34,27 +34,23 @@ struct Piece {
 /// Opens the cells of floaters again, with the distance below which they look on; whether there are any.
 pub(super) fn reopen(stops: &mut [f32], clear: &mut [f32], grid: &Grid, metres_per_unit: f64) -> bool {
     let step = (STEP / metres_per_unit) as f32;
-    let mut parents: Vec<u32> = (0..stops.len() as u32).collect();
-    pairs(grid, |a, b| {
-        if (stops[a] - stops[b]).abs() <= step {
-            join(&mut parents, a as u32, b as u32);
-        }
-    });
+    let firsts = find_pieces(stops, grid, step);
     let mut pieces = vec![Piece { cells: 0, gap: f32::INFINITY, deepest: f32::NEG_INFINITY }; stops.len()];
     let mut covered = 0;
-    for (cell, stop) in stops.iter().enumerate().filter(|(_, stop)| stop.is_finite()) {
-        let piece = &mut pieces[root(&mut parents, cell as u32) as usize];
+    for (first, stop) in firsts.iter().zip(stops.iter()).filter(|(_, stop)| stop.is_finite()) {
+        let piece = &mut pieces[*first as usize];
         piece.cells += 1;
         piece.deepest = piece.deepest.max(*stop);
         covered += 1;
     }
-    pairs(grid, |a, b| {
+    pairs(stops, grid, |a, b, off| {
         // Infinity minus itself is no number, and no edge of a piece.
-        if (stops[a] - stops[b]).abs() > step {
+        if off > step {
+            let [a, b] = [a, b].map(|cell| cell as usize);
             let (upper, lower) = if stops[a] < stops[b] { (a, b) } else { (b, a) };
-            let piece = &mut pieces[root(&mut parents, upper as u32) as usize];
-            piece.gap = piece.gap.min(stops[lower] - stops[upper]);
-            pieces[root(&mut parents, lower as u32) as usize].gap = 0.0;
+            let piece = &mut pieces[firsts[upper] as usize];
+            piece.gap = piece.gap.min(off);
+            pieces[firsts[lower] as usize].gap = 0.0;
         }
     });
     let cell = grid.cell * metres_per_unit;
@@ -69,7 +65,7 @@ pub(super) fn reopen(stops: &mut [f32], clear: &mut [f32], grid: &Grid, metres_p
         if !stops[index].is_finite() {
             continue;
         }
-        let piece = pieces[root(&mut parents, index as u32) as usize];
+        let piece = pieces[firsts[index] as usize];
         if is_floater(&piece) {
             let below = if piece.gap.is_finite() { 0.5 * piece.gap } else { step };
             (stops[index], clear[index], is_any) = (piece.deepest + below, 1.0, true);
@@ -84,16 +80,35 @@ pub(super) fn reopen(stops: &mut [f32], clear: &mut [f32], grid: &Grid, metres_p
     is_any
 }
 
-/// Calls `visit` with each pair of cells within the reach once.
-fn pairs(grid: &Grid, mut visit: impl FnMut(usize, usize)) {
-    let (columns, rows) = (grid.columns as i32, grid.rows as i32);
+/// Returns the first cell of the piece that each cell is in.
+fn find_pieces(stops: &[f32], grid: &Grid, step: f32) -> Vec<u32> {
+    let mut firsts: Vec<u32> = (0..stops.len() as u32).collect();
+    pairs(stops, grid, |a, b, off| {
+        // Most are joined already.
+        if off <= step && firsts[a as usize] != firsts[b as usize] {
+            join(&mut firsts, a, b);
+        }
+    });
+    // A parent is never behind its cell.
+    for cell in 0..firsts.len() {
+        firsts[cell] = firsts[firsts[cell] as usize];
+    }
+    firsts
+}
+
+/// Calls `visit` once with each pair of cells within the reach, and how far apart they are along the fall.
+fn pairs(stops: &[f32], grid: &Grid, mut visit: impl FnMut(u32, u32, f32)) {
+    let (columns, rows) = (grid.columns, grid.rows);
     for row in 0..rows {
-        for column in 0..columns {
-            let cell = (row * columns + column) as usize;
-            for dr in 0..=REACH.min(rows - 1 - row) {
-                let first = if dr == 0 { 1 } else { -REACH };
-                for dc in first.max(-column)..=REACH.min(columns - 1 - column) {
-                    visit(cell, (cell as i32 + dr * columns + dc) as usize);
+        for below in 0..=REACH.min(rows - 1 - row) {
+            let right = REACH.min(columns - 1) as isize;
+            for aside in if below == 0 { 1 } else { -right }..=right {
+                let (left, count) = ((-aside).max(0) as usize, columns - aside.unsigned_abs());
+                let a = row * columns + left;
+                let b = ((row + below) * columns + left).wrapping_add_signed(aside);
+                let heights = stops[a..a + count].iter().zip(&stops[b..b + count]);
+                for ((a, b), (one, other)) in (a as u32..).zip(b as u32..).zip(heights) {
+                    visit(a, b, (one - other).abs());
                 }
             }
         }

@@ -90,7 +90,7 @@ impl Occluders {
                 let (mean, reach) = (f64::from(splats.means[i][k]), REACH * largest(splats, i));
                 [mean - reach, mean + reach]
             });
-            range(bounds, options.outliers)
+            range_within(bounds, options.outliers, [f64::NEG_INFINITY, f64::INFINITY]).0
         });
         let origin = ranges.map(|[low, high]| 0.5 * (low + high));
         let diagonal = ranges.iter().map(|[low, high]| (high - low).powi(2)).sum::<f64>().sqrt();
@@ -146,20 +146,18 @@ impl Occluders {
         let axes = axes_of(fall);
         let mut is_whole = true;
         let [across, down] = [0, 1].map(|k| {
-            let [low, high] = range(
-                self.all.iter().map(|splat| {
-                    let (mean, reach) =
-                        (splat.along(axes[k]), REACH * splat.between(axes[k], axes[k]).sqrt());
-                    [mean - reach, mean + reach]
-                }),
-                self.options.outliers,
-            );
-            let Some((ends, metres)) = self.options.focus else { return [low, high] };
-            let [a, b] = ends.map(|end| dot(std::array::from_fn(|i| end[i] - self.origin[i]), axes[k]));
-            let reach = metres / self.metres_per_unit;
-            let [first, last] = [a.min(b) - reach, a.max(b) + reach];
-            is_whole &= low >= first && high <= last;
-            [low.max(first), high.min(last)]
+            let limits = self.options.focus.map_or([f64::NEG_INFINITY, f64::INFINITY], |(ends, metres)| {
+                let [a, b] = ends.map(|end| dot(std::array::from_fn(|i| end[i] - self.origin[i]), axes[k]));
+                let reach = metres / self.metres_per_unit;
+                [a.min(b) - reach, a.max(b) + reach]
+            });
+            let bounds = self.all.iter().map(|splat| {
+                let (mean, reach) = (splat.along(axes[k]), REACH * splat.between(axes[k], axes[k]).sqrt());
+                [mean - reach, mean + reach]
+            });
+            let (range, is_cut) = range_within(bounds, self.options.outliers, limits);
+            is_whole &= !is_cut;
+            range
         });
         let size = [across[1] - across[0], down[1] - down[0]];
         let mut cell = self.options.cell / self.metres_per_unit;
@@ -207,12 +205,22 @@ fn largest(splats: &Splats, index: usize) -> f64 {
     f64::from(a.max(b).max(c)).exp()
 }
 
-/// From the low quantile `outliers` of the lower ends to the high one of the upper ends; both 0 if there are none.
-fn range(bounds: impl Iterator<Item = [f64; 2]>, outliers: f64) -> [f64; 2] {
+/// From the low quantile `outliers` of the lower ends to the high one of the upper ends, cut off at limits; and true if they
+/// cut anything off. Both ends are 0 if there are no bounds.
+fn range_within(
+    bounds: impl Iterator<Item = [f64; 2]>,
+    outliers: f64,
+    [first, last]: [f64; 2],
+) -> ([f64; 2], bool) {
     let (mut lows, mut highs): (Vec<f64>, Vec<f64>) = bounds.map(|[low, high]| (low, high)).unzip();
-    let Some(last) = lows.len().checked_sub(1) else { return [0.0; 2] };
-    let rank = ((outliers * last as f64) as usize).min(last / 2);
-    let low = *lows.select_nth_unstable_by(rank, f64::total_cmp).1;
-    let high = *highs.select_nth_unstable_by(last - rank, f64::total_cmp).1;
-    [low, high]
+    let Some(end) = lows.len().checked_sub(1) else { return ([0.0; 2], false) };
+    let rank = ((outliers * end as f64) as usize).min(end / 2);
+    // Counting is quicker than looking for a quantile that is cut off.
+    let is_cut = [
+        lows.iter().filter(|low| **low < first).count() > rank,
+        highs.iter().filter(|high| **high > last).count() > rank,
+    ];
+    let low = if is_cut[0] { first } else { *lows.select_nth_unstable_by(rank, f64::total_cmp).1 };
+    let high = if is_cut[1] { last } else { *highs.select_nth_unstable_by(end - rank, f64::total_cmp).1 };
+    ([low, high], is_cut[0] || is_cut[1])
 }
