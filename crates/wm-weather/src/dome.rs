@@ -16,6 +16,7 @@
 //! headings turn clockwise seen from above.
 
 use crate::panorama::{LowerHemisphere, Panorama, smooth};
+use glam::DMat3;
 use std::sync::Arc;
 use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::hooks::{Backdrop, Detail, GROUP, ShadeGroup, SkySplats};
@@ -199,6 +200,12 @@ pub fn level_axes(up: [f64; 3]) -> [[f64; 3]; 3] {
     let f = forward.map(|v| v / length);
     let right = [f[1] * up[2] - f[2] * up[1], f[2] * up[0] - f[0] * up[2], f[0] * up[1] - f[1] * up[0]];
     [f, right, up]
+}
+
+/// The rotation from world to [`level_axes`].
+#[must_use]
+pub fn level_matrix(up: [f64; 3]) -> DMat3 {
+    DMat3::from_cols_array_2d(&level_axes(up)).transpose()
 }
 
 /// A vector of world axes along [`level_axes`].

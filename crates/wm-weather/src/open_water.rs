@@ -4,7 +4,7 @@
 //! pools are blue, level, and no higher than what is around them. Ponds and rivers have the colours of what they mirror, so that
 //! they must be outlined.
 
-use crate::dome::level_axes;
+use crate::dome::level_matrix;
 use crate::optics::Site;
 use glam::{DMat3, DVec3};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -49,7 +49,7 @@ impl OpenWater {
     /// Finds the open water of a scene: the stated `outlines` (world, scene units), or blue pools if they are `None`.
     #[must_use]
     pub fn of(splats: &Splats, outlines: Option<&[Vec<[f64; 3]>]>, site: &Site) -> Self {
-        let axes = DMat3::from_cols_array_2d(&level_axes(site.up)).transpose();
+        let axes = level_matrix(site.up);
         let mut water = Self { level: axes * site.metres_per_unit, cells: BTreeMap::new() };
         match outlines {
             Some(outlines) => outlines.iter().for_each(|outline| water.fill(outline)),

@@ -6,7 +6,7 @@
 
 use super::photo_view::{PhotoView, Spot};
 use super::places::PlaceMap;
-use crate::dome::level_axes;
+use crate::dome::level_matrix;
 use crate::threads::map;
 use glam::{DMat3, DVec3, IVec3};
 
@@ -159,7 +159,7 @@ impl Cubes {
 
 /// Fuses the surfaces of all cameras in cubes; wide ones only where there are no narrow ones.
 pub(super) fn fuse(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Vec<Disc> {
-    let level = DMat3::from_cols_array_2d(&level_axes(up)).transpose();
+    let level = level_matrix(up);
     let grid = Grid { level, cube: CUBE / metres_per_unit };
     let each = map(views.len(), threads, |index| {
         let mut cubes = Cubes::default();

@@ -12,7 +12,7 @@
 
 use super::FloorPlane;
 use super::photo_view::PhotoView;
-use crate::dome::level_axes;
+use crate::dome::level_matrix;
 use crate::threads::map;
 use glam::{DMat3, DVec3};
 use std::sync::Arc;
@@ -75,8 +75,9 @@ pub(super) type Eye = (DVec3, f64);
 
 /// A lattice of hat functions over the square of the field.
 struct Lattice {
-    /// Nodes along a side and how many of them there are for one of the finest.
+    /// Nodes along a side.
     side: usize,
+    /// Spacing of the finest lattice over its own.
     scale: f32,
     /// The value of each node, the weight that it was found with, and the mean square of what is left, m^2.
     value: Vec<f32>,
@@ -99,7 +100,7 @@ fn about(side: usize, [x, y]: [f32; 2]) -> [(usize, f32); 4] {
 }
 
 impl Lattice {
-    /// Of `nodes` spacings of the finest to one of its own.
+    /// A lattice over the square of the finest, of `finest` nodes a side, with a spacing `scale` times as wide.
     fn new(finest: usize, scale: usize) -> Self {
         let side = (finest - 1).div_ceil(scale) + 1;
         let side = side.max(2);
@@ -147,7 +148,7 @@ impl GroundField {
     /// Of what cameras see of a place; `None` where they see next to no level surface. Under cameras that were carried over it
     /// at one height it is that far below them.
     fn of(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Option<Self> {
-        let level = DMat3::from_cols_array_2d(&level_axes(up)).transpose();
+        let level = level_matrix(up);
         let cameras: Vec<DVec3> =
             views.iter().map(|view| level * view.camera.center() * metres_per_unit).collect();
         let middle = cameras.iter().sum::<DVec3>() / cameras.len().max(1) as f64;
@@ -294,8 +295,8 @@ impl GroundField {
     }
 
     /// Puts a pixel on the ground that shows a point at `depth` along a ray of length 1 (world; scene units, 0 for nothing):
-    /// the distance to it and its normal. `None` for a pixel that shows something else or is known well.
-    pub(super) fn snapped(&self, (eye, height): Eye, ray: DVec3, depth: f64) -> Option<(f64, DVec3)> {
+    /// the distance to it. `None` for a pixel that shows something else or is known well.
+    pub(super) fn snapped(&self, (eye, height): Eye, ray: DVec3, depth: f64) -> Option<f64> {
         let ray = self.level * ray;
         if ray.z > STEEPEST * ray.truncate().length() {
             return None;
@@ -313,7 +314,7 @@ impl GroundField {
         let normal = self.normal(met)?;
         let is_rough = doubt > DOUBTFUL || -(self.level * normal).dot(ray) < GRAZING;
         let is_shown = is_rough && doubt < MOST_DOUBT[0].max(MOST_DOUBT[1] * height) && above < slab;
-        is_shown.then_some((way / self.metres_per_unit, normal))
+        is_shown.then_some(way / self.metres_per_unit)
     }
 }
 

@@ -152,7 +152,7 @@ impl PhotoView {
                 continue;
             }
             let (along, depth) = (ray.dot(forward), f64::from(self.depth[pixel]));
-            if let Some((way, _)) = field.snapped(eye, ray, depth / along) {
+            if let Some(way) = field.snapped(eye, ray, depth / along) {
                 (self.depth[pixel], self.on[pixel]) = ((way * along) as f32, ON_FIELD);
             }
         }
