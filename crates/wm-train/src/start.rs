@@ -100,6 +100,8 @@ pub struct SkyPhotos<'a> {
     pub look: &'a (dyn Fn(usize, [f64; 2]) -> (SkyClass, [u8; 3]) + Sync),
     /// The direction against gravity, world axes, length 1.
     pub up: DVec3,
+    /// The sine of the height down to which photos show endless haze, which looks like sky; `None` without haze.
+    pub lowest: Option<f64>,
 }
 
 /// Adds splats on a far half sphere about the scene, in group [`Group::Sky`].
@@ -117,7 +119,7 @@ pub fn add_sky(
 ) -> usize {
     let cameras = photos.cameras;
     let center = cameras.iter().map(Camera::center).sum::<DVec3>() / cameras.len().max(1) as f64;
-    let up = photos.up;
+    let (up, below) = (photos.up, photos.lowest.map_or(BELOW, |lowest| lowest.min(BELOW)));
     let mut distances: Vec<f64> = points
         .positions
         .iter()
@@ -138,7 +140,7 @@ pub fn add_sky(
             let around = (1.0 - height * height).sqrt();
             DVec3::new(around * cos, around * sin, height)
         })
-        .filter(|direction| direction.dot(up) > BELOW)
+        .filter(|direction| direction.dot(up) > below)
         .collect();
     let seen: Vec<Option<[f32; 3]>> =
         directions.par_iter().map(|direction| seen_sky(photos, center + radius * *direction)).collect();
@@ -279,7 +281,7 @@ mod tests {
                 true => (SkyClass::Sky, [if x < 0.5 { 255 } else { 0 }, 100, 200]),
                 false => (SkyClass::Place, [0; 3]),
             };
-            let photos = SkyPhotos { cameras: &[camera], look: &look, up: DVec3::Z };
+            let photos = SkyPhotos { cameras: &[camera], look: &look, up: DVec3::Z, lowest: None };
             assert_eq!(add_sky(&mut splats, &photos, &points, 2.0, 1000), splats.len());
             splats
         };

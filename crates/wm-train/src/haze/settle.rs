@@ -4,35 +4,22 @@
 //! steps of the optimiser, whose length does not depend on that of gradients, make a random walk of it. Such colours are drawn
 //! towards the mean of those that are known, as far as noise outweighs what colours differ by.
 
+use glam::DVec3;
 use rayon::prelude::*;
 use wm_render::EvenAir;
+use wm_scene::sh::C0;
 use wm_scene::{Camera, Group, Splats};
 
 /// Noise of photos and of what is learnt from them, over the spread of clear colours: at this transmittance they weigh the same.
-const NOISE: f64 = 0.07;
+const NOISE: f64 = 0.2;
 /// Transmittance from which colours are known.
 const KNOWN: f64 = 0.3;
 
 /// Draws the colours of splats that all of `cameras` see through much air towards the mean of the others.
 pub fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
-    let shown: Vec<f64> =
-        (0..splats.len()).into_par_iter().map(|index| shown(splats, index, cameras, air)).collect();
+    let shown = transmittances(splats, cameras, air);
+    let Some(mean) = mean_of_known(splats, &shown, &|_| true) else { return };
     let stride = splats.sh_stride();
-    let (mut sum, mut weights) = ([0.0f64; 3], 0.0f64);
-    for (index, shown) in shown.iter().enumerate() {
-        if splats.groups[index] != Group::Sky && *shown > KNOWN {
-            let [x, y, z] = splats.log_scales[index].map(f64::from);
-            // The area that it covers, about.
-            let weight = (x + y + z - x.min(y).min(z)).exp() * opacity(splats.logit_opacities[index]);
-            let own = &splats.sh[index * stride..];
-            (0..3).for_each(|c| sum[c] += weight * f64::from(own[c]));
-            weights += weight;
-        }
-    }
-    if weights <= 0.0 {
-        return;
-    }
-    let mean = sum.map(|sum| sum / weights);
     for (index, shown) in shown.iter().enumerate() {
         if splats.groups[index] == Group::Sky {
             continue;
@@ -46,25 +33,61 @@ pub fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
     }
 }
 
-/// Returns the share of a splat's light that arrives at the nearest camera that has it in view; of one that none has in view, at the
-/// nearest of all.
-fn shown(splats: &Splats, index: usize, cameras: &[Camera], air: &EvenAir) -> f64 {
-    let at = glam::DVec3::from_array(splats.means[index].map(f64::from));
-    let nearest = |seen: bool| {
-        let in_view = |camera: &&Camera| {
-            !seen
-                || camera.project(at).is_some_and(|(x, y, z)| {
-                    z > camera.near
-                        && (0.0..f64::from(camera.width)).contains(&x)
-                        && (0.0..f64::from(camera.height)).contains(&y)
-                })
+/// Returns the mean colour (display-referred) of the splats at places that count of which `cameras` show the colour; `None` if there are
+/// none.
+pub fn mean_color(
+    splats: &Splats,
+    cameras: &[Camera],
+    air: &EvenAir,
+    counts: &dyn Fn(DVec3) -> bool,
+) -> Option<[f32; 3]> {
+    let mean = mean_of_known(splats, &transmittances(splats, cameras, air), counts)?;
+    Some(mean.map(|coefficient| (coefficient * C0 + 0.5) as f32))
+}
+
+/// Returns the mean of the first SH coefficients of the splats that are shown well.
+fn mean_of_known(splats: &Splats, shown: &[f64], counts: &dyn Fn(DVec3) -> bool) -> Option<[f64; 3]> {
+    let stride = splats.sh_stride();
+    let (mut sum, mut weights) = ([0.0f64; 3], 0.0f64);
+    for (index, shown) in shown.iter().enumerate() {
+        if splats.groups[index] != Group::Sky && *shown > KNOWN && counts(place(splats, index)) {
+            let [x, y, z] = splats.log_scales[index].map(f64::from);
+            // The area that it covers, about.
+            let weight = (x + y + z - x.min(y).min(z)).exp() * opacity(splats.logit_opacities[index]);
+            let own = &splats.sh[index * stride..];
+            (0..3).for_each(|c| sum[c] += weight * f64::from(own[c]));
+            weights += weight;
+        }
+    }
+    (weights > 0.0).then(|| sum.map(|sum| sum / weights))
+}
+
+/// Returns the share of each splat's light that arrives at the nearest camera that has it in view; of one that none has in view, at
+/// the nearest of all.
+fn transmittances(splats: &Splats, cameras: &[Camera], air: &EvenAir) -> Vec<f64> {
+    let of = |index: usize| {
+        let at = place(splats, index);
+        let in_view = |camera: &Camera| {
+            camera.project(at).is_some_and(|(x, y, z)| {
+                z > camera.near
+                    && (0.0..f64::from(camera.width)).contains(&x)
+                    && (0.0..f64::from(camera.height)).contains(&y)
+            })
         };
-        let distances = cameras.iter().filter(in_view).map(|camera| camera.center().distance(at));
-        distances.fold(f64::INFINITY, f64::min)
+        let distance = Some(nearest(cameras, at, in_view)).filter(|distance| distance.is_finite());
+        air.transmittance(distance.unwrap_or_else(|| nearest(cameras, at, |_| true)))
     };
-    let distance =
-        Some(nearest(true)).filter(|distance| distance.is_finite()).unwrap_or_else(|| nearest(false));
-    air.transmittance(distance)
+    (0..splats.len()).into_par_iter().map(of).collect()
+}
+
+/// Returns the distance of a place from the nearest of those cameras that count; infinity if none does.
+pub fn nearest(cameras: &[Camera], at: DVec3, counts: impl Fn(&Camera) -> bool) -> f64 {
+    let distances = cameras.iter().filter(|camera| counts(camera)).map(|camera| camera.center().distance(at));
+    distances.fold(f64::INFINITY, f64::min)
+}
+
+fn place(splats: &Splats, index: usize) -> DVec3 {
+    DVec3::from_array(splats.means[index].map(f64::from))
 }
 
 fn opacity(logit: f32) -> f64 {
@@ -74,7 +97,6 @@ fn opacity(logit: f32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
     use wm_scene::splats::Splat;
 
     #[test]
@@ -102,12 +124,16 @@ mod tests {
         let stride = splats.sh_stride();
         let rows = |splats: &Splats, i: usize| splats.sh[i * stride..(i + 1) * stride].to_vec();
         let close = |a: &[f32], b: &[f32], by: f32| a.iter().zip(b).all(|(a, b)| (a - b).abs() < by);
-        assert!(
-            close(&rows(&splats, 0), &rows(&before, 0), 0.02)
-                && close(&rows(&splats, 1), &rows(&before, 1), 0.1)
-        );
         let (near, next) = (rows(&before, 0), rows(&before, 1));
         let mean: Vec<f32> = (0..3).map(|c| 0.5 * (near[c] + next[c])).collect();
+        // The nearer, the more of a splat's own colour is left.
+        for (index, distance) in [(0, 1.0f64), (1, 10.0)] {
+            let kept = (-0.2 * distance).exp();
+            let share = (kept / (kept + NOISE * NOISE)) as f32;
+            let own = rows(&before, index);
+            let wanted: Vec<f32> = (0..3).map(|c| mean[c] + share * (own[c] - mean[c])).collect();
+            assert!(close(&rows(&splats, index)[..3], &wanted, 1e-3), "{index}");
+        }
         let hidden = rows(&splats, 2);
         assert!(close(&hidden[..3], &mean, 1e-3) && hidden[3..].iter().all(|v| v.abs() < 1e-3));
         assert_eq!(rows(&splats, 3), rows(&before, 3));

@@ -93,6 +93,19 @@ fn light_of_the_horizon_is_kept() {
 }
 
 #[test]
+fn the_error_covers_a_camera_that_compresses_bright_light() {
+    let (mut tracks, positions) = Road { extinction: 0.02, exposures: 0.0, strays: 0.02, seed: 11 }.tracks();
+    let compressed = |v: f64| if v < 0.45 { v } else { 0.45 + 0.4 * (1.0 - (-(v - 0.45) / 0.4).exp()) };
+    for light in tracks.iter_mut().flat_map(|track| &mut track.sightings).flat_map(|seen| &mut seen.light) {
+        *light = compressed(f64::from(*light)) as f32;
+    }
+    let known = Known { airlight: Some(AIRLIGHT.map(compressed)), ..Known::default() };
+    let haze = Evidence::of(tracks, &positions, PHOTOS, known).unwrap().haze;
+    let error = haze.error.unwrap();
+    assert!((haze.extinction - 0.02).abs() < 2.5 * error && error < 0.004, "{haze:?}");
+}
+
+#[test]
 fn clear_air_is_no_haze() {
     for (exposures, strays, seed) in [(0.0, 0.0, 4), (0.1, 0.05, 5)] {
         let found = Road { extinction: 0.0, exposures, strays, seed }.evidence();

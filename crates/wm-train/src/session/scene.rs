@@ -8,7 +8,7 @@ use crate::brightness::PhotoGains;
 use crate::config::{HazeMode, TrainConfig};
 use crate::dataset::Dataset;
 use crate::fill::{FillView, fill};
-use crate::haze::{PhotoHaze, settle};
+use crate::haze::{FarGround, PhotoHaze, settle};
 use crate::photos::Photo;
 use crate::priors::{Prior, Priors, SkyClass};
 use crate::start::{self, SkyPhotos, StartConfig};
@@ -67,9 +67,20 @@ pub(super) fn start(
         return Err(SessionError::NoFinitePoint(dataset.to_owned()));
     }
     if config.sky_splats > 0 && priors.is_some_and(Priors::has_sky) {
-        add_sky(&mut splats, data, &views, extent, config.sky_splats);
+        let cameras = data.cameras();
+        let lowest = far_ground(data, &cameras, haze).map(|ground| ground.lowest());
+        add_sky(&mut splats, data, &views, extent, config.sky_splats, lowest);
     }
     Ok(splats)
+}
+
+/// Returns the ground that the haze hides from `cameras`, if up is known.
+fn far_ground<'a>(
+    data: &TrainData,
+    cameras: &'a [Camera],
+    haze: Option<&PhotoHaze>,
+) -> Option<FarGround<'a>> {
+    FarGround::new(cameras, &data.set.capture.points, data.up?.up, haze?)
 }
 
 /// A photo's camera and prior, and the photo in about the size of the prior: its pixels are means of the photo's.
@@ -88,8 +99,15 @@ fn prior_views(data: &TrainData, priors: &Priors) -> Result<Vec<PriorView>, Sess
     Ok(views)
 }
 
-/// Adds the sky where the priors say that photos show it.
-fn add_sky(splats: &mut Splats, data: &TrainData, views: &[PriorView], extent: f64, count: u32) {
+/// Adds the sky where the priors say that photos show it; haze of a place is seen as sky down to the sine `lowest`.
+fn add_sky(
+    splats: &mut Splats,
+    data: &TrainData,
+    views: &[PriorView],
+    extent: f64,
+    count: u32,
+    lowest: Option<f64>,
+) {
     let Some(up) = data.up else { return };
     let views: Vec<&PriorView> = views.iter().filter(|(_, prior, _)| !prior.sky.is_empty()).collect();
     let cameras: Vec<Camera> = views.iter().map(|(camera, ..)| *camera).collect();
@@ -101,7 +119,7 @@ fn add_sky(splats: &mut Splats, data: &TrainData, views: &[PriorView], extent: f
         let at = 3 * (row * photo.width as usize + column);
         (class, [photo.rgb[at], photo.rgb[at + 1], photo.rgb[at + 2]])
     };
-    let photos = SkyPhotos { cameras: &cameras, look: &look, up: up.up };
+    let photos = SkyPhotos { cameras: &cameras, look: &look, up: up.up, lowest };
     start::add_sky(splats, &photos, &data.set.capture.points, extent, count as usize);
 }
 
@@ -193,7 +211,11 @@ pub(super) fn finish(
     let facts = with_up(&options.facts, data);
     label_sky(&mut splats);
     if let Some(haze) = haze {
-        settle(&mut splats, &data.cameras(), &haze.air());
+        let cameras = data.cameras();
+        settle(&mut splats, &cameras, &haze.air());
+        if let Some(ground) = far_ground(data, &cameras, Some(haze)) {
+            ground.add(&mut splats, start::extent(&cameras), haze);
+        }
     }
     let mut metadata = Metadata {
         rasterization: Some(config.rasterization),

@@ -11,7 +11,7 @@ use super::{SessionOptions, scene};
 use crate::checkpoint::{self, CheckpointHead};
 use crate::config::{ExposureMode, TrainConfig};
 use crate::exposure::Exposures;
-use crate::haze::PhotoHaze;
+use crate::haze::{PhotoHaze, without_hidden};
 use crate::losses::TrainPhoto;
 use crate::metrics::{Ssim, psnr};
 use crate::movers::MoverMask;
@@ -302,6 +302,10 @@ impl Training {
         let level = self.trainer.level_at(step, self.last_level);
         let (index, photo) = self.photo_at(step, level, observer)?;
         let prior = self.prior(self.data.set.places[index])?;
+        let prior = match (prior, &self.haze) {
+            (Some(prior), Some(haze)) => Some(Arc::new(without_hidden(&prior, &photo, haze))),
+            (prior, _) => prior,
+        };
         let truth = TrainPhoto {
             prior: prior.as_deref(),
             ..self.pixels.truth_without(&photo, self.movers.get(index))
