@@ -169,7 +169,7 @@ fn values_that_cannot_be_used_are_refused() {
 fn nothing_lies_on_outlined_water() {
     let yard = Yard::new();
     yard.run(&["align", "yard.ply", "-o", "dry.ply", "--ground", &yard.ground(), "--metres-per-unit", "2"]);
-    let corners = [(-8.0, -7.0), (6.0, -7.0), (6.0, -2.0), (-8.0, -2.0)];
+    let corners = [(-9.0, -10.0), (-4.5, -10.0), (-4.5, -4.0), (-9.0, -4.0)];
     let outline = corners.map(|(x, y)| yard.at(x, y, 0.0)).join(":");
     let lines = yard.run(&["align", "dry.ply", "-o", "pond.spz", "--water", &outline]);
     assert!(lines.contains("water: 1 outline"), "{lines}");
@@ -190,7 +190,7 @@ fn nothing_lies_on_outlined_water() {
         let place = |i: usize| {
             2.0 * (yard.turn.inverse() * (DVec3::from_array(white.splats.means[i].map(f64::from)) - SHIFT))
         };
-        let is_there = |p: &DVec3| (-7.5..5.5).contains(&p.x) && (-6.5..-2.5).contains(&p.y) && p.z < 0.5;
+        let is_there = |p: &DVec3| (-8.5..-5.0).contains(&p.x) && (-9.5..-4.5).contains(&p.y);
         let snow = (0..white.splats.len()).filter(|i| white.splats.groups[*i] == Group::Snow);
         snow.map(place).filter(is_there).count()
     };
