@@ -47,14 +47,16 @@ const RIVAL: f64 = 0.966;
 /// Lead over the best rival, nats, from which up is sure, and from which it is likely.
 const SURE: f64 = 4.0;
 const LIKELY: f64 = 1.5;
-/// What splats tell of an object without ground is noise. Up is then the axis that most programs write, unless they are so
-/// many nats against it, or the sky, longer than this, tells.
-const AGAINST: f64 = 4.0;
-const SKY: f64 = 0.2;
-/// Evidence of ground, nats, below which there is none: a tenth of the surfaces.
+/// Evidence of ground, nats, below which there is none: a tenth of the surfaces. The other evidence is noise then, as of an object
+/// that was cut out.
 const GROUNDLESS: f64 = -3.3;
-/// That axis, since cameras of structure from motion have y down; a peak of normals this near is it, as a cosine.
+/// Length of the mean direction of the sky from which it tells up.
+const SKY: f64 = 0.2;
+/// Up of an object without ground: most programs write y down, as cameras of structure from motion have it.
 const USUAL: DVec3 = DVec3::NEG_Y;
+/// Lead of another direction, nats, with which an object does not stand so.
+const AGAINST: f64 = 4.0;
+/// Cosine from which a candidate is that axis.
 const SAME: f64 = 0.996;
 /// Largest angle between the ups of the two halves of a scene with which up is sure, degrees.
 const HALVES: f64 = 5.0;

@@ -1,6 +1,6 @@
 //! The ground that the haze hides, from where it begins to the horizon.
 //!
-//! Where photos look down into endless haze they show ground, but none of its texture: neither the reconstruction nor stereo has
+//! Photos that look down into endless haze show ground, but none of its texture: neither the reconstruction nor stereo has
 //! points there. A training that must cover these pixels has nothing but what stands before them, and blows it up into white
 //! curtains at distances where the haze is still thin. So nothing is claimed of these pixels while the scene learns
 //! ([`without_hidden`]), and its sky reaches as far down as they do ([`FarGround::lowest`]). In the finished scene level ground lies
