@@ -36,12 +36,14 @@ const OWN: [f64; 2] = [0.4, 2.5];
 /// A place in the grid.
 type Cell = [i32; 2];
 
-/// Areas of open water over a level grid.
+/// Areas of open water.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OpenWater {
     /// World to level axes, m.
     level: DMat3,
-    /// Height of the water in each cell, m.
+    /// Stated ones: corners, level axes, m.
+    outlines: Vec<Vec<DVec3>>,
+    /// Pools that were found: the height of the water in each cell of a level grid, m.
     cells: BTreeMap<Cell, f64>,
 }
 
@@ -49,57 +51,26 @@ impl OpenWater {
     /// Finds the open water of a scene: the stated `outlines` (world, scene units), or blue pools if they are `None`.
     #[must_use]
     pub fn of(splats: &Splats, outlines: Option<&[Vec<[f64; 3]>]>, site: &Site) -> Self {
-        let axes = level_matrix(site.up);
-        let mut water = Self { level: axes * site.metres_per_unit, cells: BTreeMap::new() };
-        match outlines {
-            Some(outlines) => outlines.iter().for_each(|outline| water.fill(outline)),
-            None => water.guess(splats, site.metres_per_unit),
+        let level = level_matrix(site.up) * site.metres_per_unit;
+        let corners =
+            |outline: &Vec<[f64; 3]>| outline.iter().map(|p| level * DVec3::from_array(*p)).collect();
+        let stated = outlines.unwrap_or_default().iter().map(corners).collect();
+        let mut water = Self { level, outlines: stated, cells: BTreeMap::new() };
+        if outlines.is_none() {
+            water.guess(splats, site.metres_per_unit);
         }
         water
-    }
-
-    /// The area, m^2.
-    #[must_use]
-    pub fn area(&self) -> f64 {
-        self.cells.len() as f64 * CELL * CELL
     }
 
     /// Returns true if a point (world, scene units) is at the surface of open water.
     #[must_use]
     pub fn covers(&self, point: [f64; 3]) -> bool {
-        if self.cells.is_empty() {
+        if self.cells.is_empty() && self.outlines.is_empty() {
             return false;
         }
         let at = self.level * DVec3::from_array(point);
         self.cells.get(&cell_of(at)).is_some_and(|height| is_own(at.z - height))
-    }
-
-    /// Adds the inside of an outline.
-    fn fill(&mut self, outline: &[[f64; 3]]) {
-        let corners: Vec<DVec3> =
-            outline.iter().map(|corner| self.level * DVec3::from_array(*corner)).collect();
-        let height = corners.iter().map(|corner| corner.z).sum::<f64>() / corners.len().max(1) as f64;
-        let (low, high) = corners.iter().fold((DVec3::MAX, DVec3::MIN), |(l, h), p| (l.min(*p), h.max(*p)));
-        let [first, last] = [low, high].map(cell_of);
-        if corners.len() < 3 || !(low.is_finite() && high.is_finite()) {
-            return;
-        }
-        for row in first[1]..=last[1] {
-            let y = (f64::from(row) + 0.5) * CELL;
-            // Places where the row's middle line crosses the outline, in pairs.
-            let mut crossings: Vec<f64> = (0..corners.len())
-                .map(|k| (corners[k], corners[(k + 1) % corners.len()]))
-                .filter(|(a, b)| (a.y > y) != (b.y > y))
-                .map(|(a, b)| a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x))
-                .collect();
-            crossings.sort_by(f64::total_cmp);
-            for pair in crossings.chunks_exact(2) {
-                let column = |x: f64| (x / CELL - 0.5).ceil() as i32;
-                for x in column(pair[0])..column(pair[1]) {
-                    self.cells.insert([x, row], height);
-                }
-            }
-        }
+            || self.outlines.iter().any(|outline| is_inside(outline, at))
     }
 
     /// Adds pools, found by their colour.
@@ -156,7 +127,18 @@ struct Patch {
 }
 
 fn cell_of(at: DVec3) -> Cell {
-    [at.x, at.y].map(|v| (v / CELL).floor() as i32)
+    // Cells next to the farthest have numbers too.
+    [at.x, at.y].map(|v| (v / CELL).floor().clamp(-1e9, 1e9) as i32)
+}
+
+/// Returns true if a point is at the water inside of an outline: a line from it to one side crosses that an odd number of times.
+fn is_inside(outline: &[DVec3], at: DVec3) -> bool {
+    let height = outline.iter().map(|corner| corner.z).sum::<f64>() / outline.len() as f64;
+    let edges = outline.iter().zip(outline.iter().cycle().skip(1));
+    let is_crossed = |(a, b): &(&DVec3, &DVec3)| {
+        (a.y > at.y) != (b.y > at.y) && at.x < a.x + (at.y - a.y) / (b.y - a.y) * (b.x - a.x)
+    };
+    is_own(at.z - height) && edges.filter(is_crossed).count() % 2 == 1
 }
 
 /// The places in a square about one.
@@ -216,9 +198,13 @@ fn closed(pool: &[Cell]) -> Vec<Cell> {
     wide.iter().filter(|cell| is_inside(cell)).copied().collect()
 }
 
-/// The cells with those in a square about each.
+/// The cells with those in a square about each. Only those at the border have others about them.
 fn widened(cells: &[Cell], radius: i32) -> BTreeSet<Cell> {
-    cells.iter().flat_map(|[x, y]| square(radius).map(move |[dx, dy]| [x + dx, y + dy])).collect()
+    let own: BTreeSet<Cell> = cells.iter().copied().collect();
+    let about = |[x, y]: Cell, radius: i32| square(radius).map(move |[dx, dy]| [x + dx, y + dy]);
+    let border = cells.iter().filter(|cell| !about(**cell, 1).all(|near| own.contains(&near)));
+    let around: BTreeSet<Cell> = border.flat_map(|cell| about(*cell, radius)).collect();
+    &own | &around
 }
 
 /// Returns true if a surface so far above water, m, is the water's own.
@@ -263,14 +249,15 @@ mod tests {
     #[test]
     fn blue_pools_are_found_and_blue_roofs_and_grey_yards_are_not() {
         let water = |rgb, height| OpenWater::of(&yard(rgb, height), None, &SITE);
+        let area = |water: &OpenWater| water.cells.len() as f64 * CELL * CELL;
         let pool = water(POOL, -0.2);
-        assert!((50.0..85.0).contains(&pool.area()), "{}", pool.area());
+        assert!((50.0..85.0).contains(&area(&pool)), "{}", area(&pool));
         // 1 m in the air belongs to no water, and neither does the deck.
         assert!(
             pool.covers([0.0, 0.0, -0.4]) && !pool.covers([0.0, 0.0, 2.0]) && !pool.covers([12.0, 0.0, 0.0])
         );
-        assert_eq!(water(POOL, 4.0).area(), 0.0);
-        assert_eq!(water([0.5, 0.55, 0.6], -0.2).area(), 0.0);
+        assert_eq!(area(&water(POOL, 4.0)), 0.0);
+        assert_eq!(area(&water([0.5, 0.55, 0.6], -0.2)), 0.0);
     }
 
     #[test]
@@ -281,8 +268,15 @@ mod tests {
         let outline = [(0.0, 0.0), (6.0, 0.0), (6.0, 3.0), (4.0, 3.0), (4.0, 6.0), (0.0, 6.0)];
         let outline: Vec<[f64; 3]> = outline.iter().map(|(x, y)| corner(*x, *y)).collect();
         let water = OpenWater::of(&splats, Some(&[outline]), &SITE);
-        assert!((water.area() - 30.0).abs() < 1e-9, "{}", water.area());
+        let inside = (0..14 * 14).filter(|k| {
+            let [x, y] = [k % 14, k / 14].map(|v| f64::from(v) - 3.5);
+            water.covers(corner(x, y))
+        });
+        assert_eq!(inside.count(), 30);
         assert!(water.covers(corner(1.0, 5.0)) && !water.covers(corner(5.0, 5.0)));
-        assert_eq!(OpenWater::of(&splats, Some(&[]), &SITE).area(), 0.0);
+        assert!(!OpenWater::of(&splats, Some(&[]), &SITE).covers(corner(1.0, 1.0)));
+        // Of any size.
+        let far = vec![[-1e300, -1e300, 0.0], [1e300, -1e300, 0.0], [0.0, 1e300, 0.0]];
+        assert!(OpenWater::of(&splats, Some(&[far]), &SITE).covers(corner(1.0, 1.0)));
     }
 }
