@@ -90,12 +90,12 @@ pub struct ViewSearch<'a> {
 }
 
 impl ViewSearch<'_> {
-    /// Renders colour before black, alpha and depth.
-    fn look(&mut self, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
+    /// Renders colour before black, alpha and depth of a set of the scene's splats.
+    fn look(&mut self, set: SetId, camera: &Camera, frame: &mut Frame) -> Result<(), RenderError> {
         let outputs = Outputs { geometry: Geometry::Depth, ..Outputs::default() };
         let rasterization = self.scene.metadata.rasterization.unwrap_or_default();
         let config = RenderConfig { outputs, rasterization, ..RenderConfig::default() };
-        let sets = [SetView::plain(self.set)];
+        let sets = [SetView::plain(set)];
         let job = DrawPass::new(&sets, camera, &config);
         self.renderer.render(&job, frame)?;
         Ok(())

@@ -166,7 +166,7 @@ fn room_ahead(site: &mut ViewSearch<'_>, start: &Camera, ahead: DVec3) -> Result
     let (survey, up) = (site.survey, site.options.up(site.survey));
     let camera = start.refitted(180, 120);
     let mut frame = Frame::default();
-    site.look(&camera, &mut frame)?;
+    site.look(site.set, &camera, &mut frame)?;
     let most = FARTHEST * survey.radius;
     // A corridor as wide as a person with a tripod, its floor half way down to the ground.
     let half = (0.03 * survey.radius).min(1.0 / survey.metres_per_unit.value);

@@ -209,7 +209,8 @@ mod tests {
     fn rating(loaded: &mut LoadedScene, eye: [f64; 3], target: [f64; 3]) -> ViewRating {
         let camera = Camera::looking(SIZE, 50.0, eye.into(), target.into(), DVec3::Z).unwrap();
         let mut frame = Frame::default();
-        loaded.site(ViewOptions::default()).look(&camera, &mut frame).unwrap();
+        let set = loaded.set;
+        loaded.site(ViewOptions::default()).look(set, &camera, &mut frame).unwrap();
         rate(&frame, &camera, &loaded.survey, &SplatSample::of(&loaded.scene.splats))
     }
 
