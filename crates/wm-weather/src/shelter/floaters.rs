@@ -9,6 +9,7 @@
 //! Its cells are opened again, from half the gap below it, and find what stands there.
 
 use super::Grid;
+use crate::threads::map;
 
 /// The number of rounds in which floaters are removed: there may be some below others.
 pub(super) const ROUNDS: usize = 2;
@@ -22,6 +23,9 @@ const WIDTHS: [f64; 2] = [0.5, 2.0];
 /// Largest share of a floater in all cells that stop anything.
 const MOST: f64 = 0.02;
 
+/// Rows in which pieces are found on their own, before those that meet at their borders are joined.
+const BAND: usize = 64;
+
 /// The statistics of a piece.
 #[derive(Clone, Copy)]
 struct Piece {
@@ -32,41 +36,69 @@ struct Piece {
 }
 
 /// Opens the cells of floaters again, with the distance below which they look on; whether there are any.
-pub(super) fn reopen(stops: &mut [f32], clear: &mut [f32], grid: &Grid, metres_per_unit: f64) -> bool {
+pub(super) fn reopen(
+    stops: &mut [f32],
+    clear: &mut [f32],
+    grid: &Grid,
+    metres_per_unit: f64,
+    threads: usize,
+) -> bool {
     let step = (STEP / metres_per_unit) as f32;
-    let firsts = find_pieces(stops, grid, step);
-    let mut pieces = vec![Piece { cells: 0, gap: f32::INFINITY, deepest: f32::NEG_INFINITY }; stops.len()];
+    let firsts = find_pieces(stops, grid, step, threads);
+    let mut counts = vec![0u32; stops.len()];
     let mut covered = 0;
-    for (first, stop) in firsts.iter().zip(stops.iter()).filter(|(_, stop)| stop.is_finite()) {
-        let piece = &mut pieces[*first as usize];
-        piece.cells += 1;
-        piece.deepest = piece.deepest.max(*stop);
+    for (first, _) in firsts.iter().zip(stops.iter()).filter(|(_, stop)| stop.is_finite()) {
+        counts[*first as usize] += 1;
         covered += 1;
     }
-    pairs(stops, grid, |a, b, off| {
-        // Infinity minus itself is no number, and no edge of a piece.
-        if off > step {
-            let [a, b] = [a, b].map(|cell| cell as usize);
-            let (upper, lower) = if stops[a] < stops[b] { (a, b) } else { (b, a) };
-            let piece = &mut pieces[firsts[upper] as usize];
-            piece.gap = piece.gap.min(off);
-            pieces[firsts[lower] as usize].gap = 0.0;
-        }
-    });
+    // Most cells are in pieces that are too large whatever is near them: only the others are looked at.
     let cell = grid.cell * metres_per_unit;
+    let is_small = |cells: u32| {
+        f64::from(cells).sqrt() * cell < WIDTHS[1] && f64::from(cells) < MOST * f64::from(covered)
+    };
+    let mut pieces = Vec::new();
+    // The number of a small piece, from 1; 0 of others.
+    let mut numbers = counts;
+    for number in numbers.iter_mut().filter(|count| **count > 0) {
+        let cells = std::mem::take(number);
+        if is_small(cells) {
+            pieces.push(Piece { cells, gap: f32::INFINITY, deepest: f32::NEG_INFINITY });
+            *number = pieces.len() as u32;
+        }
+    }
+    let number = |index: usize| numbers[firsts[index] as usize] as usize;
+    let gaps = map(grid.rows.div_ceil(BAND), threads, |band| {
+        let mut gaps = Vec::new();
+        pairs(stops, grid, [band * BAND, band * BAND + BAND], |a, b, off| {
+            // Infinity minus itself is no number, and no edge of a piece.
+            if off > step {
+                let [a, b] = [a, b].map(|cell| cell as usize);
+                let (upper, lower) = if stops[a] < stops[b] { (a, b) } else { (b, a) };
+                let ends = [(number(upper), off), (number(lower), 0.0)];
+                gaps.extend(ends.into_iter().filter(|(number, _)| *number > 0));
+            }
+        });
+        gaps
+    });
+    for (number, gap) in gaps.into_iter().flatten() {
+        let piece: &mut Piece = &mut pieces[number - 1];
+        piece.gap = piece.gap.min(gap);
+    }
+    for (index, stop) in stops.iter().enumerate().filter(|(_, stop)| stop.is_finite()) {
+        if let Some(piece) = number(index).checked_sub(1).map(|at| &mut pieces[at]) {
+            piece.deepest = piece.deepest.max(*stop);
+        }
+    }
     let is_floater = |piece: &Piece| {
         let gap = f64::from(piece.gap) * metres_per_unit;
-        f64::from(piece.cells).sqrt() * cell < (WIDEST * gap).clamp(WIDTHS[0], WIDTHS[1])
-            && gap > 0.0
-            && f64::from(piece.cells) < MOST * f64::from(covered)
+        f64::from(piece.cells).sqrt() * cell < (WIDEST * gap).clamp(WIDTHS[0], WIDTHS[1]) && gap > 0.0
     };
     let mut is_any = false;
     for index in 0..stops.len() {
         if !stops[index].is_finite() {
             continue;
         }
-        let piece = pieces[firsts[index] as usize];
-        if is_floater(&piece) {
+        if let Some(piece) = number(index).checked_sub(1).map(|at| pieces[at]).filter(is_floater) {
             let below = if piece.gap.is_finite() { 0.5 * piece.gap } else { step };
             (stops[index], clear[index], is_any) = (piece.deepest + below, 1.0, true);
         }
@@ -81,14 +113,32 @@ pub(super) fn reopen(stops: &mut [f32], clear: &mut [f32], grid: &Grid, metres_p
 }
 
 /// Returns the first cell of the piece that each cell is in.
-fn find_pieces(stops: &[f32], grid: &Grid, step: f32) -> Vec<u32> {
-    let mut firsts: Vec<u32> = (0..stops.len() as u32).collect();
-    pairs(stops, grid, |a, b, off| {
-        // Most are joined already.
-        if off <= step && firsts[a as usize] != firsts[b as usize] {
-            join(&mut firsts, a, b);
-        }
+fn find_pieces(stops: &[f32], grid: &Grid, step: f32, threads: usize) -> Vec<u32> {
+    let Grid { columns, rows, .. } = *grid;
+    let band_rows = |band: usize| [band * BAND, rows.min(band * BAND + BAND)];
+    let bands = map(rows.div_ceil(BAND), threads, |band| {
+        let [first, end] = band_rows(band);
+        let start = (first * columns) as u32;
+        let mut parents: Vec<u32> = (0..((end - first) * columns) as u32).collect();
+        let inside = &stops[first * columns..end * columns];
+        pairs(inside, &Grid { rows: end - first, ..*grid }, [0, end - first], |a, b, off| {
+            // Most are joined already.
+            if off <= step && parents[a as usize] != parents[b as usize] {
+                join(&mut parents, a, b);
+            }
+        });
+        parents.iter_mut().for_each(|parent| *parent += start);
+        parents
     });
+    let mut firsts = bands.concat();
+    for border in (BAND..rows).step_by(BAND) {
+        pairs(stops, grid, [border.saturating_sub(REACH), border], |a, b, off| {
+            let is_across = b as usize >= border * columns;
+            if is_across && off <= step && firsts[a as usize] != firsts[b as usize] {
+                join(&mut firsts, a, b);
+            }
+        });
+    }
     // A parent is never behind its cell.
     for cell in 0..firsts.len() {
         firsts[cell] = firsts[firsts[cell] as usize];
@@ -96,10 +146,11 @@ fn find_pieces(stops: &[f32], grid: &Grid, step: f32) -> Vec<u32> {
     firsts
 }
 
-/// Calls `visit` once with each pair of cells within the reach, and how far apart they are along the fall.
-fn pairs(stops: &[f32], grid: &Grid, mut visit: impl FnMut(u32, u32, f32)) {
+/// Calls `visit` once with each pair of cells within the reach whose upper one is in these rows, and how far apart they
+/// are along the fall.
+fn pairs(stops: &[f32], grid: &Grid, [first, end]: [usize; 2], mut visit: impl FnMut(u32, u32, f32)) {
     let (columns, rows) = (grid.columns, grid.rows);
-    for row in 0..rows {
+    for row in first..end.min(rows) {
         for below in 0..=REACH.min(rows - 1 - row) {
             let right = REACH.min(columns - 1) as isize;
             for aside in if below == 0 { 1 } else { -right }..=right {

@@ -133,7 +133,7 @@ impl Occluders {
         let mut splats = vec![0; stops.len()];
         cast::cast(footprints, grid, &mut stops, &mut clear, &mut splats, threads);
         for _ in 0..floaters::ROUNDS {
-            if !floaters::reopen(&mut stops, &mut clear, grid, self.metres_per_unit) {
+            if !floaters::reopen(&mut stops, &mut clear, grid, self.metres_per_unit, threads) {
                 break;
             }
             cast::cast(&footprints.over(grid, &clear), grid, &mut stops, &mut clear, &mut splats, threads);
