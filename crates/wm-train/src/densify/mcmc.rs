@@ -7,7 +7,7 @@
 //! `o / sum_{i=1..n} sum_{k=0..i-1} C(i-1, k) (-1)^k o'^(k+1) / sqrt(k+1)`. Noise along each splat's own
 //! shape explores, as long as it is nearly transparent. Opacities and sizes are pulled down a little.
 //!
-//! Other than published: noise does not depend on the scene's unit and moves a splat by its own size at
+//! Other than published: neither the noise nor the pull on sizes depends on the scene's unit; noise moves a splat by its own size at
 //! most, or large ones would leave the scene for good; splats that no photo has in view any more are dead,
 //! since nothing pulls on their opacity; as long as splats are born none grows wider than a share of its distance from the middle of
 //! the place, or of the scene's extent, since one that fills gaps all over a photo stands in the way of every other view;
@@ -25,8 +25,8 @@ use wm_scene::splats::logit;
 const MOST_AT_ONE: usize = 51;
 /// Splats above this opacity have no noise: the gate is below 1e-4 there.
 const NOISY: f64 = 0.1;
-/// Extent of a scene, scene units, in which [`McmcConfig::noise`] is that of the publication: its scenes
-/// were of about this one.
+/// Extent of a scene, scene units, in which [`McmcConfig::noise`] and [`McmcConfig::scale`] are those of the
+/// publication: its scenes were of about this one.
 const USUAL_EXTENT: f64 = 5.0;
 /// Epochs after which what no photo has in view is dead: one epoch's last step and the next one's first
 /// can be nearly two apart.
@@ -55,7 +55,7 @@ pub struct McmcConfig {
     pub noise: f64,
     /// Weight of the mean opacity in the loss.
     pub opacity: f64,
-    /// Weight of the mean scale in the loss.
+    /// Weight of the mean scale, in fifths of the scene's extent, in the loss.
     pub scale: f64,
 }
 
@@ -95,8 +95,9 @@ impl DensifyStrategy for McmcConfig {
         ]
     }
 
-    fn terms(&self) -> SplatTerms {
-        SplatTerms { opacity: self.opacity, scale: self.scale, ..SplatTerms::default() }
+    fn terms(&self, extent: f64) -> SplatTerms {
+        let scale = self.scale * USUAL_EXTENT / extent;
+        SplatTerms { opacity: self.opacity, scale, ..SplatTerms::default() }
     }
 
     fn noise(&self, rate: f64, extent: f64, random: Random) -> Option<Noise> {
@@ -270,6 +271,14 @@ mod tests {
         assert!((widest(far) / (WIDEST * 300.0) - 1.0).abs() < 0.05, "{}", widest(far));
         assert!(widest(sky) > 2000.0);
         assert!((population.splats.scales(near)[1] - (-2f64).exp()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn no_unit_changes_the_pull_on_sizes() {
+        let config = McmcConfig::for_steps(1000, 100);
+        let pull = |unit: f64| config.terms(5.0 * unit).scale * 0.1 * unit;
+        assert!((pull(1.0) - config.scale * 0.1).abs() < 1e-12);
+        assert!((pull(30.0) - pull(1.0)).abs() < 1e-12);
     }
 
     /// n splats of the shared form, blended, have the alpha of the one at the centre, and nearly its

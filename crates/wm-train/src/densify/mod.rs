@@ -35,8 +35,9 @@ pub trait DensifyStrategy {
         ScreenGradients::Ignore
     }
 
-    /// Returns weights on opacities and scales that are added to the loss.
-    fn terms(&self) -> SplatTerms {
+    /// Returns weights on opacities and scales that are added to the loss. `extent` is the size of the scene, scene
+    /// units.
+    fn terms(&self, _extent: f64) -> SplatTerms {
         SplatTerms::default()
     }
 

@@ -103,7 +103,7 @@ impl Trainer {
             }
         }
         let strategy = self.config.densify.strategy();
-        let SplatTerms { opacity, scale, .. } = strategy.terms();
+        let SplatTerms { opacity, scale, .. } = strategy.terms(self.extent);
         (terms.opacity, terms.scale) = (terms.opacity + opacity, terms.scale + scale);
         let population = &mut self.state.population;
         let size = (truth.camera.width, truth.camera.height);
