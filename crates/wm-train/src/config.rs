@@ -304,7 +304,7 @@ impl RateConfig {
 }
 
 /// Pixels of photos for each splat, at least: more splats than that learn single photos by heart.
-const PIXELS_A_SPLAT: u64 = 100;
+const PIXELS_A_SPLAT: u64 = 60;
 
 impl Preset {
     /// Most splats for photos of `pixels` in all.
@@ -342,7 +342,7 @@ mod tests {
     #[test]
     fn few_pixels_make_few_splats() {
         // Nine photos of 600x444.
-        assert_eq!(Preset::Quick.max_splats_for(9 * 600 * 444), 23_976);
+        assert_eq!(Preset::Quick.max_splats_for(9 * 600 * 444), 39_960);
         assert_eq!(Preset::Quick.max_splats_for(100), 1000);
         assert_eq!([Preset::Quick, Preset::Best].map(|p| p.max_splats_for(u64::MAX)), [100_000, 1_000_000]);
     }

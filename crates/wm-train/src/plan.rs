@@ -15,7 +15,7 @@ pub struct TrainPlan {
     pub preset: Preset,
     /// The number of steps; `None` keeps the preset's.
     pub steps: Option<u32>,
-    /// The largest number of splats; `None` takes the preset's, or one for every 100 pixels of all photos if that is
+    /// The largest number of splats; `None` takes the preset's, or one for every 60 pixels of all photos if that is
     /// less.
     pub max_splats: Option<usize>,
     /// The densification strategy, one of [`Densify::NAMES`].
