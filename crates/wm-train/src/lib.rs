@@ -63,6 +63,7 @@ mod photo_warp;
 pub mod photos;
 mod pieces;
 pub mod plan;
+pub mod poor_photos;
 pub mod priors;
 pub mod random;
 pub mod schedule;

@@ -23,6 +23,7 @@ use wm_scene::formats;
 use wm_scene::{Metadata, Rasterization};
 use wm_train::config::{BackgroundKind, Densify, ExposureMode, HazeMode, MoverMode, Resolution};
 use wm_train::photos::PhotoSize;
+use wm_train::poor_photos::PoorPhotoMode;
 use wm_train::session::{PriorSource, Resume};
 use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 
@@ -90,7 +91,7 @@ struct TrainingArgs {
     /// Number of steps, each with one photo [default: the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Training")]
     steps: Option<u32>,
-    /// Maximum number of splats [default: 50,000, 100,000, 300,000 or 1,000,000 by preset, at most one per 100 pixels of all photos]
+    /// Maximum number of splats [default: 50,000, 100,000, 300,000 or 1,000,000 by preset, at most one per 60 pixels of all photos]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=20_000_000), help_heading = "Training")]
     max_splats: Option<u32>,
     /// Densification strategy: mcmc (a fixed budget), adaptive (as first published) or fixed (no splats are added)
@@ -109,6 +110,9 @@ struct TrainingArgs {
     /// Pixels that show people, cars and what else is in one photo and not in others: auto (found and left out) or keep
     #[arg(long, value_name = "CHOICE", default_value = "auto", help_heading = "Training")]
     movers: MoversArg,
+    /// Photos that are blurred, or white or black over much of the picture: auto (found and left out) or keep
+    #[arg(long, value_name = "CHOICE", default_value = "auto", help_heading = "Training")]
+    poor_photos: PoorPhotosArg,
     /// Haze in which the photos were taken: auto (looked for, measured and taken out), keep (a part of the scene), or its
     /// meteorological optical range in metres, which is taken out
     #[arg(long, value_name = "auto|keep|METRES", default_value = "auto", value_parser = parse_haze, help_heading = "Training")]
@@ -156,6 +160,10 @@ choice! {
 choice! {
     /// The treatment of movers.
     MoversArg { Auto, Keep }
+}
+choice! {
+    /// The treatment of poor photos.
+    PoorPhotosArg { Auto, Keep }
 }
 choice! {
     /// The background's name.
@@ -258,6 +266,10 @@ impl ReconstructArgs {
         SessionOptions {
             dataset: DatasetReadOptions { size: PhotoSize::Longest(longest), ..set.options() },
             held_out: self.photos.held_out.held_out(),
+            poor_photos: match self.training.poor_photos {
+                PoorPhotosArg::Auto => PoorPhotoMode::Auto,
+                PoorPhotosArg::Keep => PoorPhotoMode::Keep,
+            },
             plan,
             config,
             priors: self.geometry.priors(),

@@ -8,14 +8,20 @@ use crate::brightness::{PhotoGains, photo_gains};
 use crate::checkpoint::Taught;
 use crate::colmap::{self, ColmapOptions, Matching};
 use crate::dataset::{Dataset, DatasetReadOptions, misplaced, orientation};
-use crate::photos::Check;
+use crate::movers::{MoverMask, sheet};
+use crate::photos::{Check, Photo};
+use crate::poor_photos::{self, PhotoDefect, PoorPhotoMode, poor_photos};
 use crate::video;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use wm_scene::capture::CaptureUp;
 use wm_scene::capture::gps::GpsFit;
+use wm_scene::files::write_atomically;
 use wm_scene::{Camera, FormatError, Problem, SceneView};
+
+/// The picture of the poor photos in the run folder.
+const POOR: &str = "poor-photos.png";
 
 /// A data set that is open, and which photos it trains on.
 pub(super) struct TrainData {
@@ -27,6 +33,8 @@ pub(super) struct TrainData {
     pub up: Option<CaptureUp>,
     /// What the positions of the photos tell.
     pub gps: Option<GpsFit>,
+    /// Poor photos that were left out, with their defects.
+    poor: Vec<(usize, PhotoDefect)>,
     gains: OnceLock<Option<PhotoGains>>,
 }
 
@@ -66,7 +74,7 @@ impl TrainData {
         for skipped in photos.skipped() {
             observer.on_warning(&TrainWarning::LeftOut(skipped.clone()));
         }
-        let (held_out, places) = options.held_out.split(&photos);
+        let (held_out, mut places) = options.held_out.split(&photos);
         if places.len() < 3 {
             return Err(SessionError::TooFewPhotos {
                 dataset: dataset.to_owned(),
@@ -81,8 +89,23 @@ impl TrainData {
         if !misplaced.is_empty() {
             observer.on_warning(&TrainWarning::Misplaced(misplaced));
         }
+        let mut poor = match options.poor_photos {
+            PoorPhotoMode::Auto => poor_photos(&capture, &photos, &places),
+            PoorPhotoMode::Keep => Vec::new(),
+        };
+        if !poor.is_empty() {
+            let most = (poor_photos::MOST * places.len() as f64) as usize;
+            let are_left_out = poor.len() <= most && places.len() - poor.len() >= 3;
+            let name = |place: usize| capture.views[photos.view(place)].name.clone();
+            let found = poor.iter().map(|(place, defect)| (name(*place), *defect)).collect();
+            observer.on_warning(&TrainWarning::PoorPhotos { found, are_left_out });
+            if !are_left_out {
+                poor.clear();
+            }
+            places.retain(|place| poor.iter().all(|(poor, _)| poor != place));
+        }
         let (up, gps) = orientation(&capture, &photos, options.facts.up);
-        Ok(Self { set: Dataset { capture, photos, places }, held_out, up, gps, gains: OnceLock::new() })
+        Ok(Self { set: Dataset { capture, photos, places }, held_out, up, gps, poor, gains: OnceLock::new() })
     }
 
     /// Returns the cameras of the training photos, in their order.
@@ -99,6 +122,23 @@ impl TrainData {
     pub fn gains(&self) -> Option<&PhotoGains> {
         let Dataset { capture, photos, places } = &self.set;
         self.gains.get_or_init(|| photo_gains(capture, photos, places)).as_ref()
+    }
+
+    /// Draws the poor photos that were left out into the run folder, if there are any.
+    pub fn write_poor(&self, folder: &RunFolder) -> Result<(), SessionError> {
+        let photos: Vec<Arc<Photo>> = self
+            .poor
+            .iter()
+            .take(sheet::MOST)
+            .filter_map(|(place, _)| self.set.photos.get(*place, 0).ok())
+            .collect();
+        if photos.is_empty() {
+            return Ok(());
+        }
+        let whole = MoverMask::default();
+        let drawn: Vec<(&Photo, &MoverMask)> = photos.iter().map(|photo| (&**photo, &whole)).collect();
+        write_atomically(&folder.path().join(POOR), |out| Ok(sheet::write(&drawn, out)?))?;
+        Ok(())
     }
 
     /// Returns every photo's camera with its name.

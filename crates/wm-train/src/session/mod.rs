@@ -61,6 +61,7 @@ pub use training::Training;
 use crate::config::{Preset, TrainConfig};
 use crate::dataset::{DatasetReadOptions, HeldOut};
 use crate::plan::{PlanError, TrainPlan};
+use crate::poor_photos::PoorPhotoMode;
 use data::TrainData;
 use folder::RunFolder;
 use std::path::PathBuf;
@@ -92,6 +93,8 @@ pub struct SessionOptions {
     pub dataset: DatasetReadOptions,
     /// The photos that are held out for evaluation.
     pub held_out: HeldOut,
+    /// The treatment of blurred, white and black photos.
+    pub poor_photos: PoorPhotoMode,
     /// The preset and what is changed of it.
     pub plan: TrainPlan,
     /// A whole configuration, in place of `plan`.
@@ -119,6 +122,7 @@ impl Default for SessionOptions {
         Self {
             dataset: DatasetReadOptions::default(),
             held_out: HeldOut::default(),
+            poor_photos: PoorPhotoMode::Auto,
             plan: TrainPlan::default(),
             config: None,
             priors: PriorSource::Auto,
@@ -270,6 +274,7 @@ impl Session {
             check_sizes(&data, metric.smallest_side())?;
         }
         folder.make()?;
+        data.write_poor(&folder)?;
         let config = match options.config.clone() {
             Some(config) => config,
             None => options.plan.config(data.pixels())?,

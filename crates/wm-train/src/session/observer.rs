@@ -4,6 +4,7 @@ use super::score::{HeldOutScore, HeldOutScores, TrainReport};
 use crate::colmap::{self, UnregisteredPhoto};
 use crate::movers::MoverOutcome;
 use crate::photos::PhotoError;
+use crate::poor_photos::PhotoDefect;
 use crate::priors::folder::PriorsSummary;
 use crate::video::VideoProgress;
 use std::error::Error;
@@ -107,6 +108,14 @@ pub enum TrainWarning {
     /// A photo is missing or damaged and is left out.
     #[error("{0}; it is left out")]
     LeftOut(PhotoError),
+    /// Photos are blurred, or white or black over much of the picture.
+    #[error("{}", poor(.found, *.are_left_out))]
+    PoorPhotos {
+        /// Their names and defects.
+        found: Vec<(String, PhotoDefect)>,
+        /// False if they are so many that they are trained on nevertheless.
+        are_left_out: bool,
+    },
     /// The EXIF of these photos states a place where they cannot have been taken.
     #[error("{}", misplaced(.0))]
     Misplaced(Vec<String>),
@@ -137,6 +146,19 @@ pub enum TrainWarning {
 
 /// Photos without a camera that are named in a warning.
 const NAMED: usize = 5;
+
+fn poor(found: &[(String, PhotoDefect)], are_left_out: bool) -> String {
+    let named: Vec<String> =
+        found.iter().take(NAMED).map(|(name, defect)| format!("{name} ({defect})")).collect();
+    let more = found.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    let end = if are_left_out {
+        "they are left out of the training"
+    } else {
+        "they are too many to leave out, and are trained on"
+    };
+    format!("poor photos: {}{more}; {end}", named.join(", "))
+}
 
 fn misplaced(photos: &[String]) -> String {
     let named = photos.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");

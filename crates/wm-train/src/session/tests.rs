@@ -1,6 +1,7 @@
 //! Sessions on the built-in street.
 
 use super::*;
+use crate::poor_photos::PhotoDefect;
 use std::ops::ControlFlow;
 use wm_scene::capture::colmap::write::ColmapStorage;
 use wm_street::Street;
@@ -164,4 +165,61 @@ fn plans_and_folders_that_cannot_be_are_named() {
     plan.loss = vec![("depth".into(), 0.25), ("every".into(), 3.0), ("l1".into(), 0.5)];
     let loss = plan.config(1000).unwrap().loss;
     assert_eq!((loss.geometry.depth, loss.geometry.every, loss.l1), (0.25, 3, 0.5));
+}
+
+/// Keeps the warnings.
+#[derive(Default)]
+struct Warnings(Vec<TrainWarning>);
+
+impl TrainObserver for Warnings {
+    fn on_warning(&mut self, warning: &TrainWarning) {
+        self.0.push(warning.clone());
+    }
+}
+
+/// Changes the pixels of a photo in place.
+fn spoil(path: &std::path::Path, change: impl Fn(&[u8], usize) -> Vec<u8>) {
+    let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut pixels).unwrap();
+    let changed = change(&pixels, 3 * info.width as usize);
+    let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), info.width, info.height);
+    encoder.set_color(info.color_type);
+    encoder.set_depth(info.bit_depth);
+    encoder.write_header().unwrap().write_image_data(&changed).unwrap();
+}
+
+#[test]
+fn blurred_and_white_photos_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let (set, run) = (folder.path().join("set"), folder.path().join("run"));
+    let photos = DatasetOptions { count: 12, size: (180, 120), points: 900, ..PHOTOS };
+    dataset::write(&Street::builtin(), &set, &photos, &mut |_| true).unwrap();
+    let poor = |run: &std::path::Path| {
+        let mut told = Warnings::default();
+        let mut session = session(&set).steps(1).run_folder(run);
+        session.options.held_out.every = 0;
+        session.run(&mut told).unwrap();
+        told.0.iter().find(|it| matches!(it, TrainWarning::PoorPhotos { .. })).cloned()
+    };
+    assert_eq!(poor(&run.join("sound")), None);
+    spoil(&set.join("images/00002.png"), |pixels, _| vec![255; pixels.len()]);
+    // Shaken sideways by 9 px.
+    spoil(&set.join("images/00007.png"), |pixels, row| {
+        let mean = |at: usize| {
+            let (start, x) = (at / row * row, (at % row) as i32);
+            let near = (-4..=4).map(|off| pixels[start + (x + 3 * off).rem_euclid(row as i32) as usize]);
+            (near.map(u32::from).sum::<u32>() / 9) as u8
+        };
+        (0..pixels.len()).map(mean).collect()
+    });
+    let Some(TrainWarning::PoorPhotos { found, are_left_out }) = poor(&run.join("poor")) else {
+        panic!("no poor photo is found")
+    };
+    assert!(are_left_out && run.join("poor/poor-photos.png").is_file());
+    let names: Vec<&str> = found.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["00002.png", "00007.png"], "{found:?}");
+    assert!(matches!(found[0].1, PhotoDefect::White { share, .. } if share == 1.0));
+    assert!(matches!(found[1].1, PhotoDefect::Blurred { detail } if detail < 0.5), "{found:?}");
 }
