@@ -1,4 +1,4 @@
-//! Paths and commands that the documents name exist.
+//! Paths and commands that the documents name exist, and lock files are whole.
 
 use std::path::Path;
 
@@ -69,4 +69,25 @@ fn the_readme_links_to_every_page_of_the_guide() {
 fn readme_and_ci_run_the_same_tests() {
     assert!(read("README.md").contains("\ncargo test --workspace\n"));
     assert!(read(".ci/run").contains("\ncargo test --workspace\n"));
+}
+
+#[test]
+fn the_crate_outside_of_the_workspace_locks_what_the_libraries_depend_on() {
+    let lock: toml::Table = read("tests/downstream/Cargo.lock").parse().unwrap();
+    let locked: Vec<&str> =
+        lock["package"].as_array().unwrap().iter().map(|package| package["name"].as_str().unwrap()).collect();
+    for library in std::fs::read_dir(Path::new(ROOT).join("crates")).unwrap() {
+        let path = library.unwrap().path().join("Cargo.toml");
+        let manifest: toml::Table = std::fs::read_to_string(&path).unwrap().parse().unwrap();
+        if !locked.contains(&manifest["package"]["name"].as_str().unwrap()) {
+            continue;
+        }
+        for (name, _) in manifest["dependencies"].as_table().unwrap() {
+            assert!(
+                locked.contains(&name.as_str()),
+                "{} depends on {name}: run `cargo update --workspace --manifest-path tests/downstream/Cargo.toml`",
+                path.display()
+            );
+        }
+    }
 }

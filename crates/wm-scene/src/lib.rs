@@ -66,6 +66,7 @@ pub mod sh;
 pub mod similarity;
 mod source;
 pub mod splats;
+pub mod sun;
 pub mod survey;
 #[cfg(any(test, feature = "testing"))]
 pub mod synthetic;

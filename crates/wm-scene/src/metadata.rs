@@ -3,6 +3,7 @@
 use crate::survey::Confidence;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
 /// `-ln(0.05)`: optical depth of the meteorological optical range, as the World Meteorological Organization has it.
 pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
@@ -35,6 +36,21 @@ pub struct Metadata {
     /// Confidence in up; nothing if it is sure.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub up_confidence: Option<Confidence>,
+    /// True north, level, world axes, length 1. Used as far as it is level: see [`Metadata::level_north`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub north: Option<DVec3>,
+    /// The source of `north` and `location`, such as "the GPS of 18 photos, met within 0.5 m"; as `scale_source`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub north_source: Option<String>,
+    /// Latitude (-90 to 90, north above 0) and longitude (-180 to 180, east above 0) of the middle of the photos, degrees, WGS 84.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub location: Option<[f64; 2]>,
+    /// The time of the photos, their median, seconds since 1 January 1970, 0:00 UTC, years 1800 to 3000.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub captured: Option<f64>,
+    /// Time between the first photo and the last, seconds, 0 and above; nothing if it is under a minute or not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub captured_span: Option<f64>,
     /// Height of the ground along `up`, scene units: a point `p` is on it where `up . p` is this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ground: Option<f64>,
@@ -92,13 +108,18 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 17] = [
+    pub const KEYS: [&str; 22] = [
         "metres_per_unit",
         "scale_source",
         "scale_confidence",
         "up",
         "up_source",
         "up_confidence",
+        "north",
+        "north_source",
+        "location",
+        "captured",
+        "captured_span",
         "ground",
         "ground_confidence",
         "camera_height",
@@ -117,6 +138,9 @@ impl Metadata {
 
     /// Longest provenance, bytes: it must fit into one header line.
     pub const MAX_PROVENANCE: usize = 4096;
+
+    /// Earliest and latest time of photos, seconds since 1970, UTC: the years 1800 to 3000.
+    pub const TIMES: RangeInclusive<f64> = -5_364_662_400.0..=32_503_680_000.0;
 
     /// Each key that has a value, with the value in TOML on one line.
     ///
@@ -152,15 +176,21 @@ impl Metadata {
         }
         let scale = (&self.metres_per_unit, &other.metres_per_unit);
         let (up, ground) = ((&self.up, &other.up), (&self.ground, &other.ground));
+        let (north, captured) = ((&self.north, &other.north), (&self.captured, &other.captured));
         let haze = (&self.haze_extinction, &other.haze_extinction);
         Self {
             scale_source: note(self.scale_source, other.scale_source, scale),
             scale_confidence: note(self.scale_confidence, other.scale_confidence, scale),
             up_source: note(self.up_source, other.up_source, up),
             up_confidence: note(self.up_confidence, other.up_confidence, up),
+            north_source: note(self.north_source, other.north_source, north),
+            captured_span: note(self.captured_span, other.captured_span, captured),
             ground_confidence: note(self.ground_confidence, other.ground_confidence, ground),
             metres_per_unit: self.metres_per_unit.or(other.metres_per_unit),
             up: self.up.or(other.up),
+            north: self.north.or(other.north),
+            location: self.location.or(other.location),
+            captured: self.captured.or(other.captured),
             ground: self.ground.or(other.ground),
             camera_height: self.camera_height.or(other.camera_height),
             airlight: self.airlight.or(other.airlight),
@@ -171,6 +201,15 @@ impl Metadata {
             water: self.water.or(other.water),
             rasterization: self.rasterization.or(other.rasterization),
             provenance: self.provenance.or(other.provenance),
+        }
+    }
+
+    /// Makes `north` level again after `up` was changed, if both are known: its part along `up` goes. A north that stands at
+    /// more than 45 degrees says nothing about the new level, and goes with its source.
+    pub fn level_north(&mut self) {
+        if let (Some(north), Some(up)) = (self.north, self.up) {
+            self.north = leveled(north, up);
+            self.north_source = self.north_source.take().filter(|_| self.north.is_some());
         }
     }
 
@@ -201,6 +240,30 @@ impl Metadata {
             && !(up.is_finite() && (up.length() - 1.0).abs() < 1e-3)
         {
             return Some(format!("up is {up}: it must have length 1"));
+        }
+        if let Some(north) = self.north
+            && !(north.is_finite() && (north.length() - 1.0).abs() < 1e-3)
+        {
+            return Some(format!("north is {north}: it must have length 1"));
+        }
+        if let Some([latitude, longitude]) = self.location
+            && !(latitude.abs() <= 90.0 && longitude.abs() <= 180.0)
+        {
+            return Some(format!(
+                "location is {latitude}, {longitude}: it must be a latitude of -90 to 90 and a longitude of -180 to 180 degrees"
+            ));
+        }
+        if let Some(time) = self.captured
+            && !Self::TIMES.contains(&time)
+        {
+            return Some(format!(
+                "captured is {time}: it must be seconds since 1970, in the years 1800 to 3000"
+            ));
+        }
+        if let Some(span) = self.captured_span
+            && !(span.is_finite() && span >= 0.0)
+        {
+            return Some(format!("captured_span is {span}: it must be finite and not below 0"));
         }
         if let Some(ground) = self.ground
             && !ground.is_finite()
@@ -245,6 +308,7 @@ impl Metadata {
         let texts = [
             ("scale_source", &self.scale_source),
             ("up_source", &self.up_source),
+            ("north_source", &self.north_source),
             ("provenance", &self.provenance),
         ];
         for (key, text) in texts {
@@ -262,6 +326,14 @@ impl Metadata {
     }
 }
 
+/// The level part of `north`, length 1; `None` if it stands at more than 45 degrees.
+pub(crate) fn leveled(north: DVec3, up: DVec3) -> Option<DVec3> {
+    const LEAST: f64 = std::f64::consts::FRAC_1_SQRT_2;
+    let (north, up) = (north.try_normalize()?, up.try_normalize()?);
+    let level = north - up * up.dot(north);
+    (level.length() >= LEAST).then(|| level.normalize())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -275,6 +347,11 @@ mod tests {
             up: Some(DVec3::NEG_Y),
             up_source: Some("a plumb line".into()),
             up_confidence: Some(Confidence::Guess),
+            north: Some(DVec3::new(0.6, 0.0, -0.8)),
+            north_source: Some("a compass".into()),
+            location: Some([52.0851, -5.1683]),
+            captured: Some(1_717_059_360.0),
+            captured_span: Some(95.5),
             ground: Some(-1.5),
             ground_confidence: Some(Confidence::Likely),
             camera_height: Some(0.1),
@@ -300,6 +377,8 @@ mod tests {
     fn entries_with_faults_are_told() {
         let say = |key, value| Metadata::from_entry(key, value).unwrap().unwrap_err();
         assert_eq!(say("metres_per_unit", "-1"), "metres_per_unit is -1: it must be finite and above 0");
+        let place = say("location", "[91.0, 0.0]");
+        assert!(place.starts_with("location is 91, 0: it must be a latitude of -90 to 90"), "{place}");
         for (key, value) in [("up", "[0.0, 1.0]"), ("ground", ""), ("rasterization", "\"soft\"")] {
             let message = say(key, value);
             assert!(message.starts_with(&format!("{key}: ")) && !message.contains('\n'), "{message}");
@@ -360,11 +439,33 @@ mod tests {
     }
 
     #[test]
+    fn north_is_leveled_where_that_leaves_a_direction() {
+        let mut metadata = Metadata { up: Some(DVec3::Z), north: Some(DVec3::new(0.0, 0.8, 0.6)), ..full() };
+        metadata.level_north();
+        assert_eq!((metadata.north, metadata.north_source.is_some()), (Some(DVec3::Y), true));
+        metadata.up = Some(DVec3::NEG_Z);
+        metadata.level_north();
+        assert_eq!(metadata.north, Some(DVec3::Y));
+        metadata.up = Some(DVec3::Y);
+        metadata.level_north();
+        assert_eq!((metadata.north, metadata.north_source), (None, None));
+        assert_eq!(leveled(DVec3::ZERO, DVec3::Z), None);
+        assert_eq!(leveled(DVec3::Y, DVec3::NAN), None);
+    }
+
+    #[test]
     fn faults_are_found() {
         assert_eq!(Metadata::default().fault(), None);
         for bad in [
             Metadata { metres_per_unit: Some(0.0), ..Metadata::default() },
             Metadata { up: Some(DVec3::ZERO), ..Metadata::default() },
+            Metadata { north: Some(DVec3::ONE), ..Metadata::default() },
+            Metadata { north: Some(DVec3::NAN), ..Metadata::default() },
+            Metadata { location: Some([90.5, 0.0]), ..Metadata::default() },
+            Metadata { location: Some([0.0, f64::NAN]), ..Metadata::default() },
+            Metadata { captured: Some(f64::INFINITY), ..Metadata::default() },
+            Metadata { captured: Some(1e12), ..Metadata::default() },
+            Metadata { captured_span: Some(-1.0), ..Metadata::default() },
             Metadata { ground: Some(f64::NAN), ..Metadata::default() },
             Metadata { airlight: Some([0.5, -1.0, 0.5]), ..Metadata::default() },
             Metadata { haze_airlight: Some([0.5, -1.0, 0.5]), ..Metadata::default() },

@@ -99,12 +99,13 @@ impl Scene {
         self
     }
 
-    /// Sets the direction against gravity, world axes, of any length but 0.
+    /// Sets the direction against gravity, world axes, of any length but 0; [`Metadata::level_north`] follows it.
     #[must_use]
     pub fn up(mut self, up: impl Into<DVec3>) -> Self {
         self.metadata.up = Some(up.into().normalize_or_zero());
         self.metadata.up_source = None;
         self.metadata.up_confidence = None;
+        self.metadata.level_north();
         self
     }
 

@@ -62,6 +62,7 @@ impl Similarity {
             *corner = self.point(DVec3::from_array(*corner)).to_array();
         }
         metadata.up = metadata.up.map(|up| (self.rotation * up).normalize());
+        metadata.north = metadata.north.map(|north| (self.rotation * north).normalize());
         // Without up the ground has no meaning.
         metadata.ground =
             metadata.ground.zip(metadata.up).map(|(g, up)| g * self.scale + up.dot(self.translation));
@@ -200,6 +201,7 @@ mod tests {
         splats.means[0] = [1.0, 2.0, 3.0];
         let metadata = Metadata {
             up: Some(DVec3::NEG_Y),
+            north: Some(DVec3::X),
             ground: Some(-2.5),
             metres_per_unit: Some(4.0),
             ..Metadata::default()
@@ -215,6 +217,7 @@ mod tests {
         turn.apply(&mut scene);
         let up = scene.metadata.up.unwrap();
         assert!((up - DVec3::Z).length() < 1e-12);
+        assert!((scene.metadata.north.unwrap() - turn.rotation * DVec3::X).length() < 1e-12);
         let height =
             up.dot(DVec3::from_array(scene.splats.means[0].map(f64::from))) - scene.metadata.ground.unwrap();
         // Half a unit above the ground before, twice as large now.

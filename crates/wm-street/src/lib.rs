@@ -54,6 +54,7 @@ pub use park::Park;
 pub use photo::PhotoPixel;
 pub use place::{LitHit, Place, SurfaceHit};
 pub use sampling::SplatSampling;
+pub use sky::Lighting;
 pub use street::Street;
 pub use tone::{display_of, exposed};
 pub use views::Viewpoint;

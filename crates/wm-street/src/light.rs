@@ -10,7 +10,7 @@ use super::Place;
 use super::hash::{key_of, unit};
 use super::paint::Material;
 use super::shape::{Shape, Spot, around};
-use super::sky;
+use super::sky::{self, Lighting};
 use super::texture::{self, Site};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -28,6 +28,9 @@ const COVERED: f64 = 0.018;
 const SMALL: f64 = 0.25;
 /// Light that gathered rays bring from surfaces while the map is being made: albedo 0.3 of this.
 const FIRST_GUESS: DVec3 = DVec3::new(2.0, 1.95, 1.85);
+
+/// Both under an overcast sky: half of its level irradiance.
+const OVERCAST_GUESS: DVec3 = DVec3::new(2.11, 2.16, 2.25);
 
 /// The number of rays of a point.
 #[derive(Clone, Copy, Debug)]
@@ -121,6 +124,20 @@ fn grid_of(shape: &Shape) -> (u16, u16) {
 }
 
 impl Place {
+    fn first_guess(&self) -> DVec3 {
+        match self.lighting {
+            Lighting::Sunny => FIRST_GUESS,
+            Lighting::Overcast => OVERCAST_GUESS,
+        }
+    }
+
+    fn off_the_map(&self) -> DVec3 {
+        match self.lighting {
+            Lighting::Sunny => NO_CELLS,
+            Lighting::Overcast => OVERCAST_GUESS,
+        }
+    }
+
     /// Mean irradiance of the cell at `corner` with `size`, both in surface coordinates.
     fn cell_light(&self, shape: &Shape, corner: DVec2, size: DVec2) -> [f32; 3] {
         let (mut sun, mut found) = (DVec3::ZERO, 0.0);
@@ -131,13 +148,13 @@ impl Place {
             found += 1.0;
             let cosine = spot.normal.dot(sky::sun()).max(0.0);
             if cosine > 0.0 {
-                sun += sky::SUN * (cosine * self.sun_share(spot.point, spot.normal, turn, 1));
+                sun += self.lighting.sun() * (cosine * self.sun_share(spot.point, spot.normal, turn, 1));
             }
             if found == 2.0 || shape.spot(corner.x + 0.7 * size.x, corner.y + 0.2 * size.y).is_none() {
                 sky = self.gather(spot.point, spot.normal, turn, 9).irradiance;
             }
         }
-        let total = if found > 0.0 { sun / found + sky } else { FIRST_GUESS };
+        let total = if found > 0.0 { sun / found + sky } else { self.first_guess() };
         total.as_vec3().to_array()
     }
 
@@ -186,7 +203,7 @@ impl Place {
     /// under it.
     fn bounce(&self, origin: DVec3, direction: DVec3) -> Option<DVec3> {
         let Some((which, crossing)) = self.nearest(origin, direction, f64::INFINITY) else {
-            return Some(sky::smooth(direction));
+            return Some(self.lighting.smooth(direction));
         };
         let primitive = &self.primitives[which];
         let paint = &self.paints[usize::from(primitive.paint)];
@@ -196,9 +213,9 @@ impl Place {
             return None;
         }
         if self.light.grids.is_empty() {
-            return Some(FIRST_GUESS * (0.3 / PI));
+            return Some(self.first_guess() * (0.3 / PI));
         }
-        let light = self.light.at(which, crossing.a, crossing.b).unwrap_or(NO_CELLS);
+        let light = self.light.at(which, crossing.a, crossing.b).unwrap_or_else(|| self.off_the_map());
         Some(texture::mean(paint) * light / PI)
     }
 
@@ -271,7 +288,7 @@ impl Place {
             let cosine = facing.dot(sun);
             // Light through a leaf is weaker and more yellow than light off it.
             let through = DVec3::new(0.80, 0.85, 0.35) * (-cosine).max(0.0);
-            let direct = sky::SUN * (light.sun * 0.95) * (DVec3::splat(cosine.max(0.0)) + through);
+            let direct = self.lighting.sun() * (light.sun * 0.95) * (DVec3::splat(cosine.max(0.0)) + through);
             return skin.albedo * (direct + light.sky * 1.1) / PI;
         }
         let (across, up) = tangents(spot.normal);
@@ -279,7 +296,7 @@ impl Place {
         let cosine = bumped.dot(sun).max(0.0) * f64::from(u8::from(facing.dot(sun) > 0.0));
         // Relief also turns a face to or from the brighter upper half of the surroundings.
         let tilt = 1.0 + 0.5 * (bumped.z - facing.z);
-        let matt = skin.albedo * (sky::SUN * (cosine * light.sun) + light.sky * tilt) / PI;
+        let matt = skin.albedo * (self.lighting.sun() * (cosine * light.sun) + light.sky * tilt) / PI;
         // A pane is a plane and has two faces; water has ripples.
         let (mirror, least) = match material {
             Material::Glass => (facing, 0.07),

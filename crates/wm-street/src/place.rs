@@ -7,7 +7,7 @@ use crate::ground::GroundCover;
 use crate::light::{Budget, LightMap};
 use crate::paint::{Label, Material, Paint};
 use crate::shape::{self, Crossing};
-use crate::sky;
+use crate::sky::{self, Lighting};
 use crate::views::{Sights, Viewpoint};
 use glam::{DVec2, DVec3};
 use wm_scene::Metadata;
@@ -32,6 +32,7 @@ pub struct Place {
     fixed: usize,
     movers: Bvh,
     pub(crate) cover: GroundCover,
+    pub(crate) lighting: Lighting,
     pub(crate) light: LightMap,
     pub(crate) sights: Sights,
 }
@@ -72,8 +73,17 @@ impl Place {
         let (tree, order) = Bvh::build(primitives.iter().map(|primitive| primitive.shape));
         let primitives: Vec<Primitive> = order.into_iter().map(|index| primitives[index]).collect();
         let (movers, _) = Bvh::build(std::iter::empty());
-        let (fixed, light) = (primitives.len(), LightMap::default());
-        let mut place = Self { name, seed, primitives, paints, tree, fixed, movers, cover, light, sights };
+        let (fixed, lighting, light) = (primitives.len(), Lighting::default(), LightMap::default());
+        let mut place =
+            Self { name, seed, primitives, paints, tree, fixed, movers, cover, lighting, light, sights };
+        place.light = LightMap::of(&place);
+        place
+    }
+
+    /// The same place in other light.
+    #[must_use]
+    pub fn in_light(self, lighting: Lighting) -> Self {
+        let mut place = Self { lighting, light: LightMap::default(), ..self };
         place.light = LightMap::of(&place);
         place
     }
@@ -182,7 +192,7 @@ impl Place {
     }
 
     pub(crate) fn sky_in(&self, direction: DVec3) -> DVec3 {
-        sky::radiance(direction, self.seed as u32)
+        self.lighting.radiance(direction, self.seed as u32)
     }
 
     /// The material of a primitive; of covered ground that of the lawn.

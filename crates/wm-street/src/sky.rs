@@ -15,7 +15,50 @@ pub(super) fn sun() -> DVec3 {
 pub(super) const TIME: i64 = 1_717_059_360;
 
 /// Irradiance of a surface that faces the sun.
-pub(super) const SUN: DVec3 = DVec3::new(4.30, 3.95, 3.30);
+const SUN: DVec3 = DVec3::new(4.30, 3.95, 3.30);
+/// Zenith radiance of the overcast sky: level ground is 0.3 EV darker than in the sun, as a camera that follows the
+/// light would have it.
+const ZENITH: DVec3 = DVec3::new(1.73, 1.77, 1.84);
+
+/// The light of a built-in place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Lighting {
+    /// A summer sun with broken clouds.
+    #[default]
+    Sunny,
+    /// The CIE's overcast sky, `L = Z (1 + 2 sin g) / 3`, without a sun: the truth that relit pictures are compared with.
+    Overcast,
+}
+
+impl Lighting {
+    /// Irradiance of a surface that faces the sun.
+    pub(super) fn sun(self) -> DVec3 {
+        match self {
+            Self::Sunny => SUN,
+            Self::Overcast => DVec3::ZERO,
+        }
+    }
+
+    /// Mean radiance of the sky; what light gathered from it uses, for it is smooth.
+    pub(super) fn smooth(self, direction: DVec3) -> DVec3 {
+        match self {
+            Self::Sunny => smooth(direction),
+            Self::Overcast => overcast(direction),
+        }
+    }
+
+    /// Radiance of the sky, with clouds of `seed` where there are some.
+    pub(super) fn radiance(self, direction: DVec3, seed: u32) -> DVec3 {
+        match self {
+            Self::Sunny => radiance(direction, seed),
+            Self::Overcast => overcast(direction),
+        }
+    }
+}
+
+fn overcast(direction: DVec3) -> DVec3 {
+    ZENITH * ((1.0 + 2.0 * direction.z.max(0.0)) / 3.0)
+}
 
 /// Sky radiance without clouds.
 fn clear(direction: DVec3) -> DVec3 {
@@ -29,13 +72,13 @@ fn clear(direction: DVec3) -> DVec3 {
     base + DVec3::new(1.0, 0.93, 0.80) * glow
 }
 
-/// Mean sky radiance, a third of it clouds; what light gathered from the sky uses, for it is smooth.
-pub(super) fn smooth(direction: DVec3) -> DVec3 {
+/// Mean sky radiance, a third of it clouds.
+fn smooth(direction: DVec3) -> DVec3 {
     clear(direction).lerp(DVec3::new(0.98, 0.98, 0.97), 0.38)
 }
 
 /// Sky radiance with clouds, `seed` shaping them. Below the horizon it stays that of the horizon.
-pub(super) fn radiance(direction: DVec3, seed: u32) -> DVec3 {
+fn radiance(direction: DVec3, seed: u32) -> DVec3 {
     let clear = clear(direction);
     if direction.z <= 0.0 {
         return clear;

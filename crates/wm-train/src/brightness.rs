@@ -151,8 +151,8 @@ fn solve(shown: &[Vec<Shown>], points: usize) -> Option<PhotoGains> {
     Some(PhotoGains { gains, spread, differences: [before, after] })
 }
 
-/// The median; sorts a part of the values.
-fn median(values: &mut [f64]) -> f64 {
+/// The median, 0 of no values; sorts a part of them.
+pub(crate) fn median(values: &mut [f64]) -> f64 {
     let middle = values.len() / 2;
     if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 use wm_scene::capture::gps::{self, GpsFit};
 use wm_scene::capture::up::{CaptureUp, UpEvidence};
-use wm_scene::capture::{self, Capture, CaptureOptions};
+use wm_scene::capture::{self, Capture, CaptureOptions, CaptureSite};
 use wm_scene::{Camera, FormatError};
 
 /// Options for opening a data set: the places of its parts, and how its photos are read.
@@ -127,6 +127,13 @@ pub fn orientation(
         None => CaptureUp::of(&cameras, gps.as_ref()),
     };
     (up, gps)
+}
+
+/// North, place and time of the capture, as the EXIF of its photos states them. `up` is its direction against gravity, world axes.
+#[must_use]
+pub fn site(capture: &Capture, photos: &Photos, up: DVec3) -> CaptureSite {
+    let centers: Vec<DVec3> = capture.views.iter().map(|view| view.camera.center()).collect();
+    CaptureSite::of(&centers, photos.gps(), photos.taken(), up)
 }
 
 /// Names of the photos whose stated place is far from where the others put their cameras, or is no place on Earth;

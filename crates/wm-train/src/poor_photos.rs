@@ -1,10 +1,11 @@
 //! Photos that would spoil a reconstruction: blurred ones, and those that are white or black over much of the picture.
 //!
-//! What a photo shows differs from place to place, so photos are not compared as wholes: about each point of the
-//! reconstruction the detail of a photo (its gradients, relative to the brightness) is compared with that of the other
-//! photos that show the point from a similar distance. A photo is blurred if most of its points have less than half of the
+//! Photos show different things, so they are not compared as wholes: about each point of the reconstruction the detail of
+//! a photo (its gradients, relative to the brightness) is compared with that of the other photos that show the point from a
+//! similar distance. A photo is blurred if most of its points have less than half of the
 //! detail that the others show.
 
+use crate::brightness;
 use crate::photos::{Photo, Photos};
 use crate::priors::points::{inside, seen_points};
 use rayon::prelude::*;
@@ -42,7 +43,7 @@ pub enum PoorPhotoMode {
     Keep,
 }
 
-/// What is wrong with a photo.
+/// The defect of a poor photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PhotoDefect {
     /// Blurred.
@@ -186,8 +187,7 @@ fn clipped(photo: &Photo) -> [f64; 2] {
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+    (!values.is_empty()).then(|| brightness::median(&mut values))
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
-//! The headers of photos: size, orientation and position, read without decoding the picture.
+//! The headers of photos: size, orientation, position and time, read without decoding the picture.
 //!
 //! JPEG and PNG, with the few tags of EXIF that matter here. Nothing is decoded: a block or two of
 //! the file are read, whatever its size.
 
-use super::Gps;
+use super::{Gps, exif::Tags};
 use crate::{FormatError, Problem, error::excerpt};
 use std::{
     fs::File,
@@ -24,6 +24,8 @@ pub struct PhotoHeader {
     pub orientation: Orientation,
     /// The position that it states; [`Gps::checked`] tells if photos are taken there.
     pub gps: Option<Gps>,
+    /// The time at which it was taken, seconds since 1970, UTC, years 1990 to 2099; `None` without a time zone.
+    pub taken: Option<f64>,
 }
 
 /// Formats of photos that are read.
@@ -190,6 +192,7 @@ fn jpeg(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
                 height: height.into(),
                 orientation: tags.orientation,
                 gps: tags.gps,
+                taken: tags.taken,
             });
         }
         if marker == 0xe1 {
@@ -222,8 +225,8 @@ fn png(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
                 input.seek_relative(i64::from(length) - 8 + 4).map_err(Problem::Read)?;
             }
             (b"IDAT" | b"IEND", Some((width, height))) => {
-                let Tags { orientation, gps } = tags;
-                return Ok(PhotoHeader { kind: PhotoKind::Png, width, height, orientation, gps });
+                let Tags { orientation, gps, taken } = tags;
+                return Ok(PhotoHeader { kind: PhotoKind::Png, width, height, orientation, gps, taken });
             }
             (b"eXIf", Some(_)) if length <= 1 << 16 => {
                 let mut exif = vec![0; length as usize];
@@ -256,98 +259,6 @@ fn read_up_to(input: &mut impl Read, out: &mut [u8]) -> Result<usize, Problem> {
         }
     }
     Ok(done)
-}
-
-/// The tags of EXIF that are looked at.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Tags {
-    orientation: Orientation,
-    gps: Option<Gps>,
-}
-
-/// A TIFF structure in memory; offsets are from its start and are checked.
-struct Tiff<'a> {
-    bytes: &'a [u8],
-    is_little: bool,
-}
-
-impl Tags {
-    /// Reads orientation and position from an EXIF block; broken blocks give what can be read of them.
-    fn parse(bytes: &[u8]) -> Self {
-        let is_little = match bytes {
-            [b'I', b'I', 42, 0, ..] => true,
-            [b'M', b'M', 0, 42, ..] => false,
-            _ => return Self::default(),
-        };
-        let tiff = Tiff { bytes, is_little };
-        let mut tags = Self::default();
-        let Some(first) = tiff.u32(4) else { return tags };
-        if let Some(entry) = tiff.entry(first, 0x0112) {
-            tags.orientation = tiff.u16(entry + 8).map_or(Orientation::Upright, Orientation::from_number);
-        }
-        let gps = tiff.entry(first, 0x8825).and_then(|entry| tiff.u32(entry + 8));
-        tags.gps = gps.and_then(|directory| tiff.gps(directory));
-        tags
-    }
-}
-
-impl Tiff<'_> {
-    fn at<const N: usize>(&self, offset: usize) -> Option<[u8; N]> {
-        self.bytes.get(offset..)?.first_chunk().copied()
-    }
-
-    fn u16(&self, offset: usize) -> Option<u16> {
-        let bytes = self.at(offset)?;
-        Some(if self.is_little { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) })
-    }
-
-    fn u32(&self, offset: usize) -> Option<u32> {
-        let bytes = self.at(offset)?;
-        Some(if self.is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
-    }
-
-    /// The offset of the entry of a tag in a directory.
-    fn entry(&self, directory: u32, tag: u16) -> Option<usize> {
-        let start = directory as usize;
-        let count = usize::from(self.u16(start)?);
-        (0..count).map(|index| start + 2 + 12 * index).find(|at| self.u16(*at) == Some(tag))
-    }
-
-    /// The `N` rationals of a tag.
-    fn rationals<const N: usize>(&self, directory: u32, tag: u16) -> Option<[f64; N]> {
-        const RATIONAL: u16 = 5;
-        let entry = self.entry(directory, tag)?;
-        if self.u16(entry + 2)? != RATIONAL || (self.u32(entry + 4)? as usize) < N {
-            return None;
-        }
-        let place = self.u32(entry + 8)? as usize;
-        let mut values = [0.0; N];
-        for (index, value) in values.iter_mut().enumerate() {
-            let (above, below) = (self.u32(place + 8 * index)?, self.u32(place + 8 * index + 4)?);
-            *value = f64::from(above) / f64::from(below);
-        }
-        Some(values)
-    }
-
-    fn gps(&self, directory: u32) -> Option<Gps> {
-        let first_byte = |tag| self.entry(directory, tag).and_then(|entry| self.at::<1>(entry + 8));
-        let angle = |reference, tag, negative| {
-            let [degrees, minutes, seconds] = self.rationals::<3>(directory, tag)?;
-            // Some writers leave the seconds 0/0 and put everything into the minutes.
-            let seconds = if seconds.is_nan() { 0.0 } else { seconds };
-            let angle = degrees + minutes / 60.0 + seconds / 3600.0;
-            Some(if first_byte(reference) == Some([negative]) { -angle } else { angle })
-        };
-        let altitude = self
-            .rationals::<1>(directory, 6)
-            .map(|[metres]| if first_byte(5) == Some([1]) { -metres } else { metres });
-        Gps {
-            latitude: angle(1, 2, b'S')?,
-            longitude: angle(3, 4, b'W')?,
-            altitude: altitude.filter(|metres| metres.is_finite()),
-        }
-        .stated()
-    }
 }
 
 #[cfg(test)]

@@ -7,10 +7,12 @@
 //! a format: a module with a `FORMAT`, and its name in the list.
 
 mod distortion;
+mod exif;
 pub mod gps;
 pub mod ground;
 pub mod header;
 mod places;
+pub mod site;
 #[cfg(test)]
 mod tests;
 pub mod up;
@@ -25,6 +27,7 @@ use std::{
 pub use distortion::Distortion;
 pub use gps::Gps;
 pub use ground::{CaptureGround, CaptureGroundError};
+pub use site::CaptureSite;
 pub use up::CaptureUp;
 
 macro_rules! captures {

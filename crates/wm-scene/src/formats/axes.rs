@@ -70,6 +70,7 @@ impl Axes {
         self.turn_splats(&mut scene.splats);
         let signs = DVec3::from_array(self.signs().map(f64::from));
         scene.metadata.up = scene.metadata.up.map(|up| self.direction(up));
+        scene.metadata.north = scene.metadata.north.map(|north| self.direction(north));
         for view in &mut scene.views {
             let (rotation, center) = (view.camera.rotation(), view.camera.center() * signs);
             let rotation = rotation * DMat3::from_diagonal(signs);
@@ -112,7 +113,7 @@ mod tests {
                 axes.turn(&mut turned);
                 axes.turn(&mut turned);
                 prop_assert_eq!(crate::testing::bits(&turned.splats), crate::testing::bits(&scene.splats));
-                prop_assert_eq!(turned.metadata.up, scene.metadata.up);
+                prop_assert_eq!(&turned.metadata, &scene.metadata);
             }
         }
 

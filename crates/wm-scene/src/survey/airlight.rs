@@ -43,6 +43,52 @@ pub struct SkyPatch {
     pub rgb: [f64; 3],
 }
 
+/// The sky of a capture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CapturedSky {
+    /// It is not in the scene, or too bright in the photos to tell.
+    #[default]
+    Unknown,
+    /// Blue, with or without clouds: there is a sun.
+    Clear,
+    /// Grey: the light is diffuse.
+    Overcast,
+}
+
+/// Blue against red above which a piece of the sky is blue: overcast skies have 1.0 to 1.1 of it.
+const BLUE: f64 = 1.3;
+/// Share of the upper sky that is blue under a sun, clouds between.
+const LEAST_BLUE: f64 = 0.15;
+/// Sine of the elevation from which on a sky is blue if it is clear: 17 degrees.
+const UPPER: f64 = 0.3;
+/// Light of a channel that is burned out in photos, and the share of the sky that may be.
+const BURNED: f64 = 0.93;
+const MOST_BURNED: f64 = 0.5;
+
+/// Tells a clear sky from an overcast one by its colour.
+pub(super) fn captured_sky(
+    splats: &Splats,
+    sample: &SurveySample,
+    sky: &SkyRegion,
+    up: DVec3,
+) -> CapturedSky {
+    let indices = sky.indices(splats).into_iter().filter(|index| splats.is_sound(*index));
+    let patches = indices.map(|index| patch(splats, index, sample.center, up));
+    let (mut all, mut burned, mut blue) = (0.0, 0.0, 0.0);
+    for SkyPatch { weight, rgb, .. } in patches.filter(|patch| patch.sin > UPPER) {
+        all += weight;
+        burned += if rgb[0] >= BURNED { weight } else { 0.0 };
+        blue += if rgb[2] > BLUE * rgb[0] { weight } else { 0.0 };
+    }
+    if blue > LEAST_BLUE * all {
+        CapturedSky::Clear
+    } else if all <= 0.0 || burned > MOST_BURNED * all {
+        CapturedSky::Unknown
+    } else {
+        CapturedSky::Overcast
+    }
+}
+
 fn from_sky(
     splats: &Splats,
     sample: &SurveySample,

@@ -234,8 +234,8 @@ pub struct Aligned {
 /// Sets facts of a scene by hand: writes them into its metadata, as sure.
 ///
 /// The splats and the cameras stay. Three points of the ground give up on the side of the cameras, else of most splats. What
-/// was found along another up, the height of the ground and the light near the horizon, is found anew, unless it is given. About
-/// 200 ms for 850,000 splats on one core.
+/// was found along another up, the height of the ground and the light near the horizon, is found anew, unless it is given. North
+/// becomes level again ([`crate::Metadata::level_north`]). About 200 ms for 850,000 splats on one core.
 ///
 /// # Errors
 /// [`AlignError`] if a value cannot be used; the scene is as it was then.
@@ -277,6 +277,7 @@ pub fn align(scene: &mut Scene, by: &Alignment) -> Result<Aligned, AlignError> {
             metadata.up_confidence = Some(before.up.confidence).filter(|known| *known != Default::default());
         }
     }
+    metadata.level_north();
     let mut after = Survey::of(scene, &Default::default());
     if up.is_some() || by.ground.is_some() {
         scene.metadata = std::mem::take(&mut scene.metadata).or(after.metadata());
@@ -469,6 +470,8 @@ mod tests {
             scene.metadata.up = Some(turn * DVec3::NEG_X);
             scene.metadata.ground = Some(12.0);
             scene.metadata.up_confidence = Some(Confidence::Guess);
+            // North at 30 degrees.
+            scene.metadata.north = Some(turn * DVec3::new(0.0, 0.75f64.sqrt(), 0.5));
             let points = [[-50.0, -40.0, 0.0], [50.0, -40.0, 0.1], [0.0, 40.0, -0.1]].map(place);
             let done = align(&mut scene, &by(points)).unwrap();
             assert_eq!(done.side, Some(UpSide::Splats));
@@ -476,6 +479,8 @@ mod tests {
             assert!(up.value.angle_between(turn * DVec3::Z).to_degrees() < 1.0, "{index}: {done:?}");
             assert_eq!((up.source, up.confidence), (FactSource::File, Confidence::Sure));
             assert!((done.turned - 90.0).abs() < 1.0 && (done.after.height(place([0.0; 3]))).abs() < 0.1);
+            let north = scene.metadata.north.unwrap();
+            assert!(north.dot(up.value).abs() < 1e-9 && north.angle_between(turn * DVec3::Y) < 0.02);
             let again = Survey::of(&scene, &Metadata::default());
             assert_eq!(again, done.after);
             assert!(done.lines()[0].contains("90.") || done.lines()[0].contains("89."), "{:?}", done.lines());

@@ -14,10 +14,12 @@ mod own_sky;
 mod report;
 mod sample;
 mod sky;
+mod sun;
 #[cfg(test)]
 mod tests;
 mod up;
 
+use crate::metadata::leveled;
 use crate::{Metadata, Scene};
 use glam::DVec3;
 use sample::SurveySample;
@@ -26,10 +28,11 @@ use sky::SkyRegion;
 use std::fmt;
 use thiserror::Error;
 
-pub use airlight::{SkyPatch, airlight_of_sky};
+pub use airlight::{CapturedSky, SkyPatch, airlight_of_sky};
 pub use align::{AlignError, Aligned, Alignment, GivenGround, GivenScale, UpSide, align, ground_normal};
 pub use own_sky::{OwnSky, SkyChange};
 pub use sky::label_sky;
+pub use sun::{SunFault, SurveyedSun};
 pub use up::{UpEstimate, UpScore};
 
 /// The facts about a place, each with its source.
@@ -41,6 +44,14 @@ pub struct Survey {
     pub up_source: Option<String>,
     /// The evidence for up, where it was estimated.
     pub up_estimate: Option<UpEstimate>,
+    /// True north, level, world axes, length 1, where the metadata state it.
+    pub north: Option<DVec3>,
+    /// The origin of north and of the place on Earth, where the metadata state it.
+    pub north_source: Option<String>,
+    /// The sun when the photos were taken, where the metadata state north, place and time.
+    pub sun: Option<SurveyedSun>,
+    /// The reason why these give no sun.
+    pub sun_fault: Option<SunFault>,
     /// Height of the ground along `up`, scene units, near the middle of the scene.
     pub ground: Sourced<f64>,
     /// Metres per scene unit; never estimated, 1 if no source states it.
@@ -49,6 +60,8 @@ pub struct Survey {
     pub scale_source: Option<String>,
     /// Mean radiance of the sky near the horizon, linear RGB, 1 = display white.
     pub airlight: Sourced<[f64; 3]>,
+    /// The kind of sky that the place was captured under.
+    pub captured_sky: CapturedSky,
     /// The middle of most splats, sky and strays left out, scene units.
     pub center: DVec3,
     /// Distance from `center` that holds 95 % of the splats, sky left out, scene units; 0 if there
@@ -172,6 +185,12 @@ impl Survey {
             }
         });
         up.value = up.value.normalize();
+        let facts = given.clone().or(file.clone());
+        let north = facts.north.and_then(|north| leveled(north, up.value));
+        let (sun, sun_fault) = match SurveyedSun::of(&up, north, &facts) {
+            Ok(sun) => (sun, None),
+            Err(fault) => (None, Some(fault)),
+        };
         // A height along another direction is of no use.
         if file.up.is_some_and(|other| other.normalize().dot(up.value) < SAME_UP) {
             file.ground = None;
@@ -203,6 +222,10 @@ impl Survey {
             scale_source: file.scale_source.filter(|_| metres_per_unit.source == FactSource::File),
             up_source: file.up_source.filter(|_| up.source == FactSource::File),
             up_estimate,
+            north,
+            north_source: facts.north_source.filter(|_| north.is_some()),
+            sun,
+            sun_fault,
             metres_per_unit,
             center: sample.center,
             radius: sample.radius,
@@ -211,6 +234,7 @@ impl Survey {
             up,
             ground,
             airlight,
+            captured_sky: airlight::captured_sky(&scene.splats, &sample, &sky, up.value),
         }
     }
 
@@ -232,6 +256,9 @@ impl Survey {
             up: known(&self.up),
             up_source: self.up_source.clone(),
             up_confidence: doubt(&self.up),
+            // Level along this up and no other.
+            north: self.north.filter(|_| self.up.source != FactSource::Assumed),
+            north_source: self.north_source.clone(),
             ground_confidence: doubt(&self.ground),
             ground: known(&self.ground),
             airlight: known(&self.airlight),

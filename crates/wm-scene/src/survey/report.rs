@@ -31,6 +31,8 @@ impl Survey {
             format!("airlight: {r}, {g}, {b} linear ({light})"),
             sky,
         ];
+        lines.extend(self.sun.as_ref().map(|sun| format!("sun: {}", sun.line())));
+        lines.extend(self.sun_fault.map(|fault| format!("sun: not known: {fault}")));
         if let Some(reasons) = self.up_estimate.as_ref().and_then(UpEstimate::reasons) {
             lines.insert(1, reasons);
         }

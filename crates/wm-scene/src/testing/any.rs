@@ -54,6 +54,11 @@ fn any_metadata() -> impl Strategy<Value = Metadata> {
             up: some.then(|| DVec3::new(0.6, -0.8, 0.0)),
             up_source: some.then(|| "a plumb line".into()),
             up_confidence: some.then_some(Confidence::Likely),
+            north: some.then(|| DVec3::new(0.8, 0.6, 0.0)),
+            north_source: some.then(|| "a compass".into()),
+            location: some.then_some([-33.5, 151.25]),
+            captured: some.then_some(1_717_059_360.5),
+            captured_span: some.then_some(95.25),
             rasterization: some.then_some(Rasterization::Antialiased),
             provenance,
         }

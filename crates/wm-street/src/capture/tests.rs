@@ -7,8 +7,9 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 use tempfile::tempdir;
-use wm_scene::capture::{CaptureOptions, gps, header::read_header, read};
-use wm_scene::npy;
+use wm_scene::capture::{CaptureOptions, CaptureSite, gps, header, header::read_header, read};
+use wm_scene::survey::Survey;
+use wm_scene::{Metadata, Scene, npy};
 
 fn park() -> &'static Place {
     static PARK: OnceLock<Place> = OnceLock::new();
@@ -107,6 +108,86 @@ fn positions_in_exif_fit_the_cameras_through_the_stated_axes() {
     let scale = gps::fit(&centers, &places).unwrap();
     let ratio = scale.metres_per_unit / truth["metres_per_unit"].as_f64().unwrap();
     assert!((ratio - 1.0).abs() < 0.08, "{ratio}");
+}
+
+/// The survey of a small flight over the park with these lies of EXIF, by what its photos state alone, and its truth.
+fn surveyed(exif: Vec<ExifFault>) -> (Metadata, Survey, serde_json::Value) {
+    let folder = tempdir().unwrap();
+    let flaws = CaptureFlaws { exif, ..CaptureFlaws::default() };
+    let settings = CaptureSettings { flaws, size: (12, 8), points: 1, ..small(CaptureKind::Nadir, 24) };
+    let capture = write(park(), folder.path(), &settings, &mut |_| true).unwrap().unwrap();
+    let headers: Vec<_> = (0..24).map(|view| read_header(&capture.photo(view).unwrap()).unwrap()).collect();
+    let places: Vec<_> = headers.iter().map(|header| header.gps).collect();
+    let times: Vec<_> = headers.iter().map(|header| header.taken).collect();
+    let centers: Vec<DVec3> = capture.views.iter().map(|view| view.camera.center()).collect();
+    let mut metadata = Metadata::default();
+    if let Some(fit) = gps::fit(&centers, &places) {
+        metadata.up = Some(fit.up);
+        CaptureSite::of(&centers, &places, &times, fit.up).note(&mut metadata);
+    }
+    let scene = Scene { metadata: metadata.clone(), ..Scene::default() };
+    (metadata, Survey::of(&scene, &Metadata::default()), json(folder.path()))
+}
+
+#[test]
+fn a_flight_over_the_park_knows_its_sun() {
+    let (metadata, survey, truth) = surveyed(vec![]);
+    let north = metadata.north.unwrap().angle_between(vector(&truth["north"])).to_degrees();
+    assert!(north < 1.5, "{north}");
+    let home = park().sights.home;
+    let [latitude, longitude] = metadata.location.unwrap();
+    assert!((latitude - home.latitude).abs() < 0.002 && (longitude - home.longitude).abs() < 0.003);
+    let late = metadata.captured.unwrap() - sky::TIME as f64;
+    assert!((0.0..120.0).contains(&late), "{late}");
+    let sun = survey.sun.unwrap();
+    let off = sun.direction.angle_between(vector(&truth["sun"]["direction"])).to_degrees();
+    assert!(off < 1.5, "{off} {north}");
+    let stated = |key: &str| truth["sun"][key].as_f64().unwrap();
+    assert!((sun.elevation.to_degrees() - stated("elevation_degrees")).abs() < 0.7);
+    assert!((sun.azimuth.to_degrees() - stated("azimuth_degrees")).abs() < 0.7);
+    assert!(sun.source.starts_with("from the time and the GPS of 24 photos"), "{}", sun.source);
+}
+
+#[test]
+fn lies_of_exif_give_no_sun() {
+    let (unset, survey, _) = surveyed(vec![ExifFault::Time]);
+    assert!(unset.captured.is_none() && unset.north.is_some() && survey.sun.is_none());
+    let (nowhere, survey, _) = surveyed(vec![ExifFault::Zero, ExifFault::Nonsense]);
+    assert_eq!((nowhere.north, nowhere.location, survey.sun), (None, None, None));
+    let (mixed, survey, _) = surveyed(vec![ExifFault::Continent, ExifFault::Nonsense]);
+    assert_eq!((mixed.north, mixed.location, mixed.captured, survey.sun), (None, None, None, None));
+    // All photos in Australia agree with each other, but the sun was down there.
+    let (_, survey, _) = surveyed(vec![ExifFault::Continent]);
+    assert!(survey.sun.is_none() && survey.sun_fault.is_some());
+}
+
+#[test]
+fn times_of_exif_come_back() {
+    let folder = tempdir().unwrap();
+    let settings = CaptureSettings { points: 1, size: (6, 4), ..small(CaptureKind::Walk, 3) };
+    let capture = write(park(), folder.path(), &settings, &mut |_| true).unwrap().unwrap();
+    let truth = json(folder.path());
+    for view in 0..3 {
+        let taken = read_header(&capture.photo(view).unwrap()).unwrap().taken.unwrap();
+        let [year, month, day, hour, minute, second] = exif::calendar(taken as i64);
+        let text = format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z");
+        assert_eq!(truth["photos"][view]["time_utc"], text);
+    }
+    // Without GPS the camera's clock and its offset say the same.
+    let bytes = |time, gps| exif::ExifFacts { maker: "a", model: "b", time, focal: 35.0, gps }.to_bytes();
+    let read = |block: Vec<u8>| {
+        let head = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\x04\xb0\0\0\x03\x77\x08\x02\0\0\0CRC_";
+        let length = (block.len() as u32).to_be_bytes();
+        let whole = [&head[..], &length, b"eXIf", &block, b"CRC_\0\0\0\x09IDAT"].concat();
+        header::parse(&mut std::io::Cursor::new(whole)).unwrap().taken
+    };
+    for time in [sky::TIME, 951_782_399, 951_782_400, 4_102_444_799] {
+        assert_eq!(read(bytes(time, None)), Some(time as f64));
+        assert_eq!(read(bytes(time, Some(park().sights.home))), Some(time as f64));
+    }
+    for time in [0, 315_964_800, 4_102_444_800] {
+        assert_eq!(read(bytes(time, None)), None);
+    }
 }
 
 #[test]

@@ -153,6 +153,7 @@ pub struct Photos {
     loaders: Vec<JoinHandle<()>>,
     skipped: Vec<PhotoError>,
     gps: Vec<Option<Gps>>,
+    taken: Vec<Option<f64>>,
 }
 
 struct Shared {
@@ -178,11 +179,11 @@ impl Photos {
             (0..capture.views.len()).into_par_iter().map(|view| look(capture, view, options)).collect();
         let photos = looked.len();
         let (mut entries, mut errors) = (Vec::with_capacity(photos), Vec::new());
-        let mut gps = vec![None; photos];
+        let (mut gps, mut taken) = (vec![None; photos], vec![None; photos]);
         for (view, looked) in looked.into_iter().enumerate() {
             match looked {
-                Ok((entry, place)) => {
-                    gps[view] = place;
+                Ok((entry, header)) => {
+                    (gps[view], taken[view]) = (header.gps, header.taken);
                     entries.push(entry);
                 }
                 Err(error) => errors.push(error),
@@ -222,7 +223,7 @@ impl Photos {
             std::thread::spawn(move || shared.serve())
         };
         let loaders = (0..options.loaders).map(loader).collect();
-        Ok(Self { shared, loaders, skipped: errors, gps })
+        Ok(Self { shared, loaders, skipped: errors, gps, taken })
     }
 
     /// Returns the number of photos, without those that were skipped.
@@ -347,6 +348,12 @@ impl Photos {
         &self.gps
     }
 
+    /// Returns the time of each view of the capture, `[V]`, seconds since 1970, UTC, where its photo says it with a time zone.
+    #[must_use]
+    pub fn taken(&self) -> &[Option<f64>] {
+        &self.taken
+    }
+
     /// Bytes of decoded photos that are kept now.
     #[must_use]
     pub fn cached_bytes(&self) -> usize {
@@ -408,13 +415,13 @@ impl Shared {
 const LEAST_SIDE: u32 = 8;
 
 /// Reads the header of a photo and checks that it fits its camera.
-fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entry, Option<Gps>), PhotoError> {
+fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entry, PhotoHeader), PhotoError> {
     let view = &capture.views[index];
     let Some(file) = capture.photo(index) else {
         return Err(PhotoError { path: capture.images.join(&view.file), fault: PhotoFault::Missing });
     };
-    let PhotoHeader { kind, width, height, orientation, gps } =
-        read_header(&file).map_err(|e| PhotoError::reading(&e))?;
+    let header = read_header(&file).map_err(|e| PhotoError::reading(&e))?;
+    let PhotoHeader { kind, width, height, orientation, .. } = header;
     let camera = (view.camera.width, view.camera.height);
     let stored = (width, height);
     if width.min(height) < LEAST_SIDE {
@@ -439,5 +446,5 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
         Masks::Ignore => None,
     };
     let lens = Lens { photo, distortion: view.distortion, ideal };
-    Ok((Entry { view: index, file, mask, kind, stored, orientation, lens }, gps))
+    Ok((Entry { view: index, file, mask, kind, stored, orientation, lens }, header))
 }

@@ -144,40 +144,39 @@ pub enum TrainWarning {
     NoScale(String),
 }
 
-/// Photos without a camera that are named in a warning.
+/// Most photos that are named in a warning.
 const NAMED: usize = 5;
 
+/// Lists the first few, and says how many more there are.
+fn list(photos: impl ExactSizeIterator<Item = String>) -> String {
+    let more = photos.len().saturating_sub(NAMED);
+    let named = photos.take(NAMED).collect::<Vec<_>>().join(", ");
+    if more > 0 { format!("{named}, and {more} more") } else { named }
+}
+
 fn poor(found: &[(String, PhotoDefect)], are_left_out: bool) -> String {
-    let named: Vec<String> =
-        found.iter().take(NAMED).map(|(name, defect)| format!("{name} ({defect})")).collect();
-    let more = found.len().saturating_sub(NAMED);
-    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    let named = list(found.iter().map(|(name, defect)| format!("{name} ({defect})")));
     let end = if are_left_out {
         "they are left out of the training"
     } else {
         "they are too many to leave out, and are trained on"
     };
-    format!("poor photos: {}{more}; {end}", named.join(", "))
+    format!("poor photos: {named}; {end}")
 }
 
 fn misplaced(photos: &[String]) -> String {
-    let named = photos.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
-    let more = photos.len().saturating_sub(NAMED);
-    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    let named = list(photos.iter().cloned());
     format!(
-        "{named}{more}: the EXIF states a place where the photo cannot have been taken; up, north and scale are found without \
+        "{named}: the EXIF states a place where the photo cannot have been taken; up, north and scale are found without \
          it"
     )
 }
 
 fn unregistered(photos: &[UnregisteredPhoto]) -> String {
-    let named: Vec<String> = photos.iter().take(NAMED).map(ToString::to_string).collect();
-    let more = photos.len().saturating_sub(NAMED);
-    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
     format!(
-        "{} of the photos have no camera and are left out: {}{more}; take photos between them and the others",
+        "{} of the photos have no camera and are left out: {}; take photos between them and the others",
         photos.len(),
-        named.join(", ")
+        list(photos.iter().map(ToString::to_string))
     )
 }
 

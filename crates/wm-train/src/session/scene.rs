@@ -6,7 +6,7 @@ use super::error::SessionError;
 use super::observer::{TrainNotice, TrainObserver, TrainWarning};
 use crate::brightness::PhotoGains;
 use crate::config::{HazeMode, TrainConfig};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, site};
 use crate::fill::{FillView, fill};
 use crate::haze::{FarGround, PhotoHaze, settle};
 use crate::photos::Photo;
@@ -234,6 +234,9 @@ pub(super) fn finish(
     let survey = Survey::of(&scene, &facts);
     let mut known = survey.metadata();
     note_up(&mut known, options, data);
+    known.location = facts.location;
+    (known.captured, known.captured_span) = (facts.captured, facts.captured_span);
+    site(&data.set.capture, &data.set.photos, survey.up.value).note(&mut known);
     let ground = ground(&data.set.capture);
     if facts.ground.is_none()
         && let Ok(ground) = &ground

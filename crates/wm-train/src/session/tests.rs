@@ -3,9 +3,12 @@
 use super::*;
 use crate::poor_photos::PhotoDefect;
 use std::ops::ControlFlow;
+use wm_scene::Metadata;
 use wm_scene::capture::colmap::write::ColmapStorage;
-use wm_street::Street;
+use wm_scene::survey::Survey;
+use wm_street::capture::{self, CaptureFlaws, CaptureKind, CaptureSettings, ExifFault};
 use wm_street::dataset::{self, CameraRoute, DatasetOptions, GroundTruth};
+use wm_street::{Park, Street};
 
 const PHOTOS: DatasetOptions = DatasetOptions {
     route: CameraRoute::Orbit,
@@ -103,6 +106,36 @@ fn a_session_that_was_stopped_ends_in_the_same_scene() {
     assert!(matches!(error, SessionError::Finished(_)), "{error}");
     let again = session(&set).run_folder(&run).overwrite().run(&mut ()).unwrap();
     assert_eq!((again.splats, again.metadata), (scene.splats, scene.metadata));
+}
+
+/// A flight over the park, trained for a moment: its scene states north, place and time.
+#[test]
+fn the_scene_of_a_flight_knows_its_sun() {
+    let folder = tempfile::tempdir().unwrap();
+    let flight = |name: &str, exif: Vec<ExifFault>| {
+        let set = folder.path().join(name);
+        let flaws = CaptureFlaws { exif, ..CaptureFlaws::default() };
+        let usual = CaptureSettings::new(CaptureKind::Nadir);
+        let truth = GroundTruth::Omit;
+        let settings =
+            CaptureSettings { count: 16, size: (48, 32), samples: 1, points: 200, truth, flaws, ..usual };
+        capture::write(&Park::builtin(), &set, &settings, &mut |_| true).unwrap();
+        let truth = std::fs::read_to_string(set.join(capture::TRUTH)).unwrap();
+        let sun = serde_json::from_str::<serde_json::Value>(&truth).unwrap()["sun"]["direction"].clone();
+        let truth: [f64; 3] = serde_json::from_value(sun).unwrap();
+        (session(&set).steps(1).run(&mut ()).unwrap(), glam::DVec3::from_array(truth))
+    };
+    let (scene, truth) = flight("honest", vec![]);
+    let path = folder.path().join("park.ply");
+    scene.save(&path).unwrap();
+    let read = Scene::open(&path).unwrap();
+    assert_eq!(read.metadata, scene.metadata);
+    let sun = Survey::of(&read, &Metadata::default()).sun.unwrap();
+    let off = sun.direction.angle_between(truth).to_degrees();
+    assert!(off < 1.5, "{off} {sun:?}");
+    let (scene, _) = flight("lies", vec![ExifFault::Nonsense, ExifFault::Time]);
+    let Metadata { north, location, captured, .. } = scene.metadata;
+    assert_eq!((north, location, captured), (None, None, None));
 }
 
 /// The folder of a training at every moment before its first checkpoint.

@@ -1,0 +1,201 @@
+//! Place, north and time of a capture, as its photos state them: what the direction of the sun over it follows from.
+
+use super::Gps;
+use super::gps::{GpsFit, fit_with_outliers};
+use crate::Metadata;
+use crate::survey::linear::{horizontals, quantile};
+use glam::{DVec2, DVec3};
+
+/// Facts about a capture that its photos state; `None` for what they do not state well enough.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CaptureSite {
+    /// True north, and the place on Earth.
+    pub place: Option<CapturePlace>,
+    /// The time of the photos.
+    pub time: Option<CaptureTime>,
+}
+
+/// North over a capture, and its place on Earth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CapturePlace {
+    /// True north, level, world axes, length 1.
+    pub north: DVec3,
+    /// Standard deviation of its azimuth, radians.
+    pub north_error: f64,
+    /// The middle of the photos' positions.
+    pub location: Gps,
+    /// Photos whose positions agree.
+    pub photos: usize,
+    /// Median distance between the cameras and the positions of their photos, m.
+    pub residual: f64,
+}
+
+/// The time of a capture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CaptureTime {
+    /// Median of the photos' times, seconds since 1970, UTC.
+    pub captured: f64,
+    /// Seconds between the first photo and the last.
+    pub span: f64,
+}
+
+/// Largest share of positions far from the others with which the rest is believed.
+const MOST_OUTLIERS: f64 = 0.25;
+/// Least share of the photos that state a time.
+const LEAST_TIMED: f64 = 0.5;
+/// Largest error of north, radians: 3 degrees.
+const MOST_ERROR: f64 = 0.052;
+/// Error of the positions' own up below which they tell it, and largest angle between it and up then, radians: 10 degrees.
+const OWN_UP: f64 = 0.175;
+/// That angle in errors, if this is more.
+const OTHER_UP: f64 = 3.0;
+/// Least error that a position is thought to have, m.
+const FLOOR: f64 = 1.0;
+/// Positions of one flight or walk err alike: no more than this many count as independent.
+const INDEPENDENT: f64 = 8.0;
+/// Longest capture whose span the metadata leave out, s: the sun moves by a quarter of a degree.
+const MOMENT: f64 = 60.0;
+
+impl CaptureSite {
+    /// Finds place, north and time of cameras (centres `[V]`, world axes) from the positions and times of their photos (`[V]` each).
+    ///
+    /// Nothing is found if more than a quarter of the positions are far from the others or no places on Earth: such EXIF is made up.
+    ///
+    /// # Panics
+    /// If the lengths differ.
+    #[must_use]
+    pub fn of(centers: &[DVec3], places: &[Option<Gps>], times: &[Option<f64>], up: DVec3) -> Self {
+        assert_eq!(centers.len(), times.len(), "a time (or none) a camera");
+        let (fit, outliers) = fit_with_outliers(centers, places);
+        let stated = places.iter().flatten().count();
+        if outliers.len() as f64 > MOST_OUTLIERS * stated as f64 {
+            return Self::default();
+        }
+        let is_kept = |index: &usize| outliers.binary_search(index).is_err();
+        let kept: Vec<usize> = (0..centers.len()).filter(is_kept).collect();
+        let both: Vec<(DVec3, Gps)> = kept.iter().filter_map(|i| Some((centers[*i], places[*i]?))).collect();
+        let times: Vec<f64> = kept.iter().filter_map(|i| times[*i]).collect();
+        Self {
+            place: fit.and_then(|fit| CapturePlace::of(&both, &fit, up)),
+            time: CaptureTime::of(times, centers.len()),
+        }
+    }
+
+    /// Writes down the facts, where `metadata` do not state them.
+    pub fn note(&self, metadata: &mut Metadata) {
+        if let Some(CapturePlace { north, location, photos, residual, .. }) = self.place {
+            if metadata.north.is_none() {
+                metadata.north = Some(north);
+                metadata.north_source =
+                    Some(format!("the GPS of {photos} photos, met within {residual:.1} m"));
+            }
+            metadata.location.get_or_insert([location.latitude, location.longitude]);
+        }
+        if let Some(time) = self.time
+            && metadata.captured.is_none()
+        {
+            metadata.captured = Some(time.captured);
+            metadata.captured_span = Some(time.span).filter(|span| *span > MOMENT);
+        }
+    }
+}
+
+impl CaptureTime {
+    /// `None` if too few of the photos state a time.
+    fn of(mut times: Vec<f64>, photos: usize) -> Option<Self> {
+        if times.is_empty() || (times.len() as f64) < LEAST_TIMED * photos as f64 {
+            return None;
+        }
+        let range = |(low, high): (f64, f64), time: &f64| (low.min(*time), high.max(*time));
+        let (first, last) = times.iter().fold((f64::INFINITY, f64::NEG_INFINITY), range);
+        Some(Self { captured: quantile(&mut times, 0.5), span: last - first })
+    }
+}
+
+impl CapturePlace {
+    /// North by the level positions alone: heights may be missing, and a straight walk leaves the tilt of a fit in space open.
+    fn of(both: &[(DVec3, Gps)], space: &GpsFit, up: DVec3) -> Option<Self> {
+        let up = up.try_normalize()?;
+        let error = space.up_error();
+        if error < OWN_UP && up.angle_between(space.up) > OWN_UP.max(OTHER_UP * error) {
+            return None;
+        }
+        let origin = both.get(both.len() / 2)?.1;
+        let (x, y) = horizontals(up);
+        let level = |at: &DVec3| DVec2::new(at.dot(x), at.dot(y));
+        let pairs: Vec<(DVec2, DVec2)> =
+            both.iter().map(|(center, gps)| (level(center), gps.enu_from(&origin).truncate())).collect();
+        let fit = LevelFit::of(&pairs)?;
+        let spread = fit.spread * (INDEPENDENT / pairs.len() as f64).min(1.0);
+        let north_error = fit.residual.max(FLOOR) / spread.sqrt();
+        // The direction that the turn takes to the second axis, which is north.
+        let north = DVec2::new(fit.turn.x, -fit.turn.y).rotate(DVec2::Y);
+        let found = Self {
+            north: (x * north.x + y * north.y).normalize(),
+            north_error,
+            location: middle(both.iter().map(|(_, gps)| *gps))?,
+            photos: both.len(),
+            residual: space.residual,
+        };
+        (north_error <= MOST_ERROR && found.north.is_finite()).then_some(found)
+    }
+}
+
+/// The median of latitudes and longitudes, across the date line too.
+fn middle(places: impl Iterator<Item = Gps>) -> Option<Gps> {
+    let places: Vec<Gps> = places.collect();
+    let first = places.first()?.longitude;
+    let median = |of: &dyn Fn(&Gps) -> f64| quantile(&mut places.iter().map(of).collect::<Vec<f64>>(), 0.5);
+    let around = |degrees: f64| (degrees + 180.0).rem_euclid(360.0) - 180.0;
+    Some(Gps {
+        latitude: median(&|place| place.latitude),
+        longitude: around(first + median(&|place| around(place.longitude - first))),
+        altitude: None,
+    })
+}
+
+/// The similarity of the plane that takes points to positions, with weights that let outliers fade (Geman and McClure).
+struct LevelFit {
+    /// The turn, as a unit complex number.
+    turn: DVec2,
+    /// Weighted sum of the squared distances of the positions from their mean, m^2.
+    spread: f64,
+    /// Median distance, m.
+    residual: f64,
+}
+
+impl LevelFit {
+    fn of(pairs: &[(DVec2, DVec2)]) -> Option<Self> {
+        let mut weights = vec![1.0; pairs.len()];
+        let mut found = None;
+        for _ in 0..20 {
+            let sum: f64 = weights.iter().sum();
+            let weighted = || pairs.iter().zip(&weights);
+            let mean = |of: &dyn Fn(&(DVec2, DVec2)) -> DVec2| {
+                weighted().map(|(pair, weight)| of(pair) * *weight).sum::<DVec2>() / sum
+            };
+            let (from, to) = (mean(&|pair| pair.0), mean(&|pair| pair.1));
+            let (mut product, mut square, mut spread) = (DVec2::ZERO, 0.0, 0.0);
+            for ((a, b), weight) in weighted() {
+                let (a, b) = (*a - from, *b - to);
+                product += *weight * DVec2::new(a.dot(b), a.perp_dot(b));
+                square += weight * a.length_squared();
+                spread += weight * b.length_squared();
+            }
+            let (turn, scale) = (product.try_normalize()?, product.length() / square);
+            if !(scale.is_finite() && scale > 0.0) {
+                return None;
+            }
+            let off: Vec<f64> =
+                pairs.iter().map(|(a, b)| (scale * turn.rotate(*a - from)).distance(*b - to)).collect();
+            let residual = quantile(&mut off.clone(), 0.5);
+            let sigma = (1.5 * residual).max(FLOOR);
+            weights = off.iter().map(|off| (1.0 + (off / sigma).powi(2)).powi(-2)).collect();
+            found = Some(Self { turn, spread, residual });
+        }
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests;
