@@ -12,11 +12,19 @@ use crate::hooks::GROUP;
 pub enum Attribute {
     /// A factor on the opacity, 0-1.
     Visibility,
+    /// A factor on the red light, 0 or more; see the contract of [`crate::stages::shade`].
+    GainRed,
+    /// The same for green.
+    GainGreen,
+    /// The same for blue.
+    GainBlue,
 }
 
 impl Attribute {
     /// Every attribute, in the order of the columns.
-    pub const ALL: [Self; 1] = [Self::Visibility];
+    pub const ALL: [Self; 4] = [Self::Visibility, Self::GainRed, Self::GainGreen, Self::GainBlue];
+    /// The factors on the light, by channel.
+    pub const GAINS: [Self; 3] = [Self::GainRed, Self::GainGreen, Self::GainBlue];
     /// The number of columns.
     pub const COUNT: usize = Self::ALL.len();
 
@@ -24,7 +32,7 @@ impl Attribute {
     #[must_use]
     pub const fn neutral(self) -> f32 {
         match self {
-            Self::Visibility => 1.0,
+            Self::Visibility | Self::GainRed | Self::GainGreen | Self::GainBlue => 1.0,
         }
     }
 
@@ -33,6 +41,9 @@ impl Attribute {
     pub const fn wgsl_name(self) -> &'static str {
         match self {
             Self::Visibility => "ATTRIBUTE_VISIBILITY",
+            Self::GainRed => "ATTRIBUTE_GAIN_RED",
+            Self::GainGreen => "ATTRIBUTE_GAIN_GREEN",
+            Self::GainBlue => "ATTRIBUTE_GAIN_BLUE",
         }
     }
 }
@@ -42,6 +53,11 @@ pub trait SplatAttributes: Sync {
     /// Writes the attributes of splat `indices[i]` (index in the loaded splats) to row `i` of the columns that it
     /// changes; the others are neutral already. There are at most [`AttributeBlock::SPLATS`] indices.
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock);
+
+    /// Returns true if it changes [`Attribute::GAINS`]; else they are not read.
+    fn changes_light(&self) -> bool {
+        false
+    }
 }
 
 /// The attributes of up to 256 splats, one array a column.

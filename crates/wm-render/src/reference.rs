@@ -4,6 +4,7 @@
 //! f32 back end may be away: see [`ReferenceFrame::slack`].
 
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
+use crate::frame::{srgb_decode, srgb_encode};
 use crate::hooks::{AirOnRay, Hooks, SkySplats};
 use crate::plan::Shading;
 use crate::renderer::RenderConfig;
@@ -131,6 +132,18 @@ pub struct ReferenceFrame {
 pub const CUT_BAND: f64 = 2e-3;
 /// Relative distance of the transmittance from the stop within which either side is right.
 pub const STOP_BAND: f64 = 0.02;
+/// A display-referred colour in other light.
+fn relit(rgb: [f64; 3], gains: [f64; 3]) -> [f64; 3] {
+    if gains == [1.0; 3] {
+        return rgb;
+    }
+    let light = rgb.map(srgb_decode);
+    let limit = light.into_iter().fold(1.0, f64::max);
+    let changed: [f64; 3] = std::array::from_fn(|k| light[k] * gains[k]);
+    let scale = limit / changed.into_iter().fold(limit, f64::max);
+    changed.map(|v| srgb_encode(v * scale))
+}
+
 /// Relative difference in view z within which either order is right: a few ulp of f32 sums.
 pub const ORDER_BAND: f64 = 2e-6;
 
@@ -178,6 +191,7 @@ pub fn render_shaded(
                 continue;
             };
             let rgb = sh::color(splats.sh_of(index), p.direction).map(|v| v.max(0.0));
+            let rgb = relit(rgb, Attribute::GAINS.map(|gain| f64::from(block.column(gain)[0])));
             let distance = if splats.groups[index] == Group::Sky { f64::INFINITY } else { p.distance };
             let rgb = shade(p.direction, distance, rgb);
             drawn.push((p, rgb));

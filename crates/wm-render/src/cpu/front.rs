@@ -11,7 +11,7 @@ use crate::stages::intersect::TileGrid;
 use crate::stages::intersect::cpu::{Pairs, PatchBox};
 use crate::stages::project::cpu::{ClusterCull, ProjectedGroup, project_group};
 use crate::stages::project::{ProjectCamera, Record};
-use crate::stages::shade::cpu::{shade_group, through_air};
+use crate::stages::shade::cpu::{relight_group, shade_group, through_air};
 use std::ops::Range;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
@@ -128,6 +128,9 @@ impl<'a> Front<'a> {
             }
             let groups = dispatch!(self.path, s => self.project_cluster(s, model, attributes.is_some(), cluster, &mut scratch));
             let projected = Instant::now();
+            if self.shading == Shading::Color && attributes.is_some_and(SplatAttributes::changes_light) {
+                dispatch!(self.path, s => scratch.relight(s, groups));
+            }
             if groups > 0 {
                 let shade = &mut scratch.shade[..groups];
                 through_air(self.path, self.medium, self.shading, self.camera.center, shade);
@@ -219,6 +222,15 @@ impl Default for ClusterScratch {
 }
 
 impl ClusterScratch {
+    /// Changes the light on the splats of the groups in view by their gains.
+    #[inline(always)]
+    fn relight<S: Lanes>(&mut self, simd: S, groups: usize) {
+        for (shade, name) in self.shade[..groups].iter_mut().zip(&self.names) {
+            let gains = Attribute::GAINS.map(|gain| self.attributes.group(*name, gain));
+            relight_group(simd, gains, shade);
+        }
+    }
+
     /// Writes the records of the splats in view, with their boxes, and returns how many.
     #[inline(always)]
     pub fn write_records<S: Lanes>(

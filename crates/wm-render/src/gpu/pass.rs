@@ -8,7 +8,7 @@ use super::lists::{self, CHUNKS, Entries};
 use super::model::GpuModel;
 use super::readback::Source;
 use super::recorder::{Recorder, Stage};
-use super::uniforms::{self, Capacity, Uniform, ViewParameters};
+use super::uniforms::{self, AttributeUse, Capacity, Uniform, ViewParameters};
 use crate::cpu::{self, Features};
 use crate::frame::Arrays;
 use crate::hooks::{ParticleView, WgslSource};
@@ -25,8 +25,8 @@ use crate::stages::rasterize::gpu::Rasterize;
 /// A draw pass, with what it needs in the GPU's memory.
 pub(crate) struct GpuPass<'a> {
     pass: &'a DrawPass<'a>,
-    /// The sets, each with the attributes of its splats and whether there are any.
-    sets: Vec<(&'a GpuModel, wgpu::Buffer, bool)>,
+    /// The sets, each with the attributes of its splats and their use.
+    sets: Vec<(&'a GpuModel, wgpu::Buffer, AttributeUse)>,
     features: Features,
     pub arrays: Arrays,
     air: Option<(WgslSource, wgpu::Buffer)>,
@@ -57,7 +57,7 @@ impl<'a> GpuPass<'a> {
             };
             let numbers = view.attributes.map(|attributes| hosted::attributes(attributes, &model.source));
             let buffer = memory.attributes(gpu, numbers.as_deref().unwrap_or_default())?;
-            sets.push((model, buffer, numbers.is_some()));
+            sets.push((model, buffer, AttributeUse::of(view.attributes)));
         }
         let air = match pass.hooks.medium {
             None => None,
@@ -151,11 +151,11 @@ impl<'a> GpuPass<'a> {
         let view = uniforms::view(&parameters, self.blocks(), self.particles(), capacity);
         let mut uniforms = lists::uniforms(view, Entries::Records);
         let mut first_block = 0;
-        for (model, _, has_attributes) in &self.sets {
+        for (model, _, attributes) in &self.sets {
             for chunk in &model.chunks {
                 let (blocks, first_splat) = (chunk.blocks, chunk.first_splat);
                 let piece = uniforms::Piece::whole(first_block, blocks, first_splat, model.sh_rows);
-                uniforms.push(uniforms::chunk(piece, *has_attributes));
+                uniforms.push(uniforms::chunk(piece, *attributes));
                 first_block += blocks;
             }
         }

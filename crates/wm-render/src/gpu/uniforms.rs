@@ -3,7 +3,7 @@
 use super::source::{TILE_SIDE, WORKGROUP};
 use crate::differentiable::{DepthAlpha, DrawnSplats, ForwardConfig, Learn, Opacity};
 use crate::even_air::EvenAir;
-use crate::hooks::SkySplats;
+use crate::hooks::{SkySplats, SplatAttributes};
 use crate::plan::DrawPass;
 use crate::stages::compare::{Comparison, Term};
 use crate::stages::optimize::{BETA1, BETA2, Noise, Step};
@@ -195,19 +195,42 @@ impl Piece {
     }
 }
 
-/// `Chunk` of `geometry.wgsl`, for rendering; `has_attributes` if the splats have some of their own.
+/// The attributes of the splats of a set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AttributeUse {
+    /// They have none.
+    Unused,
+    /// The light stays that of the capture.
+    Surface,
+    /// The light changes.
+    SurfaceAndLight,
+}
+
+impl AttributeUse {
+    /// Of a set that may have attributes.
+    #[must_use]
+    pub fn of(attributes: Option<&dyn SplatAttributes>) -> Self {
+        match attributes {
+            None => Self::Unused,
+            Some(attributes) if attributes.changes_light() => Self::SurfaceAndLight,
+            Some(_) => Self::Surface,
+        }
+    }
+}
+
+/// `Chunk` of `pieces.wgsl`, for rendering.
 #[must_use]
-pub fn chunk(piece: Piece, has_attributes: bool) -> Uniform {
-    any_chunk(piece, piece.sh_rows, has_attributes, Opacity::Stored)
+pub fn chunk(piece: Piece, attributes: AttributeUse) -> Uniform {
+    any_chunk(piece, piece.sh_rows, attributes, Opacity::Stored)
 }
 
 /// The same for training: how many rows of coefficients are in use, and where opacities come from.
 #[must_use]
 pub fn training_chunk(piece: Piece, sh_used: u32, opacity: Opacity) -> Uniform {
-    any_chunk(piece, sh_used, false, opacity)
+    any_chunk(piece, sh_used, AttributeUse::Unused, opacity)
 }
 
-fn any_chunk(piece: Piece, sh_used: u32, has_attributes: bool, opacity: Opacity) -> Uniform {
+fn any_chunk(piece: Piece, sh_used: u32, attributes: AttributeUse, opacity: Opacity) -> Uniform {
     let fixed = match opacity {
         Opacity::Stored => None,
         Opacity::Fixed(value) => Some(value.max(1e-30).log2()),
@@ -219,7 +242,8 @@ fn any_chunk(piece: Piece, sh_used: u32, has_attributes: bool, opacity: Opacity)
         .whole("splats", piece.splats)
         .whole("sh_rows", piece.sh_rows)
         .whole("sh_used", sh_used)
-        .whole("has_attributes", u32::from(has_attributes))
+        .whole("has_attributes", u32::from(attributes != AttributeUse::Unused))
+        .whole("changes_light", u32::from(attributes == AttributeUse::SurfaceAndLight))
         .whole("fixed", u32::from(fixed.is_some()))
         .real("fixed_log2_opacity", fixed.unwrap_or(0.0))
 }

@@ -42,7 +42,7 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
         (
             Program::Project(ProjectProgram::Cull(ParameterForm::Activated)),
             "Chunk",
-            chunk(Piece::default(), true),
+            chunk(Piece::default(), AttributeUse::SurfaceAndLight),
         ),
         (
             CompositeProgram::Finish(Channels::Color).into(),

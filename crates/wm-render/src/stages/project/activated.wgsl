@@ -17,6 +17,22 @@ fn scales_of(splat: u32) -> vec3<f32> {
     return numbers(splat, ROW_SCALE);
 }
 
+// The colour of a splat in other light, see the contract of the shading.
+fn relit(splat: u32, rgb: vec3<f32>) -> vec3<f32> {
+    if chunk.changes_light == 0u {
+        return rgb;
+    }
+    let gain = vec3<f32>(
+        splat_attribute(splat, ATTRIBUTE_GAIN_RED),
+        splat_attribute(splat, ATTRIBUTE_GAIN_GREEN),
+        splat_attribute(splat, ATTRIBUTE_GAIN_BLUE),
+    );
+    let light = srgb_decode(rgb);
+    let limit = max(1.0, max(light.r, max(light.g, light.b)));
+    let changed = light * gain;
+    return srgb_encode(changed * (limit / max(limit, max(changed.r, max(changed.g, changed.b)))));
+}
+
 fn log2_opacity_of(splat: u32) -> f32 {
     let own = number(splat, ROW_OPACITY);
     if chunk.has_attributes == 0u {

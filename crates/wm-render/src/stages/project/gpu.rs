@@ -2,7 +2,7 @@
 //! one writes their records in the order of the splats, so that nothing depends on which workgroup came first.
 
 use crate::gpu::recorder::{Bindings, Groups, Recorder};
-use crate::gpu::source::{StagePrograms, texts};
+use crate::gpu::source::{COLOR, StagePrograms, texts};
 use crate::hooks::WgslSource;
 use crate::plan::Shading;
 use crate::stages::shade::gpu::{AirText, SHADE};
@@ -77,9 +77,10 @@ impl StagePrograms for ProjectProgram {
 
     fn parts(&self) -> Vec<Cow<'static, str>> {
         match self {
-            Self::Cull(form) => texts([PIECES, form.text(), GEOMETRY, include_str!("cull.wgsl")]),
+            Self::Cull(form) => texts([PIECES, COLOR, form.text(), GEOMETRY, include_str!("cull.wgsl")]),
             Self::Project(form, air) => {
-                let mut parts = texts([PIECES, form.text(), GEOMETRY, SHADE, include_str!("project.wgsl")]);
+                let mut parts =
+                    texts([PIECES, COLOR, form.text(), GEOMETRY, SHADE, include_str!("project.wgsl")]);
                 parts.extend(air.parts());
                 parts
             }

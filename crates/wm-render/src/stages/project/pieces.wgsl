@@ -14,6 +14,8 @@ struct Chunk {
     sh_used: u32,
     // 1 where `attributes` holds those of each splat.
     has_attributes: u32,
+    // 1 where these change the light.
+    changes_light: u32,
     // 1 where all splats in stored form have one opacity, and its log2.
     fixed: u32,
     fixed_log2_opacity: f32,

@@ -21,7 +21,8 @@ fn project_visible(
     let p = project(splat);
     let distance = length(p.offset);
     let direction = p.offset / distance;
-    let seen = through_air(direction, select(distance, FAR_AWAY, is_sky(splat)), shade(splat, direction));
+    let rgb = relit(splat, shade(splat, direction));
+    let seen = through_air(direction, select(distance, FAR_AWAY, is_sky(splat)), rgb);
 
     let axis = p.axes * shortest_of(p);
     let normal = facing(p, axis) * axis;

@@ -15,6 +15,11 @@ fn quat_of(splat: u32) -> vec4<f32> {
     return select(vec4<f32>(1.0, 0.0, 0.0, 0.0), q * inverse, inverse > 0.0);
 }
 
+// Training changes no light.
+fn relit(splat: u32, rgb: vec3<f32>) -> vec3<f32> {
+    return rgb;
+}
+
 // Standard deviations.
 fn scales_of(splat: u32) -> vec3<f32> {
     return exp2(clamp(numbers(splat, ROW_SCALE) * LOG2E, vec3<f32>(-126.0), vec3<f32>(126.0)));

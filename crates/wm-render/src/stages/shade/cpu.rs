@@ -3,7 +3,7 @@
 use crate::cpu::model::SplatGroup;
 use crate::hooks::{AirGroup, GROUP, Medium, ShadeGroup};
 use crate::plan::Shading;
-use crate::simd::{Lanes, SimdPath, transpose};
+use crate::simd::{self, Lanes, SimdPath, transpose};
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_scene::sh::{C0, C1, C2, C3};
 
@@ -48,6 +48,31 @@ pub fn shade_group<S: Lanes>(simd: S, group: &SplatGroup, rest: &[[f32; GROUP]],
         for channel in 0..3 {
             let value = rgb[channel].max(simd.set(0.0));
             value.store_slice(&mut shade.rgb[channel][first..first + S::N]);
+        }
+    }
+}
+
+/// Changes the light on one group: `gains` are factors on linear light, one array a channel.
+#[inline(always)]
+pub fn relight_group<S: Lanes>(simd: S, gains: [&[f32; GROUP]; 3], shade: &mut ShadeGroup) {
+    for first in (0..GROUP).step_by(S::N) {
+        let mut light = [simd.set(0.0); 3];
+        for k in 0..3 {
+            light[k] = simd.load(&shade.rgb[k][first..]);
+        }
+        light = simd::srgb_decode(simd, light);
+        let limit = light[0].max(light[1]).max(light[2]).max(simd.set(1.0));
+        for k in 0..3 {
+            light[k] *= simd.load(&gains[k][first..]);
+        }
+        let brightest = light[0].max(light[1]).max(light[2]).max(limit);
+        let scale = limit / brightest;
+        for value in &mut light {
+            *value *= scale;
+        }
+        let shown = simd::srgb_encode(simd, light);
+        for k in 0..3 {
+            shown[k].store_slice(&mut shade.rgb[k][first..first + S::N]);
         }
     }
 }

@@ -50,14 +50,14 @@ impl AirText {
         }
     }
 
-    /// The texts that define `through_air`.
+    /// The texts that define `through_air`, after [`COLOR`].
     pub(crate) fn parts(&self) -> Vec<Cow<'static, str>> {
         match self {
             Self::Clear => texts([CLEAR_AIR]),
-            Self::Photos => texts([COLOR, PHOTO_AIR, include_str!("color_through_photo_air.wgsl")]),
+            Self::Photos => texts([PHOTO_AIR, include_str!("color_through_photo_air.wgsl")]),
             Self::FullShare => texts([FULL_SHARE]),
             Self::Color(air) => {
-                vec![COLOR.into(), AIR.into(), air.clone(), include_str!("color_through_air.wgsl").into()]
+                vec![AIR.into(), air.clone(), include_str!("color_through_air.wgsl").into()]
             }
             Self::Share(air) => vec![AIR.into(), air.clone(), include_str!("share_through_air.wgsl").into()],
         }
@@ -84,7 +84,8 @@ impl StagePrograms for ShadeProgram {
 
     fn parts(&self) -> Vec<Cow<'static, str>> {
         let Self::Groups(air) = self;
-        let mut parts = AirText::Color(air.clone()).parts();
+        let mut parts = texts([COLOR]);
+        parts.extend(AirText::Color(air.clone()).parts());
         parts.push(include_str!("groups.wgsl").into());
         parts
     }

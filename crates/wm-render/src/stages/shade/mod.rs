@@ -1,8 +1,12 @@
 //! Colours of the splats in view: spherical harmonics, then the air.
 //!
 //! Contract: `rgb = max(0, 0.5 + sum_k basis_k(d) sh_k)` with `d` the unit direction from the camera
-//! centre to the mean in world axes (see [`wm_scene::sh`]), display-referred. Then the weather's
-//! [`Medium`](crate::hooks::Medium) changes it, at the splat's own ray length; splats of the sky are
+//! centre to the mean in world axes (see [`wm_scene::sh`]), display-referred.
+//!
+//! Splats with gains are relit: of the colour in linear light, `c`, comes `c' = c g` by channel. Where the largest channel
+//! of `c'` is above `limit = max(1, c)`, all are scaled to bring it there, so that what is too bright keeps its hue.
+//!
+//! Then the weather's [`Medium`](crate::hooks::Medium) changes it, at the splat's own ray length; splats of the sky are
 //! infinitely far for it.
 //!
 //! The air acts here and not on pixels because a pixel at a silhouette holds two distances: its mean

@@ -1,8 +1,10 @@
-use super::cpu::shade_group;
+use super::cpu::{relight_group, shade_group};
 use crate::Frame;
 use crate::cpu::model::CpuModel;
 use crate::dispatch;
+use crate::frame::srgb_decode;
 use crate::hooks::{AirGroup, AirOnRay, GROUP, Hooks, Medium, ShadeGroup, WgslSource};
+use crate::hooks::{Attribute, AttributeBlock, SplatAttributes};
 use crate::plan::{DrawPass, SetView};
 use crate::reference;
 #[cfg(feature = "gpu")]
@@ -15,6 +17,7 @@ use wm_scene::{Group, sh};
 crate::parity! {
     colors_agree_in_every_degree => colors;
     the_air_acts_on_splats_and_background => air;
+    gains_change_the_light_before_the_air => gains;
 }
 
 fn colors(backend: Backend) {
@@ -129,4 +132,51 @@ fn air(backend: Backend) {
         .unwrap();
     let want = reference::render(&[(&splats, None)], &camera, &config, hooks);
     compare(&frame, &want, 2.0).unwrap();
+}
+
+/// Gains by the index of a splat, from shade to four times the light.
+struct Relit;
+
+impl SplatAttributes for Relit {
+    fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
+        for (k, gain) in Attribute::GAINS.into_iter().enumerate() {
+            for (index, value) in indices.iter().zip(block.column_mut(gain)) {
+                *value = 4.0 * uniform(17, u64::from(3 * index) + k as u64) as f32;
+            }
+        }
+    }
+
+    fn changes_light(&self) -> bool {
+        true
+    }
+}
+
+fn gains(backend: Backend) {
+    let splats = random_splats(600, 1, 9);
+    let camera = camera(70, 50);
+    let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
+    let mut renderer = backend.renderer();
+    let set = renderer.load(&splats).unwrap();
+    let sets = [SetView::plain(set).with_attributes(Some(&Relit))];
+    for hooks in [Hooks::default(), Hooks { medium: Some(&Tint), ..Hooks::default() }] {
+        let mut frame = Frame::default();
+        renderer.render(&DrawPass::new(&sets, &camera, &config).with_hooks(hooks), &mut frame).unwrap();
+        let want = reference::render(&[(&splats, Some(&Relit))], &camera, &config, hooks);
+        compare(&frame, &want, 2.0).unwrap();
+    }
+}
+
+#[test]
+fn gains_keep_the_hue_of_what_is_too_bright() {
+    // Orange light of three times its strength stops at white's level, with its ratios.
+    let shown = [0.9, 0.6, 0.3];
+    let mut group = ShadeGroup { rgb: shown.map(|v| [v; GROUP]), ..ShadeGroup::default() };
+    let gain = [3.0; GROUP];
+    dispatch!(SimdPath::widest(), s => relight_group(s, [&gain, &gain, &gain], &mut group));
+    let light = group.rgb.map(|channel| srgb_decode(f64::from(channel[5])));
+    let before = shown.map(|v| srgb_decode(f64::from(v)));
+    assert!((light[0] - 1.0).abs() < 1e-5, "{light:?}");
+    for k in 1..3 {
+        assert!((light[k] / light[0] - before[k] / before[0]).abs() < 1e-5, "{light:?}");
+    }
 }
