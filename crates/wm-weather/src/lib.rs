@@ -13,7 +13,7 @@
 //!
 //! # Example
 //! ```
-//! use wm_weather::{Daylight, EffectRole, Site, Weather};
+//! use wm_weather::{CapturedSky, Daylight, EffectRole, Site, Weather};
 //!
 //! let weather = Weather::preset("fog")?.set("fog.mor", 80.0)?.set("rain.rate", "0:2,10:25")?;
 //! assert!(weather.has(EffectRole::Falls));
@@ -24,6 +24,7 @@
 //!     ground: 0.0,
 //!     airlight: [0.8; 3],
 //!     daylight: Daylight::Known,
+//!     captured_sky: CapturedSky::Unknown,
 //!     far: 100.0,
 //! };
 //! let prepared = weather.at(5.0).prepare(&site);
@@ -43,6 +44,7 @@ pub mod effects;
 pub mod file;
 pub mod fused_surfaces;
 pub mod image_file;
+pub mod light;
 pub mod open_water;
 pub mod optics;
 pub mod panorama;
@@ -64,7 +66,7 @@ pub use easing::Easing;
 pub use effects::{EFFECTS, Effect, EffectRole, Need};
 pub use file::WeatherError;
 pub use image_file::ImageFile;
-pub use optics::{Atmosphere, Daylight, Site};
+pub use optics::{Atmosphere, CapturedSky, Daylight, Site};
 pub use panorama::{Panorama, PanoramaError};
 pub use param::{Param, ParamInput, ParamKind, ParamValue};
 pub use track::{Keyframe, Track};

@@ -215,7 +215,7 @@ fn is_own(above: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::Daylight;
+    use crate::optics::{CapturedSky, Daylight};
     use wm_scene::synthetic::Builder;
 
     const SITE: Site = Site {
@@ -224,6 +224,7 @@ mod tests {
         ground: 0.0,
         airlight: [0.8; 3],
         daylight: Daylight::Known,
+        captured_sky: CapturedSky::Unknown,
         far: 100.0,
     };
     const POOL: [f32; 3] = [0.2, 0.55, 0.8];

@@ -27,6 +27,7 @@ use wm_render::hooks::{AirGroup, AirOnRay, GROUP, Medium, ShadeGroup, WgslSource
 use wm_render::simd::{self, Lanes, SimdPath, exp2};
 
 pub use wm_scene::metadata::MOR_DEPTH;
+pub use wm_scene::survey::CapturedSky;
 /// `-ln(0.02)`: optical depth of Koschmieder's visual range.
 pub const VISUAL_RANGE_DEPTH: f64 = 3.912_023_005_428_146;
 /// Wavelengths that stand for the display's primaries, nm.
@@ -89,6 +90,8 @@ pub struct Site {
     pub airlight: [f64; 3],
     /// What that is worth.
     pub daylight: Daylight,
+    /// The sky that the place was captured under.
+    pub captured_sky: CapturedSky,
     /// Depth that the paper's relative depth takes for 1, m.
     pub far: f64,
 }

@@ -1,7 +1,7 @@
 //! A site and views that the tests of several modules share.
 
 use crate::fused_surfaces::PhotoView;
-use crate::optics::{Daylight, Site};
+use crate::optics::{CapturedSky, Daylight, Site};
 use glam::DVec3;
 use wm_scene::Camera;
 
@@ -12,6 +12,7 @@ pub const SITE: Site = Site {
     ground: 0.0,
     airlight: [0.8; 3],
     daylight: Daylight::Known,
+    captured_sky: CapturedSky::Unknown,
     far: 100.0,
 };
 

@@ -3,8 +3,8 @@
 use crate::cover::{Airflow, CoverRequest};
 use crate::dome::Dome;
 use crate::dome::{from_level, level_axes};
-use crate::effects::ColorGrade;
 use crate::effects::{Action, EFFECTS, Effect, EffectContext, EffectRole, Need};
+use crate::effects::{ColorGrade, LightChange};
 use crate::image_file::ImageFile;
 use crate::optics::{Atmosphere, Daylight, Site};
 use crate::panorama::Panorama;
@@ -168,7 +168,7 @@ impl WeatherSample {
     /// Prepares this weather for one place: the data that a renderer needs.
     #[must_use]
     pub fn prepare(&self, site: &Site) -> PreparedWeather {
-        let (mut site, mut dome) = (*site, None);
+        let (mut site, mut dome, mut light) = (*site, None, None);
         let mut layers = Vec::new();
         let mut paper = Vec::new();
         let (mut falling, mut wind_now, mut grade) = (Vec::new(), WindSample::default(), None);
@@ -186,6 +186,15 @@ impl WeatherSample {
                     let is_its = site.daylight == Daylight::Guessed || sky.scenes_sky() == SkySplats::LeftOut;
                     site.airlight = sky.airlight().filter(|_| is_its).unwrap_or(site.airlight);
                     dome = Some(sky);
+                }
+                Action::Light(change) if change.is_nothing() => {}
+                Action::Light(change) => {
+                    // A sky that the weather names stays.
+                    if let (None, Some(sky)) = (&dome, change.dome(&site)) {
+                        site.airlight = sky.airlight().unwrap_or(site.airlight);
+                        dome = Some(sky);
+                    }
+                    light = Some(change);
                 }
                 Action::Layer(layer) => layers.push(layer),
                 Action::PaperFog(fog) => paper.push(fog),
@@ -220,6 +229,7 @@ impl WeatherSample {
             paper,
             paper_falls,
             dome,
+            light,
             falling,
             wind_now,
             grade,
@@ -272,6 +282,8 @@ pub struct PreparedWeather {
     wind_now: WindSample,
     /// The sky behind the scene, if the weather sets one.
     dome: Option<Dome>,
+    /// The light on the scene, if it changes.
+    light: Option<LightChange>,
     /// Exposure and colour of the finished picture; `None` leaves it as it is.
     grade: Option<ColorGrade>,
     /// The covers, the lowest first.
@@ -286,6 +298,12 @@ impl PreparedWeather {
     #[must_use]
     pub fn dome(&self) -> Option<&Dome> {
         self.dome.as_ref()
+    }
+
+    /// Returns the change of the light on the scene; `None` where the captured light stays.
+    #[must_use]
+    pub fn light(&self) -> Option<&LightChange> {
+        self.light.as_ref()
     }
 
     /// Returns the kinds that fall, with their rates.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::optics::{AirLayer, Atmosphere, Daylight, Site, sigma_of_mor};
+use crate::optics::{AirLayer, Atmosphere, CapturedSky, Daylight, Site, sigma_of_mor};
 use crate::weather::Weather;
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -19,7 +19,15 @@ impl Dome {
 const UP: [f64; 3] = [0.0, -0.6, 0.8];
 
 fn site(daylight: Daylight) -> Site {
-    Site { metres_per_unit: 1.0, up: UP, ground: 0.0, airlight: [0.2, 0.3, 0.1], daylight, far: 100.0 }
+    Site {
+        metres_per_unit: 1.0,
+        up: UP,
+        ground: 0.0,
+        airlight: [0.2, 0.3, 0.1],
+        daylight,
+        captured_sky: CapturedSky::Unknown,
+        far: 100.0,
+    }
 }
 
 /// A sky as the words of `--set` make it; `picture` is what every panorama shows.

@@ -13,6 +13,7 @@ use crate::particles::{Precipitation, PrecipitationKind};
 use crate::track::Track;
 use crate::weather::WeatherSample;
 use crate::wind::Wind;
+pub use light::LightChange;
 pub use look::ColorGrade;
 use wm_render::hooks::Slot;
 
@@ -47,6 +48,8 @@ pub struct Effect {
 pub enum EffectRole {
     /// Changes what stands behind the scene.
     Sky,
+    /// Changes the light on the scene.
+    Light,
     /// Fills the air with particles too small to be seen.
     Air,
     /// Falls through the air.
@@ -65,6 +68,7 @@ impl EffectRole {
     pub fn name(self) -> &'static str {
         match self {
             Self::Sky => "sky",
+            Self::Light => "light",
             Self::Air => "air",
             Self::Falls => "falls",
             Self::Lies => "lies",
@@ -81,6 +85,8 @@ pub enum Need {
     Shelter,
     /// The surfaces that something can lie on ([`crate::cover`]).
     Cover,
+    /// The light of the capture ([`crate::light`]).
+    Light,
 }
 
 /// The parameters of an effect at one instant, in the order of its table.
@@ -105,6 +111,8 @@ pub enum Action {
     PaperFog(PaperFog),
     /// The sky behind the scene.
     Sky(Dome),
+    /// The light on the scene.
+    Light(LightChange),
     /// The wind.
     Wind(Wind),
     /// Something that falls.
@@ -128,7 +136,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, dust_cover, snow_cover, wind, fog, haze, smog, rain, snowfall, hail, look }
+effects! { sky, light, dust_cover, snow_cover, wind, fog, haze, smog, rain, snowfall, hail, look }
 
 impl Effect {
     /// The effect of a name.

@@ -101,6 +101,11 @@ pub const EFFECT: Effect = Effect {
 /// Zenith of an overcast sky, linear RGB: a touch of blue, and brighter than white, as where a picture is exposed
 /// for the ground. White is reached at 37 degrees.
 const OVERCAST: [f64; 3] = [1.32, 1.35, 1.40];
+/// The overcast zenith, linear RGB.
+pub(super) fn overcast_zenith() -> [f64; 3] {
+    OVERCAST
+}
+
 /// The overcast horizon against its zenith (CIE).
 const OVERCAST_HORIZON: f64 = 1.0 / 3.0;
 

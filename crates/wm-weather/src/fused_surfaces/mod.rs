@@ -19,7 +19,7 @@ mod ground_field;
 mod level;
 mod normals;
 mod photo_view;
-mod places;
+pub(crate) mod places;
 #[cfg(test)]
 mod tests;
 

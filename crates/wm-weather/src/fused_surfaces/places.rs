@@ -4,11 +4,11 @@ use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
 /// A map by whole numbers that say where something is. Nobody chooses them so that they collide, so that a plain hash does.
-pub(super) type PlaceMap<K, V> = HashMap<K, V, BuildHasherDefault<PlaceHasher>>;
+pub(crate) type PlaceMap<K, V> = HashMap<K, V, BuildHasherDefault<PlaceHasher>>;
 
 /// Mixes whole numbers by multiplication, as FxHash does.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct PlaceHasher(u64);
+pub(crate) struct PlaceHasher(u64);
 
 impl PlaceHasher {
     fn add(&mut self, word: u64) {

@@ -27,6 +27,7 @@ const SITE: Site = Site {
     ground: -1.0,
     airlight: [0.6, 0.7, 0.8],
     daylight: Daylight::Known,
+    captured_sky: CapturedSky::Unknown,
     far: 300.0,
 };
 

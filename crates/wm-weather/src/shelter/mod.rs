@@ -30,6 +30,7 @@
 mod cast;
 mod floaters;
 mod layers;
+mod merge;
 mod occluders;
 #[cfg(test)]
 mod tests;
@@ -47,6 +48,15 @@ const MARGIN_CELLS: f64 = 1.5;
 /// Largest radius of [`Shelter::exposure`], cells: its cost grows with the square.
 const MOST_RADIUS: f32 = 64.0;
 
+/// The treatment of lone pieces of a map high above all that is around them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FloaterRule {
+    /// They stop nothing: what falls goes on to the next surface.
+    PassThrough,
+    /// They stop what falls, and take no time to find.
+    Stop,
+}
+
 /// Options of a shelter map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShelterOptions {
@@ -63,6 +73,8 @@ pub struct ShelterOptions {
     pub least_opacity: f64,
     /// Height above a point at which a surface begins to shelter it, m.
     pub margin: f64,
+    /// The treatment of floaters.
+    pub floaters: FloaterRule,
     /// Largest angle between a fall and that of the map for which the map is used, degrees.
     pub turn: f64,
 }
@@ -76,6 +88,7 @@ impl Default for ShelterOptions {
             outliers: 0.005,
             least_opacity: 0.1,
             margin: 0.15,
+            floaters: FloaterRule::PassThrough,
             turn: 3.0,
         }
     }

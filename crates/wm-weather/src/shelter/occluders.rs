@@ -1,6 +1,6 @@
 //! The surfaces of a scene that may stop rain and snow, stored compactly, for maps in any direction.
 
-use super::{Grid, Shelter, ShelterOptions, axes_of, cast, dot, floaters, unit};
+use super::{FloaterRule, Grid, Shelter, ShelterOptions, axes_of, cast, dot, floaters, unit};
 use crate::optics::Site;
 use wm_scene::{Group, Splats, quat};
 
@@ -111,6 +111,14 @@ impl Occluders {
         self.clone().mapped(&ShelterOptions { cell: times * self.options.cell, ..self.options })
     }
 
+    /// The same for quick maps whose cells are so many times as wide: of merged occluders, floaters among them.
+    #[must_use]
+    pub fn sketched(&self, times: f64) -> Self {
+        let cell = times * self.options.cell;
+        let floaters = FloaterRule::Stop;
+        Self { all: self.merged(cell), ..*self }.mapped(&ShelterOptions { cell, floaters, ..self.options })
+    }
+
     /// The map for what falls along `fall`: see [`Shelter::build`].
     #[must_use]
     pub fn shelter(&self, fall: [f64; 3], threads: Option<usize>) -> Shelter {
@@ -132,7 +140,11 @@ impl Occluders {
         let mut clear = vec![1.0; stops.len()];
         let mut splats = vec![0; stops.len()];
         cast::cast(footprints, grid, &mut stops, &mut clear, &mut splats, threads);
-        for _ in 0..floaters::ROUNDS {
+        let rounds = match self.options.floaters {
+            FloaterRule::PassThrough => floaters::ROUNDS,
+            FloaterRule::Stop => 0,
+        };
+        for _ in 0..rounds {
             if !floaters::reopen(&mut stops, &mut clear, grid, self.metres_per_unit, threads) {
                 break;
             }

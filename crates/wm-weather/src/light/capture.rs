@@ -1,0 +1,466 @@
+//! The light of a capture, split into sun and sky.
+//!
+//! 1. Surfaces with normals and colours: those that the photos' cameras see ([`FusedSurfaces`]); leaves have no normal.
+//! 2. Openness to the sky by maps of what stands in the way of 32 directions.
+//! 3. The sun: given, or found in the shadows, or none.
+//! 4. The ratio of sun to sky, a channel, from pairs of one material in light and shade.
+//! 5. Visibility of the sun: from the map where it is sure, and where it is not, such as along the edges of shadows, from the
+//!    colour: what makes the reflectance that of the sure surfaces of the same material around.
+//! 6. Each splat takes the light of the surface nearest to it.
+
+use super::irradiance::{SceneLight, SkyGradation, SurfaceLight};
+use super::openness;
+use super::places::{PointGrid, Surfaces};
+use super::sun_search::{self, FoundSun, Pair, lifted, same_material};
+use crate::fused_surfaces::FusedSurfaces;
+use crate::optics::Site;
+use crate::shelter::Occluders;
+use crate::threads::map;
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+use wm_scene::Splats;
+use wm_scene::color::luminance;
+
+/// Distance within which a splat takes the light of a surface, m.
+const NEAR: f64 = 0.4;
+/// Distance of the surfaces by which leaves are told, and the agreement of their normals, 0-1.
+const AROUND: f32 = 0.3;
+const AGREED: f32 = 0.72;
+/// Cosine of the sun's incidence on leaves, which turn to all sides.
+const LEAVES: f64 = 0.5;
+/// Radius about a point within which the map must agree for its word to be sure, m.
+const SURE: f32 = 0.35;
+/// Rounds in which colours tell the visibility along shadow edges, and the distance of those that tell it, m.
+const ROUNDS: usize = 8;
+const TOLD: f32 = 0.4;
+/// Level light of the sun over that of the sky, below which there is none.
+const LEAST_SUN: f64 = 0.3;
+/// Ratio of sun to sky of level ground that no photo shows.
+const MOST_RATIO: f64 = 40.0;
+/// Least height of the sun that casts shadows by which the light is split, as a sine: 3 degrees.
+const LOWEST_SUN: f64 = 0.05;
+/// Contrast left across shadow edges, of that before, above which a capture keeps its shadows.
+pub const MOST_LEFT: f64 = 0.25;
+
+/// The sun of a capture.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CaptureSun {
+    /// Towards it, world axes, length 1.
+    pub direction: [f64; 3],
+    /// Irradiance of a surface that faces it, over that of level ground under the whole sky, by channel.
+    pub ratio: [f64; 3],
+    /// The share of the surfaces that look at it which see it.
+    pub lit: f64,
+    /// Contrast left across shadow edges after the split, of that before, 0-1.
+    pub contrast_left: f64,
+}
+
+/// The light of a capture, and its fall on each splat.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CaptureLight {
+    /// The sun; `None` of a capture in diffuse light.
+    pub sun: Option<CaptureSun>,
+    /// The result of the search for the sun, if it was not known.
+    pub search: Option<FoundSun>,
+    /// The captured light; level ground in the open has an irradiance of luminance 1.
+    pub light: SceneLight,
+    /// Means over all surfaces, by which light returns.
+    mean: MeanSurface,
+    /// One a splat of the scene.
+    splats: Vec<SplatLight>,
+}
+
+/// The fall of the light on one splat, in 8 bits each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct SplatLight {
+    /// Normal times 127; zero of leaves.
+    normal: [i8; 3],
+    open: [u8; 2],
+    sun: u8,
+}
+
+/// Sums over all surfaces, so that their mean irradiance under any light is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct MeanSurface {
+    even: f64,
+    rising: f64,
+    sun: f64,
+}
+
+impl MeanSurface {
+    /// Of surfaces, whose number is not 0.
+    fn of(surfaces: impl Iterator<Item = SurfaceLight>) -> Self {
+        let unit = [1.0, 0.0, 0.0];
+        let light = |sun: [f64; 3], level, rise| SceneLight { sun, sky: SkyGradation { level, rise } };
+        let zero = [0.0; 3];
+        let (mut sum, mut count) = (Self::default(), 0.0f64);
+        for surface in surfaces {
+            sum.even += surface.direct(&light(zero, unit, zero))[0];
+            sum.rising += surface.direct(&light(zero, zero, unit))[0];
+            sum.sun += surface.direct(&light(unit, zero, zero))[0];
+            count += 1.0;
+        }
+        let count = count.max(1.0);
+        Self { even: sum.even / count, rising: sum.rising / count, sun: sum.sun / count }
+    }
+
+    /// Their mean irradiance under a light.
+    fn under(&self, light: &SceneLight) -> [f64; 3] {
+        std::array::from_fn(|k| {
+            self.even * light.sky.level[k] + self.rising * light.sky.rise[k] + self.sun * light.sun[k]
+        })
+    }
+}
+
+impl CaptureLight {
+    /// Splits the light of a scene. `found` are its surfaces, `occluders` what stands in the way of light, `sun` the direction
+    /// towards the sun (world axes) if it is known. Equal for any number of threads.
+    #[must_use]
+    pub fn split(
+        splats: &Splats,
+        found: &FusedSurfaces<'_>,
+        occluders: &Occluders,
+        sun: Option<[f64; 3]>,
+        site: &Site,
+        threads: usize,
+    ) -> Self {
+        let mut surfaces = Surfaces::of(found);
+        let coarseness = coarseness(&surfaces, site, threads);
+        let coarser = occluders.coarser(f64::from(coarseness));
+        let occluders = if coarseness > 1.0 { &coarser } else { occluders };
+        mark_leaves(&mut surfaces, coarseness, site, threads);
+        let open = openness::find(&mut surfaces, occluders, site, threads);
+        let [narrow, wide] = [sun_search::NARROW, sun_search::WIDE].map(|apart| {
+            sun_search::pairs(&surfaces, apart.map(|metres| coarseness * metres), site, threads)
+        });
+        let search = match sun {
+            Some(_) => None,
+            None => sun_search::find_sun(&surfaces, [&narrow, &wide], occluders, site, threads),
+        };
+        let up = Vec3::from_array(site.up.map(|v| v as f32));
+        let sun = sun.or_else(|| search.filter(|found| found.is_sun(site.up)).map(|found| found.direction));
+        let sun = sun.filter(|sun| along(*sun, site.up) > LOWEST_SUN);
+        let split = sun
+            .and_then(|sun| Split::of(&surfaces, &open, &wide, (occluders, coarseness), sun, site, threads));
+        let (capture_sun, seen) = match split {
+            Some(split) => (Some(split.sun), split.seen),
+            None => (None, vec![0.0; surfaces.len()]),
+        };
+        let place = |i: usize| {
+            surface_of(surfaces.normals[i], open[i], seen[i], up, capture_sun.map(|sun| sun.direction))
+        };
+        let light = captured_light(capture_sun.as_ref(), site);
+        let mean = MeanSurface::of((0..surfaces.len()).map(place));
+        let own: Vec<SplatLight> = (0..surfaces.len())
+            .map(|i| SplatLight {
+                normal: surfaces.normals[i].to_array().map(|v| (127.0 * v).round() as i8),
+                open: open[i].map(|v| (255.0 * v).round() as u8),
+                sun: (255.0 * seen[i]).round() as u8,
+            })
+            .collect();
+        let reach = (NEAR / site.metres_per_unit) as f32;
+        let grid = PointGrid::new(&surfaces.points, reach);
+        let in_the_open = SplatLight { normal: [0; 3], open: [255; 2], sun: 255 };
+        let splats = map(splats.len(), threads, |index| {
+            let point = Vec3::from_array(splats.means[index]);
+            let distance = |i: &usize| surfaces.points[*i].distance_squared(point);
+            let nearest = grid.near(point).min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
+            nearest.filter(|i| distance(i) <= reach * reach).map_or(in_the_open, |i| own[i])
+        });
+        Self { sun: capture_sun, search, light, mean, splats }
+    }
+
+    /// Returns true if the sun's shadows can be taken away: they were found, and little of them is left.
+    #[must_use]
+    pub fn is_split(&self) -> bool {
+        self.sun.is_some_and(|sun| sun.contrast_left <= MOST_LEFT)
+    }
+
+    /// A line about the sun that was found, or about the reason for none.
+    #[must_use]
+    pub fn report(&self, up: [f64; 3]) -> String {
+        let height = |direction: [f64; 3]| along(direction, up).clamp(-1.0, 1.0).asin().to_degrees();
+        if let Some(sun) = &self.sun {
+            let [r, g, b] = sun.ratio;
+            return format!(
+                "a sun {:.1} degrees high, towards {}, {r:.1} / {g:.1} / {b:.1} times the sky's light; {:.0} % of what faces it lies in \
+                 it; {:.0} % of the contrast of shadows is left when they are taken away",
+                height(sun.direction),
+                direction_text(sun.direction),
+                100.0 * sun.lit,
+                100.0 * sun.contrast_left
+            );
+        }
+        match &self.search {
+            None => "no sun: shadows are too few or too faint".into(),
+            Some(found) if found.is_sun(up) => format!(
+                "no sun: shadows fit one {:.1} degrees high, towards {}, but are too few or too faint to measure it",
+                height(found.direction),
+                direction_text(found.direction),
+            ),
+            Some(FoundSun { direction, ratio, scores: [own, turned, chance] }) => format!(
+                "no sun: the best direction, {:.1} degrees high, towards {}, explains too little (ratio {ratio:.2}, score {own:.3}; \
+                 {turned:.3} with another azimuth, {chance:.3} by chance)",
+                height(*direction),
+                direction_text(*direction),
+            ),
+        }
+    }
+
+    /// The number of splats.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.splats.len()
+    }
+
+    /// Returns true if it has no splats.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.splats.is_empty()
+    }
+
+    /// The geometry of the light on one splat.
+    #[must_use]
+    pub fn surface(&self, index: usize, up: [f64; 3]) -> SurfaceLight {
+        let SplatLight { normal, open, sun } = self.splats[index];
+        let normal = Vec3::from_array(normal.map(|v| f32::from(v) / 127.0)).normalize_or_zero();
+        let up = Vec3::from_array(up.map(|v| v as f32));
+        let direction = self.sun.map(|sun| sun.direction);
+        surface_of(normal, open.map(|v| f32::from(v) / 255.0), f32::from(sun) / 255.0, up, direction)
+    }
+
+    /// The mean irradiance of the surfaces under a light, without what they return to each other.
+    #[must_use]
+    pub fn mean(&self, light: &SceneLight) -> [f64; 3] {
+        self.mean.under(light)
+    }
+}
+
+fn direction_text(direction: [f64; 3]) -> String {
+    let [x, y, z] = direction;
+    format!("{x:.3}, {y:.3}, {z:.3}")
+}
+
+fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|k| a[k] * b[k]).sum()
+}
+
+/// The geometry of a surface in the light of a sun.
+fn surface_of(normal: Vec3, open: [f32; 2], seen: f32, up: Vec3, sun: Option<[f64; 3]>) -> SurfaceLight {
+    let base = openness::under_sky(normal, open, up);
+    let Some(sun) = sun else { return base };
+    let facing = f64::from(normal.dot(Vec3::from_array(sun.map(|v| v as f32))));
+    let incidence = if normal == Vec3::ZERO { LEAVES } else { facing.max(0.0) };
+    SurfaceLight { incidence, sun: f64::from(seen), ..base }
+}
+
+/// The captured light: white on level ground in the open, since cameras balance white for what they see.
+fn captured_light(sun: Option<&CaptureSun>, site: &Site) -> SceneLight {
+    let Some(sun) = sun else {
+        return SceneLight { sun: [0.0; 3], sky: SkyGradation::overcast([1.0; 3]) };
+    };
+    let sin = along(sun.direction, site.up).max(LOWEST_SUN);
+    let sky = sun.ratio.map(|ratio| 1.0 / (1.0 + ratio * sin));
+    SceneLight { sun: std::array::from_fn(|k| sky[k] * sun.ratio[k]), sky: SkyGradation::even(sky) }
+}
+
+/// Distance between surfaces that all other distances go with, m.
+const FINE: f32 = 0.1;
+
+/// The factor by which the surfaces are coarser than the distances of this module are meant for, 1 to 10.
+fn coarseness(surfaces: &Surfaces, site: &Site, threads: usize) -> f32 {
+    let metres = site.metres_per_unit as f32;
+    (surfaces.spacing(10.0 * FINE / metres, threads) * metres / FINE).clamp(1.0, 10.0)
+}
+
+/// Takes the normals of leaves away: those about them turn to all sides.
+fn mark_leaves(surfaces: &mut Surfaces, coarseness: f32, site: &Site, threads: usize) {
+    let reach = coarseness * AROUND / site.metres_per_unit as f32;
+    let grid = PointGrid::new(&surfaces.points, reach);
+    let agreed = map(surfaces.len(), threads, |i| {
+        let (own, mut sum, mut count) = (surfaces.normals[i], Vec3::ZERO, 0.0f32);
+        for other in grid.near(surfaces.points[i]) {
+            let normal = surfaces.normals[other];
+            if surfaces.points[other].distance_squared(surfaces.points[i]) < reach * reach
+                && normal != Vec3::ZERO
+            {
+                sum += if normal.dot(own) < 0.0 { -normal } else { normal };
+                count += 1.0;
+            }
+        }
+        sum.length() >= AGREED * count
+    });
+    for (normal, agreed) in surfaces.normals.iter_mut().zip(agreed) {
+        if !agreed {
+            *normal = Vec3::ZERO;
+        }
+    }
+}
+
+/// The light of a capture with a sun.
+struct Split {
+    sun: CaptureSun,
+    /// The share of the sun that each surface sees.
+    seen: Vec<f32>,
+}
+
+impl Split {
+    /// Splits the light of surfaces by a sun; `None` where no pair tells its strength.
+    fn of(
+        surfaces: &Surfaces,
+        open: &[[f32; 2]],
+        pairs: &[Pair],
+        (occluders, coarseness): (&Occluders, f32),
+        direction: [f64; 3],
+        site: &Site,
+        threads: usize,
+    ) -> Option<Self> {
+        let map_of_sun = sun_search::sun_map(occluders, direction, threads);
+        let (up, sun) = ([site.up, direction]).map(|v| Vec3::from_array(v.map(|v| v as f32))).into();
+        let prior = map(surfaces.len(), threads, |i| {
+            let normal = surfaces.normals[i];
+            let at = lifted(surfaces.points[i], normal, sun, &map_of_sun, site);
+            map_of_sun.exposure(at, coarseness * SURE)
+        });
+        let place =
+            |seen: &[f32], i: usize| surface_of(surfaces.normals[i], open[i], seen[i], up, Some(direction));
+        let mean = MeanSurface::of((0..surfaces.len()).map(|i| place(&prior, i)));
+        let ratio = sun_to_sky(surfaces, pairs, &prior, &mean, |i| place(&prior, i))?;
+        // Corners under a grey sky are darker too, but not by this.
+        if luminance(ratio) * along(direction, site.up) < LEAST_SUN {
+            return None;
+        }
+        let trial = CaptureSun { direction, ratio, lit: 0.0, contrast_left: 1.0 };
+        let light = captured_light(Some(&trial), site);
+        let mean = mean.under(&light);
+        let amounts = |i: usize| {
+            let shade = SurfaceLight { sun: 0.0, ..place(&prior, i) };
+            let sunny = SurfaceLight { sun: 1.0, ..shade };
+            [shade, sunny].map(|surface| luminance(surface.irradiance(&light, mean)) as f32)
+        };
+        let amounts: Vec<[f32; 2]> = (0..surfaces.len()).map(amounts).collect();
+        let seen =
+            refined(surfaces, &amounts, prior, coarseness * TOLD / site.metres_per_unit as f32, threads);
+        let facing: Vec<usize> =
+            (0..surfaces.len()).filter(|i| surfaces.normals[*i].dot(sun) > 0.2).collect();
+        let lit = facing.iter().map(|i| f64::from(seen[*i])).sum::<f64>() / facing.len().max(1) as f64;
+        let contrast_left = contrast_left(pairs, &amounts, &seen);
+        Some(Self { sun: CaptureSun { lit, contrast_left, ..trial }, seen })
+    }
+}
+
+/// The ratio of sun to sky by channel: the median over pairs of which one point is surely in the sun, and the other in shade.
+fn sun_to_sky(
+    surfaces: &Surfaces,
+    pairs: &[Pair],
+    prior: &[f32],
+    mean: &MeanSurface,
+    place: impl Fn(usize) -> SurfaceLight,
+) -> Option<[f64; 3]> {
+    let unit = SceneLight { sun: [0.0; 3], sky: SkyGradation::even([1.0; 3]) };
+    let mean_sky = mean.under(&unit)[0];
+    let mut ratios = [const { Vec::new() }; 3];
+    for pair in pairs {
+        let [a, b] = pair.points.map(|i| i as usize);
+        let (lit, shade) = match [prior[a], prior[b]] {
+            [a_seen, b_seen] if a_seen > 0.97 && b_seen < 0.03 => (a, b),
+            [a_seen, b_seen] if a_seen < 0.03 && b_seen > 0.97 => (b, a),
+            _ => continue,
+        };
+        let (mut in_sun, mut in_shade) = (place(lit), place(shade));
+        let mid: [f64; 2] = std::array::from_fn(|k| 0.5 * (in_sun.open[k] + in_shade.open[k]));
+        (in_sun.open, in_shade.open) = (mid, mid);
+        let sky = |surface: &SurfaceLight| SurfaceLight { sun: 0.0, ..*surface }.direct(&unit)[0];
+        for k in 0..3 {
+            let ratio = f64::from(surfaces.light[lit][k] / surfaces.light[shade][k].max(1e-4));
+            let sum = ratio * (sky(&in_shade) + in_shade.returned() * mean_sky)
+                - (sky(&in_sun) + in_sun.returned() * mean_sky);
+            let share = in_sun.incidence + (in_sun.returned() - ratio * in_shade.returned()) * mean.sun;
+            if share > 0.05 && in_sun.incidence > 0.15 {
+                ratios[k].push(sum / share);
+            }
+        }
+    }
+    if ratios[0].len() < 30 {
+        return None;
+    }
+    let ratio = ratios.map(|mut all| {
+        let middle = all.len() / 2;
+        *all.select_nth_unstable_by(middle, f64::total_cmp).1
+    });
+    ratio.iter().all(|ratio| *ratio > 0.05).then(|| ratio.map(|ratio| ratio.min(MOST_RATIO)))
+}
+
+/// The share of the sun that each surface sees: `amounts` is its irradiance in shade and in full sun, `reach` the distance of
+/// the surfaces that tell it where the map is not sure, scene units.
+fn refined(
+    surfaces: &Surfaces,
+    amounts: &[[f32; 2]],
+    prior: Vec<f32>,
+    reach: f32,
+    threads: usize,
+) -> Vec<f32> {
+    let lum = |i: usize| luminance(surfaces.light[i].to_array().map(f64::from)) as f32;
+    let is_unsure = |i: usize| surfaces.normals[i] != Vec3::ZERO && (0.03..0.97).contains(&prior[i]);
+    let unsure: Vec<usize> = (0..surfaces.len()).filter(|i| is_unsure(*i)).collect();
+    let mut sure: Vec<bool> = (0..surfaces.len()).map(|i| !is_unsure(i)).collect();
+    let grid = PointGrid::new(&surfaces.points, reach);
+    let mut seen = prior;
+    for _ in 0..ROUNDS {
+        let told = map(unsure.len(), threads, |k| {
+            let i = unsure[k];
+            let (point, normal, light) = (surfaces.points[i], surfaces.normals[i], surfaces.light[i]);
+            let (mut sum, mut weights) = (0.0f32, 0.0f32);
+            for other in grid.near(point) {
+                let away = surfaces.points[other].distance_squared(point) / (reach * reach);
+                let is_like = away < 1.0
+                    && sure[other]
+                    && surfaces.normals[other].dot(normal) > 0.9
+                    && same_material(surfaces.light[other], light);
+                if is_like {
+                    let [shade, sunny] = amounts[other];
+                    let irradiance = shade + (sunny - shade) * seen[other];
+                    let weight = (1.0 - away) * (1.0 - away);
+                    sum += weight * (lum(other) / irradiance).max(1e-4).ln();
+                    weights += weight;
+                }
+            }
+            let [shade, sunny] = amounts[i];
+            (weights > 0.0 && sunny > 1.05 * shade).then(|| {
+                let reflectance = (sum / weights).exp();
+                ((lum(i) / reflectance - shade) / (sunny - shade)).clamp(0.0, 1.0)
+            })
+        });
+        for (i, told) in unsure.iter().zip(told) {
+            if let Some(told) = told {
+                (seen[*i], sure[*i]) = (told, true);
+            }
+        }
+    }
+    seen
+}
+
+/// Spread of reflectance over pairs of light and shade, beyond that of pairs in one light, of the contrast before.
+fn contrast_left(pairs: &[Pair], amounts: &[[f32; 2]], seen: &[f32]) -> f64 {
+    let irradiance = |i: u32| {
+        let [shade, sunny] = amounts[i as usize];
+        f64::from(shade + (sunny - shade) * seen[i as usize])
+    };
+    let (mut before, mut after, mut same) = (Vec::new(), Vec::new(), Vec::new());
+    for pair in pairs {
+        let [a, b] = pair.points;
+        let left = (f64::from(pair.log_ratio) - (irradiance(a) / irradiance(b)).ln()).abs();
+        if (seen[a as usize] - seen[b as usize]).abs() > 0.7 {
+            before.push(f64::from(pair.log_ratio).abs());
+            after.push(left);
+        } else if (seen[a as usize] - seen[b as usize]).abs() < 0.1 {
+            same.push(left);
+        }
+    }
+    let median = |mut values: Vec<f64>| {
+        let middle = values.len() / 2;
+        if values.is_empty() { f64::NAN } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    };
+    let left = (median(after) - median(same)).max(0.0) / median(before);
+    if left.is_nan() { 1.0 } else { left.min(1.0) }
+}

@@ -1,0 +1,134 @@
+//! The surfaces whose light is split, and what is near each.
+
+use crate::fused_surfaces::FusedSurfaces;
+use crate::fused_surfaces::places::PlaceMap;
+use crate::threads::map;
+use glam::{IVec3, Vec3};
+use std::ops::Range;
+use wm_scene::color::srgb_decode;
+use wm_scene::splats::shortest_axis;
+use wm_scene::{Group, Splats, quat, sh};
+
+/// Surfaces whose nearest neighbour is looked for.
+const SAMPLED: usize = 4000;
+/// Thickness of a flat splat, of either width.
+const FLAT: f64 = 0.4;
+
+/// Small surfaces with their normals and colours.
+pub(super) struct Surfaces {
+    /// World axes, scene units.
+    pub points: Vec<Vec3>,
+    /// Length 1; zero of what is no surface, such as leaves.
+    pub normals: Vec<Vec3>,
+    /// The first so many normals look to where the surfaces were seen from; of the others either side may be outside.
+    pub oriented: usize,
+    /// Linear RGB, as captured.
+    pub light: Vec<Vec3>,
+}
+
+impl Surfaces {
+    /// Those that the cameras of a place see, and flat splats where no camera tells.
+    pub fn of(found: &FusedSurfaces<'_>) -> Self {
+        let splats: &Splats = &found.splats;
+        let drawn = (0..splats.len()).filter(|i| splats.groups[*i] != Group::Sky);
+        let (mut points, mut normals, mut light) = (Vec::new(), Vec::new(), Vec::new());
+        for index in drawn {
+            points.push(Vec3::from_array(splats.means[index]));
+            let scales = splats.scales(index);
+            let thin = shortest_axis(splats.log_scales[index]);
+            let (axis, is_flat) = if index < found.oriented {
+                (2, true)
+            } else {
+                (thin, (0..3).all(|k| k == thin || scales[thin] < FLAT * scales[k]))
+            };
+            let turn = quat::to_matrix(splats.quats[index].map(f64::from));
+            let normal = Vec3::from_array([0, 1, 2].map(|k| turn[k][axis] as f32));
+            normals.push(if is_flat { normal } else { Vec3::ZERO });
+            light.push(light_of(splats, index));
+        }
+        Self { points, normals, oriented: found.oriented, light }
+    }
+
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Median distance from a surface to the nearest other, as far as `most`, scene units: what is finer is not known.
+    pub fn spacing(&self, most: f32, threads: usize) -> f32 {
+        let grid = PointGrid::new(&self.points, most);
+        let asked = self.len().min(SAMPLED);
+        let mut nearest = map(asked, threads, |k| {
+            let index = k * self.len() / asked;
+            let others = grid.near(self.points[index]).filter(|other| *other != index);
+            others.map(|other| self.points[other].distance(self.points[index])).fold(most, f32::min)
+        });
+        let middle = nearest.len() / 2;
+        if nearest.is_empty() { most } else { *nearest.select_nth_unstable_by(middle, f32::total_cmp).1 }
+    }
+}
+
+/// The captured light of a splat as all directions see it, linear RGB.
+pub(super) fn light_of(splats: &Splats, index: usize) -> Vec3 {
+    let dc = &splats.sh_of(index)[..3];
+    Vec3::from_array([0, 1, 2].map(|k| srgb_decode((0.5 + sh::C0 * f64::from(dc[k])).max(0.0)) as f32))
+}
+
+/// Points by cells of a grid.
+pub(super) struct PointGrid {
+    width: f32,
+    cells: PlaceMap<IVec3, Range<u32>>,
+    order: Vec<u32>,
+}
+
+impl PointGrid {
+    /// Of points in cells of this width.
+    pub fn new(points: &[Vec3], width: f32) -> Self {
+        let cell = |point: Vec3| (point / width).floor().as_ivec3();
+        let mut order: Vec<u32> = (0..points.len() as u32).collect();
+        let key = |index: &u32| {
+            let IVec3 { x, y, z } = cell(points[*index as usize]);
+            (x, y, z, *index)
+        };
+        order.sort_unstable_by_key(key);
+        let mut cells = PlaceMap::default();
+        let mut first = 0;
+        for run in order.chunk_by(|a, b| cell(points[*a as usize]) == cell(points[*b as usize])) {
+            cells.insert(cell(points[run[0] as usize]), first..first + run.len() as u32);
+            first += run.len() as u32;
+        }
+        Self { width, cells, order }
+    }
+
+    /// The indices of points in the cells within a width of `point`, in a fixed order.
+    pub fn near(&self, point: Vec3) -> impl Iterator<Item = usize> {
+        let middle = (point / self.width).floor().as_ivec3();
+        let ways =
+            (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| IVec3::new(x, y, z))));
+        ways.filter_map(move |way| self.cells.get(&(middle + way)))
+            .flat_map(|range| &self.order[range.start as usize..range.end as usize])
+            .map(|index| *index as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grid_finds_what_a_search_of_all_finds() {
+        let points: Vec<Vec3> = (0..500u64)
+            .map(|i| {
+                let at = |k: u64| wm_scene::random::uniform(7, 3 * i + k) as f32 * 4.0 - 2.0;
+                Vec3::new(at(0), at(1), at(2))
+            })
+            .collect();
+        let grid = PointGrid::new(&points, 0.5);
+        for point in points.iter().step_by(17) {
+            let mut found: Vec<usize> =
+                grid.near(*point).filter(|i| points[*i].distance(*point) < 0.5).collect();
+            found.sort_unstable();
+            let all: Vec<usize> = (0..500).filter(|i| points[*i].distance(*point) < 0.5).collect();
+            assert_eq!(found, all);
+        }
+    }
+}

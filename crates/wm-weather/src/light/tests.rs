@@ -1,0 +1,155 @@
+//! A yard with a wall under a sun, whose light is known.
+
+use super::irradiance::{SceneLight, SkyGradation};
+use super::{CaptureLight, LightGains};
+use crate::cover::surfel;
+use crate::fused_surfaces::FusedSurfaces;
+use crate::optics::Site;
+use crate::shelter::{Occluders, ShelterOptions};
+use crate::testing;
+use glam::DVec3;
+use wm_scene::color::{luminance, srgb_encode};
+use wm_scene::random::uniform;
+use wm_scene::splats::Splat;
+use wm_scene::{Group, Splats};
+
+/// Distance between splats, m.
+const STEP: f64 = 0.1;
+/// Half of the yard's width, m.
+const HALF: f64 = 8.0;
+/// Two walls, since the shadow of one is alike for many suns: the axis that each stands across and its place along that, the middle
+/// and half of its length, m.
+const WALLS: [(usize, f64, f64, f64); 2] = [(0, 1.0, 0.0, 4.0), (1, 3.0, -3.5, 2.5)];
+/// Their height, m.
+const HIGH: f64 = 2.4;
+
+fn sun() -> DVec3 {
+    DVec3::new(0.55, 0.35, 0.75).normalize()
+}
+
+fn is_lit(point: DVec3, sun: DVec3) -> bool {
+    WALLS.iter().all(|&(across, at, middle, half)| {
+        let way = (at - point[across]) / sun[across];
+        let hit = point + sun * way;
+        way <= 0.05 || (hit[1 - across] - middle).abs() > half || hit.z > HIGH
+    })
+}
+
+/// The yard with ground and wall of albedo 0.3 with some texture, in a light whose level irradiance brings a white card to 1.3.
+fn yard(light: &SceneLight) -> Splats {
+    let mut splats = Splats::with_capacity(0, 0);
+    let mut add = |point: DVec3, normal: DVec3, up: DVec3, key: u64| {
+        let incidence = normal.dot(sun()).max(0.0) * f64::from(u8::from(is_lit(point, sun())));
+        // Walls take little of the yard's sky: an open yard is what is tested.
+        let sky = light.sky.irradiance().map(|v| v * if normal.z > 0.5 { 1.0 } else { 0.5 });
+        let texture = 0.3 * (0.85 + 0.3 * uniform(3, key));
+        let shown =
+            [0, 1, 2].map(|k| srgb_encode(1.3 * texture * (light.sun[k] * incidence + sky[k])) as f32);
+        let scales = [0.66 * STEP, 0.66 * STEP, 0.1 * STEP];
+        splats.push(&Splat {
+            group: Group::Scene,
+            ..surfel(point.to_array(), (normal, up), scales, shown, 0.98)
+        });
+    };
+    let count = (2.0 * HALF / STEP) as usize;
+    for i in 0..count * count {
+        let [x, y] = [i % count, i / count].map(|v| -HALF + STEP * (v as f64 + 0.5));
+        add(DVec3::new(x, y, 0.0), DVec3::Z, DVec3::X, i as u64);
+    }
+    for (across, at, middle, half) in WALLS {
+        let (long, high) = ((2.0 * half / STEP) as usize, (HIGH / STEP) as usize);
+        for i in 0..long * high {
+            for side in [-1.0, 1.0] {
+                let (mut point, mut normal) = (DVec3::ZERO, DVec3::ZERO);
+                point[across] = at + 0.03 * side;
+                point[1 - across] = middle - half + STEP * ((i % long) as f64 + 0.5);
+                point.z = STEP * ((i / long) as f64 + 0.5);
+                normal[across] = side;
+                add(
+                    point,
+                    normal,
+                    DVec3::Z,
+                    ((across as u64 + 1) << 40) + 2 * i as u64 + u64::from(side > 0.0),
+                );
+            }
+        }
+    }
+    splats
+}
+
+fn site() -> Site {
+    Site { metres_per_unit: 1.0, up: [0.0, 0.0, 1.0], ground: 0.0, ..testing::SITE }
+}
+
+fn split(splats: &Splats, threads: usize) -> CaptureLight {
+    let site = site();
+    let occluders = Occluders::of(splats, &site, &ShelterOptions::default());
+    CaptureLight::split(splats, &FusedSurfaces::from_splats(splats), &occluders, None, &site, threads)
+}
+
+/// Sun and sky of which level ground gets 1 in all, the sun `ratio` times the sky.
+fn sunny(ratio: [f64; 3]) -> SceneLight {
+    let sky = ratio.map(|ratio| 1.0 / (1.0 + ratio * sun().z));
+    SceneLight { sun: std::array::from_fn(|k| sky[k] * ratio[k]), sky: SkyGradation::even(sky) }
+}
+
+#[test]
+fn the_sun_of_a_yard_is_found_and_its_shadow_goes() {
+    let ratio = [4.0, 3.4, 2.8];
+    let splats = yard(&sunny(ratio));
+    let light = split(&splats, 2);
+    let found = light.sun.unwrap_or_else(|| panic!("{}", light.report(site().up)));
+    let off = DVec3::from_array(found.direction).angle_between(sun()).to_degrees();
+    assert!(off < 1.5, "{off} degrees off");
+    for k in 0..3 {
+        assert!((found.ratio[k] / ratio[k] - 1.0).abs() < 0.15, "{:?}", found.ratio);
+    }
+    assert!(light.is_split() && found.contrast_left < 0.1, "{found:?}");
+
+    // Under clouds ground that lay in the shadow is as bright as ground that lay in the sun.
+    let overcast = SceneLight { sun: [0.0; 3], sky: SkyGradation::overcast([1.0; 3]) };
+    let relit = LightGains::new(&light, &overcast, site().up, 2).applied(&splats);
+    let mean = |splats: &Splats, lit: bool| {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (index, mean) in splats.means.iter().enumerate() {
+            let point = DVec3::from_array(mean.map(f64::from));
+            // The feet of walls get less of the sky, and lie in the same shadow.
+            let is_open = point.z == 0.0
+                && point.truncate().length() < 6.0
+                && WALLS.iter().all(|(across, at, ..)| (point[*across] - at).abs() > 0.5);
+            if is_open && is_lit(point, sun()) == lit {
+                let light = super::places::light_of(splats, index).to_array().map(f64::from);
+                sum += luminance(light);
+                count += 1.0;
+            }
+        }
+        assert!(count > 500.0, "{count} splats");
+        sum / count
+    };
+    let before = mean(&splats, true) / mean(&splats, false);
+    let after = mean(&relit, true) / mean(&relit, false);
+    assert!(before > 3.0, "{before}");
+    assert!((after - 1.0).abs() < 0.1 * (before - 1.0), "{before} to {after}");
+}
+
+#[test]
+fn a_yard_under_clouds_has_no_sun() {
+    let light = split(&yard(&SceneLight { sun: [0.0; 3], sky: SkyGradation::even([1.0; 3]) }), 2);
+    assert_eq!(light.sun, None);
+    assert!(light.report(site().up).starts_with("no sun"), "{}", light.report(site().up));
+}
+
+#[test]
+fn threads_do_not_change_the_split() {
+    let splats = yard(&sunny([4.0, 3.4, 2.8]));
+    assert_eq!(split(&splats, 1), split(&splats, 7));
+}
+
+#[test]
+fn the_captured_light_changes_nothing() {
+    let splats = yard(&sunny([4.0, 3.4, 2.8]));
+    let light = split(&splats, 2);
+    let same = LightGains::new(&light, &light.light, site().up, 2).applied(&splats);
+    let worst = same.sh.iter().zip(&splats.sh).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(worst < 1e-5, "{worst}");
+}
