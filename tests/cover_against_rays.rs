@@ -10,7 +10,7 @@ use wm_scene::{Camera, Group, Splats, sh};
 use wm_street::{Place, Street as StreetGeometry};
 use wm_weather::cover::{Airflow, Cover, CoverMaterial, CoverRequest};
 use wm_weather::fused_surfaces::FusedSurfaces;
-use wm_weather::{Daylight, Site};
+use wm_weather::{CapturedSky, Daylight, Site};
 
 const SIZE: (u32, u32) = (300, 200);
 /// Depth of the snow, m.
@@ -44,6 +44,7 @@ impl Street {
                 ground: 0.0,
                 airlight: [0.8; 3],
                 daylight: Daylight::Known,
+                captured_sky: CapturedSky::Unknown,
                 far: 100.0,
             };
             let mut cover = Cover::of(

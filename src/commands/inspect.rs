@@ -5,6 +5,7 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
+use weather_magician::{PlaceOptions, Renderer};
 use wm_scene::Group;
 use wm_scene::formats::{SceneFormat, read_scene_and_format, write_sidecar};
 use wm_scene::health::{Bounds, FaultCounts, Health, Histogram};
@@ -23,6 +24,9 @@ pub struct InspectArgs {
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
+    /// Split the light of the photos into sun and sky, as weather with `light` does, and report it; takes seconds
+    #[arg(long)]
+    light: bool,
     /// Write up, ground, scale and airlight into a TOML file beside the scene, from which all commands read
     /// them
     #[arg(long)]
@@ -41,6 +45,13 @@ pub fn run(args: &InspectArgs) -> Result<()> {
         println!("{}", serde_json::to_string_pretty(&report(args, format, &scene, &health, &survey))?);
     } else {
         print(args, format, &scene, &health, &survey, labelled);
+    }
+    if args.light {
+        let mut renderer = Renderer::cpu()?;
+        let options = PlaceOptions { facts: given, ..PlaceOptions::default() };
+        let mut place = renderer.load_with(scene.clone(), &options)?;
+        let light = renderer.capture_light(&mut place, &mut ())?;
+        println!("Light of the capture\n  {}", light.report(place.site().up));
     }
     if args.save_metadata {
         let file = wm_scene::formats::folder::scene_file(&args.scene)?;
@@ -76,6 +87,16 @@ fn report(
             "ground": sourced(&survey.ground),
             "metres_per_unit": sourced(&survey.metres_per_unit),
             "scale_source": survey.scale_source,
+            "north": survey.north,
+            "north_source": survey.north_source,
+            "sun": survey.sun.as_ref().map(|sun| json!({
+                "direction": sun.direction,
+                "azimuth_degrees": sun.azimuth.to_degrees(),
+                "elevation_degrees": sun.elevation.to_degrees(),
+                "source": sun.source,
+                "confidence": sun.confidence,
+            })),
+            "no_sun": survey.sun_fault.map(|fault| fault.to_string()),
             "airlight": sourced(&survey.airlight),
             "center": survey.center,
             "radius": survey.radius,

@@ -15,8 +15,8 @@ pub struct BakedScene {
 }
 
 impl Renderer {
-    /// Bakes what lies under an instant of a weather into the scene of a place, as splats. `None` if the weather lays
-    /// nothing. The air and what falls are not splats, and stay out.
+    /// Bakes what lies under an instant of a weather, and its light, into the scene of a place, as splats. `None` if the weather
+    /// lays nothing and leaves the light as it is. The air and what falls are not splats, and stay out.
     ///
     /// # Errors
     /// [`crate::Error::Unsupported`] if the splats of the place were released.
@@ -27,7 +27,11 @@ impl Renderer {
         time: f64,
         progress: &mut dyn Progress,
     ) -> Result<Option<BakedScene>> {
-        let Some(lying) = self.lying_cover(place, weather, time, progress)? else { return Ok(None) };
+        let lying = self.lying_cover(place, weather, time, progress)?;
+        let relit = self.relit_splats(place, weather, time, progress)?;
+        if lying.is_none() && relit.is_none() {
+            return Ok(None);
+        }
         let (scene, survey) = (place.scene(), place.survey());
         let metadata = Metadata {
             metres_per_unit: Some(survey.metres_per_unit.value),
@@ -35,8 +39,10 @@ impl Renderer {
             ground: Some(survey.ground.value),
             ..scene.metadata.clone()
         };
-        let splats = lying.bake(&scene.splats);
+        let lit = relit.as_ref().unwrap_or(&scene.splats);
+        let added = lying.as_ref().map_or(0, |lying| lying.splats.len());
+        let splats = lying.map_or_else(|| lit.clone(), |lying| lying.bake(lit));
         let scene = Scene { splats, views: scene.views.clone(), metadata };
-        Ok(Some(BakedScene { scene, added: lying.splats.len() }))
+        Ok(Some(BakedScene { scene, added }))
     }
 }

@@ -88,6 +88,7 @@ impl SceneChange {
             notes.push(format!("up was {:.3} ({})", now.value, now.source));
             scene.metadata.up = Some(now.value);
             scene.metadata.up_confidence = Some(now.confidence).filter(|known| *known != Confidence::Sure);
+            scene.metadata.level_north();
             Similarity::turning(now.value, up).apply(scene);
         }
         match self.scale {

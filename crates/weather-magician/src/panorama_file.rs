@@ -107,6 +107,7 @@ mod tests {
             ground: 0.0,
             airlight: [0.8; 3],
             daylight: wm_weather::Daylight::Known,
+            captured_sky: wm_weather::CapturedSky::Unknown,
             far: 100.0,
         };
         let camera =

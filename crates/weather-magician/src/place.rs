@@ -12,15 +12,17 @@ use crate::{Error, Progress, Result};
 use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
+use wm_render::hooks::{AttributeBlock, SplatAttributes};
 use wm_render::parts::PicturePart;
 use wm_render::{
     AnyRenderer, Background, DrawPass, Frame, MedianDepth, Outputs, Pictures, RenderBackend, RenderConfig,
     SetId, SetView, SkyGradient, Stats,
 };
-use wm_scene::survey::{Aligned, Alignment, FactSource, Survey, align, label_sky};
+use wm_scene::survey::{Aligned, Alignment, CapturedSky, FactSource, Survey, align, label_sky};
 use wm_scene::{Camera, LookAt, Metadata, Scene, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::FusedSurfaces;
+use wm_weather::light::{CaptureLight, LightGains, SceneLight};
 use wm_weather::paper::{PaperCover, PaperStages};
 use wm_weather::shelter::Shelter;
 use wm_weather::{Daylight, PreparedWeather, Site, Weather};
@@ -120,6 +122,8 @@ pub struct PreparedPlace {
     cache: AssetCache,
     store: AssetStore,
     lying: Option<Lying>,
+    /// The gains of the last light.
+    relit: Option<(SceneLight, LightGains)>,
     /// True once the splats in the computer's memory are freed.
     is_released: bool,
     warnings: Vec<String>,
@@ -141,11 +145,40 @@ enum LyingKey {
     Paper(PaperCover),
 }
 
-/// A scene and what lies on it, which hides some of it.
-pub(crate) fn with_cover<'a>(scene: SetId, lying: Option<(SetId, &'a Buried)>) -> Vec<SetView<'a>> {
-    let attributes = lying.map(|(_, buried)| buried as &dyn wm_render::hooks::SplatAttributes);
+/// The attributes of the splats of a scene under a weather.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct SceneAttributes<'a> {
+    /// The splats under what lies.
+    pub buried: Option<&'a Buried>,
+    /// The change of the light.
+    pub light: Option<&'a LightGains>,
+}
+
+impl SplatAttributes for SceneAttributes<'_> {
+    fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
+        if let Some(buried) = self.buried {
+            buried.fill(indices, block);
+        }
+        if let Some(light) = self.light {
+            light.fill(indices, block);
+        }
+    }
+
+    fn changes_light(&self) -> bool {
+        self.light.is_some()
+    }
+}
+
+/// A scene with its attributes, and what lies on it.
+pub(crate) fn with_cover<'a>(
+    scene: SetId,
+    attributes: &'a SceneAttributes<'a>,
+    lying: Option<SetId>,
+) -> Vec<SetView<'a>> {
+    let is_changed = attributes.buried.is_some() || attributes.light.is_some();
+    let attributes = is_changed.then_some(attributes as &dyn SplatAttributes);
     let scene = SetView::plain(scene).with_attributes(attributes);
-    [scene].into_iter().chain(lying.map(|(set, _)| SetView::plain(set))).collect()
+    [scene].into_iter().chain(lying.map(SetView::plain)).collect()
 }
 
 impl PreparedPlace {
@@ -172,6 +205,7 @@ impl PreparedPlace {
             cache: AssetCache::new(options.assets.clone(), digest.unwrap_or_default()),
             store: AssetStore::default(),
             lying: None,
+            relit: None,
             is_released: false,
             warnings: survey.warning().into_iter().collect(),
             doubt: survey.up_warning(),
@@ -262,6 +296,7 @@ impl PreparedPlace {
         let digest = self.assets.as_ref().map(|_| scene_digest(&self.scene, &survey, &backend.arithmetic()));
         self.cache = AssetCache::new(self.assets.clone(), digest.unwrap_or_default());
         self.store = AssetStore::default();
+        self.relit = None;
         self.site = site_of(&survey);
         self.doubt = survey.up_warning();
         self.survey = survey;
@@ -364,6 +399,7 @@ impl PreparedPlace {
         let lying =
             lying.filter(|(air, requests)| !self.is_laid(&LyingKey::Physical(*air, requests.clone())));
         MissingAssets {
+            light: needs.light && prepared.light().is_some() && self.store.light.is_none(),
             occluders: fall.is_some() && self.store.occluders.is_none(),
             shelter: fall,
             cover: needs.cover.filter(|air| lying.is_some() && !self.store.has_cover(air)),
@@ -379,9 +415,9 @@ impl PreparedPlace {
     /// Returns true if a small picture does without what is missing, since there is something like it.
     #[must_use]
     pub fn has_similar(&self, missing: &MissingAssets) -> bool {
-        let MissingAssets { occluders, shelter, cover, lying, paper_cover } = missing;
+        let MissingAssets { occluders, shelter, cover, lying, paper_cover, light } = missing;
         let is_sheltered = shelter.is_none() || self.store.any_shelter().is_some();
-        !occluders && is_sheltered && cover.is_none() && lying.is_none() && paper_cover.is_none()
+        !occluders && is_sheltered && cover.is_none() && lying.is_none() && paper_cover.is_none() && !light
     }
 
     /// Takes from disk what is there, and crosses it off.
@@ -399,6 +435,13 @@ impl PreparedPlace {
             self.store.add_cover(airflow, Arc::new(Mutex::new(cover.with_threads(threads))));
             missing.cover = None;
         }
+        if missing.light
+            && let Some(light) = self.cache.get::<CaptureLight>(&AssetFile::Light)
+            && light.len() == self.scene.splats.len()
+        {
+            self.store.light = Some(Arc::new(light));
+            missing.light = false;
+        }
     }
 
     /// Returns the inputs for `missing`, and removes from it what was found on disk. Renders the photos' views if surfaces are to be
@@ -409,15 +452,16 @@ impl PreparedPlace {
         missing: &mut MissingAssets,
     ) -> Result<AssetSource> {
         self.read_cached(missing, backend.threads());
+        let needs_surfaces = missing.cover.is_some() || missing.light;
         let surfaces =
-            missing.cover.and_then(|_| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces));
+            needs_surfaces.then(|| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces)).flatten();
         let mut views = SurfaceViews::default();
         if !self.scene.splats.is_empty() {
             let mut seen = |detail| photo_views(backend, self.set, &self.scene, &self.survey, detail);
             if missing.occluders {
                 views.shelter = seen(ViewDetail::SHELTER)?;
             }
-            if missing.cover.is_some() && surfaces.is_none() {
+            if needs_surfaces && surfaces.is_none() {
                 views.cover = seen(ViewDetail::COVER)?;
             }
         }
@@ -427,6 +471,7 @@ impl PreparedPlace {
             views,
             surfaces,
             site: self.site,
+            sun: self.survey.sun.as_ref().map(|sun| sun.direction.to_array()),
             threads: backend.threads(),
             occluders: self.store.occluders.clone(),
             cover: airflow.and_then(|airflow| self.store.cover(&airflow).cloned()),
@@ -436,7 +481,11 @@ impl PreparedPlace {
 
     /// Takes assets that were made.
     pub(crate) fn insert(&mut self, backend: &mut AnyRenderer, assets: Assets) -> Result<()> {
-        let Assets { occluders, shelter, cover, lying, paper_cover } = assets;
+        let Assets { occluders, shelter, cover, lying, paper_cover, light } = assets;
+        if let Some(light) = &light {
+            self.warnings.extend(light_warning(light, &self.site));
+        }
+        self.store.light = light.or(self.store.light.take());
         self.store.occluders = occluders.or(self.store.occluders.take());
         if let Some((fall, shelter)) = shelter {
             self.store.add_shelter(fall, shelter);
@@ -501,7 +550,9 @@ impl PreparedPlace {
         // A fall that turns, or begins later, needs maps of other directions; those are made without the splats.
         let turns = needs.shelter && !weather.is_constant() && self.store.occluders.is_none();
         let cover = needs.cover.filter(|air| !self.store.has_cover(air));
-        self.prepare(backend, MissingAssets { occluders: turns, cover, ..MissingAssets::default() }, progress)
+        let light = needs.light && self.store.light.is_none();
+        let missing = MissingAssets { occluders: turns, cover, light, ..MissingAssets::default() };
+        self.prepare(backend, missing, progress)
     }
 
     /// Draws an instant of a weather.
@@ -526,7 +577,10 @@ impl PreparedPlace {
                 self.store.shelter(fall).cloned().or_else(|| self.store.any_shelter().cloned())
             }
         });
-        let sets = with_cover(self.set, self.lying.as_ref().map(|lying| (lying.set, &lying.buried)));
+        self.relight(&prepared, backend.threads());
+        let light = self.relit.as_ref().filter(|_| prepared.light().is_some()).map(|(_, gains)| gains);
+        let scene = SceneAttributes { buried: self.lying.as_ref().map(|lying| &lying.buried), light };
+        let sets = with_cover(self.set, &scene, self.lying.as_ref().map(|lying| lying.set));
         let request = FrameRequest {
             sets: &sets,
             weather: &prepared,
@@ -537,6 +591,15 @@ impl PreparedPlace {
         };
         picture.metres_per_unit = self.site.metres_per_unit;
         Ok(request.draw_stages(backend, memory, picture, stages)?)
+    }
+
+    /// Finds the gains of the light, if it changes and the capture's is known.
+    fn relight(&mut self, prepared: &PreparedWeather, threads: usize) {
+        let (Some(change), Some(capture)) = (prepared.light(), &self.store.light) else { return };
+        let light = change.over(capture, self.site.up);
+        if self.relit.as_ref().is_none_or(|(known, _)| *known != light) {
+            self.relit = Some((light, LightGains::new(capture, &light, self.site.up, threads)));
+        }
     }
 
     /// Takes away what lies where nothing does under this weather.
@@ -583,6 +646,34 @@ impl PreparedPlace {
         Ok(self.store.cover(&airflow).map(|cover| lock(cover).lay_all(requests)))
     }
 
+    /// Returns the splats of the scene in the light of an instant of a weather; `None` where that does not change it.
+    pub(crate) fn relit_splats(
+        &mut self,
+        backend: &mut AnyRenderer,
+        weather: &Weather,
+        time: f64,
+        progress: &mut dyn Progress,
+    ) -> Result<Option<Splats>> {
+        let prepared = weather.at(time).prepare(&self.site);
+        if prepared.light().is_none() {
+            return Ok(None);
+        }
+        self.capture_light(backend, progress)?;
+        self.relight(&prepared, backend.threads());
+        Ok(self.relit.as_ref().map(|(_, gains)| gains.applied(&self.scene.splats)))
+    }
+
+    /// Returns the light of the capture, and finds it first if it is not known.
+    pub(crate) fn capture_light(
+        &mut self,
+        backend: &mut AnyRenderer,
+        progress: &mut dyn Progress,
+    ) -> Result<Arc<CaptureLight>> {
+        let light = self.store.light.is_none();
+        self.prepare(backend, MissingAssets { light, ..MissingAssets::default() }, progress)?;
+        self.store.light.clone().ok_or_else(|| Error::Unsupported("the light was not found".into()))
+    }
+
     /// Takes the splats out of the renderer.
     pub(crate) fn unload(mut self, backend: &mut AnyRenderer) {
         self.clear_cover(backend);
@@ -619,8 +710,20 @@ fn site_of(survey: &Survey) -> Site {
             FactSource::Estimated | FactSource::Assumed if survey.sky_splats == 0 => Daylight::Guessed,
             _ => Daylight::Known,
         },
+        captured_sky: survey.captured_sky,
         far: 3.0 * survey.radius.max(1e-6) * survey.metres_per_unit.value,
     }
+}
+
+/// The warning of a capture whose shadows stay.
+fn light_warning(light: &CaptureLight, site: &Site) -> Option<String> {
+    let keeps_shadows = !light.is_split() && site.captured_sky != CapturedSky::Overcast;
+    keeps_shadows.then(|| {
+        format!(
+            "the shadows of the photos stay, and only tint and exposure follow the weather: {}",
+            light.report(site.up)
+        )
+    })
 }
 
 /// Fails if `place` was loaded by another renderer.

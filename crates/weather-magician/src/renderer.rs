@@ -8,12 +8,14 @@ use crate::tags::picture_tags;
 use crate::view;
 use crate::{Progress, Result};
 use glam::DVec3;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use wm_render::{AnyRenderer, CpuConfig, Device, Frame, Pictures, RenderBackend, RenderError, Stats};
 use wm_scene::survey::{Aligned, Alignment};
-use wm_scene::{Camera, Scene};
+use wm_scene::{Camera, Scene, Splats};
 use wm_weather::Weather;
 use wm_weather::cover::LyingCover;
+use wm_weather::light::CaptureLight;
 use wm_weather::paper::PaperStages;
 
 /// Renders places in weather, on a GPU or on the CPU. It keeps its working memory from frame to frame.
@@ -258,6 +260,32 @@ impl Renderer {
     ) -> Result<Option<LyingCover>> {
         check_owner(place, self.id)?;
         place.lying_cover(&mut self.backend, weather, time, progress)
+    }
+
+    /// Returns the splats of a place in the light of an instant of a weather; `None` where that does not change it.
+    pub(crate) fn relit_splats(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        time: f64,
+        progress: &mut dyn Progress,
+    ) -> Result<Option<Splats>> {
+        check_owner(place, self.id)?;
+        place.relit_splats(&mut self.backend, weather, time, progress)
+    }
+
+    /// Returns the light in which a place was captured, split into sun and sky; finds it first if it is not known, which takes
+    /// seconds.
+    ///
+    /// # Errors
+    /// As [`Self::render_into`].
+    pub fn capture_light(
+        &mut self,
+        place: &mut PreparedPlace,
+        progress: &mut dyn Progress,
+    ) -> Result<Arc<CaptureLight>> {
+        check_owner(place, self.id)?;
+        place.capture_light(&mut self.backend, progress)
     }
 
     /// A place to look for cameras in.

@@ -17,7 +17,7 @@ use anyhow::{Context, Result, bail};
 use capture::CaptureArgs;
 use clap::{Args, ValueEnum};
 use film::FogFilm;
-use photos::{PhotoRoute, PhotoSession, PhotoSet, PlaceChoice, TruthChoice};
+use photos::{LightChoice, PhotoRoute, PhotoSession, PhotoSet, PlaceChoice, TruthChoice};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::sequence::render_and_write;
@@ -79,6 +79,9 @@ pub struct DemoArgs {
         help_heading = "Photos"
     )]
     place: PlaceChoice,
+    /// Light of --photos or --sampled: sunny, or overcast (the truth for relit pictures)
+    #[arg(long, value_name = "LIGHT", default_value = "sunny", help_heading = "Photos")]
+    light: LightChoice,
     /// Number of photos [default: 40; of --capture, 24 to 30]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=100_000), help_heading = "Photos")]
     count: Option<u32>,
@@ -160,6 +163,9 @@ impl DemoArgs {
     }
 
     fn check(&self) -> Result<()> {
+        if self.light != LightChoice::Sunny && self.photos.is_none() && !self.sampled {
+            bail!("--light: needs --photos or --sampled");
+        }
         if !(SECONDS.0..=SECONDS.1).contains(&self.seconds) {
             bail!("--seconds {}: must be {} to {}", self.seconds, SECONDS.0, SECONDS.1);
         }
@@ -212,8 +218,13 @@ pub fn run(args: &DemoArgs) -> Result<()> {
 fn take_photos(args: &DemoArgs, folder: &Path) -> Result<()> {
     let size = args.size.unwrap_or((600, 400));
     let session = match args.capture.settings(args.count, size, args.truth.into()) {
-        Some(settings) => PhotoSession { place: args.place, set: PhotoSet::Capture(settings) },
-        None => PhotoSession::along(args.place, args.route, args.count(), size, args.truth),
+        Some(settings) => {
+            PhotoSession { place: args.place, light: args.light, set: PhotoSet::Capture(settings) }
+        }
+        None => {
+            let session = PhotoSession::along(args.place, args.route, args.count(), size, args.truth);
+            PhotoSession { light: args.light, ..session }
+        }
     };
     let started = Instant::now();
     session.shoot(folder, &args.run)?;
@@ -239,7 +250,7 @@ fn reconstructed(args: &DemoArgs, path: &Path) -> Result<Scene> {
 
 /// Samples the scene from the street's surfaces.
 fn sampled(args: &DemoArgs, path: &Path) -> Result<Scene> {
-    let scene = street::scene(args.detail, args.run.threads.map(usize::from))?;
+    let scene = street::scene(args.detail, args.light.into(), args.run.threads.map(usize::from))?;
     if args.wants(DemoOutput::Scene) {
         write_scene(path, &scene)?;
         println!("{}: {} splats, {}", path.display(), scene.splats.len(), megabytes(path));

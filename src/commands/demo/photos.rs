@@ -9,7 +9,7 @@ use clap::{Parser, ValueEnum};
 use std::path::{Path, PathBuf};
 use wm_scene::{FormatError, capture::Capture};
 use wm_street::{
-    Park, Place, Street,
+    Lighting, Park, Place, Street,
     capture::{self, CaptureSettings},
     dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
 };
@@ -22,6 +22,25 @@ pub enum PlaceChoice {
     Street,
     /// A park with a hill and a pond.
     Park,
+}
+
+/// The light that photos are taken in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum LightChoice {
+    /// A summer sun with broken clouds.
+    #[default]
+    Sunny,
+    /// The CIE's overcast sky: the truth for relit pictures.
+    Overcast,
+}
+
+impl From<LightChoice> for Lighting {
+    fn from(choice: LightChoice) -> Self {
+        match choice {
+            LightChoice::Sunny => Self::Sunny,
+            LightChoice::Overcast => Self::Overcast,
+        }
+    }
 }
 
 /// Route of the camera that takes photos.
@@ -67,6 +86,8 @@ pub enum PhotoSet {
 pub struct PhotoSession {
     /// The place.
     pub place: PlaceChoice,
+    /// The light over it.
+    pub light: LightChoice,
     /// The photos.
     pub set: PhotoSet,
 }
@@ -85,7 +106,7 @@ impl PhotoSession {
             PhotoRoute::Orbit => CameraRoute::Orbit,
         };
         let options = DatasetOptions { route, count, size, truth: truth.into(), ..DatasetOptions::default() };
-        Self { place, set: PhotoSet::Exact(options) }
+        Self { place, light: LightChoice::Sunny, set: PhotoSet::Exact(options) }
     }
 
     /// The number of photos.
@@ -132,7 +153,10 @@ impl PhotoSession {
         let spinner = progress::spinner(message);
         let threads = rayon::ThreadPoolBuilder::new().num_threads(run.threads.map_or(0, usize::from)).build();
         let threads = threads.context("cannot start threads")?;
-        let place = threads.install(build);
+        let place = threads.install(|| match self.light {
+            LightChoice::Sunny => build(),
+            light => build().in_light(light.into()),
+        });
         spinner.finish_and_clear();
         let bar = progress::bar(u64::from(self.count()), "photos");
         let taken = threads.install(|| {

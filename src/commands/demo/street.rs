@@ -4,15 +4,18 @@ use crate::interrupt::{self, Interrupted};
 use crate::progress;
 use anyhow::{Context, Result};
 use wm_scene::Scene;
-use wm_street::Street;
+use wm_street::{Lighting, Street};
 
-/// Builds the street and samples it on `threads` (`None` for one per core).
+/// Builds the street in a light and samples it on `threads` (`None` for one per core).
 ///
 /// # Errors
 /// Ctrl-C was pressed, or threads cannot be started.
-pub fn scene(detail: f64, threads: Option<usize>) -> Result<Scene> {
+pub fn scene(detail: f64, light: Lighting, threads: Option<usize>) -> Result<Scene> {
     let spinner = progress::spinner("building the street");
-    let street = Street::builtin();
+    let street = match light {
+        Lighting::Sunny => Street::builtin(),
+        other => Street::builtin().in_light(other),
+    };
     let sampling = street.sampling(detail);
     spinner.finish_and_clear();
 
@@ -35,8 +38,8 @@ mod tests {
 
     #[test]
     fn threads_do_not_change_the_scene() {
-        let one = scene(0.1, Some(1)).unwrap();
-        assert_eq!(one, scene(0.1, Some(3)).unwrap());
+        let one = scene(0.1, Lighting::Sunny, Some(1)).unwrap();
+        assert_eq!(one, scene(0.1, Lighting::Sunny, Some(3)).unwrap());
         assert_eq!(one.metadata.metres_per_unit, Some(1.0));
         assert_eq!(one.splats.check(), Ok(()));
     }

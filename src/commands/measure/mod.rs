@@ -22,7 +22,7 @@ use weather_magician::view::{self, choose};
 
 use wm_scene::files::{check_writable, write_atomically};
 use wm_scene::{Camera, Metadata};
-use wm_street::Street;
+use wm_street::{Lighting, Street};
 use wm_weather::{Fidelity, Weather};
 
 /// Options of `measure`.
@@ -237,7 +237,7 @@ fn open(args: &MeasureArgs) -> Result<OpenScene> {
         }
         None => {
             let threads = args.run.threads.map(usize::from);
-            OpenScene::of(street::scene(1.0, threads)?, &Metadata::default(), &args.run)
+            OpenScene::of(street::scene(1.0, Lighting::Sunny, threads)?, &Metadata::default(), &args.run)
         }
     }
 }

@@ -39,6 +39,8 @@ pub(crate) enum AssetFile {
     Shelter([f64; 3]),
     /// The ground that something can lie on.
     Cover(Airflow),
+    /// The light of the capture.
+    Light,
 }
 
 impl AssetFile {
@@ -46,6 +48,7 @@ impl AssetFile {
     fn parts(&self) -> (&'static str, Vec<f64>) {
         match self {
             Self::Surfaces => ("surfaces", Vec::new()),
+            Self::Light => ("light", Vec::new()),
             Self::Shelter(fall) => ("shelter", fall.to_vec()),
             Self::Cover(Airflow { slope, moved }) => ("cover", vec![slope[0], slope[1], *moved]),
         }

@@ -15,6 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use wm_scene::{Scene, Splats};
 use wm_weather::cover::{Airflow, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::{FusedSurfaces, GroundField, PhotoView};
+use wm_weather::light::CaptureLight;
 use wm_weather::open_water::OpenWater;
 use wm_weather::paper::PaperCover;
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
@@ -22,6 +23,8 @@ use wm_weather::{Site, Weather};
 
 /// Shelter maps that are kept, one for each direction of fall: enough for a wind that turns.
 const SHELTERS: usize = 6;
+/// Distance from the photos' path up to which the light is split finely, m.
+const LIGHT_REACH: f64 = 60.0;
 /// Covers that are kept, one for each way in which the air carries what lies.
 const COVERS: usize = 2;
 
@@ -42,6 +45,8 @@ pub struct AssetNeeds {
     pub cover: Option<Airflow>,
     /// The paper's lying snow.
     pub paper_cover: Option<PaperCover>,
+    /// The light of the capture.
+    pub light: bool,
 }
 
 impl AssetNeeds {
@@ -54,7 +59,8 @@ impl AssetNeeds {
         // The paper's rain falls through roofs.
         let shelter = weather.needs(Need::Shelter) && weather.fidelity == Fidelity::Physical;
         let lies = weather.needs(Need::Cover) && paper_cover.is_none();
-        Self { shelter, cover: lies.then(|| prepared.airflow()), paper_cover }
+        let light = weather.needs(Need::Light);
+        Self { shelter, cover: lies.then(|| prepared.airflow()), paper_cover, light }
     }
 }
 
@@ -62,6 +68,7 @@ impl AssetNeeds {
 #[derive(Default)]
 pub(crate) struct AssetStore {
     pub occluders: Option<Arc<Occluders>>,
+    pub light: Option<Arc<CaptureLight>>,
     /// By the direction of fall, the last used at the end.
     shelters: Vec<([f64; 3], Arc<Shelter>)>,
     /// The last used at the end.
@@ -131,6 +138,8 @@ pub struct MissingAssets {
     pub(crate) lying: Option<(Airflow, Vec<CoverRequest>)>,
     /// The paper's lying snow.
     pub(crate) paper_cover: Option<PaperCover>,
+    /// The light of the capture.
+    pub(crate) light: bool,
 }
 
 impl MissingAssets {
@@ -143,8 +152,8 @@ impl MissingAssets {
     /// Returns true if something is missing that takes no more than a second for most scenes.
     #[must_use]
     pub fn is_quick(&self) -> bool {
-        let Self { occluders, shelter, cover, lying, paper_cover } = self;
-        let is_slow = *occluders || cover.is_some() || paper_cover.is_some();
+        let Self { occluders, shelter, cover, lying, paper_cover, light } = self;
+        let is_slow = *occluders || cover.is_some() || paper_cover.is_some() || *light;
         !is_slow && (shelter.is_some() || lying.is_some())
     }
 
@@ -152,6 +161,7 @@ impl MissingAssets {
     #[must_use]
     pub fn description(&self) -> &'static str {
         match (&self.cover, &self.paper_cover, &self.lying) {
+            (None, None, None) if self.light => "splitting the light of the capture into sun and sky",
             (None, None, None) => "finding where roofs keep the rain off",
             (None, None, _) => "laying out the snow",
             _ => "finding what snow can lie on",
@@ -163,8 +173,8 @@ impl MissingAssets {
     /// # Errors
     /// [`Error::Unsupported`] if the splats of the place were released.
     pub fn make(&self, source: AssetSource, progress: &mut dyn Progress) -> Result<Assets> {
-        let AssetSource { scene, views, surfaces, site, threads, occluders, cover, cache } = source;
-        let needs_splats = self.occluders || self.cover.is_some() || self.paper_cover.is_some();
+        let AssetSource { scene, views, surfaces, site, sun, threads, occluders, cover, cache } = source;
+        let needs_splats = self.occluders || self.cover.is_some() || self.paper_cover.is_some() || self.light;
         if needs_splats && scene.splats.is_empty() {
             return Err(Error::Unsupported(
                 "the splats of this place were released: load the scene again to change its weather".into(),
@@ -175,7 +185,7 @@ impl MissingAssets {
             let found = fused(&views.shelter);
             Arc::new(Occluders::of(&found.splats, &site, &ShelterOptions::default()))
         });
-        let surfaces = self.cover.is_some().then(|| {
+        let surfaces = (self.cover.is_some() || self.light).then(|| {
             surfaces.unwrap_or_else(|| {
                 progress.begin("finding the surfaces that the photos show", None);
                 let on_ground = GroundField::snap(&views.cover, site.up, site.metres_per_unit, threads);
@@ -187,6 +197,18 @@ impl MissingAssets {
                 }
                 found
             })
+        });
+        let made_light = surfaces.as_ref().filter(|_| self.light).map(|found| {
+            progress.begin("splitting the light of the capture into sun and sky", None);
+            let options = ShelterOptions {
+                focus: Some((views::path_of_photos(&scene), LIGHT_REACH)),
+                ..ShelterOptions::default()
+            };
+            let occluders = Occluders::of(&found.splats, &site, &options);
+            let light = CaptureLight::split(&scene.splats, found, &occluders, sun, &site, threads);
+            progress.end();
+            cache.put(&AssetFile::Light, &light);
+            Arc::new(light)
         });
         let occluders = made_occluders.as_ref().or(occluders.as_ref());
         let shelter = self.shelter.zip(occluders).map(|(fall, occluders)| {
@@ -218,6 +240,7 @@ impl MissingAssets {
             shelter,
             cover: made_cover,
             lying,
+            light: made_light,
         })
     }
 }
@@ -235,6 +258,8 @@ pub struct AssetSource {
     pub(crate) views: SurfaceViews,
     pub(crate) surfaces: Option<FusedSurfaces<'static>>,
     pub(crate) site: Site,
+    /// Towards the sun of the capture, if place and time tell it.
+    pub(crate) sun: Option<[f64; 3]>,
     pub(crate) threads: usize,
     pub(crate) occluders: Option<Arc<Occluders>>,
     pub(crate) cover: Option<SharedCover>,
@@ -248,4 +273,5 @@ pub struct Assets {
     pub(crate) cover: Option<(Airflow, SharedCover)>,
     pub(crate) lying: Option<(LyingCover, (Airflow, Vec<CoverRequest>))>,
     pub(crate) paper_cover: Option<(PaperCover, Splats)>,
+    pub(crate) light: Option<Arc<CaptureLight>>,
 }

@@ -4,7 +4,7 @@ use super::{ViewOptions, ViewSearch};
 use glam::DVec3;
 use wm_render::{CpuConfig, CpuRenderer, RenderBackend, SetId};
 use wm_scene::formats::{ReadOptions, read_scene};
-use wm_scene::survey::{Confidence, FactSource, Sourced, Survey, label_sky};
+use wm_scene::survey::{CapturedSky, Confidence, FactSource, Sourced, Survey, label_sky};
 use wm_scene::testing::data;
 use wm_scene::{Camera, Metadata, Scene, SceneView, synthetic};
 
@@ -17,10 +17,15 @@ pub fn survey() -> Survey {
         up: known(DVec3::Z),
         up_source: None,
         up_estimate: None,
+        north: None,
+        north_source: None,
+        sun: None,
+        sun_fault: None,
         ground: known(0.0),
         metres_per_unit: known(1.0),
         scale_source: None,
         airlight: known([0.8; 3]),
+        captured_sky: CapturedSky::Unknown,
         center: DVec3::new(0.0, 0.0, 2.0),
         radius: 10.0,
         extent: [20.0, 15.0, 8.0],
