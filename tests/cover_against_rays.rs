@@ -45,6 +45,7 @@ impl Street {
                 airlight: [0.8; 3],
                 daylight: Daylight::Known,
                 captured_sky: CapturedSky::Unknown,
+                earth: None,
                 far: 100.0,
             };
             let mut cover = Cover::of(

@@ -108,6 +108,7 @@ mod tests {
             airlight: [0.8; 3],
             daylight: wm_weather::Daylight::Known,
             captured_sky: wm_weather::CapturedSky::Unknown,
+            earth: None,
             far: 100.0,
         };
         let camera =

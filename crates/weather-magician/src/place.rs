@@ -22,10 +22,10 @@ use wm_scene::survey::{Aligned, Alignment, CapturedSky, FactSource, Survey, alig
 use wm_scene::{Camera, LookAt, Metadata, Scene, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::FusedSurfaces;
-use wm_weather::light::{CaptureLight, LightGains, SceneLight};
+use wm_weather::light::{CaptureLight, LightGains, NewLight, SunShadows};
 use wm_weather::paper::{PaperCover, PaperStages};
 use wm_weather::shelter::Shelter;
-use wm_weather::{Daylight, PreparedWeather, Site, Weather};
+use wm_weather::{Daylight, EarthPlace, PreparedWeather, Site, Weather, light_fault};
 
 /// The treatment of assets that are not made yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -123,7 +123,7 @@ pub struct PreparedPlace {
     store: AssetStore,
     lying: Option<Lying>,
     /// The gains of the last light.
-    relit: Option<(SceneLight, LightGains)>,
+    relit: Option<((NewLight, Option<[f64; 3]>), LightGains)>,
     /// True once the splats in the computer's memory are freed.
     is_released: bool,
     warnings: Vec<String>,
@@ -400,12 +400,19 @@ impl PreparedPlace {
             lying.filter(|(air, requests)| !self.is_laid(&LyingKey::Physical(*air, requests.clone())));
         MissingAssets {
             light: needs.light && prepared.light().is_some() && self.store.light.is_none(),
+            sun: prepared.light().and_then(|change| change.sun).filter(|sun| self.lacks_shadows(*sun)),
             occluders: fall.is_some() && self.store.occluders.is_none(),
             shelter: fall,
             cover: needs.cover.filter(|air| lying.is_some() && !self.store.has_cover(air)),
             lying,
             paper_cover: needs.paper_cover.filter(|paper| !self.is_laid(&LyingKey::Paper(paper.clone()))),
         }
+    }
+
+    /// Returns true if the shadows of a sun are not known, and may be wanted.
+    fn lacks_shadows(&self, sun: [f64; 3]) -> bool {
+        let may_be_wanted = self.store.light.as_ref().is_none_or(|capture| capture.takes_another_sun());
+        may_be_wanted && !self.store.has_shadows(sun)
     }
 
     fn is_laid(&self, what: &LyingKey) -> bool {
@@ -415,7 +422,7 @@ impl PreparedPlace {
     /// Returns true if a small picture does without what is missing, since there is something like it.
     #[must_use]
     pub fn has_similar(&self, missing: &MissingAssets) -> bool {
-        let MissingAssets { occluders, shelter, cover, lying, paper_cover, light } = missing;
+        let MissingAssets { occluders, shelter, cover, lying, paper_cover, light, sun: _ } = missing;
         let is_sheltered = shelter.is_none() || self.store.any_shelter().is_some();
         !occluders && is_sheltered && cover.is_none() && lying.is_none() && paper_cover.is_none() && !light
     }
@@ -442,6 +449,14 @@ impl PreparedPlace {
             self.store.light = Some(Arc::new(light));
             missing.light = false;
         }
+        missing.sun = missing.sun.filter(|sun| self.lacks_shadows(*sun));
+        if let Some(sun) = missing.sun
+            && let Some(shadows) = self.cache.get::<SunShadows>(&AssetFile::SunShadows(sun))
+            && shadows.len() == self.scene.splats.len()
+        {
+            self.store.add_shadows(Arc::new(shadows));
+            missing.sun = None;
+        }
     }
 
     /// Returns the inputs for `missing`, and removes from it what was found on disk. Renders the photos' views if surfaces are to be
@@ -452,7 +467,7 @@ impl PreparedPlace {
         missing: &mut MissingAssets,
     ) -> Result<AssetSource> {
         self.read_cached(missing, backend.threads());
-        let needs_surfaces = missing.cover.is_some() || missing.light;
+        let needs_surfaces = missing.cover.is_some() || missing.light || missing.sun.is_some();
         let surfaces =
             needs_surfaces.then(|| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces)).flatten();
         let mut views = SurfaceViews::default();
@@ -472,6 +487,7 @@ impl PreparedPlace {
             surfaces,
             site: self.site,
             sun: self.survey.sun.as_ref().map(|sun| sun.direction.to_array()),
+            light: self.store.light.clone(),
             threads: backend.threads(),
             occluders: self.store.occluders.clone(),
             cover: airflow.and_then(|airflow| self.store.cover(&airflow).cloned()),
@@ -481,11 +497,14 @@ impl PreparedPlace {
 
     /// Takes assets that were made.
     pub(crate) fn insert(&mut self, backend: &mut AnyRenderer, assets: Assets) -> Result<()> {
-        let Assets { occluders, shelter, cover, lying, paper_cover, light } = assets;
+        let Assets { occluders, shelter, cover, lying, paper_cover, light, shadows } = assets;
         if let Some(light) = &light {
             self.warnings.extend(light_warning(light, &self.site));
         }
         self.store.light = light.or(self.store.light.take());
+        if let Some(shadows) = shadows {
+            self.store.add_shadows(shadows);
+        }
         self.store.occluders = occluders.or(self.store.occluders.take());
         if let Some((fall, shelter)) = shelter {
             self.store.add_shelter(fall, shelter);
@@ -569,7 +588,11 @@ impl PreparedPlace {
             let missing = self.missing_assets(weather, options.time);
             self.prepare(backend, missing, progress)?;
         }
-        let prepared = weather.at(options.time).prepare(&self.site);
+        let sample = weather.at(options.time);
+        if let Some(fault) = light_fault(&sample, &self.site) {
+            return Err(Error::Unsupported(fault));
+        }
+        let prepared = sample.prepare(&self.site);
         self.clear_foreign_cover(backend, &prepared);
         let shelter = prepared.fall().and_then(|fall| match options.patience {
             Patience::Whole => self.store.shelter(fall).cloned(),
@@ -596,9 +619,13 @@ impl PreparedPlace {
     /// Finds the gains of the light, if it changes and the capture's is known.
     fn relight(&mut self, prepared: &PreparedWeather, threads: usize) {
         let (Some(change), Some(capture)) = (prepared.light(), &self.store.light) else { return };
-        let light = change.over(capture, self.site.up);
-        if self.relit.as_ref().is_none_or(|(known, _)| *known != light) {
-            self.relit = Some((light, LightGains::new(capture, &light, self.site.up, threads)));
+        let new = change.over(capture, self.site.up);
+        let key = (new, change.sun);
+        if self.relit.as_ref().is_none_or(|(known, _)| *known != key) {
+            let shadows = change.sun.and_then(|sun| self.store.shadows(sun));
+            let gains =
+                LightGains::new(capture, &new, shadows.map(|shadows| &**shadows), self.site.up, threads);
+            self.relit = Some((key, gains));
         }
     }
 
@@ -658,7 +685,9 @@ impl PreparedPlace {
         if prepared.light().is_none() {
             return Ok(None);
         }
-        self.capture_light(backend, progress)?;
+        let missing = self.missing_assets(weather, time);
+        let missing = MissingAssets { light: missing.light, sun: missing.sun, ..MissingAssets::default() };
+        self.prepare(backend, missing, progress)?;
         self.relight(&prepared, backend.threads());
         Ok(self.relit.as_ref().map(|(_, gains)| gains.applied(&self.scene.splats)))
     }
@@ -711,6 +740,11 @@ fn site_of(survey: &Survey) -> Site {
             _ => Daylight::Known,
         },
         captured_sky: survey.captured_sky,
+        earth: survey.north.zip(survey.location).map(|(north, location)| EarthPlace {
+            north: north.to_array(),
+            location,
+            captured: survey.captured,
+        }),
         far: 3.0 * survey.radius.max(1e-6) * survey.metres_per_unit.value,
     }
 }

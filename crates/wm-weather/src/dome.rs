@@ -15,8 +15,10 @@
 //! Directions: heading 0 is the scene's x axis laid level (its y axis if x is within 26 degrees of up), and
 //! headings turn clockwise seen from above.
 
+use crate::light::OpenLight;
 use crate::panorama::{LowerHemisphere, Panorama, smooth};
 use glam::DMat3;
+use std::f64::consts::PI;
 use std::sync::Arc;
 use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::hooks::{Backdrop, Detail, GROUP, ShadeGroup, SkySplats};
@@ -60,6 +62,9 @@ pub enum SkyAppearance {
         /// At the horizon, linear RGB.
         horizon: [f64; 3],
     },
+    /// That of a place of the sun, with its clouds; its irradiances in lux times the dome's brightness are those of display
+    /// white.
+    Open(Arc<OpenLight>),
     /// The plain sky of the program.
     Gradient(SkyGradient),
     /// A picture of all directions.
@@ -101,6 +106,7 @@ impl Dome {
         let mut dome = Self { look, ground, brightness, up, sky_splats, table: Vec::new() };
         dome.table = match dome.look {
             SkyAppearance::Panorama { .. } if brightness == 1.0 => Vec::new(),
+            SkyAppearance::Open(_) => Vec::new(),
             SkyAppearance::Panorama { .. } => (0..=TONES)
                 .map(|i| [dome.brightened(BRIGHTEST * i as f64 / TONES as f64) as f32; 3])
                 .collect(),
@@ -126,6 +132,17 @@ impl Dome {
                 let light = panorama.airlight()?.map(|v| self.brightness * v);
                 let scale = (AIRLIGHT / luminance(light).max(AIRLIGHT)).min(1.0);
                 light.map(|v| scale * v)
+            }
+            SkyAppearance::Open(open) => {
+                let axes = level_axes(self.up);
+                let patches = (0..256).map(|i| {
+                    let (sin, turn) = (BAND * (f64::from(i / 16) + 0.5) / 16.0, f64::from(i % 16) * PI / 8.0);
+                    let level = (1.0 - sin * sin).sqrt();
+                    let direction = from_level(&axes, [level * turn.cos(), level * turn.sin(), sin]);
+                    let rgb = open.radiance(direction, sin).map(|v| self.brightness * v);
+                    SkyPatch { sin, weight: 1.0, rgb }
+                });
+                airlight_of_sky(patches.collect(), 0.0)?
             }
             // As wide as the band, all alike around.
             _ => {
@@ -163,7 +180,9 @@ impl Dome {
                 let color = Background::Sky(gradient).color([level, 0.0, sin]);
                 return color.map(|v| self.brightened(v));
             }
-            SkyAppearance::Panorama { .. } => unreachable!("a panorama is not by elevation"),
+            SkyAppearance::Panorama { .. } | SkyAppearance::Open(_) => {
+                unreachable!("it is not by elevation alone")
+            }
         };
         let light = match (&self.look, self.ground) {
             (SkyAppearance::Plain(_), None) => light,
@@ -242,6 +261,15 @@ impl Backdrop for Dome {
             self.finish_panorama(panorama, *below, up, groups);
             return;
         }
+        if let SkyAppearance::Open(open) = &self.look {
+            for group in groups {
+                for lane in 0..GROUP {
+                    let color = self.open_color(open, group.direction.map(|axis| f64::from(axis[lane])));
+                    (0..3).for_each(|k| group.rgb[k][lane] = color[k] as f32);
+                }
+            }
+            return;
+        }
         for group in groups {
             for lane in 0..GROUP {
                 let sin = (0..3).map(|k| group.direction[k][lane] * up[k]).sum::<f32>();
@@ -255,6 +283,9 @@ impl Backdrop for Dome {
 
     fn reference(&self, pixel: f64, direction: [f64; 3]) -> [f64; 3] {
         let sin = dot(direction, self.up);
+        if let SkyAppearance::Open(open) = &self.look {
+            return self.open_color(open, direction);
+        }
         let SkyAppearance::Panorama { panorama, heading, below } = &self.look else {
             return self.by_elevation(sin);
         };
@@ -289,6 +320,14 @@ impl Backdrop for Dome {
 }
 
 impl Dome {
+    /// The display-referred colour of the sky of a place of the sun.
+    fn open_color(&self, open: &OpenLight, direction: [f64; 3]) -> [f64; 3] {
+        let sin = dot(direction, self.up).clamp(-1.0, 1.0);
+        let light = open.radiance(direction, sin);
+        let (ground, share) = (self.ground_under(light), f64::from(smooth((-sin / GROUND) as f32)));
+        std::array::from_fn(|k| srgb_encode(self.brightness * (light[k] + (ground[k] - light[k]) * share)))
+    }
+
     /// The display-referred colour well below the horizon of a panorama.
     fn panorama_ground(&self, panorama: &Panorama) -> [f64; 3] {
         let ground = self.ground_under(panorama.airlight().unwrap_or_default());

@@ -25,6 +25,7 @@
 //!     airlight: [0.8; 3],
 //!     daylight: Daylight::Known,
 //!     captured_sky: CapturedSky::Unknown,
+//!     earth: None,
 //!     far: 100.0,
 //! };
 //! let prepared = weather.at(5.0).prepare(&site);
@@ -63,10 +64,10 @@ pub mod wind;
 
 pub use dome::Dome;
 pub use easing::Easing;
-pub use effects::{EFFECTS, Effect, EffectRole, Need};
+pub use effects::{EFFECTS, Effect, EffectRole, Need, light_fault};
 pub use file::WeatherError;
 pub use image_file::ImageFile;
-pub use optics::{Atmosphere, CapturedSky, Daylight, Site};
+pub use optics::{Atmosphere, CapturedSky, Daylight, EarthPlace, Site};
 pub use panorama::{Panorama, PanoramaError};
 pub use param::{Param, ParamInput, ParamKind, ParamValue};
 pub use track::{Keyframe, Track};

@@ -225,6 +225,7 @@ mod tests {
         airlight: [0.8; 3],
         daylight: Daylight::Known,
         captured_sky: CapturedSky::Unknown,
+        earth: None,
         far: 100.0,
     };
     const POOL: [f32; 3] = [0.2, 0.55, 0.8];

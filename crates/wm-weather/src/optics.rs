@@ -77,6 +77,17 @@ pub enum Daylight {
     Guessed,
 }
 
+/// The place of a site on Earth, and the time of its capture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EarthPlace {
+    /// North, level, world axes, length 1.
+    pub north: [f64; 3],
+    /// Latitude and longitude, degrees, WGS 84.
+    pub location: [f64; 2],
+    /// Seconds since 1970, UTC.
+    pub captured: Option<f64>,
+}
+
 /// What weather must know of the site.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Site {
@@ -92,6 +103,8 @@ pub struct Site {
     pub daylight: Daylight,
     /// The sky that the place was captured under.
     pub captured_sky: CapturedSky,
+    /// North, place and time, where they are known.
+    pub earth: Option<EarthPlace>,
     /// Depth that the paper's relative depth takes for 1, m.
     pub far: f64,
 }

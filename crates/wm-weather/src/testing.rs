@@ -13,6 +13,7 @@ pub const SITE: Site = Site {
     airlight: [0.8; 3],
     daylight: Daylight::Known,
     captured_sky: CapturedSky::Unknown,
+    earth: None,
     far: 100.0,
 };
 

@@ -41,6 +41,8 @@ pub(crate) enum AssetFile {
     Cover(Airflow),
     /// The light of the capture.
     Light,
+    /// The shadows of a sun, by the direction towards it.
+    SunShadows([f64; 3]),
 }
 
 impl AssetFile {
@@ -49,6 +51,7 @@ impl AssetFile {
         match self {
             Self::Surfaces => ("surfaces", Vec::new()),
             Self::Light => ("light", Vec::new()),
+            Self::SunShadows(sun) => ("sun", sun.to_vec()),
             Self::Shelter(fall) => ("shelter", fall.to_vec()),
             Self::Cover(Airflow { slope, moved }) => ("cover", vec![slope[0], slope[1], *moved]),
         }

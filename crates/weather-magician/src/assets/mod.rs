@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use wm_scene::{Scene, Splats};
 use wm_weather::cover::{Airflow, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::{FusedSurfaces, GroundField, PhotoView};
-use wm_weather::light::CaptureLight;
+use wm_weather::light::{CaptureLight, SunShadows};
 use wm_weather::open_water::OpenWater;
 use wm_weather::paper::PaperCover;
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
@@ -25,6 +25,8 @@ use wm_weather::{Site, Weather};
 const SHELTERS: usize = 6;
 /// Distance from the photos' path up to which the light is split finely, m.
 const LIGHT_REACH: f64 = 60.0;
+/// Shadows that are kept, one for each place of the sun.
+const SUNS: usize = 4;
 /// Covers that are kept, one for each way in which the air carries what lies.
 const COVERS: usize = 2;
 
@@ -71,6 +73,8 @@ pub(crate) struct AssetStore {
     pub light: Option<Arc<CaptureLight>>,
     /// By the direction of fall, the last used at the end.
     shelters: Vec<([f64; 3], Arc<Shelter>)>,
+    /// By the direction towards the sun, the last used at the end.
+    shadows: Vec<([f64; 3], Arc<SunShadows>)>,
     /// The last used at the end.
     covers: Vec<(Airflow, SharedCover)>,
 }
@@ -101,6 +105,19 @@ impl AssetStore {
 
     pub fn add_shelter(&mut self, fall: [f64; 3], shelter: Arc<Shelter>) {
         keep(&mut self.shelters, (fall, shelter), SHELTERS);
+    }
+
+    /// The shadows of a sun.
+    pub fn shadows(&self, sun: [f64; 3]) -> Option<&Arc<SunShadows>> {
+        self.shadows.iter().find(|(known, _)| *known == sun).map(|(_, shadows)| shadows)
+    }
+
+    pub fn has_shadows(&self, sun: [f64; 3]) -> bool {
+        self.shadows(sun).is_some()
+    }
+
+    pub fn add_shadows(&mut self, shadows: Arc<SunShadows>) {
+        keep(&mut self.shadows, (shadows.direction(), shadows), SUNS);
     }
 
     pub fn add_cover(&mut self, airflow: Airflow, cover: SharedCover) {
@@ -140,6 +157,8 @@ pub struct MissingAssets {
     pub(crate) paper_cover: Option<PaperCover>,
     /// The light of the capture.
     pub(crate) light: bool,
+    /// The shadows of a sun, by the direction towards it.
+    pub(crate) sun: Option<[f64; 3]>,
 }
 
 impl MissingAssets {
@@ -152,8 +171,8 @@ impl MissingAssets {
     /// Returns true if something is missing that takes no more than a second for most scenes.
     #[must_use]
     pub fn is_quick(&self) -> bool {
-        let Self { occluders, shelter, cover, lying, paper_cover, light } = self;
-        let is_slow = *occluders || cover.is_some() || paper_cover.is_some() || *light;
+        let Self { occluders, shelter, cover, lying, paper_cover, light, sun } = self;
+        let is_slow = *occluders || cover.is_some() || paper_cover.is_some() || *light || sun.is_some();
         !is_slow && (shelter.is_some() || lying.is_some())
     }
 
@@ -161,6 +180,7 @@ impl MissingAssets {
     #[must_use]
     pub fn description(&self) -> &'static str {
         match (&self.cover, &self.paper_cover, &self.lying) {
+            (None, None, None) if self.sun.is_some() && !self.light => "casting the shadows of the sun",
             (None, None, None) if self.light => "splitting the light of the capture into sun and sky",
             (None, None, None) => "finding where roofs keep the rain off",
             (None, None, _) => "laying out the snow",
@@ -173,8 +193,11 @@ impl MissingAssets {
     /// # Errors
     /// [`Error::Unsupported`] if the splats of the place were released.
     pub fn make(&self, source: AssetSource, progress: &mut dyn Progress) -> Result<Assets> {
-        let AssetSource { scene, views, surfaces, site, sun, threads, occluders, cover, cache } = source;
-        let needs_splats = self.occluders || self.cover.is_some() || self.paper_cover.is_some() || self.light;
+        let AssetSource { scene, views, surfaces, site, sun, light, threads, occluders, cover, cache } =
+            source;
+        let needs_light = self.light || self.sun.is_some();
+        let needs_splats =
+            self.occluders || self.cover.is_some() || self.paper_cover.is_some() || needs_light;
         if needs_splats && scene.splats.is_empty() {
             return Err(Error::Unsupported(
                 "the splats of this place were released: load the scene again to change its weather".into(),
@@ -185,7 +208,7 @@ impl MissingAssets {
             let found = fused(&views.shelter);
             Arc::new(Occluders::of(&found.splats, &site, &ShelterOptions::default()))
         });
-        let surfaces = (self.cover.is_some() || self.light).then(|| {
+        let surfaces = (self.cover.is_some() || needs_light).then(|| {
             surfaces.unwrap_or_else(|| {
                 progress.begin("finding the surfaces that the photos show", None);
                 let on_ground = GroundField::snap(&views.cover, site.up, site.metres_per_unit, threads);
@@ -198,18 +221,29 @@ impl MissingAssets {
                 found
             })
         });
-        let made_light = surfaces.as_ref().filter(|_| self.light).map(|found| {
-            progress.begin("splitting the light of the capture into sun and sky", None);
+        let in_the_way = surfaces.as_ref().filter(|_| needs_light).map(|found| {
             let options = ShelterOptions {
                 focus: Some((views::path_of_photos(&scene), LIGHT_REACH)),
                 ..ShelterOptions::default()
             };
-            let occluders = Occluders::of(&found.splats, &site, &options);
-            let light = CaptureLight::split(&scene.splats, found, &occluders, sun, &site, threads);
+            (found, Occluders::of(&found.splats, &site, &options))
+        });
+        let made_light = in_the_way.as_ref().filter(|_| self.light).map(|(found, occluders)| {
+            progress.begin("splitting the light of the capture into sun and sky", None);
+            let light = CaptureLight::split(&scene.splats, found, occluders, sun, &site, threads);
             progress.end();
             cache.put(&AssetFile::Light, &light);
             Arc::new(light)
         });
+        let capture = made_light.as_ref().or(light.as_ref()).filter(|capture| capture.takes_another_sun());
+        let shadows =
+            self.sun.zip(capture).zip(in_the_way.as_ref()).map(|((sun, capture), (_, occluders))| {
+                progress.begin("casting the shadows of the sun", None);
+                let shadows = SunShadows::of(&scene.splats, capture, occluders, sun, &site, threads);
+                progress.end();
+                cache.put(&AssetFile::SunShadows(sun), &shadows);
+                Arc::new(shadows)
+            });
         let occluders = made_occluders.as_ref().or(occluders.as_ref());
         let shelter = self.shelter.zip(occluders).map(|(fall, occluders)| {
             let shelter = occluders.shelter(fall, Some(threads));
@@ -241,6 +275,7 @@ impl MissingAssets {
             cover: made_cover,
             lying,
             light: made_light,
+            shadows,
         })
     }
 }
@@ -260,6 +295,7 @@ pub struct AssetSource {
     pub(crate) site: Site,
     /// Towards the sun of the capture, if place and time tell it.
     pub(crate) sun: Option<[f64; 3]>,
+    pub(crate) light: Option<Arc<CaptureLight>>,
     pub(crate) threads: usize,
     pub(crate) occluders: Option<Arc<Occluders>>,
     pub(crate) cover: Option<SharedCover>,
@@ -273,5 +309,6 @@ pub struct Assets {
     pub(crate) cover: Option<(Airflow, SharedCover)>,
     pub(crate) lying: Option<(LyingCover, (Airflow, Vec<CoverRequest>))>,
     pub(crate) paper_cover: Option<(PaperCover, Splats)>,
+    pub(crate) shadows: Option<Arc<SunShadows>>,
     pub(crate) light: Option<Arc<CaptureLight>>,
 }

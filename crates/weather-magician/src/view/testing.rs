@@ -26,6 +26,8 @@ pub fn survey() -> Survey {
         scale_source: None,
         airlight: known([0.8; 3]),
         captured_sky: CapturedSky::Unknown,
+        location: None,
+        captured: None,
         center: DVec3::new(0.0, 0.0, 2.0),
         radius: 10.0,
         extent: [20.0, 15.0, 8.0],

@@ -48,6 +48,10 @@ pub struct Survey {
     pub north: Option<DVec3>,
     /// The origin of north and of the place on Earth, where the metadata state it.
     pub north_source: Option<String>,
+    /// Latitude and longitude of the middle of the photos, degrees, WGS 84, where the metadata state them.
+    pub location: Option<[f64; 2]>,
+    /// The middle of the time in which they were taken, seconds since 1970, UTC, where the metadata state it.
+    pub captured: Option<f64>,
     /// The sun when the photos were taken, where the metadata state north, place and time.
     pub sun: Option<SurveyedSun>,
     /// The reason why these give no sun.
@@ -224,6 +228,8 @@ impl Survey {
             up_estimate,
             north,
             north_source: facts.north_source.filter(|_| north.is_some()),
+            location: facts.location,
+            captured: facts.captured,
             sun,
             sun_fault,
             metres_per_unit,

@@ -26,6 +26,7 @@ fn site(daylight: Daylight) -> Site {
         airlight: [0.2, 0.3, 0.1],
         daylight,
         captured_sky: CapturedSky::Unknown,
+        earth: None,
         far: 100.0,
     }
 }

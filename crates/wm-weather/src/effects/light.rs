@@ -3,17 +3,25 @@
 //! A captured place lies in the light of its photos, with the shadows of their sun. This effect says what light it shall
 //! lie in; [`crate::light`] has how the light of each splat follows. The paper has no such thing.
 //!
+//! Models `clear` and `night` bring sun and sky of their own ([`OpenLight`]), by the place of the sun: given, or that of a
+//! day and an hour at the place's latitude and longitude. The others keep the captured sun.
+//!
 //! Cloud cover `N` takes the beam `1 - N` of the sun, and brings the CIE's overcast sky as a share `N` of the sky. What
 //! floats in the air dims the beam by its own optical depth along it; what it takes comes back from all of the sky.
-//! Exposure follows the light of level ground in the open, not the frame: pans and zooms change no brightness.
+//! Exposure follows the light of level ground in the open, not the frame: pans and zooms change no brightness. It follows
+//! no further than to [`DARKEST`]: what lies in less light is darker.
 
-use super::sky::overcast_zenith;
-use crate::dome::{Dome, SkyAppearance};
+use super::sky::{overcast_horizon, overcast_zenith};
+use crate::dome::{Dome, SkyAppearance, level_axes};
 use crate::effects::{Action, Effect, EffectContext, EffectRole, Need};
-use crate::light::{CaptureLight, SceneLight, SkyGradation};
+use crate::light::{CaptureLight, NewLight, OpenLight, SceneLight, SkyGradation, SunPosition};
 use crate::optics::{CapturedSky, Site};
 use crate::param::ParamValue;
+use crate::weather::WeatherSample;
+use std::sync::Arc;
+use wm_render::SkyGradient;
 use wm_render::hooks::{SkySplats, Slot};
+use wm_scene::color::{luminance, srgb_decode};
 
 crate::words! {
     /// The source of the light.
@@ -24,6 +32,10 @@ crate::words! {
         Captured = "captured",
         /// Clouds from horizon to horizon.
         Overcast = "overcast",
+        /// A sun and its sky.
+        Clear = "clear",
+        /// The sun far below the horizon.
+        Night = "night",
     }
 }
 
@@ -31,14 +43,29 @@ crate::params! {
     /// The parameters of the effect.
     pub struct LightParams {
         /// Light over the place: `auto` (clouds where rain or snow falls, the captured sun dimmed by fog and haze),
-        /// `captured` (that of the photos) or `overcast`.
+        /// `captured` (that of the photos), `overcast`, `clear` (a sun at `sun_elevation`, or at `hour` and `day`) or `night`.
         model: LightModel = ParamValue::Word("auto"), 0.0 => 0.0, "";
         /// Cloud cover: the share of the sun's beam that is lost, and of the sky that is overcast; `auto` is the
         /// model's.
         clouds: Option<f64> = ParamValue::Auto, 0.0 => 1.0, "";
-        /// Exposure against one that brings level ground in the open to its captured brightness; `auto` is 0.3 EV
-        /// darker under full clouds.
+        /// Exposure against one that brings level ground in the open to its captured brightness, in light down to 15 lx;
+        /// `auto` is 0.3 EV darker under full clouds, and 1 EV by night.
         exposure: Option<f64> = ParamValue::Auto, -10.0 => 10.0, "EV";
+        /// Elevation of the sun of model `clear`, below 0 under the horizon; `auto` is that of `hour`, and 45 without one.
+        sun_elevation: Option<f64> = ParamValue::Auto, -90.0 => 90.0, "deg";
+        /// Azimuth of the sun of model `clear`, clockwise from north (from the scene's x axis where north is not known); `auto`
+        /// is that of `hour`, and 180 without one.
+        sun_azimuth: Option<f64> = ParamValue::Auto, -36_000.0 => 36_000.0, "deg";
+        /// Hour of the day of model `clear`, in mean solar time: the sun is highest at about 12.
+        hour: Option<f64> = ParamValue::Auto, -8_760.0 => 8_760.0, "h";
+        /// Day of the year for `hour`; `auto` is that of the photos, and 172 (21 June) where they do not say.
+        day: Option<f64> = ParamValue::Auto, 1.0 => 366.0, "";
+        /// Latitude for `hour`; `auto` is that of the photos.
+        latitude: Option<f64> = ParamValue::Auto, -90.0 => 90.0, "deg";
+        /// Haziness of the clear sky: 2 very clear, 3 clear, 6 hazy.
+        turbidity: f64 = ParamValue::Number(2.5), 1.0 => 10.0, "";
+        /// Glow of the sky by the lamps of towns, on level ground; `auto` is 0.06, and ten times that under clouds.
+        glow: Option<f64> = ParamValue::Auto, 0.0 => 100.0, "lx";
     }
 }
 
@@ -62,8 +89,23 @@ const FULL_CLOUDS: f64 = 0.3;
 /// Height of air that is as dense above as on the ground, m.
 const HIGH: f64 = 100.0;
 
+/// Illuminance of level ground down to which the exposure follows, lx: that of a lit street.
+pub const DARKEST: f64 = 15.0;
+/// Change of exposure by night.
+const NIGHT_EXPOSURE: f64 = -1.0;
+/// Illuminance of dusk, from which the exposure goes down to that of the night, lx.
+const DUSK: f64 = 400.0;
+/// Sun of the model `night`, degrees.
+const NIGHT: f64 = -30.0;
+/// Steps of the sun's place by which its shadows move, degrees.
+const SUN_STEP: f64 = 0.5;
+/// Lowest sun that casts shadows, degrees.
+const LOWEST_SHADOWS: f64 = 0.5;
+/// Glow of the sky under no and under full clouds, lx.
+const GLOW: [f64; 2] = [0.06, 0.6];
+
 /// A change of the light over a place.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LightChange {
     /// Cloud cover, 0-1.
     pub clouds: f64,
@@ -71,25 +113,91 @@ pub struct LightChange {
     pub depth: [f64; 3],
     /// Exposure, EV.
     pub exposure: f64,
+    /// Sun and sky of the weather's own; `None` where the captured sun stays.
+    pub open: Option<Arc<OpenLight>>,
+    /// The sun whose shadows are cast, towards it, world axes; `None` where the captured one stays, and where no sun shines.
+    pub sun: Option<[f64; 3]>,
+}
+
+/// The reason why a weather's light is not defined at a site.
+#[must_use]
+pub fn light_fault(weather: &WeatherSample, site: &Site) -> Option<String> {
+    let (_, values) = weather.effects().find(|(effect, _)| effect.role == EffectRole::Light)?;
+    let params = LightParams::of(values);
+    let asks = params.model == LightModel::Clear && params.hour.is_some() && params.sun_elevation.is_none();
+    (asks && params.latitude.is_none() && site.earth.is_none()).then(|| {
+        "light.hour needs a place, and the scene does not say where it is: give light.latitude, or light.sun_elevation".into()
+    })
 }
 
 impl LightParams {
+    /// Elevation and azimuth of the sun, degrees.
+    fn sun(&self, site: &Site) -> [f64; 2] {
+        let (mut elevation, mut azimuth) = (45.0, 180.0);
+        let latitude = self.latitude.or(site.earth.map(|earth| earth.location[0]));
+        if let (Some(hour), Some(latitude)) = (self.hour, latitude) {
+            let captured = site.earth.and_then(|earth| earth.captured);
+            let year = captured.map_or(THIS_YEAR, |time| (time / A_YEAR).floor());
+            let new_year = 365.0 * year + ((year + 1.0) / 4.0).floor();
+            let of_capture = || captured.map_or(172.0, |time| (time / A_DAY).floor() - new_year + 1.0);
+            // At longitude 0 mean solar time is UTC.
+            let time = (new_year + self.day.unwrap_or_else(of_capture) - 1.0) * A_DAY + hour * 3600.0;
+            if let Ok(sun) = SunPosition::at(latitude, 0.0, time) {
+                (elevation, azimuth) = (sun.elevation.to_degrees(), sun.azimuth.to_degrees());
+            }
+        }
+        [self.sun_elevation.unwrap_or(elevation), self.sun_azimuth.unwrap_or(azimuth)]
+    }
+
+    /// The change to a sun and a sky of its own.
+    fn open(&self, now: &EffectContext<'_>, site: &Site) -> LightChange {
+        let [elevation, azimuth] = match self.model {
+            LightModel::Night => [NIGHT, 180.0],
+            _ => self.sun(site),
+        };
+        let [forward, right, _] = level_axes(site.up);
+        let north = site.earth.map_or(forward, |earth| earth.north);
+        let east = site.earth.map_or(right, |_| cross(north, site.up));
+        let towards = |azimuth: f64| -> [f64; 3] {
+            let (sin, cos) = azimuth.to_radians().sin_cos();
+            std::array::from_fn(|k| cos * north[k] + sin * east[k])
+        };
+        let clouds = self.clouds.unwrap_or((falling(now) / FULL_CLOUDS).min(1.0));
+        let glow = self.glow.unwrap_or(GLOW[0] + (GLOW[1] - GLOW[0]) * clouds);
+        let depth = depth(now, site);
+        let open = OpenLight::new((towards(azimuth), site.up), elevation, self.turbidity, clouds, depth, glow);
+        let shines = elevation > LOWEST_SHADOWS && open.light.sun[1] > 0.0;
+        let step = |degrees: f64| (degrees / SUN_STEP).round() * SUN_STEP;
+        let sun = shines.then(|| {
+            let ((sin, cos), level) = (step(elevation).to_radians().sin_cos(), towards(step(azimuth)));
+            std::array::from_fn(|k| cos * level[k] + sin * site.up[k])
+        });
+        let dark = ((DUSK / open.level()).ln() / (DUSK / DARKEST).ln()).clamp(0.0, 1.0);
+        let exposure = OVERCAST_EXPOSURE * clouds + (NIGHT_EXPOSURE - OVERCAST_EXPOSURE * clouds) * dark;
+        let exposure = self.exposure.unwrap_or(exposure);
+        LightChange { clouds, depth, exposure, open: Some(Arc::new(open)), sun }
+    }
+
     fn change(&self, now: &EffectContext<'_>, site: &Site) -> LightChange {
+        if matches!(self.model, LightModel::Clear | LightModel::Night) {
+            return self.open(now, site);
+        }
+        let (open, sun) = (None, None);
         if site.captured_sky == CapturedSky::Overcast {
             // It lies in diffuse light already.
-            return LightChange { clouds: 0.0, depth: [0.0; 3], exposure: self.exposure.unwrap_or(0.0) };
+            return LightChange { clouds: 0.0, depth: [0.0; 3], exposure: self.exposure.unwrap_or(0.0), open, sun };
         }
         let by_weather = match self.model {
             LightModel::Captured => 0.0,
             LightModel::Overcast => 1.0,
-            LightModel::Auto => (falling(now) / FULL_CLOUDS).min(1.0),
+            _ => (falling(now) / FULL_CLOUDS).min(1.0),
         };
         let clouds = self.clouds.unwrap_or(by_weather);
         let depth = match self.model {
             LightModel::Captured => [0.0; 3],
-            LightModel::Auto | LightModel::Overcast => depth(now, site),
+            _ => depth(now, site),
         };
-        LightChange { clouds, depth, exposure: self.exposure.unwrap_or(OVERCAST_EXPOSURE * clouds) }
+        LightChange { clouds, depth, exposure: self.exposure.unwrap_or(OVERCAST_EXPOSURE * clouds), open, sun }
     }
 }
 
@@ -116,13 +224,22 @@ impl LightChange {
     /// Returns true if the light stays as it was captured.
     #[must_use]
     pub fn is_nothing(&self) -> bool {
-        self.clouds == 0.0 && self.depth == [0.0; 3] && self.exposure == 0.0
+        self.open.is_none() && self.clouds == 0.0 && self.depth == [0.0; 3] && self.exposure == 0.0
+    }
+
+    /// Factor from irradiances in lux to those of display white.
+    fn display(open: &OpenLight, exposure: f64) -> f64 {
+        exposure.exp2() / open.level().max(DARKEST)
     }
 
     /// The light over a place that was captured in another.
     #[must_use]
-    pub fn over(&self, capture: &CaptureLight, up: [f64; 3]) -> SceneLight {
-        let sin = capture.sun.map_or(0.0, |sun| (0..3).map(|k| sun.direction[k] * up[k]).sum::<f64>());
+    pub fn over(&self, capture: &CaptureLight, up: [f64; 3]) -> NewLight {
+        if let Some(open) = &self.open {
+            let light = open.light.times(Self::display(open, self.exposure));
+            return NewLight { light, sin_sun: open.sin_sun, sky_gain: 0.0, sky_opacity: 1.0 };
+        }
+        let sin = capture.sin_sun(up);
         let level = capture.light.irradiance(sin);
         let beam: [f64; 3] = std::array::from_fn(|k| {
             let through = if sin > 0.0 { (-self.depth[k] / sin).exp() } else { 1.0 };
@@ -134,25 +251,109 @@ impl LightChange {
         let grey = 1.0 - beam[1];
         let clear = SkyGradation::even(left);
         let cloudy = SkyGradation::overcast(white_as(left));
-        SceneLight { sun, sky: clear.mixed(&cloudy, grey) }.times(self.exposure.exp2())
+        let light = SceneLight { sun, sky: clear.mixed(&cloudy, grey) }.times(self.exposure.exp2());
+        NewLight { light, sin_sun: sin, sky_gain: self.exposure.exp2(), sky_opacity: 1.0 - self.clouds }
     }
 
     /// The sky behind the scene; `None` where the captured one stays.
     #[must_use]
     pub fn dome(&self, site: &Site) -> Option<Dome> {
-        if self.clouds < 0.5 {
+        if let Some(open) = &self.open {
+            let (look, factor) = (SkyAppearance::Open(Arc::clone(open)), Self::display(open, self.exposure));
+            return Some(Dome::new(look, None, factor, site.up, SkySplats::LeftOut));
+        }
+        if self.clouds == 0.0 {
             return None;
         }
-        let zenith = overcast_zenith();
-        let look = SkyAppearance::Overcast { zenith, horizon: zenith.map(|v| v / 3.0) };
-        let brightness = (self.exposure - OVERCAST_EXPOSURE).exp2();
-        Some(Dome::new(look, None, brightness, site.up, SkySplats::LeftOut))
+        // Behind what fades of the captured sky, or in the place of the plain one.
+        let plain = SkyGradient::daylight(site.up.map(|v| v as f32));
+        let (zenith, brightness) = (overcast_zenith(), (self.exposure - OVERCAST_EXPOSURE * self.clouds).exp2());
+        let between = |from: [f32; 3], to: [f64; 3]| -> [f64; 3] {
+            std::array::from_fn(|k| {
+                let from = srgb_decode(f64::from(from[k]));
+                from + (to[k] - from) * self.clouds
+            })
+        };
+        let look = SkyAppearance::Overcast {
+            zenith: between(plain.zenith, zenith),
+            horizon: between(plain.horizon, overcast_horizon()),
+        };
+        let splats = if self.clouds < 1.0 { SkySplats::Kept } else { SkySplats::LeftOut };
+        Some(Dome::new(look, None, brightness, site.up, splats))
     }
 }
 
 /// The tint of an overcast sky at the luminance of an irradiance.
 fn white_as(light: [f64; 3]) -> [f64; 3] {
-    use wm_scene::color::luminance;
     let zenith = overcast_zenith();
     zenith.map(|v| v * luminance(light) / luminance(zenith))
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+const A_DAY: f64 = 86_400.0;
+/// Mean year of the Gregorian calendar, s.
+const A_YEAR: f64 = 31_556_952.0;
+/// The year of places that do not say when they were captured, from 1970: 2026.
+const THIS_YEAR: f64 = 56.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::SITE;
+    use crate::{Weather, optics::EarthPlace};
+
+    fn change(text: &str, site: &Site) -> LightChange {
+        let weather = Weather::parse(&format!("[light]\n{text}\n"), "test").unwrap();
+        weather.at(0.0).prepare(site).light().unwrap().clone()
+    }
+
+    fn utrecht() -> Site {
+        let place = EarthPlace { north: [0.0, 1.0, 0.0], location: [52.1, 5.2], captured: None };
+        Site { earth: Some(place), ..SITE }
+    }
+
+    /// At the summer solstice the sun over a latitude stands 90 - latitude + 23.4 degrees high in the south.
+    #[test]
+    fn the_hour_places_the_sun() {
+        let open = change("model = 'clear'\nhour = 12", &utrecht()).open.unwrap();
+        assert!((open.sin_sun.asin().to_degrees() - 61.4).abs() < 0.3, "{}", open.sin_sun);
+        assert!(open.sun[1] < -0.45 && open.sun[0].abs() < 0.03, "{:?}", open.sun);
+        let morning = change("model = 'clear'\nhour = 7", &utrecht()).open.unwrap();
+        assert!(morning.sun[0] > 0.5, "{:?}", morning.sun);
+        let south = change("model = 'clear'\nhour = 12\nlatitude = -35", &utrecht()).open.unwrap();
+        assert!(south.sun[1] > 0.5, "{:?}", south.sun);
+    }
+
+    #[test]
+    fn an_hour_without_a_place_is_a_fault() {
+        let fault = |text: &str| {
+            let weather = Weather::parse(&format!("[light]\nmodel = 'clear'\n{text}\n"), "test").unwrap();
+            light_fault(&weather.at(0.0), &SITE)
+        };
+        assert!(fault("hour = 12").unwrap().contains("light.latitude"));
+        assert_eq!(fault("hour = 12\nlatitude = 10"), None);
+        assert_eq!(fault("sun_elevation = 12"), None);
+    }
+
+    /// A white card on level ground, from noon into the night and into clouds: no step, and darker only when there is little
+    /// light.
+    #[test]
+    fn exposure_follows_the_light_without_a_jump() {
+        let card = |elevation: f64, clouds: f64| {
+            let change = change(&format!("model = 'clear'\nsun_elevation = {elevation}\nclouds = {clouds}"), &SITE);
+            let open = change.open.as_ref().unwrap();
+            luminance(open.light.irradiance(open.sin_sun)) * LightChange::display(open, change.exposure)
+        };
+        assert!((card(50.0, 0.0) - 1.0).abs() < 1e-9 && (card(50.0, 1.0) - 0.812).abs() < 1e-3);
+        let mut before = card(60.0, 0.0);
+        for step in 1..=800 {
+            let now = card(60.0 - 0.1 * f64::from(step), 0.0);
+            assert!(now <= before + 1e-12 && now > 0.88 * before, "{step}: {before} to {now}");
+            before = now;
+        }
+        assert!(before < 0.01, "{before}");
+    }
 }

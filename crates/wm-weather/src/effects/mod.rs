@@ -13,7 +13,7 @@ use crate::particles::{Precipitation, PrecipitationKind};
 use crate::track::Track;
 use crate::weather::WeatherSample;
 use crate::wind::Wind;
-pub use light::LightChange;
+pub use light::{LightChange, light_fault};
 pub use look::ColorGrade;
 use wm_render::hooks::Slot;
 

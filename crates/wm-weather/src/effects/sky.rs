@@ -106,6 +106,11 @@ pub(super) fn overcast_zenith() -> [f64; 3] {
     OVERCAST
 }
 
+/// The overcast horizon, linear RGB.
+pub(super) fn overcast_horizon() -> [f64; 3] {
+    OVERCAST.map(|v| OVERCAST_HORIZON * v)
+}
+
 /// The overcast horizon against its zenith (CIE).
 const OVERCAST_HORIZON: f64 = 1.0 / 3.0;
 

@@ -12,14 +12,15 @@ use super::irradiance::{SceneLight, SkyGradation, SurfaceLight};
 use super::openness;
 use super::places::{PointGrid, Surfaces};
 use super::sun_search::{self, FoundSun, Pair, lifted, same_material};
+use super::sun_shadows::SunShadows;
 use crate::fused_surfaces::FusedSurfaces;
-use crate::optics::Site;
+use crate::optics::{CapturedSky, Site};
 use crate::shelter::Occluders;
 use crate::threads::map;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
-use wm_scene::Splats;
 use wm_scene::color::luminance;
+use wm_scene::{Group, Splats};
 
 /// Distance within which a splat takes the light of a surface, m.
 const NEAR: f64 = 0.4;
@@ -60,6 +61,8 @@ pub struct CaptureSun {
 pub struct CaptureLight {
     /// The sun; `None` of a capture in diffuse light.
     pub sun: Option<CaptureSun>,
+    /// The place was captured under clouds.
+    pub is_overcast: bool,
     /// The result of the search for the sun, if it was not known.
     pub search: Option<FoundSun>,
     /// The captured light; level ground in the open has an irradiance of luminance 1.
@@ -77,6 +80,8 @@ struct SplatLight {
     normal: [i8; 3],
     open: [u8; 2],
     sun: u8,
+    /// A splat of the captured sky.
+    is_sky: bool,
 }
 
 /// Sums over all surfaces, so that their mean irradiance under any light is known.
@@ -156,18 +161,23 @@ impl CaptureLight {
                 normal: surfaces.normals[i].to_array().map(|v| (127.0 * v).round() as i8),
                 open: open[i].map(|v| (255.0 * v).round() as u8),
                 sun: (255.0 * seen[i]).round() as u8,
+                is_sky: false,
             })
             .collect();
         let reach = (NEAR / site.metres_per_unit) as f32;
         let grid = PointGrid::new(&surfaces.points, reach);
-        let in_the_open = SplatLight { normal: [0; 3], open: [255; 2], sun: 255 };
+        let in_the_open = SplatLight { normal: [0; 3], open: [255; 2], sun: 255, is_sky: false };
         let splats = map(splats.len(), threads, |index| {
+            if splats.groups[index] == Group::Sky {
+                return SplatLight { is_sky: true, ..in_the_open };
+            }
             let point = Vec3::from_array(splats.means[index]);
             let distance = |i: &usize| surfaces.points[*i].distance_squared(point);
             let nearest = grid.near(point).min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
             nearest.filter(|i| distance(i) <= reach * reach).map_or(in_the_open, |i| own[i])
         });
-        Self { sun: capture_sun, search, light, mean, splats }
+        let is_overcast = site.captured_sky == CapturedSky::Overcast;
+        Self { sun: capture_sun, is_overcast, search, light, mean, splats }
     }
 
     /// Returns true if the sun's shadows can be taken away: they were found, and little of them is left.
@@ -222,11 +232,49 @@ impl CaptureLight {
     /// The geometry of the light on one splat.
     #[must_use]
     pub fn surface(&self, index: usize, up: [f64; 3]) -> SurfaceLight {
-        let SplatLight { normal, open, sun } = self.splats[index];
-        let normal = Vec3::from_array(normal.map(|v| f32::from(v) / 127.0)).normalize_or_zero();
+        let SplatLight { open, sun, .. } = self.splats[index];
+        let normal = self.normal(index);
         let up = Vec3::from_array(up.map(|v| v as f32));
         let direction = self.sun.map(|sun| sun.direction);
         surface_of(normal, open.map(|v| f32::from(v) / 255.0), f32::from(sun) / 255.0, up, direction)
+    }
+
+    /// The geometry of the light of another sun on one splat.
+    #[must_use]
+    pub fn surface_in(&self, index: usize, up: [f64; 3], shadows: &SunShadows) -> SurfaceLight {
+        let open = self.splats[index].open.map(|v| f32::from(v) / 255.0);
+        let up = Vec3::from_array(up.map(|v| v as f32));
+        surface_of(self.normal(index), open, shadows.seen(index), up, Some(shadows.direction()))
+    }
+
+    /// The normal of the surface of a splat, length 1; zero of leaves.
+    #[must_use]
+    pub fn normal(&self, index: usize) -> Vec3 {
+        Vec3::from_array(self.splats[index].normal.map(|v| f32::from(v) / 127.0)).normalize_or_zero()
+    }
+
+    /// Returns true for a splat of the captured sky.
+    #[must_use]
+    pub fn is_sky(&self, index: usize) -> bool {
+        self.splats[index].is_sky
+    }
+
+    /// Returns true if another sun can shine on the place: it has no shadows, or they can be taken away.
+    #[must_use]
+    pub fn takes_another_sun(&self) -> bool {
+        self.is_split() || (self.sun.is_none() && self.is_overcast)
+    }
+
+    /// Sine of the elevation of the captured sun; 0 without one.
+    #[must_use]
+    pub fn sin_sun(&self, up: [f64; 3]) -> f64 {
+        self.sun.map_or(0.0, |sun| along(sun.direction, up))
+    }
+
+    /// The mean irradiance of the surfaces under the light of another sun, without what they return to each other.
+    #[must_use]
+    pub fn mean_in(&self, light: &SceneLight, shadows: &SunShadows) -> [f64; 3] {
+        MeanSurface { sun: shadows.mean(), ..self.mean }.under(light)
     }
 
     /// The mean irradiance of the surfaces under a light, without what they return to each other.

@@ -73,9 +73,15 @@ impl ClearSky {
     /// Deterministic: a fixed grid of directions that all weigh the same.
     #[must_use]
     pub fn horizontal_irradiance(&self) -> [f64; 3] {
+        self.level_and_upright_irradiance()[0]
+    }
+
+    /// The same, and the irradiance of an upright surface, the mean over all sides that it may face.
+    #[must_use]
+    pub fn level_and_upright_irradiance(&self) -> [[f64; 3]; 2] {
         let (sin_sun, cos_sun) = self.sun_elevation.sin_cos();
         let middle = |i: u32| (f64::from(i) + 0.5) / f64::from(SAMPLES);
-        let mut sum = [0.0; 3];
+        let (mut level, mut upright) = ([0.0; 3], [0.0; 3]);
         for row in 0..SAMPLES {
             // Bands of equal squared sine have equal irradiance under a uniform sky.
             let (sin, cos) = (middle(row).sqrt(), (1.0 - middle(row)).sqrt());
@@ -83,10 +89,14 @@ impl ClearSky {
                 // The other half is its mirror image.
                 let azimuth = PI * middle(column);
                 let light = self.radiance(sin, sin * sin_sun + cos * cos_sun * azimuth.cos());
-                (0..3).for_each(|k| sum[k] += light[k]);
+                for k in 0..3 {
+                    level[k] += light[k];
+                    // A share of 1 / pi of the cosine that a wall facing the direction has.
+                    upright[k] += light[k] * cos / (PI * sin);
+                }
             }
         }
-        sum.map(|v| v * PI / f64::from(SAMPLES * SAMPLES))
+        [level, upright].map(|sum| sum.map(|v| v * PI / f64::from(SAMPLES * SAMPLES)))
     }
 
     /// Irradiance of a surface that faces the sun, by the beam alone, linear RGB in the unit of the sky's irradiance:

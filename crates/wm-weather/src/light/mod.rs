@@ -10,16 +10,20 @@
 
 mod capture;
 mod clear_sky;
+mod day;
 mod gains;
 mod irradiance;
 mod openness;
 mod places;
 mod sun_search;
+mod sun_shadows;
 
 pub use capture::{CaptureLight, CaptureSun, MOST_LEFT};
 pub use clear_sky::{ClearSky, beam_transmittance};
-pub use gains::LightGains;
+pub use day::OpenLight;
+pub use gains::{LightGains, NewLight};
 pub use irradiance::{SceneLight, SkyGradation, SurfaceLight};
+pub use sun_shadows::SunShadows;
 pub use wm_scene::sun::{SunPosition, SunPositionError};
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! A yard with a wall under a sun, whose light is known.
 
 use super::irradiance::{SceneLight, SkyGradation};
-use super::{CaptureLight, LightGains};
+use super::{CaptureLight, LightGains, NewLight, SunShadows};
 use crate::cover::surfel;
 use crate::fused_surfaces::FusedSurfaces;
-use crate::optics::Site;
+use crate::optics::{CapturedSky, Site};
 use crate::shelter::{Occluders, ShelterOptions};
 use crate::testing;
 use glam::DVec3;
@@ -93,6 +93,46 @@ fn sunny(ratio: [f64; 3]) -> SceneLight {
     SceneLight { sun: std::array::from_fn(|k| sky[k] * ratio[k]), sky: SkyGradation::even(sky) }
 }
 
+fn new(light: SceneLight) -> NewLight {
+    NewLight { light, sin_sun: sun().z, sky_gain: 1.0, sky_opacity: 1.0 }
+}
+
+/// A yard that was captured under clouds gets a sun, whose shadows lie where the walls cast them.
+#[test]
+fn a_new_sun_casts_shadows() {
+    let splats = yard(&SceneLight { sun: [0.0; 3], sky: SkyGradation::overcast([1.0; 3]) });
+    let site = Site { captured_sky: CapturedSky::Overcast, ..site() };
+    let occluders = Occluders::of(&splats, &site, &ShelterOptions::default());
+    let capture =
+        CaptureLight::split(&splats, &FusedSurfaces::from_splats(&splats), &occluders, None, &site, 2);
+    assert!(capture.takes_another_sun() && capture.sun.is_none());
+    let other = DVec3::new(-0.5, 0.6, 0.62).normalize();
+    let shadows = SunShadows::of(&splats, &capture, &occluders, other.to_array(), &site, 2);
+    assert_eq!(shadows, SunShadows::of(&splats, &capture, &occluders, other.to_array(), &site, 7));
+    let light = SceneLight { sun: [1.2; 3], sky: SkyGradation::even([0.2; 3]) };
+    let new = NewLight { sin_sun: other.z, ..new(light) };
+    let relit = LightGains::new(&capture, &new, Some(&shadows), site.up, 2).applied(&splats);
+    let (mut gains, mut wrong) = ([Vec::new(), Vec::new()], 0);
+    for (index, mean) in splats.means.iter().enumerate() {
+        let point = DVec3::from_array(mean.map(f64::from));
+        if point.z == 0.0 && point.truncate().length() < 6.0 {
+            let light = |splats| super::places::light_of(splats, index).y;
+            let gain = f64::from(light(&relit) / light(&splats));
+            let lit = is_lit(point, other);
+            gains[usize::from(lit)].push(gain);
+            wrong += usize::from((gain > 0.6) != lit);
+        }
+    }
+    let all = gains[0].len() + gains[1].len();
+    let [shade, lit] = gains.map(|mut gains| {
+        let middle = gains.len() / 2;
+        *gains.select_nth_unstable_by(middle, f64::total_cmp).1
+    });
+    assert!(25 * wrong < all, "{wrong} of {all} on the wrong side of an edge");
+    assert!((lit / (1.2 * other.z + 0.2) - 1.0).abs() < 0.1, "{lit}");
+    assert!((0.15..0.35).contains(&shade), "{shade}");
+}
+
 #[test]
 fn the_sun_of_a_yard_is_found_and_its_shadow_goes() {
     let ratio = [4.0, 3.4, 2.8];
@@ -108,7 +148,7 @@ fn the_sun_of_a_yard_is_found_and_its_shadow_goes() {
 
     // Under clouds ground that lay in the shadow is as bright as ground that lay in the sun.
     let overcast = SceneLight { sun: [0.0; 3], sky: SkyGradation::overcast([1.0; 3]) };
-    let relit = LightGains::new(&light, &overcast, site().up, 2).applied(&splats);
+    let relit = LightGains::new(&light, &new(overcast), None, site().up, 2).applied(&splats);
     let mean = |splats: &Splats, lit: bool| {
         let (mut sum, mut count) = (0.0, 0.0);
         for (index, mean) in splats.means.iter().enumerate() {
@@ -149,7 +189,7 @@ fn threads_do_not_change_the_split() {
 fn the_captured_light_changes_nothing() {
     let splats = yard(&sunny([4.0, 3.4, 2.8]));
     let light = split(&splats, 2);
-    let same = LightGains::new(&light, &light.light, site().up, 2).applied(&splats);
+    let same = LightGains::new(&light, &new(light.light), None, site().up, 2).applied(&splats);
     let worst = same.sh.iter().zip(&splats.sh).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst < 1e-5, "{worst}");
 }

@@ -28,6 +28,7 @@ const SITE: Site = Site {
     airlight: [0.6, 0.7, 0.8],
     daylight: Daylight::Known,
     captured_sky: CapturedSky::Unknown,
+    earth: None,
     far: 300.0,
 };
 

@@ -20,6 +20,7 @@ fn site(metres_per_unit: f64, up: DVec3) -> Site {
         airlight: [0.8; 3],
         daylight: Daylight::Known,
         captured_sky: CapturedSky::Unknown,
+        earth: None,
         far: 100.0,
     }
 }

@@ -1,0 +1,84 @@
+//! The shadows of a sun that stands elsewhere than when the place was captured.
+
+use super::capture::CaptureLight;
+use super::sun_search::{lifted, sun_map};
+use crate::optics::Site;
+use crate::shelter::Occluders;
+use crate::threads::map;
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+use wm_scene::Splats;
+
+/// Distance over which the edge of a shadow is soft, m: what the maps resolve.
+const SOFT: f32 = 0.2;
+
+/// The share of one sun that each splat of a scene sees.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SunShadows {
+    /// Towards the sun, world axes, length 1.
+    direction: [f64; 3],
+    /// 255 is all of the sun.
+    seen: Vec<u8>,
+    /// Mean over the splats of the sun's incidence times its share.
+    mean: f64,
+}
+
+impl SunShadows {
+    /// The shadows that `occluders` cast on the splats of a scene. `direction` is towards the sun, world axes, length 1.
+    #[must_use]
+    pub fn of(
+        splats: &Splats,
+        capture: &CaptureLight,
+        occluders: &Occluders,
+        direction: [f64; 3],
+        site: &Site,
+        threads: usize,
+    ) -> Self {
+        let shadow_map = sun_map(occluders, direction, threads);
+        let sun = Vec3::from_array(direction.map(|v| v as f32));
+        let seen = map(splats.len(), threads, |index| {
+            let at =
+                lifted(Vec3::from_array(splats.means[index]), capture.normal(index), sun, &shadow_map, site);
+            (255.0 * shadow_map.exposure(at, SOFT)).round() as u8
+        });
+        let mut shadows = Self { direction, seen, mean: 0.0 };
+        let (mut sum, mut count) = (0.0, 0.0f64);
+        for index in (0..splats.len()).filter(|index| !capture.is_sky(*index)) {
+            let surface = capture.surface_in(index, site.up, &shadows);
+            sum += surface.incidence * surface.sun;
+            count += 1.0;
+        }
+        shadows.mean = sum / count.max(1.0);
+        shadows
+    }
+
+    /// Towards the sun, world axes, length 1.
+    #[must_use]
+    pub fn direction(&self) -> [f64; 3] {
+        self.direction
+    }
+
+    /// The number of splats.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.seen.len()
+    }
+
+    /// Returns true if it has no splats.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.seen.is_empty()
+    }
+
+    /// The share of the sun that a splat sees, 0-1.
+    #[must_use]
+    pub fn seen(&self, index: usize) -> f32 {
+        f32::from(self.seen[index]) / 255.0
+    }
+
+    /// Mean over the splats of the sun's incidence times its share.
+    #[must_use]
+    pub(super) fn mean(&self) -> f64 {
+        self.mean
+    }
+}
