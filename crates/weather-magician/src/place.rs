@@ -124,6 +124,8 @@ pub struct PreparedPlace {
     lying: Option<Lying>,
     /// The gains of the last light.
     relit: Option<((NewLight, Option<[f64; 3]>), LightGains)>,
+    /// The warning that the shadows of the photos stay was given.
+    is_told_of_shadows: bool,
     /// True once the splats in the computer's memory are freed.
     is_released: bool,
     warnings: Vec<String>,
@@ -206,6 +208,7 @@ impl PreparedPlace {
             store: AssetStore::default(),
             lying: None,
             relit: None,
+            is_told_of_shadows: false,
             is_released: false,
             warnings: survey.warning().into_iter().collect(),
             doubt: survey.up_warning(),
@@ -400,7 +403,9 @@ impl PreparedPlace {
             lying.filter(|(air, requests)| !self.is_laid(&LyingKey::Physical(*air, requests.clone())));
         MissingAssets {
             light: needs.light && prepared.light().is_some() && self.store.light.is_none(),
-            sun: prepared.light().and_then(|change| change.sun).filter(|sun| self.lacks_shadows(*sun)),
+            sun: prepared
+                .light()
+                .and_then(|change| change.sun.filter(|sun| self.lacks_shadows(*sun, change.is_diffuse))),
             occluders: fall.is_some() && self.store.occluders.is_none(),
             shelter: fall,
             cover: needs.cover.filter(|air| lying.is_some() && !self.store.has_cover(air)),
@@ -410,8 +415,9 @@ impl PreparedPlace {
     }
 
     /// Returns true if the shadows of a sun are not known, and may be wanted.
-    fn lacks_shadows(&self, sun: [f64; 3]) -> bool {
-        let may_be_wanted = self.store.light.as_ref().is_none_or(|capture| capture.takes_another_sun());
+    fn lacks_shadows(&self, sun: [f64; 3], is_diffuse: bool) -> bool {
+        let may_be_wanted =
+            self.store.light.as_ref().is_none_or(|capture| capture.takes_another_sun(is_diffuse));
         may_be_wanted && !self.store.has_shadows(sun)
     }
 
@@ -449,7 +455,6 @@ impl PreparedPlace {
             self.store.light = Some(Arc::new(light));
             missing.light = false;
         }
-        missing.sun = missing.sun.filter(|sun| self.lacks_shadows(*sun));
         if let Some(sun) = missing.sun
             && let Some(shadows) = self.cache.get::<SunShadows>(&AssetFile::SunShadows(sun))
             && shadows.len() == self.scene.splats.len()
@@ -498,9 +503,6 @@ impl PreparedPlace {
     /// Takes assets that were made.
     pub(crate) fn insert(&mut self, backend: &mut AnyRenderer, assets: Assets) -> Result<()> {
         let Assets { occluders, shelter, cover, lying, paper_cover, light, shadows } = assets;
-        if let Some(light) = &light {
-            self.warnings.extend(light_warning(light, &self.site));
-        }
         self.store.light = light.or(self.store.light.take());
         if let Some(shadows) = shadows {
             self.store.add_shadows(shadows);
@@ -619,6 +621,14 @@ impl PreparedPlace {
     /// Finds the gains of the light, if it changes and the capture's is known.
     fn relight(&mut self, prepared: &PreparedWeather, threads: usize) {
         let (Some(change), Some(capture)) = (prepared.light(), &self.store.light) else { return };
+        let has_shadows = !change.is_diffuse && self.site.captured_sky != CapturedSky::Overcast;
+        if has_shadows && !capture.is_split() && !std::mem::replace(&mut self.is_told_of_shadows, true) {
+            self.warnings.push(format!(
+                "the shadows of the photos stay, and only tint and exposure follow the weather (light.photos = diffuse if there are \
+                 none): {}",
+                capture.report(self.site.up)
+            ));
+        }
         let new = change.over(capture, self.site.up);
         let key = (new, change.sun);
         if self.relit.as_ref().is_none_or(|(known, _)| *known != key) {
@@ -747,17 +757,6 @@ fn site_of(survey: &Survey) -> Site {
         }),
         far: 3.0 * survey.radius.max(1e-6) * survey.metres_per_unit.value,
     }
-}
-
-/// The warning of a capture whose shadows stay.
-fn light_warning(light: &CaptureLight, site: &Site) -> Option<String> {
-    let keeps_shadows = !light.is_split() && site.captured_sky != CapturedSky::Overcast;
-    keeps_shadows.then(|| {
-        format!(
-            "the shadows of the photos stay, and only tint and exposure follow the weather: {}",
-            light.report(site.up)
-        )
-    })
 }
 
 /// Fails if `place` was loaded by another renderer.

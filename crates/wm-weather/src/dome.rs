@@ -208,6 +208,26 @@ impl Dome {
     }
 }
 
+/// Light at which the brightest of a sky begins to burn out, of display white.
+const SHOULDER: f64 = 0.7;
+
+/// A light whose channels do not exceed display white: what is brighter goes over into white, as it does in photos, where
+/// cutting off each channel would turn an evening sky neon.
+fn burned_out(light: [f64; 3]) -> [f64; 3] {
+    let most = light.into_iter().fold(0.0, f64::max);
+    if most <= SHOULDER {
+        return light;
+    }
+    let room = 1.0 - SHOULDER;
+    let shown = 1.0 - room * (-(most - SHOULDER) / room).exp();
+    // The more was taken, the whiter.
+    let white = (1.0 - shown / most).powi(2);
+    light.map(|v| {
+        let v = v * shown / most;
+        v + (shown - v) * white
+    })
+}
+
 /// Heading 0, a quarter turn clockwise from it seen from above, and `up` itself, all of length 1: the axes of
 /// panoramas.
 #[must_use]
@@ -325,7 +345,9 @@ impl Dome {
         let sin = dot(direction, self.up).clamp(-1.0, 1.0);
         let light = open.radiance(direction, sin);
         let (ground, share) = (self.ground_under(light), f64::from(smooth((-sin / GROUND) as f32)));
-        std::array::from_fn(|k| srgb_encode(self.brightness * (light[k] + (ground[k] - light[k]) * share)))
+        let light: [f64; 3] =
+            std::array::from_fn(|k| self.brightness * (light[k] + (ground[k] - light[k]) * share));
+        burned_out(light).map(srgb_encode)
     }
 
     /// The display-referred colour well below the horizon of a panorama.

@@ -235,7 +235,7 @@ impl MissingAssets {
             cache.put(&AssetFile::Light, &light);
             Arc::new(light)
         });
-        let capture = made_light.as_ref().or(light.as_ref()).filter(|capture| capture.takes_another_sun());
+        let capture = made_light.as_ref().or(light.as_ref());
         let shadows =
             self.sun.zip(capture).zip(in_the_way.as_ref()).map(|((sun, capture), (_, occluders))| {
                 progress.begin("casting the shadows of the sun", None);

@@ -269,3 +269,19 @@ proptest! {
         }
     }
 }
+
+/// A sky burns out without a step and without another hue than white or its own.
+#[test]
+fn bright_skies_go_over_into_white() {
+    let tint = [1.0, 0.6, 0.2];
+    let mut before = 0.0;
+    for step in 1..400 {
+        let factor = f64::from(step) * 0.05;
+        let shown = burned_out(tint.map(|v| v * factor));
+        assert!(shown.iter().all(|v| (0.0..=1.0).contains(v)), "{shown:?}");
+        assert!(shown[0] >= shown[1] && shown[1] >= shown[2] && shown[0] > before - 1e-12, "{shown:?}");
+        before = shown[0];
+    }
+    assert!(burned_out(tint.map(|v| v * 100.0)).iter().all(|v| *v > 0.95));
+    assert_eq!(burned_out([0.5, 0.6, 0.7]), [0.5, 0.6, 0.7]);
+}

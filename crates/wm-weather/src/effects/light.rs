@@ -8,8 +8,8 @@
 //!
 //! Cloud cover `N` takes the beam `1 - N` of the sun, and brings the CIE's overcast sky as a share `N` of the sky. What
 //! floats in the air dims the beam by its own optical depth along it; what it takes comes back from all of the sky.
-//! Exposure follows the light of level ground in the open, not the frame: pans and zooms change no brightness. It follows
-//! no further than to [`DARKEST`]: what lies in less light is darker.
+//! Exposure follows the light of level ground in the open, not the frame: pans and zooms change no brightness. By
+//! night it stays behind, as a camera's does.
 
 use super::sky::{overcast_horizon, overcast_zenith};
 use crate::dome::{Dome, SkyAppearance, level_axes};
@@ -39,6 +39,16 @@ crate::words! {
     }
 }
 
+crate::words! {
+    /// The light in the photos of a place.
+    pub enum PhotoLight {
+        /// As it was found.
+        Auto = "auto",
+        /// No sun's shadows.
+        Diffuse = "diffuse",
+    }
+}
+
 crate::params! {
     /// The parameters of the effect.
     pub struct LightParams {
@@ -48,8 +58,8 @@ crate::params! {
         /// Cloud cover: the share of the sun's beam that is lost, and of the sky that is overcast; `auto` is the
         /// model's.
         clouds: Option<f64> = ParamValue::Auto, 0.0 => 1.0, "";
-        /// Exposure against one that brings level ground in the open to its captured brightness, in light down to 15 lx;
-        /// `auto` is 0.3 EV darker under full clouds, and 1 EV by night.
+        /// Exposure against one that brings level ground in the open to its captured brightness; `auto` is 0.3 EV darker
+        /// under full clouds, and 3.5 EV at 0.5 lx and less.
         exposure: Option<f64> = ParamValue::Auto, -10.0 => 10.0, "EV";
         /// Elevation of the sun of model `clear`, below 0 under the horizon; `auto` is that of `hour`, and 45 without one.
         sun_elevation: Option<f64> = ParamValue::Auto, -90.0 => 90.0, "deg";
@@ -64,6 +74,9 @@ crate::params! {
         latitude: Option<f64> = ParamValue::Auto, -90.0 => 90.0, "deg";
         /// Haziness of the clear sky: 2 very clear, 3 clear, 6 hazy.
         turbidity: f64 = ParamValue::Number(2.5), 1.0 => 10.0, "";
+        /// Light in the photos: `diffuse` says that no sun cast shadows in them, so that a new sun may; `auto` goes by what was
+        /// found.
+        photos: PhotoLight = ParamValue::Word("auto"), 0.0 => 0.0, "";
         /// Glow of the sky by the lamps of towns, on level ground; `auto` is 0.06, and ten times that under clouds.
         glow: Option<f64> = ParamValue::Auto, 0.0 => 100.0, "lx";
     }
@@ -89,12 +102,12 @@ const FULL_CLOUDS: f64 = 0.3;
 /// Height of air that is as dense above as on the ground, m.
 const HIGH: f64 = 100.0;
 
-/// Illuminance of level ground down to which the exposure follows, lx: that of a lit street.
-pub const DARKEST: f64 = 15.0;
-/// Change of exposure by night.
-const NIGHT_EXPOSURE: f64 = -1.0;
-/// Illuminance of dusk, from which the exposure goes down to that of the night, lx.
-const DUSK: f64 = 400.0;
+/// Change of exposure by night: what is left is dark, and can be seen.
+const NIGHT_EXPOSURE: f64 = -3.5;
+/// Illuminances of dusk and of the night, lx, between which the exposure falls behind.
+const DUSK: [f64; 2] = [400.0, 0.5];
+/// Least illuminance that exposures are found for, lx: under the stars.
+const FAINTEST: f64 = 1e-3;
 /// Sun of the model `night`, degrees.
 const NIGHT: f64 = -30.0;
 /// Steps of the sun's place by which its shadows move, degrees.
@@ -117,6 +130,8 @@ pub struct LightChange {
     pub open: Option<Arc<OpenLight>>,
     /// The sun whose shadows are cast, towards it, world axes; `None` where the captured one stays, and where no sun shines.
     pub sun: Option<[f64; 3]>,
+    /// The photos are said to have no shadows.
+    pub is_diffuse: bool,
 }
 
 /// The reason why a weather's light is not defined at a site.
@@ -172,10 +187,11 @@ impl LightParams {
             let ((sin, cos), level) = (step(elevation).to_radians().sin_cos(), towards(step(azimuth)));
             std::array::from_fn(|k| cos * level[k] + sin * site.up[k])
         });
-        let dark = ((DUSK / open.level()).ln() / (DUSK / DARKEST).ln()).clamp(0.0, 1.0);
+        let dark = ((DUSK[0] / open.level()).ln() / (DUSK[0] / DUSK[1]).ln()).clamp(0.0, 1.0);
         let exposure = OVERCAST_EXPOSURE * clouds + (NIGHT_EXPOSURE - OVERCAST_EXPOSURE * clouds) * dark;
         let exposure = self.exposure.unwrap_or(exposure);
-        LightChange { clouds, depth, exposure, open: Some(Arc::new(open)), sun }
+        let is_diffuse = self.photos == PhotoLight::Diffuse;
+        LightChange { clouds, depth, exposure, open: Some(Arc::new(open)), sun, is_diffuse }
     }
 
     fn change(&self, now: &EffectContext<'_>, site: &Site) -> LightChange {
@@ -183,9 +199,11 @@ impl LightParams {
             return self.open(now, site);
         }
         let (open, sun) = (None, None);
-        if site.captured_sky == CapturedSky::Overcast {
+        let is_diffuse = self.photos == PhotoLight::Diffuse;
+        if is_diffuse || site.captured_sky == CapturedSky::Overcast {
             // It lies in diffuse light already.
-            return LightChange { clouds: 0.0, depth: [0.0; 3], exposure: self.exposure.unwrap_or(0.0), open, sun };
+            let exposure = self.exposure.unwrap_or(0.0);
+            return LightChange { clouds: 0.0, depth: [0.0; 3], exposure, open, sun, is_diffuse };
         }
         let by_weather = match self.model {
             LightModel::Captured => 0.0,
@@ -197,7 +215,8 @@ impl LightParams {
             LightModel::Captured => [0.0; 3],
             _ => depth(now, site),
         };
-        LightChange { clouds, depth, exposure: self.exposure.unwrap_or(OVERCAST_EXPOSURE * clouds), open, sun }
+        let exposure = self.exposure.unwrap_or(OVERCAST_EXPOSURE * clouds);
+        LightChange { clouds, depth, exposure, open, sun, is_diffuse }
     }
 }
 
@@ -229,7 +248,7 @@ impl LightChange {
 
     /// Factor from irradiances in lux to those of display white.
     fn display(open: &OpenLight, exposure: f64) -> f64 {
-        exposure.exp2() / open.level().max(DARKEST)
+        exposure.exp2() / open.level().max(FAINTEST)
     }
 
     /// The light over a place that was captured in another.
@@ -237,7 +256,8 @@ impl LightChange {
     pub fn over(&self, capture: &CaptureLight, up: [f64; 3]) -> NewLight {
         if let Some(open) = &self.open {
             let light = open.light.times(Self::display(open, self.exposure));
-            return NewLight { light, sin_sun: open.sin_sun, sky_gain: 0.0, sky_opacity: 1.0 };
+            let (sin_sun, is_diffuse) = (open.sin_sun, self.is_diffuse);
+            return NewLight { light, sin_sun, sky_gain: 0.0, sky_opacity: 1.0, is_diffuse };
         }
         let sin = capture.sin_sun(up);
         let level = capture.light.irradiance(sin);
@@ -252,7 +272,8 @@ impl LightChange {
         let clear = SkyGradation::even(left);
         let cloudy = SkyGradation::overcast(white_as(left));
         let light = SceneLight { sun, sky: clear.mixed(&cloudy, grey) }.times(self.exposure.exp2());
-        NewLight { light, sin_sun: sin, sky_gain: self.exposure.exp2(), sky_opacity: 1.0 - self.clouds }
+        let (sky_gain, sky_opacity) = (self.exposure.exp2(), 1.0 - self.clouds);
+        NewLight { light, sin_sun: sin, sky_gain, sky_opacity, is_diffuse: self.is_diffuse }
     }
 
     /// The sky behind the scene; `None` where the captured one stays.
@@ -354,6 +375,6 @@ mod tests {
             assert!(now <= before + 1e-12 && now > 0.88 * before, "{step}: {before} to {now}");
             before = now;
         }
-        assert!(before < 0.01, "{before}");
+        assert!((before - NIGHT_EXPOSURE.exp2()).abs() < 1e-9, "{before}");
     }
 }

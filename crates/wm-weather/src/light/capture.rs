@@ -259,10 +259,11 @@ impl CaptureLight {
         self.splats[index].is_sky
     }
 
-    /// Returns true if another sun can shine on the place: it has no shadows, or they can be taken away.
+    /// Returns true if another sun can shine on the place: it has no shadows, or is said to have none, or they can be taken
+    /// away.
     #[must_use]
-    pub fn takes_another_sun(&self) -> bool {
-        self.is_split() || (self.sun.is_none() && self.is_overcast)
+    pub fn takes_another_sun(&self, is_diffuse: bool) -> bool {
+        self.is_split() || (self.sun.is_none() && (self.is_overcast || is_diffuse))
     }
 
     /// Sine of the elevation of the captured sun; 0 without one.

@@ -17,8 +17,8 @@ pub const LOWEST_DAY: f64 = 3.0;
 const TWILIGHT: [[f64; 2]; 4] = [[-0.8, 400.0], [-6.0, 3.4], [-12.0, 0.008], [-18.0, 0.0006]];
 /// Tint of the sky once the sun is 6 degrees below the horizon, luminance 1.
 const BLUE_HOUR: [f64; 3] = [0.75, 0.98, 1.93];
-/// Tint of the glow of a town's sky, luminance 1: lamps of 3,000 to 4,000 K.
-const GLOW: [f64; 3] = [1.28, 0.95, 0.68];
+/// Tint of the glow of a town's sky, luminance 1: lamps of 3,000 to 4,000 K, as a camera balances them.
+const GLOW: [f64; 3] = [1.15, 0.97, 0.85];
 /// Share of a clear sky's light that the thickest clouds take (Kasten and Czeplak 1980).
 const CLOUDS: f64 = 0.75;
 /// Tint of clouds, luminance 1.

@@ -24,6 +24,8 @@ pub struct NewLight {
     pub sky_gain: f64,
     /// Factor on the opacity of the captured sky's splats, 0-1.
     pub sky_opacity: f64,
+    /// The photos are said to have no shadows.
+    pub is_diffuse: bool,
 }
 
 /// Gains of the splats of one scene, by channel.
@@ -47,8 +49,9 @@ impl LightGains {
         threads: usize,
     ) -> Self {
         let level = limited(capture.light.irradiance(capture.sin_sun(up)), new.light.irradiance(new.sin_sun));
-        let is_moved = shadows.is_some() || (capture.takes_another_sun() && new.light.sun == [0.0; 3]);
-        let follows = if is_moved { capture.takes_another_sun() } else { capture.is_split() };
+        let is_moved =
+            shadows.is_some() || (capture.takes_another_sun(new.is_diffuse) && new.light.sun == [0.0; 3]);
+        let follows = if is_moved { capture.takes_another_sun(new.is_diffuse) } else { capture.is_split() };
         let before = capture.mean(&capture.light);
         let after =
             shadows.map_or_else(|| capture.mean(&new.light), |shadows| capture.mean_in(&new.light, shadows));

@@ -94,7 +94,7 @@ fn sunny(ratio: [f64; 3]) -> SceneLight {
 }
 
 fn new(light: SceneLight) -> NewLight {
-    NewLight { light, sin_sun: sun().z, sky_gain: 1.0, sky_opacity: 1.0 }
+    NewLight { light, sin_sun: sun().z, sky_gain: 1.0, sky_opacity: 1.0, is_diffuse: false }
 }
 
 /// A yard that was captured under clouds gets a sun, whose shadows lie where the walls cast them.
@@ -105,7 +105,7 @@ fn a_new_sun_casts_shadows() {
     let occluders = Occluders::of(&splats, &site, &ShelterOptions::default());
     let capture =
         CaptureLight::split(&splats, &FusedSurfaces::from_splats(&splats), &occluders, None, &site, 2);
-    assert!(capture.takes_another_sun() && capture.sun.is_none());
+    assert!(capture.takes_another_sun(false) && capture.sun.is_none());
     let other = DVec3::new(-0.5, 0.6, 0.62).normalize();
     let shadows = SunShadows::of(&splats, &capture, &occluders, other.to_array(), &site, 2);
     assert_eq!(shadows, SunShadows::of(&splats, &capture, &occluders, other.to_array(), &site, 7));
