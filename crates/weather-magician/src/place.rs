@@ -411,6 +411,7 @@ impl PreparedPlace {
             cover: needs.cover.filter(|air| lying.is_some() && !self.store.has_cover(air)),
             lying,
             paper_cover: needs.paper_cover.filter(|paper| !self.is_laid(&LyingKey::Paper(paper.clone()))),
+            casters: false,
         }
     }
 
@@ -428,7 +429,8 @@ impl PreparedPlace {
     /// Returns true if a small picture does without what is missing, since there is something like it.
     #[must_use]
     pub fn has_similar(&self, missing: &MissingAssets) -> bool {
-        let MissingAssets { occluders, shelter, cover, lying, paper_cover, light, sun: _ } = missing;
+        let MissingAssets { occluders, shelter, cover, lying, paper_cover, light, sun: _, casters: _ } =
+            missing;
         let is_sheltered = shelter.is_none() || self.store.any_shelter().is_some();
         !occluders && is_sheltered && cover.is_none() && lying.is_none() && paper_cover.is_none() && !light
     }
@@ -472,7 +474,8 @@ impl PreparedPlace {
         missing: &mut MissingAssets,
     ) -> Result<AssetSource> {
         self.read_cached(missing, backend.threads());
-        let needs_surfaces = missing.cover.is_some() || missing.light || missing.sun.is_some();
+        let needs_casters = self.store.casters.is_none() && (missing.casters || missing.sun.is_some());
+        let needs_surfaces = missing.cover.is_some() || missing.light || needs_casters;
         let surfaces =
             needs_surfaces.then(|| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces)).flatten();
         let mut views = SurfaceViews::default();
@@ -493,6 +496,7 @@ impl PreparedPlace {
             site: self.site,
             sun: self.survey.sun.as_ref().map(|sun| sun.direction.to_array()),
             light: self.store.light.clone(),
+            casters: self.store.casters.clone(),
             threads: backend.threads(),
             occluders: self.store.occluders.clone(),
             cover: airflow.and_then(|airflow| self.store.cover(&airflow).cloned()),
@@ -502,8 +506,9 @@ impl PreparedPlace {
 
     /// Takes assets that were made.
     pub(crate) fn insert(&mut self, backend: &mut AnyRenderer, assets: Assets) -> Result<()> {
-        let Assets { occluders, shelter, cover, lying, paper_cover, light, shadows } = assets;
+        let Assets { occluders, shelter, cover, lying, paper_cover, light, shadows, casters } = assets;
         self.store.light = light.or(self.store.light.take());
+        self.store.casters = casters.or(self.store.casters.take());
         if let Some(shadows) = shadows {
             self.store.add_shadows(shadows);
         }
@@ -572,7 +577,8 @@ impl PreparedPlace {
         let turns = needs.shelter && !weather.is_constant() && self.store.occluders.is_none();
         let cover = needs.cover.filter(|air| !self.store.has_cover(air));
         let light = needs.light && self.store.light.is_none();
-        let missing = MissingAssets { occluders: turns, cover, light, ..MissingAssets::default() };
+        let casters = weather.moves_sun() && self.store.casters.is_none();
+        let missing = MissingAssets { occluders: turns, cover, light, casters, ..MissingAssets::default() };
         self.prepare(backend, missing, progress)
     }
 

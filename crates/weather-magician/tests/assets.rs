@@ -105,6 +105,29 @@ fn a_weather_that_was_prepared_needs_no_splats() {
     assert!(error.to_string().contains("released"), "{error}");
 }
 
+/// Shadows of a sun that moves are cast without splats, and are those of each instant alone.
+#[test]
+fn a_moving_sun_needs_no_splats() {
+    let mut renderer = Renderer::cpu().unwrap();
+    let camera = Camera::look_at([0.0, 4.0, 1.7], [0.0, 30.0, 2.0]).size(48, 32);
+    let mut weather = Weather::clear();
+    for change in ["light.model=clear", "light.photos=diffuse", "light.sun_elevation=0:10,20:60"] {
+        weather.set_text(change).unwrap();
+    }
+    let mut released = renderer.load(street()).unwrap();
+    renderer.prepare(&mut released, &weather, &mut ()).unwrap();
+    released.release_splats();
+    let mut frames = [0.0, 8.0, 20.0].map(|time| {
+        let mut place = renderer.load(street()).unwrap();
+        let whole = renderer.render(&mut place, &weather, &camera, time).unwrap();
+        let alone = renderer.render(&mut released, &weather, &camera, time).unwrap();
+        assert!(whole.frame == alone.frame, "{time}");
+        alone.frame
+    });
+    frames.rotate_left(1);
+    assert!(frames[0] != frames[1] && frames[1] != frames[2]);
+}
+
 #[test]
 fn places_belong_to_their_renderer() {
     let [mut first, mut second] = [Renderer::cpu().unwrap(), Renderer::cpu().unwrap()];

@@ -92,6 +92,18 @@ impl Weather {
         self.effects().any(|(effect, _)| is_physical(effect) && effect.needs.contains(&need))
     }
 
+    /// Returns true if it has a sun of its own at some time, and its light changes over time.
+    #[must_use]
+    pub fn moves_sun(&self) -> bool {
+        let mut light = self.effects().filter(|(effect, _)| effect.role == EffectRole::Light);
+        light.any(|(effect, tracks)| {
+            let is_clear = |value: &ParamValue| *value == ParamValue::Word("clear");
+            let model = effect.param("model").map(|param| &tracks[param]);
+            let has_sun = model.is_some_and(|track| track.keys().iter().any(|key| is_clear(&key.value)));
+            has_sun && tracks.iter().any(|track| track.keys().len() > 1)
+        })
+    }
+
     /// Turns an effect on with its defaults; leaves it as it is if it is on.
     pub(crate) fn turn_on(&mut self, effect: usize) -> &mut Vec<Track> {
         let place = self.active.partition_point(|(on, _)| *on < effect);

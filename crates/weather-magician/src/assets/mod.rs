@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use wm_scene::{Scene, Splats};
 use wm_weather::cover::{Airflow, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::{FusedSurfaces, GroundField, PhotoView};
-use wm_weather::light::{CaptureLight, SunShadows};
+use wm_weather::light::{CaptureLight, ShadowCasters, SunShadows};
 use wm_weather::open_water::OpenWater;
 use wm_weather::paper::PaperCover;
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
@@ -71,6 +71,8 @@ impl AssetNeeds {
 pub(crate) struct AssetStore {
     pub occluders: Option<Arc<Occluders>>,
     pub light: Option<Arc<CaptureLight>>,
+    /// Kept for a sun that moves.
+    pub casters: Option<Arc<ShadowCasters>>,
     /// By the direction of fall, the last used at the end.
     shelters: Vec<([f64; 3], Arc<Shelter>)>,
     /// By the direction towards the sun, the last used at the end.
@@ -159,6 +161,8 @@ pub struct MissingAssets {
     pub(crate) light: bool,
     /// The shadows of a sun, by the direction towards it.
     pub(crate) sun: Option<[f64; 3]>,
+    /// All that casts the shadows of suns.
+    pub(crate) casters: bool,
 }
 
 impl MissingAssets {
@@ -171,8 +175,9 @@ impl MissingAssets {
     /// Returns true if something is missing that takes no more than a second for most scenes.
     #[must_use]
     pub fn is_quick(&self) -> bool {
-        let Self { occluders, shelter, cover, lying, paper_cover, light, sun } = self;
-        let is_slow = *occluders || cover.is_some() || paper_cover.is_some() || *light || sun.is_some();
+        let Self { occluders, shelter, cover, lying, paper_cover, light, sun, casters } = self;
+        let is_slow =
+            *occluders || cover.is_some() || paper_cover.is_some() || *light || sun.is_some() || *casters;
         !is_slow && (shelter.is_some() || lying.is_some())
     }
 
@@ -180,7 +185,9 @@ impl MissingAssets {
     #[must_use]
     pub fn description(&self) -> &'static str {
         match (&self.cover, &self.paper_cover, &self.lying) {
-            (None, None, None) if self.sun.is_some() && !self.light => "casting the shadows of the sun",
+            (None, None, None) if (self.sun.is_some() || self.casters) && !self.light => {
+                "casting the shadows of the sun"
+            }
             (None, None, None) if self.light => "splitting the light of the capture into sun and sky",
             (None, None, None) => "finding where roofs keep the rain off",
             (None, None, _) => "laying out the snow",
@@ -193,9 +200,20 @@ impl MissingAssets {
     /// # Errors
     /// [`Error::Unsupported`] if the splats of the place were released.
     pub fn make(&self, source: AssetSource, progress: &mut dyn Progress) -> Result<Assets> {
-        let AssetSource { scene, views, surfaces, site, sun, light, threads, occluders, cover, cache } =
-            source;
-        let needs_light = self.light || self.sun.is_some();
+        let AssetSource {
+            scene,
+            views,
+            surfaces,
+            site,
+            sun,
+            light,
+            casters,
+            threads,
+            occluders,
+            cover,
+            cache,
+        } = source;
+        let needs_light = self.light || (casters.is_none() && (self.casters || self.sun.is_some()));
         let needs_splats =
             self.occluders || self.cover.is_some() || self.paper_cover.is_some() || needs_light;
         if needs_splats && scene.splats.is_empty() {
@@ -235,15 +253,17 @@ impl MissingAssets {
             cache.put(&AssetFile::Light, &light);
             Arc::new(light)
         });
+        let casters = casters.or_else(|| {
+            in_the_way.map(|(_, occluders)| Arc::new(ShadowCasters::new(&scene.splats, occluders)))
+        });
         let capture = made_light.as_ref().or(light.as_ref());
-        let shadows =
-            self.sun.zip(capture).zip(in_the_way.as_ref()).map(|((sun, capture), (_, occluders))| {
-                progress.begin("casting the shadows of the sun", None);
-                let shadows = SunShadows::of(&scene.splats, capture, occluders, sun, &site, threads);
-                progress.end();
-                cache.put(&AssetFile::SunShadows(sun), &shadows);
-                Arc::new(shadows)
-            });
+        let shadows = self.sun.zip(capture).zip(casters.as_ref()).map(|((sun, capture), casters)| {
+            progress.begin("casting the shadows of the sun", None);
+            let shadows = SunShadows::of(casters, capture, sun, &site, threads);
+            progress.end();
+            cache.put(&AssetFile::SunShadows(sun), &shadows);
+            Arc::new(shadows)
+        });
         let occluders = made_occluders.as_ref().or(occluders.as_ref());
         let shelter = self.shelter.zip(occluders).map(|(fall, occluders)| {
             let shelter = occluders.shelter(fall, Some(threads));
@@ -276,6 +296,7 @@ impl MissingAssets {
             lying,
             light: made_light,
             shadows,
+            casters: casters.filter(|_| self.casters),
         })
     }
 }
@@ -296,6 +317,7 @@ pub struct AssetSource {
     /// Towards the sun of the capture, if place and time tell it.
     pub(crate) sun: Option<[f64; 3]>,
     pub(crate) light: Option<Arc<CaptureLight>>,
+    pub(crate) casters: Option<Arc<ShadowCasters>>,
     pub(crate) threads: usize,
     pub(crate) occluders: Option<Arc<Occluders>>,
     pub(crate) cover: Option<SharedCover>,
@@ -310,5 +332,6 @@ pub struct Assets {
     pub(crate) lying: Option<(LyingCover, (Airflow, Vec<CoverRequest>))>,
     pub(crate) paper_cover: Option<(PaperCover, Splats)>,
     pub(crate) shadows: Option<Arc<SunShadows>>,
+    pub(crate) casters: Option<Arc<ShadowCasters>>,
     pub(crate) light: Option<Arc<CaptureLight>>,
 }

@@ -23,7 +23,7 @@ pub use clear_sky::{ClearSky, beam_transmittance};
 pub use day::OpenLight;
 pub use gains::{LightGains, NewLight};
 pub use irradiance::{SceneLight, SkyGradation, SurfaceLight};
-pub use sun_shadows::SunShadows;
+pub use sun_shadows::{ShadowCasters, SunShadows};
 pub use wm_scene::sun::{SunPosition, SunPositionError};
 
 #[cfg(test)]

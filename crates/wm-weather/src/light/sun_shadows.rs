@@ -12,6 +12,28 @@ use wm_scene::Splats;
 /// Distance over which the edge of a shadow is soft, m: what the maps resolve.
 const SOFT: f32 = 0.2;
 
+/// All that the shadows of any sun are made from, but for the light of the capture.
+#[derive(Clone, Debug)]
+pub struct ShadowCasters {
+    occluders: Occluders,
+    /// The places of the splats, world axes, scene units.
+    points: Vec<[f32; 3]>,
+}
+
+impl ShadowCasters {
+    /// The splats of a scene, and what stands between them and the sky.
+    #[must_use]
+    pub fn new(splats: &Splats, occluders: Occluders) -> Self {
+        Self { occluders, points: splats.means.clone() }
+    }
+
+    /// The surfaces that stand in the way of light.
+    #[must_use]
+    pub fn occluders(&self) -> &Occluders {
+        &self.occluders
+    }
+}
+
 /// The share of one sun that each splat of a scene sees.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SunShadows {
@@ -24,26 +46,30 @@ pub struct SunShadows {
 }
 
 impl SunShadows {
-    /// The shadows that `occluders` cast on the splats of a scene. `direction` is towards the sun, world axes, length 1.
+    /// The shadows that `casters` cast on the splats of a scene. `direction` is towards the sun, world axes, length 1.
     #[must_use]
     pub fn of(
-        splats: &Splats,
+        casters: &ShadowCasters,
         capture: &CaptureLight,
-        occluders: &Occluders,
         direction: [f64; 3],
         site: &Site,
         threads: usize,
     ) -> Self {
-        let shadow_map = sun_map(occluders, direction, threads);
+        let shadow_map = sun_map(&casters.occluders, direction, threads);
         let sun = Vec3::from_array(direction.map(|v| v as f32));
-        let seen = map(splats.len(), threads, |index| {
-            let at =
-                lifted(Vec3::from_array(splats.means[index]), capture.normal(index), sun, &shadow_map, site);
+        let seen = map(casters.points.len(), threads, |index| {
+            let at = lifted(
+                Vec3::from_array(casters.points[index]),
+                capture.normal(index),
+                sun,
+                &shadow_map,
+                site,
+            );
             (255.0 * shadow_map.exposure(at, SOFT)).round() as u8
         });
         let mut shadows = Self { direction, seen, mean: 0.0 };
         let (mut sum, mut count) = (0.0, 0.0f64);
-        for index in (0..splats.len()).filter(|index| !capture.is_sky(*index)) {
+        for index in (0..casters.points.len()).filter(|index| !capture.is_sky(*index)) {
             let surface = capture.surface_in(index, site.up, &shadows);
             sum += surface.incidence * surface.sun;
             count += 1.0;

@@ -1,7 +1,7 @@
 //! A yard with a wall under a sun, whose light is known.
 
 use super::irradiance::{SceneLight, SkyGradation};
-use super::{CaptureLight, LightGains, NewLight, SunShadows};
+use super::{CaptureLight, LightGains, NewLight, ShadowCasters, SunShadows};
 use crate::cover::surfel;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{CapturedSky, Site};
@@ -107,8 +107,10 @@ fn a_new_sun_casts_shadows() {
         CaptureLight::split(&splats, &FusedSurfaces::from_splats(&splats), &occluders, None, &site, 2);
     assert!(capture.takes_another_sun(false) && capture.sun.is_none());
     let other = DVec3::new(-0.5, 0.6, 0.62).normalize();
-    let shadows = SunShadows::of(&splats, &capture, &occluders, other.to_array(), &site, 2);
-    assert_eq!(shadows, SunShadows::of(&splats, &capture, &occluders, other.to_array(), &site, 7));
+    let casters = ShadowCasters::new(&splats, occluders);
+    let cast = |threads| SunShadows::of(&casters, &capture, other.to_array(), &site, threads);
+    let shadows = cast(2);
+    assert_eq!(shadows, cast(7));
     let light = SceneLight { sun: [1.2; 3], sky: SkyGradation::even([0.2; 3]) };
     let new = NewLight { sin_sun: other.z, ..new(light) };
     let relit = LightGains::new(&capture, &new, Some(&shadows), site.up, 2).applied(&splats);
