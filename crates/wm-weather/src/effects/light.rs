@@ -17,6 +17,7 @@ use crate::effects::{Action, Effect, EffectContext, EffectRole, Need};
 use crate::light::{CaptureLight, NewLight, OpenLight, SceneLight, SkyGradation, SunPosition};
 use crate::optics::{CapturedSky, Site};
 use crate::param::ParamValue;
+use crate::track::Track;
 use crate::weather::WeatherSample;
 use std::sync::Arc;
 use wm_render::SkyGradient;
@@ -56,7 +57,7 @@ crate::params! {
         /// `captured` (that of the photos), `overcast`, `clear` (a sun at `sun_elevation`, or at `hour` and `day`) or `night`.
         model: LightModel = ParamValue::Word("auto"), 0.0 => 0.0, "";
         /// Cloud cover: the share of the sun's beam that is lost, and of the sky that is overcast; `auto` is the
-        /// model's.
+        /// model's. By the weather they gather in the 10 s before it falls.
         clouds: Option<f64> = ParamValue::Auto, 0.0 => 1.0, "";
         /// Exposure against one that brings level ground in the open to its captured brightness; `auto` is 0.3 EV darker
         /// under full clouds, and 3.5 EV at 0.5 lx and less.
@@ -99,6 +100,9 @@ pub const EFFECT: Effect = Effect {
 const OVERCAST_EXPOSURE: f64 = -0.3;
 /// Rate at which what falls comes from full clouds, mm/h.
 const FULL_CLOUDS: f64 = 0.3;
+/// Steps over which clouds gather before it falls, and their length, s: 10 s in all.
+const GATHERING: i32 = 20;
+const GATHERING_STEP: f64 = 0.5;
 /// Height of air that is as dense above as on the ground, m.
 const HIGH: f64 = 100.0;
 
@@ -177,7 +181,7 @@ impl LightParams {
             let (sin, cos) = azimuth.to_radians().sin_cos();
             std::array::from_fn(|k| cos * north[k] + sin * east[k])
         };
-        let clouds = self.clouds.unwrap_or((falling(now) / FULL_CLOUDS).min(1.0));
+        let clouds = self.clouds.unwrap_or(clouds_by_weather(now));
         let glow = self.glow.unwrap_or(GLOW[0] + (GLOW[1] - GLOW[0]) * clouds);
         let depth = depth(now, site);
         let open = OpenLight::new((towards(azimuth), site.up), elevation, self.turbidity, clouds, depth, glow);
@@ -208,7 +212,7 @@ impl LightParams {
         let by_weather = match self.model {
             LightModel::Captured => 0.0,
             LightModel::Overcast => 1.0,
-            _ => (falling(now) / FULL_CLOUDS).min(1.0),
+            _ => clouds_by_weather(now),
         };
         let clouds = self.clouds.unwrap_or(by_weather);
         let depth = match self.model {
@@ -220,11 +224,17 @@ impl LightParams {
     }
 }
 
-/// Rate of all that falls, mm/h.
-fn falling(now: &EffectContext<'_>) -> f64 {
+/// Cloud cover by all that falls: it gathers before, and goes after.
+fn clouds_by_weather(now: &EffectContext<'_>) -> f64 {
     let falls = now.weather.effects().filter(|(effect, _)| effect.role == EffectRole::Falls);
-    let rate = |(effect, values): (&Effect, &[ParamValue])| values[effect.param("rate")?].number();
-    falls.filter_map(rate).sum()
+    let rates: Vec<&Track> = falls.filter_map(|(effect, _)| now.weather.track(effect.name, "rate")).collect();
+    let steps = -GATHERING..=GATHERING;
+    let cover = |step: i32| {
+        let time = now.time + f64::from(step) * GATHERING_STEP;
+        let rate: f64 = rates.iter().filter_map(|rate| rate.at(time).number()).sum();
+        (rate / FULL_CLOUDS).min(1.0) * (1.0 - f64::from(step.abs()) / f64::from(GATHERING))
+    };
+    steps.map(cover).fold(0.0, f64::max)
 }
 
 /// Optical depth of the air straight up.
@@ -346,6 +356,20 @@ mod tests {
         assert!(morning.sun[0] > 0.5, "{:?}", morning.sun);
         let south = change("model = 'clear'\nhour = 12\nlatitude = -35", &utrecht()).open.unwrap();
         assert!(south.sun[1] > 0.5, "{:?}", south.sun);
+    }
+
+    /// A shower that begins at once: the clouds are there when it does, and never jump.
+    #[test]
+    fn clouds_gather_before_the_rain() {
+        let text = "[light]\nmodel = 'clear'\n[rain]\nrate = { keys = [[30, 0, 'hold'], [30.001, 20], [60, 0]] }\n";
+        let weather = Weather::parse(text, "test").unwrap();
+        let clouds = |time: f64| weather.at(time).prepare(&SITE).light().unwrap().clouds;
+        assert_eq!([clouds(0.0), clouds(30.5), clouds(80.0)], [0.0, 1.0, 0.0]);
+        assert!((clouds(25.0) - 0.5).abs() < 0.06, "{}", clouds(25.0));
+        for step in 0..800 {
+            let time = 0.1 * f64::from(step);
+            assert!((clouds(time + 0.1) - clouds(time)).abs() < 0.06, "{time}");
+        }
     }
 
     #[test]
