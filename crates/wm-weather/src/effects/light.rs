@@ -100,8 +100,8 @@ pub const EFFECT: Effect = Effect {
 const OVERCAST_EXPOSURE: f64 = -0.3;
 /// Rate at which what falls comes from full clouds, mm/h.
 const FULL_CLOUDS: f64 = 0.3;
-/// Steps over which clouds gather before it falls, and their length, s: 10 s in all.
-const GATHERING: i32 = 20;
+/// Time over which clouds gather before it falls, and steps in which it is looked at, s.
+const GATHERING: f64 = 10.0;
 const GATHERING_STEP: f64 = 0.5;
 /// Height of air that is as dense above as on the ground, m.
 const HIGH: f64 = 100.0;
@@ -228,13 +228,15 @@ impl LightParams {
 fn clouds_by_weather(now: &EffectContext<'_>) -> f64 {
     let falls = now.weather.effects().filter(|(effect, _)| effect.role == EffectRole::Falls);
     let rates: Vec<&Track> = falls.filter_map(|(effect, _)| now.weather.track(effect.name, "rate")).collect();
-    let steps = -GATHERING..=GATHERING;
-    let cover = |step: i32| {
-        let time = now.time + f64::from(step) * GATHERING_STEP;
+    let cover = |time: f64| {
         let rate: f64 = rates.iter().filter_map(|rate| rate.at(time).number()).sum();
-        (rate / FULL_CLOUDS).min(1.0) * (1.0 - f64::from(step.abs()) / f64::from(GATHERING))
+        (rate / FULL_CLOUDS).min(1.0) * (1.0 - (time - now.time).abs() / GATHERING).max(0.0)
     };
-    steps.map(cover).fold(0.0, f64::max)
+    // Fixed instants, so that nothing steps as time goes on.
+    let first = ((now.time - GATHERING) / GATHERING_STEP).ceil();
+    let around = (0..=(2.0 * GATHERING / GATHERING_STEP) as u32).map(|k| GATHERING_STEP * (first + f64::from(k)));
+    let keys = rates.iter().flat_map(|rate| rate.keys()).map(|key| key.time);
+    around.chain(keys).chain([now.time]).map(cover).fold(0.0, f64::max)
 }
 
 /// Optical depth of the air straight up.
@@ -365,10 +367,10 @@ mod tests {
         let weather = Weather::parse(text, "test").unwrap();
         let clouds = |time: f64| weather.at(time).prepare(&SITE).light().unwrap().clouds;
         assert_eq!([clouds(0.0), clouds(30.5), clouds(80.0)], [0.0, 1.0, 0.0]);
-        assert!((clouds(25.0) - 0.5).abs() < 0.06, "{}", clouds(25.0));
+        assert!((clouds(25.0) - 0.5).abs() < 1e-3, "{}", clouds(25.0));
         for step in 0..800 {
             let time = 0.1 * f64::from(step);
-            assert!((clouds(time + 0.1) - clouds(time)).abs() < 0.06, "{time}");
+            assert!((clouds(time + 0.1) - clouds(time)).abs() < 0.011, "{time}");
         }
     }
 
