@@ -122,8 +122,7 @@ pub struct PreparedPlace {
     cache: AssetCache,
     store: AssetStore,
     lying: Option<Lying>,
-    /// The gains of the last light.
-    relit: Option<((NewLight, Option<[f64; 3]>), LightGains)>,
+    relit: Option<Relit>,
     /// The warning that the shadows of the photos stay was given.
     is_told_of_shadows: bool,
     /// True once the splats in the computer's memory are freed.
@@ -131,6 +130,14 @@ pub struct PreparedPlace {
     warnings: Vec<String>,
     /// A doubt about up that is told when a weather first stands on it.
     doubt: Option<String>,
+}
+
+/// The last light that was drawn, and its gains.
+struct Relit {
+    light: NewLight,
+    /// The direction of the sun whose shadows it casts.
+    sun: Option<[f64; 3]>,
+    gains: LightGains,
 }
 
 /// The snow or dust that the renderer holds.
@@ -609,7 +616,7 @@ impl PreparedPlace {
             }
         });
         self.relight(&prepared, backend.threads());
-        let light = self.relit.as_ref().filter(|_| prepared.light().is_some()).map(|(_, gains)| gains);
+        let light = self.relit.as_ref().filter(|_| prepared.light().is_some()).map(|relit| &relit.gains);
         let scene = SceneAttributes { buried: self.lying.as_ref().map(|lying| &lying.buried), light };
         let sets = with_cover(self.set, &scene, self.lying.as_ref().map(|lying| lying.set));
         let request = FrameRequest {
@@ -636,12 +643,12 @@ impl PreparedPlace {
             ));
         }
         let new = change.over(capture, self.site.up);
-        let key = (new, change.sun);
-        if self.relit.as_ref().is_none_or(|(known, _)| *known != key) {
-            let shadows = change.sun.and_then(|sun| self.store.shadows(sun));
+        let sun = change.sun;
+        if self.relit.as_ref().is_none_or(|relit| relit.light != new || relit.sun != sun) {
+            let shadows = sun.and_then(|sun| self.store.shadows(sun));
             let gains =
                 LightGains::new(capture, &new, shadows.map(|shadows| &**shadows), self.site.up, threads);
-            self.relit = Some((key, gains));
+            self.relit = Some(Relit { light: new, sun, gains });
         }
     }
 
@@ -705,7 +712,7 @@ impl PreparedPlace {
         let missing = MissingAssets { light: missing.light, sun: missing.sun, ..MissingAssets::default() };
         self.prepare(backend, missing, progress)?;
         self.relight(&prepared, backend.threads());
-        Ok(self.relit.as_ref().map(|(_, gains)| gains.applied(&self.scene.splats)))
+        Ok(self.relit.as_ref().map(|relit| relit.gains.applied(&self.scene.splats)))
     }
 
     /// Returns the light of the capture, and finds it first if it is not known.
