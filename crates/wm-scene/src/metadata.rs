@@ -1,5 +1,6 @@
 //! Facts about a scene that weather needs and that splat files have no field for.
 
+use crate::lamps::{self, Lamp, LitWindow};
 use crate::survey::Confidence;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -83,6 +84,12 @@ pub struct Metadata {
     /// none. If nothing is said, blue pools are guessed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<Vec<Vec<[f64; 3]>>>,
+    /// The lamps of the place; an empty list says that there are none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lamps: Option<Vec<Lamp>>,
+    /// Its windows that are lit by night.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub windows: Option<Vec<LitWindow>>,
     /// The rasterisation with which the scene was trained.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rasterization: Option<Rasterization>,
@@ -108,7 +115,7 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 22] = [
+    pub const KEYS: [&str; 24] = [
         "metres_per_unit",
         "scale_source",
         "scale_confidence",
@@ -129,6 +136,8 @@ impl Metadata {
         "haze_shown_extinction",
         "haze_airlight",
         "water",
+        "lamps",
+        "windows",
         "rasterization",
         "provenance",
     ];
@@ -199,6 +208,8 @@ impl Metadata {
             haze_shown_extinction: note(self.haze_shown_extinction, other.haze_shown_extinction, haze),
             haze_airlight: self.haze_airlight.or(other.haze_airlight),
             water: self.water.or(other.water),
+            lamps: self.lamps.or(other.lamps),
+            windows: self.windows.or(other.windows),
             rasterization: self.rasterization.or(other.rasterization),
             provenance: self.provenance.or(other.provenance),
         }
@@ -305,6 +316,10 @@ impl Metadata {
                 return Some(format!("water: an outline must have 3 to {most} points of finite numbers"));
             }
         }
+        let (lamps, windows) = (self.lamps.as_deref(), self.windows.as_deref());
+        if let Some(fault) = lamps::fault(lamps.unwrap_or_default(), windows.unwrap_or_default()) {
+            return Some(fault);
+        }
         let texts = [
             ("scale_source", &self.scale_source),
             ("up_source", &self.up_source),
@@ -361,6 +376,17 @@ mod tests {
             haze_shown_extinction: Some(0.42),
             haze_airlight: Some([0.5, 0.55, 0.6]),
             water: Some(vec![vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 2.0, 0.5]]]),
+            lamps: Some(vec![
+                Lamp::new([0.5, -1.5, 6.0]),
+                Lamp { aim: Some([0.0, 0.0, -1.0]), beam: 90.0, ..Lamp::new([1.5, 2.0, 6.0]) },
+            ]),
+            windows: Some(vec![LitWindow {
+                corner: [0.0, 1.0, 2.0],
+                across: [1.5, 0.0, 0.0],
+                upwards: [0.0, 0.0, 1.0],
+                luminance: 20.0,
+                kelvin: 2700.0,
+            }]),
             rasterization: Some(Rasterization::Antialiased),
             provenance: Some("a test".into()),
         }
@@ -471,6 +497,7 @@ mod tests {
             Metadata { haze_airlight: Some([0.5, -1.0, 0.5]), ..Metadata::default() },
             Metadata { haze_extinction: Some(0.0), ..Metadata::default() },
             Metadata { haze_extinction_error: Some(f64::NAN), ..Metadata::default() },
+            Metadata { lamps: Some(vec![Lamp { beam: 0.0, ..Lamp::new([0.0; 3]) }]), ..Metadata::default() },
             Metadata { provenance: Some("two\nlines".into()), ..Metadata::default() },
             Metadata { scale_source: Some("two\nlines".into()), ..Metadata::default() },
             Metadata { provenance: Some("x".repeat(5000)), ..Metadata::default() },

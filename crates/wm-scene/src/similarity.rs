@@ -61,6 +61,16 @@ impl Similarity {
         for corner in metadata.water.iter_mut().flatten().flatten() {
             *corner = self.point(DVec3::from_array(*corner)).to_array();
         }
+        for lamp in metadata.lamps.iter_mut().flatten() {
+            lamp.at = self.point(DVec3::from_array(lamp.at)).to_array();
+            lamp.aim = lamp.aim.map(|aim| (self.rotation * DVec3::from_array(aim)).to_array());
+        }
+        for window in metadata.windows.iter_mut().flatten() {
+            window.corner = self.point(DVec3::from_array(window.corner)).to_array();
+            for edge in [&mut window.across, &mut window.upwards] {
+                *edge = (self.scale * (self.rotation * DVec3::from_array(*edge))).to_array();
+            }
+        }
         metadata.up = metadata.up.map(|up| (self.rotation * up).normalize());
         metadata.north = metadata.north.map(|north| (self.rotation * north).normalize());
         // Without up the ground has no meaning.

@@ -1,7 +1,7 @@
 //! Scenes of any values, for properties.
 
 use crate::survey::Confidence;
-use crate::{Group, Metadata, Rasterization, Scene, Splats, sh};
+use crate::{Group, Lamp, LitWindow, Metadata, Rasterization, Scene, Splats, sh};
 use glam::DVec3;
 use proptest::prelude::*;
 
@@ -51,6 +51,16 @@ fn any_metadata() -> impl Strategy<Value = Metadata> {
             haze_shown_extinction: numbers.filter(|_| some).map(|n| n.0),
             haze_airlight: numbers.map(|n| [n.0, 0.0, 0.5]),
             water: some.then(|| vec![vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 2.0, 0.5]]]),
+            lamps: some.then(|| vec![Lamp { aim: Some([0.0, 0.5, -1.0]), ..Lamp::new([0.25, 2.0, 6.0]) }]),
+            windows: some.then(|| {
+                vec![LitWindow {
+                    corner: [0.0, 1.0, 2.0],
+                    across: [1.5, 0.0, 0.0],
+                    upwards: [0.0, 0.25, 1.0],
+                    luminance: 20.0,
+                    kelvin: 2700.0,
+                }]
+            }),
             up: some.then(|| DVec3::new(0.6, -0.8, 0.0)),
             up_source: some.then(|| "a plumb line".into()),
             up_confidence: some.then_some(Confidence::Likely),
