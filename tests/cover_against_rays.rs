@@ -8,9 +8,9 @@ use wm_render::{
 };
 use wm_scene::{Camera, Group, Splats, sh};
 use wm_street::{Place, Street as StreetGeometry};
+use wm_weather::Site;
 use wm_weather::cover::{Airflow, Cover, CoverMaterial, CoverRequest};
 use wm_weather::fused_surfaces::FusedSurfaces;
-use wm_weather::{CapturedSky, Daylight, Site};
 
 const SIZE: (u32, u32) = (300, 200);
 /// Depth of the snow, m.
@@ -38,16 +38,7 @@ impl Street {
             let place = StreetGeometry::builtin();
             let sampling = place.sampling(1.0);
             let scene = sampling.splats_in(0..sampling.len());
-            let site = Site {
-                metres_per_unit: 1.0,
-                up: [0.0, 0.0, 1.0],
-                ground: 0.0,
-                airlight: [0.8; 3],
-                daylight: Daylight::Known,
-                captured_sky: CapturedSky::Unknown,
-                earth: None,
-                far: 100.0,
-            };
+            let site = Site::PLAIN;
             let mut cover = Cover::of(
                 &scene,
                 &FusedSurfaces::from_splats(&scene),

@@ -10,6 +10,7 @@ use wm_render::{
     RenderBackend, RenderConfig, RenderError, SetView, Stats,
 };
 use wm_scene::{Camera, Splats};
+use wm_weather::light::LampsOn;
 use wm_weather::paper::PaperStages;
 use wm_weather::paper::composite::{self, PaperBlend};
 use wm_weather::shelter::Shelter;
@@ -42,6 +43,10 @@ pub struct FrameRequest<'a> {
     pub camera: MovingCamera,
     /// The map of the places that rain and snow do not reach; `None` to ignore roofs.
     pub shelter: Option<&'a Shelter>,
+    /// The lamps that shine; `None` for none.
+    pub lamps: Option<&'a LampsOn<'a>>,
+    /// Threads for what is made for the whole frame.
+    pub threads: usize,
     /// The outputs, the background and the rasterization.
     pub config: &'a RenderConfig,
     /// Parts of the picture that are rendered with it. The paper's rain and snow have none.
@@ -159,7 +164,9 @@ impl FrameRequest<'_> {
     }
 
     fn observer(&self) -> Observer<'_> {
-        Observer { camera: &self.camera.camera, velocity: self.camera.velocity, shelter: self.shelter }
+        let MovingCamera { camera, velocity } = &self.camera;
+        let Self { shelter, lamps, threads, .. } = *self;
+        Observer { camera, velocity: *velocity, shelter, lamps, threads }
     }
 }
 

@@ -101,16 +101,7 @@ mod tests {
         weather.set_text(&format!("sky.panorama={}", path.display())).unwrap();
         weather.set_text("sky.below=picture").unwrap();
         weather.load_images(read_panorama).unwrap();
-        let site = wm_weather::Site {
-            metres_per_unit: 1.0,
-            up: [0.0, 0.0, 1.0],
-            ground: 0.0,
-            airlight: [0.8; 3],
-            daylight: wm_weather::Daylight::Known,
-            captured_sky: wm_weather::CapturedSky::Unknown,
-            earth: None,
-            far: 100.0,
-        };
+        let site = wm_weather::Site::PLAIN;
         let camera =
             wm_scene::Camera::looking((4, 4), 50.0, glam::DVec3::ZERO, glam::DVec3::Y, glam::DVec3::Z);
         let seen = wm_weather::Observer::at_rest(camera.as_ref().unwrap());

@@ -6,7 +6,9 @@ use crate::assets::{
 };
 use crate::frame::FrameRequest;
 use crate::frame::MovingCamera;
+use crate::lamps::PlaceLamps;
 use crate::picture::Picture;
+use crate::place_light::{CoverLight, PlaceLight};
 use crate::view;
 use crate::{Error, Progress, Result};
 use glam::DVec3;
@@ -18,14 +20,16 @@ use wm_render::{
     AnyRenderer, Background, DrawPass, Frame, MedianDepth, Outputs, Pictures, RenderBackend, RenderConfig,
     SetId, SetView, SkyGradient, Stats,
 };
-use wm_scene::survey::{Aligned, Alignment, CapturedSky, FactSource, Survey, align, label_sky};
+use wm_scene::survey::{Aligned, Alignment, FactSource, Survey, align, label_sky};
 use wm_scene::{Camera, LookAt, Metadata, Scene, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::FusedSurfaces;
-use wm_weather::light::{CaptureLight, LightGains, NewLight, SunShadows};
+use wm_weather::light::{CaptureLight, FrameGains, LampLights, LampShadows, LampsOn, SunShadows};
 use wm_weather::paper::{PaperCover, PaperStages};
 use wm_weather::shelter::Shelter;
-use wm_weather::{Daylight, EarthPlace, PreparedWeather, Site, Weather, light_fault};
+use wm_weather::{
+    Daylight, EarthPlace, LampLevels, LampSource, PreparedWeather, Site, SiteLight, Weather, light_fault,
+};
 
 /// The treatment of assets that are not made yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -122,22 +126,12 @@ pub struct PreparedPlace {
     cache: AssetCache,
     store: AssetStore,
     lying: Option<Lying>,
-    relit: Option<Relit>,
-    /// The warning that the shadows of the photos stay was given.
-    is_told_of_shadows: bool,
+    light: PlaceLight,
     /// True once the splats in the computer's memory are freed.
     is_released: bool,
     warnings: Vec<String>,
     /// A doubt about up that is told when a weather first stands on it.
     doubt: Option<String>,
-}
-
-/// The last light that was drawn, and its gains.
-struct Relit {
-    light: NewLight,
-    /// The direction of the sun whose shadows it casts.
-    sun: Option<[f64; 3]>,
-    gains: LightGains,
 }
 
 /// The snow or dust that the renderer holds.
@@ -146,6 +140,7 @@ struct Lying {
     what: LyingKey,
     set: SetId,
     buried: Buried,
+    light: CoverLight,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -160,7 +155,7 @@ pub(crate) struct SceneAttributes<'a> {
     /// The splats under what lies.
     pub buried: Option<&'a Buried>,
     /// The change of the light.
-    pub light: Option<&'a LightGains>,
+    pub light: Option<FrameGains<'a>>,
 }
 
 impl SplatAttributes for SceneAttributes<'_> {
@@ -182,12 +177,13 @@ impl SplatAttributes for SceneAttributes<'_> {
 pub(crate) fn with_cover<'a>(
     scene: SetId,
     attributes: &'a SceneAttributes<'a>,
-    lying: Option<SetId>,
+    lying: Option<(SetId, Option<&'a dyn SplatAttributes>)>,
 ) -> Vec<SetView<'a>> {
     let is_changed = attributes.buried.is_some() || attributes.light.is_some();
     let attributes = is_changed.then_some(attributes as &dyn SplatAttributes);
     let scene = SetView::plain(scene).with_attributes(attributes);
-    [scene].into_iter().chain(lying.map(SetView::plain)).collect()
+    let lying = lying.map(|(set, light)| SetView::plain(set).with_attributes(light));
+    [scene].into_iter().chain(lying).collect()
 }
 
 impl PreparedPlace {
@@ -201,7 +197,8 @@ impl PreparedPlace {
         label_sky(&mut scene.splats);
         let survey = Survey::of(&scene, &options.facts);
         let set = backend.load(&scene.splats)?;
-        let site = site_of(&survey);
+        let lamps = PlaceLamps::of(&scene, &survey);
+        let site = site_of(&survey, &lamps);
         let digest = options.assets.as_ref().map(|_| scene_digest(&scene, &survey, &backend.arithmetic()));
         let mut place = Self {
             renderer,
@@ -214,8 +211,7 @@ impl PreparedPlace {
             cache: AssetCache::new(options.assets.clone(), digest.unwrap_or_default()),
             store: AssetStore::default(),
             lying: None,
-            relit: None,
-            is_told_of_shadows: false,
+            light: PlaceLight::new(lamps),
             is_released: false,
             warnings: survey.warning().into_iter().collect(),
             doubt: survey.up_warning(),
@@ -306,8 +302,9 @@ impl PreparedPlace {
         let digest = self.assets.as_ref().map(|_| scene_digest(&self.scene, &survey, &backend.arithmetic()));
         self.cache = AssetCache::new(self.assets.clone(), digest.unwrap_or_default());
         self.store = AssetStore::default();
-        self.relit = None;
-        self.site = site_of(&survey);
+        let lamps = PlaceLamps::of(&self.scene, &survey);
+        self.site = site_of(&survey, &lamps);
+        self.light = PlaceLight::new(lamps);
         self.doubt = survey.up_warning();
         self.survey = survey;
         if !has_own_background {
@@ -359,6 +356,9 @@ impl PreparedPlace {
     /// Frees the splats in the computer's memory: the renderer has its own. Afterwards only weathers that the place is
     /// prepared for can be rendered.
     pub fn release_splats(&mut self) {
+        if self.store.light.is_some() {
+            self.light.keep_points(&self.scene.splats);
+        }
         let scene = Scene {
             splats: Splats::default(),
             views: self.scene.views.clone(),
@@ -419,7 +419,14 @@ impl PreparedPlace {
             lying,
             paper_cover: needs.paper_cover.filter(|paper| !self.is_laid(&LyingKey::Paper(paper.clone()))),
             casters: false,
+            lamps: prepared.light().and_then(|change| self.lacking_lamps(change.lamps?.0)),
         }
+    }
+
+    /// The lamps that a weather asks for, if there are any and their shadows are not known.
+    fn lacking_lamps(&self, source: LampSource) -> Option<LampLights> {
+        let lamps = self.light.lamps.get(source);
+        (!lamps.is_empty() && self.store.lamps(lamps).is_none()).then(|| lamps.clone())
     }
 
     /// Returns true if the shadows of a sun are not known, and may be wanted.
@@ -436,8 +443,17 @@ impl PreparedPlace {
     /// Returns true if a small picture does without what is missing, since there is something like it.
     #[must_use]
     pub fn has_similar(&self, missing: &MissingAssets) -> bool {
-        let MissingAssets { occluders, shelter, cover, lying, paper_cover, light, sun: _, casters: _ } =
-            missing;
+        let MissingAssets {
+            occluders,
+            shelter,
+            cover,
+            lying,
+            paper_cover,
+            light,
+            sun: _,
+            casters: _,
+            lamps: _,
+        } = missing;
         let is_sheltered = shelter.is_none() || self.store.any_shelter().is_some();
         !occluders && is_sheltered && cover.is_none() && lying.is_none() && paper_cover.is_none() && !light
     }
@@ -471,6 +487,13 @@ impl PreparedPlace {
             self.store.add_shadows(Arc::new(shadows));
             missing.sun = None;
         }
+        if let Some(lamps) = &missing.lamps
+            && let Some(shadows) = self.cache.get::<LampShadows>(&AssetFile::Lamps(lamps))
+            && shadows.len() == self.scene.splats.len()
+        {
+            self.store.lamps = Some(Arc::new(shadows));
+            missing.lamps = None;
+        }
     }
 
     /// Returns the inputs for `missing`, and removes from it what was found on disk. Renders the photos' views if surfaces are to be
@@ -482,7 +505,8 @@ impl PreparedPlace {
     ) -> Result<AssetSource> {
         self.read_cached(missing, backend.threads());
         let needs_casters = self.store.casters.is_none() && (missing.casters || missing.sun.is_some());
-        let needs_surfaces = missing.cover.is_some() || missing.light || needs_casters;
+        let needs_surfaces =
+            missing.cover.is_some() || missing.light || needs_casters || missing.lamps.is_some();
         let surfaces =
             needs_surfaces.then(|| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces)).flatten();
         let mut views = SurfaceViews::default();
@@ -513,8 +537,9 @@ impl PreparedPlace {
 
     /// Takes assets that were made.
     pub(crate) fn insert(&mut self, backend: &mut AnyRenderer, assets: Assets) -> Result<()> {
-        let Assets { occluders, shelter, cover, lying, paper_cover, light, shadows, casters } = assets;
+        let Assets { occluders, shelter, cover, lying, paper_cover, light, shadows, casters, lamps } = assets;
         self.store.light = light.or(self.store.light.take());
+        self.store.lamps = lamps.or(self.store.lamps.take());
         self.store.casters = casters.or(self.store.casters.take());
         if let Some(shadows) = shadows {
             self.store.add_shadows(shadows);
@@ -544,7 +569,8 @@ impl PreparedPlace {
     fn lay(&mut self, backend: &mut AnyRenderer, what: LyingKey, lying: LyingCover) -> Result<()> {
         self.clear_cover(backend);
         let set = backend.load(&lying.splats)?;
-        self.lying = Some(Lying { what, set, buried: lying.buried });
+        let LyingCover { splats, buried, .. } = lying;
+        self.lying = Some(Lying { what, set, buried, light: CoverLight::of(splats) });
         Ok(())
     }
 
@@ -585,7 +611,9 @@ impl PreparedPlace {
         let cover = needs.cover.filter(|air| !self.store.has_cover(air));
         let light = needs.light && self.store.light.is_none();
         let casters = weather.moves_sun() && self.store.casters.is_none();
-        let missing = MissingAssets { occluders: turns, cover, light, casters, ..MissingAssets::default() };
+        let lamps = weather.lamp_sources().into_iter().find_map(|source| self.lacking_lamps(source));
+        let missing =
+            MissingAssets { occluders: turns, cover, light, casters, lamps, ..MissingAssets::default() };
         self.prepare(backend, missing, progress)
     }
 
@@ -616,10 +644,22 @@ impl PreparedPlace {
             }
         });
         self.relight(&prepared, backend.threads());
-        let light = self.relit.as_ref().filter(|_| prepared.light().is_some()).map(|relit| &relit.gains);
+        let moving = prepared.moving_light(&options.camera.camera);
+        let light = self.light.gains(&prepared).map(|gains| gains.in_frame(moving.as_ref()));
         let scene = SceneAttributes { buried: self.lying.as_ref().map(|lying| &lying.buried), light };
-        let sets = with_cover(self.set, &scene, self.lying.as_ref().map(|lying| lying.set));
+        let lying_light =
+            self.lying.as_ref().filter(|_| light.is_some()).and_then(|lying| lying.light.gains());
+        let lying_light = lying_light.map(|gains| gains.in_frame(moving.as_ref()));
+        let lying_light = lying_light.as_ref().map(|light| light as &dyn SplatAttributes);
+        let mut sets =
+            with_cover(self.set, &scene, self.lying.as_ref().map(|lying| (lying.set, lying_light)));
+        let windows = self.light.windows(&prepared, &self.scene, &self.site);
+        sets.extend(windows.as_ref().map(SetView::transient));
+        let sources = self.light.sources(&prepared, &self.store, moving.as_ref(), &self.site);
+        let lamps = sources.as_ref().map(|(lights, display)| LampsOn { lights, display: *display });
         let request = FrameRequest {
+            lamps: lamps.as_ref(),
+            threads: backend.threads(),
             sets: &sets,
             weather: &prepared,
             camera: options.camera,
@@ -633,23 +673,16 @@ impl PreparedPlace {
 
     /// Finds the gains of the light, if it changes and the capture's is known.
     fn relight(&mut self, prepared: &PreparedWeather, threads: usize) {
-        let (Some(change), Some(capture)) = (prepared.light(), &self.store.light) else { return };
-        let has_shadows = !change.is_diffuse && self.site.captured_sky != CapturedSky::Overcast;
-        if has_shadows && !capture.is_split() && !std::mem::replace(&mut self.is_told_of_shadows, true) {
-            self.warnings.push(format!(
-                "the shadows of the photos stay, and only tint and exposure follow the weather (light.photos = diffuse if there are \
-                 none): {}",
-                capture.report(self.site.up)
-            ));
-        }
-        let new = change.over(capture, self.site.up);
-        let sun = change.sun;
-        if self.relit.as_ref().is_none_or(|relit| relit.light != new || relit.sun != sun) {
-            let shadows = sun.and_then(|sun| self.store.shadows(sun));
-            let gains =
-                LightGains::new(capture, &new, shadows.map(|shadows| &**shadows), self.site.up, threads);
-            self.relit = Some(Relit { light: new, sun, gains });
-        }
+        let lying = self.lying.as_mut().filter(|lying| matches!(lying.what, LyingKey::Physical(..)));
+        let lying = lying.map(|lying| &mut lying.light);
+        self.warnings.extend(self.light.relight(
+            prepared,
+            &self.store,
+            &self.scene.splats,
+            lying,
+            &self.site,
+            threads,
+        ));
     }
 
     /// Takes away what lies where nothing does under this weather.
@@ -709,10 +742,11 @@ impl PreparedPlace {
             return Ok(None);
         }
         let missing = self.missing_assets(weather, time);
-        let missing = MissingAssets { light: missing.light, sun: missing.sun, ..MissingAssets::default() };
+        let MissingAssets { light, sun, lamps, .. } = missing;
+        let missing = MissingAssets { light, sun, lamps, ..MissingAssets::default() };
         self.prepare(backend, missing, progress)?;
         self.relight(&prepared, backend.threads());
-        Ok(self.relit.as_ref().map(|relit| relit.gains.applied(&self.scene.splats)))
+        Ok(self.light.gains(&prepared).map(|gains| gains.applied(&self.scene.splats)))
     }
 
     /// Returns the light of the capture, and finds it first if it is not known.
@@ -752,8 +786,8 @@ fn middle_depth(depths: &[f32]) -> Option<f64> {
 }
 
 /// Returns the facts of a surveyed place that weather uses.
-fn site_of(survey: &Survey) -> Site {
-    Site {
+fn site_of(survey: &Survey, lamps: &PlaceLamps) -> Site {
+    let site = Site {
         metres_per_unit: survey.metres_per_unit.value,
         up: survey.up.value.to_array(),
         ground: survey.ground.value,
@@ -768,8 +802,11 @@ fn site_of(survey: &Survey) -> Site {
             location,
             captured: survey.captured,
         }),
+        lamps: LampLevels::default(),
+        light: SiteLight::Captured,
         far: 3.0 * survey.radius.max(1e-6) * survey.metres_per_unit.value,
-    }
+    };
+    Site { lamps: lamps.levels(&site), ..site }
 }
 
 /// Fails if `place` was loaded by another renderer.

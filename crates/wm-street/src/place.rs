@@ -10,7 +10,7 @@ use crate::shape::{self, Crossing};
 use crate::sky::{self, Lighting};
 use crate::views::{Sights, Viewpoint};
 use glam::{DVec2, DVec3};
-use wm_scene::Metadata;
+use wm_scene::{Lamp, LitWindow, Metadata};
 
 /// Rays that [`Place::cast`] spends on the light of a point.
 pub(crate) const CAST: Budget = Budget { sun: 2, sky: 12 };
@@ -32,6 +32,8 @@ pub struct Place {
     fixed: usize,
     movers: Bvh,
     pub(crate) cover: GroundCover,
+    lamps: Vec<Lamp>,
+    windows: Vec<LitWindow>,
     pub(crate) lighting: Lighting,
     pub(crate) light: LightMap,
     pub(crate) sights: Sights,
@@ -69,13 +71,26 @@ pub struct LitHit {
 
 impl Place {
     pub(crate) fn of(name: &'static str, builder: Builder, sights: Sights) -> Self {
-        let Builder { primitives, paints, seed, cover, .. } = builder;
+        let Builder { primitives, paints, seed, cover, lamps, windows, .. } = builder;
         let (tree, order) = Bvh::build(primitives.iter().map(|primitive| primitive.shape));
         let primitives: Vec<Primitive> = order.into_iter().map(|index| primitives[index]).collect();
         let (movers, _) = Bvh::build(std::iter::empty());
         let (fixed, lighting, light) = (primitives.len(), Lighting::default(), LightMap::default());
-        let mut place =
-            Self { name, seed, primitives, paints, tree, fixed, movers, cover, lighting, light, sights };
+        let mut place = Self {
+            name,
+            seed,
+            primitives,
+            paints,
+            tree,
+            fixed,
+            movers,
+            cover,
+            lamps,
+            windows,
+            lighting,
+            light,
+            sights,
+        };
         place.light = LightMap::of(&place);
         place
     }
@@ -176,6 +191,8 @@ impl Place {
             up: Some(DVec3::Z),
             ground: Some(0.0),
             airlight: Some(exposed(self.horizon().to_array())),
+            lamps: Some(self.lamps.clone()),
+            windows: Some(self.windows.clone()),
             provenance: Some(format!("weather-magician built-in {}, seed {}", self.name, self.seed)),
             ..Metadata::default()
         }

@@ -15,7 +15,7 @@
 //! Directions: heading 0 is the scene's x axis laid level (its y axis if x is within 26 degrees of up), and
 //! headings turn clockwise seen from above.
 
-use crate::light::OpenLight;
+use crate::light::{FlashLight, OpenLight};
 use crate::panorama::{LowerHemisphere, Panorama, smooth};
 use glam::DMat3;
 use std::f64::consts::PI;
@@ -86,6 +86,7 @@ pub struct Dome {
     brightness: f64,
     up: [f64; 3],
     sky_splats: SkySplats,
+    flash: Option<FlashLight>,
     /// Display-referred colours: of a sky by elevation by its sine, of a panorama's ways of being brighter by
     /// its own colours.
     table: Vec<[f32; 3]>,
@@ -103,7 +104,7 @@ impl Dome {
         up: [f64; 3],
         sky_splats: SkySplats,
     ) -> Self {
-        let mut dome = Self { look, ground, brightness, up, sky_splats, table: Vec::new() };
+        let mut dome = Self { look, ground, brightness, up, sky_splats, flash: None, table: Vec::new() };
         dome.table = match dome.look {
             SkyAppearance::Panorama { .. } if brightness == 1.0 => Vec::new(),
             SkyAppearance::Open(_) => Vec::new(),
@@ -115,6 +116,12 @@ impl Dome {
                 .collect(),
         };
         dome
+    }
+
+    /// The same sky in a flash of lightning.
+    #[must_use]
+    pub fn lit_by(self, flash: Option<FlashLight>) -> Self {
+        Self { flash, ..self }
     }
 
     /// The treatment of the scene's own sky splats.
@@ -208,6 +215,12 @@ impl Dome {
     }
 }
 
+/// A display-referred colour with more light, linear RGB.
+fn brightened_by(color: [f64; 3], light: [f64; 3]) -> [f64; 3] {
+    let sum = std::array::from_fn(|k| srgb_decode(color[k]) + light[k]);
+    burned_out(sum).map(srgb_encode)
+}
+
 /// Light at which the brightest of a sky begins to burn out, of display white.
 const SHOULDER: f64 = 0.7;
 
@@ -274,6 +287,47 @@ fn tabled(table: &[[f32; 3]], place: f32) -> (&[f32; 3], &[f32; 3], f32) {
 
 impl Backdrop for Dome {
     fn paint(&self, pixel: f64, groups: &mut [ShadeGroup]) {
+        self.paint_dark(pixel, groups);
+        let Some(flash) = &self.flash else { return };
+        for group in groups {
+            for lane in 0..GROUP {
+                let direction = group.direction.map(|axis| f64::from(axis[lane]));
+                let color = [0, 1, 2].map(|k: usize| f64::from(group.rgb[k][lane]));
+                let lit = brightened_by(color, flash.sky(direction));
+                (0..3).for_each(|k| group.rgb[k][lane] = lit[k] as f32);
+            }
+        }
+    }
+
+    fn reference(&self, pixel: f64, direction: [f64; 3]) -> [f64; 3] {
+        let color = self.reference_dark(pixel, direction);
+        self.flash.as_ref().map_or(color, |flash| brightened_by(color, flash.sky(direction)))
+    }
+
+    fn uniform(&self) -> Option<[f32; 3]> {
+        match self.look {
+            SkyAppearance::Plain(_) if self.ground.is_none() && self.flash.is_none() => {
+                self.table.first().copied()
+            }
+            _ => None,
+        }
+    }
+
+    fn detail(&self) -> Detail {
+        match self.look {
+            SkyAppearance::Panorama { .. } => Detail::Fine,
+            _ => Detail::Smooth,
+        }
+    }
+
+    fn sky_splats(&self) -> SkySplats {
+        self.sky_splats
+    }
+}
+
+impl Dome {
+    /// Paints the sky without lightning.
+    fn paint_dark(&self, pixel: f64, groups: &mut [ShadeGroup]) {
         let up = self.up.map(|v| v as f32);
         if let SkyAppearance::Panorama { panorama, heading, below } = &self.look {
             let axes = self.panorama_axes(*heading).map(|axis| axis.map(|v| v as f32));
@@ -301,7 +355,8 @@ impl Backdrop for Dome {
         }
     }
 
-    fn reference(&self, pixel: f64, direction: [f64; 3]) -> [f64; 3] {
+    /// The colour of a direction without lightning.
+    fn reference_dark(&self, pixel: f64, direction: [f64; 3]) -> [f64; 3] {
         let sin = dot(direction, self.up);
         if let SkyAppearance::Open(open) = &self.look {
             return self.open_color(open, direction);
@@ -320,26 +375,6 @@ impl Backdrop for Dome {
         std::array::from_fn(|k| color[k] + (ground[k] - color[k]) * share)
     }
 
-    fn uniform(&self) -> Option<[f32; 3]> {
-        match self.look {
-            SkyAppearance::Plain(_) if self.ground.is_none() => self.table.first().copied(),
-            _ => None,
-        }
-    }
-
-    fn detail(&self) -> Detail {
-        match self.look {
-            SkyAppearance::Panorama { .. } => Detail::Fine,
-            _ => Detail::Smooth,
-        }
-    }
-
-    fn sky_splats(&self) -> SkySplats {
-        self.sky_splats
-    }
-}
-
-impl Dome {
     /// The display-referred colour of the sky of a place of the sun.
     fn open_color(&self, open: &OpenLight, direction: [f64; 3]) -> [f64; 3] {
         let sin = dot(direction, self.up).clamp(-1.0, 1.0);

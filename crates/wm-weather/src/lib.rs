@@ -13,21 +13,12 @@
 //!
 //! # Example
 //! ```
-//! use wm_weather::{CapturedSky, Daylight, EffectRole, Site, Weather};
+//! use wm_weather::{EffectRole, Site, Weather};
 //!
 //! let weather = Weather::preset("fog")?.set("fog.mor", 80.0)?.set("rain.rate", "0:2,10:25")?;
 //! assert!(weather.has(EffectRole::Falls));
 //!
-//! let site = Site {
-//!     metres_per_unit: 1.0,
-//!     up: [0.0, 0.0, 1.0],
-//!     ground: 0.0,
-//!     airlight: [0.8; 3],
-//!     daylight: Daylight::Known,
-//!     captured_sky: CapturedSky::Unknown,
-//!     earth: None,
-//!     far: 100.0,
-//! };
+//! let site = Site { metres_per_unit: 0.4, airlight: [0.7, 0.75, 0.8], ..Site::PLAIN };
 //! let prepared = weather.at(5.0).prepare(&site);
 //! assert_eq!(prepared.falling()[0].rate, 13.5);
 //! # Ok::<(), wm_weather::WeatherError>(())
@@ -64,10 +55,10 @@ pub mod wind;
 
 pub use dome::Dome;
 pub use easing::Easing;
-pub use effects::{EFFECTS, Effect, EffectRole, Need, light_fault};
+pub use effects::{EFFECTS, Effect, EffectRole, LampSource, Need, light_fault};
 pub use file::WeatherError;
 pub use image_file::ImageFile;
-pub use optics::{Atmosphere, CapturedSky, Daylight, EarthPlace, Site};
+pub use optics::{Atmosphere, CapturedSky, Daylight, EarthPlace, LampLevels, Site, SiteLight};
 pub use panorama::{Panorama, PanoramaError};
 pub use param::{Param, ParamInput, ParamKind, ParamValue};
 pub use track::{Keyframe, Track};

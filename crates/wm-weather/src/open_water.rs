@@ -215,19 +215,9 @@ fn is_own(above: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::{CapturedSky, Daylight};
     use wm_scene::synthetic::Builder;
 
-    const SITE: Site = Site {
-        metres_per_unit: 0.5,
-        up: [0.0, 0.0, 1.0],
-        ground: 0.0,
-        airlight: [0.8; 3],
-        daylight: Daylight::Known,
-        captured_sky: CapturedSky::Unknown,
-        earth: None,
-        far: 100.0,
-    };
+    const SITE: Site = Site { metres_per_unit: 0.5, ..Site::PLAIN };
     const POOL: [f32; 3] = [0.2, 0.55, 0.8];
 
     /// A yard of 20 m by 20 m with a square of 8 m by 8 m in a colour at some height, m.

@@ -16,6 +16,7 @@
 //! Several layers at once: optical depths add, and the airlight is the mean of theirs weighted by
 //! optical depth: exact where the layers have one profile, and close to it otherwise.
 
+use crate::effects::LampSource;
 use crate::particles::Residual;
 use crate::particles::residual::{FARTHEST_NODE, NEAREST_NODE, NODES};
 use fearless_simd::{Select, SimdBase, SimdFloat};
@@ -88,6 +89,36 @@ pub struct EarthPlace {
     pub captured: Option<f64>,
 }
 
+/// Illuminance of the ground that the lamps of a site light, lx: the mean of it, the lighter parts counting more.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LampLevels {
+    /// By the lamps that the scene states.
+    pub scene: f64,
+    /// By those, or by lamps along the path of the photos where it states none.
+    pub path: f64,
+}
+
+impl LampLevels {
+    /// That of the lamps that a weather asks for.
+    #[must_use]
+    pub fn of(&self, source: LampSource) -> f64 {
+        match source {
+            LampSource::Scene => self.scene,
+            LampSource::Path => self.path,
+        }
+    }
+}
+
+/// The light in which a site lies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SiteLight {
+    /// That of the capture.
+    #[default]
+    Captured,
+    /// One that the weather brings: what it lays on the place is lit by that.
+    OfWeather,
+}
+
 /// What weather must know of the site.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Site {
@@ -105,8 +136,28 @@ pub struct Site {
     pub captured_sky: CapturedSky,
     /// North, place and time, where they are known.
     pub earth: Option<EarthPlace>,
+    /// The light of its lamps.
+    pub lamps: LampLevels,
+    /// The light in which it lies.
+    pub light: SiteLight,
     /// Depth that the paper's relative depth takes for 1, m.
     pub far: f64,
+}
+
+impl Site {
+    /// Open ground at height 0 with z up and a unit of one metre, under a pale sky; nothing else is known of it.
+    pub const PLAIN: Self = Self {
+        metres_per_unit: 1.0,
+        up: [0.0, 0.0, 1.0],
+        ground: 0.0,
+        airlight: [0.8; 3],
+        daylight: Daylight::Known,
+        captured_sky: CapturedSky::Unknown,
+        earth: None,
+        lamps: LampLevels { scene: 0.0, path: 0.0 },
+        light: SiteLight::Captured,
+        far: 100.0,
+    };
 }
 
 /// All layers over one site: the renderer's air.
@@ -159,15 +210,20 @@ impl Atmosphere {
         (metres * density * mean).min(LONGEST)
     }
 
-    /// Meteorological optical range of green light at a point (world axes, scene units), m; infinite in clear air.
+    /// Extinction at a point (world axes, scene units), 1/m, by channel.
     #[must_use]
-    pub fn mor_at(&self, point: [f64; 3]) -> f64 {
+    pub fn extinction_at(&self, point: [f64; 3]) -> [f64; 3] {
         let height = self.height(point);
         let density =
             |layer: &AirLayer| (-(height - layer.base_height) / layer.scale_height).clamp(-80.0, 80.0).exp();
-        let sigma: f64 = self.layers.iter().map(|layer| layer.sigma_t[1] * density(layer)).sum();
+        std::array::from_fn(|k| self.layers.iter().map(|layer| layer.sigma_t[k] * density(layer)).sum())
+    }
+
+    /// Meteorological optical range of green light at a point (world axes, scene units), m; infinite in clear air.
+    #[must_use]
+    pub fn mor_at(&self, point: [f64; 3]) -> f64 {
         // The same law both ways.
-        sigma_of_mor(sigma)
+        sigma_of_mor(self.extinction_at(point)[1])
     }
 
     /// The air as seen from `origin` (world axes, scene units).

@@ -1,21 +1,12 @@
 //! A site and views that the tests of several modules share.
 
 use crate::fused_surfaces::PhotoView;
-use crate::optics::{CapturedSky, Daylight, Site};
+use crate::optics::Site;
 use glam::DVec3;
 use wm_scene::Camera;
 
 /// A place in metres with z up.
-pub const SITE: Site = Site {
-    metres_per_unit: 1.0,
-    up: [0.0, 0.0, 1.0],
-    ground: 0.0,
-    airlight: [0.8; 3],
-    daylight: Daylight::Known,
-    captured_sky: CapturedSky::Unknown,
-    earth: None,
-    far: 100.0,
-};
+pub const SITE: Site = Site::PLAIN;
 
 /// A camera's view of whatever is first along a ray: how far along it, with a direction of length 1.
 pub fn photo_view(camera: Camera, way: impl Fn(DVec3, DVec3) -> Option<f64>) -> PhotoView {

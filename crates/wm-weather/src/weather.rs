@@ -4,9 +4,10 @@ use crate::cover::{Airflow, CoverRequest};
 use crate::dome::Dome;
 use crate::dome::{from_level, level_axes};
 use crate::effects::{Action, EFFECTS, Effect, EffectContext, EffectRole, Need};
-use crate::effects::{ColorGrade, LightChange};
+use crate::effects::{ColorGrade, LampSource, LightChange};
 use crate::image_file::ImageFile;
-use crate::optics::{Atmosphere, Daylight, Site};
+use crate::light::{CloudShadows, Flash, FlashLight, Headlamps, LampGlow, LampsOn, MovingLight};
+use crate::optics::{Atmosphere, Daylight, Site, SiteLight};
 use crate::panorama::Panorama;
 use crate::paper::fall::PaperFallContext;
 use crate::paper::{PaperCover, PaperFall, PaperFog, composite};
@@ -104,6 +105,25 @@ impl Weather {
         })
     }
 
+    /// The lamps that it asks for at some time.
+    #[must_use]
+    pub fn lamp_sources(&self) -> Vec<LampSource> {
+        let light = self.effects().find(|(effect, _)| effect.name == "light");
+        let lamps = light.and_then(|(effect, tracks)| Some(&tracks[effect.param("lamps")?]));
+        let mut found: Vec<LampSource> = Vec::new();
+        for key in lamps.iter().flat_map(|track| track.keys()) {
+            let source = match key.value {
+                ParamValue::Word("off") => continue,
+                ParamValue::Word("path") => LampSource::Path,
+                _ => LampSource::Scene,
+            };
+            if !found.contains(&source) {
+                found.push(source);
+            }
+        }
+        found
+    }
+
     /// Turns an effect on with its defaults; leaves it as it is if it is on.
     pub(crate) fn turn_on(&mut self, effect: usize) -> &mut Vec<Track> {
         let place = self.active.partition_point(|(on, _)| *on < effect);
@@ -186,6 +206,7 @@ impl WeatherSample {
         let (mut falling, mut wind_now, mut grade) = (Vec::new(), WindSample::default(), None);
         let (mut paper_falls, mut cover, mut paper_cover) = (Vec::new(), Vec::new(), None);
         let mut carried = f64::INFINITY;
+        let (mut flash, mut has_lightning) = (None, false);
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
             let act = match self.fidelity {
@@ -206,7 +227,13 @@ impl WeatherSample {
                         site.airlight = sky.airlight().unwrap_or(site.airlight);
                         dome = Some(sky);
                     }
+                    site.light = SiteLight::OfWeather;
                     light = Some(change);
+                }
+                Action::Lightning(now) => {
+                    (flash, has_lightning) = (now, true);
+                    site.light = SiteLight::OfWeather;
+                    light.get_or_insert(LightChange::CAPTURED);
                 }
                 Action::Layer(layer) => layers.push(layer),
                 Action::PaperFog(fog) => paper.push(fog),
@@ -234,8 +261,14 @@ impl WeatherSample {
             }
         }
         let air = Atmosphere::new(layers, site);
+        let flash = flash.zip(light.as_ref()).map(|(flash, light): (Flash, &LightChange)| {
+            FlashLight::of(&flash, light.display(&site), &level_axes(site.up))
+        });
+        let dome = dome.map(|dome: Dome| dome.lit_by(flash));
         PreparedWeather {
             air,
+            flash,
+            has_lightning,
             site,
             time: self.time,
             paper,
@@ -252,6 +285,9 @@ impl WeatherSample {
     }
 }
 
+/// Speed of clouds over that of the wind at 10 m, and without any wind, m/s.
+const ALOFT: f64 = 1.6;
+const CLOUD_SPEED: f64 = 8.0;
 /// Steps of the slope of what falls: the tangent of 3 degrees.
 const SLOPE: f64 = 0.052_4;
 /// Most that the wind slants the fall that shelter goes by, as a slope.
@@ -271,13 +307,17 @@ pub struct Observer<'a> {
     pub velocity: [f64; 3],
     /// The map of sheltered places; `None` where it is not known.
     pub shelter: Option<&'a Shelter>,
+    /// The lamps that shine; `None` where there are none, or their shadows are not known.
+    pub lamps: Option<&'a LampsOn<'a>>,
+    /// Threads for what is made for the whole frame.
+    pub threads: usize,
 }
 
 impl<'a> Observer<'a> {
     /// By a camera that stands still, in the open.
     #[must_use]
     pub fn at_rest(camera: &'a Camera) -> Self {
-        Self { camera, velocity: [0.0; 3], shelter: None }
+        Self { camera, velocity: [0.0; 3], shelter: None, lamps: None, threads: 1 }
     }
 }
 
@@ -296,6 +336,10 @@ pub struct PreparedWeather {
     dome: Option<Dome>,
     /// The light on the scene, if it changes.
     light: Option<LightChange>,
+    /// Lightning at the instant.
+    flash: Option<FlashLight>,
+    /// There may be lightning at other instants.
+    has_lightning: bool,
     /// Exposure and colour of the finished picture; `None` leaves it as it is.
     grade: Option<ColorGrade>,
     /// The covers, the lowest first.
@@ -316,6 +360,31 @@ impl PreparedWeather {
     #[must_use]
     pub fn light(&self) -> Option<&LightChange> {
         self.light.as_ref()
+    }
+
+    /// Returns true if its light changes from frame to frame, at this or another instant: see [`MovingLight`].
+    #[must_use]
+    pub fn moves_light(&self) -> bool {
+        let moves = |light: &LightChange| light.has_headlamps || light.has_cloud_shadows;
+        self.has_lightning || self.light.as_ref().is_some_and(moves)
+    }
+
+    /// The light of one frame of [`Self::moves_light`]; `None` where nothing of it shines at the instant.
+    #[must_use]
+    pub fn moving_light(&self, camera: &Camera) -> Option<MovingLight> {
+        let change = self.light.as_ref()?;
+        let headlamps =
+            change.has_headlamps.then(|| Headlamps::of(camera, change.display(&self.site), &self.site));
+        let sun = change.open.as_ref().filter(|_| change.has_cloud_shadows).map(|open| open.sun);
+        let clouds = sun.map(|sun| {
+            // Clouds go faster than the air near the ground, and go on where no wind is asked for.
+            let [x, y] = self.wind_now.drift.map(|v| v * ALOFT);
+            let drift = if self.wind_now.mean == [0.0; 2] { [CLOUD_SPEED * self.time, 0.0] } else { [x, y] };
+            let center = camera.center().to_array();
+            CloudShadows::new(change.clouds, sun, drift, center, 0, &self.site)
+        });
+        let moving = MovingLight { headlamps, flash: self.flash, clouds };
+        (!moving.is_nothing()).then_some(moving)
     }
 
     /// Returns the kinds that fall, with their rates.
@@ -397,16 +466,23 @@ impl PreparedWeather {
             self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
         // The lens comes last: after the paper's rain, which is not the renderer's.
         let grade = self.grade.as_ref().filter(|_| self.paper_falls.is_empty());
-        pixels.extend(grade.map(|grade| grade as &dyn PixelEffect));
         let background = self.dome.as_ref().map(|dome| dome as &dyn Backdrop);
         let size = f64::from(ParticleView::new(seen.camera).pixels());
         let air = self.air.clone().without(self.falling.iter().map(|kind| kind.residual(size)).collect());
         let medium = (!air.is_clear()).then_some(&air as &dyn Medium);
+        let glow = seen.lamps.filter(|lamps| !lamps.lights.is_empty()).map(|lamps| {
+            LampGlow::new(lamps, seen.camera, &air, &self.site, SimdPath::widest(), seen.threads)
+        });
+        pixels.extend(glow.as_ref().map(|glow| glow as &dyn PixelEffect));
+        pixels.extend(grade.map(|grade| grade as &dyn PixelEffect));
         let motion = (self.wind_now, seen.velocity);
         let falls: Vec<FallingParticles<'_>> = self
             .falling
             .iter()
-            .map(|kind| FallingParticles::new(kind, &self.site, &air, seen.shelter, motion, self.time))
+            .map(|kind| {
+                let lamps = seen.lamps.filter(|lamps| !lamps.lights.is_empty());
+                FallingParticles::new(kind, &self.site, &air, (seen.shelter, lamps), motion, self.time)
+            })
             .collect();
         let particles: Vec<&dyn Particles> = falls.iter().map(|fall| fall as &dyn Particles).collect();
         render(Hooks { background, medium, particles: &particles, pixels: &pixels })

@@ -179,6 +179,8 @@ impl<'a> BenchTarget<'a> {
             weather: &case.sky,
             camera: (*camera).into(),
             shelter: None,
+            lamps: None,
+            threads: 1,
             config: &case.config,
             parts: &[],
         };

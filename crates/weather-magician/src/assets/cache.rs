@@ -17,10 +17,11 @@ use sha2::{Digest, Sha256};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
-use wm_scene::Scene;
 use wm_scene::files::write_atomically;
 use wm_scene::survey::Survey;
+use wm_scene::{Metadata, Scene};
 use wm_weather::cover::Airflow;
+use wm_weather::light::LampLights;
 
 const MAGIC: &[u8; 8] = b"WMASSET1";
 const HEADER: usize = 44;
@@ -32,7 +33,7 @@ const MOST_BYTES: u64 = 1 << 30;
 
 /// A file of the cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum AssetFile {
+pub(crate) enum AssetFile<'a> {
     /// The surfaces that the photos show.
     Surfaces,
     /// The shelter map of a direction of fall.
@@ -43,15 +44,18 @@ pub(crate) enum AssetFile {
     Light,
     /// The shadows of a sun, by the direction towards it.
     SunShadows([f64; 3]),
+    /// The light of lamps.
+    Lamps(&'a LampLights),
 }
 
-impl AssetFile {
+impl AssetFile<'_> {
     /// The word its name begins with, and the numbers that tell it from others of its kind.
     fn parts(&self) -> (&'static str, Vec<f64>) {
         match self {
             Self::Surfaces => ("surfaces", Vec::new()),
             Self::Light => ("light", Vec::new()),
             Self::SunShadows(sun) => ("sun", sun.to_vec()),
+            Self::Lamps(lamps) => ("lamps", lamps.numbers()),
             Self::Shelter(fall) => ("shelter", fall.to_vec()),
             Self::Cover(Airflow { slope, moved }) => ("cover", vec![slope[0], slope[1], *moved]),
         }
@@ -89,7 +93,7 @@ impl AssetCache {
     }
 
     /// The digest of everything that an asset is made from, and the path that it has.
-    fn entry(&self, file: &AssetFile) -> Option<(PathBuf, [u8; 32])> {
+    fn entry(&self, file: &AssetFile<'_>) -> Option<(PathBuf, [u8; 32])> {
         let folder = self.folder.as_ref()?;
         let (name, numbers) = file.parts();
         let mut hash = Sha256::new();
@@ -102,7 +106,7 @@ impl AssetCache {
     }
 
     /// Reads an asset; `None` if it is not there, is damaged or belongs to another state of the scene.
-    pub(crate) fn get<T: DeserializeOwned>(&self, file: &AssetFile) -> Option<T> {
+    pub(crate) fn get<T: DeserializeOwned>(&self, file: &AssetFile<'_>) -> Option<T> {
         let (path, digest) = self.entry(file)?;
         let bytes = fs::read(path).ok()?;
         let (header, contents) = bytes.split_at_checked(HEADER)?;
@@ -117,7 +121,7 @@ impl AssetCache {
     }
 
     /// Writes an asset. A folder that cannot be written to is no fault: the asset is made again next time.
-    pub(crate) fn put<T: Serialize>(&self, file: &AssetFile, asset: &T) {
+    pub(crate) fn put<T: Serialize>(&self, file: &AssetFile<'_>, asset: &T) {
         let Some((path, digest)) = self.entry(file) else { return };
         let Some(folder) = &self.folder else { return };
         let mut bytes = vec![0; HEADER];
@@ -185,7 +189,9 @@ pub(crate) fn scene_digest(scene: &Scene, survey: &Survey, arithmetic: &str) -> 
     for view in &scene.views {
         hash.update(format!("{:?}", view.camera));
     }
-    hash.update(format!("{:?} {survey:?}", scene.metadata));
+    // Lamps have assets of their own.
+    let facts = Metadata { lamps: None, windows: None, ..scene.metadata.clone() };
+    hash.update(format!("{facts:?} {survey:?}"));
     hash.finalize().into()
 }
 

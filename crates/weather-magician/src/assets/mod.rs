@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use wm_scene::{Scene, Splats};
 use wm_weather::cover::{Airflow, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::{FusedSurfaces, GroundField, PhotoView};
-use wm_weather::light::{CaptureLight, ShadowCasters, SunShadows};
+use wm_weather::light::{CaptureLight, LampLights, LampShadows, ShadowCasters, SunShadows};
 use wm_weather::open_water::OpenWater;
 use wm_weather::paper::PaperCover;
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
@@ -73,6 +73,7 @@ pub(crate) struct AssetStore {
     pub light: Option<Arc<CaptureLight>>,
     /// Kept for a sun that moves.
     pub casters: Option<Arc<ShadowCasters>>,
+    pub lamps: Option<Arc<LampShadows>>,
     /// By the direction of fall, the last used at the end.
     shelters: Vec<([f64; 3], Arc<Shelter>)>,
     /// By the direction towards the sun, the last used at the end.
@@ -107,6 +108,11 @@ impl AssetStore {
 
     pub fn add_shelter(&mut self, fall: [f64; 3], shelter: Arc<Shelter>) {
         keep(&mut self.shelters, (fall, shelter), SHELTERS);
+    }
+
+    /// The light of these lamps.
+    pub fn lamps(&self, lamps: &LampLights) -> Option<&Arc<LampShadows>> {
+        self.lamps.as_ref().filter(|known| known.lamps() == lamps)
     }
 
     /// The shadows of a sun.
@@ -163,6 +169,8 @@ pub struct MissingAssets {
     pub(crate) sun: Option<[f64; 3]>,
     /// All that casts the shadows of suns.
     pub(crate) casters: bool,
+    /// The lamps whose light is wanted.
+    pub(crate) lamps: Option<LampLights>,
 }
 
 impl MissingAssets {
@@ -175,9 +183,9 @@ impl MissingAssets {
     /// Returns true if something is missing that takes no more than a second for most scenes.
     #[must_use]
     pub fn is_quick(&self) -> bool {
-        let Self { occluders, shelter, cover, lying, paper_cover, light, sun, casters } = self;
-        let is_slow =
-            *occluders || cover.is_some() || paper_cover.is_some() || *light || sun.is_some() || *casters;
+        let Self { occluders, shelter, cover, lying, paper_cover, light, sun, casters, lamps } = self;
+        let makes_surfaces = cover.is_some() || *light || sun.is_some() || *casters || lamps.is_some();
+        let is_slow = *occluders || paper_cover.is_some() || makes_surfaces;
         !is_slow && (shelter.is_some() || lying.is_some())
     }
 
@@ -188,6 +196,7 @@ impl MissingAssets {
             (None, None, None) if (self.sun.is_some() || self.casters) && !self.light => {
                 "casting the shadows of the sun"
             }
+            (None, None, None) if self.lamps.is_some() && !self.light => "casting the shadows of the lamps",
             (None, None, None) if self.light => "splitting the light of the capture into sun and sky",
             (None, None, None) => "finding where roofs keep the rain off",
             (None, None, _) => "laying out the snow",
@@ -213,9 +222,10 @@ impl MissingAssets {
             cover,
             cache,
         } = source;
+        let lamps_wait = self.lamps.is_some();
         let needs_light = self.light || (casters.is_none() && (self.casters || self.sun.is_some()));
-        let needs_splats =
-            self.occluders || self.cover.is_some() || self.paper_cover.is_some() || needs_light;
+        let needs_surfaces = self.cover.is_some() || needs_light || lamps_wait;
+        let needs_splats = self.occluders || self.paper_cover.is_some() || needs_surfaces;
         if needs_splats && scene.splats.is_empty() {
             return Err(Error::Unsupported(
                 "the splats of this place were released: load the scene again to change its weather".into(),
@@ -226,7 +236,7 @@ impl MissingAssets {
             let found = fused(&views.shelter);
             Arc::new(Occluders::of(&found.splats, &site, &ShelterOptions::default()))
         });
-        let surfaces = (self.cover.is_some() || needs_light).then(|| {
+        let surfaces = needs_surfaces.then(|| {
             surfaces.unwrap_or_else(|| {
                 progress.begin("finding the surfaces that the photos show", None);
                 let on_ground = GroundField::snap(&views.cover, site.up, site.metres_per_unit, threads);
@@ -264,6 +274,17 @@ impl MissingAssets {
             cache.put(&AssetFile::SunShadows(sun), &shadows);
             Arc::new(shadows)
         });
+        let lamps = match (&self.lamps, capture, surfaces.as_ref()) {
+            (Some(lamps), Some(capture), Some(found)) => {
+                progress.begin("casting the shadows of the lamps", None);
+                let points = &scene.splats.means;
+                let shadows = LampShadows::of(lamps, &found.splats, capture, points, &site, threads)?;
+                progress.end();
+                cache.put(&AssetFile::Lamps(lamps), &shadows);
+                Some(Arc::new(shadows))
+            }
+            _ => None,
+        };
         let occluders = made_occluders.as_ref().or(occluders.as_ref());
         let shelter = self.shelter.zip(occluders).map(|(fall, occluders)| {
             let shelter = occluders.shelter(fall, Some(threads));
@@ -297,6 +318,7 @@ impl MissingAssets {
             light: made_light,
             shadows,
             casters: casters.filter(|_| self.casters),
+            lamps,
         })
     }
 }
@@ -334,4 +356,5 @@ pub struct Assets {
     pub(crate) shadows: Option<Arc<SunShadows>>,
     pub(crate) casters: Option<Arc<ShadowCasters>>,
     pub(crate) light: Option<Arc<CaptureLight>>,
+    pub(crate) lamps: Option<Arc<LampShadows>>,
 }

@@ -118,6 +118,8 @@ impl InstrumentRenderer for PlaceRenderer {
             weather: &weather,
             camera: (*shot.camera).into(),
             shelter: None,
+            lamps: None,
+            threads: 1,
             config: &config,
             parts: shot.parts,
         };

@@ -4,6 +4,10 @@ use super::palette::Palette;
 use super::{Builder, Frame, faces};
 use crate::paint::{Label, PaintId};
 use glam::DVec3;
+use wm_scene::Lamp;
+
+/// Luminous flux (lm) and width of the beam (degrees) of a lantern.
+const LANTERN: (f64, f64) = (3_500.0, 140.0);
 
 /// A lamp with a lantern on a short arm; it faces along the frame's `back`.
 pub(super) fn lamp(b: &mut Builder, frame: &Frame, p: &Palette) {
@@ -26,6 +30,13 @@ pub(super) fn lamp(b: &mut Builder, frame: &Frame, p: &Palette) {
     b.stump(head.at(0.0, 0.0, -0.14), head.at(0.0, 0.0, -0.18), [0.24, 0.235], iron);
     b.stump(head.at(0.0, 0.0, -0.18), head.at(0.0, 0.0, -0.34), [0.17, 0.11], p.lantern);
     b.disc(head.at(0.0, 0.0, -0.34), -DVec3::Z, 0.11, p.lantern);
+    b.lamps.push(Lamp {
+        aim: Some([0.0, 0.0, -1.0]),
+        beam: LANTERN.1,
+        lumens: LANTERN.0,
+        radius: 0.14,
+        ..Lamp::new(head.at(0.0, 0.0, -0.28).to_array())
+    });
 }
 
 /// A bench, seen from its front at y = 0.

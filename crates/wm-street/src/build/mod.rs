@@ -30,6 +30,7 @@ use crate::hash;
 use crate::paint::{Label, Material, Paint, PaintId, rgb};
 use crate::shape::{Outline, Shape};
 use glam::DVec3;
+use wm_scene::{Lamp, LitWindow};
 
 /// One surface of the place.
 #[derive(Clone, Copy, Debug)]
@@ -102,13 +103,24 @@ pub(crate) struct Builder {
     pub seed: u64,
     /// What covers the ground where that changes along lines that no surface follows.
     pub cover: GroundCover,
+    /// Lamps, and panes that are lit by night.
+    pub lamps: Vec<Lamp>,
+    pub windows: Vec<LitWindow>,
     /// The label of what is built now, plants aside; `None` for that of each material.
     label: Option<Label>,
 }
 
 impl Builder {
     pub(crate) fn new(seed: u64) -> Self {
-        Self { primitives: Vec::new(), paints: Vec::new(), seed, cover: GroundCover::default(), label: None }
+        Self {
+            primitives: Vec::new(),
+            paints: Vec::new(),
+            seed,
+            cover: GroundCover::default(),
+            lamps: Vec::new(),
+            windows: Vec::new(),
+            label: None,
+        }
     }
 
     /// Builds parts of one thing: all but its plants get `label`.

@@ -1,6 +1,7 @@
 //! Snow as splats: flat, opaque, on the snow's own surface.
 
 use super::ground::{GroundGrid, WAYS};
+use crate::optics::{Site, SiteLight};
 use crate::particles::random::RandomSequence;
 use crate::threads::map;
 use glam::{DMat3, DQuat, DVec3};
@@ -51,6 +52,20 @@ pub struct CoverMaterial {
     pub color: [f64; 3],
     /// The same where nothing but the sky shines on it.
     pub shade: [f64; 3],
+}
+
+impl CoverMaterial {
+    /// A material of this albedo by channel, no brighter than `most`, at a site; `shade` is the share of the light that is left in
+    /// the shade of the capture's sun. In the light of a weather it has its own colour everywhere, and that light falls on it.
+    #[must_use]
+    pub fn at(albedo: [f64; 3], shade: [f64; 3], most: f64, site: &Site) -> Self {
+        if site.light == SiteLight::OfWeather {
+            return Self { color: albedo, shade: albedo };
+        }
+        // Level ground sees all of the sky, of which the airlight is the part near the horizon.
+        let color: [f64; 3] = std::array::from_fn(|k| (site.airlight[k] * albedo[k]).min(most));
+        Self { color, shade: std::array::from_fn(|k| color[k] * shade[k]) }
+    }
 }
 
 /// Returns the share of the ground that a depth covers, 0-1: 0 where nothing is drawn, so that cover fades out.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::optics::{AirLayer, Atmosphere, CapturedSky, Daylight, Site, sigma_of_mor};
+use crate::optics::{AirLayer, Atmosphere, Daylight, Site, sigma_of_mor};
 use crate::weather::Weather;
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -19,16 +19,7 @@ impl Dome {
 const UP: [f64; 3] = [0.0, -0.6, 0.8];
 
 fn site(daylight: Daylight) -> Site {
-    Site {
-        metres_per_unit: 1.0,
-        up: UP,
-        ground: 0.0,
-        airlight: [0.2, 0.3, 0.1],
-        daylight,
-        captured_sky: CapturedSky::Unknown,
-        earth: None,
-        far: 100.0,
-    }
+    Site { up: UP, airlight: [0.2, 0.3, 0.1], daylight, ..Site::PLAIN }
 }
 
 /// A sky as the words of `--set` make it; `picture` is what every panorama shows.

@@ -40,15 +40,14 @@ pub const EFFECT: Effect = Effect {
     act: |now, site| {
         let DustCoverParams { depth, repose, color } = DustCoverParams::of(now.values);
         let color = color.unwrap_or(SAND);
-        let color: [f64; 3] = std::array::from_fn(|k| srgb_decode(color[k]) * site.airlight[k]);
-        let shade = color.map(|v| 0.4 * v);
+        let material = CoverMaterial::at(color.map(srgb_decode), [0.4; 3], f64::INFINITY, site);
         Action::Cover(CoverRequest {
             depth,
             thaw: None,
             wet_fall: 0.0,
             repose: repose.to_radians().tan(),
             threshold: CARRIES,
-            material: CoverMaterial { color, shade },
+            material,
         })
     },
     act_as_paper: None,

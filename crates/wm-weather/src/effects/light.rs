@@ -50,6 +50,30 @@ crate::words! {
     }
 }
 
+crate::words! {
+    /// The lamps that shine.
+    pub enum LampChoice {
+        /// Those that the scene states, when it is dark.
+        Auto = "auto",
+        /// Those that the scene states, at any time.
+        On = "on",
+        /// None.
+        Off = "off",
+        /// As `auto`; where the scene states none, a row along the path of the photos.
+        Path = "path",
+    }
+}
+
+crate::words! {
+    /// Something that is there or not.
+    pub enum Switch {
+        /// It is not.
+        Off = "off",
+        /// It is.
+        On = "on",
+    }
+}
+
 crate::params! {
     /// The parameters of the effect.
     pub struct LightParams {
@@ -80,6 +104,13 @@ crate::params! {
         photos: PhotoLight = ParamValue::Word("auto"), 0.0 => 0.0, "";
         /// Glow of the sky by the lamps of towns, on level ground; `auto` is 0.06, and ten times that under clouds.
         glow: Option<f64> = ParamValue::Auto, 0.0 => 100.0, "lx";
+        /// Lamps and lit windows, with models `clear` and `night`: `auto` (those that the scene states, when it gets dark), `on`, `off`,
+        /// or `path` (as `auto`; a scene that states none gets a row along the path of its photos).
+        lamps: LampChoice = ParamValue::Word("auto"), 0.0 => 0.0, "";
+        /// Headlamps of the car that carries the camera.
+        headlamps: Switch = ParamValue::Word("off"), 0.0 => 0.0, "";
+        /// Shadows of broken clouds that drift with the wind, with model `clear` and `clouds` between 0 and 1.
+        cloud_shadows: Switch = ParamValue::Word("off"), 0.0 => 0.0, "";
     }
 }
 
@@ -121,6 +152,22 @@ const LOWEST_SHADOWS: f64 = 0.5;
 /// Glow of the sky under no and under full clouds, lx.
 const GLOW: [f64; 2] = [0.06, 0.6];
 
+/// Natural illuminances at which lamps are at full and out, lx.
+const LAMPS: [f64; 2] = [20.0, 60.0];
+/// Illuminance of level ground in photos under a sun and under clouds, lx.
+const PHOTOS: [f64; 2] = [60_000.0, 15_000.0];
+/// Cloud cover from which clouds have no gaps to cast shadows with.
+const CLOSED: f64 = 0.97;
+
+/// The lamps that a weather asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LampSource {
+    /// Those that the scene states.
+    Scene,
+    /// The same, or a row along the path of the photos.
+    Path,
+}
+
 /// A change of the light over a place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightChange {
@@ -136,12 +183,20 @@ pub struct LightChange {
     pub sun: Option<[f64; 3]>,
     /// The photos are said to have no shadows.
     pub is_diffuse: bool,
+    /// The lamps, and the share of their light, 0-1; `None` where none shine.
+    pub lamps: Option<(LampSource, f64)>,
+    /// Illuminance that the exposure goes by beside that of the sky: of the ground that lamps light, lx.
+    pub lamp_level: f64,
+    /// The camera's car has its headlamps on.
+    pub has_headlamps: bool,
+    /// Broken clouds cast shadows.
+    pub has_cloud_shadows: bool,
 }
 
 /// The reason why a weather's light is not defined at a site.
 #[must_use]
 pub fn light_fault(weather: &WeatherSample, site: &Site) -> Option<String> {
-    let (_, values) = weather.effects().find(|(effect, _)| effect.role == EffectRole::Light)?;
+    let (_, values) = weather.effects().find(|(effect, _)| effect.name == EFFECT.name)?;
     let params = LightParams::of(values);
     let asks = params.model == LightModel::Clear && params.hour.is_some() && params.sun_elevation.is_none();
     (asks && params.latitude.is_none() && site.earth.is_none()).then(|| {
@@ -191,23 +246,51 @@ impl LightParams {
             let ((sin, cos), level) = (step(elevation).to_radians().sin_cos(), towards(step(azimuth)));
             std::array::from_fn(|k| cos * level[k] + sin * site.up[k])
         });
-        let dark = ((DUSK[0] / open.level()).ln() / (DUSK[0] / DUSK[1]).ln()).clamp(0.0, 1.0);
+        let lamps = self.lamps_by(open.level());
+        let lamp_level = lamps.map_or(0.0, |(source, share)| share * site.lamps.of(source));
+        let level = (open.level() + lamp_level).max(FAINTEST);
+        let dark = ((DUSK[0] / level).ln() / (DUSK[0] / DUSK[1]).ln()).clamp(0.0, 1.0);
         let exposure = OVERCAST_EXPOSURE * clouds + (NIGHT_EXPOSURE - OVERCAST_EXPOSURE * clouds) * dark;
         let exposure = self.exposure.unwrap_or(exposure);
         let is_diffuse = self.photos == PhotoLight::Diffuse;
-        LightChange { clouds, depth, exposure, open: Some(Arc::new(open)), sun, is_diffuse }
+        LightChange {
+            clouds,
+            depth,
+            exposure,
+            open: Some(Arc::new(open)),
+            sun,
+            is_diffuse,
+            lamps,
+            lamp_level,
+            has_headlamps: self.headlamps == Switch::On,
+            has_cloud_shadows: self.cloud_shadows == Switch::On && shines && (1e-3..CLOSED).contains(&clouds),
+        }
+    }
+
+    /// The lamps that shine in a natural light, lx, and the share of theirs.
+    fn lamps_by(&self, level: f64) -> Option<(LampSource, f64)> {
+        // Eyes and switches go by the logarithm.
+        let dark = ((LAMPS[1] / level).ln() / (LAMPS[1] / LAMPS[0]).ln()).clamp(0.0, 1.0);
+        let (source, share) = match self.lamps {
+            LampChoice::Off => return None,
+            LampChoice::On => (LampSource::Scene, 1.0),
+            LampChoice::Auto => (LampSource::Scene, dark),
+            LampChoice::Path => (LampSource::Path, dark),
+        };
+        (share > 0.0).then_some((source, share))
     }
 
     fn change(&self, now: &EffectContext<'_>, site: &Site) -> LightChange {
         if matches!(self.model, LightModel::Clear | LightModel::Night) {
             return self.open(now, site);
         }
-        let (open, sun) = (None, None);
         let is_diffuse = self.photos == PhotoLight::Diffuse;
+        let captured =
+            LightChange { is_diffuse, has_headlamps: self.headlamps == Switch::On, ..LightChange::CAPTURED };
         if is_diffuse || site.captured_sky == CapturedSky::Overcast {
             // It lies in diffuse light already.
             let exposure = self.exposure.unwrap_or(0.0);
-            return LightChange { clouds: 0.0, depth: [0.0; 3], exposure, open, sun, is_diffuse };
+            return LightChange { exposure, ..captured };
         }
         let by_weather = match self.model {
             LightModel::Captured => 0.0,
@@ -220,7 +303,7 @@ impl LightParams {
             _ => depth(now, site),
         };
         let exposure = self.exposure.unwrap_or(OVERCAST_EXPOSURE * clouds);
-        LightChange { clouds, depth, exposure, open, sun, is_diffuse }
+        LightChange { clouds, depth, exposure, ..captured }
     }
 }
 
@@ -252,24 +335,52 @@ fn depth(now: &EffectContext<'_>, site: &Site) -> [f64; 3] {
 }
 
 impl LightChange {
+    /// The light of the capture as it was.
+    pub const CAPTURED: Self = Self {
+        clouds: 0.0,
+        depth: [0.0; 3],
+        exposure: 0.0,
+        open: None,
+        sun: None,
+        is_diffuse: false,
+        lamps: None,
+        lamp_level: 0.0,
+        has_headlamps: false,
+        has_cloud_shadows: false,
+    };
+
     /// Returns true if the light stays as it was captured.
     #[must_use]
     pub fn is_nothing(&self) -> bool {
-        self.open.is_none() && self.clouds == 0.0 && self.depth == [0.0; 3] && self.exposure == 0.0
+        let is_captured = self.open.is_none() && self.clouds == 0.0 && self.depth == [0.0; 3];
+        is_captured && self.exposure == 0.0 && !self.has_headlamps
     }
 
-    /// Factor from irradiances in lux to those of display white.
-    fn display(open: &OpenLight, exposure: f64) -> f64 {
-        exposure.exp2() / open.level().max(FAINTEST)
+    /// Display value of a white surface in an irradiance of one lux: that of the capture's level ground in the open is 1.
+    #[must_use]
+    pub fn display(&self, site: &Site) -> f64 {
+        let level = match &self.open {
+            Some(open) => open.level() + self.lamp_level,
+            None if site.captured_sky == CapturedSky::Overcast => PHOTOS[1],
+            None => PHOTOS[0] + (PHOTOS[1] - PHOTOS[0]) * self.clouds,
+        };
+        self.exposure.exp2() / level.max(FAINTEST)
     }
 
     /// The light over a place that was captured in another.
     #[must_use]
-    pub fn over(&self, capture: &CaptureLight, up: [f64; 3]) -> NewLight {
+    pub fn over(&self, capture: &CaptureLight, site: &Site) -> NewLight {
+        let up = site.up;
         if let Some(open) = &self.open {
-            let light = open.light.times(Self::display(open, self.exposure));
+            let display = self.display(site);
+            let mut light = open.light.times(display);
+            if self.has_cloud_shadows {
+                // The beam between the clouds; their shadows take it away.
+                light.sun = light.sun.map(|v| v / (1.0 - self.clouds));
+            }
+            let lamps = self.lamps.map_or(0.0, |(_, share)| share * display);
             let (sin_sun, is_diffuse) = (open.sin_sun, self.is_diffuse);
-            return NewLight { light, sin_sun, sky_gain: 0.0, sky_opacity: 1.0, is_diffuse };
+            return NewLight { light, sin_sun, sky_gain: 0.0, sky_opacity: 1.0, is_diffuse, lamps };
         }
         let sin = capture.sin_sun(up);
         let level = capture.light.irradiance(sin);
@@ -285,14 +396,14 @@ impl LightChange {
         let cloudy = SkyGradation::overcast(white_as(left));
         let light = SceneLight { sun, sky: clear.mixed(&cloudy, grey) }.times(self.exposure.exp2());
         let (sky_gain, sky_opacity) = (self.exposure.exp2(), 1.0 - self.clouds);
-        NewLight { light, sin_sun: sin, sky_gain, sky_opacity, is_diffuse: self.is_diffuse }
+        NewLight { light, sin_sun: sin, sky_gain, sky_opacity, is_diffuse: self.is_diffuse, lamps: 0.0 }
     }
 
     /// The sky behind the scene; `None` where the captured one stays.
     #[must_use]
     pub fn dome(&self, site: &Site) -> Option<Dome> {
         if let Some(open) = &self.open {
-            let (look, factor) = (SkyAppearance::Open(Arc::clone(open)), Self::display(open, self.exposure));
+            let (look, factor) = (SkyAppearance::Open(Arc::clone(open)), self.display(site));
             return Some(Dome::new(look, None, factor, site.up, SkySplats::LeftOut));
         }
         if self.clouds == 0.0 {
@@ -392,7 +503,7 @@ mod tests {
         let card = |elevation: f64, clouds: f64| {
             let change = change(&format!("model = 'clear'\nsun_elevation = {elevation}\nclouds = {clouds}"), &SITE);
             let open = change.open.as_ref().unwrap();
-            luminance(open.light.irradiance(open.sin_sun)) * LightChange::display(open, change.exposure)
+            luminance(open.light.irradiance(open.sin_sun)) * change.display(&SITE)
         };
         assert!((card(50.0, 0.0) - 1.0).abs() < 1e-9 && (card(50.0, 1.0) - 0.812).abs() < 1e-3);
         let mut before = card(60.0, 0.0);

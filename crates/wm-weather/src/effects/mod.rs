@@ -6,6 +6,7 @@
 
 use crate::cover::CoverRequest;
 use crate::dome::Dome;
+use crate::light::Flash;
 use crate::optics::{AirLayer, Site};
 use crate::paper::{PaperCover, PaperFall, PaperFog};
 use crate::param::{Param, ParamKind, ParamValue};
@@ -13,7 +14,7 @@ use crate::particles::{Precipitation, PrecipitationKind};
 use crate::track::Track;
 use crate::weather::WeatherSample;
 use crate::wind::Wind;
-pub use light::{LightChange, light_fault};
+pub use light::{LampSource, LightChange, light_fault};
 pub use look::ColorGrade;
 use wm_render::hooks::Slot;
 
@@ -113,6 +114,8 @@ pub enum Action {
     Sky(Dome),
     /// The light on the scene.
     Light(LightChange),
+    /// A flash of lightning, or none at the instant.
+    Lightning(Option<Flash>),
     /// The wind.
     Wind(Wind),
     /// Something that falls.
@@ -136,7 +139,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, light, dust_cover, snow_cover, wind, fog, haze, smog, rain, snowfall, hail, look }
+effects! { sky, light, lightning, dust_cover, snow_cover, wind, fog, haze, smog, rain, snowfall, hail, look }
 
 impl Effect {
     /// The effect of a name.

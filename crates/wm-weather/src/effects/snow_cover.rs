@@ -84,18 +84,15 @@ pub const EFFECT: Effect = Effect {
             lapse,
         };
         let pack = snowpack.at(now.time);
-        // Level snow sees all of the sky, of which the airlight is the part near the horizon.
-        let color = site.airlight.map(|v| (v * albedo).min(0.95));
         // In the shade blue sky is all that is left.
-        let tint = [0.34, 0.37, 0.44];
-        let shade = std::array::from_fn(|k| color[k] * tint[k]);
+        let material = CoverMaterial::at([albedo; 3], [0.34, 0.37, 0.44], 0.95, site);
         Action::Cover(CoverRequest {
             depth: depth.unwrap_or_else(|| stepped(pack.fell.depth())),
             thaw: pack.thaw(),
             wet_fall: stepped(pack.wet_fall()),
             repose: repose.to_radians().tan(),
             threshold: CARRIES[usize::from(temperature > WET)],
-            material: CoverMaterial { color, shade },
+            material,
         })
     },
     act_as_paper: Some(|now, _| {

@@ -232,19 +232,42 @@ impl CaptureLight {
     /// The geometry of the light on one splat.
     #[must_use]
     pub fn surface(&self, index: usize, up: [f64; 3]) -> SurfaceLight {
-        let SplatLight { open, sun, .. } = self.splats[index];
-        let normal = self.normal(index);
-        let up = Vec3::from_array(up.map(|v| v as f32));
-        let direction = self.sun.map(|sun| sun.direction);
-        surface_of(normal, open.map(|v| f32::from(v) / 255.0), f32::from(sun) / 255.0, up, direction)
+        self.surface_beside(index, self.normal(index), up, None)
     }
 
     /// The geometry of the light of another sun on one splat.
     #[must_use]
     pub fn surface_in(&self, index: usize, up: [f64; 3], shadows: &SunShadows) -> SurfaceLight {
-        let open = self.splats[index].open.map(|v| f32::from(v) / 255.0);
+        self.surface_beside(index, self.normal(index), up, Some(shadows))
+    }
+
+    /// The geometry of the light on a small surface with this normal that sees what a splat sees. `shadows` are those of another
+    /// sun than the captured one.
+    #[must_use]
+    pub(super) fn surface_beside(
+        &self,
+        index: usize,
+        normal: Vec3,
+        up: [f64; 3],
+        shadows: Option<&SunShadows>,
+    ) -> SurfaceLight {
+        let SplatLight { open, sun, .. } = self.splats[index];
+        let seen = shadows.map_or(f32::from(sun) / 255.0, |shadows| shadows.seen(index));
+        let direction = shadows.map(SunShadows::direction).or(self.sun.map(|sun| sun.direction));
         let up = Vec3::from_array(up.map(|v| v as f32));
-        surface_of(self.normal(index), open, shadows.seen(index), up, Some(shadows.direction()))
+        surface_of(normal, open.map(|v| f32::from(v) / 255.0), seen, up, direction)
+    }
+
+    /// The same for one that sees all of the sky and of the sun.
+    #[must_use]
+    pub(super) fn surface_in_the_open(
+        &self,
+        normal: Vec3,
+        up: [f64; 3],
+        shadows: Option<&SunShadows>,
+    ) -> SurfaceLight {
+        let direction = shadows.map(SunShadows::direction).or(self.sun.map(|sun| sun.direction));
+        surface_of(normal, [1.0; 2], 1.0, Vec3::from_array(up.map(|v| v as f32)), direction)
     }
 
     /// The normal of the surface of a splat, length 1; zero of leaves.

@@ -1,9 +1,13 @@
 //! The change of the light on each splat, from that of the capture to another.
 
 use super::capture::CaptureLight;
-use super::irradiance::SceneLight;
+use super::irradiance::{SceneLight, SurfaceLight};
+use super::lamp_shadows::LampShadows;
+use super::moving::{MovingLight, MovingSplat};
+use super::placed::PlacedSurfaces;
 use super::sun_shadows::SunShadows;
 use crate::threads::map;
+use glam::Vec3;
 use wm_render::hooks::{Attribute, AttributeBlock, SplatAttributes};
 use wm_scene::color::{luminance, srgb_decode, srgb_encode};
 use wm_scene::{Splats, sh};
@@ -12,6 +16,8 @@ use wm_scene::{Splats, sh};
 const MOST: f64 = 8.0;
 /// Most of the captured light's tint that is taken away, as a share: more turns former shadows neon.
 const TINT: f64 = 0.25;
+/// Least captured irradiance that light is divided by.
+const FAINT: f64 = 1e-3;
 
 /// The light that a captured place shall lie in.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,50 +32,129 @@ pub struct NewLight {
     pub sky_opacity: f64,
     /// The photos are said to have no shadows.
     pub is_diffuse: bool,
+    /// A lux of the lamps in the unit of `light`; 0 where they are off.
+    pub lamps: f64,
 }
 
-/// Gains of the splats of one scene, by channel.
+/// The shadows of a new light, and the lamps.
+#[derive(Clone, Copy, Default)]
+pub struct LightCasts<'a> {
+    /// Those of a sun that stands elsewhere than the captured one.
+    pub shadows: Option<&'a SunShadows>,
+    /// The lamps and their shadows.
+    pub lamps: Option<&'a LampShadows>,
+}
+
+/// Gains of the splats of one set, by channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightGains {
     gains: Vec<[f32; 3]>,
     /// The splats of the captured sky, and the factor on their opacity; empty where that is 1.
     sky: Vec<bool>,
     sky_opacity: f32,
+    /// What light that changes from frame to frame acts on; empty where there is none.
+    moving: Vec<MovingSplat>,
 }
 
 impl LightGains {
-    /// The gains from the captured light to another. The sun stands where the capture's did, or where `shadows` say. Where the
-    /// capture keeps its shadows all splats have the gain of level ground.
+    /// The gains from the captured light to another. The sun stands where the capture's did, or where the shadows say. Where the
+    /// capture keeps its shadows all splats have the gain of level ground, and the lamps add to it. `points` are the places of
+    /// the splats, if light acts on them that changes from frame to frame ([`MovingLight`]).
     #[must_use]
     pub fn new(
         capture: &CaptureLight,
         new: &NewLight,
-        shadows: Option<&SunShadows>,
+        casts: LightCasts<'_>,
+        points: Option<&[[f32; 3]]>,
         up: [f64; 3],
         threads: usize,
     ) -> Self {
-        let level = limited(capture.light.irradiance(capture.sin_sun(up)), new.light.irradiance(new.sin_sun));
+        let LightCasts { shadows, lamps } = casts;
+        let lamps = lamps.filter(|_| new.lamps > 0.0);
+        let before_level = capture.light.irradiance(capture.sin_sun(up));
+        let after_level = new.light.irradiance(new.sin_sun);
         let is_moved =
             shadows.is_some() || (capture.takes_another_sun(new.is_diffuse) && new.light.sun == [0.0; 3]);
         let follows = if is_moved { capture.takes_another_sun(new.is_diffuse) } else { capture.is_split() };
-        let before = capture.mean(&capture.light);
-        let after =
+        let before_mean = capture.mean(&capture.light);
+        let after_mean =
             shadows.map_or_else(|| capture.mean(&new.light), |shadows| capture.mean_in(&new.light, shadows));
-        let gains = map(capture.len(), threads, |index| {
-            if capture.is_sky(index) {
-                return [new.sky_gain as f32; 3];
-            }
+        let light = |index: usize| {
+            let lamps = lamps.map_or([0.0; 3], |lamps| lamps.lit(index).map(|v| f64::from(v) * new.lamps));
             if !follows {
-                return level;
+                return Relit { before: before_level, sky: add(after_level, lamps), beam: [0.0; 3] };
             }
             let old = capture.surface(index, up);
             let lit = shadows.map_or(old, |shadows| capture.surface_in(index, up, shadows));
-            limited(old.irradiance(&capture.light, before), lit.irradiance(&new.light, after))
+            Relit {
+                before: old.irradiance(&capture.light, before_mean),
+                sky: add(without_sun(&lit, &new.light, after_mean), lamps),
+                beam: beam(&lit, &new.light),
+            }
+        };
+        let gains = map(capture.len(), threads, |index| {
+            if capture.is_sky(index) { [new.sky_gain as f32; 3] } else { light(index).gain() }
+        });
+        let moving = points.map_or_else(Vec::new, |points| {
+            map(capture.len(), threads, |index| {
+                if capture.is_sky(index) {
+                    return MovingSplat::default();
+                }
+                let open = capture.surface(index, up).open[0];
+                MovingSplat::new(points[index], capture.normal(index), open, &light(index))
+            })
         });
         let fades = new.sky_opacity < 1.0;
         let sky =
             if fades { (0..capture.len()).map(|index| capture.is_sky(index)).collect() } else { Vec::new() };
-        Self { gains, sky, sky_opacity: new.sky_opacity as f32 }
+        Self { gains, sky, sky_opacity: new.sky_opacity as f32, moving }
+    }
+
+    /// The gains of splats that are placed on a captured scene, whose colours are those in an irradiance of 1. `moves` says that
+    /// light acts on them that changes from frame to frame.
+    #[must_use]
+    pub fn of_placed(
+        capture: &CaptureLight,
+        placed: &PlacedSurfaces,
+        new: &NewLight,
+        casts: LightCasts<'_>,
+        moves: bool,
+        up: [f64; 3],
+        threads: usize,
+    ) -> Self {
+        let LightCasts { shadows, lamps } = casts;
+        let lamps = lamps.filter(|_| new.lamps > 0.0);
+        let mean =
+            shadows.map_or_else(|| capture.mean(&new.light), |shadows| capture.mean_in(&new.light, shadows));
+        let light = |index: usize| {
+            let normal = placed.normal(index);
+            let lamps = lamps.map_or([0.0; 3], |lamps| {
+                let lit = lamps.irradiance(Vec3::from_array(placed.point(index)), normal);
+                lit.to_array().map(|v| f64::from(v) * new.lamps)
+            });
+            let surface = placed.surface(index, capture, up, shadows);
+            Relit {
+                before: [1.0; 3],
+                sky: add(without_sun(&surface, &new.light, mean), lamps),
+                beam: beam(&surface, &new.light),
+            }
+        };
+        let gains = map(placed.len(), threads, |index| light(index).total().map(|v| v as f32));
+        let moving = if moves {
+            map(placed.len(), threads, |index| {
+                let open = placed.surface(index, capture, up, shadows).open[0];
+                MovingSplat::new(placed.point(index), placed.normal(index), open, &light(index))
+            })
+        } else {
+            Vec::new()
+        };
+        Self { gains, sky: Vec::new(), sky_opacity: 1.0, moving }
+    }
+
+    /// The same gains with light that acts in one frame alone.
+    #[must_use]
+    pub fn in_frame<'a>(&'a self, moving: Option<&'a MovingLight>) -> FrameGains<'a> {
+        FrameGains { gains: self, moving: moving.filter(|_| !self.moving.is_empty()) }
     }
 
     /// The splats in the changed light, for programs that know no gains. Each colour is changed as the renderer does it, seen from
@@ -99,19 +184,36 @@ impl LightGains {
     }
 }
 
-impl SplatAttributes for LightGains {
+/// Gains in one frame.
+#[derive(Clone, Copy)]
+pub struct FrameGains<'a> {
+    gains: &'a LightGains,
+    moving: Option<&'a MovingLight>,
+}
+
+impl SplatAttributes for FrameGains<'_> {
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
-        if !self.sky.is_empty() {
+        let LightGains { gains, sky, sky_opacity, moving } = self.gains;
+        if !sky.is_empty() {
             for (index, factor) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
-                if self.sky.get(*index as usize) == Some(&true) {
-                    *factor *= self.sky_opacity;
+                if sky.get(*index as usize) == Some(&true) {
+                    *factor *= sky_opacity;
                 }
             }
         }
         for (k, gain) in Attribute::GAINS.into_iter().enumerate() {
             for (index, value) in indices.iter().zip(block.column_mut(gain)) {
                 // What pads the last group has no splat.
-                *value = self.gains.get(*index as usize).map_or(1.0, |gain| gain[k]);
+                *value = gains.get(*index as usize).map_or(1.0, |gain| gain[k]);
+            }
+        }
+        let Some(light) = self.moving else { return };
+        for (at, index) in indices.iter().enumerate() {
+            let Some(splat) = moving.get(*index as usize) else { continue };
+            let change = light.change(splat);
+            for (k, gain) in Attribute::GAINS.into_iter().enumerate() {
+                let value = &mut block.column_mut(gain)[at];
+                *value = (*value + change[k]).clamp(0.0, (MOST * (1.0 + TINT)) as f32);
             }
         }
     }
@@ -121,18 +223,56 @@ impl SplatAttributes for LightGains {
     }
 }
 
-/// The gain from one irradiance to another. The tint of the captured light is taken away within limits; that of the new
-/// light comes whole.
-fn limited(before: [f64; 3], after: [f64; 3]) -> [f32; 3] {
-    let [old, new] = [luminance(before).max(1e-3), luminance(after)];
-    if new <= 0.0 {
-        return [0.0; 3];
+/// The irradiances of a splat, before and after.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Relit {
+    /// In the capture.
+    pub before: [f64; 3],
+    /// By the sky, by other surfaces and by lamps.
+    pub sky: [f64; 3],
+    /// By the beam of the sun.
+    pub beam: [f64; 3],
+}
+
+impl Relit {
+    fn total(&self) -> [f64; 3] {
+        add(self.sky, self.beam)
     }
-    let strength = (new / old).min(MOST);
-    std::array::from_fn(|k| {
-        let untinted = (old / before[k].max(1e-3)).clamp(1.0 - TINT, 1.0 + TINT);
-        (strength * untinted * after[k].max(0.0) / new) as f32
-    })
+
+    /// The gain from one irradiance to the other. The tint of the captured light is taken away within limits; that of the new
+    /// light comes whole.
+    fn gain(&self) -> [f32; 3] {
+        let after = self.total();
+        let [old, new] = [luminance(self.before).max(FAINT), luminance(after)];
+        if new <= 0.0 {
+            return [0.0; 3];
+        }
+        let strength = (new / old).min(MOST);
+        std::array::from_fn(|k| (strength * self.untinted(k) * after[k].max(0.0) / new) as f32)
+    }
+
+    /// Gain by an irradiance of 1 in one channel.
+    pub fn per_unit(&self, k: usize) -> f64 {
+        self.untinted(k) / luminance(self.before).max(FAINT)
+    }
+
+    fn untinted(&self, k: usize) -> f64 {
+        (luminance(self.before).max(FAINT) / self.before[k].max(FAINT)).clamp(1.0 - TINT, 1.0 + TINT)
+    }
+}
+
+/// Irradiance by all but the beam of the sun. `mean` is that of all surfaces.
+fn without_sun(surface: &SurfaceLight, light: &SceneLight, mean: [f64; 3]) -> [f64; 3] {
+    surface.irradiance(&SceneLight { sun: [0.0; 3], ..*light }, mean)
+}
+
+/// Irradiance by the beam of the sun.
+fn beam(surface: &SurfaceLight, light: &SceneLight) -> [f64; 3] {
+    light.sun.map(|v| v * surface.incidence * surface.sun)
+}
+
+fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| a[k] + b[k])
 }
 
 #[cfg(test)]
@@ -141,9 +281,10 @@ mod tests {
 
     #[test]
     fn gains_are_bounded_and_nearly_grey() {
-        let gain = limited([0.05, 0.1, 0.2], [2.0; 3]);
+        let gain = Relit { before: [0.05, 0.1, 0.2], sky: [1.5; 3], beam: [0.5; 3] }.gain();
         assert!(gain.iter().all(|v| *v <= (MOST * (1.0 + TINT)) as f32), "{gain:?}");
         assert!(f64::from(gain[0] / gain[2]) < (1.0 + TINT) / (1.0 - TINT) + 1e-6, "{gain:?}");
-        assert_eq!(limited([1.0; 3], [0.0; 3]), [0.0; 3]);
+        let none = Relit { before: [1.0; 3], sky: [0.0; 3], beam: [0.0; 3] };
+        assert_eq!(none.gain(), [0.0; 3]);
     }
 }

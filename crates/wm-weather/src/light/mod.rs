@@ -10,20 +10,38 @@
 
 mod capture;
 mod clear_sky;
+mod clouds;
 mod day;
+mod flash;
 mod gains;
+mod headlamps;
 mod irradiance;
+mod lamp_glow;
+mod lamp_shadows;
+mod lamps;
+mod moving;
 mod openness;
+mod placed;
 mod places;
 mod sun_search;
 mod sun_shadows;
+mod windows;
 
 pub use capture::{CaptureLight, CaptureSun, MOST_LEFT};
 pub use clear_sky::{ClearSky, beam_transmittance};
+pub use clouds::CloudShadows;
 pub use day::OpenLight;
-pub use gains::{LightGains, NewLight};
+pub use flash::{Flash, FlashLight, Storm};
+pub use gains::{FrameGains, LightCasts, LightGains, NewLight};
+pub use headlamps::Headlamps;
 pub use irradiance::{SceneLight, SkyGradation, SurfaceLight};
+pub use lamp_glow::{LampGlow, LampsOn};
+pub use lamp_shadows::{DepthCube, LampShadows};
+pub use lamps::{LampKind, LampLight, LampLights, black_body};
+pub use moving::MovingLight;
+pub use placed::{NearSplats, PlacedSurfaces};
 pub use sun_shadows::{ShadowCasters, SunShadows};
+pub use windows::window_splats;
 pub use wm_scene::sun::{SunPosition, SunPositionError};
 
 #[cfg(test)]

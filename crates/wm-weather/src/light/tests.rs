@@ -1,7 +1,7 @@
 //! A yard with a wall under a sun, whose light is known.
 
 use super::irradiance::{SceneLight, SkyGradation};
-use super::{CaptureLight, LightGains, NewLight, ShadowCasters, SunShadows};
+use super::{CaptureLight, LightCasts, LightGains, NewLight, ShadowCasters, SunShadows};
 use crate::cover::surfel;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{CapturedSky, Site};
@@ -94,7 +94,7 @@ fn sunny(ratio: [f64; 3]) -> SceneLight {
 }
 
 fn new(light: SceneLight) -> NewLight {
-    NewLight { light, sin_sun: sun().z, sky_gain: 1.0, sky_opacity: 1.0, is_diffuse: false }
+    NewLight { light, sin_sun: sun().z, sky_gain: 1.0, sky_opacity: 1.0, is_diffuse: false, lamps: 0.0 }
 }
 
 /// A yard that was captured under clouds gets a sun, whose shadows lie where the walls cast them.
@@ -113,7 +113,15 @@ fn a_new_sun_casts_shadows() {
     assert_eq!(shadows, cast(7));
     let light = SceneLight { sun: [1.2; 3], sky: SkyGradation::even([0.2; 3]) };
     let new = NewLight { sin_sun: other.z, ..new(light) };
-    let relit = LightGains::new(&capture, &new, Some(&shadows), site.up, 2).applied(&splats);
+    let relit = LightGains::new(
+        &capture,
+        &new,
+        LightCasts { shadows: Some(&shadows), lamps: None },
+        None,
+        site.up,
+        2,
+    )
+    .applied(&splats);
     let (mut gains, mut wrong) = ([Vec::new(), Vec::new()], 0);
     for (index, mean) in splats.means.iter().enumerate() {
         let point = DVec3::from_array(mean.map(f64::from));
@@ -150,7 +158,8 @@ fn the_sun_of_a_yard_is_found_and_its_shadow_goes() {
 
     // Under clouds ground that lay in the shadow is as bright as ground that lay in the sun.
     let overcast = SceneLight { sun: [0.0; 3], sky: SkyGradation::overcast([1.0; 3]) };
-    let relit = LightGains::new(&light, &new(overcast), None, site().up, 2).applied(&splats);
+    let relit =
+        LightGains::new(&light, &new(overcast), LightCasts::default(), None, site().up, 2).applied(&splats);
     let mean = |splats: &Splats, lit: bool| {
         let (mut sum, mut count) = (0.0, 0.0);
         for (index, mean) in splats.means.iter().enumerate() {
@@ -191,7 +200,8 @@ fn threads_do_not_change_the_split() {
 fn the_captured_light_changes_nothing() {
     let splats = yard(&sunny([4.0, 3.4, 2.8]));
     let light = split(&splats, 2);
-    let same = LightGains::new(&light, &new(light.light), None, site().up, 2).applied(&splats);
+    let same = LightGains::new(&light, &new(light.light), LightCasts::default(), None, site().up, 2)
+        .applied(&splats);
     let worst = same.sh.iter().zip(&splats.sh).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst < 1e-5, "{worst}");
 }

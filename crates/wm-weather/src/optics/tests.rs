@@ -26,10 +26,8 @@ const SITE: Site = Site {
     up: [0.0, -0.6, 0.8],
     ground: -1.0,
     airlight: [0.6, 0.7, 0.8],
-    daylight: Daylight::Known,
-    captured_sky: CapturedSky::Unknown,
-    earth: None,
     far: 300.0,
+    ..Site::PLAIN
 };
 
 fn layer(sigma: f64, scale_height: f64) -> AirLayer {

@@ -12,14 +12,20 @@ use super::residual::{FADE, NEAREST};
 use super::spectrum::ParticleShape;
 use super::sway::{self, Sway};
 use crate::dome::{from_level, level_axes, to_level};
+use crate::light::LampsOn;
 use crate::optics::{AirView, Atmosphere, Site};
 use crate::shelter::Shelter;
 use fearless_simd::{SimdBase, SimdFloat, SimdMask};
+use glam::Vec3;
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 use wm_render::dispatch;
 use wm_render::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles};
 use wm_render::simd::{Lanes, SimdPath};
 
+/// Asymmetry of the light that drops and flakes scatter.
+const DROP: f32 = 0.8;
+const FLAKE: f32 = 0.2;
 /// Width below which flakes are drawn fewer and larger, px.
 const MERGE: f64 = 1.25;
 /// Width from which a flake shows its three arms, px.
@@ -41,6 +47,7 @@ pub struct FallingParticles<'a> {
     precipitation: &'a Precipitation,
     air: &'a Atmosphere,
     shelter: Option<&'a Shelter>,
+    lamps: Option<&'a LampsOn<'a>>,
     /// Level axes: two level, and up.
     axes: [[f64; 3]; 3],
     metres_per_unit: f64,
@@ -69,7 +76,7 @@ impl<'a> FallingParticles<'a> {
         precipitation: &'a Precipitation,
         site: &Site,
         air: &'a Atmosphere,
-        shelter: Option<&'a Shelter>,
+        (shelter, lamps): (Option<&'a Shelter>, Option<&'a LampsOn<'a>>),
         (wind_now, velocity): (WindSample, [f64; 3]),
         time: f64,
     ) -> Self {
@@ -83,6 +90,7 @@ impl<'a> FallingParticles<'a> {
             precipitation,
             air,
             shelter,
+            lamps,
             metres_per_unit: site.metres_per_unit,
             wind_now,
             camera: to_level(&axes, velocity),
@@ -451,7 +459,13 @@ impl<'a> Brush<'a> {
             let there = simd.load(&self.batch.there[first..]);
             let area = width * width * there / keep * (PI / 4.0 * look.opacity) as f32;
             area.store_slice(&mut group.area[lanes.clone()]);
-            let radiance = self.fall.radiance.map(|v| simd.set(v));
+            let mut radiance = self.fall.radiance.map(|v| simd.set(v));
+            if let Some(lamps) = self.fall.lamps {
+                let [x, y, z] = self.lit_by(lamps, &group, lanes.clone());
+                for (k, light) in [x, y, z].iter().enumerate() {
+                    radiance[k] += simd.load(&light[first..]);
+                }
+            }
             let seen = self.air.through(simd, distance, &direction, radiance);
             for k in 0..3 {
                 seen[k].store_slice(&mut group.rgb[k][lanes.clone()]);
@@ -476,6 +490,25 @@ impl<'a> Brush<'a> {
         }
         (self.take)(&group);
         self.count = 0;
+    }
+
+    /// Radiance of particles by lamps, linear RGB, one array a channel.
+    fn lit_by(&self, lamps: &LampsOn<'_>, group: &ParticleGroup, lanes: Range<usize>) -> [[f32; GROUP]; 3] {
+        let this = self.fall.precipitation;
+        let (asymmetry, reflectance) = match this.kind.shape {
+            ParticleShape::Ball => (DROP, 1.0),
+            ParticleShape::Flake => (FLAKE, this.kind.reflectance as f32),
+        };
+        let strength = reflectance * (this.look.brightness as f32);
+        let center = Vec3::from_array(self.view.center.map(|v| v as f32));
+        let mut light = [[0.0; GROUP]; 3];
+        for lane in lanes {
+            let offset = Vec3::from_array(group.offset.map(|axis| axis[lane]));
+            let seen =
+                strength * lamps.scattered(center, offset, asymmetry, self.fall.metres_per_unit as f32);
+            (0..3).for_each(|k| light[k][lane] = seen[k]);
+        }
+        light
     }
 
     /// Makes three arms, in a plane that tumbles, of a flake of a group that is `width` scene units wide.

@@ -1,6 +1,5 @@
 use super::cast::{FILTER, LEAST_ALPHA, cast, project};
 use super::*;
-use crate::optics::{CapturedSky, Daylight};
 use glam::DVec3;
 use proptest::prelude::*;
 use wm_scene::random::uniform;
@@ -12,17 +11,7 @@ const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
 const GREY: [f32; 3] = [0.5; 3];
 
 fn site(metres_per_unit: f64, up: DVec3) -> Site {
-    let up = up.to_array();
-    Site {
-        metres_per_unit,
-        up,
-        ground: 0.0,
-        airlight: [0.8; 3],
-        daylight: Daylight::Known,
-        captured_sky: CapturedSky::Unknown,
-        earth: None,
-        far: 100.0,
-    }
+    Site { metres_per_unit, up: up.to_array(), ..Site::PLAIN }
 }
 
 fn metres() -> Site {

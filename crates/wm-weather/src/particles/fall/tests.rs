@@ -92,7 +92,7 @@ fn a_gauge_catches_what_is_asked() {
                 &precipitation,
                 &SITE,
                 &air,
-                None,
+                (None, None),
                 (WindSample::default(), [0.0; 3]),
                 0.0,
             );
@@ -119,8 +119,14 @@ fn sizes_follow_the_law() {
     let mut worst: f64 = 0.0;
     for seed in 0..5 {
         let (precipitation, air) = (precipitation(&RAIN, 10.0, seed), air());
-        let fall =
-            FallingParticles::new(&precipitation, &SITE, &air, None, (WindSample::default(), [0.0; 3]), 0.0);
+        let fall = FallingParticles::new(
+            &precipitation,
+            &SITE,
+            &air,
+            (None, None),
+            (WindSample::default(), [0.0; 3]),
+            0.0,
+        );
         let mut sizes: Vec<f64> =
             (0..RAIN.classes).flat_map(|class| drops(&fall, class, [0.0; 3], [5.2, 5.2, 5.2])).collect();
         assert!((90_000..130_000).contains(&sizes.len()), "{}", sizes.len());
@@ -149,7 +155,7 @@ fn gathered(fall: &FallingParticles<'_>, view: &ParticleView, out: &mut Vec<Part
 /// The drops of a frame.
 fn frame(precipitation: &Precipitation, camera: &Camera, time: f64, wind_now: WindSample) -> Vec<Particle> {
     let air = air();
-    let fall = FallingParticles::new(precipitation, &SITE, &air, None, (wind_now, [0.0; 3]), time);
+    let fall = FallingParticles::new(precipitation, &SITE, &air, (None, None), (wind_now, [0.0; 3]), time);
     let view = ParticleView::new(camera);
     let mut out = Vec::new();
     gathered(&fall, &view, &mut out);
@@ -259,7 +265,14 @@ fn roofs_keep_dry_what_is_below() {
     let view = ParticleView::new(&camera);
     let [mut open, mut dry] = [Vec::new(), Vec::new()];
     for (out, shelter) in [(&mut open, None), (&mut dry, Some(&shelter))] {
-        let fall = FallingParticles::new(&rain, &SITE, &air, shelter, (WindSample::default(), [0.0; 3]), 1.0);
+        let fall = FallingParticles::new(
+            &rain,
+            &SITE,
+            &air,
+            (shelter, None),
+            (WindSample::default(), [0.0; 3]),
+            1.0,
+        );
         gathered(&fall, &view, out);
     }
     let under = |list: &[Particle]| {

@@ -1,0 +1,532 @@
+//! Lamps as a camera sees them: the lamps themselves, and their light in the air.
+//!
+//! Air of scattering `s` shows of a lamp of intensity `I`, at the distance `h` from a ray and abreast of it at `t0`,
+//!
+//! `L = integral s I p(a) T(t) T(r) / r^2 dt = (1 / h) integral s I p(a) T(t) T(r) dphi`, `t = t0 + h tan phi`,
+//!
+//! with `r` from the lamp, `a` the angle of deflection and `p` the phase function of Henyey and Greenstein. The strong
+//! forward peak of fog is left in the beam (delta scaling): of `g = 0.85` a share `f = g^2` is not scattered at all, and the
+//! rest with `g' = g / (1 + g)`; so light that was scattered several times by small angles is still there. What lies in
+//! the shadow of something shows no light.
+//!
+//! The sum is a table over the picture, one column of nodes along the ray at each corner of the patches of pixels, linear
+//! between them. A lamp is a disc that is blurred by the pixel, with all of its light.
+
+use super::lamp_shadows::DepthCube;
+use super::lamps::{LampKind, LampLight};
+use crate::optics::{Atmosphere, FAR, Site};
+use crate::threads::map;
+use fearless_simd::{SimdBase, SimdFloat};
+use glam::Vec3;
+use std::f32::consts::LOG2_E;
+use std::f64::consts::{PI, TAU};
+use wm_render::dispatch;
+use wm_render::hooks::{Medium, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
+use wm_render::simd::{self, Lanes, SimdPath, exp2, log2, powf};
+use wm_scene::Camera;
+
+/// Asymmetry of the phase function of fog.
+const FOG: f32 = 0.85;
+/// Share that goes on as if it were not scattered, and the asymmetry of the rest.
+const FORWARD: f32 = FOG * FOG;
+const ASYMMETRY: f32 = FOG / (1.0 + FOG);
+/// Nodes along a ray: the eye, then from [`NEAREST`] on, each [`STEP`] times as far as the one before, the last for all that is
+/// farther.
+const NODES: usize = 16;
+const NEAREST: f32 = 0.75;
+const STEP: f32 = 1.7;
+/// Widest vector, by which columns are grouped.
+const GROUP: usize = 16;
+/// Least distance of a ray from a lamp, m.
+const CLOSEST: f32 = 0.05;
+/// Light that is left out, in units of display white.
+const LEAST: f32 = 2e-4;
+/// A surface that is nearer than a lamp by more than this hides it, m.
+const HIDES: f32 = 0.6;
+/// Variance of the blur by a pixel, px^2.
+const PIXEL: f32 = 0.35;
+/// Standard deviations as far as a lamp's picture reaches.
+const REACH: f32 = 4.0;
+
+/// The lamps of a place that shine in a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct LampsOn<'a> {
+    /// The lamps, with the shadows that they cast.
+    pub lights: &'a [(LampLight, Option<&'a DepthCube>)],
+    /// Display units of a lux: an irradiance of that brings a white surface to display white.
+    pub display: f32,
+}
+
+impl LampsOn<'_> {
+    /// Radiance of a small particle of albedo 1 at an offset from the eye at `center` (world axes, scene units), averaged over its
+    /// face, linear RGB as it is displayed. `asymmetry` is that of Henyey and Greenstein's phase function.
+    #[must_use]
+    pub fn scattered(&self, center: Vec3, offset: Vec3, asymmetry: f32, metres_per_unit: f32) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        let to_eye = -offset.normalize_or_zero();
+        for (light, cube) in self.lights {
+            let from_lamp = center + offset - Vec3::from_array(light.at);
+            let metres = from_lamp * metres_per_unit;
+            let squared = metres.length_squared().max(CLOSEST * CLOSEST + light.radius * light.radius);
+            let intensity = Vec3::from_array(light.intensity) * (PI as f32 * self.display);
+            // At most some three times an even spread, but for what is nearly in front of the lamp.
+            if intensity.max_element() < LEAST * squared {
+                continue;
+            }
+            let direction = metres / squared.sqrt();
+            let cos = direction.dot(to_eye);
+            let denominator = 1.0 + asymmetry * asymmetry - 2.0 * asymmetry * cos;
+            let phase = (1.0 - asymmetry * asymmetry) / (4.0 * PI as f32 * denominator * denominator.sqrt());
+            let share = light.share(direction) * phase / squared;
+            if share > 0.0 && cube.is_none_or(|cube| cube.is_open(from_lamp)) {
+                sum += intensity * share;
+            }
+        }
+        sum
+    }
+}
+
+/// The picture of lamps and of their light in the air, for one camera.
+pub struct LampGlow {
+    /// Light of each column's nodes, linear RGB, `[rows, columns, 3, NODES]`; empty in clear air.
+    table: Vec<[[f32; NODES]; 3]>,
+    columns: usize,
+    heads: Vec<Head>,
+    /// From pixels to the ray of view z 1.
+    focal: [f32; 2],
+    principal: [f32; 2],
+    metres_per_unit: f32,
+}
+
+/// A lamp in the picture.
+#[derive(Clone, Copy, Debug)]
+struct Head {
+    /// px.
+    at: [f32; 2],
+    /// View z, scene units, of what hides it at most.
+    hides: f32,
+    /// -1 / (2 variance), 1/px^2, and reach, px.
+    exponent: f32,
+    reach: f32,
+    /// Light in its middle, linear RGB.
+    peak: [f32; 3],
+}
+
+/// Distance of a node, m.
+fn node_distance(node: usize) -> f32 {
+    if node == 0 { 0.0 } else { NEAREST * STEP.powi(node as i32 - 1) }
+}
+
+impl LampGlow {
+    /// Lamps seen by a camera through air. The table is the same for any number of threads.
+    #[must_use]
+    pub fn new(
+        lamps: &LampsOn<'_>,
+        camera: &Camera,
+        air: &Atmosphere,
+        site: &Site,
+        path: SimdPath,
+        threads: usize,
+    ) -> Self {
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let [columns, rows] = [width, height].map(|side| side.div_ceil(PATCH) + 1);
+        let scene = GlowScene::new(lamps, camera, air, site);
+        let table = if air.is_clear() || scene.lights.is_empty() {
+            Vec::new()
+        } else {
+            let rows = map(rows, threads, |row| {
+                let mut out = vec![[[0.0; NODES]; 3]; columns];
+                dispatch!(path, s => scene.row(s, row, &mut out));
+                out
+            });
+            rows.concat()
+        };
+        let heads =
+            lamps.lights.iter().filter_map(|(light, _)| Head::of(light, lamps.display, camera, air, site));
+        Self {
+            table,
+            columns,
+            heads: heads.collect(),
+            focal: [camera.fx as f32, camera.fy as f32],
+            principal: [camera.cx as f32, camera.cy as f32],
+            metres_per_unit: site.metres_per_unit as f32,
+        }
+    }
+
+    /// Adds the light of the air before each pixel of a patch.
+    fn add_glow(&self, pixels: &PixelBatch<'_>, added: &mut [[f32; PATCH_PIXELS]; 3]) {
+        let (column, row) = (pixels.x as usize / PATCH, pixels.y as usize / PATCH);
+        let first = row * self.columns + column;
+        let corners = [first, first + 1, first + self.columns, first + self.columns + 1];
+        let corners = corners.map(|at| &self.table[at]);
+        let (per_log, near) = (1.0 / STEP.log2(), NEAREST.recip());
+        for y in 0..PATCH {
+            let down = (y as f32 + 0.5) / PATCH as f32;
+            let mut sides = [[[0.0f32; NODES]; 3]; 2];
+            for side in 0..2 {
+                for k in 0..3 {
+                    let (top, bottom) = (&corners[side][k], &corners[side + 2][k]);
+                    for node in 0..NODES {
+                        sides[side][k][node] = top[node] + (bottom[node] - top[node]) * down;
+                    }
+                }
+            }
+            let v = (pixels.y as f32 + y as f32 + 0.5 - self.principal[1]) / self.focal[1];
+            for x in 0..PATCH {
+                let at = y * PATCH + x;
+                let across = (x as f32 + 0.5) / PATCH as f32;
+                let u = (pixels.x as f32 + x as f32 + 0.5 - self.principal[0]) / self.focal[0];
+                let alpha = pixels.alpha[at];
+                let length = (1.0 + u * u + v * v).sqrt() * self.metres_per_unit;
+                let metres = if alpha > 0.0 { pixels.depth_sum[at] / alpha * length } else { 0.0 };
+                let place = if metres < NEAREST {
+                    metres * near
+                } else {
+                    ((metres * near).log2() * per_log + 1.0).min((NODES - 1) as f32)
+                };
+                let node = (place as usize).min(NODES - 2);
+                let share = place - node as f32;
+                for k in 0..3 {
+                    let between = |node: usize| {
+                        let [left, right] = [0, 1].map(|side: usize| sides[side][k][node]);
+                        left + (right - left) * across
+                    };
+                    let (from, to, far) = (between(node), between(node + 1), between(NODES - 1));
+                    added[k][at] += alpha * (from + (to - from) * share) + (1.0 - alpha) * far;
+                }
+            }
+        }
+    }
+
+    /// Adds the lamps in a patch.
+    fn add_heads(&self, pixels: &PixelBatch<'_>, added: &mut [[f32; PATCH_PIXELS]; 3]) -> bool {
+        let mut is_any = false;
+        let (left, top) = (pixels.x as f32, pixels.y as f32);
+        let side = PATCH as f32;
+        for head in &self.heads {
+            let [x, y] = head.at;
+            let is_near = x > left - head.reach
+                && x < left + side + head.reach
+                && y > top - head.reach
+                && y < top + side + head.reach;
+            if !is_near {
+                continue;
+            }
+            is_any = true;
+            for at in 0..PATCH_PIXELS {
+                let [dx, dy] = [left + (at % PATCH) as f32 + 0.5 - x, top + (at / PATCH) as f32 + 0.5 - y];
+                let alpha = pixels.alpha[at];
+                let is_hidden = alpha > 0.0 && pixels.depth_sum[at] < head.hides * alpha;
+                let seen = if is_hidden { 1.0 - alpha } else { 1.0 };
+                let share = seen * ((dx * dx + dy * dy) * head.exponent).exp();
+                (0..3).for_each(|k| added[k][at] += share * head.peak[k]);
+            }
+        }
+        is_any
+    }
+
+    #[inline(always)]
+    fn add_light<S: Lanes>(simd: S, rgb: &mut [[f32; PATCH_PIXELS]; 3], added: &[[f32; PATCH_PIXELS]; 3]) {
+        for first in (0..PATCH_PIXELS).step_by(S::N) {
+            let mut light = [simd.set(0.0); 3];
+            for k in 0..3 {
+                light[k] = simd.load(&rgb[k][first..]);
+            }
+            light = simd::srgb_decode(simd, light);
+            for k in 0..3 {
+                light[k] += simd.load(&added[k][first..]);
+            }
+            let shown = simd::srgb_encode(simd, light);
+            for k in 0..3 {
+                shown[k].store_slice(&mut rgb[k][first..first + S::N]);
+            }
+        }
+    }
+}
+
+impl PixelEffect for LampGlow {
+    fn apply(&self, path: SimdPath, pixels: &mut PixelBatch<'_>) {
+        let mut added = [[0.0; PATCH_PIXELS]; 3];
+        let is_lit = self.add_heads(pixels, &mut added);
+        if !self.table.is_empty() {
+            self.add_glow(pixels, &mut added);
+        } else if !is_lit {
+            return;
+        }
+        dispatch!(path, s => Self::add_light(s, pixels.rgb, &added));
+    }
+}
+
+impl Head {
+    /// The picture of a lamp; `None` of windows, which are surfaces, and of what is not in the picture.
+    fn of(light: &LampLight, display: f32, camera: &Camera, air: &Atmosphere, site: &Site) -> Option<Self> {
+        if light.kind != LampKind::Ball {
+            return None;
+        }
+        let point = Vec3::from_array(light.at).as_dvec3();
+        let view = camera.rotation() * (point - camera.center());
+        if view.z <= camera.near {
+            return None;
+        }
+        let at = [camera.fx * view.x / view.z + camera.cx, camera.fy * view.y / view.z + camera.cy];
+        let pixels = camera.fx * camera.fy;
+        let radius = f64::from(light.radius) / (view.z * site.metres_per_unit) * pixels.sqrt();
+        let variance = 0.25 * radius * radius + f64::from(PIXEL);
+        let reach = f64::from(REACH) * variance.sqrt();
+        let size = [camera.width, camera.height].map(f64::from);
+        if !(0..2).all(|k| at[k] > -reach && at[k] < size[k] + reach) {
+            return None;
+        }
+        let length = view.length();
+        let towards = (camera.center() - point) / length;
+        let kept =
+            air.evaluate_reference(camera.center().to_array(), (-towards).to_array(), length).transmittance;
+        // The light that reaches the camera goes to the pixels of its picture; each holds this solid angle, and a radiance of
+        // L is shown as pi L.
+        let solid_angle = (view.z / length).powi(3) / pixels;
+        let distance = length * site.metres_per_unit;
+        let share = f64::from(light.share(towards.as_vec3())) / (distance * distance);
+        let per_candela = PI * f64::from(display) * share / (solid_angle * TAU * variance);
+        let peak = std::array::from_fn(|k| (f64::from(light.intensity[k]) * per_candela * kept[k]) as f32);
+        Some(Self {
+            at: at.map(|v| v as f32),
+            hides: (view.z - f64::from(HIDES + light.radius) / site.metres_per_unit) as f32,
+            exponent: (-0.5 / variance) as f32,
+            reach: reach as f32,
+            peak,
+        })
+    }
+}
+
+/// The inputs of the table.
+struct GlowScene<'a> {
+    lights: Vec<GlowLight<'a>>,
+    air: &'a Atmosphere,
+    origin: [f32; 3],
+    /// Rows of the rotation from view to world, and the factor from pixels.
+    axes: [Vec3; 3],
+    focal: [f32; 2],
+    principal: [f32; 2],
+    metres_per_unit: f32,
+}
+
+/// A lamp as the table needs it.
+struct GlowLight<'a> {
+    light: LampLight,
+    cube: Option<&'a DepthCube>,
+    /// From the camera, m, world axes.
+    offset: Vec3,
+    /// Extinction at the lamp, 1/m, by channel.
+    extinction: [f32; 3],
+    /// Intensity in display units: times pi, lux to display white.
+    intensity: [f32; 3],
+}
+
+impl<'a> GlowScene<'a> {
+    fn new(lamps: &LampsOn<'a>, camera: &Camera, air: &'a Atmosphere, site: &Site) -> Self {
+        let metres_per_unit = site.metres_per_unit as f32;
+        let origin = camera.center().as_vec3();
+        let rotation = camera.rotation();
+        let lights = lamps.lights.iter().filter_map(|(light, cube)| {
+            let offset = (Vec3::from_array(light.at) - origin) * metres_per_unit;
+            let extinction = air.extinction_at(light.at.map(f64::from)).map(|v| v as f32);
+            let intensity = light.intensity.map(|v| v * PI as f32 * lamps.display);
+            // The most that it can add: a ray beside it, in air that takes nothing on the way.
+            let most = intensity[1] * extinction[1] * (1.0 - FORWARD)
+                / (offset.length().max(1.0) * PI as f32)
+                * (-extinction[1] * (1.0 - FORWARD) * offset.length()).exp();
+            let is_seen = most > LEAST;
+            is_seen.then_some(GlowLight { light: *light, cube: *cube, offset, extinction, intensity })
+        });
+        Self {
+            lights: lights.collect(),
+            air,
+            origin: origin.to_array(),
+            axes: [0, 1, 2].map(|k| rotation.row(k).as_vec3()),
+            focal: [camera.fx as f32, camera.fy as f32],
+            principal: [camera.cx as f32, camera.cy as f32],
+            metres_per_unit,
+        }
+    }
+
+    /// The columns of one row.
+    #[inline(always)]
+    fn row<S: Lanes>(&self, simd: S, row: usize, out: &mut [[[f32; NODES]; 3]]) {
+        let view = self.air.seen_from(self.origin);
+        let y = ((row * PATCH) as f32 - self.principal[1]) / self.focal[1];
+        for first in (0..out.len()).step_by(S::N) {
+            let mut directions = [[0.0f32; GROUP]; 3];
+            for lane in 0..S::N {
+                let x = (((first + lane) * PATCH) as f32 - self.principal[0]) / self.focal[0];
+                let direction = (self.axes[0] * x + self.axes[1] * y + self.axes[2]).normalize();
+                (0..3).for_each(|k| directions[k][lane] = direction[k]);
+            }
+            let mut direction = [simd.set(0.0); 3];
+            for k in 0..3 {
+                direction[k] = simd.load(&directions[k]);
+            }
+            // Optical depth to each node, of base 2, without what goes on forwards.
+            let mut depth = [[simd.set(0.0); 3]; NODES];
+            for (node, depth) in depth.iter_mut().enumerate().skip(1) {
+                let (kept, _) = view.along(simd, simd.set(node_distance(node)), &direction);
+                let mut least = kept;
+                for k in 0..3 {
+                    least[k] = kept[k].max(simd.set(1e-30));
+                }
+                let logs = log2(simd, least);
+                for k in 0..3 {
+                    depth[k] = logs[k] * (FORWARD - 1.0);
+                }
+            }
+            let mut sums = [[simd.set(0.0); 3]; NODES];
+            for light in &self.lights {
+                self.add(simd, light, &directions, &direction, &depth, &mut sums);
+            }
+            let mut buffer = [0.0f32; GROUP];
+            let mut total = [simd.set(0.0); 3];
+            for node in 0..NODES {
+                for k in 0..3 {
+                    total[k] += sums[node][k];
+                    total[k].store_slice(&mut buffer[..S::N]);
+                    for (column, value) in out[first..].iter_mut().zip(&buffer[..S::N]) {
+                        column[k][node] = *value;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds the light of a lamp that is scattered between each node and the one before.
+    #[inline(always)]
+    fn add<S: Lanes>(
+        &self,
+        simd: S,
+        lamp: &GlowLight<'_>,
+        directions: &[[f32; GROUP]; 3],
+        direction: &[S::F; 3],
+        depth: &[[S::F; 3]; NODES],
+        sums: &mut [[S::F; 3]; NODES],
+    ) {
+        let one = simd.set(1.0);
+        let dot = |v: Vec3| {
+            let [x, y, z] = *direction;
+            x.mul_add(simd.set(v.x), y.mul_add(simd.set(v.y), z * v.z))
+        };
+        let abreast = dot(lamp.offset);
+        let least = CLOSEST.max(lamp.light.radius);
+        let squared =
+            (simd.set(lamp.offset.length_squared()) - abreast * abreast).max(simd.set(least * least));
+        let h = squared.sqrt();
+        let axis = Vec3::from_array(lamp.light.axis);
+        let (along_axis, axis_offset) = (dot(axis), axis.dot(lamp.offset));
+        let unit = |s: S::F| {
+            let r = s.mul_add(s, squared).sqrt();
+            [h / r, s / r]
+        };
+        let between = |a: [S::F; 2], b: [S::F; 2]| {
+            let [x, y] = [a[0] + b[0], a[1] + b[1]];
+            let length = x.mul_add(x, y * y).sqrt();
+            [x / length, y / length]
+        };
+        let mut before = unit(-abreast);
+        for node in 1..NODES {
+            let (from, to) = (node_distance(node - 1), node_distance(node));
+            let after = unit(simd.set(to) - abreast);
+            let middle = between(before, after);
+            let quarters = [between(before, middle), between(middle, after)];
+            // A quarter of the angle, from its tangent.
+            let [a, q] = [before, quarters[0]];
+            let tangent = (a[0] * q[1] - a[1] * q[0]) / a[0].mul_add(q[0], a[1] * q[1]);
+            let angle = arc_tangent(simd, tangent) * 2.0;
+            let open = self.open::<S>(simd, lamp, directions, abreast + h * middle[1] / middle[0]);
+            let per_metre = 1.0 / (to - from);
+            for [cos, sin] in quarters {
+                let r = h / cos;
+                let t = h.mul_add(sin / cos, abreast);
+                let share = ((t - simd.set(from)) * per_metre).max(simd.set(0.0)).min(one);
+                // Henyey and Greenstein, deflected by the angle whose cosine is -sin.
+                let denominator =
+                    sin.mul_add(simd.set(2.0 * ASYMMETRY), simd.set(1.0 + ASYMMETRY * ASYMMETRY));
+                let phase = simd.set((1.0 - ASYMMETRY * ASYMMETRY) / (4.0 * PI as f32))
+                    / (denominator * denominator.sqrt());
+                let mut light = phase * angle * open / h;
+                if lamp.light.kind == LampKind::Headlamps {
+                    light *= self.headlamps::<S>(simd, lamp, directions, t);
+                } else if lamp.light.axis != [0.0; 3] {
+                    let cos = ((t * along_axis - simd.set(axis_offset)) / r).max(simd.set(0.0));
+                    light *= match lamp.light.exponent {
+                        1.0 => cos,
+                        exponent => powf(simd, [cos.max(simd.set(1e-6))], exponent)[0],
+                    };
+                }
+                let mut exponents = [simd.set(0.0); 3];
+                let mut scattering = [simd.set(0.0); 3];
+                for k in 0..3 {
+                    let (near, far) = (depth[node - 1][k], depth[node][k]);
+                    let local = (far - near) * per_metre;
+                    // On the way from the lamp, the mean of the air at both ends.
+                    let there = simd.set(lamp.extinction[k] * (1.0 - FORWARD) * LOG2_E);
+                    let way = (local + there) * 0.5 * r;
+                    let depth = share.mul_add(far - near, near) + way;
+                    exponents[k] = (-depth).max(simd.set(-126.0));
+                    scattering[k] = local * (1.0 / LOG2_E);
+                }
+                let kept = exp2(simd, exponents);
+                for k in 0..3 {
+                    sums[node][k] =
+                        (light * scattering[k] * lamp.intensity[k]).mul_add(kept[k], sums[node][k]);
+                }
+            }
+            before = after;
+        }
+    }
+
+    /// The share of the intensity of headlamps at points at distances (m) along rays.
+    #[inline(always)]
+    fn headlamps<S: Lanes>(
+        &self,
+        simd: S,
+        lamp: &GlowLight<'_>,
+        directions: &[[f32; GROUP]; 3],
+        metres: S::F,
+    ) -> S::F {
+        let (mut at, mut share) = ([0.0f32; GROUP], [0.0f32; GROUP]);
+        metres.store_slice(&mut at[..S::N]);
+        for lane in 0..S::N {
+            let direction = Vec3::new(directions[0][lane], directions[1][lane], directions[2][lane]);
+            share[lane] = lamp.light.share((direction * at[lane] - lamp.offset).normalize_or_zero());
+        }
+        simd.load(&share)
+    }
+
+    /// The share of a lamp's light that reaches the points at distances (m) along rays.
+    #[inline(always)]
+    fn open<S: Lanes>(
+        &self,
+        simd: S,
+        lamp: &GlowLight<'_>,
+        directions: &[[f32; GROUP]; 3],
+        metres: S::F,
+    ) -> S::F {
+        let Some(cube) = lamp.cube else { return simd.set(1.0) };
+        let (mut at, mut open) = ([0.0f32; GROUP], [0.0f32; GROUP]);
+        metres.store_slice(&mut at[..S::N]);
+        for lane in 0..S::N {
+            let direction = Vec3::new(directions[0][lane], directions[1][lane], directions[2][lane]);
+            let offset = direction * at[lane].min(FAR as f32) - lamp.offset;
+            open[lane] = if cube.is_open(offset / self.metres_per_unit) { 1.0 } else { 0.0 };
+        }
+        simd.load(&open)
+    }
+}
+
+/// Arc tangent of 0 to 1, within 1e-5.
+#[inline(always)]
+fn arc_tangent<S: Lanes>(simd: S, x: S::F) -> S::F {
+    let square = x * x;
+    let mut sum = simd.set(0.020_835_1);
+    for coefficient in [-0.085_133, 0.180_141, -0.330_299_5, 0.999_866] {
+        sum = sum.mul_add(square, simd.set(coefficient));
+    }
+    sum * x
+}

@@ -1,0 +1,266 @@
+//! The light of lamps on a place, with the shadows that they cast.
+//!
+//! Around each lamp the fused surfaces of the place are drawn on the six faces of a cube: what is behind the first of
+//! them is in its shadow. The ground under a lamp is a light of its own, since it returns a fifth.
+
+use super::capture::CaptureLight;
+use super::lamps::{LampKind, LampLight, LampLights};
+use crate::optics::Site;
+use crate::threads::map;
+use glam::{DMat3, DVec3, Vec3};
+use serde::{Deserialize, Serialize};
+use wm_render::{
+    CpuConfig, CpuRenderer, DrawPass, Frame, MedianDepth, Outputs, RenderBackend, RenderConfig, RenderError,
+    SetView,
+};
+use wm_scene::{Camera, Splats};
+
+/// Texels along the side of a face, of lamps and of lit ground.
+const SIDE: u32 = 128;
+const GROUND_SIDE: u32 = 48;
+/// Distance from a lamp within which nothing casts shadows, m: its head and its arm.
+const OWN: f64 = 0.45;
+/// A surface this much behind what is seen is still the same surface: as a share of the distance, and m.
+const SLACK: f32 = 0.02;
+const BEHIND: f64 = 0.12;
+/// Texels are of one surface if their distances differ by no more than this share.
+const SMOOTH: f32 = 0.4;
+/// Height by which surfaces are lifted along their normals before they look for a lamp, m.
+const LIFT: f64 = 0.06;
+/// Incidence on leaves, which turn to all sides.
+const LEAVES: f32 = 0.5;
+/// Illuminance below which the light of a lamp is left out, lx.
+const LEAST: f32 = 2e-3;
+
+/// The lamps of a place, what they shine on and what is in their shadows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LampShadows {
+    /// The lamps that it was made for.
+    lamps: LampLights,
+    /// The lights with their shadows; after the lamps comes the ground that they light.
+    lights: Vec<(LampLight, DepthCube)>,
+    /// Irradiance of each splat, linear RGB, lx.
+    lit: Vec<[f32; 3]>,
+    metres_per_unit: f32,
+}
+
+impl LampShadows {
+    /// Lights a scene: `points` are the places of its splats, `surfaces` the fused surfaces, whose splats cast the shadows.
+    /// Equal for any number of threads.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the shadows cannot be drawn.
+    pub fn of(
+        lamps: &LampLights,
+        surfaces: &Splats,
+        capture: &CaptureLight,
+        points: &[[f32; 3]],
+        site: &Site,
+        threads: usize,
+    ) -> Result<Self, RenderError> {
+        let mut renderer = CpuRenderer::new(CpuConfig { threads: Some(threads), ..CpuConfig::default() })?;
+        let set = renderer.load(surfaces)?;
+        let sets = [SetView::plain(set)];
+        let mut frame = Frame::default();
+        let near = OWN / site.metres_per_unit;
+        let up = DVec3::from_array(site.up);
+        let mut lights = Vec::new();
+        let mut grounds = Vec::new();
+        for lamp in &lamps.lights {
+            let mut draw = |light: &LampLight, side: u32| {
+                DepthCube::draw(&mut renderer, &sets, &mut frame, light, (side, near))
+            };
+            let cube = draw(lamp, SIDE)?;
+            // The first surface below, or the ground of the place.
+            let height = up.dot(Vec3::from_array(lamp.at).as_dvec3()) - site.ground;
+            let below = cube.first(-up.as_vec3()).map_or(height, f64::from);
+            if let Some(ground) = lamp.ground_under(below * site.metres_per_unit, up, site.metres_per_unit) {
+                let cube = draw(&ground, GROUND_SIDE)?;
+                grounds.push((ground, cube));
+            }
+            lights.push((*lamp, cube));
+        }
+        lights.append(&mut grounds);
+        let mut lit = Self {
+            lamps: lamps.clone(),
+            lights,
+            lit: Vec::new(),
+            metres_per_unit: site.metres_per_unit as f32,
+        };
+        lit.lit = map(points.len(), threads, |index| {
+            if capture.is_sky(index) {
+                return [0.0; 3];
+            }
+            lit.irradiance(Vec3::from_array(points[index]), capture.normal(index)).to_array()
+        });
+        Ok(lit)
+    }
+
+    /// The lamps that it was made for.
+    #[must_use]
+    pub fn lamps(&self) -> &LampLights {
+        &self.lamps
+    }
+
+    /// The number of splats.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.lit.len()
+    }
+
+    /// Returns true if it has no splats.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.lit.is_empty()
+    }
+
+    /// Irradiance of a splat of the scene, linear RGB, lx.
+    #[must_use]
+    pub fn lit(&self, index: usize) -> [f32; 3] {
+        self.lit[index]
+    }
+
+    /// Lamps and windows with their shadows, without the ground that they light.
+    pub fn sources(&self) -> impl Iterator<Item = (&LampLight, &DepthCube)> {
+        self.lights
+            .iter()
+            .filter(|(light, _)| light.kind != LampKind::Ground)
+            .map(|(light, cube)| (light, cube))
+    }
+
+    /// Irradiance of a small surface at a point (world axes, scene units), linear RGB, lx. A normal of zero is that of leaves.
+    #[must_use]
+    pub fn irradiance(&self, point: Vec3, normal: Vec3) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        let point = point + normal * (LIFT as f32 / self.metres_per_unit);
+        for (light, cube) in &self.lights {
+            let offset = point - Vec3::from_array(light.at);
+            let metres = offset * self.metres_per_unit;
+            let squared = metres.length_squared();
+            let intensity = Vec3::from_array(light.intensity);
+            let softened = squared + light.radius * light.radius;
+            if intensity.max_element() < LEAST * softened {
+                continue;
+            }
+            let direction = metres / squared.sqrt().max(1e-6);
+            let incidence = if normal == Vec3::ZERO { LEAVES } else { -direction.dot(normal) };
+            let share = light.share(direction) * incidence / softened;
+            if incidence > 0.0 && share * intensity.max_element() > LEAST {
+                sum += intensity * (share * cube.open(offset));
+            }
+        }
+        sum
+    }
+}
+
+/// The distance to the first surface around a point, on the faces of a cube.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DepthCube {
+    side: u32,
+    /// One over the distance along the face's axis, scene units; 0 where there is nothing: `[6, side, side]`.
+    inverse: Vec<f32>,
+    /// Scene units.
+    behind: f32,
+}
+
+/// Right, down and forward of a face, world axes.
+const fn face_axes(face: usize) -> [[f32; 3]; 3] {
+    match face {
+        0 => [[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]],
+        1 => [[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]],
+        2 => [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
+        3 => [[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]],
+        4 => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        _ => [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]],
+    }
+}
+
+impl DepthCube {
+    /// Draws what is around a light; nothing nearer than `near` along the axis of a face.
+    fn draw(
+        renderer: &mut CpuRenderer,
+        sets: &[SetView<'_>],
+        frame: &mut Frame,
+        light: &LampLight,
+        (side, near): (u32, f64),
+    ) -> Result<Self, RenderError> {
+        let eye = Vec3::from_array(light.at).as_dvec3();
+        let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
+        let config = RenderConfig { outputs, ..RenderConfig::default() };
+        let mut inverse = Vec::with_capacity(6 * (side * side) as usize);
+        for face in 0..6 {
+            let [right, down, forward] = face_axes(face).map(|axis| Vec3::from_array(axis).as_dvec3());
+            let rotation = DMat3::from_cols(right, down, forward).transpose();
+            let camera = Camera { near, ..Camera::posed((side, side), 90.0, eye, rotation) };
+            renderer.render(&DrawPass::new(sets, &camera, &config), frame)?;
+            inverse.extend(
+                frame.median_depth.iter().map(|depth| if *depth > 0.0 { depth.recip() } else { 0.0 }),
+            );
+        }
+        Ok(Self { side, inverse, behind: (BEHIND * near / OWN) as f32 })
+    }
+
+    /// The face that an offset points to, its place on it in texels, and its distance along the face's axis.
+    #[inline]
+    fn locate(&self, offset: Vec3) -> (usize, [f32; 2], f32) {
+        let size = offset.abs();
+        let axis = if size.x >= size.y && size.x >= size.z {
+            0
+        } else if size.y >= size.z {
+            1
+        } else {
+            2
+        };
+        let face = 2 * axis + usize::from(offset[axis] < 0.0);
+        let [right, down, _] = face_axes(face).map(Vec3::from_array);
+        let depth = size[axis].max(1e-9);
+        let half = 0.5 * self.side as f32;
+        (face, [right, down].map(|axis| half * (1.0 + axis.dot(offset) / depth)), depth)
+    }
+
+    /// The texel of a face, the nearest of it where the place is beyond its edge.
+    #[inline]
+    fn texel(&self, face: usize, x: i32, y: i32) -> f32 {
+        let last = self.side as i32 - 1;
+        let at = (y.clamp(0, last) * self.side as i32 + x.clamp(0, last)) as usize;
+        self.inverse[face * (self.side * self.side) as usize + at]
+    }
+
+    /// The distance to the first surface in a direction, scene units; `None` where there is none.
+    fn first(&self, direction: Vec3) -> Option<f32> {
+        let (face, [x, y], depth) = self.locate(direction);
+        let inverse = self.texel(face, x as i32, y as i32);
+        (inverse > 0.0).then(|| direction.length() / (depth * inverse))
+    }
+
+    /// The share of the light that reaches a point at an offset from it (world axes, scene units), 0-1.
+    #[must_use]
+    pub fn open(&self, offset: Vec3) -> f32 {
+        let (face, [x, y], depth) = self.locate(offset);
+        let (x, y) = (x - 0.5, y - 0.5);
+        let (column, row) = (x.floor() as i32, y.floor() as i32);
+        let (u, v) = (x - column as f32, y - row as f32);
+        let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+        let texels = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| self.texel(face, column + i, row + j));
+        // Nothing stands nearer than that.
+        let limit = 1.0 / (depth * (1.0 - SLACK) - self.behind).max(1e-9);
+        let (low, high) = texels.iter().fold((f32::INFINITY, 0.0f32), |(l, h), v| (l.min(*v), h.max(*v)));
+        if high <= limit {
+            return 1.0;
+        }
+        if low >= high * (1.0 - SMOOTH) {
+            // One surface: its inverse distance is linear over the face where it is flat.
+            let here: f32 = (0..4).map(|k| weights[k] * texels[k]).sum();
+            return if here <= limit { 1.0 } else { 0.0 };
+        }
+        (0..4).map(|k| if texels[k] <= limit { weights[k] } else { 0.0 }).sum()
+    }
+
+    /// The same by the nearest texel.
+    #[inline]
+    #[must_use]
+    pub fn is_open(&self, offset: Vec3) -> bool {
+        let (face, [x, y], depth) = self.locate(offset);
+        self.texel(face, x as i32, y as i32) * (depth * (1.0 - SLACK) - self.behind) <= 1.0
+    }
+}
