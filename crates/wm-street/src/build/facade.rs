@@ -9,7 +9,7 @@ use wm_scene::LitWindow;
 /// The depth of panes and doors behind the wall's face, m.
 const REVEAL: f64 = 0.13;
 /// Share of the windows that are lit by night.
-const LIT: f64 = 0.4;
+const LIT: f64 = 0.3;
 
 /// Paints of a facade.
 #[derive(Clone, Copy, Debug)]
@@ -127,34 +127,24 @@ pub(super) fn window(b: &mut Builder, at: &Frame, size: (f64, f64), filling: Fil
         bar(b, at, (0.5 * w + 0.045, light - 0.03), (w - edge, light + 0.03), 0.045, paint);
     }
     b.block(at, [-0.06, -0.07, -0.06], [w + 0.06, 0.0, 0.0], finish.stone, faces::FIXED);
-    light(b, at, size, filling, edge);
+    light(b, at, size, edge);
 }
 
 /// Lights the room behind some windows by night.
-fn light(b: &mut Builder, at: &Frame, (w, h): (f64, f64), filling: Filling, edge: f64) {
+fn light(b: &mut Builder, at: &Frame, (w, h): (f64, f64), edge: f64) {
     let key = key_of(at.origin);
     if unit(key, 0) > LIT {
         return;
     }
     let (luminance, kelvin) =
         (LitWindow::default_luminance() * (0.4 + 1.2 * unit(key, 1)), 2_400.0 + 900.0 * unit(key, 2));
-    let middle = if filling == Filling::Sash { 0.52 * h } else { 0.5 * w };
-    for side in [0.0, 1.0] {
-        let (from, to) = (edge + (middle - edge + 0.03) * side, middle - 0.03);
-        let (x, z) = match filling {
-            Filling::Sash if side == 0.0 => ([edge, w - edge], [edge, to]),
-            Filling::Sash => ([edge, w - edge], [from, h - edge]),
-            _ if side == 0.0 => ([edge, to], [edge, h - edge]),
-            _ => ([from, w - edge], [edge, h - edge]),
-        };
-        b.windows.push(LitWindow {
-            corner: at.at(x[0], REVEAL - 0.005, z[0]).to_array(),
-            across: at.along(x[1] - x[0], 0.0, 0.0).to_array(),
-            upwards: [0.0, 0.0, z[1] - z[0]],
-            luminance,
-            kelvin,
-        });
-    }
+    b.windows.push(LitWindow {
+        corner: at.at(edge, REVEAL - 0.005, edge).to_array(),
+        across: at.along(w - 2.0 * edge, 0.0, 0.0).to_array(),
+        upwards: [0.0, 0.0, h - 2.0 * edge],
+        luminance,
+        kelvin,
+    });
 }
 
 /// Leaf with raised panels, frame, a light above and a handle.

@@ -140,7 +140,7 @@ const HIGH: f64 = 100.0;
 /// Change of exposure by night: what is left is dark, and can be seen.
 const NIGHT_EXPOSURE: f64 = -3.5;
 /// Illuminances of dusk and of the night, lx, between which the exposure falls behind.
-const DUSK: [f64; 2] = [400.0, 0.5];
+const DUSK: [f64; 2] = [100.0, 0.5];
 /// Least illuminance that exposures are found for, lx: under the stars.
 const FAINTEST: f64 = 1e-3;
 /// Sun of the model `night`, degrees.

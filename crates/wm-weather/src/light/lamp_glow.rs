@@ -35,6 +35,9 @@ const ASYMMETRY: f32 = FOG / (1.0 + FOG);
 const NODES: usize = 16;
 const NEAREST: f32 = 0.75;
 const STEP: f32 = 1.7;
+/// Cells along a patch near a lamp, and how near that is, patches: a table with one cell is 3 % off at three patches from a lamp.
+const FINE: usize = 4;
+const NEAR_PATCHES: i64 = 3;
 /// Widest vector, by which columns are grouped.
 const GROUP: usize = 16;
 /// Least distance of a ray from a lamp, m.
@@ -88,15 +91,23 @@ impl LampsOn<'_> {
 
 /// The picture of lamps and of their light in the air, for one camera.
 pub struct LampGlow {
-    /// Light of each column's nodes, linear RGB, `[rows, columns, 3, NODES]`; empty in clear air.
-    table: Vec<[[f32; NODES]; 3]>,
+    /// Light of each column's nodes, linear RGB, `[rows, columns]`; empty in clear air.
+    table: Vec<Column>,
     columns: usize,
+    /// For each patch, the place in `fine` of its own table, if it is near a lamp.
+    near: Vec<Option<u32>>,
+    fine: Vec<FineTable>,
     heads: Vec<Head>,
     /// From pixels to the ray of view z 1.
     focal: [f32; 2],
     principal: [f32; 2],
     metres_per_unit: f32,
 }
+
+/// Light up to each node along a ray, linear RGB.
+type Column = [[f32; NODES]; 3];
+/// The table of a patch near a lamp, `[FINE + 1, FINE + 1]`.
+type FineTable = [Column; (FINE + 1) * (FINE + 1)];
 
 /// A lamp in the picture.
 #[derive(Clone, Copy, Debug)]
@@ -131,21 +142,25 @@ impl LampGlow {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let [columns, rows] = [width, height].map(|side| side.div_ceil(PATCH) + 1);
         let scene = GlowScene::new(lamps, camera, air, site);
-        let table = if air.is_clear() || scene.lights.is_empty() {
-            Vec::new()
-        } else {
+        let (mut table, mut near, mut fine) = (Vec::new(), Vec::new(), Vec::new());
+        if !air.is_clear() && !scene.lights.is_empty() {
             let rows = map(rows, threads, |row| {
+                let at = |column: usize| [column, row].map(|v| (v * PATCH) as f32);
+                let places: Vec<[f32; 2]> = (0..columns).map(at).collect();
                 let mut out = vec![[[0.0; NODES]; 3]; columns];
-                dispatch!(path, s => scene.row(s, row, &mut out));
+                dispatch!(path, s => scene.columns(s, &places, &scene.lights, &mut out));
                 out
             });
-            rows.concat()
-        };
+            table = rows.concat();
+            (near, fine) = scene.near_lamps(&table, columns, path, threads);
+        }
         let heads =
             lamps.lights.iter().filter_map(|(light, _)| Head::of(light, lamps.display, camera, air, site));
         Self {
             table,
             columns,
+            near,
+            fine,
             heads: heads.collect(),
             focal: [camera.fx as f32, camera.fy as f32],
             principal: [camera.cx as f32, camera.cy as f32],
@@ -157,38 +172,63 @@ impl LampGlow {
     fn add_glow(&self, pixels: &PixelBatch<'_>, added: &mut [[f32; PATCH_PIXELS]; 3]) {
         let (column, row) = (pixels.x as usize / PATCH, pixels.y as usize / PATCH);
         let first = row * self.columns + column;
-        let corners = [first, first + 1, first + self.columns, first + self.columns + 1];
-        let corners = corners.map(|at| &self.table[at]);
-        let (per_log, near) = (1.0 / STEP.log2(), NEAREST.recip());
-        for y in 0..PATCH {
-            let down = (y as f32 + 0.5) / PATCH as f32;
+        match self.near[row * (self.columns - 1) + column] {
+            None => {
+                let corners = [first, first + 1, first + self.columns, first + self.columns + 1];
+                self.add_cell(pixels, corners.map(|at| &self.table[at]), ([0, 0], PATCH), added);
+            }
+            Some(fine) => {
+                let (table, side) = (&self.fine[fine as usize], PATCH / FINE);
+                for cell in 0..FINE * FINE {
+                    let (x, y) = (cell % FINE, cell / FINE);
+                    let first = y * (FINE + 1) + x;
+                    let corners = [first, first + 1, first + FINE + 1, first + FINE + 2];
+                    self.add_cell(pixels, corners.map(|at| &table[at]), ([x * side, y * side], side), added);
+                }
+            }
+        }
+    }
+
+    /// Adds it in a square cell of a patch: from a pixel on, so many pixels wide, between the columns at its corners.
+    fn add_cell(
+        &self,
+        pixels: &PixelBatch<'_>,
+        corners: [&Column; 4],
+        (from, side): ([usize; 2], usize),
+        added: &mut [[f32; PATCH_PIXELS]; 3],
+    ) {
+        let (per_log, nearest) = (1.0 / STEP.log2(), NEAREST.recip());
+        let share = |at: usize| (at as f32 + 0.5) / side as f32;
+        for y in 0..side {
+            let down = share(y);
             let mut sides = [[[0.0f32; NODES]; 3]; 2];
-            for side in 0..2 {
+            for end in 0..2 {
                 for k in 0..3 {
-                    let (top, bottom) = (&corners[side][k], &corners[side + 2][k]);
+                    let (top, bottom) = (&corners[end][k], &corners[end + 2][k]);
                     for node in 0..NODES {
-                        sides[side][k][node] = top[node] + (bottom[node] - top[node]) * down;
+                        sides[end][k][node] = top[node] + (bottom[node] - top[node]) * down;
                     }
                 }
             }
-            let v = (pixels.y as f32 + y as f32 + 0.5 - self.principal[1]) / self.focal[1];
-            for x in 0..PATCH {
-                let at = y * PATCH + x;
-                let across = (x as f32 + 0.5) / PATCH as f32;
-                let u = (pixels.x as f32 + x as f32 + 0.5 - self.principal[0]) / self.focal[0];
+            let row = from[1] + y;
+            let v = (pixels.y as f32 + row as f32 + 0.5 - self.principal[1]) / self.focal[1];
+            for x in 0..side {
+                let at = row * PATCH + from[0] + x;
+                let across = share(x);
+                let u = (pixels.x as f32 + (from[0] + x) as f32 + 0.5 - self.principal[0]) / self.focal[0];
                 let alpha = pixels.alpha[at];
                 let length = (1.0 + u * u + v * v).sqrt() * self.metres_per_unit;
                 let metres = if alpha > 0.0 { pixels.depth_sum[at] / alpha * length } else { 0.0 };
                 let place = if metres < NEAREST {
-                    metres * near
+                    metres * nearest
                 } else {
-                    ((metres * near).log2() * per_log + 1.0).min((NODES - 1) as f32)
+                    ((metres * nearest).log2() * per_log + 1.0).min((NODES - 1) as f32)
                 };
                 let node = (place as usize).min(NODES - 2);
                 let share = place - node as f32;
                 for k in 0..3 {
                     let between = |node: usize| {
-                        let [left, right] = [0, 1].map(|side: usize| sides[side][k][node]);
+                        let [left, right] = [0, 1].map(|end: usize| sides[end][k][node]);
                         left + (right - left) * across
                     };
                     let (from, to, far) = (between(node), between(node + 1), between(NODES - 1));
@@ -311,6 +351,7 @@ struct GlowScene<'a> {
 }
 
 /// A lamp as the table needs it.
+#[derive(Clone, Copy)]
 struct GlowLight<'a> {
     light: LampLight,
     cube: Option<&'a DepthCube>,
@@ -349,15 +390,15 @@ impl<'a> GlowScene<'a> {
         }
     }
 
-    /// The columns of one row.
+    /// The columns of rays through these places of the picture, px, by some of the lights.
     #[inline(always)]
-    fn row<S: Lanes>(&self, simd: S, row: usize, out: &mut [[[f32; NODES]; 3]]) {
+    fn columns<S: Lanes>(&self, simd: S, places: &[[f32; 2]], lights: &[GlowLight<'_>], out: &mut [Column]) {
         let view = self.air.seen_from(self.origin);
-        let y = ((row * PATCH) as f32 - self.principal[1]) / self.focal[1];
         for first in (0..out.len()).step_by(S::N) {
             let mut directions = [[0.0f32; GROUP]; 3];
             for lane in 0..S::N {
-                let x = (((first + lane) * PATCH) as f32 - self.principal[0]) / self.focal[0];
+                let place = places[(first + lane).min(places.len() - 1)];
+                let [x, y] = [0, 1].map(|k: usize| (place[k] - self.principal[k]) / self.focal[k]);
                 let direction = (self.axes[0] * x + self.axes[1] * y + self.axes[2]).normalize();
                 (0..3).for_each(|k| directions[k][lane] = direction[k]);
             }
@@ -379,7 +420,7 @@ impl<'a> GlowScene<'a> {
                 }
             }
             let mut sums = [[simd.set(0.0); 3]; NODES];
-            for light in &self.lights {
+            for light in lights {
                 self.add(simd, light, &directions, &direction, &depth, &mut sums);
             }
             let mut buffer = [0.0f32; GROUP];
@@ -394,6 +435,69 @@ impl<'a> GlowScene<'a> {
                 }
             }
         }
+    }
+
+    /// The tables of the patches near the picture of a lamp: for each patch its place among them, and they. `table` is that of
+    /// the whole picture, `columns` wide.
+    fn near_lamps(
+        &self,
+        table: &[Column],
+        columns: usize,
+        path: SimdPath,
+        threads: usize,
+    ) -> (Vec<Option<u32>>, Vec<FineTable>) {
+        let (across, down) = (columns - 1, table.len() / columns - 1);
+        let mut near: Vec<Option<u32>> = vec![None; across * down];
+        let mut work: Vec<([usize; 2], Vec<usize>)> = Vec::new();
+        for (index, light) in self.lights.iter().enumerate() {
+            let z = light.offset.dot(self.axes[2]);
+            if z <= 0.1 {
+                continue;
+            }
+            let at: [f32; 2] = std::array::from_fn(|k| {
+                light.offset.dot(self.axes[k]) / z * self.focal[k] + self.principal[k]
+            });
+            let [column, row] = at.map(|v| (v / PATCH as f32).floor() as i64);
+            let within = |middle: i64, count: usize| {
+                let low = (middle - NEAR_PATCHES).clamp(0, count as i64) as usize;
+                low..(middle + NEAR_PATCHES + 1).clamp(0, count as i64) as usize
+            };
+            for y in within(row, down) {
+                for x in within(column, across) {
+                    let place = near[y * across + x].get_or_insert_with(|| {
+                        work.push(([x, y], Vec::new()));
+                        (work.len() - 1) as u32
+                    });
+                    work[*place as usize].1.push(index);
+                }
+            }
+        }
+        let fine = map(work.len(), threads, |at| {
+            let ([x, y], lights) = &work[at];
+            let first = y * columns + x;
+            let corners = [first, first + 1, first + columns, first + columns + 1].map(|at| table[at]);
+            let mut fine = spread(&corners);
+            let places: Vec<[f32; 2]> = (0..(FINE + 1) * (FINE + 1))
+                .map(|node| {
+                    let cell = (PATCH / FINE) as f32;
+                    [(x, node % (FINE + 1)), (y, node / (FINE + 1))]
+                        .map(|(patch, node)| (patch * PATCH) as f32 + node as f32 * cell)
+                })
+                .collect();
+            // Of the lamps that are near, exactly in place of what the corners say of them.
+            let own: Vec<GlowLight<'_>> = lights.iter().map(|light| self.lights[*light]).collect();
+            let mut exact = [[[0.0; NODES]; 3]; (FINE + 1) * (FINE + 1)];
+            dispatch!(path, s => self.columns(s, &places, &own, &mut exact));
+            let at_corners = [0, FINE, FINE * (FINE + 1), FINE * (FINE + 2)].map(|node| exact[node]);
+            let coarse = spread(&at_corners);
+            for ((fine, exact), coarse) in fine.iter_mut().zip(&exact).zip(&coarse) {
+                for k in 0..3 {
+                    (0..NODES).for_each(|node| fine[k][node] += exact[k][node] - coarse[k][node]);
+                }
+            }
+            fine
+        });
+        (near, fine)
     }
 
     /// Adds the light of a lamp that is scattered between each node and the one before.
@@ -518,6 +622,19 @@ impl<'a> GlowScene<'a> {
         }
         simd.load(&open)
     }
+}
+
+/// The columns between four corners, linear.
+fn spread(corners: &[Column; 4]) -> FineTable {
+    std::array::from_fn(|node| {
+        let [u, v] = [node % (FINE + 1), node / (FINE + 1)].map(|at| at as f32 / FINE as f32);
+        std::array::from_fn(|k| {
+            std::array::from_fn(|node| {
+                let [a, b, c, d] = corners.each_ref().map(|column| column[k][node]);
+                (a + (b - a) * u) * (1.0 - v) + (c + (d - c) * u) * v
+            })
+        })
+    })
 }
 
 /// Arc tangent of 0 to 1, within 1e-5.

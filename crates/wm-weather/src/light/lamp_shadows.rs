@@ -15,9 +15,9 @@ use wm_render::{
 };
 use wm_scene::{Camera, Splats};
 
-/// Texels along the side of a face, of lamps and of lit ground.
+/// Texels along the side of a face, of lamps, and of windows and lit ground.
 const SIDE: u32 = 128;
-const GROUND_SIDE: u32 = 48;
+const COARSE_SIDE: u32 = 48;
 /// Distance from a lamp within which nothing casts shadows, m: its head and its arm.
 const OWN: f64 = 0.45;
 /// A surface this much behind what is seen is still the same surface: as a share of the distance, and m.
@@ -25,8 +25,10 @@ const SLACK: f32 = 0.02;
 const BEHIND: f64 = 0.12;
 /// Texels are of one surface if their distances differ by no more than this share.
 const SMOOTH: f32 = 0.4;
-/// Height by which surfaces are lifted along their normals before they look for a lamp, m.
-const LIFT: f64 = 0.06;
+/// Height by which surfaces are lifted along their normals before they look for a lamp: m, and as a share of the distance, since
+/// rough ground that is lit at a low angle hides itself.
+const LIFT: f32 = 0.06;
+const LIFT_FAR: f32 = 0.012;
 /// Incidence on leaves, which turn to all sides.
 const LEAVES: f32 = 0.5;
 /// Illuminance below which the light of a lamp is left out, lx.
@@ -70,12 +72,12 @@ impl LampShadows {
             let mut draw = |light: &LampLight, side: u32| {
                 DepthCube::draw(&mut renderer, &sets, &mut frame, light, (side, near))
             };
-            let cube = draw(lamp, SIDE)?;
+            let cube = draw(lamp, if lamp.kind == LampKind::Ball { SIDE } else { COARSE_SIDE })?;
             // The first surface below, or the ground of the place.
             let height = up.dot(Vec3::from_array(lamp.at).as_dvec3()) - site.ground;
             let below = cube.first(-up.as_vec3()).map_or(height, f64::from);
             if let Some(ground) = lamp.ground_under(below * site.metres_per_unit, up, site.metres_per_unit) {
-                let cube = draw(&ground, GROUND_SIDE)?;
+                let cube = draw(&ground, COARSE_SIDE)?;
                 grounds.push((ground, cube));
             }
             lights.push((*lamp, cube));
@@ -132,7 +134,6 @@ impl LampShadows {
     #[must_use]
     pub fn irradiance(&self, point: Vec3, normal: Vec3) -> Vec3 {
         let mut sum = Vec3::ZERO;
-        let point = point + normal * (LIFT as f32 / self.metres_per_unit);
         for (light, cube) in &self.lights {
             let offset = point - Vec3::from_array(light.at);
             let metres = offset * self.metres_per_unit;
@@ -146,7 +147,8 @@ impl LampShadows {
             let incidence = if normal == Vec3::ZERO { LEAVES } else { -direction.dot(normal) };
             let share = light.share(direction) * incidence / softened;
             if incidence > 0.0 && share * intensity.max_element() > LEAST {
-                sum += intensity * (share * cube.open(offset));
+                let lift = (LIFT_FAR * squared.sqrt()).max(LIFT) / self.metres_per_unit;
+                sum += intensity * (share * cube.open(offset + normal * lift));
             }
         }
         sum

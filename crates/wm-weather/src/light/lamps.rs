@@ -17,7 +17,7 @@ const GROUND: f64 = 0.2;
 /// Height above the ground from which it returns the light of a lamp, m.
 const ABOVE_GROUND: f64 = 0.3;
 /// Distance between windows that are one source of light, m.
-const ONE_ROOM: f64 = 3.0;
+const ONE_ROOM: f64 = 4.0;
 /// Lowest and highest lamps whose light the ground returns, m.
 const HEIGHTS: [f64; 2] = [1.0, 30.0];
 

@@ -10,9 +10,9 @@ use wm_scene::random::uniform;
 use wm_scene::{Group, LitWindow, Splats, splats::Splat};
 
 /// Splats along the longer edge of a window.
-const ALONG: f64 = 12.0;
+const ALONG: f64 = 16.0;
 /// Standard deviation of a splat over the spacing.
-const WIDE: f64 = 0.55;
+const WIDE: f64 = 0.42;
 /// Distance from the wall, m.
 const OFF: f64 = 0.03;
 
