@@ -45,4 +45,6 @@ pub use windows::window_splats;
 pub use wm_scene::sun::{SunPosition, SunPositionError};
 
 #[cfg(test)]
+mod lamp_tests;
+#[cfg(test)]
 mod tests;
