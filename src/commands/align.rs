@@ -1,4 +1,4 @@
-//! `align`: sets up, ground and scale of a scene by hand.
+//! `align`: sets facts of a scene by hand: up, ground, scale, open water, lamps.
 
 use crate::overwrite::OverwriteArgs;
 use crate::scene::{count_of, parse_distance, save};
@@ -7,13 +7,15 @@ use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::Arc;
+use weather_magician::lamps::lamps_along_photos;
 use weather_magician::view::spec;
 use wm_scene::files::check_writable;
 use wm_scene::formats::folder::scene_file;
 use wm_scene::formats::{
     ReadOptions, WriteOptions, format_for, lost, read_scene, sidecar_path, write_sidecar,
 };
-use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, align};
+use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, Survey, align};
+use wm_scene::{Lamp, LitWindow, Metadata, Scene};
 
 /// Options of `align`.
 #[derive(Args, Debug)]
@@ -21,7 +23,8 @@ use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, align};
     after_help = "Splats and cameras stay as they are; the facts go with the scene. Points are in scene units.\n\n\
                   weather-magician align garden.ply --overwrite --ground 0,0,0.1:5,0,0:2,6,0.2\n\
                   weather-magician align garden.ply --overwrite --known-distance 0,0,0:1.5,0,2=12.5\n\
-                  weather-magician align table.spz -o upright.spz --flip"
+                  weather-magician align table.spz -o upright.spz --flip\n\
+                  weather-magician align garden.ply --overwrite --lamp path --window 3,8,2:4.2,8,3.4"
 )]
 pub struct AlignArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
@@ -54,6 +57,48 @@ pub struct AlignArgs {
     /// is none, although something blue looks like a pool
     #[arg(long, value_name = "X,Y,Z:X,Y,Z:...|none", value_parser = parse_outline, allow_hyphen_values = true, help_heading = "Facts")]
     water: Vec<Outline>,
+    /// A lamp that shines down, and its luminous flux in lumens (5000); may be given several times. `path`: a row of them beside the
+    /// path of the photos. `none`: there are none
+    #[arg(long, value_name = "X,Y,Z[=LUMENS]|path|none", value_parser = parse_lamp, allow_hyphen_values = true, help_heading = "Lamps")]
+    lamp: Vec<GivenLamp>,
+    /// A window that is lit by night, by two opposite corners on its wall; may be given several times. `none`: there are none
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z|none", value_parser = parse_window, allow_hyphen_values = true, help_heading = "Lamps")]
+    window: Vec<GivenWindow>,
+}
+
+/// A lamp on the command line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum GivenLamp {
+    None,
+    Path,
+    /// Place and luminous flux, lm.
+    At(DVec3, f64),
+}
+
+fn parse_lamp(text: &str) -> Result<GivenLamp, String> {
+    match text {
+        "none" => return Ok(GivenLamp::None),
+        "path" => return Ok(GivenLamp::Path),
+        _ => {}
+    }
+    let (point, lumens) = match text.split_once('=') {
+        Some((point, lumens)) => {
+            (point, lumens.parse().map_err(|_| format!("`{lumens}` is no number of lumens"))?)
+        }
+        None => (text, Lamp::default_lumens()),
+    };
+    Ok(GivenLamp::At(spec::parse_point(point)?, lumens))
+}
+
+/// The corners of a window; `None` for none.
+type GivenWindow = Option<[DVec3; 2]>;
+
+fn parse_window(text: &str) -> Result<GivenWindow, String> {
+    if text == "none" {
+        return Ok(None);
+    }
+    let (a, b) = text.split_once(':').ok_or("give two opposite corners, X,Y,Z:X,Y,Z, or none")?;
+    Ok(Some([spec::parse_point(a)?, spec::parse_point(b)?]))
 }
 
 /// An outline; without points for none.
@@ -91,6 +136,52 @@ impl AlignArgs {
     }
 }
 
+/// Width of the beam of a lamp, degrees.
+const BEAM: f64 = 140.0;
+
+impl AlignArgs {
+    /// Returns true if lamps or windows are given.
+    fn has_lights(&self) -> bool {
+        !self.lamp.is_empty() || !self.window.is_empty()
+    }
+
+    /// Sets the lamps and windows of a scene.
+    fn light(&self, scene: &mut Scene) -> Result<()> {
+        let survey = Survey::of(scene, &Metadata::default());
+        let up = survey.up.value;
+        if !self.lamp.is_empty() {
+            let mut lamps = Vec::new();
+            for lamp in &self.lamp {
+                match *lamp {
+                    GivenLamp::None => {}
+                    GivenLamp::Path => lamps.extend(lamps_along_photos(scene, &survey)),
+                    GivenLamp::At(at, lumens) => lamps.push(Lamp {
+                        lumens,
+                        aim: Some((-up).to_array()),
+                        beam: BEAM,
+                        ..Lamp::new(at.to_array())
+                    }),
+                }
+            }
+            scene.metadata.lamps = Some(lamps);
+        }
+        if !self.window.is_empty() {
+            // Windows look to where the photos were taken, or to the middle of the scene.
+            let views = scene.views.iter().map(|view| view.camera.center());
+            let eye = match scene.views.len() {
+                0 => survey.center,
+                count => views.sum::<DVec3>() / count as f64,
+            };
+            let window = |corners: &[DVec3; 2]| {
+                LitWindow::between(*corners, up, eye)
+                    .context("--window: its corners must not be level, nor above each other")
+            };
+            scene.metadata.windows = Some(self.window.iter().flatten().map(window).collect::<Result<_>>()?);
+        }
+        Ok(())
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &AlignArgs) -> Result<()> {
     let distance = args.known_distance.map(|(a, b, metres)| GivenScale::Distance(a, b, metres));
@@ -103,7 +194,7 @@ pub fn run(args: &AlignArgs) -> Result<()> {
     };
     // Cheap checks come before reading a large file.
     let water = args.water();
-    let is_aligned = by != Alignment::default() || water.is_none();
+    let is_aligned = by != Alignment::default() || (water.is_none() && !args.has_lights());
     if is_aligned {
         by.check()?;
     }
@@ -128,9 +219,10 @@ pub fn run(args: &AlignArgs) -> Result<()> {
         .transpose()?;
     if let Some(water) = water {
         scene.metadata.water = Some(water);
-        if let Some(fault) = scene.metadata.fault() {
-            bail!("{fault}");
-        }
+    }
+    args.light(&mut scene)?;
+    if let Some(fault) = scene.metadata.fault() {
+        bail!("{fault}");
     }
     let written = match &args.out {
         None => {
@@ -149,6 +241,11 @@ pub fn run(args: &AlignArgs) -> Result<()> {
     }
     if let Some(outlines) = scene.metadata.water.as_ref().filter(|_| !args.water.is_empty()) {
         println!("  water: {}", count_of(outlines.len(), "outline"));
+    }
+    if args.has_lights() {
+        let Metadata { lamps, windows, .. } = &scene.metadata;
+        let [lamps, windows] = [lamps.as_ref().map_or(0, Vec::len), windows.as_ref().map_or(0, Vec::len)];
+        println!("  lamps: {}, {}", count_of(lamps, "lamp"), count_of(windows, "lit window"));
     }
     if let Some(out) = &args.out {
         for line in lost(&format_for(out)?.loses, &scene) {
@@ -171,6 +268,14 @@ pub fn run(args: &AlignArgs) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lamps_and_windows_are_points() {
+        assert_eq!(parse_lamp("1,-2,6"), Ok(GivenLamp::At(DVec3::new(1.0, -2.0, 6.0), 5_000.0)));
+        assert_eq!(parse_lamp("0,0,4=800"), Ok(GivenLamp::At(DVec3::new(0.0, 0.0, 4.0), 800.0)));
+        assert_eq!(parse_window("0,0,1:1,0,2"), Ok(Some([DVec3::Z, DVec3::new(1.0, 0.0, 2.0)])));
+        assert!(parse_lamp("0,0,4=bright").is_err() && parse_window("0,0,1").is_err());
+    }
 
     #[test]
     fn water_is_an_outline_or_none() {

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 use weather_magician::{PlaceOptions, Renderer};
-use wm_scene::Group;
+use wm_scene::{Group, Metadata};
 use wm_scene::formats::{SceneFormat, read_scene_and_format, write_sidecar};
 use wm_scene::health::{Bounds, FaultCounts, Health, Histogram};
 use wm_scene::survey::{Sourced, Survey, label_sky};
@@ -145,6 +145,11 @@ fn print(
     }
     if let Some(outlines) = &scene.metadata.water {
         println!("  water: {} in the metadata", count_of(outlines.len(), "outline"));
+    }
+    let Metadata { lamps, windows, .. } = &scene.metadata;
+    if let Some(lamps) = lamps {
+        let windows = windows.as_ref().map_or(0, Vec::len);
+        println!("  lamps: {}, {}", count_of(lamps.len(), "lamp"), count_of(windows, "lit window"));
     }
     println!("Opacity");
     histogram(&health.opacity, |v| format!("{v:.2}"));

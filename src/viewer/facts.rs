@@ -5,6 +5,7 @@
 
 use super::catalog::survey_words;
 use crate::choices::SkyChoice;
+use crate::scene::count_of;
 use glam::DVec3;
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -12,6 +13,7 @@ use weather_magician::{Error, Metadata, PlaceFacts, PreparedPlace, Renderer};
 use wm_scene::formats::folder::scene_file;
 use wm_scene::formats::{sidecar_path, write_sidecar};
 use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, UpSide};
+use wm_scene::{Lamp, LitWindow};
 
 /// A change that a client asks for. Points are in scene units.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -31,6 +33,20 @@ pub enum FactChange {
     },
     /// Turns up round.
     Flip {},
+    /// Puts a lamp at a point; a point of the ground gets one on a post.
+    Lamp {
+        /// The point.
+        point: DVec3,
+    },
+    /// Lights a window between two opposite corners.
+    Window {
+        /// The corners.
+        points: [DVec3; 2],
+        /// The eye that sees them, outside of the wall.
+        eye: DVec3,
+    },
+    /// Takes all lamps and lit windows away.
+    Dark {},
     /// Returns to the facts that were last saved, or that the program started with.
     Undo {},
     /// Writes the facts beside the scene.
@@ -47,7 +63,7 @@ impl FactChange {
                 Some(Alignment { scale: Some(GivenScale::Distance(a, b, metres)), ..none })
             }
             Self::Flip {} => Some(Alignment { flip: true, ..none }),
-            Self::Undo {} | Self::Save {} => None,
+            Self::Undo {} | Self::Save {} | Self::Lamp { .. } | Self::Window { .. } | Self::Dark {} => None,
         }
     }
 }
@@ -112,8 +128,20 @@ impl FactEditor {
             self.is_unsaved = true;
             return Ok(sentence(change, &aligned));
         }
+        if let Some((lamps, windows)) = lights(place, change)? {
+            let text =
+                format!("{} and {}.", count_of(lamps.len(), "lamp"), count_of(windows.len(), "lit window"));
+            renderer.set_lamps(place, lamps, windows).map_err(refused)?;
+            self.is_unsaved = true;
+            return Ok(text);
+        }
         if change == (FactChange::Undo {}) {
-            renderer.set_facts(place, self.saved.clone())?;
+            let Metadata { lamps, windows, .. } = self.saved.scene.clone();
+            let (lamps, windows) = (lamps.unwrap_or_default(), windows.unwrap_or_default());
+            renderer.set_lamps(place, lamps, windows)?;
+            if place.facts() != self.saved {
+                renderer.set_facts(place, self.saved.clone())?;
+            }
             self.is_unsaved = false;
             return Ok("The facts are those of the file again.".into());
         }
@@ -136,6 +164,45 @@ impl FactEditor {
         let name = name.file_name().unwrap_or_default().to_string_lossy();
         Ok(format!("Saved as {name}, beside the scene."))
     }
+}
+
+/// Height above the ground of a lamp that is put on the ground, m, and the height up to which a point counts as that.
+const POST: f64 = 5.0;
+const ON_GROUND: f64 = 1.5;
+/// Width of the beam of a lamp, degrees.
+const BEAM: f64 = 140.0;
+
+/// A fault that the user can mend.
+fn refused(error: Error) -> FactError {
+    FactError::Refused(error.to_string())
+}
+
+/// Returns the lamps and windows after a change; `None` if it is another change.
+fn lights(
+    place: &PreparedPlace,
+    change: FactChange,
+) -> Result<Option<(Vec<Lamp>, Vec<LitWindow>)>, FactError> {
+    let metadata = &place.scene().metadata;
+    let mut lamps = metadata.lamps.clone().unwrap_or_default();
+    let mut windows = metadata.windows.clone().unwrap_or_default();
+    let site = place.site();
+    let up = DVec3::from_array(site.up);
+    match change {
+        FactChange::Lamp { point } => {
+            let height = (up.dot(point) - site.ground) * site.metres_per_unit;
+            let rise = if height < ON_GROUND { POST } else { 0.0 };
+            let at = point + up * (rise / site.metres_per_unit);
+            lamps.push(Lamp { aim: Some((-up).to_array()), beam: BEAM, ..Lamp::new(at.to_array()) });
+        }
+        FactChange::Window { points, eye } => {
+            windows.push(LitWindow::between(points, up, eye).ok_or_else(|| {
+                FactError::Refused("the corners of a window must not be level or above each other".into())
+            })?)
+        }
+        FactChange::Dark {} => (lamps, windows) = (Vec::new(), Vec::new()),
+        _ => return Ok(None),
+    }
+    Ok(Some((lamps, windows)))
 }
 
 /// Says what a change did.

@@ -49,6 +49,7 @@ pub fn routes(context: Arc<ViewerContext>) -> Router {
         "/" => "index.html", "text/html; charset=utf-8";
         "/style.css" => "style.css", "text/css";
         "/icon.svg" => "icon.svg", "image/svg+xml";
+        "/dial.js" => "dial.js", "text/javascript";
         "/align.js" => "align.js", "text/javascript";
         "/align.css" => "align.css", "text/css";
         "/main.js" => "main.js", "text/javascript";

@@ -153,3 +153,67 @@ fn pictures_follow_the_facts_at_once() {
     assert_eq!(status, 403);
     assert!(saved_up(&scene).z > 0.9, "saved by a refused request");
 }
+
+/// A lamp on a post and a lit window, put by points, light the yard by night; saved, they are there for `render`.
+#[test]
+fn lamps_are_put_where_a_click_was() {
+    let workshop = Workshop::new();
+    let metadata = Metadata { lamps: None, ..yard_metadata(1.0) };
+    let scene = workshop.scene("yard", yard().build(), &metadata);
+    let viewer = Viewer::of(&scene, &["--port=0", CAMERA, "--simd=portable"]).loaded();
+    let change = |body: &Value| viewer.json("POST", "/facts", body);
+    let mut state = viewer.json("GET", "/state", &json!({}));
+    state["weather"] = json!({ "name": "night", "light": { "model": "night" } });
+    let brightest = |picture: &[u8]| {
+        let mut reader = png::Decoder::new(std::io::Cursor::new(picture)).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        let size = reader.next_frame(&mut bytes).unwrap().buffer_size();
+        bytes[..size].iter().copied().max().unwrap()
+    };
+    let dark = viewer.file("picture", &state);
+    let answer = change(&json!({ "action": "lamp", "point": [0.0, -3.0, 0.0] }));
+    assert_eq!(answer["text"], "1 lamp and 0 lit windows.");
+    let lit = viewer.file("picture", &state);
+    assert!(brightest(&lit) > brightest(&dark) + 40, "{} {}", brightest(&lit), brightest(&dark));
+    let corners = json!([[-0.4, 3.9, 0.6], [0.4, 3.9, 1.4]]);
+    let answer = change(&json!({ "action": "window", "points": corners, "eye": [0.5, -12.0, 3.0] }));
+    assert_eq!(answer["text"], "1 lamp and 1 lit window.");
+    change(&json!({ "action": "save" }));
+    let saved = viewer.file("picture", &state);
+    let folder = workshop.path("saved");
+    std::fs::create_dir(&folder).unwrap();
+    assert!(saved == std::fs::read(viewer.rendered(&state, &folder)).unwrap(), "not the bytes of render");
+    let read = read_scene(&scene, &ReadOptions::default()).unwrap().metadata;
+    let lamps = read.lamps.unwrap();
+    assert!((lamps[0].at[2] - 5.0).abs() < 1e-9 && read.windows.unwrap().len() == 1, "{lamps:?}");
+
+    change(&json!({ "action": "dark" }));
+    assert!(viewer.file("picture", &state) == dark, "a lamp is left");
+    change(&json!({ "action": "undo" }));
+    assert!(viewer.file("picture", &state) == saved, "undone, the lamps are others");
+    let level = json!({ "action": "window", "points": [[0, 4, 1], [1, 4, 1]], "eye": [0, 0, 1] });
+    let (status, text) = viewer.ask("POST", "/facts", &[], level.to_string().as_bytes());
+    assert!(status == 400 && String::from_utf8_lossy(&text).contains("corners of a window"));
+}
+
+/// The sun is set on its dial by keys.
+#[test]
+fn the_sun_stands_where_the_dial_says() {
+    let workshop = Workshop::new();
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    let Some(browser) = Browser::start(&workshop.path("")) else { return };
+    let viewer = Viewer::of(&scene, &["--port=0", CAMERA]).loaded();
+    browser.open(&viewer.address);
+    browser.picture();
+    let press = |key: &str| {
+        browser.script(&format!(
+            "document.querySelector('#sun-dial svg').dispatchEvent(new KeyboardEvent('keydown', {{ key: '{key}', bubbles: true }}))"
+        ))
+    };
+    press("ArrowUp");
+    press("ArrowRight");
+    browser.until("document.querySelector('#sun-dial p').textContent === '46° high, azimuth 182°'");
+    let light = || viewer.json("GET", "/state", &json!({}))["weather"]["light"].clone();
+    until("the program has the sun", || light()["sun_elevation"] == 46 && light()["model"] == "clear");
+    assert_eq!(browser.complaints(), Vec::<String>::new());
+}

@@ -1,9 +1,11 @@
 //! The lamps of a place: those that its scene states, or a row along the path of its photos.
 
 use glam::DVec3;
+use std::f64::consts::TAU;
 use wm_scene::lamps::along_path;
 use wm_scene::survey::Survey;
 use wm_scene::{Lamp, Scene};
+use wm_weather::dome::level_axes;
 use wm_weather::light::LampLights;
 use wm_weather::{LampLevels, LampSource, Site};
 
@@ -15,7 +17,7 @@ pub const ASIDE: f64 = 3.0;
 pub const HEIGHT: f64 = 6.0;
 
 /// Returns a row of lamps beside the path of a scene's photos, each shining down: [`SPACING`] apart, [`ASIDE`] to the right of it and
-/// [`HEIGHT`] above the ground. Without photos it is one lamp in the middle of the place.
+/// [`HEIGHT`] above the ground. Without photos they are one lamp in the middle of the place and six around it.
 #[must_use]
 pub fn lamps_along_photos(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
     let up = survey.up.value;
@@ -32,10 +34,20 @@ pub fn lamps_along_photos(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
             _ => survey.ground.value,
         }
     };
-    let middle = [survey.center];
-    let path = if centers.is_empty() { &middle[..] } else { &centers[..] };
     let units = [SPACING, ASIDE, HEIGHT].map(|metres| metres / survey.metres_per_unit.value);
-    along_path(path, up, ground, units)
+    if !centers.is_empty() {
+        return along_path(&centers, up, ground, units);
+    }
+    let [spacing, _, height] = units;
+    let axes = level_axes(up.to_array()).map(DVec3::from_array);
+    let around = (0..6).map(|k| {
+        let (sin, cos) = (TAU * f64::from(k) / 6.0).sin_cos();
+        (axes[0] * cos + axes[1] * sin) * spacing
+    });
+    let near = around.filter(|_| survey.radius > spacing);
+    let level = survey.center - up * (up.dot(survey.center) - survey.ground.value - height);
+    let lamp = |aside: DVec3| Lamp { aim: Some((-up).to_array()), ..Lamp::new((level + aside).to_array()) };
+    std::iter::once(DVec3::ZERO).chain(near).map(lamp).collect()
 }
 
 /// The sources of light of a place.

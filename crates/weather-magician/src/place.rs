@@ -21,7 +21,7 @@ use wm_render::{
     SetId, SetView, SkyGradient, Stats,
 };
 use wm_scene::survey::{Aligned, Alignment, FactSource, Survey, align, label_sky};
-use wm_scene::{Camera, LookAt, Metadata, Scene, Splats};
+use wm_scene::{Camera, Lamp, LitWindow, LookAt, Metadata, Scene, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::light::{CaptureLight, FrameGains, LampLights, LampShadows, LampsOn, SunShadows};
@@ -287,6 +287,19 @@ impl PreparedPlace {
         Ok(())
     }
 
+    /// Sets the lamps and lit windows; all else of the place stays as it was found.
+    pub(crate) fn set_lamps(&mut self, lamps: Vec<Lamp>, windows: Vec<LitWindow>) -> Result<()> {
+        let metadata = Metadata { lamps: Some(lamps), windows: Some(windows), ..self.scene.metadata.clone() };
+        if let Some(fault) = metadata.fault() {
+            return Err(Error::Unsupported(fault));
+        }
+        Arc::make_mut(&mut self.scene).metadata = metadata;
+        let lamps = PlaceLamps::of(&self.scene, &self.survey);
+        self.site = site_of(&self.survey, &lamps);
+        self.light.set_lamps(lamps);
+        Ok(())
+    }
+
     /// Returns an error if the splats, of which facts are found, were released.
     fn check_splats(&self) -> Result<()> {
         if self.is_released {
@@ -539,7 +552,12 @@ impl PreparedPlace {
     pub(crate) fn insert(&mut self, backend: &mut AnyRenderer, assets: Assets) -> Result<()> {
         let Assets { occluders, shelter, cover, lying, paper_cover, light, shadows, casters, lamps } = assets;
         self.store.light = light.or(self.store.light.take());
-        self.store.lamps = lamps.or(self.store.lamps.take());
+        if let Some(lamps) = lamps {
+            self.warnings.extend(lamps.enclosed().map(|[x, y, z]| {
+                format!("the lamp at {x:.2}, {y:.2}, {z:.2} stands inside of something: surfaces are all around it, and cast no shadow")
+            }));
+            self.store.lamps = Some(lamps);
+        }
         self.store.casters = casters.or(self.store.casters.take());
         if let Some(shadows) = shadows {
             self.store.add_shadows(shadows);

@@ -67,6 +67,11 @@ impl PlaceLight {
         Self { lamps, points: None, near: None, relit: None, is_told: false }
     }
 
+    /// Takes other lamps.
+    pub fn set_lamps(&mut self, lamps: PlaceLamps) {
+        (self.lamps, self.relit) = (lamps, None);
+    }
+
     /// Keeps the places of splats that are about to be released.
     pub fn keep_points(&mut self, splats: &Splats) {
         if self.points.is_none() && !splats.is_empty() {

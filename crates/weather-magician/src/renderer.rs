@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use wm_render::{AnyRenderer, CpuConfig, Device, Frame, Pictures, RenderBackend, RenderError, Stats};
 use wm_scene::survey::{Aligned, Alignment};
-use wm_scene::{Camera, Scene, Splats};
+use wm_scene::{Camera, Lamp, LitWindow, Scene, Splats};
 use wm_weather::Weather;
 use wm_weather::cover::LyingCover;
 use wm_weather::light::CaptureLight;
@@ -109,6 +109,21 @@ impl Renderer {
     pub fn set_facts(&mut self, place: &mut PreparedPlace, facts: PlaceFacts) -> Result<()> {
         check_owner(place, self.id)?;
         place.set_facts(&mut self.backend, facts)
+    }
+
+    /// Sets the lamps and lit windows of a place, instead of those that its scene states. The next frame has them; the other assets
+    /// of the place stay.
+    ///
+    /// # Errors
+    /// [`crate::Error::Unsupported`] with the first fault of a lamp or a window; the place has those of before then.
+    pub fn set_lamps(
+        &mut self,
+        place: &mut PreparedPlace,
+        lamps: Vec<Lamp>,
+        windows: Vec<LitWindow>,
+    ) -> Result<()> {
+        check_owner(place, self.id)?;
+        place.set_lamps(lamps, windows)
     }
 
     /// Returns the point of the scene (scene units) that is seen at the point `(x, y)` (px) of a camera's picture, by the median

@@ -16,6 +16,8 @@ presets! {
     "clear", "mist", "fog", "dense-fog", "ground-fog", "fog-closing-in", "haze", "smog",
     "drizzle", "moderate-rain", "heavy-rain", "violent-rain", "light-snow", "snow", "blizzard", "sleet", "hail",
     "sandstorm", "rain-to-snow", "snow-covered", "first-snow", "thaw",
+    "overcast", "sunny", "golden-hour", "broken-clouds", "night", "night-fog", "night-rain", "night-snow",
+    "thunderstorm", "sun-to-night",
 }
 
 impl Weather {
@@ -23,7 +25,7 @@ impl Weather {
     ///
     /// ```
     /// let weather = wm_weather::Weather::preset("fog")?;
-    /// assert_eq!(weather.effects().count(), 1);
+    /// assert_eq!(weather.effects().count(), 2);
     /// # Ok::<(), wm_weather::WeatherError>(())
     /// ```
     ///

@@ -1,4 +1,5 @@
-// The tool that sets how the scene stands: up and the ground from three points, the scale from two. Fetched when it is opened.
+// The tool that sets facts of the scene by clicks: up and the ground from three points, the scale from two, lamps and lit windows.
+// Fetched when it is opened.
 
 import { axes, dot, sub } from "./camera.js";
 import { $, h, short } from "./dom.js";
@@ -6,9 +7,16 @@ import { Store } from "./store.js";
 
 /** Longest way of a hand in a click, px. */
 const STEADY = 5;
-/** @typedef {"ground" | "scale"} Mode */
+/** @typedef {"ground" | "scale" | "lamp" | "window"} Mode */
 /** @type {Record<Mode, number>} */
-const POINTS = { ground: 3, scale: 2 };
+const POINTS = { ground: 3, scale: 2, lamp: 1, window: 2 };
+/** @type {Record<Mode, string>} */
+const ASK = {
+  ground: "Click three points of the ground, far apart",
+  scale: "Click two points whose distance you know",
+  lamp: "Click a lamp, or the ground where one shall stand",
+  window: "Click two opposite corners of a window",
+};
 
 /** The answer of the program; its words where it refuses. @param {string} path @param {any} body */
 async function ask(path, body) {
@@ -31,7 +39,7 @@ export class AlignTool {
     this.isBusy = false;
     this.isOpen = false;
     const mode = (/** @type {Mode} */ name, /** @type {string} */ text) => h("button", { id: `align-${name}`, onclick: () => this.begin(name) }, text);
-    this.modes = { ground: mode("ground", "Ground"), scale: mode("scale", "Scale") };
+    this.modes = { ground: mode("ground", "Ground"), scale: mode("scale", "Scale"), lamp: mode("lamp", "Lamp"), window: mode("window", "Window") };
     this.said = h("p", { id: "align-said", role: "status" });
     this.error = h("p", { id: "align-error", role: "alert", hidden: true });
     this.metres = h("input", { id: "align-metres", className: "number", inputMode: "decimal", ariaLabel: "Metres between the points", oninput: () => this.refresh(), onkeydown: (/** @type {KeyboardEvent} */ event) => event.key === "Enter" && this.setScale() });
@@ -44,6 +52,8 @@ export class AlignTool {
       h("div", { className: "row" }, h("h2", {}, "Align"), h("button", { id: "align-close", className: "icon-button", ariaLabel: "Close", title: "Close (Escape)", onclick: () => this.close() }, "×")),
       h("div", { className: "segments", role: "group", ariaLabel: "What to set" }, this.modes.ground, this.modes.scale,
         h("button", { id: "align-flip", title: "Turn the scene upside down", onclick: () => this.change({ action: "flip" }) }, "Flip")),
+      h("div", { className: "segments", role: "group", ariaLabel: "What to light by night" }, this.modes.lamp, this.modes.window,
+        h("button", { id: "align-dark", title: "Take all lamps and lit windows away", onclick: () => this.change({ action: "dark" }) }, "Dark")),
       this.said, this.length, this.error, this.facts,
       h("div", { className: "buttons" }, this.save, this.undo));
     /** @type {{x: number, y: number} | null} Where the mouse was pressed. */
@@ -105,7 +115,7 @@ export class AlignTool {
     for (const [name, button] of Object.entries(this.modes)) button.setAttribute("aria-pressed", String(name === this.mode));
     const left = POINTS[this.mode] - this.points.length;
     const more = `${left} more point${left === 1 ? "" : "s"}`;
-    const ask = this.mode === "ground" ? "Click three points of the ground, far apart" : "Click two points whose distance you know";
+    const ask = ASK[this.mode];
     if (this.isBusy) this.said.textContent = "One moment …";
     else if (this.done && this.points.length === 0) this.said.textContent = this.done;
     else if (left > 0) this.said.textContent = this.points.length === 0 ? `${ask}: ${more}.` : `${more}.`;
@@ -131,7 +141,9 @@ export class AlignTool {
       if (!point) throw new Error("There is no surface at this point, only sky. Click where something is.");
       if (mode === this.mode) this.points.push(point);
     });
-    if (this.mode === "ground" && this.points.length === POINTS.ground) await this.change({ action: "ground", points: this.points });
+    if (this.mode === "lamp" && this.points.length === POINTS.lamp) await this.change({ action: "lamp", point: this.points[0] });
+    else if (this.mode === "window" && this.points.length === POINTS.window) await this.change({ action: "window", points: this.points, eye: state.camera.eye });
+    else if (this.mode === "ground" && this.points.length === POINTS.ground) await this.change({ action: "ground", points: this.points });
     else if (this.mode === "scale" && this.points.length === POINTS.scale) this.metres.focus();
   }
 

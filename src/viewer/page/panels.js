@@ -1,5 +1,6 @@
 // The weather: presets as pictures, and a panel for each effect made from its table.
 
+import { SunDial } from "./dial.js";
 import { h, $, short, toast } from "./dom.js";
 import { Store } from "./store.js";
 import { hasKey, hexOf, keysOf, number, scaleOf, valueAt, withKey, withoutKey } from "./tracks.js";
@@ -18,6 +19,8 @@ const FIRST = {
   smog: ["mor", "scale_height", "airlight", "tint"],
   rain: ["rate", "exposure", "size"],
   snowfall: ["rate", "exposure", "size"],
+  light: ["model", "sun_elevation", "sun_azimuth", "hour", "clouds", "lamps"],
+  lightning: ["rate", "distance"],
   look: ["exposure", "contrast", "saturation", "temperature"],
 };
 
@@ -100,12 +103,14 @@ export class WeatherPanel {
     const more = rest.length > 0 ? h("details", { className: "more" }, h("summary", {}, `${rest.length} more`), ...rows(rest)) : null;
     const papers = paper.length > 0 ? h("details", { className: "more paper" }, h("summary", {}, "Fidelity paper"), ...rows(paper)) : null;
     const summary = h("span", { className: "summary quiet" });
-    const body = h("div", { className: "body" }, h("p", { className: "quiet about" }, effect.about), ...rows(params.filter(isFirst)), more, papers);
+    const dial = effect.name === "light" ? new SunDial(store) : null;
+    const body = h("div", { className: "body" }, h("p", { className: "quiet about" }, effect.about), dial?.root ?? null, ...rows(params.filter(isFirst)), more, papers);
     const box = h("details", { className: "effect", "data-effect": effect.name }, h("summary", {}, h("span", { className: "name" }, titled(effect.name)), summary, onOff), body);
     onOff.addEventListener("click", (/** @type {Event} */ event) => event.stopPropagation());
     this.refreshers.set(effect.name, () => {
       const values = store.state.weather[effect.name];
       onOff.checked = values !== undefined;
+      dial?.refresh();
       box.classList.toggle("on", values !== undefined);
       if (papers) papers.hidden = store.state.weather.fidelity !== "paper";
       const lead = params.find((param) => first[0] === param.name);

@@ -124,7 +124,16 @@ pub const EFFECT: Effect = Effect {
     slot: Slot::Light,
     params: LightParams::PARAMS,
     act: |now, site| Action::Light(LightParams::of(now.values).change(now, site)),
-    act_as_paper: None,
+    // The paper changes no light; under full clouds its sky is overcast.
+    act_as_paper: Some(|now, site| {
+        let change = LightParams::of(now.values).change(now, site);
+        if change.clouds < 1.0 {
+            return Action::Light(LightChange::CAPTURED);
+        }
+        let (zenith, horizon) = (overcast_zenith(), overcast_horizon());
+        let look = SkyAppearance::Overcast { zenith, horizon };
+        Action::Sky(Dome::new(look, None, 1.0, site.up, SkySplats::LeftOut))
+    }),
 };
 
 /// Change of exposure under full clouds: a camera that follows the light keeps some of the gloom.
@@ -198,6 +207,13 @@ pub struct LightChange {
 pub fn light_fault(weather: &WeatherSample, site: &Site) -> Option<String> {
     let (_, values) = weather.effects().find(|(effect, _)| effect.name == EFFECT.name)?;
     let params = LightParams::of(values);
+    let is_down = params.sun_elevation.is_some_and(|elevation| elevation <= LOWEST_SHADOWS);
+    if params.model == LightModel::Clear && params.cloud_shadows == Switch::On && is_down {
+        return Some(format!(
+            "light.cloud_shadows needs a sun: light.sun_elevation is {} degrees and must be above {LOWEST_SHADOWS}",
+            params.sun_elevation.unwrap_or_default()
+        ));
+    }
     let asks = params.model == LightModel::Clear && params.hour.is_some() && params.sun_elevation.is_none();
     (asks && params.latitude.is_none() && site.earth.is_none()).then(|| {
         "light.hour needs a place, and the scene does not say where it is: give light.latitude, or light.sun_elevation".into()
@@ -494,6 +510,7 @@ mod tests {
         assert!(fault("hour = 12").unwrap().contains("light.latitude"));
         assert_eq!(fault("hour = 12\nlatitude = 10"), None);
         assert_eq!(fault("sun_elevation = 12"), None);
+        assert!(fault("sun_elevation = -3\ncloud_shadows = 'on'").unwrap().contains("needs a sun"));
     }
 
     /// A white card on level ground, from noon into the night and into clouds: no step, and darker only when there is little

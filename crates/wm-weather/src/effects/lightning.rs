@@ -3,7 +3,7 @@
 //! By day little is seen of them; by night they are brighter than all else ([`crate::light::Storm`]). A frame gets the mean over
 //! its exposure. The paper has no such thing.
 
-use crate::effects::{Action, Effect, EffectRole, Need};
+use crate::effects::{Action, Effect, EffectRole, LightChange, Need};
 use crate::light::Storm;
 use crate::param::ParamValue;
 use wm_render::hooks::Slot;
@@ -35,5 +35,5 @@ pub const EFFECT: Effect = Effect {
         let LightningParams { rate, distance, exposure, seed } = LightningParams::of(now.values);
         Action::Lightning(Storm { rate, distance, seed: seed as u64 }.flash(now.time, exposure))
     },
-    act_as_paper: None,
+    act_as_paper: Some(|_, _| Action::Light(LightChange::CAPTURED)),
 };

@@ -104,10 +104,13 @@ fn overrides_act_on_top() {
     weather.set_text("smog.albedo = 0.9").unwrap();
     weather.set_text("fidelity=paper").unwrap();
     assert_eq!(fog_at(&weather, 1.0).mor, 75.0);
-    assert_eq!(weather.effects().count(), 2);
+    assert_eq!(weather.effects().count(), 3);
     weather.set_text("fog=off").unwrap();
     weather.set_text("haze=on").unwrap();
-    assert_eq!(weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>(), ["haze", "smog"]);
+    assert_eq!(
+        weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>(),
+        ["light", "haze", "smog"]
+    );
     for (text, want) in [
         ("fog.mor", "--set fog.mor: must be effect.parameter=value, as in fog.mor=120"),
         ("fog.more=1", "--set fog.more=1: fog has no `more`, did you mean `mor`?;"),

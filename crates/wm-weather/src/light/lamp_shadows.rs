@@ -20,6 +20,10 @@ const SIDE: u32 = 128;
 const COARSE_SIDE: u32 = 48;
 /// Distance from a lamp within which nothing casts shadows, m: its head and its arm.
 const OWN: f64 = 0.45;
+/// Distance from a lamp at which surfaces are looked for that enclose it, m; texels, and the share of them that do.
+const TOUCH: f64 = 0.03;
+const TOUCH_SIDE: u32 = 16;
+const ENCLOSED: f64 = 0.9;
 /// A surface this much behind what is seen is still the same surface: as a share of the distance, and m.
 const SLACK: f32 = 0.02;
 const BEHIND: f64 = 0.12;
@@ -43,6 +47,8 @@ pub struct LampShadows {
     lights: Vec<(LampLight, DepthCube)>,
     /// Irradiance of each splat, linear RGB, lx.
     lit: Vec<[f32; 3]>,
+    /// The lamps that surfaces enclose, by their place in the list.
+    enclosed: Vec<u32>,
     metres_per_unit: f32,
 }
 
@@ -66,9 +72,20 @@ impl LampShadows {
         let mut frame = Frame::default();
         let near = OWN / site.metres_per_unit;
         let up = DVec3::from_array(site.up);
-        let mut lights = Vec::new();
-        let mut grounds = Vec::new();
-        for lamp in &lamps.lights {
+        let (mut lights, mut grounds, mut enclosed) = (Vec::new(), Vec::new(), Vec::new());
+        for (index, lamp) in lamps.lights.iter().enumerate() {
+            if lamp.kind == LampKind::Ball {
+                let around = DepthCube::draw(
+                    &mut renderer,
+                    &sets,
+                    &mut frame,
+                    lamp,
+                    (TOUCH_SIDE, TOUCH / site.metres_per_unit),
+                )?;
+                if around.share_nearer(near) > ENCLOSED {
+                    enclosed.push(index as u32);
+                }
+            }
             let mut draw = |light: &LampLight, side: u32| {
                 DepthCube::draw(&mut renderer, &sets, &mut frame, light, (side, near))
             };
@@ -87,6 +104,7 @@ impl LampShadows {
             lamps: lamps.clone(),
             lights,
             lit: Vec::new(),
+            enclosed,
             metres_per_unit: site.metres_per_unit as f32,
         };
         lit.lit = map(points.len(), threads, |index| {
@@ -102,6 +120,12 @@ impl LampShadows {
     #[must_use]
     pub fn lamps(&self) -> &LampLights {
         &self.lamps
+    }
+
+    /// The lamps that surfaces less than half a metre away enclose, by their place in the list, world axes, scene units: they stand
+    /// inside of something.
+    pub fn enclosed(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.enclosed.iter().map(|index| self.lights[*index as usize].0.at)
     }
 
     /// The number of splats.
@@ -226,6 +250,12 @@ impl DepthCube {
         let last = self.side as i32 - 1;
         let at = (y.clamp(0, last) * self.side as i32 + x.clamp(0, last)) as usize;
         self.inverse[face * (self.side * self.side) as usize + at]
+    }
+
+    /// The share of its texels whose first surface is nearer than a distance along the face's axis.
+    fn share_nearer(&self, distance: f64) -> f64 {
+        let limit = (1.0 / distance) as f32;
+        self.inverse.iter().filter(|inverse| **inverse > limit).count() as f64 / self.inverse.len() as f64
     }
 
     /// The distance to the first surface in a direction, scene units; `None` where there is none.
