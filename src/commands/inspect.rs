@@ -6,10 +6,10 @@ use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 use weather_magician::{PlaceOptions, Renderer};
-use wm_scene::{Group, Metadata};
 use wm_scene::formats::{SceneFormat, read_scene_and_format, write_sidecar};
 use wm_scene::health::{Bounds, FaultCounts, Health, Histogram};
 use wm_scene::survey::{Sourced, Survey, label_sky};
+use wm_scene::{Group, Metadata};
 
 /// Options of `inspect`.
 #[derive(Args, Debug)]
