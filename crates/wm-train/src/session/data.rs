@@ -117,7 +117,8 @@ impl TrainData {
     /// Returns the number of pixels of the training photos that confirm what another one shows.
     pub fn confirmed_pixels(&self) -> u64 {
         let cameras = self.cameras();
-        let pixels: f64 = cameras.iter().map(|camera| f64::from(camera.width) * f64::from(camera.height)).sum();
+        let pixels: f64 =
+            cameras.iter().map(|camera| f64::from(camera.width) * f64::from(camera.height)).sum();
         (confirmed_share(overlap(&self.set.capture.points, &cameras)) * pixels) as u64
     }
 
