@@ -303,12 +303,11 @@ impl RateConfig {
     }
 }
 
-/// Pixels that confirm what another photo shows, for each splat, at least: more splats than that learn single photos by heart, or
-/// bring nothing.
-const PIXELS_A_SPLAT: u64 = 20;
+/// Pixels that confirm what two other photos show, for each splat, at least: more splats than that learn single photos by heart.
+const PIXELS_A_SPLAT: u64 = 15;
 
 impl Preset {
-    /// Most splats for photos of which so many pixels confirm what another photo shows; see [`crate::overlap`].
+    /// Most splats for photos of which so many pixels confirm what two others show; see [`crate::overlap`].
     #[must_use]
     pub fn max_splats_for(self, confirmed: u64) -> usize {
         let told_apart = usize::try_from(confirmed / PIXELS_A_SPLAT).unwrap_or(usize::MAX);
@@ -342,8 +341,8 @@ mod tests {
 
     #[test]
     fn few_pixels_make_few_splats() {
-        // Nine photos of 320x237, of which four fifths are confirmed.
-        assert_eq!(Preset::Quick.max_splats_for(9 * 320 * 237 * 4 / 5), 27_302);
+        // Nine photos of 320x237, of which six tenths are confirmed.
+        assert_eq!(Preset::Quick.max_splats_for(9 * 320 * 237 * 6 / 10), 27_302);
         assert_eq!(Preset::Quick.max_splats_for(100), 1000);
         assert_eq!([Preset::Quick, Preset::Best].map(|p| p.max_splats_for(u64::MAX)), [100_000, 1_000_000]);
     }

@@ -15,7 +15,7 @@ pub struct TrainPlan {
     pub preset: Preset,
     /// The number of steps; `None` keeps the preset's.
     pub steps: Option<u32>,
-    /// The largest number of splats; `None` takes the preset's, or one for every 20 pixels that confirm what another photo shows if
+    /// The largest number of splats; `None` takes the preset's, or one for every 15 pixels that confirm what two others show if
     /// that is less.
     pub max_splats: Option<usize>,
     /// The densification strategy, one of [`Densify::NAMES`].
@@ -103,7 +103,7 @@ pub enum PlanError {
 }
 
 impl TrainPlan {
-    /// Returns the configuration for photos of which `confirmed` pixels confirm what another photo shows; see
+    /// Returns the configuration for photos of which `confirmed` pixels confirm what two others show; see
     /// [`crate::overlap`].
     ///
     /// # Errors

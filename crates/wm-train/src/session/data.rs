@@ -114,7 +114,7 @@ impl TrainData {
         self.set.places.iter().map(|place| self.set.photos.camera(*place, 0)).collect()
     }
 
-    /// Returns the number of pixels of the training photos that confirm what another one shows.
+    /// Returns the number of pixels of the training photos that confirm what two others show.
     pub fn confirmed_pixels(&self) -> u64 {
         let cameras = self.cameras();
         let pixels: f64 =
