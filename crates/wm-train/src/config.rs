@@ -303,14 +303,14 @@ impl RateConfig {
     }
 }
 
-/// Pixels of photos for each splat, at least: more splats than that learn single photos by heart.
-const PIXELS_A_SPLAT: u64 = 60;
+/// Pixels that confirm what two other photos show, for each splat, at least: more splats than that learn single photos by heart.
+const PIXELS_A_SPLAT: u64 = 15;
 
 impl Preset {
-    /// Most splats for photos of `pixels` in all.
+    /// Most splats for photos of which so many pixels confirm what two others show; see [`crate::overlap`].
     #[must_use]
-    pub fn max_splats_for(self, pixels: u64) -> usize {
-        let told_apart = usize::try_from(pixels / PIXELS_A_SPLAT).unwrap_or(usize::MAX);
+    pub fn max_splats_for(self, confirmed: u64) -> usize {
+        let told_apart = usize::try_from(confirmed / PIXELS_A_SPLAT).unwrap_or(usize::MAX);
         self.max_splats().min(told_apart.max(1000))
     }
 
@@ -341,8 +341,8 @@ mod tests {
 
     #[test]
     fn few_pixels_make_few_splats() {
-        // Nine photos of 600x444.
-        assert_eq!(Preset::Quick.max_splats_for(9 * 600 * 444), 39_960);
+        // Nine photos of 320x237, of which six tenths are confirmed.
+        assert_eq!(Preset::Quick.max_splats_for(9 * 320 * 237 * 6 / 10), 27_302);
         assert_eq!(Preset::Quick.max_splats_for(100), 1000);
         assert_eq!([Preset::Quick, Preset::Best].map(|p| p.max_splats_for(u64::MAX)), [100_000, 1_000_000]);
     }

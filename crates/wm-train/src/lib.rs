@@ -25,7 +25,7 @@
 //!     loss: vec![("depth".into(), 0.1)],
 //!     ..TrainPlan::default()
 //! };
-//! let config = plan.config(24 * 1600 * 1200)?; // 24 photos
+//! let config = plan.config(24 * 1600 * 1200)?; // 24 photos, nearly all of it shown by several
 //! assert_eq!(config.densify.strategy().max_splats(), Some(100_000));
 //! assert_eq!(config.loss.geometry.depth, 0.1);
 //! # Ok::<(), wm_train::plan::PlanError>(())
@@ -37,7 +37,7 @@
 //! - [`maps`]: depth, normals and masks of photos in files; [`priors`]: what is known of these before a training.
 //! - [`haze`]: haze in which photos were taken, measured and taken out.
 //! - [`start`]: the first splats; [`trainer`]: steps, made of [`losses`], [`densify`], [`schedule`] and [`exposure`].
-//! - [`movers`]: what is in one photo and not in the others.
+//! - [`movers`]: what is in one photo and not in the others; [`overlap`]: how many photos show a surface.
 //! - [`config`], [`plan`], [`check`]: the configuration; [`checkpoint`]: a training on disk.
 //! - [`evaluation`], [`metrics`]: scores against photos and ground truth.
 
@@ -59,6 +59,7 @@ pub mod losses;
 pub mod maps;
 pub mod metrics;
 pub mod movers;
+pub mod overlap;
 mod photo_warp;
 pub mod photos;
 mod pieces;

@@ -15,8 +15,8 @@ pub struct TrainPlan {
     pub preset: Preset,
     /// The number of steps; `None` keeps the preset's.
     pub steps: Option<u32>,
-    /// The largest number of splats; `None` takes the preset's, or one for every 60 pixels of all photos if that is
-    /// less.
+    /// The largest number of splats; `None` takes the preset's, or one for every 15 pixels that confirm what two others show if
+    /// that is less.
     pub max_splats: Option<usize>,
     /// The densification strategy, one of [`Densify::NAMES`].
     pub densify: String,
@@ -103,16 +103,17 @@ pub enum PlanError {
 }
 
 impl TrainPlan {
-    /// Returns the configuration for photos with `pixels` pixels in all.
+    /// Returns the configuration for photos of which `confirmed` pixels confirm what two others show; see
+    /// [`crate::overlap`].
     ///
     /// # Errors
     /// [`PlanError`] names what is unknown or out of range.
-    pub fn config(&self, pixels: u64) -> Result<TrainConfig, PlanError> {
+    pub fn config(&self, confirmed: u64) -> Result<TrainConfig, PlanError> {
         let mut config = TrainConfig::preset(self.preset);
         if let Some(steps) = self.steps {
             config.set_steps(steps);
         }
-        let most = self.max_splats.unwrap_or_else(|| self.preset.max_splats_for(pixels));
+        let most = self.max_splats.unwrap_or_else(|| self.preset.max_splats_for(confirmed));
         let strategy = Densify::named(&self.densify, config.steps, most);
         config.densify = strategy.ok_or_else(|| PlanError::Strategy { name: self.densify.clone() })?;
         config.sh_degree = self.sh_degree;

@@ -91,7 +91,7 @@ struct TrainingArgs {
     /// Number of steps, each with one photo [default: the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Training")]
     steps: Option<u32>,
-    /// Maximum number of splats [default: 50,000, 100,000, 300,000 or 1,000,000 by preset, at most one per 60 pixels of all photos]
+    /// Maximum number of splats [default: 50,000, 100,000, 300,000 or 1,000,000 by preset, at most one per 15 pixels that confirm what two others show]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=20_000_000), help_heading = "Training")]
     max_splats: Option<u32>,
     /// Densification strategy: mcmc (a fixed budget), adaptive (as first published) or fixed (no splats are added)

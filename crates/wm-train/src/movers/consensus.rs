@@ -8,7 +8,7 @@ use wm_scene::Camera;
 /// Most other photos that each is compared with.
 const MOST_OTHERS: usize = 12;
 /// Fewest that must see the surface.
-const FEWEST: usize = 3;
+const FEWEST: usize = 2;
 /// For each that sees the surface, most that see through it.
 const THROUGH: usize = 2;
 /// Largest relative difference of the inverse depths of one surface: filled depth is no better.
@@ -39,7 +39,7 @@ pub enum PixelVerdict {
     Agrees,
     /// The others show what the photo shows.
     Still,
-    /// They show something else: by so much.
+    /// They show something else: the photo is brighter by so much, or darker where it is below 0.
     Differs(f32),
 }
 
@@ -82,6 +82,8 @@ struct Opinion {
     /// Median difference beyond texture, and spread of the others.
     off: f32,
     spread: f32,
+    /// The sum of the differences, below 0 where the photo is darker.
+    signed: f32,
 }
 
 /// Judges the pixels of photos.
@@ -128,10 +130,10 @@ impl<'a> Judge<'a> {
                 best = opinion;
             }
         }
-        let Opinion { seen, off, spread, .. } = best;
+        let Opinion { seen, off, spread, signed, .. } = best;
         match off - SPREAD * spread {
             _ if seen < FEWEST => PixelVerdict::Unknown,
-            beyond if beyond > AGREES => PixelVerdict::Differs(beyond),
+            beyond if beyond > AGREES => PixelVerdict::Differs(beyond.copysign(signed)),
             _ if off <= SURELY_AGREES[0] && spread <= SURELY_AGREES[1] => PixelVerdict::Still,
             _ => PixelVerdict::Agrees,
         }
@@ -173,6 +175,7 @@ impl<'a> Judge<'a> {
             let [low, high] = scale.range[place];
             let off = |c: usize| (low[c] - color[c]).max(color[c] - high[c]).max(0.0);
             offs[opinion.seen] = off(0).max(off(1)).max(off(2));
+            opinion.signed += (0..3).map(|c| if color[c] > high[c] { off(c) } else { -off(c) }).sum::<f32>();
             colors[opinion.seen] = scale.mean[place];
             opinion.seen += 1;
         }

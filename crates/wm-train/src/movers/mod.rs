@@ -4,7 +4,8 @@
 //! disagreement. Stereo knows the depth of what stands still: what moves finds no partner in other photos. Its depth, filled
 //! in over the gaps, is therefore the scene behind the movers. By it each pixel of a photo is carried over into the others, and where
 //! several of these see the same surface and agree on its colour, but the photo does not, the photo shows something else. A
-//! pixel near which stereo found partners stands still, whatever its colour.
+//! pixel near which stereo found partners of its colour stands still. What differs here in one direction and beside it in the other is texture
+//! that is out of place.
 //!
 //! - [`view`]: photos at the size of the search, with the filled depth and what misregistration may do to colours.
 //! - [`consensus`]: the verdict on each pixel.
@@ -39,7 +40,7 @@ const LEAST_KNOWN: f32 = 0.4;
 /// Least share of the pixels about which photos agree, for masks to be believed.
 const LEAST_JUDGED: f64 = 0.25;
 /// Shares of the pixels up to which masks are as likely errors, and from which they cannot be true.
-const LEAST: f64 = 0.005;
+const LEAST: f64 = 0.0075;
 const MOST: f64 = 0.4;
 
 /// The pixels of a photo that show movers.

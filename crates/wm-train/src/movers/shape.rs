@@ -7,8 +7,10 @@ use crate::pieces::{beside, pieces};
 /// Difference of colour that is no error.
 const STRONG: f32 = 0.12;
 /// Least pixels of a mover that differ, as a share of the photo, and of those the share that differs strongly.
-const LEAST_AREA: f64 = 0.0015;
+const LEAST_AREA: f64 = 0.003;
 const LEAST_STRONG: f64 = 0.2;
+/// Radius of the square about a pixel in which differences have one direction, px, and the share of them that has.
+const ONE_WAY: (usize, f32) = (2, 0.8);
 /// Pixels in the square about one that must be set with it, before and after it grows.
 const SUPPORT: [usize; 2] = [5, 4];
 /// Radius of the gaps that are closed, px.
@@ -27,9 +29,8 @@ const RIM: usize = 1;
 #[must_use]
 pub fn mask(verdicts: &[PixelVerdict], view: &MoverView) -> Vec<bool> {
     let (width, height) = view.size();
-    let differs = |verdict: &PixelVerdict| matches!(verdict, PixelVerdict::Differs(_));
-    let weak: Vec<bool> = verdicts.iter().map(differs).collect();
-    let strong = |pixel: usize| matches!(verdicts[pixel], PixelVerdict::Differs(off) if off >= STRONG);
+    let weak = one_way(verdicts, width);
+    let strong = |pixel: usize| matches!(verdicts[pixel], PixelVerdict::Differs(off) if off.abs() >= STRONG);
     // Gaps close before pieces are counted, or texture would tear a mover into crumbs.
     let mut moves = closed(&supported(&weak, width, SUPPORT[0]), width);
     let least = LEAST_AREA * (width * height) as f64;
@@ -47,6 +48,28 @@ pub fn mask(verdicts: &[PixelVerdict], view: &MoverView) -> Vec<bool> {
     let mut moves = closed(&supported(&moves, width, SUPPORT[1]), width);
     fill_holes(&mut moves, width);
     dilated(&moves, width, RIM)
+}
+
+/// The pixels that differ, and about which most do in one direction: misplaced texture is brighter here and darker there.
+fn one_way(verdicts: &[PixelVerdict], width: usize) -> Vec<bool> {
+    let (radius, least) = ONE_WAY;
+    let height = verdicts.len() / width;
+    let near = |at: usize, count: usize| at.saturating_sub(radius)..(at + radius + 1).min(count);
+    let off = |pixel: usize| match verdicts[pixel] {
+        PixelVerdict::Differs(off) => off,
+        _ => 0.0,
+    };
+    let differs = |pixel: usize| {
+        let (mut sum, mut all) = (0.0f32, 0.0f32);
+        for y in near(pixel / width, height) {
+            for x in near(pixel % width, width) {
+                let off = off(y * width + x);
+                (sum, all) = (sum + off, all + off.abs());
+            }
+        }
+        off(pixel) != 0.0 && sum.abs() >= least * all
+    };
+    (0..verdicts.len()).map(differs).collect()
 }
 
 /// Grows movers over pixels of their colour about which nothing is known: others rarely see the ground below a car.

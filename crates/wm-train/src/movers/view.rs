@@ -9,6 +9,8 @@ pub const SCALES: usize = 4;
 const BESIDE: usize = 4;
 /// Radius of that in which there must be none for a mover to reach a pixel by its colour alone.
 const AROUND: usize = 6;
+/// Largest difference of the colours of one surface: the background beside a leg says nothing about the leg.
+const SAME: f32 = 0.2;
 /// Share of the pixels about one that stereo must know for its own depth to be believed: strays do not count.
 const DENSE: f32 = 0.04;
 
@@ -35,7 +37,7 @@ pub struct MoverView {
     pub camera: Camera,
     /// Inverse view z of the scene, 1 / scene unit; 0 in the sky, NaN outside of what is known.
     pub disparity: Vec<f32>,
-    /// Share of the pixels beside each that stereo found in other photos.
+    /// Share of the pixels beside each that stereo found in other photos and that have its colour.
     pub matched: Vec<f32>,
     /// The same farther around.
     pub around: Vec<f32>,
@@ -64,11 +66,12 @@ impl MoverView {
             scales.push(next);
         }
         let matches: Vec<bool> = stereo.iter().map(|disparity| *disparity > 0.0).collect();
-        let (mut matched, mut around) = (shares(&matches, width, BESIDE), shares(&matches, width, AROUND));
+        let alike = |radius: usize| shares_alike(&matches, &scales[0].mean, width, radius);
+        let (mut matched, mut around) = (alike(BESIDE), alike(AROUND));
+        let dense = shares(&matches, width, BESIDE);
         let known = matches.iter().filter(|known| **known).count() as f32 / matches.len() as f32;
         let is_stray = |(disparity, matched): (&f32, &f32)| *disparity > 0.0 && *matched < DENSE;
-        let believed =
-            stereo.iter().zip(&matched).map(|pair| if is_stray(pair) { f32::NAN } else { *pair.0 });
+        let believed = stereo.iter().zip(&dense).map(|pair| if is_stray(pair) { f32::NAN } else { *pair.0 });
         let disparity = filled(&believed.collect::<Vec<f32>>(), width);
         // Clouds and the glow of the sky differ between photos, and nothing is behind them.
         for pixel in (0..stereo.len()).filter(|pixel| stereo[*pixel] == 0.0) {
@@ -146,6 +149,22 @@ fn smoothed(colors: &[[f32; 3]], width: usize) -> Vec<[f32; 3]> {
         mean(rows[before], rows[pixel], rows[after])
     };
     (0..colors.len()).map(down).collect()
+}
+
+/// The share of the pixels in the square of `radius` about each that are set and have its colour.
+fn shares_alike(of: &[bool], colors: &[[f32; 3]], width: usize, radius: usize) -> Vec<f32> {
+    let height = of.len() / width;
+    let near = |at: usize, count: usize| at.saturating_sub(radius)..(at + radius + 1).min(count);
+    let share = |pixel: usize| {
+        let (columns, rows) = (near(pixel % width, width), near(pixel / width, height));
+        let area = columns.len() * rows.len();
+        let own = colors[pixel];
+        let is_alike =
+            |other: &usize| of[*other] && (0..3).all(|c| (colors[*other][c] - own[c]).abs() <= SAME);
+        let in_row = |y: usize| (y * width + columns.start..y * width + columns.end).filter(is_alike).count();
+        rows.map(in_row).sum::<usize>() as f32 / area as f32
+    };
+    (0..of.len()).map(share).collect()
 }
 
 /// One scale of inverse depths that are being filled: each with its weight, 0 or 1 where it is not known or known.

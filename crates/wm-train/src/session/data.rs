@@ -9,6 +9,7 @@ use crate::checkpoint::Taught;
 use crate::colmap::{self, ColmapOptions, Matching};
 use crate::dataset::{Dataset, DatasetReadOptions, misplaced, orientation};
 use crate::movers::{MoverMask, sheet};
+use crate::overlap::{confirmed_share, overlap};
 use crate::photos::{Check, Photo};
 use crate::poor_photos::{self, PhotoDefect, PoorPhotoMode, poor_photos};
 use crate::video;
@@ -113,9 +114,12 @@ impl TrainData {
         self.set.places.iter().map(|place| self.set.photos.camera(*place, 0)).collect()
     }
 
-    /// Returns the number of pixels of all training photos.
-    pub fn pixels(&self) -> u64 {
-        self.cameras().iter().map(|camera| u64::from(camera.width) * u64::from(camera.height)).sum()
+    /// Returns the number of pixels of the training photos that confirm what two others show.
+    pub fn confirmed_pixels(&self) -> u64 {
+        let cameras = self.cameras();
+        let pixels: f64 =
+            cameras.iter().map(|camera| f64::from(camera.width) * f64::from(camera.height)).sum();
+        (confirmed_share(overlap(&self.set.capture.points, &cameras)) * pixels) as u64
     }
 
     /// Returns the brightness of the training photos beside each other; `None` if they share too few points.

@@ -277,7 +277,7 @@ impl Session {
         data.write_poor(&folder)?;
         let config = match options.config.clone() {
             Some(config) => config,
-            None => options.plan.config(data.pixels())?,
+            None => options.plan.config(data.confirmed_pixels())?,
         };
         if !folder.resumes() {
             // A folder that cannot be written should be found before the photos are compared.
