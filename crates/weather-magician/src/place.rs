@@ -130,8 +130,8 @@ pub struct PreparedPlace {
     /// True once the splats in the computer's memory are freed.
     is_released: bool,
     warnings: Vec<String>,
-    /// A doubt about up that is told when a weather first stands on it.
-    doubt: Option<String>,
+    /// Doubts about facts that are told when a weather first stands on them.
+    doubts: Vec<String>,
 }
 
 /// The snow or dust that the renderer holds.
@@ -186,6 +186,11 @@ pub(crate) fn with_cover<'a>(
     [scene].into_iter().chain(lying).collect()
 }
 
+/// The doubts about the facts that what falls and what lies stand on.
+fn doubts(survey: &Survey) -> Vec<String> {
+    survey.up_warning().into_iter().chain(survey.likely_facts()).collect()
+}
+
 impl PreparedPlace {
     /// Labels the sky, surveys the scene and loads its splats.
     pub(crate) fn load(
@@ -214,7 +219,7 @@ impl PreparedPlace {
             light: PlaceLight::new(lamps),
             is_released: false,
             warnings: survey.warning().into_iter().collect(),
-            doubt: survey.up_warning(),
+            doubts: doubts(&survey),
             survey,
         };
         place.config = RenderConfig {
@@ -318,7 +323,7 @@ impl PreparedPlace {
         let lamps = PlaceLamps::of(&self.scene, &survey);
         self.site = site_of(&survey, &lamps);
         self.light = PlaceLight::new(lamps);
-        self.doubt = survey.up_warning();
+        self.doubts = doubts(&survey);
         self.survey = survey;
         if !has_own_background {
             self.config.background = self.background();
@@ -609,7 +614,7 @@ impl PreparedPlace {
         if missing.is_empty() {
             return Ok(());
         }
-        self.warnings.extend(self.doubt.take());
+        self.warnings.append(&mut self.doubts);
         let source = self.asset_source(backend, &mut missing)?;
         let assets = missing.make(source, progress)?;
         self.insert(backend, assets)

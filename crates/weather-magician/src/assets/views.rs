@@ -3,7 +3,9 @@
 use crate::Result;
 use glam::DVec3;
 use wm_render::hooks::{Attribute, AttributeBlock, SplatAttributes};
-use wm_render::{DrawPass, Frame, MedianDepth, Outputs, RenderBackend, RenderConfig, SetId, SetView};
+use wm_render::{
+    AnyRenderer, DrawPass, Frame, MedianDepth, Outputs, RenderBackend, RenderConfig, SetId, SetView,
+};
 use wm_scene::survey::{FactSource, Survey};
 use wm_scene::{Camera, Group, Scene};
 use wm_weather::fused_surfaces::{FloorPlane, PhotoView};
@@ -44,7 +46,7 @@ impl SplatAttributes for WithoutSky<'_> {
 
 /// Renders what some of the photos' cameras see of a scene, which the renderer holds as `set`.
 pub(crate) fn photo_views(
-    renderer: &mut dyn RenderBackend,
+    renderer: &mut AnyRenderer,
     set: SetId,
     scene: &Scene,
     survey: &Survey,
@@ -67,8 +69,7 @@ pub(crate) fn photo_views(
         seen.push(PhotoView::new(camera, frame.median_depth.clone(), frame.rgb.clone()));
     }
     let floors = floors(scene, survey, &seen);
-    seen.iter_mut().for_each(|view| view.stop_at(&floors));
-    Ok(seen)
+    Ok(PhotoView::stopped_at(&seen, &floors, renderer.threads()))
 }
 
 /// The ground that the photos' cameras were carried over, where it is known or missed.

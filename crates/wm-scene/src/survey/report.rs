@@ -56,6 +56,23 @@ impl Survey {
         })
     }
 
+    /// A line that names the facts that weather stands on and that are likely, not sure: such a fact may be some degrees, or a
+    /// sixth of a length, off.
+    #[must_use]
+    pub fn likely_facts(&self) -> Option<String> {
+        let is_likely = |confidence: Confidence| confidence == Confidence::Likely;
+        let facts = [
+            (self.up.confidence, "up"),
+            (self.ground.confidence, "the height of the ground"),
+            (self.metres_per_unit.confidence, "the scale"),
+        ];
+        let names: Vec<&str> =
+            facts.into_iter().filter(|(known, _)| is_likely(*known)).map(|(_, name)| name).collect();
+        (!names.is_empty()).then(|| {
+            format!("likely, but not sure: {}; `inspect` says why, `align` sets them", names.join(", "))
+        })
+    }
+
     /// A warning if nothing states the scale.
     #[must_use]
     pub fn warning(&self) -> Option<String> {

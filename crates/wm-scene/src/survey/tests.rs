@@ -354,6 +354,48 @@ fn scales_from_a_known_distance() {
     assert!(known_distance(DVec3::ZERO, DVec3::X * 1e-320, 1.0).is_err());
 }
 
+#[test]
+fn facts_that_are_only_likely_are_named() {
+    let mut found = survey(street(7).build());
+    found.up.confidence = Confidence::Likely;
+    found.ground.confidence = Confidence::Likely;
+    found.metres_per_unit.confidence = Confidence::Sure;
+    let line = found.likely_facts().unwrap();
+    assert!(line.contains("up, the height of the ground;") && !line.contains("scale"), "{line}");
+    found.ground.confidence = Confidence::Sure;
+    found.metres_per_unit.confidence = Confidence::Likely;
+    assert!(found.likely_facts().unwrap().contains("up, the scale"));
+    // A guess has a warning of its own.
+    found.up.confidence = Confidence::Guess;
+    assert!(found.up_warning().is_some() && !found.likely_facts().unwrap().contains("up"));
+    found.metres_per_unit.confidence = Confidence::Sure;
+    assert_eq!(found.likely_facts(), None);
+}
+
+#[test]
+fn an_object_without_ground_has_no_more_than_a_guess_of_up() {
+    // A ball of surface looks everywhere alike; stretched, one direction leads clearly.
+    for stretch in [1.0, 0.3] {
+        let mut splats = Splats::with_capacity(0, 0);
+        for i in 0..4000_u64 {
+            let z = 1.0 - (2.0 * i as f64 + 1.0) / 4000.0;
+            let (sin, cos) = (i as f64 * 2.399_963).sin_cos();
+            let normal = DVec3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z);
+            let turn = DQuat::from_rotation_arc(DVec3::Z, normal);
+            splats.push(&crate::splats::Splat {
+                mean: (normal * DVec3::new(1.0, 1.0, stretch)).to_array().map(|v| v as f32),
+                quat: [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32),
+                log_scale: [-3.2, -3.2, -6.0],
+                logit_opacity: 3.0,
+                rgb: [0.5; 3],
+                group: Group::Scene,
+            });
+        }
+        let found = survey(splats);
+        assert_eq!(found.up.confidence, Confidence::Guess, "{stretch}: {:?}", found.up);
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]

@@ -118,8 +118,10 @@ pub fn estimate(
     let up = snapped(levelled(refined(sample, &rated, first, 0.97), &cameras, &habits));
     let agree = habits.iter().any(|habit| habit.up.dot(up) > AGREE);
     let apart = halves_apart(sample, first);
-    // Cameras that say something else are a doubt, however clear the splats are.
+    // Cameras that say something else are a doubt, however clear the splats are; and where there is no ground, nor sky
+    // nor cameras, the rest is noise.
     let confidence = match lead {
+        _ if is_object => Confidence::Guess,
         _ if lead < LIKELY || !(agree || habits.is_empty()) => Confidence::Guess,
         _ if lead < SURE || apart > HALVES || habits.len() > 1 => Confidence::Likely,
         _ => Confidence::Sure,

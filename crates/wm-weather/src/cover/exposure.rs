@@ -14,7 +14,7 @@
 use super::ground::{GroundGrid, STEEP};
 use crate::dome::{from_level, level_axes, to_level};
 use crate::optics::Site;
-use crate::shelter::{Occluders, Shelter};
+use crate::shelter::{FloaterRule, Floaters, Occluders, Shelter, ShelterOptions};
 use crate::threads::map;
 
 /// Spread of flakes about their mean direction, as a slope: in still air, and for each 1 of slope by wind.
@@ -47,40 +47,61 @@ pub struct Airflow {
     pub moved: f64,
 }
 
+/// The directions in which flakes fall, world axes: on the innermost ground, or on one about it.
+fn falls(site: &Site, airflow: &Airflow, is_outer: bool) -> Vec<[f64; 3]> {
+    let axes = level_axes(site.up);
+    let [a, b] = airflow.slope;
+    let count = CIRCLE[usize::from(is_outer)];
+    // Of equal variance as a normal spread.
+    let reach = (SPREAD[0] + SPREAD[1] * a.hypot(b)) * (2.0 * (count + 1) as f64 / count as f64).sqrt();
+    let circle = (0..count).map(|k| {
+        let (sin, cos) = (std::f64::consts::TAU * (k as f64 + 0.5) / count as f64).sin_cos();
+        [a + reach * cos, b + reach * sin]
+    });
+    circle.chain([[a, b]]).map(|way| from_level(&axes, [way[0], way[1], -1.0])).collect()
+}
+
+/// The maps of the directions in which flakes fall on each ground, from the inside out, by `occluders` with the options of
+/// each and by what floats over it.
+pub(super) fn maps(
+    occluders: &Occluders,
+    rings: &[(ShelterOptions, Floaters)],
+    site: &Site,
+    airflow: &Airflow,
+    threads: usize,
+) -> Vec<Vec<Shelter>> {
+    let mut standing: Vec<Occluders> = Vec::new();
+    for (options, floaters) in rings {
+        let options = ShelterOptions { floaters: FloaterRule::Stop, ..*options };
+        // The mean over directions is soft: far off its edges need no narrow cells, and no narrow occluders.
+        let next = match standing.last() {
+            None => occluders.without(floaters).mapped(&options),
+            Some(inner) => inner.without(floaters).mapped(&options).softened(COARSER),
+        };
+        standing.push(next);
+    }
+    let ways = |ring: usize| falls(site, airflow, ring > 0);
+    let jobs: Vec<(usize, [f64; 3])> =
+        (0..rings.len()).flat_map(|ring| ways(ring).into_iter().map(move |fall| (ring, fall))).collect();
+    // Side by side, since parts of each are serial.
+    let own_threads = Some(threads.div_ceil(jobs.len()));
+    let made = map(jobs.len(), threads, |job| standing[jobs[job].0].shelter(jobs[job].1, own_threads));
+    let mut made = made.into_iter();
+    (0..rings.len()).map(|ring| made.by_ref().take(ways(ring).len()).collect()).collect()
+}
+
 impl GroundGrid {
-    pub(super) fn find_shares(
-        &mut self,
-        occluders: &Occluders,
-        site: &Site,
-        airflow: &Airflow,
-        is_outer: bool,
-        threads: usize,
-    ) {
-        let (axes, nodes) = (level_axes(site.up), self.len());
+    /// Finds the share of the fall that each node gets, by the maps of the directions in which flakes fall.
+    pub(super) fn find_shares(&mut self, maps: &[Shelter], site: &Site, airflow: &Airflow, threads: usize) {
+        let nodes = self.len();
         let grid = self.places.axes();
-        let [a, b] = airflow.slope;
-        let count = CIRCLE[usize::from(is_outer)];
-        // Of equal variance as a normal spread.
-        let reach = (SPREAD[0] + SPREAD[1] * a.hypot(b)) * (2.0 * (count + 1) as f64 / count as f64).sqrt();
-        let circle = (0..count).map(|k| {
-            let (sin, cos) = (std::f64::consts::TAU * (k as f64 + 0.5) / count as f64).sin_cos();
-            [a + reach * cos, b + reach * sin]
-        });
-        let falls: Vec<[f64; 3]> =
-            circle.chain([[a, b]]).map(|way| from_level(&axes, [way[0], way[1], -1.0])).collect();
         let points: Vec<[f32; 3]> = map(nodes, threads, |node| {
             let place = self.place(node).map(|v| v as f64 + 0.5);
             self.places.point(place, f64::from(self.height[node]) + ABOVE).map(|v| v as f32)
         });
-        // The mean over directions is soft: far off its edges need no narrow cells.
-        let coarser = is_outer.then(|| occluders.coarser(COARSER));
-        let occluders = coarser.as_ref().unwrap_or(occluders);
-        // Maps side by side, since parts of each are serial.
-        let own_threads = Some(threads.div_ceil(falls.len()));
-        let maps: Vec<(Shelter, [f32; 3])> = map(falls.len(), threads, |way| {
-            (occluders.shelter(falls[way], own_threads), to_level(&grid, falls[way]).map(|v| v as f32))
-        });
-        let each = 1.0 / falls.len() as f32;
+        let maps: Vec<(&Shelter, [f32; 3])> =
+            maps.iter().map(|map| (map, to_level(&grid, map.fall()).map(|v| v as f32))).collect();
+        let each = 1.0 / maps.len() as f32;
         let reached = map(nodes, threads, |node| {
             let (mut open, mut share) = (0.0, 0.0);
             for (shelter, wind) in &maps {
@@ -98,6 +119,7 @@ impl GroundGrid {
             self.lose(node, self.share[node] - stays);
             self.share[node] = stays;
         }
+        let (axes, [a, b]) = (level_axes(site.up), airflow.slope);
         let along = to_level(&grid, from_level(&axes, [a, b, 0.0]));
         if airflow.moved > 0.0 && a.hypot(b) > 1e-6 {
             self.blow([along[0], along[1]].map(|v| v as f32), airflow.moved as f32);

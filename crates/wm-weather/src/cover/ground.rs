@@ -8,7 +8,7 @@
 use super::exposure::Airflow;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::Site;
-use crate::shelter::{HeightLayers, Occluders};
+use crate::shelter::{Floaters, HeightLayers, Occluders, Shelter};
 use crate::threads::map;
 use serde::{Deserialize, Serialize};
 use wm_scene::{Group, Splats};
@@ -58,6 +58,8 @@ const OWN: f32 = 0.12;
 const OWN_CELLS: f32 = 0.3;
 /// The four ways from a cell.
 pub(super) const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
+/// Splats that one thread takes at once.
+const CHUNK: usize = 1 << 12;
 /// No node.
 const NONE: u32 = u32::MAX;
 
@@ -103,17 +105,15 @@ pub struct GroundGrid {
 }
 
 impl GroundGrid {
-    /// Of a scene in a fall that the air carries. What lies on an `inner` ground is that one's.
-    #[must_use]
-    pub fn of(
+    /// The surfaces of a scene, without what reaches them. What lies on an `inner` ground is that one's.
+    /// Returns what floats over it too.
+    pub(super) fn of(
         scan: &FusedSurfaces<'_>,
         occluders: &Occluders,
-        site: &Site,
-        airflow: &Airflow,
         inner: Option<&Self>,
         threads: usize,
-    ) -> Self {
-        let places = occluders.layers(LAYERS, GAP, GAP_CELLS, Some(threads));
+    ) -> (Self, Floaters) {
+        let (places, floaters) = occluders.layers(LAYERS, GAP, GAP_CELLS, Some(threads));
         let edge = EDGE.max(EDGE_CELLS * places.cell() as f32);
         let size = places.size();
         let (mut start, mut cells, mut height, mut of) = (vec![0], Vec::new(), Vec::new(), Vec::new());
@@ -168,12 +168,23 @@ impl GroundGrid {
             });
         }
         ground.is_plain = map(nodes, threads, |node| ground.lies_in_a_plain(node));
-        ground.find_shares(occluders, site, airflow, inner.is_some(), threads);
-        ground.next = map(nodes, threads, |node| {
-            std::array::from_fn(|way| number(ground.beside(node)[way].or_else(|| ground.below(node, way))))
+        (ground, floaters)
+    }
+
+    /// Finds what falls on each node, and what becomes of it by the wind, by slopes and in the shade.
+    pub(super) fn expose(
+        &mut self,
+        scan: &FusedSurfaces<'_>,
+        maps: &[Shelter],
+        site: &Site,
+        airflow: &Airflow,
+        threads: usize,
+    ) {
+        self.find_shares(maps, site, airflow, threads);
+        self.next = map(self.len(), threads, |node| {
+            std::array::from_fn(|way| number(self.beside(node)[way].or_else(|| self.below(node, way))))
         });
-        ground.find_shades(&scan.splats, threads);
-        ground
+        self.find_shades(&scan.splats, threads);
     }
 
     /// Lets nothing lie on nodes at such places (world, scene units): it is shed.
@@ -341,20 +352,35 @@ impl GroundGrid {
         near[count / 2]
     }
 
-    /// Calls `work` with each splat of the scene that is on a node's surface.
-    pub(super) fn each_splat(&self, splats: &Splats, mut work: impl FnMut(usize, usize)) {
+    /// The mean of a value over the splats of the scene that are on each node's surface, by their opacity, as its sum and
+    /// the sum of the opacities.
+    pub(super) fn sums_of_splats(
+        &self,
+        splats: &Splats,
+        value: impl Fn(usize) -> f32 + Sync,
+        threads: usize,
+    ) -> Vec<[f32; 2]> {
         let own = OWN.max(OWN_CELLS * self.cell);
-        for index in 0..splats.len() {
+        let of = |index: usize| {
             if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
-                continue;
+                return None;
             }
             let (place, height) = self.places.locate(splats.means[index].map(f64::from));
-            let Some(cell) = self.places.cell_at(place) else { continue };
+            let cell = self.places.cell_at(place)?;
             let near = |node: &usize| (self.height[*node] - height as f32).abs() < own;
-            if let Some(node) = self.nodes_of(cell).find(near) {
-                work(node, index);
-            }
+            let node = self.nodes_of(cell).find(near)?;
+            let weight = splats.opacity(index) as f32;
+            Some((node as u32, [weight * value(index), weight]))
+        };
+        let found = map(splats.len().div_ceil(CHUNK), threads, |chunk| {
+            let last = splats.len().min((chunk + 1) * CHUNK);
+            (chunk * CHUNK..last).filter_map(of).collect::<Vec<_>>()
+        });
+        let mut sums = vec![[0.0f32; 2]; self.len()];
+        for (node, added) in found.into_iter().flatten() {
+            sums[node as usize].iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
         }
+        sums
     }
 
     /// Finds how far the splats of each node face up (or down, where the side is not known): the mean cosine of their normals over the
@@ -363,7 +389,7 @@ impl GroundGrid {
         let up = self.places.axes()[2];
         let cosine =
             |splat: usize| scan.splats.normal(splat).iter().zip(&up).map(|(a, b)| a * b).sum::<f64>() as f32;
-        let mut sums = vec![[0.0f32; 2]; self.len()];
+        let mut sums;
         if self.is_scan {
             sums = map(self.len(), threads, |node| {
                 let splat = of[node];
@@ -376,11 +402,7 @@ impl GroundGrid {
                 [flat * cosine, flat]
             });
         } else {
-            self.each_splat(&scan.splats, |node, splat| {
-                let weight = scan.splats.opacity(splat) as f32;
-                sums[node][0] += weight * cosine(splat).abs();
-                sums[node][1] += weight;
-            });
+            sums = self.sums_of_splats(&scan.splats, |splat| cosine(splat).abs(), threads);
         }
         for _ in 0..2 {
             sums = map(self.len(), threads, |node| self.mean_about(node, |other| Some(sums[other])));

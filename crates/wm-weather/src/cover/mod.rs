@@ -222,7 +222,7 @@ impl Cover {
         path: [[f64; 3]; 2],
         threads: usize,
     ) -> Self {
-        let mut rings: Vec<GroundGrid> = Vec::new();
+        let (mut rings, mut above) = (Vec::<GroundGrid>::new(), Vec::new());
         let mut occluders = Occluders::of(&scan.splats, site, &ShelterOptions::default());
         let is_path = path[0] != path[1];
         for ring in 0..RINGS {
@@ -238,12 +238,17 @@ impl Cover {
                 ..ShelterOptions::default()
             };
             occluders = occluders.mapped(&options);
-            let ground = GroundGrid::of(scan, &occluders, site, airflow, rings.last(), threads);
+            let (ground, floaters) = GroundGrid::of(scan, &occluders, rings.last(), threads);
             let is_whole = ground.places.is_whole();
             rings.push(ground);
+            above.push((options, floaters));
             if is_whole {
                 break;
             }
+        }
+        let maps = exposure::maps(&occluders, &above, site, airflow, threads);
+        for (ground, maps) in rings.iter_mut().zip(&maps) {
+            ground.expose(scan, maps, site, airflow, threads);
         }
         let spots = map(splats.len(), threads, |index| {
             let stand_in = scan.stand_ins.get(index).copied().unwrap_or(StandIn::Itself);

@@ -12,7 +12,7 @@ impl GroundGrid {
     /// Finds how lit each node is, 0 in the shade to 1 in the open: by the sky that it sees, and by how bright the scene
     /// is about it beside what is as open.
     pub(super) fn find_shades(&mut self, splats: &Splats, threads: usize) {
-        let mut light = self.light(splats);
+        let mut light = self.light(splats, threads);
         for _ in 0..ROUNDS {
             light = map(self.len(), threads, |node| {
                 let [light] = self.mean_about(node, |other| (!light[other].is_nan()).then(|| [light[other]]));
@@ -21,8 +21,10 @@ impl GroundGrid {
         }
         let in_the_open = light.iter().zip(&self.open).filter(|(v, open)| !v.is_nan() && **open > 0.9);
         let mut known: Vec<f32> = in_the_open.map(|(v, _)| *v).collect();
-        known.sort_by(f32::total_cmp);
-        let bright = known.get(known.len() * 3 / 5).copied().unwrap_or(1.0).max(1e-3);
+        let rank = known.len() * 3 / 5;
+        let bright =
+            if known.is_empty() { 1.0 } else { *known.select_nth_unstable_by(rank, f32::total_cmp).1 };
+        let bright = bright.max(1e-3);
         let shade = |(light, open): (&f32, &f32)| {
             let scene = if light.is_nan() { 1.0 } else { (light / bright).clamp(0.0, 1.0).powf(0.35) };
             scene * (0.35 + 0.65 * open)
@@ -31,14 +33,11 @@ impl GroundGrid {
     }
 
     /// The luminance of the splats that make up each surface, linear; not a number where none tells.
-    fn light(&self, splats: &Splats) -> Vec<f32> {
-        let mut sums = vec![[0.0f32; 2]; self.len()];
-        self.each_splat(splats, |node, index| {
+    fn light(&self, splats: &Splats, threads: usize) -> Vec<f32> {
+        let bright = |index: usize| {
             let rgb = sh::color(&splats.sh_of(index)[..3], [0.0, 0.0, 1.0]).map(|v| srgb_decode(v.max(0.0)));
-            let weight = splats.opacity(index) as f32;
-            sums[node][0] += weight * luminance(rgb) as f32;
-            sums[node][1] += weight;
-        });
-        sums.into_iter().map(|[sum, weight]| sum / weight).collect()
+            luminance(rgb) as f32
+        };
+        self.sums_of_splats(splats, bright, threads).into_iter().map(|[sum, weight]| sum / weight).collect()
     }
 }

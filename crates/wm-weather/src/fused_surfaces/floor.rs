@@ -6,6 +6,7 @@
 //! which all cameras are as high, and most of what they see of it is not there, that is the floor.
 
 use super::PhotoView;
+use crate::threads::map;
 use glam::{DMat3, DVec3};
 use wm_scene::Camera;
 
@@ -111,6 +112,16 @@ impl FloorPlane {
 }
 
 impl PhotoView {
+    /// [`PhotoView::stop_at`] of all views.
+    #[must_use]
+    pub fn stopped_at(views: &[Self], floors: &[FloorPlane], threads: usize) -> Vec<Self> {
+        map(views.len(), threads, |index| {
+            let mut view = views[index].clone();
+            view.stop_at(floors);
+            view
+        })
+    }
+
     /// Brings what is seen below the floors of a walk onto them, along its ray, what is not there at all, and what is a
     /// little above.
     pub fn stop_at(&mut self, floors: &[FloorPlane]) {
@@ -121,6 +132,9 @@ impl PhotoView {
         };
         self.floors = floors.iter().filter(is_near).copied().collect();
         self.on = vec![0; self.depth.len()];
+        if self.floors.is_empty() {
+            return;
+        }
         let rays: Vec<DVec3> = self.rays().collect();
         for (pixel, ray) in rays.into_iter().enumerate() {
             let stops = (1..).zip(&self.floors).filter_map(|(k, floor)| Some((k, floor.met(center, ray)?)));

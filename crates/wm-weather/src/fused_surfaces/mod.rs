@@ -39,6 +39,8 @@ use wm_scene::{Group, Splats};
 
 /// The number of cameras that must see through a point for it to be dropped.
 const CAMERAS: u32 = 2;
+/// Distance, m, that a disc must have been moved by to be asked for again.
+const MOVED: f64 = 0.02;
 /// Standard deviations of a disc along the surface, and of a ball, in cubes; through a disc, in those; and opacity.
 const WIDE: [f64; 2] = [0.6, 0.4];
 const FLAT: f64 = 0.1;
@@ -87,14 +89,17 @@ impl<'a> FusedSurfaces<'a> {
             said
         };
         let mut discs = cubes::fuse(views, site.up, metres_per_unit, threads);
-        let carve = |discs: &mut Vec<Disc>| {
-            let mut free = map(discs.len(), threads, |k| hears(discs[k].point).is_free()).into_iter();
+        let carve = |discs: &mut Vec<Disc>, is_asked: &(dyn Fn(usize, &Disc) -> bool + Sync)| {
+            let is_free = |k: usize| is_asked(k, &discs[k]) && hears(discs[k].point).is_free();
+            let mut free = map(discs.len(), threads, is_free).into_iter();
             discs.retain(|_| !free.next().unwrap_or(false));
         };
         // Before they are levelled, since what is not there levels nothing; and what that has moved into the open.
-        carve(&mut discs);
+        carve(&mut discs, &|_, _| true);
+        let before: Vec<DVec3> = discs.iter().map(|disc| disc.point).collect();
         level::level(&mut discs, metres_per_unit, threads);
-        carve(&mut discs);
+        let moved = MOVED / metres_per_unit;
+        carve(&mut discs, &|k, disc| disc.point.distance_squared(before[k]) > moved * moved);
         let stand_ins = map(splats.len(), threads, |index| match splats.groups[index] {
             Group::Sky => StandIn::Itself,
             _ => hears(DVec3::from_array(splats.means[index].map(f64::from))).stand_in(),

@@ -3,7 +3,10 @@
 use super::Grid;
 use super::occluders::Occluder;
 use crate::threads::map;
+use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x8, u32x8};
 use std::sync::Mutex;
+use wm_render::dispatch;
+use wm_render::simd::{SimdPath, exp2_unfused};
 
 /// Variance of the filter through which a cell sees splats, cells^2: the renderer's of pixels.
 pub(super) const FILTER: f64 = wm_render::stages::project::DILATION as f64;
@@ -15,6 +18,12 @@ pub(super) const STOPPED: f32 = 0.5;
 const MOST_REACH: f64 = 3.4;
 /// Rows of a band: a band of a large grid fits the second cache.
 const BAND: usize = 32;
+/// Cells of a row that are covered at once.
+const LANES: usize = 8;
+const COUNT_UP: [i32; LANES] = [0, 1, 2, 3, 4, 5, 6, 7];
+const COUNT_UP_F32: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+/// Footprints after which a band is examined for whether it is done.
+const LOOKS: usize = 1 << 12;
 /// Splats that are projected at once.
 const CHUNK: usize = 1 << 14;
 
@@ -85,7 +94,10 @@ impl Footprint {
             [(across, across), (across, down), (down, down)].map(|(a, b)| splat.between(a, b) / area);
         let (wide_cc, wide_rr) = (cc + FILTER, rr + FILTER);
         let share = (cc * rr - cr * cr).max(0.0) / (wide_cc * wide_rr - cr * cr);
-        let opacity = f64::from(splat.opacity) * share.sqrt();
+        let mut opacity = f64::from(splat.opacity) * share.sqrt();
+        if splat.opacity > 1.0 {
+            opacity = 1.0 - (-opacity).exp();
+        }
         let reach = 2.0 * (opacity / LEAST_ALPHA).ln();
         if reach.is_nan() || reach <= 0.0 {
             return None;
@@ -115,6 +127,17 @@ impl Footprint {
 }
 
 impl Footprints {
+    /// Those that reach each band of rows, in order.
+    fn by_bands(&self, grid: &Grid) -> Vec<Vec<u32>> {
+        let mut lists = vec![Vec::new(); grid.rows.div_ceil(BAND)];
+        for (index, [top, bottom]) in (0u32..).zip(&self.rows) {
+            for list in &mut lists[*top as usize / BAND..=*bottom as usize / BAND] {
+                list.push(index);
+            }
+        }
+        lists
+    }
+
     /// Those that reach cells which are clear, out of many that do not.
     pub fn over(&self, grid: &Grid, clear: &[f32]) -> Self {
         // Clear cells above and left of each corner of a cell: any box holds some or none by four of them.
@@ -162,23 +185,23 @@ pub(super) fn cast(
     splats: &mut [u32],
     threads: usize,
 ) {
-    let cells = (BAND * grid.columns).max(1);
+    let columns = grid.columns;
+    let cells = (BAND * columns).max(1);
     let bands =
         stops.chunks_mut(cells).zip(clear.chunks_mut(cells)).zip(splats.chunks_mut(cells)).enumerate();
-    share(bands, threads, |(band, ((stops, clear), splats))| {
+    let (path, lists) = (SimdPath::widest(), footprints.by_bands(grid));
+    share(bands, threads, |(number, ((stops, clear), splats))| {
         if clear.iter().all(|left| *left < grid.stopped) {
             return;
         }
-        let (first, end) = (band * BAND, band * BAND + stops.len() / grid.columns);
-        for (footprint, [top, bottom]) in footprints.all.iter().zip(&footprints.rows) {
-            let (top, end) = ((*top as usize).max(first), (*bottom as usize + 1).min(end));
-            for row in top..end {
-                let from = (row - first) * grid.columns;
-                let cells = from..from + grid.columns;
-                let (stops, splats) = (&mut stops[cells.clone()], &mut splats[cells.clone()]);
-                footprint.cover(row, grid.stopped, stops, &mut clear[cells], splats);
+        let mut band = Band::of(number * BAND, columns, grid.stopped, stops, clear, splats);
+        for list in lists[number].chunks(LOOKS) {
+            dispatch!(path, simd => band.cover(simd, footprints, list));
+            if !band.is_open() {
+                break;
             }
         }
+        band.copy_to(stops, clear, splats);
         for (stop, left) in stops.iter_mut().zip(clear) {
             if *left >= grid.stopped {
                 *stop = f32::INFINITY;
@@ -187,38 +210,109 @@ pub(super) fn cast(
     });
 }
 
-impl Footprint {
-    /// Covers one row of the grid.
-    #[inline]
-    fn cover(&self, row: usize, stopped: f32, stops: &mut [f32], clear: &mut [f32], splats: &mut [u32]) {
-        let w_row = ((row as i32 - self.cell[1]) as f32 + 0.5 - self.place[1]) / self.row;
-        let left = self.reach - w_row * w_row;
-        if left < 0.0 {
-            return;
+/// A band of rows that is cast, each row with room behind it for whole vectors.
+struct Band {
+    /// Its first row.
+    first: usize,
+    columns: usize,
+    stride: usize,
+    stopped: f32,
+    stops: Vec<f32>,
+    clear: Vec<f32>,
+    splats: Vec<u32>,
+}
+
+impl Band {
+    fn of(first: usize, columns: usize, stopped: f32, stops: &[f32], clear: &[f32], splats: &[u32]) -> Self {
+        let stride = columns + LANES;
+        // Nothing is open behind a row.
+        Self {
+            first,
+            columns,
+            stride,
+            stopped,
+            stops: padded(stops, columns, f32::INFINITY),
+            clear: padded(clear, columns, 0.0),
+            splats: padded(splats, columns, 0),
         }
-        // Columns from that of the mean.
-        let (middle, half) = (self.place[0] - 0.5 + self.skew * w_row, self.column * left.sqrt());
-        let last = stops.len() as i32 - 1;
-        let from = ((middle - half).ceil() as i32).saturating_add(self.cell[0]).max(0);
-        let to = ((middle + half).floor() as i32).saturating_add(self.cell[0]).min(last);
-        let t = self.t + self.slope[0] * w_row;
-        for column in from..=to {
-            let cell = column as usize;
-            if clear[cell] < stopped {
-                continue;
-            }
-            let w = ((column - self.cell[0]) as f32 - middle) / self.column;
-            let depth = t + self.slope[1] * w;
-            if depth <= stops[cell] {
-                continue;
-            }
-            clear[cell] *= 1.0 - self.opacity * (-0.5 * (w_row * w_row + w * w)).exp();
-            if clear[cell] < stopped {
-                stops[cell] = depth;
-                splats[cell] = self.splat;
+    }
+
+    /// Returns true if something still falls through a cell.
+    fn is_open(&self) -> bool {
+        self.clear.iter().any(|left| *left >= self.stopped)
+    }
+
+    /// Copies its cells back, without the room behind its rows.
+    fn copy_to(&self, stops: &mut [f32], clear: &mut [f32], splats: &mut [u32]) {
+        for row in 0..stops.len() / self.columns {
+            let (to, from) = (row * self.columns, row * self.stride);
+            let (to, from) = (to..to + self.columns, from..from + self.columns);
+            stops[to.clone()].copy_from_slice(&self.stops[from.clone()]);
+            clear[to.clone()].copy_from_slice(&self.clear[from.clone()]);
+            splats[to].copy_from_slice(&self.splats[from]);
+        }
+    }
+
+    /// Covers its cells with some footprints.
+    #[inline(always)]
+    fn cover<S: Simd>(&mut self, simd: S, footprints: &Footprints, list: &[u32]) {
+        let end = self.first + self.stops.len() / self.stride;
+        // No closures in here: they would be compiled without the path's instructions.
+        for index in list {
+            let (it, [top, bottom]) = (&footprints.all[*index as usize], footprints.rows[*index as usize]);
+            for row in (top as usize).max(self.first)..(bottom as usize + 1).min(end) {
+                let w_row = ((row as i32 - it.cell[1]) as f32 + 0.5 - it.place[1]) / it.row;
+                let left = it.reach - w_row * w_row;
+                if left < 0.0 {
+                    continue;
+                }
+                // Columns from that of the mean.
+                let (middle, half) = (it.place[0] - 0.5 + it.skew * w_row, it.column * left.sqrt());
+                let last = self.columns as i32 - 1;
+                let from = ((middle - half).ceil() as i32).saturating_add(it.cell[0]).max(0);
+                let to = ((middle + half).floor() as i32).saturating_add(it.cell[0]).min(last);
+                let start = (row - self.first) * self.stride;
+                let t = it.t + it.slope[0] * w_row;
+                let mut column = from;
+                while column <= to {
+                    let at = start + column as usize;
+                    let open = f32x8::from_slice(simd, &self.clear[at..at + LANES]);
+                    let is_open = open.simd_ge(f32x8::splat(simd, self.stopped));
+                    if is_open.any_true() {
+                        let aside = COUNT_UP.map(|k| (column - it.cell[0] + k) as f32);
+                        let is_within = f32x8::from_slice(simd, &COUNT_UP_F32)
+                            .simd_le(f32x8::splat(simd, (to - column) as f32));
+                        let w = (f32x8::from_slice(simd, &aside) - middle) / f32x8::splat(simd, it.column);
+                        let depth = w * it.slope[1] + t;
+                        let beyond = f32x8::from_slice(simd, &self.stops[at..at + LANES]);
+                        let is_met = is_open & is_within & depth.simd_gt(beyond);
+                        let power = (w * w + w_row * w_row) * (-0.5 * std::f32::consts::LOG2_E);
+                        let passed = f32x8::splat(simd, 1.0) - exp2_unfused(simd, power) * it.opacity;
+                        let passes = is_met.select(open * passed, open);
+                        let is_stopped = is_met & passes.simd_lt(f32x8::splat(simd, self.stopped));
+                        passes.store_slice(&mut self.clear[at..at + LANES]);
+                        if is_stopped.any_true() {
+                            is_stopped.select(depth, beyond).store_slice(&mut self.stops[at..at + LANES]);
+                            let known = u32x8::from_slice(simd, &self.splats[at..at + LANES]);
+                            let own = u32x8::splat(simd, it.splat);
+                            is_stopped.select(own, known).store_slice(&mut self.splats[at..at + LANES]);
+                        }
+                    }
+                    column += LANES as i32;
+                }
             }
         }
     }
+}
+
+/// The rows of a band, with so much behind each that vectors from any cell on are whole.
+fn padded<T: Copy>(rows: &[T], columns: usize, behind: T) -> Vec<T> {
+    let mut out = Vec::with_capacity(rows.len() / columns.max(1) * (columns + LANES));
+    for row in rows.chunks(columns.max(1)) {
+        out.extend_from_slice(row);
+        out.extend([behind; LANES]);
+    }
+    out
 }
 
 /// Does the work of all items, `threads` at once. No item may depend on another.

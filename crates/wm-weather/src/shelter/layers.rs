@@ -1,6 +1,6 @@
 //! Surfaces one below the other: what lies open to the sky, and what lies under that.
 
-use super::occluders::count as thread_count;
+use super::occluders::{FirstSurfaces, Floaters, count as thread_count};
 use super::{Grid, Occluders, cast, dot};
 use serde::{Deserialize, Serialize};
 
@@ -20,13 +20,19 @@ pub struct HeightLayers {
 
 impl Occluders {
     /// The first `count` surfaces from above, each at least `gap` m and `cells` of the grid below the one
-    /// before.
+    /// before; and what floats above the first.
     #[must_use]
-    pub fn layers(&self, count: usize, gap: f64, cells: f64, threads: Option<usize>) -> HeightLayers {
+    pub fn layers(
+        &self,
+        count: usize,
+        gap: f64,
+        cells: f64,
+        threads: Option<usize>,
+    ) -> (HeightLayers, Floaters) {
         let threads = thread_count(threads);
         let grid = Grid { stopped: TOP, ..self.grid(self.up.map(|v| -v)) };
         let footprints = cast::project(&self.all, &grid, threads);
-        let (mut stops, mut splats) = self.first(&footprints, &grid, threads);
+        let FirstSurfaces { mut stops, mut splats, opened } = self.first(&footprints, &grid, threads);
         let gap = (gap / self.metres_per_unit).max(cells * grid.cell) as f32;
         let (mut heights, mut sources) = (Vec::new(), Vec::new());
         for layer in 0..count {
@@ -39,7 +45,8 @@ impl Occluders {
             sources.push(splats.clone());
             heights.push(stops.iter().map(|stop| -stop * self.metres_per_unit as f32).collect());
         }
-        HeightLayers { grid, metres_per_unit: self.metres_per_unit, heights, splats: sources }
+        let layers = HeightLayers { grid, metres_per_unit: self.metres_per_unit, heights, splats: sources };
+        (layers, Floaters { grid, opened })
     }
 }
 

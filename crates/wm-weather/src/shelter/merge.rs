@@ -1,11 +1,14 @@
 //! Fewer occluders for coarse maps: those of a cube become one.
 
 use super::occluders::Occluder;
-use super::{Occluders, dot};
+use super::{Occluders, axes_of, dot};
+use crate::fused_surfaces::places::PlaceMap;
 use std::f64::consts::TAU;
 
 /// Factor on the widths of what was merged: Gaussians of cubes side by side then close as their splats did.
 const CLOSED: f64 = 1.5;
+/// Rows and columns of the entries of a covariance.
+const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 /// Most opacity of one.
 const MOST: f64 = 0.98;
 
@@ -26,6 +29,78 @@ impl Occluders {
     }
 }
 
+impl Occluders {
+    /// Its occluders with those of each cube of `width` metres as one that lets as much of a fall through as they do, for
+    /// falls that are nearly straight down and maps whose cells are twice as wide. Its opacity is an optical thickness,
+    /// which may be above 1.
+    pub(super) fn pooled(&self, width: f64) -> Vec<Occluder> {
+        let width = (width / self.metres_per_unit) as f32;
+        let [across, down, _] = axes_of(self.up.map(|v| -v));
+        // Area that it covers seen from above.
+        let area = |it: &Occluder| {
+            let [a, b, c] = [(across, across), (down, down), (across, down)].map(|(u, v)| it.between(u, v));
+            (a * b - c * c).max(1e-12 * (a * a + b * b)).max(1e-30).sqrt()
+        };
+        let mut places = PlaceMap::<[i32; 3], u32>::default();
+        let mut pools: Vec<Pool> = Vec::new();
+        for it in &self.all {
+            let cube = it.mean.map(|v| (v / width).floor() as i32);
+            let place = *places.entry(cube).or_insert(pools.len() as u32) as usize;
+            let weight = area(it) * f64::from(it.opacity);
+            match pools.get_mut(place) {
+                Some(pool) => pool.add(it, weight),
+                None => pools.push(Pool::of(it, weight)),
+            }
+        }
+        let merged = pools.into_iter().map(|pool| match pool.count {
+            1 => pool.first,
+            _ => {
+                let one = pool.merged();
+                Occluder { opacity: (pool.weight / area(&one)) as f32, ..one }
+            }
+        });
+        merged.collect()
+    }
+}
+
+/// What is summed up in a cube.
+struct Pool {
+    first: Occluder,
+    count: u32,
+    weight: f64,
+    /// From the first, times the weight.
+    mean: [f64; 3],
+    moments: [f64; 6],
+}
+
+impl Pool {
+    fn of(it: &Occluder, weight: f64) -> Self {
+        let mut pool = Self { first: *it, count: 0, weight: 0.0, mean: [0.0; 3], moments: [0.0; 6] };
+        pool.add(it, weight);
+        pool
+    }
+
+    fn add(&mut self, it: &Occluder, weight: f64) {
+        let off: [f64; 3] = std::array::from_fn(|k| f64::from(it.mean[k] - self.first.mean[k]));
+        self.count += 1;
+        self.weight += weight;
+        (0..3).for_each(|k| self.mean[k] += weight * off[k]);
+        for (k, (i, j)) in PAIRS.into_iter().enumerate() {
+            self.moments[k] += weight * (f64::from(it.covariance[k]) + off[i] * off[j]);
+        }
+    }
+
+    fn merged(&self) -> Occluder {
+        let off = self.mean.map(|v| v / self.weight);
+        let covariance = std::array::from_fn(|k| {
+            let (i, j) = PAIRS[k];
+            (self.moments[k] / self.weight - off[i] * off[j]) as f32
+        });
+        let mean = std::array::from_fn(|k| (f64::from(self.first.mean[k]) + off[k]) as f32);
+        Occluder { mean, covariance, ..self.first }
+    }
+}
+
 /// The Gaussian of several, with the opacity that covers as much as they do.
 fn merge<'a>(all: impl Iterator<Item = &'a Occluder> + Clone) -> Occluder {
     let (mut sum, mut weights, mut moments) = ([0.0; 3], 0.0, [0.0; 6]);
@@ -35,8 +110,7 @@ fn merge<'a>(all: impl Iterator<Item = &'a Occluder> + Clone) -> Occluder {
         weights += weight;
         let mean = it.mean.map(f64::from);
         (0..3).for_each(|k| sum[k] += weight * mean[k]);
-        let pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
-        for (moment, ((i, j), own)) in moments.iter_mut().zip(pairs.into_iter().zip(it.covariance)) {
+        for (moment, ((i, j), own)) in moments.iter_mut().zip(PAIRS.into_iter().zip(it.covariance)) {
             *moment += weight * (f64::from(own) + mean[i] * mean[j]);
         }
         if weight > heaviest {
@@ -44,9 +118,8 @@ fn merge<'a>(all: impl Iterator<Item = &'a Occluder> + Clone) -> Occluder {
         }
     }
     let mean = sum.map(|v| v / weights);
-    let pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
     let covariance: [f32; 6] = std::array::from_fn(|k| {
-        let (i, j) = pairs[k];
+        let (i, j) = PAIRS[k];
         (CLOSED * CLOSED * (moments[k] / weights - mean[i] * mean[j])) as f32
     });
     let merged = Occluder { mean: mean.map(|v| v as f32), covariance, opacity: 1.0, splat };

@@ -41,7 +41,7 @@ use serde::{Deserialize, Serialize};
 use wm_scene::Splats;
 
 pub use layers::HeightLayers;
-pub use occluders::Occluders;
+pub use occluders::{Floaters, Occluders};
 
 /// Margin in cells, at least: half a cell on a surface of slope 3.
 const MARGIN_CELLS: f64 = 1.5;

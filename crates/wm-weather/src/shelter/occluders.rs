@@ -23,6 +23,24 @@ pub struct Occluders {
     pub(super) all: Vec<Occluder>,
 }
 
+/// The first surface of each cell along a fall.
+pub(super) struct FirstSurfaces {
+    /// Its distance along the fall, scene units from the origin; infinite where there is none.
+    pub stops: Vec<f32>,
+    /// Its splat; any where there is none.
+    pub splats: Vec<u32>,
+    /// The cells that floaters were taken out of, and the distances beyond which they look on, the last of a cell last.
+    pub opened: Vec<(u32, f32)>,
+}
+
+/// What floats over a scene: what stands in an opened cell of a level map, above what it was opened for.
+#[derive(Clone, Debug)]
+pub struct Floaters {
+    pub(super) grid: Grid,
+    /// As of [`FirstSurfaces`].
+    pub(super) opened: Vec<(u32, f32)>,
+}
+
 /// One of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Occluder {
@@ -30,6 +48,7 @@ pub(super) struct Occluder {
     pub mean: [f32; 3],
     /// xx, xy, xz, yy, yz, zz.
     pub covariance: [f32; 6],
+    /// Above 1 an optical thickness, of several in one.
     pub opacity: f32,
     /// The index of the splat.
     pub splat: u32,
@@ -119,26 +138,35 @@ impl Occluders {
         Self { all: self.merged(cell), ..*self }.mapped(&ShelterOptions { cell, floaters, ..self.options })
     }
 
+    /// The same for soft maps of falls that are nearly straight down, whose cells are so many times as wide; what floats stops
+    /// them too.
+    #[must_use]
+    pub fn softened(&self, times: f64) -> Self {
+        let cell = times * self.options.cell;
+        let floaters = FloaterRule::Stop;
+        Self { all: self.pooled(0.5 * cell), ..*self }.mapped(&ShelterOptions {
+            cell,
+            floaters,
+            ..self.options
+        })
+    }
+
     /// The map for what falls along `fall`: see [`Shelter::build`].
     #[must_use]
     pub fn shelter(&self, fall: [f64; 3], threads: Option<usize>) -> Shelter {
         let threads = count(threads);
         let grid = self.grid(unit(fall).unwrap_or(self.up.map(|v| -v)));
         let footprints = cast::project(&self.all, &grid, threads);
-        let (stops, _) = self.first(&footprints, &grid, threads);
+        let FirstSurfaces { stops, .. } = self.first(&footprints, &grid, threads);
         Shelter::new(grid, stops, self.metres_per_unit, &self.options)
     }
 
-    /// Finds the first surface of each cell along the fall: its distance and its splat.
-    pub(super) fn first(
-        &self,
-        footprints: &cast::Footprints,
-        grid: &Grid,
-        threads: usize,
-    ) -> (Vec<f32>, Vec<u32>) {
+    /// Finds the first surface of each cell along the fall.
+    pub(super) fn first(&self, footprints: &cast::Footprints, grid: &Grid, threads: usize) -> FirstSurfaces {
         let mut stops = vec![f32::NEG_INFINITY; grid.columns * grid.rows];
         let mut clear = vec![1.0; stops.len()];
         let mut splats = vec![0; stops.len()];
+        let mut opened = Vec::new();
         cast::cast(footprints, grid, &mut stops, &mut clear, &mut splats, threads);
         let rounds = match self.options.floaters {
             FloaterRule::PassThrough => floaters::ROUNDS,
@@ -148,9 +176,30 @@ impl Occluders {
             if !floaters::reopen(&mut stops, &mut clear, grid, self.metres_per_unit, threads) {
                 break;
             }
+            let beyond = stops.iter().zip(&clear).enumerate().filter(|(_, (_, left))| **left >= grid.stopped);
+            opened.extend(beyond.map(|(cell, (stop, _))| (cell as u32, *stop)));
             cast::cast(&footprints.over(grid, &clear), grid, &mut stops, &mut clear, &mut splats, threads);
         }
-        (stops, splats)
+        FirstSurfaces { stops, splats, opened }
+    }
+
+    /// The same without those that float.
+    #[must_use]
+    pub fn without(&self, floaters: &Floaters) -> Self {
+        let Floaters { grid, opened } = floaters;
+        let mut floors = vec![f32::NEG_INFINITY; grid.columns * grid.rows];
+        // What was opened twice is deeper the second time.
+        opened.iter().for_each(|(cell, stop)| floors[*cell as usize] = *stop);
+        let floats = |it: &&Occluder| {
+            let [column, row] = [0, 1].map(|k| ((it.along(grid.axes[k]) - grid.low[k]) / grid.cell).floor());
+            let is_in = column >= 0.0 && row >= 0.0 && column < grid.columns as f64 && row < grid.rows as f64;
+            is_in && it.along(grid.axes[2]) as f32 <= floors[row as usize * grid.columns + column as usize]
+        };
+        let all = match opened.as_slice() {
+            [] => self.all.clone(),
+            _ => self.all.iter().filter(|it| !floats(it)).copied().collect(),
+        };
+        Self { all, ..*self }
     }
 
     /// The grid across a direction of fall.
@@ -220,18 +269,21 @@ fn largest(splats: &Splats, index: usize) -> f64 {
 /// From the low quantile `outliers` of the lower ends to the high one of the upper ends, cut off at limits; and true if they
 /// cut anything off. Both ends are 0 if there are no bounds.
 fn range_within(
-    bounds: impl Iterator<Item = [f64; 2]>,
+    bounds: impl ExactSizeIterator<Item = [f64; 2]> + Clone,
     outliers: f64,
     [first, last]: [f64; 2],
 ) -> ([f64; 2], bool) {
-    let (mut lows, mut highs): (Vec<f64>, Vec<f64>) = bounds.map(|[low, high]| (low, high)).unzip();
-    let Some(end) = lows.len().checked_sub(1) else { return ([0.0; 2], false) };
+    let Some(end) = bounds.len().checked_sub(1) else { return ([0.0; 2], false) };
     let rank = ((outliers * end as f64) as usize).min(end / 2);
-    // Counting is quicker than looking for a quantile that is cut off.
+    // Counting is quicker than looking for a quantile that is cut off, and mostly ends soon.
     let is_cut = [
-        lows.iter().filter(|low| **low < first).count() > rank,
-        highs.iter().filter(|high| **high > last).count() > rank,
+        first.is_finite() && bounds.clone().filter(|[low, _]| *low < first).nth(rank).is_some(),
+        last.is_finite() && bounds.clone().filter(|[_, high]| *high > last).nth(rank).is_some(),
     ];
+    if is_cut == [true; 2] {
+        return ([first, last], true);
+    }
+    let (mut lows, mut highs): (Vec<f64>, Vec<f64>) = bounds.map(|[low, high]| (low, high)).unzip();
     let low = if is_cut[0] { first } else { *lows.select_nth_unstable_by(rank, f64::total_cmp).1 };
     let high = if is_cut[1] { last } else { *highs.select_nth_unstable_by(end - rank, f64::total_cmp).1 };
     ([low, high], is_cut[0] || is_cut[1])
