@@ -264,7 +264,7 @@ impl MissingAssets {
             Arc::new(light)
         });
         let casters = casters.or_else(|| {
-            in_the_way.map(|(_, occluders)| Arc::new(ShadowCasters::new(&scene.splats, occluders)))
+            in_the_way.map(|(_, occluders)| Arc::new(ShadowCasters::new(&scene.splats, &occluders, threads)))
         });
         let capture = made_light.as_ref().or(light.as_ref());
         let shadows = self.sun.zip(capture).zip(casters.as_ref()).map(|((sun, capture), casters)| {

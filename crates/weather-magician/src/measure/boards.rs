@@ -143,7 +143,7 @@ fn patches(rgb: &[f32]) -> Light {
 }
 
 /// Least squares slope of a line through points.
-fn slope(points: &[[f64; 2]]) -> f64 {
+pub(super) fn slope(points: &[[f64; 2]]) -> f64 {
     let mean = |k: usize| points.iter().map(|p| p[k]).sum::<f64>() / points.len() as f64;
     let (x, y) = (mean(0), mean(1));
     let products: f64 = points.iter().map(|p| (p[0] - x) * (p[1] - y)).sum();

@@ -3,7 +3,7 @@
 
 use super::drops::falling;
 use wm_weather::particles::PrecipitationKind;
-use wm_weather::{EffectRole, Weather};
+use wm_weather::{EffectRole, ParamValue, Weather};
 
 /// `-ln 0.05`: optical depth at the meteorological optical range (WMO No. 8).
 pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
@@ -15,6 +15,14 @@ const WAVELENGTHS: [f64; 3] = [610.0, 550.0, 465.0];
 /// A parameter at an instant, if its effect is on and it is a number.
 pub fn number(weather: &Weather, time: f64, effect: &str, param: &str) -> Option<f64> {
     weather.at(time).track(effect, param)?.at(time).number()
+}
+
+/// Returns true if a parameter is a word at an instant.
+pub fn says(weather: &Weather, time: f64, effect: &str, param: &str, word: &str) -> bool {
+    let instant = weather.at(time);
+    instant
+        .track(effect, param)
+        .is_some_and(|track| matches!(track.at(time), ParamValue::Word(own) if own == word))
 }
 
 /// Returns true if an effect is on.

@@ -3,8 +3,8 @@
 //! An [`Instrument`] sets up targets at a place and in its air: boards at known distances, a thin slab of air before a black
 //! board, a yard with a roof. An [`InstrumentRenderer`] renders them with the same code as all other pictures. The measured
 //! value comes from pixels alone; the expected value comes from the weather's parameters and published laws, implemented a
-//! second time here, so that neither side shares code with the other. Two instruments look at the place itself: rays and
-//! consistency.
+//! second time here, so that neither side shares code with the other. Some instruments look at the place itself: rays, shadows,
+//! consistency and controls.
 //!
 //! [`INSTRUMENTS`] lists all of them, [`PlaceRenderer`] renders for them at a [`PreparedPlace`](crate::PreparedPlace):
 //!
@@ -31,6 +31,7 @@
 //! A new instrument is one file and one line of [`INSTRUMENTS`]. A test replaces the renderer by one that draws each effect
 //! wrongly by a tenth, and checks that each instrument finds its own error and no other.
 
+mod allard;
 mod blobs;
 mod boards;
 mod budget;
@@ -38,13 +39,19 @@ mod consistency;
 mod controls;
 mod drops;
 mod expected;
+mod flash;
 mod gauge;
+mod halo;
+mod lit;
+mod lux;
 mod painted;
 mod place_renderer;
 pub mod plot;
 mod rays;
+mod shadows;
 mod stake;
 mod streaks;
+mod sundial;
 #[cfg(test)]
 mod tests;
 
@@ -56,7 +63,7 @@ use plot::Plot;
 use serde::Serialize;
 use wm_render::parts::PicturePart;
 use wm_render::{Frame, Geometry, MedianDepth, Outputs, ParticlePass};
-use wm_scene::{Camera, Splats};
+use wm_scene::{Camera, Lamp, Splats};
 use wm_weather::dome::level_axes;
 use wm_weather::{Site, Weather};
 
@@ -78,13 +85,19 @@ pub struct Instrument {
 
 /// Every instrument, in the order of the report.
 #[rustfmt::skip]
-pub const INSTRUMENTS: [Instrument; 8] = [
+pub const INSTRUMENTS: [Instrument; 14] = [
     boards::INSTRUMENT,
     rays::INSTRUMENT,
     gauge::INSTRUMENT,
     streaks::INSTRUMENT,
     stake::INSTRUMENT,
     budget::INSTRUMENT,
+    lux::INSTRUMENT,
+    sundial::INSTRUMENT,
+    shadows::INSTRUMENT,
+    allard::INSTRUMENT,
+    halo::INSTRUMENT,
+    flash::INSTRUMENT,
     consistency::INSTRUMENT,
     controls::INSTRUMENT,
 ];
@@ -226,6 +239,25 @@ pub struct InstrumentShot<'a> {
     pub parts: &'a [PicturePart],
 }
 
+/// The shadows of a sun in the photos of a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ShadowReport {
+    /// There are none.
+    None,
+    /// They cannot be taken away.
+    Kept {
+        /// Towards their sun, world axes, length 1.
+        sun: DVec3,
+    },
+    /// They can.
+    Split {
+        /// Towards their sun, world axes, length 1.
+        sun: DVec3,
+        /// The scene came with the views of its photos.
+        is_photographed: bool,
+    },
+}
+
 /// Renders the place and the targets of instruments.
 pub trait InstrumentRenderer {
     /// Returns the facts about the place that weather needs.
@@ -242,6 +274,20 @@ pub trait InstrumentRenderer {
     /// # Errors
     /// [`crate::Error::Render`] if the splats cannot be loaded.
     fn set_up(&mut self, splats: Splats) -> Result<ShotSubject>;
+
+    /// Sets up a target that weather lights: splats in the place's axes and units with the colours that they have in the diffuse
+    /// light of an overcast sky (a level white card has 1), and lamps. It is a place of its own, in the same air, and is
+    /// drawn as any scene is; weathers that it is drawn in need `light.photos=diffuse` to give it a sun.
+    ///
+    /// # Errors
+    /// As [`Self::set_up`].
+    fn set_up_lit(&mut self, splats: Splats, lamps: Vec<Lamp>) -> Result<ShotSubject>;
+
+    /// Returns what the program says of the shadows in the place's own photos.
+    ///
+    /// # Errors
+    /// [`crate::Error`] if its light cannot be found.
+    fn shadows(&mut self) -> Result<ShadowReport>;
 
     /// Removes all targets.
     fn clear_away(&mut self);

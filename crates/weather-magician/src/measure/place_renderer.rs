@@ -1,10 +1,14 @@
 //! The renderer of instruments: a place, and targets in the same renderer and the same air.
+//!
+//! Plain targets are splats in the air, without the light of the weather. Lit targets are places of their own: their light is
+//! split, their shadows are cast and their lamps shine by the code that does it for scenes.
 
-use super::{InstrumentRenderer, InstrumentShot, LevelFrame, ShotSubject};
+use super::{InstrumentRenderer, InstrumentShot, LevelFrame, ShadowReport, ShotSubject};
 use crate::frame::FrameRequest;
 use crate::{FrameOptions, Picture, PreparedPlace, Renderer, Result};
+use glam::DVec3;
 use wm_render::{Background, RenderBackend, RenderConfig, SetId, SetView};
-use wm_scene::{Camera, Splats};
+use wm_scene::{Camera, Lamp, Metadata, Scene, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest};
 use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::{PreparedWeather, Site};
@@ -23,7 +27,13 @@ pub struct PlaceRenderer {
 }
 
 /// A target of an instrument.
-struct Target {
+enum Target {
+    Plain(PlainTarget),
+    Lit(Box<PreparedPlace>),
+}
+
+/// A target without the light of the weather.
+struct PlainTarget {
     splats: Splats,
     set: SetId,
     /// The cover of its ground, by how the air carries what lies.
@@ -37,10 +47,25 @@ impl PlaceRenderer {
         Self { renderer, place, camera, targets: Vec::new() }
     }
 
-    /// Lays out what lies on a target.
-    fn lay(&mut self, index: usize, weather: &PreparedWeather) -> Result<()> {
-        let (site, backend) = (*self.place.site(), self.renderer.backend_mut());
-        let Target { splats, cover, lying, .. } = &mut self.targets[index];
+    /// Draws the place, or a target that is one.
+    fn draw_place(
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        shot: &InstrumentShot<'_>,
+        picture: &mut Picture,
+    ) -> Result<()> {
+        place.config.outputs = shot.outputs;
+        let options = FrameOptions { parts: shot.parts, ..FrameOptions::new(shot.time, *shot.camera) };
+        renderer.render_into(place, shot.weather, &options, picture, &mut ())?;
+        Ok(())
+    }
+}
+
+impl PlainTarget {
+    /// Lays out what lies on it.
+    fn lay(&mut self, renderer: &mut Renderer, site: &Site, weather: &PreparedWeather) -> Result<()> {
+        let backend = renderer.backend_mut();
+        let Self { splats, cover, lying, .. } = self;
         let requests = weather.cover();
         if lying.as_ref().map_or(&[][..], |(known, _, _)| known) == requests {
             return Ok(());
@@ -54,9 +79,9 @@ impl PlaceRenderer {
         let airflow = weather.airflow();
         if cover.as_ref().is_none_or(|(known, _)| *known != airflow) {
             let threads = backend.threads();
-            let middle = LevelFrame::of(&site).point([0.0; 3]).to_array();
+            let middle = LevelFrame::of(site).point([0.0; 3]).to_array();
             let surfaces = FusedSurfaces::from_splats(splats);
-            *cover = Some((airflow, Cover::of(splats, &surfaces, &site, &airflow, [middle; 2], threads)));
+            *cover = Some((airflow, Cover::of(splats, &surfaces, site, &airflow, [middle; 2], threads)));
         }
         if let Some((_, cover)) = cover {
             let lies = cover.lay_all(requests);
@@ -82,32 +107,69 @@ impl InstrumentRenderer for PlaceRenderer {
 
     fn set_up(&mut self, splats: Splats) -> Result<ShotSubject> {
         let set = self.renderer.backend_mut().load(&splats)?;
-        self.targets.push(Target { splats, set, cover: None, lying: None });
+        self.targets.push(Target::Plain(PlainTarget { splats, set, cover: None, lying: None }));
+        Ok(ShotSubject::Target(self.targets.len() - 1))
+    }
+
+    fn set_up_lit(&mut self, splats: Splats, lamps: Vec<Lamp>) -> Result<ShotSubject> {
+        let site = self.place.site();
+        let metadata = Metadata {
+            metres_per_unit: Some(site.metres_per_unit),
+            up: Some(DVec3::from_array(site.up)),
+            ground: Some(site.ground),
+            airlight: Some(site.airlight),
+            lamps: Some(lamps),
+            ..Metadata::default()
+        };
+        let mut place = self.renderer.load(Scene { splats, metadata, views: Vec::new() })?;
+        place.config.background = Background::Color([0.0; 3]);
+        self.targets.push(Target::Lit(Box::new(place)));
         Ok(ShotSubject::Target(self.targets.len() - 1))
     }
 
     fn clear_away(&mut self) {
-        let backend = self.renderer.backend_mut();
         for target in self.targets.drain(..) {
-            target.lying.iter().for_each(|(_, set, _)| backend.unload(*set));
-            backend.unload(target.set);
+            match target {
+                Target::Plain(PlainTarget { set, lying, .. }) => {
+                    let backend = self.renderer.backend_mut();
+                    lying.iter().for_each(|(_, set, _)| backend.unload(*set));
+                    backend.unload(set);
+                }
+                Target::Lit(place) => {
+                    place.unload(self.renderer.backend_mut());
+                }
+            }
         }
     }
 
-    fn draw(&mut self, shot: &InstrumentShot<'_>, picture: &mut Picture) -> Result<()> {
-        let index = match shot.subject {
-            ShotSubject::Place => {
-                self.place.config.outputs = shot.outputs;
-                let options =
-                    FrameOptions { parts: shot.parts, ..FrameOptions::new(shot.time, *shot.camera) };
-                self.renderer.render_into(&mut self.place, shot.weather, &options, picture, &mut ())?;
-                return Ok(());
+    fn shadows(&mut self) -> Result<ShadowReport> {
+        let capture = self.renderer.capture_light(&mut self.place, &mut ())?;
+        let toward = capture.sun.map(|sun| DVec3::from_array(sun.direction));
+        Ok(match toward {
+            Some(sun) if capture.is_split() => {
+                let is_photographed = !self.place.scene().views.is_empty();
+                ShadowReport::Split { sun, is_photographed }
             }
-            ShotSubject::Target(index) => index,
+            Some(sun) => ShadowReport::Kept { sun },
+            None => ShadowReport::None,
+        })
+    }
+
+    fn draw(&mut self, shot: &InstrumentShot<'_>, picture: &mut Picture) -> Result<()> {
+        let target = match shot.subject {
+            ShotSubject::Place => {
+                return Self::draw_place(&mut self.renderer, &mut self.place, shot, picture);
+            }
+            ShotSubject::Target(index) => &mut self.targets[index],
         };
-        let weather = shot.weather.at(shot.time).prepare(self.place.site());
-        self.lay(index, &weather)?;
-        let Target { set, lying, .. } = &self.targets[index];
+        let target = match target {
+            Target::Plain(target) => target,
+            Target::Lit(place) => return Self::draw_place(&mut self.renderer, place, shot, picture),
+        };
+        let site = self.place.site();
+        let weather = shot.weather.at(shot.time).prepare(site);
+        target.lay(&mut self.renderer, site, &weather)?;
+        let PlainTarget { set, lying, .. } = target;
         let buried = lying.as_ref().map(|(_, _, buried)| buried as &dyn wm_render::hooks::SplatAttributes);
         let mut sets = vec![SetView::plain(*set).with_attributes(buried)];
         sets.extend(lying.as_ref().map(|(_, set, _)| SetView::plain(*set)));

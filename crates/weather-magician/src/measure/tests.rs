@@ -5,10 +5,13 @@
 
 use super::place_renderer::PlaceRenderer;
 use super::{
-    Finding, INSTRUMENTS, InstrumentRenderer, InstrumentShot, MeasureRequest, ShotSubject, expected,
+    Finding, INSTRUMENTS, InstrumentRenderer, InstrumentShot, MeasureRequest, ShadowReport, ShotSubject,
+    expected,
 };
 use crate::{Picture, Renderer, Result};
-use wm_scene::{Camera, Splats};
+use glam::DVec3;
+use wm_scene::color::{srgb_decode, srgb_encode};
+use wm_scene::{Camera, Lamp, Splats, quat, sh};
 use wm_street::Street;
 use wm_weather::{Site, Weather};
 
@@ -38,13 +41,42 @@ enum Fault {
     Fallen,
     /// The place is not drawn twice where it stands.
     Jitter,
+    /// Upright surfaces get a tenth more light.
+    Upright,
+    /// The sky is a tenth brighter than the light that it gives.
+    Sky,
+    /// The sun stands a tenth lower.
+    SunLow,
+    /// The sun stands 2 degrees aside.
+    SunAside,
+    /// The edges of shadows are a fifth wider.
+    Edges,
+    /// Three tenths of the shadows of the capture are left.
+    Shadows,
+    /// Lamps make a tenth more light in the air.
+    Glow,
+    /// Lamps get a tenth brighter with every 50 m.
+    Far,
+    /// Lightning is a tenth brighter.
+    Flash,
+    /// Lightning is exposed for a tenth of a frame.
+    Shutter,
 }
 
 /// Each fault, and which readings find it: the instrument and a part of the quantity.
-const FINDS: [(Fault, &[[&str; 2]]); 12] = [
+const FINDS: [(Fault, &[[&str; 2]]); 22] = [
     (Fault::None, &[]),
     // The same air, seen on boards and on the place.
-    (Fault::Extinction, &[["visibility", "MOR"], ["rays", "optical depth"], ["rays", "single rays"]]),
+    (
+        Fault::Extinction,
+        &[
+            ["visibility", "MOR"],
+            ["rays", "optical depth"],
+            ["rays", "single rays"],
+            ["allard", "extinction"],
+            ["halo", "light"],
+        ],
+    ),
     (Fault::Rate, &[["gauge", "rate"]]),
     // What falls faster fills a gauge faster.
     (Fault::Speed, &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "fall"]]),
@@ -60,21 +92,51 @@ const FINDS: [(Fault, &[[&str; 2]]); 12] = [
     (Fault::Shelter, &[["stake", ""]]),
     (Fault::Fallen, &[["budget", "water"]]),
     (Fault::Jitter, &[["consistency", ""]]),
+    (Fault::Upright, &[["lux", "upright board under clouds"], ["lux", "beam on upright board"]]),
+    (
+        Fault::Sky,
+        &[
+            ["lux", "zenith"],
+            ["lux", "level board over the sum of the sky"],
+            ["lux", "level board in shade over the sum of the sky"],
+        ],
+    ),
+    // Boards are not in the shade of their discs any more.
+    (Fault::SunLow, &[["sundial", "shadow of a rod"], ["lux", "level board in shade"], ["lux", "beam on"]]),
+    // The edge of the wall's shadow is not where it is looked at.
+    (Fault::SunAside, &[["sundial", "azimuth"], ["sundial", "width"]]),
+    (Fault::Edges, &[["sundial", "width"]]),
+    (Fault::Shadows, &[["shadows", "contrast left"]]),
+    (Fault::Glow, &[["halo", "light"]]),
+    (Fault::Far, &[["allard", "extinction"]]),
+    (Fault::Flash, &[["flash", "stroke"]]),
+    (Fault::Shutter, &[["flash", "light of"], ["flash", "stroke"]]),
 ];
 
-/// The weather that an instrument is tested in.
-fn weather(instrument: &str) -> Weather {
-    let sets: &[&str] = match instrument {
-        "visibility" | "rays" => &["fog.mor=60"],
-        "gauge" => &["rain.rate=5"],
-        "streaks" => &["rain.rate=2.5", "rain.exposure=0.004", "wind.speed=5"],
-        "budget" => &["snowfall.rate=3", "snow_cover.depth=auto", "snow_cover.hours=30"],
-        "stake" => &["snow_cover.depth=0.1"],
-        _ => &["fog.mor=150", "snow_cover.depth=0.1"],
+/// The weathers that an instrument is tested in.
+fn weathers(instrument: &str) -> Vec<Weather> {
+    let all: &[&[&str]] = match instrument {
+        "visibility" | "rays" => &[&["fog.mor=60"]],
+        "gauge" => &[&["rain.rate=5"]],
+        "streaks" => &[&["rain.rate=2.5", "rain.exposure=0.004", "wind.speed=5"]],
+        "budget" => &[&["snowfall.rate=3", "snow_cover.depth=auto", "snow_cover.hours=30"]],
+        "stake" => &[&["snow_cover.depth=0.1"]],
+        "lux" => &[
+            &["light.model=clear", "light.clouds=1"],
+            &["light.model=clear", "light.sun_elevation=40", "light.sun_azimuth=200"],
+        ],
+        "sundial" => &[&["light.model=clear", "light.sun_elevation=40", "light.sun_azimuth=200"]],
+        "shadows" => &[&["light.model=overcast"]],
+        "allard" | "halo" => &[&["fog.mor=120"]],
+        "flash" => &[&["lightning.rate=40", "lightning.distance=1500"]],
+        _ => &[&["fog.mor=150", "snow_cover.depth=0.1"]],
     };
-    let mut weather = Weather::clear();
-    sets.iter().for_each(|set| weather.set_text(set).unwrap());
-    weather
+    let weather = |sets: &&[&str]| {
+        let mut weather = Weather::clear();
+        sets.iter().for_each(|set| weather.set_text(set).unwrap());
+        weather
+    };
+    all.iter().map(weather).collect()
 }
 
 /// A shot by itself.
@@ -126,14 +188,91 @@ impl Fault {
                     drawn.camera.cx += 4.0;
                 }
             }
+            Self::SunLow => scale("light", "sun_elevation", 1.0 / 1.1),
+            Self::SunAside => scale("light", "sun_azimuth", 1.01),
+            // A picture of an edge that is wider is the same picture from nearer.
+            Self::Edges if (shot.camera.width, shot.camera.height) == (240, 240) => {
+                (drawn.camera.fx, drawn.camera.fy) = (1.2 * shot.camera.fx, 1.2 * shot.camera.fy);
+            }
+            Self::Shutter => scale("lightning", "exposure", 0.1),
+            // Not of what is drawn, but of its light.
+            Self::Upright
+            | Self::Sky
+            | Self::Edges
+            | Self::Shadows
+            | Self::Glow
+            | Self::Far
+            | Self::Flash => {}
         }
         drawn
     }
 
+    /// The light of a pixel that is drawn in place of another, if this changes the light of a picture: linear RGB, the coverage by
+    /// splats, and the light of another weather at the same time.
+    fn light(self, shot: &OwnedShot) -> Option<FalseLight> {
+        let on = |effect: &str| expected::is_on(&shot.weather, effect);
+        let says = |model: &str| expected::says(&shot.weather, shot.time, "light", "model", model);
+        let mut other = shot.weather.clone();
+        let mut without = |change: &str| {
+            other.set_text(change).unwrap();
+            Some(other.clone())
+        };
+        let (other, factor): (Option<Weather>, fn(f64, [f64; 2], &Camera) -> f64) = match self {
+            Self::Sky if says("clear") => {
+                (None, |alpha, [own, _], _| if alpha < 0.5 { 1.1 * own } else { own })
+            }
+            Self::Shadows if shot.subject == ShotSubject::Place && says("overcast") => {
+                (without("light=off"), |_, [own, other], _| 0.7 * own + 0.3 * other)
+            }
+            Self::Glow if on("fog") && says("night") && shot.camera.width > 100 => {
+                (None, |_, [own, _], _| 1.1 * own)
+            }
+            // The lens of these pictures is as long as the lamp is far.
+            Self::Far if on("fog") && says("night") && shot.camera.width == shot.camera.height => {
+                (None, |_, [own, _], camera| own * (1.0 + 0.1 * (camera.fx * 0.02 / 3.0) / 50.0))
+            }
+            Self::Flash if on("lightning") => {
+                (without("lightning=off"), |_, [own, other], _| other + 1.1 * (own - other))
+            }
+            _ => return None,
+        };
+        Some(FalseLight { other, factor })
+    }
+
+    /// The splats of a lit target that are set up in place of others.
+    fn falsify_target(self, splats: &mut Splats, up: DVec3) {
+        if self != Self::Upright {
+            return;
+        }
+        for index in 0..splats.len() {
+            let turn = quat::to_matrix(splats.quats[index].map(f64::from));
+            let normal = DVec3::from_array(turn.map(|row| row[2]));
+            if normal.dot(up).abs() < 0.1 {
+                let stride = splats.sh_stride();
+                for value in &mut splats.sh[index * stride..index * stride + 3] {
+                    let shown = srgb_decode(0.5 + sh::C0 * f64::from(*value));
+                    *value = sh::dc_of(srgb_encode(1.1 * shown)) as f32;
+                }
+            }
+        }
+    }
+
     /// The instruments that this is about.
     fn is_for(self, instrument: &str) -> bool {
-        self != Self::Shelter || instrument == "stake"
+        match self {
+            Self::Shelter => instrument == "stake",
+            Self::Upright => instrument == "lux",
+            // Shadows that are seen from elsewhere are shadows.
+            Self::Jitter => instrument != "shadows",
+            _ => true,
+        }
     }
+}
+
+/// A change of a picture's light, in another weather's.
+struct FalseLight {
+    other: Option<Weather>,
+    factor: fn(f64, [f64; 2], &Camera) -> f64,
 }
 
 /// A rig with a fault, that remembers what it was asked for.
@@ -156,6 +295,20 @@ impl InstrumentRenderer for Faulty {
         self.field.set_up(splats)
     }
 
+    fn set_up_lit(&mut self, splats: Splats, lamps: Vec<Lamp>) -> Result<ShotSubject> {
+        let mut splats = splats;
+        self.fault.falsify_target(&mut splats, DVec3::from_array(self.site().up));
+        self.field.set_up_lit(splats, lamps)
+    }
+
+    fn shadows(&mut self) -> Result<ShadowReport> {
+        // It is half as fine as the demo's street.
+        Ok(match self.field.shadows()? {
+            ShadowReport::Split { sun, .. } => ShadowReport::Split { sun, is_photographed: true },
+            other => other,
+        })
+    }
+
     fn clear_away(&mut self) {
         self.field.clear_away();
     }
@@ -166,7 +319,21 @@ impl InstrumentRenderer for Faulty {
         let drawn = self.fault.falsified(self.shots.len(), &requested);
         self.shots.push(requested);
         let (camera, weather, time) = (&drawn.camera, &drawn.weather, drawn.time);
-        self.field.draw(&InstrumentShot { camera, weather, time, ..*shot }, picture)
+        let drawn_shot = InstrumentShot { camera, weather, time, ..*shot };
+        self.field.draw(&drawn_shot, picture)?;
+        if let Some(FalseLight { other, factor }) = self.fault.light(&drawn) {
+            let mut beside = picture.frame.clone();
+            if let Some(weather) = &other {
+                let mut second = Picture::default();
+                self.field.draw(&InstrumentShot { weather, ..drawn_shot }, &mut second)?;
+                beside = second.frame;
+            }
+            for (at, value) in picture.frame.rgb.iter_mut().enumerate() {
+                let lights = [*value, beside.rgb[at]].map(|v| srgb_decode(f64::from(v)));
+                *value = srgb_encode(factor(f64::from(picture.frame.alpha[at / 3]), lights, camera)) as f32;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -186,21 +353,26 @@ fn each_instrument_finds_its_own_error_and_no_other() {
     let read = |rig: &mut Faulty, fault: Fault, index: usize| -> (Finding, Vec<OwnedShot>) {
         let instrument = instruments[index];
         rig.fault = fault;
-        let weather = weather(instrument.name);
-        assert!((instrument.applies)(&weather, 0.0), "{}", instrument.name);
-        let finding =
-            (instrument.read)(rig, &MeasureRequest { weather: &weather, time: 0.0, setting: "test" })
-                .unwrap();
-        rig.clear_away();
-        (finding, std::mem::take(&mut rig.shots))
+        let mut all = Finding::default();
+        for weather in &weathers(instrument.name) {
+            assert!((instrument.applies)(weather, 0.0), "{}", instrument.name);
+            let request = MeasureRequest { weather, time: 0.0, setting: "test" };
+            let finding = (instrument.read)(rig, &request).unwrap();
+            assert!(!finding.readings.is_empty(), "{}", instrument.name);
+            all.readings.extend(finding.readings);
+            rig.clear_away();
+        }
+        (all, std::mem::take(&mut rig.shots))
     };
     let faultless: Vec<_> = (0..instruments.len()).map(|index| read(&mut rig, Fault::None, index)).collect();
     for (fault, finds) in FINDS {
         let mut found: Vec<&[&str; 2]> = Vec::new();
         for (index, instrument) in instruments.iter().enumerate() {
             let (own, shots) = &faultless[index];
-            let is_touched = fault.is_for(instrument.name)
-                && shots.iter().enumerate().any(|(k, shot)| fault.falsified(k, shot) != *shot);
+            let changes = |(k, shot): (usize, &OwnedShot)| {
+                fault == Fault::Upright || fault.light(shot).is_some() || fault.falsified(k, shot) != *shot
+            };
+            let is_touched = fault.is_for(instrument.name) && shots.iter().enumerate().any(changes);
             let finding = if is_touched { read(&mut rig, fault, index).0 } else { own.clone() };
             for reading in finding.readings.iter().filter(|reading| !reading.passes()) {
                 println!("{fault:?}: {} finds {reading:?}", instrument.name);

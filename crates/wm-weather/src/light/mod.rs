@@ -40,6 +40,7 @@ pub use lamp_shadows::{DepthCube, LampShadows};
 pub use lamps::{LampKind, LampLight, LampLights, black_body};
 pub use moving::MovingLight;
 pub use placed::{NearSplats, PlacedSurfaces};
+pub(crate) use places::median_spacing;
 pub use sun_shadows::{ShadowCasters, SunShadows};
 pub use windows::window_splats;
 pub use wm_scene::sun::{SunPosition, SunPositionError};

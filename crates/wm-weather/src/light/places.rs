@@ -55,16 +55,21 @@ impl Surfaces {
 
     /// Median distance from a surface to the nearest other, as far as `most`, scene units: what is finer is not known.
     pub fn spacing(&self, most: f32, threads: usize) -> f32 {
-        let grid = PointGrid::new(&self.points, most);
-        let asked = self.len().min(SAMPLED);
-        let mut nearest = map(asked, threads, |k| {
-            let index = k * self.len() / asked;
-            let others = grid.near(self.points[index]).filter(|other| *other != index);
-            others.map(|other| self.points[other].distance(self.points[index])).fold(most, f32::min)
-        });
-        let middle = nearest.len() / 2;
-        if nearest.is_empty() { most } else { *nearest.select_nth_unstable_by(middle, f32::total_cmp).1 }
+        median_spacing(&self.points, most, threads)
     }
+}
+
+/// Median distance from a point to the nearest other, as far as `most`.
+pub(crate) fn median_spacing(points: &[Vec3], most: f32, threads: usize) -> f32 {
+    let grid = PointGrid::new(points, most);
+    let asked = points.len().min(SAMPLED);
+    let mut nearest = map(asked, threads, |k| {
+        let index = k * points.len() / asked;
+        let others = grid.near(points[index]).filter(|other| *other != index);
+        others.map(|other| points[other].distance(points[index])).fold(most, f32::min)
+    });
+    let middle = nearest.len() / 2;
+    if nearest.is_empty() { most } else { *nearest.select_nth_unstable_by(middle, f32::total_cmp).1 }
 }
 
 /// The captured light of a splat as all directions see it, linear RGB.

@@ -1,16 +1,19 @@
 //! The shadows of a sun that stands elsewhere than when the place was captured.
+//!
+//! They come from one map of what stands in the sun's way, as fine as the surfaces of the scene are, and their edges are as wide as the
+//! sun makes them from where they are cast.
 
 use super::capture::CaptureLight;
-use super::sun_search::{lifted, sun_map};
+use super::sun_search::sun_map;
 use crate::optics::Site;
-use crate::shelter::Occluders;
+use crate::shelter::{Occluders, SUN};
 use crate::threads::map;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use wm_scene::Splats;
 
-/// Distance over which the edge of a shadow is soft, m: what the maps resolve.
-const SOFT: f32 = 0.2;
+/// Limits of the width of a map's cells, in those of the occluders, which have the width of the surfaces' spacing between them.
+const CELLS: [f64; 2] = [0.25, 1.0];
 
 /// All that the shadows of any sun are made from, but for the light of the capture.
 #[derive(Clone, Debug)]
@@ -23,7 +26,9 @@ pub struct ShadowCasters {
 impl ShadowCasters {
     /// The splats of a scene, and what stands between them and the sky.
     #[must_use]
-    pub fn new(splats: &Splats, occluders: Occluders) -> Self {
+    pub fn new(splats: &Splats, occluders: &Occluders, threads: usize) -> Self {
+        let fine = occluders.spacing(threads) / occluders.cell();
+        let occluders = occluders.coarser(fine.clamp(CELLS[0], CELLS[1]));
         Self { occluders, points: splats.means.clone() }
     }
 
@@ -56,16 +61,9 @@ impl SunShadows {
         threads: usize,
     ) -> Self {
         let shadow_map = sun_map(&casters.occluders, direction, threads);
-        let sun = Vec3::from_array(direction.map(|v| v as f32));
         let seen = map(casters.points.len(), threads, |index| {
-            let at = lifted(
-                Vec3::from_array(casters.points[index]),
-                capture.normal(index),
-                sun,
-                &shadow_map,
-                site,
-            );
-            (255.0 * shadow_map.exposure(at, SOFT)).round() as u8
+            let point = Vec3::from_array(casters.points[index]);
+            (255.0 * shadow_map.lit(point, capture.normal(index), SUN)).round() as u8
         });
         let mut shadows = Self { direction, seen, mean: 0.0 };
         let (mut sum, mut count) = (0.0, 0.0f64);

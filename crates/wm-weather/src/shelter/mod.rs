@@ -32,6 +32,7 @@ mod floaters;
 mod layers;
 mod merge;
 mod occluders;
+mod penumbra;
 #[cfg(test)]
 mod tests;
 
@@ -42,6 +43,7 @@ use wm_scene::Splats;
 
 pub use layers::HeightLayers;
 pub use occluders::{Floaters, Occluders};
+pub use penumbra::{FarSource, SUN};
 
 /// Margin in cells, at least: half a cell on a surface of slope 3.
 const MARGIN_CELLS: f64 = 1.5;

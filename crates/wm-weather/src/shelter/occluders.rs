@@ -1,7 +1,9 @@
 //! The surfaces of a scene that may stop rain and snow, stored compactly, for maps in any direction.
 
 use super::{FloaterRule, Grid, Shelter, ShelterOptions, axes_of, cast, dot, floaters, unit};
+use crate::light::median_spacing;
 use crate::optics::Site;
+use glam::Vec3;
 use wm_scene::{Group, Splats, quat};
 
 /// Extent of a splat for the size of the grid, standard deviations.
@@ -116,6 +118,20 @@ impl Occluders {
         let small = kept.iter().filter(|&&i| largest(splats, i) <= LARGEST * diagonal);
         let all = small.map(|&i| Occluder::at(splats, i, origin)).collect();
         Self { options: *options, metres_per_unit, up, origin, all }
+    }
+
+    /// Width of the cells of its maps, m.
+    #[must_use]
+    pub fn cell(&self) -> f64 {
+        self.options.cell
+    }
+
+    /// Median distance from one to the nearest other, m; that of the cells at most, which is also the answer for none.
+    #[must_use]
+    pub fn spacing(&self, threads: usize) -> f64 {
+        let most = (self.options.cell / self.metres_per_unit) as f32;
+        let points: Vec<Vec3> = self.all.iter().map(|splat| Vec3::from_array(splat.mean)).collect();
+        f64::from(median_spacing(&points, most, threads)) * self.metres_per_unit
     }
 
     /// The same for maps of other cells, of another field and with another margin; what stops nothing stays so.

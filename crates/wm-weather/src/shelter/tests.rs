@@ -311,7 +311,7 @@ fn pooled_occluders_let_as_much_through() {
     let softened = place.softened(2.0);
     assert!(softened.all.len() < place.all.len() / 2, "{} of {}", softened.all.len(), place.all.len());
     // The share of the light that a thousand lines straight down keep, by formula.
-    let through = |all: &[super::occluders::Occluder], grid: &Grid| {
+    let through = |all: &[Occluder], grid: &Grid| {
         let footprints = project(all, grid, 1);
         let mut clear = vec![1.0; grid.columns * grid.rows];
         let (mut stops, mut splats) = (vec![f32::NEG_INFINITY; clear.len()], vec![0; clear.len()]);
