@@ -1,4 +1,5 @@
 use super::cast::{FILTER, LEAST_ALPHA, cast, project};
+use super::occluders::Occluder;
 use super::*;
 use glam::DVec3;
 use proptest::prelude::*;
