@@ -5,7 +5,7 @@ use anyhow::{Result, ensure};
 use indicatif::ProgressBar;
 use std::time::Instant;
 use weather_magician::frame::FrameRequest;
-use weather_magician::{Picture, Renderer};
+use weather_magician::{FrameOptions, Picture, PreparedPlace, Renderer};
 use wm_render::{Geometry, MedianDepth, Outputs, RenderConfig, SetId, SetView, Stats};
 use wm_scene::Camera;
 use wm_weather::cover::CoverRequest;
@@ -45,6 +45,8 @@ impl BenchCase {
         let snow = weather("clear", &["snowfall.rate=2.5"])?;
         let paper = weather("clear", &["rain.rate=25", "fidelity=paper"])?;
         let cover = weather("clear", &["snow_cover.depth=0.1"])?;
+        let overcast = weather("clear", &["light.model=overcast"])?;
+        let night = weather("clear", &["light.model=night", "light.lamps=on", "fog.mor=200"])?;
         let paper_fog = weather("fog", &["fidelity=paper"])?;
         let paper_cover = weather("clear", &["snow_cover=on", "fidelity=paper"])?;
         let mut cases: Vec<Self> = [
@@ -71,6 +73,8 @@ impl BenchCase {
             ("rgb, snow 2.5 mm/h", snow),
             ("rgb, rain, paper, k = 4", paper),
             ("rgb, snow cover 10 cm", cover),
+            ("rgb, light of clouds", overcast),
+            ("rgb, night, fog, 10 lamps", night),
             (PAPER_FOG, paper_fog),
             (PAPER_COVER, paper_cover),
         ] {
@@ -107,6 +111,11 @@ impl BenchCase {
     /// The covers that the weather needs.
     pub fn cover(&self) -> &[CoverRequest] {
         self.sky.cover()
+    }
+
+    /// Returns true if the weather lights the place.
+    pub fn is_lit(&self) -> bool {
+        self.sky.light().is_some()
     }
 
     /// Returns the index of a case in a list; 0 if it is not in it.
@@ -159,32 +168,50 @@ pub fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// A renderer with a loaded scene.
-pub struct BenchTarget<'a> {
-    /// The renderer.
-    pub renderer: &'a mut Renderer,
-    /// The splat sets of the scene and its covers.
-    pub sets: Vec<SetView<'a>>,
+pub enum BenchTarget<'a> {
+    /// Splats alone, without shelter.
+    Sets {
+        /// The renderer.
+        renderer: &'a mut Renderer,
+        /// The splat sets of the scene and its covers.
+        sets: Vec<SetView<'a>>,
+    },
+    /// A place whose light follows the weather.
+    Place {
+        /// The renderer.
+        renderer: &'a mut Renderer,
+        /// The place, with its lamps.
+        place: &'a mut PreparedPlace,
+    },
 }
 
 impl<'a> BenchTarget<'a> {
     /// Returns a scene without covers.
     pub fn plain(renderer: &'a mut Renderer, set: SetId) -> Self {
-        Self { renderer, sets: vec![SetView::plain(set)] }
+        Self::Sets { renderer, sets: vec![SetView::plain(set)] }
     }
 
-    /// Renders the scene in a case, without shelter.
+    /// Renders the scene in a case.
     fn render(&mut self, case: &BenchCase, camera: &Camera, picture: &mut Picture) -> Result<Stats> {
-        let request = FrameRequest {
-            sets: &self.sets,
-            weather: &case.sky,
-            camera: (*camera).into(),
-            shelter: None,
-            lamps: None,
-            threads: 1,
-            config: &case.config,
-            parts: &[],
-        };
-        Ok(self.renderer.draw(&request, picture)?)
+        match self {
+            Self::Sets { renderer, sets } => {
+                let request = FrameRequest {
+                    sets,
+                    weather: &case.sky,
+                    camera: (*camera).into(),
+                    shelter: None,
+                    lamps: None,
+                    threads: 1,
+                    config: &case.config,
+                    parts: &[],
+                };
+                Ok(renderer.draw(&request, picture)?)
+            }
+            Self::Place { renderer, place } => {
+                let options = FrameOptions::new(1.0, *camera);
+                Ok(renderer.render_into(place, &case.weather, &options, picture, &mut ())?)
+            }
+        }
     }
 }
 

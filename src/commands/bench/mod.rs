@@ -15,18 +15,20 @@ use crate::progress::{self, Reporter};
 use crate::scene::{AssetFolder, FactArgs, OpenScene, RunArgs, SceneArgs};
 use anyhow::{Context, Result};
 use clap::Args;
+use glam::DVec3;
 use indicatif::ProgressBar;
 use measure::{BenchCase, BenchTarget, FrameTimings, peak_memory, turns};
 use report::{PathSpeed, SceneReport, ThreadScaling};
 use std::path::{Path, PathBuf};
-use weather_magician::Renderer;
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
+use weather_magician::{PlaceOptions, PreparedPlace, Renderer};
 use wm_render::bench_scene::{shell_camera, shell_splats};
 use wm_render::simd::SimdPath;
 use wm_render::{Device, RenderBackend, RenderConfig, SetId, SetView};
 use wm_scene::formats::{ReadOptions, read_scene};
-use wm_scene::{Camera, Group, Metadata, Scene};
+use wm_scene::{Camera, Group, Lamp, Metadata, Scene};
+use wm_weather::Site;
 use wm_weather::cover::Buried;
 
 /// Options of `bench`.
@@ -124,7 +126,7 @@ fn made_up(args: &BenchArgs) -> Result<(OpenScene, Camera)> {
     const COVER: f64 = 60.0;
     let splats = shell_splats(args.splats as usize, COVER, args.sh_degree, 1);
     // Its facts are given, so that none is guessed.
-    let facts = Metadata { metres_per_unit: Some(1.0), up: Some(glam::DVec3::Z), ..Metadata::default() };
+    let facts = Metadata { metres_per_unit: Some(1.0), up: Some(DVec3::Z), ..Metadata::default() };
     let scene = Scene { splats, ..Scene::default() };
     let camera = shell_camera(args.size.0, args.size.1);
     Ok((OpenScene::of(scene, &facts, &args.run)?, camera))
@@ -176,6 +178,39 @@ impl SnowyScene {
     }
 }
 
+/// A second copy of the scene, with lamps in view and its light split into sun and sky.
+struct LitScene {
+    renderer: Renderer,
+    place: PreparedPlace,
+}
+
+impl LitScene {
+    fn new(loaded: &OpenScene, camera: &Camera, cases: &[&BenchCase], run: &RunArgs) -> Result<Self> {
+        let scene = Scene::clone(loaded.place.scene());
+        let mut renderer = run.renderer()?;
+        let facts = loaded.place.survey().metadata();
+        let mut place = renderer.load_with(scene, &PlaceOptions { facts, assets: None })?;
+        place.config = loaded.place.config;
+        renderer.set_lamps(&mut place, lamps(camera, loaded.place.site()), Vec::new())?;
+        for case in cases {
+            renderer.prepare(&mut place, &case.weather, &mut Reporter::default())?;
+        }
+        Ok(Self { renderer, place })
+    }
+}
+
+/// Ten lamps in two rows along the view, 2 m above the camera.
+fn lamps(camera: &Camera, site: &Site) -> Vec<Lamp> {
+    const AHEAD: [f64; 5] = [6.0, 10.0, 15.0, 22.0, 30.0];
+    let metre = 1.0 / site.metres_per_unit;
+    let up = DVec3::from_array(site.up);
+    let forward = camera.forward().reject_from(up).try_normalize().unwrap_or(up.any_orthonormal_vector());
+    let right = forward.cross(up);
+    let at = |ahead: f64, aside: f64| camera.center() + (forward * ahead + right * aside + up * 2.0) * metre;
+    let row = |aside: f64| AHEAD.map(|ahead| Lamp::new(at(ahead, aside).to_array()));
+    [row(-3.0), row(3.0)].concat()
+}
+
 /// Measures the cases, the threads and the SIMD paths of a scene.
 fn cases(loaded: &OpenScene) -> Result<Vec<BenchCase>> {
     let config = loaded.place.config;
@@ -190,6 +225,9 @@ fn in_turns(
     (run, rounds): (&RunArgs, u32),
     bar: &ProgressBar,
 ) -> Result<Vec<FrameTimings>> {
+    // The first target is the bare scene, the second, if there is one, is lit by the weather.
+    let lit: Vec<&BenchCase> = cases.iter().filter(|case| case.is_lit()).collect();
+    let mut lit = if lit.is_empty() { None } else { Some(LitScene::new(loaded, camera, &lit, run)?) };
     let mut snowy = Vec::new();
     let mut plan: Vec<(usize, &BenchCase)> = Vec::new();
     for case in cases {
@@ -197,12 +235,19 @@ fn in_turns(
         if !is_bare {
             snowy.push(SnowyScene::new(loaded, case, run)?);
         }
-        plan.push((if is_bare { 0 } else { snowy.len() }, case));
+        plan.push(match (case.is_lit(), is_bare) {
+            (true, _) => (1, case),
+            (false, true) => (0, case),
+            (false, false) => (usize::from(lit.is_some()) + snowy.len(), case),
+        });
     }
     let mut stands = vec![BenchTarget::plain(&mut loaded.renderer, loaded.place.set())];
+    if let Some(LitScene { renderer, place }) = &mut lit {
+        stands.push(BenchTarget::Place { renderer, place });
+    }
     for SnowyScene { renderer, sets: [scene, snow], buried } in &mut snowy {
         let scene = SetView::plain(*scene).with_attributes(Some(buried));
-        stands.push(BenchTarget { renderer, sets: vec![scene, SetView::plain(*snow)] });
+        stands.push(BenchTarget::Sets { renderer, sets: vec![scene, SetView::plain(*snow)] });
     }
     turns(&mut stands, camera, &plan, rounds, bar)
 }
@@ -226,7 +271,7 @@ fn measure_scene(
     let bar = progress::bar(u64::from(rounds), "rounds");
     // Memory is that of one renderer: it is told before there is another.
     let plain: Vec<(usize, &BenchCase)> =
-        cases.iter().filter(|case| case.cover().is_empty()).map(|case| (0, case)).collect();
+        cases.iter().filter(|case| case.cover().is_empty() && !case.is_lit()).map(|case| (0, case)).collect();
     let alone = BenchTarget::plain(&mut loaded.renderer, loaded.place.set());
     turns(&mut [alone], &camera, &plain, 0, &bar)?;
     let memory = peak_memory();

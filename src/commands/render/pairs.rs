@@ -100,10 +100,10 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
     };
     loaded.place.config = config;
+    let manifest = manifest((&loaded.renderer, &loaded.place), &shots, args, weather)?;
+    keep(&folder, &manifest)?;
     loaded.prepare(weather)?;
     let OpenScene { mut renderer, mut place } = loaded;
-    let manifest = manifest((&renderer, &place), &shots, args, weather)?;
-    keep(&folder, &manifest)?;
 
     let is_there = |shot: &PhotoView| FOLDERS.iter().all(|kind| folder.join(shot.file(*kind)).exists());
     let missing: Vec<u32> = (0..shots.len() as u32).filter(|i| !is_there(&shots[*i as usize])).collect();

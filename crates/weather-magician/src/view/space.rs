@@ -3,6 +3,8 @@
 use glam::DVec3;
 use wm_scene::{Group, Splats, quat, survey::Survey};
 
+/// Most cells to each side of a point that are asked whether it is clear: a wrong scale may ask for the whole grid.
+const MOST_CELLS: f64 = 24.0;
 /// Cells a scene radius.
 const CELLS: f64 = 56.0;
 /// Half the width of the grid in scene radii.
@@ -117,7 +119,7 @@ impl OccupancyGrid {
         let layer = (at.dot(self.axes[2]) - self.floor) / self.cell;
         let inside = layer >= 0.0 && layer < self.layers as f64;
         let column = self.column(at)?;
-        inside.then_some(layer as usize * self.side * self.side + column)
+        inside.then(|| layer as usize * self.side * self.side + column)
     }
 
     /// Returns true if the cell at a point is filled; no cell outside the grid is.
@@ -153,14 +155,14 @@ impl OccupancyGrid {
     /// Distance along a ray to the first filled cell; `None` if it is beyond `most`.
     pub fn hit(&self, from: DVec3, direction: DVec3, most: f64) -> Option<f64> {
         let step = 0.7 * self.cell;
-        let steps = (most / step) as usize;
+        let steps = (most / step).min(4.0 * self.side as f64) as usize;
         // The cell of the eye itself is judged elsewhere.
         (1..=steps).map(|i| i as f64 * step).find(|distance| self.is_filled(from + direction * *distance))
     }
 
     /// Returns true if no filled cell is within `distance` of a point.
     pub fn is_clear(&self, at: DVec3, distance: f64) -> bool {
-        let reach = (distance / self.cell).ceil() as i32;
+        let reach = (distance / self.cell).ceil().min(MOST_CELLS) as i32;
         let [x, y, up] = self.axes;
         let offset = |k: i32| f64::from(k) * distance / f64::from(reach.max(1));
         for i in -reach..=reach {

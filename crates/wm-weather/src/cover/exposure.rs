@@ -14,7 +14,7 @@
 use super::ground::{GroundGrid, STEEP};
 use crate::dome::{from_level, level_axes, to_level};
 use crate::optics::Site;
-use crate::shelter::{FloaterRule, Floaters, Occluders, Shelter, ShelterOptions};
+use crate::shelter::{FloaterMap, FloaterRule, Occluders, Shelter, ShelterOptions};
 use crate::threads::map;
 
 /// Spread of flakes about their mean direction, as a slope: in still air, and for each 1 of slope by wind.
@@ -65,7 +65,7 @@ fn falls(site: &Site, airflow: &Airflow, is_outer: bool) -> Vec<[f64; 3]> {
 /// each and by what floats over it.
 pub(super) fn maps(
     occluders: &Occluders,
-    rings: &[(ShelterOptions, Floaters)],
+    rings: &[(ShelterOptions, FloaterMap)],
     site: &Site,
     airflow: &Airflow,
     threads: usize,

@@ -8,7 +8,7 @@
 use super::exposure::Airflow;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::Site;
-use crate::shelter::{Floaters, HeightLayers, Occluders, Shelter};
+use crate::shelter::{FloaterMap, HeightLayers, Occluders, Shelter};
 use crate::threads::map;
 use serde::{Deserialize, Serialize};
 use wm_scene::{Group, Splats};
@@ -112,7 +112,7 @@ impl GroundGrid {
         occluders: &Occluders,
         inner: Option<&Self>,
         threads: usize,
-    ) -> (Self, Floaters) {
+    ) -> (Self, FloaterMap) {
         let (places, floaters) = occluders.layers(LAYERS, GAP, GAP_CELLS, Some(threads));
         let edge = EDGE.max(EDGE_CELLS * places.cell() as f32);
         let size = places.size();

@@ -11,7 +11,7 @@
 use super::irradiance::{SceneLight, SkyGradation, SurfaceLight};
 use super::openness;
 use super::places::{PointGrid, Surfaces};
-use super::sun_search::{self, FoundSun, Pair, lifted, same_material};
+use super::sun_search::{self, FoundSun, Pair, same_material};
 use super::sun_shadows::SunShadows;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{CapturedSky, Site};
@@ -27,6 +27,12 @@ const NEAR: f64 = 0.4;
 /// Distance of the surfaces by which leaves are told, and the agreement of their normals, 0-1.
 const AROUND: f32 = 0.3;
 const AGREED: f32 = 0.72;
+/// Least and greatest extent of a place whose light is split, m: others have a wrong scale.
+const EXTENTS: [f64; 2] = [0.01, 1e6];
+/// Distance between surfaces that are told apart, m.
+const THIN: f64 = 0.06;
+/// A splat of which nothing is known.
+const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun: 255, is_sky: false };
 /// Cosine of the sun's incidence on leaves, which turn to all sides.
 const LEAVES: f64 = 0.5;
 /// Radius about a point within which the map must agree for its word to be sure, m.
@@ -129,7 +135,12 @@ impl CaptureLight {
         site: &Site,
         threads: usize,
     ) -> Self {
-        let mut surfaces = Surfaces::of(found);
+        let fine = Surfaces::of(found);
+        let metres = site.metres_per_unit * f64::from(fine.extent());
+        if !(EXTENTS[0]..EXTENTS[1]).contains(&metres) {
+            return Self::in_the_open(splats, site);
+        }
+        let mut surfaces = fine.thinned((THIN / site.metres_per_unit) as f32);
         let coarseness = coarseness(&surfaces, site, threads);
         let coarser = occluders.coarser(f64::from(coarseness));
         let occluders = if coarseness > 1.0 { &coarser } else { occluders };
@@ -166,18 +177,30 @@ impl CaptureLight {
             .collect();
         let reach = (NEAR / site.metres_per_unit) as f32;
         let grid = PointGrid::new(&surfaces.points, reach);
-        let in_the_open = SplatLight { normal: [0; 3], open: [255; 2], sun: 255, is_sky: false };
         let splats = map(splats.len(), threads, |index| {
             if splats.groups[index] == Group::Sky {
-                return SplatLight { is_sky: true, ..in_the_open };
+                return SplatLight { is_sky: true, ..IN_THE_OPEN };
             }
             let point = Vec3::from_array(splats.means[index]);
             let distance = |i: &usize| surfaces.points[*i].distance_squared(point);
             let nearest = grid.near(point).min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
-            nearest.filter(|i| distance(i) <= reach * reach).map_or(in_the_open, |i| own[i])
+            nearest.filter(|i| distance(i) <= reach * reach).map_or(IN_THE_OPEN, |i| own[i])
         });
         let is_overcast = site.captured_sky == CapturedSky::Overcast;
         Self { sun: capture_sun, is_overcast, search, light, mean, splats }
+    }
+
+    /// The light of a scene of whose surfaces nothing is known: all of it sees the sky.
+    fn in_the_open(splats: &Splats, site: &Site) -> Self {
+        let of = |group: &Group| SplatLight { is_sky: *group == Group::Sky, ..IN_THE_OPEN };
+        Self {
+            sun: None,
+            is_overcast: site.captured_sky == CapturedSky::Overcast,
+            search: None,
+            light: captured_light(None, site),
+            mean: MeanSurface::of(std::iter::empty()),
+            splats: splats.groups.iter().map(of).collect(),
+        }
     }
 
     /// Returns true if the sun's shadows can be taken away: they were found, and little of them is left.
@@ -215,6 +238,17 @@ impl CaptureLight {
                 direction_text(*direction),
             ),
         }
+    }
+
+    /// How much of the captured sun each splat sees, 0-1; 0 without a sun.
+    pub fn sun_shares(&self) -> impl Iterator<Item = f32> {
+        let has_sun = self.sun.is_some();
+        self.splats.iter().map(move |splat| if has_sun { f32::from(splat.sun) / 255.0 } else { 0.0 })
+    }
+
+    /// The share of an even sky's light that reaches each splat, 0-1.
+    pub fn open_shares(&self) -> impl Iterator<Item = f32> {
+        self.splats.iter().map(|splat| f32::from(splat.open[0]) / 255.0)
     }
 
     /// The number of splats.
@@ -390,9 +424,7 @@ impl Split {
         let map_of_sun = sun_search::sun_map(occluders, direction, threads);
         let (up, sun) = ([site.up, direction]).map(|v| Vec3::from_array(v.map(|v| v as f32))).into();
         let prior = map(surfaces.len(), threads, |i| {
-            let normal = surfaces.normals[i];
-            let at = lifted(surfaces.points[i], normal, sun, &map_of_sun, site);
-            map_of_sun.exposure(at, coarseness * SURE)
+            map_of_sun.lit_within(surfaces.points[i], surfaces.normals[i], coarseness * SURE)
         });
         let place =
             |seen: &[f32], i: usize| surface_of(surfaces.normals[i], open[i], seen[i], up, Some(direction));

@@ -49,6 +49,29 @@ impl Surfaces {
         Self { points, normals, oriented: found.oriented, light }
     }
 
+    /// The first of those in each cube of this width (scene units) whose normals look the same way.
+    pub fn thinned(&self, width: f32) -> Self {
+        let mut taken: PlaceMap<(IVec3, u32), ()> = PlaceMap::default();
+        let cube = |point: Vec3| (point / width).floor().as_ivec3();
+        let kept: Vec<usize> = (0..self.len())
+            .filter(|i| taken.insert((cube(self.points[*i]), octant(self.normals[*i])), ()).is_none())
+            .collect();
+        let of = |all: &[Vec3]| kept.iter().map(|i| all[*i]).collect();
+        Self {
+            points: of(&self.points),
+            normals: of(&self.normals),
+            oriented: kept.partition_point(|i| *i < self.oriented),
+            light: of(&self.light),
+        }
+    }
+
+    /// The longest side of the box about all of them, scene units.
+    pub fn extent(&self) -> f32 {
+        let low = self.points.iter().copied().fold(Vec3::INFINITY, Vec3::min);
+        let high = self.points.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+        (high - low).max_element()
+    }
+
     pub fn len(&self) -> usize {
         self.points.len()
     }
@@ -57,6 +80,11 @@ impl Surfaces {
     pub fn spacing(&self, most: f32, threads: usize) -> f32 {
         median_spacing(&self.points, most, threads)
     }
+}
+
+/// The signs of a direction, of which opposite ones differ; 8 for none.
+fn octant(direction: Vec3) -> u32 {
+    if direction == Vec3::ZERO { 8 } else { direction.is_negative_bitmask() }
 }
 
 /// Median distance from a point to the nearest other, as far as `most`.
@@ -86,8 +114,10 @@ pub(super) struct PointGrid {
 }
 
 impl PointGrid {
-    /// Of points in cells of this width.
+    /// Of points in cells of this width, or of a millionth of their distance from the origin where that is more.
     pub fn new(points: &[Vec3], width: f32) -> Self {
+        let farthest = points.iter().map(|point| point.abs().max_element()).fold(0.0, f32::max);
+        let width = width.max(1e-6 * farthest).max(f32::MIN_POSITIVE);
         let cell = |point: Vec3| (point / width).floor().as_ivec3();
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         let key = |index: &u32| {

@@ -36,9 +36,16 @@ const ELEVATIONS: [f64; 2] = [5.0, 75.0];
 /// Widths of the cells of maps, in those of the occluders: of the search, then of its refinement.
 const COARSE: f64 = 4.0;
 const FINE: f64 = 2.0;
+/// The finest.
+const FINEST: f64 = 0.5;
 /// Steps of the refinement by wide pairs, then by narrow ones, degrees.
 const WIDE_STEPS: [f64; 3] = [6.0, 3.0, 1.5];
-const NARROW_STEPS: [f64; 2] = [1.0, 0.5];
+const NARROW_STEP: f64 = 1.0;
+/// Rings of directions about the best, a step of this (degrees) apart, whose mean is the sun's, weighted by what they score
+/// above this share of the best.
+const RINGS: i32 = 1;
+const RING_STEP: f64 = 1.0;
+const WEIGHED: f64 = 0.85;
 /// Turn of the azimuth that must do worse, degrees.
 const TURNED: f64 = 40.0;
 /// Deviations above the median of all directions that are chance, and the factor over that and over the turned directions
@@ -145,13 +152,12 @@ fn score(
     (surfaces, pairs): (&Surfaces, &[Pair]),
     sun: [f64; 3],
     occluders: &Occluders,
-    site: &Site,
 ) -> Option<(f64, f64)> {
     let map = sun_map(occluders, sun, 1);
     let sun = Vec3::from_array(sun.map(|v| v as f32));
     let is_lit = |index: u32| {
         let index = index as usize;
-        map.is_exposed(lifted(surfaces.points[index], surfaces.normals[index], sun, &map, site))
+        map.is_lit(surfaces.points[index], surfaces.normals[index])
     };
     let mut ratios: Vec<f64> = pairs
         .iter()
@@ -196,7 +202,7 @@ pub(super) fn find_sun(
         })
         .collect();
     let value = |place: (&Surfaces, &[Pair]), [elevation, azimuth]: [f64; 2], occluders: &Occluders| {
-        score(place, towards(site, elevation, azimuth), occluders, site)
+        score(place, towards(site, elevation, azimuth), occluders)
     };
     let scores: Vec<f64> = map(tried.len(), threads, |k| {
         value((surfaces, wide), tried[k], &coarse).map_or(0.0, |(_, score)| score)
@@ -228,17 +234,41 @@ pub(super) fn find_sun(
         return Some(found(best.0));
     }
     // Few narrow pairs are no reason to doubt what wide ones say.
-    let finest = occluders.sketched(1.0);
-    let by_narrow = |at: [f64; 2]| value((surfaces, narrow), at, &finest);
-    let mut direction = best.0;
-    if let Some(found) = by_narrow(direction) {
-        let mut best = (direction, found);
-        for step in NARROW_STEPS {
-            best = climbed(best, step.to_radians(), threads, by_narrow);
-        }
-        direction = best.0;
-    }
+    let middling = occluders.sketched(1.0);
+    let by_narrow = |at: [f64; 2]| value((surfaces, narrow), at, &middling);
+    let Some(first) = by_narrow(best.0) else { return Some(found(best.0)) };
+    let direction = climbed((best.0, first), NARROW_STEP.to_radians(), threads, by_narrow).0;
+    let finest = occluders.sketched(FINEST);
+    let direction = centred(direction, threads, |at| value((surfaces, narrow), at, &finest));
     Some(found(direction))
+}
+
+/// The steps in elevation and azimuth that are tried about a direction.
+const NEIGHBOURS: [[f64; 2]; 4] = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
+
+/// The mean of directions about one, weighted by their scores: shadows are told by few pairs, so that scores are rough.
+fn centred(
+    [elevation, azimuth]: [f64; 2],
+    threads: usize,
+    value: impl Fn([f64; 2]) -> Option<(f64, f64)> + Sync,
+) -> [f64; 2] {
+    let step = RING_STEP.to_radians();
+    let wide = step / elevation.cos().max(0.2);
+    let steps = -RINGS..=RINGS;
+    let around: Vec<[f64; 2]> = steps
+        .clone()
+        .flat_map(|e| steps.clone().map(move |a| [e, a].map(f64::from)))
+        .map(|[e, a]| [elevation + e * step, azimuth + a * wide])
+        .collect();
+    let scores = map(around.len(), threads, |k| value(around[k]).map_or(0.0, |(_, score)| score));
+    let least = WEIGHED * scores.iter().copied().fold(0.0, f64::max);
+    let (mut sum, mut weights) = ([0.0; 2], 0.0);
+    for (at, score) in around.iter().zip(scores) {
+        let weight = (score - least).max(0.0);
+        (0..2).for_each(|k| sum[k] += weight * at[k]);
+        weights += weight;
+    }
+    if weights > 0.0 { sum.map(|v| v / weights) } else { [elevation, azimuth] }
 }
 
 /// A direction (elevation and azimuth) with the ratio of light to shade and the score there.
@@ -254,8 +284,7 @@ fn climbed(
     for _ in 0..3 {
         let [elevation, azimuth] = best.0;
         let wide = step / elevation.cos().max(0.2);
-        let around = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]
-            .map(|[e, a]: [f64; 2]| [elevation + e * step, azimuth + a * wide]);
+        let around = NEIGHBOURS.map(|[e, a]: [f64; 2]| [elevation + e * step, azimuth + a * wide]);
         let found = map(around.len(), threads, |k| value(around[k]));
         let better = around.into_iter().zip(found).filter_map(|(at, found)| Some((at, found?)));
         match better.max_by(|a, b| a.1.1.total_cmp(&b.1.1)) {

@@ -1,6 +1,6 @@
 //! Surfaces one below the other: what lies open to the sky, and what lies under that.
 
-use super::occluders::{FirstSurfaces, Floaters, count as thread_count};
+use super::occluders::{FirstSurfaces, FloaterMap, count as thread_count};
 use super::{Grid, Occluders, cast, dot};
 use serde::{Deserialize, Serialize};
 
@@ -28,7 +28,7 @@ impl Occluders {
         gap: f64,
         cells: f64,
         threads: Option<usize>,
-    ) -> (HeightLayers, Floaters) {
+    ) -> (HeightLayers, FloaterMap) {
         let threads = thread_count(threads);
         let grid = Grid { stopped: TOP, ..self.grid(self.up.map(|v| -v)) };
         let footprints = cast::project(&self.all, &grid, threads);
@@ -46,7 +46,7 @@ impl Occluders {
             heights.push(stops.iter().map(|stop| -stop * self.metres_per_unit as f32).collect());
         }
         let layers = HeightLayers { grid, metres_per_unit: self.metres_per_unit, heights, splats: sources };
-        (layers, Floaters { grid, opened })
+        (layers, FloaterMap { grid, opened })
     }
 }
 

@@ -42,7 +42,7 @@ use serde::{Deserialize, Serialize};
 use wm_scene::Splats;
 
 pub use layers::HeightLayers;
-pub use occluders::{Floaters, Occluders};
+pub use occluders::{FloaterMap, Occluders};
 pub use penumbra::{FarSource, SUN};
 
 /// Margin in cells, at least: half a cell on a surface of slope 3.

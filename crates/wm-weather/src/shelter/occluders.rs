@@ -37,7 +37,7 @@ pub(super) struct FirstSurfaces {
 
 /// What floats over a scene: what stands in an opened cell of a level map, above what it was opened for.
 #[derive(Clone, Debug)]
-pub struct Floaters {
+pub struct FloaterMap {
     pub(super) grid: Grid,
     /// As of [`FirstSurfaces`].
     pub(super) opened: Vec<(u32, f32)>,
@@ -201,8 +201,8 @@ impl Occluders {
 
     /// The same without those that float.
     #[must_use]
-    pub fn without(&self, floaters: &Floaters) -> Self {
-        let Floaters { grid, opened } = floaters;
+    pub fn without(&self, floaters: &FloaterMap) -> Self {
+        let FloaterMap { grid, opened } = floaters;
         let mut floors = vec![f32::NEG_INFINITY; grid.columns * grid.rows];
         // What was opened twice is deeper the second time.
         opened.iter().for_each(|(cell, stop)| floors[*cell as usize] = *stop);

@@ -6,7 +6,7 @@
 //! of what shades it, within the widest penumbra, gives the radius of its own; the share of the cells within that radius that are
 //! open is the share of the source that it sees. A source of the angular diameter `w` makes an edge `w d` wide at the distance `d`.
 
-use super::Shelter;
+use super::{MOST_RADIUS, Shelter};
 use glam::{Vec2, Vec3};
 
 /// Cells by which a surface stands before itself at most, across it: its roughness.
@@ -49,15 +49,39 @@ impl Shelter {
     /// A normal of zero is that of leaves, which turn to all sides.
     #[must_use]
     pub fn lit(&self, point: Vec3, normal: Vec3, source: FarSource) -> f32 {
+        let Some(receiver) = self.receiver(point, normal) else { return 1.0 };
+        let widest = source.widest * self.query.cells_per_metre;
+        let Some(distance) = self.blocker(&receiver, widest.max(LEAST)) else { return 1.0 };
+        let radius = 0.5 * source.width * distance / self.query.cell;
+        self.open_within(&receiver, radius.clamp(LEAST, widest.max(LEAST)))
+    }
+
+    /// Returns true if nothing stands between a surface and where the fall comes from, by its own cell alone.
+    #[must_use]
+    pub fn is_lit(&self, point: Vec3, normal: Vec3) -> bool {
+        self.receiver(point, normal).is_none_or(|receiver| {
+            self.shade(&receiver, receiver.at.x.floor() as i32, receiver.at.y.floor() as i32).is_none()
+        })
+    }
+
+    /// Returns the share of the cells within a radius (m) of a surface that nothing shades, 0-1.
+    #[must_use]
+    pub fn lit_within(&self, point: Vec3, normal: Vec3, radius: f32) -> f32 {
+        let radius = (radius * self.query.cells_per_metre).min(MOST_RADIUS);
+        self.receiver(point, normal).map_or(1.0, |receiver| self.open_within(&receiver, radius))
+    }
+
+    /// A surface on the map; `None` if it is no place.
+    fn receiver(&self, point: Vec3, normal: Vec3) -> Option<Receiver> {
         let [u, v, t] = self.locate(point.to_array());
         if !(u.is_finite() && v.is_finite() && t.is_finite()) {
-            return 1.0;
+            return None;
         }
         let query = &self.query;
         let [across, down, fall] = query.axes.map(Vec3::from_array);
         let facing = -normal.dot(fall);
         let rough = ROUGH * query.cell.max(ROUGH_CELL / self.metres_per_unit as f32);
-        let receiver = if normal == Vec3::ZERO {
+        Some(if normal == Vec3::ZERO {
             Receiver {
                 at: Vec2::new(u, v),
                 t,
@@ -76,11 +100,7 @@ impl Shelter {
                 margin: query.margin.max(rough / facing),
                 spread: 0.0,
             }
-        };
-        let widest = source.widest * query.cells_per_metre;
-        let Some(distance) = self.blocker(&receiver, widest.max(LEAST)) else { return 1.0 };
-        let radius = 0.5 * source.width * distance / query.cell;
-        self.open_within(&receiver, radius.clamp(LEAST, widest.max(LEAST)))
+        })
     }
 
     /// How far before a receiver's plane the first surface of a cell stands, scene units, if it shades it.

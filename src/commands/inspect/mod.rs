@@ -1,11 +1,14 @@
 //! `inspect`: the content of a scene, and its faults.
 
+mod light;
+
+use crate::overwrite::check_spares;
 use crate::scene::{FactArgs, count_of, read_options};
 use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use weather_magician::{PlaceOptions, Renderer};
+use wm_scene::files::check_writable;
 use wm_scene::formats::{SceneFormat, read_scene_and_format, write_sidecar};
 use wm_scene::health::{Bounds, FaultCounts, Health, Histogram};
 use wm_scene::survey::{Sourced, Survey, label_sky};
@@ -27,6 +30,9 @@ pub struct InspectArgs {
     /// Split the light of the photos into sun and sky, as weather with `light` does, and report it; takes seconds
     #[arg(long)]
     light: bool,
+    /// Draw it too, as a PNG: the place as captured and under clouds, what is in the sun, and what is open to the sky
+    #[arg(long, value_name = "PATH", requires = "light")]
+    light_picture: Option<PathBuf>,
     /// Write up, ground, scale and airlight into a TOML file beside the scene, from which all commands read
     /// them
     #[arg(long)]
@@ -36,6 +42,10 @@ pub struct InspectArgs {
 /// Runs the command.
 pub fn run(args: &InspectArgs) -> Result<()> {
     let given = args.facts.metadata()?;
+    if let Some(path) = &args.light_picture {
+        check_spares(path, &[&args.scene])?;
+        check_writable(path)?;
+    }
     let (mut scene, format) = read_scene_and_format(&args.scene, &read_options(args.level))?;
     let labelled = scene.splats.groups.contains(&Group::Sky);
     label_sky(&mut scene.splats);
@@ -47,11 +57,7 @@ pub fn run(args: &InspectArgs) -> Result<()> {
         print(args, format, &scene, &health, &survey, labelled);
     }
     if args.light {
-        let mut renderer = Renderer::cpu()?;
-        let options = PlaceOptions { facts: given, ..PlaceOptions::default() };
-        let mut place = renderer.load_with(scene.clone(), &options)?;
-        let light = renderer.capture_light(&mut place, &mut ())?;
-        println!("Light of the capture\n  {}", light.report(place.site().up));
+        light::show(args, scene.clone(), given)?;
     }
     if args.save_metadata {
         let file = wm_scene::formats::folder::scene_file(&args.scene)?;

@@ -1,0 +1,71 @@
+//! `inspect --light`: the light of the photos, split into sun and sky, as a line and as a picture.
+
+use super::InspectArgs;
+use crate::progress::Reporter;
+use crate::scene::AssetFolder;
+use anyhow::{Context, Result};
+use std::path::Path;
+use weather_magician::view::{ViewOptions, choose};
+use weather_magician::{PlaceOptions, PreparedPlace, Renderer, Scene, Weather};
+use wm_media::{PictureSize, color::Dither, png, sheet};
+use wm_scene::{Camera, Metadata, Splats, sh};
+use wm_weather::light::CaptureLight;
+
+/// Size of a panel of the picture, px.
+const PANEL: (u32, u32) = (600, 400);
+
+/// Finds the light of the photos, or reads it from the scene's assets, and prints and draws it.
+pub fn show(args: &InspectArgs, scene: Scene, facts: Metadata) -> Result<()> {
+    let mut renderer = Renderer::cpu()?;
+    let options = PlaceOptions { facts, assets: AssetFolder::default().folder(&args.scene) };
+    let mut place = renderer.load_with(scene, &options)?;
+    let light = renderer.capture_light(&mut place, &mut Reporter::default())?;
+    println!("Light of the photos\n  {}", light.report(place.site().up));
+    if let Some(path) = &args.light_picture {
+        draw(&mut renderer, &mut place, &light, path)?;
+        println!("  drawn in {}", path.display());
+    }
+    Ok(())
+}
+
+/// Draws the place as captured and under clouds, what of it is in the sun, and what is open to the sky.
+fn draw(renderer: &mut Renderer, place: &mut PreparedPlace, light: &CaptureLight, path: &Path) -> Result<()> {
+    let options = ViewOptions { size: Some(PANEL), ..ViewOptions::default() };
+    let camera = choose::choose(&mut renderer.view_search(place, options))?.camera;
+    let mut clouds = Weather::find("overcast")?;
+    clouds.set_text("light.exposure=0")?;
+    let mut panels = Vec::new();
+    for (weather, label) in [(Weather::clear(), "as captured"), (clouds, "under clouds")] {
+        panels.push((renderer.render(place, &weather, &camera, 0.0)?.frame.rgb, label));
+    }
+    let shares = [
+        (light.sun_shares().collect::<Vec<f32>>(), "white: in the sun of the photos"),
+        (light.open_shares().collect(), "white: open to the sky"),
+    ];
+    for (shares, label) in shares {
+        panels.push((painted(renderer, place, &shares, &camera)?, label));
+    }
+    let panels: Vec<sheet::SheetPanel<'_>> =
+        panels.iter().map(|(rgb, label)| sheet::SheetPanel { rgb, label }).collect();
+    let layout = sheet::SheetLayout::new(PictureSize::new(PANEL.0, PANEL.1), panels.len() as u32, 2);
+    png::write_rgb(path, &sheet::sheet(&layout, &panels), layout.size(), Dither::Ordered, &[])
+        .with_context(|| format!("{}", path.display()))
+}
+
+/// Renders the splats of a place in greys, 0-1, one a splat.
+fn painted(
+    renderer: &mut Renderer,
+    place: &PreparedPlace,
+    shares: &[f32],
+    camera: &Camera,
+) -> Result<Vec<f32>> {
+    let scene = place.scene();
+    let mut splats: Splats = scene.splats.clone();
+    let stride = splats.sh_stride();
+    splats.sh.fill(0.0);
+    for (index, share) in shares.iter().enumerate() {
+        splats.sh[index * stride..index * stride + 3].fill(sh::dc_of(f64::from(*share)) as f32);
+    }
+    let mut greys = renderer.load(Scene { splats, metadata: scene.metadata.clone(), ..Scene::default() })?;
+    Ok(renderer.render(&mut greys, &Weather::clear(), camera, 0.0)?.frame.rgb)
+}
