@@ -8,6 +8,7 @@ use common::*;
 use wm_render::gpu::adapters;
 use wm_render::testing::Backend;
 use wm_scene::capture::colmap::write::ColmapStorage;
+use wm_scene::{Lamp, Metadata};
 use wm_street::{
     Street,
     dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
@@ -89,7 +90,9 @@ fn every_weather_is_the_cpus() {
     let name = adapters().into_iter().find(|listed| listed.unfit.is_none()).unwrap().name;
     let workshop = Workshop::new();
     let (_, view) = yard_look(SIZE);
-    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    let lamp = Lamp { aim: Some([0.0, 0.0, -1.0]), ..Lamp::new([-1.5, 1.0, 4.0]) };
+    let facts = Metadata { lamps: Some(vec![lamp]), ..yard_metadata(1.0) };
+    let scene = workshop.scene("yard", yard().build(), &facts);
     for weather in [
         "",
         "--set fog.mor=40",
@@ -100,6 +103,12 @@ fn every_weather_is_the_cpus() {
         "--set fog.mor=80 --set look.exposure=-0.5 --set look.saturation=0.6",
         "--weather fog --set fidelity=paper",
         "--set rain.rate=20 --set fidelity=paper",
+        "--set light.model=overcast",
+        "--set light.model=clear --set light.sun_elevation=30 --set light.photos=diffuse --set haze.mor=3000",
+        "--set light.model=night --set light.lamps=on --set light.exposure=-2 --set fog.mor=60",
+        "--set light.model=night --set light.lamps=on --set light.headlamps=on --set rain.rate=60 --set snow_cover.depth=0.1",
+        "--set light.model=night --set lightning.rate=120 --set lightning.distance=400 --set lightning.exposure=2",
+        "--set light.model=clear --set light.photos=diffuse --set light.clouds=0.5 --set light.cloud_shadows=on",
     ] {
         let pictures = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
             let mut words = workshop.words(&scene, &view, "picture.exr", weather);

@@ -82,8 +82,37 @@ fn overrides() {
         ("snow_cover.depth=-1", "snow_cover.depth is -1: must be a number from 0"),
         ("snow_cover.depth=11", "snow_cover.depth is 11: must be a number from 0"),
         ("fidelity=exact", "there is no fidelity `exact`: use physical or paper"),
+        ("light.glow=-1", "light.glow is -1: must be a number from 0"),
+        ("light.turbidity=0", "light.turbidity is 0: must be a number from 1"),
+        ("light=dark", "light is auto, captured, overcast, clear, night, on or off"),
+        ("lightning.rate=-3", "lightning.rate is -3: must be a number from 0"),
     ] {
         let named = format!("--set {text}: ");
         place.render_refused("good.ply", &["--set", text], &[&named, says]);
+    }
+}
+
+#[test]
+fn light_that_cannot_be() {
+    let place = Place::new();
+    let shadows = ["--set", "light.cloud_shadows=on"];
+    for (options, says) in [
+        (&["--set", "light.model=clear", "--set", "light.hour=12"][..], "light.hour needs a place"),
+        (
+            &["--set", "light.model=clear", "--set", "light.sun_elevation=-5", shadows[0], shadows[1]],
+            "light.cloud_shadows needs a sun: light.sun_elevation is -5 degrees",
+        ),
+    ] {
+        place.render_refused("good.ply", options, &[says]);
+    }
+    for (lamp, says) in [
+        ("lumens = -5", "number 1: its flux is -5 lm"),
+        ("kelvin = 20", "20"),
+        ("aim = [0, 0, 0]", "number 1"),
+        ("beam = 400", "400"),
+        ("lumens = nan", "NaN"),
+    ] {
+        place.put("good.ply.wm.toml", format!("[[lamps]]\nat = [0, 0, 1]\n{lamp}\n"));
+        place.render_refused("good.ply", &[], &["good.ply.wm.toml", says]);
     }
 }

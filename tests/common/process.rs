@@ -78,11 +78,15 @@ pub fn listing(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut all = BTreeMap::new();
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        let about = fs::symlink_metadata(&path).unwrap();
+        // A program that runs may have renamed it since.
+        let Ok(about) = fs::symlink_metadata(&path) else { continue };
         if about.is_dir() {
             all.extend(listing(&path));
         }
-        all.insert(path.clone(), if about.is_file() { fs::read(&path).unwrap() } else { Vec::new() });
+        all.insert(
+            path.clone(),
+            if about.is_file() { fs::read(&path).unwrap_or_default() } else { Vec::new() },
+        );
     }
     all
 }

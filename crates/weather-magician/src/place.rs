@@ -627,6 +627,7 @@ impl PreparedPlace {
         weather: &Weather,
         progress: &mut dyn Progress,
     ) -> Result<()> {
+        self.check_light(weather)?;
         let needs = AssetNeeds::of(weather, &self.site);
         self.prepare(backend, self.missing_assets(weather, 0.0), progress)?;
         // A fall that turns, or begins later, needs maps of other directions; those are made without the splats.
@@ -640,6 +641,11 @@ impl PreparedPlace {
         self.prepare(backend, missing, progress)
     }
 
+    /// Checks that the light of a weather can be.
+    fn check_light(&self, weather: &Weather) -> Result<()> {
+        light_fault(weather, &self.site).map_or(Ok(()), |fault| Err(Error::Unsupported(fault)))
+    }
+
     /// Draws an instant of a weather.
     pub(crate) fn draw(
         &mut self,
@@ -650,15 +656,12 @@ impl PreparedPlace {
         (picture, stages): (&mut Picture, Option<&mut PaperStages>),
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
+        self.check_light(weather)?;
         if options.patience == Patience::Whole {
             let missing = self.missing_assets(weather, options.time);
             self.prepare(backend, missing, progress)?;
         }
-        let sample = weather.at(options.time);
-        if let Some(fault) = light_fault(&sample, &self.site) {
-            return Err(Error::Unsupported(fault));
-        }
-        let prepared = sample.prepare(&self.site);
+        let prepared = weather.at(options.time).prepare(&self.site);
         self.clear_foreign_cover(backend, &prepared);
         let shelter = prepared.fall().and_then(|fall| match options.patience {
             Patience::Whole => self.store.shelter(fall).cloned(),
