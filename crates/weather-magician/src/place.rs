@@ -559,7 +559,7 @@ impl PreparedPlace {
         self.store.light = light.or(self.store.light.take());
         if let Some(lamps) = lamps {
             self.warnings.extend(lamps.enclosed().map(|[x, y, z]| {
-                format!("the lamp at {x:.2}, {y:.2}, {z:.2} stands inside of something: surfaces are all around it, and cast no shadow")
+                format!("the lamp at {x:.2}, {y:.2}, {z:.2} stands inside of something: the surfaces around it look away from it")
             }));
             self.store.lamps = Some(lamps);
         }

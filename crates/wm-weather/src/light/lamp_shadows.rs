@@ -20,10 +20,11 @@ const SIDE: u32 = 128;
 const COARSE_SIDE: u32 = 48;
 /// Distance from a lamp within which nothing casts shadows, m: its head and its arm.
 const OWN: f64 = 0.45;
-/// Distance from a lamp at which surfaces are looked for that enclose it, m; texels, and the share of them that do.
-const TOUCH: f64 = 0.03;
-const TOUCH_SIDE: u32 = 16;
-const ENCLOSED: f64 = 0.9;
+/// Distances from a lamp between which surfaces tell whether it stands inside of something, m: nearer ones may be its lantern.
+const AROUND: [f64; 2] = [OWN, 1.2];
+/// Fewest surfaces that tell it, and the share that has it behind.
+const FEWEST: usize = 20;
+const ENCLOSED: f64 = 0.8;
 /// A surface this much behind what is seen is still the same surface: as a share of the distance, and m.
 const SLACK: f32 = 0.02;
 const BEHIND: f64 = 0.12;
@@ -47,7 +48,7 @@ pub struct LampShadows {
     lights: Vec<(LampLight, DepthCube)>,
     /// Irradiance of each splat, linear RGB, lx.
     lit: Vec<[f32; 3]>,
-    /// The lamps that surfaces enclose, by their place in the list.
+    /// The lamps that stand inside of something, by their place in the list.
     enclosed: Vec<u32>,
     metres_per_unit: f32,
 }
@@ -74,17 +75,8 @@ impl LampShadows {
         let up = DVec3::from_array(site.up);
         let (mut lights, mut grounds, mut enclosed) = (Vec::new(), Vec::new(), Vec::new());
         for (index, lamp) in lamps.lights.iter().enumerate() {
-            if lamp.kind == LampKind::Ball {
-                let around = DepthCube::draw(
-                    &mut renderer,
-                    &sets,
-                    &mut frame,
-                    lamp,
-                    (TOUCH_SIDE, TOUCH / site.metres_per_unit),
-                )?;
-                if around.share_nearer(near) > ENCLOSED {
-                    enclosed.push(index as u32);
-                }
+            if lamp.kind == LampKind::Ball && is_behind(Vec3::from_array(lamp.at), points, capture, site) {
+                enclosed.push(index as u32);
             }
             let mut draw = |light: &LampLight, side: u32| {
                 DepthCube::draw(&mut renderer, &sets, &mut frame, light, (side, near))
@@ -122,8 +114,7 @@ impl LampShadows {
         &self.lamps
     }
 
-    /// The lamps that surfaces less than half a metre away enclose, by their place in the list, world axes, scene units: they stand
-    /// inside of something.
+    /// The places of the lamps that stand inside of something, world axes, scene units: surfaces around them look away.
     pub fn enclosed(&self) -> impl Iterator<Item = [f32; 3]> {
         self.enclosed.iter().map(|index| self.lights[*index as usize].0.at)
     }
@@ -177,6 +168,21 @@ impl LampShadows {
         }
         sum
     }
+}
+
+/// Returns true if the surfaces around a place look away from it.
+fn is_behind(at: Vec3, points: &[[f32; 3]], capture: &CaptureLight, site: &Site) -> bool {
+    let [near, far] = AROUND.map(|metres| (metres / site.metres_per_unit) as f32);
+    let (mut behind, mut all) = (0, 0);
+    for (index, point) in points.iter().enumerate() {
+        let to_lamp = at - Vec3::from_array(*point);
+        let is_around = (near * near..far * far).contains(&to_lamp.length_squared());
+        if is_around && !capture.is_sky(index) && capture.normal(index) != Vec3::ZERO {
+            all += 1;
+            behind += usize::from(to_lamp.dot(capture.normal(index)) < 0.0);
+        }
+    }
+    all >= FEWEST && behind as f64 >= ENCLOSED * all as f64
 }
 
 /// The distance to the first surface around a point, on the faces of a cube.
@@ -250,12 +256,6 @@ impl DepthCube {
         let last = self.side as i32 - 1;
         let at = (y.clamp(0, last) * self.side as i32 + x.clamp(0, last)) as usize;
         self.inverse[face * (self.side * self.side) as usize + at]
-    }
-
-    /// The share of its texels whose first surface is nearer than a distance along the face's axis.
-    fn share_nearer(&self, distance: f64) -> f64 {
-        let limit = (1.0 / distance) as f32;
-        self.inverse.iter().filter(|inverse| **inverse > limit).count() as f64 / self.inverse.len() as f64
     }
 
     /// The distance to the first surface in a direction, scene units; `None` where there is none.

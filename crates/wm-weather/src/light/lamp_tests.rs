@@ -251,3 +251,52 @@ fn what_falls_scatters_all_of_its_light() {
     // Radiance over its face times 4 pi, shown times pi.
     assert!((sum * 4.0 / irradiance - 1.0).abs() < 0.01, "{sum} {irradiance}");
 }
+
+/// A closed house on level ground, and a lantern of 0.2 m around a place.
+fn house(lantern: DVec3) -> Splats {
+    let mut splats = yard();
+    let mut add = |point: DVec3, normal: DVec3, step: f64| {
+        let aside = normal.any_orthonormal_vector();
+        let scales = [0.66 * step, 0.66 * step, 0.05 * step];
+        let surfel = surfel(point.to_array(), (normal, aside), scales, [0.5; 3], 0.98);
+        splats.push(&Splat { group: Group::Scene, ..surfel });
+    };
+    let (low, high) = (DVec3::new(-6.0, -2.0, 0.0), DVec3::new(-2.0, 2.0, 3.0));
+    for axis in 0..3 {
+        for side in [-1.0, 1.0] {
+            let normal = DVec3::AXES[axis] * side;
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            for i in 0..((high[u] - low[u]) / STEP) as i32 {
+                for j in 0..((high[v] - low[v]) / STEP) as i32 {
+                    let mut point = if side < 0.0 { low } else { high };
+                    point[u] = low[u] + STEP * (f64::from(i) + 0.5);
+                    point[v] = low[v] + STEP * (f64::from(j) + 0.5);
+                    add(point, normal, STEP);
+                }
+            }
+        }
+    }
+    for i in 0..100 {
+        let z = (f64::from(i) + 0.5) / 50.0 - 1.0;
+        let (sin, cos) = (2.399_963 * f64::from(i)).sin_cos();
+        let away = DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+        add(lantern + 0.2 * away, away, 0.06);
+    }
+    splats
+}
+
+#[test]
+fn a_lamp_in_a_wall_is_told_and_one_in_its_lantern_is_not() {
+    let lantern = DVec3::new(0.0, 0.0, 3.0);
+    let splats = house(lantern);
+    for (at, is_inside) in [
+        (lantern, false),
+        (DVec3::new(-2.2, 0.0, 1.8), true),
+        (DVec3::new(-1.6, 0.0, 1.8), false),
+        (DVec3::new(-4.0, 0.0, 2.8), true),
+        (DVec3::new(-4.0, 0.0, 3.3), false),
+    ] {
+        let shadows = lit(Lamp::new(at.to_array()), &splats, 2).1;
+        assert_eq!(shadows.enclosed().count(), usize::from(is_inside), "{at}");
+    }
+}
