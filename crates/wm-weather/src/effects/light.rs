@@ -202,6 +202,9 @@ pub struct LightChange {
     pub has_cloud_shadows: bool,
 }
 
+/// Illuminance of the road that headlamps light, by which cameras expose, lx.
+const HEADLAMP_LEVEL: f64 = 12.0;
+
 /// The reason why a weather's light is not defined at a site.
 #[must_use]
 pub fn light_fault(weather: &Weather, site: &Site) -> Option<String> {
@@ -275,7 +278,9 @@ impl LightParams {
             std::array::from_fn(|k| cos * level[k] + sin * site.up[k])
         });
         let lamps = self.lamps_by(open.level());
-        let lamp_level = lamps.map_or(0.0, |(source, share)| share * site.lamps.of(source));
+        let has_headlamps = self.headlamps == Switch::On;
+        let lamp_level = lamps.map_or(0.0, |(source, share)| share * site.lamps.of(source))
+            + if has_headlamps { HEADLAMP_LEVEL } else { 0.0 };
         let level = (open.level() + lamp_level).max(FAINTEST);
         let dark = ((DUSK[0] / level).ln() / (DUSK[0] / DUSK[1]).ln()).clamp(0.0, 1.0);
         let exposure = OVERCAST_EXPOSURE * clouds + (NIGHT_EXPOSURE - OVERCAST_EXPOSURE * clouds) * dark;
@@ -290,7 +295,7 @@ impl LightParams {
             is_diffuse,
             lamps,
             lamp_level,
-            has_headlamps: self.headlamps == Switch::On,
+            has_headlamps,
             has_cloud_shadows: self.cloud_shadows == Switch::On && shines && (1e-3..CLOSED).contains(&clouds),
         }
     }

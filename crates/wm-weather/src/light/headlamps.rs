@@ -98,7 +98,8 @@ impl Headlamps {
             axis: self.forward.to_array(),
             up: self.up.to_array(),
             exponent: 1.0,
-            radius: 0.3,
+            // The air before the car is seen over its bonnet, not in the lamps.
+            radius: 1.0,
             kind: LampKind::Headlamps,
         }
     }
