@@ -254,7 +254,7 @@ impl MissingAssets {
                 focus: Some((views::path_of_photos(&scene), LIGHT_REACH)),
                 ..ShelterOptions::default()
             };
-            (found, Occluders::of(&found.splats, &site, &options))
+            (found, Occluders::of(&found.splats, &site, &options).standing(threads))
         });
         let made_light = in_the_way.as_ref().filter(|_| self.light).map(|(found, occluders)| {
             progress.begin("splitting the light of the capture into sun and sky", None);
@@ -264,7 +264,10 @@ impl MissingAssets {
             Arc::new(light)
         });
         let casters = casters.or_else(|| {
-            in_the_way.map(|(_, occluders)| Arc::new(ShadowCasters::new(&scene.splats, &occluders, threads)))
+            in_the_way.map(|(found, occluders)| {
+                let points = found.places(&scene.splats, &site, threads);
+                Arc::new(ShadowCasters::new(points, &occluders, threads))
+            })
         });
         let capture = made_light.as_ref().or(light.as_ref());
         let shadows = self.sun.zip(capture).zip(casters.as_ref()).map(|((sun, capture), casters)| {
@@ -277,8 +280,8 @@ impl MissingAssets {
         let lamps = match (&self.lamps, capture, surfaces.as_ref()) {
             (Some(lamps), Some(capture), Some(found)) => {
                 progress.begin("casting the shadows of the lamps", None);
-                let points = &scene.splats.means;
-                let shadows = LampShadows::of(lamps, &found.splats, capture, points, &site, threads)?;
+                let points = &found.places(&scene.splats, &site, threads);
+                let shadows = LampShadows::of(lamps, &found.seen(), capture, points, &site, threads)?;
                 progress.end();
                 cache.put(&AssetFile::Lamps(lamps), &shadows);
                 Some(Arc::new(shadows))

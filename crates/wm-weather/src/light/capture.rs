@@ -24,6 +24,7 @@ use wm_scene::{Group, Splats};
 
 /// Distance within which a splat takes the light of a surface, m.
 const NEAR: f64 = 0.4;
+const FAR: f64 = 1.6;
 /// Distance of the surfaces by which leaves are told, and the agreement of their normals, 0-1.
 const AROUND: f32 = 0.3;
 const AGREED: f32 = 0.72;
@@ -175,16 +176,24 @@ impl CaptureLight {
                 is_sky: false,
             })
             .collect();
-        let reach = (NEAR / site.metres_per_unit) as f32;
-        let grid = PointGrid::new(&surfaces.points, reach);
+        // What a training lost below its ground goes by the ground above it.
+        let grids = [NEAR, FAR].map(|metres| {
+            let reach = (metres / site.metres_per_unit) as f32;
+            (PointGrid::new(&surfaces.points, reach), reach)
+        });
+        let points = found.places(splats, site, threads);
         let splats = map(splats.len(), threads, |index| {
             if splats.groups[index] == Group::Sky {
                 return SplatLight { is_sky: true, ..IN_THE_OPEN };
             }
-            let point = Vec3::from_array(splats.means[index]);
+            let point = Vec3::from_array(points[index]);
             let distance = |i: &usize| surfaces.points[*i].distance_squared(point);
-            let nearest = grid.near(point).min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
-            nearest.filter(|i| distance(i) <= reach * reach).map_or(IN_THE_OPEN, |i| own[i])
+            let nearest = |(grid, reach): &(PointGrid, f32)| {
+                let nearest =
+                    grid.near(point).min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
+                nearest.filter(|i| distance(i) <= reach * reach)
+            };
+            grids.iter().find_map(nearest).map_or(IN_THE_OPEN, |i| own[i])
         });
         let is_overcast = site.captured_sky == CapturedSky::Overcast;
         Self { sun: capture_sun, is_overcast, search, light, mean, splats }
@@ -302,6 +311,11 @@ impl CaptureLight {
     ) -> SurfaceLight {
         let direction = shadows.map(SunShadows::direction).or(self.sun.map(|sun| sun.direction));
         surface_of(normal, [1.0; 2], 1.0, Vec3::from_array(up.map(|v| v as f32)), direction)
+    }
+
+    /// What a splat sees of the sky, as [`SurfaceLight::open`].
+    pub(super) fn open(&self, index: usize) -> [f32; 2] {
+        self.splats[index].open.map(|v| f32::from(v) / 255.0)
     }
 
     /// The normal of the surface of a splat, length 1; zero of leaves.

@@ -5,6 +5,7 @@
 
 use super::capture::CaptureLight;
 use super::lamps::{LampKind, LampLight, LampLights};
+use crate::dome::level_axes;
 use crate::optics::Site;
 use crate::threads::map;
 use glam::{DMat3, DVec3, Vec3};
@@ -13,7 +14,8 @@ use wm_render::{
     CpuConfig, CpuRenderer, DrawPass, Frame, MedianDepth, Outputs, RenderBackend, RenderConfig, RenderError,
     SetView,
 };
-use wm_scene::{Camera, Splats};
+use wm_scene::splats::shortest_axis;
+use wm_scene::{Camera, Group, Splats, quat};
 
 /// Texels along the side of a face, of lamps, and of windows and lit ground.
 const SIDE: u32 = 128;
@@ -30,9 +32,15 @@ const SLACK: f32 = 0.02;
 const BEHIND: f64 = 0.12;
 /// Texels are of one surface if their distances differ by no more than this share.
 const SMOOTH: f32 = 0.4;
-/// Height by which surfaces are lifted along their normals before they look for a lamp: m, and as a share of the distance, since
-/// rough ground that is lit at a low angle hides itself.
-const LIFT: f32 = 0.06;
+/// Height by which surfaces are lifted along their normals before they look for a lamp, m: in multiples of the roughness of the
+/// ground, between these; and as a share of the distance. Rough ground that is lit at a low angle hides itself.
+const LIFT: [f32; 2] = [0.06, 0.8];
+const ROUGH: f32 = 2.5;
+/// Width of the columns in which the roughness of ground is found, m, and the fewest surfaces of one.
+const COLUMN: f64 = 0.5;
+const IN_COLUMN: usize = 4;
+/// Least cosine between up and the normal of ground.
+const LEVEL: f64 = 0.8;
 const LIFT_FAR: f32 = 0.012;
 /// Incidence on leaves, which turn to all sides.
 const LEAVES: f32 = 0.5;
@@ -51,6 +59,8 @@ pub struct LampShadows {
     /// The lamps that stand inside of something, by their place in the list.
     enclosed: Vec<u32>,
     metres_per_unit: f32,
+    /// See [`LIFT`].
+    lift: f32,
 }
 
 impl LampShadows {
@@ -98,6 +108,7 @@ impl LampShadows {
             lit: Vec::new(),
             enclosed,
             metres_per_unit: site.metres_per_unit as f32,
+            lift: (ROUGH * roughness(surfaces, site)).clamp(LIFT[0], LIFT[1]),
         };
         lit.lit = map(points.len(), threads, |index| {
             if capture.is_sky(index) {
@@ -162,12 +173,43 @@ impl LampShadows {
             let incidence = if normal == Vec3::ZERO { LEAVES } else { -direction.dot(normal) };
             let share = light.share(direction) * incidence / softened;
             if incidence > 0.0 && share * intensity.max_element() > LEAST {
-                let lift = (LIFT_FAR * squared.sqrt()).max(LIFT) / self.metres_per_unit;
+                let lift = (LIFT_FAR * squared.sqrt()).max(self.lift) / self.metres_per_unit;
                 sum += intensity * (share * cube.open(offset + normal * lift));
             }
         }
         sum
     }
+}
+
+/// The roughness of level ground, m: the median over columns of the standard deviation of the heights of its surfaces.
+fn roughness(surfaces: &Splats, site: &Site) -> f32 {
+    let [east, north, up] = level_axes(site.up).map(DVec3::from_array);
+    let mut heights: Vec<([i32; 3], f64)> = Vec::new();
+    for index in (0..surfaces.len()).filter(|index| surfaces.groups[*index] != Group::Sky) {
+        let rows = quat::to_matrix(surfaces.quats[index].map(f64::from));
+        let axis = shortest_axis(surfaces.log_scales[index]);
+        if up.dot(DVec3::from_array(rows.map(|row| row[axis]))).abs() > LEVEL {
+            let point = DVec3::from_array(surfaces.means[index].map(f64::from)) * site.metres_per_unit;
+            let height = point.dot(up);
+            // What is a storey higher is another surface.
+            let column =
+                [point.dot(east), point.dot(north), 0.25 * height].map(|v| (v / COLUMN).floor() as i32);
+            heights.push((column, height));
+        }
+    }
+    heights.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let deviation = |column: &[([i32; 3], f64)]| {
+        let count = column.len() as f64;
+        let mean = column.iter().map(|(_, height)| height).sum::<f64>() / count;
+        (column.iter().map(|(_, height)| (height - mean).powi(2)).sum::<f64>() / count).sqrt()
+    };
+    let columns = heights.chunk_by(|a, b| a.0 == b.0).filter(|column| column.len() >= IN_COLUMN);
+    let mut deviations: Vec<f64> = columns.map(deviation).collect();
+    let middle = deviations.len() / 2;
+    if deviations.is_empty() {
+        return 0.0;
+    }
+    *deviations.select_nth_unstable_by(middle, f64::total_cmp).1 as f32
 }
 
 /// Returns true if the surfaces around a place look away from it.

@@ -4,14 +4,20 @@ use super::irradiance::SurfaceLight;
 use super::places::Surfaces;
 use super::sun_search::lifted;
 use crate::dome::{from_level, level_axes};
+use crate::fused_surfaces::places::PlaceMap;
 use crate::optics::Site;
 use crate::shelter::{Occluders, Shelter};
 use crate::threads::map;
-use glam::Vec3;
+use glam::{IVec3, Vec3};
 use std::f64::consts::TAU;
 
 /// Directions over the upper half, each with an equal part of it.
 const DIRECTIONS: usize = 32;
+/// Width of the blocks by which it is smoothed, m, the reach of their means in blocks, and the share of values that are no
+/// better than the one that counts.
+const BLOCK: f64 = 0.5;
+const REACH: f32 = 1.5;
+const BETTER: f32 = 0.7;
 /// Width of the maps' cells, in those of the occluders.
 const COARSE: f64 = 2.0;
 
@@ -43,9 +49,61 @@ pub(super) fn find(
         let other = shares(&looks, point, -normal, site);
         if other.1 > own.1 { (-normal, other.0) } else { (normal, own.0) }
     });
-    let (normals, open) = found.into_iter().unzip();
+    let (normals, open): (Vec<Vec3>, Vec<[f32; 2]>) = found.into_iter().unzip();
     surfaces.normals = normals;
-    open
+    smoothed(surfaces, &open, site, threads)
+}
+
+/// What lies in a cube and looks the same way.
+struct Block {
+    /// Mean of the points.
+    middle: Vec3,
+    open: [f32; 2],
+}
+
+/// The same without the faults of rough captures: where sheets of one surface lie above each other, the lower ones see no sky.
+/// In each block the better values count, and surfaces take the mean of the blocks around them.
+fn smoothed(surfaces: &Surfaces, open: &[[f32; 2]], site: &Site, threads: usize) -> Vec<[f32; 2]> {
+    let width = (BLOCK / site.metres_per_unit) as f32;
+    let reach = REACH * width;
+    let cube = |point: Vec3| (point / width).floor().as_ivec3();
+    let key = |i: usize| (cube(surfaces.points[i]), side(surfaces.normals[i]));
+    let mut order: Vec<usize> = (0..surfaces.len()).collect();
+    order.sort_unstable_by_key(|i| {
+        let (IVec3 { x, y, z }, side) = key(*i);
+        (x, y, z, side, *i)
+    });
+    let mut blocks: PlaceMap<(IVec3, u32), Block> = PlaceMap::default();
+    for run in order.chunk_by(|a, b| key(*a) == key(*b)) {
+        let middle = run.iter().map(|i| surfaces.points[*i]).sum::<Vec3>() / run.len() as f32;
+        let better = |k: usize| {
+            let mut values: Vec<f32> = run.iter().map(|i| open[*i][k]).collect();
+            let at = (BETTER * (values.len() - 1) as f32).round() as usize;
+            *values.select_nth_unstable_by(at, f32::total_cmp).1
+        };
+        blocks.insert(key(run[0]), Block { middle, open: [better(0), better(1)] });
+    }
+    map(surfaces.len(), threads, |i| {
+        let (point, (middle, side)) = (surfaces.points[i], key(i));
+        let (mut sums, mut weights) = ([0.0f32; 2], 0.0f32);
+        let ways =
+            (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| IVec3::new(x, y, z))));
+        for block in ways.filter_map(|way| blocks.get(&(middle + way, side))) {
+            let weight = (1.0 - block.middle.distance_squared(point) / (reach * reach)).max(0.0).powi(2);
+            (0..2).for_each(|k| sums[k] += weight * block.open[k]);
+            weights += weight;
+        }
+        if weights > 0.0 { sums.map(|sum| sum / weights) } else { open[i] }
+    })
+}
+
+/// The axis that a direction is nearest to, with its sign: 0 to 5; 6 for none.
+fn side(direction: Vec3) -> u32 {
+    if direction == Vec3::ZERO {
+        return 6;
+    }
+    let axis = direction.abs().max_position();
+    2 * axis as u32 + u32::from(direction[axis] < 0.0)
 }
 
 /// The shares, and the sum of what is seen.

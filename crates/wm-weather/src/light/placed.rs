@@ -1,7 +1,7 @@
 //! Surfaces that are placed on a captured scene: lying snow and dust, and targets of instruments.
 //!
-//! Each sees of sun and sky what the nearest splat of the scene sees; its normal is its own, the shortest axis of its
-//! splat, turned up.
+//! Each sees of the sun what the nearest splat of the scene sees, and of the sky what level ground about it sees in the mean: the ground
+//! of rough captures has holes, and sheets that hide each other. Its normal is its own, the shortest axis of its splat, turned up.
 
 use super::capture::CaptureLight;
 use super::irradiance::SurfaceLight;
@@ -16,12 +16,29 @@ use wm_scene::{Splats, quat};
 /// Width of the cells by which the nearest splat of the scene is found, m.
 const CELL: f64 = 0.3;
 
+/// Width of the blocks of level ground, m, and the reaches of their means, in blocks: the first that finds any counts.
+const BLOCK: f64 = 0.6;
+const REACHES: [i32; 3] = [1, 3, 6];
+/// Least cosine between up and the normal of ground.
+const LEVEL: f32 = 0.5;
+
 /// The splats of a scene by place, to find what is near.
 #[derive(Clone, Debug)]
 pub struct NearSplats {
     /// One splat of each cell that has any: the one nearest to its middle.
     cells: PlaceMap<IVec3, u32>,
     width: f32,
+    /// What level ground sees of the sky.
+    blocks: PlaceMap<IVec3, LevelBlock>,
+    block: f32,
+}
+
+/// Level ground in a block: sums over its splats.
+#[derive(Clone, Copy, Debug, Default)]
+struct LevelBlock {
+    count: f32,
+    points: Vec3,
+    open: [f32; 2],
 }
 
 impl NearSplats {
@@ -39,7 +56,40 @@ impl NearSplats {
                 *known = index as u32;
             }
         }
-        Self { cells, width }
+        let block = (BLOCK / site.metres_per_unit) as f32;
+        let up = Vec3::from_array(site.up.map(|v| v as f32));
+        let mut blocks: PlaceMap<IVec3, LevelBlock> = PlaceMap::default();
+        for (index, point) in points.iter().enumerate().filter(|(index, _)| !capture.is_sky(*index)) {
+            if capture.normal(index).dot(up) > LEVEL {
+                let point = Vec3::from_array(*point);
+                let ground = blocks.entry((point / block).floor().as_ivec3()).or_default();
+                ground.count += 1.0;
+                ground.points += point;
+                (0..2).for_each(|k| ground.open[k] += capture.open(index)[k]);
+            }
+        }
+        Self { cells, width, blocks, block }
+    }
+
+    /// What level ground about a point sees of the sky, in the mean; `None` if there is none within some metres.
+    fn level_open(&self, point: Vec3) -> Option<[f32; 2]> {
+        let middle = (point / self.block).floor().as_ivec3();
+        REACHES.into_iter().find_map(|reach| {
+            let range = (reach as f32 + 0.5) * self.block;
+            let (mut sums, mut weights) = ([0.0f32; 2], 0.0f32);
+            for x in -reach..=reach {
+                for y in -reach..=reach {
+                    for z in -reach..=reach {
+                        let Some(ground) = self.blocks.get(&(middle + IVec3::new(x, y, z))) else { continue };
+                        let away = (ground.points / ground.count).distance_squared(point) / (range * range);
+                        let weight = (1.0 - away).max(0.0).powi(2);
+                        (0..2).for_each(|k| sums[k] += weight * ground.open[k] / ground.count);
+                        weights += weight;
+                    }
+                }
+            }
+            (weights > 1e-3).then(|| sums.map(|sum| sum / weights))
+        })
     }
 
     /// A splat near a point; `None` if there is none within two cells.
@@ -66,6 +116,8 @@ pub struct PlacedSurfaces {
     normals: Vec<Vec3>,
     /// The splat of the scene that sees what the surface sees; `None` in the open.
     beside: Vec<Option<u32>>,
+    /// What level ground sees of the sky there; `None` if there is none.
+    open: Vec<Option<[f32; 2]>>,
 }
 
 impl PlacedSurfaces {
@@ -82,7 +134,8 @@ impl PlacedSurfaces {
         });
         let points = splats.means.clone();
         let beside = map(splats.len(), threads, |index| near.near(Vec3::from_array(points[index])));
-        Self { points, normals, beside }
+        let open = map(splats.len(), threads, |index| near.level_open(Vec3::from_array(points[index])));
+        Self { points, normals, beside, open }
     }
 
     /// The number of surfaces.
@@ -118,9 +171,14 @@ impl PlacedSurfaces {
         shadows: Option<&SunShadows>,
     ) -> SurfaceLight {
         let normal = self.normals[index];
-        match self.beside[index] {
+        let surface = match self.beside[index] {
             Some(beside) => capture.surface_beside(beside as usize, normal, up, shadows),
             None => capture.surface_in_the_open(normal, up, shadows),
+        };
+        let is_level = normal.dot(Vec3::from_array(up.map(|v| v as f32))) > LEVEL;
+        match self.open[index].filter(|_| is_level) {
+            Some(open) => SurfaceLight { open: open.map(f64::from), ..surface },
+            None => surface,
         }
     }
 }

@@ -10,7 +10,6 @@ use crate::shelter::{Occluders, SUN};
 use crate::threads::map;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
-use wm_scene::Splats;
 
 /// Limits of the width of a map's cells, in those of the occluders, which have the width of the surfaces' spacing between them.
 const CELLS: [f64; 2] = [0.25, 1.0];
@@ -24,12 +23,12 @@ pub struct ShadowCasters {
 }
 
 impl ShadowCasters {
-    /// The splats of a scene, and what stands between them and the sky.
+    /// The places of the splats of a scene (world axes, scene units), and what stands between them and the sky.
     #[must_use]
-    pub fn new(splats: &Splats, occluders: &Occluders, threads: usize) -> Self {
+    pub fn new(points: Vec<[f32; 3]>, occluders: &Occluders, threads: usize) -> Self {
         let fine = occluders.spacing(threads) / occluders.cell();
         let occluders = occluders.coarser(fine.clamp(CELLS[0], CELLS[1]));
-        Self { occluders, points: splats.means.clone() }
+        Self { occluders, points }
     }
 
     /// The surfaces that stand in the way of light.

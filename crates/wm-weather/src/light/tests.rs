@@ -107,7 +107,7 @@ fn a_new_sun_casts_shadows() {
         CaptureLight::split(&splats, &FusedSurfaces::from_splats(&splats), &occluders, None, &site, 2);
     assert!(capture.takes_another_sun(false) && capture.sun.is_none());
     let other = DVec3::new(-0.5, 0.6, 0.62).normalize();
-    let casters = ShadowCasters::new(&splats, &occluders, 2);
+    let casters = ShadowCasters::new(splats.means.clone(), &occluders, 2);
     let cast = |threads| SunShadows::of(&casters, &capture, other.to_array(), &site, threads);
     let shadows = cast(2);
     assert_eq!(shadows, cast(7));

@@ -199,6 +199,12 @@ impl Occluders {
         FirstSurfaces { stops, splats, opened }
     }
 
+    /// The same without those that float over the place.
+    #[must_use]
+    pub fn standing(&self, threads: usize) -> Self {
+        self.without(&self.layers(1, 0.0, 0.0, Some(threads)).1)
+    }
+
     /// The same without those that float.
     #[must_use]
     pub fn without(&self, floaters: &FloaterMap) -> Self {
