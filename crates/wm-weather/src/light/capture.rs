@@ -32,6 +32,15 @@ const AGREED: f32 = 0.72;
 const EXTENTS: [f64; 2] = [0.01, 1e6];
 /// Distance between surfaces that are told apart, m.
 const THIN: f64 = 0.06;
+/// Reflectance of surfaces in the mean; the brightness of white cards up to which they count as 1, since bright places are no
+/// courtyards; and the most that is believed.
+const MEAN_ALBEDO: f64 = 0.25;
+const USUAL: f64 = 1.5;
+const MOST_EXPOSURE: f64 = 3.0;
+/// The share of the ground that is darker than where cards may be display white.
+const DARK_GROUND: f64 = 0.25;
+/// Least cosine between up and the normal of ground.
+const LEVEL: f32 = 0.8;
 /// A splat of which nothing is known.
 const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun: 255, is_sky: false };
 /// Cosine of the sun's incidence on leaves, which turn to all sides.
@@ -76,6 +85,8 @@ pub struct CaptureLight {
     pub light: SceneLight,
     /// Means over all surfaces, by which light returns.
     mean: MeanSurface,
+    /// The brightness of a white card in an irradiance of 1, display values; 1 or more.
+    exposure: f64,
     /// One a splat of the scene.
     splats: Vec<SplatLight>,
 }
@@ -168,6 +179,7 @@ impl CaptureLight {
         };
         let light = captured_light(capture_sun.as_ref(), site);
         let mean = MeanSurface::of((0..surfaces.len()).map(place));
+        let exposure = exposure(&surfaces, &light, mean.under(&light), up, place);
         let own: Vec<SplatLight> = (0..surfaces.len())
             .map(|i| SplatLight {
                 normal: surfaces.normals[i].to_array().map(|v| (127.0 * v).round() as i8),
@@ -196,7 +208,7 @@ impl CaptureLight {
             grids.iter().find_map(nearest).map_or(IN_THE_OPEN, |i| own[i])
         });
         let is_overcast = site.captured_sky == CapturedSky::Overcast;
-        Self { sun: capture_sun, is_overcast, search, light, mean, splats }
+        Self { sun: capture_sun, is_overcast, search, light, mean, exposure, splats }
     }
 
     /// The light of a scene of whose surfaces nothing is known: all of it sees the sky.
@@ -208,6 +220,7 @@ impl CaptureLight {
             search: None,
             light: captured_light(None, site),
             mean: MeanSurface::of(std::iter::empty()),
+            exposure: 1.0,
             splats: splats.groups.iter().map(of).collect(),
         }
     }
@@ -318,6 +331,11 @@ impl CaptureLight {
         self.splats[index].open.map(|v| f32::from(v) / 255.0)
     }
 
+    /// The brightness of a white card in an irradiance of 1, display values.
+    pub(super) fn exposure(&self) -> f64 {
+        self.exposure
+    }
+
     /// The normal of the surface of a splat, length 1; zero of leaves.
     #[must_use]
     pub fn normal(&self, index: usize) -> Vec3 {
@@ -363,6 +381,33 @@ fn direction_text(direction: [f64; 3]) -> String {
 
 fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|k| a[k] * b[k]).sum()
+}
+
+/// The brightness of a white card in an irradiance of 1, by the median surface: photos of a courtyard are exposed for its shade.
+/// A card on the darker ground is no brighter than display white.
+fn exposure(
+    surfaces: &Surfaces,
+    light: &SceneLight,
+    mean: [f64; 3],
+    up: Vec3,
+    place: impl Fn(usize) -> SurfaceLight,
+) -> f64 {
+    let (mut cards, mut ground) = (Vec::new(), Vec::new());
+    for i in (0..surfaces.len()).filter(|i| surfaces.normals[*i] != Vec3::ZERO) {
+        let irradiance = luminance(place(i).irradiance(light, mean)).max(1e-3);
+        cards.push(luminance(surfaces.light[i].to_array().map(f64::from)) / MEAN_ALBEDO / irradiance);
+        if surfaces.normals[i].dot(up) > LEVEL {
+            ground.push(irradiance);
+        }
+    }
+    let quantile = |mut values: Vec<f64>, share: f64| {
+        let at = (share * values.len() as f64) as usize;
+        (!values.is_empty()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
+    };
+    let (Some(card), Some(ground)) = (quantile(cards, 0.5), quantile(ground, DARK_GROUND)) else {
+        return 1.0;
+    };
+    (card / USUAL).min(1.0 / ground).clamp(1.0, MOST_EXPOSURE)
 }
 
 /// The geometry of a surface in the light of a sun.

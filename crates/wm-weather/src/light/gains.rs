@@ -134,12 +134,13 @@ impl LightGains {
             });
             let surface = placed.surface(index, capture, up, shadows);
             Relit {
-                before: [1.0; 3],
+                before: [1.0 / capture.exposure(); 3],
                 sky: add(without_sun(&surface, &new.light, mean), lamps),
                 beam: beam(&surface, &new.light),
             }
         };
-        let gains = map(placed.len(), threads, |index| light(index).total().map(|v| v as f32));
+        let exposure = capture.exposure();
+        let gains = map(placed.len(), threads, |index| light(index).total().map(|v| (exposure * v) as f32));
         let moving = if moves {
             map(placed.len(), threads, |index| {
                 let open = placed.surface(index, capture, up, shadows).open[0];
