@@ -177,11 +177,11 @@ fn refused(error: Error) -> FactError {
     FactError::Refused(error.to_string())
 }
 
+/// The lamps and lit windows of a scene.
+type Lights = (Vec<Lamp>, Vec<LitWindow>);
+
 /// Returns the lamps and windows after a change; `None` if it is another change.
-fn lights(
-    place: &PreparedPlace,
-    change: FactChange,
-) -> Result<Option<(Vec<Lamp>, Vec<LitWindow>)>, FactError> {
+fn lights(place: &PreparedPlace, change: FactChange) -> Result<Option<Lights>, FactError> {
     let metadata = &place.scene().metadata;
     let mut lamps = metadata.lamps.clone().unwrap_or_default();
     let mut windows = metadata.windows.clone().unwrap_or_default();
@@ -197,7 +197,7 @@ fn lights(
         FactChange::Window { points, eye } => {
             windows.push(LitWindow::between(points, up, eye).ok_or_else(|| {
                 FactError::Refused("the corners of a window must not be level or above each other".into())
-            })?)
+            })?);
         }
         FactChange::Dark {} => (lamps, windows) = (Vec::new(), Vec::new()),
         _ => return Ok(None),

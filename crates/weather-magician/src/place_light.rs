@@ -5,7 +5,7 @@ use crate::lamps::PlaceLamps;
 use std::sync::Arc;
 use wm_scene::{Scene, Splats};
 use wm_weather::light::{
-    DepthCube, LampLight, LightCasts, LightGains, MovingLight, NearSplats, NewLight, PlacedSurfaces,
+    LampLight, LightCasts, LightGains, MovingLight, NearSplats, NewLight, PlacedSurfaces, ShadowedLight,
     window_splats,
 };
 use wm_weather::{CapturedSky, LampSource, PreparedWeather, Site};
@@ -149,7 +149,7 @@ impl PlaceLight {
         store: &'a AssetStore,
         moving: Option<&MovingLight>,
         site: &Site,
-    ) -> Option<(Vec<(LampLight, Option<&'a DepthCube>)>, f32)> {
+    ) -> Option<(Vec<ShadowedLight<'a>>, f32)> {
         let change = prepared.light()?;
         let mut lights = Vec::new();
         if let Some((source, share)) = change.lamps

@@ -28,7 +28,7 @@ pub struct PlaceRenderer {
 
 /// A target of an instrument.
 enum Target {
-    Plain(PlainTarget),
+    Plain(Box<PlainTarget>),
     Lit(Box<PreparedPlace>),
 }
 
@@ -107,7 +107,7 @@ impl InstrumentRenderer for PlaceRenderer {
 
     fn set_up(&mut self, splats: Splats) -> Result<ShotSubject> {
         let set = self.renderer.backend_mut().load(&splats)?;
-        self.targets.push(Target::Plain(PlainTarget { splats, set, cover: None, lying: None }));
+        self.targets.push(Target::Plain(Box::new(PlainTarget { splats, set, cover: None, lying: None })));
         Ok(ShotSubject::Target(self.targets.len() - 1))
     }
 
@@ -130,10 +130,10 @@ impl InstrumentRenderer for PlaceRenderer {
     fn clear_away(&mut self) {
         for target in self.targets.drain(..) {
             match target {
-                Target::Plain(PlainTarget { set, lying, .. }) => {
+                Target::Plain(target) => {
                     let backend = self.renderer.backend_mut();
-                    lying.iter().for_each(|(_, set, _)| backend.unload(*set));
-                    backend.unload(set);
+                    target.lying.iter().for_each(|(_, set, _)| backend.unload(*set));
+                    backend.unload(target.set);
                 }
                 Target::Lit(place) => {
                     place.unload(self.renderer.backend_mut());
@@ -169,7 +169,7 @@ impl InstrumentRenderer for PlaceRenderer {
         let site = self.place.site();
         let weather = shot.weather.at(shot.time).prepare(site);
         target.lay(&mut self.renderer, site, &weather)?;
-        let PlainTarget { set, lying, .. } = target;
+        let PlainTarget { set, lying, .. } = &**target;
         let buried = lying.as_ref().map(|(_, _, buried)| buried as &dyn wm_render::hooks::SplatAttributes);
         let mut sets = vec![SetView::plain(*set).with_attributes(buried)];
         sets.extend(lying.as_ref().map(|(_, set, _)| SetView::plain(*set)));

@@ -251,7 +251,7 @@ fn seen_points(
             let side = i64::from(SUN_SIDE);
             let is_in = (0..side).contains(&x) && (0..side).contains(&y);
             let first = f64::from(lit.frame.median_depth[(is_in.then_some(y * side + x)?) as usize]);
-            (first > 0.0).then(|| (z - first) * metres)
+            (first > 0.0).then_some((z - first) * metres)
         };
         let around = [-SURE, 0, SURE].into_iter().flat_map(|dx| [-SURE, 0, SURE].map(|dy| behind(dx, dy)));
         let around: Option<Vec<f64>> = around.collect();

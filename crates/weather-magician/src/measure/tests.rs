@@ -217,7 +217,7 @@ impl Fault {
             other.set_text(change).unwrap();
             Some(other.clone())
         };
-        let (other, factor): (Option<Weather>, fn(f64, [f64; 2], &Camera) -> f64) = match self {
+        let (other, factor): (Option<Weather>, LightFactor) = match self {
             Self::Sky if says("clear") => {
                 (None, |alpha, [own, _], _| if alpha < 0.5 { 1.1 * own } else { own })
             }
@@ -269,10 +269,13 @@ impl Fault {
     }
 }
 
+/// The light of a pixel by its coverage, its own light and another weather's, and the camera.
+type LightFactor = fn(f64, [f64; 2], &Camera) -> f64;
+
 /// A change of a picture's light, in another weather's.
 struct FalseLight {
     other: Option<Weather>,
-    factor: fn(f64, [f64; 2], &Camera) -> f64,
+    factor: LightFactor,
 }
 
 /// A rig with a fault, that remembers what it was asked for.

@@ -219,7 +219,7 @@ pub fn light_fault(weather: &Weather, site: &Site) -> Option<String> {
         return None;
     }
     let highest = values("sun_elevation")
-        .map(|value| value.number())
+        .map(ParamValue::number)
         .reduce(|a, b| Some(a?.max(b?)))
         .flatten()
         .filter(|elevation| *elevation <= LOWEST_SHADOWS);

@@ -54,11 +54,14 @@ const PIXEL: f32 = 0.35;
 /// Standard deviations as far as a lamp's picture reaches.
 const REACH: f32 = 4.0;
 
+/// A light, and the surfaces that it sees first, if it casts shadows.
+pub type ShadowedLight<'a> = (LampLight, Option<&'a DepthCube>);
+
 /// The lamps of a place that shine in a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct LampsOn<'a> {
     /// The lamps, with the shadows that they cast.
-    pub lights: &'a [(LampLight, Option<&'a DepthCube>)],
+    pub lights: &'a [ShadowedLight<'a>],
     /// Display units of a lux: an irradiance of that brings a white surface to display white.
     pub display: f32,
 }

@@ -35,7 +35,7 @@ pub use flash::{Flash, FlashLight, Storm};
 pub use gains::{FrameGains, LightCasts, LightGains, NewLight};
 pub use headlamps::Headlamps;
 pub use irradiance::{SceneLight, SkyGradation, SurfaceLight};
-pub use lamp_glow::{LampGlow, LampsOn};
+pub use lamp_glow::{LampGlow, LampsOn, ShadowedLight};
 pub use lamp_shadows::{DepthCube, LampShadows};
 pub use lamps::{LampKind, LampLight, LampLights, black_body};
 pub use moving::MovingLight;
