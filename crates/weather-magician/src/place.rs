@@ -168,6 +168,12 @@ impl SplatAttributes for SceneAttributes<'_> {
         }
     }
 
+    fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
+        if let Some(light) = self.light {
+            light.fill_light(indices, block);
+        }
+    }
+
     fn changes_light(&self) -> bool {
         self.light.is_some()
     }

@@ -51,8 +51,11 @@ impl Attribute {
 /// The attributes of the splats of one set.
 pub trait SplatAttributes: Sync {
     /// Writes the attributes of splat `indices[i]` (index in the loaded splats) to row `i` of the columns that it
-    /// changes; the others are neutral already. There are at most [`AttributeBlock::SPLATS`] indices.
+    /// changes, all but those of light; the others are neutral already. There are at most [`AttributeBlock::SPLATS`] indices.
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock);
+
+    /// Writes [`Attribute::GAINS`] in the same way, if [`Self::changes_light`]. It is asked for splats in view alone.
+    fn fill_light(&self, _indices: &[u32], _block: &mut AttributeBlock) {}
 
     /// Returns true if it changes [`Attribute::GAINS`]; else they are not read.
     fn changes_light(&self) -> bool {
@@ -99,10 +102,24 @@ impl AttributeBlock {
     /// The attributes of these splats.
     #[inline]
     pub(crate) fn read(&mut self, attributes: &dyn SplatAttributes, indices: &[u32]) {
-        for attribute in Attribute::ALL {
-            self.column_mut(attribute).fill(attribute.neutral());
-        }
+        self.read_visibility(attributes, indices);
+        self.read_light(attributes, indices);
+    }
+
+    /// The same without light, which is not changed.
+    #[inline]
+    pub(crate) fn read_visibility(&mut self, attributes: &dyn SplatAttributes, indices: &[u32]) {
+        self.column_mut(Attribute::Visibility).fill(Attribute::Visibility.neutral());
         attributes.fill(indices, self);
+    }
+
+    /// The same of light alone.
+    #[inline]
+    pub(crate) fn read_light(&mut self, attributes: &dyn SplatAttributes, indices: &[u32]) {
+        for gain in Attribute::GAINS {
+            self.column_mut(gain)[..indices.len()].fill(gain.neutral());
+        }
+        attributes.fill_light(indices, self);
     }
 }
 

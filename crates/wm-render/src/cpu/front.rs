@@ -124,11 +124,18 @@ impl<'a> Front<'a> {
             let begun = Instant::now();
             if let Some(attributes) = attributes {
                 let source = &model.source[cluster * CLUSTER..(cluster + 1) * CLUSTER];
-                scratch.attributes.read(attributes, source);
+                scratch.attributes.read_visibility(attributes, source);
             }
             let groups = dispatch!(self.path, s => self.project_cluster(s, model, attributes.is_some(), cluster, &mut scratch));
             let projected = Instant::now();
-            if self.shading == Shading::Color && attributes.is_some_and(SplatAttributes::changes_light) {
+            let light = attributes.filter(|attributes| attributes.changes_light());
+            if let Some(light) = light.filter(|_| self.shading == Shading::Color && groups > 0) {
+                let mut seen = [0; CLUSTER];
+                let source = &model.source[cluster * CLUSTER..(cluster + 1) * CLUSTER];
+                for (to, name) in seen.chunks_exact_mut(GROUP).zip(&scratch.names[..groups]) {
+                    to.copy_from_slice(&source[name * GROUP..(name + 1) * GROUP]);
+                }
+                scratch.attributes.read_light(light, &seen[..groups * GROUP]);
                 dispatch!(self.path, s => scratch.relight(s, groups));
             }
             if groups > 0 {
@@ -222,11 +229,11 @@ impl Default for ClusterScratch {
 }
 
 impl ClusterScratch {
-    /// Changes the light on the splats of the groups in view by their gains.
+    /// Changes the light on the splats of the groups in view by their gains, which are in the same order.
     #[inline(always)]
     fn relight<S: Lanes>(&mut self, simd: S, groups: usize) {
-        for (shade, name) in self.shade[..groups].iter_mut().zip(&self.names) {
-            let gains = Attribute::GAINS.map(|gain| self.attributes.group(*name, gain));
+        for (group, shade) in self.shade[..groups].iter_mut().enumerate() {
+            let gains = Attribute::GAINS.map(|gain| self.attributes.group(group, gain));
             relight_group(simd, gains, shade);
         }
     }

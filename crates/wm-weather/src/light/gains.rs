@@ -194,7 +194,7 @@ pub struct FrameGains<'a> {
 
 impl SplatAttributes for FrameGains<'_> {
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
-        let LightGains { gains, sky, sky_opacity, moving } = self.gains;
+        let LightGains { sky, sky_opacity, .. } = self.gains;
         if !sky.is_empty() {
             for (index, factor) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
                 if sky.get(*index as usize) == Some(&true) {
@@ -202,10 +202,15 @@ impl SplatAttributes for FrameGains<'_> {
                 }
             }
         }
-        for (k, gain) in Attribute::GAINS.into_iter().enumerate() {
-            for (index, value) in indices.iter().zip(block.column_mut(gain)) {
-                // What pads the last group has no splat.
-                *value = gains.get(*index as usize).map_or(1.0, |gain| gain[k]);
+    }
+
+    fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
+        let LightGains { gains, moving, .. } = self.gains;
+        for (at, index) in indices.iter().enumerate() {
+            // What pads the last group has no splat.
+            let own = gains.get(*index as usize).copied().unwrap_or([1.0; 3]);
+            for (gain, value) in Attribute::GAINS.into_iter().zip(own) {
+                block.column_mut(gain)[at] = value;
             }
         }
         let Some(light) = self.moving else { return };

@@ -138,7 +138,9 @@ fn air(backend: Backend) {
 struct Relit;
 
 impl SplatAttributes for Relit {
-    fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
+    fn fill(&self, _: &[u32], _: &mut AttributeBlock) {}
+
+    fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
         for (k, gain) in Attribute::GAINS.into_iter().enumerate() {
             for (index, value) in indices.iter().zip(block.column_mut(gain)) {
                 *value = 4.0 * uniform(17, u64::from(3 * index) + k as u64) as f32;
