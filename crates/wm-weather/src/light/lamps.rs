@@ -223,7 +223,7 @@ impl LampLights {
     }
 }
 
-/// The colour of a black body, linear RGB of luminance 1, in a picture that is balanced for [`BALANCE`].
+/// The colour of a black body, linear RGB of luminance 1, in a picture that is balanced for 4,000 K.
 #[must_use]
 pub fn black_body(kelvin: f64) -> [f64; 3] {
     let (own, white) = (unbalanced(kelvin), unbalanced(BALANCE));
