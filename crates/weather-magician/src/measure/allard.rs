@@ -64,7 +64,7 @@ pub const NIGHT: [&str; 6] = [
     "light.headlamps=off",
     "light.cloud_shadows=off",
 ];
-/// What is not in the way of lamps.
+/// Changes that take away all that falls, lies, or is painted behind lamps.
 pub const NOTHING_FALLS: [&str; 9] = [
     "rain=off",
     "snowfall=off",

@@ -45,7 +45,8 @@ const SUN_SIDE: u32 = 1_200;
 /// Distances between the places of a pair, px, and least and most, m.
 const APART: [usize; 2] = [8, 14];
 const METRES: [f64; 2] = [0.15, 1.0];
-/// How far behind what the sun sees a point in the shade is at least, and one in the sun at most, m.
+/// Distances, m, between a point and the first surface that the sun sees on the way to it: above the first the point is in the
+/// shade, below the second it is in the sun.
 const BEHIND: [f64; 2] = [0.5, 0.2];
 /// Pixels of the picture from the sun that must agree, to each side.
 const SURE: i64 = 3;

@@ -168,7 +168,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     Ok(finding)
 }
 
-/// What is asked of a dial.
+/// The sun and the weather that a dial is read in.
 struct Asked<'a> {
     /// Of the sun, radians.
     elevation: f64,

@@ -122,8 +122,8 @@ impl<'a> Front<'a> {
                 continue;
             }
             let begun = Instant::now();
+            let source = &model.source[cluster * CLUSTER..(cluster + 1) * CLUSTER];
             if let Some(attributes) = attributes {
-                let source = &model.source[cluster * CLUSTER..(cluster + 1) * CLUSTER];
                 scratch.attributes.read_visibility(attributes, source);
             }
             let groups = dispatch!(self.path, s => self.project_cluster(s, model, attributes.is_some(), cluster, &mut scratch));
@@ -131,7 +131,6 @@ impl<'a> Front<'a> {
             let light = attributes.filter(|attributes| attributes.changes_light());
             if let Some(light) = light.filter(|_| self.shading == Shading::Color && groups > 0) {
                 let mut seen = [0; CLUSTER];
-                let source = &model.source[cluster * CLUSTER..(cluster + 1) * CLUSTER];
                 for (to, name) in seen.chunks_exact_mut(GROUP).zip(&scratch.names[..groups]) {
                     to.copy_from_slice(&source[name * GROUP..(name + 1) * GROUP]);
                 }

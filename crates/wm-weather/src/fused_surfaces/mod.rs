@@ -82,7 +82,7 @@ impl<'a> FusedSurfaces<'a> {
         Self { splats: Cow::Borrowed(splats), oriented: 0, stand_ins: Vec::new() }
     }
 
-    /// What the cameras see, without the splats that none of them confirms; all splats where there are no photos.
+    /// The discs that the cameras see, without the splats that no camera confirms; all splats where there are no photos.
     #[must_use]
     pub fn seen(&self) -> Cow<'_, Splats> {
         if self.oriented == 0 {

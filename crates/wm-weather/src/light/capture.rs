@@ -11,6 +11,7 @@
 use super::irradiance::{SceneLight, SkyGradation, SurfaceLight};
 use super::openness;
 use super::places::{PointGrid, Surfaces};
+use super::quantile::{median, quantile};
 use super::sun_search::{self, FoundSun, Pair, same_material};
 use super::sun_shadows::SunShadows;
 use crate::fused_surfaces::FusedSurfaces;
@@ -262,7 +263,7 @@ impl CaptureLight {
         }
     }
 
-    /// How much of the captured sun each splat sees, 0-1; 0 without a sun.
+    /// The share of the captured sun that reaches each splat, 0-1; 0 without a sun.
     pub fn sun_shares(&self) -> impl Iterator<Item = f32> {
         let has_sun = self.sun.is_some();
         self.splats.iter().map(move |splat| if has_sun { f32::from(splat.sun) / 255.0 } else { 0.0 })
@@ -326,7 +327,7 @@ impl CaptureLight {
         surface_of(normal, [1.0; 2], 1.0, Vec3::from_array(up.map(|v| v as f32)), direction)
     }
 
-    /// What a splat sees of the sky, as [`SurfaceLight::open`].
+    /// The shares of the sky's light that reach a splat, as [`SurfaceLight::open`].
     pub(super) fn open(&self, index: usize) -> [f32; 2] {
         self.splats[index].open.map(|v| f32::from(v) / 255.0)
     }
@@ -400,11 +401,7 @@ fn exposure(
             ground.push(irradiance);
         }
     }
-    let quantile = |mut values: Vec<f64>, share: f64| {
-        let at = (share * values.len() as f64) as usize;
-        (!values.is_empty()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
-    };
-    let (Some(card), Some(ground)) = (quantile(cards, 0.5), quantile(ground, DARK_GROUND)) else {
+    let (Some(card), Some(ground)) = (median(cards), quantile(ground, DARK_GROUND)) else {
         return 1.0;
     };
     (card / USUAL).min(1.0 / ground).clamp(1.0, MOST_EXPOSURE)
@@ -547,10 +544,7 @@ fn sun_to_sky(
     if ratios[0].len() < 30 {
         return None;
     }
-    let ratio = ratios.map(|mut all| {
-        let middle = all.len() / 2;
-        *all.select_nth_unstable_by(middle, f64::total_cmp).1
-    });
+    let ratio = ratios.map(|all| median(all).unwrap_or(0.0));
     ratio.iter().all(|ratio| *ratio > 0.05).then(|| ratio.map(|ratio| ratio.min(MOST_RATIO)))
 }
 
@@ -620,10 +614,7 @@ fn contrast_left(pairs: &[Pair], amounts: &[[f32; 2]], seen: &[f32]) -> f64 {
             same.push(left);
         }
     }
-    let median = |mut values: Vec<f64>| {
-        let middle = values.len() / 2;
-        if values.is_empty() { f64::NAN } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
-    };
+    let median = |values: Vec<f64>| median(values).unwrap_or(f64::NAN);
     let left = (median(after) - median(same)).max(0.0) / median(before);
     if left.is_nan() { 1.0 } else { left.min(1.0) }
 }

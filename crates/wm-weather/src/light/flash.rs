@@ -134,7 +134,7 @@ impl FlashLight {
         self.level * (open * (DIRECT * beam + (1.0 - DIRECT) * spread))
     }
 
-    /// What it adds to the radiance of the sky in a direction (world axes, length 1), times pi, linear RGB.
+    /// The radiance that it adds to the sky in a direction (world axes, length 1), times pi, linear RGB.
     #[must_use]
     pub fn sky(&self, direction: [f64; 3]) -> [f64; 3] {
         let direction = Vec3::from_array(direction.map(|v| v as f32));

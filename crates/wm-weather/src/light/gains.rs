@@ -52,7 +52,7 @@ pub struct LightGains {
     /// The splats of the captured sky, and the factor on their opacity; empty where that is 1.
     sky: Vec<bool>,
     sky_opacity: f32,
-    /// What light that changes from frame to frame acts on; empty where there is none.
+    /// The splats on which light acts that changes from frame to frame; empty where there is no such light.
     moving: Vec<MovingSplat>,
 }
 

@@ -612,13 +612,9 @@ impl<'a> GlowScene<'a> {
         directions: &[[f32; GROUP]; 3],
         metres: S::F,
     ) -> S::F {
-        let (mut at, mut share) = ([0.0f32; GROUP], [0.0f32; GROUP]);
-        metres.store_slice(&mut at[..S::N]);
-        for lane in 0..S::N {
-            let direction = Vec3::new(directions[0][lane], directions[1][lane], directions[2][lane]);
-            share[lane] = lamp.light.share((direction * at[lane] - lamp.offset).normalize_or_zero());
-        }
-        simd.load(&share)
+        each_point(simd, directions, metres, |direction, metres| {
+            lamp.light.share((direction * metres - lamp.offset).normalize_or_zero())
+        })
     }
 
     /// The share of a lamp's light that reaches the points at distances (m) along rays.
@@ -631,15 +627,28 @@ impl<'a> GlowScene<'a> {
         metres: S::F,
     ) -> S::F {
         let Some(cube) = lamp.cube else { return simd.set(1.0) };
-        let (mut at, mut open) = ([0.0f32; GROUP], [0.0f32; GROUP]);
-        metres.store_slice(&mut at[..S::N]);
-        for lane in 0..S::N {
-            let direction = Vec3::new(directions[0][lane], directions[1][lane], directions[2][lane]);
-            let offset = direction * at[lane].min(FAR as f32) - lamp.offset;
-            open[lane] = if cube.is_open(offset / self.metres_per_unit) { 1.0 } else { 0.0 };
-        }
-        simd.load(&open)
+        each_point(simd, directions, metres, |direction, metres| {
+            let offset = direction * metres.min(FAR as f32) - lamp.offset;
+            if cube.is_open(offset / self.metres_per_unit) { 1.0 } else { 0.0 }
+        })
     }
+}
+
+/// A number for each of the points at distances (m) along rays, by the direction and the distance.
+#[inline(always)]
+fn each_point<S: Lanes>(
+    simd: S,
+    directions: &[[f32; GROUP]; 3],
+    metres: S::F,
+    value: impl Fn(Vec3, f32) -> f32,
+) -> S::F {
+    let (mut at, mut values) = ([0.0f32; GROUP], [0.0f32; GROUP]);
+    metres.store_slice(&mut at[..S::N]);
+    for lane in 0..S::N {
+        let direction = Vec3::new(directions[0][lane], directions[1][lane], directions[2][lane]);
+        values[lane] = value(direction, at[lane]);
+    }
+    simd.load(&values)
 }
 
 /// The columns between four corners, linear.

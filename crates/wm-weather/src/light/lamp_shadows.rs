@@ -5,6 +5,7 @@
 
 use super::capture::CaptureLight;
 use super::lamps::{LampKind, LampLight, LampLights};
+use super::quantile::median;
 use crate::dome::level_axes;
 use crate::optics::Site;
 use crate::threads::map;
@@ -204,12 +205,7 @@ fn roughness(surfaces: &Splats, site: &Site) -> f32 {
         (column.iter().map(|(_, height)| (height - mean).powi(2)).sum::<f64>() / count).sqrt()
     };
     let columns = heights.chunk_by(|a, b| a.0 == b.0).filter(|column| column.len() >= IN_COLUMN);
-    let mut deviations: Vec<f64> = columns.map(deviation).collect();
-    let middle = deviations.len() / 2;
-    if deviations.is_empty() {
-        return 0.0;
-    }
-    *deviations.select_nth_unstable_by(middle, f64::total_cmp).1 as f32
+    median(columns.map(deviation).collect()).unwrap_or(0.0) as f32
 }
 
 /// Returns true if the surfaces around a place look away from it.

@@ -23,6 +23,7 @@ mod moving;
 mod openness;
 mod placed;
 mod places;
+mod quantile;
 mod sun_search;
 mod sun_shadows;
 mod windows;

@@ -54,7 +54,7 @@ pub(super) fn find(
     smoothed(surfaces, &open, site, threads)
 }
 
-/// What lies in a cube and looks the same way.
+/// The surfaces of one cube that look the same way.
 struct Block {
     /// Mean of the points.
     middle: Vec3,

@@ -28,7 +28,7 @@ pub struct NearSplats {
     /// One splat of each cell that has any: the one nearest to its middle.
     cells: PlaceMap<IVec3, u32>,
     width: f32,
-    /// What level ground sees of the sky.
+    /// The shares of the sky's light that reach level ground.
     blocks: PlaceMap<IVec3, LevelBlock>,
     block: f32,
 }
@@ -49,19 +49,16 @@ impl NearSplats {
         let cell = |point: Vec3| (point / width).floor().as_ivec3();
         let off = |point: Vec3| (point / width - cell(point).as_vec3() - 0.5).length_squared();
         let mut cells: PlaceMap<IVec3, u32> = PlaceMap::default();
+        let block = (BLOCK / site.metres_per_unit) as f32;
+        let up = Vec3::from_array(site.up.map(|v| v as f32));
+        let mut blocks: PlaceMap<IVec3, LevelBlock> = PlaceMap::default();
         for (index, point) in points.iter().enumerate().filter(|(index, _)| !capture.is_sky(*index)) {
             let point = Vec3::from_array(*point);
             let known = cells.entry(cell(point)).or_insert(index as u32);
             if off(point) < off(Vec3::from_array(points[*known as usize])) {
                 *known = index as u32;
             }
-        }
-        let block = (BLOCK / site.metres_per_unit) as f32;
-        let up = Vec3::from_array(site.up.map(|v| v as f32));
-        let mut blocks: PlaceMap<IVec3, LevelBlock> = PlaceMap::default();
-        for (index, point) in points.iter().enumerate().filter(|(index, _)| !capture.is_sky(*index)) {
             if capture.normal(index).dot(up) > LEVEL {
-                let point = Vec3::from_array(*point);
                 let ground = blocks.entry((point / block).floor().as_ivec3()).or_default();
                 ground.count += 1.0;
                 ground.points += point;
@@ -71,7 +68,7 @@ impl NearSplats {
         Self { cells, width, blocks, block }
     }
 
-    /// What level ground about a point sees of the sky, in the mean; `None` if there is none within some metres.
+    /// The mean shares of the sky's light that reach level ground near a point; `None` if there is none within some metres.
     fn level_open(&self, point: Vec3) -> Option<[f32; 2]> {
         let middle = (point / self.block).floor().as_ivec3();
         REACHES.into_iter().find_map(|reach| {
@@ -116,7 +113,7 @@ pub struct PlacedSurfaces {
     normals: Vec<Vec3>,
     /// The splat of the scene that sees what the surface sees; `None` in the open.
     beside: Vec<Option<u32>>,
-    /// What level ground sees of the sky there; `None` if there is none.
+    /// The shares of the sky's light that reach level ground there; `None` if there is no such ground.
     open: Vec<Option<[f32; 2]>>,
 }
 

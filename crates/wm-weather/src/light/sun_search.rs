@@ -6,6 +6,7 @@
 //! a direction must do better than the same height with another azimuth.
 
 use super::places::{PointGrid, Surfaces};
+use super::quantile::median;
 use crate::dome::{from_level, level_axes};
 use crate::optics::Site;
 use crate::shelter::{Occluders, Shelter};
@@ -159,7 +160,7 @@ fn score(
         let index = index as usize;
         map.is_lit(surfaces.points[index], surfaces.normals[index])
     };
-    let mut ratios: Vec<f64> = pairs
+    let ratios: Vec<f64> = pairs
         .iter()
         .filter(|pair| pair.points.iter().all(|i| surfaces.normals[*i as usize].dot(sun) > INCIDENCE))
         .filter_map(|pair| match pair.points.map(is_lit) {
@@ -171,9 +172,8 @@ fn score(
     if ratios.len() < FEWEST {
         return None;
     }
-    let middle = ratios.len() / 2;
-    let median = *ratios.select_nth_unstable_by(middle, f64::total_cmp).1;
     let shadows = ratios.iter().filter(|ratio| **ratio > SHADOW).count() as f64 / ratios.len() as f64;
+    let median = median(ratios)?;
     Some((median.exp(), (median * shadows).max(0.0)))
 }
 
@@ -208,12 +208,8 @@ pub(super) fn find_sun(
         value((surfaces, wide), tried[k], &coarse).map_or(0.0, |(_, score)| score)
     });
     let first = (0..tried.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
-    let median = |mut values: Vec<f64>| {
-        let middle = values.len() / 2;
-        *values.select_nth_unstable_by(middle, f64::total_cmp).1
-    };
-    let middle = median(scores.clone());
-    let spread = median(scores.iter().map(|score| (score - middle).abs()).collect());
+    let middle = median(scores.clone())?;
+    let spread = median(scores.iter().map(|score| (score - middle).abs()).collect())?;
     let chance = middle + DEVIATIONS * spread;
     let fine = occluders.sketched(FINE);
     let by_wide = |at: [f64; 2]| value((surfaces, wide), at, &fine);

@@ -18,6 +18,12 @@ fn air() -> Atmosphere {
     Atmosphere::new(Vec::new(), SITE)
 }
 
+/// What falls at time 0 without wind, roofs and lamps.
+fn still<'a>(precipitation: &'a Precipitation, air: &'a Atmosphere) -> FallingParticles<'a> {
+    let calm = (WindSample::default(), [0.0; 3]);
+    FallingParticles::new(precipitation, &SITE, air, (None, None), calm, 0.0)
+}
+
 fn camera(size: (u32, u32)) -> Camera {
     // Metres 3, 4 and 2.
     let eye = DVec3::new(6.0, 8.0, 4.0);
@@ -88,14 +94,7 @@ fn a_gauge_catches_what_is_asked() {
     for (kind, rates) in usual.into_iter().chain(every) {
         for rate in rates {
             let (precipitation, air) = (precipitation(kind, rate, 4), air());
-            let fall = FallingParticles::new(
-                &precipitation,
-                &SITE,
-                &air,
-                (None, None),
-                (WindSample::default(), [0.0; 3]),
-                0.0,
-            );
+            let fall = still(&precipitation, &air);
             // Few large ones need a larger gauge.
             let side = if precipitation.numbers.iter().sum::<f64>() < 50.0 { 24.0 } else { 6.0 };
             let mut water = 0.0;
@@ -119,14 +118,7 @@ fn sizes_follow_the_law() {
     let mut worst: f64 = 0.0;
     for seed in 0..5 {
         let (precipitation, air) = (precipitation(&RAIN, 10.0, seed), air());
-        let fall = FallingParticles::new(
-            &precipitation,
-            &SITE,
-            &air,
-            (None, None),
-            (WindSample::default(), [0.0; 3]),
-            0.0,
-        );
+        let fall = still(&precipitation, &air);
         let mut sizes: Vec<f64> =
             (0..RAIN.classes).flat_map(|class| drops(&fall, class, [0.0; 3], [5.2, 5.2, 5.2])).collect();
         assert!((90_000..130_000).contains(&sizes.len()), "{}", sizes.len());
