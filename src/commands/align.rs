@@ -1,4 +1,4 @@
-//! `align`: sets facts of a scene by hand: up, ground, scale, open water, lamps.
+//! `align`: sets facts of a scene by hand: up, ground, scale, open water, sun, lamps.
 
 use crate::overwrite::OverwriteArgs;
 use crate::scene::{count_of, parse_distance, save};
@@ -15,7 +15,7 @@ use wm_scene::formats::{
     ReadOptions, WriteOptions, format_for, lost, read_scene, sidecar_path, write_sidecar,
 };
 use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, Survey, align};
-use wm_scene::{Lamp, LitWindow, Metadata, Scene};
+use wm_scene::{Lamp, LitWindow, Metadata, PhotoSun, Scene};
 
 /// Options of `align`.
 #[derive(Args, Debug)]
@@ -24,7 +24,8 @@ use wm_scene::{Lamp, LitWindow, Metadata, Scene};
                   weather-magician align garden.ply --overwrite --ground 0,0,0.1:5,0,0:2,6,0.2\n\
                   weather-magician align garden.ply --overwrite --known-distance 0,0,0:1.5,0,2=12.5\n\
                   weather-magician align table.spz -o upright.spz --flip\n\
-                  weather-magician align garden.ply --overwrite --lamp path --window 3,8,2:4.2,8,3.4"
+                  weather-magician align garden.ply --overwrite --lamp path --window 3,8,2:4.2,8,3.4\n\
+                  weather-magician align garden.ply --overwrite --sun 2,1,3.5:4.1,1.6,0"
 )]
 pub struct AlignArgs {
     /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
@@ -57,13 +58,29 @@ pub struct AlignArgs {
     /// is none, although something blue looks like a pool
     #[arg(long, value_name = "X,Y,Z:X,Y,Z:...|none", value_parser = parse_outline, allow_hyphen_values = true, help_heading = "Facts")]
     water: Vec<Outline>,
+    /// The sun of the photos: the top of something and the end of its shadow; or the direction towards the sun. `none`: the light was
+    /// diffuse, as under clouds
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z|X,Y,Z|none", value_parser = parse_sun, allow_hyphen_values = true, help_heading = "Light")]
+    sun: Option<PhotoSun>,
     /// A lamp that shines down, and its luminous flux in lumens (5000); may be given several times. `path`: a row of them beside the
     /// path of the photos. `none`: there are none
-    #[arg(long, value_name = "X,Y,Z[=LUMENS]|path|none", value_parser = parse_lamp, allow_hyphen_values = true, help_heading = "Lamps")]
+    #[arg(long, value_name = "X,Y,Z[=LUMENS]|path|none", value_parser = parse_lamp, allow_hyphen_values = true, help_heading = "Light")]
     lamp: Vec<GivenLamp>,
     /// A window that is lit by night, by two opposite corners on its wall; may be given several times. `none`: there are none
-    #[arg(long, value_name = "X,Y,Z:X,Y,Z|none", value_parser = parse_window, allow_hyphen_values = true, help_heading = "Lamps")]
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z|none", value_parser = parse_window, allow_hyphen_values = true, help_heading = "Light")]
     window: Vec<GivenWindow>,
+}
+
+fn parse_sun(text: &str) -> Result<PhotoSun, String> {
+    if text == "none" {
+        return Ok(PhotoSun::Diffuse);
+    }
+    let Some((top, end)) = text.split_once(':') else {
+        return Ok(PhotoSun::Towards(spec::parse_direction(text).map_err(|e| e.to_string())?.normalize()));
+    };
+    let towards = spec::parse_point(top)? - spec::parse_point(end)?;
+    let towards = towards.try_normalize().ok_or("the top and the end of its shadow must be two points")?;
+    Ok(PhotoSun::Towards(towards))
 }
 
 /// A lamp on the command line.
@@ -140,15 +157,24 @@ impl AlignArgs {
 const BEAM: f64 = 140.0;
 
 impl AlignArgs {
-    /// Returns true if lamps or windows are given.
+    /// Returns true if the sun, lamps or windows are given.
     fn has_lights(&self) -> bool {
-        !self.lamp.is_empty() || !self.window.is_empty()
+        self.sun.is_some() || !self.lamp.is_empty() || !self.window.is_empty()
     }
 
-    /// Sets the lamps and windows of a scene.
+    /// Sets the sun, lamps and windows of a scene.
     fn light(&self, scene: &mut Scene) -> Result<()> {
         let survey = Survey::of(scene, &Metadata::default());
         let up = survey.up.value;
+        if let Some(sun) = self.sun {
+            if let PhotoSun::Towards(towards) = sun
+                && towards.dot(up) <= 0.0
+            {
+                let below = -towards.dot(up).asin().to_degrees();
+                bail!("--sun: it is {below:.1} degrees below the horizon; give the top before the end of its shadow, or set --up");
+            }
+            scene.metadata.sun = Some(sun);
+        }
         if !self.lamp.is_empty() {
             let mut lamps = Vec::new();
             for lamp in &self.lamp {
@@ -242,7 +268,14 @@ pub fn run(args: &AlignArgs) -> Result<()> {
     if let Some(outlines) = scene.metadata.water.as_ref().filter(|_| !args.water.is_empty()) {
         println!("  water: {}", count_of(outlines.len(), "outline"));
     }
-    if args.has_lights() {
+    if args.sun.is_some() {
+        let survey = Survey::of(&scene, &Metadata::default());
+        match survey.sun {
+            Some(sun) => println!("  sun: {}", sun.line()),
+            None => println!("  sun: none, the light is diffuse"),
+        }
+    }
+    if !args.lamp.is_empty() || !args.window.is_empty() {
         let Metadata { lamps, windows, .. } = &scene.metadata;
         let [lamps, windows] = [lamps.as_ref().map_or(0, Vec::len), windows.as_ref().map_or(0, Vec::len)];
         println!("  lamps: {}, {}", count_of(lamps, "lamp"), count_of(windows, "lit window"));
@@ -275,6 +308,15 @@ mod tests {
         assert_eq!(parse_lamp("0,0,4=800"), Ok(GivenLamp::At(DVec3::new(0.0, 0.0, 4.0), 800.0)));
         assert_eq!(parse_window("0,0,1:1,0,2"), Ok(Some([DVec3::Z, DVec3::new(1.0, 0.0, 2.0)])));
         assert!(parse_lamp("0,0,4=bright").is_err() && parse_window("0,0,1").is_err());
+    }
+
+    #[test]
+    fn the_sun_stands_from_the_end_of_a_shadow_over_the_top() {
+        let towards = PhotoSun::Towards(DVec3::new(0.0, 0.6, 0.8));
+        assert_eq!(parse_sun("0,0,4:0,-3,0"), Ok(towards));
+        assert_eq!(parse_sun("0,3,4"), Ok(towards));
+        assert_eq!(parse_sun("none"), Ok(PhotoSun::Diffuse));
+        assert!(parse_sun("1,2,3:1,2,3").is_err() && parse_sun("0,0,0").is_err());
     }
 
     #[test]

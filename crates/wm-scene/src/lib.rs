@@ -79,7 +79,7 @@ pub use error::{FormatError, Location, Problem};
 pub use group::Group;
 pub use health::{Health, NonFiniteSplats};
 pub use lamps::{Lamp, LitWindow};
-pub use metadata::{Metadata, Rasterization};
+pub use metadata::{Metadata, PhotoSun, Rasterization};
 pub use nearest::nearest;
 pub use scene::{Scene, SceneView};
 pub use splats::{Splats, SplatsError};

@@ -52,6 +52,9 @@ pub struct Metadata {
     /// Time between the first photo and the last, seconds, 0 and above; nothing if it is under a minute or not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub captured_span: Option<f64>,
+    /// The sun of the photos; it goes before the one that place and time give.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sun: Option<PhotoSun>,
     /// Height of the ground along `up`, scene units: a point `p` is on it where `up . p` is this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ground: Option<f64>,
@@ -99,6 +102,48 @@ pub struct Metadata {
     pub provenance: Option<String>,
 }
 
+/// The sun under which photos were taken. In a file it is a direction, or an empty list if there was none.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<f64>", into = "Vec<f64>")]
+pub enum PhotoSun {
+    /// No sun: the light was diffuse, as under clouds.
+    Diffuse,
+    /// Towards it, world axes, length 1.
+    Towards(DVec3),
+}
+
+impl PhotoSun {
+    /// The same sun with its direction changed.
+    #[must_use]
+    pub fn map(self, change: impl FnOnce(DVec3) -> DVec3) -> Self {
+        match self {
+            Self::Diffuse => Self::Diffuse,
+            Self::Towards(direction) => Self::Towards(change(direction)),
+        }
+    }
+}
+
+impl TryFrom<Vec<f64>> for PhotoSun {
+    type Error = String;
+
+    fn try_from(numbers: Vec<f64>) -> Result<Self, String> {
+        match numbers[..] {
+            [] => Ok(Self::Diffuse),
+            [x, y, z] => Ok(Self::Towards(DVec3::new(x, y, z))),
+            _ => Err("sun must be three numbers, or an empty list if there was none".into()),
+        }
+    }
+}
+
+impl From<PhotoSun> for Vec<f64> {
+    fn from(sun: PhotoSun) -> Self {
+        match sun {
+            PhotoSun::Diffuse => Self::new(),
+            PhotoSun::Towards(direction) => direction.to_array().to_vec(),
+        }
+    }
+}
+
 /// The treatment of splats smaller than a pixel. It belongs to the scene: mixing modes changes the
 /// opacity of thin splats visibly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -115,7 +160,7 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 24] = [
+    pub const KEYS: [&str; 25] = [
         "metres_per_unit",
         "scale_source",
         "scale_confidence",
@@ -127,6 +172,7 @@ impl Metadata {
         "location",
         "captured",
         "captured_span",
+        "sun",
         "ground",
         "ground_confidence",
         "camera_height",
@@ -200,6 +246,7 @@ impl Metadata {
             north: self.north.or(other.north),
             location: self.location.or(other.location),
             captured: self.captured.or(other.captured),
+            sun: self.sun.or(other.sun),
             ground: self.ground.or(other.ground),
             camera_height: self.camera_height.or(other.camera_height),
             airlight: self.airlight.or(other.airlight),
@@ -275,6 +322,11 @@ impl Metadata {
             && !(span.is_finite() && span >= 0.0)
         {
             return Some(format!("captured_span is {span}: it must be finite and not below 0"));
+        }
+        if let Some(PhotoSun::Towards(sun)) = self.sun
+            && !(sun.is_finite() && (sun.length() - 1.0).abs() < 1e-3)
+        {
+            return Some(format!("sun is {sun}: it must have length 1"));
         }
         if let Some(ground) = self.ground
             && !ground.is_finite()
@@ -367,6 +419,7 @@ mod tests {
             location: Some([52.0851, -5.1683]),
             captured: Some(1_717_059_360.0),
             captured_span: Some(95.5),
+            sun: Some(PhotoSun::Towards(DVec3::new(0.0, 0.8, 0.6))),
             ground: Some(-1.5),
             ground_confidence: Some(Confidence::Likely),
             camera_height: Some(0.1),
@@ -405,7 +458,7 @@ mod tests {
         assert_eq!(say("metres_per_unit", "-1"), "metres_per_unit is -1: it must be finite and above 0");
         let place = say("location", "[91.0, 0.0]");
         assert!(place.starts_with("location is 91, 0: it must be a latitude of -90 to 90"), "{place}");
-        for (key, value) in [("up", "[0.0, 1.0]"), ("ground", ""), ("rasterization", "\"soft\"")] {
+        for (key, value) in [("up", "[0.0, 1.0]"), ("ground", ""), ("sun", "[1.0]"), ("rasterization", "\"soft\"")] {
             let message = say(key, value);
             assert!(message.starts_with(&format!("{key}: ")) && !message.contains('\n'), "{message}");
         }

@@ -73,6 +73,7 @@ impl Similarity {
         }
         metadata.up = metadata.up.map(|up| (self.rotation * up).normalize());
         metadata.north = metadata.north.map(|north| (self.rotation * north).normalize());
+        metadata.sun = metadata.sun.map(|sun| sun.map(|towards| (self.rotation * towards).normalize()));
         // Without up the ground has no meaning.
         metadata.ground =
             metadata.ground.zip(metadata.up).map(|(g, up)| g * self.scale + up.dot(self.translation));

@@ -97,7 +97,7 @@ fn report(
             "north_source": survey.north_source,
             "sun": survey.sun.as_ref().map(|sun| json!({
                 "direction": sun.direction,
-                "azimuth_degrees": sun.azimuth.to_degrees(),
+                "azimuth_degrees": sun.azimuth.map(f64::to_degrees),
                 "elevation_degrees": sun.elevation.to_degrees(),
                 "source": sun.source,
                 "confidence": sun.confidence,

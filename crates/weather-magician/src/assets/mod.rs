@@ -254,7 +254,7 @@ impl MissingAssets {
                 focus: Some((views::path_of_photos(&scene), LIGHT_REACH)),
                 ..ShelterOptions::default()
             };
-            (found, Occluders::of(&found.splats, &site, &options).standing(threads))
+            (found, Occluders::of(&found.casters(), &site, &options).standing(threads))
         });
         let made_light = in_the_way.as_ref().filter(|_| self.light).map(|(found, occluders)| {
             progress.begin("splitting the light of the capture into sun and sky", None);
@@ -281,7 +281,7 @@ impl MissingAssets {
             (Some(lamps), Some(capture), Some(found)) => {
                 progress.begin("casting the shadows of the lamps", None);
                 let points = &found.places(&scene.splats, &site, threads);
-                let shadows = LampShadows::of(lamps, &found.seen(), capture, points, &site, threads)?;
+                let shadows = LampShadows::of(lamps, &found.casters(), capture, points, &site, threads)?;
                 progress.end();
                 cache.put(&AssetFile::Lamps(lamps), &shadows);
                 Some(Arc::new(shadows))

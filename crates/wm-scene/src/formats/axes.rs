@@ -71,6 +71,7 @@ impl Axes {
         let signs = DVec3::from_array(self.signs().map(f64::from));
         scene.metadata.up = scene.metadata.up.map(|up| self.direction(up));
         scene.metadata.north = scene.metadata.north.map(|north| self.direction(north));
+        scene.metadata.sun = scene.metadata.sun.map(|sun| sun.map(|towards| self.direction(towards)));
         for view in &mut scene.views {
             let (rotation, center) = (view.camera.rotation(), view.camera.center() * signs);
             let rotation = rotation * DMat3::from_diagonal(signs);

@@ -100,7 +100,7 @@ mod tests {
             say("ground = 1.0\nmeters_per_unit = 2.0\n"),
             ", line 2, column 1: unknown field `meters_per_unit`, expected one of `metres_per_unit`, \
              `scale_source`, `scale_confidence`, `up`, `up_source`, `up_confidence`, `north`, \
-             `north_source`, `location`, `captured`, `captured_span`, `ground`, `ground_confidence`, \
+             `north_source`, `location`, `captured`, `captured_span`, `sun`, `ground`, `ground_confidence`, \
              `camera_height`, `airlight`, `haze_extinction`, `haze_extinction_error`, `haze_shown_extinction`, \
              `haze_airlight`, `water`, `lamps`, `windows`, `rasterization`, `provenance`"
         );

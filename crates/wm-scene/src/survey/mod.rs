@@ -20,7 +20,7 @@ mod tests;
 mod up;
 
 use crate::metadata::leveled;
-use crate::{Metadata, Scene};
+use crate::{Metadata, PhotoSun, Scene};
 use glam::DVec3;
 use sample::SurveySample;
 use serde::{Deserialize, Serialize};
@@ -52,7 +52,7 @@ pub struct Survey {
     pub location: Option<[f64; 2]>,
     /// The middle of the time in which they were taken, seconds since 1970, UTC, where the metadata state it.
     pub captured: Option<f64>,
-    /// The sun when the photos were taken, where the metadata state north, place and time.
+    /// The sun when the photos were taken, where the metadata state it, or north, place and time.
     pub sun: Option<SurveyedSun>,
     /// The reason why these give no sun.
     pub sun_fault: Option<SunFault>,
@@ -240,7 +240,11 @@ impl Survey {
             up,
             ground,
             airlight,
-            captured_sky: airlight::captured_sky(&scene.splats, &sample, &sky, up.value),
+            captured_sky: match facts.sun {
+                Some(PhotoSun::Diffuse) => CapturedSky::Overcast,
+                Some(PhotoSun::Towards(_)) => CapturedSky::Clear,
+                None => airlight::captured_sky(&scene.splats, &sample, &sky, up.value),
+            },
         }
     }
 

@@ -1,9 +1,10 @@
 //! The sun over a scene, from the place and the time at which its photos were taken.
 
 use super::{Confidence, Sourced};
-use crate::Metadata;
+use crate::{Metadata, PhotoSun};
 use crate::sun::SunPosition;
 use glam::DVec3;
+use std::f64::consts::TAU;
 use thiserror::Error;
 
 /// The direction of the sun when the photos were taken.
@@ -11,8 +12,8 @@ use thiserror::Error;
 pub struct SurveyedSun {
     /// The direction towards it, world axes, length 1.
     pub direction: DVec3,
-    /// Azimuth, radians clockwise from north, 0 to 2 pi.
-    pub azimuth: f64,
+    /// Azimuth, radians clockwise from north, 0 to 2 pi, where north is known.
+    pub azimuth: Option<f64>,
     /// Elevation above the horizon, radians, 0 to pi/2.
     pub elevation: f64,
     /// Its source, such as "from the time and the GPS of 24 photos, met within 1.1 m".
@@ -30,6 +31,9 @@ pub enum SunFault {
     /// It was below the horizon, at an elevation in degrees.
     #[error("it was {:.1} degrees below the horizon at the time and place of the photos; one of them may be wrong", -.0)]
     Below(f64),
+    /// The stated direction lies below the horizon, at an elevation in degrees.
+    #[error("the stated one is {:.1} degrees below the horizon; it or up is wrong", -.0)]
+    Under(f64),
 }
 
 /// Longest capture whose sun has one direction, s: it moves by up to 7.5 degrees in this time.
@@ -44,6 +48,11 @@ impl SurveyedSun {
         north: Option<DVec3>,
         facts: &Metadata,
     ) -> Result<Option<Self>, SunFault> {
+        match facts.sun {
+            Some(PhotoSun::Diffuse) => return Ok(None),
+            Some(PhotoSun::Towards(sun)) => return Self::given(sun.normalize(), up.value, north).map(Some),
+            None => {}
+        }
         let (Some(north), Some([latitude, longitude]), Some(time)) = (north, facts.location, facts.captured)
         else {
             return Ok(None);
@@ -63,7 +72,7 @@ impl SurveyedSun {
         let places = facts.north_source.as_deref().map(|text| format!("the time and {text}"));
         Ok(Some(Self {
             direction: (east * along_east + north * along_north + up.value * along_up).normalize(),
-            azimuth: position.azimuth,
+            azimuth: Some(position.azimuth),
             elevation: position.elevation,
             source: format!(
                 "from {}",
@@ -73,13 +82,30 @@ impl SurveyedSun {
         }))
     }
 
+    /// Of a direction that the metadata state.
+    fn given(direction: DVec3, up: DVec3, north: Option<DVec3>) -> Result<Self, SunFault> {
+        let elevation = direction.dot(up).clamp(-1.0, 1.0).asin();
+        if elevation <= 0.0 {
+            return Err(SunFault::Under(elevation.to_degrees()));
+        }
+        let azimuth = north.map(|north| direction.dot(north.cross(up)).atan2(direction.dot(north)));
+        Ok(Self {
+            direction,
+            azimuth: azimuth.map(|azimuth| azimuth.rem_euclid(TAU)),
+            elevation,
+            source: "from the scene's metadata".into(),
+            confidence: Confidence::Sure,
+        })
+    }
+
     /// One line for people: "47.1 degrees high, azimuth 118.8 degrees (from ...)".
-    pub(super) fn line(&self) -> String {
-        let (elevation, azimuth) = (self.elevation.to_degrees(), self.azimuth.to_degrees());
-        format!(
-            "{elevation:.1} degrees high, azimuth {azimuth:.1} degrees ({}; {})",
-            self.source, self.confidence
-        )
+    #[must_use]
+    pub fn line(&self) -> String {
+        let elevation = self.elevation.to_degrees();
+        let azimuth = self
+            .azimuth
+            .map_or_else(String::new, |azimuth| format!(", azimuth {:.1} degrees", azimuth.to_degrees()));
+        format!("{elevation:.1} degrees high{azimuth} ({}; {})", self.source, self.confidence)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Scenes of any values, for properties.
 
 use crate::survey::Confidence;
-use crate::{Group, Lamp, LitWindow, Metadata, Rasterization, Scene, Splats, sh};
+use crate::{Group, Lamp, LitWindow, Metadata, PhotoSun, Rasterization, Scene, Splats, sh};
 use glam::DVec3;
 use proptest::prelude::*;
 
@@ -69,6 +69,7 @@ fn any_metadata() -> impl Strategy<Value = Metadata> {
             location: some.then_some([-33.5, 151.25]),
             captured: some.then_some(1_717_059_360.5),
             captured_span: some.then_some(95.25),
+            sun: some.then_some(PhotoSun::Towards(DVec3::new(0.8, 0.0, -0.6))),
             rasterization: some.then_some(Rasterization::Antialiased),
             provenance,
         }

@@ -236,6 +236,7 @@ pub(super) fn finish(
     note_up(&mut known, options, data);
     known.location = facts.location;
     (known.captured, known.captured_span) = (facts.captured, facts.captured_span);
+    known.sun = facts.sun;
     site(&data.set.capture, &data.set.photos, survey.up.value).note(&mut known);
     let ground = ground(&data.set.capture);
     if facts.ground.is_none()

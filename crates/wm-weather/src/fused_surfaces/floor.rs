@@ -7,14 +7,15 @@
 
 use super::PhotoView;
 use crate::threads::map;
-use glam::{DMat3, DVec3};
+use glam::{DVec2, DVec3};
 use wm_scene::Camera;
 
 /// Distance from the camera to which its floor is known, camera heights.
 const REACH: f64 = 6.0;
-/// How far about a camera the path tells its slope, and what the path wavers by, camera heights.
+/// How far about a camera the path tells its slope, camera heights, and the spreads of the cameras along a direction at which
+/// they tell nothing of its slope, and all of it.
 const ABOUT: f64 = 4.0;
-const WAVERS: f64 = 0.5;
+const WAVERS: [f64; 2] = [0.75, 1.5];
 /// Distance from a camera to which floors are examined, in those.
 const SEEN: f64 = 5.0;
 /// Distance to which that of the whole place is known, camera heights: a court.
@@ -48,23 +49,39 @@ impl FloorPlane {
     /// at a `height` over the ground.
     #[must_use]
     pub fn below(center: DVec3, cameras: &[DVec3], up: DVec3, height: f64) -> Self {
-        let axes = [up.any_orthonormal_vector(), up.cross(up.any_orthonormal_vector())];
-        let (mut moments, mut right) = (DMat3::ZERO, DVec3::ZERO);
-        for camera in cameras {
+        let axis = up.any_orthonormal_vector();
+        let axes = [axis, up.cross(axis)];
+        let weight = |offset: DVec2| (-0.5 * offset.length_squared() / (ABOUT * height).powi(2)).exp();
+        let (mut all, mut sum) = (0.0, DVec3::ZERO);
+        let offset = |camera: &DVec3| {
             let off = *camera - center;
-            let at = DVec3::new(1.0, off.dot(axes[0]), off.dot(axes[1]));
-            let far = at.y * at.y + at.z * at.z;
-            let weight = (-0.5 * far / (ABOUT * height).powi(2)).exp();
-            let weighted = weight * at;
-            moments += DMat3::from_cols(weighted * at.x, weighted * at.y, weighted * at.z);
-            // Level across the path: what its sides say of the slope is arms up and down.
-            let wavers = weight * (WAVERS * height).powi(2);
-            moments += DMat3::from_diagonal(DVec3::new(0.0, wavers, wavers));
-            right += weighted * off.dot(up);
+            DVec3::new(off.dot(axes[0]), off.dot(axes[1]), off.dot(up))
+        };
+        for off in cameras.iter().map(offset) {
+            let weight = weight(off.truncate());
+            all += weight;
+            sum += weight * off;
         }
-        let plane = moments.inverse() * right;
-        let normal = (up - plane.y * axes[0] - plane.z * axes[1]).normalize();
-        Self { point: center + (plane.x - height) * up, normal, reach: REACH * height, slab: SLAB * height }
+        let mean = sum / all.max(f64::MIN_POSITIVE);
+        // Squares of the offsets across up, and their products with the rise.
+        let (mut xx, mut xy, mut yy, mut rises) = (0.0, 0.0, 0.0, DVec2::ZERO);
+        for off in cameras.iter().map(offset) {
+            let share = weight(off.truncate()) / all.max(f64::MIN_POSITIVE);
+            let DVec3 { x, y, z } = off - mean;
+            (xx, xy, yy) = (xx + share * x * x, xy + share * x * y, yy + share * y * y);
+            rises += share * z * DVec2::new(x, y);
+        }
+        // Along the path and across it, each on its own: how far arms reach says nothing of a slope.
+        let along = DVec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
+        let slope = [along, along.perp()].iter().fold(DVec2::ZERO, |slope, way| {
+            let spread = way.x * way.x * xx + 2.0 * way.x * way.y * xy + way.y * way.y * yy;
+            let [low, high] = WAVERS.map(|wavers| (wavers * height).powi(2));
+            let belief = ((spread - low) / (high - low)).clamp(0.0, 1.0);
+            if belief > 0.0 { slope + *way * (belief * way.dot(rises) / spread) } else { slope }
+        });
+        let rise = mean.z - slope.dot(mean.truncate());
+        let normal = (up - slope.x * axes[0] - slope.y * axes[1]).normalize();
+        Self { point: center + (rise - height) * up, normal, reach: REACH * height, slab: SLAB * height }
     }
 
     /// Of a whole place, by its photos' `cameras` and the height of its `ground` along `up` (scene units); `None` where

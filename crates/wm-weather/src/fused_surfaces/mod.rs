@@ -13,6 +13,7 @@
 //! other cameras see through is dropped (`photo_view.rs`); and the discs are levelled onto the surface through those about them (`level.rs`), since depth
 //! is rough. The scene's own splats stay where no camera tells: those that none sees, and that not two see through.
 
+mod backing;
 mod cubes;
 mod floor;
 mod ground_field;
@@ -60,6 +61,8 @@ pub struct FusedSurfaces<'a> {
     pub splats: Cow<'a, Splats>,
     /// The first so many are discs whose third axis looks to where they were seen from.
     pub oriented: usize,
+    /// What stands behind the discs, as splats: see [`backing`].
+    pub backing: Cow<'a, Splats>,
     /// The replacement of each splat of the scene; empty where no views were given.
     pub stand_ins: Vec<StandIn>,
 }
@@ -79,16 +82,19 @@ impl<'a> FusedSurfaces<'a> {
     /// The splats themselves, for a scene without photos.
     #[must_use]
     pub fn from_splats(splats: &'a Splats) -> Self {
-        Self { splats: Cow::Borrowed(splats), oriented: 0, stand_ins: Vec::new() }
+        Self { splats: Cow::Borrowed(splats), oriented: 0, backing: Cow::default(), stand_ins: Vec::new() }
     }
 
-    /// The discs that the cameras see, without the splats that no camera confirms; all splats where there are no photos.
+    /// What stands in the way of light: the discs that the cameras see and what is behind them, without the splats that no camera
+    /// confirms; all splats where there are no photos.
     #[must_use]
-    pub fn seen(&self) -> Cow<'_, Splats> {
+    pub fn casters(&self) -> Cow<'_, Splats> {
         if self.oriented == 0 {
             return Cow::Borrowed(&*self.splats);
         }
-        Cow::Owned(self.splats.select(&(0..self.oriented).collect::<Vec<_>>()))
+        let mut casters = self.splats.select(&(0..self.oriented).collect::<Vec<_>>());
+        casters.append(&self.backing);
+        Cow::Owned(casters)
     }
 
     /// The places of the splats of a scene, world axes, scene units, those of the ground of a walk on the ground that replaces them:
@@ -160,8 +166,10 @@ impl<'a> FusedSurfaces<'a> {
             Group::Sky => StandIn::Itself,
             _ => hears(DVec3::from_array(splats.means[index].map(f64::from))).stand_in(),
         });
-        let mut out = Splats::with_capacity(discs.len(), 0);
         let up = DVec3::from_array(site.up);
+        let is_hidden = |point: DVec3| hears(point).through == 0;
+        let backing = backing::behind(&discs, &is_hidden, up, metres_per_unit, threads);
+        let mut out = Splats::with_capacity(discs.len(), 0);
         for disc in &discs {
             let (wide, flat) = if disc.is_edge { (WIDE[1], 0.9) } else { (WIDE[0], FLAT) };
             let wide = wide * disc.size;
@@ -174,7 +182,12 @@ impl<'a> FusedSurfaces<'a> {
         let left = (0..splats.len()).filter(|index| stand_ins[*index] == StandIn::Itself);
         let rest = splats.select(&left.collect::<Vec<_>>());
         out.append(&rest);
-        Self { splats: Cow::Owned(out), oriented: discs.len(), stand_ins }
+        Self {
+            splats: Cow::Owned(out),
+            oriented: discs.len(),
+            backing: Cow::Owned(backing),
+            stand_ins,
+        }
     }
 }
 

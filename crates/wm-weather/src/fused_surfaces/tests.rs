@@ -140,6 +140,19 @@ fn the_ground_of_a_walk_is_where_it_must_be() {
     assert!(ground > 2000 && off < 0.2 && wall > 1000, "{ground} {off} {wall}");
 }
 
+#[test]
+fn arms_that_rise_to_one_side_are_no_slope() {
+    let arms = [[-0.9, 0.5], [0.9, -0.3], [0.0, 0.0]];
+    let eyes: Vec<DVec3> = (0..40)
+        .map(|k| DVec3::new(arms[k % 3][0], 0.9 * k as f64, 0.03 * k as f64 + 1.6 + arms[k % 3][1]))
+        .collect();
+    for eye in &eyes {
+        let FloorPlane { normal, .. } = FloorPlane::below(*eye, &eyes, DVec3::Z, 1.6);
+        let [across, along] = [normal.x, normal.y].map(|v| -v / normal.z);
+        assert!(across.abs() < 1e-3 && (along - 0.033).abs() < 0.02, "{across} {along}");
+    }
+}
+
 /// A court that cameras look over from one height, left 2 m too low by a training: its wall is 30 m off.
 #[test]
 fn the_ground_of_a_court_is_where_all_cameras_are_as_high() {

@@ -27,10 +27,11 @@ pub(super) struct Surfaces {
 }
 
 impl Surfaces {
-    /// Those that the cameras of a place see, and flat splats where no camera tells.
+    /// Those that the cameras of a place see; without photos its splats, flat ones with their normals.
     pub fn of(found: &FusedSurfaces<'_>) -> Self {
         let splats: &Splats = &found.splats;
-        let drawn = (0..splats.len()).filter(|i| splats.groups[*i] != Group::Sky);
+        let known = if found.oriented > 0 { found.oriented } else { splats.len() };
+        let drawn = (0..known).filter(|i| splats.groups[*i] != Group::Sky);
         let (mut points, mut normals, mut light) = (Vec::new(), Vec::new(), Vec::new());
         for index in drawn {
             points.push(Vec3::from_array(splats.means[index]));

@@ -195,6 +195,7 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], is_packed: bool) ->
     let mut metadata = scene.metadata.clone();
     metadata.up = metadata.up.map(|up| FORMAT.axes.direction(up));
     metadata.north = metadata.north.map(|north| FORMAT.axes.direction(north));
+    metadata.sun = metadata.sun.map(|sun| sun.map(|towards| FORMAT.axes.direction(towards)));
     let mut asset = json!({
         "version": "2.0",
         "generator": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
