@@ -171,7 +171,9 @@ impl AlignArgs {
                 && towards.dot(up) <= 0.0
             {
                 let below = -towards.dot(up).asin().to_degrees();
-                bail!("--sun: it is {below:.1} degrees below the horizon; give the top before the end of its shadow, or set --up");
+                bail!(
+                    "--sun: it is {below:.1} degrees below the horizon; give the top before the end of its shadow, or set --up"
+                );
             }
             scene.metadata.sun = Some(sun);
         }

@@ -20,7 +20,7 @@ use wm_render::{
     AnyRenderer, Background, DrawPass, Frame, MedianDepth, Outputs, Pictures, RenderBackend, RenderConfig,
     SetId, SetView, SkyGradient, Stats,
 };
-use wm_scene::survey::{Aligned, Alignment, FactSource, Survey, align, label_sky};
+use wm_scene::survey::{Aligned, Alignment, CapturedSky, FactSource, Survey, align, label_sky};
 use wm_scene::{Camera, Lamp, LitWindow, LookAt, Metadata, Scene, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::FusedSurfaces;
@@ -501,7 +501,7 @@ impl PreparedPlace {
             && let Some(light) = self.cache.get::<CaptureLight>(&AssetFile::Light)
             && light.len() == self.scene.splats.len()
         {
-            self.store.light = Some(Arc::new(light));
+            self.set_light(Arc::new(light));
             missing.light = false;
         }
         if let Some(sun) = missing.sun
@@ -559,10 +559,20 @@ impl PreparedPlace {
         })
     }
 
+    /// Takes the light of the capture. Where the sky is burned out in the photos, it says whether there were clouds.
+    fn set_light(&mut self, light: Arc<CaptureLight>) {
+        if light.is_overcast {
+            self.site.captured_sky = CapturedSky::Overcast;
+        }
+        self.store.light = Some(light);
+    }
+
     /// Takes assets that were made.
     pub(crate) fn insert(&mut self, backend: &mut AnyRenderer, assets: Assets) -> Result<()> {
         let Assets { occluders, shelter, cover, lying, paper_cover, light, shadows, casters, lamps } = assets;
-        self.store.light = light.or(self.store.light.take());
+        if let Some(light) = light {
+            self.set_light(light);
+        }
         if let Some(lamps) = lamps {
             self.warnings.extend(lamps.enclosed().map(|[x, y, z]| {
                 format!("the lamp at {x:.2}, {y:.2}, {z:.2} stands inside of something: the surfaces around it look away from it")

@@ -458,7 +458,9 @@ mod tests {
         assert_eq!(say("metres_per_unit", "-1"), "metres_per_unit is -1: it must be finite and above 0");
         let place = say("location", "[91.0, 0.0]");
         assert!(place.starts_with("location is 91, 0: it must be a latitude of -90 to 90"), "{place}");
-        for (key, value) in [("up", "[0.0, 1.0]"), ("ground", ""), ("sun", "[1.0]"), ("rasterization", "\"soft\"")] {
+        for (key, value) in
+            [("up", "[0.0, 1.0]"), ("ground", ""), ("sun", "[1.0]"), ("rasterization", "\"soft\"")]
+        {
             let message = say(key, value);
             assert!(message.starts_with(&format!("{key}: ")) && !message.contains('\n'), "{message}");
         }

@@ -265,7 +265,7 @@ impl MissingAssets {
         });
         let casters = casters.or_else(|| {
             in_the_way.map(|(found, occluders)| {
-                let points = found.places(&scene.splats, &site, threads);
+                let points = found.places(&scene.splats).to_vec();
                 Arc::new(ShadowCasters::new(points, &occluders, threads))
             })
         });
@@ -280,7 +280,7 @@ impl MissingAssets {
         let lamps = match (&self.lamps, capture, surfaces.as_ref()) {
             (Some(lamps), Some(capture), Some(found)) => {
                 progress.begin("casting the shadows of the lamps", None);
-                let points = &found.places(&scene.splats, &site, threads);
+                let points = found.places(&scene.splats);
                 let shadows = LampShadows::of(lamps, &found.casters(), capture, points, &site, threads)?;
                 progress.end();
                 cache.put(&AssetFile::Lamps(lamps), &shadows);

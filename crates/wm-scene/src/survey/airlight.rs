@@ -46,9 +46,11 @@ pub struct SkyPatch {
 /// The sky of a capture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CapturedSky {
-    /// It is not in the scene, or too bright in the photos to tell.
+    /// It is not in the scene.
     #[default]
     Unknown,
+    /// Too bright in the photos to tell.
+    Burned,
     /// Blue, with or without clouds: there is a sun.
     Clear,
     /// Grey: the light is diffuse.
@@ -82,8 +84,10 @@ pub(super) fn captured_sky(
     }
     if blue > LEAST_BLUE * all {
         CapturedSky::Clear
-    } else if all <= 0.0 || burned > MOST_BURNED * all {
+    } else if all <= 0.0 {
         CapturedSky::Unknown
+    } else if burned > MOST_BURNED * all {
+        CapturedSky::Burned
     } else {
         CapturedSky::Overcast
     }

@@ -1,8 +1,8 @@
 //! The sun over a scene, from the place and the time at which its photos were taken.
 
 use super::{Confidence, Sourced};
-use crate::{Metadata, PhotoSun};
 use crate::sun::SunPosition;
+use crate::{Metadata, PhotoSun};
 use glam::DVec3;
 use std::f64::consts::TAU;
 use thiserror::Error;

@@ -25,7 +25,6 @@ pub(crate) mod places;
 mod tests;
 
 use crate::cover::surfel;
-use crate::dome::level_axes;
 use crate::optics::Site;
 use crate::threads::map;
 use cubes::Disc;
@@ -34,11 +33,10 @@ use glam::DVec3;
 pub use ground_field::GroundField;
 pub use photo_view::PhotoView;
 use photo_view::Word;
-use places::PlaceMap;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use wm_scene::splats::Splat;
-use wm_scene::{Group, Splats, quat};
+use wm_scene::{Group, Splats};
 
 /// The number of cameras that must see through a point for it to be dropped.
 const CAMERAS: u32 = 2;
@@ -48,12 +46,6 @@ const MOVED: f64 = 0.02;
 const WIDE: [f64; 2] = [0.6, 0.4];
 const FLAT: f64 = 0.1;
 const OPAQUE: f64 = 0.95;
-/// Width of the columns and height of the storeys by which the ground over a place is found, m, and the least cosine between up
-/// and the normal of ground.
-const COLUMN: f64 = 0.4;
-const STOREY: f64 = 1.5;
-const FLOOR_RISE: f64 = 0.8;
-
 /// The surfaces of a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FusedSurfaces<'a> {
@@ -65,6 +57,8 @@ pub struct FusedSurfaces<'a> {
     pub backing: Cow<'a, Splats>,
     /// The replacement of each splat of the scene; empty where no views were given.
     pub stand_ins: Vec<StandIn>,
+    /// As of [`Self::places`]; empty where all are where they are.
+    places: Vec<[f32; 3]>,
 }
 
 /// The replacement of a splat of the scene in its fused surfaces.
@@ -82,7 +76,13 @@ impl<'a> FusedSurfaces<'a> {
     /// The splats themselves, for a scene without photos.
     #[must_use]
     pub fn from_splats(splats: &'a Splats) -> Self {
-        Self { splats: Cow::Borrowed(splats), oriented: 0, backing: Cow::default(), stand_ins: Vec::new() }
+        Self {
+            splats: Cow::Borrowed(splats),
+            oriented: 0,
+            backing: Cow::default(),
+            stand_ins: Vec::new(),
+            places: Vec::new(),
+        }
     }
 
     /// What stands in the way of light: the discs that the cameras see and what is behind them, without the splats that no camera
@@ -97,44 +97,11 @@ impl<'a> FusedSurfaces<'a> {
         Cow::Owned(casters)
     }
 
-    /// The places of the splats of a scene, world axes, scene units, those of the ground of a walk on the ground that replaces them:
-    /// training leaves them at any depth.
+    /// The places at which the splats of a scene are seen, world axes, scene units. Training leaves the ground of a walk at any depth:
+    /// its splats are where the camera nearest to each sees them on the ground that replaces them.
     #[must_use]
-    pub fn places(&self, splats: &Splats, site: &Site, threads: usize) -> Vec<[f32; 3]> {
-        if !self.stand_ins.contains(&StandIn::Floor) {
-            return splats.means.clone();
-        }
-        let axes = level_axes(site.up).map(|axis| DVec3::from_array(axis) * site.metres_per_unit);
-        let along = |point: [f32; 3]| {
-            let point = DVec3::from_array(point.map(f64::from));
-            axes.map(|axis| point.dot(axis))
-        };
-        let column = |x: f64, y: f64| [x, y].map(|v| (v / COLUMN).floor() as i32);
-        // The highest level disc of each column, by storeys.
-        let mut floors: PlaceMap<[i32; 3], f64> = PlaceMap::default();
-        let storey = |height: f64| (height / STOREY).floor() as i32;
-        for index in 0..self.oriented {
-            let rows = quat::to_matrix(self.splats.quats[index].map(f64::from));
-            let rise = DVec3::from_array(rows.map(|row| row[2])).dot(axes[2]) / site.metres_per_unit;
-            if rise > FLOOR_RISE {
-                let [x, y, height] = along(self.splats.means[index]);
-                let [column, row] = column(x, y);
-                let known = floors.entry([column, row, storey(height)]).or_insert(height);
-                *known = known.max(height);
-            }
-        }
-        map(splats.len(), threads, |index| {
-            let point = splats.means[index];
-            if self.stand_ins[index] != StandIn::Floor {
-                return point;
-            }
-            let [x, y, height] = along(point);
-            let [column, row] = column(x, y);
-            let near = (-1..=1).filter_map(|step| floors.get(&[column, row, storey(height) + step]));
-            let floor = near.copied().min_by(|a, b| (a - height).abs().total_cmp(&(b - height).abs()));
-            let lift = floor.map_or(0.0, |floor| (floor - height) / site.metres_per_unit);
-            (DVec3::from_array(point.map(f64::from)) + DVec3::from_array(site.up) * lift).as_vec3().to_array()
-        })
+    pub fn places<'s>(&'s self, splats: &'s Splats) -> &'s [[f32; 3]] {
+        if self.places.is_empty() { &splats.means } else { &self.places }
     }
 
     /// Fuses the surfaces that the cameras see and keeps the splats that none sees. Equal for any number of threads.
@@ -179,6 +146,15 @@ impl<'a> FusedSurfaces<'a> {
                 ..surfel(at, (disc.normal, up), scales, disc.rgb, OPAQUE)
             });
         }
+        let places = map(splats.len(), threads, |index| {
+            let mean = DVec3::from_array(splats.means[index].map(f64::from));
+            let seen = |view: &PhotoView| view.on_ground(mean);
+            let nearest = match stand_ins[index] {
+                StandIn::Floor => views.iter().filter_map(seen).min_by(|a, b| a.1.total_cmp(&b.1)),
+                _ => None,
+            };
+            nearest.map_or(splats.means[index], |(place, _)| place.as_vec3().to_array())
+        });
         let left = (0..splats.len()).filter(|index| stand_ins[*index] == StandIn::Itself);
         let rest = splats.select(&left.collect::<Vec<_>>());
         out.append(&rest);
@@ -187,6 +163,7 @@ impl<'a> FusedSurfaces<'a> {
             oriented: discs.len(),
             backing: Cow::Owned(backing),
             stand_ins,
+            places,
         }
     }
 }

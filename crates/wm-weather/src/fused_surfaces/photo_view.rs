@@ -142,6 +142,15 @@ impl PhotoView {
         (depth > 0.0).then(|| self.camera.center() + self.camera.rotation().transpose() * local)
     }
 
+    /// The point of the ground (world, scene units) that is seen in the direction of a point, and the distance to that along the view
+    /// axis; `None` where another surface is seen.
+    pub(super) fn on_ground(&self, point: DVec3) -> Option<(DVec3, f64)> {
+        let (x, y, z) = self.camera.project(point)?;
+        let (x, y) = (x.floor() as i64, y.floor() as i64);
+        let found = self.point(x, y)?;
+        (self.on[(y * i64::from(self.camera.width) + x) as usize] != 0).then_some((found, z))
+    }
+
     /// Puts pixels that show the ground at a grazing angle, or nothing where it is, onto it.
     pub(super) fn snapped_to(mut self, field: &Arc<GroundField>) -> Self {
         let (center, forward) = (self.camera.center(), self.camera.forward());

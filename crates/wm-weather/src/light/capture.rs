@@ -10,8 +10,9 @@
 
 use super::irradiance::{SceneLight, SkyGradation, SurfaceLight};
 use super::openness;
-use super::places::{PointGrid, Surfaces};
+use super::places::{PointGrid, Surfaces, light_of};
 use super::quantile::{median, quantile};
+use super::shadow_edges::ShadowEdges;
 use super::sun_search::{self, FoundSun, Pair, same_material};
 use super::sun_shadows::SunShadows;
 use crate::fused_surfaces::FusedSurfaces;
@@ -46,10 +47,20 @@ const LEVEL: f32 = 0.8;
 const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun: 255, is_sky: false };
 /// Cosine of the sun's incidence on leaves, which turn to all sides.
 const LEAVES: f64 = 0.5;
-/// Radius about a point within which the map must agree for its word to be sure, m.
+/// Radius about a point within which the map must agree for its word to be sure, m: where the geometry is good, and where less than a
+/// share of the pairs in sun and shade show it.
 const SURE: f32 = 0.35;
-/// Rounds in which colours tell the visibility along shadow edges, and the distance of those that tell it, m.
-const ROUNDS: usize = 8;
+const UNSURE: f32 = 1.2;
+const AGREE: f64 = 0.7;
+/// The share below which the shadows are not those of this sun.
+const LEAST_AGREEMENT: f64 = 0.47;
+/// Difference of the shares of the sun around a splat from which on the edge of a shadow runs there.
+const EDGE: f32 = 0.5;
+/// Share of the sun by which colours contradict the map, and the growth of the ratio of sun to sky without what they contradict
+/// above which they take patterns for shadows.
+const CONTRADICTS: f32 = 0.2;
+const UNSTEADY: f64 = 1.5;
+/// Distance of the surfaces whose colours tell the light of each other, m.
 const TOLD: f32 = 0.4;
 /// Level light of the sun over that of the sky, below which there is none.
 const LEAST_SUN: f64 = 0.3;
@@ -78,7 +89,7 @@ pub struct CaptureSun {
 pub struct CaptureLight {
     /// The sun; `None` of a capture in diffuse light.
     pub sun: Option<CaptureSun>,
-    /// The place was captured under clouds.
+    /// The place was captured under clouds, as its sky says, or where that is burned out in the photos, the lack of any shadows.
     pub is_overcast: bool,
     /// The result of the search for the sun, if it was not known.
     pub search: Option<FoundSun>,
@@ -164,16 +175,19 @@ impl CaptureLight {
         });
         let search = match sun {
             Some(_) => None,
-            None => sun_search::find_sun(&surfaces, [&narrow, &wide], occluders, site, threads),
+            None => {
+                let casters = (occluders, coarseness);
+                sun_search::find_sun(&surfaces, &open, [&narrow, &wide], casters, site, threads)
+            }
         };
         let up = Vec3::from_array(site.up.map(|v| v as f32));
         let sun = sun.or_else(|| search.filter(|found| found.is_sun(site.up)).map(|found| found.direction));
         let sun = sun.filter(|sun| along(*sun, site.up) > LOWEST_SUN);
         let split = sun
             .and_then(|sun| Split::of(&surfaces, &open, &wide, (occluders, coarseness), sun, site, threads));
-        let (capture_sun, seen) = match split {
-            Some(split) => (Some(split.sun), split.seen),
-            None => (None, vec![0.0; surfaces.len()]),
+        let (capture_sun, seen, amounts) = match split {
+            Some(split) => (Some(split.sun), split.seen, split.amounts),
+            None => (None, vec![0.0; surfaces.len()], Vec::new()),
         };
         let place = |i: usize| {
             surface_of(surfaces.normals[i], open[i], seen[i], up, capture_sun.map(|sun| sun.direction))
@@ -194,7 +208,7 @@ impl CaptureLight {
             let reach = (metres / site.metres_per_unit) as f32;
             (PointGrid::new(&surfaces.points, reach), reach)
         });
-        let points = found.places(splats, site, threads);
+        let points = found.places(splats);
         let splats = map(splats.len(), threads, |index| {
             if splats.groups[index] == Group::Sky {
                 return SplatLight { is_sky: true, ..IN_THE_OPEN };
@@ -206,9 +220,21 @@ impl CaptureLight {
                     grid.near(point).min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
                 nearest.filter(|i| distance(i) <= reach * reach)
             };
-            grids.iter().find_map(nearest).map_or(IN_THE_OPEN, |i| own[i])
+            let Some(nearest) = grids.iter().find_map(nearest) else { return IN_THE_OPEN };
+            let around = || grids[0].0.near(point).filter(|i| distance(i) <= grids[0].1 * grids[0].1);
+            let is_trained = found.oriented > 0;
+            let share = is_trained
+                .then(|| edge_share(&surfaces, &amounts, &seen, nearest, around, light_of(splats, index)));
+            match share.flatten() {
+                Some(share) => SplatLight { sun: (255.0 * share).round() as u8, ..own[nearest] },
+                None => own[nearest],
+            }
         });
-        let is_overcast = site.captured_sky == CapturedSky::Overcast;
+        let is_overcast = match site.captured_sky {
+            CapturedSky::Overcast => true,
+            CapturedSky::Burned => search.is_some_and(|search| search.is_none()),
+            _ => false,
+        };
         Self { sun: capture_sun, is_overcast, search, light, mean, exposure, splats }
     }
 
@@ -247,6 +273,9 @@ impl CaptureLight {
                 100.0 * sun.contrast_left
             );
         }
+        if self.is_overcast {
+            return "no sun: the place was captured under clouds".into();
+        }
         match &self.search {
             None => "no sun: shadows are too few or too faint".into(),
             Some(found) if found.is_sun(up) => format!(
@@ -254,9 +283,8 @@ impl CaptureLight {
                 height(found.direction),
                 direction_text(found.direction),
             ),
-            Some(FoundSun { direction, ratio, scores: [own, turned, chance] }) => format!(
-                "no sun: the best direction, {:.1} degrees high, towards {}, explains too little (ratio {ratio:.2}, score {own:.3}; \
-                 {turned:.3} with another azimuth, {chance:.3} by chance)",
+            Some(FoundSun { direction, score, rival }) => format!(
+                "no sun: the best direction, {:.1} degrees high, towards {}, explains too little (score {score:.1}; {rival:.1} far from it)",
                 height(*direction),
                 direction_text(*direction),
             ),
@@ -464,6 +492,8 @@ struct Split {
     sun: CaptureSun,
     /// The share of the sun that each surface sees.
     seen: Vec<f32>,
+    /// The irradiance of each in shade and in full sun, luminance.
+    amounts: Vec<[f32; 2]>,
 }
 
 impl Split {
@@ -484,36 +514,63 @@ impl Split {
         });
         let place =
             |seen: &[f32], i: usize| surface_of(surfaces.normals[i], open[i], seen[i], up, Some(direction));
-        let mean = MeanSurface::of((0..surfaces.len()).map(|i| place(&prior, i)));
-        let ratio = sun_to_sky(surfaces, pairs, &prior, &mean, |i| place(&prior, i))?;
-        // Corners under a grey sky are darker too, but not by this.
-        if luminance(ratio) * along(direction, site.up) < LEAST_SUN {
+        let on_ground: Vec<Pair> =
+            sun_search::ground_pairs(surfaces, open, pairs, site).iter().map(|it| it.pair).collect();
+        let agreement = agreement(&on_ground, &prior);
+        if agreement < LEAST_AGREEMENT {
             return None;
         }
-        let trial = CaptureSun { direction, ratio, lit: 0.0, contrast_left: 1.0 };
-        let light = captured_light(Some(&trial), site);
-        let mean = mean.under(&light);
-        let amounts = |i: usize| {
-            let shade = SurfaceLight { sun: 0.0, ..place(&prior, i) };
-            let sunny = SurfaceLight { sun: 1.0, ..shade };
-            [shade, sunny].map(|surface| luminance(surface.irradiance(&light, mean)) as f32)
+        let around = coarseness * if agreement > AGREE { SURE } else { UNSURE };
+        let is_sure = map(surfaces.len(), threads, |i| {
+            let share = map_of_sun.lit_within(surfaces.points[i], surfaces.normals[i], around);
+            !(0.03..0.97).contains(&share)
+        });
+        let reach = coarseness * TOLD / site.metres_per_unit as f32;
+        let edges = ShadowEdges::new(surfaces, &is_sure, reach, threads);
+        let given = |seen: &[f32], known: &[f32]| {
+            let mean = MeanSurface::of((0..surfaces.len()).map(|i| place(seen, i)));
+            let of_pairs = |pairs| sun_to_sky(surfaces, pairs, known, &mean, |i| place(seen, i));
+            let ratio = of_pairs(&on_ground).or_else(|| of_pairs(pairs))?;
+            // Corners under a grey sky are darker too, but not by this.
+            (luminance(ratio) * along(direction, site.up) >= LEAST_SUN).then_some((mean, ratio))
         };
-        let amounts: Vec<[f32; 2]> = (0..surfaces.len()).map(amounts).collect();
-        let seen =
-            refined(surfaces, &amounts, prior, coarseness * TOLD / site.metres_per_unit as f32, threads);
+        let told = |(mean, ratio): (MeanSurface, [f64; 3])| {
+            let sun = CaptureSun { direction, ratio, lit: 0.0, contrast_left: 1.0 };
+            let light = captured_light(Some(&sun), site);
+            let mean = mean.under(&light);
+            let both = |i: usize| {
+                let shade = SurfaceLight { sun: 0.0, ..place(&prior, i) };
+                let sunny = SurfaceLight { sun: 1.0, ..shade };
+                [shade, sunny].map(|surface| luminance(surface.irradiance(&light, mean)) as f32)
+            };
+            let amounts: Vec<[f32; 2]> = (0..surfaces.len()).map(both).collect();
+            let seen = edges.shares(&amounts, &prior, threads);
+            (sun, amounts, seen)
+        };
+        let first = told(given(&prior, &prior)?);
+        // The map without what colours contradict tells the ratio better, unless it gives way to them.
+        let agreed: Vec<f32> = prior
+            .iter()
+            .zip(&first.2)
+            .map(|(mapped, seen)| if (mapped - seen).abs() < CONTRADICTS { *mapped } else { 0.5 })
+            .collect();
+        let better = given(&first.2, &agreed)
+            .filter(|(_, ratio)| luminance(*ratio) < UNSTEADY * luminance(first.0.ratio));
+        let (trial, amounts, seen) = better.map_or(first, told);
         let facing: Vec<usize> =
             (0..surfaces.len()).filter(|i| surfaces.normals[*i].dot(sun) > 0.2).collect();
         let lit = facing.iter().map(|i| f64::from(seen[*i])).sum::<f64>() / facing.len().max(1) as f64;
         let contrast_left = contrast_left(pairs, &amounts, &seen);
-        Some(Self { sun: CaptureSun { lit, contrast_left, ..trial }, seen })
+        Some(Self { sun: CaptureSun { lit, contrast_left, ..trial }, seen, amounts })
     }
 }
 
-/// The ratio of sun to sky by channel: the median over pairs of which one point is surely in the sun, and the other in shade.
+/// The ratio of sun to sky by channel: the median over pairs of which one point is surely in the sun, and the other in shade, and
+/// which show it: where the geometry is rough, the map is wrong about many.
 fn sun_to_sky(
     surfaces: &Surfaces,
     pairs: &[Pair],
-    prior: &[f32],
+    seen: &[f32],
     mean: &MeanSurface,
     place: impl Fn(usize) -> SurfaceLight,
 ) -> Option<[f64; 3]> {
@@ -522,11 +579,15 @@ fn sun_to_sky(
     let mut ratios = [const { Vec::new() }; 3];
     for pair in pairs {
         let [a, b] = pair.points.map(|i| i as usize);
-        let (lit, shade) = match [prior[a], prior[b]] {
+        let (lit, shade) = match [seen[a], seen[b]] {
             [a_seen, b_seen] if a_seen > 0.97 && b_seen < 0.03 => (a, b),
             [a_seen, b_seen] if a_seen < 0.03 && b_seen > 0.97 => (b, a),
             _ => continue,
         };
+        let log_ratio = if lit == a { pair.log_ratio } else { -pair.log_ratio };
+        if f64::from(log_ratio) < sun_search::SHADOW {
+            continue;
+        }
         let (mut in_sun, mut in_shade) = (place(lit), place(shade));
         let mid: [f64; 2] = std::array::from_fn(|k| 0.5 * (in_sun.open[k] + in_shade.open[k]));
         (in_sun.open, in_shade.open) = (mid, mid);
@@ -548,53 +609,45 @@ fn sun_to_sky(
     ratio.iter().all(|ratio| *ratio > 0.05).then(|| ratio.map(|ratio| ratio.min(MOST_RATIO)))
 }
 
-/// The share of the sun that each surface sees: `amounts` is its irradiance in shade and in full sun, `reach` the distance of
-/// the surfaces that tell it where the map is not sure, scene units.
-fn refined(
+/// The share of the sun that a splat sees across whose place the edge of a shadow runs: training leaves splats some decimetres off
+/// what they show, but their colour says which side they belong to. `None` where all `around` is in one light.
+fn edge_share<I: Iterator<Item = usize>>(
     surfaces: &Surfaces,
     amounts: &[[f32; 2]],
-    prior: Vec<f32>,
-    reach: f32,
-    threads: usize,
-) -> Vec<f32> {
-    let lum = |i: usize| luminance(surfaces.light[i].to_array().map(f64::from)) as f32;
-    let is_unsure = |i: usize| surfaces.normals[i] != Vec3::ZERO && (0.03..0.97).contains(&prior[i]);
-    let unsure: Vec<usize> = (0..surfaces.len()).filter(|i| is_unsure(*i)).collect();
-    let mut sure: Vec<bool> = (0..surfaces.len()).map(|i| !is_unsure(i)).collect();
-    let grid = PointGrid::new(&surfaces.points, reach);
-    let mut seen = prior;
-    for _ in 0..ROUNDS {
-        let told = map(unsure.len(), threads, |k| {
-            let i = unsure[k];
-            let (point, normal, light) = (surfaces.points[i], surfaces.normals[i], surfaces.light[i]);
-            let (mut sum, mut weights) = (0.0f32, 0.0f32);
-            for other in grid.near(point) {
-                let away = surfaces.points[other].distance_squared(point) / (reach * reach);
-                let is_like = away < 1.0
-                    && sure[other]
-                    && surfaces.normals[other].dot(normal) > 0.9
-                    && same_material(surfaces.light[other], light);
-                if is_like {
-                    let [shade, sunny] = amounts[other];
-                    let irradiance = shade + (sunny - shade) * seen[other];
-                    let weight = (1.0 - away) * (1.0 - away);
-                    sum += weight * (lum(other) / irradiance).max(1e-4).ln();
-                    weights += weight;
-                }
-            }
-            let [shade, sunny] = amounts[i];
-            (weights > 0.0 && sunny > 1.05 * shade).then(|| {
-                let reflectance = (sum / weights).exp();
-                ((lum(i) / reflectance - shade) / (sunny - shade)).clamp(0.0, 1.0)
-            })
-        });
-        for (i, told) in unsure.iter().zip(told) {
-            if let Some(told) = told {
-                (seen[*i], sure[*i]) = (told, true);
-            }
+    seen: &[f32],
+    nearest: usize,
+    around: impl Fn() -> I,
+    light: Vec3,
+) -> Option<f32> {
+    let is_like = |i: &usize| surfaces.normals[*i].dot(surfaces.normals[nearest]) > 0.9;
+    let [shade, sunny] = *amounts.get(nearest)?;
+    let (low, high) = around()
+        .filter(is_like)
+        .fold((1.0f32, 0.0f32), |(low, high), i| (low.min(seen[i]), high.max(seen[i])));
+    if high - low < EDGE || sunny < 1.05 * shade {
+        return None;
+    }
+    let log = |light: Vec3| (luminance(light.to_array().map(f64::from)) as f32).max(1e-4).ln();
+    let (mut sum, mut count) = (0.0, 0.0);
+    for i in around().filter(is_like).filter(|i| same_material(surfaces.light[*i], light)) {
+        let irradiance = amounts[i][0] + (amounts[i][1] - amounts[i][0]) * seen[i];
+        sum += log(surfaces.light[i]) - irradiance.max(1e-4).ln();
+        count += 1.0;
+    }
+    (count > 0.0).then(|| (((log(light) - sum / count).exp() - shade) / (sunny - shade)).clamp(low, high))
+}
+
+/// The share of the pairs in sun and shade by the map that show it, 0-1; 1 without any.
+fn agreement(pairs: &[Pair], mapped: &[f32]) -> f64 {
+    let (mut agreed, mut all) = (0.0, 0.0);
+    for pair in pairs {
+        let [a, b] = pair.points.map(|i| mapped[i as usize]);
+        if (a - b).abs() > 0.94 {
+            all += 1.0;
+            agreed += f64::from(u8::from(f64::from(pair.log_ratio * (a - b).signum()) > sun_search::SHADOW));
         }
     }
-    seen
+    if all > 0.0 { agreed / all } else { 1.0 }
 }
 
 /// Spread of reflectance over pairs of light and shade, beyond that of pairs in one light, of the contrast before.

@@ -24,6 +24,7 @@ mod openness;
 mod placed;
 mod places;
 mod quantile;
+mod shadow_edges;
 mod sun_search;
 mod sun_shadows;
 mod windows;

@@ -1,7 +1,8 @@
 //! Surfaces that are placed on a captured scene: lying snow and dust, and targets of instruments.
 //!
-//! Each sees of the sun what the nearest splat of the scene sees, and of the sky what level ground about it sees in the mean: the ground
-//! of rough captures has holes, and sheets that hide each other. Its normal is its own, the shortest axis of its splat, turned up.
+//! Each sees of the sun what the nearest splats of the scene see in the mean. Of the sky it sees what level ground about it sees in the
+//! mean: the ground of rough captures has holes, and sheets that hide each other. Its normal is its own, the shortest axis of its splat,
+//! turned up.
 
 use super::capture::CaptureLight;
 use super::irradiance::SurfaceLight;
@@ -15,6 +16,9 @@ use wm_scene::{Splats, quat};
 
 /// Width of the cells by which the nearest splat of the scene is found, m.
 const CELL: f64 = 0.3;
+/// Most splats next to a surface that count, and the distance to them within which they count alike, in cells.
+const MOST_BESIDE: usize = 6;
+const SOFTNESS: f32 = 0.5;
 
 /// Width of the blocks of level ground, m, and the reaches of their means, in blocks: the first that finds any counts.
 const BLOCK: f64 = 0.6;
@@ -26,7 +30,7 @@ const LEVEL: f32 = 0.5;
 #[derive(Clone, Debug)]
 pub struct NearSplats {
     /// One splat of each cell that has any: the one nearest to its middle.
-    cells: PlaceMap<IVec3, u32>,
+    cells: PlaceMap<IVec3, (u32, Vec3)>,
     width: f32,
     /// The shares of the sky's light that reach level ground.
     blocks: PlaceMap<IVec3, LevelBlock>,
@@ -48,15 +52,15 @@ impl NearSplats {
         let width = (CELL / site.metres_per_unit) as f32;
         let cell = |point: Vec3| (point / width).floor().as_ivec3();
         let off = |point: Vec3| (point / width - cell(point).as_vec3() - 0.5).length_squared();
-        let mut cells: PlaceMap<IVec3, u32> = PlaceMap::default();
+        let mut cells: PlaceMap<IVec3, (u32, Vec3)> = PlaceMap::default();
         let block = (BLOCK / site.metres_per_unit) as f32;
         let up = Vec3::from_array(site.up.map(|v| v as f32));
         let mut blocks: PlaceMap<IVec3, LevelBlock> = PlaceMap::default();
         for (index, point) in points.iter().enumerate().filter(|(index, _)| !capture.is_sky(*index)) {
             let point = Vec3::from_array(*point);
-            let known = cells.entry(cell(point)).or_insert(index as u32);
-            if off(point) < off(Vec3::from_array(points[*known as usize])) {
-                *known = index as u32;
+            let known = cells.entry(cell(point)).or_insert((index as u32, point));
+            if off(point) < off(known.1) {
+                *known = (index as u32, point);
             }
             if capture.normal(index).dot(up) > LEVEL {
                 let ground = blocks.entry((point / block).floor().as_ivec3()).or_default();
@@ -89,21 +93,39 @@ impl NearSplats {
         })
     }
 
-    /// A splat near a point; `None` if there is none within two cells.
-    fn near(&self, point: Vec3) -> Option<u32> {
+    /// The splats next to a point with their shares, whose sum is 1: those of the cells about it, or else the first within two cells;
+    /// none in the open.
+    fn near(&self, point: Vec3) -> Beside {
         let middle = (point / self.width).floor().as_ivec3();
         let at = |x: i32, y: i32, z: i32| self.cells.get(&(middle + IVec3::new(x, y, z))).copied();
-        for reach in 0..=2i32 {
-            let shell = (-reach..=reach)
-                .flat_map(|x| (-reach..=reach).flat_map(move |y| (-reach..=reach).map(move |z| (x, y, z))));
-            let on = shell.filter(|(x, y, z)| x.abs().max(y.abs()).max(z.abs()) == reach);
-            if let Some(found) = on.filter_map(|(x, y, z)| at(x, y, z)).next() {
-                return Some(found);
-            }
+        let shell = |reach: i32| {
+            (-reach..=reach).flat_map(move |x| {
+                (-reach..=reach).flat_map(move |y| (-reach..=reach).map(move |z| (x, y, z)))
+            })
+        };
+        let mut found: Vec<(f32, u32)> = shell(1)
+            .filter_map(|(x, y, z)| at(x, y, z))
+            .map(|(index, place)| (place.distance_squared(point), index))
+            .collect();
+        if found.is_empty() {
+            let farther = shell(2).filter_map(|(x, y, z)| at(x, y, z)).next();
+            found.extend(farther.map(|(index, _)| (0.0, index)));
         }
-        None
+        found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        found.truncate(MOST_BESIDE);
+        let softness = (SOFTNESS * self.width).powi(2);
+        let weight = |(distance, _): &(f32, u32)| 1.0 / (distance + softness);
+        let all: f32 = found.iter().map(weight).sum();
+        let mut beside = [(0, 0.0); MOST_BESIDE];
+        for (slot, found) in beside.iter_mut().zip(&found) {
+            *slot = (found.1, weight(found) / all);
+        }
+        beside
     }
 }
+
+/// Splats next to a place with their shares, the greatest first; those of share 0 are none.
+type Beside = [(u32, f32); MOST_BESIDE];
 
 /// Surfaces with their places and normals, and what is near them.
 #[derive(Clone, Debug)]
@@ -111,8 +133,8 @@ pub struct PlacedSurfaces {
     points: Vec<[f32; 3]>,
     /// Length 1.
     normals: Vec<Vec3>,
-    /// The splat of the scene that sees what the surface sees; `None` in the open.
-    beside: Vec<Option<u32>>,
+    /// The splats of the scene that see what the surface sees.
+    beside: Vec<Beside>,
     /// The shares of the sky's light that reach level ground there; `None` if there is no such ground.
     open: Vec<Option<[f32; 2]>>,
 }
@@ -168,9 +190,14 @@ impl PlacedSurfaces {
         shadows: Option<&SunShadows>,
     ) -> SurfaceLight {
         let normal = self.normals[index];
-        let surface = match self.beside[index] {
-            Some(beside) => capture.surface_beside(beside as usize, normal, up, shadows),
-            None => capture.surface_in_the_open(normal, up, shadows),
+        let beside = &self.beside[index];
+        let of_splat = |splat: u32| capture.surface_beside(splat as usize, normal, up, shadows);
+        let surface = if beside[0].1 > 0.0 {
+            let parts = beside.iter().filter(|(_, share)| *share > 0.0);
+            let sun = parts.map(|(splat, share)| f64::from(*share) * of_splat(*splat).sun).sum();
+            SurfaceLight { sun, ..of_splat(beside[0].0) }
+        } else {
+            capture.surface_in_the_open(normal, up, shadows)
         };
         let is_level = normal.dot(Vec3::from_array(up.map(|v| v as f32))) > LEVEL;
         match self.open[index].filter(|_| is_level) {

@@ -1,17 +1,16 @@
 //! The direction of the sun, found in the shadows of a capture.
 //!
-//! Pairs of points of one material, less than a step apart and equally inclined, differ in brightness where one is in the
-//! sun and the other in the shade. For the sun's true direction the map of what stands in its way says which; for other
-//! directions it is wrong about many, and the ratios scatter. Dark patterns score alike whichever way the sun stands, so
-//! a direction must do better than the same height with another azimuth.
+//! Pairs of points on level ground, of one material and a step or two apart, differ in brightness where one is in the sun and the
+//! other in the shade. For the sun's true direction the map of what stands in its way says which; for other directions it is
+//! wrong about many. Points near walls are darker in any light: only pairs that see as much of the sky as each other are
+//! asked. Dark patterns score alike whichever way the sun stands, so a direction must do better than all that are far from it.
 
 use super::places::{PointGrid, Surfaces};
-use super::quantile::median;
 use crate::dome::{from_level, level_axes};
 use crate::optics::Site;
 use crate::shelter::{Occluders, Shelter};
 use crate::threads::map;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use wm_scene::random::{self, RandomStream};
@@ -25,41 +24,43 @@ const ALIKE: f32 = 0.985;
 const SAME_COLOR: f32 = 0.08;
 /// Points that are asked for a partner.
 const ASKED: usize = 60_000;
-/// Least cosine of the sun's incidence on both.
-const INCIDENCE: f32 = 0.15;
+/// Least cosine between up and the normal of level ground.
+const LEVEL: f32 = 0.8;
+/// Log of the ratio of what two points get of an overcast sky with which they are no longer compared, and the share of that
+/// light that comes back from walls.
+const UNLIKE: f32 = 0.15;
+const RETURNED: f32 = 0.2;
+/// Radius of the ground that must be in one light, m, for pairs of either width.
+const TELLS: f32 = 0.5;
+const TELLS_FINELY: f32 = 0.15;
+/// Log of the ratio of two brightnesses from which on it does not matter how large it is.
+const CLEAR: f32 = 0.4;
 /// Log of the ratio from which on a pair is one of light and shade: 1.3.
-const SHADOW: f64 = 0.262;
-/// Fewest pairs of light and shade by which a direction can be told.
-const FEWEST: usize = 150;
-/// Directions that are tried first, and the limits of their elevations, degrees.
-const TRIED: usize = 128;
-const ELEVATIONS: [f64; 2] = [5.0, 75.0];
+pub(super) const SHADOW: f64 = 0.262;
+/// Pairs that count in all scores, so that few are no evidence.
+const PRIOR: f64 = 20.0;
+/// Directions that are tried first: distance between them, and their elevations, degrees.
+const STEP: f64 = 9.0;
+const ELEVATIONS: [u32; 2] = [12, 75];
 /// Widths of the cells of maps, in those of the occluders: of the search, then of its refinement.
 const COARSE: f64 = 4.0;
-const FINE: f64 = 2.0;
-/// The finest.
-const FINEST: f64 = 0.5;
-/// Steps of the refinement by wide pairs, then by narrow ones, degrees.
-const WIDE_STEPS: [f64; 3] = [6.0, 3.0, 1.5];
+const FINE: f64 = 0.5;
+/// Cosine of the angle from which on a direction is another one: 25 degrees.
+const FAR: f64 = 0.906;
+/// Distance between the directions about the best that wide and then narrow pairs judge, degrees, the number of them to each side,
+/// and the shares of the best score above which they have a say.
+const WIDE_STEP: f64 = 3.0;
 const NARROW_STEP: f64 = 1.0;
-/// Rings of directions about the best, a step of this (degrees) apart, whose mean is the sun's, weighted by what they score
-/// above this share of the best.
-const RINGS: i32 = 1;
-const RING_STEP: f64 = 1.0;
-const WEIGHED: f64 = 0.85;
-/// Turn of the azimuth that must do worse, degrees.
-const TURNED: f64 = 40.0;
-/// Deviations above the median of all directions that are chance, and the factor over that and over the turned directions
-/// that a sun must reach. Rough geometry lowers the ratio of light to shade: any will do if little else explains it.
-const DEVIATIONS: f64 = 3.0;
-const EVIDENT: f64 = 2.5;
-const LEAST_RATIO: f64 = 1.05;
-/// A clear ratio of light to shade, and the factor that is enough with it: few walls shade much the same from other azimuths.
-const CLEAR_RATIO: f64 = 1.6;
-const CLEARLY: f64 = 1.5;
+const RINGS: i32 = 3;
+const WEIGHED: f64 = 0.7;
+const FINELY_WEIGHED: f64 = 0.85;
+/// Least score of a sun, and how often it must be that of the best direction far from it.
+const LEAST_SCORE: f64 = 8.0;
+const EVIDENT: f64 = 1.1;
+/// Score below which there is no sun at all.
+const NONE: f64 = 5.0;
 /// Sine of the least elevation of a sun that is found: 5 degrees.
 const LOWEST: f64 = 0.087;
-
 /// Height above a surface at which it is asked what stands in the way, in cells.
 pub(super) const LIFT: f64 = 1.2;
 
@@ -76,20 +77,26 @@ pub(super) struct Pair {
 pub struct FoundSun {
     /// Towards the sun, world axes, length 1.
     pub direction: [f64; 3],
-    /// Median ratio of light to shade over pairs.
-    pub ratio: f64,
-    /// The score, that of the better of two turned azimuths, and the best that directions get by chance.
-    pub scores: [f64; 3],
+    /// Its score: about the deviations by which more pairs agree with it than chance has it.
+    pub score: f64,
+    /// The best score of a direction far from it.
+    pub rival: f64,
 }
 
 impl FoundSun {
     /// Returns true if the evidence is enough for a sun over a place whose up is `up`.
     #[must_use]
     pub fn is_sun(&self, up: [f64; 3]) -> bool {
-        let [own, turned, chance] = self.scores;
         let sin: f64 = (0..3).map(|k| self.direction[k] * up[k]).sum();
-        let factor = if self.ratio >= CLEAR_RATIO { CLEARLY } else { EVIDENT };
-        self.ratio >= LEAST_RATIO && own > factor * turned.max(chance) && sin > LOWEST
+        self.score >= LEAST_SCORE && self.score >= EVIDENT * self.rival && sin > LOWEST
+    }
+}
+
+impl FoundSun {
+    /// Returns true if no direction explains the shadows, not even poorly.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        self.score < NONE
     }
 }
 
@@ -148,33 +155,49 @@ pub(super) fn lifted(point: Vec3, normal: Vec3, towards: Vec3, map: &Shelter, si
     (point + away * lift).to_array()
 }
 
-/// Median ratio of light to shade, and the score of a direction; `None` where too few pairs tell.
+/// A pair on level ground, with its weight by how alike the sky is over both.
+pub(super) struct GroundPair {
+    pub pair: Pair,
+    weight: f32,
+}
+
+/// The pairs on level ground that see about as much of the sky as each other; `open` is what each surface sees of it.
+pub(super) fn ground_pairs(
+    surfaces: &Surfaces,
+    open: &[[f32; 2]],
+    pairs: &[Pair],
+    site: &Site,
+) -> Vec<GroundPair> {
+    let up = Vec3::from_array(site.up.map(|v| v as f32));
+    let sky = |i: u32| (1.0 - RETURNED) * open[i as usize][1] + RETURNED;
+    let level = pairs.iter().filter(|pair| surfaces.normals[pair.points[0] as usize].dot(up) > LEVEL);
+    let weighed = level.map(|pair| {
+        let [a, b] = pair.points.map(sky);
+        GroundPair { pair: *pair, weight: 1.0 - (a / b).ln().abs() / UNLIKE }
+    });
+    weighed.filter(|pair| pair.weight > 0.0).collect()
+}
+
+/// The score of a direction: the evidence of the pairs of which it lights one point and not the other, over its deviation.
 fn score(
-    (surfaces, pairs): (&Surfaces, &[Pair]),
+    (surfaces, pairs): (&Surfaces, &[GroundPair]),
     sun: [f64; 3],
     occluders: &Occluders,
-) -> Option<(f64, f64)> {
+    tells: f32,
+) -> f64 {
     let map = sun_map(occluders, sun, 1);
-    let sun = Vec3::from_array(sun.map(|v| v as f32));
-    let is_lit = |index: u32| {
+    let lit = |index: u32| {
         let index = index as usize;
-        map.is_lit(surfaces.points[index], surfaces.normals[index])
+        map.lit_within(surfaces.points[index], surfaces.normals[index], tells)
     };
-    let ratios: Vec<f64> = pairs
-        .iter()
-        .filter(|pair| pair.points.iter().all(|i| surfaces.normals[*i as usize].dot(sun) > INCIDENCE))
-        .filter_map(|pair| match pair.points.map(is_lit) {
-            [true, false] => Some(f64::from(pair.log_ratio)),
-            [false, true] => Some(-f64::from(pair.log_ratio)),
-            _ => None,
-        })
-        .collect();
-    if ratios.len() < FEWEST {
-        return None;
+    let (mut sum, mut squares) = (0.0f64, PRIOR);
+    for GroundPair { pair, weight } in pairs {
+        let [a, b] = pair.points.map(lit);
+        let weight = f64::from(weight * (a - b) * (a - b).abs());
+        sum += weight * f64::from((pair.log_ratio / CLEAR).clamp(-1.0, 1.0));
+        squares += weight * weight;
     }
-    let shadows = ratios.iter().filter(|ratio| **ratio > SHADOW).count() as f64 / ratios.len() as f64;
-    let median = median(ratios)?;
-    Some((median.exp(), (median * shadows).max(0.0)))
+    sum / squares.sqrt()
 }
 
 /// A direction by elevation and azimuth (radians, about up), world axes.
@@ -183,110 +206,81 @@ fn towards(site: &Site, elevation: f64, azimuth: f64) -> [f64; 3] {
     from_level(&level_axes(site.up), [cos * azimuth.cos(), cos * azimuth.sin(), sin])
 }
 
-/// Looks for the sun by narrow and by wide pairs; `None` if too few pairs tell. Under clouds no direction explains the shadows,
-/// and the best is no sun ([`FoundSun::is_sun`]).
+fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|k| a[k] * b[k]).sum()
+}
+
+/// Looks for the sun by wide pairs, then by narrow ones; `open` is what each surface sees of the sky. `None` if no ground tells.
+/// Under clouds no direction explains the shadows, and the best is no sun ([`FoundSun::is_sun`]).
 pub(super) fn find_sun(
     surfaces: &Surfaces,
+    open: &[[f32; 2]],
     [narrow, wide]: [&[Pair]; 2],
-    occluders: &Occluders,
+    (occluders, coarseness): (&Occluders, f32),
     site: &Site,
     threads: usize,
 ) -> Option<FoundSun> {
+    let wide = ground_pairs(surfaces, open, wide, site);
+    if wide.is_empty() {
+        return None;
+    }
     let coarse = occluders.sketched(COARSE);
-    let [low, high] = ELEVATIONS.map(|degrees: f64| degrees.to_radians().sin());
-    let golden = TAU * 0.618_033_988_75;
-    let tried: Vec<[f64; 2]> = (0..TRIED)
-        .map(|i| {
-            let sin = low + (high - low) * (i as f64 + 0.5) / TRIED as f64;
-            [sin.asin(), golden * i as f64]
-        })
-        .collect();
-    let value = |place: (&Surfaces, &[Pair]), [elevation, azimuth]: [f64; 2], occluders: &Occluders| {
-        score(place, towards(site, elevation, azimuth), occluders)
+    let mut tried: Vec<[f64; 3]> = Vec::new();
+    for elevation in (ELEVATIONS[0]..=ELEVATIONS[1]).step_by(STEP as usize) {
+        let elevation = f64::from(elevation).to_radians();
+        let around = (TAU * elevation.cos() / STEP.to_radians()).round().max(6.0) as u32;
+        let azimuth = |k: u32| TAU * f64::from(k) / f64::from(around);
+        tried.extend((0..around).map(|k| towards(site, elevation, azimuth(k))));
+    }
+    let tells = coarseness * TELLS;
+    let scores = map(tried.len(), threads, |k| score((surfaces, &wide), tried[k], &coarse, tells));
+    let best_of = |is_asked: &dyn Fn(&usize) -> bool| {
+        (0..tried.len()).filter(is_asked).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))
     };
-    let scores: Vec<f64> = map(tried.len(), threads, |k| {
-        value((surfaces, wide), tried[k], &coarse).map_or(0.0, |(_, score)| score)
-    });
-    let first = (0..tried.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
-    let middle = median(scores.clone())?;
-    let spread = median(scores.iter().map(|score| (score - middle).abs()).collect())?;
-    let chance = middle + DEVIATIONS * spread;
+    let best = best_of(&|_| true)?;
+    let far = best_of(&|k| along(tried[*k], tried[best]) < FAR);
+    // The true direction of either lies between those that were tried.
+    let closer = |at: usize| {
+        let around = about(tried[at], WIDE_STEP);
+        let scores = map(around.len(), threads, |k| score((surfaces, &wide), around[k], &coarse, tells));
+        (centred(&around, &scores, WEIGHED), scores.into_iter().fold(0.0, f64::max))
+    };
+    let [mut own, mut rival] = [closer(best), far.map_or((tried[best], 0.0), closer)];
+    if rival.1 > own.1 {
+        std::mem::swap(&mut own, &mut rival);
+    }
+    let direction = own.0;
+    let found = FoundSun { direction, score: own.1, rival: rival.1 };
+    if !found.is_sun(site.up) {
+        return Some(found);
+    }
+    let narrow = ground_pairs(surfaces, open, narrow, site);
     let fine = occluders.sketched(FINE);
-    let by_wide = |at: [f64; 2]| value((surfaces, wide), at, &fine);
-    let mut best = (tried[first], by_wide(tried[first])?);
-    for step in WIDE_STEPS {
-        best = climbed(best, step.to_radians(), threads, by_wide);
-    }
-    let turned = [-TURNED, TURNED]
-        .map(|turn: f64| by_wide([best.0[0], best.0[1] + turn.to_radians()]).map_or(0.0, |(_, score)| score));
-    let turned = turned[0].max(turned[1]);
-    let (ratio, score) = best.1;
-    let found = |[elevation, azimuth]: [f64; 2]| FoundSun {
-        direction: towards(site, elevation, azimuth),
-        ratio,
-        scores: [score, turned, chance],
-    };
-    if !found(best.0).is_sun(site.up) {
-        return Some(found(best.0));
-    }
-    // Few narrow pairs are no reason to doubt what wide ones say.
-    let middling = occluders.sketched(1.0);
-    let by_narrow = |at: [f64; 2]| value((surfaces, narrow), at, &middling);
-    let Some(first) = by_narrow(best.0) else { return Some(found(best.0)) };
-    let direction = climbed((best.0, first), NARROW_STEP.to_radians(), threads, by_narrow).0;
-    let finest = occluders.sketched(FINEST);
-    let direction = centred(direction, threads, |at| value((surfaces, narrow), at, &finest));
-    Some(found(direction))
+    let around = about(direction, NARROW_STEP);
+    let tells = coarseness * TELLS_FINELY;
+    let scores = map(around.len(), threads, |k| score((surfaces, &narrow), around[k], &fine, tells));
+    // Rough geometry says nothing more finely.
+    let is_told = scores.iter().any(|score| *score >= LEAST_SCORE);
+    let direction = if is_told { centred(&around, &scores, FINELY_WEIGHED) } else { direction };
+    Some(FoundSun { direction, ..found })
 }
 
-/// The steps in elevation and azimuth that are tried about a direction.
-const NEIGHBOURS: [[f64; 2]; 4] = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
-
-/// The mean of directions about one, weighted by their scores: shadows are told by few pairs, so that scores are rough.
-fn centred(
-    [elevation, azimuth]: [f64; 2],
-    threads: usize,
-    value: impl Fn([f64; 2]) -> Option<(f64, f64)> + Sync,
-) -> [f64; 2] {
-    let step = RING_STEP.to_radians();
-    let wide = step / elevation.cos().max(0.2);
-    let steps = -RINGS..=RINGS;
-    let around: Vec<[f64; 2]> = steps
-        .clone()
-        .flat_map(|e| steps.clone().map(move |a| [e, a].map(f64::from)))
-        .map(|[e, a]| [elevation + e * step, azimuth + a * wide])
-        .collect();
-    let scores = map(around.len(), threads, |k| value(around[k]).map_or(0.0, |(_, score)| score));
-    let least = WEIGHED * scores.iter().copied().fold(0.0, f64::max);
-    let (mut sum, mut weights) = ([0.0; 2], 0.0);
-    for (at, score) in around.iter().zip(scores) {
-        let weight = (score - least).max(0.0);
-        (0..2).for_each(|k| sum[k] += weight * at[k]);
-        weights += weight;
-    }
-    if weights > 0.0 { sum.map(|v| v / weights) } else { [elevation, azimuth] }
+/// A direction and those about it, some degrees apart, in a square.
+fn about(direction: [f64; 3], degrees: f64) -> Vec<[f64; 3]> {
+    let middle = DVec3::from_array(direction);
+    let across = middle.any_orthonormal_vector();
+    let axes = [across, middle.cross(across)].map(|axis| axis * degrees.to_radians());
+    let steps = (-RINGS..=RINGS).flat_map(|x| (-RINGS..=RINGS).map(move |y| [x, y].map(f64::from)));
+    steps.map(|[x, y]| (middle + x * axes[0] + y * axes[1]).normalize().to_array()).collect()
 }
 
-/// A direction (elevation and azimuth) with the ratio of light to shade and the score there.
-type Tried = ([f64; 2], (f64, f64));
-
-/// The best direction about one, by steps of `step`, radians, until none is better, or three are taken.
-fn climbed(
-    mut best: Tried,
-    step: f64,
-    threads: usize,
-    value: impl Fn([f64; 2]) -> Option<(f64, f64)> + Sync,
-) -> Tried {
-    for _ in 0..3 {
-        let [elevation, azimuth] = best.0;
-        let wide = step / elevation.cos().max(0.2);
-        let around = NEIGHBOURS.map(|[e, a]: [f64; 2]| [elevation + e * step, azimuth + a * wide]);
-        let found = map(around.len(), threads, |k| value(around[k]));
-        let better = around.into_iter().zip(found).filter_map(|(at, found)| Some((at, found?)));
-        match better.max_by(|a, b| a.1.1.total_cmp(&b.1.1)) {
-            Some(found) if found.1.1 > best.1.1 => best = found,
-            _ => break,
-        }
-    }
-    best
+/// The mean of directions, weighted by what they score above a share of the best: shadows are told by few pairs, so that scores
+/// are rough.
+fn centred(around: &[[f64; 3]], scores: &[f64], weighed: f64) -> [f64; 3] {
+    let best = scores.iter().copied().fold(0.0, f64::max);
+    let weighted = around
+        .iter()
+        .zip(scores)
+        .map(|(direction, score)| DVec3::from_array(*direction) * (score - weighed * best).max(0.0));
+    weighted.sum::<DVec3>().normalize_or(DVec3::from_array(around[around.len() / 2])).to_array()
 }

@@ -1,0 +1,120 @@
+//! The edges of shadows where colours show them.
+//!
+//! A map of what stands in the sun's way puts the edge of a shadow as far off as the geometry is. The colours show it exactly, but
+//! not what is shadow and what is a dark material. So surfaces near a mapped edge take that light, between full shade and full sun,
+//! with which their reflectance changes least from each to those beside it. With `c` the log of the colour and `s` that of the
+//! light, the sum of `|(c - s) - (c' - s')|` over neighbours is least: a convex problem, solved by reweighted averages.
+
+use super::places::{PointGrid, Surfaces};
+use super::sun_search::same_material;
+use crate::threads::map;
+use glam::Vec3;
+use wm_scene::color::luminance;
+
+/// Most neighbours of a surface.
+const NEIGHBOURS: usize = 10;
+/// Least cosine between the normals of neighbours.
+const ALIKE: f32 = 0.9;
+/// Rounds of averages.
+const ROUNDS: usize = 300;
+/// Differences of logs below which a difference is as good as none.
+const SMALL: f32 = 0.03;
+/// The weight of the mapped light of a surface near an edge, in that of a neighbour.
+const MAPPED: f32 = 0.01;
+/// Least luminance and irradiance whose log is taken, and least gain by the sun with which a colour tells its share.
+const DARKEST: f32 = 1e-4;
+const LEAST_GAIN: f32 = 1.05;
+
+/// The surfaces whose light the colours tell, with their neighbours.
+pub(super) struct ShadowEdges {
+    unsure: Vec<Unsure>,
+    neighbours: Vec<u32>,
+    /// Logs of the luminances of all surfaces.
+    color: Vec<f32>,
+}
+
+/// A surface whose light the colours tell.
+struct Unsure {
+    index: u32,
+    /// Range of its neighbours.
+    first: u32,
+    end: u32,
+}
+
+impl ShadowEdges {
+    /// Of the surfaces that are not sure, with neighbours up to `reach`, scene units.
+    pub fn new(surfaces: &Surfaces, is_sure: &[bool], reach: f32, threads: usize) -> Self {
+        let asked: Vec<usize> =
+            (0..surfaces.len()).filter(|i| !is_sure[*i] && surfaces.normals[*i] != Vec3::ZERO).collect();
+        let grid = PointGrid::new(&surfaces.points, reach);
+        let found = map(asked.len(), threads, |k| {
+            let i = asked[k];
+            let (point, normal, light) = (surfaces.points[i], surfaces.normals[i], surfaces.light[i]);
+            let is_like = |other: &usize| {
+                *other != i
+                    && surfaces.normals[*other].dot(normal) > ALIKE
+                    && same_material(surfaces.light[*other], light)
+            };
+            let mut near: Vec<(f32, u32)> = grid
+                .near(point)
+                .filter(is_like)
+                .map(|other| (surfaces.points[other].distance_squared(point), other as u32))
+                .filter(|(distance, _)| *distance < reach * reach)
+                .collect();
+            near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            // Near and far ones: news of the light must travel.
+            let step = near.len().div_ceil(NEIGHBOURS).max(1);
+            near.into_iter().step_by(step).map(|(_, other)| other).collect::<Vec<u32>>()
+        });
+        let (mut neighbours, mut unsure) = (Vec::new(), Vec::with_capacity(asked.len()));
+        for (index, near) in asked.iter().zip(found).filter(|(_, near)| !near.is_empty()) {
+            let first = neighbours.len() as u32;
+            neighbours.extend(near);
+            unsure.push(Unsure { index: *index as u32, first, end: neighbours.len() as u32 });
+        }
+        let color = surfaces.light.iter().map(|light| {
+            let luminance = luminance(light.to_array().map(f64::from)) as f32;
+            luminance.max(DARKEST).ln()
+        });
+        Self { unsure, neighbours, color: color.collect() }
+    }
+
+    /// The share of the sun that each surface sees. `amounts` are its irradiances in shade and in full sun, `mapped` the share by the
+    /// map.
+    pub fn shares(&self, amounts: &[[f32; 2]], mapped: &[f32], threads: usize) -> Vec<f32> {
+        let of_share = |i: usize, share: f32| {
+            let [shade, sunny] = amounts[i];
+            (shade + (sunny - shade) * share).max(DARKEST).ln()
+        };
+        let mut light: Vec<f32> = (0..mapped.len()).map(|i| of_share(i, mapped[i])).collect();
+        for _ in 0..ROUNDS {
+            let told = map(self.unsure.len(), threads, |k| {
+                let Unsure { index, first, end } = self.unsure[k];
+                let index = index as usize;
+                let own = self.color[index] - light[index];
+                let prior = of_share(index, mapped[index]);
+                let weight = MAPPED * (end - first) as f32 / (light[index] - prior).abs().max(SMALL);
+                let (mut sum, mut weights) = (weight * prior, weight);
+                for other in &self.neighbours[first as usize..end as usize] {
+                    let reflectance = self.color[*other as usize] - light[*other as usize];
+                    let weight = 1.0 / (own - reflectance).abs().max(SMALL);
+                    sum += weight * (self.color[index] - reflectance);
+                    weights += weight;
+                }
+                (sum / weights).clamp(of_share(index, 0.0), of_share(index, 1.0))
+            });
+            for (unsure, told) in self.unsure.iter().zip(told) {
+                light[unsure.index as usize] = told;
+            }
+        }
+        let mut shares = mapped.to_vec();
+        for Unsure { index, .. } in &self.unsure {
+            let index = *index as usize;
+            let [shade, sunny] = amounts[index];
+            if sunny > LEAST_GAIN * shade {
+                shares[index] = ((light[index].exp() - shade) / (sunny - shade)).clamp(0.0, 1.0);
+            }
+        }
+        shares
+    }
+}
