@@ -299,6 +299,12 @@ pub struct AirView<'a> {
 }
 
 impl AirView<'_> {
+    /// Returns true if the air takes as much of each channel.
+    #[must_use]
+    pub fn is_grey(&self) -> bool {
+        self.is_grey
+    }
+
     /// Light, linear RGB, that comes from `metres` away along unit directions (world axes), as it arrives.
     #[inline(always)]
     pub fn through<S: Lanes>(

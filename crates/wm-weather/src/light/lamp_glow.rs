@@ -14,7 +14,7 @@
 
 use super::lamp_shadows::DepthCube;
 use super::lamps::{LampKind, LampLight};
-use crate::optics::{Atmosphere, FAR, Site};
+use crate::optics::{AirView, Atmosphere, FAR, Site};
 use crate::threads::map;
 use fearless_simd::{SimdBase, SimdFloat};
 use glam::Vec3;
@@ -181,73 +181,100 @@ impl LampGlow {
     }
 
     /// Adds the light of the air before each pixel of a patch.
-    fn add_glow(&self, pixels: &PixelBatch<'_>, added: &mut [[f32; PATCH_PIXELS]; 3]) {
-        let (column, row) = (pixels.x as usize / PATCH, pixels.y as usize / PATCH);
-        let first = row * self.columns + column;
-        match self.near[row * (self.columns - 1) + column] {
-            None => {
-                let corners = [first, first + 1, first + self.columns, first + self.columns + 1];
-                self.add_cell(pixels, corners.map(|at| &self.table[at]), ([0, 0], PATCH), added);
+    #[inline(always)]
+    fn add_glow<S: Lanes>(&self, simd: S, pixels: &PixelBatch<'_>, added: &mut [[f32; PATCH_PIXELS]; 3]) {
+        let mut places = [0.0; PATCH_PIXELS];
+        let nodes = self.node_places(simd, pixels, &mut places);
+        for y in 0..PATCH {
+            let mut sums = [[0.0f32; PATCH]; 3];
+            for node in nodes.clone().chain([NODES]) {
+                let is_behind = node == NODES;
+                let light = self.row_light(pixels, y, node.min(NODES - 1));
+                for first in (0..PATCH).step_by(S::N) {
+                    let alpha = simd.load(&pixels.alpha[y * PATCH + first..]);
+                    let apart = simd.load(&places[y * PATCH + first..]) - simd.set(node as f32);
+                    let weight = if is_behind {
+                        simd.set(1.0) - alpha
+                    } else {
+                        alpha * (simd.set(1.0) - apart.abs()).max(simd.set(0.0))
+                    };
+                    for k in 0..3 {
+                        let sum = weight.mul_add(simd.load(&light[k][first..]), simd.load(&sums[k][first..]));
+                        sum.store_slice(&mut sums[k][first..first + S::N]);
+                    }
+                }
             }
-            Some(fine) => {
-                let (table, side) = (&self.fine[fine as usize], PATCH / FINE);
-                for cell in 0..FINE * FINE {
-                    let (x, y) = (cell % FINE, cell / FINE);
-                    let first = y * (FINE + 1) + x;
-                    let corners = [first, first + 1, first + FINE + 1, first + FINE + 2];
-                    self.add_cell(pixels, corners.map(|at| &table[at]), ([x * side, y * side], side), added);
+            for k in 0..3 {
+                for (added, sum) in added[k][y * PATCH..(y + 1) * PATCH].iter_mut().zip(sums[k]) {
+                    *added += sum;
                 }
             }
         }
     }
 
-    /// Adds it in a square cell of a patch: from a pixel on, so many pixels wide, between the columns at its corners.
-    fn add_cell(
-        &self,
-        pixels: &PixelBatch<'_>,
-        corners: [&Column; 4],
-        (from, side): ([usize; 2], usize),
-        added: &mut [[f32; PATCH_PIXELS]; 3],
-    ) {
-        let (per_log, nearest) = (1.0 / STEP.log2(), NEAREST.recip());
-        let share = |at: usize| (at as f32 + 0.5) / side as f32;
-        for y in 0..side {
-            let down = share(y);
-            let mut sides = [[[0.0f32; NODES]; 3]; 2];
-            for end in 0..2 {
+    /// The light up to a node over a row of a patch, channel by channel.
+    #[inline(always)]
+    fn row_light(&self, pixels: &PixelBatch<'_>, y: usize, node: usize) -> [[f32; PATCH]; 3] {
+        let (column, row) = (pixels.x as usize / PATCH, pixels.y as usize / PATCH);
+        let first = row * self.columns + column;
+        let mut light = [[0.0; PATCH]; 3];
+        match self.near[row * (self.columns - 1) + column] {
+            None => {
+                let corners = [first, first + self.columns, first + 1, first + self.columns + 1];
+                let corners = corners.map(|at| &self.table[at]);
                 for k in 0..3 {
-                    let (top, bottom) = (&corners[end][k], &corners[end + 2][k]);
-                    for node in 0..NODES {
-                        sides[end][k][node] = top[node] + (bottom[node] - top[node]) * down;
+                    light[k] = row_between(y, corners.map(|corner| corner[k][node]));
+                }
+            }
+            Some(fine) => {
+                const SIDE: usize = PATCH / FINE;
+                let table = &self.fine[fine as usize];
+                for x in 0..FINE {
+                    let first = y / SIDE * (FINE + 1) + x;
+                    let corners = [first, first + FINE + 1, first + 1, first + FINE + 2].map(|at| &table[at]);
+                    for k in 0..3 {
+                        let part = row_between::<SIDE>(y % SIDE, corners.map(|corner| corner[k][node]));
+                        light[k][x * SIDE..(x + 1) * SIDE].copy_from_slice(&part);
                     }
                 }
             }
-            let row = from[1] + y;
-            let v = (pixels.y as f32 + row as f32 + 0.5 - self.principal[1]) / self.focal[1];
-            for x in 0..side {
-                let at = row * PATCH + from[0] + x;
-                let across = share(x);
-                let u = (pixels.x as f32 + (from[0] + x) as f32 + 0.5 - self.principal[0]) / self.focal[0];
-                let alpha = pixels.alpha[at];
-                let length = (1.0 + u * u + v * v).sqrt() * self.metres_per_unit;
-                let metres = if alpha > 0.0 { pixels.depth_sum[at] / alpha * length } else { 0.0 };
-                let place = if metres < NEAREST {
-                    metres * nearest
-                } else {
-                    ((metres * nearest).log2() * per_log + 1.0).min((NODES - 1) as f32)
-                };
-                let node = (place as usize).min(NODES - 2);
-                let share = place - node as f32;
-                for k in 0..3 {
-                    let between = |node: usize| {
-                        let [left, right] = [0, 1].map(|end: usize| sides[end][k][node]);
-                        left + (right - left) * across
-                    };
-                    let (from, to, far) = (between(node), between(node + 1), between(NODES - 1));
-                    added[k][at] += alpha * (from + (to - from) * share) + (1.0 - alpha) * far;
-                }
-            }
         }
+        light
+    }
+
+    /// Where along the nodes each pixel's surface is; returns the nodes between which all are.
+    #[inline(always)]
+    fn node_places<S: Lanes>(
+        &self,
+        simd: S,
+        pixels: &PixelBatch<'_>,
+        places: &mut [f32; PATCH_PIXELS],
+    ) -> std::ops::RangeInclusive<usize> {
+        let steps: [f32; GROUP] = std::array::from_fn(|lane| lane as f32 + 0.5);
+        let (zero, last) = (simd.set(0.0), simd.set((NODES - 1) as f32));
+        let (mut least, mut most) = (last, zero);
+        for first in (0..PATCH_PIXELS).step_by(S::N) {
+            let (x, y) = (first % PATCH, first / PATCH);
+            let left = pixels.x as f32 + x as f32 - self.principal[0];
+            let u = (simd.load(&steps) + left) * self.focal[0].recip();
+            let v = (pixels.y as f32 + y as f32 + 0.5 - self.principal[1]) / self.focal[1];
+            let length = u.mul_add(u, simd.set(1.0 + v * v)).sqrt() * (self.metres_per_unit / NEAREST);
+            let alpha = simd.load(&pixels.alpha[first..]);
+            // In distances of the nearest node.
+            let depth = simd.load(&pixels.depth_sum[first..]) / alpha.max(simd.set(1e-6));
+            let distance = depth * length;
+            let farther = log2(simd, [distance.max(simd.set(1.0))])[0] * STEP.log2().recip();
+            // Up to the nearest node it goes evenly.
+            let place = (farther + distance.min(simd.set(1.0))).max(zero).min(last);
+            (least, most) = (least.min(place), most.max(place));
+            place.store_slice(&mut places[first..first + S::N]);
+        }
+        let mut ends = [[0.0; GROUP]; 2];
+        least.store_slice(&mut ends[0][..S::N]);
+        most.store_slice(&mut ends[1][..S::N]);
+        let least = ends[0][..S::N].iter().copied().fold(f32::INFINITY, f32::min);
+        let most = ends[1][..S::N].iter().copied().fold(0.0, f32::max);
+        least as usize..=(most.ceil() as usize).min(NODES - 1)
     }
 
     /// Adds the lamps in a patch.
@@ -301,7 +328,7 @@ impl PixelEffect for LampGlow {
         let mut added = [[0.0; PATCH_PIXELS]; 3];
         let is_lit = self.add_heads(pixels, &mut added);
         if !self.table.is_empty() {
-            self.add_glow(pixels, &mut added);
+            dispatch!(path, s => self.add_glow(s, pixels, &mut added));
         } else if !is_lit {
             return;
         }
@@ -405,6 +432,22 @@ impl<'a> GlowScene<'a> {
     #[inline(always)]
     fn columns<S: Lanes>(&self, simd: S, places: &[[f32; 2]], lights: &[GlowLight<'_>], out: &mut [Column]) {
         let view = self.air.seen_from(self.origin);
+        if view.is_grey() {
+            self.columns_in::<S, 1>(simd, &view, (places, lights), out);
+        } else {
+            self.columns_in::<S, 3>(simd, &view, (places, lights), out);
+        }
+    }
+
+    /// [`Self::columns`] in air that has `C` extinctions: one for all channels, or one each.
+    #[inline(always)]
+    fn columns_in<S: Lanes, const C: usize>(
+        &self,
+        simd: S,
+        view: &AirView<'_>,
+        (places, lights): (&[[f32; 2]], &[GlowLight<'_>]),
+        out: &mut [Column],
+    ) {
         for first in (0..out.len()).step_by(S::N) {
             let mut directions = [[0.0f32; GROUP]; 3];
             for lane in 0..S::N {
@@ -418,15 +461,15 @@ impl<'a> GlowScene<'a> {
                 direction[k] = simd.load(&directions[k]);
             }
             // Optical depth to each node, of base 2, without what goes on forwards.
-            let mut depth = [[simd.set(0.0); 3]; NODES];
+            let mut depth = [[simd.set(0.0); C]; NODES];
             for (node, depth) in depth.iter_mut().enumerate().skip(1) {
                 let (kept, _) = view.along(simd, simd.set(node_distance(node)), &direction);
-                let mut least = kept;
-                for k in 0..3 {
+                let mut least = [simd.set(0.0); C];
+                for k in 0..C {
                     least[k] = kept[k].max(simd.set(1e-30));
                 }
                 let logs = log2(simd, least);
-                for k in 0..3 {
+                for k in 0..C {
                     depth[k] = logs[k] * (FORWARD - 1.0);
                 }
             }
@@ -513,13 +556,13 @@ impl<'a> GlowScene<'a> {
 
     /// Adds the light of a lamp that is scattered between each node and the one before.
     #[inline(always)]
-    fn add<S: Lanes>(
+    fn add<S: Lanes, const C: usize>(
         &self,
         simd: S,
         lamp: &GlowLight<'_>,
         directions: &[[f32; GROUP]; 3],
         direction: &[S::F; 3],
-        depth: &[[S::F; 3]; NODES],
+        depth: &[[S::F; C]; NODES],
         sums: &mut [[S::F; 3]; NODES],
     ) {
         let one = simd.set(1.0);
@@ -560,7 +603,7 @@ impl<'a> GlowScene<'a> {
             let nodes = [part(before), part(after)];
             // Half of the angle, from its tangent's half: that stays finite.
             let angle = arc_tangent(simd, half[0] / (one + half[1])) * 2.0;
-            let open = self.open::<S>(simd, lamp, directions, abreast + h * middle[1] / middle[0]);
+            let open = self.open(simd, lamp, direction, abreast + h * middle[1] / middle[0]);
             let per_metre = 1.0 / (to - from);
             for [cos, sin] in nodes {
                 let r = h / cos;
@@ -581,9 +624,9 @@ impl<'a> GlowScene<'a> {
                         exponent => powf(simd, [cos.max(simd.set(1e-6))], exponent)[0],
                     };
                 }
-                let mut exponents = [simd.set(0.0); 3];
-                let mut scattering = [simd.set(0.0); 3];
-                for k in 0..3 {
+                let mut exponents = [simd.set(0.0); C];
+                let mut scattering = [simd.set(0.0); C];
+                for k in 0..C {
                     let (near, far) = (depth[node - 1][k], depth[node][k]);
                     let local = (far - near) * per_metre;
                     // On the way from the lamp, the mean of the air at both ends.
@@ -595,8 +638,8 @@ impl<'a> GlowScene<'a> {
                 }
                 let kept = exp2(simd, exponents);
                 for k in 0..3 {
-                    sums[node][k] =
-                        (light * scattering[k] * lamp.intensity[k]).mul_add(kept[k], sums[node][k]);
+                    let scattered = light * scattering[k.min(C - 1)] * kept[k.min(C - 1)];
+                    sums[node][k] = scattered.mul_add(simd.set(lamp.intensity[k]), sums[node][k]);
                 }
             }
             before = after;
@@ -619,18 +662,15 @@ impl<'a> GlowScene<'a> {
 
     /// The share of a lamp's light that reaches the points at distances (m) along rays.
     #[inline(always)]
-    fn open<S: Lanes>(
-        &self,
-        simd: S,
-        lamp: &GlowLight<'_>,
-        directions: &[[f32; GROUP]; 3],
-        metres: S::F,
-    ) -> S::F {
+    fn open<S: Lanes>(&self, simd: S, lamp: &GlowLight<'_>, direction: &[S::F; 3], metres: S::F) -> S::F {
         let Some(cube) = lamp.cube else { return simd.set(1.0) };
-        each_point(simd, directions, metres, |direction, metres| {
-            let offset = direction * metres.min(FAR as f32) - lamp.offset;
-            if cube.is_open(offset / self.metres_per_unit) { 1.0 } else { 0.0 }
-        })
+        let metres = metres.min(simd.set(FAR as f32));
+        let per_metre = self.metres_per_unit.recip();
+        let mut offset = *direction;
+        for k in 0..3 {
+            offset[k] = direction[k].mul_add(metres, simd.set(-lamp.offset[k])) * per_metre;
+        }
+        cube.open_each(simd, &offset)
     }
 }
 
@@ -649,6 +689,14 @@ fn each_point<S: Lanes>(
         values[lane] = value(direction, at[lane]);
     }
     simd.load(&values)
+}
+
+/// A row of pixels of a square cell, `N` wide, between the values at its left, top first, and those at its right.
+#[inline(always)]
+fn row_between<const N: usize>(y: usize, [top, bottom, top_right, bottom_right]: [f32; 4]) -> [f32; N] {
+    let share = |at: usize| (at as f32 + 0.5) / N as f32;
+    let (left, right) = (top + (bottom - top) * share(y), top_right + (bottom_right - top_right) * share(y));
+    std::array::from_fn(|x| left + (right - left) * share(x))
 }
 
 /// The columns between four corners, linear.

@@ -9,8 +9,10 @@ use super::quantile::median;
 use crate::dome::level_axes;
 use crate::optics::Site;
 use crate::threads::map;
+use fearless_simd::{Select, SimdBase, SimdFloat};
 use glam::{DMat3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
+use wm_render::simd::Lanes;
 use wm_render::{
     CpuConfig, CpuRenderer, DrawPass, Frame, MedianDepth, Outputs, RenderBackend, RenderConfig, RenderError,
     SetView,
@@ -47,6 +49,8 @@ const LIFT_FAR: f32 = 0.012;
 const LEAVES: f32 = 0.5;
 /// Illuminance below which the light of a lamp is left out, lx.
 const LEAST: f32 = 2e-3;
+/// Most lanes of a vector.
+const WIDEST: usize = 16;
 
 /// The lamps of a place, what they shine on and what is in their shadows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -332,5 +336,34 @@ impl DepthCube {
     pub fn is_open(&self, offset: Vec3) -> bool {
         let (face, [x, y], depth) = self.locate(offset);
         self.texel(face, x as i32, y as i32) * (depth * (1.0 - SLACK) - self.behind) <= 1.0
+    }
+
+    /// [`Self::is_open`] of a vector of offsets: 1 where a point is open, 0 where not.
+    #[inline(always)]
+    pub fn open_each<S: Lanes>(&self, simd: S, offset: &[S::F; 3]) -> S::F {
+        let [x, y, z] = *offset;
+        let size = [x.abs(), y.abs(), z.abs()];
+        let (side, zero, one) = (self.side as f32, simd.set(0.0), simd.set(1.0));
+        let is_x = size[0].simd_ge(size[1]) & size[0].simd_ge(size[2]);
+        let is_y = size[1].simd_ge(size[2]);
+        let depth = is_x.select(size[0], is_y.select(size[1], size[2])).max(simd.set(1e-9));
+        // As `face_axes` has it.
+        let sign = is_x.select(x, is_y.select(y, z)).simd_lt(zero).select(-one, one);
+        let right = is_x.select(-(y * sign), is_y.select(x * sign, x));
+        let down = is_x.select(-z, is_y.select(-z, y * sign));
+        let face = is_x.select(zero, is_y.select(simd.set(2.0), simd.set(4.0))) + (one - sign) * 0.5;
+        let texel = |along: S::F| {
+            let place = (along / depth + 1.0) * (0.5 * side);
+            place.floor().max(zero).min(simd.set(side - 1.0))
+        };
+        // Whole numbers below 2^24: exact.
+        let at = face.mul_add(simd.set(side * side), texel(down).mul_add(simd.set(side), texel(right)));
+        let mut lanes = [0.0f32; WIDEST];
+        at.store_slice(&mut lanes[..S::N]);
+        for lane in &mut lanes[..S::N] {
+            *lane = self.inverse[*lane as usize];
+        }
+        let limit = depth.mul_add(simd.set(1.0 - SLACK), simd.set(-self.behind));
+        (simd.load(&lanes) * limit).simd_le(one).select(one, zero)
     }
 }

@@ -1,18 +1,22 @@
 //! Lamps against formulas: what they light, what is in their shadows, and how they look through air.
 
 use super::lamp_glow::{LampGlow, LampsOn};
+use super::lamp_shadows::DepthCube;
 use super::{CaptureLight, LampLight, LampLights, LampShadows, NearSplats, PlacedSurfaces};
 use crate::cover::surfel;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{AirLayer, Atmosphere, CapturedSky, Site, sigma_of_mor};
 use crate::shelter::{Occluders, ShelterOptions};
+use fearless_simd::SimdBase;
 use glam::{DVec3, Vec3};
+use std::array::from_fn;
 use std::f64::consts::PI;
+use wm_render::dispatch;
 use wm_render::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
-use wm_render::simd::SimdPath;
+use wm_render::simd::{Lanes, SimdPath};
 use wm_scene::color::srgb_decode;
 use wm_scene::splats::Splat;
-use wm_scene::{Camera, Group, Lamp, Splats};
+use wm_scene::{Camera, Group, Lamp, Splats, random};
 
 const SITE: Site = Site { captured_sky: CapturedSky::Overcast, ..Site::PLAIN };
 /// Distance between the splats of the yard, m.
@@ -82,6 +86,38 @@ fn a_lamp_lights_the_yard_up_to_the_shadow_of_its_wall() {
     let placed = PlacedSurfaces::of(&board, &near, &SITE, 1);
     let on_board = shadows.irradiance(Vec3::from_array(placed.point(0)), placed.normal(0)).y;
     assert!((f64::from(on_board) / direct(1.5, -1.0) - 1.0).abs() < 0.04, "{on_board}");
+}
+
+/// [`DepthCube::open_each`] of 16 offsets.
+#[inline(always)]
+fn open_all<S: Lanes>(simd: S, cube: &DepthCube, offsets: &[[f32; 16]; 3]) -> [f32; 16] {
+    let mut open = [0.0; 16];
+    for first in (0..16).step_by(S::N) {
+        let offset = offsets.each_ref().map(|along| simd.load(&along[first..]));
+        cube.open_each(simd, &offset).store_slice(&mut open[first..first + S::N]);
+    }
+    open
+}
+
+#[test]
+fn many_points_at_once_are_as_open_as_each() {
+    let (_, shadows) = lit(Lamp { kelvin: 4_000.0, ..Lamp::new([0.0, 0.0, 3.0]) }, &yard(), 1);
+    let (_, cube) = shadows.sources().next().unwrap();
+    let mut open = 0;
+    for group in 0..200u64 {
+        let offsets: [[f32; 16]; 3] = from_fn(|axis| {
+            from_fn(|lane| {
+                12.0 * random::uniform(3, 48 * group + 16 * axis as u64 + lane as u64) as f32 - 6.0
+            })
+        });
+        let each = dispatch!(SimdPath::widest(), s => open_all(s, cube, &offsets));
+        for (lane, each) in each.into_iter().enumerate() {
+            let offset = Vec3::from_array(offsets.map(|along| along[lane]));
+            assert_eq!(each == 1.0, cube.is_open(offset), "{offset}");
+            open += usize::from(each == 1.0);
+        }
+    }
+    assert!((800..2400).contains(&open), "{open}");
 }
 
 fn fog(mor: f64) -> Atmosphere {
