@@ -1,4 +1,4 @@
-//! The facts of the scene that the page's tool changes: up, the ground and the scale.
+//! The facts of the scene that the page's tool changes: up, the ground, the scale, lamps, and the sun of the photos.
 //!
 //! Changes act on the pictures at once. They are written beside the scene only when the page asks for it, as `align --overwrite`
 //! writes them.
@@ -13,7 +13,7 @@ use weather_magician::{Error, Metadata, PlaceFacts, PreparedPlace, Renderer};
 use wm_scene::formats::folder::scene_file;
 use wm_scene::formats::{sidecar_path, write_sidecar};
 use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, UpSide};
-use wm_scene::{Lamp, LitWindow};
+use wm_scene::{Lamp, LitWindow, PhotoSun};
 
 /// A change that a client asks for. Points are in scene units.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -47,6 +47,13 @@ pub enum FactChange {
     },
     /// Takes all lamps and lit windows away.
     Dark {},
+    /// Sets the sun of the photos by a point and the end of its shadow.
+    Sun {
+        /// The point, then the end of its shadow.
+        points: [DVec3; 2],
+    },
+    /// No sun cast shadows in the photos.
+    Clouds {},
     /// Returns to the facts that were last saved, or that the program started with.
     Undo {},
     /// Writes the facts beside the scene.
@@ -64,6 +71,7 @@ impl FactChange {
             }
             Self::Flip {} => Some(Alignment { flip: true, ..none }),
             Self::Undo {} | Self::Save {} | Self::Lamp { .. } | Self::Window { .. } | Self::Dark {} => None,
+            Self::Sun { .. } | Self::Clouds {} => None,
         }
     }
 }
@@ -135,6 +143,13 @@ impl FactEditor {
             self.is_unsaved = true;
             return Ok(text);
         }
+        if let Some((sun, text)) = photo_sun(place, change)? {
+            let mut facts = place.facts();
+            facts.scene.sun = Some(sun);
+            renderer.set_facts(place, facts)?;
+            self.is_unsaved = true;
+            return Ok(text);
+        }
         if change == (FactChange::Undo {}) {
             let Metadata { lamps, windows, .. } = self.saved.scene.clone();
             let (lamps, windows) = (lamps.unwrap_or_default(), windows.unwrap_or_default());
@@ -203,6 +218,25 @@ fn lights(place: &PreparedPlace, change: FactChange) -> Result<Option<Lights>, F
         _ => return Ok(None),
     }
     Ok(Some((lamps, windows)))
+}
+
+/// Returns the sun of the photos after a change, and says what it is; `None` if it is another change.
+fn photo_sun(place: &PreparedPlace, change: FactChange) -> Result<Option<(PhotoSun, String)>, FactError> {
+    match change {
+        FactChange::Sun { points: [top, end] } => {
+            let towards = (top - end).normalize_or_zero();
+            let sine = towards.dot(DVec3::from_array(place.site().up));
+            if sine <= 0.0 {
+                return Err(FactError::Refused(
+                    "the shadow ends above what casts it: click the top first".into(),
+                ));
+            }
+            let text = format!("The sun of the photos was {:.0}° high.", sine.asin().to_degrees());
+            Ok(Some((PhotoSun::Towards(towards), text)))
+        }
+        FactChange::Clouds {} => Ok(Some((PhotoSun::Diffuse, "The photos have no shadows of a sun.".into()))),
+        _ => Ok(None),
+    }
 }
 
 /// Says what a change did.

@@ -7,8 +7,8 @@ use crate::webdriver::Browser;
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use wm_scene::Metadata;
 use wm_scene::formats::{ReadOptions, read_scene};
+use wm_scene::{Metadata, PhotoSun};
 
 /// The yard with an up that is wrong by more than 140 degrees.
 fn tilted_yard() -> (Workshop, PathBuf) {
@@ -194,6 +194,32 @@ fn lamps_are_put_where_a_click_was() {
     let level = json!({ "action": "window", "points": [[0, 4, 1], [1, 4, 1]], "eye": [0, 0, 1] });
     let (status, text) = viewer.ask("POST", "/facts", &[], level.to_string().as_bytes());
     assert!(status == 400 && String::from_utf8_lossy(&text).contains("corners of a window"));
+}
+
+/// The sun of the photos by a point and the end of its shadow; saved, it is there for `render`.
+#[test]
+fn the_sun_of_the_photos_is_told_by_a_shadow() {
+    let workshop = Workshop::new();
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    let viewer = Viewer::of(&scene, &["--port=0", CAMERA]).loaded();
+    let change = |body: &Value| viewer.json("POST", "/facts", body);
+    let answer = change(&json!({ "action": "sun", "points": [[0, 4, 3], [3, 4, 0]] }));
+    assert_eq!(answer["text"], "The sun of the photos was 45° high.");
+    assert_eq!(answer["facts"]["unsaved"], true);
+    change(&json!({ "action": "save" }));
+    let sun = || read_scene(&scene, &ReadOptions::default()).unwrap().metadata.sun;
+    let Some(PhotoSun::Towards(towards)) = sun() else { panic!("{:?}", sun()) };
+    assert!(towards.distance(DVec3::new(-1.0, 0.0, 1.0).normalize()) < 1e-6, "{towards}");
+
+    change(&json!({ "action": "clouds" }));
+    change(&json!({ "action": "undo" }));
+    assert_eq!(change(&json!({ "action": "save" }))["text"], "There is nothing to save.");
+    change(&json!({ "action": "clouds" }));
+    change(&json!({ "action": "save" }));
+    assert_eq!(sun(), Some(PhotoSun::Diffuse));
+    let below = json!({ "action": "sun", "points": [[3, 4, 0], [0, 4, 3]] });
+    let (status, text) = viewer.ask("POST", "/facts", &[], below.to_string().as_bytes());
+    assert!(status == 400 && String::from_utf8_lossy(&text).contains("click the top first"));
 }
 
 /// The sun is set on its dial by keys.

@@ -1,4 +1,5 @@
-// The tool that sets facts of the scene by clicks: up and the ground from three points, the scale from two, lamps and lit windows.
+// The tool that sets facts of the scene by clicks: up and the ground from three points, the scale from two, lamps and lit windows,
+// and the sun of the photos from a point and the end of its shadow.
 // Fetched when it is opened.
 
 import { axes, dot, sub } from "./camera.js";
@@ -7,15 +8,16 @@ import { Store } from "./store.js";
 
 /** Longest way of a hand in a click, px. */
 const STEADY = 5;
-/** @typedef {"ground" | "scale" | "lamp" | "window"} Mode */
+/** @typedef {"ground" | "scale" | "lamp" | "window" | "sun"} Mode */
 /** @type {Record<Mode, number>} */
-const POINTS = { ground: 3, scale: 2, lamp: 1, window: 2 };
+const POINTS = { ground: 3, scale: 2, lamp: 1, window: 2, sun: 2 };
 /** @type {Record<Mode, string>} */
 const ASK = {
   ground: "Click three points of the ground, far apart",
   scale: "Click two points whose distance you know",
   lamp: "Click a lamp, or the ground where one shall stand",
   window: "Click two opposite corners of a window",
+  sun: "Click the top of something that casts a shadow, then the end of its shadow",
 };
 
 /** The answer of the program; its words where it refuses. @param {string} path @param {any} body */
@@ -39,7 +41,7 @@ export class AlignTool {
     this.isBusy = false;
     this.isOpen = false;
     const mode = (/** @type {Mode} */ name, /** @type {string} */ text) => h("button", { id: `align-${name}`, onclick: () => this.begin(name) }, text);
-    this.modes = { ground: mode("ground", "Ground"), scale: mode("scale", "Scale"), lamp: mode("lamp", "Lamp"), window: mode("window", "Window") };
+    this.modes = { ground: mode("ground", "Ground"), scale: mode("scale", "Scale"), lamp: mode("lamp", "Lamp"), window: mode("window", "Window"), sun: mode("sun", "Sun of the photos") };
     this.said = h("p", { id: "align-said", role: "status" });
     this.error = h("p", { id: "align-error", role: "alert", hidden: true });
     this.metres = h("input", { id: "align-metres", className: "number", inputMode: "decimal", ariaLabel: "Metres between the points", oninput: () => this.refresh(), onkeydown: (/** @type {KeyboardEvent} */ event) => event.key === "Enter" && this.setScale() });
@@ -54,6 +56,8 @@ export class AlignTool {
         h("button", { id: "align-flip", title: "Turn the scene upside down", onclick: () => this.change({ action: "flip" }) }, "Flip")),
       h("div", { className: "segments", role: "group", ariaLabel: "What to light by night" }, this.modes.lamp, this.modes.window,
         h("button", { id: "align-dark", title: "Take all lamps and lit windows away", onclick: () => this.change({ action: "dark" }) }, "Dark")),
+      h("div", { className: "segments", role: "group", ariaLabel: "Light of the photos" }, this.modes.sun,
+        h("button", { id: "align-clouds", title: "No sun cast shadows in the photos", onclick: () => this.change({ action: "clouds" }) }, "No sun")),
       this.said, this.length, this.error, this.facts,
       h("div", { className: "buttons" }, this.save, this.undo));
     /** @type {{x: number, y: number} | null} Where the mouse was pressed. */
@@ -143,6 +147,7 @@ export class AlignTool {
     });
     if (this.mode === "lamp" && this.points.length === POINTS.lamp) await this.change({ action: "lamp", point: this.points[0] });
     else if (this.mode === "window" && this.points.length === POINTS.window) await this.change({ action: "window", points: this.points, eye: state.camera.eye });
+    else if (this.mode === "sun" && this.points.length === POINTS.sun) await this.change({ action: "sun", points: this.points });
     else if (this.mode === "ground" && this.points.length === POINTS.ground) await this.change({ action: "ground", points: this.points });
     else if (this.mode === "scale" && this.points.length === POINTS.scale) this.metres.focus();
   }
