@@ -194,7 +194,13 @@ impl CaptureLight {
         };
         let light = captured_light(capture_sun.as_ref(), site);
         let mean = MeanSurface::of((0..surfaces.len()).map(place));
-        let exposure = exposure(&surfaces, &light, mean.under(&light), up, place);
+        let is_overcast = match site.captured_sky {
+            CapturedSky::Overcast => true,
+            CapturedSky::Burned => search.is_some_and(|search| search.is_none()),
+            _ => false,
+        };
+        let is_known = capture_sun.is_some() || is_overcast;
+        let exposure = exposure(&surfaces, (&light, is_known), mean.under(&light), up, place);
         let own: Vec<SplatLight> = (0..surfaces.len())
             .map(|i| SplatLight {
                 normal: surfaces.normals[i].to_array().map(|v| (127.0 * v).round() as i8),
@@ -230,11 +236,6 @@ impl CaptureLight {
                 None => own[nearest],
             }
         });
-        let is_overcast = match site.captured_sky {
-            CapturedSky::Overcast => true,
-            CapturedSky::Burned => search.is_some_and(|search| search.is_none()),
-            _ => false,
-        };
         Self { sun: capture_sun, is_overcast, search, light, mean, exposure, splats }
     }
 
@@ -277,7 +278,7 @@ impl CaptureLight {
             return "no sun: the place was captured under clouds".into();
         }
         match &self.search {
-            None => "no sun: shadows are too few or too faint".into(),
+            None => "no sun: shadows on the ground are too few or too faint to measure one".into(),
             Some(found) if found.is_sun(up) => format!(
                 "no sun: shadows fit one {:.1} degrees high, towards {}, but are too few or too faint to measure it",
                 height(found.direction),
@@ -413,26 +414,30 @@ fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 /// The brightness of a white card in an irradiance of 1, by the median surface: photos of a courtyard are exposed for its shade.
-/// A card on the darker ground is no brighter than display white.
+/// Where the light is not known, the ground may lie in a sun that was not found: it tells too. A card on the darker ground is no
+/// brighter than display white.
 fn exposure(
     surfaces: &Surfaces,
-    light: &SceneLight,
+    (light, is_known): (&SceneLight, bool),
     mean: [f64; 3],
     up: Vec3,
     place: impl Fn(usize) -> SurfaceLight,
 ) -> f64 {
-    let (mut cards, mut ground) = (Vec::new(), Vec::new());
+    let (mut cards, mut ground_cards, mut ground) = (Vec::new(), Vec::new(), Vec::new());
     for i in (0..surfaces.len()).filter(|i| surfaces.normals[*i] != Vec3::ZERO) {
         let irradiance = luminance(place(i).irradiance(light, mean)).max(1e-3);
-        cards.push(luminance(surfaces.light[i].to_array().map(f64::from)) / MEAN_ALBEDO / irradiance);
+        let card = luminance(surfaces.light[i].to_array().map(f64::from)) / MEAN_ALBEDO / irradiance;
+        cards.push(card);
         if surfaces.normals[i].dot(up) > LEVEL {
             ground.push(irradiance);
+            ground_cards.push(card);
         }
     }
     let (Some(card), Some(ground)) = (median(cards), quantile(ground, DARK_GROUND)) else {
         return 1.0;
     };
-    (card / USUAL).min(1.0 / ground).clamp(1.0, MOST_EXPOSURE)
+    let by_ground = median(ground_cards).filter(|_| !is_known).unwrap_or(0.0);
+    (card / USUAL).max(by_ground).min(1.0 / ground).clamp(1.0, MOST_EXPOSURE)
 }
 
 /// The geometry of a surface in the light of a sun.

@@ -20,9 +20,10 @@ const CELL: f64 = 0.3;
 const MOST_BESIDE: usize = 6;
 const SOFTNESS: f32 = 0.5;
 
-/// Width of the blocks of level ground, m, and the reaches of their means, in blocks: the first that finds any counts.
-const BLOCK: f64 = 0.6;
-const REACHES: [i32; 3] = [1, 3, 6];
+/// Widths of the blocks of level ground, m, and the weight of each in that of the width before: wider ones tell where there are no
+/// narrow ones, and the open sky where there are none at all.
+const BLOCKS: [f64; 4] = [0.6, 1.8, 5.4, 16.2];
+const WIDER: f32 = 0.03;
 /// Least cosine between up and the normal of ground.
 const LEVEL: f32 = 0.5;
 
@@ -32,9 +33,8 @@ pub struct NearSplats {
     /// One splat of each cell that has any: the one nearest to its middle.
     cells: PlaceMap<IVec3, (u32, Vec3)>,
     width: f32,
-    /// The shares of the sky's light that reach level ground.
-    blocks: PlaceMap<IVec3, LevelBlock>,
-    block: f32,
+    /// The shares of the sky's light that reach level ground, by blocks of each width, scene units.
+    blocks: [(f32, PlaceMap<IVec3, LevelBlock>); BLOCKS.len()],
 }
 
 /// Level ground in a block: sums over its splats.
@@ -53,9 +53,8 @@ impl NearSplats {
         let cell = |point: Vec3| (point / width).floor().as_ivec3();
         let off = |point: Vec3| (point / width - cell(point).as_vec3() - 0.5).length_squared();
         let mut cells: PlaceMap<IVec3, (u32, Vec3)> = PlaceMap::default();
-        let block = (BLOCK / site.metres_per_unit) as f32;
         let up = Vec3::from_array(site.up.map(|v| v as f32));
-        let mut blocks: PlaceMap<IVec3, LevelBlock> = PlaceMap::default();
+        let mut blocks = BLOCKS.map(|metres| ((metres / site.metres_per_unit) as f32, PlaceMap::default()));
         for (index, point) in points.iter().enumerate().filter(|(index, _)| !capture.is_sky(*index)) {
             let point = Vec3::from_array(*point);
             let known = cells.entry(cell(point)).or_insert((index as u32, point));
@@ -63,34 +62,35 @@ impl NearSplats {
                 *known = (index as u32, point);
             }
             if capture.normal(index).dot(up) > LEVEL {
-                let ground = blocks.entry((point / block).floor().as_ivec3()).or_default();
-                ground.count += 1.0;
-                ground.points += point;
-                (0..2).for_each(|k| ground.open[k] += capture.open(index)[k]);
-            }
-        }
-        Self { cells, width, blocks, block }
-    }
-
-    /// The mean shares of the sky's light that reach level ground near a point; `None` if there is none within some metres.
-    fn level_open(&self, point: Vec3) -> Option<[f32; 2]> {
-        let middle = (point / self.block).floor().as_ivec3();
-        REACHES.into_iter().find_map(|reach| {
-            let range = (reach as f32 + 0.5) * self.block;
-            let (mut sums, mut weights) = ([0.0f32; 2], 0.0f32);
-            for x in -reach..=reach {
-                for y in -reach..=reach {
-                    for z in -reach..=reach {
-                        let Some(ground) = self.blocks.get(&(middle + IVec3::new(x, y, z))) else { continue };
-                        let away = (ground.points / ground.count).distance_squared(point) / (range * range);
-                        let weight = (1.0 - away).max(0.0).powi(2);
-                        (0..2).for_each(|k| sums[k] += weight * ground.open[k] / ground.count);
-                        weights += weight;
-                    }
+                for (width, blocks) in &mut blocks {
+                    let ground: &mut LevelBlock =
+                        blocks.entry((point / *width).floor().as_ivec3()).or_default();
+                    ground.count += 1.0;
+                    ground.points += point;
+                    (0..2).for_each(|k| ground.open[k] += capture.open(index)[k]);
                 }
             }
-            (weights > 1e-3).then(|| sums.map(|sum| sum / weights))
-        })
+        }
+        Self { cells, width, blocks }
+    }
+
+    /// The mean shares of the sky's light that reach level ground near a point.
+    fn level_open(&self, point: Vec3) -> [f32; 2] {
+        let (mut sums, mut weights, mut level) = ([0.0f32; 2], 0.0f32, 1.0f32);
+        for (width, blocks) in &self.blocks {
+            let middle = (point / width).floor().as_ivec3();
+            for at in 0..27 {
+                let Some(ground) = blocks.get(&(middle + IVec3::new(at % 3, at / 3 % 3, at / 9) - 1)) else {
+                    continue;
+                };
+                let away = (ground.points / ground.count).distance_squared(point) / (1.5 * width).powi(2);
+                let weight = level * (1.0 - away).max(0.0).powi(2);
+                (0..2).for_each(|k| sums[k] += weight * ground.open[k] / ground.count);
+                weights += weight;
+            }
+            level *= WIDER;
+        }
+        sums.map(|sum| (sum + level) / (weights + level))
     }
 
     /// The splats next to a point with their shares, whose sum is 1: those of the cells about it, or else the first within two cells;
@@ -135,8 +135,8 @@ pub struct PlacedSurfaces {
     normals: Vec<Vec3>,
     /// The splats of the scene that see what the surface sees.
     beside: Vec<Beside>,
-    /// The shares of the sky's light that reach level ground there; `None` if there is no such ground.
-    open: Vec<Option<[f32; 2]>>,
+    /// The shares of the sky's light that reach level ground there.
+    open: Vec<[f32; 2]>,
 }
 
 impl PlacedSurfaces {
@@ -200,9 +200,6 @@ impl PlacedSurfaces {
             capture.surface_in_the_open(normal, up, shadows)
         };
         let is_level = normal.dot(Vec3::from_array(up.map(|v| v as f32))) > LEVEL;
-        match self.open[index].filter(|_| is_level) {
-            Some(open) => SurfaceLight { open: open.map(f64::from), ..surface },
-            None => surface,
-        }
+        if is_level { SurfaceLight { open: self.open[index].map(f64::from), ..surface } } else { surface }
     }
 }
