@@ -168,6 +168,10 @@ impl SplatAttributes for SceneAttributes<'_> {
         }
     }
 
+    fn changes_visibility(&self) -> bool {
+        self.buried.is_some() || self.light.is_some_and(|light| light.changes_visibility())
+    }
+
     fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
         if let Some(light) = self.light {
             light.fill_light(indices, block);

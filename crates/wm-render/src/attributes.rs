@@ -54,6 +54,11 @@ pub trait SplatAttributes: Sync {
     /// changes, all but those of light; the others are neutral already. There are at most [`AttributeBlock::SPLATS`] indices.
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock);
 
+    /// Returns true if it changes [`Attribute::Visibility`]; else that is not read.
+    fn changes_visibility(&self) -> bool {
+        true
+    }
+
     /// Writes [`Attribute::GAINS`] in the same way, if [`Self::changes_light`]. It is asked for splats in view alone.
     fn fill_light(&self, _indices: &[u32], _block: &mut AttributeBlock) {}
 
@@ -93,6 +98,14 @@ impl AttributeBlock {
         self.columns[attribute as usize].as_flattened_mut()
     }
 
+    /// The columns of [`Attribute::GAINS`], to be written.
+    #[inline]
+    pub fn gains_mut(&mut self) -> [&mut [f32]; 3] {
+        // In the order of `Attribute::ALL`.
+        let [_, red, green, blue] = &mut self.columns;
+        [red, green, blue].map(|column| column.as_flattened_mut())
+    }
+
     /// One column of sixteen splats.
     #[inline(always)]
     pub(crate) fn group(&self, group: usize, attribute: Attribute) -> &[f32; GROUP] {
@@ -110,7 +123,9 @@ impl AttributeBlock {
     #[inline]
     pub(crate) fn read_visibility(&mut self, attributes: &dyn SplatAttributes, indices: &[u32]) {
         self.column_mut(Attribute::Visibility).fill(Attribute::Visibility.neutral());
-        attributes.fill(indices, self);
+        if attributes.changes_visibility() {
+            attributes.fill(indices, self);
+        }
     }
 
     /// The same of light alone.

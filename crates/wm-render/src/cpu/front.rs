@@ -123,16 +123,23 @@ impl<'a> Front<'a> {
             }
             let begun = Instant::now();
             let source = &model.source[cluster * CLUSTER..(cluster + 1) * CLUSTER];
-            if let Some(attributes) = attributes {
+            let fading = attributes.filter(|attributes| attributes.changes_visibility());
+            if let Some(attributes) = fading {
                 scratch.attributes.read_visibility(attributes, source);
             }
-            let groups = dispatch!(self.path, s => self.project_cluster(s, model, attributes.is_some(), cluster, &mut scratch));
+            let groups = dispatch!(self.path, s => self.project_cluster(s, model, fading.is_some(), cluster, &mut scratch));
             let projected = Instant::now();
             let light = attributes.filter(|attributes| attributes.changes_light());
             if let Some(light) = light.filter(|_| self.shading == Shading::Color && groups > 0) {
                 let mut seen = [0; CLUSTER];
-                for (to, name) in seen.chunks_exact_mut(GROUP).zip(&scratch.names[..groups]) {
-                    to.copy_from_slice(&source[name * GROUP..(name + 1) * GROUP]);
+                for (group, to) in seen.chunks_exact_mut(GROUP).take(groups).enumerate() {
+                    let from = &source[scratch.names[group] * GROUP..][..GROUP];
+                    let mask = scratch.projected[group].mask;
+                    // What is not in view reads what is, so that it costs no memory access.
+                    let first = from[(mask.trailing_zeros() & 15) as usize];
+                    for lane in 0..GROUP {
+                        to[lane] = if mask >> lane & 1 == 1 { from[lane] } else { first };
+                    }
                 }
                 scratch.attributes.read_light(light, &seen[..groups * GROUP]);
                 dispatch!(self.path, s => scratch.relight(s, groups));

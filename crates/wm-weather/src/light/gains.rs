@@ -49,8 +49,8 @@ pub struct LightCasts<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightGains {
     gains: Vec<[f32; 3]>,
-    /// The splats of the captured sky, and the factor on their opacity; empty where that is 1.
-    sky: Vec<bool>,
+    /// A bit a splat: those of the captured sky, and the factor on their opacity. Empty where that is 1, and where there is no sky.
+    sky: Vec<u64>,
     sky_opacity: f32,
     /// The splats on which light acts that changes from frame to frame; empty where there is no such light.
     moving: Vec<MovingSplat>,
@@ -104,9 +104,13 @@ impl LightGains {
                 MovingSplat::new(points[index], capture.normal(index), open, &light(index))
             })
         });
-        let fades = new.sky_opacity < 1.0;
-        let sky =
-            if fades { (0..capture.len()).map(|index| capture.is_sky(index)).collect() } else { Vec::new() };
+        let mut sky = Vec::new();
+        if new.sky_opacity < 1.0 {
+            for index in (0..capture.len()).filter(|index| capture.is_sky(*index)) {
+                sky.resize(capture.len().div_ceil(64), 0);
+                sky[index / 64] |= 1 << (index % 64);
+            }
+        }
         Self { gains, sky, sky_opacity: new.sky_opacity as f32, moving }
     }
 
@@ -195,23 +199,25 @@ pub struct FrameGains<'a> {
 impl SplatAttributes for FrameGains<'_> {
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
         let LightGains { sky, sky_opacity, .. } = self.gains;
-        if !sky.is_empty() {
-            for (index, factor) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
-                if sky.get(*index as usize) == Some(&true) {
-                    *factor *= sky_opacity;
-                }
+        for (index, factor) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
+            let index = *index as usize;
+            if sky.get(index / 64).is_some_and(|bits| bits >> (index % 64) & 1 == 1) {
+                *factor *= sky_opacity;
             }
         }
     }
 
+    fn changes_visibility(&self) -> bool {
+        !self.gains.sky.is_empty()
+    }
+
     fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
         let LightGains { gains, moving, .. } = self.gains;
-        for (at, index) in indices.iter().enumerate() {
+        let [red, green, blue] = block.gains_mut();
+        let rows = red.iter_mut().zip(green).zip(blue);
+        for (index, ((red, green), blue)) in indices.iter().zip(rows) {
             // What pads the last group has no splat.
-            let own = gains.get(*index as usize).copied().unwrap_or([1.0; 3]);
-            for (gain, value) in Attribute::GAINS.into_iter().zip(own) {
-                block.column_mut(gain)[at] = value;
-            }
+            [*red, *green, *blue] = gains.get(*index as usize).copied().unwrap_or([1.0; 3]);
         }
         let Some(light) = self.moving else { return };
         for (at, index) in indices.iter().enumerate() {

@@ -118,3 +118,42 @@ impl ShadowEdges {
         shares
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wm_scene::random::uniform;
+
+    /// Distance between the surfaces, and by how much the map's shadow is too wide, m.
+    const STEP: f32 = 0.1;
+    const OFF: f32 = 0.4;
+
+    /// Textured ground whose shadow ends at x = 0, under a map that has it end elsewhere: the colours move it back.
+    #[test]
+    fn a_mapped_edge_moves_to_where_the_colours_show_it() {
+        let amounts = [0.3, 1.0];
+        let points: Vec<Vec3> = (0..3600u32)
+            .map(|i| Vec3::new((i % 60) as f32 - 29.5, (i / 60) as f32 - 29.5, 0.0) * STEP)
+            .collect();
+        let share = |edge: f32| move |point: &Vec3| if point.x > edge { 1.0 } else { 0.0 };
+        let light = points.iter().enumerate().map(|(i, point)| {
+            let albedo = 0.3 * (0.9 + 0.2 * uniform(7, i as u64) as f32);
+            Vec3::splat(albedo * (amounts[0] + (amounts[1] - amounts[0]) * share(0.0)(point)))
+        });
+        let light = light.collect();
+        let surfaces =
+            Surfaces { normals: vec![Vec3::Z; points.len()], oriented: points.len(), light, points };
+        let mapped: Vec<f32> = surfaces.points.iter().map(share(OFF)).collect();
+        let is_sure: Vec<bool> = surfaces.points.iter().map(|point| (point.x - OFF).abs() > 0.8).collect();
+        let edges = ShadowEdges::new(&surfaces, &is_sure, 0.35, 2);
+        let shares = edges.shares(&vec![amounts; surfaces.len()], &mapped, 2);
+        let wrong = |shares: &[f32]| {
+            let pairs = surfaces.points.iter().zip(shares);
+            pairs.filter(|(point, own)| (share(0.0)(point) - **own).abs() > 0.4).count()
+        };
+        assert!(wrong(&mapped) >= 240 && wrong(&shares) < 12, "{} of {}", wrong(&shares), wrong(&mapped));
+        assert_eq!(shares, edges.shares(&vec![amounts; surfaces.len()], &mapped, 7));
+        // What is sure stays.
+        assert!((0..surfaces.len()).all(|i| !is_sure[i] || shares[i] == mapped[i]));
+    }
+}

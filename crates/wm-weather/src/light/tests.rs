@@ -82,9 +82,12 @@ fn site() -> Site {
 }
 
 fn split(splats: &Splats, threads: usize) -> CaptureLight {
-    let site = site();
-    let occluders = Occluders::of(splats, &site, &ShelterOptions::default());
-    CaptureLight::split(splats, &FusedSurfaces::from_splats(splats), &occluders, None, &site, threads)
+    split_at(&site(), splats, threads)
+}
+
+fn split_at(site: &Site, splats: &Splats, threads: usize) -> CaptureLight {
+    let occluders = Occluders::of(splats, site, &ShelterOptions::default());
+    CaptureLight::split(splats, &FusedSurfaces::from_splats(splats), &occluders, None, site, threads)
 }
 
 /// Sun and sky of which level ground gets 1 in all, the sun `ratio` times the sky.
@@ -103,8 +106,7 @@ fn a_new_sun_casts_shadows() {
     let splats = yard(&SceneLight { sun: [0.0; 3], sky: SkyGradation::overcast([1.0; 3]) });
     let site = Site { captured_sky: CapturedSky::Overcast, ..site() };
     let occluders = Occluders::of(&splats, &site, &ShelterOptions::default());
-    let capture =
-        CaptureLight::split(&splats, &FusedSurfaces::from_splats(&splats), &occluders, None, &site, 2);
+    let capture = split_at(&site, &splats, 2);
     assert!(capture.takes_another_sun(false) && capture.sun.is_none());
     let other = DVec3::new(-0.5, 0.6, 0.62).normalize();
     let casters = ShadowCasters::new(splats.means.clone(), &occluders, 2);
@@ -188,6 +190,16 @@ fn a_yard_under_clouds_has_no_sun() {
     let light = split(&yard(&SceneLight { sun: [0.0; 3], sky: SkyGradation::even([1.0; 3]) }), 2);
     assert_eq!(light.sun, None);
     assert!(light.report(site().up).starts_with("no sun"), "{}", light.report(site().up));
+}
+
+/// A white sky may be one of clouds or of an overexposed photo: shadows tell.
+#[test]
+fn a_burned_sky_without_shadows_is_one_of_clouds() {
+    let burned = Site { captured_sky: CapturedSky::Burned, ..site() };
+    let clouds = SceneLight { sun: [0.0; 3], sky: SkyGradation::even([1.0; 3]) };
+    assert!(split_at(&burned, &yard(&clouds), 2).is_overcast);
+    let shadowed = split_at(&burned, &yard(&sunny([4.0, 3.4, 2.8])), 2);
+    assert!(!shadowed.is_overcast && shadowed.is_split());
 }
 
 #[test]
