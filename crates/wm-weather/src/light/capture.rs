@@ -39,8 +39,8 @@ const THIN: f64 = 0.06;
 const MEAN_ALBEDO: f64 = 0.25;
 const USUAL: f64 = 1.5;
 const MOST_EXPOSURE: f64 = 3.0;
-/// The share of the ground that is darker than where cards may be display white.
-const DARK_GROUND: f64 = 0.25;
+/// The share of the ground that is darker than where cards may be display white: in even light, and in that of a sun.
+const DARK_GROUND: [f64; 2] = [0.25, 0.75];
 /// Least cosine between up and the normal of ground.
 const LEVEL: f32 = 0.8;
 /// A splat of which nothing is known.
@@ -415,7 +415,7 @@ fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 /// The brightness of a white card in an irradiance of 1, by the median surface: photos of a courtyard are exposed for its shade.
 /// Where the light is not known, the ground may lie in a sun that was not found: it tells too. A card on the darker ground is no
-/// brighter than display white.
+/// brighter than display white, and none in a known sun.
 fn exposure(
     surfaces: &Surfaces,
     (light, is_known): (&SceneLight, bool),
@@ -433,7 +433,9 @@ fn exposure(
             ground_cards.push(card);
         }
     }
-    let (Some(card), Some(ground)) = (median(cards), quantile(ground, DARK_GROUND)) else {
+    let has_sun = luminance(light.sun) > 0.0;
+    let (Some(card), Some(ground)) = (median(cards), quantile(ground, DARK_GROUND[usize::from(has_sun)]))
+    else {
         return 1.0;
     };
     let by_ground = median(ground_cards).filter(|_| !is_known).unwrap_or(0.0);
