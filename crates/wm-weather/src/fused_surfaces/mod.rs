@@ -53,7 +53,7 @@ pub struct FusedSurfaces<'a> {
     pub splats: Cow<'a, Splats>,
     /// The first so many are discs whose third axis looks to where they were seen from.
     pub oriented: usize,
-    /// What stands behind the discs, as splats: see [`backing`].
+    /// What stands behind the discs, as splats.
     pub backing: Cow<'a, Splats>,
     /// The replacement of each splat of the scene; empty where no views were given.
     pub stand_ins: Vec<StandIn>,
