@@ -47,10 +47,10 @@ const LEVEL: f32 = 0.8;
 const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun: 255, is_sky: false };
 /// Cosine of the sun's incidence on leaves, which turn to all sides.
 const LEAVES: f64 = 0.5;
-/// Radius about a point within which the map must agree for its word to be sure, m: where the geometry is good, and where less than a
-/// share of the pairs in sun and shade show it.
-const SURE: f32 = 0.35;
-const UNSURE: f32 = 1.2;
+/// Radius about a point over which the map is averaged, and that within which it must agree for its word to be sure, m: where at least
+/// a share of the pairs in sun and shade show it, and where the geometry is rough.
+const EXACT: [f32; 2] = [0.12, 0.12];
+const ROUGH: [f32; 2] = [0.35, 1.2];
 const AGREE: f64 = 0.7;
 /// The share below which the shadows are not those of this sun.
 const LEAST_AGREEMENT: f64 = 0.47;
@@ -516,22 +516,25 @@ impl Split {
     ) -> Option<Self> {
         let map_of_sun = sun_search::sun_map(occluders, direction, threads);
         let (up, sun) = ([site.up, direction]).map(|v| Vec3::from_array(v.map(|v| v as f32))).into();
-        let prior = map(surfaces.len(), threads, |i| {
-            map_of_sun.lit_within(surfaces.points[i], surfaces.normals[i], coarseness * SURE)
-        });
+        let lit_within = |metres: f32| {
+            let radius = coarseness * metres;
+            map(surfaces.len(), threads, |i| {
+                map_of_sun.lit_within(surfaces.points[i], surfaces.normals[i], radius)
+            })
+        };
         let place =
             |seen: &[f32], i: usize| surface_of(surfaces.normals[i], open[i], seen[i], up, Some(direction));
         let on_ground: Vec<Pair> =
             sun_search::ground_pairs(surfaces, open, pairs, site).iter().map(|it| it.pair).collect();
-        let agreement = agreement(&on_ground, &prior);
+        let rough = lit_within(ROUGH[0]);
+        let agreement = agreement(&on_ground, &rough);
         if agreement < LEAST_AGREEMENT {
             return None;
         }
-        let around = coarseness * if agreement > AGREE { SURE } else { UNSURE };
-        let is_sure = map(surfaces.len(), threads, |i| {
-            let share = map_of_sun.lit_within(surfaces.points[i], surfaces.normals[i], around);
-            !(0.03..0.97).contains(&share)
-        });
+        let (prior, around) =
+            if agreement > AGREE { (lit_within(EXACT[0]), EXACT[1]) } else { (rough, ROUGH[1]) };
+        let is_sure: Vec<bool> =
+            lit_within(around).into_iter().map(|share| !(0.03..0.97).contains(&share)).collect();
         let reach = coarseness * TOLD / site.metres_per_unit as f32;
         let edges = ShadowEdges::new(surfaces, &is_sure, reach, threads);
         let given = |seen: &[f32], known: &[f32]| {
