@@ -78,9 +78,8 @@ fn parse_sun(text: &str) -> Result<PhotoSun, String> {
     let Some((top, end)) = text.split_once(':') else {
         return Ok(PhotoSun::Towards(spec::parse_direction(text).map_err(|e| e.to_string())?.normalize()));
     };
-    let towards = spec::parse_point(top)? - spec::parse_point(end)?;
-    let towards = towards.try_normalize().ok_or("the top and the end of its shadow must be two points")?;
-    Ok(PhotoSun::Towards(towards))
+    let sun = PhotoSun::of_shadow(spec::parse_point(top)?, spec::parse_point(end)?);
+    sun.ok_or_else(|| "the top and the end of its shadow must be two points".into())
 }
 
 /// A lamp on the command line.

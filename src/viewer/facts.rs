@@ -224,15 +224,16 @@ fn lights(place: &PreparedPlace, change: FactChange) -> Result<Option<Lights>, F
 fn photo_sun(place: &PreparedPlace, change: FactChange) -> Result<Option<(PhotoSun, String)>, FactError> {
     match change {
         FactChange::Sun { points: [top, end] } => {
-            let towards = (top - end).normalize_or_zero();
-            let sine = towards.dot(DVec3::from_array(place.site().up));
-            if sine <= 0.0 {
-                return Err(FactError::Refused(
-                    "the shadow ends above what casts it: click the top first".into(),
-                ));
+            let up = DVec3::from_array(place.site().up);
+            match PhotoSun::of_shadow(top, end) {
+                Some(sun @ PhotoSun::Towards(towards)) if towards.dot(up) > 0.0 => {
+                    let height = towards.dot(up).asin().to_degrees();
+                    Ok(Some((sun, format!("The sun of the photos was {height:.0}° high."))))
+                }
+                _ => {
+                    Err(FactError::Refused("the shadow ends above what casts it: click the top first".into()))
+                }
             }
-            let text = format!("The sun of the photos was {:.0}° high.", sine.asin().to_degrees());
-            Ok(Some((PhotoSun::Towards(towards), text)))
         }
         FactChange::Clouds {} => Ok(Some((PhotoSun::Diffuse, "The photos have no shadows of a sun.".into()))),
         _ => Ok(None),

@@ -566,6 +566,8 @@ impl PreparedPlace {
     /// Takes the light of the capture. Where the sky is burned out in the photos, it says whether there were clouds.
     fn set_light(&mut self, light: Arc<CaptureLight>) {
         if light.is_overcast {
+            // In both: the site is made from the survey anew when lamps change.
+            self.survey.captured_sky = CapturedSky::Overcast;
             self.site.captured_sky = CapturedSky::Overcast;
         }
         self.store.light = Some(light);

@@ -54,7 +54,7 @@ pub trait SplatAttributes: Sync {
     /// changes, all but those of light; the others are neutral already. There are at most [`AttributeBlock::SPLATS`] indices.
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock);
 
-    /// Returns true if it changes [`Attribute::Visibility`]; else that is not read.
+    /// Returns true if [`Self::fill`] changes [`Attribute::Visibility`]; else it need not be called.
     fn changes_visibility(&self) -> bool {
         true
     }
@@ -123,9 +123,7 @@ impl AttributeBlock {
     #[inline]
     pub(crate) fn read_visibility(&mut self, attributes: &dyn SplatAttributes, indices: &[u32]) {
         self.column_mut(Attribute::Visibility).fill(Attribute::Visibility.neutral());
-        if attributes.changes_visibility() {
-            attributes.fill(indices, self);
-        }
+        attributes.fill(indices, self);
     }
 
     /// The same of light alone.

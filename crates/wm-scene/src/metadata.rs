@@ -113,6 +113,12 @@ pub enum PhotoSun {
 }
 
 impl PhotoSun {
+    /// The sun by a point and the end of its shadow, world axes; `None` if they are one point.
+    #[must_use]
+    pub fn of_shadow(top: DVec3, end: DVec3) -> Option<Self> {
+        (top - end).try_normalize().map(Self::Towards)
+    }
+
     /// The same sun with its direction changed.
     #[must_use]
     pub fn map(self, change: impl FnOnce(DVec3) -> DVec3) -> Self {

@@ -117,25 +117,26 @@ impl<'a> Front<'a> {
         (part.visible, part.project, part.medium, part.intersect) = (0, 0.0, 0.0, 0.0);
         let mut scratch = Box::<ClusterScratch>::default();
         let mut used = 0;
+        let fading = attributes.filter(|attributes| attributes.changes_visibility());
+        let light =
+            attributes.filter(|attributes| attributes.changes_light() && self.shading == Shading::Color);
         for cluster in clusters {
             if self.cull.culls(&model.clusters[cluster]) {
                 continue;
             }
             let begun = Instant::now();
             let source = &model.source[cluster * CLUSTER..(cluster + 1) * CLUSTER];
-            let fading = attributes.filter(|attributes| attributes.changes_visibility());
             if let Some(attributes) = fading {
                 scratch.attributes.read_visibility(attributes, source);
             }
             let groups = dispatch!(self.path, s => self.project_cluster(s, model, fading.is_some(), cluster, &mut scratch));
             let projected = Instant::now();
-            let light = attributes.filter(|attributes| attributes.changes_light());
-            if let Some(light) = light.filter(|_| self.shading == Shading::Color && groups > 0) {
+            if let Some(light) = light.filter(|_| groups > 0) {
                 let mut seen = [0; CLUSTER];
                 for (group, to) in seen.chunks_exact_mut(GROUP).take(groups).enumerate() {
                     let from = &source[scratch.names[group] * GROUP..][..GROUP];
                     let mask = scratch.projected[group].mask;
-                    // What is not in view reads what is, so that it costs no memory access.
+                    // Lanes out of view repeat one in view: their own gains are not needed, and would be fetched from memory.
                     let first = from[(mask.trailing_zeros() & 15) as usize];
                     for lane in 0..GROUP {
                         to[lane] = if mask >> lane & 1 == 1 { from[lane] } else { first };

@@ -46,6 +46,7 @@ const MOVED: f64 = 0.02;
 const WIDE: [f64; 2] = [0.6, 0.4];
 const FLAT: f64 = 0.1;
 const OPAQUE: f64 = 0.95;
+
 /// The surfaces of a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FusedSurfaces<'a> {
@@ -53,7 +54,7 @@ pub struct FusedSurfaces<'a> {
     pub splats: Cow<'a, Splats>,
     /// The first so many are discs whose third axis looks to where they were seen from.
     pub oriented: usize,
-    /// What stands behind the discs, as splats.
+    /// Splats that make the space behind the discs solid, such as the houses behind walls: they stop light and are not seen.
     pub backing: Cow<'a, Splats>,
     /// The replacement of each splat of the scene; empty where no views were given.
     pub stand_ins: Vec<StandIn>,
@@ -146,7 +147,8 @@ impl<'a> FusedSurfaces<'a> {
                 ..surfel(at, (disc.normal, up), scales, disc.rgb, OPAQUE)
             });
         }
-        let places = map(splats.len(), threads, |index| {
+        let has_floor = stand_ins.contains(&StandIn::Floor);
+        let places = map(if has_floor { splats.len() } else { 0 }, threads, |index| {
             let mean = DVec3::from_array(splats.means[index].map(f64::from));
             let seen = |view: &PhotoView| view.on_ground(mean);
             let nearest = match stand_ins[index] {

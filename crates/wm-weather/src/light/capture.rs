@@ -12,8 +12,8 @@ use super::irradiance::{SceneLight, SkyGradation, SurfaceLight};
 use super::openness;
 use super::places::{PointGrid, Surfaces, light_of};
 use super::quantile::{median, quantile};
-use super::shadow_edges::ShadowEdges;
-use super::sun_search::{self, FoundSun, Pair, same_material};
+use super::shadow_edges::{ShadowEdges, edge_share};
+use super::sun_search::{self, FoundSun, Pair, along};
 use super::sun_shadows::SunShadows;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{CapturedSky, Site};
@@ -39,7 +39,7 @@ const THIN: f64 = 0.06;
 const MEAN_ALBEDO: f64 = 0.25;
 const USUAL: f64 = 1.5;
 const MOST_EXPOSURE: f64 = 3.0;
-/// The share of the ground that is darker than where cards may be display white: in even light, and in that of a sun.
+/// Quantile of the ground's irradiance at which a white card is at most display white: in even light, and in that of a sun.
 const DARK_GROUND: [f64; 2] = [0.25, 0.75];
 /// Least cosine between up and the normal of ground.
 const LEVEL: f32 = 0.8;
@@ -47,15 +47,13 @@ const LEVEL: f32 = 0.8;
 const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun: 255, is_sky: false };
 /// Cosine of the sun's incidence on leaves, which turn to all sides.
 const LEAVES: f64 = 0.5;
-/// Radius about a point over which the map is averaged, and that within which it must agree for its word to be sure, m: where at least
-/// a share of the pairs in sun and shade show it, and where the geometry is rough.
+/// Radius about a point over which the map is averaged, m, and radius within which all of it must be lit or all in shade to be
+/// believed, m: where more than [`AGREE`] of the pairs in sun and shade show it, and where fewer do.
 const EXACT: [f32; 2] = [0.12, 0.3];
 const ROUGH: [f32; 2] = [0.35, 1.2];
 const AGREE: f64 = 0.7;
 /// The share below which the shadows are not those of this sun.
 const LEAST_AGREEMENT: f64 = 0.47;
-/// Difference of the shares of the sun around a splat from which on the edge of a shadow runs there.
-const EDGE: f32 = 0.5;
 /// Share of the sun by which colours contradict the map, and the growth of the ratio of sun to sky without what they contradict
 /// above which they take patterns for shadows.
 const CONTRADICTS: f32 = 0.2;
@@ -409,13 +407,10 @@ fn direction_text(direction: [f64; 3]) -> String {
     format!("{x:.3}, {y:.3}, {z:.3}")
 }
 
-fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (0..3).map(|k| a[k] * b[k]).sum()
-}
-
-/// The brightness of a white card in an irradiance of 1, by the median surface: photos of a courtyard are exposed for its shade.
-/// Where the light is not known, the ground may lie in a sun that was not found: it tells too. A card on the darker ground is no
-/// brighter than display white, and none in a known sun.
+/// The brightness of a white card in an irradiance of 1, display values, from 1 to [`MOST_EXPOSURE`]: the median of what the surfaces
+/// say, since photos of a courtyard are exposed for its shade. If the light is not known, the median over the ground counts too: the
+/// ground may lie in a sun that the search missed. Ground as bright as the quantile [`DARK_GROUND`] shows the card at most as display
+/// white.
 fn exposure(
     surfaces: &Surfaces,
     (light, is_known): (&SceneLight, bool),
@@ -617,34 +612,6 @@ fn sun_to_sky(
     }
     let ratio = ratios.map(|all| median(all).unwrap_or(0.0));
     ratio.iter().all(|ratio| *ratio > 0.05).then(|| ratio.map(|ratio| ratio.min(MOST_RATIO)))
-}
-
-/// The share of the sun that a splat sees across whose place the edge of a shadow runs: training leaves splats some decimetres off
-/// what they show, but their colour says which side they belong to. `None` where all `around` is in one light.
-fn edge_share<I: Iterator<Item = usize>>(
-    surfaces: &Surfaces,
-    amounts: &[[f32; 2]],
-    seen: &[f32],
-    nearest: usize,
-    around: impl Fn() -> I,
-    light: Vec3,
-) -> Option<f32> {
-    let is_like = |i: &usize| surfaces.normals[*i].dot(surfaces.normals[nearest]) > 0.9;
-    let [shade, sunny] = *amounts.get(nearest)?;
-    let (low, high) = around()
-        .filter(is_like)
-        .fold((1.0f32, 0.0f32), |(low, high), i| (low.min(seen[i]), high.max(seen[i])));
-    if high - low < EDGE || sunny < 1.05 * shade {
-        return None;
-    }
-    let log = |light: Vec3| (luminance(light.to_array().map(f64::from)) as f32).max(1e-4).ln();
-    let (mut sum, mut count) = (0.0, 0.0);
-    for i in around().filter(is_like).filter(|i| same_material(surfaces.light[*i], light)) {
-        let irradiance = amounts[i][0] + (amounts[i][1] - amounts[i][0]) * seen[i];
-        sum += log(surfaces.light[i]) - irradiance.max(1e-4).ln();
-        count += 1.0;
-    }
-    (count > 0.0).then(|| (((log(light) - sum / count).exp() - shade) / (sunny - shade)).clamp(low, high))
 }
 
 /// The share of the pairs in sun and shade by the map that show it, 0-1; 1 without any.

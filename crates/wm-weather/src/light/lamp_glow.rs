@@ -21,7 +21,7 @@ use glam::Vec3;
 use std::f32::consts::LOG2_E;
 use std::f64::consts::{PI, TAU};
 use wm_render::dispatch;
-use wm_render::hooks::{Medium, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
+use wm_render::hooks::{GROUP, Medium, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use wm_render::simd::{self, Lanes, SimdPath, exp2, log2, powf};
 use wm_scene::Camera;
 
@@ -38,8 +38,6 @@ const STEP: f32 = 1.5;
 /// Cells along a patch near a lamp, and how near that is, patches: a table with one cell is 3 % off at three patches from a lamp.
 const FINE: usize = 4;
 const NEAR_PATCHES: i64 = 3;
-/// Widest vector, by which columns are grouped.
-const GROUP: usize = 16;
 /// Share of the way from the end of an angle to its middle at which Gauss's node lies along the chord: for a small angle, and how
 /// much more it is for a right one.
 const GAUSS: [f32; 2] = [0.422_65, 0.016_6];
@@ -244,7 +242,8 @@ impl LampGlow {
         light
     }
 
-    /// Where along the nodes each pixel's surface is; returns the nodes between which all are.
+    /// Finds the distance of each pixel's surface on the scale of the nodes (2.5 is half way between the nodes 2 and 3), and returns
+    /// the nodes that the patch needs.
     #[inline(always)]
     fn node_places<S: Lanes>(
         &self,

@@ -12,6 +12,7 @@ use crate::threads::map;
 use fearless_simd::{Select, SimdBase, SimdFloat};
 use glam::{DMat3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
+use wm_render::hooks::GROUP;
 use wm_render::simd::Lanes;
 use wm_render::{
     CpuConfig, CpuRenderer, DrawPass, Frame, MedianDepth, Outputs, RenderBackend, RenderConfig, RenderError,
@@ -49,8 +50,6 @@ const LIFT_FAR: f32 = 0.012;
 const LEAVES: f32 = 0.5;
 /// Illuminance below which the light of a lamp is left out, lx.
 const LEAST: f32 = 2e-3;
-/// Most lanes of a vector.
-const WIDEST: usize = 16;
 
 /// The lamps of a place, what they shine on and what is in their shadows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -358,7 +357,7 @@ impl DepthCube {
         };
         // Whole numbers below 2^24: exact.
         let at = face.mul_add(simd.set(side * side), texel(down).mul_add(simd.set(side), texel(right)));
-        let mut lanes = [0.0f32; WIDEST];
+        let mut lanes = [0.0f32; GROUP];
         at.store_slice(&mut lanes[..S::N]);
         for lane in &mut lanes[..S::N] {
             *lane = self.inverse[*lane as usize];

@@ -90,6 +90,7 @@ impl NearSplats {
             }
             level *= WIDER;
         }
+        // The open sky, of share 1.
         sums.map(|sum| (sum + level) / (weights + level))
     }
 

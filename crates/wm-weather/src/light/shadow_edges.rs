@@ -24,6 +24,8 @@ const MAPPED: f32 = 0.01;
 /// Least luminance and irradiance whose log is taken, and least gain by the sun with which a colour tells its share.
 const DARKEST: f32 = 1e-4;
 const LEAST_GAIN: f32 = 1.05;
+/// Least difference between the sun's shares around a splat at the edge of a shadow.
+const EDGE: f32 = 0.5;
 
 /// The surfaces whose light the colours tell, with their neighbours.
 pub(super) struct ShadowEdges {
@@ -42,7 +44,7 @@ struct Unsure {
 }
 
 impl ShadowEdges {
-    /// Of the surfaces that are not sure, with neighbours up to `reach`, scene units.
+    /// Finds the neighbours, up to `reach` (scene units) away, of the surfaces whose mapped light is not sure.
     pub fn new(surfaces: &Surfaces, is_sure: &[bool], reach: f32, threads: usize) -> Self {
         let asked: Vec<usize> =
             (0..surfaces.len()).filter(|i| !is_sure[*i] && surfaces.normals[*i] != Vec3::ZERO).collect();
@@ -62,7 +64,7 @@ impl ShadowEdges {
                 .filter(|(distance, _)| *distance < reach * reach)
                 .collect();
             near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            // Near and far ones: news of the light must travel.
+            // Near and far ones, so that the light spreads in few rounds.
             let step = near.len().div_ceil(NEIGHBOURS).max(1);
             near.into_iter().step_by(step).map(|(_, other)| other).collect::<Vec<u32>>()
         });
@@ -72,10 +74,7 @@ impl ShadowEdges {
             neighbours.extend(near);
             unsure.push(Unsure { index: *index as u32, first, end: neighbours.len() as u32 });
         }
-        let color = surfaces.light.iter().map(|light| {
-            let luminance = luminance(light.to_array().map(f64::from)) as f32;
-            luminance.max(DARKEST).ln()
-        });
+        let color = surfaces.light.iter().map(|light| log_luminance(*light));
         Self { unsure, neighbours, color: color.collect() }
     }
 
@@ -117,6 +116,40 @@ impl ShadowEdges {
         }
         shares
     }
+}
+
+/// The share of the sun that a splat of this light (linear RGB) sees, if its place is at the edge of a shadow; `None` elsewhere.
+/// Training leaves splats some decimetres off what they show, but their colour says to which side they belong. `around` are the
+/// surfaces about it, `nearest` is the one that is nearest.
+pub(super) fn edge_share<I: Iterator<Item = usize>>(
+    surfaces: &Surfaces,
+    amounts: &[[f32; 2]],
+    seen: &[f32],
+    nearest: usize,
+    around: impl Fn() -> I,
+    light: Vec3,
+) -> Option<f32> {
+    let is_like = |i: &usize| surfaces.normals[*i].dot(surfaces.normals[nearest]) > ALIKE;
+    let [shade, sunny] = *amounts.get(nearest)?;
+    let (low, high) = around()
+        .filter(is_like)
+        .fold((1.0f32, 0.0f32), |(low, high), i| (low.min(seen[i]), high.max(seen[i])));
+    if high - low < EDGE || sunny < LEAST_GAIN * shade {
+        return None;
+    }
+    let (mut sum, mut count) = (0.0, 0.0);
+    for i in around().filter(is_like).filter(|i| same_material(surfaces.light[*i], light)) {
+        let irradiance = amounts[i][0] + (amounts[i][1] - amounts[i][0]) * seen[i];
+        sum += log_luminance(surfaces.light[i]) - irradiance.max(DARKEST).ln();
+        count += 1.0;
+    }
+    (count > 0.0)
+        .then(|| (((log_luminance(light) - sum / count).exp() - shade) / (sunny - shade)).clamp(low, high))
+}
+
+/// The log of the luminance of a colour, linear RGB.
+fn log_luminance(light: Vec3) -> f32 {
+    (luminance(light.to_array().map(f64::from)) as f32).max(DARKEST).ln()
 }
 
 #[cfg(test)]

@@ -87,12 +87,10 @@ impl FoundSun {
     /// Returns true if the evidence is enough for a sun over a place whose up is `up`.
     #[must_use]
     pub fn is_sun(&self, up: [f64; 3]) -> bool {
-        let sin: f64 = (0..3).map(|k| self.direction[k] * up[k]).sum();
+        let sin = along(self.direction, up);
         self.score >= LEAST_SCORE && self.score >= EVIDENT * self.rival && sin > LOWEST
     }
-}
 
-impl FoundSun {
     /// Returns true if no direction explains the shadows, not even poorly.
     #[must_use]
     pub fn is_none(&self) -> bool {
@@ -206,7 +204,8 @@ fn towards(site: &Site, elevation: f64, azimuth: f64) -> [f64; 3] {
     from_level(&level_axes(site.up), [cos * azimuth.cos(), cos * azimuth.sin(), sin])
 }
 
-fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
+/// The dot product of two directions.
+pub(super) fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|k| a[k] * b[k]).sum()
 }
 
