@@ -20,6 +20,9 @@ pub struct DatasetArgs {
     /// Folder of the COLMAP model in the data set [default: sparse/0, or another usual place]
     #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
     pub model: Option<PathBuf>,
+    /// Folder of the photos as the camera wrote them: position and time are read there where those of the data set have lost their EXIF
+    #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
+    pub originals: Option<PathBuf>,
     /// Longest side of photos, px; larger ones are reduced [default: 1600, or 500 with `reconstruct --preset draft`]
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=32768), help_heading = "Photos")]
     pub longest: Option<u32>,
@@ -45,6 +48,7 @@ impl DatasetArgs {
             images: self.images.clone(),
             masks: self.masks.clone(),
             model: self.model.clone(),
+            originals: self.originals.clone(),
             size: PhotoSize::Longest(self.longest_side()),
             bad: if self.skip_bad { BadPhotos::Skip } else { BadPhotos::Refuse },
             cache_bytes: (self.cache as usize) << 20,

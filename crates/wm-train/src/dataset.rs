@@ -18,6 +18,8 @@ pub struct DatasetReadOptions {
     pub masks: Option<PathBuf>,
     /// Folder of the COLMAP model in the data set; `None` looks in the usual places.
     pub model: Option<PathBuf>,
+    /// Folder of the photos as the camera wrote them, whose position and time are read where the data set's have lost them.
+    pub originals: Option<PathBuf>,
     /// The size at which photos are used.
     pub size: PhotoSize,
     /// The treatment of photos that cannot be used.
@@ -32,6 +34,7 @@ impl Default for DatasetReadOptions {
             images: None,
             masks: None,
             model: None,
+            originals: None,
             size: PhotoSize::Longest(1600),
             bad: BadPhotos::Refuse,
             cache_bytes: 512 << 20,
@@ -56,8 +59,8 @@ impl DatasetReadOptions {
     /// # Errors
     /// Those of [`capture::read`].
     pub fn capture(&self, dataset: &Path) -> Result<Capture, FormatError> {
-        let Self { images, masks, model, .. } = self.clone();
-        capture::read(dataset, &CaptureOptions { images, model, masks })
+        let Self { images, masks, model, originals, .. } = self.clone();
+        capture::read(dataset, &CaptureOptions { images, model, masks, originals })
     }
 
     /// Opens the photos of `capture`; [`Photos::skipped`] lists those that were left out.

@@ -1,9 +1,11 @@
 //! EXIF of photos: orientation, position and time.
 //!
 //! Only times of which the time zone is stated are read: the GPS time, which is UTC, else the camera's clock with its offset.
+//! Photos of Mapillary state both in their description.
 //! A block of EXIF may hold any bytes: all offsets are checked, and what cannot be read is left out.
 
 use super::{Gps, header::Orientation};
+use serde::Deserialize;
 use std::ops::RangeInclusive;
 
 /// The tags of EXIF that are looked at.
@@ -29,6 +31,23 @@ const MOST_OFFSET: i64 = 14;
 
 const SECONDS_A_DAY: i64 = 86_400;
 
+/// Longest description that is read, bytes.
+const DESCRIPTION: usize = 8192;
+
+/// What Mapillary's tools write into the description of a photo, as JSON; numbers are text.
+#[derive(Deserialize)]
+struct Mapillary {
+    /// UTC, such as `2014_06_07_10_24_05_656`; the last part is milliseconds.
+    #[serde(rename = "MAPCaptureTime")]
+    time: Option<String>,
+    #[serde(rename = "MAPLatitude")]
+    latitude: Option<serde_json::Value>,
+    #[serde(rename = "MAPLongitude")]
+    longitude: Option<serde_json::Value>,
+    #[serde(rename = "MAPAltitude")]
+    altitude: Option<serde_json::Value>,
+}
+
 impl Tags {
     /// Reads an EXIF block; broken blocks give what can be read of them.
     pub fn parse(bytes: &[u8]) -> Self {
@@ -48,7 +67,42 @@ impl Tags {
         tags.gps = gps.and_then(|directory| tiff.gps(directory));
         let by_gps = gps.and_then(|directory| tiff.gps_time(directory));
         tags.taken = by_gps.or_else(|| tiff.clock_time(photo?));
+        if let Some(mapillary) = tiff.text::<DESCRIPTION>(first, 0x010E).and_then(Mapillary::parse) {
+            tags.gps = tags.gps.or_else(|| mapillary.gps());
+            tags.taken = tags.taken.or_else(|| mapillary.taken());
+        }
         tags
+    }
+}
+
+impl Mapillary {
+    /// `None` if the description is any other text.
+    fn parse(description: &[u8]) -> Option<Self> {
+        serde_json::from_slice(description).ok()
+    }
+
+    fn gps(&self) -> Option<Gps> {
+        let number = |value: &Option<serde_json::Value>| match value.as_ref()? {
+            serde_json::Value::String(text) => text.trim().parse().ok(),
+            value => value.as_f64(),
+        };
+        let altitude = number(&self.altitude).filter(|metres: &f64| metres.is_finite());
+        Gps { latitude: number(&self.latitude)?, longitude: number(&self.longitude)?, altitude }.stated()
+    }
+
+    /// Seconds since 1970, UTC.
+    fn taken(&self) -> Option<f64> {
+        let (date, time) = self.time.as_ref()?.split_at_checked(10)?;
+        let mut parts = time.strip_prefix('_')?.split('_');
+        let mut part = || {
+            parts.next().filter(|part| part.len() <= 3).and_then(|part| Some(number(part.as_bytes())? as f64))
+        };
+        let (hour, minute, second) = (part()?, part()?, part()?);
+        let seconds = second + part().unwrap_or(0.0) / 1000.0;
+        Some(
+            (days(date.replace('_', ":").as_bytes())? * SECONDS_A_DAY) as f64
+                + of_day(hour, minute, seconds)?,
+        )
     }
 }
 

@@ -68,6 +68,9 @@ pub struct CaptureOptions {
     pub model: Option<PathBuf>,
     /// The folder of the masks, relative to the data set.
     pub masks: Option<PathBuf>,
+    /// The folder of the photos as the camera wrote them, for position and time where the photos of the data set have lost
+    /// them; absolute, or relative to the current folder.
+    pub originals: Option<PathBuf>,
 }
 
 /// Photographs of a place, with their cameras and the points that both were found with.
@@ -79,6 +82,8 @@ pub struct Capture {
     pub images: PathBuf,
     /// The folder that their masks lie in, if there is one.
     pub masks: Option<PathBuf>,
+    /// The folder of the photos as the camera wrote them, if they are kept besides.
+    pub originals: Option<PathBuf>,
     /// `[V]`, sorted by name.
     pub views: Vec<CaptureView>,
     /// The points of the reconstruction; may be empty.
@@ -177,6 +182,15 @@ impl Capture {
     #[must_use]
     pub fn photo(&self, view: usize) -> Option<PathBuf> {
         places::with_any_extension(&self.images.join(&self.views[view].file))
+    }
+
+    /// The file of a view's photo as the camera wrote it; `None` if it is not kept.
+    #[must_use]
+    pub fn original(&self, view: usize) -> Option<PathBuf> {
+        let folder = self.originals.as_ref()?;
+        let file = &self.views[view].file;
+        let flat = file.file_name().and_then(|name| places::with_any_extension(&folder.join(name)));
+        places::with_any_extension(&folder.join(file)).or(flat)
     }
 
     /// The mask of a view: the one that the capture names, else `NAME.png`, or NAME with another
@@ -279,9 +293,13 @@ pub(crate) fn folds(name: &str) -> String {
 
 fn read_as(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Capture, FormatError> {
     fs::metadata(dataset).map_err(|e| FormatError::reading(dataset, e))?;
+    if let Some(originals) = &options.originals {
+        fs::read_dir(originals).map_err(|e| FormatError::reading(originals, e))?;
+    }
     for format in FORMATS {
         if let Some(mut capture) = (format.read)(dataset, options, want)? {
             capture.sort();
+            capture.originals.clone_from(&options.originals);
             return Ok(capture);
         }
     }

@@ -72,5 +72,13 @@ pub fn taken_if(
             CaptureView { name, camera, distortion: Distortion::None, camera_id: 1, file, mask: None }
         })
         .collect();
-    Capture { source: "made up".into(), images: "".into(), masks: None, views, points: stored, observations }
+    Capture {
+        source: "made up".into(),
+        images: "".into(),
+        masks: None,
+        originals: None,
+        views,
+        points: stored,
+        observations,
+    }
 }

@@ -210,6 +210,7 @@ pub fn write(
         source: folder.into(),
         images,
         masks: None,
+        originals: None,
         views: taken.iter().map(view).collect(),
         points,
         observations,

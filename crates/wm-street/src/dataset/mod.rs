@@ -169,7 +169,8 @@ pub fn write(
         }
     }
     let (points, observations) = points(place, &cameras, options.points as usize);
-    let capture = Capture { source: folder.into(), images, masks: None, views, points, observations };
+    let capture =
+        Capture { source: folder.into(), images, masks: None, originals: None, views, points, observations };
     write::write(&capture, &folder.join("sparse/0"), options.storage)?;
     Ok(Some(capture))
 }

@@ -420,7 +420,11 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
     let Some(file) = capture.photo(index) else {
         return Err(PhotoError { path: capture.images.join(&view.file), fault: PhotoFault::Missing });
     };
-    let header = read_header(&file).map_err(|e| PhotoError::reading(&e))?;
+    let mut header = read_header(&file).map_err(|e| PhotoError::reading(&e))?;
+    if let Some(original) = capture.original(index).and_then(|file| read_header(&file).ok()) {
+        header.gps = header.gps.or(original.gps);
+        header.taken = header.taken.or(original.taken);
+    }
     let PhotoHeader { kind, width, height, orientation, .. } = header;
     let camera = (view.camera.width, view.camera.height);
     let stored = (width, height);

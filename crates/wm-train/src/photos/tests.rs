@@ -64,6 +64,42 @@ fn photos_are_given_with_their_cameras() {
     assert_eq!(photos.get(0, 3).unwrap().height, 3);
 }
 
+/// The beginning of a JPEG with this description in its EXIF.
+fn jpeg_header(description: &str) -> Vec<u8> {
+    let text = [description.as_bytes(), &[0]].concat();
+    let mut exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x0e\0\x02".to_vec();
+    exif.extend((text.len() as u32).to_be_bytes());
+    exif.extend(26_u32.to_be_bytes());
+    exif.extend([0; 4]);
+    exif.extend(text);
+    let length = (exif.len() as u16 + 2).to_be_bytes();
+    let frame = [0xff, 0xc0, 0, 11, 8, 0, 60, 0, 80, 1, 1, 0x11, 0];
+    [&[0xff, 0xd8, 0xff, 0xe1], &length[..], &exif, &frame].concat()
+}
+
+#[test]
+fn originals_state_place_and_time_for_photos_that_lost_them() {
+    let folder = dataset(PINHOLE, &["a.png", "s/b.png", "c.png"]);
+    let originals = folder.path().join("camera");
+    fs::create_dir(&originals).unwrap();
+    let description =
+        r#"{"MAPCaptureTime":"2024_05_30_08_56_09","MAPLatitude":"55.7","MAPLongitude":"13.2"}"#;
+    // Of another format and size, and without the folder of the data set's name.
+    fs::write(originals.join("b.jpg"), jpeg_header(description)).unwrap();
+    fs::write(originals.join("c.jpg"), "no photo").unwrap();
+    let read = |originals: &Path| {
+        let options = CaptureOptions { originals: Some(originals.into()), ..CaptureOptions::default() };
+        capture::read(folder.path(), &options)
+    };
+    let photos = Photos::open(&read(&originals).unwrap(), &PhotoOptions::default()).unwrap();
+    assert_eq!(photos.taken(), [None, None, Some(1_717_059_369.0)]);
+    let places: Vec<_> =
+        photos.gps().iter().map(|gps| gps.map(|gps| (gps.latitude, gps.longitude))).collect();
+    assert_eq!(places, [None, None, Some((55.7, 13.2))]);
+    let missing = read(&folder.path().join("nowhere")).unwrap_err().to_string();
+    assert!(missing.contains("nowhere"), "{missing}");
+}
+
 #[test]
 fn reduced_photos_scale_their_cameras() {
     let folder = dataset("PINHOLE 160 121 120 128 80 60.5", &["a.png"]);

@@ -276,7 +276,10 @@ impl CaptureLight {
             return "no sun: the place was captured under clouds".into();
         }
         match &self.search {
-            None => "no sun: shadows on the ground are too few or too faint to measure one".into(),
+            None => {
+                "no sun to take away: shadows on the ground are too few or too faint to measure its light"
+                    .into()
+            }
             Some(found) if found.is_sun(up) => format!(
                 "no sun: shadows fit one {:.1} degrees high, towards {}, but are too few or too faint to measure it",
                 height(found.direction),

@@ -14,13 +14,19 @@ fn time_stamp(values: [u32; 6]) -> Entry {
 
 /// An EXIF block with these tags in the directories of the photo and of its GPS.
 fn block(photo: &[Entry], gps: &[Entry]) -> Vec<u8> {
+    described(&[], photo, gps)
+}
+
+/// [`block`] with these tags in the first directory.
+fn described(first: &[Entry], photo: &[Entry], gps: &[Entry]) -> Vec<u8> {
     let size = |entries: &[Entry]| 2 + 12 * entries.len() + 4;
-    let photo_at = 8 + 2 + 2 * 12 + 4;
+    let photo_at = 8 + size(first) + 2 * 12;
     let gps_at = photo_at + size(photo);
     let mut values_at = gps_at + size(gps);
     let (mut out, mut values) = (b"II\x2a\0\x08\0\0\0".to_vec(), Vec::new());
     let pointer = |tag: u16, at: usize| (tag, 4, 1, (at as u32).to_le_bytes().to_vec());
-    for entries in [&[pointer(0x8769, photo_at), pointer(0x8825, gps_at)], photo, gps] {
+    let first = [first, &[pointer(0x8769, photo_at), pointer(0x8825, gps_at)]].concat();
+    for entries in [&first, photo, gps] {
         out.extend((entries.len() as u16).to_le_bytes());
         for (tag, kind, count, bytes) in entries {
             out.extend(tag.to_le_bytes());
@@ -113,6 +119,33 @@ fn times_that_are_none_are_left_out() {
     }
     for stamp in [[24, 1, 0, 1, 0, 1], [1, 1, 60, 1, 0, 1], [1, 0, 0, 1, 0, 1], [u32::MAX, 1, 0, 1, 0, 1]] {
         assert_eq!(taken(&[], &[time_stamp(stamp), text(0x001D, "2024:05:30")]), None, "{stamp:?}");
+    }
+}
+
+#[test]
+fn mapillary_states_place_and_time_in_the_description() {
+    let read = |json: &str, photo: &[Entry], gps: &[Entry]| {
+        let tags = Tags::parse(&described(&[text(0x010E, json)], photo, gps));
+        (tags.taken, tags.gps.map(|gps| (gps.latitude, gps.longitude, gps.altitude)))
+    };
+    let whole = r#"{"MAPAltitude":"37.0","MAPLatitude":"55.698167","MAPLongitude":"13.195389","MAPCaptureTime":
+        "2024_05_30_08_56_09_250","MAPCompassHeading":{"TrueHeading":179.2}}"#;
+    assert_eq!(read(whole, &[], &[]), (Some(MAY + 0.25), Some((55.698_167, 13.195_389, Some(37.0)))));
+    let numbers = r#"{"MAPLatitude":-33.5,"MAPLongitude":151.25,"MAPCaptureTime":"2024_05_30_08_56_09"}"#;
+    assert_eq!(read(numbers, &[], &[]), (Some(MAY), Some((-33.5, 151.25, None))));
+    // EXIF's own tags come first.
+    let photo = [text(0x9003, "2001:01:01 00:00:00"), text(0x9011, "+00:00")];
+    assert_eq!(read(whole, &photo, &[]).0, Some(978_307_200.0));
+    for other in [
+        "a walk in May",
+        "[]",
+        r#"{"MAPCaptureTime":"2024_05_30"}"#,
+        r#"{"MAPCaptureTime":"2024_05_30_25_56_09"}"#,
+        r#"{"MAPCaptureTime":"2024_05_30_99999999999999999999_56_09"}"#,
+        r#"{"MAPLatitude":"north","MAPLongitude":"13"}"#,
+        r#"{"MAPLatitude":"0","MAPLongitude":"0"}"#,
+    ] {
+        assert_eq!(read(other, &[], &[]), (None, None), "{other}");
     }
 }
 

@@ -306,6 +306,7 @@ mod tests {
             source: folder.into(),
             images: folder.into(),
             masks: None,
+            originals: None,
             views: Vec::new(),
             points: SparsePoints::default(),
             observations: Vec::new(),
