@@ -42,6 +42,7 @@ mod error;
 mod folder;
 mod movers;
 mod observer;
+mod painted_sky;
 mod priors;
 mod scene;
 mod score;

@@ -4,6 +4,7 @@ use super::SessionOptions;
 use super::data::TrainData;
 use super::error::SessionError;
 use super::observer::{TrainNotice, TrainObserver, TrainWarning};
+use super::painted_sky::label_painted_sky;
 use crate::brightness::PhotoGains;
 use crate::config::{HazeMode, TrainConfig};
 use crate::dataset::{Dataset, site};
@@ -24,6 +25,9 @@ use wm_scene::{Camera, Metadata, Scene, Splats};
 /// The ground under a walk and the scene's up belong together if their cosine is above this: 15 degrees, so that steep
 /// streets pass.
 const SAME_GROUND: f64 = 0.966;
+/// Weight of that ground's normal against up as the splats tell it: it is within a quarter of a degree where the ground is
+/// level and off by its slope elsewhere; splats of a drive may be off by 6 degrees, all to one side.
+const GROUND_SHARE: f64 = 0.7;
 /// Error of up by GPS below which it is not asked of the splats, degrees.
 const MEASURED: f64 = 3.0;
 /// Extent of the photos' GPS in units of its residual from which the scale is sure: some 5 %.
@@ -84,7 +88,7 @@ fn far_ground<'a>(
 }
 
 /// A photo's camera and prior, and the photo in about the size of the prior: its pixels are means of the photo's.
-type PriorView = (Camera, Arc<Prior>, Arc<Photo>);
+pub(super) type PriorView = (Camera, Arc<Prior>, Arc<Photo>);
 
 /// Returns the photos that have priors; of thousands some hundred, which show all of the place that can be seen.
 fn prior_views(data: &TrainData, priors: &Priors) -> Result<Vec<PriorView>, SessionError> {
@@ -205,11 +209,17 @@ pub(super) fn finish(
     config: &TrainConfig,
     data: &TrainData,
     options: &SessionOptions,
+    priors: Option<&Priors>,
     haze: Option<&PhotoHaze>,
     observer: &mut dyn TrainObserver,
-) -> Scene {
+) -> Result<Scene, SessionError> {
     let facts = with_up(&options.facts, data);
     label_sky(&mut splats);
+    // Through haze, splats have other colours than the photos.
+    if let (Some(priors), None, true) = (priors, haze, config.sky_splats > 0) {
+        let views = prior_views(data, priors)?;
+        label_painted_sky(&mut splats, &views, config.rasterization, options.cpu)?;
+    }
     if let Some(haze) = haze {
         let cameras = data.cameras();
         settle(&mut splats, &cameras, &haze.air());
@@ -231,14 +241,25 @@ pub(super) fn finish(
         haze.note(&mut metadata);
     }
     let mut scene = Scene { splats, metadata, views: data.views() };
-    let survey = Survey::of(&scene, &facts);
+    let mut survey = Survey::of(&scene, &facts);
+    let ground = ground(&data.set.capture);
+    if let (None, Ok(ground)) = (facts.up, &ground)
+        && ground.up.dot(survey.up.value) > SAME_GROUND
+    {
+        let estimate = survey.up_estimate.take();
+        let up = GROUND_SHARE * ground.up + (1.0 - GROUND_SHARE) * survey.up.value;
+        scene.metadata.up = Some(up.normalize());
+        scene.metadata.up_source = Some("the splats, and the ground along the path of the photos".into());
+        scene.metadata.up_confidence = Some(survey.up.confidence).filter(|up| *up != Confidence::Sure);
+        survey = Survey::of(&scene, &facts);
+        survey.up_estimate = estimate;
+    }
     let mut known = survey.metadata();
     note_up(&mut known, options, data);
     known.location = facts.location;
     (known.captured, known.captured_span) = (facts.captured, facts.captured_span);
     known.sun = facts.sun;
     site(&data.set.capture, &data.set.photos, survey.up.value).note(&mut known);
-    let ground = ground(&data.set.capture);
     if facts.ground.is_none()
         && let Ok(ground) = &ground
         && ground.up.dot(survey.up.value) > SAME_GROUND
@@ -270,7 +291,7 @@ pub(super) fn finish(
     {
         observer.on_warning(&TrainWarning::NoScale(warning));
     }
-    scene
+    Ok(scene)
 }
 
 /// The facts that were given, with up by GPS where that is sure.

@@ -288,7 +288,7 @@ impl Training {
     pub fn scene(&mut self, observer: &mut dyn TrainObserver) -> Result<Scene, SessionError> {
         let splats = self.trainer.state()?.population.drawn();
         let (config, haze) = (self.trainer.config(), self.haze.as_ref());
-        Ok(scene::finish(splats, config, &self.data, &self.options, haze, observer))
+        scene::finish(splats, config, &self.data, &self.options, self.priors.as_ref(), haze, observer)
     }
 
     /// Takes one step and returns its loss.
