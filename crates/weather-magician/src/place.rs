@@ -563,13 +563,17 @@ impl PreparedPlace {
         })
     }
 
-    /// Takes the light of the capture. Where the sky is burned out in the photos, it says whether there were clouds.
+    /// Takes the light of the capture. Shadows tell more than colours whether there were clouds.
     fn set_light(&mut self, light: Arc<CaptureLight>) {
-        if light.is_overcast {
-            // In both: the site is made from the survey anew when lamps change.
-            self.survey.captured_sky = CapturedSky::Overcast;
-            self.site.captured_sky = CapturedSky::Overcast;
-        }
+        let by_shadows = match (light.is_overcast, self.site.captured_sky) {
+            (true, _) => CapturedSky::Overcast,
+            (false, CapturedSky::Overcast) if light.sun.is_some() => CapturedSky::Clear,
+            (false, CapturedSky::Overcast) => CapturedSky::Burned,
+            (false, by_color) => by_color,
+        };
+        // In both: the site is made from the survey anew when lamps change.
+        self.survey.captured_sky = by_shadows;
+        self.site.captured_sky = by_shadows;
         self.store.light = Some(light);
     }
 

@@ -49,7 +49,7 @@ pub enum CapturedSky {
     /// It is not in the scene.
     #[default]
     Unknown,
-    /// Too bright in the photos to tell.
+    /// Too bright in the photos to tell, or grey over a place with shadows.
     Burned,
     /// Blue, with or without clouds: there is a sun.
     Clear,

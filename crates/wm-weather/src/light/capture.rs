@@ -193,7 +193,8 @@ impl CaptureLight {
         let light = captured_light(capture_sun.as_ref(), site);
         let mean = MeanSurface::of((0..surfaces.len()).map(place));
         let is_overcast = match site.captured_sky {
-            CapturedSky::Overcast => true,
+            // Photos that show little of the sky may show its clouds alone: shadows tell more.
+            CapturedSky::Overcast => capture_sun.is_none() && search.is_none_or(|search| search.is_none()),
             CapturedSky::Burned => search.is_some_and(|search| search.is_none()),
             _ => false,
         };

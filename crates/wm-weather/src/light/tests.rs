@@ -192,14 +192,16 @@ fn a_yard_under_clouds_has_no_sun() {
     assert!(light.report(site().up).starts_with("no sun"), "{}", light.report(site().up));
 }
 
-/// A white sky may be one of clouds or of an overexposed photo: shadows tell.
+/// A white sky may be one of clouds or of an overexposed photo, a grey one all that photos show of a sky with clouds: shadows tell.
 #[test]
-fn a_burned_sky_without_shadows_is_one_of_clouds() {
-    let burned = Site { captured_sky: CapturedSky::Burned, ..site() };
-    let clouds = SceneLight { sun: [0.0; 3], sky: SkyGradation::even([1.0; 3]) };
-    assert!(split_at(&burned, &yard(&clouds), 2).is_overcast);
-    let shadowed = split_at(&burned, &yard(&sunny([4.0, 3.4, 2.8])), 2);
-    assert!(!shadowed.is_overcast && shadowed.is_split());
+fn white_and_grey_skies_without_shadows_are_clouds() {
+    for captured_sky in [CapturedSky::Burned, CapturedSky::Overcast] {
+        let site = Site { captured_sky, ..site() };
+        let clouds = SceneLight { sun: [0.0; 3], sky: SkyGradation::even([1.0; 3]) };
+        assert!(split_at(&site, &yard(&clouds), 2).is_overcast, "{captured_sky:?}");
+        let shadowed = split_at(&site, &yard(&sunny([4.0, 3.4, 2.8])), 2);
+        assert!(!shadowed.is_overcast && shadowed.is_split(), "{captured_sky:?}");
+    }
 }
 
 #[test]
