@@ -39,6 +39,11 @@ const SURFACE: f32 = 0.3;
 const LEDGE: f32 = 0.7;
 const CROWN: f32 = 0.1;
 const UPRIGHT: f32 = 0.4;
+/// Area below which a surface that is seen from above is a lump of what stands over most of it, m^2, but so many cells at least;
+/// and that share.
+const LEDGE_AREA: f32 = 1.0;
+const LEDGE_CELLS: f32 = 6.0;
+const LEDGE_BELOW: f32 = 0.5;
 /// Cosine of the normal below which only the underside has been seen: the top is not known.
 const CEILING: f32 = -0.25;
 /// The same of what a camera saw that is too steep: 60 degrees.
@@ -166,6 +171,9 @@ impl GroundGrid {
                 WALL => WALL,
                 _ => ground.mean_about(node, |other| Some(ground.slope[other])),
             });
+        }
+        if ground.is_scan {
+            ground.clear_ledges(threads);
         }
         ground.is_plain = map(nodes, threads, |node| ground.lies_in_a_plain(node));
         (ground, floaters)
@@ -329,6 +337,33 @@ impl GroundGrid {
             let upper = self.cell_of(column + x, row + y).and_then(|cell| self.nodes_of(cell).next());
             upper.is_some_and(|upper| self.height[upper] > height)
         })
+    }
+
+    /// Makes pieces of walls of small surfaces that something stands over: a training leaves lumps on walls, hedges and cars, on
+    /// which slabs would hang.
+    fn clear_ledges(&mut self, threads: usize) {
+        let overlooked = map(self.len(), threads, |node| self.slope[node] != WALL && self.is_overlooked(node));
+        let mut is_done: Vec<bool> = self.slope.iter().map(|slope| *slope == WALL).collect();
+        let least = LEDGE_AREA.max(LEDGE_CELLS * self.cell * self.cell) / (self.cell * self.cell);
+        for first in 0..self.len() {
+            if std::mem::replace(&mut is_done[first], true) {
+                continue;
+            }
+            let mut piece = vec![first];
+            let mut next = 0;
+            while let Some(node) = piece.get(next).copied() {
+                next += 1;
+                for other in self.beside(node).into_iter().flatten() {
+                    if !std::mem::replace(&mut is_done[other], true) {
+                        piece.push(other);
+                    }
+                }
+            }
+            let below = piece.iter().filter(|node| overlooked[**node]).count() as f32;
+            if (piece.len() as f32) < least && below > LEDGE_BELOW * piece.len() as f32 {
+                piece.iter().for_each(|node| self.slope[*node] = WALL);
+            }
+        }
     }
 
     /// Returns true if an inner ground contains it.
