@@ -342,7 +342,8 @@ impl GroundGrid {
     /// Makes pieces of walls of small surfaces that something stands over: a training leaves lumps on walls, hedges and cars, on
     /// which slabs would hang.
     fn clear_ledges(&mut self, threads: usize) {
-        let overlooked = map(self.len(), threads, |node| self.slope[node] != WALL && self.is_overlooked(node));
+        let overlooked =
+            map(self.len(), threads, |node| self.slope[node] != WALL && self.is_overlooked(node));
         let mut is_done: Vec<bool> = self.slope.iter().map(|slope| *slope == WALL).collect();
         let least = LEDGE_AREA.max(LEDGE_CELLS * self.cell * self.cell) / (self.cell * self.cell);
         for first in 0..self.len() {

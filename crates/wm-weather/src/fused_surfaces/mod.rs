@@ -32,7 +32,7 @@ pub use floor::FloorPlane;
 use glam::DVec3;
 pub use ground_field::GroundField;
 pub use photo_view::PhotoView;
-use photo_view::Word;
+use photo_view::{Witness, Word};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use wm_scene::splats::Splat;
@@ -113,11 +113,13 @@ impl<'a> FusedSurfaces<'a> {
         }
         let metres_per_unit = site.metres_per_unit;
         let witnesses = map(views.len(), threads, |index| views[index].witness());
-        let hears = |point: DVec3| {
+        let hears_of = |middle: DVec3, radius: f64| {
             let mut said = Said::default();
-            witnesses.iter().for_each(|witness| said.add(witness.word(point, metres_per_unit)));
+            let word = |witness: &Witness| witness.word_of_ball(middle, radius, metres_per_unit);
+            witnesses.iter().for_each(|witness| said.add(word(witness)));
             said
         };
+        let hears = |point: DVec3| hears_of(point, 0.0);
         let mut discs = cubes::fuse(views, site.up, metres_per_unit, threads);
         let carve = |discs: &mut Vec<Disc>, is_asked: &(dyn Fn(usize, &Disc) -> bool + Sync)| {
             let is_free = |k: usize| is_asked(k, &discs[k]) && hears(discs[k].point).is_free();
@@ -132,7 +134,10 @@ impl<'a> FusedSurfaces<'a> {
         carve(&mut discs, &|k, disc| disc.point.distance_squared(before[k]) > moved * moved);
         let stand_ins = map(splats.len(), threads, |index| match splats.groups[index] {
             Group::Sky => StandIn::Itself,
-            _ => hears(DVec3::from_array(splats.means[index].map(f64::from))).stand_in(),
+            _ => {
+                let [a, b, c] = splats.scales(index);
+                hears_of(DVec3::from_array(splats.means[index].map(f64::from)), a.max(b).max(c)).stand_in()
+            }
         });
         let up = DVec3::from_array(site.up);
         let is_hidden = |point: DVec3| hears(point).through == 0;
@@ -193,8 +198,9 @@ impl Said {
 
     /// Returns true if cameras see through the point: several, or one to a floor, which it shows in place of this point.
     fn is_free(self) -> bool {
-        let enough = if self.seen == 0 && self.through_floor > 0 { 1 } else { CAMERAS };
-        self.through >= enough && self.through > self.seen
+        let enough = if self.through_floor > 0 { 1 } else { CAMERAS };
+        self.through >= enough
+            && (self.through > self.seen || self.through_floor > 0 && self.through_floor >= self.seen)
     }
 
     fn stand_in(self) -> StandIn {

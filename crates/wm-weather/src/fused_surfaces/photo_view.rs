@@ -57,14 +57,18 @@ pub(super) struct Witness {
 }
 
 impl Witness {
-    /// Returns the evidence about a point (world, scene units).
-    pub fn word(&self, point: DVec3, metres_per_unit: f64) -> Word {
-        let Some((x, y, z)) = self.camera.project(point) else { return Word::Nothing };
-        let (width, height) = (i64::from(self.camera.width), i64::from(self.camera.height));
-        let (x, y) = (x.floor() as i64, y.floor() as i64);
-        if x < 1 || y < 1 || x + 1 >= width || y + 1 >= height {
+    /// Returns the evidence about a ball (world, scene units; radius 0 for a point). Where its middle is off the picture, the
+    /// nearest part of the picture that it reaches tells.
+    pub fn word_of_ball(&self, middle: DVec3, radius: f64, metres_per_unit: f64) -> Word {
+        let Some((x, y, z)) = self.camera.project(middle) else { return Word::Nothing };
+        let [width, height] = [self.camera.width, self.camera.height].map(f64::from);
+        let reach = radius * self.camera.fx / z;
+        let [inside_x, inside_y] = [x.clamp(1.0, width - 2.0), y.clamp(1.0, height - 2.0)];
+        let (off_x, off_y) = ((x - inside_x).abs().floor(), (y - inside_y).abs().floor());
+        if off_x > reach || off_y > reach {
             return Word::Nothing;
         }
+        let (width, x, y) = (width as i64, inside_x as i64, inside_y as i64);
         let (nearest, floor) = self.nearest[(y * width + x) as usize];
         let nearest = f64::from(nearest);
         if z * (1.0 + BEFORE[0]) + BEFORE[1] / metres_per_unit < nearest {
