@@ -47,6 +47,9 @@ const MOST_DOUBT: [f64; 2] = [1.2, 0.1];
 /// put on the ground at any angle.
 const GRAZING: f64 = 0.25;
 const DOUBTFUL: f64 = 0.4;
+/// Distance from the surface, m, within which pixels of a walk or drive are put on it at any angle: from a path at one height a
+/// training tells lower things from errors of depth no better.
+const LOW: f64 = 0.5;
 /// Half of the slab about the surface that belongs to it: in doubts, at least and at most, m, and the most as a share of the
 /// camera's height if that is more.
 const SLAB: [f64; 4] = [2.0, 0.2, 0.6, 0.12];
@@ -68,6 +71,8 @@ pub struct GroundField {
     /// m along up, and their doubt, m; row by row.
     height: Vec<f32>,
     doubt: Vec<f32>,
+    /// True if people carried the cameras over it, or a car did.
+    is_path: bool,
 }
 
 /// Position of a camera, level axes, m, and its height above the ground, m.
@@ -173,7 +178,7 @@ impl GroundField {
         let Some(height) = field.carried_at(&cameras) else { return Some(field) };
         let feet = cameras.iter().map(|camera| *camera - middle - DVec3::new(0.0, 0.0, height));
         points.extend(feet.map(|foot| (foot.as_vec3().to_array(), FOOT)));
-        Some(Self::fit(level, metres_per_unit, middle, &points, threads))
+        Some(Self { is_path: true, ..Self::fit(level, metres_per_unit, middle, &points, threads) })
     }
 
     /// The height at which cameras (level axes, m) were carried by a person, m; `None` if they were not.
@@ -238,7 +243,7 @@ impl GroundField {
         };
         let (height, doubt) = map(side * side, threads, node).into_iter().unzip();
         let corner = [middle.x - reach, middle.y - reach];
-        Self { level, metres_per_unit, corner, spacing, side, height, doubt }
+        Self { level, metres_per_unit, corner, spacing, side, height, doubt, is_path: false }
     }
 
     /// Column and row of a point (level axes, m) on the lattice; `None` beyond it.
@@ -312,8 +317,10 @@ impl GroundField {
         let doubt = self.mean(&self.doubt, self.place(met)?);
         let slab = (SLAB[0] * doubt).clamp(SLAB[1], widest);
         let normal = self.normal(met)?;
+        let is_low = self.is_path && above.abs() < LOW;
         let is_rough = doubt > DOUBTFUL || -(self.level * normal).dot(ray) < GRAZING;
-        let is_shown = is_rough && doubt < MOST_DOUBT[0].max(MOST_DOUBT[1] * height) && above < slab;
+        let is_known = doubt < MOST_DOUBT[0].max(MOST_DOUBT[1] * height);
+        let is_shown = is_known && (is_low || is_rough && above < slab);
         is_shown.then_some(way / self.metres_per_unit)
     }
 }
