@@ -24,7 +24,7 @@ use wm_scene::survey::{Aligned, Alignment, CapturedSky, FactSource, Survey, alig
 use wm_scene::{Camera, Lamp, LitWindow, LookAt, Metadata, Scene, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::FusedSurfaces;
-use wm_weather::light::{CaptureLight, FrameGains, LampLights, LampShadows, LampsOn, SunShadows};
+use wm_weather::light::{CaptureLight, FrameGains, KnownSun, LampLights, LampShadows, LampsOn, SunShadows};
 use wm_weather::paper::{PaperCover, PaperStages};
 use wm_weather::shelter::Shelter;
 use wm_weather::{
@@ -553,7 +553,10 @@ impl PreparedPlace {
             views,
             surfaces,
             site: self.site,
-            sun: self.survey.sun.as_ref().map(|sun| sun.direction.to_array()),
+            known_sun: KnownSun {
+                direction: self.survey.sun.as_ref().map(|sun| sun.direction.to_array()),
+                elevation: self.survey.sun_elevation,
+            },
             light: self.store.light.clone(),
             casters: self.store.casters.clone(),
             threads: backend.threads(),

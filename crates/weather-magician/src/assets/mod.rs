@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use wm_scene::{Scene, Splats};
 use wm_weather::cover::{Airflow, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::{FusedSurfaces, GroundField, PhotoView};
-use wm_weather::light::{CaptureLight, LampLights, LampShadows, ShadowCasters, SunShadows};
+use wm_weather::light::{CaptureLight, KnownSun, LampLights, LampShadows, ShadowCasters, SunShadows};
 use wm_weather::open_water::OpenWater;
 use wm_weather::paper::PaperCover;
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
@@ -214,7 +214,7 @@ impl MissingAssets {
             views,
             surfaces,
             site,
-            sun,
+            known_sun,
             light,
             casters,
             threads,
@@ -258,7 +258,7 @@ impl MissingAssets {
         });
         let made_light = in_the_way.as_ref().filter(|_| self.light).map(|(found, occluders)| {
             progress.begin("splitting the light of the capture into sun and sky", None);
-            let light = CaptureLight::split(&scene.splats, found, occluders, sun, &site, threads);
+            let light = CaptureLight::split(&scene.splats, found, occluders, known_sun, &site, threads);
             progress.end();
             cache.put(&AssetFile::Light, &light);
             Arc::new(light)
@@ -339,8 +339,8 @@ pub struct AssetSource {
     pub(crate) views: SurfaceViews,
     pub(crate) surfaces: Option<FusedSurfaces<'static>>,
     pub(crate) site: Site,
-    /// Towards the sun of the capture, if place and time tell it.
-    pub(crate) sun: Option<[f64; 3]>,
+    /// What place and time tell of the sun of the capture.
+    pub(crate) known_sun: KnownSun,
     pub(crate) light: Option<Arc<CaptureLight>>,
     pub(crate) casters: Option<Arc<ShadowCasters>>,
     pub(crate) threads: usize,

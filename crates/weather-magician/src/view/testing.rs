@@ -21,6 +21,7 @@ pub fn survey() -> Survey {
         north_source: None,
         sun: None,
         sun_fault: None,
+        sun_elevation: None,
         ground: known(0.0),
         metres_per_unit: known(1.0),
         scale_source: None,

@@ -11,6 +11,8 @@ use glam::{DVec2, DVec3};
 pub struct CaptureSite {
     /// True north, and the place on Earth.
     pub place: Option<CapturePlace>,
+    /// The middle of the photos' positions, also where they do not tell north.
+    pub location: Option<Gps>,
     /// The time of the photos.
     pub time: Option<CaptureTime>,
 }
@@ -77,18 +79,20 @@ impl CaptureSite {
         let times: Vec<f64> = kept.iter().filter_map(|i| times[*i]).collect();
         Self {
             place: fit.and_then(|fit| CapturePlace::of(&both, &fit, up)),
+            location: middle(both.iter().map(|(_, gps)| *gps)),
             time: CaptureTime::of(times, centers.len()),
         }
     }
 
     /// Writes down the facts, where `metadata` do not state them.
     pub fn note(&self, metadata: &mut Metadata) {
-        if let Some(CapturePlace { north, location, photos, residual, .. }) = self.place {
-            if metadata.north.is_none() {
-                metadata.north = Some(north);
-                metadata.north_source =
-                    Some(format!("the GPS of {photos} photos, met within {residual:.1} m"));
-            }
+        if let Some(CapturePlace { north, photos, residual, .. }) = self.place
+            && metadata.north.is_none()
+        {
+            metadata.north = Some(north);
+            metadata.north_source = Some(format!("the GPS of {photos} photos, met within {residual:.1} m"));
+        }
+        if let Some(location) = self.location {
             metadata.location.get_or_insert([location.latitude, location.longitude]);
         }
         if let Some(time) = self.time

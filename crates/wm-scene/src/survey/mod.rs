@@ -56,6 +56,8 @@ pub struct Survey {
     pub sun: Option<SurveyedSun>,
     /// The reason why these give no sun.
     pub sun_fault: Option<SunFault>,
+    /// Elevation of the sun when the photos were taken, radians, 0 to pi/2, where place and time are known and north is not.
+    pub sun_elevation: Option<f64>,
     /// Height of the ground along `up`, scene units, near the middle of the scene.
     pub ground: Sourced<f64>,
     /// Metres per scene unit; never estimated, 1 if no source states it.
@@ -195,6 +197,7 @@ impl Survey {
             Ok(sun) => (sun, None),
             Err(fault) => (None, Some(fault)),
         };
+        let sun_elevation = sun::elevation(&facts).filter(|_| sun.is_none() && facts.sun.is_none());
         // A height along another direction is of no use.
         if file.up.is_some_and(|other| other.normalize().dot(up.value) < SAME_UP) {
             file.ground = None;
@@ -230,6 +233,7 @@ impl Survey {
             north_source: facts.north_source.filter(|_| north.is_some()),
             location: facts.location,
             captured: facts.captured,
+            sun_elevation,
             sun,
             sun_fault,
             metres_per_unit,

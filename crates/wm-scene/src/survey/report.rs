@@ -32,6 +32,12 @@ impl Survey {
             sky,
         ];
         lines.extend(self.sun.as_ref().map(|sun| format!("sun: {}", sun.line())));
+        lines.extend(self.sun_elevation.map(|elevation| {
+            format!(
+                "sun: {:.1} degrees high (from the time and the place of the photos; they do not tell north)",
+                elevation.to_degrees()
+            )
+        }));
         lines.extend(self.sun_fault.map(|fault| format!("sun: not known: {fault}")));
         if let Some(reasons) = self.up_estimate.as_ref().and_then(UpEstimate::reasons) {
             lines.insert(1, reasons);

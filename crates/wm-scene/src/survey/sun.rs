@@ -41,6 +41,15 @@ const LONGEST: f64 = 1800.0;
 /// Longest capture whose sun is sure, s: its ends are within 1.25 degrees of the middle.
 const SURE: f64 = 600.0;
 
+/// The elevation of the sun above the horizon when the photos were taken, radians, 0 to pi/2, by place and time alone: it needs
+/// no north. `None` if either is not known, the photos took too long, or it was below the horizon.
+pub(super) fn elevation(facts: &Metadata) -> Option<f64> {
+    let ([latitude, longitude], time) = (facts.location?, facts.captured?);
+    let is_short = facts.captured_span.unwrap_or(0.0) <= LONGEST;
+    let position = SunPosition::at(latitude, longitude, time).ok().filter(|_| is_short)?;
+    (position.elevation > 0.0).then_some(position.elevation)
+}
+
 impl SurveyedSun {
     /// `None` if north, place or time are not known; `north` is level.
     pub(super) fn of(
@@ -179,10 +188,17 @@ mod tests {
             Metadata { location: None, ..park() },
             Metadata { captured: None, ..park() },
         ] {
+            let has_north = lacking.north.is_some();
             let found = survey(lacking, &Metadata::default());
             assert_eq!((found.sun.as_ref(), found.sun_fault), (None, None));
-            assert!(!found.lines().iter().any(|line| line.starts_with("sun")));
+            // Place and time tell how high it stood.
+            assert_eq!(found.sun_elevation.is_none(), has_north);
+            assert_eq!(
+                found.lines().iter().any(|line| line.starts_with("sun: 46.9 degrees high")),
+                !has_north
+            );
         }
+        assert_eq!(survey(park(), &Metadata::default()).sun_elevation, None);
     }
 
     #[test]

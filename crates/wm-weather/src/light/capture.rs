@@ -82,6 +82,15 @@ pub struct CaptureSun {
     pub contrast_left: f64,
 }
 
+/// Facts about the sun of the photos that are known before their shadows are asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct KnownSun {
+    /// Towards it, world axes, length 1.
+    pub direction: Option<[f64; 3]>,
+    /// Elevation above the horizon, radians, 0 to pi/2, where the direction is not known.
+    pub elevation: Option<f64>,
+}
+
 /// The light of a capture, and its fall on each splat.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CaptureLight {
@@ -146,14 +155,14 @@ impl MeanSurface {
 }
 
 impl CaptureLight {
-    /// Splits the light of a scene. `found` are its surfaces, `occluders` what stands in the way of light, `sun` the direction
-    /// towards the sun (world axes) if it is known. Equal for any number of threads.
+    /// Splits the light of a scene. `found` are its surfaces, `occluders` what stands in the way of light, `known` what
+    /// is known of the sun. Equal for any number of threads.
     #[must_use]
     pub fn split(
         splats: &Splats,
         found: &FusedSurfaces<'_>,
         occluders: &Occluders,
-        sun: Option<[f64; 3]>,
+        known: KnownSun,
         site: &Site,
         threads: usize,
     ) -> Self {
@@ -171,15 +180,18 @@ impl CaptureLight {
         let [narrow, wide] = [sun_search::NARROW, sun_search::WIDE].map(|apart| {
             sun_search::pairs(&surfaces, apart.map(|metres| coarseness * metres), site, threads)
         });
-        let search = match sun {
-            Some(_) => None,
-            None => {
-                let casters = (occluders, coarseness);
-                sun_search::find_sun(&surfaces, &open, [&narrow, &wide], casters, site, threads)
-            }
-        };
+        // Under a grey sky a known sun may have shone or not: shadows tell.
+        let is_asked = known.direction.is_none() || site.captured_sky == CapturedSky::Overcast;
+        let search = is_asked.then(|| {
+            let casters = (occluders, coarseness);
+            let by = (site, known.elevation);
+            sun_search::find_sun(&surfaces, &open, [&narrow, &wide], casters, by, threads)
+        });
+        let search = search.flatten();
         let up = Vec3::from_array(site.up.map(|v| v as f32));
-        let sun = sun.or_else(|| search.filter(|found| found.is_sun(site.up)).map(|found| found.direction));
+        let sun = known
+            .direction
+            .or_else(|| search.filter(|found| found.is_sun(site.up)).map(|found| found.direction));
         let sun = sun.filter(|sun| along(*sun, site.up) > LOWEST_SUN);
         let split = sun
             .and_then(|sun| Split::of(&surfaces, &open, &wide, (occluders, coarseness), sun, site, threads));

@@ -29,7 +29,7 @@ mod sun_search;
 mod sun_shadows;
 mod windows;
 
-pub use capture::{CaptureLight, CaptureSun, MOST_LEFT};
+pub use capture::{CaptureLight, CaptureSun, KnownSun, MOST_LEFT};
 pub use clear_sky::{ClearSky, beam_transmittance};
 pub use clouds::CloudShadows;
 pub use day::OpenLight;

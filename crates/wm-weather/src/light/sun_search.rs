@@ -204,19 +204,27 @@ fn towards(site: &Site, elevation: f64, azimuth: f64) -> [f64; 3] {
     from_level(&level_axes(site.up), [cos * azimuth.cos(), cos * azimuth.sin(), sin])
 }
 
+/// The direction of the same azimuth at an elevation, radians.
+fn at_elevation(direction: [f64; 3], elevation: f64, site: &Site) -> [f64; 3] {
+    let up = DVec3::from_array(site.up);
+    let level = DVec3::from_array(direction).reject_from(up).normalize_or_zero();
+    let (sin, cos) = elevation.sin_cos();
+    (level * cos + up * sin).to_array()
+}
+
 /// The dot product of two directions.
 pub(super) fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|k| a[k] * b[k]).sum()
 }
 
-/// Looks for the sun by wide pairs, then by narrow ones; `open` is what each surface sees of the sky. `None` if no ground tells.
+/// Looks for the sun by wide pairs, then by narrow ones, at an elevation (radians) if that is known; `open` is what each surface sees of the sky. `None` if no ground tells.
 /// Under clouds no direction explains the shadows, and the best is no sun ([`FoundSun::is_sun`]).
 pub(super) fn find_sun(
     surfaces: &Surfaces,
     open: &[[f32; 2]],
     [narrow, wide]: [&[Pair]; 2],
     (occluders, coarseness): (&Occluders, f32),
-    site: &Site,
+    (site, elevation): (&Site, Option<f64>),
     threads: usize,
 ) -> Option<FoundSun> {
     let wide = ground_pairs(surfaces, open, wide, site);
@@ -225,8 +233,14 @@ pub(super) fn find_sun(
     }
     let coarse = occluders.sketched(COARSE);
     let mut tried: Vec<[f64; 3]> = Vec::new();
-    for elevation in (ELEVATIONS[0]..=ELEVATIONS[1]).step_by(STEP as usize) {
-        let elevation = f64::from(elevation).to_radians();
+    let elevations = match elevation {
+        Some(elevation) => vec![elevation],
+        None => {
+            let all = (ELEVATIONS[0]..=ELEVATIONS[1]).step_by(STEP as usize);
+            all.map(|degrees| f64::from(degrees).to_radians()).collect()
+        }
+    };
+    for elevation in elevations {
         let around = (TAU * elevation.cos() / STEP.to_radians()).round().max(6.0) as u32;
         let azimuth = |k: u32| TAU * f64::from(k) / f64::from(around);
         tried.extend((0..around).map(|k| towards(site, elevation, azimuth(k))));
@@ -238,11 +252,12 @@ pub(super) fn find_sun(
     };
     let best = best_of(&|_| true)?;
     let far = best_of(&|k| along(tried[*k], tried[best]) < FAR);
+    let raised = |direction: [f64; 3]| elevation.map_or(direction, |to| at_elevation(direction, to, site));
     // The true direction of either lies between those that were tried.
     let closer = |at: usize| {
         let around = about(tried[at], WIDE_STEP);
         let scores = map(around.len(), threads, |k| score((surfaces, &wide), around[k], &coarse, tells));
-        (centred(&around, &scores, WEIGHED), scores.into_iter().fold(0.0, f64::max))
+        (raised(centred(&around, &scores, WEIGHED)), scores.into_iter().fold(0.0, f64::max))
     };
     let [mut own, mut rival] = [closer(best), far.map_or((tried[best], 0.0), closer)];
     if rival.1 > own.1 {
@@ -260,7 +275,7 @@ pub(super) fn find_sun(
     let scores = map(around.len(), threads, |k| score((surfaces, &narrow), around[k], &fine, tells));
     // Rough geometry says nothing more finely.
     let is_told = scores.iter().any(|score| *score >= LEAST_SCORE);
-    let direction = if is_told { centred(&around, &scores, FINELY_WEIGHED) } else { direction };
+    let direction = if is_told { raised(centred(&around, &scores, FINELY_WEIGHED)) } else { direction };
     Some(FoundSun { direction, ..found })
 }
 

@@ -1,7 +1,7 @@
 //! A yard with a wall under a sun, whose light is known.
 
 use super::irradiance::{SceneLight, SkyGradation};
-use super::{CaptureLight, LightCasts, LightGains, NewLight, ShadowCasters, SunShadows};
+use super::{CaptureLight, KnownSun, LightCasts, LightGains, NewLight, ShadowCasters, SunShadows};
 use crate::cover::surfel;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{CapturedSky, Site};
@@ -87,7 +87,17 @@ fn split(splats: &Splats, threads: usize) -> CaptureLight {
 
 fn split_at(site: &Site, splats: &Splats, threads: usize) -> CaptureLight {
     let occluders = Occluders::of(splats, site, &ShelterOptions::default());
-    CaptureLight::split(splats, &FusedSurfaces::from_splats(splats), &occluders, None, site, threads)
+    split_knowing(KnownSun::default(), &occluders, site, splats, threads)
+}
+
+fn split_knowing(
+    known: KnownSun,
+    occluders: &Occluders,
+    site: &Site,
+    splats: &Splats,
+    threads: usize,
+) -> CaptureLight {
+    CaptureLight::split(splats, &FusedSurfaces::from_splats(splats), occluders, known, site, threads)
 }
 
 /// Sun and sky of which level ground gets 1 in all, the sun `ratio` times the sky.
@@ -202,6 +212,19 @@ fn white_and_grey_skies_without_shadows_are_clouds() {
         let shadowed = split_at(&site, &yard(&sunny([4.0, 3.4, 2.8])), 2);
         assert!(!shadowed.is_overcast && shadowed.is_split(), "{captured_sky:?}");
     }
+}
+
+/// Time and place tell how high the sun stood, its shadows from where it shone.
+#[test]
+fn a_known_elevation_is_kept() {
+    let splats = yard(&sunny([4.0, 3.4, 2.8]));
+    let occluders = Occluders::of(&splats, &site(), &ShelterOptions::default());
+    let elevation = sun().z.asin();
+    let known = KnownSun { direction: None, elevation: Some(elevation) };
+    let found = split_knowing(known, &occluders, &site(), &splats, 2).sun.unwrap();
+    let direction = DVec3::from_array(found.direction);
+    assert!((direction.z.asin() - elevation).abs() < 1e-6, "{direction}");
+    assert!(direction.angle_between(sun()).to_degrees() < 2.0, "{direction}");
 }
 
 #[test]

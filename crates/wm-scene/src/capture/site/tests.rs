@@ -84,7 +84,9 @@ fn straight_walks_without_heights_tell_north_if_up_is_known() {
         }
     }
     let short = Flight::over(LUND, (0..12).map(|i| DVec3::X * f64::from(i)));
-    assert_eq!(short.site().place, None);
+    let site = short.site();
+    assert_eq!(site.place, None);
+    assert!(site.location.unwrap().enu_from(&LUND).truncate().length() < 15.0);
 }
 
 #[test]
