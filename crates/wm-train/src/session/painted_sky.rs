@@ -115,7 +115,7 @@ mod tests {
     use crate::priors::Prior;
     use glam::DVec3;
     use std::sync::Arc;
-    use wm_scene::{Camera, sh};
+    use wm_scene::Camera;
 
     const SIZE: (u32, u32) = (48, 32);
     const BLUE: [u8; 3] = [90, 140, 220];
@@ -147,7 +147,7 @@ mod tests {
             splats.quats.push([1.0, 0.0, 0.0, 0.0]);
             splats.log_scales.push([0.1f32.ln(); 3]);
             splats.logit_opacities.push(2.0);
-            splats.sh.extend(color.map(|c| ((f64::from(c) / 255.0 - 0.5) / sh::C0) as f32));
+            splats.sh.extend(color.map(|c| ((f64::from(c) / 255.0 - 0.5) / C0) as f32));
             splats.sh.extend([0.0; 9]);
             splats.groups.push(Group::Scene);
         }
