@@ -20,7 +20,7 @@ pub struct DatasetArgs {
     /// Folder of the COLMAP model in the data set [default: sparse/0, or another usual place]
     #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
     pub model: Option<PathBuf>,
-    /// Folder of the photos as the camera wrote them: position and time are read there where those of the data set have lost their EXIF
+    /// Folder of the original photos, whose EXIF gives position and time if the photos of the data set have none
     #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
     pub originals: Option<PathBuf>,
     /// Longest side of photos, px; larger ones are reduced [default: 1600, or 500 with `reconstruct --preset draft`]

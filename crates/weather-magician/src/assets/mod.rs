@@ -339,7 +339,7 @@ pub struct AssetSource {
     pub(crate) views: SurfaceViews,
     pub(crate) surfaces: Option<FusedSurfaces<'static>>,
     pub(crate) site: Site,
-    /// What place and time tell of the sun of the capture.
+    /// The direction or elevation of the capture's sun, as the survey knows it.
     pub(crate) known_sun: KnownSun,
     pub(crate) light: Option<Arc<CaptureLight>>,
     pub(crate) casters: Option<Arc<ShadowCasters>>,

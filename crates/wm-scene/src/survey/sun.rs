@@ -41,13 +41,25 @@ const LONGEST: f64 = 1800.0;
 /// Longest capture whose sun is sure, s: its ends are within 1.25 degrees of the middle.
 const SURE: f64 = 600.0;
 
-/// The elevation of the sun above the horizon when the photos were taken, radians, 0 to pi/2, by place and time alone: it needs
-/// no north. `None` if either is not known, the photos took too long, or it was below the horizon.
+/// The position of the sun at the place and the time of the photos; `None` if either is not known.
+fn position(facts: &Metadata) -> Result<Option<SunPosition>, SunFault> {
+    let (Some([latitude, longitude]), Some(time)) = (facts.location, facts.captured) else { return Ok(None) };
+    let span = facts.captured_span.unwrap_or(0.0);
+    if span > LONGEST {
+        return Err(SunFault::Long(span));
+    }
+    // Metadata have places and times for which it is defined.
+    let Ok(position) = SunPosition::at(latitude, longitude, time) else { return Ok(None) };
+    if position.elevation <= 0.0 {
+        return Err(SunFault::Below(position.elevation.to_degrees()));
+    }
+    Ok(Some(position))
+}
+
+/// The elevation of the sun above the horizon when the photos were taken, radians, 0 to pi/2. It needs no north. `None` if place or
+/// time is not known, the photos took too long, or the sun was below the horizon.
 pub(super) fn elevation(facts: &Metadata) -> Option<f64> {
-    let ([latitude, longitude], time) = (facts.location?, facts.captured?);
-    let is_short = facts.captured_span.unwrap_or(0.0) <= LONGEST;
-    let position = SunPosition::at(latitude, longitude, time).ok().filter(|_| is_short)?;
-    (position.elevation > 0.0).then_some(position.elevation)
+    Some(position(facts).ok()??.elevation)
 }
 
 impl SurveyedSun {
@@ -62,19 +74,9 @@ impl SurveyedSun {
             Some(PhotoSun::Towards(sun)) => return Self::given(sun.normalize(), up.value, north).map(Some),
             None => {}
         }
-        let (Some(north), Some([latitude, longitude]), Some(time)) = (north, facts.location, facts.captured)
-        else {
-            return Ok(None);
-        };
+        let Some(north) = north else { return Ok(None) };
+        let Some(position) = position(facts)? else { return Ok(None) };
         let span = facts.captured_span.unwrap_or(0.0);
-        if span > LONGEST {
-            return Err(SunFault::Long(span));
-        }
-        // Metadata have places and times for which it is defined.
-        let Ok(position) = SunPosition::at(latitude, longitude, time) else { return Ok(None) };
-        if position.elevation <= 0.0 {
-            return Err(SunFault::Below(position.elevation.to_degrees()));
-        }
         let [along_east, along_north, along_up] = position.east_north_up();
         let east = north.cross(up.value);
         let own = if span > SURE { Confidence::Likely } else { Confidence::Sure };

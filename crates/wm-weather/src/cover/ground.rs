@@ -39,8 +39,7 @@ const SURFACE: f32 = 0.3;
 const LEDGE: f32 = 0.7;
 const CROWN: f32 = 0.1;
 const UPRIGHT: f32 = 0.4;
-/// Area below which a surface that is seen from above is a lump of what stands over most of it, m^2, but so many cells at least;
-/// and that share.
+/// Largest area of a lump on a wall, m^2, but so many cells at least; and the share of it beside which something stands higher.
 const LEDGE_AREA: f32 = 1.0;
 const LEDGE_CELLS: f32 = 6.0;
 const LEDGE_BELOW: f32 = 0.5;
@@ -339,8 +338,8 @@ impl GroundGrid {
         })
     }
 
-    /// Makes pieces of walls of small surfaces that something stands over: a training leaves lumps on walls, hedges and cars, on
-    /// which slabs would hang.
+    /// Lets nothing lie on small surfaces beside which something stands higher: they are lumps that a training leaves on walls,
+    /// hedges and cars.
     fn clear_ledges(&mut self, threads: usize) {
         let overlooked =
             map(self.len(), threads, |node| self.slope[node] != WALL && self.is_overlooked(node));

@@ -47,8 +47,8 @@ const MOST_DOUBT: [f64; 2] = [1.2, 0.1];
 /// put on the ground at any angle.
 const GRAZING: f64 = 0.25;
 const DOUBTFUL: f64 = 0.4;
-/// Distance from the surface, m, within which pixels of a walk or drive are put on it at any angle: from a path at one height a
-/// training tells lower things from errors of depth no better.
+/// Distance from the surface, m, within which pixels of a walk or drive are put on it at any angle: errors of depth leave lumps as
+/// high as that on the ground.
 const LOW: f64 = 0.5;
 /// Half of the slab about the surface that belongs to it: in doubts, at least and at most, m, and the most as a share of the
 /// camera's height if that is more.

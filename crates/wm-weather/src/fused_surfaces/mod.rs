@@ -196,11 +196,12 @@ impl Said {
         *floors += u32::from(floor);
     }
 
-    /// Returns true if cameras see through the point: several, or one to a floor, which it shows in place of this point.
+    /// Returns true if cameras see through the point: several and more than see it, or to a floor no fewer than see it.
     fn is_free(self) -> bool {
-        let enough = if self.through_floor > 0 { 1 } else { CAMERAS };
-        self.through >= enough
-            && (self.through > self.seen || self.through_floor > 0 && self.through_floor >= self.seen)
+        if self.through_floor > 0 {
+            return self.through > self.seen || self.through_floor >= self.seen;
+        }
+        self.through >= CAMERAS && self.through > self.seen
     }
 
     fn stand_in(self) -> StandIn {

@@ -217,7 +217,8 @@ pub(super) fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|k| a[k] * b[k]).sum()
 }
 
-/// Looks for the sun by wide pairs, then by narrow ones, at an elevation (radians) if that is known; `open` is what each surface sees of the sky. `None` if no ground tells.
+/// Looks for the sun by wide pairs, then by narrow ones, at `elevation` (radians) if that is known. `open` is what each surface sees
+/// of the sky. `None` if no ground tells.
 /// Under clouds no direction explains the shadows, and the best is no sun ([`FoundSun::is_sun`]).
 pub(super) fn find_sun(
     surfaces: &Surfaces,

@@ -202,7 +202,7 @@ fn a_yard_under_clouds_has_no_sun() {
     assert!(light.report(site().up).starts_with("no sun"), "{}", light.report(site().up));
 }
 
-/// A white sky may be one of clouds or of an overexposed photo, a grey one all that photos show of a sky with clouds: shadows tell.
+/// A white sky may be overexposed, and a grey one the clouds of a sunny day: both count as clouded only without shadows.
 #[test]
 fn white_and_grey_skies_without_shadows_are_clouds() {
     for captured_sky in [CapturedSky::Burned, CapturedSky::Overcast] {
@@ -214,7 +214,7 @@ fn white_and_grey_skies_without_shadows_are_clouds() {
     }
 }
 
-/// Time and place tell how high the sun stood, its shadows from where it shone.
+/// The elevation of the sun is known, and its azimuth is found by the shadows.
 #[test]
 fn a_known_elevation_is_kept() {
     let splats = yard(&sunny([4.0, 3.4, 2.8]));
