@@ -12,7 +12,7 @@ pub(crate) use views::{ViewDetail, WithoutSky, photo_views};
 
 use crate::{Error, Progress, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use wm_scene::{Scene, Splats};
+use wm_scene::{Camera, Scene, Splats};
 use wm_weather::cover::{Airflow, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::{FusedSurfaces, GroundField, PhotoView};
 use wm_weather::light::{CaptureLight, KnownSun, LampLights, LampShadows, ShadowCasters, SunShadows};
@@ -258,7 +258,9 @@ impl MissingAssets {
         });
         let made_light = in_the_way.as_ref().filter(|_| self.light).map(|(found, occluders)| {
             progress.begin("splitting the light of the capture into sun and sky", None);
-            let light = CaptureLight::split(&scene.splats, found, occluders, known_sun, &site, threads);
+            let cameras: Vec<Camera> = scene.views.iter().map(|view| view.camera).collect();
+            let light =
+                CaptureLight::split(&scene.splats, found, occluders, known_sun, &cameras, &site, threads);
             progress.end();
             cache.put(&AssetFile::Light, &light);
             Arc::new(light)

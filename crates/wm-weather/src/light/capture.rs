@@ -15,6 +15,7 @@ use super::quantile::{median, quantile};
 use super::shadow_edges::{ShadowEdges, edge_share};
 use super::sun_search::{self, FoundSun, Pair, along};
 use super::sun_shadows::SunShadows;
+use super::unseen_casters::{self, MappedLight};
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{CapturedSky, Site};
 use crate::shelter::Occluders;
@@ -22,7 +23,7 @@ use crate::threads::map;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use wm_scene::color::luminance;
-use wm_scene::{Group, Splats};
+use wm_scene::{Camera, Group, Splats};
 
 /// Distance within which a splat takes the light of a surface, m.
 const NEAR: f64 = 0.4;
@@ -156,13 +157,14 @@ impl MeanSurface {
 
 impl CaptureLight {
     /// Splits the light of a scene. `found` are its surfaces, `occluders` what stands in the way of light, `known` what
-    /// is known of the sun. Equal for any number of threads.
+    /// is known of the sun, `cameras` those of the photos. Equal for any number of threads.
     #[must_use]
     pub fn split(
         splats: &Splats,
         found: &FusedSurfaces<'_>,
         occluders: &Occluders,
         known: KnownSun,
+        cameras: &[Camera],
         site: &Site,
         threads: usize,
     ) -> Self {
@@ -193,8 +195,9 @@ impl CaptureLight {
             .direction
             .or_else(|| search.filter(|found| found.is_sun(site.up)).map(|found| found.direction));
         let sun = sun.filter(|sun| along(*sun, site.up) > LOWEST_SUN);
-        let split = sun
-            .and_then(|sun| Split::of(&surfaces, &open, &wide, (occluders, coarseness), sun, site, threads));
+        let split = sun.and_then(|sun| {
+            Split::of(&surfaces, &open, &wide, (occluders, coarseness), (sun, cameras), site, threads)
+        });
         let (capture_sun, seen, amounts) = match split {
             Some(split) => (Some(split.sun), split.seen, split.amounts),
             None => (None, vec![0.0; surfaces.len()], Vec::new()),
@@ -521,7 +524,7 @@ impl Split {
         open: &[[f32; 2]],
         pairs: &[Pair],
         (occluders, coarseness): (&Occluders, f32),
-        direction: [f64; 3],
+        (direction, cameras): ([f64; 3], &[Camera]),
         site: &Site,
         threads: usize,
     ) -> Option<Self> {
@@ -542,12 +545,11 @@ impl Split {
         if agreement < LEAST_AGREEMENT {
             return None;
         }
-        let (prior, around) =
+        let (mut prior, around) =
             if agreement > AGREE { (lit_within(EXACT[0]), EXACT[1]) } else { (rough, ROUGH[1]) };
-        let is_sure: Vec<bool> =
+        let mut is_sure: Vec<bool> =
             lit_within(around).into_iter().map(|share| !(0.03..0.97).contains(&share)).collect();
         let reach = coarseness * TOLD / site.metres_per_unit as f32;
-        let edges = ShadowEdges::new(surfaces, &is_sure, reach, threads);
         let given = |seen: &[f32], known: &[f32]| {
             let mean = MeanSurface::of((0..surfaces.len()).map(|i| place(seen, i)));
             let of_pairs = |pairs| sun_to_sky(surfaces, pairs, known, &mean, |i| place(seen, i));
@@ -555,10 +557,31 @@ impl Split {
             // Corners under a grey sky are darker too, but not by this.
             (luminance(ratio) * along(direction, site.up) >= LEAST_SUN).then_some((mean, ratio))
         };
-        let told = |(mean, ratio): (MeanSurface, [f64; 3])| {
-            let sun = CaptureSun { direction, ratio, lit: 0.0, contrast_left: 1.0 };
+        let in_light = |(mean, ratio): &(MeanSurface, [f64; 3])| {
+            let sun = CaptureSun { direction, ratio: *ratio, lit: 0.0, contrast_left: 1.0 };
             let light = captured_light(Some(&sun), site);
-            let mean = mean.under(&light);
+            (sun, light, mean.under(&light))
+        };
+        let by_map = given(&prior, &prior)?;
+        let may_be = unseen_casters::may_be_shaded(surfaces, cameras, direction, site, threads);
+        if may_be.contains(&true) {
+            let (_, light, mean) = in_light(&by_map);
+            let by_place = vec![0.0; surfaces.len()];
+            let reflectance = |i: usize| {
+                let shade = place(&by_place, i);
+                [0.0, 1.0].map(|sun| {
+                    let irradiance = SurfaceLight { sun, ..shade }.irradiance(&light, mean);
+                    surfaces.light[i] / Vec3::from_array(irradiance.map(|v| v.max(1e-4) as f32))
+                })
+            };
+            let mapped = MappedLight { shares: &mut prior, is_sure: &mut is_sure };
+            let around = coarseness * around / site.metres_per_unit as f32;
+            unseen_casters::amend(surfaces, &may_be, mapped, reflectance, (around, site), threads);
+        }
+        let prior = prior;
+        let edges = ShadowEdges::new(surfaces, &is_sure, reach, threads);
+        let told = |found: (MeanSurface, [f64; 3])| {
+            let (sun, light, mean) = in_light(&found);
             let both = |i: usize| {
                 let shade = SurfaceLight { sun: 0.0, ..place(&prior, i) };
                 let sunny = SurfaceLight { sun: 1.0, ..shade };
@@ -568,7 +591,7 @@ impl Split {
             let seen = edges.shares(&amounts, &prior, threads);
             (sun, amounts, seen)
         };
-        let first = told(given(&prior, &prior)?);
+        let first = told(by_map);
         // The map without what colours contradict tells the ratio better, unless it gives way to them.
         let agreed: Vec<f32> = prior
             .iter()

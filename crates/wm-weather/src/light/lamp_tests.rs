@@ -51,7 +51,7 @@ fn yard() -> Splats {
 fn lit(lamp: Lamp, splats: &Splats, threads: usize) -> (CaptureLight, LampShadows) {
     let occluders = Occluders::of(splats, &SITE, &ShelterOptions::default());
     let found = FusedSurfaces::from_splats(splats);
-    let capture = CaptureLight::split(splats, &found, &occluders, KnownSun::default(), &SITE, threads);
+    let capture = CaptureLight::split(splats, &found, &occluders, KnownSun::default(), &[], &SITE, threads);
     let lamps = LampLights::of(&[lamp], &[], 1.0);
     let shadows = LampShadows::of(&lamps, splats, &capture, &splats.means, &SITE, threads).unwrap();
     (capture, shadows)

@@ -27,6 +27,7 @@ mod quantile;
 mod shadow_edges;
 mod sun_search;
 mod sun_shadows;
+mod unseen_casters;
 mod windows;
 
 pub use capture::{CaptureLight, CaptureSun, KnownSun, MOST_LEFT};

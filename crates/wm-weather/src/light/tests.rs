@@ -97,7 +97,7 @@ fn split_knowing(
     splats: &Splats,
     threads: usize,
 ) -> CaptureLight {
-    CaptureLight::split(splats, &FusedSurfaces::from_splats(splats), occluders, known, site, threads)
+    CaptureLight::split(splats, &FusedSurfaces::from_splats(splats), occluders, known, &[], site, threads)
 }
 
 /// Sun and sky of which level ground gets 1 in all, the sun `ratio` times the sky.
