@@ -240,12 +240,7 @@ impl TrainConfig {
     /// The configuration of a preset.
     #[must_use]
     pub fn preset(preset: Preset) -> Self {
-        let steps = match preset {
-            Preset::Draft => 600,
-            Preset::Quick => 2_000,
-            Preset::Standard => 7_000,
-            Preset::Best => 30_000,
-        };
+        let steps = preset.steps();
         let max_splats = preset.max_splats();
         Self {
             steps,
@@ -305,8 +300,28 @@ impl RateConfig {
 
 /// Pixels that confirm what two other photos show, for each splat, at least: more splats than that learn single photos by heart.
 const PIXELS_A_SPLAT: u64 = 15;
+/// Most steps for each photo: published trainings take 30,000 steps with 100 to 300 photos, and more learn few photos by heart.
+const STEPS_A_PHOTO: u32 = 100;
 
 impl Preset {
+    /// The number of steps where there are enough photos.
+    #[must_use]
+    pub fn steps(self) -> u32 {
+        match self {
+            Self::Draft => 600,
+            Self::Quick => 2_000,
+            Self::Standard => 7_000,
+            Self::Best => 30_000,
+        }
+    }
+
+    /// The number of steps for so many photos: at most 100 a photo, but those of [`Preset::Quick`] in any case.
+    #[must_use]
+    pub fn steps_for(self, photos: usize) -> u32 {
+        let most = u32::try_from(photos).unwrap_or(u32::MAX).saturating_mul(STEPS_A_PHOTO);
+        self.steps().min(most.max(Self::Quick.steps()))
+    }
+
     /// Most splats for photos of which so many pixels confirm what two others show; see [`crate::overlap`].
     #[must_use]
     pub fn max_splats_for(self, confirmed: u64) -> usize {
@@ -344,6 +359,9 @@ mod tests {
         // Nine photos of 320x237, of which six tenths are confirmed.
         assert_eq!(Preset::Quick.max_splats_for(9 * 320 * 237 * 6 / 10), 27_302);
         assert_eq!(Preset::Quick.max_splats_for(100), 1000);
+        // Few photos get fewer steps, but those of `quick` in any case.
+        assert_eq!([8, 40, 300].map(|photos| Preset::Best.steps_for(photos)), [2000, 4000, 30_000]);
+        assert_eq!([Preset::Draft, Preset::Standard].map(|preset| preset.steps_for(40)), [600, 4000]);
         assert_eq!([Preset::Quick, Preset::Best].map(|p| p.max_splats_for(u64::MAX)), [100_000, 1_000_000]);
     }
 }

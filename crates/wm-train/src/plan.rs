@@ -13,7 +13,7 @@ use wm_scene::Rasterization;
 pub struct TrainPlan {
     /// The preset.
     pub preset: Preset,
-    /// The number of steps; `None` keeps the preset's.
+    /// The number of steps; `None` takes the preset's, or 100 a photo if that is less; see [`Preset::steps_for`].
     pub steps: Option<u32>,
     /// The largest number of splats; `None` takes the preset's, or one for every 15 pixels that confirm what two others show if
     /// that is less.
@@ -103,16 +103,14 @@ pub enum PlanError {
 }
 
 impl TrainPlan {
-    /// Returns the configuration for photos of which `confirmed` pixels confirm what two others show; see
+    /// Returns the configuration for so many photos, of which `confirmed` pixels confirm what two others show; see
     /// [`crate::overlap`].
     ///
     /// # Errors
     /// [`PlanError`] names what is unknown or out of range.
-    pub fn config(&self, confirmed: u64) -> Result<TrainConfig, PlanError> {
+    pub fn config(&self, photos: usize, confirmed: u64) -> Result<TrainConfig, PlanError> {
         let mut config = TrainConfig::preset(self.preset);
-        if let Some(steps) = self.steps {
-            config.set_steps(steps);
-        }
+        config.set_steps(self.steps.unwrap_or_else(|| self.preset.steps_for(photos)));
         let most = self.max_splats.unwrap_or_else(|| self.preset.max_splats_for(confirmed));
         let strategy = Densify::named(&self.densify, config.steps, most);
         config.densify = strategy.ok_or_else(|| PlanError::Strategy { name: self.densify.clone() })?;

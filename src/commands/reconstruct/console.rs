@@ -82,6 +82,11 @@ impl TrainObserver for TrainingConsole<'_> {
                     100.0 * spread
                 );
             }
+            TrainNotice::FewerSteps { steps, of, photos } => {
+                eprintln!(
+                    "steps: {steps} instead of {of}, since more would learn {photos} photos by heart (--steps sets another number)"
+                );
+            }
             TrainNotice::Movers { outcome, photos } => match outcome {
                 MoverOutcome::Found { photos: with, share } => eprintln!(
                     "movers: in {with} of {photos} photos, {:.1} % of the pixels, left out: {}",

@@ -278,8 +278,12 @@ impl Session {
         data.write_poor(&folder)?;
         let config = match options.config.clone() {
             Some(config) => config,
-            None => options.plan.config(data.confirmed_pixels())?,
+            None => options.plan.config(data.set.places.len(), data.confirmed_pixels())?,
         };
+        let (steps, photos) = (options.plan.preset.steps(), data.set.places.len());
+        if options.config.is_none() && options.plan.steps.is_none() && config.steps < steps {
+            observer.on_notice(&TrainNotice::FewerSteps { steps: config.steps, of: steps, photos });
+        }
         if !folder.resumes() {
             // A folder that cannot be written should be found before the photos are compared.
             folder.write_config(&config)?;

@@ -202,6 +202,15 @@ pub enum TrainNotice {
         /// Root mean square of the logarithms of the photos' gains.
         spread: f64,
     },
+    /// The training takes fewer steps than its preset has, since it has few photos.
+    FewerSteps {
+        /// The steps that it takes.
+        steps: u32,
+        /// Those of the preset.
+        of: u32,
+        /// Training photos.
+        photos: usize,
+    },
     /// Movers were searched for.
     Movers {
         /// The conclusion.

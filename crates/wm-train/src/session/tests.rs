@@ -183,7 +183,7 @@ fn plans_and_folders_that_cannot_be_are_named() {
     let options = SessionOptions { camera_height: Some(f64::NAN), ..SessionOptions::default() };
     assert!(say(Session::new("none").options(options)).starts_with("the camera height is NaN"));
     let mut plan = TrainPlan { densify: "mcmd".into(), ..TrainPlan::default() };
-    assert!(plan.config(1000).unwrap_err().to_string().ends_with("choose one of fixed, adaptive, mcmc"));
+    assert!(plan.config(40, 1000).unwrap_err().to_string().ends_with("choose one of fixed, adaptive, mcmc"));
     plan.densify = "fixed".into();
     for (name, value, says) in [
         ("dept", 1.0, "dept: no term of that name; there are l1, ssim and "),
@@ -192,11 +192,11 @@ fn plans_and_folders_that_cannot_be_are_named() {
         ("every", 1.5, "every=1.5: must be a whole number of steps"),
     ] {
         plan.loss = vec![(name.into(), value)];
-        let said = plan.config(1000).unwrap_err().to_string();
+        let said = plan.config(40, 1000).unwrap_err().to_string();
         assert!(said.starts_with(says), "{said}");
     }
     plan.loss = vec![("depth".into(), 0.25), ("every".into(), 3.0), ("l1".into(), 0.5)];
-    let loss = plan.config(1000).unwrap().loss;
+    let loss = plan.config(40, 1000).unwrap().loss;
     assert_eq!((loss.geometry.depth, loss.geometry.every, loss.l1), (0.25, 3, 0.5));
 }
 
