@@ -3,6 +3,7 @@
 mod console;
 mod explain;
 mod lpips;
+mod prepare;
 mod watch;
 
 pub use wm_train::session::CHECKPOINT;
@@ -59,6 +60,9 @@ pub struct ReconstructArgs {
     /// precedence over GPS if given. Needs level photos that show the ground [default: 1.6]
     #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Scene")]
     camera_height: Option<f64>,
+    /// Do not compute what rain and snow need to know of the scene (SCENE.assets); the first picture with weather then waits for it
+    #[arg(long, help_heading = "Output")]
+    no_assets: bool,
     #[command(flatten)]
     watch: watch::WatchArgs,
     /// Device and threads.
@@ -85,10 +89,10 @@ struct PhotoArgs {
 /// Options of the training.
 #[derive(Args, Clone, Debug)]
 struct TrainingArgs {
-    /// Speed or quality: draft (600 steps, a first look), quick (2,000), standard (7,000) or best (30,000)
+    /// Speed or quality: draft (600 steps, a first look), quick (2,000), standard (7,000) or best (30,000); fewer for few photos
     #[arg(long, value_name = "PRESET", default_value = "standard", help_heading = "Training")]
     preset: PresetArg,
-    /// Number of steps, each with one photo [default: the preset's]
+    /// Number of steps, each with one photo [default: the preset's, at most 100 a photo, but 2000 in any case]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Training")]
     steps: Option<u32>,
     /// Maximum number of splats [default: 50,000, 100,000, 300,000 or 1,000,000 by preset, at most one per 15 pixels that confirm what two others show]
@@ -318,6 +322,11 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     scene.save(&out)?;
     println!("{}: {} splats", out.display(), scene.splats.len());
     console.end(&out);
+    if !args.no_assets
+        && let Err(error) = prepare::prepare(&out, &args.run)
+    {
+        eprintln!("warning: {}: weather is not prepared: {error:#}", out.display());
+    }
     Ok(())
 }
 
