@@ -1,0 +1,312 @@
+//! The surfaces that get wet: one a splat, with its reflectance, the rain that reaches it, and the puddle that it may lie under.
+
+use super::SlantedRain;
+use super::basins::NONE;
+use super::column::{Drainage, MOST_SHARE};
+use super::ground_map::GroundMap;
+use super::optics::{self, STEPS};
+use super::state::WetState;
+use crate::fused_surfaces::FusedSurfaces;
+use crate::light::CaptureLight;
+use crate::open_water::OpenWater;
+use crate::optics::Site;
+use crate::shelter::Shelter;
+use crate::threads::map;
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+use wm_render::hooks::AttributeBlock;
+use wm_scene::Splats;
+use wm_scene::color::{luminance, srgb_decode};
+use wm_scene::sh;
+
+/// Bounds of reflectances.
+const ALBEDOS: [f64; 2] = [0.02, 0.9];
+/// Median reflectance of the ground where the light of the capture is not known, and the bounds of the change towards it.
+const GROUND: f64 = 0.2;
+const CHANGE: [f64; 2] = [0.5, 2.0];
+/// Cosine between up and the normal from which ground is nearly level.
+const LEVEL: f32 = 0.85;
+/// Share of the rain that leaves get, which turn to all sides, and how porous they are.
+const LEAVES: f32 = 0.6;
+const LEAF_POROSITY: f32 = 0.3;
+/// Height above ground and distance from walls at which shelter is asked for, m: captured surfaces are rough.
+const LIFT: f32 = 0.25;
+const OFF_WALL: f32 = 0.4;
+/// Radius about a point over which shelter is averaged, m: on the ground and on walls.
+const SOFT: [f32; 2] = [0.4, 0.2];
+/// Height above and below the bottom of a puddle within which a splat belongs to it, m.
+const IN_PUDDLE: [f32; 2] = [0.05, 0.3];
+/// Depth over which the edge of a puddle goes over into the ground, m.
+const EDGE: f32 = 0.002;
+/// Steps of the share of the rain, and the classes: of level, steep and leafy surfaces, and of those that stay dry.
+const SHARES: usize = 64;
+const DRY: u8 = 3 * SHARES as u8;
+const CLASSES: usize = DRY as usize + 1;
+
+/// The surfaces of a scene, and its ground.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WetSurfaces {
+    splats: Vec<WetSplat>,
+    /// The puddles that splats may lie under.
+    ponds: Vec<Pond>,
+    /// Normals look to the outside; else to either side.
+    is_oriented: bool,
+    ground: GroundMap,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct WetSplat {
+    point: [f32; 3],
+    /// Normal times 127; zero of leaves.
+    normal: [i8; 3],
+    albedo: [u8; 3],
+    is_sky: bool,
+    pond: u32,
+}
+
+/// A place in a basin.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Pond {
+    basin: u32,
+    /// Height of the ground, m.
+    height: f32,
+}
+
+impl WetSurfaces {
+    /// Those of a scene, by its surfaces and its captured light, with the ground about a path (world, scene units) without
+    /// its open water.
+    #[must_use]
+    pub fn of(
+        splats: &Splats,
+        found: &FusedSurfaces<'_>,
+        capture: &CaptureLight,
+        (water, path): (&OpenWater, [[f64; 3]; 2]),
+        site: &Site,
+        threads: usize,
+    ) -> Self {
+        let ground = GroundMap::of(found, water, path, site, threads);
+        let points = found.places(splats);
+        let mean = capture.mean(&capture.light);
+        let reflectance = |index: usize| -> [f64; 3] {
+            let stride = splats.sh_stride();
+            let sh = &splats.sh[index * stride..];
+            let irradiance = capture.surface(index, site.up).irradiance(&capture.light, mean);
+            std::array::from_fn(|k| {
+                let light = srgb_decode((0.5 + sh::C0 * f64::from(sh[k])).clamp(0.0, 1.0));
+                light / (capture.white(irradiance[k])).max(1e-3)
+            })
+        };
+        let up = Vec3::from_array(site.up.map(|v| v as f32));
+        let change = ground_change(capture, up, reflectance, splats.len());
+        let made = map(splats.len(), threads, |index| {
+            let is_sky = capture.is_sky(index);
+            let normal = capture.normal(index);
+            let albedo = if is_sky { [0.0; 3] } else { reflectance(index) };
+            let albedo = albedo.map(|v| (change * v).clamp(ALBEDOS[0], ALBEDOS[1]));
+            let point = points[index];
+            let splat = WetSplat {
+                point,
+                normal: (127.0 * normal).to_array().map(|v| v.round() as i8),
+                albedo: albedo.map(|v| (v * (STEPS - 1) as f64).round() as u8),
+                is_sky,
+                pond: NONE,
+            };
+            let (place, height) = ground.locate(point.map(f64::from));
+            let faces_up = normal == Vec3::ZERO || normal.dot(up).abs() > LEVEL;
+            let pond = ground.basin_at(place).filter(|(_, bottom)| {
+                let above = height as f32 - bottom;
+                !is_sky && faces_up && (-IN_PUDDLE[1]..IN_PUDDLE[0]).contains(&above)
+            });
+            (splat, pond)
+        });
+        let mut ponds = Vec::new();
+        let splats = made.into_iter().map(|(splat, pond)| match pond {
+            Some((basin, height)) => {
+                ponds.push(Pond { basin, height });
+                WetSplat { pond: ponds.len() as u32 - 1, ..splat }
+            }
+            None => splat,
+        });
+        let splats = splats.collect();
+        Self { splats, ponds, is_oriented: found.oriented > 0, ground }
+    }
+
+    /// The ground.
+    #[must_use]
+    pub fn ground(&self) -> &GroundMap {
+        &self.ground
+    }
+
+    /// The number of splats.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.splats.len()
+    }
+
+    /// Returns true if there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.splats.is_empty()
+    }
+
+    /// The share of the rain that a splat gets, and its class.
+    fn class(&self, splat: &WetSplat, rain: &SlantedRain, shelter: Option<&Shelter>, site: &Site) -> u8 {
+        if splat.is_sky {
+            return DRY;
+        }
+        let up = Vec3::from_array(site.up.map(|v| v as f32));
+        let driving = Vec3::from_array(rain.driving.map(|v| v as f32));
+        let mut normal = Vec3::from_array(splat.normal.map(|v| f32::from(v) / 127.0));
+        if !self.is_oriented && normal.dot(up) < 0.3 {
+            // Either side may be outside: that which rain falls on.
+            let is_under = normal.dot(up) < -0.3 || normal.dot(driving) > 0.0;
+            normal = if is_under { -normal } else { normal };
+        }
+        let upright = normal.dot(up);
+        let is_leaf = normal == Vec3::ZERO;
+        let metres = site.metres_per_unit as f32;
+        let level = if is_leaf { 1.0 } else { upright.clamp(0.0, 1.0) };
+        let off = up * (LIFT * level) + normal * (OFF_WALL * (1.0 - level));
+        let at = Vec3::from_array(splat.point) + off / metres;
+        let radius = SOFT[1] + (SOFT[0] - SOFT[1]) * level;
+        let open = shelter.map_or(1.0, |shelter| shelter.exposure(at.to_array(), radius));
+        let falls = if is_leaf { LEAVES } else { upright.max(0.0) + (-normal.dot(driving)).max(0.0) };
+        let share = (open * falls / MOST_SHARE as f32).clamp(0.0, 1.0).sqrt();
+        let kind = if is_leaf { 2 } else { usize::from(upright < LEVEL) };
+        (kind * SHARES) as u8 + (share * (SHARES - 1) as f32).round() as u8
+    }
+}
+
+/// The factor that makes the median reflectance of the ground the usual one, where the light of the capture is not known.
+fn ground_change(
+    capture: &CaptureLight,
+    up: Vec3,
+    reflectance: impl Fn(usize) -> [f64; 3],
+    count: usize,
+) -> f64 {
+    if capture.is_split() || capture.is_overcast {
+        return 1.0;
+    }
+    let is_ground = |index: &usize| !capture.is_sky(*index) && capture.normal(*index).dot(up).abs() > LEVEL;
+    let mut values: Vec<f64> =
+        (0..count).step_by(7).filter(is_ground).map(|index| luminance(reflectance(index))).collect();
+    if values.is_empty() {
+        return 1.0;
+    }
+    values.sort_by(f64::total_cmp);
+    (GROUND / values[values.len() / 2].max(1e-3)).clamp(CHANGE[0], CHANGE[1])
+}
+
+/// The shares of a slanted rain that reach surfaces and ground.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WetShares {
+    /// The rain.
+    pub rain: SlantedRain,
+    /// The class of each splat.
+    classes: Vec<u8>,
+    /// The share of each cell of the ground, 0-1; 0 where there is none.
+    pub(super) ground: Vec<f32>,
+}
+
+impl WetShares {
+    /// The shares under a shelter map of the rain's direction; `None` to ignore what stands above.
+    #[must_use]
+    pub fn of(
+        surfaces: &WetSurfaces,
+        rain: &SlantedRain,
+        shelter: Option<&Shelter>,
+        site: &Site,
+        threads: usize,
+    ) -> Self {
+        let classes =
+            map(surfaces.len(), threads, |index| surfaces.class(&surfaces.splats[index], rain, shelter, site));
+        let map_of_ground = &surfaces.ground;
+        let [columns, _] = map_of_ground.size();
+        let ground = map(map_of_ground.ground.len(), threads, |at| {
+            let height = map_of_ground.ground[at];
+            if height.is_nan() {
+                return 0.0;
+            }
+            let middle = [(at % columns) as f64 + 0.5, (at / columns) as f64 + 0.5];
+            let point = map_of_ground.point(middle, f64::from(height + LIFT)).map(|v| v as f32);
+            shelter.map_or(1.0, |shelter| shelter.exposure(point, SOFT[1]))
+        });
+        Self { rain: *rain, classes, ground }
+    }
+}
+
+/// The factors on the light of the splats of a scene at one instant.
+#[derive(Clone, Debug)]
+pub struct WetGains<'a> {
+    surfaces: &'a WetSurfaces,
+    shares: &'a WetShares,
+    levels: &'a [f32],
+    /// Strengths of the pores' and of the film's change by class.
+    strengths: [[f32; 2]; CLASSES],
+    /// The strength of deep water.
+    deep: f32,
+    /// The changes by reflectance.
+    table: Box<[[f32; 2]; STEPS]>,
+}
+
+impl<'a> WetGains<'a> {
+    /// Of surfaces in a state of water. `porosity` is a factor on the darkening, 0-1.
+    #[must_use]
+    pub fn new(surfaces: &'a WetSurfaces, shares: &'a WetShares, state: &'a WetState, porosity: f64) -> Self {
+        let porosity = porosity as f32;
+        let strengths = std::array::from_fn(|class| {
+            let (kind, bin) = (class / SHARES, class % SHARES);
+            let (drainage, porosity) = match kind {
+                0 => (Drainage::Level, porosity),
+                1 => (Drainage::Steep, porosity),
+                2 => (Drainage::Steep, LEAF_POROSITY * porosity),
+                _ => return [0.0; 2],
+            };
+            let share = MOST_SHARE * (bin as f64 / (SHARES - 1) as f64).powi(2);
+            let wet = state.wet(drainage, share);
+            let strength = porosity * wet.pores;
+            [strength * (1.0 - wet.film), strength * wet.film]
+        });
+        Self { surfaces, shares, levels: state.levels(), strengths, deep: porosity, table: Box::new(optics::table()) }
+    }
+
+    /// Multiplies the gains of splats.
+    pub fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
+        let [red, green, blue] = block.gains_mut();
+        let rows = red.iter_mut().zip(green).zip(blue);
+        for (index, ((red, green), blue)) in indices.iter().zip(rows) {
+            if let Some([r, g, b]) = self.gain(*index as usize) {
+                (*red, *green, *blue) = (*red * r, *green * g, *blue * b);
+            }
+        }
+    }
+
+    /// The gains of one splat; `None` for one that stays as it is.
+    #[inline]
+    fn gain(&self, index: usize) -> Option<[f32; 3]> {
+        // What pads the last group has no splat.
+        let class = *self.shares.classes.get(index)?;
+        if class == DRY {
+            return None;
+        }
+        let splat = &self.surfaces.splats[index];
+        let [mut pores, mut film] = self.strengths[usize::from(class)];
+        if splat.pond != NONE {
+            let pond = &self.surfaces.ponds[splat.pond as usize];
+            let covered = ((self.levels[pond.basin as usize] - pond.height) / EDGE).clamp(0.0, 1.0);
+            pores *= 1.0 - covered;
+            film += (self.deep - film) * covered;
+        }
+        Some(splat.albedo.map(|albedo| {
+            let [by_pores, by_film] = self.table[usize::from(albedo)];
+            1.0 + pores * by_pores + film * by_film
+        }))
+    }
+
+    /// The splats as wet, for programs that know no gains: see [`crate::light::LightGains::applied`].
+    #[must_use]
+    pub fn factors(&self) -> Vec<[f32; 3]> {
+        (0..self.surfaces.len()).map(|index| self.gain(index).unwrap_or([1.0; 3])).collect()
+    }
+}
+
