@@ -14,7 +14,7 @@ use crate::shelter::Shelter;
 use crate::threads::map;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
-use wm_render::hooks::AttributeBlock;
+use wm_render::hooks::{Attribute, AttributeBlock};
 use wm_scene::Splats;
 use wm_scene::color::{luminance, srgb_decode};
 use wm_scene::sh;
@@ -235,18 +235,39 @@ impl WetShares {
     }
 }
 
-/// The factors on the light of the splats of a scene at one instant.
+/// How wet the splats of a scene look at one instant: factors on their light, and the share of what the dry surface mirrored that is gone.
 #[derive(Clone, Debug)]
 pub struct WetGains<'a> {
     surfaces: &'a WetSurfaces,
     shares: &'a WetShares,
     levels: &'a [f32],
-    /// Strengths of the pores' and of the film's change by class.
-    strengths: [[f32; 2]; CLASSES],
-    /// The strength of deep water.
-    deep: f32,
+    /// By class.
+    strengths: [Strength; CLASSES],
+    /// Under deep water.
+    deep: Strength,
     /// The changes by reflectance.
     table: Box<[[f32; 2]; STEPS]>,
+}
+
+/// How strongly water changes a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Strength {
+    /// Of the change by full pores, and of that by a film, 0-1.
+    pores: f32,
+    film: f32,
+    /// Share of what depends on the direction that is gone, 0-1.
+    fade: f32,
+}
+
+impl Strength {
+    fn mix(self, other: Self, share: f32) -> Self {
+        let mix = |a: f32, b: f32| a + (b - a) * share;
+        Self {
+            pores: mix(self.pores, other.pores),
+            film: mix(self.film, other.film),
+            fade: mix(self.fade, other.fade),
+        }
+    }
 }
 
 impl<'a> WetGains<'a> {
@@ -260,53 +281,62 @@ impl<'a> WetGains<'a> {
                 0 => (Drainage::Level, porosity),
                 1 => (Drainage::Steep, porosity),
                 2 => (Drainage::Steep, LEAF_POROSITY * porosity),
-                _ => return [0.0; 2],
+                _ => return Strength::default(),
             };
             let share = MOST_SHARE * (bin as f64 / (SHARES - 1) as f64).powi(2);
             let wet = state.wet(drainage, share);
             let strength = porosity * wet.pores;
-            [strength * (1.0 - wet.film), strength * wet.film]
+            Strength { pores: strength * (1.0 - wet.film), film: strength * wet.film, fade: wet.pores }
         });
-        Self { surfaces, shares, levels: state.levels(), strengths, deep: porosity, table: Box::new(optics::table()) }
+        let deep = Strength { pores: 0.0, film: porosity, fade: 1.0 };
+        Self { surfaces, shares, levels: state.levels(), strengths, deep, table: Box::new(optics::table()) }
     }
 
-    /// Multiplies the gains of splats.
+    /// Multiplies the gains of splats, and writes their fade.
     pub fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
+        let mut fades = [0.0; AttributeBlock::SPLATS];
         let [red, green, blue] = block.gains_mut();
-        let rows = red.iter_mut().zip(green).zip(blue);
-        for (index, ((red, green), blue)) in indices.iter().zip(rows) {
-            if let Some([r, g, b]) = self.gain(*index as usize) {
-                (*red, *green, *blue) = (*red * r, *green * g, *blue * b);
+        let rows = red.iter_mut().zip(green).zip(blue).zip(&mut fades);
+        for (index, (((red, green), blue), fade)) in indices.iter().zip(rows) {
+            if let Some((strength, albedo)) = self.strength(*index as usize) {
+                let [r, g, b] = self.gain(strength, albedo);
+                (*red, *green, *blue, *fade) = (*red * r, *green * g, *blue * b, strength.fade);
             }
         }
+        block.column_mut(Attribute::Fade)[..indices.len()].copy_from_slice(&fades[..indices.len()]);
     }
 
-    /// The gains of one splat; `None` for one that stays as it is.
+    /// How strongly a splat is changed, and its reflectance; `None` for one that stays as it is.
     #[inline]
-    fn gain(&self, index: usize) -> Option<[f32; 3]> {
+    fn strength(&self, index: usize) -> Option<(Strength, [u8; 3])> {
         // What pads the last group has no splat.
         let class = *self.shares.classes.get(index)?;
         if class == DRY {
             return None;
         }
         let splat = &self.surfaces.splats[index];
-        let [mut pores, mut film] = self.strengths[usize::from(class)];
-        if splat.pond != NONE {
-            let pond = &self.surfaces.ponds[splat.pond as usize];
-            let covered = ((self.levels[pond.basin as usize] - pond.height) / EDGE).clamp(0.0, 1.0);
-            pores *= 1.0 - covered;
-            film += (self.deep - film) * covered;
+        let strength = self.strengths[usize::from(class)];
+        if splat.pond == NONE {
+            return Some((strength, splat.albedo));
         }
-        Some(splat.albedo.map(|albedo| {
-            let [by_pores, by_film] = self.table[usize::from(albedo)];
-            1.0 + pores * by_pores + film * by_film
-        }))
+        let pond = &self.surfaces.ponds[splat.pond as usize];
+        let covered = ((self.levels[pond.basin as usize] - pond.height) / EDGE).clamp(0.0, 1.0);
+        Some((strength.mix(self.deep, covered), splat.albedo))
     }
 
-    /// The splats as wet, for programs that know no gains: see [`crate::light::LightGains::applied`].
+    /// The factors on the light of a surface.
+    #[inline]
+    fn gain(&self, strength: Strength, albedo: [u8; 3]) -> [f32; 3] {
+        albedo.map(|albedo| {
+            let [by_pores, by_film] = self.table[usize::from(albedo)];
+            1.0 + strength.pores * by_pores + strength.film * by_film
+        })
+    }
+
+    /// The factors on the light of each splat, by channel.
     #[must_use]
     pub fn factors(&self) -> Vec<[f32; 3]> {
-        (0..self.surfaces.len()).map(|index| self.gain(index).unwrap_or([1.0; 3])).collect()
+        let factors = |index| self.strength(index).map_or([1.0; 3], |(wet, albedo)| self.gain(wet, albedo));
+        (0..self.surfaces.len()).map(factors).collect()
     }
 }
-
