@@ -502,7 +502,13 @@ impl PreparedPlace {
             lamps: _,
         } = missing;
         let is_sheltered = shelter.is_none() || self.store.any_shelter().is_some();
-        !occluders && is_sheltered && !wet && cover.is_none() && lying.is_none() && paper_cover.is_none() && !light
+        !occluders
+            && is_sheltered
+            && !wet
+            && cover.is_none()
+            && lying.is_none()
+            && paper_cover.is_none()
+            && !light
     }
 
     /// Takes from disk what is there, and crosses it off.
@@ -562,8 +568,11 @@ impl PreparedPlace {
     ) -> Result<AssetSource> {
         self.read_cached(missing, backend.threads());
         let needs_casters = self.store.casters.is_none() && (missing.casters || missing.sun.is_some());
-        let needs_surfaces =
-            missing.cover.is_some() || missing.light || missing.wet || needs_casters || missing.lamps.is_some();
+        let needs_surfaces = missing.cover.is_some()
+            || missing.light
+            || missing.wet
+            || needs_casters
+            || missing.lamps.is_some();
         let surfaces =
             needs_surfaces.then(|| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces)).flatten();
         let mut views = SurfaceViews::default();
@@ -612,18 +621,8 @@ impl PreparedPlace {
 
     /// Takes assets that were made.
     pub(crate) fn insert(&mut self, backend: &mut AnyRenderer, assets: Assets) -> Result<()> {
-        let Assets {
-            occluders,
-            shelters,
-            wet,
-            cover,
-            lying,
-            paper_cover,
-            light,
-            shadows,
-            casters,
-            lamps,
-        } = assets;
+        let Assets { occluders, shelters, wet, cover, lying, paper_cover, light, shadows, casters, lamps } =
+            assets;
         self.store.wet = wet.or(self.store.wet.take());
         if let Some(light) = light {
             self.set_light(light);
@@ -736,8 +735,9 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
     ) -> Result<Option<WaterState>> {
         let missing = self.missing_assets(weather, time);
-        let MissingAssets { occluders, wet, wet_shelter, light, .. } = missing;
-        let missing = MissingAssets { occluders, wet, wet_shelter, light, ..MissingAssets::default() };
+        let MissingAssets { occluders, wet, wet_shelter, shelter, light, .. } = missing;
+        let missing =
+            MissingAssets { occluders, wet, wet_shelter, shelter, light, ..MissingAssets::default() };
         self.prepare(backend, missing, progress)?;
         let prepared = weather.at(time).prepare(&self.site);
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
@@ -864,7 +864,7 @@ impl PreparedPlace {
         Ok(self.store.cover(&airflow).map(|cover| lock(cover).lay_all(requests)))
     }
 
-    /// Returns the splats of the scene in the light of an instant of a weather; `None` where that does not change it.
+    /// Returns the splats of the scene in the light of an instant of a weather, and wet; `None` where it changes neither.
     pub(crate) fn relit_splats(
         &mut self,
         backend: &mut AnyRenderer,
@@ -873,15 +873,29 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
     ) -> Result<Option<Splats>> {
         let prepared = weather.at(time).prepare(&self.site);
-        if prepared.light().is_none() {
+        if prepared.light().is_none() && prepared.wetness().is_none() {
             return Ok(None);
         }
         let missing = self.missing_assets(weather, time);
-        let MissingAssets { light, sun, lamps, .. } = missing;
-        let missing = MissingAssets { light, sun, lamps, ..MissingAssets::default() };
+        let MissingAssets { light, sun, lamps, wet, wet_shelter, shelter, occluders, .. } = missing;
+        let missing = MissingAssets {
+            light,
+            sun,
+            lamps,
+            wet,
+            wet_shelter,
+            shelter,
+            occluders,
+            ..MissingAssets::default()
+        };
         self.prepare(backend, missing, progress)?;
         self.relight(&prepared, backend.threads());
-        Ok(self.light.gains(&prepared).map(|gains| gains.applied(&self.scene.splats)))
+        self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
+        let relit = self.light.gains(&prepared).map(|gains| gains.applied(&self.scene.splats));
+        let Some(wet) = self.water.gains(&prepared) else { return Ok(relit) };
+        let mut splats = relit.unwrap_or_else(|| self.scene.splats.clone());
+        wet.apply(&mut splats);
+        Ok(Some(splats))
     }
 
     /// Returns the light of the capture, and finds it first if it is not known.

@@ -24,13 +24,7 @@ struct Reached {
 
 impl PlaceWater {
     /// Finds the water of a weather, if it wets anything and the surfaces are known.
-    pub fn find(
-        &mut self,
-        prepared: &PreparedWeather,
-        store: &mut AssetStore,
-        site: &Site,
-        threads: usize,
-    ) {
+    pub fn find(&mut self, prepared: &PreparedWeather, store: &mut AssetStore, site: &Site, threads: usize) {
         self.state = None;
         let (Some(asked), Some(surfaces)) = (prepared.wetness(), store.wet.clone()) else { return };
         let shelter = store.shelter(asked.rain.fall).cloned();
@@ -47,10 +41,8 @@ impl PlaceWater {
             let catchments = Catchments::of(&surfaces, &shares);
             self.reached = Some(Reached { surfaces, shares, catchments, is_exact });
         }
-        self.state = self
-            .reached
-            .as_ref()
-            .map(|reached| WetState::of(asked, &reached.surfaces, &reached.catchments));
+        self.state =
+            self.reached.as_ref().map(|reached| WetState::of(asked, &reached.surfaces, &reached.catchments));
     }
 
     /// The factors on the light of the scene's splats; `None` where nothing is wet.

@@ -16,8 +16,8 @@ use wm_scene::{Camera, Lamp, LitWindow, Scene, Splats};
 use wm_weather::Weather;
 use wm_weather::cover::LyingCover;
 use wm_weather::light::CaptureLight;
-use wm_weather::wetness::WaterState;
 use wm_weather::paper::PaperStages;
+use wm_weather::wetness::WaterState;
 
 /// Renders places in weather, on a GPU or on the CPU. It keeps its working memory from frame to frame.
 pub struct Renderer {

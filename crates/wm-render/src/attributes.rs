@@ -24,8 +24,7 @@ pub enum Attribute {
 
 impl Attribute {
     /// Every attribute, in the order of the columns.
-    pub const ALL: [Self; 5] =
-        [Self::Visibility, Self::GainRed, Self::GainGreen, Self::GainBlue, Self::Fade];
+    pub const ALL: [Self; 5] = [Self::Visibility, Self::GainRed, Self::GainGreen, Self::GainBlue, Self::Fade];
     /// The factors on the light, by channel.
     pub const GAINS: [Self; 3] = [Self::GainRed, Self::GainGreen, Self::GainBlue];
     /// The number of columns.

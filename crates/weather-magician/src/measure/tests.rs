@@ -404,7 +404,9 @@ fn each_instrument_finds_its_own_error_and_no_other() {
         for (index, instrument) in instruments.iter().enumerate() {
             let (own, shots) = &faultless[index];
             let changes = |(k, shot): (usize, &OwnedShot)| {
-                matches!(fault, Fault::Upright | Fault::Puddles) || fault.light(shot).is_some() || fault.falsified(k, shot) != *shot
+                matches!(fault, Fault::Upright | Fault::Puddles)
+                    || fault.light(shot).is_some()
+                    || fault.falsified(k, shot) != *shot
             };
             let is_touched = fault.is_for(instrument.name) && shots.iter().enumerate().any(changes);
             let finding = if is_touched { read(&mut rig, fault, index).0 } else { own.clone() };

@@ -67,9 +67,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         card(place(index), BOARD, albedo);
     }
     let subject = rig.set_up_lit(splats, Vec::new())?;
-    let wet = |amount: &str| {
-        request.with_light(&["light=off", "wetness.porosity=1", "wetness.puddles=0", amount])
-    };
+    let wet =
+        |amount: &str| request.with_light(&["light=off", "wetness.porosity=1", "wetness.puddles=0", amount]);
     let dry = request.with_light(&["light=off"])?;
     let mut finding = Finding::default();
     let mut curves = Vec::new();

@@ -153,8 +153,9 @@ impl Basins {
         let mut front = Front::new();
         let mut is_reached: Vec<bool> = ground.iter().map(|height| height.is_nan()).collect();
         for index in 0..ground.len() {
-            let leaves =
-                |next: Option<usize>| next.is_none_or(|next| ground[next].is_nan() && beyond(next) == Beyond::Outlet);
+            let leaves = |next: Option<usize>| {
+                next.is_none_or(|next| ground[next].is_nan() && beyond(next) == Beyond::Outlet)
+            };
             if !ground[index].is_nan() && beside(index).into_iter().any(leaves) {
                 is_reached[index] = true;
                 front.push(Reverse((OrderedHeight(ground[index]), index as u32)));
@@ -164,7 +165,12 @@ impl Basins {
         // Each with its spill, the cell it runs over at, and its cells.
         let mut found: Vec<(f32, u32, Vec<u32>)> = Vec::new();
         while let Some(Reverse((OrderedHeight(level), at))) = front.pop() {
-            for next in beside(at as usize).into_iter().flatten().filter(|next| !is_reached[*next]).collect::<Vec<_>>() {
+            for next in beside(at as usize)
+                .into_iter()
+                .flatten()
+                .filter(|next| !is_reached[*next])
+                .collect::<Vec<_>>()
+            {
                 is_reached[next] = true;
                 let height = ground[next];
                 let own = of[at as usize];
@@ -204,7 +210,8 @@ impl Basins {
                 place.push(next);
             }
         }
-        let is_own = |basin: u32, kept: u32| kept != NONE && all[kept as usize].spill == found[basin as usize].0;
+        let is_own =
+            |basin: u32, kept: u32| kept != NONE && all[kept as usize].spill == found[basin as usize].0;
         for basin in of.iter_mut().filter(|basin| **basin != NONE) {
             let kept = place[*basin as usize];
             *basin = if is_own(*basin, kept) { kept } else { NONE };
@@ -269,14 +276,19 @@ mod tests {
         assert_eq!(found.pass(&mut volumes, &[0.0, 0.03], 0.0), [0.0; 2]);
         assert_eq!(volumes, [0.0, 0.03]);
         let [left, _] = found.pass(&mut volumes, &[0.0, 0.06], 0.0);
-        assert!((volumes[0] - 0.04).abs() < 1e-6 && (volumes[1] - 0.04).abs() < 1e-6 && (left - 0.01).abs() < 1e-6);
+        assert!(
+            (volumes[0] - 0.04).abs() < 1e-6
+                && (volumes[1] - 0.04).abs() < 1e-6
+                && (left - 0.01).abs() < 1e-6
+        );
         let [_, dried] = found.pass(&mut volumes, &[0.0; 2], 0.01);
         assert!((dried - 0.02).abs() < 1e-6, "{dried}");
     }
 
     #[test]
     fn a_slope_holds_no_water() {
-        let ground: Vec<f32> = (0..400).map(|at| 0.02 * (at % 20) as f32 + 0.003 * (at / 20) as f32).collect();
+        let ground: Vec<f32> =
+            (0..400).map(|at| 0.02 * (at % 20) as f32 + 0.003 * (at / 20) as f32).collect();
         assert!(basins(&ground, 20).all.is_empty());
     }
 

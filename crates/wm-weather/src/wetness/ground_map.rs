@@ -17,6 +17,8 @@ use serde::{Deserialize, Serialize};
 const CELL: f64 = 0.1;
 const MOST_CELLS: usize = 700_000;
 const REACH: f64 = 32.0;
+/// Width of the cells of the whole scene, m.
+const FAR_CELL: f64 = 0.4;
 /// Step from a cell to the next at which the ground ends, as a slope, and at least, m.
 const STEP: f32 = 0.5;
 const LEAST_STEP: f32 = 0.05;
@@ -155,6 +157,31 @@ impl GroundMap {
     }
 }
 
+/// Level surfaces of a whole scene, on a coarse grid.
+pub(super) struct FarFloor {
+    places: HeightLayers,
+    /// m; not a number where there is none.
+    floor: Vec<f32>,
+}
+
+impl FarFloor {
+    /// Those of a scene.
+    pub fn of(scan: &FusedSurfaces<'_>, site: &Site, threads: usize) -> Self {
+        let options =
+            ShelterOptions { cell: FAR_CELL, most_cells: MOST_CELLS / 2, ..ShelterOptions::default() };
+        let occluders = Occluders::of(&scan.splats, site, &options);
+        let (grid, _) = GroundGrid::of(scan, &occluders, None, threads);
+        Self { places: grid.places().heightless(), floor: grid.floor().0 }
+    }
+
+    /// Height of a point (world, scene units) above the level surface in its cell, m.
+    pub fn height(&self, point: [f64; 3]) -> Option<f32> {
+        let (place, height) = self.places.locate(point);
+        let floor = self.floor[self.places.cell_at(place)?];
+        floor.is_finite().then_some(height as f32 - floor)
+    }
+}
+
 /// The four cells about a cell.
 pub(super) fn neighbours(at: usize, columns: usize, count: usize) -> impl Iterator<Item = usize> {
     let (x, rows) = (at % columns, count / columns);
@@ -261,7 +288,10 @@ fn mean_slope(ground: &[f32], cells: &[u32], columns: usize, cell: f32) -> f32 {
                 let [x, y] = [x, y].map(|v| v as f64 * f64::from(cell));
                 n += 1.0;
                 [x, y, height].iter().zip(&mut sums).for_each(|(v, sum)| *sum += v);
-                [x * x, x * y, y * y, x * height, y * height].iter().zip(&mut squares).for_each(|(v, sum)| *sum += v);
+                [x * x, x * y, y * y, x * height, y * height]
+                    .iter()
+                    .zip(&mut squares)
+                    .for_each(|(v, sum)| *sum += v);
             }
         }
     }

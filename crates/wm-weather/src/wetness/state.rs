@@ -71,7 +71,8 @@ impl WetState {
         let mut budget = WaterBudget::default();
         for step in &request.steps {
             let runs = columns.pass(step);
-            let water = |areas: &[f64; SHARES]| areas.iter().zip(&runs).map(|(area, runs)| 1e-3 * area * runs).sum();
+            let water =
+                |areas: &[f64; SHARES]| areas.iter().zip(&runs).map(|(area, runs)| 1e-3 * area * runs).sum();
             came.iter_mut().zip(&catchments.areas).for_each(|(came, areas)| *came = water(areas));
             let [left, dried] = basins.pass(&mut volumes, &came, 1e-3 * step.dries);
             let away: f64 = water(&catchments.leaves);
@@ -88,7 +89,10 @@ impl WetState {
         }
         let given = request.puddles.or(request.amount.map(|amount| (2.0 * amount - 1.0).max(0.0)));
         if let Some(share) = given {
-            volumes.iter_mut().zip(&basins.all).for_each(|(volume, basin)| *volume = share * basin.capacity());
+            volumes
+                .iter_mut()
+                .zip(&basins.all)
+                .for_each(|(volume, basin)| *volume = share * basin.capacity());
         }
         budget.in_puddles = volumes.iter().sum();
         let level = |(basin, volume): (&super::basins::Basin, &f64)| match *volume > 0.0 {
@@ -160,7 +164,8 @@ impl WaterState {
         let of = &ground.basins.of;
         let level = (0..of.len()).map(|at| {
             let about = || super::ground_map::neighbours(at, width, of.len()).map(|next| of[next]);
-            let basin = Some(of[at]).filter(|basin| *basin != NONE).or_else(|| about().find(|basin| *basin != NONE));
+            let basin =
+                Some(of[at]).filter(|basin| *basin != NONE).or_else(|| about().find(|basin| *basin != NONE));
             let level = basin.map(|basin| state.levels[basin as usize]).filter(|level| level.is_finite());
             level.filter(|_| ground.ground[at].is_finite()).unwrap_or(f32::NAN)
         });

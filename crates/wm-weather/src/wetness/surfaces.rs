@@ -3,11 +3,11 @@
 use super::SlantedRain;
 use super::basins::NONE;
 use super::column::{Drainage, MOST_SHARE};
-use super::ground_map::GroundMap;
+use super::ground_map::{FarFloor, GroundMap};
 use super::optics::{self, STEPS};
 use super::state::WetState;
 use crate::fused_surfaces::FusedSurfaces;
-use crate::light::CaptureLight;
+use crate::light::{CaptureLight, apply_gains};
 use crate::open_water::OpenWater;
 use crate::optics::Site;
 use crate::shelter::Shelter;
@@ -36,6 +36,12 @@ const OFF_WALL: f32 = 0.4;
 const SOFT: [f32; 2] = [0.4, 0.2];
 /// Height above and below the bottom of a puddle within which a splat belongs to it, m.
 const IN_PUDDLE: [f32; 2] = [0.05, 0.3];
+/// Excess of green over red and blue by which leaves and grass are told.
+const GREEN: f64 = 1.08;
+/// Height above and below a level surface within which a splat without a normal belongs to it, m.
+const ON_GROUND: f32 = 0.15;
+/// Standard deviation of splats that are too wide for the edge of a puddle, m.
+const WIDE: f64 = 0.3;
 /// Depth over which the edge of a puddle goes over into the ground, m.
 const EDGE: f32 = 0.002;
 /// Steps of the share of the rain, and the classes: of level, steep and leafy surfaces, and of those that stay dry.
@@ -98,12 +104,24 @@ impl WetSurfaces {
         };
         let up = Vec3::from_array(site.up.map(|v| v as f32));
         let change = ground_change(capture, up, reflectance, splats.len());
+        let floor = FarFloor::of(found, site, threads);
+        let wide = (WIDE / site.metres_per_unit).ln() as f32;
         let made = map(splats.len(), threads, |index| {
             let is_sky = capture.is_sky(index);
-            let normal = capture.normal(index);
+            let point = points[index];
             let albedo = if is_sky { [0.0; 3] } else { reflectance(index) };
             let albedo = albedo.map(|v| (change * v).clamp(ALBEDOS[0], ALBEDOS[1]));
-            let point = points[index];
+            let normal = capture.normal(index);
+            let is_level = normal.dot(up).abs() > LEVEL;
+            let is_green = albedo[1] > GREEN * albedo[0].max(albedo[2]);
+            // Normals of rough captures turn to all sides, and lawns have none.
+            let is_ground =
+                || floor.height(point.map(f64::from)).is_some_and(|above| above.abs() < ON_GROUND);
+            let normal = match normal == Vec3::ZERO {
+                true if !is_green && is_ground() => up,
+                false if is_green && is_level => Vec3::ZERO,
+                _ => normal,
+            };
             let splat = WetSplat {
                 point,
                 normal: (127.0 * normal).to_array().map(|v| v.round() as i8),
@@ -113,9 +131,10 @@ impl WetSurfaces {
             };
             let (place, height) = ground.locate(point.map(f64::from));
             let faces_up = normal == Vec3::ZERO || normal.dot(up).abs() > LEVEL;
+            let is_wide = splats.log_scales[index].into_iter().any(|scale| scale > wide);
             let pond = ground.basin_at(place).filter(|(_, bottom)| {
                 let above = height as f32 - bottom;
-                !is_sky && faces_up && (-IN_PUDDLE[1]..IN_PUDDLE[0]).contains(&above)
+                !is_sky && !is_wide && faces_up && (-IN_PUDDLE[1]..IN_PUDDLE[0]).contains(&above)
             });
             (splat, pond)
         });
@@ -218,8 +237,9 @@ impl WetShares {
         site: &Site,
         threads: usize,
     ) -> Self {
-        let classes =
-            map(surfaces.len(), threads, |index| surfaces.class(&surfaces.splats[index], rain, shelter, site));
+        let classes = map(surfaces.len(), threads, |index| {
+            surfaces.class(&surfaces.splats[index], rain, shelter, site)
+        });
         let map_of_ground = &surfaces.ground;
         let [columns, _] = map_of_ground.size();
         let ground = map(map_of_ground.ground.len(), threads, |at| {
@@ -333,10 +353,18 @@ impl<'a> WetGains<'a> {
         })
     }
 
-    /// The factors on the light of each splat, by channel.
-    #[must_use]
-    pub fn factors(&self) -> Vec<[f32; 3]> {
-        let factors = |index| self.strength(index).map_or([1.0; 3], |(wet, albedo)| self.gain(wet, albedo));
-        (0..self.surfaces.len()).map(factors).collect()
+    /// Changes splats to what they look like wet, for programs that know no gains.
+    pub fn apply(&self, splats: &mut Splats) {
+        let looks: Vec<_> =
+            (0..splats.len().min(self.surfaces.len())).map(|index| self.strength(index)).collect();
+        let gains: Vec<[f32; 3]> =
+            looks.iter().map(|look| look.map_or([1.0; 3], |(wet, albedo)| self.gain(wet, albedo))).collect();
+        let stride = splats.sh_stride();
+        for (index, look) in looks.iter().enumerate() {
+            let kept = 1.0 - look.map_or(0.0, |(wet, _)| wet.fade);
+            let sh = &mut splats.sh[index * stride..(index + 1) * stride];
+            sh.iter_mut().skip(3).for_each(|v| *v *= kept);
+        }
+        apply_gains(&gains, splats);
     }
 }

@@ -74,8 +74,13 @@ mod tests {
     #[test]
     fn steps_hold_all_the_rain_until_an_instant() {
         let rate = rate("0:0,60:30,200:5");
-        let history =
-            RainHistory { rate: Some(&rate), before: [12.0, 0.5], stopped: 0.25, drying: [0.0, 0.3], lapse: 2.0 };
+        let history = RainHistory {
+            rate: Some(&rate),
+            before: [12.0, 0.5],
+            stopped: 0.25,
+            drying: [0.0, 0.3],
+            lapse: 2.0,
+        };
         for time in [0.0, 3.0, 59.0, 400.0] {
             let steps = history.steps(time, |_| 0.0);
             let rain: f64 = steps.iter().map(|step| step.rain).sum();
@@ -90,8 +95,13 @@ mod tests {
     #[test]
     fn wetness_goes_on_evenly() {
         let rate = rate("0:0,2:40,30:0");
-        let history =
-            RainHistory { rate: Some(&rate), before: [0.0; 2], stopped: 0.0, drying: [0.0, 0.3], lapse: 60.0 };
+        let history = RainHistory {
+            rate: Some(&rate),
+            before: [0.0; 2],
+            stopped: 0.0,
+            drying: [0.0, 0.3],
+            lapse: 60.0,
+        };
         let at = |time: f64| {
             WetColumns::dry(0.8).after(&history.steps(time, |_| 0.0)).column(Drainage::Level, 1.0)
         };
@@ -99,7 +109,10 @@ mod tests {
             let time = 0.2 * f64::from(step);
             let [a, b] = [at(time), at(time + 0.04)];
             // 40 mm/h for 2.4 s come or run off.
-            assert!((a.store - b.store).abs() < 0.04 && (a.pores - b.pores).abs() < 0.03, "{time}: {a:?} {b:?}");
+            assert!(
+                (a.store - b.store).abs() < 0.04 && (a.pores - b.pores).abs() < 0.03,
+                "{time}: {a:?} {b:?}"
+            );
         }
     }
 }
