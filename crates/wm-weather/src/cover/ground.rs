@@ -198,7 +198,11 @@ impl GroundGrid {
     /// there is none.
     pub(crate) fn floor(&self) -> (Vec<f32>, Vec<f32>) {
         let cells = self.size[0] * self.size[1];
-        let is_floor = |node: &usize| self.is_level(*node) && (self.is_seen[*node] || !self.is_scan);
+        // Without photos normals say little.
+        let is_floor = |node: &usize| match self.is_scan {
+            true => self.is_seen[*node] && self.is_level(*node),
+            false => self.slope[*node][0].hypot(self.slope[*node][1]) < LEVEL,
+        };
         let height = |node: Option<usize>| node.map_or(f32::NAN, |node| self.height[node]);
         let floor = (0..cells).map(|cell| height(self.nodes_of(cell).rev().find(is_floor)));
         let top = (0..cells).map(|cell| height(self.nodes_of(cell).next()));

@@ -24,7 +24,7 @@ const STEP: f32 = 0.5;
 const LEAST_STEP: f32 = 0.05;
 /// Standard deviation of the smoothing, m, and the share of the ground about a cell from which a gap counts as ground.
 const SMOOTH: f32 = 0.25;
-const GAP: f32 = 0.45;
+const GAP: f32 = 0.3;
 /// Height of something that stands on the ground, m.
 const STANDS: f32 = 0.12;
 /// Least area of a ground, m^2; the share of its edge beside which it drops off that makes it the top of something, and by how much, m.

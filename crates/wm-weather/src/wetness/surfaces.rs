@@ -66,7 +66,8 @@ struct WetSplat {
     /// Normal times 127; zero of leaves.
     normal: [i8; 3],
     albedo: [u8; 3],
-    is_sky: bool,
+    /// Sky, and open water.
+    stays: bool,
     pond: u32,
 }
 
@@ -107,9 +108,10 @@ impl WetSurfaces {
         let floor = FarFloor::of(found, site, threads);
         let wide = (WIDE / site.metres_per_unit).ln() as f32;
         let made = map(splats.len(), threads, |index| {
-            let is_sky = capture.is_sky(index);
             let point = points[index];
-            let albedo = if is_sky { [0.0; 3] } else { reflectance(index) };
+            // Pools are as wet as they can be.
+            let stays = capture.is_sky(index) || water.covers(point.map(f64::from));
+            let albedo = if stays { [0.0; 3] } else { reflectance(index) };
             let albedo = albedo.map(|v| (change * v).clamp(ALBEDOS[0], ALBEDOS[1]));
             let normal = capture.normal(index);
             let is_level = normal.dot(up).abs() > LEVEL;
@@ -126,7 +128,7 @@ impl WetSurfaces {
                 point,
                 normal: (127.0 * normal).to_array().map(|v| v.round() as i8),
                 albedo: albedo.map(|v| (v * (STEPS - 1) as f64).round() as u8),
-                is_sky,
+                stays,
                 pond: NONE,
             };
             let (place, height) = ground.locate(point.map(f64::from));
@@ -134,7 +136,7 @@ impl WetSurfaces {
             let is_wide = splats.log_scales[index].into_iter().any(|scale| scale > wide);
             let pond = ground.basin_at(place).filter(|(_, bottom)| {
                 let above = height as f32 - bottom;
-                !is_sky && !is_wide && faces_up && (-IN_PUDDLE[1]..IN_PUDDLE[0]).contains(&above)
+                !stays && !is_wide && faces_up && (-IN_PUDDLE[1]..IN_PUDDLE[0]).contains(&above)
             });
             (splat, pond)
         });
@@ -170,7 +172,7 @@ impl WetSurfaces {
 
     /// The share of the rain that a splat gets, and its class.
     fn class(&self, splat: &WetSplat, rain: &SlantedRain, shelter: Option<&Shelter>, site: &Site) -> u8 {
-        if splat.is_sky {
+        if splat.stays {
             return DRY;
         }
         let up = Vec3::from_array(site.up.map(|v| v as f32));
