@@ -1,0 +1,3 @@
+fn main() {
+    print!("{}", wm_weather::reference_page::markdown());
+}
