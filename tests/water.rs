@@ -78,12 +78,12 @@ fn water_darkens_and_dry_weather_changes_no_byte() {
     for same in [1, 2, 5, 6] {
         let most = clear.iter().zip(&shown[same].frame.rgb).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         // With gains of 1 colours go to linear light and back.
-        assert!(most <= if same == 5 { 1e-5 } else { 0.0 }, "{same}: {most}");
+        assert!(most <= if same == 5 { 1e-3 } else { 0.0 }, "{same}: {most}");
     }
     let light = |k: usize| shown[k].frame.rgb.iter().map(|v| f64::from(*v)).sum::<f64>();
     assert!(light(0) > light(3) && light(3) > light(4), "{} {} {}", light(0), light(3), light(4));
     // Nothing gets brighter, and the sky stays as it is.
     let brighter = clear.iter().zip(&shown[4].frame.rgb).map(|(a, b)| b - a).fold(0.0, f32::max);
-    assert!(brighter < 1e-4, "{brighter}");
+    assert!(brighter < 1e-3, "{brighter}");
     assert_eq!(clear[..3], shown[4].frame.rgb[..3]);
 }

@@ -601,6 +601,7 @@ impl PreparedPlace {
             occluders: self.store.occluders.clone(),
             cover: airflow.and_then(|airflow| self.store.cover(&airflow).cloned()),
             wet: self.store.wet.clone(),
+            is_up_known: !matches!(self.survey.up.source, FactSource::Estimated | FactSource::Assumed),
             cache: self.cache.clone(),
         })
     }

@@ -244,6 +244,7 @@ impl MissingAssets {
             occluders,
             cover,
             wet,
+            is_up_known,
             cache,
         } = source;
         let lamps_wait = self.lamps.is_some();
@@ -327,7 +328,14 @@ impl MissingAssets {
                 progress.begin("finding what gets wet", None);
                 let path = views::path_of_photos(&scene);
                 let water = OpenWater::of(&found.splats, scene.metadata.water.as_deref(), &site);
-                let wet = WetSurfaces::of(&scene.splats, found, capture, (&water, path), &site, threads);
+                let wet = WetSurfaces::of(
+                    &scene.splats,
+                    found,
+                    capture,
+                    (&water, path, is_up_known),
+                    &site,
+                    threads,
+                );
                 progress.end();
                 cache.put(&AssetFile::Wet, &wet);
                 Some(Arc::new(wet))
@@ -388,6 +396,8 @@ pub struct AssetSource {
     pub(crate) occluders: Option<Arc<Occluders>>,
     pub(crate) cover: Option<SharedCover>,
     pub(crate) wet: Option<Arc<WetSurfaces>>,
+    /// Up is stated or measured, not estimated from the splats.
+    pub(crate) is_up_known: bool,
     pub(crate) cache: AssetCache,
 }
 

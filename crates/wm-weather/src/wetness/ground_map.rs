@@ -36,6 +36,8 @@ const SHALLOWEST: f32 = 0.006;
 const SMALLEST: f64 = 0.12;
 const DEEPEST: f32 = 0.25;
 const STEEPEST: f32 = 0.035;
+/// Slope of the ground as a whole up to which it is an error of an estimated up.
+const TILT: f64 = 0.06;
 /// Distance over which that slope is taken, m.
 const SLOPE_OVER: f64 = 1.5;
 
@@ -43,7 +45,9 @@ const SLOPE_OVER: f64 = 1.5;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GroundMap {
     places: HeightLayers,
-    /// Smoothed heights, m, `[rows, columns]`; not a number where there is no ground.
+    /// Slope of the ground as a whole along columns and rows, that is an error of up, m a cell.
+    tilt: [f64; 2],
+    /// Smoothed heights above it, m, `[rows, columns]`; not a number where there is no ground.
     pub ground: Vec<f32>,
     /// Those with the relief.
     pub rough: Vec<f32>,
@@ -52,12 +56,13 @@ pub struct GroundMap {
 }
 
 impl GroundMap {
-    /// Of the surfaces of a scene, about a `path` (world, scene units), without its open water.
+    /// Of the surfaces of a scene, about a `path` (world, scene units), without its open water. Where up is estimated, `is_up_known` is
+    /// false, and ground that slopes a little as a whole is taken for level.
     #[must_use]
     pub fn of(
         scan: &FusedSurfaces<'_>,
         water: &OpenWater,
-        path: [[f64; 3]; 2],
+        (path, is_up_known): ([[f64; 3]; 2], bool),
         site: &Site,
         threads: usize,
     ) -> Self {
@@ -70,7 +75,7 @@ impl GroundMap {
         };
         let occluders = Occluders::of(&scan.splats, site, &options);
         let (grid, _) = GroundGrid::of(scan, &occluders, None, threads);
-        let (mut floor, top) = grid.floor();
+        let (mut floor, mut top) = grid.floor();
         let places = grid.places().heightless();
         let [columns, _] = places.size();
         let cell = places.cell() as f32;
@@ -81,6 +86,13 @@ impl GroundMap {
             }
         }
         keep_grounds(&mut floor, &top, columns, cell);
+        let tilt = if is_up_known { [0.0; 2] } else { tilt_of(&floor, columns, f64::from(cell)) };
+        for heights in [&mut floor, &mut top] {
+            for (at, height) in heights.iter_mut().enumerate() {
+                let middle = [(at % columns) as f64 + 0.5, (at / columns) as f64 + 0.5];
+                *height -= tilted(tilt, middle) as f32;
+            }
+        }
         let ground = smoothed(&floor, &top, columns, cell, threads);
         let bumps = map(ground.len(), threads, |at| {
             let [x, y] = [at % columns, at / columns].map(|v| (v as f64 + 0.5) * f64::from(cell));
@@ -99,7 +111,7 @@ impl GroundMap {
         };
         let basins = Basins::find(&ground, &bumps, columns, f64::from(cell), beyond, counts);
         let rough = ground.iter().zip(&bumps).map(|(height, bump)| height + bump).collect();
-        Self { places, ground, rough, basins }
+        Self { places, tilt, ground, rough, basins }
     }
 
     /// Columns and rows.
@@ -120,16 +132,23 @@ impl GroundMap {
         self.places.axes()
     }
 
-    /// The point (world, scene units) at a place in columns and rows from the first corner, and a height, m.
+    /// The point (world, scene units) at a place in columns and rows from the first corner, and a height above the tilt, m.
     #[must_use]
     pub fn point(&self, place: [f64; 2], height: f64) -> [f64; 3] {
-        self.places.point(place, height)
+        self.places.point(place, height + tilted(self.tilt, place))
     }
 
-    /// Columns and rows of a point (world, scene units) from the first corner, and its height, m.
+    /// Columns and rows of a point (world, scene units) from the first corner, and its height above the tilt, m.
     #[must_use]
     pub fn locate(&self, point: [f64; 3]) -> ([f64; 2], f64) {
-        self.places.locate(point)
+        let (place, height) = self.places.locate(point);
+        (place, height - tilted(self.tilt, place))
+    }
+
+    /// The height of the tilt at the middle of a cell, m.
+    pub(super) fn tilt_at(&self, cell: usize) -> f32 {
+        let [columns, _] = self.size();
+        tilted(self.tilt, [(cell % columns) as f64 + 0.5, (cell / columns) as f64 + 0.5]) as f32
     }
 
     /// The basin at a place (columns, rows), and the height of the ground there with its relief, m; `None` where there is none.
@@ -155,6 +174,38 @@ impl GroundMap {
         let bump = relief(x * self.cell(), y * self.cell()) as f32;
         (weight > 0.0).then(|| (basin, sum / weight + bump))
     }
+}
+
+/// The height of a tilt at a place in columns and rows, m.
+fn tilted(tilt: [f64; 2], place: [f64; 2]) -> f64 {
+    tilt[0] * place[0] + tilt[1] * place[1]
+}
+
+/// The slope of the plane that most of the ground lies in, m a cell; 0 where that is too steep for an error of up.
+fn tilt_of(floor: &[f32], columns: usize, cell: f64) -> [f64; 2] {
+    let (mut tilt, mut off) = ([0.0; 2], 0.0);
+    for trim in [f64::INFINITY, 0.4, 0.2, 0.15, 0.15] {
+        let (mut n, mut sums, mut squares) = (0.0f64, [0.0f64; 3], [0.0f64; 5]);
+        for at in (0..floor.len()).step_by(3).filter(|at| floor[*at].is_finite()) {
+            let ([x, y], z) = ([at % columns, at / columns].map(|v| v as f64 + 0.5), f64::from(floor[at]));
+            if (z - tilted(tilt, [x, y]) - off).abs() > trim {
+                continue;
+            }
+            n += 1.0;
+            [x, y, z].iter().zip(&mut sums).for_each(|(v, sum)| *sum += v);
+            [x * x, x * y, y * y, x * z, y * z].iter().zip(&mut squares).for_each(|(v, sum)| *sum += v);
+        }
+        let [mx, my, mz] = sums.map(|sum| sum / n);
+        let [xx, xy, yy, xz, yz] = squares.map(|sum| sum / n);
+        let (xx, xy, yy, xz, yz) = (xx - mx * mx, xy - mx * my, yy - my * my, xz - mx * mz, yz - my * mz);
+        let det = xx * yy - xy * xy;
+        if n < 100.0 || det < 1e-6 {
+            return [0.0; 2];
+        }
+        tilt = [(xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det];
+        off = mz - tilted(tilt, [mx, my]);
+    }
+    if tilt[0].hypot(tilt[1]) < TILT * cell { tilt } else { [0.0; 2] }
 }
 
 /// Level surfaces of a whole scene, on a coarse grid.

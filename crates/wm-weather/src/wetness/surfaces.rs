@@ -87,11 +87,11 @@ impl WetSurfaces {
         splats: &Splats,
         found: &FusedSurfaces<'_>,
         capture: &CaptureLight,
-        (water, path): (&OpenWater, [[f64; 3]; 2]),
+        (water, path, is_up_known): (&OpenWater, [[f64; 3]; 2], bool),
         site: &Site,
         threads: usize,
     ) -> Self {
-        let ground = GroundMap::of(found, water, path, site, threads);
+        let ground = GroundMap::of(found, water, (path, is_up_known), site, threads);
         let points = found.places(splats);
         let mean = capture.mean(&capture.light);
         let reflectance = |index: usize| -> [f64; 3] {

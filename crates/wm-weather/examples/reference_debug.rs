@@ -1,3 +1,0 @@
-fn main() {
-    print!("{}", wm_weather::reference_page::markdown());
-}
