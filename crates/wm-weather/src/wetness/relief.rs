@@ -5,7 +5,7 @@ use wm_scene::random::uniform;
 /// Widths of the bumps, m, and the height of each kind, rms, m.
 const KINDS: [[f64; 2]; 3] = [[0.5, 0.002_2], [0.25, 0.001_7], [0.12, 0.001_1]];
 /// Rms of smoothed noise whose corners are even in -1 to 1.
-const NOISE_RMS: f64 = 0.36;
+const NOISE_RMS: f64 = 0.447_6;
 /// Seed of the bumps.
 const SEED: u64 = 0x7077_6574;
 
